@@ -1,0 +1,37 @@
+# make demo    install, then generate, train and evaluate a small network: outputs/demo
+# make test    install, then run the tests
+# make speed   install, then measure speeds: outputs/speed.json
+# make lint    install, then check the style
+
+PYTHON ?= python3
+BIN := .venv/bin
+READY := .venv/installed
+DEMO := outputs/demo
+
+.PHONY: demo test speed lint clean
+
+$(READY): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "kpopnet needs Python 3.11 or newer; say which: make PYTHON=/path/to/python3.12"; exit 1; }
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --disable-pip-version-check --constraint constraints.txt --editable '.[dev,cluster,gl]'
+	touch $@
+
+demo: $(READY)
+	$(BIN)/python -m synth preset=demo out=data/demo
+	$(BIN)/python train.py data.train=data/demo/train data.validation=data/demo/validation training=demo \
+		hydra.run.dir=$(DEMO)/train
+	$(BIN)/python evaluate.py benchmark=synthetic benchmark.path=data/demo/test estimator.network.checkpoint=$(DEMO)/train/checkpoint \
+		hydra.run.dir=$(DEMO)
+
+test: $(READY)
+	$(BIN)/python -m pytest
+
+speed: $(READY)
+	$(BIN)/python -m tests.speed
+
+lint: $(READY)
+	$(BIN)/ruff check .
+
+clean:
+	rm -rf .venv outputs data
