@@ -1,0 +1,106 @@
+"""A pinhole camera without distortion, and the depth images it takes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kpopnet.errors import InputError
+
+MM_PER_METRE = 1000.0
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Intrinsics in pixels. Camera frame: x right, y down, z forward, metres.
+
+    Pixel centres lie at whole coordinates, so a centred camera has cx = (width-1)/2 and cy = (height-1)/2.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    width: int
+    height: int
+
+    def __post_init__(self) -> None:
+        if not (self.width > 0 and self.height > 0):
+            raise InputError(f"a camera's image must have pixels, not {self.width}x{self.height}")
+        if not (np.isfinite([self.fx, self.fy, self.cx, self.cy]).all() and self.fx > 0 and self.fy > 0):
+            raise InputError(
+                f"a camera needs finite intrinsics with positive focal lengths, not fx={self.fx}, fy={self.fy}, "
+                f"cx={self.cx}, cy={self.cy}"
+            )
+
+    @classmethod
+    def centred(cls, focal_px: float, width: int, height: int) -> "Camera":
+        """A camera with square pixels whose optical axis meets the middle of the image."""
+        return cls(focal_px, focal_px, (width - 1) / 2, (height - 1) / 2, width, height)
+
+    def project(self, points_camera_m: np.ndarray) -> np.ndarray:
+        """(..., 3) points in metres to (..., 3) u, v in pixels and z in metres. Points with z = 0 give inf or NaN."""
+        points = np.asarray(points_camera_m)
+        x, y, z = points[..., 0], points[..., 1], points[..., 2]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.stack([self.fx * x / z + self.cx, self.fy * y / z + self.cy, z], axis=-1)
+
+    def back_project(self, uvz: np.ndarray) -> np.ndarray:
+        """(..., 3) u, v in pixels and z in metres to (..., 3) points in metres: the inverse of `project`."""
+        uvz = np.asarray(uvz)
+        u, v, z = uvz[..., 0], uvz[..., 1], uvz[..., 2]
+        return np.stack([(u - self.cx) * z / self.fx, (v - self.cy) * z / self.fy, z], axis=-1)
+
+    def points(self, depth_m: np.ndarray) -> np.ndarray:
+        """(H, W) depth in metres to the (H, W, 3) points it shows; pixels without a measurement give (0, 0, 0)."""
+        v, u = np.mgrid[: depth_m.shape[0], : depth_m.shape[1]].astype(np.float32)
+        return self.back_project(np.stack([u, v, depth_m], axis=-1))
+
+    def cropped(self, x0: int, y0: int, width: int, height: int) -> "Camera":
+        """The camera of the image's sub-rectangle whose first pixel is (x0, y0)."""
+        return Camera(self.fx, self.fy, self.cx - x0, self.cy - y0, width, height)
+
+    def mirrored(self) -> "Camera":
+        """The camera of the image flipped left to right."""
+        return Camera(self.fx, self.fy, self.width - 1 - self.cx, self.cy, self.width, self.height)
+
+
+CAMERAS = {
+    "eval": Camera.centred(285.7, 320, 240),
+    "kinect_v1": Camera.centred(285.63, 320, 240),
+    "smmc10": Camera.centred(204.795, 144, 176),
+    "kinect_2": Camera.centred(365.0, 512, 424),
+}
+"""Presets with nominal intrinsics: EVAL's and Kinect v1's (320x240), SMMC-10's SwissRanger held upright, Kinect 2."""
+
+
+def depth_in_metres(depth: np.ndarray, camera: Camera | None = None, *, where: str = "depth image") -> np.ndarray:
+    """A user's depth as float32 metres, 0 where nothing was measured.
+
+    Args:
+        depth: (H, W) image or (T, H, W) sequence; unsigned integers are millimetres, floating point is metres.
+            Negative and non-finite values count as not measured.
+        camera: if given, its image size must be the depth's.
+        where: what the depth is, for messages (a file, a frame).
+
+    Raises:
+        InputError: wrong type, number of dimensions or size.
+    """
+    if not isinstance(depth, np.ndarray):
+        raise InputError(f"{where}: expected a numpy array, got {type(depth).__name__}")
+    if depth.ndim not in (2, 3):
+        raise InputError(f"{where}: expected shape (H, W) or (T, H, W), got {depth.shape}")
+    if depth.dtype.kind == "u" and depth.dtype.itemsize > 1:
+        depth_m = depth.astype(np.float32) / np.float32(MM_PER_METRE)
+    elif depth.dtype.kind == "f":
+        depth_m = depth.astype(np.float32)
+        depth_m[~(np.isfinite(depth_m) & (depth_m > 0))] = 0
+    else:
+        raise InputError(
+            f"{where}: expected uint16 millimetres or floating-point metres, got {depth.dtype}; "
+            "convert it, for instance with .astype(np.uint16)"
+        )
+    if camera is not None and depth.shape[-2:] != (camera.height, camera.width):
+        raise InputError(
+            f"{where}: its pixels are {depth.shape[-1]}x{depth.shape[-2]}, its camera's {camera.width}x{camera.height}"
+        )
+    return depth_m
