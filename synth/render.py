@@ -1,0 +1,313 @@
+"""Depth pictures of the scene, by MuJoCo's OpenGL or by a z-buffer in numba over the same MuJoCo-skinned vertices.
+
+`gl` needs a GL library (EGL with a GPU, OSMesa without); `cpu` needs nothing and on a CPU is several times faster. They
+agree to a hundredth of a millimetre. `auto` takes `gl` where a GPU draws and `cpu` everywhere else.
+"""
+
+import contextlib
+import logging
+import os
+from typing import Protocol
+
+import mujoco
+import numpy as np
+from numba import njit
+
+from kpopnet.camera import Camera
+from kpopnet.errors import InputError
+from synth.scene import FAR_M, NEAR_M, ROOM_GROUP, Scene
+
+log = logging.getLogger(__name__)
+
+RENDERERS = ("auto", "gl", "cpu")
+SEAM = 1e-9  # a pixel centre on the edge of two triangles must not fall between them by rounding
+
+
+class Renderer(Protocol):
+    """Draws what a scene shows. Depth is (H, W) float32 metres along the optical axis, 0 where there is nothing.
+
+    Nearer than NEAR_M nothing is seen: whatever crosses that plane is cut open there, as in a sensor's blind zone.
+    """
+
+    name: str
+
+    def person_m(self) -> np.ndarray: ...
+
+    def room_m(self) -> np.ndarray: ...
+
+    def vertices_world_m(self) -> np.ndarray:
+        """(V, 3) float32 skin as posed."""
+        ...
+
+    def close(self) -> None: ...
+
+
+def make_renderer(name: str, scene: Scene) -> Renderer:
+    """The renderer called `auto`, `gl` or `cpu`.
+
+    Raises:
+        InputError: unknown name, or `gl` where there is none.
+    """
+    if name not in RENDERERS:
+        raise InputError(f"renderer={name}: choose one of {', '.join(RENDERERS)}")
+    if name == "cpu":
+        return CpuRenderer(scene)
+    if name == "gl":
+        return GlRenderer(scene)
+    try:
+        renderer = GlRenderer(scene)
+    except InputError as error:
+        log.info("renderer=auto takes cpu: %s", error)
+        return CpuRenderer(scene)
+    if renderer.on_gpu():
+        return renderer
+    log.info("renderer=auto takes cpu: OpenGL here draws on the CPU, where the z-buffer is faster")
+    renderer.close()
+    return CpuRenderer(scene)
+
+
+class _Skin:
+    """MuJoCo's own skinning, which needs no GL."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.options = {"person": _options(skin=True), "room": _options(skin=False)}
+        self.drawn = mujoco.MjvScene(scene.model, maxgeom=64)
+        self.mujoco_camera = mujoco.MjvCamera()
+        self.mujoco_camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
+        self.mujoco_camera.fixedcamid = 0
+
+    def update(self, what: str) -> None:
+        mujoco.mjv_updateScene(
+            self.scene.model,
+            self.scene.data,
+            self.options[what],
+            None,
+            self.mujoco_camera,
+            mujoco.mjtCatBit.mjCAT_ALL,
+            self.drawn,
+        )
+
+    def vertices_world_m(self) -> np.ndarray:
+        self.update("person")
+        return self.drawn.skinvert.reshape(-1, 3)
+
+
+def _options(*, skin: bool) -> mujoco.MjvOption:
+    options = mujoco.MjvOption()
+    options.geomgroup[:] = 0
+    options.geomgroup[ROOM_GROUP] = not skin
+    options.skingroup[:] = skin
+    options.sitegroup[:] = 0
+    options.flags[mujoco.mjtVisFlag.mjVIS_SKIN] = skin
+    options.flags[mujoco.mjtVisFlag.mjVIS_STATIC] = not skin
+    return options
+
+
+class CpuRenderer:
+    """The z-buffer."""
+
+    name = "cpu"
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self._skin = _Skin(scene)
+
+    def vertices_world_m(self) -> np.ndarray:
+        return self._skin.vertices_world_m()
+
+    def person_m(self) -> np.ndarray:
+        return self.draw_m(self.vertices_world_m(), self.scene.asset.faces)
+
+    def room_m(self) -> np.ndarray:
+        return self.draw_m(*box_mesh(self.scene))
+
+    def draw_m(self, vertices_world_m: np.ndarray, faces: np.ndarray) -> np.ndarray:
+        view = self.scene.view
+        return rasterise(view.to_camera(vertices_world_m).astype(np.float32), faces, self.scene.camera)
+
+    def close(self) -> None:
+        pass
+
+
+class GlRenderer:
+    """MuJoCo's offscreen OpenGL. The camera must have square pixels and its axis in the picture's middle."""
+
+    name = "gl"
+
+    def __init__(self, scene: Scene) -> None:
+        """Makes a GL context.
+
+        Raises:
+            InputError: no usable OpenGL, or a camera that MuJoCo's cannot be.
+        """
+        camera = scene.camera
+        centred = Camera.centred(camera.fy, camera.width, camera.height)
+        if not np.allclose([camera.fx, camera.cx, camera.cy], [centred.fx, centred.cx, centred.cy], atol=1e-3):
+            raise InputError("renderer=gl draws only with square pixels and a centred axis: use renderer=cpu")
+        self.scene = scene
+        self._skin = _Skin(scene)
+        try:
+            self._context = mujoco.GLContext(camera.width, camera.height)
+            self._context.make_current()
+            self._drawing = mujoco.MjrContext(scene.model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+        except Exception as error:  # whatever kind a platform's GL loader throws
+            raise InputError(
+                f"no OpenGL to draw with ({type(error).__name__}: {error}); with a GPU set MUJOCO_GL=egl, without one "
+                "install OSMesa (Debian: libosmesa6) and set MUJOCO_GL=osmesa, or use renderer=cpu"
+            ) from error
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._drawing)
+        self._viewport = mujoco.MjrRect(0, 0, camera.width, camera.height)
+        flags, name = self._skin.drawn.flags, mujoco.mjtRndFlag
+        flags[name.mjRND_SHADOW] = flags[name.mjRND_REFLECTION] = flags[name.mjRND_SKYBOX] = False
+        flags[name.mjRND_CULL_FACE] = True
+        self._buffer = np.empty((camera.height, camera.width), np.float32)
+
+    def on_gpu(self) -> bool:
+        """Whether a GPU draws: MuJoCo's EGL backend on a machine with a graphics device that is not Mesa's software."""
+        if os.environ.get("MUJOCO_GL", "").lower() != "egl":
+            return False
+        from OpenGL import GL
+
+        renderer = GL.glGetString(GL.GL_RENDERER).decode().lower()
+        return not any(name in renderer for name in ("llvmpipe", "softpipe", "swrast"))
+
+    def vertices_world_m(self) -> np.ndarray:
+        return self._skin.vertices_world_m()
+
+    def person_m(self) -> np.ndarray:
+        return self._draw_m("person")
+
+    def room_m(self) -> np.ndarray:
+        return self._draw_m("room")
+
+    def _draw_m(self, what: str) -> np.ndarray:
+        self._skin.update(what)
+        mujoco.mjr_render(self._viewport, self._skin.drawn, self._drawing)
+        mujoco.mjr_readPixels(None, self._buffer, self._viewport, self._drawing)
+        # MuJoCo renders with reversed depth and returns it as 1 - d in the usual sense: 0 near, 1 far.
+        with np.errstate(divide="ignore"):
+            depth_m = NEAR_M / (1 - self._buffer[::-1] * (1 - NEAR_M / FAR_M))
+        depth_m[depth_m >= 0.999 * FAR_M] = 0
+        return depth_m
+
+    def close(self) -> None:
+        # Freed by hand: left to the interpreter's exit, OSMesa complains.
+        with contextlib.suppress(Exception):
+            self._drawing.free()
+            self._context.free()
+
+
+_CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
+_BOX_SIDES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+_BOX_FACES = np.array([face for a, b, c, d in _BOX_SIDES for face in ((a, b, c), (a, c, d))], np.int32)
+
+
+def box_mesh(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Every box of the room as triangles: vertices (8 K, 3) in the world, faces (12 K, 3)."""
+    model, data = scene.model, scene.data
+    boxes = np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_BOX) & (data.geom_xpos[:, 2] > -50))
+    corners = _CORNERS * model.geom_size[boxes][:, None]
+    world = np.einsum("bij,bkj->bki", data.geom_xmat[boxes].reshape(-1, 3, 3), corners) + data.geom_xpos[boxes][:, None]
+    faces = _BOX_FACES + 8 * np.arange(len(boxes), dtype=np.int32)[:, None, None]
+    return world.reshape(-1, 3), faces.reshape(-1, 3)
+
+
+def rasterise(vertices_camera_m: np.ndarray, faces: np.ndarray, camera: Camera) -> np.ndarray:
+    """(H, W) float32 depth of a triangle mesh, 0 where there is none.
+
+    Args:
+        vertices_camera_m: (V, 3) float32, camera frame.
+        faces: (F, 3) int32, counter-clockwise seen from outside; back faces are not drawn.
+        camera: the pinhole camera.
+    """
+    inverse = np.zeros((camera.height, camera.width), np.float32)
+    _rasterise(vertices_camera_m, faces, camera.fx, camera.fy, camera.cx, camera.cy, NEAR_M, inverse)
+    return _depth(inverse)
+
+
+@njit(cache=True)
+def _depth(inverse):
+    for y in range(inverse.shape[0]):
+        for x in range(inverse.shape[1]):
+            if inverse[y, x] > 0:
+                inverse[y, x] = 1 / inverse[y, x]
+    return inverse
+
+
+@njit(cache=True)
+def _rasterise(points, faces, fx, fy, cx, cy, near, inverse):
+    """Fills `inverse` (H, W) with 1/z of the nearest front face, which is linear over the picture."""
+    projected = np.empty((points.shape[0], 3), np.float64)
+    for i in range(points.shape[0]):
+        z = points[i, 2]
+        if z >= near:
+            w = 1.0 / z
+            projected[i, 0] = fx * points[i, 0] * w + cx
+            projected[i, 1] = fy * points[i, 1] * w + cy
+            projected[i, 2] = w
+    polygon = np.empty((4, 3), np.float64)
+    for f in range(faces.shape[0]):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        behind = (points[i, 2] < near) + (points[j, 2] < near) + (points[k, 2] < near)
+        if behind == 0:
+            _triangle(projected[i], projected[j], projected[k], inverse)
+        elif behind < 3:
+            corners = _clip(points, faces[f], near, polygon)
+            for c in range(corners):
+                w = 1.0 / polygon[c, 2]
+                polygon[c, 0] = fx * polygon[c, 0] * w + cx
+                polygon[c, 1] = fy * polygon[c, 1] * w + cy
+                polygon[c, 2] = w
+            _triangle(polygon[0], polygon[1], polygon[2], inverse)
+            if corners == 4:
+                _triangle(polygon[0], polygon[2], polygon[3], inverse)
+
+
+@njit(cache=True)
+def _clip(points, face, near, polygon):
+    """The part of a triangle beyond the near plane, as 3 or 4 corners in order; returns how many."""
+    count = 0
+    for c in range(3):
+        a, b = face[c], face[(c + 1) % 3]
+        za, zb = points[a, 2], points[b, 2]
+        if za >= near:
+            polygon[count] = points[a]
+            count += 1
+        if (za >= near) != (zb >= near):
+            t = (near - za) / (zb - za)
+            for axis in range(3):
+                polygon[count, axis] = points[a, axis] + t * (points[b, axis] - points[a, axis])
+            count += 1
+    return count
+
+
+@njit(cache=True)
+def _triangle(a, b, c, inverse):
+    """Draws one projected triangle (u, v, 1/z) if it faces the camera. A pixel is covered if its centre is."""
+    height, width = inverse.shape
+    # v points down, so a front face, counter-clockwise from outside, has a negative cross product.
+    area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    if area >= 0:
+        return
+    x_first = max(0, int(np.ceil(min(a[0], b[0], c[0]))))
+    x_last = min(width - 1, int(np.floor(max(a[0], b[0], c[0]))))
+    y_first = max(0, int(np.ceil(min(a[1], b[1], c[1]))))
+    y_last = min(height - 1, int(np.floor(max(a[1], b[1], c[1]))))
+    if x_first > x_last or y_first > y_last:
+        return
+    scale = 1.0 / area
+    # Barycentric coordinates of b and c, linear in the pixel: value = start + x * dx + y * dy.
+    b_dx, b_dy = (c[1] - a[1]) * scale, -(c[0] - a[0]) * scale
+    c_dx, c_dy = -(b[1] - a[1]) * scale, (b[0] - a[0]) * scale
+    w_b, w_c = b[2] - a[2], c[2] - a[2]
+    for y in range(y_first, y_last + 1):
+        share_b = (x_first - a[0]) * b_dx + (y - a[1]) * b_dy
+        share_c = (x_first - a[0]) * c_dx + (y - a[1]) * c_dy
+        for x in range(x_first, x_last + 1):
+            if share_b >= -SEAM and share_c >= -SEAM and share_b + share_c <= 1 + SEAM:
+                w = a[2] + share_b * w_b + share_c * w_c
+                if w > inverse[y, x]:
+                    inverse[y, x] = w
+            share_b += b_dx
+            share_c += c_dx

@@ -1,0 +1,167 @@
+"""Depth against scenes known by geometry, and the two renderers against each other."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kpopnet.camera import CAMERAS, Camera
+from kpopnet.errors import InputError
+from synth.body import BodyConfig, draw_person
+from synth.render import NEAR_M, CpuRenderer, GlRenderer, box_mesh, make_renderer, rasterise
+from synth.room import Room, View, ViewConfig, draw_room, draw_view
+from synth.scene import Scene
+
+CAMERA = CAMERAS["kinect_v1"]
+LEVEL = View(np.array([0.0, 0.0, 1.0]), np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]))
+COMPARED_SCENES = 6
+
+
+def test_a_level_camera_looks_along_y() -> None:
+    np.testing.assert_allclose(LEVEL.to_camera(np.array([0.5, 3.0, 1.2])), [0.5, -0.2, 3.0])
+
+
+def test_a_plane_facing_the_camera_has_one_depth() -> None:
+    corners = np.array([[-9, -9, 2.5], [9, -9, 2.5], [9, 9, 2.5], [-9, 9, 2.5]], np.float32)
+    depth_m = rasterise(corners, np.array([[0, 3, 2], [0, 2, 1]], np.int32), CAMERA)
+    np.testing.assert_allclose(depth_m, 2.5, rtol=1e-6)
+
+
+def test_a_tilted_plane_is_known_pixel_by_pixel() -> None:
+    """n.x = d with a ray through (u, v) of direction r meets at z = d / (n.r)."""
+    normal, d = np.array([0.2, -0.3, 1.0]), 2.4
+    x, y = np.array([[-4, -4], [4, -4], [4, 4], [-4, 4]], float).T
+    corners = np.stack([x, y, (d - normal[0] * x - normal[1] * y) / normal[2]], axis=1).astype(np.float32)
+    depth_m = rasterise(corners, np.array([[0, 3, 2], [0, 2, 1]], np.int32), CAMERA)
+    v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
+    rays = CAMERA.back_project(np.stack([u, v, np.ones_like(u)], axis=-1))
+    np.testing.assert_allclose(depth_m, d / (rays @ normal), rtol=2e-6)
+
+
+def test_a_back_face_is_not_drawn() -> None:
+    corners = np.array([[-1, -1, 2], [1, -1, 2], [0, 1, 2]], np.float32)
+    assert rasterise(corners, np.array([[0, 1, 2]], np.int32), CAMERA).max() == 0
+    assert rasterise(corners, np.array([[0, 2, 1]], np.int32), CAMERA).max() == 2
+
+
+def test_what_crosses_the_near_plane_is_cut_there() -> None:
+    """A wall along the optical axis, from behind the camera to 5 m: seen from NEAR_M on."""
+    corners = np.array([[0.05, -1, -1], [0.05, -1, 5], [0.05, 1, 5], [0.05, 1, -1]], np.float32)
+    depth_m = rasterise(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), CAMERA)
+    row = depth_m[int(CAMERA.cy)]
+    u = np.arange(CAMERA.width)
+    expected = np.where(u > CAMERA.cx, 0.05 * CAMERA.fx / np.maximum(u - CAMERA.cx, 1e-9), 0)
+    seen = (expected >= NEAR_M) & (expected < 5)
+    assert seen.sum() > 100
+    np.testing.assert_allclose(row[seen], expected[seen], rtol=1e-4)
+    assert depth_m[~np.tile(seen, (CAMERA.height, 1))].max() == 0
+
+
+def test_the_nearer_surface_wins_whatever_the_order() -> None:
+    near, far = (np.array([[-9, -9, z], [0, 9, z], [9, -9, z]], np.float32) for z in (1.0, 3.0))
+    faces = np.array([[0, 1, 2], [3, 4, 5]], np.int32)
+    for order in (faces, faces[::-1]):
+        depth_m = rasterise(np.concatenate([near, far]), order, CAMERA)
+        assert depth_m[120, 160] == pytest.approx(1.0)
+
+
+def test_a_box_in_a_room_stands_where_it_should() -> None:
+    """A box of 1 m with its face at 2.5 m, before a wall at 4 m, on a floor 1 m under a level camera."""
+    scene = Scene(CAMERA)
+    room = Room(
+        np.array([[0, 0, -0.1], [0, 4.1, 2], [0, 3.0, 0.5]]),
+        np.array([[9, 9, 0.1], [9, 0.1, 5], [0.5, 0.5, 0.5]]),
+        np.zeros(3),
+    )
+    scene.look(LEVEL)
+    scene.furnish(room)
+    depth_m = CpuRenderer(scene).room_m()
+    assert depth_m[130, 160] == pytest.approx(2.5, abs=1e-5)
+    assert depth_m[40, 160] == pytest.approx(4.0, abs=1e-5)
+    assert depth_m[235, 20] == pytest.approx(CAMERA.fy * 1.0 / (235 - CAMERA.cy), rel=1e-5)
+    assert len(box_mesh(scene)[1]) == 3 * 12
+
+
+def test_the_view_knows_its_floor() -> None:
+    view = draw_view(np.random.default_rng(3), ViewConfig())
+    normal_d = view.floor()
+    points = view.to_camera(np.array([[1.0, 2, 0], [-1, 4, 0], [0, 3, 0.5]]))
+    np.testing.assert_allclose(points @ normal_d[:3] + normal_d[3], [0, 0, 0.5], atol=1e-12)
+
+
+def compared_scene(scene: Scene, k: int) -> None:
+    """Scene k of those that both renderers draw; the last person stands through the near plane."""
+    rng = np.random.default_rng(k)
+    scene.dress(draw_person(rng, BodyConfig(), "train"))
+    scene.look(draw_view(rng, ViewConfig()))
+    scene.furnish(draw_room(rng))
+    quats = np.array([1.0, 0, 0, 0]) + 0.15 * rng.normal(size=(len(scene.asset.bone_names), 4))
+    distance_m = 0.05 if k == COMPARED_SCENES - 1 else rng.uniform(1.2, 3.5)
+    scene.pose(quats / np.linalg.norm(quats, axis=1, keepdims=True), np.array([0.2, distance_m, 0.9]))
+
+
+DRAW_WITH_GL = """
+import sys, numpy as np
+sys.path.insert(0, sys.argv[2])
+from test_render import CAMERA, COMPARED_SCENES, compared_scene
+from kpopnet.errors import InputError
+from synth.render import GlRenderer
+from synth.scene import Scene
+scene = Scene(CAMERA)
+try:
+    renderer = GlRenderer(scene)
+except InputError as error:
+    print(error); sys.exit(7)
+pictures = []
+for k in range(COMPARED_SCENES):
+    compared_scene(scene, k)
+    pictures += [renderer.person_m(), renderer.room_m()]
+renderer.close()
+np.save(sys.argv[1], np.stack(pictures))
+"""
+
+
+def draw_with_gl(backend: str, path: Path) -> str:
+    """Draws in a process of its own, because MuJoCo chooses its GL when it is imported. Returns why it could not."""
+    run = subprocess.run(
+        [sys.executable, "-c", DRAW_WITH_GL, str(path), str(Path(__file__).parent)],
+        env=os.environ | {"MUJOCO_GL": backend},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return "" if run.returncode == 0 else f"{backend}: {(run.stdout + run.stderr).strip().splitlines()[-1]}"
+
+
+def test_cpu_and_gl_draw_the_same(tmp_path: Path) -> None:
+    reasons = []
+    for backend in ("osmesa", "egl"):
+        reason = draw_with_gl(backend, tmp_path / "gl.npy")
+        if not reason:
+            break
+        reasons.append(reason)
+    else:
+        pytest.skip(f"no OpenGL here ({'; '.join(reasons)}); Debian: apt-get install libosmesa6")
+    drawn_by_gl = np.load(tmp_path / "gl.npy")
+    scene = Scene(CAMERA)
+    renderer = CpuRenderer(scene)
+    for k in range(COMPARED_SCENES):
+        compared_scene(scene, k)
+        for what, gl_m in zip(("person_m", "room_m"), drawn_by_gl[2 * k : 2 * k + 2], strict=True):
+            cpu_m = getattr(renderer, what)()
+            both, either = (cpu_m > 0) & (gl_m > 0), (cpu_m > 0) | (gl_m > 0)
+            assert both.sum() > 1000, (k, what)
+            assert both.sum() / either.sum() > 0.999, (k, what)
+            assert np.median(np.abs(cpu_m - gl_m)[both]) < 1e-5, (k, what)
+
+
+def test_renderers_are_chosen_by_name() -> None:
+    scene = Scene(CAMERA)
+    assert make_renderer("cpu", scene).name == "cpu"
+    with pytest.raises(InputError, match="auto, gl, cpu"):
+        make_renderer("vulkan", scene)
+    with pytest.raises(InputError, match="centred axis"):
+        GlRenderer(Scene(Camera(285, 285, 150, 119.5, 320, 240)))
