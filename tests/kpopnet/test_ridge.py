@@ -1,0 +1,226 @@
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from kpopnet import ridge
+from kpopnet.errors import InputError
+from kpopnet.ridge import RidgeConfig, ridge_data, ridge_probability, ridge_stages
+
+CONFIG = RidgeConfig()
+REAL = Path("/work/shared/real/UTD-MHAD/Depth")
+
+
+def slow_edges(depth, threshold):
+    height, width = depth.shape
+    edges = np.zeros(depth.shape, bool)
+    for y in range(height):
+        for x in range(width):
+            edges[y, x] = not depth[y, x] > 0
+            for v, u in ((y - 1, x), (y + 1, x), (y, x - 1), (y, x + 1)):
+                if 0 <= v < height and 0 <= u < width and 0 < depth[v, u] < depth[y, x] - np.float32(threshold):
+                    edges[y, x] = True
+    return edges
+
+
+def slow_distance(edges):
+    v, u = edges.nonzero()
+    y, x = np.mgrid[: edges.shape[0], : edges.shape[1]]
+    if not len(v):
+        return np.full(edges.shape, np.inf, np.float32)
+    return np.sqrt(((y[..., None] - v) ** 2 + (x[..., None] - u) ** 2).min(-1).astype(np.float32))
+
+
+def slow_ratio(distance):
+    """Eq. (2) as it reads, with the circle drawn point by point; float32 in four sums, as the kernel adds."""
+    height, width = distance.shape
+    ratio = np.ones(distance.shape, np.float32)
+    for y, x in zip(*((distance > 0) & np.isfinite(distance)).nonzero(), strict=True):
+        radius = math.floor(float(distance[y, x]) * 4 + 0.5) / 4
+        circle = set()
+        for i in range(ridge.CIRCLE_POINTS):
+            angle = 2 * math.pi * i / ridge.CIRCLE_POINTS
+            circle.add(tuple(round(round(radius * f(angle), 9)) for f in (math.sin, math.cos)))
+        values = [
+            distance[y + dy, x + dx]
+            for dy, dx in sorted(circle)
+            if 0 <= y + dy < height and 0 <= x + dx < width
+        ]  # fmt: skip
+        sums = [np.float32(0)] * 4
+        room = int(distance[y, x]) + 1
+        inside = room <= y < height - room and room <= x < width - room
+        whole = len(values) // 4 * 4 if inside else 0
+        for i, value in enumerate(values):
+            sums[i % 4 if i < whole else 0] += value
+        total = (sums[0] + sums[1]) + (sums[2] + sums[3])
+        ratio[y, x] = total / (np.float32(len(values)) * distance[y, x])
+    return ratio
+
+
+def limb(half_width_px, angle_deg, shift=0.0, size=120):
+    """A straight limb across the image, and each pixel's distance from its middle line."""
+    y, x = np.mgrid[:size, :size] - (size - 1) / 2
+    angle = math.radians(angle_deg)
+    off = np.abs(x * math.cos(angle) + y * math.sin(angle) + shift)
+    return np.where(off <= half_width_px, 2.0, 0).astype(np.float32), off
+
+
+DEPTHS = arrays(
+    np.float32,
+    st.tuples(st.integers(1, 24), st.integers(1, 24)),
+    elements=st.sampled_from([0, 0, 2, 2, 2, 2, 2.05, 2.3]),
+)
+
+
+@given(DEPTHS)
+@settings(deadline=None, max_examples=60)
+def test_every_stage_equals_its_slow_twin(depth):
+    stages = ridge_stages(depth, CONFIG)
+    edges = slow_edges(depth, CONFIG.edge_threshold_m)
+    distance = slow_distance(edges)
+    ratio = slow_ratio(distance)
+    assert np.array_equal(stages.edges, edges)
+    assert np.array_equal(stages.distance_px, distance)
+    assert np.array_equal(stages.ratio, ratio)
+    assert np.array_equal(stages.ridge, ratio <= np.float32(CONFIG.epsilon_r))
+    assert np.array_equal(ridge_data(depth, CONFIG), stages.ridge)
+    assert np.array_equal(ridge_probability(depth, CONFIG), stages.probability)
+
+
+def test_twin_on_a_large_person():
+    y, x = np.mgrid[:90, :70]
+    depth = np.where(((x - 33) / 25) ** 2 + ((y - 44) / 40) ** 2 < 1, 2.0, 0).astype(np.float32)
+    depth[30:60, 30:37] = 1.7
+    depth[0:40, 5:9] = 2.2
+    stages = ridge_stages(depth, CONFIG)
+    assert stages.distance_px.max() >= 12
+    assert np.array_equal(stages.distance_px, slow_distance(slow_edges(depth, CONFIG.edge_threshold_m)))
+    assert np.array_equal(stages.ratio, slow_ratio(stages.distance_px))
+
+
+@pytest.mark.parametrize("half_width", [8, 14, 20])
+@pytest.mark.parametrize("angle", [0, 20, 45, 90])
+def test_a_limb_has_the_ratio_that_geometry_says(half_width, angle):
+    depth, off = limb(half_width, angle)
+    ratio = ridge_stages(depth, CONFIG).ratio
+    middle = np.s_[40:80, 40:80]
+    on_line, on_slope = off[middle] < 0.51, np.abs(off[middle] - half_width * 0.6) < 0.51
+    # Integral of 1 - |cos| over the circle; the pixel grid adds up to about 1 / (2 radius).
+    assert ratio[middle][on_line].mean() == pytest.approx(1 - 2 / math.pi, abs=0.07)
+    assert ratio[middle][on_slope].mean() == pytest.approx(1, abs=0.05)
+
+
+@pytest.mark.parametrize("half_width", [3, 4, 5, 9])
+@pytest.mark.parametrize("angle", [0, 17, 45, 63])
+def test_default_marks_limbs_along_their_middle_and_the_papers_value_does_not(half_width, angle):
+    marked, paper, rows = 0, 0, 0
+    depth, off = limb(half_width, angle)
+    near_line = off <= max(1.0, 0.4 * half_width)
+    ridge_here = ridge_data(depth, CONFIG)
+    paper_here = ridge_data(depth, RidgeConfig(epsilon_r=0.3))
+    for y in range(30, 90):
+        axis = (slice(y, y + 1), slice(None)) if angle <= 45 else (slice(None), slice(y, y + 1))
+        rows += 1
+        marked += (ridge_here & near_line)[axis].any()
+        paper += paper_here[axis].any()
+    assert marked > 0.85 * rows
+    assert paper < 0.05 * rows
+    inner = np.s_[30:90, 30:90]
+    assert not (ridge_here[inner] & (off[inner] > max(1.5, 0.6 * half_width))).any()
+
+
+def test_nearer_part_keeps_its_width_before_a_farther_one():
+    depth = np.zeros((60, 60), np.float32)
+    depth[5:55, 5:55] = 2.5
+    depth[5:55, 26:33] = 2.3
+    edges = ridge_stages(depth, CONFIG).edges
+    assert not edges[10:50, 26:33].any()
+    assert edges[10:50, 25].all()
+    assert edges[10:50, 33].all()
+    assert ridge_data(depth, CONFIG)[10:50, 29].all()
+    assert not ridge_stages(depth, RidgeConfig(edge_threshold_m=0.25)).edges[10:50, 20:40].any()
+
+
+def test_rim_of_the_image_is_no_edge():
+    stages = ridge_stages(np.full((20, 30), 2.0, np.float32), CONFIG)
+    assert not stages.edges.any()
+    assert np.isinf(stages.distance_px).all()
+    assert not stages.ridge.any()
+    depth = np.full((40, 40), 2.0, np.float32)
+    depth[:, :10] = 0
+    assert ridge_stages(depth, CONFIG).distance_px[20, 39] == 30
+
+
+@given(DEPTHS, st.integers(2, 9), st.integers(2, 9), st.integers(2, 9), st.integers(2, 9))
+@settings(deadline=None, max_examples=40)
+def test_a_box_has_the_ridge_of_the_whole_image(depth, top, bottom, left, right):
+    box = np.pad(depth, 2)
+    whole = np.pad(depth, ((top, bottom), (left, right)))
+    part = np.s_[top - 2 : top + depth.shape[0] + 2, left - 2 : left + depth.shape[1] + 2]
+    assert np.array_equal(ridge_probability(whole, CONFIG)[part], ridge_probability(box, CONFIG))
+
+
+def test_probability_is_one_half_at_the_threshold_and_falls_with_the_ratio():
+    depth, _ = limb(6, 30)
+    stages = ridge_stages(depth, CONFIG)
+    assert np.array_equal(stages.ridge, stages.probability >= 0.5)
+    order = np.argsort(stages.ratio, axis=None)
+    assert (np.diff(stages.probability.ravel()[order]) <= 0).all()
+    assert stages.probability.max() <= 1
+    assert stages.probability[stages.edges].max() == 0
+
+
+def test_turning_and_mirroring_the_image_turns_the_ridge():
+    depth, _ = limb(5, 25)
+    depth[60:, 50:] = 0
+    p = ridge_probability(depth, CONFIG)
+    for turned in (np.fliplr, np.flipud, np.transpose):
+        assert np.allclose(ridge_probability(np.ascontiguousarray(turned(depth)), CONFIG), turned(p), atol=1e-5)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (3, 200), (240, 320)])
+def test_nobody_gives_no_ridge(shape):
+    empty = np.zeros(shape, np.float32)
+    assert not ridge_probability(empty, CONFIG).any()
+    assert ridge_probability(empty, CONFIG).shape == shape
+    assert not ridge_data(empty, CONFIG).any()
+    assert ridge_stages(empty, CONFIG).edges.all()
+
+
+@pytest.mark.parametrize(
+    "depth", [np.zeros((4, 5), np.uint16), np.zeros((2, 4, 5), np.float32), [[1.0]], np.zeros(5, np.float32)]
+)
+def test_wrong_depth_is_named(depth):
+    with pytest.raises(InputError, match="ridge: expected one"):
+        ridge_probability(depth, CONFIG)
+
+
+def test_not_a_number_is_not_measured_and_views_are_welcome():
+    depth, _ = limb(6, 0)
+    holed = depth.copy()
+    holed[depth == 0] = np.nan
+    assert np.array_equal(ridge_probability(holed, CONFIG), ridge_probability(depth, CONFIG))
+    wide = np.repeat(depth, 2, axis=1)[:, ::2].astype(np.float64)
+    assert np.array_equal(ridge_probability(wide, CONFIG), ridge_probability(depth, CONFIG))
+
+
+@pytest.mark.parametrize("field", ["epsilon_r", "edge_threshold_m", "sharpness"])
+def test_wrong_parameters_name_the_override(field):
+    with pytest.raises(InputError, match=f"ridge.{field}"):
+        RidgeConfig(**{field: -0.1})
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason="real depth is not here")
+def test_real_people_have_lines_along_their_legs():
+    from scipy.io import loadmat
+
+    depth = loadmat(REAL / "a1_s1_t1_depth.mat")["d_depth"][:, :, 20].astype(np.float32) / 1000
+    rows = depth.any(1).nonzero()[0]
+    shins = slice(rows[-1] - 45, rows[-1] - 20)
+    share = {eps: ridge_data(depth, RidgeConfig(epsilon_r=eps))[shins].any(1).mean() for eps in (0.3, CONFIG.epsilon_r)}
+    assert share[CONFIG.epsilon_r] > 0.9
+    assert share[0.3] < 0.2
