@@ -1,0 +1,99 @@
+"""Small shards of capsule people in front of a wall, on a floor: everything known by construction."""
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+from capsule_people import draw_joints
+
+from kpopnet.camera import CAMERAS, Camera
+from kpopnet.shards import FORMAT, VERSION, shard_path
+from kpopnet.skeleton import BONES, JOINT_NAMES, NUM_JOINTS, Joint
+
+RADII_M = {Joint.HEAD: 0.1, Joint.NECK: 0.09, Joint.TORSO: 0.14, Joint.RIGHT_HIP: 0.1, Joint.LEFT_HIP: 0.1}
+LIMB_RADIUS_M = 0.06
+CAMERA_HEIGHT_M = 0.95
+WALL_M = 4.0
+
+
+def draw_person(joints_camera_m: np.ndarray, camera: Camera) -> np.ndarray:
+    """(H, W) float32 metres: spheres close together along the bones, 0 elsewhere."""
+    v, u = np.mgrid[: camera.height, : camera.width]
+    depth = np.full((camera.height, camera.width), np.inf)
+    for parent, child in BONES:
+        radii = [RADII_M.get(joint, LIMB_RADIUS_M) for joint in (parent, child)]
+        for share in np.linspace(0, 1, 12):
+            x, y, z = joints_camera_m[parent] * (1 - share) + joints_camera_m[child] * share
+            radius = radii[0] * (1 - share) + radii[1] * share
+            beside, below = (u - camera.cx) * z / camera.fx - x, (v - camera.cy) * z / camera.fy - y
+            squared = radius**2 - beside**2 - below**2
+            near = z - np.sqrt(np.maximum(squared, 0))
+            depth = np.where((squared > 0) & (near < depth), near, depth)
+    return np.where(np.isfinite(depth), depth, 0).astype(np.float32)
+
+
+def draw_room(camera: Camera) -> np.ndarray:
+    """(H, W) float32 metres: a wall at WALL_M and a floor CAMERA_HEIGHT_M below a camera that looks straight ahead."""
+    below = (np.arange(camera.height) - camera.cy) / camera.fy
+    floor = np.where(below > 0, CAMERA_HEIGHT_M / np.maximum(below, 1e-9), np.inf)
+    return np.repeat(np.minimum(floor, WALL_M)[:, None], camera.width, axis=1).astype(np.float32)
+
+
+def write_shard(
+    folder: Path,
+    shard: int = 0,
+    count: int = 4,
+    *,
+    camera: Camera = CAMERAS["kinect_v1"],
+    empty: tuple[int, ...] = (),
+    kind: str = "clean",
+) -> Path:
+    """Writes one valid shard and returns its path.
+
+    Args:
+        folder: of the set; made if need be.
+        shard: its number; samples are shard * count and on, and draw their people by that number.
+        count: how many samples.
+        camera: looks straight ahead.
+        empty: rows that show nobody.
+        kind: "clean", or "frozen" with the clean depth and an empty ridge image.
+    """
+    start = shard * count
+    room_mm = np.rint(draw_room(camera) * 1000).astype(np.uint16)
+    depth_mm = np.zeros((count, camera.height, camera.width), np.uint16)
+    joints = np.zeros((count, NUM_JOINTS, 3), np.float32)
+    boxes = np.zeros((count, 4), np.int16)
+    for row in range(count):
+        joints[row] = draw_joints(np.random.default_rng([7, start + row]))
+        if row in empty:
+            continue
+        person_mm = np.rint(draw_person(joints[row], camera) * 1000).astype(np.uint16)
+        depth_mm[row] = np.where(person_mm <= room_mm, person_mm, 0)
+        y, x = depth_mm[row].nonzero()
+        boxes[row] = x.min(), y.min(), x.max() + 1, y.max() + 1
+    visible = np.ones((count, NUM_JOINTS), bool)
+    visible[list(empty)] = False
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    path = shard_path(folder, shard)
+    with h5py.File(path, "w") as file:
+        file.attrs.update(
+            {
+                "format": FORMAT, "version": VERSION, "kind": kind, "config": json.dumps({"made_by": "tests"}),
+                "config_hash": "0" * 12, "seed": 7, "split": "test", "shard": shard, "start": start,
+                "stop": start + count, "packages": json.dumps({}),
+                "camera": [camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height],
+            }
+        )  # fmt: skip
+        file.attrs["joint_names"] = list(JOINT_NAMES)
+        for name, images in (("depth_mm", depth_mm), ("room_mm", room_mm[None])):
+            file.create_dataset(name, data=images, chunks=(1, *images.shape[1:]), compression=1, shuffle=True)
+        file["joints_m"], file["visible"], file["box"] = joints, visible, boxes
+        file["body"] = np.arange(start, start + count)
+        file["motion"] = np.array([f"test:capsules:{start + row}".encode() for row in range(count)], "S48")
+        file["yaw"], file["room"] = np.zeros(count, np.float32), np.zeros(count, np.int16)
+        file["floor"] = np.array([[0, -1, 0, CAMERA_HEIGHT_M]], np.float32)
+        if kind == "frozen":
+            file["ridge"] = np.zeros(depth_mm.shape, np.uint8)
+    return path

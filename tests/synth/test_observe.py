@@ -1,0 +1,201 @@
+import dataclasses
+import pickle
+
+import numpy as np
+import pytest
+from factories import CAMERA_HEIGHT_M, draw_room, write_shard
+
+from kpopnet.errors import InputError
+from kpopnet.ridge import RidgeConfig, ridge_probability
+from kpopnet.shards import ShardedSet
+from kpopnet.skeleton import Joint
+from synth.observe import PERFECT, ExtractionConfig, Observer, Room, freeze, observe_sample
+from synth.sensor import SENSORS
+
+IDEAL, KINECT = SENSORS["ideal"], SENSORS["kinect_v1"]
+RIDGE = RidgeConfig()
+
+
+@pytest.fixture(scope="module")
+def shards(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("set")
+    write_shard(folder, 0, 3)
+    write_shard(folder, 1, 3, empty=(2,))
+    return ShardedSet(folder)
+
+
+def seeded(i=0):
+    return np.random.default_rng(i)
+
+
+def observed(shards, extraction=PERFECT, sensor=IDEAL, index=0, seed=0, ridge=None):
+    sample = shards[index]
+    room = Room(*shards.room(index, sample.room))
+    return observe_sample(sample, room, shards.camera, sensor, extraction, ridge, seeded(seed))
+
+
+def in_whole(observation, camera):
+    """The observation's depth, put back into a whole picture."""
+    x0, y0 = round(camera.cx - observation.camera.cx), round(camera.cy - observation.camera.cy)
+    whole = np.zeros((camera.height, camera.width), np.float32)
+    whole[y0 : y0 + observation.camera.height, x0 : x0 + observation.camera.width] = observation.depth_m
+    return whole
+
+
+def same(a, b):
+    equal = a.camera == b.camera and np.array_equal(a.depth_m, b.depth_m)
+    return equal and (a.ridge is b.ridge if a.ridge is None else np.array_equal(a.ridge, b.ridge))
+
+
+def test_without_noise_and_failures_the_person_comes_back_exactly(shards):
+    for index in range(5):
+        sample, seen = shards[index], observed(shards, index=index)
+        assert np.array_equal(np.rint(in_whole(seen, shards.camera) * 1000), sample.depth_mm)
+        assert seen.depth_m.dtype == np.float32
+        assert seen.depth_m.shape == (seen.camera.height, seen.camera.width)
+        uv = seen.camera.project(seen.joints_camera_m[Joint.TORSO])
+        assert seen.depth_m[round(uv[1]), round(uv[0])] > 0
+        assert seen.depth_m.size < sample.depth_mm.size / 2
+
+
+def test_same_index_and_epoch_is_the_same_observation_everywhere(shards):
+    def observer(seed):
+        return Observer(shards, KINECT, ExtractionConfig(), RIDGE, seed)
+
+    first = observer(5)
+    forwards = [first.observe(index, 2) for index in range(len(first))]
+    elsewhere = pickle.loads(pickle.dumps(observer(5)))
+    backwards = [elsewhere.observe(index, 2) for index in reversed(range(len(first)))][::-1]
+    assert all(same(a, b) for a, b in zip(forwards, backwards, strict=True))
+    assert not same(forwards[0], first.observe(0, 3))
+    assert not same(forwards[0], observer(6).observe(0, 2))
+
+
+def test_ridge_is_that_of_the_noisy_cut_out_and_changes_nothing_else(shards):
+    plain, ridged = (Observer(shards, KINECT, ExtractionConfig(), ridge, 1).observe(0, 0) for ridge in (None, RIDGE))
+    assert plain.ridge is None
+    assert np.array_equal(plain.depth_m, ridged.depth_m)
+    assert np.array_equal(ridged.ridge, ridge_probability(ridged.depth_m, RIDGE))
+    assert ridged.ridge.max() == 1
+
+
+def test_an_empty_silhouette_is_an_empty_observation(shards):
+    for ridge in (None, RIDGE):
+        seen = Observer(shards, KINECT, ExtractionConfig(attached=1.0, hand_missing=1.0), ridge, 1).observe(5, 0)
+        assert not seen.depth_m.any()
+        assert seen.depth_m.shape == (seen.camera.height, seen.camera.width)
+        assert np.array_equal(seen.joints_camera_m, shards[5].joints_camera_m)
+
+
+def test_kinect_noise_keeps_the_person_about_where_they_are(shards):
+    for index in range(5):
+        clean, noisy = (in_whole(observed(shards, sensor=s, index=index), shards.camera) for s in (IDEAL, KINECT))
+        both = (clean > 0) & (noisy > 0)
+        assert both.sum() / ((clean > 0) | (noisy > 0)).sum() > 0.85
+        assert np.median(np.abs(noisy - clean)[both]) < 0.02
+        assert np.abs(noisy - clean)[both].mean() > 0.002
+
+
+def test_feet_are_cut_at_a_height_above_the_floor(shards):
+    cut = ExtractionConfig(feet_cut_m=0.3, erode=0, dilate=0, attached=0, hand_missing=0)
+    camera, lowest = shards.camera, []
+    for seed in range(20):
+        whole = in_whole(observed(shards, cut, seed=seed), camera)
+        points = camera.points(whole)[whole > 0]
+        lowest.append((CAMERA_HEIGHT_M - points[:, 1]).min())
+    clean = in_whole(observed(shards), camera)
+    bare = (CAMERA_HEIGHT_M - camera.points(clean)[clean > 0][:, 1]).min()
+    assert max(lowest) <= 0.31
+    assert max(lowest) > 0.2
+    assert min(lowest) >= bare - 1e-6
+    upper = np.s_[: camera.height // 2]
+    assert np.array_equal(whole[upper], clean[upper])
+
+
+def test_outlines_shrink_and_grow_by_a_pixel(shards):
+    camera = shards.camera
+    clean = in_whole(observed(shards), camera)
+    smaller = in_whole(observed(shards, dataclasses.replace(PERFECT, erode=1.0)), camera)
+    larger = in_whole(observed(shards, dataclasses.replace(PERFECT, dilate=1.0)), camera)
+    mask = np.pad(clean > 0, 1)
+    neighbours = np.stack([mask[1:-1, 1:-1], mask[2:, 1:-1], mask[:-2, 1:-1], mask[1:-1, 2:], mask[1:-1, :-2]])
+    assert np.array_equal(smaller > 0, neighbours.all(0))
+    assert np.array_equal(larger > 0, neighbours.any(0))
+    assert np.array_equal(larger[clean > 0], clean[clean > 0])
+    assert larger.max() <= clean.max()
+
+
+def test_attached_pieces_are_room_near_the_person(shards):
+    attach = dataclasses.replace(PERFECT, attached=1.0)
+    camera, room = shards.camera, draw_room(shards.camera)
+    clean = in_whole(observed(shards), camera)
+    people = camera.points(clean)[clean > 0]
+    added = 0
+    for seed in range(12):
+        whole = in_whole(observed(shards, attach, seed=seed), camera)
+        extra = (whole > 0) & (clean == 0)
+        added += extra.any()
+        assert np.allclose(whole[extra], room[extra], atol=1e-3)
+        for point in camera.points(whole)[extra][::20]:
+            assert np.linalg.norm(people - point, axis=1).min() < 0.3
+    assert added >= 4
+
+
+def test_a_missing_hand_is_gone_and_the_rest_is_there(shards):
+    missing = dataclasses.replace(PERFECT, hand_missing=1.0)
+    clean = in_whole(observed(shards), shards.camera)
+    gone = {Joint.RIGHT_HAND: 0, Joint.LEFT_HAND: 0}
+    for seed in range(8):
+        lost = (in_whole(observed(shards, missing, seed=seed), shards.camera) == 0) & (clean > 0)
+        assert 0 < lost.sum() < 0.1 * (clean > 0).sum()
+        for hand in gone:
+            u, v, _ = shards.camera.project(shards[0].joints_camera_m[hand])
+            gone[hand] += lost[round(v), round(u)]
+    assert min(gone.values()) > 0
+    assert sum(gone.values()) == 8
+
+
+def test_without_rooms_only_the_person_is_there(shards):
+    extraction = ExtractionConfig(attached=1.0, erode=0, dilate=0, hand_missing=0)
+    seen = Observer(shards, IDEAL, extraction, None, 0, rooms=False).observe(0, 0)
+    assert np.array_equal(np.rint(in_whole(seen, shards.camera) * 1000), shards[0].depth_mm)
+
+
+@pytest.mark.parametrize("sensor", SENSORS.values(), ids=SENSORS)
+def test_frozen_images_are_the_observation_itself(shards, sensor):
+    sample = shards[1]
+    room = Room(*shards.room(1, sample.room))
+    arguments = sample, room, shards.camera, sensor, ExtractionConfig(), RIDGE
+    depth_mm, ridge = freeze(*arguments, seeded(3))
+    seen = observe_sample(*arguments, seeded(3))
+    assert depth_mm.dtype == np.uint16
+    assert ridge.dtype == np.uint8
+    assert depth_mm.shape == ridge.shape == sample.depth_mm.shape
+    assert np.array_equal(depth_mm, np.rint(in_whole(seen, shards.camera) * 1000).astype(np.uint16))
+    assert ridge[depth_mm == 0].max() == 0
+    assert ridge.max() == 255
+
+
+def test_frozen_shards_are_handed_out_as_stored(tmp_path):
+    write_shard(tmp_path, 0, 2, empty=(1,), kind="frozen")
+    frozen = ShardedSet(tmp_path)
+    observer = Observer(frozen, KINECT, ExtractionConfig(), RIDGE, 0)
+    seen = observer.observe(0, 4)
+    assert np.array_equal(np.rint(in_whole(seen, frozen.camera) * 1000), frozen[0].depth_mm)
+    assert seen.ridge.shape == seen.depth_m.shape
+    assert same(seen, observer.observe(0, 5))
+    assert Observer(frozen, KINECT, ExtractionConfig(), None, 0).observe(0, 0).ridge is None
+    assert not observer.observe(1, 0).depth_m.any()
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"erode": 1.2}, "extraction.erode"),
+        ({"erode": 0.6, "dilate": 0.6}, "at most 1"),
+        ({"feet_cut_m": -1}, "extraction.feet_cut_m"),
+    ],
+)
+def test_wrong_settings_name_the_override(settings, message):
+    with pytest.raises(InputError, match=message):
+        ExtractionConfig(**settings)
