@@ -1,0 +1,125 @@
+"""Dances composed from the vocabulary of moves: the embedded source of motion, which needs no data.
+
+A dance has a tempo, a dancer's style and a form like a pop song's: verses and a chorus of phrases of eight counts, the
+chorus coming back. `dance(index, seed)` is a pure function.
+"""
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from synth.motion.moves import LOWER, UPPER, WHOLE, Move, concat, mirror, repeat, scale, together, turning
+from synth.motion.poses import between, pick
+from synth.motion.skeleton import LEG_M, Motion, Poses, facing_front
+from synth.motion.stage import Style, perform
+
+COUNTS = 8
+
+# Steps over which arms of any kind go, and those on which a phrase may turn in place besides.
+_GROOVES = tuple(LOWER)
+_TURNING_GROOVES = ("bounce", "march", "twist_hips", "taps_out", "knee_lifts")
+
+# What goes with a rest: floor work is filled up to whole phrases with it.
+_REST = together(LOWER["bounce"], UPPER["hanging"])
+
+
+def _filled(move: Move, counts: float) -> Move:
+    """The move repeated to so many counts."""
+    return repeat(move, max(round(counts / move.beats), 1))
+
+
+def _phrase(generator: np.random.Generator, amplitude: float) -> Move:
+    """Eight counts, or sixteen where floor work needs them."""
+    if generator.random() < 0.24:
+        move = pick(generator, tuple(WHOLE.values()))
+        if move.beats <= COUNTS / 2 and generator.random() < 0.5:
+            move = concat(move, mirror(move))
+        rest = -move.beats % COUNTS
+        return concat(move, _filled(_REST, rest)) if rest else move
+    feet = LOWER[pick(generator, _GROOVES)]
+    if generator.random() < 0.12:
+        feet = turning(_filled(LOWER[pick(generator, _TURNING_GROOVES)], COUNTS), pick(generator, (-360.0, 360.0)))
+    one, other = (UPPER[pick(generator, tuple(UPPER))] for _ in range(2))
+    form = generator.random()
+    if form < 0.45:
+        arms = _filled(one, COUNTS)
+    elif form < 0.8 and one.beats < COUNTS and other.beats < COUNTS:
+        arms = concat(_filled(one, COUNTS / 2), _filled(other, COUNTS / 2))
+    else:
+        arms = _filled(other, COUNTS)
+    move = scale(together(feet, arms), amplitude)
+    return mirror(move) if generator.random() < 0.5 else move
+
+
+def compose(generator: np.random.Generator, counts: float) -> Move:
+    """A dance of at least so many counts: verses of fresh phrases around a chorus that comes back."""
+    amplitude = between(generator, 0.8, 1.1)
+    chorus = [_phrase(generator, amplitude) for _ in range(2)]
+    sections: list[Move] = []
+    length = 0.0
+    while length < counts:
+        verse = [_phrase(generator, amplitude) for _ in range(2 if generator.random() < 0.6 else 1)]
+        again = [mirror(phrase) for phrase in chorus] if generator.random() < 0.3 else chorus
+        section = concat(*verse, *again)
+        sections.append(section)
+        length += section.beats
+    return concat(*sections)
+
+
+def dance(index: int, seed: int = 0, seconds: float = 20.0, fps: float = 30.0) -> Motion:
+    """Dance number `index`, always the same for the same arguments.
+
+    Args:
+        index: Number of the dance.
+        seed: Seed of the collection.
+        seconds: Length.
+        fps: Frames per second; the dance itself does not depend on it.
+
+    Returns:
+        A motion of the mean adult that starts at the origin, standing and facing +Z.
+    """
+    generator = np.random.default_rng([seed, index])
+    bpm = between(generator, 90.0, 140.0)
+    style = Style(
+        sharpness=between(generator, 0.8, 1.5),
+        bounce_m=between(generator, 0.0, 0.04),
+        lag_s=between(generator, 0.01, 0.07),
+        unsteadiness_deg=between(generator, 0.5, 2.0),
+        phases=tuple(generator.random(5)),
+    )
+    move = compose(generator, seconds * bpm / 60.0)
+    return perform(move, bpm, round(seconds * fps), fps, f"choreography:{seed}-{index}", style)
+
+
+class Choreography:
+    """A collection of dances."""
+
+    # Stills are taken from dances sampled this often: dense enough for poses, and quick to make.
+    _STILLS_FPS = 10.0
+
+    def __init__(self, dances: int, seed: int, seconds: float, fps: float) -> None:
+        self._dances, self._seed, self._seconds, self._fps = dances, seed, seconds, fps
+        self._still = lru_cache(maxsize=None)(lambda i: dance(i, seed, seconds, self._STILLS_FPS))
+
+    def __len__(self) -> int:
+        return self._dances
+
+    def motion(self, index: int) -> Motion:
+        """Dance number `index` of the collection."""
+        if not 0 <= index < self._dances:
+            raise IndexError(index)
+        return dance(index, self._seed, self._seconds, self._fps)
+
+    def poses(self, generators: Sequence[np.random.Generator]) -> Poses:
+        """A moment of one of the dances for each generator, turned to face +Z."""
+        quats, heights, names = [], [], []
+        for generator in generators:
+            motion = self._still(int(generator.random() * self._dances))
+            frame = int(generator.random() * len(motion))
+            quats.append(motion.quats[frame])
+            heights.append(motion.root_m[frame, 1])
+            names.append(f"{motion.name}@{frame / motion.fps:.1f}s")
+        root_m = np.zeros((len(quats), 3), np.float32)
+        root_m[:, 1] = heights
+        return Poses(facing_front(np.array(quats)), root_m, np.full(len(quats), LEG_M, np.float32), names)

@@ -1,0 +1,148 @@
+"""Anatomical angles, their signed limits, and the rotations they stand for.
+
+Poses and dances are written in these angles and not in quaternions: each has a meaning and a limit of its own, and
+because the limits form a box, everything between two permitted postures is permitted too.
+
+Angles are in DEGREES, the one exception to radians in the project, because people write and read them. Zero everywhere
+but `raise` is standing straight with the arms hanging; a posture is a row of the `CHANNELS`.
+
+Trunk: `bend` forward, `side` to the left, `twist` to the left, for the waist, the chest and the head; `hips_pitch`
+forward, `hips_roll` to the left, `hips_yaw` to the left turn the whole body.
+
+Arm (`left_...`, `right_...`): `raise` is the angle of the upper arm from hanging (0) over level (90) to up (180), and
+`plane` the vertical plane it rises in: 0 to the side, 90 to the front, above 90 across the body, -90 to the back;
+both against the chest. `twist` turns the upper arm about itself, outwards positive: with the arm level to the side
+and the elbow bent, 0 points the forearm to the front, 90 up. `elbow` bends, `pronate` turns the palm inwards and
+back, `wrist` bends to the palm, `shrug` lifts the collarbone on top of its share in raising the arm.
+
+Leg: `flex` lifts the thigh to the front, `spread` to the outside, `rotate` turns the knee outwards, `knee` bends,
+`point` points the foot downwards, `invert` turns the sole inwards, `toes` bends the toes upwards.
+"""
+
+import numpy as np
+
+from synth.motion.skeleton import INDEX, NUM_JOINTS, about, conjugate, multiply
+
+_TRUNK = {
+    "hips_pitch": (-200, 200), "hips_roll": (-200, 200), "hips_yaw": (-200, 200),
+    "waist_bend": (-25, 55), "waist_side": (-22, 22), "waist_twist": (-20, 20),
+    "chest_bend": (-18, 30), "chest_side": (-18, 18), "chest_twist": (-25, 25),
+    "head_bend": (-50, 50), "head_side": (-35, 35), "head_twist": (-75, 75),
+}  # fmt: skip
+_ARM = {
+    "raise": (0, 178), "plane": (-90, 135), "twist": (-80, 100), "elbow": (0, 148), "pronate": (-85, 85),
+    "wrist": (-70, 70), "shrug": (-8, 22),
+}  # fmt: skip
+_LEG = {
+    "flex": (-28, 128), "spread": (-25, 70), "rotate": (-40, 62), "knee": (0, 150), "point": (-28, 52),
+    "invert": (-22, 30), "toes": (-20, 55),
+}  # fmt: skip
+
+LIMITS_DEG = (
+    _TRUNK
+    | {f"{side}_{name}": limits for side in ("left", "right") for name, limits in _ARM.items()}
+    | {f"{side}_{name}": limits for side in ("left", "right") for name, limits in _LEG.items()}
+)
+"""Channel to (least, most), after the ranges of motion in textbooks of physiotherapy, widened to what dancers reach."""
+
+CHANNELS = {name: i for i, name in enumerate(LIMITS_DEG)}
+_LOWEST, _HIGHEST = np.array(list(LIMITS_DEG.values()), np.float64).T
+_ARM_COLUMNS = np.array([[CHANNELS[f"{side}_{name}"] for name in _ARM] for side in ("left", "right")])
+LEG_COLUMNS = np.array([[CHANNELS[f"{side}_{name}"] for name in _LEG] for side in ("left", "right")])
+_RAISE, _PLANE = _ARM_COLUMNS[:, 0], _ARM_COLUMNS[:, 1]
+
+STANDING = np.zeros(len(CHANNELS))
+STANDING[_RAISE] = 8.0
+STANDING[[CHANNELS["left_elbow"], CHANNELS["right_elbow"]]] = 12.0
+STANDING.flags.writeable = False
+
+# How much of a bend each vertebral joint takes.
+_SHARES = {
+    "LowerBack": ("waist", 0.5), "Spine": ("waist", 0.5), "Spine1": ("chest", 1.0),
+    "Neck": ("head", 0.3), "Neck1": ("head", 0.3), "Head": ("head", 0.4),
+}  # fmt: skip
+
+# Collarbone: about a quarter of the arm's elevation beyond 40 degrees, and a little of its reach across (Inman).
+_CLAVICLE_FROM_DEG, _CLAVICLE_LIFT, _CLAVICLE_REACH = 40.0, 0.22, 0.12
+
+
+def angles(**deviations: float) -> np.ndarray:
+    """A posture: standing, but for the channels given, in degrees."""
+    posture = STANDING.copy()
+    for name, value in deviations.items():
+        posture[CHANNELS[name]] = value
+    return posture
+
+
+def limited(postures: np.ndarray) -> np.ndarray:
+    """Postures (N, channels) brought within the limits, the arm's backward one among them."""
+    postures = np.clip(postures, _LOWEST, _HIGHEST)
+    # An arm goes 60 degrees straight backwards, and freely from the side plane on.
+    most = 60.0 + (178.0 - 60.0) / 80.0 * (postures[:, _PLANE] + 90.0)
+    postures[:, _RAISE] = np.minimum(postures[:, _RAISE], np.maximum(most, 60.0))
+    return postures
+
+
+def rotations(postures: np.ndarray) -> np.ndarray:
+    """Local rotations (N, 23, 4) float32 of postures (N, channels) in degrees, which are limited first.
+
+    Elementwise arithmetic only: a posture gives the same bits alone and in any batch.
+    """
+    postures = limited(np.ascontiguousarray(postures, np.float64))
+    radians = np.deg2rad(postures)
+    quats = np.zeros((len(postures), NUM_JOINTS, 4))
+    quats[..., 0] = 1.0
+
+    quats[:, INDEX["Hips"]] = yaw_pitch_roll(*(radians[:, CHANNELS[f"hips_{a}"]] for a in ("yaw", "pitch", "roll")))
+    for joint, (part, share) in _SHARES.items():
+        turn = (radians[:, CHANNELS[f"{part}_{a}"]] * share for a in ("twist", "bend", "side"))
+        quats[:, INDEX[joint]] = yaw_pitch_roll(*turn)
+
+    # Both sides are computed as the left one; the right is then its mirror image.
+    other_side = np.array([[1.0, 1, 1, 1], [1, 1, -1, -1]])
+    for joint, side_quats in (_arms(radians[:, _ARM_COLUMNS]) | _legs(radians[:, LEG_COLUMNS])).items():
+        both = side_quats * other_side
+        quats[:, INDEX["Left" + joint]], quats[:, INDEX["Right" + joint]] = both[:, 0], both[:, 1]
+    return quats.astype(np.float32)
+
+
+def yaw_pitch_roll(yaw: np.ndarray, pitch: np.ndarray, roll: np.ndarray) -> np.ndarray:
+    """Rotations (..., 4) that roll to the left, then pitch forward, then turn to the left, by angles in radians."""
+    return multiply(multiply(about(1, yaw), about(0, pitch)), about(2, -roll))
+
+
+def arm_direction(raise_rad: np.ndarray, plane_rad: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """x, y, z of the unit vector along the left upper arm in the chest's frame."""
+    level = np.sin(raise_rad)
+    return level * np.cos(plane_rad), -np.cos(raise_rad), level * np.sin(plane_rad)
+
+
+def _arms(arm: np.ndarray) -> dict[str, np.ndarray]:
+    """Rotations of the arm's joints, (N, 2, 4) each, from its angles (N, 2, 7) in radians."""
+    lift, plane, twist, elbow, pronate, wrist, shrug = np.moveaxis(arm, -1, 0)
+    x, y, z = arm_direction(lift, plane)
+    elevation = shrug + _CLAVICLE_LIFT * np.maximum(lift - np.deg2rad(_CLAVICLE_FROM_DEG), 0.0)
+    reach = _CLAVICLE_REACH * np.maximum(z, 0.0) * np.maximum(plane, 0.0)
+    clavicle = multiply(about(2, elevation), about(1, -reach))
+
+    # The smallest rotation from the T-pose (1, 0, 0) to the direction; it fails only at (-1, 0, 0), out of reach.
+    swing = np.stack([1.0 + x, np.zeros_like(x), -z, y], axis=-1)
+    swing = swing / np.sqrt((swing * swing).sum(axis=-1, keepdims=True))
+    half_pronate = about(0, pronate / 2)
+    return {
+        "Shoulder": clavicle,
+        "Arm": multiply(conjugate(clavicle), multiply(swing, about(0, -twist))),
+        "ForeArm": multiply(about(1, -elbow), half_pronate),
+        "Hand": multiply(half_pronate, about(2, -wrist)),
+    }
+
+
+def _legs(leg: np.ndarray) -> dict[str, np.ndarray]:
+    """Rotations of the leg's joints, (N, 2, 4) each, from its angles (N, 2, 7) in radians."""
+    flex, spread, rotate, knee, point, invert, toes = np.moveaxis(leg, -1, 0)
+    return {
+        "UpLeg": multiply(multiply(about(0, -flex), about(2, spread)), about(1, rotate)),
+        "Leg": about(0, knee),
+        "Foot": multiply(about(0, point), about(2, -invert)),
+        "ToeBase": about(0, -toes),
+    }

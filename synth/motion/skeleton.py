@@ -1,0 +1,225 @@
+"""The canonical skeleton "kd23", its kinematics, and the two nouns that motion sources hand out.
+
+23 rotating joints and 5 ends, named as MotionBuilder and CMU name them. Axes: X is the subject's left, Y up, Z the
+subject's front; right-handed, metres, the floor at y = 0. In the rest pose, the T-pose, every joint frame is aligned
+with the world, the arms lie along +-X and the legs along -Y. A joint's quaternion (w, x, y, z) is relative to its
+parent, so the product down the chain says how far that joint has turned away from the T-pose in the world, whatever
+the rig.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+# name, parent, rest offset from the parent in millimetres
+_POINTS = (
+    ("Hips", None, (0, 0, 0)),
+    ("LowerBack", "Hips", (0, 0, 0)),
+    ("Spine", "LowerBack", (0, 119.8, -10.2)),
+    ("Spine1", "Spine", (0, 120.2, -2.4)),
+    ("Neck", "Spine1", (0, 120.8, 0)),
+    ("Neck1", "Neck", (0, 94.9, -18.6)),
+    ("Head", "Neck1", (0, 95.4, -5.7)),
+    ("LeftShoulder", "Spine1", (0, 120.8, 0)),
+    ("LeftArm", "LeftShoulder", (188.6, 62.2, -8.3)),
+    ("LeftForeArm", "LeftArm", (303.4, 0, 0)),
+    ("LeftHand", "LeftForeArm", (282.7, 0, 0)),
+    ("RightShoulder", "Spine1", (0, 120.8, 0)),
+    ("RightArm", "RightShoulder", (-188.6, 62.2, -8.3)),
+    ("RightForeArm", "RightArm", (-303.4, 0, 0)),
+    ("RightHand", "RightForeArm", (-282.7, 0, 0)),
+    ("LeftUpLeg", "Hips", (93.9, -102.6, 43.1)),
+    ("LeftLeg", "LeftUpLeg", (0, -413.8, 0)),
+    ("LeftFoot", "LeftLeg", (0, -439.1, 0)),
+    ("LeftToeBase", "LeftFoot", (0, -30.8, 120.4)),
+    ("RightUpLeg", "Hips", (-93.9, -102.6, 43.1)),
+    ("RightLeg", "RightUpLeg", (0, -413.8, 0)),
+    ("RightFoot", "RightLeg", (0, -439.1, 0)),
+    ("RightToeBase", "RightFoot", (0, -30.8, 120.4)),
+    ("Head_end", "Head", (0, 96.6, 21.8)),
+    ("LeftHand_end", "LeftHand", (70.9, 0, 0)),
+    ("RightHand_end", "RightHand", (-70.9, 0, 0)),
+    ("LeftToe_end", "LeftToeBase", (0, 0, 62.3)),
+    ("RightToe_end", "RightToeBase", (0, 0, 62.3)),
+)
+
+POINT_NAMES = tuple(name for name, _, _ in _POINTS)
+INDEX = {name: i for i, name in enumerate(POINT_NAMES)}
+NUM_POINTS = len(POINT_NAMES)
+NUM_JOINTS = 23
+JOINT_NAMES = POINT_NAMES[:NUM_JOINTS]
+
+PARENTS = np.array([-1 if parent is None else INDEX[parent] for _, parent, _ in _POINTS])
+"""(28,) parent of each point; parents come first, and every parent is one of the 23 joints."""
+
+REST_OFFSETS_M = np.array([offset for _, _, offset in _POINTS]) / 1000.0
+"""(28, 3) offset from the parent in the T-pose of a mean adult, 1.70 m tall (the mean of 11 people, made symmetric)."""
+
+LEG_M = float(np.linalg.norm(REST_OFFSETS_M[INDEX["LeftLeg"]]) + np.linalg.norm(REST_OFFSETS_M[INDEX["LeftFoot"]]))
+"""Hip to ankle of the mean adult."""
+
+_CLEARANCES_M = {
+    "Hips": 0.10, "LowerBack": 0.10, "Spine": 0.10, "Spine1": 0.10, "Neck": 0.07, "Neck1": 0.07, "Head": 0.09,
+    "Shoulder": 0.08, "Arm": 0.06, "ForeArm": 0.04, "Hand": 0.03, "UpLeg": 0.09, "Leg": 0.06, "Foot": 0.07,
+    "ToeBase": 0.035, "Head_end": 0.05, "Hand_end": 0.02, "Toe_end": 0.02,
+}  # fmt: skip
+
+CLEARANCE_M = np.array([_CLEARANCES_M[name.removeprefix("Left").removeprefix("Right")] for name in POINT_NAMES])
+"""(28,) height of each point above the floor when the flesh around it touches the floor."""
+
+
+def _counterpart(name: str) -> str:
+    if name.startswith("Left"):
+        return "Right" + name.removeprefix("Left")
+    return "Left" + name.removeprefix("Right") if name.startswith("Right") else name
+
+
+MIRROR = np.array([INDEX[_counterpart(name)] for name in POINT_NAMES])
+"""(28,) index of each point's counterpart on the other side of the body."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One person moving.
+
+    Attributes:
+        quats: (T, 23, 4) float32, local rotations w, x, y, z relative to the T-pose.
+        root_m: (T, 3) float32, position of Hips.
+        fps: Frames per second.
+        name: Where the motion comes from, for the record of a sample.
+        leg_m: Hip to ankle of the skeleton that `root_m` belongs to; another body scales the root by the ratio.
+    """
+
+    quats: np.ndarray
+    root_m: np.ndarray
+    fps: float
+    name: str
+    leg_m: float
+
+    def __len__(self) -> int:
+        return len(self.quats)
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Unrelated single poses, each facing +Z and standing at x = z = 0.
+
+    Attributes:
+        quats: (N, 23, 4) float32, local rotations w, x, y, z relative to the T-pose.
+        root_m: (N, 3) float32, position of Hips.
+        leg_m: (N,) float32, hip to ankle of the skeleton that each root belongs to.
+        names: N names of the sources.
+    """
+
+    quats: np.ndarray
+    root_m: np.ndarray
+    leg_m: np.ndarray
+    names: list[str]
+
+    def __len__(self) -> int:
+        return len(self.quats)
+
+
+def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Hamilton product of quaternions (..., 4): the rotation b, then the rotation a."""
+    aw, ax, ay, az = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
+    bw, bx, by, bz = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
+    product = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
+    product[..., 0] = aw * bw - ax * bx - ay * by - az * bz
+    product[..., 1] = aw * bx + ax * bw + ay * bz - az * by
+    product[..., 2] = aw * by - ax * bz + ay * bw + az * bx
+    product[..., 3] = aw * bz + ax * by - ay * bx + az * bw
+    return product
+
+
+def conjugate(quats: np.ndarray) -> np.ndarray:
+    """The opposite rotation of unit quaternions (..., 4)."""
+    return quats * np.array([1, -1, -1, -1], quats.dtype)
+
+
+def rotate(quats: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Vectors (..., 3) turned by unit quaternions (..., 4)."""
+    w, x, y, z = quats[..., 0], quats[..., 1], quats[..., 2], quats[..., 3]
+    vx, vy, vz = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
+    return np.stack(
+        [vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx], axis=-1
+    )
+
+
+def about(axis: int, angles: np.ndarray) -> np.ndarray:
+    """Quaternions (..., 4) that turn by `angles` (radians) about the axis 0 (X), 1 (Y) or 2 (Z)."""
+    quats = np.zeros((*np.shape(angles), 4))
+    quats[..., 0] = np.cos(angles / 2)
+    quats[..., 1 + axis] = np.sin(angles / 2)
+    return quats
+
+
+@njit(cache=True)
+def _forward_kinematics(quats, root_m, offsets_m, parents, turned, points):
+    for n in range(len(quats)):
+        for j in range(len(offsets_m)):
+            p = parents[j]
+            if p < 0:
+                turned[n, j] = quats[n, j]
+                points[n, j] = root_m[n]
+                continue
+            w, x, y, z = turned[n, p]
+            vx, vy, vz = offsets_m[j]
+            tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
+            points[n, j, 0] = points[n, p, 0] + vx + w * tx + y * tz - z * ty
+            points[n, j, 1] = points[n, p, 1] + vy + w * ty + z * tx - x * tz
+            points[n, j, 2] = points[n, p, 2] + vz + w * tz + x * ty - y * tx
+            if j < quats.shape[1]:
+                a, b, c, d = quats[n, j]
+                turned[n, j, 0] = w * a - x * b - y * c - z * d
+                turned[n, j, 1] = w * b + x * a + y * d - z * c
+                turned[n, j, 2] = w * c - x * d + y * a + z * b
+                turned[n, j, 3] = w * d + x * c - y * b + z * a
+
+
+def forward_kinematics(
+    quats: np.ndarray, root_m: np.ndarray, offsets_m: np.ndarray = REST_OFFSETS_M
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where the 28 points are, and how each joint is turned in the world.
+
+    Args:
+        quats: (N, 23, 4) local rotations.
+        root_m: (N, 3) position of Hips.
+        offsets_m: (28, 3) rest offsets.
+
+    Returns:
+        (N, 28, 3) float64 positions in metres and (N, 23, 4) float64 world rotations away from the T-pose.
+    """
+    quats = np.ascontiguousarray(quats, np.float64)
+    turned = np.empty_like(quats)
+    points = np.empty((len(quats), NUM_POINTS, 3))
+    root_m = np.ascontiguousarray(root_m, np.float64)
+    _forward_kinematics(quats, root_m, np.ascontiguousarray(offsets_m, np.float64), PARENTS, turned, points)
+    return points, turned
+
+
+def height_above_floor(quats: np.ndarray, root_m: np.ndarray) -> np.ndarray:
+    """(N,) metres between the floor and the lowest flesh of the mean skeleton; negative when it is under the floor."""
+    points, _ = forward_kinematics(quats, root_m)
+    return (points[..., 1] - CLEARANCE_M).min(axis=1)
+
+
+def mirrored(quats: np.ndarray) -> np.ndarray:
+    """Rotations (..., 23, 4) of the pose seen in a mirror: left and right swapped (a root's x changes its sign)."""
+    return quats[..., MIRROR[:NUM_JOINTS], :] * np.array([1, 1, -1, -1], quats.dtype)
+
+
+def facing_front(quats: np.ndarray) -> np.ndarray:
+    """Rotations (N, 23, 4) with the heading taken out of Hips: its turn about the vertical is undone.
+
+    A pose upside down has no such turn where w and y of Hips vanish; it is left as it is.
+    """
+    heading = quats[:, 0].astype(np.float64)
+    heading[:, [1, 3]] = 0
+    size = np.sqrt(heading[:, 0] ** 2 + heading[:, 2] ** 2)
+    heading = np.where(size[:, None] > 1e-3, heading / np.maximum(size, 1e-3)[:, None], [1.0, 0.0, 0.0, 0.0])
+    turned = quats.copy()
+    turned[:, 0] = multiply(conjugate(heading), quats[:, 0])
+    return turned
