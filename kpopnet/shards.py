@@ -38,7 +38,9 @@ from kpopnet.skeleton import JOINT_NAMES
 FORMAT = "kpopnet-shard"
 VERSION = 1
 KINDS = ("clean", "frozen")
-DATASETS = ("depth_mm", "box", "joints_m", "visible", "body", "motion", "yaw", "room", "room_mm", "floor")
+ROOMS_KEPT = 1024
+COLUMNS = ("box", "joints_m", "visible", "body", "motion", "yaw", "room")
+DATASETS = ("depth_mm", *COLUMNS, "room_mm", "floor")
 
 
 def shard_path(folder: Path, shard: int) -> Path:
@@ -120,6 +122,17 @@ def read_header(path: Path) -> ShardHeader:
         )
 
 
+class _OpenShard:
+    """An open file and, in memory, all of it but the images: a read of one number costs as much as one of a column."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.file = open_shard(path)
+        self.depth_mm = self.file["depth_mm"]
+        self.ridge = self.file.get("ridge")
+        self.columns = {name: self.file[name][()] for name in COLUMNS}
+
+
 class ShardedSet:
     """A folder of shards as one random-access sequence of samples.
 
@@ -150,48 +163,54 @@ class ShardedSet:
         self.camera = self.header.camera
         self.kind = self.header.kind
         self._ends = np.cumsum([len(header) for header in headers]).tolist()
-        self._files: dict[int, h5py.File] = {}
+        self._open: dict[int, _OpenShard] = {}
+        self._rooms: dict[tuple[Path, int], tuple[np.ndarray, np.ndarray]] = {}
 
     def __len__(self) -> int:
         return self._ends[-1]
 
     def __getstate__(self) -> dict:
-        return self.__dict__ | {"_files": {}}
+        return self.__dict__ | {"_open": {}, "_rooms": {}}
 
-    def _locate(self, index: int) -> tuple[h5py.File, int]:
+    def _locate(self, index: int) -> tuple["_OpenShard", int]:
         if not 0 <= index < len(self):
             raise IndexError(f"sample {index} of {len(self)}")
         shard = bisect_right(self._ends, index)
-        if shard not in self._files:
-            self._files[shard] = open_shard(self.paths[shard])
-        return self._files[shard], index - (self._ends[shard - 1] if shard else 0)
+        if shard not in self._open:
+            self._open[shard] = _OpenShard(self.paths[shard])
+        return self._open[shard], index - (self._ends[shard - 1] if shard else 0)
 
     def __getitem__(self, index: int) -> Sample:
-        file, row = self._locate(index)
+        shard, row = self._locate(index)
+        columns = shard.columns
         try:
             return Sample(
-                depth_mm=file["depth_mm"][row],
-                box=tuple(file["box"][row].tolist()),
-                joints_camera_m=file["joints_m"][row],
-                visible=file["visible"][row],
-                body=int(file["body"][row]),
-                motion=file["motion"][row].decode(),
-                yaw_rad=float(file["yaw"][row]),
-                room=int(file["room"][row]),
-                ridge=file["ridge"][row] if "ridge" in file else None,
+                depth_mm=shard.depth_mm[row],
+                box=tuple(columns["box"][row].tolist()),
+                joints_camera_m=columns["joints_m"][row],
+                visible=columns["visible"][row],
+                body=int(columns["body"][row]),
+                motion=columns["motion"][row].decode(),
+                yaw_rad=float(columns["yaw"][row]),
+                room=int(columns["room"][row]),
+                ridge=shard.ridge[row] if shard.ridge is not None else None,
             )
         except OSError as error:
-            raise InputError(f"{file.filename}: sample {row} cannot be read ({error}); make the shard again") from error
+            raise InputError(f"{shard.path}: sample {row} cannot be read ({error}); make the shard again") from error
 
-    def room_depth_mm(self, index: int) -> np.ndarray:
-        """(H, W) uint16: the empty room behind sample `index`."""
-        file, row = self._locate(index)
-        return file["room_mm"][int(file["room"][row])]
+    def room(self, index: int, room: int) -> tuple[np.ndarray, np.ndarray]:
+        """Row `room` of the rooms in the shard of sample `index`, as `Sample.room` names it; many stay in memory.
 
-    def floor(self, index: int) -> np.ndarray:
-        """(4,) float32: the floor under sample `index`, in the camera frame (see the module)."""
-        file, row = self._locate(index)
-        return file["floor"][int(file["room"][row])]
+        Returns:
+            (H, W) uint16 millimetres of the empty room, and its (4,) float32 floor.
+        """
+        shard, _ = self._locate(index)
+        key = shard.path, room
+        if key not in self._rooms:
+            if len(self._rooms) >= ROOMS_KEPT:
+                self._rooms.pop(next(iter(self._rooms)))
+            self._rooms[key] = shard.file["room_mm"][room], shard.file["floor"][room]
+        return self._rooms[key]
 
     def column(self, name: str) -> np.ndarray:
         """A whole per-sample dataset other than an image (joints_m, body, motion, ...), over all shards."""

@@ -159,7 +159,7 @@ def draw_person(rng: np.random.Generator, config: BodyConfig, split: str) -> Per
 def shape_person(coefficients: np.ndarray) -> Person:
     """The bare body with these (K,) shape coefficients."""
     asset = load_body()
-    points = (asset.mean + coefficients.astype(np.float32) @ asset.basis).reshape(-1, 3)
+    points = _blend(asset.mean, asset.basis, coefficients.astype(np.float32)).reshape(-1, 3)
     num_vertices, num_bones = len(asset.weights), len(asset.bone_names)
     vertices, heads, joints = np.split(points, [num_vertices, num_vertices + num_bones])
     hip, knee, ankle = (heads[asset.bone(name)] for name in ("LeftUpLeg", "LeftLeg", "LeftFoot"))
@@ -171,6 +171,17 @@ def shape_person(coefficients: np.ndarray) -> Person:
         stature_m=float(np.ptp(vertices[:, 2])),
         leg_m=float(np.linalg.norm(knee - hip) + np.linalg.norm(ankle - knee)),
     )
+
+
+@njit(cache=True)
+def _blend(mean, basis, coefficients):
+    """Mean + coefficients @ basis, summed in one fixed order: a BLAS differs from machine to machine in the last bits."""
+    blended = mean.copy()
+    for component in range(basis.shape[0]):
+        share = coefficients[component]
+        for k in range(basis.shape[1]):
+            blended[k] += share * basis[component, k]
+    return blended
 
 
 def dress(person: Person, offsets_m: np.ndarray) -> Person:

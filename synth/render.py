@@ -124,7 +124,8 @@ class CpuRenderer:
 
     def draw_m(self, vertices_world_m: np.ndarray, faces: np.ndarray) -> np.ndarray:
         view = self.scene.view
-        return rasterise(view.to_camera(vertices_world_m).astype(np.float32), faces, self.scene.camera)
+        points = _to_camera(vertices_world_m, view.position_m, view.rotation)
+        return rasterise(points, faces, self.scene.camera)
 
     def close(self) -> None:
         pass
@@ -227,6 +228,17 @@ def rasterise(vertices_camera_m: np.ndarray, faces: np.ndarray, camera: Camera) 
 
 
 @njit(cache=True)
+def _to_camera(points, position, rotation):
+    """`View.to_camera` in one fixed order of summation: a BLAS differs from machine to machine in the last bits."""
+    moved = np.empty((points.shape[0], 3), np.float32)
+    for i in range(points.shape[0]):
+        x, y, z = points[i, 0] - position[0], points[i, 1] - position[1], points[i, 2] - position[2]
+        for axis in range(3):
+            moved[i, axis] = x * rotation[0, axis] + y * rotation[1, axis] + z * rotation[2, axis]
+    return moved
+
+
+@njit(cache=True)
 def _depth(inverse):
     for y in range(inverse.shape[0]):
         for x in range(inverse.shape[1]):
@@ -238,30 +250,27 @@ def _depth(inverse):
 @njit(cache=True)
 def _rasterise(points, faces, fx, fy, cx, cy, near, inverse):
     """Fills `inverse` (H, W) with 1/z of the nearest front face, which is linear over the picture."""
-    projected = np.empty((points.shape[0], 3), np.float64)
-    for i in range(points.shape[0]):
+    us, vs, ws = np.empty(len(points)), np.empty(len(points)), np.zeros(len(points))
+    for i in range(len(points)):
         z = points[i, 2]
         if z >= near:
             w = 1.0 / z
-            projected[i, 0] = fx * points[i, 0] * w + cx
-            projected[i, 1] = fy * points[i, 1] * w + cy
-            projected[i, 2] = w
-    polygon = np.empty((4, 3), np.float64)
-    for f in range(faces.shape[0]):
+            us[i], vs[i], ws[i] = fx * points[i, 0] * w + cx, fy * points[i, 1] * w + cy, w
+    polygon = np.empty((4, 3))
+    for f in range(len(faces)):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        behind = (points[i, 2] < near) + (points[j, 2] < near) + (points[k, 2] < near)
+        behind = (ws[i] == 0) + (ws[j] == 0) + (ws[k] == 0)
         if behind == 0:
-            _triangle(projected[i], projected[j], projected[k], inverse)
+            _triangle(us[i], vs[i], ws[i], us[j], vs[j], ws[j], us[k], vs[k], ws[k], inverse)
         elif behind < 3:
             corners = _clip(points, faces[f], near, polygon)
             for c in range(corners):
                 w = 1.0 / polygon[c, 2]
-                polygon[c, 0] = fx * polygon[c, 0] * w + cx
-                polygon[c, 1] = fy * polygon[c, 1] * w + cy
-                polygon[c, 2] = w
-            _triangle(polygon[0], polygon[1], polygon[2], inverse)
+                polygon[c] = fx * polygon[c, 0] * w + cx, fy * polygon[c, 1] * w + cy, w
+            u, v, w = polygon[:, 0], polygon[:, 1], polygon[:, 2]
+            _triangle(u[0], v[0], w[0], u[1], v[1], w[1], u[2], v[2], w[2], inverse)
             if corners == 4:
-                _triangle(polygon[0], polygon[2], polygon[3], inverse)
+                _triangle(u[0], v[0], w[0], u[2], v[2], w[2], u[3], v[3], w[3], inverse)
 
 
 @njit(cache=True)
@@ -283,31 +292,29 @@ def _clip(points, face, near, polygon):
 
 
 @njit(cache=True)
-def _triangle(a, b, c, inverse):
-    """Draws one projected triangle (u, v, 1/z) if it faces the camera. A pixel is covered if its centre is."""
-    height, width = inverse.shape
+def _triangle(ua, va, wa, ub, vb, wb, uc, vc, wc, inverse):
+    """Draws a projected triangle a b c (u, v, w = 1/z) if it faces the camera; a pixel is covered if its centre is."""
     # v points down, so a front face, counter-clockwise from outside, has a negative cross product.
-    area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    area = (ub - ua) * (vc - va) - (vb - va) * (uc - ua)
     if area >= 0:
         return
-    x_first = max(0, int(np.ceil(min(a[0], b[0], c[0]))))
-    x_last = min(width - 1, int(np.floor(max(a[0], b[0], c[0]))))
-    y_first = max(0, int(np.ceil(min(a[1], b[1], c[1]))))
-    y_last = min(height - 1, int(np.floor(max(a[1], b[1], c[1]))))
+    height, width = inverse.shape
+    x_first = max(0, int(np.ceil(min(ua, ub, uc))))
+    x_last = min(width - 1, int(np.floor(max(ua, ub, uc))))
+    y_first = max(0, int(np.ceil(min(va, vb, vc))))
+    y_last = min(height - 1, int(np.floor(max(va, vb, vc))))
     if x_first > x_last or y_first > y_last:
         return
+    # Barycentric coordinates of b and c, linear in the pixel.
     scale = 1.0 / area
-    # Barycentric coordinates of b and c, linear in the pixel: value = start + x * dx + y * dy.
-    b_dx, b_dy = (c[1] - a[1]) * scale, -(c[0] - a[0]) * scale
-    c_dx, c_dy = -(b[1] - a[1]) * scale, (b[0] - a[0]) * scale
-    w_b, w_c = b[2] - a[2], c[2] - a[2]
+    b_dx, b_dy = (vc - va) * scale, (ua - uc) * scale
+    c_dx, c_dy = (va - vb) * scale, (ub - ua) * scale
     for y in range(y_first, y_last + 1):
-        share_b = (x_first - a[0]) * b_dx + (y - a[1]) * b_dy
-        share_c = (x_first - a[0]) * c_dx + (y - a[1]) * c_dy
+        b_row = (y - va) * b_dy - ua * b_dx
+        c_row = (y - va) * c_dy - ua * c_dx
         for x in range(x_first, x_last + 1):
+            share_b, share_c = b_row + x * b_dx, c_row + x * c_dx
             if share_b >= -SEAM and share_c >= -SEAM and share_b + share_c <= 1 + SEAM:
-                w = a[2] + share_b * w_b + share_c * w_c
+                w = np.float32(wa + share_b * (wb - wa) + share_c * (wc - wa))
                 if w > inverse[y, x]:
                     inverse[y, x] = w
-            share_b += b_dx
-            share_c += c_dx

@@ -1,5 +1,7 @@
 """The baked body, people, and MuJoCo's skinning of them against the body's own."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import trimesh
@@ -30,7 +32,7 @@ def test_mujoco_skins_as_the_body_itself(scene: Scene, seed: int) -> None:
     rng = np.random.default_rng(seed)
     person = draw_person(rng, BodyConfig(), "train")
     rotations, root_m = random_rotations(rng), rng.normal(size=3)
-    scene.dress(person)
+    scene.dress(scene.fit(person))
     scene.pose(rotations.as_quat(scalar_first=True), root_m)
     vertices, joints = person.forward(rotations.as_matrix(), root_m)
     np.testing.assert_allclose(CpuRenderer(scene).vertices_world_m(), vertices, atol=5e-6)
@@ -97,7 +99,7 @@ def test_clothes_only_add_and_leave_the_joints() -> None:
 def test_splits_share_no_adult() -> None:
     ranges = sorted(SPLIT_SHARES.values())
     assert ranges[0][0] == 0 and ranges[-1][1] == 1
-    assert all(a[1] == b[0] for a, b in zip(ranges, ranges[1:], strict=False))
+    assert all(a[1] == b[0] for a, b in pairwise(ranges))
 
 
 def test_a_person_is_its_seed_and_nothing_else() -> None:

@@ -95,7 +95,7 @@ def test_the_view_knows_its_floor() -> None:
 def compared_scene(scene: Scene, k: int) -> None:
     """Scene k of those that both renderers draw; the last person stands through the near plane."""
     rng = np.random.default_rng(k)
-    scene.dress(draw_person(rng, BodyConfig(), "train"))
+    scene.dress(scene.fit(draw_person(rng, BodyConfig(), "train")))
     scene.look(draw_view(rng, ViewConfig()))
     scene.furnish(draw_room(rng))
     quats = np.array([1.0, 0, 0, 0]) + 0.15 * rng.normal(size=(len(scene.asset.bone_names), 4))

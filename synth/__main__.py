@@ -1,0 +1,146 @@
+"""Makes sets of synthetic depth samples.
+
+    python -m synth preset=demo                       a few thousand samples into data/demo
+    python -m synth preset=small out=data/small       enough to train a useful network on a CPU
+    python -m synth preset=paper out=/big/paper       the paper's 800,000 + 300,000
+    python -m synth preset=small motion=clips motion.path=/my/bvh sensor=kinect_2 camera=kinect_2
+    python -m synth preset=small frozen=[train,validation,test]     noisy depth and ridge images on disk
+
+Run again after being stopped, it makes only what is missing. Several machines may share one folder: give each its own
+range, shards=0:100, shards=100:200, ...; under SLURM (pip install -e '.[cluster]'):
+
+    python -m synth -m hydra/launcher=submitit_slurm preset=paper out=/big/paper shards=0:100,100:200,200:300
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from kpopnet.entry import entry_point
+from kpopnet.errors import InputError
+from kpopnet.ridge import RidgeConfig
+from synth.body import BodyConfig
+from synth.generate import default_processes, finish, generate
+from synth.motion import SPLITS, MotionConfig
+from synth.observe import ExtractionConfig
+from synth.render import make_renderer
+from synth.room import ViewConfig
+from synth.sample import CameraConfig, SampleConfig, StageConfig
+from synth.scene import Scene
+from synth.sensor import SensorConfig
+from synth.shards import FreezeConfig, SetConfig
+
+
+def parse_range(text: str, num_shards: int) -> range:
+    """"all" or "first:end" as shard numbers.
+
+    Raises:
+        InputError: anything else.
+    """
+    if text == "all":
+        return range(num_shards)
+    first, colon, end = text.partition(":")
+    if not (colon and first.isdigit() and end.isdigit()):
+        raise InputError(f'shards={text}: give "all" or a range such as 0:100')
+    return range(int(first), min(int(end), num_shards))
+
+
+@dataclass(frozen=True)
+class SplitSizes:
+    """Samples in each split. The splits share no person and no motion."""
+
+    train: int = 0
+    validation: int = 0
+    test: int = 0
+
+
+@dataclass(frozen=True)
+class GenerateConfig:
+    """What `python -m synth` takes.
+
+    Attributes:
+        out: folder for the splits' folders.
+        seed: of everything random.
+        splits: how many samples of each.
+        frozen: splits whose noisy depth and ridge images are stored; the others store the clean render.
+        shard_size: samples in one file.
+        shards: "all", or the range "first:end" of each split that this run is to make.
+        processes: 0 takes every core.
+    """
+
+    out: str = "data/small"
+    seed: int = 0
+    splits: SplitSizes = field(default_factory=SplitSizes)
+    frozen: list[str] = field(default_factory=lambda: ["test"])
+    shard_size: int = 1000
+    shards: str = "all"
+    processes: int = 0
+    body: BodyConfig = field(default_factory=BodyConfig)
+    motion: MotionConfig = field(default_factory=MotionConfig)
+    camera: CameraConfig = field(default_factory=CameraConfig)
+    view: ViewConfig = field(default_factory=ViewConfig)
+    stage: StageConfig = field(default_factory=StageConfig)
+    sensor: SensorConfig = field(default_factory=SensorConfig)
+    extraction: ExtractionConfig = field(default_factory=ExtractionConfig)
+    ridge: RidgeConfig = field(default_factory=RidgeConfig)
+    renderer: str = "auto"
+    samples_per_body: int = 8
+    samples_per_room: int = 500
+
+    def __post_init__(self) -> None:
+        unknown = set(self.frozen) - set(SPLITS)
+        if unknown:
+            raise InputError(f"frozen={self.frozen}: {sorted(unknown)} are no splits; choose from {', '.join(SPLITS)}")
+        parse_range(self.shards, 0)
+        if self.processes < 0:
+            raise InputError(f"processes={self.processes} must be 0 (every core) or more")
+
+    def sample(self) -> SampleConfig:
+        """Its part that decides what a sample is, with the renderer decided."""
+        renderer = self.renderer
+        if renderer == "auto":
+            probe = make_renderer("auto", Scene(self.camera.build()))
+            renderer = probe.name
+            probe.close()
+        return SampleConfig(
+            self.body,
+            self.motion,
+            self.camera,
+            self.view,
+            self.stage,
+            renderer,
+            self.samples_per_body,
+            self.samples_per_room,
+        )
+
+
+@entry_point(GenerateConfig, "generate", "../configs")
+def main(config: GenerateConfig) -> None:
+    sample = config.sample()
+    look = FreezeConfig(config.sensor, config.extraction, config.ridge)
+    processes = config.processes or default_processes()
+    camera = config.camera.build()
+    print(
+        f"{config.camera.name} {camera.width}x{camera.height}, motion {config.motion.source}, "
+        f"sensor {config.sensor.name}, renderer {sample.renderer}, {processes} processes, into {config.out}"
+    )
+    for split in SPLITS:
+        count = getattr(config.splits, split)
+        if not count:
+            continue
+        freeze = look if split in config.frozen else None
+        a_set = SetConfig(sample, config.seed, split, count, config.shard_size, freeze)
+        folder = Path(config.out) / split
+        generate(a_set, folder, parse_range(config.shards, a_set.num_shards), processes)
+        summary = finish(a_set, folder, look)
+        if summary is None:
+            print(f"{folder}: this run's shards are done; others are still missing")
+            continue
+        print(
+            f"{folder}: {summary['samples']} samples in {summary['shards']} shards, {summary['bytes'] / 1e6:.0f} MB, "
+            f"{summary['refused_poses']} poses refused, {summary['forced_samples']} taken though not good; "
+            f"look at {folder / 'contact_sheet.png'}"
+        )
+
+
+if __name__ == "__main__":
+    main()
