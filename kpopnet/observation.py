@@ -30,7 +30,8 @@ class Observation:
 
 class ObservationSource(Protocol):
     """Observations by index. The same (index, epoch) is the same observation in any process; a new epoch may draw new
-    noise."""
+    noise.
+    """
 
     def __len__(self) -> int: ...
 

@@ -1,0 +1,77 @@
+"""A trained network as an estimator of joints in depth sequences."""
+
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from kpopnet.camera import Camera, depth_in_metres
+from kpopnet.checkpoint import load_network
+from kpopnet.errors import InputError
+from kpopnet.estimators import Estimate
+from kpopnet.networks.cube import Cube, crop, person_centre
+from kpopnet.ridge import RidgeConfig, ridge_probability
+from kpopnet.skeleton import NUM_JOINTS
+
+BATCH = 32
+
+
+class NetworkEstimator:
+    """Implements kpopnet.estimators.Estimator.
+
+    Every frame stands for itself: the person's centre is the median of its silhouette, as in training. The confidence
+    is the network's own estimate of the probability that the joint lies within 10 cm of the truth.
+    """
+
+    def __init__(self, checkpoint: Path | str, device: str = "cpu") -> None:
+        """Loads a checkpoint.
+
+        Raises:
+            InputError: nothing there, foreign or damaged; or no such device.
+        """
+        if device not in ("cpu", "cuda") or (device == "cuda" and not torch.cuda.is_available()):
+            raise InputError(f"device={device}: expected cpu, or cuda on a machine with a GPU")
+        self.network, self.meta = load_network(checkpoint, device)
+        self.device = torch.device(device)
+        self.model = self.network.config
+        self.name = self.model.name
+        self.ridge = RidgeConfig(**self.meta["config"].get("ridge", {})) if self.model.input == "depth_ridge" else None
+
+    def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
+        """Joints of the one person in each frame.
+
+        Args:
+            depth_m: (T, H, W) of that person alone, 0 elsewhere; floating-point metres or uint16 millimetres.
+            camera: the camera of these pixels.
+
+        Returns:
+            (T, 15, 3) joints and (T, 15) confidence; NaN and 0 in frames with an empty silhouette.
+
+        Raises:
+            InputError: depth of another type or shape.
+        """
+        depth_m = depth_in_metres(depth_m, camera)
+        if depth_m.ndim != 3:
+            raise InputError(f"depth sequence: expected shape (T, H, W), got {depth_m.shape}; add a leading axis")
+        joints_m = np.full((len(depth_m), NUM_JOINTS, 3), np.nan, np.float32)
+        confidence = np.zeros((len(depth_m), NUM_JOINTS), np.float32)
+        cubes = {}
+        for frame, image in enumerate(depth_m):
+            centre_m = person_centre(image, camera)
+            if centre_m is not None:
+                cubes[frame] = Cube(centre_m, self.model.half_size_m)
+        frames = list(cubes)
+        for chosen in (frames[i : i + BATCH] for i in range(0, len(frames), BATCH)):
+            uvd, confidence[chosen] = self._predict([self._crop(depth_m[i], camera, cubes[i]) for i in chosen])
+            for frame, estimate in zip(chosen, uvd, strict=True):
+                joints_m[frame] = cubes[frame].to_metres(estimate)
+        return Estimate(joints_m, confidence)
+
+    def _crop(self, depth_m: np.ndarray, camera: Camera, cube: Cube) -> np.ndarray:
+        ridge = None if self.ridge is None else ridge_probability(depth_m, self.ridge)
+        return crop(depth_m, camera, cube, self.model.crop_px, ridge)
+
+    @torch.inference_mode()
+    def _predict(self, crops: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        prediction = self.network(torch.from_numpy(np.stack(crops)).to(self.device))
+        return prediction.joints.cpu().numpy(), prediction.confidence.cpu().numpy()

@@ -1,0 +1,38 @@
+"""The paper's class of network: a CNN that regresses all joints at once from flattened features.
+
+The paper takes its CNN from a technical report (its reference [9]) of which no more is known than that it regresses 3D
+joints from a synthetic depth image, with or without a ridge probability map as a second channel. What stands here is a
+reconstruction of that class of network, not that network: convolutions, flatten, two fully connected layers. The
+encoder is the dense network's, so that the two differ only in how joints are read from the features.
+"""
+
+from torch import Tensor, nn
+
+from kpopnet.networks.encoder import STRIDES
+from kpopnet.networks.losses import Prediction, confidence_loss, joints_loss
+from kpopnet.skeleton import NUM_JOINTS
+
+
+class HolisticHead(nn.Module):
+    """Flatten, a hidden layer, and 15 x (u, v, d, confidence)."""
+
+    HIDDEN = 256
+
+    def __init__(self, widths: tuple[int, int, int], crop_px: int, half_size_m: float) -> None:
+        super().__init__()
+        self.half_size_m = half_size_m
+        features = widths[-1] * (crop_px // STRIDES[-1]) ** 2
+        self.layers = nn.Sequential(
+            nn.Flatten(), nn.Linear(features, self.HIDDEN), nn.ReLU(), nn.Linear(self.HIDDEN, NUM_JOINTS * 4)
+        )
+
+    def forward(self, maps: tuple[Tensor, Tensor, Tensor], crop: Tensor) -> Prediction:
+        joints = self.layers(maps[-1]).view(-1, NUM_JOINTS, 4)
+        return Prediction(joints[..., :3], joints[..., 3], {})
+
+    def loss(self, prediction: Prediction, target: Tensor) -> dict[str, Tensor]:
+        """The terms to be added up, by name."""
+        return {
+            "joints": joints_loss(prediction.joints, target),
+            "confidence": confidence_loss(prediction, target, self.half_size_m),
+        }
