@@ -12,4 +12,10 @@ Conventions, stated once and held to everywhere:
 - Quaternions are w, x, y, z.
 """
 
+import os
+
+# OpenMP's threads wait by spinning unless told otherwise before torch is loaded: a training step then takes up to ten
+# times as long as soon as the cores have anything else to do, preparing batches included.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+
 __version__ = "0.1.0"

@@ -74,9 +74,38 @@ def write_shard(
         boxes[row] = x.min(), y.min(), x.max() + 1, y.max() + 1
     visible = np.ones((count, NUM_JOINTS), bool)
     visible[list(empty)] = False
-    folder = Path(folder)
+    floor = np.array([[0, -1, 0, CAMERA_HEIGHT_M]], np.float32)
+    columns = {"box": boxes, "room_mm": room_mm[None], "floor": floor}
+    return store_shard(Path(folder), shard, start, depth_mm, joints, visible, camera=camera, kind=kind, **columns)
+
+
+def store_shard(
+    folder: Path,
+    shard: int,
+    start: int,
+    depth_mm: np.ndarray,
+    joints_m: np.ndarray,
+    visible: np.ndarray,
+    *,
+    camera: Camera,
+    kind: str,
+    **columns: np.ndarray,
+) -> Path:
+    """Writes these samples in the layout of `kpopnet.shards`, with plain columns where none are given."""
+    count, size = len(depth_mm), depth_mm.shape[1:]
     folder.mkdir(parents=True, exist_ok=True)
     path = shard_path(folder, shard)
+    plain = {
+        "box": np.zeros((count, 4), np.int16),
+        "body": np.arange(start, start + count),
+        "motion": np.array([f"test:made:{start + row}".encode() for row in range(count)], "S48"),
+        "yaw": np.zeros(count, np.float32),
+        "room": np.zeros(count, np.int16),
+        "room_mm": np.full((1, *size), round(1000 * WALL_M), np.uint16),
+        "floor": np.zeros((1, 4), np.float32),
+    }
+    if kind == "frozen":
+        plain["ridge"] = np.zeros(depth_mm.shape, np.uint8)
     with h5py.File(path, "w") as file:
         file.attrs.update(
             {
@@ -87,13 +116,8 @@ def write_shard(
             }
         )  # fmt: skip
         file.attrs["joint_names"] = list(JOINT_NAMES)
-        for name, images in (("depth_mm", depth_mm), ("room_mm", room_mm[None])):
-            file.create_dataset(name, data=images, chunks=(1, *images.shape[1:]), compression=1, shuffle=True)
-        file["joints_m"], file["visible"], file["box"] = joints, visible, boxes
-        file["body"] = np.arange(start, start + count)
-        file["motion"] = np.array([f"test:capsules:{start + row}".encode() for row in range(count)], "S48")
-        file["yaw"], file["room"] = np.zeros(count, np.float32), np.zeros(count, np.int16)
-        file["floor"] = np.array([[0, -1, 0, CAMERA_HEIGHT_M]], np.float32)
-        if kind == "frozen":
-            file["ridge"] = np.zeros(depth_mm.shape, np.uint8)
+        stored = {"depth_mm": depth_mm, "joints_m": joints_m, "visible": visible} | plain | columns
+        for name, values in stored.items():
+            packed = {"chunks": (1, *size), "compression": 1, "shuffle": True} if values.shape[1:] == size else {}
+            file.create_dataset(name, data=values, **packed)
     return path

@@ -1,0 +1,136 @@
+"""train.py as a user runs it: real configurations, tiny shards."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from factories import write_shard
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
+
+from kpopnet.checkpoint import read_meta
+from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.shards import ShardedSet
+
+ROOT = Path(__file__).parents[1]
+SHORT = (
+    "data.train=train", "data.validation=validation", "model.crop_px=32", "model.widths=[8,8,16,16]",
+    "training.batch_size=4", "training.validate_every=2", "training.validation_samples=4", "training.log_every=1",
+    "workers=0", "threads=1", "device=cpu",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("training")
+    write_shard(folder / "train", 0, 6, empty=(2,))
+    write_shard(folder / "train", 1, 6)
+    write_shard(folder / "validation", 0, 4)
+    return folder
+
+
+def run(place, *overrides, launcher=()):
+    return subprocess.run(
+        [sys.executable, *launcher, str(ROOT / "train.py"), *overrides],
+        cwd=place,
+        capture_output=True,
+        text=True,
+        env=os.environ | {"OMP_NUM_THREADS": "1"},
+    )
+
+
+def test_a_run_leaves_a_network_and_says_what_it_does(place):
+    network = ("model=holistic", "model.input=depth_ridge", "seed=3")
+    whole = run(place, *SHORT, *network, "training.steps=4", "hydra.run.dir=whole")
+    assert whole.returncode == 0, whole.stderr
+    # What is to be known is said: size, machine, data, folder, result.
+    for said in ("parameters", "CPU (1 process(es) of 1 thread(s))", "12 training and 4 validation samples",
+                 "step 4 of 4: mean error", "whole/best", "empty silhouette"):  # fmt: skip
+        assert said in whole.stderr + whole.stdout, said
+    assert {path.name for path in (place / "whole").iterdir()} >= {"best", "last", "checkpoints", ".hydra", "train.log"}
+    meta = read_meta(place / "whole" / "last")
+    assert meta["model"]["kind"] == "holistic"
+    assert meta["config"]["seed"] == 3
+    assert meta["config"]["sensor"]["name"] == "kinect_v1"
+
+    # A depth + ridge network estimates from the depth alone: it makes its own ridge images.
+    shards = ShardedSet(place / "validation")
+    depth = np.stack([shards[index].depth_mm for index in range(2)])
+    estimate = NetworkEstimator(place / "whole" / "best").estimate(depth, shards.camera)
+    assert np.isfinite(estimate.joints_camera_m).all()
+
+
+def test_a_run_that_diverges_stops_and_names_the_step(place):
+    done = run(place, *SHORT, "training.steps=40", "hydra.run.dir=diverging", "training.lr=1e30")
+    assert done.returncode == 1
+    assert re.fullmatch(r"error: step \d+: loss .*before the update.*\n", done.stderr.splitlines(True)[-1])
+
+
+def test_resuming_takes_the_runs_own_configuration_and_folder(place):
+    first = run(place, *SHORT, "training.steps=2", "hydra.run.dir=first")
+    assert first.returncode == 0, first.stderr
+    # Make of the finished run of 2 steps a checkpoint of a run of 4.
+    meta_path = place / "first" / "checkpoints" / "step_00000002" / "meta.json"
+    meta = json.loads(meta_path.read_text())
+    meta["config"]["training"]["steps"] = 4
+    meta_path.write_text(json.dumps(meta))
+
+    refused = run(place, "training.resume=first/last", "training.lr=1", "seed=7")
+    assert refused.returncode == 1
+    assert refused.stderr.startswith("error: training.resume goes on with the run as it was configured")
+    assert "training.lr, seed" in refused.stderr
+
+    resumed = run(place, "training.resume=first/last", "workers=0")
+    assert resumed.returncode == 0, resumed.stderr
+    assert read_meta(place / "first" / "last")["step"] == 4
+    assert read_meta(place / "first" / "last")["config"]["training"]["batch_size"] == 4
+    assert not (place / "outputs").exists()
+
+    finished = run(place, "training.resume=first/last")
+    assert finished.returncode == 1
+    assert "finished already, 4 of 4 steps are done" in finished.stderr
+
+
+def test_several_processes_share_one_folder(place):
+    launcher = ("-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2")
+    done = run(place, *SHORT, "training.steps=2", "hydra.run.dir=shared", launcher=launcher)
+    assert done.returncode == 0, done.stderr
+    assert read_meta(place / "shared" / "last")["step"] == 2
+    assert (place / "shared" / "train.log").read_text().count("step 2 of 2") == 1
+    assert not (place / "outputs").exists()
+    assert not (place / "train.log").exists()
+
+
+@pytest.mark.parametrize(
+    ("overrides", "said"),
+    [
+        (["training.stepz=3"], "stepz"),
+        (["training.steps=many"], "many"),
+        (["model=convex"], "convex"),
+        (["model.crop_px=100"], "model.crop_px=100: expected a multiple of 16"),
+        (["data.train=nowhere"], "nowhere: no shards"),
+        (["sensor.name=sonar"], "sonar"),
+        (["training.resume=nowhere/last"], "nowhere/last: no checkpoint there"),
+        (["device=tpu"], "device=tpu"),
+    ],
+)
+def test_a_users_mistake_ends_with_one_line(place, overrides, said):
+    done = run(place, *SHORT, *overrides, "hydra.run.dir=mistakes")
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: ") and done.stderr.count("\n") == 1 and said in done.stderr, done.stderr
+
+
+def test_every_configuration_composes_to_real_objects():
+    import train
+
+    with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
+        for group in ("model", "training"):
+            for choice in sorted(path.stem for path in (ROOT / "configs" / group).glob("*.yaml")):
+                config = OmegaConf.to_object(compose("train", [f"{group}={choice}"]))
+                assert isinstance(config, train.Config)
+                assert config.model.kind == (choice if group == "model" else "dense")

@@ -1,0 +1,89 @@
+"""Trains a network that estimates 3D joints from depth.
+
+    python -m synth preset=small                                  # first, something to train on: data/small
+    python train.py                                               # dense network, depth
+    python train.py model=holistic model.input=depth_ridge        # the paper's kind, with the ridge channel
+    python train.py training=demo data.train=data/demo/train data.validation=data/demo/validation
+    python train.py training.resume=outputs/train/RUN/last        # goes on as if never stopped
+    torchrun --nproc-per-node=4 train.py training.batch_size=128  # several GPUs, or CPU processes
+    python train.py --cfg job                                     # every setting and its value
+
+Leaves `best` and `last`, a log and TensorBoard's files in outputs/train/<model>-<date-time>, or hydra.run.dir=PATH.
+"""
+
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+from hydra.core.hydra_config import HydraConfig
+from omegaconf import OmegaConf
+
+from kpopnet.checkpoint import read_meta, run_folder
+from kpopnet.entry import entry_point, resumed_config
+from kpopnet.networks import ModelConfig
+from kpopnet.ridge import RidgeConfig
+from kpopnet.shards import ShardedSet
+from kpopnet.training import TrainingConfig, train
+from synth.observe import ExtractionConfig, Observer
+from synth.sensor import SensorConfig
+
+OmegaConf.register_new_resolver("run_folder", run_folder)
+
+
+@dataclass
+class DataConfig:
+    train: str = "data/small/train"
+    validation: str = "data/small/validation"
+
+
+@dataclass
+class Config:
+    """Everything about a training.
+
+    Attributes:
+        model, training: what is trained and how.
+        sensor, extraction: noise and imperfect silhouettes, made of clean shards.
+        ridge: of the ridge image, for model.input=depth_ridge.
+        device: auto, cpu or cuda.
+        workers: processes that prepare batches.
+        threads: of torch on the CPU; 0 takes all cores.
+    """
+
+    model: ModelConfig = field(default_factory=ModelConfig)
+    training: TrainingConfig = field(default_factory=TrainingConfig)
+    sensor: SensorConfig = field(default_factory=SensorConfig)
+    extraction: ExtractionConfig = field(default_factory=ExtractionConfig)
+    ridge: RidgeConfig = field(default_factory=RidgeConfig)
+    data: DataConfig = field(default_factory=DataConfig)
+    seed: int = 0
+    device: str = "auto"
+    workers: int = 1
+    threads: int = 0
+
+
+@entry_point(Config, "train")
+def main(config: Config) -> None:
+    """Reads the shards, and trains or goes on training."""
+    if config.training.resume is not None:
+        saved = read_meta(config.training.resume)["config"]
+        config = resumed_config(config, saved, may_change=("training.resume", "data.", "device", "workers", "threads"))
+    ridge = config.ridge if config.model.input == "depth_ridge" else None
+
+    def observed(folder: str) -> Observer:
+        return Observer(ShardedSet(folder), config.sensor, config.extraction, ridge, config.seed)
+
+    train(
+        config.training,
+        config.model,
+        observed(config.data.train),
+        observed(config.data.validation),
+        out=Path(HydraConfig.get().runtime.output_dir),
+        seed=config.seed,
+        device=config.device,
+        workers=config.workers,
+        threads=config.threads,
+        described=asdict(config),
+    )
+
+
+if __name__ == "__main__":
+    main()
