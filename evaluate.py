@@ -1,0 +1,46 @@
+"""Judges estimators on a benchmark and writes a report.
+
+    python evaluate.py checkpoint=outputs/train/RUN/best
+    python evaluate.py checkpoint=outputs/train/RUN/best benchmark.path=data/small/test sequences=10
+    python evaluate.py checkpoint=outputs/train/RUN/best benchmark=utd_mhad benchmark.path=PATH/UTD-MHAD
+    python evaluate.py checkpoint=outputs/train/RUN/best hydra.run.dir=outputs/my_evaluation
+    python evaluate.py checkpoint=outputs/train/RUN/best 'estimator=[mean_pose]'
+
+The run's folder (outputs/evaluate/BENCHMARK-DATE_TIME) gets metrics.json, report.html, report.md and pictures. The
+training set's mean pose is always judged beside a network, to show what the network is worth.
+"""
+
+from pathlib import Path
+
+from hydra.core.config_store import ConfigStore
+from hydra.core.hydra_config import HydraConfig
+
+from kpopnet.benchmarks.evaluation import (
+    BENCHMARKS,
+    ESTIMATORS,
+    EvaluateConfig,
+    build_benchmark,
+    build_estimators,
+    run_benchmark,
+)
+from kpopnet.benchmarks.report import terminal_table, write_report
+from kpopnet.entry import entry_point
+
+for group, known in (("benchmark", BENCHMARKS), ("estimator", ESTIMATORS)):
+    for name, (schema, _) in known.items():
+        ConfigStore.instance().store(group=f"{group}/schema", name=name, node=schema)
+
+
+@entry_point(EvaluateConfig, "evaluate")
+def main(config: EvaluateConfig) -> None:
+    estimators = build_estimators(config.estimator)
+    benchmark = build_benchmark(config.benchmark)
+    folder = Path(HydraConfig.get().runtime.output_dir)
+    run = run_benchmark(benchmark, estimators, config.sequences, config.seed)
+    write_report(folder, run, config)
+    print(terminal_table(run))
+    print(f"report: {folder / 'report.html'}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,201 @@
+"""One evaluation: a benchmark's sequences through one or more estimators."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from kpopnet.benchmarks.metrics import Scored, evaluate
+from kpopnet.benchmarks.sequences import Benchmark, evenly_spaced
+from kpopnet.benchmarks.synthetic import SyntheticBenchmark, SyntheticConfig
+from kpopnet.benchmarks.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
+from kpopnet.checkpoint import read_meta
+from kpopnet.errors import InputError
+from kpopnet.estimators import Estimator
+from kpopnet.mean_pose import MeanPoseEstimator
+from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.skeleton import NUM_JOINTS
+
+
+@dataclass
+class EvaluateConfig:
+    """What `evaluate.py` does.
+
+    Attributes:
+        benchmark: a data set's own settings, with its name.
+        estimator: settings by the estimator's name, in the order of the report; the first one's figures head it.
+        checkpoint: folder of the trained network, for the estimators that need one.
+        sequences: only so many sequences, evenly spaced over the set, for a quick look; the report says so.
+        seed: of the bootstrap and of the random example frames.
+    """
+
+    benchmark: Any
+    estimator: dict[str, Any]
+    checkpoint: str | None = None
+    sequences: int | None = None
+    seed: int = 0
+
+
+@dataclass
+class NetworkEstimatorConfig:
+    """A trained network. Attributes: checkpoint: its folder. device: cpu, cuda, ..."""
+
+    checkpoint: str | None = None
+    device: str = "cpu"
+
+
+@dataclass
+class MeanPoseConfig:
+    """The constant baseline. Attributes: checkpoint: folder of a network whose training set's mean pose to use."""
+
+    checkpoint: str | None = None
+
+
+BENCHMARKS: dict[str, tuple[type, Callable[[Any], Benchmark]]] = {
+    "synthetic": (SyntheticConfig, SyntheticBenchmark),
+    "utd_mhad": (UtdMhadConfig, UtdMhadBenchmark),
+}
+"""Settings and reader of each benchmark."""
+
+
+def build_benchmark(config: Any) -> Benchmark:
+    _, reader = BENCHMARKS[config.name]
+    return reader(config)
+
+
+def _network(config: NetworkEstimatorConfig) -> Estimator:
+    return NetworkEstimator(_checkpoint(config.checkpoint, "network"), device=config.device)
+
+
+def _mean_pose(config: MeanPoseConfig) -> Estimator:
+    checkpoint = _checkpoint(config.checkpoint, "mean_pose")
+    pose = _known_mean_pose_m(checkpoint)
+    if pose is None:
+        raise InputError(f"{checkpoint}: its meta.json holds no mean_pose_m, which estimator=mean_pose needs")
+    return MeanPoseEstimator(pose)
+
+
+ESTIMATORS: dict[str, tuple[type, Callable[[Any], Estimator]]] = {
+    "network": (NetworkEstimatorConfig, _network),
+    "mean_pose": (MeanPoseConfig, _mean_pose),
+}
+"""Settings and builder of each estimator."""
+
+
+def build_estimators(configs: dict[str, Any]) -> dict[str, Estimator]:
+    """The configured estimators by name. The mean pose joins them, last, wherever a checkpoint knows one: without it
+    nobody can tell what a network's figures are worth.
+    """
+    if not configs:
+        raise InputError("estimator: expected at least one, for instance estimator=network checkpoint=...")
+    built = {name: ESTIMATORS[name][1](config) for name, config in configs.items()}
+    checkpoints = [Path(config.checkpoint) for config in configs.values() if getattr(config, "checkpoint", None)]
+    if "mean_pose" not in built and checkpoints:
+        pose = _known_mean_pose_m(checkpoints[0])
+        if pose is not None:
+            built["mean_pose"] = MeanPoseEstimator(pose)
+    return built
+
+
+def _checkpoint(folder: str | None, estimator: str) -> Path:
+    if folder is None:
+        raise InputError(f"estimator={estimator} needs a trained network: checkpoint=outputs/train/RUN/best")
+    return Path(folder)
+
+
+def _known_mean_pose_m(checkpoint: Path) -> np.ndarray | None:
+    pose = read_meta(checkpoint).get("mean_pose_m")
+    return None if pose is None else np.array(pose, np.float32).reshape(NUM_JOINTS, 3)
+
+
+@dataclass(frozen=True)
+class Run:
+    """What came out of one evaluation.
+
+    Attributes:
+        benchmark: what it was judged on.
+        scored: per estimator, in order: the joints of all frames.
+        metrics: per estimator: `metrics.evaluate`, and fps, frames per second of estimation alone.
+        frame: (N,) the number of each frame within its sequence.
+        failed: what was wrong with each sequence that could not be read, by its name.
+        sequences_in_set: how many sequences the benchmark holds, evaluated or not.
+        images_without_person: frames in which nothing was measured.
+    """
+
+    benchmark: Benchmark
+    scored: dict[str, Scored]
+    metrics: dict[str, dict]
+    frame: np.ndarray
+    failed: dict[str, str]
+    sequences_in_set: int
+    images_without_person: int
+
+
+def run_benchmark(
+    benchmark: Benchmark, estimators: dict[str, Estimator], sequences: int | None = None, seed: int = 0
+) -> Run:
+    """Reads one sequence after the other and has every estimator estimate it.
+
+    A sequence that cannot be read is named in the result and left out; the others go on. An estimator's time is taken
+    around its calls alone, after one call on the first frame that is not counted (compilation, caches).
+
+    Args:
+        benchmark: the data set.
+        estimators: by name, the main one first.
+        sequences: only so many, evenly spaced.
+        seed: of the bootstrap.
+
+    Raises:
+        InputError: no sequence could be read.
+    """
+    names = benchmark.sequence_names()
+    chosen = evenly_spaced(names, sequences)
+    estimates: dict[str, list[np.ndarray]] = {name: [] for name in estimators}
+    seconds = dict.fromkeys(estimators, 0.0)
+    truths: list[dict[str, np.ndarray]] = []
+    failed: dict[str, str] = {}
+    images_without_person = 0
+    for name in tqdm(chosen, desc=benchmark.name, unit="sequence"):
+        try:
+            sequence = benchmark.read(name)
+        except InputError as error:
+            failed[name] = str(error)
+            tqdm.write(f"left out {name}: {error}")
+            continue
+        for label, estimator in estimators.items():
+            if not truths:
+                estimator.estimate(sequence.depth_m[:1], sequence.camera)
+            start = time.perf_counter()
+            estimate = estimator.estimate(sequence.depth_m, sequence.camera)
+            seconds[label] += time.perf_counter() - start
+            assert estimate.joints_camera_m.shape == sequence.joints_camera_m.shape, (label, name)
+            estimates[label].append(estimate.joints_camera_m)
+        images_without_person += int((~sequence.depth_m.any(axis=(1, 2))).sum())
+        frames = len(sequence.depth_m)
+        truths.append(
+            {
+                "truth_m": sequence.joints_camera_m,
+                "visible": sequence.visible,
+                "sequence": np.full(frames, len(truths)),
+                "yaw_rad": np.full(frames, np.nan) if sequence.yaw_rad is None else sequence.yaw_rad,
+                "frame": np.arange(frames),
+            }
+        )
+    if not truths:
+        first, reason = next(iter(failed.items()))
+        raise InputError(f"{benchmark.name}: none of its {len(chosen)} sequences can be read; {first}: {reason}")
+    truth = {field: np.concatenate([part[field] for part in truths]) for field in truths[0]}
+    frame = truth.pop("frame")
+    read = tuple(name for name in chosen if name not in failed)
+    scored = {
+        label: Scored(**truth, estimate_m=np.concatenate(parts), sequence_names=read)
+        for label, parts in estimates.items()
+    }
+    metrics = {
+        label: evaluate(one, seed) | {"fps": len(frame) / max(seconds[label], 1e-9)} for label, one in scored.items()
+    }
+    return Run(benchmark, scored, metrics, frame, failed, len(names), images_without_person)

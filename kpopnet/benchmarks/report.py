@@ -1,0 +1,273 @@
+"""The report of an evaluation: a table for the terminal, metrics.json, pictures, report.md and report.html.
+
+All of them say first whether the depth is real or simulated and what the joints are judged against.
+"""
+
+import hashlib
+import html
+import json
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kpopnet.benchmarks.evaluation import EvaluateConfig, Run
+from kpopnet.benchmarks.pictures import error_curve, examples_sheet, joint_bars
+from kpopnet.benchmarks.sequences import Origin
+from kpopnet.checkpoint import git_revision
+from kpopnet.drawing import save_png
+
+LONGEST_SEQUENCE_TABLE = 40
+NOTHING = "-"
+
+HEADLINE = (
+    ("within 10 cm (mAP)", "map_10cm", "%"),
+    ("mean error", "mean_error_cm", "cm"),
+    ("median error", "median_error_cm", "cm"),
+    ("mean error of visible joints (Eq. 16)", "mean_pose_error_cm", "cm"),
+    ("the same, constant offsets taken out", "mean_pose_error_no_offset_cm", "cm"),
+    ("area under the curve, 0 to 20 cm", "pck_area_20cm", "%"),
+    ("missing joints", "missing_joints", ""),
+    ("frames per second", "fps", ""),
+)
+
+Table = tuple[list[str], list[list[str]]]
+"""A header and rows of as many cells."""
+Block = tuple[str, Any]
+"""A heading, text, table or picture with its content."""
+
+
+def number(value: float | None, unit: str = "") -> str:
+    if value is None:
+        return NOTHING
+    if unit == "%":
+        return f"{100 * value:.1f} %"
+    if unit == "cm":
+        return f"{value:.2f} cm"
+    return f"{value}" if isinstance(value, int) else f"{value:.1f}"
+
+
+def _with_interval(metrics: dict, key: str, unit: str) -> str:
+    text, interval = number(metrics[key], unit), metrics["interval"].get(key)
+    if interval is None or metrics[key] is None:
+        return text
+    low, high = (number(value, unit).removesuffix(f" {unit}") for value in interval)
+    return f"{text} ({low} to {high})"
+
+
+def headline_table(run: Run) -> Table:
+    header = ["", *run.metrics]
+    rows = [[title, *(_with_interval(m, key, unit) for m in run.metrics.values())] for title, key, unit in HEADLINE]
+    return header, rows
+
+
+def group_table(run: Run) -> Table:
+    header = ["joints", *(f"{name}, {what}" for name in run.metrics for what in ("within 10 cm", "mean error"))]
+    first = next(iter(run.metrics.values()))
+    rows = [
+        [
+            group,
+            *(
+                number(m["per_group"][group][key], unit)
+                for m in run.metrics.values()
+                for key, unit in (("map_10cm", "%"), ("mean_error_cm", "cm"))
+            ),
+        ]
+        for group in first["per_group"]
+    ]
+    return header, rows
+
+
+def _main_table(run: Run, part: str, title: str, rows: list[str]) -> Table:
+    metrics = next(iter(run.metrics.values()))[part]
+    header = [title, "images", "within 10 cm", "mean error", "median error", "visible joints (Eq. 16)", "missing"]
+    keys = ("mean_error_cm", "median_error_cm", "mean_pose_error_cm")
+    return header, [
+        [
+            row,
+            number(metrics[row]["images"]),
+            number(metrics[row]["map_10cm"], "%"),
+            *(number(metrics[row][key], "cm") for key in keys),
+            number(metrics[row]["missing_joints"]),
+        ]
+        for row in rows
+    ]
+
+
+def identity(run: Run) -> str:
+    """One sentence: what was judged on what, and against what."""
+    benchmark, main = run.benchmark, next(iter(run.metrics.values()))
+    evaluated = len(main["per_sequence"])
+    part = "" if evaluated == run.sequences_in_set else f" of {run.sequences_in_set}"
+    return (
+        f"{benchmark.name}: {benchmark.origin.value.upper()} depth, judged against {benchmark.truth}; "
+        f"{main['images']} images in {evaluated}{part} sequences."
+    )
+
+
+def remarks(run: Run) -> list[str]:
+    """What a reader must know to read the figures rightly."""
+    lines = [run.benchmark.about]
+    if run.benchmark.origin is Origin.SIMULATED:
+        lines.append("Nothing here was seen by a real sensor: the figures say nothing certain about real depth.")
+    chosen = len(next(iter(run.scored.values())).sequence_names) + len(run.failed)
+    if chosen < run.sequences_in_set:
+        lines.append(f"A quick look: {chosen} of {run.sequences_in_set} sequences, evenly spaced; no score of the set.")
+    if run.images_without_person:
+        lines.append(f"{run.images_without_person} images show nobody; their joints count as missing.")
+    lines += [f"Left out, could not be read: {name}: {reason}" for name, reason in run.failed.items()]
+    if next(iter(run.metrics.values()))["interval"]["map_10cm"]:
+        lines.append("In brackets: 95 % bootstrap intervals over sequences.")
+    return lines
+
+
+def terminal_table(run: Run) -> str:
+    """The headline and the joint groups, for a terminal."""
+    parts = [identity(run), *remarks(run)]
+    for header, rows in (headline_table(run), group_table(run)):
+        widths = [max(len(row[column]) for row in [header, *rows]) for column in range(len(header))]
+        lines = [
+            "  ".join([row[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True))])
+            for row in [header, *rows]
+        ]
+        parts += ["", *lines]
+    return "\n".join(parts) + "\n"
+
+
+def metrics_json(run: Run, config: EvaluateConfig, pictures: list[str]) -> dict:
+    """What metrics.json holds: the main estimator's figures, every estimator's under `estimators`, and what was judged.
+
+    `images` is the number of evaluated frames; `pictures` lists the picture files.
+    """
+    resolved = asdict(config)
+    canonical = json.dumps(resolved, sort_keys=True)
+    main, figures = next(iter(run.metrics.items()))
+    return {
+        "estimator": main,
+        **figures,
+        "benchmark": {
+            "name": run.benchmark.name,
+            "depth": run.benchmark.origin.value,
+            "against": run.benchmark.truth,
+            "about": run.benchmark.about,
+            "sequences": len(next(iter(run.scored.values())).sequence_names),
+            "sequences_in_set": run.sequences_in_set,
+            "failed_sequences": run.failed,
+            "images_without_person": run.images_without_person,
+        },
+        "estimators": run.metrics,
+        "pictures": pictures,
+        "checkpoint": config.checkpoint,
+        "config": resolved,
+        "config_hash": hashlib.sha256(canonical.encode()).hexdigest()[:12],
+        "git": git_revision(),
+        "made": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+
+
+def write_report(folder: Path, run: Run, config: EvaluateConfig) -> None:
+    """Writes pictures, metrics.json, report.md and report.html into the folder, which may be new."""
+    folder.mkdir(parents=True, exist_ok=True)
+    joint_bars(run).savefig(folder / "per_joint.png", dpi=110)
+    error_curve(run).savefig(folder / "error_curve.png", dpi=110)
+    save_png(folder / "examples.png", examples_sheet(run, config.seed))
+    pictures = ["examples.png", "per_joint.png", "error_curve.png"]
+    described = metrics_json(run, config, pictures)
+    (folder / "metrics.json").write_text(json.dumps(described, indent=2, allow_nan=False) + "\n")
+    blocks = report_blocks(run, described)
+    (folder / "report.md").write_text(as_markdown(blocks))
+    (folder / "report.html").write_text(as_html(blocks, title=f"kpopnet on {run.benchmark.name}"))
+
+
+def report_blocks(run: Run, described: dict) -> list[Block]:
+    main = next(iter(run.metrics.values()))
+    sequences = sorted(main["per_sequence"], key=lambda name: -(main["per_sequence"][name]["mean_error_cm"] or np.inf))
+    shown = sequences[:LONGEST_SEQUENCE_TABLE]
+    blocks: list[Block] = [
+        ("title", f"kpopnet on {run.benchmark.name}"),
+        ("text", identity(run)),
+        *(("text", line) for line in remarks(run)),
+        ("table", headline_table(run)),
+        ("heading", "Example frames"),
+        ("picture", ("examples.png", "Frames with true and estimated skeletons over the depth")),
+        ("heading", "Joints"),
+        ("table", group_table(run)),
+        ("picture", ("per_joint.png", "Mean error and share within 10 cm of each joint")),
+        ("picture", ("error_curve.png", "Share of joints within a distance of the truth")),
+    ]
+    if main["by_yaw"]:
+        blocks += [
+            ("heading", f"Where the person faces ({described['estimator']})"),
+            ("text", "Middles of eighths of the circle in degrees: 0 faces the camera, positive to the person's left."),
+            ("table", _main_table(run, "by_yaw", "heading", list(main["by_yaw"]))),
+        ]
+    of_all = f", the {len(shown)} worst of {len(sequences)}" if len(shown) < len(sequences) else ", worst first"
+    git = described["git"]
+    revision = f"{git['revision'][:12]}{' with changes' if git['dirty'] else ''}" if git else "unknown"
+    blocks += [
+        ("heading", f"Sequences{of_all} ({described['estimator']})"),
+        ("table", _main_table(run, "per_sequence", "sequence", shown)),
+        ("heading", "How this was made"),
+        (
+            "text",
+            f"Checkpoint {described['checkpoint'] or 'none'}; configuration {described['config_hash']}; code "
+            f"{revision}; {described['made']}. All figures: metrics.json; their definitions: "
+            "kpopnet/benchmarks/metrics.py.",
+        ),
+    ]
+    return blocks
+
+
+def as_markdown(blocks: list[Block]) -> str:
+    out = []
+    for kind, content in blocks:
+        match kind:
+            case "title":
+                out.append(f"# {content}")
+            case "heading":
+                out.append(f"## {content}")
+            case "text":
+                out.append(content)
+            case "picture":
+                out.append(f"![{content[1]}]({content[0]})")
+            case "table":
+                header, rows = content
+                rule = ["---", *["---:"] * (len(header) - 1)]
+                out.append("\n".join("| " + " | ".join(row) + " |" for row in [header, rule, *rows]))
+    return "\n\n".join(out) + "\n"
+
+
+PAGE = """<!doctype html>
+<html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{title}</title>
+<style>
+body {{ font: 16px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; color: #222; }}
+table {{ border-collapse: collapse; margin: 1rem 0; display: block; overflow-x: auto; }}
+td, th {{ padding: .25rem .8rem; border-bottom: 1px solid #ddd; text-align: right; }}
+td:first-child, th:first-child {{ text-align: left; }}
+img {{ max-width: 100%; }}
+</style>
+{body}
+</html>
+"""
+
+
+def as_html(blocks: list[Block], title: str) -> str:
+    out = []
+    for kind, content in blocks:
+        match kind:
+            case "title":
+                out.append(f"<h1>{html.escape(content)}</h1>")
+            case "heading":
+                out.append(f"<h2>{html.escape(content)}</h2>")
+            case "text":
+                out.append(f"<p>{html.escape(content)}</p>")
+            case "picture":
+                out.append(f'<p><img src="{html.escape(content[0])}" alt="{html.escape(content[1])}"></p>')
+            case "table":
+                header, rows = content
+                lines = ["".join(f"<th>{html.escape(cell)}</th>" for cell in header)]
+                lines += ["".join(f"<td>{html.escape(cell)}</td>" for cell in row) for row in rows]
+                out.append("<table>\n" + "\n".join(f"<tr>{line}</tr>" for line in lines) + "\n</table>")
+    return PAGE.format(title=html.escape(title), body="\n".join(out))

@@ -1,0 +1,232 @@
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from shard_sets import write_shard
+
+from kpopnet.benchmarks.evaluation import EvaluateConfig, run_benchmark
+from kpopnet.benchmarks.pictures import example_frames
+from kpopnet.benchmarks.report import terminal_table, write_report
+from kpopnet.benchmarks.synthetic import SyntheticBenchmark, SyntheticConfig
+from kpopnet.camera import Camera
+from kpopnet.drawing import (
+    BACKGROUND,
+    ESTIMATED,
+    TRUE,
+    depth_picture,
+    draw_skeleton,
+    person_tile,
+    person_view,
+    probability_picture,
+)
+from kpopnet.errors import InputError
+from kpopnet.estimators import Estimate
+from kpopnet.mean_pose import MeanPoseEstimator
+from kpopnet.networks.cube import person_centre
+from kpopnet.skeleton import JOINT_NAMES, Joint
+
+
+class Shifted:
+    """Everybody's joints in the middle of the silhouette, frame k off by a known distance."""
+
+    name = "shifted"
+
+    def __init__(self, poses: np.ndarray, step_m: float) -> None:
+        self.poses, self.step_m, self.calls = poses, step_m, []
+
+    def estimate(self, depth_m, camera):
+        self.calls.append(len(depth_m))
+        joints = np.full((len(depth_m), 15, 3), np.nan, np.float32)
+        for k, image in enumerate(depth_m):
+            if image.any():
+                joints[k] = self.poses + person_centre(image, camera) + [0, 0, self.step_m * k]
+        return Estimate(joints, np.isfinite(joints).all(-1).astype(np.float32))
+
+
+@pytest.fixture
+def benchmark(tmp_path):
+    write_shard(tmp_path / "set", [1, 1, 1, 2, 2, 3, 3, 3], empty=(4,))
+    return SyntheticBenchmark(SyntheticConfig(path=str(tmp_path / "set")))
+
+
+@pytest.fixture
+def pose(benchmark):
+    """(15, 3) joints about the person's centre, the same in every sample."""
+    sequence = benchmark.read(benchmark.sequence_names()[0])
+    return sequence.joints_camera_m[0] - person_centre(sequence.depth_m[0], sequence.camera)
+
+
+def config(**changes) -> EvaluateConfig:
+    return EvaluateConfig(benchmark={"name": "synthetic"}, estimator={"shifted": {}}, **changes)
+
+
+def test_metrics_json_says_what_was_judged_and_how_far_off(benchmark, pose, tmp_path):
+    estimators = {"shifted": Shifted(pose, 0.06), "mean_pose": MeanPoseEstimator(pose)}
+    run = run_benchmark(benchmark, estimators)
+    write_report(tmp_path / "report", run, config(checkpoint="some/where"))
+    found = json.loads((tmp_path / "report" / "metrics.json").read_text())
+    assert found["images"] == 8 and found["estimator"] == "shifted" and found["checkpoint"] == "some/where"
+    # 0, 6, 12 cm in the first and last sequence, 0 and nobody in the middle one.
+    assert found["mean_error_cm"] == pytest.approx((2 * (0 + 6 + 12) + 0) / 7, abs=0.1)
+    assert found["map_10cm"] == pytest.approx(5 / 8)
+    assert found["missing"] == {"joints": 15, "of_labelled_joints": 120, "images_without_estimate": 1}
+    assert found["estimators"]["shifted"]["mean_error_cm"] == found["mean_error_cm"]
+    assert found["estimators"]["mean_pose"]["mean_error_cm"] == pytest.approx(0, abs=0.1)
+    assert found["benchmark"]["depth"] == "simulated" and found["benchmark"]["against"] == "synthetic truth"
+    assert found["benchmark"]["images_without_person"] == 1
+    assert set(found["per_joint"]) == set(JOINT_NAMES) and len(found["per_sequence"]) == 3 and found["by_yaw"]
+    assert len(found["config_hash"]) == 12 and found["fps"] > 0 and "git" in found
+    assert all((tmp_path / "report" / picture).stat().st_size > 1000 for picture in found["pictures"])
+    low, high = found["interval"]["mean_error_cm"]
+    assert low < found["mean_error_cm"] < high
+
+
+def test_reports_name_truth_origin_and_have_only_pictures_that_are_there(benchmark, pose, tmp_path):
+    run = run_benchmark(benchmark, {"shifted": Shifted(pose, 0.06)}, sequences=2)
+    write_report(tmp_path, run, config(sequences=2))
+    page, text = (tmp_path / "report.html").read_text(), (tmp_path / "report.md").read_text()
+    for report in (page, text, terminal_table(run)):
+        assert "SIMULATED depth, judged against synthetic truth" in report
+        assert "2 of 3 sequences, evenly spaced" in report and "synthetic:" in report
+    sources = re.findall(r'(?:src|href)="([^"]*)"', page)
+    assert sources == re.findall(r"!\[[^]]*\]\(([^)]*)\)", text) and len(sources) == 3
+    assert all((tmp_path / source).is_file() for source in sources)
+    parser = TagBalance()
+    parser.feed(page)
+    assert not parser.open
+
+
+class TagBalance(HTMLParser):
+    """Fails on a tag closed out of order; `open` lists those never closed."""
+
+    def __init__(self):
+        super().__init__()
+        self.open = []
+
+    def handle_starttag(self, tag, attrs):
+        if tag not in ("meta", "img"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def test_a_sequence_that_cannot_be_read_does_not_take_the_others_with_it(benchmark, pose, tmp_path, monkeypatch):
+    broken, read = benchmark.sequence_names()[1], benchmark.read
+
+    def torn(name):
+        if name == broken:
+            raise InputError("torn.mat: not <whole>")
+        return read(name)
+
+    monkeypatch.setattr(benchmark, "read", torn)
+    run = run_benchmark(benchmark, {"shifted": Shifted(pose, 0)})
+    assert run.failed == {broken: "torn.mat: not <whole>"}
+    assert run.scored["shifted"].sequence_names == tuple(n for n in benchmark.sequence_names() if n != broken)
+    write_report(tmp_path, run, config())
+    assert f"{broken}: torn.mat: not &lt;whole&gt;" in (tmp_path / "report.html").read_text()
+    assert f"{broken}: torn.mat" in terminal_table(run)
+    monkeypatch.setattr(benchmark, "read", lambda name: torn(broken))
+    with pytest.raises(InputError, match=r"none of its 3 sequences.*torn\.mat"):
+        run_benchmark(benchmark, {"shifted": Shifted(pose, 0)})
+
+
+def test_one_uncounted_call_then_one_call_a_sequence(benchmark, pose):
+    estimator = Shifted(pose, 0)
+    run_benchmark(benchmark, {"shifted": estimator})
+    assert estimator.calls == [1, 3, 2, 3]
+
+
+def test_examples_are_the_best_the_middle_and_the_worst(benchmark, pose):
+    run = run_benchmark(benchmark, {"shifted": Shifted(pose, 0.06)})
+    examples = example_frames(run, seed=0)
+    assert examples["worst"][0] == 4  # nobody found there
+    assert set(examples["best"][:3]) == {0, 3, 5} and set(examples["worst"][1:3]) == {2, 7}
+    assert all(len(set(frames)) == len(frames) for frames in examples.values())
+    assert examples == example_frames(run, seed=0)
+
+
+def test_mean_pose_follows_the_person_and_knows_an_empty_frame(benchmark, pose):
+    sequence = benchmark.read(benchmark.sequence_names()[1])
+    estimate = MeanPoseEstimator(pose).estimate(sequence.depth_m, sequence.camera)
+    centre = person_centre(sequence.depth_m[0], sequence.camera)
+    np.testing.assert_allclose(estimate.joints_camera_m[0], centre + pose, atol=1e-6)
+    assert np.isnan(estimate.joints_camera_m[1]).all()
+    assert (estimate.confidence == [[1.0] * 15, [0.0] * 15]).all()
+
+
+CAMERA = Camera.centred(100.0, 80, 60)
+
+
+def lone(joint: Joint, at) -> np.ndarray:
+    joints = np.full((15, 3), np.nan)
+    joints[joint] = at
+    return joints
+
+
+@pytest.mark.parametrize("scale", [1, 4])
+def test_a_joint_is_drawn_where_the_camera_sees_it_in_its_sides_colour(scale):
+    for joint, colour in (
+        (Joint.RIGHT_HAND, ESTIMATED.right),
+        (Joint.LEFT_FOOT, ESTIMATED.left),
+        (8, ESTIMATED.middle),
+    ):
+        picture = np.zeros((60 * scale, 80 * scale, 3), np.uint8)
+        draw_skeleton(picture, lone(joint, CAMERA.back_project(np.array([61, 22, 2.0]))), CAMERA, ESTIMATED)
+        rows, columns = np.nonzero(picture.any(axis=-1))
+        assert (rows.mean(), columns.mean()) == pytest.approx(((22.5) * scale - 0.5, (61.5) * scale - 0.5), abs=0.6)
+        assert tuple(picture[round(rows.mean()), round(columns.mean())]) == colour
+
+
+def test_bones_join_joints_and_true_and_estimated_differ():
+    joints = np.full((15, 3), np.nan)
+    joints[Joint.LEFT_ELBOW], joints[Joint.LEFT_HAND] = CAMERA.back_project(np.array([[10, 30, 2.0], [70, 30, 2.0]]))
+    pictures = []
+    for style in (TRUE, ESTIMATED):
+        picture = np.zeros((60, 80, 3), np.uint8)
+        draw_skeleton(picture, joints, CAMERA, style)
+        assert tuple(picture[30, 40]) == style.left
+        pictures.append(picture)
+    assert (pictures[0] != pictures[1]).any()
+
+
+def test_what_cannot_be_drawn_is_left_out():
+    picture = np.zeros((60, 80, 3), np.uint8)
+    joints = np.full((15, 3), np.nan)
+    joints[0], joints[1] = (0, 0, -1), (0, 0, 0)
+    joints[2], joints[3] = (1e9, 0, 1), (np.inf, 0, 1)
+    draw_skeleton(picture, joints, CAMERA, ESTIMATED)
+    assert not picture.any()
+
+
+def test_near_is_lighter_than_far_and_nothing_is_background():
+    depth = np.zeros((4, 6), np.float32)
+    depth[1, 1:5] = 2.0, 2.2, 2.4, 2.6
+    greys = depth_picture(depth)
+    assert tuple(greys[0, 0]) == BACKGROUND
+    assert (np.diff(greys[1, 1:5, 0].astype(int)) < 0).all() and greys[1, 4, 0] > BACKGROUND[0]
+    assert (depth_picture(np.zeros((4, 6), np.float32)) == BACKGROUND).all()
+    assert probability_picture(np.array([[0.0, 1.0]])).sum(-1).tolist() == [[0, 765]]
+
+
+def test_person_view_keeps_its_camera_true_even_over_the_images_border():
+    depth = np.zeros((60, 80), np.float32)
+    depth[0:40, 60:80] = 2.0
+    view, camera = person_view(depth, CAMERA)
+    assert view.shape[0] == view.shape[1] == camera.width == camera.height
+    whole, part = CAMERA.points(depth)[depth > 0], camera.points(view)[view > 0]
+    np.testing.assert_allclose(part, whole, atol=1e-6)
+    joints = np.full((15, 3), np.nan)
+    empty, _ = person_view(np.zeros((60, 80), np.float32), CAMERA, (joints,))
+    assert not empty.any()
+
+
+def test_tiles_have_one_size_whatever_they_show():
+    joints = lone(Joint.HEAD, (0, 0, 2))
+    shapes = {
+        person_tile(depth, CAMERA, ((joints, TRUE), (joints * np.nan, ESTIMATED)), 96, ("a", "b" * 80)).shape
+        for depth in (np.zeros((60, 80), np.float32), np.full((60, 80), 2, np.float32))
+    }
+    assert shapes == {(96 + 36, 96, 3)}

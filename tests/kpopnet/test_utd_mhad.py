@@ -1,0 +1,170 @@
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from kpopnet.benchmarks.utd_mhad import (
+    KINECT_JOINTS,
+    STORED_CAMERA,
+    UtdMhadBenchmark,
+    UtdMhadConfig,
+    estimate_lag,
+)
+from kpopnet.errors import InputError
+from kpopnet.skeleton import Joint
+
+REAL = Path(__file__).parents[3] / "shared" / "real" / "UTD-MHAD"
+FRAMES = 24
+
+
+def kinect_person(frames: int) -> np.ndarray:
+    """(T, 20, 3) in the stored axes (y up, mirrored: right has x > 0): standing, the right hand sweeps up and down."""
+    at = {
+        "head": (0, 0.65, 2.8), "shoulder_center": (0, 0.4, 2.8), "spine": (0, 0.0, 2.8), "hip_center": (0, -0.05, 2.8),
+        "shoulder": (0.2, 0.35, 2.8), "elbow": (0.3, 0.1, 2.8), "wrist": (0.35, -0.1, 2.8), "hand": (0.35, -0.2, 2.8),
+        "hip": (0.1, -0.1, 2.8), "knee": (0.12, -0.5, 2.8), "ankle": (0.12, -0.8, 2.8), "foot": (0.14, -0.85, 2.7),
+    }  # fmt: skip
+    rest = np.array(
+        [
+            np.array(at[name.split("_", 1)[1] if name[:4] in ("left", "righ") else name])
+            * [-1 if name.startswith("left") else 1, 1, 1]
+            for name in KINECT_JOINTS
+        ]
+    )
+    skeleton = np.repeat(rest[None], frames, axis=0)
+    swing = 0.5 * np.sin(np.arange(frames) * 0.5)
+    for name in ("right_wrist", "right_hand"):
+        skeleton[:, KINECT_JOINTS.index(name), 1] += swing
+    return skeleton
+
+
+def depth_of(skeleton: np.ndarray) -> np.ndarray:
+    """(T, 240, 320) uint16 mm: a square of pixels about every joint."""
+    depth = np.zeros((len(skeleton), 240, 320), np.uint16)
+    for frame, joints in enumerate(skeleton * [1, -1, 1]):
+        for u, v, z in STORED_CAMERA.project(joints):
+            row, column = round(v), round(u)
+            depth[frame, row - 2 : row + 3, column - 2 : column + 3] = round(1000 * z)
+    return depth
+
+
+def write(folder: Path, name: str, depth: np.ndarray, skeleton: np.ndarray) -> None:
+    for kind in ("Depth", "Skeleton"):
+        (folder / kind).mkdir(parents=True, exist_ok=True)
+    savemat(folder / "Depth" / f"{name}_depth.mat", {"d_depth": depth.transpose(1, 2, 0)})
+    savemat(folder / "Skeleton" / f"{name}_skeleton.mat", {"d_skel": skeleton.transpose(1, 2, 0)})
+
+
+def benchmark(folder: Path, lag: int | None = None) -> UtdMhadBenchmark:
+    return UtdMhadBenchmark(UtdMhadConfig(path=str(folder), lag=lag))
+
+
+@pytest.mark.parametrize("lag", [-3, -2, -1, 0])
+def test_labels_are_laid_on_the_depth_they_belong_to(tmp_path, lag):
+    person = kinect_person(FRAMES)
+    # Row t + lag of the skeleton shows what depth frame t shows.
+    write(tmp_path, "a3_s1_t1", depth_of(person), np.roll(person, lag, axis=0))
+    sequence = benchmark(tmp_path).read("a3_s1_t1")
+    inner = slice(4, -4)
+    hand = person[:, KINECT_JOINTS.index("right_hand")]
+    np.testing.assert_allclose(
+        sequence.joints_camera_m[inner, Joint.RIGHT_HAND], (hand * [-1, -1, 1])[inner], atol=1e-6
+    )
+    unlabelled = np.arange(FRAMES) < -lag
+    assert (np.isnan(sequence.joints_camera_m).all(axis=(1, 2)) == unlabelled).all()
+    assert (sequence.visible.any(axis=1) == ~unlabelled).all()
+
+
+def test_person_is_unmirrored_and_every_joint_lies_on_its_pixels(tmp_path):
+    person = kinect_person(FRAMES)
+    write(tmp_path, "a3_s12_t1", depth_of(person), person)
+    sequence = benchmark(tmp_path, lag=0).read("a3_s12_t1")
+    joints = sequence.joints_camera_m
+    assert sequence.identity == "s12" and sequence.fps == 30 and joints.shape == (FRAMES, 15, 3)
+    # Who faces the camera has the right hand on the image's left, and up is towards row 0.
+    uvz = sequence.camera.project(joints)
+    assert (uvz[:, Joint.RIGHT_HAND, 0] < uvz[:, Joint.LEFT_HAND, 0]).all()
+    assert (uvz[:, Joint.HEAD, 1] < uvz[:, Joint.LEFT_FOOT, 1]).all()
+    assert np.ptp(joints[:, Joint.RIGHT_HAND, 1]) > 0.9 and np.ptp(joints[:, Joint.LEFT_HAND, 1]) == 0
+    for joint in set(Joint) - {Joint.TORSO}:
+        for frame in range(FRAMES):
+            u, v, z = uvz[frame, joint]
+            assert sequence.depth_m[frame, round(v), round(u)] == pytest.approx(z, abs=1e-3)
+    corners = joints[:, [Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.RIGHT_HIP, Joint.LEFT_HIP]]
+    np.testing.assert_allclose(joints[:, Joint.TORSO], corners.mean(axis=1), atol=1e-6)
+
+
+def test_absent_joints_are_nan_and_invisible(tmp_path):
+    person = kinect_person(FRAMES)
+    person[3, KINECT_JOINTS.index("head")] = 0
+    person[4, KINECT_JOINTS.index("left_hip")] = np.nan  # and with it the torso
+    write(tmp_path, "a1_s1_t1", depth_of(kinect_person(FRAMES)), person)
+    sequence = benchmark(tmp_path, lag=0).read("a1_s1_t1")
+    gone = np.zeros((FRAMES, 15), bool)
+    gone[3, Joint.HEAD] = gone[4, Joint.LEFT_HIP] = gone[4, Joint.TORSO] = True
+    assert (np.isnan(sequence.joints_camera_m).all(-1) == gone).all() and (sequence.visible == ~gone).all()
+
+
+def test_lag_of_a_sequence_without_depth_is_the_commonest():
+    assert estimate_lag(np.zeros((5, 240, 320), np.float32), kinect_person(5) * [1, -1, 1]) == -2
+
+
+def test_sequences_are_listed_by_number(tmp_path):
+    for name in ("a10_s1_t1", "a2_s1_t1", "a2_s1_t10", "a2_s1_t9"):
+        write(tmp_path, name, depth_of(kinect_person(1)), kinect_person(1))
+    assert benchmark(tmp_path).sequence_names() == ["a2_s1_t1", "a2_s1_t9", "a2_s1_t10", "a10_s1_t1"]
+
+
+def test_odd_files_are_named(tmp_path):
+    person = kinect_person(4)
+    name = "a1_s1_t1"
+    depth_file, skeleton_file = tmp_path / "Depth" / f"{name}_depth.mat", tmp_path / "Skeleton" / f"{name}_skeleton.mat"
+
+    def complaint() -> str:
+        with pytest.raises(InputError) as caught:
+            benchmark(tmp_path).read(name)
+        return str(caught.value)
+
+    write(tmp_path, name, depth_of(person), person[:, :15])
+    assert str(skeleton_file) in complaint() and "(20, 3, T)" in complaint()
+    skeleton_file.unlink()
+    assert f"{skeleton_file}: no such file" in complaint()
+    write(tmp_path, name, depth_of(person).astype(np.int8), person)
+    assert str(depth_file) in complaint() and "int8" in complaint()
+    write(tmp_path, name, depth_of(person)[:, :, :100], person)
+    assert "100x240" in complaint()
+    savemat(depth_file, {"other": np.zeros(3)})
+    assert "d_depth" in complaint() and "other" in complaint()
+    write(tmp_path, name, depth_of(person), person)
+    depth_file.write_bytes(depth_file.read_bytes()[:1000])
+    assert str(depth_file) in complaint() and "not a whole MATLAB file" in complaint()
+    depth_file.write_bytes(b"not MATLAB")
+    assert str(depth_file) in complaint()
+    with pytest.raises(InputError, match="no Depth/"):
+        benchmark(tmp_path / "nowhere")
+    with pytest.raises(InputError, match=r"benchmark\.path=PATH"):
+        UtdMhadBenchmark(UtdMhadConfig())
+
+
+@pytest.mark.skipif(not REAL.exists(), reason="needs part of UTD-MHAD")
+def test_real_labels_lie_on_real_people_and_lead_as_measured():
+    rows = csv.reader((REAL / "lag.csv").read_text().splitlines()[1:])
+    measured = {row[0]: int(row[2]) for row in rows}
+    real = benchmark(REAL)
+    names = [name for name in real.sequence_names() if name.endswith("s1_t1")][::4]
+    lags = []
+    for name in names:
+        depth_m, skeleton_m = real._read_depth(name), real._read_skeleton(name)
+        lags.append((estimate_lag(depth_m, skeleton_m), measured[name]))
+        sequence = real.read(name)
+        uvz = sequence.camera.project(sequence.joints_camera_m[10:-10, [Joint.TORSO, Joint.NECK]])
+        at = np.round(uvz[..., :2]).astype(int)
+        frames = np.arange(10, len(sequence.depth_m) - 10)[:, None]
+        surface = sequence.depth_m[frames, at[..., 1], at[..., 0]]
+        assert (surface > 0).mean() > 0.95, name
+        # Inside the body: behind the surface, if not behind an arm, by less than its thickness.
+        assert np.median(np.abs(uvz[..., 2] - surface)) < 0.15, name
+    assert all(abs(found - known) <= 1 for found, known in lags)
+    assert sum(found == known for found, known in lags) >= 6

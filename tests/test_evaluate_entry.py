@@ -1,0 +1,95 @@
+"""evaluate.py as a user runs it: the real configuration, a tiny set, an untrained network."""
+
+import json
+import os
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
+from shard_sets import write_shard
+
+from kpopnet.benchmarks.evaluation import MeanPoseConfig, NetworkEstimatorConfig, build_estimators
+from kpopnet.checkpoint import save_checkpoint
+from kpopnet.errors import InputError
+from kpopnet.mean_pose import MeanPoseEstimator
+from kpopnet.networks import ModelConfig, build_network
+from kpopnet.networks.estimator import NetworkEstimator
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """A folder with a frozen set in `set`, a clean one in `clean`, and a checkpoint in `run/last`."""
+    folder = tmp_path_factory.mktemp("evaluate")
+    write_shard(folder / "set", [1, 1, 2, 2, 3], empty=(1,))
+    write_shard(folder / "clean", [1], kind="clean")
+    model = ModelConfig(kind="dense", head="integral", crop_px=32, widths=[8, 8, 8, 8])
+    pose = np.stack([np.zeros(15), np.linspace(-0.6, 0.6, 15), np.full(15, 0.1)], axis=-1)
+    meta = {"step": 1, "config": {}, "metrics": {}, "mean_pose_m": pose.tolist()}
+    save_checkpoint(folder / "run", build_network(model), {}, meta, best=True)
+    return folder
+
+
+def evaluate(place: Path, *overrides: str) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        [sys.executable, str(ROOT / "evaluate.py"), *overrides],
+        cwd=place,
+        capture_output=True,
+        text=True,
+        env=os.environ | {"OMP_NUM_THREADS": "1"},
+    )
+
+
+def test_a_report_is_written_where_hydra_is_told_to_with_the_baseline_beside_the_network(place):
+    done = evaluate(place, "checkpoint=run/last", "benchmark.path=set", "hydra.run.dir=out")
+    assert done.returncode == 0, done.stderr
+    found = json.loads((place / "out" / "metrics.json").read_text())
+    assert list(found["estimators"]) == ["network", "mean_pose"] and found["estimator"] == "network"
+    assert found["images"] == 5 and found["missing"]["images_without_estimate"] == 1
+    assert found["benchmark"]["name"] == "synthetic" and found["config"]["benchmark"]["path"] == "set"
+    assert "SIMULATED" in done.stdout and "out/report.html" in done.stdout and "mean_pose" in done.stdout
+    files = {path.name for path in (place / "out").iterdir()} - {".hydra"}
+    assert files == {"metrics.json", "report.md", "report.html", "examples.png", "per_joint.png", "error_curve.png"}
+
+
+def test_estimators_come_in_the_order_they_are_listed(place):
+    runpy.run_path(str(ROOT / "evaluate.py"), run_name="evaluate")
+    with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
+        for listed in (["network"], ["mean_pose", "network"], ["network", "mean_pose"]):
+            overrides = [f"estimator=[{','.join(listed)}]", f"checkpoint={place / 'run' / 'last'}"]
+            config = OmegaConf.to_object(compose("evaluate", overrides))
+            assert list(config.estimator) == listed
+            built = build_estimators(config.estimator)
+            assert list(built) == (listed if len(listed) == 2 else ["network", "mean_pose"])
+            assert isinstance(built["mean_pose"], MeanPoseEstimator)
+            assert isinstance(built["network"], NetworkEstimator)
+
+
+def test_a_missing_or_foreign_checkpoint_is_named(tmp_path):
+    for configs in ({"network": NetworkEstimatorConfig()}, {"mean_pose": MeanPoseConfig()}):
+        with pytest.raises(InputError, match="checkpoint=outputs"):
+            build_estimators(configs)
+    (tmp_path / "meta.json").write_text('{"format": "other"}')
+    with pytest.raises(InputError, match=r"meta\.json: expected a kpopnet-checkpoint"):
+        build_estimators({"network": NetworkEstimatorConfig(checkpoint=str(tmp_path))})
+    with pytest.raises(InputError, match="at least one"):
+        build_estimators({})
+
+
+@pytest.mark.parametrize(
+    ("overrides", "complaint"),
+    [
+        (["checkpoint=nowhere", "benchmark.path=set"], "nowhere"),
+        (["checkpoint=run/last", "benchmark.pathh=set"], "pathh"),
+    ],
+)
+def test_a_users_mistake_ends_with_one_line(place, overrides, complaint):
+    done = evaluate(place, *overrides, "hydra.run.dir=mistake")
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: ") and done.stderr.count("\n") == 1 and complaint in done.stderr
