@@ -18,11 +18,11 @@ $(READY): pyproject.toml constraints.txt
 	touch $@
 
 demo: $(READY)
-	$(BIN)/python -m synth preset=demo out=data/demo
-	$(BIN)/python train.py data.train=data/demo/train data.validation=data/demo/validation training=demo \
-		hydra.run.dir=$(DEMO)/train
-	$(BIN)/python evaluate.py benchmark=synthetic benchmark.path=data/demo/test estimator.network.checkpoint=$(DEMO)/train/checkpoint \
-		hydra.run.dir=$(DEMO)
+	$(BIN)/python -m synth preset=demo
+	rm -rf $(DEMO)
+	$(BIN)/python train.py data.train=data/demo/train data.validation=data/demo/validation \
+		training=demo hydra.run.dir=$(DEMO)/training
+	$(BIN)/python evaluate.py checkpoint=$(DEMO)/training/best benchmark.path=data/demo/test hydra.run.dir=$(DEMO)
 
 test: $(READY)
 	$(BIN)/python -m pytest

@@ -51,6 +51,7 @@ def test_a_report_is_written_where_hydra_is_told_to_with_the_baseline_beside_the
     assert done.returncode == 0, done.stderr
     found = json.loads((place / "out" / "metrics.json").read_text())
     assert list(found["estimators"]) == ["network", "mean_pose"] and found["estimator"] == "network"
+    assert found["mean_pose_error_cm"] == found["estimators"]["mean_pose"]["mean_error_cm"] > 0
     assert found["images"] == 5 and found["missing"]["images_without_estimate"] == 1
     assert found["benchmark"]["name"] == "synthetic" and found["config"]["benchmark"]["path"] == "set"
     assert "SIMULATED" in done.stdout and "out/report.html" in done.stdout and "mean_pose" in done.stdout

@@ -87,7 +87,7 @@ def median_error_m(errors_m: np.ndarray) -> float:
     return float(np.median(found)) if found.size else float("nan")
 
 
-def mean_pose_error_m(errors_m: np.ndarray, visible: np.ndarray) -> float:
+def average_pose_error_m(errors_m: np.ndarray, visible: np.ndarray) -> float:
     """The paper's average pose error: the mean over the visible joints with truth and estimate.
 
     The sum over frames and their visible joints is divided by the number of terms, so a frame in which much is seen
@@ -119,7 +119,7 @@ def summary(errors_m: np.ndarray, visible: np.ndarray) -> dict:
         "map_10cm": _plain(share_within(errors_m, 0.10)),
         "mean_error_cm": _plain(100 * mean_error_m(errors_m)),
         "median_error_cm": _plain(100 * median_error_m(errors_m)),
-        "mean_pose_error_cm": _plain(100 * mean_pose_error_m(errors_m, visible)),
+        "average_pose_error_cm": _plain(100 * average_pose_error_m(errors_m, visible)),
         "labelled_joints": int((~np.isnan(errors_m)).sum()),
         "missing_joints": int(np.isinf(errors_m).sum()),
     }
@@ -141,7 +141,7 @@ def evaluate(scored: Scored, seed: int = 0) -> dict:
         return summary(errors_m[:, columns], visible[:, columns])
 
     return summary(errors_m, visible) | {
-        "mean_pose_error_no_offset_cm": _plain(100 * mean_pose_error_m(without_offsets(scored), visible)),
+        "average_pose_error_no_offset_cm": _plain(100 * average_pose_error_m(without_offsets(scored), visible)),
         "pck": {f"{100 * limit:.0f}cm": _plain(share_within(errors_m, limit)) for limit in THRESHOLDS_M},
         "pck_area_20cm": _plain(area_under_curve(errors_m)),
         "interval": intervals(errors_m, visible, scored.sequence, seed),
@@ -184,7 +184,7 @@ def intervals(errors_m: np.ndarray, visible: np.ndarray, sequence: np.ndarray, s
     ratios = {
         "map_10cm": (errors_m < 0.10, labelled, 1),
         "mean_error_cm": (np.where(found, errors_m, 0), found, 100),
-        "mean_pose_error_cm": (np.where(seen, errors_m, 0), seen, 100),
+        "average_pose_error_cm": (np.where(seen, errors_m, 0), seen, 100),
     }
     _, row = np.unique(sequence, return_inverse=True)
     count = row.max(initial=-1) + 1

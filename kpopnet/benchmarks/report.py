@@ -26,8 +26,8 @@ HEADLINE = (
     ("within 10 cm (mAP)", "map_10cm", "%"),
     ("mean error", "mean_error_cm", "cm"),
     ("median error", "median_error_cm", "cm"),
-    ("mean error of visible joints (Eq. 16)", "mean_pose_error_cm", "cm"),
-    ("the same, constant offsets taken out", "mean_pose_error_no_offset_cm", "cm"),
+    ("mean error of visible joints (Eq. 16)", "average_pose_error_cm", "cm"),
+    ("the same, constant offsets taken out", "average_pose_error_no_offset_cm", "cm"),
     ("area under the curve, 0 to 20 cm", "pck_area_20cm", "%"),
     ("missing joints", "missing_joints", ""),
     ("frames per second", "fps", ""),
@@ -83,7 +83,7 @@ def group_table(run: Run) -> Table:
 def _main_table(run: Run, part: str, title: str, rows: list[str]) -> Table:
     metrics = next(iter(run.metrics.values()))[part]
     header = [title, "images", "within 10 cm", "mean error", "median error", "visible joints (Eq. 16)", "missing"]
-    keys = ("mean_error_cm", "median_error_cm", "mean_pose_error_cm")
+    keys = ("mean_error_cm", "median_error_cm", "average_pose_error_cm")
     return header, [
         [
             row,
@@ -139,7 +139,8 @@ def terminal_table(run: Run) -> str:
 def metrics_json(run: Run, config: EvaluateConfig, pictures: list[str]) -> dict:
     """What metrics.json holds: the main estimator's figures, every estimator's under `estimators`, and what was judged.
 
-    `images` is the number of evaluated frames; `pictures` lists the picture files.
+    `images` is the number of evaluated frames; `pictures` lists the picture files; `mean_pose_error_cm` is the mean joint
+    error of the constant mean pose, null where none is known.
     """
     resolved = asdict(config)
     canonical = json.dumps(resolved, sort_keys=True)
@@ -147,6 +148,7 @@ def metrics_json(run: Run, config: EvaluateConfig, pictures: list[str]) -> dict:
     return {
         "estimator": main,
         **figures,
+        "mean_pose_error_cm": run.metrics.get("mean_pose", {}).get("mean_error_cm"),
         "benchmark": {
             "name": run.benchmark.name,
             "depth": run.benchmark.origin.value,

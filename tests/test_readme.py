@@ -1,0 +1,85 @@
+"""The README is code: its commands compose, its programs run, and what its map names exists."""
+
+import importlib
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text()
+
+
+def fenced(language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
+
+
+def commands() -> list[list[str]]:
+    """Every command line of the README, without its comment."""
+    lines = [line for block in fenced("sh") for line in block.splitlines() if line.strip()]
+    lines += re.findall(r"`(python [^`]+)`", README)
+    return [words for line in lines if (words := shlex.split(line.replace("...", ""), comments=True))]
+
+
+def hydra_commands() -> list[list[str]]:
+    programs = (["python", "-m", "synth"], ["python", "train.py"], ["python", "evaluate.py"])
+    found = []
+    for words in commands():
+        program = next((program for program in programs if words[: len(program)] == program), None)
+        if program:
+            found.append([*program[1:], *(word for word in words[len(program) :] if word not in ("-m", "--cfg", "job"))])
+    assert len(found) > 10
+    return found
+
+
+@pytest.mark.parametrize("words", hydra_commands(), ids=" ".join)
+def test_the_settings_in_every_command_compose(words: list[str]) -> None:
+    # A launcher and lists of values belong to a multirun; what each run gets must compose.
+    words = [word.split(",")[0].rstrip("'\"") for word in words if not word.startswith("hydra/launcher")]
+    done = subprocess.run(
+        [sys.executable, *words, "--cfg", "job"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_make_knows_the_targets_that_are_named() -> None:
+    makefile = (ROOT / "Makefile").read_text()
+    targets = {words[1] for words in commands() if words[0] == "make"} | set(re.findall(r"`make (\w+)`", README))
+    assert {"demo", "test", "speed", "lint"} <= targets
+    assert all(re.search(rf"^{target}:", makefile, re.MULTILINE) for target in targets)
+
+
+def test_the_program_in_the_readme_names_what_exists() -> None:
+    (program,) = fenced("python")
+    imports = [line for line in program.splitlines() if line.startswith(("from ", "import "))]
+    names: dict = {}
+    exec("\n".join(imports), names)
+    used = set(re.findall(r"\b(NetworkEstimator|CAMERAS)\b", program))
+    assert used == {"NetworkEstimator", "CAMERAS"} <= names.keys()
+    assert "kinect_v1" in names["CAMERAS"]
+
+
+def test_the_map_from_the_paper_leads_somewhere() -> None:
+    table = README[README.index("| paper | here |") :].split("\n\n")[0]
+    places = re.findall(r"`([^`]+)`", table)
+    assert len(places) > 8
+    for place in places:
+        if "/" in place:
+            assert (ROOT / place).exists(), place
+            continue
+        module, _, name = place.rpartition(".")
+        assert hasattr(importlib.import_module(module), name), place
+
+
+def test_links_and_pictures_are_there() -> None:
+    for target in re.findall(r"\]\(([^)#]+)\)", README):
+        if "://" not in target:
+            assert (ROOT / target).exists(), target
+
+
+@pytest.mark.parametrize("path", ["LICENSE", "NOTICE", "constraints.txt", "synth/assets/README.md", ".ci/run"])
+def test_what_a_user_must_find_is_there(path: str) -> None:
+    assert (ROOT / path).stat().st_size > 100
