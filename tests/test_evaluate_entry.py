@@ -29,7 +29,7 @@ def place(tmp_path_factory):
     folder = tmp_path_factory.mktemp("evaluate")
     write_shard(folder / "set", [1, 1, 2, 2, 3], empty=(1,))
     write_shard(folder / "clean", [1], kind="clean")
-    model = ModelConfig(kind="dense", head="integral", crop_px=32, widths=[8, 8, 8, 8])
+    model = ModelConfig(kind="dense", crop_px=32, widths=[8, 8, 8, 8])
     pose = np.stack([np.zeros(15), np.linspace(-0.6, 0.6, 15), np.full(15, 0.1)], axis=-1)
     meta = {"step": 1, "config": {}, "metrics": {}, "mean_pose_m": pose.tolist()}
     save_checkpoint(folder / "run", build_network(model), {}, meta, best=True)

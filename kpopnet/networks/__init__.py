@@ -11,12 +11,12 @@ import torch
 from torch import Tensor, nn
 
 from kpopnet.errors import InputError
-from kpopnet.networks.dense import DENSE_HEADS
+from kpopnet.networks.dense import DenseHead
 from kpopnet.networks.encoder import STRIDES, Encoder
 from kpopnet.networks.holistic import HolisticHead
 from kpopnet.networks.losses import Prediction
 
-KINDS = ("holistic", "dense")
+HEADS = {"holistic": HolisticHead, "dense": DenseHead}
 INPUTS = {"depth": 1, "depth_ridge": 2}
 """The crop's channels by the name of the input."""
 
@@ -27,7 +27,6 @@ class ModelConfig:
 
     Attributes:
         kind: holistic (flatten and fully connected layers) or dense (places vote on the joints).
-        head: how a dense network votes: integral, anchors or offsets.
         input: depth, or depth_ridge for the ridge probability as a second channel.
         crop_px: side of the square crop, a multiple of 16.
         half_size_m: half the edge of the cube around the person.
@@ -35,7 +34,6 @@ class ModelConfig:
     """
 
     kind: str = "dense"
-    head: str = "integral"
     input: str = "depth"
     crop_px: int = 96
     half_size_m: float = 1.15
@@ -43,8 +41,7 @@ class ModelConfig:
 
     def __post_init__(self) -> None:
         for name, found, known in (
-            ("kind", self.kind, KINDS),
-            ("head", self.head, tuple(DENSE_HEADS)),
+            ("kind", self.kind, tuple(HEADS)),
             ("input", self.input, tuple(INPUTS)),
         ):
             if found not in known:
@@ -61,7 +58,7 @@ class ModelConfig:
     @property
     def name(self) -> str:
         """Short, for folders and tables."""
-        return "-".join([self.kind, *([self.head] if self.kind == "dense" else []), self.input])
+        return f"{self.kind}-{self.input}"
 
 
 class PoseNetwork(nn.Module):
@@ -72,8 +69,7 @@ class PoseNetwork(nn.Module):
         self.config = config
         widths = tuple(config.widths)
         self.encoder = Encoder(INPUTS[config.input], widths)
-        head = HolisticHead if config.kind == "holistic" else DENSE_HEADS[config.head]
-        self.head = head(widths[1:], config.crop_px, config.half_size_m)
+        self.head = HEADS[config.kind](widths[1:], config.crop_px, config.half_size_m)
 
     def forward(self, crop: Tensor) -> Prediction:
         # bfloat16 for the convolutions where it pays, never for coordinates and their sums.

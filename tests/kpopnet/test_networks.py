@@ -8,7 +8,7 @@ from kpopnet.errors import InputError
 from kpopnet.networks import ModelConfig, build_network
 from kpopnet.networks.losses import CONFIDENT_WITHIN_M, Prediction, confidence_loss
 
-NETWORKS = [("holistic", "integral"), ("dense", "integral"), ("dense", "anchors"), ("dense", "offsets")]
+KINDS = ["holistic", "dense"]
 SMALL = {"crop_px": 32, "widths": [8, 8, 16, 16]}
 
 
@@ -18,11 +18,11 @@ def crops(batch=3, channels=1, px=32):
     return crop
 
 
-@pytest.mark.parametrize(("kind", "head"), NETWORKS)
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("name", "channels"), [("depth", 1), ("depth_ridge", 2)])
 @pytest.mark.parametrize("px", [32, 48])
-def test_predictions_and_gradients(kind, head, name, channels, px):
-    network = build_network(ModelConfig(kind, head, name, px, widths=[8, 8, 16, 16]))
+def test_predictions_and_gradients(kind, name, channels, px):
+    network = build_network(ModelConfig(kind, name, px, widths=[8, 8, 16, 16]))
     prediction = network(crops(channels=channels, px=px))
     assert prediction.joints.shape == (3, 15, 3)
     assert prediction.joints.dtype == torch.float32
@@ -35,10 +35,10 @@ def test_predictions_and_gradients(kind, head, name, channels, px):
     assert all(weight.grad.abs().sum() > 0 for name, weight in network.named_parameters() if weight.ndim > 1)
 
 
-@pytest.mark.parametrize(("kind", "head"), NETWORKS)
-def test_the_loss_is_the_mean_over_samples(kind, head):
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_loss_is_the_mean_over_samples(kind):
     """So that the mean over processes is the loss of the whole batch."""
-    network = build_network(ModelConfig(kind, head, **SMALL)).eval()
+    network = build_network(ModelConfig(kind, **SMALL)).eval()
     crop, target = crops(4), torch.rand(4, 15, 3) - 0.5
     whole = network.head.loss(network(crop), target)
     parts = [network.head.loss(network(crop[i : i + 2]), target[i : i + 2]) for i in (0, 2)]
@@ -46,9 +46,9 @@ def test_the_loss_is_the_mean_over_samples(kind, head):
         torch.testing.assert_close(value, (parts[0][name] + parts[1][name]) / 2)
 
 
-@pytest.mark.parametrize(("kind", "head"), NETWORKS)
-def test_a_network_can_learn_two_crops_by_heart(kind, head):
-    network = build_network(ModelConfig(kind, head, **SMALL), seed=1)
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_network_can_learn_two_crops_by_heart(kind):
+    network = build_network(ModelConfig(kind, **SMALL), seed=1)
     crop = crops(2)
     generator = torch.Generator().manual_seed(1)
     target = torch.rand(2, 15, 3, generator=generator) * 1.2 - 0.6
@@ -61,15 +61,15 @@ def test_a_network_can_learn_two_crops_by_heart(kind, head):
     assert (prediction.joints - target).norm(dim=-1).mean() < 0.1
 
 
-@pytest.mark.parametrize(("kind", "head"), NETWORKS)
-def test_a_crop_without_a_body_gives_numbers(kind, head):
-    network = build_network(ModelConfig(kind, head, **SMALL)).eval()
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_crop_without_a_body_gives_numbers(kind):
+    network = build_network(ModelConfig(kind, **SMALL)).eval()
     assert network(torch.ones(1, 1, 32, 32)).joints.isfinite().all()
 
 
-def test_integral_head_reads_a_peak_where_it_is():
+def test_the_dense_head_reads_a_peak_where_it_is():
     """All heat in one cell gives the cell's centre, and the depth map's value where the attention looks."""
-    head = build_network(ModelConfig(head="integral", crop_px=32)).head
+    head = build_network(ModelConfig(crop_px=32)).head
     maps = torch.zeros(1, 60, 8, 8)
     maps[0, 4, 2, 6] = 50  # joint 4's heat: row 2, column 6
     maps[0, 15 + 4, 5, 5] = 200  # its attention
@@ -78,29 +78,6 @@ def test_integral_head_reads_a_peak_where_it_is():
     prediction = head(maps, crops(1))
     torch.testing.assert_close(prediction.joints[0, 4], torch.tensor([13 / 8 - 1, 5 / 8 - 1, 0.7]))
     torch.testing.assert_close(prediction.joints[0, 3, :2], torch.zeros(2), atol=1e-6, rtol=0)
-
-
-def test_anchor_head_reads_an_anchor_where_it_is():
-    head = build_network(ModelConfig(head="anchors", crop_px=32)).head
-    weights, offsets = torch.zeros(1, 15 * 2 * 4, 2, 2), torch.zeros(1, 15 * 3 * 4, 2, 2)
-    weights[0, (3 * 2) * 4 + 1, 1, 0] = 60  # joint 3, upper right anchor of the lower left cell: row 2, column 1 of 4
-    offsets[0, (3 * 3 + 2) * 4 + 1, 1, 0] = 0.4  # its third coordinate
-    head.weights, head.offsets = torch.nn.Identity(), torch.nn.Identity()
-    head.weights.forward, head.offsets.forward = lambda _: weights, lambda _: offsets
-    prediction = head((None, None, None), crops(1))
-    torch.testing.assert_close(prediction.joints[0, 3], torch.tensor([-0.25, 0.25, 0.4]))
-
-
-def test_offset_head_lets_only_body_pixels_vote():
-    head = build_network(ModelConfig(head="offsets", crop_px=32)).head
-    head.neck, head.maps = torch.nn.Identity(), torch.nn.Identity()
-    crop = torch.ones(1, 1, 32, 32)
-    crop[0, 0, 13, 22] = 0.5  # one body pixel, in row 3, column 5 of the 8 x 8 cells
-    values = torch.zeros(1, 75, 8, 8)
-    values[0, 7 * 5 + 1] = 0.125  # joint 7: everybody's vote is an eighth lower
-    values[0, 7 * 5 + 3, 0, 0] = 100  # and a background cell shouts
-    prediction = head(values, crop)
-    torch.testing.assert_close(prediction.joints[0, 7], torch.tensor([11 / 8 - 1, 7 / 8 - 1 + 0.125, 0.5]))
 
 
 def test_confidence_is_the_probability_of_a_hit():
@@ -133,7 +110,6 @@ def test_weights_depend_on_the_seed_alone_and_leave_the_global_one_alone():
     ("wrong", "named"),
     [
         ({"kind": "denser"}, "model.kind=denser: expected one of holistic, dense"),
-        ({"head": "votes"}, "model.head=votes"),
         ({"input": "rgb"}, "model.input=rgb"),
         ({"crop_px": 100}, "model.crop_px=100: expected a multiple of 16"),
         ({"half_size_m": 115.0}, "model.half_size_m=115.0: expected metres"),
