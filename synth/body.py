@@ -33,7 +33,7 @@ class BodyConfig:
 
     shape_jitter: float = 0.25
     clothed: float = 0.8
-    clothes_m: float = 0.03
+    clothes_m: float = 0.05
     haired: float = 0.8
     hair_m: float = 0.05
 
@@ -256,7 +256,7 @@ def _clothes(vertices: np.ndarray, rng: np.random.Generator, config: BodyConfig)
     # Every number is drawn whatever is worn, so that one choice does not shift the next person's draws.
     worn = rng.random(3) < config.clothed
     long_sleeves, long_legs = rng.random(2) < (0.5, 0.7)
-    loose = rng.random(3) ** 2 * config.clothes_m
+    loose = rng.random(3) ** 2 * config.clothes_m * (1, 1, 0.3)  # shoes fit closer
     pieces = ("long top" if long_sleeves else "short top", "trousers" if long_legs else "shorts", "shoes")
     for piece, is_worn, loose_m in zip(pieces, worn, loose, strict=True):
         if is_worn:
@@ -266,13 +266,14 @@ def _clothes(vertices: np.ndarray, rng: np.random.Generator, config: BodyConfig)
     has_hair, long_hair = rng.random(2) < (config.haired, 0.4)
     hair_m = config.hair_m * (0.15 + 0.85 * rng.random())
     if has_hair:
-        front = vertices[:, 1].min() + 0.06  # hair grows behind the forehead: y grows towards the back
-        behind = np.clip((vertices[:, 1] - front) / 0.05, 0, 1)
-        ears_up = np.clip((vertices[:, 2] - (vertices[:, 2].max() - 0.17)) / 0.04, 0, 1)
-        crown = np.clip((vertices[:, 2] - vertices[:, 2].max()) / 0.04 + 1, 0, 1)
-        scalp = cover["head"] * np.maximum(behind * ears_up, crown)
+        head = vertices[cover["head"] > 0.5]
+        front, crown = head[:, 1].min(), head[:, 2].max()  # y grows towards the back
+        behind_face = np.clip((vertices[:, 1] - front - 0.07) / 0.04, 0, 1)
+        above_ears = np.clip((vertices[:, 2] - crown + 0.16) / 0.04, 0, 1)
+        top = np.clip((vertices[:, 2] - crown + 0.04) / 0.03, 0, 1)
+        scalp = cover["head"] * np.maximum(behind_face * above_ears, top)
         if long_hair:
-            scalp = np.maximum(scalp, (cover["nape"] + cover["head"]) * behind)
+            scalp = np.maximum(scalp, (cover["nape"] + cover["head"]) * behind_face)
         offsets = np.maximum(offsets, scalp * hair_m)
     return offsets
 

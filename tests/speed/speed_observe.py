@@ -1,34 +1,49 @@
-"""What it costs to make a training sample of a clean one: noise, cut-out and ridge."""
+"""What it costs to make a training sample of a stored one: reading, noise, cut-out, ridge, crop."""
 
 import tempfile
 from pathlib import Path
+from statistics import median
 from timeit import repeat
 
 import numpy as np
-from factories import write_shard
 
+from kpopnet.crops import AugmentConfig, CropBatches, ShuffledOrder
+from kpopnet.networks import ModelConfig
 from kpopnet.ridge import RidgeConfig
-from kpopnet.shards import ShardedSet
-from synth.observe import ExtractionConfig, Room, observe_sample
-from synth.sensor import SENSORS
+from synth.observe import ExtractionConfig, Observer, Room, observe_sample
+from synth.sensor import SensorConfig
+from tests.speed.generated import generated_set
+
+SAMPLES = 64
 
 
 def measure() -> dict[str, tuple[float, str, str]]:
-    """A 320x240 Kinect v1 sample without the reading of its file."""
+    """Kinect v1 at 320x240, one core; medians over rounds of the same samples."""
     with tempfile.TemporaryDirectory() as folder:
-        write_shard(Path(folder), 0, 4)
-        shards = ShardedSet(folder)
-        samples = [shards[index] for index in range(4)]
-        room = Room(*shards.room(0, 0))
+        shards = generated_set(Path(folder), SAMPLES)
+        samples = [shards[index] for index in range(SAMPLES)]
+        rooms = [Room(*shards.room(index, sample.room)) for index, sample in enumerate(samples)]
 
-    def observe(ridge: RidgeConfig | None) -> None:
-        for index, sample in enumerate(samples):
-            rng = np.random.default_rng([0, 0, index])
-            observe_sample(sample, room, shards.camera, SENSORS["kinect_v1"], ExtractionConfig(), ridge, rng)
+        def observe(ridge: RidgeConfig | None) -> None:
+            for index, (sample, room) in enumerate(zip(samples, rooms, strict=True)):
+                rng = np.random.default_rng([0, 0, index])
+                observe_sample(sample, room, shards.camera, SensorConfig(), ExtractionConfig(), ridge, rng)
 
-    figures = {}
-    for name, ridge in (("synth.observe_ms", RidgeConfig()), ("synth.observe_without_ridge_ms", None)):
-        observe(ridge)
-        seconds = min(repeat(lambda ridge=ridge: observe(ridge), number=5, repeat=10)) / 5 / len(samples)
-        figures[name] = (1000 * seconds, "ms a sample", "at most 2 with ridge and crop")
-    return figures
+        def prepare(name: str) -> None:
+            ridge = RidgeConfig() if name == "depth_ridge" else None
+            observer = Observer(shards, SensorConfig(), ExtractionConfig(), ridge, seed=0)
+            CropBatches(observer, ModelConfig(input=name), ShuffledOrder(SAMPLES, SAMPLES, 0), 0, AugmentConfig())[0]
+
+        def per_sample_ms(work) -> float:
+            work()
+            return 1000 * median(repeat(work, number=1, repeat=9)) / SAMPLES
+
+        return {
+            "synth.observe_ms": (per_sample_ms(lambda: observe(RidgeConfig())), "ms a sample", "noise, cut-out and ridge"),
+            "train.sample_ms": (
+                per_sample_ms(lambda: prepare("depth_ridge")),
+                "ms a sample",
+                "at most 2: read, noise, cut-out, ridge, augmented crop; "
+                f"{per_sample_ms(lambda: prepare('depth')):.2f} without ridge",
+            ),
+        }

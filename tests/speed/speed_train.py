@@ -7,18 +7,17 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
-from factories import write_shard
 
 from kpopnet.checkpoint import save_checkpoint
 from kpopnet.crops import CropBatches, ShuffledOrder, batch_loader
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.estimator import NetworkEstimator
-from kpopnet.shards import ShardedSet
 from kpopnet.training import Run, TrainingConfig, join_processes, set_up_torch
 from synth.observe import ExtractionConfig, Observer
 from synth.sensor import SensorConfig
+from tests.speed.generated import generated_set
 
-ROUNDS, STEPS, SAMPLES = 4, 10, 128
+ROUNDS, STEPS, SAMPLES = 5, 12, 512
 
 
 def measure() -> dict[str, tuple[float, str, str]]:
@@ -26,8 +25,7 @@ def measure() -> dict[str, tuple[float, str, str]]:
     threads = set_up_torch(0)
     model, config = ModelConfig(), TrainingConfig()
     with tempfile.TemporaryDirectory() as folder, join_processes("cpu") as processes:
-        write_shard(Path(folder), 0, SAMPLES)
-        shards = ShardedSet(folder)
+        shards = generated_set(Path(folder), SAMPLES)
         source = Observer(shards, SensorConfig(), ExtractionConfig(), None, seed=0)
         batches = CropBatches(source, model, ShuffledOrder(SAMPLES, config.batch_size, 0), 0, config.augment)
         run = Run(config, model, 0, processes)
