@@ -19,6 +19,7 @@ from omegaconf import OmegaConf
 
 from kpopnet.checkpoint import read_meta, run_folder
 from kpopnet.entry import entry_point, resumed_config
+from kpopnet.errors import InputError
 from kpopnet.networks import ModelConfig
 from kpopnet.ridge import RidgeConfig
 from kpopnet.shards import ShardedSet
@@ -27,6 +28,7 @@ from synth.observe import ExtractionConfig, Observer
 from synth.sensor import SensorConfig
 
 OmegaConf.register_new_resolver("run_folder", run_folder)
+OmegaConf.register_new_resolver("run_subdir", lambda resume: ".hydra" if resume is None else ".hydra_resumed")
 
 
 @dataclass
@@ -59,6 +61,11 @@ class Config:
     workers: int = 1
     threads: int = 0
 
+    def __post_init__(self) -> None:
+        for name in ("seed", "workers", "threads"):
+            if getattr(self, name) < 0:
+                raise InputError(f"{name}={getattr(self, name)} must be 0 or more")
+
 
 @entry_point(Config, "train")
 def main(config: Config) -> None:
@@ -68,20 +75,22 @@ def main(config: Config) -> None:
         config = resumed_config(config, saved, may_change=("training.resume", "data.", "device", "workers", "threads"))
     ridge = config.ridge if config.model.input == "depth_ridge" else None
 
-    def observed(folder: str) -> Observer:
-        return Observer(ShardedSet(folder), config.sensor, config.extraction, ridge, config.seed)
+    def observed(shards: ShardedSet) -> Observer:
+        return Observer(shards, config.sensor, config.extraction, ridge, config.seed)
 
+    sets = {"train": ShardedSet(config.data.train), "validation": ShardedSet(config.data.validation)}
     train(
         config.training,
         config.model,
-        observed(config.data.train),
-        observed(config.data.validation),
+        observed(sets["train"]),
+        observed(sets["validation"]),
         out=Path(HydraConfig.get().runtime.output_dir),
         seed=config.seed,
         device=config.device,
         workers=config.workers,
         threads=config.threads,
         described=asdict(config),
+        data={name: {"hash": shards.header.config_hash, "samples": len(shards)} for name, shards in sets.items()},
     )
 
 

@@ -104,3 +104,15 @@ def depth_in_metres(depth: np.ndarray, camera: Camera | None = None, *, where: s
             f"{where}: its pixels are {depth.shape[-1]}x{depth.shape[-2]}, its camera's {camera.width}x{camera.height}"
         )
     return depth_m
+
+
+def sequence_in_metres(depth: np.ndarray, camera: Camera) -> np.ndarray:
+    """`depth_in_metres` for what must be a sequence, (T, H, W).
+
+    Raises:
+        InputError: wrong type, number of dimensions or size.
+    """
+    depth_m = depth_in_metres(depth, camera, where="depth sequence")
+    if depth_m.ndim != 3:
+        raise InputError(f"depth sequence: expected shape (T, H, W), got {depth_m.shape}; add a leading axis")
+    return depth_m

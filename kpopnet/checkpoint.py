@@ -69,9 +69,9 @@ def save_checkpoint(run: Path, network: PoseNetwork, state: dict, meta: dict, *,
     for link in ("last", "best") if best else ("last",):
         _point(run / link, folder)
     kept = {(run / link).resolve() for link in ("last", "best")}
-    for other in folder.parent.iterdir():
+    for other in (*folder.parent.glob("step_*"), *folder.parent.glob(".step_*")):
         if other.resolve() not in kept:
-            shutil.rmtree(other)
+            shutil.rmtree(other, ignore_errors=True)
     return run / "last"
 
 

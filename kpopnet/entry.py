@@ -39,6 +39,9 @@ def user_errors(function: Callable[P, R]) -> Callable[P, R]:
         except (InputError, HydraException, OmegaConfBaseException) as error:
             print(f"error: {_one_line(error)}", file=sys.stderr)
             raise SystemExit(1) from None
+        except KeyboardInterrupt:
+            print("stopped; what was finished is kept", file=sys.stderr)
+            raise SystemExit(130) from None
 
     return careful
 
@@ -47,6 +50,9 @@ def _one_line(error: Exception) -> str:
     """The message without OmegaConf's indented details and without the hint to override a closed schema with "+"."""
     left_out = (" ", "To append to your config")
     lines = [line for line in str(error).splitlines() if line and not line.startswith(left_out)]
+    if lines and lines[0].startswith("Caught InputError in DataLoader worker"):
+        # torch puts the worker's traceback into the message; its last line is ours.
+        lines = [lines[-1].partition("InputError: ")[2]]
     cause = error.__cause__
     if isinstance(error, HydraException) and isinstance(cause, OmegaConfBaseException):
         lines.append(_one_line(cause))
@@ -80,6 +86,10 @@ def entry_point(
         @user_errors
         @functools.wraps(function)
         def program() -> None:
+            if not {"-h", "--help"}.isdisjoint(sys.argv[1:]):
+                print(sys.modules[function.__module__].__doc__)
+                print("Every setting and its value, with what you give: --cfg job. Hydra's own options: --hydra-help.")
+                return
             if int(os.environ.get("RANK", "0")) > 0:
                 sys.argv += OTHER_RANKS_OVERRIDES
             job()

@@ -5,7 +5,7 @@ What a network scores beside it is what looking at the picture is worth.
 
 import numpy as np
 
-from kpopnet.camera import Camera
+from kpopnet.camera import Camera, sequence_in_metres
 from kpopnet.estimators import Estimate
 from kpopnet.networks.cube import person_centre
 from kpopnet.skeleton import NUM_JOINTS
@@ -22,6 +22,7 @@ class MeanPoseEstimator:
 
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
         """See `kpopnet.estimators.Estimator`. Its confidence is 1 wherever there is a person: it knows no better."""
+        depth_m = sequence_in_metres(depth_m, camera)
         joints = np.full((len(depth_m), NUM_JOINTS, 3), np.nan, np.float32)
         for frame, image in enumerate(depth_m):
             centre = person_centre(image, camera)

@@ -12,7 +12,7 @@ and holds N = stop - start samples, one a chunk:
     joints_m   (N, 15, 3) float32  camera frame
     visible    (N, 15)   bool    the joint is in the picture and nothing but its own body part lies in front of it
     body       (N,)      int64   which person; equal numbers in a set are the same person
-    motion     (N,)      S48     where the pose came from, "source:name:frame"
+    motion     (N,)      S48     where the pose came from: "pose:kick", "choreography:0-3@1.2s", "clip:cmu_01_01@3.0s"
     yaw        (N,)      float32 the person's heading in radians, 0 facing the camera, positive to the person's left
     room       (N,)      int16   row of room_mm
     room_mm    (R, H, W) uint16  the empty room as the camera sees it, without noise
@@ -25,6 +25,8 @@ it holds ridge (N, H, W) uint8 besides, the ridge probability times 255.
 
 import json
 from bisect import bisect_right
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -90,10 +92,13 @@ def open_shard(path: Path) -> h5py.File:
     if not path.is_file():
         raise InputError(f"{path}: no such shard")
     try:
-        # No lock: any number of readers, also from a read-only or network folder.
-        file = h5py.File(path, "r", locking=False)
+        # No lock: any number of readers, also from a read-only or network folder. No chunk cache: a sample is read once an
+        # epoch, and HDF5 would keep 8 MB of them for every file.
+        file = h5py.File(path, "r", locking=False, rdcc_nbytes=0)
     except OSError as error:
-        raise InputError(f"{path}: not a readable HDF5 file (truncated or foreign): {error}; make it again") from error
+        raise InputError(
+            f"{path}: not a readable HDF5 file (truncated or foreign): {error}; delete it and make it again"
+        ) from error
     found = file.attrs.get("format"), file.attrs.get("version")
     if found != (FORMAT, VERSION):
         file.close()
@@ -103,6 +108,15 @@ def open_shard(path: Path) -> h5py.File:
         file.close()
         raise InputError(f"{path}: not a whole shard: it lacks {missing}" if missing else f"{path}: foreign joints")
     return file
+
+
+@contextmanager
+def readable(path: Path) -> Iterator[None]:
+    """Names the file where HDF5 fails to read a part of it."""
+    try:
+        yield
+    except (OSError, KeyError) as error:
+        raise InputError(f"{path}: a part of it cannot be read ({error}); delete it and make it again") from error
 
 
 def read_header(path: Path) -> ShardHeader:
@@ -130,7 +144,8 @@ class _OpenShard:
         self.file = open_shard(path)
         self.depth_mm = self.file["depth_mm"]
         self.ridge = self.file.get("ridge")
-        self.columns = {name: self.file[name][()] for name in COLUMNS}
+        with readable(path):
+            self.columns = {name: self.file[name][()] for name in COLUMNS}
 
 
 class ShardedSet:
@@ -154,7 +169,14 @@ class ShardedSet:
             )
         headers = [read_header(path) for path in self.paths]
         self.header = headers[0]
+        end = 0
         for path, header in zip(self.paths, headers, strict=True):
+            if header.start != end:
+                raise InputError(
+                    f"{path}: starts with sample {header.start}, but those before end at {end}: shards are missing, or "
+                    "left over from another size of the set; run the command that makes the set again"
+                )
+            end = header.stop
             if (header.config_hash, header.split) != (self.header.config_hash, self.header.split):
                 raise InputError(
                     f"{path}: made by another configuration than {self.paths[0].name} "
@@ -183,20 +205,18 @@ class ShardedSet:
     def __getitem__(self, index: int) -> Sample:
         shard, row = self._locate(index)
         columns = shard.columns
-        try:
+        with readable(shard.path):
             return Sample(
                 depth_mm=shard.depth_mm[row],
                 box=tuple(columns["box"][row].tolist()),
                 joints_camera_m=columns["joints_m"][row],
                 visible=columns["visible"][row],
                 body=int(columns["body"][row]),
-                motion=columns["motion"][row].decode(),
+                motion=columns["motion"][row].decode(errors="replace"),
                 yaw_rad=float(columns["yaw"][row]),
                 room=int(columns["room"][row]),
                 ridge=shard.ridge[row] if shard.ridge is not None else None,
             )
-        except OSError as error:
-            raise InputError(f"{shard.path}: sample {row} cannot be read ({error}); make the shard again") from error
 
     def room(self, index: int, room: int) -> tuple[np.ndarray, np.ndarray]:
         """Row `room` of the rooms in the shard of sample `index`, as `Sample.room` names it; many stay in memory.
@@ -209,13 +229,14 @@ class ShardedSet:
         if key not in self._rooms:
             if len(self._rooms) >= ROOMS_KEPT:
                 self._rooms.pop(next(iter(self._rooms)))
-            self._rooms[key] = shard.file["room_mm"][room], shard.file["floor"][room]
+            with readable(shard.path):
+                self._rooms[key] = shard.file["room_mm"][room], shard.file["floor"][room]
         return self._rooms[key]
 
     def column(self, name: str) -> np.ndarray:
         """A whole per-sample dataset other than an image (joints_m, body, motion, ...), over all shards."""
         rows = []
         for path in self.paths:
-            with open_shard(path) as file:
+            with open_shard(path) as file, readable(path):
                 rows.append(file[name][:])
         return np.concatenate(rows)

@@ -29,6 +29,7 @@ from kpopnet.checkpoint import load_state, load_weights, read_meta, save_checkpo
 from kpopnet.crops import AugmentConfig, Batch, CropBatches, EvenOrder, ShuffledOrder, batch_loader
 from kpopnet.drawing import ESTIMATED, TRUE, depth_picture, draw_skeleton, enlarged, probability_picture, sheet
 from kpopnet.errors import InputError
+from kpopnet.machine import cores_at_hand
 from kpopnet.networks import ModelConfig, PoseNetwork, build_network
 from kpopnet.networks.cube import Cube
 from kpopnet.networks.losses import CONFIDENT_WITHIN_M
@@ -153,11 +154,14 @@ def join_processes(device: str) -> Iterator[Processes]:
 
 
 def set_up_torch(threads: int) -> int:
-    """Makes torch repeatable on CPUs and sets its number of threads (0: all cores at hand). Returns the number."""
+    """Makes torch repeatable on CPUs and sets its number of threads. Returns the number.
+
+    0 takes all cores at hand, or this process's part of them where torchrun started several on this machine.
+    """
     torch.use_deterministic_algorithms(True, warn_only=torch.cuda.is_available())
     # Only matters to code that reads what it never wrote, and takes a tenth of the time of a step.
     torch.utils.deterministic.fill_uninitialized_memory = False
-    threads = threads or len(os.sched_getaffinity(0))
+    threads = threads or max(1, cores_at_hand() // int(os.environ.get("LOCAL_WORLD_SIZE", "1")))
     torch.set_num_threads(threads)
     return threads
 
@@ -236,7 +240,7 @@ class Run:
         """(15, 3) the mean joint's offset from the person's centre, over the training samples that rank 0 saw."""
         return (self.offset_sum_m / max(1, self.offset_count)).tolist()
 
-    def save(self, folder: Path, metrics: dict[str, float], config: dict) -> Path:
+    def save(self, folder: Path, metrics: dict[str, float], described: dict) -> Path:
         """Writes a checkpoint (kpopnet.checkpoint) and returns its path."""
         best = metrics["mean_error_cm"] < self.best_cm
         self.best_cm = min(self.best_cm, metrics["mean_error_cm"])
@@ -249,7 +253,7 @@ class Run:
             "offset_count": self.offset_count,
             "skipped": self.skipped,
         }
-        meta = {"step": self.step, "metrics": metrics, "config": config, "mean_pose_m": self.mean_pose_m()}
+        meta = {"step": self.step, "metrics": metrics, "mean_pose_m": self.mean_pose_m(), **described}
         return save_checkpoint(folder, self.average, state, meta, best=best)
 
     def load(self, folder: Path) -> None:
@@ -294,6 +298,7 @@ def train(
     workers: int = 1,
     threads: int = 0,
     described: dict | None = None,
+    data: dict | None = None,
 ) -> Path:
     """Trains a network and leaves checkpoints in `out`.
 
@@ -308,6 +313,7 @@ def train(
         workers: processes that prepare batches; 0 does it in between.
         threads: of torch, 0 for all cores at hand.
         described: the whole configuration, for the checkpoint's meta.json.
+        data: what tells one set of data from another; a run goes on only with the data it began with.
 
     Returns:
         The folder of the last checkpoint.
@@ -322,6 +328,8 @@ def train(
                 f"training.batch_size={config.batch_size} cannot be dealt out evenly to {processes.count} processes"
             )
         run = Run(config, model, seed, processes)
+        if config.resume is not None and (begun_with := read_meta(config.resume).get("data")) != data:
+            raise InputError(f"{config.resume}: was trained on other data ({begun_with}) than is there now ({data})")
         order = ShuffledOrder(len(source), config.batch_size, seed, processes.rank, processes.count)
         batches = CropBatches(source, model, order, seed, config.augment)
         loader = batch_loader(batches, run.step, config.steps, workers, pin_memory=processes.device.type == "cuda")
@@ -339,7 +347,7 @@ def train(
             f"into {out}; watch with: tensorboard --logdir {out}"
         )
         held_out = validation_batches(validation, model, config, seed)
-        return _train_and_watch(run, loader, held_out, out, described or {})
+        return _train_and_watch(run, loader, held_out, out, {"config": described or {}, "data": data})
 
 
 def _machine(processes: Processes, threads: int) -> str:
@@ -368,7 +376,7 @@ def _train_and_watch(run: Run, loader: DataLoader, held_out: list[Batch], out: P
     config, checkpoint = run.config, out / "last"
     started, first = time.perf_counter(), run.step
     bar = tqdm(total=config.steps, initial=first, desc="training", unit="step", disable=not sys.stderr.isatty())
-    with SummaryWriter(out) as board, bar:
+    with SummaryWriter(out, purge_step=first) as board, bar:
         for batch in loader:
             scalars = run.update(batch)
             bar.update()

@@ -3,7 +3,7 @@
     python -m synth preset=demo                       a few thousand samples into data/demo
     python -m synth preset=small out=data/small       enough to train a useful network on a CPU
     python -m synth preset=paper out=/big/paper       the paper's 800,000 + 300,000
-    python -m synth preset=small motion=clips motion.path=/my/bvh sensor=kinect_2 camera=kinect_2
+    python -m synth motion=clips motion.path=/my/bvh sensor=kinect_2 camera=kinect_2 out=data/mine
     python -m synth preset=small frozen=[train,validation,test]     noisy depth and ridge images on disk
 
 Run again after being stopped, it makes only what is missing. Several machines may share one folder: give each its own
@@ -17,9 +17,10 @@ from pathlib import Path
 
 from kpopnet.entry import entry_point
 from kpopnet.errors import InputError
+from kpopnet.machine import cores_at_hand
 from kpopnet.ridge import RidgeConfig
 from synth.body import BodyConfig
-from synth.generate import default_processes, finish, generate
+from synth.generate import finish, generate
 from synth.motion import SPLITS, MotionConfig
 from synth.observe import ExtractionConfig
 from synth.render import make_renderer
@@ -41,6 +42,8 @@ def parse_range(text: str, num_shards: int) -> range:
     first, colon, end = text.partition(":")
     if not (colon and first.isdigit() and end.isdigit()):
         raise InputError(f'shards={text}: give "all" or a range such as 0:100')
+    if int(first) >= int(end):
+        raise InputError(f"shards={text}: the first number must be below the second")
     return range(int(first), min(int(end), num_shards))
 
 
@@ -91,6 +94,10 @@ class GenerateConfig:
         if unknown:
             raise InputError(f"frozen={self.frozen}: {sorted(unknown)} are no splits; choose from {', '.join(SPLITS)}")
         parse_range(self.shards, 0)
+        if self.seed < 0:
+            raise InputError(f"seed={self.seed} must be 0 or more")
+        if self.splits == SplitSizes(0, 0, 0):
+            raise InputError("every split has size 0: choose a preset, or set for instance splits.train=1000")
         if self.processes < 0:
             raise InputError(f"processes={self.processes} must be 0 (every core) or more")
 
@@ -117,7 +124,7 @@ class GenerateConfig:
 def main(config: GenerateConfig) -> None:
     sample = config.sample()
     look = FreezeConfig(config.sensor, config.extraction, config.ridge)
-    processes = config.processes or default_processes()
+    processes = config.processes or cores_at_hand()
     camera = config.camera.build()
     print(
         f"{config.camera.name} {camera.width}x{camera.height}, motion {config.motion.source}, "

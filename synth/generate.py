@@ -3,7 +3,9 @@
 import json
 import multiprocessing
 import os
+import socket
 import sys
+import threading
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
@@ -81,6 +83,13 @@ def _start_worker(done) -> None:
     global _done
     _done = done
     cv2.setNumThreads(1)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """A worker whose parent was killed would finish the queue and then wait for ever."""
+    multiprocessing.parent_process().join()
+    os._exit(1)
 
 
 def _write_counted(config: SetConfig, folder: Path, shard: int) -> None:
@@ -100,7 +109,7 @@ def finish(config: SetConfig, folder: Path, look: FreezeConfig) -> dict | None:
     if not all(is_finished(config, folder, shard) for shard in range(config.num_shards)):
         return None
     for torn in folder.glob(".shard_*.tmp"):
-        torn.unlink()
+        torn.unlink(missing_ok=True)
     summary = {"samples": config.count, "shards": config.num_shards, "hash": config.hash}
     totals = {"refused_poses": 0, "forced_samples": 0}
     for shard in range(config.num_shards):
@@ -108,8 +117,12 @@ def finish(config: SetConfig, folder: Path, look: FreezeConfig) -> dict | None:
             for name in totals:
                 totals[name] += int(file.attrs[name])
     summary |= totals | {"bytes": sum(path.stat().st_size for path in folder.glob("shard_*.h5"))}
-    (folder / "set.json").write_text(json.dumps(summary | {"config": json.loads(config.as_json())}, indent=1))
-    save_png(folder / "contact_sheet.png", draw_contact_sheet(ShardedSet(folder), look, config.seed))
+    # Jobs that end together may both get here: each writes beside the names and renames.
+    part = folder / f".finished.{socket.gethostname()}.{os.getpid()}"
+    part.write_text(json.dumps(summary | {"config": json.loads(config.as_json())}, indent=1))
+    os.replace(part, folder / "set.json")
+    save_png(part.with_suffix(".png"), draw_contact_sheet(ShardedSet(folder), look, config.seed))
+    os.replace(part.with_suffix(".png"), folder / "contact_sheet.png")
     return summary
 
 
@@ -137,7 +150,3 @@ def draw_contact_sheet(shards: ShardedSet, look: FreezeConfig, seed: int, count:
     rows = [("", shown[k : k + 2]) for k in range(0, len(shown), 2)]
     title = f"simulated: depth, through {look.sensor.name}, ridge probability, true joints"
     return sheet(rows, (TRUE,), title)
-
-
-def default_processes() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -60,6 +60,8 @@ class CameraConfig:
             return Camera.centred(self.focal_px, self.width, self.height)
         if self.name not in CAMERAS:
             raise InputError(f"camera.name={self.name}: choose one of {', '.join(CAMERAS)}, or custom with its numbers")
+        if (self.focal_px, self.width, self.height) != (CameraConfig.focal_px, CameraConfig.width, CameraConfig.height):
+            raise InputError(f"camera={self.name} is a preset with its own numbers; for others take camera=custom")
         return CAMERAS[self.name]
 
 
@@ -73,7 +75,7 @@ class StageConfig:
         turned: share of people who face any direction; the others face the camera but for `turn_deg`.
         turn_deg: standard deviation of the heading of those who face the camera.
         penetration_m: how deep two body parts may lie in each other.
-        least_pixels: fewer pixels of person than this are no sample.
+        least_pixels: with fewer pixels of person another place is tried.
         tries: poses drawn for one sample before the least bad is taken.
         place_tries: places drawn for one pose before one is taken where a part of the person is out of the picture.
     """

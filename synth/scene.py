@@ -35,7 +35,7 @@ class Fitted:
 
 
 class Scene:
-    """One compiled model; `dress`, `place` and `furnish` change what it shows."""
+    """One compiled model; `dress`, `pose`, `look` and `furnish` change what it shows."""
 
     def __init__(self, camera: Camera) -> None:
         self.asset = load_body()

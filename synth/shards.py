@@ -22,10 +22,14 @@ from kpopnet.errors import InputError
 from kpopnet.ridge import RidgeConfig
 from kpopnet.shards import FORMAT, VERSION, Sample, read_header, shard_path
 from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
+from synth.body import ASSET
 from synth.observe import ExtractionConfig, freeze
 from synth.observe import Room as ObservedRoom
 from synth.sample import BLOCK, RenderedRoom, SampleConfig, Sampler, silhouette_box
 from synth.sensor import SensorConfig
+
+GENERATOR = 1
+"""Raised with every change after which the same configuration gives other samples."""
 
 PACKAGES = ("kpopnet", "mujoco", "numba", "numpy", "h5py")
 
@@ -65,10 +69,9 @@ class SetConfig:
         return shard * self.shard_size, min((shard + 1) * self.shard_size, self.count)
 
     def as_json(self) -> str:
-        return json.dumps(
-            {name: value for name, value in dataclasses.asdict(self).items() if name != "count"} | {"version": VERSION},
-            sort_keys=True,
-        )
+        described = {name: value for name, value in dataclasses.asdict(self).items() if name != "count"}
+        body = hashlib.sha256(ASSET.read_bytes()).hexdigest()[:12]
+        return json.dumps(described | {"version": VERSION, "generator": GENERATOR, "body_asset": body}, sort_keys=True)
 
     @property
     def hash(self) -> str:
@@ -160,7 +163,7 @@ def _fill(file: h5py.File, config: SetConfig, shard: int, sampler: Sampler, on_s
         columns["joints_m"][row] = sample.joints_camera_m
         columns["visible"][row] = sample.visible
         columns["body"][row] = sample.body
-        columns["motion"][row] = sample.motion.encode()
+        columns["motion"][row] = sample.motion.encode()[:48].decode(errors="ignore").encode()
         columns["yaw"][row] = sample.yaw_rad
         columns["room"][row] = sample.room - sampler.room_of(start)
         refused += rendered.refused

@@ -80,6 +80,10 @@ def test_the_map_from_the_paper_leads_somewhere() -> None:
         assert hasattr(importlib.import_module(module), name), place
 
 
+def test_no_figure_is_left_out() -> None:
+    assert not re.search(r"@[A-Z_]+@", README)
+
+
 def test_links_and_pictures_are_there() -> None:
     for target in re.findall(r"\]\(([^)#]+)\)", README):
         if "://" not in target:

@@ -3,10 +3,12 @@
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from factories import write_shard
@@ -85,8 +87,13 @@ def test_resuming_takes_the_runs_own_configuration_and_folder(place):
     assert refused.stderr.startswith("error: training.resume goes on with the run as it was configured")
     assert "training.lr, seed" in refused.stderr
 
+    other_data = run(place, "training.resume=first/last", "data.train=validation")
+    assert other_data.returncode == 1 and "was trained on other data" in other_data.stderr
+
+    composed = (place / "first" / ".hydra" / "config.yaml").read_text()
     resumed = run(place, "training.resume=first/last", "workers=0")
     assert resumed.returncode == 0, resumed.stderr
+    assert (place / "first" / ".hydra" / "config.yaml").read_text() == composed
     assert read_meta(place / "first" / "last")["step"] == 4
     assert read_meta(place / "first" / "last")["config"]["training"]["batch_size"] == 4
     assert not (place / "outputs").exists()
@@ -94,6 +101,21 @@ def test_resuming_takes_the_runs_own_configuration_and_folder(place):
     finished = run(place, "training.resume=first/last")
     assert finished.returncode == 1
     assert "finished already, 4 of 4 steps are done" in finished.stderr
+
+
+def test_a_torn_shard_in_the_middle_of_a_training_is_named(place):
+    shutil.copytree(place / "train", place / "torn")
+    shard = place / "torn" / "shard_00001.h5"
+    with h5py.File(shard, "r") as file:
+        where = file["depth_mm"].id.get_chunk_info(3).byte_offset
+    data = bytearray(shard.read_bytes())
+    data[where : where + 64] = bytes(64)
+    shard.write_bytes(data)
+    for workers in (0, 1):
+        done = run(place, *SHORT, "data.train=torn", f"workers={workers}", "training.steps=6", "hydra.run.dir=broken")
+        assert done.returncode == 1
+        last = done.stderr.splitlines()[-1]
+        assert last.startswith("error: torn/shard_00001.h5") and "make it again" in last, done.stderr
 
 
 def test_several_processes_share_one_folder(place):

@@ -185,7 +185,8 @@ def write_report(folder: Path, run: Run, config: EvaluateConfig) -> None:
 
 def report_blocks(run: Run, described: dict) -> list[Block]:
     main = next(iter(run.metrics.values()))
-    sequences = sorted(main["per_sequence"], key=lambda name: -(main["per_sequence"][name]["mean_error_cm"] or np.inf))
+    errors = {name: figures["mean_error_cm"] for name, figures in main["per_sequence"].items()}
+    sequences = sorted(errors, key=lambda name: -np.inf if errors[name] is None else -errors[name])
     shown = sequences[:LONGEST_SEQUENCE_TABLE]
     blocks: list[Block] = [
         ("title", f"kpopnet on {run.benchmark.name}"),

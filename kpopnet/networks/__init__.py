@@ -75,7 +75,7 @@ class PoseNetwork(nn.Module):
         # bfloat16 for the convolutions where it pays, never for coordinates and their sums.
         with torch.autocast(crop.device.type, torch.bfloat16, enabled=crop.is_cuda and self.training):
             maps = self.encoder(crop)
-        return self.head(tuple(x.float() for x in maps), crop)
+        return self.head(tuple(x.float() for x in maps))
 
 
 def build_network(config: ModelConfig, seed: int = 0) -> PoseNetwork:

@@ -41,7 +41,7 @@ class DenseHead(nn.Module):
         self.maps = nn.Conv2d(NECK_CHANNELS, NUM_JOINTS * 4, 1)
         self.register_buffer("grid", grid(self.size), persistent=False)
 
-    def forward(self, maps: tuple[Tensor, Tensor, Tensor], crop: Tensor) -> Prediction:
+    def forward(self, maps: tuple[Tensor, Tensor, Tensor]) -> Prediction:
         heat, attention, depth, confidence = self.maps(self.neck(maps)).flatten(2).chunk(4, dim=1)  # (B, J, cells)
         log_p = functional.log_softmax(heat, dim=-1)
         p = log_p.exp()

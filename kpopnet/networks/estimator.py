@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from kpopnet.camera import Camera, depth_in_metres
+from kpopnet.camera import Camera, sequence_in_metres
 from kpopnet.checkpoint import load_network
 from kpopnet.errors import InputError
 from kpopnet.estimators import Estimate
@@ -50,9 +50,7 @@ class NetworkEstimator:
         Raises:
             InputError: depth of another type or shape.
         """
-        depth_m = depth_in_metres(depth_m, camera)
-        if depth_m.ndim != 3:
-            raise InputError(f"depth sequence: expected shape (T, H, W), got {depth_m.shape}; add a leading axis")
+        depth_m = sequence_in_metres(depth_m, camera)
         joints_m = np.full((len(depth_m), NUM_JOINTS, 3), np.nan, np.float32)
         confidence = np.zeros((len(depth_m), NUM_JOINTS), np.float32)
         cubes = {}

@@ -26,7 +26,7 @@ class HolisticHead(nn.Module):
             nn.Flatten(), nn.Linear(features, self.HIDDEN), nn.ReLU(), nn.Linear(self.HIDDEN, NUM_JOINTS * 4)
         )
 
-    def forward(self, maps: tuple[Tensor, Tensor, Tensor], crop: Tensor) -> Prediction:
+    def forward(self, maps: tuple[Tensor, Tensor, Tensor]) -> Prediction:
         joints = self.layers(maps[-1]).view(-1, NUM_JOINTS, 4)
         return Prediction(joints[..., :3], joints[..., 3], {})
 

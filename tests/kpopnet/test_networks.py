@@ -75,7 +75,7 @@ def test_the_dense_head_reads_a_peak_where_it_is():
     maps[0, 15 + 4, 5, 5] = 200  # its attention
     maps[0, 30 + 4, 5, 5] = 0.7  # its depth there
     head.neck, head.maps = torch.nn.Identity(), torch.nn.Identity()
-    prediction = head(maps, crops(1))
+    prediction = head(maps)
     torch.testing.assert_close(prediction.joints[0, 4], torch.tensor([13 / 8 - 1, 5 / 8 - 1, 0.7]))
     torch.testing.assert_close(prediction.joints[0, 3, :2], torch.zeros(2), atol=1e-6, rtol=0)
 

@@ -1,8 +1,10 @@
 """Sets of shards: written whole, in any order, by any number of processes, and taken up again after being killed."""
 
+import contextlib
 import hashlib
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,7 +18,7 @@ import pytest
 
 from kpopnet.errors import InputError
 from kpopnet.ridge import RidgeConfig, ridge_probability
-from kpopnet.shards import ShardedSet, read_header, shard_path
+from kpopnet.shards import ShardedSet, open_shard, read_header, shard_path
 from synth.__main__ import parse_range
 from synth.generate import finish, generate
 from synth.motion import MotionConfig
@@ -118,6 +120,29 @@ def test_a_torn_shard_is_named_with_what_to_do(whole: Path, tmp_path: Path) -> N
         ShardedSet(tmp_path / "nowhere")
 
 
+def test_a_gap_in_a_set_is_named(whole: Path, tmp_path: Path) -> None:
+    for shard in (0, 2):
+        shutil.copy(shard_path(whole, shard), tmp_path)
+    with pytest.raises(InputError, match=r"shard_00002\.h5: starts with sample 16, but those before end at 8"):
+        ShardedSet(tmp_path)
+
+
+def test_a_shard_that_tears_while_it_is_open_is_named(whole: Path, tmp_path: Path) -> None:
+    torn = Path(shutil.copy(shard_path(whole, 0), tmp_path))
+    shards = ShardedSet(tmp_path)
+    with open(torn, "r+b") as file:
+        file.truncate(torn.stat().st_size // 2)
+    with pytest.raises(InputError, match=r"shard_00000\.h5: .*delete it and make it again"):
+        [shards[index] for index in range(8)]
+
+
+def test_open_shards_keep_no_pictures_in_memory(tmp_path: Path) -> None:
+    """HDF5's own cache would hold 8 MB of every file that was ever read."""
+    write_shard(replace(CLEAN, count=300, shard_size=1), tmp_path, 0)
+    with open_shard(shard_path(tmp_path, 0)) as file:
+        assert file["depth_mm"].id.get_access_plist().get_chunk_cache()[1] == 0
+
+
 def test_a_frozen_set_holds_noisy_depth_and_its_ridge(whole: Path, tmp_path: Path) -> None:
     frozen = replace(CLEAN, freeze=LOOK, count=8)
     generate(frozen, tmp_path / "one", range(1), processes=1)
@@ -133,7 +158,8 @@ def test_a_frozen_set_holds_noisy_depth_and_its_ridge(whole: Path, tmp_path: Pat
         assert 0 < np.median(off_mm) < 40
         probability = ridge_probability(noisy.depth_mm / np.float32(1000), LOOK.ridge)
         # The ridge was made of the unrounded depth: half a millimetre decides an edge now and then.
-        assert (np.abs(noisy.ridge / 255 - probability) < 0.01).mean() > 0.99
+        off = np.abs(noisy.ridge / 255 - probability)[noisy.depth_mm > 0]
+        assert (off < 0.01).mean() > 0.95
         assert noisy.ridge.max() > 100
 
 
@@ -163,7 +189,7 @@ def test_ranges_of_shards(text: str, expected: range) -> None:
     assert parse_range(text, 9) == expected
 
 
-@pytest.mark.parametrize("text", ["5", "a:b", "-1:3", "1:2:3", ""])
+@pytest.mark.parametrize("text", ["5", "a:b", "-1:3", "1:2:3", "", "5:3", "2:2"])
 def test_no_ranges_of_shards(text: str) -> None:
     with pytest.raises(InputError, match="shards="):
         parse_range(text, 9)
@@ -207,6 +233,38 @@ def test_killed_and_started_again_it_completes(tmp_path: Path) -> None:
         assert contents(shard_path(folder, shard)) == contents(shard_path(tmp_path / "again", shard))
 
 
+def test_workers_end_with_a_parent_that_is_killed_alone(tmp_path: Path) -> None:
+    parent = subprocess.Popen(
+        program(f"out={tmp_path}", "splits.train=100000", "processes=2"),
+        cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
+    )  # fmt: skip
+    while not list((tmp_path / "train").glob("shard_*.h5")) and parent.poll() is None:
+        time.sleep(0.05)
+    parent.kill()
+    parent.wait()
+    try:
+        for _ in range(200):
+            if not any(group == parent.pid for group in groups_alive()):
+                return
+            time.sleep(0.05)
+        raise AssertionError("workers live on")
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(parent.pid, signal.SIGKILL)
+
+
+def groups_alive() -> list[int]:
+    """The process groups of all running processes, as Linux has them."""
+    groups = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            state, _, group = path.read_text().rpartition(")")[2].split()[:3]
+            groups += [int(group)] if state != "Z" else []
+    if not groups:
+        pytest.skip("needs Linux's /proc")
+    return groups
+
+
 def read_config(folder: Path) -> dict:
     header = read_header(shard_path(folder, 0))
     sample = SampleConfig(renderer="cpu", motion=MotionConfig(source="poses"))
@@ -223,10 +281,14 @@ def read_config(folder: Path) -> dict:
         ("splits.train=many", ["splits.train", "many"]),
         ("frozen=[dev]", ["frozen", "validation"]),
         ("motion=clips", ["motion.path"]),
+        ("seed=-1", ["seed=-1"]),
+        ("camera.width=640", ["camera=custom"]),
+        ("samples_per_body=8", ["every split has size 0"]),
     ],
 )
 def test_a_wrong_override_gets_one_clear_line(tmp_path: Path, override: str, words: list[str]) -> None:
-    done = run(f"out={tmp_path}", override)
+    size = [] if override.startswith(("splits.train", "samples_per_body")) else ["splits.train=5"]
+    done = run(f"out={tmp_path}", override, *size)
     assert done.returncode == 1
     (line,) = [line for line in done.stderr.splitlines() if line.strip()]
     assert line.startswith("error: ") and all(word in line for word in words), line
