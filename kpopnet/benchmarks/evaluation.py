@@ -42,7 +42,7 @@ class EvaluateConfig:
 
 @dataclass
 class NetworkEstimatorConfig:
-    """A trained network. Attributes: checkpoint: its folder. device: cpu, cuda, ..."""
+    """A trained network. Attributes: checkpoint: its folder. device: cpu or cuda."""
 
     checkpoint: str | None = None
     device: str = "cpu"

@@ -44,7 +44,10 @@ def joints_loss(joints: Tensor, target: Tensor) -> Tensor:
 
 
 def confidence_loss(prediction: Prediction, target: Tensor, half_size_m: float) -> Tensor:
-    """Binary cross-entropy of the confidence with whether this very prediction is a hit; trains only the confidence."""
+    """Binary cross-entropy of the confidence with whether this very prediction is a hit; trains only the confidence.
+
+    In a cube that augmentation has scaled a hit lies within 9 to 11 cm, as the cube is.
+    """
     error_m = (prediction.joints.detach() - target).norm(dim=-1) * half_size_m
     hit = (error_m < CONFIDENT_WITHIN_M).to(target.dtype)
     return CONFIDENCE_WEIGHT * functional.binary_cross_entropy_with_logits(prediction.confidence_logit, hit)

@@ -12,7 +12,7 @@ which turns and travels with the dancer, in metres and degrees on the mean adult
     {left,right}_foot_x (outwards from the middle), _foot_z (front), _foot_y (up), _foot_yaw (outwards),
     _foot_pitch (toes down), _knee_out (the knee turned outwards).
 
-The stage (`choreography`) sets the feet: a foot whose place on the floor differs from one key to the next steps
+The stage (`stage`) sets the feet: a foot whose place on the floor differs from one key to the next steps
 there, and `anchor` names the foot that stays where it is while the dancer's frame moves; with neither foot named the
 frame stays.
 """

@@ -1,9 +1,9 @@
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from real_data import ITOP_SKELETONS
 
 from kpopnet.benchmarks.metrics import (
     Scored,
@@ -19,7 +19,7 @@ from kpopnet.benchmarks.metrics import (
     yaw_octants,
 )
 
-ITOP = Path(__file__).parents[3] / "shared" / "real" / "itop_test_gt_skeletons.npz"
+ITOP = ITOP_SKELETONS
 NAN, INF = np.nan, np.inf
 
 

@@ -1,18 +1,18 @@
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from real_data import UTD_MHAD
 
 from kpopnet import ridge
 from kpopnet.errors import InputError
 from kpopnet.ridge import RidgeConfig, ridge_data, ridge_probability, ridge_stages
 
 CONFIG = RidgeConfig()
-REAL = Path("/work/shared/real/UTD-MHAD/Depth")
+REAL = UTD_MHAD / "Depth"
 
 
 def slow_edges(depth, threshold):

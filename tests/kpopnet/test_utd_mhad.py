@@ -3,6 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from real_data import UTD_MHAD
 from scipy.io import savemat
 
 from kpopnet.benchmarks.utd_mhad import (
@@ -15,7 +16,7 @@ from kpopnet.benchmarks.utd_mhad import (
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 
-REAL = Path(__file__).parents[3] / "shared" / "real" / "UTD-MHAD"
+REAL = UTD_MHAD
 FRAMES = 24
 
 

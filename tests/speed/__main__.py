@@ -15,6 +15,25 @@ sys.path.append(str(Path(__file__).parents[1]))  # where the tests' own modules 
 
 OUT = Path("outputs/speed.json")
 
+LIMITS = {  # what the project promises: at least, at most
+    "synth.samples_per_core_second": (400, None),
+    "train.sample_ms": (None, 2),
+    "train.data_loss_percent": (None, 10),
+    "ridge.vs_distance_transform": (None, 4),
+    "synth.cpu_vs_gl": (1, None),
+    "synth.memory_mb": (None, 700),
+    "train.memory_mb": (None, 3000),
+}
+
+
+def kept(name: str, value: float) -> str:
+    """The promise, and whether this run keeps it."""
+    least, most = LIMITS.get(name, (None, None))
+    if least is None and most is None:
+        return ""
+    promise = f"at least {least}" if most is None else f"at most {most}"
+    return f"{promise}: {'kept' if (least or value) <= value <= (most or value) else 'MISSED'}"
+
 
 def main(wanted: list[str]) -> None:
     modules = sorted(path.stem for path in Path(__file__).parent.glob("speed_*.py"))
@@ -23,13 +42,13 @@ def main(wanted: list[str]) -> None:
         sys.exit(f"no measure called {', '.join(sorted(unknown))}; there are {', '.join(m[6:] for m in modules)}")
     results = json.loads(OUT.read_text()) if OUT.exists() else {}
     OUT.parent.mkdir(exist_ok=True)
-    print(f"{'measure':36} {'value':>10} unit")
+    print(f"{'measure':36} {'value':>10} {'unit':22} {'promised':18} against")
     for module in modules:
         if wanted and module.removeprefix("speed_") not in wanted:
             continue
         for name, (value, unit, against) in importlib.import_module(f"tests.speed.{module}").measure().items():
             results[name] = {"value": round(float(value), 4), "unit": unit, "against": against}
-            print(f"{name:36} {value:10.4g} {unit:22} {against}", flush=True)
+            print(f"{name:36} {value:10.4g} {unit:22} {kept(name, value):18} {against}", flush=True)
         OUT.write_text(json.dumps(results, indent=1, sort_keys=True) + "\n")
     print(f"written to {OUT}")
 
