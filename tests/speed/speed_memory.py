@@ -35,7 +35,8 @@ def measure() -> dict[str, tuple[float, str, str]]:
             time.sleep(POLL_S)
     if training.returncode:
         raise RuntimeError(f"{' '.join(command)} ended with {training.returncode}")
-    return {"train.memory_mb": (most_kb / 1024, "MB, all processes", f"{SHARDS} shards, one data worker, 1,200 validation crops")}
+    against = f"{SHARDS} shards, one data worker, {SHARDS * PER_SHARD} validation crops"
+    return {"train.memory_mb": (most_kb / 1024, "MB, all processes", against)}
 
 
 def _held_kb(group: int) -> int:
