@@ -21,7 +21,7 @@ from kpopnet.machine import cores_at_hand
 from kpopnet.ridge import RidgeConfig
 from synth.body import BodyConfig
 from synth.generate import finish, generate
-from synth.motion import SPLITS, MotionConfig
+from synth.motion import SPLITS, MotionConfig, build_motion
 from synth.observe import ExtractionConfig
 from synth.render import make_renderer
 from synth.room import ViewConfig
@@ -134,6 +134,8 @@ def main(config: GenerateConfig) -> None:
         count = getattr(config.splits, split)
         if not count:
             continue
+        # Opened here once, so that what it has to say of the recordings is said once and before the work begins.
+        build_motion(config.motion, split)
         freeze = look if split in config.frozen else None
         a_set = SetConfig(sample, config.seed, split, count, config.shard_size, freeze)
         folder = Path(config.out) / split

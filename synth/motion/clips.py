@@ -24,12 +24,15 @@ from synth.motion.skeleton import INDEX, NUM_JOINTS, Motion, Poses, facing_front
 
 log = logging.getLogger(__name__)
 
+FRAMES_KEPT = 500_000
+"""So many frames of recordings stay in memory, some 200 MB; what is dropped is read again."""
+
 _PACK_SPLITS = {"train": "train", "validation": "val", "test": "test"}
 _HINT = "motion=choreography needs no data"
 
 
 class _Recordings:
-    """Sequences loaded when first needed; stills are drawn evenly over time."""
+    """Sequences loaded when first needed, some kept; stills are drawn evenly over time."""
 
     def __init__(self, seconds: Sequence[float]) -> None:
         self._ends = np.cumsum(seconds)
@@ -45,6 +48,8 @@ class _Recordings:
     def _recording(self, index: int) -> tuple[Motion, np.ndarray]:
         if index not in self._loaded:
             self._loaded[index] = self._read(index)
+            while len(self._loaded) > 1 and sum(len(motion) for motion, _ in self._loaded.values()) > FRAMES_KEPT:
+                self._loaded.pop(next(iter(self._loaded)))
         return self._loaded[index]
 
     def motion(self, index: int) -> Motion:
@@ -113,7 +118,7 @@ class Clips(_Recordings):
 
 
 class BvhClips(_Recordings):
-    """One BVH file or a folder of them; all are read at once, so that a faulty one is found at the start.
+    """One BVH file or a folder of them; all are read through once, so that a faulty one is found at the start.
 
     Of every EIGHT files, by name, one is kept for validation and one for test. Fewer files serve all splits alike, and a
     warning says so: what is measured on them is then measured on known motions.
@@ -128,11 +133,13 @@ class BvhClips(_Recordings):
         else:
             kept = {"validation": [self.EIGHT - 2], "test": [self.EIGHT - 1]}.get(split, range(self.EIGHT - 2))
             files = [file for k, file in enumerate(files) if k % self.EIGHT in kept]
-        self._motions = [bvh_motion(file, fps) for file in files]
-        super().__init__([len(motion) / motion.fps for motion in self._motions])
+        self._files, self._fps = files, fps
+        super().__init__([0.0] * len(files))
+        motions = (self._recording(index)[0] for index in range(len(files)))
+        self._ends = np.cumsum([len(motion) / motion.fps for motion in motions])
 
     def _read(self, index: int) -> tuple[Motion, np.ndarray]:
-        motion = self._motions[index]
+        motion = bvh_motion(self._files[index], self._fps)
         return motion, np.ones(len(motion), bool)
 
 

@@ -116,6 +116,15 @@ def test_a_folder_of_bvh_files_and_a_single_one_are_clips_too(tmp_path):
     np.testing.assert_allclose(poses.quats, np.broadcast_to([1, 0, 0, 0], poses.quats.shape), atol=1e-6)
 
 
+def test_what_does_not_fit_in_memory_is_read_again(pack, monkeypatch):
+    whole = clips(pack).poses(generators(40))
+    monkeypatch.setattr("synth.motion.clips.FRAMES_KEPT", 1)
+    source = clips(pack)
+    again = source.poses(generators(40))
+    np.testing.assert_array_equal(whole.quats, again.quats)
+    assert len(source._loaded) == 1
+
+
 def test_paths_that_hold_no_motion_are_refused_and_the_way_out_named(tmp_path, pack):
     with pytest.raises(InputError, match=r"does not exist.*choreography needs no data"):
         clips(tmp_path / "nowhere")
