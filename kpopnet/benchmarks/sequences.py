@@ -27,10 +27,11 @@ class Sequence:
         identity: who it is, or "" where nobody knows. Equal identities are the same person.
         fps: frames a second, or 0 where the frames are stills of their own.
         camera: the camera of the depth.
-        depth_m: (T, H, W) float32, the person alone, 0 elsewhere.
+        depth_m: (T, H, W) float32; 0 where nothing was measured.
         joints_camera_m: (T, 15, 3) float32 true joints, NaN where there is no truth.
         visible: (T, 15) bool, false where there is no truth.
         yaw_rad: (T,) float32 the person's heading, 0 facing the camera, positive to the person's left, or None.
+        alone: the depth shows the person alone, 0 elsewhere; otherwise the whole scene, floor and walls and all.
     """
 
     name: str
@@ -41,6 +42,7 @@ class Sequence:
     joints_camera_m: np.ndarray
     visible: np.ndarray
     yaw_rad: np.ndarray | None = None
+    alone: bool = True
 
     def __post_init__(self) -> None:
         frames = len(self.depth_m)

@@ -1,0 +1,156 @@
+"""The human model (section 2.3): lengths and angles of one person, which never change while they are tracked."""
+
+import json
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from kpopnet.errors import InputError
+from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS, PAPER_JOINTS, Joint
+
+LIMB_PARENTS = {
+    Joint.RIGHT_ELBOW: Joint.RIGHT_SHOULDER,
+    Joint.LEFT_ELBOW: Joint.LEFT_SHOULDER,
+    Joint.RIGHT_HAND: Joint.RIGHT_ELBOW,
+    Joint.LEFT_HAND: Joint.LEFT_ELBOW,
+    Joint.RIGHT_KNEE: Joint.RIGHT_HIP,
+    Joint.LEFT_KNEE: Joint.LEFT_HIP,
+    Joint.RIGHT_FOOT: Joint.RIGHT_KNEE,
+    Joint.LEFT_FOOT: Joint.LEFT_KNEE,
+}
+"""The limb joints J_k of Eq. (9) and their parents J_p, parents first."""
+
+
+@dataclass(frozen=True)
+class HumanModel:
+    """The head-shoulder-torso structure's ten lengths and two angles, and the eight lengths of the limbs.
+
+    The paper's notation in brackets; all lengths in metres. It does not say at which point the two angles are measured:
+    here it is the torso's centre, the one point that head and shoulders share in the structure.
+
+    Attributes:
+        head_to_shoulder_line_m: from the head perpendicular to the line through the shoulders [l_H⊥S].
+        shoulder_to_shoulder_m: [l_LS,RS].
+        head_to_torso_m: [l_H,T].
+        left_shoulder_to_torso_m: [l_LS,T].
+        right_shoulder_to_torso_m: [l_RS,T].
+        torso_to_hip_line_m: from the torso's centre perpendicular to the line through the hips [l_T⊥P].
+        left_shoulder_to_left_hip_m: [l_LS,LP].
+        left_shoulder_to_right_hip_m: [l_LS,RP].
+        right_shoulder_to_left_hip_m: [l_RS,LP].
+        right_shoulder_to_right_hip_m: [l_RS,RP].
+        left_shoulder_angle_rad: between head and left shoulder, seen from the torso's centre [θ_LS].
+        right_shoulder_angle_rad: [θ_RS].
+        right_upper_arm_m, ...: a limb joint's distance to its parent [l_RUA, ...].
+    """
+
+    head_to_shoulder_line_m: float
+    shoulder_to_shoulder_m: float
+    head_to_torso_m: float
+    left_shoulder_to_torso_m: float
+    right_shoulder_to_torso_m: float
+    torso_to_hip_line_m: float
+    left_shoulder_to_left_hip_m: float
+    left_shoulder_to_right_hip_m: float
+    right_shoulder_to_left_hip_m: float
+    right_shoulder_to_right_hip_m: float
+    left_shoulder_angle_rad: float
+    right_shoulder_angle_rad: float
+    right_upper_arm_m: float
+    left_upper_arm_m: float
+    right_lower_arm_m: float
+    left_lower_arm_m: float
+    right_upper_leg_m: float
+    left_upper_leg_m: float
+    right_lower_leg_m: float
+    left_lower_leg_m: float
+
+    def __post_init__(self) -> None:
+        for name, value in asdict(self).items():
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 <= value < np.pi:
+                raise InputError(f"human model: {name}={value}: expected metres or radians from 0 to pi")
+
+    @property
+    def limb_m(self) -> dict[Joint, float]:
+        """l_k of Eq. (9): the length from each limb joint to its parent, in the order of `LIMB_PARENTS`."""
+        return dict(zip(LIMB_PARENTS, (getattr(self, name) for name in LIMB_FIELDS), strict=True))
+
+    @classmethod
+    def from_joints(cls, joints_m: np.ndarray) -> "HumanModel":
+        """The model of a person whose joints are known, for instance those of a benchmark's first frame.
+
+        Args:
+            joints_m: (15, 3) in the order of `Joint`; the neck is not looked at.
+
+        Raises:
+            InputError: another shape, or one of the fourteen joints is missing.
+        """
+        joints = np.asarray(joints_m, np.float64)
+        if joints.shape != (NUM_JOINTS, 3):
+            raise InputError(f"human model: expected ({NUM_JOINTS}, 3) joints, found {joints.shape}")
+        missing = [JOINT_NAMES[joint] for joint in PAPER_JOINTS if not np.isfinite(joints[joint]).all()]
+        if missing:
+            raise InputError(f"human model: the joints to take it from lack {', '.join(missing)}")
+        head, torso = joints[Joint.HEAD], joints[Joint.TORSO]
+        left_shoulder, right_shoulder = joints[Joint.LEFT_SHOULDER], joints[Joint.RIGHT_SHOULDER]
+        left_hip, right_hip = joints[Joint.LEFT_HIP], joints[Joint.RIGHT_HIP]
+        limbs = [_distance(joints[child], joints[parent]) for child, parent in LIMB_PARENTS.items()]
+        return cls(
+            distance_to_line(head, left_shoulder, right_shoulder),
+            _distance(left_shoulder, right_shoulder),
+            _distance(head, torso),
+            _distance(left_shoulder, torso),
+            _distance(right_shoulder, torso),
+            distance_to_line(torso, left_hip, right_hip),
+            _distance(left_shoulder, left_hip),
+            _distance(left_shoulder, right_hip),
+            _distance(right_shoulder, left_hip),
+            _distance(right_shoulder, right_hip),
+            _angle(head - torso, left_shoulder - torso),
+            _angle(head - torso, right_shoulder - torso),
+            *limbs,
+        )
+
+    def save(self, path: Path | str) -> None:
+        """Writes it as JSON, for a person who will come back."""
+        Path(path).write_text(json.dumps(asdict(self), indent=2) + "\n")
+
+    @classmethod
+    def load(cls, path: Path | str) -> "HumanModel":
+        """Reads what `save` wrote.
+
+        Raises:
+            InputError: not there, not JSON, or not this model's lengths.
+        """
+        try:
+            values = json.loads(Path(path).read_text())
+        except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+            raise InputError(f"{path}: no human model can be read from it ({error})") from error
+        expected = {field.name for field in fields(cls)}
+        if not isinstance(values, dict) or set(values) != expected:
+            odd = sorted(expected.symmetric_difference(values)) if isinstance(values, dict) else [type(values).__name__]
+            raise InputError(f"{path}: not a human model; missing or unknown: {', '.join(odd)}")
+        return cls(**values)
+
+
+LIMB_FIELDS = tuple(field.name for field in fields(HumanModel))[-len(LIMB_PARENTS) :]
+
+
+def distance_to_line(point: np.ndarray, on_line: np.ndarray, also_on_line: np.ndarray) -> float:
+    """The perpendicular from a (3,) point to the line through two others; their distance if those two are one."""
+    direction = also_on_line - on_line
+    length = np.linalg.norm(direction)
+    if length == 0:
+        return _distance(point, on_line)
+    return float(np.linalg.norm(np.cross(direction, point - on_line)) / length)
+
+
+def _distance(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.linalg.norm(a - b))
+
+
+def _angle(a: np.ndarray, b: np.ndarray) -> float:
+    """Between two vectors, radians in 0..pi; 0 if one has no length."""
+    lengths = np.linalg.norm(a) * np.linalg.norm(b)
+    return float(np.arccos(np.clip(a @ b / lengths, -1, 1))) if lengths > 0 else 0.0
