@@ -91,7 +91,6 @@ class Observer:
         extraction: ExtractionConfig,
         ridge: RidgeConfig | None,
         seed: int,
-        rooms: bool = True,
     ) -> None:
         """Opens nothing yet.
 
@@ -101,10 +100,8 @@ class Observer:
             extraction: the failures to imitate.
             ridge: makes a ridge image beside every depth image; None for none.
             seed: of the noise, any number from 0 on.
-            rooms: people stand in their rooms; otherwise in empty space.
         """
-        self.shards, self.sensor, self.extraction, self.ridge = shards, sensor, extraction, ridge
-        self.seed, self.rooms = seed, rooms
+        self.shards, self.sensor, self.extraction, self.ridge, self.seed = shards, sensor, extraction, ridge, seed
 
     def __len__(self) -> int:
         return len(self.shards)
@@ -114,14 +111,14 @@ class Observer:
         sample = self.shards[index]
         if self.shards.kind == "frozen":
             return as_stored(sample, self.shards.camera, with_ridge=self.ridge is not None)
-        room = Room(*self.shards.room(index, sample.room)) if self.rooms else None
+        room = Room(*self.shards.room(index, sample.room))
         rng = np.random.default_rng([self.seed, epoch, index])
         return observe_sample(sample, room, self.shards.camera, self.sensor, self.extraction, self.ridge, rng)
 
 
 def observe_sample(
     sample: Sample,
-    room: Room | None,
+    room: Room,
     camera: Camera,
     sensor: SensorConfig,
     extraction: ExtractionConfig,
@@ -132,7 +129,7 @@ def observe_sample(
 
     Args:
         sample: a clean sample.
-        room: what stands behind the person; None for nothing.
+        room: what stands behind the person.
         camera: the sample's.
         sensor: noise.
         extraction: failures of the cut-out.
@@ -141,7 +138,7 @@ def observe_sample(
     """
     # All of chance that is not the sensor's, drawn at once, used or not.
     cut, outline, attached, missing, hand, size, kind, where = rng.random(8)
-    attaches = room is not None and attached < extraction.attached
+    attaches = attached < extraction.attached
     x0, y0, x1, y1 = sample.box
     margin = MARGIN_PX
     if attaches and x1 > x0:
@@ -152,8 +149,7 @@ def observe_sample(
     cropped = camera.cropped(x0, y0, x1 - x0, y1 - y0)
 
     person_mm = sample.depth_mm[y0:y1, x0:x1]
-    room_mm = np.zeros_like(person_mm) if room is None else room.depth_mm[y0:y1, x0:x1]
-    scene_m, labels = _compose(person_mm, room_mm)
+    scene_m, labels = _compose(person_mm, room.depth_mm[y0:y1, x0:x1])
     if attaches:
         radius_m = ATTACHED_M[0] + size * (ATTACHED_M[1] - ATTACHED_M[0])
         _attach(scene_m, labels, cropped, radius_m, at_lowest=kind < 0.5, where=where)
@@ -161,13 +157,10 @@ def observe_sample(
     measured, seen = measure_labelled(scene_m, labels, cropped, sensor, rng, ends[np.isfinite(ends[:, 2])])
 
     grow = -1 if outline < extraction.erode else int(outline > 1 - extraction.dilate)
-    up = np.zeros(4, np.float32)
-    if room is not None:
-        # Height above the floor is up[:3].x + up[3]; the camera is above it.
-        up = np.asarray(room.floor, np.float32) * np.float32(1 if room.floor[3] >= 0 else -1)
+    # Height above the floor is up[:3].x + up[3]; the camera is above it.
+    up = np.asarray(room.floor, np.float32) * np.float32(1 if room.floor[3] >= 0 else -1)
     intrinsics = np.array([cropped.fx, cropped.fy, cropped.cx, cropped.cy], np.float32)
-    lowest_m = cut * extraction.feet_cut_m if room is not None else -math.inf
-    depth_m = _cut_out(measured, seen, intrinsics, up, np.float32(lowest_m), grow)
+    depth_m = _cut_out(measured, seen, intrinsics, up, np.float32(cut * extraction.feet_cut_m), grow)
     if missing < extraction.hand_missing:
         centre = sample.joints_camera_m[HANDS[int(hand * 2)]]
         radius_m = HAND_M[0] + size * (HAND_M[1] - HAND_M[0])
@@ -183,7 +176,7 @@ def observe_sample(
 
 def freeze(
     sample: Sample,
-    room: Room | None,
+    room: Room,
     camera: Camera,
     sensor: SensorConfig,
     extraction: ExtractionConfig,

@@ -155,10 +155,13 @@ def test_a_missing_hand_is_gone_and_the_rest_is_there(shards):
     assert sum(gone.values()) == 8
 
 
-def test_without_rooms_only_the_person_is_there(shards):
+def test_in_an_empty_room_above_an_abyss_only_the_person_is_there(shards):
     extraction = ExtractionConfig(attached=1.0, erode=0, dilate=0, hand_missing=0)
-    seen = Observer(shards, IDEAL, extraction, None, 0, rooms=False).observe(0, 0)
-    assert np.array_equal(np.rint(in_whole(seen, shards.camera) * 1000), shards[0].depth_mm)
+    camera, abyss = shards.camera, np.array([0, -1, 0, 100], np.float32)
+    room = Room(np.zeros((camera.height, camera.width), np.uint16), abyss)
+    for seed in range(4):
+        seen = observe_sample(shards[0], room, camera, IDEAL, extraction, None, seeded(seed))
+        assert np.array_equal(np.rint(in_whole(seen, camera) * 1000), shards[0].depth_mm)
 
 
 @pytest.mark.parametrize("sensor", SENSORS.values(), ids=SENSORS)
