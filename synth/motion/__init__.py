@@ -1,7 +1,7 @@
 """Where poses and motions come from: recorded clips, composed dances, made poses, or a mixture.
 
 Sources speak the canonical skeleton (`skeleton`). Made poses and dances are written in anatomical angles (`posture`),
-dances further in a language of moves (`moves`) that is put on the floor by `stage`.
+dances further in a language of moves (`moves`, `vocabulary`) that is put on the floor by `stage`.
 """
 
 from collections.abc import Sequence

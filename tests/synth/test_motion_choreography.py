@@ -3,15 +3,11 @@ import pytest
 
 from synth.motion.choreography import Choreography, compose, dance
 from synth.motion.moves import (
-    LOWER,
     RELAXED_LOWER,
     RELAXED_UPPER,
-    UPPER,
-    WHOLE,
     Key,
     Move,
     concat,
-    faster,
     mirror,
     repeat,
     scale,
@@ -28,6 +24,7 @@ from synth.motion.skeleton import (
     rotate,
 )
 from synth.motion.stage import Style, perform
+from synth.motion.vocabulary import LOWER, UPPER, WHOLE
 
 VOCABULARY = LOWER | UPPER | WHOLE
 STEADY = Style(bounce_m=0.0, lag_s=0.0, unsteadiness_deg=0.0)
@@ -85,7 +82,6 @@ def test_combinators_keep_time():
     a, b = LOWER["side_steps"], UPPER["point_up"]
     assert concat(a, b).beats == a.beats + b.beats
     assert repeat(a, 3).beats == 3 * a.beats
-    assert faster(a, 2).beats == a.beats / 2
     assert together(LOWER["bounce"], b).beats == b.beats
     assert together(LOWER["bounce"], b).upper == b.upper
     assert sum(key.turn for key in turning(a, 360).lower) == pytest.approx(360)
