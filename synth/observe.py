@@ -17,7 +17,8 @@ from kpopnet.observation import Observation
 from kpopnet.ridge import RidgeConfig, ridge_probability
 from kpopnet.shards import Sample, ShardedSet
 from kpopnet.skeleton import Joint
-from synth.sensor import SensorConfig, ball, erase_ellipses, measure_labelled
+from synth.holes import ball, erase_ellipses
+from synth.sensor import SensorConfig, measure_labelled
 
 MARGIN_PX = 4
 """Pixels around the person's box that are measured too: room for dilation, and two empty ones for the ridge."""

@@ -9,7 +9,8 @@ from omegaconf.errors import ConfigAttributeError
 
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
-from synth.sensor import NORMALS, SENSORS, SensorConfig, measure, measure_labelled, resolved
+from synth.sensor import SENSORS, SensorConfig, measure, measure_labelled, resolved
+from synth.sensor_kernel import NORMALS
 
 CAMERA = CAMERAS["kinect_v1"]
 CONFIGS = Path(__file__).parents[2] / "configs/sensor"
