@@ -14,7 +14,7 @@ from kpopnet.camera import CAMERAS, MM_PER_METRE, Camera
 from kpopnet.errors import InputError
 from kpopnet.shards import Sample
 from kpopnet.skeleton import Joint
-from synth.body import BodyConfig, Person, draw_person
+from synth.body import BodyAsset, BodyConfig, Person, draw_person
 from synth.motion import SPLITS, MotionConfig, MotionSource, build_motion
 from synth.motion.skeleton import JOINT_NAMES as MOTION_BONES
 from synth.motion.skeleton import height_above_floor, multiply
@@ -24,6 +24,7 @@ from synth.scene import Fitted, Scene
 
 HIPS_HALF_DEPTH_M = 0.25  # how near a wall may be to the hips
 BLOCK = 64  # samples whose poses are drawn together; no sample depends on it
+SIDES = (("Left", 1.0), ("Right", -1.0))
 
 COVER_M = {
     # How far in front of a joint its own body part's surface may lie for the joint to count as visible.
@@ -159,7 +160,6 @@ class Sampler:
         self.scene = Scene(config.camera.build())
         self.renderer: Renderer = make_renderer(config.renderer, self.scene)
         self._seed = (seed, SPLITS.index(split))
-        self._bones = np.array([self.scene.asset.bone(name) for name in MOTION_BONES])
         self._people: dict[int, Fitted] = {}
         self._dressed: int | None = None
         self._room: tuple[int, RenderedRoom] | None = None
@@ -252,16 +252,8 @@ class Sampler:
         """(B, 4) local rotations of the body's bones for (23, 4) of the motion's, with a heading and loose fingers."""
         config = self.config.stage
         yaw = rng.uniform(-np.pi, np.pi) if rng.random() < config.turned else np.radians(config.turn_deg) * rng.normal()
-        local = np.zeros((len(self.scene.asset.bone_names), 4))
-        local[:, 0] = 1
-        # The motion's y is up and z in front, the world's z is up and -y in front: (x, y, z) -> (x, -z, y).
-        local[self._bones] = quats[:, (0, 1, 3, 2)] * (1, 1, -1, 1)
-        local[0] = multiply(np.array([np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]), local[0])
-        for side, sign in (("Left", 1.0), ("Right", -1.0)):
-            curl = sign * rng.uniform(0.0, 1.5)  # in the T-pose the palms face down: fingers curl about the y axis
-            for finger in (f"{side}FingerBase", f"{side}HandFinger1"):
-                local[self.scene.asset.bone(finger)] = np.cos(curl / 2), 0, np.sin(curl / 2), 0
-        return local
+        curls_rad = np.array([rng.uniform(0.0, 1.5) for _ in SIDES])
+        return on_body(self.scene.asset, quats, yaw, curls_rad)
 
     def _place(self, rng: np.random.Generator, chosen: "_Chosen", room: RenderedRoom) -> None:
         """Stands the posed person on the floor, within the walls and if possible wholly in the picture."""
@@ -293,10 +285,34 @@ class Sampler:
             visible=_visible(joints, depth_mm, camera),
             body=index // self.config.samples_per_body,
             motion=name,
-            yaw_rad=_yaw(scene),
+            yaw_rad=heading_rad(scene),
             room=self.room_of(index),
             ridge=None,
         )
+
+
+def on_body(asset: BodyAsset, quats: np.ndarray, yaw_rad: float, curls_rad: np.ndarray) -> np.ndarray:
+    """A motion's rotations as those of the body's bones.
+
+    Args:
+        asset: the body.
+        quats: (..., 23, 4) local rotations of the motion's joints.
+        yaw_rad: how far the whole person is turned to the left.
+        curls_rad: (2,) how far the fingers of the left and of the right hand are bent.
+
+    Returns:
+        (..., B, 4) local rotations away from the T-pose.
+    """
+    local = np.zeros((*quats.shape[:-2], len(asset.bone_names), 4))
+    local[..., 0] = 1
+    # The motion's y is up and z in front, the world's z is up and -y in front: (x, y, z) -> (x, -z, y).
+    local[..., [asset.bone(name) for name in MOTION_BONES], :] = quats[..., (0, 1, 3, 2)] * (1, 1, -1, 1)
+    local[..., 0, :] = multiply(np.array([np.cos(yaw_rad / 2), 0, 0, np.sin(yaw_rad / 2)]), local[..., 0, :])
+    for (side, sign), curl in zip(SIDES, curls_rad, strict=True):
+        curl = sign * curl  # in the T-pose the palms face down: fingers curl about the y axis
+        for finger in (f"{side}FingerBase", f"{side}HandFinger1"):
+            local[..., asset.bone(finger), :] = np.cos(curl / 2), 0, np.sin(curl / 2), 0
+    return local
 
 
 @dataclass(frozen=True)
@@ -348,7 +364,7 @@ def _visible(joints_camera_m: np.ndarray, depth_mm: np.ndarray, camera: Camera) 
     return inside & (seen_mm > 0) & (seen_mm / MM_PER_METRE > z - _COVER_M)
 
 
-def _yaw(scene: Scene) -> float:
+def heading_rad(scene: Scene) -> float:
     """The person's heading about the vertical, 0 facing the camera, positive turned to the person's left."""
     facing, place = scene.facing_world(), scene.data.qpos[:3] - scene.view.position_m
     return float(np.angle(complex(facing[0], facing[1]) / complex(-place[0], -place[1])))

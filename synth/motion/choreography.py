@@ -30,7 +30,7 @@ def _filled(move: Move, counts: float) -> Move:
     return repeat(move, max(round(counts / move.beats), 1))
 
 
-def _phrase(generator: np.random.Generator, amplitude: float) -> Move:
+def phrase(generator: np.random.Generator, amplitude: float) -> Move:
     """Eight counts, or sixteen where floor work needs them."""
     if generator.random() < 0.24:
         move = pick(generator, tuple(WHOLE.values()))
@@ -56,16 +56,27 @@ def _phrase(generator: np.random.Generator, amplitude: float) -> Move:
 def compose(generator: np.random.Generator, counts: float) -> Move:
     """A dance of at least so many counts: verses of fresh phrases around a chorus that comes back."""
     amplitude = between(generator, 0.8, 1.1)
-    chorus = [_phrase(generator, amplitude) for _ in range(2)]
+    chorus = [phrase(generator, amplitude) for _ in range(2)]
     sections: list[Move] = []
     length = 0.0
     while length < counts:
-        verse = [_phrase(generator, amplitude) for _ in range(2 if generator.random() < 0.6 else 1)]
-        again = [mirror(phrase) for phrase in chorus] if generator.random() < 0.3 else chorus
+        verse = [phrase(generator, amplitude) for _ in range(2 if generator.random() < 0.6 else 1)]
+        again = [mirror(part) for part in chorus] if generator.random() < 0.3 else chorus
         section = concat(*verse, *again)
         sections.append(section)
         length += section.beats
     return concat(*sections)
+
+
+def draw_style(generator: np.random.Generator) -> Style:
+    """A dancer."""
+    return Style(
+        sharpness=between(generator, 0.8, 1.5),
+        bounce_m=between(generator, 0.0, 0.04),
+        lag_s=between(generator, 0.01, 0.07),
+        unsteadiness_deg=between(generator, 0.5, 2.0),
+        phases=tuple(generator.random(5)),
+    )
 
 
 def dance(index: int, seed: int = 0, seconds: float = 20.0, fps: float = 30.0) -> Motion:
@@ -82,13 +93,7 @@ def dance(index: int, seed: int = 0, seconds: float = 20.0, fps: float = 30.0) -
     """
     generator = np.random.default_rng([seed, index])
     bpm = between(generator, 90.0, 140.0)
-    style = Style(
-        sharpness=between(generator, 0.8, 1.5),
-        bounce_m=between(generator, 0.0, 0.04),
-        lag_s=between(generator, 0.01, 0.07),
-        unsteadiness_deg=between(generator, 0.5, 2.0),
-        phases=tuple(generator.random(5)),
-    )
+    style = draw_style(generator)
     move = compose(generator, seconds * bpm / 60.0)
     return perform(move, bpm, round(seconds * fps), fps, f"choreography:{seed}-{index}", style)
 

@@ -77,13 +77,13 @@ def test_yaw_is_the_heading_against_the_camera(sampler: Sampler) -> None:
     scene = sampler.scene
     sampler.room(0)
     list(sampler.samples(0, 1))
-    from synth.sample import _yaw
+    from synth.sample import heading_rad
 
     straight = np.tile([1.0, 0, 0, 0], (len(scene.asset.bone_names), 1))
     for turn in (0.0, 0.7, -2.0):
         straight[0] = np.cos(turn / 2), 0, 0, np.sin(turn / 2)
         scene.pose(straight, np.array([0, 3.0, 1.0]))
-        assert _yaw(scene) == pytest.approx(turn, abs=1e-6)
+        assert heading_rad(scene) == pytest.approx(turn, abs=1e-6)
     # Turned to the left by a quarter, the person's front, the nose's side, points to the camera's right.
     straight[0] = np.cos(np.pi / 4), 0, 0, np.sin(np.pi / 4)
     scene.pose(straight, np.array([0, 3.0, 1.0]))
