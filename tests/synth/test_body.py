@@ -11,7 +11,9 @@ from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 from synth.body import SPLIT_SHARES, BodyConfig, draw_person, dress, load_body, shape_person, vertex_normals
+from synth.motion import MotionConfig
 from synth.render import CpuRenderer
+from synth.sample import SampleConfig, Sampler
 from synth.scene import Scene
 
 NUM_BONES = len(load_body().bone_names)
@@ -55,21 +57,45 @@ def test_the_t_pose_lays_arms_along_x_and_legs_along_z() -> None:
     assert toes < person.heads_m[load_body().bone("LeftFoot"), 1] - 0.05
 
 
+def outside_m(vertices: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(N,) how far points lie outside of the body's surface, 0 inside."""
+    triangles = trimesh.Trimesh(vertices, load_body().faces, process=False).triangles
+    # The winding number says how often the surface goes round a point: 1 inside, 0 outside.
+    a, b, c = np.moveaxis(triangles[None] - points[:, None, None], 2, 0)
+    la, lb, lc = (np.linalg.norm(x, axis=-1) for x in (a, b, c))
+    above = np.einsum("jfk,jfk->jf", a, np.cross(b, c))
+    below = la * lb * lc + (a * b).sum(-1) * lc + (b * c).sum(-1) * la + (c * a).sum(-1) * lb
+    winding = np.arctan2(above, below).sum(1) / (2 * np.pi)
+    distances = np.zeros(len(points))
+    for k in np.flatnonzero(winding < 0.5):
+        nearest = trimesh.triangles.closest_point(triangles, np.tile(points[k], (len(triangles), 1)))
+        distances[k] = np.linalg.norm(nearest - points[k], axis=1).min()
+    return distances
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_joints_lie_inside_the_body(seed: int) -> None:
     rng = np.random.default_rng(seed)
     person = draw_person(rng, BARE, "train")
     vertices, joints = person.forward(random_rotations(rng, 0.2).as_matrix(), np.zeros(3))
-    mesh = trimesh.Trimesh(vertices, load_body().faces, process=False)
-    trimesh.repair.fill_holes(mesh)
-    # The winding number says how often the surface goes round a point: 1 inside, 0 outside.
-    triangles = mesh.triangles[None] - joints[:, None, None]
-    a, b, c = np.moveaxis(triangles, 2, 0)
-    la, lb, lc = (np.linalg.norm(x, axis=-1) for x in (a, b, c))
-    above = np.einsum("jfk,jfk->jf", a, np.cross(b, c))
-    below = la * lb * lc + (a * b).sum(-1) * lc + (b * c).sum(-1) * la + (c * a).sum(-1) * lb
-    winding = np.arctan2(above, below).sum(1) / (2 * np.pi)
-    assert (winding > 0.8).all(), dict(zip(Joint, winding.round(2), strict=True))
+    assert (outside_m(vertices, joints) == 0).all()
+    # And the measure itself: a finger's breadth before the nose nothing is inside.
+    nose = vertices[vertices[:, 1].argmin()]
+    assert outside_m(vertices, nose[None] - [0, 0.015, 0]) == pytest.approx(0.015, abs=1e-6)
+
+
+@pytest.mark.parametrize(("source", "count"), [("poses", 120), ("choreography", 60)])
+def test_joints_lie_inside_the_body_in_the_poses_that_are_made(source: str, count: int) -> None:
+    """All but the right knee, always. That comes out by up to 17 mm (of 4,500 poses 68 had it outside, 8 by more than
+    10 mm) where a knee is bent by more than 130 degrees: linear blend skinning flattens a bent kneecap, and on the right
+    the decimated mesh has fewer vertices there than on the left, whose knee was inside in all of them.
+    """
+    sampler = Sampler(SampleConfig(BARE, MotionConfig(source=source), renderer="cpu"), 3, "train")
+    for rendered in sampler.samples(0, count):
+        joints = sampler.scene.joints_world_m()
+        outside = dict(zip(Joint, outside_m(sampler.renderer.vertices_world_m(), joints), strict=True))
+        assert outside.pop(Joint.RIGHT_KNEE) < 0.02, rendered.sample.motion
+        assert max(outside.values()) == 0, (rendered.sample.motion, outside)
 
 
 def test_faces_look_outwards() -> None:
