@@ -11,11 +11,13 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from checkpoint_contents import contents
 from factories import write_shard
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from kpopnet.checkpoint import read_meta
+from kpopnet.crops import ShuffledOrder
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.shards import ShardedSet
 
@@ -44,6 +46,15 @@ def run(place, *overrides, launcher=()):
         text=True,
         env=os.environ | {"OMP_NUM_THREADS": "1"},
     )
+
+
+def tear(shard, row):
+    """Overwrites a piece of one stored picture."""
+    with h5py.File(shard, "r") as file:
+        where = file["depth_mm"].id.get_chunk_info_by_coord((row, 0, 0)).byte_offset
+    data = bytearray(shard.read_bytes())
+    data[where : where + 64] = bytes(64)
+    shard.write_bytes(data)
 
 
 def test_a_run_leaves_a_network_and_says_what_it_does(place):
@@ -103,14 +114,37 @@ def test_resuming_takes_the_runs_own_configuration_and_folder(place):
     assert "finished already, 4 of 4 steps are done" in finished.stderr
 
 
+def test_a_resumed_run_is_bit_for_bit_the_run_that_was_not_stopped(place, tmp_path):
+    """Stopped in its third step, by a picture that is torn and then repaired; 12 samples are three steps an epoch."""
+    shutil.copytree(place / "train", tmp_path / "train")
+    settings = [*SHORT, "model.input=depth_ridge", "training.steps=6", f"data.validation={place / 'validation'}"]
+    whole = run(tmp_path, *settings, "hydra.run.dir=whole")
+    assert whole.returncode == 0, whole.stderr
+
+    number, row = divmod(ShuffledOrder(12, 4, seed=0)(2)[-1][0], 6)
+    shard = tmp_path / "train" / f"shard_{number:05d}.h5"
+    intact = shard.read_bytes()
+    tear(shard, row)
+    stopped = run(tmp_path, *settings, "hydra.run.dir=parts")
+    assert stopped.returncode == 1
+    assert read_meta(tmp_path / "parts" / "last")["step"] == 2
+    shard.write_bytes(intact)
+    resumed = run(tmp_path, "training.resume=parts/last", "workers=1")
+    assert resumed.returncode == 0, resumed.stderr
+
+    (weights, state, meta), (other_weights, other_state, other_meta) = (
+        contents(tmp_path / part / "last") for part in ("whole", "parts")
+    )
+    assert state["step"] == 6
+    assert weights == other_weights
+    assert state == other_state
+    assert meta["metrics"] == other_meta["metrics"]
+    assert meta["mean_pose_m"] == other_meta["mean_pose_m"]
+
+
 def test_a_torn_shard_in_the_middle_of_a_training_is_named(place):
     shutil.copytree(place / "train", place / "torn")
-    shard = place / "torn" / "shard_00001.h5"
-    with h5py.File(shard, "r") as file:
-        where = file["depth_mm"].id.get_chunk_info(3).byte_offset
-    data = bytearray(shard.read_bytes())
-    data[where : where + 64] = bytes(64)
-    shard.write_bytes(data)
+    tear(place / "torn" / "shard_00001.h5", 3)
     for workers in (0, 1):
         done = run(place, *SHORT, "data.train=torn", f"workers={workers}", "training.steps=6", "hydra.run.dir=broken")
         assert done.returncode == 1

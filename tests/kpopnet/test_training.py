@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 import torch
 from capsule_people import CapsulePeople
+from checkpoint_contents import contents, flatten
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from kpopnet.checkpoint import load_state, read_meta
+from kpopnet.checkpoint import read_meta
 from kpopnet.crops import AugmentConfig, CropBatches, ShuffledOrder
 from kpopnet.errors import InputError
 from kpopnet.networks import ModelConfig, build_network
@@ -48,20 +49,6 @@ def as_before():
 def run_short(out, config=SHORT, model=MODEL, **settings):
     settings = {"device": "cpu", "workers": 0, "threads": 1, "described": {"seed": 0}} | settings
     return train(config, model, PEOPLE, OTHERS, out=out, **settings)
-
-
-def contents(folder):
-    """Everything that a checkpoint knows, by file, comparable."""
-    state = load_state(folder)
-    return (folder / "model.safetensors").read_bytes(), flatten(state), read_meta(folder)
-
-
-def flatten(value):
-    if isinstance(value, dict):
-        return {name: flatten(part) for name, part in value.items()}
-    if isinstance(value, list):
-        return [flatten(part) for part in value]
-    return value.numpy().tobytes() if isinstance(value, torch.Tensor) else value
 
 
 @pytest.mark.parametrize("kind", ["holistic", "dense"])
