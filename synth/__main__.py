@@ -6,24 +6,36 @@
     python -m synth motion=clips motion.path=/my/bvh sensor=kinect_2 camera=kinect_2 out=data/mine
     python -m synth preset=small frozen=[train,validation,test]     noisy depth and ridge images on disk
 
+or a benchmark's simulated stand-in, in the real one's own files:
+
+    python -m synth benchmark=eval_sim                              24 sequences, 8 GB, into data/eval_sim
+    python -m synth benchmark=eval_sim benchmark.seed=1 benchmark.sequences=8 out=data/eval_sim_1
+    python -m synth benchmark=eval_sim motion=clips motion.path=PACK out=data/eval_sim_clips
+
 Run again after being stopped, it makes only what is missing. Several machines may share one folder: give each its own
 range, shards=0:100, shards=100:200, ...; under SLURM (pip install -e '.[cluster]'):
 
     python -m synth -m hydra/launcher=submitit_slurm preset=paper out=/big/paper shards=0:100,100:200,200:300
 """
 
+import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from hydra.core.config_store import ConfigStore
+
+from kpopnet.camera import CAMERAS, Camera
 from kpopnet.entry import entry_point
 from kpopnet.errors import InputError
 from kpopnet.machine import cores_at_hand
 from kpopnet.ridge import RidgeConfig
 from synth.body import BodyConfig
+from synth.eval_files import write_set
+from synth.eval_sim import EvalSimConfig, EvalSimSet
 from synth.generate import finish, generate
 from synth.motion import SPLITS, MotionConfig, build_motion
 from synth.observe import ExtractionConfig
-from synth.render import make_renderer
+from synth.render import RENDERERS, make_renderer
 from synth.room import ViewConfig
 from synth.sample import CameraConfig, SampleConfig, StageConfig
 from synth.scene import Scene
@@ -103,11 +115,7 @@ class GenerateConfig:
 
     def sample(self) -> SampleConfig:
         """Its part that decides what a sample is, with the renderer decided."""
-        renderer = self.renderer
-        if renderer == "auto":
-            probe = make_renderer("auto", Scene(self.camera.build()))
-            renderer = probe.name
-            probe.close()
+        renderer = decided(self.renderer, self.camera.build())
         return SampleConfig(
             self.body,
             self.motion,
@@ -120,8 +128,17 @@ class GenerateConfig:
         )
 
 
+def decided(renderer: str, camera: Camera) -> str:
+    """What `auto` means on this machine."""
+    if renderer != "auto":
+        return renderer
+    probe = make_renderer("auto", Scene(camera))
+    probe.close()
+    return probe.name
+
+
 @entry_point(GenerateConfig, "generate", "../configs")
-def main(config: GenerateConfig) -> None:
+def make_set(config: GenerateConfig) -> None:
     sample = config.sample()
     look = FreezeConfig(config.sensor, config.extraction, config.ridge)
     processes = config.processes or cores_at_hand()
@@ -149,6 +166,51 @@ def main(config: GenerateConfig) -> None:
             f"{summary['refused_poses']} poses refused, {summary['forced_samples']} taken though not good; "
             f"look at {folder / 'contact_sheet.png'}"
         )
+
+
+@dataclass(frozen=True)
+class StandInConfig:
+    """What `python -m synth benchmark=...` takes.
+
+    Attributes:
+        benchmark: which, with its seed and how much of it.
+        out: folder for its files.
+        motion: choreography, or clips of a motion pack's test subjects.
+        renderer: auto, cpu or gl.
+        processes: 0 takes every core.
+    """
+
+    benchmark: EvalSimConfig = field(default_factory=EvalSimConfig)
+    out: str = "data/eval_sim"
+    motion: MotionConfig = field(default_factory=MotionConfig)
+    renderer: str = "auto"
+    processes: int = 0
+
+    def __post_init__(self) -> None:
+        if self.renderer not in RENDERERS:
+            raise InputError(f"renderer={self.renderer}: choose one of {', '.join(RENDERERS)}")
+        if self.processes < 0:
+            raise InputError(f"processes={self.processes} must be 0 (every core) or more")
+
+
+ConfigStore.instance().store(group="benchmark/schema", name="eval_sim", node=EvalSimConfig)
+
+
+@entry_point(StandInConfig, "stand_in", "../configs")
+def make_stand_in(config: StandInConfig) -> None:
+    a_set = EvalSimSet(config.benchmark, config.motion, decided(config.renderer, CAMERAS["eval"]))
+    processes, folder = config.processes or cores_at_hand(), Path(config.out)
+    print(
+        f"{config.benchmark.name}, simulated, seed {config.benchmark.seed}, {config.benchmark.sequences} sequences, motion "
+        f"{config.motion.source}, renderer {a_set.renderer}, {processes} processes, into {folder}"
+    )
+    write_set(a_set, folder, processes)
+    print(f"{folder}: finished; look at {folder / 'contact_sheet.png'}")
+
+
+def main() -> None:
+    """A benchmark where the command line names one, else a set of samples."""
+    (make_stand_in if any(given.startswith("benchmark=") for given in sys.argv[1:]) else make_set)()
 
 
 if __name__ == "__main__":

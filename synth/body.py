@@ -156,6 +156,21 @@ def draw_person(rng: np.random.Generator, config: BodyConfig, split: str) -> Per
     return dress(person, offsets_m)
 
 
+def draw_stranger(rng: np.random.Generator, config: BodyConfig) -> Person:
+    """A person whom no split knows, dressed: half-way between two adults of the split `test` of the same sex.
+
+    Half the distance between two adults is more than `shape_jitter` ever leads away from one, so nobody whom
+    `draw_person` draws, in any split, is as near.
+    """
+    asset = load_body()
+    known = asset.people[int(SPLIT_SHARES["test"][0] * len(asset.people)) :]
+    sex = asset.facts[-len(known) :, 0] > 0.5
+    one = rng.integers(len(known))
+    other = rng.choice(np.flatnonzero((sex == sex[one]) & (np.arange(len(known)) != one)))
+    person = shape_person((known[one] + known[other]) / 2)
+    return dress(person, _clothes(person.vertices_m, rng, config))
+
+
 def shape_person(coefficients: np.ndarray) -> Person:
     """The bare body with these (K,) shape coefficients."""
     asset = load_body()

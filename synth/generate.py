@@ -6,6 +6,7 @@ import os
 import socket
 import sys
 import threading
+from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
@@ -46,23 +47,31 @@ def generate(config: SetConfig, folder: Path, shards: range, processes: int) -> 
     total = sum(stop - start for start, stop in spans)
     if len(missing) < len(shards):
         print(f"{folder}: {len(shards) - len(missing)} of {len(shards)} shards are there already")
-    # Where no one watches, in a log, a line now and then.
-    interval_s = 0.2 if sys.stderr.isatty() else 15.0
-    with tqdm(total=total, unit="sample", desc=config.split, smoothing=0.05, mininterval=interval_s) as bar:
+    with progress_bar(total, "sample", config.split) as bar:
         if processes == 1 or len(missing) == 1:
             for shard in missing:
                 write_shard(config, folder, shard, lambda: bar.update())
         elif missing:
-            _in_processes(config, folder, missing, min(processes, len(missing)), bar)
+            in_processes(write_shard, [(config, folder, shard) for shard in missing], folder, processes, bar)
 
 
-def _in_processes(config: SetConfig, folder: Path, missing: list[int], processes: int, bar: tqdm) -> None:
+def progress_bar(total: int, unit: str, what: str) -> tqdm:
+    """Where no one watches, in a log, a line now and then."""
+    return tqdm(total=total, unit=unit, desc=what, smoothing=0.05, mininterval=0.2 if sys.stderr.isatty() else 15.0)
+
+
+def in_processes(write: Callable, jobs: list[tuple], folder: Path, processes: int, bar: tqdm) -> None:
+    """Calls write(*job, on_progress) for every job in processes of their own; the bar moves with every on_progress().
+
+    Raises:
+        InputError: a process died; what is finished stays in the folder.
+    """
     # Spawned, not forked: a forked child would inherit threads and GL state half-way through.
     context = multiprocessing.get_context("spawn")
     done = context.Value("q", 0)
-    pool = ProcessPoolExecutor(processes, context, initializer=_start_worker, initargs=(done,))
+    pool = ProcessPoolExecutor(min(processes, len(jobs)), context, initializer=_start_worker, initargs=(done,))
     try:
-        waiting = {pool.submit(_write_counted, config, folder, shard) for shard in missing}
+        waiting = {pool.submit(_write_counted, write, job) for job in jobs}
         while waiting:
             finished, waiting = wait(waiting, POLL_S, FIRST_COMPLETED)
             bar.update(done.value - bar.n)
@@ -92,8 +101,8 @@ def _end_with_parent() -> None:
     os._exit(1)
 
 
-def _write_counted(config: SetConfig, folder: Path, shard: int) -> None:
-    write_shard(config, folder, shard, _count)
+def _write_counted(write: Callable, job: tuple) -> None:
+    write(*job, _count)
 
 
 def _count() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from kpopnet.benchmarks.eval_benchmark import EvalBenchmark, EvalConfig, EvalSimBenchmark, EvalSimConfig
 from kpopnet.benchmarks.metrics import Scored, evaluate
 from kpopnet.benchmarks.sequences import Benchmark, evenly_spaced
 from kpopnet.benchmarks.synthetic import SyntheticBenchmark, SyntheticConfig
@@ -58,6 +59,8 @@ class MeanPoseConfig:
 BENCHMARKS: dict[str, tuple[type, Callable[[Any], Benchmark]]] = {
     "synthetic": (SyntheticConfig, SyntheticBenchmark),
     "utd_mhad": (UtdMhadConfig, UtdMhadBenchmark),
+    "eval": (EvalConfig, EvalBenchmark),
+    "eval_sim": (EvalSimConfig, EvalSimBenchmark),
 }
 """Settings and reader of each benchmark."""
 

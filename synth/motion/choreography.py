@@ -25,7 +25,7 @@ _TURNING_GROOVES = ("bounce", "march", "twist_hips", "taps_out", "knee_lifts")
 _REST = together(LOWER["bounce"], UPPER["hanging"])
 
 
-def _filled(move: Move, counts: float) -> Move:
+def filled(move: Move, counts: float) -> Move:
     """The move repeated to so many counts."""
     return repeat(move, max(round(counts / move.beats), 1))
 
@@ -37,18 +37,18 @@ def phrase(generator: np.random.Generator, amplitude: float) -> Move:
         if move.beats <= COUNTS / 2 and generator.random() < 0.5:
             move = concat(move, mirror(move))
         rest = -move.beats % COUNTS
-        return concat(move, _filled(_REST, rest)) if rest else move
+        return concat(move, filled(_REST, rest)) if rest else move
     feet = LOWER[pick(generator, _GROOVES)]
     if generator.random() < 0.12:
-        feet = turning(_filled(LOWER[pick(generator, _TURNING_GROOVES)], COUNTS), pick(generator, (-360.0, 360.0)))
+        feet = turning(filled(LOWER[pick(generator, _TURNING_GROOVES)], COUNTS), pick(generator, (-360.0, 360.0)))
     one, other = (UPPER[pick(generator, tuple(UPPER))] for _ in range(2))
     form = generator.random()
     if form < 0.45:
-        arms = _filled(one, COUNTS)
+        arms = filled(one, COUNTS)
     elif form < 0.8 and one.beats < COUNTS and other.beats < COUNTS:
-        arms = concat(_filled(one, COUNTS / 2), _filled(other, COUNTS / 2))
+        arms = concat(filled(one, COUNTS / 2), filled(other, COUNTS / 2))
     else:
-        arms = _filled(other, COUNTS)
+        arms = filled(other, COUNTS)
     move = scale(together(feet, arms), amplitude)
     return mirror(move) if generator.random() < 0.5 else move
 
