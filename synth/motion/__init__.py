@@ -4,6 +4,7 @@ Sources speak the canonical skeleton (`skeleton`). Made poses and dances are wri
 dances further in a language of moves (`moves`, `vocabulary`) that is put on the floor by `stage`.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
@@ -41,7 +42,7 @@ class SequenceSource(MotionSource, Protocol):
 SPLITS = ("train", "validation", "test")
 
 
-@dataclass
+@dataclass(frozen=True)
 class MotionConfig:
     """Which motion to take.
 
@@ -70,10 +71,12 @@ class MotionConfig:
             raise InputError(
                 "motion.source=clips needs motion.path=<motion pack or BVH files>; motion=choreography needs no data"
             )
-        if self.fps is not None and self.fps <= 0:
-            raise InputError(f"motion.fps={self.fps} is not a frame rate; leave it out or set it above 0")
-        if self.dances < 1 or self.seconds <= 0:
-            raise InputError(f"motion.dances={self.dances} of motion.seconds={self.seconds}: both must be above 0")
+        if self.fps is not None and not 1 <= self.fps < math.inf:
+            raise InputError(f"motion.fps={self.fps} is no frame rate; leave it out or give at least 1")
+        if self.dances < 1:
+            raise InputError(f"motion.dances={self.dances}: expected at least 1")
+        if not 1 <= self.seconds < math.inf:
+            raise InputError(f"motion.seconds={self.seconds}: a dance lasts at least a second")
         if self.source == "mix":
             unknown = set(self.weights) - (set(_SOURCES) - {"mix"})
             if unknown or not self.weights or min(self.weights.values()) < 0 or sum(self.weights.values()) <= 0:

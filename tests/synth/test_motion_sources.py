@@ -1,4 +1,5 @@
 import csv
+import math
 from pathlib import Path
 
 import numpy as np
@@ -152,7 +153,9 @@ def test_paths_that_hold_no_motion_are_refused_and_the_way_out_named(tmp_path, p
     [
         ({"source": "dance"}, "motion.source=dance is not one of"),
         ({"fps": 0.0}, "motion.fps=0.0"),
+        ({"fps": math.nan}, "motion.fps=nan"),
         ({"dances": 0}, "motion.dances=0"),
+        ({"seconds": 0.04}, "motion.seconds=0.04: a dance lasts at least a second"),
         ({"weights": {"posse": 1.0}}, "motion.weights"),
         ({"weights": {"poses": 0.0}}, "motion.weights"),
         ({"weights": {"mix": 1.0}}, "motion.weights"),
@@ -172,6 +175,12 @@ def test_sources_keep_the_protocol():
         assert poses.quats.shape == (5, 23, 4) and poses.root_m.shape == (5, 3) and poses.leg_m.shape == (5,)
         assert poses.quats.dtype == poses.root_m.dtype == poses.leg_m.dtype == np.float32
         assert isinstance(built, SequenceSource) == (source == "choreography")
+
+
+def test_the_shortest_dances_at_the_lowest_rate_have_a_frame():
+    source = build_motion(MotionConfig(source="choreography", dances=1, seconds=1.0, fps=1.0), "train")
+    assert len(source.motion(0)) == 1
+    assert len(source.poses(generators(3)).names) == 3
 
 
 def test_splits_of_the_choreography_share_no_dance():
