@@ -127,6 +127,7 @@ class Run:
         failed: what was wrong with each sequence that could not be read, by its name.
         sequences_in_set: how many sequences the benchmark holds, evaluated or not.
         images_without_person: frames in which nothing was measured.
+        unlike_training: per estimator, where there are any: `unlike_training`.
     """
 
     benchmark: Benchmark
@@ -136,6 +137,23 @@ class Run:
     failed: dict[str, str]
     sequences_in_set: int
     images_without_person: int
+    unlike_training: dict[str, list[str]]
+
+
+def unlike_training(benchmark: Benchmark, estimator: Estimator) -> list[str]:
+    """The settings by which a simulated set was measured and cut out otherwise than what a network was trained on.
+
+    A ridge image is not among them: a network makes its own of the depth, as in its training.
+    """
+    if not (isinstance(benchmark, SyntheticBenchmark) and isinstance(estimator, NetworkEstimator)):
+        return []
+    return [
+        f"{part}.{name}={value} ({trained[name]} in training)"
+        for part in ("sensor", "extraction")
+        if (trained := estimator.meta["config"].get(part))
+        for name, value in benchmark.measured_with.get(part, {}).items()
+        if name in trained and trained[name] != value
+    ]
 
 
 def run_benchmark(
@@ -201,4 +219,5 @@ def run_benchmark(
     metrics = {
         label: evaluate(one, seed) | {"fps": len(frame) / max(seconds[label], 1e-9)} for label, one in scored.items()
     }
-    return Run(benchmark, scored, metrics, frame, failed, len(names), images_without_person)
+    unlike = {label: settings for label, one in estimators.items() if (settings := unlike_training(benchmark, one))}
+    return Run(benchmark, scored, metrics, frame, failed, len(names), images_without_person, unlike)

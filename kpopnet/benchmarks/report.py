@@ -112,6 +112,8 @@ def remarks(run: Run) -> list[str]:
     lines = [run.benchmark.about]
     if run.benchmark.origin is Origin.SIMULATED:
         lines.append("Nothing here was seen by a real sensor: the figures say nothing certain about real depth.")
+    for estimator, settings in run.unlike_training.items():
+        lines.append(f"This set is not like what {estimator} was trained on: {', '.join(settings)}.")
     chosen = len(next(iter(run.scored.values())).sequence_names) + len(run.failed)
     if chosen < run.sequences_in_set:
         lines.append(f"A quick look: {chosen} of {run.sequences_in_set} sequences, evenly spaced; no score of the set.")
@@ -158,6 +160,7 @@ def metrics_json(run: Run, config: EvaluateConfig, pictures: list[str]) -> dict:
             "sequences_in_set": run.sequences_in_set,
             "failed_sequences": run.failed,
             "images_without_person": run.images_without_person,
+            "unlike_training": run.unlike_training,
         },
         "estimators": run.metrics,
         "pictures": pictures,

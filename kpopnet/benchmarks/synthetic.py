@@ -21,7 +21,8 @@ class SyntheticConfig:
 class SyntheticBenchmark:
     """Consecutive samples of one person are one sequence; its frames are stills, not a film.
 
-    Every joint has a truth, also those that nobody can see in the picture; `visible` tells them apart.
+    Every joint has a truth, also those that nobody can see in the picture; `visible` tells them apart. `measured_with`
+    holds the settings of the sensor and the extraction that were imitated, as the set itself says.
     """
 
     name = "synthetic"
@@ -42,6 +43,7 @@ class SyntheticBenchmark:
                 "others by frozen=[train,validation,test]; then give benchmark.path=FOLDER"
             )
         header = self.samples.header
+        self.measured_with: dict[str, dict] = header.config.get("freeze", {})
         self.about = (
             f"Rendered people, split {header.split!r} of the set in {config.path} (seed {header.seed}, configuration "
             f"{header.config_hash}); the sensor's noise and the silhouettes' faults are simulated too."

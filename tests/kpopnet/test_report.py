@@ -1,16 +1,19 @@
 import json
 import re
+from dataclasses import asdict
 from html.parser import HTMLParser
 
+import h5py
 import numpy as np
 import pytest
 from shard_sets import write_shard
 
 from kpopnet.benchmarks.evaluation import EvaluateConfig, run_benchmark
 from kpopnet.benchmarks.pictures import example_frames
-from kpopnet.benchmarks.report import terminal_table, write_report
+from kpopnet.benchmarks.report import remarks, terminal_table, write_report
 from kpopnet.benchmarks.synthetic import SyntheticBenchmark, SyntheticConfig
 from kpopnet.camera import Camera
+from kpopnet.checkpoint import save_checkpoint
 from kpopnet.drawing import (
     BACKGROUND,
     ESTIMATED,
@@ -24,8 +27,14 @@ from kpopnet.drawing import (
 from kpopnet.errors import InputError
 from kpopnet.estimators import Estimate
 from kpopnet.mean_pose import MeanPoseEstimator
+from kpopnet.networks import ModelConfig, build_network
 from kpopnet.networks.cube import person_centre
+from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.ridge import RidgeConfig
 from kpopnet.skeleton import JOINT_NAMES, Joint
+from synth.observe import ExtractionConfig
+from synth.sensor import SensorConfig
+from synth.shards import FreezeConfig
 
 
 class Shifted:
@@ -96,6 +105,37 @@ def test_reports_name_truth_origin_and_have_only_pictures_that_are_there(benchma
     parser = TagBalance()
     parser.feed(page)
     assert not parser.open
+
+
+@pytest.mark.parametrize(
+    ("sensor", "extraction", "settings"),
+    [
+        ("kinect_v1", {}, []),
+        (
+            "kinect_2",
+            {"erode": 0.0},
+            ["sensor.name=kinect_2 (kinect_v1 in training)", "extraction.erode=0.0 (0.25 in training)"],
+        ),
+    ],
+)
+def test_a_set_unlike_what_the_network_was_trained_on_is_said_to_be(tmp_path, sensor, extraction, settings):
+    write_shard(tmp_path / "set", [1, 2])
+    frozen_with = FreezeConfig(SensorConfig(sensor), ExtractionConfig(**extraction), RidgeConfig(epsilon_r=0.1))
+    with h5py.File(tmp_path / "set" / "shard_00000.h5", "a") as file:
+        file.attrs["config"] = json.dumps({"freeze": asdict(frozen_with)})
+    trained = {"sensor": asdict(SensorConfig()), "extraction": asdict(ExtractionConfig()), "ridge": asdict(RidgeConfig())}
+    meta = {"step": 1, "config": trained, "metrics": {}, "mean_pose_m": np.zeros((15, 3)).tolist()}
+    network = build_network(ModelConfig(crop_px=32, widths=[8, 8, 8, 8]))
+    estimator = NetworkEstimator(save_checkpoint(tmp_path / "run", network, {}, meta, best=True))
+    mean_pose = MeanPoseEstimator(np.zeros((15, 3), np.float32))
+    set_ = SyntheticBenchmark(SyntheticConfig(path=str(tmp_path / "set")))
+    run = run_benchmark(set_, {"network": estimator, "mean_pose": mean_pose})
+    said = [line for line in remarks(run) if "not like what network was trained on" in line]
+    assert len(said) == bool(settings)
+    assert all(setting in said[0] for setting in settings)
+    write_report(tmp_path / "report", run, config())
+    found = json.loads((tmp_path / "report" / "metrics.json").read_text())
+    assert found["benchmark"]["unlike_training"] == ({"network": settings} if settings else {})
 
 
 class TagBalance(HTMLParser):
