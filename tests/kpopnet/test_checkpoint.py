@@ -156,6 +156,24 @@ def test_the_estimator_is_the_network_on_plain_crops(tmp_path, model):
     np.testing.assert_allclose(estimator.estimate(in_mm, CAMERA).joints_camera_m, estimate.joints_camera_m, atol=0.05)
 
 
+def test_a_frame_alone_is_estimated_as_among_others_and_leaves_the_threads_as_they_were(tmp_path):
+    estimator = NetworkEstimator(save(tmp_path)[0])
+    depth = np.stack([draw_depth(draw_joints(np.random.default_rng(seed))) for seed in range(3)])
+    together = estimator.estimate(depth, CAMERA)
+    used, before = [], torch.get_num_threads()
+    estimator.network.register_forward_pre_hook(lambda *_: used.append(torch.get_num_threads()))
+    torch.set_num_threads(2)
+    try:
+        alone = [estimator.estimate(depth[i : i + 1], CAMERA) for i in range(3)]
+        estimator.estimate(depth, CAMERA)
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
+    assert used == [1, 1, 1, 2]
+    for i in range(3):
+        np.testing.assert_allclose(alone[i].joints_camera_m[0], together.joints_camera_m[i], atol=1e-5)
+
+
 def test_the_estimator_of_nobody(tmp_path):
     estimate = NetworkEstimator(save(tmp_path)[0]).estimate(np.zeros((2, 120, 160), np.float32), CAMERA)
     assert np.isnan(estimate.joints_camera_m).all()
