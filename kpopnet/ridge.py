@@ -66,7 +66,8 @@ class RidgeStages(NamedTuple):
     Attributes:
         edges: bool.
         distance_px: float32 D_T, pixels to the nearest edge: 0 on edges, inf everywhere if the image has none.
-        ratio: float32 R_T, the mean of D_T on the circle over D_T in its centre; 1 on edges.
+        ratio: float32 R_T, the mean of D_T on the circle over D_T in its centre; 1 on edges, and where no part of the
+            circle lies in the image.
         ridge: bool, the ridge data.
         probability: float32 in 0..1.
     """
@@ -95,16 +96,14 @@ def ridge_stages(depth_m: np.ndarray, config: RidgeConfig) -> RidgeStages:
     distance_px[box] = np.where(squared == NO_EDGE, np.inf, np.sqrt(squared))
     whole_ratio = np.ones(depth_m.shape, np.float32)
     whole_ratio[box] = ratio
-    return RidgeStages(edges, distance_px, whole_ratio, ridge_data(depth_m, config), ridge_probability(depth_m, config))
+    ridge, probability = _marked(depth_m.shape, box, ratio, config), _likely(depth_m.shape, box, ratio, config)
+    return RidgeStages(edges, distance_px, whole_ratio, ridge, probability)
 
 
 def ridge_data(depth_m: np.ndarray, config: RidgeConfig) -> np.ndarray:
     """R(I), the ridge data, as an (H, W) bool mask; arguments and errors as in `ridge_stages`."""
     box, _, ratio = _person_ratio(depth_m, config)
-    ridge = np.zeros(depth_m.shape, bool)
-    # Eq. (2)
-    ridge[box] = ratio <= np.float32(config.epsilon_r)
-    return ridge
+    return _marked(depth_m.shape, box, ratio, config)
 
 
 def ridge_probability(depth_m: np.ndarray, config: RidgeConfig) -> np.ndarray:
@@ -115,7 +114,18 @@ def ridge_probability(depth_m: np.ndarray, config: RidgeConfig) -> np.ndarray:
     `ridge_stages`.
     """
     box, _, ratio = _person_ratio(depth_m, config)
-    probability = np.zeros(depth_m.shape, np.float32)
+    return _likely(depth_m.shape, box, ratio, config)
+
+
+def _marked(shape: tuple[int, int], box: tuple[slice, slice], ratio: np.ndarray, config: RidgeConfig) -> np.ndarray:
+    ridge = np.zeros(shape, bool)
+    # Eq. (2)
+    ridge[box] = ratio <= np.float32(config.epsilon_r)
+    return ridge
+
+
+def _likely(shape: tuple[int, int], box: tuple[slice, slice], ratio: np.ndarray, config: RidgeConfig) -> np.ndarray:
+    probability = np.zeros(shape, np.float32)
     offset, slope = np.float32(0.5 + config.sharpness * config.epsilon_r), np.float32(config.sharpness)
     np.clip(offset - slope * ratio, 0, 1, out=probability[box])
     return probability
@@ -271,6 +281,7 @@ def _circle_ratios(squared, largest, offsets, first):
                     if 0 <= v < height and 0 <= u < width:
                         total += distance[v * width + u]
                         count += 1
-            # Eq. (2): the mean over the circle against D_T
-            ratio[y, x] = total / (np.float32(count) * radius)
+            # Eq. (2): the mean over the circle against D_T; a circle wholly outside the image says nothing
+            if count:
+                ratio[y, x] = total / (np.float32(count) * radius)
     return ratio
