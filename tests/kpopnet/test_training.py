@@ -243,29 +243,40 @@ def test_an_unknown_device_is_named():
         pass
 
 
-TWO_PROCESSES = """
-import json, sys
+GRADIENTS = """
+import sys
 import torch
 from capsule_people import CapsulePeople
 from kpopnet.crops import CropBatches, ShuffledOrder, AugmentConfig
 from kpopnet.networks import ModelConfig
 from kpopnet.training import Run, TrainingConfig, join_processes, set_up_torch
 
-config = TrainingConfig(steps=3, batch_size=8)
 model = ModelConfig(crop_px=32, widths=[8, 8, 16, 16])
+
+
+def share(rank, count):
+    batches = CropBatches(CapsulePeople(20, seed=1), model, ShuffledOrder(20, 8, 0, rank, count), 0, AugmentConfig())
+    return torch.utils.data.default_convert(batches[0])
+
+
+def gradient(shares, training):
+    run.network.train(training)
+    run.optimiser.zero_grad()
+    for batch in shares:
+        (sum(run.network.head.loss(run.callable(batch.crop), batch.target).values()) / len(shares)).backward()
+    return torch.cat([weight.grad.flatten() for weight in run.network.parameters()])
+
+
 with join_processes("cpu") as processes:
     set_up_torch(1)
-    run = Run(config, model, 0, processes)
-    order = ShuffledOrder(20, 8, 0, processes.rank, processes.count)
-    batch = CropBatches(CapsulePeople(20, seed=1), model, order, 0, AugmentConfig())[0]
-    batch = torch.utils.data.default_convert(batch)
-    # Batch normalisation on its running statistics: batch statistics are each process's own on CPUs.
-    run.network.eval()
-    prediction = run.callable(batch.crop)
-    sum(run.network.head.loss(prediction, batch.target).values()).backward()
-    gradient = torch.cat([weight.grad.flatten() for weight in run.network.parameters()])
+    run = Run(TrainingConfig(steps=3, batch_size=8), model, 0, processes)
+    if processes.count == 1:
+        gradients = gradient([share(0, 1)], False), gradient([share(0, 2), share(1, 2)], True), gradient([share(0, 1)], True)
+    else:
+        own = [share(processes.rank, processes.count)]
+        gradients = gradient(own, False), gradient(own, True)
     if processes.rank == 0:
-        torch.save(gradient, sys.argv[1])
+        torch.save(gradients, sys.argv[1])
 """
 
 
@@ -273,23 +284,30 @@ def torchrun(processes, script, *arguments, cwd):
     command = [sys.executable, "-m", "torch.distributed.run", "--standalone", f"--nproc-per-node={processes}"]
     environment = {
         **os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "tests"))), "OMP_NUM_THREADS": "1",
-        "PYTHONWARNINGS": "default",
+        "PYTHONWARNINGS": "default", "PYTHONFAULTHANDLER": "1",
     }  # fmt: skip
     done = subprocess.run(
         [*command, str(script), *map(str, arguments)], cwd=cwd, env=environment, capture_output=True, text=True
     )
-    assert done.returncode == 0, done.stderr[-3000:]
+    assert done.returncode == 0, done.stderr
 
 
 def test_the_gradient_of_two_processes_is_that_of_one(tmp_path):
-    script = tmp_path / "gradient.py"
-    script.write_text(TWO_PROCESSES)
-    gradients = []
+    """With normalisation on its running statistics it is the whole batch's gradient. In training each process on a CPU
+    normalises by the statistics of its own share (`Processes.spread`), so there it is the mean of the gradients that
+    one process finds on each share by itself, and not the whole batch's. GPUs share the statistics: `test_cuda`.
+    """
+    script = tmp_path / "gradients.py"
+    script.write_text(GRADIENTS)
+    found = []
     for processes in (1, 2):
         torchrun(processes, script, tmp_path / f"{processes}.pt", cwd=tmp_path)
-        gradients.append(torch.load(tmp_path / f"{processes}.pt", weights_only=True))
-    assert gradients[0].norm() > 0.01
-    torch.testing.assert_close(*gradients, rtol=1e-4, atol=1e-6)
+        found.append(torch.load(tmp_path / f"{processes}.pt", weights_only=True))
+    (alone, of_shares, of_the_batch), (together, together_training) = found
+    assert min(alone.norm(), of_shares.norm()) > 0.01
+    torch.testing.assert_close(alone, together, rtol=1e-4, atol=1e-6)
+    torch.testing.assert_close(of_shares, together_training, rtol=1e-4, atol=1e-6)
+    assert (of_the_batch - together_training).norm() > 0.01 * of_the_batch.norm()
 
 
 def test_only_rank_0_writes(tmp_path):
