@@ -156,18 +156,25 @@ def draw_person(rng: np.random.Generator, config: BodyConfig, split: str) -> Per
     return dress(person, offsets_m)
 
 
-def draw_stranger(rng: np.random.Generator, config: BodyConfig) -> Person:
-    """A person whom no split knows, dressed: half-way between two adults of the split `test` of the same sex.
+FAR_FROM_ALL = 12.0
+"""In shape jitters: a drawn person is farther from their baked adult than this once in 10^11."""
 
-    Half the distance between two adults is more than `shape_jitter` ever leads away from one, so nobody whom
-    `draw_person` draws, in any split, is as near.
+
+def draw_stranger(rng: np.random.Generator, config: BodyConfig) -> Person:
+    """A person whom no split knows, dressed: half-way between two adults of the split `test`, of the same sex.
+
+    They are so far from every baked adult that `draw_person` draws nobody like them, in any split.
     """
     asset = load_body()
-    known = asset.people[int(SPLIT_SHARES["test"][0] * len(asset.people)) :]
-    sex = asset.facts[-len(known) :, 0] > 0.5
-    one = rng.integers(len(known))
-    other = rng.choice(np.flatnonzero((sex == sex[one]) & (np.arange(len(known)) != one)))
-    person = shape_person((known[one] + known[other]) / 2)
+    first = int(SPLIT_SHARES["test"][0] * len(asset.people))
+    known, sex = asset.people[first:], asset.facts[first:, 0] > 0.5
+    while True:
+        one = rng.integers(len(known))
+        other = rng.choice(np.flatnonzero(sex == sex[one]))
+        coefficients = (known[one] + known[other]) / 2
+        if np.linalg.norm(asset.people - coefficients, axis=1).min() > FAR_FROM_ALL * config.shape_jitter:
+            break
+    person = shape_person(coefficients)
     return dress(person, _clothes(person.vertices_m, rng, config))
 
 

@@ -16,7 +16,7 @@ from kpopnet.benchmarks.eval_format import FRAME, FROM_OPENGL, HEIGHT, WIDTH, co
 from kpopnet.drawing import TRUE, depth_picture, draw_skeleton, enlarged, save_png, sheet, with_captions
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
-from synth.eval_sim import CAMERA, FPS, FRAMES, KINDS, EvalSim, EvalSimSet, sequence_name
+from synth.eval_sim import CAMERA, FPS, FRAMES, EvalSim, EvalSimSet, sequence_name
 from synth.film import Shot
 from synth.generate import in_processes, progress_bar
 from synth.markers import MARKERS
@@ -77,7 +77,7 @@ def _claim(config: EvalSimSet, folder: Path) -> dict:
         "seed": config.benchmark.seed,
         "hash": config.hash,
         "sequences": count,
-        "contents": {sequence_name(index): KINDS[index % len(KINDS)] for index in range(count)},
+        "contents": {sequence_name(index): config.kind(index) for index in range(count)},
         "fps": FPS,
         "camera": dataclasses.asdict(CAMERA),
         "joint_ids": {joint.name.lower(): int(joint) for joint in Joint},

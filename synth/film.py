@@ -5,14 +5,15 @@ and clear of the furniture, so it is played once without a camera and then given
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from kpopnet.camera import Camera
 from synth.body import Person
 from synth.markers import MARKERS
-from synth.motion.skeleton import Motion, height_above_floor
+from synth.motion.skeleton import Motion, height_above_floor, multiply
 from synth.observe import LIMB_ENDS
 from synth.render import make_renderer
 from synth.room import Room, View
@@ -22,7 +23,9 @@ from synth.sensor import SensorConfig, measure_labelled
 
 WALL_CLEARANCE_M = 0.15
 FURNITURE_CLEARANCE_M = 0.05
-NEAREST_M = 1.2
+REACH_M = (1.2, 4.2)
+"""How near and how far from the camera's wall anything of the person may be: where a Kinect v1 is meant to be used."""
+
 PICTURE_MARGIN_PX = 4
 PLACES = 24
 """Places drawn for a motion in a room before the room is given up."""
@@ -43,7 +46,9 @@ class Played:
         motion: what it does.
         local: (T, B, 4) rotations of the bones.
         hips_m: (T, 3) the hips over the floor.
-        skin_m: (T', V', 3) some vertices of some frames, to find room for.
+        skin_m: (N, 3) some vertices of some frames, to find room for,
+        hull_m: (M, 3) and those of them between which all lie.
+        overlap_m: (T,) how deep any two parts of the body lie in each other.
     """
 
     person: Person
@@ -51,9 +56,20 @@ class Played:
     local: np.ndarray
     hips_m: np.ndarray
     skin_m: np.ndarray
+    hull_m: np.ndarray
+    overlap_m: np.ndarray
 
     def __len__(self) -> int:
         return len(self.local)
+
+    def turned(self, yaw_rad: float) -> "Played":
+        """Everything turned to the left about the vertical through the origin, where the hips start."""
+        cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+        rotation = np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])  # of rows
+        local = self.local.copy()
+        local[:, 0] = multiply(np.array([np.cos(yaw_rad / 2), 0, 0, np.sin(yaw_rad / 2)]), local[:, 0])
+        moved = {name: getattr(self, name) @ rotation for name in ("hips_m", "skin_m", "hull_m")}
+        return replace(self, local=local, **moved)
 
 
 @dataclass(frozen=True)
@@ -125,7 +141,7 @@ class Studio:
         Args:
             person: the body.
             motion: on any skeleton, starting anywhere.
-            yaw_rad: how far everything is turned to the left; unturned, the motion's +Z points at the camera.
+            yaw_rad: how far everything is turned to the left; unturned, the motion's +Z comes towards the camera.
             curls_rad: (2,) how far the fingers are bent, left and right.
         """
         scene, scale = self.scene, person.leg_m / motion.leg_m
@@ -136,22 +152,27 @@ class Studio:
         left, front = ((motion.root_m - motion.root_m[0])[:, axis].astype(np.float64) * scale for axis in (0, 2))
         cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
         hips_m = np.stack([cos * left + sin * front, sin * left - cos * front, np.zeros(len(left))], axis=1)
-        skin_m = []
+        skin_m, overlap_m = [], []
         for frame in range(len(motion)):
             scene.pose(local[frame], np.zeros(3))
             vertices = self.renderer.vertices_world_m()
             hips_m[frame, 2] = hover_m[frame] - vertices[:, 2].min()
+            overlap_m.append(scene.penetration_m())
             if frame % _EVERY_FRAME == 0:
-                skin_m.append(vertices[::_EVERY_VERTEX] + hips_m[frame].astype(np.float32))
-        return Played(person, motion, local, hips_m, np.stack(skin_m))
+                skin_m.append(vertices[::_EVERY_VERTEX] + hips_m[frame])
+        skin_m = np.concatenate(skin_m)
+        return Played(person, motion, local, hips_m, skin_m, skin_m[ConvexHull(skin_m).vertices], np.array(overlap_m))
 
     def place(self, rng: np.random.Generator, played: Played, room: Room, view: View) -> Take | None:
-        """A place in the room where the whole motion is seen and touches nothing, or None if none was found."""
-        scene, camera = self.scene, self.scene.camera
+        """A place in the room where the whole motion is seen and touches nothing, or None if none was found.
+
+        At every place the whole is turned so that what was played towards the camera goes on doing so.
+        """
+        scene = self.scene
         back, left, right = room.clear_m()
-        low, high = played.skin_m.min(axis=(0, 1)), played.skin_m.max(axis=(0, 1))
-        least = np.array([left + WALL_CLEARANCE_M - low[0], NEAREST_M - low[1]])
-        most = np.array([right - WALL_CLEARANCE_M - high[0], back - WALL_CLEARANCE_M - high[1]])
+        first = np.array([left + WALL_CLEARANCE_M, REACH_M[0]])
+        last = np.array([right - WALL_CLEARANCE_M, min(back - WALL_CLEARANCE_M, REACH_M[1])])
+        least, most = first - played.hull_m.min(axis=0)[:2], last - played.hull_m.max(axis=0)[:2]
         if (least > most).any():
             return None
         scene.look(view)
@@ -159,14 +180,21 @@ class Studio:
         room_m = self.renderer.room_m()
         for _ in range(PLACES):
             place_m = np.append(rng.uniform(least, most), 0.0)
-            skin_m = played.skin_m + place_m.astype(np.float32)
-            u, v, z = np.moveaxis(camera.project(view.to_camera(skin_m)), -1, 0)
-            margin = PICTURE_MARGIN_PX
-            seen = z.min() > 0 and u.min() > margin and v.min() > margin
-            seen = seen and u.max() < camera.width - 1 - margin and v.max() < camera.height - 1 - margin
-            if seen and not _touches(room, skin_m) and not self._hidden(played, place_m, room_m):
-                return Take(played, room, view, place_m)
+            turned = played.turned(-np.arctan2(place_m[0], place_m[1]))
+            hull_m = turned.hull_m + place_m
+            if (hull_m[:, :2] < first).any() or (hull_m[:, :2] > last).any() or not self._in_picture(hull_m, view):
+                continue
+            if not _touches(room, turned.skin_m + place_m) and not self._hidden(turned, place_m, room_m):
+                return Take(turned, room, view, place_m)
         return None
+
+    def _in_picture(self, points_world_m: np.ndarray, view: View) -> bool:
+        camera = self.scene.camera
+        u, v, z = camera.project(view.to_camera(points_world_m)).T
+        off = np.maximum(
+            np.abs(u - (camera.width - 1) / 2) - camera.width / 2, np.abs(v - (camera.height - 1) / 2) - camera.height / 2
+        )
+        return z.min() > 0 and off.max() < -PICTURE_MARGIN_PX
 
     def _hidden(self, played: Played, place_m: np.ndarray, room_m: np.ndarray) -> bool:
         """Whether furniture stands before the person."""
@@ -206,10 +234,9 @@ class Studio:
 
 
 def _touches(room: Room, points_world_m: np.ndarray) -> bool:
-    """Whether any of (..., 3) points lies in a piece of furniture or within FURNITURE_CLEARANCE_M beside it."""
-    points = points_world_m.reshape(-1, 3)
+    """Whether any of (N, 3) points lies in a piece of furniture or within FURNITURE_CLEARANCE_M beside it."""
     for centre, half, yaw in zip(room.centres_m[4:], room.halves_m[4:], room.yaws_rad[4:], strict=True):
-        away = points - centre
+        away = points_world_m - centre
         cos, sin = np.cos(yaw), np.sin(yaw)
         along = np.stack([cos * away[:, 0] + sin * away[:, 1], cos * away[:, 1] - sin * away[:, 0], away[:, 2]], axis=1)
         if (np.abs(along) < half + FURNITURE_CLEARANCE_M).all(axis=1).any():
