@@ -161,9 +161,15 @@ FAR_FROM_ALL = 12.0
 
 
 def draw_stranger(rng: np.random.Generator, config: BodyConfig) -> Person:
-    """A person whom no split knows, dressed: half-way between two adults of the split `test`, of the same sex.
+    """A person whom no split knows, dressed."""
+    person = shape_person(strange_coefficients(rng, config))
+    return dress(person, _clothes(person.vertices_m, rng, config))
 
-    They are so far from every baked adult that `draw_person` draws nobody like them, in any split.
+
+def strange_coefficients(rng: np.random.Generator, config: BodyConfig) -> np.ndarray:
+    """(K,) shape half-way between two adults of the split `test`, of the same sex.
+
+    It is so far from every baked adult that `draw_person` draws nobody like it, in any split.
     """
     asset = load_body()
     first = int(SPLIT_SHARES["test"][0] * len(asset.people))
@@ -173,9 +179,7 @@ def draw_stranger(rng: np.random.Generator, config: BodyConfig) -> Person:
         other = rng.choice(np.flatnonzero(sex == sex[one]))
         coefficients = (known[one] + known[other]) / 2
         if np.linalg.norm(asset.people - coefficients, axis=1).min() > FAR_FROM_ALL * config.shape_jitter:
-            break
-    person = shape_person(coefficients)
-    return dress(person, _clothes(person.vertices_m, rng, config))
+            return coefficients
 
 
 def shape_person(coefficients: np.ndarray) -> Person:

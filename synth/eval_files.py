@@ -16,7 +16,7 @@ from kpopnet.benchmarks.eval_format import FRAME, FROM_OPENGL, HEIGHT, WIDTH, co
 from kpopnet.drawing import TRUE, depth_picture, draw_skeleton, enlarged, save_png, sheet, with_captions
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
-from synth.eval_sim import CAMERA, FPS, FRAMES, EvalSim, EvalSimSet, sequence_name
+from synth.eval_sim import CAMERA, FPS, EvalSim, EvalSimSet, sequence_name
 from synth.film import Shot
 from synth.generate import in_processes, progress_bar
 from synth.markers import MARKERS
@@ -40,7 +40,7 @@ def write_set(config: EvalSimSet, folder: Path, processes: int) -> dict:
     if len(missing) < len(wanted):
         print(f"{folder}: {len(wanted) - len(missing)} of {len(wanted)} sequences are there already")
     jobs = [(config, folder, index) for index in missing]
-    with progress_bar(len(missing) * sum(FRAMES) // 2, "frame", config.benchmark.name) as bar:
+    with progress_bar(len(missing) * sum(config.frames) // 2, "frame", config.benchmark.name) as bar:
         if processes == 1 or len(jobs) == 1:
             for job in jobs:
                 write_sequence(*job, lambda: bar.update())

@@ -33,7 +33,6 @@ GENERATOR = 1
 
 SUBJECTS = ("a", "b", "c")
 SEQUENCES = 24
-FRAMES = (288, 488)
 FPS = 30.0
 CAMERA = CAMERAS["eval"]
 VIEW = ViewConfig(height_m=(0.7, 1.7), aim_m=(0.85, 1.15))
@@ -85,12 +84,15 @@ class EvalSimSet:
         benchmark: which set.
         motion: `choreography`, or `clips` for recordings of the pack's test subjects.
         renderer: cpu or gl; auto must be decided first.
+        sensor: what measures.
+        frames: least and greatest length of a sequence.
     """
 
     benchmark: EvalSimConfig = field(default_factory=EvalSimConfig)
     motion: MotionConfig = field(default_factory=lambda: MotionConfig(source="choreography"))
     renderer: str = "cpu"
     sensor: SensorConfig = SENSORS["kinect_v1"]
+    frames: tuple[int, int] = (288, 488)
 
     def __post_init__(self) -> None:
         composed = MotionConfig(source="choreography")
@@ -149,7 +151,7 @@ class EvalSim:
         person = self.person(index % len(SUBJECTS))
         for attempt in range(TRIES):
             rng = self._rng("sequence", index, attempt)
-            motion = self._motion(rng, self.config.kind(index), int(rng.integers(FRAMES[0], FRAMES[1] + 1)))
+            motion = self._motion(rng, self.config.kind(index), int(rng.integers(*self.config.frames, endpoint=True)))
             if np.linalg.norm(np.diff(motion.root_m, n=2, axis=0), axis=1).max() * FPS**2 > JOLT_M_S2:
                 continue
             yaw_rad, curls_rad = np.radians(FACING_DEG) * rng.normal(), rng.uniform(0.0, 1.5, 2)

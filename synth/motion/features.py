@@ -14,8 +14,8 @@ from synth.motion.stage import Style, perform
 from synth.motion.vocabulary import LOWER, UPPER, WHOLE
 
 BPM = (80.0, 115.0)
-SIDEWAYS = 0.25
-"""Probability of a turn to the side before the next part."""
+SIDEWAYS, BACK = 0.25, 0.5
+"""Probability of a turn to the side before the next part, and of one back to the front from there."""
 
 Y_POSE_S = 0.7
 _INTO_Y_S, _OUT_OF_Y_S = 2.0, 1.0
@@ -91,11 +91,13 @@ def show(generator: np.random.Generator, kind: str, seconds: float, fps: float) 
         rest_s = seconds - len(opening) / fps
         return follow(opening, show(generator, "dance", rest_s, fps)) if rest_s > 0 else opening
     parts: list[Move] = []
+    aside_deg = 0.0
     while sum(part.beats for part in parts) < seconds * bpm / 60:
-        # Now and then a turn to the side, so that everything is seen from there too.
-        if generator.random() < SIDEWAYS:
-            degrees = pick(generator, (-1.0, 1.0)) * between(generator, 50.0, 100.0)
+        # Everything is seen from the side too.
+        if generator.random() < (BACK if aside_deg else SIDEWAYS):
+            degrees = -aside_deg if aside_deg else pick(generator, (-1.0, 1.0)) * between(generator, 50.0, 100.0)
             parts.append(turning(filled(_STEP, COUNTS / 2), degrees))
+            aside_deg += degrees
         name = pick(generator, tuple(FEATURES)) if kind == "mixture" else kind
         featured = name in FEATURES and len(parts) % 3 != 2
         part = FEATURES[name](generator) if featured else phrase(generator, amplitude)

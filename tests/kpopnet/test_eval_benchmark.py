@@ -1,0 +1,341 @@
+"""EVAL's files, packed here by hand from the published layout, and what the reader makes of good and bad ones."""
+
+import json
+import logging
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from kpopnet.benchmarks.eval_benchmark import (
+    EvalBenchmark,
+    EvalConfig,
+    EvalSimBenchmark,
+    EvalSimConfig,
+    checked_map,
+    heading_rad,
+)
+from kpopnet.benchmarks.eval_format import BLOCK, FRAME, fit_camera, read_sequence
+from kpopnet.benchmarks.evaluation import BENCHMARKS
+from kpopnet.benchmarks.sequences import Origin
+from kpopnet.camera import Camera
+from kpopnet.errors import InputError
+from kpopnet.skeleton import JOINT_NAMES, MIRROR, Joint
+
+FRAME_BYTES = 930_704
+CAMERA = Camera(285.7, 281.3, 158.2, 121.9, 320, 240)
+SLOPES = CAMERA.points(np.ones((240, 320), np.float32)) * np.float32([1, -1, -1])
+IDS = {name: [number] for number, name in enumerate(JOINT_NAMES, start=40)}
+
+
+def scene(frame: int) -> np.ndarray:
+    """(240, 320) metres: a slope with a hole that moves."""
+    depth = np.tile(np.linspace(1.5, 4.0, 240, dtype=np.float32)[:, None], (1, 320))
+    depth[20:40, 5 * frame : 5 * frame + 30] = 0
+    return depth
+
+
+def truth(frame: int) -> np.ndarray:
+    """(15, 3) joints in the camera frame."""
+    joints = np.stack([np.linspace(-0.4, 0.4, 15), np.linspace(0.9, -0.8, 15), np.full(15, 2.5)], axis=1)
+    return joints + np.array([0.01 * frame, 0, 0])
+
+
+def packed(frame: int, *, magic=7, joints=None, markers=None, xyz=None, njoints=None, nmarkers=None) -> bytes:
+    """One frame, field by field; joints and markers are (id or name, camera frame position)."""
+    joints = list(zip(range(40, 55), truth(frame), strict=True)) if joints is None else joints
+    markers = [("LSHO", (0.2, -0.4, 2.4))] if markers is None else markers
+    points = SLOPES * scene(frame)[..., None] if xyz is None else xyz
+    parts = [struct.pack("<ii", magic, frame), points.astype("<f4").tobytes()]
+    parts.append(struct.pack("<i", len(markers) if nmarkers is None else nmarkers))
+    for slot in range(32):
+        name, (x, y, z) = markers[slot] if slot < len(markers) else ("", (0, 0, 0))
+        # A C string ends where its zero is; the rest of the buffer, and the padding, is whatever was there.
+        name = name.encode() + b"\0" + b"leftover" if name else b""
+        parts.append(struct.pack("<255sx3f", name, x, -y, -z))
+    parts.append(struct.pack("<i", len(joints) if njoints is None else njoints))
+    for slot in range(32):
+        number, (x, y, z) = joints[slot] if slot < len(joints) else (0, (0, 0, 0))
+        parts.append(struct.pack("<i3f", number, x, -y, -z))
+    whole = b"".join(parts)
+    assert len(whole) == FRAME_BYTES
+    return whole
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Three frames of one sequence."""
+    (tmp_path / "seq_a_0.bin").write_bytes(b"".join(packed(frame) for frame in range(3)))
+    return tmp_path
+
+
+def read(folder: Path, joints=None):
+    return EvalBenchmark(EvalConfig(path=str(folder), joints=IDS if joints is None else joints)).read("seq_a_0")
+
+
+def test_the_layout_is_the_published_one(folder):
+    assert FRAME.itemsize == FRAME_BYTES
+    whole = packed(5, magic=-1982)
+    frame = np.frombuffer(whole, FRAME)[0]
+    assert (frame["magic"], frame["frame"], frame["nmarkers"], frame["njoints"]) == (-1982, 5, 1, 15)
+    row, column = 100, 200
+    x, y, z = struct.unpack_from("<3f", whole, 8 + 12 * (row * 320 + column))
+    np.testing.assert_array_equal(frame["xyz"][row, column], np.float32([x, y, z]))
+    assert z < 0 and -z == scene(5)[row, column]
+    assert frame.tobytes() == whole
+
+
+def test_a_sequence_reads_as_depth_camera_and_joints(folder):
+    sequence = read(folder)
+    assert (sequence.name, sequence.identity, sequence.fps, sequence.alone) == ("seq_a_0", "a", 30.0, False)
+    np.testing.assert_array_equal(sequence.depth_m, np.stack([scene(frame) for frame in range(3)]))
+    np.testing.assert_allclose(sequence.joints_camera_m, np.stack([truth(frame) for frame in range(3)]), atol=1e-6)
+    assert sequence.visible.all() and sequence.camera.width == 320
+    found = [sequence.camera.fx, sequence.camera.fy, sequence.camera.cx, sequence.camera.cy]
+    np.testing.assert_allclose(found, [CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy], atol=1e-3)
+
+
+def test_more_frames_than_are_read_at_a_time(tmp_path):
+    frames = BLOCK + 2
+    (tmp_path / "seq_a_0.bin").write_bytes(b"".join(packed(frame) for frame in range(frames)))
+    sequence = read(tmp_path)
+    for frame in (0, BLOCK - 1, BLOCK, frames - 1):
+        np.testing.assert_array_equal(sequence.depth_m[frame], scene(frame))
+        np.testing.assert_allclose(sequence.joints_camera_m[frame], truth(frame), atol=1e-6)
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    fx=st.floats(150, 600), fy=st.floats(150, 600), cx=st.floats(100, 220), cy=st.floats(60, 180),
+    seed=st.integers(0, 2**32 - 1),
+)  # fmt: skip
+def test_the_camera_is_found_from_the_points_alone(fx, fy, cx, cy, seed):
+    rng = np.random.default_rng(seed)
+    camera = Camera(fx, fy, cx, cy, 320, 240)
+    depth = rng.uniform(0.5, 5, (240, 320)).astype(np.float32)
+    depth[rng.random(depth.shape) < 0.6] = 0
+    points = camera.points(depth) * np.float32([1, -1, -1])
+    points[3, 4] = np.nan
+    found = fit_camera(points, "here")
+    np.testing.assert_allclose([found.fx, found.fy, found.cx, found.cy], [fx, fy, cx, cy], rtol=1e-4, atol=0.02)
+
+
+def test_points_of_no_camera_are_refused(folder):
+    transposed = SLOPES[..., [1, 0, 2]] * scene(0)[..., None]
+    (folder / "seq_a_0.bin").write_bytes(packed(0, xyz=transposed))
+    with pytest.raises(InputError, match=r"seq_a_0\.bin: its points lie .* pixels from .* x right, y up, z negative"):
+        read(folder)
+    (folder / "seq_a_0.bin").write_bytes(packed(0, xyz=np.zeros((240, 320, 3))))
+    with pytest.raises(InputError, match="not one point is measured in its 1 frames"):
+        read(folder)
+    single = np.zeros((240, 320, 3))
+    single[7, 9] = 0.1, 0.2, -1
+    (folder / "seq_a_0.bin").write_bytes(packed(0, xyz=single))
+    with pytest.raises(InputError, match="too few points"):
+        read(folder)
+
+
+def test_a_sequence_may_begin_with_empty_frames(folder):
+    (folder / "seq_a_0.bin").write_bytes(packed(0, xyz=np.zeros((240, 320, 3))) + packed(1))
+    sequence = read(folder)
+    assert not sequence.depth_m[0].any() and abs(sequence.camera.fx - CAMERA.fx) < 1e-3
+
+
+@pytest.mark.parametrize("cut", [1, 8, 600, FRAME_BYTES - 1])
+def test_a_torn_file_is_named_with_the_frame(folder, cut):
+    path = folder / "seq_a_0.bin"
+    path.write_bytes(path.read_bytes()[: 2 * FRAME_BYTES + cut])
+    with pytest.raises(InputError, match=rf"seq_a_0\.bin: ends {cut} bytes into frame 2; .*930704 bytes.*fetch it again"):
+        read(folder)
+
+
+def test_a_file_without_frames_or_no_file(folder):
+    (folder / "seq_a_1.bin").write_bytes(b"")
+    benchmark = EvalBenchmark(EvalConfig(path=str(folder), joints=IDS))
+    with pytest.raises(InputError, match=r"seq_a_1\.bin: holds no frame"):
+        benchmark.read("seq_a_1")
+    (folder / "seq_a_1.bin").unlink()
+    with pytest.raises(InputError, match=r"seq_a_1\.bin: no such file"):
+        benchmark.read("seq_a_1")
+
+
+@pytest.mark.parametrize(
+    ("odd", "said"),
+    [
+        ({"magic": 8}, r"frame 2 has magic 8 \(frame 0 has 7\)"),
+        ({"njoints": 33}, "frame 2 .*33 joints"),
+        ({"njoints": -1}, "frame 2 .*-1 joints"),
+        ({"nmarkers": 2**30}, "frame 2 .*1073741824 markers"),
+    ],
+)
+def test_a_frame_that_is_none_is_named(folder, odd, said):
+    (folder / "seq_a_0.bin").write_bytes(packed(0) + packed(1) + packed(2, **odd))
+    with pytest.raises(InputError, match=rf"seq_a_0\.bin: {said}.*no EVAL sequence, or it is torn"):
+        read(folder)
+
+
+def test_a_foreign_file_of_the_right_length_is_refused(folder):
+    rng = np.random.default_rng(3)
+    (folder / "seq_a_0.bin").write_bytes(rng.bytes(2 * FRAME_BYTES))
+    with pytest.raises(InputError, match=r"seq_a_0\.bin"):
+        read(folder)
+
+
+def test_what_is_left_out_is_counted_and_said(folder, caplog):
+    points = SLOPES * scene(0)[..., None]
+    points[50, 60:70] = np.nan
+    points[51, 60] = np.inf, 0, -2
+    points[52, 61] = 0.1, 0.1, 2.0
+    joints = [(40, (0.1, 0.2, 2.5)), (41, (0, 0, 0)), (99, (0.5, 0.5, 2.0)), (42, (np.nan, 0, 2))]
+    markers = [("LSHO", (0.1, 0.2, 2.4)), ("RSHO", (0, 0, 0))]
+    (folder / "seq_a_0.bin").write_bytes(packed(0, xyz=points, joints=joints, markers=markers) + packed(1))
+    with caplog.at_level(logging.WARNING):
+        sequence = read(folder)
+    found = read_sequence(folder / "seq_a_0.bin", IDS)
+    assert found.skipped == {
+        "points that are not finite": 11,
+        "points behind the camera": 1,
+        "joints that are absent": 2,
+        "joint id 99, which the map does not name": 1,
+        "markers that are absent": 1,
+    }
+    for what, count in found.skipped.items():
+        assert f"seq_a_0: left out {count} {what}" in caplog.text
+    assert not sequence.depth_m[0, 50, 60:70].any() and not sequence.depth_m[0, 51:53, 60:62].diagonal().any()
+    assert np.isfinite(sequence.depth_m).all()
+    here = np.isfinite(sequence.joints_camera_m).all(axis=-1)
+    assert here[0].tolist() == [True] + [False] * 14 and here[1].all()
+    np.testing.assert_array_equal(sequence.visible, here)
+    np.testing.assert_allclose(found.markers_camera_m["LSHO"], [[0.1, 0.2, 2.4], [0.2, -0.4, 2.4]], atol=1e-6)
+    assert set(found.markers_camera_m) == {"LSHO"}
+
+
+def test_slots_beyond_the_count_are_no_joints(folder):
+    joints = [(40, (0.1, 0.2, 2.5)), (41, (0.3, 0.2, 2.5))]
+    (folder / "seq_a_0.bin").write_bytes(packed(0, joints=joints, njoints=1))
+    assert np.isfinite(read(folder).joints_camera_m).all(axis=-1).sum() == 1
+
+
+def test_of_several_ids_the_mean_is_taken_where_all_are_there(folder):
+    joints = [(1, (0.1, 0.2, 2.5)), (2, (0.3, 0.4, 2.7))]
+    (folder / "seq_a_0.bin").write_bytes(packed(0, joints=joints) + packed(1, joints=joints[:1]))
+    sequence = read(folder, {"torso": [1, 2], "neck": 1})
+    np.testing.assert_allclose(sequence.joints_camera_m[0, Joint.TORSO], (0.2, 0.3, 2.6), atol=1e-6)
+    assert np.isnan(sequence.joints_camera_m[1, Joint.TORSO]).all() and sequence.visible[1, Joint.NECK]
+    assert sequence.visible.sum() == 3
+
+
+def test_without_a_map_the_error_says_what_the_files_hold(folder):
+    with pytest.raises(InputError, match=r"needs benchmark\.joints.*Frame 0 of .*seq_a_0\.bin holds joint ids 40 at .*LSHO"):
+        EvalBenchmark(EvalConfig(path=str(folder)))
+
+
+def test_a_map_that_fits_nothing_is_shown_beside_what_is_there(folder):
+    with pytest.raises(InputError, match=r"no frame holds the joints .*The map: head: \[3\]\. Frame 0 .*54 at"):
+        read(folder, {"head": 3})
+
+
+@pytest.mark.parametrize(
+    ("joints", "said"),
+    [
+        ({"nose": 3}, "nose is no joint; the joints are head, neck"),
+        ({"head": "three"}, "head is 'three'"),
+        ({"head": []}, "head is"),
+        ({"head": True}, "head is True"),
+        ({"head": 3, "neck": [3]}, r"head and neck both have id \[3\]"),
+    ],
+)
+def test_odd_maps_are_refused(joints, said):
+    with pytest.raises(InputError, match=f"benchmark.joints: {said}"):
+        checked_map(joints)
+
+
+def test_sequences_are_listed_by_number_then_subject(folder):
+    for name in ("seq_b_0", "seq_a_10", "seq_a_2", "notes"):
+        (folder / f"{name}.bin").write_bytes(packed(0))
+    names = EvalBenchmark(EvalConfig(path=str(folder), joints=IDS)).sequence_names()
+    assert names == ["seq_a_0", "seq_b_0", "seq_a_2", "seq_a_10"]
+
+
+def test_a_folder_without_the_set_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"needs benchmark\.path"):
+        EvalBenchmark(EvalConfig(joints=IDS))
+    with pytest.raises(InputError, match=r"no seq_<subject>_<number>\.bin"):
+        EvalBenchmark(EvalConfig(path=str(tmp_path), joints=IDS))
+    with pytest.raises(InputError, match=r"no manifest\.json.*python -m synth benchmark=eval_sim"):
+        EvalSimBenchmark(EvalSimConfig(path=str(tmp_path)))
+
+
+def manifest(folder: Path, **changes) -> None:
+    described = {"simulated": True, "benchmark": "eval_sim", "seed": 5, "hash": "abc", "sequences": 1}
+    described["joint_ids"] = {name: ids[0] for name, ids in IDS.items()}
+    (folder / "manifest.json").write_text(json.dumps(described | changes))
+
+
+def test_simulated_files_are_never_called_real_nor_real_ones_simulated(folder):
+    with pytest.raises(InputError, match=r"no manifest\.json"):
+        EvalSimBenchmark(EvalSimConfig(path=str(folder)))
+    manifest(folder)
+    with pytest.raises(InputError, match=r"simulated, as its manifest\.json says, and not EVAL: take benchmark=eval_sim"):
+        EvalBenchmark(EvalConfig(path=str(folder), joints=IDS))
+    benchmark = EvalSimBenchmark(EvalSimConfig(path=str(folder)))
+    assert benchmark.origin is Origin.SIMULATED and EvalBenchmark.origin is Origin.REAL
+    assert "SIMULATED" in benchmark.about and "seed 5" in benchmark.about and "abc" in benchmark.about
+    np.testing.assert_allclose(benchmark.read("seq_a_0").joints_camera_m[1], truth(1), atol=1e-6)
+
+
+def test_an_unreadable_manifest_does_not_make_a_set_real(folder):
+    for text in ("{", "[]", "{}", "3", '"simulated"'):
+        (folder / "manifest.json").write_text(text)
+        for open_it in (
+            lambda: EvalBenchmark(EvalConfig(path=str(folder), joints=IDS)),
+            lambda: EvalSimBenchmark(EvalSimConfig(path=str(folder))),
+        ):
+            with pytest.raises(InputError, match=r"manifest\.json.*make the set anew"):
+                open_it()
+
+
+def test_an_unfinished_set_says_so(folder, caplog):
+    manifest(folder, sequences=8)
+    with caplog.at_level(logging.WARNING):
+        benchmark = EvalSimBenchmark(EvalSimConfig(path=str(folder)))
+    assert "1 of its 8 sequences are there" in caplog.text and "1 of 24" in benchmark.about
+
+
+def test_both_are_registered():
+    assert BENCHMARKS["eval"] == (EvalConfig, EvalBenchmark)
+    assert BENCHMARKS["eval_sim"] == (EvalSimConfig, EvalSimBenchmark)
+
+
+def facing_camera() -> np.ndarray:
+    joints = np.zeros((15, 3))
+    for side, sign in (("LEFT", 1), ("RIGHT", -1)):
+        joints[Joint[f"{side}_SHOULDER"]] = 0.2 * sign, -0.5, 0
+        joints[Joint[f"{side}_HIP"]] = 0.1 * sign, 0, 0
+    return joints
+
+
+@given(turn=st.floats(-3.1, 3.1), bearing=st.floats(-0.5, 0.5), upside_down=st.booleans())
+def test_the_heading_is_against_the_line_to_the_camera(turn, bearing, upside_down):
+    joints = facing_camera()
+    if upside_down:
+        joints[:, :2] *= -1
+    # To the person's left, seen from above, is counter-clockwise: from -z towards x.
+    angle = turn - bearing
+    x, z = joints[:, 0].copy(), joints[:, 2].copy()
+    joints[:, 0], joints[:, 2] = x * np.cos(angle) - z * np.sin(angle), x * np.sin(angle) + z * np.cos(angle)
+    joints += 3 * np.array([np.sin(bearing), 0, np.cos(bearing)])
+    found = heading_rad(joints[None].astype(np.float32))[0]
+    assert abs(np.angle(np.exp(1j * (found - turn)))) < 1e-4
+    mirrored = (joints * [-1, 1, 1])[MIRROR]
+    assert abs(np.angle(np.exp(1j * (heading_rad(mirrored[None])[0] + turn)))) < 1e-4
+
+
+def test_the_heading_is_unknown_where_joints_are():
+    joints = np.tile(facing_camera() + np.array([0, 0, 3]), (2, 1, 1))
+    joints[1, Joint.LEFT_HIP] = np.nan
+    found = heading_rad(joints)
+    assert found[0] == pytest.approx(0) and np.isnan(found[1])
