@@ -1,0 +1,156 @@
+"""Where a stretched arm or leg bends and ends in the image (section 2.3, second half).
+
+Hough lines over the ridge data in the limb's bounding box, two dominant lines among them by k-means, their intersection.
+Points in the image are (u, v) in pixels. A line is (angle, offset): the direction of its normal in radians from u towards
+v, and its distance in pixels from the limb's origin along that normal.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from kpopnet.tracker.initial_torso import Box
+
+HOUGH_STEP_RAD = np.radians(2.0)
+HOUGH_RANGE_RAD = np.radians(60.0)
+"""Lines are looked for up to this far from the limb's own direction, so that no angle wraps around."""
+
+LEAST_VOTES = 0.5
+"""Lines with at least this share of the strongest line's votes go into the k-means; fewer votes let in lines along
+neither half of the limb (elbows in bent arms 4.3 cm off with 0.5, 5.0 cm with 0.3)."""
+
+BEND_RAD = np.radians(20.0)
+"""Below this angle between the two dominant lines a limb counts as straight: the ridge of a straight limb is up to three
+pixels wide, which alone makes lines that differ by 10 degrees."""
+
+MIDDLE_RANGE = (0.3, 0.7)
+"""Elbows and knees lie between these shares of a limb's length. Lines that cross elsewhere are two halves of one line."""
+
+KMEANS_STEPS = 20
+
+
+class Limb(NamedTuple):
+    """One arm or leg in the image.
+
+    Attributes:
+        box: its bounding box.
+        ridge: (N, 2) u, v of the ridge data in it.
+        origin: (2,) u, v from which the lines' offsets are measured.
+        lines: (K, 2) angle and offset of the Hough lines.
+        dominant: (2, 2) angle and offset of the upper and of the lower dominant line.
+        crossed: whether they cross where a limb can bend; if not, it counts as straight.
+        middle: (2,) u, v of elbow or knee.
+        end: (2,) u, v of hand or foot.
+        tip: (2,) u, v of the silhouette's farthest pixel.
+    """
+
+    box: Box
+    ridge: np.ndarray
+    origin: np.ndarray
+    lines: np.ndarray
+    dominant: np.ndarray
+    crossed: bool
+    middle: np.ndarray
+    end: np.ndarray
+    tip: np.ndarray
+
+
+def find_limb(
+    person: np.ndarray, ridge: np.ndarray, box: Box, root: np.ndarray, end_px: float, upper_share: float
+) -> Limb | None:
+    """Middle and end of a limb; None if its box holds no more than a stump.
+
+    A straight limb's lines are almost parallel and cross anywhere: its middle is the mean of the ridge data around the
+    point that divides the way from root to end as bodies do.
+
+    Args:
+        person: (H, W) bool silhouette.
+        ridge: (H, W) bool ridge data.
+        box: the limb's bounding box.
+        root: (2,) u, v of shoulder or hip.
+        end_px: how far from the tip ridge data count for the hand or foot.
+        upper_share: where the middle of a straight limb lies on the way from root to end.
+    """
+    silhouette, ridge_data = _pixels(person, box), _pixels(ridge, box)
+    if not len(silhouette) or not len(ridge_data):
+        return None
+    tip = silhouette[np.argmax(np.linalg.norm(silhouette - root, axis=1))]
+    end = _mean_around(tip, ridge_data, end_px)
+    if end is None:
+        end = _mean_around(tip, silhouette, end_px)
+    if np.linalg.norm(end - root) < end_px:
+        return None
+    origin = (root + end) / 2
+    lines, votes = hough_lines(ridge_data - origin, end - root)
+    upper, lower = two_dominant(lines, votes, np.linalg.norm(end - root) / 2)
+    if _distance(upper, root - origin) + _distance(lower, end - origin) > _distance(lower, root - origin) + _distance(
+        upper, end - origin
+    ):
+        upper, lower = lower, upper
+    middle, crossed = root + upper_share * (end - root), False
+    if abs(upper[0] - lower[0]) > BEND_RAD:
+        crossing = intersection(upper, lower) + origin
+        share = (crossing - root) @ (end - root) / ((end - root) @ (end - root))
+        crossed = bool(MIDDLE_RANGE[0] < share < MIDDLE_RANGE[1])
+    if crossed:
+        middle = crossing
+    else:
+        on_ridge = _mean_around(middle, ridge_data, end_px / 2)
+        middle = middle if on_ridge is None else on_ridge
+    return Limb(box, ridge_data, origin, lines, np.stack([upper, lower]), crossed, middle, end, tip)
+
+
+def hough_lines(points: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The Hough transform's strong lines over (N, 2) points, N > 0, along roughly a direction (2,).
+
+    Returns:
+        (K, 2) angle and offset of the lines, and (K,) the points on each, its votes.
+    """
+    steps = round(HOUGH_RANGE_RAD / HOUGH_STEP_RAD)
+    normal = np.arctan2(direction[1], direction[0]) + np.pi / 2
+    angles = normal + HOUGH_STEP_RAD * np.arange(-steps, steps + 1)
+    offsets = np.rint(points @ np.stack([np.cos(angles), np.sin(angles)])).astype(int)  # (N, angles)
+    reach = np.abs(offsets).max()
+    cells = (offsets + reach) * len(angles) + np.arange(len(angles))
+    votes = np.bincount(cells.ravel(), minlength=(2 * reach + 1) * len(angles))
+    strong = np.flatnonzero(votes >= LEAST_VOTES * votes.max())
+    return np.stack([angles[strong % len(angles)], strong // len(angles) - reach], axis=1), votes[strong]
+
+
+def two_dominant(lines: np.ndarray, votes: np.ndarray, half_length_px: float) -> np.ndarray:
+    """(2, 2) angle and offset of the centres of two clusters of (K, 2) lines: k-means weighted by (K,) votes.
+
+    It starts from the two lines that differ most in angle. An offset of `half_length_px` counts as much as a turn by a
+    radian: so far does that turn move a limb's end.
+    """
+    points = lines / (1, half_length_px)
+    centres = points[[np.argmin(points[:, 0]), np.argmax(points[:, 0])]]
+    for _ in range(KMEANS_STEPS):
+        second = np.linalg.norm(points - centres[1], axis=1) < np.linalg.norm(points - centres[0], axis=1)
+        weights = np.stack([~second, second]) * votes
+        total = weights.sum(axis=1, keepdims=True)
+        moved = np.where(total > 0, weights @ points / np.maximum(total, 1), centres)
+        if np.array_equal(moved, centres):
+            break
+        centres = moved
+    return centres * (1, half_length_px)
+
+
+def intersection(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(2,) where two lines (angle, offset) cross that are not parallel, from the same origin as theirs."""
+    normals = np.array([[np.cos(a[0]), np.sin(a[0])], [np.cos(b[0]), np.sin(b[0])]])
+    return np.linalg.solve(normals, [a[1], b[1]])
+
+
+def _distance(line: np.ndarray, point: np.ndarray) -> float:
+    return abs(np.cos(line[0]) * point[0] + np.sin(line[0]) * point[1] - line[1])
+
+
+def _pixels(mask: np.ndarray, box: Box) -> np.ndarray:
+    v, u = np.nonzero(mask[box.pixels])
+    return np.stack([u + box.x0, v + box.y0], axis=1).astype(float)
+
+
+def _mean_around(centre: np.ndarray, points: np.ndarray, radius: float) -> np.ndarray | None:
+    near = points[np.linalg.norm(points - centre, axis=1) <= radius]
+    return near.mean(axis=0) if len(near) else None
