@@ -21,8 +21,8 @@ from synth.sample import heading_rad, on_body
 from synth.scene import Scene
 from synth.sensor import SensorConfig, measure_labelled
 
-WALL_CLEARANCE_M = 0.15
-FURNITURE_CLEARANCE_M = 0.05
+WALL_CLEARANCE_M = 0.2
+FURNITURE_CLEARANCE_M = 0.2
 REACH_M = (1.2, 4.2)
 """How near and how far from the camera's wall anything of the person may be: where a Kinect v1 is meant to be used."""
 
