@@ -22,7 +22,7 @@ demo: $(READY)
 	$(BIN)/python -m synth preset=demo
 	rm -rf $(DEMO)
 	$(BIN)/python train.py data.train=data/demo/train data.validation=data/demo/validation \
-		training=demo hydra.run.dir=$(DEMO)/training
+		training=demo model.crop_px=64 hydra.run.dir=$(DEMO)/training
 	$(BIN)/python evaluate.py checkpoint=$(DEMO)/training/best benchmark.path=data/demo/test hydra.run.dir=$(DEMO)
 
 test: $(READY)
