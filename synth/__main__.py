@@ -25,7 +25,7 @@ from pathlib import Path
 from hydra.core.config_store import ConfigStore
 
 from kpopnet.camera import CAMERAS, Camera
-from kpopnet.entry import entry_point
+from kpopnet.entry import entry_point, user_errors
 from kpopnet.errors import InputError
 from kpopnet.machine import cores_at_hand
 from kpopnet.ridge import RidgeConfig
@@ -193,7 +193,11 @@ class StandInConfig:
             raise InputError(f"processes={self.processes} must be 0 (every core) or more")
 
 
-ConfigStore.instance().store(group="benchmark/schema", name="eval_sim", node=EvalSimConfig)
+STAND_INS = {"eval_sim": EvalSimConfig}
+"""Settings of each benchmark that can be made."""
+
+for name, schema in STAND_INS.items():
+    ConfigStore.instance().store(group="benchmark/schema", name=name, node=schema)
 
 
 @entry_point(StandInConfig, "stand_in", "../configs")
@@ -208,9 +212,14 @@ def make_stand_in(config: StandInConfig) -> None:
     print(f"{folder}: finished; look at {folder / 'contact_sheet.png'}")
 
 
+@user_errors
 def main() -> None:
     """A benchmark where the command line names one, else a set of samples."""
-    (make_stand_in if any(given.startswith("benchmark=") for given in sys.argv[1:]) else make_set)()
+    named = [given.removeprefix("benchmark=") for given in sys.argv[1:] if given.startswith("benchmark=")]
+    for name in named:
+        if name not in STAND_INS:
+            raise InputError(f"benchmark={name}: there are stand-ins for no other than {', '.join(STAND_INS)}")
+    (make_stand_in if named else make_set)()
 
 
 if __name__ == "__main__":

@@ -27,11 +27,11 @@ log = logging.getLogger(__name__)
 
 @dataclass
 class EvalConfig:
-    """Attributes: path: the folder of seq_*.bin. joints: id, or ids, of each joint by its name."""
+    """Attributes: path: the folder of seq_*.bin. joints: id, or ids, of each joint by its name; None where there is none."""
 
     name: str = "eval"
     path: str | None = None
-    joints: dict[str, Any] = field(default_factory=dict)
+    joints: dict[str, Any] = field(default_factory=lambda: dict.fromkeys(JOINT_NAMES))
 
 
 @dataclass
@@ -65,12 +65,12 @@ class EvalBenchmark:
         if read_manifest(self.folder) is not None:
             raise InputError(f"{self.folder}: simulated, as its manifest.json says, and not EVAL: take benchmark=eval_sim")
         self._names = _sequence_names(self.folder)
-        if not config.joints:
+        self._joint_ids = checked_map(config.joints)
+        if not self._joint_ids:
             raise InputError(
                 "benchmark=eval needs benchmark.joints, which says what each joint's id is in the file, for instance "
                 f"'benchmark.joints={{head: 1, neck: 2}}'. {describe(self._path(self._names[0]))}"
             )
-        self._joint_ids = checked_map(config.joints)
 
     def sequence_names(self) -> list[str]:
         return self._names
@@ -80,8 +80,8 @@ class EvalBenchmark:
 
     def read(self, name: str) -> Sequence:
         found = read_sequence(self._path(name), self._joint_ids)
-        for what, count in found.skipped.items():
-            log.warning("%s: left out %d %s", name, count, what)
+        if found.skipped:
+            log.warning("%s: left out %s", name, "; ".join(f"{count} {what}" for what, count in found.skipped.items()))
         return Sequence(
             name=name,
             identity=name.split("_")[1],
@@ -137,7 +137,7 @@ def _sequence_names(folder: Path) -> list[str]:
 
 
 def checked_map(joints: Mapping[str, Any]) -> dict[str, list[int]]:
-    """Ids by the joint's name, in lists.
+    """Ids by the joint's name, in lists, of the joints that have any.
 
     Raises:
         InputError: a name that no joint has, an id that is no number, or one that two joints share.
@@ -146,6 +146,8 @@ def checked_map(joints: Mapping[str, Any]) -> dict[str, list[int]]:
     for name, given in joints.items():
         if name not in JOINT_NAMES:
             raise InputError(f"benchmark.joints: {name} is no joint; the joints are {', '.join(JOINT_NAMES)}")
+        if given is None:
+            continue
         numbers = given if isinstance(given, list) else [given]
         if not numbers or not all(isinstance(number, int) and not isinstance(number, bool) for number in numbers):
             raise InputError(f"benchmark.joints: {name} is {given!r}; expected the joint's id, or a list of ids")

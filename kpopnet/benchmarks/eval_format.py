@@ -171,7 +171,9 @@ def read_sequence(path: Path, joint_ids: Mapping[str, list[int]]) -> EvalSequenc
                     places[start + row] = position_m
         start += len(block)
     if camera is None:
-        raise InputError(f"{path}: not one point is measured in its {frames} frames; fetch it again")
+        raise InputError(
+            f"{path}: not one point is measured before the camera in its {frames} frames ({skipped or 'all are 0'})"
+        )
     if np.isnan(joints_m).all():
         raise InputError(f"{path}: no frame holds the joints that the map names. {describe_map(joint_ids)}. {describe(path)}")
     return EvalSequence(camera, depth_m, joints_m, markers_m, skipped)

@@ -1,5 +1,6 @@
 """EVAL's files, packed here by hand from the published layout, and what the reader makes of good and bad ones."""
 
+import importlib
 import json
 import logging
 import struct
@@ -7,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hydra import compose, initialize_config_dir
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from omegaconf import OmegaConf
 
 from kpopnet.benchmarks.eval_benchmark import (
     EvalBenchmark,
@@ -25,6 +28,7 @@ from kpopnet.camera import Camera
 from kpopnet.errors import InputError
 from kpopnet.skeleton import JOINT_NAMES, MIRROR, Joint
 
+ROOT = Path(__file__).parents[2]
 FRAME_BYTES = 930_704
 CAMERA = Camera(285.7, 281.3, 158.2, 121.9, 320, 240)
 SLOPES = CAMERA.points(np.ones((240, 320), np.float32)) * np.float32([1, -1, -1])
@@ -129,7 +133,7 @@ def test_points_of_no_camera_are_refused(folder):
     with pytest.raises(InputError, match=r"seq_a_0\.bin: its points lie .* pixels from .* x right, y up, z negative"):
         read(folder)
     (folder / "seq_a_0.bin").write_bytes(packed(0, xyz=np.zeros((240, 320, 3))))
-    with pytest.raises(InputError, match="not one point is measured in its 1 frames"):
+    with pytest.raises(InputError, match=r"not one point is measured before the camera in its 1 frames \(all are 0\)"):
         read(folder)
     single = np.zeros((240, 320, 3))
     single[7, 9] = 0.1, 0.2, -1
@@ -203,7 +207,8 @@ def test_what_is_left_out_is_counted_and_said(folder, caplog):
         "markers that are absent": 1,
     }
     for what, count in found.skipped.items():
-        assert f"seq_a_0: left out {count} {what}" in caplog.text
+        assert f"{count} {what}" in caplog.text
+    assert "seq_a_0: left out" in caplog.text and len(caplog.records) == 1
     assert not sequence.depth_m[0, 50, 60:70].any() and not sequence.depth_m[0, 51:53, 60:62].diagonal().any()
     assert np.isfinite(sequence.depth_m).all()
     here = np.isfinite(sequence.joints_camera_m).all(axis=-1)
@@ -231,6 +236,19 @@ def test_of_several_ids_the_mean_is_taken_where_all_are_there(folder):
 def test_without_a_map_the_error_says_what_the_files_hold(folder):
     with pytest.raises(InputError, match=r"needs benchmark\.joints.*Frame 0 of .*seq_a_0\.bin holds joint ids 40 at .*LSHO"):
         EvalBenchmark(EvalConfig(path=str(folder)))
+
+
+def test_the_map_is_given_on_the_command_line(folder, monkeypatch):
+    given = ["benchmark=eval", f"benchmark.path={folder}", "benchmark.joints={head: 40, torso: [41, 48]}"]
+    with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
+        monkeypatch.syspath_prepend(str(ROOT))
+        importlib.import_module("evaluate")  # registers the schemas
+        config = OmegaConf.to_object(compose("evaluate", given).benchmark)
+    assert isinstance(config, EvalConfig)
+    sequence = EvalBenchmark(config).read("seq_a_0")
+    np.testing.assert_allclose(sequence.joints_camera_m[0, Joint.HEAD], truth(0)[0], atol=1e-6)
+    np.testing.assert_allclose(sequence.joints_camera_m[0, Joint.TORSO], truth(0)[[1, 8]].mean(axis=0), atol=1e-6)
+    assert sequence.visible[0].sum() == 2
 
 
 def test_a_map_that_fits_nothing_is_shown_beside_what_is_there(folder):

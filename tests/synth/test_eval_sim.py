@@ -347,6 +347,7 @@ def test_the_hash_names_all_but_the_number_of_sequences():
     [
         (["benchmark.sequences=30"], "error: benchmark.sequences=30: the set has 24"),
         (["splits.train=5"], "splits"),
+        (["benchmark=utd_mhad"], "error: benchmark=utd_mhad: there are stand-ins for no other than eval_sim"),
     ],
 )
 def test_mistakes_end_in_one_line(tmp_path, given, said):
