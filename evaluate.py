@@ -24,11 +24,11 @@ from kpopnet.benchmarks.evaluation import (
     run_benchmark,
 )
 from kpopnet.benchmarks.report import terminal_table, write_report
-from kpopnet.entry import entry_point
+from kpopnet.entry import entry_point, overridable
 
 for group, known in (("benchmark", BENCHMARKS), ("estimator", ESTIMATORS)):
     for name, (schema, _) in known.items():
-        ConfigStore.instance().store(group=f"{group}/schema", name=name, node=schema)
+        ConfigStore.instance().store(group=f"{group}/schema", name=name, node=overridable(schema))
 
 
 @entry_point(EvaluateConfig, "evaluate")

@@ -74,7 +74,7 @@ def entry_point(
         config_name: without ".yaml".
         config_path: the folder of configurations.
     """
-    ConfigStore.instance().store(f"base_{config_name}", _overridable(schema))
+    ConfigStore.instance().store(f"base_{config_name}", overridable(schema))
 
     def decorate(function: Callable[[Config], object]) -> Callable[[], None]:
         @hydra.main(version_base="1.3", config_path=config_path, config_name=config_name)
@@ -99,7 +99,7 @@ def entry_point(
     return decorate
 
 
-def _overridable(schema: type) -> DictConfig:
+def overridable(schema: type) -> DictConfig:
     """The schema as a configuration; OmegaConf takes frozen dataclasses for configurations never to be changed."""
 
     def unlock(node: DictConfig) -> None:
@@ -133,7 +133,7 @@ def resumed_config(config: Config, saved: dict, *, may_change: tuple[str, ...]) 
         )
     now = OmegaConf.structured(config)
     try:
-        merged = OmegaConf.merge(_overridable(type(config)), saved)
+        merged = OmegaConf.merge(overridable(type(config)), saved)
     except OmegaConfBaseException as error:
         raise InputError(f"the checkpoint's configuration is of another version: {_one_line(error)}") from error
     for name in given:

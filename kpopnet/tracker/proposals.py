@@ -1,0 +1,368 @@
+"""Other poses worth trying, read off the silhouette: limbs laid along it to its tips, and turned bodies.
+
+Beyond the paper, which follows one pose and cannot come back once a limb is lost. The tips of hands and feet are where
+the way to the torso, inside the silhouette, is longest (Plagemann et al. 2010); the way back from a tip is the limb.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from kpopnet.skeleton import Joint
+from kpopnet.tracker.body import LIMB_PARTS, LIMBS, PARTS, Body
+from kpopnet.tracker.fitting import (
+    CLIP_M,
+    FREE_SPACE_WEIGHT,
+    Cells,
+    _axes,
+    _nearest_part,
+    _off_surface,
+    _outside,
+)
+
+ON_TORSO_M = 0.05
+JUMP_M = 0.08
+"""Neighbouring cells whose depths differ by more belong to parts that only look connected."""
+
+JUMP_COST = 3.0
+"""A way across such a jump counts so many times its length: dear, but open to a limb that is cut off all around."""
+
+MOST_SWEEPS = 12
+TIP_APART_M = 0.15
+TIP_LEAST_M = 0.12
+MOST_TIPS = 12
+TIP_BEYOND_END_M = 0.08
+"""The silhouette goes on so far beyond the hand's and the foot's joint: fingers and toes."""
+
+END_RADIUS_M, MIDDLE_RADIUS_M = 0.05, 0.06
+SLACK_M = 0.12
+"""A tip may be so much farther from the limb's root than the limb is long, since the root may be off."""
+
+CONTINUITY = 0.002
+FARTHEST_M = 0.5
+"""The end of a limb pays for the square of its way since the last frame, up to this distance."""
+
+LEAST_GAIN = 1e-4
+"""Square metres of misfit that a limb must gain to be laid anew."""
+
+EXPLAINED_M = 0.02
+"""A point this near to another part's surface gains little from a limb."""
+
+PARTS_COUNT = len(PARTS)
+NECK, RIGHT_SHOULDER, LEFT_SHOULDER = int(Joint.NECK), int(Joint.RIGHT_SHOULDER), int(Joint.LEFT_SHOULDER)
+RIGHT_HIP, LEFT_HIP = int(Joint.RIGHT_HIP), int(Joint.LEFT_HIP)
+
+
+@njit(cache=True)
+def _torso_cells(joints, points, parts, radii, limb_parts):
+    """(N,) whether a point lies on the torso or the head and nearer to it than to any limb."""
+    is_limb = np.zeros(len(parts), np.bool_)
+    for limb in range(len(limb_parts)):
+        is_limb[limb_parts[limb, 0]] = is_limb[limb_parts[limb, 1]] = True
+    axes = _axes(joints, parts, radii)
+    on = np.zeros(len(points), np.bool_)
+    for i in range(len(points)):
+        k, off, _, _ = _nearest_part(axes, points[i, 0], points[i, 1], points[i, 2])
+        on[i] = not is_limb[k] and abs(off) < ON_TORSO_M
+    return on
+
+
+@njit(cache=True)
+def geodesic(points, index, source):
+    """Lengths of the shortest ways over neighbouring cells to a source.
+
+    Args:
+        points: (N, 3) of the cells.
+        index: (h, w) numbers of the points, -1 for none.
+        source: (N,) bool.
+
+    Returns:
+        (N,) lengths in metres, 1e9 where there is no way, and (N,) int32 the next point on it, -1 at its end.
+    """
+    height, width = index.shape
+    length = np.where(source, 0.0, 1e9)
+    onward = np.full(len(points), -1, np.int32)
+    for sweep in range(MOST_SWEEPS):
+        changed = False
+        for i in range(height):
+            y = i if sweep % 2 == 0 else height - 1 - i
+            for j in range(width):
+                x = j if sweep % 2 == 0 else width - 1 - j
+                here = index[y, x]
+                if here < 0 or length[here] == 0:
+                    continue
+                for v in range(max(y - 1, 0), min(y + 2, height)):
+                    for u in range(max(x - 1, 0), min(x + 2, width)):
+                        there = index[v, u]
+                        if there < 0 or length[there] >= length[here]:
+                            continue
+                        dx = points[here, 0] - points[there, 0]
+                        dy = points[here, 1] - points[there, 1]
+                        dz = points[here, 2] - points[there, 2]
+                        step = math.sqrt(dx * dx + dy * dy + dz * dz)
+                        if abs(dz) > JUMP_M:
+                            step *= JUMP_COST
+                        if length[there] + step < length[here] - 1e-9:
+                            length[here] = length[there] + step
+                            onward[here] = there
+                            changed = True
+        if not changed:
+            break
+    return length, onward
+
+
+@njit(cache=True)
+def _tips(points, length):
+    """Numbers of the points that are farther than all others around them."""
+    tips = np.empty(MOST_TIPS, np.int32)
+    count = 0
+    for i in range(len(points)):
+        if not TIP_LEAST_M <= length[i] < 1e8 or count == MOST_TIPS:
+            continue
+        farthest = True
+        for j in range(len(points)):
+            if length[j] < 1e8 and (length[j] > length[i] or (length[j] == length[i] and j < i)):
+                dx, dy, dz = points[i, 0] - points[j, 0], points[i, 1] - points[j, 1], points[i, 2] - points[j, 2]
+                if dx * dx + dy * dy + dz * dz < TIP_APART_M**2:
+                    farthest = False
+                    break
+        if farthest:
+            tips[count] = i
+            count += 1
+    return tips[:count]
+
+
+@njit(cache=True)
+def _inside(point, radius):
+    """A point of the surface moved along its viewing ray to the limb's middle."""
+    return point * (1 + radius / math.sqrt(point[0] ** 2 + point[1] ** 2 + point[2] ** 2))
+
+
+@njit(cache=True)
+def _apart(a, b):
+    return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+
+
+@njit(cache=True)
+def _laid_along(points, onward, tip, lower_m):
+    """End and middle of a limb whose tip is here: a little way inwards from it, and a lower limb's length from there."""
+    here, gone = tip, 0.0
+    while onward[here] >= 0 and gone < TIP_BEYOND_END_M:
+        gone += _apart(points[here], points[onward[here]])
+        here = onward[here]
+    end = _inside(points[here], END_RADIUS_M)
+    while onward[here] >= 0 and _apart(end, _inside(points[here], MIDDLE_RADIUS_M)) < lower_m:
+        here = onward[here]
+    return end, _inside(points[here], MIDDLE_RADIUS_M)
+
+
+@njit(cache=True)
+def _with_lengths(root, middle, end, upper_m, lower_m):
+    """Middle and end moved until both lengths are right; the root stays."""
+    for _ in range(12):
+        wrong = (_apart(middle, end) - lower_m) / (_apart(middle, end) + 1e-9)
+        way = end - middle
+        middle = middle + 0.5 * wrong * way
+        end = end - 0.15 * wrong * way
+        middle = root + (middle - root) * (upper_m / (_apart(root, middle) + 1e-9))
+    return middle, middle + (end - middle) * (lower_m / (_apart(middle, end) + 1e-9))
+
+
+@njit(cache=True)
+def _frame(joints):
+    """(3, 3) rows: the torso's right, down and front, unit vectors in the camera frame."""
+    frame = np.empty((3, 3))
+    hips = (joints[RIGHT_HIP] + joints[LEFT_HIP]) / 2
+    down = hips - joints[NECK]
+    down /= math.sqrt((down * down).sum()) + 1e-9
+    right = joints[RIGHT_SHOULDER] - joints[LEFT_SHOULDER] + joints[RIGHT_HIP] - joints[LEFT_HIP]
+    right -= (right * down).sum() * down
+    right /= math.sqrt((right * right).sum()) + 1e-9
+    frame[0], frame[1] = right, down
+    frame[2, 0] = right[1] * down[2] - right[2] * down[1]
+    frame[2, 1] = right[2] * down[0] - right[0] * down[2]
+    frame[2, 2] = right[0] * down[1] - right[1] * down[0]
+    return frame
+
+
+@njit(cache=True)
+def _limb_misfit(axes, points, rest, count, of_all, depth, nearest, intrinsics):
+    """The part of the misfit that a limb's two parts, `axes`, can change.
+
+    The first `count` of `points` are those that no other part explains, `rest` their distances to the others; `of_all` is
+    the number of all points.
+    """
+    total = 0.0
+    for i in range(count):
+        x, y, z = points[i]
+        off = min(rest[i], abs(_off_surface(axes, 0, x, y, z)[0]), abs(_off_surface(axes, 1, x, y, z)[0]))
+        total += off * off
+    outside = _outside(axes, 0, depth, nearest, intrinsics) + _outside(axes, 1, depth, nearest, intrinsics)
+    return total / of_all + FREE_SPACE_WEIGHT * outside / PARTS_COUNT
+
+
+@njit(cache=True)
+def _posed(root, frame, side, pose, upper_m, lower_m):
+    """Middle and end of a limb in one of `LIMB_POSES`; side is 1 for the right one, -1 for the left."""
+    middle, end = np.empty(3), np.empty(3)
+    for c in range(3):
+        upper = side * pose[0, 0] * frame[0, c] + pose[0, 1] * frame[1, c] + pose[0, 2] * frame[2, c]
+        lower = side * pose[1, 0] * frame[0, c] + pose[1, 1] * frame[1, c] + pose[1, 2] * frame[2, c]
+        middle[c] = root[c] + upper_m * upper
+        end[c] = middle[c] + lower_m * lower
+    return middle, end
+
+
+@njit(cache=True)
+def _open_points(points, away, limb_parts, rest, found):
+    """Copies the points that no part but the limb's own explains to `found`, their distances to `rest`; how many."""
+    count = 0
+    for i in range(len(points)):
+        others = CLIP_M
+        for k in range(away.shape[1]):
+            if k != limb_parts[0] and k != limb_parts[1]:
+                others = min(others, away[i, k])
+        if others > EXPLAINED_M:
+            rest[count] = others
+            found[count] = points[i]
+            count += 1
+    return count
+
+
+@njit(cache=True)
+def _distances(joints, points, parts, radii, which, away):
+    """Writes the points' distances to the surfaces of some parts into the columns of `away`."""
+    axes = _axes(joints, parts, radii)
+    for k in which:
+        for i in range(len(points)):
+            away[i, k] = abs(_off_surface(axes, k, points[i, 0], points[i, 1], points[i, 2])[0])
+
+
+@njit(cache=True)
+def _relay(
+    joints, before, points, index, every, depth, nearest, intrinsics, parts, radii, limbs, limb_parts, limbs_m, poses, kinds
+):
+    source = _torso_cells(joints, points, parts, radii, limb_parts)
+    length, onward = geodesic(points, index, source)
+    tips = _tips(points, length)
+    joints, frame, some = joints.copy(), _frame(joints), points[::every]
+    away = np.empty((len(some), len(parts)))
+    _distances(joints, some, parts, radii, np.arange(len(parts)), away)
+    used, laid = np.zeros(len(tips), np.bool_), np.zeros(len(limbs), np.bool_)
+    rest, unexplained = np.empty(len(some)), np.empty((len(some), 3))
+    for changes in range(len(limbs)):
+        best, best_limb, best_tip = LEAST_GAIN, -1, -1
+        best_middle, best_end = np.zeros(3), np.zeros(3)
+        for limb in range(len(limbs)):
+            if laid[limb]:
+                continue
+            root, middle, end = limbs[limb]
+            upper_m, lower_m = limbs_m[limb]
+            its_parts, its_radii = parts[limb_parts[limb]], radii[limb_parts[limb]]
+            count = _open_points(some, away, limb_parts[limb], rest, unexplained)
+            kept_middle, kept_end = joints[middle].copy(), joints[end].copy()
+            now = 0.0
+            # First the limb as it is; then along the silhouette from each tip, in two ways; then in every known pose.
+            for candidate in range(-1, 2 * len(tips) + kinds[limb, 1] - kinds[limb, 0]):
+                tip = candidate // 2 if 0 <= candidate < 2 * len(tips) else -1
+                if tip >= 0:
+                    if used[tip]:
+                        continue
+                    new_end, along = _laid_along(points, onward, tips[tip], lower_m)
+                    if _apart(new_end, joints[root]) > upper_m + lower_m + SLACK_M:
+                        continue
+                    # The way on the surface cuts the elbow's corner: also try it where the elbow was.
+                    hint = along if candidate % 2 == 0 else (along + kept_middle) / 2
+                    joints[middle], joints[end] = _with_lengths(joints[root], hint, new_end, upper_m, lower_m)
+                elif candidate >= 0:
+                    pose, side = poses[kinds[limb, 0] + candidate - 2 * len(tips)], 1.0 - 2.0 * (limb % 2)
+                    joints[middle], joints[end] = _posed(joints[root], frame, side, pose, upper_m, lower_m)
+                axes = _axes(joints, its_parts, its_radii)
+                then = _limb_misfit(axes, unexplained, rest, count, len(some), depth, nearest, intrinsics)
+                then += CONTINUITY * min(_apart(joints[end], before[end]), FARTHEST_M) ** 2
+                if candidate < 0:
+                    now = then
+                elif now - then > best:
+                    best, best_limb, best_tip = now - then, limb, tip
+                    best_middle, best_end = joints[middle].copy(), joints[end].copy()
+            joints[middle], joints[end] = kept_middle, kept_end
+        if best_limb < 0:
+            return joints, changes
+        joints[limbs[best_limb, 1]], joints[limbs[best_limb, 2]] = best_middle, best_end
+        laid[best_limb] = True
+        if best_tip >= 0:
+            used[best_tip] = True
+        _distances(joints, some, parts, radii, limb_parts[best_limb], away)
+    return joints, len(limbs)
+
+
+def _limb_poses() -> tuple[np.ndarray, np.ndarray]:
+    """Directions of upper and lower limb in the torso's frame (right, down, front) of a right limb.
+
+    Returns:
+        (K, 2, 3) unit vectors, and (4, 2) for each limb its first and its last but one.
+    """
+    around = np.array([v for v in np.ndindex(3, 3, 3) if v != (1, 1, 1)]) - 1.0
+    around /= np.linalg.norm(around, axis=1, keepdims=True)
+    arms = [
+        (upper, lower)
+        for upper in around
+        for lower in around
+        if upper @ lower > np.cos(np.radians(130)) and not (upper[0] < -0.4 and upper[2] < 0.3) and lower[2] > -0.6
+    ]
+    legs = []
+    for upper in around:
+        if upper[2] < -0.6 or upper[0] < -0.6 or upper[1] < -0.1:
+            continue
+        # The knee bends backwards only: about the axis to the right.
+        back = np.cross(upper, (1.0, 0, 0))
+        back = back / np.linalg.norm(back) if np.linalg.norm(back) > 0.1 else np.array((0.0, 1.0, 0.0))
+        legs += [(upper, np.cos(bend) * upper + np.sin(bend) * back) for bend in np.radians((0, 50, 100, 140))]
+    poses = np.array(arms + legs)
+    a, all_ = len(arms), len(poses)
+    return poses, np.array([(0, a), (0, a), (a, all_), (a, all_)])
+
+
+LIMB_POSES, LIMB_KINDS = _limb_poses()
+
+
+def relay_limbs(
+    joints_m: np.ndarray, before_m: np.ndarray, cells: Cells, body: Body, every: int = 1
+) -> tuple[np.ndarray, int]:
+    """Lays limbs along the silhouette to its tips wherever that explains the picture better, the greatest gain first.
+
+    Args:
+        joints_m: (15, 3) whose torso is about right.
+        before_m: (15, 3) the pose of the last frame: ends of limbs pay for their way from there.
+        cells: the picture.
+        body: the person.
+        every: only every so many points are looked at.
+
+    Returns:
+        (15, 3) the pose, and how many limbs were laid anew.
+    """
+    return _relay(
+        joints_m, before_m, cells.points_m, cells.index, every, cells.depth_m, cells.nearest, cells.intrinsics,
+        PARTS, body.radii_m, LIMBS, LIMB_PARTS, body.limbs_m, LIMB_POSES, LIMB_KINDS,
+    )  # fmt: skip
+
+
+def turned(joints_m: np.ndarray, angle_rad: float) -> np.ndarray:
+    """The pose turned about the torso's long axis, positive to the person's left."""
+    hips = (joints_m[Joint.RIGHT_HIP] + joints_m[Joint.LEFT_HIP]) / 2
+    return _rotated(joints_m, joints_m[Joint.NECK] - hips, angle_rad)
+
+
+def bent(joints_m: np.ndarray, angle_rad: float) -> np.ndarray:
+    """The pose turned about the line through the shoulders, positive backwards."""
+    return _rotated(joints_m, joints_m[Joint.LEFT_SHOULDER] - joints_m[Joint.RIGHT_SHOULDER], angle_rad)
+
+
+def _rotated(joints_m: np.ndarray, axis: np.ndarray, angle_rad: float) -> np.ndarray:
+    """Rodrigues' rotation about an axis through the torso's middle."""
+    middle = joints_m[[Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.RIGHT_HIP, Joint.LEFT_HIP]].mean(0)
+    axis = axis / (np.linalg.norm(axis) + 1e-9)
+    arm = joints_m - middle
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    return middle + arm * cos + np.cross(axis, arm) * sin + np.outer(arm @ axis, axis) * (1 - cos)

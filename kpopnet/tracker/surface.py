@@ -1,0 +1,70 @@
+"""The body's surface against the measured points: how thick a person's parts are, and how far a joint can be trusted."""
+
+import numpy as np
+from numba import njit
+
+from kpopnet.skeleton import NUM_JOINTS
+from kpopnet.tracker.body import MIRRORED_PARTS, PARTS, Body
+from kpopnet.tracker.fitting import HIDDEN_M, Cells, _axes, _nearest_part
+
+FULL_SUPPORT = 4
+"""With so many points on the parts that end at a joint its confidence is no longer limited by their number."""
+
+DOUBTFUL_M = 0.06
+"""A mean residual of that much leaves half of the confidence."""
+
+THICKER_M = 0.05
+"""A part's thickness is corrected by at most that much."""
+
+CORRECTIONS = 4
+FEWEST_POINTS = 6
+
+
+@njit(cache=True)
+def _offsets(joints, points, parts, radii):
+    """(N,) the part nearest to each point, and (N,) its signed distance to that part's surface."""
+    axes = _axes(joints, parts, radii)
+    part, offset = np.empty(len(points), np.int64), np.empty(len(points))
+    for i in range(len(points)):
+        part[i], offset[i], _, _ = _nearest_part(axes, points[i, 0], points[i, 1], points[i, 2])
+    return part, offset
+
+
+def with_thickness(body: Body, joints_m: np.ndarray, cells: Cells) -> Body:
+    """The body with its parts as thick as those of the person seen in a known pose.
+
+    Every part, together with its mirror image, grows or shrinks by the median distance of its points to its surface, a
+    few times over, since points change the part they are nearest to. Parts that show too few points stay.
+    """
+    radii = body.radii_m.copy()
+    for _ in range(CORRECTIONS):
+        part, offset = _offsets(joints_m, cells.points_m, PARTS, radii)
+        for pair in MIRRORED_PARTS:
+            own = offset[np.isin(part, pair)]
+            if len(own) >= FEWEST_POINTS:
+                radii[list(pair)] += np.median(own)
+        radii = np.clip(radii, body.radii_m - THICKER_M, body.radii_m + THICKER_M)
+        radii = np.maximum(radii, body.radii_m / 2)
+    return body._replace(radii_m=radii)
+
+
+@njit(cache=True)
+def _residuals(joints, points, parts, radii):
+    """(15, 2) sum of absolute residuals and number of points, each point counted for the nearer end of its part."""
+    axes = _axes(joints, parts, radii)
+    sums = np.zeros((len(joints), 2))
+    for i in range(len(points)):
+        k, off, along, _ = _nearest_part(axes, points[i, 0], points[i, 1], points[i, 2])
+        joint = parts[k, 0] if along < 0.5 else parts[k, 1]
+        sums[joint, 0] += min(abs(off), 2 * HIDDEN_M)
+        sums[joint, 1] += 1
+    return sums
+
+
+def joint_confidence(joints_m: np.ndarray, cells: Cells, body: Body) -> np.ndarray:
+    """(15,) in 0..1: how many points a joint's surroundings explain, and how well; 0 where nothing of them is seen."""
+    sums = _residuals(joints_m, cells.points_m, PARTS, body.radii_m)
+    residual = sums[:, 0] / np.maximum(sums[:, 1], 1)
+    confidence = np.minimum(sums[:, 1] / FULL_SUPPORT, 1) / (1 + (residual / DOUBTFUL_M) ** 2)
+    assert confidence.shape == (NUM_JOINTS,)
+    return confidence

@@ -1,0 +1,204 @@
+"""The tracker: one person's joints, frame after frame, from depth alone.
+
+Algorithm 2 as printed follows slow movement and loses joints for good in fast ones. Here it gives one of a frame's
+starting points; each is fitted as a body to the measured points, the one that explains the picture best stays, limbs
+are laid anew where that explains it better, and a pose that explains it badly makes the tracker look around: the body
+turned, bent or mirrored. `TrackerConfig(body=False)` leaves all that away: the paper's tracker.
+
+Nothing depends on time: equal input gives equal output.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kpopnet.camera import Camera
+from kpopnet.errors import InputError
+from kpopnet.estimators import Estimator
+from kpopnet.ridge import RidgeConfig, ridge_data
+from kpopnet.skeleton import MIRROR, NUM_JOINTS
+from kpopnet.tracker.body import Body, body_of
+from kpopnet.tracker.fitting import Cells, cells_of, fit, misfit
+from kpopnet.tracker.hierarchy import HierarchyConfig, estimate_pose, lengths_of
+from kpopnet.tracker.initial import InitialConfig, find_initial_pose
+from kpopnet.tracker.model import HumanModel
+from kpopnet.tracker.proposals import bent, relay_limbs, turned
+from kpopnet.tracker.surface import joint_confidence, with_thickness
+
+FEWEST_CELLS = 20
+"""Of a smaller silhouette nothing can be told."""
+
+POINTS = 200
+"""About so many points choose between poses; all of them fit the one chosen."""
+
+FIRST_ROUNDS, LAST_ROUNDS = 8, 6
+VELOCITY_SHARE = 0.5
+FASTEST_M = 0.15
+"""A joint is expected to go on with this share of its last step, which counts up to this length."""
+
+STEP_WEIGHT = 0.01
+FARTHEST_STEP_M = 0.5
+"""A pose pays for the mean squared distance of its joints to where they were expected, each counted up to this."""
+
+DOUBT_M2, LOST_M2 = 7e-4, 1.2e-3
+"""Misfits in square metres from which on the body is also tried turned a little, and in every other way."""
+
+SLIGHTLY = tuple(lambda joints, angle=angle: turned(joints, angle) for angle in np.radians((-30, 30, -60, 60)))
+THOROUGHLY = (
+    *(lambda joints, angle=angle: turned(joints, angle) for angle in np.radians((-90, 90, 135, -135, 180))),
+    *(lambda joints, angle=angle: bent(joints, angle) for angle in np.radians((-40, 40, 180))),
+    lambda joints: joints[MIRROR],
+)
+SLIGHTLY_BETTER, MUCH_BETTER = 0.9, 0.7
+"""What is found must have less than this share of the misfit. A back looks much like a chest: no turning round for little."""
+
+AWAY_M = 0.3
+"""If the silhouette's middle moved farther between two sightings, the pose is carried along."""
+
+
+@dataclass(frozen=True)
+class TrackerConfig:
+    """Settings.
+
+    Attributes:
+        hierarchy: parameters of Algorithm 2.
+        ridge: what counts as ridge data.
+        body: fit a body, lay limbs anew, look around; without it only Algorithm 2 is run.
+        search: look around when the pose explains the picture badly.
+    """
+
+    hierarchy: HierarchyConfig = field(default_factory=HierarchyConfig)
+    ridge: RidgeConfig = field(default_factory=RidgeConfig)
+    body: bool = True
+    search: bool = True
+
+
+class Tracker:
+    """Follows one person. Give it frames in order; it waits for the Y pose unless it is told a pose to start from."""
+
+    def __init__(
+        self,
+        camera: Camera,
+        config: TrackerConfig = TrackerConfig(),
+        model: HumanModel | None = None,
+        detector: Estimator | None = None,
+    ) -> None:
+        """Prepares a tracker.
+
+        Args:
+            camera: of the depth to come.
+            config: settings.
+            model: of a person who was seen before, instead of the one taken from the Y pose.
+            detector: asked for the pose of a single frame when the tracker doubts its own, for instance a network.
+        """
+        self.camera = camera
+        self.config = config
+        self.model = model
+        self.detector = detector
+        self._body: Body | None = None
+        self._lengths: np.ndarray | None = None
+        self._joints: np.ndarray | None = None
+        self._velocity = np.zeros((NUM_JOINTS, 3))
+        self._middle: np.ndarray | None = None
+        self._knows_thickness = False
+
+    @property
+    def started(self) -> bool:
+        """Whether there is a pose to go on from."""
+        return self._joints is not None
+
+    def start(self, joints_camera_m: np.ndarray) -> None:
+        """Starts from a known pose, of which the model is taken unless there is one.
+
+        Raises:
+            InputError: another shape, or joints are missing.
+        """
+        joints = np.asarray(joints_camera_m, np.float64)
+        if self.model is None:
+            self.model = HumanModel.from_joints(joints)
+        if joints.shape != (NUM_JOINTS, 3) or not np.isfinite(joints).all():
+            raise InputError(f"tracker: expected ({NUM_JOINTS}, 3) joints without gaps to start from")
+        self._body, self._lengths = body_of(self.model), lengths_of(self.model)
+        self._joints, self._velocity, self._middle = joints, np.zeros_like(joints), None
+
+    def track(self, depth_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """One frame.
+
+        Args:
+            depth_m: (H, W) float32 metres of the person alone, 0 elsewhere.
+
+        Returns:
+            (15, 3) float64 joints in the camera frame in metres and (15,) confidence in 0..1; NaN and 0 before the start
+            and while nobody is seen.
+        """
+        nothing = np.full((NUM_JOINTS, 3), np.nan), np.zeros(NUM_JOINTS)
+        if not self.started:
+            initial = find_initial_pose(depth_m, self.camera, InitialConfig(ridge=self.config.ridge))
+            if initial is None:
+                return nothing
+            self.start(initial.joints_camera_m)
+        cells = cells_of(depth_m, self.camera)
+        if len(cells.points_m) < FEWEST_CELLS:
+            return nothing
+        if not self._knows_thickness:
+            self._body, self._knows_thickness = with_thickness(self._body, self._joints, cells), True
+        before = self._joints = self._carried(cells)
+        if self.config.body:
+            joints = self._follow(depth_m, cells)
+            found = np.ones(NUM_JOINTS, bool)
+        else:
+            joints, support = self._algorithm_2(depth_m, cells)
+            found = support > 0
+        self._joints, self._velocity = joints, (joints - before) * found[:, None]
+        return joints.copy(), joint_confidence(joints, cells, self._body) * found
+
+    def _carried(self, cells: Cells) -> np.ndarray:
+        """The last pose, moved along if the person turns up elsewhere."""
+        middle = cells.points_m.mean(axis=0)
+        moved = np.zeros(3) if self._middle is None else middle - self._middle
+        self._middle = middle
+        return self._joints + (moved if np.linalg.norm(moved) > AWAY_M else 0.0)
+
+    def _algorithm_2(self, depth_m: np.ndarray, cells: Cells) -> tuple[np.ndarray, np.ndarray]:
+        ridge = ridge_data(depth_m, self.config.ridge)
+        return estimate_pose(
+            ridge, cells, self._joints, self._velocity, self._body, self._lengths, self.config.hierarchy
+        )
+
+    def _follow(self, depth_m: np.ndarray, cells: Cells) -> np.ndarray:
+        before, body = self._joints, self._body
+        step = np.clip(self._velocity, -FASTEST_M, FASTEST_M)
+        expected = before + VELOCITY_SHARE * step
+        every = max(1, len(cells.points_m) // POINTS)
+
+        def cost(joints: np.ndarray, every: int) -> float:
+            away = np.minimum(((joints - expected) ** 2).sum(axis=1), FARTHEST_STEP_M**2).mean()
+            return misfit(joints, cells, body, every) + STEP_WEIGHT * away
+
+        def fitted(start: np.ndarray) -> tuple[float, np.ndarray]:
+            joints = fit(start, cells, body, FIRST_ROUNDS, every)
+            return cost(joints, every), joints
+
+        def finished(joints: np.ndarray) -> tuple[float, np.ndarray]:
+            joints, _ = relay_limbs(joints, before, cells, body, every)
+            joints = fit(joints, cells, body, LAST_ROUNDS)
+            return cost(joints, 1), joints
+
+        starts = [expected, before, self._algorithm_2(depth_m, cells)[0]]
+        best, joints = finished(min((fitted(start) for start in starts), key=lambda pair: pair[0])[1])
+        for doubt, alternatives, better in (
+            (DOUBT_M2, (lambda _: self._detected(depth_m),) if self.detector else (), SLIGHTLY_BETTER),
+            (DOUBT_M2, SLIGHTLY, SLIGHTLY_BETTER),
+            (LOST_M2, THOROUGHLY, MUCH_BETTER),
+        ):
+            if self.config.search and best > doubt:
+                others = [start for other in alternatives if (start := other(joints)) is not None]
+                for tried, found in [finished(fitted(start)[1]) for start in others]:
+                    if tried < better * best:
+                        best, joints = tried, found
+        return joints
+
+    def _detected(self, depth_m: np.ndarray) -> np.ndarray | None:
+        """The detector's pose, if it has all joints."""
+        joints = self.detector.estimate(depth_m[None], self.camera).joints_camera_m[0].astype(np.float64)
+        return joints if np.isfinite(joints).all() else None
