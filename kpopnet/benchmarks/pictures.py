@@ -5,10 +5,12 @@ from matplotlib.figure import Figure
 
 from kpopnet.benchmarks.evaluation import Run
 from kpopnet.benchmarks.metrics import CURVE_END_M, THRESHOLDS_M, joint_errors_m, share_within
+from kpopnet.camera import Camera
 from kpopnet.drawing import ESTIMATED, TRUE, person_tile, sheet
 from kpopnet.skeleton import JOINT_NAMES
 
 EXAMPLES_PER_ROW = 4
+SURROUNDINGS_M = 0.35
 
 
 def joint_bars(run: Run) -> Figure:
@@ -80,6 +82,13 @@ def example_frames(run: Run, seed: int) -> dict[str, list[int]]:
     }
 
 
+def surroundings(depth_m: np.ndarray, camera: Camera, joints_camera_m: np.ndarray) -> np.ndarray:
+    """(H, W) of a scene's depth what lies within SURROUNDINGS_M of the box around (15, 3) joints, 0 elsewhere."""
+    low, high = np.nanmin(joints_camera_m, axis=0) - SURROUNDINGS_M, np.nanmax(joints_camera_m, axis=0) + SURROUNDINGS_M
+    points = camera.points(depth_m)
+    return np.where(((points > low) & (points < high)).all(axis=-1), depth_m, 0)
+
+
 def examples_sheet(run: Run, seed: int) -> np.ndarray:
     """RGB: example frames with the true skeleton and the main estimator's over the depth, read again from the set."""
     main, scored = next(iter(run.scored.items()))
@@ -94,8 +103,9 @@ def examples_sheet(run: Run, seed: int) -> np.ndarray:
         frame, found = run.frame[row], np.isfinite(errors_m[row])
         missing = int(np.isinf(errors_m[row]).sum())
         error = f"{100 * errors_m[row, found].mean():.1f} cm" if found.any() else "no joints"
+        depth_m = sequence.depth_m[frame]
         tiles[row] = person_tile(
-            sequence.depth_m[frame],
+            depth_m if sequence.alone else surroundings(depth_m, sequence.camera, scored.truth_m[row]),
             sequence.camera,
             ((scored.estimate_m[row], ESTIMATED), (scored.truth_m[row], TRUE)),
             captions=(f"{name} frame {frame}", error + (f", {missing} missing" if missing else "")),
