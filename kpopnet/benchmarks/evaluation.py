@@ -17,6 +17,7 @@ from kpopnet.benchmarks.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
 from kpopnet.checkpoint import read_meta
 from kpopnet.errors import InputError
 from kpopnet.estimators import Estimator
+from kpopnet.extraction import extract_person
 from kpopnet.mean_pose import MeanPoseEstimator
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.skeleton import NUM_JOINTS
@@ -126,8 +127,10 @@ class Run:
         frame: (N,) the number of each frame within its sequence.
         failed: what was wrong with each sequence that could not be read, by its name.
         sequences_in_set: how many sequences the benchmark holds, evaluated or not.
-        images_without_person: frames in which nothing was measured.
+        images_without_person: frames in which nothing was measured, or nobody was found.
         unlike_training: per estimator, where there are any: `unlike_training`.
+        extraction_fps: frames per second of finding the person in whole scenes, once for all estimators; None where the
+            set's depth shows people alone.
     """
 
     benchmark: Benchmark
@@ -138,6 +141,7 @@ class Run:
     sequences_in_set: int
     images_without_person: int
     unlike_training: dict[str, list[str]]
+    extraction_fps: float | None = None
 
 
 def unlike_training(benchmark: Benchmark, estimator: Estimator) -> list[str]:
@@ -161,8 +165,10 @@ def run_benchmark(
 ) -> Run:
     """Reads one sequence after the other and has every estimator estimate it.
 
-    A sequence that cannot be read is named in the result and left out; the others go on. An estimator's time is taken
-    around its calls alone, after one call on the first frame that is not counted (compilation, caches).
+    A sequence that cannot be read is named in the result and left out; the others go on. Where the depth shows a whole
+    scene the person is extracted from it first, and every estimator gets the same person alone. An estimator's time is
+    taken around its calls alone, after one call on the first frame that is not counted (compilation, caches); so is the
+    extraction's.
 
     Args:
         benchmark: the data set.
@@ -179,7 +185,8 @@ def run_benchmark(
     seconds = dict.fromkeys(estimators, 0.0)
     truths: list[dict[str, np.ndarray]] = []
     failed: dict[str, str] = {}
-    images_without_person = 0
+    images_without_person = scene_frames = 0
+    extraction_seconds = 0.0
     for name in tqdm(chosen, desc=benchmark.name, unit="sequence"):
         try:
             sequence = benchmark.read(name)
@@ -187,15 +194,23 @@ def run_benchmark(
             failed[name] = str(error)
             tqdm.write(f"left out {name}: {error}")
             continue
+        person_m = sequence.depth_m
+        if not sequence.alone:
+            if not truths:
+                extract_person(sequence.depth_m[:1], sequence.camera)
+            start = time.perf_counter()
+            person_m = extract_person(sequence.depth_m, sequence.camera)
+            extraction_seconds += time.perf_counter() - start
+            scene_frames += len(person_m)
         for label, estimator in estimators.items():
             if not truths:
-                estimator.estimate(sequence.depth_m[:1], sequence.camera)
+                estimator.estimate(person_m[:1], sequence.camera)
             start = time.perf_counter()
-            estimate = estimator.estimate(sequence.depth_m, sequence.camera)
+            estimate = estimator.estimate(person_m, sequence.camera)
             seconds[label] += time.perf_counter() - start
             assert estimate.joints_camera_m.shape == sequence.joints_camera_m.shape, (label, name)
             estimates[label].append(estimate.joints_camera_m)
-        images_without_person += int((~sequence.depth_m.any(axis=(1, 2))).sum())
+        images_without_person += int((~person_m.any(axis=(1, 2))).sum())
         frames = len(sequence.depth_m)
         truths.append(
             {
@@ -220,4 +235,5 @@ def run_benchmark(
         label: evaluate(one, seed) | {"fps": len(frame) / max(seconds[label], 1e-9)} for label, one in scored.items()
     }
     unlike = {label: settings for label, one in estimators.items() if (settings := unlike_training(benchmark, one))}
-    return Run(benchmark, scored, metrics, frame, failed, len(names), images_without_person, unlike)
+    extraction_fps = scene_frames / max(extraction_seconds, 1e-9) if scene_frames else None
+    return Run(benchmark, scored, metrics, frame, failed, len(names), images_without_person, unlike, extraction_fps)

@@ -117,6 +117,11 @@ def remarks(run: Run) -> list[str]:
     chosen = len(next(iter(run.scored.values())).sequence_names) + len(run.failed)
     if chosen < run.sequences_in_set:
         lines.append(f"A quick look: {chosen} of {run.sequences_in_set} sequences, evenly spaced; no score of the set.")
+    if run.extraction_fps is not None:
+        lines.append(
+            f"The depth shows whole scenes: the person was found in them first, at {number(run.extraction_fps)} frames per "
+            "second, which the estimators' own frames per second leave out."
+        )
     if run.images_without_person:
         lines.append(f"{run.images_without_person} images show nobody; their joints count as missing.")
     lines += [f"Left out, could not be read: {name}: {reason}" for name, reason in run.failed.items()]
@@ -161,6 +166,7 @@ def metrics_json(run: Run, config: EvaluateConfig, pictures: list[str]) -> dict:
             "failed_sequences": run.failed,
             "images_without_person": run.images_without_person,
             "unlike_training": run.unlike_training,
+            "extraction_fps": run.extraction_fps,
         },
         "estimators": run.metrics,
         "pictures": pictures,

@@ -1,0 +1,95 @@
+"""Benchmarks whose depth shows whole scenes: the person is found in them first, once for all estimators."""
+
+import numpy as np
+import pytest
+from shard_sets import write_shard
+
+from kpopnet.benchmarks import evaluation
+from kpopnet.benchmarks.evaluation import EvaluateConfig, run_benchmark
+from kpopnet.benchmarks.pictures import examples_sheet, surroundings
+from kpopnet.benchmarks.report import metrics_json, remarks
+from kpopnet.benchmarks.sequences import Origin, Sequence
+from kpopnet.benchmarks.synthetic import SyntheticBenchmark, SyntheticConfig
+from kpopnet.camera import CAMERAS, Camera
+from kpopnet.estimators import Estimate
+
+CAMERA = CAMERAS["eval"]
+
+
+def scene(frame: int) -> np.ndarray:
+    """(240, 320) metres."""
+    depth = np.tile(np.linspace(1.5, 4.0, 240, dtype=np.float32)[:, None], (1, 320))
+    depth[20:40, 5 * frame : 5 * frame + 30] = 0
+    return depth
+
+
+def truth(frame: int) -> np.ndarray:
+    """(15, 3) joints in the camera frame, a centimetre farther to the right in every picture."""
+    joints = np.stack([np.linspace(-0.4, 0.4, 15), np.linspace(0.9, -0.8, 15), np.full(15, 2.5)], axis=1)
+    return joints + np.array([0.01 * frame, 0, 0])
+
+
+class Seen:
+    """An estimator that keeps what it was given and always finds the same pose."""
+
+    name = "seen"
+
+    def __init__(self) -> None:
+        self.depths: list[np.ndarray] = []
+
+    def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
+        self.depths.append(depth_m)
+        return Estimate(np.tile(truth(0), (len(depth_m), 1, 1)).astype(np.float32), np.ones((len(depth_m), 15), np.float32))
+
+
+class Scenes:
+    """A benchmark of two sequences of three pictures each: a slope to walk on, and a hole that moves."""
+
+    name, origin, truth, about = "scenes", Origin.SIMULATED, "what was made up", "Made up."
+
+    def sequence_names(self) -> list[str]:
+        return ["one", "two"]
+
+    def read(self, name: str) -> Sequence:
+        joints = np.stack([truth(frame) for frame in range(3)]).astype(np.float32)
+        depth_m = np.stack([scene(frame) for frame in range(3)])
+        return Sequence(name, "", 30.0, CAMERA, depth_m, joints, np.ones((3, 15), bool), alone=False)
+
+
+def test_every_estimator_gets_the_person_alone_found_once(monkeypatch):
+    def person_is_in_the_first_two_pictures(depth_m, camera):
+        calls.append(len(depth_m))
+        alone = np.where((depth_m > 2) & (depth_m < 3), depth_m, 0)
+        alone[2:] = 0
+        return alone
+
+    calls: list[int] = []
+    monkeypatch.setattr(evaluation, "extract_person", person_is_in_the_first_two_pictures)
+    one, other = Seen(), Seen()
+    run = run_benchmark(Scenes(), {"one": one, "other": other})
+    assert calls == [1, 3, 3]  # once to warm up, then once a sequence
+    for given_m, its in zip((one.depths, other.depths), (one, other), strict=True):
+        assert [len(depth_m) for depth_m in given_m] == [1, 3, 3], its
+        assert given_m[1][:2].any() and not given_m[1][2].any()
+        assert given_m[1][given_m[1] > 0].min() > 2 and given_m[1].max() < 3
+    assert run.images_without_person == 2 and run.extraction_fps > 0
+    assert any("whole scenes: the person was found in them first" in line for line in remarks(run))
+    assert metrics_json(run, EvaluateConfig(None, {}), [])["benchmark"]["extraction_fps"] == run.extraction_fps
+    assert run.metrics["one"]["mean_error_cm"] == pytest.approx(1.0, abs=1e-3)  # 0, 1 and 2 cm
+    assert examples_sheet(run, 0).std() > 10
+
+
+def test_what_shows_people_alone_is_not_extracted_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(evaluation, "extract_person", None)
+    write_shard(tmp_path, [1, 2])
+    run = run_benchmark(SyntheticBenchmark(SyntheticConfig(path=str(tmp_path))), {"seen": Seen()})
+    assert run.extraction_fps is None and not any("whole scenes" in line for line in remarks(run))
+
+
+def test_surroundings_keep_what_is_near_the_joints():
+    depth = scene(0)
+    kept = surroundings(depth, CAMERA, truth(0))
+    points = CAMERA.points(depth)
+    near = (np.abs(points[..., 2] - 2.5) < 0.3) & (np.abs(points[..., 0]) < 0.6) & (np.abs(points[..., 1]) < 1.0)
+    far = np.abs(points[..., 2] - 2.5) > 0.4
+    assert (kept[near] == depth[near]).all() and not kept[far].any()
