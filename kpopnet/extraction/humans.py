@@ -251,7 +251,7 @@ class HumanExtractor:
                 present[number] = 0
         self._expecting &= not present
         if newcomers:
-            theirs = {number: fragments_beside(objects, whole) for whole, number in newcomers.items()}
+            theirs = {number: fragments_beside(objects, labels, whole) for whole, number in newcomers.items()}
             runs = runs[~np.any(list(theirs.values()), axis=0)[object_of[runs[:, LABEL]]]]
             for number, parts in theirs.items():
                 forget_human(self._room, self._now.depth, parts[labels], self.camera.fx)

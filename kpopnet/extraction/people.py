@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from kpopnet.extraction.room import NOBODY, UNCOVERED
+from kpopnet.extraction.room import NOBODY, UNCOVERED, grown
 
 SHARED = 254
 """Owner of a component that is divided pixel by pixel."""
@@ -37,8 +37,8 @@ BESIDE_M, APART_M = 0.15, 0.3
 HEIGHT_GAP, DEPTH_GAP = 3, 4
 """and so many times as far above or below and before or behind, where something may hide what is between."""
 
-FRAGMENT_M2 = 0.2
-"""What stands still and is no larger belongs to a newcomer beside it."""
+FRAGMENT_M2, FRAGMENT_PX = 0.2, 3
+"""What stands still and is no larger belongs to a newcomer beside it, if so close to them in the picture."""
 
 NEAR_SOMEBODY_M = 0.5
 """What moves so near to somebody does not make a human of a thing that stood still."""
@@ -190,12 +190,19 @@ def _fits(pieces: np.ndarray) -> np.ndarray:
     return ((pieces["high_m"] - pieces["low_m"]).max(axis=-1) < MOST_SIZE_M) & (pieces["area_m2"] < MOST_AREA_M2)
 
 
-def fragments_beside(objects: np.ndarray, label: int) -> np.ndarray:
-    """(N,) bool: a newcomer, and the small objects before and beside them (a raised leg, the foot behind the other)."""
-    theirs = (_gaps_m(objects, objects[label]) <= BESIDE_M) & (objects["area_m2"] < FRAGMENT_M2)
+def fragments_beside(objects: np.ndarray, labels: np.ndarray, newcomer: int) -> np.ndarray:
+    """(N,) bool: a newcomer, and the small objects before and beside them (a raised leg, the foot behind the other).
+
+    Args:
+        objects: (N,) of `survey`.
+        labels: (H, W) int32 whose objects they are.
+        newcomer: the label.
+    """
+    theirs = (_gaps_m(objects, objects[newcomer]) <= BESIDE_M) & (objects["area_m2"] < FRAGMENT_M2)
     # A patch of wall seen past an arm is an object too.
-    theirs &= objects["low_m"][:, 2] < objects["high_m"][label, 2] + BESIDE_M
-    theirs[0], theirs[label] = False, True
+    theirs &= objects["low_m"][:, 2] < objects["high_m"][newcomer, 2] + BESIDE_M
+    theirs &= np.bincount(labels[grown(labels == newcomer, FRAGMENT_PX)], minlength=len(objects)) > 0
+    theirs[0], theirs[newcomer] = False, True
     return theirs
 
 

@@ -127,10 +127,11 @@ def forget_human(room: np.ndarray, depth_m: np.ndarray, silhouette: np.ndarray, 
     """
     nearest_m, farthest_m = depth_m[silhouette].min(), depth_m[silhouette].max()
     measured = depth_m > 0
-    outline = _grown(silhouette, OUTLINE_PX) & ((room < farthest_m) | (measured & (depth_m < farthest_m)))
-    shadow = _grown(silhouette, math.ceil(SHADOW_M * focal_px / nearest_m)) & ~measured & (room == FAR_M)
+    outline = grown(silhouette, OUTLINE_PX) & ((room < farthest_m) | (measured & (depth_m < farthest_m)))
+    shadow = grown(silhouette, math.ceil(SHADOW_M * focal_px / nearest_m)) & ~measured & (room == FAR_M)
     room[silhouette | outline | shadow] = COVERED_M
 
 
-def _grown(mask: np.ndarray, reach_px: int) -> np.ndarray:
+def grown(mask: np.ndarray, reach_px: int) -> np.ndarray:
+    """(H, W) bool: what is in a mask or within so many pixels of it."""
     return cv2.dilate(mask.astype(np.uint8), np.ones((2 * reach_px + 1, 2 * reach_px + 1), np.uint8)) > 0
