@@ -21,6 +21,7 @@ from kpopnet.extraction import extract_person
 from kpopnet.mean_pose import MeanPoseEstimator
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.skeleton import NUM_JOINTS
+from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig, first_label
 
 
 @dataclass
@@ -84,6 +85,7 @@ def _mean_pose(config: MeanPoseConfig) -> Estimator:
 
 
 ESTIMATORS: dict[str, tuple[type, Callable[[Any], Estimator]]] = {
+    "tracker": (TrackerEstimatorConfig, TrackerEstimator),
     "network": (NetworkEstimatorConfig, _network),
     "mean_pose": (MeanPoseConfig, _mean_pose),
 }
@@ -205,8 +207,11 @@ def run_benchmark(
         for label, estimator in estimators.items():
             if not truths:
                 estimator.estimate(person_m[:1], sequence.camera)
+            told = {}
+            if isinstance(estimator, TrackerEstimator) and estimator.starts_from_label:
+                told["start"] = first_label(sequence.joints_camera_m)
             start = time.perf_counter()
-            estimate = estimator.estimate(person_m, sequence.camera)
+            estimate = estimator.estimate(person_m, sequence.camera, **told)
             seconds[label] += time.perf_counter() - start
             assert estimate.joints_camera_m.shape == sequence.joints_camera_m.shape, (label, name)
             estimates[label].append(estimate.joints_camera_m)
