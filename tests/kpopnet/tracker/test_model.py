@@ -1,0 +1,134 @@
+"""The human model: lengths of a figure drawn by hand, files, and figures that cannot be."""
+
+import json
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kpopnet.errors import InputError
+from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
+from kpopnet.tracker.model import LIMB_PARENTS, HumanModel, distance_to_line
+
+
+def figure() -> np.ndarray:
+    """(15, 3) metres whose lengths are whole numbers of centimetres by Pythagoras' triangles."""
+    joints = np.zeros((NUM_JOINTS, 3))
+    joints[Joint.HEAD] = 0, -0.2, 0
+    joints[Joint.NECK] = np.nan
+    joints[Joint.RIGHT_SHOULDER], joints[Joint.LEFT_SHOULDER] = (-0.3, 0, 0), (0.3, 0, 0)
+    joints[Joint.TORSO] = 0, 0.4, 0
+    joints[Joint.RIGHT_HIP], joints[Joint.LEFT_HIP] = (-0.3, 0.8, 0), (0.3, 0.8, 0)
+    joints[Joint.RIGHT_ELBOW], joints[Joint.LEFT_ELBOW] = (-0.6, 0, 0), (0.3, 0, -0.31)
+    joints[Joint.RIGHT_HAND], joints[Joint.LEFT_HAND] = (-0.6, -0.25, 0), (0.3, 0.26, -0.31)
+    joints[Joint.RIGHT_KNEE], joints[Joint.LEFT_KNEE] = (-0.3, 1.2, 0), (0.3, 1.21, 0)
+    joints[Joint.RIGHT_FOOT], joints[Joint.LEFT_FOOT] = (-0.3, 1.62, 0), (0.3, 1.21, 0.43)
+    return joints
+
+
+def test_lengths_of_a_figure_drawn_by_hand() -> None:
+    model = HumanModel.from_joints(figure())
+    expected = {
+        "head_to_shoulder_line_m": 0.2,
+        "shoulder_to_shoulder_m": 0.6,
+        "head_to_torso_m": 0.6,
+        "left_shoulder_to_torso_m": 0.5,
+        "right_shoulder_to_torso_m": 0.5,
+        "torso_to_hip_line_m": 0.4,
+        "left_shoulder_to_left_hip_m": 0.8,
+        "left_shoulder_to_right_hip_m": 1.0,
+        "right_shoulder_to_left_hip_m": 1.0,
+        "right_shoulder_to_right_hip_m": 0.8,
+        "left_shoulder_angle_rad": np.arctan2(0.3, 0.4),
+        "right_shoulder_angle_rad": np.arctan2(0.3, 0.4),
+        "right_upper_arm_m": 0.3,
+        "left_upper_arm_m": 0.31,
+        "right_lower_arm_m": 0.25,
+        "left_lower_arm_m": 0.26,
+        "right_upper_leg_m": 0.4,
+        "left_upper_leg_m": 0.41,
+        "right_lower_leg_m": 0.42,
+        "left_lower_leg_m": 0.43,
+    }
+    assert asdict(model) == pytest.approx(expected)
+    named = [f"{child.name} {parent.name}" for child, parent in LIMB_PARENTS.items()]
+    assert named[:3] == ["RIGHT_ELBOW RIGHT_SHOULDER", "LEFT_ELBOW LEFT_SHOULDER", "RIGHT_HAND RIGHT_ELBOW"]
+    assert model.limb_m[Joint.LEFT_HAND] == pytest.approx(0.26) and model.limb_m[Joint.RIGHT_FOOT] == pytest.approx(0.42)
+
+
+@given(st.tuples(*[st.floats(-1.5, 1.5)] * 3), st.floats(-np.pi, np.pi))
+def test_a_model_does_not_depend_on_where_the_person_stands_or_faces(place_m: tuple, yaw: float) -> None:
+    turn = np.array([[np.cos(yaw), 0, np.sin(yaw)], [0, 1, 0], [-np.sin(yaw), 0, np.cos(yaw)]])
+    moved = HumanModel.from_joints(figure() @ turn.T + place_m)
+    assert asdict(moved) == pytest.approx(asdict(HumanModel.from_joints(figure())), abs=1e-6)
+
+
+def test_mirroring_swaps_left_and_right() -> None:
+    model = asdict(HumanModel.from_joints(figure()))
+    mirrored = asdict(HumanModel.from_joints((figure() * (-1, 1, 1))[MIRROR]))
+    swap = {"left": "right", "right": "left"}
+    swapped = {"_".join(swap.get(word, word) for word in name.split("_")): value for name, value in mirrored.items()}
+    assert model == pytest.approx(swapped)
+
+
+def test_joints_of_another_shape_or_with_gaps_are_refused() -> None:
+    with pytest.raises(InputError, match=r"expected \(15, 3\) joints, found \(14, 3\)"):
+        HumanModel.from_joints(figure()[1:])
+    joints = figure()
+    joints[Joint.LEFT_HAND], joints[Joint.TORSO, 1] = np.nan, np.inf
+    with pytest.raises(InputError, match="lack left_hand, torso"):
+        HumanModel.from_joints(joints)
+
+
+@pytest.mark.parametrize("value", [-0.1, np.nan, np.inf, 4, True, "0.3", None])
+def test_impossible_lengths_are_refused(value) -> None:
+    with pytest.raises(InputError, match="left_upper_arm_m"):
+        replace(HumanModel.from_joints(figure()), left_upper_arm_m=value)
+
+
+def test_a_saved_model_comes_back_the_same(tmp_path) -> None:
+    model = HumanModel.from_joints(figure())
+    model.save(tmp_path / "person.json")
+    assert HumanModel.load(tmp_path / "person.json") == model
+
+
+@pytest.mark.parametrize(
+    ("content", "complaint"),
+    [
+        (b"", "no human model can be read"),
+        (b"\xff\xfe\x00", "no human model can be read"),
+        (b"[1, 2]", "missing or unknown: list"),
+        (b"null", "missing or unknown: NoneType"),
+        (b"{}", "missing or unknown: head_to_shoulder_line_m"),
+    ],
+)
+def test_other_files_are_refused_by_name(tmp_path, content: bytes, complaint: str) -> None:
+    path = tmp_path / "person.json"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=complaint) as error:
+        HumanModel.load(path)
+    assert "person.json" in str(error.value)
+
+
+def test_a_file_with_a_wrong_field_says_which(tmp_path) -> None:
+    path = tmp_path / "person.json"
+    values = asdict(HumanModel.from_joints(figure()))
+    path.write_text(json.dumps(values | {"tail_m": 0.4}))
+    with pytest.raises(InputError, match="tail_m"):
+        HumanModel.load(path)
+    path.write_text(json.dumps(values | {"head_to_torso_m": "tall"}))
+    with pytest.raises(InputError, match="head_to_torso_m=tall"):
+        HumanModel.load(path)
+    path.write_text(json.dumps(values | {"head_to_torso_m": 1e999}))
+    with pytest.raises(InputError, match="head_to_torso_m=inf"):
+        HumanModel.load(path)
+    with pytest.raises(InputError, match=r"nobody\.json"):
+        HumanModel.load(tmp_path / "nobody.json")
+
+
+def test_distance_to_a_line() -> None:
+    assert distance_to_line(np.array((0.0, 3, 0)), np.array((-1.0, 0, 4)), np.array((5.0, 0, 4))) == pytest.approx(5)
+    # Without a line it is the distance to the point.
+    assert distance_to_line(np.array((0.0, 3, 0)), np.array((0.0, 0, 4)), np.array((0.0, 0, 4))) == pytest.approx(5)
