@@ -78,7 +78,7 @@ class TrackerEstimator:
             InputError: depth of another type or shape; a start with missing joints.
         """
         depth_m = sequence_in_metres(depth_m, camera)
-        tracker = Tracker(camera, self.config, self.model, self.detector)
+        tracker = Tracker(camera, self.config, self.model, self.detector, standing=self.config.start == "standing")
         joints_m = np.full((len(depth_m), NUM_JOINTS, 3), np.nan, np.float32)
         confidence = np.zeros((len(depth_m), NUM_JOINTS), np.float32)
         first = 0

@@ -280,3 +280,32 @@ def estimate_pose(
         ridge_m, ridge_cell, cells.points_m, cells.index, previous_m, velocity_m, thickness_of(body), lengths,
         config.r_m, config.epsilon_m, config.straightness, config.candidates == "depth",
     )  # fmt: skip
+
+
+def valid_candidates(
+    ridge: np.ndarray,
+    cells: Cells,
+    previous_m: np.ndarray,
+    velocity_m: np.ndarray,
+    body: Body,
+    lengths: np.ndarray,
+    config: HierarchyConfig,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What `estimate_pose` saw, for drawing.
+
+    Returns:
+        (N, 3) ridge data collected for any joint, (M, 3) those left for any joint after pruning, both as points of the
+        surface, and (15, 3) the estimated joints.
+    """
+    joints, _ = estimate_pose(ridge, cells, previous_m, velocity_m, body, lengths, config)
+    ridge_m, ridge_cell = ridge_points(ridge, cells.depth_m, cells.index, cells.intrinsics)
+    predicted, thickness = previous_m + velocity_m, thickness_of(body)
+    collected, valid = np.zeros(len(ridge_m), bool), np.zeros(len(ridge_m), bool)
+    for joint in ORDER:
+        geodesics_m = np.zeros(len(cells.points_m))
+        if PARENTS[joint] >= 0:
+            geodesics_m = _from_parent(joints[PARENTS[joint]], cells.points_m, cells.index)
+        seen = joint, ridge_m, ridge_cell, predicted, joints, geodesics_m, thickness, lengths, config.r_m
+        collected |= _estimate(*seen, np.inf, -1.0)[2]
+        valid |= _estimate(*seen, config.epsilon_m, config.straightness)[2]
+    return ridge_m[collected], ridge_m[valid], joints

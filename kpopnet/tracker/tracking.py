@@ -23,6 +23,7 @@ from kpopnet.tracker.hierarchy import HierarchyConfig, estimate_pose, lengths_of
 from kpopnet.tracker.initial import InitialConfig, find_initial_pose
 from kpopnet.tracker.model import HumanModel
 from kpopnet.tracker.proposals import bent, relay_limbs, turned
+from kpopnet.tracker.standing import standing_pose
 from kpopnet.tracker.surface import joint_confidence, with_thickness
 
 FEWEST_CELLS = 20
@@ -74,7 +75,14 @@ class TrackerConfig:
 
 
 class Tracker:
-    """Follows one person. Give it frames in order; it waits for the Y pose unless it is told a pose to start from."""
+    """Follows one person. Give it frames in order; it waits for the Y pose unless it is told a pose to start from.
+
+    Attributes:
+        model: the person's lengths, None before the start; `HumanModel.save` keeps it for another day.
+        body, lengths: the same as the kernels take it.
+        joints_camera_m: (15, 3) the last pose, None before the start.
+        velocity_m: (15, 3) the joints' last step.
+    """
 
     def __init__(
         self,
@@ -82,6 +90,7 @@ class Tracker:
         config: TrackerConfig = TrackerConfig(),
         model: HumanModel | None = None,
         detector: Estimator | None = None,
+        standing: bool = False,
     ) -> None:
         """Prepares a tracker.
 
@@ -89,23 +98,25 @@ class Tracker:
             camera: of the depth to come.
             config: settings.
             model: of a person who was seen before, instead of the one taken from the Y pose.
+            standing: start with whoever stands upright, instead of waiting for the Y pose.
             detector: asked for the pose of a single frame when the tracker doubts its own, for instance a network.
         """
         self.camera = camera
         self.config = config
         self.model = model
         self.detector = detector
-        self._body: Body | None = None
-        self._lengths: np.ndarray | None = None
-        self._joints: np.ndarray | None = None
-        self._velocity = np.zeros((NUM_JOINTS, 3))
+        self.standing = standing
+        self.body: Body | None = None
+        self.lengths: np.ndarray | None = None
+        self.joints_camera_m: np.ndarray | None = None
+        self.velocity_m = np.zeros((NUM_JOINTS, 3))
         self._middle: np.ndarray | None = None
         self._knows_thickness = False
 
     @property
     def started(self) -> bool:
         """Whether there is a pose to go on from."""
-        return self._joints is not None
+        return self.joints_camera_m is not None
 
     def start(self, joints_camera_m: np.ndarray) -> None:
         """Starts from a known pose, of which the model is taken unless there is one.
@@ -118,8 +129,8 @@ class Tracker:
             self.model = HumanModel.from_joints(joints)
         if joints.shape != (NUM_JOINTS, 3) or not np.isfinite(joints).all():
             raise InputError(f"tracker: expected ({NUM_JOINTS}, 3) joints without gaps to start from")
-        self._body, self._lengths = body_of(self.model), lengths_of(self.model)
-        self._joints, self._velocity, self._middle = joints, np.zeros_like(joints), None
+        self.body, self.lengths = body_of(self.model), lengths_of(self.model)
+        self.joints_camera_m, self.velocity_m, self._middle = joints, np.zeros_like(joints), None
 
     def track(self, depth_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """One frame.
@@ -132,42 +143,51 @@ class Tracker:
             and while nobody is seen.
         """
         nothing = np.full((NUM_JOINTS, 3), np.nan), np.zeros(NUM_JOINTS)
-        if not self.started:
-            initial = find_initial_pose(depth_m, self.camera, InitialConfig(ridge=self.config.ridge))
-            if initial is None:
-                return nothing
-            self.start(initial.joints_camera_m)
         cells = cells_of(depth_m, self.camera)
-        if len(cells.points_m) < FEWEST_CELLS:
+        if len(cells.points_m) < FEWEST_CELLS or not (self.started or self._find_start(depth_m, cells)):
             return nothing
         if not self._knows_thickness:
-            self._body, self._knows_thickness = with_thickness(self._body, self._joints, cells), True
-        before = self._joints = self._carried(cells)
+            self.body, self._knows_thickness = with_thickness(self.body, self.joints_camera_m, cells), True
+        before = self.joints_camera_m = self._carried(cells)
         if self.config.body:
             joints = self._follow(depth_m, cells)
             found = np.ones(NUM_JOINTS, bool)
         else:
             joints, support = self._algorithm_2(depth_m, cells)
             found = support > 0
-        self._joints, self._velocity = joints, (joints - before) * found[:, None]
-        return joints.copy(), joint_confidence(joints, cells, self._body) * found
+        self.joints_camera_m, self.velocity_m = joints, (joints - before) * found[:, None]
+        return joints.copy(), joint_confidence(joints, cells, self.body) * found
+
+    def _find_start(self, depth_m: np.ndarray, cells: Cells) -> bool:
+        """Starts if the frame shows a pose to start from."""
+        if self.standing:
+            found = standing_pose(cells)
+            if found is not None:
+                joints, model = found
+                self.model = self.model or model
+                self.start(joints)
+        else:
+            initial = find_initial_pose(depth_m, self.camera, InitialConfig(ridge=self.config.ridge))
+            if initial is not None:
+                self.start(initial.joints_camera_m)
+        return self.started
 
     def _carried(self, cells: Cells) -> np.ndarray:
         """The last pose, moved along if the person turns up elsewhere."""
         middle = cells.points_m.mean(axis=0)
         moved = np.zeros(3) if self._middle is None else middle - self._middle
         self._middle = middle
-        return self._joints + (moved if np.linalg.norm(moved) > AWAY_M else 0.0)
+        return self.joints_camera_m + (moved if np.linalg.norm(moved) > AWAY_M else 0.0)
 
     def _algorithm_2(self, depth_m: np.ndarray, cells: Cells) -> tuple[np.ndarray, np.ndarray]:
         ridge = ridge_data(depth_m, self.config.ridge)
         return estimate_pose(
-            ridge, cells, self._joints, self._velocity, self._body, self._lengths, self.config.hierarchy
+            ridge, cells, self.joints_camera_m, self.velocity_m, self.body, self.lengths, self.config.hierarchy
         )
 
     def _follow(self, depth_m: np.ndarray, cells: Cells) -> np.ndarray:
-        before, body = self._joints, self._body
-        step = np.clip(self._velocity, -FASTEST_M, FASTEST_M)
+        before, body = self.joints_camera_m, self.body
+        step = np.clip(self.velocity_m, -FASTEST_M, FASTEST_M)
         expected = before + VELOCITY_SHARE * step
         every = max(1, len(cells.points_m) // POINTS)
 
