@@ -1,0 +1,432 @@
+"""Algorithm 2: every rule on points put there by hand, straightness on tubes, whole frames of known people."""
+
+import heapq
+import itertools
+
+import numpy as np
+import pytest
+from capsule_people import CAMERA as SMALL_CAMERA
+from capsule_people import draw_depth, draw_joints
+from cone_people import cone_body, cone_joints, draw_cones
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from y_people import draw_y, y_joints
+
+from kpopnet.camera import CAMERAS
+from kpopnet.errors import InputError
+from kpopnet.ridge import RidgeConfig, ridge_data
+from kpopnet.skeleton import NUM_JOINTS, PAPER_JOINTS, Joint
+from kpopnet.tracker.body import NECK_SHARE, PARTS, body_of
+from kpopnet.tracker.fitting import CELL_PX, cells_of
+from kpopnet.tracker.hierarchy import (
+    ENOUGH,
+    ORDER,
+    PARENTS,
+    HierarchyConfig,
+    _from_parent,
+    _is_valid,
+    _perpendicular,
+    estimate_pose,
+    lengths_of,
+    ridge_points,
+    thickness_of,
+    track_frame,
+)
+from kpopnet.tracker.model import LIMB_PARENTS, HumanModel
+from kpopnet.tracker.proposals import JUMP_COST, JUMP_M, geodesic
+
+CAMERA = CAMERAS["kinect_v1"]
+EPSILON_M, STRAIGHTNESS = 0.05, 0.7
+INSIDE, OUTSIDE = 0.9 * EPSILON_M, 1.1 * EPSILON_M
+JOINTS = y_joints(place_m=(0.0, 0.0, 0.0))
+LENGTHS = lengths_of(HumanModel.from_joints(JOINTS))
+
+
+def is_valid(joint: Joint, x_m, joints_m: np.ndarray = JOINTS, geodesic_m: float = 0.0) -> bool:
+    return _is_valid(np.asarray(x_m, float), geodesic_m, int(joint), joints_m, LENGTHS, EPSILON_M, STRAIGHTNESS)
+
+
+# --- the rules, Eqs. (5) to (9) -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("joint", PAPER_JOINTS)
+def test_every_joint_is_valid_where_it_is(joint: Joint) -> None:
+    assert is_valid(joint, JOINTS[joint])
+
+
+def test_the_head_lies_a_models_length_from_the_torso() -> None:
+    torso, up = JOINTS[Joint.TORSO], np.array((0, -1, 0))
+    length = np.linalg.norm(JOINTS[Joint.HEAD] - torso)
+    # Anywhere on that sphere.
+    for way in ((0, -1, 0), (0.6, 0, 0.8), (0, 0, -1)):
+        assert is_valid(Joint.HEAD, torso + length * np.array(way))
+    for by, expected in ((INSIDE, True), (-INSIDE, True), (OUTSIDE, False), (-OUTSIDE, False)):
+        assert is_valid(Joint.HEAD, torso + (length + by) * up) is expected
+
+
+@pytest.mark.parametrize("joint", [Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER])
+def test_a_shoulder_lies_across_from_the_other_and_under_the_head(joint: Joint) -> None:
+    out = np.sign(JOINTS[joint, 0]) * np.array((1, 0, 0))
+    for by, expected in ((INSIDE, True), (-INSIDE, True), (OUTSIDE, False), (-OUTSIDE, False)):
+        # Along the line of the shoulders the head's perpendicular stays.
+        assert is_valid(joint, JOINTS[joint] + by * out) is expected
+    # On the sphere about the other shoulder the distance stays and the perpendicular changes.
+    opposite = JOINTS[Joint.RIGHT_SHOULDER + Joint.LEFT_SHOULDER - joint]
+    width = np.linalg.norm(JOINTS[joint] - opposite)
+    rule = []
+    for angle in np.radians(np.arange(-60, 61)):
+        x = opposite + width * np.array((np.cos(angle) * out[0], np.sin(angle), 0))
+        line = np.linalg.norm(np.cross(x - opposite, JOINTS[Joint.HEAD] - opposite)) / width
+        assert is_valid(joint, x) is bool(abs(line - 0.2) <= EPSILON_M)
+        rule.append(is_valid(joint, x))
+    assert any(rule) and not all(rule)
+
+
+def test_the_torso_lies_right_from_head_and_both_shoulders() -> None:
+    # Three joints moved away, one at a time, so that one distance alone becomes wrong.
+    for other in (Joint.HEAD, Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER):
+        way = JOINTS[other] - JOINTS[Joint.TORSO]
+        way /= np.linalg.norm(way)
+        for by, expected in ((INSIDE, True), (-INSIDE, True), (OUTSIDE, False), (-OUTSIDE, False)):
+            joints = JOINTS.copy()
+            joints[other] += by * way
+            assert is_valid(Joint.TORSO, JOINTS[Joint.TORSO], joints) is expected
+
+
+@pytest.mark.parametrize("joint", [Joint.RIGHT_HIP, Joint.LEFT_HIP])
+def test_a_hip_lies_right_from_both_shoulders_and_under_the_torso(joint: Joint) -> None:
+    for other in (Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER):
+        way = JOINTS[other] - JOINTS[joint]
+        way /= np.linalg.norm(way)
+        for by, expected in ((INSIDE, True), (-INSIDE, True), (OUTSIDE, False), (-OUTSIDE, False)):
+            joints = JOINTS.copy()
+            joints[other] += by * way
+            assert is_valid(joint, JOINTS[joint], joints) is expected
+    # The torso's centre moved up or down: its perpendicular to the line through the hips alone changes.
+    for by, expected in ((INSIDE, True), (-INSIDE, True), (OUTSIDE, False), (-OUTSIDE, False)):
+        joints = JOINTS.copy()
+        joints[Joint.TORSO, 1] += by
+        assert is_valid(joint, JOINTS[joint], joints) is expected
+
+
+@pytest.mark.parametrize("limb", LIMB_PARENTS)
+def test_a_limb_has_its_length_and_is_straight(limb: Joint) -> None:
+    parent = JOINTS[LIMB_PARENTS[limb]]
+    way = (JOINTS[limb] - parent) / np.linalg.norm(JOINTS[limb] - parent)
+    length = float(np.linalg.norm(JOINTS[limb] - parent))
+    for by, expected in ((INSIDE, True), (-INSIDE, True), (OUTSIDE, False), (-OUTSIDE, False)):
+        assert is_valid(limb, parent + (length + by) * way) is expected
+    assert is_valid(limb, JOINTS[limb], geodesic_m=0.99 * length / STRAIGHTNESS)
+    assert not is_valid(limb, JOINTS[limb], geodesic_m=1.01 * length / STRAIGHTNESS)
+    # Where no way leads, nothing is valid.
+    assert not is_valid(limb, JOINTS[limb], geodesic_m=1e9)
+
+
+def test_perpendiculars() -> None:
+    at = [np.array(x, float) for x in ((1, 0, 0), (3, 0, 0), (0, 0, 2), (9, 2, 0))]
+    assert _perpendicular(at[0], at[1], at[2]) == pytest.approx(2)
+    assert _perpendicular(at[0], at[1], at[3]) == pytest.approx(2)
+    # A candidate in the same place as its opposite makes no line, and no error.
+    assert np.isfinite(_perpendicular(at[0], at[0], at[2]))
+
+
+def test_joints_come_from_the_head_down_parents_first() -> None:
+    order = ORDER.tolist()
+    assert order[0] == Joint.HEAD and sorted(order) == sorted(PAPER_JOINTS)
+    for child, parent in LIMB_PARENTS.items():
+        assert order.index(parent) < order.index(child) and PARENTS[child] == parent
+
+
+# --- geodesic distance --------------------------------------------------------------------------------------------
+
+
+def dijkstra(points: np.ndarray, index: np.ndarray, source: np.ndarray) -> np.ndarray:
+    """The same distances by the textbook."""
+    length = np.where(source, 0.0, 1e9)
+    cell = {int(index[y, x]): (y, x) for y, x in np.argwhere(index >= 0)}
+    heap = [(0.0, int(k)) for k in np.flatnonzero(source)]
+    while heap:
+        gone, k = heapq.heappop(heap)
+        if gone > length[k]:
+            continue
+        y, x = cell[k]
+        for other in index[max(y - 1, 0) : y + 2, max(x - 1, 0) : x + 2].ravel():
+            if other < 0:
+                continue
+            step = np.linalg.norm(points[k] - points[other])
+            if abs(points[k, 2] - points[other, 2]) > JUMP_M:
+                step *= JUMP_COST
+            if gone + step < length[other]:
+                length[other] = gone + step
+                heapq.heappush(heap, (gone + step, int(other)))
+    return length
+
+
+def pictured(depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points and their numbers, a cell a pixel."""
+    index = np.full(depth.shape, -1, np.int32)
+    index[depth > 0] = np.arange((depth > 0).sum())
+    y, x = (depth > 0).nonzero()
+    z = depth[y, x].astype(float)
+    return np.stack([0.01 * x * z, 0.01 * y * z, z], axis=1), index
+
+
+@given(
+    arrays(np.float32, (9, 12), elements=st.sampled_from([0.0, 0.0, 2.0, 2.03, 2.07, 2.3])),
+    st.lists(st.integers(0, 107), min_size=1, max_size=3),
+)
+@settings(deadline=None)
+def test_shortest_ways_are_dijkstras(depth: np.ndarray, sources: list[int]) -> None:
+    points, index = pictured(depth)
+    source = np.zeros(len(points), bool)
+    source[[k for k in sources if k < len(points)]] = True
+    length, onward = geodesic(points, index, source)
+    np.testing.assert_allclose(length, dijkstra(points, index, source), atol=1e-6)
+    # Who follows the way comes to a source, by steps whose lengths add up.
+    for k in range(len(points)):
+        if source[k] or length[k] > 1e8:
+            assert onward[k] == -1
+        else:
+            assert 0 <= onward[k] < len(points) and length[onward[k]] < length[k]
+
+
+@pytest.mark.parametrize("elbow_deg", [0, 80])
+def test_shortest_ways_over_a_person_are_dijkstras(elbow_deg: float) -> None:
+    cells = cells_of(draw_y(y_joints(20, elbow_deg=elbow_deg), CAMERA), CAMERA)
+    source = np.linalg.norm(cells.points_m - cells.points_m.mean(0), axis=1) < 0.2
+    expected = dijkstra(cells.points_m, cells.index, source)
+    np.testing.assert_allclose(geodesic(cells.points_m, cells.index, source)[0], expected, atol=1e-6)
+
+
+# --- straightness, Eq. (10) ---------------------------------------------------------------------------------------
+
+
+def tube(way_px: list[tuple[int, int]], z_m: float = 2.5, half_px: int = 8) -> np.ndarray:
+    """(240, 320) a flat tube along a polyline of u, v."""
+    v, u = np.mgrid[:240, :320]
+    depth = np.zeros((240, 320), np.float32)
+    for (u0, v0), (u1, v1) in itertools.pairwise(way_px):
+        share = ((u - u0) * (u1 - u0) + (v - v0) * (v1 - v0)) / ((u1 - u0) ** 2 + (v1 - v0) ** 2)
+        share = np.clip(share, 0, 1)
+        depth[np.hypot(u - u0 - share * (u1 - u0), v - v0 - share * (v1 - v0)) <= half_px] = z_m
+    return depth
+
+
+def straightness(depth: np.ndarray, begin_px: tuple[int, int], end_px: tuple[int, int]) -> float:
+    """L of Eq. (10) between two pixels."""
+    cells = cells_of(depth, CAMERA)
+    begin, end = (CAMERA.back_project(np.array((*px, 2.5))) for px in (begin_px, end_px))
+    geodesics = _from_parent(begin, cells.points_m, cells.index)
+    k = np.linalg.norm(cells.points_m - end, axis=1).argmin()
+    return np.linalg.norm(cells.points_m[k] - begin) / geodesics[k]
+
+
+@pytest.mark.parametrize("end", [(250, 60), (60, 200), (200, 200), (130, 220)])
+def test_a_straight_tube_is_straight(end: tuple[int, int]) -> None:
+    # The way starts within SOURCE_M of the parent, which makes the ratio larger, and goes over cells, which makes it
+    # smaller: by 8 % at worst, in the directions of a knight's move.
+    assert 0.92 < straightness(tube([(60, 60), end]), (60, 60), end) < 1.45
+
+
+def test_a_bent_tube_is_not() -> None:
+    way = [(60, 60), (60, 200), (100, 200), (100, 60)]
+    assert straightness(tube(way), way[0], way[-1]) < 0.3
+    corner = [(60, 40), (60, 200), (160, 120)]
+    assert straightness(tube(corner), corner[0], corner[-1]) < 0.7 < straightness(tube(corner), corner[0], corner[1])
+
+
+def test_a_limb_that_passes_before_another_is_farther_by_its_edge() -> None:
+    behind = tube([(60, 120), (260, 120)])
+    before = tube([(160, 40), (160, 200)], z_m=2.2)
+    depth = np.where(before > 0, before, behind)
+    cells = cells_of(depth, CAMERA)
+    middle = CAMERA.back_project(np.array((90, 120, 2.5)))
+    geodesics = _from_parent(middle, cells.points_m, cells.index)
+    across = np.linalg.norm(cells.points_m - CAMERA.back_project(np.array((160, 190, 2.2))), axis=1).argmin()
+    straight = np.linalg.norm(cells.points_m[across] - middle)
+    assert straight / geodesics[across] < 0.5
+
+
+# --- whole frames -------------------------------------------------------------------------------------------------
+
+
+def inputs(joints_m: np.ndarray, depth: np.ndarray, camera=CAMERA, **given):
+    """Arguments of `track_frame`, by name."""
+    model = HumanModel.from_joints(joints_m)
+    cells = cells_of(depth, camera)
+    ridge_m, ridge_cell = ridge_points(ridge_data(depth, RidgeConfig()), depth, cells.index, cells.intrinsics)
+    config = HierarchyConfig()
+    return {
+        "ridge_m": ridge_m, "ridge_cell": ridge_cell, "points": cells.points_m, "index": cells.index,
+        "previous": joints_m, "velocity": np.zeros_like(joints_m), "thickness": thickness_of(body_of(model)),
+        "lengths": lengths_of(model), "r": config.r_m, "epsilon": config.epsilon_m,
+        "straightness": config.straightness, "only_depth": False,
+    } | given  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def person():
+    joints = cone_joints(yaw_deg=8)
+    return joints, draw_cones(joints, cone_body(joints), CAMERA)
+
+
+def error_m(found: np.ndarray, joints: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(found - joints, axis=1)
+
+
+@pytest.mark.parametrize("only_depth", [False, True])
+def test_a_still_person_stays(person, only_depth: bool) -> None:
+    joints, depth = person
+    first, support = track_frame(**inputs(joints, depth, only_depth=only_depth))
+    assert (support[[joint for joint in PAPER_JOINTS if joint != Joint.TORSO]] >= ENOUGH).mean() > 0.8
+    found = first
+    for _ in range(10):
+        found, _ = track_frame(**inputs(joints, depth, previous=found, only_depth=only_depth))
+    # All within the paper's 10 cm; the torso, whose one thickness stands for a belly and a chest, is the farthest off.
+    assert error_m(found, joints).mean() < 0.05 and error_m(found, joints).max() < 0.1
+    # In the end it moves no more than its candidates jump.
+    again, _ = track_frame(**inputs(joints, depth, previous=found, only_depth=only_depth))
+    assert error_m(again, found).max() < 0.02
+
+
+def test_balls_instead_of_cones_do_as_well() -> None:
+    joints = draw_joints(np.random.default_rng(5)).astype(float)
+    depth = draw_depth(joints, SMALL_CAMERA)
+    found = joints
+    for _ in range(5):
+        found, support = track_frame(**inputs(joints, depth, SMALL_CAMERA, previous=found))
+    assert error_m(found, joints).mean() < 0.05
+    assert (support > 0).sum() >= 9
+
+
+def test_the_neck_lies_between_shoulders_and_head(person) -> None:
+    joints, depth = person
+    found, support = track_frame(**inputs(joints, depth))
+    middle = (found[Joint.RIGHT_SHOULDER] + found[Joint.LEFT_SHOULDER]) / 2
+    np.testing.assert_allclose(found[Joint.NECK], middle + NECK_SHARE * (found[Joint.HEAD] - middle))
+    assert support[Joint.NECK] == min(support[[Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.HEAD]])
+
+
+def test_joints_are_looked_for_where_their_velocity_takes_them(person) -> None:
+    """Eq. (3): a picture 9 cm on is found from the last pose with its velocity, and twice that far only with it."""
+    joints, depth = person
+    step = np.array((0.18, 0, 0))
+    model = inputs(joints, depth)
+    told, told_support = track_frame(**model | {"previous": joints - step, "velocity": np.zeros_like(joints) + step})
+    not_told, support = track_frame(**model | {"previous": joints - step})
+    still, _ = track_frame(**model)
+    np.testing.assert_allclose(told, still, atol=1e-9)
+    assert told_support.sum() > 1.5 * support.sum()
+    assert error_m(not_told, joints).mean() > 0.08 > 0.04 > error_m(told, joints).mean()
+
+
+def test_nothing_farther_than_r_counts(person) -> None:
+    """Eqs. (4) and (12)."""
+    joints, depth = person
+    for only_depth in (False, True):
+        found, support = track_frame(**inputs(joints, depth, r=0.06, only_depth=only_depth))
+        seen = support[: len(joints)] > 0
+        seen[Joint.NECK] = False
+        assert seen.any() and (error_m(found, joints)[seen] <= 0.06 + 1e-9).all()
+
+
+def test_joints_are_means_of_their_valid_candidates(person) -> None:
+    """Eq. (11), for the head, by numpy."""
+    joints, depth = person
+    given = inputs(joints, depth)
+    found, support = track_frame(**given)
+    inside = given["ridge_m"] * (1 + given["thickness"][0] / np.linalg.norm(given["ridge_m"], axis=1))[:, None]
+    near = inside[np.linalg.norm(inside - joints[Joint.HEAD], axis=1) <= given["r"]]
+    to_torso = np.linalg.norm(near - joints[Joint.TORSO], axis=1)
+    valid = near[np.abs(to_torso - given["lengths"][0, 0]) <= given["epsilon"]]
+    assert len(valid) == support[Joint.HEAD] >= ENOUGH
+    np.testing.assert_allclose(found[Joint.HEAD], valid.mean(0), atol=1e-9)
+
+
+def test_raw_depth_takes_over_where_ridge_data_do_not_suffice(person) -> None:
+    joints, depth = person
+    whole = inputs(joints, depth)
+    head = np.linalg.norm(whole["ridge_m"] - joints[Joint.HEAD], axis=1) < 0.3
+    assert head.sum() > ENOUGH
+    few = np.flatnonzero(head)[: ENOUGH - 1]
+    keep = ~head
+    keep[few] = True
+    without = whole | {"ridge_m": whole["ridge_m"][keep], "ridge_cell": whole["ridge_cell"][keep]}
+    by_depth, depth_support = track_frame(**whole | {"only_depth": True})
+    found, support = track_frame(**without)
+    np.testing.assert_array_equal(found[Joint.HEAD], by_depth[Joint.HEAD])
+    assert support[Joint.HEAD] == depth_support[Joint.HEAD] > ENOUGH
+    none = whole | {"ridge_m": np.empty((0, 3)), "ridge_cell": np.empty(0, np.int32)}
+    for a, b in zip(track_frame(**none), (by_depth, depth_support), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_what_is_not_seen_goes_along_with_its_parent(person) -> None:
+    joints, depth = person
+    depth = depth.copy()
+    u, v, _ = CAMERA.project(joints[Joint.LEFT_HAND])
+    # Everything from the left elbow on is gone, and whoever moves takes it along.
+    arm = CAMERA.points(depth)
+    depth[np.linalg.norm(arm - joints[Joint.LEFT_HAND], axis=-1) < 0.3] = 0
+    assert depth[round(v), round(u)] == 0
+    before = joints.copy()
+    before[:, 0] -= 0.03
+    found, support = track_frame(**inputs(joints, depth, previous=before))
+    assert support[Joint.LEFT_HAND] == 0
+    moved = found - before
+    np.testing.assert_allclose(moved[Joint.LEFT_HAND], moved[Joint.LEFT_ELBOW], atol=1e-12)
+
+
+def test_nobody_moves_nothing(person) -> None:
+    joints, _ = person
+    found, support = track_frame(**inputs(joints, np.zeros((240, 320), np.float32)))
+    others = [joint for joint in Joint if joint != Joint.NECK]
+    np.testing.assert_array_equal(found[others], joints[others])
+    assert not support.any()
+
+
+def test_ridge_points_lie_on_the_surface(person) -> None:
+    _, depth = person
+    cells = cells_of(depth, CAMERA)
+    ridge = ridge_data(depth, RidgeConfig())
+    points, cell = ridge_points(ridge, depth, cells.index, cells.intrinsics)
+    np.testing.assert_allclose(points, CAMERA.points(depth)[ridge], atol=1e-5)
+    v, u = ridge.nonzero()
+    np.testing.assert_array_equal(cell, cells.index[v // CELL_PX, u // CELL_PX])
+
+
+def test_configured_as_the_tracker_calls_it(person) -> None:
+    joints, depth = person
+    body, cells, lengths = cone_body(joints), cells_of(depth, CAMERA), lengths_of(HumanModel.from_joints(joints))
+    ridge, still = ridge_data(depth, RidgeConfig()), np.zeros_like(joints)
+    for candidates in ("ridge", "depth"):
+        found = estimate_pose(ridge, cells, joints, still, body, lengths, HierarchyConfig(candidates))
+        expected = track_frame(**inputs(joints, depth, only_depth=candidates == "depth"))
+        for a, b in zip(found, expected, strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+def test_thickness_is_that_of_the_thinnest_part(person) -> None:
+    joints, _ = person
+    body = cone_body(joints)
+    thickness = thickness_of(body)
+    assert thickness.shape == (NUM_JOINTS,) and np.isfinite(thickness).all()
+    for joint in Joint:
+        ends = [radii[side] for part, radii in zip(PARTS, body.radii_m, strict=True) for side in (0, 1) if part[side] == joint]
+        assert thickness[joint] == min(ends)
+
+
+@pytest.mark.parametrize(
+    ("settings", "complaint"),
+    [
+        ({"candidates": "skin"}, "candidates=skin: expected ridge or depth"),
+        ({"r_m": 110}, "r_m in 0..2 m"),
+        ({"r_m": 0}, "found 0, 0.05 and 0.7"),
+        ({"epsilon_m": np.nan}, "epsilon_m"),
+        ({"straightness": 1.0}, "straightness in 0..1"),
+    ],
+)
+def test_settings_in_other_units_are_refused(settings: dict, complaint: str) -> None:
+    with pytest.raises(InputError, match=complaint):
+        HierarchyConfig(**settings)
