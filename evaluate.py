@@ -5,6 +5,8 @@
     python evaluate.py checkpoint=outputs/train/RUN/best benchmark=utd_mhad benchmark.path=PATH/UTD-MHAD
     python evaluate.py checkpoint=outputs/train/RUN/best hydra.run.dir=outputs/my_evaluation
     python evaluate.py checkpoint=outputs/train/RUN/best 'estimator=[mean_pose]'
+    python evaluate.py benchmark=eval_sim 'estimator=[tracker,network]' checkpoint=outputs/train/RUN/best
+    python evaluate.py benchmark=eval_sim 'estimator=[tracker]' estimator.tracker.start=label
 
 The run's folder (outputs/evaluate/BENCHMARK-DATE_TIME) gets metrics.json, report.html, report.md and pictures. The
 training set's mean pose is always judged beside a network, to show what the network is worth.
