@@ -199,7 +199,7 @@ def _limb_misfit(axes, points, rest, count, of_all, depth, nearest, intrinsics):
         off = min(rest[i], abs(_off_surface(axes, 0, x, y, z)[0]), abs(_off_surface(axes, 1, x, y, z)[0]))
         total += off * off
     outside = _outside(axes, 0, depth, nearest, intrinsics) + _outside(axes, 1, depth, nearest, intrinsics)
-    return total / of_all + FREE_SPACE_WEIGHT * outside / PARTS_COUNT
+    return total / max(of_all, 1) + FREE_SPACE_WEIGHT * outside / PARTS_COUNT
 
 
 @njit(cache=True)
@@ -355,7 +355,7 @@ def turned(joints_m: np.ndarray, angle_rad: float) -> np.ndarray:
 
 
 def bent(joints_m: np.ndarray, angle_rad: float) -> np.ndarray:
-    """The pose turned about the line through the shoulders, positive backwards."""
+    """The pose turned about the line through the shoulders, positive forwards."""
     return _rotated(joints_m, joints_m[Joint.LEFT_SHOULDER] - joints_m[Joint.RIGHT_SHOULDER], angle_rad)
 
 

@@ -1,0 +1,230 @@
+"""Other poses worth trying: tips of silhouettes, limbs laid along them, turned bodies."""
+
+import numpy as np
+import pytest
+from cone_people import cone_body, cone_joints, draw_cones
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kpopnet.camera import CAMERAS
+from kpopnet.skeleton import Joint
+from kpopnet.tracker.body import LIMB_PARTS, LIMBS, PARTS
+from kpopnet.tracker.fitting import cells_of, misfit
+from kpopnet.tracker.proposals import (
+    LIMB_KINDS,
+    LIMB_POSES,
+    TIP_APART_M,
+    _tips,
+    _torso_cells,
+    _with_lengths,
+    bent,
+    geodesic,
+    relay_limbs,
+    turned,
+)
+
+CAMERA = CAMERAS["kinect_v1"]
+ROUND_M = 1e-6
+
+
+def seen(joints: np.ndarray):
+    body = cone_body(joints)
+    return body, cells_of(draw_cones(joints, body, CAMERA), CAMERA)
+
+
+def lengths_m(joints: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(joints[:, None] - joints[None], axis=-1)
+
+
+# --- tips ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("rays", [3, 5, 7])
+def test_a_star_has_a_tip_at_every_ray(rays: int) -> None:
+    v, u = np.mgrid[:240, :320]
+    aside, below = u - 160, v - 120
+    star = np.hypot(aside, below) < 18
+    angles = 0.3 + 2 * np.pi * np.arange(rays) / rays
+    ends = []
+    for angle in angles:
+        along = aside * np.cos(angle) + below * np.sin(angle)
+        across = -aside * np.sin(angle) + below * np.cos(angle)
+        star |= (along > 0) & (along < 90) & (np.abs(across) < 6)
+        ends.append((160 + 90 * np.cos(angle), 120 + 90 * np.sin(angle), 2.5))
+    cells = cells_of(np.where(star, np.float32(2.5), np.float32(0)), CAMERA)
+    centre = CAMERA.back_project(np.array((160, 120, 2.5)))
+    source = np.linalg.norm(cells.points_m - centre, axis=1) < 0.1
+    tips = cells.points_m[_tips(cells.points_m, geodesic(cells.points_m, cells.index, source)[0])]
+    assert len(tips) == rays
+    away = np.linalg.norm(tips[:, None] - CAMERA.back_project(np.array(ends)), axis=-1)
+    assert sorted(away.argmin(1)) == list(range(rays)) and away.min(1).max() < 0.1
+
+
+def test_tips_keep_apart_and_count_only_what_can_be_reached() -> None:
+    joints = cone_joints(elevation_deg=20)
+    body, cells = seen(joints)
+    source = _torso_cells(joints, cells.points_m, PARTS, body.radii_m, LIMB_PARTS)
+    length, _ = geodesic(cells.points_m, cells.index, source)
+    tips = _tips(cells.points_m, length)
+    points = cells.points_m[tips]
+    apart = lengths_m(points) + np.eye(len(points))
+    assert apart.min() >= TIP_APART_M
+    for end in (Joint.RIGHT_HAND, Joint.LEFT_HAND, Joint.RIGHT_FOOT, Joint.LEFT_FOOT):
+        assert np.linalg.norm(points - joints[end], axis=1).min() < 0.12
+    alone = np.where(np.arange(len(length)) == tips[0], 1e9, length)
+    assert tips[0] not in _tips(cells.points_m, alone)
+    assert len(_tips(cells.points_m, np.full(len(length), 1e9))) == 0
+
+
+def test_torso_cells_lie_on_torso_and_head() -> None:
+    joints = cone_joints(elevation_deg=20)
+    body, cells = seen(joints)
+    on = cells.points_m[_torso_cells(joints, cells.points_m, PARTS, body.radii_m, LIMB_PARTS)]
+    assert len(on) > 20
+    for end in LIMBS[:, 1:].ravel():
+        assert np.linalg.norm(on - joints[end], axis=1).min() > 0.08
+    for joint in (Joint.HEAD, Joint.TORSO):
+        u, v, _ = CAMERA.project(joints[joint])
+        pixels = CAMERA.project(on)[:, :2]
+        assert np.linalg.norm(pixels - (u, v), axis=1).min() < 4
+
+
+# --- limbs --------------------------------------------------------------------------------------------------------
+
+
+def swung(joints: np.ndarray, limb: int, angle_deg: float) -> np.ndarray:
+    """A whole limb turned about its root, in the picture's plane."""
+    joints = joints.copy()
+    root, *others = LIMBS[limb]
+    cos, sin = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+    turn = np.array([(cos, -sin, 0), (sin, cos, 0), (0, 0, 1)])
+    joints[others] = (joints[others] - joints[root]) @ turn.T + joints[root]
+    return joints
+
+
+@pytest.mark.parametrize("limb", [0, 1])
+@pytest.mark.parametrize("elbow_deg", [0, 60])
+@pytest.mark.parametrize("angle_deg", [-100, -60, 60])
+def test_a_lost_arm_is_found(limb: int, elbow_deg: float, angle_deg: float) -> None:
+    joints = cone_joints(elevation_deg=15, elbow_deg=elbow_deg)
+    body, cells = seen(joints)
+    wrong = swung(joints, limb, angle_deg)
+    arm = LIMBS[limb, 1:]
+    assert np.linalg.norm(wrong - joints, axis=1)[arm].min() > 0.2
+    found, changes = relay_limbs(wrong, joints, cells, body)
+    assert changes >= 1
+    assert np.linalg.norm(found - joints, axis=1)[arm].max() < 0.1
+    assert misfit(found, cells, body) < misfit(wrong, cells, body)
+
+
+@pytest.mark.parametrize(("limb", "angle_deg"), [(2, 50), (3, -50)])
+def test_a_lost_leg_is_found(limb: int, angle_deg: float) -> None:
+    joints = cone_joints(spread_deg=12)
+    body, cells = seen(joints)
+    wrong = swung(joints, limb, angle_deg)
+    found, changes = relay_limbs(wrong, joints, cells, body)
+    assert changes >= 1
+    # Laid roughly: a silhouette says little of where a knee is along the way. Fitting does the rest.
+    knee, foot = np.linalg.norm(found - joints, axis=1)[LIMBS[limb, 1:]]
+    assert knee < 0.2 and foot < 0.12
+
+
+def test_the_end_of_a_limb_pays_for_its_way() -> None:
+    """The same wrong pose, once as it came and once after a frame in which all was right."""
+    joints = cone_joints(elevation_deg=15, elbow_deg=60)
+    body, cells = seen(joints)
+    wrong = swung(joints, 1, 60)
+    away = [
+        np.linalg.norm(relay_limbs(wrong, before, cells, body)[0] - joints, axis=1)[Joint.LEFT_HAND]
+        for before in (joints, wrong)
+    ]
+    assert away[0] < 0.1 < away[1]
+
+
+def test_what_is_right_is_left_alone() -> None:
+    for pose in ({}, {"elevation_deg": 10, "elbow_deg": 60}, {"elevation_deg": -40, "yaw_deg": 25}):
+        joints = cone_joints(**pose)
+        body, cells = seen(joints)
+        found, changes = relay_limbs(joints, joints, cells, body)
+        assert changes == 0
+        np.testing.assert_array_equal(found, joints)
+
+
+def test_limbs_that_are_laid_keep_their_lengths_and_their_roots() -> None:
+    joints = cone_joints(elevation_deg=15, elbow_deg=40)
+    body, cells = seen(joints)
+    wrong = swung(swung(joints, 0, -90), 1, 80)
+    found, changes = relay_limbs(wrong, joints, cells, body)
+    assert changes >= 2
+    torso = [joint for joint in Joint if joint not in LIMBS[:, 1:]]
+    np.testing.assert_array_equal(found[torso], wrong[torso])
+    for (root, middle, end), (upper_m, lower_m) in zip(LIMBS, body.limbs_m, strict=True):
+        assert np.linalg.norm(found[middle] - found[root]) == pytest.approx(upper_m, abs=ROUND_M)
+        assert np.linalg.norm(found[end] - found[middle]) == pytest.approx(lower_m, abs=ROUND_M)
+
+
+def test_nobody_to_lay_limbs_along() -> None:
+    joints = cone_joints()
+    cells = cells_of(np.zeros((240, 320), np.float32), CAMERA)
+    found, changes = relay_limbs(joints, joints, cells, cone_body(joints))
+    assert changes == 0
+    np.testing.assert_array_equal(found, joints)
+
+
+@given(*[st.tuples(*[st.floats(-1, 1)] * 3).map(np.array)] * 3, st.floats(0.15, 0.5), st.floats(0.15, 0.5))
+def test_two_lengths_from_any_hint(
+    root: np.ndarray, middle: np.ndarray, end: np.ndarray, upper_m: float, lower_m: float
+) -> None:
+    kept = root.copy(), middle.copy(), end.copy()
+    new_middle, new_end = _with_lengths(root, middle, end, upper_m, lower_m)
+    for before, after in zip(kept, (root, middle, end), strict=True):
+        np.testing.assert_array_equal(before, after)
+    assert np.isfinite(new_middle).all() and np.isfinite(new_end).all()
+    if np.linalg.norm(middle - root) > 0.01 and np.linalg.norm(end - middle) > 0.01:
+        # No longer than asked for; and right, unless root, middle and end fell into one on the way.
+        assert np.linalg.norm(new_middle - root) <= upper_m + ROUND_M
+        assert np.linalg.norm(new_end - new_middle) <= lower_m + ROUND_M
+
+
+def test_a_hint_that_is_right_stays() -> None:
+    root, middle, end = np.array((0.0, 0, 3)), np.array((0.3, 0, 3)), np.array((0.3, 0.25, 3))
+    found = _with_lengths(root, middle, end, 0.3, 0.25)
+    np.testing.assert_allclose(found[0], middle, atol=1e-6)
+    np.testing.assert_allclose(found[1], end, atol=1e-6)
+
+
+def test_known_poses_are_directions_and_legs_bend_one_way() -> None:
+    np.testing.assert_allclose(np.linalg.norm(LIMB_POSES, axis=-1), 1, atol=1e-9)
+    assert LIMB_KINDS[0].tolist() == LIMB_KINDS[1].tolist() and LIMB_KINDS[2].tolist() == LIMB_KINDS[3].tolist()
+    assert LIMB_KINDS[0, 0] == 0 and LIMB_KINDS[0, 1] == LIMB_KINDS[2, 0] and LIMB_KINDS[2, 1] == len(LIMB_POSES)
+    upper, lower = np.moveaxis(LIMB_POSES[slice(*LIMB_KINDS[2])], 1, 0)
+    knee_before_line = (upper - lower)[:, 2] / 2
+    assert (knee_before_line[upper[:, 2] > -1e-9] > -1e-9).all()
+
+
+# --- the whole body turned ----------------------------------------------------------------------------------------
+
+
+@given(st.floats(-np.pi, np.pi), st.floats(-40, 40))
+def test_turning_and_bending_keep_all_distances_and_can_be_undone(angle: float, yaw_deg: float) -> None:
+    joints = cone_joints(elevation_deg=30, elbow_deg=20, yaw_deg=yaw_deg)
+    for way in (turned, bent):
+        np.testing.assert_allclose(lengths_m(way(joints, angle)), lengths_m(joints), atol=1e-6)
+        np.testing.assert_allclose(way(way(joints, angle), -angle), joints, atol=1e-6)
+    np.testing.assert_allclose(turned(joints, 0.0), joints, atol=1e-12)
+
+
+def test_turning_is_to_the_persons_left_and_bending_forwards() -> None:
+    joints = cone_joints()
+    left = turned(joints, np.radians(30))
+    # Their left turned away from the camera, as the heading of `y_joints` turns it.
+    np.testing.assert_allclose(left, cone_joints(yaw_deg=30), atol=0.02)
+    bow = bent(joints, np.radians(30))
+    assert bow[Joint.HEAD, 2] < joints[Joint.HEAD, 2] - 0.1 and bow[Joint.RIGHT_FOOT, 2] > joints[Joint.RIGHT_FOOT, 2] + 0.1
+
+
+def test_a_person_turned_round_looks_away() -> None:
+    joints = cone_joints(elevation_deg=30)
+    back = turned(joints, np.pi)
+    assert back[Joint.RIGHT_SHOULDER, 0] > 0 > joints[Joint.RIGHT_SHOULDER, 0]
+    np.testing.assert_allclose(back[Joint.HEAD], joints[Joint.HEAD], atol=0.02)
