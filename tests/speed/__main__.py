@@ -20,6 +20,8 @@ LIMITS = {  # what the project promises: at least, at most
     "train.sample_ms": (None, 2),
     "train.data_loss_percent": (None, 10),
     "ridge.vs_distance_transform": (None, 4),
+    "tracker.fps": (500, None),
+    "extraction.frame_ms": (None, 0.6),
     "synth.cpu_vs_gl": (1, None),
     "synth.memory_mb": (None, 700),
     "train.memory_mb": (None, 3000),
