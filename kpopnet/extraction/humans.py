@@ -12,6 +12,7 @@ from kpopnet.errors import InputError
 from kpopnet.extraction.components import LABEL, connect, label_image, survey
 from kpopnet.extraction.floor import Floor, find_floor, refit_floor
 from kpopnet.extraction.people import (
+    OVERGROWN,
     Known,
     continue_people,
     fragments_beside,
@@ -48,8 +49,8 @@ UPRIGHT = np.array([0, -1, 0, 0], np.float32)
 """Stands for the floor where there is none: heights are above the camera then."""
 
 STRANGE_SHARE, STRANGE_FRAMES = 0.1, 5
-"""If so much of a picture is neither room nor human, it does not show this room (a camera that was knocked); after so many
-in a row the room is learned anew."""
+"""If so much of a picture is neither room nor human, it does not show this room (a camera that was knocked) and is passed
+over; the last of so many in a row is the first of another room."""
 
 
 @dataclass(frozen=True)
@@ -169,11 +170,15 @@ class HumanExtractor:
         self._remove_room(raw)
         runs, pieces, votes = self._segment(self._now.kind, FOREGROUND)
         owners, present = continue_people(self._people, pieces, votes, self.config.epsilon_m_m2)
-        strange = self._is_strange(pieces, owners)
-        if not strange:
-            runs, owners = self._welcome(runs, pieces, owners, present)
+        if self._is_strange(pieces, owners):
+            self._strange_ones += 1
+            if self._strange_ones < STRANGE_FRAMES:
+                return []
+            self._forget_room()
+            return self.extract(depth_m)
+        runs, owners = self._welcome(runs, pieces, owners, present)
         silhouettes = self._identify(runs, owners)
-        self._remember(strange)
+        self._remember()
         humans = [
             self._human(number, person, silhouettes[number])
             for number, person in enumerate(self._people, 1)
@@ -215,7 +220,8 @@ class HumanExtractor:
 
     def _is_strange(self, pieces: np.ndarray, owners: np.ndarray) -> bool:
         """Whether much of the picture is neither known room nor anybody."""
-        unknown = np.count_nonzero(self._now.kind == FOREGROUND) - pieces["pixels"][owners != NOBODY].sum()
+        known = (owners != NOBODY) & (owners != OVERGROWN)
+        unknown = np.count_nonzero(self._now.kind == FOREGROUND) - pieces["pixels"][known].sum()
         return self._pictures > 0 and unknown > STRANGE_SHARE * self._now.kind.size
 
     def _welcome(
@@ -289,21 +295,19 @@ class HumanExtractor:
             person.see(silhouette)
         return silhouettes
 
-    def _remember(self, strange: bool) -> None:
+    def _remember(self) -> None:
         """Learns the room."""
         depth, kind, owner = self._now
         self._pictures += 1
-        self._strange_ones = self._strange_ones + 1 if strange else 0
-        if self._pictures == 1:
-            somebody = owner != NOBODY
-            empty = (kind >= ROOM) & ~somebody
-            self._room[empty] = depth[empty]
-            if somebody.any():
-                forget_human(self._room, depth, somebody, self.camera.fx)
-        elif self._strange_ones > STRANGE_FRAMES:
-            self._forget_room()
-        elif not strange:
+        self._strange_ones = 0
+        if self._pictures > 1:
             learn(depth, kind, owner, self._room, self._epsilon_d)
+            return
+        somebody = owner != NOBODY
+        empty = (kind >= ROOM) & ~somebody
+        self._room[empty] = depth[empty]
+        if somebody.any():
+            forget_human(self._room, depth, somebody, self.camera.fx)
 
     def _human(self, number: int, person: Known, silhouette: np.void) -> Human:
         x0, y0, x1, y1 = silhouette["box"].tolist()

@@ -16,8 +16,9 @@ import numpy as np
 
 from kpopnet.extraction.room import NOBODY, UNCOVERED, grown
 
-SHARED = 254
-"""Owner of a component that is divided pixel by pixel."""
+OVERGROWN, SHARED = 253, 254
+"""Owners of components that are divided pixel by pixel: somebody and things that the room's memory does not know; several
+people."""
 
 CONTINUED_SHARE = 0.2
 """A component continues somebody if so much of it lies where and as deep as they were."""
@@ -116,8 +117,8 @@ def continue_people(
         epsilon_m_m2: somebody who was wholly hidden is back if so much of them has come to light.
 
     Returns:
-        (N + 1,) uint8 owners by label: NOBODY, UNCOVERED, SHARED, or somebody's number, 1 + their place in `people`; and
-        by the numbers of all who are there the label of their largest component.
+        (N + 1,) uint8 owners by label: NOBODY, UNCOVERED, OVERGROWN, SHARED, or somebody's number, 1 + their place in
+        `people`; and by the numbers of all who are there the label of their largest component.
     """
     owners, largest = _continued(people, pieces, votes)
     touching = pieces["touching"] > TOUCHING_SHARE * pieces["outline"]
@@ -138,7 +139,7 @@ def continue_people(
     asked = (owners == NOBODY) & ~touching
     if hidden:
         # What is taken for a part of whoever stands before them may be theirs.
-        asked |= (owners != NOBODY) & (owners < SHARED)
+        asked |= (owners != NOBODY) & (owners < OVERGROWN)
         asked[list(largest.values())] = False
     asked[0] = False
     for label in np.flatnonzero(asked).tolist():
@@ -165,8 +166,10 @@ def _continued(people: list[Known], pieces: np.ndarray, votes: np.ndarray) -> tu
     for label in np.flatnonzero(votes.any(axis=1)).tolist():
         holds = [k for k, most in largest.items() if most == label]
         best = int(votes[label].argmax())
-        if len(holds) > 1 or (holds and not fits[label]):
+        if len(holds) > 1:
             owners[label] = SHARED
+        elif holds and not fits[label]:
+            owners[label] = OVERGROWN
         elif holds:
             owners[label] = holds[0]
         elif votes[label, best] > CONTINUED_SHARE * pieces["pixels"][label]:

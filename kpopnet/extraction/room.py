@@ -28,9 +28,9 @@ COVERED_M = 30.0
 NOBODY, UNCOVERED = 0, 255
 """Whose a pixel is, besides the numbers of people; UNCOVERED is what has come to light where somebody was."""
 
-OUTLINE_PX, SHADOW_M = 2, 0.1
-"""How far around somebody their outline may waver, and how far beside them the room may lie in the shadow that they cast
-(a projector stands less than that beside its camera)."""
+OUTLINE_PX, OUTLINE_M, SHADOW_M = 2, 0.1, 0.1
+"""How far around and behind somebody their outline may waver, and how far beside them the room may lie in the shadow that
+they cast (a projector stands less than that beside its camera)."""
 
 CHECKED_ROWS, UNLIKE = 4, 0.1
 """Neighbouring depths that differ by more than this share are unlike; looked at in every so many rows."""
@@ -125,7 +125,7 @@ def forget_human(room: np.ndarray, depth_m: np.ndarray, silhouette: np.ndarray, 
         silhouette: (H, W) bool.
         focal_px: of the camera.
     """
-    nearest_m, farthest_m = depth_m[silhouette].min(), depth_m[silhouette].max()
+    nearest_m, farthest_m = depth_m[silhouette].min(), depth_m[silhouette].max() + OUTLINE_M
     measured = depth_m > 0
     outline = grown(silhouette, OUTLINE_PX) & ((room < farthest_m) | (measured & (depth_m < farthest_m)))
     shadow = grown(silhouette, math.ceil(SHADOW_M * focal_px / nearest_m)) & ~measured & (room == FAR_M)

@@ -1,20 +1,20 @@
 """Whose each pixel is, and what is to be seen of everybody.
 
-Most components are somebody's as a whole. Where people have grown into one, it is divided as their outlines go on: the
-paper does not say what happens then.
+Most components are somebody's as a whole. Where people have grown into one, or somebody and a thing, it is divided as the
+outlines go on: the paper does not say what happens then.
 """
 
 import numpy as np
 from numba import njit
 
-from kpopnet.extraction.people import ASIDE, SHARED
-from kpopnet.extraction.room import NOBODY
+from kpopnet.extraction.people import ASIDE, OVERGROWN, SHARED
+from kpopnet.extraction.room import FLOOR, NOBODY, ROOM
 
 CONTINUED_PX = 16
-"""A pixel nobody had goes to whoever had the nearest one in its run, if that is no farther away;"""
+"""A pixel that nobody had goes to whoever had the nearest one in its run, if that is no farther away;"""
 
 REACH_M = 0.7
-"""else to whoever's centre is nearest, if that is no farther away, or ASIDE times as far to the side."""
+"""else, among several people, to whoever's centre is nearest, if that is no farther away or ASIDE times as far aside."""
 
 SILHOUETTE = np.dtype(
     [
@@ -37,7 +37,7 @@ def paint(depth, runs, owners, centres, intrinsics, before, same_m, owner):
         depth: (H, W) float32 metres.
         runs: (R, 4) of `connect`.
         owners: (N + 1,) uint8 by label.
-        centres: (P + 1, 2) float32 x and z where everybody was, NaN for those who can have no part of a SHARED component.
+        centres: (P + 1, 2) float32 x and z where everybody was, NaN for those who were not to be seen.
         intrinsics: (4,) float32 fx, fy, cx, cy.
         before: see `survey`.
         same_m: see `survey`.
@@ -47,7 +47,7 @@ def paint(depth, runs, owners, centres, intrinsics, before, same_m, owner):
         (P + 1,) SILHOUETTEs by owner.
     """
     height, width = depth.shape
-    depth_before, _, owner_before = before
+    depth_before, kind_before, owner_before = before
     silhouettes = np.zeros(len(centres), SILHOUETTE)
     for k in range(len(centres)):
         silhouettes[k].box[:2] = max(height, width)
@@ -59,13 +59,19 @@ def paint(depth, runs, owners, centres, intrinsics, before, same_m, owner):
         whose = owners[label]
         if whose == NOBODY:
             continue
-        if whose != SHARED:
+        if whose != SHARED and whose != OVERGROWN:
             owner[y, begin:end] = whose
             if whose < len(centres):
                 _add(silhouettes[whose], depth, y, begin, end, intrinsics)
             continue
-        _share(depth[y], begin, end, centres, intrinsics, owner_before[y], depth_before[y], same_m, owner[y])
+        _go_on(depth[y], begin, end, len(centres), owner_before[y], depth_before[y], same_m, owner[y])
         for x in range(begin, end):
+            if whose == OVERGROWN:
+                # What somebody has moved before was room; the thing was there before and nobody's.
+                moved = (kind_before[y, x] == ROOM) | (kind_before[y, x] == FLOOR)
+                owner[y, x] = owner[y, x] if moved or owner_before[y, x] == owner[y, x] else NOBODY
+            elif owner[y, x] == NOBODY:
+                owner[y, x] = _nearest(centres, depth[y, x] * (np.float32(x) - intrinsics[2]) / intrinsics[0], depth[y, x])
             if owner[y, x] != NOBODY:
                 _add(silhouettes[owner[y, x]], depth, y, x, x + 1, intrinsics)
     for k in range(len(centres)):
@@ -101,22 +107,18 @@ def _add(silhouette, depth, y, begin, end, intrinsics):
 
 
 @njit(cache=True)
-def _share(row, begin, end, centres, intrinsics, owner_before, depth_before, same_m, owner):
-    """Divides a run: a pixel is whose it was, or whose the nearest such pixel in the run was, or whoever is nearest."""
-    fx, _, cx, _ = intrinsics
+def _go_on(row, begin, end, num_owners, owner_before, depth_before, same_m, owner):
+    """In a run, gives pixels to whoever had them, or else to whoever had the nearest one within CONTINUED_PX."""
     last = begin - CONTINUED_PX - 1  # pixel that somebody had
     for x in range(begin, end):
         whose = owner_before[x]
-        had = 1 <= whose < len(centres) and abs(row[x] - depth_before[x]) <= same_m
-        if had and centres[whose, 1] > 0:
+        if 1 <= whose < num_owners and abs(row[x] - depth_before[x]) <= same_m:
             owner[x] = whose
             for u in range(max(begin, last + 1, x - CONTINUED_PX), x):
                 owner[u] = whose if x - u < u - last else owner[u]
             last = x
-        elif x - last <= CONTINUED_PX:
-            owner[x] = owner[last]
         else:
-            owner[x] = _nearest(centres, row[x] * (np.float32(x) - cx) / fx, row[x])
+            owner[x] = owner[last] if x - last <= CONTINUED_PX else np.uint8(NOBODY)
 
 
 @njit(cache=True)
