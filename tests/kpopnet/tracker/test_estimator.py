@@ -1,0 +1,114 @@
+"""The tracker as an estimator: its ways to start, its settings, and what users may hand in."""
+
+import numpy as np
+import pytest
+from cone_people import PLACE_M, cone_body, cone_joints, draw_cones
+from y_people import draw_y, y_joints
+
+from kpopnet.camera import CAMERAS
+from kpopnet.errors import InputError
+from kpopnet.skeleton import NUM_JOINTS, Joint
+from kpopnet.tracker.estimator import Start, TrackerEstimator, TrackerEstimatorConfig, first_label
+from kpopnet.tracker.model import HumanModel
+
+CAMERA = CAMERAS["kinect_v1"]
+EMPTY = np.zeros((CAMERA.height, CAMERA.width), np.float32)
+
+
+@pytest.fixture(scope="module")
+def film():
+    """(5, 15, 3) true joints and (5, H, W) metres of somebody who lowers the arms."""
+    joints = np.stack([cone_joints(30 - 5 * t) for t in range(5)])
+    body = cone_body(joints[0])
+    return joints, np.stack([draw_cones(pose, body, CAMERA) for pose in joints])
+
+
+def error_m(found: np.ndarray, joints: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(found - joints, axis=-1)
+
+
+def test_a_known_pose_starts_it_and_frames_before_are_left_out(film) -> None:
+    joints, depth = film
+    estimate = TrackerEstimator().estimate(depth, CAMERA, Start(2, joints[2]))
+    assert estimate.joints_camera_m.dtype == estimate.confidence.dtype == np.float32
+    assert estimate.joints_camera_m.shape == (5, NUM_JOINTS, 3) and estimate.confidence.shape == (5, NUM_JOINTS)
+    assert np.isnan(estimate.joints_camera_m[:2]).all() and not estimate.confidence[:2].any()
+    assert error_m(estimate.joints_camera_m[2:], joints[2:]).mean() < 0.03
+
+
+def test_millimetres_are_metres(film) -> None:
+    joints, depth = film
+    metres, millimetres = (
+        TrackerEstimator().estimate(images, CAMERA, Start(0, joints[0])).joints_camera_m
+        for images in (depth.astype(np.float64), np.rint(depth * 1000).astype(np.uint16))
+    )
+    np.testing.assert_allclose(millimetres, metres, atol=0.01)
+
+
+def test_each_sequence_is_followed_by_itself(film) -> None:
+    joints, depth = film
+    estimator = TrackerEstimator()
+    first, again = (estimator.estimate(depth, CAMERA, Start(0, joints[0])).joints_camera_m for _ in range(2))
+    np.testing.assert_array_equal(first, again)
+    assert np.isnan(estimator.estimate(depth[-1:], CAMERA).joints_camera_m).all()
+
+
+def test_it_waits_for_the_y_pose_by_itself() -> None:
+    y = y_joints(place_m=PLACE_M)
+    found = TrackerEstimator().estimate(np.stack([EMPTY, draw_y(y, CAMERA), EMPTY]), CAMERA)
+    assert np.isnan(found.joints_camera_m[[0, 2]]).all() and not found.confidence[[0, 2]].any()
+    assert error_m(found.joints_camera_m[1], y).mean() < 0.06
+
+
+def test_who_stands_starts_it_if_it_is_told_so() -> None:
+    joints = cone_joints(-75, 4)
+    depth = np.repeat(draw_cones(joints, cone_body(joints), CAMERA)[None], 4, axis=0)
+    assert np.isnan(TrackerEstimator().estimate(depth, CAMERA).joints_camera_m).all()
+    found = TrackerEstimator(TrackerEstimatorConfig(start="standing")).estimate(depth, CAMERA).joints_camera_m
+    assert np.isfinite(found).all() and error_m(found[-1], joints).mean() < 0.08
+
+
+def test_the_first_label_is_the_first_whole_one(film) -> None:
+    joints = film[0].copy()
+    joints[0, Joint.LEFT_HAND] = np.nan
+    joints[1, Joint.NECK, 2] = np.nan
+    start = first_label(joints)
+    assert start.frame == 2 and np.array_equal(start.joints_camera_m, joints[2])
+    joints[2:, 0] = np.nan
+    assert first_label(joints) is None
+
+
+def test_a_saved_model_is_read(film, tmp_path) -> None:
+    joints, depth = film
+    model = HumanModel.from_joints(joints[0])
+    model.save(tmp_path / "person.json")
+    estimator = TrackerEstimator(TrackerEstimatorConfig(model=str(tmp_path / "person.json")))
+    assert estimator.model == model
+    assert error_m(estimator.estimate(depth, CAMERA, Start(0, joints[0])).joints_camera_m, joints).mean() < 0.03
+    with pytest.raises(InputError, match=r"nobody\.json"):
+        TrackerEstimator(TrackerEstimatorConfig(model=str(tmp_path / "nobody.json")))
+
+
+def test_no_frames_have_no_joints() -> None:
+    found = TrackerEstimator().estimate(np.zeros((0, *EMPTY.shape), np.float32), CAMERA)
+    assert found.joints_camera_m.shape == (0, NUM_JOINTS, 3) and found.confidence.shape == (0, NUM_JOINTS)
+
+
+def test_sixteen_bits_of_garbage_are_nobody_and_no_error(film) -> None:
+    garbage = np.random.default_rng(3).integers(0, 2**16, (2, *EMPTY.shape)).astype(np.uint16)
+    assert np.isnan(TrackerEstimator().estimate(garbage, CAMERA).joints_camera_m).all()
+    wild = np.full((1, *EMPTY.shape), np.nan, np.float32)
+    wild[0, ::2] = np.inf
+    wild[0, ::3] = -1
+    assert np.isnan(TrackerEstimator().estimate(wild, CAMERA, Start(0, film[0][0])).joints_camera_m).all()
+
+
+@pytest.mark.parametrize("depth", [EMPTY, np.zeros((1, 24, 32), np.float32), np.zeros((1, *EMPTY.shape), int), [EMPTY]])
+def test_what_is_no_sequence_of_depth_is_refused(depth) -> None:
+    with pytest.raises(InputError, match="depth sequence"):
+        TrackerEstimator().estimate(depth, CAMERA)
+
+
+def test_other_starts_are_refused() -> None:
+    with pytest.raises(InputError, match=r"start=sitting: expected one of y_pose, standing, label"):
+        TrackerEstimatorConfig(start="sitting")

@@ -1,0 +1,111 @@
+"""How fast a person is followed: extraction, ridge data and tracking of whole frames, on one core."""
+
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from statistics import fmean
+
+import cv2
+import numpy as np
+
+from kpopnet.extraction import HumanExtractionConfig, HumanExtractor
+from kpopnet.tracker import tracking
+from kpopnet.tracker.tracking import Tracker
+from synth.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
+from synth.film import Film
+
+FRAMES = 240
+SEQUENCES = (0, 1, 2)  # one of each subject: a dance, crossed punches, kicks
+STAGES = {
+    "ridge": ("ridge_data",),
+    "hierarchy": ("estimate_pose",),
+    "fit": ("fit", "misfit"),
+    "limbs": ("relay_limbs",),
+}
+"""The functions that `tracking` calls, by what they are a part of; the rest of a frame is small."""
+
+
+def measure() -> dict[str, tuple[float, str, str]]:
+    """Processor time of one core over frames of `eval_sim` at 320x240, from the raw picture to the joints."""
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    simulator = EvalSim(EvalSimSet(EvalSimConfig(seed=21)))
+    films = [simulator.film(index, FRAMES) for index in SEQUENCES]
+    frames_ms, transforms_ms, stages_ms = [], [], defaultdict(list)
+    with _timed(stages_ms) as begin_frame:
+        _follow(films[0], begin_frame)  # compiles
+        stages_ms.clear()
+        for film in films:
+            for frame_ms, transform_ms in _follow(film, begin_frame):
+                frames_ms.append(frame_ms)
+                transforms_ms.append(transform_ms)
+    cv2.setNumThreads(threads)
+    median, late = np.median(frames_ms), np.percentile(frames_ms, 95)
+    figures = {
+        "tracker.fps": (
+            1000 / median,
+            "frames/core-second",
+            f"median of {len(frames_ms)} whole frames, {1000 / late:.0f} at the 95th percentile; "
+            f"{1000 / fmean(frames_ms):.0f} on average",
+        ),
+        "tracker.vs_distance_transform": (
+            median / np.median(transforms_ms),
+            "times",
+            "cv2.distanceTransform(DIST_L2, 5) of the whole 320x240 frame, in the same run",
+        ),
+    }
+    for stage in ("extraction", *STAGES):
+        times = stages_ms[stage]
+        against = f"median of a frame; {np.percentile(times, 95):.2f} at the 95th percentile, {fmean(times):.2f} on average"
+        figures[f"tracker.{stage}_ms"] = (float(np.median(times)), "ms a frame", against)
+    return figures
+
+
+def _follow(film: Film, begin_frame: Callable[[float], None]) -> list[tuple[float, float]]:
+    """Milliseconds of every frame, and of a distance transform of it."""
+    extractor = HumanExtractor(film.camera, HumanExtractionConfig(expect_person=True))
+    tracker = Tracker(film.camera)
+    tracker.start(film.joints_camera_m[0])
+    times = []
+    for depth_m in film.depth_m:
+        measured = (depth_m > 0).astype(np.uint8)
+        start = time.process_time()
+        humans = extractor.extract(depth_m)
+        extracted = time.process_time()
+        begin_frame(1000 * (extracted - start))
+        if humans:
+            tracker.track(humans[0].whole(film.camera))
+        tracked = time.process_time()
+        cv2.distanceTransform(measured, cv2.DIST_L2, cv2.DIST_MASK_5)
+        times.append((1000 * (tracked - start), 1000 * (time.process_time() - tracked)))
+    return times
+
+
+@contextmanager
+def _timed(stages_ms: dict[str, list[float]]) -> Iterator[Callable[[float], None]]:
+    """Adds up what the stages of `tracking` take in each frame; a frame begins with what its extraction took."""
+    originals = {name: getattr(tracking, name) for names in STAGES.values() for name in names}
+
+    def begin_frame(extraction_ms: float) -> None:
+        stages_ms["extraction"].append(extraction_ms)
+        for stage in STAGES:
+            stages_ms[stage].append(0.0)
+
+    def timed(stage: str, function: Callable) -> Callable:
+        def call(*args, **kwargs):
+            start = time.process_time()
+            result = function(*args, **kwargs)
+            stages_ms[stage][-1] += 1000 * (time.process_time() - start)
+            return result
+
+        return call
+
+    for stage, names in STAGES.items():
+        for name in names:
+            setattr(tracking, name, timed(stage, originals[name]))
+    try:
+        yield begin_frame
+    finally:
+        for name, function in originals.items():
+            setattr(tracking, name, function)
