@@ -13,6 +13,7 @@ from collections.abc import Container
 from dataclasses import dataclass, field
 
 import numpy as np
+from numba import njit
 
 from kpopnet.extraction.room import NOBODY, UNCOVERED, grown
 
@@ -120,23 +121,15 @@ def continue_people(
         (N + 1,) uint8 owners by label: NOBODY, UNCOVERED, OVERGROWN, SHARED, or somebody's number, 1 + their place in
         `people`; and by the numbers of all who are there the label of their largest component.
     """
-    owners, largest = _continued(people, pieces, votes)
-    touching = pieces["touching"] > TOUCHING_SHARE * pieces["outline"]
-    surrounded = pieces["touching"] > SURROUNDED_SHARE * pieces["outline"]
-    covered = pieces["covered"] > COVERED_SHARE * pieces["pixels"]
-    uncovered = np.where(owners == NOBODY, touching, surrounded) & covered
-    uncovered[list(largest.values())] = False
-    owners[uncovered] = UNCOVERED
-
-    gaps_m = {k: _gaps_to_all_m(pieces, label, np.flatnonzero(owners == k)) for k, label in largest.items()}
-    for k, gap_m in gaps_m.items():
-        owners[(owners == k) & (gap_m > APART_M)] = NOBODY
+    had_px = np.array([0, *(person.pixels for person in people)])
+    owners, largest_of, gaps_m = _continue(pieces, votes, had_px)
+    largest = {k: label for k, label in enumerate(largest_of.tolist()) if label}
     hidden = {
         k: person
         for k, person in enumerate(people, 1)
         if person.hidden < HIDDEN_FRAMES and (person.hidden or k not in largest)
     }
-    asked = (owners == NOBODY) & ~touching
+    asked = (owners == NOBODY) & (pieces["touching"] <= TOUCHING_SHARE * pieces["outline"])
     if hidden:
         # What is taken for a part of whoever stands before them may be theirs.
         asked |= (owners != NOBODY) & (owners < OVERGROWN)
@@ -153,29 +146,61 @@ def continue_people(
         if nearest == NOBODY or nearest in largest:
             owners[label] = nearest
         elif pieces["moved_m2"][label] > epsilon_m_m2:
-            owners[label], largest[nearest], gaps_m[nearest] = nearest, label, _gaps_m(pieces, pieces[label])
+            owners[label], largest[nearest], gaps_m[nearest] = nearest, label, _gaps_m(pieces, label)
     return owners, largest
 
 
-def _continued(people: list[Known], pieces: np.ndarray, votes: np.ndarray) -> tuple[np.ndarray, dict[int, int]]:
-    """Owners by label, of what lies where somebody was, and the label of everybody's largest component."""
+@njit(cache=True)
+def _continue(pieces, votes, had_px):
+    """Whose components are that lie where somebody was; arguments as in `continue_people`.
+
+    Returns:
+        (N + 1,) uint8 owners by label; (P + 1,) the label of everybody's largest component, 0 for none; and (P + 1, N + 1)
+        how far every component is beside what is somebody's.
+    """
     owners = np.zeros(len(pieces), np.uint8)
-    fits = _fits(pieces)
-    held = votes > HELD_SHARE * np.array([0, *(person.pixels for person in people)])
-    largest = {k: int(votes[:, k].argmax()) for k in np.flatnonzero(held.any(axis=0)).tolist()}
-    for label in np.flatnonzero(votes.any(axis=1)).tolist():
-        holds = [k for k, most in largest.items() if most == label]
-        best = int(votes[label].argmax())
-        if len(holds) > 1:
-            owners[label] = SHARED
-        elif holds and not fits[label]:
-            owners[label] = OVERGROWN
-        elif holds:
-            owners[label] = holds[0]
-        elif votes[label, best] > CONTINUED_SHARE * pieces["pixels"][label]:
+    largest = np.zeros(len(had_px), np.int64)
+    for k in range(1, len(had_px)):
+        most = HELD_SHARE * had_px[k]
+        for label in range(1, len(pieces)):
+            if votes[label, k] > most:
+                most, largest[k] = votes[label, k], label
+    for label in range(1, len(pieces)):
+        piece, best, holders = pieces[label], np.argmax(votes[label]), 0
+        for k in range(1, len(had_px)):
+            if largest[k] == label:
+                best, holders = k, holders + 1
+        if holders:
+            owners[label] = SHARED if holders > 1 else best if _fits(piece) else OVERGROWN
+            continue
+        if votes[label, best] > CONTINUED_SHARE * piece.pixels:
             owners[label] = best
-            largest.setdefault(best, label)
-    return owners, largest
+            if largest[best] == 0:
+                largest[best] = label
+                continue
+        least = TOUCHING_SHARE if owners[label] == NOBODY else SURROUNDED_SHARE
+        if piece.covered > COVERED_SHARE * piece.pixels and piece.touching > least * piece.outline:
+            owners[label] = UNCOVERED
+
+    gaps_m = np.full((len(had_px), len(pieces)), np.inf)
+    joined = np.zeros(len(pieces), np.bool_)
+    for k in range(1, len(had_px)):
+        if largest[k] == 0:
+            continue
+        # Somebody's components hang together, each beside the largest or beside another that does.
+        joined[:] = False
+        following = largest[k]
+        while following:
+            joined[following] = True
+            gaps_m[k] = np.minimum(gaps_m[k], _gaps_m(pieces, following))
+            following = 0
+            for label in range(1, len(pieces)):
+                if owners[label] == k and not joined[label] and gaps_m[k, label] <= APART_M:
+                    following = label
+        for label in range(1, len(pieces)):
+            if owners[label] == k and not joined[label]:
+                owners[label] = NOBODY
+    return owners, largest, gaps_m
 
 
 def returning(people: list[Known], present: Container[int], piece: np.void) -> int | None:
@@ -189,8 +214,9 @@ def has_persons_size(piece: np.void) -> bool:
     return bool(extent_m > LEAST_SIZE_M and piece["area_m2"] > LEAST_AREA_M2 and _fits(piece))
 
 
-def _fits(pieces: np.ndarray) -> np.ndarray:
-    return ((pieces["high_m"] - pieces["low_m"]).max(axis=-1) < MOST_SIZE_M) & (pieces["area_m2"] < MOST_AREA_M2)
+@njit(cache=True)
+def _fits(piece):
+    return np.max(piece.high_m - piece.low_m) < MOST_SIZE_M and piece.area_m2 < MOST_AREA_M2
 
 
 def fragments_beside(objects: np.ndarray, labels: np.ndarray, newcomer: int) -> np.ndarray:
@@ -201,7 +227,7 @@ def fragments_beside(objects: np.ndarray, labels: np.ndarray, newcomer: int) -> 
         labels: (H, W) int32 whose objects they are.
         newcomer: the label.
     """
-    theirs = (_gaps_m(objects, objects[newcomer]) <= BESIDE_M) & (objects["area_m2"] < FRAGMENT_M2)
+    theirs = (_gaps_m(objects, newcomer) <= BESIDE_M) & (objects["area_m2"] < FRAGMENT_M2)
     # A patch of wall seen past an arm is an object too.
     theirs &= objects["low_m"][:, 2] < objects["high_m"][newcomer, 2] + BESIDE_M
     theirs &= np.bincount(labels[grown(labels == newcomer, FRAGMENT_PX)], minlength=len(objects)) > 0
@@ -210,8 +236,7 @@ def fragments_beside(objects: np.ndarray, labels: np.ndarray, newcomer: int) -> 
 
 
 def near_somebody(pieces: np.ndarray, label: int, present: dict[int, int]) -> bool:
-    gaps_m = _gaps_m(pieces[list(present.values())], pieces[label])
-    return bool((gaps_m < NEAR_SOMEBODY_M).any())
+    return bool((_gaps_m(pieces, label)[list(present.values())] < NEAR_SOMEBODY_M).any())
 
 
 def _distance_m(a: np.ndarray, b: np.ndarray) -> float:
@@ -230,18 +255,14 @@ def _ranges_m(piece: np.void) -> tuple[np.ndarray, np.ndarray]:
     return piece["low_m"][::2], piece["high_m"][::2]
 
 
-def _gaps_m(pieces: np.ndarray, piece: np.void) -> np.ndarray:
+@njit(cache=True)
+def _gaps_m(pieces, label):
     """(N,) how far components are beside one of them: the largest gap between the boxes around them along an axis."""
-    gap_m = np.maximum(pieces["low_m"] - piece["high_m"], piece["low_m"] - pieces["high_m"])
-    gap_m /= 1, HEIGHT_GAP, DEPTH_GAP
-    return np.maximum(gap_m.max(axis=1), 0)
-
-
-def _gaps_to_all_m(pieces: np.ndarray, largest: int, theirs: np.ndarray) -> np.ndarray:
-    """(N,) gaps to a human's largest component and those of their others that are near it or near one that is."""
-    gap_m, joined = _gaps_m(pieces, pieces[largest]), {largest}
-    while near := [label for label in theirs.tolist() if gap_m[label] <= APART_M and label not in joined]:
-        for label in near:
-            gap_m = np.minimum(gap_m, _gaps_m(pieces, pieces[label]))
-        joined.update(near)
-    return gap_m
+    gaps_m = np.zeros(len(pieces))
+    here = pieces[label]
+    for other in range(len(pieces)):
+        there = pieces[other]
+        for axis, shrunk in enumerate((1, HEIGHT_GAP, DEPTH_GAP)):
+            gap_m = max(there.low_m[axis] - here.high_m[axis], here.low_m[axis] - there.high_m[axis]) / shrunk
+            gaps_m[other] = max(gaps_m[other], gap_m)
+    return gaps_m
