@@ -126,15 +126,20 @@ def _axes(joints, parts, radii):
     """(P, 9) of every part: its first end, the vector to the other, one over that squared, radius and its growth."""
     axes = np.empty((len(parts), 9))
     for k in range(len(parts)):
-        a, b = parts[k]
-        length = 0.0
-        for c in range(3):
-            axes[k, c] = joints[a, c]
-            axes[k, 3 + c] = joints[b, c] - joints[a, c]
-            length += axes[k, 3 + c] ** 2
-        axes[k, 6] = 1 / (length + 1e-9)
-        axes[k, 7], axes[k, 8] = radii[k, 0], radii[k, 1] - radii[k, 0]
+        _set_axis(axes, k, joints, parts, radii)
     return axes
+
+
+@njit(cache=True)
+def _set_axis(axes, k, joints, parts, radii):
+    a, b = parts[k, 0], parts[k, 1]
+    length = 0.0
+    for c in range(3):
+        axes[k, c] = joints[a, c]
+        axes[k, 3 + c] = joints[b, c] - joints[a, c]
+        length += axes[k, 3 + c] ** 2
+    axes[k, 6] = 1 / (length + 1e-9)
+    axes[k, 7], axes[k, 8] = radii[k, 0], radii[k, 1] - radii[k, 0]
 
 
 @njit(cache=True)
@@ -236,8 +241,8 @@ def _fit(start, points, every, depth, nearest, intrinsics, parts, radii, pairs, 
             a, b = parts[k]
             for q in range(3):
                 t = q / 2
-                moved = _axes(joints, parts[k : k + 1], radii[k : k + 1])
-                mx, my, mz, _ = _intrusion(moved, 0, t, depth, nearest, intrinsics)
+                _set_axis(axes, k, joints, parts, radii)
+                mx, my, mz, _ = _intrusion(axes, k, t, depth, nearest, intrinsics)
                 joints[a, 0] += (1 - t) * mx / 2
                 joints[a, 1] += (1 - t) * my / 2
                 joints[a, 2] += (1 - t) * mz / 2

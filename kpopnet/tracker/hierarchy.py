@@ -9,7 +9,7 @@ What the paper leaves open is settled so:
   goes along with its parent (the torso's with the head), and it is predicted without velocity in the next frame: left
   to Eq. (3) alone, a joint once lost flies off for ever.
 - The geodesic distance of Eq. (10) is the shortest way over the silhouette's cells, where a jump in depth counts
-  `kpopnet.tracker.proposals.JUMP_COST` times.
+  `kpopnet.tracker.geodesic.JUMP_COST` times.
 - Eqs. (6) and (8) name the distance from the head (the torso's centre) to the line through candidate and opposite
   shoulder (hip). The first of the two shoulders, and of the two hips, is judged by the prediction of the other.
 - Algorithm 2 prints l_H,T for the shoulders' rule where Eq. (6) has l_LS,RS and l_H⊥S: Eq. (6) is meant.
@@ -26,8 +26,8 @@ from kpopnet.errors import InputError
 from kpopnet.skeleton import NUM_JOINTS, Joint
 from kpopnet.tracker.body import NECK_SHARE, PARTS, Body
 from kpopnet.tracker.fitting import CELL_PX, Cells
+from kpopnet.tracker.geodesic import neighbourhood, shortest_ways
 from kpopnet.tracker.model import LIMB_PARENTS, HumanModel
-from kpopnet.tracker.proposals import geodesic
 
 HEAD, TORSO = int(Joint.HEAD), int(Joint.TORSO)
 RIGHT_SHOULDER, LEFT_SHOULDER = int(Joint.RIGHT_SHOULDER), int(Joint.LEFT_SHOULDER)
@@ -160,7 +160,7 @@ def _is_valid(x, geodesic_m, joint, joints, lengths, epsilon, straightness):
 
 
 @njit(cache=True)
-def _from_parent(parent_m, points, index):
+def _from_parent(parent_m, points, neighbours, steps):
     """(N,) geodesic distances of all cells to a joint."""
     source = np.zeros(len(points), np.bool_)
     nearest, least = -1, 1e9
@@ -171,7 +171,7 @@ def _from_parent(parent_m, points, index):
             nearest, least = i, away
     if nearest >= 0:
         source[nearest] = True
-    return geodesic(points, index, source)[0]
+    return shortest_ways(neighbours, steps, source)[0]
 
 
 @njit(cache=True)
@@ -223,9 +223,10 @@ def track_frame(
     joints, support = predicted.copy(), np.zeros(len(predicted), np.int32)
     own = np.arange(len(points))
     geodesics_m = np.zeros(len(points))
+    neighbours, steps = neighbourhood(points, index)
     for joint in ORDER:
         if PARENTS[joint] >= 0:
-            geodesics_m = _from_parent(joints[PARENTS[joint]], points, index)
+            geodesics_m = _from_parent(joints[PARENTS[joint]], points, neighbours, steps)
         count = 0
         if not only_depth:
             total, count, _ = _estimate(
@@ -301,10 +302,11 @@ def valid_candidates(
     ridge_m, ridge_cell = ridge_points(ridge, cells.depth_m, cells.index, cells.intrinsics)
     predicted, thickness = previous_m + velocity_m, thickness_of(body)
     collected, valid = np.zeros(len(ridge_m), bool), np.zeros(len(ridge_m), bool)
+    neighbours, steps = neighbourhood(cells.points_m, cells.index)
     for joint in ORDER:
         geodesics_m = np.zeros(len(cells.points_m))
         if PARENTS[joint] >= 0:
-            geodesics_m = _from_parent(joints[PARENTS[joint]], cells.points_m, cells.index)
+            geodesics_m = _from_parent(joints[PARENTS[joint]], cells.points_m, neighbours, steps)
         seen = joint, ridge_m, ridge_cell, predicted, joints, geodesics_m, thickness, lengths, config.r_m
         collected |= _estimate(*seen, np.inf, -1.0)[2]
         valid |= _estimate(*seen, config.epsilon_m, config.straightness)[2]

@@ -20,15 +20,9 @@ from kpopnet.tracker.fitting import (
     _off_surface,
     _outside,
 )
+from kpopnet.tracker.geodesic import neighbourhood, shortest_ways
 
 ON_TORSO_M = 0.05
-JUMP_M = 0.08
-"""Neighbouring cells whose depths differ by more belong to parts that only look connected."""
-
-JUMP_COST = 3.0
-"""A way across such a jump counts so many times its length: dear, but open to a limb that is cut off all around."""
-
-MOST_SWEEPS = 12
 TIP_APART_M = 0.15
 TIP_LEAST_M = 0.12
 MOST_TIPS = 12
@@ -66,50 +60,6 @@ def _torso_cells(joints, points, parts, radii, limb_parts):
         k, off, _, _ = _nearest_part(axes, points[i, 0], points[i, 1], points[i, 2])
         on[i] = not is_limb[k] and abs(off) < ON_TORSO_M
     return on
-
-
-@njit(cache=True)
-def geodesic(points, index, source):
-    """Lengths of the shortest ways over neighbouring cells to a source.
-
-    Args:
-        points: (N, 3) of the cells.
-        index: (h, w) numbers of the points, -1 for none.
-        source: (N,) bool.
-
-    Returns:
-        (N,) lengths in metres, 1e9 where there is no way, and (N,) int32 the next point on it, -1 at its end.
-    """
-    height, width = index.shape
-    length = np.where(source, 0.0, 1e9)
-    onward = np.full(len(points), -1, np.int32)
-    for sweep in range(MOST_SWEEPS):
-        changed = False
-        for i in range(height):
-            y = i if sweep % 2 == 0 else height - 1 - i
-            for j in range(width):
-                x = j if sweep % 2 == 0 else width - 1 - j
-                here = index[y, x]
-                if here < 0 or length[here] == 0:
-                    continue
-                for v in range(max(y - 1, 0), min(y + 2, height)):
-                    for u in range(max(x - 1, 0), min(x + 2, width)):
-                        there = index[v, u]
-                        if there < 0 or length[there] >= length[here]:
-                            continue
-                        dx = points[here, 0] - points[there, 0]
-                        dy = points[here, 1] - points[there, 1]
-                        dz = points[here, 2] - points[there, 2]
-                        step = math.sqrt(dx * dx + dy * dy + dz * dz)
-                        if abs(dz) > JUMP_M:
-                            step *= JUMP_COST
-                        if length[there] + step < length[here] - 1e-9:
-                            length[here] = length[there] + step
-                            onward[here] = there
-                            changed = True
-        if not changed:
-            break
-    return length, onward
 
 
 @njit(cache=True)
@@ -187,31 +137,32 @@ def _frame(joints):
 
 
 @njit(cache=True)
-def _limb_misfit(axes, points, rest, count, of_all, depth, nearest, intrinsics):
+def _limb_misfit(axes, points, rest, count, of_all, depth, nearest, intrinsics, enough):
     """The part of the misfit that a limb's two parts, `axes`, can change.
 
     The first `count` of `points` are those that no other part explains, `rest` their distances to the others; `of_all` is
-    the number of all points.
+    the number of all points. What comes to `enough` is not added up to its end: most poses fail by a few points.
     """
-    total = 0.0
+    outside = _outside(axes, 0, depth, nearest, intrinsics) + _outside(axes, 1, depth, nearest, intrinsics)
+    beside, total = FREE_SPACE_WEIGHT * outside / PARTS_COUNT, 0.0
+    most = (enough - beside) * of_all
     for i in range(count):
-        x, y, z = points[i]
+        if total > most:
+            break
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
         off = min(rest[i], abs(_off_surface(axes, 0, x, y, z)[0]), abs(_off_surface(axes, 1, x, y, z)[0]))
         total += off * off
-    outside = _outside(axes, 0, depth, nearest, intrinsics) + _outside(axes, 1, depth, nearest, intrinsics)
-    return total / max(of_all, 1) + FREE_SPACE_WEIGHT * outside / PARTS_COUNT
+    return total / max(of_all, 1) + beside
 
 
 @njit(cache=True)
-def _posed(root, frame, side, pose, upper_m, lower_m):
-    """Middle and end of a limb in one of `LIMB_POSES`; side is 1 for the right one, -1 for the left."""
-    middle, end = np.empty(3), np.empty(3)
+def _pose_limb(joints, root, middle, end, frame, side, pose, upper_m, lower_m):
+    """Puts a limb into one of `LIMB_POSES`; side is 1 for the right one, -1 for the left."""
     for c in range(3):
         upper = side * pose[0, 0] * frame[0, c] + pose[0, 1] * frame[1, c] + pose[0, 2] * frame[2, c]
         lower = side * pose[1, 0] * frame[0, c] + pose[1, 1] * frame[1, c] + pose[1, 2] * frame[2, c]
-        middle[c] = root[c] + upper_m * upper
-        end[c] = middle[c] + lower_m * lower
-    return middle, end
+        joints[middle, c] = joints[root, c] + upper_m * upper
+        joints[end, c] = joints[middle, c] + lower_m * lower
 
 
 @njit(cache=True)
@@ -244,7 +195,8 @@ def _relay(
     joints, before, points, index, every, depth, nearest, intrinsics, parts, radii, limbs, limb_parts, limbs_m, poses, kinds
 ):
     source = _torso_cells(joints, points, parts, radii, limb_parts)
-    length, onward = geodesic(points, index, source)
+    neighbours, steps = neighbourhood(points, index)
+    length, onward = shortest_ways(neighbours, steps, source)
     tips = _tips(points, length)
     joints, frame, some = joints.copy(), _frame(joints), points[::every]
     away = np.empty((len(some), len(parts)))
@@ -277,10 +229,15 @@ def _relay(
                     joints[middle], joints[end] = _with_lengths(joints[root], hint, new_end, upper_m, lower_m)
                 elif candidate >= 0:
                     pose, side = poses[kinds[limb, 0] + candidate - 2 * len(tips)], 1.0 - 2.0 * (limb % 2)
-                    joints[middle], joints[end] = _posed(joints[root], frame, side, pose, upper_m, lower_m)
+                    _pose_limb(joints, root, middle, end, frame, side, pose, upper_m, lower_m)
+                way = CONTINUITY * min(_apart(joints[end], before[end]), FARTHEST_M) ** 2
+                enough = 1e9 if candidate < 0 else now - best
+                if way >= enough:
+                    continue
                 axes = _axes(joints, its_parts, its_radii)
-                then = _limb_misfit(axes, unexplained, rest, count, len(some), depth, nearest, intrinsics)
-                then += CONTINUITY * min(_apart(joints[end], before[end]), FARTHEST_M) ** 2
+                then = way + _limb_misfit(
+                    axes, unexplained, rest, count, len(some), depth, nearest, intrinsics, enough - way
+                )
                 if candidate < 0:
                     now = then
                 elif now - then > best:

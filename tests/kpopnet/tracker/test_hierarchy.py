@@ -19,6 +19,7 @@ from kpopnet.ridge import RidgeConfig, ridge_data
 from kpopnet.skeleton import NUM_JOINTS, PAPER_JOINTS, Joint
 from kpopnet.tracker.body import NECK_SHARE, PARTS, body_of
 from kpopnet.tracker.fitting import CELL_PX, cells_of
+from kpopnet.tracker.geodesic import JUMP_COST, JUMP_M, neighbourhood, shortest_ways
 from kpopnet.tracker.hierarchy import (
     ENOUGH,
     ORDER,
@@ -34,7 +35,6 @@ from kpopnet.tracker.hierarchy import (
     track_frame,
 )
 from kpopnet.tracker.model import LIMB_PARENTS, HumanModel
-from kpopnet.tracker.proposals import JUMP_COST, JUMP_M, geodesic
 
 CAMERA = CAMERAS["kinect_v1"]
 EPSILON_M, STRAIGHTNESS = 0.05, 0.7
@@ -181,7 +181,7 @@ def test_shortest_ways_are_dijkstras(depth: np.ndarray, sources: list[int]) -> N
     points, index = pictured(depth)
     source = np.zeros(len(points), bool)
     source[[k for k in sources if k < len(points)]] = True
-    length, onward = geodesic(points, index, source)
+    length, onward = shortest_ways(*neighbourhood(points, index), source)
     np.testing.assert_allclose(length, dijkstra(points, index, source), atol=1e-6)
     # Who follows the way comes to a source, by steps whose lengths add up.
     for k in range(len(points)):
@@ -196,7 +196,8 @@ def test_shortest_ways_over_a_person_are_dijkstras(elbow_deg: float) -> None:
     cells = cells_of(draw_y(y_joints(20, elbow_deg=elbow_deg), CAMERA), CAMERA)
     source = np.linalg.norm(cells.points_m - cells.points_m.mean(0), axis=1) < 0.2
     expected = dijkstra(cells.points_m, cells.index, source)
-    np.testing.assert_allclose(geodesic(cells.points_m, cells.index, source)[0], expected, atol=1e-6)
+    length, _ = shortest_ways(*neighbourhood(cells.points_m, cells.index), source)
+    np.testing.assert_allclose(length, expected, atol=1e-6)
 
 
 # --- straightness, Eq. (10) ---------------------------------------------------------------------------------------
@@ -217,7 +218,7 @@ def straightness(depth: np.ndarray, begin_px: tuple[int, int], end_px: tuple[int
     """L of Eq. (10) between two pixels."""
     cells = cells_of(depth, CAMERA)
     begin, end = (CAMERA.back_project(np.array((*px, 2.5))) for px in (begin_px, end_px))
-    geodesics = _from_parent(begin, cells.points_m, cells.index)
+    geodesics = _from_parent(begin, cells.points_m, *neighbourhood(cells.points_m, cells.index))
     k = np.linalg.norm(cells.points_m - end, axis=1).argmin()
     return np.linalg.norm(cells.points_m[k] - begin) / geodesics[k]
 
@@ -242,7 +243,7 @@ def test_a_limb_that_passes_before_another_is_farther_by_its_edge() -> None:
     depth = np.where(before > 0, before, behind)
     cells = cells_of(depth, CAMERA)
     middle = CAMERA.back_project(np.array((90, 120, 2.5)))
-    geodesics = _from_parent(middle, cells.points_m, cells.index)
+    geodesics = _from_parent(middle, cells.points_m, *neighbourhood(cells.points_m, cells.index))
     across = np.linalg.norm(cells.points_m - CAMERA.back_project(np.array((160, 190, 2.2))), axis=1).argmin()
     straight = np.linalg.norm(cells.points_m[across] - middle)
     assert straight / geodesics[across] < 0.5

@@ -10,6 +10,7 @@ from kpopnet.camera import CAMERAS
 from kpopnet.skeleton import Joint
 from kpopnet.tracker.body import LIMB_PARTS, LIMBS, PARTS
 from kpopnet.tracker.fitting import cells_of, misfit
+from kpopnet.tracker.geodesic import neighbourhood, shortest_ways
 from kpopnet.tracker.proposals import (
     LIMB_KINDS,
     LIMB_POSES,
@@ -18,7 +19,6 @@ from kpopnet.tracker.proposals import (
     _torso_cells,
     _with_lengths,
     bent,
-    geodesic,
     relay_limbs,
     turned,
 )
@@ -54,7 +54,8 @@ def test_a_star_has_a_tip_at_every_ray(rays: int) -> None:
     cells = cells_of(np.where(star, np.float32(2.5), np.float32(0)), CAMERA)
     centre = CAMERA.back_project(np.array((160, 120, 2.5)))
     source = np.linalg.norm(cells.points_m - centre, axis=1) < 0.1
-    tips = cells.points_m[_tips(cells.points_m, geodesic(cells.points_m, cells.index, source)[0])]
+    length, _ = shortest_ways(*neighbourhood(cells.points_m, cells.index), source)
+    tips = cells.points_m[_tips(cells.points_m, length)]
     assert len(tips) == rays
     away = np.linalg.norm(tips[:, None] - CAMERA.back_project(np.array(ends)), axis=-1)
     assert sorted(away.argmin(1)) == list(range(rays)) and away.min(1).max() < 0.1
@@ -64,7 +65,7 @@ def test_tips_keep_apart_and_count_only_what_can_be_reached() -> None:
     joints = cone_joints(elevation_deg=20)
     body, cells = seen(joints)
     source = _torso_cells(joints, cells.points_m, PARTS, body.radii_m, LIMB_PARTS)
-    length, _ = geodesic(cells.points_m, cells.index, source)
+    length, _ = shortest_ways(*neighbourhood(cells.points_m, cells.index), source)
     tips = _tips(cells.points_m, length)
     points = cells.points_m[tips]
     apart = lengths_m(points) + np.eye(len(points))
