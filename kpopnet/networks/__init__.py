@@ -50,8 +50,7 @@ class ModelConfig:
             raise InputError(f"model.crop_px={self.crop_px}: expected a multiple of {STRIDES[-1]}, at least 32")
         if not 0.5 <= self.half_size_m <= 5:
             raise InputError(f"model.half_size_m={self.half_size_m}: expected metres, 0.5 to 5")
-        # Multiples of 8 fill vector registers; and on AVX2 machines torch 2.13 writes out of bounds in the backward
-        # pass of a strided 1x1 convolution of 4 channels in channels_last.
+        # Multiples of 8 fill vector registers.
         if len(self.widths) != 4 or min(self.widths) < 8 or any(width % 8 for width in self.widths):
             raise InputError(f"model.widths={self.widths}: expected four multiples of 8, e.g. [16,32,64,128]")
 
