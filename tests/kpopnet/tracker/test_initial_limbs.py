@@ -27,7 +27,8 @@ def along(start: np.ndarray, angle_deg: float, length: float) -> np.ndarray:
     return start + length * np.array([np.cos(np.radians(angle_deg)), -np.sin(np.radians(angle_deg))])
 
 
-@given(st.floats(-170, 170), st.floats(-10, 10))
+# A line half-way between two distances shares its points between them.
+@given(st.floats(-170, 170), st.floats(-10, 10).filter(lambda offset: abs(offset % 1 - 0.5) > 0.01))
 @settings(deadline=None, max_examples=40)
 def test_the_strongest_line_is_the_one_the_points_lie_on(angle_deg: float, offset: float) -> None:
     direction = np.array([np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))])
