@@ -156,14 +156,31 @@ def _off_surface(axes, k, x, y, z):
 
 
 @njit(cache=True)
-def _nearest_part(axes, x, y, z):
-    """The part whose surface is nearest to a point, and what `_off_surface` says of it."""
-    best, part, at, away = 1e9, 0, 0.0, 0.0
+def _nearest_parts(axes, points, every):
+    """Of every `every`th point the number of the part whose surface is nearest, and the signed distance to it.
+
+    Part by part, not point by point, which vectorises: this is where the time of fitting goes.
+    """
+    count = (len(points) + every - 1) // every
+    x, y, z = np.empty(count), np.empty(count), np.empty(count)
+    for i in range(count):
+        x[i], y[i], z[i] = points[i * every, 0], points[i * every, 1], points[i * every, 2]
+    part, off = np.zeros(count, np.int64), np.full(count, 1e9)
     for k in range(len(axes)):
-        off, along, distance = _off_surface(axes, k, x, y, z)
-        if abs(off) < abs(best):
-            best, part, at, away = off, k, along, distance
-    return part, best, at, away
+        x0, y0, z0, dx, dy, dz = axes[k, 0], axes[k, 1], axes[k, 2], axes[k, 3], axes[k, 4], axes[k, 5]
+        scale, radius, growth = axes[k, 6], axes[k, 7], axes[k, 8]
+        for i in range(count):
+            # As `_off_surface`
+            px, py, pz = x[i] - x0, y[i] - y0, z[i] - z0
+            along = min(max((px * dx + py * dy + pz * dz) * scale, 0.0), 1.0)
+            px -= along * dx
+            py -= along * dy
+            pz -= along * dz
+            off_k = math.sqrt(px * px + py * py + pz * pz) - radius - along * growth
+            nearer = abs(off_k) < abs(off[i])
+            part[i] = k if nearer else part[i]
+            off[i] = off_k if nearer else off[i]
+    return part, off
 
 
 @njit(cache=True)
@@ -194,7 +211,7 @@ def _intrusion(axes, k, along, depth, nearest, intrinsics):
 def _keep_lengths(joints, pairs, stiffness, lengths, mobility):
     for _ in range(LENGTH_SWEEPS):
         for k in range(len(pairs)):
-            a, b = pairs[k]
+            a, b = pairs[k, 0], pairs[k, 1]
             dx, dy, dz = joints[b, 0] - joints[a, 0], joints[b, 1] - joints[a, 1], joints[b, 2] - joints[a, 2]
             length = math.sqrt(dx * dx + dy * dy + dz * dz) + 1e-9
             share = stiffness[k] * (length - lengths[k]) / (length * (mobility[a] + mobility[b]))
@@ -215,12 +232,13 @@ def _fit(start, points, every, depth, nearest, intrinsics, parts, radii, pairs, 
         axes = _axes(joints, parts, radii)
         pull[:] = 0
         weight[:] = 1
-        for i in range(0, len(points), every):
-            x, y, z = points[i]
-            k, off, t, distance = _nearest_part(axes, x, y, z)
-            if abs(off) > REACH_M:
+        part, offs = _nearest_parts(axes, points, every)
+        for i in range(len(part)):
+            if abs(offs[i]) > REACH_M:
                 continue
-            a, b = parts[k]
+            k, x, y, z = part[i], points[i * every, 0], points[i * every, 1], points[i * every, 2]
+            off, t, distance = _off_surface(axes, k, x, y, z)
+            a, b = parts[k, 0], parts[k, 1]
             gain = off / (distance + 1e-9)
             gx = gain * (x - axes[k, 0] - t * axes[k, 3])
             gy = gain * (y - axes[k, 1] - t * axes[k, 4])
@@ -238,7 +256,7 @@ def _fit(start, points, every, depth, nearest, intrinsics, parts, radii, pairs, 
             for c in range(3):
                 joints[j, c] += STEP * pull[j, c] / weight[j]
         for k in range(len(parts)):
-            a, b = parts[k]
+            a, b = parts[k, 0], parts[k, 1]
             for q in range(3):
                 t = q / 2
                 _set_axis(axes, k, joints, parts, radii)
@@ -304,15 +322,14 @@ def knees_backwards(joints):
 @njit(cache=True)
 def _misfit(joints, points, every, depth, nearest, intrinsics, parts, radii):
     axes = _axes(joints, parts, radii)
-    residual, count = 0.0, 0
-    for i in range(0, len(points), every):
-        _, off, _, _ = _nearest_part(axes, points[i, 0], points[i, 1], points[i, 2])
+    _, offs = _nearest_parts(axes, points, every)
+    residual = 0.0
+    for off in offs:
         residual += min(off * off, CLIP_M * CLIP_M)
-        count += 1
     outside = 0.0
     for k in range(len(parts)):
         outside += _outside(axes, k, depth, nearest, intrinsics)
-    return residual / max(count, 1) + FREE_SPACE_WEIGHT * outside / len(parts) + KNEE_WEIGHT * knees_backwards(joints)
+    return residual / max(len(offs), 1) + FREE_SPACE_WEIGHT * outside / len(parts) + KNEE_WEIGHT * knees_backwards(joints)
 
 
 def misfit(joints_m: np.ndarray, cells: Cells, body: Body, every: int = 1) -> float:

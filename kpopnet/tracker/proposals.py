@@ -16,7 +16,7 @@ from kpopnet.tracker.fitting import (
     FREE_SPACE_WEIGHT,
     Cells,
     _axes,
-    _nearest_part,
+    _nearest_parts,
     _off_surface,
     _outside,
 )
@@ -54,11 +54,10 @@ def _torso_cells(joints, points, parts, radii, limb_parts):
     is_limb = np.zeros(len(parts), np.bool_)
     for limb in range(len(limb_parts)):
         is_limb[limb_parts[limb, 0]] = is_limb[limb_parts[limb, 1]] = True
-    axes = _axes(joints, parts, radii)
+    part, off = _nearest_parts(_axes(joints, parts, radii), points, 1)
     on = np.zeros(len(points), np.bool_)
     for i in range(len(points)):
-        k, off, _, _ = _nearest_part(axes, points[i, 0], points[i, 1], points[i, 2])
-        on[i] = not is_limb[k] and abs(off) < ON_TORSO_M
+        on[i] = not is_limb[part[i]] and abs(off[i]) < ON_TORSO_M
     return on
 
 
@@ -84,9 +83,11 @@ def _tips(points, length):
 
 
 @njit(cache=True)
-def _inside(point, radius):
-    """A point of the surface moved along its viewing ray to the limb's middle."""
-    return point * (1 + radius / math.sqrt(point[0] ** 2 + point[1] ** 2 + point[2] ** 2))
+def _inside(points, k, radius, inside):
+    """Writes the kth point of the surface, moved along its viewing ray to the limb's middle."""
+    x, y, z = points[k, 0], points[k, 1], points[k, 2]
+    deeper = 1 + radius / math.sqrt(x**2 + y**2 + z**2)
+    inside[0], inside[1], inside[2] = x * deeper, y * deeper, z * deeper
 
 
 @njit(cache=True)
@@ -95,28 +96,34 @@ def _apart(a, b):
 
 
 @njit(cache=True)
-def _laid_along(points, onward, tip, lower_m):
-    """End and middle of a limb whose tip is here: a little way inwards from it, and a lower limb's length from there."""
+def _laid_along(points, onward, tip, lower_m, end, middle):
+    """Writes end and middle of a limb whose tip is here: a little way inwards, and a lower limb's length from there."""
     here, gone = tip, 0.0
     while onward[here] >= 0 and gone < TIP_BEYOND_END_M:
         gone += _apart(points[here], points[onward[here]])
         here = onward[here]
-    end = _inside(points[here], END_RADIUS_M)
-    while onward[here] >= 0 and _apart(end, _inside(points[here], MIDDLE_RADIUS_M)) < lower_m:
+    _inside(points, here, END_RADIUS_M, end)
+    _inside(points, here, MIDDLE_RADIUS_M, middle)
+    while onward[here] >= 0 and _apart(end, middle) < lower_m:
         here = onward[here]
-    return end, _inside(points[here], MIDDLE_RADIUS_M)
+        _inside(points, here, MIDDLE_RADIUS_M, middle)
 
 
 @njit(cache=True)
 def _with_lengths(root, middle, end, upper_m, lower_m):
-    """Middle and end moved until both lengths are right; the root stays."""
+    """Moves middle and end until both lengths are right; the root stays."""
     for _ in range(12):
         wrong = (_apart(middle, end) - lower_m) / (_apart(middle, end) + 1e-9)
-        way = end - middle
-        middle = middle + 0.5 * wrong * way
-        end = end - 0.15 * wrong * way
-        middle = root + (middle - root) * (upper_m / (_apart(root, middle) + 1e-9))
-    return middle, middle + (end - middle) * (lower_m / (_apart(middle, end) + 1e-9))
+        for c in range(3):
+            way = end[c] - middle[c]
+            middle[c] += 0.5 * wrong * way
+            end[c] -= 0.15 * wrong * way
+        share = upper_m / (_apart(root, middle) + 1e-9)
+        for c in range(3):
+            middle[c] = root[c] + (middle[c] - root[c]) * share
+    share = lower_m / (_apart(middle, end) + 1e-9)
+    for c in range(3):
+        end[c] = middle[c] + (end[c] - middle[c]) * share
 
 
 @njit(cache=True)
@@ -156,11 +163,18 @@ def _limb_misfit(axes, points, rest, count, of_all, depth, nearest, intrinsics, 
 
 
 @njit(cache=True)
-def _pose_limb(joints, root, middle, end, frame, side, pose, upper_m, lower_m):
-    """Puts a limb into one of `LIMB_POSES`; side is 1 for the right one, -1 for the left."""
+def _way(joints, before, end):
+    """What the end of a limb pays for having moved."""
+    dx, dy, dz = joints[end, 0] - before[end, 0], joints[end, 1] - before[end, 1], joints[end, 2] - before[end, 2]
+    return CONTINUITY * min(math.sqrt(dx * dx + dy * dy + dz * dz), FARTHEST_M) ** 2
+
+
+@njit(cache=True)
+def _pose_limb(joints, root, middle, end, frame, side, poses, k, upper_m, lower_m):
+    """Puts a limb into the kth of `LIMB_POSES`; side is 1 for the right one, -1 for the left."""
     for c in range(3):
-        upper = side * pose[0, 0] * frame[0, c] + pose[0, 1] * frame[1, c] + pose[0, 2] * frame[2, c]
-        lower = side * pose[1, 0] * frame[0, c] + pose[1, 1] * frame[1, c] + pose[1, 2] * frame[2, c]
+        upper = side * poses[k, 0, 0] * frame[0, c] + poses[k, 0, 1] * frame[1, c] + poses[k, 0, 2] * frame[2, c]
+        lower = side * poses[k, 1, 0] * frame[0, c] + poses[k, 1, 1] * frame[1, c] + poses[k, 1, 2] * frame[2, c]
         joints[middle, c] = joints[root, c] + upper_m * upper
         joints[end, c] = joints[middle, c] + lower_m * lower
 
@@ -176,7 +190,8 @@ def _open_points(points, away, limb_parts, rest, found):
                 others = min(others, away[i, k])
         if others > EXPLAINED_M:
             rest[count] = others
-            found[count] = points[i]
+            for c in range(3):
+                found[count, c] = points[i, c]
             count += 1
     return count
 
@@ -201,6 +216,10 @@ def _relay(
     joints, frame, some = joints.copy(), _frame(joints), points[::every]
     away = np.empty((len(some), len(parts)))
     _distances(joints, some, parts, radii, np.arange(len(parts)), away)
+    ends, middles = np.empty((len(limbs), len(tips), 3)), np.empty((len(limbs), len(tips), 3))
+    for limb in range(len(limbs)):
+        for k in range(len(tips)):
+            _laid_along(points, onward, tips[k], limbs_m[limb, 1], ends[limb, k], middles[limb, k])
     used, laid = np.zeros(len(tips), np.bool_), np.zeros(len(limbs), np.bool_)
     rest, unexplained = np.empty(len(some)), np.empty((len(some), 3))
     for changes in range(len(limbs)):
@@ -209,8 +228,8 @@ def _relay(
         for limb in range(len(limbs)):
             if laid[limb]:
                 continue
-            root, middle, end = limbs[limb]
-            upper_m, lower_m = limbs_m[limb]
+            root, middle, end = limbs[limb, 0], limbs[limb, 1], limbs[limb, 2]
+            upper_m, lower_m = limbs_m[limb, 0], limbs_m[limb, 1]
             its_parts, its_radii = parts[limb_parts[limb]], radii[limb_parts[limb]]
             count = _open_points(some, away, limb_parts[limb], rest, unexplained)
             kept_middle, kept_end = joints[middle].copy(), joints[end].copy()
@@ -221,16 +240,18 @@ def _relay(
                 if tip >= 0:
                     if used[tip]:
                         continue
-                    new_end, along = _laid_along(points, onward, tips[tip], lower_m)
-                    if _apart(new_end, joints[root]) > upper_m + lower_m + SLACK_M:
+                    if _apart(ends[limb, tip], joints[root]) > upper_m + lower_m + SLACK_M:
                         continue
-                    # The way on the surface cuts the elbow's corner: also try it where the elbow was.
-                    hint = along if candidate % 2 == 0 else (along + kept_middle) / 2
-                    joints[middle], joints[end] = _with_lengths(joints[root], hint, new_end, upper_m, lower_m)
+                    for c in range(3):
+                        joints[end, c], joints[middle, c] = ends[limb, tip, c], middles[limb, tip, c]
+                        # The way on the surface cuts the elbow's corner: also try it where the elbow was.
+                        if candidate % 2 == 1:
+                            joints[middle, c] = (joints[middle, c] + kept_middle[c]) / 2
+                    _with_lengths(joints[root], joints[middle], joints[end], upper_m, lower_m)
                 elif candidate >= 0:
-                    pose, side = poses[kinds[limb, 0] + candidate - 2 * len(tips)], 1.0 - 2.0 * (limb % 2)
-                    _pose_limb(joints, root, middle, end, frame, side, pose, upper_m, lower_m)
-                way = CONTINUITY * min(_apart(joints[end], before[end]), FARTHEST_M) ** 2
+                    pose, side = kinds[limb, 0] + candidate - 2 * len(tips), 1.0 - 2.0 * (limb % 2)
+                    _pose_limb(joints, root, middle, end, frame, side, poses, pose, upper_m, lower_m)
+                way = _way(joints, before, end)
                 enough = 1e9 if candidate < 0 else now - best
                 if way >= enough:
                     continue

@@ -9,8 +9,18 @@ from hypothesis.extra.numpy import arrays
 
 from kpopnet.camera import CAMERAS
 from kpopnet.skeleton import NUM_JOINTS, Joint
-from kpopnet.tracker.body import LIMBS
-from kpopnet.tracker.fitting import CELL_PX, _axes, _nearest, _off_surface, cells_of, fit, knees_backwards, misfit
+from kpopnet.tracker.body import LIMBS, PARTS
+from kpopnet.tracker.fitting import (
+    CELL_PX,
+    _axes,
+    _nearest,
+    _nearest_parts,
+    _off_surface,
+    cells_of,
+    fit,
+    knees_backwards,
+    misfit,
+)
 from kpopnet.tracker.model import LIMB_PARENTS
 
 CAMERA = CAMERAS["kinect_v1"]
@@ -88,6 +98,17 @@ def test_distances_to_a_cone() -> None:
     assert _off_surface(axes, 0, 0, 0.25, 2) == pytest.approx((-0.125, 0.25, 0.0), abs=1e-8)
     assert _off_surface(axes, 0, 0, -0.3, 2.4) == pytest.approx((0.5 - 0.1, 0.0, 0.5), abs=1e-8)
     assert _off_surface(axes, 0, 0, 1.3, 2.4) == pytest.approx((0.5 - 0.2, 1.0, 0.5), abs=1e-8)
+
+
+@pytest.mark.parametrize("every", [1, 2, 7, 10**6])
+def test_the_nearest_parts_are_those_of_a_plain_search(person, every: int) -> None:
+    joints, body, cells = person
+    axes = _axes(moved(joints, 3), PARTS, body.radii_m)
+    part, off = _nearest_parts(axes, cells.points_m, every)
+    points = cells.points_m[::every]
+    plain = np.array([[_off_surface(axes, k, *point)[0] for k in range(len(axes))] for point in points])
+    np.testing.assert_array_equal(part, np.abs(plain).argmin(axis=1))
+    np.testing.assert_array_equal(off, plain[np.arange(len(points)), part])
 
 
 # --- the whole body -----------------------------------------------------------------------------------------------
