@@ -17,7 +17,7 @@ from kpopnet.errors import InputError
 from kpopnet.estimators import Estimator
 from kpopnet.ridge import RidgeConfig, ridge_data
 from kpopnet.skeleton import MIRROR, NUM_JOINTS
-from kpopnet.tracker.body import Body, body_of
+from kpopnet.tracker.body import TORSO_JOINTS, Body, body_of
 from kpopnet.tracker.fitting import Cells, cells_of, fit, misfit
 from kpopnet.tracker.hierarchy import HierarchyConfig, estimate_pose, lengths_of
 from kpopnet.tracker.initial import InitialConfig, find_initial_pose
@@ -204,7 +204,8 @@ class Tracker:
             joints = fit(joints, cells, body, LAST_ROUNDS)
             return cost(joints, 1), joints
 
-        starts = [expected, before, self._algorithm_2(depth_m, cells)[0]]
+        going_on = carried_on(before, self.velocity_m)
+        starts = [expected, before, going_on, self._algorithm_2(depth_m, cells)[0]]
         best, joints = finished(min((fitted(start) for start in starts), key=lambda pair: pair[0])[1])
         for doubt, alternatives, better in (
             (DOUBT_M2, (lambda _: self._detected(depth_m),) if self.detector else (), SLIGHTLY_BETTER),
@@ -222,3 +223,13 @@ class Tracker:
         """The detector's pose, if it has all joints."""
         joints = self.detector.estimate(depth_m[None], self.camera).joints_camera_m[0].astype(np.float64)
         return joints if np.isfinite(joints).all() else None
+
+
+def carried_on(joints_m: np.ndarray, step_m: np.ndarray) -> np.ndarray:
+    """(15, 3) the pose if the whole body moves on as the torso moved in its last step, turning with it (Kabsch 1976)."""
+    torso = list(TORSO_JOINTS)
+    now, last = joints_m[torso], (joints_m - step_m)[torso]
+    middle, last_middle = now.mean(axis=0), last.mean(axis=0)
+    u, _, vt = np.linalg.svd((last - last_middle).T @ (now - middle))
+    rotation = vt.T @ np.diag([1.0, 1.0, np.sign(np.linalg.det(vt.T @ u.T))]) @ u.T
+    return middle + (joints_m - middle) @ rotation.T + (middle - last_middle)
