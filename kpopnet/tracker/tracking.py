@@ -29,6 +29,10 @@ from kpopnet.tracker.surface import joint_confidence, with_thickness
 FEWEST_CELLS = 20
 """Of a smaller silhouette nothing can be told."""
 
+SUDDENLY_LESS, FORGETTING = 0.7, 0.9
+"""If less than this share of the cells last seen is left all at once, part of the picture is missing, not of the person:
+the pose is held. What was seen is forgotten by this factor a frame, so that it is not held for ever."""
+
 POINTS = 200
 """About so many points choose between poses; all of them fit the one chosen."""
 
@@ -112,6 +116,7 @@ class Tracker:
         self.velocity_m = np.zeros((NUM_JOINTS, 3))
         self._middle: np.ndarray | None = None
         self._knows_thickness = False
+        self._cells_seen = 0.0
 
     @property
     def started(self) -> bool:
@@ -148,6 +153,11 @@ class Tracker:
             return nothing
         if not self._knows_thickness:
             self.body, self._knows_thickness = with_thickness(self.body, self.joints_camera_m, cells), True
+        if len(cells.points_m) < SUDDENLY_LESS * self._cells_seen:
+            self._cells_seen *= FORGETTING
+            self.velocity_m = np.zeros_like(self.velocity_m)
+            return self.joints_camera_m.copy(), joint_confidence(self.joints_camera_m, cells, self.body)
+        self._cells_seen = len(cells.points_m)
         before = self.joints_camera_m = self._carried(cells)
         if self.config.body:
             joints = self._follow(depth_m, cells)
