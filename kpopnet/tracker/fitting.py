@@ -113,7 +113,7 @@ def _nearest(index):
                     other_y = y + (0 if k == 0 else back)
                     other_x = x + (back if k == 0 else (0, 0, back, -back)[k])
                     if 0 <= other_y < height and 0 <= other_x < width:
-                        row, column = nearest[other_y, other_x]
+                        row, column = nearest[other_y, other_x, 0], nearest[other_y, other_x, 1]
                         away = (row - y) ** 2 + (column - x) ** 2
                         if away < best:
                             best = away
@@ -189,18 +189,18 @@ def _intrusion(axes, k, along, depth, nearest, intrinsics):
 
     Returns the way out of the contradiction in metres, 0 if there is none, and whether the place is hidden.
     """
-    fx, fy, cx, cy = intrinsics
+    fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
     x, y, z = axes[k, 0] + along * axes[k, 3], axes[k, 1] + along * axes[k, 4], axes[k, 2] + along * axes[k, 5]
     if z < 0.2:
         return 0.0, 0.0, 0.0, False
-    u, v = round(x * fx / z + cx), round(y * fy / z + cy)
+    u, v = int(np.rint(x * fx / z + cx)), int(np.rint(y * fy / z + cy))
     if u < 0 or v < 0 or v >= depth.shape[0] or u >= depth.shape[1]:
         return 0.0, 0.0, 0.0, False
     if depth[v, u] > 0:
         front = z - axes[k, 7] - along * axes[k, 8]
         behind = depth[v, u] - front
         return 0.0, 0.0, (min(behind, PUSH_BACK_M) if behind > IN_FRONT_M else 0.0), behind < -HIDDEN_M
-    row, column = nearest[v // CELL_PX, u // CELL_PX]
+    row, column = nearest[v // CELL_PX, u // CELL_PX, 0], nearest[v // CELL_PX, u // CELL_PX, 1]
     if row < 0 or (row == v // CELL_PX and column == u // CELL_PX):
         return 0.0, 0.0, 0.0, False
     middle = (CELL_PX - 1) / 2

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from cone_people import cone_body, cone_joints, draw_cones
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kpopnet.camera import CAMERAS
@@ -173,6 +173,7 @@ def test_nobody_to_lay_limbs_along() -> None:
 
 
 @given(*[st.tuples(*[st.floats(-1, 1)] * 3)] * 3, st.floats(0.15, 0.5), st.floats(0.15, 0.5))
+@settings(deadline=None)
 def test_two_lengths_from_any_hint(root: tuple, middle: tuple, end: tuple, upper_m: float, lower_m: float) -> None:
     fixed, moved, far = np.array(root), np.array(middle), np.array(end)
     _with_lengths(fixed, moved, far, upper_m, lower_m)
@@ -202,6 +203,7 @@ def test_known_poses_are_directions_and_legs_bend_one_way() -> None:
 
 
 @given(st.floats(-np.pi, np.pi), st.floats(-40, 40))
+@settings(deadline=None)
 def test_turning_and_bending_keep_all_distances_and_can_be_undone(angle: float, yaw_deg: float) -> None:
     joints = cone_joints(elevation_deg=30, elbow_deg=20, yaw_deg=yaw_deg)
     for way in (turned, bent):
