@@ -130,10 +130,11 @@ class Tracker:
             InputError: another shape, or joints are missing.
         """
         joints = np.asarray(joints_camera_m, np.float64)
-        if self.model is None:
-            self.model = HumanModel.from_joints(joints)
         if joints.shape != (NUM_JOINTS, 3) or not np.isfinite(joints).all():
             raise InputError(f"tracker: expected ({NUM_JOINTS}, 3) joints without gaps to start from")
+        if self.model is None:
+            self.model = HumanModel.from_joints(joints)
+        self._knows_thickness = False
         self.body, self.lengths = body_of(self.model), lengths_of(self.model)
         self.joints_camera_m, self.velocity_m, self._middle = joints, np.zeros_like(joints), None
 
