@@ -16,7 +16,7 @@ from kpopnet.camera import Camera
 from kpopnet.errors import InputError
 from kpopnet.estimators import Estimator
 from kpopnet.ridge import RidgeConfig, ridge_data
-from kpopnet.skeleton import MIRROR, NUM_JOINTS
+from kpopnet.skeleton import JOINT_NAMES, MIRROR, NUM_JOINTS
 from kpopnet.tracker.body import TORSO_JOINTS, Body, body_of
 from kpopnet.tracker.fitting import Cells, cells_of, fit, misfit
 from kpopnet.tracker.hierarchy import HierarchyConfig, estimate_pose, lengths_of
@@ -130,8 +130,11 @@ class Tracker:
             InputError: another shape, or joints are missing.
         """
         joints = np.asarray(joints_camera_m, np.float64)
-        if joints.shape != (NUM_JOINTS, 3) or not np.isfinite(joints).all():
-            raise InputError(f"tracker: expected ({NUM_JOINTS}, 3) joints without gaps to start from")
+        if joints.shape != (NUM_JOINTS, 3):
+            raise InputError(f"tracker: expected ({NUM_JOINTS}, 3) joints to start from, found {joints.shape}")
+        missing = [JOINT_NAMES[joint] for joint in np.flatnonzero(~np.isfinite(joints).all(axis=1))]
+        if missing:
+            raise InputError(f"tracker: expected joints without gaps to start from; missing: {', '.join(missing)}")
         if self.model is None:
             self.model = HumanModel.from_joints(joints)
         self._knows_thickness = False
