@@ -59,6 +59,19 @@ def test_a_report_is_written_where_hydra_is_told_to_with_the_baseline_beside_the
     assert files == {"metrics.json", "report.md", "report.html", "examples.png", "per_joint.png", "error_curve.png"}
 
 
+def test_the_tracker_needs_no_checkpoint_and_may_be_told_where_to_start(place):
+    settings = "estimator=[tracker]", "benchmark.path=set"
+    for start, with_joints in (("label", True), ("y_pose", False)):
+        done = evaluate(place, *settings, f"estimator.tracker.start={start}", f"hydra.run.dir={start}")
+        assert done.returncode == 0, done.stderr
+        found = json.loads((place / start / "metrics.json").read_text())
+        assert list(found["estimators"]) == ["tracker"] and found["checkpoint"] is None
+        # Nobody in the set takes the Y pose: told nothing, the tracker waits for it to the end.
+        assert (found["missing_joints"] < 15 * found["images"]) == with_joints
+    refused = evaluate(place, *settings, "estimator.tracker.start=somewhere")
+    assert refused.returncode != 0 and "estimator.tracker.start=somewhere" in refused.stderr
+
+
 def test_estimators_come_in_the_order_they_are_listed(place):
     runpy.run_path(str(ROOT / "evaluate.py"), run_name="evaluate")
     with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
