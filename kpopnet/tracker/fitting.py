@@ -5,7 +5,7 @@ stands in front of what was measured is pushed back, and the distances between j
 dynamics, Müller et al. 2007). Started near the truth it stays there; from farther away it may not arrive, which is what
 `kpopnet.tracker.proposals` is for, and `misfit` tells.
 
-Arrays: X (N, 3) measured points, P (15, 3) joints, both in the camera frame in metres; cells: see `Cells`.
+Points and joints are in the camera frame in metres throughout.
 """
 
 import math

@@ -12,7 +12,6 @@ What the paper leaves open is settled so:
   `kpopnet.tracker.geodesic.JUMP_COST` times.
 - Eqs. (6) and (8) name the distance from the head (the torso's centre) to the line through candidate and opposite
   shoulder (hip). The first of the two shoulders, and of the two hips, is judged by the prediction of the other.
-- Algorithm 2 prints l_H,T for the shoulders' rule where Eq. (6) has l_LS,RS and l_H⊥S: Eq. (6) is meant.
 - The neck, which the paper does not estimate, lies between the shoulders and the head.
 """
 

@@ -1,6 +1,6 @@
 """The tracker: one person's joints, frame after frame, from depth alone.
 
-Algorithm 2 as printed follows slow movement and loses joints for good in fast ones. Here it gives one of a frame's
+Algorithm 2 alone follows slow movement and loses joints for good in fast ones. Here it gives one of a frame's
 starting points; each is fitted as a body to the measured points, the one that explains the picture best stays, limbs
 are laid anew where that explains it better, and a pose that explains it badly makes the tracker look around: the body
 turned, bent or mirrored. `TrackerConfig(body=False)` leaves all that away: the paper's tracker.
