@@ -67,7 +67,8 @@ def test_one_motion_follows_another_without_a_jump(one, other, start, stop):
     np.testing.assert_allclose(points(joined)[end], points(first)[-1], atol=0.02)
     fastest = max(speeds(first).max(), speeds(second).max())
     assert speeds(joined)[end - 1 : end + 1].max() < 0.1 * fastest + 0.05  # at rest in the seam
-    assert speeds(joined).max() < fastest + 4.0
+    # Hips, spine, shoulder and elbow may all turn at up to 5 rad/s to where they have to be; a jump would be some 30 m/s.
+    assert speeds(joined).max() < fastest + 8.0
     # Long after, it is the second motion, turned and moved as a whole.
     tail, own = points(joined)[-1], points(second)[-1]
     between = np.linalg.norm(tail[:, None] - tail, axis=-1) - np.linalg.norm(own[:, None] - own, axis=-1)
