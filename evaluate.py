@@ -12,19 +12,14 @@ The run's folder (outputs/evaluate/BENCHMARK-DATE_TIME) gets metrics.json, repor
 training set's mean pose is always judged beside a network, to show what the network is worth.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 
 from hydra.core.config_store import ConfigStore
 from hydra.core.hydra_config import HydraConfig
 
-from kpopnet.benchmarks.evaluation import (
-    BENCHMARKS,
-    ESTIMATORS,
-    EvaluateConfig,
-    build_benchmark,
-    build_estimators,
-    run_benchmark,
-)
+from kpopnet.benchmarks.evaluation import EvaluateConfig, run_benchmark
+from kpopnet.benchmarks.registry import BENCHMARKS, ESTIMATORS, build_benchmark, build_estimators
 from kpopnet.benchmarks.report import terminal_table, write_report
 from kpopnet.entry import entry_point, overridable
 
@@ -33,14 +28,23 @@ for group, known in (("benchmark", BENCHMARKS), ("estimator", ESTIMATORS)):
         ConfigStore.instance().store(group=f"{group}/schema", name=name, node=overridable(schema))
 
 
-@entry_point(EvaluateConfig, "evaluate")
-def main(config: EvaluateConfig) -> None:
+def evaluate_joints(config: EvaluateConfig, folder: Path) -> None:
+    """Judges estimated joints by true ones, and reports into the folder."""
     estimators = build_estimators(config.estimator)
     benchmark = build_benchmark(config.benchmark)
-    folder = Path(HydraConfig.get().runtime.output_dir)
     run = run_benchmark(benchmark, estimators, config.sequences, config.seed)
     write_report(folder, run, config)
     print(terminal_table(run))
+
+
+EVALUATIONS: dict[str, Callable[[EvaluateConfig, Path], None]] = {}
+"""What evaluates a benchmark, by its name, where it is not joints that are judged."""
+
+
+@entry_point(EvaluateConfig, "evaluate")
+def main(config: EvaluateConfig) -> None:
+    folder = Path(HydraConfig.get().runtime.output_dir)
+    EVALUATIONS.get(config.benchmark.name, evaluate_joints)(config, folder)
     print(f"report: {folder / 'report.html'}")
 
 

@@ -13,7 +13,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 from shard_sets import write_shard
 
-from kpopnet.benchmarks.evaluation import MeanPoseConfig, NetworkEstimatorConfig, build_estimators
+from kpopnet.benchmarks.registry import MeanPoseConfig, NetworkEstimatorConfig, build_estimators
 from kpopnet.checkpoint import save_checkpoint
 from kpopnet.errors import InputError
 from kpopnet.mean_pose import MeanPoseEstimator

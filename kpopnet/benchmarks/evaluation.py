@@ -1,27 +1,20 @@
 """One evaluation: a benchmark's sequences through one or more estimators."""
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from tqdm import tqdm
 
-from kpopnet.benchmarks.eval_benchmark import EvalBenchmark, EvalConfig, EvalSimBenchmark, EvalSimConfig
 from kpopnet.benchmarks.metrics import Scored, evaluate
 from kpopnet.benchmarks.sequences import Benchmark, evenly_spaced
-from kpopnet.benchmarks.synthetic import SyntheticBenchmark, SyntheticConfig
-from kpopnet.benchmarks.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
-from kpopnet.checkpoint import read_meta
+from kpopnet.benchmarks.synthetic import SyntheticBenchmark
 from kpopnet.errors import InputError
 from kpopnet.estimators import Estimator
 from kpopnet.extraction import extract_person
-from kpopnet.mean_pose import MeanPoseEstimator
 from kpopnet.networks.estimator import NetworkEstimator
-from kpopnet.skeleton import NUM_JOINTS
-from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig, first_label
+from kpopnet.tracker.estimator import TrackerEstimator, first_label
 
 
 @dataclass
@@ -41,81 +34,6 @@ class EvaluateConfig:
     checkpoint: str | None = None
     sequences: int | None = None
     seed: int = 0
-
-
-@dataclass
-class NetworkEstimatorConfig:
-    """A trained network. Attributes: checkpoint: its folder. device: cpu or cuda."""
-
-    checkpoint: str | None = None
-    device: str = "cpu"
-
-
-@dataclass
-class MeanPoseConfig:
-    """The constant baseline. Attributes: checkpoint: folder of a network whose training set's mean pose to use."""
-
-    checkpoint: str | None = None
-
-
-BENCHMARKS: dict[str, tuple[type, Callable[[Any], Benchmark]]] = {
-    "synthetic": (SyntheticConfig, SyntheticBenchmark),
-    "utd_mhad": (UtdMhadConfig, UtdMhadBenchmark),
-    "eval": (EvalConfig, EvalBenchmark),
-    "eval_sim": (EvalSimConfig, EvalSimBenchmark),
-}
-"""Settings and reader of each benchmark."""
-
-
-def build_benchmark(config: Any) -> Benchmark:
-    _, reader = BENCHMARKS[config.name]
-    return reader(config)
-
-
-def _network(config: NetworkEstimatorConfig) -> Estimator:
-    return NetworkEstimator(_checkpoint(config.checkpoint, "network"), device=config.device)
-
-
-def _mean_pose(config: MeanPoseConfig) -> Estimator:
-    checkpoint = _checkpoint(config.checkpoint, "mean_pose")
-    pose = _known_mean_pose_m(checkpoint)
-    if pose is None:
-        raise InputError(f"{checkpoint}: its meta.json holds no mean_pose_m, which estimator=mean_pose needs")
-    return MeanPoseEstimator(pose)
-
-
-ESTIMATORS: dict[str, tuple[type, Callable[[Any], Estimator]]] = {
-    "tracker": (TrackerEstimatorConfig, TrackerEstimator),
-    "network": (NetworkEstimatorConfig, _network),
-    "mean_pose": (MeanPoseConfig, _mean_pose),
-}
-"""Settings and builder of each estimator."""
-
-
-def build_estimators(configs: dict[str, Any]) -> dict[str, Estimator]:
-    """The configured estimators by name. The mean pose joins them, last, wherever a checkpoint knows one: without it
-    nobody can tell what a network's figures are worth.
-    """
-    if not configs:
-        raise InputError("estimator: expected at least one, for instance estimator=network checkpoint=...")
-    built = {name: ESTIMATORS[name][1](config) for name, config in configs.items()}
-    checkpoints = [Path(config.checkpoint) for config in configs.values() if getattr(config, "checkpoint", None)]
-    if "mean_pose" not in built and checkpoints:
-        pose = _known_mean_pose_m(checkpoints[0])
-        if pose is not None:
-            built["mean_pose"] = MeanPoseEstimator(pose)
-    return built
-
-
-def _checkpoint(folder: str | None, estimator: str) -> Path:
-    if folder is None:
-        raise InputError(f"estimator={estimator} needs a trained network: checkpoint=outputs/train/RUN/best")
-    return Path(folder)
-
-
-def _known_mean_pose_m(checkpoint: Path) -> np.ndarray | None:
-    pose = read_meta(checkpoint).get("mean_pose_m")
-    return None if pose is None else np.array(pose, np.float32).reshape(NUM_JOINTS, 3)
 
 
 @dataclass(frozen=True)

@@ -4,15 +4,14 @@ All of them say first whether the depth is real or simulated and what the joints
 """
 
 import hashlib
-import html
 import json
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from kpopnet.benchmarks.document import Block, Table, as_html, as_markdown, as_text
 from kpopnet.benchmarks.evaluation import EvaluateConfig, Run
 from kpopnet.benchmarks.pictures import error_curve, examples_sheet, joint_bars
 from kpopnet.benchmarks.sequences import Origin
@@ -32,11 +31,6 @@ HEADLINE = (
     ("missing joints", "missing_joints", ""),
     ("frames per second", "fps", ""),
 )
-
-Table = tuple[list[str], list[list[str]]]
-"""A header and rows of as many cells."""
-Block = tuple[str, Any]
-"""A heading, text, table or picture with its content."""
 
 
 def number(value: float | None, unit: str = "") -> str:
@@ -133,13 +127,8 @@ def remarks(run: Run) -> list[str]:
 def terminal_table(run: Run) -> str:
     """The headline and the joint groups, for a terminal."""
     parts = [identity(run), *remarks(run)]
-    for header, rows in (headline_table(run), group_table(run)):
-        widths = [max(len(row[column]) for row in [header, *rows]) for column in range(len(header))]
-        lines = [
-            "  ".join([row[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True))])
-            for row in [header, *rows]
-        ]
-        parts += ["", *lines]
+    for table in (headline_table(run), group_table(run)):
+        parts += ["", as_text(table)]
     return "\n".join(parts) + "\n"
 
 
@@ -230,56 +219,3 @@ def report_blocks(run: Run, described: dict) -> list[Block]:
         ),
     ]
     return blocks
-
-
-def as_markdown(blocks: list[Block]) -> str:
-    out = []
-    for kind, content in blocks:
-        match kind:
-            case "title":
-                out.append(f"# {content}")
-            case "heading":
-                out.append(f"## {content}")
-            case "text":
-                out.append(content)
-            case "picture":
-                out.append(f"![{content[1]}]({content[0]})")
-            case "table":
-                header, rows = content
-                rule = ["---", *["---:"] * (len(header) - 1)]
-                out.append("\n".join("| " + " | ".join(row) + " |" for row in [header, rule, *rows]))
-    return "\n\n".join(out) + "\n"
-
-
-PAGE = """<!doctype html>
-<html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{title}</title>
-<style>
-body {{ font: 16px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; color: #222; }}
-table {{ border-collapse: collapse; margin: 1rem 0; display: block; overflow-x: auto; }}
-td, th {{ padding: .25rem .8rem; border-bottom: 1px solid #ddd; text-align: right; }}
-td:first-child, th:first-child {{ text-align: left; }}
-img {{ max-width: 100%; }}
-</style>
-{body}
-</html>
-"""
-
-
-def as_html(blocks: list[Block], title: str) -> str:
-    out = []
-    for kind, content in blocks:
-        match kind:
-            case "title":
-                out.append(f"<h1>{html.escape(content)}</h1>")
-            case "heading":
-                out.append(f"<h2>{html.escape(content)}</h2>")
-            case "text":
-                out.append(f"<p>{html.escape(content)}</p>")
-            case "picture":
-                out.append(f'<p><img src="{html.escape(content[0])}" alt="{html.escape(content[1])}"></p>')
-            case "table":
-                header, rows = content
-                lines = ["".join(f"<th>{html.escape(cell)}</th>" for cell in header)]
-                lines += ["".join(f"<td>{html.escape(cell)}</td>" for cell in row) for row in rows]
-                out.append("<table>\n" + "\n".join(f"<tr>{line}</tr>" for line in lines) + "\n</table>")
-    return PAGE.format(title=html.escape(title), body="\n".join(out))

@@ -22,7 +22,7 @@ from kpopnet.benchmarks.eval_benchmark import (
     heading_rad,
 )
 from kpopnet.benchmarks.eval_format import BLOCK, FRAME, fit_camera, read_sequence
-from kpopnet.benchmarks.evaluation import BENCHMARKS
+from kpopnet.benchmarks.registry import BENCHMARKS
 from kpopnet.benchmarks.sequences import Origin
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError

@@ -1,0 +1,80 @@
+"""A report as a list of blocks, written as Markdown and as HTML; and a table for the terminal."""
+
+import html
+from typing import Any
+
+Table = tuple[list[str], list[list[str]]]
+"""A header and rows of as many cells."""
+
+Block = tuple[str, Any]
+"""Its kind and content: title, heading and text a string; picture and video a file's name, beside the report, and what it
+shows; table a Table.
+"""
+
+
+def as_text(table: Table) -> str:
+    """The table in columns, the first flush left, the others right."""
+    header, rows = table
+    widths = [max(len(row[column]) for row in [header, *rows]) for column in range(len(header))]
+    return "\n".join(
+        "  ".join([row[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True))])
+        for row in [header, *rows]
+    )
+
+
+def as_markdown(blocks: list[Block]) -> str:
+    out = []
+    for kind, content in blocks:
+        match kind:
+            case "title":
+                out.append(f"# {content}")
+            case "heading":
+                out.append(f"## {content}")
+            case "text":
+                out.append(content)
+            case "picture":
+                out.append(f"![{content[1]}]({content[0]})")
+            case "video":
+                out.append(f"[{content[1]}]({content[0]})")
+            case "table":
+                header, rows = content
+                rule = ["---", *["---:"] * (len(header) - 1)]
+                out.append("\n".join("| " + " | ".join(row) + " |" for row in [header, rule, *rows]))
+    return "\n\n".join(out) + "\n"
+
+
+PAGE = """<!doctype html>
+<html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{title}</title>
+<style>
+body {{ font: 16px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; color: #222; }}
+table {{ border-collapse: collapse; margin: 1rem 0; display: block; overflow-x: auto; }}
+td, th {{ padding: .25rem .8rem; border-bottom: 1px solid #ddd; text-align: right; }}
+td:first-child, th:first-child {{ text-align: left; }}
+img, video {{ max-width: 100%; }}
+</style>
+{body}
+</html>
+"""
+
+
+def as_html(blocks: list[Block], title: str) -> str:
+    out = []
+    for kind, content in blocks:
+        match kind:
+            case "title":
+                out.append(f"<h1>{html.escape(content)}</h1>")
+            case "heading":
+                out.append(f"<h2>{html.escape(content)}</h2>")
+            case "text":
+                out.append(f"<p>{html.escape(content)}</p>")
+            case "picture":
+                out.append(f'<p><img src="{html.escape(content[0])}" alt="{html.escape(content[1])}"></p>')
+            case "video":
+                source, shown = (html.escape(text) for text in content)
+                out.append(f'<p><video src="{source}" controls loop muted></video><br>{shown}</p>')
+            case "table":
+                header, rows = content
+                lines = ["".join(f"<th>{html.escape(cell)}</th>" for cell in header)]
+                lines += ["".join(f"<td>{html.escape(cell)}</td>" for cell in row) for row in rows]
+                out.append("<table>\n" + "\n".join(f"<tr>{line}</tr>" for line in lines) + "\n</table>")
+    return PAGE.format(title=html.escape(title), body="\n".join(out))

@@ -1,0 +1,100 @@
+"""Every benchmark and estimator by its name, with its settings and what makes it of them.
+
+A new one is a line here and a file in configs/: `schema/NAME` there is the settings named here.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kpopnet.benchmarks.eval_benchmark import EvalBenchmark, EvalConfig, EvalSimBenchmark, EvalSimConfig
+from kpopnet.benchmarks.sequences import Benchmark
+from kpopnet.benchmarks.synthetic import SyntheticBenchmark, SyntheticConfig
+from kpopnet.benchmarks.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
+from kpopnet.checkpoint import read_meta
+from kpopnet.errors import InputError
+from kpopnet.estimators import Estimator
+from kpopnet.mean_pose import MeanPoseEstimator
+from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.skeleton import NUM_JOINTS
+from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
+
+
+@dataclass
+class NetworkEstimatorConfig:
+    """A trained network. Attributes: checkpoint: its folder. device: cpu or cuda."""
+
+    checkpoint: str | None = None
+    device: str = "cpu"
+
+
+@dataclass
+class MeanPoseConfig:
+    """The constant baseline. Attributes: checkpoint: folder of a network whose training set's mean pose to use."""
+
+    checkpoint: str | None = None
+
+
+def _network(config: NetworkEstimatorConfig) -> Estimator:
+    return NetworkEstimator(_checkpoint(config.checkpoint, "network"), device=config.device)
+
+
+def _mean_pose(config: MeanPoseConfig) -> Estimator:
+    checkpoint = _checkpoint(config.checkpoint, "mean_pose")
+    pose = _known_mean_pose_m(checkpoint)
+    if pose is None:
+        raise InputError(f"{checkpoint}: its meta.json holds no mean_pose_m, which estimator=mean_pose needs")
+    return MeanPoseEstimator(pose)
+
+
+BENCHMARKS: dict[str, tuple[type, Callable[[Any], Benchmark]]] = {
+    "synthetic": (SyntheticConfig, SyntheticBenchmark),
+    "utd_mhad": (UtdMhadConfig, UtdMhadBenchmark),
+    "eval": (EvalConfig, EvalBenchmark),
+    "eval_sim": (EvalSimConfig, EvalSimBenchmark),
+}
+"""Settings and reader of each benchmark."""
+
+ESTIMATORS: dict[str, tuple[type, Callable[[Any], Estimator]]] = {
+    "tracker": (TrackerEstimatorConfig, TrackerEstimator),
+    "network": (NetworkEstimatorConfig, _network),
+    "mean_pose": (MeanPoseConfig, _mean_pose),
+}
+"""Settings and builder of each kind of estimator. Settings of one kind belong to no other: they tell what to build."""
+
+
+def build_benchmark(config: Any) -> Benchmark:
+    _, reader = BENCHMARKS[config.name]
+    return reader(config)
+
+
+def build_estimators(configs: dict[str, Any]) -> dict[str, Estimator]:
+    """The configured estimators by name; of what kind each is, its settings say.
+
+    The mean pose joins them, last, wherever a checkpoint knows one: without it nobody can tell what a network's figures
+    are worth.
+    """
+    if not configs:
+        raise InputError("estimator: expected at least one, for instance estimator=network checkpoint=...")
+    builders = dict(ESTIMATORS.values())
+    built = {name: builders[type(config)](config) for name, config in configs.items()}
+    checkpoints = [Path(config.checkpoint) for config in configs.values() if getattr(config, "checkpoint", None)]
+    if checkpoints and not any(isinstance(one, MeanPoseEstimator) for one in built.values()):
+        pose = _known_mean_pose_m(checkpoints[0])
+        if pose is not None:
+            built["mean_pose"] = MeanPoseEstimator(pose)
+    return built
+
+
+def _checkpoint(folder: str | None, estimator: str) -> Path:
+    if folder is None:
+        raise InputError(f"estimator={estimator} needs a trained network: checkpoint=outputs/train/RUN/best")
+    return Path(folder)
+
+
+def _known_mean_pose_m(checkpoint: Path) -> np.ndarray | None:
+    pose = read_meta(checkpoint).get("mean_pose_m")
+    return None if pose is None else np.array(pose, np.float32).reshape(NUM_JOINTS, 3)
