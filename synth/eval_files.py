@@ -12,7 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from kpopnet.benchmarks.eval_format import FRAME, FROM_OPENGL, HEIGHT, WIDTH, count_frames, manifest_path, read_manifest
+from kpopnet.benchmarks.eval_format import FRAME, HEIGHT, WIDTH, count_frames
+from kpopnet.benchmarks.organised_points import FROM_OPENGL
+from kpopnet.benchmarks.stand_ins import manifest_path, read_manifest
 from kpopnet.drawing import TRUE, depth_picture, draw_skeleton, enlarged, save_png, sheet, with_captions
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint

@@ -12,19 +12,18 @@ A file seq_<subject>_<number>.bin is one sequence: C structs of 930,704 bytes, o
 Whatever is here in metres is turned into the camera frame at the door: x right, y down, z forward.
 """
 
-import json
-import logging
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from kpopnet.benchmarks.joint_maps import describe_map, describe_skipped
+from kpopnet.benchmarks.organised_points import FROM_OPENGL, depth_of_points, fit_camera
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
 from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
-
-log = logging.getLogger(__name__)
 
 HEIGHT, WIDTH, SLOTS = 240, 320, 32
 MARKER = np.dtype([("name", "S256"), ("pos", "<f4", 3)])
@@ -44,12 +43,6 @@ FPS = 30.0
 BLOCK = 16
 """Frames read at a time, 15 MB."""
 
-FROM_OPENGL = np.array([1, -1, -1], np.float32)
-"""Turns EVAL's axes into the camera frame's, and back."""
-
-FIT_PX = 0.5
-"""How far, root mean square, points may lie from the pixels of the pinhole camera fitted to them."""
-
 
 @dataclass(frozen=True)
 class EvalSequence:
@@ -67,7 +60,7 @@ class EvalSequence:
     depth_m: np.ndarray
     joints_camera_m: np.ndarray
     markers_camera_m: dict[str, np.ndarray]
-    skipped: dict[str, int]
+    skipped: Counter[str]
 
 
 def count_frames(path: Path) -> int:
@@ -131,21 +124,12 @@ def read_sequence(path: Path, joint_ids: Mapping[str, list[int]]) -> EvalSequenc
     depth_m = np.empty((frames, HEIGHT, WIDTH), np.float32)
     joints_m = np.full((frames, NUM_JOINTS, 3), np.nan, np.float32)
     markers_m: dict[str, np.ndarray] = {}
-    skipped: dict[str, int] = {}
-
-    def skip(what: str, count: int) -> None:
-        if count:
-            skipped[what] = skipped.get(what, 0) + int(count)
-
+    skipped: Counter[str] = Counter()
     camera, start = None, 0
     known = {number for ids in joint_ids.values() for number in ids}
     for block in read_blocks(path):
-        finite = np.isfinite(block["xyz"]).all(axis=-1)
-        z = block["xyz"][..., 2]
-        skip("points that are not finite", (~finite).sum())
-        skip("points behind the camera", (finite & (z > 0)).sum())
         rows = slice(start, start + len(block))
-        depth_m[rows] = np.where(finite & (z < 0), -z, 0)
+        depth_m[rows] = depth_of_points(block["xyz"], skipped)
         if camera is None and depth_m[rows].any():
             measured = depth_m[rows].any(axis=(1, 2))
             camera = fit_camera(block["xyz"][measured][0], str(path))
@@ -154,9 +138,9 @@ def read_sequence(path: Path, joint_ids: Mapping[str, list[int]]) -> EvalSequenc
             for number, position in frame["joints"][: frame["njoints"]].tolist():
                 position_m = _position(position)
                 if position_m is None:
-                    skip("joints that are absent", 1)
+                    skipped["joints that are absent"] += 1
                 elif number not in known:
-                    skip(f"joint id {number}, which the map does not name", 1)
+                    skipped[f"joint id {number}, which the map does not name"] += 1
                 else:
                     by_id[number] = position_m
             for name, ids in joint_ids.items():
@@ -165,18 +149,19 @@ def read_sequence(path: Path, joint_ids: Mapping[str, list[int]]) -> EvalSequenc
             for name, position in frame["markers"][: frame["nmarkers"]].tolist():
                 position_m = _position(position)
                 if position_m is None:
-                    skip("markers that are absent", 1)
+                    skipped["markers that are absent"] += 1
                 else:
                     places = markers_m.setdefault(marker_name(name), np.full((frames, 3), np.nan, np.float32))
                     places[start + row] = position_m
         start += len(block)
     if camera is None:
         raise InputError(
-            f"{path}: not one point is measured before the camera in its {frames} frames ({skipped or 'all are 0'})"
+            f"{path}: not one point is measured before the camera in its {frames} frames "
+            f"({describe_skipped(+skipped) or 'all are 0'})"
         )
     if np.isnan(joints_m).all():
         raise InputError(f"{path}: no frame holds the joints that the map names. {describe_map(joint_ids)}. {describe(path)}")
-    return EvalSequence(camera, depth_m, joints_m, markers_m, skipped)
+    return EvalSequence(camera, depth_m, joints_m, markers_m, +skipped)
 
 
 def _position(xyz_opengl_m: list[float]) -> np.ndarray | None:
@@ -188,37 +173,6 @@ def _position(xyz_opengl_m: list[float]) -> np.ndarray | None:
 def marker_name(stored: bytes) -> str:
     """The name, a C string: what follows its end is whatever lay in memory."""
     return stored.partition(b"\0")[0].decode("ascii", errors="replace")
-
-
-def fit_camera(xyz_opengl_m: np.ndarray, where: str) -> Camera:
-    """The pinhole camera that took organised points, by least squares: u = cx + fx X/(-Z), v = cy - fy Y/(-Z).
-
-    Args:
-        xyz_opengl_m: (..., H, W, 3) metres; points that are not finite or not before the camera are left out.
-        where: file, for messages.
-
-    Raises:
-        InputError: the points do not lie on the rays of one camera's pixels.
-    """
-    height, width = xyz_opengl_m.shape[-3:-1]
-    v, u = np.broadcast_arrays(*np.mgrid[:height, :width], np.empty(xyz_opengl_m.shape[:-1]))[:2]
-    usable = np.isfinite(xyz_opengl_m).all(axis=-1) & (xyz_opengl_m[..., 2] < 0)
-    x, y, z = np.moveaxis(xyz_opengl_m[usable].astype(np.float64), -1, 0)
-    intrinsics, away_px = [], []
-    for pixel, slope in ((u[usable], x / -z), (v[usable], -y / -z)):
-        if np.ptp(slope) < 1e-6:
-            raise InputError(f"{where}: too few points are measured to fit a camera to them; fetch it again")
-        matrix = np.stack([slope, np.ones_like(slope)], axis=1)
-        (focal_px, centre_px), *_ = np.linalg.lstsq(matrix, pixel.astype(np.float64), rcond=None)
-        intrinsics.append((float(focal_px), float(centre_px)))
-        away_px.append(float(np.sqrt(np.mean((matrix @ [focal_px, centre_px] - pixel) ** 2))))
-    (fx, cx), (fy, cy) = intrinsics
-    if max(away_px) > FIT_PX or min(fx, fy) <= 0:
-        raise InputError(
-            f"{where}: its points lie {max(away_px):.2f} pixels from those of the camera that fits best (fx {fx:.1f}, "
-            f"fy {fy:.1f}); expected {width}x{height} organised points, x right, y up, z negative before the camera"
-        )
-    return Camera(fx, fy, cx, cy, width, height)
 
 
 def describe(path: Path) -> str:
@@ -233,31 +187,3 @@ def describe(path: Path) -> str:
         f"Frame 0 of {path} holds joint ids {', '.join(joints) or 'none'} (metres right, down, forward of the camera) "
         f"and markers {', '.join(markers) or 'none'}"
     )
-
-
-def describe_map(joint_ids: Mapping[str, list[int]]) -> str:
-    return "The map: " + (", ".join(f"{name}: {ids}" for name, ids in joint_ids.items()) or "empty")
-
-
-def manifest_path(folder: Path) -> Path:
-    """What lies beside simulated files and says so."""
-    return Path(folder) / "manifest.json"
-
-
-def read_manifest(folder: Path) -> dict | None:
-    """What a simulated set says of itself, or None where there is no manifest.
-
-    Raises:
-        InputError: there is one, and it cannot be read.
-    """
-    path = manifest_path(folder)
-    if not path.exists():
-        return None
-    try:
-        manifest = json.loads(path.read_text())
-        missing = {"simulated", "benchmark", "seed", "hash", "sequences", "joint_ids"} - set(manifest)
-    except (ValueError, TypeError) as error:
-        raise InputError(f"{path}: not readable as a manifest ({error}); make the set anew") from error
-    if missing:
-        raise InputError(f"{path}: lacks {', '.join(sorted(missing))}; make the set anew")
-    return manifest

@@ -12,6 +12,7 @@ import numpy as np
 
 from kpopnet.benchmarks.eval_benchmark import EvalBenchmark, EvalConfig, EvalSimBenchmark, EvalSimConfig
 from kpopnet.benchmarks.sequences import Benchmark
+from kpopnet.benchmarks.smmc10_benchmark import Smmc10Benchmark, Smmc10Config, Smmc10SimBenchmark, Smmc10SimConfig
 from kpopnet.benchmarks.synthetic import SyntheticBenchmark, SyntheticConfig
 from kpopnet.benchmarks.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
 from kpopnet.checkpoint import read_meta
@@ -55,6 +56,8 @@ BENCHMARKS: dict[str, tuple[type, Callable[[Any], Benchmark]]] = {
     "utd_mhad": (UtdMhadConfig, UtdMhadBenchmark),
     "eval": (EvalConfig, EvalBenchmark),
     "eval_sim": (EvalSimConfig, EvalSimBenchmark),
+    "smmc10": (Smmc10Config, Smmc10Benchmark),
+    "smmc10_sim": (Smmc10SimConfig, Smmc10SimBenchmark),
 }
 """Settings and reader of each benchmark."""
 
