@@ -1,0 +1,240 @@
+"""Dynamic time warping of a learner's window into a teacher's dance (section 3.2).
+
+Both are features at the same even frames of one clock. Learner's frame i is expected to be the teacher's frame of the same
+time; it is compared with those up to `band` frames before and after. So distances are kept as (frames, 2 * band + 1): column
+k of row i belongs to the teacher's frame i + k - band. A row is made once, when its frame comes, and serves every window
+that the frame is in: the online form is the offline form with one new row a frame.
+
+The match is open at both ends: it may begin and end anywhere in the band, as the text has it ("finds the corresponding
+teacher's dance sequence"). It begins where the path traced back from its best end begins. Two sets of steps are offered:
+
+- `slope`: the learner is at most twice as fast or as slow as the teacher (slope constraint P = 1 of Sakoe and Chiba 1978),
+  and each of the learner's frames counts once whatever the match's length, so that a long match does not cost more than a
+  short one.
+- `free`: the paper's three steps, each cell counted fully. A learner who stands still may then match a single frame.
+
+Algorithm 3 as printed is `algorithm_3`.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from kpopnet.dance.features import Features
+
+STEPS = ("slope", "free")
+
+_START, _BOTH, _LEARNER, _TEACHER = 0, 1, 2, 3
+
+
+def banded_distances(learner: Features, teacher: Features, first: int, band: int, cap_rad: float) -> np.ndarray:
+    """Distances of each of a learner's frames to the teacher's around the same time.
+
+    Args:
+        learner: (T, D) features; row 0 belongs to the teacher's frame `first`.
+        teacher: (M, D) features.
+        first: may be negative or beyond the teacher's end.
+        band: frames.
+        cap_rad: see `frame_distance`.
+
+    Returns:
+        (T, 2 * band + 1) float64: what `frame_distance` gives, infinite where the teacher has no such frame. Where too little
+        is known of either, the greatest distance possible, which attracts no path and is the same for the learner's whole row.
+    """
+    return _banded_distances(*learner, *teacher, first, band, cap_rad)
+
+
+@njit(cache=True)
+def _banded_distances(learner, learner_weights, teacher, teacher_weights, first, band, cap):
+    everything = np.ones(learner.shape[1], np.bool_)
+    greatest = math.sqrt(learner.shape[1]) * cap
+    distances = np.full((len(learner), 2 * band + 1), np.inf)
+    for i in range(len(learner)):
+        for k in range(2 * band + 1):
+            j = first + i + k - band
+            if 0 <= j < len(teacher):
+                distance = frame_distance(learner[i], learner_weights[i], teacher[j], teacher_weights[j], everything, cap)
+                distances[i, k] = greatest if math.isnan(distance) else distance
+    return distances
+
+
+@njit(cache=True)
+def frame_distance(a, a_weights, b, b_weights, columns, cap):
+    """The norm of Eq. (14) over some columns of two frames' features, in radians.
+
+    Differences are wrapped to -pi..pi, weighted by both frames' weights, and count up to `cap`: a lost limb shall not
+    outweigh all others. Missing angles are taken to differ as much as the others do on average, and columns that are left
+    out likewise, so that the norms of parts and of the whole compare. NaN if more than half of the angles are missing.
+    """
+    total, known, asked = 0.0, 0, 0
+    for c in range(len(a)):
+        if not columns[c]:
+            continue
+        asked += 1
+        difference = abs(a[c] - b[c])
+        if math.isnan(difference):
+            continue
+        known += 1
+        if difference > math.pi:
+            difference = abs(difference - 2 * math.pi)
+        total += a_weights[c] * b_weights[c] * min(difference, cap) ** 2
+    if known == 0 or 2 * known < asked:
+        return np.nan
+    return math.sqrt(total * len(a) / known)
+
+
+@njit(cache=True)
+def best_match(distances, slope, pull):
+    """Open-begin, open-end matching of a window.
+
+    Args:
+        distances: (n, 2 * band + 1) as of `banded_distances`, n >= 1.
+        slope: True for the steps `slope`, False for `free`.
+        pull: radians that begin and end each cost for every frame that they lie away from the expected time, times n / 2:
+            among matches that are as good the one nearest to the expected time is taken. 0 is none.
+
+    Returns:
+        (L, 2) int64 path from begin to end: rows and columns of `distances`. Empty if the teacher has nothing there.
+    """
+    n, columns = distances.shape
+    band = columns // 2
+    cost = np.full((n, columns), np.inf)
+    step = np.zeros((n, columns), np.int8)
+    away = pull * n / 2
+    for k in range(columns):
+        cost[0, k] = distances[0, k] + away * abs(k - band)
+    for i in range(n):
+        for k in range(columns):
+            here = distances[i, k]
+            if here == np.inf:
+                continue
+            best, by = cost[i, k], _START
+            if i > 0:
+                best, by = cost[i - 1, k] + here, _BOTH
+            if slope:
+                if i > 1 and k + 1 < columns:
+                    other = cost[i - 2, k + 1] + distances[i - 1, k + 1] + here
+                    if other < best:
+                        best, by = other, _LEARNER
+                if i > 0 and k > 0:
+                    other = cost[i - 1, k - 1] + (distances[i, k - 1] + here) / 2
+                    if other < best:
+                        best, by = other, _TEACHER
+            else:
+                if i > 0 and k + 1 < columns:
+                    other = cost[i - 1, k + 1] + here
+                    if other < best:
+                        best, by = other, _LEARNER
+                if k > 0:
+                    other = cost[i, k - 1] + here
+                    if other < best:
+                        best, by = other, _TEACHER
+            cost[i, k], step[i, k] = best, by
+    end, least = -1, np.inf
+    for k in range(columns):
+        total = cost[n - 1, k] + away * abs(k - band)
+        if total < least:
+            end, least = k, total
+    path = np.empty((2 * (n + columns), 2), np.int64)
+    length = 0
+    if end >= 0:
+        i, k = n - 1, end
+        while True:
+            path[length] = i, k
+            length += 1
+            by = step[i, k]
+            if by == _START:
+                break
+            if by == _BOTH:
+                i -= 1
+            elif by == _LEARNER:
+                i, k = i - 1, k + 1
+                if slope:
+                    path[length] = i, k
+                    length += 1
+                    i -= 1
+            else:
+                k -= 1
+                if slope:
+                    path[length] = i, k
+                    length += 1
+                    i -= 1
+    return path[:length][::-1].copy()
+
+
+@njit(cache=True)
+def posture_on_path(path, learner, learner_weights, teacher, teacher_weights, first, band, parts, cap, beta):
+    """Eq. (14) along a path, for some parts of the body.
+
+    Args:
+        path: (L, 2) as of `best_match`.
+        learner: (n, D) angles of the window.
+        learner_weights: (n, D) theirs.
+        teacher: (M, D) angles of the teacher's dance.
+        teacher_weights: (M, D) theirs.
+        first: the teacher's frame that belongs to the window's first.
+        band: frames.
+        parts: (P, D) bool, the columns of each part.
+        cap: see `frame_distance`.
+        beta: radians.
+
+    Returns:
+        (P,) posture similarity in 0..1 and (P,) share of the matched teacher's frames that could be compared. The learner's
+        frames matched to one of the teacher's share its place in the mean. NaN where nothing could be compared.
+    """
+    num_parts = len(parts)
+    posture, compared = np.zeros(num_parts), np.zeros(num_parts)
+    begin, end = path[0].sum(), path[-1].sum()  # i + k, the teacher's frame but for a constant
+    for p in range(num_parts):
+        at = 0
+        for frame in range(begin, end + 1):
+            similarity, pairs = 0.0, 0
+            while at < len(path) and path[at, 0] + path[at, 1] == frame:
+                i = path[at, 0]
+                j = first + frame - band
+                distance = frame_distance(learner[i], learner_weights[i], teacher[j], teacher_weights[j], parts[p], cap)
+                if not math.isnan(distance):
+                    similarity += math.exp(-distance / beta)
+                    pairs += 1
+                at += 1
+            if pairs:
+                posture[p] += similarity / pairs
+                compared[p] += 1
+        posture[p] = posture[p] / compared[p] if compared[p] else np.nan
+        compared[p] /= end - begin + 1
+    return posture, compared
+
+
+def algorithm_3(
+    learner: Features, teacher: Features, *, alpha: float, beta: float, tau_frames: float, cap_rad: float = math.pi
+) -> tuple[float, float, float]:
+    """Algorithm 3 as it is printed: S_t, S_p and T_t of n of a learner's frames and m of the teacher's.
+
+    What is wrong with it: DTW[0, j] is infinite but for j = 0, so the path starts at the teacher's first frame and
+    argmin_j DTW[1, j] is always 1, against the text that looks for a subsequence. DTW[n + 1, j] does not exist; DTW[n, j]
+    is read. T_t is half a length, not the middle time of Eq. (13): who dances at the right speed but late is on time. S_p is
+    the exponential of a mean, Eq. (14) the mean of exponentials, and divides by half the length.
+    """
+    n, m = len(learner.angles_rad), len(teacher.angles_rad)
+    distances = np.full((n + 1, m + 1), np.inf)
+    whole = banded_distances(learner, teacher, 0, max(n, m), cap_rad)
+    for i in range(1, n + 1):
+        distances[i, 1:] = whole[i - 1, max(n, m) - i + 1 : max(n, m) - i + 1 + m]
+    warped = _printed_dtw(distances)
+    start = int(np.argmin(warped[1, 1:])) + 1
+    end = int(np.argmin(warped[n, 1:])) + 1
+    half_length = (end - start + 1) / 2
+    timing = 1 - min(1.0, math.exp((abs(half_length - n / 2) - tau_frames) / (alpha * tau_frames)))
+    return timing, math.exp(-warped[n, end] / (beta * half_length)), half_length
+
+
+@njit(cache=True)
+def _printed_dtw(distances):
+    n, m = distances.shape[0] - 1, distances.shape[1] - 1
+    warped = np.full((n + 1, m + 1), np.inf)
+    warped[0, 0] = 0
+    for i in range(1, n + 1):
+        for j in range(1, m + 1):
+            warped[i, j] = distances[i, j] + min(warped[i - 1, j], warped[i, j - 1], warped[i - 1, j - 1])
+    return warped

@@ -1,0 +1,315 @@
+"""The score of a learner's dance against a teacher's: timing, posture and similarity (section 3.2), 0 to 100.
+
+    joints -> even frames -> features -> windows of 2 s -> DTW -> S_t, S_p of each window -> S
+
+A window's delay is the time between the middles of the learner's window and of the teacher's frames that match it. What
+could not be seen does not count for or against anybody: windows of which too little is known are left out of every mean.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from kpopnet.dance.dtw import STEPS, algorithm_3, banded_distances, best_match, posture_on_path
+from kpopnet.dance.features import Features, dance_features, feature_names
+from kpopnet.dance.resampling import resampled
+from kpopnet.errors import InputError
+from kpopnet.skeleton import NUM_JOINTS
+
+PARTS = ("arms", "legs", "torso", "left", "right")
+
+MATCHINGS = ("subsequence", "algorithm_3")
+
+LEAST_KNOWN = 0.5
+"""A window of which a smaller share could be compared is not scored."""
+
+
+class Performance:
+    """A dance as joints over time.
+
+    Attributes:
+        joints_m: (T, 15, 3) float64 in the camera frame, NaN where a joint is missing.
+        times_s: (T,) float64, strictly increasing, on the clock that the music runs by: the teacher's and the learner's zero
+            are the same instant of it.
+    """
+
+    def __init__(self, joints_m: np.ndarray, times_s: np.ndarray) -> None:
+        joints_m, times_s = np.array(joints_m, np.float64), np.array(times_s, np.float64)
+        if joints_m.ndim != 3 or joints_m.shape[1:] != (NUM_JOINTS, 3) or not len(joints_m):
+            raise InputError(f"joints of shape {joints_m.shape}: expected (frames, {NUM_JOINTS}, 3) and at least one frame")
+        if times_s.shape != joints_m.shape[:1]:
+            raise InputError(f"{len(joints_m)} frames with times of shape {times_s.shape}: expected one time a frame")
+        right = np.isfinite(times_s)
+        right[1:] &= ~(times_s[1:] <= times_s[:-1])
+        if not right.all():
+            wrong = int(np.argmin(right))
+            raise InputError(f"frame {wrong} has time {times_s[wrong]}: times must be finite and grow from frame to frame")
+        # A joint is there as a whole or not at all.
+        joints_m[~np.isfinite(joints_m).all(axis=2)] = np.nan
+        self.joints_m, self.times_s = joints_m, times_s
+
+    def __len__(self) -> int:
+        return len(self.times_s)
+
+
+@dataclass(frozen=True)
+class ScorerConfig:
+    """How dances are compared.
+
+    Attributes:
+        feature: dance22 (the paper's) or raptis (that of [17]).
+        heading: adds the turn of the whole body to dance22, which cannot see it otherwise.
+        fps: both dances are brought to this rate by their time stamps.
+        smoothing_s: standard deviation of the smoothing in time that comes with it.
+        window_s: the learner's period that is scored at once; 2 s in the paper.
+        hop_s: from one window to the next. The paper's follow each other; overlapping ones use all of the dance's transitions.
+        band_s: how far from the expected time a match is looked for.
+        steps: slope or free, see kpopnet.dance.dtw.
+        pull: see kpopnet.dance.dtw.best_match, in radians a second.
+        cap_rad: a difference of angles counts up to this.
+        matching: subsequence, or algorithm_3 for the paper's Algorithm 3 as printed.
+        alpha: slope of the timing similarity, Eq. (13).
+        beta: deviation in posture at which similarity has fallen to 1/e, Eq. (14), in radians of the whole feature's norm.
+        tau: deviation in time at which nothing is left, Eq. (13), in seconds.
+    """
+
+    feature: str = "dance22"
+    heading: bool = False
+    fps: float = 30.0
+    smoothing_s: float = 0.08
+    window_s: float = 2.0
+    hop_s: float = 0.5
+    band_s: float = 1.5
+    steps: str = "slope"
+    pull: float = 0.3
+    cap_rad: float = 1.5
+    matching: str = "subsequence"
+    alpha: float = 0.3
+    beta: float = 2.5
+    tau: float = 0.6
+
+    def __post_init__(self) -> None:
+        feature_names(self.feature, self.heading)
+        positive = ("fps", "window_s", "hop_s", "band_s", "cap_rad", "alpha", "beta", "tau")
+        for name in positive:
+            if not 0 < getattr(self, name) < math.inf:
+                raise InputError(f"scorer.{name}={getattr(self, name)} must be a positive number")
+        if not 0.02 <= self.smoothing_s <= 0.5:
+            raise InputError(f"scorer.smoothing_s={self.smoothing_s}: expected 0.02 to 0.5 seconds")
+        if not 0 <= self.pull < math.inf:
+            raise InputError(f"scorer.pull={self.pull} must be 0 or more")
+        if self.steps not in STEPS:
+            raise InputError(f"scorer.steps={self.steps} is not one of {', '.join(STEPS)}")
+        if self.matching not in MATCHINGS:
+            raise InputError(f"scorer.matching={self.matching} is not one of {', '.join(MATCHINGS)}")
+        if self.window_frames < 2:
+            raise InputError(f"scorer.window_s={self.window_s} has no two frames at scorer.fps={self.fps}; give a longer one")
+
+    @property
+    def window_frames(self) -> int:
+        return round(self.window_s * self.fps)
+
+    @property
+    def hop_frames(self) -> int:
+        return max(round(self.hop_s * self.fps), 1)
+
+    @property
+    def band_frames(self) -> int:
+        return max(round(self.band_s * self.fps), 1)
+
+
+SCORERS = {"dance22": ScorerConfig(), "raptis": ScorerConfig(feature="raptis")}
+"""The paper's scorer, and the one that it compares with."""
+
+
+class Windows(NamedTuple):
+    """A dance's windows, each as 0 to 100; NaN where too little could be compared.
+
+    Attributes:
+        start_s: (N,) when each window starts, on the performances' clock.
+        delay_s: (N,) how late the learner is; negative when early.
+        timing: (N,) S_t of Eq. (13).
+        posture: (N,) S_p of Eq. (14).
+        similarity: (N,) S_t S_p.
+        parts: name of `PARTS` to (N,) S_t and the S_p of that part's angles alone.
+    """
+
+    start_s: np.ndarray
+    delay_s: np.ndarray
+    timing: np.ndarray
+    posture: np.ndarray
+    similarity: np.ndarray
+    parts: dict[str, np.ndarray]
+
+
+class DanceScore(NamedTuple):
+    """How well a dance was followed, 0 to 100; NaN if no window could be compared.
+
+    Attributes:
+        similarity: S of Eq. (15), the mean of the windows' S_t S_p.
+        timing: the mean of their S_t.
+        posture: the mean of their S_p.
+        parts: name of `PARTS` to the mean of its similarity.
+        scored: share of the windows of which enough was known; the others are in no mean.
+        windows: where and when points were lost.
+    """
+
+    similarity: float
+    timing: float
+    posture: float
+    parts: dict[str, float]
+    scored: float
+    windows: Windows
+
+
+class WindowScore(NamedTuple):
+    """One window: see `Windows`; `parts` is (5,) posture of each of `PARTS`."""
+
+    delay_s: float
+    timing: float
+    posture: float
+    parts: np.ndarray
+
+
+def score_dance(teacher: Performance, learner: Performance, config: ScorerConfig = SCORERS["dance22"]) -> DanceScore:
+    """How well a learner follows a teacher.
+
+    Windows lie at multiples of `config.hop_s` from the teacher's first frame, wherever the learner danced all of one. What the
+    learner does before the teacher begins or after the teacher has ended is not scored.
+
+    Raises:
+        InputError: the teacher's dance is shorter than a window, or the learner danced no whole window of it.
+    """
+    clock = Clock(teacher, config)
+    taught = clock.features(teacher, clock.teacher_frames)
+    frames = clock.frames_of(learner)
+    learnt = clock.features(learner, frames)
+    distances = banded_distances(learnt, taught, frames.start, config.band_frames, config.cap_rad)
+    scores = []
+    starts = clock.window_starts(frames)
+    for start in starts:
+        rows = slice(start - frames.start, start - frames.start + config.window_frames)
+        scores.append(score_window(distances[rows], rows_of(learnt, rows), taught, start, config))
+    return summary(scores, teacher.times_s[0] + np.array(starts) / config.fps)
+
+
+class Clock:
+    """The even frames that a teacher's dance and all who follow it are brought to; frame 0 is the teacher's first."""
+
+    def __init__(self, teacher: Performance, config: ScorerConfig) -> None:
+        self._config, self.start_s = config, teacher.times_s[0]
+        self.teacher_frames = self.frames_of(teacher)
+        if len(self.teacher_frames) < config.window_frames:
+            raise InputError(
+                f"the teacher's dance lasts {teacher.times_s[-1] - teacher.times_s[0]:.2f} s, less than a window of "
+                f"{config.window_s} s; give a longer dance or a shorter scorer.window_s"
+            )
+
+    def frames_of(self, performance: Performance) -> range:
+        """The frames from a performance's first sample to its last."""
+        first, last = (performance.times_s[[0, -1]] - self.start_s) * self._config.fps
+        return range(math.ceil(first - 1e-6), math.floor(last + 1e-6) + 1)
+
+    def features(self, performance: Performance, frames: range) -> Features:
+        at_s = self.start_s + np.array(frames) / self._config.fps
+        joints_m = resampled(performance.joints_m, performance.times_s, at_s, self._config.smoothing_s)
+        return dance_features(joints_m, self._config.feature, self._config.fps, self._config.heading)
+
+    def window_starts(self, frames: range) -> range:
+        """First frames of the windows that lie in the dance and in the frames that somebody danced.
+
+        Raises:
+            InputError: there is none.
+        """
+        size, hop = self._config.window_frames, self._config.hop_frames
+        begin = max(-(-frames.start // hop), 0) * hop
+        starts = range(begin, min(frames.stop, self.teacher_frames.stop) - size + 1, hop)
+        if not starts:
+            fps = self._config.fps
+            raise InputError(
+                f"the learner was seen from {frames.start / fps:.2f} to {(frames.stop - 1) / fps:.2f} s of a dance of "
+                f"{(len(self.teacher_frames) - 1) / fps:.2f} s, which leaves no whole window of {self._config.window_s} s; "
+                "both need times on one clock"
+            )
+        return starts
+
+
+def score_window(
+    distances: np.ndarray, learner: Features, teacher: Features, start: int, config: ScorerConfig
+) -> WindowScore:
+    """Scores a window.
+
+    Args:
+        distances: (n, 2 * band + 1) of its frames, as of `kpopnet.dance.dtw.banded_distances`.
+        learner: the features of its n frames.
+        teacher: the features of the whole dance.
+        start: the teacher's frame of the same time as the window's first.
+        config: the scorer's.
+    """
+    parts = part_columns(config.feature, config.heading)
+    if config.matching == "algorithm_3":
+        ahead = rows_of(teacher, slice(start, start + config.window_frames + config.band_frames))
+        timing, posture, half_length = algorithm_3(
+            learner, ahead, alpha=config.alpha, beta=config.beta, tau_frames=config.tau * config.fps, cap_rad=config.cap_rad
+        )
+        delay_s = (len(learner.angles_rad) / 2 - half_length) / config.fps
+        return WindowScore(delay_s, 100 * timing, 100 * posture, np.full(len(PARTS), np.nan))
+    path = best_match(distances, config.steps == "slope", config.pull / config.fps)
+    posture, compared = posture_on_path(
+        path, *learner, *teacher, start, config.band_frames, parts, config.cap_rad, config.beta
+    )
+    posture[compared < LEAST_KNOWN] = np.nan
+    if math.isnan(posture[0]):
+        return WindowScore(math.nan, math.nan, math.nan, posture[1:])
+    middle_learner = (len(learner.angles_rad) - 1) / 2
+    middle_teacher = (path[0].sum() + path[-1].sum()) / 2 - config.band_frames
+    delay_s = (middle_learner - middle_teacher) / config.fps
+    return WindowScore(delay_s, 100 * timing_similarity(delay_s, config), 100 * posture[0], 100 * posture[1:])
+
+
+def timing_similarity(delay_s: float, config: ScorerConfig) -> float:
+    """S_t in 0..1. It is 0 from a delay of tau on, and 1 - exp(-1 / alpha) at best."""
+    # Eq. (13)
+    return 1 - min(1.0, math.exp((abs(delay_s) - config.tau) / (config.alpha * config.tau)))
+
+
+def summary(scores: list[WindowScore], start_s: np.ndarray) -> DanceScore:
+    """The score of a dance of the scores of its windows, which start at these times."""
+    delay_s, timing, posture = (np.array([getattr(s, name) for s in scores]) for name in ("delay_s", "timing", "posture"))
+    parts = timing[:, None] * np.array([score.parts for score in scores]) / 100
+    similarity = timing * posture / 100
+    # Eq. (15)
+    return DanceScore(
+        _mean(similarity),
+        _mean(timing),
+        _mean(posture),
+        {name: _mean(parts[:, i]) for i, name in enumerate(PARTS)},
+        float(np.isfinite(similarity).mean()),
+        Windows(start_s, delay_s, timing, posture, similarity, {name: parts[:, i] for i, name in enumerate(PARTS)}),
+    )
+
+
+@cache
+def part_columns(feature: str, heading: bool) -> np.ndarray:
+    """(1 + 5, D) which columns of a feature tell about the whole body and about each of `PARTS`."""
+    names = feature_names(feature, heading)
+    of_part = {
+        "arms": lambda name: "elbow" in name or "hand" in name,
+        "legs": lambda name: "knee" in name or "foot" in name,
+        "torso": lambda name: not name.startswith(("left", "right")),
+        "left": lambda name: name.startswith("left"),
+        "right": lambda name: name.startswith("right"),
+    }
+    return np.array([[True] * len(names), *([of_part[part](name) for name in names] for part in PARTS)])
+
+
+def rows_of(features: Features, rows: slice) -> Features:
+    return Features(features.angles_rad[rows], features.weights[rows])
+
+
+def _mean(values: np.ndarray) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if len(known) else math.nan
