@@ -15,7 +15,7 @@ def resampled(motion: Motion, fps: float) -> Motion:
     """The motion at another frame rate."""
     if motion.fps == fps:
         return motion
-    return _at(motion, np.arange(int((len(motion) - 1) * fps / motion.fps + 1e-6) + 1) / fps, fps)
+    return at_times(motion, np.arange(int((len(motion) - 1) * fps / motion.fps + 1e-6) + 1) / fps, fps)
 
 
 def eased(motion: Motion, *, at_start: bool = False, at_end: bool = False) -> Motion:
@@ -30,11 +30,11 @@ def eased(motion: Motion, *, at_start: bool = False, at_end: bool = False) -> Mo
         # Still to go, of a way that ends at rest.
         behind_s = length_s + easing_s / 2 - seconds
         seconds = length_s - np.where(behind_s < easing_s, behind_s**2 / (2 * max(easing_s, 1e-9)), behind_s - easing_s / 2)
-    return _at(motion, np.clip(seconds, 0, length_s), motion.fps)
+    return at_times(motion, np.clip(seconds, 0, length_s), motion.fps)
 
 
-def _at(motion: Motion, seconds: np.ndarray, fps: float) -> Motion:
-    """The motion at given times, linearly between neighbouring frames."""
+def at_times(motion: Motion, seconds: np.ndarray, fps: float) -> Motion:
+    """The motion at given times (T,) within it, linearly between neighbouring frames."""
     at = seconds * motion.fps
     before = np.minimum(at.astype(int), len(motion) - 1)
     after = np.minimum(before + 1, len(motion) - 1)
