@@ -21,7 +21,9 @@ from hydra.core.hydra_config import HydraConfig
 from kpopnet.benchmarks.evaluation import EvaluateConfig, run_benchmark
 from kpopnet.benchmarks.registry import BENCHMARKS, ESTIMATORS, build_benchmark, build_estimators
 from kpopnet.benchmarks.report import terminal_table, write_report
+from kpopnet.benchmarks.sweep import sweep_of
 from kpopnet.entry import entry_point, overridable
+from kpopnet.machine import cores_at_hand
 
 for group, known in (("benchmark", BENCHMARKS), ("estimator", ESTIMATORS)):
     for name, (schema, _) in known.items():
@@ -30,10 +32,13 @@ for group, known in (("benchmark", BENCHMARKS), ("estimator", ESTIMATORS)):
 
 def evaluate_joints(config: EvaluateConfig, folder: Path) -> None:
     """Judges estimated joints by true ones, and reports into the folder."""
-    estimators = build_estimators(config.estimator)
+    sweep = config.sweep and sweep_of(config.sweep, config.estimator)
+    estimators = build_estimators(config.estimator | (sweep.settings if sweep else {}))
     benchmark = build_benchmark(config.benchmark)
-    run = run_benchmark(benchmark, estimators, config.sequences, config.seed)
-    write_report(folder, run, config)
+    on_gpu = any(getattr(settings, "device", "cpu") != "cpu" for settings in config.estimator.values())
+    processes = config.processes or (1 if on_gpu else cores_at_hand())
+    run = run_benchmark(benchmark, estimators, config.sequences, config.seed, processes)
+    write_report(folder, run, config, sweep)
     print(terminal_table(run))
 
 

@@ -1,6 +1,6 @@
 """The one protocol that trackers and networks share: a depth sequence and a camera in, joints and confidence out."""
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -27,3 +27,29 @@ class Estimator(Protocol):
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
         """(T, H, W) float32 metres. A frame without a person gives NaN joints with confidence 0."""
         ...
+
+
+class Start(NamedTuple):
+    """A known pose: (15, 3) joints_camera_m in that frame."""
+
+    frame: int
+    joints_camera_m: np.ndarray
+
+
+def first_label(joints_camera_m: np.ndarray) -> Start | None:
+    """The first of (T, 15, 3) true poses that has every joint."""
+    complete = np.flatnonzero(np.isfinite(joints_camera_m).all(axis=(1, 2)))
+    return Start(int(complete[0]), joints_camera_m[complete[0]]) if len(complete) else None
+
+
+@runtime_checkable
+class StartedEstimator(Estimator, Protocol):
+    """One that follows movement and can be told a pose to begin from.
+
+    Attributes:
+        starts_from_label: it wants a true pose, which whoever judges it then gives it and says so.
+    """
+
+    starts_from_label: bool
+
+    def estimate(self, depth_m: np.ndarray, camera: Camera, start: Start | None = None) -> Estimate: ...

@@ -60,7 +60,7 @@ def test_a_report_is_written_where_hydra_is_told_to_with_the_baseline_beside_the
 
 
 def test_the_tracker_needs_no_checkpoint_and_may_be_told_where_to_start(place):
-    settings = "estimator=[tracker]", "benchmark.path=set"
+    settings = "estimator=[tracker]", "benchmark.path=set", "processes=1"
     for start, with_joints in (("label", True), ("y_pose", False)):
         done = evaluate(place, *settings, f"estimator.tracker.start={start}", f"hydra.run.dir={start}")
         assert done.returncode == 0, done.stderr

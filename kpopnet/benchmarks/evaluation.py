@@ -1,20 +1,21 @@
 """One evaluation: a benchmark's sequences through one or more estimators."""
 
-import time
-from dataclasses import dataclass
+import sys
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from tqdm import tqdm
 
+from kpopnet.benchmarks.estimating import EstimatedSequence, FailedSequence, SequenceEstimation
 from kpopnet.benchmarks.metrics import Scored, evaluate
 from kpopnet.benchmarks.sequences import Benchmark, evenly_spaced
+from kpopnet.benchmarks.spread import spread
+from kpopnet.benchmarks.sweep import SweepConfig
 from kpopnet.benchmarks.synthetic import SyntheticBenchmark
 from kpopnet.errors import InputError
 from kpopnet.estimators import Estimator
-from kpopnet.extraction import extract_person
 from kpopnet.networks.estimator import NetworkEstimator
-from kpopnet.tracker.estimator import TrackerEstimator, first_label
 
 
 @dataclass
@@ -27,6 +28,8 @@ class EvaluateConfig:
         checkpoint: folder of the trained network, for the estimators that need one.
         sequences: only so many sequences, evenly spaced over the set, for a quick look; the report says so.
         seed: of the bootstrap and of the random example frames.
+        processes: how many sequences are worked on at once; 0 takes all cores, or one where an estimator has a GPU.
+        sweep: the first estimator once more at every combination of two of its settings (`kpopnet.benchmarks.sweep`).
     """
 
     benchmark: Any
@@ -34,6 +37,12 @@ class EvaluateConfig:
     checkpoint: str | None = None
     sequences: int | None = None
     seed: int = 0
+    processes: int = 0
+    sweep: SweepConfig | None = None
+
+    def __post_init__(self) -> None:
+        if self.processes < 0:
+            raise InputError(f"processes={self.processes}: expected 1 or more, or 0 for all cores")
 
 
 @dataclass(frozen=True)
@@ -45,7 +54,7 @@ class Run:
         scored: per estimator, in order: the joints of all frames.
         metrics: per estimator: `metrics.evaluate`, and fps, frames per second of estimation alone.
         frame: (N,) the number of each frame within its sequence.
-        failed: what was wrong with each sequence that could not be read, by its name.
+        failed: what was wrong with each sequence that gave no figures, by its name.
         sequences_in_set: how many sequences the benchmark holds, evaluated or not.
         images_without_person: frames in which nothing was measured, or nobody was found.
         unlike_training: per estimator, where there are any: `unlike_training`.
@@ -62,6 +71,11 @@ class Run:
     images_without_person: int
     unlike_training: dict[str, list[str]]
     extraction_fps: float | None = None
+
+    def only(self, names: list[str]) -> "Run":
+        """The same with some of its estimators."""
+        parts = ("scored", "metrics", "unlike_training")
+        return replace(self, **{part: {n: v for n, v in getattr(self, part).items() if n in names} for part in parts})
 
 
 def unlike_training(benchmark: Benchmark, estimator: Estimator) -> list[str]:
@@ -81,82 +95,76 @@ def unlike_training(benchmark: Benchmark, estimator: Estimator) -> list[str]:
 
 
 def run_benchmark(
-    benchmark: Benchmark, estimators: dict[str, Estimator], sequences: int | None = None, seed: int = 0
+    benchmark: Benchmark,
+    estimators: dict[str, Estimator],
+    sequences: int | None = None,
+    seed: int = 0,
+    processes: int = 1,
 ) -> Run:
-    """Reads one sequence after the other and has every estimator estimate it.
+    """Has every estimator estimate every sequence, as `SequenceEstimation` says, and judges what comes out.
 
-    A sequence that cannot be read is named in the result and left out; the others go on. Where the depth shows a whole
-    scene the person is extracted from it first, and every estimator gets the same person alone. An estimator's time is
-    taken around its calls alone, after one call on the first frame that is not counted (compilation, caches); so is the
-    extraction's.
+    A sequence that cannot be read, or at which an estimator fails, is named in the result and left out, for all
+    estimators; the others go on. Estimates do not depend on the number of processes. Each process has one thread, so
+    an estimator's frames per second, all frames over all seconds, are those of one core, as long as every process has
+    one to itself.
 
     Args:
         benchmark: the data set.
         estimators: by name, the main one first.
         sequences: only so many, evenly spaced.
         seed: of the bootstrap.
+        processes: how many work at once; with several, benchmark and estimators are pickled.
 
     Raises:
-        InputError: no sequence could be read.
+        InputError: no sequence gave figures, or a process died.
     """
     names = benchmark.sequence_names()
     chosen = evenly_spaced(names, sequences)
-    estimates: dict[str, list[np.ndarray]] = {name: [] for name in estimators}
-    seconds = dict.fromkeys(estimators, 0.0)
-    truths: list[dict[str, np.ndarray]] = []
+    outcomes: dict[str, EstimatedSequence] = {}
     failed: dict[str, str] = {}
-    images_without_person = scene_frames = 0
-    extraction_seconds = 0.0
-    for name in tqdm(chosen, desc=benchmark.name, unit="sequence"):
-        try:
-            sequence = benchmark.read(name)
-        except InputError as error:
-            failed[name] = str(error)
-            tqdm.write(f"left out {name}: {error}")
-            continue
-        person_m = sequence.depth_m
-        if not sequence.alone:
-            if not truths:
-                extract_person(sequence.depth_m[:1], sequence.camera)
-            start = time.perf_counter()
-            person_m = extract_person(sequence.depth_m, sequence.camera)
-            extraction_seconds += time.perf_counter() - start
-            scene_frames += len(person_m)
-        for label, estimator in estimators.items():
-            if not truths:
-                estimator.estimate(person_m[:1], sequence.camera)
-            told = {}
-            if isinstance(estimator, TrackerEstimator) and estimator.starts_from_label:
-                told["start"] = first_label(sequence.joints_camera_m)
-            start = time.perf_counter()
-            estimate = estimator.estimate(person_m, sequence.camera, **told)
-            seconds[label] += time.perf_counter() - start
-            assert estimate.joints_camera_m.shape == sequence.joints_camera_m.shape, (label, name)
-            estimates[label].append(estimate.joints_camera_m)
-        images_without_person += int((~person_m.any(axis=(1, 2))).sum())
-        frames = len(sequence.depth_m)
-        truths.append(
-            {
-                "truth_m": sequence.joints_camera_m,
-                "visible": sequence.visible,
-                "sequence": np.full(frames, len(truths)),
-                "yaw_rad": np.full(frames, np.nan) if sequence.yaw_rad is None else sequence.yaw_rad,
-                "frame": np.arange(frames),
-            }
-        )
-    if not truths:
-        first, reason = next(iter(failed.items()))
-        raise InputError(f"{benchmark.name}: none of its {len(chosen)} sequences can be read; {first}: {reason}")
-    truth = {field: np.concatenate([part[field] for part in truths]) for field in truths[0]}
-    frame = truth.pop("frame")
-    read = tuple(name for name in chosen if name not in failed)
+    with tqdm(total=len(chosen), desc=benchmark.name, unit="sequence") as bar:
+        for index, outcome in spread(SequenceEstimation(benchmark, estimators), chosen, processes):
+            if isinstance(outcome, FailedSequence):
+                failed[chosen[index]] = outcome.reason
+                bar.write(f"left out {chosen[index]}: {outcome.reason}", file=sys.stderr)
+            else:
+                outcomes[chosen[index]] = outcome
+            bar.update()
+    if not outcomes:
+        first = next(name for name in chosen if name in failed)
+        raise InputError(f"{benchmark.name}: none of its {len(chosen)} sequences gave figures; {first}: {failed[first]}")
+    read = tuple(name for name in chosen if name in outcomes)
+    parts = [outcomes[name] for name in read]
+    frames = [len(part.truth_m) for part in parts]
+    truth = {field: np.concatenate([getattr(part, field) for part in parts]) for field in ("truth_m", "visible", "yaw_rad")}
     scored = {
-        label: Scored(**truth, estimate_m=np.concatenate(parts), sequence_names=read)
-        for label, parts in estimates.items()
+        label: Scored(
+            **truth,
+            estimate_m=np.concatenate([part.estimate_m[label] for part in parts]),
+            sequence=np.repeat(np.arange(len(parts)), frames),
+            sequence_names=read,
+        )
+        for label in estimators
     }
-    metrics = {
-        label: evaluate(one, seed) | {"fps": len(frame) / max(seconds[label], 1e-9)} for label, one in scored.items()
-    }
-    unlike = {label: settings for label, one in estimators.items() if (settings := unlike_training(benchmark, one))}
-    extraction_fps = scene_frames / max(extraction_seconds, 1e-9) if scene_frames else None
-    return Run(benchmark, scored, metrics, frame, failed, len(names), images_without_person, unlike, extraction_fps)
+    extraction_seconds = [part.extraction_seconds for part in parts if part.extraction_seconds is not None]
+    scene_frames = sum(len(part.truth_m) for part in parts if part.extraction_seconds is not None)
+    return Run(
+        benchmark=benchmark,
+        scored=scored,
+        metrics={
+            label: evaluate(one, seed) | {"fps": _per_second(sum(frames), [part.seconds[label] for part in parts])}
+            for label, one in scored.items()
+        },
+        frame=np.concatenate([np.arange(count) for count in frames]),
+        failed={name: failed[name] for name in chosen if name in failed},
+        sequences_in_set=len(names),
+        images_without_person=sum(part.images_without_person for part in parts),
+        unlike_training={
+            label: settings for label, one in estimators.items() if (settings := unlike_training(benchmark, one))
+        },
+        extraction_fps=_per_second(scene_frames, extraction_seconds) if scene_frames else None,
+    )
+
+
+def _per_second(frames: int, seconds: list[float]) -> float:
+    return frames / max(sum(seconds), 1e-9)

@@ -97,6 +97,15 @@ def average_pose_error_m(errors_m: np.ndarray, visible: np.ndarray) -> float:
     return mean_error_m(np.where(visible, errors_m, np.nan))
 
 
+def pose_error_deviation_m(errors_m: np.ndarray, visible: np.ndarray) -> float:
+    """The standard deviation of the errors whose mean is `average_pose_error_m`: the bars of Fig. 10.
+
+    The paper does not say over what it is taken: here over all frames and their visible joints at once.
+    """
+    found = errors_m[visible & np.isfinite(errors_m)]
+    return float(np.std(found)) if found.size else float("nan")
+
+
 def without_offsets(scored: Scored) -> np.ndarray:
     """(N, 15) `errors_m` after taking out what estimate and truth differ by constantly, joint by joint.
 
@@ -120,6 +129,7 @@ def summary(errors_m: np.ndarray, visible: np.ndarray) -> dict:
         "mean_error_cm": _plain(100 * mean_error_m(errors_m)),
         "median_error_cm": _plain(100 * median_error_m(errors_m)),
         "average_pose_error_cm": _plain(100 * average_pose_error_m(errors_m, visible)),
+        "pose_error_deviation_cm": _plain(100 * pose_error_deviation_m(errors_m, visible)),
         "labelled_joints": int((~np.isnan(errors_m)).sum()),
         "missing_joints": int(np.isinf(errors_m).sum()),
     }

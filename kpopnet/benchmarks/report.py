@@ -15,6 +15,7 @@ from kpopnet.benchmarks.document import Block, Table, as_html, as_markdown, as_t
 from kpopnet.benchmarks.evaluation import EvaluateConfig, Run
 from kpopnet.benchmarks.pictures import error_curve, examples_sheet, joint_bars
 from kpopnet.benchmarks.sequences import Origin
+from kpopnet.benchmarks.sweep import Sweep
 from kpopnet.checkpoint import git_revision
 from kpopnet.drawing import save_png
 
@@ -118,7 +119,7 @@ def remarks(run: Run) -> list[str]:
         )
     if run.images_without_person:
         lines.append(f"{run.images_without_person} images show nobody; their joints count as missing.")
-    lines += [f"Left out, could not be read: {name}: {reason}" for name, reason in run.failed.items()]
+    lines += [f"Left out, because it failed: {name}: {reason}" for name, reason in run.failed.items()]
     if next(iter(run.metrics.values()))["interval"]["map_10cm"]:
         lines.append("In brackets: 95 % bootstrap intervals over sequences.")
     return lines
@@ -167,7 +168,7 @@ def metrics_json(run: Run, config: EvaluateConfig, pictures: list[str]) -> dict:
     }
 
 
-def write_report(folder: Path, run: Run, config: EvaluateConfig) -> None:
+def write_report(folder: Path, run: Run, config: EvaluateConfig, sweep: Sweep | None = None) -> None:
     """Writes pictures, metrics.json, report.md and report.html into the folder, which may be new."""
     folder.mkdir(parents=True, exist_ok=True)
     joint_bars(run).savefig(folder / "per_joint.png", dpi=110)

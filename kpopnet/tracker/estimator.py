@@ -1,13 +1,12 @@
 """The tracker as an estimator of joints in depth sequences."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from kpopnet.camera import Camera, sequence_in_metres
 from kpopnet.errors import InputError
-from kpopnet.estimators import Estimate
+from kpopnet.estimators import Estimate, Start
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.tracker.model import HumanModel
@@ -37,21 +36,8 @@ class TrackerEstimatorConfig(TrackerConfig):
             raise InputError(f"estimator.tracker.start={self.start}: expected one of {', '.join(STARTS)}")
 
 
-class Start(NamedTuple):
-    """A known pose: (15, 3) joints_camera_m in that frame."""
-
-    frame: int
-    joints_camera_m: np.ndarray
-
-
-def first_label(joints_camera_m: np.ndarray) -> Start | None:
-    """The first of (T, 15, 3) true poses that has every joint."""
-    complete = np.flatnonzero(np.isfinite(joints_camera_m).all(axis=(1, 2)))
-    return Start(int(complete[0]), joints_camera_m[complete[0]]) if len(complete) else None
-
-
 class TrackerEstimator:
-    """Implements kpopnet.estimators.Estimator. Each sequence is followed by itself, from its start."""
+    """Implements kpopnet.estimators.StartedEstimator. Each sequence is followed by itself, from its start."""
 
     name = "tracker"
 

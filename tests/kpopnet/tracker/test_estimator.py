@@ -7,8 +7,9 @@ from y_people import draw_y, y_joints
 
 from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
+from kpopnet.estimators import Start, first_label
 from kpopnet.skeleton import NUM_JOINTS, Joint
-from kpopnet.tracker.estimator import Start, TrackerEstimator, TrackerEstimatorConfig, first_label
+from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
 from kpopnet.tracker.model import HumanModel
 
 CAMERA = CAMERAS["kinect_v1"]

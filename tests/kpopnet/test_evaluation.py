@@ -1,0 +1,78 @@
+"""One evaluation: sequences over processes, and estimators that fail."""
+
+import numpy as np
+import pytest
+from shard_sets import write_shard
+
+from kpopnet.benchmarks.evaluation import run_benchmark
+from kpopnet.benchmarks.registry import build_estimators
+from kpopnet.benchmarks.report import remarks
+from kpopnet.benchmarks.synthetic import SyntheticBenchmark, SyntheticConfig
+from kpopnet.checkpoint import save_checkpoint
+from kpopnet.errors import InputError
+from kpopnet.mean_pose import MeanPoseEstimator
+from kpopnet.networks import ModelConfig, build_network
+from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
+
+POSE_M = np.stack([np.zeros(15), np.linspace(-0.6, 0.6, 15), np.full(15, 0.1)], axis=-1)
+
+
+@pytest.fixture
+def benchmark(tmp_path):
+    write_shard(tmp_path / "set", [1, 1, 1, 2, 2, 3, 3, 3], empty=(4,))
+    return SyntheticBenchmark(SyntheticConfig(path=str(tmp_path / "set")))
+
+
+class Failing:
+    """Finds the mean pose, and fails at sequences of two frames."""
+
+    name = "failing"
+
+    def __init__(self, error: Exception) -> None:
+        self.error = error
+
+    def estimate(self, depth_m, camera):
+        if len(depth_m) == 2:
+            raise self.error
+        return MeanPoseEstimator(POSE_M).estimate(depth_m, camera)
+
+
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (InputError("no such luck"), "failing: no such luck"),
+        (ZeroDivisionError("division by zero"), "failing: ZeroDivisionError: division by zero"),
+    ],
+)
+def test_an_estimator_that_fails_at_a_sequence_takes_only_that_one(benchmark, error, reason):
+    run = run_benchmark(benchmark, {"mean_pose": MeanPoseEstimator(POSE_M), "failing": Failing(error)})
+    failed = benchmark.sequence_names()[1]
+    assert run.failed == {failed: reason}
+    assert all(one.sequence_names == tuple(run.metrics["failing"]["per_sequence"]) for one in run.scored.values())
+    assert [metrics["images"] for metrics in run.metrics.values()] == [6, 6] and len(run.frame) == 6
+    assert any(failed in line and reason in line for line in remarks(run))
+
+
+def test_estimates_are_the_same_whatever_the_number_of_processes(benchmark, tmp_path):
+    network = build_network(ModelConfig(crop_px=32, widths=[8, 8, 8, 8]))
+    meta = {"step": 1, "config": {}, "metrics": {}, "mean_pose_m": POSE_M.tolist()}
+    estimators = {
+        "network": NetworkEstimator(save_checkpoint(tmp_path / "run", network, {}, meta, best=True)),
+        "tracker": TrackerEstimator(TrackerEstimatorConfig(start="label")),
+        "mean_pose": MeanPoseEstimator(POSE_M),
+    }
+    alone, together = (run_benchmark(benchmark, estimators, processes=count) for count in (1, 2))
+    for name in estimators:
+        np.testing.assert_array_equal(alone.scored[name].estimate_m, together.scored[name].estimate_m)
+        np.testing.assert_array_equal(alone.scored[name].truth_m, together.scored[name].truth_m)
+        timed = [run.metrics[name].pop("fps") for run in (alone, together)]
+        assert min(timed) > 0 and alone.metrics[name] == together.metrics[name]
+    assert (alone.frame == together.frame).all() and alone.frame.tolist() == [0, 1, 2, 0, 1, 0, 1, 2]
+    assert alone.images_without_person == together.images_without_person == 1
+
+
+def test_one_kind_of_estimator_may_stand_in_a_run_under_several_names():
+    configs = {"slow": TrackerEstimatorConfig(), "fast": TrackerEstimatorConfig(body=False)}
+    built = build_estimators(configs)
+    assert [one.config.body for one in built.values()] == [True, False] and list(built) == list(configs)
