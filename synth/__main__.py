@@ -11,6 +11,9 @@ or a benchmark's simulated stand-in, in the real one's own files:
     python -m synth benchmark=eval_sim                              24 sequences, 8 GB, into data/eval_sim
     python -m synth benchmark=eval_sim benchmark.seed=1 benchmark.sequences=8 out=data/eval_sim_1
     python -m synth benchmark=eval_sim motion=clips motion.path=PACK out=data/eval_sim_clips
+    python -m synth benchmark=smmc10_sim                            28 sequences, 3 GB, into data/smmc10_sim
+    python -m synth benchmark=kpop_sim                              100 dances, 400 learners, 3 GB, into data/kpop_sim
+    python -m synth benchmark=kpop_sim benchmark.split=train out=data/kpop_train    other dances by other people
 
 Run again after being stopped, it makes only what is missing. Several machines may share one folder: give each its own
 range, shards=0:100, shards=100:200, ...; under SLURM (pip install -e '.[cluster]'):
@@ -19,20 +22,25 @@ range, shards=0:100, shards=100:200, ...; under SLURM (pip install -e '.[cluster
 """
 
 import sys
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from hydra.core.config_store import ConfigStore
 
-from kpopnet.camera import CAMERAS, Camera
+from kpopnet.camera import Camera
 from kpopnet.entry import entry_point, user_errors
 from kpopnet.errors import InputError
 from kpopnet.machine import cores_at_hand
 from kpopnet.ridge import RidgeConfig
+from synth import kpop_files, kpop_sim, stand_in_files
 from synth.body import BodyConfig
-from synth.eval_files import write_set
+from synth.eval_files import EVAL_SIM
 from synth.eval_sim import EvalSimConfig, EvalSimSet
 from synth.generate import finish, generate
+from synth.kpop_sim import KpopSimConfig, KpopSimSet
 from synth.motion import SPLITS, MotionConfig, build_motion
 from synth.observe import ExtractionConfig
 from synth.render import RENDERERS, make_renderer
@@ -41,6 +49,8 @@ from synth.sample import CameraConfig, SampleConfig, StageConfig
 from synth.scene import Scene
 from synth.sensor import SensorConfig
 from synth.shards import FreezeConfig, SetConfig
+from synth.smmc10_files import SMMC10_SIM
+from synth.smmc10_sim import Smmc10SimConfig, Smmc10SimSet
 
 
 def parse_range(text: str, num_shards: int) -> range:
@@ -180,7 +190,7 @@ class StandInConfig:
         processes: 0 takes every core.
     """
 
-    benchmark: EvalSimConfig = field(default_factory=EvalSimConfig)
+    benchmark: Any
     out: str = "data/eval_sim"
     motion: MotionConfig = field(default_factory=MotionConfig)
     renderer: str = "auto"
@@ -193,22 +203,46 @@ class StandInConfig:
             raise InputError(f"processes={self.processes} must be 0 (every core) or more")
 
 
-STAND_INS = {"eval_sim": EvalSimConfig}
-"""Settings of each benchmark that can be made."""
+class Makeable(NamedTuple):
+    """A benchmark that can be made.
 
-for name, schema in STAND_INS.items():
-    ConfigStore.instance().store(group="benchmark/schema", name=name, node=schema)
+    Attributes:
+        settings: of the benchmark, a dataclass.
+        camera: what its pictures are drawn with.
+        describe: (settings, motion, renderer) to the whole of what the set depends on.
+        write: (that, folder, processes) makes what is missing.
+    """
+
+    settings: type
+    camera: Camera
+    describe: Callable[[Any, MotionConfig, str], Any]
+    write: Callable[[Any, Path, int], dict]
+
+
+STAND_INS = {
+    "eval_sim": Makeable(EvalSimConfig, EVAL_SIM.maker.camera, EvalSimSet, partial(stand_in_files.write_set, EVAL_SIM)),
+    "smmc10_sim": Makeable(
+        Smmc10SimConfig, SMMC10_SIM.maker.camera, Smmc10SimSet, partial(stand_in_files.write_set, SMMC10_SIM)
+    ),
+    "kpop_sim": Makeable(KpopSimConfig, kpop_sim.CAMERA, KpopSimSet, kpop_files.write_set),
+}
+"""Each benchmark that can be made."""
+
+for name, stand_in in STAND_INS.items():
+    ConfigStore.instance().store(group="benchmark/schema", name=name, node=stand_in.settings)
 
 
 @entry_point(StandInConfig, "stand_in", "../configs")
 def make_stand_in(config: StandInConfig) -> None:
-    a_set = EvalSimSet(config.benchmark, config.motion, decided(config.renderer, CAMERAS["eval"]))
+    stand_in = STAND_INS[config.benchmark.name]
+    a_set = stand_in.describe(config.benchmark, config.motion, decided(config.renderer, stand_in.camera))
     processes, folder = config.processes or cores_at_hand(), Path(config.out)
+    settings = ", ".join(f"{name} {value}" for name, value in asdict(config.benchmark).items() if name != "name")
     print(
-        f"{config.benchmark.name}, simulated, seed {config.benchmark.seed}, {config.benchmark.sequences} sequences, motion "
-        f"{config.motion.source}, renderer {a_set.renderer}, {processes} processes, into {folder}"
+        f"{config.benchmark.name}, simulated, {settings}, motion {config.motion.source}, renderer {a_set.renderer}, "
+        f"{processes} processes, into {folder}"
     )
-    write_set(a_set, folder, processes)
+    stand_in.write(a_set, folder, processes)
     print(f"{folder}: finished; look at {folder / 'contact_sheet.png'}")
 
 

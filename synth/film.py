@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull
 
 from kpopnet.camera import Camera
 from synth.body import Person
-from synth.markers import MARKERS
+from synth.markers import MARKERS, tracked_markers
 from synth.motion.skeleton import Motion, height_above_floor, multiply
 from synth.observe import LIMB_ENDS
 from synth.render import make_renderer
@@ -95,6 +95,7 @@ class Film:
         person: (T, H, W) bool, pixels that show the person.
         joints_camera_m: (T, 15, 3) float32.
         markers_camera_m: (T, M, 3) float32, on the skin or cloth, in the order of `synth.markers.MARKERS`.
+        markers_tracked: (T, M) bool, the markers that a motion-capture system around the person sees.
         yaw_rad: (T,) float32 the heading, 0 facing the camera, positive to the person's left.
         floor: (4,) float32 unit normal n, upwards, and d with n.x + d = 0 on the floor, camera frame.
         motion: what the motion is made of.
@@ -108,6 +109,7 @@ class Film:
     person: np.ndarray
     joints_camera_m: np.ndarray
     markers_camera_m: np.ndarray
+    markers_tracked: np.ndarray
     yaw_rad: np.ndarray
     floor: np.ndarray
     motion: str
@@ -121,6 +123,7 @@ class Shot:
     person: np.ndarray
     joints_camera_m: np.ndarray
     markers_camera_m: np.ndarray
+    markers_tracked: np.ndarray
     yaw_rad: float
 
 
@@ -224,8 +227,15 @@ class Studio:
             depth_m, seen = measure_labelled(
                 np.where(is_person, person_m, room_m), labels, camera, sensor, noise(frame), joints_m[LIMB_ENDS]
             )
-            markers_m = take.view.to_camera(self.renderer.vertices_world_m()[list(MARKERS.values())])
-            yield Shot(depth_m, seen == PERSON, joints_m, markers_m.astype(np.float32), heading_rad(scene))
+            markers_world_m = self.renderer.vertices_world_m()[list(MARKERS.values())].astype(np.float64)
+            yield Shot(
+                depth_m=depth_m,
+                person=seen == PERSON,
+                joints_camera_m=joints_m,
+                markers_camera_m=take.view.to_camera(markers_world_m).astype(np.float32),
+                markers_tracked=tracked_markers(scene, markers_world_m, take.place_m),
+                yaw_rad=heading_rad(scene),
+            )
 
     def _dress(self, person: Person) -> None:
         if self._dressed is not person:

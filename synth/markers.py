@@ -1,9 +1,21 @@
-"""Motion-capture markers: named points on the body's surface, the same vertex on every body."""
+"""Motion-capture markers: named points on the body's surface, the same vertex on every body, and when they are tracked.
+
+A simulated motion-capture system stands around the person, as one did around the people of EVAL and SMMC-10: eight cameras
+in a ring. It has nothing to do with the depth camera. A marker whose place two of its cameras see is tracked; arms folded
+over the chest, a seat on the floor or a trunk bent over hide some.
+"""
 
 import numpy as np
 
 from kpopnet.skeleton import Joint
 from synth.body import load_body
+from synth.scene import Scene
+
+RING_CAMERAS, RING_RADIUS_M, RING_HEIGHT_M = 8, 3.5, 2.4
+SEEING_CAMERAS = 2
+
+MARKER_ROOM_M = 0.03
+"""So far before a marker a ray to it may meet the capsules of the body, which here and there stick out of the skin."""
 
 _PLACES = {
     # Names of the usual marker sets; a marker sits where the skin lies farthest from the joint in a direction of the
@@ -53,3 +65,19 @@ def _on_mean_body() -> dict[str, int]:
 
 MARKERS: dict[str, int] = _on_mean_body()
 """Name of each marker to its vertex."""
+
+
+def tracked_markers(scene: Scene, markers_world_m: np.ndarray, place_m: np.ndarray) -> np.ndarray:
+    """(M,) bool: which of (M, 3) markers on the scene's posed person are seen by the ring around (3,) place."""
+    angles = 2 * np.pi * np.arange(RING_CAMERAS) / RING_CAMERAS
+    ring_m = RING_RADIUS_M * np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
+    cameras_m = np.array([*place_m[:2], RING_HEIGHT_M]) + ring_m
+    tracked = np.zeros(len(markers_world_m), bool)
+    for marker, place in enumerate(markers_world_m):
+        seeing = 0
+        for camera in cameras_m:
+            seeing += scene.reaches_m(camera, place) > np.linalg.norm(place - camera) - MARKER_ROOM_M
+            if seeing == SEEING_CAMERAS:
+                tracked[marker] = True
+                break
+    return tracked

@@ -6,7 +6,7 @@ import numpy as np
 
 from synth.motion.choreography import COUNTS, draw_style, filled, phrase
 from synth.motion.handstand import handstand
-from synth.motion.moves import Key, Move, arms, both_sides, concat, feet, mirror, together, turning
+from synth.motion.moves import Key, Move, arms, both_sides, concat, feet, flow, mirror, together, turning
 from synth.motion.poses import between, pick
 from synth.motion.skeleton import Motion
 from synth.motion.splice import cut, follow
@@ -64,13 +64,52 @@ def _sitting(generator: np.random.Generator) -> Move:
     return concat(WHOLE["sit_and_rise"], filled(_STEP, -WHOLE["sit_and_rise"].beats % COUNTS))
 
 
+def _arms_alone(generator: np.random.Generator) -> Move:
+    """Arms over feet that stand still."""
+    return filled(UPPER[pick(generator, tuple(UPPER))], COUNTS / 2)
+
+
+def _steps(generator: np.random.Generator) -> Move:
+    return together(filled(pick(generator, _GROOVES), COUNTS), filled(UPPER[pick(generator, tuple(UPPER))], COUNTS))
+
+
+_FOREHAND = flow(
+    1,
+    arms("low_front", "back", chest_twist=-24, waist_twist=-14, head_twist=12),
+    arms("low_side", "across", chest_twist=24, waist_twist=14, head_twist=-12),
+)
+_SERVE = flow(
+    1,
+    arms("high_front", "goalpost", chest_bend=-14, chest_twist=-16),
+    arms("low_side", "low_across", waist_bend=18, chest_bend=12, chest_twist=22),
+)
+_BOTH_HANDS = flow(
+    1,
+    arms("high_across", "high_side", chest_twist=-26, waist_twist=-12) | {"right_elbow": 40},
+    arms("side", "low_across", chest_twist=26, waist_twist=14, waist_bend=10),
+)
+
+
+def _swings(generator: np.random.Generator) -> Move:
+    """As with a racket or a bat, stepping into it."""
+    swing = pick(generator, (_FOREHAND, _SERVE, _BOTH_HANDS))
+    return together(LOWER[pick(generator, ("bounce", "lunges", "taps_front"))], filled(swing, COUNTS / 2))
+
+
 FEATURES: dict[str, Callable[[np.random.Generator], Move]] = {
     "crossed_punches": _crossed_punches,
     "kicks": _kicks,
     "turns": _turns,
     "sitting": _sitting,
 }
-"""Moves by the kind of motion that they make."""
+"""Moves by the kind of motion that they make, those of which a mixture is made."""
+
+DRILLS: dict[str, Callable[[np.random.Generator], Move]] = FEATURES | {
+    "arms": _arms_alone,
+    "steps": _steps,
+    "swings": _swings,
+}
+"""Moves of every kind."""
 
 
 def show(generator: np.random.Generator, kind: str, seconds: float, fps: float) -> Motion:
@@ -104,3 +143,24 @@ def show(generator: np.random.Generator, kind: str, seconds: float, fps: float) 
         parts.append(mirror(part) if generator.random() < 0.5 else part)
     frames = round(sum(part.beats for part in parts) * 60 / bpm * fps) + 1
     return perform(concat(*parts), bpm, frames, fps, kind, style)
+
+
+def drill(
+    generator: np.random.Generator, kinds: tuple[str, ...], bpm: tuple[float, float], seconds: float, fps: float
+) -> Motion:
+    """A motion of at least so many seconds that starts and ends standing and shows nothing but moves of some kinds.
+
+    Args:
+        generator: the only source of chance.
+        kinds: of DRILLS, each as often as any other.
+        bpm: least and greatest tempo, in beats per minute.
+        seconds: least length.
+        fps: frames per second.
+    """
+    tempo, style = between(generator, *bpm), draw_style(generator)
+    parts: list[Move] = []
+    while sum(part.beats for part in parts) < seconds * tempo / 60:
+        part = DRILLS[pick(generator, kinds)](generator)
+        parts.append(mirror(part) if generator.random() < 0.5 else part)
+    frames = round(sum(part.beats for part in parts) * 60 / tempo * fps) + 1
+    return perform(concat(*parts), tempo, frames, fps, "-".join(kinds), style)

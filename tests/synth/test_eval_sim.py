@@ -18,13 +18,14 @@ from kpopnet.benchmarks.eval_format import FRAME, read_sequence
 from kpopnet.errors import InputError
 from kpopnet.skeleton import JOINT_NAMES, Joint
 from synth.body import BodyConfig, load_body, strange_coefficients
-from synth.eval_files import sequence_path, write_set
-from synth.eval_sim import CAMERA, FPS, KINDS, SEQUENCES, SUBJECTS, EvalSim, EvalSimConfig, EvalSimSet, sequence_name
+from synth.eval_files import EVAL_SIM
+from synth.eval_sim import CAMERA, FPS, KINDS, SEQUENCES, SUBJECTS, EvalSim, EvalSimConfig, EvalSimSet
 from synth.film import REACH_M, Take
 from synth.markers import MARKERS
 from synth.motion import SPLITS, MotionConfig
 from synth.motion.features import Y_POSE_S
 from synth.sample import SampleConfig, Sampler
+from synth.stand_in_files import write_set
 
 ROOT = Path(__file__).parents[2]
 SHORT = EvalSimSet(EvalSimConfig(seed=3, sequences=2), frames=(24, 30))
@@ -60,9 +61,9 @@ def joints_world_m(maker: EvalSim, take: Take) -> np.ndarray:
 def test_every_subject_shows_every_kind_and_any_first_eight_show_all():
     by_subject = {subject: Counter() for subject in SUBJECTS}
     for index in range(SEQUENCES):
-        by_subject[sequence_name(index)[4]][KINDS[index % 8]] += 1
+        by_subject[EvalSim.sequence_name(index)[4]][KINDS[index % 8]] += 1
     assert all(shown == Counter(KINDS) for shown in by_subject.values())
-    names = {sequence_name(index) for index in range(SEQUENCES)}
+    names = {EvalSim.sequence_name(index) for index in range(SEQUENCES)}
     assert names == {f"seq_{subject}_{number}" for subject in "abc" for number in range(8)}
 
 
@@ -208,7 +209,7 @@ def test_only_motion_of_its_own_is_taken():
 @pytest.fixture(scope="module")
 def written(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("eval_sim")
-    write_set(SHORT, folder, processes=1)
+    write_set(EVAL_SIM, SHORT, folder, processes=1)
     return folder
 
 
@@ -218,14 +219,14 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 def test_files_hold_what_the_film_in_memory_holds(written):
     film = EvalSim(SHORT).film(1)
-    found = read_sequence(sequence_path(written, 1), {name: [number] for number, name in enumerate(JOINT_NAMES)})
+    found = read_sequence(EVAL_SIM.path(written, 1), {name: [number] for number, name in enumerate(JOINT_NAMES)})
     np.testing.assert_array_equal(found.depth_m, film.depth_m)
     np.testing.assert_array_equal(found.joints_camera_m, film.joints_camera_m)
     assert list(found.markers_camera_m) == list(MARKERS)
     np.testing.assert_array_equal(np.stack(list(found.markers_camera_m.values()), axis=1), film.markers_camera_m)
     assert found.skipped == {} and 24 <= len(film.depth_m) <= 30
     assert abs(found.camera.fx - CAMERA.fx) < 1e-3 and abs(found.camera.cy - CAMERA.cy) < 1e-3
-    raw = np.fromfile(sequence_path(written, 1), FRAME)
+    raw = np.fromfile(EVAL_SIM.path(written, 1), FRAME)
     assert raw["frame"].tolist() == list(range(len(film.depth_m)))
     assert film.name == "seq_b_0" and film.identity == "b" and film.fps == 30.0
 
@@ -247,6 +248,8 @@ def test_a_film_shows_a_person_on_a_floor_in_a_room(written):
     on_person = [person[0, round(y) - 2 : round(y) + 3, round(x) - 2 : round(x) + 3].any() for x, y in zip(u, v, strict=True)]
     assert sum(on_person) >= 14
     assert np.abs(film.yaw_rad[0]) < 0.5
+    # Somebody who stands and dances is seen from all around.
+    assert film.markers_tracked.mean() > 0.95
     # A marker is on the skin: never far from its joint.
     hip = film.markers_camera_m[:, list(MARKERS).index("LASI")] - joints[:, Joint.LEFT_HIP]
     assert (np.linalg.norm(hip, axis=1) < 0.3).all()
@@ -265,22 +268,22 @@ def test_markers_are_names_of_different_places_on_the_body():
 
 
 def test_processes_do_not_matter(written, tmp_path):
-    write_set(SHORT, tmp_path, processes=2)
+    write_set(EVAL_SIM, SHORT, tmp_path, processes=2)
     assert contents(tmp_path) == contents(written)
 
 
 def test_what_is_missing_is_made_and_what_is_there_is_left(written, tmp_path, capsys):
     before = contents(written)
-    write_set(replace(SHORT, benchmark=EvalSimConfig(seed=3, sequences=1)), tmp_path, processes=1)
+    write_set(EVAL_SIM, replace(SHORT, benchmark=EvalSimConfig(seed=3, sequences=1)), tmp_path, processes=1)
     assert contents(tmp_path) == {"seq_a_0.bin": before["seq_a_0.bin"]}
     stamp = (tmp_path / "seq_a_0.bin").stat().st_mtime_ns
     (tmp_path / ".seq_b_0.bin.elsewhere.1.tmp").write_bytes(b"half a frame")
-    found = write_set(SHORT, tmp_path, processes=1)
+    found = write_set(EVAL_SIM, SHORT, tmp_path, processes=1)
     assert contents(tmp_path) == before and (tmp_path / "seq_a_0.bin").stat().st_mtime_ns == stamp
     assert not list(tmp_path.glob(".*")) and found["sequences"] == 2
     assert "1 of 2 sequences are there already" in capsys.readouterr().out
     # Asked for less, it is still a set of two.
-    assert write_set(replace(SHORT, benchmark=EvalSimConfig(seed=3, sequences=1)), tmp_path, 1)["sequences"] == 2
+    assert write_set(EVAL_SIM, replace(SHORT, benchmark=EvalSimConfig(seed=3, sequences=1)), tmp_path, 1)["sequences"] == 2
 
 
 def test_a_run_that_dies_leaves_no_torn_file_and_no_file_without_a_manifest(tmp_path, monkeypatch):
@@ -295,18 +298,18 @@ def test_a_run_that_dies_leaves_no_torn_file_and_no_file_without_a_manifest(tmp_
     original = synth.eval_files.as_frame
     monkeypatch.setattr(synth.eval_files, "as_frame", dying)
     with pytest.raises(KeyboardInterrupt):
-        write_set(SHORT, tmp_path, processes=1)
+        write_set(EVAL_SIM, SHORT, tmp_path, processes=1)
     assert made == [True] * 4 and sorted(path.name for path in tmp_path.iterdir()) == ["manifest.json"]
 
 
 def test_other_files_are_not_overwritten_nor_mixed_in(written, tmp_path):
     before = contents(written)
     with pytest.raises(InputError, match=r"holds another set.*choose another out="):
-        write_set(replace(SHORT, benchmark=EvalSimConfig(seed=4, sequences=2)), written, 1)
+        write_set(EVAL_SIM, replace(SHORT, benchmark=EvalSimConfig(seed=4, sequences=2)), written, 1)
     assert contents(written) == before
     (tmp_path / "seq_a_0.bin").write_bytes(b"somebody's")
     with pytest.raises(InputError, match=r"seq_a_0\.bin: not made by this program, maybe the real EVAL"):
-        write_set(SHORT, tmp_path, 1)
+        write_set(EVAL_SIM, SHORT, tmp_path, 1)
     assert (tmp_path / "seq_a_0.bin").read_bytes() == b"somebody's"
 
 
@@ -347,7 +350,7 @@ def test_the_hash_names_all_but_the_number_of_sequences():
     [
         (["benchmark.sequences=30"], "error: benchmark.sequences=30: the set has 24"),
         (["splits.train=5"], "splits"),
-        (["benchmark=utd_mhad"], "error: benchmark=utd_mhad: there are stand-ins for no other than eval_sim"),
+        (["benchmark=utd_mhad"], "error: benchmark=utd_mhad: there are stand-ins for no other than eval_sim, smmc10_sim"),
     ],
 )
 def test_mistakes_end_in_one_line(tmp_path, given, said):
