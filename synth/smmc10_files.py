@@ -18,7 +18,8 @@ MARKER_IDS = {name: number for number, name in enumerate(MARKERS)}
 JOINT_MARKERS = {
     "head": ["LFHD", "RFHD", "LBHD", "RBHD"],
     "neck": ["C7", "CLAV"],
-    "torso": ["STRN", "T10"],
+    # One hip's marker in front and the other's behind: with the shoulders', the middle of shoulders and hips.
+    "torso": ["LSHO", "RSHO", "LASI", "RPSI"],
     **{
         f"{side}_{joint}": [f"{side[0].upper()}{marker}" for marker in markers]
         for side in ("right", "left")

@@ -20,7 +20,7 @@ from kpopnet.benchmarks.eval_format import FPS, describe, read_sequence
 from kpopnet.benchmarks.headings import heading_rad
 from kpopnet.benchmarks.joint_maps import checked_map, describe_skipped
 from kpopnet.benchmarks.sequences import Origin, Sequence
-from kpopnet.benchmarks.stand_ins import open_stand_in, refuse_simulated, warn_if_unfinished
+from kpopnet.benchmarks.stand_ins import open_stand_in, provenance, refuse_simulated, warn_if_unfinished
 from kpopnet.errors import InputError
 from kpopnet.skeleton import JOINT_NAMES
 
@@ -113,6 +113,7 @@ class EvalSimBenchmark(EvalBenchmark):
         manifest = open_stand_in(self.folder, self.name, "joint_ids", "8 GB")
         self._names = sequence_names(self.folder)
         warn_if_unfinished(self.folder, manifest, len(self._names))
+        self.provenance = provenance(manifest)
         self._joint_ids = checked_map(manifest["joint_ids"])
         self.about = (
             f"SIMULATED people in rooms, in the format of EVAL but not EVAL: seed {manifest['seed']}, configuration "

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 
 from kpopnet.benchmarks.eval_benchmark import EvalBenchmark, EvalConfig, EvalSimBenchmark, EvalSimConfig
+from kpopnet.benchmarks.itop import ItopBenchmark, ItopConfig
+from kpopnet.benchmarks.kpop import KpopConfig, KpopSet, KpopSimConfig, open_set
 from kpopnet.benchmarks.sequences import Benchmark
 from kpopnet.benchmarks.smmc10_benchmark import Smmc10Benchmark, Smmc10Config, Smmc10SimBenchmark, Smmc10SimConfig
 from kpopnet.benchmarks.synthetic import SyntheticBenchmark, SyntheticConfig
@@ -51,13 +53,16 @@ def _mean_pose(config: MeanPoseConfig) -> Estimator:
     return MeanPoseEstimator(pose)
 
 
-BENCHMARKS: dict[str, tuple[type, Callable[[Any], Benchmark]]] = {
+BENCHMARKS: dict[str, tuple[type, Callable[[Any], Benchmark | KpopSet]]] = {
     "synthetic": (SyntheticConfig, SyntheticBenchmark),
     "utd_mhad": (UtdMhadConfig, UtdMhadBenchmark),
     "eval": (EvalConfig, EvalBenchmark),
     "eval_sim": (EvalSimConfig, EvalSimBenchmark),
     "smmc10": (Smmc10Config, Smmc10Benchmark),
     "smmc10_sim": (Smmc10SimConfig, Smmc10SimBenchmark),
+    "itop": (ItopConfig, ItopBenchmark),
+    "kpop": (KpopConfig, open_set),
+    "kpop_sim": (KpopSimConfig, open_set),
 }
 """Settings and reader of each benchmark."""
 

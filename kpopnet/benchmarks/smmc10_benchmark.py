@@ -23,7 +23,7 @@ from kpopnet.benchmarks.headings import heading_rad
 from kpopnet.benchmarks.joint_maps import checked_map, describe_skipped
 from kpopnet.benchmarks.sequences import Origin, Sequence
 from kpopnet.benchmarks.smmc10_format import FPS, describe, read_sequence
-from kpopnet.benchmarks.stand_ins import open_stand_in, refuse_simulated, warn_if_unfinished
+from kpopnet.benchmarks.stand_ins import open_stand_in, provenance, refuse_simulated, warn_if_unfinished
 from kpopnet.errors import InputError
 from kpopnet.skeleton import JOINT_NAMES
 
@@ -127,6 +127,7 @@ class Smmc10SimBenchmark(Smmc10Benchmark):
         manifest = open_stand_in(self.folder, self.name, "joint_markers", "3 GB")
         self._names = sequence_names(self.folder)
         warn_if_unfinished(self.folder, manifest, len(self._names))
+        self.provenance = provenance(manifest)
         self._joint_markers = checked_map(manifest["joint_markers"])
         self.about = (
             f"SIMULATED people in rooms, in the format of SMMC-10 but not SMMC-10: seed {manifest['seed']}, configuration "

@@ -8,7 +8,7 @@ from kpopnet.errors import InputError
 
 log = logging.getLogger(__name__)
 
-KEYS = {"simulated", "benchmark", "seed", "hash", "sequences"}
+KEYS = {"simulated", "benchmark", "seed", "hash", "sequences", "config"}
 
 
 def manifest_path(folder: Path) -> Path:
@@ -71,6 +71,11 @@ def open_stand_in(folder: Path, benchmark: str, truth: str, size: str) -> dict:
     if truth not in manifest:
         raise InputError(f"{manifest_path(folder)}: lacks {truth}; make the set anew")
     return manifest
+
+
+def provenance(manifest: dict) -> dict[str, object]:
+    """Which set of its kind a stand-in is."""
+    return {"seed": manifest["seed"], "version": manifest["config"].get("generator"), "config_hash": manifest["hash"]}
 
 
 def warn_if_unfinished(folder: Path, manifest: dict, found: int) -> None:

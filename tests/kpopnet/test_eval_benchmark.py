@@ -289,6 +289,7 @@ def test_a_folder_without_the_set_is_refused(tmp_path):
 
 def manifest(folder: Path, **changes) -> None:
     described = {"simulated": True, "benchmark": "eval_sim", "seed": 5, "hash": "abc", "sequences": 1}
+    described["config"] = {"generator": 4}
     described["joint_ids"] = {name: ids[0] for name, ids in IDS.items()}
     (folder / "manifest.json").write_text(json.dumps(described | changes))
 
@@ -302,6 +303,7 @@ def test_simulated_files_are_never_called_real_nor_real_ones_simulated(folder):
     benchmark = EvalSimBenchmark(EvalSimConfig(path=str(folder)))
     assert benchmark.origin is Origin.SIMULATED and EvalBenchmark.origin is Origin.REAL
     assert "SIMULATED" in benchmark.about and "seed 5" in benchmark.about and "abc" in benchmark.about
+    assert benchmark.provenance == {"seed": 5, "version": 4, "config_hash": "abc"}
     np.testing.assert_allclose(benchmark.read("seq_a_0").joints_camera_m[1], truth(1), atol=1e-6)
 
 
