@@ -14,8 +14,9 @@ from synth.scene import Scene
 RING_CAMERAS, RING_RADIUS_M, RING_HEIGHT_M = 8, 3.5, 2.4
 SEEING_CAMERAS = 2
 
-MARKER_ROOM_M = 0.03
-"""So far before a marker a ray to it may meet the capsules of the body, which here and there stick out of the skin."""
+MARKER_ROOM_M = 0.05
+"""So far before a marker a ray to it may meet the capsules of the body, which here and there stick out of the skin, as where
+an arm is raised over its shoulder."""
 
 _PLACES = {
     # Names of the usual marker sets; a marker sits where the skin lies farthest from the joint in a direction of the
