@@ -19,15 +19,19 @@ from hydra.core.config_store import ConfigStore
 from hydra.core.hydra_config import HydraConfig
 
 from kpopnet.benchmarks.evaluation import EvaluateConfig, run_benchmark
+from kpopnet.benchmarks.kpop_report import evaluate_dances
 from kpopnet.benchmarks.registry import BENCHMARKS, ESTIMATORS, build_benchmark, build_estimators
 from kpopnet.benchmarks.report import terminal_table, write_report
 from kpopnet.benchmarks.sweep import sweep_of
+from kpopnet.dance.scoring import SCORERS
 from kpopnet.entry import entry_point, overridable
 from kpopnet.machine import cores_at_hand
 
 for group, known in (("benchmark", BENCHMARKS), ("estimator", ESTIMATORS)):
     for name, (schema, _) in known.items():
         ConfigStore.instance().store(group=f"{group}/schema", name=name, node=overridable(schema))
+for name, scorer in SCORERS.items():
+    ConfigStore.instance().store(group="scorer/schema", name=name, node=overridable(scorer))
 
 
 def evaluate_joints(config: EvaluateConfig, folder: Path) -> None:
@@ -42,7 +46,7 @@ def evaluate_joints(config: EvaluateConfig, folder: Path) -> None:
     print(terminal_table(run))
 
 
-EVALUATIONS: dict[str, Callable[[EvaluateConfig, Path], None]] = {}
+EVALUATIONS: dict[str, Callable[[EvaluateConfig, Path], None]] = {"kpop": evaluate_dances, "kpop_sim": evaluate_dances}
 """What evaluates a benchmark, by its name, where it is not joints that are judged."""
 
 

@@ -4,7 +4,7 @@ import functools
 import os
 import sys
 from collections.abc import Callable
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import hydra
 from hydra.core.config_store import ConfigStore
@@ -99,8 +99,11 @@ def entry_point(
     return decorate
 
 
-def overridable(schema: type) -> DictConfig:
-    """The schema as a configuration; OmegaConf takes frozen dataclasses for configurations never to be changed."""
+def overridable(schema: Any) -> DictConfig:
+    """The schema, a dataclass with or without values, as a configuration.
+
+    OmegaConf takes frozen dataclasses for configurations never to be changed.
+    """
 
     def unlock(node: DictConfig) -> None:
         OmegaConf.set_readonly(node, None)

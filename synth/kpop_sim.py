@@ -18,17 +18,17 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from kpopnet.benchmarks.kpop import PackedDepth
+from kpopnet.benchmarks.kpop_writing import PackedDepth
 from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
 from synth.body import ASSET, BodyConfig, Person, draw_person, draw_stranger
-from synth.film import Studio, Take
+from synth.film import Played, Studio, Take
 from synth.motion import SPLITS, MotionConfig, build_motion
 from synth.motion.choreography import dance
 from synth.motion.skeleton import Motion
 from synth.motion.splice import cut, resampled
 from synth.observe import LIMB_ENDS, MARGIN_PX
-from synth.room import Room, ViewConfig, draw_room, draw_view
+from synth.room import Room, View, ViewConfig, draw_room, draw_view
 from synth.sample import silhouette_box
 from synth.sensor import SENSORS, SensorConfig, measure_labelled
 from synth.skill import LEVELS, Mistake, SkillConfig, Strengths, draw_strengths, learn
@@ -41,7 +41,7 @@ FPS = 30.0
 CAMERA = CAMERAS["kinect_2"]
 VIEW = ViewConfig(height_m=(0.8, 1.4), aim_m=(0.9, 1.1), roll_deg=1.0)
 BODY = BodyConfig()
-TEACHER_M = 2.5
+TEACHER_M = (2.5, 1.0)
 """How far before the imagined, level camera of the teacher's joints the dance begins, and how high that camera is."""
 
 HEADING_DEG = 10.0
@@ -50,14 +50,14 @@ HEADING_DEG = 10.0
 ROOM_BOXES = 4
 """Floor and three walls, without furniture."""
 
-TRAVEL_M = 1.6
+TRAVEL_M = 1.0
 """A dance that leads farther away, to any side, is no dance for one camera."""
 
 JOLT_M_S2 = 50.0
 """What accelerates the hips more is no jump of a dancer but a fault of a recording."""
 
-TRIES, ROOMS = 60, 12
-"""Dances tried for each of the set, and rooms for each learner."""
+TRIES, PEOPLE, ROOMS = 100, 8, 16
+"""Dances tried for each of the set, people for each learner (a tall one may not fit into the picture), rooms for each."""
 
 
 @dataclass
@@ -134,12 +134,13 @@ LEARNERS = tuple("abcd")
 
 @dataclass(frozen=True)
 class LearnerTake:
-    """A learner, planned: who, how well, what and where."""
+    """A learner, planned: who, how well, what and where; `yaw_rad` is how far they were turned, at the origin."""
 
     level: int
     strengths: Strengths
     mistakes: list[Mistake]
     take: Take
+    yaw_rad: float
 
 
 @dataclass(frozen=True)
@@ -211,16 +212,23 @@ class KpopSim:
 
     def teacher_joints_m(self, index: int) -> np.ndarray:
         """(T, 15, 3) float32 of dance `index`, before a level camera which the teacher faces."""
-        motion, scene = self.teacher_motion(index), self.studio.scene
-        played = self.studio.play(self._person(self._rng("teacher", index)), motion, 0.0, np.zeros(2))
+        return self.before_level_camera_m(self._person(self._rng("teacher", index)), self.teacher_motion(index))
+
+    def before_level_camera_m(self, person: Person, motion: Motion) -> np.ndarray:
+        """(T, 15, 3) float32 joints of somebody who does the motion, facing a level camera at TEACHER_M."""
+        played = self.studio.play(person, motion, 0.0, np.zeros(2))
+        level = View(np.array([0, -TEACHER_M[0], TEACHER_M[1]]), np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]))
+        return self.joints_camera_m(played, np.zeros(3), level)
+
+    def joints_camera_m(self, played: Played, place_m: np.ndarray, view: View) -> np.ndarray:
+        """(T, 15, 3) float32 true joints of whoever dances there."""
+        scene = self.studio.scene
         scene.dress(scene.fit(played.person))
         joints = []
         for local, hips_m in zip(played.local, played.hips_m, strict=True):
-            scene.pose(local, hips_m)
+            scene.pose(local, hips_m + place_m)
             joints.append(scene.joints_world_m())
-        # World: x left of the teacher, who faces -y, z up. Camera: x right, y down, z forward.
-        x, y, z = np.moveaxis(np.array(joints), -1, 0)
-        return np.stack([x, 1.0 - z, y + TEACHER_M], axis=-1).astype(np.float32)
+        return view.to_camera(np.array(joints)).astype(np.float32)
 
     def skill(self, index: int, learner: int) -> tuple[int, Strengths, Motion, list[Mistake]]:
         """Level, strengths, motion and mistakes of a learner: all but the body and the camera."""
@@ -237,14 +245,15 @@ class KpopSim:
             InputError: no place was found from where the whole dance is seen.
         """
         level, strengths, motion, mistakes = self.skill(index, learner)
-        person = self._person(self._rng("learner", index, learner))
-        rng = self._rng("place", index, learner)
-        yaw_rad, curls_rad = np.radians(HEADING_DEG) * rng.normal(), rng.uniform(0.0, 1.5, 2)
-        played = self.studio.play(person, motion, yaw_rad, curls_rad)
-        for _ in range(ROOMS):
-            view, room = draw_view(rng, VIEW), _emptied(draw_room(rng))
-            if (take := self.studio.place(rng, played, room, view)) is not None:
-                return LearnerTake(level, strengths, mistakes, take)
+        for attempt in range(PEOPLE):
+            person = self._person(self._rng("learner", index, learner, attempt))
+            rng = self._rng("place", index, learner, attempt)
+            yaw_rad, curls_rad = np.radians(HEADING_DEG) * rng.normal(), rng.uniform(0.0, 1.5, 2)
+            played = self.studio.play(person, motion, yaw_rad, curls_rad)
+            for _ in range(ROOMS):
+                view, room = draw_view(rng, VIEW), _emptied(draw_room(rng))
+                if (take := self.studio.place(rng, played, room, view)) is not None:
+                    return LearnerTake(level, strengths, mistakes, take, yaw_rad)
         raise InputError(f"{dance_name(index)}, learner {LEARNERS[learner]}: the dance does not fit into the picture")
 
     def shots(self, index: int, learner: int, take: Take) -> Iterator[LearnerShot]:

@@ -1,7 +1,7 @@
 """One evaluation: a benchmark's sequences through one or more estimators."""
 
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,7 @@ class EvaluateConfig:
         seed: of the bootstrap and of the random example frames.
         processes: how many sequences are worked on at once; 0 takes all cores, or one where an estimator has a GPU.
         sweep: the first estimator once more at every combination of two of its settings (`kpopnet.benchmarks.sweep`).
+        scorer: settings of the dance scores by their name, for the benchmarks that judge dances.
     """
 
     benchmark: Any
@@ -39,6 +40,7 @@ class EvaluateConfig:
     seed: int = 0
     processes: int = 0
     sweep: SweepConfig | None = None
+    scorer: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.processes < 0:

@@ -18,9 +18,7 @@ image's: fx, fy, cx, cy, width, height. Outside its box, and wherever `depth_mm`
 import csv
 import hashlib
 import json
-import os
-import socket
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -35,7 +33,7 @@ from kpopnet.dance.scoring import Performance
 from kpopnet.errors import InputError
 from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
 
-VERSION = 1
+FORMAT, VERSION = "kpopnet dance", 1
 TEACHER, LABELS, MANIFEST = "teacher.h5", "labels.csv", "manifest.json"
 MARGIN_PX = 8
 """Kept free around the person when a recording is cut down to where they ever are."""
@@ -47,7 +45,36 @@ MOST_IN_MEMORY = 2_000_000_000
 """Pixels of one recording once it is unpacked."""
 
 FARTHEST_M = 1000.0
-_CHUNK = 1 << 16
+
+
+@dataclass
+class KpopConfig:
+    """A set of dances on disk.
+
+    Attributes:
+        path: its folder.
+        dances: only the first so many, for a quick look.
+        dance: one whose scores over time are drawn; by default the first that is not ordered rightly.
+        poses: folder for the estimators' poses; by default `poses` in the set's.
+    """
+
+    name: str = "kpop"
+    path: str | None = None
+    dances: int | None = None
+    dance: str | None = None
+    poses: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.dances is not None and self.dances < 1:
+            raise InputError(f"benchmark.dances={self.dances}: expected at least 1, or leave it away for all")
+
+
+@dataclass
+class KpopSimConfig(KpopConfig):
+    """A folder that `python -m synth benchmark=kpop_sim` wrote; settings as of KpopConfig."""
+
+    name: str = "kpop_sim"
+    path: str | None = "data/kpop_sim"
 
 
 @dataclass(frozen=True)
@@ -78,7 +105,7 @@ class Learner:
         with _opened(self.path) as file:
             if "depth_mm" not in file:
                 return None
-            return str(file.attrs.get("depth_key") or _depth_key(*_stored_depth(file, self.path)))
+            return str(file.attrs.get("depth_key") or depth_key(*_stored_depth(file, self.path)))
 
     @cached_property
     def about(self) -> dict:
@@ -212,6 +239,17 @@ class KpopSet:
         return Dance(name, folder, tuple(learners))
 
 
+def open_set(config: KpopConfig) -> KpopSet:
+    """The set of dances that a configuration names.
+
+    Raises:
+        InputError: none named, or none there.
+    """
+    if config.path is None:
+        raise InputError(f"benchmark={config.name} needs benchmark.path=PATH, a folder of dances (docs/kpop_format.md)")
+    return KpopSet(config.path)
+
+
 def read_labels(path: Path) -> list[str]:
     """The learners' names, the best first.
 
@@ -234,7 +272,7 @@ def read_labels(path: Path) -> list[str]:
     for number, row in enumerate(body, 2):
         if len(row) != 2 or not row[1].isascii() or not row[1].isdigit() or int(row[1]) < 1:
             raise InputError(f"{path}, row {number}: {','.join(row)!r}; expected a learner's name and a rank from 1 on")
-        if row[0] in ranks or not _is_plain(row[0]) or f"{row[0]}.h5" == TEACHER:
+        if row[0] in ranks or not is_plain(row[0]) or f"{row[0]}.h5" == TEACHER:
             raise InputError(f"{path}, row {number}: {row[0]!r} is there twice, or no name of a learner's file")
         ranks[row[0]] = int(row[1])
     if sorted(ranks.values()) != list(range(1, len(ranks) + 1)) or len(ranks) < 2:
@@ -268,112 +306,6 @@ def read_manifest(folder: Path) -> Manifest:
         raise InputError(f"{path}: not a manifest ({error}); delete it, or make the set again") from error
 
 
-# Writing ------------------------------
-
-
-def write_teacher(folder: Path, performance: Performance, about: Mapping | None = None) -> None:
-    """Writes DANCE/teacher.h5; the folder may be new."""
-    _write(folder / TEACHER, performance.times_s, performance.joints_m, None, about)
-
-
-def write_learner(
-    folder: Path,
-    name: str,
-    times_s: np.ndarray,
-    joints_m: np.ndarray | None = None,
-    depth: "PackedDepth | None" = None,
-    about: Mapping | None = None,
-) -> None:
-    """Writes DANCE/NAME.h5; the folder may be new.
-
-    Args:
-        folder: of the dance.
-        name: the learner's.
-        times_s: (T,) of the frames.
-        joints_m: (T, 15, 3) true joints in the frame of the camera.
-        depth: the recording.
-        about: whatever else should be kept, as JSON.
-
-    Raises:
-        InputError: neither joints nor depth, or a name that cannot be a file's.
-    """
-    if joints_m is None and depth is None:
-        raise InputError(f"learner {name}: neither joints nor depth to write")
-    if not _is_plain(name) or f"{name}.h5" == TEACHER:
-        raise InputError(f"learner {name!r}: not a name for a file; take letters, digits, - and _")
-    _write(folder / f"{name}.h5", times_s, joints_m, depth, about)
-
-
-def write_labels(folder: Path, best_first: Iterable[str]) -> None:
-    """Writes DANCE/labels.csv, last of all: a dance without it is not finished."""
-    lines = ["learner,rank", *(f"{name},{rank}" for rank, name in enumerate(best_first, 1))]
-    with _replacing(folder / LABELS) as part:
-        part.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-class PackedDepth:
-    """A recording being gathered: of every frame only the box around the person."""
-
-    def __init__(self, camera: Camera) -> None:
-        self.camera = camera
-        self._parts: list[np.ndarray] = []
-        self._boxes: list[tuple[int, int, int, int]] = []
-
-    def add(self, depth_m: np.ndarray, x0: int = 0, y0: int = 0) -> None:
-        """The next frame: (h, w) metres of the person alone, whose first pixel is (x0, y0) of the image."""
-        rows, columns = np.flatnonzero(depth_m.any(axis=1)), np.flatnonzero(depth_m.any(axis=0))
-        if not len(rows):
-            self._boxes.append((0, 0, 0, 0))
-            return
-        top, bottom, left, right = int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
-        self._boxes.append((x0 + left, y0 + top, x0 + right, y0 + bottom))
-        self._parts.append(np.rint(depth_m[top:bottom, left:right] * MM_PER_METRE).astype(np.uint16).ravel())
-
-    def __len__(self) -> int:
-        return len(self._boxes)
-
-    @property
-    def depth_mm(self) -> np.ndarray:
-        return np.concatenate(self._parts) if self._parts else np.zeros(0, np.uint16)
-
-    @property
-    def boxes(self) -> np.ndarray:
-        return np.array(self._boxes, np.int32).reshape(-1, 4)
-
-
-def _write(
-    path: Path, times_s: np.ndarray, joints_m: np.ndarray | None, depth: PackedDepth | None, about: Mapping | None
-) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with _replacing(path) as part, h5py.File(part, "w") as file:
-        file.attrs["format"], file.attrs["version"] = "kpopnet dance", VERSION
-        file.attrs["joint_names"] = JOINT_NAMES
-        file.attrs["about"] = json.dumps(about or {})
-        file["times_s"] = np.asarray(times_s, np.float64)
-        if joints_m is not None:
-            file["joints_m"] = np.asarray(joints_m, np.float32)
-        if depth is not None:
-            camera, depth_mm, boxes = depth.camera, depth.depth_mm, depth.boxes
-            file.attrs["camera"] = (camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)
-            file.attrs["depth_key"] = _depth_key(depth_mm, boxes, camera)
-            file["boxes"] = boxes
-            file.create_dataset("depth_mm", data=depth_mm, chunks=(_CHUNK,), maxshape=(None,), compression=1, shuffle=True)
-
-
-@contextmanager
-def _replacing(path: Path) -> Iterator[Path]:
-    """A file beside the name, renamed when it is whole."""
-    part = path.with_name(f".{path.name}.{socket.gethostname()}.{os.getpid()}.tmp")
-    try:
-        yield part
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
-
-
-# Reading ------------------------------
-
-
 @contextmanager
 def _opened(path: Path) -> Iterator[h5py.File]:
     if not path.is_file():
@@ -381,8 +313,8 @@ def _opened(path: Path) -> Iterator[h5py.File]:
     try:
         with h5py.File(path, "r", locking=False) as file:
             found = file.attrs.get("format"), file.attrs.get("version")
-            if found != ("kpopnet dance", VERSION):
-                raise InputError(f"{path}: expected a kpopnet dance of version {VERSION}, found {found[0]} of {found[1]}")
+            if found != (FORMAT, VERSION):
+                raise InputError(f"{path}: expected a {FORMAT} of version {VERSION}, found {found[0]} of {found[1]}")
             yield file
     except (OSError, KeyError, RuntimeError) as error:
         raise InputError(f"{path}: it, or a part of it, cannot be read as HDF5 ({error})") from error
@@ -418,6 +350,9 @@ def _times(file: h5py.File, path: Path) -> np.ndarray:
 
 def _performance(file: h5py.File, path: Path) -> Performance:
     times_s = _times(file, path)
+    named = tuple(np.asarray(file.attrs.get("joint_names", JOINT_NAMES)).tolist())
+    if named != JOINT_NAMES:
+        raise InputError(f"{path}: its joints are {', '.join(map(str, named))}; expected {', '.join(JOINT_NAMES)}")
     joints_m = _array(file, path, "joints_m", "f", (len(times_s), NUM_JOINTS, 3), MOST_FRAMES).astype(np.float32)
     if np.isinf(joints_m).any() or (np.abs(joints_m) > FARTHEST_M).any():
         raise InputError(f"{path}: joints_m holds values beyond {FARTHEST_M:g} m; expected metres, NaN for missing joints")
@@ -449,13 +384,13 @@ def _stored_depth(file: h5py.File, path: Path) -> tuple[np.ndarray, np.ndarray, 
     return depth_mm, boxes, camera
 
 
-def _depth_key(depth_mm: np.ndarray, boxes: np.ndarray, camera: Camera) -> str:
+def depth_key(depth_mm: np.ndarray, boxes: np.ndarray, camera: Camera) -> str:
     digest = hashlib.sha256(repr(camera).encode())
     digest.update(np.ascontiguousarray(boxes, np.int64))
     digest.update(np.ascontiguousarray(depth_mm, np.uint16))
     return digest.hexdigest()[:16]
 
 
-def _is_plain(name: str) -> bool:
+def is_plain(name: str) -> bool:
     """Whether a name can be a file's and leads nowhere else."""
     return bool(name) and not name.startswith(".") and all(letter.isalnum() or letter in "-_. " for letter in name)

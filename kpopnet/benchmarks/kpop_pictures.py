@@ -1,0 +1,63 @@
+"""The pictures of a dance evaluation: scores against the experts' order, and one dance's scores over time."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from kpopnet.benchmarks.kpop_evaluation import DanceRun
+from kpopnet.benchmarks.kpop_scores import is_ordered, similarities
+
+RIGHT, WRONG = "0.75", "tab:red"
+RANK_COLOURS = ("tab:green", "tab:blue", "tab:orange", "tab:red", "tab:purple", "tab:brown")
+
+
+def score_by_rank(run: DanceRun) -> Figure:
+    """A panel for each scorer and source of joints: a line a dance over its learners, red where the order is wrong."""
+    sources, scorers = list(run.scores), list(next(iter(run.scores.values())))
+    figure = Figure(figsize=(3.6 * len(sources) + 0.6, 3.2 * len(scorers)), layout="constrained")
+    panels = figure.subplots(len(scorers), len(sources), sharex=True, sharey="row", squeeze=False)
+    for row, scorer in zip(panels, scorers, strict=True):
+        for panel, source in zip(row, sources, strict=True):
+            agreement = run.agreements[source][scorer]
+            by_dance = {name: similarities(one) for name, one in run.scores[source][scorer].items()}
+            for scores in sorted(by_dance.values(), key=is_ordered, reverse=True):
+                right = is_ordered(scores)
+                style = {"color": RIGHT, "alpha": 0.6} if right else {"color": WRONG, "alpha": 0.9}
+                panel.plot(range(1, len(scores) + 1), scores, marker=".", linewidth=0.8, **style)
+            panel.set_title(f"{scorer}, {source}: {agreement.concordance:.0f} of 100", fontsize=10)
+            panel.grid(axis="y", alpha=0.3)
+            panel.set_xticks(range(1, max(map(len, by_dance.values())) + 1))
+        row[0].set_ylabel("score")
+    for panel in panels[-1]:
+        panel.set_xlabel("rank by the experts, 1 = best")
+    return figure
+
+
+def timelines(run: DanceRun, dance: str, scorer: str) -> Figure:
+    """One dance: similarity, posture and delay of every learner in every window; a row for each source of joints."""
+    sources = list(run.scores)
+    figure = Figure(figsize=(12, 2.4 * len(sources) + 0.6), layout="constrained")
+    panels = figure.subplots(len(sources), 3, sharex=True, squeeze=False)
+    for row, source in zip(panels, sources, strict=True):
+        for rank, learner in enumerate(run.scores[source][scorer][dance], 1):
+            windows = learner.score.windows
+            colour = RANK_COLOURS[(rank - 1) % len(RANK_COLOURS)]
+            label = f"{rank}: {learner.name}, {learner.score.similarity:.1f}"
+            for panel, values in zip(row, (windows.similarity, windows.posture, windows.delay_s), strict=True):
+                panel.plot(windows.start_s, values, color=colour, marker=".", markersize=3, linewidth=1, label=label)
+        for panel, what in zip(row, ("similarity", "posture", "delay in s"), strict=True):
+            panel.set_ylabel(what)
+            panel.grid(alpha=0.3)
+        row[0].set_ylim(0, 100)
+        row[1].set_ylim(0, 100)
+        row[2].axhline(0, color="black", linewidth=0.5)
+        row[0].set_title(f"{dance}, {source}, {scorer}", fontsize=10, loc="left")
+        row[0].legend(fontsize=7, title="rank: learner, score", title_fontsize=7, loc="lower left", ncols=2)
+    for panel in panels[-1]:
+        panel.set_xlabel("start of the window, s")
+    return figure
+
+
+def least_ordered(run: DanceRun, source: str, scorer: str) -> str:
+    """The dance whose scores say least what the experts say; the first of several alike."""
+    by_dance = {name: similarities(one) for name, one in run.scores[source][scorer].items()}
+    return min(by_dance, key=lambda name: np.nan_to_num(-np.diff(by_dance[name]), nan=-np.inf).min())
