@@ -43,7 +43,7 @@ def evaluate_joints(config: EvaluateConfig, folder: Path) -> None:
     processes = config.processes or (1 if on_gpu else cores_at_hand())
     run = run_benchmark(benchmark, estimators, config.sequences, config.seed, processes)
     write_report(folder, run, config, sweep)
-    print(terminal_table(run))
+    print(terminal_table(run, sweep))
 
 
 EVALUATIONS: dict[str, Callable[[EvaluateConfig, Path], None]] = {"kpop": evaluate_dances, "kpop_sim": evaluate_dances}

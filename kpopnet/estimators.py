@@ -53,3 +53,8 @@ class StartedEstimator(Estimator, Protocol):
     starts_from_label: bool
 
     def estimate(self, depth_m: np.ndarray, camera: Camera, start: Start | None = None) -> Estimate: ...
+
+
+def starts_from_label(estimator: Estimator) -> bool:
+    """Whether it wants to be told a true pose."""
+    return isinstance(estimator, StartedEstimator) and estimator.starts_from_label

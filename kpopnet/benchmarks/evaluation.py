@@ -14,7 +14,7 @@ from kpopnet.benchmarks.spread import spread
 from kpopnet.benchmarks.sweep import SweepConfig
 from kpopnet.benchmarks.synthetic import SyntheticBenchmark
 from kpopnet.errors import InputError
-from kpopnet.estimators import Estimator
+from kpopnet.estimators import Estimator, starts_from_label
 from kpopnet.networks.estimator import NetworkEstimator
 
 
@@ -60,6 +60,7 @@ class Run:
         sequences_in_set: how many sequences the benchmark holds, evaluated or not.
         images_without_person: frames in which nothing was measured, or nobody was found.
         unlike_training: per estimator, where there are any: `unlike_training`.
+        started_from_label: the estimators that were told the first true pose of each sequence.
         extraction_fps: frames per second of finding the person in whole scenes, once for all estimators; None where the
             set's depth shows people alone.
     """
@@ -72,12 +73,14 @@ class Run:
     sequences_in_set: int
     images_without_person: int
     unlike_training: dict[str, list[str]]
+    started_from_label: list[str]
     extraction_fps: float | None = None
 
     def only(self, names: list[str]) -> "Run":
         """The same with some of its estimators."""
         parts = ("scored", "metrics", "unlike_training")
-        return replace(self, **{part: {n: v for n, v in getattr(self, part).items() if n in names} for part in parts})
+        kept = {part: {name: value for name, value in getattr(self, part).items() if name in names} for part in parts}
+        return replace(self, started_from_label=[name for name in self.started_from_label if name in names], **kept)
 
 
 def unlike_training(benchmark: Benchmark, estimator: Estimator) -> list[str]:
@@ -106,9 +109,8 @@ def run_benchmark(
     """Has every estimator estimate every sequence, as `SequenceEstimation` says, and judges what comes out.
 
     A sequence that cannot be read, or at which an estimator fails, is named in the result and left out, for all
-    estimators; the others go on. Estimates do not depend on the number of processes. Each process has one thread, so
-    an estimator's frames per second, all frames over all seconds, are those of one core, as long as every process has
-    one to itself.
+    estimators; the others go on. Estimates do not depend on the number of processes. Each process has one thread: an
+    estimator's frames per second, all frames over all its seconds, are those of one core.
 
     Args:
         benchmark: the data set.
@@ -164,6 +166,7 @@ def run_benchmark(
         unlike_training={
             label: settings for label, one in estimators.items() if (settings := unlike_training(benchmark, one))
         },
+        started_from_label=[label for label, one in estimators.items() if starts_from_label(one)],
         extraction_fps=_per_second(scene_frames, extraction_seconds) if scene_frames else None,
     )
 

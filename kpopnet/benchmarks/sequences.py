@@ -25,7 +25,7 @@ class Sequence:
     Attributes:
         name: unique in its benchmark.
         identity: who it is, or "" where nobody knows. Equal identities are the same person.
-        fps: frames a second, or 0 where the frames are stills of their own.
+        fps: frames a second, or 0 where the frames are stills of their own, or nobody has published it.
         camera: the camera of the depth.
         depth_m: (T, H, W) float32; 0 where nothing was measured.
         joints_camera_m: (T, 15, 3) float32 true joints, NaN where there is no truth.
@@ -62,6 +62,8 @@ class Benchmark(Protocol):
         origin: real or simulated depth.
         truth: what the joints it holds are, for "against ...": "Kinect SDK labels", "motion capture".
         about: what a reader of a score must know besides, in a sentence or two.
+
+    A simulated set says besides by `provenance`, a dict with seed, version and config_hash, which set of its kind it is.
     """
 
     name: str

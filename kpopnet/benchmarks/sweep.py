@@ -15,7 +15,7 @@ from kpopnet.entry import overridable
 from kpopnet.errors import InputError
 
 
-@dataclass(frozen=True)
+@dataclass
 class AxisConfig:
     """What is varied. Attributes: setting: its path below the estimator's name. values: to be tried."""
 
@@ -27,7 +27,7 @@ class AxisConfig:
             raise InputError(f"sweep: {self.setting} has values {self.values}; expected some, each once")
 
 
-@dataclass(frozen=True)
+@dataclass
 class SweepConfig:
     """The two settings. Attributes: rows, columns: of the table."""
 

@@ -44,6 +44,11 @@ class SyntheticBenchmark:
             )
         header = self.samples.header
         self.measured_with: dict[str, dict] = header.config.get("freeze", {})
+        self.provenance = {
+            "seed": header.seed,
+            "version": header.config.get("generator"),
+            "config_hash": header.config_hash,
+        }
         self.about = (
             f"Rendered people, split {header.split!r} of the set in {config.path} (seed {header.seed}, configuration "
             f"{header.config_hash}); the sensor's noise and the silhouettes' faults are simulated too."

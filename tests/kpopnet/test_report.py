@@ -100,7 +100,7 @@ def test_reports_name_truth_origin_and_have_only_pictures_that_are_there(benchma
         assert "SIMULATED depth, judged against synthetic truth" in report
         assert "2 of 3 sequences, evenly spaced" in report and "synthetic:" in report
     sources = re.findall(r'(?:src|href)="([^"]*)"', page)
-    assert sources == re.findall(r"!\[[^]]*\]\(([^)]*)\)", text) and len(sources) == 3
+    assert sources == re.findall(r"!\[[^]]*\]\(([^)]*)\)", text) and len(sources) == 5
     assert all((tmp_path / source).is_file() for source in sources)
     parser = TagBalance()
     parser.feed(page)
