@@ -38,6 +38,7 @@ class EvalSimConfig(Which):
 class EvalSimSet(StandInSet):
     """The whole of what the sequences depend on."""
 
+    generator: ClassVar[int] = 2
     benchmark: EvalSimConfig = field(default_factory=EvalSimConfig)
     sensor: SensorConfig = SENSORS["kinect_v1"]
     frames: tuple[int, int] = (288, 488)

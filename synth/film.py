@@ -227,13 +227,13 @@ class Studio:
             depth_m, seen = measure_labelled(
                 np.where(is_person, person_m, room_m), labels, camera, sensor, noise(frame), joints_m[LIMB_ENDS]
             )
-            markers_world_m = self.renderer.vertices_world_m()[list(MARKERS.values())].astype(np.float64)
+            skin_m = self.renderer.vertices_world_m()
             yield Shot(
                 depth_m=depth_m,
                 person=seen == PERSON,
                 joints_camera_m=joints_m,
-                markers_camera_m=take.view.to_camera(markers_world_m).astype(np.float32),
-                markers_tracked=tracked_markers(scene, markers_world_m, take.place_m),
+                markers_camera_m=take.view.to_camera(skin_m[list(MARKERS.values())]).astype(np.float32),
+                markers_tracked=tracked_markers(skin_m, take.place_m),
                 yaw_rad=heading_rad(scene),
             )
 

@@ -5,18 +5,20 @@ in a ring. It has nothing to do with the depth camera. A marker whose place two 
 over the chest, a seat on the floor or a trunk bent over hide some.
 """
 
+from functools import cache
+from typing import NamedTuple
+
 import numpy as np
+from numba import njit
 
 from kpopnet.skeleton import Joint
 from synth.body import load_body
-from synth.scene import Scene
 
 RING_CAMERAS, RING_RADIUS_M, RING_HEIGHT_M = 8, 3.5, 2.4
 SEEING_CAMERAS = 2
 
-MARKER_ROOM_M = 0.05
-"""So far before a marker a ray to it may meet the capsules of the body, which here and there stick out of the skin, as where
-an arm is raised over its shoulder."""
+MARKER_RADIUS_M = 0.01
+"""A marker is a small ball on the skin: so high its middle lies."""
 
 _PLACES = {
     # Names of the usual marker sets; a marker sits where the skin lies farthest from the joint in a direction of the
@@ -48,6 +50,9 @@ _PLACES = {
 }
 
 
+NEAR_RAY_M = 0.02
+
+
 def _on_mean_body() -> dict[str, int]:
     asset = load_body()
     points = asset.mean.reshape(-1, 3)
@@ -58,9 +63,10 @@ def _on_mean_body() -> dict[str, int]:
         away = vertices - joints[joint]
         along = away @ ray
         aside = np.linalg.norm(away - along[:, None] * ray, axis=1)
-        # The nearest to the ray, of those in front of the joint and not on another limb.
-        near = (along > 0.02) & (along < 0.25)
-        found[name] = int(np.flatnonzero(near)[aside[near].argmin()])
+        # The outermost near the ray, where there are several layers, of those in front of the joint and not on another limb.
+        reachable = (along > 0.02) & (along < 0.25)
+        near = reachable & (aside < max(NEAR_RAY_M, aside[reachable].min() + 1e-6))
+        found[name] = int(np.flatnonzero(near)[along[near].argmax()])
     return found
 
 
@@ -68,17 +74,102 @@ MARKERS: dict[str, int] = _on_mean_body()
 """Name of each marker to its vertex."""
 
 
-def tracked_markers(scene: Scene, markers_world_m: np.ndarray, place_m: np.ndarray) -> np.ndarray:
-    """(M,) bool: which of (M, 3) markers on the scene's posed person are seen by the ring around (3,) place."""
+def tracked_markers(vertices_world_m: np.ndarray, place_m: np.ndarray) -> np.ndarray:
+    """(M,) bool: which of MARKERS on a posed body are seen by the ring around (3,) place.
+
+    Args:
+        vertices_world_m: (V, 3) the skin.
+        place_m: (3,) on the floor.
+    """
     angles = 2 * np.pi * np.arange(RING_CAMERAS) / RING_CAMERAS
-    ring_m = RING_RADIUS_M * np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
-    cameras_m = np.array([*place_m[:2], RING_HEIGHT_M]) + ring_m
-    tracked = np.zeros(len(markers_world_m), bool)
-    for marker, place in enumerate(markers_world_m):
-        seeing = 0
-        for camera in cameras_m:
-            seeing += scene.reaches_m(camera, place) > np.linalg.norm(place - camera) - MARKER_ROOM_M
+    ring_m = np.stack([RING_RADIUS_M * np.cos(angles), RING_RADIUS_M * np.sin(angles), 0 * angles], axis=1)
+    cameras_m = np.array([place_m[0], place_m[1], RING_HEIGHT_M]) + ring_m
+    vertices, skin = vertices_world_m.astype(np.float64), _skin()
+    of_part = vertices[skin.part_corners]
+    count = np.diff(skin.corner_starts, append=len(of_part))
+    middles = np.add.reduceat(of_part, skin.corner_starts) / count[:, None]
+    away2 = ((of_part - np.repeat(middles, count, axis=0)) ** 2).sum(axis=1)
+    radii2 = np.maximum.reduceat(away2, skin.corner_starts)
+    a, b, c = vertices[skin.marker_faces.T]
+    normals = np.add.reduceat(np.cross(b - a, c - a), skin.marker_starts)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    places_m = vertices[list(MARKERS.values())] + MARKER_RADIUS_M * normals
+    return _tracked(vertices, skin.faces, skin.face_starts, middles, radii2, places_m, cameras_m)
+
+
+class _Skin(NamedTuple):
+    """The body's triangles by the bone that moves them most, a part each, and those around the markers.
+
+    The starts say where in the array before them each part, or each marker, begins.
+    """
+
+    faces: np.ndarray  # (F, 3)
+    face_starts: np.ndarray
+    part_corners: np.ndarray  # (C,) vertices of each part's triangles
+    corner_starts: np.ndarray
+    marker_faces: np.ndarray  # (N, 3)
+    marker_starts: np.ndarray
+
+
+@cache
+def _skin() -> _Skin:
+    asset = load_body()
+    bone = asset.weight_bones[asset.faces[:, 0], 0]
+    parts = [asset.faces[bone == one] for one in np.unique(bone)]
+    corners = [np.unique(part) for part in parts]
+    around = [asset.faces[(asset.faces == vertex).any(axis=1)] for vertex in MARKERS.values()]
+    joined = [(np.concatenate(pieces), _starts(pieces)) for pieces in (parts, corners, around)]
+    return _Skin(*(array for pair in joined for array in pair))
+
+
+def _starts(pieces: list[np.ndarray]) -> np.ndarray:
+    return np.cumsum([0, *(len(piece) for piece in pieces[:-1])])
+
+
+@njit(cache=True)
+def _tracked(vertices, faces, face_starts, middles, radii2, places, cameras):
+    tracked = np.zeros(len(places), np.bool_)
+    for k in range(len(places)):
+        start, seeing = places[k], 0
+        for camera in cameras:
+            way = camera - start
+            length2, blocked = (way**2).sum(), False
+            for part in range(len(middles)):
+                to_middle = middles[part] - start
+                share = min(max((to_middle * way).sum() / length2, 0.0), 1.0)
+                if ((to_middle - share * way) ** 2).sum() <= radii2[part]:
+                    stop = face_starts[part + 1] if part + 1 < len(middles) else len(faces)
+                    blocked = _meets(vertices, faces[face_starts[part] : stop], start, way)
+                if blocked:
+                    break
+            seeing += not blocked
             if seeing == SEEING_CAMERAS:
-                tracked[marker] = True
+                tracked[k] = True
                 break
     return tracked
+
+
+@njit(cache=True)
+def _meets(vertices, faces, start, way):
+    """Whether one meets any triangle on the way from start (Moller & Trumbore 1997)."""
+    wx, wy, wz = way[0], way[1], way[2]
+    for f in range(len(faces)):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        ax, ay, az = vertices[a, 0], vertices[a, 1], vertices[a, 2]
+        ux, uy, uz = vertices[b, 0] - ax, vertices[b, 1] - ay, vertices[b, 2] - az
+        vx, vy, vz = vertices[c, 0] - ax, vertices[c, 1] - ay, vertices[c, 2] - az
+        px, py, pz = wy * vz - wz * vy, wz * vx - wx * vz, wx * vy - wy * vx
+        volume = ux * px + uy * py + uz * pz
+        if volume == 0:
+            continue
+        sx, sy, sz = start[0] - ax, start[1] - ay, start[2] - az
+        along_u = (sx * px + sy * py + sz * pz) / volume
+        if along_u < 0 or along_u > 1:
+            continue
+        qx, qy, qz = sy * uz - sz * uy, sz * ux - sx * uz, sx * uy - sy * ux
+        along_v = (wx * qx + wy * qy + wz * qz) / volume
+        if along_v < 0 or along_u + along_v > 1:
+            continue
+        if 0 < (vx * qx + vy * qy + vz * qz) / volume < 1:
+            return True
+    return False

@@ -17,7 +17,6 @@ from synth.capsules import Capsules
 from synth.room import MAX_BOXES, Room, View
 
 SKIN_GROUP, ROOM_GROUP, CAPSULE_GROUP = 0, 1, 3  # MuJoCo shows groups 0-2 unless told otherwise
-_CAPSULES_ONLY = (np.arange(mujoco.mjNGROUP) == CAPSULE_GROUP).astype(np.uint8)
 NEAR_M = 0.1
 FAR_M = 30.0
 UNUSED_BOX_M = -100.0  # boxes that a room does not need wait under the floor
@@ -96,13 +95,6 @@ class Scene:
             return 0.0
         ok = self._may_touch[contact.geom1, contact.geom2]
         return float(max(0.0, -contact.dist[~ok].min(initial=0.0)))
-
-    def reaches_m(self, start_world_m: np.ndarray, end_world_m: np.ndarray) -> float:
-        """How far one gets from (3,) start towards (3,) end before meeting the person's capsules; infinite if they do not."""
-        way = end_world_m - start_world_m
-        along = way / np.linalg.norm(way)
-        reached_m = mujoco.mj_ray(self.model, self.data, start_world_m, along, _CAPSULES_ONLY, False, -1, None)
-        return reached_m if reached_m >= 0 else np.inf
 
     def joints_world_m(self) -> np.ndarray:
         """(15, 3) the person's joints as posed."""
