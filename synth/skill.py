@@ -91,7 +91,7 @@ class SkillConfig:
             calibrated: with 0.35 a single fault decides the order more often than the level does, and experts were at one.
     """
 
-    spacing: float = 0.4
+    spacing: float = 0.65
     spread: float = 0.2
 
     def __post_init__(self) -> None:
@@ -124,8 +124,8 @@ class Mistake:
 def draw_mistakes(rng: np.random.Generator, seconds: float, per_minute: float) -> list[Mistake]:
     """Mistakes that do not overlap, in a dance of so many seconds; none in its first second.
 
-    There are as many as expected, to within one. A dance here is a stretch of a song; how many fall into a few seconds by
-    chance would say more of it than of the dancer.
+    There are as many as expected, to within one, less those that would overlap. A dance here is a stretch of a song; how many
+    fall into a few seconds by chance would say more of it than of the dancer.
     """
     found: list[Mistake] = []
     for _ in range(int(per_minute * seconds / 60 + rng.random())):

@@ -1,0 +1,255 @@
+"""The folder format of K-Pop sets: what is written is read again, and what is odd is said."""
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from kpopnet.benchmarks.kpop import MARGIN_PX, KpopConfig, KpopSet, open_set, read_labels
+from kpopnet.benchmarks.kpop_writing import PackedDepth, write_labels, write_learner, write_teacher
+from kpopnet.benchmarks.sequences import Origin
+from kpopnet.camera import Camera
+from kpopnet.dance.scoring import Performance
+from kpopnet.errors import InputError
+
+CAMERA = Camera.centred(60.0, 80, 64)
+FRAMES = 6
+TIMES_S = np.arange(FRAMES) / 30
+RNG_JOINTS = np.random.default_rng(0).normal(size=(FRAMES, 15, 3)).astype(np.float32)
+
+
+def whole_frames() -> np.ndarray:
+    """(T, H, W) metres, in whole millimetres: a blob that moves and touches the rim; nobody in frame 3."""
+    depth_m = np.zeros((FRAMES, CAMERA.height, CAMERA.width), np.float32)
+    for frame in range(FRAMES):
+        if frame != 3:
+            depth_m[frame, 10 + frame : 30, 8 * frame : 8 * frame + 12] = 2.0 + 0.001 * frame
+            depth_m[frame, 15, 8 * frame + 3] = 0  # a hole
+    return depth_m
+
+
+def packed(depth_m: np.ndarray) -> PackedDepth:
+    recording = PackedDepth(CAMERA)
+    for image in depth_m:
+        recording.add(image)
+    return recording
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A set of one dance."""
+    dance = tmp_path / "set" / "mama"
+    write_teacher(dance, Performance(RNG_JOINTS, TIMES_S))
+    write_learner(dance, "jin", TIMES_S, RNG_JOINTS, packed(whole_frames()), {"level": "best"})
+    write_learner(dance, "ann", TIMES_S, RNG_JOINTS)
+    write_labels(dance, ["jin", "ann"])
+    return tmp_path / "set"
+
+
+def test_what_is_written_is_read_again(folder):
+    dances = KpopSet(folder)
+    assert dances.names == ["mama"] and dances.manifest.origin is Origin.REAL and dances.manifest.dances is None
+    dance = dances.dance("mama")
+    assert [learner.name for learner in dance.learners] == ["jin", "ann"]
+    np.testing.assert_array_equal(dance.teacher().joints_m, RNG_JOINTS.astype(np.float64))
+    jin, ann = dance.learners
+    np.testing.assert_array_equal(jin.joints().times_s, TIMES_S)
+    assert jin.about == {"level": "best"} and ann.about == {} and ann.depth_key is None
+    clip = jin.depth()
+    # Put back into the whole image it is what was given, to the millimetre.
+    x0, y0 = round(CAMERA.cx - clip.camera.cx), round(CAMERA.cy - clip.camera.cy)
+    back_m = np.zeros((FRAMES, CAMERA.height, CAMERA.width), np.float32)
+    back_m[:, y0 : y0 + clip.camera.height, x0 : x0 + clip.camera.width] = clip.depth_m
+    np.testing.assert_allclose(back_m, whole_frames(), atol=1e-6)
+    assert (x0, y0) == (0, 10 - MARGIN_PX) and clip.camera.width == 52 + MARGIN_PX
+    with pytest.raises(InputError, match=r"ann\.h5: no depth_mm"):
+        ann.depth()
+
+
+def test_a_depth_key_tells_recordings_apart_and_needs_not_be_stored(folder):
+    learner = KpopSet(folder).dance("mama").learners[0]
+    key = learner.depth_key
+    with h5py.File(learner.path, "a") as file:
+        del file.attrs["depth_key"]
+    assert KpopSet(folder).dance("mama").learners[0].depth_key == key
+    other = whole_frames()
+    other[0, 12, 2] += 0.001
+    write_learner(folder / "mama", "jin", TIMES_S, RNG_JOINTS, packed(other))
+    assert KpopSet(folder).dance("mama").learners[0].depth_key != key
+
+
+def test_a_piece_of_an_image_is_stored_where_it_lies():
+    depth_m = whole_frames()
+    pieces = PackedDepth(CAMERA)
+    for image in depth_m:
+        pieces.add(image[5:40, 0:70], 0, 5)
+    np.testing.assert_array_equal(pieces.boxes, packed(depth_m).boxes)
+    np.testing.assert_array_equal(pieces.depth_mm, packed(depth_m).depth_mm)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "empty; expected a line learner,rank"),
+        ("\n \n", "empty"),
+        ("name,place\njin,1\n", "first line is 'name,place'"),
+        ("learner,rank\n", "its ranks are none"),
+        ("learner,rank\njin,1\n", "at least two learners"),
+        ("learner,rank\njin,1\nann,1\n", "each of 1, 2, ... once"),
+        ("learner,rank\njin,1\nann,3\n", "each of 1, 2, ... once"),
+        ("learner,rank\njin,1\nann,second\n", "row 3: 'ann,second'"),
+        ("learner,rank\njin,1\njin,2\n", "there twice"),
+        ("learner,rank\n../jin,1\nann,2\n", "no name of a learner's file"),
+        ("learner,rank\nteacher,1\nann,2\n", "no name of a learner's file"),
+    ],
+)
+def test_odd_labels(folder, text, message):
+    (folder / "mama" / "labels.csv").write_text(text)
+    with pytest.raises(InputError, match=r"labels\.csv") as caught:
+        KpopSet(folder).dance("mama")
+    assert message in str(caught.value)
+
+
+def test_labels_in_any_order_of_lines(folder):
+    path = folder / "mama" / "labels.csv"
+    path.write_text("learner, rank\nann, 1\n\njin , 2\n")
+    assert read_labels(path) == ["ann", "jin"]
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="not a text file"):
+        read_labels(path)
+
+
+def test_what_is_missing_is_named(folder, tmp_path):
+    (folder / "mama" / "ann.h5").unlink()
+    with pytest.raises(InputError, match=r"ann\.h5: missing, though labels\.csv ranks ann; there are jin"):
+        KpopSet(folder).dance("mama")
+    with pytest.raises(InputError, match="dance=papa: not among the 1"):
+        KpopSet(folder).dance("papa")
+    (folder / "mama" / "teacher.h5").unlink()
+    write_labels(folder / "mama", ["jin", "jin2"])
+    write_learner(folder / "mama", "jin2", TIMES_S, RNG_JOINTS)
+    with pytest.raises(InputError, match=r"teacher\.h5: no such file"):
+        KpopSet(folder).dance("mama").teacher()
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match="no dances in it"):
+        KpopSet(tmp_path / "empty")
+    with pytest.raises(InputError, match="no such folder"):
+        KpopSet(tmp_path / "nowhere")
+    with pytest.raises(InputError, match=r"benchmark=kpop needs benchmark\.path"):
+        open_set(KpopConfig())
+
+
+def test_a_manifest_says_what_the_set_is(folder):
+    path = folder / "manifest.json"
+    path.write_text(json.dumps({"simulated": True, "name": "x", "about": "made", "dances": 5, "hash": "ab"}))
+    manifest = KpopSet(folder).manifest
+    assert manifest.origin is Origin.SIMULATED and manifest.dances == 5 and manifest.about == "made"
+    for odd in ("[]", "{", '{"dances": "many"}'):
+        path.write_text(odd)
+        with pytest.raises(InputError, match="not a manifest"):
+            KpopSet(folder)
+
+
+def spoil(path: Path, name: str, data, **options) -> None:
+    with h5py.File(path, "a") as file:
+        del file[name]
+        file.create_dataset(name, data=data, **options)
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "message"),
+    [
+        ("boxes", np.array([[0, 0, 81, 64]] * FRAMES), "is not within 80x64"),
+        ("boxes", np.array([[5, 5, 5, 9]] * FRAMES), "is not within 80x64"),
+        ("boxes", np.array([[-3, 0, 4, 4]] * FRAMES), "is not within"),
+        ("boxes", np.array([[0, 0, 2, 2]] * FRAMES), "has 1056 entries; at most 24 are read"),
+        ("boxes", np.zeros((FRAMES, 3), np.int32), "expected (T, 4), integers"),
+        ("boxes", np.zeros((FRAMES, 4)), "expected (T, 4), integers"),
+        ("depth_mm", np.zeros(7, np.uint16), "its boxes hold"),
+        ("depth_mm", np.zeros(10, np.float32), "uint16 millimetres"),
+        ("times_s", np.zeros(FRAMES), "grow from frame to frame"),
+        ("times_s", np.full(FRAMES, np.nan), "must be finite"),
+        ("times_s", np.arange(FRAMES - 1.0), "boxes but"),
+        ("times_s", np.zeros(0), "there must be some"),
+    ],
+)
+def test_odd_depth(folder, name, data, message):
+    learner = KpopSet(folder).dance("mama").learners[0]
+    spoil(learner.path, name, data)
+    with pytest.raises(InputError, match=r"jin\.h5") as caught:
+        learner.depth()
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (np.zeros((FRAMES, 14, 3), np.float32), "expected (6, 15, 3)"),
+        (np.full((FRAMES, 15, 3), np.inf, np.float32), "beyond 1000 m"),
+        (np.full((FRAMES, 15, 3), 1800.0, np.float32), "beyond 1000 m"),
+        (np.full((FRAMES, 15, 3), np.nan, np.float32), "no joint at all"),
+        (np.zeros((FRAMES, 15, 3), int), "floating point"),
+    ],
+)
+def test_odd_joints(folder, data, message):
+    learner = KpopSet(folder).dance("mama").learners[1]
+    spoil(learner.path, "joints_m", data)
+    with pytest.raises(InputError, match=r"ann\.h5") as caught:
+        learner.joints()
+    assert message in str(caught.value)
+
+
+def test_hostile_files(folder, tmp_path):
+    learner = KpopSet(folder).dance("mama").learners[0]
+    whole = learner.path.read_bytes()
+    learner.path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match=r"jin\.h5.*cannot be read"):
+        learner.depth()
+    learner.path.write_bytes(b"\x89HDF, or so it says")
+    with pytest.raises(InputError, match="cannot be read"):
+        learner.joints()
+    learner.path.write_bytes(whole)
+    with h5py.File(learner.path, "a") as file:
+        file.attrs["camera"] = [60.0, 60, 40, 32, 1e9, 1e9]
+    with pytest.raises(InputError, match="pixels"):
+        learner.depth()
+    # Data in somebody else's file is not followed.
+    learner.path.write_bytes(whole)
+    secret = tmp_path / "secret.h5"
+    with h5py.File(secret, "w") as file:
+        file["times_s"] = TIMES_S
+    with h5py.File(learner.path, "a") as file:
+        del file["times_s"]
+        file["times_s"] = h5py.ExternalLink(str(secret), "/times_s")
+    with pytest.raises(InputError, match="lies in another file"):
+        learner.joints()
+    with h5py.File(learner.path, "a") as file:
+        del file["times_s"]
+        raw = tmp_path / "raw"
+        raw.write_bytes(TIMES_S.tobytes())
+        file.create_dataset("times_s", (FRAMES,), "f8", external=[(str(raw), 0, 8 * FRAMES)])
+    with pytest.raises(InputError, match="stored in this file"):
+        learner.joints()
+
+
+def test_a_recording_that_would_fill_the_memory_is_refused(folder, monkeypatch):
+    monkeypatch.setattr("kpopnet.benchmarks.kpop.MOST_IN_MEMORY", 1000)
+    with pytest.raises(InputError, match="cut it in pieces"):
+        KpopSet(folder).dance("mama").learners[0].depth()
+
+
+def test_nobody_in_sight(folder):
+    write_learner(folder / "mama", "jin", TIMES_S, None, packed(np.zeros_like(whole_frames())))
+    with pytest.raises(InputError, match="nobody is seen in any of its 6 frames"):
+        KpopSet(folder).dance("mama").learners[0].depth()
+
+
+def test_writing_refuses_what_could_not_be_read(tmp_path):
+    with pytest.raises(InputError, match="neither joints nor depth"):
+        write_learner(tmp_path, "jin", TIMES_S)
+    for name in ("", "../x", "teacher", ".hidden"):
+        with pytest.raises(InputError, match="not a name for a file"):
+            write_learner(tmp_path, name, TIMES_S, RNG_JOINTS)
+    assert not list(tmp_path.iterdir())
