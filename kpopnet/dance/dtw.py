@@ -85,25 +85,49 @@ def frame_distance(a, a_weights, b, b_weights, columns, cap):
 
 
 @njit(cache=True)
-def best_match(distances, slope, pull):
+def steady_delay(distances, pull):
+    """The column at which a stretch of frames matches best if the delay stays the same throughout.
+
+    Args:
+        distances: (n, 2 * band + 1) as of `banded_distances`; infinite ones do not count.
+        pull: radians that every frame away from the expected time costs: decides where nothing else does.
+    """
+    n, columns = distances.shape
+    band = columns // 2
+    best, least = band, np.inf
+    for k in range(columns):
+        total, count = 0.0, 0
+        for i in range(n):
+            if distances[i, k] < np.inf:
+                total += distances[i, k]
+                count += 1
+        if 2 * count >= n:
+            mean = total / count + pull * abs(k - band)
+            if mean < least:
+                best, least = k, mean
+    return best
+
+
+@njit(cache=True)
+def best_match(distances, slope, pull, expected):
     """Open-begin, open-end matching of a window.
 
     Args:
         distances: (n, 2 * band + 1) as of `banded_distances`, n >= 1.
         slope: True for the steps `slope`, False for `free`.
-        pull: radians that begin and end each cost for every frame that they lie away from the expected time, times n / 2:
-            among matches that are as good the one nearest to the expected time is taken. 0 is none.
+        pull: radians that begin and end each cost for every frame that they lie away from where they are expected, times
+            n / 2: among matches that are as good the nearest is taken. 0 is none.
+        expected: the column where they are expected.
 
     Returns:
         (L, 2) int64 path from begin to end: rows and columns of `distances`. Empty if the teacher has nothing there.
     """
     n, columns = distances.shape
-    band = columns // 2
     cost = np.full((n, columns), np.inf)
     step = np.zeros((n, columns), np.int8)
     away = pull * n / 2
     for k in range(columns):
-        cost[0, k] = distances[0, k] + away * abs(k - band)
+        cost[0, k] = distances[0, k] + away * abs(k - expected)
     for i in range(n):
         for k in range(columns):
             here = distances[i, k]
@@ -133,7 +157,7 @@ def best_match(distances, slope, pull):
             cost[i, k], step[i, k] = best, by
     end, least = -1, np.inf
     for k in range(columns):
-        total = cost[n - 1, k] + away * abs(k - band)
+        total = cost[n - 1, k] + away * abs(k - expected)
         if total < least:
             end, least = k, total
     path = np.empty((2 * (n + columns), 2), np.int64)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kpopnet.dance.dtw import STEPS, algorithm_3, banded_distances, best_match, posture_on_path
+from kpopnet.dance.dtw import STEPS, algorithm_3, banded_distances, best_match, posture_on_path, steady_delay
 from kpopnet.dance.features import Features, dance_features, feature_names
 from kpopnet.dance.resampling import resampled
 from kpopnet.errors import InputError
@@ -84,8 +84,10 @@ class ScorerConfig:
     hop_s: float = 0.5
     band_s: float = 1.5
     steps: str = "slope"
-    pull: float = 0.3
-    cap_rad: float = 1.5
+    pull: float = 0.1
+    context_s: float = 6.0
+    context_pull: float = 0.1
+    cap_rad: float = 0.5
     matching: str = "subsequence"
     alpha: float = 0.3
     beta: float = 2.5
@@ -111,6 +113,10 @@ class ScorerConfig:
     @property
     def window_frames(self) -> int:
         return round(self.window_s * self.fps)
+
+    @property
+    def context_frames(self) -> int:
+        return max(round(self.context_s * self.fps), self.window_frames)
 
     @property
     def hop_frames(self) -> int:
@@ -191,8 +197,9 @@ def score_dance(teacher: Performance, learner: Performance, config: ScorerConfig
     scores = []
     starts = clock.window_starts(frames)
     for start in starts:
-        rows = slice(start - frames.start, start - frames.start + config.window_frames)
-        scores.append(score_window(distances[rows], rows_of(learnt, rows), taught, start, config))
+        end = start - frames.start + config.window_frames
+        window = rows_of(learnt, slice(end - config.window_frames, end))
+        scores.append(score_window(distances[max(end - config.context_frames, 0) : end], window, taught, start, config))
     return summary(scores, teacher.times_s[0] + np.array(starts) / config.fps)
 
 
@@ -257,7 +264,8 @@ def score_window(
         )
         delay_s = (len(learner.angles_rad) / 2 - half_length) / config.fps
         return WindowScore(delay_s, 100 * timing, 100 * posture, np.full(len(PARTS), np.nan))
-    path = best_match(distances, config.steps == "slope", config.pull / config.fps)
+    expected = steady_delay(distances, config.context_pull / config.fps)
+    path = best_match(distances[-len(learner.angles_rad) :], config.steps == "slope", config.pull / config.fps, expected)
     posture, compared = posture_on_path(
         path, *learner, *teacher, start, config.band_frames, parts, config.cap_rad, config.beta
     )
