@@ -191,7 +191,7 @@ def score_dance(teacher: Performance, learner: Performance, config: ScorerConfig
     """
     clock = Clock(teacher, config)
     taught = clock.features(teacher, clock.teacher_frames)
-    frames = clock.frames_of(learner)
+    frames = clock.danced_frames(learner)
     learnt = clock.features(learner, frames)
     distances = banded_distances(learnt, taught, frames.start, config.band_frames, config.cap_rad)
     scores = []
@@ -200,14 +200,14 @@ def score_dance(teacher: Performance, learner: Performance, config: ScorerConfig
         end = start - frames.start + config.window_frames
         window = rows_of(learnt, slice(end - config.window_frames, end))
         scores.append(score_window(distances[max(end - config.context_frames, 0) : end], window, taught, start, config))
-    return summary(scores, teacher.times_s[0] + np.array(starts) / config.fps)
+    return summary(scores, clock.time_s(starts))
 
 
 class Clock:
     """The even frames that a teacher's dance and all who follow it are brought to; frame 0 is the teacher's first."""
 
     def __init__(self, teacher: Performance, config: ScorerConfig) -> None:
-        self._config, self.start_s = config, teacher.times_s[0]
+        self._config, self._start_s = config, float(teacher.times_s[0])
         self.teacher_frames = self.frames_of(teacher)
         if len(self.teacher_frames) < config.window_frames:
             raise InputError(
@@ -217,29 +217,43 @@ class Clock:
 
     def frames_of(self, performance: Performance) -> range:
         """The frames from a performance's first sample to its last."""
-        first, last = (performance.times_s[[0, -1]] - self.start_s) * self._config.fps
-        return range(math.ceil(first - 1e-6), math.floor(last + 1e-6) + 1)
+        return range(self.frame_from(performance.times_s[0]), self.frame_until(performance.times_s[-1]) + 1)
+
+    def frame_from(self, time_s: float) -> int:
+        """The first frame at a time or after it."""
+        return math.ceil((time_s - self._start_s) * self._config.fps - 1e-6)
+
+    def frame_until(self, time_s: float) -> int:
+        """The last frame at a time or before it."""
+        return math.floor((time_s - self._start_s) * self._config.fps + 1e-6)
+
+    def time_s(self, frames: int | range) -> np.ndarray:
+        """When frames are."""
+        return self._start_s + np.asarray(frames) / self._config.fps
+
+    def danced_frames(self, learner: Performance) -> range:
+        """The frames of the dance in which the learner was seen."""
+        frames = self.frames_of(learner)
+        return range(max(frames.start, 0), min(frames.stop, self.teacher_frames.stop))
 
     def features(self, performance: Performance, frames: range) -> Features:
-        at_s = self.start_s + np.array(frames) / self._config.fps
-        joints_m = resampled(performance.joints_m, performance.times_s, at_s, self._config.smoothing_s)
+        joints_m = resampled(performance.joints_m, performance.times_s, self.time_s(frames), self._config.smoothing_s)
         return dance_features(joints_m, self._config.feature, self._config.fps, self._config.heading)
 
     def window_starts(self, frames: range) -> range:
-        """First frames of the windows that lie in the dance and in the frames that somebody danced.
+        """First frames of the windows that lie in the frames that somebody danced.
 
         Raises:
             InputError: there is none.
         """
         size, hop = self._config.window_frames, self._config.hop_frames
-        begin = max(-(-frames.start // hop), 0) * hop
-        starts = range(begin, min(frames.stop, self.teacher_frames.stop) - size + 1, hop)
+        starts = range(-(-frames.start // hop) * hop, frames.stop - size + 1, hop)
         if not starts:
             fps = self._config.fps
             raise InputError(
-                f"the learner was seen from {frames.start / fps:.2f} to {(frames.stop - 1) / fps:.2f} s of a dance of "
-                f"{(len(self.teacher_frames) - 1) / fps:.2f} s, which leaves no whole window of {self._config.window_s} s; "
-                "both need times on one clock"
+                f"the learner was seen for {max(len(frames) - 1, 0) / fps:.2f} s of a dance of "
+                f"{(len(self.teacher_frames) - 1) / fps:.2f} s, in no whole window of {self._config.window_s} s; "
+                "the times of both must run by one clock"
             )
         return starts
 
