@@ -4,12 +4,28 @@
     python evaluate.py checkpoint=outputs/train/RUN/best benchmark.path=data/small/test sequences=10
     python evaluate.py checkpoint=outputs/train/RUN/best benchmark=utd_mhad benchmark.path=PATH/UTD-MHAD
     python evaluate.py checkpoint=outputs/train/RUN/best hydra.run.dir=outputs/my_evaluation
-    python evaluate.py checkpoint=outputs/train/RUN/best 'estimator=[mean_pose]'
-    python evaluate.py benchmark=eval_sim 'estimator=[tracker,network]' checkpoint=outputs/train/RUN/best
     python evaluate.py benchmark=eval_sim 'estimator=[tracker]' estimator.tracker.start=label
 
-The run's folder (outputs/evaluate/BENCHMARK-DATE_TIME) gets metrics.json, report.html, report.md and pictures. The
-training set's mean pose is always judged beside a network, to show what the network is worth.
+The run's folder (outputs/evaluate/BENCHMARK-DATE_TIME) gets metrics.json, report.html, report.md, pictures and a film of
+the worst sequence. The training set's mean pose is always judged beside a network, to show what the network is worth.
+Sequences are spread over processes=0 (all cores); sequences=4 is a quick look.
+
+The paper's figures and Table 1, on simulated EVAL:
+
+    python evaluate.py benchmark=eval_sim 'estimator=[tracker,network]' checkpoint=outputs/train/RUN/best   # Fig. 8 and 11
+    python evaluate.py benchmark=eval_sim 'estimator=[network,ridge_network]' checkpoint=outputs/train/RUN/best \
+        estimator.ridge_network.checkpoint=outputs/train/OTHER_RUN/best                             # Fig. 9
+    python evaluate.py benchmark=eval_sim 'estimator=[tracker,tracker_depth]'                       # Fig. 10
+    python evaluate.py benchmark=eval_sim 'estimator=[paper_tracker,paper_tracker_depth]'           # the same of Algorithm 2
+    python evaluate.py benchmark=eval_sim 'estimator=[tracker]' sweep=table1                        # Table 1
+    python evaluate.py benchmark=eval_sim 'estimator=[paper_tracker]' sweep=table1                  # the same of Algorithm 2
+
+One kind of estimator may stand in a run under several names: configs/estimator/tracker_depth.yaml is one; for another,
+write such a file, or give a name on the command line to settings that start from the defaults of their kind (it comes after
+those of `estimator=[...]`):
+
+    python evaluate.py benchmark=eval_sim 'estimator=[tracker]' +estimator/schema@estimator.straight=tracker \
+        estimator.straight.hierarchy.straightness=0.9
 """
 
 from collections.abc import Callable
@@ -25,7 +41,6 @@ from kpopnet.benchmarks.report import terminal_table, write_report
 from kpopnet.benchmarks.sweep import sweep_of
 from kpopnet.dance.scoring import SCORERS
 from kpopnet.entry import entry_point, overridable
-from kpopnet.machine import cores_at_hand
 
 for group, known in (("benchmark", BENCHMARKS), ("estimator", ESTIMATORS)):
     for name, (schema, _) in known.items():
@@ -39,9 +54,7 @@ def evaluate_joints(config: EvaluateConfig, folder: Path) -> None:
     sweep = config.sweep and sweep_of(config.sweep, config.estimator)
     estimators = build_estimators(config.estimator | (sweep.settings if sweep else {}))
     benchmark = build_benchmark(config.benchmark)
-    on_gpu = any(getattr(settings, "device", "cpu") != "cpu" for settings in config.estimator.values())
-    processes = config.processes or (1 if on_gpu else cores_at_hand())
-    run = run_benchmark(benchmark, estimators, config.sequences, config.seed, processes)
+    run = run_benchmark(benchmark, estimators, config.sequences, config.seed, config.processes_at_work())
     write_report(folder, run, config, sweep)
     print(terminal_table(run, sweep))
 

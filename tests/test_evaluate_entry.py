@@ -3,6 +3,7 @@
 import json
 import os
 import runpy
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -13,12 +14,16 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 from shard_sets import write_shard
 
-from kpopnet.benchmarks.registry import MeanPoseConfig, NetworkEstimatorConfig, build_estimators
+from kpopnet.benchmarks.evaluation import EvaluateConfig
+from kpopnet.benchmarks.registry import ESTIMATORS, MeanPoseConfig, NetworkEstimatorConfig, build_estimators
+from kpopnet.benchmarks.sweep import sweep_of
 from kpopnet.checkpoint import save_checkpoint
 from kpopnet.errors import InputError
+from kpopnet.machine import cores_at_hand
 from kpopnet.mean_pose import MeanPoseEstimator
 from kpopnet.networks import ModelConfig, build_network
 from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.tracker.estimator import TrackerEstimatorConfig
 
 ROOT = Path(__file__).parents[1]
 
@@ -56,7 +61,8 @@ def test_a_report_is_written_where_hydra_is_told_to_with_the_baseline_beside_the
     assert found["benchmark"]["name"] == "synthetic" and found["config"]["benchmark"]["path"] == "set"
     assert "SIMULATED" in done.stdout and "out/report.html" in done.stdout and "mean_pose" in done.stdout
     files = {path.name for path in (place / "out").iterdir()} - {".hydra"}
-    assert files == {"metrics.json", "report.md", "report.html", "examples.png", "per_joint.png", "error_curve.png"}
+    assert files == {"metrics.json", "report.md", "report.html", *found["pictures"]}
+    assert {"examples.png", "per_joint.png", "error_curve.png", "per_sequence.png", "worst.png"} == set(found["pictures"])
 
 
 def test_the_tracker_needs_no_checkpoint_and_may_be_told_where_to_start(place):
@@ -83,6 +89,39 @@ def test_estimators_come_in_the_order_they_are_listed(place):
             assert list(built) == (listed if len(listed) == 2 else ["network", "mean_pose"])
             assert isinstance(built["mean_pose"], MeanPoseEstimator)
             assert isinstance(built["network"], NetworkEstimator)
+
+
+def documented_commands() -> list[list[str]]:
+    """The settings of every command in evaluate.py's own help."""
+    text = runpy.run_path(str(ROOT / "evaluate.py"), run_name="evaluate")["__doc__"].replace("\\\n", " ")
+    lines = [line for line in text.splitlines() if line.startswith("    python evaluate.py")]
+    return [shlex.split(line, comments=True)[2:] for line in lines]
+
+
+@pytest.mark.parametrize("settings", documented_commands(), ids=str)
+def test_every_command_in_the_help_is_one(settings):
+    with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
+        composed = compose("evaluate", [word for word in settings if not word.startswith("hydra.")])
+    config = OmegaConf.to_object(composed)
+    kinds = {schema for schema, _ in ESTIMATORS.values()}
+    assert config.estimator and {type(one) for one in config.estimator.values()} <= kinds
+    if "+estimator/schema@estimator.straight=tracker" in settings:
+        found = {name: one.hierarchy.straightness for name, one in config.estimator.items()}
+        assert found == {"tracker": TrackerEstimatorConfig().hierarchy.straightness, "straight": 0.9}
+    if config.sweep:
+        sweep = sweep_of(config.sweep, config.estimator)
+        # Table 1 of the paper, whose best, 110 mm and 50 mm, are the defaults.
+        assert config.sweep.columns.values == [0.08, 0.10, 0.11, 0.12, 0.14] and len(sweep.settings) == 24
+        assert config.sweep.rows.values == [0.040, 0.045, 0.050, 0.055, 0.060]
+
+
+def test_the_number_of_processes_is_the_cores_but_one_for_a_gpu():
+    networks = {device: {"network": NetworkEstimatorConfig(device=device)} for device in ("cpu", "cuda")}
+    assert EvaluateConfig(None, networks["cuda"]).processes_at_work() == 1
+    assert EvaluateConfig(None, networks["cpu"]).processes_at_work() == cores_at_hand()
+    assert EvaluateConfig(None, networks["cuda"], processes=3).processes_at_work() == 3
+    with pytest.raises(InputError, match="processes=-1"):
+        EvaluateConfig(None, {}, processes=-1)
 
 
 def test_a_missing_or_foreign_checkpoint_is_named(tmp_path):

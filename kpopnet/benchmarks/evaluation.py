@@ -15,6 +15,7 @@ from kpopnet.benchmarks.sweep import SweepConfig
 from kpopnet.benchmarks.synthetic import SyntheticBenchmark
 from kpopnet.errors import InputError
 from kpopnet.estimators import Estimator, starts_from_label
+from kpopnet.machine import cores_at_hand
 from kpopnet.networks.estimator import NetworkEstimator
 
 
@@ -45,6 +46,11 @@ class EvaluateConfig:
     def __post_init__(self) -> None:
         if self.processes < 0:
             raise InputError(f"processes={self.processes}: expected 1 or more, or 0 for all cores")
+
+    def processes_at_work(self) -> int:
+        """The number itself, or what 0 stands for."""
+        on_gpu = any(getattr(settings, "device", "cpu") != "cpu" for settings in self.estimator.values())
+        return self.processes or (1 if on_gpu else cores_at_hand())
 
 
 @dataclass(frozen=True)

@@ -148,6 +148,8 @@ def test_every_breakdown_adds_up_to_the_whole():
     assert sum(p["images"] for p in result["per_sequence"].values()) == 39
     left_foot = labelled[:, 14] & ~missing[:, 14]
     assert result["per_joint"]["left_foot"]["mean_error_cm"] == pytest.approx(100 * lengths[left_foot, 14].mean())
+    deviation = 100 * lengths[:10][labelled[:10] & ~missing[:10]].std()
+    assert result["per_sequence"]["s0"]["pose_error_deviation_cm"] == pytest.approx(deviation)
 
 
 def test_a_frame_nobody_is_found_in_counts_against_the_shares_only():
