@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 
 import numpy as np
+from numba import njit
 
 from kpopnet.benchmarks.kpop_writing import PackedDepth
 from kpopnet.camera import CAMERAS
@@ -35,6 +36,8 @@ from synth.skill import LEVELS, Mistake, SkillConfig, Strengths, draw_strengths,
 
 GENERATOR = 1
 """Raised with every change after which the same configuration gives other dances."""
+
+CONNECTED_M = 0.1
 
 DANCES = 100
 FPS = 30.0
@@ -281,7 +284,7 @@ class KpopSim:
                 self._rng("noise", index, learner, frame),
                 joints_m[LIMB_ENDS],
             )
-            yield LearnerShot(np.where(seen == 2, depth_m, np.float32(0)), x0, y0, joints_m)
+            yield LearnerShot(connected(np.where(seen == 2, depth_m, np.float32(0))), x0, y0, joints_m)
 
     def record(self, index: int, learner: int, take: Take, on_frame=lambda: None) -> tuple[PackedDepth, np.ndarray]:
         """The recording of a learner, and (T, 15, 3) true joints."""
@@ -291,6 +294,29 @@ class KpopSim:
             joints.append(shot.joints_camera_m)
             on_frame()
         return packed, np.array(joints)
+
+
+@njit(cache=True)
+def connected(depth_m):
+    """(h, w) without the pixels that hang on nothing: at outlines the sensor puts some half-way to the wall.
+
+    A pixel stays if two of its eight neighbours lie within CONNECTED_M; the step that finds people in whole scenes, which
+    this stands for, goes by connection too.
+    """
+    height, width = depth_m.shape
+    kept = np.zeros_like(depth_m)
+    for y in range(height):
+        for x in range(width):
+            if depth_m[y, x] == 0:
+                continue
+            near = 0
+            for v in range(max(y - 1, 0), min(y + 2, height)):
+                for u in range(max(x - 1, 0), min(x + 2, width)):
+                    if depth_m[v, u] > 0 and abs(depth_m[v, u] - depth_m[y, x]) < CONNECTED_M:
+                        near += 1
+            if near > 2:  # itself among them
+                kept[y, x] = depth_m[y, x]
+    return kept
 
 
 def _composed(rng: np.random.Generator, seconds: float) -> Motion:

@@ -51,7 +51,7 @@ def timelines(run: DanceRun, dance: str, scorer: str) -> Figure:
         row[1].set_ylim(0, 100)
         row[2].axhline(0, color="black", linewidth=0.5)
         row[0].set_title(f"{dance}, {source}, {scorer}", fontsize=10, loc="left")
-        row[0].legend(fontsize=7, title="rank: learner, score", title_fontsize=7, loc="lower left", ncols=2)
+        row[0].legend(fontsize=7, title="rank: learner, score", title_fontsize=7, loc="best", ncols=2)
     for panel in panels[-1]:
         panel.set_xlabel("start of the window, s")
     return figure

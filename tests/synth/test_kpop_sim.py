@@ -1,0 +1,216 @@
+"""The stand-in for the K-Pop set: who dances, that nobody trained on it, and that it is the same however it is made."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import synth.kpop_files
+from kpopnet.benchmarks.kpop import KpopSet
+from kpopnet.benchmarks.sequences import Origin
+from kpopnet.errors import InputError
+from kpopnet.skeleton import Joint
+from synth.calibrate_skill import spacing_of
+from synth.kpop_files import write_set
+from synth.kpop_sim import CAMERA, FPS, LEARNERS, KpopSim, KpopSimConfig, KpopSimSet, connected, dance_name
+from synth.motion import SPLITS, MotionConfig
+from synth.sample import SampleConfig, Sampler
+from synth.skill import LEVELS, SkillConfig
+
+SHORT = KpopSimSet(KpopSimConfig(seed=4, dances=2), seconds=(1.2, 1.6))
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("kpop_sim")
+    write_set(SHORT, folder, processes=1)
+    return folder
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.glob("dance_*/*"))}
+
+
+def test_a_set_is_in_the_format_and_says_that_it_is_simulated(written):
+    dances = KpopSet(written)
+    assert dances.names == ["dance_000", "dance_001"] and dances.manifest.origin is Origin.SIMULATED
+    assert dances.manifest.dances == 2 and dances.manifest.hash == SHORT.hash
+    assert "SIMULATED" in dances.manifest.about and "no real person" in dances.manifest.about
+    assert (written / "contact_sheet.png").stat().st_size > 10_000
+    for name in dances.names:
+        dance = dances.dance(name)
+        assert sorted(learner.name for learner in dance.learners) == list(LEARNERS)
+        assert [learner.about["level"] for learner in dance.learners] == list(LEVELS)
+
+
+def test_names_say_nothing_of_levels():
+    maker = KpopSim(KpopSimSet())
+    levels = np.array([maker.levels(index) for index in range(100)])
+    assert (np.sort(levels, axis=1) == np.arange(4)).all()
+    assert (np.abs(levels.mean(axis=0) - 1.5) < 0.4).all()
+
+
+def test_the_teacher_faces_a_level_camera(written):
+    joints_m = KpopSet(written).dance("dance_000").teacher().joints_m
+    start = joints_m[0]
+    assert start[Joint.LEFT_SHOULDER, 0] > start[Joint.RIGHT_SHOULDER, 0] + 0.2
+    assert abs(start[Joint.LEFT_SHOULDER, 2] - start[Joint.RIGHT_SHOULDER, 2]) < 0.1
+    assert start[Joint.HEAD, 1] < start[Joint.TORSO, 1] < start[Joint.LEFT_FOOT, 1]
+    np.testing.assert_allclose(start[Joint.TORSO, [0, 2]], [0, 2.5], atol=0.15)
+    assert 0.8 < start[Joint.LEFT_FOOT, 1] < 1.0  # the camera is a metre above the floor
+
+
+def test_a_learners_depth_shows_the_learner(written):
+    for learner in KpopSet(written).dance("dance_001").learners:
+        clip, truth = learner.depth(), learner.joints()
+        assert len(clip.depth_m) == len(truth.joints_m) and 1.2 * FPS - 1 <= len(clip.times_s) <= 1.6 * FPS + 1
+        np.testing.assert_allclose(np.diff(clip.times_s), 1 / FPS)
+        assert (clip.camera.fx, clip.camera.fy) == (CAMERA.fx, CAMERA.fy)
+        for frame in (0, len(clip.depth_m) // 2, -1):
+            image, joints_m = clip.depth_m[frame], truth.joints_m[frame]
+            u, v, z = clip.camera.project(joints_m).T
+            assert (u > 0).all() and (v > 0).all() and (u < clip.camera.width).all() and (v < clip.camera.height).all()
+            near = [
+                image[max(round(y) - 3, 0) : round(y) + 4, max(round(x) - 3, 0) : round(x) + 4].max()
+                for x, y in zip(u, v, strict=True)
+            ]
+            assert np.count_nonzero(near) >= 13
+            # No wall and no floor: the person alone.
+            seen = image[image > 0]
+            assert np.abs(seen - np.median(z)).max() < 1.3 and 1500 < len(seen) < 40_000
+
+
+def test_pixels_that_hang_on_nothing_are_dropped():
+    depth_m = np.zeros((12, 16), np.float32)
+    depth_m[2:9, 3:9] = 2.0
+    depth_m[2:9, 9] = 2.4 + 0.2 * np.arange(7)  # half-way to the wall
+    depth_m[11, 15] = 2.0  # alone
+    kept = connected(depth_m)
+    np.testing.assert_array_equal(kept[2:9, 3:9], 2.0)
+    assert np.count_nonzero(kept) == 42
+
+
+def test_learners_are_worse_the_lower_their_level():
+    maker = KpopSim(KpopSimSet(KpopSimConfig(seed=4, split="train"), seconds=(4.0, 5.0)))
+    off = np.zeros(4)
+    for index in range(8):
+        teacher = maker.teacher_motion(index)
+        for learner in range(4):
+            level, _, motion, _ = maker.skill(index, learner)
+            off[level] += np.abs((motion.quats * teacher.quats).sum(axis=-1)).clip(max=1).mean()
+    assert (np.diff(off) < 0).all(), off
+
+
+def test_a_learner_is_a_function_of_configuration_dance_and_number(written):
+    stored = KpopSet(written).dance("dance_001")
+    maker = KpopSim(SHORT)
+    for learner, name in [(2, "c"), (0, "a")]:  # in another order than they were made
+        packed, joints_m = maker.record(1, learner, maker.take(1, learner).take)
+        found = next(one for one in stored.learners if one.name == name)
+        np.testing.assert_array_equal(found.joints().joints_m, joints_m.astype(np.float64))
+        clip = found.depth()
+        assert clip.depth_m.sum() == pytest.approx(packed.depth_mm.sum() / 1000, rel=1e-6)
+
+
+def test_processes_do_not_matter(written, tmp_path):
+    write_set(SHORT, tmp_path, processes=2)
+    assert contents(tmp_path) == contents(written)
+
+
+def test_what_is_missing_is_made_and_what_is_there_is_left(written, tmp_path, capsys):
+    before = contents(written)
+    write_set(replace(SHORT, benchmark=KpopSimConfig(seed=4, dances=1)), tmp_path, processes=1)
+    assert set(contents(tmp_path)) == {name for name in before if name.startswith("dance_000")}
+    # Killed in the middle of the second dance.
+    (tmp_path / "dance_001").mkdir()
+    (tmp_path / "dance_001" / "a.h5").write_bytes(before["dance_001/a.h5"])
+    stamp = (tmp_path / "dance_001" / "a.h5").stat().st_mtime_ns
+    (tmp_path / "dance_001" / ".b.h5.elsewhere.1.tmp").write_bytes(b"half")
+    found = write_set(SHORT, tmp_path, processes=1)
+    assert contents(tmp_path) == before and found["dances"] == 2
+    assert (tmp_path / "dance_001" / "a.h5").stat().st_mtime_ns == stamp
+    assert not list(tmp_path.glob("**/.*"))
+    assert "1 of 2 dances are there already" in capsys.readouterr().out
+
+
+def test_a_run_that_dies_leaves_no_labels_of_an_unfinished_dance(tmp_path, monkeypatch):
+    original, made = synth.kpop_files.write_learner, []
+
+    def dying(folder, name, *rest):
+        made.append(name)
+        if len(made) == 3:
+            raise KeyboardInterrupt
+        original(folder, name, *rest)
+
+    monkeypatch.setattr(synth.kpop_files, "write_learner", dying)
+    with pytest.raises(KeyboardInterrupt):
+        write_set(replace(SHORT, benchmark=KpopSimConfig(seed=4, dances=1)), tmp_path, processes=1)
+    assert sorted(path.name for path in (tmp_path / "dance_000").iterdir()) == ["a.h5", "b.h5", "teacher.h5"]
+    with pytest.raises(InputError, match="no dances in it"):
+        KpopSet(tmp_path)
+
+
+def test_other_sets_are_not_mixed_in(written, tmp_path):
+    with pytest.raises(InputError, match=r"holds another set.*choose another out="):
+        write_set(replace(SHORT, skill=SkillConfig(spacing=0.2)), written, 1)
+    (tmp_path / "mama").mkdir()
+    (tmp_path / "mama" / "labels.csv").write_text("learner,rank\n")
+    with pytest.raises(InputError, match="not made by this program"):
+        write_set(SHORT, tmp_path, 1)
+
+
+# Nobody trained on it ------------------------------
+
+
+def test_splits_share_no_dance_no_person_and_no_learner():
+    makers = {split: KpopSim(replace(SHORT, benchmark=KpopSimConfig(seed=4, split=split))) for split in SPLITS}
+    motions = [maker.teacher_motion(0) for maker in makers.values()]
+    assert len({motion.name for motion in motions}) == 3
+    people = [maker.take(0, learner).take.played.person for maker in makers.values() for learner in range(2)]
+    for number, person in enumerate(people):
+        for another in people[:number]:
+            assert np.abs(person.heads_m - another.heads_m).max() > 0.003
+    assert len({replace(SHORT, benchmark=KpopSimConfig(seed=4, split=split)).hash for split in SPLITS}) == 3
+
+
+def test_no_generator_of_a_preset_is_one_of_the_benchmarks(monkeypatch):
+    seeds: list[tuple[int, ...]] = []
+    original = np.random.default_rng
+
+    def recorded(seed):
+        seeds.append(tuple(np.atleast_1d(seed).tolist()))
+        return original(seed)
+
+    monkeypatch.setattr(np.random, "default_rng", recorded)
+    maker = KpopSim(SHORT)
+    maker.teacher_joints_m(0)
+    maker.record(0, 1, maker.take(0, 1).take)
+    name = tuple(b"kpop_sim")
+    own = [seed for seed in seeds if seed[: len(name)] == name]
+    others = [seed for seed in seeds if seed[: len(name)] != name]
+    assert len(set(own)) == len(own) > 30
+    # Dances are composed from a seed of 63 bits, where training counts from 0.
+    assert others and all(len(seed) == 2 and seed[0] > 2**40 for seed in others)
+    seeds.clear()
+    for source in ("mix", "choreography"):
+        sampler = Sampler(SampleConfig(renderer="cpu", motion=MotionConfig(source=source)), 0, "train")
+        list(sampler.samples(0, 3))
+    assert seeds and all(max(seed) < 2**40 and seed[2:4] != name[2:4] for seed in seeds)
+
+
+def test_odd_settings():
+    for wrong in ({"dances": 0}, {"dances": 101}, {"seed": -1}, {"split": "exam"}):
+        with pytest.raises(InputError, match=f"benchmark.{next(iter(wrong))}="):
+            KpopSimConfig(**wrong)
+    for motion in (MotionConfig(source="poses"), MotionConfig(source="choreography", seed=3)):
+        with pytest.raises(InputError, match=r"either composed .* or recorded"):
+            KpopSimSet(motion=motion)
+    assert dance_name(7) == "dance_007"
+
+
+def test_the_calibrations_curve_finds_the_spacing_it_was_drawn_from():
+    spacings = np.array([0.2, 0.3, 0.4, 0.5, 0.6])
+    share = 1 / (1 + np.exp(-(4.0 + 3.0 * np.log(spacings))))
+    expected = np.exp((np.log(0.86 / 0.14) - 4.0) / 3.0)
+    assert spacing_of(0.86, spacings, 1000 * share, 1000) == pytest.approx(expected, rel=1e-3)
