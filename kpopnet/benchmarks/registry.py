@@ -24,6 +24,7 @@ from kpopnet.mean_pose import MeanPoseEstimator
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
+from kpopnet.tree_walk.estimator import TreeWalkEstimator, TreeWalkEstimatorConfig
 
 
 @dataclass
@@ -69,6 +70,7 @@ BENCHMARKS: dict[str, tuple[type, Callable[[Any], Benchmark | KpopSet]]] = {
 ESTIMATORS: dict[str, tuple[type, Callable[[Any], Estimator]]] = {
     "tracker": (TrackerEstimatorConfig, TrackerEstimator),
     "network": (NetworkEstimatorConfig, _network),
+    "tree_walk": (TreeWalkEstimatorConfig, TreeWalkEstimator),
     "mean_pose": (MeanPoseConfig, _mean_pose),
 }
 """Settings and builder of each kind of estimator. Settings of one kind belong to no other: they tell what to build."""
