@@ -106,6 +106,7 @@ class Smmc10Benchmark:
             joints_camera_m=found.joints_camera_m,
             visible=np.isfinite(found.joints_camera_m).all(axis=-1),
             yaw_rad=heading_rad(found.joints_camera_m),
+            # What the real set shows behind its people our sources do not say. Extraction takes both: who is alone stays.
             alone=False,
         )
 

@@ -7,6 +7,7 @@ Its joints are what Microsoft's Kinect SDK estimated from this same depth, not w
 them says how far two estimators agree, and a few centimetres of it are a difference in what a joint is called.
 """
 
+import logging
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,8 @@ from kpopnet.benchmarks.sequences import Origin, Sequence
 from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
+
+log = logging.getLogger(__name__)
 
 STORED_CAMERA = Camera(285.63, 285.63, 160.0, 120.0, 320, 240)
 """Nominal Kinect v1 intrinsics, with which the SDK's joints fall on the body; of the image as stored."""
@@ -58,7 +61,7 @@ class UtdMhadConfig:
 
 
 class UtdMhadBenchmark:
-    """The original files, un-mirrored, with the labels' lead over the depth taken out."""
+    """The original files, un-mirrored, with the labels' lead over the depth taken out; what is absent is logged."""
 
     name = "utd_mhad"
     origin = Origin.REAL
@@ -92,6 +95,8 @@ class UtdMhadBenchmark:
     def read(self, name: str) -> Sequence:
         depth_m = self._read_depth(name)  # (T, 240, 320), still mirrored
         skeleton_m = self._read_skeleton(name)  # (S, 20, 3), likewise
+        if absent := int(np.isnan(skeleton_m).any(axis=-1).sum()):
+            log.warning("%s: left out %d joints that are absent", name, absent)
         lag = estimate_lag(depth_m, skeleton_m) if self.lag is None else self.lag
         joints = aligned(skeleton_m, lag, len(depth_m))
         joints = np.stack([joints[:, kinect_rows(joint)].mean(axis=1) for joint in Joint], axis=1)

@@ -1,4 +1,5 @@
 import csv
+import logging
 from pathlib import Path
 
 import numpy as np
@@ -97,12 +98,14 @@ def test_person_is_unmirrored_and_every_joint_lies_on_its_pixels(tmp_path):
     np.testing.assert_allclose(joints[:, Joint.TORSO], corners.mean(axis=1), atol=1e-6)
 
 
-def test_absent_joints_are_nan_and_invisible(tmp_path):
+def test_absent_joints_are_nan_and_invisible_and_said(tmp_path, caplog):
     person = kinect_person(FRAMES)
     person[3, KINECT_JOINTS.index("head")] = 0
     person[4, KINECT_JOINTS.index("left_hip")] = np.nan  # and with it the torso
     write(tmp_path, "a1_s1_t1", depth_of(kinect_person(FRAMES)), person)
-    sequence = benchmark(tmp_path, lag=0).read("a1_s1_t1")
+    with caplog.at_level(logging.WARNING):
+        sequence = benchmark(tmp_path, lag=0).read("a1_s1_t1")
+    assert "a1_s1_t1: left out 2 joints that are absent" in caplog.text
     gone = np.zeros((FRAMES, 15), bool)
     gone[3, Joint.HEAD] = gone[4, Joint.LEFT_HIP] = gone[4, Joint.TORSO] = True
     assert (np.isnan(sequence.joints_camera_m).all(-1) == gone).all() and (sequence.visible == ~gone).all()
