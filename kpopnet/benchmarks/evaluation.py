@@ -35,7 +35,7 @@ class EvaluateConfig:
     """
 
     benchmark: Any
-    estimator: dict[str, Any]
+    estimator: dict[str, Any] = field(default_factory=dict)
     checkpoint: str | None = None
     sequences: int | None = None
     seed: int = 0
