@@ -1,4 +1,4 @@
 """What estimators are judged on: one reader a data set, the metrics, the run and its report.
 
-reader (synthetic, utd_mhad) -> Sequence -> estimator -> metrics -> report
+reader (synthetic, eval, smmc10, itop, utd_mhad) -> Sequence -> estimator -> metrics -> report
 """
