@@ -16,7 +16,6 @@ from kpopnet.benchmarks.sequences import Origin
 from kpopnet.checkpoint import git_revision
 from kpopnet.dance.scoring import SCORERS
 from kpopnet.errors import InputError
-from kpopnet.machine import cores_at_hand
 
 SHOWN_CONFUSIONS = 30
 WRONG = " ✗"
@@ -28,7 +27,6 @@ def evaluate_dances(config: EvaluateConfig, folder: Path) -> None:
     dances = open_set(config.benchmark)
     if config.benchmark.dance is not None:
         dances.dance(config.benchmark.dance)
-    on_gpu = any(getattr(settings, "device", "cpu") != "cpu" for settings in config.estimator.values())
     run = run_dances(
         dances,
         config.estimator,
@@ -36,7 +34,7 @@ def evaluate_dances(config: EvaluateConfig, folder: Path) -> None:
         Path(config.benchmark.poses or dances.folder / "poses"),
         config.benchmark.dances,
         config.seed,
-        config.processes or (1 if on_gpu else cores_at_hand()),
+        config.processes_at_work(),
     )
     write_dance_report(folder, run, config)
     print("\n".join([identity(run), *remarks(run), "", as_text(agreement_table(run)), ""]))

@@ -81,7 +81,7 @@ def sequence_bars(run: Run, names: list[str]) -> Figure:
 
 def sweep_plot(run: Run, sweep: Sweep) -> Figure:
     """Table 1 drawn: share within 10 cm and frames per second over the columns' setting, a line for each row."""
-    figure = Figure(figsize=(10, 4), layout="constrained")
+    figure = Figure(figsize=(11, 4), layout="constrained")
     panels = figure.subplots(1, 2)
     columns, rows = sweep.config.columns, sweep.config.rows
     x = range(len(columns.values))
@@ -92,7 +92,7 @@ def sweep_plot(run: Run, sweep: Sweep) -> Figure:
         panel.set(xlabel=columns.setting, ylabel=title)
         panel.grid(alpha=0.3)
     panels[1].set_ylim(bottom=0)
-    panels[0].legend(fontsize=8)
+    panels[1].legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize=8)
     figure.suptitle(f"{sweep.estimator} on {run.benchmark.name} ({run.benchmark.origin.value}), two settings varied")
     return figure
 
@@ -160,7 +160,9 @@ def frame_tile(run: Run, sequence: Sequence, row: int) -> np.ndarray:
     scored, frame = next(iter(run.scored.values())), run.frame[row]
     errors_m = joint_errors_m(scored.truth_m[[row]], scored.estimate_m[[row]])[0]
     found, missing = np.isfinite(errors_m), int(np.isinf(errors_m).sum())
-    error = f"{100 * errors_m[found].mean():.1f} cm" if found.any() else "no joints"
+    error = "no truth" if np.isnan(errors_m).all() else "no joints"
+    if found.any():
+        error = f"{100 * errors_m[found].mean():.1f} cm"
     depth_m = sequence.depth_m[frame]
     return person_tile(
         depth_m if sequence.alone else surroundings(depth_m, sequence.camera, scored.truth_m[row]),
