@@ -69,7 +69,7 @@ class Which:
 
 
 @dataclass(frozen=True)
-class StandInSet:
+class StandInSet(ABC):
     """The whole of what the sequences depend on.
 
     Attributes:
@@ -112,9 +112,9 @@ class StandInSet:
         """What sequence `index` shows."""
         return "recorded" if self.motion.source == "clips" else self.composed_kind(index)
 
+    @abstractmethod
     def composed_kind(self, index: int) -> str:
         """What sequence `index` shows where its motion is composed."""
-        raise NotImplementedError
 
 
 class StandIn(ABC):
