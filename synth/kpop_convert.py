@@ -141,7 +141,7 @@ def read_aist(path: Path) -> np.ndarray:
         if path.suffix.lower() == ".json":
             found = json.loads(path.read_text(encoding="utf-8"))
         else:
-            with np.load(path, allow_pickle=False) as file:
+            with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
                 found = {name: file[name] for name in file if name.startswith("keypoints3d")}
         points = found["keypoints3d_optim"] if "keypoints3d_optim" in found else found["keypoints3d"]
         points = np.asarray(points, np.float64)

@@ -91,7 +91,7 @@ class PoseCache:
         """
         path = self.path(dance, learner)
         try:
-            with np.load(path, allow_pickle=False) as file:
+            with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
                 poses = Poses(file["joints_m"], file["confidence"], file["times_s"], float(file["seconds"]))
             if poses.joints_m.shape != (len(poses.times_s), NUM_JOINTS, 3):
                 raise ValueError(f"joints of shape {poses.joints_m.shape} at {len(poses.times_s)} times")

@@ -23,8 +23,9 @@ SHORT = KpopSimSet(KpopSimConfig(seed=4, dances=2), seconds=(1.2, 1.6))
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory) -> Path:
+    """Made by two processes; what one of them makes later has to be the same."""
     folder = tmp_path_factory.mktemp("kpop_sim")
-    write_set(SHORT, folder, processes=1)
+    write_set(SHORT, folder, processes=2)
     return folder
 
 
@@ -111,11 +112,6 @@ def test_a_learner_is_a_function_of_configuration_dance_and_number(written):
         np.testing.assert_array_equal(found.joints().joints_m, joints_m.astype(np.float64))
         clip = found.depth()
         assert clip.depth_m.sum() == pytest.approx(packed.depth_mm.sum() / 1000, rel=1e-6)
-
-
-def test_processes_do_not_matter(written, tmp_path):
-    write_set(SHORT, tmp_path, processes=2)
-    assert contents(tmp_path) == contents(written)
 
 
 def test_what_is_missing_is_made_and_what_is_there_is_left(written, tmp_path, capsys):
