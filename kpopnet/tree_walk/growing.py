@@ -27,10 +27,10 @@ class GrowthConfig:
     """
 
     depth: int = 20
-    leaf_samples: int = 60
+    leaf_samples: int = 40
     features: int = 100
     bins: int = 24
-    judged: int = 4000
+    judged: int = 1000
     probe_m: float = 0.8
     directions: int = 5
 

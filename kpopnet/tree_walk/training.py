@@ -44,7 +44,7 @@ class TreeWalkConfig:
     """
 
     images: int = 80_000
-    places: int = 10
+    places: int = 6
     around_m: float = 0.3
     crop_px: int = 96
     half_size_m: float = 1.15

@@ -21,8 +21,8 @@ class WalkConfig:
         step_m: length of a step.
     """
 
-    steps: int = 64
-    settling: int = 16
+    steps: int = 128
+    settling: int = 32
     step_m: float = 0.05
 
     def __post_init__(self) -> None:
@@ -97,7 +97,7 @@ def leaf_at(trees, joint, image, u, v, d):
 
 @njit(cache=True)
 def walk(image, trees, steps, settling, step, key):
-    """All joints' walks through one image.
+    """All joints' walks through one image, none of which leaves its cube.
 
     Args:
         image: (S, S) `integer_image`.
@@ -124,9 +124,10 @@ def walk(image, trees, steps, settling, step, key):
             chosen = 0
             while trees.share[leaf, chosen] <= chance and chosen < trees.share.shape[1] - 1:
                 chosen += 1
-            u += step * trees.direction[leaf, chosen, 0]
-            v += step * trees.direction[leaf, chosen, 1]
-            d += step * trees.direction[leaf, chosen, 2]
+            # No tree knows a way back from outside the cube.
+            u = min(max(u + step * trees.direction[leaf, chosen, 0], -1.0), 1.0)
+            v = min(max(v + step * trees.direction[leaf, chosen, 1], -1.0), 1.0)
+            d = min(max(d + step * trees.direction[leaf, chosen, 2], -1.0), 1.0)
             if number >= settling:
                 sum_u += u
                 sum_v += v

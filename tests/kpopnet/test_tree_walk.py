@@ -108,7 +108,7 @@ def slow_walk(image, trees, steps, settling, step, key):
             for number in range(steps):
                 leaf = slow_leaf(trees, joint, image, place)
                 chosen = np.searchsorted(trees.share[leaf], slow_chance(key, joint * steps + number), side="right")
-                place = place + step * trees.direction[leaf, chosen]
+                place = np.clip(place + step * trees.direction[leaf, chosen], -1, 1)
                 visited.append(place)
             counted = np.array(visited[settling:])
             mean[joint] = counted.mean(axis=0).astype(np.float32)
@@ -117,13 +117,15 @@ def slow_walk(image, trees, steps, settling, step, key):
 
 
 def test_trees_that_always_point_right_walk_right():
-    mean, spread = walk(person_image(), always((1, 0, 0)), 10, 4, 0.05, 0)
+    mean, spread = walk(person_image(), always((1, 0, 0)), 10, 4, 0.02, 0)
     # The steps that count are the 5th to the 10th; every bone adds a walk of its own.
-    one_walk = 0.05 * 7.5
+    one_walk = 0.02 * 7.5
     bones_from_torso = {Joint.TORSO: 0, Joint.NECK: 1, Joint.RIGHT_HAND: 4, Joint.LEFT_FOOT: 3}
     for joint, bones in bones_from_torso.items():
         np.testing.assert_allclose(mean[joint], (one_walk * (bones + 1), 0, 0), atol=1e-6)
-    np.testing.assert_allclose(spread, 0.05 * np.std(np.arange(6)), rtol=1e-3)
+    np.testing.assert_allclose(spread, 0.02 * np.std(np.arange(6)), rtol=1e-3)
+    # At the side of the cube they stop.
+    np.testing.assert_allclose(walk(person_image(), always((0, 0, -1)), 100, 60, 0.1, 0)[0], [(0, 0, -1)] * 15, atol=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(3))
