@@ -208,8 +208,10 @@ class KpopSim:
         )
 
     def _recorded(self, rng: np.random.Generator, seconds: float) -> Motion:
-        dances = getattr(self._recordings, "of_category", lambda _: range(len(self._recordings)))("dance")
-        motion = resampled(self._recordings.motion(int(rng.choice(list(dances)))), FPS)
+        dances = self._recordings.numbers("dance")
+        if not dances:
+            raise InputError(f"motion.path={self.config.motion.path}: no clip of category dance in its split")
+        motion = resampled(self._recordings.motion(int(rng.choice(dances))), FPS)
         start = int(rng.integers(max(len(motion) - round(seconds * FPS), 0) + 1))
         return cut(motion, start, start + round(seconds * FPS))
 

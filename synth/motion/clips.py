@@ -52,6 +52,10 @@ class _Recordings:
                 self._loaded.pop(next(iter(self._loaded)))
         return self._loaded[index]
 
+    def numbers(self, category: str) -> list[int]:
+        """The clips of a category, such as "dance"; all of them where nobody says what they are."""
+        return list(range(len(self)))
+
     def motion(self, index: int) -> Motion:
         """Clip number `index`: its longest stretch without a bad frame."""
         if not 0 <= index < len(self):
@@ -95,6 +99,9 @@ class Clips(_Recordings):
             splits = sorted({row["split"] for row in rows})
             raise InputError(f"{index} lists no clip of split {_PACK_SPLITS[split]!r}, only of {splits}")
         super().__init__([float(row["seconds"]) for row in self._rows])
+
+    def numbers(self, category: str) -> list[int]:
+        return [number for number, row in enumerate(self._rows) if row.get("category", category) == category]
 
     def _read(self, index: int) -> tuple[Motion, np.ndarray]:
         row = self._rows[index]

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from real_data import REAL
 
 import synth.kpop_files
 from kpopnet.benchmarks.kpop import KpopSet
@@ -15,6 +16,7 @@ from synth.calibrate_skill import spacing_of
 from synth.kpop_files import write_set
 from synth.kpop_sim import CAMERA, FPS, LEARNERS, KpopSim, KpopSimConfig, KpopSimSet, connected, dance_name
 from synth.motion import SPLITS, MotionConfig
+from synth.motion.clips import Clips
 from synth.sample import SampleConfig, Sampler
 from synth.skill import LEVELS, SkillConfig
 
@@ -210,3 +212,30 @@ def test_the_calibrations_curve_finds_the_spacing_it_was_drawn_from():
     share = 1 / (1 + np.exp(-(4.0 + 3.0 * np.log(spacings))))
     expected = np.exp((np.log(0.86 / 0.14) - 4.0) / 3.0)
     assert spacing_of(0.86, spacings, 1000 * share, 1000) == pytest.approx(expected, rel=1e-3)
+
+
+# Recorded dances ------------------------------
+
+
+def test_only_dances_of_a_pack_are_danced(tmp_path):
+    lines = ["clip_id,file,category,split,seconds", "a,a.npz,other,test,9", "b,b.npz,dance,test,9", "c,c.npz,dance,train,9"]
+    (tmp_path / "index.csv").write_text("\n".join(lines) + "\n")
+    assert Clips(tmp_path, "test").numbers("dance") == [1]
+    (tmp_path / "index.csv").write_text("\n".join(line.replace("category", "kind") for line in lines) + "\n")
+    assert Clips(tmp_path, "test").numbers("dance") == [0, 1]
+    (tmp_path / "index.csv").write_text("\n".join(lines[:2]) + "\n")
+    maker = KpopSim(replace(SHORT, motion=MotionConfig(source="clips", path=str(tmp_path))))
+    with pytest.raises(InputError, match="no clip of category dance"):
+        maker.teacher_motion(0)
+
+
+def test_a_dance_of_a_recording():
+    pack = REAL.parent / "motion"
+    if not (pack / "index.csv").is_file():
+        pytest.skip("no motion pack beside the checkout")
+    maker = KpopSim(replace(SHORT, motion=MotionConfig(source="clips", path=str(pack))))
+    motions = [maker.teacher_motion(index) for index in range(3)]
+    assert all(motion.name.startswith("clip:") and motion.fps == FPS for motion in motions)
+    assert all(1.2 * FPS - 1 <= len(motion) <= 1.6 * FPS + 1 for motion in motions)
+    joints_m = maker.teacher_joints_m(0)
+    assert joints_m[0, Joint.LEFT_HIP, 2] == pytest.approx(2.5, abs=0.4)
