@@ -6,7 +6,9 @@ k of row i belongs to the teacher's frame i + k - band. A row is made once, when
 that the frame is in: the online form is the offline form with one new row a frame.
 
 The match is open at both ends: it may begin and end anywhere in the band, as the text has it ("finds the corresponding
-teacher's dance sequence"). It begins where the path traced back from its best end begins. Two sets of steps are offered:
+teacher's dance sequence"). It begins where the path traced back from its best end begins. Dances repeat themselves and stand
+still, and a window alone often fits in several places; which is meant is told by the delay at which a longer stretch fits
+(`steady_delay`), towards which `best_match` is pulled. Two sets of steps are offered:
 
 - `slope`: the learner is at most twice as fast or as slow as the teacher (slope constraint P = 1 of Sakoe and Chiba 1978),
   and each of the learner's frames counts once whatever the match's length, so that a long match does not cost more than a
@@ -28,7 +30,7 @@ STEPS = ("slope", "free")
 _START, _BOTH, _LEARNER, _TEACHER = 0, 1, 2, 3
 
 
-def banded_distances(learner: Features, teacher: Features, first: int, band: int, cap_rad: float) -> np.ndarray:
+def banded_distances(learner: Features, teacher: Features, first: int, band: int, outlier_rad: float) -> np.ndarray:
     """Distances of each of a learner's frames to the teacher's around the same time.
 
     Args:
@@ -36,36 +38,38 @@ def banded_distances(learner: Features, teacher: Features, first: int, band: int
         teacher: (M, D) features.
         first: may be negative or beyond the teacher's end.
         band: frames.
-        cap_rad: see `frame_distance`.
+        outlier_rad: see `frame_distance`.
 
     Returns:
         (T, 2 * band + 1) float64: what `frame_distance` gives, infinite where the teacher has no such frame. Where too little
         is known of either, the greatest distance possible, which attracts no path and is the same for the learner's whole row.
     """
-    return _banded_distances(*learner, *teacher, first, band, cap_rad)
+    return _banded_distances(*learner, *teacher, first, band, outlier_rad)
 
 
 @njit(cache=True)
-def _banded_distances(learner, learner_weights, teacher, teacher_weights, first, band, cap):
+def _banded_distances(learner, learner_weights, teacher, teacher_weights, first, band, outlier):
     everything = np.ones(learner.shape[1], np.bool_)
-    greatest = math.sqrt(learner.shape[1]) * cap
+    greatest = math.sqrt(learner.shape[1] * _squared(math.pi, outlier))
     distances = np.full((len(learner), 2 * band + 1), np.inf)
     for i in range(len(learner)):
         for k in range(2 * band + 1):
             j = first + i + k - band
             if 0 <= j < len(teacher):
-                distance = frame_distance(learner[i], learner_weights[i], teacher[j], teacher_weights[j], everything, cap)
+                distance = frame_distance(learner[i], learner_weights[i], teacher[j], teacher_weights[j], everything, outlier)
                 distances[i, k] = greatest if math.isnan(distance) else distance
     return distances
 
 
 @njit(cache=True)
-def frame_distance(a, a_weights, b, b_weights, columns, cap):
+def frame_distance(a, a_weights, b, b_weights, columns, outlier):
     """The norm of Eq. (14) over some columns of two frames' features, in radians.
 
-    Differences are wrapped to -pi..pi, weighted by both frames' weights, and count up to `cap`: a lost limb shall not
-    outweigh all others. Missing angles are taken to differ as much as the others do on average, and columns that are left
-    out likewise, so that the norms of parts and of the whole compare. NaN if more than half of the angles are missing.
+    Differences are wrapped to -pi..pi and weighted by both frames' weights. Squares far beyond that of `outlier` count by
+    their logarithm (Cauchy's function): a limb that is lost, or in quite another move, shall not outweigh all others. With
+    an infinite one it is the plain norm. Missing angles are taken to differ as much as the others do on average, and columns
+    that are left out likewise, so that the norms of parts and of the whole compare. NaN if more than half of the angles are
+    missing.
     """
     total, known, asked = 0.0, 0, 0
     for c in range(len(a)):
@@ -78,10 +82,17 @@ def frame_distance(a, a_weights, b, b_weights, columns, cap):
         known += 1
         if difference > math.pi:
             difference = abs(difference - 2 * math.pi)
-        total += a_weights[c] * b_weights[c] * min(difference, cap) ** 2
+        total += a_weights[c] * b_weights[c] * _squared(difference, outlier)
     if known == 0 or 2 * known < asked:
         return np.nan
     return math.sqrt(total * len(a) / known)
+
+
+@njit(cache=True)
+def _squared(difference, outlier):
+    if outlier == np.inf:
+        return difference * difference
+    return outlier * outlier * math.log1p((difference / outlier) ** 2)
 
 
 @njit(cache=True)
@@ -188,7 +199,7 @@ def best_match(distances, slope, pull, expected):
 
 
 @njit(cache=True)
-def posture_on_path(path, learner, learner_weights, teacher, teacher_weights, first, band, parts, cap, beta):
+def posture_on_path(path, learner, learner_weights, teacher, teacher_weights, first, band, parts, outlier, beta):
     """Eq. (14) along a path, for some parts of the body.
 
     Args:
@@ -200,7 +211,7 @@ def posture_on_path(path, learner, learner_weights, teacher, teacher_weights, fi
         first: the teacher's frame that belongs to the window's first.
         band: frames.
         parts: (P, D) bool, the columns of each part.
-        cap: see `frame_distance`.
+        outlier: see `frame_distance`.
         beta: radians.
 
     Returns:
@@ -217,7 +228,7 @@ def posture_on_path(path, learner, learner_weights, teacher, teacher_weights, fi
             while at < len(path) and path[at, 0] + path[at, 1] == frame:
                 i = path[at, 0]
                 j = first + frame - band
-                distance = frame_distance(learner[i], learner_weights[i], teacher[j], teacher_weights[j], parts[p], cap)
+                distance = frame_distance(learner[i], learner_weights[i], teacher[j], teacher_weights[j], parts[p], outlier)
                 if not math.isnan(distance):
                     similarity += math.exp(-distance / beta)
                     pairs += 1
@@ -231,7 +242,7 @@ def posture_on_path(path, learner, learner_weights, teacher, teacher_weights, fi
 
 
 def algorithm_3(
-    learner: Features, teacher: Features, *, alpha: float, beta: float, tau_frames: float, cap_rad: float = math.pi
+    learner: Features, teacher: Features, alpha: float, beta: float, tau_frames: float, outlier_rad: float = math.inf
 ) -> tuple[float, float, float]:
     """Algorithm 3 as it is printed: S_t, S_p and T_t of n of a learner's frames and m of the teacher's.
 
@@ -242,7 +253,7 @@ def algorithm_3(
     """
     n, m = len(learner.angles_rad), len(teacher.angles_rad)
     distances = np.full((n + 1, m + 1), np.inf)
-    whole = banded_distances(learner, teacher, 0, max(n, m), cap_rad)
+    whole = banded_distances(learner, teacher, 0, max(n, m), outlier_rad)
     for i in range(1, n + 1):
         distances[i, 1:] = whole[i - 1, max(n, m) - i + 1 : max(n, m) - i + 1 + m]
     warped = _printed_dtw(distances)

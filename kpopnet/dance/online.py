@@ -129,7 +129,7 @@ class OnlineScorer:
         recent = dance_features(np.array(self._even_m), config.feature, config.fps, config.heading)
         row = rows_of(recent, slice(-1, None))
         self._learnt.angles_rad[frame], self._learnt.weights[frame] = row.angles_rad[0], row.weights[0]
-        self._distances[frame] = banded_distances(row, self._taught, frame, config.band_frames, config.cap_rad)[0]
+        self._distances[frame] = banded_distances(row, self._taught, frame, config.band_frames, config.outlier_rad)[0]
 
         start = frame + 1 - config.window_frames
         if start < self._first:

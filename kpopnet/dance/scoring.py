@@ -67,9 +67,12 @@ class ScorerConfig:
         window_s: the learner's period that is scored at once; 2 s in the paper.
         hop_s: from one window to the next. The paper's follow each other; overlapping ones use all of the dance's transitions.
         band_s: how far from the expected time a match is looked for.
+        context_s: the steady delay is that of so much of the dance up to the window's end.
+        steady_pull: what a second of steady delay costs, in radians of a frame's distance: where a dance fits at any delay
+            the learner is taken to be in time.
+        pull: what a second away from the steady delay costs a window at its beginning and at its end, likewise.
         steps: slope or free, see kpopnet.dance.dtw.
-        pull: see kpopnet.dance.dtw.best_match, in radians a second.
-        cap_rad: a difference of angles counts up to this.
+        outlier_rad: differences of angles beyond it count less and less, see kpopnet.dance.dtw.frame_distance; inf: all alike.
         matching: subsequence, or algorithm_3 for the paper's Algorithm 3 as printed.
         alpha: slope of the timing similarity, Eq. (13).
         beta: deviation in posture at which similarity has fallen to 1/e, Eq. (14), in radians of the whole feature's norm.
@@ -83,26 +86,29 @@ class ScorerConfig:
     window_s: float = 2.0
     hop_s: float = 0.5
     band_s: float = 1.5
-    steps: str = "slope"
-    pull: float = 0.1
     context_s: float = 6.0
-    context_pull: float = 0.1
-    cap_rad: float = 0.5
+    steady_pull: float = 0.05
+    pull: float = 0.3
+    steps: str = "slope"
+    outlier_rad: float = 0.3
     matching: str = "subsequence"
     alpha: float = 0.3
-    beta: float = 2.5
+    beta: float = 0.8
     tau: float = 0.6
 
     def __post_init__(self) -> None:
         feature_names(self.feature, self.heading)
-        positive = ("fps", "window_s", "hop_s", "band_s", "cap_rad", "alpha", "beta", "tau")
+        positive = ("fps", "window_s", "hop_s", "band_s", "context_s", "alpha", "beta", "tau")
         for name in positive:
             if not 0 < getattr(self, name) < math.inf:
                 raise InputError(f"scorer.{name}={getattr(self, name)} must be a positive number")
         if not 0.02 <= self.smoothing_s <= 0.5:
             raise InputError(f"scorer.smoothing_s={self.smoothing_s}: expected 0.02 to 0.5 seconds")
-        if not 0 <= self.pull < math.inf:
-            raise InputError(f"scorer.pull={self.pull} must be 0 or more")
+        if not self.outlier_rad > 0:
+            raise InputError(f"scorer.outlier_rad={self.outlier_rad} must be positive, or inf for the plain norm")
+        for name in ("pull", "steady_pull"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise InputError(f"scorer.{name}={getattr(self, name)} must be 0 or more")
         if self.steps not in STEPS:
             raise InputError(f"scorer.steps={self.steps} is not one of {', '.join(STEPS)}")
         if self.matching not in MATCHINGS:
@@ -127,8 +133,9 @@ class ScorerConfig:
         return max(round(self.band_s * self.fps), 1)
 
 
-SCORERS = {"dance22": ScorerConfig(), "raptis": ScorerConfig(feature="raptis")}
-"""The paper's scorer, and the one that it compares with."""
+SCORERS = {"dance22": ScorerConfig(), "raptis": ScorerConfig(feature="raptis", outlier_rad=math.inf, beta=1.8)}
+"""The paper's feature with our robust distance, and what it is compared with: the feature of [17] in the plain norm of
+Eq. (14). Both are matched in time alike."""
 
 
 class Windows(NamedTuple):
@@ -193,7 +200,7 @@ def score_dance(teacher: Performance, learner: Performance, config: ScorerConfig
     taught = clock.features(teacher, clock.teacher_frames)
     frames = clock.danced_frames(learner)
     learnt = clock.features(learner, frames)
-    distances = banded_distances(learnt, taught, frames.start, config.band_frames, config.cap_rad)
+    distances = banded_distances(learnt, taught, frames.start, config.band_frames, config.outlier_rad)
     scores = []
     starts = clock.window_starts(frames)
     for start in starts:
@@ -274,14 +281,14 @@ def score_window(
     if config.matching == "algorithm_3":
         ahead = rows_of(teacher, slice(start, start + config.window_frames + config.band_frames))
         timing, posture, half_length = algorithm_3(
-            learner, ahead, alpha=config.alpha, beta=config.beta, tau_frames=config.tau * config.fps, cap_rad=config.cap_rad
+            learner, ahead, config.alpha, config.beta, tau_frames=config.tau * config.fps, outlier_rad=config.outlier_rad
         )
         delay_s = (len(learner.angles_rad) / 2 - half_length) / config.fps
         return WindowScore(delay_s, 100 * timing, 100 * posture, np.full(len(PARTS), np.nan))
-    expected = steady_delay(distances, config.context_pull / config.fps)
+    expected = steady_delay(distances, config.steady_pull / config.fps)
     path = best_match(distances[-len(learner.angles_rad) :], config.steps == "slope", config.pull / config.fps, expected)
     posture, compared = posture_on_path(
-        path, *learner, *teacher, start, config.band_frames, parts, config.cap_rad, config.beta
+        path, *learner, *teacher, start, config.band_frames, parts, config.outlier_rad, config.beta
     )
     posture[compared < LEAST_KNOWN] = np.nan
     if math.isnan(posture[0]):
