@@ -13,6 +13,7 @@ from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 from synth import kpop_convert
 from synth.kpop_convert import COCO, IMPERIAL, IMPERIAL_POINTS, aist_joints_m, imperial_joints_m, read_aist, read_imperial
+from synth.motion.skeleton import NUM_JOINTS, PARENTS, POINT_NAMES, REST_OFFSETS_M
 
 FRAMES = 50
 
@@ -117,6 +118,50 @@ def test_keypoints_are_read_without_running_anything(tmp_path):
     (tmp_path / "d.json").write_text(json.dumps({"keypoints3d": [[1, 2]]}))
     with pytest.raises(InputError, match=r"expected \(frames, 17, 3\)"):
         read_aist(tmp_path / "d.json")
+
+
+def write_bvh(path: Path, frames: int, left_arm_deg: float) -> None:
+    """Somebody in a T-pose whose left arm sinks by so much; zero offsets and rotations but for that."""
+    lines, order = ["HIERARCHY"], []
+
+    def block(point: int, indent: str) -> None:
+        name, children = POINT_NAMES[point], np.flatnonzero(point == PARENTS)
+        offset = " ".join(f"{100 * value:.3f}" for value in REST_OFFSETS_M[point])
+        if point >= NUM_JOINTS:
+            lines.extend([f"{indent}End Site", f"{indent}{{", f"{indent}  OFFSET {offset}", f"{indent}}}"])
+            return
+        order.append(point)
+        channels = "6 Xposition Yposition Zposition" if point == 0 else "3"
+        lines.extend([f"{indent}{'ROOT' if point == 0 else 'JOINT'} {name}", f"{indent}{{", f"{indent}  OFFSET {offset}"])
+        lines.append(f"{indent}  CHANNELS {channels} Zrotation Yrotation Xrotation")
+        for child in children:
+            block(int(child), indent + "  ")
+        lines.append(f"{indent}}}")
+
+    block(0, "")
+    lines += ["MOTION", f"Frames: {frames}", f"Frame Time: {1 / 30:.6f}"]
+    for frame in range(frames):
+        values = ["0 100 0"]
+        for point in order:
+            sunk = -left_arm_deg * frame / (frames - 1) if POINT_NAMES[point] == "LeftArm" else 0
+            values.append(f"{sunk:.4f} 0 0")
+        lines.append(" ".join(values))
+    path.write_text("\n".join(lines) + "\n")
+
+
+def test_bvh_files_are_danced_by_a_mean_adult(tmp_path, monkeypatch):
+    for name, degrees in (("teacher", 80.0), ("ann", 80.0), ("bob", 20.0)):
+        write_bvh(tmp_path / f"{name}.bvh", 20, degrees)
+    files = ("--teacher", tmp_path / "teacher.bvh", "--learners", tmp_path / "ann.bvh", tmp_path / "bob.bvh")
+    convert(monkeypatch, "bvh", tmp_path / "out", "--dance", "t", *files)
+    dance = KpopSet(tmp_path / "out").dance("t")
+    teacher, (ann, bob) = dance.teacher(), (learner.joints() for learner in dance.learners)
+    assert teacher.times_s[-1] == pytest.approx(18 / 30, abs=1e-3)  # the T-pose before the recording is left out
+    np.testing.assert_allclose(ann.joints_m, teacher.joints_m)
+    assert teacher.joints_m[0, Joint.LEFT_HAND, 0] > 0.5  # the T-pose, left hand to the right of the picture
+    sunk_m = [one.joints_m[-1, Joint.LEFT_HAND, 1] - one.joints_m[0, Joint.LEFT_HAND, 1] for one in (ann, bob)]
+    assert sunk_m[0] > 2 * sunk_m[1] > 0.1
+    np.testing.assert_allclose(bob.joints_m[:, Joint.RIGHT_HAND], ann.joints_m[:, Joint.RIGHT_HAND], atol=1e-3)
 
 
 def convert(monkeypatch, *arguments: object) -> None:
