@@ -5,8 +5,8 @@ off by an angle which wanders slowly; and now and then forgets a move (and stand
 instead, or does it to the wrong side.
 
 How strong each of these is, is the learner's `severity` times a number drawn for the learner and the fault: one is late but
-exact, another in time but small. Neighbouring levels overlap therefore in every single fault; the numbers' geometric mean
-is 1, so that over all faults together a learner of the better level is the better one, and experts have something to see.
+exact, another in time but small. Neighbouring levels may change places therefore in a single fault; the numbers' geometric
+mean is 1, so that over all faults together the learner of the better level is the better one, which experts can see.
 """
 
 from dataclasses import dataclass, fields
@@ -104,7 +104,7 @@ class SkillConfig:
 
 
 def draw_strengths(rng: np.random.Generator, level: int, config: SkillConfig) -> Strengths:
-    """A learner of a level: the product of its strengths is that of the level's severity, see above."""
+    """A learner of a level: over all faults together exactly as bad as the level is, see above."""
     names = [field.name for field in fields(Strengths)]
     own = config.spread * rng.standard_normal(len(names))
     factors = config.severity(level) * np.exp(own - own.mean())
