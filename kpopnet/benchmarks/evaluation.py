@@ -1,6 +1,7 @@
 """One evaluation: a benchmark's sequences through one or more estimators."""
 
 import sys
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -129,53 +130,60 @@ def run_benchmark(
         InputError: no sequence gave figures, or a process died.
     """
     names = benchmark.sequence_names()
-    chosen = evenly_spaced(names, sequences)
-    outcomes: dict[str, EstimatedSequence] = {}
-    failed: dict[str, str] = {}
-    with tqdm(total=len(chosen), desc=benchmark.name, unit="sequence") as bar:
-        for index, outcome in spread(SequenceEstimation(benchmark, estimators), chosen, processes):
-            if isinstance(outcome, FailedSequence):
-                failed[chosen[index]] = outcome.reason
-                bar.write(f"left out {chosen[index]}: {outcome.reason}", file=sys.stderr)
-            else:
-                outcomes[chosen[index]] = outcome
-            bar.update()
-    if not outcomes:
-        first = next(name for name in chosen if name in failed)
-        raise InputError(f"{benchmark.name}: none of its {len(chosen)} sequences gave figures; {first}: {failed[first]}")
-    read = tuple(name for name in chosen if name in outcomes)
-    parts = [outcomes[name] for name in read]
-    frames = [len(part.truth_m) for part in parts]
-    truth = {field: np.concatenate([getattr(part, field) for part in parts]) for field in ("truth_m", "visible", "yaw_rad")}
-    scored = {
-        label: Scored(
-            **truth,
-            estimate_m=np.concatenate([part.estimate_m[label] for part in parts]),
-            sequence=np.repeat(np.arange(len(parts)), frames),
-            sequence_names=read,
-        )
-        for label in estimators
-    }
-    extraction_seconds = [part.extraction_seconds for part in parts if part.extraction_seconds is not None]
-    scene_frames = sum(len(part.truth_m) for part in parts if part.extraction_seconds is not None)
+    outcomes, failed = _estimated(benchmark, estimators, evenly_spaced(names, sequences), processes)
+    parts = outcomes.values()
+    in_scenes = [part for part in parts if part.extraction_seconds is not None]
+    scored = {label: _scored(outcomes, label) for label in estimators}
     return Run(
         benchmark=benchmark,
         scored=scored,
         metrics={
-            label: evaluate(one, seed) | {"fps": _per_second(sum(frames), [part.seconds[label] for part in parts])}
+            label: evaluate(one, seed) | {"fps": _per_second(parts, [part.seconds[label] for part in parts])}
             for label, one in scored.items()
         },
-        frame=np.concatenate([np.arange(count) for count in frames]),
-        failed={name: failed[name] for name in chosen if name in failed},
+        frame=np.concatenate([np.arange(len(part.truth_m)) for part in parts]),
+        failed=failed,
         sequences_in_set=len(names),
         images_without_person=sum(part.images_without_person for part in parts),
         unlike_training={
             label: settings for label, one in estimators.items() if (settings := unlike_training(benchmark, one))
         },
         started_from_label=[label for label, one in estimators.items() if starts_from_label(one)],
-        extraction_fps=_per_second(scene_frames, extraction_seconds) if scene_frames else None,
+        extraction_fps=_per_second(in_scenes, [part.extraction_seconds for part in in_scenes]) if in_scenes else None,
     )
 
 
-def _per_second(frames: int, seconds: list[float]) -> float:
-    return frames / max(sum(seconds), 1e-9)
+def _estimated(
+    benchmark: Benchmark, estimators: dict[str, Estimator], chosen: list[str], processes: int
+) -> tuple[dict[str, EstimatedSequence], dict[str, str]]:
+    """What came out of each chosen sequence, and why nothing came out of the others, by name and in order."""
+    outcomes: dict[int, EstimatedSequence | FailedSequence] = {}
+    with tqdm(total=len(chosen), desc=benchmark.name, unit="sequence") as bar:
+        for index, outcome in spread(SequenceEstimation(benchmark, estimators), chosen, processes):
+            outcomes[index] = outcome
+            if isinstance(outcome, FailedSequence):
+                bar.write(f"left out {chosen[index]}: {outcome.reason}", file=sys.stderr)
+            bar.update()
+    ordered = {name: outcomes[index] for index, name in enumerate(chosen)}
+    failed = {name: outcome.reason for name, outcome in ordered.items() if isinstance(outcome, FailedSequence)}
+    if len(failed) == len(chosen):
+        first, reason = next(iter(failed.items()))
+        raise InputError(f"{benchmark.name}: none of its {len(chosen)} sequences gave figures; {first}: {reason}")
+    return {name: outcome for name, outcome in ordered.items() if name not in failed}, failed
+
+
+def _scored(outcomes: dict[str, EstimatedSequence], label: str) -> Scored:
+    """One estimator's joints in all frames of all sequences."""
+    parts = outcomes.values()
+    return Scored(
+        truth_m=np.concatenate([part.truth_m for part in parts]),
+        estimate_m=np.concatenate([part.estimate_m[label] for part in parts]),
+        visible=np.concatenate([part.visible for part in parts]),
+        sequence=np.repeat(np.arange(len(parts)), [len(part.truth_m) for part in parts]),
+        sequence_names=tuple(outcomes),
+        yaw_rad=np.concatenate([part.yaw_rad for part in parts]),
+    )
+
+
+def _per_second(parts: Collection[EstimatedSequence], seconds: list[float]) -> float:
+    return sum(len(part.truth_m) for part in parts) / max(sum(seconds), 1e-9)
