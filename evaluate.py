@@ -12,7 +12,8 @@ Sequences are spread over processes=0 (all cores); sequences=4 is a quick look.
 
 The paper's figures and Table 1, on simulated EVAL:
 
-    python evaluate.py benchmark=eval_sim 'estimator=[tracker,network]' checkpoint=outputs/train/RUN/best   # Fig. 8 and 11
+    python evaluate.py benchmark=eval_sim 'estimator=[tracker,network,tree_walk]' checkpoint=outputs/train/RUN/best \\
+        estimator.tree_walk.path=outputs/tree_walk/RUN                                              # Fig. 8 and 11
     python evaluate.py benchmark=eval_sim 'estimator=[network,ridge_network]' checkpoint=outputs/train/RUN/best \
         estimator.ridge_network.checkpoint=outputs/train/OTHER_RUN/best                             # Fig. 9
     python evaluate.py benchmark=eval_sim 'estimator=[tracker,tracker_depth]'                       # Fig. 10
