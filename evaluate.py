@@ -1,4 +1,4 @@
-"""Judges estimators on a benchmark and writes a report.
+r"""Judges estimators on a benchmark and writes a report.
 
     python evaluate.py checkpoint=outputs/train/RUN/best
     python evaluate.py checkpoint=outputs/train/RUN/best benchmark.path=data/small/test sequences=10
@@ -12,7 +12,7 @@ Sequences are spread over processes=0 (all cores); sequences=4 is a quick look.
 
 The paper's figures and Table 1, on simulated EVAL:
 
-    python evaluate.py benchmark=eval_sim 'estimator=[tracker,network,tree_walk]' checkpoint=outputs/train/RUN/best \\
+    python evaluate.py benchmark=eval_sim 'estimator=[tracker,network,tree_walk]' checkpoint=outputs/train/RUN/best \
         estimator.tree_walk.path=outputs/tree_walk/RUN                                              # Fig. 8 and 11
     python evaluate.py benchmark=eval_sim 'estimator=[network,ridge_network]' checkpoint=outputs/train/RUN/best \
         estimator.ridge_network.checkpoint=outputs/train/OTHER_RUN/best                             # Fig. 9
