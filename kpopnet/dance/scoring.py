@@ -87,13 +87,13 @@ class ScorerConfig:
     hop_s: float = 0.5
     band_s: float = 1.5
     context_s: float = 6.0
-    steady_pull: float = 0.05
+    steady_pull: float = 0.02
     pull: float = 0.3
     steps: str = "slope"
     outlier_rad: float = 0.3
     matching: str = "subsequence"
     alpha: float = 0.3
-    beta: float = 0.8
+    beta: float = 0.9
     tau: float = 0.6
 
     def __post_init__(self) -> None:

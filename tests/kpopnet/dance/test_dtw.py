@@ -1,0 +1,205 @@
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from kpopnet.dance.dtw import algorithm_3, banded_distances, best_match, frame_distance, posture_on_path, steady_delay
+from kpopnet.dance.features import Features
+
+ALL = np.ones(3, bool)
+COSTS = arrays(
+    float, st.tuples(st.integers(1, 6), st.sampled_from([1, 3, 5, 7])),
+    elements=st.sampled_from([0.0, 0.3, 0.7, 1.0, 1.9, np.inf]),
+)  # fmt: skip
+
+
+def plain(angles_rad) -> Features:
+    angles_rad = np.asarray(angles_rad, float)
+    return Features(angles_rad, np.ones_like(angles_rad))
+
+
+def slow_match(distances, slope, pull, expected):
+    """The least cost of all paths, each tried: columns are the teacher's frame less the learner's."""
+    n, columns = distances.shape
+    steps = {True: [[(1, 0)], [(1, 1), (1, 0)], [(0, 1), (1, 0)]], False: [[(1, 0)], [(1, -1)], [(0, 1)]]}[slope]
+    # With the slope constraint a step to two of the learner's frames goes by (i + 1, k - 1), one to two of the teacher's
+    # by the learner's own frame, one column on, and each pair of cells counts as one of the learner's frames.
+
+    def cost_from(i, k):
+        best = away * abs(k - expected) if i == n - 1 else math.inf
+        for step in steps:
+            cost = _step_cost(distances, slope, step, i, k)
+            if cost is not None:
+                there, price = cost
+                if price < math.inf:
+                    best = min(best, price + memory(*there))
+        return best
+
+    cache = {}
+
+    def memory(i, k):
+        if (i, k) not in cache:
+            cache[i, k] = cost_from(i, k)
+        return cache[i, k]
+
+    away = pull * n / 2
+    return min(distances[0, k] + away * abs(k - expected) + memory(0, k) for k in range(columns))
+
+
+def _step_cost(distances, slope, step, i, k):
+    """Where a step leads from (i, k), and what it costs; None if it leads out."""
+    n, columns = distances.shape
+
+    def at(row, column):
+        return distances[row, column] if 0 <= row < n and 0 <= column < columns else None
+
+    if not slope:
+        row, column = i + step[0][0], k + step[0][1]
+        here = at(row, column)
+        return None if here is None else ((row, column), here)
+    if step == [(1, 0)]:
+        here = at(i + 1, k)
+        return None if here is None else ((i + 1, k), here)
+    if step == [(1, 1), (1, 0)]:  # two of the learner's frames, one of the teacher's
+        first, second = at(i + 1, k), at(i + 2, k - 1)
+        return None if first is None or second is None else ((i + 2, k - 1), first + second)
+    first, second = at(i + 1, k), at(i + 1, k + 1)  # one of the learner's, two of the teacher's
+    return None if first is None or second is None else ((i + 1, k + 1), (first + second) / 2)
+
+
+def cost_of(path, distances, slope, pull, expected):
+    """What a path costs, from its cells alone."""
+    n = len(distances)
+    total = pull * n / 2 * (abs(path[0][1] - expected) + abs(path[-1][1] - expected))
+    if not slope:
+        return total + sum(distances[i, k] for i, k in path)
+    rows = [i for i, _ in path]
+    return total + sum(distances[i, k] / rows.count(i) for i, k in path)
+
+
+@settings(max_examples=150, deadline=None)
+@given(COSTS, st.booleans(), st.sampled_from([0.0, 0.1, 1.0]), st.integers(0, 6))
+def test_the_best_match_is_the_best_of_all_paths(distances, slope, pull, expected):
+    expected = min(expected, distances.shape[1] - 1)
+    least = slow_match(distances, slope, pull, expected)
+    path = best_match(distances, slope, pull, expected)
+    if least == math.inf:
+        assert len(path) == 0
+        return
+    assert path[0, 0] == 0 and path[-1, 0] == len(distances) - 1
+    assert cost_of(path.tolist(), distances, slope, pull, expected) == pytest.approx(least)
+    learner, teacher = np.diff(path[:, 0]), np.diff(path.sum(axis=1))
+    assert ((learner >= 0) & (learner <= 1) & (teacher >= 0) & (teacher <= 1) & (learner + teacher > 0)).all()
+    if slope:
+        for steps in (learner, teacher):  # nobody waits twice running
+            assert not any(a == 0 and b == 0 for a, b in itertools.pairwise(steps))
+
+
+def test_a_stretch_is_found_where_it_lies():
+    rng = np.random.default_rng(0)
+    teacher = plain(rng.uniform(-3, 3, (200, 3)))
+    for delay in (-20, 0, 13):
+        learner = Features(*(a[80 - delay : 120 - delay] for a in teacher))
+        distances = banded_distances(learner, teacher, 80, 30, math.inf)
+        for slope in (True, False):
+            path = best_match(distances, slope, 0.0, 30)
+            assert path.tolist() == [[i, 30 - delay] for i in range(40)]
+        assert steady_delay(distances, 0.0) == 30 - delay
+
+
+def test_half_and_double_speed_are_followed_by_the_slope_constraint():
+    way = np.linspace(0, 3, 121)[:, None] * [1, 0.5, -1]
+    teacher = plain(way)
+    for speed, frames in ((0.5, 40), (2.0, 20)):
+        at = 40 + speed * np.arange(frames)
+        learner = plain(np.stack([np.interp(at, np.arange(121), column) for column in way.T], axis=1))
+        distances = banded_distances(learner, teacher, 40, 40, math.inf)
+        path = best_match(distances, True, 0.0, 40)
+        begin, end = 40 + path[[0, -1]].sum(axis=1) - 40
+        assert abs(begin - 40) <= 1 and abs(end - (40 + speed * (frames - 1))) <= 1
+
+
+def test_whoever_stands_still_matches_no_single_frame_with_the_slope_constraint():
+    rng = np.random.default_rng(1)
+    teacher = plain(np.cumsum(rng.normal(size=(120, 3)), axis=0) * 0.1)
+    learner = Features(*(np.repeat(a[60:61], 30, axis=0) for a in teacher))
+    distances = banded_distances(learner, teacher, 45, 40, math.inf)
+    lengths = {slope: np.ptp(best_match(distances, slope, 0.0, 40).sum(axis=1)) + 1 for slope in (True, False)}
+    assert lengths[False] == 1
+    assert lengths[True] >= 15
+
+
+def test_where_everything_fits_the_expected_time_is_taken():
+    flat = np.full((20, 31), 0.5)
+    assert best_match(flat, True, 0.01, 15).tolist() == [[i, 15] for i in range(20)]
+    assert steady_delay(flat, 0.01) == 15
+
+
+def test_beyond_the_teacher_there_is_nothing():
+    teacher, learner = plain(np.zeros((10, 3))), plain(np.zeros((4, 3)))
+    distances = banded_distances(learner, teacher, 8, 2, math.inf)
+    assert np.isfinite(distances).tolist() == [[j < 10 for j in range(6 + i, 11 + i)] for i in range(4)]
+    assert len(best_match(banded_distances(learner, teacher, 50, 2, math.inf), True, 0.0, 2)) == 0
+
+
+def test_differences_are_wrapped_weighted_and_missing_ones_left_out():
+    a, b, ones = np.array([3.1, 0.0, 0.0]), np.array([-3.1, 0.0, 0.0]), np.ones(3)
+    assert frame_distance(a, ones, b, ones, ALL, math.inf) == pytest.approx(2 * math.pi - 6.2)
+    assert frame_distance(a, ones, b, ones * [0.25, 1, 1], ALL, math.inf) == pytest.approx((2 * math.pi - 6.2) / 2)
+    c = np.array([0.5, 0.0, np.nan])
+    assert frame_distance(c, ones, np.zeros(3), ones, ALL, math.inf) == pytest.approx(0.5 * math.sqrt(3 / 2))
+    assert math.isnan(frame_distance(np.array([0.5, np.nan, np.nan]), ones, np.zeros(3), ones, ALL, math.inf))
+    assert frame_distance(c, ones, np.zeros(3), ones, np.array([True, False, False]), math.inf) == pytest.approx(
+        0.5 * math.sqrt(3)
+    )
+
+
+@given(st.floats(0, 3.1), st.floats(0, 3.1))
+def test_a_greater_difference_is_never_a_smaller_distance(one, other):
+    distance = [frame_distance(np.array([x]), np.ones(1), np.zeros(1), np.ones(1), ALL[:1], 0.3) for x in sorted((one, other))]
+    assert distance[0] <= distance[1] <= max(one, other)
+
+
+def test_posture_is_the_mean_over_the_teachers_frames():
+    teacher, learner = plain(np.zeros((3, 1))), plain([[0.0], [0.2], [0.4], [0.6]])
+    path = np.array([[0, 2], [1, 2], [2, 1], [3, 1]])  # the second and third match one frame
+    parts, beta = np.ones((1, 1), bool), 0.5
+    posture, compared = posture_on_path(path, *learner, *teacher, 0, 2, parts, math.inf, beta)
+    similar = np.exp(-np.array([0, 0.2, 0.4, 0.6]) / beta)
+    # Eq. (14)
+    assert posture[0] == pytest.approx((similar[0] + (similar[1] + similar[2]) / 2 + similar[3]) / 3)
+    assert compared[0] == 1
+    learner.angles_rad[0] = np.nan
+    posture, compared = posture_on_path(path, *learner, *teacher, 0, 2, parts, math.inf, beta)
+    assert posture[0] == pytest.approx(((similar[1] + similar[2]) / 2 + similar[3]) / 2)
+    assert compared[0] == pytest.approx(2 / 3)
+
+
+def slow_algorithm_3(learner, teacher, alpha, beta, tau):
+    """As it is printed, with indices from 1."""
+    n, m = len(learner), len(teacher)
+    warped = {(0, 0): 0.0} | {(i, 0): math.inf for i in range(1, n + 1)} | {(0, j): math.inf for j in range(1, m + 1)}
+    for i in range(1, n + 1):
+        for j in range(1, m + 1):
+            norm = math.dist(learner[i - 1], teacher[j - 1])
+            warped[i, j] = norm + min(warped[i - 1, j], warped[i, j - 1], warped[i - 1, j - 1])
+    start = min(range(1, m + 1), key=lambda j: warped[1, j])
+    end = min(range(1, m + 1), key=lambda j: warped[n, j])
+    half = (end - start + 1) / 2
+    timing = 1 - min(1, math.exp((abs(half - n / 2) - tau) / (alpha * tau)))
+    return timing, math.exp(-warped[n, end] / (beta * half)), start
+
+
+def test_algorithm_3_is_as_printed_with_its_faults():
+    rng = np.random.default_rng(2)
+    teacher, learner = rng.uniform(-1, 1, (30, 3)), rng.uniform(-1, 1, (20, 3))
+    timing, posture, start = slow_algorithm_3(learner, teacher, 0.3, 2.0, 10)
+    found = algorithm_3(plain(learner), plain(teacher), 0.3, 2.0, 10)
+    assert found[:2] == pytest.approx((timing, posture))
+    assert start == 1  # whatever the data
+    late = algorithm_3(plain(teacher[5:25]), plain(teacher), 0.3, 2.0, 10)
+    assert late[1] < 0.9  # a perfect copy that is late is not found

@@ -1,0 +1,54 @@
+import numpy as np
+from dance_people import dance_joints_m
+
+from kpopnet.dance.resampling import resampled
+
+JOINTS_M = dance_joints_m(0, 4.0)
+TIMES_S = np.arange(len(JOINTS_M)) / 30
+
+
+def test_a_straight_way_is_kept_whatever_the_times():
+    rng = np.random.default_rng(0)
+    times_s = np.cumsum(rng.uniform(0.005, 0.1, 80))
+    way_m = np.array([1.0, 2.0, 3.0]) + times_s[:, None] * [0.5, -1.0, 0.1]
+    joints_m = np.repeat(way_m[:, None], 15, axis=1)
+    at_s = np.arange(times_s[0], times_s[-1], 1 / 30)
+    expected = np.array([1.0, 2.0, 3.0]) + at_s[:, None] * [0.5, -1.0, 0.1]
+    np.testing.assert_allclose(resampled(joints_m, times_s, at_s, 0.08), np.repeat(expected[:, None], 15, axis=1), atol=1e-9)
+
+
+def test_a_dance_is_hardly_changed_by_the_frame_rate():
+    at_s = np.arange(0.2, 3.8, 1 / 30)
+    fast = dance_joints_m(0, 4.0, 100.0)
+    there = resampled(fast, np.arange(len(fast)) / 100, at_s, 0.08)
+    here = resampled(JOINTS_M, TIMES_S, at_s, 0.08)
+    assert np.abs(there - here).max() < 0.02
+
+
+def test_noise_and_single_jumps_are_smoothed_away():
+    rng = np.random.default_rng(1)
+    noisy = JOINTS_M + rng.normal(0, 0.03, JOINTS_M.shape)
+    at_s = TIMES_S[10:-10]
+    smooth = resampled(JOINTS_M, TIMES_S, at_s, 0.08)
+    assert np.std(resampled(noisy, TIMES_S, at_s, 0.08) - smooth) < 0.4 * 0.03
+    jumping = JOINTS_M.copy()
+    jumping[50, 6] += [0.8, 0, 0]
+    assert np.abs(resampled(jumping, TIMES_S, at_s, 0.08) - smooth).max() < 0.1
+
+
+def test_short_gaps_are_closed_and_long_ones_stay():
+    joints_m = JOINTS_M.copy()
+    joints_m[20:26, 6] = np.nan  # 7 / 30 s from sample to sample
+    joints_m[60:90, 6] = np.nan
+    found = resampled(joints_m, TIMES_S, TIMES_S, 0.08)
+    missing = np.isnan(found[:, 6]).any(axis=1)
+    assert np.array_equal(missing, np.isin(np.arange(len(TIMES_S)), np.arange(60, 90)))
+    assert not np.isnan(np.delete(found, 6, axis=1)).any()
+    dropped = np.delete(np.arange(len(TIMES_S)), np.arange(40, 60))
+    found = resampled(JOINTS_M[dropped], TIMES_S[dropped], TIMES_S, 0.08)
+    assert np.isnan(found[:, 0, 0]).nonzero()[0].tolist() == list(range(40, 60))
+
+
+def test_beyond_the_samples_nothing_is_invented():
+    found = resampled(JOINTS_M, TIMES_S, np.array([-0.05, 0.0, TIMES_S[-1], TIMES_S[-1] + 0.05]), 0.08)
+    assert np.isnan(found[:, 0, 0]).tolist() == [True, False, False, True]
