@@ -2,9 +2,11 @@
 
 import csv
 import json
+import math
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from kpopnet.benchmarks.document import Block, Table, as_html, as_markdown, as_text
 from kpopnet.benchmarks.evaluation import EvaluateConfig
@@ -217,10 +219,17 @@ def metrics_json(run: DanceRun, config: EvaluateConfig) -> dict:
         },
         "estimators": sources,
         "checkpoint": config.checkpoint,
-        "config": asdict(config),
+        "config": _finite(asdict(config)),
         "git": git_revision(),
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
     }
+
+
+def _finite(value: Any) -> Any:
+    """The same without infinite numbers, which JSON has no word for: in words."""
+    if isinstance(value, dict):
+        return {name: _finite(one) for name, one in value.items()}
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def report_blocks(run: DanceRun, shown: str, described: dict) -> list[Block]:
