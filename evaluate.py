@@ -21,6 +21,13 @@ The paper's figures and Table 1, on simulated EVAL:
     python evaluate.py benchmark=eval_sim 'estimator=[tracker]' sweep=table1                        # Table 1
     python evaluate.py benchmark=eval_sim 'estimator=[paper_tracker]' sweep=table1                  # the same of Algorithm 2
 
+Its Table 2, dance scores against experts' order, on simulated dances (kpopnet/benchmarks/kpop_report.py):
+
+    python evaluate.py benchmark=kpop_sim 'estimator=[]'                                            # true joints alone
+    python evaluate.py benchmark=kpop_sim 'estimator=[tracker,network]' checkpoint=outputs/train/RUN/best
+    python evaluate.py benchmark=kpop_sim 'estimator=[]' benchmark.dances=10 benchmark.dance=dance_007 'scorer=[raptis]'
+    python evaluate.py benchmark=kpop benchmark.path=PATH 'estimator=[]'                            # docs/kpop_format.md
+
 One kind of estimator may stand in a run under several names: configs/estimator/tracker_depth.yaml is one; for another,
 write such a file, or give a name on the command line to settings that start from the defaults of their kind (it comes after
 those of `estimator=[...]`):
