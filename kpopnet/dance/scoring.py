@@ -323,7 +323,7 @@ def summary(scores: list[WindowScore], start_s: np.ndarray) -> DanceScore:
 
 @cache
 def part_columns(feature: str, heading: bool) -> np.ndarray:
-    """(1 + 5, D) which columns of a feature tell about the whole body and about each of `PARTS`."""
+    """(1 + 5, D) 1 for the columns of a feature that tell about the whole body and about each of `PARTS`, 0 for others."""
     names = feature_names(feature, heading)
     of_part = {
         "arms": lambda name: "elbow" in name or "hand" in name,
@@ -332,7 +332,7 @@ def part_columns(feature: str, heading: bool) -> np.ndarray:
         "left": lambda name: name.startswith("left"),
         "right": lambda name: name.startswith("right"),
     }
-    return np.array([[True] * len(names), *([of_part[part](name) for name in names] for part in PARTS)])
+    return np.array([[True] * len(names), *([of_part[part](name) for name in names] for part in PARTS)], float)
 
 
 def rows_of(features: Features, rows: slice) -> Features:

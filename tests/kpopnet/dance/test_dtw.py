@@ -3,6 +3,7 @@ import math
 
 import numpy as np
 import pytest
+from dtaidistance import dtw_ndim
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -10,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from kpopnet.dance.dtw import algorithm_3, banded_distances, best_match, frame_distance, posture_on_path, steady_delay
 from kpopnet.dance.features import Features
 
-ALL = np.ones(3, bool)
+ALL = np.ones(3)
 COSTS = arrays(
     float, st.tuples(st.integers(1, 6), st.sampled_from([1, 3, 5, 7])),
     elements=st.sampled_from([0.0, 0.3, 0.7, 1.0, 1.9, np.inf]),
@@ -153,7 +154,7 @@ def test_differences_are_wrapped_weighted_and_missing_ones_left_out():
     c = np.array([0.5, 0.0, np.nan])
     assert frame_distance(c, ones, np.zeros(3), ones, ALL, math.inf) == pytest.approx(0.5 * math.sqrt(3 / 2))
     assert math.isnan(frame_distance(np.array([0.5, np.nan, np.nan]), ones, np.zeros(3), ones, ALL, math.inf))
-    assert frame_distance(c, ones, np.zeros(3), ones, np.array([True, False, False]), math.inf) == pytest.approx(
+    assert frame_distance(c, ones, np.zeros(3), ones, np.array([1.0, 0.0, 0.0]), math.inf) == pytest.approx(
         0.5 * math.sqrt(3)
     )
 
@@ -167,7 +168,7 @@ def test_a_greater_difference_is_never_a_smaller_distance(one, other):
 def test_posture_is_the_mean_over_the_teachers_frames():
     teacher, learner = plain(np.zeros((3, 1))), plain([[0.0], [0.2], [0.4], [0.6]])
     path = np.array([[0, 2], [1, 2], [2, 1], [3, 1]])  # the second and third match one frame
-    parts, beta = np.ones((1, 1), bool), 0.5
+    parts, beta = np.ones((1, 1)), 0.5
     posture, compared = posture_on_path(path, *learner, *teacher, 0, 2, parts, math.inf, beta)
     similar = np.exp(-np.array([0, 0.2, 0.4, 0.6]) / beta)
     # Eq. (14)
@@ -192,6 +193,18 @@ def slow_algorithm_3(learner, teacher, alpha, beta, tau):
     half = (end - start + 1) / 2
     timing = 1 - min(1, math.exp((abs(half - n / 2) - tau) / (alpha * tau)))
     return timing, math.exp(-warped[n, end] / (beta * half)), start
+
+
+def test_the_papers_steps_match_as_a_library_does():
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        around = np.cumsum(rng.normal(0, 0.02, (90, 22)), axis=0)
+        window = around[30:60] + rng.normal(0, 0.05, (30, 22))
+        distances = banded_distances(plain(window), plain(around), 0, 90, math.inf)
+        path = best_match(distances, False, 0.0, 90)
+        _, costs = dtw_ndim.warping_paths(window, around, inner_dist="euclidean", psi=(0, 0, 90, 90), psi_neg=False)
+        assert path[-1].sum() - 90 == np.argmin(costs[-1, 1:])
+        assert distances[path[:, 0], path[:, 1]].sum() == pytest.approx(costs[-1, 1:].min())
 
 
 def test_algorithm_3_is_as_printed_with_its_faults():
