@@ -58,7 +58,7 @@ class Samples(NamedTuple):
     Attributes:
         images: (M, S, S) int16 `integer_image`.
         image: (N,) int32, which of them each sample looks at.
-        place: (N, 3) int32 row, column and depth (`kpopnet.tree_walk.image.feature`).
+        place: (N, 3) int32 row, column and depth (`kpopnet.tree_walk.image.features`).
         direction: (N, 3) float32 unit vectors.
     """
 
@@ -117,7 +117,7 @@ def grow(samples: Samples, config: GrowthConfig, probe_px: int, seed: tuple[int,
 
 
 def draw_probes(rng: np.random.Generator, count: int, farthest_px: int) -> np.ndarray:
-    """(count, 5) int16 random probes (`kpopnet.tree_walk.image.feature`), half of them pairs; more of them near than far."""
+    """(count, 5) int16 random probes (`kpopnet.tree_walk.image.features`), half of them pairs; more near than far."""
     distance = farthest_px * rng.random((count, 2)) ** 2
     angle = rng.uniform(0, 2 * np.pi, (count, 2))
     ends = np.rint(distance[..., None] * np.stack([np.sin(angle), np.cos(angle)], axis=-1)).reshape(count, 4)

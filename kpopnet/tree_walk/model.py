@@ -105,7 +105,7 @@ class TreeWalkModel:
         try:
             gait = WalkConfig(**meta["walk"])
             crop_px, half_size_m = int(meta["crop_px"]), float(meta["half_size_m"])
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise InputError(f"{path}: described in terms unknown here ({error})") from error
         if not (SIDES_PX[0] <= crop_px <= SIDES_PX[1] and 0.5 <= half_size_m <= 5):
             raise InputError(f"{path}: a cube of {crop_px} pixels and {half_size_m} m cannot be")

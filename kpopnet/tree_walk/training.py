@@ -124,7 +124,7 @@ def see(
         np.empty((count, NUM_JOINTS, 3), np.float32),
         np.empty((count, 4), np.float32),
     )
-    filled = 0
+    filled = skipped = 0
     with tqdm(total=count, desc=what, unit="image") as bar:
         for batch in batch_loader(batches, 0, -(-count // BATCH), workers):
             rows = slice(filled, min(filled + len(batch.crop), count))
@@ -132,7 +132,10 @@ def see(
             crops, targets, cubes_m = (np.asarray(part)[:taken] for part in batch[:3])
             seen.images[rows], seen.joints_uvd[rows], seen.cubes_m[rows] = integer_image(crops[:, 0]), targets, cubes_m
             filled += taken
+            skipped += batch.skipped
             bar.update(taken)
+    if skipped:
+        log.info(f"{what}: {skipped} observations with an empty silhouette were replaced by the next one")
     return seen
 
 

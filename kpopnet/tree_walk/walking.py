@@ -10,6 +10,8 @@ from kpopnet.errors import InputError
 from kpopnet.skeleton import BONES, NUM_JOINTS, Joint
 from kpopnet.tree_walk.image import UNITS, pixel, reading
 
+MOST_STEPS = 10_000
+
 
 @dataclass(frozen=True)
 class WalkConfig:
@@ -26,8 +28,12 @@ class WalkConfig:
     step_m: float = 0.05
 
     def __post_init__(self) -> None:
-        if not 0 <= self.settling < self.steps:
-            raise InputError(f"walk: expected 0 <= settling < steps, found settling={self.settling}, steps={self.steps}")
+        whole = isinstance(self.steps, int) and isinstance(self.settling, int)
+        if not (whole and 0 <= self.settling < self.steps <= MOST_STEPS):
+            raise InputError(
+                f"walk: expected whole numbers, 0 <= settling < steps <= {MOST_STEPS}, found settling={self.settling}, "
+                f"steps={self.steps}"
+            )
         if not 0 < self.step_m <= 0.5:
             raise InputError(f"walk.step_m={self.step_m}: expected metres, above 0, at most 0.5")
 

@@ -350,6 +350,9 @@ def test_foreign_folders_are_refused(trained, tmp_path):
         (json.dumps(meta | {"walk": {"strides": 3}}), "terms unknown"),
         (json.dumps(meta | {"crop_px": 10**6}), "1000000 pixels"),
         (json.dumps(meta | {"walk": {"steps": 3, "settling": 5, "step_m": 0.1}}), "settling < steps"),
+        (json.dumps(meta | {"walk": {"steps": 9.5, "settling": 5, "step_m": 0.1}}), "whole numbers"),
+        (json.dumps(meta | {"walk": {"steps": 10**9, "settling": 5, "step_m": 0.1}}), "steps=1000000000"),
+        (json.dumps(meta).replace('"crop_px": 48', '"crop_px": 1e999'), "terms unknown"),
         (json.dumps(meta), "missing, damaged or foreign"),
     ):
         (tmp_path / META).write_text(changed)
