@@ -27,6 +27,7 @@ def commands() -> list[list[str]]:
 PROGRAMS = {  # the words that start a program, its module and its configuration
     ("python", "-m", "synth"): ("synth.__main__", "generate"),
     ("python", "train.py"): ("train", "train"),
+    ("python", "train_tree_walk.py"): ("train_tree_walk", "train_tree_walk"),
     ("python", "evaluate.py"): ("evaluate", "evaluate"),
 }
 
