@@ -4,8 +4,7 @@
     python -m synth.calibrate_skill --seed 2        on other dances
 
 In the paper the feature of [17] orders 86 of 100 K-Pop dances as the experts do. So is the stand-in made: on dances and
-people of the split `train`, never the benchmark's, true joints, strictly S1 > S2 > S3 > S4. The share falls with the
-levels' spacing; a logistic curve is fitted to what is measured over a range of spacings, and asked where it is 0.86.
+people of the split `train`, never the benchmark's, true joints, strictly S1 > S2 > S3 > S4.
 """
 
 import argparse
@@ -13,7 +12,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from scipy.optimize import minimize
 from tqdm import tqdm
 
 from kpopnet.benchmarks.spread import spread
@@ -26,7 +24,7 @@ from synth.sample import on_body
 from synth.skill import SkillConfig
 
 WANTED = 0.86
-SPACINGS = (0.2, 0.3, 0.4, 0.5, 0.65)
+SPACINGS = (0.4, 0.5, 0.6, 0.7, 0.85)
 SCORER = "raptis"
 
 
@@ -60,15 +58,17 @@ def _performance(joints_m: np.ndarray) -> Performance:
     return Performance(joints_m, times_s(len(joints_m)))
 
 
-def spacing_of(share: float, spacings: np.ndarray, ordered: np.ndarray, of: int) -> float:
-    """Where a logistic curve through `ordered` of `of` dances at each of (N,) spacings, most likely, has that share."""
+def spacing_of(share: float, spacings: np.ndarray, shares: np.ndarray) -> float:
+    """The least spacing at which that share is reached, linearly between (N,) growing spacings; NaN where it is not.
 
-    def surprise(curve: np.ndarray) -> float:
-        at = curve[0] + curve[1] * np.log(spacings)
-        return float((of * np.logaddexp(0, at) - ordered * at).sum())
-
-    offset, slope = minimize(surprise, [2.0, 2.0]).x
-    return float(np.exp((np.log(share / (1 - share)) - offset) / slope))
+    The share does not grow to 1: learners who stand askew stay wrong however far apart the levels are.
+    """
+    reached = np.flatnonzero(shares >= share)
+    if not len(reached):
+        return float("nan")
+    after = int(reached[0])
+    before = max(after - 1, 0)
+    return float(np.interp(share, shares[[before, after]], spacings[[before, after]]))
 
 
 @user_errors
@@ -85,7 +85,7 @@ def main() -> None:
         counts += ordered
     for spacing, count in zip(SPACINGS, counts, strict=True):
         print(f"skill.spacing={spacing:.2f}: {SCORER} orders {count} of {given.dances}")
-    chosen = spacing_of(WANTED, np.array(SPACINGS), counts, given.dances)
+    chosen = spacing_of(WANTED, np.array(SPACINGS), counts / given.dances)
     print(f"{100 * WANTED:.0f} of 100: skill.spacing={chosen:.3f}")
 
 

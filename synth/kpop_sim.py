@@ -47,8 +47,8 @@ BODY = BodyConfig()
 TEACHER_M = (2.5, 1.0)
 """How far before the imagined, level camera of the teacher's joints the dance begins, and how high that camera is."""
 
-HEADING_DEG = 10.0
-"""Standard deviation of how far a learner is turned away from the camera. Nobody stands exactly as the teacher did."""
+HEADING_DEG = 5.0
+"""Standard deviation of how far a learner is turned away from the camera, as in `eval_sim`."""
 
 ROOM_BOXES = 4
 """Floor and three walls, without furniture."""

@@ -91,7 +91,7 @@ class SkillConfig:
             calibrated: with 0.35 a single fault decides the order more often than the level does, and experts were at one.
     """
 
-    spacing: float = 0.65
+    spacing: float = 0.5
     spread: float = 0.2
 
     def __post_init__(self) -> None:

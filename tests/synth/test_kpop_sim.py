@@ -207,11 +207,11 @@ def test_odd_settings():
     assert dance_name(7) == "dance_007"
 
 
-def test_the_calibrations_curve_finds_the_spacing_it_was_drawn_from():
-    spacings = np.array([0.2, 0.3, 0.4, 0.5, 0.6])
-    share = 1 / (1 + np.exp(-(4.0 + 3.0 * np.log(spacings))))
-    expected = np.exp((np.log(0.86 / 0.14) - 4.0) / 3.0)
-    assert spacing_of(0.86, spacings, 1000 * share, 1000) == pytest.approx(expected, rel=1e-3)
+def test_the_calibration_takes_the_least_spacing_that_is_wide_enough():
+    spacings = np.array([0.4, 0.5, 0.6, 0.7])
+    assert spacing_of(0.86, spacings, np.array([0.75, 0.87, 0.85, 0.9])) == pytest.approx(0.4 + 0.1 * 11 / 12)
+    assert spacing_of(0.86, spacings, np.array([0.9, 0.91, 0.92, 0.93])) == 0.4
+    assert np.isnan(spacing_of(0.86, spacings, np.array([0.1, 0.2, 0.3, 0.4])))
 
 
 # Recorded dances ------------------------------
