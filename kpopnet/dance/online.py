@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.dance.dtw import banded_distances
-from kpopnet.dance.features import TURN_S, Features, dance_features
+from kpopnet.dance.features import TURN_S, Features
 from kpopnet.dance.resampling import reach_s, resampled
 from kpopnet.dance.scoring import (
     PARTS,
@@ -21,6 +21,7 @@ from kpopnet.dance.scoring import (
     Performance,
     ScorerConfig,
     WindowScore,
+    features_of,
     rows_of,
     score_window,
     summary,
@@ -126,7 +127,7 @@ class OnlineScorer:
             self._samples.popleft()
         times_s, samples_m = zip(*self._samples, strict=True)
         self._even_m.append(resampled(np.array(samples_m), np.array(times_s), np.array([at_s]), config.smoothing_s)[0])
-        recent = dance_features(np.array(self._even_m), config.feature, config.fps, config.heading)
+        recent = features_of(np.array(self._even_m), config)
         row = rows_of(recent, slice(-1, None))
         self._learnt.angles_rad[frame], self._learnt.weights[frame] = row.angles_rad[0], row.weights[0]
         self._distances[frame] = banded_distances(row, self._taught, frame, config.band_frames, config.outlier_rad)[0]
