@@ -1,6 +1,8 @@
 """A report as a list of blocks, written as Markdown and as HTML; and a table for the terminal."""
 
 import html
+import json
+import math
 from typing import Any
 
 Table = tuple[list[str], list[list[str]]]
@@ -10,6 +12,23 @@ Block = tuple[str, Any]
 """Its kind and content: title, heading and text a string; picture and video a file's name, beside the report, and what it
 shows; table a Table.
 """
+
+
+def as_json(described: dict) -> str:
+    """What metrics.json holds. Settings may be infinite, for which JSON has no word: they stand there in words.
+
+    Raises:
+        ValueError: a figure that is no number, or an infinite one.
+    """
+    return json.dumps(described | {"config": _finite(described["config"])}, indent=2, allow_nan=False) + "\n"
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _finite(one) for name, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(one) for one in value]
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def as_text(table: Table) -> str:

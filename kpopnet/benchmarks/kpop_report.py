@@ -1,14 +1,11 @@
 """The report of a dance evaluation: the paper's Table 2, how far scores agree with the experts, and where they do not."""
 
 import csv
-import json
-import math
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
-from kpopnet.benchmarks.document import Block, Table, as_html, as_markdown, as_text
+from kpopnet.benchmarks.document import Block, Table, as_html, as_json, as_markdown, as_text
 from kpopnet.benchmarks.evaluation import EvaluateConfig
 from kpopnet.benchmarks.kpop import open_set
 from kpopnet.benchmarks.kpop_evaluation import DanceRun, run_dances
@@ -58,7 +55,7 @@ def write_dance_report(folder: Path, run: DanceRun, config: EvaluateConfig) -> N
     timelines(run, shown, scorer).savefig(folder / "timelines.png", dpi=110)
     write_table_2(folder / "table_2.csv", run)
     described = metrics_json(run, config)
-    (folder / "metrics.json").write_text(json.dumps(described, indent=2, allow_nan=False) + "\n")
+    (folder / "metrics.json").write_text(as_json(described))
     blocks = report_blocks(run, shown, described)
     (folder / "report.md").write_text(as_markdown(blocks))
     (folder / "report.html").write_text(as_html(blocks, title=f"kpopnet on {run.dances.manifest.name}"))
@@ -219,17 +216,10 @@ def metrics_json(run: DanceRun, config: EvaluateConfig) -> dict:
         },
         "estimators": sources,
         "checkpoint": config.checkpoint,
-        "config": _finite(asdict(config)),
+        "config": asdict(config),
         "git": git_revision(),
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
     }
-
-
-def _finite(value: Any) -> Any:
-    """The same without infinite numbers, which JSON has no word for: in words."""
-    if isinstance(value, dict):
-        return {name: _finite(one) for name, one in value.items()}
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def report_blocks(run: DanceRun, shown: str, described: dict) -> list[Block]:

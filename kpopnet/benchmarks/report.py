@@ -9,7 +9,7 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 
-from kpopnet.benchmarks.document import Block, as_html, as_markdown, as_text
+from kpopnet.benchmarks.document import Block, as_html, as_json, as_markdown, as_text
 from kpopnet.benchmarks.evaluation import EvaluateConfig, Run
 from kpopnet.benchmarks.pictures import error_curve, examples_sheet, joint_bars, sequence_bars, sweep_plot
 from kpopnet.benchmarks.sequences import Origin
@@ -156,7 +156,7 @@ def write_report(folder: Path, run: Run, config: EvaluateConfig, sweep: Sweep | 
     videos = ["worst.mp4"] if fps and save_video(folder / "worst.mp4", pictures, fps) else []
     described = metrics_json(run, config, ["examples.png", "worst.png", *plots, *videos])
     described["sweep"] = sweep_json(swept, sweep) if sweep else None
-    (folder / "metrics.json").write_text(json.dumps(described, indent=2, allow_nan=False) + "\n")
+    (folder / "metrics.json").write_text(as_json(described))
     blocks = report_blocks(run, described)
     if sweep:
         blocks += [

@@ -8,13 +8,13 @@ import numpy as np
 
 from kpopnet.benchmarks.evaluation import Run
 from kpopnet.benchmarks.metrics import joint_errors_m
-from kpopnet.benchmarks.pictures import frame_tile
+from kpopnet.benchmarks.pictures import frame_tile, surroundings
 from kpopnet.camera import Camera
 from kpopnet.drawing import ESTIMATED, TRUE, depth_picture, draw_skeleton, enlarged, legend, sheet, with_captions
 
 SHEET_ROWS, SHEET_COLUMNS = 3, 5
 VIDEO_HEIGHT_PX = 360
-SLOWEST_FPS = 12.0
+SLOWEST_FPS = 8.0
 """Of a video every second, third, ... frame is left out, as long as so many a second remain: it takes time to write."""
 
 
@@ -39,7 +39,8 @@ def contact_sheet(run: Run, name: str) -> np.ndarray:
 def film(run: Run, name: str) -> tuple[float, Iterable[np.ndarray]]:
     """Frames a second and pictures (RGB, all of one size) of a sequence with both skeletons over the depth.
 
-    The pictures show where the person is in any of the frames. A set of stills is no film: 0 frames a second.
+    The pictures show where the person is in any of the frames, without the room, whose noise would be most of the work of
+    writing a video. A set of stills is no film: 0 frames a second.
     """
     main, scored = next(iter(run.scored.items()))
     rows = np.flatnonzero(scored.sequence == scored.sequence_names.index(name))
@@ -53,7 +54,9 @@ def film(run: Run, name: str) -> tuple[float, Iterable[np.ndarray]]:
     def pictures() -> Iterable[np.ndarray]:
         width_px = round(VIDEO_HEIGHT_PX * camera.width / camera.height / 2) * 2
         for frame in range(0, len(rows), step):
-            picture = enlarged(depth_picture(sequence.depth_m[frame][view]), width_px)
+            depth_m = sequence.depth_m[frame]
+            shown_m = depth_m if sequence.alone else surroundings(depth_m, sequence.camera, truth_m[frame])
+            picture = enlarged(depth_picture(shown_m[view]), width_px)
             draw_skeleton(picture, estimate_m[frame], camera, ESTIMATED)
             draw_skeleton(picture, truth_m[frame], camera, TRUE)
             picture = np.concatenate([picture, legend((TRUE,), width_px), legend((ESTIMATED,), width_px)])

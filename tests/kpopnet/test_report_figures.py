@@ -1,11 +1,13 @@
 """What a report shows beside the headline: the paper's figures and table, and the worst sequence."""
 
 import json
+import math
 
 import cv2
 import numpy as np
 import pytest
 
+from kpopnet.benchmarks.document import as_json
 from kpopnet.benchmarks.evaluation import EvaluateConfig, run_benchmark
 from kpopnet.benchmarks.pictures import joint_bars, sequence_bars, sweep_plot
 from kpopnet.benchmarks.report import metrics_json, remarks, terminal_table, write_report
@@ -107,7 +109,7 @@ def test_the_worst_sequence_is_that_with_the_fewest_joints_within_ten_centimetre
     assert picture.ndim == 3 and picture.std() > 10
     fps, pictures = film(run, "two")
     pictures = list(pictures)
-    assert fps == 15 and len(pictures) == FRAMES / 2
+    assert fps == 10 and len(pictures) == FRAMES / 3
     assert len({picture.shape for picture in pictures}) == 1 and all(size % 2 == 0 for size in pictures[0].shape[:2])
     assert (pictures[0] != pictures[-1]).any()
     path = tmp_path / "film.mp4"
@@ -166,6 +168,13 @@ def test_metrics_json_says_which_simulated_set_it_was(run):
     run.benchmark.provenance = {"seed": 3, "version": 1, "config_hash": "abc"}
     described = metrics_json(run, config, [])["benchmark"]
     assert [described[key] for key in ("seed", "version", "config_hash", "depth")] == [3, 1, "abc", "simulated"]
+
+
+def test_infinite_settings_stand_in_words_and_infinite_figures_are_refused():
+    described = {"config": {"limits": [math.inf, 1.5], "inner": {"beta": -math.inf}}, "mean_error_cm": 3.0}
+    assert json.loads(as_json(described)) == described | {"config": {"limits": ["inf", 1.5], "inner": {"beta": "-inf"}}}
+    with pytest.raises(ValueError, match="JSON"):
+        as_json(described | {"mean_error_cm": math.inf})
 
 
 class Told(Off):
