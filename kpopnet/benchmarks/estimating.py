@@ -2,7 +2,7 @@
 
 import logging
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -64,17 +64,17 @@ class SequenceEstimation:
         try:
             sequence = self.benchmark.read(name)
             at_work = "extraction: "
-            person_m, extraction_seconds = self._person_alone(sequence)
+            sequence, extraction_seconds = self._person_alone(sequence)  # the scene is not needed any more
             estimate_m, seconds = {}, {}
             for label, estimator in self.estimators.items():
                 at_work = f"{label}: "
-                estimate_m[label], seconds[label] = self._estimate(label, estimator, person_m, sequence)
+                estimate_m[label], seconds[label] = self._estimate(label, estimator, sequence)
         except InputError as error:
             return FailedSequence(f"{at_work}{error}")
         except Exception as error:
             log.exception("%s: %sfailed", name, at_work)
             return FailedSequence(f"{at_work}{type(error).__name__}: {error}")
-        unknown = np.full(len(person_m), np.nan, np.float32)
+        unknown = np.full(len(sequence.depth_m), np.nan, np.float32)
         return EstimatedSequence(
             truth_m=sequence.joints_camera_m,
             visible=sequence.visible,
@@ -82,32 +82,32 @@ class SequenceEstimation:
             estimate_m=estimate_m,
             seconds=seconds,
             extraction_seconds=extraction_seconds,
-            images_without_person=int((~person_m.any(axis=(1, 2))).sum()),
+            images_without_person=int((~sequence.depth_m.any(axis=(1, 2))).sum()),
         )
 
-    def _person_alone(self, sequence: Sequence) -> tuple[np.ndarray, float | None]:
+    def _person_alone(self, sequence: Sequence) -> tuple[Sequence, float | None]:
+        """The sequence without the scene, and what that took."""
         if sequence.alone:
-            return sequence.depth_m, None
+            return sequence, None
         if "extraction" not in self.warm:
             extract_person(sequence.depth_m[:WARM_UP_FRAMES], sequence.camera)
             self.warm.add("extraction")
         start = time.process_time()
         person_m = extract_person(sequence.depth_m, sequence.camera)
-        return person_m, time.process_time() - start
+        return replace(sequence, depth_m=person_m, alone=True), time.process_time() - start
 
-    def _estimate(
-        self, label: str, estimator: Estimator, person_m: np.ndarray, sequence: Sequence
-    ) -> tuple[np.ndarray, float]:
+    def _estimate(self, label: str, estimator: Estimator, sequence: Sequence) -> tuple[np.ndarray, float]:
+        """(T, 15, 3) joints, and what they took."""
         told = {}
         if starts_from_label(estimator):
             told["start"] = first_label(sequence.joints_camera_m)
         if label not in self.warm:
-            estimator.estimate(person_m[:WARM_UP_FRAMES], sequence.camera, **told)
+            estimator.estimate(sequence.depth_m[:WARM_UP_FRAMES], sequence.camera, **told)
             self.warm.add(label)
         on_gpu = getattr(estimator, "device", torch.device("cpu")).type != "cpu"
         clock = time.perf_counter if on_gpu else time.process_time
         start = clock()
-        joints_m = estimator.estimate(person_m, sequence.camera, **told).joints_camera_m
+        joints_m = estimator.estimate(sequence.depth_m, sequence.camera, **told).joints_camera_m
         seconds = clock() - start
         assert joints_m.shape == sequence.joints_camera_m.shape, (label, joints_m.shape)
         return joints_m, seconds
