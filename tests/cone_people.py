@@ -5,7 +5,8 @@ from y_people import y_joints
 
 from kpopnet.camera import Camera
 from kpopnet.skeleton import Joint
-from kpopnet.tracker.body import NECK_SHARE, PARTS, Body, body_of
+from kpopnet.tracker.body import PARTS, Body, body_of, neck_share
+from kpopnet.tracker.cones import extend
 from kpopnet.tracker.model import HumanModel
 
 SPHERES = 24
@@ -16,7 +17,8 @@ def cone_joints(*args, place_m: tuple[float, float, float] = PLACE_M, **kwargs) 
     """`y_joints` with the neck where the tracker's bodies have it."""
     joints = y_joints(*args, place_m=place_m, **kwargs)
     shoulders = (joints[Joint.RIGHT_SHOULDER] + joints[Joint.LEFT_SHOULDER]) / 2
-    joints[Joint.NECK] = shoulders + NECK_SHARE * (joints[Joint.HEAD] - shoulders)
+    share = neck_share(HumanModel.from_joints(joints).arms_raised)
+    joints[Joint.NECK] = shoulders + share * (joints[Joint.HEAD] - shoulders)
     return joints
 
 
@@ -27,9 +29,10 @@ def cone_body(joints_m: np.ndarray) -> Body:
 def draw_cones(joints_camera_m: np.ndarray, body: Body, camera: Camera) -> np.ndarray:
     """(H, W) float32 metres: spheres close together along every part, 0 elsewhere."""
     depth = np.full((camera.height, camera.width), np.inf)
+    rows = extend(np.asarray(joints_camera_m, np.float64))
     for (a, b), (radius_a, radius_b) in zip(PARTS, body.radii_m, strict=True):
         for share in np.linspace(0, 1, SPHERES):
-            x, y, z = joints_camera_m[a] + share * (joints_camera_m[b] - joints_camera_m[a])
+            x, y, z = rows[a] + share * (rows[b] - rows[a])
             radius = radius_a + share * (radius_b - radius_a)
             u, v, _ = camera.project(np.array((x, y, z)))
             reach = 1.1 * camera.fx * radius / z + 1

@@ -11,20 +11,30 @@ import numpy as np
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
 from kpopnet.tracker.model import LIMB_PARENTS, HumanModel
 
+RIGHT_TOES, LEFT_TOES, RIGHT_FINGERS, LEFT_FINGERS = range(NUM_JOINTS, NUM_JOINTS + 4)
+"""Rows after the joints: the far ends of feet and hands, which kpopnet.tracker.cones.extend derives from them."""
+
+OWNERS = np.array([*range(NUM_JOINTS), Joint.RIGHT_FOOT, Joint.LEFT_FOOT, Joint.RIGHT_HAND, Joint.LEFT_HAND])
+"""(19,) the joint that each row moves with."""
+
+_MIRROR = np.array([*MIRROR, LEFT_TOES, RIGHT_TOES, LEFT_FINGERS, RIGHT_FINGERS])
+
 _RADII_M = {
-    (Joint.NECK, Joint.HEAD): (0.046, 0.126),
-    (Joint.NECK, Joint.TORSO): (0.183, 0.183),
-    (Joint.RIGHT_SHOULDER, Joint.NECK): (0.087, 0.103),
-    (Joint.TORSO, Joint.RIGHT_HIP): (0.148, 0.121),
-    (Joint.RIGHT_SHOULDER, Joint.TORSO): (0.096, 0.241),
-    (Joint.RIGHT_HIP, Joint.LEFT_HIP): (0.176, 0.176),
-    (Joint.RIGHT_SHOULDER, Joint.RIGHT_ELBOW): (0.061, 0.061),
-    (Joint.RIGHT_ELBOW, Joint.RIGHT_HAND): (0.031, 0.056),
-    (Joint.RIGHT_HIP, Joint.RIGHT_KNEE): (0.163, 0.074),
-    (Joint.RIGHT_KNEE, Joint.RIGHT_FOOT): (0.050, 0.060),
+    (Joint.NECK, Joint.HEAD): (0.048, 0.128),
+    (Joint.NECK, Joint.TORSO): (0.087, 0.193),
+    (Joint.RIGHT_SHOULDER, Joint.NECK): (0.054, 0.188),
+    (Joint.TORSO, Joint.RIGHT_HIP): (0.144, 0.116),
+    (Joint.RIGHT_SHOULDER, Joint.TORSO): (0.101, 0.248),
+    (Joint.RIGHT_HIP, Joint.LEFT_HIP): (0.162, 0.162),
+    (Joint.RIGHT_SHOULDER, Joint.RIGHT_ELBOW): (0.074, 0.061),
+    (Joint.RIGHT_ELBOW, Joint.RIGHT_HAND): (0.044, 0.037),
+    (Joint.RIGHT_HAND, RIGHT_FINGERS): (0.060, 0.053),
+    (Joint.RIGHT_HIP, Joint.RIGHT_KNEE): (0.171, 0.074),
+    (Joint.RIGHT_KNEE, Joint.RIGHT_FOOT): (0.052, 0.060),
+    (Joint.RIGHT_FOOT, RIGHT_TOES): (0.038, 0.043),
 }
 """Thickness at both ends of each part, and of its mirror image: the least-squares fit of the parts to the visible
-points of 8 simulated dancers (bodies drawn as for training) around their true joints; 1.5 cm is the mean residual."""
+points of 8 simulated dancers (bodies drawn as for training) around their true joints; 1.3 cm is the mean residual."""
 
 REFERENCE_SIZE_M = 2.07
 """`size_m` of the mean of those dancers; radii are scaled with it."""
@@ -34,17 +44,17 @@ def _both_sides() -> list[tuple[int, int, float, float]]:
     parts = []
     for (a, b), (radius_a, radius_b) in _RADII_M.items():
         parts.append((int(a), int(b), radius_a, radius_b))
-        mirrored = int(MIRROR[a]), int(MIRROR[b])
+        mirrored = int(_MIRROR[a]), int(_MIRROR[b])
         if set(mirrored) != {int(a), int(b)}:
             parts.append((*mirrored, radius_a, radius_b))
     return parts
 
 
 PARTS = np.array([part[:2] for part in _both_sides()])
-"""(P, 2) the joints at the two ends of each part."""
+"""(P, 2) the rows, joints or far ends of feet and hands, at the two ends of each part."""
 
 MIRRORED_PARTS = sorted(
-    {tuple(sorted({k, *np.flatnonzero((MIRROR[part] == PARTS).all(1)).tolist()})) for k, part in enumerate(PARTS)}
+    {tuple(sorted({k, *np.flatnonzero((_MIRROR[part] == PARTS).all(1)).tolist()})) for k, part in enumerate(PARTS)}
 )
 """The numbers of each part and its mirror image together."""
 
@@ -58,10 +68,29 @@ LIMBS = np.array(
 )
 """(4, 3) root, middle and end of each limb."""
 
+_BEYOND = (RIGHT_FINGERS, LEFT_FINGERS, RIGHT_TOES, LEFT_TOES)
 LIMB_PARTS = np.array(
-    [[np.flatnonzero(((a, b) == PARTS).all(1))[0] for a, b in ((root, middle), (middle, end))] for root, middle, end in LIMBS]
+    [
+        [np.flatnonzero((pair == PARTS).all(1))[0] for pair in ((root, middle), (middle, end), (end, beyond))]
+        for (root, middle, end), beyond in zip(LIMBS, _BEYOND, strict=True)
+    ]
 )
-"""(4, 2) the parts that make up each limb."""
+"""(4, 3) the parts that make up each limb."""
+
+_TRUNK = [k for k, part in enumerate(PARTS) if set(part) <= {0, 1, 2, 3, 8, 9, 10}]
+BARRED = np.array(
+    [
+        (own, k)
+        for limb, (root, middle, _) in enumerate(LIMBS)
+        for own in [LIMB_PARTS[limb, 1]]
+        for k in [*_TRUNK, *(LIMB_PARTS[5 - limb, :2] if limb >= 2 else ())]
+        if root not in PARTS[k]
+    ]
+)
+"""(B, 2) the lower part of a limb, and a part that it cannot lie in: head and trunk, and for a leg the other leg."""
+
+BARRED_OF = np.array([np.flatnonzero(BARRED[:, 0] == lower)[[0, -1]] + (0, 1) for lower in LIMB_PARTS[:, 1]])
+"""(4, 2) each limb's first pair there, and its last but one."""
 
 _STIFFNESS = {
     (Joint.NECK, Joint.HEAD): 0.8,
@@ -77,18 +106,33 @@ _STIFFNESS = {
     (Joint.RIGHT_SHOULDER, Joint.RIGHT_ELBOW): 1.0,
     (Joint.RIGHT_ELBOW, Joint.RIGHT_HAND): 1.0,
     (Joint.RIGHT_HIP, Joint.RIGHT_KNEE): 1.0,
-    (Joint.RIGHT_KNEE, Joint.RIGHT_FOOT): 1.0,
+    (Joint.RIGHT_KNEE, Joint.RIGHT_FOOT): 0.3,
 }
-"""How much of a wrong distance is put right at once: all of a bone's, little of what a bending spine changes."""
+"""How much a wrong distance counts: all of a bone's, little of what a bending spine changes."""
 
 TORSO_JOINTS = (
     Joint.HEAD, Joint.NECK, Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.TORSO, Joint.RIGHT_HIP, Joint.LEFT_HIP,
 )  # fmt: skip
-MOBILITY = np.where(np.isin(np.arange(NUM_JOINTS), TORSO_JOINTS), 0.25, 1.0)
-"""(15,) how readily a joint gives way: a limb follows the torso, and hardly pulls it along."""
 
-NECK_SHARE = 0.39
-"""Where the neck lies between the shoulders' middle and the head."""
+_CARRIED = {
+    (Joint.NECK, Joint.RIGHT_SHOULDER): (-0.026, -0.010),
+    (Joint.RIGHT_SHOULDER, Joint.TORSO): (0.049, 0.014),
+    (Joint.RIGHT_SHOULDER, Joint.RIGHT_HIP): (0.070, 0.033),
+    (Joint.RIGHT_SHOULDER, Joint.LEFT_HIP): (0.051, 0.022),
+}
+"""Shoulders rise with the arms: how these distances, and their mirror images, grow with the cosine between upper arm and
+upwards and with its square, as shares of the way from the hips to the neck. Least squares over 8 simulated dancers."""
+
+_NECK_SHARES = (0.347, -0.146, -0.095)
+"""Where the neck lies between the shoulders' middle and the head, by powers of the same cosine, in the same dancers."""
+
+
+def neck_share(arms_raised: float) -> float:
+    return _NECK_SHARES[0] + _NECK_SHARES[1] * arms_raised + _NECK_SHARES[2] * arms_raised**2
+
+
+NECK_SHARE = neck_share(-1.0)
+"""With hanging arms."""
 
 
 class Body(NamedTuple):
@@ -98,7 +142,9 @@ class Body(NamedTuple):
         radii_m: (P, 2) of the parts.
         pairs: (C, 2) joints whose distance is kept.
         stiffness: (C,) in 0..1.
-        lengths_m: (C,) the distances.
+        lengths_m: (C,) the distances, with level upper arms.
+        carried: (C,) the arm, 0 right or 1 left, that carries one of the two joints up with it, or -1.
+        rise_m: (C, 2) by what such a distance grows with the cosine between upper arm and upwards, and with its square.
         limbs_m: (4, 2) lengths of upper and lower part of each limb.
     """
 
@@ -106,22 +152,32 @@ class Body(NamedTuple):
     pairs: np.ndarray
     stiffness: np.ndarray
     lengths_m: np.ndarray
+    carried: np.ndarray
+    rise_m: np.ndarray
     limbs_m: np.ndarray
 
 
 def body_of(model: HumanModel) -> Body:
     """The body of a person of these lengths."""
     figure = plane_figure(model)
+    height_m = np.linalg.norm(figure[Joint.NECK] - (figure[Joint.RIGHT_HIP] + figure[Joint.LEFT_HIP]) / 2)
     pairs: dict[tuple[int, int], float] = {}
-    for (a, b), stiffness in _STIFFNESS.items():
-        pairs[tuple(sorted((int(a), int(b))))] = stiffness
-        pairs[tuple(sorted((int(MIRROR[a]), int(MIRROR[b]))))] = stiffness
+    carried: dict[tuple[int, int], tuple[int, tuple[float, float]]] = {}
+    for ends, stiffness in _STIFFNESS.items():
+        for arm, (a, b) in enumerate((ends, MIRROR[list(ends)])):
+            pair = tuple(sorted((int(a), int(b))))
+            pairs[pair] = stiffness
+            if ends in _CARRIED:
+                carried[pair] = arm, _CARRIED[ends]
     ends = np.array(list(pairs))
+    arms = np.array([carried[pair][0] if pair in carried else -1 for pair in pairs])
+    rise_m = np.array([carried[pair][1] if pair in carried else (0.0, 0.0) for pair in pairs]) * height_m
+    lengths = np.linalg.norm(figure[ends[:, 0]] - figure[ends[:, 1]], axis=1)
+    lengths -= rise_m @ (model.arms_raised, model.arms_raised**2)
     limb = model.limb_m
     limbs_m = np.array([[limb[Joint(middle)], limb[Joint(end)]] for _, middle, end in LIMBS])
     radii = np.array([part[2:] for part in _both_sides()]) * (size_m(model) / REFERENCE_SIZE_M)
-    lengths = np.linalg.norm(figure[ends[:, 0]] - figure[ends[:, 1]], axis=1)
-    return Body(radii, ends, np.array(list(pairs.values())), lengths, limbs_m)
+    return Body(radii, ends, np.array(list(pairs.values())), lengths, arms, rise_m, limbs_m)
 
 
 def size_m(model: HumanModel) -> float:
@@ -140,7 +196,7 @@ def plane_figure(model: HumanModel) -> np.ndarray:
     figure = np.zeros((NUM_JOINTS, 3))
     figure[Joint.RIGHT_SHOULDER, 0], figure[Joint.LEFT_SHOULDER, 0] = -half, half
     figure[Joint.HEAD, 1] = -model.head_to_shoulder_line_m
-    figure[Joint.NECK] = NECK_SHARE * figure[Joint.HEAD]
+    figure[Joint.NECK] = neck_share(model.arms_raised) * figure[Joint.HEAD]
     to_torso = (model.left_shoulder_to_torso_m + model.right_shoulder_to_torso_m) / 2
     figure[Joint.TORSO, 1] = np.sqrt(max(to_torso**2 - half**2, 0.0))
     same = (model.left_shoulder_to_left_hip_m + model.right_shoulder_to_right_hip_m) / 2

@@ -23,8 +23,8 @@ from numba import njit
 
 from kpopnet.errors import InputError
 from kpopnet.skeleton import NUM_JOINTS, Joint
-from kpopnet.tracker.body import NECK_SHARE, PARTS, Body
-from kpopnet.tracker.fitting import CELL_PX, Cells
+from kpopnet.tracker.body import NECK_SHARE, OWNERS, PARTS, Body
+from kpopnet.tracker.cells import CELL_PX, Cells
 from kpopnet.tracker.geodesic import neighbourhood, shortest_ways
 from kpopnet.tracker.model import LIMB_PARENTS, HumanModel
 
@@ -84,8 +84,7 @@ def lengths_of(model: HumanModel) -> np.ndarray:
 def thickness_of(body: Body) -> np.ndarray:
     """(15,) how deep under the surface each joint lies: the thinnest part that ends there, the head as a whole."""
     thickness = np.full(NUM_JOINTS, np.inf)
-    for (a, b), (radius_a, radius_b) in zip(PARTS, body.radii_m, strict=True):
-        thickness[a], thickness[b] = min(thickness[a], radius_a), min(thickness[b], radius_b)
+    np.minimum.at(thickness, OWNERS[PARTS], body.radii_m)
     return thickness
 
 

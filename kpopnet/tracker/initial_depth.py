@@ -20,7 +20,7 @@ that of the hair; the pelvis is deeper than the hips' distance from the crotch."
 SURFACE_M = 0.02
 """Depth and half width are taken from this far around a joint."""
 
-NECK_SHARE = 0.2
+NECK_SHARE, TORSO_SHARE = 0.21, 0.446
 """Where the neck lies on the way from the middle of the shoulders, which are raised with the arms, to the head."""
 
 
@@ -95,7 +95,7 @@ def joints_inside(uv: np.ndarray, person_m: np.ndarray, camera: Camera) -> np.nd
         joints[joint] = point * (1 + INWARDS[joint] * half_width_m / np.linalg.norm(point))
     shoulders = joints[[Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER]].mean(axis=0)
     hips = joints[[Joint.RIGHT_HIP, Joint.LEFT_HIP]].mean(axis=0)
-    joints[Joint.TORSO] = (shoulders + hips) / 2
+    joints[Joint.TORSO] = hips + TORSO_SHARE * (shoulders - hips)
     joints[Joint.NECK] = shoulders + NECK_SHARE * (joints[Joint.HEAD] - shoulders)
     return joints
 

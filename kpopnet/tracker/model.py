@@ -21,6 +21,9 @@ LIMB_PARENTS = {
 }
 """The limb joints J_k of Eq. (9) and their parents J_p, parents first."""
 
+Y_POSE_RAISED = 0.7
+"""Arms stretched obliquely upwards."""
+
 
 @dataclass(frozen=True)
 class HumanModel:
@@ -43,6 +46,8 @@ class HumanModel:
         left_shoulder_angle_rad: between head and left shoulder, seen from the torso's centre [θ_LS].
         right_shoulder_angle_rad: [θ_RS].
         right_upper_arm_m, ...: a limb joint's distance to its parent [l_RUA, ...].
+        arms_raised: the cosine between the upper arms and upwards, in the pose that the lengths were taken from: shoulders
+            rise with the arms, by some 5 cm from hanging arms to the Y pose. Not in the paper.
     """
 
     head_to_shoulder_line_m: float
@@ -65,11 +70,13 @@ class HumanModel:
     left_upper_leg_m: float
     right_lower_leg_m: float
     left_lower_leg_m: float
+    arms_raised: float = Y_POSE_RAISED
 
     def __post_init__(self) -> None:
         for name, value in asdict(self).items():
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 <= value < np.pi:
-                raise InputError(f"human model: {name}={value}: expected metres or radians from 0 to pi")
+            least, expected = (-1, "a cosine") if name == "arms_raised" else (0, "metres or radians from 0 to pi")
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not least <= value < np.pi:
+                raise InputError(f"human model: {name}={value}: expected {expected}")
 
     @property
     def limb_m(self) -> dict[Joint, float]:
@@ -110,6 +117,7 @@ class HumanModel:
             _angle(head - torso, left_shoulder - torso),
             _angle(head - torso, right_shoulder - torso),
             *limbs,
+            arms_raised=_arms_raised(joints),
         )
 
     def save(self, path: Path | str) -> None:
@@ -134,7 +142,16 @@ class HumanModel:
         return cls(**values)
 
 
-LIMB_FIELDS = tuple(field.name for field in fields(HumanModel))[-len(LIMB_PARENTS) :]
+LIMB_FIELDS = tuple(field.name for field in fields(HumanModel) if field.name.endswith(("arm_m", "leg_m")))
+
+
+def _arms_raised(joints: np.ndarray) -> float:
+    """The mean cosine between both upper arms and the way up from the hips to the shoulders; 0 for what has no length."""
+    shoulders = joints[[Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER]]
+    up = shoulders.mean(axis=0) - joints[[Joint.RIGHT_HIP, Joint.LEFT_HIP]].mean(axis=0)
+    arms = joints[[Joint.RIGHT_ELBOW, Joint.LEFT_ELBOW]] - shoulders
+    lengths = np.linalg.norm(arms, axis=1) * np.linalg.norm(up)
+    return float(np.mean(np.divide(arms @ up, lengths, out=np.zeros(2), where=lengths > 0)))
 
 
 def distance_to_line(point: np.ndarray, on_line: np.ndarray, also_on_line: np.ndarray) -> float:

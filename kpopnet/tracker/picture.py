@@ -15,7 +15,7 @@ from kpopnet.drawing import (
     with_captions,
 )
 from kpopnet.ridge import ridge_stages
-from kpopnet.tracker.fitting import cells_of
+from kpopnet.tracker.cells import cells_of
 from kpopnet.tracker.hierarchy import valid_candidates
 from kpopnet.tracker.tracking import Tracker
 

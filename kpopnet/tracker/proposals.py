@@ -10,17 +10,11 @@ import numpy as np
 from numba import njit
 
 from kpopnet.skeleton import Joint
-from kpopnet.tracker.body import LIMB_PARTS, LIMBS, PARTS, Body
-from kpopnet.tracker.fitting import (
-    CLIP_M,
-    FREE_SPACE_WEIGHT,
-    Cells,
-    _axes,
-    _nearest_parts,
-    _off_surface,
-    _outside,
-)
+from kpopnet.tracker.body import BARRED_OF, LIMB_PARTS, LIMBS, PARTS, Body
+from kpopnet.tracker.cells import Cells
+from kpopnet.tracker.cones import axes_of, extend, extend_limb, frame_of, nearest_parts, off_surface, set_axis
 from kpopnet.tracker.geodesic import neighbourhood, shortest_ways
+from kpopnet.tracker.misfit import CLIP_M, FREE_SPACE_WEIGHT, outside, overlap, unusual
 
 ON_TORSO_M = 0.05
 TIP_APART_M = 0.15
@@ -33,7 +27,7 @@ END_RADIUS_M, MIDDLE_RADIUS_M = 0.05, 0.06
 SLACK_M = 0.12
 """A tip may be so much farther from the limb's root than the limb is long, since the root may be off."""
 
-CONTINUITY = 0.002
+CONTINUITY = 0.0005
 FARTHEST_M = 0.5
 """The end of a limb pays for the square of its way since the last frame, up to this distance."""
 
@@ -44,8 +38,6 @@ EXPLAINED_M = 0.02
 """A point this near to another part's surface gains little from a limb."""
 
 PARTS_COUNT = len(PARTS)
-NECK, RIGHT_SHOULDER, LEFT_SHOULDER = int(Joint.NECK), int(Joint.RIGHT_SHOULDER), int(Joint.LEFT_SHOULDER)
-RIGHT_HIP, LEFT_HIP = int(Joint.RIGHT_HIP), int(Joint.LEFT_HIP)
 
 
 @njit(cache=True)
@@ -53,8 +45,9 @@ def _torso_cells(joints, points, parts, radii, limb_parts):
     """(N,) whether a point lies on the torso or the head and nearer to it than to any limb."""
     is_limb = np.zeros(len(parts), np.bool_)
     for limb in range(len(limb_parts)):
-        is_limb[limb_parts[limb, 0]] = is_limb[limb_parts[limb, 1]] = True
-    part, off = _nearest_parts(_axes(joints, parts, radii), points, 1)
+        for k in limb_parts[limb]:
+            is_limb[k] = True
+    part, off = nearest_parts(axes_of(extend(joints), parts, radii), points, 1)
     on = np.zeros(len(points), np.bool_)
     for i in range(len(points)):
         on[i] = not is_limb[part[i]] and abs(off[i]) < ON_TORSO_M
@@ -127,39 +120,25 @@ def _with_lengths(root, middle, end, upper_m, lower_m):
 
 
 @njit(cache=True)
-def _frame(joints):
-    """(3, 3) rows: the torso's right, down and front, unit vectors in the camera frame."""
-    frame = np.empty((3, 3))
-    hips = (joints[RIGHT_HIP] + joints[LEFT_HIP]) / 2
-    down = hips - joints[NECK]
-    down /= math.sqrt((down * down).sum()) + 1e-9
-    right = joints[RIGHT_SHOULDER] - joints[LEFT_SHOULDER] + joints[RIGHT_HIP] - joints[LEFT_HIP]
-    right -= (right * down).sum() * down
-    right /= math.sqrt((right * right).sum()) + 1e-9
-    frame[0], frame[1] = right, down
-    frame[2, 0] = right[1] * down[2] - right[2] * down[1]
-    frame[2, 1] = right[2] * down[0] - right[0] * down[2]
-    frame[2, 2] = right[0] * down[1] - right[1] * down[0]
-    return frame
-
-
-@njit(cache=True)
-def _limb_misfit(axes, points, rest, count, of_all, depth, nearest, intrinsics, enough):
-    """The part of the misfit that a limb's two parts, `axes`, can change.
+def _limb_misfit(axes, limb, limb_parts, joints, points, rest, count, of_all, depth, nearest, intrinsics, enough):
+    """The part of the misfit that a limb can change.
 
     The first `count` of `points` are those that no other part explains, `rest` their distances to the others; `of_all` is
     the number of all points. What comes to `enough` is not added up to its end: most poses fail by a few points.
     """
-    outside = _outside(axes, 0, depth, nearest, intrinsics) + _outside(axes, 1, depth, nearest, intrinsics)
-    beside, total = FREE_SPACE_WEIGHT * outside / PARTS_COUNT, 0.0
-    most = (enough - beside) * of_all
+    besides = unusual(joints) + overlap(axes, BARRED_OF[limb, 0], BARRED_OF[limb, 1])
+    for k in limb_parts:
+        besides += FREE_SPACE_WEIGHT / PARTS_COUNT * outside(axes, k, depth, nearest, intrinsics)
+    total, most = 0.0, (enough - besides) * of_all
     for i in range(count):
         if total > most:
             break
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        off = min(rest[i], abs(_off_surface(axes, 0, x, y, z)[0]), abs(_off_surface(axes, 1, x, y, z)[0]))
+        off = rest[i]
+        for k in limb_parts:
+            off = min(off, abs(off_surface(axes, k, x, y, z)[0]))
         total += off * off
-    return total / max(of_all, 1) + beside
+    return total / max(of_all, 1) + besides
 
 
 @njit(cache=True)
@@ -186,7 +165,7 @@ def _open_points(points, away, limb_parts, rest, found):
     for i in range(len(points)):
         others = CLIP_M
         for k in range(away.shape[1]):
-            if k != limb_parts[0] and k != limb_parts[1]:
+            if k != limb_parts[0] and k != limb_parts[1] and k != limb_parts[2]:
                 others = min(others, away[i, k])
         if others > EXPLAINED_M:
             rest[count] = others
@@ -199,10 +178,10 @@ def _open_points(points, away, limb_parts, rest, found):
 @njit(cache=True)
 def _distances(joints, points, parts, radii, which, away):
     """Writes the points' distances to the surfaces of some parts into the columns of `away`."""
-    axes = _axes(joints, parts, radii)
+    axes = axes_of(joints, parts, radii)
     for k in which:
         for i in range(len(points)):
-            away[i, k] = abs(_off_surface(axes, k, points[i, 0], points[i, 1], points[i, 2])[0])
+            away[i, k] = abs(off_surface(axes, k, points[i, 0], points[i, 1], points[i, 2])[0])
 
 
 @njit(cache=True)
@@ -213,7 +192,7 @@ def _relay(
     neighbours, steps = neighbourhood(points, index)
     length, onward = shortest_ways(neighbours, steps, source)
     tips = _tips(points, length)
-    joints, frame, some = joints.copy(), _frame(joints), points[::every]
+    joints, frame, some = extend(joints), frame_of(joints), points[::every]
     away = np.empty((len(some), len(parts)))
     _distances(joints, some, parts, radii, np.arange(len(parts)), away)
     ends, middles = np.empty((len(limbs), len(tips), 3)), np.empty((len(limbs), len(tips), 3))
@@ -230,7 +209,7 @@ def _relay(
                 continue
             root, middle, end = limbs[limb, 0], limbs[limb, 1], limbs[limb, 2]
             upper_m, lower_m = limbs_m[limb, 0], limbs_m[limb, 1]
-            its_parts, its_radii = parts[limb_parts[limb]], radii[limb_parts[limb]]
+            axes = axes_of(joints, parts, radii)
             count = _open_points(some, away, limb_parts[limb], rest, unexplained)
             kept_middle, kept_end = joints[middle].copy(), joints[end].copy()
             now = 0.0
@@ -255,24 +234,29 @@ def _relay(
                 enough = 1e9 if candidate < 0 else now - best
                 if way >= enough:
                     continue
-                axes = _axes(joints, its_parts, its_radii)
+                extend_limb(joints, limb, frame[2])
+                for k in limb_parts[limb]:
+                    set_axis(axes, k, joints, parts, radii)
                 then = way + _limb_misfit(
-                    axes, unexplained, rest, count, len(some), depth, nearest, intrinsics, enough - way
-                )
+                    axes, limb, limb_parts[limb], joints, unexplained, rest, count, len(some), depth, nearest, intrinsics,
+                    enough - way,
+                )  # fmt: skip
                 if candidate < 0:
                     now = then
                 elif now - then > best:
                     best, best_limb, best_tip = now - then, limb, tip
                     best_middle, best_end = joints[middle].copy(), joints[end].copy()
             joints[middle], joints[end] = kept_middle, kept_end
+            extend_limb(joints, limb, frame[2])
         if best_limb < 0:
-            return joints, changes
+            return joints[: len(before)], changes
         joints[limbs[best_limb, 1]], joints[limbs[best_limb, 2]] = best_middle, best_end
+        extend_limb(joints, best_limb, frame[2])
         laid[best_limb] = True
         if best_tip >= 0:
             used[best_tip] = True
         _distances(joints, some, parts, radii, limb_parts[best_limb], away)
-    return joints, len(limbs)
+    return joints[: len(before)], len(limbs)
 
 
 def _limb_poses() -> tuple[np.ndarray, np.ndarray]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from kpopnet.skeleton import Joint
 from kpopnet.tracker.body import plane_figure
-from kpopnet.tracker.fitting import Cells
+from kpopnet.tracker.cells import Cells
 from kpopnet.tracker.model import HumanModel
 
 AVERAGE = HumanModel(
@@ -21,6 +21,7 @@ AVERAGE = HumanModel(
     left_shoulder_angle_rad=0.657, right_shoulder_angle_rad=0.657,
     right_upper_arm_m=0.258, left_upper_arm_m=0.258, right_lower_arm_m=0.247, left_lower_arm_m=0.247,
     right_upper_leg_m=0.378, left_upper_leg_m=0.378, right_lower_leg_m=0.465, left_lower_leg_m=0.465,
+    arms_raised=-0.73,
 )  # fmt: skip
 """Means of 300 simulated adults, drawn as for training, whose height is on average `AVERAGE_HEIGHT_M`."""
 
@@ -48,7 +49,7 @@ def standing_pose(cells: Cells) -> tuple[np.ndarray, HumanModel] | None:
     if not HEIGHTS_M[0] <= height_m <= HEIGHTS_M[1] or height_m < LEAST_HEIGHT_TO_WIDTH * (right - left):
         return None
     scale = height_m / AVERAGE_HEIGHT_M
-    model = HumanModel(**{name: v if name.endswith("_rad") else v * scale for name, v in asdict(AVERAGE).items()})
+    model = HumanModel(**{name: v * scale if name.endswith("_m") else v for name, v in asdict(AVERAGE).items()})
     figure = plane_figure(model)
     middle = np.median(points, axis=0)
     figure += middle[0], top + HEAD_UNDER_CROWN * height_m - figure[Joint.HEAD, 1], middle[2] + DEPTH_INSIDE_M

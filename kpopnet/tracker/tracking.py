@@ -18,9 +18,11 @@ from kpopnet.estimators import Estimator
 from kpopnet.ridge import RidgeConfig, ridge_data
 from kpopnet.skeleton import JOINT_NAMES, MIRROR, NUM_JOINTS
 from kpopnet.tracker.body import TORSO_JOINTS, Body, body_of
-from kpopnet.tracker.fitting import Cells, cells_of, fit, misfit
+from kpopnet.tracker.cells import Cells, cells_of
+from kpopnet.tracker.fitting import fit
 from kpopnet.tracker.hierarchy import HierarchyConfig, estimate_pose, lengths_of
 from kpopnet.tracker.initial import InitialConfig, find_initial_pose
+from kpopnet.tracker.misfit import misfit
 from kpopnet.tracker.model import HumanModel
 from kpopnet.tracker.proposals import bent, relay_limbs, turned
 from kpopnet.tracker.standing import standing_pose
@@ -36,26 +38,30 @@ the pose is held. What was seen is forgotten by this factor a frame, so that it 
 POINTS = 200
 """About so many points choose between poses; all of them fit the one chosen."""
 
-FIRST_ROUNDS, LAST_ROUNDS = 8, 6
+FIRST_STEPS, LAST_STEPS = 5, 4
 VELOCITY_SHARE = 0.5
 FASTEST_M = 0.15
 """A joint is expected to go on with this share of its last step, which counts up to this length."""
 
 STEP_WEIGHT = 0.01
-FARTHEST_STEP_M = 0.5
+FARTHEST_STEP_M = 0.25
 """A pose pays for the mean squared distance of its joints to where they were expected, each counted up to this."""
 
-DOUBT_M2, LOST_M2 = 7e-4, 1.2e-3
-"""Misfits in square metres from which on the body is also tried turned a little, and in every other way."""
+USUAL_M2, FORGETTING_USUAL = 4e-4, 0.02
+DOUBT = 1.5
+"""A pose is in doubt from so many times a person's usual misfit on; what is usual is learnt, in this share a frame, from
+poses that are not in doubt, and begins with that many square metres."""
+
+BETTER, MUCH_BETTER = 0.9, 0.8
+"""A pose close by must have less than this share of the misfit, one that is wholly different less than that: a back looks
+much like a chest, and there is no turning round for little."""
 
 SLIGHTLY = tuple(lambda joints, angle=angle: turned(joints, angle) for angle in np.radians((-30, 30, -60, 60)))
 THOROUGHLY = (
-    *(lambda joints, angle=angle: turned(joints, angle) for angle in np.radians((-90, 90, 135, -135, 180))),
-    *(lambda joints, angle=angle: bent(joints, angle) for angle in np.radians((-40, 40, 180))),
     lambda joints: joints[MIRROR],
+    *(lambda joints, angle=angle: turned(joints, angle) for angle in np.radians((-90, 90, 135, -135, 180))),
+    *(lambda joints, angle=angle: bent(joints, angle) for angle in np.radians((-40, 40))),
 )
-SLIGHTLY_BETTER, MUCH_BETTER = 0.9, 0.7
-"""What is found must have less than this share of the misfit. A back looks much like a chest: no turning round for little."""
 
 AWAY_M = 0.3
 """If the silhouette's middle moved farther between two sightings, the pose is carried along."""
@@ -117,6 +123,7 @@ class Tracker:
         self._middle: np.ndarray | None = None
         self._knows_thickness = False
         self._cells_seen = 0.0
+        self._usual_m2 = USUAL_M2
 
     @property
     def started(self) -> bool:
@@ -140,6 +147,7 @@ class Tracker:
         self._knows_thickness = False
         self.body, self.lengths = body_of(self.model), lengths_of(self.model)
         self.joints_camera_m, self.velocity_m, self._middle = joints, np.zeros_like(joints), None
+        self._usual_m2 = USUAL_M2
 
     def track(self, depth_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """One frame.
@@ -210,33 +218,36 @@ class Tracker:
             return misfit(joints, cells, body, every) + STEP_WEIGHT * away
 
         def fitted(start: np.ndarray) -> tuple[float, np.ndarray]:
-            joints = fit(start, cells, body, FIRST_ROUNDS, every)
+            joints = fit(start, cells, body, FIRST_STEPS, every)
             return cost(joints, every), joints
 
         def finished(joints: np.ndarray) -> tuple[float, np.ndarray]:
             joints, _ = relay_limbs(joints, before, cells, body, every)
-            joints = fit(joints, cells, body, LAST_ROUNDS)
+            joints = fit(joints, cells, body, LAST_STEPS)
             return cost(joints, 1), joints
 
         going_on = carried_on(before, self.velocity_m)
         starts = [expected, before, going_on, self._algorithm_2(depth_m, cells)[0]]
         best, joints = finished(min((fitted(start) for start in starts), key=lambda pair: pair[0])[1])
-        for doubt, alternatives, better in (
-            (DOUBT_M2, (lambda _: self._detected(depth_m),) if self.detector else (), SLIGHTLY_BETTER),
-            (DOUBT_M2, SLIGHTLY, SLIGHTLY_BETTER),
-            (LOST_M2, THOROUGHLY, MUCH_BETTER),
+        if best < DOUBT * self._usual_m2:
+            self._usual_m2 += FORGETTING_USUAL * (best - self._usual_m2)
+        for alternatives, better in (
+            (lambda _: self._detected(depth_m), BETTER),
+            (lambda joints: [other(joints) for other in SLIGHTLY], BETTER),
+            (lambda joints: [other(joints) for other in THOROUGHLY], MUCH_BETTER),
         ):
-            if self.config.search and best > doubt:
-                others = [start for other in alternatives if (start := other(joints)) is not None]
-                for tried, found in [finished(fitted(start)[1]) for start in others]:
-                    if tried < better * best:
-                        best, joints = tried, found
+            if self.config.search and best > DOUBT * self._usual_m2 and (others := alternatives(joints)):
+                tried, found = finished(min((fitted(start) for start in others), key=lambda pair: pair[0])[1])
+                if tried < better * best:
+                    best, joints = tried, found
         return joints
 
-    def _detected(self, depth_m: np.ndarray) -> np.ndarray | None:
-        """The detector's pose, if it has all joints."""
+    def _detected(self, depth_m: np.ndarray) -> list[np.ndarray]:
+        """The detector's pose, if there is one and it has all joints."""
+        if self.detector is None:
+            return []
         joints = self.detector.estimate(depth_m[None], self.camera).joints_camera_m[0].astype(np.float64)
-        return joints if np.isfinite(joints).all() else None
+        return [joints] if np.isfinite(joints).all() else []
 
 
 def carried_on(joints_m: np.ndarray, step_m: np.ndarray) -> np.ndarray:

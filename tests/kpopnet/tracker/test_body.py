@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from y_people import y_joints
 
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
-from kpopnet.tracker.body import LIMB_PARTS, LIMBS, MIRRORED_PARTS, PARTS, body_of, plane_figure, size_m
+from kpopnet.tracker.body import LIMB_PARTS, LIMBS, MIRRORED_PARTS, OWNERS, PARTS, body_of, plane_figure, size_m
 from kpopnet.tracker.model import HumanModel
 
 MODEL = HumanModel.from_joints(y_joints())
@@ -70,10 +70,11 @@ def test_every_part_has_its_mirror_image_of_the_same_thickness() -> None:
     radii = body_of(MODEL).radii_m
     for pair in MIRRORED_PARTS:
         first, last = PARTS[pair[0]], PARTS[pair[-1]]
-        assert {*MIRROR[first].tolist()} == {*last.tolist()}
+        assert {*MIRROR[OWNERS[first]].tolist()} == {*OWNERS[last].tolist()}
         np.testing.assert_array_equal(radii[pair[0]], radii[pair[-1]])
-    for limb, (upper, lower) in zip(LIMBS, LIMB_PARTS, strict=True):
+    for limb, (upper, lower, beyond) in zip(LIMBS, LIMB_PARTS, strict=True):
         assert PARTS[upper].tolist() == limb[:2].tolist() and PARTS[lower].tolist() == limb[1:].tolist()
+        assert PARTS[beyond, 0] == limb[2] == OWNERS[PARTS[beyond, 1]] and PARTS[beyond, 1] >= NUM_JOINTS
 
 
 def test_thickness_grows_with_the_person() -> None:

@@ -51,6 +51,7 @@ def test_lengths_of_a_figure_drawn_by_hand() -> None:
         "left_upper_leg_m": 0.41,
         "right_lower_leg_m": 0.42,
         "left_lower_leg_m": 0.43,
+        "arms_raised": 0.0,
     }
     assert asdict(model) == pytest.approx(expected)
     named = [f"{child.name} {parent.name}" for child, parent in LIMB_PARENTS.items()]
@@ -101,7 +102,7 @@ def test_a_saved_model_comes_back_the_same(tmp_path) -> None:
         (b"\xff\xfe\x00", "no human model can be read"),
         (b"[1, 2]", "missing or unknown: list"),
         (b"null", "missing or unknown: NoneType"),
-        (b"{}", "missing or unknown: head_to_shoulder_line_m"),
+        (b"{}", "missing or unknown: arms_raised"),
     ],
 )
 def test_other_files_are_refused_by_name(tmp_path, content: bytes, complaint: str) -> None:

@@ -1,0 +1,182 @@
+"""Round cones against points: distances to the parts of a body, and where a part contradicts the picture.
+
+Points and joints are in the camera frame in metres; `extend` gives the joints their toes and fingers.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from kpopnet.skeleton import Joint
+from kpopnet.tracker.body import LEFT_FINGERS, LIMBS, RIGHT_FINGERS, RIGHT_TOES
+from kpopnet.tracker.cells import CELL_PX
+
+NECK, RIGHT_SHOULDER, LEFT_SHOULDER = int(Joint.NECK), int(Joint.RIGHT_SHOULDER), int(Joint.LEFT_SHOULDER)
+RIGHT_HIP, LEFT_HIP = int(Joint.RIGHT_HIP), int(Joint.LEFT_HIP)
+
+FINGERS_M = 0.08
+TOES_M, TOES_DOWN_M = 0.10, 0.02
+"""How far hands and feet go on beyond their joints: fingers along the forearm, toes forwards and down the shin."""
+
+BENT_KNEE = 7.5
+"""A foot points where the torso faces, the more to where its knee points the more that is bent: by this a metre."""
+
+IN_FRONT_M = 0.04
+"""So far a part may stand in front of what was measured: thickness and noise."""
+
+PUSH_BACK_M = 0.3
+HIDDEN_M = 0.06
+
+
+@njit(cache=True)
+def frame_of(joints):
+    """(3, 3) rows: the torso's right, down and front, unit vectors in the camera frame."""
+    frame = np.empty((3, 3))
+    length = 0.0
+    for c in range(3):
+        frame[1, c] = (joints[RIGHT_HIP, c] + joints[LEFT_HIP, c]) / 2 - joints[NECK, c]
+        frame[0, c] = joints[RIGHT_SHOULDER, c] - joints[LEFT_SHOULDER, c] + joints[RIGHT_HIP, c] - joints[LEFT_HIP, c]
+        length += frame[1, c] ** 2
+    _scale(frame[1], math.sqrt(length))
+    _take_away(frame[0], frame[1])
+    right, down = frame[0], frame[1]
+    frame[2, 0] = right[1] * down[2] - right[2] * down[1]
+    frame[2, 1] = right[2] * down[0] - right[0] * down[2]
+    frame[2, 2] = right[0] * down[1] - right[1] * down[0]
+    return frame
+
+
+@njit(cache=True)
+def _scale(vector, length):
+    for c in range(3):
+        vector[c] /= length + 1e-9
+
+
+@njit(cache=True)
+def _take_away(vector, unit):
+    """Leaves of a vector what is across to a unit vector, at length one."""
+    along = vector[0] * unit[0] + vector[1] * unit[1] + vector[2] * unit[2]
+    length = 0.0
+    for c in range(3):
+        vector[c] -= along * unit[c]
+        length += vector[c] ** 2
+    _scale(vector, math.sqrt(length))
+
+
+@njit(cache=True)
+def extend_limb(joints, limb, front):
+    """Writes the far end of a hand or a foot, the row after the joints that belongs to limb 0 to 3."""
+    root, middle, end = LIMBS[limb, 0], LIMBS[limb, 1], LIMBS[limb, 2]
+    along, length = np.empty(3), 0.0
+    for c in range(3):
+        along[c] = joints[end, c] - joints[middle, c]
+        length += along[c] ** 2
+    _scale(along, math.sqrt(length))
+    if limb < 2:
+        for c in range(3):
+            joints[RIGHT_FINGERS + limb, c] = joints[end, c] + FINGERS_M * along[c]
+        return
+    toes = np.empty(3)
+    for c in range(3):
+        toes[c] = front[c] + BENT_KNEE * (joints[middle, c] - (joints[root, c] + joints[end, c]) / 2)
+    _take_away(toes, along)
+    for c in range(3):
+        joints[RIGHT_TOES + limb - 2, c] = joints[end, c] + TOES_M * toes[c] + TOES_DOWN_M * along[c]
+
+
+@njit(cache=True)
+def extend(joints):
+    """(19, 3) the (15, 3) joints, then toes and fingers, right before left."""
+    rows = np.empty((LEFT_FINGERS + 1, 3))
+    rows[: len(joints)] = joints
+    front = frame_of(joints)[2]
+    for limb in range(4):
+        extend_limb(rows, limb, front)
+    return rows
+
+
+@njit(cache=True)
+def axes_of(joints, parts, radii):
+    """(P, 9) of every part: its first end, the vector to the other, one over that squared, radius and its growth."""
+    axes = np.empty((len(parts), 9))
+    for k in range(len(parts)):
+        set_axis(axes, k, joints, parts, radii)
+    return axes
+
+
+@njit(cache=True)
+def set_axis(axes, k, joints, parts, radii):
+    a, b = parts[k, 0], parts[k, 1]
+    length = 0.0
+    for c in range(3):
+        axes[k, c] = joints[a, c]
+        axes[k, 3 + c] = joints[b, c] - joints[a, c]
+        length += axes[k, 3 + c] ** 2
+    axes[k, 6] = 1 / (length + 1e-9)
+    axes[k, 7], axes[k, 8] = radii[k, 0], radii[k, 1] - radii[k, 0]
+
+
+@njit(cache=True)
+def off_surface(axes, k, x, y, z):
+    """A point's signed distance to part k's surface, its place along the axis in 0..1, and its distance to the axis."""
+    px, py, pz = x - axes[k, 0], y - axes[k, 1], z - axes[k, 2]
+    along = (px * axes[k, 3] + py * axes[k, 4] + pz * axes[k, 5]) * axes[k, 6]
+    along = min(max(along, 0.0), 1.0)
+    px -= along * axes[k, 3]
+    py -= along * axes[k, 4]
+    pz -= along * axes[k, 5]
+    distance = math.sqrt(px * px + py * py + pz * pz)
+    return distance - axes[k, 7] - along * axes[k, 8], along, distance
+
+
+@njit(cache=True)
+def nearest_parts(axes, points, every):
+    """Of every `every`th point the number of the part whose surface is nearest, and the signed distance to it.
+
+    Part by part, not point by point, which vectorises: this is where the time of fitting goes.
+    """
+    count = (len(points) + every - 1) // every
+    x, y, z = np.empty(count), np.empty(count), np.empty(count)
+    for i in range(count):
+        x[i], y[i], z[i] = points[i * every, 0], points[i * every, 1], points[i * every, 2]
+    part, off = np.zeros(count, np.int64), np.full(count, 1e9)
+    for k in range(len(axes)):
+        x0, y0, z0, dx, dy, dz = axes[k, 0], axes[k, 1], axes[k, 2], axes[k, 3], axes[k, 4], axes[k, 5]
+        scale, radius, growth = axes[k, 6], axes[k, 7], axes[k, 8]
+        for i in range(count):
+            # As `off_surface`
+            px, py, pz = x[i] - x0, y[i] - y0, z[i] - z0
+            along = min(max((px * dx + py * dy + pz * dz) * scale, 0.0), 1.0)
+            px -= along * dx
+            py -= along * dy
+            pz -= along * dz
+            off_k = math.sqrt(px * px + py * py + pz * pz) - radius - along * growth
+            nearer = abs(off_k) < abs(off[i])
+            part[i] = k if nearer else part[i]
+            off[i] = off_k if nearer else off[i]
+    return part, off
+
+
+@njit(cache=True)
+def intrusion(axes, k, along, depth, nearest, intrinsics):
+    """How a place on part k's axis contradicts the picture.
+
+    Returns the way out of the contradiction in metres, 0 if there is none, and whether the place is hidden.
+    """
+    fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
+    x, y, z = axes[k, 0] + along * axes[k, 3], axes[k, 1] + along * axes[k, 4], axes[k, 2] + along * axes[k, 5]
+    if z < 0.2:
+        return 0.0, 0.0, 0.0, False
+    u, v = int(np.rint(x * fx / z + cx)), int(np.rint(y * fy / z + cy))
+    if u < 0 or v < 0 or v >= depth.shape[0] or u >= depth.shape[1]:
+        return 0.0, 0.0, 0.0, False
+    if depth[v, u] > 0:
+        front = z - axes[k, 7] - along * axes[k, 8]
+        behind = depth[v, u] - front
+        return 0.0, 0.0, (min(behind, PUSH_BACK_M) if behind > IN_FRONT_M else 0.0), behind < -HIDDEN_M
+    row, column = nearest[v // CELL_PX, u // CELL_PX, 0], nearest[v // CELL_PX, u // CELL_PX, 1]
+    if row < 0 or (row == v // CELL_PX and column == u // CELL_PX):
+        return 0.0, 0.0, 0.0, False
+    middle = (CELL_PX - 1) / 2
+    return (column * CELL_PX + middle - cx) * z / fx - x, (row * CELL_PX + middle - cy) * z / fy - y, 0.0, False
