@@ -20,23 +20,28 @@ HIDDEN_COST = 0.006
 
 SAMPLES_ON_PART = 5
 
-_RIGHT_HABITS = (
+_HEAD_HABIT = (Joint.HEAD, Joint.NECK, Joint.NECK, 0.04, 0.005)
+_ARM_HABIT = (Joint.RIGHT_HAND, Joint.RIGHT_SHOULDER, Joint.RIGHT_SHOULDER, 0.0, 0.002)
+_LEG_HABITS = (
     (Joint.RIGHT_KNEE, Joint.RIGHT_HIP, Joint.RIGHT_FOOT, 0.0, 0.02),
     (Joint.RIGHT_KNEE, Joint.RIGHT_HIP, Joint.RIGHT_HIP, 0.0, 0.002),
-    (Joint.RIGHT_HAND, Joint.RIGHT_SHOULDER, Joint.RIGHT_SHOULDER, 0.0, 0.002),
 )
-_HEAD_HABIT = (Joint.HEAD, Joint.NECK, Joint.NECK, 0.04, 0.005)
 """A joint, two others, how far the first lies at least in front of the others' middle as the torso faces, and the weight
-of the square of what is missing."""
+of the square of what is missing; left ones as right ones."""
 
-HABITS = np.array(
-    [_HEAD_HABIT[:3]]
-    + [[joint + side for joint in habit[:3]] for habit in _RIGHT_HABITS for side in (0, 1)]
-)
-HABIT_LEAST_M = np.array([_HEAD_HABIT[3]] + [habit[3] for habit in _RIGHT_HABITS for _ in (0, 1)])
-HABIT_WEIGHT = np.array([_HEAD_HABIT[4]] + [habit[4] for habit in _RIGHT_HABITS for _ in (0, 1)])
+_ALL_HABITS = [
+    (*(joint + side for joint in habit[:3]), *habit[3:])
+    for habits in ((_ARM_HABIT,), _LEG_HABITS)
+    for side in (0, 1)
+    for habit in habits
+] + [_HEAD_HABIT]
+HABITS = np.array([habit[:3] for habit in _ALL_HABITS])
+HABIT_LEAST_M, HABIT_WEIGHT = np.array([habit[3:] for habit in _ALL_HABITS]).T.copy()
 """What tells front from back, in a depth image where a back looks much like a chest: knees never bend backwards, the head
 is carried before the neck (by 6 +- 1 cm in simulated dancers), and thighs and hands are seldom behind hips and shoulders."""
+
+HABITS_OF = np.array([(0, 1), (1, 2), (2, 4), (4, 6)])
+"""(4, 2) each limb's first habit, and its last but one."""
 
 
 @njit(cache=True)
@@ -88,10 +93,13 @@ def overlap(axes, first, last):
 
 
 @njit(cache=True)
-def unusual(joints):
-    """What a pose pays, in square metres, for what bodies never or seldom do."""
-    front, total = frame_of(joints)[2], 0.0
-    for habit in range(len(HABITS)):
+def unusual(joints, front, first, last):
+    """What a pose pays, in square metres, for what bodies never or seldom do: the habits `first` to `last` - 1.
+
+    `front` is where the torso faces, the last row of `kpopnet.tracker.cones.frame_of`.
+    """
+    total = 0.0
+    for habit in range(first, last):
         total += HABIT_WEIGHT[habit] * max(short_of_habit(joints, habit, front), 0.0) ** 2
     return total
 
@@ -117,7 +125,7 @@ def _misfit(joints, points, every, depth, nearest, intrinsics, parts, radii):
     for k in range(len(parts)):
         beside += outside(axes, k, depth, nearest, intrinsics)
     explained = residual / max(len(offs), 1) + FREE_SPACE_WEIGHT * beside / len(parts)
-    return explained + unusual(joints) + overlap(axes, 0, len(BARRED))
+    return explained + unusual(joints, frame_of(joints)[2], 0, len(HABITS)) + overlap(axes, 0, len(BARRED))
 
 
 def misfit(joints_m: np.ndarray, cells: Cells, body: Body, every: int = 1) -> float:

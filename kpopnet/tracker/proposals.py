@@ -14,7 +14,7 @@ from kpopnet.tracker.body import BARRED_OF, LIMB_PARTS, LIMBS, PARTS, Body
 from kpopnet.tracker.cells import Cells
 from kpopnet.tracker.cones import axes_of, extend, extend_limb, frame_of, nearest_parts, off_surface, set_axis
 from kpopnet.tracker.geodesic import neighbourhood, shortest_ways
-from kpopnet.tracker.misfit import CLIP_M, FREE_SPACE_WEIGHT, outside, overlap, unusual
+from kpopnet.tracker.misfit import CLIP_M, FREE_SPACE_WEIGHT, HABITS_OF, outside, overlap, unusual
 
 ON_TORSO_M = 0.05
 TIP_APART_M = 0.15
@@ -120,14 +120,18 @@ def _with_lengths(root, middle, end, upper_m, lower_m):
 
 
 @njit(cache=True)
-def _limb_misfit(axes, limb, limb_parts, joints, points, rest, count, of_all, depth, nearest, intrinsics, enough):
+def _limb_misfit(axes, limb, limb_parts, joints, front, points, rest, count, of_all, depth, nearest, intrinsics, enough):
     """The part of the misfit that a limb can change.
 
     The first `count` of `points` are those that no other part explains, `rest` their distances to the others; `of_all` is
     the number of all points. What comes to `enough` is not added up to its end: most poses fail by a few points.
     """
-    besides = unusual(joints) + overlap(axes, BARRED_OF[limb, 0], BARRED_OF[limb, 1])
+    besides = unusual(joints, front, HABITS_OF[limb, 0], HABITS_OF[limb, 1])
+    if besides < enough:
+        besides += overlap(axes, BARRED_OF[limb, 0], BARRED_OF[limb, 1])
     for k in limb_parts:
+        if besides >= enough:
+            return besides
         besides += FREE_SPACE_WEIGHT / PARTS_COUNT * outside(axes, k, depth, nearest, intrinsics)
     total, most = 0.0, (enough - besides) * of_all
     for i in range(count):
@@ -238,8 +242,8 @@ def _relay(
                 for k in limb_parts[limb]:
                     set_axis(axes, k, joints, parts, radii)
                 then = way + _limb_misfit(
-                    axes, limb, limb_parts[limb], joints, unexplained, rest, count, len(some), depth, nearest, intrinsics,
-                    enough - way,
+                    axes, limb, limb_parts[limb], joints, frame[2], unexplained, rest, count, len(some),
+                    depth, nearest, intrinsics, enough - way,
                 )  # fmt: skip
                 if candidate < 0:
                     now = then

@@ -11,6 +11,7 @@ Nothing depends on time: equal input gives equal output.
 from dataclasses import dataclass, field
 
 import numpy as np
+from numba import njit
 
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
@@ -250,11 +251,18 @@ class Tracker:
         return [joints] if np.isfinite(joints).all() else []
 
 
+@njit(cache=True)
+def _turn(last, now):
+    """(3, 3) the rotation that brings some points about the origin nearest to others (Kabsch 1976)."""
+    u, _, vt = np.linalg.svd(last.T @ now)
+    u[:, 2] *= np.sign(np.linalg.det(u @ vt))
+    return vt.T @ u.T
+
+
 def carried_on(joints_m: np.ndarray, step_m: np.ndarray) -> np.ndarray:
-    """(15, 3) the pose if the whole body moves on as the torso moved in its last step, turning with it (Kabsch 1976)."""
+    """(15, 3) the pose if the whole body moves on as the torso moved in its last step, turning with it."""
     torso = list(TORSO_JOINTS)
     now, last = joints_m[torso], (joints_m - step_m)[torso]
     middle, last_middle = now.mean(axis=0), last.mean(axis=0)
-    u, _, vt = np.linalg.svd((last - last_middle).T @ (now - middle))
-    rotation = vt.T @ np.diag([1.0, 1.0, np.sign(np.linalg.det(vt.T @ u.T))]) @ u.T
+    rotation = _turn(last - last_middle, now - middle)
     return middle + (joints_m - middle) @ rotation.T + (middle - last_middle)

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from kpopnet.skeleton import NUM_JOINTS, Joint
 from kpopnet.tracker.body import LIMBS
 from kpopnet.tracker.cells import cells_of
+from kpopnet.tracker.cones import frame_of
 from kpopnet.tracker.fitting import COLUMN, fit, solve
-from kpopnet.tracker.misfit import misfit, unusual
+from kpopnet.tracker.misfit import HABITS, misfit, unusual
 from kpopnet.tracker.model import LIMB_PARENTS, HumanModel
 
 
@@ -70,7 +71,7 @@ def test_no_points_pull_at_nothing() -> None:
     body = cone_body(joints)
     cells = cells_of(np.zeros((240, 320), np.float32), CAMERA)
     assert np.isfinite(fit(joints, cells, body, steps=10)).all()
-    assert misfit(joints, cells, body) == pytest.approx(unusual(joints), abs=1e-9)
+    assert misfit(joints, cells, body) == pytest.approx(unusual(joints, frame_of(joints)[2], 0, len(HABITS)), abs=1e-9)
 
 
 def test_a_body_beside_behind_and_beyond_the_camera_is_no_error(person) -> None:  # noqa: F811

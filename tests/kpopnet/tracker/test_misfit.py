@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from kpopnet.skeleton import MIRROR, Joint
 from kpopnet.tracker.body import BARRED, BARRED_OF, LIMB_PARTS, LIMBS, PARTS
-from kpopnet.tracker.cones import axes_of, extend
-from kpopnet.tracker.misfit import HABIT_WEIGHT, HABITS, misfit, overlap, unusual
+from kpopnet.tracker.cones import axes_of, extend, frame_of
+from kpopnet.tracker.misfit import HABIT_WEIGHT, HABITS, HABITS_OF, misfit, overlap, unusual
 
 
 def test_the_truth_fits_best(person) -> None:  # noqa: F811
@@ -34,6 +34,11 @@ def test_a_body_before_what_was_measured_or_outside_of_it_does_not_fit(person) -
         assert misfit(joints + way, cells, body) > 10 * misfit(joints, cells, body)
 
 
+def strange(joints: np.ndarray) -> float:
+    """What all habits cost."""
+    return unusual(joints, frame_of(joints)[2], 0, len(HABITS))
+
+
 def facing(knees_m: float, head_m: float, thighs_m: float = 0.0, hands_m: float = 0.0) -> np.ndarray:
     """Standing, facing the camera, with knees, head, thighs and hands so far in front (to smaller z)."""
     joints = cone_joints(spread_deg=0, elevation_deg=-60)
@@ -51,7 +56,7 @@ def facing(knees_m: float, head_m: float, thighs_m: float = 0.0, hands_m: float 
 @settings(deadline=None)
 def test_what_bodies_do_costs_nothing_wherever_they_face(knees, head, thighs, hands, yaw) -> None:
     turn = np.array([[np.cos(yaw), 0, np.sin(yaw)], [0, 1, 0], [-np.sin(yaw), 0, np.cos(yaw)]])
-    assert unusual(facing(knees, head, thighs, hands) @ turn.T) == pytest.approx(0, abs=1e-12)
+    assert strange(facing(knees, head, thighs, hands) @ turn.T) == pytest.approx(0, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -64,11 +69,11 @@ def test_what_bodies_do_costs_nothing_wherever_they_face(knees, head, thighs, ha
 )
 def test_what_bodies_do_not_do_costs_its_square(joints, joint: Joint, short_m: float, both: bool) -> None:
     weight = HABIT_WEIGHT[np.flatnonzero(HABITS[:, 0] == joint)[0]]
-    assert unusual(joints) == pytest.approx((2 if both else 1) * weight * short_m**2, rel=0.05)
+    assert strange(joints) == pytest.approx((2 if both else 1) * weight * short_m**2, rel=0.05)
 
 
 def test_somebody_who_is_taken_for_their_own_back_is_unusual() -> None:
-    assert unusual(facing(0.1, 0.06, 0.1, 0.2)) < 1e-9 < 1e-4 < unusual(facing(0.1, 0.06, 0.1, 0.2)[MIRROR])
+    assert strange(facing(0.1, 0.06, 0.1, 0.2)) < 1e-9 < 1e-4 < strange(facing(0.1, 0.06, 0.1, 0.2)[MIRROR])
 
 
 def test_limbs_may_not_lie_in_the_trunk() -> None:
@@ -84,7 +89,10 @@ def test_limbs_may_not_lie_in_the_trunk() -> None:
         assert overlap(axes, *BARRED_OF[1]) == pytest.approx(everywhere) and overlap(axes, *BARRED_OF[0]) < 1e-6
 
 
-def test_every_limb_has_its_bars() -> None:
+def test_every_limb_has_its_habits_and_bars() -> None:
+    for limb, (first, last) in enumerate(HABITS_OF):
+        assert set(HABITS[first:last].ravel()) <= set(LIMBS[limb]) and last > first
+    assert HABITS[HABITS_OF[-1, 1] :, 0].tolist() == [Joint.HEAD]
     assert BARRED_OF[0, 0] == 0 and BARRED_OF[-1, 1] == len(BARRED) and (BARRED_OF[1:, 0] == BARRED_OF[:-1, 1]).all()
     for limb, (first, last) in enumerate(BARRED_OF):
         assert (BARRED[first:last, 0] == LIMB_PARTS[limb, 1]).all()

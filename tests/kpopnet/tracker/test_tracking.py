@@ -12,8 +12,9 @@ from y_people import draw_y, y_joints
 from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
+from kpopnet.tracker.body import TORSO_JOINTS
 from kpopnet.tracker.model import HumanModel
-from kpopnet.tracker.tracking import Tracker, TrackerConfig
+from kpopnet.tracker.tracking import Tracker, TrackerConfig, carried_on
 from synth.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
 
 CAMERA = CAMERAS["kinect_v1"]
@@ -296,3 +297,15 @@ def test_no_kind_of_picture_starts_a_tracker_by_mistake() -> None:
     garbage = rng.integers(0, 2**16, EMPTY.shape).astype(np.float32) / 1000
     found, _ = followed(np.stack([garbage, np.full_like(EMPTY, 2.0), EMPTY]), None)
     assert np.isnan(found).all()
+
+
+def test_a_body_that_turned_and_moved_is_expected_to_go_on_so() -> None:
+    angle, way = 0.2, np.array((0.03, 0.0, -0.02))
+    turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+    poses = [cone_joints(elevation_deg=20)]
+    middles = [poses[0][list(TORSO_JOINTS)].mean(axis=0)]
+    for _ in range(2):
+        poses.append((poses[-1] - middles[-1]) @ turn.T + middles[-1] + way)
+        middles.append(middles[-1] + way)
+    np.testing.assert_allclose(carried_on(poses[1], poses[1] - poses[0]), poses[2], atol=1e-9)
+    np.testing.assert_allclose(carried_on(poses[1], np.zeros_like(poses[1])), poses[1], atol=1e-9)
