@@ -5,6 +5,7 @@ import re
 import shlex
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
@@ -41,7 +42,8 @@ def settings_of_commands() -> list[tuple[str, str, list[str]]]:
                 if config == "generate" and any(word.startswith("benchmark=") for word in settings):
                     config = "stand_in"
                 found.append((module, config, settings))
-    assert {config for _, config, _ in found} == {"generate", "stand_in", "train", "evaluate"} and len(found) > 15
+    known = {"generate", "stand_in", "train", "train_tree_walk", "evaluate"}
+    assert {config for _, config, _ in found} == known and len(found) > 15
     return found
 
 
@@ -65,14 +67,22 @@ def test_make_knows_the_targets_that_are_named() -> None:
     assert all(re.search(rf"^{target}:", makefile, re.MULTILINE) for target in targets)
 
 
-def test_the_program_in_the_readme_names_what_exists() -> None:
-    (program,) = fenced("python")
-    imports = [line for line in program.splitlines() if line.startswith(("from ", "import "))]
-    names: dict = {}
-    exec("\n".join(imports), names)
-    used = set(re.findall(r"\b(NetworkEstimator|TrackerEstimator|extract_person|CAMERAS)\b", program))
-    assert used == {"NetworkEstimator", "TrackerEstimator", "extract_person", "CAMERAS"} <= names.keys()
-    assert "kinect_v1" in names["CAMERAS"]
+def test_the_programs_in_the_readme_name_what_exists() -> None:
+    poses, score = fenced("python")
+    for program, expected in (
+        (poses, {"NetworkEstimator", "TrackerEstimator", "extract_person", "CAMERAS"}),
+        (score, {"OnlineScorer", "SCORERS", "Performance", "score_dance"}),
+    ):
+        names: dict = {}
+        exec("\n".join(line for line in program.splitlines() if line.startswith(("from ", "import "))), names)
+        assert expected <= names.keys() and all(len(re.findall(rf"\b{name}\b", program)) > 1 for name in expected)
+
+
+def test_a_dance_is_scored_as_the_readme_says() -> None:
+    _, score = fenced("python")
+    joints_m, times_s = np.random.default_rng(0).normal(size=(15, 3)) + np.zeros((120, 1, 1)), np.arange(120) / 30
+    told = {"teacher_joints_m": joints_m, "teacher_times_s": times_s, "joints_m": joints_m, "times_s": times_s}
+    exec(score, told | {"frame_joints_m": joints_m[0], "time_s": 0.0})
 
 
 def test_the_map_from_the_paper_leads_somewhere() -> None:
