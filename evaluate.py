@@ -62,7 +62,9 @@ def evaluate_joints(config: EvaluateConfig, folder: Path) -> None:
     sweep = config.sweep and sweep_of(config.sweep, config.estimator)
     estimators = build_estimators(config.estimator | (sweep.settings if sweep else {}))
     benchmark = build_benchmark(config.benchmark)
-    run = run_benchmark(benchmark, estimators, config.sequences, config.seed, config.processes_at_work())
+    run = run_benchmark(
+        benchmark, estimators, config.sequences, config.seed, config.processes_at_work(), config.extraction
+    )
     write_report(folder, run, config, sweep)
     print(terminal_table(run, sweep))
 

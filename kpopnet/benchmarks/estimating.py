@@ -10,7 +10,7 @@ import torch
 from kpopnet.benchmarks.sequences import Benchmark, Sequence
 from kpopnet.errors import InputError
 from kpopnet.estimators import Estimator, first_label, starts_from_label
-from kpopnet.extraction import extract_person
+from kpopnet.extraction import HumanExtractionConfig, extract_person
 
 log = logging.getLogger(__name__)
 
@@ -53,9 +53,12 @@ class SequenceEstimation:
     WARM_UP_FRAMES frames of the first sequence are done once before, uncounted: compilation, caches.
     """
 
-    def __init__(self, benchmark: Benchmark, estimators: dict[str, Estimator]) -> None:
+    def __init__(
+        self, benchmark: Benchmark, estimators: dict[str, Estimator], extraction: HumanExtractionConfig
+    ) -> None:
         self.benchmark = benchmark
         self.estimators = estimators
+        self.extraction = extraction
         self.warm: set[str] = set()
 
     def __call__(self, name: str) -> EstimatedSequence | FailedSequence:
@@ -90,10 +93,10 @@ class SequenceEstimation:
         if sequence.alone:
             return sequence, None
         if "extraction" not in self.warm:
-            extract_person(sequence.depth_m[:WARM_UP_FRAMES], sequence.camera)
+            extract_person(sequence.depth_m[:WARM_UP_FRAMES], sequence.camera, self.extraction)
             self.warm.add("extraction")
         start = time.process_time()
-        person_m = extract_person(sequence.depth_m, sequence.camera)
+        person_m = extract_person(sequence.depth_m, sequence.camera, self.extraction)
         return replace(sequence, depth_m=person_m, alone=True), time.process_time() - start
 
     def _estimate(self, label: str, estimator: Estimator, sequence: Sequence) -> tuple[np.ndarray, float]:

@@ -16,6 +16,7 @@ from kpopnet.benchmarks.sweep import SweepConfig
 from kpopnet.benchmarks.synthetic import SyntheticBenchmark
 from kpopnet.errors import InputError
 from kpopnet.estimators import Estimator, starts_from_label
+from kpopnet.extraction import HumanExtractionConfig
 from kpopnet.machine import cores_at_hand
 from kpopnet.networks.estimator import NetworkEstimator
 
@@ -31,6 +32,7 @@ class EvaluateConfig:
         sequences: only so many sequences, evenly spaced over the set, for a quick look; the report says so.
         seed: of the bootstrap and of the random example frames.
         processes: how many sequences are worked on at once; 0 takes all cores, or one where an estimator has a GPU.
+        extraction: how the person is found in depth that shows a whole scene.
         sweep: the first estimator once more at every combination of two of its settings (`kpopnet.benchmarks.sweep`).
         scorer: settings of the dance scores by their name, for the benchmarks that judge dances.
     """
@@ -41,6 +43,7 @@ class EvaluateConfig:
     sequences: int | None = None
     seed: int = 0
     processes: int = 0
+    extraction: HumanExtractionConfig = field(default_factory=HumanExtractionConfig)
     sweep: SweepConfig | None = None
     scorer: dict[str, Any] = field(default_factory=dict)
 
@@ -112,6 +115,7 @@ def run_benchmark(
     sequences: int | None = None,
     seed: int = 0,
     processes: int = 1,
+    extraction: HumanExtractionConfig | None = None,
 ) -> Run:
     """Has every estimator estimate every sequence, as `SequenceEstimation` says, and judges what comes out.
 
@@ -125,12 +129,14 @@ def run_benchmark(
         sequences: only so many, evenly spaced.
         seed: of the bootstrap.
         processes: how many work at once; with several, benchmark and estimators are pickled.
+        extraction: how the person is found where the depth shows a whole scene, None for the defaults.
 
     Raises:
         InputError: no sequence gave figures, or a process died.
     """
     names = benchmark.sequence_names()
-    outcomes, failed = _estimated(benchmark, estimators, evenly_spaced(names, sequences), processes)
+    estimation = SequenceEstimation(benchmark, estimators, extraction or HumanExtractionConfig())
+    outcomes, failed = _estimated(estimation, evenly_spaced(names, sequences), processes)
     parts = outcomes.values()
     in_scenes = [part for part in parts if part.extraction_seconds is not None]
     scored = {label: _scored(outcomes, label) for label in estimators}
@@ -154,12 +160,12 @@ def run_benchmark(
 
 
 def _estimated(
-    benchmark: Benchmark, estimators: dict[str, Estimator], chosen: list[str], processes: int
+    estimation: SequenceEstimation, chosen: list[str], processes: int
 ) -> tuple[dict[str, EstimatedSequence], dict[str, str]]:
     """What came out of each chosen sequence, and why nothing came out of the others, by name and in order."""
     outcomes: dict[int, EstimatedSequence | FailedSequence] = {}
-    with tqdm(total=len(chosen), desc=benchmark.name, unit="sequence") as bar:
-        for index, outcome in spread(SequenceEstimation(benchmark, estimators), chosen, processes):
+    with tqdm(total=len(chosen), desc=estimation.benchmark.name, unit="sequence") as bar:
+        for index, outcome in spread(estimation, chosen, processes):
             outcomes[index] = outcome
             if isinstance(outcome, FailedSequence):
                 bar.write(f"left out {chosen[index]}: {outcome.reason}", file=sys.stderr)
@@ -168,7 +174,7 @@ def _estimated(
     failed = {name: outcome.reason for name, outcome in ordered.items() if isinstance(outcome, FailedSequence)}
     if len(failed) == len(chosen):
         first, reason = next(iter(failed.items()))
-        raise InputError(f"{benchmark.name}: none of its {len(chosen)} sequences gave figures; {first}: {reason}")
+        raise InputError(f"{estimation.benchmark.name}: none of its {len(chosen)} sequences gave figures; {first}: {reason}")
     return {name: outcome for name, outcome in ordered.items() if name not in failed}, failed
 
 

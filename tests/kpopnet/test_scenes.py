@@ -12,6 +12,7 @@ from kpopnet.benchmarks.sequences import Origin, Sequence
 from kpopnet.benchmarks.synthetic import SyntheticBenchmark, SyntheticConfig
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.estimators import Estimate
+from kpopnet.extraction import HumanExtractionConfig
 
 CAMERA = CAMERAS["eval"]
 
@@ -57,16 +58,18 @@ class Scenes:
 
 
 def test_every_estimator_gets_the_person_alone_found_once(monkeypatch):
-    def person_is_in_the_first_two_pictures(depth_m, camera):
+    def person_is_in_the_first_two_pictures(depth_m, camera, config):
         calls.append(len(depth_m))
+        assert config is extraction
         alone = np.where((depth_m > 2) & (depth_m < 3), depth_m, 0)
         alone[2:] = 0
         return alone
 
     calls: list[int] = []
+    extraction = HumanExtractionConfig(epsilon_z_m=0.05)
     monkeypatch.setattr(estimating, "extract_person", person_is_in_the_first_two_pictures)
     one, other = Seen(), Seen()
-    run = run_benchmark(Scenes(), {"one": one, "other": other})
+    run = run_benchmark(Scenes(), {"one": one, "other": other}, extraction=extraction)
     assert calls == [3, 3, 3]  # once to warm up, then once a sequence
     for given_m, its in zip((one.depths, other.depths), (one, other), strict=True):
         assert [len(depth_m) for depth_m in given_m] == [3, 3, 3], its
