@@ -56,6 +56,10 @@ COLUMN[_ELIMINATION] = 3 * np.arange(NUM_JOINTS)
 COLUMN[NUM_JOINTS:] = COLUMN[OWNERS[NUM_JOINTS:]]
 
 
+ENTRY = np.array([(0, 1, 2), (1, 3, 4), (2, 4, 5)])
+"""Where a symmetric 3 x 3 matrix's entries stand among its six different ones."""
+
+
 @njit(cache=True)
 def _add(matrix, right, i, j, share_i, share_j, nx, ny, nz, residual, weight):
     """Adds weight (residual + n . (share_i dx_i + share_j dx_j))^2 to the normal equations."""
@@ -104,7 +108,10 @@ def solve(matrix, right):
 
 @njit(cache=True)
 def _add_points(matrix, right, axes, parts, points, every):
+    """As `_add` for every point, summed up part by part first: the points of a part pull at the same two joints."""
     part, offs = nearest_parts(axes, points, every)
+    near, far = np.zeros((len(parts), 3)), np.zeros((len(parts), 3))
+    near_near, near_far, far_far = np.zeros((len(parts), 6)), np.zeros((len(parts), 6)), np.zeros((len(parts), 6))
     for i in range(len(part)):
         if abs(offs[i]) > REACH_M:
             continue
@@ -115,7 +122,26 @@ def _add_points(matrix, right, axes, parts, points, every):
         nz = (z - axes[k, 2] - t * axes[k, 5]) / (distance + 1e-9)
         trust = ROBUST_M**2 / (ROBUST_M**2 + off * off)
         weight = trust * trust / len(part)
-        _add(matrix, right, COLUMN[parts[k, 0]], COLUMN[parts[k, 1]], t - 1, -t, nx, ny, nz, off, weight)
+        s = 1 - t
+        pull = weight * off
+        for c, n in enumerate((nx, ny, nz)):
+            near[k, c] += s * pull * n
+            far[k, c] += t * pull * n
+        for e, product in enumerate((nx * nx, nx * ny, nx * nz, ny * ny, ny * nz, nz * nz)):
+            near_near[k, e] += s * s * weight * product
+            near_far[k, e] += s * t * weight * product
+            far_far[k, e] += t * t * weight * product
+    for k in range(len(parts)):
+        i, j = COLUMN[parts[k, 0]], COLUMN[parts[k, 1]]
+        for c in range(3):
+            right[i + c] += near[k, c]
+            right[j + c] += far[k, c]
+            for d in range(3):
+                e = ENTRY[c, d]
+                matrix[i + c, i + d] += near_near[k, e]
+                matrix[j + c, j + d] += far_far[k, e]
+                matrix[i + c, j + d] += near_far[k, e]
+                matrix[j + c, i + d] += near_far[k, e]
 
 
 @njit(cache=True)

@@ -83,10 +83,15 @@ def too_deep(axes, own, other, along):
 
 
 @njit(cache=True)
-def overlap(axes, first, last):
-    """What a pose pays, in square metres, for limbs in other parts: the pairs `first` to `last` - 1 of `BARRED`."""
+def overlap(axes, first, last, enough):
+    """What a pose pays, in square metres, for limbs in other parts: the pairs `first` to `last` - 1 of `BARRED`.
+
+    What comes to `enough` is not added up to its end.
+    """
     total = 0.0
     for pair in range(first, last):
+        if BARRIER_WEIGHT * total >= enough:
+            break
         for q in range(PLACES_ON_BARRED):
             total += too_deep(axes, BARRED[pair, 0], BARRED[pair, 1], q / (PLACES_ON_BARRED - 1))[0] ** 2
     return BARRIER_WEIGHT * total
@@ -125,7 +130,7 @@ def _misfit(joints, points, every, depth, nearest, intrinsics, parts, radii):
     for k in range(len(parts)):
         beside += outside(axes, k, depth, nearest, intrinsics)
     explained = residual / max(len(offs), 1) + FREE_SPACE_WEIGHT * beside / len(parts)
-    return explained + unusual(joints, frame_of(joints)[2], 0, len(HABITS)) + overlap(axes, 0, len(BARRED))
+    return explained + unusual(joints, frame_of(joints)[2], 0, len(HABITS)) + overlap(axes, 0, len(BARRED), np.inf)
 
 
 def misfit(joints_m: np.ndarray, cells: Cells, body: Body, every: int = 1) -> float:

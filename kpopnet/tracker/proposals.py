@@ -128,7 +128,7 @@ def _limb_misfit(axes, limb, limb_parts, joints, front, points, rest, count, of_
     """
     besides = unusual(joints, front, HABITS_OF[limb, 0], HABITS_OF[limb, 1])
     if besides < enough:
-        besides += overlap(axes, BARRED_OF[limb, 0], BARRED_OF[limb, 1])
+        besides += overlap(axes, BARRED_OF[limb, 0], BARRED_OF[limb, 1], enough - besides)
     for k in limb_parts:
         if besides >= enough:
             return besides
@@ -247,6 +247,8 @@ def _relay(
                 )  # fmt: skip
                 if candidate < 0:
                     now = then
+                    if now <= best:
+                        break  # it has nothing to gain
                 elif now - then > best:
                     best, best_limb, best_tip = now - then, limb, tip
                     best_middle, best_end = joints[middle].copy(), joints[end].copy()
