@@ -2,7 +2,7 @@
 
 Beyond the paper. Unknowns are the joints' places. Every point wants to lie on the surface of the part nearest to it,
 what sticks out of the silhouette or stands in front of what was measured wants back, distances between joints are kept,
-and every joint is drawn a little to where it was expected. In joint places all but the last is nearly linear, so few
+and every joint is drawn a little to where it started. In joint places all but the last is nearly linear, so few
 steps do; eliminated from hands and feet inwards the equations cost less than the search for the nearest parts. A step
 moves all joints at once, so that a turn of the body is one step and not a slow diffusion from joint to joint.
 
@@ -36,7 +36,7 @@ ROBUST_M = 0.12
 
 LENGTH_WEIGHT = 20.0
 FREE_SPACE_WEIGHT = 0.05
-EXPECTED_WEIGHT = 0.01
+START_WEIGHT = 0.01
 """Against 1 for all points together; shared among the distances, parts and joints."""
 
 LONGEST_STEP_M, LAST_STEP_M = 0.15, 0.002
@@ -200,7 +200,7 @@ def _add_habits(matrix, right, joints):
     for habit in range(len(HABITS)):
         short = short_of_habit(joints, habit, front)
         if short > 0:
-            # The last joint, the farther one from the torso, gives way together with the first.
+            # A knee and its foot give way against each other, the hip stays; of two joints both do.
             i, j = COLUMN[HABITS[habit, 0]], COLUMN[HABITS[habit, 2]]
             share = -0.5 if HABITS[habit, 1] != HABITS[habit, 2] else -1.0
             _add(matrix, right, i, j, -1.0, -share, front[0], front[1], front[2], short, HABIT_WEIGHT[habit])
@@ -208,7 +208,7 @@ def _add_habits(matrix, right, joints):
 
 @njit(cache=True)
 def _fit(
-    start, expected, points, every, depth, nearest, intrinsics, parts, radii, pairs, stiffness, lengths, carried, rise, steps
+    start, points, every, depth, nearest, intrinsics, parts, radii, pairs, stiffness, lengths, carried, rise, steps
 ):
     joints = start.copy()
     size = 3 * len(joints)
@@ -223,8 +223,8 @@ def _fit(
         _add_habits(matrix, right, joints)
         for j in range(len(joints)):
             for c in range(3):
-                matrix[COLUMN[j] + c, COLUMN[j] + c] += EXPECTED_WEIGHT / len(joints)
-                right[COLUMN[j] + c] += EXPECTED_WEIGHT / len(joints) * (expected[j, c] - joints[j, c])
+                matrix[COLUMN[j] + c, COLUMN[j] + c] += START_WEIGHT / len(joints)
+                right[COLUMN[j] + c] += START_WEIGHT / len(joints) * (start[j, c] - joints[j, c])
         solve(matrix, right)
         most = np.abs(right).max()
         for j in range(len(joints)):
@@ -235,9 +235,7 @@ def _fit(
     return joints
 
 
-def fit(
-    joints_m: np.ndarray, cells: Cells, body: Body, steps: int, every: int = 1, expected_m: np.ndarray | None = None
-) -> np.ndarray:
+def fit(joints_m: np.ndarray, cells: Cells, body: Body, steps: int, every: int = 1) -> np.ndarray:
     """(15, 3) float64 the joints after at most so many steps of fitting to every `every`th point.
 
     Args:
@@ -246,11 +244,9 @@ def fit(
         body: the person.
         steps: at most so many.
         every: only every so many points are looked at.
-        expected_m: (15, 3) where the joints were expected; the start, if not told.
     """
-    start = np.ascontiguousarray(joints_m, np.float64)
     return _fit(
-        start, start if expected_m is None else expected_m, cells.points_m, every, cells.depth_m, cells.nearest,
+        np.ascontiguousarray(joints_m, np.float64), cells.points_m, every, cells.depth_m, cells.nearest,
         cells.intrinsics, PARTS, body.radii_m, body.pairs, body.stiffness, body.lengths_m,
         body.carried, body.rise_m, steps,
     )  # fmt: skip
