@@ -154,24 +154,24 @@ def _person_ratio(depth_m: np.ndarray, config: RidgeConfig) -> tuple[tuple[slice
 def _measured_bounds(depth):
     """y0, y1, x0, x1 of the measured pixels, y1 and x1 exclusive; all 0 if there are none."""
     height, width = depth.shape
-    y0, y1, x0, x1 = height, 0, width, 0
+    y0, y1, columns = height, 0, np.zeros(width, np.bool_)
     for y in range(height):
         row = depth[y]
         measured = False
         for x in range(width):
             measured |= row[x] > 0
-        if not measured:
-            continue
-        y0, y1 = min(y0, y), y + 1
-        x = 0
-        while x < x0 and not row[x] > 0:
-            x += 1
-        x0 = min(x0, x)
-        x = width
-        while x > x1 and not row[x - 1] > 0:
-            x -= 1
-        x1 = max(x1, x)
-    return (y0, y1, x0, x1) if y1 else (0, 0, 0, 0)
+        if measured:
+            y0, y1 = min(y0, y), y + 1
+            for x in range(width):
+                columns[x] |= row[x] > 0
+    if not y1:
+        return 0, 0, 0, 0
+    x0, x1 = 0, width
+    while not columns[x0]:
+        x0 += 1
+    while not columns[x1 - 1]:
+        x1 -= 1
+    return y0, y1, x0, x1
 
 
 @njit(cache=True)

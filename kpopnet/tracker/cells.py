@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from kpopnet.camera import Camera
+from kpopnet.tracker.geodesic import neighbourhood
 
 CELL_PX = 4
 """One point is taken, and the nearest piece of silhouette is kept, for each square of so many pixels."""
@@ -20,6 +21,8 @@ class Cells(NamedTuple):
     Attributes:
         points_m: (N, 3) float64, the point seen at the middle of each cell that is measured there.
         index: (h, w) int32 its number in points_m, or -1.
+        neighbours: (N, 8) int32 the points beside each, see `kpopnet.tracker.geodesic.neighbourhood`,
+        steps_m: (N, 8) float64 and the ways there.
         nearest: (h, w, 2) int32 row and column of the nearest cell that is measured; negative if none is.
         depth_m: (H, W) float32 the image itself.
         intrinsics: (4,) fx, fy, cx, cy.
@@ -27,6 +30,8 @@ class Cells(NamedTuple):
 
     points_m: np.ndarray
     index: np.ndarray
+    neighbours: np.ndarray
+    steps_m: np.ndarray
     nearest: np.ndarray
     depth_m: np.ndarray
     intrinsics: np.ndarray
@@ -37,7 +42,7 @@ def cells_of(depth_m: np.ndarray, camera: Camera) -> Cells:
     intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
     depth_m = np.ascontiguousarray(depth_m)
     points_m, index = _points(depth_m, intrinsics)
-    return Cells(points_m, index, _nearest(index), depth_m, intrinsics)
+    return Cells(points_m, index, *neighbourhood(points_m, index), _nearest(index), depth_m, intrinsics)
 
 
 @njit(cache=True)

@@ -18,7 +18,7 @@ from numba import njit
 from kpopnet.skeleton import NUM_JOINTS, Joint
 from kpopnet.tracker.body import BARRED, LIMBS, OWNERS, PARTS, TORSO_JOINTS, Body
 from kpopnet.tracker.cells import Cells
-from kpopnet.tracker.cones import axes_of, extend, frame_of, intrusion, nearest_parts, off_surface
+from kpopnet.tracker.cones import axes_of, extend, frame_of, intrusion, nearest_parts
 from kpopnet.tracker.misfit import (
     BARRIER_WEIGHT,
     HABIT_WEIGHT,
@@ -33,6 +33,9 @@ REACH_M = 0.3
 
 ROBUST_M = 0.12
 """A point at this distance pulls with a quarter of its weight (Geman and McClure 1987)."""
+
+NO_DIRECTION_M = 1e-3
+"""A point so near to a part's axis has no direction to pull it in."""
 
 LENGTH_WEIGHT = 20.0
 FREE_SPACE_WEIGHT = 0.05
@@ -109,17 +112,18 @@ def solve(matrix, right):
 @njit(cache=True)
 def _add_points(matrix, right, axes, parts, points, every):
     """As `_add` for every point, summed up part by part first: the points of a part pull at the same two joints."""
-    part, offs = nearest_parts(axes, points, every)
+    part, offs, along = nearest_parts(axes, points, every)
     near, far = np.zeros((len(parts), 3)), np.zeros((len(parts), 3))
     near_near, near_far, far_far = np.zeros((len(parts), 6)), np.zeros((len(parts), 6)), np.zeros((len(parts), 6))
     for i in range(len(part)):
-        if abs(offs[i]) > REACH_M:
+        off = float(offs[i])
+        if abs(off) > REACH_M:
             continue
-        k, x, y, z = part[i], points[i * every, 0], points[i * every, 1], points[i * every, 2]
-        off, t, distance = off_surface(axes, k, x, y, z)
-        nx = (x - axes[k, 0] - t * axes[k, 3]) / (distance + 1e-9)
-        ny = (y - axes[k, 1] - t * axes[k, 4]) / (distance + 1e-9)
-        nz = (z - axes[k, 2] - t * axes[k, 5]) / (distance + 1e-9)
+        k, t = part[i], float(along[i])
+        scale = 1 / max(off + axes[k, 7] + t * axes[k, 8], NO_DIRECTION_M)
+        nx = scale * (points[i * every, 0] - axes[k, 0] - t * axes[k, 3])
+        ny = scale * (points[i * every, 1] - axes[k, 1] - t * axes[k, 4])
+        nz = scale * (points[i * every, 2] - axes[k, 2] - t * axes[k, 5])
         trust = ROBUST_M**2 / (ROBUST_M**2 + off * off)
         weight = trust * trust / len(part)
         s = 1 - t

@@ -25,7 +25,7 @@ from kpopnet.errors import InputError
 from kpopnet.skeleton import NUM_JOINTS, Joint
 from kpopnet.tracker.body import NECK_SHARE, OWNERS, PARTS, Body
 from kpopnet.tracker.cells import CELL_PX, Cells
-from kpopnet.tracker.geodesic import neighbourhood, shortest_ways
+from kpopnet.tracker.geodesic import shortest_ways
 from kpopnet.tracker.model import LIMB_PARENTS, HumanModel
 
 HEAD, TORSO = int(Joint.HEAD), int(Joint.TORSO)
@@ -81,10 +81,14 @@ def lengths_of(model: HumanModel) -> np.ndarray:
     return lengths
 
 
-def thickness_of(body: Body) -> np.ndarray:
+@njit(cache=True)
+def thickness_of(radii):
     """(15,) how deep under the surface each joint lies: the thinnest part that ends there, the head as a whole."""
     thickness = np.full(NUM_JOINTS, np.inf)
-    np.minimum.at(thickness, OWNERS[PARTS], body.radii_m)
+    for k in range(len(PARTS)):
+        for end in range(2):
+            joint = OWNERS[PARTS[k, end]]
+            thickness[joint] = min(thickness[joint], radii[k, end])
     return thickness
 
 
@@ -144,6 +148,12 @@ def _valid_limb(x, limb, parent, geodesic_m, joints, lengths, epsilon, straightn
 
 
 @njit(cache=True)
+def _farthest_m(limb, lengths, epsilon, straightness):
+    """The geodesic distance beyond which no candidate of a limb can pass Eq. (9)."""
+    return (lengths[0, limb] + epsilon) / max(straightness, 1e-9)
+
+
+@njit(cache=True)
 def _is_valid(x, geodesic_m, joint, joints, lengths, epsilon, straightness):
     """The switch of Algorithm 2."""
     if joint == HEAD:
@@ -158,8 +168,8 @@ def _is_valid(x, geodesic_m, joint, joints, lengths, epsilon, straightness):
 
 
 @njit(cache=True)
-def _from_parent(parent_m, points, neighbours, steps):
-    """(N,) geodesic distances of all cells to a joint."""
+def _from_parent(parent_m, points, neighbours, steps, farthest_m):
+    """(N,) geodesic distances of all cells to a joint, up to a farthest one."""
     source = np.zeros(len(points), np.bool_)
     nearest, least = -1, 1e9
     for i in range(len(points)):
@@ -169,7 +179,7 @@ def _from_parent(parent_m, points, neighbours, steps):
             nearest, least = i, away
     if nearest >= 0:
         source[nearest] = True
-    return shortest_ways(neighbours, steps, source)[0]
+    return shortest_ways(neighbours, steps, source, farthest_m)[0]
 
 
 @njit(cache=True)
@@ -178,10 +188,14 @@ def _estimate(joint, candidates_m, cell_of, predicted, joints, geodesics_m, thic
     total, count = np.zeros(3), 0
     valid = np.zeros(len(candidates_m), np.bool_)
     x = np.empty(3)
+    px, py, pz = predicted[joint]
+    farthest = r + thickness[joint]
     for i in range(len(candidates_m)):
-        surface = candidates_m[i]
-        deeper = 1 + thickness[joint] / math.sqrt(surface[0] ** 2 + surface[1] ** 2 + surface[2] ** 2)
-        x[0], x[1], x[2] = surface[0] * deeper, surface[1] * deeper, surface[2] * deeper
+        sx, sy, sz = candidates_m[i, 0], candidates_m[i, 1], candidates_m[i, 2]
+        if (sx - px) ** 2 + (sy - py) ** 2 + (sz - pz) ** 2 > farthest * farthest:
+            continue  # too far even when moved in
+        deeper = 1 + thickness[joint] / math.sqrt(sx**2 + sy**2 + sz**2)
+        x[0], x[1], x[2] = sx * deeper, sy * deeper, sz * deeper
         # Eq. (4), and Eq. (12) for candidates of the raw depth
         if _distance(x, predicted[joint]) > r:
             continue
@@ -195,7 +209,7 @@ def _estimate(joint, candidates_m, cell_of, predicted, joints, geodesics_m, thic
 
 @njit(cache=True)
 def track_frame(
-    ridge_m, ridge_cell, points, index, previous, velocity, thickness, lengths, r, epsilon, straightness, only_depth
+    ridge_m, ridge_cell, points, neighbours, steps, previous, velocity, thickness, lengths, r, epsilon, straightness, only_depth
 ):
     """Algorithm 2.
 
@@ -203,7 +217,8 @@ def track_frame(
         ridge_m: (R, 3) ridge data as points on the surface.
         ridge_cell: (R,) the number of each one's cell in `points`, -1 for none.
         points: (N, 3) raw depth, a point a cell.
-        index: (h, w) the cells' numbers.
+        neighbours: (N, 8) of the cells,
+        steps: (N, 8) and the ways there.
         previous: (15, 3) J^(t-1).
         velocity: (15, 3) Delta J^(t-1), 0 for joints that had no valid candidates.
         thickness: see `thickness_of`.
@@ -221,10 +236,10 @@ def track_frame(
     joints, support = predicted.copy(), np.zeros(len(predicted), np.int32)
     own = np.arange(len(points))
     geodesics_m = np.zeros(len(points))
-    neighbours, steps = neighbourhood(points, index)
     for joint in ORDER:
         if PARENTS[joint] >= 0:
-            geodesics_m = _from_parent(joints[PARENTS[joint]], points, neighbours, steps)
+            farthest_m = _farthest_m(joint, lengths, epsilon, straightness)
+            geodesics_m = _from_parent(joints[PARENTS[joint]], points, neighbours, steps, farthest_m)
         count = 0
         if not only_depth:
             total, count, _ = _estimate(
@@ -252,16 +267,25 @@ def track_frame(
 def ridge_points(ridge, depth, index, intrinsics):
     """(R, 3) the surface points of the ridge data, and (R,) the numbers of the cells they lie in."""
     fx, fy, cx, cy = intrinsics
-    points, cell = np.empty((ridge.size, 3)), np.empty(ridge.size, np.int32)
+    flat, count = ridge.ravel(), 0
+    for is_ridge in flat:
+        count += is_ridge
+    points, cell = np.empty((count, 3)), np.empty(count, np.int32)
     count = 0
-    for v in range(ridge.shape[0]):
-        for u in range(ridge.shape[1]):
-            if ridge[v, u]:
-                z = float(depth[v, u])
-                points[count, 0], points[count, 1], points[count, 2] = (u - cx) * z / fx, (v - cy) * z / fy, z
-                cell[count] = index[v // CELL_PX, u // CELL_PX]
-                count += 1
-    return points[:count].copy(), cell[:count].copy()
+    # Most pixels are none: they are passed by in eights.
+    eights = flat[: flat.size // 8 * 8].view(np.uint64)
+    i = 0
+    while i < flat.size:
+        if not flat[i]:
+            i += 8 if i % 8 == 0 and i // 8 < len(eights) and eights[i // 8] == 0 else 1
+            continue
+        v, u = divmod(i, ridge.shape[1])
+        z = float(depth[v, u])
+        points[count, 0], points[count, 1], points[count, 2] = (u - cx) * z / fx, (v - cy) * z / fy, z
+        cell[count] = index[v // CELL_PX, u // CELL_PX]
+        count += 1
+        i += 1
+    return points, cell
 
 
 def estimate_pose(
@@ -276,8 +300,8 @@ def estimate_pose(
     """`track_frame` for (H, W) ridge data and the cells of the same picture."""
     ridge_m, ridge_cell = ridge_points(ridge, cells.depth_m, cells.index, cells.intrinsics)
     return track_frame(
-        ridge_m, ridge_cell, cells.points_m, cells.index, previous_m, velocity_m, thickness_of(body), lengths,
-        config.r_m, config.epsilon_m, config.straightness, config.candidates == "depth",
+        ridge_m, ridge_cell, cells.points_m, cells.neighbours, cells.steps_m, previous_m, velocity_m,
+        thickness_of(body.radii_m), lengths, config.r_m, config.epsilon_m, config.straightness, config.candidates == "depth",
     )  # fmt: skip
 
 
@@ -298,13 +322,13 @@ def valid_candidates(
     """
     joints, _ = estimate_pose(ridge, cells, previous_m, velocity_m, body, lengths, config)
     ridge_m, ridge_cell = ridge_points(ridge, cells.depth_m, cells.index, cells.intrinsics)
-    predicted, thickness = previous_m + velocity_m, thickness_of(body)
+    predicted, thickness = previous_m + velocity_m, thickness_of(body.radii_m)
     collected, valid = np.zeros(len(ridge_m), bool), np.zeros(len(ridge_m), bool)
-    neighbours, steps = neighbourhood(cells.points_m, cells.index)
     for joint in ORDER:
         geodesics_m = np.zeros(len(cells.points_m))
         if PARENTS[joint] >= 0:
-            geodesics_m = _from_parent(joints[PARENTS[joint]], cells.points_m, neighbours, steps)
+            farthest_m = _farthest_m(joint, lengths, config.epsilon_m, config.straightness)
+            geodesics_m = _from_parent(joints[PARENTS[joint]], cells.points_m, cells.neighbours, cells.steps_m, farthest_m)
         seen = joint, ridge_m, ridge_cell, predicted, joints, geodesics_m, thickness, lengths, config.r_m
         collected |= _estimate(*seen, np.inf, -1.0)[2]
         valid |= _estimate(*seen, config.epsilon_m, config.straightness)[2]

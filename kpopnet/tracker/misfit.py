@@ -122,7 +122,7 @@ def outside(axes, k, depth, nearest, intrinsics):
 @njit(cache=True)
 def _misfit(joints, points, every, depth, nearest, intrinsics, parts, radii):
     axes = axes_of(extend(joints), parts, radii)
-    _, offs = nearest_parts(axes, points, every)
+    _, offs, _ = nearest_parts(axes, points, every)
     residual = 0.0
     for off in offs:
         residual += min(off * off, CLIP_M * CLIP_M)

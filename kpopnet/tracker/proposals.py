@@ -12,8 +12,8 @@ from numba import njit
 from kpopnet.skeleton import Joint
 from kpopnet.tracker.body import BARRED_OF, LIMB_PARTS, LIMBS, PARTS, Body
 from kpopnet.tracker.cells import Cells
-from kpopnet.tracker.cones import axes_of, extend, extend_limb, frame_of, nearest_parts, off_surface, set_axis
-from kpopnet.tracker.geodesic import neighbourhood, shortest_ways
+from kpopnet.tracker.cones import axes_of, extend, extend_limb, frame_of, nearest_parts, off_cone, off_surface, set_axis
+from kpopnet.tracker.geodesic import NOWHERE_M, shortest_ways
 from kpopnet.tracker.misfit import CLIP_M, FREE_SPACE_WEIGHT, HABITS_OF, outside, overlap, unusual
 
 ON_TORSO_M = 0.05
@@ -47,7 +47,7 @@ def _torso_cells(joints, points, parts, radii, limb_parts):
     for limb in range(len(limb_parts)):
         for k in limb_parts[limb]:
             is_limb[k] = True
-    part, off = nearest_parts(axes_of(extend(joints), parts, radii), points, 1)
+    part, off, _ = nearest_parts(axes_of(extend(joints), parts, radii), points, 1)
     on = np.zeros(len(points), np.bool_)
     for i in range(len(points)):
         on[i] = not is_limb[part[i]] and abs(off[i]) < ON_TORSO_M
@@ -55,7 +55,7 @@ def _torso_cells(joints, points, parts, radii, limb_parts):
 
 
 @njit(cache=True)
-def _tips(points, length):
+def _tips(points, neighbours, steps, length):
     """Numbers of the points that are farther than all others around them."""
     tips = np.empty(MOST_TIPS, np.int32)
     count = 0
@@ -63,7 +63,11 @@ def _tips(points, length):
         if not TIP_LEAST_M <= length[i] < 1e8 or count == MOST_TIPS:
             continue
         farthest = True
-        for j in range(len(points)):
+        for k in range(8):  # most points have a farther one beside them
+            beside = neighbours[i, k]
+            if beside >= 0 and length[i] < length[beside] < 1e8 and steps[i, k] < TIP_APART_M:
+                farthest = False
+        for j in range(len(points) if farthest else 0):
             if length[j] < 1e8 and (length[j] > length[i] or (length[j] == length[i] and j < i)):
                 dx, dy, dz = points[i, 0] - points[j, 0], points[i, 1] - points[j, 1], points[i, 2] - points[j, 2]
                 if dx * dx + dy * dy + dz * dz < TIP_APART_M**2:
@@ -165,14 +169,16 @@ def _pose_limb(joints, root, middle, end, frame, side, poses, k, upper_m, lower_
 @njit(cache=True)
 def _open_points(points, away, limb_parts, rest, found):
     """Copies the points that no part but the limb's own explains to `found`, their distances to `rest`; how many."""
+    others = np.full(len(points), CLIP_M)
+    for k in range(len(away)):
+        if k != limb_parts[0] and k != limb_parts[1] and k != limb_parts[2]:
+            distance = away[k]
+            for i in range(len(points)):
+                others[i] = min(others[i], distance[i])
     count = 0
     for i in range(len(points)):
-        others = CLIP_M
-        for k in range(away.shape[1]):
-            if k != limb_parts[0] and k != limb_parts[1] and k != limb_parts[2]:
-                others = min(others, away[i, k])
-        if others > EXPLAINED_M:
-            rest[count] = others
+        if others[i] > EXPLAINED_M:
+            rest[count] = others[i]
             for c in range(3):
                 found[count, c] = points[i, c]
             count += 1
@@ -181,23 +187,26 @@ def _open_points(points, away, limb_parts, rest, found):
 
 @njit(cache=True)
 def _distances(joints, points, parts, radii, which, away):
-    """Writes the points' distances to the surfaces of some parts into the columns of `away`."""
+    """Writes the points' distances to the surfaces of some parts into the rows of `away`."""
     axes = axes_of(joints, parts, radii)
+    x, y, z = points[:, 0].copy(), points[:, 1].copy(), points[:, 2].copy()
     for k in which:
+        x0, y0, z0, dx, dy, dz, scale, radius, growth = axes[k]
+        row = away[k]
         for i in range(len(points)):
-            away[i, k] = abs(off_surface(axes, k, points[i, 0], points[i, 1], points[i, 2])[0])
+            row[i] = abs(off_cone(x0, y0, z0, dx, dy, dz, scale, radius, growth, x[i], y[i], z[i])[0])
 
 
 @njit(cache=True)
 def _relay(
-    joints, before, points, index, every, depth, nearest, intrinsics, parts, radii, limbs, limb_parts, limbs_m, poses, kinds
-):
+    joints, before, points, neighbours, steps, every, depth, nearest, intrinsics,
+    parts, radii, limbs, limb_parts, limbs_m, poses, kinds,
+):  # fmt: skip
     source = _torso_cells(joints, points, parts, radii, limb_parts)
-    neighbours, steps = neighbourhood(points, index)
-    length, onward = shortest_ways(neighbours, steps, source)
-    tips = _tips(points, length)
+    length, onward = shortest_ways(neighbours, steps, source, NOWHERE_M)
+    tips = _tips(points, neighbours, steps, length)
     joints, frame, some = extend(joints), frame_of(joints), points[::every]
-    away = np.empty((len(some), len(parts)))
+    away = np.empty((len(parts), len(some)))
     _distances(joints, some, parts, radii, np.arange(len(parts)), away)
     ends, middles = np.empty((len(limbs), len(tips), 3)), np.empty((len(limbs), len(tips), 3))
     for limb in range(len(limbs)):
@@ -311,8 +320,8 @@ def relay_limbs(
         (15, 3) the pose, and how many limbs were laid anew.
     """
     return _relay(
-        joints_m, before_m, cells.points_m, cells.index, every, cells.depth_m, cells.nearest, cells.intrinsics,
-        PARTS, body.radii_m, LIMBS, LIMB_PARTS, body.limbs_m, LIMB_POSES, LIMB_KINDS,
+        joints_m, before_m, cells.points_m, cells.neighbours, cells.steps_m, every, cells.depth_m, cells.nearest,
+        cells.intrinsics, PARTS, body.radii_m, LIMBS, LIMB_PARTS, body.limbs_m, LIMB_POSES, LIMB_KINDS,
     )  # fmt: skip
 
 

@@ -6,7 +6,7 @@ from numba import njit
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.tracker.body import MIRRORED_PARTS, OWNERS, PARTS, Body
 from kpopnet.tracker.cells import Cells
-from kpopnet.tracker.cones import HIDDEN_M, axes_of, extend, nearest_parts, off_surface
+from kpopnet.tracker.cones import HIDDEN_M, axes_of, extend, nearest_parts
 
 FULL_SUPPORT = 4
 """With so many points on the parts that end at a joint its confidence is no longer limited by their number."""
@@ -24,7 +24,7 @@ FEWEST_POINTS = 6
 @njit(cache=True)
 def _offsets(joints, points, parts, radii):
     """(N,) the part nearest to each point, and (N,) its signed distance to that part's surface."""
-    return nearest_parts(axes_of(extend(joints), parts, radii), points, 1)
+    return nearest_parts(axes_of(extend(joints), parts, radii), points, 1)[:2]
 
 
 def with_thickness(body: Body, joints_m: np.ndarray, cells: Cells) -> Body:
@@ -50,10 +50,9 @@ def _residuals(joints, points, parts, radii):
     """(15, 2) sum of absolute residuals and number of points, each point counted for the nearer end of its part."""
     axes = axes_of(extend(joints), parts, radii)
     sums = np.zeros((len(joints), 2))
-    part, offs = nearest_parts(axes, points, 1)
+    part, offs, along = nearest_parts(axes, points, 1)
     for i in range(len(points)):
-        _, along, _ = off_surface(axes, part[i], points[i, 0], points[i, 1], points[i, 2])
-        joint = OWNERS[parts[part[i], 0] if along < 0.5 else parts[part[i], 1]]
+        joint = OWNERS[parts[part[i], 0] if along[i] < 0.5 else parts[part[i], 1]]
         sums[joint, 0] += min(abs(offs[i]), 2 * HIDDEN_M)
         sums[joint, 1] += 1
     return sums

@@ -20,6 +20,7 @@ from kpopnet.ridge import RidgeConfig, ridge_data
 from kpopnet.skeleton import JOINT_NAMES, MIRROR, NUM_JOINTS
 from kpopnet.tracker.body import TORSO_JOINTS, Body, body_of
 from kpopnet.tracker.cells import Cells, cells_of
+from kpopnet.tracker.cones import frame_of
 from kpopnet.tracker.fitting import fit
 from kpopnet.tracker.hierarchy import HierarchyConfig, estimate_pose, lengths_of
 from kpopnet.tracker.initial import InitialConfig, find_initial_pose
@@ -39,7 +40,9 @@ the pose is held. What was seen is forgotten by this factor a frame, so that it 
 POINTS = 200
 """About so many points choose between poses; all of them fit the one chosen."""
 
-FIRST_STEPS, LAST_STEPS = 5, 4
+FIRST_STEPS, MORE_STEPS, LAST_STEPS = 2, 3, 4
+"""Every starting point is fitted with so few steps, the best of them with more, and the pose at last to all points."""
+
 VELOCITY_SHARE = 0.5
 FASTEST_M = 0.15
 """A joint is expected to go on with this share of its last step, which counts up to this length."""
@@ -63,6 +66,8 @@ THOROUGHLY = (
     *(lambda joints, angle=angle: turned(joints, angle) for angle in np.radians((-90, 90, 135, -135, 180))),
     *(lambda joints, angle=angle: bent(joints, angle) for angle in np.radians((-40, 40))),
 )
+
+TORSO = np.array(TORSO_JOINTS)
 
 AWAY_M = 0.3
 """If the silhouette's middle moved farther between two sightings, the pose is carried along."""
@@ -215,21 +220,18 @@ class Tracker:
         every = max(1, len(cells.points_m) // POINTS)
 
         def cost(joints: np.ndarray, every: int) -> float:
-            away = np.minimum(((joints - expected) ** 2).sum(axis=1), FARTHEST_STEP_M**2).mean()
-            return misfit(joints, cells, body, every) + STEP_WEIGHT * away
+            return misfit(joints, cells, body, every) + STEP_WEIGHT * _way_m2(joints, expected)
 
-        def fitted(start: np.ndarray) -> tuple[float, np.ndarray]:
-            joints = fit(start, cells, body, FIRST_STEPS, every)
-            return cost(joints, every), joints
-
-        def finished(joints: np.ndarray) -> tuple[float, np.ndarray]:
+        def best_fitted(starts: list[np.ndarray]) -> tuple[float, np.ndarray]:
+            tried = [fit(start, cells, body, FIRST_STEPS, every) for start in starts]
+            joints = fit(min(tried, key=lambda joints: cost(joints, every)), cells, body, MORE_STEPS, every)
             joints, _ = relay_limbs(joints, before, cells, body, every)
             joints = fit(joints, cells, body, LAST_STEPS)
             return cost(joints, 1), joints
 
         going_on = carried_on(before, self.velocity_m)
         starts = [expected, before, going_on, self._algorithm_2(depth_m, cells)[0]]
-        best, joints = finished(min((fitted(start) for start in starts), key=lambda pair: pair[0])[1])
+        best, joints = best_fitted(starts)
         if best < DOUBT * self._usual_m2:
             self._usual_m2 += FORGETTING_USUAL * (best - self._usual_m2)
         for alternatives, better in (
@@ -238,9 +240,9 @@ class Tracker:
             (lambda joints: [other(joints) for other in THOROUGHLY], MUCH_BETTER),
         ):
             if self.config.search and best > DOUBT * self._usual_m2 and (others := alternatives(joints)):
-                tried, found = finished(min((fitted(start) for start in others), key=lambda pair: pair[0])[1])
-                if tried < better * best:
-                    best, joints = tried, found
+                alternative, found = best_fitted(others)
+                if alternative < better * best:
+                    best, joints = alternative, found
         return joints
 
     def _detected(self, depth_m: np.ndarray) -> list[np.ndarray]:
@@ -252,17 +254,31 @@ class Tracker:
 
 
 @njit(cache=True)
-def _turn(last, now):
-    """(3, 3) the rotation that brings some points about the origin nearest to others (Kabsch 1976)."""
-    u, _, vt = np.linalg.svd(last.T @ now)
-    u[:, 2] *= np.sign(np.linalg.det(u @ vt))
-    return vt.T @ u.T
+def _way_m2(joints, expected):
+    """The mean squared distance of joints to where they were expected, each counted up to `FARTHEST_STEP_M`."""
+    total = 0.0
+    for j in range(len(joints)):
+        away = 0.0
+        for c in range(3):
+            away += (joints[j, c] - expected[j, c]) ** 2
+        total += min(away, FARTHEST_STEP_M**2)
+    return total / len(joints)
 
 
-def carried_on(joints_m: np.ndarray, step_m: np.ndarray) -> np.ndarray:
+@njit(cache=True)
+def carried_on(joints_m, step_m):
     """(15, 3) the pose if the whole body moves on as the torso moved in its last step, turning with it."""
-    torso = list(TORSO_JOINTS)
-    now, last = joints_m[torso], (joints_m - step_m)[torso]
-    middle, last_middle = now.mean(axis=0), last.mean(axis=0)
-    rotation = _turn(last - last_middle, now - middle)
-    return middle + (joints_m - middle) @ rotation.T + (middle - last_middle)
+    last_m = joints_m - step_m
+    now, last = frame_of(joints_m), frame_of(last_m)
+    middle, last_middle = np.zeros(3), np.zeros(3)
+    for joint in TORSO:
+        middle += joints_m[joint] / len(TORSO)
+        last_middle += last_m[joint] / len(TORSO)
+    moved = np.empty_like(joints_m)
+    for j in range(len(joints_m)):
+        arm = joints_m[j] - middle
+        turned_arm = np.zeros(3)
+        for axis in range(3):
+            turned_arm += (last[axis, 0] * arm[0] + last[axis, 1] * arm[1] + last[axis, 2] * arm[2]) * now[axis]
+        moved[j] = 2 * middle - last_middle + turned_arm
+    return moved

@@ -23,11 +23,13 @@ def test_distances_to_a_cone() -> None:
 def test_the_nearest_parts_are_those_of_a_plain_search(person, every: int) -> None:  # noqa: F811
     joints, body, cells = person
     axes = axes_of(extend(moved(joints, 3)), PARTS, body.radii_m)
-    part, off = nearest_parts(axes, cells.points_m, every)
+    part, off, along = nearest_parts(axes, cells.points_m, every)
     points = cells.points_m[::every]
-    plain = np.array([[off_surface(axes, k, *point)[0] for k in range(len(axes))] for point in points])
-    np.testing.assert_array_equal(part, np.abs(plain).argmin(axis=1))
-    np.testing.assert_array_equal(off, plain[np.arange(len(points)), part])
+    plain = np.array([[off_surface(axes, k, *point)[:2] for k in range(len(axes))] for point in points])
+    own = plain[np.arange(len(points)), part]
+    np.testing.assert_allclose(np.abs(own[:, 0]), np.abs(plain[:, :, 0]).min(axis=1), atol=2e-6)
+    np.testing.assert_allclose(off, own[:, 0], atol=2e-6)
+    np.testing.assert_allclose(along, own[:, 1], atol=2e-5)
 
 
 def test_fingers_go_on_where_the_forearm_points_and_toes_where_the_person_faces() -> None:

@@ -19,7 +19,7 @@ from kpopnet.ridge import RidgeConfig, ridge_data
 from kpopnet.skeleton import NUM_JOINTS, PAPER_JOINTS, Joint
 from kpopnet.tracker.body import NECK_SHARE, OWNERS, PARTS, body_of
 from kpopnet.tracker.cells import CELL_PX, cells_of
-from kpopnet.tracker.geodesic import JUMP_COST, JUMP_M, neighbourhood, shortest_ways
+from kpopnet.tracker.geodesic import JUMP_COST, JUMP_M, NOWHERE_M, neighbourhood, shortest_ways
 from kpopnet.tracker.hierarchy import (
     ENOUGH,
     ORDER,
@@ -181,7 +181,7 @@ def test_shortest_ways_are_dijkstras(depth: np.ndarray, sources: list[int]) -> N
     points, index = pictured(depth)
     source = np.zeros(len(points), bool)
     source[[k for k in sources if k < len(points)]] = True
-    length, onward = shortest_ways(*neighbourhood(points, index), source)
+    length, onward = shortest_ways(*neighbourhood(points, index), source, NOWHERE_M)
     np.testing.assert_allclose(length, dijkstra(points, index, source), atol=1e-6)
     # Who follows the way comes to a source, by steps whose lengths add up.
     for k in range(len(points)):
@@ -191,12 +191,23 @@ def test_shortest_ways_are_dijkstras(depth: np.ndarray, sources: list[int]) -> N
             assert 0 <= onward[k] < len(points) and length[onward[k]] < length[k]
 
 
+def test_longer_ways_are_not_looked_for() -> None:
+    points, index = pictured(np.full((9, 12), 2.0, np.float32))
+    source = np.arange(len(points)) == 0
+    every_way, onward = shortest_ways(*neighbourhood(points, index), source, NOWHERE_M)
+    short_ways, short_onward = shortest_ways(*neighbourhood(points, index), source, 0.1)
+    short = every_way <= 0.1
+    assert 10 < short.sum() < 80
+    np.testing.assert_array_equal(short_ways, np.where(short, every_way, NOWHERE_M))
+    np.testing.assert_array_equal(short_onward, np.where(short, onward, -1))
+
+
 @pytest.mark.parametrize("elbow_deg", [0, 80])
 def test_shortest_ways_over_a_person_are_dijkstras(elbow_deg: float) -> None:
     cells = cells_of(draw_y(y_joints(20, elbow_deg=elbow_deg), CAMERA), CAMERA)
     source = np.linalg.norm(cells.points_m - cells.points_m.mean(0), axis=1) < 0.2
     expected = dijkstra(cells.points_m, cells.index, source)
-    length, _ = shortest_ways(*neighbourhood(cells.points_m, cells.index), source)
+    length, _ = shortest_ways(cells.neighbours, cells.steps_m, source, NOWHERE_M)
     np.testing.assert_allclose(length, expected, atol=1e-6)
 
 
@@ -218,7 +229,7 @@ def straightness(depth: np.ndarray, begin_px: tuple[int, int], end_px: tuple[int
     """L of Eq. (10) between two pixels."""
     cells = cells_of(depth, CAMERA)
     begin, end = (CAMERA.back_project(np.array((*px, 2.5))) for px in (begin_px, end_px))
-    geodesics = _from_parent(begin, cells.points_m, *neighbourhood(cells.points_m, cells.index))
+    geodesics = _from_parent(begin, cells.points_m, cells.neighbours, cells.steps_m, NOWHERE_M)
     k = np.linalg.norm(cells.points_m - end, axis=1).argmin()
     return np.linalg.norm(cells.points_m[k] - begin) / geodesics[k]
 
@@ -243,7 +254,7 @@ def test_a_limb_that_passes_before_another_is_farther_by_its_edge() -> None:
     depth = np.where(before > 0, before, behind)
     cells = cells_of(depth, CAMERA)
     middle = CAMERA.back_project(np.array((90, 120, 2.5)))
-    geodesics = _from_parent(middle, cells.points_m, *neighbourhood(cells.points_m, cells.index))
+    geodesics = _from_parent(middle, cells.points_m, cells.neighbours, cells.steps_m, NOWHERE_M)
     across = np.linalg.norm(cells.points_m - CAMERA.back_project(np.array((160, 190, 2.2))), axis=1).argmin()
     straight = np.linalg.norm(cells.points_m[across] - middle)
     assert straight / geodesics[across] < 0.5
@@ -259,8 +270,9 @@ def inputs(joints_m: np.ndarray, depth: np.ndarray, camera=CAMERA, **given):
     ridge_m, ridge_cell = ridge_points(ridge_data(depth, RidgeConfig()), depth, cells.index, cells.intrinsics)
     config = HierarchyConfig()
     return {
-        "ridge_m": ridge_m, "ridge_cell": ridge_cell, "points": cells.points_m, "index": cells.index,
-        "previous": joints_m, "velocity": np.zeros_like(joints_m), "thickness": thickness_of(body_of(model)),
+        "ridge_m": ridge_m, "ridge_cell": ridge_cell, "points": cells.points_m,
+        "neighbours": cells.neighbours, "steps": cells.steps_m,
+        "previous": joints_m, "velocity": np.zeros_like(joints_m), "thickness": thickness_of(body_of(model).radii_m),
         "lengths": lengths_of(model), "r": config.r_m, "epsilon": config.epsilon_m,
         "straightness": config.straightness, "only_depth": False,
     } | given  # fmt: skip
@@ -412,7 +424,7 @@ def test_configured_as_the_tracker_calls_it(person) -> None:
 def test_thickness_is_that_of_the_thinnest_part(person) -> None:
     joints, _ = person
     body = cone_body(joints)
-    thickness = thickness_of(body)
+    thickness = thickness_of(body.radii_m)
     assert thickness.shape == (NUM_JOINTS,) and np.isfinite(thickness).all()
     for joint in Joint:
         assert thickness[joint] == body.radii_m[OWNERS[PARTS] == joint].min()

@@ -10,7 +10,7 @@ from kpopnet.camera import CAMERAS
 from kpopnet.skeleton import Joint
 from kpopnet.tracker.body import LIMB_PARTS, LIMBS, PARTS
 from kpopnet.tracker.cells import cells_of
-from kpopnet.tracker.geodesic import neighbourhood, shortest_ways
+from kpopnet.tracker.geodesic import NOWHERE_M, shortest_ways
 from kpopnet.tracker.misfit import misfit
 from kpopnet.tracker.proposals import (
     CONTINUITY,
@@ -58,8 +58,8 @@ def test_a_star_has_a_tip_at_every_ray(rays: int) -> None:
     cells = cells_of(np.where(star, np.float32(2.5), np.float32(0)), CAMERA)
     centre = CAMERA.back_project(np.array((160, 120, 2.5)))
     source = np.linalg.norm(cells.points_m - centre, axis=1) < 0.1
-    length, _ = shortest_ways(*neighbourhood(cells.points_m, cells.index), source)
-    tips = cells.points_m[_tips(cells.points_m, length)]
+    length, _ = shortest_ways(cells.neighbours, cells.steps_m, source, NOWHERE_M)
+    tips = cells.points_m[_tips(cells.points_m, cells.neighbours, cells.steps_m, length)]
     assert len(tips) == rays
     away = np.linalg.norm(tips[:, None] - CAMERA.back_project(np.array(ends)), axis=-1)
     assert sorted(away.argmin(1)) == list(range(rays)) and away.min(1).max() < 0.1
@@ -69,16 +69,16 @@ def test_tips_keep_apart_and_count_only_what_can_be_reached() -> None:
     joints = cone_joints(elevation_deg=20)
     body, cells = seen(joints)
     source = _torso_cells(joints, cells.points_m, PARTS, body.radii_m, LIMB_PARTS)
-    length, _ = shortest_ways(*neighbourhood(cells.points_m, cells.index), source)
-    tips = _tips(cells.points_m, length)
+    length, _ = shortest_ways(cells.neighbours, cells.steps_m, source, NOWHERE_M)
+    tips = _tips(cells.points_m, cells.neighbours, cells.steps_m, length)
     points = cells.points_m[tips]
     apart = lengths_m(points) + np.eye(len(points))
     assert apart.min() >= TIP_APART_M
     for end in (Joint.RIGHT_HAND, Joint.LEFT_HAND, Joint.RIGHT_FOOT, Joint.LEFT_FOOT):
         assert np.linalg.norm(points - joints[end], axis=1).min() < 0.15
     alone = np.where(np.arange(len(length)) == tips[0], 1e9, length)
-    assert tips[0] not in _tips(cells.points_m, alone)
-    assert len(_tips(cells.points_m, np.full(len(length), 1e9))) == 0
+    assert tips[0] not in _tips(cells.points_m, cells.neighbours, cells.steps_m, alone)
+    assert len(_tips(cells.points_m, cells.neighbours, cells.steps_m, np.full(len(length), 1e9))) == 0
 
 
 def test_torso_cells_lie_on_torso_and_head() -> None:
