@@ -26,7 +26,7 @@ demo: $(READY)
 	$(BIN)/python evaluate.py checkpoint=$(DEMO)/training/best benchmark.path=data/demo/test hydra.run.dir=$(DEMO)
 
 test: $(READY)
-	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile
+	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 speed: $(READY)
 	$(BIN)/python -m tests.speed
