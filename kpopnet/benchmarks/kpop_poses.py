@@ -134,6 +134,8 @@ def estimator_key(estimator: Estimator, settings: Any) -> str:
     own = Path(inspect.getfile(type(estimator))).resolve().parent
     package = Path(__file__).resolve().parents[1]
     code = sorted(own.glob("*.py")) if own != package else [Path(inspect.getfile(type(estimator)))]
+    if own == package / "tracker":  # it may ask a network
+        code += sorted((package / "networks").glob("*.py"))
     for source in (*code, *(package / name for name in _SHARED_CODE)):
         digest.update(source.read_bytes())
     return digest.hexdigest()[:10]

@@ -24,6 +24,7 @@ from kpopnet.mean_pose import MeanPoseEstimator
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
+from kpopnet.tracker.fitted import FittedEstimator
 from kpopnet.tree_walk.estimator import TreeWalkEstimator, TreeWalkEstimatorConfig
 
 
@@ -36,6 +37,11 @@ class NetworkEstimatorConfig:
 
 
 @dataclass
+class FittedNetworkConfig(NetworkEstimatorConfig):
+    """A trained network, whose joints are fitted to the depth."""
+
+
+@dataclass
 class MeanPoseConfig:
     """The constant baseline. Attributes: checkpoint: folder of a network whose training set's mean pose to use."""
 
@@ -44,6 +50,10 @@ class MeanPoseConfig:
 
 def _network(config: NetworkEstimatorConfig) -> Estimator:
     return NetworkEstimator(_checkpoint(config.checkpoint, "network"), device=config.device)
+
+
+def _fitted_network(config: FittedNetworkConfig) -> Estimator:
+    return FittedEstimator(NetworkEstimator(_checkpoint(config.checkpoint, "fitted_network"), device=config.device))
 
 
 def _mean_pose(config: MeanPoseConfig) -> Estimator:
@@ -70,6 +80,7 @@ BENCHMARKS: dict[str, tuple[type, Callable[[Any], Benchmark | KpopSet]]] = {
 ESTIMATORS: dict[str, tuple[type, Callable[[Any], Estimator]]] = {
     "tracker": (TrackerEstimatorConfig, TrackerEstimator),
     "network": (NetworkEstimatorConfig, _network),
+    "fitted_network": (FittedNetworkConfig, _fitted_network),
     "tree_walk": (TreeWalkEstimatorConfig, TreeWalkEstimator),
     "mean_pose": (MeanPoseConfig, _mean_pose),
 }

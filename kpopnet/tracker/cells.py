@@ -14,6 +14,9 @@ from kpopnet.tracker.geodesic import neighbourhood
 CELL_PX = 4
 """One point is taken, and the nearest piece of silhouette is kept, for each square of so many pixels."""
 
+FEWEST_CELLS = 20
+"""Of a smaller silhouette nothing can be told."""
+
 
 class Cells(NamedTuple):
     """A depth image at a `CELL_PX`th of its size.

@@ -212,8 +212,9 @@ def _add_habits(matrix, right, joints):
 
 @njit(cache=True)
 def _fit(
-    start, points, every, depth, nearest, intrinsics, parts, radii, pairs, stiffness, lengths, carried, rise, steps
-):
+    start, points, every, depth, nearest, intrinsics, parts, radii, pairs, stiffness, lengths, carried, rise,
+    steps, start_weight,
+):  # fmt: skip
     joints = start.copy()
     size = 3 * len(joints)
     matrix, right = np.empty((size, size)), np.empty(size)
@@ -227,8 +228,8 @@ def _fit(
         _add_habits(matrix, right, joints)
         for j in range(len(joints)):
             for c in range(3):
-                matrix[COLUMN[j] + c, COLUMN[j] + c] += START_WEIGHT / len(joints)
-                right[COLUMN[j] + c] += START_WEIGHT / len(joints) * (start[j, c] - joints[j, c])
+                matrix[COLUMN[j] + c, COLUMN[j] + c] += start_weight / len(joints)
+                right[COLUMN[j] + c] += start_weight / len(joints) * (start[j, c] - joints[j, c])
         solve(matrix, right)
         most = np.abs(right).max()
         for j in range(len(joints)):
@@ -239,7 +240,9 @@ def _fit(
     return joints
 
 
-def fit(joints_m: np.ndarray, cells: Cells, body: Body, steps: int, every: int = 1) -> np.ndarray:
+def fit(
+    joints_m: np.ndarray, cells: Cells, body: Body, steps: int, every: int = 1, start_weight: float = START_WEIGHT
+) -> np.ndarray:
     """(15, 3) float64 the joints after at most so many steps of fitting to every `every`th point.
 
     Args:
@@ -248,9 +251,10 @@ def fit(joints_m: np.ndarray, cells: Cells, body: Body, steps: int, every: int =
         body: the person.
         steps: at most so many.
         every: only every so many points are looked at.
+        start_weight: how much every joint is drawn to where it started, against 1 for all points together.
     """
     return _fit(
         np.ascontiguousarray(joints_m, np.float64), cells.points_m, every, cells.depth_m, cells.nearest,
         cells.intrinsics, PARTS, body.radii_m, body.pairs, body.stiffness, body.lengths_m,
-        body.carried, body.rise_m, steps,
+        body.carried, body.rise_m, steps, start_weight,
     )  # fmt: skip

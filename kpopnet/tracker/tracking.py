@@ -19,8 +19,9 @@ from kpopnet.estimators import Estimator
 from kpopnet.ridge import RidgeConfig, ridge_data
 from kpopnet.skeleton import JOINT_NAMES, MIRROR, NUM_JOINTS
 from kpopnet.tracker.body import TORSO_JOINTS, Body, body_of
-from kpopnet.tracker.cells import Cells, cells_of
+from kpopnet.tracker.cells import FEWEST_CELLS, Cells, cells_of
 from kpopnet.tracker.cones import frame_of
+from kpopnet.tracker.fitted import SAID_WEIGHT
 from kpopnet.tracker.fitting import fit
 from kpopnet.tracker.hierarchy import HierarchyConfig, estimate_pose, lengths_of
 from kpopnet.tracker.initial import InitialConfig, find_initial_pose
@@ -29,9 +30,6 @@ from kpopnet.tracker.model import HumanModel
 from kpopnet.tracker.proposals import bent, relay_limbs, turned
 from kpopnet.tracker.standing import standing_pose
 from kpopnet.tracker.surface import joint_confidence, with_thickness
-
-FEWEST_CELLS = 20
-"""Of a smaller silhouette nothing can be told."""
 
 SUDDENLY_LESS, FORGETTING = 0.7, 0.9
 """If less than this share of the cells last seen is left all at once, part of the picture is missing, not of the person:
@@ -52,13 +50,14 @@ FARTHEST_STEP_M = 0.25
 """A pose pays for the mean squared distance of its joints to where they were expected, each counted up to this."""
 
 USUAL_M2, FORGETTING_USUAL = 4e-4, 0.02
-DOUBT = 1.5
-"""A pose is in doubt from so many times a person's usual misfit on; what is usual is learnt, in this share a frame, from
-poses that are not in doubt, and begins with that many square metres."""
+DOUBT, ASK = 1.5, 1.2
+"""A pose is in doubt from so many times a person's usual misfit on, and a detector is asked a little sooner; what is usual is
+learnt, in this share a frame, from poses that are not in doubt, and begins with that many square metres."""
 
-BETTER, MUCH_BETTER = 0.9, 0.8
+BETTER, MUCH_BETTER, MUCH_WORSE = 0.9, 0.8, 1.5
 """A pose close by must have less than this share of the misfit, one that is wholly different less than that: a back looks
-much like a chest, and there is no turning round for little."""
+much like a chest, and there is no turning round for little. A detector, which does not go by the misfit, is believed unless
+its pose explains the picture worse than that."""
 
 SLIGHTLY = tuple(lambda joints, angle=angle: turned(joints, angle) for angle in np.radians((-30, 30, -60, 60)))
 THOROUGHLY = (
@@ -234,23 +233,23 @@ class Tracker:
         best, joints = best_fitted(starts)
         if best < DOUBT * self._usual_m2:
             self._usual_m2 += FORGETTING_USUAL * (best - self._usual_m2)
-        for alternatives, better in (
-            (lambda _: self._detected(depth_m), BETTER),
-            (lambda joints: [other(joints) for other in SLIGHTLY], BETTER),
-            (lambda joints: [other(joints) for other in THOROUGHLY], MUCH_BETTER),
-        ):
-            if self.config.search and best > DOUBT * self._usual_m2 and (others := alternatives(joints)):
-                alternative, found = best_fitted(others)
+        if best > ASK * self._usual_m2 and (said := self._detected(depth_m)) is not None:
+            said = fit(said, cells, body, LAST_STEPS, start_weight=SAID_WEIGHT)
+            if misfit(said, cells, body) < MUCH_WORSE * misfit(joints, cells, body):
+                return said
+        for changes, better in ((SLIGHTLY, BETTER), (THOROUGHLY, MUCH_BETTER)):
+            if self.config.search and best > DOUBT * self._usual_m2:
+                alternative, found = best_fitted([change(joints) for change in changes])
                 if alternative < better * best:
                     best, joints = alternative, found
         return joints
 
-    def _detected(self, depth_m: np.ndarray) -> list[np.ndarray]:
+    def _detected(self, depth_m: np.ndarray) -> np.ndarray | None:
         """The detector's pose, if there is one and it has all joints."""
         if self.detector is None:
-            return []
+            return None
         joints = self.detector.estimate(depth_m[None], self.camera).joints_camera_m[0].astype(np.float64)
-        return [joints] if np.isfinite(joints).all() else []
+        return joints if np.isfinite(joints).all() else None
 
 
 @njit(cache=True)

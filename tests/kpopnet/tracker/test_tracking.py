@@ -13,8 +13,11 @@ from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
 from kpopnet.tracker.body import TORSO_JOINTS
+from kpopnet.tracker.cells import cells_of
+from kpopnet.tracker.fitted import SAID_WEIGHT
+from kpopnet.tracker.fitting import fit
 from kpopnet.tracker.model import HumanModel
-from kpopnet.tracker.tracking import Tracker, TrackerConfig, carried_on
+from kpopnet.tracker.tracking import LAST_STEPS, Tracker, TrackerConfig, carried_on
 from synth.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
 
 CAMERA = CAMERAS["kinect_v1"]
@@ -193,6 +196,18 @@ def test_a_detector_is_asked_in_doubt_only_and_believed_only_if_it_fits(dancer) 
     for image in depth[:3]:
         tracker.track(image)
     assert sure.asked == 0
+
+
+def test_a_detector_is_believed_though_it_explains_the_picture_a_little_worse(dancer, monkeypatch) -> None:
+    joints, depth = dancer
+    monkeypatch.setattr("kpopnet.tracker.tracking.ASK", 0.0)
+    near = joints[0] + (0.02, 0, 0)
+    tracker = Tracker(CAMERA, detector=OneAnswer(near))
+    tracker.start(joints[0])
+    found, _ = tracker.track(depth[0])
+    cells = cells_of(depth[0], CAMERA)
+    said = fit(near.astype(np.float32), cells, tracker.body, LAST_STEPS, start_weight=SAID_WEIGHT)
+    np.testing.assert_array_equal(found, said)
 
 
 # --- what must not matter -----------------------------------------------------------------------------------------
