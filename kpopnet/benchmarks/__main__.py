@@ -12,12 +12,15 @@ from pathlib import Path
 import numpy as np
 
 from kpopnet.benchmarks.describe import describe, recognised
-from kpopnet.benchmarks.eval_benchmark import sequence_names as eval_names
+from kpopnet.benchmarks.eval_benchmark import EVAL
 from kpopnet.benchmarks.id_pictures import eval_ids, id_picture, smmc10_ids
-from kpopnet.benchmarks.smmc10_benchmark import sequence_names as smmc10_names
+from kpopnet.benchmarks.smmc10_benchmark import SMMC10
 from kpopnet.drawing import save_png
 from kpopnet.entry import user_errors
 from kpopnet.errors import InputError
+
+PICTURED = {"EVAL": (EVAL, eval_ids), "SMMC-10": (SMMC10, smmc10_ids)}
+"""The formats in which joints or markers have ids and no names."""
 
 
 def first_picture(path: Path) -> np.ndarray:
@@ -27,15 +30,12 @@ def first_picture(path: Path) -> np.ndarray:
         InputError: a format whose joints have names, or nothing to be seen.
     """
     name, folder = recognised(path)
-    if name == "EVAL":
-        first, read = folder / f"{eval_names(folder)[0]}.bin", eval_ids
-    elif name == "SMMC-10":
-        first, read = folder / f"{smmc10_names(folder)[0]}.cal.bin", smmc10_ids
-    else:
+    if name not in PICTURED:
         raise InputError(
             f"{folder}: --picture shows the ids of EVAL's joints and SMMC-10's markers; those of {name} have names"
         )
-    first = path if path.is_file() else first
+    files, read = PICTURED[name]
+    first = path if path.is_file() else files.path(folder, files.sequence_names(folder)[0])
     frame = read(first)
     if frame is None:
         raise InputError(f"{first}: not one point is measured before the camera")

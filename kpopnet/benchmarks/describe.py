@@ -9,14 +9,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 from kpopnet.benchmarks import eval_format, smmc10_format
-from kpopnet.benchmarks.eval_benchmark import sequence_names as eval_names
+from kpopnet.benchmarks.eval_benchmark import EVAL
 from kpopnet.benchmarks.id_pictures import Ids, eval_ids, smmc10_ids
 from kpopnet.benchmarks.itop import CAMERA as ITOP_CAMERA
 from kpopnet.benchmarks.itop import SPLITS, VIEWS, ItopFiles, sequences_of
 from kpopnet.benchmarks.joint_maps import describe_map
 from kpopnet.benchmarks.organised_points import describe_camera, fit_camera
-from kpopnet.benchmarks.smmc10_benchmark import KNOWN_MARKERS
-from kpopnet.benchmarks.smmc10_benchmark import sequence_names as smmc10_names
+from kpopnet.benchmarks.point_files import PointFiles
+from kpopnet.benchmarks.smmc10_benchmark import KNOWN_MARKERS, SMMC10
 from kpopnet.benchmarks.stand_ins import read_manifest
 from kpopnet.benchmarks.utd_mhad import KINECT_JOINTS, STORED_CAMERA, UtdMhadBenchmark, UtdMhadConfig
 from kpopnet.errors import InputError
@@ -71,8 +71,8 @@ def recognised(path: Path) -> tuple[str, Path]:
 
 def _describe_eval(folder: Path) -> list[str]:
     manifest = read_manifest(folder)
-    paths = [folder / f"{name}.bin" for name in eval_names(folder)]
-    lines, first = _head("EVAL", manifest, paths, eval_format.count_frames, eval_format.FPS)
+    paths = [EVAL.path(folder, name) for name in EVAL.sequence_names(folder)]
+    lines, first = _head(EVAL, manifest, paths, eval_format.count_frames)
     if first is None:
         return lines
     places, markers, frames = Places(), Counter(), 0
@@ -99,8 +99,8 @@ def _describe_eval(folder: Path) -> list[str]:
 
 def _describe_smmc10(folder: Path) -> list[str]:
     manifest = read_manifest(folder)
-    paths = [folder / f"{name}.cal.bin" for name in smmc10_names(folder)]
-    lines, first = _head("SMMC-10", manifest, paths, lambda path: smmc10_format.find_layout(path)[1], smmc10_format.FPS)
+    paths = [SMMC10.path(folder, name) for name in SMMC10.sequence_names(folder)]
+    lines, first = _head(SMMC10, manifest, paths, lambda path: smmc10_format.find_layout(path)[1])
     if first is None:
         return lines
     layout, frames = smmc10_format.find_layout(first)
@@ -156,10 +156,11 @@ class Places:
 
 
 def _head(
-    name: str, manifest: dict | None, paths: list[Path], count: Callable[[Path], int], fps: float
+    files: PointFiles, manifest: dict | None, paths: list[Path], count: Callable[[Path], int]
 ) -> tuple[list[str], Path | None]:
     """What the set is and how long its sequences are, and the first of them that can be read."""
-    lines = [f"{name}, as published" if manifest is None else f"{manifest['benchmark']}: {manifest.get('about', 'SIMULATED')}"]
+    real = f"{files.published}, as published"
+    lines = [real if manifest is None else f"{manifest['benchmark']}: {manifest.get('about', 'SIMULATED')}"]
     if manifest is not None:
         lines.append(
             f"seed {manifest['seed']}, configuration {manifest['hash']}; {len(paths)} of {manifest['sequences']} sequences"
@@ -172,7 +173,7 @@ def _head(
             torn.append(f"cannot be read: {error}")
     if lengths:
         lines.append(
-            f"{_plural(len(lengths), 'sequence')}, {_plural(sum(lengths.values()), 'frame')} at {fps:.0f} a second, "
+            f"{_plural(len(lengths), 'sequence')}, {_plural(sum(lengths.values()), 'frame')} at {files.fps:.0f} a second, "
             f"{min(lengths.values())} to {max(lengths.values())} each"
         )
     return lines + torn, next(iter(lengths), None)

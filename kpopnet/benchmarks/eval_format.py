@@ -14,14 +14,12 @@ Whatever is here in metres is turned into the camera frame at the door: x right,
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from kpopnet.benchmarks.joint_maps import describe_map, describe_skipped
-from kpopnet.benchmarks.organised_points import FROM_OPENGL, depth_of_points, fit_camera
-from kpopnet.camera import Camera
+from kpopnet.benchmarks.organised_points import FROM_OPENGL, PointSequence, depth_of_points, fit_camera
 from kpopnet.errors import InputError
 from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
 
@@ -42,25 +40,6 @@ FRAME = np.dtype(
 FPS = 30.0
 BLOCK = 16
 """Frames read at a time, 15 MB."""
-
-
-@dataclass(frozen=True)
-class EvalSequence:
-    """A file's contents, in the camera frame.
-
-    Attributes:
-        camera: fitted to the points.
-        depth_m: (T, 240, 320) float32, 0 where nothing was measured.
-        joints_camera_m: (T, 15, 3) float32, NaN where absent or not in the map.
-        markers_camera_m: (T, 3) float32 by the marker's name, NaN where absent.
-        skipped: what was left out: how often, by what it was.
-    """
-
-    camera: Camera
-    depth_m: np.ndarray
-    joints_camera_m: np.ndarray
-    markers_camera_m: dict[str, np.ndarray]
-    skipped: Counter[str]
 
 
 def count_frames(path: Path) -> int:
@@ -108,7 +87,7 @@ def _slots(counts: np.ndarray) -> np.ndarray:
     return (counts >= 0) & (counts <= SLOTS)
 
 
-def read_sequence(path: Path, joint_ids: Mapping[str, list[int]]) -> EvalSequence:
+def read_sequence(path: Path, joint_ids: Mapping[str, list[int]]) -> PointSequence:
     """Reads one file.
 
     Args:
@@ -161,7 +140,7 @@ def read_sequence(path: Path, joint_ids: Mapping[str, list[int]]) -> EvalSequenc
         )
     if np.isnan(joints_m).all():
         raise InputError(f"{path}: no frame holds the joints that the map names. {describe_map(joint_ids)}. {describe(path)}")
-    return EvalSequence(camera, depth_m, joints_m, markers_m, +skipped)
+    return PointSequence(camera, depth_m, joints_m, markers_m, +skipped)
 
 
 def _position(xyz_opengl_m: list[float]) -> np.ndarray | None:

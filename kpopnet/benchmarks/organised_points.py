@@ -1,6 +1,7 @@
 """Organised points, a point for every pixel, as EVAL and SMMC-10 store them: x right, y up, z negative before the camera."""
 
 from collections import Counter
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,6 +13,25 @@ FROM_OPENGL = np.array([1, -1, -1], np.float32)
 
 FIT_PX = 0.5
 """How far, root mean square, points may lie from the pixels of the pinhole camera fitted to them."""
+
+
+@dataclass(frozen=True)
+class PointSequence:
+    """What a file of frames with organised points holds, in the camera frame.
+
+    Attributes:
+        camera: fitted to the points.
+        depth_m: (T, H, W) float32, 0 where nothing was measured.
+        joints_camera_m: (T, 15, 3) float32, NaN where the joint, or one of its markers, is absent or not in the map.
+        markers_camera_m: (T, 3) float32 by the marker's name or id, NaN where it is absent or not visible.
+        skipped: what was left out: how often, by what it was.
+    """
+
+    camera: Camera
+    depth_m: np.ndarray
+    joints_camera_m: np.ndarray
+    markers_camera_m: dict[str, np.ndarray] | dict[int, np.ndarray]
+    skipped: Counter[str]
 
 
 def depth_of_points(xyz_opengl_m: np.ndarray, skipped: Counter[str]) -> np.ndarray:

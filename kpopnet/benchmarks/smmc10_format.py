@@ -17,14 +17,12 @@ Whatever is here in metres is turned into the camera frame at the door: x right,
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from kpopnet.benchmarks.joint_maps import describe_map, describe_skipped
-from kpopnet.benchmarks.organised_points import FROM_OPENGL, depth_of_points, fit_camera
-from kpopnet.camera import Camera
+from kpopnet.benchmarks.organised_points import FROM_OPENGL, PointSequence, depth_of_points, fit_camera
 from kpopnet.errors import InputError
 from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
 
@@ -50,25 +48,6 @@ PADDED = np.dtype(FIELDS, align=True)
 FPS = 25.0
 BLOCK = 32
 """Frames read at a time, 15 MB."""
-
-
-@dataclass(frozen=True)
-class Smmc10Sequence:
-    """A file's contents, in the camera frame.
-
-    Attributes:
-        camera: fitted to the points.
-        depth_m: (T, 176, 144) float32, 0 where nothing was measured.
-        joints_camera_m: (T, 15, 3) float32, NaN where one of the joint's markers is not visible, or the map has none.
-        markers_camera_m: (T, 3) float32 by the marker's id, NaN where it is not visible.
-        skipped: what was left out: how often, by what it was.
-    """
-
-    camera: Camera
-    depth_m: np.ndarray
-    joints_camera_m: np.ndarray
-    markers_camera_m: dict[int, np.ndarray]
-    skipped: Counter[str]
 
 
 def find_layout(path: Path) -> tuple[np.dtype, int]:
@@ -137,7 +116,7 @@ def stored_points(image: np.ndarray) -> np.ndarray:
     return image.swapaxes(0, 1).reshape(PIXELS, *image.shape[2:])
 
 
-def read_sequence(path: Path, joint_markers: Mapping[str, list[int]]) -> Smmc10Sequence:
+def read_sequence(path: Path, joint_markers: Mapping[str, list[int]]) -> PointSequence:
     """Reads one file.
 
     Args:
@@ -184,7 +163,7 @@ def read_sequence(path: Path, joint_markers: Mapping[str, list[int]]) -> Smmc10S
         raise InputError(
             f"{path}: no frame shows the markers that the map names. {describe_map(joint_markers)}. {describe(path)}"
         )
-    return Smmc10Sequence(camera, depth_m, joints_m, markers_m, +skipped)
+    return PointSequence(camera, depth_m, joints_m, markers_m, +skipped)
 
 
 def _visible_markers(block: np.ndarray, skipped: Counter[str]) -> Iterator[tuple[np.ndarray, np.ndarray]]:

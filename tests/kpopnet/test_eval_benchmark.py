@@ -12,16 +12,13 @@ from hydra import compose, initialize_config_dir
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
+from slopes import joints_m, slope_m
 
-from kpopnet.benchmarks.eval_benchmark import (
-    EvalBenchmark,
-    EvalConfig,
-    EvalSimBenchmark,
-    EvalSimConfig,
-    checked_map,
-    heading_rad,
-)
-from kpopnet.benchmarks.eval_format import BLOCK, FRAME, fit_camera, read_sequence
+from kpopnet.benchmarks.eval_benchmark import EvalBenchmark, EvalConfig, EvalSimBenchmark, EvalSimConfig
+from kpopnet.benchmarks.eval_format import BLOCK, FRAME, read_sequence
+from kpopnet.benchmarks.headings import heading_rad
+from kpopnet.benchmarks.joint_maps import checked_map
+from kpopnet.benchmarks.organised_points import fit_camera
 from kpopnet.benchmarks.registry import BENCHMARKS
 from kpopnet.benchmarks.sequences import Origin
 from kpopnet.camera import Camera
@@ -35,24 +32,11 @@ SLOPES = CAMERA.points(np.ones((240, 320), np.float32)) * np.float32([1, -1, -1]
 IDS = {name: [number] for number, name in enumerate(JOINT_NAMES, start=40)}
 
 
-def scene(frame: int) -> np.ndarray:
-    """(240, 320) metres: a slope with a hole that moves."""
-    depth = np.tile(np.linspace(1.5, 4.0, 240, dtype=np.float32)[:, None], (1, 320))
-    depth[20:40, 5 * frame : 5 * frame + 30] = 0
-    return depth
-
-
-def truth(frame: int) -> np.ndarray:
-    """(15, 3) joints in the camera frame."""
-    joints = np.stack([np.linspace(-0.4, 0.4, 15), np.linspace(0.9, -0.8, 15), np.full(15, 2.5)], axis=1)
-    return joints + np.array([0.01 * frame, 0, 0])
-
-
 def packed(frame: int, *, magic=7, joints=None, markers=None, xyz=None, njoints=None, nmarkers=None) -> bytes:
     """One frame, field by field; joints and markers are (id or name, camera frame position)."""
-    joints = list(zip(range(40, 55), truth(frame), strict=True)) if joints is None else joints
+    joints = list(zip(range(40, 55), joints_m(frame), strict=True)) if joints is None else joints
     markers = [("LSHO", (0.2, -0.4, 2.4))] if markers is None else markers
-    points = SLOPES * scene(frame)[..., None] if xyz is None else xyz
+    points = SLOPES * slope_m(frame)[..., None] if xyz is None else xyz
     parts = [struct.pack("<ii", magic, frame), points.astype("<f4").tobytes()]
     parts.append(struct.pack("<i", len(markers) if nmarkers is None else nmarkers))
     for slot in range(32):
@@ -88,15 +72,15 @@ def test_the_layout_is_the_published_one(folder):
     row, column = 100, 200
     x, y, z = struct.unpack_from("<3f", whole, 8 + 12 * (row * 320 + column))
     np.testing.assert_array_equal(frame["xyz"][row, column], np.float32([x, y, z]))
-    assert z < 0 and -z == scene(5)[row, column]
+    assert z < 0 and -z == slope_m(5)[row, column]
     assert frame.tobytes() == whole
 
 
 def test_a_sequence_reads_as_depth_camera_and_joints(folder):
     sequence = read(folder)
     assert (sequence.name, sequence.identity, sequence.fps, sequence.alone) == ("seq_a_0", "a", 30.0, False)
-    np.testing.assert_array_equal(sequence.depth_m, np.stack([scene(frame) for frame in range(3)]))
-    np.testing.assert_allclose(sequence.joints_camera_m, np.stack([truth(frame) for frame in range(3)]), atol=1e-6)
+    np.testing.assert_array_equal(sequence.depth_m, np.stack([slope_m(frame) for frame in range(3)]))
+    np.testing.assert_allclose(sequence.joints_camera_m, np.stack([joints_m(frame) for frame in range(3)]), atol=1e-6)
     assert sequence.visible.all() and sequence.camera.width == 320
     found = [sequence.camera.fx, sequence.camera.fy, sequence.camera.cx, sequence.camera.cy]
     np.testing.assert_allclose(found, [CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy], atol=1e-3)
@@ -107,8 +91,8 @@ def test_more_frames_than_are_read_at_a_time(tmp_path):
     (tmp_path / "seq_a_0.bin").write_bytes(b"".join(packed(frame) for frame in range(frames)))
     sequence = read(tmp_path)
     for frame in (0, BLOCK - 1, BLOCK, frames - 1):
-        np.testing.assert_array_equal(sequence.depth_m[frame], scene(frame))
-        np.testing.assert_allclose(sequence.joints_camera_m[frame], truth(frame), atol=1e-6)
+        np.testing.assert_array_equal(sequence.depth_m[frame], slope_m(frame))
+        np.testing.assert_allclose(sequence.joints_camera_m[frame], joints_m(frame), atol=1e-6)
 
 
 @settings(max_examples=15, deadline=None)
@@ -128,7 +112,7 @@ def test_the_camera_is_found_from_the_points_alone(fx, fy, cx, cy, seed):
 
 
 def test_points_of_no_camera_are_refused(folder):
-    transposed = SLOPES[..., [1, 0, 2]] * scene(0)[..., None]
+    transposed = SLOPES[..., [1, 0, 2]] * slope_m(0)[..., None]
     (folder / "seq_a_0.bin").write_bytes(packed(0, xyz=transposed))
     with pytest.raises(InputError, match=r"seq_a_0\.bin: its points lie .* pixels from .* x right, y up, z negative"):
         read(folder)
@@ -189,7 +173,7 @@ def test_a_foreign_file_of_the_right_length_is_refused(folder):
 
 
 def test_what_is_left_out_is_counted_and_said(folder, caplog):
-    points = SLOPES * scene(0)[..., None]
+    points = SLOPES * slope_m(0)[..., None]
     points[50, 60:70] = np.nan
     points[51, 60] = np.inf, 0, -2
     points[52, 61] = 0.1, 0.1, 2.0
@@ -246,8 +230,8 @@ def test_the_map_is_given_on_the_command_line(folder, monkeypatch):
         config = OmegaConf.to_object(compose("evaluate", given).benchmark)
     assert isinstance(config, EvalConfig)
     sequence = EvalBenchmark(config).read("seq_a_0")
-    np.testing.assert_allclose(sequence.joints_camera_m[0, Joint.HEAD], truth(0)[0], atol=1e-6)
-    np.testing.assert_allclose(sequence.joints_camera_m[0, Joint.TORSO], truth(0)[[1, 8]].mean(axis=0), atol=1e-6)
+    np.testing.assert_allclose(sequence.joints_camera_m[0, Joint.HEAD], joints_m(0)[0], atol=1e-6)
+    np.testing.assert_allclose(sequence.joints_camera_m[0, Joint.TORSO], joints_m(0)[[1, 8]].mean(axis=0), atol=1e-6)
     assert sequence.visible[0].sum() == 2
 
 
@@ -304,7 +288,7 @@ def test_simulated_files_are_never_called_real_nor_real_ones_simulated(folder):
     assert benchmark.origin is Origin.SIMULATED and EvalBenchmark.origin is Origin.REAL
     assert "SIMULATED" in benchmark.about and "seed 5" in benchmark.about and "abc" in benchmark.about
     assert benchmark.provenance == {"seed": 5, "version": 4, "config_hash": "abc"}
-    np.testing.assert_allclose(benchmark.read("seq_a_0").joints_camera_m[1], truth(1), atol=1e-6)
+    np.testing.assert_allclose(benchmark.read("seq_a_0").joints_camera_m[1], joints_m(1), atol=1e-6)
 
 
 def test_an_unreadable_manifest_does_not_make_a_set_real(folder):

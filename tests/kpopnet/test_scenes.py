@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from shard_sets import write_shard
+from slopes import joints_m, slope_m
 
 from kpopnet.benchmarks import estimating
 from kpopnet.benchmarks.evaluation import EvaluateConfig, run_benchmark
@@ -17,19 +18,6 @@ from kpopnet.extraction import HumanExtractionConfig
 CAMERA = CAMERAS["eval"]
 
 
-def scene(frame: int) -> np.ndarray:
-    """(240, 320) metres."""
-    depth = np.tile(np.linspace(1.5, 4.0, 240, dtype=np.float32)[:, None], (1, 320))
-    depth[20:40, 5 * frame : 5 * frame + 30] = 0
-    return depth
-
-
-def truth(frame: int) -> np.ndarray:
-    """(15, 3) joints in the camera frame, a centimetre farther to the right in every picture."""
-    joints = np.stack([np.linspace(-0.4, 0.4, 15), np.linspace(0.9, -0.8, 15), np.full(15, 2.5)], axis=1)
-    return joints + np.array([0.01 * frame, 0, 0])
-
-
 class Seen:
     """An estimator that keeps what it was given and always finds the same pose."""
 
@@ -40,7 +28,7 @@ class Seen:
 
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
         self.depths.append(depth_m)
-        return Estimate(np.tile(truth(0), (len(depth_m), 1, 1)).astype(np.float32), np.ones((len(depth_m), 15), np.float32))
+        return Estimate(np.tile(joints_m(0), (len(depth_m), 1, 1)).astype(np.float32), np.ones((len(depth_m), 15), np.float32))
 
 
 class Scenes:
@@ -52,8 +40,8 @@ class Scenes:
         return ["one", "two"]
 
     def read(self, name: str) -> Sequence:
-        joints = np.stack([truth(frame) for frame in range(3)]).astype(np.float32)
-        depth_m = np.stack([scene(frame) for frame in range(3)])
+        joints = np.stack([joints_m(frame) for frame in range(3)]).astype(np.float32)
+        depth_m = np.stack([slope_m(frame) for frame in range(3)])
         return Sequence(name, "", 30.0, CAMERA, depth_m, joints, np.ones((3, 15), bool), alone=False)
 
 
@@ -90,8 +78,8 @@ def test_what_shows_people_alone_is_not_extracted_again(tmp_path, monkeypatch):
 
 
 def test_surroundings_keep_what_is_near_the_joints():
-    depth = scene(0)
-    kept = surroundings(depth, CAMERA, truth(0))
+    depth = slope_m(0)
+    kept = surroundings(depth, CAMERA, joints_m(0))
     points = CAMERA.points(depth)
     near = (np.abs(points[..., 2] - 2.5) < 0.3) & (np.abs(points[..., 0]) < 0.6) & (np.abs(points[..., 1]) < 1.0)
     far = np.abs(points[..., 2] - 2.5) > 0.4

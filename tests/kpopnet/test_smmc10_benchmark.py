@@ -12,6 +12,7 @@ from hydra import compose, initialize_config_dir
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
+from slopes import slope_m
 
 from kpopnet.benchmarks.registry import BENCHMARKS
 from kpopnet.benchmarks.sequences import Origin
@@ -34,10 +35,7 @@ MARKERS = {"head": [1, 3], "neck": [5], "left_hand": [24]}
 
 
 def scene(frame: int) -> np.ndarray:
-    """(176, 144) metres: a slope with a hole that moves."""
-    depth = np.tile(np.linspace(1.5, 4.0, 176, dtype=np.float32)[:, None], (1, 144))
-    depth[20:40, 5 * frame : 5 * frame + 30] = 0
-    return depth
+    return slope_m(frame, 176, 144)
 
 
 def place(number: int, frame: int = 0) -> tuple[float, float, float]:
