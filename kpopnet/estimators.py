@@ -5,6 +5,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 
 from kpopnet.camera import Camera
+from kpopnet.skeleton import NUM_JOINTS
 
 
 class Estimate(NamedTuple):
@@ -18,6 +19,11 @@ class Estimate(NamedTuple):
     joints_camera_m: np.ndarray
     confidence: np.ndarray
 
+    @classmethod
+    def of_nobody(cls, frames: int) -> "Estimate":
+        """All joints missing, to be filled in where somebody is found."""
+        return cls(np.full((frames, NUM_JOINTS, 3), np.nan, np.float32), np.zeros((frames, NUM_JOINTS), np.float32))
+
 
 class Estimator(Protocol):
     """Estimates one person's joints from depth in which only that person is left (0 elsewhere)."""
@@ -25,7 +31,18 @@ class Estimator(Protocol):
     name: str
 
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
-        """(T, H, W) float32 metres. A frame without a person gives NaN joints with confidence 0."""
+        """Joints of the one person in each frame.
+
+        Args:
+            depth_m: (T, H, W) of that person alone, 0 elsewhere; floating-point metres or uint16 millimetres.
+            camera: the camera of these pixels.
+
+        Returns:
+            (T, 15, 3) joints and (T, 15) confidence; NaN and 0 in frames with an empty silhouette.
+
+        Raises:
+            InputError: depth of another type or shape.
+        """
         ...
 
 

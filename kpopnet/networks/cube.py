@@ -95,6 +95,12 @@ def person_centre(depth_m: np.ndarray, camera: Camera) -> np.ndarray | None:
     return np.median(points, axis=1).astype(np.float32)
 
 
+def person_cubes(depth_m: np.ndarray, camera: Camera, half_size_m: float) -> dict[int, Cube]:
+    """The cube around the person by the number of the frame, of those of (T, H, W) frames that show one."""
+    centres_m = ((frame, person_centre(image, camera)) for frame, image in enumerate(depth_m))
+    return {frame: Cube(centre_m, half_size_m) for frame, centre_m in centres_m if centre_m is not None}
+
+
 @njit(cache=True)
 def silhouette_points(depth_m, fx, fy, cx, cy):
     """(3, N) X, Y, Z in metres of the pixels with a measurement, or of every n-th such that some thousands remain."""

@@ -11,9 +11,8 @@ from kpopnet.camera import Camera, sequence_in_metres
 from kpopnet.checkpoint import load_network
 from kpopnet.errors import InputError
 from kpopnet.estimators import Estimate
-from kpopnet.networks.cube import Cube, crop, person_centre
+from kpopnet.networks.cube import Cube, crop, person_cubes
 from kpopnet.ridge import RidgeConfig, ridge_probability
-from kpopnet.skeleton import NUM_JOINTS
 
 BATCH = 32
 
@@ -40,32 +39,16 @@ class NetworkEstimator:
         self.ridge = RidgeConfig(**self.meta["config"].get("ridge", {})) if self.model.input == "depth_ridge" else None
 
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
-        """Joints of the one person in each frame.
-
-        Args:
-            depth_m: (T, H, W) of that person alone, 0 elsewhere; floating-point metres or uint16 millimetres.
-            camera: the camera of these pixels.
-
-        Returns:
-            (T, 15, 3) joints and (T, 15) confidence; NaN and 0 in frames with an empty silhouette.
-
-        Raises:
-            InputError: depth of another type or shape.
-        """
+        """See `kpopnet.estimators.Estimator`."""
         depth_m = sequence_in_metres(depth_m, camera)
-        joints_m = np.full((len(depth_m), NUM_JOINTS, 3), np.nan, np.float32)
-        confidence = np.zeros((len(depth_m), NUM_JOINTS), np.float32)
-        cubes = {}
-        for frame, image in enumerate(depth_m):
-            centre_m = person_centre(image, camera)
-            if centre_m is not None:
-                cubes[frame] = Cube(centre_m, self.model.half_size_m)
+        found = Estimate.of_nobody(len(depth_m))
+        cubes = person_cubes(depth_m, camera, self.model.half_size_m)
         frames = list(cubes)
         for chosen in (frames[i : i + BATCH] for i in range(0, len(frames), BATCH)):
-            uvd, confidence[chosen] = self._predict([self._crop(depth_m[i], camera, cubes[i]) for i in chosen])
+            uvd, found.confidence[chosen] = self._predict([self._crop(depth_m[i], camera, cubes[i]) for i in chosen])
             for frame, estimate in zip(chosen, uvd, strict=True):
-                joints_m[frame] = cubes[frame].to_metres(estimate)
-        return Estimate(joints_m, confidence)
+                found.joints_camera_m[frame] = cubes[frame].to_metres(estimate)
+        return found
 
     def _crop(self, depth_m: np.ndarray, camera: Camera, cube: Cube) -> np.ndarray:
         ridge = None if self.ridge is None else ridge_probability(depth_m, self.ridge)

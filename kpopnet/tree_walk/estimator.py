@@ -7,8 +7,7 @@ import numpy as np
 from kpopnet.camera import Camera, sequence_in_metres
 from kpopnet.errors import InputError
 from kpopnet.estimators import Estimate
-from kpopnet.networks.cube import Cube, crop, person_centre
-from kpopnet.skeleton import NUM_JOINTS
+from kpopnet.networks.cube import crop, person_cubes
 from kpopnet.tree_walk.image import integer_image
 from kpopnet.tree_walk.model import TreeWalkModel
 
@@ -43,28 +42,12 @@ class TreeWalkEstimator:
         self.model = TreeWalkModel.load(config.path)
 
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
-        """Joints of the one person in each frame.
-
-        Args:
-            depth_m: (T, H, W) of that person alone, 0 elsewhere; floating-point metres or uint16 millimetres.
-            camera: the camera of these pixels.
-
-        Returns:
-            (T, 15, 3) joints and (T, 15) confidence; NaN and 0 in frames with an empty silhouette.
-
-        Raises:
-            InputError: depth of another type or shape.
-        """
+        """See `kpopnet.estimators.Estimator`."""
         depth_m = sequence_in_metres(depth_m, camera)
-        joints_m = np.full((len(depth_m), NUM_JOINTS, 3), np.nan, np.float32)
-        confidence = np.zeros((len(depth_m), NUM_JOINTS), np.float32)
-        for frame, image in enumerate(depth_m):
-            centre_m = person_centre(image, camera)
-            if centre_m is None:
-                continue
-            cube = Cube(centre_m, self.model.half_size_m)
-            seen = integer_image(crop(image, camera, cube, self.model.crop_px)[0])
+        found = Estimate.of_nobody(len(depth_m))
+        for frame, cube in person_cubes(depth_m, camera, self.model.half_size_m).items():
+            seen = integer_image(crop(depth_m[frame], camera, cube, self.model.crop_px)[0])
             uvd, spread_m = self.model.walked(seen, frame)
-            joints_m[frame] = cube.to_metres(uvd)
-            confidence[frame] = self.model.confidence(spread_m)
-        return Estimate(joints_m, confidence)
+            found.joints_camera_m[frame] = cube.to_metres(uvd)
+            found.confidence[frame] = self.model.confidence(spread_m)
+        return found
