@@ -1,4 +1,4 @@
-"""Writes dances in the folder format of K-Pop sets (`kpopnet.benchmarks.kpop`)."""
+"""Writes dances in the folder format of K-Pop sets (`kpopnet.benchmarks.kpop_format`)."""
 
 import json
 import os
@@ -10,7 +10,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from kpopnet.benchmarks.kpop import FORMAT, LABELS, TEACHER, VERSION, depth_key, is_plain
+from kpopnet.benchmarks.kpop_format import FORMAT, LABELS, TEACHER, VERSION, depth_key, is_plain
 from kpopnet.camera import MM_PER_METRE, Camera
 from kpopnet.dance.scoring import Performance
 from kpopnet.errors import InputError

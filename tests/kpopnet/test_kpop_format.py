@@ -7,7 +7,8 @@ import h5py
 import numpy as np
 import pytest
 
-from kpopnet.benchmarks.kpop import MARGIN_PX, KpopConfig, KpopSet, open_set, read_labels
+from kpopnet.benchmarks.kpop import KpopConfig, KpopSet, open_set
+from kpopnet.benchmarks.kpop_format import MARGIN_PX, read_labels
 from kpopnet.benchmarks.kpop_writing import PackedDepth, write_labels, write_learner, write_teacher
 from kpopnet.benchmarks.sequences import Origin
 from kpopnet.camera import Camera
@@ -235,7 +236,7 @@ def test_hostile_files(folder, tmp_path):
 
 
 def test_a_recording_that_would_fill_the_memory_is_refused(folder, monkeypatch):
-    monkeypatch.setattr("kpopnet.benchmarks.kpop.MOST_IN_MEMORY", 1000)
+    monkeypatch.setattr("kpopnet.benchmarks.kpop_format.MOST_IN_MEMORY", 1000)
     with pytest.raises(InputError, match="cut it in pieces"):
         KpopSet(folder).dance("mama").learners[0].depth()
 

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from dance_people import FPS, dance_joints_m, noisy, performed
 
-from kpopnet.benchmarks.kpop import FORMAT, LABELS, TEACHER, VERSION
+from kpopnet.benchmarks.kpop_format import FORMAT, LABELS, TEACHER, VERSION
 from kpopnet.dance import calibration
 from kpopnet.dance.calibration import OTHER, STILL, best_of, candidates, greatest_alpha, main
 from kpopnet.dance.scoring import SCORERS, ScorerConfig, timing_similarity
