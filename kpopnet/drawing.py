@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 
 from kpopnet.camera import Camera
+from kpopnet.replacing import replacing
 from kpopnet.skeleton import BONES, JOINT_NAMES
 
 BACKGROUND = (24, 24, 28)
@@ -195,8 +196,9 @@ def sheet(
 
 
 def save_png(path: Path | str, picture: np.ndarray) -> None:
-    """Writes an RGB picture."""
+    """Writes an RGB picture, whole or not at all."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    if not cv2.imwrite(str(path), cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)):
-        raise OSError(f"{path}: the picture cannot be written")
+    _, encoded = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
+    with replacing(path) as part:
+        part.write_bytes(encoded.tobytes())

@@ -3,7 +3,6 @@
 import json
 import multiprocessing
 import os
-import socket
 import sys
 import threading
 from collections.abc import Callable
@@ -27,6 +26,7 @@ from kpopnet.drawing import (
     with_captions,
 )
 from kpopnet.errors import InputError
+from kpopnet.replacing import replacing
 from kpopnet.shards import ShardedSet, open_shard, shard_path
 from synth.observe import Room, freeze
 from synth.shards import FreezeConfig, SetConfig, is_finished, write_shard
@@ -48,11 +48,7 @@ def generate(config: SetConfig, folder: Path, shards: range, processes: int) -> 
     if len(missing) < len(shards):
         print(f"{folder}: {len(shards) - len(missing)} of {len(shards)} shards are there already")
     with progress_bar(total, "sample", config.split) as bar:
-        if processes == 1 or len(missing) == 1:
-            for shard in missing:
-                write_shard(config, folder, shard, lambda: bar.update())
-        elif missing:
-            in_processes(write_shard, [(config, folder, shard) for shard in missing], folder, processes, bar)
+        in_processes(write_shard, [(config, folder, shard) for shard in missing], folder, processes, bar)
 
 
 def progress_bar(total: int, unit: str, what: str) -> tqdm:
@@ -61,11 +57,17 @@ def progress_bar(total: int, unit: str, what: str) -> tqdm:
 
 
 def in_processes(write: Callable, jobs: list[tuple], folder: Path, processes: int, bar: tqdm) -> None:
-    """Calls write(*job, on_progress) for every job in processes of their own; the bar moves with every on_progress().
+    """Calls write(*job, on_progress) for every job; the bar moves with every on_progress().
+
+    Several jobs are spread over processes of their own, unless one process is all there is to be.
 
     Raises:
         InputError: a process died; what is finished stays in the folder.
     """
+    if processes == 1 or len(jobs) <= 1:
+        for job in jobs:
+            write(*job, lambda: bar.update())
+        return
     # Spawned, not forked: a forked child would inherit threads and GL state half-way through.
     context = multiprocessing.get_context("spawn")
     done = context.Value("q", 0)
@@ -126,12 +128,10 @@ def finish(config: SetConfig, folder: Path, look: FreezeConfig) -> dict | None:
             for name in totals:
                 totals[name] += int(file.attrs[name])
     summary |= totals | {"bytes": sum(path.stat().st_size for path in folder.glob("shard_*.h5"))}
-    # Jobs that end together may both get here: each writes beside the names and renames.
-    part = folder / f".finished.{socket.gethostname()}.{os.getpid()}"
-    part.write_text(json.dumps(summary | {"config": json.loads(config.as_json())}, indent=1))
-    os.replace(part, folder / "set.json")
-    save_png(part.with_suffix(".png"), draw_contact_sheet(ShardedSet(folder), look, config.seed))
-    os.replace(part.with_suffix(".png"), folder / "contact_sheet.png")
+    # Jobs that end together may both get here: each replaces the whole file.
+    with replacing(folder / "set.json") as part:
+        part.write_text(json.dumps(summary | {"config": json.loads(config.as_json())}, indent=1))
+    save_png(folder / "contact_sheet.png", draw_contact_sheet(ShardedSet(folder), look, config.seed))
     return summary
 
 

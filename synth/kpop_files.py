@@ -6,8 +6,6 @@ killed goes on by making what is missing.
 
 import dataclasses
 import json
-import os
-import socket
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,7 +16,7 @@ from kpopnet.benchmarks.kpop_format import LABELS, MANIFEST, TEACHER
 from kpopnet.benchmarks.kpop_writing import write_labels, write_learner, write_teacher
 from kpopnet.dance.scoring import Performance
 from kpopnet.drawing import TRUE, person_tile, save_png, sheet
-from kpopnet.errors import InputError
+from kpopnet.replacing import replacing
 from synth.generate import in_processes, progress_bar
 from synth.kpop_sim import CAMERA, FPS, LEARNERS, KpopSim, KpopSimSet, dance_name
 from synth.skill import LEVELS
@@ -41,11 +39,7 @@ def write_set(config: KpopSimSet, folder: Path, processes: int) -> dict:
     jobs = [(config, folder, index) for index in missing]
     frames = round(sum(config.seconds) / 2 * FPS) * len(LEARNERS)
     with progress_bar(len(missing) * frames, "frame", config.benchmark.name) as bar:
-        if processes == 1 or len(jobs) == 1:
-            for job in jobs:
-                write_dance(*job, lambda: bar.update())
-        elif jobs:
-            in_processes(write_dance, jobs, folder, processes, bar)
+        in_processes(write_dance, jobs, folder, processes, bar)
         bar.total = bar.n  # how long a dance is shows only when it is made
     for torn in folder.glob("dance_*/.*.tmp"):
         torn.unlink(missing_ok=True)
@@ -55,18 +49,9 @@ def write_set(config: KpopSimSet, folder: Path, processes: int) -> dict:
 
 def _claim(config: KpopSimSet, folder: Path) -> dict:
     """Writes the manifest before the first dance, so that no dance ever lies there without one."""
-    path, count = folder / MANIFEST, config.benchmark.dances
-    if path.exists():
-        found = json.loads(path.read_text())
-        if found.get("hash") != config.hash:
-            raise InputError(
-                f"{folder}: holds another set (made with other settings, {found.get('hash')} against {config.hash}); choose "
-                "another out=, or delete that folder"
-            )
-        count = max(count, found["dances"])
-    elif strange := sorted(folder.glob(f"*/{LABELS}")):
-        raise InputError(f"{strange[0]}: not made by this program, maybe a real set; choose another out=")
-    benchmark = config.benchmark
+    path, benchmark = folder / MANIFEST, config.benchmark
+    found = json.loads(path.read_text()) if path.exists() else None
+    count = config.amount_in(folder, found, f"*/{LABELS}", "a real set")
     manifest = {
         "simulated": True,
         "name": benchmark.name,
@@ -82,9 +67,8 @@ def _claim(config: KpopSimSet, folder: Path) -> dict:
         "levels": LEVELS,
         "config": json.loads(config.as_json()),
     }
-    part = path.with_name(f".manifest.{socket.gethostname()}.{os.getpid()}")
-    part.write_text(json.dumps(manifest, indent=1))
-    os.replace(part, path)
+    with replacing(path) as part:
+        part.write_text(json.dumps(manifest, indent=1))
     return manifest
 
 

@@ -9,12 +9,10 @@ Learner k of dance d is a pure function of the configuration, d and k. The bench
 training set; `split=train` gives others, to calibrate on.
 """
 
-import dataclasses
-import hashlib
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from typing import ClassVar
 
 import numpy as np
 from numba import njit
@@ -22,9 +20,9 @@ from numba import njit
 from kpopnet.benchmarks.kpop_writing import PackedDepth
 from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
-from synth.body import ASSET, BodyConfig, Person, draw_person, draw_stranger
+from synth.body import BodyConfig, Person, draw_person, draw_stranger
 from synth.film import Played, Studio, Take
-from synth.motion import SPLITS, MotionConfig, build_motion
+from synth.motion import SPLITS, build_motion
 from synth.motion.choreography import dance
 from synth.motion.skeleton import Motion
 from synth.motion.splice import cut, resampled
@@ -32,10 +30,8 @@ from synth.observe import LIMB_ENDS, MARGIN_PX
 from synth.room import Room, View, ViewConfig, draw_room, draw_view
 from synth.sample import silhouette_box
 from synth.sensor import SENSORS, SensorConfig, measure_labelled
+from synth.simulated_set import SimulatedSet, is_faulty
 from synth.skill import LEVELS, Mistake, SkillConfig, Strengths, draw_strengths, learn
-
-GENERATOR = 1
-"""Raised with every change after which the same configuration gives other dances."""
 
 CONNECTED_M = 0.1
 
@@ -55,9 +51,6 @@ ROOM_BOXES = 4
 
 TRAVEL_M = 1.0
 """A dance that leads farther away, to any side, is no dance for one camera."""
-
-JOLT_M_S2 = 50.0
-"""What accelerates the hips more is no jump of a dancer but a fault of a recording."""
 
 TRIES, PEOPLE, ROOMS = 100, 8, 16
 """Dances tried for each of the set, people for each learner (a tall one may not fit into the picture), rooms for each."""
@@ -89,43 +82,19 @@ class KpopSimConfig:
 
 
 @dataclass(frozen=True)
-class KpopSimSet:
+class KpopSimSet(SimulatedSet):
     """The whole of what the dances depend on.
 
     Attributes:
-        benchmark: which set.
-        motion: `choreography`, or `clips` for the recorded dances of a motion pack.
-        renderer: cpu or gl; auto must be decided first.
-        sensor: what measures.
         skill: how the levels differ.
         seconds: least and greatest length of a dance.
     """
 
+    counted: ClassVar[str] = "dances"
     benchmark: KpopSimConfig = field(default_factory=KpopSimConfig)
-    motion: MotionConfig = field(default_factory=lambda: MotionConfig(source="choreography"))
-    renderer: str = "cpu"
     sensor: SensorConfig = SENSORS["kinect_2"]
     skill: SkillConfig = field(default_factory=SkillConfig)
     seconds: tuple[float, float] = (15.0, 18.0)
-
-    def __post_init__(self) -> None:
-        composed = MotionConfig(source="choreography")
-        if self.motion.source != "clips" and self.motion != composed:
-            raise InputError(
-                f"motion: {self.motion.source} with settings of its own; a benchmark's motion is either composed "
-                "(motion=choreography, whose dances only benchmark.seed changes) or recorded (motion=clips motion.path=...)"
-            )
-
-    def as_json(self) -> str:
-        described = dataclasses.asdict(self)
-        del described["benchmark"]["dances"]
-        body = hashlib.sha256(ASSET.read_bytes()).hexdigest()[:12]
-        return json.dumps(described | {"generator": GENERATOR, "body_asset": body}, sort_keys=True)
-
-    @property
-    def hash(self) -> str:
-        """Twelve hexadecimal digits that differ when any dance might."""
-        return hashlib.sha256(self.as_json().encode()).hexdigest()[:12]
 
 
 def dance_name(index: int) -> str:
@@ -198,9 +167,8 @@ class KpopSim:
             seconds = rng.uniform(*self.config.seconds)
             motion = self._recorded(rng, seconds) if self.config.motion.source == "clips" else _composed(rng, seconds)
             away_m = (motion.root_m - motion.root_m[0])[:, [0, 2]]
-            jolt = np.linalg.norm(np.diff(motion.root_m, n=2, axis=0), axis=1).max() * FPS**2
             long_enough = len(motion) >= self.config.seconds[0] * FPS - 1
-            if long_enough and np.ptp(away_m, axis=0).max() < TRAVEL_M and jolt < JOLT_M_S2:
+            if long_enough and np.ptp(away_m, axis=0).max() < TRAVEL_M and not is_faulty(motion):
                 return motion
         raise InputError(
             f"{dance_name(index)}: none of {TRIES} recordings drawn lasts {self.config.seconds[0]:g} s, stays within "

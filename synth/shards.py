@@ -8,8 +8,6 @@ import dataclasses
 import hashlib
 import importlib.metadata
 import json
-import os
-import socket
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +17,7 @@ import numpy as np
 
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
+from kpopnet.replacing import replacing
 from kpopnet.ridge import RidgeConfig
 from kpopnet.shards import FORMAT, VERSION, Sample, read_header, shard_path
 from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
@@ -101,16 +100,9 @@ def write_shard(config: SetConfig, folder: Path, shard: int, on_sample: Callable
     """Makes one shard. `on_sample` is called after every sample."""
     path = shard_path(folder, shard)
     path.parent.mkdir(parents=True, exist_ok=True)
-    torn = path.with_name(f".{path.name}.{socket.gethostname()}.{os.getpid()}.tmp")
     sampler = _sampler(config)
-    try:
-        with h5py.File(torn, "w") as file:
-            _fill(file, config, shard, sampler, on_sample)
-        with open(torn, "rb") as written:
-            os.fsync(written.fileno())
-        os.replace(torn, path)
-    finally:
-        torn.unlink(missing_ok=True)
+    with replacing(path) as part, h5py.File(part, "w") as file:
+        _fill(file, config, shard, sampler, on_sample)
 
 
 _samplers: dict[tuple, Sampler] = {}

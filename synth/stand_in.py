@@ -5,12 +5,9 @@ function of the configuration and k. Nobody and nothing in it was ever in a trai
 `StandIn._rng`.
 """
 
-import dataclasses
-import hashlib
-import json
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
@@ -18,14 +15,14 @@ import numpy as np
 
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
-from synth.body import ASSET, BodyConfig, Person, draw_stranger
+from synth.body import BodyConfig, Person, draw_stranger
 from synth.film import Film, Shot, Studio, Take
-from synth.motion import MotionConfig, build_motion
+from synth.motion import build_motion
 from synth.motion.features import START_S, start_pose
 from synth.motion.skeleton import Motion
 from synth.motion.splice import cut, follow, resampled
 from synth.room import ViewConfig, draw_room, draw_view
-from synth.sensor import SENSORS, SensorConfig
+from synth.simulated_set import SimulatedSet, is_faulty
 
 BODY = BodyConfig()
 
@@ -36,9 +33,6 @@ OVERLAP_M = (0.06, 0.03)
 """A motion is refused if two parts of the body lie deeper in each other, by the capsules in them, than the first, or than
 when the person only stands there, and the second besides. The forearms of broad people lie 6 cm deep in their thighs then,
 clothes and all, and it does not show."""
-
-JOLT_M_S2 = 50.0
-"""What accelerates the hips more is no jump of a dancer but a fault of a recording."""
 
 TRIES, ROOMS = 100, 8
 """Motions tried for a sequence, and rooms tried for each."""
@@ -69,44 +63,11 @@ class Which:
 
 
 @dataclass(frozen=True)
-class StandInSet(ABC):
-    """The whole of what the sequences depend on.
+class StandInSet(SimulatedSet, ABC):
+    """The whole of what the sequences depend on. Attributes: frames: least and greatest length of a sequence."""
 
-    Attributes:
-        benchmark: which set.
-        motion: `choreography`, or `clips` for recordings of the pack's test subjects.
-        renderer: cpu or gl; auto must be decided first.
-        sensor: what measures.
-        frames: least and greatest length of a sequence.
-    """
-
-    generator: ClassVar[int] = 1
-    """Raised with every change after which the same configuration gives other sequences."""
-
-    benchmark: Which
-    motion: MotionConfig = field(default_factory=lambda: MotionConfig(source="choreography"))
-    renderer: str = "cpu"
-    sensor: SensorConfig = SENSORS["ideal"]
+    counted: ClassVar[str] = "sequences"
     frames: tuple[int, int] = (100, 400)
-
-    def __post_init__(self) -> None:
-        composed = MotionConfig(source="choreography")
-        if self.motion.source != "clips" and self.motion != composed:
-            raise InputError(
-                f"motion: {self.motion.source} with settings of its own; a benchmark's motion is either composed "
-                "(motion=choreography, whose dances only benchmark.seed changes) or recorded (motion=clips motion.path=...)"
-            )
-
-    def as_json(self) -> str:
-        described = dataclasses.asdict(self)
-        del described["benchmark"]["sequences"]
-        body = hashlib.sha256(ASSET.read_bytes()).hexdigest()[:12]
-        return json.dumps(described | {"generator": self.generator, "body_asset": body}, sort_keys=True)
-
-    @property
-    def hash(self) -> str:
-        """Twelve hexadecimal digits that differ when any sequence might."""
-        return hashlib.sha256(self.as_json().encode()).hexdigest()[:12]
 
     def kind(self, index: int) -> str:
         """What sequence `index` shows."""
@@ -171,7 +132,7 @@ class StandIn(ABC):
         for attempt in range(TRIES):
             rng = self._rng("sequence", index, attempt)
             motion = self._motion(rng, index, int(rng.integers(*self.config.frames, endpoint=True)))
-            if np.linalg.norm(np.diff(motion.root_m, n=2, axis=0), axis=1).max() * self.fps**2 > JOLT_M_S2:
+            if is_faulty(motion):
                 continue
             yaw_rad, curls_rad = np.radians(FACING_DEG) * rng.normal(), rng.uniform(0.0, 1.5, 2)
             played = self.studio.play(person, motion, yaw_rad, curls_rad)

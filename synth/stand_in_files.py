@@ -5,8 +5,6 @@ A file is written beside its name and renamed when it is whole: a run that was k
 
 import dataclasses
 import json
-import os
-import socket
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +14,7 @@ import numpy as np
 from kpopnet.benchmarks.stand_ins import manifest_path, read_manifest
 from kpopnet.camera import Camera
 from kpopnet.drawing import TRUE, depth_picture, draw_skeleton, enlarged, save_png, sheet, with_captions
-from kpopnet.errors import InputError
+from kpopnet.replacing import replacing
 from synth.film import Shot
 from synth.generate import in_processes, progress_bar
 from synth.stand_in import StandIn, StandInSet
@@ -65,11 +63,7 @@ def write_set(form: StandInFormat, config: StandInSet, folder: Path, processes: 
         print(f"{folder}: {len(wanted) - len(missing)} of {len(wanted)} sequences are there already")
     jobs = [(form, config, folder, index) for index in missing]
     with progress_bar(len(missing) * sum(config.frames) // 2, "frame", config.benchmark.name) as bar:
-        if processes == 1 or len(jobs) == 1:
-            for job in jobs:
-                write_sequence(*job, lambda: bar.update())
-        elif jobs:
-            in_processes(write_sequence, jobs, folder, processes, bar)
+        in_processes(write_sequence, jobs, folder, processes, bar)
         bar.total = bar.n  # how long a sequence is shows only when it is made
     for torn in folder.glob(f".*{form.suffix}.*.tmp"):
         torn.unlink(missing_ok=True)
@@ -79,17 +73,8 @@ def write_set(form: StandInFormat, config: StandInSet, folder: Path, processes: 
 
 def _claim(form: StandInFormat, config: StandInSet, folder: Path) -> dict:
     """Writes the manifest before the first file, so that no file ever lies there without one."""
-    path, count, maker = manifest_path(folder), config.benchmark.sequences, form.maker
-    if path.exists():
-        found = read_manifest(folder)
-        if found["hash"] != config.hash:
-            raise InputError(
-                f"{folder}: holds another set (made with other settings, {found['hash']} against {config.hash}); choose "
-                "another out=, or delete that folder"
-            )
-        count = max(count, found["sequences"])
-    elif strange := sorted(folder.glob(f"*{form.suffix}")):
-        raise InputError(f"{strange[0]}: not made by this program, maybe the real {form.stands_for}; choose another out=")
+    maker = form.maker
+    count = config.amount_in(folder, read_manifest(folder), f"*{form.suffix}", f"the real {form.stands_for}")
     manifest = {
         "simulated": True,
         "about": f"SIMULATED sequences in the format of {form.stands_for}; not {form.stands_for}, and no real person.",
@@ -103,9 +88,8 @@ def _claim(form: StandInFormat, config: StandInSet, folder: Path) -> dict:
         **form.truth,
         "config": json.loads(config.as_json()),
     }
-    part = path.with_name(f".manifest.{socket.gethostname()}.{os.getpid()}")
-    part.write_text(json.dumps(manifest, indent=1))
-    os.replace(part, path)
+    with replacing(manifest_path(folder)) as part:
+        part.write_text(json.dumps(manifest, indent=1))
     return manifest
 
 
@@ -120,19 +104,11 @@ def write_sequence(
         _makers.clear()
         _makers[config.hash] = form.maker(config)
     maker = _makers[config.hash]
-    path = form.path(folder, index)
-    torn = path.with_name(f".{path.name}.{socket.gethostname()}.{os.getpid()}.tmp")
     take = maker.take(index)
-    try:
-        with open(torn, "wb") as file:
-            for number, shot in enumerate(maker.shots(index, take, range(len(take.played)))):
-                file.write(form.as_bytes(shot, number))
-                on_frame()
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(torn, path)
-    finally:
-        torn.unlink(missing_ok=True)
+    with replacing(form.path(folder, index)) as part, part.open("wb") as file:
+        for number, shot in enumerate(maker.shots(index, take, range(len(take.played)))):
+            file.write(form.as_bytes(shot, number))
+            on_frame()
 
 
 def contact_sheet(form: StandInFormat, folder: Path, manifest: dict) -> np.ndarray:

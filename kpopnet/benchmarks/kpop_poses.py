@@ -7,7 +7,6 @@ that they name (a network's weights), and the source code. A file in it is named
 import hashlib
 import inspect
 import json
-import os
 import time
 import zipfile
 from dataclasses import asdict, dataclass
@@ -16,16 +15,17 @@ from typing import Any
 
 import numpy as np
 
+from kpopnet.benchmarks.estimating import WARM_UP_FRAMES
 from kpopnet.benchmarks.kpop import Dance, Learner
 from kpopnet.benchmarks.registry import build_estimators
 from kpopnet.dance.scoring import Performance
 from kpopnet.errors import InputError
 from kpopnet.estimators import Estimator
+from kpopnet.replacing import replacing
 from kpopnet.skeleton import NUM_JOINTS
 
 _WEIGHTS = "model.safetensors"
 _SHARED_CODE = ("camera.py", "crops.py", "ridge.py", "skeleton.py")
-WARM_UP_FRAMES = 30
 
 
 @dataclass(frozen=True)
@@ -118,12 +118,8 @@ class PoseCache:
         seconds = time.perf_counter() - start
         path = self.path(dance, learner)
         path.parent.mkdir(parents=True, exist_ok=True)
-        part = path.with_name(f".{path.stem}.{os.getpid()}.npz")
-        try:
-            np.savez(part, joints_m=joints_m, confidence=confidence, times_s=clip.times_s, seconds=seconds)
-            os.replace(part, path)
-        finally:
-            part.unlink(missing_ok=True)
+        with replacing(path) as part, part.open("wb") as file:
+            np.savez(file, joints_m=joints_m, confidence=confidence, times_s=clip.times_s, seconds=seconds)
 
 
 def estimator_key(estimator: Estimator, settings: Any) -> str:

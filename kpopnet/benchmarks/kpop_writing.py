@@ -1,10 +1,7 @@
 """Writes dances in the folder format of K-Pop sets (`kpopnet.benchmarks.kpop_format`)."""
 
 import json
-import os
-import socket
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import h5py
@@ -14,6 +11,7 @@ from kpopnet.benchmarks.kpop_format import FORMAT, LABELS, TEACHER, VERSION, dep
 from kpopnet.camera import MM_PER_METRE, Camera
 from kpopnet.dance.scoring import Performance
 from kpopnet.errors import InputError
+from kpopnet.replacing import replacing
 from kpopnet.skeleton import JOINT_NAMES
 
 _CHUNK = 1 << 16
@@ -55,7 +53,7 @@ def write_learner(
 def write_labels(folder: Path, best_first: Iterable[str]) -> None:
     """Writes DANCE/labels.csv, last of all: a dance without it is not finished."""
     lines = ["learner,rank", *(f"{name},{rank}" for rank, name in enumerate(best_first, 1))]
-    with _replacing(folder / LABELS) as part:
+    with replacing(folder / LABELS) as part:
         part.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
@@ -93,7 +91,7 @@ def _write(
     path: Path, times_s: np.ndarray, joints_m: np.ndarray | None, depth: PackedDepth | None, about: Mapping | None
 ) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    with _replacing(path) as part, h5py.File(part, "w") as file:
+    with replacing(path) as part, h5py.File(part, "w") as file:
         file.attrs["format"], file.attrs["version"] = FORMAT, VERSION
         file.attrs["joint_names"] = JOINT_NAMES
         file.attrs["about"] = json.dumps(about or {})
@@ -106,14 +104,3 @@ def _write(
             file.attrs["depth_key"] = depth_key(depth_mm, boxes, camera)
             file["boxes"] = boxes
             file.create_dataset("depth_mm", data=depth_mm, chunks=(_CHUNK,), maxshape=(None,), compression=1, shuffle=True)
-
-
-@contextmanager
-def _replacing(path: Path) -> Iterator[Path]:
-    """A file beside the name, renamed when it is whole."""
-    part = path.with_name(f".{path.name}.{socket.gethostname()}.{os.getpid()}.tmp")
-    try:
-        yield part
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
