@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from stand_ins import assert_own_seeds, joints_world_m
 
 import synth.eval_files
 from kpopnet.benchmarks.eval_benchmark import EvalBenchmark, EvalConfig, EvalSimBenchmark
@@ -22,9 +23,8 @@ from synth.eval_files import EVAL_SIM
 from synth.eval_sim import CAMERA, FPS, KINDS, SEQUENCES, SUBJECTS, EvalSim, EvalSimConfig, EvalSimSet
 from synth.film import REACH_M, Take
 from synth.markers import MARKERS
-from synth.motion import SPLITS, MotionConfig
+from synth.motion import MotionConfig
 from synth.motion.features import Y_POSE_S
-from synth.sample import SampleConfig, Sampler
 from synth.stand_in_files import write_set
 
 ROOT = Path(__file__).parents[2]
@@ -42,17 +42,8 @@ def takes(maker: EvalSim) -> dict[str, tuple[Take, np.ndarray]]:
     found = {}
     for index in range(len(KINDS)):
         take = maker.take(index)
-        found[f"{KINDS[index]}_{index}"] = take, joints_world_m(maker, take)
+        found[f"{KINDS[index]}_{index}"] = take, joints_world_m(maker.studio, take)
     return found
-
-
-def joints_world_m(maker: EvalSim, take: Take) -> np.ndarray:
-    scene, joints = maker.studio.scene, []
-    scene.dress(scene.fit(take.played.person))
-    for local, hips_m in zip(take.played.local, take.played.hips_m, strict=True):
-        scene.pose(local, hips_m + take.place_m)
-        joints.append(scene.joints_world_m())
-    return np.array(joints)
 
 
 # What is shown ------------------------------
@@ -165,25 +156,7 @@ def test_no_preset_draws_anybody_like_the_subjects():
 
 
 def test_no_generator_of_a_preset_is_one_of_the_benchmarks(monkeypatch):
-    seeds: list[tuple[int, ...]] = []
-    original = np.random.default_rng
-
-    def recorded(seed):
-        seeds.append(tuple(np.atleast_1d(seed).tolist()))
-        return original(seed)
-
-    monkeypatch.setattr(np.random, "default_rng", recorded)
-    EvalSim(SHORT).film(0, frames=2)
-    name = tuple(b"eval_sim")
-    assert len(seeds) >= 4 and all(seed[: len(name)] == name for seed in seeds)
-    assert len(set(seeds)) == len(seeds)
-    seeds.clear()
-    for split in SPLITS:
-        for source in ("mix", "choreography"):
-            sampler = Sampler(SampleConfig(renderer="cpu", motion=MotionConfig(source=source)), 0, split)
-            list(sampler.samples(0, 3))
-    # A shorter seed is the same as one filled up with zeros; the name's third and fourth letters are none.
-    assert len(seeds) > 20 and all(len(seed) <= 4 and seed[2:4] != name[2:4] for seed in seeds)
+    assert_own_seeds(EvalSim(SHORT), b"eval_sim", monkeypatch)
 
 
 def test_recordings_are_those_of_the_test_subjects_and_presets_take_none():

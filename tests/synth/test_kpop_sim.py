@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from real_data import REAL
+from stand_ins import draw_presets, recorded_seeds
 
 import synth.kpop_files
 from kpopnet.benchmarks.kpop import KpopSet
@@ -17,7 +18,6 @@ from synth.kpop_files import write_set
 from synth.kpop_sim import CAMERA, FPS, LEARNERS, KpopSim, KpopSimConfig, KpopSimSet, connected, dance_name
 from synth.motion import SPLITS, MotionConfig
 from synth.motion.clips import Clips
-from synth.sample import SampleConfig, Sampler
 from synth.skill import LEVELS, SkillConfig
 
 SHORT = KpopSimSet(KpopSimConfig(seed=4, dances=2), seconds=(1.2, 1.6))
@@ -173,14 +173,7 @@ def test_splits_share_no_dance_no_person_and_no_learner():
 
 
 def test_no_generator_of_a_preset_is_one_of_the_benchmarks(monkeypatch):
-    seeds: list[tuple[int, ...]] = []
-    original = np.random.default_rng
-
-    def recorded(seed):
-        seeds.append(tuple(np.atleast_1d(seed).tolist()))
-        return original(seed)
-
-    monkeypatch.setattr(np.random, "default_rng", recorded)
+    seeds = recorded_seeds(monkeypatch)
     maker = KpopSim(SHORT)
     maker.teacher_joints_m(0)
     maker.record(0, 1, maker.take(0, 1).take)
@@ -191,9 +184,7 @@ def test_no_generator_of_a_preset_is_one_of_the_benchmarks(monkeypatch):
     # Dances are composed from a seed of 63 bits, where training counts from 0.
     assert others and all(len(seed) == 2 and seed[0] > 2**40 for seed in others)
     seeds.clear()
-    for source in ("mix", "choreography"):
-        sampler = Sampler(SampleConfig(renderer="cpu", motion=MotionConfig(source=source)), 0, "train")
-        list(sampler.samples(0, 3))
+    draw_presets(("train",))
     assert seeds and all(max(seed) < 2**40 and seed[2:4] != name[2:4] for seed in seeds)
 
 

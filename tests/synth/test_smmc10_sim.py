@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from stand_ins import assert_own_seeds, joints_world_m
 
 from kpopnet.benchmarks.smmc10_benchmark import Smmc10Benchmark, Smmc10Config, Smmc10SimBenchmark
 from kpopnet.benchmarks.smmc10_benchmark import Smmc10SimConfig as ReaderConfig
@@ -18,8 +19,7 @@ from synth.body import load_body
 from synth.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
 from synth.film import Shot
 from synth.markers import MARKERS, _meets, tracked_markers
-from synth.motion import SPLITS, MotionConfig
-from synth.sample import SampleConfig, Sampler
+from synth.motion import MotionConfig
 from synth.smmc10_files import JOINT_MARKERS, MARKER_IDS, SMMC10_SIM, as_frame
 from synth.smmc10_sim import CAMERA, FPS, KINDS, SEQUENCES, SUBJECTS, Smmc10Sim, Smmc10SimConfig, Smmc10SimSet
 from synth.stand_in_files import write_set
@@ -36,16 +36,8 @@ def maker() -> Smmc10Sim:
 @pytest.fixture(scope="module")
 def motions(maker: Smmc10Sim) -> dict[int, np.ndarray]:
     """True joints (T, 15, 3) in the world of a few sequences, easy ones and difficult ones."""
-    found, scene = {}, maker.studio.scene
-    for index in (0, 1, 18, 21, 23, 25, 27):
-        take = maker.take(index)
-        scene.dress(scene.fit(take.played.person))
-        joints = []
-        for local, hips_m in zip(take.played.local, take.played.hips_m, strict=True):
-            scene.pose(local, hips_m + take.place_m)
-            joints.append(scene.joints_world_m())
-        found[index] = np.array(joints)
-    return found
+    takes = {index: maker.take(index) for index in (0, 1, 18, 21, 23, 25, 27)}
+    return {index: joints_world_m(maker.studio, take) for index, take in takes.items()}
 
 
 # What is shown ------------------------------
@@ -161,25 +153,7 @@ def test_subjects_are_four_people_who_are_nobody_of_eval_sim(maker):
 
 
 def test_no_generator_of_a_preset_is_one_of_the_benchmarks(monkeypatch):
-    seeds: list[tuple[int, ...]] = []
-    original = np.random.default_rng
-
-    def recorded(seed):
-        seeds.append(tuple(np.atleast_1d(seed).tolist()))
-        return original(seed)
-
-    monkeypatch.setattr(np.random, "default_rng", recorded)
-    Smmc10Sim(SHORT).film(0, frames=2)
-    name = tuple(b"smmc10_sim")
-    assert len(seeds) >= 4 and all(seed[: len(name)] == name for seed in seeds)
-    assert len(set(seeds)) == len(seeds)
-    seeds.clear()
-    for split in SPLITS:
-        for source in ("mix", "choreography"):
-            sampler = Sampler(SampleConfig(renderer="cpu", motion=MotionConfig(source=source)), 0, split)
-            list(sampler.samples(0, 3))
-    # A shorter seed is the same as one filled up with zeros; the name's third and fourth letters are none.
-    assert len(seeds) > 20 and all(len(seed) <= 4 and seed[2:4] != name[2:4] for seed in seeds)
+    assert_own_seeds(Smmc10Sim(SHORT), b"smmc10_sim", monkeypatch)
 
 
 def test_only_its_own_settings_are_taken():
