@@ -7,37 +7,27 @@ bit on a CPU with an equal number of threads.
 
 import logging
 import math
-import os
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass, field
-from datetime import timedelta
 from pathlib import Path
 
-import numpy as np
 import torch
-from torch import Tensor, distributed, nn
-from torch.nn.parallel import DistributedDataParallel
+from torch import Tensor, nn
 from torch.utils.data import DataLoader
 from torch.utils.tensorboard import SummaryWriter
 from tqdm import tqdm
 
 from kpopnet.checkpoint import load_state, load_weights, read_meta, save_checkpoint
 from kpopnet.crops import AugmentConfig, Batch, CropBatches, EvenOrder, ShuffledOrder, batch_loader
-from kpopnet.drawing import ESTIMATED, TRUE, depth_picture, draw_skeleton, enlarged, probability_picture, sheet
 from kpopnet.errors import InputError
-from kpopnet.machine import cores_at_hand
-from kpopnet.networks import ModelConfig, PoseNetwork, build_network
-from kpopnet.networks.cube import Cube
-from kpopnet.networks.losses import CONFIDENT_WITHIN_M
+from kpopnet.networks import ModelConfig, build_network
 from kpopnet.observation import ObservationSource
+from kpopnet.processes import Processes, join_processes, set_up_torch
+from kpopnet.validation import pictures, validate
 
 log = logging.getLogger(__name__)
-
-PICTURES = 12
 
 
 @dataclass
@@ -98,72 +88,6 @@ def lr_at(step: int, config: TrainingConfig) -> float:
 def decay_at(step: int, config: TrainingConfig) -> float:
     """The average's decay, less in the beginning so that it soon forgets the fresh weights."""
     return min(config.average, (1 + step) / (10 + step))
-
-
-@dataclass(frozen=True)
-class Processes:
-    """This process among those that train together, and its device."""
-
-    device: torch.device
-    rank: int = 0
-    count: int = 1
-
-    def spread(self, network: PoseNetwork) -> nn.Module:
-        """The network to be called in training: its gradients come out as the mean over processes.
-
-        On GPUs batch normalisation is over the whole batch; on CPUs, for which torch has no such thing, over each
-        process's share, so there only what precedes normalisation is independent of the number of processes. The
-        running statistics kept are rank 0's.
-        """
-        if self.count == 1:
-            return network
-        if self.device.type == "cuda":
-            network = nn.SyncBatchNorm.convert_sync_batchnorm(network)
-            return DistributedDataParallel(network, device_ids=[self.device.index], broadcast_buffers=False)
-        return DistributedDataParallel(network, broadcast_buffers=False)
-
-
-@contextmanager
-def join_processes(device: str) -> Iterator[Processes]:
-    """Joins the processes that torchrun started, if it did: NCCL on GPUs, gloo on CPUs.
-
-    Args:
-        device: cpu, cuda, or auto for a GPU if there is one.
-
-    Raises:
-        InputError: unknown device, or no such GPU.
-    """
-    if device not in ("auto", "cpu", "cuda"):
-        raise InputError(f"device={device}: expected auto, cpu or cuda")
-    if device == "cuda" and not torch.cuda.is_available():
-        raise InputError("device=cuda: torch finds no GPU here; use device=cpu")
-    kind = "cuda" if device != "cpu" and torch.cuda.is_available() else "cpu"
-    count = int(os.environ.get("WORLD_SIZE", "1"))
-    if count == 1:
-        yield Processes(torch.device(kind))
-        return
-    here = torch.device(kind, int(os.environ["LOCAL_RANK"])) if kind == "cuda" else torch.device("cpu")
-    if kind == "cuda":
-        torch.cuda.set_device(here)
-    # Rank 0 validates while the others wait, hence the patience.
-    distributed.init_process_group("nccl" if kind == "cuda" else "gloo", timeout=timedelta(hours=1))
-    try:
-        yield Processes(here, distributed.get_rank(), count)
-    finally:
-        distributed.destroy_process_group()
-
-
-def set_up_torch(threads: int) -> int:
-    """Makes torch repeatable on CPUs and sets its number of threads. Returns the number.
-
-    0 takes all cores at hand, or this process's part of them where torchrun started several on this machine.
-    """
-    torch.use_deterministic_algorithms(True, warn_only=torch.cuda.is_available())
-    # Only matters to code that reads what it never wrote, and takes a tenth of the time of a step.
-    torch.utils.deterministic.fill_uninitialized_memory = False
-    threads = threads or max(1, cores_at_hand() // int(os.environ.get("LOCAL_WORLD_SIZE", "1")))
-    torch.set_num_threads(threads)
-    return threads
 
 
 class Run:
@@ -340,7 +264,7 @@ def train(
         log.info(
             f"{model.name}: {sum(weight.numel() for weight in run.network.parameters()):,} parameters, crops of "
             f"{model.crop_px} px, seed {seed}\n"
-            f"on {_machine(processes, threads)}, {workers} data worker(s) a process\n"
+            f"on {processes.describe(threads)}, {workers} data worker(s) a process\n"
             f"{len(source):,} training and {len(validation):,} validation samples; steps {run.step:,} to "
             f"{config.steps:,} of {config.batch_size} ({config.steps * config.batch_size / len(source):.1f} epochs), "
             f"lr up to {config.lr:g}\n"
@@ -348,18 +272,6 @@ def train(
         )
         held_out = validation_batches(validation, model, config, seed)
         return _train_and_watch(run, loader, held_out, out, {"config": described or {}, "data": data})
-
-
-def _machine(processes: Processes, threads: int) -> str:
-    if processes.device.type == "cuda":
-        return (
-            f"{processes.count} GPU(s) ({torch.cuda.get_device_name(processes.device)}), encoder in bfloat16, the rest "
-            "in float32"
-        )
-    return (
-        f"CPU ({processes.count} process(es) of {threads} thread(s)) in float32: bfloat16 is slower there, and can end "
-        "the process on machines that advertise AMX wrongly"
-    )
 
 
 def validation_batches(validation: ObservationSource, model: ModelConfig, config: TrainingConfig, seed: int) -> list[Batch]:
@@ -393,7 +305,7 @@ def _train_and_watch(run: Run, loader: DataLoader, held_out: list[Batch], out: P
                 metrics, estimates = validate(run.average, held_out, run.processes.device)
                 for name, value in metrics.items():
                     board.add_scalar(f"validation/{name}", value, run.step)
-                board.add_image("validation/predictions", _pictures(held_out, estimates), run.step, dataformats="HWC")
+                board.add_image("validation/predictions", pictures(held_out, estimates), run.step, dataformats="HWC")
                 checkpoint = run.save(out, metrics, described)
                 log.info(
                     f"step {run.step:,} of {config.steps:,}: mean error {metrics['mean_error_cm']:.2f} cm, "
@@ -404,48 +316,3 @@ def _train_and_watch(run: Run, loader: DataLoader, held_out: list[Batch], out: P
         log.info(f"{run.skipped} observations with an empty silhouette were replaced by the next one")
     log.info(f"checkpoints: {out / 'best'} (lowest validation error) and {checkpoint}")
     return checkpoint
-
-
-@torch.inference_mode()
-def validate(network: PoseNetwork, batches: list[Batch], device: torch.device) -> tuple[dict[str, float], np.ndarray]:
-    """Judges a network in metres.
-
-    Returns:
-        mean_error_cm (over all joints of all samples), within_10cm (share of those joints), mean_confidence (which is
-        to agree with that share); and (N, 15, 3) the estimates in cube units.
-    """
-    network.eval()
-    estimates, errors_m, confidences = [], [], []
-    for batch in batches:
-        prediction = network(batch.crop.to(device))
-        estimates.append(prediction.joints.cpu().numpy())
-        confidences.append(prediction.confidence.cpu().numpy())
-        for estimate, target, (*centre_m, half_size_m) in zip(
-            estimates[-1], batch.target.numpy(), batch.cube_m.numpy(), strict=True
-        ):
-            cube = Cube(np.array(centre_m), half_size_m)
-            errors_m.append(np.linalg.norm(cube.to_metres(estimate) - cube.to_metres(target), axis=-1))
-    errors = np.stack(errors_m)
-    metrics = {
-        "mean_error_cm": 100 * float(errors.mean()),
-        "within_10cm": float((errors < CONFIDENT_WITHIN_M).mean()),
-        "mean_confidence": float(np.concatenate(confidences).mean()),
-    }
-    return metrics, np.concatenate(estimates)
-
-
-def _pictures(batches: list[Batch], estimates: np.ndarray) -> np.ndarray:
-    """Crops from all over the validation set with their true and estimated skeletons, RGB."""
-    crops, targets, cubes = (np.concatenate([batch[field] for batch in batches]) for field in range(3))
-    tiles = []
-    for row in np.linspace(0, len(crops) - 1, min(PICTURES, len(crops))).astype(int):
-        *centre_m, half_size_m = cubes[row].tolist()
-        cube = Cube(np.array(centre_m), half_size_m)
-        d = crops[row, 0]
-        camera = cube.camera(len(d))
-        picture = enlarged(depth_picture(np.where(d < 1, d * cube.half_size_m + cube.centre_m[2], 0)), 288)
-        for uvd, style in ((targets[row], TRUE), (estimates[row], ESTIMATED)):
-            draw_skeleton(picture, cube.to_metres(uvd), camera, style)
-        tiles.append(picture)
-        tiles += [enlarged(probability_picture(ridge), 288) for ridge in crops[row, 1:]]
-    return sheet([("", tiles[i : i + 4]) for i in range(0, len(tiles), 4)], styles=(TRUE, ESTIMATED))

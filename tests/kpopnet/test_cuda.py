@@ -15,7 +15,8 @@ from kpopnet.checkpoint import read_meta
 from kpopnet.crops import AugmentConfig, CropBatches, ShuffledOrder
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.estimator import NetworkEstimator
-from kpopnet.training import Processes, Run, TrainingConfig, train
+from kpopnet.processes import Processes
+from kpopnet.training import Run, TrainingConfig, train
 
 pytestmark = [
     pytest.mark.skipif(not torch.cuda.is_available(), reason="torch finds no GPU here"),
@@ -79,7 +80,8 @@ from torch import distributed
 from capsule_people import CapsulePeople
 from kpopnet.crops import CropBatches, ShuffledOrder, AugmentConfig
 from kpopnet.networks import ModelConfig
-from kpopnet.training import Processes, Run, TrainingConfig, join_processes, set_up_torch
+from kpopnet.processes import Processes, join_processes, set_up_torch
+from kpopnet.training import Run, TrainingConfig
 
 model = ModelConfig(crop_px=32, widths=[8, 8, 16, 16])
 wrapped = sys.argv[2] == "wrapped"

@@ -20,18 +20,9 @@ from kpopnet.crops import AugmentConfig, CropBatches, ShuffledOrder
 from kpopnet.errors import InputError
 from kpopnet.networks import ModelConfig, build_network
 from kpopnet.networks.estimator import NetworkEstimator
-from kpopnet.training import (
-    Processes,
-    Run,
-    TrainingConfig,
-    decay_at,
-    join_processes,
-    lr_at,
-    train,
-    validate,
-    validation_batches,
-    weight_groups,
-)
+from kpopnet.processes import Processes, join_processes
+from kpopnet.training import Run, TrainingConfig, decay_at, lr_at, train, validation_batches, weight_groups
+from kpopnet.validation import validate
 
 ROOT = Path(__file__).parents[2]
 MODEL = ModelConfig(crop_px=32, widths=[8, 8, 16, 16])
@@ -249,7 +240,8 @@ import torch
 from capsule_people import CapsulePeople
 from kpopnet.crops import CropBatches, ShuffledOrder, AugmentConfig
 from kpopnet.networks import ModelConfig
-from kpopnet.training import Run, TrainingConfig, join_processes, set_up_torch
+from kpopnet.processes import join_processes, set_up_torch
+from kpopnet.training import Run, TrainingConfig
 
 model = ModelConfig(crop_px=32, widths=[8, 8, 16, 16])
 
