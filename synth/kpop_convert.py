@@ -34,7 +34,7 @@ from kpopnet.errors import InputError
 from kpopnet.skeleton import NUM_JOINTS, Joint
 from synth.body import load_body, shape_person
 from synth.kpop_sim import TEACHER_M, KpopSim, KpopSimSet
-from synth.motion.bvh import bvh_motion
+from synth.motion.retargeting import bvh_motion
 
 AIST_FPS, IMPERIAL_FPS = 60.0, 100.0
 

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from kpopnet.errors import InputError
-from synth.motion.bvh import bvh_motion
+from synth.motion.retargeting import bvh_motion
 from synth.motion.skeleton import INDEX, NUM_JOINTS, Motion, Poses, facing_front
 
 log = logging.getLogger(__name__)
@@ -28,7 +28,6 @@ FRAMES_KEPT = 500_000
 """So many frames of recordings stay in memory, some 200 MB; what is dropped is read again."""
 
 _PACK_SPLITS = {"train": "train", "validation": "val", "test": "test"}
-_HINT = "motion=choreography needs no data"
 
 
 class _Recordings:
@@ -150,16 +149,12 @@ class BvhClips(_Recordings):
         return motion, np.ones(len(motion), bool)
 
 
-def open_clips(path: str | None, split: str, fps: float | None) -> Clips | BvhClips:
+def open_clips(path: str, split: str, fps: float | None) -> Clips | BvhClips:
     """The recordings at a path: a motion pack, a folder of BVH files or one BVH file.
 
     Raises:
         InputError: if there are none.
     """
-    if path is None:
-        raise InputError(
-            f"motion source clips needs motion.path: a motion pack, BVH files or a folder of them; {_HINT}"
-        )
     place = Path(path)
     if (place / "index.csv").is_file():
         return Clips(place, split)
@@ -168,4 +163,6 @@ def open_clips(path: str | None, split: str, fps: float | None) -> Clips | BvhCl
     if place.is_dir() and any(place.glob("*.bvh")):
         return BvhClips(place, split, fps)
     found = "does not exist" if not place.exists() else "holds neither an index.csv nor *.bvh files"
-    raise InputError(f"motion.path={path} {found}; expected a motion pack, BVH files or a folder of them. {_HINT}")
+    raise InputError(
+        f"motion.path={path} {found}; expected a motion pack, BVH files or a folder of them. motion=choreography needs no data"
+    )

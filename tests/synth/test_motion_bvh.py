@@ -5,8 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from kpopnet.errors import InputError
-from synth.motion.bvh import bvh_motion, read_bvh
+from synth.motion.bvh import read_bvh
 from synth.motion.choreography import dance
+from synth.motion.retargeting import bvh_motion
 from synth.motion.skeleton import (
     INDEX,
     JOINT_NAMES,
