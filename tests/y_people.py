@@ -7,7 +7,8 @@ import numpy as np
 from kpopnet.camera import Camera
 from kpopnet.skeleton import NUM_JOINTS, Joint
 from synth.motion import MotionSource
-from synth.motion.poses import MadePoses, between
+from synth.motion.limbs import between
+from synth.motion.poses import MadePoses
 from synth.sample import SampleConfig, Sampler, StageConfig
 from synth.sensor import SENSORS, measure
 

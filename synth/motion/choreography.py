@@ -9,8 +9,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from synth.motion.limbs import between, pick
 from synth.motion.moves import Move, concat, mirror, repeat, scale, together, turning
-from synth.motion.poses import between, pick
 from synth.motion.skeleton import LEG_M, Motion, Poses, facing_front
 from synth.motion.stage import Style, perform
 from synth.motion.vocabulary import LOWER, UPPER, WHOLE

@@ -6,8 +6,8 @@ import numpy as np
 
 from synth.motion.choreography import COUNTS, draw_style, filled, phrase
 from synth.motion.handstand import handstand
+from synth.motion.limbs import between, pick
 from synth.motion.moves import Key, Move, arms, both_sides, concat, feet, flow, mirror, together, turning
-from synth.motion.poses import between, pick
 from synth.motion.skeleton import Motion
 from synth.motion.splice import cut, follow
 from synth.motion.stage import Style, perform

@@ -7,7 +7,7 @@ hands, like the feet before and after, keep their place on the floor (`splice.pl
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from synth.motion.poses import SIDES, Angles, between, pick
+from synth.motion.limbs import SIDES, Angles, between, pick
 from synth.motion.posture import angles, limited, rotations
 from synth.motion.skeleton import LEG_M, Motion
 from synth.motion.splice import planted

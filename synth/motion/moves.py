@@ -21,7 +21,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
 
-from synth.motion.poses import arm_to
+from synth.motion.limbs import arm_to
 from synth.motion.posture import CHANNELS, STANDING
 
 Shape = Mapping[str, float]
@@ -174,7 +174,7 @@ _ARMS: dict[str, tuple[float, float, float, float]] = {  # raise, plane, twist, 
 
 
 def arm(side: str, word: str, **changes: float) -> dict[str, float]:
-    """An arm by a word: one of the directions above, or a place on the body (`poses.REACHES`)."""
+    """An arm by a word: one of the directions above, or a place on the body (`limbs.REACHES`)."""
     if word in _ARMS:
         shape = dict(zip((f"{side}_{a}" for a in ("raise", "plane", "twist", "elbow")), _ARMS[word], strict=True))
     else:

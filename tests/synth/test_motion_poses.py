@@ -5,7 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from synth.motion.poses import FAMILIES, REACHES, MadePoses, arm_to
+from synth.motion.families import FAMILIES
+from synth.motion.limbs import REACHES, arm_to
+from synth.motion.poses import MadePoses
 from synth.motion.posture import CHANNELS, LIMITS_DEG, angles, limited, rotations
 from synth.motion.skeleton import INDEX, forward_kinematics, height_above_floor, mirrored, rotate
 

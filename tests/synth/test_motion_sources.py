@@ -8,7 +8,8 @@ import pytest
 from kpopnet.errors import InputError
 from synth.motion import SPLITS, MixedPoses, MotionConfig, MotionSource, SequenceSource, build_motion
 from synth.motion.choreography import dance
-from synth.motion.poses import FAMILIES, MadePoses
+from synth.motion.families import FAMILIES
+from synth.motion.poses import MadePoses
 from synth.motion.skeleton import LEG_M, REST_OFFSETS_M, rotate
 
 
