@@ -133,11 +133,19 @@ def best_match(distances, slope, pull, expected):
         (L, 2) int64 path from begin to end: rows and columns of `distances`. Empty if the teacher has nothing there.
     """
     n, columns = distances.shape
+    away = pull * n / 2 * np.abs(np.arange(columns) - expected)
+    cost, step = _arrivals(distances, slope, away)
+    end = np.argmin(cost[n - 1] + away)
+    return _path_to(end, step, slope) if cost[n - 1, end] < np.inf else np.empty((0, 2), np.int64)
+
+
+@njit(cache=True)
+def _arrivals(distances, slope, away):
+    """The least cost of a match up to each cell, where beginning costs `away`, and the step by which it gets there."""
+    n, columns = distances.shape
     cost = np.full((n, columns), np.inf)
     step = np.zeros((n, columns), np.int8)
-    away = pull * n / 2
-    for k in range(columns):
-        cost[0, k] = distances[0, k] + away * abs(k - expected)
+    cost[0] = distances[0] + away
     for i in range(n):
         for k in range(columns):
             here = distances[i, k]
@@ -146,54 +154,48 @@ def best_match(distances, slope, pull, expected):
             best, by = cost[i, k], _START
             if i > 0:
                 best, by = cost[i - 1, k] + here, _BOTH
+            learner, teacher = np.inf, np.inf
             if slope:
                 if i > 1 and k + 1 < columns:
-                    other = cost[i - 2, k + 1] + distances[i - 1, k + 1] + here
-                    if other < best:
-                        best, by = other, _LEARNER
+                    learner = cost[i - 2, k + 1] + distances[i - 1, k + 1] + here
                 if i > 0 and k > 0:
-                    other = cost[i - 1, k - 1] + (distances[i, k - 1] + here) / 2
-                    if other < best:
-                        best, by = other, _TEACHER
+                    teacher = cost[i - 1, k - 1] + (distances[i, k - 1] + here) / 2
             else:
                 if i > 0 and k + 1 < columns:
-                    other = cost[i - 1, k + 1] + here
-                    if other < best:
-                        best, by = other, _LEARNER
+                    learner = cost[i - 1, k + 1] + here
                 if k > 0:
-                    other = cost[i, k - 1] + here
-                    if other < best:
-                        best, by = other, _TEACHER
+                    teacher = cost[i, k - 1] + here
+            if learner < best:
+                best, by = learner, _LEARNER
+            if teacher < best:
+                best, by = teacher, _TEACHER
             cost[i, k], step[i, k] = best, by
-    end, least = -1, np.inf
-    for k in range(columns):
-        total = cost[n - 1, k] + away * abs(k - expected)
-        if total < least:
-            end, least = k, total
+    return cost, step
+
+
+@njit(cache=True)
+def _path_to(end, step, slope):
+    """(L, 2) the way to the last row's column `end`, from its beginning."""
+    n, columns = step.shape
     path = np.empty((2 * (n + columns), 2), np.int64)
-    length = 0
-    if end >= 0:
-        i, k = n - 1, end
-        while True:
+    i, k, length = n - 1, end, 0
+    while True:
+        path[length] = i, k
+        length += 1
+        by = step[i, k]
+        if by == _START:
+            break
+        if by == _BOTH:
+            i -= 1
+            continue
+        if by == _LEARNER:
+            i, k = i - 1, k + 1
+        else:
+            k -= 1
+        if slope:  # a step of one is always followed by one of both
             path[length] = i, k
             length += 1
-            by = step[i, k]
-            if by == _START:
-                break
-            if by == _BOTH:
-                i -= 1
-            elif by == _LEARNER:
-                i, k = i - 1, k + 1
-                if slope:
-                    path[length] = i, k
-                    length += 1
-                    i -= 1
-            else:
-                k -= 1
-                if slope:
-                    path[length] = i, k
-                    length += 1
-                    i -= 1
+            i -= 1
     return path[:length][::-1].copy()
 
 
