@@ -91,6 +91,12 @@ def _grain_row(lattice, cell, weights, grain):
 
 
 @njit(cache=True)
+def _grained(grain, k, cell, w0, w1):
+    """A row's field k at a pixel."""
+    return grain[k, cell] * w0 + grain[k, cell + np.uintp(1)] * w1
+
+
+@njit(cache=True)
 def _shadowed(row, shadow, lost):
     """Marks the pixels of a row that the projector does not reach.
 
@@ -107,6 +113,16 @@ def _shadowed(row, shadow, lost):
             position = side * (np.float32(u) - shadow / row[u])
             lost[u] = position > lit + np.float32(0.5)
             lit = min(lit, position)
+
+
+@njit(cache=True)
+def _shadows(depth, shadow):
+    """(h, w) bool, what the projector does not reach."""
+    lost = np.zeros(depth.shape, np.bool_)
+    if shadow != np.float32(0):
+        for y in range(len(depth)):
+            _shadowed(depth[y], shadow, lost[y])
+    return lost
 
 
 @njit(cache=True)
@@ -212,11 +228,7 @@ def measure_pixels(depth, labels, key, terms):
     cell_x, weight_x = _grain_cells(width, t.grain)
     lattice = _noise_lattice(cell_y[-1] + 2 if grainy else 0, cell_x[-1] + 2 if grainy else 0, key, height * width)
     grain = np.empty((3, lattice.shape[2]), np.float32)
-    lost = np.zeros((height, width), np.bool_)
-    if t.shadow != zero:
-        for y in range(height):
-            _shadowed(depth[y], t.shadow, lost[y])
-    flat_depth, flat_labels, flat_lost = depth.ravel(), labels.ravel(), lost.ravel()
+    flat_depth, flat_labels, flat_lost = depth.ravel(), labels.ravel(), _shadows(depth, t.shadow).ravel()
     minds_grazing = t.axial_grazing > zero or t.lateral_grazing > zero
     spans = _labelled_spans(labels, 1 + int(4 * t.lateral) if t.lateral > zero else 0)
     for y in range(height):
@@ -227,8 +239,7 @@ def measure_pixels(depth, labels, key, terms):
             bits = _random_bits(key, y * width + x)
             if grainy:
                 cell, w0, w1 = np.uintp(cell_x[x]), weight_x[x, 0], weight_x[x, 1]
-                noise_x = grain[1, cell] * w0 + grain[1, cell + np.uintp(1)] * w1
-                noise_y = grain[2, cell] * w0 + grain[2, cell + np.uintp(1)] * w1
+                noise_x, noise_y = _grained(grain, 1, cell, w0, w1), _grained(grain, 2, cell, w0, w1)
             else:
                 more_bits = _random_bits(key, (height + y) * width + x)
                 noise_z, noise_x, noise_y = _normal(more_bits, 0), _normal(more_bits, 12), _normal(more_bits, 24)
@@ -253,7 +264,7 @@ def measure_pixels(depth, labels, key, terms):
             if z == zero:
                 continue
             if grainy:
-                noise_z = grain[0, cell] * w0 + grain[0, cell + np.uintp(1)] * w1
+                noise_z = _grained(grain, 0, cell, w0, w1)
             z = _along_the_ray(z, grazing, noise_z, ray_x * ray_x + ray_y * ray_y, bits, t)
             if t.min_range <= z <= t.max_range and z > zero:
                 measured[y, x] = z
