@@ -2,17 +2,15 @@
 
 import ast
 import json
-import os
 import runpy
 import shlex
-import subprocess
-import sys
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
+from programs import ROOT, run_program
 from shard_sets import write_shard
 
 from kpopnet.benchmarks.evaluation import EvaluateConfig
@@ -26,7 +24,7 @@ from kpopnet.networks import ModelConfig, build_network
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
 
-ROOT = Path(__file__).parents[1]
+evaluate = partial(run_program, "evaluate.py")
 
 
 @pytest.fixture(scope="module")
@@ -40,16 +38,6 @@ def place(tmp_path_factory):
     meta = {"step": 1, "config": {}, "metrics": {}, "mean_pose_m": pose.tolist()}
     save_checkpoint(folder / "run", build_network(model), {}, meta, best=True)
     return folder
-
-
-def evaluate(place: Path, *overrides: str) -> subprocess.CompletedProcess:
-    return subprocess.run(
-        [sys.executable, str(ROOT / "evaluate.py"), *overrides],
-        cwd=place,
-        capture_output=True,
-        text=True,
-        env=os.environ | {"OMP_NUM_THREADS": "1"},
-    )
 
 
 def test_a_report_is_written_where_hydra_is_told_to_with_the_baseline_beside_the_network(place):

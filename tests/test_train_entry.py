@@ -1,12 +1,9 @@
 """train.py as a user runs it: real configurations, tiny shards."""
 
 import json
-import os
 import re
 import shutil
-import subprocess
-import sys
-from pathlib import Path
+from functools import partial
 
 import h5py
 import numpy as np
@@ -15,13 +12,14 @@ from checkpoint_contents import contents
 from factories import write_shard
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
+from programs import ROOT, run_program
 
 from kpopnet.checkpoint import read_meta
 from kpopnet.crops import ShuffledOrder
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.shards import ShardedSet
 
-ROOT = Path(__file__).parents[1]
+run = partial(run_program, "train.py")
 SHORT = (
     "data.train=train", "data.validation=validation", "model.crop_px=32", "model.widths=[8,8,16,16]",
     "training.batch_size=4", "training.validate_every=2", "training.validation_samples=4", "training.log_every=1",
@@ -36,16 +34,6 @@ def place(tmp_path_factory):
     write_shard(folder / "train", 1, 6)
     write_shard(folder / "validation", 0, 4)
     return folder
-
-
-def run(place, *overrides, launcher=()):
-    return subprocess.run(
-        [sys.executable, *launcher, str(ROOT / "train.py"), *overrides],
-        cwd=place,
-        capture_output=True,
-        text=True,
-        env=os.environ | {"OMP_NUM_THREADS": "1"},
-    )
 
 
 def tear(shard, row):

@@ -1,15 +1,11 @@
 """train_tree_walk.py and its model in evaluate.py, as a user runs them: real configurations, tiny shards."""
 
 import json
-import os
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 from factories import write_shard
+from programs import run_program
 
-ROOT = Path(__file__).parents[1]
 SHORT = (
     "data.train=train", "data.validation=validation", "workers=0", "tree_walk.crop_px=48", "tree_walk.images=40",
     "tree_walk.growth.leaf_samples=10", "tree_walk.growth.features=20", "tree_walk.confidence_bins=2",
@@ -25,26 +21,16 @@ def place(tmp_path_factory):
     return folder
 
 
-def run(place, script, *overrides):
-    return subprocess.run(
-        [sys.executable, str(ROOT / script), *overrides],
-        cwd=place,
-        capture_output=True,
-        text=True,
-        env=os.environ | {"OMP_NUM_THREADS": "1"},
-    )
-
-
 def test_a_model_is_trained_and_judged(place):
-    done = run(place, "train_tree_walk.py", "out=model", *SHORT)
+    done = run_program("train_tree_walk.py", place, "out=model", *SHORT)
     assert done.returncode == 0, done.stderr
     assert "% within 10 cm on validation people" in done.stdout + done.stderr
     meta = json.loads((place / "model" / "meta.json").read_text())
     assert meta["config"]["tree_walk"]["images"] == 40 and meta["config"]["sensor"]["name"] == "kinect_v1"
     assert set(meta["metrics"]["within_10cm_per_joint"]) == set(meta["joint_names"])
 
-    done = run(
-        place, "evaluate.py", "estimator=[tree_walk]", "estimator.tree_walk.path=model", "benchmark.path=test",
+    done = run_program(
+        "evaluate.py", place, "estimator=[tree_walk]", "estimator.tree_walk.path=model", "benchmark.path=test",
         "hydra.run.dir=judged", "processes=1",
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -54,5 +40,5 @@ def test_a_model_is_trained_and_judged(place):
 
 
 def test_a_mistake_is_told_in_one_line(place):
-    done = run(place, "train_tree_walk.py", "out=wrong", "data.train=nowhere")
+    done = run_program("train_tree_walk.py", place, "out=wrong", "data.train=nowhere")
     assert done.returncode == 1 and "nowhere" in done.stderr and "Traceback" not in done.stderr, done.stderr

@@ -1,8 +1,9 @@
-"""A report as a list of blocks, written as Markdown and as HTML; and a table for the terminal."""
+"""A report as a list of blocks, written as Markdown and as HTML beside all its figures; and a table for the terminal."""
 
 import html
 import json
 import math
+from pathlib import Path
 from typing import Any
 
 Table = tuple[list[str], list[list[str]]]
@@ -12,6 +13,27 @@ Block = tuple[str, Any]
 """Its kind and content: title, heading and text a string; picture and video a file's name, beside the report, and what it
 shows; table a Table.
 """
+
+
+def write_document(folder: Path, blocks: list[Block], described: dict) -> None:
+    """Writes report.md, report.html and metrics.json into the folder.
+
+    Args:
+        folder: where; pictures and videos lie there already.
+        blocks: of the report, with a title.
+        described: what metrics.json is to hold.
+
+    Raises:
+        ValueError: see `as_json`.
+    """
+    (folder / "metrics.json").write_text(as_json(described))
+    (folder / "report.md").write_text(as_markdown(blocks))
+    (folder / "report.html").write_text(as_html(blocks, next(content for kind, content in blocks if kind == "title")))
+
+
+def revision_in_words(git: dict | None) -> str:
+    """What `kpopnet.checkpoint.git_revision` found."""
+    return f"{git['revision'][:12]}{' with changes' if git['dirty'] else ''}" if git else "unknown"
 
 
 def as_json(described: dict) -> str:

@@ -5,7 +5,7 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 
-from kpopnet.benchmarks.document import Block, Table, as_html, as_json, as_markdown, as_text
+from kpopnet.benchmarks.document import Block, Table, as_text, revision_in_words, write_document
 from kpopnet.benchmarks.evaluation import EvaluateConfig
 from kpopnet.benchmarks.kpop import open_set
 from kpopnet.benchmarks.kpop_evaluation import DanceRun, run_dances
@@ -55,10 +55,7 @@ def write_dance_report(folder: Path, run: DanceRun, config: EvaluateConfig) -> N
     timelines(run, shown, scorer).savefig(folder / "timelines.png", dpi=110)
     write_table_2(folder / "table_2.csv", run)
     described = metrics_json(run, config)
-    (folder / "metrics.json").write_text(as_json(described))
-    blocks = report_blocks(run, shown, described)
-    (folder / "report.md").write_text(as_markdown(blocks))
-    (folder / "report.html").write_text(as_html(blocks, title=f"kpopnet on {run.dances.manifest.name}"))
+    write_document(folder, report_blocks(run, shown, described), described)
 
 
 def main_scorer(run: DanceRun) -> str:
@@ -237,8 +234,6 @@ def report_blocks(run: DanceRun, shown: str, described: dict) -> list[Block]:
             table = confusion_table(run, source, name)
             blocks.append(("heading", f"Learners confused on {source} by {name}"))
             blocks.append(("text", "None.") if table is None else ("table", table))
-    git = described["git"]
-    revision = f"{git['revision'][:12]}{' with changes' if git['dirty'] else ''}" if git else "unknown"
     blocks += [
         ("heading", f"{shown} over time"),
         ("text", "Windows of the learner's dance, by when they start. Another dance: benchmark.dance=NAME."),
@@ -252,7 +247,8 @@ def report_blocks(run: DanceRun, shown: str, described: dict) -> list[Block]:
         ("heading", "How this was made"),
         (
             "text",
-            f"Checkpoint {described['checkpoint'] or 'none'}; code {revision}; {described['made']}. Figures: metrics.json.",
+            f"Checkpoint {described['checkpoint'] or 'none'}; code {revision_in_words(described['git'])}; {described['made']}. "
+            "Figures: metrics.json.",
         ),
     ]
     return blocks

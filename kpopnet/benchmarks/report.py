@@ -9,7 +9,7 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 
-from kpopnet.benchmarks.document import Block, as_html, as_json, as_markdown, as_text
+from kpopnet.benchmarks.document import Block, as_text, revision_in_words, write_document
 from kpopnet.benchmarks.evaluation import EvaluateConfig, Run
 from kpopnet.benchmarks.pictures import error_curve, examples_sheet, joint_bars, sequence_bars, sweep_plot
 from kpopnet.benchmarks.sequences import Origin
@@ -156,7 +156,6 @@ def write_report(folder: Path, run: Run, config: EvaluateConfig, sweep: Sweep | 
     videos = ["worst.mp4"] if fps and save_video(folder / "worst.mp4", pictures, fps) else []
     described = metrics_json(run, config, ["examples.png", "worst.png", *plots, *videos])
     described["sweep"] = sweep_json(swept, sweep) if sweep else None
-    (folder / "metrics.json").write_text(as_json(described))
     blocks = report_blocks(run, described)
     if sweep:
         blocks += [
@@ -164,9 +163,7 @@ def write_report(folder: Path, run: Run, config: EvaluateConfig, sweep: Sweep | 
             ("table", sweep_table(swept, sweep)),
             ("picture", ("sweep.png", "Share within 10 cm and frames per second at every combination")),
         ]
-    blocks += how_made(described)
-    (folder / "report.md").write_text(as_markdown(blocks))
-    (folder / "report.html").write_text(as_html(blocks, title=f"kpopnet on {run.benchmark.name}"))
+    write_document(folder, blocks + how_made(described), described)
 
 
 def main_metrics(run: Run) -> dict:
@@ -227,14 +224,13 @@ def report_blocks(run: Run, described: dict) -> list[Block]:
 
 def how_made(described: dict) -> list[Block]:
     """The report's end: from what it was made, and how speed was measured."""
-    git = described["git"]
-    revision = f"{git['revision'][:12]}{' with changes' if git['dirty'] else ''}" if git else "unknown"
     return [
         ("heading", "How this was made"),
         (
             "text",
-            f"Checkpoint {described['checkpoint'] or 'none'}; configuration {described['config_hash']}; code {revision}; "
-            f"{described['made']}. All figures: metrics.json; their definitions: kpopnet/benchmarks/metrics.py.",
+            f"Checkpoint {described['checkpoint'] or 'none'}; configuration {described['config_hash']}; code "
+            f"{revision_in_words(described['git'])}; {described['made']}. All figures: metrics.json; their definitions: "
+            "kpopnet/benchmarks/metrics.py.",
         ),
         (
             "text",
