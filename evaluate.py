@@ -49,6 +49,7 @@ from kpopnet.benchmarks.report import terminal_table, write_report
 from kpopnet.benchmarks.sweep import sweep_of
 from kpopnet.dance.scoring import SCORERS
 from kpopnet.entry import entry_point, overridable
+from kpopnet.errors import InputError
 
 for group, known in (("benchmark", BENCHMARKS), ("estimator", ESTIMATORS)):
     for name, (schema, _) in known.items():
@@ -58,7 +59,16 @@ for name, scorer in SCORERS.items():
 
 
 def evaluate_joints(config: EvaluateConfig, folder: Path) -> None:
-    """Judges estimated joints by true ones, and reports into the folder."""
+    """Judges estimated joints by true ones, and reports into the folder.
+
+    Raises:
+        InputError: scorers are named, which judge dances.
+    """
+    if config.scorer:
+        raise InputError(
+            f"scorer=[{','.join(config.scorer)}]: benchmark={config.benchmark.name} judges joints; scorers are for dances, "
+            f"benchmark={' or '.join(EVALUATIONS)}"
+        )
     sweep = config.sweep and sweep_of(config.sweep, config.estimator)
     estimators = build_estimators(config.estimator | (sweep.settings if sweep else {}))
     benchmark = build_benchmark(config.benchmark)

@@ -16,7 +16,9 @@ from shard_sets import write_shard
 from kpopnet.benchmarks.evaluation import EvaluateConfig
 from kpopnet.benchmarks.registry import ESTIMATORS, MeanPoseConfig, NetworkEstimatorConfig, build_estimators
 from kpopnet.benchmarks.sweep import sweep_of
+from kpopnet.benchmarks.synthetic import SyntheticConfig
 from kpopnet.checkpoint import save_checkpoint
+from kpopnet.dance.scoring import SCORERS
 from kpopnet.errors import InputError
 from kpopnet.machine import cores_at_hand
 from kpopnet.mean_pose import MeanPoseEstimator
@@ -124,6 +126,13 @@ def test_a_missing_or_foreign_checkpoint_is_named(tmp_path):
         build_estimators({"network": NetworkEstimatorConfig(checkpoint=str(tmp_path))})
     with pytest.raises(InputError, match="at least one"):
         build_estimators({})
+
+
+def test_scorers_are_refused_where_joints_are_judged(tmp_path):
+    evaluate_joints = runpy.run_path(str(ROOT / "evaluate.py"), run_name="evaluate")["evaluate_joints"]
+    config = EvaluateConfig(SyntheticConfig(), {"tracker": TrackerEstimatorConfig()}, scorer={"raptis": SCORERS["raptis"]})
+    with pytest.raises(InputError, match=r"scorer=\[raptis\]: benchmark=synthetic judges joints.*benchmark=kpop or kpop_sim"):
+        evaluate_joints(config, tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,17 @@ MAIN_SCORER = "dance22"
 
 
 def evaluate_dances(config: EvaluateConfig, folder: Path) -> None:
-    """Scores the learners of a set of dances, and reports into the folder."""
+    """Scores the learners of a set of dances, and reports into the folder.
+
+    Raises:
+        InputError: what only benchmarks of joints have is asked for, or see `run_dances`.
+    """
+    if config.sweep is not None or config.sequences is not None:
+        given = "sweep" if config.sweep is not None else f"sequences={config.sequences}"
+        raise InputError(
+            f"{given}: benchmark={config.benchmark.name} judges dances, not sequences of joints; a quick look is "
+            "benchmark.dances=10"
+        )
     dances = open_set(config.benchmark)
     if config.benchmark.dance is not None:
         dances.dance(config.benchmark.dance)

@@ -17,6 +17,7 @@ from kpopnet.benchmarks.kpop_evaluation import run_dances
 from kpopnet.benchmarks.kpop_poses import PoseCache
 from kpopnet.benchmarks.kpop_report import evaluate_dances
 from kpopnet.benchmarks.kpop_writing import PackedDepth, write_labels, write_learner, write_teacher
+from kpopnet.benchmarks.sweep import AxisConfig, SweepConfig
 from kpopnet.camera import Camera
 from kpopnet.dance.scoring import SCORERS, Performance
 from kpopnet.errors import InputError
@@ -204,6 +205,13 @@ def test_a_dance_that_is_to_be_drawn_must_be_there(folder, tmp_path):
             evaluate_dances(config, tmp_path / "out")
     with pytest.raises(InputError, match=r"benchmark\.dances=0"):
         KpopConfig(dances=0)
+
+
+def test_what_only_benchmarks_of_joints_have_is_refused(folder, tmp_path):
+    axis = AxisConfig("hierarchy.r_m", [0.1, 0.2])
+    for given, said in (({"sequences": 4}, "sequences=4: .*benchmark.dances"), ({"sweep": SweepConfig(axis, axis)}, "sweep: ")):
+        with pytest.raises(InputError, match=said):
+            evaluate_dances(EvaluateConfig(KpopConfig(path=str(folder)), {}, processes=1, **given), tmp_path / "out")
 
 
 def test_a_set_without_true_joints_needs_an_estimator(folder):
