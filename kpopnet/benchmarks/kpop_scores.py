@@ -56,14 +56,12 @@ class Agreement:
         concordance: dances ordered rightly, of 100.
         kendall_tau: the mean over dances.
         interval: 95 % bootstrap intervals over dances of both.
-        dances: how many.
         wrong: names of those that are not ordered rightly.
     """
 
     concordance: float
     kendall_tau: float
     interval: dict[str, tuple[float, float]]
-    dances: int
     wrong: tuple[str, ...]
 
 
@@ -77,7 +75,7 @@ def agreement(scores: dict[str, np.ndarray], seed: int) -> Agreement:
         for name, values in (("concordance", 100.0 * ordered), ("kendall_tau", tau))
     }
     wrong = tuple(name for name, right in zip(scores, ordered, strict=True) if not right)
-    return Agreement(float(100 * ordered.mean()), float(tau.mean()), interval, len(scores), wrong)
+    return Agreement(float(100 * ordered.mean()), float(tau.mean()), interval, wrong)
 
 
 @dataclass(frozen=True)
