@@ -25,7 +25,7 @@ from kpopnet.replacing import replacing
 from kpopnet.skeleton import NUM_JOINTS
 
 _WEIGHTS = "model.safetensors"
-_SHARED_CODE = ("camera.py", "crops.py", "ridge.py", "skeleton.py")
+_SHARED_CODE = ("camera.py", "estimators.py", "networks/*.py", "ridge.py", "skeleton.py")
 
 
 @dataclass(frozen=True)
@@ -130,9 +130,7 @@ def estimator_key(estimator: Estimator, settings: Any) -> str:
     own = Path(inspect.getfile(type(estimator))).resolve().parent
     package = Path(__file__).resolve().parents[1]
     code = sorted(own.glob("*.py")) if own != package else [Path(inspect.getfile(type(estimator)))]
-    if own == package / "tracker":  # it may ask a network
-        code += sorted((package / "networks").glob("*.py"))
-    for source in (*code, *(package / name for name in _SHARED_CODE)):
+    for source in (*code, *(source for pattern in _SHARED_CODE for source in sorted(package.glob(pattern)))):
         digest.update(source.read_bytes())
     return digest.hexdigest()[:10]
 

@@ -153,6 +153,14 @@ def test_other_depth_is_estimated_anew_and_torn_poses_are_named(folder, fake):
     assert "not whole" in found.failed["mama"] and list(found.scores["truth"]["dance22"]) == ["papa"]
 
 
+def test_poses_depend_on_the_code_that_estimators_share(folder, fake, tmp_path, monkeypatch):
+    read, seen = Path.read_bytes, set()
+    monkeypatch.setattr(Path, "read_bytes", lambda path: seen.add(path.name) or read(path))
+    PoseCache(tmp_path, "fake", FakeConfig(0.1))
+    # A tree walk crops as a network does, and a tracker may ask one.
+    assert {"camera.py", "estimators.py", "cube.py", "dense.py", "ridge.py", "skeleton.py"} <= seen
+
+
 def test_a_faulty_dance_takes_no_other_with_it(folder, fake):
     (folder / "mama" / "labels.csv").write_text("")
     found = run(folder, {"fake": FakeConfig()})
