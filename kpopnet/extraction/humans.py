@@ -44,9 +44,7 @@ LEAST_PIXELS = 6
 MARGIN_PX = 2
 """Empty pixels around a human in their box: what the ridge needs."""
 
-LOOK_FOR_FLOOR_EVERY, REFIT_FLOOR_EVERY = 30, 5
-"""In every so many pictures; the camera stands still."""
-
+LOOK_FOR_FLOOR_EVERY = 30
 UPRIGHT = np.array([0, -1, 0, 0], np.float32)
 """Stands for the floor where there is none: heights are above the camera then."""
 
@@ -199,8 +197,7 @@ class HumanExtractor:
     def _remove_floor(self, raw: np.ndarray) -> None:
         """Fits the floor, and with it the plane above which heights are measured."""
         if self._floor is not None:
-            if self._pictures % REFIT_FLOOR_EVERY == 0:
-                self._floor = refit_floor(self._floor, raw, self.camera, self.config.delta_f_m)
+            self._floor = refit_floor(self._floor, raw, self.camera, self.config.delta_f_m)
         elif self._pictures % LOOK_FOR_FLOOR_EVERY == 0:
             self._floor = find_floor(raw, self.camera, self.config.delta_f_m)
         self._plane = UPRIGHT if self._floor is None else self._floor.plane.astype(np.float32)
