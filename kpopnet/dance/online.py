@@ -10,20 +10,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kpopnet.dance.dtw import banded_distances
-from kpopnet.dance.features import TURN_S, Features
+from kpopnet.dance.features import TURN_S
 from kpopnet.dance.resampling import reach_s, resampled
 from kpopnet.dance.scoring import (
     PARTS,
     SCORERS,
     Clock,
+    Comparison,
     DanceScore,
     Performance,
     ScorerConfig,
     WindowScore,
     features_of,
     rows_of,
-    score_window,
     summary,
 )
 from kpopnet.errors import InputError
@@ -69,8 +68,7 @@ class OnlineScorer:
         self._clock = Clock(teacher, config)
         frames = self._clock.teacher_frames
         self._taught = self._clock.features(teacher, frames)
-        self._learnt = Features(*(np.full_like(array, np.nan) for array in self._taught))
-        self._distances = np.empty((len(frames), 2 * config.band_frames + 1))
+        self._comparison: Comparison | None = None
         self._history = round(TURN_S * config.fps) + 1 if config.heading else 2  # frames that a feature needs
         self._even_m: deque[np.ndarray] = deque(maxlen=self._history)
         self._samples: deque[tuple[float, np.ndarray]] = deque()
@@ -99,6 +97,7 @@ class OnlineScorer:
         joints_m[~np.isfinite(joints_m).all(axis=1)] = np.nan
         if not self._samples:
             self._first = self._next = max(self._clock.frame_from(time_s), 0)
+            self._comparison = Comparison(self._taught, self._first, self.config)
         self._samples.append((time_s, joints_m))
         self._score_frames(before_s=time_s - self.lag_s)
         return self._latest
@@ -116,7 +115,7 @@ class OnlineScorer:
 
     def _score_frames(self, before_s: float, last: int | None = None) -> None:
         """Scores the even frames before a time, up to the last one."""
-        stop = len(self._distances) if last is None else min(last + 1, len(self._distances))
+        stop = len(self._clock.teacher_frames) if last is None else min(last + 1, len(self._clock.teacher_frames))
         while self._next < stop and self._clock.time_s(self._next) < before_s:
             self._score_frame(self._next)
             self._next += 1
@@ -128,15 +127,12 @@ class OnlineScorer:
         times_s, samples_m = zip(*self._samples, strict=True)
         self._even_m.append(resampled(np.array(samples_m), np.array(times_s), np.array([at_s]), config.smoothing_s)[0])
         recent = features_of(np.array(self._even_m), config)
-        row = rows_of(recent, slice(-1, None))
-        self._learnt.angles_rad[frame], self._learnt.weights[frame] = row.angles_rad[0], row.weights[0]
-        self._distances[frame] = banded_distances(row, self._taught, frame, config.band_frames, config.outlier_rad)[0]
+        self._comparison.add(rows_of(recent, slice(-1, None)))
 
         start = frame + 1 - config.window_frames
         if start < self._first:
             return
-        context = self._distances[max(frame + 1 - config.context_frames, self._first) : frame + 1]
-        window = score_window(context, rows_of(self._learnt, slice(start, frame + 1)), self._taught, start, config)
+        window = self._comparison.window(start)
         if start % config.hop_frames == 0:
             self._windows[start] = window
         similarity = window.timing * window.posture / 100

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kpopnet.dance.bearing import Bearing
 from kpopnet.dance.dtw import STEPS, algorithm_3, banded_distances, best_match, posture_on_path, steady_delay
 from kpopnet.dance.features import Features, dance_features, feature_names
 from kpopnet.dance.resampling import resampled
@@ -73,6 +74,9 @@ class ScorerConfig:
         pull: what a second away from the steady delay costs a window at its beginning and at its end, likewise.
         steps: slope or free, see kpopnet.dance.dtw.
         outlier_rad: differences of angles beyond it count less and less, see kpopnet.dance.dtw.frame_distance; inf: all alike.
+        settling_s: so many seconds without any difference are taken to have come before the dance, when a learner's steady
+            differences are learnt and taken out, see kpopnet.dance.bearing; inf: they stay.
+        most_bearing_rad: up to so much.
         hands: weight of the squared differences of the hands' angles: no estimator tells them as well as the others.
         matching: subsequence, or algorithm_3 for the paper's Algorithm 3 as printed.
         alpha: slope of the timing similarity, Eq. (13).
@@ -91,15 +95,18 @@ class ScorerConfig:
     steady_pull: float = 0.02
     pull: float = 0.3
     steps: str = "slope"
-    outlier_rad: float = 0.3
-    hands: float = 0.5
+    outlier_rad: float = 0.25
+    settling_s: float = 3.0
+    most_bearing_rad: float = 0.25
+    hands: float = 0.25
     matching: str = "subsequence"
-    # python -m kpopnet.dance.calibration, on the joints that a network found in 13 dances of kpop_sim's split train: the
-    # greatest alpha that leaves a perfect copy 96 points; of beta and tau the pair that tells neighbouring learners apart
-    # best (anything from 0.7 to 1.1 and from 0.4 to 0.9 does nearly as well) and gives standing still less than 20.
+    # By kpopnet.dance.calibration on the joints that a network found in 70 dances of kpop_sim's split train: the greatest alpha
+    # that leaves a perfect copy 96 points; of beta and tau that keep standing still below 20 and another dance below 30 the
+    # pair that orders most dances. (tau=0.3 tells neighbours apart better on average, but orders fewer: worse learners' windows
+    # come to nothing.)
     alpha: float = 0.31
-    beta: float = 1.1
-    tau: float = 0.5
+    beta: float = 0.7
+    tau: float = 0.4
 
     def __post_init__(self) -> None:
         feature_names(self.feature, self.heading)
@@ -111,7 +118,9 @@ class ScorerConfig:
             raise InputError(f"scorer.smoothing_s={self.smoothing_s}: expected 0.02 to 0.5 seconds")
         if not self.outlier_rad > 0:
             raise InputError(f"scorer.outlier_rad={self.outlier_rad} must be positive, or inf for the plain norm")
-        for name in ("pull", "steady_pull", "hands"):
+        if not self.settling_s > 0:
+            raise InputError(f"scorer.settling_s={self.settling_s} must be positive, or inf to leave steady differences in")
+        for name in ("pull", "steady_pull", "hands", "most_bearing_rad"):
             if not 0 <= getattr(self, name) < math.inf:
                 raise InputError(f"scorer.{name}={getattr(self, name)} must be 0 or more")
         if self.steps not in STEPS:
@@ -140,7 +149,9 @@ class ScorerConfig:
 
 SCORERS = {
     "dance22": ScorerConfig(),
-    "raptis": ScorerConfig(feature="raptis", outlier_rad=math.inf, hands=1.0, alpha=0.3, beta=1.8, tau=0.6),
+    "raptis": ScorerConfig(
+        feature="raptis", outlier_rad=math.inf, settling_s=math.inf, hands=1.0, alpha=0.3, beta=1.8, tau=0.6
+    ),
 }
 """The paper's feature with our robust distance, and what it is compared with: the feature of [17] in the plain norm of
 Eq. (14), all angles alike. Both are matched in time in the same way. The second is what the difficulty of kpop_sim was set by;
@@ -206,17 +217,11 @@ def score_dance(teacher: Performance, learner: Performance, config: ScorerConfig
         InputError: the teacher's dance is shorter than a window, or the learner danced no whole window of it.
     """
     clock = Clock(teacher, config)
-    taught = clock.features(teacher, clock.teacher_frames)
     frames = clock.danced_frames(learner)
-    learnt = clock.features(learner, frames)
-    distances = banded_distances(learnt, taught, frames.start, config.band_frames, config.outlier_rad)
-    scores = []
+    comparison = Comparison(clock.features(teacher, clock.teacher_frames), frames.start, config)
+    comparison.add(clock.features(learner, frames))
     starts = clock.window_starts(frames)
-    for start in starts:
-        end = start - frames.start + config.window_frames
-        window = rows_of(learnt, slice(end - config.window_frames, end))
-        scores.append(score_window(distances[max(end - config.context_frames, 0) : end], window, taught, start, config))
-    return summary(scores, clock.time_s(starts))
+    return summary([comparison.window(start) for start in starts], clock.time_s(starts))
 
 
 class Clock:
@@ -272,6 +277,48 @@ class Clock:
                 "the times of both must run by one clock"
             )
         return starts
+
+
+class Comparison:
+    """A learner's frames against the teacher's, as they come: all at once or one by one, which is the same."""
+
+    def __init__(self, taught: Features, first: int, config: ScorerConfig) -> None:
+        """Nothing has come yet.
+
+        Args:
+            taught: the features of the whole dance.
+            first: the teacher's frame of the same time as the learner's first.
+            config: the scorer's.
+        """
+        self._taught, self._first, self._config = taught, first, config
+        self._learnt = Features(*(np.full_like(array, np.nan) for array in taught))
+        self._distances = np.empty((len(taught.angles_rad), 2 * config.band_frames + 1))
+        angles = taught.angles_rad.shape[1]
+        self._bearing = Bearing(angles, config.settling_s * config.fps, config.most_bearing_rad)
+        self._delay, self._end = 0, first
+
+    def add(self, features: Features) -> None:
+        """Takes in the learner's next frames. Their bearing is learnt at the steady delay, which is asked for once a hop."""
+        config, hop = self._config, self._config.hop_frames
+        stop = self._end + len(features.angles_rad)
+        for begin in range(self._end // hop * hop, stop, hop):
+            begin, end = max(begin, self._end), min(begin + hop, stop)
+            rows = rows_of(features, slice(begin - self._end, end - self._end))
+            rows = self._bearing.taken_out(rows, self._taught, begin - self._delay)
+            self._learnt.angles_rad[begin:end], self._learnt.weights[begin:end] = rows
+            self._distances[begin:end] = banded_distances(rows, self._taught, begin, config.band_frames, config.outlier_rad)
+            if end % hop == 0:
+                column = steady_delay(self._context(end), config.steady_pull / config.fps)
+                self._delay = config.band_frames - column
+        self._end = stop
+
+    def window(self, start: int) -> WindowScore:
+        """Scores a window whose frames have come."""
+        end = start + self._config.window_frames
+        return score_window(self._context(end), rows_of(self._learnt, slice(start, end)), self._taught, start, self._config)
+
+    def _context(self, end: int) -> np.ndarray:
+        return self._distances[max(end - self._config.context_frames, self._first) : end]
 
 
 def features_of(joints_m: np.ndarray, config: ScorerConfig) -> Features:
