@@ -50,9 +50,9 @@ FARTHEST_STEP_M = 0.25
 """A pose pays for the mean squared distance of its joints to where they were expected, each counted up to this."""
 
 USUAL_M2, FORGETTING_USUAL = 4e-4, 0.02
-DOUBT, ASK = 1.5, 1.2
-"""A pose is in doubt from so many times a person's usual misfit on, and a detector is asked a little sooner; what is usual is
-learnt, in this share a frame, from poses that are not in doubt, and begins with that many square metres."""
+DOUBT, ASK = 1.5, 1.0
+"""A pose is in doubt from so many times a person's usual misfit on, and a detector is asked sooner; what is usual is learnt,
+in this share a frame, from poses that are not in doubt, and begins with that many square metres."""
 
 BETTER, MUCH_BETTER, MUCH_WORSE = 0.9, 0.8, 1.5
 """A pose close by must have less than this share of the misfit, one that is wholly different less than that: a back looks
