@@ -70,7 +70,7 @@ def test_make_knows_the_targets_that_are_named() -> None:
 def test_the_programs_in_the_readme_name_what_exists() -> None:
     poses, score = fenced("python")
     for program, expected in (
-        (poses, {"NetworkEstimator", "TrackerEstimator", "extract_person", "CAMERAS"}),
+        (poses, {"NetworkEstimator", "FittedEstimator", "TrackerEstimator", "extract_person", "CAMERAS"}),
         (score, {"OnlineScorer", "SCORERS", "Performance", "score_dance"}),
     ):
         names: dict = {}
