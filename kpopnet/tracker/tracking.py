@@ -196,7 +196,11 @@ class Tracker:
         else:
             initial = find_initial_pose(depth_m, self.camera, InitialConfig(ridge=self.config.ridge))
             if initial is not None:
+                model = HumanModel.from_joints(initial.joints_camera_m)
+                self.model = self.model or (model.likely() if self.config.body else model)
                 self.start(initial.joints_camera_m)
+                if self.config.body:
+                    self.joints_camera_m = fit(self.joints_camera_m, cells, self.body, FIRST_STEPS + MORE_STEPS)
         return self.started
 
     def _carried(self, cells: Cells) -> np.ndarray:

@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 
 from kpopnet.errors import InputError
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
+from kpopnet.tracker.initial import find_initial_pose
 from kpopnet.tracker.model import LIMB_PARENTS, HumanModel, distance_to_line
+from synth.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
 
 
 def figure() -> np.ndarray:
@@ -133,3 +135,44 @@ def test_distance_to_a_line() -> None:
     assert distance_to_line(np.array((0.0, 3, 0)), np.array((-1.0, 0, 4)), np.array((5.0, 0, 4))) == pytest.approx(5)
     # Without a line it is the distance to the point.
     assert distance_to_line(np.array((0.0, 3, 0)), np.array((0.0, 0, 4)), np.array((0.0, 0, 4))) == pytest.approx(5)
+
+
+LENGTHS = [name for name in asdict(HumanModel.from_joints(figure())) if name.endswith("_m")]
+
+
+def test_likely_lengths_are_alike_on_both_sides_and_grow_with_the_person() -> None:
+    model = HumanModel.from_joints(figure())
+    likely = model.likely()
+    for name in LENGTHS:
+        other = name.replace("left", "LEFT").replace("right", "left").replace("LEFT", "right")
+        assert getattr(likely, name) == pytest.approx(getattr(likely, other))
+    larger = replace(model, **{name: 1.1 * getattr(model, name) for name in LENGTHS}).likely()
+    for name in LENGTHS:
+        assert getattr(larger, name) == pytest.approx(1.1 * getattr(likely, name))
+    for name in ("left_shoulder_angle_rad", "right_shoulder_angle_rad", "arms_raised"):
+        assert getattr(likely, name) == getattr(model, name)
+
+
+def test_likely_lengths_of_one_person_differ_less_from_picture_to_picture() -> None:
+    rng, model = np.random.default_rng(0), HumanModel.from_joints(figure())
+    measured = [
+        replace(model, **{name: getattr(model, name) + rng.normal(0, 0.025) for name in LENGTHS}) for _ in range(200)
+    ]
+    spread, likely_spread = (
+        np.std([[getattr(one, name) for name in LENGTHS] for one in models], axis=0)
+        for models in (measured, [one.likely() for one in measured])
+    )
+    assert (likely_spread < 0.5 * spread).all()
+
+
+def test_people_in_the_y_pose_have_the_lengths_that_they_most_likely_have() -> None:
+    """Simulated people of another seed than those of the least squares, and none of a benchmark's."""
+    simulator = EvalSim(EvalSimSet(EvalSimConfig(seed=200)))
+    measured_off, likely_off = [], []
+    for index in range(3):
+        film = simulator.film(index, 2)
+        truth = HumanModel.from_joints(film.joints_camera_m[0].astype(float))
+        model = HumanModel.from_joints(find_initial_pose(film.depth_m[0] * film.person[0], film.camera).joints_camera_m)
+        for found, off in ((model, measured_off), (model.likely(), likely_off)):
+            off.append([getattr(found, name) - getattr(truth, name) for name in LENGTHS])
+    assert np.square(likely_off).mean() < 0.6 * np.square(measured_off).mean()
