@@ -199,8 +199,9 @@ class Tracker:
                 model = HumanModel.from_joints(initial.joints_camera_m)
                 self.model = self.model or (model.likely() if self.config.body else model)
                 self.start(initial.joints_camera_m)
-                if self.config.body:
-                    self.joints_camera_m = fit(self.joints_camera_m, cells, self.body, FIRST_STEPS + MORE_STEPS)
+        if self.started and self.config.body:
+            # Before the parts' thickness is taken of it: a figure that stands beside the person makes them too fat or thin.
+            self.joints_camera_m = fit(self.joints_camera_m, cells, self.body, FIRST_STEPS + MORE_STEPS)
         return self.started
 
     def _carried(self, cells: Cells) -> np.ndarray:

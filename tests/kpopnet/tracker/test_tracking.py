@@ -138,6 +138,18 @@ def test_a_simulated_person_starts_by_themselves(simulated) -> None:
     assert (error_m(found, joints)[first:] < 0.1).mean() > 0.6
 
 
+def test_thickness_is_that_of_the_person_though_they_stand_otherwise_than_the_average_one() -> None:
+    joints = cone_joints(-60, 4)
+    body = cone_body(joints)
+    tracker = Tracker(CAMERA, standing=True)
+    for _ in range(4):
+        found, _ = tracker.track(draw_cones(joints, body, CAMERA))
+    # 15 and 36 mm if thickness is taken with the arms where the average person has them.
+    off = np.abs(tracker.body.radii_m - body.radii_m)
+    assert off.mean() < 0.008 and off.max() < 0.025
+    assert error_m(found, joints).mean() < 0.035
+
+
 def test_a_model_that_was_saved_is_kept(dancer, tmp_path) -> None:
     joints, depth = dancer
     HumanModel.from_joints(joints[0]).save(tmp_path / "person.json")
