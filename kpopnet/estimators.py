@@ -46,6 +46,11 @@ class Estimator(Protocol):
         ...
 
 
+def who_looks(estimator: Estimator) -> Estimator:
+    """The one that looks at the depth: whose joints are fitted, where an estimator fits another's, or itself."""
+    return getattr(estimator, "estimator", estimator)
+
+
 class Start(NamedTuple):
     """A known pose: (15, 3) joints_camera_m in that frame."""
 

@@ -9,7 +9,7 @@ import torch
 
 from kpopnet.benchmarks.sequences import Benchmark, Sequence
 from kpopnet.errors import InputError
-from kpopnet.estimators import Estimator, first_label, starts_from_label
+from kpopnet.estimators import Estimator, first_label, starts_from_label, who_looks
 from kpopnet.extraction import HumanExtractionConfig, extract_person
 
 log = logging.getLogger(__name__)
@@ -107,7 +107,7 @@ class SequenceEstimation:
         if label not in self.warm:
             estimator.estimate(sequence.depth_m[:WARM_UP_FRAMES], sequence.camera, **told)
             self.warm.add(label)
-        on_gpu = getattr(estimator, "device", torch.device("cpu")).type != "cpu"
+        on_gpu = getattr(who_looks(estimator), "device", torch.device("cpu")).type != "cpu"
         clock = time.perf_counter if on_gpu else time.process_time
         start = clock()
         joints_m = estimator.estimate(sequence.depth_m, sequence.camera, **told).joints_camera_m

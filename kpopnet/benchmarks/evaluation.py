@@ -15,7 +15,7 @@ from kpopnet.benchmarks.spread import spread
 from kpopnet.benchmarks.sweep import SweepConfig
 from kpopnet.benchmarks.synthetic import SyntheticBenchmark
 from kpopnet.errors import InputError
-from kpopnet.estimators import Estimator, starts_from_label
+from kpopnet.estimators import Estimator, starts_from_label, who_looks
 from kpopnet.extraction import HumanExtractionConfig
 from kpopnet.machine import cores_at_hand
 from kpopnet.networks.estimator import NetworkEstimator
@@ -98,6 +98,7 @@ def unlike_training(benchmark: Benchmark, estimator: Estimator) -> list[str]:
 
     A ridge image is not among them: a network makes its own of the depth, as in its training.
     """
+    estimator = who_looks(estimator)
     if not (isinstance(benchmark, SyntheticBenchmark) and isinstance(estimator, NetworkEstimator)):
         return []
     return [

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from shard_sets import write_shard
 
-from kpopnet.benchmarks.evaluation import EvaluateConfig, run_benchmark
+from kpopnet.benchmarks.evaluation import EvaluateConfig, run_benchmark, unlike_training
 from kpopnet.benchmarks.pictures import example_frames
 from kpopnet.benchmarks.report import remarks, terminal_table, write_report
 from kpopnet.benchmarks.synthetic import SyntheticBenchmark, SyntheticConfig
@@ -32,6 +32,7 @@ from kpopnet.networks.cube import person_centre
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.ridge import RidgeConfig
 from kpopnet.skeleton import JOINT_NAMES, Joint
+from kpopnet.tracker.fitted import FittedEstimator
 from synth.observe import ExtractionConfig
 from synth.sensor import SensorConfig
 from synth.shards import FreezeConfig
@@ -129,6 +130,7 @@ def test_a_set_unlike_what_the_network_was_trained_on_is_said_to_be(tmp_path, se
     estimator = NetworkEstimator(save_checkpoint(tmp_path / "run", network, {}, meta, best=True))
     mean_pose = MeanPoseEstimator(np.zeros((15, 3), np.float32))
     set_ = SyntheticBenchmark(SyntheticConfig(path=str(tmp_path / "set")))
+    assert unlike_training(set_, FittedEstimator(estimator)) == unlike_training(set_, estimator) == settings
     run = run_benchmark(set_, {"network": estimator, "mean_pose": mean_pose})
     said = [line for line in remarks(run) if "not like what network was trained on" in line]
     assert len(said) == bool(settings)
