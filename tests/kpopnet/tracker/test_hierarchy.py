@@ -25,9 +25,11 @@ from kpopnet.tracker.hierarchy import (
     ORDER,
     PARENTS,
     HierarchyConfig,
+    _farthest_m,
     _from_parent,
     _is_valid,
     _perpendicular,
+    _valid_limb,
     estimate_pose,
     lengths_of,
     ridge_points,
@@ -209,6 +211,20 @@ def test_shortest_ways_over_a_person_are_dijkstras(elbow_deg: float) -> None:
     expected = dijkstra(cells.points_m, cells.index, source)
     length, _ = shortest_ways(cells.neighbours, cells.steps_m, source, NOWHERE_M)
     np.testing.assert_allclose(length, expected, atol=1e-6)
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.01, 0.3), st.floats(0.0, 0.99))
+@settings(deadline=None)
+def test_no_candidate_is_lost_where_ways_end(seed: int, epsilon: float, straightness: float) -> None:
+    """Whoever passes Eq. (9) is within the geodesic distance up to which ways are looked for."""
+    rng = np.random.default_rng(seed)
+    lengths, joints = np.full((2, NUM_JOINTS), 0.3), rng.normal(0, 0.2, (NUM_JOINTS, 3))
+    limb = int(Joint.RIGHT_HAND)
+    farthest_m = _farthest_m(limb, lengths, epsilon, straightness)
+    for candidate in rng.normal(0, 0.3, (50, 3)):
+        geodesic_m = rng.uniform(0, 3)
+        if _valid_limb(candidate, limb, PARENTS[limb], geodesic_m, joints, lengths, epsilon, straightness):
+            assert geodesic_m <= farthest_m
 
 
 # --- straightness, Eq. (10) ---------------------------------------------------------------------------------------

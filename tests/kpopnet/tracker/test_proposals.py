@@ -17,7 +17,9 @@ from kpopnet.tracker.proposals import (
     FARTHEST_M,
     LIMB_KINDS,
     LIMB_POSES,
+    MOST_TIPS,
     TIP_APART_M,
+    TIP_LEAST_M,
     _tips,
     _torso_cells,
     _way,
@@ -227,3 +229,21 @@ def test_a_person_turned_round_looks_away() -> None:
     back = turned(joints, np.pi)
     assert back[Joint.RIGHT_SHOULDER, 0] > 0 > joints[Joint.RIGHT_SHOULDER, 0]
     np.testing.assert_allclose(back[Joint.HEAD], joints[Joint.HEAD], atol=0.02)
+
+
+@pytest.mark.parametrize("elevation_deg", [-40, 10, 50])
+def test_tips_are_those_of_a_plain_search(elevation_deg: float) -> None:
+    joints = cone_joints(elevation_deg=elevation_deg, yaw_deg=15)
+    body, cells = seen(joints)
+    source = _torso_cells(joints, cells.points_m, PARTS, body.radii_m, LIMB_PARTS)
+    length, _ = shortest_ways(cells.neighbours, cells.steps_m, source, NOWHERE_M)
+    apart = np.linalg.norm(cells.points_m[:, None] - cells.points_m[None], axis=-1)
+    reached = length < 1e8
+    plain = [
+        i
+        for i in np.flatnonzero(reached & (length >= TIP_LEAST_M))
+        if not ((apart[i] < TIP_APART_M) & reached & (length > length[i])).any()
+        and not ((apart[i] < TIP_APART_M) & (length == length[i]))[:i].any()
+    ]
+    assert len(plain) >= 3
+    np.testing.assert_array_equal(_tips(cells.points_m, cells.neighbours, cells.steps_m, length), plain[:MOST_TIPS])
