@@ -1,8 +1,8 @@
 """A learner's bearing: what their angles differ from the teacher's by all along, which is not how they dance.
 
 Another build carries its limbs otherwise, and whoever finds joints in depth finds some of them a little beside on this body
-and not on that one: network's angles are off by 0.03 to 0.1 rad throughout a dance, as much as two good learners differ in. So
-each angle's steady difference is learnt while the dance goes on and taken out of it, up to a limit beyond which it is the
+and not on that one: a network's angles are off by 0.03 to 0.1 rad throughout a dance, as much as two good learners differ in.
+So each angle's steady difference is learnt while the dance goes on and taken out of it, up to a limit beyond which it is the
 dancer's doing. Beyond the paper.
 
 It is learnt from frames that are as far apart as the learner is late.

@@ -19,7 +19,7 @@ from kpopnet.tracker.model import HumanModel
 from kpopnet.tracker.surface import with_thickness
 
 MEASURED_FRAMES, THICKNESS_EVERY = 60, 6
-"""The person's lengths are the medians over so many frames, the first with a person; thickness over every so manieth."""
+"""The person's lengths are the medians over so many frames, the first with a person; thickness over every sixth of these."""
 
 STEPS = 4
 SAID_WEIGHT = 0.1
