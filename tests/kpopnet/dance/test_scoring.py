@@ -36,7 +36,7 @@ def test_a_copy_a_second_late_has_no_timing_and_all_of_the_posture(scorer, index
     joints_m = dance_joints_m(index)
     score = score_dance(performed(joints_m), performed(joints_m, 1.0), SCORERS[scorer])
     assert score.timing < 5
-    assert score.posture > 92
+    assert score.posture > {"dance22": 94.5, "raptis": 95}[scorer]
     np.testing.assert_allclose(np.median(score.windows.delay_s), 1.0, atol=0.02)
 
 
@@ -102,7 +102,7 @@ def test_the_turn_of_the_whole_body_costs_with_the_heading_only():
     teacher_m = dance_joints_m(0)
     turning_m = turned(teacher_m, [0, 1, 0], np.sin(np.arange(len(teacher_m)) / 20))
     heading = dataclasses.replace(SCORERS["dance22"], heading=True)
-    assert similarity(teacher_m, turning_m) > 92
+    assert similarity(teacher_m, turning_m) > 93.5
     assert similarity(teacher_m, turning_m, heading) < 85
     assert similarity(teacher_m, teacher_m, heading) > 95
 
