@@ -10,8 +10,9 @@ Never on the dances that scores are reported on. What is asked of the three:
   since a greater one tells small delays better apart.
 - Another dance, and standing still in the teacher's first pose, score less than `OTHER` and `STILL` in at least `OFTEN` of
   the dances: an upper bound of beta.
-- Among what is left, neighbouring learners are told apart best: their scores' mean difference, over its standard deviation,
-  in the pair where that is least. A share of dances in the right order would be too coarse to choose by.
+- Among what is left, most dances are in order; among equals neighbouring learners are told apart best: their scores' mean
+  difference, over its standard deviation, in the pair where that is least. That alone would take the smallest tau, with which
+  the worst learners' windows come to nothing and their order to chance.
 """
 
 import argparse
@@ -98,7 +99,7 @@ def candidates(dances: Iterable[TaughtDance], config: ScorerConfig) -> list[Cand
 
 
 def best_of(found: Sequence[Candidate]) -> Candidate:
-    """The allowed candidate that tells learners apart best.
+    """The allowed candidate that orders most dances, and among equals tells learners apart best.
 
     Raises:
         InputError: none is allowed.
@@ -106,7 +107,7 @@ def best_of(found: Sequence[Candidate]) -> Candidate:
     allowed = [candidate for candidate in found if candidate.allowed]
     if not allowed:
         raise InputError(f"no beta keeps standing still below {STILL:g} and another dance below {OTHER:g} on these dances")
-    return max(allowed, key=lambda candidate: candidate.separation)
+    return max(allowed, key=lambda candidate: (candidate.concordance, candidate.separation))
 
 
 def _windows(teacher: Performance, learner: Performance, config: ScorerConfig) -> np.ndarray:

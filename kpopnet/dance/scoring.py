@@ -102,8 +102,7 @@ class ScorerConfig:
     matching: str = "subsequence"
     # By kpopnet.dance.calibration on the joints that a network found in 70 dances of kpop_sim's split train: the greatest alpha
     # that leaves a perfect copy 96 points; of beta and tau that keep standing still below 20 and another dance below 30 the
-    # pair that orders most dances. (tau=0.3 tells neighbours apart better on average, but orders fewer: worse learners' windows
-    # come to nothing.)
+    # pair that orders most dances.
     alpha: float = 0.31
     beta: float = 0.7
     tau: float = 0.4
