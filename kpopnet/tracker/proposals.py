@@ -325,6 +325,22 @@ def relay_limbs(
     )  # fmt: skip
 
 
+def uncrossed(joints_m: np.ndarray) -> list[np.ndarray]:
+    """Of a pose whose arms or legs cross, those in which the two have exchanged their ends, or all but their roots.
+
+    A limb that was lost may find the silhouette of the other one, and that one then finds the place left over.
+    """
+    right = frame_of(joints_m)[0]
+    found = []
+    for (_, *one), (_, *other) in LIMBS.reshape(2, 2, 3):
+        if (joints_m[one[1]] - joints_m[other[1]]) @ right < 0:
+            for exchanged in (1, 0):
+                pose = joints_m.copy()
+                pose[one[exchanged:]], pose[other[exchanged:]] = joints_m[other[exchanged:]], joints_m[one[exchanged:]]
+                found.append(pose)
+    return found
+
+
 def turned(joints_m: np.ndarray, angle_rad: float) -> np.ndarray:
     """The pose turned about the torso's long axis, positive to the person's left."""
     hips = (joints_m[Joint.RIGHT_HIP] + joints_m[Joint.LEFT_HIP]) / 2

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kpopnet.camera import CAMERAS
-from kpopnet.skeleton import Joint
+from kpopnet.skeleton import MIRROR, Joint
 from kpopnet.tracker.body import LIMB_PARTS, LIMBS, PARTS
 from kpopnet.tracker.cells import cells_of
 from kpopnet.tracker.geodesic import NOWHERE_M, shortest_ways
@@ -27,6 +27,7 @@ from kpopnet.tracker.proposals import (
     bent,
     relay_limbs,
     turned,
+    uncrossed,
 )
 
 CAMERA = CAMERAS["kinect_v1"]
@@ -247,3 +248,19 @@ def test_tips_are_those_of_a_plain_search(elevation_deg: float) -> None:
     ]
     assert len(plain) >= 3
     np.testing.assert_array_equal(_tips(cells.points_m, cells.neighbours, cells.steps_m, length), plain[:MOST_TIPS])
+
+
+# --- crossed limbs ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("lower", [Joint.RIGHT_HAND, Joint.RIGHT_FOOT])
+@pytest.mark.parametrize("whole", [False, True])
+def test_limbs_that_cross_exchange_their_ends_or_all_but_their_roots(lower: Joint, whole: bool) -> None:
+    joints = cone_joints()
+    assert uncrossed(joints) == []
+    crossed = joints.copy()
+    exchanged = [lower, lower + 1, *((lower - 2, lower - 1) if whole else ())]
+    crossed[exchanged] = joints[MIRROR[exchanged]]
+    found = uncrossed(crossed)
+    assert len(found) == 2
+    np.testing.assert_array_equal(found[whole], joints)

@@ -17,7 +17,7 @@ from kpopnet.tracker.cells import cells_of
 from kpopnet.tracker.fitted import SAID_WEIGHT
 from kpopnet.tracker.fitting import fit
 from kpopnet.tracker.model import HumanModel
-from kpopnet.tracker.tracking import LAST_STEPS, Tracker, TrackerConfig, carried_on
+from kpopnet.tracker.tracking import FRONT_EVERY, LAST_STEPS, Tracker, TrackerConfig, carried_on
 from synth.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
 
 CAMERA = CAMERAS["kinect_v1"]
@@ -111,6 +111,43 @@ def test_confidence_tells_good_joints_from_bad_ones(simulated) -> None:
     found, confidence = followed(depth, joints[0], camera, body=False)
     bad = error_m(found, joints) > 0.1
     assert bad.any() and confidence[bad].mean() < confidence[~bad].mean()
+
+
+# --- ways back ----------------------------------------------------------------------------------------------------
+
+
+def crossed_shins(joints: np.ndarray) -> np.ndarray:
+    crossed = joints.copy()
+    crossed[[Joint.RIGHT_FOOT, Joint.LEFT_FOOT]] = joints[[Joint.LEFT_FOOT, Joint.RIGHT_FOOT]]
+    return crossed
+
+
+def turned_round(joints: np.ndarray) -> np.ndarray:
+    return joints[MIRROR]
+
+
+@pytest.mark.parametrize("lost", [crossed_shins, turned_round])
+def test_who_stands_still_is_found_again_though_left_and_right_were_exchanged(simulated, lost) -> None:
+    depth, joints, camera = simulated
+    tracker = Tracker(camera)
+    tracker.start(joints[0])
+    tracker.track(depth[0])
+    tracker.joints_camera_m = lost(joints[0])
+    for _ in range(4 * FRONT_EVERY):
+        found, _ = tracker.track(depth[0])
+    assert (error_m(found, joints[0]) < 0.1).mean() > 0.9
+
+
+def test_one_look_does_not_turn_a_body_round_and_who_is_upside_down_is_left_alone(simulated, monkeypatch) -> None:
+    depth, joints, camera = simulated
+    cells = cells_of(depth[0], camera)
+    # As if the other side always explained the picture better.
+    for upright, looks in ((joints[0], 2), (joints[0] * (1, -1, 1), None)):
+        tracker = Tracker(camera)
+        tracker.start(joints[0])
+        monkeypatch.setattr("kpopnet.tracker.tracking.misfit", lambda pose, *_, own=upright: 2.0 if pose is own else 1.0)
+        turned = [tracker._front_or_back(upright, cells) is not upright for _ in range(4 * FRONT_EVERY)]
+        assert np.flatnonzero(turned).tolist() == ([] if looks is None else [n * looks * FRONT_EVERY - 1 for n in (1, 2)])
 
 
 # --- starts -------------------------------------------------------------------------------------------------------
