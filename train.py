@@ -4,6 +4,7 @@
     python train.py                                               # dense network, depth
     python train.py model=holistic model.input=depth_ridge        # the paper's kind, with the ridge channel
     python train.py training=demo data.train=data/demo/train data.validation=data/demo/validation
+    python train.py training=dance training.start=outputs/train/RUN/best    # its weights, trained on for dances (preset=dance)
     python train.py training.resume=outputs/train/RUN/last        # goes on as if never stopped
     torchrun --nproc-per-node=4 train.py training.batch_size=128  # several GPUs, or CPU processes
     python train.py --cfg job                                     # every setting and its value

@@ -10,7 +10,7 @@ import math
 import sys
 import time
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import torch
@@ -22,7 +22,7 @@ from tqdm import tqdm
 from kpopnet.checkpoint import load_state, load_weights, read_meta, save_checkpoint
 from kpopnet.crops import AugmentConfig, Batch, CropBatches, EvenOrder, ShuffledOrder, batch_loader
 from kpopnet.errors import InputError
-from kpopnet.networks import ModelConfig, build_network
+from kpopnet.networks import ModelConfig, PoseNetwork, build_network
 from kpopnet.observation import ObservationSource
 from kpopnet.processes import Processes, join_processes, set_up_torch
 from kpopnet.validation import pictures, validate
@@ -46,6 +46,7 @@ class TrainingConfig:
         log_every: steps between scalars.
         validate_every: steps between validations, each followed by a checkpoint. The last step always has one.
         validation_samples: taken evenly from the validation set, or all if it has fewer; kept in memory.
+        start: a checkpoint whose weights a fresh run begins with, to train a network on for other cameras or motions.
         resume: a checkpoint to continue from, e.g. outputs/train/RUN/last.
     """
 
@@ -60,6 +61,7 @@ class TrainingConfig:
     log_every: int = 20
     validate_every: int = 1000
     validation_samples: int = 2048
+    start: str | None = None
     resume: str | None = None
 
     def __post_init__(self) -> None:
@@ -94,10 +96,12 @@ class Run:
     """The state of a training: weights, their average, optimiser, step, best, mean pose."""
 
     def __init__(self, config: TrainingConfig, model: ModelConfig, seed: int, processes: Processes) -> None:
-        """A fresh run, or the one of `config.resume`."""
+        """A fresh run, on the weights of `config.start` if there are any, or the one of `config.resume`."""
         self.config = config
         self.processes = processes
         self.network = build_network(model, seed).to(processes.device)
+        if config.start is not None and config.resume is None:
+            begin_with(self.network, config.start)
         self.average = deepcopy(self.network).eval().requires_grad_(False)
         self.optimiser = torch.optim.AdamW(weight_groups(self.network, config.weight_decay), lr=config.lr, fused=True)
         self.step = 0
@@ -199,6 +203,20 @@ class Run:
             raise InputError(f"{folder}: its training state does not fit this model or version ({error})") from error
         if self.step >= self.config.steps:
             raise InputError(f"{folder}: finished already, {meta['step']} of {self.config.steps} steps are done")
+
+
+def begin_with(network: PoseNetwork, checkpoint: str) -> None:
+    """Gives a fresh network a checkpoint's weights.
+
+    Raises:
+        InputError: no checkpoint there, or one of another model.
+    """
+    found, asked = read_meta(checkpoint)["model"], asdict(network.config)
+    other = [name for name in asked if found.get(name, asked[name]) != asked[name]]
+    if other:
+        settings = " ".join(f"model.{name}={str(found[name]).replace(' ', '')}" for name in other)
+        raise InputError(f"training.start={checkpoint} has another model; give it: {settings}")
+    load_weights(network, checkpoint)
 
 
 def weight_groups(network: nn.Module, weight_decay: float) -> list[dict]:

@@ -8,14 +8,16 @@ from functools import partial
 import h5py
 import numpy as np
 import pytest
+import torch
 from checkpoint_contents import contents
 from factories import write_shard
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 from programs import ROOT, run_program
 
-from kpopnet.checkpoint import read_meta
+from kpopnet.checkpoint import load_network, read_meta
 from kpopnet.crops import ShuffledOrder
+from kpopnet.networks import ModelConfig, build_network
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.shards import ShardedSet
 
@@ -102,6 +104,26 @@ def test_resuming_takes_the_runs_own_configuration_and_folder(place):
     assert "finished already, 4 of 4 steps are done" in finished.stderr
 
 
+def test_a_run_begins_with_the_weights_of_another(place):
+    first = run(place, *SHORT, "training.steps=2", "hydra.run.dir=general")
+    assert first.returncode == 0, first.stderr
+    # So slow that the weights stay what they were.
+    second = run(place, *SHORT, "training.steps=2", "training.start=general/best", "training.lr=1e-12", "hydra.run.dir=special")
+    assert second.returncode == 0, second.stderr
+    general, special = (dict(load_network(place / name / "best")[0].named_parameters()) for name in ("general", "special"))
+    fresh = dict(build_network(ModelConfig(**read_meta(place / "general" / "best")["model"]), 0).named_parameters())
+    for name, weight in special.items():
+        torch.testing.assert_close(weight, general[name], atol=1e-6, rtol=0)
+    assert any((fresh[name] - weight).abs().max() > 1e-4 for name, weight in general.items())
+    assert read_meta(place / "special" / "best")["config"]["training"]["start"] == "general/best"
+
+    refused = run(place, *SHORT, "training.start=general/best", "model.widths=[8,8,16,24]", "model=holistic")
+    assert refused.returncode == 1
+    assert refused.stderr.startswith(
+        "error: training.start=general/best has another model; give it: model.kind=dense model.widths=[8,8,16,16]\n"
+    )
+
+
 def test_a_resumed_run_is_bit_for_bit_the_run_that_was_not_stopped(place, tmp_path):
     """Stopped in its third step, by a picture that is torn and then repaired; 12 samples are three steps an epoch."""
     shutil.copytree(place / "train", tmp_path / "train")
@@ -160,6 +182,7 @@ def test_several_processes_share_one_folder(place):
         (["data.train=nowhere"], "nowhere: no shards"),
         (["sensor.name=sonar"], "sonar"),
         (["training.resume=nowhere/last"], "nowhere/last: no checkpoint there"),
+        (["training.start=nowhere/best"], "nowhere/best: no checkpoint there"),
         (["device=tpu"], "device=tpu"),
     ],
 )
