@@ -45,7 +45,7 @@ class Poses:
     seconds: float
 
     def performance(self) -> Performance:
-        return Performance(self.joints_m, self.times_s)
+        return Performance(self.joints_m, self.times_s, self.confidence)
 
 
 class PoseCache:

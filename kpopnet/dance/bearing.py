@@ -47,24 +47,24 @@ class Bearing:
         """
         if math.isinf(self._settling):
             return learner
-        angles = _taken_out(*learner, *teacher, first, self.steady_rad, self._seen, self._settling, self._most_rad)
-        return Features(angles, learner.weights)
+        angles = _taken_out(learner, teacher, first, self.steady_rad, self._seen, self._settling, self._most_rad)
+        return learner._replace(angles_rad=angles)
 
 
 @njit(cache=True)
-def _taken_out(learner, learner_weights, teacher, teacher_weights, first, steady, seen, settling, most):
-    without = np.empty_like(learner)
-    for i in range(len(learner)):
+def _taken_out(learner, teacher, first, steady, seen, settling, most):
+    without = np.empty_like(learner.angles_rad)
+    for i in range(len(without)):
         j = first + i
-        for c in range(learner.shape[1]):
-            if 0 <= j < len(teacher):
-                difference = _wrapped(learner[i, c] - teacher[j, c] - steady[c])
+        for c in range(without.shape[1]):
+            if 0 <= j < len(teacher.angles_rad):
+                difference = _wrapped(learner.angles_rad[i, c] - teacher.angles_rad[j, c] - steady[c])
                 if difference == difference:  # not NaN
-                    weight = learner_weights[i, c] * teacher_weights[j, c]
+                    weight = learner.weights[i, c] * learner.sure[i, c] * teacher.weights[j, c] * teacher.sure[j, c]
                     seen[c] += weight
                     step = weight / (seen[c] + settling) * min(max(difference, -STEP_RAD), STEP_RAD)
                     steady[c] = min(max(steady[c] + step, -most), most)
-            without[i, c] = _wrapped(learner[i, c] - steady[c])
+            without[i, c] = _wrapped(learner.angles_rad[i, c] - steady[c])
     return without
 
 

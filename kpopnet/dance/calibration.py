@@ -150,7 +150,8 @@ def read_dances(folder: str, checkpoint: str | None) -> list[TaughtDance]:
         for learner in dance.learners:
             if network is not None:
                 clip = learner.depth()
-                learners.append(Performance(network.estimate(clip.depth_m, clip.camera).joints_camera_m, clip.times_s))
+                joints_m, confidence = network.estimate(clip.depth_m, clip.camera)
+                learners.append(Performance(joints_m, clip.times_s, confidence))
             elif (joints := learner.joints()) is not None:
                 learners.append(joints)
             else:

@@ -47,51 +47,54 @@ def banded_distances(learner: Features, teacher: Features, first: int, band: int
         (T, 2 * band + 1) float64: what `frame_distance` gives, infinite where the teacher has no such frame. Where too little
         is known of either, the greatest distance possible, which attracts no path and is the same for the learner's whole row.
     """
-    return _banded_distances(*learner, *teacher, first, band, outlier_rad)
+    return _banded_distances(learner, teacher, first, band, outlier_rad)
 
 
 @njit(cache=True, fastmath=_ANY_ORDER)
-def _banded_distances(learner, learner_weights, teacher, teacher_weights, first, band, outlier):
-    everything = np.ones(learner.shape[1])
+def _banded_distances(learner, teacher, first, band, outlier):
+    frames, angles = learner.angles_rad.shape
+    taught = len(teacher.angles_rad)
+    everything = np.ones(angles)
     # That of angles that all are half a turn apart.
-    greatest = math.sqrt(learner.shape[1]) * math.pi
+    greatest = math.sqrt(angles) * math.pi
     if outlier < np.inf:
-        greatest = math.sqrt(learner.shape[1] * math.log1p((math.pi / outlier) ** 2)) * outlier
-    distances = np.full((len(learner), 2 * band + 1), np.inf)
-    for i in range(len(learner)):
-        for k in range(max(band - first - i, 0), min(len(teacher) + band - first - i, 2 * band + 1)):
-            j = first + i + k - band
-            distance = frame_distance(learner[i], learner_weights[i], teacher[j], teacher_weights[j], everything, outlier)
+        greatest = math.sqrt(angles * math.log1p((math.pi / outlier) ** 2)) * outlier
+    distances = np.full((frames, 2 * band + 1), np.inf)
+    for i in range(frames):
+        for k in range(max(band - first - i, 0), min(taught + band - first - i, 2 * band + 1)):
+            distance = frame_distance(learner, i, teacher, first + i + k - band, everything, outlier)
             distances[i, k] = greatest if math.isnan(distance) else distance
     return distances
 
 
 @njit(cache=True, inline="always")
-def frame_distance(a, a_weights, b, b_weights, columns, outlier):
-    """The norm of Eq. (14) between two frames' features, over the columns that have a 1 and not a 0; in radians.
+def frame_distance(learner, i, teacher, j, columns, outlier):
+    """The norm of Eq. (14) between a learner's frame i and a teacher's j, over the columns that have a 1 and not a 0; radians.
 
     Differences are wrapped to -pi..pi, and their squares weighted by both frames' weights. Squares far beyond that of
     `outlier` count by their logarithm (Cauchy's function): a limb that is lost, or in quite another move, shall not outweigh
     all others. With an infinite one it is the plain norm. Missing angles are taken to differ as much as the others do on
-    average, and columns that are left out likewise, so that the norms of parts and of the whole compare. NaN if more than
-    half of the angles are missing.
+    average, unsure ones in part, and columns that are left out likewise, so that the norms of parts and of the whole compare.
+    NaN if more than half of the angles are missing, or all are wholly unsure.
     """
-    total, product, known, asked = 0.0, 1.0, 0.0, 0.0
+    total, product, known, there_are, asked = 0.0, 1.0, 0.0, 0.0, 0.0
     inverse = 1 / (outlier * outlier)
-    for c in range(len(a)):
-        difference = abs(a[c] - b[c])
+    for c in range(len(columns)):
+        difference = abs(learner.angles_rad[i, c] - teacher.angles_rad[j, c])
         difference = min(difference, abs(difference - 2 * math.pi))
         there = difference == difference  # not NaN
-        squared = columns[c] * a_weights[c] * b_weights[c] * difference * difference if there else 0.0
+        sure = columns[c] * learner.sure[i, c] * teacher.sure[j, c]
+        squared = sure * learner.weights[i, c] * teacher.weights[j, c] * difference * difference if there else 0.0
         total += squared
         product *= 1 + squared * inverse  # the sum of logarithms is the logarithm of this
-        known += columns[c] if there else 0.0
+        known += sure if there else 0.0
+        there_are += columns[c] if there else 0.0
         asked += columns[c]
-    if known == 0 or 2 * known < asked:
+    if known == 0 or 2 * there_are < asked:
         return np.nan
     if outlier < np.inf:
         total = outlier * outlier * math.log(product)
-    return math.sqrt(total * len(a) / known)
+    return math.sqrt(total * len(columns) / known)
 
 
 @njit(cache=True)
@@ -200,15 +203,13 @@ def _path_to(end, step, slope):
 
 
 @njit(cache=True, fastmath=_ANY_ORDER)
-def posture_on_path(path, learner, learner_weights, teacher, teacher_weights, first, band, parts, outlier, beta):
+def posture_on_path(path, learner, teacher, first, band, parts, outlier, beta):
     """Eq. (14) along a path, for some parts of the body.
 
     Args:
         path: (L, 2) as of `best_match`.
-        learner: (n, D) angles of the window.
-        learner_weights: (n, D) theirs.
-        teacher: (M, D) angles of the teacher's dance.
-        teacher_weights: (M, D) theirs.
+        learner: (n, D) features of the window.
+        teacher: (M, D) features of the teacher's dance.
         first: the teacher's frame that belongs to the window's first.
         band: frames.
         parts: (P, D) 1 for the columns of each part, 0 for others.
@@ -229,7 +230,7 @@ def posture_on_path(path, learner, learner_weights, teacher, teacher_weights, fi
             while at < len(path) and path[at, 0] + path[at, 1] == frame:
                 i = path[at, 0]
                 j = first + frame - band
-                distance = frame_distance(learner[i], learner_weights[i], teacher[j], teacher_weights[j], parts[p], outlier)
+                distance = frame_distance(learner, i, teacher, j, parts[p], outlier)
                 if not math.isnan(distance):
                     similarity += math.exp(-distance / beta)
                     pairs += 1

@@ -59,10 +59,13 @@ class Features(NamedTuple):
     Attributes:
         angles_rad: (T, D) float64, NaN where a joint that is needed is missing.
         weights: (T, D) float64 in 0..1, how much each angle says.
+        sure: (T, D) float64, how sure the joints are that it is made of, the square of the least confidence, against the
+            mean of the frame's angles; 0 for what nobody knows.
     """
 
     angles_rad: np.ndarray
     weights: np.ndarray
+    sure: np.ndarray
 
 
 def feature_names(feature: str, heading: bool = False) -> tuple[str, ...]:
@@ -82,7 +85,16 @@ def feature_names(feature: str, heading: bool = False) -> tuple[str, ...]:
     return (*torso, *limbs, *(("turn",) if heading else ()))
 
 
-def dance_features(joints_m: np.ndarray, feature: str, fps: float, heading: bool = False) -> Features:
+class Angles(NamedTuple):
+    """Angles (T, D) and their weights as in `Features`."""
+
+    angles_rad: np.ndarray
+    weights: np.ndarray
+
+
+def dance_features(
+    joints_m: np.ndarray, feature: str, fps: float, heading: bool = False, confidence: np.ndarray | None = None
+) -> Features:
     """The features of a sequence of poses.
 
     Args:
@@ -90,6 +102,7 @@ def dance_features(joints_m: np.ndarray, feature: str, fps: float, heading: bool
         feature: dance22, the paper's, or raptis, that of [17].
         fps: frames per second, evenly spaced.
         heading: adds the turn of the whole body to dance22.
+        confidence: (T, 15) in 0..1 of each joint; by default all are sure.
 
     Returns:
         Features in the order of `feature_names`. Changes and turns of the first frames are missing.
@@ -100,11 +113,29 @@ def dance_features(joints_m: np.ndarray, feature: str, fps: float, heading: bool
     feature_names(feature, heading)
     joints_m = np.asarray(joints_m, np.float64)
     if feature == "raptis":
-        return raptis_features(joints_m)
-    return dance22_features(joints_m, round(TURN_S * fps) if heading else None)
+        angles = raptis_features(joints_m)
+    else:
+        angles = dance22_features(joints_m, round(TURN_S * fps) if heading else None)
+    if confidence is None:
+        return Features(*angles, np.ones_like(angles.weights))
+    return Features(*angles, _sure(confidence, feature_names(feature, heading)))
 
 
-def dance22_features(joints_m: np.ndarray, turn_frames: int | None = None) -> Features:
+def _sure(confidence: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
+    """(T, D) of (T, 15) confidence, see `Features`.
+
+    For a limb's angles those of the limb alone: the torso's frame is told by six joints together.
+    """
+    first = np.minimum(confidence[:, _ROOTS], confidence[:, _MIDDLES])
+    second = np.minimum(confidence[:, _MIDDLES], confidence[:, _ENDS])
+    limbs = dict(zip(_FIRST_DEGREE + _SECOND_DEGREE, np.concatenate([first, second], axis=1).T, strict=True))
+    torso = confidence[:, _TORSO].min(axis=1)
+    sure = np.stack([limbs.get(name.rpartition("_")[0], torso) for name in names], axis=1) ** 2
+    known = np.maximum((sure > 0).sum(axis=1), 1)
+    return sure / np.maximum(sure.sum(axis=1) / known, 1e-9)[:, None]
+
+
+def dance22_features(joints_m: np.ndarray, turn_frames: int | None = None) -> Angles:
     """The paper's 22-D feature of (T, 15, 3) joints; with `turn_frames` the turn within so many frames as a 23rd."""
     torso_m = joints_m[:, Joint.TORSO]
     right_shoulder_m, left_shoulder_m = joints_m[:, Joint.RIGHT_SHOULDER], joints_m[:, Joint.LEFT_SHOULDER]
@@ -115,7 +146,7 @@ def dance22_features(joints_m: np.ndarray, turn_frames: int | None = None) -> Fe
     bent = np.arcsin(np.clip(np.stack([between[:, 1, 2], between[:, 1, 0], between[:, 2, 0]], axis=1), -1, 1))
     changed = np.full_like(bent, np.nan)
     changed[1:] = bent[1:] - bent[:-1]
-    torso = Features(np.concatenate([bent, changed], axis=1), np.ones((len(bent), 6)))
+    torso = Angles(np.concatenate([bent, changed], axis=1), np.ones((len(bent), 6)))
 
     frames = np.stack([upper, upper, lower, lower], axis=1)
     parent, child = _limbs_in(frames, joints_m)
@@ -125,7 +156,7 @@ def dance22_features(joints_m: np.ndarray, turn_frames: int | None = None) -> Fe
     return _joined(parts)
 
 
-def raptis_features(joints_m: np.ndarray) -> Features:
+def raptis_features(joints_m: np.ndarray) -> Angles:
     """The 19-D feature of [17] of (T, 15, 3) joints in the camera frame."""
     frame = _principal_frame(joints_m)
     u, r, t = frame[:, 0], frame[:, 1], frame[:, 2]
@@ -133,7 +164,7 @@ def raptis_features(joints_m: np.ndarray) -> Features:
         [np.arctan2(t[:, 0], -t[:, 2]), np.arcsin(np.clip(t[:, 1], -1, 1)), np.arctan2(r[:, 1], u[:, 1])], axis=1
     )
     level = np.sqrt(np.clip(1 - t[:, 1] ** 2, 0, 1))
-    torso = Features(angles, np.stack([level, np.ones(len(level)), level], axis=1))
+    torso = Angles(angles, np.stack([level, np.ones(len(level)), level], axis=1))
 
     parent, child = _limbs_in(np.repeat(frame[:, None], 4, axis=1), joints_m)
     # r seen along the limb, and what completes it to a frame.
@@ -153,15 +184,15 @@ def _limbs_in(frames: np.ndarray, joints_m: np.ndarray) -> tuple[np.ndarray, np.
     return (frames @ parent[..., None])[..., 0], (frames @ child[..., None])[..., 0]
 
 
-def _inclination_and_azimuth(directions: np.ndarray, azimuth_weight: np.ndarray | float = 1.0) -> Features:
+def _inclination_and_azimuth(directions: np.ndarray, azimuth_weight: np.ndarray | float = 1.0) -> Angles:
     """Of (T, 4, 3) unit directions along an axis and two perpendicular ones: (T, 8), limb by limb."""
     sine = np.hypot(directions[..., 1], directions[..., 2])
     angles = np.stack([np.arctan2(sine, directions[..., 0]), np.arctan2(directions[..., 2], directions[..., 1])], axis=-1)
     weights = np.stack([np.ones_like(sine), sine * azimuth_weight], axis=-1)
-    return Features(angles.reshape(len(angles), 8), weights.reshape(len(angles), 8))
+    return Angles(angles.reshape(len(angles), 8), weights.reshape(len(angles), 8))
 
 
-def _carried(parent: np.ndarray, child: np.ndarray) -> Features:
+def _carried(parent: np.ndarray, child: np.ndarray) -> Angles:
     """Second degree of the 22-D feature: (T, 4, 3) directions in the torso's frame, the child's about the parent's."""
     start = _CARRIED_FROM  # (4, 3)
     cosine = (start * parent).sum(axis=-1, keepdims=True)
@@ -175,12 +206,12 @@ def _carried(parent: np.ndarray, child: np.ndarray) -> Features:
     return _inclination_and_azimuth(seen, azimuth_weight=np.clip(1 + cosine[..., 0], 0, 1))
 
 
-def _turn(frame: np.ndarray, frames: int) -> Features:
+def _turn(frame: np.ndarray, frames: int) -> Angles:
     """(T, 1) how far a (T, 3, 3) frame has turned about its u since `frames` ago."""
     angle = np.full((len(frame), 1), np.nan)
     r, before = frame[frames:, 1], frame[: max(len(frame) - frames, 0)]
     angle[frames:, 0] = np.arctan2((r * before[:, 2]).sum(axis=-1), (r * before[:, 1]).sum(axis=-1))
-    return Features(angle, np.ones_like(angle))
+    return Angles(angle, np.ones_like(angle))
 
 
 def _plane_frame(down: np.ndarray, leftwards: np.ndarray) -> np.ndarray:
@@ -220,5 +251,5 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
 
 
-def _joined(parts: list[Features]) -> Features:
-    return Features(*(np.concatenate(arrays, axis=1) for arrays in zip(*parts, strict=True)))
+def _joined(parts: list[Angles]) -> Angles:
+    return Angles(*(np.concatenate(arrays, axis=1) for arrays in zip(*parts, strict=True)))

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.dance.features import TURN_S
-from kpopnet.dance.resampling import reach_s, resampled
+from kpopnet.dance.resampling import reach_s, resampled, resampled_confidence
 from kpopnet.dance.scoring import (
     PARTS,
     SCORERS,
@@ -21,6 +21,7 @@ from kpopnet.dance.scoring import (
     Performance,
     ScorerConfig,
     WindowScore,
+    checked_confidence,
     features_of,
     rows_of,
     summary,
@@ -70,35 +71,38 @@ class OnlineScorer:
         self._taught = self._clock.features(teacher, frames)
         self._comparison: Comparison | None = None
         self._history = round(TURN_S * config.fps) + 1 if config.heading else 2  # frames that a feature needs
-        self._even_m: deque[np.ndarray] = deque(maxlen=self._history)
-        self._samples: deque[tuple[float, np.ndarray]] = deque()
+        self._even: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=self._history)
+        self._samples: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
         self._first = self._next = 0
         self._latest: OnlineScore | None = None
         self._windows: dict[int, WindowScore] = {}
 
-    def update(self, joints_m: np.ndarray, time_s: float) -> OnlineScore | None:
+    def update(self, joints_m: np.ndarray, time_s: float, confidence: np.ndarray | None = None) -> OnlineScore | None:
         """Takes a frame in.
 
         Args:
             joints_m: (15, 3) in the camera frame, NaN where a joint is missing.
             time_s: when, on the teacher's clock; later than the last.
+            confidence: (15,) in 0..1, how sure each joint is; by default all are.
 
         Returns:
             The latest scores, None before the first window is complete.
 
         Raises:
-            InputError: joints of another shape, or a time that is not later than the last.
+            InputError: joints or confidence of another shape, or a time that is not later than the last.
         """
         joints_m = np.array(joints_m, np.float64)
         if joints_m.shape != (NUM_JOINTS, 3):
             raise InputError(f"joints of shape {joints_m.shape}: a frame has ({NUM_JOINTS}, 3)")
         if not math.isfinite(time_s) or (self._samples and time_s <= self._samples[-1][0]):
             raise InputError(f"a frame at {time_s} s: times must be finite and grow from frame to frame")
-        joints_m[~np.isfinite(joints_m).all(axis=1)] = np.nan
+        missing = ~np.isfinite(joints_m).all(axis=1)
+        joints_m[missing] = np.nan
+        confidence = np.where(missing, 0.0, checked_confidence(confidence, (NUM_JOINTS,)))
         if not self._samples:
             self._first = self._next = max(self._clock.frame_from(time_s), 0)
             self._comparison = Comparison(self._taught, self._first, self.config)
-        self._samples.append((time_s, joints_m))
+        self._samples.append((time_s, joints_m, confidence))
         self._score_frames(before_s=time_s - self.lag_s)
         return self._latest
 
@@ -124,9 +128,10 @@ class OnlineScorer:
         config, at_s = self.config, self._clock.time_s(frame)
         while len(self._samples) > 1 and self._samples[0][0] < at_s - self.lag_s:
             self._samples.popleft()
-        times_s, samples_m = zip(*self._samples, strict=True)
-        self._even_m.append(resampled(np.array(samples_m), np.array(times_s), np.array([at_s]), config.smoothing_s)[0])
-        recent = features_of(np.array(self._even_m), config)
+        times_s, samples_m, confidence = (np.array(column) for column in zip(*self._samples, strict=True))
+        when = times_s, np.array([at_s]), config.smoothing_s
+        self._even.append((resampled(samples_m, *when)[0], resampled_confidence(confidence, *when)[0]))
+        recent = features_of(*(np.array(column) for column in zip(*self._even, strict=True)), config)
         self._comparison.add(rows_of(recent, slice(-1, None)))
 
         start = frame + 1 - config.window_frames

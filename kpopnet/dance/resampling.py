@@ -46,6 +46,33 @@ def resampled(joints_m: np.ndarray, times_s: np.ndarray, at_s: np.ndarray, smoot
     )  # fmt: skip
 
 
+def resampled_confidence(confidence: np.ndarray, times_s: np.ndarray, at_s: np.ndarray, smoothing_s: float) -> np.ndarray:
+    """(G, 15) the mean of (T, 15) confidence around other times, weighted by the same Gaussian; 0 where no sample is near."""
+    return _confidence(
+        np.ascontiguousarray(confidence, np.float64), np.asarray(times_s, np.float64), np.asarray(at_s, np.float64),
+        float(smoothing_s), reach_s(smoothing_s),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def _confidence(confidence, times, at, smoothing, reach):
+    result = np.zeros((len(at), confidence.shape[1]))
+    first = 0
+    for g in range(len(at)):
+        while first < len(times) and times[first] < at[g] - reach:
+            first += 1
+        i, weights = first, 0.0
+        while i < len(times) and times[i] <= at[g] + reach:
+            weight = math.exp(-0.5 * ((times[i] - at[g]) / smoothing) ** 2)
+            weights += weight
+            for j in range(confidence.shape[1]):
+                result[g, j] += weight * confidence[i, j]
+            i += 1
+        if weights > 0:
+            result[g] /= weights
+    return result
+
+
 @njit(cache=True)
 def _resampled(joints, times, at, smoothing, reach):
     count, num_joints = joints.shape[:2]

@@ -16,7 +16,7 @@ import numpy as np
 from kpopnet.dance.bearing import Bearing
 from kpopnet.dance.dtw import STEPS, algorithm_3, banded_distances, best_match, posture_on_path, steady_delay
 from kpopnet.dance.features import Features, dance_features, feature_names
-from kpopnet.dance.resampling import resampled
+from kpopnet.dance.resampling import resampled, resampled_confidence
 from kpopnet.errors import InputError
 from kpopnet.skeleton import NUM_JOINTS
 
@@ -35,9 +35,11 @@ class Performance:
         joints_m: (T, 15, 3) float64 in the camera frame, NaN where a joint is missing.
         times_s: (T,) float64, strictly increasing, on the clock that the music runs by: the teacher's and the learner's zero
             are the same instant of it.
+        confidence: (T, 15) float64 in 0..1, how sure each joint is; 0 where it is missing. What is less sure counts less.
     """
 
-    def __init__(self, joints_m: np.ndarray, times_s: np.ndarray) -> None:
+    def __init__(self, joints_m: np.ndarray, times_s: np.ndarray, confidence: np.ndarray | None = None) -> None:
+        """Without a confidence all joints that are there are sure."""
         joints_m, times_s = np.array(joints_m, np.float64), np.array(times_s, np.float64)
         if joints_m.ndim != 3 or joints_m.shape[1:] != (NUM_JOINTS, 3) or not len(joints_m):
             raise InputError(f"joints of shape {joints_m.shape}: expected (frames, {NUM_JOINTS}, 3) and at least one frame")
@@ -49,11 +51,27 @@ class Performance:
             wrong = int(np.argmin(right))
             raise InputError(f"frame {wrong} has time {times_s[wrong]}: times must be finite and grow from frame to frame")
         # A joint is there as a whole or not at all.
-        joints_m[~np.isfinite(joints_m).all(axis=2)] = np.nan
+        missing = ~np.isfinite(joints_m).all(axis=2)
+        joints_m[missing] = np.nan
         self.joints_m, self.times_s = joints_m, times_s
+        self.confidence = np.where(missing, 0.0, checked_confidence(confidence, joints_m.shape[:2]))
 
     def __len__(self) -> int:
         return len(self.times_s)
+
+
+def checked_confidence(confidence: np.ndarray | None, shape: tuple[int, ...]) -> np.ndarray:
+    """A confidence in each joint, 1 by default.
+
+    Raises:
+        InputError: another shape, or not in 0..1.
+    """
+    found = np.ones(shape) if confidence is None else np.asarray(confidence, np.float64)
+    if found.shape != shape:
+        raise InputError(f"confidence of shape {found.shape}: expected one number a joint, {shape}")
+    if not ((found >= 0) & (found <= 1)).all():
+        raise InputError(f"confidence from {found.min()} to {found.max()}: expected numbers from 0 to 1")
+    return found
 
 
 @dataclass(frozen=True)
@@ -257,8 +275,10 @@ class Clock:
         return range(max(frames.start, 0), min(frames.stop, self.teacher_frames.stop))
 
     def features(self, performance: Performance, frames: range) -> Features:
-        joints_m = resampled(performance.joints_m, performance.times_s, self.time_s(frames), self._config.smoothing_s)
-        return features_of(joints_m, self._config)
+        when = performance.times_s, self.time_s(frames), self._config.smoothing_s
+        return features_of(
+            resampled(performance.joints_m, *when), resampled_confidence(performance.confidence, *when), self._config
+        )
 
     def window_starts(self, frames: range) -> range:
         """First frames of the windows that lie in the frames that somebody danced.
@@ -304,7 +324,8 @@ class Comparison:
             begin, end = max(begin, self._end), min(begin + hop, stop)
             rows = rows_of(features, slice(begin - self._end, end - self._end))
             rows = self._bearing.taken_out(rows, self._taught, begin - self._delay)
-            self._learnt.angles_rad[begin:end], self._learnt.weights[begin:end] = rows
+            for kept, new in zip(self._learnt, rows, strict=True):
+                kept[begin:end] = new
             self._distances[begin:end] = banded_distances(rows, self._taught, begin, config.band_frames, config.outlier_rad)
             if end % hop == 0:
                 column = steady_delay(self._context(end), config.steady_pull / config.fps)
@@ -320,9 +341,9 @@ class Comparison:
         return self._distances[max(end - self._config.context_frames, self._first) : end]
 
 
-def features_of(joints_m: np.ndarray, config: ScorerConfig) -> Features:
-    """Features of (T, 15, 3) even frames, the hands' with their weight."""
-    features = dance_features(joints_m, config.feature, config.fps, config.heading)
+def features_of(joints_m: np.ndarray, confidence: np.ndarray, config: ScorerConfig) -> Features:
+    """Features of (T, 15, 3) even frames with (T, 15) confidence, the hands' with their weight."""
+    features = dance_features(joints_m, config.feature, config.fps, config.heading, confidence)
     hands = ["hand" in name for name in feature_names(config.feature, config.heading)]
     features.weights[:, hands] *= math.sqrt(config.hands)  # a difference has the weights of both its frames
     return features
@@ -351,7 +372,7 @@ def score_window(
     expected = steady_delay(distances, config.steady_pull / config.fps)
     path = best_match(distances[-len(learner.angles_rad) :], config.steps == "slope", config.pull / config.fps, expected)
     posture, compared = posture_on_path(
-        path, *learner, *teacher, start, config.band_frames, parts, config.outlier_rad, config.beta
+        path, learner, teacher, start, config.band_frames, parts, config.outlier_rad, config.beta
     )
     posture[compared < LEAST_KNOWN] = np.nan
     if math.isnan(posture[0]):
@@ -399,7 +420,7 @@ def part_columns(feature: str, heading: bool) -> np.ndarray:
 
 
 def rows_of(features: Features, rows: slice) -> Features:
-    return Features(features.angles_rad[rows], features.weights[rows])
+    return Features(*(array[rows] for array in features))
 
 
 def _mean(values: np.ndarray) -> float:

@@ -58,7 +58,7 @@ def _matching() -> tuple[float, float]:
     for _ in range(200):
         around = np.cumsum(rng.normal(0, 0.02, (SURROUNDINGS, 22)), axis=0)
         window = around[50 : 50 + WINDOW] + rng.normal(0, 0.05, (WINDOW, 22))
-        learner, teacher = (Features(angles, np.ones_like(angles)) for angles in (window, around))
+        learner, teacher = (Features(angles, *np.ones((2, *angles.shape))) for angles in (window, around))
 
         start = time.process_time()
         distances = banded_distances(learner, teacher, 0, SURROUNDINGS, math.inf)

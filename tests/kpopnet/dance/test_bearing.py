@@ -17,7 +17,7 @@ DANCE = np.stack([np.sin(2 * SECONDS), 3.1 + 0.4 * np.cos(1.3 * SECONDS), np.cos
 
 def features(angles_rad: np.ndarray, weight: float = 1.0) -> Features:
     wrapped = np.arctan2(np.sin(angles_rad), np.cos(angles_rad))
-    return Features(wrapped, np.full(wrapped.shape, weight))
+    return Features(wrapped, np.full(wrapped.shape, weight), np.ones_like(wrapped))
 
 
 def apart(a: np.ndarray, b: np.ndarray) -> np.ndarray:

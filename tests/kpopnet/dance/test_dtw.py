@@ -20,7 +20,7 @@ COSTS = arrays(
 
 def plain(angles_rad) -> Features:
     angles_rad = np.asarray(angles_rad, float)
-    return Features(angles_rad, np.ones_like(angles_rad))
+    return Features(angles_rad, np.ones_like(angles_rad), np.ones_like(angles_rad))
 
 
 def slow_match(distances, slope, pull, expected):
@@ -147,21 +147,34 @@ def test_beyond_the_teacher_there_is_nothing():
     assert len(best_match(banded_distances(learner, teacher, 50, 2, math.inf), True, 0.0, 2)) == 0
 
 
+def norm(a, b, a_weights=1.0, a_sure=1.0, columns=ALL, outlier=math.inf) -> float:
+    ones = np.ones((1, len(a)))
+    learner, teacher = Features(np.array([a]), ones * a_weights, ones * a_sure), plain([b])
+    return frame_distance(learner, 0, teacher, 0, columns, outlier)
+
+
 def test_differences_are_wrapped_weighted_and_missing_ones_left_out():
-    a, b, ones = np.array([3.1, 0.0, 0.0]), np.array([-3.1, 0.0, 0.0]), np.ones(3)
-    assert frame_distance(a, ones, b, ones, ALL, math.inf) == pytest.approx(2 * math.pi - 6.2)
-    assert frame_distance(a, ones, b, ones * [0.25, 1, 1], ALL, math.inf) == pytest.approx((2 * math.pi - 6.2) / 2)
-    c = np.array([0.5, 0.0, np.nan])
-    assert frame_distance(c, ones, np.zeros(3), ones, ALL, math.inf) == pytest.approx(0.5 * math.sqrt(3 / 2))
-    assert math.isnan(frame_distance(np.array([0.5, np.nan, np.nan]), ones, np.zeros(3), ones, ALL, math.inf))
-    assert frame_distance(c, ones, np.zeros(3), ones, np.array([1.0, 0.0, 0.0]), math.inf) == pytest.approx(
-        0.5 * math.sqrt(3)
-    )
+    a, b, nothing = [3.1, 0.0, 0.0], [-3.1, 0.0, 0.0], [0.0, 0.0, 0.0]
+    assert norm(a, b) == pytest.approx(2 * math.pi - 6.2)
+    assert norm(a, b, a_weights=[0.25, 1, 1]) == pytest.approx((2 * math.pi - 6.2) / 2)
+    c = [0.5, 0.0, math.nan]
+    assert norm(c, nothing) == pytest.approx(0.5 * math.sqrt(3 / 2))
+    assert math.isnan(norm([0.5, math.nan, math.nan], nothing))
+    assert norm(c, nothing, columns=np.array([1.0, 0.0, 0.0])) == pytest.approx(0.5 * math.sqrt(3))
+
+
+@given(st.lists(st.floats(-3, 3), min_size=3, max_size=3), st.floats(0.01, 1), st.sampled_from((0.3, math.inf)))
+def test_how_sure_all_angles_are_changes_nothing_and_one_that_is_unsure_counts_as_missing(a, sure, outlier):
+    b = [0.0, 0.0, 0.0]
+    if outlier == math.inf:
+        assert norm(a, b, a_sure=sure) == pytest.approx(norm(a, b))
+    assert norm(a, b, a_sure=[1, 1, 0], outlier=outlier) == pytest.approx(norm([*a[:2], math.nan], b, outlier=outlier))
+    assert math.isnan(norm(a, b, a_sure=0.0))
 
 
 @given(st.floats(0, 3.1), st.floats(0, 3.1))
 def test_a_greater_difference_is_never_a_smaller_distance(one, other):
-    distance = [frame_distance(np.array([x]), np.ones(1), np.zeros(1), np.ones(1), ALL[:1], 0.3) for x in sorted((one, other))]
+    distance = [norm([x], [0.0], columns=ALL[:1], outlier=0.3) for x in sorted((one, other))]
     assert distance[0] <= distance[1] <= max(one, other)
 
 
@@ -169,13 +182,13 @@ def test_posture_is_the_mean_over_the_teachers_frames():
     teacher, learner = plain(np.zeros((3, 1))), plain([[0.0], [0.2], [0.4], [0.6]])
     path = np.array([[0, 2], [1, 2], [2, 1], [3, 1]])  # the second and third match one frame
     parts, beta = np.ones((1, 1)), 0.5
-    posture, compared = posture_on_path(path, *learner, *teacher, 0, 2, parts, math.inf, beta)
+    posture, compared = posture_on_path(path, learner, teacher, 0, 2, parts, math.inf, beta)
     similar = np.exp(-np.array([0, 0.2, 0.4, 0.6]) / beta)
     # Eq. (14)
     assert posture[0] == pytest.approx((similar[0] + (similar[1] + similar[2]) / 2 + similar[3]) / 3)
     assert compared[0] == 1
     learner.angles_rad[0] = np.nan
-    posture, compared = posture_on_path(path, *learner, *teacher, 0, 2, parts, math.inf, beta)
+    posture, compared = posture_on_path(path, learner, teacher, 0, 2, parts, math.inf, beta)
     assert posture[0] == pytest.approx(((similar[1] + similar[2]) / 2 + similar[3]) / 2)
     assert compared[0] == pytest.approx(2 / 3)
 

@@ -140,6 +140,21 @@ def test_a_missing_joint_leaves_out_what_needs_it_and_nothing_else(joint):
             }
 
 
+def test_an_angle_is_as_sure_as_the_least_sure_joint_of_its_limb():
+    confidence = np.full((len(JOINTS_M), 15), 0.9)
+    confidence[5, Joint.LEFT_HAND], confidence[6, Joint.LEFT_ELBOW], confidence[7, Joint.LEFT_HIP] = 0.5, 0.4, 0.3
+    for feature, heading in (("dance22", True), ("raptis", False)):
+        names, found = feature_names(feature, heading), dance_features(JOINTS_M, feature, FPS, heading, confidence).sure
+        less = {frame: {names[c] for c in np.flatnonzero(found[frame] < 0.7 * found[frame].max())} for frame in range(4, 8)}
+        angles = {limb: {f"{limb}_inclination", f"{limb}_azimuth"} for limb in ("left_hand", "left_elbow", "left_knee")}
+        torso = {name for name in names if not name.startswith(("left", "right"))}
+        hand, elbow, knee = angles.values()
+        assert less == {4: set(), 5: hand, 6: hand | elbow, 7: knee | torso}
+        np.testing.assert_allclose(found[5:8].min(axis=1) / found[5:8].max(axis=1), np.array([0.5, 0.4, 0.3]) ** 2 / 0.81)
+        np.testing.assert_allclose(found.mean(axis=1), 1)
+        assert (dance_features(JOINTS_M, feature, FPS, heading).sure == 1).all()
+
+
 @pytest.mark.parametrize("feature", FEATURES)
 def test_bones_of_no_length_are_missing_directions(feature):
     joints_m = JOINTS_M.copy()

@@ -1,7 +1,7 @@
 import numpy as np
 from dance_people import dance_joints_m
 
-from kpopnet.dance.resampling import resampled
+from kpopnet.dance.resampling import resampled, resampled_confidence
 
 JOINTS_M = dance_joints_m(0, 4.0)
 TIMES_S = np.arange(len(JOINTS_M)) / 30
@@ -52,3 +52,14 @@ def test_short_gaps_are_closed_and_long_ones_stay():
 def test_beyond_the_samples_nothing_is_invented():
     found = resampled(JOINTS_M, TIMES_S, np.array([-0.05, 0.0, TIMES_S[-1], TIMES_S[-1] + 0.05]), 0.08)
     assert np.isnan(found[:, 0, 0]).tolist() == [True, False, False, True]
+
+
+def test_confidence_is_a_mean_over_the_samples_around():
+    rng = np.random.default_rng(0)
+    confidence = rng.uniform(size=(len(TIMES_S), 15))
+    at_s = np.array([0.5, 1.234, TIMES_S[-1] + 2])
+    found = resampled_confidence(confidence, TIMES_S, at_s, 0.08)
+    weights = np.exp(-0.5 * ((TIMES_S - at_s[:2, None]) / 0.08) ** 2) * (np.abs(TIMES_S - at_s[:2, None]) <= 0.25)
+    np.testing.assert_allclose(found[:2], weights @ confidence / weights.sum(axis=1, keepdims=True))
+    assert not found[2].any()  # nobody was seen then
+    np.testing.assert_allclose(resampled_confidence(np.full((len(TIMES_S), 15), 0.7), TIMES_S, at_s[:2], 0.08), 0.7)

@@ -196,6 +196,11 @@ def test_bad_input_is_named():
         Performance(joints_m[:5, :14], np.arange(5.0))
     with pytest.raises(InputError, match="expected one time a frame"):
         Performance(joints_m[:5], np.arange(4.0))
+    with pytest.raises(InputError, match=r"confidence of shape \(5,\): expected one number a joint, \(5, 15\)"):
+        Performance(joints_m[:5], np.arange(5.0), np.ones(5))
+    for wrong in (-0.1, 1.1, np.nan):
+        with pytest.raises(InputError, match="expected numbers from 0 to 1"):
+            Performance(joints_m[:5], np.arange(5.0), np.full((5, 15), wrong))
     for wrong, message in (
         ({"tau": 0}, "scorer.tau=0 must be"), ({"smoothing_s": 0}, "expected 0.02 to 0.5"), ({"steps": "odd"}, "slope, free"),
         ({"matching": "odd"}, "subsequence, algorithm_3"), ({"window_s": 0.03}, "give a longer one"),
@@ -206,12 +211,46 @@ def test_bad_input_is_named():
             ScorerConfig(**wrong)
 
 
+def test_what_is_unsure_counts_less_and_what_nobody_is_sure_of_is_no_score():
+    joints_m = dance_joints_m(0)
+    teacher, times_s = performed(joints_m), np.arange(len(joints_m)) / FPS
+    lost_m, unsure = joints_m.copy(), np.ones(joints_m.shape[:2])
+    arm = [Joint.LEFT_ELBOW, Joint.LEFT_HAND]
+    lost_m[:, arm] = dance_joints_m(1)[: len(joints_m), arm]
+    scores = {}
+    for confidence in (1.0, 0.3, 0.0):
+        unsure[:, arm] = confidence
+        scores[confidence] = score_dance(teacher, Performance(lost_m, times_s, unsure))
+    assert scores[1.0].similarity + 10 < scores[0.3].similarity < scores[0.0].similarity
+    assert scores[0.0].similarity > 95
+    lost_m[:, arm] = np.nan
+    missing = score_dance(teacher, Performance(lost_m, times_s))
+    assert scores[0.0].similarity == pytest.approx(missing.similarity, abs=0.5)
+    assert math.isnan(missing.parts["arms"]) == math.isnan(scores[0.0].parts["arms"])
+    nobody = score_dance(teacher, Performance(joints_m, times_s, np.zeros_like(unsure)))
+    assert math.isnan(nobody.similarity) and nobody.scored == 0
+
+
+@settings(max_examples=6, deadline=None)
+@given(st.floats(0.2, 1.0))
+def test_how_sure_an_estimator_is_throughout_does_not_matter(confidence):
+    joints_m = dance_joints_m(2)
+    learner_m, times_s = noisy(joints_m, 0.05), np.arange(len(joints_m)) / FPS
+    sure, unsure = (
+        score_dance(performed(joints_m), Performance(learner_m, times_s, np.full(joints_m.shape[:2], c))).similarity
+        for c in (1.0, confidence)
+    )
+    assert unsure == pytest.approx(sure, abs=1e-6)
+
+
 def test_bad_input_to_the_online_scorer_is_named():
     joints_m = dance_joints_m(0)
     scorer = OnlineScorer(performed(joints_m))
     scorer.update(joints_m[0], 0.0)
     with pytest.raises(InputError, match=r"joints of shape \(14, 3\)"):
         scorer.update(joints_m[0, :14], 0.1)
+    with pytest.raises(InputError, match=r"confidence of shape \(14,\)"):
+        scorer.update(joints_m[1], 0.1, np.ones(14))
     with pytest.raises(InputError, match=r"a frame at 0\.0 s"):
         scorer.update(joints_m[0], 0.0)
     with pytest.raises(InputError, match="no whole window"):
@@ -231,10 +270,11 @@ def test_online_scores_are_those_of_the_whole_dance(config):
     joints_m[100:130, 6] = np.nan
     kept = np.delete(np.arange(360), np.r_[200:215, 300:302])
     times_s = kept / FPS + rng.uniform(0, 0.02, len(kept)) + 0.2
+    confidence = rng.uniform(size=joints_m.shape[:2])
     scorer, latest = OnlineScorer(teacher, config), []
     for frame, time_s in zip(kept, times_s, strict=True):
-        latest.append(scorer.update(joints_m[frame], time_s))
-    whole, online = score_dance(teacher, Performance(joints_m[kept], times_s), config), scorer.finish()
+        latest.append(scorer.update(joints_m[frame], time_s, confidence[frame]))
+    whole, online = score_dance(teacher, Performance(joints_m[kept], times_s, confidence[kept]), config), scorer.finish()
     for a, b in zip(whole[:3], online[:3], strict=True):
         assert a == b
     for name in ("start_s", "delay_s", "timing", "posture", "similarity"):
