@@ -111,7 +111,7 @@ class ScorerConfig:
     band_s: float = 1.5
     context_s: float = 6.0
     steady_pull: float = 0.02
-    pull: float = 0.3
+    pull: float = 0.6
     steps: str = "slope"
     outlier_rad: float = 0.25
     settling_s: float = 3.0

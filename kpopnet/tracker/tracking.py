@@ -60,9 +60,13 @@ much like a chest, and there is no turning round for little. A detector, which d
 its pose explains the picture worse than that."""
 
 FRONT_EVERY, FRONT_STEPS, UPRIGHT = 5, 6, 0.5
+"""Every so many frames the body turned round is fitted in so many steps, if the cosine between the torso and the camera's
+vertical is at least the third: who stands on their hands carries head and knees otherwise."""
+
 MOST_GAIN, ENOUGH_GAIN = 0.2, 0.3
-"""Of 8,400 good poses of training dances one in a hundred explains the picture by less than a fifth (logarithm) better than
-the body turned round; of those that face the wrong way, three in four explain it worse. A single look gains at most the one."""
+"""In the logarithm of the misfit. Of 8,400 good poses of training dances one in a hundred explains the picture less than 0.2
+better than the body turned round, of those that face the wrong way three in four explain it worse. One look gains at most the
+first, and from the second on the body is turned."""
 
 SLIGHTLY = tuple(lambda joints, angle=angle: turned(joints, angle) for angle in np.radians((-30, 30, -60, 60)))
 THOROUGHLY = (
@@ -159,7 +163,7 @@ class Tracker:
         self._knows_thickness = False
         self.body, self.lengths = body_of(self.model), lengths_of(self.model)
         self.joints_camera_m, self.velocity_m, self._middle = joints, np.zeros_like(joints), None
-        self._usual_m2 = USUAL_M2
+        self._usual_m2, self._other_side = USUAL_M2, 0.0
 
     def track(self, depth_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """One frame.
@@ -259,8 +263,7 @@ class Tracker:
     def _front_or_back(self, joints: np.ndarray, cells: Cells) -> np.ndarray:
         """The pose, or the one seen from the other side if that has explained the picture better for a while.
 
-        A cumulative sum (Page 1954) of what a body that faces the other way would explain better, looked at in every
-        `FRONT_EVERY`th frame. Heads and knees tell front from back, and only of who is upright.
+        A cumulative sum (Page 1954) of what a body that faces the other way would explain better.
         """
         self._frames += 1
         if self._frames % FRONT_EVERY or frame_of(joints)[1, 1] < UPRIGHT:
