@@ -82,7 +82,9 @@ def test_a_dance_is_scored_as_the_readme_says() -> None:
     _, score = fenced("python")
     joints_m, times_s = np.random.default_rng(0).normal(size=(15, 3)) + np.zeros((120, 1, 1)), np.arange(120) / 30
     told = {"teacher_joints_m": joints_m, "teacher_times_s": times_s, "joints_m": joints_m, "times_s": times_s}
-    exec(score, told | {"frame_joints_m": joints_m[0], "time_s": 0.0})
+    confidence = np.ones((120, 15))
+    told |= {"confidence": confidence, "frame_joints_m": joints_m[0], "frame_confidence": confidence[0], "time_s": 0.0}
+    exec(score, told)
 
 
 def test_the_map_from_the_paper_leads_somewhere() -> None:

@@ -117,7 +117,8 @@ def test_a_run_begins_with_the_weights_of_another(place):
     assert any((fresh[name] - weight).abs().max() > 1e-4 for name, weight in general.items())
     assert read_meta(place / "special" / "best")["config"]["training"]["start"] == "general/best"
 
-    refused = run(place, *SHORT, "training.start=general/best", "model.widths=[8,8,16,24]", "model=holistic")
+    other = ("model=holistic", "model.widths=[8,8,16,24]", "hydra.run.dir=other")
+    refused = run(place, *SHORT, "training.start=general/best", *other)
     assert refused.returncode == 1
     assert refused.stderr.startswith(
         "error: training.start=general/best has another model; give it: model.kind=dense model.widths=[8,8,16,16]\n"
