@@ -22,6 +22,7 @@ from kpopnet.camera import Camera
 from kpopnet.dance.scoring import SCORERS, Performance
 from kpopnet.errors import InputError
 from kpopnet.estimators import Estimate
+from kpopnet.skeleton import Joint
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
 
 ROOT = Path(__file__).parents[2]
@@ -73,10 +74,11 @@ def folder(tmp_path: Path) -> Path:
 class FakeConfig:
     offset_m: float = 0.0
     weights: str | None = None
+    arm: float | None = None
 
 
 class Fake:
-    """Knows the truth by the depth that each learner has."""
+    """Knows the truth by the depth that each learner has; with `arm` it has lost the left arm and is so sure of it."""
 
     name = "fake"
     calls = 0
@@ -89,7 +91,11 @@ class Fake:
         number = round((depth_m[0].max() - 2) / 0.01)
         noise_m = (0.0, 0.04, 0.09, 0.16)[number]
         joints_m = danced_m(noise_m, number + 7)[: len(depth_m)] + np.float32(self.config.offset_m)
-        return Estimate(joints_m, np.ones(joints_m.shape[:2], np.float32))
+        confidence = np.ones(joints_m.shape[:2], np.float32)
+        if self.config.arm is not None:
+            lost = [Joint.LEFT_ELBOW, Joint.LEFT_HAND]
+            joints_m[:, lost], confidence[:, lost] = joints_m[:, [Joint.RIGHT_HAND, Joint.RIGHT_ELBOW]], self.config.arm
+        return Estimate(joints_m, confidence)
 
 
 @pytest.fixture
@@ -126,6 +132,14 @@ def test_an_estimator_stands_beside_the_truth_and_its_poses_are_kept(folder, fak
     assert fake.calls == calls and again.agreements["fake"]["raptis"] == found.agreements["fake"]["raptis"]
     run(folder, {"fake": FakeConfig(0.2)})
     assert fake.calls > calls
+
+
+def test_what_an_estimator_is_not_sure_of_counts_for_less(folder, fake):
+    best = {}
+    for arm in (None, 0.0, 0.1, 1.0):
+        found = run(folder, {"fake": FakeConfig(arm=arm)}, scorers={"dance22": SCORERS["dance22"]})
+        best[arm] = found.scores["fake"]["dance22"]["mama"][0].score.similarity
+    assert best[1.0] + 10 < best[0.1] < best[0.0] == pytest.approx(best[None], abs=1)
 
 
 def test_poses_are_kept_by_what_they_depend_on(folder, fake, tmp_path):
