@@ -55,19 +55,29 @@ def resampled_confidence(confidence: np.ndarray, times_s: np.ndarray, at_s: np.n
 
 
 @njit(cache=True)
-def _confidence(confidence, times, at, smoothing, reach):
-    result = np.zeros((len(at), confidence.shape[1]))
-    first = 0
+def _near(times, at, reach):
+    """(G, 2) for each instant the first sample within reach, and the one after the last."""
+    near = np.empty((len(at), 2), np.int64)
+    first = stop = 0
     for g in range(len(at)):
         while first < len(times) and times[first] < at[g] - reach:
             first += 1
-        i, weights = first, 0.0
-        while i < len(times) and times[i] <= at[g] + reach:
+        stop = max(first, stop)
+        while stop < len(times) and times[stop] <= at[g] + reach:
+            stop += 1
+        near[g] = first, stop
+    return near
+
+
+@njit(cache=True)
+def _confidence(confidence, times, at, smoothing, reach):
+    result, near = np.zeros((len(at), confidence.shape[1])), _near(times, at, reach)
+    for g in range(len(at)):
+        weights = 0.0
+        for i in range(near[g, 0], near[g, 1]):
             weight = math.exp(-0.5 * ((times[i] - at[g]) / smoothing) ** 2)
             weights += weight
-            for j in range(confidence.shape[1]):
-                result[g, j] += weight * confidence[i, j]
-            i += 1
+            result[g] += weight * confidence[i]
         if weights > 0:
             result[g] /= weights
     return result
@@ -75,15 +85,10 @@ def _confidence(confidence, times, at, smoothing, reach):
 
 @njit(cache=True)
 def _resampled(joints, times, at, smoothing, reach):
-    count, num_joints = joints.shape[:2]
-    result = np.full((len(at), num_joints, 3), np.nan)
-    first = 0
+    num_joints = joints.shape[1]
+    result, near = np.full((len(at), num_joints, 3), np.nan), _near(times, at, reach)
     for g in range(len(at)):
-        while first < count and times[first] < at[g] - reach:
-            first += 1
-        stop = first
-        while stop < count and times[stop] <= at[g] + reach:
-            stop += 1
+        first, stop = near[g]
         for j in range(num_joints):
             before, after = np.inf, np.inf
             for i in range(first, stop):

@@ -3,7 +3,8 @@
     joints -> even frames -> features -> windows of 2 s -> DTW -> S_t, S_p of each window -> S
 
 A window's delay is the time between the middles of the learner's window and of the teacher's frames that match it. What
-could not be seen does not count for or against anybody: windows of which too little is known are left out of every mean.
+could not be seen does not count for or against anybody, and joints that are less sure than others count for less: windows of
+which too little is known are left out of every mean.
 """
 
 import math
