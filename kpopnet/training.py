@@ -206,7 +206,7 @@ class Run:
 
 
 def begin_with(network: PoseNetwork, checkpoint: str) -> None:
-    """Gives a fresh network a checkpoint's weights.
+    """Gives a fresh network the weights of a checkpoint, a folder such as outputs/train/RUN/best.
 
     Raises:
         InputError: no checkpoint there, or one of another model.

@@ -95,8 +95,9 @@ class PoseCache:
                 poses = Poses(file["joints_m"], file["confidence"], file["times_s"], float(file["seconds"]))
             if poses.joints_m.shape != (len(poses.times_s), NUM_JOINTS, 3):
                 raise ValueError(f"joints of shape {poses.joints_m.shape} at {len(poses.times_s)} times")
+            poses.performance()
             return poses
-        except (OSError, KeyError, ValueError, TypeError, zipfile.BadZipFile) as error:
+        except (OSError, KeyError, ValueError, TypeError, zipfile.BadZipFile, InputError) as error:
             raise InputError(f"{path}: not whole ({error}); delete it, and it is made again") from error
 
     def make(self, dance: Dance, learner: Learner) -> None:

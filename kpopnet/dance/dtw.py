@@ -75,7 +75,7 @@ def frame_distance(learner, i, teacher, j, columns, outlier):
     `outlier` count by their logarithm (Cauchy's function): a limb that is lost, or in quite another move, shall not outweigh
     all others. With an infinite one it is the plain norm. Missing angles are taken to differ as much as the others do on
     average, unsure ones in part, and columns that are left out likewise, so that the norms of parts and of the whole compare.
-    NaN if more than half of the angles are missing, or all are wholly unsure.
+    NaN if more than half of the angles are missing, or nobody is sure of them at all.
     """
     total, product, known, there_are, asked = 0.0, 1.0, 0.0, 0.0, 0.0
     inverse = 1 / (outlier * outlier)
@@ -88,7 +88,7 @@ def frame_distance(learner, i, teacher, j, columns, outlier):
         total += squared
         product *= 1 + squared * inverse  # the sum of logarithms is the logarithm of this
         known += sure if there else 0.0
-        there_are += columns[c] if there else 0.0
+        there_are += columns[c] if there and sure > 0 else 0.0
         asked += columns[c]
     if known == 0 or 2 * there_are < asked:
         return np.nan

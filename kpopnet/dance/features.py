@@ -59,8 +59,8 @@ class Features(NamedTuple):
     Attributes:
         angles_rad: (T, D) float64, NaN where a joint that is needed is missing.
         weights: (T, D) float64 in 0..1, how much each angle says.
-        sure: (T, D) float64, how sure the joints are that it is made of, the square of the least confidence, against the
-            mean of the frame's angles; 0 for what nobody knows.
+        sure: (T, D) float64, how sure the joints are that it is made of: the square of the least confidence, against the
+            mean over those of the frame's angles of which anybody is sure at all; 0 for the others.
     """
 
     angles_rad: np.ndarray

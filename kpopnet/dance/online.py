@@ -21,10 +21,10 @@ from kpopnet.dance.scoring import (
     Performance,
     ScorerConfig,
     WindowScore,
-    checked_confidence,
     features_of,
     rows_of,
     summary,
+    whole_joints,
 )
 from kpopnet.errors import InputError
 from kpopnet.skeleton import NUM_JOINTS
@@ -96,9 +96,7 @@ class OnlineScorer:
             raise InputError(f"joints of shape {joints_m.shape}: a frame has ({NUM_JOINTS}, 3)")
         if not math.isfinite(time_s) or (self._samples and time_s <= self._samples[-1][0]):
             raise InputError(f"a frame at {time_s} s: times must be finite and grow from frame to frame")
-        missing = ~np.isfinite(joints_m).all(axis=1)
-        joints_m[missing] = np.nan
-        confidence = np.where(missing, 0.0, checked_confidence(confidence, (NUM_JOINTS,)))
+        joints_m, confidence = whole_joints(joints_m, confidence)
         if not self._samples:
             self._first = self._next = max(self._clock.frame_from(time_s), 0)
             self._comparison = Comparison(self._taught, self._first, self.config)

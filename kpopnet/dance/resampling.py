@@ -47,7 +47,10 @@ def resampled(joints_m: np.ndarray, times_s: np.ndarray, at_s: np.ndarray, smoot
 
 
 def resampled_confidence(confidence: np.ndarray, times_s: np.ndarray, at_s: np.ndarray, smoothing_s: float) -> np.ndarray:
-    """(G, 15) the mean of (T, 15) confidence around other times, weighted by the same Gaussian; 0 where no sample is near."""
+    """(G, 15) the mean of (T, 15) confidence around other times, weighted by the same Gaussian; 0 where no sample is near.
+
+    Times are as of `resampled`.
+    """
     return _confidence(
         np.ascontiguousarray(confidence, np.float64), np.asarray(times_s, np.float64), np.asarray(at_s, np.float64),
         float(smoothing_s), reach_s(smoothing_s),

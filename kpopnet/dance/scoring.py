@@ -3,8 +3,8 @@
     joints -> even frames -> features -> windows of 2 s -> DTW -> S_t, S_p of each window -> S
 
 A window's delay is the time between the middles of the learner's window and of the teacher's frames that match it. What
-could not be seen does not count for or against anybody, and joints that are less sure than others count for less: windows of
-which too little is known are left out of every mean.
+could not be seen does not count for or against anybody: windows of which too little is known are left out of every mean. Of
+what was seen the joints that are less sure than others count for less.
 """
 
 import math
@@ -51,28 +51,34 @@ class Performance:
         if not right.all():
             wrong = int(np.argmin(right))
             raise InputError(f"frame {wrong} has time {times_s[wrong]}: times must be finite and grow from frame to frame")
-        # A joint is there as a whole or not at all.
-        missing = ~np.isfinite(joints_m).all(axis=2)
-        joints_m[missing] = np.nan
-        self.joints_m, self.times_s = joints_m, times_s
-        self.confidence = np.where(missing, 0.0, checked_confidence(confidence, joints_m.shape[:2]))
+        self.times_s = times_s
+        self.joints_m, self.confidence = whole_joints(joints_m, confidence)
 
     def __len__(self) -> int:
         return len(self.times_s)
 
 
-def checked_confidence(confidence: np.ndarray | None, shape: tuple[int, ...]) -> np.ndarray:
-    """A confidence in each joint, 1 by default.
+def whole_joints(joints_m: np.ndarray, confidence: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """Joints that are there as a whole or not at all, and how sure each is.
+
+    Args:
+        joints_m: (..., 15, 3) metres; one with a coordinate that is not finite is missing.
+        confidence: (..., 15) in 0..1; None for 1 throughout.
+
+    Returns:
+        (..., 15, 3) with missing joints NaN, and (..., 15) float64 with theirs 0.
 
     Raises:
-        InputError: another shape, or not in 0..1.
+        InputError: a confidence of another shape, or not in 0..1.
     """
+    shape = joints_m.shape[:-1]
     found = np.ones(shape) if confidence is None else np.asarray(confidence, np.float64)
     if found.shape != shape:
         raise InputError(f"confidence of shape {found.shape}: expected one number a joint, {shape}")
     if not ((found >= 0) & (found <= 1)).all():
         raise InputError(f"confidence from {found.min()} to {found.max()}: expected numbers from 0 to 1")
-    return found
+    missing = ~np.isfinite(joints_m).all(axis=-1)
+    return np.where(missing[..., None], np.nan, joints_m), np.where(missing, 0.0, found)
 
 
 @dataclass(frozen=True)
@@ -172,8 +178,8 @@ SCORERS = {
     ),
 }
 """The paper's feature with our robust distance, and what it is compared with: the feature of [17] in the plain norm of
-Eq. (14), all angles alike. Both are matched in time in the same way. The second is what the difficulty of kpop_sim was set by;
-whoever changes it has to set that anew."""
+Eq. (14), all angles alike. Both are matched in time in the same way, and in both unsure joints count for less. The second is
+what the difficulty of kpop_sim was set by; whoever changes it has to set that anew."""
 
 
 class Windows(NamedTuple):

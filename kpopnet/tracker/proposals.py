@@ -326,7 +326,8 @@ def relay_limbs(
 
 
 def uncrossed(joints_m: np.ndarray) -> list[np.ndarray]:
-    """Of a pose whose arms or legs cross, those in which the two have exchanged their ends, or all but their roots.
+    """Of (15, 3) joints in the camera frame in metres whose arms or legs cross: the poses in which these have exchanged their
+    ends, and all but their roots; none if nothing crosses.
 
     A limb that was lost may find the silhouette of the other one, and that one then finds the place left over.
     """

@@ -169,7 +169,7 @@ def test_how_sure_all_angles_are_changes_nothing_and_one_that_is_unsure_counts_a
     if outlier == math.inf:
         assert norm(a, b, a_sure=sure) == pytest.approx(norm(a, b))
     assert norm(a, b, a_sure=[1, 1, 0], outlier=outlier) == pytest.approx(norm([*a[:2], math.nan], b, outlier=outlier))
-    assert math.isnan(norm(a, b, a_sure=0.0))
+    assert math.isnan(norm(a, b, a_sure=[1, 0, 0])) and math.isnan(norm(a, b, a_sure=0.0))
 
 
 @given(st.floats(0, 3.1), st.floats(0, 3.1))

@@ -226,7 +226,10 @@ def test_what_is_unsure_counts_less_and_what_nobody_is_sure_of_is_no_score():
     lost_m[:, arm] = np.nan
     missing = score_dance(teacher, Performance(lost_m, times_s))
     assert scores[0.0].similarity == pytest.approx(missing.similarity, abs=0.5)
-    assert math.isnan(missing.parts["arms"]) == math.isnan(scores[0.0].parts["arms"])
+    arms = [*arm, Joint.RIGHT_ELBOW, Joint.RIGHT_HAND]
+    unsure[:, arms] = 0
+    unseen = score_dance(teacher, Performance(joints_m, times_s, unsure))
+    assert math.isnan(unseen.parts["arms"]) and unseen.parts["legs"] > 95
     nobody = score_dance(teacher, Performance(joints_m, times_s, np.zeros_like(unsure)))
     assert math.isnan(nobody.similarity) and nobody.scored == 0
 
