@@ -15,7 +15,8 @@ import numpy as np
 from tqdm import tqdm
 
 from kpopnet.benchmarks.spread import spread
-from kpopnet.dance.scoring import SCORERS, Performance, score_dance
+from kpopnet.dance.performance import Performance
+from kpopnet.dance.scoring import SCORERS, score_dance
 from kpopnet.entry import user_errors
 from kpopnet.machine import cores_at_hand
 from synth.kpop_files import times_s

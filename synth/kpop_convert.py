@@ -28,7 +28,7 @@ from pathlib import Path
 import numpy as np
 
 from kpopnet.benchmarks.kpop_writing import write_labels, write_learner, write_teacher
-from kpopnet.dance.scoring import Performance
+from kpopnet.dance.performance import Performance
 from kpopnet.entry import user_errors
 from kpopnet.errors import InputError
 from kpopnet.skeleton import NUM_JOINTS, Joint

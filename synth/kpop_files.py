@@ -14,7 +14,7 @@ import numpy as np
 from kpopnet.benchmarks.kpop import KpopSet
 from kpopnet.benchmarks.kpop_format import LABELS, MANIFEST, TEACHER
 from kpopnet.benchmarks.kpop_writing import write_labels, write_learner, write_teacher
-from kpopnet.dance.scoring import Performance
+from kpopnet.dance.performance import Performance
 from kpopnet.drawing import TRUE, person_tile, save_png, sheet
 from kpopnet.replacing import replacing
 from synth.generate import in_processes, progress_bar

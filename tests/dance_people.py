@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 
-from kpopnet.dance.scoring import Performance
+from kpopnet.dance.performance import Performance
 from kpopnet.skeleton import MIRROR, Joint
 from synth.motion.choreography import dance
 from synth.motion.skeleton import INDEX, forward_kinematics

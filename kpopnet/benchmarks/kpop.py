@@ -18,7 +18,7 @@ from kpopnet.benchmarks.kpop_format import (
     read_manifest,
     read_performance,
 )
-from kpopnet.dance.scoring import Performance
+from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
 
 

@@ -18,7 +18,8 @@ from kpopnet.benchmarks.kpop_poses import PoseCache
 from kpopnet.benchmarks.kpop_scores import TRUTH, Agreement, LearnerScore, agreement, similarities
 from kpopnet.benchmarks.metrics import joint_errors_m
 from kpopnet.benchmarks.spread import spread
-from kpopnet.dance.scoring import SCORERS, Performance, ScorerConfig, score_dance
+from kpopnet.dance.performance import Performance
+from kpopnet.dance.scoring import SCORERS, ScorerConfig, score_dance
 from kpopnet.errors import InputError
 
 Scores = dict[str, dict[str, dict[str, list[LearnerScore]]]]

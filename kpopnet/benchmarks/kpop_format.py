@@ -28,7 +28,7 @@ import numpy as np
 
 from kpopnet.benchmarks.sequences import Origin
 from kpopnet.camera import MM_PER_METRE, Camera
-from kpopnet.dance.scoring import Performance
+from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
 from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
 

@@ -18,7 +18,7 @@ import numpy as np
 from kpopnet.benchmarks.estimating import WARM_UP_FRAMES
 from kpopnet.benchmarks.kpop import Dance, Learner
 from kpopnet.benchmarks.registry import build_estimators
-from kpopnet.dance.scoring import Performance
+from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
 from kpopnet.estimators import Estimator
 from kpopnet.replacing import replacing

@@ -9,7 +9,7 @@ import numpy as np
 
 from kpopnet.benchmarks.kpop_format import FORMAT, LABELS, TEACHER, VERSION, depth_key, is_plain
 from kpopnet.camera import MM_PER_METRE, Camera
-from kpopnet.dance.scoring import Performance
+from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
 from kpopnet.replacing import replacing
 from kpopnet.skeleton import JOINT_NAMES

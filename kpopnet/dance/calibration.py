@@ -23,7 +23,8 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.benchmarks.kpop import KpopSet
-from kpopnet.dance.scoring import SCORERS, Performance, ScorerConfig, score_dance, timing_similarity
+from kpopnet.dance.performance import Performance
+from kpopnet.dance.scoring import SCORERS, ScorerConfig, score_dance, timing_similarity
 from kpopnet.entry import user_errors
 from kpopnet.errors import InputError
 

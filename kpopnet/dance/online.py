@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.dance.features import TURN_S
+from kpopnet.dance.performance import Performance, whole_joints
 from kpopnet.dance.resampling import reach_s, resampled, resampled_confidence
 from kpopnet.dance.scoring import (
     PARTS,
@@ -18,13 +19,11 @@ from kpopnet.dance.scoring import (
     Clock,
     Comparison,
     DanceScore,
-    Performance,
     ScorerConfig,
     WindowScore,
     features_of,
     rows_of,
     summary,
-    whole_joints,
 )
 from kpopnet.errors import InputError
 from kpopnet.skeleton import NUM_JOINTS

@@ -19,7 +19,8 @@ from kpopnet.benchmarks.kpop_report import evaluate_dances
 from kpopnet.benchmarks.kpop_writing import PackedDepth, write_labels, write_learner, write_teacher
 from kpopnet.benchmarks.sweep import AxisConfig, SweepConfig
 from kpopnet.camera import Camera
-from kpopnet.dance.scoring import SCORERS, Performance
+from kpopnet.dance.performance import Performance
+from kpopnet.dance.scoring import SCORERS
 from kpopnet.errors import InputError
 from kpopnet.estimators import Estimate
 from kpopnet.skeleton import Joint

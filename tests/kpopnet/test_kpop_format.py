@@ -12,7 +12,7 @@ from kpopnet.benchmarks.kpop_format import MARGIN_PX, read_labels
 from kpopnet.benchmarks.kpop_writing import PackedDepth, write_labels, write_learner, write_teacher
 from kpopnet.benchmarks.sequences import Origin
 from kpopnet.camera import Camera
-from kpopnet.dance.scoring import Performance
+from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
 
 CAMERA = Camera.centred(60.0, 80, 64)

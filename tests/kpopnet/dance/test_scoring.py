@@ -8,7 +8,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from kpopnet.dance.online import OnlineScorer
-from kpopnet.dance.scoring import PARTS, SCORERS, Performance, ScorerConfig, score_dance, timing_similarity
+from kpopnet.dance.performance import Performance
+from kpopnet.dance.scoring import PARTS, SCORERS, ScorerConfig, score_dance, timing_similarity
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 
