@@ -253,18 +253,21 @@ class Tracker:
         if best > ASK * self._usual_m2 and (said := self._detected(depth_m)) is not None:
             said = fit(said, cells, body, LAST_STEPS, start_weight=SAID_WEIGHT)
             if misfit(said, cells, body) < MUCH_WORSE * misfit(joints, cells, body):
+                self._other_side = 0.0
                 return said
         for changes, better in ((SLIGHTLY, BETTER), (THOROUGHLY, MUCH_BETTER)):
             if self.config.search and best > DOUBT * self._usual_m2:
                 alternative, found = best_fitted([change(joints) for change in changes])
                 if alternative < better * best:
                     best, joints = alternative, found
+                    self._other_side = 0.0
         return self._front_or_back(joints, cells) if self.config.search else joints
 
     def _front_or_back(self, joints: np.ndarray, cells: Cells) -> np.ndarray:
         """The pose, or the one seen from the other side if that has explained the picture better for a while.
 
-        A cumulative sum (Page 1954) of what a body that faces the other way would explain better.
+        A cumulative sum (Page 1954) of what a body that faces the other way would explain better. It is about the pose that is
+        followed: one that was found elsewhere, by looking around or by a detector, begins anew.
         """
         self._frames += 1
         if self._frames % FRONT_EVERY or frame_of(joints)[1, 1] < UPRIGHT:

@@ -17,7 +17,8 @@ from kpopnet.tracker.cells import cells_of
 from kpopnet.tracker.fitted import SAID_WEIGHT
 from kpopnet.tracker.fitting import fit
 from kpopnet.tracker.model import HumanModel
-from kpopnet.tracker.tracking import FRONT_EVERY, LAST_STEPS, Tracker, TrackerConfig, carried_on
+from kpopnet.tracker.proposals import bent
+from kpopnet.tracker.tracking import ENOUGH_GAIN, FRONT_EVERY, LAST_STEPS, Tracker, TrackerConfig, carried_on
 from synth.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
 
 CAMERA = CAMERAS["kinect_v1"]
@@ -146,8 +147,24 @@ def test_one_look_does_not_turn_a_body_round_and_who_is_upside_down_is_left_alon
         tracker = Tracker(camera)
         tracker.start(joints[0])
         monkeypatch.setattr("kpopnet.tracker.tracking.misfit", lambda pose, *_, own=upright: 2.0 if pose is own else 1.0)
-        turned = [tracker._front_or_back(upright, cells) is not upright for _ in range(4 * FRONT_EVERY)]
-        assert np.flatnonzero(turned).tolist() == ([] if looks is None else [n * looks * FRONT_EVERY - 1 for n in (1, 2)])
+        changed = [tracker._front_or_back(upright, cells) is not upright for _ in range(4 * FRONT_EVERY)]
+        assert np.flatnonzero(changed).tolist() == ([] if looks is None else [n * looks * FRONT_EVERY - 1 for n in (1, 2)])
+
+
+@pytest.mark.parametrize("found", ["where it was", "by looking around", "by a detector"])
+def test_what_speaks_for_the_other_side_is_forgotten_with_the_pose_it_was_about(dancer, found) -> None:
+    joints, depth = dancer
+    tracker = Tracker(CAMERA)
+    tracker.start(joints[0])
+    tracker.track(depth[0])
+    if found != "where it was":
+        tracker.joints_camera_m = bent(joints[0], np.radians(-60))
+    if found == "by a detector":
+        tracker.detector = OneAnswer(joints[0])
+    tracker._other_side = ENOUGH_GAIN / 2
+    pose, _ = tracker.track(depth[0])
+    assert (error_m(pose, joints[0]) < 0.1).all()
+    assert tracker._other_side == (ENOUGH_GAIN / 2 if found == "where it was" else 0)
 
 
 # --- starts -------------------------------------------------------------------------------------------------------
