@@ -40,6 +40,36 @@ EXPLAINED_M = 0.02
 PARTS_COUNT = len(PARTS)
 
 
+def _limb_poses() -> tuple[np.ndarray, np.ndarray]:
+    """Directions of upper and lower limb in the torso's frame (right, down, front) of a right limb.
+
+    Returns:
+        (K, 2, 3) unit vectors, and (4, 2) for each limb its first and its last but one.
+    """
+    around = np.array([v for v in np.ndindex(3, 3, 3) if v != (1, 1, 1)]) - 1.0
+    around /= np.linalg.norm(around, axis=1, keepdims=True)
+    arms = [
+        (upper, lower)
+        for upper in around
+        for lower in around
+        if upper @ lower > np.cos(np.radians(130)) and not (upper[0] < -0.4 and upper[2] < 0.3) and lower[2] > -0.6
+    ]
+    legs = []
+    for upper in around:
+        if upper[2] < -0.6 or upper[0] < -0.6 or upper[1] < -0.1:
+            continue
+        # The knee bends backwards only: about the axis to the right.
+        back = np.cross(upper, (1.0, 0, 0))
+        back = back / np.linalg.norm(back) if np.linalg.norm(back) > 0.1 else np.array((0.0, 1.0, 0.0))
+        legs += [(upper, np.cos(bend) * upper + np.sin(bend) * back) for bend in np.radians((0, 50, 100, 140))]
+    poses = np.array(arms + legs)
+    a, all_ = len(arms), len(poses)
+    return poses, np.array([(0, a), (0, a), (a, all_), (a, all_)])
+
+
+LIMB_POSES, LIMB_KINDS = _limb_poses()
+
+
 @njit(cache=True)
 def _torso_cells(joints, points, parts, radii, limb_parts):
     """(N,) whether a point lies on the torso or the head and nearer to it than to any limb."""
@@ -198,110 +228,107 @@ def _distances(joints, points, parts, radii, which, away):
 
 
 @njit(cache=True)
-def _relay(
-    joints, before, points, neighbours, steps, every, depth, nearest, intrinsics,
-    parts, radii, limbs, limb_parts, limbs_m, poses, kinds,
-):  # fmt: skip
-    source = _torso_cells(joints, points, parts, radii, limb_parts)
-    length, onward = shortest_ways(neighbours, steps, source, NOWHERE_M)
-    tips = _tips(points, neighbours, steps, length)
+def _best_laid(limb, least, joints, frame, before, cells, body, some, away, ends, middles, used, rest, unexplained):
+    """One limb as it is laid best: along the silhouette from a tip, in two ways, or in one of `LIMB_POSES`.
+
+    Args:
+        limb: 0 to 3.
+        least: square metres of misfit that there must be to gain.
+        joints: (19, 3) the pose with toes and fingers; written to, and left as it was.
+        frame: the torso's, of `kpopnet.tracker.cones.frame_of`.
+        before: (15, 3) the pose of the last frame.
+        cells: the picture.
+        body: the person.
+        some: (n, 3) the points that are looked at.
+        away: (P, n) their distances to all parts.
+        ends: (tips, 3) where the limb's end comes to lie at each tip.
+        middles: (tips, 3) and its middle.
+        used: (tips,) those that belong to another limb.
+        rest: (n,) to work in.
+        unexplained: (n, 3) to work in.
+
+    Returns:
+        What it gains, `least` if it stays best as it is; the tip it ends at, or -1; its middle and its end.
+    """
+    root, middle, end = LIMBS[limb, 0], LIMBS[limb, 1], LIMBS[limb, 2]
+    upper_m, lower_m = body.limbs_m[limb, 0], body.limbs_m[limb, 1]
+    axes = axes_of(joints, PARTS, body.radii_m)
+    count = _open_points(some, away, LIMB_PARTS[limb], rest, unexplained)
+    kept_middle, kept_end = joints[middle].copy(), joints[end].copy()
+    best, best_tip, best_middle, best_end = least, -1, kept_middle, kept_end
+    now = 0.0
+    # First as it is, then from each tip, then in every known pose.
+    for candidate in range(-1, 2 * len(ends) + LIMB_KINDS[limb, 1] - LIMB_KINDS[limb, 0]):
+        tip = candidate // 2 if 0 <= candidate < 2 * len(ends) else -1
+        if tip >= 0:
+            if used[tip] or _apart(ends[tip], joints[root]) > upper_m + lower_m + SLACK_M:
+                continue
+            for c in range(3):
+                joints[end, c], joints[middle, c] = ends[tip, c], middles[tip, c]
+                # The way on the surface cuts the elbow's corner: also try it where the elbow was.
+                if candidate % 2 == 1:
+                    joints[middle, c] = (joints[middle, c] + kept_middle[c]) / 2
+            _with_lengths(joints[root], joints[middle], joints[end], upper_m, lower_m)
+        elif candidate >= 0:
+            pose, side = LIMB_KINDS[limb, 0] + candidate - 2 * len(ends), 1.0 - 2.0 * (limb % 2)
+            _pose_limb(joints, root, middle, end, frame, side, LIMB_POSES, pose, upper_m, lower_m)
+        way = _way(joints, before, end)
+        enough = 1e9 if candidate < 0 else now - best
+        if way >= enough:
+            continue
+        extend_limb(joints, limb, frame[2])
+        for k in LIMB_PARTS[limb]:
+            set_axis(axes, k, joints, PARTS, body.radii_m)
+        then = way + _limb_misfit(
+            axes, limb, LIMB_PARTS[limb], joints, frame[2], unexplained, rest, count, len(some),
+            cells.depth_m, cells.nearest, cells.intrinsics, enough - way,
+        )  # fmt: skip
+        if candidate < 0:
+            now = then
+            if now <= best:
+                break  # it has nothing to gain
+        elif now - then > best:
+            best, best_tip, best_middle, best_end = now - then, tip, joints[middle].copy(), joints[end].copy()
+    joints[middle], joints[end] = kept_middle, kept_end
+    extend_limb(joints, limb, frame[2])
+    return best, best_tip, best_middle, best_end
+
+
+@njit(cache=True)
+def _relay(joints, before, cells, body, every):
+    points = cells.points_m
+    source = _torso_cells(joints, points, PARTS, body.radii_m, LIMB_PARTS)
+    length, onward = shortest_ways(cells.neighbours, cells.steps_m, source, NOWHERE_M)
+    tips = _tips(points, cells.neighbours, cells.steps_m, length)
     joints, frame, some = extend(joints), frame_of(joints), points[::every]
-    away = np.empty((len(parts), len(some)))
-    _distances(joints, some, parts, radii, np.arange(len(parts)), away)
-    ends, middles = np.empty((len(limbs), len(tips), 3)), np.empty((len(limbs), len(tips), 3))
-    for limb in range(len(limbs)):
+    away = np.empty((len(PARTS), len(some)))
+    _distances(joints, some, PARTS, body.radii_m, np.arange(len(PARTS)), away)
+    ends, middles = np.empty((len(LIMBS), len(tips), 3)), np.empty((len(LIMBS), len(tips), 3))
+    for limb in range(len(LIMBS)):
         for k in range(len(tips)):
-            _laid_along(points, onward, tips[k], limbs_m[limb, 1], ends[limb, k], middles[limb, k])
-    used, laid = np.zeros(len(tips), np.bool_), np.zeros(len(limbs), np.bool_)
+            _laid_along(points, onward, tips[k], body.limbs_m[limb, 1], ends[limb, k], middles[limb, k])
+    used, laid = np.zeros(len(tips), np.bool_), np.zeros(len(LIMBS), np.bool_)
     rest, unexplained = np.empty(len(some)), np.empty((len(some), 3))
-    for changes in range(len(limbs)):
+    for changes in range(len(LIMBS)):
         best, best_limb, best_tip = LEAST_GAIN, -1, -1
         best_middle, best_end = np.zeros(3), np.zeros(3)
-        for limb in range(len(limbs)):
+        for limb in range(len(LIMBS)):
             if laid[limb]:
                 continue
-            root, middle, end = limbs[limb, 0], limbs[limb, 1], limbs[limb, 2]
-            upper_m, lower_m = limbs_m[limb, 0], limbs_m[limb, 1]
-            axes = axes_of(joints, parts, radii)
-            count = _open_points(some, away, limb_parts[limb], rest, unexplained)
-            kept_middle, kept_end = joints[middle].copy(), joints[end].copy()
-            now = 0.0
-            # First the limb as it is; then along the silhouette from each tip, in two ways; then in every known pose.
-            for candidate in range(-1, 2 * len(tips) + kinds[limb, 1] - kinds[limb, 0]):
-                tip = candidate // 2 if 0 <= candidate < 2 * len(tips) else -1
-                if tip >= 0:
-                    if used[tip]:
-                        continue
-                    if _apart(ends[limb, tip], joints[root]) > upper_m + lower_m + SLACK_M:
-                        continue
-                    for c in range(3):
-                        joints[end, c], joints[middle, c] = ends[limb, tip, c], middles[limb, tip, c]
-                        # The way on the surface cuts the elbow's corner: also try it where the elbow was.
-                        if candidate % 2 == 1:
-                            joints[middle, c] = (joints[middle, c] + kept_middle[c]) / 2
-                    _with_lengths(joints[root], joints[middle], joints[end], upper_m, lower_m)
-                elif candidate >= 0:
-                    pose, side = kinds[limb, 0] + candidate - 2 * len(tips), 1.0 - 2.0 * (limb % 2)
-                    _pose_limb(joints, root, middle, end, frame, side, poses, pose, upper_m, lower_m)
-                way = _way(joints, before, end)
-                enough = 1e9 if candidate < 0 else now - best
-                if way >= enough:
-                    continue
-                extend_limb(joints, limb, frame[2])
-                for k in limb_parts[limb]:
-                    set_axis(axes, k, joints, parts, radii)
-                then = way + _limb_misfit(
-                    axes, limb, limb_parts[limb], joints, frame[2], unexplained, rest, count, len(some),
-                    depth, nearest, intrinsics, enough - way,
-                )  # fmt: skip
-                if candidate < 0:
-                    now = then
-                    if now <= best:
-                        break  # it has nothing to gain
-                elif now - then > best:
-                    best, best_limb, best_tip = now - then, limb, tip
-                    best_middle, best_end = joints[middle].copy(), joints[end].copy()
-            joints[middle], joints[end] = kept_middle, kept_end
-            extend_limb(joints, limb, frame[2])
+            gain, tip, middle, end = _best_laid(
+                limb, best, joints, frame, before, cells, body, some, away, ends[limb], middles[limb], used, rest, unexplained
+            )
+            if gain > best:
+                best, best_limb, best_tip, best_middle, best_end = gain, limb, tip, middle, end
         if best_limb < 0:
             return joints[: len(before)], changes
-        joints[limbs[best_limb, 1]], joints[limbs[best_limb, 2]] = best_middle, best_end
+        joints[LIMBS[best_limb, 1]], joints[LIMBS[best_limb, 2]] = best_middle, best_end
         extend_limb(joints, best_limb, frame[2])
         laid[best_limb] = True
         if best_tip >= 0:
             used[best_tip] = True
-        _distances(joints, some, parts, radii, limb_parts[best_limb], away)
-    return joints[: len(before)], len(limbs)
-
-
-def _limb_poses() -> tuple[np.ndarray, np.ndarray]:
-    """Directions of upper and lower limb in the torso's frame (right, down, front) of a right limb.
-
-    Returns:
-        (K, 2, 3) unit vectors, and (4, 2) for each limb its first and its last but one.
-    """
-    around = np.array([v for v in np.ndindex(3, 3, 3) if v != (1, 1, 1)]) - 1.0
-    around /= np.linalg.norm(around, axis=1, keepdims=True)
-    arms = [
-        (upper, lower)
-        for upper in around
-        for lower in around
-        if upper @ lower > np.cos(np.radians(130)) and not (upper[0] < -0.4 and upper[2] < 0.3) and lower[2] > -0.6
-    ]
-    legs = []
-    for upper in around:
-        if upper[2] < -0.6 or upper[0] < -0.6 or upper[1] < -0.1:
-            continue
-        # The knee bends backwards only: about the axis to the right.
-        back = np.cross(upper, (1.0, 0, 0))
-        back = back / np.linalg.norm(back) if np.linalg.norm(back) > 0.1 else np.array((0.0, 1.0, 0.0))
-        legs += [(upper, np.cos(bend) * upper + np.sin(bend) * back) for bend in np.radians((0, 50, 100, 140))]
-    poses = np.array(arms + legs)
-    a, all_ = len(arms), len(poses)
-    return poses, np.array([(0, a), (0, a), (a, all_), (a, all_)])
-
-
-LIMB_POSES, LIMB_KINDS = _limb_poses()
+        _distances(joints, some, PARTS, body.radii_m, LIMB_PARTS[best_limb], away)
+    return joints[: len(before)], len(LIMBS)
 
 
 def relay_limbs(
@@ -319,10 +346,7 @@ def relay_limbs(
     Returns:
         (15, 3) the pose, and how many limbs were laid anew.
     """
-    return _relay(
-        joints_m, before_m, cells.points_m, cells.neighbours, cells.steps_m, every, cells.depth_m, cells.nearest,
-        cells.intrinsics, PARTS, body.radii_m, LIMBS, LIMB_PARTS, body.limbs_m, LIMB_POSES, LIMB_KINDS,
-    )  # fmt: skip
+    return _relay(joints_m, before_m, cells, body, every)
 
 
 def uncrossed(joints_m: np.ndarray) -> list[np.ndarray]:
