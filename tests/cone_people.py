@@ -29,7 +29,7 @@ def cone_body(joints_m: np.ndarray) -> Body:
 def draw_cones(joints_camera_m: np.ndarray, body: Body, camera: Camera) -> np.ndarray:
     """(H, W) float32 metres: spheres close together along every part, 0 elsewhere."""
     depth = np.full((camera.height, camera.width), np.inf)
-    rows = extend(np.asarray(joints_camera_m, np.float64))
+    rows = extend(np.asarray(joints_camera_m, np.float64), body.places_m)
     for (a, b), (radius_a, radius_b) in zip(PARTS, body.radii_m, strict=True):
         for share in np.linspace(0, 1, SPHERES):
             x, y, z = rows[a] + share * (rows[b] - rows[a])

@@ -12,46 +12,60 @@ from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
 from kpopnet.tracker.model import LIMB_PARENTS, HumanModel
 
 RIGHT_TOES, LEFT_TOES, RIGHT_FINGERS, LEFT_FINGERS = range(NUM_JOINTS, NUM_JOINTS + 4)
-"""Rows after the joints: the far ends of feet and hands, which kpopnet.tracker.cones.extend derives from them."""
+RIGHT_CHEST, LEFT_CHEST, RIGHT_RIBS, LEFT_RIBS, RIGHT_PELVIS, LEFT_PELVIS = range(NUM_JOINTS + 4, NUM_JOINTS + 10)
+"""Rows after the joints, which kpopnet.tracker.cones.extend derives from them: the far ends of feet and hands, and places in
+the trunk. A trunk's flesh does not lie around the lines between its joints."""
 
-OWNERS = np.array([*range(NUM_JOINTS), Joint.RIGHT_FOOT, Joint.LEFT_FOOT, Joint.RIGHT_HAND, Joint.LEFT_HAND])
-"""(19,) the joint that each row moves with."""
-
-_MIRROR = np.array([*MIRROR, LEFT_TOES, RIGHT_TOES, LEFT_FINGERS, RIGHT_FINGERS])
-
-_RADII_M = {
-    (Joint.NECK, Joint.HEAD): (0.048, 0.128),
-    (Joint.NECK, Joint.TORSO): (0.087, 0.193),
-    (Joint.RIGHT_SHOULDER, Joint.NECK): (0.054, 0.188),
-    (Joint.TORSO, Joint.RIGHT_HIP): (0.144, 0.116),
-    (Joint.RIGHT_SHOULDER, Joint.TORSO): (0.101, 0.248),
-    (Joint.RIGHT_HIP, Joint.LEFT_HIP): (0.162, 0.162),
-    (Joint.RIGHT_SHOULDER, Joint.RIGHT_ELBOW): (0.074, 0.061),
-    (Joint.RIGHT_ELBOW, Joint.RIGHT_HAND): (0.044, 0.037),
-    (Joint.RIGHT_HAND, RIGHT_FINGERS): (0.060, 0.053),
-    (Joint.RIGHT_HIP, Joint.RIGHT_KNEE): (0.171, 0.074),
-    (Joint.RIGHT_KNEE, Joint.RIGHT_FOOT): (0.052, 0.060),
-    (Joint.RIGHT_FOOT, RIGHT_TOES): (0.038, 0.043),
+PLACES_M = {
+    RIGHT_CHEST: (Joint.RIGHT_SHOULDER, (-0.052, 0.035, -0.042)),
+    RIGHT_RIBS: (Joint.TORSO, (0.049, -0.145, 0.016)),
+    RIGHT_PELVIS: (Joint.RIGHT_HIP, (-0.080, -0.001, 0.030)),
 }
-"""Thickness at both ends of each part, and of its mirror image: the least-squares fit of the parts to the visible
-points of 8 simulated dancers (bodies drawn as for training) around their true joints; 1.3 cm is the mean residual."""
+"""The joint that a place in the trunk moves with, and the way there: to the torso's right, down and front."""
+
+RADII_M = {
+    (Joint.NECK, Joint.HEAD): (0.056, 0.108),
+    (Joint.RIGHT_SHOULDER, Joint.NECK): (0.036, 0.034),
+    (Joint.NECK, RIGHT_CHEST): (0.066, 0.077),
+    (Joint.RIGHT_SHOULDER, RIGHT_CHEST): (0.048, 0.015),
+    (RIGHT_CHEST, RIGHT_RIBS): (0.074, 0.107),
+    (RIGHT_RIBS, RIGHT_PELVIS): (0.128, 0.120),
+    (Joint.RIGHT_SHOULDER, Joint.RIGHT_ELBOW): (0.066, 0.045),
+    (Joint.RIGHT_ELBOW, Joint.RIGHT_HAND): (0.044, 0.030),
+    (Joint.RIGHT_HAND, RIGHT_FINGERS): (0.036, 0.060),
+    (Joint.RIGHT_HIP, Joint.RIGHT_KNEE): (0.113, 0.077),
+    (Joint.RIGHT_KNEE, Joint.RIGHT_FOOT): (0.064, 0.053),
+    (Joint.RIGHT_FOOT, RIGHT_TOES): (0.068, 0.035),
+}
+"""Thickness at both ends of each part. These and the places are what `python -m kpopnet.tracker.flesh data/small/train` found
+around the true joints of 300 simulated people in five poses each; left ones mirror the right ones."""
+
+_MIRROR = np.array([*MIRROR, *(row + 1 - 2 * ((row - NUM_JOINTS) % 2) for row in range(NUM_JOINTS, LEFT_PELVIS + 1))])
+
+PLACE_JOINTS = np.array([[joint, MIRROR[joint]] for joint, _ in PLACES_M.values()]).ravel()
+"""(6,) the joint that each place moves with, right before left."""
+
+OWNERS = np.array(
+    [*range(NUM_JOINTS), Joint.RIGHT_FOOT, Joint.LEFT_FOOT, Joint.RIGHT_HAND, Joint.LEFT_HAND, *PLACE_JOINTS]
+)
+"""(25,) the joint that each row moves with."""
 
 REFERENCE_SIZE_M = 2.07
-"""`size_m` of the mean of those dancers; radii are scaled with it."""
+"""`size_m` of the person that these are of; another's are larger or smaller as they are."""
 
 
-def _both_sides() -> list[tuple[int, int, float, float]]:
+def _both_sides() -> list[tuple[int, int, int]]:
+    """Both ends of every part and which of RADII_M it is of."""
     parts = []
-    for (a, b), (radius_a, radius_b) in _RADII_M.items():
-        parts.append((int(a), int(b), radius_a, radius_b))
-        mirrored = int(_MIRROR[a]), int(_MIRROR[b])
-        if set(mirrored) != {int(a), int(b)}:
-            parts.append((*mirrored, radius_a, radius_b))
+    for kind, part in enumerate(RADII_M):
+        mirrored = tuple(_MIRROR[list(part)])
+        parts += [(*end, kind) for end in ([part] if set(mirrored) == set(part) else [part, mirrored])]
     return parts
 
 
-PARTS = np.array([part[:2] for part in _both_sides()])
-"""(P, 2) the rows, joints or far ends of feet and hands, at the two ends of each part."""
+PARTS = np.array([ends for *ends, _ in _both_sides()])
+KIND_OF_PART = np.array([kind for *_, kind in _both_sides()])
+"""(P, 2) the rows at the two ends of each part, and (P,) which of RADII_M it is of."""
 
 MIRRORED_PARTS = sorted(
     {tuple(sorted({k, *np.flatnonzero((_MIRROR[part] == PARTS).all(1)).tolist()})) for k, part in enumerate(PARTS)}
@@ -77,7 +91,7 @@ LIMB_PARTS = np.array(
 )
 """(4, 3) the parts that make up each limb."""
 
-_TRUNK = [k for k, part in enumerate(PARTS) if set(part) <= {0, 1, 2, 3, 8, 9, 10}]
+_TRUNK = [k for k in range(len(PARTS)) if k not in LIMB_PARTS]
 BARRED = np.array(
     [
         (own, k)
@@ -146,6 +160,7 @@ class Body(NamedTuple):
         carried: (C,) the arm, 0 right or 1 left, that carries one of the two joints up with it, or -1.
         rise_m: (C, 2) by what such a distance grows with the cosine between upper arm and upwards, and with its square.
         limbs_m: (4, 2) lengths of upper and lower part of each limb.
+        places_m: (6, 3) the way from its joint to each place in the trunk: to the torso's right, down and front.
     """
 
     radii_m: np.ndarray
@@ -155,6 +170,7 @@ class Body(NamedTuple):
     carried: np.ndarray
     rise_m: np.ndarray
     limbs_m: np.ndarray
+    places_m: np.ndarray
 
 
 def body_of(model: HumanModel) -> Body:
@@ -176,8 +192,10 @@ def body_of(model: HumanModel) -> Body:
     lengths -= rise_m @ (model.arms_raised, model.arms_raised**2)
     limb = model.limb_m
     limbs_m = np.array([[limb[Joint(middle)], limb[Joint(end)]] for _, middle, end in LIMBS])
-    radii = np.array([part[2:] for part in _both_sides()]) * (size_m(model) / REFERENCE_SIZE_M)
-    return Body(radii, ends, np.array(list(pairs.values())), lengths, arms, rise_m, limbs_m)
+    scale = size_m(model) / REFERENCE_SIZE_M
+    radii = np.array(list(RADII_M.values()))[KIND_OF_PART] * scale
+    places_m = np.array([np.multiply(way, side) for _, way in PLACES_M.values() for side in ((1, 1, 1), (-1, 1, 1))]) * scale
+    return Body(radii, ends, np.array(list(pairs.values())), lengths, arms, rise_m, limbs_m, places_m)
 
 
 def size_m(model: HumanModel) -> float:

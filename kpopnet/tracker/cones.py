@@ -1,6 +1,6 @@
 """Round cones against points: distances to the parts of a body, and where a part contradicts the picture.
 
-Points and joints are in the camera frame in metres; `extend` gives the joints their toes and fingers.
+Points and joints are in the camera frame in metres; `extend` gives the joints toes, fingers and a trunk.
 """
 
 import math
@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from kpopnet.skeleton import Joint
-from kpopnet.tracker.body import LEFT_FINGERS, LIMBS, RIGHT_FINGERS, RIGHT_TOES
+from kpopnet.tracker.body import LIMBS, PLACE_JOINTS, RIGHT_CHEST, RIGHT_FINGERS, RIGHT_TOES
 from kpopnet.tracker.cells import CELL_PX
 
 NECK, RIGHT_SHOULDER, LEFT_SHOULDER = int(Joint.NECK), int(Joint.RIGHT_SHOULDER), int(Joint.LEFT_SHOULDER)
@@ -86,13 +86,17 @@ def extend_limb(joints, limb, front):
 
 
 @njit(cache=True)
-def extend(joints):
-    """(19, 3) the (15, 3) joints, then toes and fingers, right before left."""
-    rows = np.empty((LEFT_FINGERS + 1, 3))
+def extend(joints, places):
+    """(25, 3) the (15, 3) joints, then toes, fingers and the (6, 3) places in the trunk of a Body, right before left."""
+    rows = np.empty((RIGHT_CHEST + len(places), 3))
     rows[: len(joints)] = joints
-    front = frame_of(joints)[2]
+    frame = frame_of(joints)
     for limb in range(4):
-        extend_limb(rows, limb, front)
+        extend_limb(rows, limb, frame[2])
+    for k in range(len(places)):
+        for c in range(3):
+            way = places[k, 0] * frame[0, c] + places[k, 1] * frame[1, c] + places[k, 2] * frame[2, c]
+            rows[RIGHT_CHEST + k, c] = joints[PLACE_JOINTS[k], c] + way
     return rows
 
 
@@ -138,8 +142,11 @@ def off_cone(x0, y0, z0, dx, dy, dz, scale, radius, growth, x, y, z):
 
 @njit(cache=True)
 def nearest_parts(axes, points, every):
-    """Of every `every`th point the number of the part whose surface is nearest, the signed distance to it, and the place
-    along that part's axis in 0..1; the last two are float32.
+    """Of every `every`th point the number of the part that it is nearest to or deepest in, the signed distance to that part's
+    surface, and the place along its axis in 0..1; the last two are float32.
+
+    The least signed distance, not the least absolute one, is that to the surface of all parts together. A surface inside
+    another part is none: points would rest on it, and a trunk that is a little beside would stay there.
 
     Part by part, not point by point, and in single precision, which vectorises: this is where the time of fitting goes.
     """
@@ -160,7 +167,7 @@ def nearest_parts(axes, points, every):
             py -= t * dy
             pz -= t * dz
             off_k = math.sqrt(px * px + py * py + pz * pz) - radius - t * growth
-            nearer = abs(off_k) < abs(off[i])
+            nearer = off_k < off[i]
             part[i] = number if nearer else part[i]
             off[i] = off_k if nearer else off[i]
             along[i] = t if nearer else along[i]

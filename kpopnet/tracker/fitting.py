@@ -213,14 +213,14 @@ def _add_habits(matrix, right, joints):
 @njit(cache=True)
 def _fit(
     start, points, every, depth, nearest, intrinsics, parts, radii, pairs, stiffness, lengths, carried, rise,
-    steps, start_weight,
+    places, steps, start_weight,
 ):  # fmt: skip
     joints = start.copy()
     size = 3 * len(joints)
     matrix, right = np.empty((size, size)), np.empty(size)
     for _ in range(steps):
         matrix[:], right[:] = 0.0, 0.0
-        axes = axes_of(extend(joints), parts, radii)
+        axes = axes_of(extend(joints, places), parts, radii)
         _add_points(matrix, right, axes, parts, points, every)
         _add_free_space(matrix, right, axes, parts, depth, nearest, intrinsics)
         _add_lengths(matrix, right, joints, pairs, stiffness, lengths, carried, rise)
@@ -256,5 +256,5 @@ def fit(
     return _fit(
         np.ascontiguousarray(joints_m, np.float64), cells.points_m, every, cells.depth_m, cells.nearest,
         cells.intrinsics, PARTS, body.radii_m, body.pairs, body.stiffness, body.lengths_m,
-        body.carried, body.rise_m, steps, start_weight,
+        body.carried, body.rise_m, body.places_m, steps, start_weight,
     )  # fmt: skip

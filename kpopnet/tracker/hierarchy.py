@@ -23,7 +23,7 @@ from numba import njit
 
 from kpopnet.errors import InputError
 from kpopnet.skeleton import NUM_JOINTS, Joint
-from kpopnet.tracker.body import NECK_SHARE, OWNERS, PARTS, Body
+from kpopnet.tracker.body import NECK_SHARE, PARTS, RIGHT_RIBS, Body
 from kpopnet.tracker.cells import CELL_PX, Cells
 from kpopnet.tracker.geodesic import shortest_ways
 from kpopnet.tracker.model import LIMB_PARENTS, HumanModel
@@ -83,12 +83,13 @@ def lengths_of(model: HumanModel) -> np.ndarray:
 
 @njit(cache=True)
 def thickness_of(radii):
-    """(15,) how deep under the surface each joint lies: the thinnest part that ends there, the head as a whole."""
+    """(15,) how deep under the surface each joint lies: the thinnest part that ends there, the ribs' for the torso."""
     thickness = np.full(NUM_JOINTS, np.inf)
     for k in range(len(PARTS)):
         for end in range(2):
-            joint = OWNERS[PARTS[k, end]]
-            thickness[joint] = min(thickness[joint], radii[k, end])
+            row = TORSO if PARTS[k, end] == RIGHT_RIBS else PARTS[k, end]
+            if row < NUM_JOINTS:
+                thickness[row] = min(thickness[row], radii[k, end])
     return thickness
 
 

@@ -120,8 +120,8 @@ def outside(axes, k, depth, nearest, intrinsics):
 
 
 @njit(cache=True)
-def _misfit(joints, points, every, depth, nearest, intrinsics, parts, radii):
-    axes = axes_of(extend(joints), parts, radii)
+def _misfit(joints, points, every, depth, nearest, intrinsics, parts, radii, places):
+    axes = axes_of(extend(joints, places), parts, radii)
     _, offs, _ = nearest_parts(axes, points, every)
     residual = 0.0
     for off in offs:
@@ -140,5 +140,5 @@ def misfit(joints_m: np.ndarray, cells: Cells, body: Body, every: int = 1) -> fl
     or seldom do.
     """
     return _misfit(
-        joints_m, cells.points_m, every, cells.depth_m, cells.nearest, cells.intrinsics, PARTS, body.radii_m
+        joints_m, cells.points_m, every, cells.depth_m, cells.nearest, cells.intrinsics, PARTS, body.radii_m, body.places_m
     )

@@ -71,13 +71,13 @@ LIMB_POSES, LIMB_KINDS = _limb_poses()
 
 
 @njit(cache=True)
-def _torso_cells(joints, points, parts, radii, limb_parts):
+def _torso_cells(joints, points, body):
     """(N,) whether a point lies on the torso or the head and nearer to it than to any limb."""
-    is_limb = np.zeros(len(parts), np.bool_)
-    for limb in range(len(limb_parts)):
-        for k in limb_parts[limb]:
+    is_limb = np.zeros(len(PARTS), np.bool_)
+    for limb in range(len(LIMB_PARTS)):
+        for k in LIMB_PARTS[limb]:
             is_limb[k] = True
-    part, off, _ = nearest_parts(axes_of(extend(joints), parts, radii), points, 1)
+    part, off, _ = nearest_parts(axes_of(extend(joints, body.places_m), PARTS, body.radii_m), points, 1)
     on = np.zeros(len(points), np.bool_)
     for i in range(len(points)):
         on[i] = not is_limb[part[i]] and abs(off[i]) < ON_TORSO_M
@@ -157,7 +157,7 @@ def _with_lengths(root, middle, end, upper_m, lower_m):
 def _limb_misfit(axes, limb, limb_parts, joints, front, points, rest, count, of_all, depth, nearest, intrinsics, enough):
     """The part of the misfit that a limb can change.
 
-    The first `count` of `points` are those that no other part explains, `rest` their distances to the others; `of_all` is
+    The first `count` of `points` are those that no other part explains, `rest` their distances to these; `of_all` is
     the number of all points. What comes to `enough` is not added up to its end: most poses fail by a few points.
     """
     besides = unusual(joints, front, HABITS_OF[limb, 0], HABITS_OF[limb, 1])
@@ -174,7 +174,8 @@ def _limb_misfit(axes, limb, limb_parts, joints, front, points, rest, count, of_
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         off = rest[i]
         for k in limb_parts:
-            off = min(off, abs(off_surface(axes, k, x, y, z)[0]))
+            off = min(off, off_surface(axes, k, x, y, z)[0])
+        off = max(off, -CLIP_M)
         total += off * off
     return total / max(of_all, 1) + besides
 
@@ -217,14 +218,14 @@ def _open_points(points, away, limb_parts, rest, found):
 
 @njit(cache=True)
 def _distances(joints, points, parts, radii, which, away):
-    """Writes the points' distances to the surfaces of some parts into the rows of `away`."""
+    """Writes the points' signed distances to the surfaces of some parts into the rows of `away`."""
     axes = axes_of(joints, parts, radii)
     x, y, z = points[:, 0].copy(), points[:, 1].copy(), points[:, 2].copy()
     for k in which:
         x0, y0, z0, dx, dy, dz, scale, radius, growth = axes[k]
         row = away[k]
         for i in range(len(points)):
-            row[i] = abs(off_cone(x0, y0, z0, dx, dy, dz, scale, radius, growth, x[i], y[i], z[i])[0])
+            row[i] = off_cone(x0, y0, z0, dx, dy, dz, scale, radius, growth, x[i], y[i], z[i])[0]
 
 
 @njit(cache=True)
@@ -234,13 +235,13 @@ def _best_laid(limb, least, joints, frame, before, cells, body, some, away, ends
     Args:
         limb: 0 to 3.
         least: square metres of misfit that there must be to gain.
-        joints: (19, 3) the pose with toes and fingers; written to, and left as it was.
+        joints: (25, 3) the pose with all other rows; written to, and left as it was.
         frame: the torso's, of `kpopnet.tracker.cones.frame_of`.
         before: (15, 3) the pose of the last frame.
         cells: the picture.
         body: the person.
         some: (n, 3) the points that are looked at.
-        away: (P, n) their distances to all parts.
+        away: (P, n) their signed distances to all parts.
         ends: (tips, 3) where the limb's end comes to lie at each tip.
         middles: (tips, 3) and its middle.
         used: (tips,) those that belong to another limb.
@@ -297,10 +298,10 @@ def _best_laid(limb, least, joints, frame, before, cells, body, some, away, ends
 @njit(cache=True)
 def _relay(joints, before, cells, body, every):
     points = cells.points_m
-    source = _torso_cells(joints, points, PARTS, body.radii_m, LIMB_PARTS)
+    source = _torso_cells(joints, points, body)
     length, onward = shortest_ways(cells.neighbours, cells.steps_m, source, NOWHERE_M)
     tips = _tips(points, cells.neighbours, cells.steps_m, length)
-    joints, frame, some = extend(joints), frame_of(joints), points[::every]
+    joints, frame, some = extend(joints, body.places_m), frame_of(joints), points[::every]
     away = np.empty((len(PARTS), len(some)))
     _distances(joints, some, PARTS, body.radii_m, np.arange(len(PARTS)), away)
     ends, middles = np.empty((len(LIMBS), len(tips), 3)), np.empty((len(LIMBS), len(tips), 3))

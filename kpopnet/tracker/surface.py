@@ -22,9 +22,9 @@ FEWEST_POINTS = 6
 
 
 @njit(cache=True)
-def _offsets(joints, points, parts, radii):
-    """(N,) the part nearest to each point, and (N,) its signed distance to that part's surface."""
-    return nearest_parts(axes_of(extend(joints), parts, radii), points, 1)[:2]
+def _offsets(joints, points, parts, radii, places):
+    """(N,) the part that each point is nearest to or deepest in, and (N,) its signed distance to that part's surface."""
+    return nearest_parts(axes_of(extend(joints, places), parts, radii), points, 1)[:2]
 
 
 def with_thickness(body: Body, joints_m: np.ndarray, cells: Cells) -> Body:
@@ -35,7 +35,7 @@ def with_thickness(body: Body, joints_m: np.ndarray, cells: Cells) -> Body:
     """
     radii = body.radii_m.copy()
     for _ in range(CORRECTIONS):
-        part, offset = _offsets(joints_m, cells.points_m, PARTS, radii)
+        part, offset = _offsets(joints_m, cells.points_m, PARTS, radii, body.places_m)
         for pair in MIRRORED_PARTS:
             own = offset[np.isin(part, pair)]
             if len(own) >= FEWEST_POINTS:
@@ -46,9 +46,9 @@ def with_thickness(body: Body, joints_m: np.ndarray, cells: Cells) -> Body:
 
 
 @njit(cache=True)
-def _residuals(joints, points, parts, radii):
+def _residuals(joints, points, parts, radii, places):
     """(15, 2) sum of absolute residuals and number of points, each point counted for the nearer end of its part."""
-    axes = axes_of(extend(joints), parts, radii)
+    axes = axes_of(extend(joints, places), parts, radii)
     sums = np.zeros((len(joints), 2))
     part, offs, along = nearest_parts(axes, points, 1)
     for i in range(len(points)):
@@ -60,7 +60,7 @@ def _residuals(joints, points, parts, radii):
 
 def joint_confidence(joints_m: np.ndarray, cells: Cells, body: Body) -> np.ndarray:
     """(15,) in 0..1: how many points a joint's surroundings explain, and how well; 0 where nothing of them is seen."""
-    sums = _residuals(joints_m, cells.points_m, PARTS, body.radii_m)
+    sums = _residuals(joints_m, cells.points_m, PARTS, body.radii_m, body.places_m)
     residual = sums[:, 0] / np.maximum(sums[:, 1], 1)
     confidence = np.minimum(sums[:, 1] / FULL_SUPPORT, 1) / (1 + (residual / DOUBTFUL_M) ** 2)
     assert confidence.shape == (NUM_JOINTS,)

@@ -8,12 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kpopnet.skeleton import NUM_JOINTS, Joint
-from kpopnet.tracker.body import LIMBS
+from kpopnet.tracker.body import LIMBS, PLACE_JOINTS, RIGHT_CHEST, TORSO_JOINTS
 from kpopnet.tracker.cells import cells_of
 from kpopnet.tracker.cones import frame_of
 from kpopnet.tracker.fitting import COLUMN, fit, solve
 from kpopnet.tracker.misfit import HABITS, misfit, unusual
 from kpopnet.tracker.model import LIMB_PARENTS, HumanModel
+from kpopnet.tracker.proposals import turned
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 20), st.floats(0, 0.9))
@@ -29,9 +30,10 @@ def test_systems_with_and_without_zeros_are_solved(seed: int, size: int, zeros: 
 
 def test_every_joint_has_unknowns_of_its_own() -> None:
     assert sorted(COLUMN[:NUM_JOINTS].tolist()) == list(range(0, 3 * NUM_JOINTS, 3))
-    assert COLUMN[NUM_JOINTS:].tolist() == [
+    assert COLUMN[NUM_JOINTS:RIGHT_CHEST].tolist() == [
         COLUMN[joint] for joint in (Joint.RIGHT_FOOT, Joint.LEFT_FOOT, Joint.RIGHT_HAND, Joint.LEFT_HAND)
     ]
+    assert COLUMN[RIGHT_CHEST:].tolist() == COLUMN[PLACE_JOINTS].tolist()
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -42,6 +44,16 @@ def test_who_starts_a_little_off_comes_back(person, seed: int) -> None:  # noqa:
     error = np.linalg.norm(found - joints, axis=1)
     assert error.mean() < 0.02 < 0.03 < np.linalg.norm(start - joints, axis=1).min()
     assert misfit(found, cells, body) < misfit(start, cells, body)
+
+
+@pytest.mark.parametrize(("aside_m", "turned_deg"), [(0.03, 0), (-0.03, 0), (0, 12), (0, -12)])
+def test_a_trunk_that_is_a_little_beside_comes_back(person, aside_m: float, turned_deg: float) -> None:  # noqa: F811
+    joints, body, cells = person
+    start, trunk = joints.copy(), list(TORSO_JOINTS)
+    start[trunk] = turned(joints, np.radians(turned_deg))[trunk] + (aside_m, 0, 0)
+    found = fit(start, cells, body, steps=15)
+    beside = np.linalg.norm((start - joints)[trunk], axis=1).mean()
+    assert np.linalg.norm((found - joints)[trunk], axis=1).mean() < 0.4 * beside
 
 
 def test_the_truth_is_a_place_to_stay(person) -> None:  # noqa: F811

@@ -17,7 +17,7 @@ from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
 from kpopnet.ridge import RidgeConfig, ridge_data
 from kpopnet.skeleton import NUM_JOINTS, PAPER_JOINTS, Joint
-from kpopnet.tracker.body import NECK_SHARE, OWNERS, PARTS, body_of
+from kpopnet.tracker.body import NECK_SHARE, PARTS, RIGHT_RIBS, body_of
 from kpopnet.tracker.cells import CELL_PX, cells_of
 from kpopnet.tracker.geodesic import JUMP_COST, JUMP_M, NOWHERE_M, neighbourhood, shortest_ways
 from kpopnet.tracker.hierarchy import (
@@ -443,7 +443,7 @@ def test_thickness_is_that_of_the_thinnest_part(person) -> None:
     thickness = thickness_of(body.radii_m)
     assert thickness.shape == (NUM_JOINTS,) and np.isfinite(thickness).all()
     for joint in Joint:
-        assert thickness[joint] == body.radii_m[OWNERS[PARTS] == joint].min()
+        assert thickness[joint] == body.radii_m[(RIGHT_RIBS if joint == Joint.TORSO else joint) == PARTS].min()
 
 
 @pytest.mark.parametrize(

@@ -80,10 +80,10 @@ def test_limbs_may_not_lie_in_the_trunk() -> None:
     for elevation_deg in (-75, 0, 60):
         joints = cone_joints(elevation_deg=elevation_deg)
         body = cone_body(joints)
-        assert overlap(axes_of(extend(joints), PARTS, body.radii_m), 0, len(BARRED), np.inf) < 1e-6
+        assert overlap(axes_of(extend(joints, body.places_m), PARTS, body.radii_m), 0, len(BARRED), np.inf) < 1e-6
         folded = joints.copy()
         folded[Joint.LEFT_HAND] = joints[Joint.TORSO]
-        axes = axes_of(extend(folded), PARTS, body.radii_m)
+        axes = axes_of(extend(folded, body.places_m), PARTS, body.radii_m)
         everywhere = overlap(axes, 0, len(BARRED), np.inf)
         assert everywhere > 1e-4
         assert overlap(axes, *BARRED_OF[1], np.inf) == pytest.approx(everywhere) and overlap(axes, *BARRED_OF[0], np.inf) < 1e-6

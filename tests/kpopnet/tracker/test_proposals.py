@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from kpopnet.camera import CAMERAS
 from kpopnet.skeleton import MIRROR, Joint
-from kpopnet.tracker.body import LIMB_PARTS, LIMBS, PARTS
+from kpopnet.tracker.body import LIMBS
 from kpopnet.tracker.cells import cells_of
 from kpopnet.tracker.geodesic import NOWHERE_M, shortest_ways
 from kpopnet.tracker.misfit import misfit
@@ -71,7 +71,7 @@ def test_a_star_has_a_tip_at_every_ray(rays: int) -> None:
 def test_tips_keep_apart_and_count_only_what_can_be_reached() -> None:
     joints = cone_joints(elevation_deg=20)
     body, cells = seen(joints)
-    source = _torso_cells(joints, cells.points_m, PARTS, body.radii_m, LIMB_PARTS)
+    source = _torso_cells(joints, cells.points_m, body)
     length, _ = shortest_ways(cells.neighbours, cells.steps_m, source, NOWHERE_M)
     tips = _tips(cells.points_m, cells.neighbours, cells.steps_m, length)
     points = cells.points_m[tips]
@@ -87,7 +87,7 @@ def test_tips_keep_apart_and_count_only_what_can_be_reached() -> None:
 def test_torso_cells_lie_on_torso_and_head() -> None:
     joints = cone_joints(elevation_deg=20)
     body, cells = seen(joints)
-    on = cells.points_m[_torso_cells(joints, cells.points_m, PARTS, body.radii_m, LIMB_PARTS)]
+    on = cells.points_m[_torso_cells(joints, cells.points_m, body)]
     assert len(on) > 20
     for end in LIMBS[:, 1:].ravel():
         assert np.linalg.norm(on - joints[end], axis=1).min() > 0.08
@@ -236,7 +236,7 @@ def test_a_person_turned_round_looks_away() -> None:
 def test_tips_are_those_of_a_plain_search(elevation_deg: float) -> None:
     joints = cone_joints(elevation_deg=elevation_deg, yaw_deg=15)
     body, cells = seen(joints)
-    source = _torso_cells(joints, cells.points_m, PARTS, body.radii_m, LIMB_PARTS)
+    source = _torso_cells(joints, cells.points_m, body)
     length, _ = shortest_ways(cells.neighbours, cells.steps_m, source, NOWHERE_M)
     apart = np.linalg.norm(cells.points_m[:, None] - cells.points_m[None], axis=-1)
     reached = length < 1e8

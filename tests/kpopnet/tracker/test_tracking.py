@@ -193,7 +193,7 @@ def test_a_simulated_person_starts_by_themselves(simulated) -> None:
 
 
 def test_thickness_is_that_of_the_person_though_they_stand_otherwise_than_the_average_one() -> None:
-    joints = cone_joints(-60, 4)
+    joints = cone_joints(-66, 4)
     body = cone_body(joints)
     tracker = Tracker(CAMERA, standing=True)
     for _ in range(4):
