@@ -47,7 +47,9 @@ def save_checkpoint(run: Path, network: PoseNetwork, state: dict, meta: dict, *,
     """
     folder = run / "checkpoints" / f"step_{meta['step']:08d}"
     building = folder.with_name(f".{folder.name}.{os.getpid()}")
-    shutil.rmtree(building, ignore_errors=True)
+    replaced = folder.with_name(f"{building.name}.replaced")
+    for leftover in (building, replaced):
+        shutil.rmtree(leftover, ignore_errors=True)
     building.mkdir(parents=True)
     save_file({name: value.cpu().contiguous() for name, value in network.state_dict().items()}, building / WEIGHTS)
     torch.save(state, building / STATE)
@@ -63,10 +65,12 @@ def save_checkpoint(run: Path, network: PoseNetwork, state: dict, meta: dict, *,
     (building / META).write_text(json.dumps(described, indent=2) + "\n")
     for file in building.iterdir():
         _sync(file)
-    shutil.rmtree(folder, ignore_errors=True)  # the same step of an earlier attempt
+    if folder.exists():  # the same step of an earlier attempt, which a link may point to
+        folder.rename(replaced)
     building.rename(folder)
     _sync(folder.parent)
-    for link in ("last", "best") if best else ("last",):
+    # A run that dies in between goes on from `last`, comes by the best once more and points to it again.
+    for link in ("best", "last") if best else ("last",):
         _point(run / link, folder)
     kept = {(run / link).resolve() for link in ("last", "best")}
     for other in (*folder.parent.glob("step_*"), *folder.parent.glob(".step_*")):

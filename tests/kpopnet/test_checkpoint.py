@@ -65,6 +65,42 @@ def test_a_run_that_dies_while_writing_leaves_the_last_checkpoint(tmp_path, monk
     assert [path.name for path in (tmp_path / "checkpoints").iterdir()] == ["step_00000002"]
 
 
+def test_a_run_that_dies_between_its_links_does_not_lose_the_best(tmp_path, monkeypatch):
+    save(tmp_path, 1)
+    point = checkpoint_module._point
+
+    def die_at_last(link, folder):
+        if link.name == "last":
+            raise KeyboardInterrupt
+        point(link, folder)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(checkpoint_module, "_point", die_at_last)
+        with pytest.raises(KeyboardInterrupt):
+            save(tmp_path, 2, best=True)
+    assert [load_network(tmp_path / link)[1]["step"] for link in ("best", "last")] == [2, 1]
+    save(tmp_path, 2, best=True)  # what going on from `last` comes to
+    assert [load_network(tmp_path / link)[1]["step"] for link in ("best", "last")] == [2, 2]
+
+
+def test_a_run_that_dies_while_removing_what_it_replaces_leaves_a_checkpoint(tmp_path, monkeypatch):
+    save(tmp_path, 1)
+    remove = shutil.rmtree
+
+    def die_removing(folder, **how):
+        if folder.exists():
+            remove(folder, **how)
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(checkpoint_module.shutil, "rmtree", die_removing)
+        with pytest.raises(KeyboardInterrupt):
+            save(tmp_path, 1)
+    assert [load_network(tmp_path / link)[1]["step"] for link in ("best", "last")] == [1, 1]
+    save(tmp_path, 1)
+    assert [path.name for path in (tmp_path / "checkpoints").iterdir()] == ["step_00000001"]
+
+
 def test_a_run_folder_can_be_moved(tmp_path):
     save(tmp_path / "here")
     (tmp_path / "here").rename(tmp_path / "there")
