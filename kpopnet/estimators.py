@@ -5,6 +5,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 
 from kpopnet.camera import Camera
+from kpopnet.errors import InputError
 from kpopnet.skeleton import NUM_JOINTS
 
 
@@ -58,10 +59,16 @@ class Start(NamedTuple):
     joints_camera_m: np.ndarray
 
 
-def first_label(joints_camera_m: np.ndarray) -> Start | None:
-    """The first of (T, 15, 3) true poses that has every joint."""
+def first_label(joints_camera_m: np.ndarray) -> Start:
+    """The first of (T, 15, 3) true poses that has every joint.
+
+    Raises:
+        InputError: none has.
+    """
     complete = np.flatnonzero(np.isfinite(joints_camera_m).all(axis=(1, 2)))
-    return Start(int(complete[0]), joints_camera_m[complete[0]]) if len(complete) else None
+    if not len(complete):
+        raise InputError("start=label needs a frame with all fifteen joints, and there is none; use start=standing or y_pose")
+    return Start(int(complete[0]), joints_camera_m[complete[0]])
 
 
 @runtime_checkable

@@ -133,12 +133,14 @@ def run_benchmark(
         extraction: how the person is found where the depth shows a whole scene, None for the defaults.
 
     Raises:
-        InputError: no sequence gave figures, or a process died.
+        InputError: no sequence gave figures, no joint of them has a label, or a process died.
     """
     names = benchmark.sequence_names()
     estimation = SequenceEstimation(benchmark, estimators, extraction or HumanExtractionConfig())
     outcomes, failed = _estimated(estimation, evenly_spaced(names, sequences), processes)
     parts = outcomes.values()
+    if not any(np.isfinite(part.truth_m).all(axis=-1).any() for part in parts):
+        raise InputError(f"{benchmark.name}: no joint in any frame of {', '.join(outcomes)} has a label to be judged by")
     in_scenes = [part for part in parts if part.extraction_seconds is not None]
     scored = {label: _scored(outcomes, label) for label in estimators}
     return Run(

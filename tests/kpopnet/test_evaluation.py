@@ -72,6 +72,34 @@ def test_estimates_are_the_same_whatever_the_number_of_processes(benchmark, tmp_
     assert alone.images_without_person == together.images_without_person == 1
 
 
+def without_labels(monkeypatch, benchmark, joints: list[int], sequences: list[str]) -> None:
+    """Takes the labels of some joints out of some of a benchmark's sequences."""
+    read = benchmark.read
+
+    def less(name):
+        sequence = read(name)
+        if name in sequences:
+            sequence.joints_camera_m[:, joints] = np.nan
+            sequence.visible[:, joints] = False
+        return sequence
+
+    monkeypatch.setattr(benchmark, "read", less)
+
+
+def test_a_sequence_without_a_whole_label_to_start_from_is_named(benchmark, monkeypatch):
+    bare = benchmark.sequence_names()[0]
+    without_labels(monkeypatch, benchmark, [3], [bare])
+    run = run_benchmark(benchmark, {"tracker": TrackerEstimator(TrackerEstimatorConfig(start="label"))})
+    assert list(run.failed) == [bare]
+    assert run.failed[bare].startswith("tracker: start=label needs a frame with all fifteen joints")
+
+
+def test_a_set_without_any_label_is_refused(benchmark, monkeypatch):
+    without_labels(monkeypatch, benchmark, list(range(15)), benchmark.sequence_names())
+    with pytest.raises(InputError, match=r"synthetic: no joint in any frame of .* has a label"):
+        run_benchmark(benchmark, {"mean_pose": MeanPoseEstimator(POSE_M)})
+
+
 def test_one_kind_of_estimator_may_stand_in_a_run_under_several_names():
     configs = {"slow": TrackerEstimatorConfig(), "fast": TrackerEstimatorConfig(body=False)}
     built = build_estimators(configs)
