@@ -8,8 +8,8 @@ from kpopnet.skeleton import Joint
 def heading_rad(joints_camera_m: np.ndarray) -> np.ndarray:
     """(T,) float32: where the person's front points, 0 at the camera, positive to the person's left; NaN if unknown.
 
-    By the lines of hips and shoulders and the trunk between them, in the plane of the camera's x and z: the tilt of the
-    camera is not known and left out.
+    By the lines of hips and shoulders and the trunk between them, in the plane of the camera's x and z: the camera is taken
+    to stand upright. Its tilt is not known and left out; of one that looks down this is nonsense.
     """
     joints = joints_camera_m.astype(np.float64)
     hips = joints[:, Joint.LEFT_HIP] + joints[:, Joint.RIGHT_HIP]

@@ -175,6 +175,12 @@ class ItopBenchmark:
             f"{int(self.files.valid.sum())} of {len(self.files.ids)} frames have labels that people checked, and only they "
             "are judged. A person's recording is several sequences."
         )
+        self._from_above = config.view == "top"
+        if self._from_above:
+            self.about += (
+                " Where a person faces is not told of a camera that looks down. People are found in the scenes as an upright "
+                "camera sees them: where nobody is found, this may be why."
+            )
 
     def sequence_names(self) -> list[str]:
         return list(self._rows)
@@ -193,6 +199,6 @@ class ItopBenchmark:
             depth_m=self.files.depth_m(rows),
             joints_camera_m=joints_m.astype(np.float32),
             visible=self.files.visible[rows] & labelled,
-            yaw_rad=heading_rad(joints_m),
+            yaw_rad=None if self._from_above else heading_rad(joints_m),  # which is about a camera that stands upright
             alone=False,
         )

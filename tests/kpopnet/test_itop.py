@@ -90,7 +90,8 @@ def test_long_recordings_are_cut_evenly_and_nothing_is_lost(lengths):
 
 def test_the_view_and_split_are_chosen_by_name(tmp_path):
     write(tmp_path, part="top_train")
-    assert "from above" in benchmark(tmp_path, view="top", split="train").about
+    top = benchmark(tmp_path, view="top", split="train")
+    assert "from above" in top.about
     with pytest.raises(InputError, match=r"ITOP_side_test_labels\.h5: no such file"):
         benchmark(tmp_path)
     for wrong in ({"view": "front"}, {"split": "validation"}):
@@ -99,6 +100,14 @@ def test_the_view_and_split_are_chosen_by_name(tmp_path):
     with pytest.raises(InputError, match=r"needs benchmark\.path"):
         ItopBenchmark(ItopConfig())
     assert BENCHMARKS["itop"] == (ItopConfig, ItopBenchmark)
+
+
+def test_from_above_nobody_faces_anywhere(tmp_path):
+    write(tmp_path)
+    write(tmp_path, part="top_test")
+    side, top = benchmark(tmp_path), benchmark(tmp_path, view="top")
+    assert np.isfinite(side.read("00_00007").yaw_rad).all() and top.read("00_00007").yaw_rad is None
+    assert "as an upright camera sees them" in top.about and "upright" not in side.about
 
 
 def test_still_packed_files_are_told_how_to_be_unpacked(tmp_path):
