@@ -164,7 +164,7 @@ class Tracker:
         self._knows_thickness = False
         self.body, self.lengths = body_of(self.model), lengths_of(self.model)
         self.joints_camera_m, self.velocity_m, self._middle = joints, np.zeros_like(joints), None
-        self._usual_m2, self._frames, self._other_side = USUAL_M2, 0, 0.0
+        self._cells_seen, self._usual_m2, self._frames, self._other_side = 0.0, USUAL_M2, 0, 0.0
 
     def track(self, depth_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """One frame.

@@ -219,6 +219,20 @@ def test_a_model_that_was_saved_is_kept(dancer, tmp_path) -> None:
     assert error_m(found[-1], joints[-1]).mean() < 0.04
 
 
+def test_a_tracker_started_again_on_somebody_farther_away_follows_them_at_once(dancer) -> None:
+    joints, depth = dancer
+    far = joints[:2] + np.array((0, 0, 2.5))
+    images = filmed(far)
+    again = Tracker(CAMERA)
+    again.start(joints[0])
+    again.track(depth[0])
+    first = Tracker(CAMERA, model=again.model)
+    for tracker in (again, first):
+        tracker.start(far[0])
+    for image in images:
+        np.testing.assert_array_equal(again.track(image)[0], first.track(image)[0])
+
+
 def test_a_pose_with_gaps_is_no_start() -> None:
     joints = cone_joints()
     joints[Joint.NECK] = np.nan
