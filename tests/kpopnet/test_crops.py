@@ -49,9 +49,19 @@ def test_a_batch_depends_on_seed_and_step_alone():
     assert same(batches(augment=augment)[7], pickle.loads(pickle.dumps(batches(augment=augment)))[7])
     assert not same(batches(augment=augment)[7], batches(augment=augment)[8])
     assert not same(batches(augment=augment)[7], batches(augment=augment, seed=4)[7])
-    # Step 2 and step 7 hold the same people (5 batches an epoch), with fresh noise and augmentation.
-    first, second = (CropBatches(CapsulePeople(8), MODEL, EvenOrder(8, 8, 8), 3, augment)[0] for _ in range(2))
-    assert same(first, second)
+
+
+def test_every_epoch_sees_everybody_anew():
+    """Of observations that stay the same: what differs is the augmentation."""
+    data = batches(augment=AugmentConfig())
+    observe = data.source.observe
+    data.source.observe = lambda index, epoch: observe(index, 0)
+    first, second = (
+        {index: crop for step in steps for (index, _), crop in zip(data.order(step), data[step].crop, strict=True)}
+        for steps in (range(5), range(5, 10))  # 5 batches an epoch
+    )
+    assert first.keys() == second.keys() == set(range(40))
+    assert not any(np.array_equal(first[index], second[index]) for index in first)
 
 
 @pytest.mark.parametrize("workers", [0, 2])
