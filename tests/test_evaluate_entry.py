@@ -62,7 +62,7 @@ def test_the_tracker_needs_no_checkpoint_and_may_be_told_where_to_start(place):
         done = evaluate(place, *settings, f"estimator.tracker.start={start}", f"hydra.run.dir={start}")
         assert done.returncode == 0, done.stderr
         found = json.loads((place / start / "metrics.json").read_text())
-        assert list(found["estimators"]) == ["tracker"] and found["checkpoint"] is None
+        assert list(found["estimators"]) == ["tracker"] and found["files"] == {"tracker": {}}
         # Nobody in the set takes the Y pose: told nothing, the tracker waits for it to the end.
         assert (found["missing_joints"] < 15 * found["images"]) == with_joints
     refused = evaluate(place, *settings, "estimator.tracker.start=somewhere")
@@ -118,8 +118,8 @@ def test_the_number_of_processes_is_the_cores_but_one_for_a_gpu():
 
 
 def test_a_missing_or_foreign_checkpoint_is_named(tmp_path):
-    for configs in ({"network": NetworkEstimatorConfig()}, {"mean_pose": MeanPoseConfig()}):
-        with pytest.raises(InputError, match="checkpoint=outputs"):
+    for configs in ({"second": NetworkEstimatorConfig()}, {"second": MeanPoseConfig()}):
+        with pytest.raises(InputError, match=r"second needs.*: estimator\.second\.checkpoint=outputs"):
             build_estimators(configs)
     (tmp_path / "meta.json").write_text('{"format": "other"}')
     with pytest.raises(InputError, match=r"meta\.json: expected a kpopnet-checkpoint"):

@@ -56,6 +56,14 @@ class EvaluateConfig:
         on_gpu = any(getattr(settings, "device", "cpu") != "cpu" for settings in self.estimator.values())
         return self.processes or (1 if on_gpu else cores_at_hand())
 
+    def files(self) -> dict[str, dict[str, str]]:
+        """By each estimator's name the files and folders it reads, by the settings that name them."""
+        naming = ("checkpoint", "network", "path", "model")
+        return {
+            name: {setting: file for setting in naming if (file := getattr(settings, setting, None)) is not None}
+            for name, settings in self.estimator.items()
+        }
+
 
 @dataclass(frozen=True)
 class Run:

@@ -5,7 +5,6 @@ A new one is a line here and a file in configs/: `schema/NAME` there is the sett
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -49,18 +48,17 @@ class MeanPoseConfig:
 
 
 def _network(config: NetworkEstimatorConfig) -> Estimator:
-    return NetworkEstimator(_checkpoint(config.checkpoint, "network"), device=config.device)
+    return NetworkEstimator(config.checkpoint, device=config.device)
 
 
 def _fitted_network(config: FittedNetworkConfig) -> Estimator:
-    return FittedEstimator(NetworkEstimator(_checkpoint(config.checkpoint, "fitted_network"), device=config.device))
+    return FittedEstimator(NetworkEstimator(config.checkpoint, device=config.device))
 
 
 def _mean_pose(config: MeanPoseConfig) -> Estimator:
-    checkpoint = _checkpoint(config.checkpoint, "mean_pose")
-    pose = _known_mean_pose_m(checkpoint)
+    pose = _known_mean_pose_m(config.checkpoint)
     if pose is None:
-        raise InputError(f"{checkpoint}: its meta.json holds no mean_pose_m, which estimator=mean_pose needs")
+        raise InputError(f"{config.checkpoint}: its meta.json holds no mean_pose_m, which estimator=mean_pose needs")
     return MeanPoseEstimator(pose)
 
 
@@ -97,12 +95,18 @@ def build_estimators(configs: dict[str, Any]) -> dict[str, Estimator]:
 
     The mean pose joins them, last, wherever a checkpoint knows one: without it nobody can tell what a network's figures
     are worth.
+
+    Raises:
+        InputError: there are none, or one lacks what it is made of.
     """
     if not configs:
         raise InputError("estimator: expected at least one, for instance estimator=network checkpoint=...")
+    for name, config in configs.items():
+        if getattr(config, "checkpoint", "") is None:
+            raise InputError(f"estimator {name} needs a trained network: estimator.{name}.checkpoint=outputs/train/RUN/best")
     builders = dict(ESTIMATORS.values())
     built = {name: builders[type(config)](config) for name, config in configs.items()}
-    checkpoints = [Path(config.checkpoint) for config in configs.values() if getattr(config, "checkpoint", None)]
+    checkpoints = [config.checkpoint for config in configs.values() if getattr(config, "checkpoint", None)]
     if checkpoints and not any(isinstance(one, MeanPoseEstimator) for one in built.values()):
         pose = _known_mean_pose_m(checkpoints[0])
         if pose is not None:
@@ -110,12 +114,6 @@ def build_estimators(configs: dict[str, Any]) -> dict[str, Estimator]:
     return built
 
 
-def _checkpoint(folder: str | None, estimator: str) -> Path:
-    if folder is None:
-        raise InputError(f"estimator={estimator} needs a trained network: checkpoint=outputs/train/RUN/best")
-    return Path(folder)
-
-
-def _known_mean_pose_m(checkpoint: Path) -> np.ndarray | None:
+def _known_mean_pose_m(checkpoint: str) -> np.ndarray | None:
     pose = read_meta(checkpoint).get("mean_pose_m")
     return None if pose is None else np.array(pose, np.float32).reshape(NUM_JOINTS, 3)

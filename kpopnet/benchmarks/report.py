@@ -85,7 +85,7 @@ def metrics_json(run: Run, config: EvaluateConfig, pictures: list[str]) -> dict:
 
     `images` is the number of evaluated frames; `pictures` lists the picture files; `mean_pose_error_cm` is the mean joint
     error of the constant mean pose, null where none is known. `benchmark` has seed, version and config_hash of a simulated
-    set, null of a real one.
+    set, null of a real one. `files` is what `EvaluateConfig.files` says.
     """
     resolved = asdict(config)
     canonical = json.dumps(resolved, sort_keys=True)
@@ -111,7 +111,7 @@ def metrics_json(run: Run, config: EvaluateConfig, pictures: list[str]) -> dict:
         },
         "estimators": run.metrics,
         "pictures": pictures,
-        "checkpoint": config.checkpoint,
+        "files": config.files(),
         "config": resolved,
         "config_hash": hashlib.sha256(canonical.encode()).hexdigest()[:12],
         "git": git_revision(),
@@ -224,11 +224,15 @@ def report_blocks(run: Run, described: dict) -> list[Block]:
 
 def how_made(described: dict) -> list[Block]:
     """The report's end: from what it was made, and how speed was measured."""
+    read = (
+        f"{estimator} {' '.join(f'{setting}={file}' for setting, file in files.items()) or 'no file'}"
+        for estimator, files in described["files"].items()
+    )
     return [
         ("heading", "How this was made"),
         (
             "text",
-            f"Checkpoint {described['checkpoint'] or 'none'}; configuration {described['config_hash']}; code "
+            f"Read by estimators: {', '.join(read)}; configuration {described['config_hash']}; code "
             f"{revision_in_words(described['git'])}; {described['made']}. All figures: metrics.json; their definitions: "
             "kpopnet/benchmarks/metrics.py.",
         ),

@@ -10,6 +10,7 @@ from shard_sets import write_shard
 
 from kpopnet.benchmarks.evaluation import EvaluateConfig, run_benchmark, unlike_training
 from kpopnet.benchmarks.pictures import example_frames
+from kpopnet.benchmarks.registry import NetworkEstimatorConfig
 from kpopnet.benchmarks.report import remarks, terminal_table, write_report
 from kpopnet.benchmarks.synthetic import SyntheticBenchmark, SyntheticConfig
 from kpopnet.camera import Camera
@@ -32,7 +33,9 @@ from kpopnet.networks.cube import person_centre
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.ridge import RidgeConfig
 from kpopnet.skeleton import JOINT_NAMES, Joint
+from kpopnet.tracker.estimator import TrackerEstimatorConfig
 from kpopnet.tracker.fitted import FittedEstimator
+from kpopnet.tree_walk.estimator import TreeWalkEstimatorConfig
 from synth.observe import ExtractionConfig
 from synth.sensor import SensorConfig
 from synth.shards import FreezeConfig
@@ -75,9 +78,9 @@ def config(**changes) -> EvaluateConfig:
 def test_metrics_json_says_what_was_judged_and_how_far_off(benchmark, pose, tmp_path):
     estimators = {"shifted": Shifted(pose, 0.06), "mean_pose": MeanPoseEstimator(pose)}
     run = run_benchmark(benchmark, estimators)
-    write_report(tmp_path / "report", run, config(checkpoint="some/where"))
+    write_report(tmp_path / "report", run, config())
     found = json.loads((tmp_path / "report" / "metrics.json").read_text())
-    assert found["images"] == 8 and found["estimator"] == "shifted" and found["checkpoint"] == "some/where"
+    assert found["images"] == 8 and found["estimator"] == "shifted"
     # 0, 6, 12 cm in the first and last sequence, 0 and nobody in the middle one.
     assert found["mean_error_cm"] == pytest.approx((2 * (0 + 6 + 12) + 0) / 7, abs=0.1)
     assert found["map_10cm"] == pytest.approx(5 / 8)
@@ -106,6 +109,27 @@ def test_reports_name_truth_origin_and_have_only_pictures_that_are_there(benchma
     parser = TagBalance()
     parser.feed(page)
     assert not parser.open
+
+
+def test_a_report_says_what_each_estimator_was_made_of(benchmark, pose, tmp_path):
+    run = run_benchmark(benchmark, {"shifted": Shifted(pose, 0)})
+    settings = {
+        "ridge_network": NetworkEstimatorConfig(checkpoint="runs/ridge/best"),
+        "tracker": TrackerEstimatorConfig(network="runs/asked/best", model="person.json"),
+        "plain": TrackerEstimatorConfig(),
+        "tree_walk": TreeWalkEstimatorConfig(path="walks/mine"),
+    }
+    write_report(tmp_path, run, EvaluateConfig({}, settings, checkpoint="of/none"))
+    assert json.loads((tmp_path / "metrics.json").read_text())["files"] == {
+        "ridge_network": {"checkpoint": "runs/ridge/best"},
+        "tracker": {"network": "runs/asked/best", "model": "person.json"},
+        "plain": {},
+        "tree_walk": {"path": "walks/mine"},
+    }
+    assert (
+        "Read by estimators: ridge_network checkpoint=runs/ridge/best, tracker network=runs/asked/best model=person.json, "
+        "plain no file, tree_walk path=walks/mine; configuration"
+    ) in (tmp_path / "report.md").read_text()
 
 
 @pytest.mark.parametrize(
