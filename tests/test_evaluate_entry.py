@@ -117,6 +117,11 @@ def test_the_number_of_processes_is_the_cores_but_one_for_a_gpu():
         EvaluateConfig(None, {}, processes=-1)
 
 
+def test_a_seed_below_zero_is_refused_before_the_work():
+    with pytest.raises(InputError, match="seed=-1 must be 0 or more"):
+        EvaluateConfig(None, {}, seed=-1)
+
+
 def test_a_missing_or_foreign_checkpoint_is_named(tmp_path):
     for configs in ({"second": NetworkEstimatorConfig()}, {"second": MeanPoseConfig()}):
         with pytest.raises(InputError, match=r"second needs.*: estimator\.second\.checkpoint=outputs"):

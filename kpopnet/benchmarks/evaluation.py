@@ -50,6 +50,8 @@ class EvaluateConfig:
     def __post_init__(self) -> None:
         if self.processes < 0:
             raise InputError(f"processes={self.processes}: expected 1 or more, or 0 for all cores")
+        if self.seed < 0:
+            raise InputError(f"seed={self.seed} must be 0 or more")
 
     def processes_at_work(self) -> int:
         """The number itself, or what 0 stands for."""

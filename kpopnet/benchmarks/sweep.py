@@ -56,8 +56,10 @@ def sweep_of(config: SweepConfig, estimators: dict[str, Any]) -> Sweep:
     """The combinations for the first of the configured estimators.
 
     Raises:
-        InputError: it has no such settings, or refuses a value.
+        InputError: there is none, it has no such settings, or refuses a value.
     """
+    if not estimators:
+        raise InputError("sweep: expected an estimator whose settings are varied, for instance 'estimator=[tracker]'")
     estimator, base = next(iter(estimators.items()))
     names: list[list[str]] = []
     settings: dict[str, Any] = {}

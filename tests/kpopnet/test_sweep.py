@@ -27,6 +27,12 @@ def test_the_first_estimator_is_varied_and_nothing_else_of_it():
                 assert (settings.hierarchy.r_m, settings.hierarchy.epsilon_m) == (radius, tolerance)
 
 
+def test_without_an_estimator_nothing_can_be_varied():
+    axes = AxisConfig("hierarchy.epsilon_m", TOLERANCES), AxisConfig("hierarchy.r_m", RADII)
+    with pytest.raises(InputError, match="expected an estimator"):
+        sweep_of(SweepConfig(*axes), {})
+
+
 @pytest.mark.parametrize(
     ("setting", "values", "complaint"),
     [
