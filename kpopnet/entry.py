@@ -40,7 +40,7 @@ def user_errors(function: Callable[P, R]) -> Callable[P, R]:
             print(f"error: {_one_line(error)}", file=sys.stderr)
             raise SystemExit(1) from None
         except KeyboardInterrupt:
-            print("stopped; what was finished is kept", file=sys.stderr)
+            print("stopped", file=sys.stderr)
             raise SystemExit(130) from None
 
     return careful

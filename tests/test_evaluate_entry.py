@@ -19,6 +19,7 @@ from kpopnet.benchmarks.sweep import sweep_of
 from kpopnet.benchmarks.synthetic import SyntheticConfig
 from kpopnet.checkpoint import save_checkpoint
 from kpopnet.dance.scoring import SCORERS
+from kpopnet.entry import user_errors
 from kpopnet.errors import InputError
 from kpopnet.machine import cores_at_hand
 from kpopnet.mean_pose import MeanPoseEstimator
@@ -140,11 +141,22 @@ def test_scorers_are_refused_where_joints_are_judged(tmp_path):
         evaluate_joints(config, tmp_path)
 
 
+def test_a_program_that_is_stopped_promises_nothing(capsys):
+    @user_errors
+    def program():
+        raise KeyboardInterrupt
+
+    with pytest.raises(SystemExit) as end:
+        program()
+    assert end.value.code == 130 and capsys.readouterr().err == "stopped\n"
+
+
 @pytest.mark.parametrize(
     ("overrides", "complaint"),
     [
         (["checkpoint=nowhere", "benchmark.path=set"], "nowhere"),
         (["checkpoint=run/last", "benchmark.pathh=set"], "pathh"),
+        (["checkpoint=run/last", "benchmark.path=set", "extraction.expect_person=false"], "expect_person"),
     ],
 )
 def test_a_users_mistake_ends_with_one_line(place, overrides, complaint):
