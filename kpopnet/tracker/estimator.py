@@ -23,7 +23,8 @@ class TrackerEstimatorConfig(TrackerConfig):
         start: y_pose (waits for the paper's start pose), standing (takes the first silhouette for an average person of
             its height, standing with hanging arms), or label (the benchmark's true joints in the first frame that has
             all of them).
-        network: a checkpoint's folder: this network is asked in frames whose pose the tracker doubts; none by default.
+        network: a checkpoint's folder: this network is asked in frames whose pose the tracker doubts; none by default, and
+            none without the body.
         model: a file that `HumanModel.save` wrote, for a person who was seen before; else it comes from the start.
     """
 
@@ -34,6 +35,8 @@ class TrackerEstimatorConfig(TrackerConfig):
     def __post_init__(self) -> None:
         if self.start not in STARTS:
             raise InputError(f"estimator.tracker.start={self.start}: expected one of {', '.join(STARTS)}")
+        if self.network is not None and not self.body:
+            raise InputError(f"network={self.network}: with body=false no network is ever asked; leave one of them away")
 
 
 class TrackerEstimator:

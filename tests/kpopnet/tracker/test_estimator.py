@@ -111,6 +111,11 @@ def test_what_is_no_sequence_of_depth_is_refused(depth) -> None:
         TrackerEstimator().estimate(depth, CAMERA)
 
 
+def test_a_network_that_is_never_asked_is_refused() -> None:
+    with pytest.raises(InputError, match=r"network=some/run: with body=false no network is ever asked"):
+        TrackerEstimatorConfig(body=False, network="some/run")
+
+
 def test_other_starts_are_refused() -> None:
     with pytest.raises(InputError, match=r"start=sitting: expected one of y_pose, standing, label"):
         TrackerEstimatorConfig(start="sitting")
