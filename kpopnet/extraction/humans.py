@@ -67,7 +67,6 @@ class HumanExtractionConfig:
         epsilon_d_per_m2: plus so much times the square of the depth.
         epsilon_m_m2: a component is moving if more of its surface has moved, in square metres. (The paper adds up the
             differences of depth, with which a step would count the more the farther the wall behind is.)
-        expect_person: somebody is in view from the first picture on, and is found before they move: `standing`.
     """
 
     delta_f_m: float = 0.005
@@ -76,7 +75,6 @@ class HumanExtractionConfig:
     epsilon_d_m: float = 0.01
     epsilon_d_per_m2: float = 2 / 345
     epsilon_m_m2: float = 0.02
-    expect_person: bool = False
 
     def __post_init__(self) -> None:
         for name in ("delta_f_m", "epsilon_z_m", "epsilon_z_per_m2", "epsilon_d_m", "epsilon_d_per_m2", "epsilon_m_m2"):
@@ -126,8 +124,17 @@ class Picture(NamedTuple):
 class HumanExtractor:
     """Finds people in the pictures of a camera that stands still, online: every picture once, in order."""
 
-    def __init__(self, camera: Camera, config: HumanExtractionConfig = HumanExtractionConfig()) -> None:
-        self.camera, self.config = camera, config
+    def __init__(
+        self, camera: Camera, config: HumanExtractionConfig = HumanExtractionConfig(), expect_person: bool = False
+    ) -> None:
+        """Prepares an extractor.
+
+        Args:
+            camera: of the pictures to come.
+            config: thresholds.
+            expect_person: somebody is in view from the first picture on, and is found before they move: `standing`.
+        """
+        self.camera, self.config, self._expect_person = camera, config, expect_person
         self._intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
         self._epsilon_z = np.array([config.epsilon_z_m, config.epsilon_z_per_m2], np.float32)
         self._epsilon_d = np.array([config.epsilon_d_m, config.epsilon_d_per_m2], np.float32)
@@ -143,7 +150,7 @@ class HumanExtractor:
         self._room = np.full(self._shape, FAR_M, np.float32)
         self._floor: Floor | None = None
         self._pictures = self._strange_ones = 0
-        self._expecting = self.config.expect_person and not any(person.visible for person in self._people)
+        self._expecting = self._expect_person and not any(person.visible for person in self._people)
 
     @property
     def floor(self) -> np.ndarray | None:

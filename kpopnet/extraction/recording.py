@@ -1,7 +1,6 @@
 """The one person of a recording."""
 
 from collections import Counter
-from dataclasses import replace
 
 import numpy as np
 
@@ -15,7 +14,7 @@ def extract_person(depth_m: np.ndarray, camera: Camera, config: HumanExtractionC
     Args:
         depth_m: (T, H, W) float32 metres of a camera that stands still, 0 where nothing was measured.
         camera: its camera.
-        config: thresholds, None for the defaults; `expect_person` is set.
+        config: thresholds, None for the defaults.
 
     Returns:
         (T, H, W) float32: that person alone, nothing where they were not found. Of several people it is the one who is
@@ -24,7 +23,7 @@ def extract_person(depth_m: np.ndarray, camera: Camera, config: HumanExtractionC
     Raises:
         InputError: not a sequence of depth images of the camera's size.
     """
-    extractor = HumanExtractor(camera, replace(config or HumanExtractionConfig(), expect_person=True))
+    extractor = HumanExtractor(camera, config or HumanExtractionConfig(), expect_person=True)
     found = [{human.identity: human for human in extractor.extract(image)} for image in sequence_in_metres(depth_m, camera)]
     pictures = Counter(identity for humans in found for identity in humans)
     person_m = np.zeros(depth_m.shape, np.float32)

@@ -6,12 +6,11 @@ from extraction_scenes import overlap
 from real_data import REAL, UTD_MHAD
 
 from kpopnet.camera import Camera
-from kpopnet.extraction import HumanExtractionConfig, HumanExtractor, extract_person
+from kpopnet.extraction import HumanExtractor, extract_person
 from synth.eval_sim import CAMERA, KINDS, EvalSim, EvalSimConfig, EvalSimSet
 from synth.film import Shot, Take
 
 ITOP = REAL / "itop_side_test_3frames.npz"
-EXPECTED = HumanExtractionConfig(expect_person=True)
 EVERY = 3
 LOW_M = 0.12
 
@@ -36,7 +35,7 @@ def heights_m(depth_m: np.ndarray, floor: np.ndarray) -> np.ndarray:
 def test_a_dancer_in_a_furnished_room_is_never_lost_and_nobody_else_is_found(maker, kind):
     take, shots = filmed(maker, kind)
     floor = take.view.floor()
-    extractor, overlaps, feet = HumanExtractor(CAMERA, EXPECTED), [], []
+    extractor, overlaps, feet = HumanExtractor(CAMERA, expect_person=True), [], []
     for shot in shots:
         (human,) = extractor.extract(shot.depth_m)
         assert human.identity == 0
@@ -69,7 +68,7 @@ def test_a_real_person_in_a_real_room_is_found_in_a_single_picture(frame):
     stored = np.load(ITOP)
     depth_m = stored["depth_mm"][frame].astype(np.float32) / 1000
     camera = Camera.centred(285.714, 320, 240)
-    extractor = HumanExtractor(camera, EXPECTED)
+    extractor = HumanExtractor(camera, expect_person=True)
     (human,) = extractor.extract(depth_m)
     assert extractor.floor is not None and 1.1 < extractor.floor[3] < 1.4
     # The labelled joints lie in the body, a little behind the surface, but for those that a leg hides.

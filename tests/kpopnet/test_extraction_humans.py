@@ -6,12 +6,11 @@ from kpopnet.camera import Camera
 from kpopnet.errors import InputError
 from kpopnet.extraction import Human, HumanExtractionConfig, HumanExtractor, extract_person
 
-PLAIN, EXPECTED = HumanExtractionConfig(), HumanExtractionConfig(expect_person=True)
 ROOM = room((4, 40, 34, 100, 3.4), (110, 50, 140, 98, 3.5))
 
 
-def watch(frames, config=PLAIN, camera=CAMERA) -> list[list[Human]]:
-    extractor = HumanExtractor(camera, config)
+def watch(frames, camera=CAMERA, expect_person=False) -> list[list[Human]]:
+    extractor = HumanExtractor(camera, expect_person=expect_person)
     return [extractor.extract(frame) for frame in frames]
 
 
@@ -34,7 +33,7 @@ def masks(humans, camera=CAMERA):
 def test_an_empty_room_has_nobody_in_it_however_noisy():
     frames = [noisy(ROOM, seed) for seed in range(60)]
     assert not any(watch(frames))
-    assert not any(watch(frames[:10], EXPECTED))
+    assert not any(watch(frames[:10], expect_person=True))
 
 
 def test_who_stands_still_is_found_when_they_move_and_not_lost_when_they_stop():
@@ -202,7 +201,7 @@ def test_a_thing_that_is_put_down_is_nobody():
 
 
 def test_somebody_expected_is_had_in_the_first_picture():
-    (human,) = watch([noisy(compose(ROOM, standing()), 0)], EXPECTED)[0]
+    (human,) = watch([noisy(compose(ROOM, standing()), 0)], expect_person=True)[0]
     assert overlap(human.whole(CAMERA) > 0, standing() > 0) > 0.9
     assert not watch([noisy(compose(ROOM, standing()), 0)])[0]
 
@@ -210,7 +209,7 @@ def test_somebody_expected_is_had_in_the_first_picture():
 def test_the_foot_behind_the_other_leg_is_theirs_in_the_first_picture():
     person = standing(arms_deg=0.0, turned=True).copy()
     person[88:98, 89:93] = 2.9
-    (human,) = watch([compose(room(), person)], EXPECTED)[0]
+    (human,) = watch([compose(room(), person)], expect_person=True)[0]
     assert (human.whole(CAMERA) > 0)[88:98, 89:93].all()
 
 
@@ -218,7 +217,7 @@ def test_who_moves_takes_the_place_of_who_was_expected_and_did_not():
     lamp = shifted(standing(2.9), -45)
     empty = compose(room(), lamp)
     columns = [200] * 10 + walk(110, 20)
-    found = watch([compose(empty, shifted(standing(), column)) for column in columns], EXPECTED)
+    found = watch([compose(empty, shifted(standing(), column)) for column in columns], expect_person=True)
     assert overlap(found[5][0].whole(CAMERA) > 0, lamp > 0) > 0.9
     assert [human.identity for human in found[-1]] == [1]
     assert overlap(found[-1][0].whole(CAMERA) > 0, shifted(standing(), 20) > 0) > 0.9
@@ -247,14 +246,14 @@ def test_broken_pictures_are_passed_over(broken):
     frames, people = dance()
     for t in (0, 1, 20, 21, 22, 30):
         frames[t] = broken(t)
-    found = watch(frames, EXPECTED)
+    found = watch(frames, expect_person=True)
     for t, score in enumerate(scored(found, people)):
         assert found[t] == [] if t in (0, 1, 20, 21, 22, 30) else score > 0.85
     assert {human.identity for humans in found for human in humans} == {0}
 
 
 def test_nothing_but_garbage_is_nobody():
-    assert not any(watch([garbage(seed) for seed in range(40)], EXPECTED))
+    assert not any(watch([garbage(seed) for seed in range(40)], expect_person=True))
 
 
 def test_numbers_that_are_no_depth_are_not_measured():
@@ -263,7 +262,7 @@ def test_numbers_that_are_no_depth_are_not_measured():
     for frame in frames:
         for wrong in (np.nan, np.inf, -1.0, 100.0):
             frame[rng.random(frame.shape) < 0.005] = wrong
-    found = watch(frames, EXPECTED)
+    found = watch(frames, expect_person=True)
     assert np.mean(scored(found, people)) > 0.85
     assert all(np.isfinite(human.depth_m).all() and human.depth_m.max() < 4.5 for humans in found for human in humans)
 
@@ -272,7 +271,7 @@ def test_half_of_the_picture_without_measurement():
     frames, people = dance()
     for frame, person in zip(frames, people, strict=True):
         frame[:, :60] = person[:, :60] = 0
-    assert min(scored(watch(frames, EXPECTED), people)) > 0.8
+    assert min(scored(watch(frames, expect_person=True), people)) > 0.8
 
 
 def test_a_room_that_comes_to_light_all_at_once_is_no_crowd():
@@ -280,7 +279,7 @@ def test_a_room_that_comes_to_light_all_at_once_is_no_crowd():
     for t, (frame, person) in enumerate(zip(frames, people, strict=True)):
         if t < 20:
             frame[person == 0] = 0
-    found = watch(frames, EXPECTED)
+    found = watch(frames, expect_person=True)
     assert {human.identity for humans in found for human in humans} == {0}
     assert min(scored(found, people)[24:]) > 0.8
 
@@ -292,7 +291,7 @@ def test_a_few_pixels_of_person_are_nobody(pixels):
         frame = ROOM.copy()
         frame[50, 40 + t : 40 + t + pixels] = 2.0
         frames.append(frame)
-    assert not any(watch(frames, EXPECTED))
+    assert not any(watch(frames, expect_person=True))
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 40), (40, 1), (9, 7), (37, 53)])
@@ -300,7 +299,7 @@ def test_any_size_of_picture(shape):
     camera = Camera.centred(50.0, shape[1], shape[0])
     rng = np.random.default_rng(0)
     smooth = np.tile(np.linspace(1, 4, shape[1], dtype=np.float32), (shape[0], 1))
-    extractor = HumanExtractor(camera, EXPECTED)
+    extractor = HumanExtractor(camera, expect_person=True)
     for frame in (smooth, smooth + 1, 0 * smooth, smooth, rng.uniform(0, 9, shape).astype(np.float32), smooth):
         extractor.extract(frame)
 
@@ -333,11 +332,11 @@ def test_what_is_no_depth_picture_is_named(depth, message):
 
 def test_millimetres_double_precision_and_views_are_welcome():
     frames, _ = dance(count=12)
-    expected = watch(frames, EXPECTED)[-1][0]
+    expected = watch(frames, expect_person=True)[-1][0]
     for change in (lambda f: f.astype(np.float64), lambda f: np.repeat(f, 2, axis=1)[:, ::2]):
-        human = watch([change(frame) for frame in frames], EXPECTED)[-1][0]
+        human = watch([change(frame) for frame in frames], expect_person=True)[-1][0]
         assert human.box == expected.box and np.array_equal(human.depth_m, expected.depth_m)
-    human = watch([np.rint(frame * 1000).astype(np.uint16) for frame in frames], EXPECTED)[-1][0]
+    human = watch([np.rint(frame * 1000).astype(np.uint16) for frame in frames], expect_person=True)[-1][0]
     assert np.abs(human.whole(CAMERA) - expected.whole(CAMERA)).max() < 4
     assert overlap(human.whole(CAMERA) > 0, expected.whole(CAMERA) > 0) > 0.97
 

@@ -5,7 +5,7 @@ import time
 import cv2
 import numpy as np
 
-from kpopnet.extraction import HumanExtractionConfig, HumanExtractor
+from kpopnet.extraction import HumanExtractor
 from synth.eval_sim import CAMERA, EvalSim, EvalSimConfig, EvalSimSet
 
 FRAMES, ROUNDS, SETTLED = 200, 7, 30
@@ -19,7 +19,7 @@ def measure() -> dict[str, tuple[float, str, str]]:
     cv2.setNumThreads(1)
     frames_ms, transforms_ms = np.empty((ROUNDS, FRAMES)), np.empty((ROUNDS, FRAMES))
     for times_ms, transform_ms in zip(frames_ms, transforms_ms, strict=True):
-        extractor = HumanExtractor(CAMERA, HumanExtractionConfig(expect_person=True))
+        extractor = HumanExtractor(CAMERA, expect_person=True)
         for t, depth_m in enumerate(film.depth_m):
             started = time.perf_counter()
             extractor.extract(depth_m)

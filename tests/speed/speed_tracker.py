@@ -9,7 +9,7 @@ from statistics import fmean
 import cv2
 import numpy as np
 
-from kpopnet.extraction import HumanExtractionConfig, HumanExtractor
+from kpopnet.extraction import HumanExtractor
 from kpopnet.tracker import tracking
 from kpopnet.tracker.tracking import Tracker
 from synth.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
@@ -64,7 +64,7 @@ def measure() -> dict[str, tuple[float, str, str]]:
 
 def _follow(film: Film, begin_frame: Callable[[float], None]) -> list[tuple[float, float]]:
     """Milliseconds of every frame, and of a distance transform of it."""
-    extractor = HumanExtractor(film.camera, HumanExtractionConfig(expect_person=True))
+    extractor = HumanExtractor(film.camera, expect_person=True)
     tracker = Tracker(film.camera)
     tracker.start(film.joints_camera_m[0])
     times = []
