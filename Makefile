@@ -2,6 +2,7 @@
 # make test    install, then run the tests
 # make speed   install, then measure speeds: outputs/speed.json
 # make lint    install, then check the style
+# make clean   remove the environment and caches; what was generated and trained stays
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -35,4 +36,5 @@ lint: $(READY)
 	$(BIN)/ruff check .
 
 clean:
-	rm -rf .venv outputs data
+	rm -rf .venv .pytest_cache .hypothesis .ruff_cache *.egg-info build dist
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

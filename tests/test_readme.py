@@ -3,6 +3,7 @@
 import importlib
 import re
 import shlex
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +66,18 @@ def test_make_knows_the_targets_that_are_named() -> None:
     targets = {words[1] for words in commands() if words[0] == "make"} | set(re.findall(r"`make (\w+)`", README))
     assert {"demo", "test", "speed", "lint"} <= targets
     assert all(re.search(rf"^{target}:", makefile, re.MULTILINE) for target in targets)
+    described = re.findall(r"^# make (\w+)", makefile, re.MULTILINE)
+    assert [".PHONY:", *described] == re.search(r"^\.PHONY.*", makefile, re.MULTILINE)[0].split()
+
+
+def test_make_clean_leaves_what_was_generated_and_trained(tmp_path) -> None:
+    kept = [tmp_path / "data" / "small" / "shard.h5", tmp_path / "outputs" / "train" / "best", tmp_path / "code.py"]
+    removed = [tmp_path / ".venv" / "installed", tmp_path / ".pytest_cache" / "a", tmp_path / "code" / "__pycache__" / "a.pyc"]
+    for path in (*kept, *removed):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    subprocess.run(["make", "-f", str(ROOT / "Makefile"), "clean"], cwd=tmp_path, check=True, capture_output=True)
+    assert all(path.exists() for path in kept) and not any(path.parent.exists() for path in removed)
 
 
 def test_the_programs_in_the_readme_name_what_exists() -> None:
