@@ -15,7 +15,7 @@ import numpy as np
 
 from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.errors import InputError
-from kpopnet.ridge import RidgeConfig, RidgeStages, ridge_stages
+from kpopnet.ridge import RidgeConfig, ridge_data
 from kpopnet.skeleton import NUM_JOINTS, Joint
 from kpopnet.tracker.initial_check import NotYPose, YPose, require_explained, require_front, require_y_pose
 from kpopnet.tracker.initial_depth import joints_inside, whole_person
@@ -66,25 +66,17 @@ Thing = TypeVar("Thing")
 
 @dataclass(frozen=True)
 class InitialPose:
-    """A person in the Y pose, and how they were found. Points in the image are u, v in pixels.
+    """A person in the Y pose.
 
     Attributes:
         joints_camera_m: (15, 3) float64 metres.
         model: the lengths and angles of section 2.3.
-        torso: the torso's rectangle.
-        parts: its six sub-parts in three rows, in each the one at smaller x first.
-        head_candidates: (N, 2) where mean shift over the ridge data ended; the head is the first.
         limbs: arms and legs by the joint at their end.
-        stages: the ridge data and what they come from.
     """
 
     joints_camera_m: np.ndarray
     model: HumanModel
-    torso: Box
-    parts: list[Box]
-    head_candidates: np.ndarray
     limbs: dict[Joint, Limb]
-    stages: RidgeStages
 
 
 def find_initial_pose(depth_m: np.ndarray, camera: Camera, config: InitialConfig = DEFAULT) -> InitialPose | None:
@@ -118,17 +110,17 @@ def initial_pose(depth_m: np.ndarray, camera: Camera, config: InitialConfig = DE
     px_per_m = camera.fx / float(np.median(torso_m))
     if not RECTANGLE_M[0] <= torso.height / px_per_m <= RECTANGLE_M[1]:
         raise NotYPose(f"from shoulders to crotch it is {torso.height / px_per_m:.2f} m: legs closed, or not upright")
-    stages = ridge_stages(person_m, config.ridge)
+    ridge = ridge_data(person_m, config.ridge)
     uv = np.full((NUM_JOINTS, 2), np.nan)
 
     parts = six_parts(torso)
     for joint, part in TORSO_PARTS.items():
         uv[joint] = _found(mean_pixel(person, parts[part]), joint)
-    heads = head_candidates(stages.ridge, torso, HEAD_RADIUS_M * px_per_m)
+    heads = head_candidates(ridge, torso, HEAD_RADIUS_M * px_per_m)
     uv[Joint.HEAD] = _found(heads[0] if len(heads) else None, Joint.HEAD)
     limbs = {}
     for part in _limb_parts(torso, uv, person.shape):
-        limb = find_limb(person, stages.ridge, part.box, uv[part.root], part.end_m * px_per_m, part.upper_share)
+        limb = find_limb(person, ridge, part.box, uv[part.root], part.end_m * px_per_m, part.upper_share)
         limbs[part.end] = limb = _found(limb, part.end)
         if limb.tip.min() < 1 or (limb.tip > (camera.width - 2, camera.height - 2)).any():
             raise NotYPose(f"the {_words(part.end)} is at the picture's edge and may go on beyond it")
@@ -138,7 +130,7 @@ def initial_pose(depth_m: np.ndarray, camera: Camera, config: InitialConfig = DE
     require_y_pose(joints_camera_m, config.y_pose)
     require_explained(person, joints_camera_m, torso, camera)
     require_front(person_m, uv, (limbs[Joint.RIGHT_FOOT].tip, limbs[Joint.LEFT_FOOT].tip), camera)
-    return InitialPose(joints_camera_m, HumanModel.from_joints(joints_camera_m), torso, parts, heads, limbs, stages)
+    return InitialPose(joints_camera_m, HumanModel.from_joints(joints_camera_m), limbs)
 
 
 class _LimbPart(NamedTuple):

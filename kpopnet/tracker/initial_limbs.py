@@ -34,9 +34,7 @@ class Limb(NamedTuple):
 
     Attributes:
         box: its bounding box.
-        ridge: (N, 2) u, v of the ridge data in it.
         origin: (2,) u, v from which the lines' offsets are measured.
-        lines: (K, 2) angle and offset of the Hough lines.
         dominant: (2, 2) angle and offset of the upper and of the lower dominant line.
         crossed: whether they cross where a limb can bend; if not, it counts as straight.
         middle: (2,) u, v of elbow or knee.
@@ -45,9 +43,7 @@ class Limb(NamedTuple):
     """
 
     box: Box
-    ridge: np.ndarray
     origin: np.ndarray
-    lines: np.ndarray
     dominant: np.ndarray
     crossed: bool
     middle: np.ndarray
@@ -97,7 +93,7 @@ def find_limb(
     else:
         on_ridge = _mean_around(middle, ridge_data, end_px / 2)
         middle = middle if on_ridge is None else on_ridge
-    return Limb(box, ridge_data, origin, lines, np.stack([upper, lower]), crossed, middle, end, tip)
+    return Limb(box, origin, np.stack([upper, lower]), crossed, middle, end, tip)
 
 
 def hough_lines(points: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

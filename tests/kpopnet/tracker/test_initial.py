@@ -17,7 +17,6 @@ from kpopnet.skeleton import JOINT_GROUPS, MIRROR, Joint
 from kpopnet.tracker.initial import InitialConfig, find_initial_pose, initial_pose
 from kpopnet.tracker.initial_check import NotYPose, YPose, body_frame, require_explained, require_y_pose
 from kpopnet.tracker.initial_depth import whole_person
-from kpopnet.tracker.initial_picture import BOX, FOUND, LOWER, MANY, RIDGE, UPPER, draw_initial
 from kpopnet.tracker.initial_torso import Box, torso_rectangle
 from kpopnet.tracker.model import HumanModel
 from synth.motion import MotionConfig, build_motion
@@ -357,12 +356,3 @@ def test_real_people_in_other_poses_are_refused() -> None:
     for name in benchmark.sequence_names()[::12]:
         sequence = benchmark.read(name)
         assert all(find_initial_pose(depth, sequence.camera) is None for depth in sequence.depth_m[::8])
-
-
-def test_the_picture_shows_every_stage() -> None:
-    depth = draw_y(y_joints(40, elbow_deg=30, place_m=PLACE_M), CAMERA)
-    picture = draw_initial(depth, CAMERA, initial_pose(depth, CAMERA))
-    assert picture.dtype == np.uint8 and picture.ndim == 3 and picture.shape[2] == 3
-    assert 800 < picture.shape[0] < 2000 and 1500 < picture.shape[1] < 2500
-    for colour in (RIDGE, BOX, MANY, UPPER, LOWER, FOUND):
-        assert (picture == colour).all(-1).sum() > 100, colour
