@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 
 from kpopnet.camera import Camera
+from kpopnet.errors import InputError
 from kpopnet.replacing import replacing
 from kpopnet.skeleton import BONES, JOINT_NAMES
 
@@ -196,9 +197,16 @@ def sheet(
 
 
 def save_png(path: Path | str, picture: np.ndarray) -> None:
-    """Writes an RGB picture, whole or not at all."""
+    """Writes an RGB picture, whole or not at all; makes its folder.
+
+    Raises:
+        InputError: it cannot be written there.
+    """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     _, encoded = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
-    with replacing(path) as part:
-        part.write_bytes(encoded.tobytes())
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(path) as part:
+            part.write_bytes(encoded.tobytes())
+    except OSError as error:
+        raise InputError(f"{path}: the picture cannot be written there ({error.strerror}); give another place") from error

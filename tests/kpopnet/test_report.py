@@ -24,6 +24,7 @@ from kpopnet.drawing import (
     person_tile,
     person_view,
     probability_picture,
+    save_png,
 )
 from kpopnet.errors import InputError
 from kpopnet.estimators import Estimate
@@ -256,6 +257,16 @@ def test_bones_join_joints_and_true_and_estimated_differ():
         assert tuple(picture[30, 40]) == style.left
         pictures.append(picture)
     assert (pictures[0] != pictures[1]).any()
+
+
+def test_a_picture_that_cannot_be_written_is_the_users_mistake(tmp_path):
+    (tmp_path / "file").touch()
+    (tmp_path / "folder.png").mkdir()
+    for path in (tmp_path / "file" / "a.png", tmp_path / "folder.png"):
+        with pytest.raises(InputError, match=rf"{path}: the picture cannot be written there \("):
+            save_png(path, np.zeros((4, 4, 3), np.uint8))
+    save_png(tmp_path / "new" / "a.png", np.zeros((4, 4, 3), np.uint8))
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["a.png", "file", "folder.png", "new"]
 
 
 def test_what_cannot_be_drawn_is_left_out():
