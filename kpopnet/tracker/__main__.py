@@ -10,6 +10,7 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+from tqdm import tqdm
 
 from kpopnet.camera import CAMERAS, sequence_in_metres
 from kpopnet.drawing import save_png
@@ -37,7 +38,7 @@ def stages_of(path: Path, frame: int, camera_name: str, standing: bool) -> np.nd
         raise InputError(f"{path}: frame {frame} of {len(recorded)}; frames count from 0, and one before it is needed")
     person_m = extract_person(sequence_in_metres(recorded[: frame + 1], camera), camera)
     tracker = Tracker(camera, standing=standing)
-    for depth_m in person_m[:-1]:
+    for depth_m in tqdm(person_m[:-1], "frames", disable=None):  # no bar where nobody watches
         tracker.track(depth_m)
     if not tracker.started:
         start = "stood upright facing the camera" if standing else "was seen in the Y pose; try --start standing"

@@ -49,6 +49,13 @@ def test_every_stage_is_drawn(draw) -> None:
             assert tile.std() > 10
 
 
+def test_a_bar_counts_the_frames_where_somebody_watches(draw, monkeypatch) -> None:
+    nobody = np.zeros((3, 240, 320), np.uint16)
+    assert "2/2" not in draw(nobody)[1]
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    assert "2/2" in draw(nobody)[1]
+
+
 def test_who_stands_can_be_followed_too(draw) -> None:
     joints = cone_joints(-75, 4)
     depth_m = np.repeat(draw_cones(joints, cone_body(joints), CAMERA)[None], 3, axis=0)
