@@ -1,7 +1,9 @@
-"""The body that is fitted to the depth: round cones between the joints, and the distances that hold them together.
+"""The body that is fitted to the depth: round cones around the joints, and the distances that hold these together.
 
 Beyond the paper, whose model is a skeleton without flesh. A depth image shows skin, a skeleton lies under it: with the
-thickness of every part known, each measured point says how far the nearest part should move.
+thickness of every part known, each measured point says how far the part should move that it is nearest to. What counts is
+the surface of all parts together, so that they must not overlap by much: limbs lie around lines between joints, the trunk
+around lines between places of its own.
 """
 
 from typing import NamedTuple
@@ -14,7 +16,7 @@ from kpopnet.tracker.model import LIMB_PARENTS, HumanModel
 RIGHT_TOES, LEFT_TOES, RIGHT_FINGERS, LEFT_FINGERS = range(NUM_JOINTS, NUM_JOINTS + 4)
 RIGHT_CHEST, LEFT_CHEST, RIGHT_RIBS, LEFT_RIBS, RIGHT_PELVIS, LEFT_PELVIS = range(NUM_JOINTS + 4, NUM_JOINTS + 10)
 """Rows after the joints, which kpopnet.tracker.cones.extend derives from them: the far ends of feet and hands, and places in
-the trunk. A trunk's flesh does not lie around the lines between its joints."""
+the trunk."""
 
 PLACES_M = {
     RIGHT_CHEST: (Joint.RIGHT_SHOULDER, (-0.052, 0.035, -0.042)),

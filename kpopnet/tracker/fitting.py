@@ -1,6 +1,6 @@
 """A body fitted to the measured points by least squares, a few Gauss-Newton steps from a pose that is about right.
 
-Beyond the paper. Unknowns are the joints' places. Every point wants to lie on the surface of the part nearest to it,
+Beyond the paper. Unknowns are the joints' places. Every point wants to lie on the surface of all parts together,
 what sticks out of the silhouette or stands in front of what was measured wants back, distances between joints are kept,
 and every joint is drawn a little to where it started. In joint places all but the last is nearly linear, so few
 steps do; eliminated from hands and feet inwards the equations cost less than the search for the nearest parts. A step
