@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+
 from kpopnet.benchmarks.kpop_format import (
     LABELS,
     TEACHER,
@@ -17,6 +19,7 @@ from kpopnet.benchmarks.kpop_format import (
     read_labels,
     read_manifest,
     read_performance,
+    read_times,
 )
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
@@ -68,6 +71,10 @@ class Learner:
     def about(self) -> dict:
         """What whoever wrote the file says of it."""
         return read_about(self.path)
+
+    def times_s(self) -> np.ndarray:
+        """(T,) float64: when the frames are."""
+        return read_times(self.path)
 
     def joints(self) -> Performance | None:
         """The true joints, None where the file has none."""

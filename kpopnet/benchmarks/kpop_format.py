@@ -18,6 +18,7 @@ image's: fx, fy, cx, cy, width, height. Outside its box, and wherever `depth_mm`
 import csv
 import hashlib
 import json
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -44,6 +45,8 @@ MOST_IN_MEMORY = 2_000_000_000
 """Pixels of one recording once it is unpacked."""
 
 FARTHEST_M = 1000.0
+
+_DEPTH_KEY = re.compile("[0-9a-f]{16}")
 
 
 @dataclass(frozen=True)
@@ -113,12 +116,29 @@ def read_depth(path: Path) -> DepthClip:
     return DepthClip(depth_m, camera.cropped(x0, y0, x1 - x0, y1 - y0), times_s)
 
 
+def read_times(path: Path) -> np.ndarray:
+    """(T,) float64: when the frames of a teacher's or a learner's file are, in seconds.
+
+    Raises:
+        InputError: there are none, or they are torn or odd.
+    """
+    with _opened(path) as file:
+        return _times(file, path)
+
+
 def read_depth_key(path: Path) -> str | None:
-    """A digest of the depth recording in a learner's file, None where there is none."""
+    """A digest of the depth recording in a learner's file, 16 hexadecimal digits; None where there is no recording.
+
+    Raises:
+        InputError: the file is missing, torn or odd.
+    """
     with _opened(path) as file:
         if "depth_mm" not in file:
             return None
-        return str(file.attrs.get("depth_key") or depth_key(*_stored_depth(file, path)))
+        stored = file.attrs.get("depth_key")
+        if isinstance(stored, str) and _DEPTH_KEY.fullmatch(stored):  # it becomes a part of a file's name
+            return stored
+        return depth_key(*_stored_depth(file, path))
 
 
 def read_about(path: Path) -> dict:
@@ -275,6 +295,13 @@ def _stored_depth(file: h5py.File, path: Path) -> tuple[np.ndarray, np.ndarray, 
 
 
 def depth_key(depth_mm: np.ndarray, boxes: np.ndarray, camera: Camera) -> str:
+    """16 hexadecimal digits that tell depth recordings apart.
+
+    Args:
+        depth_mm: (N,) uint16, the pixels of all boxes.
+        boxes: (T, 4) integers.
+        camera: the whole image's.
+    """
     digest = hashlib.sha256(repr(camera).encode())
     digest.update(np.ascontiguousarray(boxes, np.int64))
     digest.update(np.ascontiguousarray(depth_mm, np.uint16))

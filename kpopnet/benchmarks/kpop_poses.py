@@ -1,7 +1,7 @@
 """Learners' joints as estimators find them, kept on disk: another scorer, or another look, then costs seconds.
 
 A folder for each estimator, named after it and after what its poses depend on: its settings, the contents of the files
-that they name (a network's weights), and the source code. A file in it is named after the learner and the depth.
+that they name (a model's weights and description), and the source code. A file in it is named after the learner and the depth.
 """
 
 import hashlib
@@ -18,14 +18,20 @@ import numpy as np
 from kpopnet.benchmarks.estimating import WARM_UP_FRAMES
 from kpopnet.benchmarks.kpop import Dance, Learner
 from kpopnet.benchmarks.registry import build_estimators
-from kpopnet.dance.performance import Performance
+from kpopnet.checkpoint import META
+from kpopnet.dance.performance import Performance, whole_joints
 from kpopnet.errors import InputError
 from kpopnet.estimators import Estimator
 from kpopnet.replacing import replacing
 from kpopnet.skeleton import NUM_JOINTS
 
-_WEIGHTS = "model.safetensors"
-_SHARED_CODE = ("camera.py", "estimators.py", "networks/*.py", "ridge.py", "skeleton.py")
+_MODEL = ("*.safetensors", META)
+"""What a trained model is made of, in its folder."""
+
+_SHARED_CODE = (
+    *("camera.py", "checkpoint.py", "estimators.py", "networks/*.py", "ridge.py", "skeleton.py"),
+    *("benchmarks/kpop_format.py", "benchmarks/registry.py"),  # how depth is unpacked, how estimators are built
+)
 
 
 @dataclass(frozen=True)
@@ -35,7 +41,7 @@ class Poses:
     Attributes:
         joints_m: (T, 15, 3) float32 in the camera frame, NaN where missing.
         confidence: (T, 15) float32.
-        times_s: (T,) float64.
+        times_s: (T,) float64, from the learner's file: they may be corrected without another estimation.
         seconds: what it took.
     """
 
@@ -87,18 +93,23 @@ class PoseCache:
         """Poses that are there.
 
         Raises:
-            InputError: the file is torn or foreign.
+            InputError: the file is torn or foreign, or the learner's has times for another number of frames.
         """
         path = self.path(dance, learner)
         try:
             with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-                poses = Poses(file["joints_m"], file["confidence"], file["times_s"], float(file["seconds"]))
-            if poses.joints_m.shape != (len(poses.times_s), NUM_JOINTS, 3):
-                raise ValueError(f"joints of shape {poses.joints_m.shape} at {len(poses.times_s)} times")
-            poses.performance()
-            return poses
-        except (OSError, KeyError, ValueError, TypeError, zipfile.BadZipFile, InputError) as error:
+                joints_m, confidence, seconds = file["joints_m"], file["confidence"], float(file["seconds"])
+            if joints_m.ndim != 3 or joints_m.shape[1:] != (NUM_JOINTS, 3) or not len(joints_m):
+                raise ValueError(f"joints of shape {joints_m.shape}")
+            whole_joints(joints_m, confidence)
+        except (OSError, EOFError, KeyError, ValueError, TypeError, zipfile.BadZipFile, InputError) as error:
             raise InputError(f"{path}: not whole ({error}); delete it, and it is made again") from error
+        times_s = learner.times_s()
+        if len(times_s) != len(joints_m):
+            raise InputError(
+                f"{learner.path}: {len(times_s)} times_s but {len(joints_m)} frames; there must be one for each frame"
+            )
+        return Poses(joints_m, confidence, times_s, seconds)
 
     def make(self, dance: Dance, learner: Learner) -> None:
         """Estimates and writes what is not there yet.
@@ -120,7 +131,7 @@ class PoseCache:
         path = self.path(dance, learner)
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as part, part.open("wb") as file:
-            np.savez(file, joints_m=joints_m, confidence=confidence, times_s=clip.times_s, seconds=seconds)
+            np.savez(file, joints_m=joints_m, confidence=confidence, seconds=seconds)
 
 
 def estimator_key(estimator: Estimator, settings: Any) -> str:
@@ -137,10 +148,9 @@ def estimator_key(estimator: Estimator, settings: Any) -> str:
 
 
 def _without_place(value: Any) -> Any:
-    """A setting as it is, or for the name of a file or a checkpoint what is in it."""
+    """A setting as it is, or for the name of a file or of a model's folder what is in it."""
     if not isinstance(value, str):
         return value
-    for path in (Path(value) / _WEIGHTS, Path(value)):
-        if path.is_file():
-            return hashlib.sha256(path.read_bytes()).hexdigest()
-    return value
+    path = Path(value)
+    files = [path] if path.is_file() else sorted(file for pattern in _MODEL for file in path.glob(pattern))
+    return [hashlib.sha256(file.read_bytes()).hexdigest() for file in files] or value

@@ -7,6 +7,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -168,12 +169,43 @@ def test_other_depth_is_estimated_anew_and_torn_poses_are_named(folder, fake):
     assert "not whole" in found.failed["mama"] and list(found.scores["truth"]["dance22"]) == ["papa"]
 
 
+def test_corrected_times_need_no_other_poses(folder, fake):
+    late = run(folder, {"fake": FakeConfig()}).scores["fake"]["dance22"]["mama"][0].score
+    calls = fake.calls
+    path = folder / "mama" / "ann.h5"
+    with h5py.File(path, "a") as file:
+        file["times_s"][:] = TIMES_S + 0.3
+    moved = run(folder, {"fake": FakeConfig()}).scores["fake"]["dance22"]["mama"][0].score
+    assert fake.calls == calls and moved.timing < late.timing - 10
+    with h5py.File(path, "a") as file:
+        del file["times_s"]
+        del file["joints_m"]
+        file["times_s"] = TIMES_S[:-1]
+    assert "ann.h5: 79 times_s but 80 frames" in run(folder, {"fake": FakeConfig()}).failed["mama"]
+
+
+def test_poses_depend_on_all_of_a_models_folder(tmp_path, fake):
+    model = tmp_path / "model"
+    model.mkdir()
+    folders = set()
+    for name in ("trees.safetensors", "model.safetensors", "meta.json"):
+        for text in ("one", "two"):
+            (model / name).write_text(text)
+            folders.add(PoseCache(tmp_path, "fake", FakeConfig(weights=str(model))).folder)
+    assert len(folders) == 6
+    (model / "state.pt").write_text("what only further training needs")
+    moved = model.rename(tmp_path / "elsewhere")
+    assert PoseCache(tmp_path, "fake", FakeConfig(weights=str(moved))).folder in folders
+
+
 def test_poses_depend_on_the_code_that_estimators_share(folder, fake, tmp_path, monkeypatch):
     read, seen = Path.read_bytes, set()
     monkeypatch.setattr(Path, "read_bytes", lambda path: seen.add(path.name) or read(path))
     PoseCache(tmp_path, "fake", FakeConfig(0.1))
     # A tree walk crops as a network does, and a tracker may ask one.
     assert {"camera.py", "estimators.py", "cube.py", "dense.py", "ridge.py", "skeleton.py"} <= seen
+    # What reads a model, builds an estimator of it and unpacks the depth.
+    assert {"checkpoint.py", "registry.py", "kpop_format.py"} <= seen
 
 
 def test_a_faulty_dance_takes_no_other_with_it(folder, fake):

@@ -235,6 +235,15 @@ def test_hostile_files(folder, tmp_path):
         learner.joints()
 
 
+def test_a_depth_key_that_is_no_digest_is_computed(folder):
+    learner = KpopSet(folder).dance("mama").learners[0]
+    key = learner.depth_key
+    for odd in ("/../../../../evil", f"{key}/x", key[:15], key.upper() + "\n", np.array([1, 2]), 7):
+        with h5py.File(learner.path, "a") as file:
+            file.attrs["depth_key"] = odd
+        assert KpopSet(folder).dance("mama").learners[0].depth_key == key
+
+
 def test_a_recording_that_would_fill_the_memory_is_refused(folder, monkeypatch):
     monkeypatch.setattr("kpopnet.benchmarks.kpop_format.MOST_IN_MEMORY", 1000)
     with pytest.raises(InputError, match="cut it in pieces"):
