@@ -74,10 +74,10 @@ def read_performance(path: Path) -> Performance | None:
         if "joints_m" not in file:
             return None
         times_s = _times(file, path)
-        named = tuple(np.asarray(file.attrs.get("joint_names", JOINT_NAMES)).tolist())
+        named = tuple(np.ravel(file.attrs.get("joint_names", JOINT_NAMES)).tolist())
         if named != JOINT_NAMES:
             raise InputError(f"{path}: its joints are {', '.join(map(str, named))}; expected {', '.join(JOINT_NAMES)}")
-        joints_m = _array(file, path, "joints_m", "f", (len(times_s), NUM_JOINTS, 3), MOST_FRAMES).astype(np.float32)
+        joints_m = _array(file, path, "joints_m", np.floating, (len(times_s), NUM_JOINTS, 3), MOST_FRAMES).astype(np.float32)
     if np.isinf(joints_m).any() or (np.abs(joints_m) > FARTHEST_M).any():
         raise InputError(f"{path}: joints_m holds values beyond {FARTHEST_M:g} m; expected metres, NaN for missing joints")
     if np.isnan(joints_m).all():
@@ -243,7 +243,7 @@ def _opened(path: Path) -> Iterator[h5py.File]:
         raise InputError(f"{path}: it, or a part of it, cannot be read as HDF5 ({error})") from error
 
 
-def _array(file: h5py.File, path: Path, name: str, kinds: str, shape: tuple[int | None, ...], most: int) -> np.ndarray:
+def _array(file: h5py.File, path: Path, name: str, kind: type, shape: tuple[int | None, ...], most: int) -> np.ndarray:
     """A dataset that lies in the file itself, checked before it is read."""
     if not isinstance(file.get(name, getlink=True), h5py.HardLink):
         raise InputError(f"{path}: no {name} in it" if name not in file else f"{path}: {name} lies in another file")
@@ -253,19 +253,19 @@ def _array(file: h5py.File, path: Path, name: str, kinds: str, shape: tuple[int 
     fits = len(data.shape or ()) == len(shape) and all(
         want is None or have == want for have, want in zip(data.shape, shape, strict=True)
     )
-    if data.dtype.kind not in kinds or not fits:
+    if not np.issubdtype(data.dtype, kind) or not fits:
         wanted = ", ".join("T" if want is None else str(want) for want in shape)
-        raise InputError(f"{path}: {name} is {data.dtype} {data.shape}; expected ({wanted}), {_KINDS[kinds]}")
+        raise InputError(f"{path}: {name} is {data.dtype} {data.shape}; expected ({wanted}), {_KINDS[kind]}")
     if data.shape[0] > most:
         raise InputError(f"{path}: {name} has {data.shape[0]} entries; at most {most} are read")
     return data[()]
 
 
-_KINDS = {"f": "floating point", "iu": "integers", "u": "uint16 millimetres"}
+_KINDS = {np.floating: "floating point", np.integer: "integers", np.uint16: "uint16 millimetres"}
 
 
 def _times(file: h5py.File, path: Path) -> np.ndarray:
-    times_s = _array(file, path, "times_s", "f", (None,), MOST_FRAMES).astype(np.float64)
+    times_s = _array(file, path, "times_s", np.floating, (None,), MOST_FRAMES).astype(np.float64)
     if not len(times_s) or not np.isfinite(times_s).all() or (np.diff(times_s) <= 0).any():
         raise InputError(f"{path}: its times_s must be finite and grow from frame to frame, and there must be some")
     return times_s
@@ -280,7 +280,7 @@ def _stored_depth(file: h5py.File, path: Path) -> tuple[np.ndarray, np.ndarray, 
     if not (0 < width * height <= MOST_PIXELS and width == int(width) and height == int(height)):
         raise InputError(f"{path}: its camera's image is {width} x {height} pixels")
     camera = Camera(*numbers[:4].tolist(), int(width), int(height))
-    boxes = _array(file, path, "boxes", "iu", (None, 4), MOST_FRAMES).astype(np.int64)
+    boxes = _array(file, path, "boxes", np.integer, (None, 4), MOST_FRAMES).astype(np.int64)
     x0, y0, x1, y1 = boxes.T
     empty = (boxes == 0).all(axis=1)
     inside = (x0 >= 0) & (y0 >= 0) & (x1 > x0) & (y1 > y0) & (x1 <= camera.width) & (y1 <= camera.height)
@@ -288,9 +288,11 @@ def _stored_depth(file: h5py.File, path: Path) -> tuple[np.ndarray, np.ndarray, 
         frame = int(np.argmin(inside | empty))
         raise InputError(f"{path}: frame {frame}'s box {boxes[frame].tolist()} is not within {camera.width}x{camera.height}")
     pixels = int(((x1 - x0) * (y1 - y0)).sum())
-    depth_mm = _array(file, path, "depth_mm", "u", (None,), max(pixels, 1))
-    if depth_mm.dtype != np.uint16 or len(depth_mm) != pixels:
-        raise InputError(f"{path}: depth_mm has {len(depth_mm)} {depth_mm.dtype}; its boxes hold {pixels} uint16 pixels")
+    if pixels > MOST_IN_MEMORY:  # said before they are read: unwritten ones take no room in a file
+        raise InputError(f"{path}: its boxes hold {pixels} pixels; at most {MOST_IN_MEMORY} are read; cut it in pieces")
+    depth_mm = _array(file, path, "depth_mm", np.uint16, (None,), max(pixels, 1))
+    if len(depth_mm) != pixels:
+        raise InputError(f"{path}: depth_mm has {len(depth_mm)} pixels; its boxes hold {pixels}")
     return depth_mm, boxes, camera
 
 

@@ -170,6 +170,7 @@ def spoil(path: Path, name: str, data, **options) -> None:
         ("boxes", np.zeros((FRAMES, 4)), "expected (T, 4), integers"),
         ("depth_mm", np.zeros(7, np.uint16), "its boxes hold"),
         ("depth_mm", np.zeros(10, np.float32), "uint16 millimetres"),
+        ("depth_mm", np.zeros(10, np.uint64), "uint16 millimetres"),
         ("times_s", np.zeros(FRAMES), "grow from frame to frame"),
         ("times_s", np.full(FRAMES, np.nan), "must be finite"),
         ("times_s", np.arange(FRAMES - 1.0), "boxes but"),
@@ -188,6 +189,7 @@ def test_odd_depth(folder, name, data, message):
     ("data", "message"),
     [
         (np.zeros((FRAMES, 14, 3), np.float32), "expected (6, 15, 3)"),
+        (np.zeros((FRAMES, 15, 3), np.int64), "floating point"),
         (np.full((FRAMES, 15, 3), np.inf, np.float32), "beyond 1000 m"),
         (np.full((FRAMES, 15, 3), 1800.0, np.float32), "beyond 1000 m"),
         (np.full((FRAMES, 15, 3), np.nan, np.float32), "no joint at all"),
@@ -216,6 +218,11 @@ def test_hostile_files(folder, tmp_path):
         file.attrs["camera"] = [60.0, 60, 40, 32, 1e9, 1e9]
     with pytest.raises(InputError, match="pixels"):
         learner.depth()
+    learner.path.write_bytes(whole)
+    with h5py.File(learner.path, "a") as file:
+        file.attrs["joint_names"] = 5
+    with pytest.raises(InputError, match="its joints are 5; expected head"):
+        learner.joints()
     # Data in somebody else's file is not followed.
     learner.path.write_bytes(whole)
     secret = tmp_path / "secret.h5"
@@ -244,10 +251,28 @@ def test_a_depth_key_that_is_no_digest_is_computed(folder):
         assert KpopSet(folder).dance("mama").learners[0].depth_key == key
 
 
-def test_a_recording_that_would_fill_the_memory_is_refused(folder, monkeypatch):
-    monkeypatch.setattr("kpopnet.benchmarks.kpop_format.MOST_IN_MEMORY", 1000)
-    with pytest.raises(InputError, match="cut it in pieces"):
-        KpopSet(folder).dance("mama").learners[0].depth()
+def spoil_size(path: Path, camera: tuple, boxes: np.ndarray, pixels: int) -> None:
+    """A recording of so many pixels that were never written: a small file."""
+    spoil(path, "times_s", np.arange(len(boxes)) / 30)
+    spoil(path, "boxes", boxes)
+    with h5py.File(path, "a") as file:
+        file.attrs["camera"], file.attrs["depth_key"] = camera, ""
+        del file["depth_mm"]
+        file.create_dataset("depth_mm", (pixels,), np.uint16, chunks=(min(pixels, 1 << 16),))
+
+
+def test_a_recording_that_would_fill_the_memory_is_refused(folder):
+    camera = (60.0, 60.0, 40.0, 32.0, 4000, 4000)
+    learner = KpopSet(folder).dance("mama").learners[0]
+    spoil_size(learner.path, camera, np.tile(np.array([0, 0, 4000, 4000], np.int32), (200_000, 1)), 200_000 * 4000**2)
+    assert learner.path.stat().st_size < 10_000_000
+    for read in (learner.depth, lambda: learner.depth_key):
+        with pytest.raises(InputError, match=r"boxes hold 3200000000000 pixels; at most 2000000000 are read"):
+            read()
+    # A pixel in either corner: little is stored, but the person is all over the image.
+    spoil_size(learner.path, camera, np.array([[0, 0, 1, 1], [3999, 3999, 4000, 4000]] * 100), 200)
+    with pytest.raises(InputError, match="200 frames of 4000x4000 pixels are too many; cut it in pieces"):
+        learner.depth()
 
 
 def test_nobody_in_sight(folder):
