@@ -32,7 +32,8 @@ class KpopConfig:
     Attributes:
         path: its folder.
         dances: only the first so many, for a quick look.
-        dance: one whose scores over time are drawn; by default the first that is not ordered rightly.
+        dance: one whose scores over time are drawn; by default the one in which a worse learner is farthest ahead of a better
+            one, or else least behind.
         poses: folder for the estimators' poses; by default `poses` in the set's.
     """
 

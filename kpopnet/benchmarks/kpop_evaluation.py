@@ -6,6 +6,7 @@ True joints, where a set has them, are always scored beside the estimated ones: 
 can mend.
 """
 
+import logging
 from dataclasses import asdict, dataclass, is_dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,8 @@ from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import SCORERS, ScorerConfig, score_dance
 from kpopnet.errors import InputError
 
+log = logging.getLogger(__name__)
+
 Scores = dict[str, dict[str, dict[str, list[LearnerScore]]]]
 """Source of joints, scorer and dance to the learners, the experts' best first."""
 
@@ -36,7 +39,7 @@ class DanceRun:
         agreements: of each source and scorer.
         fps: of every estimator, frames a second of estimation alone.
         failed: what was wrong with each dance that was left out, by its name.
-        assumed: what a reader must know of the settings.
+        assumed: what a reader must know of the settings, and of true joints that are not there.
         evaluated: names of the dances that were asked for.
     """
 
@@ -60,7 +63,8 @@ def run_dances(
 ) -> DanceRun:
     """Estimates what is not in `poses` yet, and scores every learner of the first `count` dances.
 
-    A dance that cannot be read, estimated or scored is named in the result and left out, with all of its learners.
+    A dance that cannot be read, estimated or scored is named in the result and left out, with all of its learners. True joints
+    are scored where every learner of the others has them.
 
     Args:
         dances: the set.
@@ -91,8 +95,12 @@ def run_dances(
         raise InputError(f"{dances.folder}: none of {len(names)} dances can be scored; {first}: {reason}")
     known = [name for name in names if name in found]
     sources = [source for source in (TRUTH, *caches) if all(source in found[name].scores for name in known)]
-    if not sources:
-        raise InputError(f"{dances.folder}: no true joints in it; give an estimator")
+    without = [name for name in known if TRUTH not in found[name].scores]
+    if without:
+        lacking = f"a learner of {without[0]} has no true joints ({len(without)} of {len(known)} dances are without)"
+        if not sources:
+            raise InputError(f"{dances.folder}: {lacking}; give an estimator")
+        assumed.append(f"Scores on true joints are left out: {lacking}.")
     scores = {
         source: {scorer: {name: found[name].scores[source][scorer] for name in known} for scorer in work.scorers}
         for source in sources
@@ -132,11 +140,19 @@ def _estimate(dances: KpopSet, names: list[str], caches: dict[str, PoseCache], f
                 if not cache.has(dance, learner)
             ]
             jobs += missing
-        except InputError as error:
-            failed[name] = str(error)
+        except Exception as error:
+            failed[name] = _reason(error, name)
     for index, reason in tqdm(spread(work, jobs, processes), "poses", len(jobs), unit="learner", disable=not jobs):
         if reason is not None:
             failed[jobs[index][1]] = reason
+
+
+def _reason(error: Exception, dance: str) -> str:
+    """What to say of an error that takes one dance; what is no user's mistake is logged with its traceback."""
+    if isinstance(error, InputError):
+        return str(error)
+    log.error("%s failed", dance, exc_info=error)
+    return f"{type(error).__name__}: {error}"
 
 
 @dataclass(frozen=True)
@@ -151,8 +167,8 @@ class EstimationOfLearner:
         try:
             dance = self.dances.dance(name)
             self.caches[estimator].make(dance, dance.learners[rank])
-        except InputError as error:
-            return f"{estimator}: {error}"
+        except Exception as error:
+            return f"{estimator}: {_reason(error, name)}"
         return None
 
 
@@ -176,8 +192,8 @@ class ScoringOfDance:
     def __call__(self, name: str) -> ScoredDance | str:
         try:
             return self._scored(self.dances.dance(name))
-        except InputError as error:
-            return str(error)
+        except Exception as error:
+            return _reason(error, name)
 
     def _scored(self, dance: Dance) -> ScoredDance:
         teacher = dance.teacher()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from kpopnet.benchmarks.document import Block, Table, as_text, revision_in_words, write_document
 from kpopnet.benchmarks.evaluation import EvaluateConfig
-from kpopnet.benchmarks.kpop import open_set
+from kpopnet.benchmarks.kpop import KpopConfig, open_set
 from kpopnet.benchmarks.kpop_evaluation import DanceRun, run_dances
 from kpopnet.benchmarks.kpop_pictures import least_ordered, score_by_rank, timelines
 from kpopnet.benchmarks.kpop_scores import TRUTH, confusions, is_ordered, similarities
@@ -25,7 +25,8 @@ def evaluate_dances(config: EvaluateConfig, folder: Path) -> None:
     """Scores the learners of a set of dances, and reports into the folder.
 
     Raises:
-        InputError: what only benchmarks of joints have is asked for, or see `run_dances`.
+        InputError: what only benchmarks of joints have is asked for, a dance that will not be scored is to be drawn, or see
+            `run_dances`.
     """
     if config.sweep is not None or config.sequences is not None:
         given = "sweep" if config.sweep is not None else f"sequences={config.sequences}"
@@ -34,8 +35,7 @@ def evaluate_dances(config: EvaluateConfig, folder: Path) -> None:
             "benchmark.dances=10"
         )
     dances = open_set(config.benchmark)
-    if config.benchmark.dance is not None:
-        dances.dance(config.benchmark.dance)
+    _check_drawn(config.benchmark, dances.names)
     run = run_dances(
         dances,
         config.estimator,
@@ -52,20 +52,30 @@ def evaluate_dances(config: EvaluateConfig, folder: Path) -> None:
 def write_dance_report(folder: Path, run: DanceRun, config: EvaluateConfig) -> None:
     """Writes pictures, table_2.csv, metrics.json, report.md and report.html into the folder, which may be new.
 
-    Raises:
-        InputError: the dance that is to be drawn was not scored.
+    Where the dance that is to be drawn failed, another is, and the report says so.
     """
     folder.mkdir(parents=True, exist_ok=True)
     scorer = main_scorer(run)
     main = main_source(run)
-    shown = config.benchmark.dance or least_ordered(run, main, scorer)
+    shown = config.benchmark.dance
     if shown not in run.scores[main][scorer]:
-        raise InputError(f"benchmark.dance={shown}: not among the dances that were scored; raise benchmark.dances")
+        shown = least_ordered(run, main, scorer)
     score_by_rank(run).savefig(folder / "score_by_rank.png", dpi=110)
     timelines(run, shown, scorer).savefig(folder / "timelines.png", dpi=110)
     write_table_2(folder / "table_2.csv", run)
     described = metrics_json(run, config)
     write_document(folder, report_blocks(run, shown, described), described)
+
+
+def _check_drawn(benchmark: KpopConfig, names: list[str]) -> None:
+    """Refuses a dance to draw that will not be scored, before hours are spent on the others."""
+    chosen = names[: benchmark.dances]
+    if benchmark.dance is None or benchmark.dance in chosen:
+        return
+    what_to_do = "raise benchmark.dances" if benchmark.dance in names else f"there are {', '.join(chosen[:5])}, ..."
+    raise InputError(
+        f"benchmark.dance={benchmark.dance}: not among the {len(chosen)} dances that are to be scored; {what_to_do}"
+    )
 
 
 def main_scorer(run: DanceRun) -> str:
@@ -244,8 +254,11 @@ def report_blocks(run: DanceRun, shown: str, described: dict) -> list[Block]:
             table = confusion_table(run, source, name)
             blocks.append(("heading", f"Learners confused on {source} by {name}"))
             blocks.append(("text", "None.") if table is None else ("table", table))
+    asked = described["config"]["benchmark"]["dance"]
+    failed = f"benchmark.dance={asked} failed and cannot be drawn; this is the dance whose scores are least in order."
     blocks += [
         ("heading", f"{shown} over time"),
+        *([("text", failed)] if asked not in (None, shown) else []),
         ("text", "Windows of the learner's dance, by when they start. Another dance: benchmark.dance=NAME."),
         ("picture", ("timelines.png", f"Similarity, posture and delay of each learner of {shown} over time, by {scorer}")),
         ("heading", "Table 2"),

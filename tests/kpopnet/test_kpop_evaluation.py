@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 import pytest
 
-from kpopnet.benchmarks import kpop_poses
+from kpopnet.benchmarks import kpop_evaluation, kpop_poses
 from kpopnet.benchmarks.evaluation import EvaluateConfig
 from kpopnet.benchmarks.kpop import KpopConfig, KpopSet
 from kpopnet.benchmarks.kpop_evaluation import run_dances
@@ -164,9 +164,11 @@ def test_other_depth_is_estimated_anew_and_torn_poses_are_named(folder, fake):
     run(folder, {"fake": FakeConfig()})
     assert fake.calls == calls
     torn = next((folder / "poses").glob("*/mama.ann.*.npz"))
-    torn.write_bytes(torn.read_bytes()[:100])
-    found = run(folder, {"fake": FakeConfig()})
-    assert "not whole" in found.failed["mama"] and list(found.scores["truth"]["dance22"]) == ["papa"]
+    whole = torn.read_bytes()
+    for part in (whole[:100], b""):
+        torn.write_bytes(part)
+        found = run(folder, {"fake": FakeConfig()})
+        assert "not whole" in found.failed["mama"] and list(found.scores["truth"]["dance22"]) == ["papa"]
 
 
 def test_corrected_times_need_no_other_poses(folder, fake):
@@ -217,6 +219,25 @@ def test_a_faulty_dance_takes_no_other_with_it(folder, fake):
         run(folder, {"fake": FakeConfig()})
 
 
+def test_what_nobody_foresaw_takes_its_dance_alone_too(folder, fake, monkeypatch, caplog):
+    estimate = fake.estimate
+
+    def faulty_once(self, depth_m, camera):
+        found = estimate(self, depth_m, camera)
+        if fake.calls == 2:  # the first is to warm up
+            raise ZeroDivisionError("no such luck")
+        return found
+
+    monkeypatch.setattr(fake, "estimate", faulty_once)
+    found = run(folder, {"fake": FakeConfig()})
+    assert found.failed == {"mama": "fake: ZeroDivisionError: no such luck"}
+    assert list(found.scores["fake"]["dance22"]) == ["papa"] and "Traceback" in caplog.text
+
+    monkeypatch.setattr(kpop_evaluation, "score_dance", lambda *asked: 1 / 0)
+    with pytest.raises(InputError, match=r"none of 2 dances can be scored; .*ZeroDivisionError: division by zero"):
+        run(folder, {})
+
+
 def test_trackers_begin_with_whoever_stands_there(folder, monkeypatch):
     built = []
 
@@ -253,11 +274,22 @@ def test_the_report_holds_what_was_promised(folder, fake, tmp_path):
         assert picture in (tmp_path / "out" / "report.html").read_text()
 
 
-def test_a_dance_that_is_to_be_drawn_must_be_there(folder, tmp_path):
-    for name, dances, message in (("nobody", None, "dance=nobody"), ("papa", 1, "raise benchmark.dances")):
-        config = EvaluateConfig(KpopConfig(path=str(folder), dance=name, dances=dances), {}, processes=1)
+def test_another_dance_is_drawn_where_the_one_asked_for_failed(folder, tmp_path):
+    (folder / "mama" / "teacher.h5").write_bytes(b"torn")
+    evaluate_dances(EvaluateConfig(KpopConfig(path=str(folder), dance="mama"), {}, processes=1), tmp_path / "out")
+    report = (tmp_path / "out" / "report.md").read_text()
+    assert "papa over time" in report and "benchmark.dance=mama failed and cannot be drawn" in report
+
+
+def test_a_dance_that_is_to_be_drawn_must_be_there(folder, fake, tmp_path):
+    for name, dances, message in (
+        ("nobody", None, "dance=nobody: not among the 2 dances that are to be scored; there are mama, papa"),
+        ("papa", 1, "dance=papa: not among the 1 dances that are to be scored; raise benchmark.dances"),
+    ):
+        config = EvaluateConfig(KpopConfig(path=str(folder), dance=name, dances=dances), {"fake": FakeConfig()}, processes=1)
         with pytest.raises(InputError, match=message):
             evaluate_dances(config, tmp_path / "out")
+    assert fake.calls == 0
     with pytest.raises(InputError, match=r"benchmark\.dances=0"):
         KpopConfig(dances=0)
 
@@ -278,7 +310,19 @@ def test_a_set_without_true_joints_needs_an_estimator(folder):
             for image in clip.depth_m:
                 depth.add(image)
             write_learner(path.parent, path.stem, clip.times_s, None, depth)
-    with pytest.raises(InputError, match="no true joints in it; give an estimator"):
+    with pytest.raises(InputError, match=r"a learner of mama has no true joints \(2 of 2 .*; give an estimator"):
+        run(folder, {})
+
+
+def test_a_learner_without_true_joints_is_named(folder, fake):
+    with h5py.File(folder / "papa" / "bob.h5", "a") as file:
+        del file["joints_m"]
+    found = run(folder, {"fake": FakeConfig()})
+    assert list(found.scores) == ["fake"]
+    assert found.assumed == [
+        "Scores on true joints are left out: a learner of papa has no true joints (1 of 2 dances are without)."
+    ]
+    with pytest.raises(InputError, match=r"a learner of papa has no true joints .*; give an estimator"):
         run(folder, {})
 
 
