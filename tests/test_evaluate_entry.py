@@ -2,8 +2,10 @@
 
 import ast
 import json
+import re
 import runpy
 import shlex
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -107,6 +109,14 @@ def test_every_command_in_the_help_is_one(settings):
         # Table 1 of the paper, whose best, 110 mm and 50 mm, are the defaults.
         assert config.sweep.columns.values == [0.08, 0.10, 0.11, 0.12, 0.14] and len(sweep.settings) == 24
         assert config.sweep.rows.values == [0.040, 0.045, 0.050, 0.055, 0.060]
+
+
+def test_the_scorers_of_the_readme_can_be_asked_for():
+    runpy.run_path(str(ROOT / "evaluate.py"), run_name="evaluate")
+    given = re.findall(r"`([^`\n]*scorer[.=][^`\n]*)`", (ROOT / "README.md").read_text())
+    with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
+        scorers = [OmegaConf.to_object(compose("evaluate", ["estimator=[]", *shlex.split(one)])).scorer for one in given]
+    assert scorers == [{"raptis": SCORERS["raptis"]}, {"dance22": replace(SCORERS["dance22"], beta=2)}]
 
 
 def test_the_number_of_processes_is_the_cores_but_one_for_a_gpu():

@@ -75,11 +75,11 @@ def feature_names(feature: str, heading: bool = False) -> tuple[str, ...]:
         InputError: an unknown feature, or a heading asked of [17], which has its own.
     """
     if feature not in FEATURES:
-        raise InputError(f"scorer.feature={feature} is not one of {', '.join(FEATURES)}")
+        raise InputError(f"feature={feature} is not one of {', '.join(FEATURES)}")
     limbs = tuple(f"{joint}_{angle}" for joint in _FIRST_DEGREE + _SECOND_DEGREE for angle in ("inclination", "azimuth"))
     if feature == "raptis":
         if heading:
-            raise InputError("scorer.heading=true: only dance22 lacks a heading; raptis has yaw, pitch and roll already")
+            raise InputError("heading=true: only dance22 lacks a heading; raptis has yaw, pitch and roll already")
         return ("yaw", "pitch", "roll", *limbs)
     torso = ("twist", "lean", "bend", "twist_change", "lean_change", "bend_change")
     return (*torso, *limbs, *(("turn",) if heading else ()))

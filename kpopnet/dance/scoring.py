@@ -85,22 +85,22 @@ class ScorerConfig:
         positive = ("fps", "window_s", "hop_s", "band_s", "context_s", "alpha", "beta", "tau")
         for name in positive:
             if not 0 < getattr(self, name) < math.inf:
-                raise InputError(f"scorer.{name}={getattr(self, name)} must be a positive number")
+                raise InputError(f"{name}={getattr(self, name)} must be a positive number")
         if not 0.02 <= self.smoothing_s <= 0.5:
-            raise InputError(f"scorer.smoothing_s={self.smoothing_s}: expected 0.02 to 0.5 seconds")
+            raise InputError(f"smoothing_s={self.smoothing_s}: expected 0.02 to 0.5 seconds")
         if not self.outlier_rad > 0:
-            raise InputError(f"scorer.outlier_rad={self.outlier_rad} must be positive, or inf for the plain norm")
+            raise InputError(f"outlier_rad={self.outlier_rad} must be positive, or inf for the plain norm")
         if not self.settling_s > 0:
-            raise InputError(f"scorer.settling_s={self.settling_s} must be positive, or inf to leave steady differences in")
+            raise InputError(f"settling_s={self.settling_s} must be positive, or inf to leave steady differences in")
         for name in ("pull", "steady_pull", "hands", "most_bearing_rad"):
             if not 0 <= getattr(self, name) < math.inf:
-                raise InputError(f"scorer.{name}={getattr(self, name)} must be 0 or more")
+                raise InputError(f"{name}={getattr(self, name)} must be 0 or more")
         if self.steps not in STEPS:
-            raise InputError(f"scorer.steps={self.steps} is not one of {', '.join(STEPS)}")
+            raise InputError(f"steps={self.steps} is not one of {', '.join(STEPS)}")
         if self.matching not in MATCHINGS:
-            raise InputError(f"scorer.matching={self.matching} is not one of {', '.join(MATCHINGS)}")
+            raise InputError(f"matching={self.matching} is not one of {', '.join(MATCHINGS)}")
         if self.window_frames < 2:
-            raise InputError(f"scorer.window_s={self.window_s} has no two frames at scorer.fps={self.fps}; give a longer one")
+            raise InputError(f"window_s={self.window_s} has no two frames at fps={self.fps}; give a longer one")
 
     @property
     def window_frames(self) -> int:
@@ -127,7 +127,8 @@ SCORERS = {
 }
 """The paper's feature with our robust distance, and what it is compared with: the feature of [17] in the plain norm of
 Eq. (14), all angles alike. Both are matched in time in the same way, and in both unsure joints count for less. The second is
-what the difficulty of kpop_sim was set by; whoever changes it has to set that anew."""
+what the difficulty of kpop_sim was set by; whoever changes it has to set that anew. So its alpha, beta and tau stayed what they
+were before those of dance22 were calibrated."""
 
 
 class Windows(NamedTuple):
@@ -205,7 +206,7 @@ class Clock:
         if len(self.teacher_frames) < config.window_frames:
             raise InputError(
                 f"the teacher's dance lasts {teacher.times_s[-1] - teacher.times_s[0]:.2f} s, less than a window of "
-                f"{config.window_s} s; give a longer dance or a shorter scorer.window_s"
+                f"{config.window_s} s; give a longer dance or a shorter window_s"
             )
 
     def frames_of(self, performance: Performance) -> range:

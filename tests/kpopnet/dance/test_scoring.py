@@ -203,10 +203,10 @@ def test_bad_input_is_named():
         with pytest.raises(InputError, match="expected numbers from 0 to 1"):
             Performance(joints_m[:5], np.arange(5.0), np.full((5, 15), wrong))
     for wrong, message in (
-        ({"tau": 0}, "scorer.tau=0 must be"), ({"smoothing_s": 0}, "expected 0.02 to 0.5"), ({"steps": "odd"}, "slope, free"),
-        ({"matching": "odd"}, "subsequence, algorithm_3"), ({"window_s": 0.03}, "give a longer one"),
-        ({"pull": -1}, "0 or more"),
-        ({"outlier_rad": 0}, "inf for the plain norm"), ({"feature": "odd"}, "dance22, raptis"),
+        ({"tau": 0}, "^tau=0 must be"), ({"smoothing_s": 0}, "expected 0.02 to 0.5"), ({"steps": "odd"}, "slope, free"),
+        ({"matching": "odd"}, "^matching=odd .*subsequence, algorithm_3"), ({"pull": -1}, "0 or more"),
+        ({"window_s": 0.03}, "^window_s=0.03 .* at fps=30.0; give a longer one"),
+        ({"outlier_rad": 0}, "inf for the plain norm"), ({"feature": "odd"}, "^feature=odd .*dance22, raptis"),
     ):  # fmt: skip
         with pytest.raises(InputError, match=message):
             ScorerConfig(**wrong)
