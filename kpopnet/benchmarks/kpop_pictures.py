@@ -17,13 +17,13 @@ def score_by_rank(run: DanceRun) -> Figure:
     panels = figure.subplots(len(scorers), len(sources), sharex=True, sharey="row", squeeze=False)
     for row, scorer in zip(panels, scorers, strict=True):
         for panel, source in zip(row, sources, strict=True):
-            agreement = run.agreements[source][scorer]
             by_dance = {name: similarities(one) for name, one in run.scores[source][scorer].items()}
             for scores in sorted(by_dance.values(), key=is_ordered, reverse=True):
                 right = is_ordered(scores)
                 style = {"color": RIGHT, "alpha": 0.6} if right else {"color": WRONG, "alpha": 0.9}
                 panel.plot(range(1, len(scores) + 1), scores, marker=".", linewidth=0.8, **style)
-            panel.set_title(f"{scorer}, {source}: {agreement.concordance:.0f} of 100", fontsize=10)
+            ordered = sum(map(is_ordered, by_dance.values()))
+            panel.set_title(f"{scorer}, {source}: {ordered} of {len(by_dance)}", fontsize=10)
             panel.grid(axis="y", alpha=0.3)
             panel.set_xticks(range(1, max(map(len, by_dance.values())) + 1))
         row[0].set_ylabel("score")

@@ -181,11 +181,13 @@ def write_table_2(path: Path, run: DanceRun) -> None:
                     writer.writerow(row)
 
 
-def confusion_table(run: DanceRun, source: str, scorer: str) -> Table | None:
+def confusion_blocks(run: DanceRun, source: str, scorer: str) -> list[Block]:
+    """The pairs of learners in the wrong order, of many the widest apart alone."""
     truth = run.scores[TRUTH][scorer] if TRUTH in run.scores and source != TRUTH else None
     found = confusions(run.scores[source][scorer], truth)
+    heading: Block = ("heading", f"Learners confused on {source} by {scorer}")
     if not found:
-        return None
+        return [heading, ("text", "None.")]
     header = ["dance", "ranks", "similarity", "timing", "posture", "joint error, cm", "why"]
     rows = []
     for pair in found[:SHOWN_CONFUSIONS]:
@@ -195,7 +197,8 @@ def confusion_table(run: DanceRun, source: str, scorer: str) -> Table | None:
         ]
         errors = " / ".join("-" if one.error_m is None else f"{100 * one.error_m:.1f}" for one in both)
         rows.append([pair.dance, f"{pair.ranks[0]} and {pair.ranks[1]}", *figures, errors, pair.why])
-    return header, rows
+    cut = f"{SHOWN_CONFUSIONS} of {len(found)} pairs, the widest apart first."
+    return [heading, *([("text", cut)] if len(found) > len(rows) else []), ("table", (header, rows))]
 
 
 def metrics_json(run: DanceRun, config: EvaluateConfig) -> dict:
@@ -251,9 +254,7 @@ def report_blocks(run: DanceRun, shown: str, described: dict) -> list[Block]:
     ]
     for source in run.scores:
         for name in run.scores[source]:
-            table = confusion_table(run, source, name)
-            blocks.append(("heading", f"Learners confused on {source} by {name}"))
-            blocks.append(("text", "None.") if table is None else ("table", table))
+            blocks += confusion_blocks(run, source, name)
     asked = described["config"]["benchmark"]["dance"]
     failed = f"benchmark.dance={asked} failed and cannot be drawn; this is the dance whose scores are least in order."
     blocks += [
