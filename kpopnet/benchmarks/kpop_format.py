@@ -78,10 +78,7 @@ def read_performance(path: Path) -> Performance | None:
         if named != JOINT_NAMES:
             raise InputError(f"{path}: its joints are {', '.join(map(str, named))}; expected {', '.join(JOINT_NAMES)}")
         joints_m = _array(file, path, "joints_m", np.floating, (len(times_s), NUM_JOINTS, 3), MOST_FRAMES).astype(np.float32)
-    if np.isinf(joints_m).any() or (np.abs(joints_m) > FARTHEST_M).any():
-        raise InputError(f"{path}: joints_m holds values beyond {FARTHEST_M:g} m; expected metres, NaN for missing joints")
-    if np.isnan(joints_m).all():
-        raise InputError(f"{path}: joints_m holds no joint at all")
+    check_joints(joints_m, path)
     return Performance(joints_m, times_s)
 
 
@@ -96,8 +93,7 @@ def read_depth(path: Path) -> DepthClip:
             raise InputError(f"{path}: no depth_mm in it; there are only true joints to score")
         times_s = _times(file, path)
         depth_mm, boxes, camera = _stored_depth(file, path)
-    if len(boxes) != len(times_s):
-        raise InputError(f"{path}: {len(boxes)} boxes but {len(times_s)} times_s; there must be one for each frame")
+    check_one_each(len(boxes), "boxes", times_s, path)
     seen = boxes[boxes[:, 2] > boxes[:, 0]]
     if not len(seen):
         raise InputError(f"{path}: nobody is seen in any of its {len(boxes)} frames (every box is empty)")
@@ -176,7 +172,7 @@ def read_labels(path: Path) -> list[str]:
     for number, row in enumerate(body, 2):
         if len(row) != 2 or not row[1].isascii() or not row[1].isdigit() or int(row[1]) < 1:
             raise InputError(f"{path}, row {number}: {','.join(row)!r}; expected a learner's name and a rank from 1 on")
-        if row[0] in ranks or not is_plain(row[0]) or f"{row[0]}.h5" == TEACHER:
+        if row[0] in ranks or not is_learner(row[0]):
             raise InputError(f"{path}, row {number}: {row[0]!r} is there twice, or no name of a learner's file")
         ranks[row[0]] = int(row[1])
     if sorted(ranks.values()) != list(range(1, len(ranks) + 1)) or len(ranks) < 2:
@@ -266,8 +262,7 @@ _KINDS = {np.floating: "floating point", np.integer: "integers", np.uint16: "uin
 
 def _times(file: h5py.File, path: Path) -> np.ndarray:
     times_s = _array(file, path, "times_s", np.floating, (None,), MOST_FRAMES).astype(np.float64)
-    if not len(times_s) or not np.isfinite(times_s).all() or (np.diff(times_s) <= 0).any():
-        raise InputError(f"{path}: its times_s must be finite and grow from frame to frame, and there must be some")
+    check_times(times_s, path)
     return times_s
 
 
@@ -310,6 +305,43 @@ def depth_key(depth_mm: np.ndarray, boxes: np.ndarray, camera: Camera) -> str:
     return digest.hexdigest()[:16]
 
 
-def is_plain(name: str) -> bool:
-    """Whether a name can be a file's and leads nowhere else."""
-    return bool(name) and not name.startswith(".") and all(letter.isalnum() or letter in "-_. " for letter in name)
+def is_learner(name: str) -> bool:
+    """Whether a name can be that of a learner's file, and leads nowhere else."""
+    plain = name == name.strip() and not name.startswith(".") and all(letter.isalnum() or letter in "-_. " for letter in name)
+    return bool(name) and plain and f"{name}.h5" != TEACHER
+
+
+def check_times(times_s: np.ndarray, path: Path) -> None:
+    """Refuses (T,) seconds that no file may hold.
+
+    Raises:
+        InputError: none, too many, another shape, or they do not grow.
+    """
+    if times_s.ndim != 1 or len(times_s) > MOST_FRAMES:
+        raise InputError(f"{path}: its times_s have the shape {times_s.shape}; expected (T,), at most {MOST_FRAMES}")
+    if not len(times_s) or not np.isfinite(times_s).all() or (np.diff(times_s) <= 0).any():
+        raise InputError(f"{path}: its times_s must be finite and grow from frame to frame, and there must be some")
+
+
+def check_joints(joints_m: np.ndarray, path: Path) -> None:
+    """Refuses (T, 15, 3) joints in metres that no file may hold.
+
+    Raises:
+        InputError: another shape, values that are no metres, or no joint at all.
+    """
+    if joints_m.ndim != 3 or joints_m.shape[1:] != (NUM_JOINTS, 3):
+        raise InputError(f"{path}: joints_m has the shape {joints_m.shape}; expected (T, {NUM_JOINTS}, 3)")
+    if np.isinf(joints_m).any() or (np.abs(joints_m) > FARTHEST_M).any():
+        raise InputError(f"{path}: joints_m holds values beyond {FARTHEST_M:g} m; expected metres, NaN for missing joints")
+    if np.isnan(joints_m).all():
+        raise InputError(f"{path}: joints_m holds no joint at all")
+
+
+def check_one_each(count: int, what: str, times_s: np.ndarray, path: Path) -> None:
+    """Refuses another number of something than of times.
+
+    Raises:
+        InputError: the numbers differ.
+    """
+    if count != len(times_s):
+        raise InputError(f"{path}: {count} {what} but {len(times_s)} times_s; there must be one for each frame")

@@ -17,6 +17,7 @@ import numpy as np
 
 from kpopnet.benchmarks.estimating import WARM_UP_FRAMES
 from kpopnet.benchmarks.kpop import Dance, Learner
+from kpopnet.benchmarks.kpop_format import check_one_each
 from kpopnet.benchmarks.registry import build_estimators
 from kpopnet.checkpoint import META
 from kpopnet.dance.performance import Performance, whole_joints
@@ -105,10 +106,7 @@ class PoseCache:
         except (OSError, EOFError, KeyError, ValueError, TypeError, zipfile.BadZipFile, InputError) as error:
             raise InputError(f"{path}: not whole ({error}); delete it, and it is made again") from error
         times_s = learner.times_s()
-        if len(times_s) != len(joints_m):
-            raise InputError(
-                f"{learner.path}: {len(times_s)} times_s but {len(joints_m)} frames; there must be one for each frame"
-            )
+        check_one_each(len(joints_m), "frames", times_s, learner.path)
         return Poses(joints_m, confidence, times_s, seconds)
 
     def make(self, dance: Dance, learner: Learner) -> None:

@@ -11,12 +11,14 @@ import h5py
 import numpy as np
 import pytest
 
-from kpopnet.benchmarks import kpop_evaluation, kpop_poses
+from kpopnet.benchmarks import kpop_evaluation, kpop_poses, kpop_report
 from kpopnet.benchmarks.evaluation import EvaluateConfig
 from kpopnet.benchmarks.kpop import KpopConfig, KpopSet
 from kpopnet.benchmarks.kpop_evaluation import run_dances
+from kpopnet.benchmarks.kpop_pictures import score_by_rank
 from kpopnet.benchmarks.kpop_poses import PoseCache
 from kpopnet.benchmarks.kpop_report import evaluate_dances
+from kpopnet.benchmarks.kpop_scores import confusions
 from kpopnet.benchmarks.kpop_writing import PackedDepth, write_labels, write_learner, write_teacher
 from kpopnet.benchmarks.sweep import AxisConfig, SweepConfig
 from kpopnet.camera import Camera
@@ -183,7 +185,7 @@ def test_corrected_times_need_no_other_poses(folder, fake):
         del file["times_s"]
         del file["joints_m"]
         file["times_s"] = TIMES_S[:-1]
-    assert "ann.h5: 79 times_s but 80 frames" in run(folder, {"fake": FakeConfig()}).failed["mama"]
+    assert "ann.h5: 80 frames but 79 times_s" in run(folder, {"fake": FakeConfig()}).failed["mama"]
 
 
 def test_poses_depend_on_all_of_a_models_folder(tmp_path, fake):
@@ -272,6 +274,20 @@ def test_the_report_holds_what_was_promised(folder, fake, tmp_path):
     for picture in ("score_by_rank.png", "timelines.png"):
         assert (tmp_path / "out" / picture).stat().st_size > 10_000
         assert picture in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_what_is_cut_is_said_and_dances_are_counted(folder, monkeypatch):
+    found = run(folder, {})
+    titles = [panel.get_title() for panel in score_by_rank(found).axes]
+    assert titles[0] == "dance22, truth: 1 of 2"
+    monkeypatch.setattr(kpop_report, "SHOWN_CONFUSIONS", 1)
+    pairs = len(confusions(found.scores["truth"]["dance22"], None))
+    texts = [content for kind, content in kpop_report.confusion_blocks(found, "truth", "dance22") if kind == "text"]
+    assert pairs == 1 and not texts
+    swapped = {name: learners[::-1] for name, learners in found.scores["truth"]["dance22"].items()}
+    found.scores["truth"]["dance22"] = swapped
+    (kind, text), (_, (_, rows)) = kpop_report.confusion_blocks(found, "truth", "dance22")[1:]
+    assert kind == "text" and text == "1 of 11 pairs, the widest apart first." and len(rows) == 1
 
 
 def test_another_dance_is_drawn_where_the_one_asked_for_failed(folder, tmp_path):

@@ -284,7 +284,48 @@ def test_nobody_in_sight(folder):
 def test_writing_refuses_what_could_not_be_read(tmp_path):
     with pytest.raises(InputError, match="neither joints nor depth"):
         write_learner(tmp_path, "jin", TIMES_S)
-    for name in ("", "../x", "teacher", ".hidden"):
+    for name in ("", "../x", "teacher", ".hidden", " jin", "a,b"):
         with pytest.raises(InputError, match="not a name for a file"):
             write_learner(tmp_path, name, TIMES_S, RNG_JOINTS)
+        with pytest.raises(InputError, match="not a name for a file"):
+            write_labels(tmp_path, ["jin", name])
+    for names in (["jin", "jin"], ["jin"], []):
+        with pytest.raises(InputError, match=r"labels\.csv: .*expected two or more, each of them once"):
+            write_labels(tmp_path, names)
+    for times_s, joints_m, message in (
+        (TIMES_S[:-1], RNG_JOINTS, "6 poses but 5 times_s"),
+        (TIMES_S[:-1], None, "6 images but 5 times_s"),
+        (TIMES_S[::-1], RNG_JOINTS, "grow from frame to frame"),
+        (TIMES_S[:, None], None, r"shape \(6, 1\)"),
+        (TIMES_S, RNG_JOINTS[:, :14], r"shape \(6, 14, 3\); expected \(T, 15, 3\)"),
+        (TIMES_S, 2000 * RNG_JOINTS, "beyond 1000 m"),
+    ):
+        with pytest.raises(InputError, match=rf"jin\.h5: .*{message}"):
+            write_learner(tmp_path, "jin", times_s, joints_m, packed(whole_frames()))
+    with pytest.raises(InputError, match=r"teacher\.h5: .*beyond 1000 m"):
+        write_teacher(tmp_path, Performance(2000 * RNG_JOINTS, TIMES_S))
     assert not list(tmp_path.iterdir())
+
+
+def test_depth_in_millimetres_is_stored_as_it_is():
+    depth_m = whole_frames()
+    found = packed(np.rint(1000 * depth_m).astype(np.uint16))
+    np.testing.assert_array_equal(found.depth_mm, packed(depth_m).depth_mm)
+    assert found.depth_mm.max() == 2005
+
+
+@pytest.mark.parametrize(
+    ("depth", "place", "message"),
+    [
+        (np.full((4, 4), 2000), (0, 0), "expected uint16 millimetres or floating-point metres, got int64"),
+        (np.full((2, 4, 4), 2.0), (0, 0), r"expected shape \(h, w\), got \(2, 4, 4\)"),
+        (np.full((4, 4), 2000.0), (0, 0), "2000 m; at most 65.535"),
+        (np.full((4, 4), 2.0), (77, 0), r"4x4 pixels from \(77, 0\) on do not lie within the camera's 80x64"),
+        (np.full((4, 4), 2.0), (0, -1), "do not lie within"),
+    ],
+)
+def test_odd_images_are_not_packed(depth, place, message):
+    recording = packed(whole_frames())
+    with pytest.raises(InputError, match=f"depth of frame 6: .*{message}"):
+        recording.add(depth, *place)
+    assert len(recording) == FRAMES
