@@ -10,7 +10,8 @@ Learners are named from the best to the worst: that order becomes the labels. Th
 
 BVH files are danced by a mean adult of `synth`, and joints taken from it. The other two hold points: the torso is the mean
 of shoulders and hips, as in the paper (section 2.3); metres, centimetres and millimetres, and whether y or z is up, are told
-by the dancer's trunk; all are turned as a whole so that they face the camera in their first second.
+by the dancer's trunk; all are turned as a whole so that they face the camera in the mean over the first twentieth of their
+frames.
 
 ImperialDance: files dance_level_[e|i|b]_GENRE_chN.npy, (takes, 3, frames, 21) at 100 Hz. For every choreography one expert's
 take is the teacher; the learners are another expert's, an intermediate dancer's and a beginner's.
@@ -23,6 +24,8 @@ AIST++: its pickles can run code when they are opened, so they are refused. Wher
 import argparse
 import json
 import re
+import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -145,7 +148,7 @@ def read_aist(path: Path) -> np.ndarray:
                 found = {name: file[name] for name in file if name.startswith("keypoints3d")}
         points = found["keypoints3d_optim"] if "keypoints3d_optim" in found else found["keypoints3d"]
         points = np.asarray(points, np.float64)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile, zlib.error) as error:
         raise InputError(f"{path}: no keypoints3d to be read in it ({error}); expected a JSON or npz file") from error
     if points.ndim != 3 or points.shape[1:] != (17, 3) or not len(points):
         raise InputError(f"{path}: its keypoints are {points.shape}; expected (frames, 17, 3) in COCO's order")
@@ -159,11 +162,11 @@ def read_imperial(path: Path) -> np.ndarray:
         InputError: not such a file.
     """
     try:
-        data = np.load(path, mmap_mode="r", allow_pickle=False)
+        data = np.lib.format.open_memmap(path, "r")
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: not a plain numpy array ({error})") from error
-    if not isinstance(data, np.ndarray) or data.ndim != 4 or data.shape[1] != 3 or data.shape[3] != len(IMPERIAL_POINTS):
-        raise InputError(f"{path}: holds {getattr(data, 'shape', type(data))}; expected (takes, 3, frames, 21)")
+    if data.ndim != 4 or data.shape[1] != 3 or data.shape[3] != len(IMPERIAL_POINTS):
+        raise InputError(f"{path}: holds {data.shape}; expected (takes, 3, frames, 21)")
     return data.transpose(0, 2, 3, 1)
 
 

@@ -120,6 +120,22 @@ def test_keypoints_are_read_without_running_anything(tmp_path):
         read_aist(tmp_path / "d.json")
 
 
+def test_torn_files_are_named(tmp_path):
+    np.savez(tmp_path / "whole.npz", keypoints3d=coco())
+    np.savez_compressed(tmp_path / "packed.npz", keypoints3d=np.random.default_rng(0).normal(size=(FRAMES, 17, 3)))
+    np.save(tmp_path / "whole.npy", np.zeros((2, 3, FRAMES, 21)))
+    whole, packed = ((tmp_path / name).read_bytes() for name in ("whole.npz", "packed.npz"))
+    middle = len(packed) // 2
+    for torn in (whole[: len(whole) // 2], b"", packed[:middle] + bytes(100) + packed[middle + 100 :]):
+        (tmp_path / "torn.npz").write_bytes(torn)
+        with pytest.raises(InputError, match=r"torn\.npz: no keypoints3d to be read"):
+            read_aist(tmp_path / "torn.npz")
+    for torn in ((tmp_path / "whole.npy").read_bytes()[:1000], b"", whole[: len(whole) // 2]):
+        (tmp_path / "torn.npy").write_bytes(torn)
+        with pytest.raises(InputError, match=r"torn\.npy: not a plain numpy array"):
+            read_imperial(tmp_path / "torn.npy")
+
+
 def write_bvh(path: Path, frames: int, left_arm_deg: float) -> None:
     """Somebody in a T-pose whose left arm sinks by so much; zero offsets and rotations but for that."""
     lines, order = ["HIERARCHY"], []
