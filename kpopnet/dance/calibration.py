@@ -21,6 +21,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from tqdm import tqdm
 
 from kpopnet.benchmarks.kpop import KpopSet
 from kpopnet.dance.performance import Performance
@@ -76,7 +77,7 @@ def candidates(dances: Iterable[TaughtDance], config: ScorerConfig) -> list[Cand
     if len(dances) < 2 or len({len(learners) for _, learners in dances}) != 1:
         raise InputError(f"{len(dances)} dances: calibration needs two or more, each with the same number of learners")
     found = []
-    for beta in BETAS:
+    for beta in tqdm(BETAS, "scores", unit="beta"):
         # Neither the match nor the posture depends on alpha and tau.
         trial = replace(config, alpha=greatest_alpha(), beta=beta, tau=max(TAUS))
         learners = [[_windows(teacher, learner, trial) for learner in learners] for teacher, learners in dances]
@@ -145,7 +146,7 @@ def read_dances(folder: str, checkpoint: str | None) -> list[TaughtDance]:
 
         network = NetworkEstimator(checkpoint)
     found = []
-    for name in dances.names:
+    for name in tqdm(dances.names, "dances", unit="dance"):
         dance = dances.dance(name)
         learners = []
         for learner in dance.learners:

@@ -5,7 +5,7 @@ from dance_people import FPS, dance_joints_m, noisy, performed
 
 from kpopnet.benchmarks.kpop_format import FORMAT, LABELS, TEACHER, VERSION
 from kpopnet.dance import calibration
-from kpopnet.dance.calibration import OTHER, STILL, best_of, candidates, greatest_alpha, main
+from kpopnet.dance.calibration import OTHER, STILL, Candidate, best_of, candidates, greatest_alpha, main
 from kpopnet.dance.scoring import SCORERS, ScorerConfig, timing_similarity
 from kpopnet.errors import InputError
 from kpopnet.skeleton import JOINT_NAMES
@@ -37,6 +37,14 @@ def test_the_chosen_tells_learners_apart_best_among_those_allowed(found):
     assert all(one.separation <= best.separation for one in found if one.allowed)
     assert best.concordance == 100
     assert len(found) == len(BETAS) * len(calibration.TAUS)
+
+
+def test_order_comes_before_distance():
+    ordered = Candidate(beta=0.7, tau=0.4, separation=1.0, concordance=90.0, still=10.0, other=10.0)
+    apart = ordered._replace(tau=0.3, separation=2.0, concordance=80.0)
+    alike = ordered._replace(beta=0.5, separation=0.9)
+    refused = ordered._replace(concordance=100.0, other=OTHER)
+    assert best_of([apart, alike, ordered, refused]) == ordered
 
 
 def test_a_larger_beta_forgives_more(found):
@@ -75,8 +83,9 @@ def test_the_command_reads_a_folder_of_dances(tmp_path, capsys, monkeypatch):
             write_performance(folder / f"{name}.h5", learner_m(index, noise_m), delay_s)
         (folder / LABELS).write_text("learner,rank\nc,3\na,1\nb,2\n")
     main([str(tmp_path)])
-    printed = capsys.readouterr().out
+    printed, shown = capsys.readouterr()
     assert printed.count(" 100 %") == 2
+    assert "scores: 100%" in shown and "dances: 100%" in shown
     assert "alpha=0.31 beta=0." in printed and "tau=0.5" in printed
     with pytest.raises(SystemExit):
         main([str(tmp_path / "nowhere")])
