@@ -32,9 +32,11 @@ SCORER = "raptis"
 def orders(index: int, seed: int) -> list[bool]:
     """Whether [17] orders the four learners of a dance as their levels are, at each of SPACINGS.
 
-    Who they are and where they stand is drawn once; the feet need not be put on the floor for that.
+    Who they are and where they stand is drawn once, at the set's own spacing; the feet need not be put on the floor for that.
     """
-    maker = KpopSim(KpopSimSet(KpopSimConfig(seed=seed, split="train")))
+    config = KpopSimSet(KpopSimConfig(seed=seed, split="train"))
+    maker = KpopSim(config)
+    skilled = [KpopSim(replace(config, skill=SkillConfig(spacing=spacing))) for spacing in SPACINGS]
     scene = maker.studio.scene
     teacher = _performance(maker.teacher_joints_m(index))
     similarity = np.empty((len(SPACINGS), len(LEARNERS)))
@@ -43,9 +45,8 @@ def orders(index: int, seed: int) -> list[bool]:
         person, view, place_m = planned.take.played.person, planned.take.view, planned.take.place_m
         scene.dress(scene.fit(person))
         yaw_rad = planned.yaw_rad - np.arctan2(place_m[0], place_m[1])
-        for number, spacing in enumerate(SPACINGS):
-            maker.config = replace(maker.config, skill=SkillConfig(spacing=spacing))
-            _, _, motion, _ = maker.skill(index, learner)
+        for number, other in enumerate(skilled):
+            _, _, motion, _ = other.skill(index, learner)
             joints = []
             for local in on_body(scene.asset, motion.quats, yaw_rad, np.zeros(2)):
                 scene.pose(local, place_m)

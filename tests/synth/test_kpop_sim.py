@@ -1,6 +1,7 @@
 """The stand-in for the K-Pop set: who dances, that nobody trained on it, and that it is the same however it is made."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from kpopnet.benchmarks.kpop import KpopSet
 from kpopnet.benchmarks.sequences import Origin
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
+from synth import calibrate_skill
 from synth.calibrate_skill import spacing_of
 from synth.kpop_files import write_set
 from synth.kpop_sim import CAMERA, FPS, LEARNERS, KpopSim, KpopSimConfig, KpopSimSet, connected, dance_name
@@ -203,6 +205,15 @@ def test_the_calibration_takes_the_least_spacing_that_is_wide_enough():
     assert spacing_of(0.86, spacings, np.array([0.75, 0.87, 0.85, 0.9])) == pytest.approx(0.4 + 0.1 * 11 / 12)
     assert spacing_of(0.86, spacings, np.array([0.9, 0.91, 0.92, 0.93])) == 0.4
     assert np.isnan(spacing_of(0.86, spacings, np.array([0.1, 0.2, 0.3, 0.4])))
+
+
+def test_the_calibration_draws_who_dances_where_once_for_all_spacings(monkeypatch):
+    take, planned = KpopSim.take, []
+    monkeypatch.setattr(KpopSim, "take", lambda maker, *which: planned.append(maker.config.skill) or take(maker, *which))
+    monkeypatch.setattr(calibrate_skill, "KpopSimSet", partial(KpopSimSet, seconds=(2.2, 2.4)))
+    monkeypatch.setattr(calibrate_skill, "SPACINGS", (0.5, 0.9))
+    assert len(calibrate_skill.orders(0, seed=4)) == 2
+    assert planned == [SkillConfig()] * len(LEARNERS)
 
 
 # Recorded dances ------------------------------
