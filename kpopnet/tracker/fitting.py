@@ -54,7 +54,7 @@ _ELIMINATION = [
     *TORSO_JOINTS,
 ]
 COLUMN = np.empty(len(OWNERS), np.int64)
-"""(19,) the first of the three unknowns of every row."""
+"""(25,) the first of the three unknowns of every row."""
 COLUMN[_ELIMINATION] = 3 * np.arange(NUM_JOINTS)
 COLUMN[NUM_JOINTS:] = COLUMN[OWNERS[NUM_JOINTS:]]
 
