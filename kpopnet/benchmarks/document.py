@@ -31,6 +31,15 @@ def write_document(folder: Path, blocks: list[Block], described: dict) -> None:
     (folder / "report.html").write_text(as_html(blocks, next(content for kind, content in blocks if kind == "title")))
 
 
+def files_in_words(files: dict[str, dict[str, str]]) -> str:
+    """Of `EvaluateConfig.files` what each estimator read."""
+    named = (
+        f"{estimator} {' '.join(f'{setting}={file}' for setting, file in read.items()) or 'no file'}"
+        for estimator, read in files.items()
+    )
+    return f"Read by estimators: {', '.join(named) or 'nothing'}"
+
+
 def revision_in_words(git: dict | None) -> str:
     """What `kpopnet.checkpoint.git_revision` found."""
     return f"{git['revision'][:12]}{' with changes' if git['dirty'] else ''}" if git else "unknown"

@@ -5,7 +5,7 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 
-from kpopnet.benchmarks.document import Block, Table, as_text, revision_in_words, write_document
+from kpopnet.benchmarks.document import Block, Table, as_text, files_in_words, revision_in_words, write_document
 from kpopnet.benchmarks.evaluation import EvaluateConfig
 from kpopnet.benchmarks.kpop import KpopConfig, open_set
 from kpopnet.benchmarks.kpop_evaluation import DanceRun, run_dances
@@ -235,7 +235,7 @@ def metrics_json(run: DanceRun, config: EvaluateConfig) -> dict:
             "failed_dances": run.failed,
         },
         "estimators": sources,
-        "checkpoint": config.checkpoint,
+        "files": config.files(),
         "config": asdict(config),
         "git": git_revision(),
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -271,7 +271,7 @@ def report_blocks(run: DanceRun, shown: str, described: dict) -> list[Block]:
         ("heading", "How this was made"),
         (
             "text",
-            f"Checkpoint {described['checkpoint'] or 'none'}; code {revision_in_words(described['git'])}; {described['made']}. "
+            f"{files_in_words(described['files'])}; code {revision_in_words(described['git'])}; {described['made']}. "
             "Figures: metrics.json.",
         ),
     ]

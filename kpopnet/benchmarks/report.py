@@ -9,7 +9,7 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 
-from kpopnet.benchmarks.document import Block, as_text, revision_in_words, write_document
+from kpopnet.benchmarks.document import Block, as_text, files_in_words, revision_in_words, write_document
 from kpopnet.benchmarks.evaluation import EvaluateConfig, Run
 from kpopnet.benchmarks.pictures import error_curve, examples_sheet, joint_bars, sequence_bars, sweep_plot
 from kpopnet.benchmarks.sequences import Origin
@@ -224,15 +224,11 @@ def report_blocks(run: Run, described: dict) -> list[Block]:
 
 def how_made(described: dict) -> list[Block]:
     """The report's end: from what it was made, and how speed was measured."""
-    read = (
-        f"{estimator} {' '.join(f'{setting}={file}' for setting, file in files.items()) or 'no file'}"
-        for estimator, files in described["files"].items()
-    )
     return [
         ("heading", "How this was made"),
         (
             "text",
-            f"Read by estimators: {', '.join(read)}; configuration {described['config_hash']}; code "
+            f"{files_in_words(described['files'])}; configuration {described['config_hash']}; code "
             f"{revision_in_words(described['git'])}; {described['made']}. All figures: metrics.json; their definitions: "
             "kpopnet/benchmarks/metrics.py.",
         ),

@@ -267,6 +267,7 @@ def test_the_report_holds_what_was_promised(folder, fake, tmp_path):
     assert metrics["benchmark"]["origin"] == "real" and metrics["benchmark"]["dances"] == 2
     report = (tmp_path / "out" / "report.md").read_text()
     assert "REAL learners of 2 dances" in report and "SIMULATED" not in report
+    assert "Read by estimators: fake no file; code" in report and metrics["files"] == {"fake": {}}
     assert "papa" in report.split("## Table 2")[1] and "✗" in report and "2 and 3" in report
     with (tmp_path / "out" / "table_2.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -295,6 +296,7 @@ def test_another_dance_is_drawn_where_the_one_asked_for_failed(folder, tmp_path)
     evaluate_dances(EvaluateConfig(KpopConfig(path=str(folder), dance="mama"), {}, processes=1), tmp_path / "out")
     report = (tmp_path / "out" / "report.md").read_text()
     assert "papa over time" in report and "benchmark.dance=mama failed and cannot be drawn" in report
+    assert "Read by estimators: nothing; code" in report
 
 
 def test_a_dance_that_is_to_be_drawn_must_be_there(folder, fake, tmp_path):
