@@ -67,12 +67,7 @@ def _both_sides() -> list[tuple[int, int, int]]:
 
 PARTS = np.array([ends for *ends, _ in _both_sides()])
 KIND_OF_PART = np.array([kind for *_, kind in _both_sides()])
-"""(P, 2) the rows at the two ends of each part, and (P,) which of RADII_M it is of."""
-
-MIRRORED_PARTS = sorted(
-    {tuple(sorted({k, *np.flatnonzero((_MIRROR[part] == PARTS).all(1)).tolist()})) for k, part in enumerate(PARTS)}
-)
-"""The numbers of each part and its mirror image together."""
+"""(P, 2) the rows at the two ends of each part, and (P,) which of RADII_M it is of: a part and its mirror image are of one."""
 
 LIMBS = np.array(
     [

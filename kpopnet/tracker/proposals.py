@@ -37,8 +37,6 @@ LEAST_GAIN = 1e-4
 EXPLAINED_M = 0.02
 """A point this near to another part's surface gains little from a limb."""
 
-PARTS_COUNT = len(PARTS)
-
 
 def _limb_poses() -> tuple[np.ndarray, np.ndarray]:
     """Directions of upper and lower limb in the torso's frame (right, down, front) of a right limb.
@@ -166,7 +164,7 @@ def _limb_misfit(axes, limb, limb_parts, joints, front, points, rest, count, of_
     for k in limb_parts:
         if besides >= enough:
             return besides
-        besides += FREE_SPACE_WEIGHT / PARTS_COUNT * outside(axes, k, depth, nearest, intrinsics)
+        besides += FREE_SPACE_WEIGHT / len(PARTS) * outside(axes, k, depth, nearest, intrinsics)
     total, most = 0.0, (enough - besides) * of_all
     for i in range(count):
         if total > most:

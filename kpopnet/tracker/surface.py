@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 from kpopnet.skeleton import NUM_JOINTS
-from kpopnet.tracker.body import MIRRORED_PARTS, OWNERS, PARTS, Body
+from kpopnet.tracker.body import KIND_OF_PART, OWNERS, PARTS, RADII_M, Body
 from kpopnet.tracker.cells import Cells
 from kpopnet.tracker.cones import HIDDEN_M, axes_of, extend, nearest_parts
 
@@ -36,10 +36,10 @@ def with_thickness(body: Body, joints_m: np.ndarray, cells: Cells) -> Body:
     radii = body.radii_m.copy()
     for _ in range(CORRECTIONS):
         part, offset = _offsets(joints_m, cells.points_m, PARTS, radii, body.places_m)
-        for pair in MIRRORED_PARTS:
-            own = offset[np.isin(part, pair)]
+        for kind in range(len(RADII_M)):
+            own = offset[KIND_OF_PART[part] == kind]
             if len(own) >= FEWEST_POINTS:
-                radii[list(pair)] += np.median(own)
+                radii[kind == KIND_OF_PART] += np.median(own)
         radii = np.clip(radii, body.radii_m - THICKER_M, body.radii_m + THICKER_M)
         radii = np.maximum(radii, body.radii_m / 2)
     return body._replace(radii_m=radii)
