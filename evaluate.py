@@ -7,7 +7,8 @@ r"""Judges estimators on a benchmark and writes a report.
     python evaluate.py benchmark=eval_sim 'estimator=[tracker]' estimator.tracker.start=label
 
 The run's folder (outputs/evaluate/BENCHMARK-DATE_TIME) gets metrics.json, report.html, report.md, pictures and a film of
-the worst sequence. The training set's mean pose is always judged beside a network, to show what the network is worth.
+the worst sequence. The training set's mean pose is always judged beside a network, to show what the network is worth, but
+for dances, of which it knows nothing.
 Sequences are spread over processes=0 (all cores); sequences=4 is a quick look.
 
 The paper's figures and Table 1, on simulated EVAL:
