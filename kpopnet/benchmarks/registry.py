@@ -1,7 +1,7 @@
 """Every benchmark and estimator by its name, with its settings and what makes it of them.
 
-A new one is a line here and a file in configs/: `schema/NAME` there is the settings named here. A benchmark that is not judged by
-joints, as dances are not, also says in evaluate.py by what it is.
+A new one is a line here and a file in configs/: `schema/NAME` there is the settings named here. A benchmark that is not judged
+by joints, as dances are not, also says in evaluate.py by what it is.
 """
 
 from collections.abc import Callable
