@@ -1,7 +1,11 @@
 # make demo    install, then generate, train and evaluate a small network: outputs/demo
 # make test    install, then run the tests
 # make speed   install, then measure speeds: outputs/speed.json
-# make lint    install, then check the style
+# make fuzz    install, then read 2,000 mutations of every file format
+# make kill    install, then kill synth, train and evaluate 50 times each and compare what they make
+# make soak    install, then run the online path for an hour
+# make lint    install, then check style, format and types
+# make wheel   install, then build dist/*.whl
 # make clean   remove the environment and caches; what was generated and trained stays
 
 PYTHON ?= python3
@@ -9,7 +13,7 @@ BIN := .venv/bin
 READY := .venv/installed
 DEMO := outputs/demo
 
-.PHONY: demo test speed lint clean
+.PHONY: demo test speed fuzz kill soak lint wheel clean
 
 $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -32,8 +36,22 @@ test: $(READY)
 speed: $(READY)
 	$(BIN)/python -m tests.speed
 
+fuzz: $(READY)
+	$(BIN)/python -m tests.fuzz
+
+kill: $(READY)
+	$(BIN)/python -m tests.kill
+
+soak: $(READY)
+	$(BIN)/python -m tests.soak
+
 lint: $(READY)
 	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright
+
+wheel: $(READY)
+	$(BIN)/python -m pip wheel --disable-pip-version-check --no-deps --wheel-dir dist .
 
 clean:
 	rm -rf .venv .pytest_cache .hypothesis .ruff_cache *.egg-info build dist

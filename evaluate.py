@@ -1,95 +1,10 @@
-r"""Judges estimators on a benchmark and writes a report.
+"""Evaluates estimators and dance scores: `python evaluate.py --help`, kpopnet/programs/evaluate.py."""
 
-    python evaluate.py checkpoint=outputs/train/RUN/best
-    python evaluate.py checkpoint=outputs/train/RUN/best benchmark.path=data/small/test sequences=10
-    python evaluate.py checkpoint=outputs/train/RUN/best benchmark=utd_mhad benchmark.path=PATH/UTD-MHAD
-    python evaluate.py checkpoint=outputs/train/RUN/best hydra.run.dir=outputs/my_evaluation
-    python evaluate.py benchmark=eval_sim 'estimator=[tracker]' estimator.tracker.start=label
-
-The run's folder (outputs/evaluate/BENCHMARK-DATE_TIME) gets metrics.json, report.html, report.md, pictures and a film of
-the worst sequence. The training set's mean pose is always judged beside a network, to show what the network is worth, but
-for dances, of which it knows nothing.
-Sequences are spread over processes=0 (all cores); sequences=4 is a quick look.
-
-The paper's figures and Table 1, on simulated EVAL:
-
-    python evaluate.py benchmark=eval_sim 'estimator=[tracker,network,tree_walk]' checkpoint=outputs/train/RUN/best \
-        estimator.tree_walk.path=outputs/tree_walk/RUN                                              # Fig. 8 and 11
-    python evaluate.py benchmark=eval_sim 'estimator=[network,ridge_network]' checkpoint=outputs/train/RUN/best \
-        estimator.ridge_network.checkpoint=outputs/train/OTHER_RUN/best                             # Fig. 9
-    python evaluate.py benchmark=eval_sim 'estimator=[tracker,tracker_depth]'                       # Fig. 10
-    python evaluate.py benchmark=eval_sim 'estimator=[paper_tracker,paper_tracker_depth]'           # the same of Algorithm 2
-    python evaluate.py benchmark=eval_sim 'estimator=[tracker]' sweep=table1                        # Table 1
-    python evaluate.py benchmark=eval_sim 'estimator=[paper_tracker]' sweep=table1                  # the same of Algorithm 2
-
-Its Table 2, dance scores against experts' order, on simulated dances (kpopnet/benchmarks/kpop_report.py):
-
-    python evaluate.py benchmark=kpop_sim 'estimator=[]'                                            # true joints alone
-    python evaluate.py benchmark=kpop_sim 'estimator=[tracker,network]' checkpoint=outputs/train/RUN/best
-    python evaluate.py benchmark=kpop_sim 'estimator=[]' benchmark.dances=10 benchmark.dance=dance_007 'scorer=[raptis]'
-    python evaluate.py benchmark=kpop benchmark.path=PATH 'estimator=[]'                            # docs/kpop_format.md
-
-One kind of estimator may stand in a run under several names: configs/estimator/tracker_depth.yaml is one; for another,
-write such a file, or give a name on the command line to settings that start from the defaults of their kind (it comes after
-those of `estimator=[...]`):
-
-    python evaluate.py benchmark=eval_sim 'estimator=[tracker]' +estimator/schema@estimator.straight=tracker \
-        estimator.straight.hierarchy.straightness=0.9
-"""
-
-from collections.abc import Callable
-from pathlib import Path
-
-from hydra.core.config_store import ConfigStore
-from hydra.core.hydra_config import HydraConfig
-
-from kpopnet.benchmarks.evaluation import EvaluateConfig, run_benchmark
-from kpopnet.benchmarks.kpop_report import evaluate_dances
-from kpopnet.benchmarks.registry import BENCHMARKS, ESTIMATORS, build_benchmark, build_estimators
-from kpopnet.benchmarks.report import terminal_table, write_report
-from kpopnet.benchmarks.sweep import sweep_of
-from kpopnet.dance.scoring import SCORERS
-from kpopnet.entry import entry_point, overridable
-from kpopnet.errors import InputError
-
-for group, known in (("benchmark", BENCHMARKS), ("estimator", ESTIMATORS)):
-    for name, (schema, _) in known.items():
-        ConfigStore.instance().store(group=f"{group}/schema", name=name, node=overridable(schema))
-for name, scorer in SCORERS.items():
-    ConfigStore.instance().store(group="scorer/schema", name=name, node=overridable(scorer))
-
-
-def evaluate_joints(config: EvaluateConfig, folder: Path) -> None:
-    """Judges estimated joints by true ones, and reports into the folder.
-
-    Raises:
-        InputError: scorers are named, which judge dances.
-    """
-    if config.scorer:
-        raise InputError(
-            f"scorer=[{','.join(config.scorer)}]: benchmark={config.benchmark.name} judges joints; scorers are for dances, "
-            f"benchmark={' or '.join(EVALUATIONS)}"
-        )
-    sweep = config.sweep and sweep_of(config.sweep, config.estimator)
-    estimators = build_estimators(config.estimator | (sweep.settings if sweep else {}))
-    benchmark = build_benchmark(config.benchmark)
-    run = run_benchmark(
-        benchmark, estimators, config.sequences, config.seed, config.processes_at_work(), config.extraction
-    )
-    write_report(folder, run, config, sweep)
-    print(terminal_table(run, sweep))
-
-
-EVALUATIONS: dict[str, Callable[[EvaluateConfig, Path], None]] = {"kpop": evaluate_dances, "kpop_sim": evaluate_dances}
-"""What evaluates a benchmark, by its name, where it is not joints that are judged."""
-
-
-@entry_point(EvaluateConfig, "evaluate")
-def main(config: EvaluateConfig) -> None:
-    folder = Path(HydraConfig.get().runtime.output_dir)
-    EVALUATIONS.get(config.benchmark.name, evaluate_joints)(config, folder)
-    print(f"report: {folder / 'report.html'}")
-
+from kpopnet.runtime.interrupts import begin_imports, end_imports
 
 if __name__ == "__main__":
+    begin_imports()
+    from kpopnet.programs.evaluate import main
+
+    end_imports()
     main()

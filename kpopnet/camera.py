@@ -1,5 +1,6 @@
-"""A pinhole camera without distortion, and the depth images it takes."""
+"""Pinhole camera without distortion, and conversion of depth images to metres."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,12 +9,26 @@ from kpopnet.errors import InputError
 
 MM_PER_METRE = 1000.0
 
+MAX_MEDIAN_DEPTH_M = 50.0
+"""No depth camera measures most of its pixels farther away; a person at 0.05 m is nearer than any measures in millimetres."""
+
+MAX_IMAGE_PIXELS = 16_000_000
+"""Cameras in files may have images of at most 16 megapixels."""
+
 
 @dataclass(frozen=True)
 class Camera:
-    """Intrinsics in pixels. Camera frame: x right, y down, z forward, metres.
+    """Pinhole intrinsics. Camera frame: x right, y down, z forward, metres.
 
-    Pixel centres lie at whole coordinates, so a centred camera has cx = (width-1)/2 and cy = (height-1)/2.
+    Pixel centres lie at integer coordinates, so a centred camera has cx = (width-1)/2 and cy = (height-1)/2.
+
+    Attributes:
+        fx: horizontal focal length in pixels.
+        fy: vertical focal length in pixels.
+        cx: column of the principal point in pixels.
+        cy: row of the principal point in pixels.
+        width: image width in pixels.
+        height: image height in pixels.
     """
 
     fx: float
@@ -25,7 +40,7 @@ class Camera:
 
     def __post_init__(self) -> None:
         if not (self.width > 0 and self.height > 0):
-            raise InputError(f"a camera's image must have pixels, not {self.width}x{self.height}")
+            raise InputError(f"a camera's image must have at least one pixel, not {self.width}x{self.height}")
         if not (np.isfinite([self.fx, self.fy, self.cx, self.cy]).all() and self.fx > 0 and self.fy > 0):
             raise InputError(
                 f"a camera needs finite intrinsics with positive focal lengths, not fx={self.fx}, fy={self.fy}, "
@@ -33,30 +48,49 @@ class Camera:
             )
 
     @classmethod
+    def from_numbers(cls, numbers: Iterable[float], where: str) -> "Camera":
+        """A camera from fx, fy, cx, cy, width, height as a file stores them, for `where` in messages.
+
+        Raises:
+            InputError: they are no camera with an image of whole pixels, at most MAX_IMAGE_PIXELS.
+        """
+        fx, fy, cx, cy, width, height = numbers
+        if not (0 < width < np.inf and 0 < height < np.inf and width == int(width) and height == int(height)):
+            raise InputError(f"{where}: an image of {width} x {height} pixels, expected whole numbers of at least 1")
+        if width * height > MAX_IMAGE_PIXELS:
+            raise InputError(
+                f"{where}: an image of {width:g} x {height:g} pixels, expected at most {MAX_IMAGE_PIXELS:,} pixels"
+            )
+        try:
+            return cls(fx, fy, cx, cy, int(width), int(height))
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from error
+
+    @classmethod
     def centred(cls, focal_px: float, width: int, height: int) -> "Camera":
-        """A camera with square pixels whose optical axis meets the middle of the image."""
+        """A camera with square pixels whose principal point is the image centre."""
         return cls(focal_px, focal_px, (width - 1) / 2, (height - 1) / 2, width, height)
 
     def project(self, points_camera_m: np.ndarray) -> np.ndarray:
-        """(..., 3) points in metres to (..., 3) u, v in pixels and z in metres. Points with z = 0 give inf or NaN."""
+        """Projects (..., 3) points in metres to (..., 3) u, v in pixels and z in metres. Points with z = 0 give inf or NaN."""
         points = np.asarray(points_camera_m)
         x, y, z = points[..., 0], points[..., 1], points[..., 2]
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.stack([self.fx * x / z + self.cx, self.fy * y / z + self.cy, z], axis=-1)
 
     def back_project(self, uvz: np.ndarray) -> np.ndarray:
-        """(..., 3) u, v in pixels and z in metres to (..., 3) points in metres: the inverse of `project`."""
+        """Converts (..., 3) u, v in pixels and z in metres to (..., 3) points in metres: the inverse of `project`."""
         uvz = np.asarray(uvz)
         u, v, z = uvz[..., 0], uvz[..., 1], uvz[..., 2]
         return np.stack([(u - self.cx) * z / self.fx, (v - self.cy) * z / self.fy, z], axis=-1)
 
     def points(self, depth_m: np.ndarray) -> np.ndarray:
-        """(H, W) depth in metres to the (H, W, 3) points it shows; pixels without a measurement give (0, 0, 0)."""
+        """Converts (H, W) depth in metres to (H, W, 3) points in metres; pixels without a measurement give (0, 0, 0)."""
         v, u = np.mgrid[: depth_m.shape[0], : depth_m.shape[1]].astype(np.float32)
         return self.back_project(np.stack([u, v, depth_m], axis=-1))
 
     def cropped(self, x0: int, y0: int, width: int, height: int) -> "Camera":
-        """The camera of the image's sub-rectangle whose first pixel is (x0, y0)."""
+        """The camera of the sub-image of this size whose first pixel is (x0, y0)."""
         return Camera(self.fx, self.fy, self.cx - x0, self.cy - y0, width, height)
 
     def mirrored(self) -> "Camera":
@@ -70,20 +104,20 @@ CAMERAS = {
     "smmc10": Camera.centred(204.795, 144, 176),
     "kinect_2": Camera.centred(365.0, 512, 424),
 }
-"""Presets with nominal intrinsics: EVAL's and Kinect v1's (320x240), SMMC-10's SwissRanger held upright, Kinect 2."""
+"""Presets with nominal intrinsics: EVAL and Kinect v1 (320x240), SMMC-10's SwissRanger in portrait orientation, Kinect 2."""
 
 
 def depth_in_metres(depth: np.ndarray, camera: Camera | None = None, *, where: str = "depth image") -> np.ndarray:
-    """A user's depth as float32 metres, 0 where nothing was measured.
+    """Converts depth given by a user to float32 metres, 0 where nothing was measured.
 
     Args:
         depth: (H, W) image or (T, H, W) sequence; unsigned integers are millimetres, floating point is metres.
             Negative and non-finite values count as not measured.
-        camera: if given, its image size must be the depth's.
-        where: what the depth is, for messages (a file, a frame).
+        camera: if given, the depth must have its image size.
+        where: name of the depth in error messages (a file, a frame).
 
     Raises:
-        InputError: wrong type, number of dimensions or size.
+        InputError: wrong type, number of dimensions or size; or floating-point numbers that look like millimetres.
     """
     if not isinstance(depth, np.ndarray):
         raise InputError(f"{where}: expected a numpy array, got {type(depth).__name__}")
@@ -92,8 +126,14 @@ def depth_in_metres(depth: np.ndarray, camera: Camera | None = None, *, where: s
     if depth.dtype.kind == "u" and depth.dtype.itemsize > 1:
         depth_m = depth.astype(np.float32) / np.float32(MM_PER_METRE)
     elif depth.dtype.kind == "f":
-        depth_m = depth.astype(np.float32)
+        with np.errstate(over="ignore"):  # infinite as float32: not measured
+            depth_m = depth.astype(np.float32)
         depth_m[~(np.isfinite(depth_m) & (depth_m > 0))] = 0
+        if depth_m.max(initial=0) > MAX_MEDIAN_DEPTH_M and (median := np.median(depth_m[depth_m > 0])) > MAX_MEDIAN_DEPTH_M:
+            raise InputError(
+                f"{where}: half of the measured pixels are {median:g} m or farther away: these look like millimetres; "
+                "floating-point depth is metres, so divide it by 1000, or convert it with .astype(np.uint16)"
+            )
     else:
         raise InputError(
             f"{where}: expected uint16 millimetres or floating-point metres, got {depth.dtype}; "
@@ -101,13 +141,30 @@ def depth_in_metres(depth: np.ndarray, camera: Camera | None = None, *, where: s
         )
     if camera is not None and depth.shape[-2:] != (camera.height, camera.width):
         raise InputError(
-            f"{where}: its pixels are {depth.shape[-1]}x{depth.shape[-2]}, its camera's {camera.width}x{camera.height}"
+            f"{where}: expected the camera's {camera.width}x{camera.height} pixels, got {depth.shape[-1]}x{depth.shape[-2]}"
         )
     return depth_m
 
 
+def check_images(where: str, camera: Camera, *images: np.ndarray) -> None:
+    """Refuses images that a compiled function would read beyond their ends, for `where` in messages.
+
+    Args:
+        where: what the images are for.
+        camera: the camera of exactly these pixels.
+        images: (H, W) numbers.
+
+    Raises:
+        InputError: an image is not of the camera's size.
+    """
+    size = camera.height, camera.width
+    for image in images:
+        if image.shape != size:
+            raise InputError(f"{where}: an image of shape {image.shape}, expected the camera's (height, width) = {size}")
+
+
 def sequence_in_metres(depth: np.ndarray, camera: Camera) -> np.ndarray:
-    """`depth_in_metres` for what must be a sequence, (T, H, W).
+    """`depth_in_metres` of a (T, H, W) sequence.
 
     Raises:
         InputError: wrong type, number of dimensions or size.

@@ -1,8 +1,32 @@
-"""The one exception for what a user got wrong."""
+"""The exception for invalid input of a user, and the checks that settings share."""
+
+MAX_SEED = 2**64 - 1
 
 
 class InputError(ValueError):
-    """A file, an array or a setting is not what it has to be.
+    """A file, an array or a setting is invalid.
 
-    The message says what was found and where (the file, the frame, the setting), what was expected, and what to do.
+    The message names the file, frame or setting, what was found there, what was expected, and what to do. It is one line that
+    can be printed: what is quoted from a file may hold line breaks and half characters, which are escaped.
     """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message.replace("\r", "\\r").replace("\n", "\\n").encode(errors="backslashreplace").decode())
+
+
+def check_seed(name: str, seed: int) -> None:
+    """Raises InputError unless a seed fits into 64 bits without a sign, as torch and HDF5 need it."""
+    if not 0 <= seed <= MAX_SEED:
+        raise InputError(f"{name}={seed} must be 0 or more, at most {MAX_SEED}")
+
+
+def check_between(name: str, value: float, low: float, high: float) -> None:
+    """Raises InputError unless low <= value <= high; NaN is refused."""
+    if not low <= value <= high:
+        raise InputError(f"{name}={value}: expected a number in {low:g}..{high:g}")
+
+
+def check_range(name: str, given: tuple[float, float], low: float, high: float) -> None:
+    """Raises InputError unless `given` is two numbers, low <= first <= second <= high; NaN is refused."""
+    if len(given) != 2 or not low <= given[0] <= given[1] <= high:
+        raise InputError(f"{name}={list(given)}: expected two numbers, the first not above the second, in {low:g}..{high:g}")

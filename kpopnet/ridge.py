@@ -1,22 +1,25 @@
-"""Ridge data (section 2.2): the pixels along the middle lines of the body's parts, close to its long bones.
+"""Ridge data (section 2.2): the pixels along the medial axes of the body parts, close to the long bones.
 
-Depth edges, the distance to the nearest edge, the ratio of the distances around a pixel to its own, and a threshold:
+The steps are depth edges, the distance to the nearest edge, the mean distance on a circle around each pixel divided by
+the pixel's own distance, and a threshold:
 
     edges -> distance map D_T -> circle ratio R_T -> ridge data {X: R_T(X) <= epsilon_r} -> probability map
 
-What the paper leaves open is settled so:
+Assumptions, where the paper is silent or wrong:
 
-- An edge is a pixel without measurement, or one that lies behind a 4-neighbour by more than a threshold. Only the
-  farther of the two is marked: the nearer part keeps its whole width, as it does in front of an empty background. The
-  rim of the image is no edge, since nobody knows how far a person goes on behind it.
-- D_T is the exact Euclidean distance in pixels. The circle C(X) is drawn through the pixels nearest to `CIRCLE_POINTS`
-  evenly spaced points of it, each pixel counted once and only inside the image, its radius D_T(X) to a quarter pixel.
-  Up to a radius of 5 that is every pixel on the circle; beyond, D_T changes too slowly for more to tell.
-- The paper's epsilon_r = 0.3 cannot be meant with these definitions: along a straight limb of any width R_T is
-  1 - 2/pi = 0.363 on the middle line (0.36 to 0.5 on the pixel grid, 0.6 where a limb is only four pixels wide), so
-  0.3 keeps little more than the ends of limbs.
+- An edge is a pixel without measurement, or a pixel behind one of its 4-neighbours by more than a threshold. Only the
+  farther of the two pixels is an edge: the nearer part keeps its full width, as in front of an empty background. The
+  image border is no edge, since the extent of a person beyond it is unknown.
+- D_T is the exact Euclidean distance in pixels. The circle C(X) has the radius D_T(X), rounded to a quarter of a pixel,
+  and consists of the pixels nearest to `CIRCLE_POINTS` evenly spaced points on it. Each pixel counts once, and only
+  inside the image. Up to a radius of 5 these are all pixels on the circle; beyond, D_T varies too slowly for more
+  points to change the mean.
+- The paper's epsilon_r = 0.3 does not fit these definitions. On the axis of a straight limb of any width, R_T is
+  1 - 2/pi = 0.363 (0.36 to 0.5 on the pixel grid, 0.6 for a limb of four pixels), so 0.3 keeps little more than the ends
+  of limbs.
 
-A box cut out of an image has the ridge of the whole image, if it leaves two empty pixels around the person.
+The ridge of a box cut out of an image equals that of the whole image if the box has a margin of two empty pixels around
+the person.
 """
 
 import math
@@ -32,7 +35,7 @@ from kpopnet.errors import InputError
 CIRCLE_POINTS = 32
 RADII_PER_PIXEL = 4
 NO_EDGE = 2**30
-"""Squared distance in an image without any edge."""
+"""Squared distance of all pixels of an image without an edge."""
 
 
 @dataclass(frozen=True)
@@ -40,11 +43,11 @@ class RidgeConfig:
     """Parameters of Eq. (2).
 
     Attributes:
-        epsilon_r: the largest circle ratio of ridge data. On real Kinect frames 0.55 draws lines along arms and legs
-            that hardly break and are one to three pixels wide; 0.5 breaks them on thin arms, 0.3 (the paper's) leaves
-            next to nothing, 0.6 starts to fill the torso.
-        edge_threshold_m: depth difference of neighbouring pixels that makes an edge.
-        sharpness: how fast the probability falls with the ratio, see `ridge_probability`.
+        epsilon_r: the largest circle ratio of ridge data. On real Kinect frames, 0.55 gives nearly unbroken lines of one
+            to three pixels along arms and legs; 0.5 breaks them on thin arms, 0.3 (the paper's) leaves almost no pixels,
+            and 0.6 starts to fill the torso.
+        edge_threshold_m: smallest depth difference in metres between neighbouring pixels that makes an edge.
+        sharpness: slope by which the probability falls with the ratio, see `ridge_probability`.
     """
 
     epsilon_r: float = 0.55
@@ -53,7 +56,9 @@ class RidgeConfig:
 
     def __post_init__(self) -> None:
         if not 0 < self.epsilon_r < 1:
-            raise InputError(f"ridge.epsilon_r must lie between 0 and 1 (a plain slope has 1), not {self.epsilon_r}")
+            raise InputError(
+                f"ridge.epsilon_r must lie between 0 and 1 (the ratio on a plane slope of D_T is 1), not {self.epsilon_r}"
+            )
         if not self.edge_threshold_m > 0:
             raise InputError(f"ridge.edge_threshold_m must be a positive number of metres, not {self.edge_threshold_m}")
         if not 0 < self.sharpness < math.inf:
@@ -61,15 +66,15 @@ class RidgeConfig:
 
 
 class RidgeStages(NamedTuple):
-    """Every step of the way as (H, W) images, like the paper's Fig. 2.
+    """The intermediate and final (H, W) images of section 2.2, as in the paper's Fig. 2.
 
     Attributes:
-        edges: bool.
-        distance_px: float32 D_T, pixels to the nearest edge: 0 on edges, inf everywhere if the image has none.
-        ratio: float32 R_T, the mean of D_T on the circle over D_T in its centre; 1 on edges, and where no part of the
-            circle lies in the image.
+        edges: bool, depth edges.
+        distance_px: float32 D_T, distance in pixels to the nearest edge: 0 on edges, inf everywhere if there is no edge.
+        ratio: float32 R_T, the mean of D_T on the circle divided by D_T at its centre; 1 on edges and where the whole
+            circle lies outside the image.
         ridge: bool, the ridge data.
-        probability: float32 in 0..1.
+        probability: float32 in 0..1, see `ridge_probability`.
     """
 
     edges: np.ndarray
@@ -80,64 +85,64 @@ class RidgeStages(NamedTuple):
 
 
 def ridge_stages(depth_m: np.ndarray, config: RidgeConfig) -> RidgeStages:
-    """All four steps of section 2.2, for drawing and debugging.
+    """All steps of section 2.2, for drawing and debugging.
 
     Args:
-        depth_m: (H, W) floating-point metres, 0 where nothing was measured; usually one person and nothing else.
+        depth_m: (H, W) floating-point metres, 0 where nothing was measured; usually one segmented person.
         config: thresholds.
 
     Raises:
         InputError: the depth is not one image of floating-point numbers.
     """
-    box, squared, ratio = _person_ratio(depth_m, config)
+    box, squared, ratio = _ratio_in_box(depth_m, config)
     edges = np.ones(depth_m.shape, bool)
     edges[box] = squared == 0
     distance_px = np.zeros(depth_m.shape, np.float32)
     distance_px[box] = np.where(squared == NO_EDGE, np.inf, np.sqrt(squared))
-    whole_ratio = np.ones(depth_m.shape, np.float32)
-    whole_ratio[box] = ratio
-    ridge, probability = _marked(depth_m.shape, box, ratio, config), _likely(depth_m.shape, box, ratio, config)
-    return RidgeStages(edges, distance_px, whole_ratio, ridge, probability)
+    ratio_image = np.ones(depth_m.shape, np.float32)
+    ratio_image[box] = ratio
+    ridge, probability = _ridge_mask(depth_m.shape, box, ratio, config), _probability_image(depth_m.shape, box, ratio, config)
+    return RidgeStages(edges, distance_px, ratio_image, ridge, probability)
 
 
 def ridge_data(depth_m: np.ndarray, config: RidgeConfig) -> np.ndarray:
     """R(I), the ridge data, as an (H, W) bool mask; arguments and errors as in `ridge_stages`."""
-    box, _, ratio = _person_ratio(depth_m, config)
-    return _marked(depth_m.shape, box, ratio, config)
+    box, _, ratio = _ratio_in_box(depth_m, config)
+    return _ridge_mask(depth_m.shape, box, ratio, config)
 
 
 def ridge_probability(depth_m: np.ndarray, config: RidgeConfig) -> np.ndarray:
-    """The ridge image that a network may take beside the depth: (H, W) float32 in 0..1.
+    """The ridge image that a network can take as a second channel: (H, W) float32 in 0..1.
 
-    p = clip(1/2 + sharpness (epsilon_r - R_T), 0, 1): one half where a pixel only just is ridge data, 0 on slopes and
-    outside the person. The paper says no more than "a probability map of ridge data". Arguments and errors as in
+    p = clip(1/2 + sharpness (epsilon_r - R_T), 0, 1): 0.5 at the threshold of ridge data, 0 on slopes of
+    D_T and outside the person. The paper only says "a probability map of ridge data". Arguments and errors as in
     `ridge_stages`.
     """
-    box, _, ratio = _person_ratio(depth_m, config)
-    return _likely(depth_m.shape, box, ratio, config)
+    box, _, ratio = _ratio_in_box(depth_m, config)
+    return _probability_image(depth_m.shape, box, ratio, config)
 
 
-def _marked(shape: tuple[int, int], box: tuple[slice, slice], ratio: np.ndarray, config: RidgeConfig) -> np.ndarray:
+def _ridge_mask(shape: tuple[int, int], box: tuple[slice, slice], ratio: np.ndarray, config: RidgeConfig) -> np.ndarray:
     ridge = np.zeros(shape, bool)
     # Eq. (2)
     ridge[box] = ratio <= np.float32(config.epsilon_r)
     return ridge
 
 
-def _likely(shape: tuple[int, int], box: tuple[slice, slice], ratio: np.ndarray, config: RidgeConfig) -> np.ndarray:
+def _probability_image(shape: tuple[int, int], box: tuple[slice, slice], ratio: np.ndarray, config: RidgeConfig) -> np.ndarray:
     probability = np.zeros(shape, np.float32)
     offset, slope = np.float32(0.5 + config.sharpness * config.epsilon_r), np.float32(config.sharpness)
     np.clip(offset - slope * ratio, 0, 1, out=probability[box])
     return probability
 
 
-def _person_ratio(depth_m: np.ndarray, config: RidgeConfig) -> tuple[tuple[slice, slice], np.ndarray, np.ndarray]:
-    """The person's box with two pixels around it, and in it the squared distances and the circle ratios."""
+def _ratio_in_box(depth_m: np.ndarray, config: RidgeConfig) -> tuple[tuple[slice, slice], np.ndarray, np.ndarray]:
+    """The bounding box of the person with a margin of two pixels, and the squared distances and circle ratios in it."""
     if not isinstance(depth_m, np.ndarray) or depth_m.ndim != 2 or depth_m.dtype.kind != "f":
         found = f"{depth_m.dtype} {depth_m.shape}" if isinstance(depth_m, np.ndarray) else type(depth_m).__name__
         raise InputError(
             f"ridge: expected one (H, W) depth image of floating-point metres, found {found}; "
-            "kpopnet.camera.depth_in_metres makes metres of millimetres"
+            "kpopnet.camera.depth_in_metres converts millimetres"
         )
     height, width = depth_m.shape
     y0, y1, x0, x1 = _measured_bounds(depth_m)
@@ -146,8 +151,8 @@ def _person_ratio(depth_m: np.ndarray, config: RidgeConfig) -> tuple[tuple[slice
     squared, largest = _squared_distances(depth, np.float32(config.edge_threshold_m))
     if largest in (0, NO_EDGE):
         return box, squared, np.ones(depth.shape, np.float32)
-    reach = max(32, 1 << math.isqrt(largest).bit_length())
-    return box, squared, _circle_ratios(squared, largest, *_circles(reach))
+    max_radius_px = max(32, 1 << math.isqrt(largest).bit_length())
+    return box, squared, _circle_ratios(squared, largest, *_circles(max_radius_px))
 
 
 @njit(cache=True)
@@ -176,9 +181,9 @@ def _measured_bounds(depth):
 
 @njit(cache=True)
 def _squared_distances(depth, threshold):
-    """(H, W) int32 squared distance to the nearest edge, and the largest of them: along columns first, then rows.
+    """(H, W) int32 squared distance to the nearest edge in pixels, and its maximum: along columns first, then along rows.
 
-    In float32, which vectorises and is exact as long as height + width < 4096.
+    Computed in float32, which vectorises and is exact while height + width < 4096.
     """
     zero, one = np.float32(0), np.float32(1)
     height, width = depth.shape
@@ -223,17 +228,17 @@ def _squared_distances(depth, threshold):
 
 
 @cache
-def _circles(reach: int) -> tuple[np.ndarray, np.ndarray]:
-    """Circles of radii 0, 1/4, 1/2, ... up to reach pixels.
+def _circles(max_radius_px: int) -> tuple[np.ndarray, np.ndarray]:
+    """Circles of radii 0, 1/4, 1/2, ... up to max_radius_px pixels.
 
     Returns:
-        (K, 2) int32 offsets dy, dx, and first: the circle of radius i / RADII_PER_PIXEL is
+        (K, 2) int32 offsets dy, dx, and `first`: the circle of radius i / RADII_PER_PIXEL is
         offsets[first[i] : first[i + 1]].
     """
     angles = 2 * np.pi * np.arange(CIRCLE_POINTS) / CIRCLE_POINTS
     points = np.stack([np.sin(angles), np.cos(angles)], axis=1)
-    radii = np.arange(reach * RADII_PER_PIXEL + 1) / RADII_PER_PIXEL
-    # The rounding to 9 digits keeps a point half-way between pixels there, whatever the sine's last bit.
+    radii = np.arange(max_radius_px * RADII_PER_PIXEL + 1) / RADII_PER_PIXEL
+    # Rounding to 9 digits makes points half-way between two pixels independent of the last bit of the sine.
     circles = [np.unique(np.rint((radius * points).round(9)).astype(np.int32), axis=0) for radius in radii]
     first = np.cumsum([0] + [len(circle) for circle in circles]).astype(np.int32)
     return np.concatenate(circles), first
@@ -241,10 +246,10 @@ def _circles(reach: int) -> tuple[np.ndarray, np.ndarray]:
 
 @njit(cache=True)
 def _circle_ratios(squared, largest, offsets, first):
-    """(H, W) float32 R_T, 1 on edges. Unsigned indices spare numba the test for negative ones: half the time."""
+    """(H, W) float32 R_T, 1 on edges. Unsigned indices halve the time: numba does not test them for negative values."""
     height, width = squared.shape
     distance = np.sqrt(squared.ravel().astype(np.float32))
-    # The offsets as steps in the raveled map, for pixels whose circle cannot leave the image.
+    # The offsets as index steps in the flattened map, for pixels whose circle lies inside the image.
     step = np.empty(first[int(math.sqrt(largest) * RADII_PER_PIXEL) + 2], np.uintp)
     for k in range(len(step)):
         step[k] = np.uintp(offsets[k, 0] * width + offsets[k, 1])
@@ -257,10 +262,10 @@ def _circle_ratios(squared, largest, offsets, first):
             radius = distance[here]
             circle = int(radius * np.float32(RADII_PER_PIXEL) + np.float32(0.5))
             begin, end = first[circle], first[circle + 1]
-            room = int(radius) + 1
+            margin = int(radius) + 1
             total = np.float32(0)
-            if room <= y < height - room and room <= x < width - room:
-                # Four sums side by side, since one would wait for itself at every addition.
+            if margin <= y < height - margin and margin <= x < width - margin:
+                # Four independent sums: each addition to a single sum would wait for the previous one.
                 sum_1, sum_2, sum_3 = np.float32(0), np.float32(0), np.float32(0)
                 k = begin
                 while k + 4 <= end:
@@ -281,7 +286,7 @@ def _circle_ratios(squared, largest, offsets, first):
                     if 0 <= v < height and 0 <= u < width:
                         total += distance[v * width + u]
                         count += 1
-            # Eq. (2): the mean over the circle against D_T; a circle wholly outside the image says nothing
+            # Eq. (2): the mean over the circle divided by D_T; undefined if the circle lies outside the image
             if count:
                 ratio[y, x] = total / (np.float32(count) * radius)
     return ratio

@@ -1,4 +1,4 @@
-"""The fifteen joints that every part of the project speaks of."""
+"""The skeleton of fifteen joints used throughout the project."""
 
 from enum import IntEnum
 
@@ -30,7 +30,7 @@ NUM_JOINTS = len(Joint)
 JOINT_NAMES = tuple(joint.name.lower() for joint in Joint)
 
 PAPER_JOINTS = tuple(joint for joint in Joint if joint != Joint.NECK)
-"""The paper's fourteen (section 2.3): all but the neck, which only its dance feature speaks of."""
+"""The paper's fourteen joints (section 2.3): all except the neck, which only the paper's dance feature uses."""
 
 BONES = (
     (Joint.NECK, Joint.HEAD),
@@ -48,7 +48,7 @@ BONES = (
     (Joint.RIGHT_KNEE, Joint.RIGHT_FOOT),
     (Joint.LEFT_KNEE, Joint.LEFT_FOOT),
 )
-"""(parent, child) pairs of the drawn skeleton, parents first."""
+"""(parent, child) pairs of the skeleton, in an order with parents before their children."""
 
 JOINT_GROUPS = {
     "head": (Joint.HEAD,),
@@ -61,7 +61,7 @@ JOINT_GROUPS = {
     "knees": (Joint.RIGHT_KNEE, Joint.LEFT_KNEE),
     "feet": (Joint.RIGHT_FOOT, Joint.LEFT_FOOT),
 }
-"""Left and right together, as papers on depth pose report them."""
+"""Left and right joints grouped, as papers on pose estimation from depth report them."""
 
 
 def _mirrored(joint: Joint) -> Joint:
@@ -74,4 +74,4 @@ def _mirrored(joint: Joint) -> Joint:
 
 
 MIRROR = np.array([_mirrored(joint) for joint in Joint])
-"""(15,) index of each joint's counterpart: `joints[..., MIRROR, :]` swaps left and right."""
+"""(15,) index of each joint's left-right counterpart: `joints[..., MIRROR, :]` swaps left and right."""

@@ -1,12 +1,13 @@
-"""synth makes depth: posed bodies in rooms, rendered, spoilt by a depth camera and cut out, with their true joints.
+"""Simulates depth images of people with ground-truth joints.
 
-It imports kpopnet's nouns (skeleton, camera, ridge, shards, observation) and what the programs share (errors, entry,
-drawing); kpopnet never imports synth.
+Posed bodies in furnished rooms are rendered to depth, degraded by a depth-camera model, and segmented. synth imports
+kpopnet's base modules (skeleton, camera, ridge, errors, shards, observation, runtime, viz); kpopnet never imports synth.
 """
 
 import ctypes.util
 import os
+from pathlib import Path
 
-# MuJoCo chooses its OpenGL when it is imported, and without a screen only if it is told: on a GPU, EGL.
-if "MUJOCO_GL" not in os.environ and os.path.exists("/dev/nvidiactl") and ctypes.util.find_library("EGL"):
+# MuJoCo selects its OpenGL backend at import, and selects EGL only if MUJOCO_GL says so. EGL draws on a GPU without a display.
+if "MUJOCO_GL" not in os.environ and Path("/dev/nvidiactl").exists() and ctypes.util.find_library("EGL"):
     os.environ["MUJOCO_GL"] = "egl"

@@ -3,7 +3,6 @@
 import ast
 import json
 import re
-import runpy
 import shlex
 from dataclasses import replace
 from functools import partial
@@ -15,18 +14,19 @@ from omegaconf import OmegaConf
 from programs import ROOT, run_program
 from shard_sets import write_shard
 
-from kpopnet.benchmarks.evaluation import EvaluateConfig
-from kpopnet.benchmarks.registry import ESTIMATORS, MeanPoseConfig, NetworkEstimatorConfig, build_estimators
-from kpopnet.benchmarks.sweep import sweep_of
-from kpopnet.benchmarks.synthetic import SyntheticConfig
-from kpopnet.checkpoint import save_checkpoint
+from kpopnet.baselines.mean_pose import MeanPoseEstimator
 from kpopnet.dance.scoring import SCORERS
-from kpopnet.entry import user_errors
+from kpopnet.datasets.synthetic import SyntheticConfig
 from kpopnet.errors import InputError
-from kpopnet.machine import cores_at_hand
-from kpopnet.mean_pose import MeanPoseEstimator
+from kpopnet.evaluation.config import EvaluateConfig
+from kpopnet.evaluation.poses.sweep import sweep_of
+from kpopnet.evaluation.registry import ESTIMATORS, MeanPoseConfig, NetworkEstimatorConfig, build_estimators
 from kpopnet.networks import ModelConfig, build_network
+from kpopnet.networks.checkpoint import save_checkpoint
 from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.programs.evaluate import evaluate_joints
+from kpopnet.runtime.cpu import available_cores
+from kpopnet.runtime.hydra_app import user_errors
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
 
 evaluate = partial(run_program, "evaluate.py")
@@ -66,14 +66,13 @@ def test_the_tracker_needs_no_checkpoint_and_may_be_told_where_to_start(place):
         assert done.returncode == 0, done.stderr
         found = json.loads((place / start / "metrics.json").read_text())
         assert list(found["estimators"]) == ["tracker"] and found["files"] == {"tracker": {}}
-        # Nobody in the set takes the Y pose: told nothing, the tracker waits for it to the end.
+        # No person in the set takes the Y pose: without a label, the tracker waits for it to the end.
         assert (found["missing_joints"] < 15 * found["images"]) == with_joints
     refused = evaluate(place, *settings, "estimator.tracker.start=somewhere")
     assert refused.returncode != 0 and "estimator.tracker.start=somewhere" in refused.stderr
 
 
 def test_estimators_come_in_the_order_they_are_listed(place):
-    runpy.run_path(str(ROOT / "evaluate.py"), run_name="evaluate")
     with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
         for listed in (["network"], ["mean_pose", "network"], ["network", "mean_pose"]):
             overrides = [f"estimator=[{','.join(listed)}]", f"checkpoint={place / 'run' / 'last'}"]
@@ -87,14 +86,13 @@ def test_estimators_come_in_the_order_they_are_listed(place):
 
 def documented_commands() -> list[list[str]]:
     """The settings of every command in evaluate.py's own help."""
-    text = ast.get_docstring(ast.parse((ROOT / "evaluate.py").read_text()), clean=False).replace("\\\n", " ")
+    text = ast.get_docstring(ast.parse((ROOT / "kpopnet/programs/evaluate.py").read_text()), clean=False).replace("\\\n", " ")
     lines = [line for line in text.splitlines() if line.startswith("    python evaluate.py")]
     return [shlex.split(line, comments=True)[2:] for line in lines]
 
 
 @pytest.mark.parametrize("settings", documented_commands(), ids=str)
 def test_every_command_in_the_help_is_one(settings):
-    runpy.run_path(str(ROOT / "evaluate.py"), run_name="evaluate")  # which makes its schemas known
     with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
         composed = compose("evaluate", [word for word in settings if not word.startswith("hydra.")])
     config = OmegaConf.to_object(composed)
@@ -111,9 +109,8 @@ def test_every_command_in_the_help_is_one(settings):
         assert config.sweep.rows.values == [0.040, 0.045, 0.050, 0.055, 0.060]
 
 
-def test_the_scorers_of_the_readme_can_be_asked_for():
-    runpy.run_path(str(ROOT / "evaluate.py"), run_name="evaluate")
-    given = re.findall(r"`([^`\n]*scorer[.=][^`\n]*)`", (ROOT / "README.md").read_text())
+def test_the_scorers_of_the_documentation_can_be_given():
+    given = re.findall(r"`([^`\n]*scorer[.=][^`\n]*)`", (ROOT / "docs" / "dance_scoring.md").read_text())
     with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
         scorers = [OmegaConf.to_object(compose("evaluate", ["estimator=[]", *shlex.split(one)])).scorer for one in given]
     assert scorers == [{"raptis": SCORERS["raptis"]}, {"dance22": replace(SCORERS["dance22"], beta=2)}]
@@ -122,7 +119,7 @@ def test_the_scorers_of_the_readme_can_be_asked_for():
 def test_the_number_of_processes_is_the_cores_but_one_for_a_gpu():
     networks = {device: {"network": NetworkEstimatorConfig(device=device)} for device in ("cpu", "cuda")}
     assert EvaluateConfig(None, networks["cuda"]).processes_at_work() == 1
-    assert EvaluateConfig(None, networks["cpu"]).processes_at_work() == cores_at_hand()
+    assert EvaluateConfig(None, networks["cpu"]).processes_at_work() == available_cores()
     assert EvaluateConfig(None, networks["cuda"], processes=3).processes_at_work() == 3
     with pytest.raises(InputError, match="processes=-1"):
         EvaluateConfig(None, {}, processes=-1)
@@ -145,7 +142,6 @@ def test_a_missing_or_foreign_checkpoint_is_named(tmp_path):
 
 
 def test_scorers_are_refused_where_joints_are_judged(tmp_path):
-    evaluate_joints = runpy.run_path(str(ROOT / "evaluate.py"), run_name="evaluate")["evaluate_joints"]
     config = EvaluateConfig(SyntheticConfig(), {"tracker": TrackerEstimatorConfig()}, scorer={"raptis": SCORERS["raptis"]})
     with pytest.raises(InputError, match=r"scorer=\[raptis\]: benchmark=synthetic judges joints.*benchmark=kpop or kpop_sim"):
         evaluate_joints(config, tmp_path)

@@ -15,11 +15,12 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 from programs import ROOT, run_program
 
-from kpopnet.checkpoint import load_network, read_meta
-from kpopnet.crops import ShuffledOrder
+from kpopnet.data.batches import ShuffledOrder
+from kpopnet.data.shards import ShardedSet
 from kpopnet.networks import ModelConfig, build_network
+from kpopnet.networks.checkpoint import load_network, read_meta
 from kpopnet.networks.estimator import NetworkEstimator
-from kpopnet.shards import ShardedSet
+from kpopnet.programs.train import NetworkTrainingConfig
 
 run = partial(run_program, "train.py")
 SHORT = (
@@ -39,7 +40,7 @@ def place(tmp_path_factory):
 
 
 def tear(shard, row):
-    """Overwrites a piece of one stored picture."""
+    """Overwrites a part of one stored image."""
     with h5py.File(shard, "r") as file:
         where = file["depth_mm"].id.get_chunk_info_by_coord((row, 0, 0)).byte_offset
     data = bytearray(shard.read_bytes())
@@ -51,10 +52,10 @@ def test_a_run_leaves_a_network_and_says_what_it_does(place):
     network = ("model=holistic", "model.input=depth_ridge", "seed=3")
     whole = run(place, *SHORT, *network, "training.steps=4", "hydra.run.dir=whole")
     assert whole.returncode == 0, whole.stderr
-    # What is to be known is said: size, machine, data, folder, result.
-    for said in ("parameters", "CPU (1 process(es) of 1 thread(s))", "12 training and 4 validation samples",
+    # The log names size, machine, data, folder and result.
+    for expected in ("parameters", "CPU (1 process(es) of 1 thread(s))", "12 training and 4 validation samples",
                  "step 4 of 4: mean error", "whole/best", "empty silhouette"):  # fmt: skip
-        assert said in whole.stderr + whole.stdout, said
+        assert expected in whole.stderr + whole.stdout, expected
     assert {path.name for path in (place / "whole").iterdir()} >= {"best", "last", "checkpoints", ".hydra", "train.log"}
     meta = read_meta(place / "whole" / "last")
     assert meta["model"]["kind"] == "holistic"
@@ -117,6 +118,12 @@ def test_a_run_begins_with_the_weights_of_another(place):
     assert any((fresh[name] - weight).abs().max() > 1e-4 for name, weight in general.items())
     assert read_meta(place / "special" / "best")["config"]["training"]["start"] == "general/best"
 
+    # Without settings of a model, the checkpoint says which it is.
+    without = [word for word in SHORT if not word.startswith("model")]
+    third = run(place, *without, "training.steps=1", "training.start=general/best", "hydra.run.dir=third")
+    assert third.returncode == 0, third.stderr
+    assert read_meta(place / "third" / "last")["model"] == read_meta(place / "general" / "best")["model"]
+
     other = ("model=holistic", "model.widths=[8,8,16,24]", "hydra.run.dir=other")
     refused = run(place, *SHORT, "training.start=general/best", *other)
     assert refused.returncode == 1
@@ -126,7 +133,7 @@ def test_a_run_begins_with_the_weights_of_another(place):
 
 
 def test_a_resumed_run_is_bit_for_bit_the_run_that_was_not_stopped(place, tmp_path):
-    """Stopped in its third step, by a picture that is torn and then repaired; 12 samples are three steps an epoch."""
+    """Stopped in its third step, by an image that is damaged and then repaired; 12 samples are three steps an epoch."""
     shutil.copytree(place / "train", tmp_path / "train")
     settings = [*SHORT, "model.input=depth_ridge", "training.steps=6", f"data.validation={place / 'validation'}"]
     whole = run(tmp_path, *settings, "hydra.run.dir=whole")
@@ -174,7 +181,7 @@ def test_several_processes_share_one_folder(place):
 
 
 @pytest.mark.parametrize(
-    ("overrides", "said"),
+    ("overrides", "message"),
     [
         (["training.stepz=3"], "stepz"),
         (["training.steps=many"], "many"),
@@ -187,18 +194,16 @@ def test_several_processes_share_one_folder(place):
         (["device=tpu"], "device=tpu"),
     ],
 )
-def test_a_users_mistake_ends_with_one_line(place, overrides, said):
+def test_a_users_mistake_ends_with_one_line(place, overrides, message):
     done = run(place, *SHORT, *overrides, "hydra.run.dir=mistakes")
     assert done.returncode == 1
-    assert done.stderr.startswith("error: ") and done.stderr.count("\n") == 1 and said in done.stderr, done.stderr
+    assert done.stderr.startswith("error: ") and done.stderr.count("\n") == 1 and message in done.stderr, done.stderr
 
 
 def test_every_configuration_composes_to_real_objects():
-    import train
-
     with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
         for group in ("model", "training"):
             for choice in sorted(path.stem for path in (ROOT / "configs" / group).glob("*.yaml")):
                 config = OmegaConf.to_object(compose("train", [f"{group}={choice}"]))
-                assert isinstance(config, train.Config)
+                assert isinstance(config, NetworkTrainingConfig)
                 assert config.model.kind == (choice if group == "model" else "dense")

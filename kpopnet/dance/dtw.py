@@ -1,19 +1,20 @@
 """Dynamic time warping of a learner's window into a teacher's dance (section 3.2).
 
-Both are features at the same even frames of one clock. Learner's frame i is expected to be the teacher's frame of the same
-time; it is compared with those up to `band` frames before and after. So distances are kept as (frames, 2 * band + 1): column
-k of row i belongs to the teacher's frame i + k - band. A row is made once, when its frame comes, and serves every window
-that the frame is in: the online form is the offline form with one new row a frame.
+Both dances are features at the same uniformly spaced times. Without a delay the learner's frame i corresponds to the teacher's
+frame of the same time. It is compared with the teacher's frames up to `band` frames before and after that one. So distances
+are stored as an array (frames, 2 * band + 1): column k of row i belongs to the teacher's frame i + k - band. A row is
+computed once, when its frame arrives, and is used by every window that contains the frame. The online computation is
+therefore the offline computation with one new row per frame.
 
-The match is open at both ends: it may begin and end anywhere in the band, as the text has it ("finds the corresponding
-teacher's dance sequence"). It begins where the path traced back from its best end begins. Dances repeat themselves and stand
-still, and a window alone often fits in several places; which is meant is told by the delay at which a longer stretch fits
-(`steady_delay`), towards which `best_match` is pulled. Two sets of steps are offered:
+The match is open at both ends: it may begin and end anywhere in the band, in agreement with the paper's text ("finds the
+corresponding teacher's dance sequence"). Its begin is found by backtracking from its best end. Dances contain repetitions
+and pauses, and a single window often fits in several places. The ambiguity is resolved by the constant delay at which a
+longer stretch of frames fits best (`constant_delay`): `best_match` penalises distance from it. There are two step patterns:
 
-- `slope`: the learner is at most twice as fast or as slow as the teacher (slope constraint P = 1 of Sakoe and Chiba 1978),
-  and each of the learner's frames counts once whatever the match's length, so that a long match does not cost more than a
-  short one.
-- `free`: the paper's three steps, each cell counted fully. A learner who stands still may then match a single frame.
+- `slope`: the learner is at most twice as fast or as slow as the teacher (slope constraint P = 1 of Sakoe and Chiba 1978).
+  Each of the learner's frames counts once whatever the length of the match, so a long match does not cost more than a short
+  one.
+- `free`: the paper's three steps; each cell counts fully. A learner who stands still may then match a single frame.
 
 Algorithm 3 as printed is `algorithm_3`.
 """
@@ -23,91 +24,103 @@ import math
 import numpy as np
 from numba import njit
 
-from kpopnet.dance.features import Features
+from kpopnet.dance.features import Features, check_same_angles
 
 STEPS = ("slope", "free")
 
-_ANY_ORDER = {"reassoc", "nsz"}
-"""Lets a sum's terms be added side by side: `frame_distance` is five times as fast in functions compiled so."""
+_REASSOCIATE = {"reassoc", "nsz"}
+"""Fast-math flags that allow sums to be vectorised: `frame_distance` is five times as fast in functions compiled with them."""
 
-_START, _BOTH, _LEARNER, _TEACHER = 0, 1, 2, 3
+_START, _BOTH, _LEARNER, _TEACHER = 0, 1, 2, 3  # which of the two advances in the step that leads to a cell
 
 
 def banded_distances(learner: Features, teacher: Features, first: int, band: int, outlier_rad: float) -> np.ndarray:
-    """Distances of each of a learner's frames to the teacher's around the same time.
+    """Distances between each of a learner's frames and the teacher's frames within the band around the same time.
 
     Args:
-        learner: (T, D) features; row 0 belongs to the teacher's frame `first`.
+        learner: (T, D) features; row 0 corresponds to the teacher's frame `first`.
         teacher: (M, D) features.
-        first: may be negative or beyond the teacher's end.
-        band: frames.
-        outlier_rad: see `frame_distance`.
+        first: frame number; may be negative or beyond the teacher's end.
+        band: half width of the band, frames.
+        outlier_rad: see `frame_distance`, radians.
 
     Returns:
-        (T, 2 * band + 1) float64: what `frame_distance` gives, infinite where the teacher has no such frame. Where too little
-        is known of either, the greatest distance possible, which attracts no path and is the same for the learner's whole row.
+        (T, 2 * band + 1) float64 values of `frame_distance`, radians; infinite where the teacher has no such frame. Where too
+        many angles of a pair are missing, the entry is the greatest possible distance. It attracts no path, and where the
+        learner's frame is the missing one it is the same for the whole row.
+
+    Raises:
+        InputError: the features have different numbers of angles.
     """
+    check_same_angles(learner, teacher)
     return _banded_distances(learner, teacher, first, band, outlier_rad)
 
 
-@njit(cache=True, fastmath=_ANY_ORDER)
+@njit(cache=True, fastmath=_REASSOCIATE)
 def _banded_distances(learner, teacher, first, band, outlier):
     frames, angles = learner.angles_rad.shape
-    taught = len(teacher.angles_rad)
-    everything = np.ones(angles)
-    # That of angles that all are half a turn apart.
+    teacher_frames = len(teacher.angles_rad)
+    all_columns = np.ones(angles)
+    # The distance if every angle differs by pi.
     greatest = math.sqrt(angles) * math.pi
     if outlier < np.inf:
         greatest = math.sqrt(angles * math.log1p((math.pi / outlier) ** 2)) * outlier
     distances = np.full((frames, 2 * band + 1), np.inf)
     for i in range(frames):
-        for k in range(max(band - first - i, 0), min(taught + band - first - i, 2 * band + 1)):
-            distance = frame_distance(learner, i, teacher, first + i + k - band, everything, outlier)
+        for k in range(max(band - first - i, 0), min(teacher_frames + band - first - i, 2 * band + 1)):
+            distance = frame_distance(learner, i, teacher, first + i + k - band, all_columns, outlier)
             distances[i, k] = greatest if math.isnan(distance) else distance
     return distances
 
 
 @njit(cache=True, inline="always")
 def frame_distance(learner, i, teacher, j, columns, outlier):
-    """The norm of Eq. (14) between a learner's frame i and a teacher's j, over the columns that have a 1 and not a 0; radians.
+    """The norm of Eq. (14), in radians, between a learner's frame i and a teacher's frame j.
 
-    Differences are wrapped to -pi..pi, and their squares weighted by both frames' weights. Squares far beyond that of
-    `outlier` count by their logarithm (Cauchy's function): a limb that is lost, or in quite another move, shall not outweigh
-    all others. With an infinite one it is the plain norm. Missing angles are taken to differ as much as the others do on
-    average, unsure ones in part, and columns that are left out likewise, so that the norms of parts and of the whole compare.
-    NaN if more than half of the angles are missing, or nobody is sure of them at all.
+    Only columns with a 1 in `columns` are compared; those with a 0 are excluded. Differences are wrapped to -pi..pi, and their
+    squares are weighted by the weights of both frames. Squares far beyond that of `outlier` count by their logarithm (Cauchy
+    loss), so that a limb whose estimate is lost, or which does another move, does not outweigh all others. With an infinite
+    `outlier` this is the plain norm. Missing angles and excluded columns are assumed to differ as much as the others on
+    average, and angles of low confidence in part, so that norms of body parts and of the whole body are comparable.
+
+    Returns:
+        NaN if more than half of the angles are missing or the confidence of all angles is 0.
     """
-    total, product, known, there_are, asked = 0.0, 1.0, 0.0, 0.0, 0.0
+    total, product, confidence_sum, num_present, num_columns = 0.0, 1.0, 0.0, 0.0, 0.0
     inverse = 1 / (outlier * outlier)
     for c in range(len(columns)):
         difference = abs(learner.angles_rad[i, c] - teacher.angles_rad[j, c])
         difference = min(difference, abs(difference - 2 * math.pi))
-        there = difference == difference  # not NaN
-        sure = columns[c] * learner.sure[i, c] * teacher.sure[j, c]
-        squared = sure * learner.weights[i, c] * teacher.weights[j, c] * difference * difference if there else 0.0
+        present = difference == difference  # not NaN
+        confidence = columns[c] * learner.confidence[i, c] * teacher.confidence[j, c]
+        squared = confidence * learner.weights[i, c] * teacher.weights[j, c] * difference * difference if present else 0.0
         total += squared
         product *= 1 + squared * inverse  # the sum of logarithms is the logarithm of this
-        known += sure if there else 0.0
-        there_are += columns[c] if there and sure > 0 else 0.0
-        asked += columns[c]
-    if known == 0 or 2 * there_are < asked:
+        confidence_sum += confidence if present else 0.0
+        num_present += columns[c] if present and confidence > 0 else 0.0
+        num_columns += columns[c]
+    if confidence_sum == 0 or 2 * num_present < num_columns:
         return np.nan
     if outlier < np.inf:
         total = outlier * outlier * math.log(product)
-    return math.sqrt(total * len(columns) / known)
+    return math.sqrt(total * len(columns) / confidence_sum)
 
 
 @njit(cache=True)
-def steady_delay(distances, pull):
-    """The column at which a stretch of frames matches best if the delay stays the same throughout.
+def constant_delay(distances, penalty):
+    """The column at which a stretch of frames matches best if the delay is constant.
 
     Args:
-        distances: (n, 2 * band + 1) as of `banded_distances`; infinite ones do not count.
-        pull: radians that every frame away from the expected time costs: decides where nothing else does.
+        distances: (n, 2 * band + 1) output of `banded_distances`, radians; infinite entries are ignored.
+        penalty: radians added to the mean distance per frame of delay; it decides between delays that fit equally well.
+
+    Returns:
+        The column with the least mean distance plus penalty; `band`, no delay, if fewer than n / 2 entries of every column
+        are finite.
     """
     n, columns = distances.shape
     band = columns // 2
-    best, least = band, np.inf
+    best, least_cost = band, np.inf
     for k in range(columns):
         total, count = 0.0, 0
         for i in range(n):
@@ -115,40 +128,49 @@ def steady_delay(distances, pull):
                 total += distances[i, k]
                 count += 1
         if 2 * count >= n:
-            mean = total / count + pull * abs(k - band)
-            if mean < least:
-                best, least = k, mean
+            cost = total / count + penalty * abs(k - band)
+            if cost < least_cost:
+                best, least_cost = k, cost
     return best
 
 
 @njit(cache=True)
-def best_match(distances, slope, pull, expected):
+def best_match(distances, slope, penalty, expected):
     """Open-begin, open-end matching of a window.
 
     Args:
-        distances: (n, 2 * band + 1) as of `banded_distances`, n >= 1.
-        slope: True for the steps `slope`, False for `free`.
-        pull: radians that begin and end each cost for every frame that they lie away from where they are expected, times
-            n / 2: among matches that are as good the nearest is taken. 0 is none.
-        expected: the column where they are expected.
+        distances: (n, 2 * band + 1) output of `banded_distances`, n >= 1, radians.
+        slope: True for the step pattern `slope`, False for `free`.
+        penalty: radians per frame. The begin and the end of the match each cost penalty * n / 2 per frame of distance from
+            the expected delay, so that of equally good matches the nearest is chosen. 0 switches the penalty off.
+        expected: the column of the expected delay.
 
     Returns:
-        (L, 2) int64 path from begin to end: rows and columns of `distances`. Empty if the teacher has nothing there.
+        (L, 2) int64 path from begin to end: rows and columns of `distances`. Empty if the teacher has no frames there.
     """
     n, columns = distances.shape
-    away = pull * n / 2 * np.abs(np.arange(columns) - expected)
-    cost, step = _arrivals(distances, slope, away)
-    end = np.argmin(cost[n - 1] + away)
-    return _path_to(end, step, slope) if cost[n - 1, end] < np.inf else np.empty((0, 2), np.int64)
+    endpoint_cost = penalty * n / 2 * np.abs(np.arange(columns) - expected)
+    cost, step = _accumulated_cost(distances, slope, endpoint_cost)
+    end = np.argmin(cost[n - 1] + endpoint_cost)
+    return _backtrack(end, step, slope) if cost[n - 1, end] < np.inf else np.empty((0, 2), np.int64)
 
 
 @njit(cache=True)
-def _arrivals(distances, slope, away):
-    """The least cost of a match up to each cell, where beginning costs `away`, and the step by which it gets there."""
+def _accumulated_cost(distances, slope, begin_cost):
+    """The least cost of a match that ends in each cell, and the step that leads to the cell.
+
+    Args:
+        distances: (n, 2 * band + 1) radians.
+        slope: see `best_match`.
+        begin_cost: (2 * band + 1,) cost of beginning in each column, radians.
+
+    Returns:
+        (n, 2 * band + 1) float64 costs and int8 steps.
+    """
     n, columns = distances.shape
     cost = np.full((n, columns), np.inf)
     step = np.zeros((n, columns), np.int8)
-    cost[0] = distances[0] + away
+    cost[0] = distances[0] + begin_cost
     for i in range(n):
         for k in range(columns):
             here = distances[i, k]
@@ -177,8 +199,8 @@ def _arrivals(distances, slope, away):
 
 
 @njit(cache=True)
-def _path_to(end, step, slope):
-    """(L, 2) the way to the last row's column `end`, from its beginning."""
+def _backtrack(end, step, slope):
+    """(L, 2) the path from its begin to column `end` of the last row."""
     n, columns = step.shape
     path = np.empty((2 * (n + columns), 2), np.int64)
     i, k, length = n - 1, end, 0
@@ -195,34 +217,35 @@ def _path_to(end, step, slope):
             i, k = i - 1, k + 1
         else:
             k -= 1
-        if slope:  # a step of one is always followed by one of both
+        if slope:  # a step in which one of the two advances is always preceded by a step in which both do
             path[length] = i, k
             length += 1
             i -= 1
     return path[:length][::-1].copy()
 
 
-@njit(cache=True, fastmath=_ANY_ORDER)
+@njit(cache=True, fastmath=_REASSOCIATE)
 def posture_on_path(path, learner, teacher, first, band, parts, outlier, beta):
-    """Eq. (14) along a path, for some parts of the body.
+    """Posture similarity of Eq. (14) along a path, for each of some parts of the body.
 
     Args:
-        path: (L, 2) as of `best_match`.
+        path: (L, 2) output of `best_match`.
         learner: (n, D) features of the window.
         teacher: (M, D) features of the teacher's dance.
-        first: the teacher's frame that belongs to the window's first.
-        band: frames.
+        first: the teacher's frame of the same time as the window's first frame.
+        band: half width of the band, frames.
         parts: (P, D) 1 for the columns of each part, 0 for others.
-        outlier: see `frame_distance`.
-        beta: radians.
+        outlier: see `frame_distance`, radians.
+        beta: scale of Eq. (14), radians.
 
     Returns:
-        (P,) posture similarity in 0..1 and (P,) share of the matched teacher's frames that could be compared. The learner's
-        frames matched to one of the teacher's share its place in the mean. NaN where nothing could be compared.
+        (P,) posture similarity in 0..1, NaN where no frame could be compared, and (P,) fraction of the matched teacher's
+        frames that could be compared. Every matched teacher's frame has the same weight in the mean; the learner's frames
+        matched to the same teacher's frame are averaged first.
     """
     num_parts = len(parts)
     posture, compared = np.zeros(num_parts), np.zeros(num_parts)
-    begin, end = path[0].sum(), path[-1].sum()  # i + k, the teacher's frame but for a constant
+    begin, end = path[0].sum(), path[-1].sum()  # i + k, the teacher's frame plus a constant
     for p in range(num_parts):
         at = 0
         for frame in range(begin, end + 1):
@@ -246,19 +269,31 @@ def posture_on_path(path, learner, teacher, first, band, parts, outlier, beta):
 def algorithm_3(
     learner: Features, teacher: Features, alpha: float, beta: float, tau_frames: float, outlier_rad: float = math.inf
 ) -> tuple[float, float, float]:
-    """Algorithm 3 as it is printed: S_t, S_p and T_t of n of a learner's frames and m of the teacher's.
+    """Algorithm 3 as printed in the paper.
 
-    What is wrong with it: DTW[0, j] is infinite but for j = 0, so the path starts at the teacher's first frame and
-    argmin_j DTW[1, j] is always 1, against the text that looks for a subsequence. DTW[n + 1, j] does not exist; DTW[n, j]
-    is read. T_t is half a length, not the middle time of Eq. (13): who dances at the right speed but late is on time. S_p is
-    the exponential of a mean, Eq. (14) the mean of exponentials, and divides by half the length.
+    Faults of the printed algorithm: DTW[0, j] is infinite except for j = 0, so the path starts at the teacher's first frame and
+    argmin_j DTW[1, j] is always 1, although the text describes the search for a subsequence. DTW[n + 1, j] does not exist;
+    DTW[n, j] is read here. T_t is half a length, not the middle time of Eq. (13), so a learner who dances at the right speed
+    but late counts as on time. S_p is the exponential of a mean, where Eq. (14) is the mean of exponentials, and it divides by
+    half the length.
+
+    Args:
+        learner: (n, D) features.
+        teacher: (m, D) features.
+        alpha: of Eq. (13).
+        beta: of Eq. (14), radians.
+        tau_frames: tau of Eq. (13), frames.
+        outlier_rad: see `frame_distance`.
+
+    Returns:
+        S_t in 0..1, S_p in 0..1 and T_t in frames.
     """
     n, m = len(learner.angles_rad), len(teacher.angles_rad)
     distances = np.full((n + 1, m + 1), np.inf)
-    whole = banded_distances(learner, teacher, 0, max(n, m), outlier_rad)
+    banded = banded_distances(learner, teacher, 0, max(n, m), outlier_rad)
     for i in range(1, n + 1):
-        distances[i, 1:] = whole[i - 1, max(n, m) - i + 1 : max(n, m) - i + 1 + m]
-    warped = _printed_dtw(distances)
+        distances[i, 1:] = banded[i - 1, max(n, m) - i + 1 : max(n, m) - i + 1 + m]
+    warped = _dtw_as_printed(distances)
     start = int(np.argmin(warped[1, 1:])) + 1
     end = int(np.argmin(warped[n, 1:])) + 1
     half_length = (end - start + 1) / 2
@@ -267,7 +302,7 @@ def algorithm_3(
 
 
 @njit(cache=True)
-def _printed_dtw(distances):
+def _dtw_as_printed(distances):
     n, m = distances.shape[0] - 1, distances.shape[1] - 1
     warped = np.full((n + 1, m + 1), np.inf)
     warped[0, 0] = 0

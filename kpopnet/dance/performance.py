@@ -1,9 +1,12 @@
-"""A dance as it was seen: joints over time, and how sure each is."""
+"""An observed dance: joints over time and their confidence."""
 
 import numpy as np
 
 from kpopnet.errors import InputError
 from kpopnet.skeleton import NUM_JOINTS
+
+MAX_DURATION_S, MAX_TIME_S = 7200.0, 1e9
+"""Longest dance, which bounds the memory of a comparison to a few hundred megabytes, and latest time on a clock."""
 
 
 class Performance:
@@ -11,48 +14,68 @@ class Performance:
 
     Attributes:
         joints_m: (T, 15, 3) float64 in the camera frame, NaN where a joint is missing.
-        times_s: (T,) float64, strictly increasing, on the clock that the music runs by: the teacher's and the learner's zero
-            are the same instant of it.
-        confidence: (T, 15) float64 in 0..1, how sure each joint is; 0 where it is missing. What is less sure counts less.
+        times_s: (T,) float64 seconds, strictly increasing, on the clock of the music: zero is the same instant of the music for
+            the teacher and the learner.
+        confidence: (T, 15) float64 in 0..1; 0 where the joint is missing. Joints of lower confidence have less weight.
     """
 
     def __init__(self, joints_m: np.ndarray, times_s: np.ndarray, confidence: np.ndarray | None = None) -> None:
-        """Without a confidence all joints that are there are sure."""
+        """Checks and copies the arrays.
+
+        Args:
+            joints_m: (T, 15, 3); a joint with a coordinate that is not finite is missing.
+            times_s: (T,) seconds.
+            confidence: (T, 15) in 0..1; None for confidence 1 of every joint that is not missing.
+
+        Raises:
+            InputError: An array has another shape, times do not increase or exceed MAX_DURATION_S, or a confidence is not in
+                0..1.
+        """
         joints_m, times_s = np.array(joints_m, np.float64), np.array(times_s, np.float64)
         if joints_m.ndim != 3 or joints_m.shape[1:] != (NUM_JOINTS, 3) or not len(joints_m):
             raise InputError(f"joints of shape {joints_m.shape}: expected (frames, {NUM_JOINTS}, 3) and at least one frame")
         if times_s.shape != joints_m.shape[:1]:
             raise InputError(f"{len(joints_m)} frames with times of shape {times_s.shape}: expected one time a frame")
-        right = np.isfinite(times_s)
-        right[1:] &= ~(times_s[1:] <= times_s[:-1])
-        if not right.all():
-            wrong = int(np.argmin(right))
-            raise InputError(f"frame {wrong} has time {times_s[wrong]}: times must be finite and grow from frame to frame")
+        valid = np.isfinite(times_s)
+        valid[1:] &= ~(times_s[1:] <= times_s[:-1])
+        if not valid.all():
+            wrong = int(np.argmin(valid))
+            raise InputError(f"frame {wrong} has time {times_s[wrong]}: times must be finite and increase from frame to frame")
+        if times_s[-1] - times_s[0] > MAX_DURATION_S or np.abs(times_s[[0, -1]]).max() > MAX_TIME_S:
+            raise InputError(
+                f"times from {times_s[0]:g} to {times_s[-1]:g} s: expected a dance of at most {MAX_DURATION_S:g} s; "
+                "are they seconds?"
+            )
         self.times_s = times_s
-        self.joints_m, self.confidence = whole_joints(joints_m, confidence)
+        self.joints_m, self.confidence = mask_missing_joints(joints_m, confidence)
 
     def __len__(self) -> int:
         return len(self.times_s)
 
+    @property
+    def is_observed(self) -> bool:
+        """Whether any joint of any frame is known, with a confidence above 0."""
+        return bool(self.confidence.any())
 
-def whole_joints(joints_m: np.ndarray, confidence: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-    """Joints that are there as a whole or not at all, and how sure each is.
+
+def mask_missing_joints(joints_m: np.ndarray, confidence: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """Sets all coordinates of a missing joint to NaN and its confidence to 0.
 
     Args:
-        joints_m: (..., 15, 3) metres; one with a coordinate that is not finite is missing.
-        confidence: (..., 15) in 0..1; None for 1 throughout.
+        joints_m: (..., 15, 3) metres; a joint with a coordinate that is not finite is missing.
+        confidence: (..., 15) in 0..1; None for 1 everywhere.
 
     Returns:
-        (..., 15, 3) with missing joints NaN, and (..., 15) float64 with theirs 0.
+        (..., 15, 3) joints with missing ones NaN, and (..., 15) float64 confidence with missing ones 0.
 
     Raises:
-        InputError: a confidence of another shape, or not in 0..1.
+        InputError: The confidence has another shape, or is not in 0..1.
     """
     shape = joints_m.shape[:-1]
-    found = np.ones(shape) if confidence is None else np.asarray(confidence, np.float64)
-    if found.shape != shape:
-        raise InputError(f"confidence of shape {found.shape}: expected one number a joint, {shape}")
-    if not ((found >= 0) & (found <= 1)).all():
-        raise InputError(f"confidence from {found.min()} to {found.max()}: expected numbers from 0 to 1")
-    missing = ~np.isfinite(joints_m).all(axis=-1)
-    return np.where(missing[..., None], np.nan, joints_m), np.where(missing, 0.0, found)
+    values = np.ones(shape) if confidence is None else np.asarray(confidence, np.float64)
+    if values.shape != shape:
+        raise InputError(f"confidence of shape {values.shape}: expected one number a joint, {shape}")
+    if not ((values >= 0) & (values <= 1)).all():
+        raise InputError(f"confidence from {values.min()} to {values.max()}: expected numbers from 0 to 1")
+    missing = np.logical_not(np.isfinite(joints_m).all(axis=-1))
+    return np.where(missing[..., None], np.nan, joints_m), np.where(missing, 0.0, values)

@@ -1,8 +1,8 @@
-"""Joints brought to even frames by their time stamps, smoothed, short gaps closed: all by one robust local regression.
+"""Resamples joints at given times, smooths them and closes short gaps, all by one robust local linear regression.
 
-Around each instant a straight line is fitted to every joint's samples, weighted by a Gaussian in time, and once more with
-samples that lie far from the first line weighted down (after LOWESS, Cleveland 1979). Frame rates may differ and frames be
-missing; a joint that jumps away for a frame or two hardly moves the line.
+At each output time a straight line is fitted to every joint's samples, weighted by a Gaussian in time. It is then refitted with
+lower weights for samples far from the first line (after LOWESS, Cleveland 1979). Frame rates may differ and frames may be
+missing. A joint that jumps away for one or two frames hardly moves the line.
 """
 
 import math
@@ -10,74 +10,96 @@ import math
 import numpy as np
 from numba import njit
 
-GAP_S = 0.25
-"""A joint that is missing for longer stays missing."""
+from kpopnet.errors import InputError
+
+MAX_GAP_S = 0.25
+"""Longer gaps in a joint's samples are not closed."""
 
 OUTLIER_M = 0.15
-"""A sample so far from the first line has half its weight in the second: far beyond noise and what a straight line misses
-of a dance."""
+"""A sample at this distance from the first line has half its weight in the second fit. The distance is far beyond noise and
+beyond the deviation of a dance from a straight line."""
 
-TOLERANCE_S = 1e-6
-"""Time stamps are written with rounding."""
+TIME_TOLERANCE_S = 1e-6
+"""Allows for rounding of stored time stamps."""
 
-_REACH = 3.0  # standard deviations of the Gaussian
+_KERNEL_RADIUS = 3.0  # standard deviations of the Gaussian
 
 
-def reach_s(smoothing_s: float) -> float:
-    """How far away in time samples count."""
-    return max(_REACH * smoothing_s, GAP_S)
+def kernel_radius_s(smoothing_s: float) -> float:
+    """Greatest distance in time, in seconds, of a sample with weight, for a Gaussian of standard deviation `smoothing_s`."""
+    return max(_KERNEL_RADIUS * smoothing_s, MAX_GAP_S)
 
 
 def resampled(joints_m: np.ndarray, times_s: np.ndarray, at_s: np.ndarray, smoothing_s: float) -> np.ndarray:
-    """The joints at other times.
+    """The joints at given times.
 
     Args:
         joints_m: (T, 15, 3), NaN where missing.
-        times_s: (T,) strictly increasing.
-        at_s: (G,) increasing.
-        smoothing_s: standard deviation of the Gaussian, above 0.
+        times_s: (T,) seconds, strictly increasing.
+        at_s: (G,) output times, seconds, increasing.
+        smoothing_s: standard deviation of the Gaussian, seconds, above 0.
 
     Returns:
-        (G, 15, 3) float64; NaN before the first sample of a joint, after its last, and in gaps longer than GAP_S.
+        (G, 15, 3) float64; NaN before the first sample of a joint, after its last, and in gaps longer than MAX_GAP_S.
+
+    Raises:
+        InputError: there is not one time for every frame.
     """
+    _check_lengths(joints_m, times_s, at_s)
     return _resampled(
         np.ascontiguousarray(joints_m, np.float64), np.asarray(times_s, np.float64), np.asarray(at_s, np.float64),
-        float(smoothing_s), reach_s(smoothing_s),
+        float(smoothing_s), kernel_radius_s(smoothing_s),
     )  # fmt: skip
 
 
 def resampled_confidence(confidence: np.ndarray, times_s: np.ndarray, at_s: np.ndarray, smoothing_s: float) -> np.ndarray:
-    """(G, 15) the mean of (T, 15) confidence around other times, weighted by the same Gaussian; 0 where no sample is near.
+    """Mean confidence around given times, weighted by the Gaussian of `resampled`.
 
-    Times are as of `resampled`.
+    Args:
+        confidence: (T, 15) in 0..1.
+        times_s: See `resampled`.
+        at_s: See `resampled`.
+        smoothing_s: See `resampled`.
+
+    Returns:
+        (G, 15) float64; 0 where no sample lies within the kernel.
+
+    Raises:
+        InputError: there is not one time for every frame.
     """
+    _check_lengths(confidence, times_s, at_s)
     return _confidence(
         np.ascontiguousarray(confidence, np.float64), np.asarray(times_s, np.float64), np.asarray(at_s, np.float64),
-        float(smoothing_s), reach_s(smoothing_s),
+        float(smoothing_s), kernel_radius_s(smoothing_s),
     )  # fmt: skip
 
 
+def _check_lengths(samples: np.ndarray, times_s: np.ndarray, at_s: np.ndarray) -> None:
+    if np.shape(times_s) != np.shape(samples)[:1] or np.ndim(at_s) != 1:
+        raise InputError(f"{len(samples)} samples at times of shape {np.shape(times_s)}: expected one time a sample")
+
+
 @njit(cache=True)
-def _near(times, at, reach):
-    """(G, 2) for each instant the first sample within reach, and the one after the last."""
-    near = np.empty((len(at), 2), np.int64)
+def _kernel_ranges(times, at, radius):
+    """(G, 2) for each output time the number of the first sample within the radius, and one past the last."""
+    ranges = np.empty((len(at), 2), np.int64)
     first = stop = 0
     for g in range(len(at)):
-        while first < len(times) and times[first] < at[g] - reach:
+        while first < len(times) and times[first] < at[g] - radius:
             first += 1
         stop = max(first, stop)
-        while stop < len(times) and times[stop] <= at[g] + reach:
+        while stop < len(times) and times[stop] <= at[g] + radius:
             stop += 1
-        near[g] = first, stop
-    return near
+        ranges[g] = first, stop
+    return ranges
 
 
 @njit(cache=True)
-def _confidence(confidence, times, at, smoothing, reach):
-    result, near = np.zeros((len(at), confidence.shape[1])), _near(times, at, reach)
+def _confidence(confidence, times, at, smoothing, radius):
+    result, ranges = np.zeros((len(at), confidence.shape[1])), _kernel_ranges(times, at, radius)
     for g in range(len(at)):
         weights = 0.0
-        for i in range(near[g, 0], near[g, 1]):
+        for i in range(ranges[g, 0], ranges[g, 1]):
             weight = math.exp(-0.5 * ((times[i] - at[g]) / smoothing) ** 2)
             weights += weight
             result[g] += weight * confidence[i]
@@ -87,28 +109,28 @@ def _confidence(confidence, times, at, smoothing, reach):
 
 
 @njit(cache=True)
-def _resampled(joints, times, at, smoothing, reach):
+def _resampled(joints, times, at, smoothing, radius):
     num_joints = joints.shape[1]
-    result, near = np.full((len(at), num_joints, 3), np.nan), _near(times, at, reach)
+    result, ranges = np.full((len(at), num_joints, 3), np.nan), _kernel_ranges(times, at, radius)
     for g in range(len(at)):
-        first, stop = near[g]
+        first, stop = ranges[g]
         for j in range(num_joints):
             before, after = np.inf, np.inf
             for i in range(first, stop):
                 if not math.isnan(joints[i, j, 0]):
-                    away = times[i] - at[g]
-                    if away <= TOLERANCE_S:
-                        before = min(before, abs(away))
-                    if away >= -TOLERANCE_S:
-                        after = min(after, abs(away))
-            if before + after <= GAP_S:
-                _line(joints[first:stop, j], times[first:stop] - at[g], smoothing, result[g, j])
+                    offset = times[i] - at[g]
+                    if offset <= TIME_TOLERANCE_S:
+                        before = min(before, abs(offset))
+                    if offset >= -TIME_TOLERANCE_S:
+                        after = min(after, abs(offset))
+            if before + after <= MAX_GAP_S:
+                _fit_line(joints[first:stop, j], times[first:stop] - at[g], smoothing, result[g, j])
     return result
 
 
 @njit(cache=True)
-def _line(points, away, smoothing, value):
-    """The value at away = 0 of a line through the points, twice; the second time without outliers."""
+def _fit_line(points, offsets, smoothing, value):
+    """Writes the value at offset 0 of the robust regression line into `value`: (n, 3) points at (n,) offsets in seconds."""
     slope = np.zeros(3)
     for robust in range(2):
         s0, s1, s2 = 0.0, 0.0, 0.0
@@ -116,23 +138,23 @@ def _line(points, away, smoothing, value):
         for i in range(len(points)):
             if math.isnan(points[i, 0]):
                 continue
-            weight = math.exp(-0.5 * (away[i] / smoothing) ** 2)
+            weight = math.exp(-0.5 * (offsets[i] / smoothing) ** 2)
             if robust:
-                off = 0.0
+                squared_m2 = 0.0
                 for c in range(3):
-                    off += (points[i, c] - value[c] - slope[c] * away[i]) ** 2
-                weight /= 1 + off / OUTLIER_M**2
+                    squared_m2 += (points[i, c] - value[c] - slope[c] * offsets[i]) ** 2
+                weight /= 1 + squared_m2 / OUTLIER_M**2
             s0 += weight
-            s1 += weight * away[i]
-            s2 += weight * away[i] ** 2
+            s1 += weight * offsets[i]
+            s2 += weight * offsets[i] ** 2
             for c in range(3):
                 sum_x[c] += weight * points[i, c]
-                sum_xt[c] += weight * away[i] * points[i, c]
-        spread = s0 * s2 - s1 * s1
+                sum_xt[c] += weight * offsets[i] * points[i, c]
+        determinant = s0 * s2 - s1 * s1
         for c in range(3):
-            if spread > 1e-9 * s0 * s0:
-                slope[c] = (s0 * sum_xt[c] - s1 * sum_x[c]) / spread
-                value[c] = (s2 * sum_x[c] - s1 * sum_xt[c]) / spread
+            if determinant > 1e-9 * s0 * s0:
+                slope[c] = (s0 * sum_xt[c] - s1 * sum_x[c]) / determinant
+                value[c] = (s2 * sum_x[c] - s1 * sum_xt[c]) / determinant
             else:
                 slope[c] = 0.0
                 value[c] = sum_x[c] / s0

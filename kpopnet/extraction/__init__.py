@@ -1,13 +1,14 @@
-"""Human extraction (section 2.1, Algorithm 1): the people in the pictures of a depth camera that stands still.
+"""Human extraction (section 2.1, Algorithm 1): finds and tracks the people in the depth images of a static camera.
 
-    picture -> the floor removed -> objects (3D connected components) -> the moving ones are human -> who is who
+    image -> floor removal -> objects (3D connected components) -> moving objects are human -> identities
 
-`HumanExtractor` takes picture after picture, `extract_person` a whole recording of one person. What the paper leaves open
-or gets wrong is settled in the modules: `floor` (the plane), `room` (what has moved), `components` (what belongs
-together), `people` and `silhouettes` (who is who), `standing` (somebody who has not moved yet).
+`HumanExtractor` processes one image per call; `extract_person` processes a whole recording of one person. Each module
+states its assumptions where the paper is silent or wrong: `floor` (the floor plane), `background` (which pixels have
+moved), `components` (which pixels form one object), `association` and `assignment` (which person is which),
+`stationary` (a person who has not moved yet).
 """
 
-from kpopnet.extraction.humans import Human, HumanExtractionConfig, HumanExtractor
-from kpopnet.extraction.recording import extract_person
+from kpopnet.extraction.extractor import Human, HumanExtractionConfig, HumanExtractor
+from kpopnet.extraction.sequence import extract_person
 
 __all__ = ["Human", "HumanExtractionConfig", "HumanExtractor", "extract_person"]

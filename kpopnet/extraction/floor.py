@@ -1,17 +1,17 @@
-"""The floor (Eq. 1 and the first part of Algorithm 1): a plane through the lowest points, fitted until it settles.
+"""The floor (Eq. 1 and the first part of Algorithm 1): a plane fitted iteratively to the lowest points.
 
-What the paper leaves open or gets wrong is settled so:
+Assumptions, where the paper is silent or wrong:
 
-- In Eq. (1) d stands for each pixel's distance, in Algorithm 1 for what is subtracted from it; here the floor is where
-  n.x + d = 0 with n of unit length, upwards, so that n.x + d is the height above it. The equation is solved in the form
-  A.X = 1, whose solution is A = -n / d. Each row is divided by its depth, which makes the right side 1/z: what a
-  triangulating camera measures, equally well at all distances, so that far points do not weigh more than they tell.
+- In Eq. (1) d stands for each pixel's distance, in Algorithm 1 for what is subtracted from it. Here the floor is the
+  plane n.x + d = 0 with a unit normal n that points upwards, so that n.x + d is the height above it. The equation is
+  solved in the form A.X = 1, whose solution is A = -n / d. Each row is divided by its depth, so the right side is 1/z.
+  A triangulating camera measures 1/z with the same accuracy at all distances, so far points are not overweighted.
 - "Until X_f is changed" must read "until X_f no longer changes".
-- X_f takes everything below delta_f. Points far below the floor are none of it (mirror images, wrong measurements): the
-  fit takes what is within delta_f on both sides, while the removal takes everything below.
-- "The points with the smallest y" is right for a level camera. Cameras look down or up, so the first step is done for a
-  fan of pitches, and the plane kept that most of the picture lies on and hardly anything under.
-- delta_f follows the noise: it grows with the distance, by as much as the floor's own points scatter about the plane.
+- X_f takes everything below delta_f. Points far below the floor do not belong to it (mirror images, wrong measurements):
+  the fit uses the points within delta_f on both sides, the removal takes everything below.
+- "The points with the smallest y" is right for a level camera. Cameras look down or up, so the first step is repeated
+  for a set of pitches. The plane with the most points on it and hardly any below is kept.
+- delta_f follows the noise: it grows with the distance, in proportion to the scatter of the floor's points.
 """
 
 import math
@@ -21,122 +21,129 @@ import numpy as np
 from numba import njit
 
 from kpopnet.camera import Camera
-from kpopnet.extraction.room import FAR_M
+from kpopnet.extraction.background import FAR_M
 
 PITCHES_RAD = np.radians(np.arange(-30.0, 61.0, 7.5))
-"""How far the camera may look down; what lies between two of them is near enough to either."""
+"""Tried pitches of the camera, positive downwards. The fit converges from the nearest of them."""
 
 SAMPLES = 2000
-"""About so many pixels, evenly spread, are looked at in a fit."""
+"""Approximate number of pixels in a fit, on a regular grid."""
 
-ROUNDS = 20
+MAX_ITERATIONS = 20
 FIRST_BAND_M = 0.1
-LEAST_SHARE = 0.01
-"""A floor has at least this share of the pixels looked at."""
+"""Half the thickness of the band of points in the first fit."""
 
-MOST_BELOW = 0.02
-"""With a larger share of the measured points under it, a plane is not the floor."""
+MIN_SHARE = 0.01
+"""Smallest share of the sampled pixels that lie on the floor."""
 
-LEAST_EXTENT_M = 0.4
-"""A floor is seen over at least this much, along and across."""
+MAX_SHARE_BELOW = 0.02
+"""Largest share of the measured points below the floor."""
 
-LEAST_HEIGHT_M = 0.2
-"""The camera is at least so high above the floor."""
+MIN_EXTENT_M = 0.4
+"""Smallest visible extent of the floor in x and in z."""
 
-LEAST_UP = math.cos(math.radians(60.0))
-SIGMAS = 2.5
-LARGEST_SCATTER = 0.012
+MIN_CAMERA_HEIGHT_M = 0.2
+"""Smallest height of the camera above the floor."""
+
+MIN_UP = math.cos(math.radians(60.0))
+"""Smallest component of the floor's normal along the image's upward axis."""
+
+BAND_SIGMAS = 2.5
+"""Half the thickness of the floor's band, in standard deviations of the height of its points."""
+
+MAX_SCATTER = 0.012
+"""Upper limit of `Floor.scatter`."""
 
 
 @dataclass(frozen=True)
 class Floor:
-    """A floor plane and how well it is measured.
+    """A floor plane and the scatter of its points.
 
     Attributes:
         plane: (4,) float64 unit normal n, upwards, and d with n.x + d = 0 on the floor, camera frame, metres.
-        scatter: standard deviation of its points' height, in metres for each metre of distance.
+        scatter: standard deviation of the height of its points, in metres per metre of distance.
     """
 
     plane: np.ndarray
     scatter: float
 
     def delta_f(self, delta_f_m: float) -> tuple[float, float]:
-        """The thickness of what counts as floor as a + b z, at distances z in metres."""
-        return delta_f_m, SIGMAS * self.scatter
+        """a, b: points less than a + b z above the plane are floor, at depth z in metres."""
+        return delta_f_m, BAND_SIGMAS * self.scatter
 
 
 def find_floor(depth_m: np.ndarray, camera: Camera, delta_f_m: float) -> Floor | None:
-    """The floor of a picture about which nothing is known yet.
+    """Finds the floor of an image without prior knowledge.
 
     Args:
         depth_m: (H, W) float32, 0 where nothing was measured.
         camera: its camera.
-        delta_f_m: the least thickness of what counts as floor.
+        delta_f_m: smallest thickness of the floor's band, metres.
 
     Returns:
-        None if none is in view.
+        The floor, None if none is in view.
     """
     points = _sample(depth_m, camera)
     x, y, z = points[:, 0] / points[:, 2], points[:, 1] / points[:, 2], 1 / points[:, 2]
-    best, most = None, max(LEAST_SHARE * _samples_in(depth_m), 10)
-    if len(points) < most:
+    best, most_inliers = None, max(MIN_SHARE * _num_samples(depth_m), 10)
+    if len(points) < most_inliers:
         return None
     for pitch in PITCHES_RAD:
         up = np.array([0.0, -math.cos(pitch), -math.sin(pitch)])
-        # The lowest points, but for the odd one that lies under the floor.
+        # The lowest points; the lowest 1 % are skipped as outliers below the floor.
         height_m = up[1] * y + up[2] * z
         lowest_m = np.partition(height_m, len(z) // 100)[len(z) // 100]
-        plane, inliers, scatter = _settle(points, np.append(up, -lowest_m), FIRST_BAND_M, 0.0)
+        plane, inliers, scatter = _fit_plane(points, np.append(up, -lowest_m), FIRST_BAND_M, 0.0)
         if not inliers:
             continue
-        floor = Floor(plane, min(scatter, LARGEST_SCATTER))
-        plane, inliers, scatter = _settle(points, plane, *floor.delta_f(delta_f_m))
-        if inliers > most and _is_floor(plane, x, y, z, delta_f_m, scatter):
-            best, most = Floor(plane, min(scatter, LARGEST_SCATTER)), inliers
+        floor = Floor(plane, min(scatter, MAX_SCATTER))
+        plane, inliers, scatter = _fit_plane(points, plane, *floor.delta_f(delta_f_m))
+        if inliers > most_inliers and _is_floor(plane, x, y, z, delta_f_m, scatter):
+            best, most_inliers = Floor(plane, min(scatter, MAX_SCATTER)), inliers
     return best
 
 
 def refit_floor(floor: Floor, depth_m: np.ndarray, camera: Camera, delta_f_m: float) -> Floor:
-    """The floor in the next picture of a camera that stands still; the same if too little of it is seen."""
+    """Refits the floor to the next image of a static camera; returns the given floor if too little of it is visible."""
     points = _sample(depth_m, camera)
-    plane, inliers, scatter = _settle(points, floor.plane, *floor.delta_f(delta_f_m))
-    turned = plane[:3] @ floor.plane[:3]
-    if inliers < LEAST_SHARE * _samples_in(depth_m) or turned < 0.999 or abs(plane[3] - floor.plane[3]) > 0.05:
+    plane, inliers, scatter = _fit_plane(points, floor.plane, *floor.delta_f(delta_f_m))
+    cosine = plane[:3] @ floor.plane[:3]
+    if inliers < MIN_SHARE * _num_samples(depth_m) or cosine < 0.999 or abs(plane[3] - floor.plane[3]) > 0.05:
         return floor
-    return Floor(plane, min(scatter, LARGEST_SCATTER))
+    return Floor(plane, min(scatter, MAX_SCATTER))
 
 
 def _is_floor(plane: np.ndarray, x: np.ndarray, y: np.ndarray, z: np.ndarray, delta_f_m: float, scatter: float) -> bool:
-    """Whether it lies under the camera and under nearly everything, and is seen over some length and breadth."""
-    if not (plane[1] < -LEAST_UP and plane[3] > LEAST_HEIGHT_M):
+    """Whether a plane lies below the camera and below nearly all points, and is visible over a sufficient extent."""
+    if not (plane[1] < -MIN_UP and plane[3] > MIN_CAMERA_HEIGHT_M):
         return False
     height_m = plane[0] * x + plane[1] * y + plane[2] * z + plane[3]
-    band_m = delta_f_m + SIGMAS * scatter * z
-    if np.count_nonzero(height_m < -2 * band_m) > MOST_BELOW * len(z):
+    band_m = delta_f_m + BAND_SIGMAS * scatter * z
+    if np.count_nonzero(height_m < -2 * band_m) > MAX_SHARE_BELOW * len(z):
         return False
     on_floor = np.abs(height_m) < band_m
-    return all(np.ptp(np.percentile(axis[on_floor], [5, 95])) > LEAST_EXTENT_M for axis in (x, z))
+    return all(np.ptp(np.percentile(axis[on_floor], [5, 95])) > MIN_EXTENT_M for axis in (x, z))
 
 
 def _stride(depth_m: np.ndarray) -> int:
     return max(1, round(math.sqrt(depth_m.size / SAMPLES)))
 
 
-def _samples_in(depth_m: np.ndarray) -> int:
+def _num_samples(depth_m: np.ndarray) -> int:
     stride = _stride(depth_m)
     return -(-depth_m.shape[0] // stride) * -(-depth_m.shape[1] // stride)
 
 
 def _sample(depth_m: np.ndarray, camera: Camera) -> np.ndarray:
-    """(N, 4) measured pixels on a grid: x/z, y/z, 1/z, and how fast 1/z grows with y/z, downwards in the picture."""
+    """(N, 4) measured pixels on a grid: x/z, y/z, 1/z, and the derivative of 1/z by y/z, downwards in the image."""
     return _measured_on_grid(depth_m, _stride(depth_m), camera.fx, camera.fy, camera.cx, camera.cy)
 
 
 @njit(cache=True)
 def _measured_on_grid(depth, stride, fx, fy, cx, cy):
     height, width = depth.shape
-    most = ((height + stride - 1) // stride) * ((width + stride - 1) // stride)
-    points = np.empty((most, 4))
+    capacity = ((height + stride - 1) // stride) * ((width + stride - 1) // stride)
+    points = np.empty((capacity, 4))
     count = 0
     for y in range(0, height, stride):
         above, below = max(y - stride, 0), min(y + stride, height - 1)
@@ -152,24 +159,31 @@ def _measured_on_grid(depth, stride, fx, fy, cx, cy):
 
 
 @njit(cache=True)
-def _settle(points, plane, band_m, band_per_m):
-    """Algorithm 1's loop: least squares over what lies near the plane, until that no longer changes.
+def _fit_plane(points, plane, band_m, band_per_m):
+    """Algorithm 1's loop: least squares over the points near the plane, until this set no longer changes.
+
+    Args:
+        points: (N, 4) from `_sample`.
+        plane: (4,) the initial plane.
+        band_m: points within band_m + band_per_m z of the plane are near it, at depth z.
+        band_per_m: see band_m.
 
     Returns:
-        The plane, how many points lie near it, and the scatter of their height for each metre of distance.
+        The plane, the number of points near it, and the standard deviation of their height per metre of distance. The
+        initial plane with 0 points if the fit is degenerate.
     """
     near = np.zeros(len(points), np.bool_)
     found = plane.copy()
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ITERATIONS):
         changed = False
         s_xx = s_xy = s_x = s_yy = s_y = s_1 = t_x = t_y = t_1 = squares = 0.0
-        # On the plane 1/z grows by so much with y/z, on what stands upright hardly at all.
-        least_growth = -0.5 * found[1] / found[3]
+        # On the plane, 1/z grows with y/z by -n_y / d; on upright surfaces hardly at all. Half of it is required.
+        min_growth = -0.5 * found[1] / found[3]
         for i in range(len(points)):
             x, y, w = points[i, 0], points[i, 1], points[i, 2]
-            # height / z, and the band likewise
+            # Height and band, both divided by z
             slope = found[0] * x + found[1] * y + found[2] + found[3] * w
-            now = abs(slope) < band_m * w + band_per_m and points[i, 3] > least_growth
+            now = abs(slope) < band_m * w + band_per_m and points[i, 3] > min_growth
             changed |= now != near[i]
             near[i] = now
             if now:

@@ -1,8 +1,6 @@
 """Networks that estimate fifteen 3D joints from a depth crop of one person: `holistic` and `dense`.
 
-Both go the same way:
-
-    crop (kpopnet.networks.cube) -> encoder -> head -> joints in cube units, confidence
+crop (kpopnet.data.cube) -> encoder -> head -> joints in cube units, confidence
 """
 
 from dataclasses import dataclass, field
@@ -10,6 +8,7 @@ from dataclasses import dataclass, field
 import torch
 from torch import Tensor, nn
 
+from kpopnet.data.batches import INPUTS
 from kpopnet.errors import InputError
 from kpopnet.networks.dense import DenseHead
 from kpopnet.networks.encoder import STRIDES, Encoder
@@ -17,20 +16,21 @@ from kpopnet.networks.holistic import HolisticHead
 from kpopnet.networks.losses import Prediction
 
 HEADS = {"holistic": HolisticHead, "dense": DenseHead}
-INPUTS = {"depth": 1, "depth_ridge": 2}
-"""The crop's channels by the name of the input."""
+
+MAX_CROP_PX, MAX_WIDTH = 256, 512
+"""A checkpoint's description chooses these sizes: they bound the weights to 0.3 GB, and a batch's maps to a few."""
 
 
 @dataclass
 class ModelConfig:
-    """What a network looks like; all that is needed to build it again.
+    """The architecture of a network.
 
     Attributes:
-        kind: holistic (flatten and fully connected layers) or dense (places vote on the joints).
+        kind: holistic (flattened features and fully connected layers) or dense (integral heatmaps).
         input: depth, or depth_ridge for the ridge probability as a second channel.
-        crop_px: side of the square crop, a multiple of 16.
-        half_size_m: half the edge of the cube around the person.
-        widths: the encoder's channels: stem, stride 4, stride 8, stride 16.
+        crop_px: side of the square crop in pixels, a multiple of 16, at most 256.
+        half_size_m: half the edge of the cube around the person in metres.
+        widths: number of the encoder's channels: stem, stride 4, stride 8, stride 16; at most 512.
     """
 
     kind: str = "dense"
@@ -46,22 +46,24 @@ class ModelConfig:
         ):
             if found not in known:
                 raise InputError(f"model.{name}={found}: expected one of {', '.join(known)}")
-        if self.crop_px < 32 or self.crop_px % STRIDES[-1]:
-            raise InputError(f"model.crop_px={self.crop_px}: expected a multiple of {STRIDES[-1]}, at least 32")
+        if not 32 <= self.crop_px <= MAX_CROP_PX or self.crop_px % STRIDES[-1]:
+            raise InputError(f"model.crop_px={self.crop_px}: expected a multiple of {STRIDES[-1]}, 32 to {MAX_CROP_PX}")
         if not 0.5 <= self.half_size_m <= 5:
             raise InputError(f"model.half_size_m={self.half_size_m}: expected metres, 0.5 to 5")
         # Multiples of 8 fill vector registers.
-        if len(self.widths) != 4 or min(self.widths) < 8 or any(width % 8 for width in self.widths):
-            raise InputError(f"model.widths={self.widths}: expected four multiples of 8, e.g. [16,32,64,128]")
+        if len(self.widths) != 4 or any(not 8 <= width <= MAX_WIDTH or width % 8 for width in self.widths):
+            raise InputError(
+                f"model.widths={str(self.widths)[:60]}: expected four multiples of 8 up to {MAX_WIDTH}, e.g. [16,32,64,128]"
+            )
 
     @property
     def name(self) -> str:
-        """Short, for folders and tables."""
+        """Short name, for folders and tables."""
         return f"{self.kind}-{self.input}"
 
 
 class PoseNetwork(nn.Module):
-    """(B, C, S, S) crops to `Prediction`."""
+    """Maps (B, C, S, S) crops to a `Prediction`."""
 
     def __init__(self, config: ModelConfig) -> None:
         super().__init__()
@@ -71,15 +73,15 @@ class PoseNetwork(nn.Module):
         self.head = HEADS[config.kind](widths[1:], config.crop_px, config.half_size_m)
 
     def forward(self, crop: Tensor) -> Prediction:
-        # bfloat16 for the convolutions where it pays, never for coordinates and their sums.
+        # bfloat16 only for the convolutions on GPUs, where it is faster; coordinates and their sums stay in float32.
         with torch.autocast(crop.device.type, torch.bfloat16, enabled=crop.is_cuda and self.training):
             maps = self.encoder(crop)
         return self.head(tuple(x.float() for x in maps))
 
 
 def build_network(config: ModelConfig, seed: int = 0) -> PoseNetwork:
-    """A network with fresh weights, a pure function of its arguments."""
+    """Builds a network with random weights, a pure function of the arguments."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        # channels_last: a quarter faster on CPUs, and what tensor cores want.
+        # channels_last is a quarter faster on CPUs, and the preferred layout of tensor cores.
         return PoseNetwork(config).to(memory_format=torch.channels_last)

@@ -1,9 +1,9 @@
-"""The head in which places of the image vote on the joints, instead of regressing them from flattened features.
+"""Dense head: integral heatmaps (Sun et al. 2018) with attention-weighted depth, instead of regression from flattened features.
 
-Integral heatmaps (Sun et al. 2018) with an attended depth, on one stage and a small encoder. Two other heads of this
-kind, A2J's anchors and votes of body pixels, were compared on the same data and did worse (docs/ledger.md).
+One stage on a small encoder. Two other dense heads, A2J's anchors and votes of body pixels, had larger errors on the same
+data (docs/ledger.md).
 
-All coordinates are cube units (kpopnet.networks.cube); J = 15 joints.
+All coordinates are cube units (kpopnet.data.cube); J = 15 joints.
 """
 
 import torch
@@ -18,7 +18,7 @@ NECK_CHANNELS = 48
 
 
 def grid(size: int) -> Tensor:
-    """(2, size * size) u and v of the centres of size x size cells over the crop, rows first."""
+    """(2, size * size) u and v of the centres of size x size cells over the crop, in row-major order."""
     centres = (torch.arange(size) + 0.5) * (2 / size) - 1
     v, u = torch.meshgrid(centres, centres, indexing="ij")
     return torch.stack([u.flatten(), v.flatten()])
@@ -27,10 +27,12 @@ def grid(size: int) -> Tensor:
 class DenseHead(nn.Module):
     """Heatmap H gives P = softmax(H) and (u, v) = sum P (u, v); attention A gives Q = softmax(H + A) and d = sum Q D.
 
-    Q may look away from P: the depth of a hidden wrist is not read from the torso in front of it.
+    Q may have its mass elsewhere than P, so that the depth of an occluded wrist is not read from the torso in front of it.
     """
 
     GAUSSIAN_CELLS = 1.5
+    """Standard deviation of the target heatmap in cells."""
+
     HEATMAP_WEIGHT = 0.01
 
     def __init__(self, widths: tuple[int, int, int], crop_px: int, half_size_m: float) -> None:
@@ -52,8 +54,8 @@ class DenseHead(nn.Module):
         return Prediction(torch.cat([uv, d], dim=-1), logit, {"log_p": log_p})
 
     def loss(self, prediction: Prediction, target: Tensor) -> dict[str, Tensor]:
-        """The terms to be added up, by name."""
-        cells = (target[..., :2, None] - self.grid) * (self.size / 2)  # (B, J, 2, cells), from the joint, in cells
+        """The terms of the loss, by name; the loss is their sum."""
+        cells = (target[..., :2, None] - self.grid) * (self.size / 2)  # (B, J, 2, cells) offsets to the joint in cells
         truth = torch.softmax(-cells.square().sum(2) / (2 * self.GAUSSIAN_CELLS**2), dim=-1)
         return {
             "joints": joints_loss(prediction.joints, target),

@@ -1,22 +1,23 @@
-"""The convolutional encoder that all networks share, and the neck that brings its maps back to a quarter of the crop.
+"""The convolutional encoder of all networks, and the neck that combines its maps at a quarter of the crop's resolution.
 
-Plain 3x3 residual blocks (He et al. 2016): on a CPU they beat depthwise and inverted-residual blocks at equal accuracy.
+Plain 3x3 residual blocks (He et al. 2016): on a CPU they are faster than depthwise and inverted-residual blocks of equal
+accuracy.
 """
 
 import torch
 from torch import Tensor, nn
 
 STRIDES = (4, 8, 16)
-"""Of the encoder's three outputs, in crop pixels."""
+"""Strides of the encoder's three outputs in crop pixels."""
 
 
 def convolution(inputs: int, outputs: int, kernel: int, stride: int = 1) -> nn.Sequential:
-    """Convolution without bias and batch normalisation."""
+    """A convolution without bias, followed by batch normalisation."""
     return nn.Sequential(nn.Conv2d(inputs, outputs, kernel, stride, padding=kernel // 2, bias=False), nn.BatchNorm2d(outputs))
 
 
 class Residual(nn.Module):
-    """conv3x3-BN-ReLU-conv3x3-BN beside a shortcut, which is 1x1-BN where the shape changes."""
+    """conv3x3-BN-ReLU-conv3x3-BN plus a shortcut (conv1x1-BN where the shape changes), then ReLU."""
 
     def __init__(self, inputs: int, outputs: int, stride: int = 1) -> None:
         super().__init__()
@@ -27,14 +28,14 @@ class Residual(nn.Module):
         self.shortcut = nn.Identity() if same else convolution(inputs, outputs, 1)
 
     def forward(self, x: Tensor) -> Tensor:
-        # Not a strided 1x1 convolution: in the backward pass of one in channels_last, torch 2.13 writes out of bounds
-        # where the channels do not fill a vector register (4 with AVX2, 8 with AVX-512).
-        passed_on = x[:, :, :: self.stride, :: self.stride] if self.stride > 1 else x
-        return torch.relu_(self.second(torch.relu_(self.first(x))) + self.shortcut(passed_on))
+        # Not a strided 1x1 convolution: its backward pass in channels_last writes out of bounds in torch 2.13 if the
+        # channels do not fill a vector register (4 with AVX2, 8 with AVX-512).
+        strided = x[:, :, :: self.stride, :: self.stride] if self.stride > 1 else x
+        return torch.relu_(self.second(torch.relu_(self.first(x))) + self.shortcut(strided))
 
 
 class Encoder(nn.Module):
-    """(B, C, S, S) crops to three maps of S/4, S/8 and S/16 pixels with `widths[1:]` channels."""
+    """Maps (B, C, S, S) crops to three feature maps of S/4, S/8 and S/16 pixels with `widths[1:]` channels."""
 
     def __init__(self, channels: int, widths: tuple[int, int, int, int]) -> None:
         super().__init__()
@@ -51,7 +52,7 @@ class Encoder(nn.Module):
 
 
 class Neck(nn.Module):
-    """The three maps summed at stride 4 (Lin et al. 2017, without their last 3x3 at the coarser levels)."""
+    """Sums the three maps at stride 4 (feature pyramid of Lin et al. 2017, without its last 3x3 at the coarser levels)."""
 
     def __init__(self, widths: tuple[int, int, int], channels: int) -> None:
         super().__init__()

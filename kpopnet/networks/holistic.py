@@ -1,9 +1,9 @@
-"""The paper's class of network: a CNN that regresses all joints at once from flattened features.
+"""Holistic head, the paper's class of network: a CNN that regresses all joints at once from flattened features.
 
-The paper takes its CNN from a technical report (its reference [9]) of which no more is known than that it regresses 3D
-joints from a synthetic depth image, with or without a ridge probability map as a second channel. What stands here is a
-reconstruction of that class of network, not that network: convolutions, flatten, two fully connected layers. The
-encoder is the dense network's, so that the two differ only in how joints are read from the features.
+The paper takes its CNN from a technical report (its reference [9]). It only says that this CNN regresses 3D joints from a
+synthetic depth image, with or without a ridge probability map as a second channel. This is a reconstruction of that class
+of network, not of that network: convolutions, flatten, two fully connected layers. The encoder is that of the dense
+network, so that the two differ only in how joints are computed from the features.
 """
 
 from torch import Tensor, nn
@@ -14,7 +14,7 @@ from kpopnet.skeleton import NUM_JOINTS
 
 
 class HolisticHead(nn.Module):
-    """Flatten, a hidden layer, and 15 x (u, v, d, confidence)."""
+    """Flattened features, one hidden layer, and 15 x (u, v, d, confidence)."""
 
     HIDDEN = 256
 
@@ -31,7 +31,7 @@ class HolisticHead(nn.Module):
         return Prediction(joints[..., :3], joints[..., 3], {})
 
     def loss(self, prediction: Prediction, target: Tensor) -> dict[str, Tensor]:
-        """The terms to be added up, by name."""
+        """The terms of the loss, by name; the loss is their sum."""
         return {
             "joints": joints_loss(prediction.joints, target),
             "confidence": confidence_loss(prediction, target, self.half_size_m),

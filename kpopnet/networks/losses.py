@@ -1,7 +1,6 @@
-"""What the networks' heads predict, and the two loss terms that all of them share.
+"""The output of the networks' heads, and the two loss terms that all heads share.
 
-Every term is a mean over samples of something computed within one sample, so that the mean over processes of a batch
-dealt out among them is the loss of the whole batch.
+Every term is a mean over samples. Therefore the loss of a batch divided among processes is the mean over the processes.
 """
 
 from typing import NamedTuple
@@ -11,21 +10,21 @@ from torch import Tensor
 from torch.nn import functional
 
 CONFIDENT_WITHIN_M = 0.10
-"""Confidence is the estimated probability that the joint's error is below this, the paper's threshold of a hit."""
+"""Confidence is the estimated probability that the joint's error is below this, the paper's threshold for a correct joint."""
 
-SMOOTH_BELOW = 0.02
-"""Cube units (2.3 cm at the default half size) below which the joints' loss turns from linear to quadratic."""
+HUBER_DELTA = 0.02
+"""Error in cube units (2.3 cm at the default half size) below which the loss of the joints is quadratic, else linear."""
 
 CONFIDENCE_WEIGHT = 0.01
 
 
 class Prediction(NamedTuple):
-    """What a network says of a batch of crops.
+    """Output of a network for a batch of crops.
 
     Attributes:
-        joints: (B, 15, 3) u, v, d in cube units (kpopnet.networks.cube).
+        joints: (B, 15, 3) u, v, d in cube units (kpopnet.data.cube).
         confidence_logit: (B, 15); its sigmoid is the confidence.
-        maps: what the head's own loss needs besides, by name.
+        maps: other quantities that the head's loss needs, by name.
     """
 
     joints: Tensor
@@ -34,19 +33,19 @@ class Prediction(NamedTuple):
 
     @property
     def confidence(self) -> Tensor:
-        """(B, 15) in 0..1: the estimated probability that the joint lies within 10 cm of the truth."""
+        """(B, 15) in 0..1: the estimated probability that the joint lies within 10 cm of the ground truth."""
         return torch.sigmoid(self.confidence_logit)
 
 
 def joints_loss(joints: Tensor, target: Tensor) -> Tensor:
-    """Smooth L1 (Huber over `SMOOTH_BELOW`), the mean over all coordinates."""
-    return functional.smooth_l1_loss(joints, target, beta=SMOOTH_BELOW)
+    """Smooth L1 (Huber loss divided by `HUBER_DELTA`), the mean over all coordinates."""
+    return functional.smooth_l1_loss(joints, target, beta=HUBER_DELTA)
 
 
 def confidence_loss(prediction: Prediction, target: Tensor, half_size_m: float) -> Tensor:
-    """Binary cross-entropy of the confidence with whether this very prediction is a hit; trains only the confidence.
+    """Binary cross-entropy between the confidence and whether this prediction is a hit; trains only the confidence.
 
-    In a cube that augmentation has scaled a hit lies within 9 to 11 cm, as the cube is.
+    Augmentation scales the cube, and the threshold of a hit with it: to 9 to 11 cm at the default scale of 0.1.
     """
     error_m = (prediction.joints.detach() - target).norm(dim=-1) * half_size_m
     hit = (error_m < CONFIDENT_WITHIN_M).to(target.dtype)

@@ -1,9 +1,9 @@
-"""The tracker: the paper's Algorithm 2 and, beyond the paper, a body that is fitted to the depth. It needs no learning.
+"""The tracker: the paper's Algorithm 2 and, beyond the paper, a body model fitted to the depth. It needs no training.
 
-depth of the person -> ridge data -> initial model (once); then frame after frame:
-Algorithm 2 and other starting points -> a body fitted from each of them -> limbs laid anew, a search in doubt, where a
-network may be asked -> joints
+Initialisation, once: depth of the person -> ridge data -> initial model. Then for each frame: proposals (Algorithm 2 and
+others) -> body fitted from each proposal -> limbs refitted -> if the cost stays high, a detector and perturbed poses ->
+joints.
 
-`TrackerConfig(body=False)` is Algorithm 2 alone (`tracking`). `fitted` fits the same body to the joints that a network finds
-in single frames.
+`TrackerConfig(body=False)` is Algorithm 2 alone (`tracker`). `fit.refine` fits the same body to the joints that a network
+detects in single frames.
 """

@@ -1,7 +1,8 @@
-"""Where poses and motions come from: recorded clips, composed dances, made poses, or a mixture.
+"""Sources of poses and motions: recorded clips, composed dances, procedural poses, or a mixture.
 
-Sources speak the canonical skeleton (`skeleton`). Made poses and dances are written in anatomical angles (`posture`),
-dances further in a language of moves (`moves`, `vocabulary`) that is put on the floor by `stage`.
+Every source returns rotations of the canonical skeleton (`skeleton`). Procedural poses and dances are defined by
+anatomical angles (`posture`). Dances are sequences of moves (`choreography.moves`, `choreography.vocabulary`), which
+`choreography.stage` turns into motions with foot contacts.
 """
 
 import math
@@ -11,26 +12,26 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from kpopnet.errors import InputError
-from synth.motion.choreography import Choreography
-from synth.motion.clips import open_clips
-from synth.motion.poses import MadePoses
+from kpopnet.errors import InputError, check_between, check_seed
+from synth.motion.choreography.composer import Choreography
+from synth.motion.poses.procedural import ProceduralPoses
+from synth.motion.recorded.clips import open_clips
 from synth.motion.skeleton import Motion, Poses
 
 __all__ = ["SPLITS", "MixedPoses", "Motion", "MotionConfig", "MotionSource", "Poses", "SequenceSource", "build_motion"]
 
 
 class MotionSource(Protocol):
-    """Gives single poses."""
+    """A source of single poses."""
 
     def poses(self, generators: Sequence[np.random.Generator]) -> Poses:
-        """One pose for each generator; pose k depends on generator k alone, which may be used again."""
+        """Draws one pose per generator. Pose k depends only on generator k; a generator may be used again."""
         ...
 
 
 @runtime_checkable
 class SequenceSource(MotionSource, Protocol):
-    """Gives sequences too."""
+    """A source of single poses and of sequences."""
 
     def __len__(self) -> int: ...
 
@@ -44,16 +45,17 @@ SPLITS = ("train", "validation", "test")
 
 @dataclass(frozen=True)
 class MotionConfig:
-    """Which motion to take.
+    """The source of motion.
 
     Attributes:
         source: clips, choreography, poses or mix.
-        path: For clips: a motion pack, a BVH file or a folder of BVH files.
-        fps: For BVH files that state a wrong rate, the true one; for dances, the rate to make them at (30).
-        dances: For choreography: how many dances there are.
-        seconds: For choreography: the length of each.
-        seed: For choreography: the seed of the collection.
-        weights: For mix: source to its relative share of the poses.
+        path: for clips: a motion pack, a BVH file or a folder of BVH files.
+        fps: frames per second: the true rate of BVH files that state a wrong one, or the rate of composed dances; None
+            takes the files' rate, and 30 for dances.
+        dances: for choreography: number of dances.
+        seconds: for choreography: length of each dance, seconds.
+        seed: for choreography: seed of the collection.
+        weights: for mix: relative number of poses from each source.
     """
 
     source: str = "mix"
@@ -71,20 +73,26 @@ class MotionConfig:
             raise InputError(
                 "motion.source=clips needs motion.path=<motion pack or BVH files>; motion=choreography needs no data"
             )
-        if self.fps is not None and not 1 <= self.fps < math.inf:
-            raise InputError(f"motion.fps={self.fps} is no frame rate; leave it out or give at least 1")
-        if self.dances < 1:
-            raise InputError(f"motion.dances={self.dances}: expected at least 1")
-        if not 1 <= self.seconds < math.inf:
-            raise InputError(f"motion.seconds={self.seconds}: a dance lasts at least a second")
+        if self.fps is not None and not 1 <= self.fps <= 1000:
+            raise InputError(f"motion.fps={self.fps} is not a frame rate; leave it out or choose 1 to 1000")
+        check_seed("motion.seed", self.seed)
+        check_between("motion.dances", self.dances, 1, 1e6)
+        if not 1 <= self.seconds <= 3600:
+            raise InputError(f"motion.seconds={self.seconds}: a dance lasts at least a second, at most an hour")
         if self.source == "mix":
             unknown = set(self.weights) - (set(_SOURCES) - {"mix"})
-            if unknown or not self.weights or min(self.weights.values()) < 0 or sum(self.weights.values()) <= 0:
+            weights = self.weights.values()
+            if (
+                unknown
+                or not weights
+                or not all(0 <= weight < math.inf for weight in weights)
+                or not 0 < sum(weights) < math.inf
+            ):
                 raise InputError(
-                    f"motion.weights={self.weights}: expected shares >= 0, not all 0, of clips, choreography and poses"
+                    f"motion.weights={self.weights}: expected weights >= 0, not all 0, of clips, choreography and poses"
                 )
             if self.weights.get("clips", 0) > 0 and self.path is None:
-                raise InputError("motion.weights gives clips a share: set motion.path, or motion.weights.clips=0")
+                raise InputError("motion.weights.clips is above 0: set motion.path, or motion.weights.clips=0")
 
 
 class MixedPoses:
@@ -95,20 +103,18 @@ class MixedPoses:
         self._thresholds = (np.cumsum(weights) / np.sum(weights))[:-1]
 
     def poses(self, generators: Sequence[np.random.Generator]) -> Poses:
-        """One pose for each generator, from the source that the generator's first draw chooses."""
+        """Draws one pose per generator. The generator's first random number selects the source."""
         chosen = np.array([np.searchsorted(self._thresholds, g.random(), side="right") for g in generators], int)
         parts, order = [], []
         for number, source in enumerate(self._sources):
-            mine = np.flatnonzero(chosen == number)
-            if len(mine):
-                parts.append(source.poses([generators[i] for i in mine]))
-                order.extend(mine)
-        back = np.argsort(order)
+            rows = np.flatnonzero(chosen == number)
+            if len(rows):
+                parts.append(source.poses([generators[i] for i in rows]))
+                order.extend(rows)
+        inverse = np.argsort(order)
         names = [name for part in parts for name in part.names]
-        quats, root_m, leg_m = (
-            np.concatenate([getattr(p, a) for p in parts])[back] for a in ("quats", "root_m", "leg_m")
-        )
-        return Poses(quats, root_m, leg_m, [names[i] for i in back])
+        quats, root_m, leg_m = (np.concatenate([getattr(p, a) for p in parts])[inverse] for a in ("quats", "root_m", "leg_m"))
+        return Poses(quats, root_m, leg_m, [names[i] for i in inverse])
 
 
 def _clips(config: MotionConfig, split: str) -> MotionSource:
@@ -116,13 +122,13 @@ def _clips(config: MotionConfig, split: str) -> MotionSource:
 
 
 def _choreography(config: MotionConfig, split: str) -> MotionSource:
-    # Each split is a stream of seeds of its own.
+    # Every split has its own seeds.
     seed = len(SPLITS) * config.seed + SPLITS.index(split)
     return Choreography(config.dances, seed, config.seconds, config.fps or 30.0)
 
 
 def _poses(config: MotionConfig, split: str) -> MotionSource:
-    return MadePoses()
+    return ProceduralPoses()
 
 
 def _mix(config: MotionConfig, split: str) -> MotionSource:
@@ -134,13 +140,14 @@ _SOURCES = {"clips": _clips, "choreography": _choreography, "poses": _poses, "mi
 
 
 def build_motion(config: MotionConfig, split: str) -> MotionSource:
-    """The source that a config names, for train, validation or test. Clips and choreography are `SequenceSource`s.
+    """Builds the source that a config names, for the split train, validation or test.
 
-    Packs are split by their index, which keeps subjects apart; a folder of BVH files by file, if it holds enough; dances
-    by their seeds. Made poses are drawn anew each time and have no split.
+    Clips and choreography are `SequenceSource`s. Motion packs are split by their index, so that no subject is in two
+    splits; a folder of BVH files is split by file, if it holds enough files; dances are split by their seeds. Procedural
+    poses are drawn freshly each time and have no split.
 
     Raises:
-        InputError: an unknown split.
+        InputError: an unknown split, or recordings that cannot be read.
     """
     if split not in SPLITS:
         raise InputError(f"split={split} is not one of {', '.join(SPLITS)}")

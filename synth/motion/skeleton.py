@@ -1,10 +1,9 @@
-"""The canonical skeleton "kd23", its kinematics, and the two nouns that motion sources hand out.
+"""The canonical skeleton "kd23", its kinematics, and the types `Motion` and `Poses` that motion sources return.
 
-23 rotating joints and 5 ends, named as MotionBuilder and CMU name them. Axes: X is the subject's left, Y up, Z the
-subject's front; right-handed, metres, the floor at y = 0. In the rest pose, the T-pose, every joint frame is aligned
-with the world, the arms lie along +-X and the legs along -Y. A joint's quaternion (w, x, y, z) is relative to its
-parent, so the product down the chain says how far that joint has turned away from the T-pose in the world, whatever
-the rig.
+The skeleton has 23 rotating joints and 5 end points, with MotionBuilder's and CMU's names. Axes: X is the subject's left,
+Y up, Z the subject's front; right-handed, metres, the floor at y = 0. In the rest pose, the T-pose, every joint frame is
+aligned with the world, the arms lie along +-X and the legs along -Y. A joint's quaternion (w, x, y, z) is relative to its
+parent. The product down the chain is therefore the joint's world rotation relative to the T-pose, for any rig.
 """
 
 from dataclasses import dataclass
@@ -54,10 +53,10 @@ PARENTS = np.array([-1 if parent is None else INDEX[parent] for _, parent, _ in 
 """(28,) parent of each point; parents come first, and every parent is one of the 23 joints."""
 
 REST_OFFSETS_M = np.array([offset for _, _, offset in _POINTS]) / 1000.0
-"""(28, 3) offset from the parent in the T-pose of a mean adult, 1.70 m tall (the mean of 11 people, made symmetric)."""
+"""(28, 3) offset from the parent in the T-pose of a mean adult, 1.70 m tall (the symmetrised mean of 11 people)."""
 
 LEG_M = float(np.linalg.norm(REST_OFFSETS_M[INDEX["LeftLeg"]]) + np.linalg.norm(REST_OFFSETS_M[INDEX["LeftFoot"]]))
-"""Hip to ankle of the mean adult."""
+"""Length from hip through knee to ankle of the mean adult."""
 
 _CLEARANCES_M = {
     "Hips": 0.10, "LowerBack": 0.10, "Spine": 0.10, "Spine1": 0.10, "Neck": 0.07, "Neck1": 0.07, "Head": 0.09,
@@ -66,10 +65,11 @@ _CLEARANCES_M = {
 }  # fmt: skip
 
 CLEARANCE_M = np.array([_CLEARANCES_M[name.removeprefix("Left").removeprefix("Right")] for name in POINT_NAMES])
-"""(28,) height of each point above the floor when the flesh around it touches the floor."""
+"""(28,) height of each point above the floor when the body's surface around it touches the floor, metres."""
 
 
 def _counterpart(name: str) -> str:
+    """Name of the point on the other side of the body."""
     if name.startswith("Left"):
         return "Right" + name.removeprefix("Left")
     return "Left" + name.removeprefix("Right") if name.startswith("Right") else name
@@ -81,14 +81,15 @@ MIRROR = np.array([INDEX[_counterpart(name)] for name in POINT_NAMES])
 
 @dataclass(frozen=True)
 class Motion:
-    """One person moving.
+    """A motion of one person.
 
     Attributes:
         quats: (T, 23, 4) float32, local rotations w, x, y, z relative to the T-pose.
-        root_m: (T, 3) float32, position of Hips.
-        fps: Frames per second.
-        name: Where the motion comes from, for the record of a sample.
-        leg_m: Hip to ankle of the skeleton that `root_m` belongs to; another body scales the root by the ratio.
+        root_m: (T, 3) float32, position of Hips, metres.
+        fps: frames per second.
+        name: source of the motion; stored with every sample.
+        leg_m: leg length, hip through knee to ankle, of the skeleton that `root_m` belongs to, metres. For another body
+            the root is scaled by the ratio of the leg lengths.
     """
 
     quats: np.ndarray
@@ -103,13 +104,13 @@ class Motion:
 
 @dataclass(frozen=True)
 class Poses:
-    """Unrelated single poses, each facing +Z and standing at x = z = 0.
+    """Independent single poses, each facing +Z at x = z = 0.
 
     Attributes:
         quats: (N, 23, 4) float32, local rotations w, x, y, z relative to the T-pose.
-        root_m: (N, 3) float32, position of Hips.
-        leg_m: (N,) float32, hip to ankle of the skeleton that each root belongs to.
-        names: N names of the sources.
+        root_m: (N, 3) float32, position of Hips, metres.
+        leg_m: (N,) float32, leg length of the skeleton that each root belongs to, metres.
+        names: names of the N sources.
     """
 
     quats: np.ndarray
@@ -122,7 +123,7 @@ class Poses:
 
 
 def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Hamilton product of quaternions (..., 4): the rotation b, then the rotation a."""
+    """Hamilton product of quaternions (..., 4): rotation b followed by rotation a."""
     aw, ax, ay, az = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
     bw, bx, by, bz = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
     product = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
@@ -134,22 +135,20 @@ def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def conjugate(quats: np.ndarray) -> np.ndarray:
-    """The opposite rotation of unit quaternions (..., 4)."""
+    """Inverse rotations of unit quaternions (..., 4)."""
     return quats * np.array([1, -1, -1, -1], quats.dtype)
 
 
 def rotate(quats: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Vectors (..., 3) turned by unit quaternions (..., 4)."""
+    """Rotates vectors (..., 3) by unit quaternions (..., 4)."""
     w, x, y, z = quats[..., 0], quats[..., 1], quats[..., 2], quats[..., 3]
     vx, vy, vz = vectors[..., 0], vectors[..., 1], vectors[..., 2]
     tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
-    return np.stack(
-        [vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx], axis=-1
-    )
+    return np.stack([vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx], axis=-1)
 
 
 def about(axis: int, angles: np.ndarray) -> np.ndarray:
-    """Quaternions (..., 4) that turn by `angles` (radians) about the axis 0 (X), 1 (Y) or 2 (Z)."""
+    """Quaternions (..., 4) of rotations by `angles` (radians) about axis 0 (X), 1 (Y) or 2 (Z)."""
     quats = np.zeros((*np.shape(angles), 4))
     quats[..., 0] = np.cos(angles / 2)
     quats[..., 1 + axis] = np.sin(angles / 2)
@@ -157,15 +156,15 @@ def about(axis: int, angles: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def _forward_kinematics(quats, root_m, offsets_m, parents, turned, points):
+def _forward_kinematics(quats, root_m, offsets_m, parents, rotated, points):
     for n in range(len(quats)):
         for j in range(len(offsets_m)):
             p = parents[j]
             if p < 0:
-                turned[n, j] = quats[n, j]
+                rotated[n, j] = quats[n, j]
                 points[n, j] = root_m[n]
                 continue
-            w, x, y, z = turned[n, p]
+            w, x, y, z = rotated[n, p]
             vx, vy, vz = offsets_m[j]
             tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
             points[n, j, 0] = points[n, p, 0] + vx + w * tx + y * tz - z * ty
@@ -173,53 +172,53 @@ def _forward_kinematics(quats, root_m, offsets_m, parents, turned, points):
             points[n, j, 2] = points[n, p, 2] + vz + w * tz + x * ty - y * tx
             if j < quats.shape[1]:
                 a, b, c, d = quats[n, j]
-                turned[n, j, 0] = w * a - x * b - y * c - z * d
-                turned[n, j, 1] = w * b + x * a + y * d - z * c
-                turned[n, j, 2] = w * c - x * d + y * a + z * b
-                turned[n, j, 3] = w * d + x * c - y * b + z * a
+                rotated[n, j, 0] = w * a - x * b - y * c - z * d
+                rotated[n, j, 1] = w * b + x * a + y * d - z * c
+                rotated[n, j, 2] = w * c - x * d + y * a + z * b
+                rotated[n, j, 3] = w * d + x * c - y * b + z * a
 
 
 def forward_kinematics(
     quats: np.ndarray, root_m: np.ndarray, offsets_m: np.ndarray = REST_OFFSETS_M
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where the 28 points are, and how each joint is turned in the world.
+    """Positions of the 28 points and world rotations of the 23 joints.
 
     Args:
         quats: (N, 23, 4) local rotations.
-        root_m: (N, 3) position of Hips.
-        offsets_m: (28, 3) rest offsets.
+        root_m: (N, 3) position of Hips, metres.
+        offsets_m: (28, 3) rest offsets, metres.
 
     Returns:
-        (N, 28, 3) float64 positions in metres and (N, 23, 4) float64 world rotations away from the T-pose.
+        (N, 28, 3) float64 positions in metres and (N, 23, 4) float64 world rotations relative to the T-pose.
     """
     quats = np.ascontiguousarray(quats, np.float64)
-    turned = np.empty_like(quats)
+    rotated = np.empty_like(quats)
     points = np.empty((len(quats), NUM_POINTS, 3))
     root_m = np.ascontiguousarray(root_m, np.float64)
-    _forward_kinematics(quats, root_m, np.ascontiguousarray(offsets_m, np.float64), PARENTS, turned, points)
-    return points, turned
+    _forward_kinematics(quats, root_m, np.ascontiguousarray(offsets_m, np.float64), PARENTS, rotated, points)
+    return points, rotated
 
 
 def height_above_floor(quats: np.ndarray, root_m: np.ndarray) -> np.ndarray:
-    """(N,) metres between the floor and the lowest flesh of the mean skeleton; negative when it is under the floor."""
+    """(N,) height of the lowest surface point of the mean skeleton above the floor, metres; negative below the floor."""
     points, _ = forward_kinematics(quats, root_m)
     return (points[..., 1] - CLEARANCE_M).min(axis=1)
 
 
 def mirrored(quats: np.ndarray) -> np.ndarray:
-    """Rotations (..., 23, 4) of the pose seen in a mirror: left and right swapped (a root's x changes its sign)."""
+    """Rotations (..., 23, 4) of the mirrored pose, left and right swapped. The x of a root changes its sign."""
     return quats[..., MIRROR[:NUM_JOINTS], :] * np.array([1, 1, -1, -1], quats.dtype)
 
 
 def facing_front(quats: np.ndarray) -> np.ndarray:
-    """Rotations (N, 23, 4) with the heading taken out of Hips: its turn about the vertical is undone.
+    """Rotations (N, 23, 4) with the heading of Hips, its rotation about the vertical, removed.
 
-    A pose upside down has no such turn where w and y of Hips vanish; it is left as it is.
+    An upside-down pose whose w and y of Hips vanish has no defined heading and is returned unchanged.
     """
     heading = quats[:, 0].astype(np.float64)
     heading[:, [1, 3]] = 0
     size = np.sqrt(heading[:, 0] ** 2 + heading[:, 2] ** 2)
     heading = np.where(size[:, None] > 1e-3, heading / np.maximum(size, 1e-3)[:, None], [1.0, 0.0, 0.0, 0.0])
-    turned = quats.copy()
-    turned[:, 0] = multiply(conjugate(heading), quats[:, 0])
-    return turned
+    facing = quats.copy()
+    facing[:, 0] = multiply(conjugate(heading), quats[:, 0])
+    return facing

@@ -15,7 +15,7 @@ CONFIG = RidgeConfig()
 REAL = UTD_MHAD / "Depth"
 
 
-def slow_edges(depth, threshold):
+def reference_edges(depth, threshold):
     height, width = depth.shape
     edges = np.zeros(depth.shape, bool)
     for y in range(height):
@@ -27,7 +27,7 @@ def slow_edges(depth, threshold):
     return edges
 
 
-def slow_distance(edges):
+def reference_distance(edges):
     v, u = edges.nonzero()
     y, x = np.mgrid[: edges.shape[0], : edges.shape[1]]
     if not len(v):
@@ -35,8 +35,8 @@ def slow_distance(edges):
     return np.sqrt(((y[..., None] - v) ** 2 + (x[..., None] - u) ** 2).min(-1).astype(np.float32))
 
 
-def slow_ratio(distance):
-    """Eq. (2) as it reads, with the circle drawn point by point; float32 in four sums, as the kernel adds."""
+def reference_ratio(distance):
+    """Eq. (2) computed literally, with the circle drawn point by point; float32 in four sums, in the order of the kernel."""
     height, width = distance.shape
     ratio = np.ones(distance.shape, np.float32)
     for y, x in zip(*((distance > 0) & np.isfinite(distance)).nonzero(), strict=True):
@@ -51,8 +51,8 @@ def slow_ratio(distance):
             if 0 <= y + dy < height and 0 <= x + dx < width
         ]  # fmt: skip
         sums = [np.float32(0)] * 4
-        room = int(distance[y, x]) + 1
-        inside = room <= y < height - room and room <= x < width - room
+        margin = int(distance[y, x]) + 1
+        inside = margin <= y < height - margin and margin <= x < width - margin
         whole = len(values) // 4 * 4 if inside else 0
         for i, value in enumerate(values):
             sums[i % 4 if i < whole else 0] += value
@@ -63,7 +63,7 @@ def slow_ratio(distance):
 
 
 def limb(half_width_px, angle_deg, shift=0.0, size=120):
-    """A straight limb across the image, and each pixel's distance from its middle line."""
+    """A straight limb across the image, and each pixel's distance from its axis."""
     y, x = np.mgrid[:size, :size] - (size - 1) / 2
     angle = math.radians(angle_deg)
     off = np.abs(x * math.cos(angle) + y * math.sin(angle) + shift)
@@ -80,11 +80,11 @@ DEPTHS = arrays(
 @given(DEPTHS)
 @example(np.pad(np.zeros((1, 1), np.float32), ((0, 4), (0, 12)), constant_values=2))  # circles larger than the image
 @settings(deadline=None, max_examples=60)
-def test_every_stage_equals_its_slow_twin(depth):
+def test_every_stage_equals_the_reference(depth):
     stages = ridge_stages(depth, CONFIG)
-    edges = slow_edges(depth, CONFIG.edge_threshold_m)
-    distance = slow_distance(edges)
-    ratio = slow_ratio(distance)
+    edges = reference_edges(depth, CONFIG.edge_threshold_m)
+    distance = reference_distance(edges)
+    ratio = reference_ratio(distance)
     assert np.array_equal(stages.edges, edges)
     assert np.array_equal(stages.distance_px, distance)
     assert np.array_equal(stages.ratio, ratio)
@@ -93,20 +93,20 @@ def test_every_stage_equals_its_slow_twin(depth):
     assert np.array_equal(ridge_probability(depth, CONFIG), stages.probability)
 
 
-def test_twin_on_a_large_person():
+def test_stages_equal_the_reference_on_a_large_person():
     y, x = np.mgrid[:90, :70]
     depth = np.where(((x - 33) / 25) ** 2 + ((y - 44) / 40) ** 2 < 1, 2.0, 0).astype(np.float32)
     depth[30:60, 30:37] = 1.7
     depth[0:40, 5:9] = 2.2
     stages = ridge_stages(depth, CONFIG)
     assert stages.distance_px.max() >= 12
-    assert np.array_equal(stages.distance_px, slow_distance(slow_edges(depth, CONFIG.edge_threshold_m)))
-    assert np.array_equal(stages.ratio, slow_ratio(stages.distance_px))
+    assert np.array_equal(stages.distance_px, reference_distance(reference_edges(depth, CONFIG.edge_threshold_m)))
+    assert np.array_equal(stages.ratio, reference_ratio(stages.distance_px))
 
 
 @pytest.mark.parametrize("half_width", [8, 14, 20])
 @pytest.mark.parametrize("angle", [0, 20, 45, 90])
-def test_a_limb_has_the_ratio_that_geometry_says(half_width, angle):
+def test_the_ratio_of_a_limb_is_that_of_the_geometry(half_width, angle):
     depth, off = limb(half_width, angle)
     ratio = ridge_stages(depth, CONFIG).ratio
     middle = np.s_[40:80, 40:80]
@@ -118,7 +118,7 @@ def test_a_limb_has_the_ratio_that_geometry_says(half_width, angle):
 
 @pytest.mark.parametrize("half_width", [3, 4, 5, 9])
 @pytest.mark.parametrize("angle", [0, 17, 45, 63])
-def test_default_marks_limbs_along_their_middle_and_the_papers_value_does_not(half_width, angle):
+def test_the_default_marks_the_axes_of_limbs_and_the_papers_value_does_not(half_width, angle):
     marked, paper, rows = 0, 0, 0
     depth, off = limb(half_width, angle)
     near_line = off <= max(1.0, 0.4 * half_width)
@@ -135,7 +135,7 @@ def test_default_marks_limbs_along_their_middle_and_the_papers_value_does_not(ha
     assert not (ridge_here[inner] & (off[inner] > max(1.5, 0.6 * half_width))).any()
 
 
-def test_nearer_part_keeps_its_width_before_a_farther_one():
+def test_a_nearer_part_keeps_its_width_in_front_of_a_farther_one():
     depth = np.zeros((60, 60), np.float32)
     depth[5:55, 5:55] = 2.5
     depth[5:55, 26:33] = 2.3
@@ -147,7 +147,7 @@ def test_nearer_part_keeps_its_width_before_a_farther_one():
     assert not ridge_stages(depth, RidgeConfig(edge_threshold_m=0.25)).edges[10:50, 20:40].any()
 
 
-def test_rim_of_the_image_is_no_edge():
+def test_the_image_border_is_no_edge():
     stages = ridge_stages(np.full((20, 30), 2.0, np.float32), CONFIG)
     assert not stages.edges.any()
     assert np.isinf(stages.distance_px).all()
@@ -176,16 +176,16 @@ def test_probability_is_one_half_at_the_threshold_and_falls_with_the_ratio():
     assert stages.probability[stages.edges].max() == 0
 
 
-def test_turning_and_mirroring_the_image_turns_the_ridge():
+def test_transposing_and_mirroring_the_image_transforms_the_ridge():
     depth, _ = limb(5, 25)
     depth[60:, 50:] = 0
     p = ridge_probability(depth, CONFIG)
-    for turned in (np.fliplr, np.flipud, np.transpose):
-        assert np.allclose(ridge_probability(np.ascontiguousarray(turned(depth)), CONFIG), turned(p), atol=1e-5)
+    for transform in (np.fliplr, np.flipud, np.transpose):
+        assert np.allclose(ridge_probability(np.ascontiguousarray(transform(depth)), CONFIG), transform(p), atol=1e-5)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (3, 200), (240, 320)])
-def test_nobody_gives_no_ridge(shape):
+def test_an_empty_image_has_no_ridge(shape):
     empty = np.zeros(shape, np.float32)
     assert not ridge_probability(empty, CONFIG).any()
     assert ridge_probability(empty, CONFIG).shape == shape
@@ -196,12 +196,12 @@ def test_nobody_gives_no_ridge(shape):
 @pytest.mark.parametrize(
     "depth", [np.zeros((4, 5), np.uint16), np.zeros((2, 4, 5), np.float32), [[1.0]], np.zeros(5, np.float32)]
 )
-def test_wrong_depth_is_named(depth):
+def test_invalid_depth_is_refused(depth):
     with pytest.raises(InputError, match="ridge: expected one"):
         ridge_probability(depth, CONFIG)
 
 
-def test_not_a_number_is_not_measured_and_views_are_welcome():
+def test_nan_counts_as_not_measured_and_views_are_accepted():
     depth, _ = limb(6, 0)
     holed = depth.copy()
     holed[depth == 0] = np.nan
@@ -211,12 +211,12 @@ def test_not_a_number_is_not_measured_and_views_are_welcome():
 
 
 @pytest.mark.parametrize("field", ["epsilon_r", "edge_threshold_m", "sharpness"])
-def test_wrong_parameters_name_the_override(field):
+def test_invalid_parameters_are_refused_with_their_setting(field):
     with pytest.raises(InputError, match=f"ridge.{field}"):
         RidgeConfig(**{field: -0.1})
 
 
-@pytest.mark.skipif(not REAL.is_dir(), reason="real depth is not here")
+@pytest.mark.skipif(not REAL.is_dir(), reason="the real depth data is not available")
 def test_real_people_have_lines_along_their_legs():
     from scipy.io import loadmat
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import kpopnet  # noqa: F401  before torch: it sets how OpenMP's threads wait
 
-sys.path.append(str(Path(__file__).parents[1]))  # where the tests' own modules lie
+sys.path.append(str(Path(__file__).parents[1] / "helpers"))  # where the tests' own modules lie
 
 OUT = Path("outputs/speed.json")
 

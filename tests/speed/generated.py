@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from kpopnet.shards import ShardedSet
+from kpopnet.data.shards import ShardedSet
 from synth.motion import MotionConfig
-from synth.sample import SampleConfig
-from synth.shards import SetConfig, write_shard
+from synth.samples.sampler import SampleConfig
+from synth.samples.writer import SetConfig, write_shard
 
 
 def generated_set(folder: Path, count: int) -> ShardedSet:

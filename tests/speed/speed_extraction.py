@@ -1,4 +1,4 @@
-"""How long it takes to find a person in a picture of a furnished room."""
+"""How long it takes to find a person in a depth image of a furnished room."""
 
 import time
 
@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from kpopnet.extraction import HumanExtractor
-from synth.eval_sim import CAMERA, EvalSim, EvalSimConfig, EvalSimSet
+from synth.simulated.eval_sim import CAMERA, EvalSim, EvalSimConfig, EvalSimSet
 
 FRAMES, ROUNDS, SETTLED = 200, 7, 30
 
@@ -32,7 +32,7 @@ def measure() -> dict[str, tuple[float, str, str]]:
     settled_ms = frames_ms.min(axis=0)[SETTLED:]
     times = np.median(settled_ms) / np.median(transforms_ms.min(axis=0))
     against = (
-        f"median; 95 % within {np.percentile(settled_ms, 95):.2f}, first picture {frames_ms[:, 0].min():.1f}; "
+        f"median; 95 % within {np.percentile(settled_ms, 95):.2f}, first image {frames_ms[:, 0].min():.1f}; "
         f"{times:.1f} times cv2.distanceTransform of the person's mask"
     )
     return {"extraction.frame_ms": (np.median(settled_ms), "ms a frame", against)}

@@ -8,8 +8,8 @@ import time
 from pathlib import Path
 
 from synth.motion import MotionConfig
-from synth.sample import SampleConfig
-from synth.shards import SetConfig, write_shard
+from synth.samples.sampler import SampleConfig
+from synth.samples.writer import SetConfig, write_shard
 
 SHARDS, PER_SHARD, STEPS = 60, 20, 40
 POLL_S = 0.25
@@ -26,9 +26,7 @@ def measure() -> dict[str, tuple[float, str, str]]:
             write_shard(config, Path(folder, "set"), shard)
         command = [sys.executable, "train.py", f"data.train={folder}/set", f"data.validation={folder}/set"]
         command += [f"training.steps={STEPS}", f"hydra.run.dir={folder}/run", "device=cpu"]
-        training = subprocess.Popen(
-            command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
-        )
+        training = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
         most_kb = 0
         while training.poll() is None:
             most_kb = max(most_kb, _held_kb(training.pid))

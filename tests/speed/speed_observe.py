@@ -7,11 +7,11 @@ from timeit import repeat
 
 import numpy as np
 
-from kpopnet.crops import AugmentConfig, CropBatches, ShuffledOrder
+from kpopnet.data.batches import AugmentConfig, CropBatches, ShuffledOrder
 from kpopnet.networks import ModelConfig
 from kpopnet.ridge import RidgeConfig
-from synth.observe import ExtractionConfig, Observer, Room, observe_sample
-from synth.sensor import SensorConfig
+from synth.samples.observe import ExtractionConfig, Observer, Room, observe_sample
+from synth.sensor.model import SensorConfig
 from tests.speed.generated import generated_set
 
 SAMPLES = 64

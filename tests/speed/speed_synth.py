@@ -11,8 +11,8 @@ import time
 from pathlib import Path
 
 from synth.motion import MotionConfig
-from synth.sample import SampleConfig
-from synth.shards import SetConfig, write_shard
+from synth.samples.sampler import SampleConfig
+from synth.samples.writer import SetConfig, write_shard
 
 Figures = dict[str, tuple[float, str, str]]
 SAMPLES = 500  # a shard; the median over SHARDS of them counts, when the dances that a process composes are composed
@@ -50,12 +50,12 @@ def samples() -> dict:
 
 
 def with_gl() -> dict:
-    """One picture by either renderer, and a loop over MuJoCo's own Renderer; milliseconds of processor time."""
+    """One image by either renderer, and a loop over MuJoCo's own Renderer; milliseconds of processor time."""
     import mujoco
     import numpy as np
 
-    from synth.render import CpuRenderer, GlRenderer
-    from synth.sample import Sampler
+    from synth.samples.sampler import Sampler
+    from synth.scene.render import CpuRenderer, GlRenderer
 
     sampler = Sampler(SampleConfig(renderer="cpu", motion=MotionConfig(source="mix")), 0, "train")
     scene = sampler.scene
@@ -63,7 +63,7 @@ def with_gl() -> dict:
     for _ in sampler.samples(0, 64):
         poses.append(scene.data.qpos.copy())
 
-    def per_picture_ms(draw) -> float:
+    def per_image_ms(draw) -> float:
         times = []
         for k in range(PICTURES):
             scene.data.qpos[:] = poses[k % len(poses)]
@@ -76,8 +76,8 @@ def with_gl() -> dict:
     gl, cpu = GlRenderer(scene), CpuRenderer(scene)
     figures = {"cpu_ms": [], "gl_ms": []}
     for _ in range(4):  # in turn, so that a busy neighbour hits both
-        figures["cpu_ms"].append(per_picture_ms(cpu.person_m))
-        figures["gl_ms"].append(per_picture_ms(gl.person_m))
+        figures["cpu_ms"].append(per_image_ms(cpu.person_m))
+        figures["gl_ms"].append(per_image_ms(gl.person_m))
     gl.close()
     plain = mujoco.Renderer(scene.model, scene.camera.height, scene.camera.width)
     plain.enable_depth_rendering()
@@ -87,8 +87,8 @@ def with_gl() -> dict:
         plain.update_scene(scene.data, camera="camera")
         return plain.render()
 
-    per_picture_ms(draw_plainly)
-    plain_ms = per_picture_ms(draw_plainly)
+    per_image_ms(draw_plainly)
+    plain_ms = per_image_ms(draw_plainly)
     plain.close()
     return {name: statistics.median(values[1:]) for name, values in figures.items()} | {"plain": 1000 / plain_ms}
 

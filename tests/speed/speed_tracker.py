@@ -10,24 +10,24 @@ import cv2
 import numpy as np
 
 from kpopnet.extraction import HumanExtractor
-from kpopnet.tracker import tracking
-from kpopnet.tracker.tracking import Tracker
-from synth.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
-from synth.film import Film
+from kpopnet.tracker import tracker as tracking
+from kpopnet.tracker.tracker import Tracker
+from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
+from synth.simulated.film import Film
 
 FRAMES = 240
 SEQUENCES = (0, 1, 2)  # one of each subject: a dance, crossed punches, kicks
 STAGES = {
     "ridge": ("ridge_data",),
     "hierarchy": ("estimate_pose",),
-    "fit": ("fit", "misfit"),
-    "limbs": ("relay_limbs",),
+    "fit": ("fit", "pose_cost"),
+    "limbs": ("refit_limbs",),
 }
 """The functions that `tracking` calls, by what they are a part of; the rest of a frame is small."""
 
 
 def measure() -> dict[str, tuple[float, str, str]]:
-    """Processor time of one core over frames of `eval_sim` at 320x240, from the raw picture to the joints."""
+    """Processor time of one core over frames of `eval_sim` at 320x240, from the raw image to the joints."""
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     simulator = EvalSim(EvalSimSet(EvalSimConfig(seed=21)))

@@ -8,13 +8,13 @@ from statistics import median
 
 import numpy as np
 
-from kpopnet.checkpoint import save_checkpoint
-from kpopnet.crops import CropBatches, ShuffledOrder, batch_loader
+from kpopnet.data.batches import CropBatches, ShuffledOrder, batch_loader
 from kpopnet.networks import ModelConfig
+from kpopnet.networks.checkpoint import save_checkpoint
 from kpopnet.networks.estimator import NetworkEstimator
-from kpopnet.training import Run, TrainingConfig, join_processes, set_up_torch
-from synth.observe import ExtractionConfig, Observer
-from synth.sensor import SensorConfig
+from kpopnet.training.loop import Run, TrainingConfig, join_processes, set_up_torch
+from synth.samples.observe import ExtractionConfig, Observer
+from synth.sensor.model import SensorConfig
 from tests.speed.generated import generated_set
 
 ROUNDS, STEPS, SAMPLES = 5, 12, 512

@@ -7,13 +7,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from kpopnet.networks.cube import Cube, crop, person_centre
-from kpopnet.tree_walk.estimator import TreeWalkEstimator, TreeWalkEstimatorConfig
-from kpopnet.tree_walk.growing import GrowthConfig
-from kpopnet.tree_walk.image import integer_image
-from kpopnet.tree_walk.training import TreeWalkConfig, train
-from synth.observe import ExtractionConfig, Observer
-from synth.sensor import SensorConfig
+from kpopnet.baselines.tree_walk.estimator import TreeWalkEstimator, TreeWalkEstimatorConfig
+from kpopnet.baselines.tree_walk.growing import GrowthConfig
+from kpopnet.baselines.tree_walk.image import integer_image
+from kpopnet.baselines.tree_walk.training import TreeWalkConfig, train
+from kpopnet.data.cube import Cube, crop, person_centre
+from synth.samples.observe import ExtractionConfig, Observer
+from synth.sensor.model import SensorConfig
 from tests.speed.generated import generated_set
 
 SAMPLES, ROUNDS = 200, 5
@@ -34,15 +34,15 @@ def measure() -> dict[str, tuple[float, str, str]]:
         depth_m = np.stack([shards[index].depth_mm for index in range(SAMPLES)]).astype(np.float32) / 1000
     model, camera = estimator.model, shards.camera
     cubes = [Cube(person_centre(image, camera), model.half_size_m) for image in depth_m]
-    pictures = [integer_image(crop(image, camera, cube, model.crop_px)[0]) for image, cube in zip(depth_m, cubes, strict=True)]
+    crops = [integer_image(crop(image, camera, cube, model.crop_px)[0]) for image, cube in zip(depth_m, cubes, strict=True)]
     whole_s, walks_s = [], []
     for _ in range(ROUNDS):
         start = time.process_time()
         estimator.estimate(depth_m, camera)
         whole_s.append(time.process_time() - start)
         start = time.process_time()
-        for number, picture in enumerate(pictures):
-            model.walked(picture, number)
+        for number, crop_image in enumerate(crops):
+            model.run_walks(crop_image, number)
         walks_s.append(time.process_time() - start)
     cv2.setNumThreads(threads)
     nodes = len(model.trees.child)

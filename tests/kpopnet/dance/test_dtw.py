@@ -8,8 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from kpopnet.dance.dtw import algorithm_3, banded_distances, best_match, frame_distance, posture_on_path, steady_delay
+from kpopnet.dance.angle_bias import AngleBias
+from kpopnet.dance.dtw import algorithm_3, banded_distances, best_match, constant_delay, frame_distance, posture_on_path
 from kpopnet.dance.features import Features
+from kpopnet.errors import InputError
 
 ALL = np.ones(3)
 COSTS = arrays(
@@ -23,36 +25,35 @@ def plain(angles_rad) -> Features:
     return Features(angles_rad, np.ones_like(angles_rad), np.ones_like(angles_rad))
 
 
-def slow_match(distances, slope, pull, expected):
-    """The least cost of all paths, each tried: columns are the teacher's frame less the learner's."""
+def slow_match(distances, slope, penalty, expected):
+    """The least cost of all paths by exhaustive search; column = teacher's frame minus learner's frame plus band."""
     n, columns = distances.shape
     steps = {True: [[(1, 0)], [(1, 1), (1, 0)], [(0, 1), (1, 0)]], False: [[(1, 0)], [(1, -1)], [(0, 1)]]}[slope]
-    # With the slope constraint a step to two of the learner's frames goes by (i + 1, k - 1), one to two of the teacher's
-    # by the learner's own frame, one column on, and each pair of cells counts as one of the learner's frames.
+    # With the slope constraint both longer steps pass (i + 1, k). Two cells of one of the learner's frames count half each.
 
     def cost_from(i, k):
-        best = away * abs(k - expected) if i == n - 1 else math.inf
+        best = endpoint_cost * abs(k - expected) if i == n - 1 else math.inf
         for step in steps:
             cost = _step_cost(distances, slope, step, i, k)
             if cost is not None:
-                there, price = cost
-                if price < math.inf:
-                    best = min(best, price + memory(*there))
+                target, step_cost = cost
+                if step_cost < math.inf:
+                    best = min(best, step_cost + memoised(*target))
         return best
 
     cache = {}
 
-    def memory(i, k):
+    def memoised(i, k):
         if (i, k) not in cache:
             cache[i, k] = cost_from(i, k)
         return cache[i, k]
 
-    away = pull * n / 2
-    return min(distances[0, k] + away * abs(k - expected) + memory(0, k) for k in range(columns))
+    endpoint_cost = penalty * n / 2
+    return min(distances[0, k] + endpoint_cost * abs(k - expected) + memoised(0, k) for k in range(columns))
 
 
 def _step_cost(distances, slope, step, i, k):
-    """Where a step leads from (i, k), and what it costs; None if it leads out."""
+    """The target cell of a step from (i, k) and its cost; None if the step leaves the array."""
     n, columns = distances.shape
 
     def at(row, column):
@@ -72,10 +73,10 @@ def _step_cost(distances, slope, step, i, k):
     return None if first is None or second is None else ((i + 1, k + 1), (first + second) / 2)
 
 
-def cost_of(path, distances, slope, pull, expected):
-    """What a path costs, from its cells alone."""
+def cost_of(path, distances, slope, penalty, expected):
+    """The cost of a path, computed from its cells."""
     n = len(distances)
-    total = pull * n / 2 * (abs(path[0][1] - expected) + abs(path[-1][1] - expected))
+    total = penalty * n / 2 * (abs(path[0][1] - expected) + abs(path[-1][1] - expected))
     if not slope:
         return total + sum(distances[i, k] for i, k in path)
     rows = [i for i, _ in path]
@@ -84,23 +85,23 @@ def cost_of(path, distances, slope, pull, expected):
 
 @settings(max_examples=150, deadline=None)
 @given(COSTS, st.booleans(), st.sampled_from([0.0, 0.1, 1.0]), st.integers(0, 6))
-def test_the_best_match_is_the_best_of_all_paths(distances, slope, pull, expected):
+def test_the_best_match_is_the_best_of_all_paths(distances, slope, penalty, expected):
     expected = min(expected, distances.shape[1] - 1)
-    least = slow_match(distances, slope, pull, expected)
-    path = best_match(distances, slope, pull, expected)
-    if least == math.inf:
+    least_cost = slow_match(distances, slope, penalty, expected)
+    path = best_match(distances, slope, penalty, expected)
+    if least_cost == math.inf:
         assert len(path) == 0
         return
     assert path[0, 0] == 0 and path[-1, 0] == len(distances) - 1
-    assert cost_of(path.tolist(), distances, slope, pull, expected) == pytest.approx(least)
+    assert cost_of(path.tolist(), distances, slope, penalty, expected) == pytest.approx(least_cost)
     learner, teacher = np.diff(path[:, 0]), np.diff(path.sum(axis=1))
     assert ((learner >= 0) & (learner <= 1) & (teacher >= 0) & (teacher <= 1) & (learner + teacher > 0)).all()
     if slope:
-        for steps in (learner, teacher):  # nobody waits twice running
+        for steps in (learner, teacher):  # neither waits for two steps in a row
             assert not any(a == 0 and b == 0 for a, b in itertools.pairwise(steps))
 
 
-def test_a_stretch_is_found_where_it_lies():
+def test_a_window_is_found_at_its_delay():
     rng = np.random.default_rng(0)
     teacher = plain(rng.uniform(-3, 3, (200, 3)))
     for delay in (-20, 0, 13):
@@ -109,22 +110,22 @@ def test_a_stretch_is_found_where_it_lies():
         for slope in (True, False):
             path = best_match(distances, slope, 0.0, 30)
             assert path.tolist() == [[i, 30 - delay] for i in range(40)]
-        assert steady_delay(distances, 0.0) == 30 - delay
+        assert constant_delay(distances, 0.0) == 30 - delay
 
 
-def test_half_and_double_speed_are_followed_by_the_slope_constraint():
-    way = np.linspace(0, 3, 121)[:, None] * [1, 0.5, -1]
-    teacher = plain(way)
+def test_the_slope_constraint_allows_half_and_double_speed():
+    trajectory = np.linspace(0, 3, 121)[:, None] * [1, 0.5, -1]
+    teacher = plain(trajectory)
     for speed, frames in ((0.5, 40), (2.0, 20)):
         at = 40 + speed * np.arange(frames)
-        learner = plain(np.stack([np.interp(at, np.arange(121), column) for column in way.T], axis=1))
+        learner = plain(np.stack([np.interp(at, np.arange(121), column) for column in trajectory.T], axis=1))
         distances = banded_distances(learner, teacher, 40, 40, math.inf)
         path = best_match(distances, True, 0.0, 40)
         begin, end = 40 + path[[0, -1]].sum(axis=1) - 40
         assert abs(begin - 40) <= 1 and abs(end - (40 + speed * (frames - 1))) <= 1
 
 
-def test_whoever_stands_still_matches_no_single_frame_with_the_slope_constraint():
+def test_with_the_slope_constraint_a_still_learner_does_not_match_a_single_frame():
     rng = np.random.default_rng(1)
     teacher = plain(np.cumsum(rng.normal(size=(120, 3)), axis=0) * 0.1)
     learner = Features(*(np.repeat(a[60:61], 30, axis=0) for a in teacher))
@@ -134,46 +135,46 @@ def test_whoever_stands_still_matches_no_single_frame_with_the_slope_constraint(
     assert lengths[True] >= 15
 
 
-def test_where_everything_fits_the_expected_time_is_taken():
+def test_of_equally_good_matches_the_expected_time_is_chosen():
     flat = np.full((20, 31), 0.5)
     assert best_match(flat, True, 0.01, 15).tolist() == [[i, 15] for i in range(20)]
-    assert steady_delay(flat, 0.01) == 15
+    assert constant_delay(flat, 0.01) == 15
 
 
-def test_beyond_the_teacher_there_is_nothing():
+def test_beyond_the_teachers_dance_distances_are_infinite():
     teacher, learner = plain(np.zeros((10, 3))), plain(np.zeros((4, 3)))
     distances = banded_distances(learner, teacher, 8, 2, math.inf)
     assert np.isfinite(distances).tolist() == [[j < 10 for j in range(6 + i, 11 + i)] for i in range(4)]
     assert len(best_match(banded_distances(learner, teacher, 50, 2, math.inf), True, 0.0, 2)) == 0
 
 
-def norm(a, b, a_weights=1.0, a_sure=1.0, columns=ALL, outlier=math.inf) -> float:
+def norm(a, b, a_weights=1.0, a_confidence=1.0, columns=ALL, outlier=math.inf) -> float:
     ones = np.ones((1, len(a)))
-    learner, teacher = Features(np.array([a]), ones * a_weights, ones * a_sure), plain([b])
+    learner, teacher = Features(np.array([a]), ones * a_weights, ones * a_confidence), plain([b])
     return frame_distance(learner, 0, teacher, 0, columns, outlier)
 
 
-def test_differences_are_wrapped_weighted_and_missing_ones_left_out():
-    a, b, nothing = [3.1, 0.0, 0.0], [-3.1, 0.0, 0.0], [0.0, 0.0, 0.0]
+def test_differences_are_wrapped_and_weighted_and_missing_ones_excluded():
+    a, b, zero = [3.1, 0.0, 0.0], [-3.1, 0.0, 0.0], [0.0, 0.0, 0.0]
     assert norm(a, b) == pytest.approx(2 * math.pi - 6.2)
     assert norm(a, b, a_weights=[0.25, 1, 1]) == pytest.approx((2 * math.pi - 6.2) / 2)
     c = [0.5, 0.0, math.nan]
-    assert norm(c, nothing) == pytest.approx(0.5 * math.sqrt(3 / 2))
-    assert math.isnan(norm([0.5, math.nan, math.nan], nothing))
-    assert norm(c, nothing, columns=np.array([1.0, 0.0, 0.0])) == pytest.approx(0.5 * math.sqrt(3))
+    assert norm(c, zero) == pytest.approx(0.5 * math.sqrt(3 / 2))
+    assert math.isnan(norm([0.5, math.nan, math.nan], zero))
+    assert norm(c, zero, columns=np.array([1.0, 0.0, 0.0])) == pytest.approx(0.5 * math.sqrt(3))
 
 
 @given(st.lists(st.floats(-3, 3), min_size=3, max_size=3), st.floats(0.01, 1), st.sampled_from((0.3, math.inf)))
-def test_how_sure_all_angles_are_changes_nothing_and_one_that_is_unsure_counts_as_missing(a, sure, outlier):
+def test_a_common_confidence_does_not_matter_and_confidence_zero_counts_as_missing(a, confidence, outlier):
     b = [0.0, 0.0, 0.0]
     if outlier == math.inf:
-        assert norm(a, b, a_sure=sure) == pytest.approx(norm(a, b))
-    assert norm(a, b, a_sure=[1, 1, 0], outlier=outlier) == pytest.approx(norm([*a[:2], math.nan], b, outlier=outlier))
-    assert math.isnan(norm(a, b, a_sure=[1, 0, 0])) and math.isnan(norm(a, b, a_sure=0.0))
+        assert norm(a, b, a_confidence=confidence) == pytest.approx(norm(a, b))
+    assert norm(a, b, a_confidence=[1, 1, 0], outlier=outlier) == pytest.approx(norm([*a[:2], math.nan], b, outlier=outlier))
+    assert math.isnan(norm(a, b, a_confidence=[1, 0, 0])) and math.isnan(norm(a, b, a_confidence=0.0))
 
 
 @given(st.floats(0, 3.1), st.floats(0, 3.1))
-def test_a_greater_difference_is_never_a_smaller_distance(one, other):
+def test_the_distance_grows_with_the_difference(one, other):
     distance = [norm([x], [0.0], columns=ALL[:1], outlier=0.3) for x in sorted((one, other))]
     assert distance[0] <= distance[1] <= max(one, other)
 
@@ -194,7 +195,7 @@ def test_posture_is_the_mean_over_the_teachers_frames():
 
 
 def slow_algorithm_3(learner, teacher, alpha, beta, tau):
-    """As it is printed, with indices from 1."""
+    """The printed algorithm, with indices from 1."""
     n, m = len(learner), len(teacher)
     warped = {(0, 0): 0.0} | {(i, 0): math.inf for i in range(1, n + 1)} | {(0, j): math.inf for j in range(1, m + 1)}
     for i in range(1, n + 1):
@@ -208,14 +209,14 @@ def slow_algorithm_3(learner, teacher, alpha, beta, tau):
     return timing, math.exp(-warped[n, end] / (beta * half)), start
 
 
-def test_the_papers_steps_match_as_a_library_does():
+def test_the_papers_steps_give_the_same_match_as_a_library():
     rng = np.random.default_rng(3)
     for _ in range(20):
-        around = np.cumsum(rng.normal(0, 0.02, (90, 22)), axis=0)
-        window = around[30:60] + rng.normal(0, 0.05, (30, 22))
-        distances = banded_distances(plain(window), plain(around), 0, 90, math.inf)
+        teacher = np.cumsum(rng.normal(0, 0.02, (90, 22)), axis=0)
+        window = teacher[30:60] + rng.normal(0, 0.05, (30, 22))
+        distances = banded_distances(plain(window), plain(teacher), 0, 90, math.inf)
         path = best_match(distances, False, 0.0, 90)
-        _, costs = dtw_ndim.warping_paths(window, around, inner_dist="euclidean", psi=(0, 0, 90, 90), psi_neg=False)
+        _, costs = dtw_ndim.warping_paths(window, teacher, inner_dist="euclidean", psi=(0, 0, 90, 90), psi_neg=False)
         assert path[-1].sum() - 90 == np.argmin(costs[-1, 1:])
         assert distances[path[:, 0], path[:, 1]].sum() == pytest.approx(costs[-1, 1:].min())
 
@@ -224,8 +225,21 @@ def test_algorithm_3_is_as_printed_with_its_faults():
     rng = np.random.default_rng(2)
     teacher, learner = rng.uniform(-1, 1, (30, 3)), rng.uniform(-1, 1, (20, 3))
     timing, posture, start = slow_algorithm_3(learner, teacher, 0.3, 2.0, 10)
-    found = algorithm_3(plain(learner), plain(teacher), 0.3, 2.0, 10)
-    assert found[:2] == pytest.approx((timing, posture))
-    assert start == 1  # whatever the data
+    printed = algorithm_3(plain(learner), plain(teacher), 0.3, 2.0, 10)
+    assert printed[:2] == pytest.approx((timing, posture))
+    assert start == 1  # for any data
     late = algorithm_3(plain(teacher[5:25]), plain(teacher), 0.3, 2.0, 10)
     assert late[1] < 0.9  # a perfect copy that is late is not found
+
+
+def test_features_of_different_angles_are_refused():
+    one, other = plain(np.zeros((5, 4))), plain(np.zeros((6, 3)))
+    for learner, teacher in (
+        (one, other),
+        (one._replace(weights=np.ones((4, 4))), one),
+        (one, one._replace(confidence=np.ones(4))),
+    ):
+        with pytest.raises(InputError, match=r"features of the shapes .* with equal angles"):
+            banded_distances(learner, teacher, 0, 2, math.inf)
+        with pytest.raises(InputError, match=r"features of the shapes .* with equal angles"):
+            AngleBias(4, 10.0, 1.0).subtracted(learner, teacher, 0)

@@ -13,7 +13,7 @@ FPS = 30.0
 
 
 def standing() -> np.ndarray:
-    """(15, 3) somebody upright who faces the camera, arms and legs hanging straight."""
+    """(15, 3) an upright person who faces the camera, with arms and legs hanging straight."""
     joints_m = np.zeros((15, 3))
     for joint, x, y in (
         (Joint.HEAD, 0, -0.7), (Joint.NECK, 0, -0.5), (Joint.TORSO, 0, -0.25),
@@ -27,15 +27,15 @@ def standing() -> np.ndarray:
 
 
 def features_of(joints_m: np.ndarray, feature: str, heading: bool = False) -> dict[str, np.ndarray]:
-    found = dance_features(joints_m, feature, FPS, heading)
-    return dict(zip(feature_names(feature, heading), found.angles_rad.T, strict=True))
+    result = dance_features(joints_m, feature, FPS, heading)
+    return dict(zip(feature_names(feature, heading), result.angles_rad.T, strict=True))
 
 
 def assert_same(a, b, tolerance=1e-6):
-    """Angles, wrapped, where they say anything."""
+    """Asserts that wrapped and weighted angles are equal."""
     assert np.array_equal(np.isnan(a.angles_rad), np.isnan(b.angles_rad))
-    off = np.angle(np.exp(1j * np.nan_to_num(a.angles_rad - b.angles_rad)))
-    assert np.abs(off * np.nan_to_num(a.weights)).max() < tolerance
+    difference = np.angle(np.exp(1j * np.nan_to_num(a.angles_rad - b.angles_rad)))
+    assert np.abs(difference * np.nan_to_num(a.weights)).max() < tolerance
     np.testing.assert_allclose(a.weights, b.weights, atol=tolerance)
 
 
@@ -44,21 +44,21 @@ def test_dimensions_are_the_papers():
     assert len(feature_names("raptis")) == 19
     assert len(feature_names("dance22", heading=True)) == 23
     for feature in FEATURES:
-        found = dance_features(JOINTS_M, feature, FPS)
-        assert found.angles_rad.shape == found.weights.shape == (len(JOINTS_M), len(feature_names(feature)))
-        assert ((found.weights >= 0) & (found.weights <= 1)).all()
+        result = dance_features(JOINTS_M, feature, FPS)
+        assert result.angles_rad.shape == result.weights.shape == (len(JOINTS_M), len(feature_names(feature)))
+        assert ((result.weights >= 0) & (result.weights <= 1)).all()
 
 
-def test_an_upright_pose_has_no_angles_but_for_the_arms_carried_frame():
-    found = features_of(np.repeat(standing()[None], 3, axis=0), "raptis")
+def test_the_angles_of_an_upright_pose_are_zero():
+    result = features_of(np.repeat(standing()[None], 3, axis=0), "raptis")
     for name in ("yaw", "pitch", "roll"):
-        np.testing.assert_allclose(found[name], 0, atol=1e-9)
+        np.testing.assert_allclose(result[name], 0, atol=1e-9)
     for feature in FEATURES:
-        found = features_of(np.repeat(standing()[None], 3, axis=0), feature)
+        result = features_of(np.repeat(standing()[None], 3, axis=0), feature)
         for name in ("right_elbow", "left_knee"):
-            np.testing.assert_allclose(found[f"{name}_inclination"], 0, atol=1e-6)
+            np.testing.assert_allclose(result[f"{name}_inclination"], 0, atol=1e-6)
     for name in ("twist", "lean", "bend"):
-        np.testing.assert_allclose(found.get(name, 0), 0, atol=1e-9)
+        np.testing.assert_allclose(result.get(name, 0), 0, atol=1e-9)
 
 
 @pytest.mark.parametrize("feature", FEATURES)
@@ -66,37 +66,37 @@ def test_arms_to_the_front_and_to_the_side_differ_in_azimuth(feature):
     front, side = standing(), standing()
     front[Joint.LEFT_ELBOW] = front[Joint.LEFT_SHOULDER] + [0, 0, -0.3]
     side[Joint.LEFT_ELBOW] = side[Joint.LEFT_SHOULDER] + [0.3, 0, 0]
-    found = features_of(np.array([front, side]), feature)
-    np.testing.assert_allclose(found["left_elbow_inclination"], np.pi / 2, atol=1e-6)
-    np.testing.assert_allclose(found["left_elbow_azimuth"], [np.pi / 2, 0], atol=1e-6)
+    result = features_of(np.array([front, side]), feature)
+    np.testing.assert_allclose(result["left_elbow_inclination"], np.pi / 2, atol=1e-6)
+    np.testing.assert_allclose(result["left_elbow_azimuth"], [np.pi / 2, 0], atol=1e-6)
 
 
 def test_a_bend_forwards_and_backwards_a_twist_left_and_right_differ_in_sign():
-    def moved(joints, axis, angle):
+    def rotated_angle(name, axis, angle):
         pose = standing()
         upper = [j for j in Joint if "HIP" not in j.name and "KNEE" not in j.name and "FOOT" not in j.name and j != Joint.TORSO]
         centre = pose[Joint.TORSO]
         pose[upper] = turned((pose[upper] - centre)[None], axis, angle)[0] + centre
-        return features_of(pose[None], "dance22")[joints][0]
+        return features_of(pose[None], "dance22")[name][0]
 
     for name, axis in (("twist", [0, 1, 0]), ("lean", [0, 0, 1]), ("bend", [1, 0, 0])):
-        there, back = moved(name, axis, 0.4), moved(name, axis, -0.4)
+        there, back = rotated_angle(name, axis, 0.4), rotated_angle(name, axis, -0.4)
         assert abs(there) == pytest.approx(0.4, abs=1e-6)
         assert there == pytest.approx(-back, abs=1e-6)
-    assert moved("bend", [1, 0, 0], 0.4) > 0  # the head comes towards the camera
+    assert rotated_angle("bend", [1, 0, 0], 0.4) > 0  # the head comes towards the camera
 
 
-def test_a_forearm_up_or_down_with_the_upper_arm_to_the_side_is_seen_by_dance22_only():
+def test_only_dance22_tells_a_forearm_up_from_down_with_the_upper_arm_sideways():
     up, down = standing(), standing()
     for pose, y in ((up, -0.3), (down, 0.3)):
         pose[Joint.RIGHT_ELBOW] = pose[Joint.RIGHT_SHOULDER] + [-0.3, 0, 0]
         pose[Joint.RIGHT_HAND] = pose[Joint.RIGHT_ELBOW] + [0, y, 0]
-    for feature, seen in (("dance22", True), ("raptis", False)):
-        found = dance_features(np.array([up, down]), feature, FPS)
+    for feature, is_different in (("dance22", True), ("raptis", False)):
+        result = dance_features(np.array([up, down]), feature, FPS)
         column = feature_names(feature).index("right_hand_azimuth")
-        off = np.abs(np.angle(np.exp(1j * (found.angles_rad[0, column] - found.angles_rad[1, column]))))
-        weighted = off * found.weights[:, column].min()
-        assert (weighted > 1.5) == seen
+        difference = np.abs(np.angle(np.exp(1j * (result.angles_rad[0, column] - result.angles_rad[1, column]))))
+        weighted = difference * result.weights[:, column].min()
+        assert (weighted > 1.5) == is_different
 
 
 @settings(max_examples=25, deadline=None)
@@ -111,20 +111,20 @@ def test_dance22_does_not_depend_on_the_camera_or_on_the_size(axis, angle, shift
 
 @settings(max_examples=15, deadline=None)
 @given(st.tuples(*[st.floats(-5, 5)] * 3), st.floats(0.5, 2))
-def test_raptis_does_not_depend_on_place_and_size(shift, size):
+def test_raptis_does_not_depend_on_position_and_size(shift, size):
     assert_same(dance_features(JOINTS_M, "raptis", FPS), dance_features(JOINTS_M * size + np.array(shift), "raptis", FPS))
 
 
-def test_raptis_yaw_follows_the_camera_and_nothing_else_does():
+def test_only_the_yaw_of_raptis_depends_on_the_camera():
     there = turned(JOINTS_M, [0, 1, 0], 0.3)
     before, after = dance_features(JOINTS_M, "raptis", FPS), dance_features(there, "raptis", FPS)
-    off = np.angle(np.exp(1j * (after.angles_rad - before.angles_rad)))
-    np.testing.assert_allclose(np.abs(off[:, 0]), 0.3, atol=1e-6)
-    assert np.abs(off[:, 1:] * before.weights[:, 1:]).max() < 1e-6
+    difference = np.angle(np.exp(1j * (after.angles_rad - before.angles_rad)))
+    np.testing.assert_allclose(np.abs(difference[:, 0]), 0.3, atol=1e-6)
+    assert np.abs(difference[:, 1:] * before.weights[:, 1:]).max() < 1e-6
 
 
 @pytest.mark.parametrize("joint", [Joint.TORSO, Joint.RIGHT_SHOULDER, Joint.LEFT_HAND, Joint.RIGHT_KNEE])
-def test_a_missing_joint_leaves_out_what_needs_it_and_nothing_else(joint):
+def test_a_missing_joint_removes_only_the_angles_that_need_it(joint):
     joints_m = JOINTS_M.copy()
     joints_m[5, joint] = np.nan
     for feature in FEATURES:
@@ -140,51 +140,51 @@ def test_a_missing_joint_leaves_out_what_needs_it_and_nothing_else(joint):
             }
 
 
-def test_an_angle_is_as_sure_as_the_least_sure_joint_of_its_limb():
+def test_the_confidence_of_an_angle_is_the_minimum_of_its_limbs_joints():
     confidence = np.full((len(JOINTS_M), 15), 0.9)
     confidence[5, Joint.LEFT_HAND], confidence[6, Joint.LEFT_ELBOW], confidence[7, Joint.LEFT_HIP] = 0.5, 0.4, 0.3
     for feature, heading in (("dance22", True), ("raptis", False)):
-        names, found = feature_names(feature, heading), dance_features(JOINTS_M, feature, FPS, heading, confidence).sure
-        less = {frame: {names[c] for c in np.flatnonzero(found[frame] < 0.7 * found[frame].max())} for frame in range(4, 8)}
+        names, result = feature_names(feature, heading), dance_features(JOINTS_M, feature, FPS, heading, confidence).confidence
+        less = {frame: {names[c] for c in np.flatnonzero(result[frame] < 0.7 * result[frame].max())} for frame in range(4, 8)}
         angles = {limb: {f"{limb}_inclination", f"{limb}_azimuth"} for limb in ("left_hand", "left_elbow", "left_knee")}
         torso = {name for name in names if not name.startswith(("left", "right"))}
         hand, elbow, knee = angles.values()
         assert less == {4: set(), 5: hand, 6: hand | elbow, 7: knee | torso}
-        np.testing.assert_allclose(found[5:8].min(axis=1) / found[5:8].max(axis=1), np.array([0.5, 0.4, 0.3]) ** 2 / 0.81)
-        np.testing.assert_allclose(found.mean(axis=1), 1)
-        assert (dance_features(JOINTS_M, feature, FPS, heading).sure == 1).all()
+        np.testing.assert_allclose(result[5:8].min(axis=1) / result[5:8].max(axis=1), np.array([0.5, 0.4, 0.3]) ** 2 / 0.81)
+        np.testing.assert_allclose(result.mean(axis=1), 1)
+        assert (dance_features(JOINTS_M, feature, FPS, heading).confidence == 1).all()
 
 
 @pytest.mark.parametrize("feature", FEATURES)
-def test_bones_of_no_length_are_missing_directions(feature):
+def test_a_bone_of_zero_length_makes_its_angles_missing(feature):
     joints_m = JOINTS_M.copy()
     joints_m[0] = 1.0  # the whole person in one point
     joints_m[1, Joint.LEFT_ELBOW] = joints_m[1, Joint.LEFT_SHOULDER]
-    found = dance_features(joints_m, feature, FPS)
-    assert np.isnan(found.angles_rad[0]).all()
+    result = dance_features(joints_m, feature, FPS)
+    assert np.isnan(result.angles_rad[0]).all()
     names = feature_names(feature)
-    assert np.isnan(found.angles_rad[1, names.index("left_elbow_inclination")])
-    assert np.isfinite(found.angles_rad[1, names.index("right_elbow_inclination")])
+    assert np.isnan(result.angles_rad[1, names.index("left_elbow_inclination")])
+    assert np.isfinite(result.angles_rad[1, names.index("right_elbow_inclination")])
 
 
-def test_a_turn_of_the_whole_body_is_seen_with_the_heading_only():
+def test_a_turn_of_the_whole_body_changes_only_the_heading():
     still = np.repeat(standing()[None], 60, axis=0)
     spinning = turned(still, [0, 1, 0], np.linspace(0, 2, 60))
-    still_found, spinning_found = (dance_features(j, "dance22", FPS, heading=True) for j in (still, spinning))
-    off = np.abs(spinning_found.angles_rad - still_found.angles_rad)[20:]
-    assert (off * still_found.weights[20:])[:, :22].max() < 1e-6
-    np.testing.assert_allclose(off[:, 22], 2 / 59 * 15, atol=1e-6)
+    still_result, spinning_result = (dance_features(j, "dance22", FPS, heading=True) for j in (still, spinning))
+    difference = np.abs(spinning_result.angles_rad - still_result.angles_rad)[20:]
+    assert (difference * still_result.weights[20:])[:, :22].max() < 1e-6
+    np.testing.assert_allclose(difference[:, 22], 2 / 59 * 15, atol=1e-6)
 
 
-def test_small_noise_makes_small_differences_everywhere():
-    """Frames do not flip and azimuths near their axis do not weigh."""
+def test_small_noise_makes_small_differences():
+    """Torso frames do not flip, and azimuths near their axis have no weight."""
     for feature in FEATURES:
         a, b = dance_features(JOINTS_M, feature, FPS), dance_features(noisy(JOINTS_M, 0.002), feature, FPS)
-        off = np.abs(np.angle(np.exp(1j * (a.angles_rad - b.angles_rad)))) * np.minimum(a.weights, b.weights)
-        assert np.nanmax(off) < 0.15
+        difference = np.abs(np.angle(np.exp(1j * (a.angles_rad - b.angles_rad)))) * np.minimum(a.weights, b.weights)
+        assert np.nanmax(difference) < 0.15
 
 
-def test_the_mirrored_dance_has_the_mirrored_torso():
+def test_a_mirrored_dance_has_mirrored_angles():
     there, mirror = features_of(JOINTS_M, "dance22"), features_of(mirrored(JOINTS_M), "dance22")
     for name, sign in (("twist", -1), ("lean", -1), ("bend", 1)):
         np.testing.assert_allclose(mirror[name], sign * there[name], atol=1e-9)

@@ -1,4 +1,6 @@
-"""The tracker as an estimator: its ways to start, its settings, and what users may hand in."""
+"""The tracker as an estimator: its start modes, its settings, and its input checks."""
+
+import re
 
 import numpy as np
 import pytest
@@ -7,10 +9,10 @@ from y_people import draw_y, y_joints
 
 from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
-from kpopnet.estimators import Start, first_label
+from kpopnet.estimator import Start, first_label
+from kpopnet.geometry.human_model import HumanModel
 from kpopnet.skeleton import NUM_JOINTS, Joint
 from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
-from kpopnet.tracker.model import HumanModel
 
 CAMERA = CAMERAS["kinect_v1"]
 EMPTY = np.zeros((CAMERA.height, CAMERA.width), np.float32)
@@ -18,7 +20,7 @@ EMPTY = np.zeros((CAMERA.height, CAMERA.width), np.float32)
 
 @pytest.fixture(scope="module")
 def film():
-    """(5, 15, 3) true joints and (5, H, W) metres of somebody who lowers the arms."""
+    """(5, 15, 3) true joints and (5, H, W) metres of a person who lowers the arms."""
     joints = np.stack([cone_joints(30 - 5 * t) for t in range(5)])
     body = cone_body(joints[0])
     return joints, np.stack([draw_cones(pose, body, CAMERA) for pose in joints])
@@ -28,7 +30,7 @@ def error_m(found: np.ndarray, joints: np.ndarray) -> np.ndarray:
     return np.linalg.norm(found - joints, axis=-1)
 
 
-def test_a_known_pose_starts_it_and_frames_before_are_left_out(film) -> None:
+def test_frames_before_the_start_have_no_joints(film) -> None:
     joints, depth = film
     estimate = TrackerEstimator().estimate(depth, CAMERA, Start(2, joints[2]))
     assert estimate.joints_camera_m.dtype == estimate.confidence.dtype == np.float32
@@ -37,7 +39,7 @@ def test_a_known_pose_starts_it_and_frames_before_are_left_out(film) -> None:
     assert error_m(estimate.joints_camera_m[2:], joints[2:]).mean() < 0.03
 
 
-def test_millimetres_are_metres(film) -> None:
+def test_millimetres_and_metres_give_the_same_joints(film) -> None:
     joints, depth = film
     metres, millimetres = (
         TrackerEstimator().estimate(images, CAMERA, Start(0, joints[0])).joints_camera_m
@@ -46,7 +48,7 @@ def test_millimetres_are_metres(film) -> None:
     np.testing.assert_allclose(millimetres, metres, atol=0.01)
 
 
-def test_each_sequence_is_followed_by_itself(film) -> None:
+def test_sequences_are_tracked_independently(film) -> None:
     joints, depth = film
     estimator = TrackerEstimator()
     first, again = (estimator.estimate(depth, CAMERA, Start(0, joints[0])).joints_camera_m for _ in range(2))
@@ -54,14 +56,38 @@ def test_each_sequence_is_followed_by_itself(film) -> None:
     assert np.isnan(estimator.estimate(depth[-1:], CAMERA).joints_camera_m).all()
 
 
-def test_it_waits_for_the_y_pose_by_itself() -> None:
+@pytest.mark.parametrize(
+    ("start", "message"),
+    [("y_pose", "no person took the Y pose.*with start=standing"), ("standing", "stood upright.*with start=y_pose")],
+)
+def test_a_sequence_in_which_the_tracker_never_starts_is_reported(film, caplog, start: str, message: str) -> None:
+    lying = np.rot90(film[1][-1:], axes=(1, 2))[:, 40:280].copy()
+    depth = np.zeros((40, CAMERA.height, CAMERA.width), np.float32)
+    depth[:, :, 40:280] = lying
+    estimator = TrackerEstimator(TrackerEstimatorConfig(start=start))
+    assert np.isnan(estimator.estimate(depth, CAMERA).joints_camera_m).all()
+    assert re.search(f"all joints are missing: in 40 of 40 frames .*{message}", caplog.text)
+    caplog.clear()
+    estimator.estimate(depth[:39], CAMERA)
+    assert not caplog.records
+    estimator.estimate(np.stack([EMPTY] * 40), CAMERA)
+    assert "none of 40 frames has a measured pixel" in caplog.text
+
+
+def test_nothing_is_reported_where_the_tracker_starts(film, caplog) -> None:
+    TrackerEstimator().estimate(film[1], CAMERA, Start(0, film[0][0]))
+    TrackerEstimator().estimate(np.stack([EMPTY, draw_y(y_joints(place_m=PLACE_M), CAMERA)]), CAMERA)
+    assert not caplog.records
+
+
+def test_the_estimator_waits_for_the_y_pose() -> None:
     y = y_joints(place_m=PLACE_M)
     found = TrackerEstimator().estimate(np.stack([EMPTY, draw_y(y, CAMERA), EMPTY]), CAMERA)
     assert np.isnan(found.joints_camera_m[[0, 2]]).all() and not found.confidence[[0, 2]].any()
     assert error_m(found.joints_camera_m[1], y).mean() < 0.06
 
 
-def test_who_stands_starts_it_if_it_is_told_so() -> None:
+def test_start_standing_accepts_a_standing_person() -> None:
     joints = cone_joints(-75, 4)
     depth = np.repeat(draw_cones(joints, cone_body(joints), CAMERA)[None], 4, axis=0)
     assert np.isnan(TrackerEstimator().estimate(depth, CAMERA).joints_camera_m).all()
@@ -69,7 +95,7 @@ def test_who_stands_starts_it_if_it_is_told_so() -> None:
     assert np.isfinite(found).all() and error_m(found[-1], joints).mean() < 0.08
 
 
-def test_the_first_label_is_the_first_whole_one(film) -> None:
+def test_the_first_label_is_the_first_complete_one(film) -> None:
     joints = film[0].copy()
     joints[0, Joint.LEFT_HAND] = np.nan
     joints[1, Joint.NECK, 2] = np.nan
@@ -87,8 +113,8 @@ def test_a_saved_model_is_read(film, tmp_path) -> None:
     estimator = TrackerEstimator(TrackerEstimatorConfig(model=str(tmp_path / "person.json")))
     assert estimator.model == model
     assert error_m(estimator.estimate(depth, CAMERA, Start(0, joints[0])).joints_camera_m, joints).mean() < 0.03
-    with pytest.raises(InputError, match=r"nobody\.json"):
-        TrackerEstimator(TrackerEstimatorConfig(model=str(tmp_path / "nobody.json")))
+    with pytest.raises(InputError, match=r"missing\.json"):
+        TrackerEstimator(TrackerEstimatorConfig(model=str(tmp_path / "missing.json")))
 
 
 def test_no_frames_have_no_joints() -> None:
@@ -96,7 +122,7 @@ def test_no_frames_have_no_joints() -> None:
     assert found.joints_camera_m.shape == (0, NUM_JOINTS, 3) and found.confidence.shape == (0, NUM_JOINTS)
 
 
-def test_sixteen_bits_of_garbage_are_nobody_and_no_error(film) -> None:
+def test_noise_gives_no_joints_and_no_error(film) -> None:
     garbage = np.random.default_rng(3).integers(0, 2**16, (2, *EMPTY.shape)).astype(np.uint16)
     assert np.isnan(TrackerEstimator().estimate(garbage, CAMERA).joints_camera_m).all()
     wild = np.full((1, *EMPTY.shape), np.nan, np.float32)
@@ -106,13 +132,13 @@ def test_sixteen_bits_of_garbage_are_nobody_and_no_error(film) -> None:
 
 
 @pytest.mark.parametrize("depth", [EMPTY, np.zeros((1, 24, 32), np.float32), np.zeros((1, *EMPTY.shape), int), [EMPTY]])
-def test_what_is_no_sequence_of_depth_is_refused(depth) -> None:
+def test_invalid_depth_sequences_are_refused(depth) -> None:
     with pytest.raises(InputError, match="depth sequence"):
         TrackerEstimator().estimate(depth, CAMERA)
 
 
-def test_a_network_that_is_never_asked_is_refused() -> None:
-    with pytest.raises(InputError, match=r"network=some/run: with body=false no network is ever asked"):
+def test_a_network_that_is_never_queried_is_refused() -> None:
+    with pytest.raises(InputError, match=r"network=some/run: with body=false no network is queried"):
         TrackerEstimatorConfig(body=False, network="some/run")
 
 

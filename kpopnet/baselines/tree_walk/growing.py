@@ -1,0 +1,229 @@
+"""Growing of regression trees whose leaves hold directions, node by node."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from kpopnet.baselines.tree_walk.image import features
+from kpopnet.errors import InputError
+
+KMEANS_ITERATIONS = 10
+
+
+MAX_SETTING = 10**6
+
+
+@dataclass(frozen=True)
+class GrowthConfig:
+    """How a tree is grown.
+
+    Attributes:
+        depth: largest number of splits between the root and a leaf.
+        leaf_samples: smallest number of samples in a leaf.
+        features: number of random features tried at every node.
+        bins: number of equal intervals of each feature's range; their bounds are the thresholds tried.
+        judged: largest number of a node's samples that are used to select its split; the split divides all of them.
+        probe_m: largest distance of a probe from the position, in metres.
+        directions: number of directions that a leaf stores, found by k-means.
+    """
+
+    depth: int = 20
+    leaf_samples: int = 40
+    features: int = 100
+    bins: int = 24
+    judged: int = 1000
+    probe_m: float = 0.8
+    directions: int = 5
+
+    def __post_init__(self) -> None:
+        for name in ("depth", "leaf_samples", "features", "bins", "judged", "directions"):
+            if not 1 <= getattr(self, name) <= MAX_SETTING:
+                raise InputError(f"growth.{name}={getattr(self, name)}: expected 1 or more, at most {MAX_SETTING:,}")
+        if not 0 < self.probe_m <= 5:
+            raise InputError(f"growth.probe_m={self.probe_m}: expected metres, above 0, at most 5")
+
+
+class Tree(NamedTuple):
+    """One joint's tree: the fields of `kpopnet.baselines.tree_walk.walking.Trees`, with nodes and leaves numbered from 0."""
+
+    child: np.ndarray
+    threshold: np.ndarray
+    probe: np.ndarray
+    direction: np.ndarray
+    share: np.ndarray
+
+
+class Samples(NamedTuple):
+    """Training samples: positions in images, and the directions from there to the joint.
+
+    Attributes:
+        images: (M, S, S) int16 `integer_image`.
+        image: (N,) int32 index of each sample's image.
+        position: (N, 3) int32 row, column and depth (`kpopnet.baselines.tree_walk.image.features`).
+        direction: (N, 3) float32 unit vectors from the position to the joint.
+    """
+
+    images: np.ndarray
+    image: np.ndarray
+    position: np.ndarray
+    direction: np.ndarray
+
+
+def grow(samples: Samples, config: GrowthConfig, probe_px: int, seed: tuple[int, ...]) -> Tree:
+    """Grows a tree that predicts the direction at a position.
+
+    The split of a node is the best of some random features and thresholds: it minimises the sum of squared deviations of
+    the directions from the mean of their side. A node with few samples, or without a valid split, becomes a leaf.
+
+    Args:
+        samples: training samples.
+        config: how the tree is grown.
+        probe_px: largest distance of a probe from the position in pixels.
+        seed: of the features.
+    """
+    order = np.random.default_rng([*seed, 0]).permutation(len(samples.image))
+    child, threshold, probe, direction, share = [0], [0], [np.zeros(5, np.int16)], [], []
+    open_nodes = [(0, 0, len(order), 0)]
+    while open_nodes:
+        node, start, stop, depth = open_nodes.pop()
+        members = order[start:stop]
+        min_samples = config.leaf_samples
+        split, middle = None, start
+        if depth < config.depth and len(members) >= 2 * min_samples:
+            probes = draw_probes(np.random.default_rng([*seed, 1, node]), config.features, probe_px)
+            split = best_split(samples, members[: config.judged], probes, config.bins, min_samples)
+        if split is not None and split[0] >= 0:
+            chosen, limit = split
+            large = split_mask(samples, members, probes[chosen], limit)
+            order[start:stop] = np.concatenate([members[~large], members[large]])
+            middle = stop - int(np.count_nonzero(large))
+        if start < middle < stop:
+            probe[node], threshold[node], child[node] = probes[chosen], limit, len(child)
+            open_nodes += [(len(child) + 1, middle, stop, depth + 1), (len(child), start, middle, depth + 1)]
+            child += [0, 0]
+            threshold += [0, 0]
+            probe += [np.zeros(5, np.int16)] * 2
+        else:
+            child[node] = -1 - len(direction)
+            means, shares = cluster(samples.direction[members], config.directions)
+            direction.append(means)
+            share.append(np.cumsum(shares))
+    return Tree(
+        np.array(child, np.int32),
+        np.array(threshold, np.int32),
+        np.stack(probe),
+        np.stack(direction).astype(np.float32),
+        np.stack(share).astype(np.float32),
+    )
+
+
+def draw_probes(rng: np.random.Generator, count: int, farthest_px: int) -> np.ndarray:
+    """(count, 5) int16 random probes (`kpopnet.baselines.tree_walk.image.features`), half of them pairs.
+
+    The distance of a probe is farthest_px times the square of a uniform number, so that near probes are more frequent.
+    """
+    distance = farthest_px * rng.random((count, 2)) ** 2
+    angle = rng.uniform(0, 2 * np.pi, (count, 2))
+    ends = np.rint(distance[..., None] * np.stack([np.sin(angle), np.cos(angle)], axis=-1)).reshape(count, 4)
+    return np.concatenate([ends, rng.integers(0, 2, (count, 1))], axis=1).astype(np.int16)
+
+
+def split_mask(samples: Samples, members: np.ndarray, probe: np.ndarray, threshold: int) -> np.ndarray:
+    """(n,) bool: the members whose feature is at least the threshold."""
+    return feature_values(samples, members, probe[None])[:, 0] >= threshold
+
+
+@njit(cache=True)
+def feature_values(samples, members, probes):
+    """(n, F) int32 features of the members, which are indices of samples."""
+    values = np.empty((len(members), len(probes)), np.int32)
+    for i, sample in enumerate(members):
+        row, column, depth = samples.position[sample]
+        features(samples.images[samples.image[sample]], row, column, depth, probes, values[i])
+    return values
+
+
+@njit(cache=True)
+def best_split(samples, members, probes, bins, min_samples):
+    """The index of the best probe and its threshold; index -1 if no split leaves `min_samples` members on both sides.
+
+    Minimising the sum of squared deviations within both sides is equivalent to maximising |sum of directions|^2 / number,
+    summed over both sides, since the squared norms of unit vectors sum to a constant.
+    """
+    count = len(members)
+    values = feature_values(samples, members, probes)
+    best, best_probe, best_threshold = -1.0, -1, 0
+    sums, below, above = np.empty((bins, 4)), np.zeros(4), np.zeros(4)
+    for k in range(len(probes)):
+        low = high = values[0, k]
+        for i in range(count):
+            low, high = min(low, values[i, k]), max(high, values[i, k])
+        width = (high - low) // bins + 1
+        sums[:] = 0
+        for i, sample in enumerate(members):
+            bin_index = (values[i, k] - low) // width
+            for axis in range(3):
+                sums[bin_index, axis] += samples.direction[sample, axis]
+            sums[bin_index, 3] += 1
+        total = sums.sum(axis=0)
+        below[:] = 0
+        for b in range(bins - 1):
+            for axis in range(4):
+                below[axis] += sums[b, axis]
+                above[axis] = total[axis] - below[axis]
+            if min(below[3], above[3]) >= min_samples:
+                gain = _dot(below, below) / below[3] + _dot(above, above) / above[3]
+                if gain > best:
+                    best, best_probe, best_threshold = gain, k, low + (b + 1) * width
+    return best_probe, best_threshold
+
+
+@njit(cache=True)
+def cluster(directions, count):
+    """Spherical k-means of unit vectors.
+
+    The first mean is initialised with the first vector, every further mean with the vector farthest in angle from the
+    means before it.
+
+    Args:
+        directions: (n, 3) float32.
+        count: number of means, K.
+
+    Returns:
+        (K, 3) float64 unit vectors, and (K,) the share of the vectors nearest to each; 0 for a mean without vectors.
+    """
+    number = len(directions)
+    means = np.zeros((count, 3))
+    similarity = np.full(number, -np.inf)
+    latest = 0
+    for k in range(count):
+        means[k] = directions[latest]
+        for i in range(number):
+            similarity[i] = max(similarity[i], _dot(means[k], directions[i]))
+        latest = np.argmin(similarity)
+    chosen = np.zeros(number, np.int64)
+    for _ in range(KMEANS_ITERATIONS):
+        sums = np.zeros((count, 3))
+        for i in range(number):
+            nearest = 0
+            for k in range(1, count):
+                if _dot(means[k], directions[i]) > _dot(means[nearest], directions[i]):
+                    nearest = k
+            chosen[i] = nearest
+            for axis in range(3):
+                sums[nearest, axis] += directions[i, axis]
+        for k in range(count):
+            length = np.sqrt(_dot(sums[k], sums[k]))
+            if length > 1e-9:
+                means[k] = sums[k] / length
+    shares = np.zeros(count)
+    for i in range(number):
+        shares[chosen[i]] += 1 / number
+    return means, shares
+
+
+@njit(cache=True)
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

@@ -1,0 +1,55 @@
+"""The console script `kpopnet`: every program by name, from an installed wheel as from a checkout."""
+
+import importlib
+import sys
+from importlib.metadata import version
+
+from kpopnet.runtime.interrupts import begin_imports, end_imports
+
+PROGRAMS = {
+    "generate": ("synth.__main__", "makes training samples and simulated sets (python -m synth)"),
+    "train": ("kpopnet.programs.train", "trains a network or the random tree walk (python train.py)"),
+    "evaluate": ("kpopnet.programs.evaluate", "evaluates estimators and dance scores (python evaluate.py)"),
+    "describe": ("kpopnet.datasets.describe.__main__", "says what a folder of a data set holds"),
+    "stages": ("kpopnet.programs.stages", "draws how the tracker follows one frame, stage after stage"),
+}
+"""The module of each program, whose `main()` runs it with sys.argv, and what it does."""
+
+
+def usage() -> str:
+    """What --help prints."""
+    lines = [
+        "usage: kpopnet PROGRAM ...",
+        "",
+        "3D joints of a person from depth images, and a dance score from the joints.",
+        "",
+    ]
+    lines += [f"  kpopnet {name.ljust(10)} {text}" for name, (_, text) in PROGRAMS.items()]
+    lines += ["", "Each answers --help with its settings. kpopnet --version prints the version."]
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Runs the program that the first argument names.
+
+    Exits with code 2 where it names none.
+    """
+    name = sys.argv[1] if len(sys.argv) > 1 else "--help"
+    if name in ("-h", "--help"):
+        print(usage())
+        return
+    if name == "--version":
+        print(version("kpopnet"))
+        return
+    if name not in PROGRAMS:
+        print(f"kpopnet: there is no program {name}; there are {', '.join(PROGRAMS)}", file=sys.stderr)
+        raise SystemExit(2)
+    sys.argv = [f"kpopnet {name}", *sys.argv[2:]]
+    begin_imports()
+    program = importlib.import_module(PROGRAMS[name][0])
+    end_imports()
+    program.main()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,267 @@
+"""Batches of crops for a network, made from observations: the torch data set of training and validation.
+
+The samples of a batch and their augmentation are pure functions of (seed, step), in any process. Therefore a resumed run
+is exact, and the number of worker processes does not change the results.
+"""
+
+import os
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple, Protocol
+
+import cv2
+import numpy as np
+import torch
+from torch.utils.data import DataLoader, Dataset
+
+from kpopnet.data.cube import PLAIN_VIEW, Cube, View, crop, person_centre
+from kpopnet.data.observation import Observation, ObservationSource
+from kpopnet.errors import InputError
+from kpopnet.runtime.parallel import end_with_parent
+from kpopnet.skeleton import NUM_JOINTS
+
+ORDER_STREAM, AUGMENT_STREAM = 0x0DE5, 0xA063
+"""Make these random draws independent of each other and of those of a source with the same seed."""
+
+MAX_EMPTY_IN_A_ROW = 100
+
+INPUTS = {"depth": 1, "depth_ridge": 2}
+"""Number of channels of the crop, by the name of the input."""
+
+
+class CropSettings(Protocol):
+    """The input that a network expects.
+
+    Attributes:
+        input: a name of `INPUTS`.
+        crop_px: side of the square crop in pixels.
+        half_size_m: half the edge of the cube around the person in metres.
+    """
+
+    input: str
+    crop_px: int
+    half_size_m: float
+
+
+@dataclass
+class AugmentConfig:
+    """Augmentation of training crops, in addition to the variation of the source.
+
+    Attributes:
+        mirror: probability of mirroring, with left and right swapped.
+        rotation_deg: largest rotation about the optical axis in degrees, in either direction.
+        scale: largest change of the cube's half size, as a fraction of it.
+        jitter_m: largest shift of the cube's centre along each axis in metres.
+        occluder: probability of a simulated occluder: an elliptic hole with half-axes of 5 to 15 cm.
+    """
+
+    mirror: float = 0.5
+    rotation_deg: float = 30.0
+    scale: float = 0.1
+    jitter_m: float = 0.05
+    occluder: float = 0.3
+
+    def __post_init__(self) -> None:
+        for name in ("mirror", "occluder"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise InputError(f"training.augment.{name}={getattr(self, name)}: expected a probability, 0 to 1")
+        if not (0 <= self.rotation_deg <= 180 and 0 <= self.scale < 1 and 0 <= self.jitter_m <= 0.5):
+            raise InputError(
+                f"training.augment: expected rotation_deg in 0..180, scale in 0..1, jitter_m in 0..0.5, found "
+                f"{self.rotation_deg}, {self.scale}, {self.jitter_m}"
+            )
+
+
+class Batch(NamedTuple):
+    """B crops of C x S x S, float32, as arrays or tensors.
+
+    Attributes:
+        crop: (B, C, S, S).
+        target: (B, 15, 3) joints in cube units, in the crop's view.
+        cube_m: (B, 4) the cube's centre in the camera frame and its half size, metres.
+        offset_m: (B, 15, 3) ground-truth joints minus the person's centre, metres, without augmentation.
+        skipped: number of observations with an empty silhouette, which were replaced.
+    """
+
+    crop: torch.Tensor
+    target: torch.Tensor
+    cube_m: torch.Tensor
+    offset_m: torch.Tensor
+    skipped: int
+
+
+class Order(Protocol):
+    """Selects the samples of each batch."""
+
+    def __call__(self, step: int) -> list[tuple[int, int]]:
+        """The batch's (index, epoch) pairs."""
+        ...
+
+
+@dataclass(frozen=True)
+class ShuffledOrder:
+    """Visits all samples once per epoch, in a new permutation each; a batch may contain samples of two epochs.
+
+    Each of several processes takes an equal part of every batch.
+
+    Attributes:
+        num_samples: size of the set.
+        batch_size: samples per batch, over all processes.
+        seed: of the permutations.
+        rank: number of this process.
+        processes: number of processes.
+    """
+
+    num_samples: int
+    batch_size: int
+    seed: int
+    rank: int = 0
+    processes: int = 1
+
+    def __call__(self, step: int) -> list[tuple[int, int]]:
+        part = self.batch_size // self.processes
+        first = step * self.batch_size + self.rank * part
+        positions = (divmod(position, self.num_samples) for position in range(first, first + part))
+        return [(int(permutation(self.seed, epoch, self.num_samples)[row]), epoch) for epoch, row in positions]
+
+
+@dataclass(frozen=True)
+class EvenOrder:
+    """A fixed selection of `count` evenly spaced samples of the set, as in epoch 0.
+
+    Attributes:
+        num_samples: size of the set.
+        batch_size: samples per batch; the last batch may have fewer.
+        count: number of samples selected.
+    """
+
+    num_samples: int
+    batch_size: int
+    count: int
+
+    def __call__(self, step: int) -> list[tuple[int, int]]:
+        rows = range(step * self.batch_size, min((step + 1) * self.batch_size, self.count))
+        return [(row * self.num_samples // self.count, 0) for row in rows]
+
+
+@lru_cache(maxsize=2)
+def permutation(seed: int, epoch: int, num_samples: int) -> np.ndarray:
+    """The order in which an epoch visits the samples."""
+    return np.random.default_rng([seed, ORDER_STREAM, epoch]).permutation(num_samples)
+
+
+class CropBatches(Dataset):
+    """`batches[step]` is the Batch of that step.
+
+    An observation with an empty silhouette (kpopnet.data.cube.MIN_SILHOUETTE_PX) is replaced by the next one that is not empty,
+    and counted in `Batch.skipped`.
+    """
+
+    def __init__(
+        self, source: ObservationSource, model: CropSettings, order: Order, seed: int, augment: AugmentConfig | None
+    ) -> None:
+        """Combines a source with the crops of a model.
+
+        Args:
+            source: observations.
+            model: the input of the network.
+            order: the samples of each batch.
+            seed: of the augmentation.
+            augment: augmentation, None for plain crops (validation).
+        """
+        self.source = source
+        self.model = model
+        self.order = order
+        self.seed = seed
+        self.augment = augment
+
+    def __getitem__(self, step: int) -> Batch:
+        keys = self.order(step)
+        px = self.model.crop_px
+        batch = Batch(
+            crop=np.empty((len(keys), INPUTS[self.model.input], px, px), np.float32),
+            target=np.empty((len(keys), NUM_JOINTS, 3), np.float32),
+            cube_m=np.empty((len(keys), 4), np.float32),
+            offset_m=np.empty((len(keys), NUM_JOINTS, 3), np.float32),
+            skipped=0,
+        )
+        skipped = 0
+        for row, (index, epoch) in enumerate(keys):
+            index, observation, centre_m, empty = self._observe(index, epoch)
+            skipped += empty
+            batch.offset_m[row] = observation.joints_camera_m - centre_m
+            cube, view = Cube(centre_m, self.model.half_size_m), PLAIN_VIEW
+            rng = np.random.default_rng([self.seed, AUGMENT_STREAM, epoch, index])
+            if self.augment is not None:
+                cube, view = draw_view(rng, cube, self.augment)
+            ridge = observation.ridge if self.model.input == "depth_ridge" else None
+            batch.crop[row] = crop(observation.depth_m, observation.camera, cube, px, ridge, view)
+            batch.target[row] = view.joints(cube.to_uvd(observation.joints_camera_m))
+            batch.cube_m[row] = (*cube.centre_m, cube.half_size_m)
+            if self.augment is not None and rng.random() < self.augment.occluder:
+                occlude(rng, batch.crop[row], self.model.half_size_m)
+        return batch._replace(skipped=skipped)
+
+    def _observe(self, index: int, epoch: int) -> tuple[int, Observation, np.ndarray, int]:
+        for empty in range(MAX_EMPTY_IN_A_ROW):
+            observation = self.source.observe(index, epoch)
+            centre_m = person_centre(observation.depth_m, observation.camera)
+            if centre_m is not None:
+                if self.model.input == "depth_ridge" and observation.ridge is None:
+                    raise InputError(
+                        f"sample {index}: model.input=depth_ridge, but the source gives no ridge image; "
+                        "use model.input=depth or a source with ridge images"
+                    )
+                return index, observation, centre_m, empty
+            index = (index + 1) % len(self.source)
+        raise InputError(f"samples before {index}: {MAX_EMPTY_IN_A_ROW} empty silhouettes in a row; inspect the data")
+
+
+def draw_view(rng: np.random.Generator, cube: Cube, augment: AugmentConfig) -> tuple[Cube, View]:
+    """Draws an augmented cube, shifted and scaled, and its view."""
+    shift = rng.uniform(-augment.jitter_m, augment.jitter_m, 3).astype(np.float32)
+    scale = 1 + rng.uniform(-augment.scale, augment.scale)
+    rotation = np.deg2rad(rng.uniform(-augment.rotation_deg, augment.rotation_deg))
+    mirrored = bool(rng.random() < augment.mirror)
+    return Cube(cube.centre_m + shift, cube.half_size_m * scale), View(rotation, mirrored)
+
+
+def occlude(rng: np.random.Generator, image: np.ndarray, half_size_m: float) -> None:
+    """Removes a random ellipse around a pixel of the body from a (C, S, S) crop, in place.
+
+    The result resembles the output of human extraction for a partly occluded person.
+    """
+    size = image.shape[-1]
+    body = np.flatnonzero(image[0] < 1)
+    if not len(body):
+        return
+    row, column = divmod(int(body[int(rng.random() * len(body))]), size)
+    axes = rng.uniform(0.05, 0.15, 2) / half_size_m * size / 2
+    hidden = np.zeros((size, size), np.uint8)
+    cv2.ellipse(hidden, ((column, row), 2 * axes, rng.uniform(0, 180)), 1, thickness=-1)
+    image[0][hidden > 0] = 1
+    image[1:][:, hidden > 0] = 0
+
+
+def batch_loader(batches: CropBatches, start: int, stop: int, workers: int, pin_memory: bool = False) -> DataLoader:
+    """Loads the batches of steps start..stop-1 in order, in `workers` processes, or in this process if 0."""
+    return DataLoader(
+        batches,
+        batch_size=None,
+        sampler=range(start, stop),
+        num_workers=workers,
+        worker_init_fn=_init_worker,
+        # Not fork: it would copy locks held by threads of torch and TensorBoard. Not spawn: its workers abort with a
+        # message when a run ends early.
+        multiprocessing_context="forkserver" if workers else None,
+        prefetch_factor=4 if workers else None,
+        pin_memory=pin_memory,
+    )
+
+
+def _init_worker(_: int) -> None:
+    """Limits a worker to one thread and a low priority, below the training step; it ends when the training process ends."""
+    end_with_parent()
+    torch.set_num_threads(1)
+    cv2.setNumThreads(0)
+    os.nice(10)

@@ -1,0 +1,39 @@
+"""One person in one depth image with ground-truth joints, for training and tests."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from kpopnet.camera import Camera
+
+
+@dataclass(frozen=True)
+class Observation:
+    """One segmented person in one depth image.
+
+    Attributes:
+        depth_m: (h, w) float32 metres, the person's depth after sensor noise and human extraction, 0 elsewhere. May be a
+            part of the image around the person.
+        camera: the camera of exactly these pixels.
+        joints_camera_m: (15, 3) float32 ground-truth joints, camera frame, metres.
+        visible: (15,) bool, the joint is in the image and not occluded.
+        ridge: (h, w) float32 ridge probability of depth_m in 0..1, or None if not requested.
+    """
+
+    depth_m: np.ndarray
+    camera: Camera
+    joints_camera_m: np.ndarray
+    visible: np.ndarray
+    ridge: np.ndarray | None = None
+
+
+class ObservationSource(Protocol):
+    """Observations by index.
+
+    The same (index, epoch) gives the same observation in any process. A new epoch may draw new noise.
+    """
+
+    def __len__(self) -> int: ...
+
+    def observe(self, index: int, epoch: int) -> Observation: ...

@@ -1,0 +1,1 @@
+"""Descriptions of downloaded data sets: their contents, and what an evaluation still needs."""

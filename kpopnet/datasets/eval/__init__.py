@@ -1,0 +1,1 @@
+"""EVAL: organised point clouds and joints in binary files."""

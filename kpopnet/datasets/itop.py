@@ -1,0 +1,230 @@
+"""Benchmark `itop` (Haque et al., ECCV 2016; Zenodo record 3932973): real depth of 20 people from the side and from above.
+
+Each view and split has two HDF5 files, which are read as published (decompressed, if they end in .gz):
+
+    ITOP_<side|top>_<train|test>_depth_map.h5     id   (N,) "PP_FFFFF", person and frame
+                                                  data (N, 240, 320) float16 metres, 0: not measured
+    ITOP_<side|top>_<train|test>_labels.h5        id   (N,) the same
+                                                  is_valid (N,) whether the labels were checked by a person
+                                                  visible_joints (N, 15)
+                                                  real_world_coordinates (N, 15, 3) metres, x right, y up, z forward
+
+Its fifteen joints have the order of `kpopnet.skeleton.Joint`; right is the person's right. Unchecked labels are not used as
+true joints, but their frames stay in the sequence, so that a tracker gets all frames. The set does not fit into memory:
+sequences are read one at a time and hold at most MAX_SEQUENCE_FRAMES frames, so the recording of one person is split into
+several sequences.
+"""
+
+import logging
+import re
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from kpopnet.camera import Camera, depth_in_metres
+from kpopnet.datasets.heading import heading_rad
+from kpopnet.datasets.protocol import Origin, Sequence
+from kpopnet.errors import InputError
+from kpopnet.runtime.hdf5_files import TEXT, Hdf5Schema, StoredArray, check_hdf5, open_hdf5, read_rows, readable, stored_array
+from kpopnet.runtime.input_files import expect
+from kpopnet.skeleton import NUM_JOINTS
+
+log = logging.getLogger(__name__)
+
+CAMERA = Camera(1 / 0.0035, 1 / 0.0035, 160.0, 120.0, 320, 240)
+"""From the formula published with the set: X = (u - 160) Z 0.0035, Y = (120 - v) Z 0.0035."""
+
+VIEWS = ("side", "top")
+SPLITS = ("train", "test")
+MAX_SEQUENCE_FRAMES = 400
+"""Maximum number of frames of a sequence: 120 MB."""
+
+FROM_ITOP = np.array([1, -1, 1], np.float32)
+"""Multiply a position in ITOP's axes (y up) by this for the camera frame (y down)."""
+
+_IDS = StoredArray(f"S{TEXT}", ("N",))
+_NUMBERS = "fiub"
+_REMEDY = "download it again"
+LABELS = Hdf5Schema(
+    "labels of ITOP",
+    {
+        "id": _IDS,
+        "is_valid": StoredArray(_NUMBERS, ("N",)),
+        "visible_joints": StoredArray(_NUMBERS, ("N", NUM_JOINTS)),
+        "real_world_coordinates": StoredArray("fiu", ("N", NUM_JOINTS, 3)),
+    },
+    remedy=_REMEDY,
+)
+DEPTH = Hdf5Schema(
+    "depth of ITOP",
+    {
+        "id": StoredArray(f"S{TEXT}", ("ids",)),
+        "data": StoredArray("fu", ("N", CAMERA.height, CAMERA.width), rows_read=MAX_SEQUENCE_FRAMES),
+    },
+    remedy=_REMEDY,
+)
+
+
+@dataclass
+class ItopConfig:
+    """Settings of the benchmark `itop`.
+
+    Attributes:
+        name: of the benchmark.
+        path: folder that holds ITOP_side_test_depth_map.h5 and the other files.
+        view: side or top.
+        split: test or train.
+    """
+
+    name: str = "itop"
+    path: str | None = None
+    view: str = "side"
+    split: str = "test"
+
+    def __post_init__(self) -> None:
+        for name, known in (("view", VIEWS), ("split", SPLITS)):
+            if getattr(self, name) not in known:
+                raise InputError(f"benchmark.{name}={getattr(self, name)}: choose one of {', '.join(known)}")
+
+
+class ItopFiles:
+    """The files of one view and split: ids and labels in memory, depth read on demand.
+
+    Attributes:
+        ids: (N,) names of the frames, "PP_FFFFF".
+        valid: (N,) bool, whether the labels were checked.
+        visible: (N, 15) bool.
+        joints_camera_m: (N, 15, 3) float32 metres in the camera frame.
+    """
+
+    def __init__(self, folder: Path, view: str, split: str) -> None:
+        """Reads the labels.
+
+        Raises:
+            InputError: a file is missing, is not a complete HDF5 file, or has other contents.
+        """
+        self.depth_path = folder / f"ITOP_{view}_{split}_depth_map.h5"
+        labels_path = folder / f"ITOP_{view}_{split}_labels.h5"
+        for path in (labels_path, self.depth_path):
+            _check_unpacked(path)
+        with open_hdf5(labels_path, LABELS) as file:
+            ids = _ids(read_rows(stored_array(file, "id")), labels_path)
+            self.valid: np.ndarray = read_rows(stored_array(file, "is_valid")).astype(bool)
+            self.visible = np.equal(read_rows(stored_array(file, "visible_joints")), 1)
+            joints_m = read_rows(stored_array(file, "real_world_coordinates"))
+        with np.errstate(over="ignore", invalid="ignore"):
+            self.joints_camera_m: np.ndarray = joints_m.astype(np.float32) * FROM_ITOP
+        self._depth = check_hdf5(self.depth_path, DEPTH)
+        with open_hdf5(self.depth_path, DEPTH, self._depth) as file:
+            stored = _ids(read_rows(stored_array(file, "id")), self.depth_path)
+        if stored != ids:
+            row = next((row for row, pair in enumerate(zip(stored, ids, strict=False)) if len(set(pair)) > 1), None)
+            differ = f"{len(stored)} and {len(ids)} frames" if row is None else f"{stored[row]} and {ids[row]} in row {row}"
+            raise InputError(f"{self.depth_path} and {labels_path.name} do not belong together: {differ}; download both again")
+        frames = self._depth.shape("data")[0]
+        expect(frames == len(ids), f"{self.depth_path}: data", f"{len(ids)} frames, one for each id, found {frames}; {_REMEDY}")
+        self.ids = ids
+
+    def depth_m(self, rows: slice) -> np.ndarray:
+        """(T, 240, 320) float32 metres of the selected rows.
+
+        Raises:
+            InputError: the rows cannot be read.
+        """
+        part = f"rows {rows.start} to {rows.stop}"
+        with open_hdf5(self.depth_path, DEPTH, self._depth) as file, readable(self.depth_path, DEPTH, part):
+            stored = read_rows(stored_array(file, "data"), rows.start, rows.stop)
+        return depth_in_metres(stored, CAMERA, where=str(self.depth_path))
+
+
+def _check_unpacked(path: Path) -> None:
+    compressed = path.with_name(path.name + ".gz")
+    if not path.is_file() and compressed.is_file():
+        raise InputError(f"{path}: no such file; decompress {compressed.name}: gunzip {compressed}")
+
+
+def _ids(stored: np.ndarray, path: Path) -> list[str]:
+    """The names of the frames, "PP_FFFFF"."""
+    expect(len(stored) > 0, f"{path}: id", "at least one frame")
+    ids = [one.decode(errors="replace") if isinstance(one, bytes) else str(one) for one in stored]
+    for row, name in enumerate(ids):
+        if not re.fullmatch("[0-9]{1,9}_[0-9]{1,9}", name):
+            raise InputError(f"{path}: row {row} has the id {name[:40]!r}; expected person and frame, for instance 00_00053")
+    return ids
+
+
+def split_into_sequences(ids: list[str]) -> dict[str, slice]:
+    """Splits the frames of each person into sequences of nearly equal length.
+
+    Returns:
+        The rows of each sequence by its name, which is the id of its first frame.
+
+    Raises:
+        InputError: two sequences begin with the same id.
+    """
+    people = np.array([name.partition("_")[0] for name in ids])
+    starts = np.flatnonzero(np.append(True, people[1:] != people[:-1]))
+    rows = {}
+    for start, stop in zip(starts.tolist(), [*starts[1:].tolist(), len(ids)], strict=True):
+        cuts = np.linspace(start, stop, -(-(stop - start) // MAX_SEQUENCE_FRAMES) + 1).round().astype(int).tolist()
+        for first, last in pairwise(cuts):
+            if ids[first] in rows:
+                raise InputError(f"ITOP: frame {ids[first]} occurs twice; download the files again")
+            rows[ids[first]] = slice(first, last)
+    return rows
+
+
+class ItopBenchmark:
+    """Reads the published files.
+
+    The official metric of the set is the fraction of the joints of all valid frames with an error strictly below 10 cm.
+    """
+
+    name = "itop"
+    origin = Origin.REAL
+    truth = "manually checked labels"
+
+    def __init__(self, config: ItopConfig) -> None:
+        """Reads the labels and lists the sequences.
+
+        Raises:
+            InputError: the folder does not hold the view and split, or their files are invalid.
+        """
+        if config.path is None:
+            raise InputError("benchmark=itop needs benchmark.path=PATH, the folder that holds ITOP_side_test_depth_map.h5")
+        self.files = ItopFiles(Path(config.path), config.view, config.split)
+        self._rows = split_into_sequences(self.files.ids)
+        self.about = (
+            f"Real depth of whole scenes, seen from {'above' if config.view == 'top' else 'the side'}, split {config.split}: "
+            f"{int(self.files.valid.sum())} of {len(self.files.ids)} frames have manually checked labels, and only they "
+            "are evaluated. The recording of a person is split into several sequences."
+        )
+        self._from_above = config.view == "top"
+        if self._from_above:
+            self.about += (
+                " The heading of a person is not computed for a camera that looks down. The extraction of the person assumes "
+                "an upright camera and may therefore miss people."
+            )
+
+    def sequence_names(self) -> list[str]:
+        return list(self._rows)
+
+    def read(self, name: str) -> Sequence:
+        rows = self._rows[name]
+        joints_m = np.where(self.files.valid[rows, None, None], self.files.joints_camera_m[rows], np.nan)
+        labelled = np.asarray(np.isfinite(joints_m).all(axis=-1))
+        if invalid := int((~labelled[self.files.valid[rows]]).sum()):
+            log.warning("%s: left out %d labels of valid frames that are not finite", name, invalid)
+        return Sequence(
+            name=name,
+            identity=name.partition("_")[0],
+            fps=0.0,  # not published
+            camera=CAMERA,
+            depth_m=self.files.depth_m(rows),
+            joints_camera_m=joints_m.astype(np.float32),
+            visible=self.files.visible[rows] & labelled,
+            yaw_rad=None if self._from_above else heading_rad(joints_m),  # heading_rad assumes an upright camera
+            is_segmented=False,
+        )

@@ -1,0 +1,97 @@
+"""Interface of all benchmarks: depth sequences of one person each, with true joints and the origin of both."""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Protocol
+
+import numpy as np
+
+from kpopnet.camera import Camera
+from kpopnet.errors import InputError
+from kpopnet.skeleton import NUM_JOINTS
+
+
+class Origin(Enum):
+    """Origin of the depth of a benchmark: a sensor, or a simulation."""
+
+    REAL = "real"
+    SIMULATED = "simulated"
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """A depth sequence of one person.
+
+    Attributes:
+        name: unique in its benchmark.
+        identity: identity of the person; "" if unknown. Equal identities are the same person.
+        fps: frames per second; 0 where the frames are independent stills or the frame rate is not published.
+        camera: camera of the depth images.
+        depth_m: (T, H, W) float32 metres; 0 where nothing was measured.
+        joints_camera_m: (T, 15, 3) float32 true joints in metres in the camera frame; NaN where unknown.
+        visible: (T, 15) bool, whether the joint is visible in the image; false where its true position is unknown.
+        yaw_rad: (T,) float32 heading of the person, 0 facing the camera, positive to the person's left; None if unknown.
+        is_segmented: whether the depth shows only the person, with 0 elsewhere. Otherwise it shows the whole scene.
+    """
+
+    name: str
+    identity: str
+    fps: float
+    camera: Camera
+    depth_m: np.ndarray
+    joints_camera_m: np.ndarray
+    visible: np.ndarray
+    yaw_rad: np.ndarray | None = None
+    is_segmented: bool = True
+
+    def __post_init__(self) -> None:
+        frames = len(self.depth_m)
+        assert self.depth_m.shape == (frames, self.camera.height, self.camera.width)
+        assert self.depth_m.dtype == np.float32
+        assert self.joints_camera_m.shape == (frames, NUM_JOINTS, 3)
+        assert self.visible.shape == (frames, NUM_JOINTS) and self.visible.dtype == bool
+        assert not (self.visible & np.isnan(self.joints_camera_m).any(axis=-1)).any()
+        assert self.yaw_rad is None or self.yaw_rad.shape == (frames,)
+
+
+class Benchmark(Protocol):
+    """A data set for the evaluation of estimators. Sequences are read one at a time, never the whole set.
+
+    Attributes:
+        name: as in the configuration.
+        origin: real or simulated depth.
+        truth: origin of the true joints, for the sentence "compared with ...": "Kinect SDK labels", "motion capture".
+        about: what a reader needs to interpret the results, in a sentence or two.
+
+    A simulated set also has `provenance`, a dict with seed, version and config_hash that identifies it.
+    """
+
+    name: str
+    origin: Origin
+    truth: str
+    about: str
+
+    def sequence_names(self) -> list[str]:
+        """Names of all sequences, always in the same order."""
+        ...
+
+    def read(self, name: str) -> Sequence:
+        """Reads one sequence.
+
+        Raises:
+            InputError: its files are missing, truncated or invalid.
+        """
+        ...
+
+
+def evenly_spaced(names: list[str], count: int | None) -> list[str]:
+    """`count` names, evenly spaced from the first to the last; all names if count is None.
+
+    Raises:
+        InputError: count is less than 1.
+    """
+    if count is None or count >= len(names):
+        return names
+    if count < 1:
+        raise InputError(f"sequences={count}: expected at least 1, or omit it for all {len(names)}")
+    return [names[round(index)] for index in np.linspace(0, len(names) - 1, count)]

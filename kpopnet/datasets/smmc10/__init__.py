@@ -1,0 +1,1 @@
+"""SMMC-10: SwissRanger point clouds and markers in binary files."""

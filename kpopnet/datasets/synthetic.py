@@ -1,0 +1,91 @@
+"""Benchmark `synthetic`: a frozen split of a set made by `synth`, with people that no training set contains.
+
+Its depth images have simulated sensor noise and imperfect silhouettes.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kpopnet.camera import depth_in_metres
+from kpopnet.data.shards import ShardedSet
+from kpopnet.datasets.protocol import Origin, Sequence
+from kpopnet.errors import InputError
+
+
+@dataclass
+class SyntheticConfig:
+    """Settings of the benchmark `synthetic`.
+
+    Attributes:
+        name: of the benchmark.
+        path: folder of frozen shards.
+    """
+
+    name: str = "synthetic"
+    path: str = "data/small/test"
+
+
+class SyntheticBenchmark:
+    """Reads frozen shards; consecutive samples of one person are one sequence of independent frames (stills).
+
+    Every joint has a true position, including those that are not visible in the image; `visible` marks the visible ones.
+
+    Attributes:
+        simulation_settings: settings of the simulated sensor and of the simulated extraction errors, from the header of the
+            set: part -> setting -> value.
+        provenance: seed, generator version and configuration hash of the set.
+        about: description of the set for the reader of a report.
+    """
+
+    name = "synthetic"
+    origin = Origin.SIMULATED
+    truth = "synthetic truth"
+
+    def __init__(self, config: SyntheticConfig) -> None:
+        """Opens the set.
+
+        Raises:
+            InputError: the folder holds no shards, or they are not frozen.
+        """
+        self.samples = ShardedSet(config.path)
+        if self.samples.kind != "frozen":
+            raise InputError(
+                f"{config.path}: a {self.samples.kind} set has no sensor noise; benchmarks read a frozen set, whose noise is "
+                "the same in every evaluation. `python -m synth` freezes the split test by default, and others by "
+                "frozen=[train,validation,test]; then give benchmark.path=FOLDER"
+            )
+        header = self.samples.header
+        self.simulation_settings: dict[str, dict] = header.config.get("freeze", {})
+        self.provenance = {
+            "seed": header.seed,
+            "version": header.config.get("generator"),
+            "config_hash": header.config_hash,
+        }
+        self.about = (
+            f"Rendered people, split {header.split!r} of the set in {config.path} (seed {header.seed}, configuration "
+            f"{header.config_hash}), with simulated sensor noise and simulated silhouette errors."
+        )
+        body = self.samples.column("body")
+        starts = np.flatnonzero(np.diff(body, prepend=body[0] - 1))
+        stops = np.append(starts[1:], len(body))
+        digits = len(str(len(body)))
+        self._rows = {
+            f"{start:0{digits}d}_body{body[start]}": range(start, stop) for start, stop in zip(starts, stops, strict=True)
+        }
+
+    def sequence_names(self) -> list[str]:
+        return list(self._rows)
+
+    def read(self, name: str) -> Sequence:
+        rows = [self.samples[index] for index in self._rows[name]]
+        return Sequence(
+            name=name,
+            identity=str(rows[0].body),
+            fps=0.0,
+            camera=self.samples.camera,
+            depth_m=depth_in_metres(np.stack([row.depth_mm for row in rows]), self.samples.camera, where=name),
+            joints_camera_m=np.stack([row.joints_camera_m for row in rows]),
+            visible=np.stack([row.visible for row in rows]),
+            yaw_rad=np.array([row.yaw_rad for row in rows], np.float32),
+        )

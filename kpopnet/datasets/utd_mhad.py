@@ -1,0 +1,186 @@
+"""Benchmark `utd_mhad`: real Kinect v1 depth (Chen, Jafari, Kehtarnavaz, ICIP 2015), read from its original .mat files.
+
+    Depth/a<action>_s<subject>_t<trial>_depth.mat          d_depth (240, 320, T) uint16 mm, background removed
+    Skeleton/a<action>_s<subject>_t<trial>_skeleton.mat    d_skel  (20, 3, T) metres, x right, y up, z forward
+
+Its joints are estimates of Microsoft's Kinect SDK from the same depth, not measurements. An error against them is the
+disagreement of two estimators, and a few centimetres of it are differences in the definitions of the joints.
+"""
+
+import io
+import logging
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.io import loadmat
+from scipy.spatial import cKDTree
+
+from kpopnet.camera import Camera, depth_in_metres
+from kpopnet.datasets.mat_files import checked_variable
+from kpopnet.datasets.protocol import Origin, Sequence
+from kpopnet.errors import InputError
+from kpopnet.runtime.input_files import ArraySchema, check_names
+from kpopnet.skeleton import Joint
+
+log = logging.getLogger(__name__)
+
+STORED_CAMERA = Camera(285.63, 285.63, 160.0, 120.0, 320, 240)
+"""Nominal Kinect v1 intrinsics of the image as stored; the SDK's joints project on the body with them."""
+
+KINECT_JOINTS = (
+    *("head", "shoulder_center", "spine", "hip_center"),
+    *("left_shoulder", "left_elbow", "left_wrist", "left_hand"),
+    *("right_shoulder", "right_elbow", "right_wrist", "right_hand"),
+    *("left_hip", "left_knee", "left_ankle", "left_foot"),
+    *("right_hip", "right_knee", "right_ankle", "right_foot"),
+)
+"""The rows of d_skel."""
+
+FROM_KINECT = {joint: (joint.name.lower(),) for joint in Joint} | {
+    Joint.NECK: ("shoulder_center",),
+    # The SDK's spine joint lies low in the belly. Our torso is the mean of shoulders and hips (paper, section 2.3).
+    Joint.TORSO: ("left_shoulder", "right_shoulder", "left_hip", "right_hip"),
+}
+"""The Kinect joints whose mean is each of our fifteen joints."""
+
+CANDIDATE_LAGS = (-3, -2, -1, 0)
+LAG_JOINTS = [KINECT_JOINTS.index(f"{side}_{part}") for side in ("left", "right") for part in ("wrist", "hand")]
+
+
+@dataclass
+class UtdMhadConfig:
+    """Settings of the benchmark `utd_mhad`.
+
+    Attributes:
+        name: of the benchmark.
+        path: folder that holds Depth/ and Skeleton/.
+        lag: row t + lag of the skeleton belongs to depth frame t, in frames. Estimated for each sequence by default.
+    """
+
+    name: str = "utd_mhad"
+    path: str | None = None
+    lag: int | None = None
+
+
+class UtdMhadBenchmark:
+    """Reads the published files, mirrors them back, and shifts the labels in time to the depth; logs absent joints."""
+
+    name = "utd_mhad"
+    origin = Origin.REAL
+    truth = "Kinect SDK labels"
+    about = (
+        "Real Kinect v1 depth, background removed by the data set's authors, one person facing the camera. The labels "
+        "are estimates of the Kinect SDK, not motion capture: the errors are the disagreement of two estimators."
+    )
+
+    def __init__(self, config: UtdMhadConfig) -> None:
+        """Lists the set's sequences.
+
+        Raises:
+            InputError: the folder does not hold the set.
+        """
+        if config.path is None:
+            raise InputError("benchmark=utd_mhad needs benchmark.path=PATH, the folder that holds Depth/ and Skeleton/")
+        self.folder = Path(config.path)
+        self.lag = config.lag
+        names = [path.name.removesuffix("_depth.mat") for path in self.folder.glob("Depth/*_depth.mat")]
+        if not names:
+            raise InputError(
+                f"{self.folder}: no Depth/*_depth.mat in it; give the folder of UTD-MHAD, which holds Depth/ and "
+                "Skeleton/, with benchmark.path=..."
+            )
+        check_names(str(self.folder), names)
+        self._names = sorted(names, key=lambda name: [int(digits) for digits in re.findall(r"\d+", name)])
+
+    def sequence_names(self) -> list[str]:
+        return self._names
+
+    def read(self, name: str) -> Sequence:
+        depth_m = self._read_depth(name)  # (T, 240, 320), still mirrored
+        skeleton_m = self._read_skeleton(name)  # (S, 20, 3), mirrored too
+        if absent := int(np.isnan(skeleton_m).any(axis=-1).sum()):
+            log.warning("%s: left out %d joints that are absent", name, absent)
+        lag = estimate_lag(depth_m, skeleton_m) if self.lag is None else self.lag
+        joints = shift_labels(skeleton_m, lag, len(depth_m))
+        joints = np.stack([joints[:, kinect_rows(joint)].mean(axis=1) for joint in Joint], axis=1)
+        # The stored image is mirrored: joints named right have x > 0 in a person who faces the camera. Mirroring image and
+        # joints, without exchanging names, puts the person's right side back in its place.
+        joints[..., 0] *= -1
+        return Sequence(
+            name=name,
+            identity="s" + re.findall(r"\d+", name)[1] if name.count("_") == 2 else "",
+            fps=30.0,
+            camera=STORED_CAMERA.mirrored(),
+            depth_m=np.ascontiguousarray(depth_m[:, :, ::-1]),
+            joints_camera_m=joints.astype(np.float32),
+            # The files lack the SDK's flag for inferred joints, so every finite joint counts as visible.
+            visible=np.isfinite(joints).all(axis=-1),
+        )
+
+    def _read_depth(self, name: str) -> np.ndarray:
+        path = self.folder / "Depth" / f"{name}_depth.mat"
+        stored = read_variable(path, "d_depth", ArraySchema("uf", (STORED_CAMERA.height, STORED_CAMERA.width, None)))
+        return depth_in_metres(np.ascontiguousarray(stored.transpose(2, 0, 1)), STORED_CAMERA, where=str(path))
+
+    def _read_skeleton(self, name: str) -> np.ndarray:
+        """(S, 20, 3) float64 metres in the camera frame of the mirrored image, y down; NaN where a joint is absent."""
+        path = self.folder / "Skeleton" / f"{name}_skeleton.mat"
+        stored = read_variable(path, "d_skel", ArraySchema("f", (len(KINECT_JOINTS), 3, None)))
+        skeleton_m = stored.transpose(2, 0, 1).astype(np.float64)
+        absent = ~np.isfinite(skeleton_m).all(axis=-1) | (skeleton_m == 0).all(axis=-1)
+        skeleton_m[absent] = np.nan
+        return skeleton_m * [1, -1, 1]
+
+
+def kinect_rows(joint: Joint) -> list[int]:
+    """The rows of d_skel whose mean is our joint."""
+    return [KINECT_JOINTS.index(name) for name in FROM_KINECT[joint]]
+
+
+def read_variable(path: Path, variable: str, schema: ArraySchema) -> np.ndarray:
+    """One variable of a MATLAB file of version 5, which is checked (kpopnet.datasets.mat_files) before scipy reads it.
+
+    Raises:
+        InputError: the file is missing, is not a complete MATLAB file, or its variable is not as expected.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    content = checked_variable(path, variable, schema)
+    try:
+        return loadmat(io.BytesIO(content), variable_names=[variable])[variable]
+    except Exception as error:  # the parser of scipy raises exceptions of many types
+        raise InputError(f"{path}: not a complete MATLAB file ({error}); download it again") from error
+
+
+def shift_labels(skeleton_m: np.ndarray, lag: int, frames: int) -> np.ndarray:
+    """(T, 20, 3): row t + lag of the skeleton for each depth frame t, NaN beyond either end."""
+    rows = np.arange(frames) + lag
+    inside = (rows >= 0) & (rows < len(skeleton_m))
+    out = np.full((frames, *skeleton_m.shape[1:]), np.nan)
+    out[inside] = skeleton_m[rows[inside]]
+    return out
+
+
+def estimate_lag(depth_m: np.ndarray, skeleton_m: np.ndarray) -> int:
+    """The lag in CANDIDATE_LAGS with the smallest mean distance of labelled wrists and hands from the depth points.
+
+    Hands move fastest and are thin, so their distance from the surface depends most on the lag. All lags are compared on
+    the same depth frames. In a sequence in which the hands hardly move, all lags fit nearly equally well, and the choice
+    has little effect.
+
+    Args:
+        depth_m: (T, H, W) metres, mirrored as stored.
+        skeleton_m: (S, 20, 3) metres in the same camera frame, NaN where absent.
+    """
+    # (T, L, 4, 3)
+    labels = np.stack([shift_labels(skeleton_m, lag, len(depth_m))[:, LAG_JOINTS] for lag in CANDIDATE_LAGS], axis=1)
+    usable = np.isfinite(labels).all(axis=(1, 2, 3)) & depth_m.any(axis=(1, 2))
+    if not usable.any():
+        return -2  # the most frequent lag in the set
+    distances = [
+        cKDTree(STORED_CAMERA.points(image)[image > 0]).query(candidates)[0].mean(axis=-1)
+        for image, candidates in zip(depth_m[usable], labels[usable], strict=True)
+    ]
+    return CANDIDATE_LAGS[int(np.argmin(np.mean(distances, axis=0)))]

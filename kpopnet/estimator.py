@@ -1,0 +1,98 @@
+"""The protocol of all pose estimators: a depth sequence and a camera in, joints and confidence out."""
+
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+
+from kpopnet.camera import Camera
+from kpopnet.errors import InputError
+from kpopnet.skeleton import NUM_JOINTS
+
+
+class Estimate(NamedTuple):
+    """Joints of one person over a sequence.
+
+    Attributes:
+        joints_camera_m: (T, 15, 3) float32, NaN where a joint is missing.
+        confidence: (T, 15) float32 in 0..1, 0 where a joint is missing.
+    """
+
+    joints_camera_m: np.ndarray
+    confidence: np.ndarray
+
+    @classmethod
+    def missing(cls, frames: int) -> "Estimate":
+        """An estimate with all joints missing, to be filled in for the frames that show a person."""
+        return cls(np.full((frames, NUM_JOINTS, 3), np.nan, np.float32), np.zeros((frames, NUM_JOINTS), np.float32))
+
+
+class Estimator(Protocol):
+    """Estimates the joints of one person from segmented depth (0 outside the person).
+
+    Attributes:
+        name: short name, for folders and tables.
+    """
+
+    name: str
+
+    def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
+        """Estimates the joints of the person in each frame.
+
+        Args:
+            depth_m: (T, H, W) segmented depth of the person, 0 elsewhere; floating-point metres or uint16 millimetres.
+            camera: the camera of these pixels.
+
+        Returns:
+            (T, 15, 3) joints and (T, 15) confidence; NaN and 0 in frames with an empty silhouette.
+
+        Raises:
+            InputError: the depth has another type or shape.
+        """
+        ...
+
+
+def base_estimator(estimator: Estimator) -> Estimator:
+    """The wrapped estimator if this one refines the joints of another, else the estimator itself."""
+    return getattr(estimator, "estimator", estimator)
+
+
+class Start(NamedTuple):
+    """A known pose from which tracking starts.
+
+    Attributes:
+        frame: index of the frame.
+        joints_camera_m: (15, 3) joints in that frame, camera frame, metres.
+    """
+
+    frame: int
+    joints_camera_m: np.ndarray
+
+
+def first_label(joints_camera_m: np.ndarray) -> Start:
+    """The first of (T, 15, 3) ground-truth poses with all joints.
+
+    Raises:
+        InputError: no frame has all joints.
+    """
+    complete = np.flatnonzero(np.isfinite(joints_camera_m).all(axis=(1, 2)))
+    if not len(complete):
+        raise InputError("start=label needs a frame with all fifteen joints, and there is none; use start=standing or y_pose")
+    return Start(int(complete[0]), joints_camera_m[complete[0]])
+
+
+@runtime_checkable
+class StartedEstimator(Estimator, Protocol):
+    """An estimator that tracks, and can start from a given pose.
+
+    Attributes:
+        starts_from_label: it must be given a ground-truth pose; the evaluation passes one and reports that it did.
+    """
+
+    starts_from_label: bool
+
+    def estimate(self, depth_m: np.ndarray, camera: Camera, start: Start | None = None) -> Estimate: ...
+
+
+def starts_from_label(estimator: Estimator) -> bool:
+    """Whether the estimator must be given a ground-truth pose."""
+    return isinstance(estimator, StartedEstimator) and estimator.starts_from_label

@@ -1,0 +1,1 @@
+"""Evaluation of estimators and scorers on data sets, and its reports."""

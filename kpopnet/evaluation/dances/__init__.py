@@ -1,0 +1,1 @@
+"""Evaluation of dance scores against the order that experts gave (section 4.3)."""

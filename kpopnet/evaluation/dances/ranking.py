@@ -1,0 +1,138 @@
+"""Agreement of scores with the experts' ranking: the concordance of the paper's Table 2, Kendall's tau, wrong pairs.
+
+A dance is in the right order if and only if its scores decrease strictly from the best learner to the worst (section 4.3). A
+tie is a failure, and so is a learner without a score. Kendall's tau counts pairs of learners instead of dances: (pairs in the
+right order - pairs in the wrong order) / all pairs of the dance; tied pairs count 0.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kpopnet.dance.scoring import DanceScore
+
+BOOTSTRAPS = 2000
+TRUTH = "truth"
+"""Name of the true joints as a source of joints, beside the names of estimators."""
+
+
+@dataclass(frozen=True)
+class LearnerScore:
+    """The score of one learner by one scorer on one source of joints.
+
+    Attributes:
+        name: of the learner.
+        score: result of the scorer.
+        error_m: mean distance of the found joints from the true joints in metres; None on true joints or where true joints
+            are unknown.
+    """
+
+    name: str
+    score: DanceScore
+    error_m: float | None = None
+
+
+def similarities(learners: list[LearnerScore]) -> np.ndarray:
+    """(L,) similarity scores in the order of the learners."""
+    return np.array([learner.score.similarity for learner in learners])
+
+
+def is_ordered(scores: np.ndarray) -> bool:
+    """Whether (L,) scores, the best learner by the experts first, decrease strictly."""
+    return bool((np.diff(scores) < 0).all())
+
+
+def kendall_tau(scores: np.ndarray) -> float:
+    """Kendall's tau-a of (L,) scores, the best learner by the experts first: 1 in the right order, -1 in reverse order."""
+    first, second = np.triu_indices(len(scores), 1)
+    difference = np.nan_to_num(scores[first] - scores[second])
+    return float(np.sign(difference).mean())
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Agreement of scores with the experts.
+
+    Attributes:
+        concordance: percentage of dances in the right order.
+        kendall_tau: mean over dances.
+        interval: 95 % bootstrap intervals over dances of both.
+        wrong: names of the dances that are not in the right order.
+    """
+
+    concordance: float
+    kendall_tau: float
+    interval: dict[str, tuple[float, float]]
+    wrong: tuple[str, ...]
+
+
+def agreement(scores: dict[str, np.ndarray], seed: int) -> Agreement:
+    """Computes the agreement.
+
+    Args:
+        scores: (L,) scores of each dance by its name, the best learner by the experts first; at least one dance.
+        seed: of the bootstrap.
+    """
+    ordered = np.array([is_ordered(one) for one in scores.values()])
+    tau = np.array([kendall_tau(one) for one in scores.values()])
+    draws = np.random.default_rng(seed).integers(len(scores), size=(BOOTSTRAPS, len(scores)))
+    interval = {
+        name: tuple(np.quantile(values[draws].mean(axis=1), (0.025, 0.975)).tolist())
+        for name, values in (("concordance", 100.0 * ordered), ("kendall_tau", tau))
+    }
+    wrong = tuple(name for name, right in zip(scores, ordered, strict=True) if not right)
+    return Agreement(float(100 * ordered.mean()), float(tau.mean()), interval, wrong)
+
+
+@dataclass(frozen=True)
+class Confusion:
+    """Two learners of a dance whose scores are tied or in the wrong order.
+
+    Attributes:
+        dance: name of the dance.
+        ranks: of the better and of the worse learner by the experts, 1 for the best.
+        better: the better learner by the experts.
+        worse: the worse learner by the experts.
+        cause: description of the likely causes.
+    """
+
+    dance: str
+    ranks: tuple[int, int]
+    better: LearnerScore
+    worse: LearnerScore
+    cause: str
+
+
+def confusions(by_dance: dict[str, list[LearnerScore]], true_scores: dict[str, list[LearnerScore]] | None) -> list[Confusion]:
+    """All pairs of learners that are tied or in the wrong order, largest difference of scores first.
+
+    Args:
+        by_dance: learners by the dance's name, the best by the experts first.
+        true_scores: the same on true joints, if known. A pair in the right order there is confused by pose errors only.
+    """
+    pairs = []
+    for dance, learners in by_dance.items():
+        truth = true_scores.get(dance) if true_scores else None
+        for i in range(len(learners)):
+            for j in range(i + 1, len(learners)):
+                if learners[i].score.similarity > learners[j].score.similarity:
+                    continue
+                true_pair = (truth[i], truth[j]) if truth else None
+                cause = _likely_cause(learners[i], learners[j], true_pair)
+                pairs.append(Confusion(dance, (i + 1, j + 1), learners[i], learners[j], cause))
+    return sorted(pairs, key=lambda pair: -np.nan_to_num(pair.worse.score.similarity - pair.better.score.similarity))
+
+
+def _likely_cause(better: LearnerScore, worse: LearnerScore, truth: tuple[LearnerScore, LearnerScore] | None) -> str:
+    if np.isnan([better.score.similarity, worse.score.similarity]).any():
+        return "not scored: too few joints were found"
+    parts = []
+    if truth is not None:
+        in_order = truth[0].score.similarity > truth[1].score.similarity
+        parts.append("pose error: in the right order on true joints" if in_order else "in the wrong order on true joints too")
+    wrong = [name for name in ("timing", "posture") if getattr(better.score, name) <= getattr(worse.score, name)]
+    if wrong:
+        parts.append(f"the worse learner has the higher {' and '.join(wrong)} score")
+    else:
+        parts.append("timing and posture scores are in the right order, the mean of their products over windows is not")
+    return "; ".join(parts)

@@ -1,0 +1,1 @@
+"""Evaluation of joints against true joints."""

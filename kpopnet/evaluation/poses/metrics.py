@@ -1,0 +1,227 @@
+"""Definitions of all pose metrics in a report.
+
+All metrics are computed from one array, `errors_m` (N, 15): the Euclidean distance in metres between the estimated and the
+true position of each joint in each of N frames. It is NaN where a joint has no true position, and infinite where it has a
+true position but no estimate (a missing joint). Therefore
+
+- a joint without a true position is not counted;
+- a missing joint counts as an error above every threshold, and is left out of every mean and median. Reports state the
+  number of missing joints beside these;
+- metrics over several frames and joints are pooled: every joint of every frame has the same weight.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kpopnet.skeleton import JOINT_GROUPS, JOINT_NAMES
+
+THRESHOLDS_M = (0.05, 0.10, 0.15, 0.20)
+CURVE_END_M = 0.20
+BOOTSTRAP_DRAWS = 2000
+INTERVAL = (2.5, 97.5)
+"""Percentiles of the bootstrap's 95 % interval."""
+
+
+@dataclass(frozen=True)
+class PoseResults:
+    """True joints, and the joints that one estimator found, in the N frames of an evaluation.
+
+    Attributes:
+        truth_m: (N, 15, 3) true joints in metres in the camera frame, NaN where they are unknown.
+        estimate_m: (N, 15, 3) estimated joints likewise, NaN where missing.
+        visible: (N, 15) bool, whether the joint is visible in the depth image.
+        sequence: (N,) int, index into sequence_names.
+        sequence_names: names of the sequences.
+        yaw_rad: (N,) heading of the person, NaN where unknown.
+    """
+
+    truth_m: np.ndarray
+    estimate_m: np.ndarray
+    visible: np.ndarray
+    sequence: np.ndarray
+    sequence_names: tuple[str, ...]
+    yaw_rad: np.ndarray
+
+    def select_frames(self, rows: np.ndarray) -> "PoseResults":
+        """A copy with the frames that `rows`, an index or boolean mask, selects."""
+        per_frame = ("truth_m", "estimate_m", "visible", "sequence", "yaw_rad")
+        return replace(self, **{name: getattr(self, name)[rows] for name in per_frame})
+
+
+def joint_errors_m(truth_m: np.ndarray, estimate_m: np.ndarray) -> np.ndarray:
+    """(N, 15) float64 `errors_m`, as the module defines it, of two (N, 15, 3) arrays in metres."""
+    errors_m = np.linalg.norm(estimate_m.astype(np.float64) - truth_m.astype(np.float64), axis=-1)
+    errors_m[np.isnan(errors_m)] = np.inf
+    errors_m[np.isnan(truth_m).any(axis=-1)] = np.nan
+    return errors_m
+
+
+def fraction_within(errors_m: np.ndarray, threshold_m: float) -> float:
+    """The fraction, 0..1, of joints with a true position whose error is strictly below the threshold (PCK).
+
+    At 0.1 m this is the mAP of the paper (section 4.1) and the metric of ITOP.
+    """
+    labelled = ~np.isnan(errors_m)
+    return _ratio((errors_m[labelled] < threshold_m).sum(), labelled.sum())
+
+
+def area_under_curve(errors_m: np.ndarray, end_m: float = CURVE_END_M) -> float:
+    """The area under `fraction_within` for thresholds from 0 to end_m, divided by that of a perfect estimator: 0..1.
+
+    Exact, without sampling: a joint with error e is below the threshold for a fraction max(0, 1 - e / end_m) of the range.
+    """
+    labelled = errors_m[~np.isnan(errors_m)]
+    return _ratio(np.maximum(0, 1 - labelled / end_m).sum(), labelled.size)
+
+
+def mean_error_m(errors_m: np.ndarray) -> float:
+    """The mean over all joints with true position and estimate, visible or not; NaN if there are none."""
+    found = errors_m[np.isfinite(errors_m)]
+    return _ratio(found.sum(), found.size)
+
+
+def median_error_m(errors_m: np.ndarray) -> float:
+    """The median over all joints with true position and estimate, visible or not; NaN if there are none."""
+    found = errors_m[np.isfinite(errors_m)]
+    return float(np.median(found)) if found.size else float("nan")
+
+
+def average_pose_error_m(errors_m: np.ndarray, visible: np.ndarray) -> float:
+    """The paper's average pose error (Eq. 16): the mean over the visible joints with true position and estimate.
+
+    The sum over all frames and their visible joints is divided by the number of terms, so a frame with more visible joints
+    has more weight. Assumptions: the paper does not say how a missing estimate counts; it is left out.
+    """
+    return mean_error_m(np.where(visible, errors_m, np.nan))
+
+
+def pose_error_deviation_m(errors_m: np.ndarray, visible: np.ndarray) -> float:
+    """The standard deviation of the errors whose mean is `average_pose_error_m`: the error bars of Fig. 10.
+
+    Assumptions: the paper does not say over which set it is taken; it is taken over all frames and visible joints together.
+    """
+    found = errors_m[visible & np.isfinite(errors_m)]
+    return float(np.std(found)) if found.size else float("nan")
+
+
+def without_offsets(results: PoseResults) -> np.ndarray:
+    """(N, 15) `errors_m` after the constant offset of each joint is subtracted from the estimates.
+
+    Data sets define the position of a joint, such as the hip, differently. The offset of a joint is the mean of estimate -
+    truth, a vector in the camera frame, over all frames in which the joint is visible and estimated. Subtracting it also
+    removes true bias of the estimator, and the offset is fitted to the evaluated frames (3 parameters per joint). The
+    result is therefore a lower bound, to be read beside the raw error and not instead of it.
+    """
+    difference = results.estimate_m.astype(np.float64) - results.truth_m
+    usable = results.visible & np.isfinite(difference).all(axis=-1)
+    total = np.where(usable[..., None], difference, 0).sum(axis=0)
+    offset_m = total / np.maximum(usable.sum(axis=0), 1)[:, None]
+    return joint_errors_m(results.truth_m, results.estimate_m - offset_m)
+
+
+def summary(errors_m: np.ndarray, visible: np.ndarray) -> dict:
+    """The main metrics of (N, K) errors of K joints: lengths in cm, fractions in 0..1, None where undefined."""
+    return {
+        "images": len(errors_m),
+        "map_10cm": _none_if_nan(fraction_within(errors_m, 0.10)),
+        "mean_error_cm": _none_if_nan(100 * mean_error_m(errors_m)),
+        "median_error_cm": _none_if_nan(100 * median_error_m(errors_m)),
+        "average_pose_error_cm": _none_if_nan(100 * average_pose_error_m(errors_m, visible)),
+        "pose_error_deviation_cm": _none_if_nan(100 * pose_error_deviation_m(errors_m, visible)),
+        "labelled_joints": int((~np.isnan(errors_m)).sum()),
+        "missing_joints": int(np.isinf(errors_m).sum()),
+    }
+
+
+def evaluate(results: PoseResults, seed: int = 0) -> dict:
+    """All metrics of one estimator: `summary` over all frames, then by threshold, joint, joint group, sequence and yaw.
+
+    Args:
+        results: true and estimated joints. Frames without any true joint are left out.
+        seed: of the bootstrap.
+    """
+    errors_m = joint_errors_m(results.truth_m, results.estimate_m)
+    labelled = ~np.isnan(errors_m).all(axis=1)
+    results, errors_m = results.select_frames(labelled), errors_m[labelled]
+    visible = results.visible
+
+    def of_joints(columns: list[int]) -> dict:
+        return summary(errors_m[:, columns], visible[:, columns])
+
+    return summary(errors_m, visible) | {
+        "average_pose_error_no_offset_cm": _none_if_nan(100 * average_pose_error_m(without_offsets(results), visible)),
+        "pck": {f"{100 * limit:.0f}cm": _none_if_nan(fraction_within(errors_m, limit)) for limit in THRESHOLDS_M},
+        "pck_area_20cm": _none_if_nan(area_under_curve(errors_m)),
+        "interval": intervals(errors_m, visible, results.sequence, seed),
+        "missing": {
+            "joints": int(np.isinf(errors_m).sum()),
+            "of_labelled_joints": int((~np.isnan(errors_m)).sum()),
+            "images_without_estimate": int(np.isnan(results.estimate_m).all(axis=(1, 2)).sum()),
+        },
+        "per_joint": {name: of_joints([joint]) for joint, name in enumerate(JOINT_NAMES)},
+        "per_group": {name: of_joints([int(joint) for joint in joints]) for name, joints in JOINT_GROUPS.items()},
+        "per_sequence": {
+            name: summary(errors_m[results.sequence == index], visible[results.sequence == index])
+            for index, name in enumerate(results.sequence_names)
+            if (results.sequence == index).any()
+        },
+        "by_yaw": {
+            name: summary(errors_m[rows], visible[rows]) for name, rows in yaw_octants(results.yaw_rad).items() if rows.any()
+        },
+    }
+
+
+def yaw_octants(yaw_rad: np.ndarray) -> dict[str, np.ndarray]:
+    """(N,) bool masks of the frames in each 45 degree sector, by the centre of the sector in degrees.
+
+    A frame with unknown yaw is in no sector.
+    """
+    known = np.isfinite(yaw_rad)
+    octant = np.round(np.where(known, yaw_rad, 0) / (np.pi / 4)).astype(int) % 8
+    return {str((45 * k + 179) % 360 - 179): known & (octant == k) for k in (5, 6, 7, 0, 1, 2, 3, 4)}
+
+
+def intervals(errors_m: np.ndarray, visible: np.ndarray, sequence: np.ndarray, seed: int) -> dict:
+    """95 % bootstrap intervals (low, high) of the main metrics; None with fewer than two sequences.
+
+    Frames of one sequence are correlated, so whole sequences are resampled with replacement, BOOTSTRAP_DRAWS times. Each
+    metric is a ratio of sums, so a resample only weights the sums of the sequences. The interval covers the variation over
+    other sequences of the same kind; it does not cover sequences of another kind.
+
+    Args:
+        errors_m: (N, 15).
+        visible: (N, 15) bool.
+        sequence: (N,) number of the sequence of each frame.
+        seed: of the bootstrap.
+    """
+    labelled, found = ~np.isnan(errors_m), np.isfinite(errors_m)
+    seen = found & visible
+    ratios = {
+        "map_10cm": (errors_m < 0.10, labelled, 1),
+        "mean_error_cm": (np.where(found, errors_m, 0), found, 100),
+        "average_pose_error_cm": (np.where(seen, errors_m, 0), seen, 100),
+    }
+    _, row = np.unique(sequence, return_inverse=True)
+    count = row.max(initial=-1) + 1
+    if count < 2:
+        return dict.fromkeys(ratios)
+    draws = np.random.default_rng(seed).multinomial(count, np.full(count, 1 / count), size=BOOTSTRAP_DRAWS)
+
+    def resampled_sums(values: np.ndarray) -> np.ndarray:
+        return draws @ np.bincount(row, values.sum(axis=1), count)
+
+    out = {}
+    for name, (numerator, denominator, unit) in ratios.items():
+        counts = resampled_sums(denominator)
+        values = unit * resampled_sums(numerator)[counts > 0] / counts[counts > 0]
+        out[name] = np.percentile(values, INTERVAL).tolist() if values.size else None
+    return out
+
+
+def _ratio(numerator: float, denominator: float) -> float:
+    return float(numerator / denominator) if denominator else float("nan")
+
+
+def _none_if_nan(value: float) -> float | None:
+    return None if np.isnan(value) else float(value)

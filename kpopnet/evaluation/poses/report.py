@@ -1,0 +1,245 @@
+"""Report of a pose evaluation: terminal table, metrics.json, figures, report.md and report.html.
+
+The tables and reports begin with a sentence that names the origin of the depth (real or simulated) and of the true joints.
+"""
+
+import hashlib
+import json
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+
+from kpopnet.datasets.protocol import Origin
+from kpopnet.evaluation.config import EvaluateConfig
+from kpopnet.evaluation.document import Block, as_text, describe_files, describe_revision, write_document
+from kpopnet.evaluation.poses.figures import error_curve, examples_sheet, joint_bars, sequence_bars, sweep_plot
+from kpopnet.evaluation.poses.run import Run
+from kpopnet.evaluation.poses.sweep import Sweep
+from kpopnet.evaluation.poses.tables import (
+    format_value,
+    group_tables,
+    headline_table,
+    published_table,
+    sequence_table,
+    sweep_table,
+    threshold_table,
+    yaw_table,
+)
+from kpopnet.evaluation.poses.worst_sequence import contact_sheet, render_video, save_video, worst_sequence
+from kpopnet.runtime.provenance import git_revision
+from kpopnet.viz.drawing import save_png
+
+MAX_LISTED_SEQUENCES = 40
+
+
+def identity(run: Run) -> str:
+    """One sentence: benchmark, origin of the depth, origin of the true joints, number of frames and sequences."""
+    benchmark, main = run.benchmark, next(iter(run.metrics.values()))
+    evaluated = len(main["per_sequence"])
+    part = "" if evaluated == run.sequences_in_set else f" of {run.sequences_in_set}"
+    return (
+        f"{benchmark.name}: {benchmark.origin.value.upper()} depth, compared with {benchmark.truth}; "
+        f"{main['images']} images in {evaluated}{part} sequences."
+    )
+
+
+def remarks(run: Run) -> list[str]:
+    """Notes that are needed to interpret the metrics."""
+    lines = [run.benchmark.about]
+    if run.benchmark.origin is Origin.SIMULATED:
+        lines.append("No real sensor recorded this depth: these results do not predict the errors on real depth.")
+    for estimator, settings in run.unlike_training.items():
+        lines.append(f"This set differs from the training set of {estimator}: {', '.join(settings)}.")
+    chosen = len(next(iter(run.results.values())).sequence_names) + len(run.failed)
+    if chosen < run.sequences_in_set:
+        lines.append(
+            f"Partial evaluation: {chosen} of {run.sequences_in_set} sequences, evenly spaced; not a result on the whole set."
+        )
+    if run.extraction_fps is not None:
+        lines.append(
+            f"The depth shows whole scenes: the person was segmented first, at {format_value(run.extraction_fps)} frames per "
+            "second. The frames per second of the estimators exclude this step."
+        )
+    for estimator in run.started_from_label:
+        lines.append(f"{estimator} was given the first true pose of every sequence (start=label).")
+    if run.images_without_person:
+        lines.append(f"{run.images_without_person} images show no person; their joints count as missing.")
+    lines += [f"Left out because of an error: {name}: {reason}" for name, reason in run.failed.items()]
+    if next(iter(run.metrics.values()))["interval"]["map_10cm"]:
+        lines.append("Ranges in parentheses: 95 % bootstrap intervals over sequences.")
+    return lines
+
+
+def terminal_table(run: Run, sweep: Sweep | None = None) -> str:
+    """Text for a terminal: the main metrics, the joint groups and the sweep."""
+    run, run_with_sweep = _without_sweep(run, sweep), run
+    tables = [headline_table(run), *group_tables(run)]
+    if sweep:
+        tables.append(sweep_table(run_with_sweep, sweep))
+    return "\n\n".join(["\n".join([identity(run), *remarks(run)]), *map(as_text, tables)]) + "\n"
+
+
+def _without_sweep(run: Run, sweep: Sweep | None) -> Run:
+    """The run without the additional estimators of the sweep."""
+    return run.select([name for name in run.metrics if sweep is None or name not in sweep.settings])
+
+
+def metrics_json(run: Run, config: EvaluateConfig, figures: list[str]) -> dict:
+    """Contents of metrics.json: metrics of the main estimator, of every estimator under `estimators`, and the benchmark.
+
+    `images` is the number of evaluated frames; `pictures` lists the files of `figures`; `mean_pose_error_cm` is the mean
+    joint error of the mean pose baseline, null where no mean pose is known. `benchmark` has seed, version and config_hash of
+    a simulated set, null of a real one. `files` is the result of `EvaluateConfig.files`.
+    """
+    resolved = asdict(config)
+    canonical = json.dumps(resolved, sort_keys=True)
+    main, metrics = next(iter(run.metrics.items()))
+    provenance = getattr(run.benchmark, "provenance", {})
+    return {
+        "estimator": main,
+        **metrics,
+        "mean_pose_error_cm": run.metrics.get("mean_pose", {}).get("mean_error_cm"),
+        "benchmark": {
+            "name": run.benchmark.name,
+            "depth": run.benchmark.origin.value,
+            "against": run.benchmark.truth,
+            "about": run.benchmark.about,
+            **{key: provenance.get(key) for key in ("seed", "version", "config_hash")},
+            "sequences": len(next(iter(run.results.values())).sequence_names),
+            "sequences_in_set": run.sequences_in_set,
+            "failed_sequences": run.failed,
+            "images_without_person": run.images_without_person,
+            "unlike_training": run.unlike_training,
+            "started_from_label": run.started_from_label,
+            "extraction_fps": run.extraction_fps,
+        },
+        "estimators": run.metrics,
+        "pictures": figures,
+        "files": config.files(),
+        "config": resolved,
+        "config_hash": hashlib.sha256(canonical.encode()).hexdigest()[:12],
+        "git": git_revision(),
+        "made": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+
+
+def sweep_json(run: Run, sweep: Sweep) -> dict:
+    """Table 1: the axes, and for each metric a list of rows of columns."""
+    return {
+        "estimator": sweep.estimator,
+        **{axis: asdict(getattr(sweep.config, axis)) for axis in ("rows", "columns")},
+        **{
+            metric: [[run.metrics[name][metric] for name in names] for names in sweep.names]
+            for metric in ("map_10cm", "mean_error_cm", "missing_joints", "fps")
+        },
+    }
+
+
+def write_report(folder: Path, run: Run, config: EvaluateConfig, sweep: Sweep | None = None) -> None:
+    """Writes figures, metrics.json, report.md and report.html into the folder, which is created if it does not exist.
+
+    Args:
+        folder: output folder.
+        run: the results, including those of the estimators of a sweep.
+        config: settings of the evaluation.
+        sweep: the estimators of a sweep, if any. The additional ones appear only in the table and the plot of the sweep.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    run, run_with_sweep = _without_sweep(run, sweep), run
+    listed, worst = listed_sequences(run), worst_sequence(run)
+    plots = {"per_joint.png": joint_bars(run), "error_curve.png": error_curve(run)}
+    if len(listed) > 1:
+        plots["per_sequence.png"] = sequence_bars(run, sorted(listed, key=list(main_metrics(run)["per_sequence"]).index))
+    if sweep:
+        plots["sweep.png"] = sweep_plot(run_with_sweep, sweep)
+    for name, plot in plots.items():
+        plot.savefig(folder / name, dpi=110)
+    save_png(folder / "examples.png", examples_sheet(run, config.seed))
+    save_png(folder / "worst.png", contact_sheet(run, worst))
+    fps, images = render_video(run, worst)
+    videos = ["worst.mp4"] if fps and save_video(folder / "worst.mp4", images, fps) else []
+    metrics = metrics_json(run, config, ["examples.png", "worst.png", *plots, *videos])
+    metrics["sweep"] = sweep_json(run_with_sweep, sweep) if sweep else None
+    blocks = report_blocks(run, metrics)
+    if sweep:
+        blocks += [
+            ("heading", f"{sweep.estimator} at other settings (Table 1)"),
+            ("table", sweep_table(run_with_sweep, sweep)),
+            ("figure", ("sweep.png", "Fraction of joints within 10 cm and frames per second at every combination")),
+        ]
+    write_document(folder, blocks + provenance_blocks(metrics), metrics)
+
+
+def main_metrics(run: Run) -> dict:
+    """The metrics of the main estimator."""
+    return next(iter(run.metrics.values()))
+
+
+def listed_sequences(run: Run) -> list[str]:
+    """The MAX_LISTED_SEQUENCES sequences with the smallest fraction within 10 cm by the main estimator, worst first."""
+    fractions = {name: part["map_10cm"] for name, part in main_metrics(run)["per_sequence"].items()}
+    ordered = sorted(fractions, key=lambda name: 2.0 if fractions[name] is None else fractions[name])
+    return ordered[:MAX_LISTED_SEQUENCES]
+
+
+def report_blocks(run: Run, metrics: dict) -> list[Block]:
+    """The report up to the sweep. `metrics` is the result of `metrics_json`."""
+    listed, figures, main = listed_sequences(run), metrics["pictures"], metrics["estimator"]
+    published = published_table(run)
+    blocks: list[Block] = [
+        ("title", f"kpopnet on {run.benchmark.name}"),
+        ("text", identity(run)),
+        *(("text", line) for line in remarks(run)),
+        ("table", headline_table(run)),
+        ("table", threshold_table(run)),
+    ]
+    if published[1]:
+        blocks += [("text", "Published results on this benchmark. Kim & Kim leave out the neck."), ("table", published)]
+    blocks += [
+        ("heading", f"Example frames ({main})"),
+        ("figure", ("examples.png", "Example frames with true and estimated skeletons over the depth")),
+        ("heading", "Joints"),
+        *(("table", table) for table in group_tables(run)),
+        ("figure", ("per_joint.png", "Mean error and percentage within 10 cm of each joint")),
+        ("figure", ("error_curve.png", "Percentage of joints within a distance of the true position")),
+    ]
+    total = len(main_metrics(run)["per_sequence"])
+    of_all = f", the {len(listed)} worst of {total}" if len(listed) < total else ", worst first"
+    blocks += [
+        ("heading", f"Sequences{of_all}"),
+        ("text", "Error of visible joints (Eq. 16): mean and standard deviation."),
+        ("table", sequence_table(run, listed)),
+    ]
+    if "per_sequence.png" in figures:
+        blocks.append(("figure", ("per_sequence.png", "Mean and standard deviation of the error in each sequence")))
+    blocks += [
+        ("heading", f"Worst sequence ({main})"),
+        ("figure", ("worst.png", "Evenly spaced frames of the worst sequence, with true and estimated skeletons")),
+    ]
+    if "worst.mp4" in figures:
+        blocks.append(("video", ("worst.mp4", "Video of the worst sequence")))
+    if main_metrics(run)["by_yaw"]:
+        blocks += [
+            ("heading", "Heading of the person"),
+            ("text", "Centres of sectors of 45 degrees: 0 faces the camera, positive angles turn to the person's left."),
+            ("table", yaw_table(run)),
+        ]
+    return blocks
+
+
+def provenance_blocks(metrics: dict) -> list[Block]:
+    """The end of the report: input files, configuration, code revision, date, and how the speed was measured."""
+    return [
+        ("heading", "How this report was made"),
+        (
+            "text",
+            f"{describe_files(metrics['files'])}; configuration {metrics['config_hash']}; code "
+            f"{describe_revision(metrics['git'])}; {metrics['made']}. All metrics: metrics.json; their definitions: "
+            "kpopnet/evaluation/poses/metrics.py.",
+        ),
+        (
+            "text",
+            "Frames per second are those of one core: the number of frames divided by the processor time of the estimator, or "
+            "by wall-clock time on a GPU, after an untimed warm-up.",
+        ),
+    ]

@@ -1,0 +1,132 @@
+"""The registry: every benchmark and estimator by name, with the dataclass of its settings and its builder.
+
+A new one is an entry here and a file in configs/, whose `schema/NAME` stands for the dataclass. Benchmarks of dances, which
+are evaluated by their scores instead of by joints, also have an entry in kpopnet/programs/evaluate.py.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from kpopnet.baselines.mean_pose import MeanPoseEstimator
+from kpopnet.baselines.tree_walk.estimator import TreeWalkEstimator, TreeWalkEstimatorConfig
+from kpopnet.datasets.dances.dance_set import KpopConfig, KpopSet, KpopSimConfig, open_set
+from kpopnet.datasets.eval.benchmark import EvalBenchmark, EvalConfig, EvalSimBenchmark, EvalSimConfig
+from kpopnet.datasets.itop import ItopBenchmark, ItopConfig
+from kpopnet.datasets.protocol import Benchmark
+from kpopnet.datasets.smmc10.benchmark import Smmc10Benchmark, Smmc10Config, Smmc10SimBenchmark, Smmc10SimConfig
+from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
+from kpopnet.datasets.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
+from kpopnet.errors import InputError
+from kpopnet.estimator import Estimator
+from kpopnet.networks.checkpoint import read_meta
+from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.skeleton import NUM_JOINTS
+from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
+from kpopnet.tracker.fit.refine import FittedEstimator
+
+
+@dataclass
+class NetworkEstimatorConfig:
+    """A trained network.
+
+    Attributes:
+        checkpoint: folder of a checkpoint, such as outputs/train/RUN/best.
+        device: cpu or cuda.
+    """
+
+    checkpoint: str | None = None
+    device: str = "cpu"
+
+
+@dataclass
+class FittedNetworkConfig(NetworkEstimatorConfig):
+    """A trained network whose joints are refined by fitting the body model to the depth."""
+
+
+@dataclass
+class MeanPoseConfig:
+    """The constant baseline.
+
+    Attributes:
+        checkpoint: folder of a network's checkpoint, which holds the mean pose of its training set.
+    """
+
+    checkpoint: str | None = None
+
+
+def _network(config: NetworkEstimatorConfig) -> Estimator:
+    return NetworkEstimator(config.checkpoint, device=config.device)
+
+
+def _tracker(config: TrackerEstimatorConfig) -> Estimator:
+    return TrackerEstimator(config, None if config.network is None else NetworkEstimator(config.network))
+
+
+def _fitted_network(config: FittedNetworkConfig) -> Estimator:
+    return FittedEstimator(NetworkEstimator(config.checkpoint, device=config.device))
+
+
+def _mean_pose(config: MeanPoseConfig) -> Estimator:
+    pose = _known_mean_pose_m(config.checkpoint)
+    if pose is None:
+        raise InputError(f"{config.checkpoint}: its meta.json holds no mean_pose_m, which estimator=mean_pose needs")
+    return MeanPoseEstimator(pose)
+
+
+BENCHMARKS: dict[str, tuple[type, Callable[[Any], Benchmark | KpopSet]]] = {
+    "synthetic": (SyntheticConfig, SyntheticBenchmark),
+    "utd_mhad": (UtdMhadConfig, UtdMhadBenchmark),
+    "eval": (EvalConfig, EvalBenchmark),
+    "eval_sim": (EvalSimConfig, EvalSimBenchmark),
+    "smmc10": (Smmc10Config, Smmc10Benchmark),
+    "smmc10_sim": (Smmc10SimConfig, Smmc10SimBenchmark),
+    "itop": (ItopConfig, ItopBenchmark),
+    "kpop": (KpopConfig, open_set),
+    "kpop_sim": (KpopSimConfig, open_set),
+}
+"""Settings and reader of each benchmark."""
+
+ESTIMATORS: dict[str, tuple[type, Callable[[Any], Estimator]]] = {
+    "tracker": (TrackerEstimatorConfig, _tracker),
+    "network": (NetworkEstimatorConfig, _network),
+    "fitted_network": (FittedNetworkConfig, _fitted_network),
+    "tree_walk": (TreeWalkEstimatorConfig, TreeWalkEstimator),
+    "mean_pose": (MeanPoseConfig, _mean_pose),
+}
+"""Settings and builder of each kind of estimator. Each kind has a dataclass of its own, by which its builder is found."""
+
+
+def build_benchmark(config: Any) -> Benchmark:
+    _, reader = BENCHMARKS[config.name]
+    return reader(config)
+
+
+def build_estimators(configs: dict[str, Any]) -> dict[str, Estimator]:
+    """Builds the configured estimators, by name; the class of the settings determines the kind.
+
+    Where a checkpoint holds a mean pose, that baseline is added as the last estimator, for comparison with the network.
+
+    Raises:
+        InputError: no estimator is configured, or a file that one needs is missing.
+    """
+    if not configs:
+        raise InputError("estimator: expected at least one, for instance estimator=network checkpoint=...")
+    for name, config in configs.items():
+        if getattr(config, "checkpoint", "") is None:
+            raise InputError(f"estimator {name} needs a trained network: estimator.{name}.checkpoint=outputs/train/RUN/best")
+    builders = dict(ESTIMATORS.values())
+    built = {name: builders[type(config)](config) for name, config in configs.items()}
+    checkpoints = [config.checkpoint for config in configs.values() if getattr(config, "checkpoint", None)]
+    if checkpoints and not any(isinstance(one, MeanPoseEstimator) for one in built.values()):
+        pose = _known_mean_pose_m(checkpoints[0])
+        if pose is not None:
+            built["mean_pose"] = MeanPoseEstimator(pose)
+    return built
+
+
+def _known_mean_pose_m(checkpoint: str) -> np.ndarray | None:
+    pose = read_meta(checkpoint).get("mean_pose_m")
+    return None if pose is None else np.array(pose, np.float32).reshape(NUM_JOINTS, 3)

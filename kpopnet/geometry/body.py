@@ -1,0 +1,232 @@
+"""The body that is fitted to the depth: round cones around the joints, and the distances between joints.
+
+Beyond the paper, whose model is a skeleton without thickness. A depth image measures the skin, the skeleton lies below it.
+With known thickness of every part, each measured point gives the displacement of its nearest part. The surface is that of
+the union of all parts, so the parts must overlap little: limb cones lie around lines between joints, trunk cones around
+lines between trunk points of their own.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from kpopnet.geometry.human_model import LIMB_PARENTS, HumanModel
+from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
+
+RIGHT_TOES, LEFT_TOES, RIGHT_FINGERS, LEFT_FINGERS = range(NUM_JOINTS, NUM_JOINTS + 4)
+RIGHT_CHEST, LEFT_CHEST, RIGHT_RIBS, LEFT_RIBS, RIGHT_PELVIS, LEFT_PELVIS = range(NUM_JOINTS + 4, NUM_JOINTS + 10)
+"""Rows after the joints, derived from them by `kpopnet.geometry.cones.extend_joints`: toes, fingers and trunk points."""
+
+TRUNK_OFFSETS_M = {
+    RIGHT_CHEST: (Joint.RIGHT_SHOULDER, (-0.052, 0.035, -0.042)),
+    RIGHT_RIBS: (Joint.TORSO, (0.049, -0.145, 0.016)),
+    RIGHT_PELVIS: (Joint.RIGHT_HIP, (-0.080, -0.001, 0.030)),
+}
+"""For each trunk point the joint that it moves with, and its offset from that joint in metres: to the torso's right, down and
+front."""
+
+RADII_M = {
+    (Joint.NECK, Joint.HEAD): (0.056, 0.108),
+    (Joint.RIGHT_SHOULDER, Joint.NECK): (0.036, 0.034),
+    (Joint.NECK, RIGHT_CHEST): (0.066, 0.077),
+    (Joint.RIGHT_SHOULDER, RIGHT_CHEST): (0.048, 0.015),
+    (RIGHT_CHEST, RIGHT_RIBS): (0.074, 0.107),
+    (RIGHT_RIBS, RIGHT_PELVIS): (0.128, 0.120),
+    (Joint.RIGHT_SHOULDER, Joint.RIGHT_ELBOW): (0.066, 0.045),
+    (Joint.RIGHT_ELBOW, Joint.RIGHT_HAND): (0.044, 0.030),
+    (Joint.RIGHT_HAND, RIGHT_FINGERS): (0.036, 0.060),
+    (Joint.RIGHT_HIP, Joint.RIGHT_KNEE): (0.113, 0.077),
+    (Joint.RIGHT_KNEE, Joint.RIGHT_FOOT): (0.064, 0.053),
+    (Joint.RIGHT_FOOT, RIGHT_TOES): (0.068, 0.035),
+}
+"""Radii in metres at both ends of each part. `python -m kpopnet.training.body_shape data/small/train` fitted these and the
+trunk points to the true joints of 300 simulated people in five poses each. The left parts mirror the right ones."""
+
+_MIRROR = np.array([*MIRROR, *(row + 1 - 2 * ((row - NUM_JOINTS) % 2) for row in range(NUM_JOINTS, LEFT_PELVIS + 1))])
+
+TRUNK_POINT_JOINTS = np.array([[joint, MIRROR[joint]] for joint, _ in TRUNK_OFFSETS_M.values()]).ravel()
+"""(6,) the joint that each trunk point moves with, right before left."""
+
+ROW_TO_JOINT = np.array(
+    [*range(NUM_JOINTS), Joint.RIGHT_FOOT, Joint.LEFT_FOOT, Joint.RIGHT_HAND, Joint.LEFT_HAND, *TRUNK_POINT_JOINTS]
+)
+"""(25,) the joint that each row moves with."""
+
+REFERENCE_SIZE_M = 2.07
+"""`size_m` of the person with the radii and trunk offsets above. Those of other people scale with their `size_m`."""
+
+
+def _mirrored_parts() -> list[tuple[int, int, int]]:
+    """The two row numbers and the index in RADII_M of every part, mirror images included."""
+    parts = []
+    for kind, part in enumerate(RADII_M):
+        mirrored = tuple(_MIRROR[list(part)])
+        parts += [(*rows, kind) for rows in ([part] if set(mirrored) == set(part) else [part, mirrored])]
+    return parts
+
+
+PARTS = np.array([ends for *ends, _ in _mirrored_parts()])
+PART_KIND = np.array([kind for *_, kind in _mirrored_parts()])
+"""`PARTS`: (P, 2) the rows at the two ends of each part. `PART_KIND`: (P,) its index in RADII_M, the same for a part and its
+mirror image."""
+
+LIMBS = np.array(
+    [
+        (Joint.RIGHT_SHOULDER, Joint.RIGHT_ELBOW, Joint.RIGHT_HAND),
+        (Joint.LEFT_SHOULDER, Joint.LEFT_ELBOW, Joint.LEFT_HAND),
+        (Joint.RIGHT_HIP, Joint.RIGHT_KNEE, Joint.RIGHT_FOOT),
+        (Joint.LEFT_HIP, Joint.LEFT_KNEE, Joint.LEFT_FOOT),
+    ]
+)
+"""(4, 3) root, middle and end joint of each limb: right arm, left arm, right leg, left leg."""
+
+_EXTREMITIES = (RIGHT_FINGERS, LEFT_FINGERS, RIGHT_TOES, LEFT_TOES)
+LIMB_PARTS = np.array(
+    [
+        [np.flatnonzero((pair == PARTS).all(1))[0] for pair in ((root, middle), (middle, end), (end, beyond))]
+        for (root, middle, end), beyond in zip(LIMBS, _EXTREMITIES, strict=True)
+    ]
+)
+"""(4, 3) the parts of each limb: upper, lower, and hand or foot."""
+
+_TRUNK = [k for k in range(len(PARTS)) if k not in LIMB_PARTS]
+COLLISION_PAIRS = np.array(
+    [
+        (own, k)
+        for limb, (root, middle, _) in enumerate(LIMBS)
+        for own in [LIMB_PARTS[limb, 1]]
+        for k in [*_TRUNK, *(LIMB_PARTS[5 - limb, :2] if limb >= 2 else ())]
+        if root not in PARTS[k]
+    ]
+)
+"""(B, 2) the lower part of a limb, and a part that it must not penetrate: head and trunk, and for a leg the other leg."""
+
+LIMB_COLLISIONS = np.array([np.flatnonzero(COLLISION_PAIRS[:, 0] == lower)[[0, -1]] + (0, 1) for lower in LIMB_PARTS[:, 1]])
+"""(4, 2) first (inclusive) and last (exclusive) index of each limb's rows in COLLISION_PAIRS."""
+
+_STIFFNESS = {
+    (Joint.NECK, Joint.HEAD): 0.8,
+    (Joint.NECK, Joint.RIGHT_SHOULDER): 0.8,
+    (Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER): 0.5,
+    (Joint.NECK, Joint.TORSO): 0.5,
+    (Joint.RIGHT_SHOULDER, Joint.TORSO): 0.4,
+    (Joint.HEAD, Joint.TORSO): 0.2,
+    (Joint.TORSO, Joint.RIGHT_HIP): 0.7,
+    (Joint.RIGHT_HIP, Joint.LEFT_HIP): 1.0,
+    (Joint.RIGHT_SHOULDER, Joint.RIGHT_HIP): 0.1,
+    (Joint.RIGHT_SHOULDER, Joint.LEFT_HIP): 0.1,
+    (Joint.RIGHT_SHOULDER, Joint.RIGHT_ELBOW): 1.0,
+    (Joint.RIGHT_ELBOW, Joint.RIGHT_HAND): 1.0,
+    (Joint.RIGHT_HIP, Joint.RIGHT_KNEE): 1.0,
+    (Joint.RIGHT_KNEE, Joint.RIGHT_FOOT): 0.3,
+}
+"""Relative weight of a length error, 0..1: 1 for bones, low for distances that change when the spine bends."""
+
+TORSO_JOINTS = (
+    Joint.HEAD, Joint.NECK, Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.TORSO, Joint.RIGHT_HIP, Joint.LEFT_HIP,
+)  # fmt: skip
+
+_ELEVATION_COEFFICIENTS = {
+    (Joint.NECK, Joint.RIGHT_SHOULDER): (-0.026, -0.010),
+    (Joint.RIGHT_SHOULDER, Joint.TORSO): (0.049, 0.014),
+    (Joint.RIGHT_SHOULDER, Joint.RIGHT_HIP): (0.070, 0.033),
+    (Joint.RIGHT_SHOULDER, Joint.LEFT_HIP): (0.051, 0.022),
+}
+"""Shoulders rise with the arms. These distances, and their mirror images, change by a linear and a quadratic coefficient of
+the cosine between upper arm and up direction, in fractions of the distance from the hips to the neck. Least squares over 8
+simulated dancers."""
+
+_NECK_COEFFICIENTS = (0.347, -0.146, -0.095)
+"""Polynomial in the same cosine of the neck's position from the middle of the shoulders (0) to the head (1); same dancers."""
+
+
+def neck_fraction(arms_raised: float) -> float:
+    """Position of the neck from the middle of the shoulders (0) to the head (1), by the cosine between upper arms and up."""
+    return _NECK_COEFFICIENTS[0] + _NECK_COEFFICIENTS[1] * arms_raised + _NECK_COEFFICIENTS[2] * arms_raised**2
+
+
+NECK_FRACTION = neck_fraction(-1.0)
+"""`neck_fraction` with hanging arms."""
+
+
+class Body(NamedTuple):
+    """One person's body as arrays for the numba kernels.
+
+    Attributes:
+        radii_m: (P, 2) radii at both ends of the parts, metres.
+        pairs: (C, 2) joints with a constrained distance.
+        stiffness: (C,) relative weight of each distance, 0..1.
+        lengths_m: (C,) the distances with horizontal upper arms, metres.
+        elevating_arm: (C,) the arm, 0 right or 1 left, whose elevation changes the distance, or -1.
+        elevation_gain_m: (C, 2) linear and quadratic change of the distance in metres, by the cosine between upper arm and up.
+        limbs_m: (4, 2) lengths of the upper and lower part of each limb, metres.
+        trunk_offsets_m: (6, 3) offset of each trunk point from its joint in metres: to the torso's right, down and front.
+    """
+
+    radii_m: np.ndarray
+    pairs: np.ndarray
+    stiffness: np.ndarray
+    lengths_m: np.ndarray
+    elevating_arm: np.ndarray
+    elevation_gain_m: np.ndarray
+    limbs_m: np.ndarray
+    trunk_offsets_m: np.ndarray
+
+
+def body_from_model(model: HumanModel) -> Body:
+    """The body of a person with these lengths."""
+    pose = planar_pose(model)
+    height_m = np.linalg.norm(pose[Joint.NECK] - (pose[Joint.RIGHT_HIP] + pose[Joint.LEFT_HIP]) / 2)
+    pairs: dict[tuple[int, int], float] = {}
+    elevations: dict[tuple[int, int], tuple[int, tuple[float, float]]] = {}
+    for ends, stiffness in _STIFFNESS.items():
+        for arm, (a, b) in enumerate((ends, MIRROR[list(ends)])):
+            pair = tuple(sorted((int(a), int(b))))
+            pairs[pair] = stiffness
+            if ends in _ELEVATION_COEFFICIENTS:
+                elevations[pair] = arm, _ELEVATION_COEFFICIENTS[ends]
+    ends = np.array(list(pairs))
+    arms = np.array([elevations[pair][0] if pair in elevations else -1 for pair in pairs])
+    elevation_gain_m = np.array([elevations[pair][1] if pair in elevations else (0.0, 0.0) for pair in pairs]) * height_m
+    lengths = np.linalg.norm(pose[ends[:, 0]] - pose[ends[:, 1]], axis=1)
+    lengths -= elevation_gain_m @ (model.arms_raised, model.arms_raised**2)
+    limb = model.limb_m
+    limbs_m = np.array([[limb[Joint(middle)], limb[Joint(end)]] for _, middle, end in LIMBS])
+    scale = size_m(model) / REFERENCE_SIZE_M
+    radii = np.array(list(RADII_M.values()))[PART_KIND] * scale
+    trunk_offsets_m = (
+        np.array([np.multiply(offset, mirror) for _, offset in TRUNK_OFFSETS_M.values() for mirror in ((1, 1, 1), (-1, 1, 1))])
+        * scale
+    )
+    return Body(radii, ends, np.array(list(pairs.values())), lengths, arms, elevation_gain_m, limbs_m, trunk_offsets_m)
+
+
+def size_m(model: HumanModel) -> float:
+    """Size of a person in metres: arm, leg and head-shoulder-torso structure added up, left and right averaged."""
+    limbs = sum(model.limb_m.values()) / 2
+    sides = (model.left_shoulder_to_left_hip_m + model.right_shoulder_to_right_hip_m) / 2
+    return limbs + sides + model.head_to_shoulder_line_m
+
+
+def planar_pose(model: HumanModel) -> np.ndarray:
+    """(15, 3) metres: a person with these lengths in the plane z = 0, facing the camera, y down, limbs straight down.
+
+    The structure's lengths overdetermine a planar pose; the residual is distributed equally to left and right.
+    """
+    half_width = model.shoulder_to_shoulder_m / 2
+    pose = np.zeros((NUM_JOINTS, 3))
+    pose[Joint.RIGHT_SHOULDER, 0], pose[Joint.LEFT_SHOULDER, 0] = -half_width, half_width
+    pose[Joint.HEAD, 1] = -model.head_to_shoulder_line_m
+    pose[Joint.NECK] = neck_fraction(model.arms_raised) * pose[Joint.HEAD]
+    to_torso = (model.left_shoulder_to_torso_m + model.right_shoulder_to_torso_m) / 2
+    pose[Joint.TORSO, 1] = np.sqrt(max(to_torso**2 - half_width**2, 0.0))
+    same_side = (model.left_shoulder_to_left_hip_m + model.right_shoulder_to_right_hip_m) / 2
+    cross_side = (model.left_shoulder_to_right_hip_m + model.right_shoulder_to_left_hip_m) / 2
+    # A hip lies at `same_side` from the shoulder of its own side and at `cross_side` from the other shoulder.
+    lateral = (cross_side**2 - same_side**2) / (4 * half_width) if half_width > 0 else 0.0
+    down = np.sqrt(max(same_side**2 - (half_width - lateral) ** 2, 0.0))
+    pose[Joint.RIGHT_HIP], pose[Joint.LEFT_HIP] = (-lateral, down, 0), (lateral, down, 0)
+    limb = model.limb_m
+    for child, parent in LIMB_PARENTS.items():
+        pose[child] = pose[parent] + (0, limb[child], 0)
+    return pose

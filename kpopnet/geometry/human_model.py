@@ -1,0 +1,205 @@
+"""The human model (section 2.3): lengths and angles of one person, constant while the person is tracked."""
+
+import json
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+
+import numpy as np
+
+from kpopnet.errors import InputError
+from kpopnet.runtime.input_files import read_json, settings_from
+from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS, PAPER_JOINTS, Joint
+
+LIMB_PARENTS = {
+    Joint.RIGHT_ELBOW: Joint.RIGHT_SHOULDER,
+    Joint.LEFT_ELBOW: Joint.LEFT_SHOULDER,
+    Joint.RIGHT_HAND: Joint.RIGHT_ELBOW,
+    Joint.LEFT_HAND: Joint.LEFT_ELBOW,
+    Joint.RIGHT_KNEE: Joint.RIGHT_HIP,
+    Joint.LEFT_KNEE: Joint.LEFT_HIP,
+    Joint.RIGHT_FOOT: Joint.RIGHT_KNEE,
+    Joint.LEFT_FOOT: Joint.LEFT_KNEE,
+}
+"""The limb joints J_k of Eq. (9) and their parents J_p, parents first."""
+
+Y_POSE_ARMS_RAISED = 0.7
+"""Cosine between the upper arms and the up direction in the Y pose, arms stretched obliquely upwards."""
+
+
+@dataclass(frozen=True)
+class HumanModel:
+    """The ten lengths and two angles of the head-shoulder-torso structure, and the eight lengths of the limbs.
+
+    The paper's notation is in brackets; all lengths are in metres. Assumptions: the paper does not define the vertex of the
+    two angles. Here it is the torso's centre, the one point that head and shoulders share in the structure.
+
+    Attributes:
+        head_to_shoulder_line_m: from the head perpendicular to the line through the shoulders [l_H⊥S].
+        shoulder_to_shoulder_m: from the left to the right shoulder [l_LS,RS].
+        head_to_torso_m: from the head to the torso's centre [l_H,T].
+        left_shoulder_to_torso_m: from the left shoulder to the torso's centre [l_LS,T].
+        right_shoulder_to_torso_m: from the right shoulder to the torso's centre [l_RS,T].
+        torso_to_hip_line_m: from the torso's centre perpendicular to the line through the hips [l_T⊥P].
+        left_shoulder_to_left_hip_m: from the left shoulder to the left hip [l_LS,LP].
+        left_shoulder_to_right_hip_m: from the left shoulder to the right hip [l_LS,RP].
+        right_shoulder_to_left_hip_m: from the right shoulder to the left hip [l_RS,LP].
+        right_shoulder_to_right_hip_m: from the right shoulder to the right hip [l_RS,RP].
+        left_shoulder_angle_rad: between head and left shoulder at the torso's centre, radians [θ_LS].
+        right_shoulder_angle_rad: between head and right shoulder at the torso's centre, radians [θ_RS].
+        right_upper_arm_m: from the right shoulder to the right elbow [l_RUA]; the other limbs likewise.
+        left_upper_arm_m: from the left shoulder to the left elbow.
+        right_lower_arm_m: from the right elbow to the right hand.
+        left_lower_arm_m: from the left elbow to the left hand.
+        right_upper_leg_m: from the right hip to the right knee.
+        left_upper_leg_m: from the left hip to the left knee.
+        right_lower_leg_m: from the right knee to the right foot.
+        left_lower_leg_m: from the left knee to the left foot.
+        arms_raised: mean cosine between the upper arms and the up direction in the pose in which the lengths were measured.
+            Shoulders rise with the arms, by about 5 cm from hanging arms to the Y pose. Not in the paper.
+    """
+
+    head_to_shoulder_line_m: float
+    shoulder_to_shoulder_m: float
+    head_to_torso_m: float
+    left_shoulder_to_torso_m: float
+    right_shoulder_to_torso_m: float
+    torso_to_hip_line_m: float
+    left_shoulder_to_left_hip_m: float
+    left_shoulder_to_right_hip_m: float
+    right_shoulder_to_left_hip_m: float
+    right_shoulder_to_right_hip_m: float
+    left_shoulder_angle_rad: float
+    right_shoulder_angle_rad: float
+    right_upper_arm_m: float
+    left_upper_arm_m: float
+    right_lower_arm_m: float
+    left_lower_arm_m: float
+    right_upper_leg_m: float
+    left_upper_leg_m: float
+    right_lower_leg_m: float
+    left_lower_leg_m: float
+    arms_raised: float = Y_POSE_ARMS_RAISED
+
+    def __post_init__(self) -> None:
+        for name, value in asdict(self).items():
+            minimum, expected = (-1, "a cosine") if name == "arms_raised" else (0, "metres or radians from 0 to pi")
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not minimum <= value < np.pi:
+                raise InputError(f"human model: {name}={value}: expected {expected}")
+
+    @property
+    def limb_m(self) -> dict[Joint, float]:
+        """l_k of Eq. (9): the length in metres from each limb joint to its parent, in the order of `LIMB_PARENTS`."""
+        return dict(zip(LIMB_PARENTS, (getattr(self, name) for name in LIMB_FIELDS), strict=True))
+
+    @classmethod
+    def from_joints(cls, joints_m: np.ndarray) -> "HumanModel":
+        """Measures the model of a person with known joints, for instance those of a benchmark's first frame.
+
+        Args:
+            joints_m: (15, 3) metres in the order of `Joint`; the neck is not used.
+
+        Raises:
+            InputError: another shape, or one of the fourteen joints is missing.
+        """
+        joints = np.asarray(joints_m, np.float64)
+        if joints.shape != (NUM_JOINTS, 3):
+            raise InputError(f"human model: expected ({NUM_JOINTS}, 3) joints, found {joints.shape}")
+        missing = [JOINT_NAMES[joint] for joint in PAPER_JOINTS if not np.isfinite(joints[joint]).all()]
+        if missing:
+            raise InputError(f"human model: missing joints: {', '.join(missing)}")
+        head, torso = joints[Joint.HEAD], joints[Joint.TORSO]
+        left_shoulder, right_shoulder = joints[Joint.LEFT_SHOULDER], joints[Joint.RIGHT_SHOULDER]
+        left_hip, right_hip = joints[Joint.LEFT_HIP], joints[Joint.RIGHT_HIP]
+        limbs = [_distance(joints[child], joints[parent]) for child, parent in LIMB_PARENTS.items()]
+        return cls(
+            distance_to_line(head, left_shoulder, right_shoulder),
+            _distance(left_shoulder, right_shoulder),
+            _distance(head, torso),
+            _distance(left_shoulder, torso),
+            _distance(right_shoulder, torso),
+            distance_to_line(torso, left_hip, right_hip),
+            _distance(left_shoulder, left_hip),
+            _distance(left_shoulder, right_hip),
+            _distance(right_shoulder, left_hip),
+            _distance(right_shoulder, right_hip),
+            _angle(head - torso, left_shoulder - torso),
+            _angle(head - torso, right_shoulder - torso),
+            *limbs,
+            arms_raised=_arms_raised(joints),
+        )
+
+    def regularised(self) -> "HumanModel":
+        """The model with lengths equal on both sides and drawn to the mean proportions of people of the same size.
+
+        The Y pose gives joints under flesh and clothes to 2 or 3 cm. Lengths of people of one size vary by less. Beyond the
+        paper.
+        """
+        measured = {names: sum(getattr(self, name) for name in names) / len(names) for names in _REGULARISATION}
+        size_m = sum(measured.values())
+        lengths = {
+            names: own_weight * measured[names] + size_weight * size_m
+            for names, (own_weight, size_weight) in _REGULARISATION.items()
+        }
+        return replace(self, **{name: length for names, length in lengths.items() for name in names})
+
+    def save(self, path: Path | str) -> None:
+        """Writes the model as JSON, to be loaded for the same person later."""
+        Path(path).write_text(json.dumps(asdict(self), indent=2) + "\n")
+
+    @classmethod
+    def load(cls, path: Path | str) -> "HumanModel":
+        """Reads a file that `save` wrote.
+
+        Raises:
+            InputError: the file is missing, is not JSON, or does not have this model's lengths.
+        """
+        return settings_from(cls, read_json(Path(path)), str(path))
+
+
+_REGULARISATION = {
+    ("head_to_shoulder_line_m",): (0.182, 0.035),
+    ("shoulder_to_shoulder_m",): (0.0, 0.084),
+    ("head_to_torso_m",): (0.124, 0.098),
+    ("left_shoulder_to_torso_m", "right_shoulder_to_torso_m"): (0.0, 0.081),
+    ("torso_to_hip_line_m",): (0.0, 0.056),
+    ("left_shoulder_to_left_hip_m", "right_shoulder_to_right_hip_m"): (0.0, 0.127),
+    ("left_shoulder_to_right_hip_m", "right_shoulder_to_left_hip_m"): (0.0, 0.144),
+    ("right_upper_arm_m", "left_upper_arm_m"): (0.286, 0.045),
+    ("right_lower_arm_m", "left_lower_arm_m"): (0.419, 0.036),
+    ("right_upper_leg_m", "left_upper_leg_m"): (0.471, 0.051),
+    ("right_lower_leg_m", "left_lower_leg_m"): (0.290, 0.077),
+}
+"""Regularised length = first coefficient x measured length (mean of both sides) + second coefficient x sum of all eleven
+measured lengths, in the Y pose. Non-negative least squares over the initial models of 148 simulated people in the Y pose,
+none of them in a benchmark."""
+
+LIMB_FIELDS = tuple(field.name for field in fields(HumanModel) if field.name.endswith(("arm_m", "leg_m")))
+
+
+def _arms_raised(joints: np.ndarray) -> float:
+    """Mean cosine between both upper arms and the direction from the hips to the shoulders; 0 where a length is zero."""
+    shoulders = joints[[Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER]]
+    up = shoulders.mean(axis=0) - joints[[Joint.RIGHT_HIP, Joint.LEFT_HIP]].mean(axis=0)
+    arms = joints[[Joint.RIGHT_ELBOW, Joint.LEFT_ELBOW]] - shoulders
+    lengths = np.linalg.norm(arms, axis=1) * np.linalg.norm(up)
+    return float(np.mean(np.divide(arms @ up, lengths, out=np.zeros(2), where=lengths > 0)))
+
+
+def distance_to_line(point: np.ndarray, line_a: np.ndarray, line_b: np.ndarray) -> float:
+    """Distance in metres of a (3,) point from the line through two others; its distance to line_a if the two are equal."""
+    direction = line_b - line_a
+    length = np.linalg.norm(direction)
+    if length == 0:
+        return _distance(point, line_a)
+    return float(np.linalg.norm(np.cross(direction, point - line_a)) / length)
+
+
+def _distance(a: np.ndarray, b: np.ndarray) -> float:
+    """Euclidean distance of two (3,) points."""
+    return float(np.linalg.norm(a - b))
+
+
+def _angle(a: np.ndarray, b: np.ndarray) -> float:
+    """Angle between two (3,) vectors, radians in 0..pi; 0 if one has length zero."""
+    lengths = np.linalg.norm(a) * np.linalg.norm(b)
+    return float(np.arccos(np.clip(a @ b / lengths, -1, 1))) if lengths > 0 else 0.0

@@ -1,0 +1,229 @@
+"""Checkpoints: self-describing folders that are written atomically and cannot run code when loaded.
+
+In the folder of a run:
+
+    checkpoints/step_00002000/
+        model.safetensors   the averaged weights, for inference
+        state.pt            current weights and optimiser state, needed to resume besides the averaged weights
+        meta.json           format, version, step, model, config, metrics, mean pose, git revision, packages
+    last, best              links to two checkpoints; the others are removed
+
+At each moment both links point to a whole checkpoint: a step that is saved again, by a run that was resumed from `best`, goes
+to step_00002000_2 until the links have moved.
+
+No random state is stored: everything random is a function of seed and step.
+"""
+
+import io
+import json
+import math
+import os
+import shutil
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+
+import safetensors.torch
+import torch
+from safetensors.torch import load_file
+from torch import Tensor
+
+from kpopnet.errors import InputError
+from kpopnet.networks import ModelConfig, PoseNetwork, build_network
+from kpopnet.networks.state_file import read_state_file
+from kpopnet.runtime.input_files import check_fields, read_json, read_with, settings_from
+from kpopnet.runtime.provenance import git_revision
+from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
+
+FORMAT = "kpopnet-checkpoint"
+VERSION = 1
+WEIGHTS, STATE, META = "model.safetensors", "state.pt", "meta.json"
+
+META_SCHEMA = {"step": int, "model": dict, "config": dict, "metrics": dict, "mean_pose_m": list[list[float]]}
+CONFIG_PARTS = ("sensor", "extraction", "ridge", "training", "data")
+STATE_SCHEMA = {
+    "step": int, "weights": dict, "optimiser": dict, "best_cm": float, "offset_sum_m": Tensor, "offset_count": int,
+    "skipped": int,
+}  # fmt: skip
+"""Names and types in meta.json, groups of settings in its config, and names and types in state.pt, where they are there."""
+
+
+def save_checkpoint(run: Path, network: PoseNetwork, state: dict, meta: dict, *, best: bool) -> Path:
+    """Writes a checkpoint below the run's folder, and moves the link `last`, and `best` if it is the best, to it.
+
+    Args:
+        run: the run's folder.
+        network: the averaged weights.
+        state: tensors, numbers and containers of them (only these can be read again, see kpopnet.networks.state_file).
+        meta: step, config, metrics and mean_pose_m, JSON types only.
+        best: this checkpoint is the best of the run so far.
+
+    Returns:
+        The link `last`.
+    """
+    folder = _free_name(run, meta["step"])
+    partial = folder.with_name(f".{folder.name}.{os.getpid()}")
+    shutil.rmtree(partial, ignore_errors=True)
+    partial.mkdir(parents=True)
+    # By way of memory: a full disk then raises OSError, and not what libraries make of it.
+    weights = {name: value.cpu().contiguous() for name, value in network.state_dict().items()}
+    (partial / WEIGHTS).write_bytes(safetensors.torch.save(weights))
+    packed = io.BytesIO()
+    torch.save(state, packed)
+    (partial / STATE).write_bytes(packed.getbuffer())
+    described = {
+        "format": FORMAT,
+        "version": VERSION,
+        "model": asdict(network.config),
+        **meta,
+        "joint_names": JOINT_NAMES,
+        "git": git_revision(),
+        "packages": {name: version(name) for name in ("torch", "numpy", "safetensors")},
+    }
+    (partial / META).write_text(json.dumps(described, indent=2) + "\n")
+    for file in partial.iterdir():
+        _sync(file)
+    partial.rename(folder)
+    _sync(folder.parent)
+    # A run killed in between resumes from `last`, reaches the best step again and moves the link then.
+    for link in ("best", "last") if best else ("last",):
+        _move_link(run / link, folder)
+    _sync(run)
+    kept = _linked(run)
+    for other in (*folder.parent.glob("step_*"), *folder.parent.glob(".step_*")):
+        if other.resolve() not in kept:
+            _remove(other)
+    return run / "last"
+
+
+def resumable(run: Path) -> Path | None:
+    """The checkpoint from which a run can be resumed, `last` if there is one; None if the folder holds no run."""
+    checkpoints = sorted((run / "checkpoints").glob("step_*"), reverse=True)
+    return next((place for place in (run / "last", run / "best", *checkpoints) if (place / META).is_file()), None)
+
+
+def complete_links(run: Path, checkpoint: Path) -> None:
+    """Makes those of `last` and `best` that a run killed during its first save has not made, to the checkpoint it resumes."""
+    if checkpoint.resolve().parent == (run / "checkpoints").resolve():
+        for link in ("best", "last"):
+            if not (run / link).exists():
+                _move_link(run / link, checkpoint.resolve())
+
+
+def _linked(run: Path) -> set[Path]:
+    return {(run / link).resolve() for link in ("last", "best")}
+
+
+def _free_name(run: Path, step: int) -> Path:
+    """The folder for a checkpoint. One of the same step that a link points to is not replaced: the links move, then it goes."""
+    name = run / "checkpoints" / f"step_{step:08d}"
+    for folder in (name, *(name.with_name(f"{name.name}_{again}") for again in (2, 3))):
+        if folder.resolve() not in _linked(run):
+            if folder.exists():
+                _remove(folder)
+            return folder
+    raise AssertionError("two links cannot point to three folders")
+
+
+def _remove(folder: Path) -> None:
+    """Removes a checkpoint that no link points to; if the process is killed, what is left of it is hidden."""
+    hidden = folder if folder.name.startswith(".") else folder.with_name(f".{folder.name}.removed")
+    if hidden != folder:
+        shutil.rmtree(hidden, ignore_errors=True)
+        folder.rename(hidden)
+    shutil.rmtree(hidden, ignore_errors=True)
+
+
+def _sync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _move_link(link: Path, folder: Path) -> None:
+    """Creates or moves a relative link atomically."""
+    new = link.with_name(f".{link.name}.{os.getpid()}")
+    new.unlink(missing_ok=True)
+    new.symlink_to(os.path.relpath(folder, link.parent))
+    new.replace(link)
+
+
+def read_meta(folder: Path | str) -> dict:
+    """The contents of a checkpoint's meta.json.
+
+    Raises:
+        InputError: no checkpoint in the folder, one of another version, or values of other types than META_SCHEMA.
+    """
+    path = Path(folder) / META
+    if not path.is_file():
+        raise InputError(f"{folder}: no checkpoint there (no {META}); give a folder such as outputs/train/RUN/best")
+    meta = read_json(path, non_finite=True)
+    found = (meta.get("format"), meta.get("version")) if isinstance(meta, dict) else (None, None)
+    if found != (FORMAT, VERSION):
+        raise InputError(
+            f"{path}: expected a {FORMAT} of version {VERSION}, found {found[0]!s:.40} of version {found[1]!s:.40}"
+        )
+    check_fields(str(path), meta, META_SCHEMA, optional=["mean_pose_m"])
+    settings_from(ModelConfig, meta["model"], f"{path}: model")
+    check_fields(f"{path}: config", meta["config"], dict.fromkeys(CONFIG_PARTS, dict), optional=CONFIG_PARTS)
+    pose_m = meta.get("mean_pose_m")
+    if pose_m is not None and (len(pose_m) != NUM_JOINTS or any(len(joint) != 3 or not _all_finite(joint) for joint in pose_m)):
+        raise InputError(f"{path}: mean_pose_m: expected {NUM_JOINTS} positions of three finite numbers")
+    return meta
+
+
+def _all_finite(values: list[float]) -> bool:
+    return all(math.isfinite(value) for value in values)
+
+
+def load_network(folder: Path | str, device: str | torch.device = "cpu") -> tuple[PoseNetwork, dict]:
+    """Loads a checkpoint's network for inference, and its meta.json.
+
+    Raises:
+        InputError: no checkpoint in the folder, one of another version, or a damaged one.
+    """
+    meta = read_meta(folder)
+    network = build_network(ModelConfig(**meta["model"]))
+    load_weights(network, folder)
+    return network.to(device).eval(), meta
+
+
+def load_weights(network: PoseNetwork, folder: Path | str) -> None:
+    """Loads a checkpoint's averaged weights into a network.
+
+    Raises:
+        InputError: the weights are missing, damaged, or of another architecture.
+    """
+    path = Path(folder) / WEIGHTS
+    problem = f"missing, damaged, or not the weights that {META} describes"
+    weights = read_with(load_file, path, problem)
+    for name, value in network.state_dict().items():
+        if name in weights and weights[name].dtype != value.dtype:
+            raise InputError(f"{path}: {problem} ({name} is {weights[name].dtype})")
+        if name in weights and value.is_floating_point() and not bool(torch.isfinite(weights[name]).all()):
+            raise InputError(f"{path}: damaged ({name} holds numbers that are not finite)")
+    read_with(lambda _: network.load_state_dict(weights), path, problem)
+
+
+def load_state(folder: Path | str) -> dict[str, int | float | Tensor | dict]:
+    """Loads the state that `save_checkpoint` stored.
+
+    Raises:
+        InputError: the state is missing or damaged.
+    """
+    path = Path(folder) / STATE
+    try:
+        state = read_with(read_state_file, path, "missing, damaged or of another format")
+        return check_fields(str(path), state, STATE_SCHEMA, optional=STATE_SCHEMA)
+    except InputError as error:
+        raise InputError(f"{error}; training cannot be resumed from it") from error
+
+
+def run_folder(resume: str | None, fresh: str) -> str:
+    """The folder that a run writes to: that of the checkpoint it resumes, or `fresh`."""
+    if resume is None:
+        return fresh
+    folder = Path(resume).resolve()  # follows a link such as RUN/last
+    return str(folder.parents[1] if folder.parent.name == "checkpoints" else fresh)

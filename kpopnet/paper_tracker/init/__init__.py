@@ -1,0 +1,1 @@
+"""The initial pose and human model (section 2.3)."""

@@ -1,0 +1,89 @@
+r"""Evaluates estimators on a benchmark and writes a report.
+
+    python evaluate.py checkpoint=outputs/train/RUN/best
+    python evaluate.py checkpoint=outputs/train/RUN/best benchmark.path=data/small/test sequences=10
+    python evaluate.py checkpoint=outputs/train/RUN/best benchmark=utd_mhad benchmark.path=PATH/UTD-MHAD
+    python evaluate.py checkpoint=outputs/train/RUN/best hydra.run.dir=outputs/my_evaluation
+    python evaluate.py benchmark=eval_sim 'estimator=[tracker]' estimator.tracker.start=label
+
+The run's folder (outputs/evaluate/BENCHMARK-DATE_TIME) gets metrics.json, report.html, report.md, figures and a video of
+the worst sequence. The training set's mean pose is always judged beside a network, to show what the network is worth, but
+for dances, of which it knows nothing.
+processes=0 evaluates on all cores; sequences=4 is a quick test.
+
+The paper's figures and Table 1, on simulated EVAL:
+
+    python evaluate.py benchmark=eval_sim 'estimator=[tracker,network,tree_walk]' checkpoint=outputs/train/RUN/best \
+        estimator.tree_walk.path=outputs/tree_walk/RUN                                              # Fig. 8 and 11
+    python evaluate.py benchmark=eval_sim 'estimator=[network,ridge_network]' checkpoint=outputs/train/RUN/best \
+        estimator.ridge_network.checkpoint=outputs/train/OTHER_RUN/best                             # Fig. 9
+    python evaluate.py benchmark=eval_sim 'estimator=[tracker,tracker_depth]'                       # Fig. 10
+    python evaluate.py benchmark=eval_sim 'estimator=[paper_tracker,paper_tracker_depth]'           # the same of Algorithm 2
+    python evaluate.py benchmark=eval_sim 'estimator=[tracker]' sweep=table1                        # Table 1
+    python evaluate.py benchmark=eval_sim 'estimator=[paper_tracker]' sweep=table1                  # the same of Algorithm 2
+
+Its Table 2, dance scores against experts' order, on simulated dances (kpopnet/evaluation/dances/report.py):
+
+    python evaluate.py benchmark=kpop_sim 'estimator=[]'                                            # true joints alone
+    python evaluate.py benchmark=kpop_sim 'estimator=[tracker,network]' checkpoint=outputs/train/RUN/best
+    python evaluate.py benchmark=kpop_sim 'estimator=[]' benchmark.dances=10 benchmark.dance=dance_007 'scorer=[raptis]'
+    python evaluate.py benchmark=kpop benchmark.path=PATH 'estimator=[]'                            # docs/kpop_format.md
+
+One kind of estimator may stand in a run under several names: configs/estimator/tracker_depth.yaml is one; for another,
+write such a file, or give a name on the command line to settings that start from the defaults of their kind (it comes after
+those of `estimator=[...]`):
+
+    python evaluate.py benchmark=eval_sim 'estimator=[tracker]' +estimator/schema@estimator.straight=tracker \
+        estimator.straight.hierarchy.straightness=0.9
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from hydra.core.hydra_config import HydraConfig
+
+from kpopnet.dance.scoring import SCORERS
+from kpopnet.errors import InputError
+from kpopnet.evaluation.config import EvaluateConfig
+from kpopnet.evaluation.dances.report import evaluate_dances
+from kpopnet.evaluation.poses.report import terminal_table, write_report
+from kpopnet.evaluation.poses.run import run_benchmark
+from kpopnet.evaluation.poses.sweep import sweep_of
+from kpopnet.evaluation.registry import BENCHMARKS, ESTIMATORS, build_benchmark, build_estimators
+from kpopnet.runtime.atomic_write import naming
+from kpopnet.runtime.hydra_app import entry_point, register_schemas
+
+register_schemas("benchmark", {name: schema for name, (schema, _) in BENCHMARKS.items()})
+register_schemas("estimator", {name: schema for name, (schema, _) in ESTIMATORS.items()}, by_name=True)
+register_schemas("scorer", SCORERS, by_name=True)
+
+
+def evaluate_joints(config: EvaluateConfig, folder: Path) -> None:
+    """Judges estimated joints by true ones, and reports into the folder.
+
+    Raises:
+        InputError: scorers are named, which judge dances.
+    """
+    if config.scorer:
+        raise InputError(
+            f"scorer=[{','.join(config.scorer)}]: benchmark={config.benchmark.name} judges joints; scorers are for dances, "
+            f"benchmark={' or '.join(EVALUATIONS)}"
+        )
+    sweep = config.sweep and sweep_of(config.sweep, config.estimator)
+    estimators = build_estimators(config.estimator | (sweep.settings if sweep else {}))
+    benchmark = build_benchmark(config.benchmark)
+    run = run_benchmark(benchmark, estimators, config.sequences, config.seed, config.processes_at_work(), config.extraction)
+    write_report(folder, run, config, sweep)
+    print(terminal_table(run, sweep))
+
+
+EVALUATIONS: dict[str, Callable[[EvaluateConfig, Path], None]] = {"kpop": evaluate_dances, "kpop_sim": evaluate_dances}
+"""What evaluates a benchmark, by its name, where it is not joints that are judged."""
+
+
+@entry_point({"evaluate": EvaluateConfig})
+def main(config: EvaluateConfig) -> None:
+    folder = Path(HydraConfig.get().runtime.output_dir)
+    with naming(folder):
+        EVALUATIONS.get(config.benchmark.name, evaluate_joints)(config, folder)
+    print(f"report: {folder / 'report.html'}")

@@ -1,0 +1,67 @@
+"""Draws how the tracker follows one frame of a recording, stage after stage.
+
+    kpopnet stages DEPTH.npy 60 stages.png                      frame 60 of a recording that begins in the Y pose
+    kpopnet stages DEPTH.npy 60 stages.png --start standing     of one that begins with a person who stands upright
+
+DEPTH.npy holds (T, H, W) depth, uint16 millimetres or floating-point metres, of a camera that does not move.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from kpopnet.camera import CAMERAS, sequence_in_metres
+from kpopnet.errors import InputError
+from kpopnet.extraction import extract_person
+from kpopnet.runtime.hydra_app import user_errors
+from kpopnet.runtime.input_files import ArraySchema, check_budget, open_npy
+from kpopnet.tracker.stages_figure import draw_stages
+from kpopnet.tracker.tracker import Tracker
+from kpopnet.viz.drawing import save_png
+
+
+def stages_of(path: Path, frame: int, camera_name: str, standing: bool) -> np.ndarray:
+    """RGB image of every stage of a frame, tracked from the first frame of the recording on.
+
+    Raises:
+        InputError: not a recording of this camera, no such frame, or no person tracked before it.
+    """
+    try:
+        recorded = open_npy(path, ArraySchema("uf", (None, None, None)))
+    except InputError as error:
+        raise InputError(f"{path}: expected (T, H, W) depth that numpy.save wrote ({error})") from error
+    camera = CAMERAS[camera_name]
+    if not 0 < frame < len(recorded):
+        raise InputError(f"{path}: frame {frame} of {len(recorded)}; frames count from 0, and one before it is needed")
+    check_budget(path, 8 * (frame + 1) * recorded[0].size, f"depth and person of {frame + 1} frames")
+    person_m = extract_person(sequence_in_metres(recorded[: frame + 1], camera), camera)
+    tracker = Tracker(camera, standing=standing)
+    for depth_m in tqdm(person_m[:-1], "frames", disable=None):  # no bar in a log file
+        tracker.track(depth_m)
+    if not tracker.started:
+        start = "stood upright facing the camera" if standing else "took the Y pose; try --start standing"
+        raise InputError(f"{path}: before frame {frame} no person {start}")
+    return draw_stages(tracker, person_m[-1])
+
+
+@user_errors
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        "kpopnet stages", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("depth", type=Path, help="(T, H, W) depth, a file of numpy.save")
+    parser.add_argument("frame", type=int, help="number of the frame to draw, from 1 on")
+    parser.add_argument("figure", type=Path, help="the PNG to write")
+    parser.add_argument("--camera", choices=sorted(CAMERAS), default="kinect_v1", help="the depth camera: %(default)s")
+    parser.add_argument(
+        "--start", choices=("y_pose", "standing"), default="y_pose", help="how the recording begins: %(default)s"
+    )
+    given = parser.parse_args()
+    save_png(given.figure, stages_of(given.depth, given.frame, given.camera, given.start == "standing"))
+    print(f"stages of frame {given.frame}: {given.figure}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,192 @@
+"""Trains a network that estimates 3D joints from depth, or the random tree walk as a baseline.
+
+    python -m synth preset=small                                  # first, training data: data/small
+    python train.py                                               # dense network, depth
+    python train.py model=holistic model.input=depth_ridge        # the paper's class of network, with the ridge channel
+    python train.py training=demo data.train=data/demo/train data.validation=data/demo/validation
+    python train.py training=dance training.start=outputs/train/RUN/best    # fine-tunes a network on dances (preset=dance)
+    python train.py training.resume=outputs/train/RUN/last        # resumes a run that was stopped
+    torchrun --nproc-per-node=4 train.py training.batch_size=128  # several GPUs, or CPU processes
+    python train.py --cfg job                                     # every setting, its value and its meaning
+
+Writes `best` and `last`, a log and TensorBoard's files to outputs/train/<model>-<date-time>, or hydra.run.dir=PATH.
+
+    python train.py --config-name tree_walk                       # the random tree walk; minutes on one core
+    python train.py --config-name tree_walk tree_walk.images=20000 out=outputs/tree_walk/mine
+
+Writes a model to outputs/tree_walk/<date-time>, or out=PATH. Installed from a wheel, the program is `kpopnet train`.
+"""
+
+import logging
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+from hydra.core.hydra_config import HydraConfig
+from omegaconf import DictConfig, OmegaConf
+
+from kpopnet.baselines.tree_walk.training import TreeWalkConfig
+from kpopnet.baselines.tree_walk.training import train as train_tree_walk
+from kpopnet.data.shards import ShardedSet
+from kpopnet.errors import InputError, check_seed
+from kpopnet.networks import ModelConfig
+from kpopnet.networks.checkpoint import read_meta, run_folder
+from kpopnet.ridge import RidgeConfig
+from kpopnet.runtime.cpu import bounded_processes
+from kpopnet.runtime.folder_lock import locked
+from kpopnet.runtime.hydra_app import OutputFolder, command_line_settings, entry_point, register_choices, resumed_config
+from kpopnet.training.loop import TrainingConfig, refuse_other_run, train
+from synth.samples.observe import ExtractionConfig, Observer
+from synth.sensor.model import SENSORS, SensorConfig
+
+log = logging.getLogger(__name__)
+
+OmegaConf.register_new_resolver("run_folder", run_folder)
+OmegaConf.register_new_resolver("run_subdir", lambda resume: ".hydra" if resume is None else ".hydra_resumed")
+register_choices("sensor", SENSORS)
+
+
+@dataclass
+class DataConfig:
+    """Where the samples are.
+
+    Attributes:
+        train: folder of shards to learn from.
+        validation: folder of shards of other people, to choose the best checkpoint on.
+    """
+
+    train: str = "data/small/train"
+    validation: str = "data/small/validation"
+
+
+@dataclass
+class ObservationConfig:
+    """What both kinds of training share: the data and how a sensor sees it.
+
+    Attributes:
+        sensor: noise of the depth sensor, drawn again in every epoch.
+        extraction: errors of the silhouettes, drawn again in every epoch.
+        data: where the samples are.
+        seed: of everything random.
+        workers: processes that prepare batches.
+    """
+
+    sensor: SensorConfig = field(default_factory=SensorConfig)
+    extraction: ExtractionConfig = field(default_factory=ExtractionConfig)
+    data: DataConfig = field(default_factory=DataConfig)
+    seed: int = 0
+    workers: int = 1
+
+    def __post_init__(self) -> None:
+        check_seed("seed", self.seed)
+        if self.workers < 0:
+            raise InputError(f"workers={self.workers} must be 0 or more")
+
+    def sets(self) -> dict[str, ShardedSet]:
+        """Opens both sets of shards.
+
+        Raises:
+            InputError: a folder is missing, or holds no set of shards.
+        """
+        log.info(f"reading {self.data.train} and {self.data.validation}")
+        return {"train": ShardedSet(self.data.train), "validation": ShardedSet(self.data.validation)}
+
+    def observer(self, shards: ShardedSet, ridge: RidgeConfig | None = None) -> Observer:
+        return Observer(shards, self.sensor, self.extraction, ridge, self.seed)
+
+
+@dataclass
+class NetworkTrainingConfig(ObservationConfig):
+    """Training of a network.
+
+    Attributes:
+        model: which network.
+        training: how it is trained.
+        ridge: of the ridge image, for model.input=depth_ridge.
+        device: auto, cpu or cuda.
+        threads: of torch on the CPU; 0 takes all cores.
+    """
+
+    model: ModelConfig = field(default_factory=ModelConfig)
+    training: TrainingConfig = field(default_factory=TrainingConfig)
+    ridge: RidgeConfig = field(default_factory=RidgeConfig)
+    device: str = "auto"
+    threads: int = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.threads < 0:
+            raise InputError(f"threads={self.threads} must be 0 or more")
+
+
+@dataclass
+class TreeWalkTrainingConfig(ObservationConfig):
+    """Training of the random tree walk.
+
+    Attributes:
+        out: folder for the model.
+        tree_walk: the trees and how they are grown.
+    """
+
+    out: str = "outputs/tree_walk"
+    tree_walk: TreeWalkConfig = field(default_factory=TreeWalkConfig)
+
+
+class TrainingFolder(OutputFolder):
+    """Locks a run's folder, and refuses one that holds another run."""
+
+    def check(self, config: DictConfig, folder: Path) -> None:
+        refuse_other_run(folder, config.training.resume)
+
+
+def describe_sets(sets: dict[str, ShardedSet]) -> dict[str, dict]:
+    """What tells one set of samples from another."""
+    return {name: {"hash": shards.header.config_hash, "samples": len(shards)} for name, shards in sets.items()}
+
+
+def run_network_training(config: NetworkTrainingConfig) -> None:
+    """Reads the shards, and starts or resumes the training of a network."""
+    if config.training.resume is not None:
+        saved = read_meta(config.training.resume)["config"]
+        config = resumed_config(config, saved, may_change=("training.resume", "data.", "device", "workers", "threads"))
+    elif config.training.start is not None and not any(name.startswith("model") for name in command_line_settings()):
+        # Weights fit the model that they were trained with: its settings come from the same checkpoint.
+        config.model = ModelConfig(**read_meta(config.training.start)["model"])
+    ridge = config.ridge if config.model.input == "depth_ridge" else None
+    sets = config.sets()
+    train(
+        config.training,
+        config.model,
+        config.observer(sets["train"], ridge),
+        config.observer(sets["validation"], ridge),
+        out=Path(HydraConfig.get().runtime.output_dir),
+        seed=config.seed,
+        device=config.device,
+        workers=config.workers,
+        threads=config.threads,
+        described=asdict(config),
+        data=describe_sets(sets),
+    )
+
+
+def run_tree_walk_training(config: TreeWalkTrainingConfig) -> None:
+    """Reads the shards, trains the tree walk, and writes its model."""
+    sets = config.sets()
+    source, validation = (config.observer(shards) for shards in sets.values())
+    with locked(config.out):  # another folder than Hydra's, if both are given
+        model, metrics = train_tree_walk(
+            config.tree_walk, source, validation, config.seed, bounded_processes(config.workers, "workers")
+        )
+        model.save(Path(config.out), {"config": asdict(config), "data": describe_sets(sets), "metrics": metrics})
+    log.info(
+        f"{config.out}: mean error {metrics['mean_error_cm']:.2f} cm, {100 * metrics['within_10cm']:.1f} % within 10 cm "
+        "on validation people"
+    )
+
+
+@entry_point({"train": NetworkTrainingConfig, "tree_walk": TreeWalkTrainingConfig})
+def main(config: NetworkTrainingConfig | TreeWalkTrainingConfig) -> None:
+    """Trains what --config-name chose, by default a network."""
+    if isinstance(config, TreeWalkTrainingConfig):
+        run_tree_walk_training(config)
+    else:
+        run_network_training(config)

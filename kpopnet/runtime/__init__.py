@@ -1,0 +1,1 @@
+"""What the programs run on: Hydra entry points, processes, atomic writes, provenance."""

@@ -1,0 +1,70 @@
+"""Files that are there whole or not at all."""
+
+import os
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import h5py
+
+MAX_NAME_BYTES = 255
+
+
+@contextmanager
+def atomic_path(path: Path) -> Iterator[Path]:
+    """A name beside `path`, hidden and ending with .tmp, to write to: what lies there replaces `path` in the end.
+
+    Where the writing fails nothing is left of it; a process that is killed leaves the hidden file. Several machines may
+    write into one folder.
+
+    Raises:
+        OSError: the file cannot be written: a full or read-only disk, a missing folder, a name that is too long.
+    """
+    part = path.with_name(hidden_name(path.name))
+    with naming(path):
+        try:
+            yield part
+            with part.open("rb") as written:
+                os.fsync(written.fileno())
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Gives errors of the file system that name no file, as those of a full disk, this one's name."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None or error.filename is not None:
+            raise
+        raise OSError(error.errno, error.strerror or "", str(path)) from error
+
+
+def hidden_name(name: str) -> str:
+    """The temporary name of a file, of at most 255 bytes if the file's own name has no more."""
+    end = f".{socket.gethostname()}.{os.getpid()}.tmp"
+    return "." + os.fsdecode(os.fsencode(name)[: MAX_NAME_BYTES - 1 - len(os.fsencode(end))]) + end
+
+
+@contextmanager
+def atomic_hdf5(path: Path) -> Iterator["h5py.File"]:
+    """An HDF5 file in memory, which replaces `path` in the end.
+
+    A file on the disk that HDF5 cannot close, because the disk is full, lets the process crash when it ends.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    import h5py
+
+    with h5py.File(path.name, "w", driver="core", backing_store=False) as file:
+        yield file
+        file.flush()
+        image = file.id.get_file_image()
+    with atomic_path(path) as part:
+        part.write_bytes(image)

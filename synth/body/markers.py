@@ -1,0 +1,189 @@
+"""Simulated motion-capture markers: named vertices of the body's surface, and whether each one is tracked.
+
+The motion-capture system is a ring of eight cameras around the person, like those that recorded EVAL and SMMC-10. It is
+independent of the depth camera. A marker is tracked if at least two of the cameras see it. Folded arms, sitting on the
+floor or bending over occlude some markers.
+"""
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from kpopnet.skeleton import Joint
+from synth.body.shape import load_body
+
+RING_CAMERAS, RING_RADIUS_M, RING_HEIGHT_M = 8, 3.5, 2.4
+MIN_CAMERAS = 2
+"""Number of cameras that must see a marker for it to be tracked."""
+
+MARKER_RADIUS_M = 0.01
+"""A marker is a small ball on the skin; its centre lies this high above the skin."""
+
+_MARKER_DIRECTIONS = {
+    # Names of the usual marker sets. A marker is placed where the skin is farthest from the joint in this direction of
+    # the person at rest: (left, back, up).
+    "LFHD": (Joint.HEAD, (0.7, -0.7, 0.3)),
+    "RFHD": (Joint.HEAD, (-0.7, -0.7, 0.3)),
+    "LBHD": (Joint.HEAD, (0.7, 0.7, 0.3)),
+    "RBHD": (Joint.HEAD, (-0.7, 0.7, 0.3)),
+    "C7": (Joint.NECK, (0, 1, 0)),
+    "CLAV": (Joint.NECK, (0, -1, -0.4)),
+    "STRN": (Joint.TORSO, (0, -1, 0.6)),
+    "T10": (Joint.TORSO, (0, 1, 0.6)),
+    "LSHO": (Joint.LEFT_SHOULDER, (0.2, 0, 1)),
+    "RSHO": (Joint.RIGHT_SHOULDER, (-0.2, 0, 1)),
+    "LELB": (Joint.LEFT_ELBOW, (0.8, 0.5, 0.3)),
+    "RELB": (Joint.RIGHT_ELBOW, (-0.8, 0.5, 0.3)),
+    "LWRI": (Joint.LEFT_HAND, (0.7, 0, 0.7)),
+    "RWRI": (Joint.RIGHT_HAND, (-0.7, 0, 0.7)),
+    "LASI": (Joint.LEFT_HIP, (0.3, -1, 0.3)),
+    "RASI": (Joint.RIGHT_HIP, (-0.3, -1, 0.3)),
+    "LPSI": (Joint.LEFT_HIP, (-0.3, 1, 0.3)),
+    "RPSI": (Joint.RIGHT_HIP, (0.3, 1, 0.3)),
+    "LKNE": (Joint.LEFT_KNEE, (1, -0.3, 0)),
+    "RKNE": (Joint.RIGHT_KNEE, (-1, -0.3, 0)),
+    "LANK": (Joint.LEFT_FOOT, (1, 0, 0)),
+    "RANK": (Joint.RIGHT_FOOT, (-1, 0, 0)),
+    "LTOE": (Joint.LEFT_FOOT, (0, -1, -0.3)),
+    "RTOE": (Joint.RIGHT_FOOT, (0, -1, -0.3)),
+}
+
+
+RAY_DISTANCE_M = 0.02
+"""Vertices within this distance of the ray from the joint are candidates for a marker."""
+
+
+def _marker_vertices() -> dict[str, int]:
+    """The vertex of each marker, found on the mean body."""
+    asset = load_body()
+    points = asset.mean.reshape(-1, 3)
+    vertices, joints = points[: len(asset.weights)], points[-len(Joint) :]
+    found = {}
+    for name, (joint, direction) in _MARKER_DIRECTIONS.items():
+        ray = np.array(direction) / np.linalg.norm(direction)
+        offset = vertices - joints[joint]
+        along = offset @ ray
+        aside = np.linalg.norm(offset - along[:, None] * ray, axis=1)
+        # Candidates lie 2 to 25 cm along the ray, so in front of the joint and not on another limb. The outermost is taken.
+        reachable = (along > 0.02) & (along < 0.25)
+        near = reachable & (aside < max(RAY_DISTANCE_M, aside[reachable].min() + 1e-6))
+        found[name] = int(np.flatnonzero(near)[along[near].argmax()])
+    return found
+
+
+MARKERS: dict[str, int] = _marker_vertices()
+"""Index of the vertex of each marker, by the marker's name. It is the same vertex on every body."""
+
+
+def tracked_markers(vertices_world_m: np.ndarray, place_m: np.ndarray) -> np.ndarray:
+    """Which of the M MARKERS on a posed body at least MIN_CAMERAS cameras of the ring see.
+
+    Args:
+        vertices_world_m: (V, 3) skin vertices, metres.
+        place_m: (3,) centre of the ring on the floor, metres.
+
+    Returns:
+        (M,) bool.
+    """
+    angles = 2 * np.pi * np.arange(RING_CAMERAS) / RING_CAMERAS
+    ring_m = np.stack([RING_RADIUS_M * np.cos(angles), RING_RADIUS_M * np.sin(angles), 0 * angles], axis=1)
+    cameras_m = np.array([place_m[0], place_m[1], RING_HEIGHT_M]) + ring_m
+    vertices, skin = vertices_world_m.astype(np.float64), _skin()
+    part_vertices = vertices[skin.part_corners]
+    count = np.diff(skin.corner_starts, append=len(part_vertices))
+    middles = np.add.reduceat(part_vertices, skin.corner_starts) / count[:, None]
+    distance2 = ((part_vertices - np.repeat(middles, count, axis=0)) ** 2).sum(axis=1)
+    radii2 = np.maximum.reduceat(distance2, skin.corner_starts)
+    a, b, c = vertices[skin.marker_faces.T]
+    normals = np.add.reduceat(np.cross(b - a, c - a), skin.marker_starts)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    markers_m = vertices[list(MARKERS.values())] + MARKER_RADIUS_M * normals
+    return _tracked(vertices, skin.faces, skin.face_starts, middles, radii2, markers_m, cameras_m)
+
+
+class _Skin(NamedTuple):
+    """The body's triangles, grouped by the bone with the largest skinning weight (a part), and those around the markers.
+
+    Attributes:
+        faces: (F, 3) triangles, ordered by part.
+        face_starts: (P,) index of the first triangle of each part.
+        part_corners: (C,) vertices of each part's triangles.
+        corner_starts: (P,) index of the first vertex of each part.
+        marker_faces: (N, 3) triangles around each marker.
+        marker_starts: (M,) index of the first triangle of each marker.
+    """
+
+    faces: np.ndarray
+    face_starts: np.ndarray
+    part_corners: np.ndarray
+    corner_starts: np.ndarray
+    marker_faces: np.ndarray
+    marker_starts: np.ndarray
+
+
+@cache
+def _skin() -> _Skin:
+    asset = load_body()
+    bone = asset.weight_bones[asset.faces[:, 0], 0]
+    parts = [asset.faces[bone == one] for one in np.unique(bone)]
+    corners = [np.unique(part) for part in parts]
+    around = [asset.faces[(asset.faces == vertex).any(axis=1)] for vertex in MARKERS.values()]
+    joined = [(np.concatenate(pieces), _starts(pieces)) for pieces in (parts, corners, around)]
+    return _Skin(*(array for pair in joined for array in pair))
+
+
+def _starts(pieces: list[np.ndarray]) -> np.ndarray:
+    """Index of the first element of each piece in their concatenation."""
+    return np.cumsum([0, *(len(piece) for piece in pieces[:-1])])
+
+
+@njit(cache=True)
+def _tracked(vertices, faces, face_starts, middles, radii2, markers, cameras):
+    """(M,) bool: whether MIN_CAMERAS cameras see each marker. Bounding spheres (middles, radii2) of the parts prune."""
+    tracked = np.zeros(len(markers), np.bool_)
+    for k in range(len(markers)):
+        start, seeing = markers[k], 0
+        for camera in cameras:
+            ray = camera - start
+            length2, occluded = (ray**2).sum(), False
+            for part in range(len(middles)):
+                to_middle = middles[part] - start
+                fraction = min(max((to_middle * ray).sum() / length2, 0.0), 1.0)
+                if ((to_middle - fraction * ray) ** 2).sum() <= radii2[part]:
+                    stop = face_starts[part + 1] if part + 1 < len(middles) else len(faces)
+                    occluded = _segment_hits_mesh(vertices, faces[face_starts[part] : stop], start, ray)
+                if occluded:
+                    break
+            seeing += not occluded
+            if seeing == MIN_CAMERAS:
+                tracked[k] = True
+                break
+    return tracked
+
+
+@njit(cache=True)
+def _segment_hits_mesh(vertices, faces, start, ray):
+    """Whether the segment from start to start + ray intersects a triangle (Moller & Trumbore 1997)."""
+    wx, wy, wz = ray[0], ray[1], ray[2]
+    for f in range(len(faces)):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        ax, ay, az = vertices[a, 0], vertices[a, 1], vertices[a, 2]
+        ux, uy, uz = vertices[b, 0] - ax, vertices[b, 1] - ay, vertices[b, 2] - az
+        vx, vy, vz = vertices[c, 0] - ax, vertices[c, 1] - ay, vertices[c, 2] - az
+        px, py, pz = wy * vz - wz * vy, wz * vx - wx * vz, wx * vy - wy * vx
+        volume = ux * px + uy * py + uz * pz
+        if volume == 0:
+            continue
+        sx, sy, sz = start[0] - ax, start[1] - ay, start[2] - az
+        along_u = (sx * px + sy * py + sz * pz) / volume
+        if along_u < 0 or along_u > 1:
+            continue
+        qx, qy, qz = sy * uz - sz * uy, sz * ux - sx * uz, sx * uy - sy * ux
+        along_v = (wx * qx + wy * qy + wz * qz) / volume
+        if along_v < 0 or along_u + along_v > 1:
+            continue
+        if 0 < (vx * qx + vy * qy + vz * qz) / volume < 1:
+            return True
+    return False

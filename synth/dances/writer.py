@@ -1,0 +1,128 @@
+"""Writes `kpop_sim` in the format of dance sets (docs/kpop_format.md), with a manifest and a contact sheet.
+
+A dance's labels are written after its learners: a dance that has labels is finished.
+"""
+
+import dataclasses
+import json
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from kpopnet.dance.performance import Performance
+from kpopnet.datasets.dances.dance_set import KpopSet
+from kpopnet.datasets.dances.format import LABELS, MANIFEST, TEACHER
+from kpopnet.datasets.dances.writer import write_labels, write_learner, write_teacher
+from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.viz.drawing import TRUE, person_tile, save_png, sheet
+from synth.dances.simulate import CAMERA, FPS, LEARNERS, KpopSim, KpopSimSet, dance_name
+from synth.dances.skill import LEVELS
+from synth.resumable import Units, make_missing, remove_unfinished
+
+SHEET_DANCES, TILES, TILE_PX = 3, 8, 160
+
+
+def write_set(config: KpopSimSet, folder: Path, processes: int) -> dict:
+    """Makes those of the set's dances that are missing, and a contact sheet; returns the manifest.
+
+    Raises:
+        InputError: the folder holds something else, or a worker process died; finished learners stay.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    manifest = _claim(config, folder)
+    units = Units("frame", lambda _: round(sum(config.seconds) / 2 * FPS) * len(LEARNERS), exact=False)
+    make_missing(
+        partial(write_dance, config, folder),
+        range(config.benchmark.dances),
+        lambda index: (folder / dance_name(index) / LABELS).exists(),
+        folder,
+        "dance",
+        units,
+        processes,
+    )
+    remove_unfinished(folder, "dance_*/.*.tmp")
+    save_png(folder / "contact_sheet.png", contact_sheet(folder))
+    return manifest
+
+
+def _claim(config: KpopSimSet, folder: Path) -> dict:
+    """Writes the manifest before the first dance, so that no simulated dance ever lies in a folder without one."""
+    path, benchmark = folder / MANIFEST, config.benchmark
+    found = json.loads(path.read_text()) if path.exists() else None
+    count = config.amount_in(folder, found, f"*/{LABELS}", "a real set")
+    manifest = {
+        "simulated": True,
+        "name": benchmark.name,
+        "about": (
+            f"SIMULATED teachers, learners and labels; not the paper's K-Pop set, and no real person: seed {benchmark.seed}, "
+            f"split {benchmark.split}, configuration {config.hash}."
+        ),
+        "seed": benchmark.seed,
+        "split": benchmark.split,
+        "hash": config.hash,
+        "dances": count,
+        "fps": FPS,
+        "levels": LEVELS,
+        "config": json.loads(config.as_json()),
+    }
+    with atomic_path(path) as part:
+        part.write_text(json.dumps(manifest, indent=1))
+    return manifest
+
+
+_makers: dict[str, KpopSim] = {}
+
+
+def write_dance(config: KpopSimSet, folder: Path, index: int, on_frame: Callable[[], None] = lambda: None) -> None:
+    """Makes the missing files of one dance and calls `on_frame` after each frame of a learner."""
+    if config.hash not in _makers:
+        _makers.clear()
+        _makers[config.hash] = KpopSim(config)
+    maker, place = _makers[config.hash], folder / dance_name(index)
+    if not (place / TEACHER).exists():
+        joints_m = maker.teacher_joints_m(index)
+        write_teacher(place, Performance(joints_m, times_s(len(joints_m))), {"motion": maker.teacher_motion(index).name})
+    for learner, name in enumerate(LEARNERS):
+        if (place / f"{name}.h5").exists():
+            continue
+        planned = maker.take(index, learner)
+        packed, joints_m = maker.record(index, learner, planned.take, on_frame)
+        about = {
+            "level": LEVELS[planned.level],
+            "strengths": dataclasses.asdict(planned.strengths),
+            "mistakes": [dataclasses.asdict(mistake) for mistake in planned.mistakes],
+        }
+        write_learner(place, name, times_s(len(joints_m)), joints_m, packed, about)
+    order = np.argsort(maker.levels(index))
+    write_labels(place, [LEARNERS[learner] for learner in order])
+
+
+def times_s(frames: int) -> np.ndarray:
+    return np.arange(frames) / FPS
+
+
+def contact_sheet(folder: Path) -> np.ndarray:
+    """RGB contact sheet of the first SHEET_DANCES dances: a row for the teacher and each learner, columns at equal times."""
+    dances, rows = KpopSet(folder), []
+    nothing_m = np.zeros((CAMERA.height, CAMERA.width), np.float32)
+    for name in dances.names[:SHEET_DANCES]:
+        dance = dances.dance(name)
+        taught_m = dance.teacher().joints_m
+        chosen = np.linspace(0, len(taught_m) - 1, TILES + 2).astype(int)[1:-1].tolist()
+        tiles = [person_tile(nothing_m, CAMERA, ((taught_m[frame], TRUE),), TILE_PX, ("",)) for frame in chosen]
+        rows.append((f"{name}, teacher", tiles))
+        for learner in dance.learners:
+            clip, joints_m = learner.depth(), learner.joints().joints_m
+            tiles = [
+                person_tile(clip.depth_m[frame], clip.camera, ((joints_m[frame], TRUE),), TILE_PX, (f"{frame / FPS:.1f} s",))
+                for frame in chosen
+            ]
+            about = learner.about
+            rows.append((f"{name}, learner {learner.name}: {about['level']}, {_in_words(about['strengths'])}", tiles))
+    return sheet(rows, (TRUE,), f"{dances.manifest.about} Depth of the person alone, true joints")
+
+
+def _in_words(strengths: dict[str, float]) -> str:
+    return ", ".join(f"{name} {value:.2f}" for name, value in strengths.items())

@@ -1,0 +1,217 @@
+"""Data types and combinators for dance moves; `vocabulary` holds the moves.
+
+A move has two parallel tracks of equal length: `lower` (hips and feet) and `upper` (trunk, head and arms). A track is a
+sequence of keys. A key is a target shape and the number of beats in which it is reached. A shape names only the channels
+that differ from standing relaxed. Moves are combined by `concat`, `repeat`, `mirror`, `both_sides`, `scale`, `turning`,
+and `together`, which combines the upper track of one move with the lower track of another.
+
+Upper shapes are angles of `posture`, in degrees. Lower shapes are in the dancer's own frame, which turns and travels with
+the dancer, in metres and degrees on the mean adult:
+
+    hips_x (left), hips_z (front), drop (below standing), hips_pitch, hips_roll, hips_yaw; air (height of a jump);
+    {left,right}_foot_x (outwards from the middle), _foot_z (front), _foot_y (up), _foot_yaw (outwards),
+    _foot_pitch (toes down), _knee_out (rotation of the knee outwards).
+
+`stage` places the feet. A foot whose position on the floor differs between two keys takes a step. `anchor` names the foot
+that keeps its position while the dancer's frame moves; without an anchor the frame does not move.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import reduce
+
+from synth.motion.limbs import arm_to
+from synth.motion.posture import CHANNELS, STANDING
+
+Shape = Mapping[str, float]
+
+LEG_CHANNELS = ("foot_x", "foot_z", "foot_y", "foot_yaw", "foot_pitch", "knee_out")
+RELAXED_LOWER: dict[str, float] = dict.fromkeys(
+    ("hips_x", "hips_z", "drop", "hips_pitch", "hips_roll", "hips_yaw", "air"), 0.0
+) | {
+    f"{side}_{channel}": {"foot_x": 0.12, "foot_yaw": 8.0}.get(channel, 0.0)
+    for side in ("left", "right")
+    for channel in LEG_CHANNELS
+}
+RELAXED_UPPER: dict[str, float] = {
+    channel: float(STANDING[i])
+    for channel, i in CHANNELS.items()
+    if not channel.startswith("hips") and not channel.endswith(("flex", "abduct", "rotate", "knee", "point", "invert", "toes"))
+}
+
+
+@dataclass(frozen=True)
+class Key:
+    """A keyframe: a target shape.
+
+    Attributes:
+        beats: beats after the previous key.
+        shape: channels that differ from standing relaxed.
+        sharp: fraction of the beats in which the movement takes place; the shape is held for the rest. A small value is a
+            hard hit.
+        anchor: foot that keeps its position on the floor while the dancer's frame moves: left, right or None.
+        turn: rotation of the dancer's frame to the left during the key, degrees.
+    """
+
+    beats: float
+    shape: Shape
+    sharp: float = 1.0
+    anchor: str | None = None
+    turn: float = 0.0
+
+
+@dataclass(frozen=True)
+class Move:
+    """Two parallel tracks of equal length in beats.
+
+    Attributes:
+        lower: keys of hips and feet.
+        upper: keys of trunk, head and arms.
+    """
+
+    lower: tuple[Key, ...]
+    upper: tuple[Key, ...]
+
+    def __post_init__(self) -> None:
+        assert abs(_beats(self.lower) - _beats(self.upper)) < 1e-9, (_beats(self.lower), _beats(self.upper))
+
+    @property
+    def beats(self) -> float:
+        """Length of the move, beats."""
+        return _beats(self.lower)
+
+
+def _beats(track: tuple[Key, ...]) -> float:
+    return sum(key.beats for key in track)
+
+
+# Combinators ------------------------------
+
+
+def concat(*moves: Move) -> Move:
+    """Moves in sequence."""
+    return reduce(lambda a, b: Move(a.lower + b.lower, a.upper + b.upper), moves)
+
+
+def repeat(move: Move, times: int) -> Move:
+    """The move repeated `times` times."""
+    return concat(*[move] * times)
+
+
+def both_sides(move: Move) -> Move:
+    """The move, then its mirror image."""
+    return concat(move, mirror(move))
+
+
+def mirror(move: Move) -> Move:
+    """The move with left and right swapped. Mirroring twice gives the original move."""
+    return Move(tuple(_mirrored(key) for key in move.lower), tuple(_mirrored(key) for key in move.upper))
+
+
+_OTHER = {"left": "right", "right": "left", None: None}
+_SIDEWAYS = (
+    "hips_x",
+    "hips_roll",
+    "hips_yaw",
+    "waist_side",
+    "waist_twist",
+    "chest_side",
+    "chest_twist",
+    "head_side",
+    "head_twist",
+)
+
+
+def _mirrored(key: Key) -> Key:
+    shape = {}
+    for channel, value in key.shape.items():
+        side, _, rest = channel.partition("_")
+        shape[f"{_OTHER[side]}_{rest}" if side in _OTHER else channel] = -value if channel in _SIDEWAYS else value
+    return replace(key, shape=shape, anchor=_OTHER[key.anchor], turn=-key.turn)
+
+
+def scale(move: Move, amplitude: float) -> Move:
+    """Scales the upper body's deviation from standing relaxed. The lower track does not change."""
+    keys = (
+        replace(key, shape={c: RELAXED_UPPER[c] + amplitude * (v - RELAXED_UPPER[c]) for c, v in key.shape.items()})
+        for key in move.upper
+    )
+    return Move(move.lower, tuple(keys))
+
+
+def turning(move: Move, degrees: float) -> Move:
+    """The move while the dancer turns to the left by `degrees` in total, evenly over its beats."""
+    keys = (replace(key, turn=key.turn + degrees * key.beats / move.beats) for key in move.lower)
+    return Move(tuple(keys), move.upper)
+
+
+def together(lower: Move, upper: Move) -> Move:
+    """Combines the lower track of one move with the upper track of another. The shorter one is repeated."""
+    longest = max(lower.beats, upper.beats)
+    times = [longest / move.beats for move in (lower, upper)]
+    assert all(abs(n - round(n)) < 1e-9 for n in times), f"{lower.beats} and {upper.beats} beats do not fit"
+    return Move(lower.lower * round(times[0]), upper.upper * round(times[1]))
+
+
+# Named shapes ------------------------------
+
+_ARMS: dict[str, tuple[float, float, float, float]] = {  # raise, plane, twist, elbow
+    "hang": (8, 0, 0, 12),
+    "back": (38, -70, -10, 15),
+    "side": (90, 0, 0, 4),
+    "low_side": (48, 5, 0, 8),
+    "high_side": (135, 5, 10, 6),
+    "front": (88, 90, 0, 5),
+    "low_front": (45, 85, 0, 15),
+    "high_front": (140, 75, 0, 6),
+    "up": (172, 40, 10, 5),
+    "across": (84, 130, -10, 8),
+    "low_across": (36, 130, -10, 12),
+    "high_across": (128, 118, 0, 12),
+    "goalpost": (92, 0, 88, 92),
+    "scarecrow": (88, 5, -75, 90),
+    "frame": (80, 60, 10, 95),
+    "bent_up": (60, 40, 60, 140),
+    "loaded": (42, -45, 10, 115),
+    "pull": (70, -20, 0, 130),
+}
+
+
+def arm(side: str, word: str, **changes: float) -> dict[str, float]:
+    """The shape of an arm by name: a direction of `_ARMS`, or a place on the body (`limbs.REACHES`)."""
+    if word in _ARMS:
+        shape = dict(zip((f"{side}_{a}" for a in ("raise", "plane", "twist", "elbow")), _ARMS[word], strict=True))
+    else:
+        shape = arm_to(side, word)
+    return shape | {f"{side}_{channel}": value for channel, value in changes.items()}
+
+
+def arms(left: str, right: str | None = None, **trunk: float) -> dict[str, float]:
+    """The shape of both arms by name (the same for both if only one is given), with angles of trunk and head."""
+    return arm("left", left) | arm("right", left if right is None else right) | trunk
+
+
+def feet(left: tuple[float, float], right: tuple[float, float], **changes: float) -> dict[str, float]:
+    """The positions (outwards, front) of the feet in metres, with other channels of the lower body."""
+    places = {"left_foot_x": left[0], "left_foot_z": left[1], "right_foot_x": right[0], "right_foot_z": right[1]}
+    return places | changes
+
+
+def upper(*keys: Key) -> Move:
+    """A move of the upper body with feet that do not move."""
+    return Move((Key(sum(key.beats for key in keys), {}),), keys)
+
+
+def lower(*keys: Key) -> Move:
+    """A move of the lower body with relaxed arms."""
+    return Move(keys, (Key(sum(key.beats for key in keys), {}),))
+
+
+def hits(beats: float, *shapes: Shape, sharp: float = 0.6) -> Move:
+    """A sequence of upper shapes, one every `beats` beats, each reached early and held."""
+    return upper(*(Key(beats, shape, sharp) for shape in shapes))
+
+
+def flow(beats: float, *shapes: Shape) -> Move:
+    """A sequence of upper shapes, one every `beats` beats, without holds."""
+    return upper(*(Key(beats, shape) for shape in shapes))

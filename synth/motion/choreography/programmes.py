@@ -1,0 +1,169 @@
+"""The motions of the simulated benchmarks, by kind and of any length; the kinds are those that the paper lists."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from synth.motion.choreography.composer import COUNTS, draw_style, filled, phrase
+from synth.motion.choreography.handstand import handstand
+from synth.motion.choreography.moves import Key, Move, arms, both_sides, concat, feet, flow, mirror, together, turning
+from synth.motion.choreography.stage import Style, perform
+from synth.motion.choreography.vocabulary import LOWER, UPPER, WHOLE
+from synth.motion.limbs import choose, uniform
+from synth.motion.skeleton import Motion
+from synth.motion.splice import cut, follow
+
+BPM = (80.0, 115.0)
+TURN_SIDEWAYS_PROBABILITY = 0.25
+"""Probability of a turn to the side before the next part."""
+
+TURN_BACK_PROBABILITY = 0.5
+"""Probability of a turn from the side back to the front before the next part."""
+
+Y_POSE_S = 0.7
+_RAISE_S, _LOWER_S = 2.0, 1.0
+START_S = Y_POSE_S + _LOWER_S
+"""Length of `start_pose`, from the first frame in the Y pose to standing relaxed, seconds."""
+
+_Y_ARMS = arms("high_side")
+_Y_FEET = feet((0.22, 0.0), (0.22, 0.0))
+_STEP = together(LOWER["march"], UPPER["hanging"])
+_GROOVES = tuple(LOWER[name] for name in ("bounce", "side_steps", "march", "twist_hips", "taps_out"))
+
+
+def start_pose(generator: np.random.Generator, fps: float) -> Motion:
+    """The paper's Y pose (arms obliquely up, legs apart, facing the front) for Y_POSE_S, then the transition to standing."""
+    keys = ((_RAISE_S, _Y_FEET, _Y_ARMS), (Y_POSE_S, _Y_FEET, _Y_ARMS), (_LOWER_S, {}, arms("hang")))
+    move = Move(tuple(Key(beats, lower) for beats, lower, _ in keys), tuple(Key(beats, upper) for beats, _, upper in keys))
+    style = Style(bounce_m=0.0, lag_s=0.0, unsteadiness_deg=0.5, phases=tuple(generator.random(5)))
+    first, last = (round(seconds * fps) for seconds in (_RAISE_S, _RAISE_S + START_S))
+    # At 60 beats per minute a beat lasts one second.
+    return cut(perform(move, 60.0, last, fps, "y_pose", style), first, last)
+
+
+def _crossed_punches(generator: np.random.Generator) -> Move:
+    punches = [UPPER[name] for name in ("crossed_punches", "cross_and_open", "punches_front", "fold_arms")]
+    one, other = choose(generator, punches[:2]), choose(generator, punches)
+    return together(choose(generator, _GROOVES), concat(filled(one, COUNTS / 2), filled(other, COUNTS / 2)))
+
+
+def _kicks(generator: np.random.Generator) -> Move:
+    if generator.random() < 0.3:
+        return choose(generator, (WHOLE["kick_and_punch"], WHOLE["fan_kick"]))
+    legs = LOWER[choose(generator, ("front_kicks", "high_kicks", "side_kicks", "knee_lifts"))]
+    return together(legs, choose(generator, (UPPER["guard_bob"], UPPER["hanging"], both_sides(UPPER["punches_front"]))))
+
+
+def _turns(generator: np.random.Generator) -> Move:
+    upper = UPPER[choose(generator, ("hanging", "windmill", "frame_slide", "point_front", "swim"))]
+    if generator.random() < 0.4:
+        groove = together(filled(choose(generator, _GROOVES), COUNTS), filled(upper, COUNTS))
+        return turning(groove, choose(generator, (-360.0, 360.0)))
+    legs = filled(LOWER[choose(generator, ("step_turn", "pivot_half_turns", "spin"))], COUNTS / 2)
+    return together(legs, filled(upper, COUNTS / 2))
+
+
+def _sitting(generator: np.random.Generator) -> Move:
+    return concat(WHOLE["sit_and_rise"], filled(_STEP, -WHOLE["sit_and_rise"].beats % COUNTS))
+
+
+def _arms_only(generator: np.random.Generator) -> Move:
+    """Arm moves with feet that do not move."""
+    return filled(UPPER[choose(generator, tuple(UPPER))], COUNTS / 2)
+
+
+def _steps(generator: np.random.Generator) -> Move:
+    return together(filled(choose(generator, _GROOVES), COUNTS), filled(UPPER[choose(generator, tuple(UPPER))], COUNTS))
+
+
+_FOREHAND = flow(
+    1,
+    arms("low_front", "back", chest_twist=-24, waist_twist=-14, head_twist=12),
+    arms("low_side", "across", chest_twist=24, waist_twist=14, head_twist=-12),
+)
+_SERVE = flow(
+    1,
+    arms("high_front", "goalpost", chest_bend=-14, chest_twist=-16),
+    arms("low_side", "low_across", waist_bend=18, chest_bend=12, chest_twist=22),
+)
+_BOTH_HANDS = flow(
+    1,
+    arms("high_across", "high_side", chest_twist=-26, waist_twist=-12) | {"right_elbow": 40},
+    arms("side", "low_across", chest_twist=26, waist_twist=14, waist_bend=10),
+)
+
+
+def _swings(generator: np.random.Generator) -> Move:
+    """Swings as with a racket or a bat, with steps."""
+    swing = choose(generator, (_FOREHAND, _SERVE, _BOTH_HANDS))
+    return together(LOWER[choose(generator, ("bounce", "lunges", "taps_front"))], filled(swing, COUNTS / 2))
+
+
+FEATURES: dict[str, Callable[[np.random.Generator], Move]] = {
+    "crossed_punches": _crossed_punches,
+    "kicks": _kicks,
+    "turns": _turns,
+    "sitting": _sitting,
+}
+"""Kind of motion to a function that draws a move of this kind. A mixture draws from these kinds."""
+
+DRILLS: dict[str, Callable[[np.random.Generator], Move]] = FEATURES | {
+    "arms": _arms_only,
+    "steps": _steps,
+    "swings": _swings,
+}
+"""Kind of motion to a function that draws a move of this kind, for `drill`."""
+
+
+def show(generator: np.random.Generator, kind: str, seconds: float, fps: float) -> Motion:
+    """A motion of at least `seconds` seconds that starts and ends standing.
+
+    Args:
+        generator: the only source of randomness.
+        kind: one of FEATURES (two of its moves alternate with one phrase of a dance), `dance` (only phrases of a dance),
+            `mixture` (moves of all kinds) or `handstand` (one handstand, then a dance).
+        seconds: smallest length, seconds.
+        fps: frames per second.
+    """
+    bpm, style, amplitude = uniform(generator, *BPM), draw_style(generator), uniform(generator, 0.8, 1.1)
+    if kind == "handstand":
+        steps = turning(filled(_STEP, COUNTS / 2), choose(generator, (0.0, 0.0, -1.0, 1.0)) * uniform(generator, 50.0, 100.0))
+        opening = perform(steps, bpm, round(steps.beats * 60 / bpm * fps) + 1, fps, "steps", style)
+        opening = follow(opening, handstand(generator, uniform(generator, 6.0, 7.5), fps))
+        rest_s = seconds - len(opening) / fps
+        return follow(opening, show(generator, "dance", rest_s, fps)) if rest_s > 0 else opening
+    parts: list[Move] = []
+    heading_deg = 0.0
+    while sum(part.beats for part in parts) < seconds * bpm / 60:
+        # Turns, so that every kind of motion also occurs in side view.
+        if generator.random() < (TURN_BACK_PROBABILITY if heading_deg else TURN_SIDEWAYS_PROBABILITY):
+            degrees = -heading_deg if heading_deg else choose(generator, (-1.0, 1.0)) * uniform(generator, 50.0, 100.0)
+            parts.append(turning(filled(_STEP, COUNTS / 2), degrees))
+            heading_deg += degrees
+        name = choose(generator, tuple(FEATURES)) if kind == "mixture" else kind
+        featured = name in FEATURES and len(parts) % 3 != 2
+        part = FEATURES[name](generator) if featured else phrase(generator, amplitude)
+        parts.append(mirror(part) if generator.random() < 0.5 else part)
+    frames = round(sum(part.beats for part in parts) * 60 / bpm * fps) + 1
+    return perform(concat(*parts), bpm, frames, fps, kind, style)
+
+
+def drill(
+    generator: np.random.Generator, kinds: tuple[str, ...], bpm: tuple[float, float], seconds: float, fps: float
+) -> Motion:
+    """A motion of at least `seconds` seconds that starts and ends standing and consists of moves of the given kinds.
+
+    Args:
+        generator: the only source of randomness.
+        kinds: kinds of DRILLS, drawn uniformly.
+        bpm: smallest and largest tempo, beats per minute.
+        seconds: smallest length, seconds.
+        fps: frames per second.
+    """
+    tempo, style = uniform(generator, *bpm), draw_style(generator)
+    parts: list[Move] = []
+    while sum(part.beats for part in parts) < seconds * tempo / 60:
+        part = DRILLS[choose(generator, kinds)](generator)
+        parts.append(mirror(part) if generator.random() < 0.5 else part)
+    frames = round(sum(part.beats for part in parts) * 60 / tempo * fps) + 1
+    return perform(concat(*parts), tempo, frames, fps, "-".join(kinds), style)

@@ -1,0 +1,316 @@
+"""Converts a move, keys on a beat grid, to a `Motion` with feet on the floor.
+
+Every channel interpolates its keys by a monotone cubic (PCHIP). The curve is continuously differentiable, has zero slope
+at extrema and holds, and does not overshoot its keys, so a motion stays within the limits if its keys do. The feet are
+placed in the world, and the legs follow by two-bone inverse kinematics. A foot with a constant position does not slide; a
+foot with a new position takes a step.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+
+from synth.motion.choreography.moves import RELAXED_LOWER, RELAXED_UPPER, Key, Move
+from synth.motion.posture import CHANNELS, LEG_COLUMNS, STANDING, limited, rotations, yaw_pitch_roll
+from synth.motion.skeleton import (
+    CLEARANCE_M,
+    INDEX,
+    LEG_M,
+    REST_OFFSETS_M,
+    Motion,
+    about,
+    conjugate,
+    height_above_floor,
+    multiply,
+    rotate,
+)
+
+THIGH_M = -REST_OFFSETS_M[INDEX["LeftLeg"], 1]
+SHIN_M = -REST_OFFSETS_M[INDEX["LeftFoot"], 1]
+ANKLE_M = CLEARANCE_M[INDEX["LeftFoot"]]
+_HIP_JOINTS_M = REST_OFFSETS_M[[INDEX["LeftUpLeg"], INDEX["RightUpLeg"]]]
+_TOE_M = REST_OFFSETS_M[INDEX["LeftToeBase"], 2]
+
+_REACH = 0.997
+"""Largest distance from hip to ankle as a fraction of the leg's length, so that the knees are never locked."""
+
+STANDING_HIPS_M = ANKLE_M + 0.993 * LEG_M - _HIP_JOINTS_M[0, 1]
+
+_MIN_STEP_M = 0.01
+"""A foot takes a step if its position changes by more than this."""
+
+# The lift of a stepping foot grows linearly with the length of the step, up to a maximum.
+_LIFT_BASE_M, _LIFT_PER_M, _MAX_LIFT_M = 0.025, 0.14, 0.11
+
+# Largest peak speed of a channel, degrees per second. A key that needs a higher speed is only partly reached.
+_SPEED_LIMITS_DEG_S = {
+    "raise": 480,
+    "plane": 560,
+    "twist": 480,
+    "elbow": 620,
+    "wrist": 500,
+    "head": 300,
+    "waist": 190,
+    "chest": 260,
+}
+_PEAK_OVER_MEAN = 1.5  # ratio of peak to mean speed between two keys
+
+
+@dataclass(frozen=True)
+class Style:
+    """The movement style of a dancer.
+
+    Attributes:
+        sharpness: divides the time in which a hit reaches its key; above 1 is a harder hit.
+        bounce_m: depth of the bounce of the hips on every beat, metres.
+        lag_s: delay of the forearm relative to the upper arm, seconds; the upper arm's delay relative to the trunk is half
+            of it.
+        unsteadiness_deg: amplitude of the slow sway of every upper channel, degrees.
+        phases: phases, in 0..1, of the five sine waves of the sway.
+    """
+
+    sharpness: float = 1.0
+    bounce_m: float = 0.02
+    lag_s: float = 0.04
+    unsteadiness_deg: float = 1.0
+    phases: tuple[float, ...] = (0.1, 0.3, 0.5, 0.7, 0.9)
+
+
+def perform(move: Move, bpm: float, frames: int, fps: float, name: str, style: Style = Style()) -> Motion:
+    """The motion of a dancer who starts standing at the origin, facing +Z, and performs the move.
+
+    Args:
+        move: the move; its last shape is held if it ends before the last frame.
+        bpm: tempo, beats per minute.
+        frames: number of frames.
+        fps: frames per second.
+        name: name of the motion.
+        style: the dancer's style.
+
+    Returns:
+        A motion of the mean adult within the limits of `posture`, with no point below the floor.
+    """
+    seconds = np.arange(frames) / fps
+    postures = np.tile(STANDING, (frames, 1))
+    for channel, values in _upper_angles(move.upper, bpm, seconds, style).items():
+        postures[:, CHANNELS[channel]] = values
+
+    floor = _FootPlan(move.lower, 60.0 / bpm, style)
+    track, heading, feet_m, feet_yaw = floor.at(seconds)
+    upright = np.clip(1.0 - track["drop"] / 0.3, 0.0, 1.0)
+    beat = seconds * bpm / 60.0
+    drop_m = track["drop"] + style.bounce_m * upright * (0.5 - 0.5 * np.cos(2 * np.pi * beat))
+
+    for channel in ("hips_yaw", "hips_pitch", "hips_roll"):
+        postures[:, CHANNELS[channel]] = track[channel]
+    hips_in_frame = yaw_pitch_roll(*(np.deg2rad(track[f"hips_{a}"]) for a in ("yaw", "pitch", "roll")))
+    hips = multiply(about(1, heading), hips_in_frame)
+    root_m = _hips_position(floor.origin_m(seconds), heading, track, drop_m, hips, feet_m)
+
+    for side in (0, 1):
+        postures[:, LEG_COLUMNS[side]] = _leg(side, hips, root_m, feet_m[side], feet_yaw[side], track)
+    quats = rotations(limited(postures))
+    quats[:, 0] = multiply(about(1, heading), quats[:, 0])
+
+    # Where hands, knees or seat would be below the floor, the whole body is lifted; the lift is smoothed over time.
+    root_m[:, 1] += track["air"]
+    lift = np.maximum(-height_above_floor(quats, root_m), 0.0)
+    lift = gaussian_filter1d(maximum_filter1d(lift, 2 * round(0.12 * fps) + 1), 0.04 * fps, truncate=3.0)
+    root_m[:, 1] += lift
+    return Motion(quats, root_m.astype(np.float32), float(fps), name, LEG_M)
+
+
+def _key_times(track: Sequence[Key], beat_s: float, sharpness: float) -> tuple[np.ndarray, list[int]]:
+    """Times (seconds) and key numbers of the knots. Key -1 is the start; a key that is hit early has two knots."""
+    times, shown, now = [0.0], [-1], 0.0
+    for i, key in enumerate(track):
+        length = key.beats * beat_s
+        sharp = 1.0 if key.sharp >= 1.0 else min(max(key.sharp / sharpness, 0.25), 0.95)
+        if sharp < 1.0:
+            times.append(now + sharp * length)
+            shown.append(i)
+        now += length
+        times.append(now)
+        shown.append(i)
+    return np.array(times), shown
+
+
+def _upper_angles(track: Sequence[Key], bpm: float, seconds: np.ndarray, style: Style) -> dict[str, np.ndarray]:
+    """Angles (T,) in degrees of every channel of trunk, head and arms at the given times."""
+    times, shown = _key_times(track, 60.0 / bpm, style.sharpness)
+    values = np.empty((len(times), len(RELAXED_UPPER)))
+    values[0] = list(RELAXED_UPPER.values())
+    speeds = np.array([next((v for part, v in _SPEED_LIMITS_DEG_S.items() if part in c), 400) for c in RELAXED_UPPER])
+    for k in range(1, len(times)):
+        shape = RELAXED_UPPER | dict(track[shown[k]].shape)
+        max_step = speeds * (times[k] - times[k - 1]) / _PEAK_OVER_MEAN
+        values[k] = values[k - 1] + np.clip(np.array(list(shape.values())) - values[k - 1], -max_step, max_step)
+    curve = PchipInterpolator(times, values)
+    sway = style.unsteadiness_deg * np.sin(
+        2 * np.pi * (np.outer(seconds, (0.23, 0.31, 0.41, 0.53, 0.61)) + np.array(style.phases))
+    )
+    lags = {"elbow": 1.5, "wrist": 2.0, "raise": 0.5, "plane": 0.5, "twist": 0.8, "pronate": 1.5, "head": 0.7}
+    out = {}
+    for i, channel in enumerate(RELAXED_UPPER):
+        lag = next((v for part, v in lags.items() if part in channel), 0.0) * style.lag_s
+        at = np.clip(seconds - lag, 0.0, times[-1])
+        out[channel] = PchipInterpolator(times, values[:, i])(at) if lag else curve(at)[:, i]
+        out[channel] = out[channel] + sway[:, i % sway.shape[1]]
+    return out
+
+
+class _FootPlan:
+    """The lower track in the world: the dancer's frame and the feet at every key and between keys."""
+
+    def __init__(self, track: Sequence[Key], beat_s: float, style: Style) -> None:
+        self._times, shown = _key_times(track, beat_s, style.sharpness)
+        shapes = [RELAXED_LOWER | (dict(track[i].shape) if i >= 0 else {}) for i in shown]
+        self._channels = list(RELAXED_LOWER)
+        values = np.array([[shape[c] for c in self._channels] for shape in shapes])
+        heading, origin, feet, yaw = 0.0, np.zeros(2), [], []
+        headings, origins = [], []
+        for k, shape in enumerate(shapes):
+            local = np.array([[s * shape[f"{side}_foot_x"], shape[f"{side}_foot_z"]] for side, s in _SIDES])
+            if k and shown[k] != shown[k - 1]:
+                key = track[shown[k]]
+                heading += np.deg2rad(key.turn)
+                if key.anchor is not None:
+                    side = ("left", "right").index(key.anchor)
+                    origin = feet[-1][side] - _rotated(local[side], heading)
+            headings.append(heading)
+            origins.append(origin)
+            feet.append(origin + _rotated(local, heading))
+            yaw.append([heading + s * np.deg2rad(shape[f"{side}_foot_yaw"]) for side, s in _SIDES])
+        self._feet, self._values = np.array(feet), values  # (K, 2, 2), (K, channels)
+        self._smooth = PchipInterpolator(self._times, np.column_stack([values, headings, origins, yaw]))
+
+    def origin_m(self, seconds: np.ndarray) -> np.ndarray:
+        """(T, 2) x and z of the dancer's frame."""
+        n = len(self._channels)
+        return self._smooth(np.minimum(seconds, self._times[-1]))[:, n + 1 : n + 3]
+
+    def at(self, seconds: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray, np.ndarray]:
+        """Channels by name, heading (T,) in radians, ankles (2, T, 3) in metres and their yaw (2, T) in radians."""
+        seconds = np.minimum(seconds, self._times[-1])
+        n = len(self._channels)
+        smooth = self._smooth(seconds)
+        track = {c: smooth[:, i] for i, c in enumerate(self._channels)}
+        k = np.clip(np.searchsorted(self._times, seconds, side="right") - 1, 0, len(self._times) - 2)
+        u = (seconds - self._times[k]) / (self._times[k + 1] - self._times[k])
+
+        distance = np.linalg.norm(np.diff(self._feet, axis=0), axis=-1)  # (K-1, 2)
+        steps = distance > _MIN_STEP_M
+        free = self._airborne()
+        starts, ends = np.zeros_like(distance), np.ones_like(distance)
+        # If both feet step between two keys, each has half of the time; the foot on the side of the motion steps first.
+        shared = steps.all(axis=1) & ~free.any(axis=1)
+        heading = smooth[np.searchsorted(seconds, self._times[:-1]).clip(max=len(seconds) - 1), n]
+        across = np.diff(self._feet.mean(axis=1), axis=0)
+        leftwards = across[:, 0] * np.cos(heading) - across[:, 1] * np.sin(heading)
+        first = np.where(leftwards >= -1e-9, 0, 1)
+        rows = np.flatnonzero(shared)
+        ends[rows, first[rows]] = 0.5
+        starts[rows, 1 - first[rows]] = 0.5
+
+        ankles = np.empty((2, len(seconds), 3))
+        for side, (name, _) in enumerate(_SIDES):
+            w = np.clip((u - starts[k, side]) / (ends[k, side] - starts[k, side]), 0.0, 1.0)
+            step = (self._feet[k + 1, side] - self._feet[k, side]) * (w * w * (3 - 2 * w))[:, None]
+            position = self._feet[k, side] + step
+            height = np.where(steps & ~free, np.minimum(_LIFT_BASE_M + _LIFT_PER_M * distance, _MAX_LIFT_M), 0.0)
+            lift = height[k, side] * np.sin(np.pi * w) ** 2
+            # The ankle of a foot on its toes is higher.
+            toes = _TOE_M * np.sin(np.deg2rad(np.maximum(track[f"{name}_foot_pitch"], 0.0)))
+            ankles[side, :, 0], ankles[side, :, 2] = position.T
+            ankles[side, :, 1] = ANKLE_M + lift + toes + track[f"{name}_foot_y"]
+            track[f"{name}_foot_pitch"] = track[f"{name}_foot_pitch"] + 200 * lift
+        return track, smooth[:, n], ankles, smooth[:, n + 3 :].T
+
+    def _airborne(self) -> np.ndarray:
+        """(K-1, 2) bool: the feet that the keys lift off the floor in an interval, so that a step needs no further lift."""
+        column = {c: self._values[:, i] for i, c in enumerate(self._channels)}
+        up = np.stack([np.maximum(column["air"], column[f"{side}_foot_y"]) > 0.03 for side, _ in _SIDES], axis=1)
+        return up[1:] | up[:-1]
+
+
+_SIDES = (("left", 1.0), ("right", -1.0))
+
+
+def _rotated(points: np.ndarray, heading: float) -> np.ndarray:
+    """Rotates points (..., 2), x and z, to the left by `heading` radians."""
+    x, z, c, s = points[..., 0], points[..., 1], np.cos(heading), np.sin(heading)
+    return np.stack([x * c + z * s, z * c - x * s], axis=-1)
+
+
+def _hips_position(origin_m, heading, track, drop_m, hips, feet_m) -> np.ndarray:
+    """(T, 3) position of Hips: above the feet, shifted to the supporting foot, and low enough for both legs to reach."""
+    root = np.empty((len(heading), 3))
+    c, s = np.cos(heading), np.sin(heading)
+    root[:, 0] = origin_m[:, 0] + track["hips_x"] * c + track["hips_z"] * s
+    root[:, 2] = origin_m[:, 1] + track["hips_z"] * c - track["hips_x"] * s
+
+    raised = np.clip((feet_m[:, :, 1] - ANKLE_M) / 0.10, 0.0, 1.0)
+    support = raised[1] - raised[0]  # 1: only the left foot supports the body, -1: only the right foot
+    right_to_left = feet_m[0][:, [0, 2]] - feet_m[1][:, [0, 2]]
+    length = np.maximum(np.linalg.norm(right_to_left, axis=1, keepdims=True), 0.2)
+    root[:, [0, 2]] += 0.05 * support[:, None] * right_to_left / length
+
+    heights = [STANDING_HIPS_M - drop_m]
+    for side in (0, 1):
+        hip = rotate(hips, np.broadcast_to(_HIP_JOINTS_M[side], root.shape))
+        distance2 = np.square(root[:, [0, 2]] + hip[:, [0, 2]] - feet_m[side][:, [0, 2]]).sum(axis=1)
+        reach = np.sqrt(np.maximum((_REACH * LEG_M) ** 2 - distance2, 0.01))
+        # A raised foot constrains the hips less: the inverse kinematics clips its position to the leg's reach.
+        slack = 3.0 * np.maximum(feet_m[side][:, 1] - ANKLE_M - 0.12, 0.0)
+        heights.append(feet_m[side][:, 1] + reach - hip[:, 1] + slack)
+    softness = 0.006
+    lowest = np.min(heights, axis=0)
+    root[:, 1] = lowest - softness * np.log(np.exp((lowest - np.array(heights)) / softness).sum(axis=0))
+    return root
+
+
+def _leg(side, hips, root_m, ankle_m, yaw, track) -> np.ndarray:
+    """Two-bone inverse kinematics: angles (T, 7) in degrees of the leg whose ankle is at `ankle_m`, with the foot's yaw."""
+    name, sign = _SIDES[side]
+    mirror = np.array([sign, 1.0, 1.0])
+    to_hips = conjugate(hips)
+
+    # In the frame of the hips, mirrored for the right leg, so that the following computes a left leg.
+    hip = root_m + rotate(hips, np.broadcast_to(_HIP_JOINTS_M[side], root_m.shape))
+    to_ankle = rotate(to_hips, ankle_m - hip) * mirror
+    distance = np.linalg.norm(to_ankle, axis=1, keepdims=True)
+    along = to_ankle / distance
+    distance = np.clip(distance, abs(THIGH_M - SHIN_M) + 0.12, _REACH * LEG_M)
+
+    # The knee lies in front of the line from hip to ankle, rotated outwards with the foot.
+    front = rotate(hips, np.broadcast_to([0.0, 0.0, 1.0], root_m.shape))
+    hips_yaw = np.arctan2(front[:, 0], front[:, 2])
+    upright = np.clip(2 * np.hypot(front[:, 0], front[:, 2]) - 0.8, 0.0, 1.0)
+    outwards = sign * np.arctan2(np.sin(yaw - hips_yaw), np.cos(yaw - hips_yaw)) * upright
+    outwards = np.clip(0.8 * outwards, -0.5, 0.8) + np.deg2rad(track[f"{name}_knee_out"])
+    swing = np.stack([1.0 - along[:, 1], -along[:, 2], np.zeros(len(along)), along[:, 0]], axis=1)
+    swing = swing / np.linalg.norm(swing, axis=1, keepdims=True)  # the smallest rotation from straight down to `along`
+    forward = rotate(multiply(swing, about(1, outwards)), np.broadcast_to([0.0, 0.0, 1.0], along.shape))
+
+    near = (THIGH_M**2 - SHIN_M**2 + distance**2) / (2 * distance)
+    thigh = (near * along + np.sqrt(np.maximum(THIGH_M**2 - near**2, 0.0)) * forward) / THIGH_M
+    knee = np.pi - np.arccos(np.clip((THIGH_M**2 + SHIN_M**2 - distance[:, 0] ** 2) / (2 * THIGH_M * SHIN_M), -1, 1))
+
+    abduct = np.arcsin(np.clip(thigh[:, 0], -1, 1))
+    flex = np.arctan2(thigh[:, 2], -thigh[:, 1])
+    unrotated = multiply(about(0, -flex), about(2, abduct))
+    hinge = rotate(conjugate(unrotated), np.cross(-along, forward))
+    rotation = np.arctan2(-hinge[:, 2], hinge[:, 0])
+
+    # The orientation of the sole, given by the foot's yaw and pitch, in the frame of the shin.
+    pitch = np.deg2rad(track[f"{name}_foot_pitch"])
+    sole_up = rotate(multiply(about(1, yaw), about(0, pitch)), np.broadcast_to([0.0, 1.0, 0.0], along.shape))
+    shin = multiply(multiply(unrotated, about(1, rotation)), about(0, knee))
+    sole_up = rotate(conjugate(shin), rotate(to_hips, sole_up) * mirror)
+    invert = np.arcsin(np.clip(sole_up[:, 0], -1, 1))
+    point = np.arctan2(sole_up[:, 2], sole_up[:, 1])
+    toes = np.where(track[f"{name}_foot_y"] < 0.1, 0.8 * np.clip(pitch, 0.0, None), 0.0)
+    return np.rad2deg(np.stack([flex, abduct, rotation, knee, point, invert, toes], axis=1))

@@ -1,0 +1,160 @@
+"""Families of procedural poses with contacts other than the feet: kneeling, sitting, lying, on hands (see `families`)."""
+
+import numpy as np
+
+from synth.motion.limbs import SIDES, Angles, arm_to, both_arms, choose, everyday_arm, flat_footed, free_arm, trunk, uniform
+
+
+def kneel(generator: np.random.Generator) -> Angles:
+    """Kneeling on one knee, on both knees, or sitting on the heels."""
+    pitch = uniform(generator, -8, 20)
+    pose = trunk(generator, 0.7) | both_arms(generator) | {"hips_pitch": pitch}
+    down, up = choose(generator, (SIDES, SIDES[::-1]))
+    if generator.random() < 0.4:
+        raised = uniform(generator, 75, 105)
+        pose |= flat_footed(
+            generator, up, raised + pitch, raised + uniform(generator, -10, 15), uniform(generator, 0, 30), pitch
+        )
+        pose |= _kneeling(down, uniform(generator, -10, 15), pitch, uniform(generator, 0, 12), toes=generator.random() < 0.5)
+        return pose
+    low, abduct = 90 * generator.random(), uniform(generator, 0, 25)
+    for side in SIDES:
+        pose |= _kneeling(side, low, pitch, abduct, toes=False)
+    return pose
+
+
+def _kneeling(side: str, thigh: float, pitch: float, abduct: float, *, toes: bool) -> Angles:
+    """A leg with the shin on the floor and the thigh `thigh` degrees in front of the vertical."""
+    ankle = {f"{side}_point": -20.0, f"{side}_toes": 45.0} if toes else {f"{side}_point": 48.0}
+    return ankle | {f"{side}_flex": thigh + pitch, f"{side}_knee": 88.0 + thigh, f"{side}_abduct": abduct}
+
+
+def sit(generator: np.random.Generator) -> Angles:
+    """Sitting on the floor: legs straight, drawn up, crossed, straddled, or different for each side."""
+    arrangement = choose(generator, (*_SITTING_LEGS, "mixed"))
+    # With drawn-up knees the pelvis tilts backwards, and the waist bends forward to keep the chest upright.
+    pitch = uniform(generator, -42, -26) if arrangement in ("drawn_up", "mixed") else uniform(generator, -25, 2)
+    pose = trunk(generator, 0.7) | {"hips_pitch": pitch}
+    pose["waist_bend"] -= uniform(generator, 0.0, 0.9) * pitch
+    for side in SIDES:
+        own = choose(generator, tuple(_SITTING_LEGS)) if arrangement == "mixed" else arrangement
+        pose |= _sitting_leg(generator, side, own, pitch)
+    arms = generator.random()
+    for side in SIDES:
+        if arms < 0.3:  # hands on the floor behind the back
+            pose |= {
+                f"{side}_raise": uniform(generator, 30, 58) - 0.4 * pitch,
+                f"{side}_plane": uniform(generator, -90, -50),
+                f"{side}_twist": uniform(generator, 0, 60),
+                f"{side}_elbow": uniform(generator, 0, 20),
+            }
+        elif arms < 0.55:  # hands on or around the knees
+            pose |= {
+                f"{side}_raise": uniform(generator, 40, 80),
+                f"{side}_plane": uniform(generator, 70, 105),
+                f"{side}_twist": uniform(generator, -40, 10),
+                f"{side}_elbow": uniform(generator, 5, 90),
+            }
+        elif arms < 0.7:
+            pose |= arm_to(side, "thigh")
+        else:
+            pose |= everyday_arm(generator, side)
+    return pose
+
+
+_SITTING_LEGS = {  # ranges of knee, abduct and rotate
+    "straight": ((0, 20), (0, 12), (0, 10)),
+    "straddled": ((0, 25), (28, 65), (10, 30)),
+    "drawn_up": ((70, 122), (0, 22), (-5, 20)),
+    "crossed": ((110, 145), (38, 64), (50, 61)),
+}
+
+
+def _sitting_leg(generator: np.random.Generator, side: str, arrangement: str, pitch: float) -> Angles:
+    """A leg of a sitting pose whose hips are pitched by `pitch` degrees."""
+    knee, abduct, rotate = (uniform(generator, *limits) for limits in _SITTING_LEGS[arrangement])
+    # Thigh and shin have nearly equal lengths: the heel is on the floor if the thigh rises by half the knee's flexion.
+    flex = uniform(generator, 114, 126) if arrangement == "crossed" else 90 + knee / 2 + uniform(generator, 0, 4)
+    return {
+        f"{side}_flex": flex + pitch,
+        f"{side}_abduct": abduct,
+        f"{side}_rotate": rotate,
+        f"{side}_knee": knee,
+        f"{side}_point": uniform(generator, -10, 40),
+    }
+
+
+def lie(generator: np.random.Generator) -> Angles:
+    """Lying on the back, the belly or a side; limbs in contact with the floor stay in its plane."""
+    pose = trunk(generator, 0.4)
+    kind = choose(generator, ("back", "belly", "side"))
+    for side in SIDES:
+        bend = generator.random() ** 2
+        pose |= free_arm(generator, side)
+        pose |= {f"{side}_rotate": uniform(generator, 0, 35), f"{side}_point": uniform(generator, 0, 45)}
+        if kind == "belly":
+            pose |= {f"{side}_plane": uniform(generator, -8, 4), f"{side}_twist": uniform(generator, 75, 98)}
+            pose |= {f"{side}_flex": uniform(generator, -6, 2), f"{side}_knee": 100 * bend, f"{side}_point": 45.0}
+            pose |= {f"{side}_abduct": uniform(generator, 0, 30), f"{side}_pronate": 0.0}
+        elif kind == "back":
+            pose |= {f"{side}_plane": uniform(generator, 0, 120), f"{side}_twist": uniform(generator, -20, 60)}
+            pose |= {f"{side}_flex": (45 + 65 * generator.random()) * bend, f"{side}_knee": 130 * bend}
+            pose |= {f"{side}_abduct": uniform(generator, 0, 30)}
+        else:
+            pose |= {f"{side}_plane": uniform(generator, 60, 100), f"{side}_twist": uniform(generator, -20, 20)}
+            pose |= {f"{side}_flex": 100 * bend, f"{side}_knee": 130 * generator.random() * bend, f"{side}_rotate": 0.0}
+    if kind == "side":
+        return pose | {"hips_roll": choose(generator, (-1, 1)) * uniform(generator, 80, 98)}
+    return pose | {"hips_pitch": uniform(generator, -96, -86) if kind == "back" else uniform(generator, 86, 94)}
+
+
+def handstand(generator: np.random.Generator) -> Angles:
+    """Handstands on hands or forearms: legs together, split, straddled, bent or free; body straight or arched."""
+    pose = trunk(generator, 0.4) | {"hips_pitch": 180 + 10 * generator.standard_normal(), "hips_yaw": 180.0}
+    pose |= {"hips_roll": 6 * generator.standard_normal(), "head_bend": uniform(generator, -45, 5)}
+    on_forearms = generator.random() < 0.15
+    for side in SIDES:
+        pose |= {f"{side}_raise": uniform(generator, 160, 178), f"{side}_plane": uniform(generator, 10, 90)}
+        pose |= {f"{side}_elbow": 95.0 if on_forearms else uniform(generator, 0, 15), f"{side}_wrist": -65.0}
+        pose |= {f"{side}_twist": uniform(generator, -10, 20), f"{side}_shrug": 12.0}
+        pose |= {f"{side}_knee": 5.0, f"{side}_point": uniform(generator, 10, 50), f"{side}_abduct": 4.0}
+    legs = choose(generator, ("together", "split", "straddled", "bent", "free"))
+    if legs == "split":
+        front, back = choose(generator, (SIDES, SIDES[::-1]))
+        pose |= {f"{front}_flex": uniform(generator, 25, 95), f"{back}_flex": uniform(generator, -28, 0)}
+        pose |= {f"{back}_knee": uniform(generator, 0, 80)}
+    elif legs == "straddled":
+        pose |= {f"{side}_abduct": uniform(generator, 30, 65) for side in SIDES}
+    elif legs == "bent":
+        knee = uniform(generator, 50, 130)
+        pose |= {f"{side}_knee": knee for side in SIDES} | {f"{side}_flex": uniform(generator, -20, 90) for side in SIDES}
+    elif legs == "free":
+        for side in SIDES:
+            pose |= {f"{side}_flex": uniform(generator, -25, 80), f"{side}_knee": uniform(generator, 0, 120)}
+            pose |= {f"{side}_abduct": uniform(generator, 0, 45)}
+    return pose
+
+
+def all_fours(generator: np.random.Generator) -> Angles:
+    """Hands on the floor below the shoulders: on the knees, in a push-up, or in a bridge with the belly up."""
+    kind = choose(generator, ("knees", "push_up", "push_up", "bridge"))
+    pose = trunk(generator, 0.5)
+    elbow = uniform(generator, 0, 20) if generator.random() < 0.6 else uniform(generator, 20, 100)
+    if kind == "bridge":
+        pitch = -uniform(generator, 82, 100)
+        pose |= {"hips_pitch": pitch}
+        for side in SIDES:
+            pose |= {f"{side}_flex": 85 + pitch, f"{side}_knee": 85.0, f"{side}_abduct": uniform(generator, 0, 15)}
+            pose |= {f"{side}_raise": 60.0, f"{side}_plane": -88.0, f"{side}_twist": 30.0, f"{side}_elbow": 4.0}
+        return pose
+    pitch = uniform(generator, 66, 82) if kind == "push_up" else uniform(generator, 75, 95)
+    pose |= {"hips_pitch": pitch, "head_bend": uniform(generator, -45, 10)}
+    for side in SIDES:
+        pose |= {f"{side}_raise": pitch + 0.4 * elbow - 8, f"{side}_plane": uniform(generator, 70, 92)}
+        pose |= {f"{side}_elbow": elbow, f"{side}_wrist": -60.0, f"{side}_abduct": uniform(generator, 0, 12)}
+        if kind == "push_up":
+            pose |= {f"{side}_flex": uniform(generator, -5, 8), f"{side}_knee": 4.0, f"{side}_toes": 40.0}
+            pose |= {f"{side}_point": -20.0}
+        else:
+            pose |= {f"{side}_flex": pitch, f"{side}_knee": 90.0, f"{side}_point": 45.0}
+    return pose

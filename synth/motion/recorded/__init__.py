@@ -1,0 +1,1 @@
+"""Recorded motion from BVH files and motion packs."""

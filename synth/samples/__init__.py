@@ -1,0 +1,1 @@
+"""Training samples: sampling, observation through a sensor model, storage as shards."""

@@ -1,0 +1,298 @@
+"""Turns a clean sample into an estimator's input: sensor noise, then an imperfect segmentation of the person.
+
+The person is composited into the empty room, and only the surroundings of the person's bounding box are measured. The
+label of a pixel (person or room) moves with the sensor's lateral noise, so outlines are as noisy as the depth.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from kpopnet.camera import MM_PER_METRE, Camera, check_images
+from kpopnet.data.observation import Observation
+from kpopnet.data.shards import Sample, ShardedSet
+from kpopnet.errors import InputError
+from kpopnet.ridge import RidgeConfig, ridge_probability
+from kpopnet.skeleton import Joint
+from synth.sensor.holes import erase_ellipses, spherical_hole
+from synth.sensor.model import SensorConfig, measure_labelled
+
+MARGIN_PX = 4
+"""Margin around the person's bounding box that is measured too: one pixel for dilation, two empty ones for the ridge."""
+
+HANDS = [Joint.RIGHT_HAND, Joint.LEFT_HAND]
+LIMB_ENDS = [*HANDS, Joint.RIGHT_FOOT, Joint.LEFT_FOOT]
+HAND_RADIUS_M = (0.08, 0.14)
+HAND_DEPTH_M = 0.2
+ATTACHED_RADIUS_M = (0.1, 0.3)
+PERSON, ATTACHED = 1, 2  # labels of pixels; 0 is the room
+
+
+@dataclass(frozen=True)
+class ExtractionConfig:
+    """Failures of the segmentation of the person. Probabilities are per image.
+
+    Attributes:
+        feet_cut_m: largest height, metres above the floor, below which the person is segmented as floor; each image draws
+            its height uniformly between 0 and this value.
+        erode: probability that the silhouette loses one pixel all around.
+        dilate: probability that the silhouette gains one pixel all around, with the depth of the adjacent person pixel.
+        attached: probability that a part of the room within 10-30 cm of the person is segmented as person: half of the
+            time at the person's lowest pixel (floor), else at any pixel of the person (furniture).
+        hand_missing: probability that one hand is missing from the silhouette.
+    """
+
+    feet_cut_m: float = 0.08
+    erode: float = 0.25
+    dilate: float = 0.25
+    attached: float = 0.02
+    hand_missing: float = 0.03
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.feet_cut_m < math.inf:
+            raise InputError(f"extraction.feet_cut_m must be a finite length of at least 0 metres, not {self.feet_cut_m}")
+        for name in ("erode", "dilate", "attached", "hand_missing"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise InputError(f"extraction.{name} is a probability between 0 and 1, not {getattr(self, name)}")
+        if self.erode + self.dilate > 1:
+            raise InputError(
+                f"extraction.erode + extraction.dilate must be at most 1, not {self.erode + self.dilate}: "
+                "an image's silhouette is eroded or dilated, not both"
+            )
+
+
+PERFECT = ExtractionConfig(feet_cut_m=0, erode=0, dilate=0, attached=0, hand_missing=0)
+
+
+class Room(NamedTuple):
+    """The empty room behind a person.
+
+    Attributes:
+        depth_mm: (H, W) uint16 depth, millimetres.
+        floor: (4,) floor plane in the camera frame: upward unit normal n and offset d in metres, n.x + d = 0.
+    """
+
+    depth_mm: np.ndarray
+    floor: np.ndarray
+
+
+class Observer:
+    """A set of shards as observations with fresh noise in every epoch; implements kpopnet's `ObservationSource`.
+
+    Observation (index, epoch) depends only on the seed, the sample and the configuration. Samples of frozen shards are
+    returned as they are stored.
+    """
+
+    def __init__(
+        self,
+        shards: ShardedSet,
+        sensor: SensorConfig,
+        extraction: ExtractionConfig,
+        ridge: RidgeConfig | None,
+        seed: int,
+    ) -> None:
+        """Stores the settings. No file is opened.
+
+        Args:
+            shards: clean or frozen samples.
+            sensor: the depth-camera model.
+            extraction: failures of the segmentation.
+            ridge: parameters of the ridge images; None computes none.
+            seed: seed of the noise, at least 0.
+        """
+        self.shards, self.sensor, self.extraction, self.ridge, self.seed = shards, sensor, extraction, ridge, seed
+
+    def __len__(self) -> int:
+        return len(self.shards)
+
+    def observe(self, index: int, epoch: int) -> Observation:
+        """See `kpopnet.data.observation.ObservationSource`. The depth is cropped to the person's surroundings."""
+        sample = self.shards[index]
+        if self.shards.kind == "frozen":
+            return as_stored(sample, self.shards.camera, with_ridge=self.ridge is not None)
+        room = Room(*self.shards.room(index, sample.room))
+        rng = np.random.default_rng([self.seed, epoch, index])
+        return observe_sample(sample, room, self.shards.camera, self.sensor, self.extraction, self.ridge, rng)
+
+
+def observe_sample(
+    sample: Sample,
+    room: Room,
+    camera: Camera,
+    sensor: SensorConfig,
+    extraction: ExtractionConfig,
+    ridge: RidgeConfig | None,
+    rng: np.random.Generator,
+) -> Observation:
+    """Measures and segments one clean sample, cropped to the person's surroundings.
+
+    Args:
+        sample: a clean sample.
+        room: the empty room behind the person.
+        camera: the sample's camera.
+        sensor: the depth-camera model.
+        extraction: failures of the segmentation.
+        ridge: parameters of the ridge image; None computes none.
+        rng: the only source of randomness.
+
+    Returns:
+        The observation: segmented depth in metres, the cropped camera, joints, visibility and ridge image.
+
+    Raises:
+        InputError: sample and room are not of the camera's size, or the sample's box does not lie in the image.
+    """
+    check_images("sample and room", camera, sample.depth_mm, room.depth_mm)
+    # All random numbers but the sensor's are drawn at once, whether they are used or not.
+    cut, outline, attached, missing, hand, size, kind, where = rng.random(8)
+    attaches = attached < extraction.attached
+    x0, y0, x1, y1 = _surroundings(sample, camera, attaches)
+    cropped = camera.cropped(x0, y0, x1 - x0, y1 - y0)
+
+    person_mm = sample.depth_mm[y0:y1, x0:x1]
+    scene_m, labels = _compose(person_mm, room.depth_mm[y0:y1, x0:x1])
+    if attaches:
+        radius_m = ATTACHED_RADIUS_M[0] + size * (ATTACHED_RADIUS_M[1] - ATTACHED_RADIUS_M[0])
+        _attach(scene_m, labels, cropped, radius_m, at_lowest=kind < 0.5, where=where)
+    ends = sample.joints_camera_m[LIMB_ENDS]
+    measured, seen = measure_labelled(scene_m, labels, cropped, sensor, rng, ends[np.isfinite(ends[:, 2])])
+
+    grow = -1 if outline < extraction.erode else int(outline > 1 - extraction.dilate)
+    # The height of a point x above the floor is up[:3].x + up[3], with the sign that puts the camera above the floor.
+    up = np.asarray(room.floor, np.float32) * np.float32(1 if room.floor[3] >= 0 else -1)
+    intrinsics = np.array([cropped.fx, cropped.fy, cropped.cx, cropped.cy], np.float32)
+    depth_m = _segment(measured, seen, intrinsics, up, np.float32(cut * extraction.feet_cut_m), grow)
+    if missing < extraction.hand_missing:
+        centre = sample.joints_camera_m[HANDS[int(hand * 2)]]
+        radius_m = HAND_RADIUS_M[0] + size * (HAND_RADIUS_M[1] - HAND_RADIUS_M[0])
+        erase_ellipses(depth_m, spherical_hole(centre, radius_m, HAND_DEPTH_M, cropped).astype(np.float32))
+    return Observation(
+        depth_m,
+        cropped,
+        sample.joints_camera_m,
+        sample.visible,
+        None if ridge is None else ridge_probability(depth_m, ridge),
+    )
+
+
+def _surroundings(sample: Sample, camera: Camera, with_attached: bool) -> tuple[int, int, int, int]:
+    """x0, y0, x1, y1 of the person's box with its margin, within the image."""
+    x0, y0, x1, y1 = sample.box
+    if not (0 <= x0 <= x1 <= camera.width and 0 <= y0 <= y1 <= camera.height):
+        raise InputError(f"sample: the box {sample.box} is not within {camera.width}x{camera.height} pixels")
+    margin = MARGIN_PX
+    if with_attached and x1 > x0:
+        nearest_m = sample.depth_mm[y0:y1, x0:x1].max(initial=1) / MM_PER_METRE
+        margin += int(ATTACHED_RADIUS_M[1] * camera.fx / nearest_m)
+    return max(x0 - margin, 0), max(y0 - margin, 0), min(x1 + margin, camera.width), min(y1 + margin, camera.height)
+
+
+def freeze(
+    sample: Sample,
+    room: Room,
+    camera: Camera,
+    sensor: SensorConfig,
+    extraction: ExtractionConfig,
+    ridge: RidgeConfig,
+    rng: np.random.Generator,
+) -> tuple[np.ndarray, np.ndarray]:
+    """The images of a frozen shard: the result of `observe_sample`, pasted back into the full image.
+
+    Args:
+        sample: a clean sample.
+        room: the empty room behind the person.
+        camera: the sample's camera.
+        sensor: the depth-camera model.
+        extraction: failures of the segmentation.
+        ridge: parameters of the ridge image.
+        rng: the only source of randomness.
+
+    Returns:
+        (H, W) uint16 depth in millimetres and (H, W) uint8 ridge probability times 255.
+    """
+    seen = observe_sample(sample, room, camera, sensor, extraction, ridge, rng)
+    x0, y0 = round(camera.cx - seen.camera.cx), round(camera.cy - seen.camera.cy)
+    part = slice(y0, y0 + seen.camera.height), slice(x0, x0 + seen.camera.width)
+    depth_mm = np.zeros((camera.height, camera.width), np.uint16)
+    depth_mm[part] = np.rint(seen.depth_m * MM_PER_METRE)
+    ridge_255 = np.zeros((camera.height, camera.width), np.uint8)
+    ridge_255[part] = np.rint(seen.ridge * 255)
+    return depth_mm, ridge_255
+
+
+def as_stored(sample: Sample, camera: Camera, with_ridge: bool) -> Observation:
+    """A frozen sample as an observation, cropped to its non-zero pixels plus a margin.
+
+    Raises:
+        InputError: its images are not of the camera's size.
+    """
+    check_images("sample", camera, sample.depth_mm, *(() if sample.ridge is None else (sample.ridge,)))
+    rows, columns = sample.depth_mm.any(axis=1).nonzero()[0], sample.depth_mm.any(axis=0).nonzero()[0]
+    y0, y1 = (max(rows[0] - MARGIN_PX, 0), min(rows[-1] + 1 + MARGIN_PX, camera.height)) if len(rows) else (0, 1)
+    x0, x1 = (max(columns[0] - MARGIN_PX, 0), min(columns[-1] + 1 + MARGIN_PX, camera.width)) if len(rows) else (0, 1)
+    part = slice(y0, y1), slice(x0, x1)
+    return Observation(
+        sample.depth_mm[part].astype(np.float32) / np.float32(MM_PER_METRE),
+        camera.cropped(int(x0), int(y0), int(x1 - x0), int(y1 - y0)),
+        sample.joints_camera_m,
+        sample.visible,
+        sample.ridge[part].astype(np.float32) / np.float32(255) if with_ridge and sample.ridge is not None else None,
+    )
+
+
+@njit(cache=True)
+def _compose(person_mm, room_mm):
+    """The nearer of person and room as float32 metres, and labels (h, w) uint8, PERSON where the person is nearer."""
+    height, width = person_mm.shape
+    scene = np.empty((height, width), np.float32)
+    labels = np.zeros((height, width), np.uint8)
+    per_metre = np.float32(MM_PER_METRE)
+    for y in range(height):
+        for x in range(width):
+            z = person_mm[y, x]
+            behind = room_mm[y, x]
+            if z > 0 and (behind == 0 or z <= behind):
+                labels[y, x] = PERSON
+                behind = z
+            scene[y, x] = np.float32(behind) / per_metre
+    return scene, labels
+
+
+def _attach(scene_m: np.ndarray, labels: np.ndarray, camera: Camera, radius_m: float, at_lowest: bool, where: float) -> None:
+    """Labels the room within radius_m of one pixel of the person as ATTACHED, in place. No effect without a person."""
+    rows, columns = labels.nonzero()
+    if not len(rows):
+        return
+    chosen = -1 if at_lowest else int(where * len(rows))
+    points = camera.points(scene_m)
+    away = np.linalg.norm(points - points[rows[chosen], columns[chosen]], axis=-1)
+    labels[(away < radius_m) & (labels == 0) & (scene_m > 0)] = ATTACHED
+
+
+@njit(cache=True)
+def _segment(measured, seen, intrinsics, up, lowest_m, grow):
+    """(h, w) float32 depth of the labelled pixels at least lowest_m above the floor, eroded or dilated by one pixel."""
+    height, width = measured.shape
+    fx, fy, cx, cy = intrinsics
+    segmented = np.zeros((height, width), np.float32)
+    for y in range(height):
+        for x in range(width):
+            if seen[y, x]:
+                z = measured[y, x]
+                ray_up = up[0] * (x - cx) / fx + up[1] * (y - cy) / fy + up[2]
+                if z * ray_up + up[3] >= lowest_m:
+                    segmented[y, x] = z
+    if grow == 0:
+        return segmented
+    resized = segmented.copy()
+    for y in range(1, height - 1):
+        for x in range(1, width - 1):
+            here = segmented[y, x]
+            up_z, down_z, left_z, right_z = segmented[y - 1, x], segmented[y + 1, x], segmented[y, x - 1], segmented[y, x + 1]
+            if grow < 0 and here > 0 and min(up_z, down_z, left_z, right_z) == 0:
+                resized[y, x] = 0
+            elif grow > 0 and here == 0:
+                resized[y, x] = max(up_z, down_z, left_z, right_z)
+    return resized

@@ -1,0 +1,233 @@
+"""Writes sets of samples as HDF5 shards (layout: `kpopnet.data.shards`).
+
+Shards are independent: each can be written alone, in any order, on any machine. A shard is written to a temporary file
+and renamed when it is complete, so a file under the final name is never partial. A run that was killed continues by
+writing only the missing shards.
+"""
+
+import dataclasses
+import hashlib
+import importlib.metadata
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from kpopnet.camera import Camera
+from kpopnet.data.shards import FORMAT, VERSION, Sample, read_header, shard_path
+from kpopnet.errors import InputError, check_between, check_seed
+from kpopnet.ridge import RidgeConfig
+from kpopnet.runtime.atomic_write import atomic_hdf5
+from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
+from synth.body.shape import ASSET
+from synth.samples.observe import ExtractionConfig, freeze
+from synth.samples.observe import Room as ObservedRoom
+from synth.samples.sampler import BLOCK, RenderedRoom, SampleConfig, Sampler, silhouette_box
+from synth.sensor.model import SensorConfig
+
+GENERATOR = 1
+"""Version of the generator. Increase it with every change after which the same configuration gives different samples."""
+
+PACKAGES = ("kpopnet", "mujoco", "numba", "numpy", "h5py")
+
+
+MAX_SHARDS, MAX_SHARD_SIZE = 100_000, 100_000
+"""Most shards in a set, whose names have five digits, and most samples in a shard, which is put together in memory."""
+
+
+@dataclass(frozen=True)
+class FreezeConfig:
+    """How the samples of a frozen set are measured and segmented before they are stored.
+
+    Attributes:
+        sensor: the depth-camera model.
+        extraction: the failures of the person segmentation.
+        ridge: parameters of the ridge image.
+    """
+
+    sensor: SensorConfig
+    extraction: ExtractionConfig
+    ridge: RidgeConfig
+
+
+@dataclass(frozen=True)
+class SetConfig:
+    """One set: `count` samples of a split. No sample depends on `count`, so a set can grow.
+
+    Attributes:
+        sample: everything that a sample depends on besides seed, split and index.
+        seed: seed of the set.
+        split: train, validation or test.
+        count: number of samples.
+        shard_size: samples per shard.
+        freeze: how the stored images of a frozen set are measured; None stores clean renders.
+    """
+
+    sample: SampleConfig
+    seed: int
+    split: str
+    count: int
+    shard_size: int
+    freeze: FreezeConfig | None
+
+    def __post_init__(self) -> None:
+        check_between("shard_size", self.shard_size, 1, MAX_SHARD_SIZE)
+        check_between("the samples of a set", self.count, 0, MAX_SHARDS * self.shard_size)
+        check_seed("seed", self.seed)
+        if self.sample.renderer == "auto":
+            raise InputError("the renderer is part of a set's identity: resolve renderer=auto to gl or cpu first")
+
+    @property
+    def num_shards(self) -> int:
+        """Number of shards."""
+        return -(-self.count // self.shard_size)
+
+    def span(self, shard: int) -> tuple[int, int]:
+        """Index of the first sample of a shard, and of its last sample plus one."""
+        return shard * self.shard_size, min((shard + 1) * self.shard_size, self.count)
+
+    def as_json(self) -> str:
+        """Everything that the samples depend on, as JSON: the settings but `count`, the versions and the body asset."""
+        described = {name: value for name, value in dataclasses.asdict(self).items() if name != "count"}
+        body = hashlib.sha256(ASSET.read_bytes()).hexdigest()[:12]
+        return json.dumps(described | {"version": VERSION, "generator": GENERATOR, "body_asset": body}, sort_keys=True)
+
+    @property
+    def hash(self) -> str:
+        """Twelve hexadecimal digits of the SHA-256 of `as_json`. They differ whenever a sample could differ."""
+        return hashlib.sha256(self.as_json().encode()).hexdigest()[:12]
+
+
+def is_finished(config: SetConfig, folder: Path, shard: int) -> bool:
+    """Whether the folder already holds this shard, complete.
+
+    Raises:
+        InputError: the file belongs to another set.
+    """
+    path = shard_path(folder, shard)
+    if not path.exists():
+        return False
+    header = read_header(path)
+    if (header.config_hash, header.split) != (config.hash, config.split):
+        raise InputError(
+            f"{path}: belongs to another set (made with other settings, {header.config_hash} against {config.hash}); "
+            "choose another out=, or delete that folder"
+        )
+    return (header.start, header.stop) == config.span(shard)
+
+
+def write_shard(config: SetConfig, folder: Path, shard: int, on_sample: Callable[[], None] = lambda: None) -> None:
+    """Writes one shard. `on_sample` is called after every sample."""
+    path = shard_path(folder, shard)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    sampler = _sampler(config)
+    with atomic_hdf5(path) as file:
+        _fill(file, config, shard, sampler, on_sample)
+
+
+_samplers: dict[tuple, Sampler] = {}
+
+
+def _sampler(config: SetConfig) -> Sampler:
+    """The sampler of a set. Each process keeps the sampler (one compiled scene) of the last set only."""
+    key = (config.hash, config.split)
+    if key not in _samplers:
+        for sampler in _samplers.values():
+            sampler.close()
+        _samplers.clear()
+        _samplers[key] = Sampler(config.sample, config.seed, config.split)
+    return _samplers[key]
+
+
+def _fill(file: h5py.File, config: SetConfig, shard: int, sampler: Sampler, on_sample: Callable[[], None]) -> None:
+    """Writes the samples, rooms and attributes of a shard into an open file."""
+    start, stop = config.span(shard)
+    count, camera = stop - start, sampler.scene.camera
+    size = (camera.height, camera.width)
+    image = {"chunks": (1, *size), "compression": "gzip", "compression_opts": 1, "shuffle": True}
+    depth_mm = file.create_dataset("depth_mm", (count, *size), "u2", **image)
+    ridge = file.create_dataset("ridge", (count, *size), "u1", **image) if config.freeze else None
+    columns = _empty_columns(count)
+    rooms: dict[int, RenderedRoom] = {}
+    rejected = forced = 0
+    images, ridges = [], []  # written in blocks: the cost of a write hardly depends on its size
+    for row, rendered in enumerate(sampler.samples(start, stop)):
+        sample = rendered.sample
+        room_row = sample.room - sampler.room_of(start)
+        room = rooms.setdefault(room_row, sampler.room(sample.room))
+        if config.freeze:
+            sample, ridge_image = _frozen(sample, room, camera, config, start + row)
+            ridges.append(ridge_image)
+        images.append(sample.depth_mm)
+        if len(images) == BLOCK or row == count - 1:
+            rows = slice(row + 1 - len(images), row + 1)
+            depth_mm[rows] = np.stack(images)
+            if config.freeze:
+                ridge[rows] = np.stack(ridges)
+            images, ridges = [], []
+        _set_row(columns, row, sample, room_row)
+        rejected += rendered.rejected
+        forced += rendered.forced
+        on_sample()
+    for name, values in columns.items():
+        file.create_dataset(name, data=values)
+    file.create_dataset("room_mm", data=np.stack([rooms[k].depth_mm for k in sorted(rooms)]), **image)
+    file.create_dataset("floor", data=np.stack([rooms[k].floor for k in sorted(rooms)]))
+    file.attrs.update(_attributes(config, shard, camera), refused_poses=rejected, forced_samples=forced)
+
+
+def _empty_columns(count: int) -> dict[str, np.ndarray]:
+    """Arrays for the labels of `count` samples, by dataset name."""
+    return {
+        "box": np.zeros((count, 4), np.int16),
+        "joints_m": np.zeros((count, NUM_JOINTS, 3), np.float32),
+        "visible": np.zeros((count, NUM_JOINTS), bool),
+        "body": np.zeros(count, np.int64),
+        "motion": np.zeros(count, "S48"),
+        "yaw": np.zeros(count, np.float32),
+        "room": np.zeros(count, np.int16),
+    }
+
+
+def _set_row(columns: dict[str, np.ndarray], row: int, sample: Sample, room_row: int) -> None:
+    """Stores the labels of a sample. `room_row` is the number of its room within the shard."""
+    columns["box"][row] = sample.box
+    columns["joints_m"][row] = sample.joints_camera_m
+    columns["visible"][row] = sample.visible
+    columns["body"][row] = sample.body
+    columns["motion"][row] = sample.motion.encode()[:48].decode(errors="ignore").encode()
+    columns["yaw"][row] = sample.yaw_rad
+    columns["room"][row] = room_row
+
+
+def _attributes(config: SetConfig, shard: int, camera: Camera) -> dict[str, Any]:
+    """The HDF5 attributes of a shard, but for the counts of rejected poses and forced samples."""
+    start, stop = config.span(shard)
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "kind": "frozen" if config.freeze else "clean",
+        "config": config.as_json(),
+        "config_hash": config.hash,
+        "seed": config.seed,
+        "split": config.split,
+        "shard": shard,
+        "start": start,
+        "stop": stop,
+        "camera": [camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height],
+        "joint_names": list(JOINT_NAMES),
+        "packages": json.dumps({name: importlib.metadata.version(name) for name in PACKAGES}),
+    }
+
+
+def _frozen(sample: Sample, room: RenderedRoom, camera: Camera, config: SetConfig, index: int) -> tuple[Sample, np.ndarray]:
+    """The sample with its measured and segmented depth, and its ridge image (H, W) uint8."""
+    settings = config.freeze
+    rng = np.random.default_rng([config.seed, *config.split.encode(), index])
+    observed_room = ObservedRoom(room.depth_mm, room.floor)
+    depth_mm, ridge = freeze(sample, observed_room, camera, settings.sensor, settings.extraction, settings.ridge, rng)
+    return dataclasses.replace(sample, depth_mm=depth_mm, box=silhouette_box(depth_mm)), ridge

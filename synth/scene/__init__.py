@@ -1,0 +1,1 @@
+"""The MuJoCo scene (person, room and camera) and the depth renderers."""

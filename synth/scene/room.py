@@ -1,0 +1,150 @@
+"""Random rooms (floor, walls and furniture made of boxes) and random camera poses.
+
+World frame: z up, floor at z = 0, the camera above the origin looking along +y, people in front of it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kpopnet.errors import check_between, check_range
+
+MAX_BOXES = 24
+WALL_HALF_THICKNESS_M = 0.1
+AIM_DISTANCE_M = 2.7
+
+
+@dataclass(frozen=True)
+class ViewConfig:
+    """Ranges of the camera pose. Every value is drawn uniformly.
+
+    Attributes:
+        height_m: range of the camera's height above the floor, metres.
+        aim_m: range of the height of the point, 2.7 m in front of the camera, that the optical axis passes through,
+            metres.
+        roll_deg: largest roll to either side, degrees.
+    """
+
+    height_m: tuple[float, float] = (0.5, 2.0)
+    aim_m: tuple[float, float] = (0.6, 1.2)
+    roll_deg: float = 2.0
+
+    def __post_init__(self) -> None:
+        for name in ("height_m", "aim_m"):
+            check_range(f"view.{name}", getattr(self, name), 0, 10)
+        check_between("view.roll_deg", self.roll_deg, 0, 180)
+
+
+@dataclass(frozen=True)
+class View:
+    """A camera pose.
+
+    Attributes:
+        position_m: (3,) position in the world, metres.
+        rotation: (3, 3) rotation from the camera frame (x right, y down, z forward) to the world frame.
+    """
+
+    position_m: np.ndarray
+    rotation: np.ndarray
+
+    def to_camera(self, points_world_m: np.ndarray) -> np.ndarray:
+        """Transforms points (..., 3) from the world frame to the camera frame, metres."""
+        return (points_world_m - self.position_m) @ self.rotation
+
+    def floor(self) -> np.ndarray:
+        """(4,) floor plane in the camera frame: upward unit normal n and offset d in metres, n.x + d = 0."""
+        return np.append(self.rotation.T @ (0.0, 0.0, 1.0), self.position_m[2])
+
+
+@dataclass(frozen=True)
+class Room:
+    """K boxes. The first four are the floor and the back, left and right walls.
+
+    Attributes:
+        centres_m: (K, 3) box centres in the world, metres.
+        halves_m: (K, 3) half sizes along the box's own axes, metres.
+        yaws_rad: (K,) rotations about the vertical, radians.
+    """
+
+    centres_m: np.ndarray
+    halves_m: np.ndarray
+    yaws_rad: np.ndarray
+
+    def clear_m(self) -> tuple[float, float, float]:
+        """Inner faces of the walls, metres: y of the back wall, x of the left wall, x of the right wall."""
+        _, back, left, right = self.centres_m[:4]
+        return back[1] - WALL_HALF_THICKNESS_M, left[0] + WALL_HALF_THICKNESS_M, right[0] - WALL_HALF_THICKNESS_M
+
+
+def draw_view(rng: np.random.Generator, config: ViewConfig) -> View:
+    """Draws a camera pose."""
+    height_m, aim_m = rng.uniform(*config.height_m), rng.uniform(*config.aim_m)
+    pitch = np.arctan2(height_m - aim_m, AIM_DISTANCE_M)
+    roll = np.radians(rng.uniform(-config.roll_deg, config.roll_deg))
+    forward = np.array([0, np.cos(pitch), -np.sin(pitch)])
+    down = np.array([0, -np.sin(pitch), -np.cos(pitch)])
+    right = np.array([1.0, 0, 0])
+    rotation = np.stack(
+        [np.cos(roll) * right + np.sin(roll) * down, -np.sin(roll) * right + np.cos(roll) * down, forward], axis=1
+    )
+    return View(np.array([0, 0, height_m]), rotation)
+
+
+def draw_room(rng: np.random.Generator) -> Room:
+    """Draws a room: a floor, three walls, and up to six pieces of furniture along the walls."""
+    half_width, depth_m = rng.uniform(1.8, 3.5), rng.uniform(3.6, 6.0)
+    boxes = [
+        ((0, 2, -WALL_HALF_THICKNESS_M), (8, 8, WALL_HALF_THICKNESS_M), 0),
+        ((0, depth_m + WALL_HALF_THICKNESS_M, 1.5), (8, WALL_HALF_THICKNESS_M, 1.5), 0),
+        ((-half_width - WALL_HALF_THICKNESS_M, 2, 1.5), (WALL_HALF_THICKNESS_M, 8, 1.5), 0),
+        ((half_width + WALL_HALF_THICKNESS_M, 2, 1.5), (WALL_HALF_THICKNESS_M, 8, 1.5), 0),
+    ]
+    for _ in range(rng.integers(0, 7)):
+        piece = FURNITURE[rng.integers(len(FURNITURE))](rng)
+        side = rng.integers(3)
+        reach = max(max(abs(centre[0]) + half[0], abs(centre[1]) + half[1]) for centre, half in piece)
+        if side == 0:
+            place, turn = np.array([rng.uniform(-1, 1) * (half_width - reach), depth_m - reach]), 0.0
+        else:
+            sign = 1 if side == 1 else -1
+            place = np.array([sign * (half_width - reach), rng.uniform(1.2, depth_m - reach)])
+            turn = -sign * np.pi / 2
+        turn += rng.uniform(-0.2, 0.2)
+        if len(boxes) + len(piece) > MAX_BOXES:
+            break
+        cos, sin = np.cos(turn), np.sin(turn)
+        for (x, y, z), half in piece:
+            boxes.append(((place[0] + cos * x - sin * y, place[1] + sin * x + cos * y, z), half, turn))
+    centres, halves, yaws = zip(*boxes, strict=True)
+    return Room(np.array(centres, float), np.array(halves, float), np.array(yaws, float))
+
+
+# Each piece of furniture is a list of boxes (centre, half sizes) in metres in its own frame. Its back faces +y.
+def _cupboard(rng: np.random.Generator) -> list:
+    w, d, h = rng.uniform(0.3, 0.6), rng.uniform(0.15, 0.3), rng.uniform(0.4, 1.05)
+    return [((0, 0, h), (w, d, h))]
+
+
+def _table(rng: np.random.Generator) -> list:
+    w, d, h = rng.uniform(0.3, 0.7), rng.uniform(0.25, 0.45), rng.uniform(0.45, 0.75)
+    legs = [((sx * (w - 0.03), sy * (d - 0.03), h / 2), (0.025, 0.025, h / 2)) for sx in (-1, 1) for sy in (-1, 1)]
+    return [((0, 0, h), (w, d, 0.02)), *legs]
+
+
+def _chair(rng: np.random.Generator) -> list:
+    w, h = rng.uniform(0.2, 0.26), rng.uniform(0.42, 0.5)
+    legs = [((sx * (w - 0.02), sy * (w - 0.02), h / 2), (0.02, 0.02, h / 2)) for sx in (-1, 1) for sy in (-1, 1)]
+    return [((0, 0, h), (w, w, 0.025)), ((0, w, h + 0.25), (w, 0.02, 0.25)), *legs]
+
+
+def _sofa(rng: np.random.Generator) -> list:
+    w, d = rng.uniform(0.6, 1.1), rng.uniform(0.38, 0.48)
+    return [
+        ((0, 0, 0.21), (w, d, 0.21)),
+        ((0, d - 0.1, 0.6), (w, 0.1, 0.2)),
+        ((-w, 0, 0.5), (0.1, d, 0.1)),
+        ((w, 0, 0.5), (0.1, d, 0.1)),
+    ]
+
+
+FURNITURE = (_cupboard, _table, _chair, _sofa)

@@ -1,0 +1,1 @@
+"""Depth-camera models: noise, holes, flying pixels."""

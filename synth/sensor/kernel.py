@@ -1,0 +1,275 @@
+"""The per-pixel part of the sensor model, in numba.
+
+Random numbers are hashes of a key and the pixel's number. The result of a pixel therefore does not depend on which other
+pixels are measured, or in what order. Arithmetic is float32 throughout: `np.float32` wraps every constant that would
+promote it to float64.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+from scipy.special import ndtri
+
+EDGE_M = 0.1
+"""Neighbouring pixels that differ by more than this depth lie on two sides of an outline."""
+
+INT_OFFSET_PX = 1024
+"""Added to a shift in pixels before int() so that int() rounds down; math.floor would cost more than the rest."""
+
+TERMS = np.dtype(
+    [
+        (name, np.float32)
+        for name in (
+            "fx", "fy", "cx", "cy", "min_range", "max_range",
+            "axial_floor", "axial_quadratic", "axial_offset", "axial_grazing", "axial_radial",
+            "lateral", "lateral_grazing", "grain", "shadow", "steps", "step_noise", "rounded",
+            "wiggle", "wiggle_frequency", "flying_pixels", "gain", "pixel_dropout", "edge_dropout",
+        )
+    ]
+)  # fmt: skip
+"""The terms of `model.SensorConfig` in metres and image pixels, as the record that the kernel reads fastest."""
+
+NORMALS = ndtri((np.arange(4096) + 0.5) / 4096)
+NORMALS = (NORMALS / NORMALS.std()).astype(np.float32)
+"""Normal deviates by 12-bit index: the 64 bits of one hash give several draws."""
+
+
+@njit(cache=True)
+def _random_bits(key, counter):
+    """64 random bits, a pure function of key and counter (SplitMix64, Steele et al. 2014)."""
+    z = key + np.uint64(counter) * np.uint64(0x9E3779B97F4A7C15)
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return z ^ (z >> np.uint64(31))
+
+
+@njit(cache=True)
+def _normal(bits, shift):
+    """A standard normal deviate from the 12 bits above `shift`."""
+    return NORMALS[np.uintp((bits >> np.uint64(shift)) & np.uint64(4095))]
+
+
+@njit(cache=True)
+def _uniform(bits, shift, count):
+    """A uniform number in (0, 1) from the `count` bits above `shift`; count is at most 24."""
+    drawn = np.int32((bits >> np.uint64(shift)) & np.uint64((1 << count) - 1))
+    return (np.float32(drawn) + np.float32(0.5)) / np.float32(1 << count)
+
+
+@njit(cache=True)
+def _grain_cells(size, grain):
+    """Lattice cell of each pixel of a row or column, and its interpolation weights (size, 2), which keep the variance 1."""
+    cell = np.empty(size, np.int32)
+    weights = np.empty((size, 2), np.float32)
+    for i in range(size):
+        position = i / grain
+        cell[i] = int(position)
+        after = position - cell[i]
+        norm = math.sqrt(after * after + (1 - after) * (1 - after))
+        weights[i, 0] = (1 - after) / norm
+        weights[i, 1] = after / norm
+    return cell, weights
+
+
+@njit(cache=True)
+def _noise_lattice(height, width, key, counter):
+    """(height, 3, width) normal deviates at the lattice points: the noise fields along z, x and y."""
+    lattice = np.empty((height, 3, width), np.float32)
+    for i in range(height):
+        for j in range(width):
+            bits = _random_bits(key, counter + i * width + j)
+            for k in range(3):
+                lattice[i, k, j] = _normal(bits, 12 * k)
+    return lattice
+
+
+@njit(cache=True)
+def _grain_row(lattice, cell, weights, grain):
+    """Interpolates the lattice's three fields at one row of pixels, into grain (3, lattice width)."""
+    for k in range(3):
+        for j in range(lattice.shape[2]):
+            grain[k, j] = lattice[cell, k, j] * weights[0] + lattice[cell + 1, k, j] * weights[1]
+
+
+@njit(cache=True)
+def _grained(grain, k, cell, w0, w1):
+    """Interpolates field k of a row at one pixel."""
+    return grain[k, cell] * w0 + grain[k, cell + np.uintp(1)] * w1
+
+
+@njit(cache=True)
+def _shadowed(row, shadow, lost):
+    """Marks the pixels of a row that the projector does not illuminate.
+
+    In the view of a projector at x = baseline, pixel u of depth z lies at u - f baseline / z (`shadow` is f baseline).
+    From the projector's side of the row to the other, these positions move monotonically except behind a nearer surface.
+    """
+    width = len(row)
+    side = np.float32(1) if shadow > 0 else np.float32(-1)
+    lit = np.float32(np.inf)
+    for i in range(width):
+        u = width - 1 - i if shadow > 0 else i
+        lost[u] = False
+        if row[u] > 0:
+            position = side * (np.float32(u) - shadow / row[u])
+            lost[u] = position > lit + np.float32(0.5)
+            lit = min(lit, position)
+
+
+@njit(cache=True)
+def _shadows(depth, shadow):
+    """(h, w) bool: the pixels that the projector does not illuminate."""
+    lost = np.zeros(depth.shape, np.bool_)
+    if shadow != np.float32(0):
+        for y in range(len(depth)):
+            _shadowed(depth[y], shadow, lost[y])
+    return lost
+
+
+@njit(cache=True)
+def _slope(before, here, after):
+    """The smaller of the two one-sided differences, so that an outline does not count as a steep surface."""
+    a = here - before if before > 0 else np.float32(0)
+    b = after - here if after > 0 else np.float32(0)
+    return a if abs(a) < abs(b) else b
+
+
+@njit(cache=True)
+def _labelled_spans(labels, reach):
+    """For each row, the range first, last + 1 of the pixels within `reach` pixels of a label."""
+    height, width = labels.shape
+    spans = np.zeros((height, 2), np.int64)
+    spans[:, 0] = width
+    for y in range(height):
+        for x in range(width):
+            if labels[y, x]:
+                spans[y, 0], spans[y, 1] = min(spans[y, 0], x), x + 1
+    reached = np.empty_like(spans)
+    for y in range(height):
+        begin, end = width, 0
+        for v in range(max(y - reach, 0), min(y + reach + 1, height)):
+            begin, end = min(begin, spans[v, 0]), max(end, spans[v, 1])
+        reached[y] = max(begin - reach, 0), min(end + reach, width) if end else 0
+    return reached
+
+
+@njit(cache=True)
+def _grazing_noise(here, steep_x, steep_y, ray_x, ray_y, t):
+    """Increase of the lateral shift and of sigma_z on a steep surface; theta is the angle between its normal and the ray."""
+    normal_z = here + steep_x * ray_x + steep_y * ray_y
+    ray_squared = ray_x * ray_x + ray_y * ray_y
+    lengths = (steep_x * steep_x + steep_y * steep_y + normal_z * normal_z) * (ray_squared + np.float32(1))
+    # Only for theta above 60 degrees: 1 / cos(60 degrees)^2 = 4.
+    if not lengths > np.float32(4) * here * here:
+        return np.float32(0), np.float32(0)
+    rest = np.float32(max(math.asin(here / math.sqrt(lengths)), 0.05))
+    theta = np.float32(math.pi / 2) - rest
+    return t.lateral_grazing * theta / rest, t.axial_grazing * theta * theta / (math.sqrt(here) * rest * rest)
+
+
+@njit(cache=True)
+def _shifted(at, shift, size):
+    """The pixel nearest to at + shift, clamped to the image."""
+    return min(max(at + int(shift + np.float32(INT_OFFSET_PX + 0.5)) - INT_OFFSET_PX, 0), size - 1)
+
+
+@njit(cache=True)
+def _lost_or_flying(z, near, far, bits, t):
+    """0 for a dropped pixel, a depth between near and far for a flying pixel on an outline, else z."""
+    if _uniform(bits, 12, 24) < t.pixel_dropout:
+        return np.float32(0)
+    if far - near > np.float32(EDGE_M):
+        fate = _uniform(bits, 36, 14)
+        if fate < t.edge_dropout:
+            return np.float32(0)
+        if fate > np.float32(1) - t.flying_pixels and near > np.float32(0):
+            return near + _uniform(bits, 50, 14) * (far - near)
+    return z
+
+
+@njit(cache=True)
+def _axial_error(z, grazing, noise_z, ray_squared, bits, t):
+    """The depth after gain, axial noise, wiggle, and disparity noise and quantisation."""
+    zero = np.float32(0)
+    beyond = z - t.axial_offset
+    sigma = t.axial_floor + t.axial_quadratic * beyond * beyond + t.axial_radial * ray_squared
+    z = t.gain * z + (sigma + grazing) * noise_z
+    if t.wiggle > zero:
+        z += t.wiggle * np.float32(math.sin(t.wiggle_frequency * z))
+    if t.steps > zero:
+        disparity = t.steps / z + t.step_noise * _normal(bits, 0)
+        if t.rounded > zero:
+            disparity = np.float32(int(disparity + np.float32(0.5)))
+        z = t.steps / disparity if disparity > zero else zero
+    return z
+
+
+@njit(cache=True)
+def measure_pixels(depth, labels, key, terms):
+    """Applies every term to every pixel that can show a labelled surface.
+
+    Args:
+        depth: (h, w) float32 clean depth, metres.
+        labels: (h, w) uint8 labels of the clean pixels; label 0 is not measured.
+        key: uint64 key of the image's noise.
+        terms: (1,) record of `TERMS`.
+
+    Returns:
+        (h, w) float32 measured depth in metres and (h, w) uint8 label of the measured surface; 0 where nothing is measured.
+    """
+    t = terms[0]
+    height, width = depth.shape
+    zero, one = np.float32(0), np.float32(1)
+    measured = np.zeros((height, width), np.float32)
+    seen = np.zeros((height, width), np.uint8)
+
+    # Correlated noise is interpolated from a lattice, white noise is drawn per pixel. Their hash counters follow those of
+    # the pixels.
+    grainy = t.grain > one
+    cell_y, weight_y = _grain_cells(height, t.grain)
+    cell_x, weight_x = _grain_cells(width, t.grain)
+    lattice = _noise_lattice(cell_y[-1] + 2 if grainy else 0, cell_x[-1] + 2 if grainy else 0, key, height * width)
+    grain = np.empty((3, lattice.shape[2]), np.float32)
+    flat_depth, flat_labels, flat_lost = depth.ravel(), labels.ravel(), _shadows(depth, t.shadow).ravel()
+    uses_grazing = t.axial_grazing > zero or t.lateral_grazing > zero
+    spans = _labelled_spans(labels, 1 + int(4 * t.lateral) if t.lateral > zero else 0)
+    for y in range(height):
+        _grain_row(lattice, cell_y[y], weight_y[y], grain)
+        above, row, below = depth[max(y - 1, 0)], depth[y], depth[min(y + 1, height - 1)]
+        ray_y = (np.float32(y) - t.cy) / t.fy
+        for x in range(spans[y, 0], spans[y, 1]):
+            bits = _random_bits(key, y * width + x)
+            if grainy:
+                cell, w0, w1 = np.uintp(cell_x[x]), weight_x[x, 0], weight_x[x, 1]
+                noise_x, noise_y = _grained(grain, 1, cell, w0, w1), _grained(grain, 2, cell, w0, w1)
+            else:
+                more_bits = _random_bits(key, (height + y) * width + x)
+                noise_z, noise_x, noise_y = _normal(more_bits, 0), _normal(more_bits, 12), _normal(more_bits, 24)
+            ray_x = (np.float32(x) - t.cx) * (one / t.fx)
+            here = row[x]
+            left, right, up, down = row[max(x - 1, 0)], row[min(x + 1, width - 1)], above[x], below[x]
+            lateral, grazing = t.lateral, zero
+            if uses_grazing and labels[y, x] and here > zero:
+                steep_x, steep_y = _slope(left, here, right) * t.fx, _slope(up, here, down) * t.fy
+                lateral_more, grazing = _grazing_noise(here, steep_x, steep_y, ray_x, ray_y, t)
+                lateral += lateral_more
+
+            # Lateral noise: the pixel shows the surface of a nearby pixel.
+            shown = np.uintp(y * width + x)
+            if lateral > zero:
+                u, v = _shifted(x, lateral * noise_x, width), _shifted(y, lateral * noise_y, height)
+                shown = np.uintp(v * width + u)
+            label, z = flat_labels[shown], flat_depth[shown]
+            if label == 0 or flat_lost[shown] or not z > zero:
+                continue
+            z = _lost_or_flying(z, min(here, left, right, up, down), max(here, left, right, up, down), bits, t)
+            if z == zero:
+                continue
+            if grainy:
+                noise_z = _grained(grain, 0, cell, w0, w1)
+            z = _axial_error(z, grazing, noise_z, ray_x * ray_x + ray_y * ray_y, bits, t)
+            if t.min_range <= z <= t.max_range and z > zero:
+                measured[y, x] = z
+                seen[y, x] = label
+    return measured, seen

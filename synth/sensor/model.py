@@ -1,0 +1,321 @@
+"""Depth-camera models: turn a perfect depth image into a measured one, with noise, quantisation, shadows and holes.
+
+One kernel models two families. *Structured light* (Kinect v1) triangulates a projected pattern. Its depth is quantised
+in disparity, and near surfaces cast a shadow on the side away from the projector. A pixel is matched by a window around
+it, so noise and outlines are spatially correlated. *Time of flight* (Kinect 2, SwissRanger) has white noise that grows
+towards the image's corners, a periodic error in z, and flying pixels between near and far surfaces at outlines.
+
+Sources: Nguyen, Izadi & Lovell 2012 (axial and lateral noise of Kinect v1); Handa et al. 2014 (disparity noise and
+steps); Mahler et al. 2017 (gain, ellipses). On people of UTD-MHAD (real Kinect v1, 320x240) the depth steps are
+z^2/345 m, 67 % of the neighbouring pixels have the same depth step, and the second differences correspond to white noise
+of 0.35 steps. Smooth capsule people with the published terms below give 345, 66 % and 0.37.
+
+Lengths in pixels are the sensor's own ("native") pixels and scale with the camera's focal length, so one sensor serves
+640x480 and 320x240.
+"""
+
+import math
+from dataclasses import dataclass, fields
+from functools import cache
+
+import numpy as np
+
+from kpopnet.camera import Camera
+from kpopnet.errors import InputError
+from synth.sensor.holes import erase_ellipses, spherical_hole
+from synth.sensor.kernel import TERMS, measure_pixels
+
+ELLIPSE_PX = (2.5, 5.0)
+"""Range of the semi-axes of elliptic holes, native pixels."""
+
+LIMB_HOLE_RADIUS_M = (0.02, 0.06)
+LIMB_HOLE_DEPTH_M = 0.15
+"""Largest difference in depth from the limb's end that a hole erases."""
+
+_PUBLISHED: dict[str, dict[str, float]] = {
+    "ideal": {},
+    "kinect_v1": {
+        "min_range_m": 0.4,
+        "max_range_m": 8.0,
+        "native_focal_px": 575.5,
+        "axial_floor_m": 0.0012,
+        "axial_quadratic": 0.0019,
+        "axial_offset_m": 0.4,
+        "axial_grazing": 0.0001,
+        "lateral_px": 0.8,
+        "lateral_grazing_px": 0.035,
+        "grain_px": 9.0,
+        "baseline_m": 0.075,
+        "disparity_step_px": 0.125,
+        "disparity_noise_px": 0.027778,
+        "gain": 0.003,
+        "pixel_dropout": 0.0002,
+        "edge_dropout": 0.05,
+        "ellipses_per_megapixel": 20.0,
+        "limb_end_dropout": 0.2,
+    },
+    "kinect_2": {
+        "min_range_m": 0.5,
+        "max_range_m": 8.0,
+        "native_focal_px": 365.0,
+        "axial_floor_m": 0.003,
+        "axial_quadratic": 0.001,
+        "axial_radial": 0.0036,
+        "wiggle_m": 0.004,
+        "wiggle_period_m": 0.47,
+        "flying_pixels": 0.4,
+        "gain": 0.003,
+        "pixel_dropout": 0.0002,
+        "edge_dropout": 0.05,
+        "ellipses_per_megapixel": 20.0,
+        "limb_end_dropout": 0.2,
+    },
+    "swissranger": {
+        "min_range_m": 0.3,
+        "max_range_m": 5.0,
+        "native_focal_px": 204.795,
+        "axial_floor_m": 0.009,
+        "axial_quadratic": 0.003,
+        "axial_radial": 0.0292,
+        "wiggle_m": 0.004,
+        "wiggle_period_m": 1.25,
+        "flying_pixels": 0.4,
+        "gain": 0.003,
+        "pixel_dropout": 0.002,
+        "edge_dropout": 0.05,
+        "ellipses_per_megapixel": 80.0,
+        "limb_end_dropout": 0.2,
+    },
+}
+"""Terms by sensor. A term that is not listed is 0 (off).
+
+Kinect v1's focal length follows from the depth steps of UTD-MHAD with a baseline of 75 mm. Isolated dropouts are as rare
+as in UTD-MHAD (6 in 100,000 pixels). A dropout of 5 %, found elsewhere, would destroy the ridge image, in which every lost
+pixel is an edge.
+"""
+
+
+@dataclass(frozen=True)
+class SensorConfig:
+    """A depth camera. Every term that is None takes the published value of the named sensor.
+
+    Attributes:
+        name: ideal, kinect_v1, kinect_2 or swissranger.
+        min_range_m: smallest measured depth, metres.
+        max_range_m: largest measured depth, metres; 0 is no limit.
+        native_focal_px: focal length in native pixels, the unit of the other terms in pixels.
+        axial_floor_m: constant term of the standard deviation of the depth, metres: sigma_z = axial_floor +
+            axial_quadratic (z - axial_offset)^2 + axial_radial tan(a)^2, where a is the pixel's angle from the optical
+            axis, plus axial_grazing theta^2 / (sqrt(z) (pi/2 - theta)^2) where the angle theta between surface normal
+            and ray exceeds 60 degrees.
+        axial_quadratic: quadratic term of sigma_z, 1/m; see axial_floor_m.
+        axial_offset_m: depth at which the quadratic term of sigma_z vanishes, metres; see axial_floor_m.
+        axial_grazing: grazing-angle term of sigma_z; see axial_floor_m.
+        axial_radial: radial term of sigma_z, metres; see axial_floor_m.
+        lateral_px: standard deviation of the lateral shift of a pixel, native pixels; where theta exceeds 60 degrees,
+            lateral_grazing theta / (pi/2 - theta) is added.
+        lateral_grazing_px: grazing-angle term of the lateral shift, native pixels; see lateral_px.
+        grain_px: correlation length of axial and lateral noise, native pixels, about the width of the matching window; up
+            to 1 image pixel the noise is white.
+        baseline_m: distance of the projector to the right of the camera, metres; shadows fall to the left. A negative
+            value puts the projector on the left.
+        disparity_step_px: quantisation step of the disparity, native pixels; the depth steps are
+            disparity_step z^2 / (native_focal baseline).
+        disparity_noise_px: standard deviation of white noise on the disparity before quantisation, native pixels.
+        wiggle_m: amplitude of a systematic error that is a sine of z, metres.
+        wiggle_period_m: period of that sine, metres: a quarter of the modulation's unambiguous range.
+        flying_pixels: fraction of the pixels on outlines that are measured between the near and the far surface.
+        gain: standard deviation of one factor on all depths of an image. Mahler's Gamma(1000, 1/1000) has 0.03, but 8 cm
+            at 2.5 m would be an error of the joint labels, which are in metres, not noise of the image.
+        pixel_dropout: largest fraction of lost pixels; each image draws its own fraction uniformly below it.
+        edge_dropout: fraction of lost pixels on outlines.
+        ellipses_per_megapixel: mean number of elliptic holes per million native pixels.
+        limb_end_dropout: probability that the end of one limb is lost.
+    """
+
+    name: str = "kinect_v1"
+    min_range_m: float | None = None
+    max_range_m: float | None = None
+    native_focal_px: float | None = None
+    axial_floor_m: float | None = None
+    axial_quadratic: float | None = None
+    axial_offset_m: float | None = None
+    axial_grazing: float | None = None
+    axial_radial: float | None = None
+    lateral_px: float | None = None
+    lateral_grazing_px: float | None = None
+    grain_px: float | None = None
+    baseline_m: float | None = None
+    disparity_step_px: float | None = None
+    disparity_noise_px: float | None = None
+    wiggle_m: float | None = None
+    wiggle_period_m: float | None = None
+    flying_pixels: float | None = None
+    gain: float | None = None
+    pixel_dropout: float | None = None
+    edge_dropout: float | None = None
+    ellipses_per_megapixel: float | None = None
+    limb_end_dropout: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.name not in _PUBLISHED:
+            raise InputError(f"sensor.name must be one of {', '.join(_PUBLISHED)}, not {self.name!r}")
+        terms = _with_published(self)
+        for name, value in terms.items():
+            if not math.isfinite(value) or (value < 0 and name != "baseline_m"):
+                raise InputError(f"sensor.{name} must be a finite number of at least 0, not {value}")
+        for name in ("flying_pixels", "pixel_dropout", "edge_dropout", "limb_end_dropout"):
+            if terms[name] > 1:
+                raise InputError(f"sensor.{name} is a fraction and must lie between 0 and 1, not {terms[name]}")
+        if terms["max_range_m"] and terms["max_range_m"] <= terms["min_range_m"]:
+            raise InputError(f"sensor.max_range_m={terms['max_range_m']} must exceed sensor.min_range_m={terms['min_range_m']}")
+        in_native_px = (
+            "lateral_px", "grain_px", "disparity_step_px", "disparity_noise_px", "ellipses_per_megapixel"
+        )  # fmt: skip
+        for name in in_native_px:
+            if terms[name] and not terms["native_focal_px"]:
+                raise InputError(f"sensor.{name} is in native pixels: set sensor.native_focal_px too")
+        if (terms["disparity_step_px"] or terms["disparity_noise_px"]) and not terms["baseline_m"]:
+            raise InputError("sensor.disparity_step_px and sensor.disparity_noise_px need a sensor.baseline_m")
+        if terms["wiggle_m"] and not terms["wiggle_period_m"]:
+            raise InputError("sensor.wiggle_m needs a sensor.wiggle_period_m")
+
+
+def _with_published(config: SensorConfig) -> dict[str, float]:
+    published = _PUBLISHED[config.name]
+    given = {field.name: getattr(config, field.name) for field in fields(config) if field.name != "name"}
+    return {name: published.get(name, 0.0) if value is None else value for name, value in given.items()}
+
+
+@cache
+def resolved(config: SensorConfig) -> SensorConfig:
+    """The same sensor with published values in place of every None."""
+    return SensorConfig(config.name, **_with_published(config))
+
+
+SENSORS = {name: SensorConfig(name) for name in _PUBLISHED}
+
+
+def measure(
+    depth_m: np.ndarray,
+    camera: Camera,
+    config: SensorConfig,
+    rng: np.random.Generator,
+    limb_ends_camera_m: np.ndarray | None = None,
+) -> np.ndarray:
+    """Measures a clean depth image with the sensor model.
+
+    Args:
+        depth_m: (h, w) float32 depth of the whole scene, people and background, metres; 0 where there is no surface.
+        camera: the camera of these pixels; may be a cropped one.
+        config: the sensor.
+        rng: the only source of randomness.
+        limb_ends_camera_m: (K, 3) hands and feet in the camera frame, metres, one of whose ends may be lost; None: no
+            limb end is lost.
+
+    Returns:
+        (h, w) float32 metres, 0 where nothing is measured.
+
+    Raises:
+        InputError: the image has another size than the camera.
+    """
+    return measure_labelled(depth_m, np.ones(depth_m.shape, np.uint8), camera, config, rng, limb_ends_camera_m)[0]
+
+
+def measure_labelled(
+    depth_m: np.ndarray,
+    labels: np.ndarray,
+    camera: Camera,
+    config: SensorConfig,
+    rng: np.random.Generator,
+    limb_ends_camera_m: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Like `measure`, but measures only labelled surfaces and returns the label of each measured pixel.
+
+    Lateral noise moves outlines, so a pixel may show the surface of a neighbouring clean pixel.
+
+    Args:
+        depth_m: as in `measure`.
+        labels: (h, w) uint8 label of each clean pixel; surfaces with label 0 are not measured.
+        camera: as in `measure`.
+        config: as in `measure`.
+        rng: as in `measure`.
+        limb_ends_camera_m: as in `measure`.
+
+    Returns:
+        (h, w) float32 metres, 0 where no labelled surface is measured, and (h, w) uint8 labels of the measured surfaces,
+        0 where the depth is 0.
+
+    Raises:
+        InputError: depth or labels have another size than the camera.
+    """
+    if depth_m.shape != (camera.height, camera.width) or labels.shape != depth_m.shape:
+        raise InputError(
+            f"sensor: depth is {depth_m.shape}, labels are {labels.shape}, "
+            f"the camera has (height, width) = ({camera.height}, {camera.width}); all must be equal"
+        )
+    config = resolved(config)
+    key = rng.integers(2**64, dtype=np.uint64)
+    terms = _terms(config, camera, gain=1 + config.gain * rng.standard_normal(), dropout_draw=rng.random())
+    measured, seen = measure_pixels(
+        np.ascontiguousarray(depth_m, dtype=np.float32), np.ascontiguousarray(labels, dtype=np.uint8), key, terms
+    )
+    ellipses = _holes(camera, config, rng, limb_ends_camera_m)
+    if len(ellipses):
+        erase_ellipses(measured, ellipses)
+        seen[measured == 0] = 0
+    return measured, seen
+
+
+def _terms(config: SensorConfig, camera: Camera, gain: float, dropout_draw: float) -> np.ndarray:
+    """(1,) record of `TERMS`, in metres and image pixels."""
+    scale = camera.fx / config.native_focal_px if config.native_focal_px else 0.0
+    # The unit of disparity is the quantisation step, or a native pixel for noise without quantisation.
+    unit = config.disparity_step_px or 1.0
+    uses_disparity = config.disparity_step_px > 0 or config.disparity_noise_px > 0
+    terms = {
+        "fx": camera.fx,
+        "fy": camera.fy,
+        "cx": camera.cx,
+        "cy": camera.cy,
+        "min_range": config.min_range_m,
+        "max_range": config.max_range_m or math.inf,
+        "axial_floor": config.axial_floor_m,
+        "axial_quadratic": config.axial_quadratic,
+        "axial_offset": config.axial_offset_m,
+        "axial_grazing": config.axial_grazing,
+        "axial_radial": config.axial_radial,
+        "lateral": config.lateral_px * scale,
+        "lateral_grazing": config.lateral_grazing_px * scale,
+        "grain": max(config.grain_px * scale, 1.0),
+        "shadow": camera.fx * config.baseline_m,
+        "steps": abs(config.baseline_m) * config.native_focal_px / unit if uses_disparity else 0.0,
+        "step_noise": config.disparity_noise_px / unit,
+        "rounded": config.disparity_step_px > 0,
+        "wiggle": config.wiggle_m,
+        "wiggle_frequency": 2 * math.pi / config.wiggle_period_m if config.wiggle_period_m else 0.0,
+        "flying_pixels": config.flying_pixels,
+        "gain": gain,
+        "pixel_dropout": config.pixel_dropout * dropout_draw,
+        "edge_dropout": config.edge_dropout,
+    }
+    return np.array([tuple(terms[name] for name in TERMS.names)], TERMS)
+
+
+def _holes(camera: Camera, config: SensorConfig, rng: np.random.Generator, limb_ends_camera_m: np.ndarray | None) -> np.ndarray:
+    """(N, 7) float32 ellipses for `holes.erase_ellipses`: random holes, and possibly a hole at the end of a limb."""
+    ellipses = np.zeros((0, 7))
+    if config.ellipses_per_megapixel:
+        scale = camera.fx / config.native_focal_px
+        native_megapixels = camera.width * camera.height / scale**2 / 1e6
+        count = rng.poisson(config.ellipses_per_megapixel * native_megapixels)
+        low = np.array([0, 0, ELLIPSE_PX[0] * scale, ELLIPSE_PX[0] * scale, 0])
+        high = np.array([camera.width, camera.height, ELLIPSE_PX[1] * scale, ELLIPSE_PX[1] * scale, math.pi])
+        ellipses = np.full((count, 7), np.inf)
+        ellipses[:, :5] = low + (high - low) * rng.random((count, 5))
+        ellipses[:, 5] = 0
+    if limb_ends_camera_m is not None and len(limb_ends_camera_m) and rng.random() < config.limb_end_dropout:
+        end = limb_ends_camera_m[rng.integers(len(limb_ends_camera_m))]
+        hole = spherical_hole(end, rng.uniform(*LIMB_HOLE_RADIUS_M), LIMB_HOLE_DEPTH_M, camera)
+        ellipses = np.concatenate([ellipses, hole])
+    return ellipses.astype(np.float32)

@@ -1,0 +1,63 @@
+"""`eval_sim`, the stand-in for EVAL: simulated sequences of the motions that the paper names, in EVAL's file format.
+
+24 sequences of 288 to 488 frames at 30 fps of three people, a, b and c. The eight sequences of each person show two dances,
+crossed punches, kicks, turns, sitting on the floor, a handstand, and a mixture of all. The rooms are furnished; the sensor is a
+Kinect v1. Each sequence starts in the paper's Y pose.
+"""
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from kpopnet.camera import CAMERAS
+from synth.motion.choreography.programmes import show
+from synth.motion.skeleton import Motion
+from synth.scene.room import ViewConfig
+from synth.sensor.model import SENSORS, SensorConfig
+from synth.simulated.sequences import StandIn, StandInSelection, StandInSet
+
+SUBJECTS = ("a", "b", "c")
+SEQUENCES = 24
+FPS = 30.0
+CAMERA = CAMERAS["eval"]
+KINDS = ("dance", "crossed_punches", "kicks", "turns", "sitting", "handstand", "dance", "mixture")
+"""Sequence k shows KINDS[k % 8]. The three people alternate, so each of them shows every kind once."""
+
+
+@dataclass
+class EvalSimConfig(StandInSelection):
+    """Identity and size of the set. Its first eight sequences show one of each kind."""
+
+    whole: ClassVar[int] = SEQUENCES
+    name: str = "eval_sim"
+    sequences: int = SEQUENCES
+
+
+@dataclass(frozen=True)
+class EvalSimSet(StandInSet):
+    """Every setting that the sequences depend on."""
+
+    generator: ClassVar[int] = 2
+    benchmark: EvalSimConfig = field(default_factory=EvalSimConfig)
+    sensor: SensorConfig = SENSORS["kinect_v1"]
+    frames: tuple[int, int] = (288, 488)
+
+    def composed_kind(self, index: int) -> str:
+        return KINDS[index % len(KINDS)]
+
+
+class EvalSim(StandIn):
+    """Makes the sequences of simulated EVAL."""
+
+    camera = CAMERA
+    fps = FPS
+    view = ViewConfig(height_m=(0.7, 1.7), aim_m=(0.85, 1.15))
+    subjects = SUBJECTS
+
+    @classmethod
+    def sequence_name(cls, index: int) -> str:
+        return f"seq_{SUBJECTS[index % len(SUBJECTS)]}_{index // len(SUBJECTS)}"
+
+    def compose(self, rng: np.random.Generator, index: int, seconds: float) -> Motion:
+        return show(rng, self.config.kind(index), seconds, FPS)

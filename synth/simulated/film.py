@@ -1,0 +1,381 @@
+"""Films: depth sequences of one person who moves in one room in front of one static camera, with ground truth.
+
+A sample (`synth.samples.sampler`) is a single frame. In a film the whole motion has to stay on the floor, inside the image,
+between the walls and clear of the furniture. So the motion is first applied to the body without a camera (`Studio.play`), and a
+position in a room is searched for afterwards (`Studio.place`).
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from kpopnet.camera import Camera
+from synth.body.markers import MARKERS, tracked_markers
+from synth.body.shape import Person
+from synth.motion.skeleton import Motion, height_above_floor, multiply
+from synth.samples.observe import LIMB_ENDS
+from synth.samples.sampler import body_rotations, heading_rad
+from synth.scene.render import make_renderer
+from synth.scene.room import Room, View, ViewConfig, draw_room, draw_view
+from synth.scene.scene import Scene
+from synth.sensor.model import SensorConfig, measure_labelled
+
+WALL_CLEARANCE_M = 0.2
+FURNITURE_CLEARANCE_M = 0.2
+DISTANCE_RANGE_M = (1.2, 4.2)
+"""Least and greatest distance of any point of the person from the camera's wall: the range for which a Kinect v1 is made."""
+
+IMAGE_MARGIN_PX = 4
+PLACES = 24
+"""Positions drawn for a motion in a room before the room is rejected."""
+
+ROOM_BOXES = 4
+"""A room's first boxes: the floor and three walls. The others are furniture."""
+
+MAX_OCCLUDED_FRACTION = 0.02
+"""Greatest fraction of the person's pixels that furniture may occlude in any of the tested frames."""
+
+_VERTEX_STRIDE, _FRAME_STRIDE = 7, 2
+"""Vertices and frames of which the skin is kept for collision tests."""
+
+_OCCLUSION_STRIDE = 15
+"""Frames that are tested for occlusion."""
+
+ROOM, PERSON = 1, 2  # pixel labels
+
+
+@dataclass(frozen=True)
+class Played:
+    """A motion applied to a body at the world's origin: T frames, B bones.
+
+    Attributes:
+        person: the body.
+        motion: the motion.
+        local: (T, B, 4) local rotations of the bones, unit quaternions.
+        hips_m: (T, 3) positions of the hips in the world, metres.
+        skin_m: (N, 3) a subset of the vertices in a subset of the frames, for collision tests, metres.
+        hull_m: (M, 3) the vertices of the convex hull of `skin_m`, metres.
+        penetration_m: (T,) greatest depth by which two parts of the body penetrate each other, metres.
+    """
+
+    person: Person
+    motion: Motion
+    local: np.ndarray
+    hips_m: np.ndarray
+    skin_m: np.ndarray
+    hull_m: np.ndarray
+    penetration_m: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.local)
+
+    def turned(self, yaw_rad: float) -> "Played":
+        """The same rotated to the left, by an angle in radians, about the vertical axis through the origin."""
+        cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+        rotation = np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])  # multiplies row vectors
+        local = self.local.copy()
+        local[:, 0] = multiply(np.array([np.cos(yaw_rad / 2), 0, 0, np.sin(yaw_rad / 2)]), local[:, 0])
+        rotated = {name: getattr(self, name) @ rotation for name in ("hips_m", "skin_m", "hull_m")}
+        return replace(self, local=local, **rotated)
+
+
+@dataclass(frozen=True)
+class Take:
+    """A motion on a body at a position in a room, and the camera's view.
+
+    Attributes:
+        played: the motion on the body.
+        room: the room.
+        view: the camera's pose.
+        place_m: (3,) translation of the hips in the world, metres.
+    """
+
+    played: Played
+    room: Room
+    view: View
+    place_m: np.ndarray
+
+
+@dataclass(frozen=True)
+class CleanFrame:
+    """A frame of a take without sensor noise.
+
+    Attributes:
+        number: of the frame in the take.
+        person_m: (H, W) float32 depth of the person without the room, metres, 0 elsewhere.
+        room_m: (H, W) float32 depth of the room without the person, metres, 0 where it has no surface.
+        joints_camera_m: (15, 3) float32 true joints, metres.
+    """
+
+    number: int
+    person_m: np.ndarray
+    room_m: np.ndarray
+    joints_camera_m: np.ndarray
+
+
+@dataclass(frozen=True)
+class Film:
+    """Measured depth of T frames with ground truth.
+
+    Attributes:
+        name: of the sequence.
+        identity: name of the person.
+        fps: frames per second.
+        camera: the camera.
+        depth_m: (T, H, W) float32 depth of the whole scene, metres, 0 where nothing was measured.
+        person: (T, H, W) bool, pixels that show the person.
+        joints_camera_m: (T, 15, 3) float32 true joints, metres.
+        markers_camera_m: (T, M, 3) float32 markers on the skin or clothes, metres, in the order of
+            `synth.body.markers.MARKERS`.
+        markers_tracked: (T, M) bool, markers visible to a motion-capture system around the person.
+        yaw_rad: (T,) float32 heading, radians, 0 facing the camera, positive to the person's left.
+        floor: (4,) float32 unit normal n, upwards, and d with n.x + d = 0 on the floor, camera frame.
+        motion: name of the motion.
+    """
+
+    name: str
+    identity: str
+    fps: float
+    camera: Camera
+    depth_m: np.ndarray
+    person: np.ndarray
+    joints_camera_m: np.ndarray
+    markers_camera_m: np.ndarray
+    markers_tracked: np.ndarray
+    yaw_rad: np.ndarray
+    floor: np.ndarray
+    motion: str
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One frame of a film.
+
+    Attributes:
+        depth_m: (H, W) float32, see `Film`.
+        person: (H, W) bool, see `Film`.
+        joints_camera_m: (15, 3) float32, see `Film`.
+        markers_camera_m: (M, 3) float32, see `Film`.
+        markers_tracked: (M,) bool, see `Film`.
+        yaw_rad: heading, see `Film`.
+    """
+
+    depth_m: np.ndarray
+    person: np.ndarray
+    joints_camera_m: np.ndarray
+    markers_camera_m: np.ndarray
+    markers_tracked: np.ndarray
+    yaw_rad: float
+
+
+class Studio:
+    """One compiled scene and one renderer, with a camera whose pose can be changed.
+
+    Attributes:
+        scene: the scene.
+        renderer: its renderer.
+    """
+
+    def __init__(self, camera: Camera, renderer: str) -> None:
+        self.scene = Scene(camera)
+        self.renderer = make_renderer(renderer, self.scene)
+
+    def close(self) -> None:
+        self.renderer.close()
+
+    def play(self, person: Person, motion: Motion, yaw_rad: float, curls_rad: np.ndarray) -> Played:
+        """Applies a motion to a body.
+
+        Translations are scaled by the ratio of the legs' lengths. In each frame the lowest vertex lies on the floor, or above
+        it by the scaled height that the motion's skeleton has above the floor.
+
+        Args:
+            person: the body.
+            motion: on any skeleton, starting at any position.
+            yaw_rad: rotation to the left, radians; at 0 the motion's +Z axis points towards the camera.
+            curls_rad: (2,) flexion of the left and right fingers, radians.
+        """
+        scene, scale = self.scene, person.leg_m / motion.leg_m
+        self._set_person(person)
+        local = body_rotations(scene.asset, motion.quats, yaw_rad, curls_rad)
+        hover_m = np.maximum(height_above_floor(motion.quats, motion.root_m), 0) * scale
+        # The motion's y is up and its z in front: (x, y, z) -> (x, -z, y), then rotated by yaw_rad.
+        left, front = ((motion.root_m - motion.root_m[0])[:, axis].astype(np.float64) * scale for axis in (0, 2))
+        cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+        hips_m = np.stack([cos * left + sin * front, sin * left - cos * front, np.zeros(len(left))], axis=1)
+        skin_m, penetration_m = [], []
+        for frame in range(len(motion)):
+            scene.pose(local[frame], np.zeros(3))
+            vertices = self.renderer.vertices_world_m()
+            hips_m[frame, 2] = hover_m[frame] - vertices[:, 2].min()
+            penetration_m.append(scene.penetration_m())
+            if frame % _FRAME_STRIDE == 0:
+                skin_m.append(vertices[::_VERTEX_STRIDE] + hips_m[frame])
+        skin_m = np.concatenate(skin_m)
+        return Played(person, motion, local, hips_m, skin_m, skin_m[ConvexHull(skin_m).vertices], np.array(penetration_m))
+
+    def place(self, rng: np.random.Generator, played: Played, room: Room, view: View) -> Take | None:
+        """Searches a position in the room where the whole motion is visible and collides with nothing.
+
+        At every position the motion is rotated, so that what was played towards the camera still faces it.
+
+        Args:
+            rng: draws positions.
+            played: the motion on a body.
+            room: the room.
+            view: the camera's pose.
+
+        Returns:
+            The take, or None if none of PLACES positions fits.
+        """
+        scene = self.scene
+        back, left, right = room.clear_m()
+        first = np.array([left + WALL_CLEARANCE_M, DISTANCE_RANGE_M[0]])
+        last = np.array([right - WALL_CLEARANCE_M, min(back - WALL_CLEARANCE_M, DISTANCE_RANGE_M[1])])
+        lower, upper = first - played.hull_m.min(axis=0)[:2], last - played.hull_m.max(axis=0)[:2]
+        if (lower > upper).any():
+            return None
+        scene.set_view(view)
+        scene.set_room(room)
+        room_m = self.renderer.room_m()
+        for _ in range(PLACES):
+            place_m = np.append(rng.uniform(lower, upper), 0.0)
+            turned = played.turned(-np.arctan2(place_m[0], place_m[1]))
+            hull_m = turned.hull_m + place_m
+            if (hull_m[:, :2] < first).any() or (hull_m[:, :2] > last).any() or not self._in_image(hull_m, view):
+                continue
+            if not _collides(room, turned.skin_m + place_m) and not self._is_occluded(turned, place_m, room_m):
+                return Take(turned, room, view, place_m)
+        return None
+
+    def place_in_rooms(
+        self, rng: np.random.Generator, played: Played, view_config: ViewConfig, rooms: int, furnished: bool = True
+    ) -> Take | None:
+        """Draws rooms and views until `place` finds a position; None if none of `rooms` rooms has one."""
+        for _ in range(rooms):
+            view, room = draw_view(rng, view_config), draw_room(rng)
+            if not furnished:
+                room = Room(room.centres_m[:ROOM_BOXES], room.halves_m[:ROOM_BOXES], room.yaws_rad[:ROOM_BOXES])
+            if (take := self.place(rng, played, room, view)) is not None:
+                return take
+        return None
+
+    def _in_image(self, points_world_m: np.ndarray, view: View) -> bool:
+        camera = self.scene.camera
+        u, v, z = camera.project(view.to_camera(points_world_m)).T
+        outside_px = np.maximum(
+            np.abs(u - (camera.width - 1) / 2) - camera.width / 2, np.abs(v - (camera.height - 1) / 2) - camera.height / 2
+        )
+        return z.min() > 0 and outside_px.max() < -IMAGE_MARGIN_PX
+
+    def _is_occluded(self, played: Played, place_m: np.ndarray, room_m: np.ndarray) -> bool:
+        """Whether furniture occludes the person in any of the tested frames."""
+        self._set_person(played.person)
+        for frame in range(0, len(played), _OCCLUSION_STRIDE):
+            self.scene.pose(played.local[frame], played.hips_m[frame] + place_m)
+            person_m = self.renderer.person_m()
+            occluded = (person_m > 0) & (room_m > 0) & (room_m < person_m)
+            # The floor under the feet is not furniture: by rounding, it may occlude the last millimetre of a sole.
+            if np.count_nonzero(occluded & (person_m - room_m > 0.02)) > MAX_OCCLUDED_FRACTION * np.count_nonzero(person_m):
+                return True
+        return False
+
+    def joints_world_m(self, person: Person, local: np.ndarray, hips_m: np.ndarray) -> np.ndarray:
+        """True joints of a sequence of poses.
+
+        Args:
+            person: the body.
+            local: (T, B, 4) local rotations of the bones.
+            hips_m: (T, 3) positions of the hips in the world, metres.
+
+        Returns:
+            (T, 15, 3) metres in the world.
+        """
+        self._set_person(person)
+        joints = []
+        for quats, root_m in zip(local, hips_m, strict=True):
+            self.scene.pose(quats, root_m)
+            joints.append(self.scene.joints_world_m())
+        return np.array(joints)
+
+    def render(self, take: Take, frames: range) -> Iterator[CleanFrame]:
+        """Renders frames of a take without noise. The scene keeps the pose of a frame until the next one is requested."""
+        scene, played = self.scene, take.played
+        self._set_person(played.person)
+        scene.set_view(take.view)
+        scene.set_room(take.room)
+        room_m = self.renderer.room_m()
+        for number in frames:
+            scene.pose(played.local[number], played.hips_m[number] + take.place_m)
+            joints_m = take.view.to_camera(scene.joints_world_m()).astype(np.float32)
+            yield CleanFrame(number, self.renderer.person_m(), room_m, joints_m)
+
+    def shots(
+        self, take: Take, sensor: SensorConfig, noise: Callable[[int], np.random.Generator], frames: range
+    ) -> Iterator[Shot]:
+        """Renders and measures frames of a take; the noise of frame t is drawn from the generator noise(t) only."""
+        camera = self.scene.camera
+        for clean in self.render(take, frames):
+            depth_m, person = measure_frame(clean, (0, 0, camera.width, camera.height), camera, sensor, noise(clean.number))
+            skin_m = self.renderer.vertices_world_m()
+            yield Shot(
+                depth_m=depth_m,
+                person=person,
+                joints_camera_m=clean.joints_camera_m,
+                markers_camera_m=take.view.to_camera(skin_m[list(MARKERS.values())]).astype(np.float32),
+                markers_tracked=tracked_markers(skin_m, take.place_m),
+                yaw_rad=heading_rad(self.scene),
+            )
+
+    def _set_person(self, person: Person) -> None:
+        if self.scene.person is not person:
+            self.scene.set_person(self.scene.fit(person))
+
+
+def measure_frame(
+    clean: CleanFrame,
+    box: tuple[int, int, int, int],
+    camera: Camera,
+    sensor: SensorConfig,
+    rng: np.random.Generator,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Applies the sensor model to a part of a clean frame.
+
+    Args:
+        clean: the frame.
+        box: x0, y0, x1, y1 of the part, pixels, the ends exclusive.
+        camera: of the whole image.
+        sensor: the sensor.
+        rng: draws the noise.
+
+    Returns:
+        (y1 - y0, x1 - x0) float32 depth in metres, 0 where nothing was measured, and bool, pixels that show the person.
+    """
+    x0, y0, x1, y1 = box
+    person_m, room_m = clean.person_m[y0:y1, x0:x1], clean.room_m[y0:y1, x0:x1]
+    is_person = (person_m > 0) & ((room_m == 0) | (person_m <= room_m))
+    depth_m, labels = measure_labelled(
+        np.where(is_person, person_m, room_m),
+        np.where(is_person, np.uint8(PERSON), np.uint8(ROOM)),
+        camera.cropped(x0, y0, x1 - x0, y1 - y0),
+        sensor,
+        rng,
+        clean.joints_camera_m[LIMB_ENDS],
+    )
+    return depth_m, labels == PERSON
+
+
+def _collides(room: Room, points_world_m: np.ndarray) -> bool:
+    """Whether any of (N, 3) points lies inside a piece of furniture or within FURNITURE_CLEARANCE_M of it."""
+    furniture = (array[ROOM_BOXES:] for array in (room.centres_m, room.halves_m, room.yaws_rad))
+    for centre, half, yaw in zip(*furniture, strict=True):
+        offset = points_world_m - centre
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        local = np.stack(
+            [cos * offset[:, 0] + sin * offset[:, 1], cos * offset[:, 1] - sin * offset[:, 0], offset[:, 2]], axis=1
+        )
+        if (np.abs(local) < half + FURNITURE_CLEARANCE_M).all(axis=1).any():
+            return True
+    return False

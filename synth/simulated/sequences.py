@@ -1,0 +1,201 @@
+"""Stand-ins for published benchmarks: simulated sequences of unseen people, written by `synth.simulated.writer`.
+
+This module holds the code that all stand-ins share; the motion of each is defined in its own module (`eval_sim`,
+`smmc10_sim`). Sequence k is a pure function of the configuration and k. No person, motion, room or noise of a benchmark is in a
+training set: see `draw_unseen_person` and `StandIn._rng`.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from kpopnet.camera import Camera
+from kpopnet.errors import InputError, check_range
+from synth.body.shape import BodyConfig, Person, draw_unseen_person
+from synth.motion import build_motion
+from synth.motion.choreography.programmes import START_S, start_pose
+from synth.motion.skeleton import Motion
+from synth.motion.splice import cut, follow, resampled
+from synth.scene.room import ViewConfig
+from synth.simulated.configuration import SimulatedSet, is_faulty, random_excerpt
+from synth.simulated.film import Film, Shot, Studio, Take
+
+BODY = BodyConfig()
+
+HEADING_STD_DEG = 5.0
+"""Standard deviation of the heading at the start."""
+
+STANDING_PENETRATION_M, EXTRA_PENETRATION_M = 0.06, 0.03
+"""A motion is rejected if two parts of the body, by their collision capsules, penetrate each other by more than the second
+value beyond the greater of the first value and the person's penetration while standing. When broad people stand, their forearms
+penetrate their thighs, with clothes, by 6 cm, which is not visible."""
+
+MOTION_TRIES, ROOM_TRIES = 100, 8
+"""Motions tried for a sequence, and rooms tried for each motion."""
+
+
+@dataclass
+class StandInSelection:
+    """Identity and size of a stand-in.
+
+    Attributes:
+        name: name of the benchmark.
+        seed: another seed gives other people, dances, rooms and noise.
+        sequences: number of sequences to make; they are the first ones of the whole set.
+    """
+
+    whole: ClassVar[int] = 1
+    name: str = ""
+    seed: int = 0
+    sequences: int = 1
+
+    def __post_init__(self) -> None:
+        if self.name != type(self).name:
+            raise InputError(f"benchmark.name={self.name}: the set is called {type(self).name}")
+        if not 0 <= self.seed < 2**32:
+            raise InputError(f"benchmark.seed={self.seed} must lie in 0..{2**32 - 1}")
+        if not 1 <= self.sequences <= self.whole:
+            raise InputError(f"benchmark.sequences={self.sequences}: the set has {self.whole}; give a number from 1 on")
+
+
+@dataclass(frozen=True)
+class StandInSet(SimulatedSet, ABC):
+    """Every setting that the sequences depend on.
+
+    Attributes:
+        frames: least and greatest length of a sequence, frames.
+    """
+
+    counted: ClassVar[str] = "sequences"
+    frames: tuple[int, int] = (100, 400)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_range("frames", self.frames, 1, 1e6)
+
+    def kind(self, index: int) -> str:
+        """The kind of motion in sequence `index`."""
+        return "recorded" if self.motion.source == "clips" else self.composed_kind(index)
+
+    @abstractmethod
+    def composed_kind(self, index: int) -> str:
+        """The kind of motion in sequence `index` if motion is composed."""
+
+
+class StandIn(ABC):
+    """Makes the sequences; holds one compiled scene.
+
+    Attributes:
+        camera: intrinsics of the camera.
+        fps: frames per second.
+        view: distribution of the camera's pose.
+        subjects: names of the people; they alternate, so the first few sequences show all of them.
+    """
+
+    camera: ClassVar[Camera]
+    fps: ClassVar[float]
+    view: ClassVar[ViewConfig]
+    subjects: ClassVar[tuple[str, ...]]
+
+    def __init__(self, config: StandInSet) -> None:
+        self.config = config
+        self._recordings = build_motion(config.motion, "test") if config.motion.source == "clips" else None
+
+    @classmethod
+    @abstractmethod
+    def sequence_name(cls, index: int) -> str:
+        """The name of sequence `index`, and of its file without the suffix."""
+
+    @abstractmethod
+    def compose(self, rng: np.random.Generator, index: int, seconds: float) -> Motion:
+        """Composes the motion of sequence `index` after its start pose, at least the given number of seconds long."""
+
+    @cached_property
+    def studio(self) -> Studio:
+        return Studio(self.camera, self.config.renderer)
+
+    def _rng(self, kind: str, *numbers: int) -> np.random.Generator:
+        """The generator of a person, a sequence or a frame's noise. Only this benchmark's seeds start with its name."""
+        selection = self.config.benchmark
+        return np.random.default_rng(
+            [*selection.name.encode(), selection.seed, ("person", "sequence", "noise").index(kind), *numbers]
+        )
+
+    def subject(self, index: int) -> str:
+        """The name of the person in sequence `index`."""
+        return self.subjects[index % len(self.subjects)]
+
+    def person(self, subject: int) -> Person:
+        return draw_unseen_person(self._rng("person", subject), BODY)
+
+    def take(self, index: int) -> Take:
+        """Draws the person, motion, room and view of sequence `index`.
+
+        Raises:
+            InputError: No motion of the source stays inside a room and the image.
+        """
+        person = self.person(index % len(self.subjects))
+        for attempt in range(MOTION_TRIES):
+            rng = self._rng("sequence", index, attempt)
+            motion = self._motion(rng, index, int(rng.integers(*self.config.frames, endpoint=True)))
+            if is_faulty(motion):
+                continue
+            yaw_rad, curls_rad = np.radians(HEADING_STD_DEG) * rng.normal(), rng.uniform(0.0, 1.5, 2)
+            played = self.studio.play(person, motion, yaw_rad, curls_rad)
+            standing_m = played.penetration_m[: round(START_S * self.fps)].max()
+            if played.penetration_m.max() > max(standing_m, STANDING_PENETRATION_M) + EXTRA_PENETRATION_M:
+                continue
+            if (take := self.studio.place_in_rooms(rng, played, self.view, ROOM_TRIES)) is not None:
+                return take
+        raise InputError(
+            f"{self.sequence_name(index)}: none of {MOTION_TRIES} motions stays inside the image and clear of walls and "
+            "furniture without faults; give recordings that stay within about 3 x 2 m, or take motion=choreography"
+        )
+
+    def _motion(self, rng: np.random.Generator, index: int, frames: int) -> Motion:
+        motion = start_pose(rng, self.fps)
+        while len(motion) < frames:
+            left_s = (frames - len(motion)) / self.fps + 1
+            motion = follow(motion, self._recorded(rng, left_s) if self._recordings else self.compose(rng, index, left_s))
+        return cut(motion, 0, frames)
+
+    def _recorded(self, rng: np.random.Generator, seconds: float) -> Motion:
+        """A random excerpt of a recording, at most the given number of seconds long."""
+        motion = resampled(self._recordings.motion(int(rng.integers(len(self._recordings)))), self.fps)
+        return random_excerpt(rng, motion, int(seconds * self.fps))
+
+    def shots(self, index: int, take: Take, frames: range) -> Iterator[Shot]:
+        """Renders and measures frames of sequence `index`."""
+        return self.studio.shots(take, self.config.sensor, lambda frame: self._rng("noise", index, frame), frames)
+
+    def film(self, index: int, frames: int | None = None) -> Film:
+        """Sequence `index` in memory, equal to the written file.
+
+        Args:
+            index: of the sequence.
+            frames: number of first frames to make; None for all.
+
+        Raises:
+            InputError: See `take`.
+        """
+        take = self.take(index)
+        count = len(take.played) if frames is None else min(frames, len(take.played))
+        shots = list(self.shots(index, take, range(count)))
+        return Film(
+            name=self.sequence_name(index),
+            identity=self.subject(index),
+            fps=self.fps,
+            camera=self.camera,
+            depth_m=np.stack([shot.depth_m for shot in shots]),
+            person=np.stack([shot.person for shot in shots]),
+            joints_camera_m=np.stack([shot.joints_camera_m for shot in shots]),
+            markers_camera_m=np.stack([shot.markers_camera_m for shot in shots]),
+            markers_tracked=np.stack([shot.markers_tracked for shot in shots]),
+            yaw_rad=np.array([shot.yaw_rad for shot in shots], np.float32),
+            floor=take.view.floor().astype(np.float32),
+            motion=take.played.motion.name,
+        )

@@ -1,0 +1,79 @@
+"""`smmc10_sim`, the stand-in for SMMC-10: simulated sequences of increasing difficulty, in SMMC-10's file format.
+
+28 sequences of 100 to 400 frames at 25 fps, 144 x 176 pixels in portrait orientation. Four people, sim01 to sim04, alternate.
+In the first sequences only the arms move, slowly. Then people step, cross their arms in front of the body, swing as with a
+racket, kick and turn, faster and faster. The last sequences mix fast kicks, swings and full turns. The rooms are furnished; the
+sensor is a SwissRanger. Assumptions: our sources do not describe the background of the real set, so the stand-in uses the
+harder case. Each sequence starts in the paper's Y pose. The ground truth is markers on the skin, tracked by a motion-capture
+system around the person (`synth.body.markers`).
+"""
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from kpopnet.camera import CAMERAS
+from synth.motion.choreography.programmes import drill
+from synth.motion.skeleton import Motion
+from synth.scene.room import ViewConfig
+from synth.sensor.model import SENSORS, SensorConfig
+from synth.simulated.sequences import StandIn, StandInSelection, StandInSet
+
+SUBJECTS = ("sim01", "sim02", "sim03", "sim04")
+FPS = 25.0
+CAMERA = CAMERAS["smmc10"]
+
+KINDS: tuple[tuple[str, ...], ...] = (
+    *[("arms",)] * 6,
+    *[("steps",)] * 6,
+    *[("crossed_punches",)] * 4,
+    *[("swings",)] * 4,
+    *[("kicks",)] * 3,
+    *[("turns",)] * 2,
+    *[("kicks", "swings", "turns")] * 3,
+)
+"""The kinds of motion in sequence k."""
+
+SEQUENCES = len(KINDS)
+MIN_BPM, MAX_BPM, BPM_HALF_RANGE = 70.0, 140.0, 8.0
+"""Tempo of the first and of the last sequence, beats per minute. The tempo of a sequence is drawn within BPM_HALF_RANGE of the
+linear interpolation between them."""
+
+
+@dataclass
+class Smmc10SimConfig(StandInSelection):
+    """Identity and size of the set. Its sequences become more difficult, so the first few are the easiest."""
+
+    whole: ClassVar[int] = SEQUENCES
+    name: str = "smmc10_sim"
+    sequences: int = SEQUENCES
+
+
+@dataclass(frozen=True)
+class Smmc10SimSet(StandInSet):
+    """Every setting that the sequences depend on."""
+
+    benchmark: Smmc10SimConfig = field(default_factory=Smmc10SimConfig)
+    sensor: SensorConfig = SENSORS["swissranger"]
+    frames: tuple[int, int] = (100, 400)
+
+    def composed_kind(self, index: int) -> str:
+        return ", ".join(KINDS[index])
+
+
+class Smmc10Sim(StandIn):
+    """Makes the sequences."""
+
+    camera = CAMERA
+    fps = FPS
+    view = ViewConfig(height_m=(0.8, 1.5), aim_m=(0.9, 1.1))
+    subjects = SUBJECTS
+
+    @classmethod
+    def sequence_name(cls, index: int) -> str:
+        return f"{SUBJECTS[index % len(SUBJECTS)]}_{index + 1}"
+
+    def compose(self, rng: np.random.Generator, index: int, seconds: float) -> Motion:
+        tempo = MIN_BPM + (MAX_BPM - MIN_BPM) * index / (SEQUENCES - 1)
+        return drill(rng, KINDS[index], (tempo - BPM_HALF_RANGE, tempo + BPM_HALF_RANGE), seconds, FPS)

@@ -1,0 +1,47 @@
+"""Fuzzes the readers of every file format.
+
+    python -m tests.fuzz                                  # 2,000 mutations of every format
+    python -m tests.fuzz --cases 20000 --format bvh aist  # more of some
+    python -m tests.fuzz --format bvh --only 1234         # one case again
+
+Prints a table. Exit code 1 where anything came out but success or an InputError of one line within 10 s and the memory
+budget.
+"""
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+TESTS = Path(__file__).resolve().parents[1]
+# The child processes import the formats and the tests' helpers.
+os.environ["PYTHONPATH"] = os.pathsep.join((str(TESTS.parent), str(TESTS), str(TESTS / "helpers")))
+sys.path[:0] = [str(TESTS), str(TESTS / "helpers")]
+
+
+def main() -> None:
+    from fuzz.formats import FORMATS
+    from fuzz.runner import ACCEPTED, REFUSED, Fuzzer
+
+    form = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser("python -m tests.fuzz", description=__doc__, formatter_class=form)
+    parser.add_argument("--cases", type=int, default=2000, help="mutations of each format: %(default)s")
+    parser.add_argument("--format", nargs="+", choices=FORMATS, default=list(FORMATS), help="all by default")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", type=int, help="number of the one case to run")
+    given = parser.parse_args()
+    cases = range(given.cases) if given.only is None else range(given.only, given.only + 1)
+    failed = False
+    print(f"{'format':20} {'accepted':>9} {'refused':>9} {'faults':>7}")
+    with Fuzzer(given.seed) as fuzzer:
+        for name in given.format:
+            report = fuzzer.fuzz(name, cases)
+            print(f"{name:20} {report.outcomes[ACCEPTED]:9} {report.outcomes[REFUSED]:9} {len(report.faults):7}", flush=True)
+            for case, fault in report.faults[:10]:
+                print(f"    case {case}: {fault}", flush=True)
+            failed |= bool(report.faults)
+    sys.exit(failed)
+
+
+if __name__ == "__main__":
+    main()

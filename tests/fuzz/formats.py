@@ -1,0 +1,304 @@
+"""A small valid example of every file format that is read, and how a program reads it whole."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from capsule_people import CapsulePeople
+from cone_people import cone_body, cone_joints, draw_cones
+from factories import write_shard
+from itop_files import write_itop
+from recorded_points import FRAMES, coco, person
+from scipy.io import savemat
+from y_people import y_joints
+
+from kpopnet.baselines.tree_walk.estimator import TreeWalkEstimator, TreeWalkEstimatorConfig
+from kpopnet.baselines.tree_walk.growing import GrowthConfig
+from kpopnet.baselines.tree_walk.training import TreeWalkConfig
+from kpopnet.baselines.tree_walk.training import train as train_tree_walk
+from kpopnet.camera import CAMERAS, Camera
+from kpopnet.dance.joint_sets import IMPERIAL, IMPERIAL_POINTS, aist_joints_m, imperial_joints_m
+from kpopnet.dance.performance import Performance
+from kpopnet.data.shards import ShardedSet
+from kpopnet.datasets.dances.converters import read_aist, read_imperial
+from kpopnet.datasets.dances.dance_set import KpopConfig, open_set
+from kpopnet.datasets.dances.writer import PackedDepth, write_labels, write_learner, write_teacher
+from kpopnet.datasets.eval.benchmark import EvalBenchmark, EvalConfig, EvalSimBenchmark, EvalSimConfig
+from kpopnet.datasets.eval.format import FRAME
+from kpopnet.datasets.itop import ItopBenchmark, ItopConfig
+from kpopnet.datasets.smmc10.benchmark import Smmc10Benchmark, Smmc10Config
+from kpopnet.datasets.smmc10.format import PACKED
+from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
+from kpopnet.datasets.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
+from kpopnet.geometry.human_model import HumanModel
+from kpopnet.networks import ModelConfig, build_network
+from kpopnet.networks.checkpoint import load_network, load_state, save_checkpoint
+from kpopnet.programs.stages import stages_of
+from synth.motion import MotionConfig, build_motion
+from synth.motion.choreography.composer import dance
+from synth.motion.skeleton import REST_OFFSETS_M
+from synth.samples.observe import ExtractionConfig, Observer
+from synth.sensor.model import SensorConfig
+
+SMALL = Camera.centred(60.0, 48, 40)
+MODEL = ModelConfig(crop_px=32, widths=[8, 8, 8, 8])
+
+
+class Format(NamedTuple):
+    """A file format.
+
+    Attributes:
+        make: writes a valid example into an empty folder.
+        files: patterns of the files to mutate, below the folder.
+        read: reads the example as a program does; raises InputError where it is invalid.
+    """
+
+    make: Callable[[Path], object]
+    files: tuple[str, ...]
+    read: Callable[[Path], object]
+
+
+def joints(frames: int) -> np.ndarray:
+    """(frames, 15, 3) metres of a person whose arms move."""
+    return np.stack([y_joints(20 + 2 * frame) for frame in range(frames)]).astype(np.float32)
+
+
+def make_shard(folder: Path, kind: str) -> None:
+    write_shard(folder, count=3, camera=SMALL, kind=kind)
+
+
+def read_shards(folder: Path) -> None:
+    shards = ShardedSet(folder)
+    observer = Observer(shards, SensorConfig(), ExtractionConfig(), None, 0)
+    for index in range(min(len(shards), 8)):
+        observer.observe(index, 0)
+    shards.column("joints_m")
+
+
+def read_frozen(folder: Path) -> None:
+    benchmark = SyntheticBenchmark(SyntheticConfig(path=str(folder)))
+    for name in benchmark.sequence_names():
+        benchmark.read(name)
+
+
+def make_dances(folder: Path) -> None:
+    place, times_s = folder / "mama", np.arange(20) / 20.0
+    packed = PackedDepth(SMALL)
+    for frame in range(20):
+        image = np.zeros((SMALL.height, SMALL.width), np.float32)
+        image[5:30, 10 + frame : 20 + frame] = 2.5
+        packed.add(image)
+    write_teacher(place, Performance(joints(20), times_s))
+    write_learner(place, "ann", times_s, joints(20), packed, {"level": "best"})
+    write_learner(place, "jin", times_s, joints(20))
+    write_labels(place, ["ann", "jin"])
+    (folder / "manifest.json").write_text(json.dumps({"name": "mine", "simulated": True, "about": "a test", "dances": 1}))
+
+
+def read_dances(folder: Path) -> None:
+    dances = open_set(KpopConfig(path=str(folder)))
+    for name in dances.names:
+        one = dances.dance(name)
+        one.teacher()
+        for learner in one.learners:
+            _ = learner.about, learner.depth_key, learner.times_s(), learner.joints()
+        one.learners[0].depth()
+
+
+def make_itop(folder: Path) -> None:
+    depth_m = np.full((3, 240, 320), 3.0)
+    write_itop(folder, [f"00_0000{k}" for k in range(3)], depth_m, np.tile([0.0, 0.1, 2.5], (3, 15, 1)))
+
+
+def read_itop(folder: Path) -> None:
+    benchmark = ItopBenchmark(ItopConfig(path=str(folder), view="side", split="test"))
+    for name in benchmark.sequence_names():
+        benchmark.read(name)
+
+
+def make_eval(folder: Path) -> None:
+    stored = np.zeros(2, FRAME)
+    stored["magic"], stored["frame"], stored["njoints"] = 7, [0, 1], 2
+    stored["xyz"] = CAMERAS["eval"].points(np.full((240, 320), 2.5, np.float32)) * np.float32([1, -1, -1])
+    stored["joints"]["id"][:, :2] = 40, 41
+    stored["joints"]["pos"][:, :2] = 0.1, 0.2, -2.4
+    stored.tofile(folder / "seq_a_0.bin")
+
+
+def read_eval(folder: Path) -> None:
+    EvalBenchmark(EvalConfig(path=str(folder), joints={"head": [40], "neck": [41]})).read("seq_a_0")
+
+
+def make_smmc10(folder: Path) -> None:
+    stored = np.zeros(2, PACKED)
+    points = CAMERAS["smmc10"].points(np.full((176, 144), 2.5, np.float32)) * np.float32([1, -1, -1])
+    stored["magic"], stored["points"] = -1982, points.transpose(1, 0, 2).reshape(-1, 3)
+    stored["nmarkers"], stored["markers"]["cond"][:, :2] = 2, 1
+    stored["markers"]["id"][:, :2] = 1, 3
+    stored.tofile(folder / "real01_7.cal.bin")
+
+
+def read_smmc10(folder: Path) -> None:
+    Smmc10Benchmark(Smmc10Config(path=str(folder), joints={"head": [1], "neck": [3]})).read("real01_7")
+
+
+def make_utd(folder: Path) -> None:
+    for kind in ("Depth", "Skeleton"):
+        (folder / kind).mkdir()
+    depth = np.zeros((240, 320, 4), np.uint16)
+    depth[60:200, 120:180] = 2500
+    skeleton = np.tile(np.array([0.0, 0.2, 2.5])[None, :, None], (20, 1, 4)) + 0.01 * np.arange(20)[:, None, None]
+    savemat(folder / "Depth" / "a1_s1_t1_depth.mat", {"d_depth": depth}, do_compression=True)
+    savemat(folder / "Skeleton" / "a1_s1_t1_skeleton.mat", {"d_skel": skeleton}, do_compression=True)
+
+
+def read_utd(folder: Path) -> None:
+    benchmark = UtdMhadBenchmark(UtdMhadConfig(path=str(folder)))
+    for name in benchmark.sequence_names():
+        benchmark.read(name)
+
+
+def make_checkpoint(folder: Path) -> None:
+    network = build_network(MODEL)
+    state = {"step": 1, "weights": network.state_dict(), "best_cm": 1.0, "offset_sum_m": torch.zeros(15, 3), "offset_count": 3}
+    pose = np.zeros((15, 3)).tolist()
+    save_checkpoint(folder, network, state, {"step": 1, "config": {}, "metrics": {}, "mean_pose_m": pose}, best=True)
+
+
+def read_checkpoint(folder: Path) -> None:
+    checkpoint = next(iter(sorted((folder / "checkpoints").iterdir())))
+    load_network(checkpoint)
+    load_state(checkpoint)
+
+
+def make_tree_walk(folder: Path) -> None:
+    config = TreeWalkConfig(
+        images=12, crop_px=32, validation_images=6, confidence_bins=2, growth=GrowthConfig(features=5, leaf_samples=10, depth=4)
+    )
+    model, metrics = train_tree_walk(config, CapsulePeople(12, seed=1), CapsulePeople(6, seed=2), 0, 0)
+    model.save(folder, {"config": {}, "data": {}, "metrics": metrics})
+
+
+def read_tree_walk(folder: Path) -> None:
+    depth_m = np.zeros((1, SMALL.height, SMALL.width), np.float32)
+    depth_m[0, 5:35, 15:30] = 2.5
+    TreeWalkEstimator(TreeWalkEstimatorConfig(path=str(folder))).estimate(depth_m, SMALL)
+
+
+def make_pack(folder: Path) -> None:
+    (folder / "clips").mkdir()
+    rows = ["clip_id,file,split,description,seconds"]
+    for number, name in enumerate("ab"):
+        motion = dance(number, seconds=2)
+        arrays = {"quat": np.round(motion.quats * 32767).astype(np.int16), "root": motion.root_m, "fps": 30.0}
+        arrays |= {"offsets": REST_OFFSETS_M.astype(np.float32), "bad": np.zeros(len(motion), bool)}
+        np.savez(folder / "clips" / f"{name}.npz", **arrays)
+        rows.append(f"{name},clips/{name}.npz,train,a dance,{len(motion) / 30}")
+    (folder / "index.csv").write_text("\n".join(rows) + "\n")
+
+
+def read_clips(folder: Path) -> None:
+    source = build_motion(MotionConfig(source="clips", path=str(folder)), "train")
+    for index in range(min(len(source), 4)):
+        source.motion(index)
+    source.poses([np.random.default_rng(0)])
+
+
+def make_bvh(folder: Path) -> None:
+    limbs = {"Arm": "28 0 0", "ForeArm": "28 0 0", "Hand": "28 0 0", "UpLeg": "10 0 0", "Leg": "0 -42 0", "Foot": "0 -42 0"}
+    rotation = "CHANNELS 3 Zrotation Xrotation Yrotation"
+    lines = ["HIERARCHY", "ROOT Hips", "{", "OFFSET 0 0 0", f"CHANNELS 6 Xposition Yposition Zposition {rotation[11:]}"]
+
+    def chain(side: str, names: tuple[str, ...]) -> None:
+        for name in names:
+            offset = limbs[name] if side == "Left" else f"-{limbs[name]}".replace("-0", "0")
+            lines.extend([f"JOINT {side}{name}", "{", f"OFFSET {offset}", rotation])
+        lines.extend("}" * len(names))
+
+    for side in ("Left", "Right"):
+        chain(side, ("UpLeg", "Leg", "Foot"))
+    lines += ["JOINT Spine", "{", "OFFSET 0 40 0", rotation, "JOINT Head", "{", "OFFSET 0 20 0", rotation, "}"]
+    for side in ("Left", "Right"):
+        chain(side, ("Arm", "ForeArm", "Hand"))
+    lines += ["}", "}", "MOTION", "Frames: 40", "Frame Time: 0.0333333"]
+    lines += [" ".join(["0", "92", *["0"] * 46])] * 40
+    (folder / "a.bvh").write_text("\n".join(lines))
+
+
+def make_stages(folder: Path) -> None:
+    joints_m = cone_joints(-75, 4)  # upright, with hanging arms
+    depth_m = draw_cones(joints_m, cone_body(joints_m), CAMERAS["kinect_v1"])
+    np.save(folder / "depth.npy", np.repeat((1000 * depth_m).astype(np.uint16)[None], 3, axis=0))
+
+
+def make_simulated(folder: Path) -> None:
+    make_eval(folder)
+    stored = np.fromfile(folder / "seq_a_0.bin", FRAME)
+    stored["magic"], stored["frame"] = -1982, [0, 1]
+    stored.tofile(folder / "seq_a_0.bin")
+    manifest = {
+        "simulated": True, "benchmark": "eval_sim", "seed": 0, "hash": "0" * 12, "sequences": 1, "config": {"generator": 1},
+        "joint_ids": {"head": [40], "neck": [41]}, "contents": {"seq_a_0": "dance"}, "fps": 30.0,
+    }  # fmt: skip
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+
+
+def read_simulated(folder: Path) -> None:
+    benchmark = EvalSimBenchmark(EvalSimConfig(path=str(folder)))
+    for name in benchmark.sequence_names():
+        benchmark.read(name)
+
+
+def make_imperial(folder: Path) -> None:
+    positions = person()
+    points = np.zeros((FRAMES, len(IMPERIAL_POINTS), 3))
+    points[:, [IMPERIAL_POINTS.index("Head"), IMPERIAL_POINTS.index("Neck")]] = np.stack(
+        [positions["HEAD"], positions["NECK"]], 1
+    )
+    for name, number in IMPERIAL.items():
+        points[:, number] = positions[name]
+    np.save(folder / "dance_level_e_a_ch01.npy", points.transpose(2, 0, 1)[None])
+
+
+def read_imperial_joints(folder: Path) -> None:
+    for take in read_imperial(folder / "dance_level_e_a_ch01.npy"):
+        imperial_joints_m(np.asarray(take), "fuzz")
+
+
+def make_aist_json(folder: Path) -> None:
+    (folder / "aist.json").write_text(json.dumps({"keypoints3d": coco()[:3].tolist()}))
+
+
+FORMATS = {
+    "shard_clean": Format(lambda folder: make_shard(folder, "clean"), ("*.h5",), read_shards),
+    "shard_frozen": Format(lambda folder: make_shard(folder, "frozen"), ("*.h5",), read_frozen),
+    "dance": Format(make_dances, ("mama/*.h5", "mama/labels.csv", "manifest.json"), read_dances),
+    "itop": Format(make_itop, ("*.h5",), read_itop),
+    "eval": Format(make_eval, ("*.bin",), read_eval),
+    "smmc10": Format(make_smmc10, ("*.bin",), read_smmc10),
+    "utd_mhad": Format(make_utd, ("*/*.mat",), read_utd),
+    "simulated_manifest": Format(make_simulated, ("manifest.json",), read_simulated),
+    "checkpoint_meta": Format(make_checkpoint, ("checkpoints/*/meta.json",), read_checkpoint),
+    "checkpoint_weights": Format(make_checkpoint, ("checkpoints/*/model.safetensors",), read_checkpoint),
+    "checkpoint_state": Format(make_checkpoint, ("checkpoints/*/state.pt",), read_checkpoint),
+    "tree_walk": Format(make_tree_walk, ("*",), read_tree_walk),
+    "clips_index": Format(make_pack, ("index.csv",), read_clips),
+    "clips_npz": Format(make_pack, ("clips/*.npz",), read_clips),
+    "bvh": Format(make_bvh, ("*.bvh",), read_clips),
+    "aist": Format(
+        lambda folder: np.savez(folder / "aist.npz", keypoints3d=coco()),
+        ("*.npz",),
+        lambda folder: aist_joints_m(read_aist(folder / "aist.npz"), "fuzz"),
+    ),
+    "aist_json": Format(make_aist_json, ("*.json",), lambda folder: aist_joints_m(read_aist(folder / "aist.json"), "fuzz")),
+    "imperial": Format(make_imperial, ("*.npy",), read_imperial_joints),
+    "human_model": Format(
+        lambda folder: HumanModel.from_joints(joints(1)[0]).save(folder / "model.json"),
+        ("*.json",),
+        lambda folder: HumanModel.load(folder / "model.json"),
+    ),
+    "depth_npy": Format(make_stages, ("*.npy",), lambda folder: stages_of(folder / "depth.npy", 2, "kinect_v1", True)),
+}

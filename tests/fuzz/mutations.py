@@ -1,0 +1,184 @@
+"""Seeded mutations of a file: of its bytes, of its text, of its JSON."""
+
+import io
+import json
+import zipfile
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+HOSTILE_TEXTS = (
+    "[" * 5000, "9" * 5000, "1e999", "-1e999", "NaN", "Infinity", "\x00", "\u0661\u0662", "\ud800", "../../x", "${oc.env:HOME}",
+    "-1", "0", "1e30", "null", "true", "{}", "[]", '""', "a" * 10000, "1000000000", "%s%n", "\n", ",", '"', "\u202e",
+)  # fmt: skip
+
+HOSTILE_VALUES: tuple[Any, ...] = (
+    None, True, -1, 0, 2**63, 10**30, 1e308, -1e-320, 3.5, "", "x", "\u0661", "../x", "${oc.env:HOME}", [], {}, [[]], [None],
+    {"a": 1}, [1] * 1000, "a" * 5000, 100_000,
+)  # fmt: skip
+
+
+def mutate(data: bytes, rng: np.random.Generator) -> bytes:
+    """A mutation of a file's content, a function of the generator alone."""
+    kinds = [flip_bytes, flip_bytes, overwrite, truncate, insert, swap]
+    if is_text(data):
+        kinds += [insert_hostile_text] * 3
+        if (value := as_json(data)) is not None:
+            kinds += [lambda content, generator: mutate_json(value, generator)] * 6
+    return kinds[int(rng.integers(len(kinds)))](data, rng)
+
+
+def is_text(data: bytes) -> bool:
+    try:
+        return b"\x00" not in data and bool(data.decode("utf-8"))
+    except UnicodeDecodeError:
+        return False
+
+
+def as_json(data: bytes) -> Any:
+    try:
+        return json.loads(data)
+    except ValueError:
+        return None
+
+
+def flip_bytes(data: bytes, rng: np.random.Generator) -> bytes:
+    """Changes one to eight bytes; half of the time near the beginning, where headers are."""
+    changed = bytearray(data)
+    limit = len(data) if rng.random() < 0.5 else min(len(data), 2048)
+    for _ in range(int(rng.integers(1, 9))):
+        changed[int(rng.integers(limit))] = int(rng.integers(256))
+    return bytes(changed)
+
+
+def overwrite(data: bytes, rng: np.random.Generator) -> bytes:
+    """Overwrites a run of up to 64 bytes with zeros, ones, or noise."""
+    start, length = int(rng.integers(len(data))), int(rng.integers(1, 65))
+    fill = (bytes(length), b"\xff" * length, rng.bytes(length))[int(rng.integers(3))]
+    return data[:start] + fill[: len(data) - start] + data[start + length :]
+
+
+def truncate(data: bytes, rng: np.random.Generator) -> bytes:
+    return data[: int(rng.integers(len(data)))]
+
+
+def insert(data: bytes, rng: np.random.Generator) -> bytes:
+    """Inserts up to 64 bytes of noise, or a copy of a part of the file."""
+    start, length = int(rng.integers(len(data))), int(rng.integers(1, 65))
+    source = int(rng.integers(len(data)))
+    return data[:start] + (rng.bytes(length) if rng.random() < 0.5 else data[source : source + length]) + data[start:]
+
+
+def swap(data: bytes, rng: np.random.Generator) -> bytes:
+    """Exchanges two runs of up to 32 bytes."""
+    length = int(rng.integers(1, 33))
+    first, second = sorted(rng.integers(max(len(data) - length, 1), size=2).tolist())
+    if first + length > second:
+        return data
+    middle = data[first + length : second]
+    return data[:first] + data[second : second + length] + middle + data[first : first + length] + data[second + length :]
+
+
+def insert_hostile_text(data: bytes, rng: np.random.Generator) -> bytes:
+    """Replaces a word, or inserts at a random place, something that parsers stumble over."""
+    text = HOSTILE_TEXTS[int(rng.integers(len(HOSTILE_TEXTS)))].encode("utf-8", "surrogatepass")
+    start = int(rng.integers(len(data)))
+    end = start
+    if rng.random() < 0.7:
+        while end < len(data) and data[end : end + 1] not in b' ,:[]{}"\n\t':
+            end += 1
+    return data[:start] + text + data[end:]
+
+
+def mutate_json(value: Any, rng: np.random.Generator) -> bytes:
+    """Replaces, removes or renames one value at a random place of nested JSON."""
+    value = json.loads(json.dumps(value))
+    places = list(_places(value))
+    holder, key = places[int(rng.integers(len(places)))]
+    action = rng.random()
+    if action < 0.15:
+        del holder[key]
+    elif action < 0.25 and isinstance(holder, dict):
+        holder[f"{key}_"] = holder.pop(key)
+    else:
+        holder[key] = HOSTILE_VALUES[int(rng.integers(len(HOSTILE_VALUES)))]
+    return json.dumps(value).encode()
+
+
+def _places(value: Any):
+    keys = value.keys() if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ()
+    for key in list(keys)[:200]:
+        yield value, key
+        yield from _places(value[key])
+
+
+def mutate_file(path: Path, rng: np.random.Generator) -> None:
+    """Mutates a file in place; half of the time HDF5 and npz files are changed in their own terms."""
+    data = path.read_bytes()
+    if rng.random() < 0.5:
+        if data.startswith(b"\x89HDF"):
+            mutate_hdf5(path, rng)
+            return
+        if path.suffix == ".npz":
+            mutate_npz(path, rng)
+            return
+    path.write_bytes(mutate(data, rng))
+
+
+def mutate_hdf5(path: Path, rng: np.random.Generator) -> None:
+    """Changes one attribute, dataset or link of a valid HDF5 file."""
+    with h5py.File(path, "r+") as file:
+        names, attributes = sorted(file), sorted(file.attrs)
+        name = names[int(rng.integers(len(names)))]
+        action = int(rng.integers(8))
+        if action == 0 and attributes:
+            value = HOSTILE_VALUES[int(rng.integers(len(HOSTILE_VALUES)))]
+            with suppress(TypeError, ValueError, OverflowError):  # a value that HDF5 has no type for
+                file.attrs[attributes[int(rng.integers(len(attributes)))]] = value
+            return
+        if action == 1 and attributes:
+            del file.attrs[attributes[int(rng.integers(len(attributes)))]]
+            return
+        old = file[name]
+        shape, dtype, values = old.shape, old.dtype, old[()]
+        del file[name]
+        if action == 2:
+            file[name] = h5py.SoftLink("/" + names[0])
+        elif action == 3:
+            file[name] = h5py.ExternalLink("/etc/hostname", "/")
+        elif action == 4:
+            file.create_dataset(name, (2**33, *shape[1:]), dtype, chunks=(1, *shape[1:]) if shape else None, compression=1)
+        elif action == 5:
+            file[name] = np.asarray(values)[:-1] if shape and shape[0] else np.zeros(3)
+        elif action == 6:
+            file[name] = np.full(shape, {"S": b"x", "f": np.nan}.get(dtype.kind, -1)).astype(dtype)
+        else:
+            file.create_group(name)
+
+
+def mutate_npz(path: Path, rng: np.random.Generator) -> None:
+    """Replaces one array of a valid npz file by one of another type or shape, or by a header that declares terabytes."""
+    with zipfile.ZipFile(path) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    name = sorted(members)[int(rng.integers(len(members)))]
+    hostile = (
+        np.zeros(0), np.float64(np.nan), np.full((3, 3), np.inf), np.array(["x"]), np.zeros((1, 2, 3, 4, 5)), np.int8(-1),
+        np.array([{"a": 1}], object), np.zeros((2, 0, 4)), np.full(50, -1), np.float64(1e300),
+    )  # fmt: skip
+    choice = int(rng.integers(len(hostile) + 2))
+    stream = io.BytesIO()
+    if choice < len(hostile):
+        np.lib.format.write_array(stream, np.asanyarray(hostile[choice]), allow_pickle=True)
+    else:
+        shape = (2**40, 3) if choice == len(hostile) else (2**20, 2**10, 4)
+        header = {"descr": "<f8", "fortran_order": False, "shape": shape}
+        np.lib.format.write_array_header_1_0(stream, header)
+    members[name] = stream.getvalue()
+    if rng.random() < 0.1:
+        members[name.replace(".npy", "_.npy")] = members.pop(name)
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for member, content in members.items():
+            archive.writestr(zipfile.ZipInfo(member), content)

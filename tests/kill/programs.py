@@ -1,0 +1,92 @@
+"""The programs that are killed, each with settings so small that a run takes seconds, most of them imports."""
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tests.kill.harness import ROOT, Program
+
+sys.path.insert(0, str(ROOT / "tests" / "helpers"))
+
+import factories
+import shard_sets
+from checkpoint_contents import contents
+
+from kpopnet.networks import ModelConfig, build_network
+from kpopnet.networks.checkpoint import resumable, save_checkpoint
+
+CHANGING = ("git", "packages", "files", "seconds", "fps", "made")
+"""Parts of metrics.json that are about the run and not about its result."""
+
+
+def files_in(folder: Path) -> dict[str, bytes]:
+    """Every file by name with its bytes; a hidden one, which a killed process may leave, must be gone."""
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def synth(_: Path) -> Program:
+    """The generator with 2 processes: 12 shards of frozen samples, and the summary."""
+    settings = ["renderer=cpu", "motion=poses", "splits.train=48", "splits.validation=0", "splits.test=0", "shard_size=4"]
+    settings += ["frozen=[train]", "processes=2", "seed=5"]
+    return Program(lambda run: [sys.executable, "-m", "synth", f"out={run}", *settings], files_in)
+
+
+def train(folder: Path) -> Program:
+    """Training of a small network with a data worker: 24 steps with a checkpoint after every second one."""
+    for shard in (0, 1):
+        factories.write_shard(folder / "train", shard, 6)
+    factories.write_shard(folder / "validation", 0, 4)
+    settings = [f"data.train={folder / 'train'}", f"data.validation={folder / 'validation'}", "model.crop_px=32"]
+    settings += ["model.widths=[8,8,16,16]", "training.batch_size=4", "training.validate_every=2", "training.steps=24"]
+    settings += ["training.validation_samples=4", "training.log_every=1", "workers=1", "threads=1", "device=cpu"]
+
+    def command(run: Path) -> list[str]:
+        checkpoint = resumable(run)
+        if checkpoint is not None:
+            if json.loads((checkpoint / "meta.json").read_text())["step"] == 24:  # killed after its last checkpoint
+                return [sys.executable, "-c", ""]
+            return [sys.executable, "train.py", f"training.resume={checkpoint}"]
+        return [sys.executable, "train.py", *settings, f"hydra.run.dir={run}"]
+
+    def result(run: Path) -> dict[str, Any]:
+        found = {}
+        for link in ("last", "best"):
+            weights, state, meta = contents(run / link)
+            found |= {f"{link} weights": weights, f"{link} state": state}
+            found |= {f"{link} {name}": meta[name] for name in ("step", "metrics", "mean_pose_m", "config", "data")}
+            found[f"{link} config"]["training"].pop("resume")
+        return found
+
+    return Program(command, result)
+
+
+def evaluate(folder: Path) -> Program:
+    """The evaluation of an untrained network and the mean pose with 2 processes."""
+    shard_sets.write_shard(folder / "set", [1, 1, 2, 2, 3, 3, 4, 4], empty=(1,))
+    pose = np.stack([np.zeros(15), np.linspace(-0.6, 0.6, 15), np.full(15, 0.1)], axis=-1)
+    meta = {"step": 1, "config": {}, "metrics": {}, "mean_pose_m": pose.tolist()}
+    save_checkpoint(folder / "run", build_network(ModelConfig(crop_px=32, widths=[8, 8, 8, 8])), {}, meta, best=True)
+    settings = [f"checkpoint={folder / 'run' / 'last'}", f"benchmark.path={folder / 'set'}", "processes=2"]
+
+    def result(run: Path) -> dict[str, Any]:
+        files = files_in(run)
+        metrics = without_changing(json.loads(files["metrics.json"]))
+        figures = {name: data for name, data in files.items() if name.endswith(".png")}
+        return {"metrics": metrics, "files": sorted(files), **figures}
+
+    return Program(lambda run: [sys.executable, "evaluate.py", *settings, f"hydra.run.dir={run}"], result)
+
+
+def without_changing(value: Any) -> Any:
+    """Nested dicts and lists without the entries named in CHANGING."""
+    if isinstance(value, dict):
+        return {name: without_changing(part) for name, part in value.items() if not name.startswith(CHANGING)}
+    return [without_changing(part) for part in value] if isinstance(value, list) else value
+
+
+PROGRAMS: dict[str, Callable[[Path], Program]] = {"synth": synth, "train": train, "evaluate": evaluate}
+"""Each program by its name: made in a folder where its data may lie."""

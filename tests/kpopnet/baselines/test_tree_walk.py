@@ -1,0 +1,405 @@
+"""Random tree walks: walks through known trees, training, and the validation of a model's files."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from capsule_people import CAMERA, CapsulePeople, draw_depth, draw_joints
+from damaged_files import survives_damage, survives_hostile_json
+from safetensors.numpy import load_file, save_file
+
+from kpopnet.baselines.mean_pose import MeanPoseEstimator
+from kpopnet.baselines.tree_walk.estimator import TreeWalkEstimator, TreeWalkEstimatorConfig
+from kpopnet.baselines.tree_walk.growing import GrowthConfig, Samples, best_split, cluster, draw_probes, grow, split_mask
+from kpopnet.baselines.tree_walk.image import MAX_DIFFERENCE, UNITS, UNMEASURED, integer_image
+from kpopnet.baselines.tree_walk.model import META, TREES, TreeWalkModel
+from kpopnet.baselines.tree_walk.training import TreeWalkConfig, merge_trees, pixel_positions, train
+from kpopnet.baselines.tree_walk.walking import Trees, WalkConfig, find_leaf, walk
+from kpopnet.data.batches import AugmentConfig
+from kpopnet.data.cube import person_centre
+from kpopnet.errors import InputError
+from kpopnet.skeleton import BONES, NUM_JOINTS, Joint
+
+SIDE = 32
+SMALL = TreeWalkConfig(
+    images=500,
+    places=8,
+    crop_px=48,
+    growth=GrowthConfig(features=30, leaf_samples=20),
+    augment=AugmentConfig(mirror=0, rotation_deg=0, occluder=0),
+    validation_images=100,
+    confidence_bins=4,
+)
+
+
+def constant_trees(direction) -> Trees:
+    """Trees of one leaf, all with the same direction."""
+    return Trees(
+        root=np.arange(NUM_JOINTS, dtype=np.int32),
+        child=-1 - np.arange(NUM_JOINTS, dtype=np.int32),
+        threshold=np.zeros(NUM_JOINTS, np.int32),
+        probe=np.zeros((NUM_JOINTS, 5), np.int16),
+        direction=np.tile(np.float32(direction), (NUM_JOINTS, 1, 1)),
+        share=np.ones((NUM_JOINTS, 1), np.float32),
+    )
+
+
+def person_image(seed=0, side=SIDE):
+    rng = np.random.default_rng(seed)
+    image = np.full((side, side), UNMEASURED)
+    image[4:28, 10:22] = rng.integers(-3000, 3000, (24, 12))
+    return image
+
+
+def random_trees(seed=0, nodes=63, leaves=9, directions=3) -> Trees:
+    """Random trees with arrays of the same shapes as trained ones."""
+    rng = np.random.default_rng(seed)
+    child = np.where(np.arange(nodes) < nodes // 2, 2 * np.arange(nodes) + 1, -1 - rng.integers(0, leaves, nodes))
+    direction = rng.normal(size=(leaves, directions, 3))
+    share = np.cumsum(rng.dirichlet(np.ones(directions), leaves), axis=1)
+    share[:, -1] = 1
+    return Trees(
+        root=rng.integers(0, 7, NUM_JOINTS).astype(np.int32),
+        child=child.astype(np.int32),
+        threshold=rng.integers(-2000, 2000, nodes).astype(np.int32),
+        probe=draw_probes(rng, nodes, 12),
+        direction=(direction / np.linalg.norm(direction, axis=-1, keepdims=True)).astype(np.float32),
+        share=share.astype(np.float32),
+    )
+
+
+def reference_depth_difference(image, row, column, depth):
+    inside = 0 <= row < len(image) and 0 <= column < len(image)
+    return int(np.clip(int(image[row, column]) - depth, -MAX_DIFFERENCE, MAX_DIFFERENCE)) if inside else MAX_DIFFERENCE
+
+
+def reference_feature(image, row, column, depth, probe):
+    r1, c1, r2, c2, pair = (int(value) for value in probe)
+    first = reference_depth_difference(image, row + r1, column + c1, depth)
+    return first - reference_depth_difference(image, row + r2, column + c2, depth) if pair else first
+
+
+def reference_leaf(trees, joint, image, position):
+    (row, column, depth), node = pixel_positions(np.array([position]), len(image))[0].tolist(), trees.root[joint]
+    while trees.child[node] >= 0:
+        large = reference_feature(image, row, column, depth, trees.probe[node]) >= trees.threshold[node]
+        node = trees.child[node] + int(large)
+    return -1 - trees.child[node]
+
+
+def reference_uniform(key, count):
+    """Splitmix64 as published, with Python integers."""
+    mask = 2**64 - 1
+    z = (key + (count + 1) * 0x9E3779B97F4A7C15) & mask
+    z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & mask
+    z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & mask
+    return ((z ^ (z >> 31)) >> 11) / 2**53
+
+
+def reference_walk(image, trees, steps, settling, step, key):
+    mean, deviation = {}, {}
+    parents = {child: parent for parent, child in BONES}
+    while len(mean) < NUM_JOINTS:
+        for joint in Joint:
+            if joint in mean or (joint != Joint.TORSO and parents[joint] not in mean):
+                continue
+            position = np.zeros(3) if joint == Joint.TORSO else mean[parents[joint]].astype(np.float64)
+            visited = []
+            for number in range(steps):
+                leaf = reference_leaf(trees, joint, image, position)
+                chosen = np.searchsorted(trees.share[leaf], reference_uniform(key, joint * steps + number), side="right")
+                position = np.clip(position + step * trees.direction[leaf, chosen], -1, 1)
+                visited.append(position)
+            counted = np.array(visited[settling:])
+            mean[joint] = counted.mean(axis=0).astype(np.float32)
+            deviation[joint] = np.sqrt(((counted - counted.mean(axis=0)) ** 2).sum(axis=1).mean())
+    return np.stack([mean[joint] for joint in Joint]), np.array([deviation[joint] for joint in Joint])
+
+
+def test_walks_follow_a_constant_direction():
+    mean, deviation = walk(person_image(), constant_trees((1, 0, 0)), 10, 4, 0.02, 0)
+    # The mean is over steps 5 to 10; every bone adds one walk.
+    one_walk = 0.02 * 7.5
+    bones_from_torso = {Joint.TORSO: 0, Joint.NECK: 1, Joint.RIGHT_HAND: 4, Joint.LEFT_FOOT: 3}
+    for joint, bones in bones_from_torso.items():
+        np.testing.assert_allclose(mean[joint], (one_walk * (bones + 1), 0, 0), atol=1e-6)
+    np.testing.assert_allclose(deviation, 0.02 * np.std(np.arange(6)), rtol=1e-3)
+    # Walks are clipped to the cube.
+    np.testing.assert_allclose(
+        walk(person_image(), constant_trees((0, 0, -1)), 100, 60, 0.1, 0)[0], [(0, 0, -1)] * 15, atol=1e-6
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_walk_equals_the_reference(seed):
+    trees, image = random_trees(seed), person_image(seed)
+    mean, deviation = walk(image, trees, 20, 5, 0.07, 40 + seed)
+    expected_mean, expected_deviation = reference_walk(image, trees, 20, 5, 0.07, 40 + seed)
+    np.testing.assert_allclose(mean, expected_mean, atol=1e-5)
+    np.testing.assert_allclose(deviation, expected_deviation, atol=1e-4)
+    assert not np.allclose(mean, walk(image, trees, 20, 5, 0.07, 50 + seed)[0], atol=1e-3)
+
+
+def test_the_integer_image_has_unmeasured_pixels_behind_all_others():
+    crop = np.array([[-1, -0.5, 0.25, 0.99999, 1]], np.float32)
+    image = integer_image(crop)
+    assert image.dtype == np.int16 and image.tolist() == [[-UNITS, -UNITS // 2, UNITS // 4, UNITS, UNMEASURED]]
+
+
+def directed_samples(count=1500, seed=0):
+    """Positions in images whose left half is near or far, and noisy directions: up if near, else down."""
+    rng = np.random.default_rng(seed)
+    images = np.full((40, SIDE, SIDE), 1500, np.int16)
+    near = rng.random(40) < 0.5
+    images[near, :, : SIDE // 2] = -1500
+    image = rng.integers(0, 40, count).astype(np.int32)
+    direction = np.stack([np.zeros(count), np.where(near[image], -1, 1), np.zeros(count)], axis=1) + rng.normal(
+        0, 0.2, (count, 3)
+    )
+    position = pixel_positions(rng.uniform(-0.8, 0.8, (count, 3)) * (1, 1, 0.1), SIDE)
+    return Samples(
+        images, image, position, (direction / np.linalg.norm(direction, axis=1, keepdims=True)).astype(np.float32)
+    ), near
+
+
+def test_the_best_split_is_the_best_of_all_candidates():
+    samples, _ = directed_samples(200)
+    members = np.random.default_rng(1).permutation(200)[:150]
+    probes = draw_probes(np.random.default_rng(2), 12, 10)
+    chosen, threshold = best_split(samples, members, probes, 8, 10)
+
+    def deviations(probe, limit):
+        values = np.array(
+            [reference_feature(samples.images[samples.image[i]], *samples.position[i].tolist(), probe) for i in members]
+        )
+        sides = [samples.direction[members[side]].astype(np.float64) for side in (values < limit, values >= limit)]
+        if min(len(side) for side in sides) < 10:
+            return np.inf, values
+        return sum(((side - side.mean(axis=0)) ** 2).sum() for side in sides), values
+
+    tried = []
+    for probe in probes:
+        _, values = deviations(probe, 0)
+        width = (values.max() - values.min()) // 8 + 1
+        tried += [deviations(probe, values.min() + k * width)[0] for k in range(1, 8)]
+    assert deviations(probes[chosen], threshold)[0] == pytest.approx(min(tried), rel=1e-6) and np.isfinite(min(tried))
+    assert best_split(samples, members, probes, 8, 100)[0] == -1
+
+
+def test_a_tree_learns_the_feature_on_which_directions_depend():
+    samples, near = directed_samples()
+    tree = grow(samples, GrowthConfig(leaf_samples=30, features=40, directions=2), 10, (0,))
+    trees = merge_trees([tree] * NUM_JOINTS)
+    predicted = np.zeros(len(samples.image))
+    for i, (row, column, depth) in enumerate(samples.position):
+        u, v = (2 * np.array([column, row]) + 1) / SIDE - 1
+        leaf = find_leaf(trees, 7, samples.images[samples.image[i]], u, v, depth / UNITS)
+        predicted[i] = np.diff(trees.share[leaf], prepend=0) @ trees.direction[leaf, :, 1]
+    right = (predicted < 0) == near[samples.image]
+    assert right.mean() > 0.9, right.mean()
+    # Growing and walking split alike; every leaf has at least the smallest number of samples.
+    assert len(tree.share) <= 1500 / 30
+    inner = np.flatnonzero(tree.child >= 0)
+    large = split_mask(samples, np.arange(1500), tree.probe[0], tree.threshold[0])
+    assert len(inner) and 30 <= large.sum() <= 1470
+
+
+def test_clusters_recover_the_directions():
+    rng = np.random.default_rng(0)
+    centres = np.array([[1, 0, 0], [0, -1, 0], [0, 0, 1.0]])
+    vectors = np.repeat(centres, (50, 30, 20), axis=0) + rng.normal(0, 0.05, (100, 3))
+    vectors = (vectors / np.linalg.norm(vectors, axis=1, keepdims=True)).astype(np.float32)
+    means, shares = cluster(rng.permutation(vectors), 3)
+    order = np.argsort(-shares)
+    np.testing.assert_allclose(shares[order], (0.5, 0.3, 0.2), atol=1e-9)
+    np.testing.assert_allclose(means[order], centres, atol=0.05)
+    means, shares = cluster(np.repeat(vectors[:1], 5, axis=0), 3)  # fewer directions than clusters
+    np.testing.assert_allclose(np.linalg.norm(means, axis=1), 1, atol=1e-6)
+    assert shares.sum() == pytest.approx(1) and shares.max() == pytest.approx(1)
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """The folder of a model trained on people made of balls, the model, and its metrics."""
+    folder = tmp_path_factory.mktemp("tree_walk")
+    model, metrics = train(SMALL, CapsulePeople(500), CapsulePeople(100, seed=1), seed=0, workers=0)
+    model.save(folder, {"metrics": metrics})
+    return folder, model, metrics
+
+
+@pytest.fixture(scope="module")
+def people():
+    """60 people outside the training set, in one sequence: depth and joints."""
+    joints_m = np.stack([draw_joints(np.random.default_rng([5, index])) for index in range(60)])
+    return np.stack([draw_depth(joints) for joints in joints_m]), joints_m
+
+
+def errors_m(estimate, joints_m):
+    return np.linalg.norm(estimate.joints_camera_m - joints_m, axis=-1)
+
+
+def test_a_model_of_few_images_beats_the_mean_pose(trained, people):
+    folder, _, metrics = trained
+    depth_m, joints_m = people
+    centres_m = np.stack([person_centre(image, CAMERA) for image in depth_m])
+    mean_pose = MeanPoseEstimator((joints_m - centres_m[:, None]).mean(axis=0))  # of the test people: the best constant pose
+    estimator = TreeWalkEstimator(TreeWalkEstimatorConfig(str(folder)))
+    walked_m = errors_m(estimator.estimate(depth_m, CAMERA), joints_m)
+    constant_m = errors_m(mean_pose.estimate(depth_m, CAMERA), joints_m)
+    assert walked_m.mean() < 0.9 * constant_m.mean(), (walked_m.mean(), constant_m.mean())
+    assert walked_m.mean() == pytest.approx(metrics["mean_error_cm"] / 100, rel=0.5)
+    # These people move mostly their arms.
+    arms = [Joint.RIGHT_ELBOW, Joint.LEFT_ELBOW, Joint.RIGHT_HAND, Joint.LEFT_HAND]
+    walked, constant = (float((errors[:, arms] < 0.1).mean()) for errors in (walked_m, constant_m))
+    assert walked > constant + 0.3, (walked, constant)
+
+
+def test_the_confidence_is_the_share_of_joints_within_10_cm(trained, people):
+    folder, model, _ = trained
+    depth_m, joints_m = people
+    estimate = TreeWalkEstimator(TreeWalkEstimatorConfig(str(folder))).estimate(depth_m, CAMERA)
+    within = errors_m(estimate, joints_m) < 0.1
+    assert estimate.confidence.mean() == pytest.approx(within.mean(), abs=0.08)
+    assert within[estimate.confidence > 0.8].mean() > within[estimate.confidence < 0.5].mean() + 0.2
+    bounds_m = model.deviation_bounds_m[:, 1]
+    np.testing.assert_array_equal(model.confidence(bounds_m), model.within_10cm[:, 2])
+    np.testing.assert_array_equal(model.confidence(bounds_m - 1e-4 - np.ptp(model.deviation_bounds_m)), model.within_10cm[:, 0])
+
+
+def test_the_same_seed_makes_the_same_model_and_the_same_estimate(trained, people):
+    folder, model, metrics = trained
+    again, metrics_again = train(SMALL, CapsulePeople(500), CapsulePeople(100, seed=1), seed=0, workers=0)
+    assert metrics_again == metrics
+    for one, other in zip(model.trees, again.trees, strict=True):
+        np.testing.assert_array_equal(one, other)
+    estimates = [TreeWalkEstimator(TreeWalkEstimatorConfig(str(folder))).estimate(people[0], CAMERA) for _ in range(2)]
+    for one, other in zip(*estimates, strict=True):
+        np.testing.assert_array_equal(one, other)
+    loaded = TreeWalkModel.load(folder)
+    assert loaded.walk_config == model.walk_config and (loaded.crop_px, loaded.half_size_m) == (48, 1.15)
+    for name in Trees._fields:
+        np.testing.assert_array_equal(getattr(loaded.trees, name), getattr(model.trees, name))
+
+
+def test_frames_without_a_person_have_no_joints(trained, people):
+    depth_m = people[0][:3].copy()
+    depth_m[1] = 0
+    depth_m[2] = 0
+    depth_m[2, 5, 5:20] = 2  # too few pixels for a person
+    estimate = TreeWalkEstimator(TreeWalkEstimatorConfig(str(trained[0]))).estimate(depth_m, CAMERA)
+    assert np.isfinite(estimate.joints_camera_m[0]).all() and (estimate.confidence[0] > 0).all()
+    assert np.isnan(estimate.joints_camera_m[1:]).all() and (estimate.confidence[1:] == 0).all()
+    millimetres = (depth_m * 1000).astype(np.uint16)
+    again = TreeWalkEstimator(TreeWalkEstimatorConfig(str(trained[0]))).estimate(millimetres, CAMERA)
+    # A difference of a millimetre changes individual walks.
+    assert np.median(np.abs(again.joints_camera_m[0] - estimate.joints_camera_m[0])) < 0.03
+
+
+def test_random_images_give_finite_joints(trained):
+    rng = np.random.default_rng(0)
+    noise = rng.uniform(0.1, 9, (4, CAMERA.height, CAMERA.width)).astype(np.float32)
+    noise[1][rng.random(noise[1].shape) < 0.9] = 0
+    noise[2] = 1
+    noise[3] = 0
+    noise[3, :5, :5] = 3
+    estimate = TreeWalkEstimator(TreeWalkEstimatorConfig(str(trained[0]))).estimate(noise, CAMERA)
+    assert np.isfinite(estimate.joints_camera_m).all()
+    assert ((estimate.confidence >= 0) & (estimate.confidence <= 1)).all()
+
+
+def cycle(arrays):
+    arrays["child"][5 if arrays["child"][5] >= 0 else 0] = 0
+
+
+def rewrite(name, value):
+    def change(arrays):
+        arrays[name].flat[-1] = value
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (cycle, "do not follow"),
+        (lambda arrays: rewrite("child", len(arrays["child"]) + 5)(arrays), "do not follow"),
+        (rewrite("child", -(10**8)), "leaf"),
+        (rewrite("root", -1), "root"),
+        (rewrite("root", 10**7), "root"),
+        (rewrite("direction", np.nan), "unit"),
+        (rewrite("direction", 7.0), "unit"),
+        (rewrite("share", 0.4), "add up"),
+        (rewrite("within_10cm", 1.5), "confidences"),
+        (rewrite("spread_m", np.nan), "confidences"),
+        (lambda arrays: arrays.pop("probe"), "probe"),
+        (lambda arrays: arrays.update(probe=arrays["probe"][:, :4]), "probe"),
+        (lambda arrays: arrays.update(threshold=arrays["threshold"].astype(np.float32)), "threshold"),
+        (lambda arrays: arrays.update(child=arrays["child"][:0]), "child"),
+    ],
+)
+def test_damaged_trees_are_refused(trained, tmp_path, change, message):
+    (tmp_path / META).write_text((trained[0] / META).read_text())
+    arrays = {name: array.copy() for name, array in load_file(trained[0] / TREES).items()}
+    change(arrays)
+    save_file({name: np.ascontiguousarray(array) for name, array in arrays.items()}, tmp_path / TREES)
+    with pytest.raises(InputError, match=message) as refused:
+        TreeWalkModel.load(tmp_path)
+    assert TREES in str(refused.value)
+
+
+def test_folders_of_other_formats_are_refused(trained, tmp_path):
+    with pytest.raises(InputError, match=r"no tree walk model there.*train.py --config-name tree_walk"):
+        TreeWalkModel.load(tmp_path)
+    meta = json.loads((trained[0] / META).read_text())
+    for changed, message in (
+        ("{", "not valid JSON"),
+        (json.dumps([1]), "expected a kpopnet-tree-walk"),
+        (json.dumps(meta | {"version": 2}), "of version 2"),
+        (json.dumps(meta | {"walk": {"strides": 3}}), "settings unknown"),
+        (json.dumps(meta | {"crop_px": 10**6}), "1000000 pixels"),
+        (json.dumps(meta | {"walk": {"steps": 3, "settling": 5, "step_m": 0.1}}), "settling < steps"),
+        (json.dumps(meta | {"walk": {"steps": 9.5, "settling": 5, "step_m": 0.1}}), "steps is 9.5, expected int"),
+        (json.dumps(meta | {"walk": {"steps": 10**9, "settling": 5, "step_m": 0.1}}), "steps=1000000000"),
+        (json.dumps(meta).replace('"crop_px": 48', '"crop_px": 1e999'), "not a finite number"),
+        (json.dumps(meta), "missing, damaged or of another format"),
+    ):
+        (tmp_path / META).write_text(changed)
+        with pytest.raises(InputError, match=message):
+            TreeWalkModel.load(tmp_path)
+    (tmp_path / TREES).write_bytes((trained[0] / TREES).read_bytes()[:-100])
+    with pytest.raises(InputError, match="missing, damaged or of another format"):
+        TreeWalkModel.load(tmp_path)
+    with pytest.raises(InputError, match=r"estimator\.tree_walk\.path="):
+        TreeWalkEstimator(TreeWalkEstimatorConfig())
+
+
+def test_damaged_files_are_refused_in_one_line(trained, tmp_path):
+    for name in (META, TREES):
+        (tmp_path / name).write_bytes((trained[0] / name).read_bytes())
+    survives_hostile_json(tmp_path / META, lambda: TreeWalkModel.load(tmp_path))
+    for name in (META, TREES):
+        assert survives_damage(tmp_path / name, lambda: TreeWalkModel.load(tmp_path)) > 50
+    arrays = load_file(tmp_path / TREES)
+    for name in arrays:
+        for wrong in (np.float32(1), np.zeros((2, 2, 2, 2), np.int16), np.full(arrays[name].shape, np.nan, np.float32)):
+            save_file(arrays | {name: np.asarray(wrong)}, tmp_path / TREES)
+            with pytest.raises(InputError, match=TREES):
+                TreeWalkModel.load(tmp_path)
+    save_file({name: array for name, array in arrays.items() if name != "root"}, tmp_path / TREES)
+    with pytest.raises(InputError, match="lacks root"):
+        TreeWalkModel.load(tmp_path)
+
+
+def test_invalid_settings_are_refused():
+    for wrong, message in (
+        (lambda: WalkConfig(steps=4, settling=4), "settling"),
+        (lambda: WalkConfig(step_m=0), "step_m=0"),
+        (lambda: GrowthConfig(features=0), "features=0"),
+        (lambda: GrowthConfig(probe_m=-1), "probe_m=-1"),
+        (lambda: replace(SMALL, images=0), "images=0"),
+        (lambda: replace(SMALL, around_m=0), "around_m=0"),
+        (lambda: replace(SMALL, crop_px=50), "crop_px=50"),
+    ):
+        with pytest.raises(InputError, match=message):
+            wrong()

@@ -1,0 +1,47 @@
+"""Recorded points of other joint sets become the fifteen joints in the camera frame."""
+
+import numpy as np
+import pytest
+from recorded_points import FRAMES, coco, imperial
+
+from kpopnet.dance.joint_sets import COCO, IMPERIAL, aist_joints_m, imperial_joints_m
+from kpopnet.errors import InputError
+from kpopnet.skeleton import Joint
+
+
+def test_indices_of_points_are_the_published_ones():
+    assert (COCO["LEFT_SHOULDER"], COCO["RIGHT_SHOULDER"], COCO["LEFT_HAND"], COCO["RIGHT_FOOT"]) == (5, 6, 9, 16)
+    assert IMPERIAL["RIGHT_SHOULDER"] == 17 and IMPERIAL["LEFT_ELBOW"] == 8 and IMPERIAL["RIGHT_KNEE"] == 0
+    assert len(set(COCO.values())) == len(set(IMPERIAL.values())) == 12
+
+
+@pytest.mark.parametrize("made", [lambda **o: aist_joints_m(coco(**o), "x"), lambda **o: imperial_joints_m(imperial(**o), "x")])
+def test_joints_face_the_camera_in_metres_for_any_unit_and_axes(made):
+    plain = made()
+    assert plain.shape == (FRAMES, 15, 3) and plain.dtype == np.float32
+    assert plain[0, Joint.LEFT_HAND, 0] > plain[0, Joint.RIGHT_HAND, 0] + 0.5
+    assert plain[0, Joint.HEAD, 1] < plain[0, Joint.TORSO, 1] < plain[0, Joint.LEFT_KNEE, 1]
+    np.testing.assert_allclose(plain[0, Joint.TORSO, [0, 2]], [0, 2.5], atol=0.05)
+    # Knees and hands are a little nearer to the camera than the hips: the dancer's front.
+    assert plain[0, Joint.LEFT_KNEE, 2] < plain[0, Joint.LEFT_HIP, 2] - 0.03
+    rise = np.diff(plain[:, Joint.RIGHT_HAND, 1])
+    assert (rise < 0).all() and np.abs(np.diff(plain[:, Joint.LEFT_HAND], axis=0)).max() < 1e-6
+    corners = plain[:, [Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.RIGHT_HIP, Joint.LEFT_HIP]].mean(axis=1)
+    np.testing.assert_allclose(plain[:, Joint.TORSO], corners, atol=1e-6)
+    for options in (
+        {"heading_rad": 2.0},
+        {"unit_m": 0.01},
+        {"unit_m": 0.001, "z_up": True},
+        {"heading_rad": -1.0, "z_up": True},
+    ):
+        np.testing.assert_allclose(made(**options), plain, atol=1e-4)
+
+
+def test_points_that_are_not_an_upright_person_are_rejected():
+    points = coco()
+    with pytest.raises(InputError, match="not a person's trunk in metres, centimetres or millimetres"):
+        aist_joints_m(points * 7, "x")
+    with pytest.raises(InputError, match="neither y nor z points up"):
+        aist_joints_m(points[..., [1, 0, 2]], "x")
+    with pytest.raises(InputError, match="no frame has both shoulders"):
+        aist_joints_m(np.full_like(points, np.nan), "x")

@@ -1,0 +1,141 @@
+"""Batches are pure functions of seed and step; augmentation transforms crop and target; empty silhouettes are replaced."""
+
+import pickle
+from collections import Counter
+
+import numpy as np
+import pytest
+from capsule_people import CapsulePeople
+
+from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, ShuffledOrder, batch_loader
+from kpopnet.data.cube import Cube, person_centre
+from kpopnet.errors import InputError
+from kpopnet.networks import ModelConfig
+
+MODEL = ModelConfig(crop_px=32, widths=[8, 8, 16, 16])
+
+
+def batches(count=40, augment=None, batch_size=8, seed=3, model=MODEL, **people):
+    return CropBatches(CapsulePeople(count, **people), model, ShuffledOrder(count, batch_size, seed), seed, augment)
+
+
+def same(first, second):
+    return all(np.array_equal(np.asarray(a), np.asarray(b)) for a, b in zip(first, second, strict=True))
+
+
+def test_every_epoch_holds_every_sample_once_in_its_own_order():
+    order = ShuffledOrder(num_samples=10, batch_size=4, seed=1)
+    keys = [key for step in range(5) for key in order(step)]  # two epochs
+    assert Counter(keys) == Counter((index, epoch) for epoch in range(2) for index in range(10))
+    assert [index for index, epoch in keys if epoch == 0] != [index for index, epoch in keys if epoch == 1]
+    assert keys != [key for step in range(5) for key in ShuffledOrder(10, 4, seed=2)(step)]
+
+
+@pytest.mark.parametrize("processes", [2, 4])
+def test_processes_share_a_batch(processes):
+    whole = ShuffledOrder(10, 8, seed=1)
+    for step in range(4):
+        shares = [ShuffledOrder(10, 8, 1, rank, processes)(step) for rank in range(processes)]
+        assert [key for share in shares for key in share] == whole(step)
+
+
+def test_an_even_order_covers_the_set_evenly():
+    order = EvenOrder(num_samples=100, batch_size=4, count=10)
+    assert [key for step in range(3) for key in order(step)] == [(10 * i, 0) for i in range(10)]
+
+
+def test_a_batch_depends_only_on_seed_and_step():
+    augment = AugmentConfig()
+    assert same(batches(augment=augment)[7], pickle.loads(pickle.dumps(batches(augment=augment)))[7])
+    assert not same(batches(augment=augment)[7], batches(augment=augment)[8])
+    assert not same(batches(augment=augment)[7], batches(augment=augment, seed=4)[7])
+
+
+def test_every_epoch_augments_every_sample_differently():
+    """The observations are the same in both epochs, so only the augmentation differs."""
+    data = batches(augment=AugmentConfig())
+    observe = data.source.observe
+    data.source.observe = lambda index, epoch: observe(index, 0)
+    first, second = (
+        {index: crop for step in steps for (index, _), crop in zip(data.order(step), data[step].crop, strict=True)}
+        for steps in (range(5), range(5, 10))  # 5 batches an epoch
+    )
+    assert first.keys() == second.keys() == set(range(40))
+    assert not any(np.array_equal(first[index], second[index]) for index in first)
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_workers_make_the_same_batches_in_order(workers):
+    data = batches(augment=AugmentConfig())
+    loaded = list(batch_loader(data, 2, 6, workers))
+    assert len(loaded) == 4
+    assert all(same(batch, data[step]) for step, batch in zip(range(2, 6), loaded, strict=True))
+
+
+def test_plain_crops_and_targets():
+    data = batches()
+    batch = data[0]
+    for row, (index, epoch) in enumerate(data.order(0)):
+        observation = data.source.observe(index, epoch)
+        cube = Cube(person_centre(observation.depth_m, observation.camera), MODEL.half_size_m)
+        np.testing.assert_allclose(cube.to_metres(batch.target[row]), observation.joints_camera_m, atol=1e-5)
+        np.testing.assert_allclose(batch.offset_m[row], observation.joints_camera_m - cube.centre_m, atol=1e-6)
+        np.testing.assert_array_equal(batch.cube_m[row], [*cube.centre_m, np.float32(MODEL.half_size_m)])
+
+
+def test_augmentation_moves_crop_and_target_together():
+    """The crop shows a body at the joints of every view: a test of the warp together with its targets."""
+    data = batches(augment=AugmentConfig(occluder=0), model=ModelConfig(), batch_size=32)
+    batch = data[0]
+    inside = covered = 0
+    for image, target in zip(batch.crop[:, 0], batch.target, strict=True):
+        columns, rows = np.floor((target[:, :2].T + 1) * 48).astype(int)
+        seen = (columns >= 0) & (columns < 96) & (rows >= 0) & (rows < 96)
+        d = image[rows[seen], columns[seen]]
+        inside += seen.sum()
+        # The front of the joint's ball, or a nearer part of the body.
+        covered += (d < target[seen, 2] + 0.02).sum()
+    assert inside > 0.9 * 32 * 15
+    assert covered > 0.97 * inside
+    assert len({tuple(cube) for cube in batch.cube_m.round(5)}) == 32
+    plain = batches(model=ModelConfig(), batch_size=32)[0]
+    assert np.abs(batch.target - plain.target).max() > 0.3  # rotation and mirror do happen
+    np.testing.assert_array_equal(batch.offset_m, plain.offset_m)
+
+
+def test_occluders_cut_holes_into_every_channel():
+    model = ModelConfig(input="depth_ridge")
+    whole = batches(augment=AugmentConfig(occluder=0), model=model, ridge=True, batch_size=32)[0]
+    cut = batches(augment=AugmentConfig(occluder=1), model=model, ridge=True, batch_size=32)[0]
+    np.testing.assert_array_equal(whole.target, cut.target)
+    changed = whole.crop != cut.crop
+    assert changed.any(axis=(2, 3)).all()
+    assert (cut.crop[:, 0][changed[:, 0]] == 1).all()
+    assert (cut.crop[:, 1][changed[:, 1]] == 0).all()
+    assert changed[:, 0].mean() < 0.1
+
+
+def test_an_empty_silhouette_is_replaced_by_the_next_observation_and_counted():
+    people = CapsulePeople(4, empty=(1, 2))
+    batch = CropBatches(people, MODEL, EvenOrder(4, 4, 4), 0, None)[0]
+    assert batch.skipped == 3  # 1 twice (2 is empty too), and 2 once
+    np.testing.assert_array_equal(batch.target[1], batch.target[3])
+    np.testing.assert_array_equal(batch.target[2], batch.target[3])
+    assert not np.array_equal(batch.target[0], batch.target[3])
+
+
+def test_only_empty_silhouettes_are_an_error():
+    people = CapsulePeople(3, empty=(0, 1, 2))
+    with pytest.raises(InputError, match="empty silhouettes in a row"):
+        CropBatches(people, MODEL, EvenOrder(3, 3, 3), 0, None)[0]
+
+
+def test_a_ridge_network_needs_ridge_images():
+    with pytest.raises(InputError, match="gives no ridge image"):
+        batches(model=ModelConfig(input="depth_ridge"))[0]
+
+
+@pytest.mark.parametrize("wrong", [{"mirror": 1.5}, {"rotation_deg": -3.0}, {"scale": 1.0}, {"occluder": -0.1}])
+def test_invalid_augmentation_is_refused_with_its_setting(wrong):
+    with pytest.raises(InputError, match=r"training\.augment.*" + next(iter(wrong))):
+        AugmentConfig(**wrong)

@@ -1,0 +1,335 @@
+"""The folder format of K-Pop sets: written files are read again, and invalid files are rejected."""
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from kpopnet.camera import Camera
+from kpopnet.dance.performance import Performance
+from kpopnet.datasets.dances.dance_set import KpopConfig, KpopSet, open_set
+from kpopnet.datasets.dances.format import MARGIN_PX, read_labels
+from kpopnet.datasets.dances.writer import PackedDepth, write_labels, write_learner, write_teacher
+from kpopnet.datasets.protocol import Origin
+from kpopnet.errors import InputError
+
+CAMERA = Camera.centred(60.0, 80, 64)
+FRAMES = 6
+TIMES_S = np.arange(FRAMES) / 30
+RNG_JOINTS = np.random.default_rng(0).normal(size=(FRAMES, 15, 3)).astype(np.float32)
+
+
+def whole_frames() -> np.ndarray:
+    """(T, H, W) metres in whole millimetres: a moving blob that touches the border; no person in frame 3."""
+    depth_m = np.zeros((FRAMES, CAMERA.height, CAMERA.width), np.float32)
+    for frame in range(FRAMES):
+        if frame != 3:
+            depth_m[frame, 10 + frame : 30, 8 * frame : 8 * frame + 12] = 2.0 + 0.001 * frame
+            depth_m[frame, 15, 8 * frame + 3] = 0  # a hole
+    return depth_m
+
+
+def packed(depth_m: np.ndarray) -> PackedDepth:
+    recording = PackedDepth(CAMERA)
+    for image in depth_m:
+        recording.add(image)
+    return recording
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A set with one dance."""
+    dance = tmp_path / "set" / "mama"
+    write_teacher(dance, Performance(RNG_JOINTS, TIMES_S))
+    write_learner(dance, "jin", TIMES_S, RNG_JOINTS, packed(whole_frames()), {"level": "best"})
+    write_learner(dance, "ann", TIMES_S, RNG_JOINTS)
+    write_labels(dance, ["jin", "ann"])
+    return tmp_path / "set"
+
+
+def test_written_files_are_read_again(folder):
+    dances = KpopSet(folder)
+    assert dances.names == ["mama"] and dances.manifest.origin is Origin.REAL and dances.manifest.dances is None
+    dance = dances.dance("mama")
+    assert [learner.name for learner in dance.learners] == ["jin", "ann"]
+    np.testing.assert_array_equal(dance.teacher().joints_m, RNG_JOINTS.astype(np.float64))
+    jin, ann = dance.learners
+    np.testing.assert_array_equal(jin.joints().times_s, TIMES_S)
+    assert jin.about == {"level": "best"} and ann.about == {} and ann.depth_key is None
+    clip = jin.depth()
+    # Pasted into the whole image, the depth equals the input.
+    x0, y0 = round(CAMERA.cx - clip.camera.cx), round(CAMERA.cy - clip.camera.cy)
+    restored_m = np.zeros((FRAMES, CAMERA.height, CAMERA.width), np.float32)
+    restored_m[:, y0 : y0 + clip.camera.height, x0 : x0 + clip.camera.width] = clip.depth_m
+    np.testing.assert_allclose(restored_m, whole_frames(), atol=1e-6)
+    assert (x0, y0) == (0, 10 - MARGIN_PX) and clip.camera.width == 52 + MARGIN_PX
+    with pytest.raises(InputError, match=r"ann\.h5: no depth_mm"):
+        ann.depth()
+
+
+def test_a_depth_key_distinguishes_recordings_and_need_not_be_stored(folder):
+    learner = KpopSet(folder).dance("mama").learners[0]
+    key = learner.depth_key
+    with h5py.File(learner.path, "a") as file:
+        del file.attrs["depth_key"]
+    assert KpopSet(folder).dance("mama").learners[0].depth_key == key
+    other = whole_frames()
+    other[0, 12, 2] += 0.001
+    write_learner(folder / "mama", "jin", TIMES_S, RNG_JOINTS, packed(other))
+    assert KpopSet(folder).dance("mama").learners[0].depth_key != key
+
+
+def test_a_cropped_image_is_stored_at_its_position():
+    depth_m = whole_frames()
+    crops = PackedDepth(CAMERA)
+    for image in depth_m:
+        crops.add(image[5:40, 0:70], 0, 5)
+    np.testing.assert_array_equal(crops.boxes, packed(depth_m).boxes)
+    np.testing.assert_array_equal(crops.depth_mm, packed(depth_m).depth_mm)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "empty; expected a line learner,rank"),
+        ("\n \n", "empty"),
+        ("name,place\njin,1\n", "first line is 'name,place'"),
+        ("learner,rank\n", "its ranks are none"),
+        ("learner,rank\njin,1\n", "at least two learners"),
+        ("learner,rank\njin,1\nann,1\n", "each of 1, 2, ... once"),
+        ("learner,rank\njin,1\nann,3\n", "each of 1, 2, ... once"),
+        ("learner,rank\njin,1\nann,second\n", "row 3: 'ann,second'"),
+        ("learner,rank\njin,1\njin,2\n", "occurs twice"),
+        ("learner,rank\n../jin,1\nann,2\n", "not a valid file name of a learner"),
+        ("learner,rank\nteacher,1\nann,2\n", "not a valid file name of a learner"),
+    ],
+)
+def test_invalid_labels(folder, text, message):
+    (folder / "mama" / "labels.csv").write_text(text)
+    with pytest.raises(InputError, match=r"labels\.csv") as caught:
+        KpopSet(folder).dance("mama")
+    assert message in str(caught.value)
+
+
+def test_labels_may_have_any_order_of_lines(folder):
+    path = folder / "mama" / "labels.csv"
+    path.write_text("learner, rank\nann, 1\n\njin , 2\n")
+    assert read_labels(path) == ["ann", "jin"]
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="not UTF-8 text"):
+        read_labels(path)
+
+
+def test_missing_files_are_named(folder, tmp_path):
+    (folder / "mama" / "ann.h5").unlink()
+    with pytest.raises(InputError, match=r"ann\.h5: missing, though labels\.csv ranks ann; there are jin"):
+        KpopSet(folder).dance("mama")
+    with pytest.raises(InputError, match="dance=papa: not among the 1"):
+        KpopSet(folder).dance("papa")
+    (folder / "mama" / "teacher.h5").unlink()
+    write_labels(folder / "mama", ["jin", "jin2"])
+    write_learner(folder / "mama", "jin2", TIMES_S, RNG_JOINTS)
+    with pytest.raises(InputError, match=r"teacher\.h5: no such file"):
+        KpopSet(folder).dance("mama").teacher()
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match="no dances in it"):
+        KpopSet(tmp_path / "empty")
+    with pytest.raises(InputError, match="no such folder"):
+        KpopSet(tmp_path / "nowhere")
+    with pytest.raises(InputError, match=r"benchmark=kpop needs benchmark\.path"):
+        open_set(KpopConfig())
+
+
+def test_a_manifest_describes_the_set(folder):
+    path = folder / "manifest.json"
+    path.write_text(json.dumps({"simulated": True, "name": "x", "about": "made", "dances": 5, "hash": "ab"}))
+    manifest = KpopSet(folder).manifest
+    assert manifest.origin is Origin.SIMULATED and manifest.dances == 5 and manifest.about == "made"
+    for invalid in ("[]", "{", '{"dances": "many"}'):
+        path.write_text(invalid)
+        with pytest.raises(InputError, match="not a manifest"):
+            KpopSet(folder)
+
+
+def replace_dataset(path: Path, name: str, data, **options) -> None:
+    with h5py.File(path, "a") as file:
+        del file[name]
+        file.create_dataset(name, data=data, **options)
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "message"),
+    [
+        ("boxes", np.array([[0, 0, 81, 64]] * FRAMES), "is not within 80x64"),
+        ("boxes", np.array([[5, 5, 5, 9]] * FRAMES), "is not within 80x64"),
+        ("boxes", np.array([[-3, 0, 4, 4]] * FRAMES), "is not within"),
+        ("boxes", np.array([[0, 0, 2, 2]] * FRAMES), "depth_mm: expected the 24 pixels that its boxes hold, found 1056"),
+        ("boxes", np.zeros((FRAMES, 3), np.int32), "boxes: shape (6, 3), expected (T = 6, 4)"),
+        ("boxes", np.zeros((FRAMES, 4)), "boxes: type float64, expected kind i or u"),
+        ("depth_mm", np.zeros(7, np.uint16), "its boxes hold, found 7"),
+        ("depth_mm", np.zeros(10, np.float32), "depth_mm: type float32, expected kind u"),
+        ("depth_mm", np.zeros(10, np.uint64), "depth_mm: numbers of 8 bytes, expected 2"),
+        ("times_s", np.zeros(FRAMES), "increase from frame to frame"),
+        ("times_s", np.full(FRAMES, np.nan), "must be finite"),
+        ("times_s", np.arange(FRAMES - 1.0), "expected (T = 5, 15, 3)"),
+        ("times_s", np.zeros(0), "expected (T = 0, 15, 3)"),
+    ],
+)
+def test_invalid_depth(folder, name, data, message):
+    learner = KpopSet(folder).dance("mama").learners[0]
+    replace_dataset(learner.path, name, data)
+    with pytest.raises(InputError, match=r"jin\.h5") as caught:
+        learner.depth()
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (np.zeros((FRAMES, 14, 3), np.float32), "expected (T = 6, 15, 3)"),
+        (np.zeros((FRAMES, 15, 3), np.int64), "joints_m: type int64, expected kind f"),
+        (np.full((FRAMES, 15, 3), np.inf, np.float32), "beyond 1000 m"),
+        (np.full((FRAMES, 15, 3), 1800.0, np.float32), "beyond 1000 m"),
+        (np.full((FRAMES, 15, 3), np.nan, np.float32), "all joints in joints_m are missing"),
+        (np.zeros((FRAMES, 15, 3), int), "joints_m: type int64, expected kind f"),
+    ],
+)
+def test_invalid_joints(folder, data, message):
+    learner = KpopSet(folder).dance("mama").learners[1]
+    replace_dataset(learner.path, "joints_m", data)
+    with pytest.raises(InputError, match=r"ann\.h5") as caught:
+        learner.joints()
+    assert message in str(caught.value)
+
+
+def test_malicious_files(folder, tmp_path):
+    learner = KpopSet(folder).dance("mama").learners[0]
+    whole = learner.path.read_bytes()
+    learner.path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match=r"jin\.h5: not a readable HDF5 file \(.*truncated"):
+        learner.depth()
+    learner.path.write_bytes(b"\x89HDF, but not HDF5")
+    with pytest.raises(InputError, match="not a readable HDF5 file"):
+        learner.joints()
+    learner.path.write_bytes(whole)
+    with h5py.File(learner.path, "a") as file:
+        file.attrs["camera"] = [60.0, 60, 40, 32, 1e9, 1e9]
+    with pytest.raises(InputError, match="pixels"):
+        learner.depth()
+    learner.path.write_bytes(whole)
+    with h5py.File(learner.path, "a") as file:
+        file.attrs["joint_names"] = 5
+    with pytest.raises(InputError, match=r"attribute joint_names: kind i and shape .*, expected text, \(15,\)"):
+        learner.joints()
+    # Links to data in other files are not followed.
+    learner.path.write_bytes(whole)
+    secret = tmp_path / "secret.h5"
+    with h5py.File(secret, "w") as file:
+        file["times_s"] = TIMES_S
+    with h5py.File(learner.path, "a") as file:
+        del file["times_s"]
+        file["times_s"] = h5py.ExternalLink(str(secret), "/times_s")
+    with pytest.raises(InputError, match="times_s is a link or lies in other files"):
+        learner.joints()
+    with h5py.File(learner.path, "a") as file:
+        del file["times_s"]
+        raw = tmp_path / "raw"
+        raw.write_bytes(TIMES_S.tobytes())
+        file.create_dataset("times_s", (FRAMES,), "f8", external=[(str(raw), 0, 8 * FRAMES)])
+    with pytest.raises(InputError, match="expected an array stored in this file"):
+        learner.joints()
+
+
+def test_an_invalid_depth_key_is_computed_again(folder):
+    learner = KpopSet(folder).dance("mama").learners[0]
+    key = learner.depth_key
+    for invalid in ("/../../../../evil", f"{key}/x", key[:15], key.upper() + "\n", np.array([1, 2]), 7):
+        with h5py.File(learner.path, "a") as file:
+            file.attrs["depth_key"] = invalid
+        assert KpopSet(folder).dance("mama").learners[0].depth_key == key
+
+
+def replace_recording(path: Path, camera: tuple, boxes: np.ndarray, pixels: int) -> None:
+    """Replaces the recording by one whose pixels are allocated but not written, so that the file is small."""
+    replace_dataset(path, "times_s", np.arange(len(boxes)) / 30)
+    replace_dataset(path, "boxes", boxes)
+    with h5py.File(path, "a") as file:
+        if "joints_m" in file:
+            del file["joints_m"]
+        file.attrs["camera"], file.attrs["depth_key"] = camera, ""
+        del file["depth_mm"]
+        file.create_dataset("depth_mm", (pixels,), np.uint16, chunks=(min(pixels, 1 << 16),))
+
+
+def test_a_recording_that_exceeds_the_memory_limit_is_rejected(folder):
+    camera = (60.0, 60.0, 40.0, 32.0, 4000, 4000)
+    learner = KpopSet(folder).dance("mama").learners[0]
+    replace_recording(learner.path, camera, np.tile(np.array([0, 0, 4000, 4000], np.int32), (200_000, 1)), 200_000 * 4000**2)
+    assert learner.path.stat().st_size < 10_000_000
+    for read in (learner.depth, lambda: learner.depth_key):
+        with pytest.raises(
+            InputError, match=r"depth_mm \(3200000000000,\).* would take 6400.* GB of memory, more than 1 GB a file"
+        ):
+            read()
+    # One pixel in each corner: few pixels are stored, but the union of the boxes is the whole image.
+    replace_recording(learner.path, camera, np.array([[0, 0, 1, 1], [3999, 3999, 4000, 4000]] * 100), 200)
+    with pytest.raises(InputError, match=r"the recording of 200 frames of 4000x4000 pixels would take 12\.8 GB"):
+        learner.depth()
+
+
+def test_a_recording_without_a_person_is_rejected(folder):
+    write_learner(folder / "mama", "jin", TIMES_S, None, packed(np.zeros_like(whole_frames())))
+    with pytest.raises(InputError, match="no person in any of its 6 frames"):
+        KpopSet(folder).dance("mama").learners[0].depth()
+
+
+def test_writing_rejects_invalid_input(tmp_path):
+    with pytest.raises(InputError, match="neither joints nor depth"):
+        write_learner(tmp_path, "jin", TIMES_S)
+    for name in ("", "../x", "teacher", ".hidden", " jin", "a,b"):
+        with pytest.raises(InputError, match="not a valid file name"):
+            write_learner(tmp_path, name, TIMES_S, RNG_JOINTS)
+        with pytest.raises(InputError, match="not a valid file name"):
+            write_labels(tmp_path, ["jin", name])
+    for names in (["jin", "jin"], ["jin"], []):
+        with pytest.raises(InputError, match=r"labels\.csv: .*expected two or more, each once"):
+            write_labels(tmp_path, names)
+    for times_s, joints_m, message in (
+        (TIMES_S[:-1], RNG_JOINTS, "6 poses but 5 times_s"),
+        (TIMES_S[:-1], None, "6 images but 5 times_s"),
+        (TIMES_S[::-1], RNG_JOINTS, "increase from frame to frame"),
+        (TIMES_S[:, None], None, r"shape \(6, 1\)"),
+        (TIMES_S, RNG_JOINTS[:, :14], r"shape \(6, 14, 3\); expected \(T, 15, 3\)"),
+        (TIMES_S, 2000 * RNG_JOINTS, "beyond 1000 m"),
+    ):
+        with pytest.raises(InputError, match=rf"jin\.h5: .*{message}"):
+            write_learner(tmp_path, "jin", times_s, joints_m, packed(whole_frames()))
+    with pytest.raises(InputError, match=r"teacher\.h5: .*beyond 1000 m"):
+        write_teacher(tmp_path, Performance(2000 * RNG_JOINTS, TIMES_S))
+    assert not list(tmp_path.iterdir())
+
+
+def test_depth_in_millimetres_is_stored_unchanged():
+    depth_m = whole_frames()
+    found = packed(np.rint(1000 * depth_m).astype(np.uint16))
+    np.testing.assert_array_equal(found.depth_mm, packed(depth_m).depth_mm)
+    assert found.depth_mm.max() == 2005
+
+
+@pytest.mark.parametrize(
+    ("depth", "corner", "message"),
+    [
+        (np.full((4, 4), 2000), (0, 0), "expected uint16 millimetres or floating-point metres, got int64"),
+        (np.full((2, 4, 4), 2.0), (0, 0), r"expected shape \(h, w\), got \(2, 4, 4\)"),
+        (np.full((4, 4), 2000.0), (0, 0), "2000 m or farther away"),
+        (np.full((4, 4), 2.0), (77, 0), r"4x4 pixels at \(77, 0\) are not within the image of the camera, 80x64"),
+        (np.full((4, 4), 2.0), (0, -1), "are not within the image"),
+    ],
+)
+def test_invalid_images_are_rejected(depth, corner, message):
+    recording = packed(whole_frames())
+    with pytest.raises(InputError, match=f"depth of frame 6: .*{message}"):
+        recording.add(depth, *corner)
+    assert len(recording) == FRAMES

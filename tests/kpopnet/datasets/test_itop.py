@@ -1,0 +1,220 @@
+"""The reader of ITOP on valid and invalid files in the published layout, and on three real frames."""
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from itop_files import write_itop
+from real_data import ITOP_FRAMES
+
+from kpopnet.datasets.itop import CAMERA, MAX_SEQUENCE_FRAMES, ItopBenchmark, ItopConfig, split_into_sequences
+from kpopnet.datasets.protocol import Origin
+from kpopnet.errors import InputError
+from kpopnet.evaluation.registry import BENCHMARKS
+from kpopnet.extraction import extract_person
+from kpopnet.skeleton import Joint
+
+IDS = ["00_00007", "00_00008", "00_00009", "01_00000", "01_00001"]
+
+
+def scene(frame: int) -> np.ndarray:
+    """(240, 320) metres, exact in float16: a wall with a hole that moves."""
+    depth = np.full((240, 320), 3.0, np.float32)
+    depth[50:60, 10 * frame : 10 * frame + 30] = 0
+    depth[100 + frame, 200] = 2.5
+    return depth
+
+
+def pose(frame: int) -> np.ndarray:
+    """(15, 3) metres in ITOP's axes, y up, exact in float16: a person who faces the camera, with the right at x < 0."""
+    joints = np.stack([np.linspace(-0.5, 0.5, 15), np.linspace(0.75, -0.75, 15), np.full(15, 2.5)], axis=1)
+    joints[[Joint.RIGHT_SHOULDER, Joint.RIGHT_HIP], 0] = -0.25
+    joints[[Joint.LEFT_SHOULDER, Joint.LEFT_HIP], 0] = 0.25
+    return (np.round(joints * 64) / 64 + [frame / 64, 0, 0]).astype(np.float32)
+
+
+def write(folder, ids=IDS, **changes) -> None:
+    frames = range(len(ids))
+    given = {"depth_m": np.stack([scene(f) for f in frames]), "joints_m": np.stack([pose(f) for f in frames])}
+    write_itop(folder, ids, **given | changes)
+
+
+def benchmark(folder, **settings) -> ItopBenchmark:
+    return ItopBenchmark(ItopConfig(path=str(folder), **settings))
+
+
+def test_sequences_are_people_with_depth_camera_and_joints_y_down(tmp_path):
+    write(tmp_path)
+    itop = benchmark(tmp_path)
+    assert itop.sequence_names() == ["00_00007", "01_00000"] and itop.origin is Origin.REAL
+    first, second = (itop.read(name) for name in itop.sequence_names())
+    assert (first.identity, second.identity, first.is_segmented) == ("00", "01", False)
+    np.testing.assert_array_equal(first.depth_m, np.stack([scene(frame) for frame in range(3)]))
+    np.testing.assert_array_equal(second.depth_m, np.stack([scene(frame) for frame in (3, 4)]))
+    np.testing.assert_array_equal(second.joints_camera_m[1], pose(4) * [1, -1, 1])
+    assert first.visible.all() and "5 of 5 frames" in itop.about
+    # From the formula published with the set.
+    u, v, z = 37, 201, 3.0
+    np.testing.assert_allclose(CAMERA.back_project(np.array([u, v, z])), [(u - 160) * z * 0.0035, (v - 120) * z * 0.0035, z])
+    np.testing.assert_allclose(first.yaw_rad, np.arctan2(np.arange(3) / 64, 2.5), atol=1e-2)
+
+
+def test_unchecked_labels_are_unknown_and_hidden_joints_not_visible(tmp_path):
+    visible = np.ones((5, 15))
+    visible[0, Joint.LEFT_HAND] = 0
+    joints = np.stack([pose(frame) for frame in range(5)])
+    joints[2, Joint.HEAD] = np.nan
+    write(tmp_path, valid=np.array([1, 0, 1, 1, 1]), visible=visible, joints_m=joints)
+    itop = benchmark(tmp_path)
+    sequence = itop.read("00_00007")
+    labelled = np.isfinite(sequence.joints_camera_m).all(axis=-1)
+    assert not labelled[1].any() and labelled[0].all() and not labelled[2, Joint.HEAD] and labelled.sum() == 29
+    assert not sequence.visible[0, Joint.LEFT_HAND] and sequence.visible.sum() == 28
+    assert sequence.depth_m[1].any() and "4 of 5 frames" in itop.about
+
+
+@settings(max_examples=30, deadline=None)
+@given(lengths=st.lists(st.integers(1, 3 * MAX_SEQUENCE_FRAMES), min_size=1, max_size=5))
+def test_long_recordings_are_split_evenly_and_completely(lengths):
+    ids = [f"{person:02d}_{frame:05d}" for person, length in enumerate(lengths) for frame in range(length)]
+    rows = split_into_sequences(ids)
+    covered = [index for part in rows.values() for index in range(part.start, part.stop)]
+    assert covered == list(range(len(ids)))
+    for name, part in rows.items():
+        own = {one[:2] for one in ids[part]}
+        assert name == ids[part.start] and own == {name[:2]}
+        length = lengths[int(name[:2])]
+        assert (
+            part.stop - part.start <= MAX_SEQUENCE_FRAMES
+            and abs((part.stop - part.start) - length / -(-length // MAX_SEQUENCE_FRAMES)) <= 1
+        )
+
+
+def test_view_and_split_are_selected_by_name(tmp_path):
+    write(tmp_path, part="top_train")
+    top = benchmark(tmp_path, view="top", split="train")
+    assert "from above" in top.about
+    with pytest.raises(InputError, match=r"ITOP_side_test_labels\.h5: no such file"):
+        benchmark(tmp_path)
+    for wrong in ({"view": "front"}, {"split": "validation"}):
+        with pytest.raises(InputError, match="choose one of"):
+            ItopConfig(**wrong)
+    with pytest.raises(InputError, match=r"needs benchmark\.path"):
+        ItopBenchmark(ItopConfig())
+    assert BENCHMARKS["itop"] == (ItopConfig, ItopBenchmark)
+
+
+def test_the_heading_is_unknown_in_the_top_view(tmp_path):
+    write(tmp_path)
+    write(tmp_path, part="top_test")
+    side, top = benchmark(tmp_path), benchmark(tmp_path, view="top")
+    assert np.isfinite(side.read("00_00007").yaw_rad).all() and top.read("00_00007").yaw_rad is None
+    assert "upright camera" in top.about and "upright" not in side.about
+
+
+def test_the_message_on_compressed_files_has_the_command_to_decompress(tmp_path):
+    write(tmp_path)
+    labels = tmp_path / "ITOP_side_test_labels.h5"
+    labels.rename(f"{labels}.gz")
+    with pytest.raises(InputError, match=r"no such file; decompress ITOP_side_test_labels\.h5\.gz: gunzip"):
+        benchmark(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["depth_map", "labels"])
+def test_damaged_files_are_named(tmp_path, name):
+    write(tmp_path)
+    path = tmp_path / f"ITOP_side_test_{name}.h5"
+    whole = path.read_bytes()
+    for content in (b"", b"not HDF5", whole[: len(whole) // 2]):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match=rf"ITOP_side_test_{name}\.h5: not a readable HDF5 file.*download it again"):
+            benchmark(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("file", "name", "value", "message"),
+    [
+        ("labels", "is_valid", None, r"expected an array is_valid, found id, image_coordinates"),
+        ("labels", "is_valid", np.ones(4), r"is_valid: shape \(4,\), expected \(N = 5\)"),
+        ("labels", "real_world_coordinates", np.ones((5, 15, 2)), r"shape \(5, 15, 2\), expected \(N = 5, 15, 3\)"),
+        ("labels", "visible_joints", np.full((5, 15), b"x"), r"visible_joints: type \|S1, expected kind f or i or u or b"),
+        ("labels", "id", np.array([], "S8"), r"is_valid: shape \(5,\), expected \(N = 0\)"),
+        ("labels", "id", np.array(["00_1", "00_2", "frame", "01_0", "01_1"], "S8"), r"row 2 has the id 'frame'"),
+        ("depth_map", "data", np.ones((5, 120, 160)), r"data: shape \(5, 120, 160\), expected \(N, 240, 320\)"),
+        ("depth_map", "data", np.ones((4, 240, 320), "f2"), r"data: expected 5 frames, one for each id, found 4"),
+        ("depth_map", "data", np.ones((5, 240, 320), np.int32), r"data: type int32, expected kind f or u"),
+        ("depth_map", "id", np.array(IDS[:4], "S8"), r"do not belong together: 4 and 5 frames"),
+        ("depth_map", "id", np.array([*IDS[:4], "01_00009"], "S8"), r"do not belong together: 01_00009 and 01_00001 in row 4"),
+    ],
+)  # fmt: skip
+def test_invalid_contents_are_named(tmp_path, file, name, value, message):
+    write(tmp_path)
+    with h5py.File(tmp_path / f"ITOP_side_test_{file}.h5", "a") as opened:
+        del opened[name]
+        if value is not None:
+            opened[name] = value
+    with pytest.raises(InputError, match=message):
+        benchmark(tmp_path)
+
+
+def test_damaged_depth_is_named_with_its_rows(tmp_path):
+    rng = np.random.default_rng(0)
+    write(tmp_path, depth_m=rng.uniform(1, 4, (5, 240, 320)))
+    itop = benchmark(tmp_path)
+    path = tmp_path / "ITOP_side_test_depth_map.h5"
+    with h5py.File(path) as file:
+        chunk = file["data"].id.get_chunk_info(4)
+    whole = bytearray(path.read_bytes())
+    whole[chunk.byte_offset : chunk.byte_offset + 200] = bytes(200)
+    path.write_bytes(whole)
+    assert itop.read("00_00007").depth_m.any()
+    with pytest.raises(InputError, match=r"depth_map\.h5: rows 3 to 5 cannot be read"):
+        itop.read("01_00000")
+
+
+def test_ids_may_be_strings_and_invalid_depth_becomes_0(tmp_path):
+    depth = np.stack([scene(frame) for frame in range(5)])
+    depth[0, 0, :4] = np.nan, np.inf, -1, 0
+    write(tmp_path, depth_m=depth)
+    for name in ("depth_map", "labels"):
+        with h5py.File(tmp_path / f"ITOP_side_test_{name}.h5", "a") as file:
+            del file["id"]
+            file["id"] = IDS  # of variable length
+    itop = benchmark(tmp_path)
+    assert itop.sequence_names() == ["00_00007", "01_00000"]
+    assert not itop.read("00_00007").depth_m[0, 0, :4].any()
+
+
+def test_a_person_who_appears_again_has_the_same_identity(tmp_path):
+    ids = ["00_00000", "01_00000", "00_00001"]
+    write(tmp_path, ids)
+    itop = benchmark(tmp_path)
+    assert [(name, itop.read(name).identity) for name in itop.sequence_names()] == [(name, name[:2]) for name in ids]
+    with pytest.raises(InputError, match="00_00000 occurs twice"):
+        split_into_sequences(["00_00000", "01_00000", "00_00000"])
+
+
+@pytest.mark.skipif(not ITOP_FRAMES.exists(), reason="needs three real frames of ITOP")
+def test_joints_of_real_frames_lie_on_the_depth_and_people_are_extracted(tmp_path):
+    real = np.load(ITOP_FRAMES)
+    people = [f"{number:02d}_{row:05d}" for number, row in enumerate(real["raw_row"])]
+    write_itop(tmp_path, people, real["depth_mm"] / 1000, real["joints_m"])
+    itop = benchmark(tmp_path)
+    assert itop.sequence_names() == people
+    for name in people:
+        sequence = itop.read(name)
+        uvz = sequence.camera.project(sequence.joints_camera_m[0])
+        # The head is above the torso, and the torso above the feet: up is towards row 0.
+        assert uvz[Joint.HEAD, 1] < uvz[Joint.TORSO, 1] < uvz[[Joint.LEFT_FOOT, Joint.RIGHT_FOOT], 1].min()
+        column, row = np.round(uvz[[Joint.TORSO, Joint.NECK], :2]).astype(int).T
+        surface_m = sequence.depth_m[0, row, column]
+        assert (np.abs(surface_m - uvz[[Joint.TORSO, Joint.NECK], 2]) < 0.25).all()
+        person_m = extract_person(sequence.depth_m, sequence.camera)[0]
+        joints = sequence.joints_camera_m[0]
+        points = sequence.camera.points(person_m)[person_m > 0]
+        low, high = joints.min(axis=0) - 0.3, joints.max(axis=0) + 0.3
+        assert len(points) > 4000 and ((points > low) & (points < high)).all(axis=1).mean() > 0.99
+        # The extracted person covers every joint in the image.
+        found = [person_m[int(v) - 4 : int(v) + 5, int(u) - 4 : int(u) + 5].any() for u, v, _ in uvz]
+        assert all(found), [joint.name for joint in Joint if not found[joint]]

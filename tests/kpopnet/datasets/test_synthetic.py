@@ -1,0 +1,48 @@
+import numpy as np
+import pytest
+from shard_sets import CAMERA, write_shard
+
+from kpopnet.datasets.protocol import Origin, evenly_spaced
+from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
+from kpopnet.errors import InputError
+
+
+def benchmark(folder) -> SyntheticBenchmark:
+    return SyntheticBenchmark(SyntheticConfig(path=str(folder)))
+
+
+def test_consecutive_samples_of_a_person_are_a_sequence_even_across_shards(tmp_path):
+    write_shard(tmp_path, [5, 5, 8])
+    write_shard(tmp_path, [8, 8, 5], shard=1, start=3)
+    found = benchmark(tmp_path)
+    sequences = [found.read(name) for name in found.sequence_names()]
+    assert [(s.identity, len(s.depth_m)) for s in sequences] == [("5", 2), ("8", 3), ("5", 1)]
+    assert len({s.name for s in sequences}) == 3 and found.sequence_names() == sorted(found.sequence_names())
+    stored = np.concatenate([s.joints_camera_m for s in sequences])
+    np.testing.assert_array_equal(stored, found.samples.column("joints_m"))
+    np.testing.assert_array_equal(np.concatenate([s.yaw_rad for s in sequences]), found.samples.column("yaw"))
+    assert found.origin is Origin.SIMULATED and "synthetic" in found.truth
+
+
+def test_depth_is_metres_with_its_camera_and_hidden_joints_keep_their_truth(tmp_path):
+    write_shard(tmp_path, [1, 1])
+    sequence = benchmark(tmp_path).read(benchmark(tmp_path).sequence_names()[0])
+    assert sequence.camera == CAMERA and set(np.unique(sequence.depth_m)) == {0, np.float32(2.5)}
+    assert not sequence.visible[:, 4].any() and np.isfinite(sequence.joints_camera_m).all()
+
+
+def test_a_clean_set_is_rejected_with_instructions(tmp_path):
+    write_shard(tmp_path, [1], kind="clean")
+    with pytest.raises(InputError, match=r"clean set.*frozen"):
+        benchmark(tmp_path)
+    with pytest.raises(InputError, match="no shards"):
+        benchmark(tmp_path / "nowhere")
+
+
+def test_chosen_sequences_are_evenly_spaced_from_first_to_last():
+    names = [str(k) for k in range(10)]
+    assert evenly_spaced(names, 4) == ["0", "3", "6", "9"]
+    assert evenly_spaced(names, None) == evenly_spaced(names, 99) == names
+    assert evenly_spaced(names, 1) == ["0"]
+    with pytest.raises(InputError, match="sequences=0"):
+        evenly_spaced(names, 0)

@@ -1,0 +1,207 @@
+import csv
+import logging
+from pathlib import Path
+
+import numpy as np
+import pytest
+from damaged_files import survives_damage
+from real_data import UTD_MHAD
+from scipy.io import loadmat, savemat
+
+from kpopnet.datasets.utd_mhad import (
+    KINECT_JOINTS,
+    STORED_CAMERA,
+    UtdMhadBenchmark,
+    UtdMhadConfig,
+    estimate_lag,
+    read_variable,
+)
+from kpopnet.errors import InputError
+from kpopnet.runtime.input_files import ArraySchema
+from kpopnet.skeleton import Joint
+
+REAL = UTD_MHAD
+FRAMES = 24
+
+
+def kinect_person(frames: int) -> np.ndarray:
+    """(T, 20, 3) metres of a standing person in the stored axes (y up, mirrored: right has x > 0); the right hand moves."""
+    at = {
+        "head": (0, 0.65, 2.8), "shoulder_center": (0, 0.4, 2.8), "spine": (0, 0.0, 2.8), "hip_center": (0, -0.05, 2.8),
+        "shoulder": (0.2, 0.35, 2.8), "elbow": (0.3, 0.1, 2.8), "wrist": (0.35, -0.1, 2.8), "hand": (0.35, -0.2, 2.8),
+        "hip": (0.1, -0.1, 2.8), "knee": (0.12, -0.5, 2.8), "ankle": (0.12, -0.8, 2.8), "foot": (0.14, -0.85, 2.7),
+    }  # fmt: skip
+    rest = np.array(
+        [
+            np.array(at[name.split("_", 1)[1] if name[:4] in ("left", "righ") else name])
+            * [-1 if name.startswith("left") else 1, 1, 1]
+            for name in KINECT_JOINTS
+        ]
+    )
+    skeleton = np.repeat(rest[None], frames, axis=0)
+    swing = 0.5 * np.sin(np.arange(frames) * 0.5)
+    for name in ("right_wrist", "right_hand"):
+        skeleton[:, KINECT_JOINTS.index(name), 1] += swing
+    return skeleton
+
+
+def depth_of(skeleton: np.ndarray) -> np.ndarray:
+    """(T, 240, 320) uint16 mm: a square of pixels around every joint."""
+    depth = np.zeros((len(skeleton), 240, 320), np.uint16)
+    for frame, joints in enumerate(skeleton * [1, -1, 1]):
+        for u, v, z in STORED_CAMERA.project(joints):
+            row, column = round(v), round(u)
+            depth[frame, row - 2 : row + 3, column - 2 : column + 3] = round(1000 * z)
+    return depth
+
+
+def write(folder: Path, name: str, depth: np.ndarray, skeleton: np.ndarray) -> None:
+    for kind in ("Depth", "Skeleton"):
+        (folder / kind).mkdir(parents=True, exist_ok=True)
+    savemat(folder / "Depth" / f"{name}_depth.mat", {"d_depth": depth.transpose(1, 2, 0)})
+    savemat(folder / "Skeleton" / f"{name}_skeleton.mat", {"d_skel": skeleton.transpose(1, 2, 0)})
+
+
+def benchmark(folder: Path, lag: int | None = None) -> UtdMhadBenchmark:
+    return UtdMhadBenchmark(UtdMhadConfig(path=str(folder), lag=lag))
+
+
+@pytest.mark.parametrize("lag", [-3, -2, -1, 0])
+def test_labels_are_shifted_to_their_depth_frames(tmp_path, lag):
+    person = kinect_person(FRAMES)
+    # Row t + lag of the skeleton belongs to depth frame t.
+    write(tmp_path, "a3_s1_t1", depth_of(person), np.roll(person, lag, axis=0))
+    sequence = benchmark(tmp_path).read("a3_s1_t1")
+    inner = slice(4, -4)
+    hand = person[:, KINECT_JOINTS.index("right_hand")]
+    np.testing.assert_allclose(sequence.joints_camera_m[inner, Joint.RIGHT_HAND], (hand * [-1, -1, 1])[inner], atol=1e-6)
+    unlabelled = np.arange(FRAMES) < -lag
+    assert (np.isnan(sequence.joints_camera_m).all(axis=(1, 2)) == unlabelled).all()
+    assert (sequence.visible.any(axis=1) == ~unlabelled).all()
+
+
+def test_the_person_is_mirrored_back_and_every_joint_lies_on_its_pixels(tmp_path):
+    person = kinect_person(FRAMES)
+    write(tmp_path, "a3_s12_t1", depth_of(person), person)
+    sequence = benchmark(tmp_path, lag=0).read("a3_s12_t1")
+    joints = sequence.joints_camera_m
+    assert sequence.identity == "s12" and sequence.fps == 30 and joints.shape == (FRAMES, 15, 3)
+    # The right hand of a person who faces the camera is left in the image, and up is towards row 0.
+    uvz = sequence.camera.project(joints)
+    assert (uvz[:, Joint.RIGHT_HAND, 0] < uvz[:, Joint.LEFT_HAND, 0]).all()
+    assert (uvz[:, Joint.HEAD, 1] < uvz[:, Joint.LEFT_FOOT, 1]).all()
+    assert np.ptp(joints[:, Joint.RIGHT_HAND, 1]) > 0.9 and np.ptp(joints[:, Joint.LEFT_HAND, 1]) == 0
+    for joint in set(Joint) - {Joint.TORSO}:
+        for frame in range(FRAMES):
+            u, v, z = uvz[frame, joint]
+            assert sequence.depth_m[frame, round(v), round(u)] == pytest.approx(z, abs=1e-3)
+    corners = joints[:, [Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.RIGHT_HIP, Joint.LEFT_HIP]]
+    np.testing.assert_allclose(joints[:, Joint.TORSO], corners.mean(axis=1), atol=1e-6)
+
+
+def test_absent_joints_are_nan_and_invisible_and_logged(tmp_path, caplog):
+    person = kinect_person(FRAMES)
+    person[3, KINECT_JOINTS.index("head")] = 0
+    person[4, KINECT_JOINTS.index("left_hip")] = np.nan  # then the torso is absent too
+    write(tmp_path, "a1_s1_t1", depth_of(kinect_person(FRAMES)), person)
+    with caplog.at_level(logging.WARNING):
+        sequence = benchmark(tmp_path, lag=0).read("a1_s1_t1")
+    assert "a1_s1_t1: left out 2 joints that are absent" in caplog.text
+    absent = np.zeros((FRAMES, 15), bool)
+    absent[3, Joint.HEAD] = absent[4, Joint.LEFT_HIP] = absent[4, Joint.TORSO] = True
+    assert (np.isnan(sequence.joints_camera_m).all(-1) == absent).all() and (sequence.visible == ~absent).all()
+
+
+def test_the_lag_of_a_sequence_without_depth_is_the_most_frequent_one():
+    assert estimate_lag(np.zeros((5, 240, 320), np.float32), kinect_person(5) * [1, -1, 1]) == -2
+
+
+def test_sequences_are_listed_by_number(tmp_path):
+    for name in ("a10_s1_t1", "a2_s1_t1", "a2_s1_t10", "a2_s1_t9"):
+        write(tmp_path, name, depth_of(kinect_person(1)), kinect_person(1))
+    assert benchmark(tmp_path).sequence_names() == ["a2_s1_t1", "a2_s1_t9", "a2_s1_t10", "a10_s1_t1"]
+
+
+def test_invalid_files_are_named(tmp_path):
+    person = kinect_person(4)
+    name = "a1_s1_t1"
+    depth_file, skeleton_file = tmp_path / "Depth" / f"{name}_depth.mat", tmp_path / "Skeleton" / f"{name}_skeleton.mat"
+
+    def message() -> str:
+        with pytest.raises(InputError) as caught:
+            benchmark(tmp_path).read(name)
+        return str(caught.value)
+
+    write(tmp_path, name, depth_of(person), person[:, :15])
+    assert str(skeleton_file) in message() and "expected (20, 3, any)" in message()
+    skeleton_file.unlink()
+    assert f"{skeleton_file}: no such file" in message()
+    write(tmp_path, name, depth_of(person).astype(np.int8), person)
+    assert str(depth_file) in message() and "int8" in message()
+    write(tmp_path, name, depth_of(person)[:, :, :100], person)
+    assert "expected (240, 320, any)" in message()
+    savemat(depth_file, {"other": np.zeros(3)})
+    assert "d_depth" in message() and "other" in message()
+    write(tmp_path, name, depth_of(person), person)
+    depth_file.write_bytes(depth_file.read_bytes()[:1000])
+    assert str(depth_file) in message() and "not a complete MATLAB file" in message()
+    depth_file.write_bytes(b"not MATLAB")
+    assert str(depth_file) in message()
+    with pytest.raises(InputError, match="no Depth/"):
+        benchmark(tmp_path / "nowhere")
+    with pytest.raises(InputError, match=r"benchmark\.path=PATH"):
+        UtdMhadBenchmark(UtdMhadConfig())
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+@pytest.mark.parametrize("dtype", ["u2", "f8", "f4"])
+def test_what_is_handed_to_scipy_is_what_the_file_holds(tmp_path, compressed, dtype):
+    path, depth = tmp_path / "a.mat", depth_of(kinect_person(2)).transpose(1, 2, 0).astype(dtype)
+    others = {"text": "abc", "cell": np.array([1, "x"], object), "struct": {"a": np.arange(3)}, "empty": np.zeros((0, 3))}
+    savemat(path, others | {"d_depth": depth, "complex": np.ones(2) * 1j}, do_compression=compressed)
+    found = read_variable(path, "d_depth", ArraySchema("uf", (240, 320, None)))
+    expected = loadmat(path)["d_depth"]
+    np.testing.assert_array_equal(found, expected)
+    assert found.dtype == expected.dtype == dtype and found.flags.f_contiguous == expected.flags.f_contiguous
+    for other in (*others, "complex"):
+        with pytest.raises(InputError, match=other):
+            read_variable(path, other, ArraySchema("uf", (240, 320, None)))
+
+
+def test_memory_is_bounded_before_anything_is_inflated(tmp_path, monkeypatch):
+    path = tmp_path / "a.mat"
+    savemat(path, {"d_depth": np.zeros((240, 320, 40), np.uint16)}, do_compression=True)
+    assert path.stat().st_size < 10_000
+    monkeypatch.setenv("KPOPNET_FILE_BUDGET_GB", "0.006")
+    with pytest.raises(InputError, match=r"a\.mat: what is compressed in it would take"):
+        read_variable(path, "d_depth", ArraySchema("uf", (240, 320, None)))
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_damaged_files_are_refused_in_one_line(tmp_path, compressed):
+    path = tmp_path / "a_skeleton.mat"
+    savemat(path, {"d_skel": kinect_person(3).transpose(1, 2, 0)}, do_compression=compressed)
+    schema = ArraySchema("f", (20, 3, None))
+    assert survives_damage(path, lambda: read_variable(path, "d_skel", schema), 600) > 150
+
+
+@pytest.mark.skipif(not REAL.exists(), reason="needs part of UTD-MHAD")
+def test_real_labels_lie_on_real_people_and_have_the_measured_lag():
+    rows = csv.reader((REAL / "lag.csv").read_text().splitlines()[1:])
+    measured = {row[0]: int(row[2]) for row in rows}
+    real = benchmark(REAL)
+    names = [name for name in real.sequence_names() if name.endswith("s1_t1")][::4]
+    lags = []
+    for name in names:
+        depth_m, skeleton_m = real._read_depth(name), real._read_skeleton(name)
+        lags.append((estimate_lag(depth_m, skeleton_m), measured[name]))
+        sequence = real.read(name)
+        uvz = sequence.camera.project(sequence.joints_camera_m[10:-10, [Joint.TORSO, Joint.NECK]])
+        at = np.round(uvz[..., :2]).astype(int)
+        frames = np.arange(10, len(sequence.depth_m) - 10)[:, None]
+        surface = sequence.depth_m[frames, at[..., 1], at[..., 0]]
+        assert (surface > 0).mean() > 0.95, name
+        # The joints are behind the surface by less than the thickness of the body, unless an arm occludes them.
+        assert np.median(np.abs(uvz[..., 2] - surface)) < 0.15, name
+    assert all(abs(found - known) <= 1 for found, known in lags)
+    assert sum(found == known for found, known in lags) >= 6

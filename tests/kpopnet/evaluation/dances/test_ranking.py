@@ -1,0 +1,88 @@
+"""Concordance, Kendall's tau and confusions on hand-made scores."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from real_data import REAL
+from scipy.stats import kendalltau
+
+from kpopnet.dance.scoring import DanceScore
+from kpopnet.evaluation.dances.ranking import LearnerScore, agreement, confusions, is_ordered, kendall_tau
+
+
+def score(similarity: float, timing: float = 90.0, posture: float = 60.0) -> DanceScore:
+    return DanceScore(similarity, timing, posture, {}, 1.0, None)
+
+
+def learners(*similarities: float) -> list[LearnerScore]:
+    return [LearnerScore(name, score(one)) for name, one in zip("abcd", similarities, strict=False)]
+
+
+def test_only_strictly_decreasing_scores_are_in_order():
+    assert is_ordered(np.array([62.4, 56.2, 51.9, 47.6]))
+    assert not is_ordered(np.array([62.2, 53.1, 53.1, 47.8]))  # row 20 of the paper's Table 2: a tie is a failure
+    assert not is_ordered(np.array([40.5, 37.9, 35.9, 48.0]))  # row 15
+    assert not is_ordered(np.array([60.0, np.nan, 50.0, 40.0]))
+
+
+def test_kendall_tau_by_hand():
+    assert kendall_tau(np.array([4.0, 3, 2, 1])) == 1
+    assert kendall_tau(np.array([1.0, 2, 3, 4])) == -1
+    assert kendall_tau(np.array([4.0, 3, 1, 2])) == pytest.approx(4 / 6)
+    assert kendall_tau(np.array([4.0, 3, 3, 2])) == pytest.approx(5 / 6)
+    assert kendall_tau(np.array([4.0, np.nan, 3, 2])) == pytest.approx(3 / 6)
+
+
+@given(st.lists(st.floats(0, 100), min_size=2, max_size=6, unique=True))
+def test_kendall_tau_equals_scipys_without_ties(scores):
+    expected = kendalltau(-np.arange(len(scores)), scores).statistic
+    assert kendall_tau(np.array(scores)) == pytest.approx(expected)
+
+
+def test_agreement_counts_dances_and_lists_those_in_the_wrong_order():
+    good, tied = np.array([4.0, 3, 2, 1]), np.array([4.0, 3, 3, 1])
+    found = agreement({"one": good, "two": tied, "three": good, "four": good}, seed=0)
+    assert found.concordance == 75 and found.wrong == ("two",)
+    assert found.kendall_tau == pytest.approx((3 + 5 / 6) / 4)
+    low, high = found.interval["concordance"]
+    assert 0 <= low < 75 < high <= 100
+    assert agreement({"one": good}, seed=0).interval == {"concordance": (100.0, 100.0), "kendall_tau": (1.0, 1.0)}
+
+
+def test_the_interval_shrinks_with_the_number_of_dances():
+    good, bad = np.array([4.0, 3, 2, 1]), np.array([3.0, 4, 2, 1])
+    few, many = ({f"{k}": bad if k % 4 == 0 else good for k in range(count)} for count in (8, 400))
+    widths = [np.ptp(agreement(one, seed=1).interval["concordance"]) for one in (few, many)]
+    assert widths[1] < widths[0] / 4
+
+
+def test_the_papers_table_is_in_order_in_86_96_and_97_rows():
+    """The text says 86, 97 and 98: two rows are ties at the printed precision."""
+    text = REAL.parent / "paper.txt"
+    if not text.is_file():
+        pytest.skip("the paper's text is not here")
+    rows = []
+    for line in text.read_text().splitlines():
+        cells = line.split()
+        if len(cells) == 13 and cells[0].isdigit() and all("." in cell for cell in cells[1:]):
+            rows.append([float(cell) for cell in cells[1:]])
+    assert len(rows) == 100
+    table = np.array(rows).reshape(100, 3, 4)
+    counts = [sum(is_ordered(row) for row in table[:, method]) for method in range(3)]
+    assert counts == [86, 96, 97]
+
+
+def test_confusions_name_learners_and_likely_causes():
+    true = {"x": learners(80, 70, 60, 50), "y": learners(80, 60, 65, 50)}
+    estimated = {
+        "x": [LearnerScore("a", score(60, 80, 75)), LearnerScore("b", score(63, 90, 70)), *learners(0, 0, 40, 30)[2:]],
+        "y": learners(80, 60, 65, 50),
+    }
+    found = confusions(estimated, true)
+    assert [(one.dance, one.ranks) for one in found] == [("y", (2, 3)), ("x", (1, 2))]
+    assert "in the wrong order on true joints too" in found[0].cause
+    assert "pose error" in found[1].cause and "higher timing score" in found[1].cause and "posture" not in found[1].cause
+    assert confusions({"x": learners(4, 3, 2, 1)}, None) == []
+    (lost,) = confusions({"x": learners(4, 3, 2, np.nan)[2:]}, None)
+    assert "not scored" in lost.cause

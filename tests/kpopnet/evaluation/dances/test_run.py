@@ -1,0 +1,405 @@
+"""Evaluation of dance scores: from a folder of dances to Table 2, with and without estimators."""
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from damaged_files import survives_damage
+from programs import ROOT
+
+from kpopnet.camera import Camera
+from kpopnet.dance.performance import Performance
+from kpopnet.dance.scoring import SCORERS
+from kpopnet.datasets.dances.dance_set import KpopConfig, KpopSet
+from kpopnet.datasets.dances.writer import PackedDepth, write_labels, write_learner, write_teacher
+from kpopnet.errors import InputError
+from kpopnet.estimator import Estimate
+from kpopnet.evaluation.config import EvaluateConfig
+from kpopnet.evaluation.dances import pose_cache, report
+from kpopnet.evaluation.dances import run as run_module
+from kpopnet.evaluation.dances.figures import score_by_rank
+from kpopnet.evaluation.dances.pose_cache import PoseCache, source_files
+from kpopnet.evaluation.dances.ranking import confusions
+from kpopnet.evaluation.dances.report import evaluate_dances
+from kpopnet.evaluation.dances.run import run_dances
+from kpopnet.evaluation.poses.sweep import AxisConfig, SweepConfig
+from kpopnet.skeleton import Joint
+from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
+
+CAMERA = Camera.centred(20.0, 24, 20)
+SECONDS, FPS = 4.0, 20.0
+TIMES_S = np.arange(SECONDS * FPS) / FPS
+LEARNERS = ("ann", "bob", "cho", "dee")
+
+
+def dance_m(noise_m: float, seed: int) -> np.ndarray:
+    """(T, 15, 3) joints in metres of a body with swinging arms and legs, with slowly varying noise."""
+    rng = np.random.default_rng(0)
+    body = np.array(
+        [
+            *((0, -0.6, 2.5), (0, -0.45, 2.5), (-0.17, -0.35, 2.5), (0.17, -0.35, 2.5), (-0.3, -0.1, 2.5), (0.3, -0.1, 2.5)),
+            *((-0.4, 0.1, 2.4), (0.4, 0.1, 2.4), (0, -0.1, 2.5), (-0.1, 0.1, 2.5), (0.1, 0.1, 2.5), (-0.15, 0.5, 2.45)),
+            *((0.15, 0.5, 2.45), (-0.15, 0.9, 2.5), (0.15, 0.9, 2.5)),
+        ]
+    )
+    limbs = [4, 5, 6, 7, 11, 12, 13, 14]
+    joints = np.tile(body, (len(TIMES_S), 1, 1))
+    joints[:, limbs] += 0.15 * np.sin(2 * np.pi * (TIMES_S[:, None, None] * rng.uniform(0.3, 0.8, (8, 3)) + rng.random((8, 3))))
+    own = np.random.default_rng([seed, 1])
+    swing = np.sin(2 * np.pi * (TIMES_S[:, None, None] * own.uniform(0.2, 0.5, (15, 3)) + own.random((15, 3))))
+    return (joints + noise_m * swing).astype(np.float32)
+
+
+def write_dance(folder: Path, name: str, noises_m: tuple[float, ...]) -> None:
+    write_teacher(folder / name, Performance(dance_m(0, 0), TIMES_S))
+    for number, (learner, noise_m) in enumerate(zip(LEARNERS, noises_m, strict=True)):
+        depth = PackedDepth(CAMERA)
+        for frame in range(len(TIMES_S)):
+            image = np.zeros((CAMERA.height, CAMERA.width), np.float32)
+            image[4:16, 8:14] = 2 + 0.001 * (frame % 7) + 0.01 * number
+            depth.add(image)
+        write_learner(folder / name, learner, TIMES_S, dance_m(noise_m, number + 7), depth)
+    write_labels(folder / name, LEARNERS)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A set of two dances; in the second, bob and cho are labelled in the wrong order."""
+    write_dance(tmp_path / "set", "mama", (0.0, 0.04, 0.09, 0.16))
+    write_dance(tmp_path / "set", "papa", (0.0, 0.09, 0.04, 0.16))
+    return tmp_path / "set"
+
+
+@dataclass(frozen=True)
+class FakeConfig:
+    offset_m: float = 0.0
+    weights: str | None = None
+    arm: float | None = None
+
+
+class Fake:
+    """Returns the true joints of the learner whose depth it gets. With `arm`, the left arm is wrong with that confidence."""
+
+    name = "fake"
+    calls = 0
+
+    def __init__(self, config: FakeConfig) -> None:
+        self.config = config
+
+    def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
+        type(self).calls += 1
+        number = round((depth_m[0].max() - 2) / 0.01)
+        noise_m = (0.0, 0.04, 0.09, 0.16)[number]
+        joints_m = dance_m(noise_m, number + 7)[: len(depth_m)] + np.float32(self.config.offset_m)
+        confidence = np.ones(joints_m.shape[:2], np.float32)
+        if self.config.arm is not None:
+            lost = [Joint.LEFT_ELBOW, Joint.LEFT_HAND]
+            joints_m[:, lost], confidence[:, lost] = joints_m[:, [Joint.RIGHT_HAND, Joint.RIGHT_ELBOW]], self.config.arm
+        return Estimate(joints_m, confidence)
+
+
+@pytest.fixture
+def fake(monkeypatch) -> type[Fake]:
+    Fake.calls = 0
+    monkeypatch.setattr(pose_cache, "build_estimators", lambda configs: {n: Fake(c) for n, c in configs.items()})
+    return Fake
+
+
+def run(folder: Path, estimators: dict, **changed):
+    arguments = {"scorers": SCORERS, "poses": folder / "poses", "count": None, "seed": 0, "processes": 1} | changed
+    return run_dances(KpopSet(folder), estimators, **arguments)
+
+
+def test_scores_on_true_joints_follow_the_labels(folder):
+    found = run(folder, {})
+    assert list(found.scores) == ["truth"] and list(found.scores["truth"]) == ["dance22", "raptis"]
+    agreed = found.agreements["truth"]["dance22"]
+    assert agreed.concordance == 50 and agreed.wrong == ("papa",) and agreed.kendall_tau == pytest.approx((1 + 4 / 6) / 2)
+    best = found.scores["truth"]["dance22"]["mama"][0]
+    assert best.name == "ann" and best.score.similarity > 90 and best.error_m is None
+
+
+def test_an_estimator_is_scored_beside_the_truth_and_its_poses_are_cached(folder, fake):
+    found = run(folder, {"fake": FakeConfig(0.1)})
+    assert list(found.scores) == ["truth", "fake"] and found.fps["fake"] > 0
+    # The same offset of all joints does not change the score.
+    one, other = (found.scores[source]["dance22"]["mama"] for source in ("truth", "fake"))
+    for a, b in zip(one, other, strict=True):
+        assert b.score.similarity == pytest.approx(a.score.similarity, abs=0.5)
+    assert other[2].error_m == pytest.approx(0.1 * np.sqrt(3), rel=1e-3)
+    calls = fake.calls
+    again = run(folder, {"fake": FakeConfig(0.1)}, scorers={"raptis": SCORERS["raptis"]})
+    assert fake.calls == calls and again.agreements["fake"]["raptis"] == found.agreements["fake"]["raptis"]
+    run(folder, {"fake": FakeConfig(0.2)})
+    assert fake.calls > calls
+
+
+def test_a_name_that_is_not_utf_8_is_refused_before_anything_is_evaluated(folder):
+    (folder / "papa").rename(folder / os.fsdecode(b"pa\xffpa"))
+    with pytest.raises(InputError, match=r"pa\\udcffpa: a name that is not UTF-8; rename it"):
+        KpopSet(folder)
+
+
+def test_an_estimator_that_finds_no_joint_is_reported_and_not_scored(folder, fake, monkeypatch, caplog):
+    monkeypatch.setattr(fake, "estimate", lambda self, depth_m, camera: Estimate.missing(len(depth_m)))
+    found = run(folder, {"fake": FakeConfig()})
+    assert all(np.isnan(one.score.similarity) for one in found.scores["fake"]["dance22"]["mama"])
+    assert "mama, ann: fake found no joint in any frame; not scored" in caplog.text
+
+
+def test_joints_of_low_confidence_have_less_weight(folder, fake):
+    best = {}
+    for arm in (None, 0.0, 0.1, 1.0):
+        found = run(folder, {"fake": FakeConfig(arm=arm)}, scorers={"dance22": SCORERS["dance22"]})
+        best[arm] = found.scores["fake"]["dance22"]["mama"][0].score.similarity
+    assert best[1.0] + 10 < best[0.1] < best[0.0] == pytest.approx(best[None], abs=1)
+
+
+def test_the_cache_folder_depends_on_settings_and_file_contents(folder, fake, tmp_path):
+    weights = tmp_path / "weights"
+    weights.write_bytes(b"one")
+    folders = [PoseCache(tmp_path, "fake", FakeConfig(0.1, str(weights))).folder]
+    moved = tmp_path / "elsewhere"
+    moved.write_bytes(b"one")
+    assert PoseCache(tmp_path, "fake", FakeConfig(0.1, str(moved))).folder == folders[0]
+    weights.write_bytes(b"two")
+    folders.append(PoseCache(tmp_path, "fake", FakeConfig(0.1, str(weights))).folder)
+    folders.append(PoseCache(tmp_path, "fake", FakeConfig(0.3, str(weights))).folder)
+    assert len(set(folders)) == 3
+
+
+def test_equal_depth_is_not_estimated_again_and_damaged_poses_are_reported(folder, fake):
+    run(folder, {"fake": FakeConfig()})
+    calls = fake.calls
+    write_dance(folder, "papa", (0.0, 0.09, 0.04, 0.2))  # the same depth, other true joints
+    run(folder, {"fake": FakeConfig()})
+    assert fake.calls == calls
+    cached = next((folder / "poses").glob("*/mama.ann.*.npz"))
+    whole = cached.read_bytes()
+    for part in (whole[:100], b""):
+        cached.write_bytes(part)
+        found = run(folder, {"fake": FakeConfig()})
+        assert "damaged" in found.failed["mama"] and list(found.scores["truth"]["dance22"]) == ["papa"]
+
+
+def test_damaged_cached_poses_are_refused_in_one_line(folder, fake):
+    run(folder, {"fake": FakeConfig()})
+    cache, dance = PoseCache(folder / "poses", "fake", FakeConfig()), KpopSet(folder).dance("mama")
+    learner = dance.learners[0]
+    path = cache.path(dance, learner)
+    with np.load(path) as stored:
+        arrays = dict(stored)
+    assert survives_damage(path, lambda: cache.read(dance, learner)) > 100
+    for changed in (
+        {"seconds": np.float64(np.nan)}, {"seconds": np.float64(-1)}, {"seconds": np.array([{}], object)},
+        {"joints_m": arrays["joints_m"][:, :14]}, {"joints_m": arrays["joints_m"][:0], "confidence": arrays["confidence"][:0]},
+        {"confidence": np.full_like(arrays["confidence"], np.nan)}, {"confidence": arrays["confidence"][1:]},
+    ):  # fmt: skip
+        np.savez(path, **(arrays | changed))
+        with pytest.raises(InputError, match=r"damaged .*; delete it to estimate these poses again"):
+            cache.read(dance, learner)
+
+
+def test_corrected_times_need_no_new_estimation(folder, fake):
+    late = run(folder, {"fake": FakeConfig()}).scores["fake"]["dance22"]["mama"][0].score
+    calls = fake.calls
+    path = folder / "mama" / "ann.h5"
+    with h5py.File(path, "a") as file:
+        file["times_s"][:] = TIMES_S + 0.3
+    moved = run(folder, {"fake": FakeConfig()}).scores["fake"]["dance22"]["mama"][0].score
+    assert fake.calls == calls and moved.timing < late.timing - 10
+    with h5py.File(path, "a") as file:
+        del file["times_s"]
+        del file["joints_m"]
+        file["times_s"] = TIMES_S[:-1]
+    failed = run(folder, {"fake": FakeConfig()}).failed["mama"]
+    assert "ann.h5: " in failed and "80" in failed and "79" in failed
+
+
+def test_the_cache_folder_depends_on_all_files_of_a_model(tmp_path, fake):
+    model = tmp_path / "model"
+    model.mkdir()
+    folders = set()
+    for name in ("trees.safetensors", "model.safetensors", "meta.json"):
+        for text in ("one", "two"):
+            (model / name).write_text(text)
+            folders.add(PoseCache(tmp_path, "fake", FakeConfig(weights=str(model))).folder)
+    assert len(folders) == 6
+    (model / "state.pt").write_text("needed for further training only")
+    moved = model.rename(tmp_path / "elsewhere")
+    assert PoseCache(tmp_path, "fake", FakeConfig(weights=str(moved))).folder in folders
+
+
+def test_the_cache_folder_depends_on_the_code_that_estimators_share(folder, fake, tmp_path, monkeypatch):
+    read, seen = Path.read_bytes, set()
+    monkeypatch.setattr(Path, "read_bytes", lambda path: seen.add(path.name) or read(path))
+    PoseCache(tmp_path, "fake", FakeConfig(0.1))
+    # A tree walk crops like a network, and a tracker may query a network.
+    assert {"camera.py", "estimator.py", "cube.py", "dense.py", "ridge.py", "skeleton.py", "y_pose.py"} <= seen
+    # These read a model, build an estimator from it and decode the depth.
+    assert {"checkpoint.py", "registry.py", "format.py"} <= seen
+
+
+def test_source_files_are_found_in_every_subfolder_and_a_pattern_without_match_is_an_error():
+    names = {path.name for path in source_files(TrackerEstimator())}
+    assert {"tracker.py", "solver.py", "objective.py", "y_pose.py", "algorithm2.py", "depth_grid.py"} <= names
+    with pytest.raises(RuntimeError, match=r"no file matches gone/\*\.py"):
+        source_files(TrackerEstimator(), ("gone/*.py",))
+
+
+def test_a_faulty_dance_does_not_affect_the_others(folder, fake):
+    (folder / "mama" / "labels.csv").write_text("")
+    found = run(folder, {"fake": FakeConfig()})
+    assert "empty" in found.failed["mama"] and list(found.scores["fake"]["dance22"]) == ["papa"]
+    (folder / "papa" / "dee.h5").write_bytes(b"truncated")
+    with pytest.raises(InputError, match=r"none of 2 dances can be scored; .*labels\.csv"):
+        run(folder, {"fake": FakeConfig()})
+
+
+def test_an_unexpected_error_excludes_only_its_dance(folder, fake, monkeypatch, caplog):
+    estimate = fake.estimate
+
+    def fail_once(self, depth_m, camera):
+        found = estimate(self, depth_m, camera)
+        if fake.calls == 2:  # the first call is the warm-up
+            raise ZeroDivisionError("failure")
+        return found
+
+    monkeypatch.setattr(fake, "estimate", fail_once)
+    found = run(folder, {"fake": FakeConfig()})
+    assert found.failed == {"mama": "fake: ZeroDivisionError: failure"}
+    assert list(found.scores["fake"]["dance22"]) == ["papa"] and "Traceback" in caplog.text
+
+    monkeypatch.setattr(run_module, "score_dance", lambda *_, **__: 1 / 0)
+    with pytest.raises(InputError, match=r"none of 2 dances can be scored; .*ZeroDivisionError: division by zero"):
+        run(folder, {})
+
+
+def test_trackers_start_from_a_standing_person(folder, monkeypatch):
+    built = []
+
+    def build(configs):
+        built.extend(configs.values())
+        return {name: Fake(FakeConfig()) for name in configs}
+
+    monkeypatch.setattr(pose_cache, "build_estimators", build)
+    found = run(folder, {"tracker": TrackerEstimatorConfig()}, count=1)
+    assert all(config.start == "standing" for config in built)
+    assert any("start=standing" in line for line in found.assumptions)
+
+
+def test_the_report_has_all_its_parts(folder, fake, tmp_path):
+    benchmark = KpopConfig(path=str(folder))
+    config = EvaluateConfig(benchmark, {"fake": FakeConfig(0.05)}, scorer=dict(SCORERS), processes=1)
+    evaluate_dances(config, tmp_path / "out")
+    metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    assert metrics["estimator"] == "fake" and metrics["scorer"] == "dance22" and metrics["concordance"] == 100
+    assert metrics["estimators"]["truth"]["concordance"] == 50
+    for source in ("truth", "fake"):
+        one = metrics["estimators"][source]
+        assert set(one["scorers"]) == {"dance22", "raptis"} and set(one["interval"]) == {"concordance", "kendall_tau"}
+        assert one["concordance"] == one["scorers"]["dance22"]["concordance"] and -1 <= one["kendall_tau"] <= 1
+    assert metrics["benchmark"]["origin"] == "real" and metrics["benchmark"]["dances"] == 2
+    text = (tmp_path / "out" / "report.md").read_text()
+    assert "REAL learners of 2 dances" in text and "SIMULATED" not in text
+    assert "Files read by the estimators: fake no file; code" in text and metrics["files"] == {"fake": {}}
+    assert "papa" in text.split("## Table 2")[1] and "✗" in text and "2 and 3" in text
+    with (tmp_path / "out" / "table_2.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 2 * 2 * 2 * 4 and {row["joints"] for row in rows} == {"truth", "fake"}
+    for figure in ("score_by_rank.png", "timelines.png"):
+        assert (tmp_path / "out" / figure).stat().st_size > 10_000
+        assert figure in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_a_shortened_list_is_noted_and_dances_are_counted(folder, monkeypatch):
+    found = run(folder, {})
+    titles = [panel.get_title() for panel in score_by_rank(found).axes]
+    assert titles[0] == "dance22, truth: 1 of 2"
+    monkeypatch.setattr(report, "MAX_LISTED_CONFUSIONS", 1)
+    pairs = len(confusions(found.scores["truth"]["dance22"], None))
+    texts = [content for kind, content in report.confusion_blocks(found, "truth", "dance22") if kind == "text"]
+    assert pairs == 1 and not texts
+    swapped = {name: learners[::-1] for name, learners in found.scores["truth"]["dance22"].items()}
+    found.scores["truth"]["dance22"] = swapped
+    (kind, text), (_, (_, rows)) = report.confusion_blocks(found, "truth", "dance22")[1:]
+    assert kind == "text" and text == "1 of 11 pairs, largest difference of similarity first." and len(rows) == 1
+
+
+def test_another_dance_is_plotted_if_the_requested_one_failed(folder, tmp_path):
+    (folder / "mama" / "teacher.h5").write_bytes(b"truncated")
+    evaluate_dances(EvaluateConfig(KpopConfig(path=str(folder), dance="mama"), {}, processes=1), tmp_path / "out")
+    text = (tmp_path / "out" / "report.md").read_text()
+    assert "papa over time" in text and "benchmark.dance=mama failed and cannot be plotted" in text
+    assert "Files read by the estimators: none; code" in text
+
+
+def test_the_dance_to_be_plotted_must_be_among_the_scored_ones(folder, fake, tmp_path):
+    for name, dances, message in (
+        ("gaga", None, "dance=gaga: not among the 2 dances to be scored; there are mama, papa"),
+        ("papa", 1, "dance=papa: not among the 1 dances to be scored; raise benchmark.dances"),
+    ):
+        config = EvaluateConfig(KpopConfig(path=str(folder), dance=name, dances=dances), {"fake": FakeConfig()}, processes=1)
+        with pytest.raises(InputError, match=message):
+            evaluate_dances(config, tmp_path / "out")
+    assert fake.calls == 0
+    with pytest.raises(InputError, match=r"benchmark\.dances=0"):
+        KpopConfig(dances=0)
+
+
+def test_settings_of_joint_benchmarks_are_rejected(folder, tmp_path):
+    axis = AxisConfig("hierarchy.r_m", [0.1, 0.2])
+    for given, message in (
+        ({"sequences": 4}, "sequences=4: .*benchmark.dances"),
+        ({"sweep": SweepConfig(axis, axis)}, "sweep: "),
+    ):
+        with pytest.raises(InputError, match=message):
+            evaluate_dances(EvaluateConfig(KpopConfig(path=str(folder)), {}, processes=1, **given), tmp_path / "out")
+
+
+def test_a_set_without_true_joints_needs_an_estimator(folder):
+    for path in folder.glob("*/*.h5"):
+        if path.name != "teacher.h5":
+            learner = next(one for one in KpopSet(folder).dance(path.parent.name).learners if one.name == path.stem)
+            clip = learner.depth()
+            depth = PackedDepth(clip.camera)
+            for image in clip.depth_m:
+                depth.add(image)
+            write_learner(path.parent, path.stem, clip.times_s, None, depth)
+    with pytest.raises(InputError, match=r"a learner of mama has no true joints \(2 of 2 .*; give an estimator"):
+        run(folder, {})
+
+
+def test_a_learner_without_true_joints_is_reported(folder, fake):
+    with h5py.File(folder / "papa" / "bob.h5", "a") as file:
+        del file["joints_m"]
+    found = run(folder, {"fake": FakeConfig()})
+    assert list(found.scores) == ["fake"]
+    assert found.assumptions == [
+        "Scores on true joints are left out: a learner of papa has no true joints (1 of 2 dances are incomplete)."
+    ]
+    with pytest.raises(InputError, match=r"a learner of papa has no true joints .*; give an estimator"):
+        run(folder, {})
+
+
+def test_evaluate_py_evaluates_a_set(folder, tmp_path):
+    command = [sys.executable, "evaluate.py", "benchmark=kpop", f"benchmark.path={folder}", "estimator=[]", "processes=1"]
+    done = subprocess.run(
+        [*command, "scorer=[raptis]", f"hydra.run.dir={tmp_path}/out"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert ["truth", "raptis"] in [line.split()[:2] for line in done.stdout.splitlines()]
+    assert (tmp_path / "out" / "report.html").is_file()
+    metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    assert list(metrics["estimators"]) == ["truth"] and list(metrics["estimators"]["truth"]["scorers"]) == ["raptis"]

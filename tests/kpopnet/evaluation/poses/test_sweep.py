@@ -1,0 +1,49 @@
+"""Table 1: one estimator at every combination of the values of two settings."""
+
+import pytest
+
+from kpopnet.errors import InputError
+from kpopnet.evaluation.poses.sweep import AxisConfig, SweepConfig, sweep_of
+from kpopnet.tracker.estimator import TrackerEstimatorConfig
+
+RADII, TOLERANCES = [0.08, 0.11], [0.04, 0.05, 0.06]
+
+
+def sweep(rows: AxisConfig, columns: AxisConfig, **settings):
+    return sweep_of(SweepConfig(rows, columns), {"mine": TrackerEstimatorConfig(**settings), "other": None})
+
+
+def test_only_the_two_settings_of_the_first_estimator_are_varied():
+    found = sweep(AxisConfig("hierarchy.epsilon_m", TOLERANCES), AxisConfig("hierarchy.r_m", RADII), body=False)
+    assert found.estimator == "mine" and [len(row) for row in found.names] == [2, 2, 2]
+    assert len(found.settings) == 5, "the combination that equals the configured estimator is evaluated once"
+    assert found.names[1][1] == "mine"
+    for row, tolerance in zip(found.names, TOLERANCES, strict=True):
+        for name, radius in zip(row, RADII, strict=True):
+            if name != "mine":
+                assert str(radius) in name and str(tolerance) in name
+                settings = found.settings[name]
+                assert isinstance(settings, TrackerEstimatorConfig) and settings.body is False
+                assert (settings.hierarchy.r_m, settings.hierarchy.epsilon_m) == (radius, tolerance)
+
+
+def test_a_sweep_needs_an_estimator():
+    axes = AxisConfig("hierarchy.epsilon_m", TOLERANCES), AxisConfig("hierarchy.r_m", RADII)
+    with pytest.raises(InputError, match="expected an estimator"):
+        sweep_of(SweepConfig(*axes), {})
+
+
+@pytest.mark.parametrize(
+    ("setting", "values", "message"),
+    [
+        ("hierarchy.r_mm", [80], r"estimator\.mine\.hierarchy\.r_mm"),
+        ("radius.small", [80], r"estimator\.mine\.radius\.small"),
+        ("hierarchy.r_m", ["wide"], r"estimator\.mine\.hierarchy\.r_m=wide.*wide"),
+        ("hierarchy.r_m", [-1.0], r"expected r_m in 0\.\.2 m"),
+        ("hierarchy.r_m", [], "expected at least one value"),
+        ("hierarchy.r_m", [0.1, 0.1], "each once"),
+    ],
+)
+def test_a_setting_that_cannot_be_varied_is_named(setting, values, message):
+    with pytest.raises(InputError, match=message):
+        sweep(AxisConfig("search", [True, False]), AxisConfig(setting, values))

@@ -1,0 +1,95 @@
+"""The body of round cones: its planar pose has the model's lengths, its parts are symmetric."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from y_people import y_joints
+
+from kpopnet.geometry.body import (
+    LIMB_PARTS,
+    LIMBS,
+    PART_KIND,
+    PARTS,
+    RADII_M,
+    ROW_TO_JOINT,
+    body_from_model,
+    planar_pose,
+    size_m,
+)
+from kpopnet.geometry.human_model import HumanModel
+from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
+
+MODEL = HumanModel.from_joints(y_joints())
+
+
+def symmetric(shoulders_m: float, hips_m: float, side_m: float, size: float) -> np.ndarray:
+    """(15, 3) a planar, symmetric person; the hips are `side_m` below the shoulders."""
+    joints = np.zeros((NUM_JOINTS, 3))
+    joints[Joint.HEAD], joints[Joint.TORSO] = (0, -0.3 * size, 0), (0, side_m / 2, 0)
+    for side, sign in (("RIGHT", -1), ("LEFT", 1)):
+        joints[Joint[f"{side}_SHOULDER"]] = sign * shoulders_m / 2, 0, 0
+        joints[Joint[f"{side}_HIP"]] = sign * hips_m / 2, side_m, 0
+        for name, parent, length in (
+            ("ELBOW", "SHOULDER", 0.28), ("HAND", "ELBOW", 0.25), ("KNEE", "HIP", 0.4), ("FOOT", "KNEE", 0.44),
+        ):  # fmt: skip
+            joints[Joint[f"{side}_{name}"]] = joints[Joint[f"{side}_{parent}"]] + (0, length * size, 0)
+    return joints
+
+
+@given(st.floats(0.2, 0.5), st.floats(0.1, 0.4), st.floats(0.3, 0.7), st.floats(0.5, 1.3))
+def test_a_planar_symmetric_pose_is_reproduced(shoulders_m: float, hips_m: float, side_m: float, size: float) -> None:
+    joints = symmetric(shoulders_m, hips_m, side_m, size)
+    pose = planar_pose(HumanModel.from_joints(joints))
+    paper = [joint for joint in Joint if joint != Joint.NECK]
+    np.testing.assert_allclose(pose[paper], joints[paper], atol=1e-6)
+    assert pose[Joint.HEAD, 1] < pose[Joint.NECK, 1] < 0 and abs(pose[Joint.NECK, 0]) < 1e-9
+
+
+def test_asymmetric_lengths_are_averaged_over_both_sides() -> None:
+    lopsided = replace(MODEL, left_shoulder_to_left_hip_m=MODEL.right_shoulder_to_right_hip_m + 0.04)
+    pose = planar_pose(lopsided)
+    np.testing.assert_allclose((pose * (-1, 1, 1))[MIRROR][:, :2], pose[:, :2], atol=1e-12)
+    same = np.linalg.norm(pose[Joint.LEFT_SHOULDER] - pose[Joint.LEFT_HIP])
+    assert same == pytest.approx(MODEL.right_shoulder_to_right_hip_m + 0.02)
+
+
+def test_inconsistent_lengths_give_a_finite_pose() -> None:
+    degenerate = replace(MODEL, shoulder_to_shoulder_m=0.0, head_to_torso_m=0.0)
+    unreachable = replace(
+        MODEL, left_shoulder_to_right_hip_m=3.0, right_shoulder_to_left_hip_m=3.0, left_shoulder_to_torso_m=0.0
+    )
+    for model in (degenerate, unreachable):
+        assert np.isfinite(planar_pose(model)).all() and np.isfinite(body_from_model(model).lengths_m).all()
+
+
+def test_body_lengths_are_the_models_lengths() -> None:
+    body = body_from_model(MODEL)
+    lengths = {tuple(pair): length for pair, length in zip(body.pairs.tolist(), body.lengths_m, strict=True)}
+    for child, parent in ((Joint.RIGHT_HAND, Joint.RIGHT_ELBOW), (Joint.LEFT_FOOT, Joint.LEFT_KNEE)):
+        assert lengths[tuple(sorted((child, parent)))] == pytest.approx(MODEL.limb_m[child])
+    assert lengths[Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER] == pytest.approx(MODEL.shoulder_to_shoulder_m)
+    assert body.limbs_m[0] == pytest.approx([MODEL.right_upper_arm_m, MODEL.right_lower_arm_m])
+    assert body.limbs_m[3] == pytest.approx([MODEL.left_upper_leg_m, MODEL.left_lower_leg_m])
+    for pair in lengths:
+        assert tuple(sorted(int(MIRROR[joint]) for joint in pair)) in lengths
+
+
+def test_every_part_has_a_mirror_image_with_equal_radii() -> None:
+    radii = body_from_model(MODEL).radii_m
+    for pair in (np.flatnonzero(kind == PART_KIND) for kind in range(len(RADII_M))):
+        assert len(pair) in (1, 2)
+        first, last = PARTS[pair[0]], PARTS[pair[-1]]
+        assert {*MIRROR[ROW_TO_JOINT[first]].tolist()} == {*ROW_TO_JOINT[last].tolist()}
+        np.testing.assert_array_equal(radii[pair[0]], radii[pair[-1]])
+    for limb, (upper, lower, beyond) in zip(LIMBS, LIMB_PARTS, strict=True):
+        assert PARTS[upper].tolist() == limb[:2].tolist() and PARTS[lower].tolist() == limb[1:].tolist()
+        assert PARTS[beyond, 0] == limb[2] == ROW_TO_JOINT[PARTS[beyond, 1]] and PARTS[beyond, 1] >= NUM_JOINTS
+
+
+def test_radii_scale_with_the_person() -> None:
+    large = HumanModel.from_joints(1.2 * y_joints(place_m=(0, 0, 0)))
+    assert size_m(large) == pytest.approx(1.2 * size_m(MODEL))
+    np.testing.assert_allclose(body_from_model(large).radii_m, 1.2 * body_from_model(MODEL).radii_m)

@@ -1,0 +1,104 @@
+"""Distances of points to round cones, toes and fingers, and trunk points."""
+
+import numpy as np
+import pytest
+from cone_people import cone_joints
+from fitted_people import moved, person  # noqa: F401
+
+from kpopnet.geometry.body import (
+    LEFT_FINGERS,
+    LEFT_TOES,
+    PARTS,
+    RIGHT_CHEST,
+    RIGHT_FINGERS,
+    RIGHT_TOES,
+    ROW_TO_JOINT,
+    TRUNK_POINT_JOINTS,
+)
+from kpopnet.geometry.cones import (
+    FINGERS_M,
+    TOES_DOWN_M,
+    TOES_M,
+    extend_joints,
+    nearest_parts,
+    part_segments,
+    signed_distance,
+    torso_frame,
+)
+from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
+
+NOWHERE = np.zeros((6, 3))
+
+
+def test_distances_to_a_cone() -> None:
+    joints = np.array([(0.0, 0, 2), (0, 1, 2)])
+    segments = part_segments(joints, np.array([(0, 1)]), np.array([(0.1, 0.2)]))
+    assert signed_distance(segments, 0, 0.5, 0.5, 2) == pytest.approx((0.5 - 0.15, 0.5, 0.5), abs=1e-8)
+    assert signed_distance(segments, 0, 0, 0.25, 2) == pytest.approx((-0.125, 0.25, 0.0), abs=1e-8)
+    assert signed_distance(segments, 0, 0, -0.3, 2.4) == pytest.approx((0.5 - 0.1, 0.0, 0.5), abs=1e-8)
+    assert signed_distance(segments, 0, 0, 1.3, 2.4) == pytest.approx((0.5 - 0.2, 1.0, 0.5), abs=1e-8)
+
+
+@pytest.mark.parametrize("stride", [1, 2, 7, 10**6])
+def test_nearest_parts_agree_with_brute_force(person, stride: int) -> None:  # noqa: F811
+    joints, body, grid = person
+    segments = part_segments(extend_joints(moved(joints, 3), body.trunk_offsets_m), PARTS, body.radii_m)
+    part, off, along = nearest_parts(segments, grid.points_m, stride)
+    points = grid.points_m[::stride]
+    plain = np.array([[signed_distance(segments, k, *point)[:2] for k in range(len(segments))] for point in points])
+    own = plain[np.arange(len(points)), part]
+    np.testing.assert_allclose(own[:, 0], plain[:, :, 0].min(axis=1), atol=2e-6)
+    np.testing.assert_allclose(off, own[:, 0], atol=2e-6)
+    np.testing.assert_allclose(along, own[:, 1], atol=2e-5)
+
+
+def test_fingers_extend_the_forearm_and_toes_point_forwards() -> None:
+    joints = cone_joints(abduction_deg=0)
+    rows = extend_joints(joints, NOWHERE)
+    np.testing.assert_array_equal(rows[:NUM_JOINTS], joints)
+    for hand, elbow, fingers in (
+        (Joint.RIGHT_HAND, Joint.RIGHT_ELBOW, RIGHT_FINGERS),
+        (Joint.LEFT_HAND, Joint.LEFT_ELBOW, LEFT_FINGERS),
+    ):
+        forearm = joints[hand] - joints[elbow]
+        np.testing.assert_allclose(rows[fingers] - joints[hand], FINGERS_M * forearm / np.linalg.norm(forearm), atol=1e-8)
+    for foot, toes in ((Joint.RIGHT_FOOT, RIGHT_TOES), (Joint.LEFT_FOOT, LEFT_TOES)):
+        # A person who faces the camera has toes at smaller z.
+        np.testing.assert_allclose(rows[toes] - joints[foot], (0, TOES_DOWN_M, -TOES_M), atol=0.015)
+    assert ROW_TO_JOINT[[RIGHT_TOES, LEFT_FINGERS]].tolist() == [Joint.RIGHT_FOOT, Joint.LEFT_HAND]
+
+
+def test_trunk_points_follow_the_torso_frame() -> None:
+    joints = cone_joints(abduction_deg=0)
+    offsets = np.arange(18.0).reshape(6, 3) / 100
+    rows = extend_joints(joints, offsets)[RIGHT_CHEST:]
+    # A person who faces the camera has their right at smaller x and their front at smaller z.
+    np.testing.assert_allclose(rows - joints[TRUNK_POINT_JOINTS], offsets * (-1, 1, -1), atol=1e-7)
+    quarter = np.array([(0.0, 0, -1), (0, 1, 0), (1, 0, 0)])
+    np.testing.assert_allclose(extend_joints(joints @ quarter.T, offsets)[RIGHT_CHEST:], rows @ quarter.T, atol=1e-7)
+    assert ROW_TO_JOINT[RIGHT_CHEST:].tolist() == TRUNK_POINT_JOINTS.tolist()
+
+
+def test_a_mirrored_person_has_mirrored_trunk_points(person) -> None:  # noqa: F811
+    joints, body, _ = person
+    flip = np.array((-1, 1, 1))
+    rows = extend_joints(joints, body.trunk_offsets_m)[RIGHT_CHEST:].reshape(3, 2, 3)
+    mirrored = extend_joints(joints[MIRROR] * flip, body.trunk_offsets_m)[RIGHT_CHEST:].reshape(3, 2, 3)
+    np.testing.assert_allclose(mirrored[:, ::-1] * flip, rows, atol=1e-7)
+
+
+def test_a_bent_knee_rotates_the_foot() -> None:
+    joints = cone_joints(abduction_deg=0)
+    joints[Joint.RIGHT_KNEE, 0] -= 0.15
+    rows = extend_joints(joints, NOWHERE)
+    assert rows[RIGHT_TOES, 0] < rows[Joint.RIGHT_FOOT, 0] - 0.05 and abs(rows[LEFT_TOES, 0] - rows[Joint.LEFT_FOOT, 0]) < 0.01
+
+
+def test_torso_frame_rotates_with_the_person_and_mirroring_flips_the_front() -> None:
+    joints = cone_joints(abduction_deg=0)
+    np.testing.assert_allclose(torso_frame(joints), ((-1, 0, 0), (0, 1, 0), (0, 0, -1)), atol=1e-6)
+    np.testing.assert_allclose(torso_frame(joints[MIRROR]), ((1, 0, 0), (0, 1, 0), (0, 0, 1)), atol=1e-6)
+
+
+def test_coincident_joints_give_finite_rows() -> None:
+    assert np.isfinite(extend_joints(np.zeros((NUM_JOINTS, 3)), NOWHERE)).all()

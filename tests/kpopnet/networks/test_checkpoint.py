@@ -1,0 +1,319 @@
+"""Checkpoints are read as they were written, are written atomically, and are refused if damaged or of another format."""
+
+import json
+import os
+import shutil
+
+import numpy as np
+import pytest
+import torch
+from capsule_people import CAMERA, draw_depth, draw_joints
+
+import kpopnet.networks.checkpoint as checkpoint_module
+from kpopnet.data.cube import Cube, crop, person_centre
+from kpopnet.errors import InputError
+from kpopnet.networks import ModelConfig, build_network
+from kpopnet.networks.checkpoint import (
+    complete_links,
+    load_network,
+    load_state,
+    read_meta,
+    resumable,
+    run_folder,
+    save_checkpoint,
+)
+from kpopnet.networks.estimator import NetworkEstimator
+
+MODEL = ModelConfig(crop_px=32, widths=[8, 8, 16, 16])
+
+
+def save(run, step=5, best=True, model=MODEL, seed=1, config=None):
+    network = build_network(model, seed)
+    meta = {"step": step, "config": config or {}, "metrics": {}, "mean_pose_m": np.zeros((15, 3)).tolist()}
+    return save_checkpoint(run, network, {"step": step, "moments": torch.arange(3.0)}, meta, best=best), network
+
+
+def test_a_network_is_read_as_it_was_written(tmp_path):
+    folder, network = save(tmp_path)
+    loaded, meta = load_network(folder)
+    assert not loaded.training
+    assert loaded.config == MODEL
+    for name, value in network.state_dict().items():
+        assert torch.equal(value, loaded.state_dict()[name])
+    assert meta["step"] == 5
+    assert np.shape(meta["mean_pose_m"]) == (15, 3)
+    assert load_state(folder)["moments"].tolist() == [0, 1, 2]
+
+
+def test_only_last_and_best_are_kept(tmp_path):
+    save(tmp_path, 1, best=True)
+    save(tmp_path, 2, best=False)
+    save(tmp_path, 3, best=False)
+    assert read_meta(tmp_path / "last")["step"] == 3
+    assert read_meta(tmp_path / "best")["step"] == 1
+    assert sorted(path.name for path in (tmp_path / "checkpoints").iterdir()) == ["step_00000001", "step_00000003"]
+    save(tmp_path, 4, best=True)
+    assert [path.name for path in (tmp_path / "checkpoints").iterdir()] == ["step_00000004"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["best", "checkpoints", "last"]
+
+
+@pytest.mark.parametrize("killed_in", ["asdict", "_sync", "_move_link"])
+def test_a_run_killed_while_writing_keeps_the_last_checkpoint(tmp_path, monkeypatch, killed_in):
+    save(tmp_path, 1)
+
+    def die(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(checkpoint_module, killed_in, die)
+        with pytest.raises(KeyboardInterrupt):
+            save(tmp_path, 2)
+    assert load_network(tmp_path / "last")[1]["step"] == 1
+    save(tmp_path, 2)
+    assert load_network(tmp_path / "last")[1]["step"] == 2
+    assert [path.name for path in (tmp_path / "checkpoints").iterdir()] == ["step_00000002"]
+
+
+def test_a_run_killed_between_its_links_does_not_lose_the_best(tmp_path, monkeypatch):
+    save(tmp_path, 1)
+    point = checkpoint_module._move_link
+
+    def die_at_last(link, folder):
+        if link.name == "last":
+            raise KeyboardInterrupt
+        point(link, folder)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(checkpoint_module, "_move_link", die_at_last)
+        with pytest.raises(KeyboardInterrupt):
+            save(tmp_path, 2, best=True)
+    assert [load_network(tmp_path / link)[1]["step"] for link in ("best", "last")] == [2, 1]
+    save(tmp_path, 2, best=True)  # what resuming from `last` leads to
+    assert [load_network(tmp_path / link)[1]["step"] for link in ("best", "last")] == [2, 2]
+
+
+def test_a_run_killed_while_removing_a_replaced_checkpoint_keeps_one(tmp_path, monkeypatch):
+    save(tmp_path, 1)
+    remove = shutil.rmtree
+
+    def die_removing(folder, **how):
+        if folder.exists():
+            remove(folder, **how)
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(checkpoint_module.shutil, "rmtree", die_removing)
+        with pytest.raises(KeyboardInterrupt):
+            save(tmp_path, 1)
+    assert [load_network(tmp_path / link)[1]["step"] for link in ("best", "last")] == [1, 1]
+    save(tmp_path, 1)
+    assert [path.name for path in (tmp_path / "checkpoints").iterdir()] == ["step_00000001"]
+
+
+class Killed(BaseException):
+    """Stands for a SIGKILL at a certain change of the file system."""
+
+
+def die_after(monkeypatch, change):
+    """Lets the process die after that change, counted from 0, of names in the file system; returns the changes."""
+    done = []
+
+    def dying(original):
+        def call(*args, **kwargs):
+            done.append(original.__name__)
+            count = len(done)
+            try:
+                return original(*args, **kwargs)
+            finally:
+                if count - 1 == change:
+                    raise Killed
+
+        return call
+
+    for name in ("mkdir", "rename", "replace", "symlink", "unlink", "rmdir"):
+        monkeypatch.setattr(os, name, dying(getattr(os, name)))
+    return done
+
+
+SAVES_BEFORE = {
+    "first": [],
+    "next": [(2, True)],
+    "best": [(1, True), (2, False)],
+    "again": [(3, True)],
+    "again last": [(1, True), (3, False)],
+    "again twice": [(3, True), (3, False)],
+}
+
+
+@pytest.mark.parametrize("best", [False, True], ids=["not best", "best"])
+@pytest.mark.parametrize("before", SAVES_BEFORE)
+def test_wherever_a_run_is_killed_both_links_point_to_whole_checkpoints(tmp_path, monkeypatch, before, best):
+    monkeypatch.setattr(checkpoint_module, "git_revision", dict)  # asking git takes longest
+    killed = 0
+    for change in range(100):
+        run = tmp_path / str(change)
+        for step, was_best in SAVES_BEFORE[before]:
+            save(run, step, was_best)
+        steps = {link: read_meta(run / link)["step"] for link in ("last", "best") if (run / link).exists()}
+        with monkeypatch.context() as patch:
+            done = die_after(patch, change)
+            try:
+                save(run, 3, best)
+            except Killed:
+                killed += 1
+            else:
+                break
+        for link, step in steps.items():
+            meta = load_network(run / link)[1]
+            assert meta["step"] in (step, 3), (change, done)
+            assert load_state(run / link)["step"] == meta["step"]
+        found = resumable(run)
+        assert found is not None or not steps
+        if found:
+            complete_links(run, found)
+            assert load_network(run / "best")[1] and load_network(run / "last")[1]
+        save(run, 3, True)
+        assert load_network(run / "last")[1]["step"] == load_network(run / "best")[1]["step"] == 3
+        assert len(list((run / "checkpoints").iterdir())) == 1
+        assert sorted(path.name for path in run.iterdir() if path.name[0] != ".") == ["best", "checkpoints", "last"]
+    assert 4 <= killed < 100
+
+
+def test_a_run_folder_can_be_moved(tmp_path):
+    save(tmp_path / "here")
+    (tmp_path / "here").rename(tmp_path / "there")
+    assert read_meta(tmp_path / "there" / "best")["step"] == 5
+
+
+def test_a_resumed_run_writes_to_its_folder(tmp_path):
+    save(tmp_path / "run")
+    assert run_folder(None, "fresh") == "fresh"
+    assert run_folder(str(tmp_path / "run" / "last"), "fresh") == str((tmp_path / "run").resolve())
+    assert run_folder(str(tmp_path / "copied"), "fresh") == "fresh"
+
+
+def break_file(folder, name, how):
+    file = folder / name
+    if how == "missing":
+        file.unlink()
+    elif how == "truncated":
+        file.write_bytes(file.read_bytes()[:100])
+    elif how == "garbage":
+        file.write_bytes(b"\x80\x04K\x01." + bytes(200))
+
+
+@pytest.mark.parametrize("how", ["missing", "truncated", "garbage"])
+@pytest.mark.parametrize("name", ["model.safetensors", "meta.json"])
+def test_a_damaged_network_is_refused(tmp_path, name, how):
+    folder, _ = save(tmp_path)
+    break_file(folder, name, how)
+    with pytest.raises(InputError) as refusal:
+        load_network(folder)
+    assert str(tmp_path) in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("how", ["missing", "truncated", "garbage"])
+def test_a_damaged_state_is_refused(tmp_path, how):
+    folder, _ = save(tmp_path)
+    break_file(folder, "state.pt", how)
+    load_network(folder)  # prediction does not need it
+    with pytest.raises(InputError, match=r"state\.pt.*cannot be resumed"):
+        load_state(folder)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"version": 99}, "of version 1, found kpopnet-checkpoint of version 99"),
+        ({"format": "pudding"}, "found pudding"),
+        ({"model": {"kind": "dense", "dephts": 3}}, "unknown to this version.*dephts"),
+        ({"model": {"kind": "denser"}}, "denser"),
+        ({"model": {"kind": "dense", "crop_px": 32, "widths": [16, 16, 16, 16]}}, "not the weights"),
+    ],
+)
+def test_another_description_is_refused(tmp_path, change, message):
+    folder, _ = save(tmp_path)
+    meta = read_meta(folder)
+    (folder / "meta.json").write_text(json.dumps({**meta, **change}))
+    with pytest.raises(InputError, match=message):
+        load_network(folder)
+
+
+def test_a_folder_without_a_checkpoint_is_refused(tmp_path):
+    for folder in (tmp_path, tmp_path / "nowhere"):
+        with pytest.raises(InputError, match="no checkpoint there"):
+            load_network(folder)
+
+
+@pytest.mark.parametrize("model", [MODEL, ModelConfig(input="depth_ridge", crop_px=32, widths=[8, 8, 16, 16])])
+def test_the_estimator_is_the_network_on_plain_crops(tmp_path, model):
+    folder, network = save(tmp_path, model=model)
+    estimator = NetworkEstimator(folder)
+    depth = np.stack([draw_depth(draw_joints(np.random.default_rng(seed))) for seed in range(40)])
+    depth[7] = 0
+    estimate = estimator.estimate(depth, CAMERA)
+    assert estimate.joints_camera_m.shape == (40, 15, 3)
+    assert np.isnan(estimate.joints_camera_m[7]).all()
+    assert (estimate.confidence[7] == 0).all()
+    others = np.delete(np.arange(40), 7)
+    assert np.isfinite(estimate.joints_camera_m[others]).all()
+    assert ((estimate.confidence[others] > 0) & (estimate.confidence[others] < 1)).all()
+    if model.input == "depth":
+        for frame in (0, 39):
+            cube = Cube(person_centre(depth[frame], CAMERA), model.half_size_m)
+            image = torch.from_numpy(crop(depth[frame], CAMERA, cube, 32))
+            with torch.inference_mode():
+                uvd = network.eval()(image[None]).joints[0].numpy()
+            np.testing.assert_allclose(estimate.joints_camera_m[frame], cube.to_metres(uvd), atol=1e-4)
+    in_mm = (depth * 1000).round().astype(np.uint16)
+    np.testing.assert_allclose(estimator.estimate(in_mm, CAMERA).joints_camera_m, estimate.joints_camera_m, atol=0.05)
+
+
+def test_a_single_frame_is_estimated_as_in_a_sequence_and_the_number_of_threads_is_restored(tmp_path):
+    estimator = NetworkEstimator(save(tmp_path)[0])
+    depth = np.stack([draw_depth(draw_joints(np.random.default_rng(seed))) for seed in range(3)])
+    together = estimator.estimate(depth, CAMERA)
+    used, before = [], torch.get_num_threads()
+    estimator.network.register_forward_pre_hook(lambda *_: used.append(torch.get_num_threads()))
+    torch.set_num_threads(2)
+    try:
+        single = [estimator.estimate(depth[i : i + 1], CAMERA) for i in range(3)]
+        estimator.estimate(depth, CAMERA)
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
+    assert used == [1, 1, 1, 2]
+    for i in range(3):
+        np.testing.assert_allclose(single[i].joints_camera_m[0], together.joints_camera_m[i], atol=1e-5)
+
+
+def test_the_estimator_on_frames_without_a_person(tmp_path):
+    estimate = NetworkEstimator(save(tmp_path)[0]).estimate(np.zeros((2, 120, 160), np.float32), CAMERA)
+    assert np.isnan(estimate.joints_camera_m).all()
+    assert (estimate.confidence == 0).all()
+
+
+@pytest.mark.parametrize(
+    ("depth", "message"),
+    [
+        (np.zeros((120, 160), np.float32), r"expected shape \(T, H, W\)"),
+        (np.zeros((1, 60, 160), np.float32), "expected the camera.s 160x120 pixels, got 160x60"),
+        (np.zeros((1, 120, 160), np.int32), "got int32"),
+        ([[0.0]], "expected a numpy array"),
+    ],
+)
+def test_the_estimator_refuses_other_types_and_shapes_of_depth(tmp_path, depth, message):
+    with pytest.raises(InputError, match=message):
+        NetworkEstimator(save(tmp_path)[0]).estimate(depth, CAMERA)
+
+
+def test_the_estimator_refuses_an_unknown_device(tmp_path):
+    with pytest.raises(InputError, match="device=tpu"):
+        NetworkEstimator(save(tmp_path)[0], device="tpu")
+
+
+def test_a_copied_checkpoint_can_be_loaded(tmp_path):
+    folder, _ = save(tmp_path / "run")
+    shutil.copytree(folder, tmp_path / "copy")
+    assert load_network(tmp_path / "copy")[1]["step"] == 5

@@ -1,0 +1,56 @@
+"""The network as an estimator says when it is given a room in place of a person."""
+
+import numpy as np
+import pytest
+from capsule_people import CAMERA, draw_depth, draw_joints
+from factories import draw_room
+
+from kpopnet.camera import CAMERAS, Camera
+from kpopnet.networks import ModelConfig, build_network
+from kpopnet.networks.checkpoint import save_checkpoint
+from kpopnet.networks.estimator import NetworkEstimator, shows_a_room
+
+
+@pytest.fixture(scope="module")
+def estimator(tmp_path_factory) -> NetworkEstimator:
+    network = build_network(ModelConfig(crop_px=32, widths=[8, 8, 8, 8]))
+    meta = {"step": 1, "config": {}, "metrics": {}}
+    return NetworkEstimator(save_checkpoint(tmp_path_factory.mktemp("run"), network, {}, meta, best=True))
+
+
+def test_a_room_is_reported_once(estimator, caplog):
+    camera = CAMERAS["kinect_v1"]
+    room_m = np.repeat(draw_room(camera)[None], 3, axis=0)
+    for _ in range(2):
+        estimator.estimate(room_m, camera)
+    (record,) = caplog.records
+    assert "shows a whole room" in record.message and "extract_person" in record.message
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_person_is_no_room_even_where_the_image_is_cut_to_fit(seed):
+    depth_m = draw_depth(draw_joints(np.random.default_rng(seed)))
+    assert not shows_a_room(depth_m[None], CAMERA)
+    rows, columns = depth_m.nonzero()
+    cut = depth_m[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
+    cut_camera = CAMERA.cropped(int(columns.min()), int(rows.min()), cut.shape[1], cut.shape[0])
+    assert not shows_a_room(cut[None], cut_camera)
+    # The trunk alone, so that all pixels are measured.
+    trunk = depth_m[int(np.median(rows)) - 3 :][:6, int(np.median(columns)) - 3 :][:, :6]
+    assert not shows_a_room(trunk[None], cut_camera)
+
+
+def test_a_person_so_near_that_the_image_is_full_is_no_room():
+    camera = CAMERAS["kinect_v1"]
+    assert not shows_a_room(np.full((1, 240, 320), 1.2, np.float32), camera)
+    assert shows_a_room(np.full((1, 240, 320), 2.0, np.float32), camera)
+    assert not shows_a_room(np.zeros((1, 240, 320), np.float32), camera)
+    assert not shows_a_room(np.zeros((0, 240, 320), np.float32), camera)
+
+
+def test_rooms_of_many_distances_and_cameras_are_recognised():
+    for name in ("kinect_v1", "eval", "kinect_2", "smmc10"):
+        camera: Camera = CAMERAS[name]
+        room_m = draw_room(camera)
+        room_m[:, : camera.width // 4] = 0  # a quarter of the pixels is not measured
+        assert shows_a_room(room_m[None], camera), name

@@ -1,0 +1,122 @@
+"""Every network predicts, learns, and outputs cube coordinates."""
+
+import numpy as np
+import pytest
+import torch
+
+from kpopnet.errors import InputError
+from kpopnet.networks import ModelConfig, build_network
+from kpopnet.networks.losses import CONFIDENT_WITHIN_M, Prediction, confidence_loss
+
+KINDS = ["holistic", "dense"]
+SMALL = {"crop_px": 32, "widths": [8, 8, 16, 16]}
+
+
+def crops(batch=3, channels=1, px=32):
+    crop = torch.rand(batch, channels, px, px, generator=torch.Generator().manual_seed(0)) * 2 - 1
+    crop[crop > 0.3] = 1
+    return crop
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("name", "channels"), [("depth", 1), ("depth_ridge", 2)])
+@pytest.mark.parametrize("px", [32, 48])
+def test_predictions_and_gradients(kind, name, channels, px):
+    network = build_network(ModelConfig(kind, name, px, widths=[8, 8, 16, 16]))
+    prediction = network(crops(channels=channels, px=px))
+    assert prediction.joints.shape == (3, 15, 3)
+    assert prediction.joints.dtype == torch.float32
+    assert prediction.confidence.shape == (3, 15)
+    assert ((prediction.confidence >= 0) & (prediction.confidence <= 1)).all()
+    losses = network.head.loss(prediction, torch.zeros(3, 15, 3))
+    assert all(value.ndim == 0 and value >= 0 for value in losses.values())
+    sum(losses.values()).backward()
+    assert all(weight.grad is not None and weight.grad.isfinite().all() for weight in network.parameters())
+    assert all(weight.grad.abs().sum() > 0 for name, weight in network.named_parameters() if weight.ndim > 1)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_loss_is_the_mean_over_samples(kind):
+    """Therefore the mean over processes is the loss of the whole batch."""
+    network = build_network(ModelConfig(kind, **SMALL)).eval()
+    crop, target = crops(4), torch.rand(4, 15, 3) - 0.5
+    whole = network.head.loss(network(crop), target)
+    parts = [network.head.loss(network(crop[i : i + 2]), target[i : i + 2]) for i in (0, 2)]
+    for name, value in whole.items():
+        torch.testing.assert_close(value, (parts[0][name] + parts[1][name]) / 2)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_network_can_overfit_two_crops(kind):
+    network = build_network(ModelConfig(kind, **SMALL), seed=1)
+    crop = crops(2)
+    generator = torch.Generator().manual_seed(1)
+    target = torch.rand(2, 15, 3, generator=generator) * 1.2 - 0.6
+    optimiser = torch.optim.Adam(network.parameters(), 5e-3)
+    for _ in range(150):
+        prediction = network(crop)
+        optimiser.zero_grad()
+        sum(network.head.loss(prediction, target).values()).backward()
+        optimiser.step()
+    assert (prediction.joints - target).norm(dim=-1).mean() < 0.1
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_crop_without_a_body_gives_finite_joints(kind):
+    network = build_network(ModelConfig(kind, **SMALL)).eval()
+    assert network(torch.ones(1, 1, 32, 32)).joints.isfinite().all()
+
+
+def test_the_dense_head_localises_a_peak():
+    """All heat in one cell gives the cell's centre, and the depth map's value at the attention's peak."""
+    head = build_network(ModelConfig(crop_px=32)).head
+    maps = torch.zeros(1, 60, 8, 8)
+    maps[0, 4, 2, 6] = 50  # joint 4's heat: row 2, column 6
+    maps[0, 15 + 4, 5, 5] = 200  # its attention
+    maps[0, 30 + 4, 5, 5] = 0.7  # its depth there
+    head.neck, head.maps = torch.nn.Identity(), torch.nn.Identity()
+    prediction = head(maps)
+    torch.testing.assert_close(prediction.joints[0, 4], torch.tensor([13 / 8 - 1, 5 / 8 - 1, 0.7]))
+    torch.testing.assert_close(prediction.joints[0, 3, :2], torch.zeros(2), atol=1e-6, rtol=0)
+
+
+def test_confidence_is_the_probability_of_a_hit():
+    """Its loss is minimal where the confidence equals the share of hits, and has no gradient on the joints."""
+    joints = torch.zeros(8, 15, 3, requires_grad=True)
+    target = torch.zeros(8, 15, 3)
+    target[2:, :, 0] = 0.2  # two of eight are hits at 1.15 m per unit
+    assert CONFIDENT_WITHIN_M < 0.2 * 1.15
+    logit = torch.zeros(15, requires_grad=True)
+    optimiser = torch.optim.Adam([logit], 0.1)
+    for _ in range(200):
+        loss = confidence_loss(Prediction(joints, logit.expand(8, 15), {}), target, 1.15)
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+    assert joints.grad is None
+    np.testing.assert_allclose(torch.sigmoid(logit).detach(), 0.25, atol=0.01)
+
+
+def test_weights_depend_only_on_the_seed_and_keep_the_global_random_state():
+    torch.manual_seed(3)
+    before = torch.get_rng_state()
+    first, second, other = (build_network(ModelConfig(**SMALL), seed).state_dict() for seed in (5, 5, 6))
+    assert torch.equal(before, torch.get_rng_state())
+    assert all(torch.equal(first[name], second[name]) for name in first)
+    assert any(not torch.equal(first[name], other[name]) for name in first)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "named"),
+    [
+        ({"kind": "denser"}, "model.kind=denser: expected one of holistic, dense"),
+        ({"input": "rgb"}, "model.input=rgb"),
+        ({"crop_px": 100}, "model.crop_px=100: expected a multiple of 16"),
+        ({"half_size_m": 115.0}, "model.half_size_m=115.0: expected metres"),
+        ({"widths": [16, 32]}, "model.widths"),
+        ({"widths": [4, 8, 8, 16]}, "four multiples of 8"),
+    ],
+)
+def test_invalid_settings_are_refused_by_name(wrong, named):
+    with pytest.raises(InputError, match=named.replace(".", r"\.")):
+        ModelConfig(**wrong)

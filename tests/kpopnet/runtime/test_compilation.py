@@ -1,0 +1,33 @@
+"""The notice that numba compiles."""
+
+import subprocess
+import sys
+
+from programs import ROOT
+
+PROGRAM = """
+from numba import njit
+from kpopnet.runtime.compilation import announce_compilation
+announce_compilation()
+announce_compilation()
+@njit
+def inner(x):
+    return x + 1
+@njit
+def kernel(x):
+    return inner(x) * 2
+print(kernel(1), kernel(2), kernel(1.5))
+"""
+
+
+def test_the_first_use_of_a_kernel_is_announced_once_with_its_name():
+    done = subprocess.run([sys.executable, "-c", PROGRAM], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout == "4 6 5.0\n"
+    notice, first, *rest = done.stderr.splitlines()
+    assert notice.startswith("compiling kernels for this machine") and first.endswith("kernel 1: kernel")
+    assert len(rest) <= 1  # a line a second at most, and none for what a kernel calls
+
+
+def test_nothing_is_said_where_nothing_is_compiled():
+    code = "from kpopnet.runtime.compilation import announce_compilation as a; a(); import kpopnet.ridge"
+    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, check=True).stderr == b""

@@ -1,0 +1,94 @@
+"""JSON, npy and files of libraries are checked against what is declared, and refused in one line."""
+
+import json
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from kpopnet.errors import InputError
+from kpopnet.runtime.input_files import ArraySchema, check_fields, open_npy, parse_json, read_with, settings_from
+
+
+@dataclass
+class Settings:
+    name: str
+    size: float = 1.0
+    count: int | None = None
+    widths: list[int] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        if self.size < 0:
+            raise InputError("size is negative")
+
+
+def test_settings_are_made_of_json():
+    assert settings_from(Settings, {"name": "a", "size": 2, "widths": [1]}, "f") == Settings("a", 2, None, [1])
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ([], "f: expected an object of name, size, count, widths, found"),
+        ({}, "f: lacks name"),
+        ({"name": "a", "colour": 1}, "f: has settings unknown to this version: colour"),
+        ({"name": 1}, "f: name is 1, expected str"),
+        ({"name": "a", "size": True}, "f: size is True, expected float"),
+        ({"name": "a", "size": "1"}, "f: size is '1', expected float"),
+        ({"name": "a", "count": 1.5}, r"f: count is 1.5, expected int \| None"),
+        ({"name": "a", "widths": [1, None]}, r"f: widths is \[1, None\], expected list\[int\]"),
+        ({"name": "a", "size": -1}, "f: size is negative"),
+    ],
+)
+def test_other_values_are_refused(value, message):
+    with pytest.raises(InputError, match=message):
+        settings_from(Settings, value, "f")
+
+
+def test_an_object_may_have_other_names_and_lack_optional_ones():
+    value = {"a": 1, "other": None}
+    assert check_fields("f", value, {"a": int, "b": str}, optional=["b"]) is value
+
+
+def test_nan_and_infinity_are_numbers_only_where_they_are_allowed():
+    assert math.isnan(parse_json("[NaN]", "f", non_finite=True)[0])
+    assert parse_json("-Infinity", "f", non_finite=True) == -math.inf
+    for text in ("NaN", "Infinity", "1e999"):
+        with pytest.raises(InputError, match="not a finite number"):
+            parse_json(text, "f", non_finite=text == "1e999")
+
+
+@pytest.mark.parametrize(
+    ("array", "message"),
+    [
+        (np.zeros((2, 4)), r"shape \(2, 4\), expected \(any, 3\)"),
+        (np.zeros((0, 3)), "not empty"),
+        (np.zeros((2, 3), complex), "type complex128"),
+        (np.array([[{}]], object), "plain numbers"),
+    ],
+)
+def test_another_array_is_refused(tmp_path, array, message):
+    np.save(tmp_path / "a.npy", array, allow_pickle=True)
+    with pytest.raises(InputError, match=message):
+        open_npy(tmp_path / "a.npy", ArraySchema("fu", (None, 3)))
+
+
+def test_an_array_is_mapped_as_it_was_saved_and_refused_if_cut_off(tmp_path):
+    path = tmp_path / "a.npy"
+    for array in (np.arange(6.0).reshape(2, 3), np.asfortranarray(np.arange(6, dtype=np.uint16).reshape(2, 3))):
+        np.save(path, array)
+        np.testing.assert_array_equal(open_npy(path, ArraySchema("fu", (None, 3))), array)
+    path.write_bytes(path.read_bytes()[:-1])
+    with pytest.raises(InputError, match="truncated"):
+        open_npy(path, ArraySchema("fu", (None, 3)))
+
+
+def test_exceptions_of_a_library_become_input_errors(tmp_path, monkeypatch):
+    path = tmp_path / "a"
+    path.write_text(json.dumps([1] * 100))
+    with pytest.raises(InputError, match=r"a: damaged \('x'\)"):
+        read_with(lambda _: {}["x"], path, "damaged")
+    monkeypatch.setenv("KPOPNET_FILE_BUDGET_GB", "1e-8")
+    with pytest.raises(InputError, match="would take"):
+        read_with(lambda _: None, path, "damaged")

@@ -1,0 +1,44 @@
+"""The process pool."""
+
+import math
+import os
+from functools import partial
+
+import cv2
+import pytest
+import torch
+
+from kpopnet.errors import InputError
+from kpopnet.runtime.parallel import in_processes
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_every_item_is_done_once_whatever_the_number_of_processes(processes):
+    assert dict(in_processes(partial(pow, 2), list(range(6)), processes)) == {k: 2**k for k in range(6)}
+
+
+def test_no_items_are_no_work():
+    assert list(in_processes(math.sqrt, [], 2)) == []
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_what_the_work_raises_goes_through(processes):
+    with pytest.raises(ValueError, match=r"nonnegative|math domain error"):
+        list(in_processes(math.sqrt, [1.0, -1.0, 4.0], processes))
+
+
+def test_a_process_that_dies_is_told_of_in_a_line():
+    with pytest.raises(InputError, match=r"one of 2 processes died .* processes=1"):
+        list(in_processes(os._exit, [3, 3], 2))
+
+
+def test_here_the_work_has_one_thread_and_leaves_the_others_as_they_were():
+    before = torch.get_num_threads(), cv2.getNumThreads()
+    seen = [count for _, count in in_processes(lambda _: (torch.get_num_threads(), cv2.getNumThreads()), [0, 1], 1)]
+    assert seen == [(1, 1), (1, 1)] and (torch.get_num_threads(), cv2.getNumThreads()) == before
+
+
+def test_other_processes_have_one_thread_and_this_environment_stays():
+    before = dict(os.environ)
+    counts = dict(in_processes(os.getenv, ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"], 2))
+    assert counts == {0: "1", 1: "1"} and dict(os.environ) == before

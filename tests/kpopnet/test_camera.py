@@ -1,0 +1,39 @@
+"""Depth of a user becomes metres: units are recognised by type, and refused where they contradict the numbers."""
+
+import numpy as np
+import pytest
+
+from kpopnet.camera import CAMERAS, depth_in_metres, sequence_in_metres
+from kpopnet.errors import InputError
+
+
+def person(depth: float, dtype: type) -> np.ndarray:
+    """(2, 240, 320): a rectangle of 4 % of the pixels at this depth, 0 elsewhere."""
+    image = np.zeros((2, 240, 320), dtype)
+    image[:, 80:140, 100:150] = depth
+    return image
+
+
+@pytest.mark.parametrize("dtype", [np.float16, np.float32, np.float64])
+def test_floating_point_millimetres_are_refused(dtype):
+    with pytest.raises(InputError, match=r"depth sequence: .* 2580 m .* look like millimetres.*divide it by 1000"):
+        sequence_in_metres(person(2580, dtype), CAMERAS["kinect_v1"])
+
+
+def test_metres_and_integer_millimetres_are_kept():
+    for depth in (person(2.5, np.float32), person(2.5, np.float64), person(2500, np.uint16), person(2500, np.uint32)):
+        np.testing.assert_array_equal(depth_in_metres(depth), person(2.5, np.float32))
+    np.testing.assert_array_equal(depth_in_metres(np.zeros((4, 4), np.float32)), 0)
+    assert depth_in_metres(np.zeros((0, 4, 4), np.float32)).shape == (0, 4, 4)
+
+
+def test_single_pixels_far_away_are_no_millimetres():
+    depth = person(2.5, np.float32)
+    depth[:, 0, :100] = 3000.0
+    np.testing.assert_array_equal(depth_in_metres(depth), depth)
+
+
+def test_what_is_no_depth_is_not_measured():
+    depth = person(2.5, np.float64)
+    depth[0, 0, :5] = np.nan, np.inf, -np.inf, -1, 1e300
+    assert not depth_in_metres(depth)[0, 0].any()

@@ -1,0 +1,99 @@
+"""The figure of every stage, drawn by its program."""
+
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from cone_people import PLACE_M, cone_body, cone_joints, draw_cones
+from damaged_files import survives_damage
+from y_people import draw_y, y_joints
+
+from kpopnet.camera import CAMERAS
+from kpopnet.errors import InputError
+from kpopnet.programs.stages import main, stages_of
+
+CAMERA = CAMERAS["kinect_v1"]
+
+
+@pytest.fixture
+def draw(monkeypatch, capsys, tmp_path: Path):
+    """Runs the program on a recording; returns its exit code, its output, and the figure's path."""
+
+    def run(recorded: np.ndarray | bytes, *options: str, frame: int = 2) -> tuple[int, str, Path]:
+        path, figure = tmp_path / "depth.npy", tmp_path / "stages.png"
+        if isinstance(recorded, bytes):
+            path.write_bytes(recorded)
+        else:
+            np.save(path, recorded)
+        monkeypatch.setattr(sys, "argv", ["program", str(path), str(frame), str(figure), *options])
+        try:
+            main()
+            code = 0
+        except SystemExit as end:
+            code = end.code
+        printed = capsys.readouterr()
+        return code, printed.out + printed.err, figure
+
+    return run
+
+
+def test_every_stage_is_drawn(draw) -> None:
+    depth_m = np.repeat(draw_y(y_joints(place_m=PLACE_M), CAMERA)[None], 3, axis=0)
+    code, printed, path = draw(np.rint(1000 * depth_m).astype(np.uint16))
+    assert code == 0 and str(path) in printed
+    figure = cv2.imread(str(path))
+    assert figure.shape[0] > 700 and figure.shape[1] > 1000
+    # Two rows of three panels, none of them uniform.
+    for row in np.array_split(figure, 2):
+        for tile in np.array_split(row, 3, axis=1):
+            assert tile.std() > 10
+
+
+def test_a_terminal_shows_a_progress_bar(draw, monkeypatch) -> None:
+    empty = np.zeros((3, 240, 320), np.uint16)
+    assert "2/2" not in draw(empty)[1]
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    assert "2/2" in draw(empty)[1]
+
+
+def test_start_standing_is_supported(draw) -> None:
+    joints = cone_joints(-75, 4)
+    depth_m = np.repeat(draw_cones(joints, cone_body(joints), CAMERA)[None], 3, axis=0)
+    code, printed, _ = draw(depth_m)
+    assert code == 1 and "--start standing" in printed
+    assert draw(depth_m, "--start", "standing")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("recorded", "frame", "message"),
+    [
+        (np.zeros((3, 240, 320), np.uint16), 2, "no person"),
+        (np.zeros((3, 240, 320), np.uint16), 3, "frame 3 of 3"),
+        (np.zeros((3, 240, 320), np.uint16), 0, "one before it"),
+        (np.zeros((240, 320), np.uint16), 2, r"(T, H, W)"),
+        (np.zeros((3, 100, 100), np.uint16), 2, "100"),
+        (b"no array", 2, "numpy.save"),
+        (np.array([{"a": 1}] * 3, object), 2, "numpy.save"),
+    ],
+)
+def test_errors_are_one_line(draw, recorded, frame: int, message: str) -> None:
+    code, printed, path = draw(recorded, frame=frame)
+    assert code == 1 and printed.startswith("error: ") and printed.count("\n") == 1 and message in printed
+    assert not path.exists()
+
+
+def test_damaged_recordings_are_refused_in_one_line(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("kpopnet.programs.stages.extract_person", lambda depth_m, camera: depth_m)
+    path = tmp_path / "depth.npy"
+    np.save(path, np.zeros((3, 240, 320), np.uint16))
+    path.write_bytes(path.read_bytes()[:4000])  # as for most seeds: mutations of the header
+    assert survives_damage(path, lambda: stages_of(path, 2, "kinect_v1", False)) == 300
+
+
+def test_memory_is_bounded(tmp_path, monkeypatch) -> None:
+    np.save(tmp_path / "depth.npy", np.zeros((3, 240, 320), np.uint16))
+    monkeypatch.setenv("KPOPNET_FILE_BUDGET_GB", "0.001")
+    with pytest.raises(InputError, match="depth and person of 3 frames would take"):
+        stages_of(tmp_path / "depth.npy", 2, "kinect_v1", False)

@@ -1,0 +1,417 @@
+"""Tracking people of round cones with known joints and simulated people: moved, mirrored, occluded, absent and returning."""
+
+import warnings
+
+import numpy as np
+import pytest
+from cone_people import PLACE_M, cone_body, cone_joints, draw_cones
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from y_people import draw_y, y_joints
+
+from kpopnet.camera import CAMERAS
+from kpopnet.errors import InputError
+from kpopnet.geometry.body import TORSO_JOINTS
+from kpopnet.geometry.depth_grid import build_depth_grid
+from kpopnet.geometry.human_model import HumanModel
+from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
+from kpopnet.tracker.fit.hypotheses import rotate_about_shoulders
+from kpopnet.tracker.fit.refine import DETECTION_PRIOR_WEIGHT
+from kpopnet.tracker.fit.solver import fit
+from kpopnet.tracker.tracker import (
+    CUSUM_THRESHOLD,
+    FINAL_ITERATIONS,
+    FLIP_TEST_INTERVAL,
+    Tracker,
+    TrackerConfig,
+    extrapolate_rigidly,
+)
+from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
+
+CAMERA = CAMERAS["kinect_v1"]
+FRAMES = 10
+EMPTY = np.zeros((CAMERA.height, CAMERA.width), np.float32)
+
+
+def dance(frames: int = FRAMES) -> np.ndarray:
+    """(T, 15, 3) a person who lowers and bends the arms, turns and steps aside; asymmetric in every frame."""
+    x, y, z = PLACE_M
+    return np.stack(
+        [cone_joints(40 - 4 * t, 12 + t % 3, 5 * t, 10 + 1.5 * t, place_m=(x + 0.01 * t, y, z)) for t in range(frames)]
+    )
+
+
+def rendered(joints: np.ndarray) -> np.ndarray:
+    body = cone_body(joints[0])
+    return np.stack([draw_cones(pose, body, CAMERA) for pose in joints])
+
+
+def tracked(depth: np.ndarray, start: np.ndarray | None, camera=CAMERA, **kwargs) -> tuple[np.ndarray, np.ndarray]:
+    """(T, 15, 3) joints and (T, 15) confidences."""
+    tracker = Tracker(camera, TrackerConfig(**kwargs))
+    if start is not None:
+        tracker.start(start)
+    joints, confidence = zip(*[tracker.track(image) for image in depth], strict=True)
+    return np.array(joints), np.array(confidence)
+
+
+def error_m(found: np.ndarray, joints: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(found - joints, axis=-1)
+
+
+@pytest.fixture(scope="module")
+def dancer():
+    joints = dance()
+    return joints, rendered(joints)
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    """50 frames of a simulated dance: depth of the person, true joints, camera. It starts in the Y pose."""
+    film = EvalSim(EvalSimSet(EvalSimConfig(seed=11), frames=(60, 60))).film(0, frames=50)
+    return np.where(film.person, film.depth_m, np.float32(0)), film.joints_camera_m.astype(np.float64), film.camera
+
+
+# --- people with known joints -------------------------------------------------------------------------------------
+
+
+def test_a_person_of_cones_is_tracked(dancer) -> None:
+    joints, depth = dancer
+    found, confidence = tracked(depth, joints[0])
+    error = error_m(found, joints)
+    assert error.mean() < 0.03 and (error < 0.1).mean() > 0.97
+    assert confidence.shape == (FRAMES, NUM_JOINTS) and (confidence >= 0).all() and (confidence <= 1).all()
+    assert confidence.mean() > 0.6
+
+
+def test_the_same_input_gives_the_same_output(dancer) -> None:
+    joints, depth = dancer
+    for kwargs in ({}, {"body": False}):
+        first, second = (tracked(depth, joints[0], **kwargs) for _ in range(2))
+        for a, b in zip(first, second, strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+def test_inputs_and_outputs_are_not_shared(dancer) -> None:
+    joints, depth = dancer
+    tracker = Tracker(CAMERA)
+    start, images = joints[0].copy(), depth.copy()
+    tracker.start(start)
+    found = []
+    for image in images:
+        pose, confidence = tracker.track(image)
+        found.append(pose.copy())
+        start[:] = pose[:] = confidence[:] = image[:] = 0
+    np.testing.assert_array_equal(np.array(found), tracked(depth, joints[0])[0])
+
+
+def test_a_simulated_person_is_tracked_better_with_the_body(simulated) -> None:
+    depth, joints, camera = simulated
+    within = {}
+    for body in (True, False):
+        found, _ = tracked(depth, joints[0], camera, body=body)
+        within[body] = (error_m(found, joints) < 0.1).mean()
+    assert within[True] > 0.7 and within[True] > within[False]
+
+
+def test_confidence_is_lower_for_wrong_joints(simulated) -> None:
+    depth, joints, camera = simulated
+    found, confidence = tracked(depth, joints[0], camera, body=False)
+    bad = error_m(found, joints) > 0.1
+    assert bad.any() and confidence[bad].mean() < confidence[~bad].mean()
+
+
+# --- recovery -----------------------------------------------------------------------------------------------------
+
+
+def crossed_shins(joints: np.ndarray) -> np.ndarray:
+    crossed = joints.copy()
+    crossed[[Joint.RIGHT_FOOT, Joint.LEFT_FOOT]] = joints[[Joint.LEFT_FOOT, Joint.RIGHT_FOOT]]
+    return crossed
+
+
+def mirrored_pose(joints: np.ndarray) -> np.ndarray:
+    return joints[MIRROR]
+
+
+@pytest.mark.parametrize("lost", [crossed_shins, mirrored_pose])
+def test_exchanged_sides_are_corrected_while_standing_still(simulated, lost) -> None:
+    depth, joints, camera = simulated
+    tracker = Tracker(camera)
+    tracker.start(joints[0])
+    tracker.track(depth[0])
+    tracker.joints_camera_m = lost(joints[0])
+    for _ in range(4 * FLIP_TEST_INTERVAL):
+        found, _ = tracker.track(depth[0])
+    assert (error_m(found, joints[0]) < 0.1).mean() > 0.9
+
+
+def test_a_flip_needs_several_tests_and_an_upright_torso(simulated, monkeypatch) -> None:
+    depth, joints, camera = simulated
+    grid = build_depth_grid(depth[0], camera)
+    # The mirrored pose always has half the cost.
+    for upright, tests in ((joints[0], 2), (joints[0] * (1, -1, 1), None)):
+        tracker = Tracker(camera)
+        tracker.start(joints[0])
+        monkeypatch.setattr("kpopnet.tracker.tracker.pose_cost", lambda pose, *_, own=upright: 2.0 if pose is own else 1.0)
+        changed = [tracker._resolve_flip(upright, grid) is not upright for _ in range(4 * FLIP_TEST_INTERVAL)]
+        assert np.flatnonzero(changed).tolist() == (
+            [] if tests is None else [n * tests * FLIP_TEST_INTERVAL - 1 for n in (1, 2)]
+        )
+
+
+@pytest.mark.parametrize("found", ["same pose", "perturbation", "detector"])
+def test_flip_evidence_is_reset_with_a_new_pose(dancer, found) -> None:
+    joints, depth = dancer
+    tracker = Tracker(CAMERA)
+    tracker.start(joints[0])
+    tracker.track(depth[0])
+    if found != "same pose":
+        tracker.joints_camera_m = rotate_about_shoulders(joints[0], np.radians(-60))
+    if found == "detector":
+        tracker.detector = FixedDetector(joints[0])
+    tracker._flip_evidence = CUSUM_THRESHOLD / 2
+    pose, _ = tracker.track(depth[0])
+    assert (error_m(pose, joints[0]) < 0.1).all()
+    assert tracker._flip_evidence == (CUSUM_THRESHOLD / 2 if found == "same pose" else 0)
+
+
+# --- starts -------------------------------------------------------------------------------------------------------
+
+
+def test_the_tracker_waits_for_the_y_pose(dancer) -> None:
+    depth = dancer[1]
+    y = y_joints(place_m=PLACE_M)
+    tracker = Tracker(CAMERA)
+    assert not tracker.started
+    for image in (EMPTY, depth[-1]):
+        pose, confidence = tracker.track(image)
+        assert np.isnan(pose).all() and not confidence.any() and not tracker.started
+    pose, confidence = tracker.track(draw_y(y, CAMERA))
+    assert tracker.started and tracker.model.left_upper_arm_m == pytest.approx(0.27, abs=0.06)
+    assert error_m(pose, y).mean() < 0.06 and (confidence > 0).all()
+
+
+def test_a_simulated_person_in_the_y_pose_starts_the_tracker(simulated) -> None:
+    depth, joints, camera = simulated
+    found, _ = tracked(depth, None, camera)
+    begun = np.isfinite(found).all(axis=(1, 2))
+    first = int(begun.argmax())
+    assert begun[first:].all() and np.isnan(found[:first]).all() and first < 30
+    assert (error_m(found, joints)[first:] < 0.1).mean() > 0.6
+
+
+def test_thickness_is_measured_after_fitting_the_standing_pose() -> None:
+    joints = cone_joints(-66, 4)
+    body = cone_body(joints)
+    tracker = Tracker(CAMERA, standing=True)
+    for _ in range(4):
+        found, _ = tracker.track(draw_cones(joints, body, CAMERA))
+    # The errors are 15 and 36 mm if the thickness is measured with the average person's arm pose.
+    off = np.abs(tracker.body.radii_m - body.radii_m)
+    assert off.mean() < 0.008 and off.max() < 0.025
+    assert error_m(found, joints).mean() < 0.035
+
+
+def test_a_given_model_is_kept(dancer, tmp_path) -> None:
+    joints, depth = dancer
+    HumanModel.from_joints(joints[0]).save(tmp_path / "person.json")
+    model = HumanModel.load(tmp_path / "person.json")
+    tracker = Tracker(CAMERA, model=model)
+    # The start pose has wrong lengths; the tracked limbs have the model's lengths.
+    middle = joints[0].mean(0)
+    tracker.start(middle + 1.08 * (joints[0] - middle))
+    found = np.array([tracker.track(image)[0] for image in depth])
+    assert tracker.model == model
+    upper = np.linalg.norm(found[:, Joint.LEFT_ELBOW] - found[:, Joint.LEFT_SHOULDER], axis=1)
+    np.testing.assert_allclose(upper, model.left_upper_arm_m, atol=0.02)
+    assert error_m(found[-1], joints[-1]).mean() < 0.04
+
+
+def test_a_restarted_tracker_follows_a_farther_person_at_once(dancer) -> None:
+    joints, depth = dancer
+    far = joints[:2] + np.array((0, 0, 2.5))
+    images = rendered(far)
+    again = Tracker(CAMERA)
+    again.start(joints[0])
+    again.track(depth[0])
+    first = Tracker(CAMERA, model=again.model)
+    for tracker in (again, first):
+        tracker.start(far[0])
+    for image in images:
+        np.testing.assert_array_equal(again.track(image)[0], first.track(image)[0])
+
+
+def test_incomplete_start_poses_are_refused() -> None:
+    joints = cone_joints()
+    joints[Joint.NECK] = np.nan
+    with pytest.raises(InputError, match="start pose with all joints"):
+        Tracker(CAMERA).start(joints)
+    joints[Joint.LEFT_HAND] = np.nan
+    with pytest.raises(InputError, match="left_hand"):
+        Tracker(CAMERA).start(joints)
+    with pytest.raises(InputError, match=r"\(15, 3\)"):
+        Tracker(CAMERA).start(joints[:3])
+
+
+class FixedDetector:
+    """A detector that always returns the same joints and counts its queries."""
+
+    def __init__(self, joints: np.ndarray) -> None:
+        self.joints, self.queries = joints, 0
+
+    def estimate(self, depth_m, camera):
+        self.queries += 1
+        assert depth_m.shape == (1, camera.height, camera.width)
+        return type("Estimate", (), {"joints_camera_m": self.joints[None].astype(np.float32)})
+
+
+def test_a_detector_is_queried_at_high_cost_and_accepted_if_it_fits(dancer) -> None:
+    joints, depth = dancer
+    lost = joints[0].copy()
+    lost[:, :2] = joints[0][:, :2] @ np.array([(0, 1), (-1, 0)])  # lying on the side
+    right, wrong, gap = FixedDetector(joints[0]), FixedDetector(lost), FixedDetector(np.full_like(lost, np.nan))
+    found = {}
+    for detector in (right, wrong, gap):
+        tracker = Tracker(CAMERA, model=HumanModel.from_joints(joints[0]), detector=detector)
+        tracker.start(lost)
+        found[detector] = tracker.track(depth[0])[0]
+        assert detector.queries == 1
+    assert error_m(found[right], joints[0]).mean() < 0.04
+    np.testing.assert_array_equal(found[wrong], found[gap])
+    confident = FixedDetector(lost)
+    tracker = Tracker(CAMERA, detector=confident)
+    tracker.start(joints[0])
+    for image in depth[:3]:
+        tracker.track(image)
+    assert confident.queries == 0
+
+
+def test_a_detector_with_slightly_higher_cost_is_accepted(dancer, monkeypatch) -> None:
+    joints, depth = dancer
+    monkeypatch.setattr("kpopnet.tracker.tracker.DETECTOR_RATIO", 0.0)
+    near = joints[0] + (0.02, 0, 0)
+    tracker = Tracker(CAMERA, detector=FixedDetector(near))
+    tracker.start(joints[0])
+    found, _ = tracker.track(depth[0])
+    grid = build_depth_grid(depth[0], CAMERA)
+    detected = fit(near.astype(np.float32), grid, tracker.body, FINAL_ITERATIONS, prior_weight=DETECTION_PRIOR_WEIGHT)
+    np.testing.assert_array_equal(found, detected)
+
+
+# --- invariances --------------------------------------------------------------------------------------------------
+
+
+@given(st.integers(-4, 4), st.integers(-2, 2))
+@settings(max_examples=5, deadline=None)
+def test_shifting_image_and_camera_keeps_the_joints(dancer, right: int, down: int) -> None:
+    """Shifted by whole grid cells, with the person inside the image: the same points up to rounding."""
+    joints, depth = dancer
+    by_x, by_y = 4 * right, 4 * down
+    moved = np.roll(depth[:5], (by_y, by_x), axis=(1, 2))
+    camera = CAMERA.cropped(-by_x, -by_y, CAMERA.width, CAMERA.height)
+    found, _ = tracked(moved, joints[0], camera)
+    np.testing.assert_allclose(found, tracked(depth[:5], joints[0])[0], atol=1e-6)
+
+
+@given(st.integers(-40, 40))
+@settings(max_examples=5, deadline=None)
+def test_a_translated_person_has_translated_joints(dancer, pixels: int) -> None:
+    """Translated by whole pixels at the person's depth. Not exact, but within the sampling (a cell is 4.5 cm wide there).
+
+    Nearer and farther points move by other fractions of a pixel, the perspective shows more of one side, and the cells of four
+    pixels hold other points.
+    """
+    joints, depth = dancer
+    by = np.array((pixels * PLACE_M[2] / CAMERA.fx, 0, 0))
+    moved, _ = tracked(rendered(joints[:6] + by), joints[0] + by)
+    still, _ = tracked(depth[:6], joints[0])
+    difference = error_m(moved - by, still)
+    assert difference.mean() < 0.02 and difference.max() < 0.06
+
+
+@pytest.mark.parametrize(("body", "frames"), [(True, FRAMES), (False, 3)])
+def test_a_mirrored_image_gives_mirrored_joints(dancer, body: bool, frames: int) -> None:
+    """Not exact: the third of a cell's four columns is sampled, in the mirror image the second; and right is processed first.
+
+    Without the body, joints are lost at different frames; the test ends before that.
+    """
+    joints, depth = dancer[0], dancer[1][:frames]
+    mirror = np.array((-1, 1, 1))
+    mirrored, _ = tracked(np.ascontiguousarray(depth[..., ::-1]), (joints[0] * mirror)[MIRROR], CAMERA.mirrored(), body=body)
+    plain, _ = tracked(depth, joints[0], body=body)
+    difference = error_m((mirrored * mirror)[:, MIRROR], plain)
+    assert difference.mean() < 0.02 and np.quantile(difference, 0.95) < 0.06
+
+
+# --- invalid and incomplete images --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("body", [True, False])
+def test_empty_frames_have_no_joints(dancer, body: bool) -> None:
+    joints, depth = dancer
+    speck = EMPTY.copy()
+    speck[100, 150] = 2.5
+    sequence = np.stack([EMPTY, depth[0], EMPTY, speck, depth[1]])
+    found, confidence = tracked(sequence, joints[0], body=body)
+    empty = [0, 2, 3]
+    assert np.isnan(found[empty]).all() and not confidence[empty].any()
+    assert np.isfinite(found[[1, 4]]).all()
+
+
+def test_a_person_who_leaves_and_returns_is_tracked_again(dancer) -> None:
+    joints, depth = dancer
+    for by_m in (0.0, 0.7):
+        back = joints[4:] + np.array((by_m, 0, 0))
+        sequence = np.concatenate([depth[:4], np.repeat(EMPTY[None], 10, axis=0), rendered(back)])
+        found, confidence = tracked(sequence, joints[0])
+        assert np.isnan(found[4:14]).all() and not confidence[4:14].any()
+        assert np.isfinite(found[14:]).all()
+        assert error_m(found[-1], back[-1]).mean() < 0.05
+
+
+@pytest.mark.parametrize("half", ["left", "right", "top", "bottom"])
+def test_tracking_recovers_from_a_half_image_dropout(dancer, half: str) -> None:
+    """During the dropout the body contracts into the visible half: missing depth tests like free space to the tracker."""
+    joints, depth = dancer
+    lost = {"left": np.s_[:, :160], "right": np.s_[:, 160:], "top": np.s_[:120], "bottom": np.s_[120:]}[half]
+    sequence = depth.copy()
+    for image in sequence[3:6]:
+        image[lost] = 0
+    found, confidence = tracked(sequence, joints[0])
+    assert np.isfinite(found).all() and np.isfinite(confidence).all()
+    assert error_m(found[2], joints[2]).mean() < 0.04 and error_m(found[-1], joints[-1]).mean() < 0.05
+
+
+@pytest.mark.parametrize("body", [True, False])
+def test_noise_is_no_error(dancer, body: bool) -> None:
+    joints, depth = dancer
+    rng = np.random.default_rng(9)
+    garbage = rng.integers(0, 2**16, (2, *EMPTY.shape)).astype(np.float32) / 1000
+    sparse = np.where(rng.random(EMPTY.shape) < 0.01, garbage[0], 0)
+    flat = np.full_like(EMPTY, 65.535)
+    close = np.full_like(EMPTY, 0.001)
+    sequence = np.stack([depth[0], *garbage, sparse, flat, close])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found, confidence = tracked(sequence, joints[0], body=body)
+    assert np.isfinite(found).all() and (confidence >= 0).all() and (confidence <= 1).all()
+
+
+def test_images_without_a_person_do_not_start_the_tracker() -> None:
+    rng = np.random.default_rng(9)
+    garbage = rng.integers(0, 2**16, EMPTY.shape).astype(np.float32) / 1000
+    found, _ = tracked(np.stack([garbage, np.full_like(EMPTY, 2.0), EMPTY]), None)
+    assert np.isnan(found).all()
+
+
+def test_rigid_motion_is_extrapolated() -> None:
+    angle, translation = 0.2, np.array((0.03, 0.0, -0.02))
+    turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+    poses = [cone_joints(elevation_deg=20)]
+    centroids = [poses[0][list(TORSO_JOINTS)].mean(axis=0)]
+    for _ in range(2):
+        poses.append((poses[-1] - centroids[-1]) @ turn.T + centroids[-1] + translation)
+        centroids.append(centroids[-1] + translation)
+    np.testing.assert_allclose(extrapolate_rigidly(poses[1], poses[1] - poses[0]), poses[2], atol=1e-9)
+    np.testing.assert_allclose(extrapolate_rigidly(poses[1], np.zeros_like(poses[1])), poses[1], atol=1e-9)

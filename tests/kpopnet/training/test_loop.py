@@ -1,0 +1,392 @@
+"""The training loop learns, resumes bit for bit, stops before a non-finite update, and gives the same on several processes."""
+
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from capsule_people import CapsulePeople
+from checkpoint_contents import contents, flatten
+from programs import ROOT
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+from kpopnet.data.batches import AugmentConfig, CropBatches, ShuffledOrder
+from kpopnet.errors import InputError
+from kpopnet.networks import ModelConfig, build_network
+from kpopnet.networks.checkpoint import read_meta
+from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.training.distributed import Processes, join_processes
+from kpopnet.training.loop import Progress, Run, TrainingConfig, decay_at, lr_at, train, validation_batches, weight_groups
+from kpopnet.training.validation import validate
+
+MODEL = ModelConfig(crop_px=32, widths=[8, 8, 16, 16])
+SHORT = TrainingConfig(steps=6, batch_size=8, validate_every=2, validation_samples=8, log_every=2)
+PEOPLE, OTHERS = CapsulePeople(20, seed=1), CapsulePeople(8, seed=2)
+
+
+@pytest.fixture(autouse=True)
+def restored_torch():
+    """Restores torch's determinism, which training sets for the process."""
+    yield
+    torch.use_deterministic_algorithms(False)
+
+
+def run_short(out, config=SHORT, model=MODEL, **settings):
+    settings = {"device": "cpu", "workers": 0, "threads": 1, "described": {"seed": 0}} | settings
+    return train(config, model, PEOPLE, OTHERS, out=out, **settings)
+
+
+@pytest.mark.parametrize("kind", ["holistic", "dense"])
+def test_a_resumed_run_equals_an_uninterrupted_run(tmp_path, kind):
+    model = replace(MODEL, kind=kind)
+    whole = run_short(tmp_path / "whole", model=model)
+
+    class StoppedError(Exception):
+        pass
+
+    class Stopping(CapsulePeople):
+        def observe(self, index, epoch):
+            if epoch == 1 and self.left == 0:
+                raise StoppedError
+            self.left -= epoch
+            return super().observe(index, epoch)
+
+    stopping = Stopping(20, seed=1)
+    stopping.left = 14  # in the middle of step 4, of the second epoch, after the checkpoint of step 4
+    with pytest.raises(StoppedError):
+        train(SHORT, model, stopping, OTHERS, out=tmp_path / "parts", device="cpu", workers=0, threads=1)
+    assert read_meta(tmp_path / "parts" / "last")["step"] == 4
+    resumed = run_short(tmp_path / "parts", replace(SHORT, resume=str(tmp_path / "parts" / "last")), model)
+
+    (weights, state, meta), (other_weights, other_state, other_meta) = contents(whole), contents(resumed)
+    assert weights == other_weights
+    assert state == other_state
+    assert state["step"] == 6
+    assert meta["metrics"] == other_meta["metrics"]
+    assert meta["mean_pose_m"] == other_meta["mean_pose_m"]
+
+
+def test_the_number_of_workers_changes_nothing(tmp_path):
+    here = run_short(tmp_path / "here", replace(SHORT, steps=2))
+    there = run_short(tmp_path / "there", replace(SHORT, steps=2), workers=1)
+    assert contents(here)[:2] == contents(there)[:2]
+
+
+def test_the_seed_changes_the_weights(tmp_path):
+    first, second = (run_short(tmp_path / str(seed), replace(SHORT, steps=2), seed=seed) for seed in (0, 1))
+    assert contents(first)[0] != contents(second)[0]
+
+
+def test_a_checkpoint_describes_itself(tmp_path):
+    meta = read_meta(run_short(tmp_path))
+    assert meta["step"] == 6
+    assert meta["config"] == {"seed": 0}
+    assert meta["model"]["crop_px"] == 32
+    assert set(meta["metrics"]) == {"mean_error_cm", "within_10cm", "mean_confidence"}
+    assert meta["joint_names"][0] == "head"
+    assert meta["packages"]["torch"] == torch.__version__
+    # 48 samples of 20 people: the mean pose is close to that of all of them.
+    plain = CropBatches(PEOPLE, MODEL, ShuffledOrder(20, 20, 0), 0, None)[0].offset_m.mean(axis=0)
+    np.testing.assert_allclose(meta["mean_pose_m"], plain, atol=0.1)
+    scalars = EventAccumulator(str(tmp_path)).Reload()
+    assert {"train/loss", "train/error_cm", "train/lr", "validation/mean_error_cm"} <= set(scalars.Tags()["scalars"])
+    assert [event.step for event in scalars.Scalars("train/loss")] == [2, 4, 6]
+    assert scalars.Tags()["images"] == ["validation/predictions"]
+
+
+def test_training_learns(tmp_path):
+    """A tiny network on people made of balls halves the error of the mean pose within 200 steps."""
+    config = TrainingConfig(
+        steps=200, batch_size=16, lr=6e-3, augment=AugmentConfig(rotation_deg=5, occluder=0), validate_every=200,
+        validation_samples=64,
+    )  # fmt: skip
+    model = ModelConfig(crop_px=48, widths=[8, 16, 16, 32])
+    people, others = CapsulePeople(500, seed=1), CapsulePeople(64, seed=2)
+    folder = train(config, model, people, others, out=tmp_path, device="cpu", workers=0, threads=1)
+    meta = read_meta(folder)
+    mean_pose = np.array(meta["mean_pose_m"])
+    truth = validation_batches(others, model, config, 0)
+    baseline = np.concatenate([np.linalg.norm(batch.offset_m.numpy() - mean_pose, axis=-1) for batch in truth]).mean()
+    assert meta["metrics"]["mean_error_cm"] < 100 * baseline / 2
+    # The estimator has the same error on whole images as validation has on crops.
+    estimator = NetworkEstimator(folder)
+    errors = []
+    for index in range(8):
+        seen = others.observe(index, 0)
+        estimate = estimator.estimate(seen.depth_m[None], seen.camera)
+        errors.append(np.linalg.norm(estimate.joints_camera_m[0] - seen.joints_camera_m, axis=-1))
+    assert abs(100 * np.mean(errors) - meta["metrics"]["mean_error_cm"]) < 3
+
+
+def test_validation_measures_metres():
+    """The error of a network that outputs (0, 0, 0) is each joint's distance from the centre of its cube."""
+    batches = validation_batches(OTHERS, MODEL, SHORT, 0)
+    network = build_network(replace(MODEL, kind="holistic"))
+    for weight in network.head.parameters():
+        torch.nn.init.zeros_(weight)
+    metrics, estimates = validate(network, batches, torch.device("cpu"))
+    distances = np.concatenate([np.linalg.norm(batch.offset_m.numpy(), axis=-1) for batch in batches])
+    np.testing.assert_allclose(metrics["mean_error_cm"], 100 * distances.mean(), rtol=1e-4)
+    np.testing.assert_allclose(metrics["within_10cm"], (distances < 0.1).mean(), atol=1e-6)
+    assert metrics["mean_confidence"] == 0.5
+    assert estimates.shape == (8, 15, 3)
+
+
+def first_batch(**augment):
+    order = ShuffledOrder(len(PEOPLE), 8, 0)
+    return torch.utils.data.default_convert(CropBatches(PEOPLE, MODEL, order, 0, AugmentConfig(**augment))[0])
+
+
+@pytest.mark.parametrize("field", ["crop", "target"])
+def test_a_loss_that_is_not_finite_stops_before_the_update(field):
+    run = Run(SHORT, MODEL, 0, Processes(torch.device("cpu")))
+    batch = first_batch()
+    run.update(batch)
+    before = (
+        flatten(run.network.head.state_dict()),
+        flatten(run.optimiser.state_dict()),
+        flatten(run.average.state_dict()),
+    )
+    bad = getattr(batch, field).clone()
+    bad.view(-1)[5] = math.nan
+    with pytest.raises(InputError, match=r"step 1: loss nan.*before the update.*training\.lr"):
+        run.update(batch._replace(**{field: bad}))
+    after = (
+        flatten(run.network.head.state_dict()),
+        flatten(run.optimiser.state_dict()),
+        flatten(run.average.state_dict()),
+    )
+    assert [part == other for part, other in zip(before, after, strict=True)][1:] == [True, True]
+    weights = {name for name, _ in run.network.head.named_parameters()}
+    assert all(before[0][name] == after[0][name] for name in weights)
+    assert run.step == 1
+
+
+def test_the_learning_rate_cycles_once():
+    config = TrainingConfig(steps=1000, lr=1e-3, warmup=0.1)
+    rates = [lr_at(step, config) for step in range(1001)]
+    assert rates[0] == pytest.approx(1e-3 / 25)
+    assert max(rates) == rates[100] == pytest.approx(1e-3)
+    assert rates[550] == pytest.approx((1e-3 + 1e-7) / 2)
+    assert rates[1000] == pytest.approx(1e-7)
+    assert rates[:101] == sorted(rates[:101])
+    assert rates[100:] == sorted(rates[100:], reverse=True)
+    assert lr_at(0, replace(config, warmup=0)) == pytest.approx(1e-3)
+
+
+def test_the_average_starts_with_a_small_decay():
+    config = TrainingConfig()
+    assert decay_at(0, config) == 0.1
+    assert decay_at(10**6, config) == config.average
+    run = Run(SHORT, MODEL, 0, Processes(torch.device("cpu")))
+    fresh = {name: value.clone() for name, value in run.network.state_dict().items()}
+    run.update(first_batch())
+    for name, value in run.network.state_dict().items():
+        averaged = run.average.state_dict()[name]
+        expected = 0.1 * fresh[name] + 0.9 * value if value.is_floating_point() else value
+        torch.testing.assert_close(averaged, expected)
+
+
+def test_only_weights_decay():
+    network = build_network(MODEL)
+    decaying, others = weight_groups(network, 0.01)
+    names = {id(weight): name for name, weight in network.named_parameters()}
+    assert len(decaying["params"]) + len(others["params"]) == len(names)
+    assert others["weight_decay"] == 0
+    assert all(names[id(weight)].endswith("weight") for weight in decaying["params"])
+    norms = {name for name, module in network.named_modules() if isinstance(module, torch.nn.BatchNorm2d)}
+    assert not any(names[id(weight)].rpartition(".")[0] in norms for weight in decaying["params"])
+    assert all(names[id(w)].endswith("bias") or names[id(w)].rpartition(".")[0] in norms for w in others["params"])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda state: state["optimiser"]["state"][0].update(exp_avg=torch.zeros(1)), "moments of other shapes"),
+        (lambda state: state["optimiser"]["state"][0].pop("exp_avg_sq"), "moments are missing"),
+        (lambda state: state["optimiser"]["state"].update({0: []}), "does not fit"),
+        (
+            lambda state: state["optimiser"]["param_groups"][0].update(betas=(2.0, 3.0)),
+            "other settings of the optimiser: betas",
+        ),
+        (lambda state: state["optimiser"]["param_groups"].pop(), "does not fit"),
+        (lambda state: state["optimiser"].pop("state"), "does not fit"),
+        (lambda state: state.pop("best_cm"), "does not fit"),
+        (lambda state: state["weights"].popitem(), "does not fit"),
+        (lambda state: state.update(offset_sum_m=torch.zeros(7)), "does not fit"),
+        (lambda state: state.update(step="6"), "step is '6', expected int"),
+        (lambda state: state.update(weights=[]), "weights is .*expected dict"),
+    ],
+)
+def test_a_damaged_state_is_refused_before_a_step_is_taken(tmp_path, change, message):
+    run_short(tmp_path, replace(SHORT, steps=1, validate_every=1))
+    state = torch.load(tmp_path / "last" / "state.pt", weights_only=True)
+    change(state)
+    torch.save(state, tmp_path / "last" / "state.pt")
+    resumed = replace(SHORT, resume=str(tmp_path / "last"))
+    with pytest.raises(InputError, match=message) as refusal:
+        Run(resumed, MODEL, 0, Processes(torch.device("cpu")))
+    assert "\n" not in str(refusal.value)
+
+
+def test_resuming_refuses_a_finished_run_and_another_model(tmp_path):
+    last = str(run_short(tmp_path))
+    with pytest.raises(InputError, match="finished already, 6 of 6 steps"):
+        run_short(tmp_path, replace(SHORT, resume=last))
+    with pytest.raises(InputError, match="not the weights"):
+        run_short(tmp_path, replace(SHORT, steps=8, resume=last), replace(MODEL, widths=[8, 8, 16, 24]))
+    with pytest.raises(InputError, match="no checkpoint there"):
+        run_short(tmp_path, replace(SHORT, resume=str(tmp_path / "nowhere")))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "named"),
+    [
+        ({"steps": 0}, "training.steps=0"),
+        ({"lr": -1.0}, "training.lr"),
+        ({"warmup": 1.0}, "training.warmup=1.0"),
+        ({"validate_every": 0}, "training.validate_every=0"),
+    ],
+)
+def test_invalid_settings_are_refused_by_name(wrong, named):
+    with pytest.raises(InputError, match=named):
+        TrainingConfig(**wrong)
+
+
+def test_an_unknown_device_is_refused_by_name():
+    with pytest.raises(InputError, match="device=tpu"), join_processes("tpu"):
+        pass
+
+
+GRADIENTS = """
+import sys
+import torch
+from capsule_people import CapsulePeople
+from kpopnet.data.batches import CropBatches, ShuffledOrder, AugmentConfig
+from kpopnet.networks import ModelConfig
+from kpopnet.training.distributed import join_processes, set_up_torch
+from kpopnet.training.loop import Run, TrainingConfig
+
+model = ModelConfig(crop_px=32, widths=[8, 8, 16, 16])
+
+
+def share(rank, count):
+    batches = CropBatches(CapsulePeople(20, seed=1), model, ShuffledOrder(20, 8, 0, rank, count), 0, AugmentConfig())
+    return torch.utils.data.default_convert(batches[0])
+
+
+def gradient(shares, training):
+    run.network.train(training)
+    run.optimiser.zero_grad()
+    for batch in shares:
+        (sum(run.network.head.loss(run.data_parallel(batch.crop), batch.target).values()) / len(shares)).backward()
+    return torch.cat([weight.grad.flatten() for weight in run.network.parameters()])
+
+
+with join_processes("cpu") as processes:
+    set_up_torch(1)
+    run = Run(TrainingConfig(steps=3, batch_size=8), model, 0, processes)
+    if processes.count == 1:
+        gradients = gradient([share(0, 1)], False), gradient([share(0, 2), share(1, 2)], True), gradient([share(0, 1)], True)
+    else:
+        own = [share(processes.rank, processes.count)]
+        gradients = gradient(own, False), gradient(own, True)
+    if processes.rank == 0:
+        torch.save(gradients, sys.argv[1])
+    run.close()
+"""
+
+
+def torchrun(processes, script, *arguments, cwd):
+    command = [sys.executable, "-m", "torch.distributed.run", "--standalone", f"--nproc-per-node={processes}"]
+    environment = {
+        **os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "tests" / "helpers"))), "OMP_NUM_THREADS": "1",
+        "PYTHONWARNINGS": "default", "PYTHONFAULTHANDLER": "1",
+    }  # fmt: skip
+    done = subprocess.run(
+        [*command, str(script), *map(str, arguments)], cwd=cwd, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_two_processes_compute_the_gradient_of_one(tmp_path):
+    """Gradients of two CPU processes, with and without running statistics in batch normalisation.
+
+    With running statistics, two processes give the gradient of the whole batch. In training, each CPU process normalises
+    with the statistics of its own part of the batch (`Processes.data_parallel`). The result is the mean of the gradients
+    on each part, not the gradient of the whole batch. GPUs share the statistics: `test_cuda`.
+    """
+    script = tmp_path / "gradients.py"
+    script.write_text(GRADIENTS)
+    found = []
+    for processes in (1, 2):
+        torchrun(processes, script, tmp_path / f"{processes}.pt", cwd=tmp_path)
+        found.append(torch.load(tmp_path / f"{processes}.pt", weights_only=True))
+    (one_process, of_parts, of_the_batch), (two_processes, two_processes_training) = found
+    assert min(one_process.norm(), of_parts.norm()) > 0.01
+    torch.testing.assert_close(one_process, two_processes, rtol=1e-4, atol=1e-6)
+    torch.testing.assert_close(of_parts, two_processes_training, rtol=1e-4, atol=1e-6)
+    assert (of_the_batch - two_processes_training).norm() > 0.01 * of_the_batch.norm()
+
+
+def test_the_log_reports_progress_and_the_time_left_without_a_terminal(tmp_path, monkeypatch, caplog):
+    from kpopnet.training import loop
+
+    monkeypatch.setattr(loop, "FIRST_LINE_S", 0.0)
+    monkeypatch.setattr(loop.sys.stderr, "isatty", lambda: False, raising=False)
+    caplog.set_level("INFO", logger=loop.__name__)
+    run_short(tmp_path)
+    lines = [record.getMessage() for record in caplog.records if record.getMessage().startswith("step ")]
+    assert lines[0].startswith("step 1 of 6: error ")
+    assert {"step 2 of 6: mean error ", "step 6 of 6: mean error "} <= {
+        line[: len("step 2 of 6: mean error ")] for line in lines
+    }
+    assert all(re.search(r" samples/s, about \d+ s left$", line) for line in lines)
+
+
+@pytest.mark.parametrize(("seconds", "left"), [(40, "40 s"), (720, "12 min"), (12600, "3.5 h")])
+def test_the_time_left_is_extrapolated_from_the_steps_taken(monkeypatch, seconds, left):
+    progress = Progress(100, TrainingConfig(steps=300, batch_size=8))
+    monkeypatch.setattr(time, "perf_counter", lambda: progress.started_s + seconds)
+    assert progress.describe(200) == f"{800 / seconds:.0f} samples/s, about {left} left"
+    assert progress.is_due() and not progress.is_due()
+
+
+def test_only_rank_0_writes(tmp_path):
+    script = tmp_path / "short.py"
+    script.write_text(
+        "import os\n"
+        "from pathlib import Path\n"
+        "from capsule_people import CapsulePeople\n"
+        "from kpopnet.networks import ModelConfig\n"
+        "from kpopnet.training.loop import TrainingConfig, train\n"
+        "model = ModelConfig(crop_px=32, widths=[8, 8, 16, 16])\n"
+        "config = TrainingConfig(steps=4, batch_size=8, validate_every=2, validation_samples=8)\n"
+        "out = Path('rank' + os.environ['RANK'])\n"
+        "train(config, model, CapsulePeople(20), CapsulePeople(8), out=out, device='cpu', workers=0, threads=1)\n"
+    )
+    torchrun(2, script, cwd=tmp_path)
+    assert not (tmp_path / "rank1").exists()
+    assert json.loads((tmp_path / "rank0" / "last" / "meta.json").read_text())["step"] == 4
+
+
+def test_a_batch_that_cannot_be_divided_evenly_is_refused(tmp_path, monkeypatch):
+    from kpopnet.training import loop as training
+
+    class ThreeProcesses:
+        def __enter__(self):
+            return Processes(torch.device("cpu"), 0, 3)
+
+        def __exit__(self, *_):
+            return False
+
+    monkeypatch.setattr(training, "join_processes", lambda _: ThreeProcesses())
+    with pytest.raises(InputError, match=r"training\.batch_size=8 cannot be divided evenly among 3 processes"):
+        run_short(tmp_path)

@@ -1,0 +1,1 @@
+"""Long runs of the online path: `python -m tests.soak --help`."""

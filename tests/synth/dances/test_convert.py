@@ -1,0 +1,98 @@
+"""The command that makes dance sets from recorded motion."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recorded_points import FRAMES, coco, imperial
+
+import synth.dances.convert
+from kpopnet.datasets.dances.converters import read_imperial
+from kpopnet.datasets.dances.dance_set import KpopSet
+from kpopnet.skeleton import Joint
+from synth.motion.skeleton import NUM_JOINTS, PARENTS, POINT_NAMES, REST_OFFSETS_M
+
+
+def write_bvh(path: Path, frames: int, left_arm_deg: float) -> None:
+    """A person in T-pose whose left arm sinks by an angle in degrees; all other rotations are zero."""
+    lines, order = ["HIERARCHY"], []
+
+    def block(point: int, indent: str) -> None:
+        name, children = POINT_NAMES[point], np.flatnonzero(point == PARENTS)
+        offset = " ".join(f"{100 * value:.3f}" for value in REST_OFFSETS_M[point])
+        if point >= NUM_JOINTS:
+            lines.extend([f"{indent}End Site", f"{indent}{{", f"{indent}  OFFSET {offset}", f"{indent}}}"])
+            return
+        order.append(point)
+        channels = "6 Xposition Yposition Zposition" if point == 0 else "3"
+        lines.extend([f"{indent}{'ROOT' if point == 0 else 'JOINT'} {name}", f"{indent}{{", f"{indent}  OFFSET {offset}"])
+        lines.append(f"{indent}  CHANNELS {channels} Zrotation Yrotation Xrotation")
+        for child in children:
+            block(int(child), indent + "  ")
+        lines.append(f"{indent}}}")
+
+    block(0, "")
+    lines += ["MOTION", f"Frames: {frames}", f"Frame Time: {1 / 30:.6f}"]
+    for frame in range(frames):
+        values = ["0 100 0"]
+        for point in order:
+            sunk = -left_arm_deg * frame / (frames - 1) if POINT_NAMES[point] == "LeftArm" else 0
+            values.append(f"{sunk:.4f} 0 0")
+        lines.append(" ".join(values))
+    path.write_text("\n".join(lines) + "\n")
+
+
+def test_bvh_files_are_converted_with_a_mean_adult(tmp_path, monkeypatch):
+    for name, degrees in (("teacher", 80.0), ("ann", 80.0), ("bob", 20.0)):
+        write_bvh(tmp_path / f"{name}.bvh", 20, degrees)
+    files = ("--teacher", tmp_path / "teacher.bvh", "--learners", tmp_path / "ann.bvh", tmp_path / "bob.bvh")
+    convert(monkeypatch, "bvh", tmp_path / "out", "--dance", "t", *files)
+    dance = KpopSet(tmp_path / "out").dance("t")
+    teacher, (ann, bob) = dance.teacher(), (learner.joints() for learner in dance.learners)
+    assert teacher.times_s[-1] == pytest.approx(18 / 30, abs=1e-3)  # the T-pose before the recording is left out
+    np.testing.assert_allclose(ann.joints_m, teacher.joints_m)
+    assert teacher.joints_m[0, Joint.LEFT_HAND, 0] > 0.5  # the T-pose, left hand on the right of the image
+    sunk_m = [one.joints_m[-1, Joint.LEFT_HAND, 1] - one.joints_m[0, Joint.LEFT_HAND, 1] for one in (ann, bob)]
+    assert sunk_m[0] > 2 * sunk_m[1] > 0.1
+    np.testing.assert_allclose(bob.joints_m[:, Joint.RIGHT_HAND], ann.joints_m[:, Joint.RIGHT_HAND], atol=1e-3)
+
+
+def convert(monkeypatch, *arguments: object) -> None:
+    monkeypatch.setattr(sys, "argv", ["convert", *map(str, arguments)])
+    synth.dances.convert.main()
+
+
+def test_keypoints_become_a_dance(tmp_path, monkeypatch, capsys):
+    for name in ("teacher", "best", "worst"):
+        np.savez(tmp_path / f"{name}.npz", keypoints3d=coco(unit_m=0.01))
+    files = ("--teacher", tmp_path / "teacher.npz", "--learners", tmp_path / "best.npz", tmp_path / "worst.npz")
+    convert(monkeypatch, "aist", tmp_path / "out", "--dance", "gBR", *files)
+    assert "best first: best, worst" in capsys.readouterr().out
+    dance = KpopSet(tmp_path / "out").dance("gBR")
+    assert [learner.name for learner in dance.learners] == ["best", "worst"]
+    assert dance.teacher().times_s[-1] == pytest.approx((FRAMES - 1) / 60)
+    np.testing.assert_allclose(dance.learners[1].joints().joints_m, dance.teacher().joints_m, atol=1e-6)
+    with pytest.raises(SystemExit):
+        convert(monkeypatch, "aist", tmp_path / "out", "--dance", "x", *files[:-1])
+    assert "at least two files" in capsys.readouterr().err
+
+
+def test_imperial_dance_becomes_one_dance_per_choreography(tmp_path, monkeypatch, capsys):
+    source = tmp_path / "imperial"
+    source.mkdir()
+    takes = np.stack([imperial(unit_m=0.001), imperial(unit_m=0.001, heading_rad=1.0)]).transpose(0, 3, 1, 2)
+    for level in "eib":
+        np.save(source / f"dance_level_{level}_k_ch0.npy", takes)
+    np.save(source / "dance_level_e_b_ch1.npy", takes)
+    assert read_imperial(source / "dance_level_e_k_ch0.npy").shape == (2, FRAMES, 21, 3)
+    convert(monkeypatch, "imperial", source, tmp_path / "out")
+    dances = KpopSet(tmp_path / "out")
+    assert dances.names == ["k_ch0"]  # the other choreography has no intermediate dancer and no beginner
+    dance = dances.dance("k_ch0")
+    assert [learner.name for learner in dance.learners] == ["expert", "intermediate", "beginner"]
+    np.testing.assert_allclose(dance.learners[0].joints().joints_m, dance.teacher().joints_m, atol=1e-4)
+    np.save(source / "dance_level_e_k_ch0.npy", takes[0])
+    with pytest.raises(SystemExit):
+        convert(monkeypatch, "imperial", source, tmp_path / "other")
+    assert "expected (takes, 3, frames, 21)" in capsys.readouterr().err

@@ -1,0 +1,243 @@
+"""The stand-in for the K-Pop set: its content, its separation from training sets, and its reproducibility."""
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from real_data import REAL
+from stand_ins import draw_presets, recorded_seeds
+
+import synth.dances.writer
+from kpopnet.datasets.dances.dance_set import KpopSet
+from kpopnet.datasets.protocol import Origin
+from kpopnet.errors import InputError
+from kpopnet.skeleton import Joint
+from synth.dances import calibrate
+from synth.dances.calibrate import smallest_spacing
+from synth.dances.simulate import CAMERA, FPS, LEARNERS, KpopSim, KpopSimConfig, KpopSimSet, connected, dance_name
+from synth.dances.skill import LEVELS, SkillConfig
+from synth.dances.writer import write_set
+from synth.motion import SPLITS, MotionConfig
+from synth.motion.recorded.clips import Clips
+
+SHORT = KpopSimSet(KpopSimConfig(seed=4, dances=2), seconds=(1.2, 1.6))
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory) -> Path:
+    """A set made by two processes; a single process has to make the same."""
+    folder = tmp_path_factory.mktemp("kpop_sim")
+    write_set(SHORT, folder, processes=2)
+    return folder
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.glob("dance_*/*"))}
+
+
+def test_a_set_has_the_format_and_a_manifest_that_calls_it_simulated(written):
+    dances = KpopSet(written)
+    assert dances.names == ["dance_000", "dance_001"] and dances.manifest.origin is Origin.SIMULATED
+    assert dances.manifest.dances == 2 and dances.manifest.hash == SHORT.hash
+    assert "SIMULATED" in dances.manifest.about and "no real person" in dances.manifest.about
+    assert (written / "contact_sheet.png").stat().st_size > 10_000
+    for name in dances.names:
+        dance = dances.dance(name)
+        assert sorted(learner.name for learner in dance.learners) == list(LEARNERS)
+        assert [learner.about["level"] for learner in dance.learners] == list(LEVELS)
+
+
+def test_names_do_not_reveal_levels():
+    maker = KpopSim(KpopSimSet())
+    levels = np.array([maker.levels(index) for index in range(100)])
+    assert (np.sort(levels, axis=1) == np.arange(4)).all()
+    assert (np.abs(levels.mean(axis=0) - 1.5) < 0.4).all()
+
+
+def test_the_teacher_faces_a_level_camera(written):
+    joints_m = KpopSet(written).dance("dance_000").teacher().joints_m
+    start = joints_m[0]
+    assert start[Joint.LEFT_SHOULDER, 0] > start[Joint.RIGHT_SHOULDER, 0] + 0.2
+    assert abs(start[Joint.LEFT_SHOULDER, 2] - start[Joint.RIGHT_SHOULDER, 2]) < 0.1
+    assert start[Joint.HEAD, 1] < start[Joint.TORSO, 1] < start[Joint.LEFT_FOOT, 1]
+    np.testing.assert_allclose(start[Joint.TORSO, [0, 2]], [0, 2.5], atol=0.15)
+    assert 0.8 < start[Joint.LEFT_FOOT, 1] < 1.0  # the camera is 1 m above the floor
+
+
+def test_a_learners_depth_agrees_with_the_true_joints(written):
+    for learner in KpopSet(written).dance("dance_001").learners:
+        clip, truth = learner.depth(), learner.joints()
+        assert len(clip.depth_m) == len(truth.joints_m) and 1.2 * FPS - 1 <= len(clip.times_s) <= 1.6 * FPS + 1
+        np.testing.assert_allclose(np.diff(clip.times_s), 1 / FPS)
+        assert (clip.camera.fx, clip.camera.fy) == (CAMERA.fx, CAMERA.fy)
+        for frame in (0, len(clip.depth_m) // 2, -1):
+            image, joints_m = clip.depth_m[frame], truth.joints_m[frame]
+            u, v, z = clip.camera.project(joints_m).T
+            assert (u > 0).all() and (v > 0).all() and (u < clip.camera.width).all() and (v < clip.camera.height).all()
+            near = [
+                image[max(round(y) - 3, 0) : round(y) + 4, max(round(x) - 3, 0) : round(x) + 4].max()
+                for x, y in zip(u, v, strict=True)
+            ]
+            assert np.count_nonzero(near) >= 13
+            # The wall and the floor are removed, except for a few flying pixels.
+            measured_m = image[image > 0]
+            assert np.mean(np.abs(measured_m - np.median(z)) > 1.3) < 0.002 and 1500 < len(measured_m) < 40_000
+
+
+def test_isolated_pixels_are_removed():
+    depth_m = np.zeros((12, 16), np.float32)
+    depth_m[2:9, 3:9] = 2.0
+    depth_m[2:9, 9] = 2.4 + 0.2 * np.arange(7)  # flying pixels towards the wall
+    depth_m[11, 15] = 2.0  # isolated
+    kept = connected(depth_m)
+    np.testing.assert_array_equal(kept[2:9, 3:9], 2.0)
+    assert np.count_nonzero(kept) == 42
+
+
+def test_learners_of_lower_levels_differ_more_from_the_teacher():
+    maker = KpopSim(KpopSimSet(KpopSimConfig(seed=4, split="train"), seconds=(4.0, 5.0)))
+    similarity = np.zeros(4)
+    for index in range(8):
+        teacher = maker.teacher_motion(index)
+        for learner in range(4):
+            level, _, motion, _ = maker.skill(index, learner)
+            similarity[level] += np.abs((motion.quats * teacher.quats).sum(axis=-1)).clip(max=1).mean()
+    assert (np.diff(similarity) < 0).all(), similarity
+
+
+def test_a_learner_is_a_function_of_configuration_dance_and_index(written):
+    stored = KpopSet(written).dance("dance_001")
+    maker = KpopSim(SHORT)
+    for learner, name in [(2, "c"), (0, "a")]:  # in another order than in the set
+        packed, joints_m = maker.record(1, learner, maker.take(1, learner).take)
+        expected = next(one for one in stored.learners if one.name == name)
+        np.testing.assert_array_equal(expected.joints().joints_m, joints_m.astype(np.float64))
+        clip = expected.depth()
+        assert clip.depth_m.sum() == pytest.approx(packed.depth_mm.sum() / 1000, rel=1e-6)
+
+
+def test_missing_files_are_made_and_existing_files_are_kept(written, tmp_path, capsys):
+    before = contents(written)
+    write_set(replace(SHORT, benchmark=KpopSimConfig(seed=4, dances=1)), tmp_path, processes=1)
+    assert set(contents(tmp_path)) == {name for name in before if name.startswith("dance_000")}
+    # As after a run that was killed in the middle of the second dance.
+    (tmp_path / "dance_001").mkdir()
+    (tmp_path / "dance_001" / "a.h5").write_bytes(before["dance_001/a.h5"])
+    stamp = (tmp_path / "dance_001" / "a.h5").stat().st_mtime_ns
+    (tmp_path / "dance_001" / ".b.h5.elsewhere.1.tmp").write_bytes(b"half")
+    manifest = write_set(SHORT, tmp_path, processes=1)
+    assert contents(tmp_path) == before and manifest["dances"] == 2
+    assert (tmp_path / "dance_001" / "a.h5").stat().st_mtime_ns == stamp
+    assert not list(tmp_path.glob("**/.*"))
+    assert "1 of 2 dances are there already" in capsys.readouterr().out
+
+
+def test_an_interrupted_run_leaves_no_labels_of_an_unfinished_dance(tmp_path, monkeypatch):
+    original, made = synth.dances.writer.write_learner, []
+
+    def dying(folder, name, *rest):
+        made.append(name)
+        if len(made) == 3:
+            raise KeyboardInterrupt
+        original(folder, name, *rest)
+
+    monkeypatch.setattr(synth.dances.writer, "write_learner", dying)
+    with pytest.raises(KeyboardInterrupt):
+        write_set(replace(SHORT, benchmark=KpopSimConfig(seed=4, dances=1)), tmp_path, processes=1)
+    assert sorted(path.name for path in (tmp_path / "dance_000").iterdir()) == ["a.h5", "b.h5", "teacher.h5"]
+    with pytest.raises(InputError, match="no dances in it"):
+        KpopSet(tmp_path)
+
+
+def test_a_folder_with_another_set_is_rejected(written, tmp_path):
+    with pytest.raises(InputError, match=r"holds another set.*choose another out="):
+        write_set(replace(SHORT, skill=SkillConfig(spacing=0.2)), written, 1)
+    (tmp_path / "mama").mkdir()
+    (tmp_path / "mama" / "labels.csv").write_text("learner,rank\n")
+    with pytest.raises(InputError, match="not made by this program"):
+        write_set(SHORT, tmp_path, 1)
+
+
+# Separation from training sets ------------------------------
+
+
+def test_splits_share_no_dance_and_no_person():
+    makers = {split: KpopSim(replace(SHORT, benchmark=KpopSimConfig(seed=4, split=split))) for split in SPLITS}
+    motions = [maker.teacher_motion(0) for maker in makers.values()]
+    assert len({motion.name for motion in motions}) == 3
+    people = [maker.take(0, learner).take.played.person for maker in makers.values() for learner in range(2)]
+    for number, person in enumerate(people):
+        for another in people[:number]:
+            assert np.abs(person.heads_m - another.heads_m).max() > 0.003
+    assert len({replace(SHORT, benchmark=KpopSimConfig(seed=4, split=split)).hash for split in SPLITS}) == 3
+
+
+def test_presets_use_no_generator_of_the_benchmark(monkeypatch):
+    seeds = recorded_seeds(monkeypatch)
+    maker = KpopSim(SHORT)
+    maker.teacher_joints_m(0)
+    maker.record(0, 1, maker.take(0, 1).take)
+    name = tuple(b"kpop_sim")
+    own = [seed for seed in seeds if seed[: len(name)] == name]
+    others = [seed for seed in seeds if seed[: len(name)] != name]
+    assert len(set(own)) == len(own) > 30
+    # Dances are composed from 63-bit seeds, while training seeds count from 0.
+    assert others and all(len(seed) == 2 and seed[0] > 2**40 for seed in others)
+    seeds.clear()
+    draw_presets(("train",))
+    assert seeds and all(max(seed) < 2**40 and seed[2:4] != name[2:4] for seed in seeds)
+
+
+def test_invalid_settings_are_rejected():
+    for wrong in ({"dances": 0}, {"dances": 101}, {"seed": -1}, {"split": "exam"}):
+        with pytest.raises(InputError, match=f"benchmark.{next(iter(wrong))}="):
+            KpopSimConfig(**wrong)
+    for motion in (MotionConfig(source="poses"), MotionConfig(source="choreography", seed=3)):
+        with pytest.raises(InputError, match=r"either composed .* or recorded"):
+            KpopSimSet(motion=motion)
+    assert dance_name(7) == "dance_007"
+
+
+def test_the_calibration_finds_the_smallest_sufficient_spacing():
+    spacings = np.array([0.4, 0.5, 0.6, 0.7])
+    assert smallest_spacing(0.86, spacings, np.array([0.75, 0.87, 0.85, 0.9])) == pytest.approx(0.4 + 0.1 * 11 / 12)
+    assert smallest_spacing(0.86, spacings, np.array([0.9, 0.91, 0.92, 0.93])) == 0.4
+    assert np.isnan(smallest_spacing(0.86, spacings, np.array([0.1, 0.2, 0.3, 0.4])))
+
+
+def test_the_calibration_draws_people_and_positions_once_for_all_spacings(monkeypatch):
+    take, planned = KpopSim.take, []
+    monkeypatch.setattr(KpopSim, "take", lambda maker, *which: planned.append(maker.config.skill) or take(maker, *which))
+    monkeypatch.setattr(calibrate, "KpopSimSet", partial(KpopSimSet, seconds=(2.2, 2.4)))
+    monkeypatch.setattr(calibrate, "SPACINGS", (0.5, 0.9))
+    assert len(calibrate.orders(0, seed=4)) == 2
+    assert planned == [SkillConfig()] * len(LEARNERS)
+
+
+# Recorded dances ------------------------------
+
+
+def test_only_clips_of_category_dance_are_used(tmp_path):
+    lines = ["clip_id,file,category,split,seconds", "a,a.npz,other,test,9", "b,b.npz,dance,test,9", "c,c.npz,dance,train,9"]
+    (tmp_path / "index.csv").write_text("\n".join(lines) + "\n")
+    assert Clips(tmp_path, "test").clip_indices("dance") == [1]
+    (tmp_path / "index.csv").write_text("\n".join(line.replace("category", "kind") for line in lines) + "\n")
+    assert Clips(tmp_path, "test").clip_indices("dance") == [0, 1]
+    (tmp_path / "index.csv").write_text("\n".join(lines[:2]) + "\n")
+    maker = KpopSim(replace(SHORT, motion=MotionConfig(source="clips", path=str(tmp_path))))
+    with pytest.raises(InputError, match="no clip of category dance"):
+        maker.teacher_motion(0)
+
+
+def test_a_dance_from_a_recording():
+    pack = REAL.parent / "motion"
+    if not (pack / "index.csv").is_file():
+        pytest.skip("no motion pack beside the checkout")
+    maker = KpopSim(replace(SHORT, motion=MotionConfig(source="clips", path=str(pack))))
+    motions = [maker.teacher_motion(index) for index in range(3)]
+    assert all(motion.name.startswith("clip:") and motion.fps == FPS for motion in motions)
+    assert all(1.2 * FPS - 1 <= len(motion) <= 1.6 * FPS + 1 for motion in motions)
+    joints_m = maker.teacher_joints_m(0)
+    assert joints_m[0, Joint.LEFT_HIP, 2] == pytest.approx(2.5, abs=0.4)

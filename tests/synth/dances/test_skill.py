@@ -1,0 +1,187 @@
+"""The model of skill: the effect of each kind of error, which grows with its strength."""
+
+from dataclasses import asdict, replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from kpopnet.errors import InputError
+from synth.dances.skill import (
+    LEVELS,
+    MISTAKES,
+    SHARES,
+    TRANSITION_S,
+    Mistake,
+    SkillConfig,
+    Strengths,
+    draw_mistakes,
+    draw_strengths,
+    learn,
+)
+from synth.motion.choreography.composer import dance
+from synth.motion.skeleton import Motion, forward_kinematics, height_above_floor, mirrored
+
+FPS = 30.0
+NONE = Strengths(0, 0, 0, 0, 0, 0)
+
+
+@pytest.fixture(scope="module")
+def teacher() -> Motion:
+    return dance(0, 12345, 8.0, FPS)
+
+
+def points_m(motion: Motion) -> np.ndarray:
+    """(T, 28, 3) relative to the hips."""
+    points, _ = forward_kinematics(motion.quats, motion.root_m)
+    return points - points[:, :1]
+
+
+def distance_m(teacher: Motion, learner: Motion) -> float:
+    return float(np.linalg.norm(points_m(teacher) - points_m(learner), axis=-1).mean())
+
+
+def learnt(teacher: Motion, seed: int = 0, **strengths: float) -> Motion:
+    return learn(teacher, replace(NONE, **strengths), np.random.default_rng(seed))[0]
+
+
+def test_without_errors_the_learner_equals_the_teacher(teacher):
+    learner = learnt(teacher)
+    np.testing.assert_allclose(points_m(learner), points_m(teacher), atol=1e-4)
+    np.testing.assert_allclose(learner.root_m[:, [0, 2]], teacher.root_m[:, [0, 2]], atol=1e-5)
+    assert np.abs(learner.root_m[:, 1] - teacher.root_m[:, 1]).max() < 0.03
+    assert len(learner) == len(teacher) and learner.fps == teacher.fps
+
+
+def test_a_lag_is_a_delay(teacher):
+    late = learnt(teacher, lag_s=0.2)
+    np.testing.assert_allclose(points_m(late)[6:], points_m(teacher)[:-6], atol=1e-4)
+
+
+def test_the_delay_varies_with_the_given_deviation_and_time_never_runs_backwards(teacher):
+    # The hips move uniformly, so their position encodes the time.
+    frames = 1200
+    root_m = np.zeros((frames, 3))
+    root_m[:, 0] = np.arange(frames) / FPS
+    clock = Motion(np.tile(teacher.quats[:1], (frames, 1, 1)), root_m.astype(np.float32), FPS, "clock", teacher.leg_m)
+    delays = []
+    for seed in range(6):
+        when = learnt(clock, seed, unevenness_s=0.15).root_m[:, 0]
+        assert (np.diff(when) >= -1e-5).all()
+        delays.append((np.arange(frames) / FPS - when)[60:-60])
+    assert np.std(np.concatenate(delays)) == pytest.approx(0.15, rel=0.35)
+
+
+def test_damping_scales_movements_without_flips(teacher):
+    def size(motion: Motion) -> float:
+        return float(points_m(motion).std(axis=0).sum())
+
+    sizes = [size(learnt(teacher, damping=share)) for share in (0.0, 0.2, 0.4, 0.6)]
+    assert (np.diff(sizes) < 0).all() and sizes[3] < 0.75 * sizes[0]
+    # Arms rotated by more than 180 degrees from the hanging pose must not flip.
+    speed = [np.linalg.norm(np.diff(points_m(learnt(teacher, damping=share)), axis=0), axis=-1).max() for share in (0, 0.3)]
+    assert speed[1] < 1.2 * speed[0]
+
+
+def test_noise_is_slow_and_has_the_given_strength(teacher):
+    error_deg = []
+    for seed in range(8):
+        a, b = (points_m(learnt(teacher, seed, noise_deg=degrees)) for degrees in (0.0, 10.0))
+        forearm = [points[:, 10] - points[:, 9] for points in (a, b)]
+        cosine = (forearm[0] * forearm[1]).sum(-1) / np.prod([np.linalg.norm(f, axis=-1) for f in forearm], axis=0)
+        error_deg.append(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+    # A forearm has the noise of trunk, shoulder, upper arm and its own: more than one joint's, less than their sum.
+    assert 6 < np.sqrt(np.mean(np.square(error_deg))) < 20
+    assert np.abs(np.diff(np.array(error_deg), axis=1)).max() < 8.0
+
+
+def test_the_distance_grows_with_the_strength_of_every_error(teacher):
+    for name, values in {
+        "lag_s": (0.05, 0.15, 0.4),
+        "unevenness_s": (0.03, 0.1, 0.3),
+        "damping": (0.1, 0.3, 0.5),
+        "distortion": (0.05, 0.2, 0.6),
+        "noise_deg": (3, 10, 25),
+        "mistakes_per_minute": (4, 14, 30),
+    }.items():
+        errors = [
+            np.mean([distance_m(teacher, learnt(teacher, seed, **{name: value})) for seed in range(5)]) for value in values
+        ]
+        assert errors[0] > 0 and (np.diff(errors) > 0).all(), (name, errors)
+
+
+def test_each_mistake_shows_the_motion_of_its_kind(teacher):
+    kinds = set()
+    for seed in range(8):
+        learner, mistakes = learn(teacher, replace(NONE, mistakes_per_minute=22), np.random.default_rng(seed))
+        check_mistakes(teacher, learner, mistakes)
+        kinds |= {mistake.kind for mistake in mistakes}
+    assert kinds == set(MISTAKES)
+
+
+def check_mistakes(teacher: Motion, learner: Motion, mistakes: list[Mistake]) -> None:
+    wrong = np.zeros(len(teacher), bool)
+    for mistake in mistakes:
+        assert mistake.kind in MISTAKES
+        frames = slice(int(mistake.start_s * FPS), int((mistake.start_s + mistake.seconds) * FPS) + 2)
+        wrong[frames] = True
+        middle = int((mistake.start_s + mistake.seconds / 2) * FPS)
+        shown = {
+            "forgotten": None,
+            "mirrored": mirrored(teacher.quats[middle]),
+            "swapped": teacher.quats[min(max(round(middle + mistake.shift_s * FPS), 0), len(teacher) - 1)],
+        }[mistake.kind]
+        arms = slice(7, 15)
+        if shown is not None:
+            similarity = np.abs((learner.quats[middle, arms] * shown[arms]).sum(axis=-1))
+            assert similarity.min() > 0.99, mistake
+        else:
+            hands = points_m(learner)[middle, [10, 14], 1]
+            assert (hands < 0).all()  # the hands hang
+    # Outside the mistakes the learner equals the teacher.
+    np.testing.assert_allclose(points_m(learner)[~wrong], points_m(teacher)[~wrong], atol=1e-3)
+
+
+def test_mistakes_do_not_overlap_and_have_the_given_rate():
+    rng, counts = np.random.default_rng(0), []
+    for _ in range(300):
+        result = draw_mistakes(rng, 30.0, 5.0)
+        counts.append(len(result))
+        assert all(b.start_s > a.start_s + a.seconds for a, b in pairwise(result))
+        assert all(m.start_s >= 1 and m.start_s + m.seconds <= 30 and m.seconds > 2 * TRANSITION_S for m in result)
+    assert set(counts) <= {1, 2, 3} and 2.1 < np.mean(counts) < 2.5  # overlapping ones are dropped
+    assert not any(draw_mistakes(rng, 30.0, 0.0) for _ in range(20))
+    assert isinstance(draw_mistakes(rng, 30.0, 20.0)[0], Mistake)
+
+
+def test_learners_stay_on_the_floor(teacher):
+    learner = learnt(teacher, damping=0.3, noise_deg=20, distortion=0.3, mistakes_per_minute=20)
+    height = height_above_floor(learner.quats, learner.root_m)
+    assert height.min() > -1e-3 and height.max() < 0.5
+    jumps = np.linalg.norm(np.diff(points_m(learner), axis=0), axis=-1).max() * FPS
+    assert jumps < 15
+
+
+def test_levels_differ_in_the_mean_and_overlap_in_each_error():
+    config, rng = SkillConfig(spacing=0.3, spread=0.2), np.random.default_rng(0)
+    drawn = np.array([[list(asdict(draw_strengths(rng, level, config)).values()) for level in range(4)] for _ in range(500)])
+    mean_log = np.log(drawn).mean(axis=-1)
+    np.testing.assert_allclose(np.diff(mean_log, axis=1), config.spacing, atol=1e-9)
+    inverted = (np.diff(drawn, axis=1) < 0).mean(axis=(0, 1))
+    assert ((inverted > 0.05) & (inverted < 0.25)).all(), inverted
+    assert len(LEVELS) == 4 and SHARES.shape == (23,)
+
+
+def test_a_learner_depends_only_on_the_generator(teacher):
+    strengths = draw_strengths(np.random.default_rng(5), 2, SkillConfig())
+    one, other = (learn(teacher, strengths, np.random.default_rng(9)) for _ in range(2))
+    np.testing.assert_array_equal(one[0].quats, other[0].quats)
+    assert one[1] == other[1]
+    third, _ = learn(teacher, strengths, np.random.default_rng(10))
+    assert np.abs(third.quats - one[0].quats).max() > 0.01
+
+
+def test_invalid_settings_are_rejected():
+    for wrong in ({"spacing": -0.1}, {"spread": 4.0}):
+        with pytest.raises(InputError, match=r"must lie in 0\.\.3"):
+            SkillConfig(**wrong)

@@ -1,0 +1,317 @@
+import logging
+import re
+
+import numpy as np
+import pytest
+from damaged_files import survives_damage
+from scipy.spatial.transform import Rotation
+
+from kpopnet.errors import InputError
+from synth.motion.choreography.composer import dance
+from synth.motion.recorded.bvh import read_bvh
+from synth.motion.recorded.retargeting import bvh_motion
+from synth.motion.skeleton import (
+    INDEX,
+    JOINT_NAMES,
+    LEG_M,
+    NUM_JOINTS,
+    NUM_POINTS,
+    PARENTS,
+    POINT_NAMES,
+    REST_OFFSETS_M,
+    Motion,
+    forward_kinematics,
+)
+
+DANCE = dance(2, seconds=2.0)
+STILL = Motion(np.tile(np.eye(4, dtype=np.float32)[0], (2, NUM_JOINTS, 1)), np.ones((2, 3), np.float32), 30.0, "x", LEG_M)
+MIXAMO = {"LowerBack": "Spine", "Spine": "Spine1", "Spine1": "Spine2"}
+
+
+def write_bvh(path, motion, *, order="ZYX", unit=0.01, rest=None, axes=None, rename=lambda name: name, fps=None):
+    """Writes a motion as a BVH file.
+
+    `rest` rotates bones from the T-pose to the file's rest pose (joint name to Rotation of that bone). `axes` rotates the
+    canonical axes to the file's.
+    """
+    turn_of = {j: (rest or {}).get(JOINT_NAMES[j], Rotation.identity()) for j in range(NUM_JOINTS)}
+    axes = axes or Rotation.identity()
+    _, world = forward_kinematics(motion.quats, motion.root_m)
+    # World rotation relative to the file's rest pose: first to the T-pose, then by the motion.
+    turned = [axes * Rotation.from_quat(world[:, j], scalar_first=True) * turn_of[j].inv() * axes.inv() for j in turn_of]
+    lines = ["HIERARCHY"]
+    order_of_joints = []
+
+    def block(j, indent):
+        pad = "  " * indent
+        parent = PARENTS[j]
+        offset = axes.apply((turn_of[parent] if parent >= 0 else Rotation.identity()).apply(REST_OFFSETS_M[j])) / unit
+        if j < NUM_JOINTS:
+            order_of_joints.append(j)
+            lines.append(f"{pad}{'ROOT' if parent < 0 else 'JOINT'} {rename(POINT_NAMES[j])}")
+        else:
+            lines.append(f"{pad}End Site")
+        lines.append(f"{pad}{{")
+        lines.append(f"{pad}  OFFSET " + " ".join(f"{x:.6f}" for x in offset))
+        if j < NUM_JOINTS:
+            rotation = " ".join(f"{axis}rotation" for axis in order)
+            position = "Xposition Yposition Zposition " if parent < 0 else ""
+            lines.append(f"{pad}  CHANNELS {6 if parent < 0 else 3} {position}{rotation}")
+            for child in range(NUM_POINTS):
+                if PARENTS[child] == j:
+                    block(child, indent + 1)
+        lines.append(f"{pad}}}")
+
+    block(0, 0)
+    lines += ["MOTION", f"Frames: {len(motion)}", f"Frame Time: {1 / (fps or motion.fps):.7f}"]
+    columns = [axes.apply(motion.root_m) / unit]
+    for j in order_of_joints:
+        local = turned[j] if PARENTS[j] < 0 else turned[PARENTS[j]].inv() * turned[j]
+        columns.append(local.as_euler(order, degrees=True))
+    lines += [" ".join(f"{x:.7f}" for x in row) for row in np.hstack(columns)]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def assert_same_motion(read, written, atol=2e-5):
+    points, turned = forward_kinematics(read.quats, read.root_m)
+    expected, expected_turned = forward_kinematics(written.quats, written.root_m)
+    np.testing.assert_allclose(np.abs((turned * expected_turned).sum(axis=-1)), 1, atol=atol)
+    np.testing.assert_allclose(points, expected, atol=1e-3)
+
+
+@pytest.mark.parametrize("order", ["ZYX", "XYZ", "YXZ", "ZXY"])
+def test_a_dance_survives_the_round_trip_in_any_channel_order(tmp_path, order):
+    read = bvh_motion(write_bvh(tmp_path / "dance.bvh", DANCE, order=order))
+    assert_same_motion(read, DANCE)
+    assert read.fps == pytest.approx(30, abs=0.01)
+    assert read.leg_m == pytest.approx(LEG_M, abs=1e-4)
+    assert read.name == "bvh:dance"
+
+
+def test_euler_channels_apply_in_the_order_they_are_named(tmp_path):
+    path = write_bvh(tmp_path / "a.bvh", STILL)
+    lines = path.read_text().splitlines()
+    values = [float(x) for x in lines[-1].split()]
+    values[3:6] = [30, 40, 50]
+    path.write_text("\n".join([*lines[:-1], " ".join(map(str, values))]))
+    expected = Rotation.from_euler("ZYX", [30, 40, 50], degrees=True).as_matrix()
+    read = Rotation.from_quat(read_bvh(path).quats[-1, 0], scalar_first=True).as_matrix()
+    np.testing.assert_allclose(read, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("unit", [1.0, 0.01, 0.0254, 0.001, 0.0254 / 0.45])
+def test_units_are_derived_from_the_leg_and_logged(tmp_path, unit, caplog):
+    with caplog.at_level(logging.INFO):
+        read = bvh_motion(write_bvh(tmp_path / "dance.bvh", DANCE, unit=unit))
+    np.testing.assert_allclose(read.root_m, DANCE.root_m, atol=1e-3)
+    assert "dance.bvh: a leg of" in caplog.text
+
+
+def test_an_unknown_unit_is_scaled_to_the_mean_adult(tmp_path, caplog):
+    read = bvh_motion(write_bvh(tmp_path / "dance.bvh", DANCE, unit=0.2))
+    np.testing.assert_allclose(read.root_m, DANCE.root_m, atol=1e-3)
+    assert "fits no unit" in caplog.text
+
+
+def test_a_rest_pose_with_the_arms_down_and_the_legs_apart_is_rotated_to_the_t_pose(tmp_path):
+    arms_down = {
+        "Left": Rotation.from_euler("Z", -50, degrees=True),
+        "Right": Rotation.from_euler("Z", 50, degrees=True),
+    }
+    apart = {"Left": Rotation.from_euler("Z", 20, degrees=True), "Right": Rotation.from_euler("Z", -20, degrees=True)}
+    rest = {}
+    for side in ("Left", "Right"):
+        rest |= {f"{side}{part}": arms_down[side] for part in ("Arm", "ForeArm", "Hand")}
+        rest |= {f"{side}{part}": apart[side] for part in ("UpLeg", "Leg")}
+    assert_same_motion(bvh_motion(write_bvh(tmp_path / "a.bvh", DANCE, rest=rest)), DANCE)
+
+
+def test_bent_elbows_in_the_rest_pose_are_straightened_one_bone_after_the_other(tmp_path):
+    rest = {}
+    for side, sign in (("Left", 1), ("Right", -1)):
+        arm = Rotation.from_euler("Z", -45 * sign, degrees=True)
+        rest[f"{side}Arm"] = arm
+        rest[f"{side}ForeArm"] = rest[f"{side}Hand"] = arm * Rotation.from_euler("Y", -35 * sign, degrees=True)
+    assert_same_motion(bvh_motion(write_bvh(tmp_path / "a.bvh", DANCE, rest=rest)), DANCE)
+
+
+def test_files_with_z_up_are_turned_upright(tmp_path):
+    # x left, y back, z up
+    axes = Rotation.from_matrix([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
+    assert_same_motion(bvh_motion(write_bvh(tmp_path / "a.bvh", DANCE, axes=axes)), DANCE)
+
+
+@pytest.mark.parametrize(
+    "rename",
+    [
+        lambda name: "mixamorig:" + MIXAMO.get(name, name),
+        lambda name: name.replace("Left", "left_").replace("Right", "right_").upper(),
+        lambda name: {
+            "LeftShoulder": "LeftCollar", "LeftArm": "LeftShoulder", "LeftForeArm": "LeftElbow",
+            "LeftHand": "LeftWrist",
+            "LeftUpLeg": "LeftHip", "LeftLeg": "LeftKnee", "LeftFoot": "LeftAnkle", "LeftToeBase": "LeftToe",
+            "RightShoulder": "RightCollar", "RightArm": "RightShoulder", "RightForeArm": "RightElbow",
+            "RightHand": "RightWrist", "RightUpLeg": "RightHip", "RightLeg": "RightKnee", "RightFoot": "RightAnkle",
+            "RightToeBase": "RightToe", "LowerBack": "chest", "Spine": "chest2", "Spine1": "chest3",
+        }.get(name, name),
+        lambda name: {
+            "Hips": "pelvis", "LeftArm": "upperarm_l", "LeftForeArm": "lowerarm_l", "LeftHand": "hand_l",
+            "LeftUpLeg": "thigh_l", "LeftLeg": "calf_l", "LeftFoot": "foot_l", "LeftToeBase": "ball_l",
+            "LeftShoulder": "clavicle_l", "RightArm": "upperarm_r", "RightForeArm": "lowerarm_r", "RightHand": "hand_r",
+            "RightUpLeg": "thigh_r", "RightLeg": "calf_r", "RightFoot": "foot_r", "RightToeBase": "ball_r",
+            "RightShoulder": "clavicle_r",
+        }.get(name, name),
+    ],
+    ids=["mixamo", "separators", "joints", "unreal"],
+)  # fmt: skip
+def test_other_naming_conventions_are_recognised(tmp_path, rename):
+    assert_same_motion(bvh_motion(write_bvh(tmp_path / "a.bvh", DANCE, rename=rename)), DANCE)
+
+
+def with_a_lost_forearm(text: str) -> str:
+    """Makes the hands finger bases of zero length below a "hand" that is the end of the forearm, as in cgspeed's files."""
+    lines = text.splitlines()
+    start = lines.index("MOTION")
+    joints = [line.split()[1] for line in lines[:start] if line.split()[0] in ("ROOT", "JOINT")]
+    rows = [line.split() for line in lines[start + 3 :]]
+    for side in ("Right", "Left"):  # the later columns first
+        i = next(i for i, line in enumerate(lines) if line.split() == ["JOINT", f"{side}Hand"])
+        block = lines[i + 4 : i + 9]  # its end site and closing brace
+        base = [f"JOINT {side}FingerBase", "{", "OFFSET 0 0 0", lines[i + 3], *block]
+        lines[i + 4 : i + 9] = [*base, "}"]
+        column = 3 + 3 * joints.index(f"{side}Hand")
+        rows = [[*row[:column], "0", "0", "0", *row[column:]] for row in rows]
+    start = lines.index("MOTION")
+    return "\n".join([*lines[: start + 3], *(" ".join(row) for row in rows)])
+
+
+def test_the_bones_that_cgspeed_lost_do_not_change_the_motion(tmp_path):
+    wave = np.array(DANCE.quats)
+    for side in ("Left", "Right"):
+        wave[:, INDEX[f"{side}Hand"]] = Rotation.from_euler("XZ", [30, 40], degrees=True).as_quat(scalar_first=True)
+    waving = Motion(wave, DANCE.root_m, DANCE.fps, "waving", LEG_M)
+    text = with_a_lost_forearm(write_bvh(tmp_path / "05_01.bvh", waving).read_text())
+    thorax = " ".join(f"{x:.6f}" for x in REST_OFFSETS_M[INDEX["Neck"]] / 0.01)
+    text = text.replace(f"OFFSET {thorax}", "OFFSET 0 0 0")
+    assert text.count("OFFSET 0 0 0\n") == 5
+    (tmp_path / "05_01.bvh").write_text(text)
+    assert_same_motion(bvh_motion(tmp_path / "05_01.bvh"), waving)
+
+
+def test_a_t_pose_before_the_recording_defines_the_rest_of_feet_and_neck_and_is_dropped(tmp_path):
+    # CMU's rest pose: legs and feet are slanted, the neck is bent.
+    rest = {"Neck": Rotation.from_euler("X", 16, degrees=True), "Neck1": Rotation.from_euler("X", -5, degrees=True)}
+    for side, sign in (("Left", 1), ("Right", -1)):
+        slant = Rotation.from_euler("Z", 20 * sign, degrees=True)
+        rest |= {f"{side}{part}": slant for part in ("UpLeg", "Leg", "Foot", "ToeBase")}
+    quats = np.concatenate([STILL.quats[:1], DANCE.quats[20:]])
+    root_m = np.concatenate([DANCE.root_m[20:21], DANCE.root_m[20:]])
+    path = write_bvh(tmp_path / "05_01.bvh", Motion(quats, root_m, 30.0, "x", LEG_M), rest=rest)
+    read = bvh_motion(path)
+    assert len(read) == len(DANCE) - 20
+    assert_same_motion(read, Motion(DANCE.quats[20:], DANCE.root_m[20:], 30.0, "x", LEG_M))
+
+
+def test_the_floor_is_moved_below_the_body(tmp_path):
+    high = Motion(DANCE.quats, DANCE.root_m + np.float32([0, 0.7, 0]), 30.0, "x", LEG_M)
+    assert_same_motion(bvh_motion(write_bvh(tmp_path / "a.bvh", high)), DANCE)
+
+
+def test_a_person_who_stands_still_in_a_t_pose_loses_no_frame(tmp_path):
+    assert len(bvh_motion(write_bvh(tmp_path / "a.bvh", STILL))) == len(STILL)
+
+
+def test_the_wrong_rate_of_subjects_60_and_61_is_corrected_by_file_name(tmp_path):
+    for name, expected in (("60_03.bvh", 60.0), ("61_12.bvh", 60.0), ("05_01.bvh", 120.0), ("160_3.bvh", 120.0)):
+        path = write_bvh(tmp_path / name, DANCE, fps=120)
+        assert bvh_motion(path).fps == pytest.approx(expected, rel=1e-4)
+    assert bvh_motion(tmp_path / "60_03.bvh", fps=90.0).fps == 90.0
+
+
+def test_a_missing_joint_is_reported_with_the_file_and_the_joints_found(tmp_path):
+    path = write_bvh(tmp_path / "a.bvh", DANCE, rename=lambda name: "Bone07" if name == "RightForeArm" else name)
+    with pytest.raises(InputError, match=r"a\.bvh: no joint for RightForeArm\..*LeftForeArm = LeftForeArm.*Bone07"):
+        bvh_motion(path)
+
+
+@pytest.mark.parametrize(
+    ("corrupt", "message"),
+    [
+        (lambda lines: ["hello", *lines], r"line 1: expected .HIERARCHY"),
+        (lambda lines: lines[:40], r"ends after line 40"),
+        (lambda lines: lines[:-1], r"ends after line \d+ where frame 60 of 60 was expected"),
+        (lambda lines: [*lines[:-1], lines[-1] + " 3"], r"line \d+: expected 72 numbers .*, not 73"),
+        (lambda lines: [*lines[:-1], lines[-1].replace(lines[-1].split()[0], "nan", 1)], r"line \d+: expected finite"),
+        (lambda lines: [*lines[:-1], "x" + lines[-1]], r"line \d+: expected 72 numbers"),
+        (lambda lines: [line.replace("Xrotation", "Wrotation") for line in lines], r"line 5: expected .CHANNELS"),
+        (lambda lines: [x.replace("CHANNELS 3", "CHANNELS 4") for x in lines], r"line \d+: expected .CHANNELS"),
+        (lambda lines: [line.replace("Frames: 60", "Frames: many") for line in lines], r"Frames: <number>"),
+        (lambda lines: [line.replace("Frames: 60", "Frames: 0") for line in lines], r"no frames"),
+        (lambda lines: ["Frame Time: 0" if "Time" in x else x for x in lines], r"a frame time above zero"),
+        (lambda lines: [lines[0], lines[1], lines[2], "OFFSET 1 2", *lines[4:]], r"line 4: expected 3 numbers"),
+        (lambda lines: [lines[0], lines[1], lines[2], *lines[4:]], r"an OFFSET in joint Hips"),
+        (lambda lines: [], r"ends after line 0"),
+    ],
+)
+def test_malformed_files_are_rejected_with_the_line(tmp_path, corrupt, message):
+    path = write_bvh(tmp_path / "bad.bvh", DANCE)
+    path.write_text("\n".join(corrupt(path.read_text().splitlines())))
+    with pytest.raises(InputError, match=r"bad\.bvh.*" + message):
+        bvh_motion(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("Frames: 60", "Frames: 1000000000", '"Frames: <number>"'),
+        ("Frames: 60", "Frames: 999999999", "frame 61 of 999999999 was expected; the file is truncated"),
+        ("Frames: 60", "Frames: " + "9" * 5000, '"Frames: <number>"'),
+        ("Frames: 60", "Frames: \u0666\u0660", '"Frames: <number>"'),
+        ("Frames: 60", "Frames: \u00b2", '"Frames: <number>"'),
+        ("Frame Time: 0.0333", "Frame Time: 1e999", "finite numbers"),
+        ("Frame Time: 0.0333", "Frame Time: nan", "finite numbers"),
+        ("Frame Time: 0.0333", "Frame Time: 1e-320", "above zero"),
+        ("Frame Time: 0.0333", "Frame Time: 1000", "states 0.001 frames a second"),
+        ("OFFSET 0.000000", "OFFSET 1e308", "finite numbers up to"),
+    ],
+)
+def test_hostile_numbers_are_refused(tmp_path, old, new, message):
+    path = tmp_path / "dance.bvh"
+    write_bvh(path, DANCE)
+    text = re.sub(r"Frame Time: .*", "Frame Time: 0.0333", path.read_text())
+    assert old in text
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(InputError, match=message):
+        bvh_motion(path)
+
+
+def test_deep_and_endless_hierarchies_are_refused(tmp_path):
+    path = tmp_path / "deep.bvh"
+    for joint in ("JOINT a\n{\nOFFSET 0 1 0\nCHANNELS 0", "JOINT " + "a " * 100 + "\n{\nOFFSET 0 1 0\nCHANNELS 0"):
+        block = f"HIERARCHY\nROOT Hips\n{{\nOFFSET 0 0 0\nCHANNELS 0\n{(joint + chr(10)) * 100_000}"
+        path.write_text(block + "}\n" * 100_001 + "MOTION\nFrames: 1\nFrame Time: 0.03\n")
+        with pytest.raises(InputError, match="of at most 1000 joints"):
+            bvh_motion(path)
+
+
+def test_legs_of_no_length_are_refused(tmp_path):
+    path = tmp_path / "dance.bvh"
+    write_bvh(path, DANCE)
+    lines = path.read_text().splitlines()
+    for number, line in enumerate(lines):
+        if line.split()[-1:] in (["LeftLeg"], ["LeftFoot"]):
+            lines[number + 2] = "OFFSET 0 0 0"
+    path.write_text("\n".join(lines))
+    with pytest.raises(InputError, match="make a leg of 0"):
+        bvh_motion(path)
+
+
+def test_damaged_files_are_refused_in_one_line(tmp_path):
+    path = tmp_path / "dance.bvh"
+    write_bvh(path, STILL)
+    assert survives_damage(path, lambda: bvh_motion(path)) > 100
+    path.unlink()
+    path.mkdir()
+    with pytest.raises(InputError, match="cannot be read"):
+        read_bvh(path)

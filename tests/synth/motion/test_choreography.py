@@ -1,0 +1,199 @@
+import numpy as np
+import pytest
+
+from synth.motion.choreography.composer import Choreography, compose, dance
+from synth.motion.choreography.moves import (
+    RELAXED_LOWER,
+    RELAXED_UPPER,
+    Key,
+    Move,
+    concat,
+    mirror,
+    repeat,
+    scale,
+    together,
+    turning,
+)
+from synth.motion.choreography.stage import Style, perform
+from synth.motion.choreography.vocabulary import LOWER, UPPER, WHOLE
+from synth.motion.skeleton import (
+    INDEX,
+    MIRROR,
+    conjugate,
+    forward_kinematics,
+    height_above_floor,
+    multiply,
+    rotate,
+)
+
+VOCABULARY = LOWER | UPPER | WHOLE
+STEADY = Style(bounce_m=0.0, lag_s=0.0, unsteadiness_deg=0.0)
+DANCES = [dance(i, seconds=16.0) for i in range(8)]
+
+
+def performed(move, bpm=110.0, fps=30.0):
+    return perform(move, bpm, round(move.beats * 60 / bpm * fps) + 1, fps, "test", STEADY)
+
+
+def angular_speed(motion):
+    quats = motion.quats.astype(float)
+    step = multiply(conjugate(quats[:-1]), quats[1:])
+    return 2 * np.arctan2(np.linalg.norm(step[..., 1:], axis=-1), np.abs(step[..., 0])) * motion.fps
+
+
+def test_the_vocabulary_has_at_least_60_moves():
+    assert len(VOCABULARY) >= 60
+
+
+@pytest.mark.parametrize("name", VOCABULARY)
+def test_every_move_uses_known_channels_and_fills_whole_phrases(name):
+    move = VOCABULARY[name]
+    assert move.beats in (1, 2, 4, 8, 12)
+    for track, known in ((move.lower, RELAXED_LOWER), (move.upper, RELAXED_UPPER)):
+        for key in track:
+            assert set(key.shape) <= set(known)
+
+
+@pytest.mark.parametrize("name", VOCABULARY)
+def test_mirroring_twice_gives_the_original_move(name):
+    assert mirror(mirror(VOCABULARY[name])) == VOCABULARY[name]
+
+
+@pytest.mark.parametrize("name", ["grapevine", "spin", "high_kicks", "dab", "kneel_and_rise", "arm_wave"])
+def test_the_motion_of_a_mirrored_move_is_the_mirror_image(name):
+    one, other = performed(VOCABULARY[name]), performed(mirror(VOCABULARY[name]))
+    points, _ = forward_kinematics(one.quats, one.root_m)
+    reflected, _ = forward_kinematics(other.quats, other.root_m)
+    np.testing.assert_allclose(reflected, points[:, MIRROR] * [-1, 1, 1], atol=2e-3)
+
+
+@pytest.mark.parametrize("name", LOWER | WHOLE)
+def test_every_move_of_the_feet_ends_in_the_home_shape(name):
+    motion = performed(VOCABULARY[name])
+    points, turned = forward_kinematics(motion.quats[-1:], motion.root_m[-1:])
+    left, right = points[0, INDEX["LeftFoot"]], points[0, INDEX["RightFoot"]]
+    assert max(left[1], right[1]) < 0.13
+    across = rotate(conjugate(turned[0, 0]), left - right)
+    assert 0.15 < across[0] < 0.65 and abs(across[2]) < 0.1
+    assert points[0, INDEX["Head"], 1] > 1.2
+
+
+def test_combinators_give_the_expected_beats_and_turns():
+    a, b = LOWER["side_steps"], UPPER["point_up"]
+    assert concat(a, b).beats == a.beats + b.beats
+    assert repeat(a, 3).beats == 3 * a.beats
+    assert together(LOWER["bounce"], b).beats == b.beats
+    assert together(LOWER["bounce"], b).upper == b.upper
+    assert sum(key.turn for key in turning(a, 360).lower) == pytest.approx(360)
+    assert mirror(turning(a, 90)) == turning(mirror(a), -90)
+
+
+def test_scaling_by_one_is_the_identity_and_by_zero_gives_standing_relaxed():
+    move = UPPER["point_up"]
+    for key, scaled in zip(move.upper, scale(move, 1.0).upper, strict=True):
+        assert scaled.shape == pytest.approx(dict(key.shape))
+    for key in scale(move, 0.0).upper:
+        assert all(value == RELAXED_UPPER[channel] for channel, value in key.shape.items())
+
+
+def test_tracks_of_unequal_length_are_rejected():
+    with pytest.raises(AssertionError):
+        Move((Key(1, {}),), (Key(2, {}),))
+
+
+def test_a_full_turn_rotates_the_heading_by_360_degrees():
+    motion = performed(turning(repeat(LOWER["march"], 4), 360))
+    _, turned = forward_kinematics(motion.quats, motion.root_m)
+    front = rotate(turned[:, 0], np.broadcast_to([0.0, 0, 1], (len(motion), 3)))
+    heading = np.unwrap(np.arctan2(front[:, 0], front[:, 2]))
+    assert heading[-1] - heading[0] == pytest.approx(2 * np.pi, abs=0.05)
+
+
+def test_a_side_step_travels_left_and_its_mirror_comes_back():
+    move = Move(LOWER["side_steps"].lower[:2], LOWER["side_steps"].upper[:1])
+    assert performed(move).root_m[-1, 0] > 0.2
+    assert performed(mirror(move)).root_m[-1, 0] < -0.2
+    np.testing.assert_allclose(performed(concat(move, mirror(move))).root_m[-1, [0, 2]], 0, atol=0.03)
+
+
+def test_crossed_punches_cross_and_hands_up_go_up():
+    motion = performed(UPPER["crossed_punches"])
+    points, _ = forward_kinematics(motion.quats, motion.root_m)
+    assert (points[:, INDEX["LeftHand"], 0] - points[:, INDEX["RightArm"], 0]).min() < 0.15
+    motion = performed(UPPER["hands_up"])
+    points, _ = forward_kinematics(motion.quats, motion.root_m)
+    assert (points[:, INDEX["LeftHand"], 1] - points[:, INDEX["Head_end"], 1]).max() > 0.1
+
+
+def test_high_kicks_are_high_and_sitting_is_low():
+    points, _ = forward_kinematics(*(lambda m: (m.quats, m.root_m))(performed(LOWER["high_kicks"])))
+    assert points[:, INDEX["LeftFoot"], 1].max() > 1.0 and points[:, INDEX["RightFoot"], 1].max() > 1.0
+    assert performed(WHOLE["sit_and_rise"]).root_m[:, 1].min() < 0.27
+
+
+@pytest.mark.parametrize("motion", DANCES, ids=lambda m: m.name)
+def test_dances_are_continuous_and_stay_above_the_floor(motion):
+    assert len(motion) == 480 and motion.fps == 30
+    np.testing.assert_allclose(np.linalg.norm(motion.quats, axis=-1), 1, atol=1e-5)
+    speed = angular_speed(motion)
+    assert np.percentile(speed, 99.9) < 15
+    assert speed.max() < 25
+    assert np.linalg.norm(np.diff(motion.root_m, axis=0), axis=1).max() * motion.fps < 3.5
+    assert height_above_floor(motion.quats, motion.root_m).min() > -0.002
+
+
+@pytest.mark.parametrize("motion", DANCES, ids=lambda m: m.name)
+def test_feet_on_the_floor_hardly_slide(motion):
+    points, _ = forward_kinematics(motion.quats, motion.root_m)
+    feet = points[:, [INDEX["LeftFoot"], INDEX["RightFoot"]]]
+    down = (feet[1:, :, 1] < 0.075) & (feet[:-1, :, 1] < 0.075)
+    sliding = np.linalg.norm(np.diff(feet[..., [0, 2]], axis=0), axis=-1)[down] * motion.fps
+    assert np.median(sliding) < 0.02
+    assert np.percentile(sliding, 95) < 0.2
+
+
+@pytest.mark.parametrize("motion", DANCES, ids=lambda m: m.name)
+def test_dancers_mostly_touch_the_floor_and_move(motion):
+    height = height_above_floor(motion.quats, motion.root_m)
+    assert np.median(height) < 0.03
+    assert (height < 0.35).all()
+    assert motion.quats.std(axis=0).max() > 0.1
+
+
+def test_dances_are_reproducible_and_differ_by_index_and_seed_but_not_by_frame_rate():
+    again = dance(0, seconds=16.0)
+    np.testing.assert_array_equal(again.quats, DANCES[0].quats)
+    np.testing.assert_array_equal(again.root_m, DANCES[0].root_m)
+    assert not np.allclose(dance(0, seed=1, seconds=16.0).quats, again.quats)
+    assert not np.allclose(DANCES[1].quats, again.quats)
+    slow = dance(0, seconds=16.0, fps=10.0)
+    # Only the smoothing of the lift above the floor depends on the frame rate.
+    np.testing.assert_allclose(slow.quats, again.quats[::3], atol=1e-5)
+
+
+def test_a_longer_dance_starts_with_the_shorter_one():
+    np.testing.assert_allclose(dance(3, seconds=24.0).quats[:450], dance(3, seconds=16.0).quats[:450], atol=1e-4)
+
+
+def test_the_composer_uses_the_whole_vocabulary():
+    keys = set()
+    for i in range(150):
+        move = compose(np.random.default_rng(i), 64)
+        keys |= {tuple(sorted(key.shape.items())) for key in (*move.lower, *mirror(move).lower)}
+    for name, move in (LOWER | WHOLE).items():
+        assert all(tuple(sorted(key.shape.items())) in keys for key in move.lower), name
+
+
+def test_single_poses_come_from_the_dances_and_face_the_front():
+    source = Choreography(dances=4, seed=0, seconds=6.0, fps=30.0)
+    assert len(source) == 4 and len(source.motion(3)) == 180
+    generators = [np.random.default_rng(i) for i in range(40)]
+    poses = source.poses(generators)
+    assert {name.split("@")[0] for name in poses.names} == {f"choreography:0-{i}" for i in range(4)}
+    alone = source.poses([np.random.default_rng(7)])
+    np.testing.assert_array_equal(alone.quats[0], poses.quats[7])
+    front = rotate(poses.quats[:, 0].astype(float), np.broadcast_to([0.0, 0, 1], (40, 3)))
+    assert (front[:, 2] > 0).all()
+    assert height_above_floor(poses.quats, poses.root_m).min() > -0.01
+    with pytest.raises(IndexError):
+        source.motion(4)

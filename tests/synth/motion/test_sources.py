@@ -1,0 +1,290 @@
+import csv
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from damaged_files import survives_damage
+
+from kpopnet.errors import InputError
+from synth.motion import SPLITS, MixedPoses, MotionConfig, MotionSource, SequenceSource, build_motion
+from synth.motion.choreography.composer import dance
+from synth.motion.poses.families import FAMILIES
+from synth.motion.poses.procedural import ProceduralPoses
+from synth.motion.skeleton import LEG_M, REST_OFFSETS_M, rotate
+
+
+def write_bvh(path: Path, frames: int) -> None:
+    """Writes a minimal BVH file: a person who stands still, with arm bones of 28 cm."""
+    limbs = {
+        "{}Arm": (28, 0, 0), "{}ForeArm": (28, 0, 0), "{}Hand": (28, 0, 0),
+        "{}UpLeg": (10, 0, 0), "{}Leg": (0, -42, 0), "{}Foot": (0, -42, 0),
+    }  # fmt: skip
+    rotation = "CHANNELS 3 Zrotation Xrotation Yrotation"
+    position = "CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation"
+    lines = ["HIERARCHY", "ROOT Hips", "{", "OFFSET 0 0 0", position]
+
+    def chain(names: list[str], side: str) -> None:
+        for name in names:
+            x, y, z = limbs[name]
+            lines.extend([f"JOINT {name.format(side)}", "{", f"OFFSET {x if side == 'Left' else -x} {y} {z}", rotation])
+        lines.extend("}" * len(names))
+
+    for side in ("Left", "Right"):
+        chain(["{}UpLeg", "{}Leg", "{}Foot"], side)
+    lines += ["JOINT Spine", "{", "OFFSET 0 40 0", rotation, "JOINT Head", "{", "OFFSET 0 20 0", rotation, "}"]
+    for side in ("Left", "Right"):
+        chain(["{}Arm", "{}ForeArm", "{}Hand"], side)
+    lines += ["}", "}", "MOTION", f"Frames: {frames}", "Frame Time: 0.0333333"]
+    lines += [" ".join(["0", "92", *["0"] * 46])] * frames
+    path.write_text("\n".join(lines))
+
+
+def generators(n, seed=0):
+    return [np.random.default_rng([seed, i]) for i in range(n)]
+
+
+def write_pack(folder: Path, rows: list[tuple[str, str, int]]) -> Path:
+    """Writes a small motion pack in the published format: (clip_id, split, frames); frames 3 to 5 of each clip are bad."""
+    (folder / "clips").mkdir(parents=True)
+    with (folder / "index.csv").open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["clip_id", "file", "split", "description", "seconds"])
+        for i, (name, split, frames) in enumerate(rows):
+            writer.writerow([name, f"clips/{name}.npz", split, "a, b", frames / 30])
+            motion = dance(i, seconds=frames / 30)
+            bad = np.zeros(frames, bool)
+            bad[3:6] = True
+            quat = np.round(motion.quats * 32767).astype(np.int16)
+            np.savez(
+                folder / "clips" / f"{name}.npz",
+                quat=quat,
+                root=motion.root_m,
+                offsets=REST_OFFSETS_M.astype(np.float32),
+                fps=np.float32(30),
+                bad=bad,
+            )
+    return folder
+
+
+@pytest.fixture
+def pack(tmp_path):
+    return write_pack(tmp_path / "pack", [("a", "train", 60), ("b", "train", 30), ("c", "test", 20), ("d", "val", 20)])
+
+
+def clips(path, split="train", **changes):
+    return build_motion(MotionConfig(source="clips", path=str(path), **changes), split)
+
+
+def test_a_pack_is_split_by_its_index(pack):
+    assert len(clips(pack)) == 2
+    assert [clips(pack, split="test").motion(0).name] == ["clip:c"]
+    assert [clips(pack, split="validation").motion(0).name] == ["clip:d"]
+    with pytest.raises(InputError, match="split=val is not one of train, validation, test"):
+        clips(pack, split="val")
+
+
+def test_a_clip_is_read_as_stored_without_its_bad_frames(pack):
+    motion, truth = clips(pack).motion(0), dance(0, seconds=2.0)
+    assert len(motion) == 54 and motion.fps == 30
+    assert motion.leg_m == pytest.approx(LEG_M, abs=1e-6)
+    np.testing.assert_allclose(motion.quats, truth.quats[6:], atol=5e-5)
+    np.testing.assert_allclose(np.linalg.norm(motion.quats, axis=-1), 1, atol=1e-6)
+    np.testing.assert_array_equal(motion.root_m, truth.root_m[6:])
+
+
+def test_single_poses_of_a_pack_are_uniform_over_time_and_never_bad_frames(pack):
+    poses = clips(pack).poses(generators(600))
+    frames = [(name.split("@")[0], round(float(name.split("@")[1][:-1]) * 30)) for name in poses.names]
+    assert {name for name, _ in frames} == {"clip:a", "clip:b"}
+    assert np.mean([name == "clip:a" for name, _ in frames]) == pytest.approx(2 / 3, abs=0.07)
+    front = rotate(poses.quats[:, 0].astype(float), np.broadcast_to([0.0, 0, 1], (600, 3)))
+    np.testing.assert_allclose(front[:, 0], 0, atol=0.35)
+    truth = np.concatenate([dance(0, seconds=2.0).quats[3:6], dance(1, seconds=1.0).quats[3:6]])
+    # The legs of no pose equal those of a bad frame.
+    apart = np.abs(poses.quats[:, None, 15:] - truth[None, :, 15:]).max(axis=(2, 3)).min()
+    assert apart > 1e-4
+
+
+def test_a_folder_of_bvh_files_and_a_single_file_are_clips(tmp_path):
+    for name in ("b", "a"):
+        write_bvh(tmp_path / f"{name}.bvh", frames=30)
+    source = clips(tmp_path)
+    assert [source.motion(i).name for i in range(len(source))] == ["bvh:a", "bvh:b"]
+    one = clips(tmp_path / "a.bvh", fps=60.0)
+    assert len(one) == 1 and one.motion(0).fps == 60.0
+    poses = source.poses(generators(20))
+    np.testing.assert_allclose(poses.leg_m, 0.84, atol=1e-6)
+    np.testing.assert_allclose(poses.root_m[:, 1], 0.92, atol=0.12)
+    np.testing.assert_allclose(poses.quats, np.broadcast_to([1, 0, 0, 0], poses.quats.shape), atol=1e-6)
+
+
+def test_clips_dropped_from_the_cache_are_read_again(pack, monkeypatch):
+    whole = clips(pack).poses(generators(40))
+    monkeypatch.setattr("synth.motion.recorded.clips.CACHED_FRAMES", 1)
+    source = clips(pack)
+    again = source.poses(generators(40))
+    np.testing.assert_array_equal(whole.quats, again.quats)
+    assert len(source._loaded) == 1
+
+
+def test_paths_without_motion_are_rejected_with_the_remedy(tmp_path, pack):
+    with pytest.raises(InputError, match=r"does not exist.*choreography needs no data"):
+        clips(tmp_path / "nowhere")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match=r"neither an index.csv nor"):
+        clips(tmp_path / "empty")
+    with pytest.raises(InputError, match=r"motion.path=<motion pack"):
+        MotionConfig(source="clips")
+    (pack / "clips" / "a.npz").unlink()
+    with pytest.raises(InputError, match=r"a\.npz is missing"):
+        clips(pack).motion(0)
+    np.savez(pack / "clips" / "a.npz", pose=np.zeros(3))
+    with pytest.raises(InputError, match=r"a\.npz: expected an array quat"):
+        clips(pack).motion(0)
+    (pack / "index.csv").write_text("clip_id,file,split,seconds\nx,clips/x.npz,dev,1\n")
+    with pytest.raises(InputError, match=r"no clip of split 'train', only of \['dev'\]"):
+        clips(pack)
+    (pack / "index.csv").write_text("clip_id,file\nx,clips/x.npz\n")
+    with pytest.raises(InputError, match="no column 'split'"):
+        clips(pack)
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("x,../x.npz,train,1", r"row 2: expected a file inside the pack, not '\.\./x\.npz'"),
+        ("x,clips/../../x.npz,train,1", "a file inside the pack"),
+        ("x,/etc/passwd,train,1", "a file inside the pack"),
+        (f"x,{'a' * 300},train,1", "a file inside the pack"),
+        *((f"x,x.npz,train,{seconds}", "a duration of 0 to 100000 seconds") for seconds in
+          ("-1", "0", "nan", "inf", "1e999", "\u0661", "1_0", "", "3e6", "9" * 5000)),
+        ("x,x.npz,train", "expected 4 values"),
+        ("x,x.npz,train,1,2,3", "expected 4 values"),
+        (f"{'x' * 200_000},x.npz,train,1", "not a table"),
+    ],
+)  # fmt: skip
+def test_rows_of_an_index_that_no_pack_has_are_refused(pack, row, message):
+    (pack / "index.csv").write_text(f"clip_id,file,split,seconds\n{row}\n", encoding="utf-8")
+    with pytest.raises(InputError, match=message):
+        clips(pack)
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"fps": np.float32(np.nan)}, "1 to 1000 frames a second"),
+        ({"fps": np.float32(0)}, "1 to 1000 frames a second"),
+        ({"quat": np.zeros((60, 23, 4), np.int16)}, "rotations other than 0"),
+        ({"quat": np.zeros((60, 22, 4), np.int16)}, r"quat: shape \(60, 22, 4\), expected"),
+        ({"root": np.full((60, 3), np.nan, np.float32)}, "hips within"),
+        ({"root": np.zeros((59, 3), np.float32)}, r"root: shape \(59, 3\), expected \(frames = 60, 3\)"),
+        ({"root": np.array([["x"] * 3] * 60)}, "expected kind f"),
+        ({"offsets": np.full((28, 3), np.inf, np.float32)}, "a leg of"),
+        ({"bad": np.ones(60, bool)}, "some good frames"),
+        ({"bad": np.array([{}] * 60, object)}, "plain numbers"),
+    ],
+)
+def test_clips_of_other_contents_are_refused(pack, changed, message):
+    path = pack / "clips" / "a.npz"
+    with np.load(path) as stored:
+        arrays = dict(stored)
+    np.savez(path, **(arrays | changed))
+    with pytest.raises(InputError, match=message):
+        clips(pack).motion(0)
+
+
+def test_rotations_of_0_in_bad_frames_are_accepted(pack):
+    whole = clips(pack).motion(0)
+    path = pack / "clips" / "a.npz"
+    with np.load(path) as stored:
+        arrays = dict(stored)
+    arrays["quat"][3:6] = 0
+    arrays["root"][3:6] = np.nan
+    np.savez(path, **arrays)
+    np.testing.assert_array_equal(clips(pack).motion(0).quats, whole.quats)
+
+
+def test_an_encrypted_clip_is_refused(pack):
+    path = pack / "clips" / "a.npz"
+    data = bytearray(path.read_bytes())
+    for signature, place in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
+        start = -1
+        while (start := data.find(signature, start + 1)) >= 0:
+            data[start + place] |= 1
+    path.write_bytes(data)
+    with pytest.raises(InputError, match="encrypted"):
+        clips(pack).motion(0)
+
+
+def test_damaged_packs_are_refused_in_one_line(pack):
+    def read() -> None:
+        source = clips(pack)
+        source.motion(0)
+        source.poses(generators(3))
+
+    assert survives_damage(pack / "index.csv", read) > 50
+    assert survives_damage(pack / "clips" / "a.npz", read) > 100
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"source": "dance"}, "motion.source=dance is not one of"),
+        ({"fps": 0.0}, "motion.fps=0.0"),
+        ({"fps": math.nan}, "motion.fps=nan"),
+        ({"dances": 0}, "motion.dances=0"),
+        ({"seconds": 0.04}, "motion.seconds=0.04: a dance lasts at least a second"),
+        ({"weights": {"posse": 1.0}}, "motion.weights"),
+        ({"weights": {"poses": 0.0}}, "motion.weights"),
+        ({"weights": {"mix": 1.0}}, "motion.weights"),
+        ({"weights": {"clips": 0.5, "poses": 0.5}}, "set motion.path"),
+    ],
+)
+def test_invalid_settings_are_rejected_by_name(changes, message):
+    with pytest.raises(InputError, match=message):
+        MotionConfig(**changes)
+
+
+def test_sources_implement_the_protocol():
+    small = {"dances": 2, "seconds": 2.0}
+    for source in ("poses", "choreography", "mix"):
+        built: MotionSource = build_motion(MotionConfig(source=source, **small), "train")
+        poses = built.poses(generators(5))
+        assert poses.quats.shape == (5, 23, 4) and poses.root_m.shape == (5, 3) and poses.leg_m.shape == (5,)
+        assert poses.quats.dtype == poses.root_m.dtype == poses.leg_m.dtype == np.float32
+        assert isinstance(built, SequenceSource) == (source == "choreography")
+
+
+def test_the_shortest_dances_at_the_lowest_rate_have_one_frame():
+    source = build_motion(MotionConfig(source="choreography", dances=1, seconds=1.0, fps=1.0), "train")
+    assert len(source.motion(0)) == 1
+    assert len(source.poses(generators(3)).names) == 3
+
+
+def test_splits_of_the_choreography_share_no_dance():
+    config = MotionConfig(source="choreography", dances=3)
+    names = [build_motion(config, split).motion(i).name for split in SPLITS for i in range(3)]
+    names += [build_motion(MotionConfig(source="choreography", dances=3, seed=1), "train").motion(i).name for i in range(3)]
+    assert len(set(names)) == 12
+
+
+def test_a_folder_of_bvh_files_is_split_by_file(tmp_path):
+    for k in range(9):
+        write_bvh(tmp_path / f"{k}.bvh", frames=3)
+    used = {split: [clips(tmp_path, split).motion(i).name for i in range(len(clips(tmp_path, split)))] for split in SPLITS}
+    assert used["validation"] == ["bvh:6"] and used["test"] == ["bvh:7"]
+    assert sorted(used["train"]) == [f"bvh:{k}" for k in (0, 1, 2, 3, 4, 5, 8)]
+
+
+def test_a_mixture_draws_sources_by_weight_and_each_pose_from_its_generator():
+    only = [ProceduralPoses({name: FAMILIES[name]}) for name in ("kick", "sit", "lie")]
+    mixture = MixedPoses(only, [0.5, 0.3, 0.2])
+    batch = mixture.poses(generators(400))
+    for name, weight in (("kick", 0.5), ("sit", 0.3), ("lie", 0.2)):
+        assert batch.names.count(f"pose:{name}") / 400 == pytest.approx(weight, abs=0.08)
+    for k in (0, 1, 2, 3, 399):
+        single = mixture.poses([generators(400)[k]])
+        assert single.names == [batch.names[k]]
+        np.testing.assert_array_equal(single.quats[0], batch.quats[k])
+        np.testing.assert_array_equal(single.root_m[0], batch.root_m[k])

@@ -1,0 +1,136 @@
+"""Resampling, easing and joining motions, the handstand, and the motions of the simulated benchmarks."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from synth.motion.choreography.composer import dance
+from synth.motion.choreography.handstand import handstand
+from synth.motion.choreography.programmes import FEATURES, START_S, Y_POSE_S, show, start_pose
+from synth.motion.skeleton import INDEX, LEG_M, Motion, about, forward_kinematics, height_above_floor, multiply
+from synth.motion.splice import cut, eased, follow, heading, resampled
+
+FPS = 30.0
+
+
+def points(motion: Motion) -> np.ndarray:
+    return forward_kinematics(motion.quats, motion.root_m)[0]
+
+
+def speeds(motion: Motion) -> np.ndarray:
+    """(T - 1,) speed of the fastest point, metres per second."""
+    return np.linalg.norm(np.diff(points(motion), axis=0), axis=-1).max(axis=1) * motion.fps
+
+
+def turning(seconds: float, fps: float) -> Motion:
+    """The T-pose turning to the left at a constant 0.5 rad/s and translating along +Z."""
+    times = np.arange(round(seconds * fps) + 1) / fps
+    quats = np.zeros((len(times), 23, 4))
+    quats[..., 0] = 1
+    quats[:, 0] = about(1, 0.5 * times)
+    root_m = np.stack([0 * times, 0.95 + 0 * times, 0.3 * times], axis=1)
+    return Motion(quats.astype(np.float32), root_m.astype(np.float32), fps, "turning", LEG_M)
+
+
+def test_resampling_keeps_the_pose_at_every_time():
+    for source, wanted in ((60.0, 30.0), (25.0, 30.0), (100.0, 30.0)):
+        found, expected = resampled(turning(2.0, source), wanted), turning(2.0, wanted)
+        assert abs(len(found) - len(expected)) <= 1 and found.fps == wanted
+        np.testing.assert_allclose(points(found)[:60], points(expected)[:60], atol=1e-4)
+    motion = turning(1.0, 30.0)
+    assert resampled(motion, 30.0) is motion
+
+
+def test_easing_starts_or_ends_at_rest_without_a_higher_speed():
+    motion = turning(3.0, FPS)
+    speed = speeds(motion)[0]
+    for at_start, at_end in ((True, False), (False, True), (True, True)):
+        found = eased(motion, at_start=at_start, at_end=at_end)
+        assert (speeds(found)[0] < 0.1 * speed) == at_start and (speeds(found)[-1] < 0.1 * speed) == at_end
+        assert speeds(found).max() < 1.01 * speed
+        np.testing.assert_allclose(points(found)[[0, -1]], points(motion)[[0, -1]], atol=5e-3)
+        assert len(found) == pytest.approx(len(motion) + 0.2 * FPS * (at_start + at_end), abs=1)
+
+
+@settings(max_examples=12, deadline=None)
+@given(one=st.integers(0, 500), other=st.integers(0, 500), start=st.integers(0, 100), stop=st.integers(120, 200))
+def test_one_motion_follows_another_continuously(one, other, start, stop):
+    first = cut(dance(one, 71, 8.0), 0, stop)
+    second = cut(dance(other, 72, 8.0), start, 240)
+    turned = multiply(about(1, np.array(1.3)), second.quats[:, 0].astype(np.float64)).astype(np.float32)
+    second = Motion(
+        np.concatenate([turned[:, None], second.quats[:, 1:]], axis=1), second.root_m + np.array([3, 0, 1]), FPS, "", LEG_M
+    )
+    joined = follow(first, second)
+    end = len(eased(first, at_end=True)) - 1
+    np.testing.assert_allclose(points(joined)[end], points(first)[-1], atol=0.02)
+    fastest = max(speeds(first).max(), speeds(second).max())
+    assert speeds(joined)[end - 1 : end + 1].max() < 0.1 * fastest + 0.05  # at rest in the seam
+    # Hips, spine, shoulder and elbow may each rotate at up to 5 rad/s in the transition. A discontinuity would give about
+    # 30 m/s.
+    assert speeds(joined).max() < fastest + 8.0
+    # After the transition it is the second motion, rotated and translated rigidly.
+    tail, own = points(joined)[-1], points(second)[-1]
+    between = np.linalg.norm(tail[:, None] - tail, axis=-1) - np.linalg.norm(own[:, None] - own, axis=-1)
+    assert np.abs(between).max() < 1e-3
+    assert abs(joined.root_m[-1, 1] - second.root_m[-1, 1]) < 1e-3
+
+
+def test_the_second_motion_continues_in_the_last_heading_of_the_first():
+    joined = follow(turning(2.0, FPS), turning(4.0, FPS))
+    angle = 2 * np.arctan2(*heading(joined.quats[-1, 0].astype(float))[[2, 0]])
+    assert angle == pytest.approx(1.0 + 2.0, abs=0.02)
+    # The second motion translates in its initial heading, one radian to the left.
+    seam = len(eased(turning(2.0, FPS), at_end=True)) - 1
+    displacement = joined.root_m[-1] - joined.root_m[seam]
+    np.testing.assert_allclose(displacement, 1.2 * np.array([np.sin(1.0), 0, np.cos(1.0)]), atol=0.02)
+
+
+def test_the_second_motion_is_scaled_to_the_first_leg_length():
+    first, second = turning(1.0, FPS), turning(4.0, FPS)
+    tall = Motion(second.quats, second.root_m * 1.2, FPS, "tall", LEG_M * 1.2)
+    np.testing.assert_allclose(follow(first, tall).root_m, follow(first, second).root_m, atol=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_handstand_stands_on_the_hands_and_they_do_not_slide(seed):
+    motion = handstand(np.random.default_rng(seed), 7.0, FPS)
+    world = points(motion)
+    hands = world[:, [INDEX["LeftHand"], INDEX["RightHand"]]]
+    feet_m = world[:, [INDEX["LeftFoot"], INDEX["RightFoot"]], 1]
+    upside_down = feet_m.min(axis=1) > world[:, INDEX["Hips"], 1]
+    assert upside_down.sum() > 0.8 * FPS
+    assert (world[upside_down, INDEX["Head"], 1] < world[upside_down, INDEX["Hips"], 1] - 0.4).all()
+    assert hands[upside_down][..., 1].max() < 0.12
+    for hand in (0, 1):
+        assert np.ptp(hands[upside_down][:, hand][:, [0, 2]], axis=0).max() < 0.08
+    np.testing.assert_allclose(height_above_floor(motion.quats, motion.root_m), 0, atol=1e-5)
+    assert speeds(motion).max() < 9.0
+    for end in (0, -1):
+        assert world[end, INDEX["Head"], 1] > 1.5 and world[end, [INDEX["LeftFoot"], INDEX["RightFoot"]], 1].max() < 0.1
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_start_is_a_y_pose_at_rest(seed):
+    motion = start_pose(np.random.default_rng(seed), FPS)
+    world = points(motion)
+    assert len(motion) == pytest.approx(START_S * FPS, abs=1)
+    held = slice(0, round(Y_POSE_S * FPS) + 1)
+    assert speeds(motion)[held][:-1].max() < 0.15
+    for side, sign in (("Left", 1), ("Right", -1)):
+        upper = world[held, INDEX[f"{side}Hand"]] - world[held, INDEX[f"{side}Arm"]]
+        rise = np.degrees(np.arctan2(upper[:, 1], sign * upper[:, 0]))
+        assert (rise > 25).all() and (rise < 70).all()
+        assert (np.abs(upper[:, 2]) < 0.25).all()
+        assert (sign * world[held, INDEX[f"{side}Foot"], 0] > 0.15).all()
+    # Then the arms are lowered.
+    assert world[-1, INDEX["LeftHand"], 1] < world[-1, INDEX["LeftArm"], 1] - 0.3
+
+
+@pytest.mark.parametrize("kind", [*FEATURES, "dance", "mixture", "handstand"])
+def test_a_show_is_long_enough_with_plausible_speeds(kind):
+    motion = show(np.random.default_rng(5), kind, 9.0, FPS)
+    assert len(motion) >= 9.0 * FPS
+    assert speeds(motion).max() < 16.0  # finger tips and toes
+    assert height_above_floor(motion.quats, motion.root_m).min() > -0.02

@@ -1,0 +1,305 @@
+"""Sets of shards: atomic writes, independence of order and number of processes, and resuming after a kill."""
+
+import contextlib
+import hashlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from programs import ROOT
+
+from kpopnet.data.shards import ShardedSet, open_shard, read_header, shard_path
+from kpopnet.errors import InputError
+from kpopnet.ridge import RidgeConfig, ridge_probability
+from synth.__main__ import parse_range
+from synth.motion import MotionConfig
+from synth.samples.generate import finish, generate
+from synth.samples.observe import ExtractionConfig
+from synth.samples.sampler import SampleConfig, Sampler
+from synth.samples.writer import FreezeConfig, SetConfig, is_finished, write_shard
+from synth.sensor.model import SensorConfig
+
+FREEZE = FreezeConfig(SensorConfig(), ExtractionConfig(), RidgeConfig())
+SAMPLE = SampleConfig(renderer="cpu", motion=MotionConfig(source="poses"), samples_per_room=6)
+CLEAN = SetConfig(SAMPLE, seed=3, split="train", count=22, shard_size=8, freeze=None)
+
+
+def contents(path: Path) -> str:
+    """A hash of the bytes of every dataset and every attribute of a shard."""
+    digest = hashlib.sha256()
+    with h5py.File(path) as file:
+        for name in sorted(file):
+            digest.update(name.encode() + file[name][()].tobytes())
+        for name in sorted(file.attrs):
+            digest.update(f"{name}={file.attrs[name]}".encode())
+    return digest.hexdigest()
+
+
+def all_contents(folder: Path) -> dict[str, str]:
+    return {path.name: contents(path) for path in sorted(folder.glob("shard_*.h5"))}
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("whole")
+    generate(CLEAN, folder, range(CLEAN.num_shards), processes=1)
+    return folder
+
+
+def test_a_set_is_read_back_as_it_was_sampled(whole: Path) -> None:
+    shards = ShardedSet(whole)
+    assert len(shards) == 22 and shards.kind == "clean" and shards.camera == SAMPLE.camera.build()
+    sampler = Sampler(SAMPLE, 3, "train")
+    for index, rendered in enumerate(sampler.samples(0, 8)):
+        read, expected = shards[index], rendered.sample
+        np.testing.assert_array_equal(read.depth_mm, expected.depth_mm)
+        np.testing.assert_array_equal(read.joints_camera_m, expected.joints_camera_m)
+        np.testing.assert_array_equal(read.visible, expected.visible)
+        assert (read.box, read.body, read.motion) == (expected.box, expected.body, expected.motion)
+        room_mm, floor = shards.room(index, read.room)
+        room = sampler.room(expected.room)
+        np.testing.assert_array_equal(room_mm, room.depth_mm)
+        np.testing.assert_array_equal(floor, room.floor)
+    assert [len(range(*CLEAN.span(shard))) for shard in range(3)] == [8, 8, 6]
+    with pytest.raises(IndexError):
+        shards[22]
+
+
+@pytest.mark.parametrize("shard", [2, 1])
+def test_a_shard_written_alone_equals_the_shard_of_the_whole_run(whole: Path, tmp_path: Path, shard: int) -> None:
+    write_shard(CLEAN, tmp_path, shard)
+    assert all_contents(tmp_path) == {f"shard_0000{shard}.h5": contents(shard_path(whole, shard))}
+
+
+def test_shards_do_not_depend_on_the_number_of_processes(whole: Path, tmp_path: Path) -> None:
+    generate(CLEAN, tmp_path, range(CLEAN.num_shards), processes=2)
+    assert all_contents(tmp_path) == all_contents(whole)
+
+
+def test_a_set_can_grow(whole: Path, tmp_path: Path) -> None:
+    small = replace(CLEAN, count=12)
+    generate(small, tmp_path, range(small.num_shards), processes=1)
+    first = shard_path(tmp_path, 0).stat().st_mtime_ns
+    assert not is_finished(CLEAN, tmp_path, 1)
+    generate(CLEAN, tmp_path, range(CLEAN.num_shards), processes=1)
+    assert all_contents(tmp_path) == all_contents(whole)
+    assert shard_path(tmp_path, 0).stat().st_mtime_ns == first
+
+
+def test_another_set_is_not_overwritten(whole: Path) -> None:
+    for other in (replace(CLEAN, seed=4), replace(CLEAN, split="test"), replace(CLEAN, freeze=FREEZE)):
+        before = all_contents(whole)
+        with pytest.raises(InputError, match=r"shard_00000\.h5: belongs to another set.*out="):
+            generate(other, whole, range(1), processes=1)
+        assert all_contents(whole) == before
+
+
+def test_a_truncated_shard_is_reported_with_the_remedy(whole: Path, tmp_path: Path) -> None:
+    torn = shard_path(tmp_path, 0)
+    data = shard_path(whole, 0).read_bytes()
+    torn.write_bytes(data[: len(data) // 2])
+    with pytest.raises(InputError, match=r"shard_00000\.h5: not a readable HDF5 file"):
+        ShardedSet(tmp_path)
+    torn.write_bytes(b"hello")
+    with pytest.raises(InputError, match="not a readable"):
+        read_header(torn)
+    with h5py.File(torn, "w") as file:
+        file.attrs["format"] = "unknown"
+    with pytest.raises(InputError, match="attribute format: unknown, expected kpopnet-shard"):
+        read_header(torn)
+    with pytest.raises(InputError, match=r"no shards.*python -m synth"):
+        ShardedSet(tmp_path / "nowhere")
+
+
+def test_a_gap_in_a_set_is_reported(whole: Path, tmp_path: Path) -> None:
+    for shard in (0, 2):
+        shutil.copy(shard_path(whole, shard), tmp_path)
+    with pytest.raises(InputError, match=r"shard_00002\.h5: starts with sample 16, but those before end at 8"):
+        ShardedSet(tmp_path)
+
+
+def test_a_shard_truncated_while_it_is_open_is_reported(whole: Path, tmp_path: Path) -> None:
+    torn = Path(shutil.copy(shard_path(whole, 0), tmp_path))
+    shards = ShardedSet(tmp_path)
+    with torn.open("r+b") as file:
+        file.truncate(torn.stat().st_size // 2)
+    with pytest.raises(InputError, match=r"shard_00000\.h5: .*delete it and make it again"):
+        [shards[index] for index in range(8)]
+
+
+def test_open_shards_keep_no_images_in_memory(tmp_path: Path) -> None:
+    """HDF5's chunk cache would hold 8 MB of every file that has been read."""
+    write_shard(replace(CLEAN, count=300, shard_size=1), tmp_path, 0)
+    with open_shard(shard_path(tmp_path, 0)) as file:
+        assert file["depth_mm"].id.get_access_plist().get_chunk_cache()[1] == 0
+
+
+def test_a_frozen_set_holds_noisy_depth_and_its_ridge(whole: Path, tmp_path: Path) -> None:
+    frozen = replace(CLEAN, freeze=FREEZE, count=8)
+    generate(frozen, tmp_path / "one", range(1), processes=1)
+    write_shard(frozen, tmp_path / "two", 0)
+    assert all_contents(tmp_path / "one") == all_contents(tmp_path / "two")
+    shards, clean = ShardedSet(tmp_path / "one"), ShardedSet(whole)
+    assert shards.kind == "frozen"
+    for index in range(len(shards)):
+        noisy, expected = shards[index], clean[index]
+        np.testing.assert_array_equal(noisy.joints_camera_m, expected.joints_camera_m)
+        both = (noisy.depth_mm > 0) & (expected.depth_mm > 0)
+        off_mm = np.abs(noisy.depth_mm.astype(int) - expected.depth_mm)[both]
+        assert 0 < np.median(off_mm) < 40
+        probability = ridge_probability(noisy.depth_mm / np.float32(1000), FREEZE.ridge)
+        # The ridge was computed from the unrounded depth: half a millimetre occasionally decides an edge.
+        off = np.abs(noisy.ridge / 255 - probability)[noisy.depth_mm > 0]
+        assert (off < 0.01).mean() > 0.95
+        assert noisy.ridge.max() > 100
+
+
+def test_finish_needs_all_shards_and_returns_a_summary(tmp_path: Path) -> None:
+    generate(CLEAN, tmp_path, range(2), processes=1)
+    assert finish(CLEAN, tmp_path, FREEZE) is None
+    generate(CLEAN, tmp_path, range(2, 3), processes=1)
+    summary = finish(CLEAN, tmp_path, FREEZE)
+    assert summary["samples"] == 22 and summary["shards"] == 3 and summary["forced_samples"] == 0
+    assert json.loads((tmp_path / "set.json").read_text())["hash"] == CLEAN.hash
+    assert (tmp_path / "contact_sheet.png").stat().st_size > 10_000
+
+
+def test_the_hash_depends_on_every_setting_but_the_count() -> None:
+    assert replace(CLEAN, count=5).hash == CLEAN.hash
+    others = [
+        replace(CLEAN, seed=1),
+        replace(CLEAN, shard_size=9),
+        replace(CLEAN, freeze=FREEZE),
+        replace(CLEAN, sample=replace(SAMPLE, samples_per_body=3)),
+    ]
+    assert len({config.hash for config in [CLEAN, *others]}) == 5
+
+
+@pytest.mark.parametrize(("text", "expected"), [("all", range(9)), ("2:5", range(2, 5)), ("7:100", range(7, 9))])
+def test_ranges_of_shards(text: str, expected: range) -> None:
+    assert parse_range(text, 9) == expected
+
+
+@pytest.mark.parametrize("text", ["5", "a:b", "-1:3", "1:2:3", "", "5:3", "2:2"])
+def test_invalid_ranges_of_shards_are_rejected(text: str) -> None:
+    with pytest.raises(InputError, match="shards="):
+        parse_range(text, 9)
+
+
+# --- the program ------------------------------------------------------------------------------------------------------
+
+
+def program(*overrides: str) -> list[str]:
+    settings = ["renderer=cpu", "motion=poses", "splits.train=0", "splits.validation=0", "splits.test=0", "shard_size=10"]
+    given = {override.partition("=")[0] for override in overrides}
+    settings = [setting for setting in [*settings, "seed=5"] if setting.partition("=")[0] not in given]
+    return [sys.executable, "-m", "synth", *overrides, *settings]
+
+
+def run(*overrides: str) -> subprocess.CompletedProcess:
+    return subprocess.run(program(*overrides), cwd=ROOT, capture_output=True, text=True, check=False)
+
+
+def test_a_killed_run_completes_when_it_is_started_again(tmp_path: Path) -> None:
+    overrides = (f"out={tmp_path / 'killed'}", "splits.train=600", "processes=2")
+    folder = tmp_path / "killed" / "train"
+    process = subprocess.Popen(
+        program(*overrides), cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+    )
+    while len(list(folder.glob("shard_*.h5"))) < 5 and process.poll() is None:
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    finished = {path.name: path.stat().st_mtime_ns for path in folder.glob("shard_*.h5")}
+    assert 5 <= len(finished) < 60
+    done = run(*overrides)
+    assert done.returncode == 0, done.stderr
+    assert "shards are there already" in done.stdout
+    assert not list(folder.glob(".*.tmp"))
+    for name, made_at in finished.items():
+        assert (folder / name).stat().st_mtime_ns == made_at
+    config = SetConfig(**read_config(folder))
+    for shard in (0, 7, 59):
+        write_shard(config, tmp_path / "again", shard)
+        assert contents(shard_path(folder, shard)) == contents(shard_path(tmp_path / "again", shard))
+
+
+def test_workers_end_when_only_their_parent_is_killed(tmp_path: Path) -> None:
+    parent = subprocess.Popen(
+        program(f"out={tmp_path}", "splits.train=100000", "processes=2"),
+        cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
+    )  # fmt: skip
+    while not list((tmp_path / "train").glob("shard_*.h5")) and parent.poll() is None:
+        time.sleep(0.05)
+    parent.kill()
+    parent.wait()
+    try:
+        for _ in range(200):
+            if not any(group == parent.pid for group in groups_alive()):
+                return
+            time.sleep(0.05)
+        raise AssertionError("workers are still running")
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(parent.pid, signal.SIGKILL)
+
+
+def groups_alive() -> list[int]:
+    """The process groups of all running processes, from Linux's /proc."""
+    groups = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            state, _, group = path.read_text().rpartition(")")[2].split()[:3]
+            groups += [int(group)] if state != "Z" else []
+    if not groups:
+        pytest.skip("needs Linux's /proc")
+    return groups
+
+
+def read_config(folder: Path) -> dict:
+    header = read_header(shard_path(folder, 0))
+    sample = SampleConfig(renderer="cpu", motion=MotionConfig(source="poses"))
+    assert header.config["sample"]["renderer"] == "cpu"
+    return {"sample": sample, "seed": 5, "split": "train", "count": 600, "shard_size": 10, "freeze": None}
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("splits.trian=5", ["trian"]),
+        ("camera.name=webcam", ["camera.name=webcam", "kinect_v1"]),
+        ("shards=five", ["shards=five", "0:100"]),
+        ("splits.train=many", ["splits.train", "many"]),
+        ("frozen=[dev]", ["frozen", "validation"]),
+        ("motion=clips", ["motion.path"]),
+        ("seed=-1", ["seed=-1"]),
+        ("camera.width=640", ["camera=custom"]),
+        ("samples_per_body=8", ["every split has size 0"]),
+    ],
+)
+def test_an_invalid_override_gives_one_error_line(tmp_path: Path, override: str, words: list[str]) -> None:
+    size = [] if override.startswith(("splits.train", "samples_per_body")) else ["splits.train=5"]
+    done = run(f"out={tmp_path}", override, *size)
+    assert done.returncode == 1
+    (line,) = [line for line in done.stderr.splitlines() if line.strip()]
+    assert line.startswith("error: ") and all(word in line for word in words), line
+
+
+def test_cluster_jobs_write_one_set(tmp_path: Path) -> None:
+    pytest.importorskip("hydra_plugins.hydra_submitit_launcher", reason="needs the extra `cluster`")
+    out = f"out={tmp_path / 'set'}"
+    done = run("-m", "hydra/launcher=submitit_local", out, "splits.train=40", "shards=0:2,2:4", "processes=1")
+    assert done.returncode == 0, done.stdout + done.stderr
+    folder = tmp_path / "set" / "train"
+    assert sorted(path.name for path in folder.glob("shard_*.h5")) == [f"shard_0000{k}.h5" for k in range(4)]
+    assert len(ShardedSet(folder)) == 40
+    assert (folder / "set.json").exists()

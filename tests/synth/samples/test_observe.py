@@ -1,0 +1,221 @@
+import dataclasses
+import pickle
+
+import numpy as np
+import pytest
+from factories import CAMERA_HEIGHT_M, draw_room, write_shard
+
+from kpopnet.data.shards import ShardedSet
+from kpopnet.errors import InputError
+from kpopnet.ridge import RidgeConfig, ridge_probability
+from kpopnet.skeleton import Joint
+from synth.samples.observe import PERFECT, ExtractionConfig, Observer, Room, freeze, observe_sample
+from synth.sensor.model import SENSORS
+
+IDEAL, KINECT = SENSORS["ideal"], SENSORS["kinect_v1"]
+RIDGE = RidgeConfig()
+
+
+@pytest.fixture(scope="module")
+def shards(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("set")
+    write_shard(folder, 0, 3)
+    write_shard(folder, 1, 3, empty=(2,))
+    return ShardedSet(folder)
+
+
+def seeded(i=0):
+    return np.random.default_rng(i)
+
+
+def observed(shards, extraction=PERFECT, sensor=IDEAL, index=0, seed=0, ridge=None):
+    sample = shards[index]
+    room = Room(*shards.room(index, sample.room))
+    return observe_sample(sample, room, shards.camera, sensor, extraction, ridge, seeded(seed))
+
+
+def full_image(observation, camera):
+    """The observation's depth, pasted into a full image."""
+    x0, y0 = round(camera.cx - observation.camera.cx), round(camera.cy - observation.camera.cy)
+    whole = np.zeros((camera.height, camera.width), np.float32)
+    whole[y0 : y0 + observation.camera.height, x0 : x0 + observation.camera.width] = observation.depth_m
+    return whole
+
+
+def same(a, b):
+    equal = a.camera == b.camera and np.array_equal(a.depth_m, b.depth_m)
+    return equal and (a.ridge is b.ridge if a.ridge is None else np.array_equal(a.ridge, b.ridge))
+
+
+def test_without_noise_and_failures_the_observation_is_the_clean_depth(shards):
+    for index in range(5):
+        sample, seen = shards[index], observed(shards, index=index)
+        assert np.array_equal(np.rint(full_image(seen, shards.camera) * 1000), sample.depth_mm)
+        assert seen.depth_m.dtype == np.float32
+        assert seen.depth_m.shape == (seen.camera.height, seen.camera.width)
+        uv = seen.camera.project(seen.joints_camera_m[Joint.TORSO])
+        assert seen.depth_m[round(uv[1]), round(uv[0])] > 0
+        assert seen.depth_m.size < sample.depth_mm.size / 2
+
+
+def test_an_observation_depends_only_on_seed_index_and_epoch(shards):
+    def observer(seed):
+        return Observer(shards, KINECT, ExtractionConfig(), RIDGE, seed)
+
+    first = observer(5)
+    forwards = [first.observe(index, 2) for index in range(len(first))]
+    elsewhere = pickle.loads(pickle.dumps(observer(5)))
+    backwards = [elsewhere.observe(index, 2) for index in reversed(range(len(first)))][::-1]
+    assert all(same(a, b) for a, b in zip(forwards, backwards, strict=True))
+    assert not same(forwards[0], first.observe(0, 3))
+    assert not same(forwards[0], observer(6).observe(0, 2))
+
+
+def test_the_ridge_is_computed_from_the_noisy_segmented_depth(shards):
+    plain, ridged = (Observer(shards, KINECT, ExtractionConfig(), ridge, 1).observe(0, 0) for ridge in (None, RIDGE))
+    assert plain.ridge is None
+    assert np.array_equal(plain.depth_m, ridged.depth_m)
+    assert np.array_equal(ridged.ridge, ridge_probability(ridged.depth_m, RIDGE))
+    assert ridged.ridge.max() == 1
+
+
+def test_an_empty_silhouette_is_an_empty_observation(shards):
+    for ridge in (None, RIDGE):
+        seen = Observer(shards, KINECT, ExtractionConfig(attached=1.0, hand_missing=1.0), ridge, 1).observe(5, 0)
+        assert not seen.depth_m.any()
+        assert seen.depth_m.shape == (seen.camera.height, seen.camera.width)
+        assert np.array_equal(seen.joints_camera_m, shards[5].joints_camera_m)
+
+
+def test_kinect_noise_is_small_against_the_person(shards):
+    for index in range(5):
+        clean, noisy = (full_image(observed(shards, sensor=s, index=index), shards.camera) for s in (IDEAL, KINECT))
+        both = (clean > 0) & (noisy > 0)
+        assert both.sum() / ((clean > 0) | (noisy > 0)).sum() > 0.85
+        assert np.median(np.abs(noisy - clean)[both]) < 0.02
+        assert np.abs(noisy - clean)[both].mean() > 0.002
+
+
+def test_feet_are_cut_at_a_height_above_the_floor(shards):
+    cut = ExtractionConfig(feet_cut_m=0.3, erode=0, dilate=0, attached=0, hand_missing=0)
+    camera, lowest = shards.camera, []
+    for seed in range(20):
+        whole = full_image(observed(shards, cut, seed=seed), camera)
+        points = camera.points(whole)[whole > 0]
+        lowest.append((CAMERA_HEIGHT_M - points[:, 1]).min())
+    clean = full_image(observed(shards), camera)
+    bare = (CAMERA_HEIGHT_M - camera.points(clean)[clean > 0][:, 1]).min()
+    assert max(lowest) <= 0.31
+    assert max(lowest) > 0.2
+    assert min(lowest) >= bare - 1e-6
+    upper = np.s_[: camera.height // 2]
+    assert np.array_equal(whole[upper], clean[upper])
+
+
+def test_erosion_and_dilation_change_the_silhouette_by_one_pixel(shards):
+    camera = shards.camera
+    clean = full_image(observed(shards), camera)
+    smaller = full_image(observed(shards, dataclasses.replace(PERFECT, erode=1.0)), camera)
+    larger = full_image(observed(shards, dataclasses.replace(PERFECT, dilate=1.0)), camera)
+    mask = np.pad(clean > 0, 1)
+    neighbours = np.stack([mask[1:-1, 1:-1], mask[2:, 1:-1], mask[:-2, 1:-1], mask[1:-1, 2:], mask[1:-1, :-2]])
+    assert np.array_equal(smaller > 0, neighbours.all(0))
+    assert np.array_equal(larger > 0, neighbours.any(0))
+    assert np.array_equal(larger[clean > 0], clean[clean > 0])
+    assert larger.max() <= clean.max()
+
+
+def test_attached_pieces_are_room_near_the_person(shards):
+    attach = dataclasses.replace(PERFECT, attached=1.0)
+    camera, room = shards.camera, draw_room(shards.camera)
+    clean = full_image(observed(shards), camera)
+    people = camera.points(clean)[clean > 0]
+    added = 0
+    for seed in range(12):
+        whole = full_image(observed(shards, attach, seed=seed), camera)
+        extra = (whole > 0) & (clean == 0)
+        added += extra.any()
+        assert np.allclose(whole[extra], room[extra], atol=1e-3)
+        for point in camera.points(whole)[extra][::20]:
+            assert np.linalg.norm(people - point, axis=1).min() < 0.3
+    assert added >= 4
+
+
+def test_a_missing_hand_is_removed_and_the_rest_remains(shards):
+    missing = dataclasses.replace(PERFECT, hand_missing=1.0)
+    clean = full_image(observed(shards), shards.camera)
+    gone = {Joint.RIGHT_HAND: 0, Joint.LEFT_HAND: 0}
+    for seed in range(8):
+        lost = (full_image(observed(shards, missing, seed=seed), shards.camera) == 0) & (clean > 0)
+        assert 0 < lost.sum() < 0.1 * (clean > 0).sum()
+        for hand in gone:
+            u, v, _ = shards.camera.project(shards[0].joints_camera_m[hand])
+            gone[hand] += lost[round(v), round(u)]
+    assert min(gone.values()) > 0
+    assert sum(gone.values()) == 8
+
+
+def test_in_an_empty_room_with_a_distant_floor_only_the_person_is_observed(shards):
+    extraction = ExtractionConfig(attached=1.0, erode=0, dilate=0, hand_missing=0)
+    camera, distant_floor = shards.camera, np.array([0, -1, 0, 100], np.float32)
+    room = Room(np.zeros((camera.height, camera.width), np.uint16), distant_floor)
+    for seed in range(4):
+        seen = observe_sample(shards[0], room, camera, IDEAL, extraction, None, seeded(seed))
+        assert np.array_equal(np.rint(full_image(seen, camera) * 1000), shards[0].depth_mm)
+
+
+@pytest.mark.parametrize("sensor", SENSORS.values(), ids=SENSORS)
+def test_frozen_images_equal_the_observation(shards, sensor):
+    sample = shards[1]
+    room = Room(*shards.room(1, sample.room))
+    arguments = sample, room, shards.camera, sensor, ExtractionConfig(), RIDGE
+    depth_mm, ridge = freeze(*arguments, seeded(3))
+    seen = observe_sample(*arguments, seeded(3))
+    assert depth_mm.dtype == np.uint16
+    assert ridge.dtype == np.uint8
+    assert depth_mm.shape == ridge.shape == sample.depth_mm.shape
+    assert np.array_equal(depth_mm, np.rint(full_image(seen, shards.camera) * 1000).astype(np.uint16))
+    assert ridge[depth_mm == 0].max() == 0
+    assert ridge.max() == 255
+
+
+def test_frozen_samples_are_returned_as_stored(tmp_path):
+    write_shard(tmp_path, 0, 2, empty=(1,), kind="frozen")
+    frozen = ShardedSet(tmp_path)
+    observer = Observer(frozen, KINECT, ExtractionConfig(), RIDGE, 0)
+    seen = observer.observe(0, 4)
+    assert np.array_equal(np.rint(full_image(seen, frozen.camera) * 1000), frozen[0].depth_mm)
+    assert seen.ridge.shape == seen.depth_m.shape
+    assert same(seen, observer.observe(0, 5))
+    assert Observer(frozen, KINECT, ExtractionConfig(), None, 0).observe(0, 0).ridge is None
+    assert not observer.observe(1, 0).depth_m.any()
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"erode": 1.2}, "extraction.erode"),
+        ({"erode": 0.6, "dilate": 0.6}, "at most 1"),
+        ({"feet_cut_m": -1}, "extraction.feet_cut_m"),
+    ],
+)
+def test_invalid_settings_are_rejected_with_the_override(settings, message):
+    with pytest.raises(InputError, match=message):
+        ExtractionConfig(**settings)
+
+
+def test_a_room_smaller_than_the_frame_and_a_box_outside_it_are_refused(shards):
+    """A compiled function would read beyond the room's end, and give foreign memory as depth."""
+    sample, camera = shards[0], shards.camera
+    room = Room(*shards.room(0, sample.room))
+    small = Room(room.depth_mm[:20, :30].copy(), room.floor)
+    for wrong_sample, wrong_room, message in (
+        (sample, small, r"sample and room: an image of shape \(20, 30\), expected .* \(240, 320\)"),
+        (dataclasses.replace(sample, depth_mm=sample.depth_mm[:20]), room, r"an image of shape \(20, 320\)"),
+        (dataclasses.replace(sample, box=(0, 0, 321, 240)), room, "the box .* is not within 320x240"),
+        (dataclasses.replace(sample, box=(-3, 0, 20, 20)), room, "the box .* is not within 320x240"),
+        (dataclasses.replace(sample, box=(9, 9, 5, 12)), room, "the box .* is not within 320x240"),
+    ):
+        for observe in (observe_sample, freeze):
+            with pytest.raises(InputError, match=message):
+                observe(wrong_sample, wrong_room, camera, KINECT, PERFECT, RIDGE, seeded())

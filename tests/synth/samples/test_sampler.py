@@ -1,0 +1,174 @@
+"""Samples: what they depend on, where people stand, and the consistency of labels and depth image."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kpopnet.errors import InputError
+from kpopnet.skeleton import BONES, JOINT_GROUPS, NUM_JOINTS, Joint
+from synth.motion import MotionConfig, Poses, build_motion
+from synth.samples.sampler import CameraConfig, RenderedSample, SampleConfig, Sampler, StageConfig
+
+RIGID_BONES = [  # segments along one bone of the rig; hands and feet are the centres of parts that bend
+    (a, b) for a, b in BONES if {a, b} <= {*JOINT_GROUPS["shoulders"], *JOINT_GROUPS["elbows"]}
+] + [(a, b) for a, b in BONES if {a, b} <= {*JOINT_GROUPS["hips"], *JOINT_GROUPS["knees"]}]
+
+CONFIG = SampleConfig(renderer="cpu", motion=MotionConfig(source="poses"), samples_per_body=4, samples_per_room=10)
+
+
+@pytest.fixture(scope="module")
+def sampler() -> Sampler:
+    return Sampler(CONFIG, 7, "train")
+
+
+def same(a: RenderedSample, b: RenderedSample) -> bool:
+    one, two = a.sample, b.sample
+    arrays = ("depth_mm", "joints_camera_m", "visible")
+    facts = ("box", "body", "motion", "yaw_rad", "room")
+    return all(np.array_equal(getattr(one, name), getattr(two, name)) for name in arrays) and all(
+        getattr(one, name) == getattr(two, name) for name in facts
+    )
+
+
+def test_a_sample_does_not_depend_on_the_other_samples_drawn(sampler: Sampler) -> None:
+    batch = list(sampler.samples(0, 30))
+    for index in (17, 3, 29, 0):
+        (single,) = Sampler(CONFIG, 7, "train").samples(index, index + 1)
+        assert same(single, batch[index]), index
+
+
+@pytest.mark.parametrize(("seed", "split"), [(8, "train"), (7, "test"), (7, "validation")])
+def test_seed_and_split_change_every_sample(sampler: Sampler, seed: int, split: str) -> None:
+    others = Sampler(CONFIG, seed, split).samples(0, 6)
+    assert not any(same(a, b) for a, b in zip(sampler.samples(0, 6), others, strict=True))
+
+
+def test_visible_joints_and_the_box_lie_on_the_person(sampler: Sampler) -> None:
+    camera = sampler.scene.camera
+    visible = 0
+    for rendered in sampler.samples(0, 40):
+        sample = rendered.sample
+        u, v, z = camera.project(sample.joints_camera_m).T
+        for joint in np.flatnonzero(sample.visible):
+            seen_m = sample.depth_mm[round(v[joint]), round(u[joint])] / 1000
+            assert seen_m > 0 and seen_m < z[joint] + 0.05, (Joint(joint), sample.motion)
+            visible += 1
+        x0, y0, x1, y1 = sample.box
+        assert np.count_nonzero(sample.depth_mm[y0:y1, x0:x1]) == np.count_nonzero(sample.depth_mm)
+        assert sample.depth_mm[y0].any() and sample.depth_mm[y1 - 1].any()
+        assert sample.depth_mm[:, x0].any() and sample.depth_mm[:, x1 - 1].any()
+    assert visible > 40 * 8
+
+
+def test_people_stand_on_the_floor_and_in_the_room(sampler: Sampler) -> None:
+    for rendered in sampler.samples(0, 20):
+        vertices = sampler.renderer.vertices_world_m()
+        assert vertices[:, 2].min() == pytest.approx(0, abs=0.02), rendered.sample.motion
+        room = sampler.room(rendered.sample.room)
+        floor_m = rendered.sample.joints_camera_m @ room.floor[:3] + room.floor[3]
+        assert floor_m.min() > 0 and floor_m.max() < 2.6
+        back_m, left_m, right_m = room.room.clear_m()
+        hips = sampler.scene.data.qpos[:3]
+        assert hips[1] < back_m and left_m < hips[0] < right_m
+
+
+def test_yaw_is_the_heading_relative_to_the_camera(sampler: Sampler) -> None:
+    scene = sampler.scene
+    sampler.room(0)
+    list(sampler.samples(0, 1))
+    from synth.samples.sampler import heading_rad
+
+    straight = np.tile([1.0, 0, 0, 0], (len(scene.asset.bone_names), 1))
+    for turn in (0.0, 0.7, -2.0):
+        straight[0] = np.cos(turn / 2), 0, 0, np.sin(turn / 2)
+        scene.pose(straight, np.array([0, 3.0, 1.0]))
+        assert heading_rad(scene) == pytest.approx(turn, abs=1e-6)
+    # After a quarter turn to the person's left, the person's front points to the camera's right.
+    straight[0] = np.cos(np.pi / 4), 0, 0, np.sin(np.pi / 4)
+    scene.pose(straight, np.array([0, 3.0, 1.0]))
+    assert scene.view.rotation.T[0] @ scene.facing_world() > 0.99
+
+
+def test_bone_lengths_are_constant_over_a_dance(sampler: Sampler) -> None:
+    scene = sampler.scene
+    dance = build_motion(MotionConfig(source="choreography", seconds=4.0), "train").motion(3)
+    scene.set_person(scene.fit(sampler.person(0)))
+    rng = np.random.default_rng(0)
+    lengths, reach = [], []
+    for quats in dance.quats[::5]:
+        scene.pose(sampler._body_rotations(rng, quats), np.zeros(3))
+        place = scene.data.xpos[1:]
+        lengths.append(np.linalg.norm(place[1:] - place[scene.asset.bone_parents[1:]], axis=1))
+        joints = scene.joints_world_m()
+        lengths[-1] = np.append(lengths[-1], [np.linalg.norm(joints[a] - joints[b]) for a, b in RIGID_BONES])
+        reach.append(np.linalg.norm(joints[Joint.LEFT_HAND] - joints[Joint.RIGHT_FOOT]))
+    assert np.ptp(lengths, axis=0).max() < 1e-9
+    assert np.ptp(reach) > 0.1  # the person moves
+    sampler._current_body = None
+
+
+class PenetratingPose:
+    """A motion source with one pose: the arms penetrate the chest."""
+
+    def poses(self, generators: list[np.random.Generator]) -> Poses:
+        quats = np.tile(np.array([1, 0, 0, 0], np.float32), (len(generators), 23, 1))
+        from synth.motion.skeleton import INDEX
+
+        for side, sign in (("Left", 1), ("Right", -1)):
+            quats[:, INDEX[f"{side}Arm"]] = np.cos(0.7), 0, 0, -sign * np.sin(0.7)
+            quats[:, INDEX[f"{side}ForeArm"]] = np.cos(0.75), 0, 0, -sign * np.sin(0.75)
+        count = len(generators)
+        root_m = np.tile(np.float32([0, 0.9, 0]), (count, 1))
+        return Poses(quats, root_m, np.full(count, 0.85, np.float32), ["bad"] * count)
+
+
+def test_self_penetration_is_rejected_and_the_number_of_tries_is_limited() -> None:
+    sampler = Sampler(replace(CONFIG, stage=StageConfig(tries=3)), 7, "train")
+    sampler.source = PenetratingPose()
+    (rendered,) = sampler.samples(0, 1)
+    assert rendered.forced and rendered.rejected == 3
+    assert sampler.scene.penetration_m() > 0.02
+
+
+def test_the_t_pose_has_no_self_penetration(sampler: Sampler) -> None:
+    scene = sampler.scene
+    scene.set_person(scene.fit(sampler.person(1)))
+    sampler._current_body = None
+    scene.pose(np.tile([1.0, 0, 0, 0], (len(scene.asset.bone_names), 1)), np.zeros(3))
+    assert scene.penetration_m() == 0
+
+
+def test_joints_outside_the_image_are_not_visible() -> None:
+    close = replace(CONFIG, stage=StageConfig(distance_m=(0.7, 0.8), place_tries=1))
+    camera = close.camera.build()
+    seen_outside = 0
+    for rendered in Sampler(close, 1, "train").samples(0, 8):
+        u, v, _ = camera.project(rendered.sample.joints_camera_m).T
+        outside = (u < -0.5) | (v < -0.5) | (u > camera.width - 0.5) | (v > camera.height - 0.5)
+        assert not rendered.sample.visible[outside].any()
+        seen_outside += outside.sum()
+    assert 0 < seen_outside < 8 * NUM_JOINTS
+
+
+@pytest.mark.parametrize("name", ["eval", "smmc10", "kinect_2", "custom"])
+def test_every_camera_preset_renders(name: str) -> None:
+    sampler = Sampler(replace(CONFIG, camera=CameraConfig(name)), 1, "train")
+    (rendered,) = sampler.samples(0, 1)
+    assert rendered.sample.depth_mm.shape == (sampler.scene.camera.height, sampler.scene.camera.width)
+    assert np.count_nonzero(rendered.sample.depth_mm) >= CONFIG.stage.least_pixels
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (lambda: CameraConfig("gopro").build(), "camera.name=gopro"),
+        (lambda: StageConfig(distance_m=(3, 2)), "stage.distance_m"),
+        (lambda: StageConfig(tries=0), "tries"),
+        (lambda: SampleConfig(renderer="paint"), "renderer=paint"),
+        (lambda: Sampler(CONFIG, 0, "dev"), "split=dev"),
+    ],
+)
+def test_invalid_settings_are_rejected_by_name(wrong, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        wrong()

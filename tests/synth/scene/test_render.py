@@ -1,0 +1,249 @@
+"""Rendered depth against analytic scenes, and the two renderers against each other."""
+
+import logging
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from kpopnet.camera import CAMERAS, Camera
+from kpopnet.errors import InputError
+from synth.body.shape import BodyConfig, draw_person
+from synth.scene.render import NEAR_M, CpuRenderer, GlRenderer, box_mesh, make_renderer, rasterise
+from synth.scene.room import Room, View, ViewConfig, draw_room, draw_view
+from synth.scene.scene import Scene
+
+CAMERA = CAMERAS["kinect_v1"]
+LEVEL = View(np.array([0.0, 0.0, 1.0]), np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]))
+COMPARED_SCENES = 6
+
+
+def test_a_level_camera_looks_along_y() -> None:
+    np.testing.assert_allclose(LEVEL.to_camera(np.array([0.5, 3.0, 1.2])), [0.5, -0.2, 3.0])
+
+
+def test_a_frontal_plane_has_constant_depth() -> None:
+    corners = np.array([[-9, -9, 2.5], [9, -9, 2.5], [9, 9, 2.5], [-9, 9, 2.5]], np.float32)
+    depth_m = rasterise(corners, np.array([[0, 3, 2], [0, 2, 1]], np.int32), CAMERA)
+    np.testing.assert_allclose(depth_m, 2.5, rtol=1e-6)
+
+
+def test_a_tilted_plane_has_its_analytic_depth_in_every_pixel() -> None:
+    """The ray through pixel (u, v) with direction r intersects the plane n.x = d at depth z = d / (n.r)."""
+    normal, d = np.array([0.2, -0.3, 1.0]), 2.4
+    x, y = np.array([[-4, -4], [4, -4], [4, 4], [-4, 4]], float).T
+    corners = np.stack([x, y, (d - normal[0] * x - normal[1] * y) / normal[2]], axis=1).astype(np.float32)
+    depth_m = rasterise(corners, np.array([[0, 3, 2], [0, 2, 1]], np.int32), CAMERA)
+    v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
+    rays = CAMERA.back_project(np.stack([u, v, np.ones_like(u)], axis=-1))
+    np.testing.assert_allclose(depth_m, d / (rays @ normal), rtol=2e-6)
+
+
+def test_a_back_face_is_not_drawn() -> None:
+    corners = np.array([[-1, -1, 2], [1, -1, 2], [0, 1, 2]], np.float32)
+    assert rasterise(corners, np.array([[0, 1, 2]], np.int32), CAMERA).max() == 0
+    assert rasterise(corners, np.array([[0, 2, 1]], np.int32), CAMERA).max() == 2
+
+
+def test_triangles_are_clipped_at_the_near_plane() -> None:
+    """A wall along the optical axis, from behind the camera to 5 m, is visible from NEAR_M on."""
+    corners = np.array([[0.05, -1, -1], [0.05, -1, 5], [0.05, 1, 5], [0.05, 1, -1]], np.float32)
+    depth_m = rasterise(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), CAMERA)
+    row = depth_m[int(CAMERA.cy)]
+    u = np.arange(CAMERA.width)
+    expected = np.where(u > CAMERA.cx, 0.05 * CAMERA.fx / np.maximum(u - CAMERA.cx, 1e-9), 0)
+    seen = (expected >= NEAR_M) & (expected < 5)
+    assert seen.sum() > 100
+    np.testing.assert_allclose(row[seen], expected[seen], rtol=1e-4)
+    assert depth_m[~np.tile(seen, (CAMERA.height, 1))].max() == 0
+
+
+def test_the_nearest_surface_is_drawn_in_any_order_of_the_faces() -> None:
+    near, far = (np.array([[-9, -9, z], [0, 9, z], [9, -9, z]], np.float32) for z in (1.0, 3.0))
+    faces = np.array([[0, 1, 2], [3, 4, 5]], np.int32)
+    for order in (faces, faces[::-1]):
+        depth_m = rasterise(np.concatenate([near, far]), order, CAMERA)
+        assert depth_m[120, 160] == pytest.approx(1.0)
+
+
+def test_a_box_in_a_room_has_its_analytic_depth() -> None:
+    """A box of 1 m with its face at 2.5 m, in front of a wall at 4 m, on a floor 1 m below a level camera."""
+    scene = Scene(CAMERA)
+    room = Room(
+        np.array([[0, 0, -0.1], [0, 4.1, 2], [0, 3.0, 0.5]]),
+        np.array([[9, 9, 0.1], [9, 0.1, 5], [0.5, 0.5, 0.5]]),
+        np.zeros(3),
+    )
+    scene.set_view(LEVEL)
+    scene.set_room(room)
+    depth_m = CpuRenderer(scene).room_m()
+    assert depth_m[130, 160] == pytest.approx(2.5, abs=1e-5)
+    assert depth_m[40, 160] == pytest.approx(4.0, abs=1e-5)
+    assert depth_m[235, 20] == pytest.approx(CAMERA.fy * 1.0 / (235 - CAMERA.cy), rel=1e-5)
+    assert len(box_mesh(scene)[1]) == 3 * 12
+
+
+def test_the_floor_plane_of_a_view_gives_the_height_of_points() -> None:
+    view = draw_view(np.random.default_rng(3), ViewConfig())
+    normal_d = view.floor()
+    points = view.to_camera(np.array([[1.0, 2, 0], [-1, 4, 0], [0, 3, 0.5]]))
+    np.testing.assert_allclose(points @ normal_d[:3] + normal_d[3], [0, 0, 0.5], atol=1e-12)
+
+
+def compared_scene(scene: Scene, k: int) -> None:
+    """Sets up scene k of those that both renderers draw. The last person intersects the near plane."""
+    rng = np.random.default_rng(k)
+    scene.set_person(scene.fit(draw_person(rng, BodyConfig(), "train")))
+    scene.set_view(draw_view(rng, ViewConfig()))
+    scene.set_room(draw_room(rng))
+    quats = np.array([1.0, 0, 0, 0]) + 0.15 * rng.normal(size=(len(scene.asset.bone_names), 4))
+    distance_m = 0.05 if k == COMPARED_SCENES - 1 else rng.uniform(1.2, 3.5)
+    scene.pose(quats / np.linalg.norm(quats, axis=1, keepdims=True), np.array([0.2, distance_m, 0.9]))
+
+
+DRAW_WITH_GL = """
+import sys, numpy as np
+sys.path.insert(0, sys.argv[2])
+from test_render import CAMERA, COMPARED_SCENES, compared_scene
+from kpopnet.errors import InputError
+from synth.scene.render import GlRenderer
+from synth.scene.scene import Scene
+scene = Scene(CAMERA)
+try:
+    renderer = GlRenderer(scene)
+except InputError as error:
+    print(error); sys.exit(7)
+images = []
+for k in range(COMPARED_SCENES):
+    compared_scene(scene, k)
+    images += [renderer.person_m(), renderer.room_m()]
+renderer.close()
+np.save(sys.argv[1], np.stack(images))
+"""
+
+
+def draw_with_gl(backend: str, path: Path) -> str:
+    """Renders in a separate process, because MuJoCo selects its GL backend at import. Returns the reason of a failure."""
+    run = subprocess.run(
+        [sys.executable, "-c", DRAW_WITH_GL, str(path), str(Path(__file__).parent)],
+        env=os.environ | {"MUJOCO_GL": backend},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return "" if run.returncode == 0 else f"{backend}: {(run.stdout + run.stderr).strip().splitlines()[-1]}"
+
+
+def test_cpu_and_gl_draw_the_same(tmp_path: Path) -> None:
+    reasons = []
+    for backend in ("osmesa", "egl"):
+        reason = draw_with_gl(backend, tmp_path / "gl.npy")
+        if not reason:
+            break
+        reasons.append(reason)
+    else:
+        pytest.skip(f"no OpenGL here ({'; '.join(reasons)}); Debian: apt-get install libosmesa6")
+    drawn_by_gl = np.load(tmp_path / "gl.npy")
+    scene = Scene(CAMERA)
+    renderer = CpuRenderer(scene)
+    for k in range(COMPARED_SCENES):
+        compared_scene(scene, k)
+        for what, gl_m in zip(("person_m", "room_m"), drawn_by_gl[2 * k : 2 * k + 2], strict=True):
+            cpu_m = getattr(renderer, what)()
+            both, either = (cpu_m > 0) & (gl_m > 0), (cpu_m > 0) | (gl_m > 0)
+            assert both.sum() > 1000, (k, what)
+            assert both.sum() / either.sum() > 0.999, (k, what)
+            assert np.median(np.abs(cpu_m - gl_m)[both]) < 1e-5, (k, what)
+
+
+def test_renderers_are_selected_by_name() -> None:
+    scene = Scene(CAMERA)
+    assert make_renderer("cpu", scene).name == "cpu"
+    with pytest.raises(InputError, match="auto, gl, cpu"):
+        make_renderer("vulkan", scene)
+    with pytest.raises(InputError, match="centred principal point"):
+        GlRenderer(Scene(Camera(285, 285, 150, 119.5, 320, 240)))
+
+
+@pytest.mark.parametrize("backend", [None, "", "glfw", "osmesa", "off"])
+def test_auto_creates_no_gl_context_without_egl(backend, monkeypatch, caplog) -> None:
+    def no_context(*size) -> None:
+        raise AssertionError("a GL context was created")
+
+    monkeypatch.setattr(mujoco, "GLContext", no_context, raising=False)
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    if backend is not None:
+        monkeypatch.setenv("MUJOCO_GL", backend)
+    with caplog.at_level(logging.INFO):
+        assert make_renderer("auto", Scene(CAMERA)).name == "cpu"
+    (line,) = caplog.messages
+    assert line.startswith("renderer=auto: the CPU rasteriser draws")
+
+
+def test_auto_takes_the_cpu_rasteriser_where_egl_fails(monkeypatch, caplog) -> None:
+    def no_context(*size) -> None:
+        raise ImportError("Cannot initialize a EGL device display")
+
+    monkeypatch.setattr(mujoco, "GLContext", no_context, raising=False)
+    monkeypatch.setenv("MUJOCO_GL", "egl")
+    with caplog.at_level(logging.INFO):
+        assert make_renderer("auto", Scene(CAMERA)).name == "cpu"
+    (line,) = caplog.messages
+    assert line.startswith("renderer=auto: the CPU rasteriser draws") and "Cannot initialize" in line
+
+
+@pytest.mark.parametrize("on_gpu", [True, False])
+def test_auto_takes_egl_only_if_a_gpu_draws(on_gpu, monkeypatch) -> None:
+    closed = []
+
+    class Egl:
+        name = "gl"
+
+        def __init__(self, scene: Scene) -> None: ...
+
+        def on_gpu(self) -> bool:
+            return on_gpu
+
+        def close(self) -> None:
+            closed.append(self)
+
+    monkeypatch.setenv("MUJOCO_GL", "egl")
+    monkeypatch.setattr("synth.scene.render.GlRenderer", Egl)
+    assert make_renderer("auto", Scene(CAMERA)).name == ("gl" if on_gpu else "cpu")
+    assert bool(closed) == (not on_gpu)
+
+
+BUILD_RENDERER = """
+import logging, sys
+from kpopnet.camera import CAMERAS
+from kpopnet.errors import InputError
+from synth.scene.render import make_renderer
+from synth.scene.scene import Scene
+logging.basicConfig(level=logging.INFO, format="%(message)s")
+try:
+    print(make_renderer(sys.argv[1], Scene(CAMERAS["kinect_v1"])).name)
+except InputError as error:
+    sys.exit(f"error: {error}")
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere GLFW needs no DISPLAY")
+@pytest.mark.parametrize(
+    ("name", "code", "line"), [("auto", 0, "renderer=auto: the CPU rasteriser draws"), ("gl", 1, "error: no OpenGL to draw")]
+)
+def test_without_a_display_there_is_one_line_and_no_word_of_the_gl_library(name: str, code: int, line: str) -> None:
+    environment = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    run = subprocess.run(
+        [sys.executable, "-c", BUILD_RENDERER, name],
+        env=environment | {"MUJOCO_GL": "glfw"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == code, run.stderr
+    (only,) = run.stderr.splitlines()
+    assert only.startswith(line)

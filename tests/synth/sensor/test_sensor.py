@@ -1,0 +1,280 @@
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from omegaconf import OmegaConf
+from omegaconf.errors import ConfigAttributeError
+
+from kpopnet.camera import CAMERAS, Camera
+from kpopnet.errors import InputError
+from synth.sensor.kernel import NORMALS
+from synth.sensor.model import SENSORS, SensorConfig, measure, measure_labelled, resolved
+
+CAMERA = CAMERAS["kinect_v1"]
+
+
+def only(name="kinect_v1", **terms):
+    """The sensor with only these terms; all others are off."""
+    off = {field.name: 0.0 for field in dataclasses.fields(SensorConfig)[1:]}
+    return SensorConfig(name, **(off | {"native_focal_px": 575.5} | terms))
+
+
+def wall(z=2.5, camera=CAMERA):
+    return np.full((camera.height, camera.width), z, np.float32)
+
+
+def step_scene(near=2.0, far=3.0, camera=CAMERA):
+    depth = wall(far, camera)
+    depth[60:180, 120:200] = near
+    return depth
+
+
+def seeded(i=0):
+    return np.random.default_rng(i)
+
+
+def test_the_ideal_sensor_returns_the_clean_depth():
+    depth = step_scene()
+    depth[5:9] = 0
+    assert np.array_equal(measure(depth, CAMERA, SENSORS["ideal"], seeded()), depth)
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_equal_seeds_give_equal_images_and_other_seeds_other_images(name):
+    depth, config = step_scene(), SENSORS[name]
+    first, again, other = (measure(depth, CAMERA, config, seeded(i)) for i in (1, 1, 2))
+    assert np.array_equal(first, again)
+    assert np.array_equal(first, other) == (name == "ideal")
+    assert first.dtype == np.float32
+    assert np.isfinite(first).all()
+    assert np.abs(np.median(first[first > 0]) - np.median(depth)) < 0.05
+
+
+def test_normal_deviates_are_standard():
+    assert NORMALS.mean() == pytest.approx(0, abs=1e-6)
+    assert NORMALS.std() == pytest.approx(1, abs=1e-6)
+
+
+@pytest.mark.parametrize("grain_px", [0.0, 9.0])
+@pytest.mark.parametrize("z", [1.0, 2.5, 4.0])
+def test_axial_noise_of_a_wall_has_nguyens_sigma(z, grain_px):
+    config = only(axial_floor_m=0.0012, axial_quadratic=0.0019, axial_offset_m=0.4, grain_px=grain_px)
+    errors = np.stack([measure(wall(z), CAMERA, config, seeded(i)) - z for i in range(3)])
+    sigma = 0.0012 + 0.0019 * (z - 0.4) ** 2
+    assert errors.std() == pytest.approx(sigma, rel=0.05)
+    assert abs(errors.mean()) < 0.1 * sigma
+    neighbours = np.corrcoef(errors[:, :, 1:].ravel(), errors[:, :, :-1].ravel())[0, 1]
+    assert neighbours == pytest.approx(0, abs=0.02) if grain_px == 0 else neighbours > 0.7
+    across_images = np.corrcoef(errors[0].ravel(), errors[1].ravel())[0, 1]
+    assert abs(across_images) < 0.1
+
+
+def test_axial_noise_is_independent_of_the_pixel_and_of_its_neighbours():
+    config = only("kinect_2", axial_floor_m=0.003)
+    errors = np.stack([measure(wall(), CAMERA, config, seeded(i)) for i in range(40)]) - 2.5
+    assert np.abs(errors.mean(0)).max() < 0.003 * 5 / math.sqrt(40)
+    down = np.corrcoef(errors[:, 1:].ravel(), errors[:, :-1].ravel())[0, 1]
+    assert abs(down) < 0.01
+
+
+def test_steep_surfaces_are_noisier():
+    """A plane rotated by 75 degrees about the vertical: theta is 75 degrees minus the angle of the ray."""
+    u = np.arange(CAMERA.width)
+    ray = (u - CAMERA.cx) / CAMERA.fx
+    tilt = math.radians(75)
+    z = 2.5 / (1 + ray * math.tan(tilt))
+    depth = np.repeat(z[None], CAMERA.height, axis=0).astype(np.float32)
+    config = only(axial_floor_m=0.0012, axial_grazing=0.0001)
+    error = measure(depth, CAMERA, config, seeded())[5:-5] - depth[5:-5]
+    for column in (170, 190, 210):
+        theta = tilt - math.atan(ray[column])
+        sigma = 0.0012
+        if theta > math.radians(60):
+            sigma += 0.0001 * theta**2 / (math.sqrt(z[column]) * (math.pi / 2 - theta) ** 2)
+        assert error[:, column - 2 : column + 3].std() == pytest.approx(sigma, rel=0.12)
+    assert 75 - math.degrees(math.atan(ray[170])) > 60
+    flat = measure(wall(), CAMERA, config, seeded()) - 2.5
+    assert flat.std() == pytest.approx(0.0012, rel=0.03)
+
+
+@pytest.mark.parametrize("camera", [CAMERA, Camera.centred(571.26, 320, 240), Camera.centred(100, 80, 60)])
+def test_depth_is_quantised_in_steps_of_an_eighth_of_a_disparity_pixel(camera):
+    ramp = np.linspace(1.5, 3.5, camera.width, dtype=np.float32)
+    depth = np.repeat(ramp[None], camera.height, axis=0)
+    config = only(baseline_m=0.075, disparity_step_px=0.125)
+    # This ramp recedes monotonically, so it casts no shadow.
+    measured = measure(depth, camera, config, seeded())
+    steps = 575.5 * 0.075 * 8 / measured[measured > 0]
+    assert np.allclose(steps, np.round(steps), atol=1e-3)
+    step_m = measured[measured > 0] ** 2 / 345.3
+    assert (np.abs(measured - depth)[measured > 0] <= 0.51 * step_m * 1.02).all()
+
+
+def test_disparity_noise_grows_with_the_square_of_the_depth():
+    config = only(baseline_m=0.075, disparity_noise_px=0.027778)
+    for z in (1.0, 3.0):
+        error = measure(wall(z), CAMERA, config, seeded()) - z
+        assert error.std() == pytest.approx(z**2 * 0.027778 / (575.5 * 0.075), rel=0.05)
+
+
+@pytest.mark.parametrize("baseline_m", [0.075, -0.075])
+def test_the_shadow_falls_away_from_the_projector_with_the_width_of_the_geometry(baseline_m):
+    measured = measure(step_scene(2.0, 3.0), CAMERA, only(baseline_m=baseline_m), seeded())
+    width = CAMERA.fx * 0.075 * (1 / 2.0 - 1 / 3.0)
+    row = measured[120] == 0
+    lost = row.nonzero()[0]
+    assert len(lost) == pytest.approx(width, abs=1)
+    if baseline_m > 0:
+        assert lost[-1] == 119
+    else:
+        assert lost[0] == 200
+    assert not (measured[30] == 0).any()
+
+
+def test_lateral_noise_moves_only_outlines():
+    depth = step_scene()
+    labels = (depth < 2.5).astype(np.uint8)
+    config = only(lateral_px=0.8, grain_px=9.0)
+    measured, seen = measure_labelled(depth, labels, CAMERA, config, seeded())
+    assert set(np.unique(measured)) == {0.0, 2.0}
+    assert np.array_equal(seen > 0, measured > 0)
+    moved = (seen != labels).nonzero()
+    assert 30 < len(moved[0]) < 400
+    inside = np.s_[64:176, 124:196]
+    assert seen[inside].all()
+    outside = np.ones(depth.shape, bool)
+    outside[56:184, 116:204] = False
+    assert not seen[outside].any()
+    # At twice the resolution the shift in pixels is twice as large.
+    fine = Camera.centred(2 * CAMERA.fx, CAMERA.width, CAMERA.height)
+    moved_fine = (measure_labelled(depth, labels, fine, config, seeded())[1] != labels).sum()
+    assert moved_fine > 1.3 * len(moved[0])
+
+
+def test_flying_pixels_lie_between_near_and_far_on_outlines_only():
+    depth = step_scene()
+    measured = measure(depth, CAMERA, only(flying_pixels=0.4), seeded())
+    flying = measured != depth
+    assert (measured[flying] >= 2.0).all()
+    assert (measured[flying] <= 3.0).all()
+    outline = np.zeros(depth.shape, bool)
+    outline[59:181, 119:201] = True
+    outline[61:179, 121:199] = False
+    assert not flying[~outline].any()
+    assert flying.sum() / (2 * 2 * (80 + 120)) == pytest.approx(0.4, abs=0.08)
+    assert 2.4 < measured[flying].mean() < 2.6
+
+
+def test_time_of_flight_noise_grows_towards_the_corners_even_in_a_crop():
+    config = only("kinect_2", axial_radial=0.02)
+    camera = CAMERAS["kinect_2"]
+    crop = camera.cropped(0, 0, 100, 80)
+    error = measure(wall(2.0, crop), crop, config, seeded()) - 2.0
+    across, down = (np.arange(100) - camera.cx) / camera.fx, (np.arange(80) - camera.cy) / camera.fy
+    assert (error / (0.02 * (across**2 + down[:, None] ** 2))).std() == pytest.approx(1, rel=0.05)
+
+
+def test_wiggle_is_systematic():
+    config = only("kinect_2", wiggle_m=0.004, wiggle_period_m=0.5)
+    for z in (2.0, 2.125, 2.375):
+        expected = z + 0.004 * math.sin(2 * math.pi * z / 0.5)
+        assert measure(wall(z), CAMERA, config, seeded()) == pytest.approx(expected, abs=1e-4)
+
+
+def test_pixel_dropout_draws_a_fraction_for_each_image():
+    fractions = [(measure(wall(), CAMERA, only(pixel_dropout=0.1), seeded(i)) == 0).mean() for i in range(30)]
+    assert max(fractions) <= 0.105
+    assert np.mean(fractions) == pytest.approx(0.05, abs=0.015)
+    assert np.std(fractions) > 0.015
+
+
+def test_edge_dropout_removes_its_fraction_of_outline_pixels():
+    measured = measure(step_scene(), CAMERA, only(edge_dropout=0.3), seeded())
+    assert (measured == 0).sum() / (2 * 2 * (80 + 120)) == pytest.approx(0.3, abs=0.07)
+    assert not (measured[80:160, 140:180] == 0).any()
+
+
+def test_ellipses_have_the_configured_number_and_size():
+    config = only(ellipses_per_megapixel=60.0)
+    lost = [(measure(wall(), CAMERA, config, seeded(i)) == 0).sum() for i in range(60)]
+    scale = CAMERA.fx / 575.5
+    expected = 60 * 320 * 240 / scale**2 / 1e6 * math.pi * (3.75 * scale) ** 2
+    assert np.mean(lost) == pytest.approx(expected, rel=0.2)
+
+
+def test_the_end_of_a_limb_is_lost_but_no_surface_far_behind_it():
+    end = np.array([[0.1, 0.0, 2.0]])
+    near = measure(wall(2.05), CAMERA, only(limb_end_dropout=1.0), seeded(), end)
+    v, u = (near == 0).nonzero()
+    assert u.mean() == pytest.approx(CAMERA.cx + 0.1 * CAMERA.fx / 2, abs=1)
+    assert v.mean() == pytest.approx(CAMERA.cy, abs=1)
+    radius_m = math.sqrt(len(u) / math.pi) * 2.0 / CAMERA.fx
+    assert 0.015 < radius_m < 0.065
+    assert measure(wall(2.5), CAMERA, only(limb_end_dropout=1.0), seeded(), end).all()
+    no_person = np.full((2, 3), np.nan)
+    assert measure(wall(2.5), CAMERA, only(limb_end_dropout=1.0), seeded(), no_person).all()
+
+
+def test_depth_out_of_range_and_empty_pixels_are_not_measured():
+    config = only(min_range_m=0.5, max_range_m=3.0)
+    depth = wall()
+    depth[0], depth[1], depth[2] = 0.4, 3.1, 0
+    measured = measure(depth, CAMERA, config, seeded())
+    assert not measured[:3].any()
+    assert measured[3:].all()
+    one = Camera.centred(300, 1, 1)
+    for sensor in SENSORS.values():
+        assert not measure(np.zeros((1, 1), np.float32), one, sensor, seeded()).any()
+
+
+def test_only_labelled_pixels_are_measured_with_the_same_noise_as_without_labels():
+    depth = step_scene()
+    labels = (depth < 2.5).astype(np.uint8) * 3
+    config = dataclasses.replace(SENSORS["kinect_v1"], ellipses_per_megapixel=0.0)
+    some, seen = measure_labelled(depth, labels, CAMERA, config, seeded(4))
+    everything = measure(depth, CAMERA, config, seeded(4))
+    assert set(np.unique(seen)) == {0, 3}
+    inner = np.s_[70:170, 130:190]
+    assert np.array_equal(some[inner], everything[inner])
+
+
+@pytest.mark.parametrize(
+    ("terms", "message"),
+    [
+        ({"name": "kinect"}, "sensor.name must be one of ideal, kinect_v1"),
+        ({"pixel_dropout": 1.5}, "sensor.pixel_dropout is a fraction"),
+        ({"axial_floor_m": -0.1}, "sensor.axial_floor_m"),
+        ({"gain": math.nan}, "sensor.gain"),
+        ({"max_range_m": 0.1}, "sensor.min_range_m"),
+        ({"name": "ideal", "lateral_px": 1.0}, "sensor.native_focal_px"),
+        ({"name": "kinect_2", "disparity_step_px": 0.125}, "sensor.baseline_m"),
+        ({"name": "ideal", "wiggle_m": 0.1}, "sensor.wiggle_period_m"),
+    ],
+)
+def test_invalid_terms_are_rejected_with_the_override(terms, message):
+    with pytest.raises(InputError, match=message):
+        SensorConfig(**terms)
+
+
+def test_depth_of_another_size_than_the_camera_is_rejected():
+    with pytest.raises(InputError, match=r"\(10, 20\).*\(240, 320\)"):
+        measure(np.zeros((10, 20), np.float32), CAMERA, SENSORS["ideal"], seeded())
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_a_name_selects_the_published_terms_and_takes_overrides(name):
+    default = OmegaConf.structured(SensorConfig())
+    OmegaConf.set_readonly(default, False)
+    config = OmegaConf.merge(default, {"name": name})
+    assert OmegaConf.to_object(config) == SENSORS[name]
+    config.pixel_dropout = 0.1
+    assert OmegaConf.to_object(config) == dataclasses.replace(SENSORS[name], pixel_dropout=0.1)
+    with pytest.raises(ConfigAttributeError):
+        config.pixel_dropuot = 0.1
+
+
+def test_resolved_terms_are_the_published_ones_unless_they_are_set():
+    terms = resolved(SensorConfig("kinect_2", axial_floor_m=0.007))
+    assert (terms.name, terms.axial_floor_m, terms.axial_quadratic, terms.baseline_m) == ("kinect_2", 0.007, 0.001, 0.0)
+    assert resolved(terms) == terms

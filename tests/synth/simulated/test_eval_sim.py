@@ -1,0 +1,334 @@
+"""The stand-in for EVAL: its content, its separation from training sets, and its reproducibility."""
+
+import json
+import subprocess
+import sys
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from programs import ROOT
+from stand_ins import assert_own_seeds, joints_world_m
+
+import synth.simulated.eval_files
+from kpopnet.datasets.eval.benchmark import EvalBenchmark, EvalConfig, EvalSimBenchmark
+from kpopnet.datasets.eval.benchmark import EvalSimConfig as ReaderConfig
+from kpopnet.datasets.eval.format import FRAME, read_sequence
+from kpopnet.errors import InputError
+from kpopnet.skeleton import JOINT_NAMES, Joint
+from synth.body.markers import MARKERS
+from synth.body.shape import BodyConfig, load_body, unseen_coefficients
+from synth.motion import MotionConfig
+from synth.motion.choreography.programmes import Y_POSE_S
+from synth.simulated.eval_files import EVAL_SIM
+from synth.simulated.eval_sim import CAMERA, FPS, KINDS, SEQUENCES, SUBJECTS, EvalSim, EvalSimConfig, EvalSimSet
+from synth.simulated.film import DISTANCE_RANGE_M, Take
+from synth.simulated.writer import write_set
+
+SHORT = EvalSimSet(EvalSimConfig(seed=3, sequences=2), frames=(24, 30))
+
+
+@pytest.fixture(scope="module")
+def maker() -> EvalSim:
+    return EvalSim(EvalSimSet(EvalSimConfig(seed=6)))
+
+
+@pytest.fixture(scope="module")
+def takes(maker: EvalSim) -> dict[str, tuple[Take, np.ndarray]]:
+    """The first eight sequences by kind, with their true joints (T, 15, 3) in the world."""
+    found = {}
+    for index in range(len(KINDS)):
+        take = maker.take(index)
+        found[f"{KINDS[index]}_{index}"] = take, joints_world_m(maker.studio, take)
+    return found
+
+
+# Content ------------------------------
+
+
+def test_every_subject_shows_every_kind_once():
+    by_subject = {subject: Counter() for subject in SUBJECTS}
+    for index in range(SEQUENCES):
+        by_subject[EvalSim.sequence_name(index)[4]][KINDS[index % 8]] += 1
+    assert all(shown == Counter(KINDS) for shown in by_subject.values())
+    names = {EvalSim.sequence_name(index) for index in range(SEQUENCES)}
+    assert names == {f"seq_{subject}_{number}" for subject in "abc" for number in range(8)}
+
+
+def test_sequences_have_the_lengths_of_eval(takes):
+    lengths = [len(take.played) for take, _ in takes.values()]
+    assert all(288 <= length <= 488 for length in lengths) and len(set(lengths)) > 4
+
+
+def test_every_sequence_begins_in_the_y_pose_facing_the_camera(takes):
+    held = slice(0, round(Y_POSE_S * FPS))
+    for take, joints in takes.values():
+        body = joints[held]
+        to_camera = -np.append(take.place_m[:2], 0) / np.linalg.norm(take.place_m[:2])
+        across = body[:, Joint.LEFT_SHOULDER] - body[:, Joint.RIGHT_SHOULDER]
+        across /= np.linalg.norm(across, axis=1, keepdims=True)
+        assert (np.abs(across @ to_camera) < np.sin(np.radians(25))).all()
+        leftwards = np.cross([0, 0, 1.0], to_camera)
+        for side, sign in (("LEFT", 1), ("RIGHT", -1)):
+            arm = body[:, Joint[f"{side}_HAND"]] - body[:, Joint[f"{side}_SHOULDER"]]
+            rise = np.degrees(np.arctan2(arm[:, 2], sign * (arm @ leftwards)))
+            assert (rise > 20).all() and (rise < 70).all()
+            foot = body[:, Joint[f"{side}_FOOT"]] - body[:, [Joint.LEFT_HIP, Joint.RIGHT_HIP]].mean(axis=1)
+            assert (sign * (foot @ leftwards) > 0.12).all() and (body[:, Joint[f"{side}_FOOT"], 2] < 0.2).all()
+        assert np.linalg.norm(np.diff(body, axis=0), axis=-1).max() * FPS < 0.2
+        # Afterwards they move.
+        assert np.linalg.norm(joints[len(body) + 25] - body[-1], axis=-1).max() > 0.3
+
+
+def test_motions_have_no_jumps(takes):
+    for take, joints in takes.values():
+        step = np.diff(joints, axis=0)
+        assert np.linalg.norm(step, axis=-1).max() * FPS < 10.0
+        assert np.linalg.norm(np.diff(step, axis=0), axis=-1).max() * FPS**2 < 200.0
+        assert np.linalg.norm(step[:, Joint.TORSO], axis=-1).max() * FPS < 3.0, take.played.motion.name
+
+
+def test_bodies_touch_the_floor_and_stay_inside_image_and_room(maker, takes):
+    scene, renderer = maker.studio.scene, maker.studio.renderer
+    for take, _ in takes.values():
+        scene.set_person(scene.fit(take.played.person))
+        back, left, right = take.room.clear_m()
+        lowest = []
+        for frame in range(0, len(take.played), 9):
+            scene.pose(take.played.local[frame], take.played.hips_m[frame] + take.place_m)
+            skin = renderer.vertices_world_m()
+            lowest.append(skin[:, 2].min())
+            assert skin[:, 0].min() > left and skin[:, 0].max() < right
+            assert skin[:, 1].min() > DISTANCE_RANGE_M[0] - 0.05 and skin[:, 1].max() < min(back, DISTANCE_RANGE_M[1] + 0.05)
+            u, v, z = CAMERA.project(take.view.to_camera(skin)).T
+            assert z.min() > 0 and u.min() >= 0 and v.min() >= 0 and u.max() <= 319 and v.max() <= 239
+        assert min(lowest) > -1e-4 and max(lowest) < 0.35
+        assert np.median(lowest) < 0.03
+
+
+def test_each_kind_shows_its_motion(takes):
+    def of(kind: str) -> tuple[Take, np.ndarray]:
+        return next(found for name, found in takes.items() if name.startswith(kind))
+
+    _, joints = of("handstand")
+    upside_down = joints[:, Joint.HEAD, 2] < joints[:, [Joint.LEFT_HIP, Joint.RIGHT_HIP], 2].min(axis=1) - 0.3
+    upside_down &= joints[:, [Joint.LEFT_FOOT, Joint.RIGHT_FOOT], 2].max(axis=1) > joints[:, Joint.LEFT_HIP, 2]
+    assert upside_down.sum() > 20
+    _, joints = of("sitting")
+    assert (joints[:, [Joint.LEFT_HIP, Joint.RIGHT_HIP], 2].max(axis=1) < 0.3).sum() > 30
+    _, joints = of("kicks")
+    kicking = joints[:, [Joint.LEFT_FOOT, Joint.RIGHT_FOOT], 2].max(axis=1)
+    assert kicking.max() > 0.5
+    _, joints = of("crossed_punches")
+    across = joints[:, Joint.LEFT_SHOULDER] - joints[:, Joint.RIGHT_SHOULDER]
+    hands = joints[:, Joint.LEFT_HAND] - joints[:, Joint.RIGHT_HAND]
+    assert ((hands * across).sum(axis=1) < 0).sum() > 15
+    _, joints = of("turns")
+    across = joints[:, Joint.LEFT_HIP, :2] - joints[:, Joint.RIGHT_HIP, :2]
+    headings = np.degrees(np.arctan2(across[:, 1], across[:, 0]))
+    assert len(set((headings // 45).astype(int).tolist())) == 8
+
+
+def test_subjects_are_three_people_and_another_seed_makes_others(maker):
+    people = [maker.person(subject) for subject in range(3)]
+    other = EvalSim(EvalSimSet(EvalSimConfig(seed=7)))
+    everyone = [*people, *(other.person(subject) for subject in range(3))]
+    for number, person in enumerate(everyone):
+        for another in everyone[:number]:
+            assert np.abs(person.heads_m - another.heads_m).max() > 0.005
+    again = EvalSim(maker.config).person(1)
+    np.testing.assert_array_equal(again.vertices_m, people[1].vertices_m)
+
+
+# Separation from training sets ------------------------------
+
+
+def test_no_preset_draws_a_person_similar_to_the_subjects():
+    config, people = BodyConfig(), load_body().people
+    # Greatest distance of draw_person from a baked adult: chi with 48 degrees of freedom, times the jitter.
+    max_distance = config.shape_jitter * np.linalg.norm(np.random.default_rng(0).standard_normal((100_000, 48)), axis=1).max()
+    for seed in range(40):
+        coefficients = unseen_coefficients(np.random.default_rng(seed), config)
+        assert np.linalg.norm(people - coefficients, axis=1).min() > 1.1 * max_distance
+
+
+def test_presets_use_no_generator_of_the_benchmark(monkeypatch):
+    assert_own_seeds(EvalSim(SHORT), b"eval_sim", monkeypatch)
+
+
+def test_presets_use_no_recordings():
+    from omegaconf import OmegaConf
+
+    for preset in (ROOT / "configs" / "synth" / "preset").glob("*.yaml"):
+        motion = OmegaConf.load(preset).get("motion", {})
+        assert motion.get("path") is None and motion.get("weights", {}).get("clips", 0) == 0
+    assert MotionConfig().weights.get("clips", 0) == 0
+
+
+def test_invalid_settings_are_rejected():
+    for motion in (MotionConfig(source="poses"), MotionConfig(source="mix"), MotionConfig(source="choreography", seed=4)):
+        with pytest.raises(InputError, match=r"either composed .* or recorded"):
+            EvalSimSet(EvalSimConfig(), motion)
+    for wrong in ({"sequences": 0}, {"sequences": 25}, {"seed": -1}, {"seed": 2**32}):
+        with pytest.raises(InputError, match=f"benchmark.{next(iter(wrong))}="):
+            EvalSimConfig(**wrong)
+
+
+# Reproducibility ------------------------------
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("eval_sim")
+    write_set(EVAL_SIM, SHORT, folder, processes=1)
+    return folder
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(folder.glob("seq_*.bin"))}
+
+
+def test_files_equal_the_film_in_memory(written):
+    film = EvalSim(SHORT).film(1)
+    sequence = read_sequence(EVAL_SIM.path(written, 1), {name: [number] for number, name in enumerate(JOINT_NAMES)})
+    np.testing.assert_array_equal(sequence.depth_m, film.depth_m)
+    np.testing.assert_array_equal(sequence.joints_camera_m, film.joints_camera_m)
+    assert list(sequence.markers_camera_m) == list(MARKERS)
+    np.testing.assert_array_equal(np.stack(list(sequence.markers_camera_m.values()), axis=1), film.markers_camera_m)
+    assert sequence.skipped == {} and 24 <= len(film.depth_m) <= 30
+    assert abs(sequence.camera.fx - CAMERA.fx) < 1e-3 and abs(sequence.camera.cy - CAMERA.cy) < 1e-3
+    raw = np.fromfile(EVAL_SIM.path(written, 1), FRAME)
+    assert raw["frame"].tolist() == list(range(len(film.depth_m)))
+    assert film.name == "seq_b_0" and film.identity == "b" and film.fps == 30.0
+
+
+def test_a_film_contains_a_person_on_the_floor_of_a_room(written):
+    film = EvalSim(SHORT).film(0)
+    joints, depth, person = film.joints_camera_m, film.depth_m, film.person
+    assert film.floor[1] < -0.7 and 0.5 < film.floor[3] < 2.0
+    feet = joints[:, [Joint.LEFT_FOOT, Joint.RIGHT_FOOT]] @ film.floor[:3] + film.floor[3]
+    assert (feet > 0).all() and (feet < 0.2).all()
+    # The room is measured too, and the person's pixels are near the true joints.
+    assert (depth[~person] > 0).mean() > 0.7 and 0.01 < person.mean() < 0.2
+    height = CAMERA.points(depth[0]).reshape(-1, 3) @ film.floor[:3] + film.floor[3]
+    assert (np.abs(height[depth[0].ravel() > 0]) < 0.05).mean() > 0.05
+    assert height[depth[0].ravel() > 0].min() > -0.25
+    near = np.abs(depth[0][person[0]] - joints[0, Joint.TORSO, 2])
+    assert np.quantile(near, 0.95) < 0.6
+    u, v, _ = CAMERA.project(joints[0]).T
+    on_person = [person[0, round(y) - 2 : round(y) + 3, round(x) - 2 : round(x) + 3].any() for x, y in zip(u, v, strict=True)]
+    assert sum(on_person) >= 14
+    assert np.abs(film.yaw_rad[0]) < 0.5
+    # The markers of a standing dancer are visible from all sides.
+    assert film.markers_tracked.mean() > 0.95
+    # A marker is on the skin: never far from its joint.
+    hip = film.markers_camera_m[:, list(MARKERS).index("LASI")] - joints[:, Joint.LEFT_HIP]
+    assert (np.linalg.norm(hip, axis=1) < 0.3).all()
+
+
+def test_markers_are_at_different_positions_on_the_body():
+    mean = load_body().mean.reshape(-1, 3)
+    places = mean[list(MARKERS.values())]
+    apart = np.linalg.norm(places[:, None] - places, axis=-1) + np.eye(len(places))
+    assert len(MARKERS) <= 32 and apart.min() > 0.03
+    for name, place in zip(MARKERS, places, strict=True):
+        if name[0] in "LR":
+            mirrored = mean[MARKERS[("R" if name[0] == "L" else "L") + name[1:]]] * [-1, 1, 1]
+            assert np.linalg.norm(place - mirrored) < 0.04
+            assert (place[0] > 0) == (name[0] == "L")
+
+
+def test_the_number_of_processes_does_not_matter(written, tmp_path):
+    write_set(EVAL_SIM, SHORT, tmp_path, processes=2)
+    assert contents(tmp_path) == contents(written)
+
+
+def test_missing_files_are_made_and_existing_files_are_kept(written, tmp_path, capsys):
+    before = contents(written)
+    write_set(EVAL_SIM, replace(SHORT, benchmark=EvalSimConfig(seed=3, sequences=1)), tmp_path, processes=1)
+    assert contents(tmp_path) == {"seq_a_0.bin": before["seq_a_0.bin"]}
+    stamp = (tmp_path / "seq_a_0.bin").stat().st_mtime_ns
+    (tmp_path / ".seq_b_0.bin.elsewhere.1.tmp").write_bytes(b"half a frame")
+    manifest = write_set(EVAL_SIM, SHORT, tmp_path, processes=1)
+    assert contents(tmp_path) == before and (tmp_path / "seq_a_0.bin").stat().st_mtime_ns == stamp
+    assert not list(tmp_path.glob(".*")) and manifest["sequences"] == 2
+    assert "1 of 2 sequences are there already" in capsys.readouterr().out
+    # With a smaller size configured, it is still a set of two.
+    assert write_set(EVAL_SIM, replace(SHORT, benchmark=EvalSimConfig(seed=3, sequences=1)), tmp_path, 1)["sequences"] == 2
+
+
+def test_an_interrupted_run_leaves_no_partial_file_and_no_file_without_a_manifest(tmp_path, monkeypatch):
+    made = []
+
+    def dying(shot, number):
+        made.append(json.loads((tmp_path / "manifest.json").read_text())["simulated"])
+        if len(made) > 3:
+            raise KeyboardInterrupt
+        return original(shot, number)
+
+    original = synth.simulated.eval_files.as_frame
+    monkeypatch.setattr(synth.simulated.eval_files, "as_frame", dying)
+    with pytest.raises(KeyboardInterrupt):
+        write_set(EVAL_SIM, SHORT, tmp_path, processes=1)
+    assert made == [True] * 4 and sorted(path.name for path in tmp_path.iterdir()) == ["manifest.json"]
+
+
+def test_a_folder_with_other_files_is_rejected(written, tmp_path):
+    before = contents(written)
+    with pytest.raises(InputError, match=r"holds another set.*choose another out="):
+        write_set(EVAL_SIM, replace(SHORT, benchmark=EvalSimConfig(seed=4, sequences=2)), written, 1)
+    assert contents(written) == before
+    (tmp_path / "seq_a_0.bin").write_bytes(b"other data")
+    with pytest.raises(InputError, match=r"seq_a_0\.bin: not made by this program, maybe the real EVAL"):
+        write_set(EVAL_SIM, SHORT, tmp_path, 1)
+    assert (tmp_path / "seq_a_0.bin").read_bytes() == b"other data"
+
+
+def test_the_manifest_calls_the_set_simulated_and_the_reader_uses_it(written):
+    manifest = json.loads((written / "manifest.json").read_text())
+    assert manifest["simulated"] is True and "SIMULATED" in manifest["about"]
+    assert (manifest["seed"], manifest["hash"]) == (3, SHORT.hash)
+    assert manifest["contents"] == {"seq_a_0": "dance", "seq_b_0": "crossed_punches"}
+    benchmark = EvalSimBenchmark(ReaderConfig(path=str(written)))
+    assert benchmark.sequence_names() == ["seq_a_0", "seq_b_0"] and SHORT.hash in benchmark.about
+    sequence = benchmark.read("seq_b_0")
+    film = EvalSim(SHORT).film(1)
+    assert not sequence.is_segmented and sequence.identity == "b" and sequence.visible.all()
+    turn = np.angle(np.exp(1j * (sequence.yaw_rad - film.yaw_rad)))
+    assert np.abs(turn).max() < 0.2
+    with pytest.raises(InputError, match="simulated"):
+        EvalBenchmark(EvalConfig(path=str(written), joints={"head": 0}))
+
+
+def test_a_contact_sheet_is_written(written):
+    sheet = cv2.imread(str(written / "contact_sheet.png"))
+    assert sheet.shape[0] > 2 * 180 and sheet.shape[1] > 2000 and sheet.std() > 20
+
+
+def test_the_hash_depends_on_everything_but_the_number_of_sequences():
+    assert replace(SHORT, benchmark=EvalSimConfig(seed=3, sequences=9)).hash == SHORT.hash
+    others = [
+        replace(SHORT, benchmark=EvalSimConfig(seed=4, sequences=2)),
+        replace(SHORT, frames=(24, 31)),
+        replace(SHORT, renderer="gl"),
+        replace(SHORT, motion=MotionConfig(source="clips", path="somewhere")),
+    ]
+    assert len({SHORT.hash, *(other.hash for other in others)}) == 5
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (["benchmark.sequences=30"], "error: benchmark.sequences=30: the set has 24"),
+        (["splits.train=5"], "splits"),
+        (["benchmark=utd_mhad"], "error: benchmark=utd_mhad: the simulated benchmarks are eval_sim, smmc10_sim"),
+    ],
+)
+def test_user_errors_end_in_one_line(tmp_path, given, message):
+    command = [sys.executable, "-m", "synth", "benchmark=eval_sim", f"out={tmp_path / 'set'}", *given]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 1 and message in done.stderr and "Traceback" not in done.stderr
+    assert not list(tmp_path.glob("set/seq_*"))

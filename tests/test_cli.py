@@ -1,0 +1,70 @@
+"""The console script."""
+
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+from programs import ROOT
+
+from kpopnet.cli import PROGRAMS
+
+
+def kpopnet(*words: str) -> subprocess.CompletedProcess:
+    return subprocess.run([sys.executable, "-m", "kpopnet.cli", *words], cwd=ROOT, capture_output=True, text=True)
+
+
+def test_help_names_every_program():
+    done = kpopnet("--help")
+    assert done.returncode == 0 and all(f"kpopnet {name}" in done.stdout for name in PROGRAMS)
+    assert kpopnet().stdout == done.stdout
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_every_program_answers_help(name):
+    done = kpopnet(name, "--help")
+    assert done.returncode == 0 and len(done.stdout) > 300 and "Traceback" not in done.stderr, done.stderr
+
+
+def test_help_describes_the_settings_and_so_does_the_printed_configuration():
+    assert "training.lr " in (shown := kpopnet("train", "--help").stdout) and "peak" in shown
+    printed = kpopnet("train", "--cfg", "job", "training.steps=7").stdout
+    assert "  steps: 7  # " in printed and "hydra:" not in printed
+    assert "tree_walk.images " in kpopnet("train", "--config-name", "tree_walk", "--help").stdout
+    assert "estimator.tracker.start " in kpopnet("evaluate", "--help").stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (["dance"], 2, "there is no program dance; there are generate, train"),
+        (["train", "--config-name", "forest"], 1, "--config-name forest: expected one of train, tree_walk"),
+        (["generate", "benchmark=itop"], 1, "benchmark=itop"),
+        (["generate", "splits.train=many"], 1, "splits.train"),
+    ],
+)
+def test_a_mistake_is_one_line(words, code, message):
+    done = kpopnet(*words)
+    assert done.returncode == code and message in done.stderr and done.stderr.count("\n") == 1, done.stderr
+
+
+def test_the_version_is_the_packages():
+    assert kpopnet("--version").stdout.strip().count(".") == 2
+
+
+def test_the_programs_work_from_an_installed_package(tmp_path):
+    """As a wheel lays it out: configurations inside the package, no checkout around it."""
+    for package in ("kpopnet", "synth"):
+        shutil.copytree(ROOT / package, tmp_path / "site" / package, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(ROOT / "configs", tmp_path / "site" / "kpopnet" / "configs")
+    environment = os.environ | {"PYTHONPATH": str(tmp_path / "site")}
+    for words, expected in (
+        (("train", "--cfg", "job"), "batch_size"),
+        (("generate", "preset=demo", "--cfg", "job"), "shard_size"),
+        (("generate", "benchmark=kpop_sim", "--cfg", "job"), "dances: 100"),
+        (("evaluate", "checkpoint=x", "--cfg", "job"), "estimator"),
+    ):
+        command = [sys.executable, "-P", "-m", "kpopnet.cli", *words]
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+        assert done.returncode == 0 and expected in done.stdout, done.stderr

@@ -1,0 +1,67 @@
+"""Training by several processes: one of them is killed, the others end, and the same run is resumed to the same weights."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from factories import write_shard
+from programs import ROOT
+
+SETTINGS = (
+    "data.train=train", "data.validation=validation", "model.crop_px=32", "model.widths=[8,8,16,16]", "training.steps=60",
+    "training.batch_size=4", "training.validate_every=10", "training.validation_samples=4", "workers=0", "threads=1",
+    "device=cpu",
+)  # fmt: skip
+ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1"}
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("distributed")
+    write_shard(folder / "train", 0, 12)
+    write_shard(folder / "validation", 0, 4)
+    return folder
+
+
+def torchrun(processes: int, *settings: str) -> list[str]:
+    launcher = ["-m", "torch.distributed.run", "--standalone", f"--nproc-per-node={processes}"]
+    return [sys.executable, *launcher, str(ROOT / "train.py"), *settings]
+
+
+def complete(place: Path, processes: int, *settings: str) -> None:
+    done = subprocess.run(torchrun(processes, *settings), cwd=place, env=ENVIRONMENT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def children(parent: int) -> list[int]:
+    """Processes whose parent is `parent`."""
+    return [int(pid) for pid in Path(f"/proc/{parent}/task/{parent}/children").read_text().split()]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks for processes in /proc")
+def test_a_killed_process_ends_the_others_and_the_run_resumes_to_the_same_weights(place):
+    complete(place, 2, *SETTINGS, "hydra.run.dir=whole")
+
+    with subprocess.Popen(
+        torchrun(2, *SETTINGS, "hydra.run.dir=killed"), cwd=place, env=ENVIRONMENT,
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    ) as launcher:  # fmt: skip
+        deadline = time.monotonic() + 120
+        while not (place / "killed" / "last").exists():
+            assert launcher.poll() is None and time.monotonic() < deadline
+            time.sleep(0.02)
+        ranks = children(launcher.pid)
+        os.kill(ranks[-1], signal.SIGKILL)
+        assert launcher.wait(timeout=60) != 0
+    deadline = time.monotonic() + 5
+    while any(Path(f"/proc/{rank}").exists() for rank in ranks) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not any(Path(f"/proc/{rank}").exists() for rank in ranks)
+
+    complete(place, 2, "training.resume=killed/last")
+    weights = [(place / run / "last" / "model.safetensors").read_bytes() for run in ("whole", "killed")]
+    assert weights[0] == weights[1]

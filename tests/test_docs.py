@@ -1,0 +1,177 @@
+"""README.md and docs/ are code: their commands compose, their programs run, and what they name exists."""
+
+import importlib
+import re
+import shlex
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
+from programs import ROOT
+
+PAGES = {
+    path.name: path.read_text()
+    for path in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")))
+}
+LEDGER = "ledger.md"
+"""Holds what was true when it was written: commands of its day need not compose today."""
+
+
+def fenced(language: str) -> list[tuple[str, str]]:
+    """(page, text) of every fenced block of a language."""
+    found = [
+        (page, block) for page, text in PAGES.items() for block in re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
+    ]
+    return [(page, block) for page, block in found if page != LEDGER]
+
+
+def commands() -> list[list[str]]:
+    """Every command line of the pages, without its comment."""
+    lines = [line for _, block in fenced("sh") for line in block.splitlines() if line.strip()]
+    lines += [
+        line for page, text in PAGES.items() if page != LEDGER for line in re.findall(r"`((?:python|kpopnet) [^`]+)`", text)
+    ]
+    return [words for line in lines if (words := shlex.split(line.replace("...", ""), comments=True))]
+
+
+PROGRAMS = {  # the words that start a program, its module, its configuration and the folder of that
+    ("python", "-m", "synth"): ("synth.__main__", "generate", "configs/synth"),
+    ("kpopnet", "generate"): ("synth.__main__", "generate", "configs/synth"),
+    ("python", "train.py"): ("kpopnet.programs.train", "train", "configs"),
+    ("kpopnet", "train"): ("kpopnet.programs.train", "train", "configs"),
+    ("python", "evaluate.py"): ("kpopnet.programs.evaluate", "evaluate", "configs"),
+    ("kpopnet", "evaluate"): ("kpopnet.programs.evaluate", "evaluate", "configs"),
+}
+
+
+def settings_of_commands() -> list[tuple[str, str, str, list[str]]]:
+    found = []
+    for words in commands():
+        for start, (module, config, folder) in PROGRAMS.items():
+            if tuple(words[: len(start)]) == start:
+                rest = words[len(start) :]
+                settings = [word for word in rest if "=" in word and not word.endswith("=NAME")]
+                if config == "generate" and any(word.startswith("benchmark=") for word in settings):
+                    config = "simulated_set"
+                if "--config-name" in rest:
+                    config = rest[rest.index("--config-name") + 1]
+                found.append((module, config, folder, settings))
+    known = {"generate", "simulated_set", "train", "tree_walk", "evaluate"}
+    assert {config for _, config, _, _ in found} == known and len(found) > 25
+    return found
+
+
+@pytest.mark.parametrize(("module", "config", "folder", "settings"), settings_of_commands(), ids=str)
+def test_the_settings_in_every_command_compose(module: str, config: str, folder: str, settings: list[str]) -> None:
+    importlib.import_module(module)  # which registers its schemas
+    # A launcher and lists of values belong to a multirun; what each of its runs gets must compose.
+    settings = [word if "[" in word else word.split(",")[0] for word in settings if not word.startswith("hydra/launcher")]
+    with initialize_config_dir(str(ROOT / folder), version_base="1.3"):
+        OmegaConf.to_object(compose(config, [word for word in settings if not word.startswith("hydra.")]))
+
+
+def test_every_module_that_a_command_runs_exists() -> None:
+    modules = {words[2] for words in commands() if words[:2] == ["python", "-m"]}
+    assert {"synth", "kpopnet.datasets.describe", "synth.dances.convert"} <= modules
+    for module in modules:
+        assert importlib.util.find_spec(module) is not None, module
+
+
+def test_make_knows_the_targets_that_are_named() -> None:
+    makefile = (ROOT / "Makefile").read_text()
+    targets = {words[1] for words in commands() if words[0] == "make"}
+    targets |= {target for text in PAGES.values() for target in re.findall(r"`make (\w+)`", text)}
+    assert {"demo", "test", "speed", "lint"} <= targets
+    assert all(re.search(rf"^{target}:", makefile, re.MULTILINE) for target in targets)
+    described = re.findall(r"^# make (\w+)", makefile, re.MULTILINE)
+    assert [".PHONY:", *described] == re.search(r"^\.PHONY.*", makefile, re.MULTILINE)[0].split()
+
+
+def test_make_clean_leaves_what_was_generated_and_trained(tmp_path: Path) -> None:
+    kept = [tmp_path / "data" / "small" / "shard.h5", tmp_path / "outputs" / "train" / "best", tmp_path / "code.py"]
+    removed = [tmp_path / ".venv" / "installed", tmp_path / ".pytest_cache" / "a", tmp_path / "code" / "__pycache__" / "a.pyc"]
+    for path in (*kept, *removed):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    subprocess.run(["make", "-f", str(ROOT / "Makefile"), "clean"], cwd=tmp_path, check=True, capture_output=True)
+    assert all(path.exists() for path in kept) and not any(path.parent.exists() for path in removed)
+
+
+@pytest.mark.parametrize(("page", "program"), fenced("python"), ids=lambda one: one.splitlines()[0][:40])
+def test_the_programs_of_the_pages_import_what_exists_and_use_it(page: str, program: str) -> None:
+    names: dict = {}
+    imports = [line for line in program.splitlines() if line.startswith(("from ", "import "))]
+    exec("\n".join(imports), names)
+    for name in names.keys() - {"__builtins__"}:
+        assert len(re.findall(rf"\b{name}\b", program)) > 1, f"{page}: {name} is imported and not used"
+
+
+def test_the_pages_have_a_program_for_poses_and_one_for_scores() -> None:
+    programs = "\n".join(program for _, program in fenced("python"))
+    assert all(
+        re.search(rf"\b{name}\b", programs) for name in ("NetworkEstimator", "extract_person", "score_dance", "OnlineScorer")
+    )
+
+
+def test_a_dance_is_scored_as_the_page_says() -> None:
+    (score,) = [program for page, program in fenced("python") if page == "dance_scoring.md"]
+    joints_m, times_s = np.random.default_rng(0).normal(size=(15, 3)) + np.zeros((120, 1, 1)), np.arange(120) / 30
+    confidence = np.ones((120, 15))
+    given = {
+        "teacher_joints_m": joints_m, "teacher_times_s": times_s, "joints_m": joints_m, "times_s": times_s,
+        "confidence": confidence, "frame_joints_m": joints_m[0], "frame_confidence": confidence[0], "time_s": 0.0,
+    }  # fmt: skip
+    exec(score, given)
+    assert given["score"].similarity > 0
+
+
+def test_the_map_from_the_paper_leads_somewhere() -> None:
+    page = PAGES["paper.md"]
+    table = page[page.index("| paper | here |") :].split("\n\n")[0]
+    places = re.findall(r"`([^`]+)`", table)
+    assert len(places) > 25
+    for place in places:
+        if "/" in place:
+            assert (ROOT / place).exists(), place
+            continue
+        module, _, name = place.rpartition(".")
+        if importlib.util.find_spec(module) is None or not hasattr(importlib.import_module(module), name):
+            assert importlib.util.find_spec(place), place
+
+
+def test_every_file_that_a_page_names_exists() -> None:
+    for page, text in PAGES.items():
+        if page == LEDGER:
+            continue
+        for place in re.findall(r"`((?:kpopnet|synth|configs|tests|tools|examples|docs)/[\w./-]+)`", text):
+            assert (ROOT / place).exists(), f"{page}: {place}"
+
+
+def test_the_table_of_rooms_is_the_tree() -> None:
+    rooms = {
+        path.name for package in ("kpopnet", "synth") for path in (ROOT / package).iterdir() if (path / "__init__.py").exists()
+    }
+    table = PAGES["architecture.md"]
+    assert all(f"`{room}/`" in table or f"{room}/`" in table for room in rooms), rooms
+
+
+def test_links_and_figures_are_there() -> None:
+    for page, text in PAGES.items():
+        folder = ROOT if (ROOT / page).exists() else ROOT / "docs"
+        for target in re.findall(r"\]\(([^)#]+)\)", text):
+            if "://" not in target:
+                assert (folder / target).exists(), f"{page}: {target}"
+
+
+def test_the_readme_fits_on_one_screen_or_two() -> None:
+    assert len(PAGES["README.md"].splitlines()) <= 100
+
+
+@pytest.mark.parametrize(
+    "path", ["LICENSE", "NOTICE", "CITATION.cff", "CHANGELOG.md", "constraints.txt", "synth/assets/README.md", ".ci/run"]
+)
+def test_what_a_user_must_find_is_there(path: str) -> None:
+    assert (ROOT / path).stat().st_size > 100

@@ -1,0 +1,44 @@
+"""The examples as a user runs them."""
+
+import subprocess
+import sys
+
+import numpy as np
+from cone_people import cone_body, cone_joints, draw_cones
+from programs import ROOT
+
+from kpopnet.camera import CAMERAS
+
+
+def run_example(name: str, *words: object) -> str:
+    command = [sys.executable, str(ROOT / "examples" / name), *map(str, words)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_a_new_move_becomes_a_dance_and_scores_as_a_copy_of_itself(tmp_path):
+    printed = run_example("new_move.py", tmp_path / "dance.png", "--joints", tmp_path / "dance.npz")
+    assert (tmp_path / "dance.png").stat().st_size > 10_000 and "look at" in printed
+    with np.load(tmp_path / "dance.npz") as file:
+        assert np.isfinite(file["joints_m"]).all() and len(file["joints_m"]) == len(file["times_s"])
+    scored = run_example("recordings_to_score.py", tmp_path / "dance.npz", tmp_path / "dance.npz")
+    similarity = int(scored.split("similarity ")[1].split(",")[0])
+    assert similarity >= 95 and "delay +0 ms" in scored
+
+
+def test_a_recording_becomes_joints_and_a_picture_of_them(tmp_path):
+    camera = CAMERAS["kinect_v1"]
+    joints_m = cone_joints(-75, 4)  # upright, with hanging arms
+    depth_m = draw_cones(joints_m, cone_body(joints_m), camera)
+    np.save(tmp_path / "recording.npy", np.repeat((1000 * depth_m).astype(np.uint16)[None], 4, axis=0))
+    words = ["--focal", camera.fx, "--overlay", tmp_path / "overlay.png"]
+    printed = run_example("camera_to_joints.py", tmp_path / "recording.npy", tmp_path / "joints.npz", *words)
+    assert "4 of 4 frames have all joints" in printed and (tmp_path / "overlay.png").stat().st_size > 5_000
+    with np.load(tmp_path / "joints.npz") as file:
+        errors_m = np.linalg.norm(file["joints_m"][-1] - joints_m, axis=1)
+    assert np.median(errors_m) < 0.1
+
+    np.save(tmp_path / "empty.npy", np.zeros((3, camera.height, camera.width), np.uint16))
+    printed = run_example("camera_to_joints.py", tmp_path / "empty.npy", tmp_path / "none.npz", *words)
+    assert "0 of 3 frames have all joints" in printed

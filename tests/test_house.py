@@ -1,0 +1,58 @@
+"""The house: small folders, short functions, files where the architecture says."""
+
+import ast
+from pathlib import Path
+
+import pytest
+from programs import ROOT
+
+MOST_FILES, MOST_LINES, MOST_ARGUMENTS = 12, 60, 8
+
+ROOT_NOUNS = {"__init__", "errors", "skeleton", "camera", "ridge", "estimator", "cli"}
+
+TRACKERS = ("kpopnet/tracker/", "kpopnet/paper_tracker/", "kpopnet/geometry/")
+"""Their functions follow when the trackers are cut into stages."""
+
+EXCEPTIONS = {
+    "kpopnet/extraction/components.py:component_stats": "numba kernel: one pass over the pixels fills every statistic",
+    "kpopnet/training/loop.py:train": "entry of a training: each argument is a setting of the program",
+    "synth/scene/render.py:_triangle": "numba kernel: corners of a triangle as scalars, in registers",
+    "synth/sensor/kernel.py:measure_pixels": "numba kernel: one pass over the pixels of an image",
+}
+"""Functions of more lines or arguments than the rule allows, and why."""
+
+
+def sources() -> list[Path]:
+    return sorted(path for package in ("kpopnet", "synth") for path in (ROOT / package).rglob("*.py"))
+
+
+def test_the_root_of_kpopnet_holds_only_what_everything_shares() -> None:
+    assert {path.stem for path in (ROOT / "kpopnet").glob("*.py")} == ROOT_NOUNS
+
+
+@pytest.mark.parametrize("folder", sorted({path.parent for path in sources()}), ids=lambda path: str(path.relative_to(ROOT)))
+def test_no_folder_is_crowded(folder: Path) -> None:
+    assert len(list(folder.glob("*.py"))) - 1 <= MOST_FILES
+
+
+def test_functions_are_short_and_take_few_arguments_or_are_listed_with_a_reason() -> None:
+    found = set()
+    for path in sources():
+        name = path.relative_to(ROOT).as_posix()
+        if name.startswith(TRACKERS):
+            continue
+        for node in ast.walk(ast.parse(path.read_text())):
+            if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                continue
+            arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
+            arguments = [one for one in arguments if one.arg not in ("self", "cls")]
+            if node.end_lineno - node.lineno + 1 > MOST_LINES or len(arguments) > MOST_ARGUMENTS:
+                found.add(f"{name}:{node.name}")
+    assert found == set(EXCEPTIONS)
+
+
+def test_tests_mirror_the_rooms() -> None:
+    for package in ("kpopnet", "synth"):
+        for folder in (ROOT / "tests" / package).rglob("*"):
+            if folder.is_dir() and folder.name != "__pycache__":
+                assert (ROOT / folder.relative_to(ROOT / "tests")).is_dir(), folder

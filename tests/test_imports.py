@@ -1,0 +1,101 @@
+"""The import rules: every layer imports only layers below it, and no imports go round in a circle (docs/architecture.md)."""
+
+import ast
+import subprocess
+import sys
+from graphlib import CycleError, TopologicalSorter
+
+import pytest
+from programs import ROOT
+
+LAYERS = (
+    ("kpopnet", "kpopnet.errors", "kpopnet.skeleton", "kpopnet.camera", "kpopnet.ridge", "kpopnet.estimator"),
+    ("kpopnet.runtime",),
+    ("kpopnet.viz",),
+    ("kpopnet.data",),
+    ("kpopnet.geometry",),
+    ("kpopnet.extraction", "kpopnet.dance", "kpopnet.networks", "kpopnet.paper_tracker"),
+    ("kpopnet.tracker",),
+    ("kpopnet.training", "kpopnet.baselines"),
+    ("kpopnet.datasets",),
+    ("kpopnet.evaluation",),
+    ("kpopnet.programs", "kpopnet.cli"),
+)
+"""From the lowest on. A package imports itself and the layers below, not its neighbours in its own layer; only the root's
+nouns, which are modules, import each other."""
+
+SYNTH_MAY_IMPORT = {*LAYERS[0], "kpopnet.runtime", "kpopnet.viz", "kpopnet.data", "kpopnet.datasets", "kpopnet.dance"}
+
+WITHOUT_TORCH = ("kpopnet.extraction", "kpopnet.dance.online", "kpopnet.tracker.estimator", "kpopnet.tracker.fit.refine")
+
+
+def modules() -> dict[str, set[str]]:
+    """Every module of kpopnet and synth to the modules of both that it imports, inside functions too."""
+    paths = {}
+    for path in sorted(path for package in ("kpopnet", "synth") for path in (ROOT / package).rglob("*.py")):
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        paths[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    found = {}
+    for name, path in paths.items():
+        imported = set()
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                imported |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                assert node.level == 0, f"{path}: relative imports hide which room they enter"
+                imported |= {f"{node.module}.{alias.name}" for alias in node.names}
+        known = {one if one in paths else one.rpartition(".")[0] for one in imported}
+        found[name] = {one for one in known if one in paths} - {name}
+    return found
+
+
+IMPORTS = modules()
+
+
+def room(module: str) -> str:
+    """The package below kpopnet, or the root module, that a module belongs to; "synth" for all of synth."""
+    return "synth" if module.split(".", maxsplit=1)[0] == "synth" else ".".join(module.split(".")[:2])
+
+
+def layer(name: str) -> int:
+    return next(number for number, names in enumerate(LAYERS) if name in names)
+
+
+@pytest.mark.parametrize("module", [name for name in IMPORTS if room(name) != "synth"])
+def test_a_module_imports_only_its_own_package_and_the_layers_below(module: str) -> None:
+    here = room(module)
+    for imported in IMPORTS[module]:
+        there = room(imported)
+        if there == here:
+            continue
+        if layer(here) == layer("kpopnet.programs"):
+            continue
+        assert there != "synth", f"{module} imports {imported}: only programs know both kpopnet and synth"
+        both_root = layer(here) == layer(there) == 0
+        assert layer(there) < layer(here) or both_root, f"{module} imports {imported}, which does not lie below it"
+
+
+@pytest.mark.parametrize("module", [name for name in IMPORTS if room(name) == "synth"])
+def test_synth_imports_little_of_kpopnet(module: str) -> None:
+    foreign = {one for one in IMPORTS[module] if room(one) != "synth"} - {"kpopnet"}
+    assert all(room(one) in SYNTH_MAY_IMPORT for one in foreign), (module, foreign)
+
+
+def test_no_imports_go_round_in_a_circle() -> None:
+    # A package's __init__ may gather names from its modules, which may import the package's other modules.
+    graph = {name: {one for one in imported if not name.startswith(f"{one}.")} for name, imported in IMPORTS.items()}
+    try:
+        tuple(TopologicalSorter(graph).static_order())
+    except CycleError as error:
+        pytest.fail(f"a circle: {' -> '.join(error.args[1])}")
+
+
+def test_every_package_has_a_layer() -> None:
+    assert {room(name) for name in IMPORTS} - {"synth"} == {name for names in LAYERS for name in names}
+
+
+@pytest.mark.parametrize("module", WITHOUT_TORCH)
+def test_the_classical_estimators_load_neither_torch_nor_hydra(module: str) -> None:
+    code = f"import sys, {module}; print(sorted({{'torch', 'hydra', 'mujoco'}} & sys.modules.keys()))"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,205 @@
+"""What programs do with the folders they write to, and with settings that cannot work, as a user runs them."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import factories
+import pytest
+import shard_sets
+from programs import ROOT
+
+from kpopnet.runtime import cpu
+from kpopnet.runtime.folder_lock import locked
+
+SYNTH = ("-m", "synth", "renderer=cpu", "motion=poses", "splits.validation=0", "splits.test=0", "seed=5")
+TRAIN = (
+    "train.py", "model.crop_px=32", "model.widths=[8,8,16,16]", "training.batch_size=4", "training.validate_every=2",
+    "training.validation_samples=4", "training.steps=4", "workers=0", "threads=1", "device=cpu",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory) -> tuple[str, str]:
+    folder = tmp_path_factory.mktemp("data")
+    factories.write_shard(folder / "train", 0, 6)
+    factories.write_shard(folder / "validation", 0, 4)
+    return f"data.train={folder / 'train'}", f"data.validation={folder / 'validation'}"
+
+
+def start(*words: str, most_kb: int | None = None) -> subprocess.Popen:
+    """Starts a program, if wanted with a limit on the size of every file, which stands for a full disk."""
+    command = [sys.executable, *words]
+    if most_kb is not None:
+        command = ["bash", "-c", f'ulimit -f {most_kb}; exec "$@"', "-", *command]
+    return subprocess.Popen(
+        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ | {"OMP_NUM_THREADS": "1"}
+    )
+
+
+def run(*words: str, most_kb: int | None = None) -> tuple[int, str]:
+    """Exit code and standard error."""
+    process = start(*words, most_kb=most_kb)
+    _, errors = process.communicate(timeout=300)
+    return process.returncode, errors
+
+
+def refusal(*words: str, most_kb: int | None = None) -> str:
+    """The one line with which a program ends, checked to be one."""
+    code, errors = run(*words, most_kb=most_kb)
+    lines = [line for line in errors.replace("\r", "\n").splitlines() if line.strip() and "sample/s]" not in line]
+    assert code == 1 and lines[-1].startswith("error: ") and "Traceback" not in errors, errors
+    assert len(lines) == 1 or all("compiling" in line or "kernel" in line for line in lines[:-1]), errors
+    return lines[-1]
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def test_a_second_training_does_not_touch_a_run(tmp_path, data):
+    run_folder = tmp_path / "run"
+    assert run(*TRAIN, *data, f"hydra.run.dir={run_folder}")[0] == 0
+    before = contents(run_folder)
+    line = refusal(*TRAIN, *data, "seed=3", f"hydra.run.dir={run_folder}")
+    assert f"{run_folder}: holds a run; resume it (training.resume={run_folder}/last), or give another folder" in line
+    assert contents(run_folder) == before
+    # Neither does one that resumes another run.
+    assert run(*TRAIN, *data, f"hydra.run.dir={tmp_path / 'other'}")[0] == 0
+    line = refusal("train.py", f"training.resume={tmp_path / 'other' / 'last'}", f"hydra.run.dir={run_folder}")
+    assert "holds a run" in line and contents(run_folder) == before
+
+
+def test_two_trainings_do_not_write_into_one_folder(tmp_path, data):
+    out = f"hydra.run.dir={tmp_path / 'run'}"
+    first = start(*TRAIN, *data, out, "training.steps=100000", "training.validate_every=100000")
+    try:
+        until = time.monotonic() + 60
+        while not (tmp_path / "run" / "train.log").exists() and time.monotonic() < until:
+            time.sleep(0.05)
+        assert f"{tmp_path / 'run'}: another process writes there" in refusal(*TRAIN, *data, out)
+        assert first.poll() is None
+    finally:
+        first.kill()
+        first.communicate()
+
+
+def test_two_generators_share_a_folder_by_ranges_and_not_otherwise(tmp_path):
+    settings = (*SYNTH, f"out={tmp_path}", "splits.train=40000", "shard_size=10", "processes=1")
+    first = start(*settings, "shards=0:4000")
+    try:
+        folder, until = tmp_path / "train", time.monotonic() + 120
+        while not list(folder.glob("shard_*")) and time.monotonic() < until:
+            time.sleep(0.01)
+        line = refusal(*settings, "shards=5:9")
+        assert f"{folder}: another process writes some of its files 5 to 8 there" in line
+        # Samples beyond those of the first: another range of the same, grown set.
+        code, errors = run(*settings, "splits.train=40020", "shards=4000:4002")
+        assert code == 0, errors
+        assert (folder / "shard_04001.h5").exists() and first.poll() is None
+    finally:
+        first.kill()
+        first.communicate()
+
+
+@pytest.mark.parametrize(
+    "program",
+    [
+        ("evaluate.py", "estimator=[tracker]", "hydra.run.dir={}"),
+        ("train.py", "--config-name", "tree_walk", "out={}"),
+        ("-m", "synth", "benchmark=eval_sim", "renderer=cpu", "out={}"),
+    ],
+    ids=["evaluate", "tree_walk", "benchmark"],
+)
+def test_no_program_writes_where_another_process_does(tmp_path, program):
+    with locked(tmp_path):
+        line = refusal(*(word.format(tmp_path) for word in program))
+    assert line.startswith(f"error: {tmp_path}: another process writes there"), line
+    assert not list(tmp_path.glob("*")) or [path.name for path in tmp_path.iterdir()] == ["__main__.log"]
+
+
+def test_a_thousand_workers_are_bounded_and_a_line_says_so(monkeypatch, capsys):
+    monkeypatch.setattr(cpu, "available_cores", lambda: 2)
+    assert cpu.bounded_processes(1000, "workers") == 8
+    assert capsys.readouterr().err == "workers=1000: takes 8, 4 for each core of this machine\n"
+    assert cpu.bounded_processes(8) == 8 and not capsys.readouterr().err
+
+
+def test_a_full_disk_ends_the_generator_with_one_line_and_it_goes_on_later(tmp_path):
+    for processes in (1, 2):
+        out = tmp_path / str(processes)
+        settings = (*SYNTH, f"out={out}", "splits.train=40", "shard_size=20", f"processes={processes}")
+        line = refusal(*settings, most_kb=20)
+        assert str(out / "train" / "shard_0000") in line and "larger than a file may be here" in line
+        assert not [path for path in (out / "train").iterdir() if path.suffix == ".tmp"]
+        assert run(*settings)[0] == 0
+        assert (out / "train" / "set.json").exists()
+
+
+def test_a_full_disk_ends_a_training_with_one_line_and_it_goes_on_later(tmp_path, data):
+    out = tmp_path / "run"
+    code, errors = run(*TRAIN, *data, f"hydra.run.dir={out}", most_kb=30)
+    assert code == 1 and "Traceback" not in errors, errors
+    assert errors.splitlines()[-1].startswith(f"error: {out}: the file is larger"), errors
+    assert not (out / "last").exists()
+    assert run(*TRAIN, *data, f"hydra.run.dir={out}")[0] == 0
+
+
+def test_a_full_disk_ends_an_evaluation_with_one_line(tmp_path):
+    shard_sets.write_shard(tmp_path / "set", [1, 1, 2])
+    settings = ("evaluate.py", "estimator=[tracker]", f"benchmark.path={tmp_path / 'set'}", "processes=1")
+    code, errors = run(*settings, f"hydra.run.dir={tmp_path / 'out'}", most_kb=6)
+    assert code == 1 and "Traceback" not in errors, errors
+    assert errors.splitlines()[-1].startswith(f"error: {tmp_path / 'out'}"), errors
+
+
+@pytest.mark.parametrize("kind", ["file", "long"])
+def test_a_folder_that_cannot_be_made_is_one_line(tmp_path, data, kind):
+    (tmp_path / "file").write_text("")
+    out = tmp_path / ("file/run" if kind == "file" else "x" * 300)
+    words = "a part of this path is a file" if kind == "file" else "the name is too long"
+    for program in (
+        (*TRAIN, *data, f"hydra.run.dir={out}"),
+        (*SYNTH, "splits.train=4", f"out={out}"),
+        ("evaluate.py", "estimator=[tracker]", f"hydra.run.dir={out}"),
+    ):
+        assert words in refusal(*program)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((*TRAIN, "+foo=1"), "+foo: there is no such setting"),
+        ((*TRAIN, "+training.augment.foo=1"), "+training.augment.foo: there is no such setting"),
+        ((*TRAIN, f"seed={2**64}"), f"seed={2**64} must be 0 or more, at most"),
+        ((*SYNTH, "splits.train=4", "+foo=1"), "+foo: there is no such setting"),
+        ((*SYNTH, "splits.train=4", f"seed={2**64}"), "must be 0 or more, at most"),
+        ((*SYNTH, "splits.train=1e17"), "splits.train="),
+        ((*SYNTH, "splits.train=100001", "shard_size=1"), "more than 100,000 shards"),
+        ((*SYNTH, "splits.train=4", "view.height_m=[2,1]"), "view.height_m=[2.0, 1.0]"),
+        ((*SYNTH, "splits.train=4", "view.aim_m=[nan,1]"), "view.aim_m=[nan, 1.0]"),
+        ((*SYNTH, "splits.train=4", "motion=mix", "motion.weights={poses: .nan}"), "motion.weights"),
+        ((*SYNTH, "splits.train=4", "motion=mix", "motion.weights={poses: -1}"), "motion.weights"),
+        ((*SYNTH, "splits.train=4", "shards=²:³"), "shards=²:³"),
+        (("evaluate.py", "estimator=[tracker]", "+foo=1"), "+foo: there is no such setting"),
+        (("evaluate.py", "estimator=[tracker]", f"seed={2**64}"), "must be 0 or more, at most"),
+    ],
+    ids=lambda value: value[-1] if isinstance(value, tuple) else "",
+)
+def test_settings_that_cannot_work_are_refused_before_the_work(tmp_path, words, message):
+    out = "out" if "synth" in words else "hydra.run.dir"
+    assert message in refusal(*words, f"{out}={tmp_path / 'out'}")
+
+
+@pytest.mark.parametrize("program", [("train.py",), ("evaluate.py",), ("-m", "synth"), ("-m", "kpopnet.cli", "train")])
+def test_a_program_that_is_stopped_while_it_imports_says_one_line(program):
+    for after_s in (0.25, 0.6, 1.0):
+        process = start(*program, "--help")
+        time.sleep(after_s)
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+        if process.returncode != 0:  # it was quicker
+            assert process.returncode == 130 and errors == "stopped\n", errors

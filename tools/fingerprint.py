@@ -1,0 +1,169 @@
+"""Computes figures and hashes that a refactoring must not change: shard, training, joints, scores.
+
+    python tools/fingerprint.py /tmp/fingerprint           # writes /tmp/fingerprint/fingerprint.json
+    python tools/fingerprint.py /tmp/fingerprint --demo    # runs `make demo`'s commands too, 13 minutes on 2 cores
+
+Run from the root of a checkout with `PYTHONPATH=.`; `compare_checkouts.py` does so for two checkouts and compares them.
+"""
+
+import argparse
+import hashlib
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+from tqdm import tqdm
+
+from kpopnet.dance.scoring import SCORERS
+from kpopnet.datasets.dances.dance_set import open_set
+from kpopnet.evaluation.dances.run import run_dances
+from kpopnet.evaluation.poses.sequence import EstimatedSequence, SequenceEstimation
+from kpopnet.evaluation.registry import BENCHMARKS, ESTIMATORS, build_estimators
+from kpopnet.extraction import HumanExtractionConfig
+from kpopnet.paper_tracker.algorithm2 import HierarchyConfig
+
+SEQUENCES = 4
+DANCES = 5
+CLOCKED = ("fps", "seconds", "made", "git", "extraction_fps", "packages")
+"""Keys of metrics.json that depend on the machine or on the day."""
+
+
+def run(*words: str) -> None:
+    """Runs a command of the checkout.
+
+    Raises:
+        subprocess.CalledProcessError: it failed.
+    """
+    subprocess.run([sys.executable, *words], check=True)
+
+
+def digest(array: np.ndarray) -> str:
+    """Sixteen hexadecimal digits of the array's type, shape and bytes."""
+    described = f"{array.dtype.str}{array.shape}".encode()
+    return hashlib.sha256(described + np.ascontiguousarray(array).tobytes()).hexdigest()[:16]
+
+
+def file_digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+
+
+def shards(folder: Path) -> dict[str, str]:
+    """A clean shard, whole and by column, and a frozen one."""
+    run("-m", "synth", "preset=demo", f"out={folder}", "splits={train:1000,validation:100,test:100}", "processes=2")
+    found = {}
+    for split in ("train", "validation", "test"):
+        for path in sorted((folder / split).glob("*.h5")):
+            found[f"shard/{split}/{path.name}"] = file_digest(path)
+            with h5py.File(path) as file:
+                found |= {f"shard/{split}/{path.name}/{name}": digest(np.asarray(file[name])) for name in file}
+    return found
+
+
+def training(data: Path, folder: Path) -> dict[str, str]:
+    """Weights after 50 steps of two networks, one of them with the ridge channel."""
+    sets = [f"data.train={data}/train", f"data.validation={data}/validation", "threads=1", "training.steps=50"]
+    sets += ["training.validate_every=25", "training.validation_samples=64"]
+    found = {}
+    for name, model in {"dense": ["model.crop_px=64"], "ridge": ["model=holistic", "model.input=depth_ridge"]}.items():
+        run("train.py", *sets, *model, f"hydra.run.dir={folder}/{name}")
+        found[f"training/{name}"] = file_digest(folder / name / "last" / "model.safetensors")
+    return found
+
+
+def joints(name: str, folder: Path, checkpoint: Path) -> dict[str, str]:
+    """Joints by every estimator in some sequences of a simulated benchmark."""
+    path = folder / name
+    run("-m", "synth", f"benchmark={name}", f"benchmark.sequences={SEQUENCES}", f"out={path}", "processes=2")
+    settings, reader = BENCHMARKS[name]
+    benchmark = reader(settings(path=str(path)))
+    tracker = ESTIMATORS["tracker"][0]
+    estimators = {
+        "tracker": tracker(),
+        "tracker_from_label": tracker(start="label"),
+        "tracker_standing_depth": tracker(start="standing", hierarchy=HierarchyConfig(candidates="depth")),
+        "tracker_with_network": tracker(network=str(checkpoint)),
+        "paper_tracker": tracker(body=False),
+        "network": ESTIMATORS["network"][0](checkpoint=str(checkpoint)),
+        "fitted_network": ESTIMATORS["fitted_network"][0](checkpoint=str(checkpoint)),
+    }
+    work = SequenceEstimation(benchmark, build_estimators(estimators), HumanExtractionConfig())
+    found = {}
+    for sequence in tqdm(benchmark.sequence_names(), name):
+        outcome = work(sequence)
+        if not isinstance(outcome, EstimatedSequence):
+            found[f"joints/{name}/{sequence}"] = f"failed: {outcome.reason}"
+            continue
+        found[f"joints/{name}/{sequence}/truth"] = digest(outcome.truth_m)
+        for estimator, joints_m in outcome.estimate_m.items():
+            found[f"joints/{name}/{sequence}/{estimator}"] = digest(joints_m)
+    return found
+
+
+def scores(folder: Path, checkpoint: Path) -> dict[str, list[float]]:
+    """Scores of every learner of some simulated dances, by source of joints and scorer."""
+    path = folder / "kpop_sim"
+    run("-m", "synth", "benchmark=kpop_sim", f"benchmark.dances={DANCES}", f"out={path}", "processes=2")
+    dances = open_set(BENCHMARKS["kpop_sim"][0](path=str(path)))
+    estimators = {
+        "tracker": ESTIMATORS["tracker"][0](start="standing"),
+        "network": ESTIMATORS["network"][0](checkpoint=str(checkpoint)),
+    }
+    done = run_dances(dances, estimators, SCORERS, folder / "poses", DANCES, seed=0, processes=2)
+    return {
+        f"score/{source}/{scorer}/{dance}/{learner.name}": [
+            learner.score.similarity, learner.score.timing, learner.score.posture, *learner.score.windows.similarity.tolist()
+        ]
+        for source, by_scorer in done.scores.items()
+        for scorer, by_dance in by_scorer.items()
+        for dance, learners in by_dance.items()
+        for learner in learners
+    }  # fmt: skip
+
+
+def demo(folder: Path) -> dict[str, object]:
+    """metrics.json of `make demo`'s commands, without what depends on machine and day."""
+    data = folder / "data"
+    run("-m", "synth", "preset=demo", f"out={data}")
+    run(
+        "train.py", f"data.train={data}/train", f"data.validation={data}/validation", "training=demo", "model.crop_px=64",
+        f"hydra.run.dir={folder}/training",
+    )  # fmt: skip
+    run("evaluate.py", f"checkpoint={folder}/training/best", f"benchmark.path={data}/test", f"hydra.run.dir={folder}")
+    return dict(flattened(json.loads((folder / "metrics.json").read_text()), "demo"))
+
+
+def flattened(value: object, name: str):
+    """(name, leaf) of nested dicts, without settings and what `CLOCKED` names."""
+    if not isinstance(value, dict):
+        yield name, value
+        return
+    for key, one in value.items():
+        if key not in (*CLOCKED, "config", "config_hash", "files"):
+            yield from flattened(one, f"{name}/{key}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path, help="for everything made; emptied first")
+    parser.add_argument("--demo", action="store_true", help="run make demo's commands too")
+    given = parser.parse_args()
+    folder = given.folder.resolve()
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    found: dict[str, object] = dict(shards(folder / "data"))
+    found |= training(folder / "data", folder / "training")
+    checkpoint = folder / "training" / "dense" / "last"
+    for name in ("eval_sim", "smmc10_sim"):
+        found |= joints(name, folder, checkpoint)
+    found |= scores(folder, checkpoint)
+    if given.demo:
+        found |= demo(folder / "demo")
+    (folder / "fingerprint.json").write_text(json.dumps(found, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
