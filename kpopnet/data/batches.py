@@ -5,7 +5,7 @@ is exact, and the number of worker processes does not change the results.
 """
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple, Protocol
 
@@ -14,13 +14,15 @@ import numpy as np
 import torch
 from torch.utils.data import DataLoader, Dataset
 
+from kpopnet.camera import Camera
 from kpopnet.data.cube import PLAIN_VIEW, Cube, View, crop, person_centre
 from kpopnet.data.observation import Observation, ObservationSource
 from kpopnet.errors import InputError
+from kpopnet.ridge import RidgeConfig, ridge_probability
 from kpopnet.runtime.parallel import end_with_parent
 from kpopnet.skeleton import NUM_JOINTS
 
-ORDER_STREAM, AUGMENT_STREAM = 0x0DE5, 0xA063
+ORDER_STREAM, AUGMENT_STREAM, OCCLUDE_STREAM = 0x0DE5, 0xA063, 0x0CC1
 """Make these random draws independent of each other and of those of a source with the same seed."""
 
 MAX_EMPTY_IN_A_ROW = 100
@@ -52,7 +54,7 @@ class AugmentConfig:
         rotation_deg: largest rotation about the optical axis in degrees, in either direction.
         scale: largest change of the cube's half size, as a fraction of it.
         jitter_m: largest shift of the cube's centre along each axis in metres.
-        occluder: probability of a simulated occluder: an elliptic hole with half-axes of 5 to 15 cm.
+        occluder: probability of a simulated occluder: an elliptic hole in the depth with half-axes of 5 to 15 cm.
     """
 
     mirror: float = 0.5
@@ -79,7 +81,7 @@ class Batch(NamedTuple):
         crop: (B, C, S, S).
         target: (B, 15, 3) joints in cube units, in the crop's view.
         cube_m: (B, 4) the cube's centre in the camera frame and its half size, metres.
-        offset_m: (B, 15, 3) ground-truth joints minus the person's centre, metres, without augmentation.
+        offset_m: (B, 15, 3) ground-truth joints minus the centre of the silhouette, metres, without augmentation of the view.
         skipped: number of observations with an empty silhouette, which were replaced.
     """
 
@@ -153,12 +155,21 @@ def permutation(seed: int, epoch: int, num_samples: int) -> np.ndarray:
 class CropBatches(Dataset):
     """`batches[step]` is the Batch of that step.
 
+    An observation is occluded first; its centre, ridge image and crop are then computed from the depth that is left, as an
+    estimator computes them (kpopnet.networks.estimator).
+
     An observation with an empty silhouette (kpopnet.data.cube.MIN_SILHOUETTE_PX) is replaced by the next one that is not empty,
     and counted in `Batch.skipped`.
     """
 
     def __init__(
-        self, source: ObservationSource, model: CropSettings, order: Order, seed: int, augment: AugmentConfig | None
+        self,
+        source: ObservationSource,
+        model: CropSettings,
+        order: Order,
+        seed: int,
+        augment: AugmentConfig | None,
+        ridge: RidgeConfig | None = None,
     ) -> None:
         """Combines a source with the crops of a model.
 
@@ -168,12 +179,14 @@ class CropBatches(Dataset):
             order: the samples of each batch.
             seed: of the augmentation.
             augment: augmentation, None for plain crops (validation).
+            ridge: of the ridge image, where the model takes one; None for the defaults.
         """
         self.source = source
         self.model = model
         self.order = order
         self.seed = seed
         self.augment = augment
+        self.ridge = (ridge or RidgeConfig()) if model.input == "depth_ridge" else None
 
     def __getitem__(self, step: int) -> Batch:
         keys = self.order(step)
@@ -191,30 +204,29 @@ class CropBatches(Dataset):
             skipped += empty
             batch.offset_m[row] = observation.joints_camera_m - centre_m
             cube, view = Cube(centre_m, self.model.half_size_m), PLAIN_VIEW
-            rng = np.random.default_rng([self.seed, AUGMENT_STREAM, epoch, index])
             if self.augment is not None:
-                cube, view = draw_view(rng, cube, self.augment)
-            ridge = observation.ridge if self.model.input == "depth_ridge" else None
+                cube, view = draw_view(np.random.default_rng([self.seed, AUGMENT_STREAM, epoch, index]), cube, self.augment)
+            ridge = None if self.ridge is None else ridge_probability(observation.depth_m, self.ridge)
             batch.crop[row] = crop(observation.depth_m, observation.camera, cube, px, ridge, view)
             batch.target[row] = view.joints(cube.to_uvd(observation.joints_camera_m))
             batch.cube_m[row] = (*cube.centre_m, cube.half_size_m)
-            if self.augment is not None and rng.random() < self.augment.occluder:
-                occlude(rng, batch.crop[row], self.model.half_size_m)
         return batch._replace(skipped=skipped)
 
     def _observe(self, index: int, epoch: int) -> tuple[int, Observation, np.ndarray, int]:
         for empty in range(MAX_EMPTY_IN_A_ROW):
-            observation = self.source.observe(index, epoch)
+            observation = self._occluded(self.source.observe(index, epoch), index, epoch)
             centre_m = person_centre(observation.depth_m, observation.camera)
             if centre_m is not None:
-                if self.model.input == "depth_ridge" and observation.ridge is None:
-                    raise InputError(
-                        f"sample {index}: model.input=depth_ridge, but the source gives no ridge image; "
-                        "use model.input=depth or a source with ridge images"
-                    )
                 return index, observation, centre_m, empty
             index = (index + 1) % len(self.source)
         raise InputError(f"samples before {index}: {MAX_EMPTY_IN_A_ROW} empty silhouettes in a row; inspect the data")
+
+    def _occluded(self, observation: Observation, index: int, epoch: int) -> Observation:
+        """The observation, with the probability `augment.occluder` behind a simulated occluder."""
+        rng = np.random.default_rng([self.seed, OCCLUDE_STREAM, epoch, index])
+        if self.augment is None or rng.random() >= self.augment.occluder:
+            return observation
+        return replace(observation, depth_m=occlude(rng, observation.depth_m, observation.camera))
 
 
 def draw_view(rng: np.random.Generator, cube: Cube, augment: AugmentConfig) -> tuple[Cube, View]:
@@ -226,21 +238,25 @@ def draw_view(rng: np.random.Generator, cube: Cube, augment: AugmentConfig) -> t
     return Cube(cube.centre_m + shift, cube.half_size_m * scale), View(rotation, mirrored)
 
 
-def occlude(rng: np.random.Generator, image: np.ndarray, half_size_m: float) -> None:
-    """Removes a random ellipse around a pixel of the body from a (C, S, S) crop, in place.
+def occlude(rng: np.random.Generator, depth_m: np.ndarray, camera: Camera) -> np.ndarray:
+    """Removes an ellipse around a random pixel of the person, as human extraction does for a partly occluded person.
 
-    The result resembles the output of human extraction for a partly occluded person.
+    Args:
+        rng: the only source of randomness.
+        depth_m: (H, W) float32 metres, 0 outside the person.
+        camera: the camera of these pixels.
+
+    Returns:
+        A copy of the depth without the ellipse, whose half-axes are 5 to 15 cm at the depth of its centre.
     """
-    size = image.shape[-1]
-    body = np.flatnonzero(image[0] < 1)
+    body = np.flatnonzero(depth_m)
     if not len(body):
-        return
-    row, column = divmod(int(body[int(rng.random() * len(body))]), size)
-    axes = rng.uniform(0.05, 0.15, 2) / half_size_m * size / 2
-    hidden = np.zeros((size, size), np.uint8)
-    cv2.ellipse(hidden, ((column, row), 2 * axes, rng.uniform(0, 180)), 1, thickness=-1)
-    image[0][hidden > 0] = 1
-    image[1:][:, hidden > 0] = 0
+        return depth_m
+    row, column = divmod(int(body[int(rng.random() * len(body))]), depth_m.shape[1])
+    axes_px = rng.uniform(0.05, 0.15, 2) * camera.fx / depth_m[row, column]
+    hidden = np.zeros(depth_m.shape, np.uint8)
+    cv2.ellipse(hidden, ((column, row), 2 * axes_px, rng.uniform(0, 180)), 1, thickness=-1)
+    return np.where(hidden > 0, np.float32(0), depth_m)
 
 
 def batch_loader(batches: CropBatches, start: int, stop: int, workers: int, pin_memory: bool = False) -> DataLoader:

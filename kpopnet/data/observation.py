@@ -18,14 +18,12 @@ class Observation:
         camera: the camera of exactly these pixels.
         joints_camera_m: (15, 3) float32 ground-truth joints, camera frame, metres.
         visible: (15,) bool, the joint is in the image and not occluded.
-        ridge: (h, w) float32 ridge probability of depth_m in 0..1, or None if not requested.
     """
 
     depth_m: np.ndarray
     camera: Camera
     joints_camera_m: np.ndarray
     visible: np.ndarray
-    ridge: np.ndarray | None = None
 
 
 class ObservationSource(Protocol):

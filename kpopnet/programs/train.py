@@ -90,8 +90,8 @@ class ObservationConfig:
         log.info(f"reading {self.data.train} and {self.data.validation}")
         return {"train": ShardedSet(self.data.train), "validation": ShardedSet(self.data.validation)}
 
-    def observer(self, shards: ShardedSet, ridge: RidgeConfig | None = None) -> Observer:
-        return Observer(shards, self.sensor, self.extraction, ridge, self.seed)
+    def observer(self, shards: ShardedSet) -> Observer:
+        return Observer(shards, self.sensor, self.extraction, self.seed)
 
 
 @dataclass
@@ -151,18 +151,18 @@ def run_network_training(config: NetworkTrainingConfig) -> None:
     elif config.training.start is not None and not any(name.startswith("model") for name in command_line_settings()):
         # Weights fit the model that they were trained with: its settings come from the same checkpoint.
         config.model = ModelConfig(**read_meta(config.training.start)["model"])
-    ridge = config.ridge if config.model.input == "depth_ridge" else None
     sets = config.sets()
     train(
         config.training,
         config.model,
-        config.observer(sets["train"], ridge),
-        config.observer(sets["validation"], ridge),
+        config.observer(sets["train"]),
+        config.observer(sets["validation"]),
         out=Path(HydraConfig.get().runtime.output_dir),
         seed=config.seed,
         device=config.device,
         workers=config.workers,
         threads=config.threads,
+        ridge=config.ridge,
         described=asdict(config),
         data=describe_sets(sets),
     )

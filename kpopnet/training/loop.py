@@ -26,6 +26,7 @@ from kpopnet.data.observation import ObservationSource
 from kpopnet.errors import InputError, check_between
 from kpopnet.networks import ModelConfig, PoseNetwork, build_network
 from kpopnet.networks.checkpoint import complete_links, load_state, load_weights, read_meta, resumable, save_checkpoint
+from kpopnet.ridge import RidgeConfig
 from kpopnet.runtime.atomic_write import naming
 from kpopnet.runtime.cpu import bounded_processes
 from kpopnet.runtime.folder_lock import locked
@@ -311,6 +312,7 @@ def train(
     device: str = "auto",
     workers: int = 1,
     threads: int = 0,
+    ridge: RidgeConfig | None = None,
     described: dict | None = None,
     data: dict | None = None,
 ) -> Path:
@@ -326,7 +328,8 @@ def train(
         device: cpu, cuda, or auto.
         workers: processes that prepare batches; 0 prepares them in this process.
         threads: threads of torch, 0 for all available cores.
-        described: the whole configuration, stored in the checkpoint's meta.json.
+        ridge: of the ridge image, for model.input=depth_ridge; None for the defaults.
+        described: the whole configuration, stored in the checkpoint's meta.json; an estimator takes `ridge` from it.
         data: identifies the data sets; a run is resumed only with the data that it began with.
 
     Returns:
@@ -349,7 +352,7 @@ def train(
             if run.resumed_meta is not None and (begun_with := run.resumed_meta.get("data")) != data:
                 raise InputError(f"{config.resume}: was trained on other data ({begun_with}) than the given data ({data})")
             order = ShuffledOrder(len(source), config.batch_size, seed, processes.rank, processes.count)
-            batches = CropBatches(source, model, order, seed, config.augment)
+            batches = CropBatches(source, model, order, seed, config.augment, ridge)
             loader = batch_loader(batches, run.step, config.steps, workers, pin_memory=processes.device.type == "cuda")
             if processes.rank > 0:
                 for batch in loader:
@@ -363,14 +366,16 @@ def train(
             )
             if config.resume is not None:
                 complete_links(out, Path(config.resume))
-            validation_set = validation_batches(validation, model, config, seed)
+            validation_set = validation_batches(validation, model, config, seed, ridge)
             return _train_and_validate(run, loader, validation_set, out, {"config": described or {}, "data": data})
 
 
-def validation_batches(validation: ObservationSource, model: ModelConfig, config: TrainingConfig, seed: int) -> list[Batch]:
+def validation_batches(
+    validation: ObservationSource, model: ModelConfig, config: TrainingConfig, seed: int, ridge: RidgeConfig | None = None
+) -> list[Batch]:
     """The validation crops, kept in memory: `validation_samples` evenly spaced samples of the set."""
     count = min(config.validation_samples, len(validation))
-    batches = CropBatches(validation, model, EvenOrder(len(validation), config.batch_size, count), seed, None)
+    batches = CropBatches(validation, model, EvenOrder(len(validation), config.batch_size, count), seed, None, ridge)
     steps = math.ceil(count / config.batch_size)
     loader = batch_loader(batches, 0, steps, workers=0)
     return list(tqdm(loader, total=steps, desc="validation crops", disable=not sys.stderr.isatty(), leave=False))

@@ -91,7 +91,6 @@ class Observer:
         shards: ShardedSet,
         sensor: SensorConfig,
         extraction: ExtractionConfig,
-        ridge: RidgeConfig | None,
         seed: int,
     ) -> None:
         """Stores the settings. No file is opened.
@@ -100,10 +99,9 @@ class Observer:
             shards: clean or frozen samples.
             sensor: the depth-camera model.
             extraction: failures of the segmentation.
-            ridge: parameters of the ridge images; None computes none.
             seed: seed of the noise, at least 0.
         """
-        self.shards, self.sensor, self.extraction, self.ridge, self.seed = shards, sensor, extraction, ridge, seed
+        self.shards, self.sensor, self.extraction, self.seed = shards, sensor, extraction, seed
 
     def __len__(self) -> int:
         return len(self.shards)
@@ -112,10 +110,10 @@ class Observer:
         """See `kpopnet.data.observation.ObservationSource`. The depth is cropped to the person's surroundings."""
         sample = self.shards[index]
         if self.shards.kind == "frozen":
-            return as_stored(sample, self.shards.camera, with_ridge=self.ridge is not None)
+            return as_stored(sample, self.shards.camera)
         room = Room(*self.shards.room(index, sample.room))
         rng = np.random.default_rng([self.seed, epoch, index])
-        return observe_sample(sample, room, self.shards.camera, self.sensor, self.extraction, self.ridge, rng)
+        return observe_sample(sample, room, self.shards.camera, self.sensor, self.extraction, rng)
 
 
 def observe_sample(
@@ -124,7 +122,6 @@ def observe_sample(
     camera: Camera,
     sensor: SensorConfig,
     extraction: ExtractionConfig,
-    ridge: RidgeConfig | None,
     rng: np.random.Generator,
 ) -> Observation:
     """Measures and segments one clean sample, cropped to the person's surroundings.
@@ -135,11 +132,10 @@ def observe_sample(
         camera: the sample's camera.
         sensor: the depth-camera model.
         extraction: failures of the segmentation.
-        ridge: parameters of the ridge image; None computes none.
         rng: the only source of randomness.
 
     Returns:
-        The observation: segmented depth in metres, the cropped camera, joints, visibility and ridge image.
+        The observation: segmented depth in metres, the cropped camera, joints and visibility.
 
     Raises:
         InputError: sample and room are not of the camera's size, or the sample's box does not lie in the image.
@@ -168,13 +164,7 @@ def observe_sample(
         centre = sample.joints_camera_m[HANDS[int(hand * 2)]]
         radius_m = HAND_RADIUS_M[0] + size * (HAND_RADIUS_M[1] - HAND_RADIUS_M[0])
         erase_ellipses(depth_m, spherical_hole(centre, radius_m, HAND_DEPTH_M, cropped).astype(np.float32))
-    return Observation(
-        depth_m,
-        cropped,
-        sample.joints_camera_m,
-        sample.visible,
-        None if ridge is None else ridge_probability(depth_m, ridge),
-    )
+    return Observation(depth_m, cropped, sample.joints_camera_m, sample.visible)
 
 
 def _surroundings(sample: Sample, camera: Camera, with_attached: bool) -> tuple[int, int, int, int]:
@@ -198,7 +188,7 @@ def freeze(
     ridge: RidgeConfig,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The images of a frozen shard: the result of `observe_sample`, pasted back into the full image.
+    """The images of a frozen shard: the result of `observe_sample` and its ridge, pasted back into the full image.
 
     Args:
         sample: a clean sample.
@@ -212,23 +202,23 @@ def freeze(
     Returns:
         (H, W) uint16 depth in millimetres and (H, W) uint8 ridge probability times 255.
     """
-    seen = observe_sample(sample, room, camera, sensor, extraction, ridge, rng)
+    seen = observe_sample(sample, room, camera, sensor, extraction, rng)
     x0, y0 = round(camera.cx - seen.camera.cx), round(camera.cy - seen.camera.cy)
     part = slice(y0, y0 + seen.camera.height), slice(x0, x0 + seen.camera.width)
     depth_mm = np.zeros((camera.height, camera.width), np.uint16)
     depth_mm[part] = np.rint(seen.depth_m * MM_PER_METRE)
     ridge_255 = np.zeros((camera.height, camera.width), np.uint8)
-    ridge_255[part] = np.rint(seen.ridge * 255)
+    ridge_255[part] = np.rint(ridge_probability(seen.depth_m, ridge) * 255)
     return depth_mm, ridge_255
 
 
-def as_stored(sample: Sample, camera: Camera, with_ridge: bool) -> Observation:
+def as_stored(sample: Sample, camera: Camera) -> Observation:
     """A frozen sample as an observation, cropped to its non-zero pixels plus a margin.
 
     Raises:
         InputError: its images are not of the camera's size.
     """
-    check_images("sample", camera, sample.depth_mm, *(() if sample.ridge is None else (sample.ridge,)))
+    check_images("sample", camera, sample.depth_mm)
     rows, columns = sample.depth_mm.any(axis=1).nonzero()[0], sample.depth_mm.any(axis=0).nonzero()[0]
     y0, y1 = (max(rows[0] - MARGIN_PX, 0), min(rows[-1] + 1 + MARGIN_PX, camera.height)) if len(rows) else (0, 1)
     x0, x1 = (max(columns[0] - MARGIN_PX, 0), min(columns[-1] + 1 + MARGIN_PX, camera.width)) if len(rows) else (0, 1)
@@ -238,7 +228,6 @@ def as_stored(sample: Sample, camera: Camera, with_ridge: bool) -> Observation:
         camera.cropped(int(x0), int(y0), int(x1 - x0), int(y1 - y0)),
         sample.joints_camera_m,
         sample.visible,
-        sample.ridge[part].astype(np.float32) / np.float32(255) if with_ridge and sample.ridge is not None else None,
     )
 
 

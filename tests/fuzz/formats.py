@@ -72,7 +72,7 @@ def make_shard(folder: Path, kind: str) -> None:
 
 def read_shards(folder: Path) -> None:
     shards = ShardedSet(folder)
-    observer = Observer(shards, SensorConfig(), ExtractionConfig(), None, 0)
+    observer = Observer(shards, SensorConfig(), ExtractionConfig(), 0)
     for index in range(min(len(shards), 8)):
         observer.observe(index, 0)
     shards.column("joints_m")

@@ -54,10 +54,9 @@ def draw_depth(joints_camera_m: np.ndarray, camera: Camera = CAMERA, radius_m: f
 class CapsulePeople:
     """An ObservationSource; the observations at the indices `empty` show no person."""
 
-    def __init__(self, count: int, seed: int = 0, ridge: bool = False, empty: tuple[int, ...] = ()) -> None:
+    def __init__(self, count: int, seed: int = 0, empty: tuple[int, ...] = ()) -> None:
         self.count = count
         self.seed = seed
-        self.ridge = ridge
         self.empty = empty
 
     def __len__(self) -> int:
@@ -70,5 +69,4 @@ class CapsulePeople:
         depth = np.where(depth > 0, depth + noise, 0).astype(np.float32)
         if index in self.empty:
             depth[:] = 0
-        ridge = (depth > 0).astype(np.float32) / 2 if self.ridge else None
-        return Observation(depth, CAMERA, joints, np.ones(NUM_JOINTS, bool), ridge)
+        return Observation(depth, CAMERA, joints, np.ones(NUM_JOINTS, bool))

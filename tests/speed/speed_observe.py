@@ -9,7 +9,7 @@ import numpy as np
 
 from kpopnet.data.batches import AugmentConfig, CropBatches, ShuffledOrder
 from kpopnet.networks import ModelConfig
-from kpopnet.ridge import RidgeConfig
+from kpopnet.ridge import RidgeConfig, ridge_probability
 from synth.samples.observe import ExtractionConfig, Observer, Room, observe_sample
 from synth.sensor.model import SensorConfig
 from tests.speed.generated import generated_set
@@ -24,14 +24,14 @@ def measure() -> dict[str, tuple[float, str, str]]:
         samples = [shards[index] for index in range(SAMPLES)]
         rooms = [Room(*shards.room(index, sample.room)) for index, sample in enumerate(samples)]
 
-        def observe(ridge: RidgeConfig | None) -> None:
+        def observe() -> None:
             for index, (sample, room) in enumerate(zip(samples, rooms, strict=True)):
                 rng = np.random.default_rng([0, 0, index])
-                observe_sample(sample, room, shards.camera, SensorConfig(), ExtractionConfig(), ridge, rng)
+                seen = observe_sample(sample, room, shards.camera, SensorConfig(), ExtractionConfig(), rng)
+                ridge_probability(seen.depth_m, RidgeConfig())
 
         def prepare(name: str) -> None:
-            ridge = RidgeConfig() if name == "depth_ridge" else None
-            observer = Observer(shards, SensorConfig(), ExtractionConfig(), ridge, seed=0)
+            observer = Observer(shards, SensorConfig(), ExtractionConfig(), seed=0)
             CropBatches(observer, ModelConfig(input=name), ShuffledOrder(SAMPLES, SAMPLES, 0), 0, AugmentConfig())[0]
 
         def per_sample_ms(work) -> float:
@@ -39,7 +39,7 @@ def measure() -> dict[str, tuple[float, str, str]]:
             return 1000 * median(repeat(work, number=1, repeat=9)) / SAMPLES
 
         return {
-            "synth.observe_ms": (per_sample_ms(lambda: observe(RidgeConfig())), "ms a sample", "noise, cut-out and ridge"),
+            "synth.observe_ms": (per_sample_ms(observe), "ms a sample", "noise, cut-out and ridge"),
             "train.sample_ms": (
                 per_sample_ms(lambda: prepare("depth_ridge")),
                 "ms a sample",

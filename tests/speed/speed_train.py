@@ -26,7 +26,7 @@ def measure() -> dict[str, tuple[float, str, str]]:
     model, config = ModelConfig(), TrainingConfig()
     with tempfile.TemporaryDirectory() as folder, join_processes("cpu") as processes:
         shards = generated_set(Path(folder), SAMPLES)
-        source = Observer(shards, SensorConfig(), ExtractionConfig(), None, seed=0)
+        source = Observer(shards, SensorConfig(), ExtractionConfig(), seed=0)
         batches = CropBatches(source, model, ShuffledOrder(SAMPLES, config.batch_size, 0), 0, config.augment)
         run = Run(config, model, 0, processes)
         same = next(iter(batch_loader(batches, 0, 1, workers=0)))

@@ -27,7 +27,7 @@ def measure() -> dict[str, tuple[float, str, str]]:
     cv2.setNumThreads(1)
     with tempfile.TemporaryDirectory() as folder:
         shards = generated_set(Path(folder, "set"), SAMPLES)
-        people = Observer(shards, SensorConfig(), ExtractionConfig(), None, seed=0)
+        people = Observer(shards, SensorConfig(), ExtractionConfig(), seed=0)
         config = TreeWalkConfig(images=2000, places=50, growth=GROWTH, validation_images=50)
         train(config, people, people, seed=0, workers=0)[0].save(Path(folder, "model"), {})
         estimator = TreeWalkEstimator(TreeWalkEstimatorConfig(str(Path(folder, "model"))))

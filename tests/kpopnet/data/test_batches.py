@@ -2,12 +2,13 @@
 
 import pickle
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from capsule_people import CapsulePeople
 
-from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, ShuffledOrder, batch_loader
+from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, ShuffledOrder, batch_loader, occlude
 from kpopnet.data.cube import Cube, person_centre
 from kpopnet.errors import InputError
 from kpopnet.networks import ModelConfig
@@ -103,16 +104,52 @@ def test_augmentation_moves_crop_and_target_together():
     np.testing.assert_array_equal(batch.offset_m, plain.offset_m)
 
 
-def test_occluders_cut_holes_into_every_channel():
-    model = ModelConfig(input="depth_ridge")
-    whole = batches(augment=AugmentConfig(occluder=0), model=model, ridge=True, batch_size=32)[0]
-    cut = batches(augment=AugmentConfig(occluder=1), model=model, ridge=True, batch_size=32)[0]
-    np.testing.assert_array_equal(whole.target, cut.target)
-    changed = whole.crop != cut.crop
-    assert changed.any(axis=(2, 3)).all()
-    assert (cut.crop[:, 0][changed[:, 0]] == 1).all()
-    assert (cut.crop[:, 1][changed[:, 1]] == 0).all()
-    assert changed[:, 0].mean() < 0.1
+def test_occluders_are_ellipses_of_5_to_15_cm_on_the_person():
+    people = CapsulePeople(40)
+    areas_cm2 = []
+    for index in range(40):
+        depth_m, camera = people.observe(index, 0).depth_m, people.observe(index, 0).camera
+        kept = depth_m.copy()
+        cut = occlude(np.random.default_rng(index), depth_m, camera)
+        np.testing.assert_array_equal(depth_m, kept)
+        gone = (cut == 0) & (depth_m > 0)
+        np.testing.assert_array_equal(cut[~gone], depth_m[~gone])
+        points = camera.points(depth_m)[gone]
+        extent_m = np.ptp(points[:, :2], axis=0)
+        assert 0 < extent_m.max() < 0.34  # twice the largest half-axis, and pixels of 2 cm
+        # A wall at the person's distance shows the whole ellipse.
+        wall = np.full_like(depth_m, 2.8)
+        hole_m2 = (occlude(np.random.default_rng(index), wall, camera) == 0).sum() * (2.8 / camera.fx) ** 2
+        areas_cm2.append(1e4 * hole_m2)
+    assert np.pi * 5 * 5 * 0.6 < np.median(areas_cm2) < np.pi * 15 * 15
+    np.testing.assert_allclose(np.mean(areas_cm2), np.pi * 10 * 10, rtol=0.25)  # half-axes are independent, 10 cm on average
+
+
+def test_the_share_of_occluded_observations_is_the_setting():
+    def changed(share):
+        augment = AugmentConfig(mirror=0, rotation_deg=0, scale=0, jitter_m=0, occluder=share)
+        plain, seen = batches(batch_size=40)[0], batches(augment=augment, batch_size=40)[0]
+        return np.mean([not np.array_equal(*pair) for pair in zip(plain.crop, seen.crop, strict=True)])
+
+    assert changed(0) == 0 and changed(1) == 1 and 0.25 < changed(0.5) < 0.75
+
+
+def test_an_occluder_that_hides_the_whole_person_makes_an_empty_silhouette():
+    """Nothing is left to centre a crop on, at inference neither."""
+    people = CapsulePeople(6)
+    observe = people.observe
+
+    def far_away(index, epoch):
+        observation = observe(index, epoch)
+        if index % 2:
+            return observation
+        depth_m = np.zeros_like(observation.depth_m)
+        depth_m[50:55, 50:55] = 2.0
+        return replace(observation, depth_m=depth_m)
+
+    people.observe = far_away
+    batch = CropBatches(people, MODEL, EvenOrder(6, 6, 6), 0, AugmentConfig(occluder=1))[0]
+    assert batch.skipped == 3
 
 
 def test_an_empty_silhouette_is_replaced_by_the_next_observation_and_counted():
@@ -128,11 +165,6 @@ def test_only_empty_silhouettes_are_an_error():
     people = CapsulePeople(3, empty=(0, 1, 2))
     with pytest.raises(InputError, match="empty silhouettes in a row"):
         CropBatches(people, MODEL, EvenOrder(3, 3, 3), 0, None)[0]
-
-
-def test_a_ridge_network_needs_ridge_images():
-    with pytest.raises(InputError, match="gives no ridge image"):
-        batches(model=ModelConfig(input="depth_ridge"))[0]
 
 
 @pytest.mark.parametrize("wrong", [{"mirror": 1.5}, {"rotation_deg": -3.0}, {"scale": 1.0}, {"occluder": -0.1}])

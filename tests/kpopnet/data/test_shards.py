@@ -194,7 +194,7 @@ def test_a_shard_that_changes_after_it_was_checked_is_checked_again(tmp_path):
     path = write_shard(tmp_path, camera=CAMERA)
     shards = ShardedSet(tmp_path)
     replace(path, "room_mm", np.ones((1, 20, 30), np.uint16))
-    observer = Observer(shards, SENSORS["kinect_v1"], PERFECT, None, 0)
+    observer = Observer(shards, SENSORS["kinect_v1"], PERFECT, 0)
     with pytest.raises(InputError, match="room_mm: shape"):
         observer.observe(0, 0)
 

@@ -1,14 +1,18 @@
-"""The network as an estimator says when it is given a room in place of a person."""
+"""The network as an estimator: it gets the crops that it was trained on, and says when it is given a room for a person."""
+
+from dataclasses import asdict
 
 import numpy as np
 import pytest
-from capsule_people import CAMERA, draw_depth, draw_joints
+from capsule_people import CAMERA, CapsulePeople, draw_depth, draw_joints
 from factories import draw_room
 
 from kpopnet.camera import CAMERAS, Camera
+from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, occlude
 from kpopnet.networks import ModelConfig, build_network
 from kpopnet.networks.checkpoint import save_checkpoint
 from kpopnet.networks.estimator import NetworkEstimator, shows_a_room
+from kpopnet.ridge import RidgeConfig
 
 
 @pytest.fixture(scope="module")
@@ -16,6 +20,32 @@ def estimator(tmp_path_factory) -> NetworkEstimator:
     network = build_network(ModelConfig(crop_px=32, widths=[8, 8, 8, 8]))
     meta = {"step": 1, "config": {}, "metrics": {}}
     return NetworkEstimator(save_checkpoint(tmp_path_factory.mktemp("run"), network, {}, meta, best=True))
+
+
+@pytest.mark.parametrize("occluder", [0, 1])
+def test_a_training_crop_is_the_crop_that_inference_makes_of_the_same_depth(tmp_path, monkeypatch, occluder):
+    """Bit for bit in both channels, occluded or not: no ridge of covered parts shows through."""
+    model, people, ridge = ModelConfig(input="depth_ridge", crop_px=32, widths=[8, 8, 8, 8]), CapsulePeople(6), RidgeConfig(0.6)
+    meta = {"step": 1, "config": {"ridge": asdict(ridge)}, "metrics": {}}
+    estimator = NetworkEstimator(save_checkpoint(tmp_path, build_network(model), {}, meta, best=True))
+
+    occluded = []
+    monkeypatch.setattr("kpopnet.data.batches.occlude", lambda *given: occluded.append(occlude(*given)) or occluded[-1])
+    augment = AugmentConfig(mirror=0, rotation_deg=0, scale=0, jitter_m=0, occluder=occluder)
+    trained_on = CropBatches(people, model, EvenOrder(6, 6, 6), 0, augment, ridge)[0].crop
+    whole = [people.observe(index, 0).depth_m for index in range(6)]
+    assert len(occluded) == 6 * occluder
+    depth_m = np.stack(occluded or whole)
+
+    seen = []
+    predict = estimator._predict
+    monkeypatch.setattr(estimator, "_predict", lambda crops: seen.extend(crops) or predict(crops))
+    estimator.estimate(depth_m, CAMERA)
+    np.testing.assert_array_equal(trained_on, np.stack(seen))
+    assert trained_on[:, 1].max() > 0.5
+    if occluder:
+        estimator.estimate(np.stack(whole), CAMERA)
+        assert not np.array_equal(trained_on, np.stack(seen[6:]))
 
 
 def test_a_room_is_reported_once(estimator, caplog):

@@ -28,10 +28,10 @@ def seeded(i=0):
     return np.random.default_rng(i)
 
 
-def observed(shards, extraction=PERFECT, sensor=IDEAL, index=0, seed=0, ridge=None):
+def observed(shards, extraction=PERFECT, sensor=IDEAL, index=0, seed=0):
     sample = shards[index]
     room = Room(*shards.room(index, sample.room))
-    return observe_sample(sample, room, shards.camera, sensor, extraction, ridge, seeded(seed))
+    return observe_sample(sample, room, shards.camera, sensor, extraction, seeded(seed))
 
 
 def full_image(observation, camera):
@@ -43,8 +43,7 @@ def full_image(observation, camera):
 
 
 def same(a, b):
-    equal = a.camera == b.camera and np.array_equal(a.depth_m, b.depth_m)
-    return equal and (a.ridge is b.ridge if a.ridge is None else np.array_equal(a.ridge, b.ridge))
+    return a.camera == b.camera and np.array_equal(a.depth_m, b.depth_m)
 
 
 def test_without_noise_and_failures_the_observation_is_the_clean_depth(shards):
@@ -60,7 +59,7 @@ def test_without_noise_and_failures_the_observation_is_the_clean_depth(shards):
 
 def test_an_observation_depends_only_on_seed_index_and_epoch(shards):
     def observer(seed):
-        return Observer(shards, KINECT, ExtractionConfig(), RIDGE, seed)
+        return Observer(shards, KINECT, ExtractionConfig(), seed)
 
     first = observer(5)
     forwards = [first.observe(index, 2) for index in range(len(first))]
@@ -71,20 +70,11 @@ def test_an_observation_depends_only_on_seed_index_and_epoch(shards):
     assert not same(forwards[0], observer(6).observe(0, 2))
 
 
-def test_the_ridge_is_computed_from_the_noisy_segmented_depth(shards):
-    plain, ridged = (Observer(shards, KINECT, ExtractionConfig(), ridge, 1).observe(0, 0) for ridge in (None, RIDGE))
-    assert plain.ridge is None
-    assert np.array_equal(plain.depth_m, ridged.depth_m)
-    assert np.array_equal(ridged.ridge, ridge_probability(ridged.depth_m, RIDGE))
-    assert ridged.ridge.max() == 1
-
-
 def test_an_empty_silhouette_is_an_empty_observation(shards):
-    for ridge in (None, RIDGE):
-        seen = Observer(shards, KINECT, ExtractionConfig(attached=1.0, hand_missing=1.0), ridge, 1).observe(5, 0)
-        assert not seen.depth_m.any()
-        assert seen.depth_m.shape == (seen.camera.height, seen.camera.width)
-        assert np.array_equal(seen.joints_camera_m, shards[5].joints_camera_m)
+    seen = Observer(shards, KINECT, ExtractionConfig(attached=1.0, hand_missing=1.0), 1).observe(5, 0)
+    assert not seen.depth_m.any()
+    assert seen.depth_m.shape == (seen.camera.height, seen.camera.width)
+    assert np.array_equal(seen.joints_camera_m, shards[5].joints_camera_m)
 
 
 def test_kinect_noise_is_small_against_the_person(shards):
@@ -160,7 +150,7 @@ def test_in_an_empty_room_with_a_distant_floor_only_the_person_is_observed(shard
     camera, distant_floor = shards.camera, np.array([0, -1, 0, 100], np.float32)
     room = Room(np.zeros((camera.height, camera.width), np.uint16), distant_floor)
     for seed in range(4):
-        seen = observe_sample(shards[0], room, camera, IDEAL, extraction, None, seeded(seed))
+        seen = observe_sample(shards[0], room, camera, IDEAL, extraction, seeded(seed))
         assert np.array_equal(np.rint(full_image(seen, camera) * 1000), shards[0].depth_mm)
 
 
@@ -168,13 +158,15 @@ def test_in_an_empty_room_with_a_distant_floor_only_the_person_is_observed(shard
 def test_frozen_images_equal_the_observation(shards, sensor):
     sample = shards[1]
     room = Room(*shards.room(1, sample.room))
-    arguments = sample, room, shards.camera, sensor, ExtractionConfig(), RIDGE
-    depth_mm, ridge = freeze(*arguments, seeded(3))
+    arguments = sample, room, shards.camera, sensor, ExtractionConfig()
+    depth_mm, ridge = freeze(*arguments, RIDGE, seeded(3))
     seen = observe_sample(*arguments, seeded(3))
     assert depth_mm.dtype == np.uint16
     assert ridge.dtype == np.uint8
     assert depth_mm.shape == ridge.shape == sample.depth_mm.shape
     assert np.array_equal(depth_mm, np.rint(full_image(seen, shards.camera) * 1000).astype(np.uint16))
+    whole_m = full_image(seen, shards.camera)
+    assert np.array_equal(ridge, np.rint(ridge_probability(whole_m, RIDGE) * 255))
     assert ridge[depth_mm == 0].max() == 0
     assert ridge.max() == 255
 
@@ -182,12 +174,10 @@ def test_frozen_images_equal_the_observation(shards, sensor):
 def test_frozen_samples_are_returned_as_stored(tmp_path):
     write_shard(tmp_path, 0, 2, empty=(1,), kind="frozen")
     frozen = ShardedSet(tmp_path)
-    observer = Observer(frozen, KINECT, ExtractionConfig(), RIDGE, 0)
+    observer = Observer(frozen, KINECT, ExtractionConfig(), 0)
     seen = observer.observe(0, 4)
     assert np.array_equal(np.rint(full_image(seen, frozen.camera) * 1000), frozen[0].depth_mm)
-    assert seen.ridge.shape == seen.depth_m.shape
     assert same(seen, observer.observe(0, 5))
-    assert Observer(frozen, KINECT, ExtractionConfig(), None, 0).observe(0, 0).ridge is None
     assert not observer.observe(1, 0).depth_m.any()
 
 
@@ -216,6 +206,6 @@ def test_a_room_smaller_than_the_frame_and_a_box_outside_it_are_refused(shards):
         (dataclasses.replace(sample, box=(-3, 0, 20, 20)), room, "the box .* is not within 320x240"),
         (dataclasses.replace(sample, box=(9, 9, 5, 12)), room, "the box .* is not within 320x240"),
     ):
-        for observe in (observe_sample, freeze):
+        for observe, more in ((observe_sample, ()), (freeze, (RIDGE,))):
             with pytest.raises(InputError, match=message):
-                observe(wrong_sample, wrong_room, camera, KINECT, PERFECT, RIDGE, seeded())
+                observe(wrong_sample, wrong_room, camera, KINECT, PERFECT, *more, seeded())
