@@ -272,7 +272,7 @@ def _describe_utd_mhad(folder: Path) -> list[str]:
         lines.append(
             f"{first.name}: {_plural(len(first.depth_m), 'frame')}, {labelled} of them with labels after the alignment in time"
         )
-    lines.append(f"camera, nominal, of the mirrored image as stored: {describe_camera(STORED_CAMERA)}")
+    lines.append(f"camera of the mirrored image as stored: {describe_camera(STORED_CAMERA)}")
     lines.append(f"labels of the Kinect SDK: {', '.join(KINECT_JOINTS)}")
     if first is None:
         return [*lines, "An evaluation still needs one sequence with two readable files."]

@@ -205,3 +205,22 @@ def test_real_labels_lie_on_real_people_and_have_the_measured_lag():
         assert np.median(np.abs(uvz[..., 2] - surface)) < 0.15, name
     assert all(abs(found - known) <= 1 for found, known in lags)
     assert sum(found == known for found, known in lags) >= 6
+
+
+@pytest.mark.skipif(not REAL.exists(), reason="needs part of UTD-MHAD")
+@pytest.mark.parametrize("subject", [1, 3])
+def test_real_heads_are_centred_on_their_labels(subject):
+    real = benchmark(REAL)
+    shifts_px = []
+    for name in [name for name in real.sequence_names() if name.endswith(f"s{subject}_t1")][::3]:
+        sequence = real.read(name)
+        frames = slice(8, -8, 8)
+        heads = sequence.camera.project(sequence.joints_camera_m[frames, Joint.HEAD])
+        for image, (u, v, z) in zip(sequence.depth_m[frames], heads, strict=True):
+            row, reach = image[round(v)], round(0.25 * sequence.camera.fx / z)
+            first = max(round(u) - reach, 0)
+            head = first + np.flatnonzero(row[first : round(u) + reach + 1])
+            if len(head) * z / sequence.camera.fx < 0.3 and np.ptp(head) == len(head) - 1:  # no arm beside the head
+                shifts_px.append(head.mean() - u)
+    assert len(shifts_px) > 20
+    assert abs(np.median(shifts_px)) < 0.7  # 1.7 with the nominal principal point
