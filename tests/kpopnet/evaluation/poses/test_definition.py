@@ -1,0 +1,115 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from kpopnet.evaluation.poses.definition import fit_offsets, in_label_definition, joint_axes, moved
+from kpopnet.geometry.cones import torso_frame
+from kpopnet.skeleton import MIRROR, Joint
+
+MIDDLE = [Joint.HEAD, Joint.NECK, Joint.TORSO]
+LIMBS = [joint for joint in Joint if any(part in joint.name for part in ("ELBOW", "HAND", "KNEE", "FOOT"))]
+
+
+def skeletons(frames: int, seed: int) -> np.ndarray:
+    """(N, 15, 3) metres: turned and displaced people, limbs in any direction but the ones that no limb reaches."""
+    rng = np.random.default_rng(seed)
+    joints = np.zeros((frames, 15, 3))  # the person's right is -x, front is -z
+    at = {"HEAD": (0, -0.6, 0), "NECK": (0, -0.4, 0), "TORSO": (0, -0.1, 0), "RIGHT_SHOULDER": (-0.2, -0.35, 0)}
+    for name, place in (at | {"RIGHT_HIP": (-0.11, 0.1, 0)}).items():
+        joints[:, Joint[name]] = place
+        joints[:, MIRROR[Joint[name]]] = np.multiply(place, (1 if name in ("HEAD", "NECK", "TORSO") else -1, 1, 1))
+    for side, outward in (("RIGHT", -1), ("LEFT", 1)):
+        for start, end, centre in (
+            *(("SHOULDER", "ELBOW", (1, 1, -1)), ("ELBOW", "HAND", (1, 1, -1))),
+            *(("HIP", "KNEE", (0, 1, 0)), ("KNEE", "FOOT", (0, 1, 0))),
+        ):
+            direction = rng.normal(size=(frames, 3))
+            direction += 1.2 * np.linalg.norm(direction, axis=1, keepdims=True) * np.array(centre) / np.linalg.norm(centre)
+            direction *= 0.3 / np.linalg.norm(direction, axis=1, keepdims=True) * (outward, 1, 1)
+            joints[:, Joint[f"{side}_{end}"]] = joints[:, Joint[f"{side}_{start}"]] + direction
+    turns = Rotation.random(frames, rng=rng).as_matrix()
+    return np.einsum("nij,nkj->nki", turns, joints) + rng.normal(size=(frames, 1, 3))
+
+
+def symmetric_offsets(seed: int) -> np.ndarray:
+    """(15, 3) offsets of up to about 10 cm, equal on both sides, in the body's plane for joints in the middle."""
+    offsets = 0.05 * np.random.default_rng(seed).normal(size=(15, 3))
+    offsets = (offsets + offsets[MIRROR]) / 2
+    offsets[MIDDLE, 0] = 0
+    return offsets
+
+
+def labels_of(estimate: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+    return estimate + np.einsum("njab,ja->njb", joint_axes(estimate), offsets)
+
+
+def test_axes_are_orthonormal_and_those_of_the_torso_are_the_trackers():
+    estimate = skeletons(50, 0)
+    axes = joint_axes(estimate)
+    np.testing.assert_allclose(axes @ axes.swapaxes(-1, -2), np.broadcast_to(np.eye(3), axes.shape), atol=1e-12)
+    for joints, own in zip(estimate, axes, strict=True):
+        np.testing.assert_allclose(own[Joint.RIGHT_HIP], torso_frame(joints), atol=1e-6)
+        np.testing.assert_allclose(own[Joint.LEFT_HIP], torso_frame(joints) * [[-1], [1], [1]], atol=1e-6)
+
+
+def test_limbs_carry_their_axes_with_them():
+    estimate = skeletons(200, 1)
+    axes = joint_axes(estimate)
+    for joint, start in ((Joint.LEFT_HAND, Joint.LEFT_ELBOW), (Joint.RIGHT_FOOT, Joint.RIGHT_KNEE)):
+        bone = estimate[:, joint] - estimate[:, start]
+        along = np.einsum("nab,nb->na", axes[:, joint], bone)
+        np.testing.assert_allclose(along, np.broadcast_to(along[0], along.shape), atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_constant_offset_in_the_bodys_axes_is_recovered_exactly(seed):
+    offsets, others, judged = symmetric_offsets(seed), skeletons(60, seed), skeletons(40, 100 + seed)
+    np.testing.assert_allclose(fit_offsets(labels_of(others, offsets), others), offsets, atol=1e-12)
+    np.testing.assert_allclose(
+        moved(judged, fit_offsets(labels_of(others, offsets), others)), labels_of(judged, offsets), atol=1e-12
+    )
+
+
+def test_mirrored_people_have_the_same_offsets():
+    offsets, estimate = symmetric_offsets(4), skeletons(60, 4)
+    truth = labels_of(estimate, offsets)
+    mirrored, mirrored_truth = (joints[:, MIRROR] * [-1, 1, 1] for joints in (estimate, truth))
+    np.testing.assert_allclose(mirrored_truth, labels_of(mirrored, offsets), atol=1e-12)
+    # One side alone tells the offset of both.
+    truth[:, [joint for joint in Joint if joint.name.startswith("LEFT")]] = np.nan
+    np.testing.assert_allclose(fit_offsets(truth, estimate), offsets, atol=1e-12)
+
+
+def test_gross_errors_of_a_few_frames_do_not_decide():
+    offsets, estimate = symmetric_offsets(5), skeletons(100, 5)
+    truth = labels_of(estimate, offsets)
+    truth[:20] += 1.0
+    np.testing.assert_allclose(fit_offsets(truth, estimate), offsets, atol=1e-12)
+
+
+def test_nobodys_own_labels_move_them():
+    person = np.repeat(["ann", "bob", "cec"], 30)
+    estimate, rng = skeletons(90, 6), np.random.default_rng(6)
+    truth = labels_of(estimate, symmetric_offsets(6)) + 0.01 * rng.normal(size=estimate.shape)
+    first = in_label_definition(truth, estimate, person)
+    own, changed = person == "bob", truth.copy()
+    changed[own] += 0.5 * rng.normal(size=(30, 15, 3))
+    second = in_label_definition(changed, estimate, person)
+    np.testing.assert_array_equal(first[own], second[own])
+    assert (np.abs(first - second)[~own] > 1e-6).any()
+    np.testing.assert_array_equal(first[own], moved(estimate[own], fit_offsets(truth[~own], estimate[~own])))
+
+
+def test_missing_joints_stay_missing_and_a_joint_without_axes_stays_where_it_is():
+    offsets, estimate = symmetric_offsets(7), skeletons(4, 7)
+    estimate[0, Joint.RIGHT_HAND] = np.nan
+    estimate[1, Joint.NECK] = np.nan
+    found = moved(estimate, offsets)
+    assert (np.isnan(found) == np.isnan(estimate)).all()
+    np.testing.assert_array_equal(found[1], estimate[1])
+    np.testing.assert_allclose(found[2:], labels_of(estimate, offsets)[2:])
+    assert (fit_offsets(np.full_like(estimate, np.nan), estimate) == 0).all()
+    straight_up = estimate[2:3].copy()  # a leg through the trunk: the axes are undefined, the joint still finite
+    down = joint_axes(straight_up)[0, Joint.NECK, 1]
+    straight_up[0, Joint.RIGHT_KNEE] = straight_up[0, Joint.RIGHT_HIP] - 0.4 * down
+    assert np.isfinite(moved(straight_up, offsets)).all()
