@@ -14,7 +14,7 @@ Its data sets hold N = stop - start samples, one per chunk:
     body       (N,)      int64   number of the person; equal numbers in a set are the same person
     motion     (N,)      S48     source of the pose: "pose:kick", "choreography:0-3@1.2s", "clip:cmu_01_01@3.0s"
     yaw        (N,)      float32 the person's heading in radians, 0 facing the camera, positive to the person's left
-    room       (N,)      int16   row of room_mm
+    room       (N,)      int32   row of room_mm
     room_mm    (R, H, W) uint16  noise-free depth of the empty room from the same camera
     floor      (R, 4)    float32 the room's floor in the camera frame: unit normal n and d with n.x + d = 0, metres
 
@@ -88,6 +88,7 @@ SCHEMA = Hdf5Schema(
         "stop": _COUNT,
         "camera": Attribute("fiu", (6,)),
         "refused_poses": Attribute("iu", low=0, required=False),
+        "refused_places": Attribute("iu", low=0, required=False),
         "forced_samples": Attribute("iu", low=0, required=False),
         "joint_names": Attribute("U", (NUM_JOINTS,), equals=list(JOINT_NAMES)),
     },
@@ -316,3 +317,15 @@ class ShardedSet:
             with open_hdf5(path, SCHEMA, described, rdcc_nbytes=0) as file:
                 rows.append(_column(file, path, name, _header(path, described)))
         return np.concatenate(rows)
+
+    def room_numbers(self) -> np.ndarray:
+        """(N,) int64 number of each sample's room in the set, in the order of the samples.
+
+        Each shard numbers its rooms from 0. A room goes on in the next shard if the empty room has the same depth there.
+        """
+        row = self.column("room").astype(np.int64)
+        begins = np.diff(row, prepend=-1) != 0
+        for start in self._ends[:-1]:
+            before, after = self.room(start - 1, int(row[start - 1])), self.room(start, int(row[start]))
+            begins[start] = not np.array_equal(before[0], after[0])
+        return np.cumsum(begins) - 1

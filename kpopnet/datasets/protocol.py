@@ -32,6 +32,8 @@ class Sequence:
         visible: (T, 15) bool, whether the joint is visible in the image; false where its true position is unknown.
         yaw_rad: (T,) float32 heading of the person, 0 facing the camera, positive to the person's left; None if unknown.
         is_segmented: whether the depth shows only the person, with 0 elsewhere. Otherwise it shows the whole scene.
+        room: name of the room and camera that this sequence shares with other sequences of its benchmark; "" if it shares them
+            with none, or if that is unknown.
     """
 
     name: str
@@ -43,6 +45,7 @@ class Sequence:
     visible: np.ndarray
     yaw_rad: np.ndarray | None = None
     is_segmented: bool = True
+    room: str = ""
 
     def __post_init__(self) -> None:
         frames = len(self.depth_m)
@@ -63,7 +66,9 @@ class Benchmark(Protocol):
         truth: origin of the true joints, for the sentence "compared with ...": "Kinect SDK labels", "motion capture".
         about: what a reader needs to interpret the results, in a sentence or two.
 
-    A simulated set also has `provenance`, a dict with seed, version and config_hash that identifies it.
+    A simulated set also has `provenance`, a dict with seed, version and config_hash that identifies it. A set of several people
+    whose labels are other points of the body than ours has `label_definition`, the name of that definition ("Kinect SDK"):
+    reports then also judge the estimates in it (`kpopnet.evaluation.poses.definition`).
     """
 
     name: str

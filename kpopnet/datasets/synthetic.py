@@ -27,7 +27,11 @@ class SyntheticConfig:
 
 
 class SyntheticBenchmark:
-    """Reads frozen shards; consecutive samples of one person are one sequence of independent frames (stills).
+    """Reads frozen shards; consecutive samples of one person in one room are one sequence of independent frames (stills).
+
+    The generator puts several people into a room before one camera, and the last of them may go on in the next room. Rooms, not
+    people, are the largest groups that share something, and intervals resample them (`Sequence.room`). Neighbouring rooms that
+    share a person are still resampled as if they were independent: that is a small part of their samples.
 
     Every joint has a true position, including those that are not visible in the image; `visible` marks the visible ones.
 
@@ -66,8 +70,9 @@ class SyntheticBenchmark:
             f"Rendered people, split {header.split!r} of the set in {config.path} (seed {header.seed}, configuration "
             f"{header.config_hash}), with simulated sensor noise and simulated silhouette errors."
         )
-        body = self.samples.column("body")
-        starts = np.flatnonzero(np.diff(body, prepend=body[0] - 1))
+        body, self._room = self.samples.column("body"), self.samples.room_numbers()
+        changed = np.diff(body, prepend=body[0] - 1).astype(bool) | np.diff(self._room, prepend=-1).astype(bool)
+        starts = np.flatnonzero(changed)
         stops = np.append(starts[1:], len(body))
         digits = len(str(len(body)))
         self._rows = {
@@ -88,4 +93,5 @@ class SyntheticBenchmark:
             joints_camera_m=np.stack([row.joints_camera_m for row in rows]),
             visible=np.stack([row.visible for row in rows]),
             yaw_rad=np.array([row.yaw_rad for row in rows], np.float32),
+            room=f"room {self._room[self._rows[name].start]}",
         )

@@ -18,11 +18,13 @@ def write_shard(
     start: int = 0,
     kind: str = "frozen",
     empty: tuple[int, ...] = (),
+    rooms: list[int] | None = None,
 ) -> None:
     """Writes one shard with one sample per body number.
 
     The person is an upright box with joints along it; sample i is shifted to the right by i % 20 pixels. The rows in
-    `empty` show no person.
+    `empty` show no person. `rooms` are the numbers of the samples' rooms in the set, in ascending order without gaps; by
+    default all are in one.
     """
     count = len(bodies)
     depth = np.zeros((count, CAMERA.height, CAMERA.width), np.uint16)
@@ -37,4 +39,12 @@ def write_shard(
     visible = np.ones((count, 15), bool)
     visible[:, 4] = False
     columns = {"body": np.array(bodies, np.int64), "yaw": np.linspace(-3, 3, count).astype(np.float32)}
+    if rooms is not None:
+        numbers = np.unique(rooms)
+        pictures = np.broadcast_to((4000 + numbers)[:, None, None], (len(numbers), *depth.shape[1:]))
+        columns |= {
+            "room": (np.array(rooms) - rooms[0]).astype(np.int16),
+            "room_mm": pictures.astype(np.uint16),
+            "floor": np.zeros((len(numbers), 4), np.float32),
+        }
     store_shard(folder, shard, start, depth, joints, visible, camera=CAMERA, kind=kind, **columns)

@@ -7,20 +7,22 @@ true position but no estimate (a missing joint). Therefore
 - a joint without a true position is not counted;
 - a missing joint counts as an error above every threshold, and is left out of every mean and median. Reports state the
   number of missing joints beside these;
-- metrics over several frames and joints are pooled: every joint of every frame has the same weight.
+- metrics over several frames and joints are pooled: every joint of every frame has the same weight;
+- a frame whose true pose the estimator was given (start=label) is not scored, as if it had no true joints.
+
+Names with 14 are over the paper's fourteen joints (`kpopnet.skeleton.PAPER_JOINTS`: all but the neck); published figures of the
+paper are compared with these. All others are over fifteen.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kpopnet.skeleton import JOINT_GROUPS, JOINT_NAMES
+from kpopnet.evaluation.intervals import Bootstrap
+from kpopnet.skeleton import JOINT_GROUPS, JOINT_NAMES, PAPER_JOINTS
 
 THRESHOLDS_M = (0.05, 0.10, 0.15, 0.20)
 CURVE_END_M = 0.20
-BOOTSTRAP_DRAWS = 2000
-INTERVAL = (2.5, 97.5)
-"""Percentiles of the bootstrap's 95 % interval."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,8 @@ class PoseResults:
         sequence: (N,) int, index into sequence_names.
         sequence_names: names of the sequences.
         yaw_rad: (N,) heading of the person, NaN where unknown.
+        unit: (N,) int, number of the sequence or room that the bootstrap resamples as a whole.
+        given: (N,) bool, whether the estimator was given the true joints of this frame; it is not scored there.
     """
 
     truth_m: np.ndarray
@@ -42,15 +46,23 @@ class PoseResults:
     sequence: np.ndarray
     sequence_names: tuple[str, ...]
     yaw_rad: np.ndarray
+    unit: np.ndarray
+    given: np.ndarray
+
+    def errors_m(self) -> np.ndarray:
+        """(N, 15) `errors_m`, as the module defines it."""
+        errors_m = joint_errors_m(self.truth_m, self.estimate_m)
+        errors_m[self.given] = np.nan
+        return errors_m
 
     def select_frames(self, rows: np.ndarray) -> "PoseResults":
         """A copy with the frames that `rows`, an index or boolean mask, selects."""
-        per_frame = ("truth_m", "estimate_m", "visible", "sequence", "yaw_rad")
+        per_frame = ("truth_m", "estimate_m", "visible", "sequence", "yaw_rad", "unit", "given")
         return replace(self, **{name: getattr(self, name)[rows] for name in per_frame})
 
 
 def joint_errors_m(truth_m: np.ndarray, estimate_m: np.ndarray) -> np.ndarray:
-    """(N, 15) float64 `errors_m`, as the module defines it, of two (N, 15, 3) arrays in metres."""
+    """(N, 15) float64 distances of two (N, 15, 3) arrays in metres, NaN and infinite as the module defines it."""
     errors_m = np.linalg.norm(estimate_m.astype(np.float64) - truth_m.astype(np.float64), axis=-1)
     errors_m[np.isnan(errors_m)] = np.inf
     errors_m[np.isnan(truth_m).any(axis=-1)] = np.nan
@@ -138,22 +150,26 @@ def evaluate(results: PoseResults, seed: int = 0) -> dict:
     """All metrics of one estimator: `summary` over all frames, then by threshold, joint, joint group, sequence and yaw.
 
     Args:
-        results: true and estimated joints. Frames without any true joint are left out.
+        results: true and estimated joints. Frames without any true joint, and those whose label the estimator was given, are
+            left out.
         seed: of the bootstrap.
     """
-    errors_m = joint_errors_m(results.truth_m, results.estimate_m)
-    labelled = ~np.isnan(errors_m).all(axis=1)
-    results, errors_m = results.select_frames(labelled), errors_m[labelled]
-    visible = results.visible
+    labelled = results.select_frames(np.isfinite(results.truth_m).all(axis=-1).any(axis=1))
+    scored = ~labelled.given
+    results = labelled.select_frames(scored)
+    errors_m, visible = results.errors_m(), results.visible
 
     def of_joints(columns: list[int]) -> dict:
         return summary(errors_m[:, columns], visible[:, columns])
 
+    fourteen = of_joints(list(PAPER_JOINTS))
     return summary(errors_m, visible) | {
+        "map_14": fourteen["map_10cm"],
+        "paper_joints": fourteen,
         "average_pose_error_no_offset_cm": _none_if_nan(100 * average_pose_error_m(without_offsets(results), visible)),
         "pck": {f"{100 * limit:.0f}cm": _none_if_nan(fraction_within(errors_m, limit)) for limit in THRESHOLDS_M},
         "pck_area_20cm": _none_if_nan(area_under_curve(errors_m)),
-        "interval": intervals(errors_m, visible, results.sequence, seed),
+        "interval": intervals(errors_m, visible, Bootstrap(results.unit, seed)),
         "missing": {
             "joints": int(np.isinf(errors_m).sum()),
             "of_labelled_joints": int((~np.isnan(errors_m)).sum()),
@@ -164,10 +180,12 @@ def evaluate(results: PoseResults, seed: int = 0) -> dict:
         "per_sequence": {
             name: summary(errors_m[results.sequence == index], visible[results.sequence == index])
             for index, name in enumerate(results.sequence_names)
-            if (results.sequence == index).any()
+            if (labelled.sequence == index).any()  # the same names for every estimator, whichever frames it was given
         },
         "by_yaw": {
-            name: summary(errors_m[rows], visible[rows]) for name, rows in yaw_octants(results.yaw_rad).items() if rows.any()
+            name: summary(errors_m[rows[scored]], visible[rows[scored]])
+            for name, rows in yaw_octants(labelled.yaw_rad).items()
+            if rows.any()
         },
     }
 
@@ -182,41 +200,57 @@ def yaw_octants(yaw_rad: np.ndarray) -> dict[str, np.ndarray]:
     return {str((45 * k + 179) % 360 - 179): known & (octant == k) for k in (5, 6, 7, 0, 1, 2, 3, 4)}
 
 
-def intervals(errors_m: np.ndarray, visible: np.ndarray, sequence: np.ndarray, seed: int) -> dict:
-    """95 % bootstrap intervals (low, high) of the main metrics; None with fewer than two sequences.
-
-    Frames of one sequence are correlated, so whole sequences are resampled with replacement, BOOTSTRAP_DRAWS times. Each
-    metric is a ratio of sums, so a resample only weights the sums of the sequences. The interval covers the variation over
-    other sequences of the same kind; it does not cover sequences of another kind.
+def intervals(errors_m: np.ndarray, visible: np.ndarray, bootstrap: Bootstrap) -> dict[str, list[float] | None]:
+    """95 % bootstrap intervals [low, high] of the main metrics; None with fewer than two units.
 
     Args:
         errors_m: (N, 15).
         visible: (N, 15) bool.
-        sequence: (N,) number of the sequence of each frame.
-        seed: of the bootstrap.
+        bootstrap: the resamples of these frames.
     """
     labelled, found = ~np.isnan(errors_m), np.isfinite(errors_m)
-    seen = found & visible
+    seen, fourteen = found & visible, list(PAPER_JOINTS)
+    distance_cm = 100 * np.where(found, errors_m, 0)
     ratios = {
-        "map_10cm": (errors_m < 0.10, labelled, 1),
-        "mean_error_cm": (np.where(found, errors_m, 0), found, 100),
-        "average_pose_error_cm": (np.where(seen, errors_m, 0), seen, 100),
+        "map_10cm": (errors_m < 0.10, labelled),
+        "map_14": (errors_m[:, fourteen] < 0.10, labelled[:, fourteen]),
+        "mean_error_cm": (distance_cm, found),
+        "average_pose_error_cm": (distance_cm * seen, seen),
     }
-    _, row = np.unique(sequence, return_inverse=True)
-    count = row.max(initial=-1) + 1
-    if count < 2:
-        return dict.fromkeys(ratios)
-    draws = np.random.default_rng(seed).multinomial(count, np.full(count, 1 / count), size=BOOTSTRAP_DRAWS)
+    return {name: bootstrap.interval(bootstrap.ratios(*sums)) for name, sums in ratios.items()}
 
-    def resampled_sums(values: np.ndarray) -> np.ndarray:
-        return draws @ np.bincount(row, values.sum(axis=1), count)
 
-    out = {}
-    for name, (numerator, denominator, unit) in ratios.items():
-        counts = resampled_sums(denominator)
-        values = unit * resampled_sums(numerator)[counts > 0] / counts[counts > 0]
-        out[name] = np.percentile(values, INTERVAL).tolist() if values.size else None
-    return out
+def difference(results: PoseResults, reference: PoseResults, seed: int = 0) -> dict:
+    """How much larger the figures of an estimator are than those of a reference on the same frames, with paired intervals.
+
+    Each resample holds the same units for both, so what makes a unit hard for both cancels. Frames that either was given are
+    left out for both. Distances are compared over the joints that both found: over all joints, an estimator that finds only
+    easy ones would seem to be nearer.
+
+    Args:
+        results: of the estimator.
+        reference: of the estimator that it is compared with, on the same N frames.
+        seed: of the bootstrap.
+
+    Returns:
+        By metric a dict of `value` and `interval`: `within_10cm_points` (percentage points) and `mean_error_cm`; None where
+        undefined.
+    """
+    pair = [results.errors_m(), reference.errors_m()]
+    scored = ~np.isnan(pair).any(axis=0)
+    kept = scored.any(axis=1)
+    first, second = (errors_m[kept] for errors_m in pair)
+    scored, bootstrap = scored[kept], Bootstrap(results.unit[kept], seed)
+    both = np.isfinite(first) & np.isfinite(second)
+    within = 100 * ((first < 0.10) & scored), 100 * ((second < 0.10) & scored)
+    distance_cm = 100 * np.where(both, first, 0), 100 * np.where(both, second, 0)
+
+    def paired(sums: tuple[np.ndarray, np.ndarray], counted: np.ndarray) -> dict:
+        change = sums[0].astype(float) - sums[1]
+        values = bootstrap.ratios(change, counted)
+        return {"value": _none_if_nan(_ratio(change.sum(), counted.sum())), "interval": bootstrap.interval(values)}
+
+    return {"within_10cm_points": paired(within, scored), "mean_error_cm": paired(distance_cm, both)}
 
 
 def _ratio(numerator: float, denominator: float) -> float:

@@ -12,10 +12,13 @@ from pathlib import Path
 from kpopnet.datasets.protocol import Origin
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.document import Block, as_text, describe_files, describe_revision, write_document
+from kpopnet.evaluation.intervals import FEWEST_UNITS
 from kpopnet.evaluation.poses.figures import error_curve, examples_sheet, joint_bars, sequence_bars, sweep_plot
-from kpopnet.evaluation.poses.run import Run
+from kpopnet.evaluation.poses.run import Resampled, Run
 from kpopnet.evaluation.poses.sweep import Sweep
 from kpopnet.evaluation.poses.tables import (
+    definition_tables,
+    difference_table,
     format_value,
     group_tables,
     headline_table,
@@ -61,19 +64,35 @@ def remarks(run: Run) -> list[str]:
             "second. The frames per second of the estimators exclude this step."
         )
     for estimator in run.started_from_label:
-        lines.append(f"{estimator} was given the first true pose of every sequence (start=label).")
+        lines.append(
+            f"{estimator} was given the first true pose of every sequence (start=label); it is not scored in that frame."
+        )
     if run.images_without_person:
         lines.append(f"{run.images_without_person} images show no person; their joints count as missing.")
     lines += [f"Left out because of an error: {name}: {reason}" for name, reason in run.failed.items()]
-    if next(iter(run.metrics.values()))["interval"]["map_10cm"]:
-        lines.append("Ranges in parentheses: 95 % bootstrap intervals over sequences.")
+    return [*lines, *interval_remarks(run.resampled)]
+
+
+def interval_remarks(resampled: Resampled) -> list[str]:
+    """What the bootstrap resampled, how many units, and what its intervals therefore do not cover."""
+    units, count, people = resampled
+    if count < 2:
+        return [f"No intervals: they would resample {units}, and there is only {count}."]
+    lines = [f"Ranges in parentheses: 95 % bootstrap intervals; {count} {units} were resampled."]
+    if units == "rooms":
+        lines[0] += " All stills in one room, from one camera, are one unit."
+    elif people is not None and people < count:
+        lines[0] += f" They show {people} {'people' if people > 1 else 'person'}: the intervals do not cover other people."
+    if count < FEWEST_UNITS:
+        lines.append(f"The intervals cannot be trusted: {count} {units} are too few to know how much they vary.")
     return lines
 
 
 def terminal_table(run: Run, sweep: Sweep | None = None) -> str:
-    """Text for a terminal: the main metrics, the joint groups and the sweep."""
+    """Text for a terminal: the main metrics, the differences of estimators, the joint groups and the sweep."""
     run, run_with_sweep = _without_sweep(run, sweep), run
-    tables = [headline_table(run), *group_tables(run)]
+    tables = [headline_table(run), *([difference_table(run)] if run.differences else []), *group_tables(run)]
+    tables += definition_tables(run)
     if sweep:
         tables.append(sweep_table(run_with_sweep, sweep))
     return "\n\n".join(["\n".join([identity(run), *remarks(run)]), *map(as_text, tables)]) + "\n"
@@ -87,9 +106,12 @@ def _without_sweep(run: Run, sweep: Sweep | None) -> Run:
 def metrics_json(run: Run, config: EvaluateConfig, figures: list[str]) -> dict:
     """Contents of metrics.json: metrics of the main estimator, of every estimator under `estimators`, and the benchmark.
 
-    `images` is the number of evaluated frames; `pictures` lists the files of `figures`; `mean_pose_error_cm` is the mean
-    joint error of the mean pose baseline, null where no mean pose is known. `benchmark` has seed, version and config_hash of
-    a simulated set, null of a real one. `files` is the result of `EvaluateConfig.files`.
+    `in_label_definition` of an estimator holds its figures in the labels' definition, fitted on the other people, where the
+    labels have one of their own. `images` is the number of evaluated frames; `pictures` lists the files of `figures`;
+    `mean_pose_error_cm` is the mean joint error of the mean pose baseline, null where no mean pose is known. `benchmark` has
+    seed, version and config_hash of a simulated set, null of a real one, and `resampled`, what the intervals resample
+    (`Resampled`). `differences` has the paired differences of the other estimators from the main one. `files` is the result of
+    `EvaluateConfig.files`.
     """
     resolved = asdict(config)
     canonical = json.dumps(resolved, sort_keys=True)
@@ -112,8 +134,10 @@ def metrics_json(run: Run, config: EvaluateConfig, figures: list[str]) -> dict:
             "unlike_training": run.unlike_training,
             "started_from_label": run.started_from_label,
             "extraction_fps": run.extraction_fps,
+            "resampled": run.resampled._asdict(),
         },
         "estimators": run.metrics,
+        "differences": {"from": main, "estimators": run.differences},
         "pictures": figures,
         "files": config.files(),
         "config": resolved,
@@ -194,12 +218,24 @@ def report_blocks(run: Run, metrics: dict) -> list[Block]:
         ("table", threshold_table(run)),
     ]
     if published[1]:
-        blocks += [("text", "Published results on this benchmark. Kim & Kim leave out the neck."), ("table", published)]
+        blocks += [("text", "Published results beside ours, over the paper's fourteen joints."), ("table", published)]
+    if run.differences:
+        blocks += [
+            ("heading", f"Differences from {main}"),
+            (
+                "text",
+                f"How much larger the figures are than those of {main}: percentage points within 10 cm, and mean error over "
+                "the joints that both found. The intervals are paired: both are resampled on the same frames. One without "
+                "0 shows a difference.",
+            ),
+            ("table", difference_table(run)),
+        ]
     blocks += [
         ("heading", f"Example frames ({main})"),
         ("figure", ("examples.png", "Example frames with true and estimated skeletons over the depth")),
         ("heading", "Joints"),
         *(("table", table) for table in group_tables(run)),
+        *definition_blocks(run),
         ("figure", ("per_joint.png", "Mean error and percentage within 10 cm of each joint")),
         ("figure", ("error_curve.png", "Percentage of joints within a distance of the true position")),
     ]
@@ -225,6 +261,16 @@ def report_blocks(run: Run, metrics: dict) -> list[Block]:
             ("table", yaw_table(run)),
         ]
     return blocks
+
+
+def definition_blocks(run: Run) -> list[Block]:
+    """The figures in the labels' definition; empty where the labels have none of their own."""
+    tables = definition_tables(run)
+    text = (
+        "The labels are other points of the body than the estimated joints. Here every joint is moved by an offset that is "
+        "constant in axes of the estimated torso and limbs, and was fitted on the labels of the other people."
+    )
+    return [("text", text), *(("table", table) for table in tables)] if tables else []
 
 
 def provenance_blocks(metrics: dict) -> list[Block]:

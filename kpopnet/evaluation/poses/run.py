@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from tqdm import tqdm
@@ -11,11 +12,26 @@ from kpopnet.datasets.protocol import Benchmark, evenly_spaced
 from kpopnet.datasets.synthetic import SyntheticBenchmark
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator, base_estimator, starts_from_label
-from kpopnet.evaluation.poses.metrics import PoseResults, evaluate
+from kpopnet.evaluation.poses.definition import in_label_definition
+from kpopnet.evaluation.poses.metrics import PoseResults, difference, evaluate
 from kpopnet.evaluation.poses.sequence import EstimatedSequence, FailedSequence, SequenceEstimation
 from kpopnet.extraction import HumanExtractionConfig
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.runtime.parallel import in_processes
+
+
+class Resampled(NamedTuple):
+    """What the bootstrap intervals of a run resample.
+
+    Attributes:
+        units: "rooms" where sequences share rooms and cameras, else "sequences".
+        count: number of units.
+        people: number of different people; None where some are unknown.
+    """
+
+    units: str
+    count: int
+    people: int | None
 
 
 @dataclass(frozen=True)
@@ -27,6 +43,8 @@ class Run:
         results: joints of all N frames by the estimator's name, in the order of the report.
         metrics: by the estimator's name: the figures of `metrics.evaluate`, and `fps`, frames per second of the estimation
             without the extraction.
+        differences: `metrics.difference` of every estimator but the first from the first one, by the estimator's name.
+        resampled: what the intervals resample.
         frame: (N,) index of each frame within its sequence.
         failed: the error message of each sequence without results, by the sequence's name.
         sequences_in_set: number of sequences of the benchmark, evaluated or not.
@@ -40,6 +58,8 @@ class Run:
     benchmark: Benchmark
     results: dict[str, PoseResults]
     metrics: dict[str, dict]
+    differences: dict[str, dict]
+    resampled: Resampled
     frame: np.ndarray
     failed: dict[str, str]
     sequences_in_set: int
@@ -49,9 +69,11 @@ class Run:
     extraction_fps: float | None = None
 
     def select(self, names: list[str]) -> "Run":
-        """A copy with only the named estimators."""
-        parts = ("results", "metrics", "unlike_training")
+        """A copy with only the named estimators; without differences if the first estimator is not among them."""
+        parts = ("results", "metrics", "differences", "unlike_training")
         kept = {part: {name: value for name, value in getattr(self, part).items() if name in names} for part in parts}
+        if next(iter(self.metrics)) not in names:
+            kept["differences"] = {}
         return replace(self, started_from_label=[name for name in self.started_from_label if name in names], **kept)
 
 
@@ -90,6 +112,10 @@ def run_benchmark(
     process has one thread, so the frames per second of an estimator (all frames divided by its total time) are those of one
     core.
 
+    Intervals resample sequences, or the rooms that sequences share. One person may dance several sequences: these are resampled
+    as if they were independent, so the intervals hold for other sequences of the same people. Resampling people would be the
+    way to cover others, but most sets show too few for an interval to mean anything; reports state their number.
+
     Args:
         benchmark: the data set.
         estimators: by name, the main estimator first.
@@ -99,23 +125,27 @@ def run_benchmark(
         extraction: settings that segment the person where the depth shows a whole scene; None for the defaults.
 
     Raises:
-        InputError: every sequence failed, no joint has a label, or a process died.
+        InputError: every sequence failed, no joint has a label, an estimator was given every label, or a process died.
     """
     names = benchmark.sequence_names()
     estimation = SequenceEstimation(benchmark, estimators, extraction or HumanExtractionConfig())
     outcomes, failed = _estimate_sequences(estimation, evenly_spaced(names, sequences), processes)
     parts = outcomes.values()
-    if not any(np.isfinite(part.truth_m).all(axis=-1).any() for part in parts):
-        raise InputError(f"{benchmark.name}: no joint in any frame of {', '.join(outcomes)} has a label to compare with")
     extracted = [part for part in parts if part.extraction_seconds is not None]
-    results = {label: _concatenate(outcomes, label) for label in estimators}
+    units, unit = _units(parts)
+    results = {label: _concatenate(outcomes, label, unit) for label in estimators}
+    _check_scored(benchmark, results)
     return Run(
         benchmark=benchmark,
         results=results,
         metrics={
-            label: evaluate(one, seed) | {"fps": _frames_per_second(parts, [part.seconds[label] for part in parts])}
+            label: evaluate(one, seed)
+            | _in_label_definition(benchmark, one, parts, seed)
+            | {"fps": _frames_per_second(parts, [part.seconds[label] for part in parts])}
             for label, one in results.items()
         },
+        differences=_differences(results, seed),
+        resampled=units,
         frame=np.concatenate([np.arange(len(part.truth_m)) for part in parts]),
         failed=failed,
         sequences_in_set=len(names),
@@ -149,8 +179,20 @@ def _estimate_sequences(
     return {name: outcome for name, outcome in ordered.items() if name not in failed}, failed
 
 
-def _concatenate(outcomes: dict[str, EstimatedSequence], label: str) -> PoseResults:
-    """The joints of one estimator in all frames of all sequences."""
+def _units(parts: Collection[EstimatedSequence]) -> tuple[Resampled, np.ndarray]:
+    """What the bootstrap resamples, and the (N,) number of the unit of each frame. A frame without a label is in no figure."""
+    shared = any(part.room for part in parts)
+    names = [part.room if part.room else f"sequence {number}" for number, part in enumerate(parts)]
+    _, numbers = np.unique(names, return_inverse=True)
+    unit = np.repeat(numbers, [len(part.truth_m) for part in parts])
+    people = {part.identity for part in parts}
+    labelled = np.concatenate([np.isfinite(part.truth_m).all(axis=-1).any(axis=1) for part in parts])
+    count = len(np.unique(unit[labelled]))
+    return Resampled("rooms" if shared else "sequences", count, None if "" in people else len(people)), unit
+
+
+def _concatenate(outcomes: dict[str, EstimatedSequence], label: str, unit: np.ndarray) -> PoseResults:
+    """The joints of one estimator in all frames of all sequences. `unit` is that of `_units`."""
     parts = outcomes.values()
     return PoseResults(
         truth_m=np.concatenate([part.truth_m for part in parts]),
@@ -159,7 +201,40 @@ def _concatenate(outcomes: dict[str, EstimatedSequence], label: str) -> PoseResu
         sequence=np.repeat(np.arange(len(parts)), [len(part.truth_m) for part in parts]),
         sequence_names=tuple(outcomes),
         yaw_rad=np.concatenate([part.yaw_rad for part in parts]),
+        unit=unit,
+        given=np.concatenate([part.given[label] for part in parts]),
     )
+
+
+def _check_scored(benchmark: Benchmark, results: dict[str, PoseResults]) -> None:
+    """Raises an InputError where there is nothing to score."""
+    for label, one in results.items():
+        if not np.isfinite(one.truth_m).all(axis=-1).any():
+            names = ", ".join(one.sequence_names)
+            raise InputError(f"{benchmark.name}: no joint in any frame of {names} has a label to compare with")
+        if np.isnan(one.errors_m()).all():
+            raise InputError(f"{benchmark.name}: {label} was given every true pose (start=label); no frame is left to score")
+
+
+def _differences(results: dict[str, PoseResults], seed: int) -> dict[str, dict]:
+    """`metrics.difference` of every estimator from the first, by name."""
+    first, *others = results
+    return {label: difference(results[label], results[first], seed) for label in others}
+
+
+def _in_label_definition(benchmark: Benchmark, results: PoseResults, parts: Collection[EstimatedSequence], seed: int) -> dict:
+    """The figures of an estimator in the definition of the labels, fitted on the other people, as `in_label_definition`.
+
+    Empty where the labels have no definition of their own, somebody's identity is unknown, or only one person is seen.
+    """
+    definition = getattr(benchmark, "label_definition", None)
+    people = {part.identity for part in parts}
+    if definition is None or "" in people or len(people) < 2:
+        return {}
+    person = np.repeat([part.identity for part in parts], [len(part.truth_m) for part in parts])
+    labels_m = np.where(results.given[:, None, None], np.nan, results.truth_m)
+    estimate_m = in_label_definition(labels_m, results.estimate_m, person)
+    return {"in_label_definition": {"definition": definition} | evaluate(replace(results, estimate_m=estimate_m), seed)}
 
 
 def _frames_per_second(parts: Collection[EstimatedSequence], seconds: list[float]) -> float:

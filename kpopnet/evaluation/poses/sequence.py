@@ -9,7 +9,7 @@ import torch
 
 from kpopnet.datasets.protocol import Benchmark, Sequence
 from kpopnet.errors import InputError
-from kpopnet.estimator import Estimator, base_estimator, first_label, starts_from_label
+from kpopnet.estimator import Estimator, Start, base_estimator, first_label, starts_from_label
 from kpopnet.extraction import HumanExtractionConfig, extract_person
 
 log = logging.getLogger(__name__)
@@ -25,7 +25,10 @@ class EstimatedSequence:
         truth_m: (T, 15, 3) true joints, as in `Sequence.joints_camera_m`.
         visible: (T, 15) bool, as in the sequence.
         yaw_rad: (T,) as in the sequence; NaN where it is unknown.
+        identity: as in the sequence.
+        room: as in the sequence.
         estimate_m: (T, 15, 3) estimated joints by the estimator's name.
+        given: (T,) bool by the estimator's name: the frames whose true joints it was given.
         seconds: estimation time by the estimator's name: processor time of one core, or wall-clock time on a GPU.
         extraction_seconds: processor time of the person extraction; None where the depth is segmented.
         images_without_person: number of frames without any depth, or in which no person was detected.
@@ -34,7 +37,10 @@ class EstimatedSequence:
     truth_m: np.ndarray
     visible: np.ndarray
     yaw_rad: np.ndarray
+    identity: str
+    room: str
     estimate_m: dict[str, np.ndarray]
+    given: dict[str, np.ndarray]
     seconds: dict[str, float]
     extraction_seconds: float | None
     images_without_person: int
@@ -72,10 +78,12 @@ class SequenceEstimation:
             sequence = self.benchmark.read(name)
             stage = "extraction: "
             sequence, extraction_seconds = self._segment_person(sequence)  # the scene's depth is not needed any more
-            estimate_m, seconds = {}, {}
+            estimate_m, given, seconds = {}, {}, {}
             for label, estimator in self.estimators.items():
                 stage = f"{label}: "
-                estimate_m[label], seconds[label] = self._estimate(label, estimator, sequence)
+                start = first_label(sequence.joints_camera_m) if starts_from_label(estimator) else None
+                given[label] = np.arange(len(sequence.depth_m)) == (-1 if start is None else start.frame)
+                estimate_m[label], seconds[label] = self._estimate(label, estimator, sequence, start)
         except InputError as error:
             return FailedSequence(f"{stage}{error}")
         except Exception as error:
@@ -86,7 +94,10 @@ class SequenceEstimation:
             truth_m=sequence.joints_camera_m,
             visible=sequence.visible,
             yaw_rad=unknown if sequence.yaw_rad is None else sequence.yaw_rad,
+            identity=sequence.identity,
+            room=sequence.room,
             estimate_m=estimate_m,
+            given=given,
             seconds=seconds,
             extraction_seconds=extraction_seconds,
             images_without_person=int((~sequence.depth_m.any(axis=(1, 2))).sum()),
@@ -103,11 +114,9 @@ class SequenceEstimation:
         person_m = extract_person(sequence.depth_m, sequence.camera, self.extraction)
         return replace(sequence, depth_m=person_m, is_segmented=True), time.process_time() - start
 
-    def _estimate(self, label: str, estimator: Estimator, sequence: Sequence) -> tuple[np.ndarray, float]:
-        """(T, 15, 3) joints, and the estimation time in seconds."""
-        arguments = {}
-        if starts_from_label(estimator):
-            arguments["start"] = first_label(sequence.joints_camera_m)
+    def _estimate(self, label: str, estimator: Estimator, sequence: Sequence, given: Start | None) -> tuple[np.ndarray, float]:
+        """(T, 15, 3) joints, and the estimation time in seconds. `given` is the true pose to start from, if any."""
+        arguments = {} if given is None else {"start": given}
         if label not in self.warmed_up:
             estimator.estimate(sequence.depth_m[:WARM_UP_FRAMES], sequence.camera, **arguments)
             self.warmed_up.add(label)

@@ -1,5 +1,7 @@
 """Tables of the pose report."""
 
+from dataclasses import replace
+
 from kpopnet.evaluation.document import Table
 from kpopnet.evaluation.poses.published import published_on
 from kpopnet.evaluation.poses.run import Run
@@ -8,7 +10,8 @@ from kpopnet.evaluation.poses.sweep import Sweep
 NO_VALUE = "-"
 
 HEADLINE = (
-    ("within 10 cm (mAP)", "map_10cm", "%"),
+    ("within 10 cm (mAP), fifteen joints", "map_10cm", "%"),
+    ("the paper's fourteen joints, without the neck", "map_14", "%"),
     ("mean error", "mean_error_cm", "cm"),
     ("median error", "median_error_cm", "cm"),
     ("mean error of visible joints (Eq. 16)", "average_pose_error_cm", "cm"),
@@ -45,6 +48,27 @@ def headline_table(run: Run) -> Table:
     return ["", *run.metrics], rows
 
 
+DIFFERENCES = (("within 10 cm", "within_10cm_points", "points"), ("mean error", "mean_error_cm", "cm"))
+
+
+def difference_table(run: Run) -> Table:
+    """The paired differences of every other estimator from the main one, with bootstrap intervals."""
+    header = [f"difference from {next(iter(run.metrics))}", *(title for title, _, _ in DIFFERENCES)]
+    rows = [[name, *(_signed(found[key], unit) for _, key, unit in DIFFERENCES)] for name, found in run.differences.items()]
+    return header, rows
+
+
+def _signed(difference: dict, unit: str) -> str:
+    """A difference and its interval as text."""
+    if difference["value"] is None:
+        return NO_VALUE
+    text = f"{difference['value']:+.2f} {unit}"
+    if difference["interval"] is None:
+        return text
+    low, high = difference["interval"]
+    return f"{text} ({low:+.2f} to {high:+.2f})"
+
+
 def threshold_table(run: Run) -> Table:
     """Percentage of joints within each distance threshold."""
     limits = next(iter(run.metrics.values()))["pck"]
@@ -65,6 +89,24 @@ def group_table(run: Run, key: str, unit: str, title: str) -> Table:
 def group_tables(run: Run) -> tuple[Table, Table]:
     """Percentage within 10 cm and mean error of every joint group."""
     return group_table(run, "map_10cm", "%", "within 10 cm"), group_table(run, "mean_error_cm", "cm", "mean error")
+
+
+DEFINITION = tuple(row for row in HEADLINE if row[1] in ("map_10cm", "map_14", "mean_error_cm", "median_error_cm"))
+
+
+def definition_tables(run: Run) -> list[Table]:
+    """The main metrics and the joint groups in the labels' definition; empty where the labels have none of their own."""
+    found = {name: m["in_label_definition"] for name, m in run.metrics.items() if "in_label_definition" in m}
+    if not found:
+        return []
+    definition = f"{next(iter(found.values()))['definition']} definition"
+    rows = [[title, *(_with_interval(m, key, unit) for m in found.values())] for title, key, unit in DEFINITION]
+    run = replace(run, metrics=found)
+    return [
+        ([f"{definition}, fitted on the other people", *found], rows),
+        group_table(run, "map_10cm", "%", f"{definition}, within 10 cm"),
+        group_table(run, "mean_error_cm", "cm", f"{definition}, mean error"),
+    ]
 
 
 def sequence_table(run: Run, names: list[str]) -> Table:
@@ -103,12 +145,20 @@ def yaw_table(run: Run) -> Table:
 
 
 def published_table(run: Run) -> Table:
-    """Published results on this benchmark. It has no rows where none are published or the depth is simulated."""
-    rows = [
-        [one.method, format_value(one.map_10cm, "%"), format_value(one.pose_error_cm, "cm")]
-        for one in published_on(run.benchmark)
+    """Published results on this benchmark and ours, over the paper's fourteen joints.
+
+    It has no rows where none are published or the depth is simulated.
+    """
+    published = [(one.method, one.map_10cm, one.pose_error_cm) for one in published_on(run.benchmark)]
+    ours = [
+        (f"here: {name}", metrics["map_14"], metrics["paper_joints"]["average_pose_error_cm"])
+        for name, metrics in run.metrics.items()
     ]
-    return ["published, all joints", "within 10 cm (mAP)", "Eq. 16"], rows
+    rows = [
+        [method, format_value(fraction, "%"), format_value(error_cm, "cm")]
+        for method, fraction, error_cm in (published + ours if published else [])
+    ]
+    return ["fourteen joints", "within 10 cm (mAP)", "Eq. 16"], rows
 
 
 def sweep_table(run: Run, sweep: Sweep) -> Table:

@@ -48,7 +48,7 @@ def render_video(run: Run, name: str) -> tuple[float, Iterable[np.ndarray]]:
     main, results = next(iter(run.results.items()))
     rows = np.flatnonzero(results.sequence == results.sequence_names.index(name))
     sequence = run.benchmark.read(name)
-    truth_m, estimate_m = results.truth_m[rows], results.estimate_m[rows]
+    truth_m, estimate_m, given = results.truth_m[rows], results.estimate_m[rows], results.given[rows]
     errors_m = joint_errors_m(truth_m, estimate_m)
     within, labelled = (errors_m < 0.1).sum(axis=1), (~np.isnan(errors_m)).sum(axis=1)
     step = max(1, int(sequence.fps // MIN_VIDEO_FPS))
@@ -63,7 +63,8 @@ def render_video(run: Run, name: str) -> tuple[float, Iterable[np.ndarray]]:
             draw_skeleton(image, estimate_m[frame], camera, ESTIMATED)
             draw_skeleton(image, truth_m[frame], camera, TRUE)
             image = np.concatenate([image, legend((TRUE,), width_px), legend((ESTIMATED,), width_px)])
-            caption = f"{within[frame]} of {labelled[frame]} joints within 10 cm"
+            counted = f"{within[frame]} of {labelled[frame]} joints within 10 cm"
+            caption = "label was given" if given[frame] else counted
             captions = f"{main} on {run.benchmark.origin.value} depth", f"{name} frame {frame}: {caption}"
             image = with_captions(image, captions)
             yield image[: len(image) // 2 * 2]  # video codecs need an even height

@@ -45,6 +45,15 @@ def test_an_even_order_covers_the_set_evenly():
     assert [key for step in range(3) for key in order(step)] == [(10 * i, 0) for i in range(10)]
 
 
+@pytest.mark.parametrize(("samples", "count"), [(4000, 1000), (4000, 4000), (2000, 512), (20_000, 2048), (1003, 1000)])
+def test_validation_samples_come_from_all_rooms_alike(samples, count):
+    """Samples of one room stand in a row; `best` is chosen on all rooms, not on the first ones."""
+    order = EvenOrder(samples, 32, count)
+    chosen = np.array([index for step in range(-(-count // 32)) for index, _ in order(step)])
+    sizes, found = (np.bincount(rows // 25, minlength=-(-samples // 25)) for rows in (np.arange(samples), chosen))
+    assert len(set(chosen.tolist())) == count and np.abs(found - sizes * count / samples).max() <= 1
+
+
 def test_a_batch_depends_only_on_seed_and_step():
     augment = AugmentConfig()
     assert same(batches(augment=augment)[7], pickle.loads(pickle.dumps(batches(augment=augment)))[7])

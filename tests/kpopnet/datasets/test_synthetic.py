@@ -24,6 +24,18 @@ def test_consecutive_samples_of_a_person_are_a_sequence_even_across_shards(tmp_p
     assert found.origin is Origin.SIMULATED and "synthetic" in found.truth
 
 
+def test_a_person_in_two_rooms_gives_two_sequences_and_a_room_may_go_on_in_the_next_shard(tmp_path):
+    write_shard(tmp_path, [5, 5, 5, 8], rooms=[0, 0, 1, 1])
+    write_shard(tmp_path, [8, 9, 9], shard=1, start=4, rooms=[1, 2, 2])
+    write_shard(tmp_path, [7], shard=2, start=7, rooms=[3])
+    found = benchmark(tmp_path)
+    assert found.samples.room_numbers().tolist() == [0, 0, 1, 1, 1, 2, 2, 3]
+    sequences = [found.read(name) for name in found.sequence_names()]
+    assert [(s.identity, len(s.depth_m)) for s in sequences] == [("5", 2), ("5", 1), ("8", 2), ("9", 2), ("7", 1)]
+    first, second, third, fourth, last = (s.room for s in sequences)
+    assert second == third and len({first, second, fourth, last}) == 4 and all(s.room for s in sequences)
+
+
 def test_depth_is_metres_with_its_camera_and_hidden_joints_keep_their_truth(tmp_path):
     write_shard(tmp_path, [1, 1])
     sequence = benchmark(tmp_path).read(benchmark(tmp_path).sequence_names()[0])

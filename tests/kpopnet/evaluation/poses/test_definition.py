@@ -2,7 +2,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from kpopnet.camera import CAMERAS
+from kpopnet.datasets.protocol import Origin, Sequence
+from kpopnet.estimator import Estimate
 from kpopnet.evaluation.poses.definition import fit_offsets, in_label_definition, joint_axes, moved
+from kpopnet.evaluation.poses.run import run_benchmark
+from kpopnet.evaluation.poses.tables import definition_tables
 from kpopnet.geometry.cones import torso_frame
 from kpopnet.skeleton import MIRROR, Joint
 
@@ -113,3 +118,61 @@ def test_missing_joints_stay_missing_and_a_joint_without_axes_stays_where_it_is(
     down = joint_axes(straight_up)[0, Joint.NECK, 1]
     straight_up[0, Joint.RIGHT_KNEE] = straight_up[0, Joint.RIGHT_HIP] - 0.4 * down
     assert np.isfinite(moved(straight_up, offsets)).all()
+
+
+class TwoPeople:
+    """A benchmark of two people whose labels are the same constant offsets away from an estimator's joints."""
+
+    name, origin, truth, about = "two_people", Origin.SIMULATED, "labels", ""
+    camera = CAMERAS["kinect_v1"]
+
+    def __init__(self, people: tuple[str, ...], label_definition: str | None) -> None:
+        self.people = {f"{person}_{number}": person for number, person in enumerate(people)}
+        self.offsets = symmetric_offsets(8)
+        if label_definition:
+            self.label_definition = label_definition
+
+    def sequence_names(self) -> list[str]:
+        return list(self.people)
+
+    def estimate_of(self, name: str) -> np.ndarray:
+        return skeletons(40, list(self.people).index(name)).astype(np.float32)
+
+    def read(self, name: str) -> Sequence:
+        labels = labels_of(self.estimate_of(name), self.offsets).astype(np.float32)
+        depth = np.full((40, self.camera.height, self.camera.width), 1 + list(self.people).index(name), np.float32)
+        return Sequence(name, self.people[name], 30.0, self.camera, depth, labels, np.ones((40, 15), bool))
+
+
+class Knows:
+    """Estimates the joints from which the labels were made; the depth tells the sequence."""
+
+    name = "knows"
+
+    def __init__(self, benchmark: TwoPeople) -> None:
+        self.benchmark = benchmark
+
+    def estimate(self, depth_m, camera):
+        name = self.benchmark.sequence_names()[round(float(depth_m[0, 0, 0])) - 1]
+        return Estimate(self.benchmark.estimate_of(name)[: len(depth_m)], np.ones((len(depth_m), 15), np.float32))
+
+
+def test_reports_judge_in_the_labels_definition_where_the_benchmark_has_one():
+    benchmark = TwoPeople(("ann", "bob", "bob"), "Kinect SDK")
+    run = run_benchmark(benchmark, {"knows": Knows(benchmark)})
+    metrics = run.metrics["knows"]
+    assert metrics["mean_error_cm"] > 3
+    assert metrics["in_label_definition"]["mean_error_cm"] < 1e-4
+    assert metrics["in_label_definition"]["definition"] == "Kinect SDK"
+    (header, rows), *groups = definition_tables(run)
+    assert header == ["Kinect SDK definition, fitted on the other people", "knows"] and rows[0][1].startswith("100.0 %")
+    assert [table[0][0] for table in groups] == ["Kinect SDK definition, within 10 cm", "Kinect SDK definition, mean error"]
+
+
+@pytest.mark.parametrize(
+    ("people", "definition"), [(("ann", "bob"), None), (("ann", "ann"), "Kinect SDK"), (("ann", ""), "Kinect SDK")]
+)
+def test_there_are_no_such_figures_without_a_definition_or_other_people(people, definition):
+    benchmark = TwoPeople(people, definition)
+    run = run_benchmark(benchmark, {"knows": Knows(benchmark)})
+    assert "in_label_definition" not in run.metrics["knows"] and definition_tables(run) == []

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -9,14 +10,15 @@ import pytest
 
 from kpopnet.camera import Camera
 from kpopnet.datasets.protocol import Origin, Sequence
+from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.document import as_json
 from kpopnet.evaluation.poses.figures import joint_bars, sequence_bars, sweep_plot
-from kpopnet.evaluation.poses.report import metrics_json, remarks, terminal_table, write_report
-from kpopnet.evaluation.poses.run import run_benchmark
+from kpopnet.evaluation.poses.report import interval_remarks, metrics_json, remarks, terminal_table, write_report
+from kpopnet.evaluation.poses.run import Resampled, run_benchmark
 from kpopnet.evaluation.poses.sweep import AxisConfig, SweepConfig, sweep_of
-from kpopnet.evaluation.poses.tables import published_table, sequence_table, sweep_table
+from kpopnet.evaluation.poses.tables import difference_table, published_table, sequence_table, sweep_table
 from kpopnet.evaluation.poses.worst_sequence import contact_sheet, render_video, save_video, worst_sequence
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
 
@@ -101,7 +103,10 @@ def test_published_results_are_shown_on_real_sets_only(name, origin, lines):
     run = run_benchmark(Films(name, origin), {"off": Off(1)}, sequences=2)
     found = [label for label in labels(joint_bars(run)) + labels(sequence_bars(run, ["one", "three"])) if "published" in label]
     assert all(any(line in label for label in found) for line in lines) and bool(found) == bool(lines)
-    assert len(published_table(run)[1]) == len(lines)
+    assert len(published_table(run)[1]) == (len(lines) + 1 if lines else 0)
+    if lines:
+        ours = ["here: off", f"{100 * run.metrics['off']['map_14']:.1f} %"]
+        assert published_table(run)[1][-1][:2] == ours
 
 
 def test_the_worst_sequence_has_the_fewest_joints_within_ten_centimetres(run, tmp_path):
@@ -200,5 +205,76 @@ def test_an_estimator_that_starts_from_a_label_gets_the_first_and_the_report_sta
     np.testing.assert_array_equal(started.starts[0].joints_camera_m, POSE_M)
     assert run.started_from_label == ["started"]
     assert [line for line in remarks(run) if "first true pose" in line] == [
-        "started was given the first true pose of every sequence (start=label)."
+        "started was given the first true pose of every sequence (start=label); it is not scored in that frame."
     ]
+    assert [run.metrics[name]["images"] for name in ("started", "other", "plain")] == [
+        3 * (FRAMES - 2),
+        *[3 * (FRAMES - 1)] * 2,
+    ]
+    assert (
+        np.flatnonzero(run.results["started"].given) == run.frame.reshape(3, -1).argmin(axis=1) + FRAMES * np.arange(3)
+    ).all()
+
+
+def test_a_run_without_a_frame_to_score_is_rejected(monkeypatch):
+    read = Films.read
+
+    def one_frame(self, name):
+        film = read(self, name)
+        parts = ("depth_m", "joints_camera_m", "visible")
+        return replace(film, **{part: getattr(film, part)[:1] for part in parts})
+
+    monkeypatch.setattr(Films, "read", one_frame)
+    with pytest.raises(InputError, match=r"films: started was given every true pose \(start=label\)"):
+        run_benchmark(Films(), {"plain": Off(1), "started": StartedFromLabel()})
+
+
+def test_an_unscored_sequence_stays_in_every_table(tmp_path, monkeypatch):
+    read = Films.read
+
+    def first_is_one_frame(self, name):
+        film = read(self, name)
+        parts = ("depth_m", "joints_camera_m", "visible") if name == "one" else ()
+        return replace(film, **{part: getattr(film, part)[:1] for part in parts})
+
+    monkeypatch.setattr(Films, "read", first_is_one_frame)
+    run = run_benchmark(Films(), {"started": StartedFromLabel(), "plain": Off(0.5)})
+    write_report(tmp_path, run, EvaluateConfig(None, {}))
+    row = next(row for row in sequence_table(run, ["one"])[1])
+    assert row[:4] == ["one", "0", "-", "-"] and row[5] == "100.0 %"
+
+
+def test_differences_from_the_first_estimator_are_in_every_report(run, tmp_path):
+    write_report(tmp_path, run, EvaluateConfig(None, {}))
+    found = json.loads((tmp_path / "metrics.json").read_text())["differences"]
+    assert found["from"] == "near" and list(found["estimators"]) == ["far"]
+    # 2, 12 and 6 cm against half of it; sequence two leaves the 10 cm.
+    expected = np.mean([1, 6, 3]), -100 / 3
+    assert (found["estimators"]["far"]["mean_error_cm"]["value"], run.differences["far"]["within_10cm_points"]["value"]) == (
+        pytest.approx(expected, abs=0.05)
+    )
+    (row,) = difference_table(run)[1]
+    assert row[0] == "far" and "-33.33 points (" in row[1] and "+3.33 cm (" in row[2]
+    for text in ((tmp_path / "report.md").read_text(), (tmp_path / "report.html").read_text(), terminal_table(run)):
+        assert "difference from near" in text and row[1] in text
+    alone = run_benchmark(Films(), {"far": Off(1.0)})
+    assert "ifference" not in terminal_table(alone) and run.select(["far"]).differences == {}
+
+
+@pytest.mark.parametrize(
+    ("resampled", "lines"),
+    [
+        (Resampled("rooms", 40, 126), ["; 40 rooms were resampled. All stills in one room, from one camera, are one unit."]),
+        (Resampled("rooms", 4, 9), ["; 4 rooms were resampled", "cannot be trusted: 4 rooms are too few"]),
+        (
+            Resampled("sequences", 24, 3),
+            ["; 24 sequences were resampled. They show 3 people: the intervals do not cover"],
+        ),
+        (Resampled("sequences", 24, 24), ["; 24 sequences were resampled."]),
+        (Resampled("sequences", 5, None), ["; 5 sequences were resampled."]),
+        (Resampled("sequences", 1, 1), ["No intervals: they would resample sequences, and there is only 1."]),
+    ],
+)
+def test_reports_say_what_was_resampled_and_when_it_is_too_little(resampled, lines):
+    found = interval_remarks(resampled)
+    assert len(found) == len(lines) and all(part in line for part, line in zip(lines, found, strict=True))

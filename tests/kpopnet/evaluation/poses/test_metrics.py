@@ -8,21 +8,22 @@ from kpopnet.evaluation.poses.metrics import (
     PoseResults,
     area_under_curve,
     average_pose_error_m,
+    difference,
     evaluate,
     fraction_within,
-    intervals,
     joint_errors_m,
     mean_error_m,
     median_error_m,
     without_offsets,
     yaw_octants,
 )
+from kpopnet.skeleton import Joint
 
 ITOP = ITOP_SKELETONS
 NAN, INF = np.nan, np.inf
 
 
-def pose_results(truth, estimate, visible=None, sequence=None, yaw=None) -> PoseResults:
+def pose_results(truth, estimate, visible=None, sequence=None, yaw=None, unit=None, given=None) -> PoseResults:
     frames = len(truth)
     sequence = np.zeros(frames, int) if sequence is None else np.asarray(sequence)
     return PoseResults(
@@ -32,6 +33,8 @@ def pose_results(truth, estimate, visible=None, sequence=None, yaw=None) -> Pose
         sequence=sequence,
         sequence_names=tuple(f"s{k}" for k in range(sequence.max() + 1)),
         yaw_rad=np.full(frames, NAN) if yaw is None else np.asarray(yaw, float),
+        unit=sequence if unit is None else np.asarray(unit),
+        given=np.zeros(frames, bool) if given is None else np.asarray(given),
     )
 
 
@@ -180,19 +183,86 @@ def test_yaw_sectors_are_centred_on_their_names(degrees, octant):
     assert not any(rows[1] for rows in octants.values()) and len(octants) == 8
 
 
-def test_bootstrap_equals_a_direct_resampling_and_needs_two_sequences():
+def test_intervals_contain_their_metrics_and_need_two_units():
     rng = np.random.default_rng(5)
-    errors, visible = rng.uniform(0, 0.2, (30, 15)), np.ones((30, 15), bool)
-    errors[:10] += 0.1
-    sequence = np.repeat([0, 4, 9], [10, 5, 15])  # numbers need not be dense
-    found = intervals(errors, visible, sequence, seed=7)
-    parts = [errors[sequence == k] for k in (0, 4, 9)]
-    draws = np.random.default_rng(99).integers(0, 3, (4000, 3))
-    means = [100 * np.concatenate([parts[k] for k in draw]).mean() for draw in draws]
-    assert found["mean_error_cm"] == pytest.approx(np.percentile(means, [2.5, 97.5]), rel=0.03)
-    assert found == intervals(errors, visible, sequence, seed=7)
-    assert found["map_10cm"][0] < fraction_within(errors, 0.1) < found["map_10cm"][1]
-    assert intervals(errors, visible, np.zeros(30, int), seed=7)["map_10cm"] is None
+    truth, estimate = displaced(rng, rng.uniform(0, 0.2, (60, 15)))
+    result = evaluate(pose_results(truth, estimate, unit=np.repeat(np.arange(12), 5)), seed=7)
+    assert set(result["interval"]) == {"map_10cm", "map_14", "mean_error_cm", "average_pose_error_cm"}
+    assert all(low < result[name] < high for name, (low, high) in result["interval"].items())
+    assert set(evaluate(pose_results(truth, estimate))["interval"].values()) == {None}
+
+
+def test_fourteen_joints_are_all_but_the_neck():
+    """The paper's model has a torso centre and no neck (section 2.3)."""
+    truth = np.zeros((2, 15, 3))
+    for joint in Joint:
+        estimate = truth.copy()
+        estimate[:, joint] = 0.5
+        result = evaluate(pose_results(truth, estimate))
+        counted = joint != Joint.NECK
+        assert result["map_14"] == pytest.approx(1 - counted / 14) and result["map_10cm"] == pytest.approx(14 / 15)
+        assert result["paper_joints"]["average_pose_error_cm"] == pytest.approx(counted * 100 * np.sqrt(0.75) / 14)
+
+
+def test_a_frame_whose_label_was_given_is_not_scored():
+    rng = np.random.default_rng(6)
+    truth, estimate = displaced(rng, rng.uniform(0, 0.2, (12, 15)))
+    sequence, yaw = np.repeat([0, 1, 2, 3], [4, 4, 3, 1]), np.r_[np.zeros(11), 3]
+    given = np.isin(np.arange(12), (0, 4, 8, 11))
+    flattered = estimate.copy()
+    flattered[given] = truth[given]
+    found = evaluate(pose_results(truth, flattered, sequence=sequence, yaw=yaw, given=given))
+    expected = evaluate(pose_results(truth[~given], estimate[~given], sequence=sequence[~given], yaw=yaw[~given]))
+    for part in ("per_sequence", "by_yaw"):  # sequence 3 and its heading have no scored frame, and stay listed
+        (last,) = set(found[part]) - set(expected[part])
+        gone = found[part].pop(last)
+        assert gone["images"] == gone["labelled_joints"] == 0 and gone["map_10cm"] is gone["mean_error_cm"] is None
+    assert found == expected and found["images"] == 8
+
+
+def two_estimators(rng, shared: float, own: float):
+    """Results of two estimators in 20 rooms; the second one's errors are 1 cm larger, and both are larger in hard rooms."""
+    room = np.repeat(np.arange(20), 5)
+    hard = 0.05 + shared * rng.random(20)[room, None]
+    lengths = [hard + extra + own * rng.random((100, 15)) for extra in (0.0, 0.01)]
+    direction = np.array([1.0, 0, 0])
+    truth = np.zeros((100, 15, 3))
+    return [pose_results(truth, length[..., None] * direction, unit=room) for length in lengths]
+
+
+def test_paired_intervals_are_narrower_where_estimators_share_their_errors():
+    near, far = two_estimators(np.random.default_rng(8), shared=0.1, own=0.01)
+    found = difference(far, near)
+    low, high = found["mean_error_cm"]["interval"]
+    assert found["mean_error_cm"]["value"] == pytest.approx(1, abs=0.05) and low < 1.02 and high > 0.98
+    unpaired = np.hypot(*(np.diff(evaluate(one)["interval"]["mean_error_cm"])[0] for one in (near, far)))
+    assert high - low < unpaired / 10
+    points = found["within_10cm_points"]
+    unpaired = 100 * np.hypot(*(np.diff(evaluate(one)["interval"]["map_10cm"])[0] for one in (near, far)))
+    assert points["interval"][1] < 0 and np.diff(points["interval"])[0] < unpaired / 2
+    assert points["value"] == pytest.approx(100 * (evaluate(far)["map_10cm"] - evaluate(near)["map_10cm"]))
+
+
+def test_paired_intervals_are_no_narrower_where_estimators_share_nothing():
+    rng = np.random.default_rng(9)
+    (near, _), (_, far) = (two_estimators(rng, shared=0.1, own=0.0) for _ in range(2))
+    low, high = difference(far, near)["mean_error_cm"]["interval"]
+    unpaired = np.hypot(*(np.diff(evaluate(one)["interval"]["mean_error_cm"])[0] for one in (near, far)))
+    assert high - low == pytest.approx(unpaired, rel=0.25)
+
+
+def test_differences_are_of_frames_scored_for_both_and_distances_of_joints_found_by_both():
+    truth = np.zeros((4, 15, 3))
+    near, far = (truth + np.array([off_m, 0, 0]) for off_m in (0.02, 0.03))
+    near[0] = 9  # this frame was given to the other
+    far[1, :5] = NAN
+    near[1, :5] = 0.6
+    given = np.array([True, False, False, False])
+    found = difference(pose_results(truth, far, given=given), pose_results(truth, near))
+    assert found["mean_error_cm"]["value"] == pytest.approx(1)
+    assert found["within_10cm_points"]["value"] == pytest.approx(0)  # those five joints are right for neither
+    itself = difference(pose_results(truth, near), pose_results(truth, near))
+    assert itself["mean_error_cm"]["value"] == itself["within_10cm_points"]["value"] == 0
 
 
 @pytest.mark.skipif(not ITOP.exists(), reason="needs ITOP's test poses with A2J's published predictions")

@@ -62,7 +62,7 @@ class Shifted:
 
 @pytest.fixture
 def benchmark(tmp_path):
-    write_shard(tmp_path / "set", [1, 1, 1, 2, 2, 3, 3, 3], empty=(4,))
+    write_shard(tmp_path / "set", [1, 1, 1, 2, 2, 3, 3, 3], empty=(4,), rooms=[0, 0, 0, 1, 1, 2, 2, 2])
     return SyntheticBenchmark(SyntheticConfig(path=str(tmp_path / "set")))
 
 
@@ -94,6 +94,9 @@ def test_metrics_json_describes_the_benchmark_and_holds_the_errors(benchmark, po
     assert set(found["per_joint"]) == set(JOINT_NAMES) and len(found["per_sequence"]) == 3 and found["by_yaw"]
     assert len(found["config_hash"]) == 12 and found["fps"] > 0 and "git" in found
     assert all((tmp_path / "report" / figure).stat().st_size > 1000 for figure in found["pictures"])
+    assert found["benchmark"]["resampled"] == {"units": "rooms", "count": 3, "people": 3}
+    assert found["map_14"] == found["estimators"]["shifted"]["paper_joints"]["map_10cm"]
+    assert found["differences"]["estimators"]["mean_pose"] == run.differences["mean_pose"]
     low, high = found["interval"]["mean_error_cm"]
     assert low < found["mean_error_cm"] < high
 

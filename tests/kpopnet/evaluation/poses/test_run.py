@@ -100,6 +100,16 @@ def test_a_set_without_any_label_is_rejected(benchmark, monkeypatch):
         run_benchmark(benchmark, {"mean_pose": MeanPoseEstimator(POSE_M)})
 
 
+def test_all_people_in_a_room_are_resampled_together(tmp_path):
+    """Errors that differ between two rooms only, with five people in each: resampling people would pretend ten units."""
+    write_shard(tmp_path, list(range(10)), rooms=[0] * 5 + [1] * 5)
+    rooms = SyntheticBenchmark(SyntheticConfig(path=str(tmp_path)))
+    run = run_benchmark(rooms, {"mean_pose": MeanPoseEstimator(POSE_M)})
+    assert run.resampled == ("rooms", 2, 10) and len(run.results["mean_pose"].sequence_names) == 10
+    assert run.results["mean_pose"].unit.tolist() == [0] * 5 + [1] * 5
+    assert any("2 rooms are too few" in line for line in remarks(run))
+
+
 def test_one_kind_of_estimator_may_have_several_names_in_a_run():
     configs = {"slow": TrackerEstimatorConfig(), "fast": TrackerEstimatorConfig(body=False)}
     built = build_estimators(configs)
