@@ -44,7 +44,10 @@ class TrackerEstimatorConfig(TrackerConfig):
 
 
 class TrackerEstimator:
-    """Implements kpopnet.estimator.StartedEstimator. Each sequence is tracked independently, from its own start."""
+    """Implements kpopnet.estimator.StartedEstimator. Each sequence is tracked independently, from its own start.
+
+    The confidence is the estimated probability that the joint is within 10 cm of the truth (kpopnet.tracker.fit.confidence).
+    """
 
     name = "tracker"
 

@@ -30,11 +30,12 @@ from kpopnet.paper_tracker.algorithm2 import HierarchyConfig, estimate_pose, mod
 from kpopnet.paper_tracker.init.y_pose import InitialConfig, find_initial_pose
 from kpopnet.ridge import RidgeConfig, ridge_data
 from kpopnet.skeleton import JOINT_NAMES, MIRROR, NUM_JOINTS
+from kpopnet.tracker.fit.confidence import ALGORITHM_2_WEIGHTS, TRACKED_WEIGHTS, fit_score, probability, tracked_evidence
 from kpopnet.tracker.fit.hypotheses import refit_limbs, rotate_about_shoulders, rotate_about_spine, swap_crossed_limbs
 from kpopnet.tracker.fit.objective import pose_cost
 from kpopnet.tracker.fit.refine import DETECTION_PRIOR_WEIGHT
 from kpopnet.tracker.fit.solver import fit
-from kpopnet.tracker.fit.thickness import fit_thickness, joint_confidence
+from kpopnet.tracker.fit.thickness import fit_thickness
 from kpopnet.tracker.standing import standing_pose
 
 DROPOUT_RATIO, VISIBLE_DECAY = 0.7, 0.9
@@ -118,6 +119,8 @@ class Tracker:
         lengths: (2, 15) the model's lengths for the kernels of Algorithm 2, metres; None before the start.
         joints_camera_m: (15, 3) the last pose in the camera frame, None before the start.
         velocity_m: (15, 3) the joints' last step, metres per frame.
+        evidence: (15, 3) what the confidence of the last pose was computed from (kpopnet.tracker.fit.confidence), None before
+            the start.
     """
 
     def __init__(
@@ -146,6 +149,7 @@ class Tracker:
         self.lengths: np.ndarray | None = None
         self.joints_camera_m: np.ndarray | None = None
         self.velocity_m = np.zeros((NUM_JOINTS, 3))
+        self.evidence: np.ndarray | None = None
         self._centroid: np.ndarray | None = None
         self._has_thickness = False
         self._visible_points = 0.0
@@ -187,8 +191,8 @@ class Tracker:
             depth_m: (H, W) float32 metres of the person, 0 elsewhere.
 
         Returns:
-            (15, 3) float64 joints in the camera frame in metres and (15,) confidence in 0..1; NaN and 0 before the start and in
-            frames without a visible person.
+            (15, 3) float64 joints in the camera frame in metres and (15,) confidence, the estimated probability of an error
+            below 10 cm; NaN and 0 before the start and in frames without a visible person.
         """
         missing = np.full((NUM_JOINTS, 3), np.nan), np.zeros(NUM_JOINTS)
         grid = build_depth_grid(depth_m, self.camera)
@@ -199,7 +203,7 @@ class Tracker:
         if len(grid.points_m) < DROPOUT_RATIO * self._visible_points:
             self._visible_points *= VISIBLE_DECAY
             self.velocity_m = np.zeros_like(self.velocity_m)
-            return self.joints_camera_m.copy(), joint_confidence(self.joints_camera_m, grid, self.body)
+            return self.joints_camera_m.copy(), self._confidence(grid, np.ones(NUM_JOINTS, bool))
         self._visible_points = len(grid.points_m)
         previous = self.joints_camera_m = self._relocated_pose(grid)
         if self.config.body:
@@ -209,7 +213,12 @@ class Tracker:
             joints, support = self._algorithm_2(depth_m, grid)
             supported = support > 0
         self.joints_camera_m, self.velocity_m = joints, (joints - previous) * supported[:, None]
-        return joints.copy(), joint_confidence(joints, grid, self.body) * supported
+        return joints.copy(), self._confidence(grid, supported)
+
+    def _confidence(self, grid: DepthGrid, supported: np.ndarray) -> np.ndarray:
+        """(15,) confidence of the last pose, of whose joints those that are (15,) `supported` were found in the depth."""
+        self.evidence = tracked_evidence(fit_score(self.joints_camera_m, grid, self.body) * supported)
+        return probability(self.evidence, TRACKED_WEIGHTS if self.config.body else ALGORITHM_2_WEIGHTS)
 
     def _find_start(self, depth_m: np.ndarray, grid: DepthGrid) -> bool:
         """Starts if the frame shows a start pose; returns whether the tracker has started."""

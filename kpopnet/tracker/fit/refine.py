@@ -4,9 +4,6 @@ Beyond the paper. A network on single frames resolves front and back, left and r
 The fit locates the surface to a centimetre, but diverges from a distant start.
 """
 
-from collections.abc import Iterable
-from itertools import islice
-
 import numpy as np
 
 from kpopnet.camera import Camera, sequence_in_metres
@@ -15,12 +12,14 @@ from kpopnet.estimator import Estimate, Estimator
 from kpopnet.geometry.body import Body, body_from_model
 from kpopnet.geometry.depth_grid import MIN_POINTS, DepthGrid, build_depth_grid
 from kpopnet.geometry.human_model import HumanModel
+from kpopnet.tracker.fit.confidence import REFINED_WEIGHTS, fit_score, probability, refined_evidence
 from kpopnet.tracker.fit.solver import fit
 from kpopnet.tracker.fit.thickness import fit_thickness
 
 MAX_BODY_FRAMES, THICKNESS_STRIDE = 60, 6
-"""The person's lengths are medians over the first `MAX_BODY_FRAMES` frames with a person; the thickness is the median over
-every sixth of these."""
+"""The person's lengths are medians over the frames so far, up to the first `MAX_BODY_FRAMES` with a person; the thickness is
+the median over every sixth of these. Medians over all 60 from the first frame on, which looks two seconds ahead, have an error
+lower by 0.11 cm in the first 60 frames and by 0.02 cm over a sequence (simulated)."""
 
 FIT_ITERATIONS = 4
 DETECTION_PRIOR_WEIGHT = 0.1
@@ -29,7 +28,11 @@ development sequences, 0.05 has the most joints within 10 cm and 0.15 the lowest
 
 
 class FittedEstimator:
-    """Implements kpopnet.estimator.Estimator. The confidence is that of the wrapped estimator."""
+    """Implements kpopnet.estimator.Estimator. A frame's joints depend on this frame and on those before it.
+
+    The confidence is the estimated probability that the refined joint is within 10 cm of the truth, from the wrapped
+    estimator's, which must mean the same, and from the fit (kpopnet.tracker.fit.confidence).
+    """
 
     name = "fitted_network"
 
@@ -50,52 +53,80 @@ class FittedEstimator:
 
         Returns:
             (T, 15, 3) joints and (T, 15) confidence. Joints that the estimator misses stay missing. Frames with missing joints
-            or with fewer than `MIN_POINTS` points are not refined.
+            or with fewer than `MIN_POINTS` points are not refined, and keep the estimator's joints and confidence.
 
         Raises:
             InputError: depth of another type or shape.
         """
         depth_m = sequence_in_metres(depth_m, camera)
         detected = self.estimator.estimate(depth_m, camera)
-        joints_m = detected.joints_camera_m.copy()
-        valid_frames = [t for t in range(len(depth_m)) if np.isfinite(joints_m[t]).all() and (depth_m[t] > 0).any()]
-        body = estimate_body((joints_m[t], build_depth_grid(depth_m[t], camera)) for t in valid_frames)
-        if body is None:
-            return detected
-        for t in valid_frames:
-            grid = build_depth_grid(depth_m[t], camera)
-            if len(grid.points_m) >= MIN_POINTS:
-                joints_m[t] = fit(joints_m[t], grid, body, FIT_ITERATIONS, prior_weight=DETECTION_PRIOR_WEIGHT)
-        return Estimate(joints_m, detected.confidence)
+        joints_m, evidence = refine(detected, depth_m, camera)
+        refined = np.isfinite(evidence).all(axis=-1)
+        confidence = np.where(refined, probability(evidence, REFINED_WEIGHTS), detected.confidence)
+        return Estimate(joints_m, confidence.astype(np.float32))
 
 
-def estimate_body(frames: Iterable[tuple[np.ndarray, DepthGrid]]) -> Body | None:
-    """Estimates the body of a person with approximately known joints in several frames.
+def refine(detected: Estimate, depth_m: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Fits the body to the depth of each frame, with a prior at the detected joints.
 
     Args:
-        frames: (15, 3) joints in the camera frame in metres and the depth image, for each frame.
+        detected: joints and confidence of T frames.
+        depth_m: (T, H, W) float32 metres of the person, 0 elsewhere.
+        camera: the camera of these pixels.
 
     Returns:
-        The body, or None if no frame has valid lengths.
+        (T, 15, 3) float32 refined joints in metres, and (T, 15, 4) their `refined_evidence`. In frames that are not refined
+        these are the detected joints and NaN.
     """
-    bodies, observations = [], []
-    for joints_m, grid in islice(frames, MAX_BODY_FRAMES):
-        try:
-            bodies.append(body_from_model(HumanModel.from_joints(joints_m)))
-        except InputError:  # invalid lengths
+    person = RunningBody()
+    joints_m = detected.joints_camera_m.copy()
+    evidence = np.full((*joints_m.shape[:2], len(REFINED_WEIGHTS)), np.nan)
+    for t, found_m in enumerate(detected.joints_camera_m):
+        if not np.isfinite(found_m).all():
             continue
-        observations.append((joints_m, grid))
-    if not bodies:
-        return None
-    lengths_m, limbs_m, radii_m = (
-        np.median([getattr(body, name) for body in bodies], axis=0) for name in ("lengths_m", "limbs_m", "radii_m")
-    )
-    body = bodies[0]._replace(lengths_m=lengths_m, limbs_m=limbs_m, radii_m=radii_m)
-    return body._replace(
-        radii_m=np.median([_radii_m(body, *observation) for observation in observations[::THICKNESS_STRIDE]], axis=0)
-    )
+        grid = build_depth_grid(depth_m[t], camera)
+        if len(grid.points_m) < MIN_POINTS:
+            continue
+        body = person.update(found_m, grid)
+        if body is not None:
+            fitted_m = fit(found_m, grid, body, FIT_ITERATIONS, prior_weight=DETECTION_PRIOR_WEIGHT)
+            moved_m = np.linalg.norm(fitted_m - found_m, axis=-1)
+            joints_m[t] = fitted_m
+            evidence[t] = refined_evidence(detected.confidence[t], fit_score(fitted_m, grid, body), moved_m)
+    return joints_m, evidence
 
 
-def _radii_m(body: Body, joints_m: np.ndarray, grid: DepthGrid) -> np.ndarray:
-    """(P, 2) radii of the parts measured in one frame."""
-    return fit_thickness(body, fit(joints_m, grid, body, FIT_ITERATIONS, prior_weight=DETECTION_PRIOR_WEIGHT), grid).radii_m
+class RunningBody:
+    """The body of a person whose joints are approximately known, from the frames so far.
+
+    Attributes:
+        body: the body, None before the first frame with valid lengths.
+    """
+
+    def __init__(self) -> None:
+        self.body: Body | None = None
+        self._bodies: list[Body] = []
+        self._radii_m: list[np.ndarray] = []
+
+    def update(self, joints_m: np.ndarray, grid: DepthGrid) -> Body | None:
+        """Adds a frame, unless `MAX_BODY_FRAMES` are in already, and returns the body.
+
+        Args:
+            joints_m: (15, 3) joints in the camera frame in metres.
+            grid: the depth image.
+        """
+        if len(self._bodies) >= MAX_BODY_FRAMES:
+            return self.body
+        try:
+            self._bodies.append(body_from_model(HumanModel.from_joints(joints_m)))
+        except InputError:  # invalid lengths
+            return self.body
+        lengths_m, limbs_m, radii_m = (
+            np.median([getattr(body, name) for body in self._bodies], axis=0) for name in ("lengths_m", "limbs_m", "radii_m")
+        )
+        average = self._bodies[0]._replace(lengths_m=lengths_m, limbs_m=limbs_m, radii_m=radii_m)
+        if len(self._bodies) % THICKNESS_STRIDE == 1:
+            fitted_m = fit(joints_m, grid, average, FIT_ITERATIONS, prior_weight=DETECTION_PRIOR_WEIGHT)
+            self._radii_m.append(fit_thickness(average, fitted_m, grid).radii_m)
+        self.body = average._replace(radii_m=np.median(self._radii_m, axis=0))
+        return self.body

@@ -1,18 +1,11 @@
-"""Thickness of a person's parts, and confidence of joints, from the distances of the points to the body's surface."""
+"""Thickness of a person's parts, from the distances of the points to the body's surface."""
 
 import numpy as np
 from numba import njit
 
-from kpopnet.geometry.body import PART_KIND, PARTS, RADII_M, ROW_TO_JOINT, Body
-from kpopnet.geometry.cones import HIDDEN_DEPTH_M, extend_joints, nearest_parts, part_segments
+from kpopnet.geometry.body import PART_KIND, PARTS, RADII_M, Body
+from kpopnet.geometry.cones import extend_joints, nearest_parts, part_segments
 from kpopnet.geometry.depth_grid import DepthGrid
-from kpopnet.skeleton import NUM_JOINTS
-
-FULL_SUPPORT_POINTS = 4
-"""From this number of points on the parts that end at a joint, the number no longer limits its confidence."""
-
-HALF_CONFIDENCE_M = 0.06
-"""A mean residual of this many metres halves the confidence."""
 
 MAX_CORRECTION_M = 0.05
 """Largest correction of a part's radius, in metres."""
@@ -49,25 +42,3 @@ def fit_thickness(body: Body, joints_m: np.ndarray, grid: DepthGrid) -> Body:
         radii = np.clip(radii, body.radii_m - MAX_CORRECTION_M, body.radii_m + MAX_CORRECTION_M)
         radii = np.maximum(radii, body.radii_m / 2)
     return body._replace(radii_m=radii)
-
-
-@njit(cache=True)
-def _residuals(joints, points, parts, radii, trunk_offsets):
-    """(15, 2) sum of absolute residuals and number of points; each point counts for the nearer end of its part."""
-    axes = part_segments(extend_joints(joints, trunk_offsets), parts, radii)
-    sums = np.zeros((len(joints), 2))
-    part, distances, along = nearest_parts(axes, points, 1)
-    for i in range(len(points)):
-        joint = ROW_TO_JOINT[parts[part[i], 0] if along[i] < 0.5 else parts[part[i], 1]]
-        sums[joint, 0] += min(abs(distances[i]), 2 * HIDDEN_DEPTH_M)
-        sums[joint, 1] += 1
-    return sums
-
-
-def joint_confidence(joints_m: np.ndarray, grid: DepthGrid, body: Body) -> np.ndarray:
-    """(15,) confidence in 0..1, from the number of points around each joint and their residuals; 0 without any points."""
-    sums = _residuals(joints_m, grid.points_m, PARTS, body.radii_m, body.trunk_offsets_m)
-    residual = sums[:, 0] / np.maximum(sums[:, 1], 1)
-    confidence = np.minimum(sums[:, 1] / FULL_SUPPORT_POINTS, 1) / (1 + (residual / HALF_CONFIDENCE_M) ** 2)
-    assert confidence.shape == (NUM_JOINTS,)
-    return confidence

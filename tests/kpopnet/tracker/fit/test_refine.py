@@ -11,7 +11,7 @@ from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate
 from kpopnet.geometry.depth_grid import build_depth_grid
-from kpopnet.tracker.fit.refine import FittedEstimator, estimate_body
+from kpopnet.tracker.fit.refine import MAX_BODY_FRAMES, FittedEstimator, RunningBody
 from kpopnet.tracker.fit.solver import fit
 
 CAMERA = CAMERAS["kinect_v1"]
@@ -46,18 +46,43 @@ def test_refinement_reduces_the_error(film) -> None:
     joints, depth_m, detected = film
     found = FittedEstimator(FixedEstimator(detected)).estimate(depth_m, CAMERA)
     assert error_m(found.joints_camera_m, joints) < 0.65 * error_m(detected, joints)
-    assert found.joints_camera_m.dtype == np.float32 and (found.confidence == 0.75).all()
+    assert found.joints_camera_m.dtype == found.confidence.dtype == np.float32
 
 
 def test_lengths_are_medians_over_frames(film) -> None:
     joints, depth_m, detected = film
     truth = cone_body(joints[0])
-    body = estimate_body((pose, build_depth_grid(image, CAMERA)) for pose, image in zip(detected, depth_m, strict=True))
-    one = estimate_body([(detected[0], build_depth_grid(depth_m[0], CAMERA))])
-    off, off_one = (np.abs(b.limbs_m - truth.limbs_m).mean() for b in (body, one))
+    person, grids = RunningBody(), [build_depth_grid(image, CAMERA) for image in depth_m]
+    bodies = [person.update(pose, grid) for pose, grid in zip(detected, grids, strict=True)]
+    off_one, *_, off = (np.abs(body.limbs_m - truth.limbs_m).mean() for body in bodies)
     assert off < 0.02 < off_one
-    assert estimate_body([]) is None
-    assert estimate_body([(np.full((15, 3), np.nan), build_depth_grid(depth_m[0], CAMERA))]) is None
+    limbs_m = [cone_body(pose).limbs_m for pose in detected]
+    np.testing.assert_allclose(bodies[-1].limbs_m, np.median(limbs_m, axis=0))
+
+
+def test_a_pose_with_invalid_lengths_does_not_count(film) -> None:
+    joints, depth_m, _ = film
+    grid, person = build_depth_grid(depth_m[0], CAMERA), RunningBody()
+    assert person.update(np.full((15, 3), np.nan), grid) is None
+    body = person.update(joints[0], grid)
+    assert person.update(np.full((15, 3), np.nan), grid) is body
+
+
+def test_the_body_is_settled_after_its_frames(film) -> None:
+    joints, depth_m, detected = film
+    grid, person = build_depth_grid(depth_m[0], CAMERA), RunningBody()
+    for _ in range(MAX_BODY_FRAMES):
+        body = person.update(joints[0], grid)
+    assert person.update(detected[3], grid) is body
+
+
+def test_a_frame_depends_on_no_later_one(film) -> None:
+    _, depth_m, detected = film
+    whole = FittedEstimator(FixedEstimator(detected)).estimate(depth_m, CAMERA)
+    for frames in (1, 5):
+        part = FittedEstimator(FixedEstimator(detected[:frames])).estimate(depth_m[:frames], CAMERA)
+        np.testing.assert_array_equal(part.joints_camera_m, whole.joints_camera_m[:frames])
+        np.testing.assert_array_equal(part.confidence, whole.confidence[:frames])
 
 
 def test_a_higher_prior_weight_keeps_the_pose_closer_to_the_start(film) -> None:
@@ -75,10 +100,12 @@ def test_frames_with_missing_joints_or_without_a_person_are_unchanged(film) -> N
     detected[2, 5], depth_m[4] = np.nan, 0
     depth_m[6] = 0
     depth_m[6, 100, 100] = 2.0
-    found = FittedEstimator(FixedEstimator(detected)).estimate(depth_m, CAMERA).joints_camera_m
+    found, confidence = FittedEstimator(FixedEstimator(detected)).estimate(depth_m, CAMERA)
     for frame in (2, 4, 6):
         np.testing.assert_array_equal(found[frame], detected[frame])
+        assert (confidence[frame] == 0.75).all()
     assert (found[[0, 1, 3, 5, 7]] != detected[[0, 1, 3, 5, 7]]).all()
+    assert (confidence[[0, 1, 3, 5, 7]] != 0.75).all()
 
 
 @pytest.mark.parametrize("change", [lambda depth_m: depth_m[0], lambda depth_m: depth_m > 0])

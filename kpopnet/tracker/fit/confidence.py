@@ -1,0 +1,81 @@
+"""Confidence of joints that were fitted to the depth: the probability that a joint is within 10 cm of the truth.
+
+A logistic regression of how well the body explains the points around the joint and on the whole person. A tracker that lost
+its person fits badly everywhere, which the points around one joint may not show. The weights were fitted to simulated people
+whom no benchmark shows:
+
+    python -m synth benchmark=eval_sim benchmark.seed=101 benchmark.sequences=8 out=data/confidence/101
+    python -m synth benchmark=eval_sim benchmark.seed=102 benchmark.sequences=8 out=data/confidence/102
+    python -m kpopnet.evaluation.poses.calibration data/confidence/101 data/confidence/102 --checkpoint outputs/train/RUN/best
+
+prints them again. On simulated depth they give probabilities; where a data set defines a joint elsewhere than the simulated
+people do, the confidence cannot know it.
+"""
+
+import numpy as np
+from numba import njit
+
+from kpopnet.geometry.body import PARTS, ROW_TO_JOINT, Body
+from kpopnet.geometry.cones import HIDDEN_DEPTH_M, extend_joints, nearest_parts, part_segments
+from kpopnet.geometry.depth_grid import DepthGrid
+
+TRACKED_WEIGHTS = (-4.404, 3.093, 5.616)
+ALGORITHM_2_WEIGHTS = (-4.588, 1.415, 6.267)
+"""Weights of `tracked_evidence`, for the body tracker and for Algorithm 2 alone."""
+
+REFINED_WEIGHTS = (0.119, 0.935, 2.102, -0.116)
+"""Weights of `refined_evidence`."""
+
+FULL_SUPPORT_POINTS = 4
+"""From this number of points on the parts that end at a joint, the number no longer limits its score."""
+
+HALF_SCORE_M = 0.06
+"""A mean residual of this many metres halves the score."""
+
+LEAST_PROBABILITY = 1e-4
+"""Limits the logit of a given confidence."""
+
+
+def probability(evidence: np.ndarray, weights: tuple[float, ...]) -> np.ndarray:
+    """(...,) probability of being within 10 cm of the truth, from (..., K) evidence and its K weights."""
+    return 1 / (1 + np.exp(-(evidence @ np.asarray(weights))))
+
+
+def tracked_evidence(score: np.ndarray) -> np.ndarray:
+    """(15, 3) evidence of a tracked pose with (15,) `fit_score`: 1, the joint's score, the mean score of all joints."""
+    return np.stack([np.ones_like(score), score, np.full_like(score, score.mean())], axis=-1)
+
+
+def refined_evidence(detected: np.ndarray, score: np.ndarray, moved_m: np.ndarray) -> np.ndarray:
+    """Evidence of a detected pose that was refined by fitting the body.
+
+    Args:
+        detected: (15,) the detector's confidence, a probability.
+        score: (15,) `fit_score` of the refined pose.
+        moved_m: (15,) distance of each refined joint from the detected one, metres.
+
+    Returns:
+        (15, 4): 1, the logit of the detector's confidence, the score, the distance in centimetres.
+    """
+    chance = np.clip(detected, LEAST_PROBABILITY, 1 - LEAST_PROBABILITY).astype(np.float64)
+    return np.stack([np.ones_like(score), np.log(chance / (1 - chance)), score, 100 * moved_m], axis=-1)
+
+
+def fit_score(joints_m: np.ndarray, grid: DepthGrid, body: Body) -> np.ndarray:
+    """(15,) in 0..1: how well the points around each joint lie on the body's surface; 0 without any points."""
+    sums = _residuals(joints_m, grid.points_m, PARTS, body.radii_m, body.trunk_offsets_m)
+    residual_m = sums[:, 0] / np.maximum(sums[:, 1], 1)
+    return np.minimum(sums[:, 1] / FULL_SUPPORT_POINTS, 1) / (1 + (residual_m / HALF_SCORE_M) ** 2)
+
+
+@njit(cache=True)
+def _residuals(joints, points, parts, radii, trunk_offsets):
+    """(15, 2) sum of absolute residuals and number of points; each point counts for the nearer end of its part."""
+    axes = part_segments(extend_joints(joints, trunk_offsets), parts, radii)
+    sums = np.zeros((len(joints), 2))
+    part, distances, along = nearest_parts(axes, points, 1)
+    for i in range(len(points)):
+        joint = ROW_TO_JOINT[parts[part[i], 0] if along[i] < 0.5 else parts[part[i], 1]]
+        sums[joint, 0] += min(abs(distances[i]), 2 * HIDDEN_DEPTH_M)
+        sums[joint, 1] += 1
+    return sums
