@@ -40,6 +40,7 @@ from kpopnet.programs.stages import stages_of
 from synth.motion import MotionConfig, build_motion
 from synth.motion.choreography.composer import dance
 from synth.motion.skeleton import REST_OFFSETS_M
+from synth.realism.sources import read_real
 from synth.samples.observe import ExtractionConfig, Observer
 from synth.sensor.model import SensorConfig
 
@@ -295,6 +296,11 @@ FORMATS = {
     ),
     "aist_json": Format(make_aist_json, ("*.json",), lambda folder: aist_joints_m(read_aist(folder / "aist.json"), "fuzz")),
     "imperial": Format(make_imperial, ("*.npy",), read_imperial_joints),
+    "itop_npz": Format(
+        lambda folder: np.savez(folder / "itop.npz", side_m=np.stack([y_joints()] * 3).astype(np.float32)),
+        ("*.npz",),
+        lambda folder: read_real(folder / "itop.npz", 1, 0),
+    ),
     "human_model": Format(
         lambda folder: HumanModel.from_joints(joints(1)[0]).save(folder / "model.json"),
         ("*.json",),
