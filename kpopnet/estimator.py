@@ -85,7 +85,8 @@ class StartedEstimator(Estimator, Protocol):
     """An estimator that tracks, and can start from a given pose.
 
     Attributes:
-        starts_from_label: it must be given a ground-truth pose; the evaluation passes one and reports that it did.
+        starts_from_label: it must be given a ground-truth pose; the evaluation passes one, does not score the estimator in that
+            frame, and reports both.
     """
 
     starts_from_label: bool

@@ -11,7 +11,7 @@ NO_VALUE = "-"
 
 HEADLINE = (
     ("within 10 cm (mAP), fifteen joints", "map_10cm", "%"),
-    ("the paper's fourteen joints, without the neck", "map_14", "%"),
+    ("within 10 cm, the paper's fourteen joints", "map_14", "%"),
     ("mean error", "mean_error_cm", "cm"),
     ("median error", "median_error_cm", "cm"),
     ("mean error of visible joints (Eq. 16)", "average_pose_error_cm", "cm"),
