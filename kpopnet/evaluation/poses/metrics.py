@@ -32,6 +32,7 @@ class PoseResults:
     Attributes:
         truth_m: (N, 15, 3) true joints in metres in the camera frame, NaN where they are unknown.
         estimate_m: (N, 15, 3) estimated joints likewise, NaN where missing.
+        confidence: (N, 15) confidence of the estimates in 0..1.
         visible: (N, 15) bool, whether the joint is visible in the depth image.
         sequence: (N,) int, index into sequence_names.
         sequence_names: names of the sequences.
@@ -42,6 +43,7 @@ class PoseResults:
 
     truth_m: np.ndarray
     estimate_m: np.ndarray
+    confidence: np.ndarray
     visible: np.ndarray
     sequence: np.ndarray
     sequence_names: tuple[str, ...]
@@ -57,7 +59,7 @@ class PoseResults:
 
     def select_frames(self, rows: np.ndarray) -> "PoseResults":
         """A copy with the frames that `rows`, an index or boolean mask, selects."""
-        per_frame = ("truth_m", "estimate_m", "visible", "sequence", "yaw_rad", "unit", "given")
+        per_frame = ("truth_m", "estimate_m", "confidence", "visible", "sequence", "yaw_rad", "unit", "given")
         return replace(self, **{name: getattr(self, name)[rows] for name in per_frame})
 
 

@@ -13,6 +13,7 @@ from kpopnet.datasets.protocol import Origin
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.document import Block, as_text, describe_files, describe_revision, write_document
 from kpopnet.evaluation.intervals import FEWEST_UNITS
+from kpopnet.evaluation.poses.confidence import confidence_blocks, confidence_figure
 from kpopnet.evaluation.poses.figures import error_curve, examples_sheet, joint_bars, sequence_bars, sweep_plot
 from kpopnet.evaluation.poses.run import Resampled, Run
 from kpopnet.evaluation.poses.sweep import Sweep
@@ -107,11 +108,11 @@ def metrics_json(run: Run, config: EvaluateConfig, figures: list[str]) -> dict:
     """Contents of metrics.json: metrics of the main estimator, of every estimator under `estimators`, and the benchmark.
 
     `in_label_definition` of an estimator holds its figures in the labels' definition, fitted on the other people, where the
-    labels have one of their own. `images` is the number of evaluated frames; `pictures` lists the files of `figures`;
-    `mean_pose_error_cm` is the mean joint error of the mean pose baseline, null where no mean pose is known. `benchmark` has
-    seed, version and config_hash of a simulated set, null of a real one, and `resampled`, what the intervals resample
-    (`Resampled`). `differences` has the paired differences of the other estimators from the main one. `files` is the result of
-    `EvaluateConfig.files`.
+    labels have one of their own; `confidence` is the result of `evaluate_confidence`. `images` is the number of evaluated
+    frames; `pictures` lists the files of `figures`; `mean_pose_error_cm` is the mean joint error of the mean pose baseline,
+    null where no mean pose is known. `benchmark` has seed, version and config_hash of a simulated set, null of a real one, and
+    `resampled`, what the intervals resample (`Resampled`). `differences` has the paired differences of the other estimators
+    from the main one. `files` is the result of `EvaluateConfig.files`.
     """
     resolved = asdict(config)
     canonical = json.dumps(resolved, sort_keys=True)
@@ -172,6 +173,8 @@ def write_report(folder: Path, run: Run, config: EvaluateConfig, sweep: Sweep | 
     run, run_with_sweep = _without_sweep(run, sweep), run
     listed, worst = listed_sequences(run), worst_sequence(run)
     plots = {"per_joint.png": joint_bars(run), "error_curve.png": error_curve(run)}
+    title = f"{run.benchmark.name} ({run.benchmark.origin.value}), against {run.benchmark.truth}"
+    plots["confidence.png"] = confidence_figure(run.results, title)
     if len(listed) > 1:
         plots["per_sequence.png"] = sequence_bars(run, sorted(listed, key=list(main_metrics(run)["per_sequence"]).index))
     if sweep:
@@ -238,6 +241,7 @@ def report_blocks(run: Run, metrics: dict) -> list[Block]:
         *definition_blocks(run),
         ("figure", ("per_joint.png", "Mean error and percentage within 10 cm of each joint")),
         ("figure", ("error_curve.png", "Percentage of joints within a distance of the true position")),
+        *confidence_blocks(run.metrics),
     ]
     total = len(main_metrics(run)["per_sequence"])
     of_all = f", the {len(listed)} worst of {total}" if len(listed) < total else ", worst first"

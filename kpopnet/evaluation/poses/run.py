@@ -12,6 +12,7 @@ from kpopnet.datasets.protocol import Benchmark, evenly_spaced
 from kpopnet.datasets.synthetic import SyntheticBenchmark
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator, base_estimator, starts_from_label
+from kpopnet.evaluation.poses.confidence import evaluate_confidence
 from kpopnet.evaluation.poses.definition import in_label_definition
 from kpopnet.evaluation.poses.metrics import PoseResults, difference, evaluate
 from kpopnet.evaluation.poses.sequence import EstimatedSequence, FailedSequence, SequenceEstimation
@@ -41,8 +42,8 @@ class Run:
     Attributes:
         benchmark: the data set.
         results: joints of all N frames by the estimator's name, in the order of the report.
-        metrics: by the estimator's name: the figures of `metrics.evaluate`, and `fps`, frames per second of the estimation
-            without the extraction.
+        metrics: by the estimator's name: the figures of `metrics.evaluate` and `evaluate_confidence`, and `fps`, frames per
+            second of the estimation without the extraction.
         differences: `metrics.difference` of every estimator but the first from the first one, by the estimator's name.
         resampled: what the intervals resample.
         frame: (N,) index of each frame within its sequence.
@@ -140,6 +141,7 @@ def run_benchmark(
         results=results,
         metrics={
             label: evaluate(one, seed)
+            | evaluate_confidence(one)
             | _in_label_definition(benchmark, one, parts, seed)
             | {"fps": _frames_per_second(parts, [part.seconds[label] for part in parts])}
             for label, one in results.items()
@@ -197,6 +199,7 @@ def _concatenate(outcomes: dict[str, EstimatedSequence], label: str, unit: np.nd
     return PoseResults(
         truth_m=np.concatenate([part.truth_m for part in parts]),
         estimate_m=np.concatenate([part.estimate_m[label] for part in parts]),
+        confidence=np.concatenate([part.confidence[label] for part in parts]),
         visible=np.concatenate([part.visible for part in parts]),
         sequence=np.repeat(np.arange(len(parts)), [len(part.truth_m) for part in parts]),
         sequence_names=tuple(outcomes),
@@ -233,8 +236,8 @@ def _in_label_definition(benchmark: Benchmark, results: PoseResults, parts: Coll
         return {}
     person = np.repeat([part.identity for part in parts], [len(part.truth_m) for part in parts])
     labels_m = np.where(results.given[:, None, None], np.nan, results.truth_m)
-    estimate_m = in_label_definition(labels_m, results.estimate_m, person)
-    return {"in_label_definition": {"definition": definition} | evaluate(replace(results, estimate_m=estimate_m), seed)}
+    defined = replace(results, estimate_m=in_label_definition(labels_m, results.estimate_m, person))
+    return {"in_label_definition": {"definition": definition} | evaluate(defined, seed) | evaluate_confidence(defined)}
 
 
 def _frames_per_second(parts: Collection[EstimatedSequence], seconds: list[float]) -> float:

@@ -9,7 +9,7 @@ import torch
 
 from kpopnet.datasets.protocol import Benchmark, Sequence
 from kpopnet.errors import InputError
-from kpopnet.estimator import Estimator, Start, base_estimator, first_label, starts_from_label
+from kpopnet.estimator import Estimate, Estimator, Start, base_estimator, first_label, starts_from_label
 from kpopnet.extraction import HumanExtractionConfig, extract_person
 
 log = logging.getLogger(__name__)
@@ -28,6 +28,7 @@ class EstimatedSequence:
         identity: as in the sequence.
         room: as in the sequence.
         estimate_m: (T, 15, 3) estimated joints by the estimator's name.
+        confidence: (T, 15) their confidence likewise.
         given: (T,) bool by the estimator's name: the frames whose true joints it was given.
         seconds: estimation time by the estimator's name: processor time of one core, or wall-clock time on a GPU.
         extraction_seconds: processor time of the person extraction; None where the depth is segmented.
@@ -40,6 +41,7 @@ class EstimatedSequence:
     identity: str
     room: str
     estimate_m: dict[str, np.ndarray]
+    confidence: dict[str, np.ndarray]
     given: dict[str, np.ndarray]
     seconds: dict[str, float]
     extraction_seconds: float | None
@@ -78,12 +80,12 @@ class SequenceEstimation:
             sequence = self.benchmark.read(name)
             stage = "extraction: "
             sequence, extraction_seconds = self._segment_person(sequence)  # the scene's depth is not needed any more
-            estimate_m, given, seconds = {}, {}, {}
+            estimates, given, seconds = {}, {}, {}
             for label, estimator in self.estimators.items():
                 stage = f"{label}: "
                 start = first_label(sequence.joints_camera_m) if starts_from_label(estimator) else None
                 given[label] = np.arange(len(sequence.depth_m)) == (-1 if start is None else start.frame)
-                estimate_m[label], seconds[label] = self._estimate(label, estimator, sequence, start)
+                estimates[label], seconds[label] = self._estimate(label, estimator, sequence, start)
         except InputError as error:
             return FailedSequence(f"{stage}{error}")
         except Exception as error:
@@ -96,7 +98,8 @@ class SequenceEstimation:
             yaw_rad=unknown if sequence.yaw_rad is None else sequence.yaw_rad,
             identity=sequence.identity,
             room=sequence.room,
-            estimate_m=estimate_m,
+            estimate_m={label: estimate.joints_camera_m for label, estimate in estimates.items()},
+            confidence={label: estimate.confidence for label, estimate in estimates.items()},
             given=given,
             seconds=seconds,
             extraction_seconds=extraction_seconds,
@@ -114,8 +117,8 @@ class SequenceEstimation:
         person_m = extract_person(sequence.depth_m, sequence.camera, self.extraction)
         return replace(sequence, depth_m=person_m, is_segmented=True), time.process_time() - start
 
-    def _estimate(self, label: str, estimator: Estimator, sequence: Sequence, given: Start | None) -> tuple[np.ndarray, float]:
-        """(T, 15, 3) joints, and the estimation time in seconds. `given` is the true pose to start from, if any."""
+    def _estimate(self, label: str, estimator: Estimator, sequence: Sequence, given: Start | None) -> tuple[Estimate, float]:
+        """The joints of T frames, and the estimation time in seconds. `given` is the true pose to start from, if any."""
         arguments = {} if given is None else {"start": given}
         if label not in self.warmed_up:
             estimator.estimate(sequence.depth_m[:WARM_UP_FRAMES], sequence.camera, **arguments)
@@ -123,7 +126,7 @@ class SequenceEstimation:
         on_gpu = getattr(base_estimator(estimator), "device", torch.device("cpu")).type != "cpu"
         clock = time.perf_counter if on_gpu else time.process_time
         start = clock()
-        joints_m = estimator.estimate(sequence.depth_m, sequence.camera, **arguments).joints_camera_m
+        estimate = estimator.estimate(sequence.depth_m, sequence.camera, **arguments)
         seconds = clock() - start
-        assert joints_m.shape == sequence.joints_camera_m.shape, (label, joints_m.shape)
-        return joints_m, seconds
+        assert estimate.joints_camera_m.shape == sequence.joints_camera_m.shape, (label, estimate.joints_camera_m.shape)
+        return estimate, seconds

@@ -29,6 +29,7 @@ def pose_results(truth, estimate, visible=None, sequence=None, yaw=None, unit=No
     return PoseResults(
         truth_m=truth,
         estimate_m=estimate,
+        confidence=np.isfinite(estimate).all(-1).astype(np.float32),
         visible=np.isfinite(truth).all(-1) if visible is None else visible,
         sequence=sequence,
         sequence_names=tuple(f"s{k}" for k in range(sequence.max() + 1)),

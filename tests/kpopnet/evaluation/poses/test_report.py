@@ -109,7 +109,7 @@ def test_reports_name_origin_and_truth_and_link_only_existing_figures(benchmark,
         assert "SIMULATED depth, compared with synthetic truth" in report
         assert "2 of 3 sequences, evenly spaced" in report and "synthetic:" in report
     sources = re.findall(r'(?:src|href)="([^"]*)"', page)
-    assert sources == re.findall(r"!\[[^]]*\]\(([^)]*)\)", text) and len(sources) == 5
+    assert sources == re.findall(r"!\[[^]]*\]\(([^)]*)\)", text) and len(sources) == 6
     assert all((tmp_path / source).is_file() for source in sources)
     parser = TagBalance()
     parser.feed(page)
