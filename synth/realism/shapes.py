@@ -15,6 +15,8 @@ STEPS_PER_M = 345.0
 SHIN_ROWS, THIGH_ROWS, FOOT_ROWS = (0.08, 0.22), (0.31, 0.37), (0.0, 0.05)
 """Parts of the silhouette's height, from its lowest row: the lower legs, the thighs below hanging hands, the feet."""
 
+SMOOTHED_PX = 7
+
 LARGEST_HOLE_CM2 = 100.0
 """A larger empty region that the silhouette encloses is the loop of an arm or between the legs, not a hole."""
 
@@ -87,13 +89,22 @@ def feet_width_cm(frame: Frame) -> float:
     return float(rows.sum(axis=1).max() * lowest_z_m / frame.camera.fx * 100)
 
 
+def outline_shape(frame: Frame) -> float:
+    """Square of the outline's length over the enclosed area: 4 pi for a disc, more for thin or spread limbs."""
+    body, height_px = _whole_body(frame)
+    return _outline_px(body) ** 2 / np.count_nonzero(body) if height_px else np.nan
+
+
 def raggedness(frame: Frame) -> float:
-    """Square of the outline's length over the enclosed area: 4 pi for a disc, more for thin limbs and ragged outlines."""
+    """Length of the outline over that of the silhouette smoothed by a median of SMOOTHED_PX: 1 for a smooth outline.
+
+    Unlike `outline_shape` it hardly depends on the pose.
+    """
     body, height_px = _whole_body(frame)
     if not height_px:
         return np.nan
-    outline = max(cv2.findContours(body.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0], key=len)
-    return cv2.arcLength(outline, True) ** 2 / np.count_nonzero(body)
+    smooth = cv2.medianBlur(body.astype(np.uint8), SMOOTHED_PX)
+    return _outline_px(body) / _outline_px(smooth) if smooth.any() else np.nan
 
 
 def hole_share(frame: Frame) -> float:
@@ -152,6 +163,12 @@ def _whole_body(frame: Frame) -> tuple[np.ndarray, int]:
         return np.zeros(inside.shape, bool), 0
     largest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
     return labels == largest, int(stats[largest, cv2.CC_STAT_HEIGHT])
+
+
+def _outline_px(body: np.ndarray) -> float:
+    """Length of the longest outer outline of an (H, W) mask, pixels."""
+    outlines, _ = cv2.findContours(body.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    return max(cv2.arcLength(outline, True) for outline in outlines)
 
 
 def _rows(image: np.ndarray, part: tuple[float, float], body: np.ndarray | None = None) -> np.ndarray:

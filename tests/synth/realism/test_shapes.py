@@ -50,6 +50,16 @@ PERSON = blocks((40, 120, 140, 180), (120, 192, 142, 158), (120, 192, 162, 178),
 """160 pixels high: a trunk 40 wide, two legs of 16, a block of feet of 44."""
 
 
+OF_WHOLE_BODIES = (
+    shapes.area_share,
+    shapes.shins_width,
+    shapes.thighs_width,
+    shapes.feet_width_cm,
+    shapes.outline_shape,
+    shapes.raggedness,
+)
+
+
 def test_widths_and_area_of_a_person_of_blocks() -> None:
     area_px = 80 * 40 + 2 * 72 * 16 + 8 * 44
     assert shapes.area_share(PERSON) == pytest.approx(area_px / 160**2)
@@ -68,15 +78,14 @@ def test_legs_that_touch_have_no_width_of_shins_but_one_of_thighs() -> None:
 def test_specks_beside_the_person_change_no_measure_of_the_body() -> None:
     depth_m = PERSON.depth_m.copy()
     depth_m[230, 20] = depth_m[5, 300] = Z_M
-    for measure in (shapes.area_share, shapes.shins_width, shapes.feet_width_cm, shapes.raggedness):
+    for measure in (shapes.area_share, shapes.shins_width, shapes.feet_width_cm, shapes.outline_shape, shapes.raggedness):
         assert measure(frame(depth_m)) == measure(PERSON)
 
 
 def test_a_silhouette_at_the_border_is_cut_and_has_no_height() -> None:
     cut = blocks((100, 240, 140, 180))
     assert shapes.is_cut(cut) == 1 and shapes.is_cut(PERSON) == 0
-    for measure in (shapes.area_share, shapes.shins_width, shapes.thighs_width, shapes.feet_width_cm, shapes.raggedness):
-        assert math.isnan(measure(cut))
+    assert all(math.isnan(measure(cut)) for measure in OF_WHOLE_BODIES)
 
 
 def test_an_empty_frame_has_no_statistics() -> None:
@@ -90,11 +99,21 @@ def test_an_empty_frame_has_no_statistics() -> None:
 def test_the_outline_of_a_disc_is_round_and_teeth_make_it_longer() -> None:
     v, u = np.mgrid[:240, :320]
     disc = np.where((v - 120) ** 2 + (u - 160) ** 2 < 80**2, Z_M, 0)
-    round_ = shapes.raggedness(frame(disc))
-    assert round_ == pytest.approx(4 * math.pi, rel=0.15)  # a digital circle's outline is up to 8 % too long
-    disc[::2][:, :160] = 0
-    disc[:, 158:162][np.abs(v[:, 158:162] - 120) < 79] = Z_M
-    assert shapes.raggedness(frame(disc)) > 20 * round_
+    assert shapes.outline_shape(frame(disc)) == pytest.approx(4 * math.pi, rel=0.15)  # of pixels: up to 8 % too long
+    assert shapes.raggedness(frame(disc)) == pytest.approx(1, abs=0.03)
+    toothed = disc.copy()
+    toothed[::2, :160] = 0
+    toothed[41:199, 158:162] = Z_M
+    assert shapes.outline_shape(frame(toothed)) > 20 * shapes.outline_shape(frame(disc))
+
+
+def test_ragged_outlines_differ_from_spread_limbs() -> None:
+    slim, spread = blocks((40, 200, 140, 180)), blocks((40, 60, 120, 200), (60, 200, 120, 132), (60, 200, 188, 200))
+    assert shapes.outline_shape(spread) > 1.5 * shapes.outline_shape(slim)
+    assert shapes.raggedness(spread) == pytest.approx(shapes.raggedness(slim), abs=0.05)
+    depth_m = slim.depth_m.copy()
+    depth_m[40:200:4, 140:142] = 0  # 40 notches of 2 pixels
+    assert shapes.raggedness(frame(depth_m)) > shapes.raggedness(slim) + 0.2
 
 
 def test_holes_count_and_the_loop_of_an_arm_does_not() -> None:
