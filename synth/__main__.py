@@ -49,8 +49,10 @@ from synth.dances.simulate import KpopSimConfig, KpopSimSet
 from synth.motion import SPLITS, MotionConfig, build_motion
 from synth.samples.generate import finish, generate
 from synth.samples.observe import ExtractionConfig
-from synth.samples.sampler import CameraConfig, SampleConfig, StageConfig
+from synth.samples.placing import StageConfig
+from synth.samples.sampler import CameraConfig, SampleConfig
 from synth.samples.writer import MAX_SHARD_SIZE, MAX_SHARDS, FreezeConfig, SetConfig
+from synth.scene.props import PropsConfig
 from synth.scene.render import RENDERERS, make_renderer
 from synth.scene.room import ViewConfig
 from synth.scene.scene import Scene
@@ -114,6 +116,7 @@ class GenerateConfig:
         camera: intrinsics of the depth camera.
         view: where the camera stands and looks.
         stage: where people stand in the room.
+        props: seats, held objects and second people.
         sensor: noise of the depth sensor.
         extraction: errors of the silhouettes.
         ridge: parameters of the ridge image.
@@ -134,12 +137,13 @@ class GenerateConfig:
     camera: CameraConfig = field(default_factory=CameraConfig)
     view: ViewConfig = field(default_factory=ViewConfig)
     stage: StageConfig = field(default_factory=StageConfig)
+    props: PropsConfig = field(default_factory=PropsConfig)
     sensor: SensorConfig = field(default_factory=SensorConfig)
     extraction: ExtractionConfig = field(default_factory=ExtractionConfig)
     ridge: RidgeConfig = field(default_factory=RidgeConfig)
     renderer: str = "auto"
     samples_per_body: int = 8
-    samples_per_room: int = 500
+    samples_per_room: int = 25
 
     def __post_init__(self) -> None:
         unknown = set(self.frozen) - set(SPLITS)
@@ -168,6 +172,7 @@ class GenerateConfig:
             self.camera,
             self.view,
             self.stage,
+            self.props,
             renderer,
             self.samples_per_body,
             self.samples_per_room,
@@ -211,8 +216,8 @@ def make_set(config: GenerateConfig) -> None:
             continue
         print(
             f"{folder}: {summary['samples']} samples in {summary['shards']} shards, {summary['bytes'] / 1e6:.0f} MB, "
-            f"{summary['refused_poses']} poses rejected, {summary['forced_samples']} samples accepted after the last "
-            f"attempt; look at {folder / 'contact_sheet.png'}"
+            f"{summary['refused_poses']} poses and {summary['refused_places']} places rejected, "
+            f"{summary['forced_samples']} samples accepted after the last attempt; look at {folder / 'contact_sheet.png'}"
         )
 
 

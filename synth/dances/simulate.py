@@ -27,7 +27,7 @@ from synth.motion.choreography.composer import dance
 from synth.motion.skeleton import Motion
 from synth.motion.splice import resampled
 from synth.samples.observe import MARGIN_PX
-from synth.samples.sampler import silhouette_box
+from synth.samples.layers import silhouette_box
 from synth.scene.room import View, ViewConfig
 from synth.sensor.model import SENSORS, SensorConfig
 from synth.simulated.configuration import SimulatedSet, is_faulty, random_excerpt

@@ -45,7 +45,7 @@ def finish(config: SetConfig, folder: Path, look: FreezeConfig) -> dict | None:
         return None
     remove_unfinished(folder, ".shard_*.tmp")
     summary = {"samples": config.count, "shards": config.num_shards, "hash": config.hash}
-    totals = {"refused_poses": 0, "forced_samples": 0}
+    totals = {"refused_poses": 0, "refused_places": 0, "forced_samples": 0}
     for shard in range(config.num_shards):
         with open_shard(shard_path(folder, shard)) as file:
             for name in totals:

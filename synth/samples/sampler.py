@@ -8,49 +8,39 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numba import njit
 
-from kpopnet.camera import CAMERAS, MM_PER_METRE, Camera
+from kpopnet.camera import CAMERAS, Camera
 from kpopnet.data.shards import Sample
-from kpopnet.errors import InputError, check_between, check_range
+from kpopnet.errors import InputError, check_between
 from kpopnet.skeleton import Joint
-from synth.body.shape import BodyAsset, BodyConfig, Person, draw_person
+from synth.body.shape import BodyAsset
+from synth.body.shape import BodyConfig, Person, draw_person
 from synth.motion import SPLITS, MotionConfig, MotionSource, build_motion
 from synth.motion.skeleton import JOINT_NAMES as MOTION_BONES
 from synth.motion.skeleton import height_above_floor, multiply
-from synth.scene.render import RENDERERS, Renderer, make_renderer
+from synth.samples.layers import Around, compose, hidden_fraction, millimetres, visible_joints
+from synth.samples.placing import MISFRAMED, SOUND, UNSEEN, Body, Site, StageConfig, draw_place, draw_place_beside, faults
+from synth.scene.props import PropsConfig, held_by, is_sitting, seat_under
+from synth.scene.render import RENDERERS, Renderer, draw_mesh_m, make_renderer
 from synth.scene.room import Room, View, ViewConfig, draw_room, draw_view
 from synth.scene.scene import FittedPerson, Scene
-
-HIPS_HALF_DEPTH_M = 0.25
-"""Smallest distance between the hips and a wall."""
 
 BLOCK = 64
 """Number of samples whose poses are drawn in one batch. No sample depends on it."""
 
+_STREAMS = ("sample", "body", "room", "props")
+"""What is drawn from a generator of its own, by number. The order is part of every sample."""
+
+OTHER_PEOPLE = 1000
+"""The second person of a sample is one of the split's next people, up to this many numbers on."""
+
+ATTACHED_M = (0.03, 0.12)
+"""Range of the distance within which a seat or another person is segmented as the person."""
+
+MAX_HIDDEN = 0.5
+"""Largest fraction of a person's pixels that another person may hide."""
+
 SIDES = (("Left", 1.0), ("Right", -1.0))
-
-SURFACE_OFFSET_M = {
-    # Largest distance along z by which the measured surface may lie in front of a joint that counts as visible. A nearer
-    # surface belongs to another body part.
-    Joint.HEAD: 0.16,
-    Joint.NECK: 0.16,
-    Joint.TORSO: 0.20,
-    Joint.RIGHT_SHOULDER: 0.13,
-    Joint.LEFT_SHOULDER: 0.13,
-    Joint.RIGHT_HIP: 0.17,
-    Joint.LEFT_HIP: 0.17,
-    Joint.RIGHT_KNEE: 0.12,
-    Joint.LEFT_KNEE: 0.12,
-    Joint.RIGHT_ELBOW: 0.09,
-    Joint.LEFT_ELBOW: 0.09,
-    Joint.RIGHT_HAND: 0.08,
-    Joint.LEFT_HAND: 0.08,
-    Joint.RIGHT_FOOT: 0.12,
-    Joint.LEFT_FOOT: 0.12,
-}
-_SURFACE_OFFSET_M = np.array([SURFACE_OFFSET_M[joint] for joint in Joint])
-
 
 MAX_SIDE_PX = 4096
 """Largest width and height of a camera's image."""
@@ -90,46 +80,6 @@ class CameraConfig:
 
 
 @dataclass(frozen=True)
-class StageConfig:
-    """Where people stand, how they turn, and which poses are rejected.
-
-    Attributes:
-        distance_m: range of the hips' distance from the camera along the floor, metres; drawn uniformly.
-        off_centre: largest lateral offset of the hips, as a fraction of half the field of view at their distance.
-        turned: fraction of the samples with a uniformly random heading; the others face the camera up to `turn_deg`.
-        turn_deg: standard deviation of the heading of the people who face the camera, degrees.
-        penetration_m: deepest penetration of two body parts that is accepted, metres.
-        least_pixels: smallest number of visible pixels of the person; with fewer another place is drawn.
-        tries: largest number of poses drawn for a sample; then the one with the smallest penetration is taken.
-        place_tries: largest number of places drawn for a pose; then one is taken where the person is partly outside the
-            image.
-    """
-
-    distance_m: tuple[float, float] = (1.6, 4.2)
-    off_centre: float = 0.6
-    turned: float = 0.45
-    turn_deg: float = 35.0
-    penetration_m: float = 0.02
-    least_pixels: int = 400
-    tries: int = 16
-    place_tries: int = 8
-
-    def __post_init__(self) -> None:
-        check_range("stage.distance_m", self.distance_m, 0.3, 10)
-        if not (0 <= self.turned <= 1 and 0 <= self.off_centre <= 1):
-            raise InputError(f"stage.turned={self.turned} and stage.off_centre={self.off_centre} must lie in 0..1")
-        limits = {
-            "turn_deg": (0, 180),
-            "penetration_m": (0, 1),
-            "least_pixels": (0, 1e9),
-            "tries": (1, 1e6),
-            "place_tries": (1, 1e6),
-        }
-        for name, (low, high) in limits.items():
-            check_between(f"stage.{name}", getattr(self, name), low, high)
-
-
-@dataclass(frozen=True)
 class SampleConfig:
     """Everything that a sample depends on besides seed, split and index.
 
@@ -139,6 +89,7 @@ class SampleConfig:
         camera: intrinsics.
         view: range of camera poses.
         stage: where people stand and which poses are rejected.
+        props: things and people that hide a person or are segmented with them.
         renderer: auto, gl or cpu.
         samples_per_body: number of consecutive samples of the same person.
         samples_per_room: number of consecutive samples in the same room with the same camera pose.
@@ -149,9 +100,10 @@ class SampleConfig:
     camera: CameraConfig = field(default_factory=CameraConfig)
     view: ViewConfig = field(default_factory=ViewConfig)
     stage: StageConfig = field(default_factory=StageConfig)
+    props: PropsConfig = field(default_factory=PropsConfig)
     renderer: str = "auto"
     samples_per_body: int = 8
-    samples_per_room: int = 500
+    samples_per_room: int = 25
 
     def __post_init__(self) -> None:
         if self.renderer not in RENDERERS:
@@ -167,12 +119,17 @@ class RenderedSample:
     Attributes:
         sample: the sample as it is stored, except that `room` is the room's number in the whole set.
         rejected: number of poses drawn before this one and rejected.
-        forced: no acceptable pose and place was found within the allowed tries; the best one is taken.
+        refused_places: number of places drawn before this one and refused.
+        forced: no pose without self-penetration, or no free place with enough visible pixels, was found within the allowed
+            tries; the best one is taken.
+        props: names of what is seen around the person or in their hands.
     """
 
     sample: Sample
     rejected: int
+    refused_places: int
     forced: bool
+    props: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -216,7 +173,7 @@ class Sampler:
         self.renderer.close()
 
     def _rng(self, kind: str, index: int) -> np.random.Generator:
-        return np.random.default_rng((*self._seed, ("sample", "body", "room").index(kind), index))
+        return np.random.default_rng((*self._seed, _STREAMS.index(kind), index))
 
     def person(self, body: int) -> Person:
         """Person number `body` of the split."""
@@ -229,7 +186,7 @@ class Sampler:
             view, room = draw_view(rng, self.config.view), draw_room(rng)
             self.scene.set_view(view)
             self.scene.set_room(room)
-            depth_mm = _millimetres(self.renderer.room_m())
+            depth_mm = millimetres(self.renderer.room_m())
             self._room = index, RenderedRoom(depth_mm, view.floor().astype(np.float32), room, view)
         return self._room[1]
 
@@ -242,20 +199,24 @@ class Sampler:
         for block in range(start, stop, BLOCK):
             indices = range(block, min(block + BLOCK, stop))
             generators = [self._rng("sample", index) for index in indices]
-            for index, rng, chosen in zip(indices, generators, self._choose_poses(indices, generators), strict=True):
+            poses = self._choose_poses([self._body_of(index) for index in indices], generators)
+            for index, rng, chosen in zip(indices, generators, poses, strict=True):
                 yield self._render_sample(index, rng, chosen)
 
-    def _choose_poses(self, indices: range, generators: list[np.random.Generator]) -> list["_ChosenPose"]:
-        """Draws a pose without self-penetration for each sample. All rejected poses are redrawn in one batch."""
+    def _body_of(self, index: int) -> int:
+        return index // self.config.samples_per_body
+
+    def _choose_poses(self, bodies: list[int], generators: list[np.random.Generator]) -> list["_ChosenPose"]:
+        """Draws a pose without self-penetration for each person. All rejected poses are redrawn in one batch."""
         config, scene = self.config.stage, self.scene
-        chosen: list[_ChosenPose | None] = [None] * len(indices)
-        pending = list(range(len(indices)))
+        chosen: list[_ChosenPose | None] = [None] * len(bodies)
+        pending = list(range(len(bodies)))
         for attempt in range(config.tries):
             poses = self.source.poses([generators[k] for k in pending])
             lifts_m = np.maximum(height_above_floor(poses.quats, poses.root_m), 0) / poses.leg_m
             rejected = []
             for j, k in enumerate(pending):
-                self._set_person(indices[k])
+                self._set_person(bodies[k])
                 local = self._body_rotations(generators[k], poses.quats[j])
                 scene.pose(local, np.zeros(3))
                 penetration_m = scene.penetration_m()
@@ -275,19 +236,35 @@ class Sampler:
         """Places the person in the chosen pose and renders the sample."""
         config = self.config.stage
         room = self.room(self.room_of(index))
-        self._set_person(index)
-        for _ in range(config.place_tries):
-            self._place(rng, chosen, room)
-            sample = self._render(index, chosen.name, room)
-            enough = np.count_nonzero(sample.depth_mm) >= config.least_pixels
-            if enough:
-                break
-        forced = chosen.penetration_m > config.penetration_m or not enough
-        return RenderedSample(sample, chosen.rejected, forced)
+        site = Site(room.room, room.view, self.scene.camera)
+        body = self._posed_body(self._body_of(index), chosen)
+        cut = rng.random() < config.cut
+        best, least = None, SOUND
+        for refused in range(config.place_tries):
+            placed = _Placed(index, chosen, body, draw_place(rng, config, body, site, cut), room)
+            fault = faults(body, placed.place_m, site, cut)
+            if fault == SOUND:
+                sample, props = self._render(placed)
+                if np.count_nonzero(sample.depth_mm) >= config.least_pixels:
+                    return RenderedSample(sample, chosen.rejected, refused, chosen.penetration_m > config.penetration_m, props)
+                fault = UNSEEN
+            if best is None or fault < least:
+                best, least = placed, fault
+        sample, props = self._render(best)
+        forced = chosen.penetration_m > config.penetration_m or least > MISFRAMED
+        return RenderedSample(sample, chosen.rejected, config.place_tries, forced, props)
 
-    def _set_person(self, index: int) -> None:
-        """Sets the scene's person to that of sample `index`. The last people are cached."""
-        body = index // self.config.samples_per_body
+    def _posed_body(self, number: int, chosen: "_ChosenPose") -> Body:
+        """Person `number` in the chosen pose, with the hips at the world's origin."""
+        self._set_person(number)
+        self.scene.pose(chosen.local, np.zeros(3))
+        vertices_m = self.renderer.vertices_world_m().copy()
+        torso_m = self.scene.joints_world_m()[Joint.TORSO]
+        low_m, high_m = (np.array([f(vertices_m[:, axis]) for axis in range(3)], float) for f in (np.min, np.max))
+        return Body(vertices_m, low_m, high_m, torso_m, float(chosen.lift_m - low_m[2]))
+
+    def _set_person(self, body: int) -> None:
+        """Sets the scene's person to number `body` of the split. The last people are cached."""
         if self._current_body == body:
             return
         if body not in self._people:
@@ -304,40 +281,74 @@ class Sampler:
         curls_rad = np.array([rng.uniform(0.0, 1.5) for _ in SIDES])
         return body_rotations(self.scene.asset, quats, yaw, curls_rad)
 
-    def _place(self, rng: np.random.Generator, chosen: "_ChosenPose", room: RenderedRoom) -> None:
-        """Places the posed person on the floor, within the walls and, if possible, completely inside the image."""
-        config, scene, camera = self.config.stage, self.scene, self.scene.camera
-        back, left, right = room.room.clear_m()
-        scene.pose(chosen.local, np.zeros(3))
-        height_m = chosen.lift_m - self.renderer.vertices_world_m()[:, 2].min()
-        joints = scene.joints_world_m()
-        for _ in range(config.place_tries):
-            distance_m = min(rng.uniform(*config.distance_m), back - HIPS_HALF_DEPTH_M)
-            half_view_m = config.off_centre * distance_m * camera.width / (2 * camera.fx)
-            low, high = max(-half_view_m, left + HIPS_HALF_DEPTH_M), min(half_view_m, right - HIPS_HALF_DEPTH_M)
-            place_m = np.array([rng.uniform(low, high), distance_m, height_m])
-            u, v, z = camera.project(scene.view.to_camera(joints + place_m)).T
-            off = np.maximum(np.abs(u - camera.cx) / camera.width, np.abs(v - camera.cy) / camera.height)
-            if z.min() > 0 and off.max() < 0.5:
-                break
-        scene.pose(chosen.local, place_m)
-
-    def _render(self, index: int, name: str, room: RenderedRoom) -> Sample:
-        scene, camera = self.scene, self.scene.camera
-        depth_mm = np.empty((camera.height, camera.width), np.uint16)
-        box = _visible_depth(self.renderer.person_m(), room.depth_mm, depth_mm)
+    def _render(self, placed: "_Placed") -> tuple[Sample, tuple[str, ...]]:
+        """Renders a placed person, and what is around them. Returns the sample and the names of the props."""
+        scene, camera, room_mm = self.scene, self.scene.camera, placed.room.depth_mm
+        scene.pose(placed.chosen.local, placed.place_m)
+        person_m = self.renderer.person_m()
         joints = scene.view.to_camera(scene.joints_world_m())
-        return Sample(
-            depth_mm=depth_mm,
-            box=box,
+        yaw_rad = heading_rad(scene)
+        around, props = self._draw_around(placed, person_m)
+        composed = compose(person_m, room_mm, around, camera)
+        sample = Sample(
+            depth_mm=composed.depth_mm,
+            box=composed.box,
             joints_camera_m=joints.astype(np.float32),
-            visible=_visible(joints, depth_mm, camera),
-            body=index // self.config.samples_per_body,
-            motion=name,
-            yaw_rad=heading_rad(scene),
-            room=self.room_of(index),
+            visible=visible_joints(joints, composed.own_mm, camera),
+            body=self._body_of(placed.index),
+            motion=placed.chosen.name,
+            yaw_rad=yaw_rad,
+            room=self.room_of(placed.index),
             ridge=None,
         )
+        return sample, props
+
+    def _draw_around(self, placed: "_Placed", person_m: np.ndarray) -> tuple[Around, tuple[str, ...]]:
+        """Draws seat, held object and second person of a placed person, and their names."""
+        config, scene = self.config.props, self.scene
+        rng = self._rng("props", placed.index)
+        sits, holds, joined, left, *attached = rng.random(6)
+        seat_reach_m, other_reach_m = np.where(np.array(attached) < config.attached, rng.uniform(*ATTACHED_M, 2), 0.0)
+        joints_m, held_m = scene.joints_world_m(), None
+        others, names = [], []
+        if sits < config.seat and is_sitting(joints_m):
+            seat = seat_under(rng, joints_m, self.renderer.vertices_world_m(), scene.facing_world())
+            if seat is not None:
+                others.append((draw_mesh_m(scene, seat.mesh), seat_reach_m))
+                names.append(seat.name)
+        if holds < config.held:
+            side, hand = ("Left", Joint.LEFT_HAND) if left < 0.5 else ("Right", Joint.RIGHT_HAND)
+            held = held_by(rng, joints_m[hand], scene.bone_rotation(f"{side}Hand"), left=side == "Left")
+            held_m = draw_mesh_m(scene, held.mesh)
+            names.append(held.name)
+        if joined < config.second_person:
+            other_m = self._second_person_m(rng, placed, person_m)
+            if other_m is not None:
+                others.append((other_m, other_reach_m))
+                names.append("second person")
+        images, reaches_m = zip(*others, strict=True) if others else ((), ())
+        return Around(held_m, images, reaches_m), tuple(names)
+
+    def _second_person_m(self, rng: np.random.Generator, placed: "_Placed", person_m: np.ndarray) -> np.ndarray | None:
+        """(H, W) depth in metres of another person of the split close to a placed one; None if no place is free for them."""
+        scene, room = self.scene, placed.room
+        own = self._body_of(placed.index)
+        number = own + int(rng.integers(1, OTHER_PEOPLE))
+        (chosen,) = self._choose_poses([number], [rng])
+        other = self._posed_body(number, chosen)
+        drawn_m = None
+        for _ in range(self.config.stage.place_tries):
+            place_m = draw_place_beside(rng, placed.body, placed.place_m, other, Site(room.room, room.view, scene.camera))
+            if place_m is None:
+                continue
+            scene.pose(chosen.local, place_m)
+            other_m = self.renderer.person_m()
+            if hidden_fraction(person_m, other_m, room.depth_mm) <= MAX_HIDDEN:
+                drawn_m = other_m
+                break
+        self._set_person(own)
+        scene.pose(placed.chosen.local, placed.place_m)
+        return drawn_m
 
 
 def body_rotations(asset: BodyAsset, quats: np.ndarray, yaw_rad: float, curls_rad: np.ndarray) -> np.ndarray:
@@ -383,43 +394,15 @@ class _ChosenPose:
     rejected: int
 
 
-def _millimetres(depth_m: np.ndarray) -> np.ndarray:
-    """Depth in metres as uint16 millimetres."""
-    return np.rint(depth_m * np.float32(MM_PER_METRE)).astype(np.uint16)
+@dataclass(frozen=True)
+class _Placed:
+    """The person of sample `index` in a pose at a place, (3,) metres, in a room; `body` is the posed body."""
 
-
-def silhouette_box(depth_mm: np.ndarray) -> tuple[int, int, int, int]:
-    """Bounding box x0, y0, x1, y1 of the non-zero pixels, the last two exclusive; all 0 for an empty image."""
-    rows, columns = np.flatnonzero(depth_mm.any(1)), np.flatnonzero(depth_mm.any(0))
-    if not len(rows):
-        return 0, 0, 0, 0
-    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
-
-
-@njit(cache=True)
-def _visible_depth(person_m, room_mm, depth_mm):
-    """Writes the person's depth where the room does not occlude it. Returns the bounding box x0, y0, x1, y1."""
-    height, width = person_m.shape
-    x0, y0, x1, y1 = width, height, 0, 0
-    for y in range(height):
-        for x in range(width):
-            mm = np.uint16(np.rint(person_m[y, x] * np.float32(MM_PER_METRE)))
-            if mm > 0 and 0 < room_mm[y, x] < mm:
-                mm = np.uint16(0)
-            depth_mm[y, x] = mm
-            if mm > 0:
-                x0, y0, x1, y1 = min(x0, x), min(y0, y), max(x1, x + 1), max(y1, y + 1)
-    return (x0, y0, x1, y1) if x1 > 0 else (0, 0, 0, 0)
-
-
-def _visible(joints_camera_m: np.ndarray, depth_mm: np.ndarray, camera: Camera) -> np.ndarray:
-    """(15,) bool: whether a joint projects onto the visible person and the surface there belongs to its body part."""
-    u, v, z = camera.project(joints_camera_m).T
-    inside = (z > 0) & (np.abs(u - (camera.width - 1) / 2) < camera.width / 2)
-    inside &= np.abs(v - (camera.height - 1) / 2) < camera.height / 2
-    row, column = (np.where(inside, np.rint(w), 0).astype(int) for w in (v, u))
-    seen_mm = depth_mm[row, column]
-    return inside & (seen_mm > 0) & (seen_mm / MM_PER_METRE > z - _SURFACE_OFFSET_M)
+    index: int
+    chosen: _ChosenPose
+    body: Body
+    place_m: np.ndarray
+    room: RenderedRoom
 
 
 def heading_rad(scene: Scene) -> float:

@@ -24,9 +24,10 @@ from kpopnet.ridge import RidgeConfig
 from kpopnet.runtime.atomic_write import atomic_hdf5
 from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
 from synth.body.shape import ASSET
+from synth.samples.layers import silhouette_box
 from synth.samples.observe import ExtractionConfig, freeze
 from synth.samples.observe import Room as ObservedRoom
-from synth.samples.sampler import BLOCK, RenderedRoom, SampleConfig, Sampler, silhouette_box
+from synth.samples.sampler import BLOCK, RenderedRoom, SampleConfig, Sampler
 from synth.sensor.model import SensorConfig
 
 GENERATOR = 1
@@ -153,7 +154,7 @@ def _fill(file: h5py.File, config: SetConfig, shard: int, sampler: Sampler, on_s
     ridge = file.create_dataset("ridge", (count, *size), "u1", **image) if config.freeze else None
     columns = _empty_columns(count)
     rooms: dict[int, RenderedRoom] = {}
-    rejected = forced = 0
+    rejected = refused = forced = 0
     images, ridges = [], []  # written in blocks: the cost of a write hardly depends on its size
     for row, rendered in enumerate(sampler.samples(start, stop)):
         sample = rendered.sample
@@ -171,13 +172,15 @@ def _fill(file: h5py.File, config: SetConfig, shard: int, sampler: Sampler, on_s
             images, ridges = [], []
         _set_row(columns, row, sample, room_row)
         rejected += rendered.rejected
+        refused += rendered.refused_places
         forced += rendered.forced
         on_sample()
     for name, values in columns.items():
         file.create_dataset(name, data=values)
     file.create_dataset("room_mm", data=np.stack([rooms[k].depth_mm for k in sorted(rooms)]), **image)
     file.create_dataset("floor", data=np.stack([rooms[k].floor for k in sorted(rooms)]))
-    file.attrs.update(_attributes(config, shard, camera), refused_poses=rejected, forced_samples=forced)
+    counts = {"refused_poses": rejected, "refused_places": refused, "forced_samples": forced}
+    file.attrs.update(_attributes(config, shard, camera) | counts)
 
 
 def _empty_columns(count: int) -> dict[str, np.ndarray]:
@@ -189,7 +192,7 @@ def _empty_columns(count: int) -> dict[str, np.ndarray]:
         "body": np.zeros(count, np.int64),
         "motion": np.zeros(count, "S48"),
         "yaw": np.zeros(count, np.float32),
-        "room": np.zeros(count, np.int16),
+        "room": np.zeros(count, np.int32),
     }
 
 
@@ -205,7 +208,7 @@ def _set_row(columns: dict[str, np.ndarray], row: int, sample: Sample, room_row:
 
 
 def _attributes(config: SetConfig, shard: int, camera: Camera) -> dict[str, Any]:
-    """The HDF5 attributes of a shard, but for the counts of rejected poses and forced samples."""
+    """The HDF5 attributes of a shard, but for the counts of what was rejected and forced."""
     start, stop = config.span(shard)
     return {
         "format": FORMAT,

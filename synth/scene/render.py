@@ -17,6 +17,7 @@ from numba import njit
 
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
+from synth.scene.mesh import BOX_CORNERS, BOX_FACES, Mesh
 from synth.scene.scene import FAR_M, NEAR_M, ROOM_GROUP, Scene
 
 log = logging.getLogger(__name__)
@@ -136,15 +137,10 @@ class CpuRenderer:
         return self._skin.vertices_world_m()
 
     def person_m(self) -> np.ndarray:
-        return self.draw_m(self.vertices_world_m(), self.scene.asset.faces)
+        return draw_mesh_m(self.scene, Mesh(self.vertices_world_m(), self.scene.asset.faces))
 
     def room_m(self) -> np.ndarray:
-        return self.draw_m(*box_mesh(self.scene))
-
-    def draw_m(self, vertices_world_m: np.ndarray, faces: np.ndarray) -> np.ndarray:
-        view = self.scene.view
-        points = _to_camera(vertices_world_m, view.position_m, view.rotation)
-        return rasterise(points, faces, self.scene.camera)
+        return draw_mesh_m(self.scene, box_mesh(self.scene))
 
     def close(self) -> None:
         pass
@@ -220,19 +216,20 @@ class GlRenderer:
             self._context.free()
 
 
-_CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
-_BOX_SIDES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
-_BOX_FACES = np.array([face for a, b, c, d in _BOX_SIDES for face in ((a, b, c), (a, c, d))], np.int32)
+def draw_mesh_m(scene: Scene, mesh: Mesh) -> np.ndarray:
+    """(H, W) depth of a mesh in the world, as the scene's camera sees it, by the rasteriser. It needs no OpenGL."""
+    points = _to_camera(mesh.vertices_m, scene.view.position_m, scene.view.rotation)
+    return rasterise(points, mesh.faces, scene.camera)
 
 
-def box_mesh(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Triangulates the K boxes of the room: vertices (8 K, 3) in metres, world frame, and faces (12 K, 3)."""
+def box_mesh(scene: Scene) -> Mesh:
+    """Triangulates the boxes of the room, world frame."""
     model, data = scene.model, scene.data
     boxes = np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_BOX) & (data.geom_xpos[:, 2] > -50))
-    corners = _CORNERS * model.geom_size[boxes][:, None]
+    corners = BOX_CORNERS * model.geom_size[boxes][:, None]
     world = np.einsum("bij,bkj->bki", data.geom_xmat[boxes].reshape(-1, 3, 3), corners) + data.geom_xpos[boxes][:, None]
-    faces = _BOX_FACES + 8 * np.arange(len(boxes), dtype=np.int32)[:, None, None]
-    return world.reshape(-1, 3), faces.reshape(-1, 3)
+    faces = BOX_FACES + 8 * np.arange(len(boxes), dtype=np.int32)[:, None, None]
+    return Mesh(world.reshape(-1, 3), faces.reshape(-1, 3))
 
 
 def rasterise(vertices_camera_m: np.ndarray, faces: np.ndarray, camera: Camera) -> np.ndarray:

@@ -12,6 +12,8 @@ from kpopnet.errors import check_between, check_range
 MAX_BOXES = 24
 WALL_HALF_THICKNESS_M = 0.1
 AIM_DISTANCE_M = 2.7
+DEPTH_M = (3.6, 7.2)
+"""Range of the back wall's distance from the camera: people stand up to 5 m away."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,7 @@ def draw_view(rng: np.random.Generator, config: ViewConfig) -> View:
 
 def draw_room(rng: np.random.Generator) -> Room:
     """Draws a room: a floor, three walls, and up to six pieces of furniture along the walls."""
-    half_width, depth_m = rng.uniform(1.8, 3.5), rng.uniform(3.6, 6.0)
+    half_width, depth_m = rng.uniform(1.8, 3.5), rng.uniform(*DEPTH_M)
     boxes = [
         ((0, 2, -WALL_HALF_THICKNESS_M), (8, 8, WALL_HALF_THICKNESS_M), 0),
         ((0, depth_m + WALL_HALF_THICKNESS_M, 1.5), (8, WALL_HALF_THICKNESS_M, 1.5), 0),
@@ -102,14 +104,14 @@ def draw_room(rng: np.random.Generator) -> Room:
     for _ in range(rng.integers(0, 7)):
         piece = FURNITURE[rng.integers(len(FURNITURE))](rng)
         side = rng.integers(3)
-        reach = max(max(abs(centre[0]) + half[0], abs(centre[1]) + half[1]) for centre, half in piece)
+        askew = rng.uniform(-0.2, 0.2)
+        wide, deep = _extent(piece, askew)
         if side == 0:
-            place, turn = np.array([rng.uniform(-1, 1) * (half_width - reach), depth_m - reach]), 0.0
+            place, turn = np.array([rng.uniform(-1, 1) * (half_width - wide), depth_m - deep]), askew
         else:
             sign = 1 if side == 1 else -1
-            place = np.array([sign * (half_width - reach), rng.uniform(1.2, depth_m - reach)])
-            turn = -sign * np.pi / 2
-        turn += rng.uniform(-0.2, 0.2)
+            place = np.array([sign * (half_width - deep), rng.uniform(1.2, depth_m - wide)])
+            turn = askew - sign * np.pi / 2
         if len(boxes) + len(piece) > MAX_BOXES:
             break
         cos, sin = np.cos(turn), np.sin(turn)
@@ -117,6 +119,14 @@ def draw_room(rng: np.random.Generator) -> Room:
             boxes.append(((place[0] + cos * x - sin * y, place[1] + sin * x + cos * y, z), half, turn))
     centres, halves, yaws = zip(*boxes, strict=True)
     return Room(np.array(centres, float), np.array(halves, float), np.array(yaws, float))
+
+
+def _extent(piece: list, turn: float) -> tuple[float, float]:
+    """Half the width and half the depth of a piece of furniture about its origin, turned by an angle in radians; metres."""
+    wide = max(abs(centre[0]) + half[0] for centre, half in piece)
+    deep = max(abs(centre[1]) + half[1] for centre, half in piece)
+    cos, sin = np.cos(turn), abs(np.sin(turn))
+    return cos * wide + sin * deep, sin * wide + cos * deep
 
 
 # Each piece of furniture is a list of boxes (centre, half sizes) in metres in its own frame. Its back faces +y.

@@ -122,6 +122,10 @@ class Scene:
         """(3,) unit vector in which the person's hips face, world frame."""
         return -self.data.xmat[self._bodies[0]].reshape(3, 3)[:, 1]
 
+    def bone_rotation(self, name: str) -> np.ndarray:
+        """(3, 3) rotation of a bone in the world from the T-pose."""
+        return self.data.xmat[self._bodies[self.asset.bone(name)]].reshape(3, 3)
+
     def set_view(self, view: View) -> None:
         """Sets the camera pose."""
         self.model.cam_pos[0] = view.position_m

@@ -1,0 +1,161 @@
+"""Composes the stored image of a person from what is drawn: the person, the room, what they hold, what stands around them.
+
+The stored depth shows the person alone. Pixels that something else hides are 0; what the person holds counts as the person;
+of a seat or another person, the parts nearest to the person may be segmented as the person.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from kpopnet.camera import MM_PER_METRE, Camera
+from kpopnet.skeleton import Joint
+
+SURFACE_OFFSET_M = {
+    # Largest distance along z by which the measured surface may lie in front of a joint that counts as visible. A nearer
+    # surface belongs to another body part.
+    Joint.HEAD: 0.16,
+    Joint.NECK: 0.16,
+    Joint.TORSO: 0.20,
+    Joint.RIGHT_SHOULDER: 0.13,
+    Joint.LEFT_SHOULDER: 0.13,
+    Joint.RIGHT_HIP: 0.17,
+    Joint.LEFT_HIP: 0.17,
+    Joint.RIGHT_KNEE: 0.12,
+    Joint.LEFT_KNEE: 0.12,
+    Joint.RIGHT_ELBOW: 0.09,
+    Joint.LEFT_ELBOW: 0.09,
+    Joint.RIGHT_HAND: 0.08,
+    Joint.LEFT_HAND: 0.08,
+    Joint.RIGHT_FOOT: 0.12,
+    Joint.LEFT_FOOT: 0.12,
+}
+_SURFACE_OFFSET_M = np.array([SURFACE_OFFSET_M[joint] for joint in Joint])
+
+Box = tuple[int, int, int, int]
+
+
+class Around(NamedTuple):
+    """What else is drawn than person and room; (H, W) float32 depth in metres, 0 where there is none.
+
+    Attributes:
+        held_m: what the person holds, or None.
+        others_m: seats and other people.
+        attached_m: distance, metres, from the person within which the others are segmented as the person, for each of them.
+    """
+
+    held_m: np.ndarray | None = None
+    others_m: tuple[np.ndarray, ...] = ()
+    attached_m: tuple[float, ...] = ()
+
+
+class Composed(NamedTuple):
+    """The stored image of a person.
+
+    Attributes:
+        depth_mm: (H, W) uint16 depth of what is segmented as the person, millimetres.
+        own_mm: (H, W) uint16 depth of the visible person alone.
+        box: x0, y0, x1, y1 of the pixels of depth_mm.
+    """
+
+    depth_mm: np.ndarray
+    own_mm: np.ndarray
+    box: Box
+
+
+def compose(person_m: np.ndarray, room_mm: np.ndarray, around: Around, camera: Camera) -> Composed:
+    """Composes the stored image from (H, W) depth of the person in metres and of the empty room in millimetres."""
+    own_mm = np.empty_like(room_mm)
+    if around.held_m is None and not around.others_m:
+        box = _visible_depth(person_m, room_mm, own_mm)
+        return Composed(own_mm, own_mm, box)
+    others_mm = [millimetres(other_m) for other_m in around.others_m]
+    hiding_mm = room_mm
+    for other_mm in others_mm:
+        hiding_mm = _nearest(hiding_mm, other_mm)
+    held_mm = np.zeros_like(room_mm) if around.held_m is None else millimetres(around.held_m)
+    _visible_depth(person_m, _nearest(hiding_mm, held_mm), own_mm)
+    in_front = (held_mm > 0) & ((hiding_mm == 0) | (held_mm <= hiding_mm))
+    depth_mm = np.where(in_front & (own_mm == 0) & ((person_m == 0) | (held_mm <= millimetres(person_m))), held_mm, own_mm)
+    for other_mm, reach_m in zip(others_mm, around.attached_m, strict=True):
+        if reach_m > 0:
+            seen_mm = np.where((other_mm == hiding_mm) & (depth_mm == 0), other_mm, np.uint16(0))
+            depth_mm = depth_mm + _near_person(seen_mm, own_mm, np.array([camera.fx, camera.fy]), 1000 * reach_m)
+    return Composed(depth_mm, own_mm, silhouette_box(depth_mm))
+
+
+def hidden_fraction(person_m: np.ndarray, other_m: np.ndarray, room_mm: np.ndarray) -> float:
+    """Fraction of the person's pixels, as far as the room does not hide them, that another person hides."""
+    seen = (person_m > 0) & ((room_mm == 0) | (millimetres(person_m) <= room_mm))
+    hidden = seen & (other_m > 0) & (other_m < person_m)
+    return np.count_nonzero(hidden) / max(np.count_nonzero(seen), 1)
+
+
+def millimetres(depth_m: np.ndarray) -> np.ndarray:
+    """Depth in metres as uint16 millimetres."""
+    return np.rint(depth_m * np.float32(MM_PER_METRE)).astype(np.uint16)
+
+
+def silhouette_box(depth_mm: np.ndarray) -> Box:
+    """Bounding box x0, y0, x1, y1 of the non-zero pixels, the last two exclusive; all 0 for an empty image."""
+    rows, columns = np.flatnonzero(depth_mm.any(1)), np.flatnonzero(depth_mm.any(0))
+    if not len(rows):
+        return 0, 0, 0, 0
+    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
+
+
+def _nearest(one_mm: np.ndarray, other_mm: np.ndarray) -> np.ndarray:
+    """The nearer of two depth images, in which 0 is nothing."""
+    return np.where((one_mm == 0) | ((other_mm > 0) & (other_mm < one_mm)), other_mm, one_mm)
+
+
+@njit(cache=True)
+def _visible_depth(person_m, room_mm, depth_mm):
+    """Writes the person's depth where the room does not occlude it. Returns the bounding box x0, y0, x1, y1."""
+    height, width = person_m.shape
+    x0, y0, x1, y1 = width, height, 0, 0
+    for y in range(height):
+        for x in range(width):
+            mm = np.uint16(np.rint(person_m[y, x] * np.float32(MM_PER_METRE)))
+            if mm > 0 and 0 < room_mm[y, x] < mm:
+                mm = np.uint16(0)
+            depth_mm[y, x] = mm
+            if mm > 0:
+                x0, y0, x1, y1 = min(x0, x), min(y0, y), max(x1, x + 1), max(y1, y + 1)
+    return (x0, y0, x1, y1) if x1 > 0 else (0, 0, 0, 0)
+
+
+@njit(cache=True)
+def _near_person(other_mm, person_mm, focal_px, reach_mm):
+    """The pixels of other_mm within a distance of any pixel of the person, the others 0.
+
+    The distance is along the depth or across the image at the other's depth, whichever is larger, to every second pixel of
+    the person: nothing here depends on a precise one.
+    """
+    height, width = other_mm.shape
+    near = np.zeros_like(other_mm)
+    for y in range(height):
+        for x in range(width):
+            z = np.float64(other_mm[y, x])
+            if z == 0:
+                continue
+            reach_x, reach_y = int(reach_mm * focal_px[0] / z), int(reach_mm * focal_px[1] / z)
+            for row in range(max(y - reach_y, 0), min(y + reach_y + 1, height), 2):
+                for column in range(max(x - reach_x, 0), min(x + reach_x + 1, width), 2):
+                    if person_mm[row, column] > 0 and abs(np.float64(person_mm[row, column]) - z) <= reach_mm:
+                        near[y, x] = other_mm[y, x]
+                        break
+                if near[y, x] > 0:
+                    break
+    return near
+
+
+def visible_joints(joints_camera_m: np.ndarray, own_mm: np.ndarray, camera: Camera) -> np.ndarray:
+    """(15,) bool: whether a joint projects onto the visible person and the surface there belongs to its body part."""
+    u, v, z = camera.project(joints_camera_m).T
+    inside = (z > 0) & (np.abs(u - (camera.width - 1) / 2) < camera.width / 2)
+    inside &= np.abs(v - (camera.height - 1) / 2) < camera.height / 2
+    row, column = (np.where(inside, np.rint(w), 0).astype(int) for w in (v, u))
+    seen_mm = own_mm[row, column]
+    return inside & (seen_mm > 0) & (seen_mm / MM_PER_METRE > z - _SURFACE_OFFSET_M)

@@ -1,0 +1,206 @@
+"""Things that people use: seats under them and objects in their hands.
+
+A seat is a function of a random generator and the height of its top that returns boxes, like furniture (`synth.scene.room`):
+its frame's origin is on the floor below the hips, its back faces +y. A held object is a function of a random generator that
+returns a mesh in the frame of a hand: x along the fingers, -z out of the palm, the palm's surface about 2 cm below the origin.
+To add one, write the function and enter it in SEATS, IN_PALM or HANGING.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from kpopnet.errors import check_between
+from kpopnet.skeleton import Joint
+from synth.scene.collision import overlaps_boxes
+from synth.scene.mesh import Box, Mesh, ball, boxes, joined, rod
+
+PALM_M = 0.02
+"""Distance of the palm's skin from the centre of the hand."""
+
+SEAT_GIVE_M = 0.03
+"""Depth to which seat and flesh give way to each other."""
+
+SEATED_HIPS_M = (0.25, 0.7)
+"""Height of the hips' joints above the floor at which a seat fits under them."""
+
+
+@dataclass(frozen=True)
+class PropsConfig:
+    """Things and people that hide a person, or that the segmentation takes for a part of them. All are probabilities.
+
+    Attributes:
+        seat: that a person in a sitting pose with room beneath sits on a chair, a stool, a box or a bench.
+        held: that a person holds a ball, a stick, a book, a phone, a cup or a bag. What is held belongs to the silhouette.
+        second_person: that another person stands close by, before them or beside them.
+        attached: that the parts of a seat or of another person that are nearest to the person are segmented as the person.
+    """
+
+    seat: float = 0.5
+    held: float = 0.06
+    second_person: float = 0.04
+    attached: float = 0.5
+
+    def __post_init__(self) -> None:
+        for name in ("seat", "held", "second_person", "attached"):
+            check_between(f"props.{name}", getattr(self, name), 0, 1)
+
+
+NO_PROPS = PropsConfig(seat=0, held=0, second_person=0, attached=0)
+
+
+class Prop(NamedTuple):
+    """A thing in the world: its name and its mesh."""
+
+    name: str
+    mesh: Mesh
+
+
+# --- seats ------------------------------------------------------------------------------------------------------------
+
+
+def _legs(half_x: float, half_y: float, top_m: float, thick_m: float = 0.02) -> list[Box]:
+    h = top_m / 2
+    return [((sx * (half_x - thick_m), sy * (half_y - thick_m), h), (thick_m, thick_m, h)) for sx in (-1, 1) for sy in (-1, 1)]
+
+
+def chair(rng: np.random.Generator, top_m: float) -> list[Box]:
+    """A chair with a back and four legs."""
+    w, d, back = rng.uniform(0.2, 0.26), rng.uniform(0.18, 0.22), rng.uniform(0.2, 0.3)
+    return [((0, 0, top_m - 0.02), (w, d, 0.02)), ((0, d, top_m + back), (w, 0.015, back)), *_legs(w, d, top_m - 0.04)]
+
+
+def stool(rng: np.random.Generator, top_m: float) -> list[Box]:
+    """A stool with four legs."""
+    w = rng.uniform(0.14, 0.2)
+    return [((0, 0, top_m - 0.02), (w, w, 0.02)), *_legs(w, w, top_m - 0.04)]
+
+
+def crate(rng: np.random.Generator, top_m: float) -> list[Box]:
+    """A closed box."""
+    w, d = rng.uniform(0.18, 0.3), rng.uniform(0.15, 0.2)
+    return [((0, 0, top_m / 2), (w, d, top_m / 2))]
+
+
+def bench(rng: np.random.Generator, top_m: float) -> list[Box]:
+    """A long bench on two panels."""
+    w, d = rng.uniform(0.5, 0.8), rng.uniform(0.14, 0.2)
+    panels = [((s * (w - 0.1), 0, top_m / 2 - 0.02), (0.02, d, top_m / 2 - 0.02)) for s in (-1, 1)]
+    return [((0, 0, top_m - 0.02), (w, d, 0.02)), *panels]
+
+
+SEATS = (chair, stool, crate, bench)
+
+
+def is_sitting(joints_m: np.ndarray) -> bool:
+    """Whether a person with (15, 3) joints in the world sits, or squats as if sitting, with room beneath for a seat.
+
+    The hips are low but well above the feet, both thighs nearly level, and the trunk upright.
+    """
+    hips, knees = joints_m[[Joint.LEFT_HIP, Joint.RIGHT_HIP]], joints_m[[Joint.LEFT_KNEE, Joint.RIGHT_KNEE]]
+    feet, trunk = joints_m[[Joint.LEFT_FOOT, Joint.RIGHT_FOOT]], joints_m[Joint.NECK] - hips.mean(axis=0)
+    thighs = knees - hips
+    level = np.abs(thighs[:, 2]) < 0.6 * np.linalg.norm(thighs, axis=1)
+    low, high = SEATED_HIPS_M
+    return bool(
+        level.all()
+        and low < hips[:, 2].min() < high
+        and feet[:, 2].max() < hips[:, 2].min() - 0.2
+        and trunk[2] > 0.7 * np.linalg.norm(trunk)
+    )
+
+
+def seat_under(rng: np.random.Generator, joints_m: np.ndarray, skin_m: np.ndarray, facing: np.ndarray) -> Prop | None:
+    """A seat that touches the hips from below and stands on the floor; None if every kind stands in the legs.
+
+    Args:
+        rng: draws the kind and its sizes.
+        joints_m: (15, 3) joints of a sitting person, world frame.
+        skin_m: (V, 3) the skin, world frame.
+        facing: (3,) horizontal part of it: where the hips face.
+    """
+    hips_m = joints_m[[Joint.LEFT_HIP, Joint.RIGHT_HIP]].mean(axis=0)
+    yaw = np.arctan2(facing[0], -facing[1])
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    rotation = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
+    own = (skin_m - (*hips_m[:2], 0)) @ rotation  # x to the person's left, y backwards, z above the floor
+    beneath = (np.hypot(own[:, 0], own[:, 1] - 0.05) < 0.13) & (np.abs(own[:, 2] - hips_m[2]) < 0.2)
+    if not beneath.any():
+        return None
+    top_m = own[beneath, 2].min()
+    behind = own[(own[:, 2] > top_m) & (own[:, 2] < top_m + 0.4) & (np.abs(own[:, 0]) < 0.15), 1].max()
+    for kind in rng.permutation(len(SEATS)):
+        make = SEATS[kind]
+        parts = make(rng, float(top_m))
+        centres, halves = (np.array(numbers, float) for numbers in zip(*parts, strict=True))
+        if make is chair:
+            centres[:, 1] += behind + 0.03 - centres[1, 1]  # its back touches the person's
+        lowered = centres - (0, 0, SEAT_GIVE_M)
+        if not overlaps_boxes(own, np.zeros(3), lowered, halves, np.zeros(len(parts)), 0.0):
+            mesh = boxes(zip(centres.tolist(), halves.tolist(), strict=True))
+            return Prop(make.__name__, mesh.moved(rotation, np.array([*hips_m[:2], 0.0])))
+    return None
+
+
+# --- held objects -----------------------------------------------------------------------------------------------------
+
+
+def toy_ball(rng: np.random.Generator) -> Mesh:
+    """A ball as small as a tennis ball or as large as a football, lying in the palm."""
+    radius_m = rng.uniform(0.035, 0.11)
+    return ball(radius_m).moved(np.eye(3), np.array([0, 0, -PALM_M - radius_m]))
+
+
+def stick(rng: np.random.Generator) -> Mesh:
+    """A stick held anywhere along its length, across the palm."""
+    half_m = rng.uniform(0.15, 0.6)
+    return rod(rng.uniform(0.012, 0.02), half_m).moved(
+        np.eye(3), np.array([0, rng.uniform(-0.7, 0.7) * half_m, -PALM_M - 0.01])
+    )
+
+
+def book(rng: np.random.Generator) -> Mesh:
+    """A closed book against the palm."""
+    thick_m = rng.uniform(0.006, 0.025)
+    return boxes([((0.05, 0, -PALM_M - thick_m), (rng.uniform(0.1, 0.16), rng.uniform(0.07, 0.11), thick_m))])
+
+
+def phone(rng: np.random.Generator) -> Mesh:
+    """A telephone against the palm."""
+    return boxes([((0.01, 0, -PALM_M - 0.005), (rng.uniform(0.065, 0.085), rng.uniform(0.033, 0.042), 0.005))])
+
+
+def cup(rng: np.random.Generator) -> Mesh:
+    """A cup or a bottle gripped across the palm."""
+    radius_m = rng.uniform(0.028, 0.045)
+    return rod(radius_m, rng.uniform(0.045, 0.12)).moved(np.eye(3), np.array([0, 0, -PALM_M - radius_m]))
+
+
+def bag(rng: np.random.Generator) -> Mesh:
+    """A bag on two straps; z is up, the hand at the origin."""
+    w, d, h, strap = rng.uniform(0.1, 0.2), rng.uniform(0.03, 0.08), rng.uniform(0.1, 0.2), rng.uniform(0.08, 0.2)
+    straps = [((side * 0.6 * w, 0, -strap / 2), (0.012, 0.006, strap / 2)) for side in (-1, 1)]
+    return joined([boxes([((0, 0, -strap - h), (w, d, h))]), boxes(straps), boxes([((0, 0, -0.01), (0.6 * w, 0.01, 0.01))])])
+
+
+IN_PALM = (toy_ball, stick, book, phone, cup)
+HANGING = (bag,)
+"""Held objects whose frame stays upright, turned with the hand about the vertical."""
+
+
+def held_by(rng: np.random.Generator, hand_m: np.ndarray, rotation: np.ndarray, left: bool) -> Prop:
+    """An object in a hand.
+
+    Args:
+        rng: draws the kind and its sizes.
+        hand_m: (3,) centre of the hand, world frame.
+        rotation: (3, 3) of the hand's bone from the T-pose, in which the palms face down and the left hand points along x.
+        left: whether it is the left hand.
+    """
+    make = (*IN_PALM, *HANGING)[rng.integers(len(IN_PALM) + len(HANGING))]
+    frame = rotation if left else rotation * (-1, -1, 1)  # the right hand points along -x in the T-pose
+    if make in HANGING:
+        yaw = rng.uniform(-np.pi, np.pi)
+        frame = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
+    return Prop(make.__name__, make(rng).moved(frame, hand_m))

@@ -1,0 +1,49 @@
+"""The stored image of a person among other things, on constructed images of one row."""
+
+import numpy as np
+
+from kpopnet.camera import Camera
+from synth.samples.layers import Around, compose, hidden_fraction, silhouette_box
+
+CAMERA = Camera(100.0, 100.0, 3.5, 0.0, 8, 1)
+
+
+def row(*metres: float) -> np.ndarray:
+    return np.array([metres], np.float32)
+
+
+ROOM_MM = np.array([[0, 0, 4000, 4000, 4000, 1500, 4000, 4000]], np.uint16)
+PERSON = row(0, 2, 2, 2, 2, 2, 0, 0)
+
+
+def test_the_room_hides_the_person() -> None:
+    composed = compose(PERSON, ROOM_MM, Around(), CAMERA)
+    assert composed.depth_mm.tolist() == [[0, 2000, 2000, 2000, 2000, 0, 0, 0]]
+    assert composed.box == (1, 0, 5, 1)
+
+
+def test_what_is_held_belongs_to_the_silhouette_but_is_not_the_person() -> None:
+    held = row(1.9, 0, 0, 1.9, 2.1, 1.9, 1.9, 0)
+    composed = compose(PERSON, ROOM_MM, Around(held), CAMERA)
+    assert composed.depth_mm.tolist() == [[1900, 2000, 2000, 1900, 2000, 0, 1900, 0]]
+    assert composed.own_mm.tolist() == [[0, 2000, 2000, 0, 2000, 0, 0, 0]]
+    assert composed.box == (0, 0, 7, 1)
+
+
+def test_others_hide_the_person_and_their_nearest_parts_are_attached() -> None:
+    other = row(0, 0, 0, 0, 1.95, 1.95, 1.95, 1.2)
+    hidden = compose(PERSON, ROOM_MM, Around(None, (other,), (0.0,)), CAMERA)
+    assert hidden.depth_mm.tolist() == [[0, 2000, 2000, 2000, 0, 0, 0, 0]]
+    # 1 pixel is 1.95 cm of the other: 6 cm reach three pixels, where the room hides one and the last is far in front.
+    attached = compose(PERSON, ROOM_MM, Around(None, (other,), (0.06,)), CAMERA)
+    assert attached.depth_mm.tolist() == [[0, 2000, 2000, 2000, 1950, 0, 1950, 0]]
+    assert attached.own_mm.tolist() == hidden.own_mm.tolist()
+
+
+def test_what_another_hides_is_counted_without_what_the_room_hides() -> None:
+    other = row(0, 0, 0, 1.9, 1.9, 1.9, 1.9, 1.9)
+    assert hidden_fraction(PERSON, other, ROOM_MM) == 2 / 4
+
+
+def test_an_empty_image_has_an_empty_box() -> None:
+    assert silhouette_box(np.zeros((4, 5), np.uint16)) == (0, 0, 0, 0)

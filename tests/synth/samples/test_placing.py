@@ -1,0 +1,133 @@
+"""Where people stand: out of walls and furniture, cut by the border as often as asked, and what is around them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kpopnet.data.cube import person_centre
+from kpopnet.skeleton import Joint
+from synth.motion import MotionConfig
+from synth.samples.placing import BLOCKED, MISFRAMED, NEAREST_M, SOUND, Body, Site, StageConfig, faults
+from synth.samples.sampler import RenderedSample, SampleConfig, Sampler
+from synth.scene.props import NO_PROPS, PropsConfig
+from synth.scene.room import Room, View
+
+CONFIG = SampleConfig(renderer="cpu", motion=MotionConfig(source="poses"))
+BUSY = replace(CONFIG, props=PropsConfig(seat=1, held=0.5, second_person=0.5, attached=0.5), samples_per_room=3)
+
+
+def empty_room(*furniture: tuple) -> Room:
+    boxes = [
+        ((0, 2, -0.1), (8, 8, 0.1), 0),
+        ((0, 5.1, 1.5), (8, 0.1, 1.5), 0),
+        ((-2.1, 2, 1.5), (0.1, 8, 1.5), 0),
+        ((2.1, 2, 1.5), (0.1, 8, 1.5), 0),
+        *furniture,
+    ]
+    centres, halves, yaws = zip(*boxes, strict=True)
+    return Room(np.array(centres, float), np.array(halves, float), np.array(yaws, float))
+
+
+def block(half_m: tuple[float, float, float]) -> Body:
+    """A body of the eight corners of a block whose hips are in its middle."""
+    corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float32) * np.float32(half_m)
+    return Body(corners, corners.min(0).astype(float), corners.max(0).astype(float), np.zeros(3), half_m[2])
+
+
+VIEW = View(np.array([0, 0, 1.0]), np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]))
+
+
+@pytest.mark.parametrize(
+    ("place_m", "cut", "expected"),
+    [
+        ((0, 3.0, 0.5), False, SOUND),
+        ((0, 3.0, 0.5), True, MISFRAMED),  # whole, where it is to be cut
+        ((1.55, 3.0, 0.5), False, MISFRAMED),
+        ((1.55, 3.0, 0.5), True, SOUND),
+        ((1.85, 3.0, 0.5), True, BLOCKED),  # in the right wall
+        ((0, 4.85, 0.5), False, BLOCKED),  # in the back wall
+        ((0.9, 4.0, 0.5), False, BLOCKED),  # in the cupboard, though the hips are beside it
+        ((0, 0.5, 1.0), True, MISFRAMED),  # in the blind zone
+    ],
+)
+def test_a_place_is_refused_in_walls_and_furniture_or_where_the_border_is_wrong(place_m, cut: bool, expected: int) -> None:
+    site = Site(empty_room(((1.3, 4.0, 0.5), (0.25, 0.25, 0.5), 0.0)), VIEW, CONFIG.camera.build())
+    assert faults(block((0.2, 0.2, 0.5)), np.array(place_m, float), site, cut) == expected
+
+
+@pytest.fixture(scope="module")
+def drawn() -> list[tuple[RenderedSample, bool, float]]:
+    """200 samples, whether the body stands in a wall or in furniture, and its lowest point in metres."""
+    sampler, found = Sampler(CONFIG, 5, "train"), []
+    for rendered in sampler.samples(0, 200):
+        skin_m = sampler.renderer.vertices_world_m()
+        room, overlaps = sampler.room(rendered.sample.room).room, False
+        for centre, half, yaw in zip(room.centres_m[1:], room.halves_m[1:], room.yaws_rad[1:], strict=True):
+            turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
+            overlaps |= bool((np.abs((skin_m - centre) @ turn) < half).all(axis=1).any())
+        found.append((rendered, overlaps, float(skin_m[:, 2].min())))
+    return found
+
+
+def test_fewer_than_a_hundredth_of_the_people_stand_in_walls_or_furniture(drawn) -> None:
+    assert sum(overlaps for _, overlaps, _ in drawn) / len(drawn) < 0.01
+    assert min(lowest_m for _, _, lowest_m in drawn) > -1e-5
+    assert sum(rendered.refused_places for rendered, _, _ in drawn) > 0
+    assert not any(rendered.forced for rendered, _, _ in drawn)
+
+
+def test_the_border_cuts_about_as_many_as_asked_and_they_are_nearer(drawn) -> None:
+    camera = CONFIG.camera.build()
+    distances_m = {True: [], False: []}
+    for rendered, _, _ in drawn:
+        u, v, _ = camera.project(rendered.sample.joints_camera_m).T
+        outside = (u < -0.5) | (v < -0.5) | (u > camera.width - 0.5) | (v > camera.height - 0.5)
+        assert not rendered.sample.visible[outside].any()
+        distances_m[bool(outside.any())].append(rendered.sample.joints_camera_m[Joint.TORSO, 2])
+    assert 0.05 < len(distances_m[True]) / len(drawn) < 0.2
+    assert np.median(distances_m[True]) < np.median(distances_m[False]) - 0.3
+    assert min(distances_m[True]) < 1.6
+
+
+def test_cut_people_keep_their_torso_in_the_image_and_true_joints() -> None:
+    sampler = Sampler(replace(CONFIG, stage=StageConfig(cut=1.0), props=NO_PROPS), 1, "train")
+    camera, outside = sampler.scene.camera, 0
+    for rendered in sampler.samples(0, 30):
+        sample = rendered.sample
+        expected = sampler.scene.view.to_camera(sampler.scene.joints_world_m())
+        np.testing.assert_allclose(sample.joints_camera_m, expected, atol=1e-5)
+        assert np.isfinite(sample.joints_camera_m).all() and sample.joints_camera_m[:, 2].min() > NEAREST_M - 0.05
+        if rendered.refused_places < sampler.config.stage.place_tries:
+            u, v, _ = camera.project(sample.joints_camera_m[Joint.TORSO])
+            assert -0.5 <= u <= camera.width - 0.5 and -0.5 <= v <= camera.height - 0.5
+            x0, y0, x1, y1 = sample.box
+            outside += x0 == 0 or y0 == 0 or x1 == camera.width or y1 == camera.height
+        assert np.count_nonzero(sample.depth_mm) >= sampler.config.stage.least_pixels
+        assert person_centre(sample.depth_mm / np.float32(1000), camera) is not None
+    assert outside > 20
+
+
+def test_samples_with_props_do_not_depend_on_the_other_samples_drawn() -> None:
+    batch = list(Sampler(BUSY, 3, "train").samples(0, 16))
+    assert sum("second person" in one.props for one in batch) >= 3
+    for index in (11, 2, 7, 15):
+        (single,) = Sampler(BUSY, 3, "train").samples(index, index + 1)
+        assert single.props == batch[index].props
+        assert np.array_equal(single.sample.depth_mm, batch[index].sample.depth_mm)
+        assert np.array_equal(single.sample.joints_camera_m, batch[index].sample.joints_camera_m)
+
+
+def test_props_change_the_image_but_not_the_person() -> None:
+    bare, busy = (Sampler(replace(BUSY, props=props), 3, "train").samples(0, 20) for props in (NO_PROPS, BUSY.props))
+    hidden = added = 0
+    for one, other in zip(bare, busy, strict=True):
+        if one.refused_places != other.refused_places:  # a prop hid the person: another place was drawn
+            continue
+        assert np.array_equal(one.sample.joints_camera_m, other.sample.joints_camera_m)
+        assert (one.sample.visible | ~other.sample.visible).all()  # nothing becomes visible
+        hidden += ((one.sample.depth_mm > 0) & (other.sample.depth_mm != one.sample.depth_mm)).any()
+        added += ((one.sample.depth_mm == 0) & (other.sample.depth_mm > 0)).any()
+        if not other.props:
+            assert np.array_equal(one.sample.depth_mm, other.sample.depth_mm)
+    assert hidden >= 3 and added >= 3

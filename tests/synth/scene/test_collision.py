@@ -1,0 +1,42 @@
+"""The compiled test for bodies in boxes against a plain one, on random bodies and rooms and on constructed cases."""
+
+import numpy as np
+import pytest
+
+from synth.scene.collision import overlaps_boxes
+from synth.scene.room import draw_room
+
+
+def overlaps_plainly(vertices_m, place_m, centres_m, halves_m, yaws_rad, clearance_m) -> bool:
+    for centre, half, yaw in zip(centres_m, halves_m, yaws_rad, strict=True):
+        offset = vertices_m + place_m - centre
+        rotation = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
+        if (np.abs(offset @ rotation) < half + clearance_m).all(axis=1).any():
+            return True
+    return False
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_compiled_test_equals_a_plain_one(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    room = draw_room(rng)
+    boxes = room.centres_m[1:], room.halves_m[1:], room.yaws_rad[1:]
+    body = (rng.normal(size=(60, 3)) * (0.15, 0.15, 0.3)).astype(np.float32)
+    found = []
+    for _ in range(40):
+        place_m = rng.uniform((-3.5, 0.5, 0.2), (3.5, 7, 1.0))
+        for clearance_m in (0.0, 0.1):
+            found.append(overlaps_boxes(body, place_m, *boxes, clearance_m))
+            assert found[-1] == overlaps_plainly(body, place_m, *boxes, clearance_m)
+    assert 0 < sum(found) < len(found)
+
+
+def test_a_turned_box_is_met_at_its_own_sides() -> None:
+    point = np.zeros((1, 3), np.float32)
+    boxes = np.zeros((1, 3)), np.array([[1.0, 0.1, 0.5]]), np.array([np.pi / 4])
+
+    def inside(x: float, y: float, clearance_m: float = 0.0) -> bool:
+        return overlaps_boxes(point, np.array([x, y, 0.0]), *boxes, clearance_m)
+
+    assert inside(0.6, 0.6) and not inside(0.6, -0.6) and not inside(0.8, 0.8)
+    assert not inside(0.08, -0.08) and inside(0.08, -0.08, 0.03)

@@ -1,0 +1,98 @@
+"""Meshes of solids, seats under sitting people and objects in hands."""
+
+import numpy as np
+import pytest
+
+from kpopnet.errors import InputError
+from kpopnet.skeleton import Joint
+from synth.motion.poses.families import FAMILIES
+from synth.motion.poses.procedural import ProceduralPoses
+from synth.samples.placing import StageConfig
+from synth.samples.sampler import SampleConfig, Sampler
+from synth.scene.mesh import Mesh, ball, boxes, rod
+from synth.scene.props import HANGING, IN_PALM, NO_PROPS, SEATS, PropsConfig, held_by, is_sitting, seat_under
+
+
+def volume_m3(mesh: Mesh) -> float:
+    """Volume by the divergence theorem: positive only if faces are counter-clockwise from outside, and closed."""
+    a, b, c = (mesh.vertices_m[mesh.faces[:, k]] for k in range(3))
+    return float((a * np.cross(b, c)).sum() / 6)
+
+
+def test_solids_are_closed_and_face_outwards() -> None:
+    assert volume_m3(boxes([((1, 2, 3), (0.5, 0.25, 2))])) == pytest.approx(2.0)
+    twelve_sided = 3.0 * 0.1**2  # area of a regular dodecagon with circumradius 0.1
+    assert volume_m3(rod(0.1, 0.5)) == pytest.approx(twelve_sided)
+    assert 0.8 < volume_m3(ball(0.1)) / (4 / 3 * np.pi * 0.001) < 1
+    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    assert volume_m3(ball(0.1).moved(turn, np.array([5.0, 0, 0]))) == pytest.approx(volume_m3(ball(0.1)))
+
+
+def test_every_seat_stands_on_the_floor_and_ends_at_its_height() -> None:
+    for make in SEATS:
+        for seed in range(5):
+            parts = make(np.random.default_rng(seed), 0.45)
+            low = min(centre[2] - half[2] for centre, half in parts)
+            seat = [centre[2] + half[2] for centre, half in parts if abs(centre[0]) < 0.01 and centre[1] < 0.1]
+            assert low == pytest.approx(0, abs=1e-9) and max(seat) == pytest.approx(0.45), make.__name__
+            assert all(min(half) > 0 for _, half in parts)
+
+
+@pytest.fixture(scope="module")
+def squatting() -> Sampler:
+    stage = StageConfig(cut=0, distance_m=(2.5, 3.5))
+    sampler = Sampler(SampleConfig(stage=stage, props=NO_PROPS, renderer="cpu", samples_per_room=5), 2, "train")
+    sampler.source = ProceduralPoses({"squat": FAMILIES["squat"]})
+    return sampler
+
+
+def test_a_seat_touches_a_sitting_person_from_below_and_does_not_cut_the_legs(squatting: Sampler) -> None:
+    scene, sitting, seats = squatting.scene, 0, 0
+    for index, _ in enumerate(squatting.samples(0, 80)):
+        joints_m, skin_m = scene.joints_world_m(), squatting.renderer.vertices_world_m()
+        if not is_sitting(joints_m):
+            continue
+        sitting += 1
+        seat = seat_under(np.random.default_rng(index), joints_m, skin_m, scene.facing_world())
+        if seat is None:
+            continue
+        seats += 1
+        vertices = seat.mesh.vertices_m
+        hips_m = joints_m[[Joint.LEFT_HIP, Joint.RIGHT_HIP]].mean(axis=0)
+        assert vertices[:, 2].min() == pytest.approx(0, abs=1e-6)
+        low, high = vertices[:, :2].min(axis=0), vertices[:, :2].max(axis=0)
+        assert (low < hips_m[:2]).all() and (hips_m[:2] < high).all(), seat.name  # the hips are above the seat
+        top_m = sorted({round(float(z), 4) for z in vertices[:, 2]})
+        assert any(0 < hips_m[2] - z < 0.2 for z in top_m), seat.name  # and just above it
+        inside = (skin_m[:, 2] < hips_m[2] - 0.25) & (np.abs(skin_m[:, :2] - hips_m[:2]) < 0.01).all(axis=1)
+        assert not inside.any(), seat.name
+    assert sitting >= 15 and seats >= 5
+
+
+def test_who_stands_lies_or_sits_on_the_floor_gets_no_seat() -> None:
+    stage = StageConfig(cut=0)
+    for family in ("standing", "lie", "sit", "handstand"):
+        sampler = Sampler(SampleConfig(stage=stage, props=NO_PROPS, renderer="cpu", samples_per_room=5), 2, "train")
+        sampler.source = ProceduralPoses({family: FAMILIES[family]})
+        assert not any(is_sitting(sampler.scene.joints_world_m()) for _ in sampler.samples(0, 10)), family
+
+
+@pytest.mark.parametrize("left", [True, False])
+def test_held_objects_are_at_the_palm_of_either_hand(left: bool) -> None:
+    names = set()
+    for seed in range(60):
+        hand_m = np.array([1.0, 2.0, 1.2])
+        prop = held_by(np.random.default_rng(seed), hand_m, np.eye(3), left)
+        names.add(prop.name)
+        own = prop.mesh.vertices_m - hand_m
+        assert volume_m3(prop.mesh) > 0
+        assert (own.min(axis=0) < 0.05).all() and (own.max(axis=0) > -0.05).all(), prop.name
+        assert own[:, 2].max() < 0.01, prop.name  # in the T-pose the palms face down
+        if prop.name == "book":
+            assert own[:, 0].mean() * (1 if left else -1) > 0  # along the fingers
+    assert names == {make.__name__ for make in (*IN_PALM, *HANGING)}
+
+
+def test_probabilities_are_checked() -> None:
+    with pytest.raises(InputError, match=r"props\.held=2"):
+        PropsConfig(held=2)
