@@ -9,7 +9,9 @@ from kpopnet.skeleton import NUM_JOINTS, Joint
 from synth.motion import MotionSource
 from synth.motion.limbs import uniform
 from synth.motion.poses.procedural import ProceduralPoses
-from synth.samples.sampler import SampleConfig, Sampler, StageConfig
+from synth.samples.placing import StageConfig
+from synth.samples.sampler import SampleConfig, Sampler
+from synth.scene.props import NO_PROPS
 from synth.sensor.model import SENSORS, measure
 
 UPPER_ARM_M, LOWER_ARM_M, UPPER_LEG_M, LOWER_LEG_M = 0.27, 0.26, 0.40, 0.46
@@ -107,8 +109,8 @@ def simulated(source: MotionSource, count: int, split: str, seed: int) -> Iterat
 
     Yields (H, W) metres, the camera and the true (15, 3) joints of those who are completely visible in the image.
     """
-    stage = StageConfig(distance_m=(2.6, 3.8), off_centre=0.3, turned=0.0, turn_deg=10.0, place_tries=30)
-    sampler = Sampler(SampleConfig(renderer="cpu", stage=stage, samples_per_body=1), seed, split)
+    stage = StageConfig(distance_m=(2.6, 3.8), off_centre=0.3, cut=0.0, turned=0.0, turn_deg=10.0)
+    sampler = Sampler(SampleConfig(renderer="cpu", stage=stage, props=NO_PROPS, samples_per_body=1), seed, split)
     sampler.source = source
     camera = sampler.scene.camera
     for index, rendered in enumerate(sampler.samples(0, count)):

@@ -143,6 +143,18 @@ def test_open_shards_keep_no_images_in_memory(tmp_path: Path) -> None:
         assert file["depth_mm"].id.get_access_plist().get_chunk_cache()[1] == 0
 
 
+def test_a_shard_holds_every_room_of_its_samples(tmp_path: Path) -> None:
+    many = replace(CLEAN, sample=replace(SAMPLE, samples_per_room=2), count=20, shard_size=10)
+    generate(many, tmp_path, range(2), processes=1)
+    shards, sampler = ShardedSet(tmp_path), Sampler(many.sample, 3, "train")
+    assert shards.column("room").tolist() == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4] * 2
+    for index in (0, 9, 10, 13):
+        room_mm, floor = shards.room(index, shards[index].room)
+        room = sampler.room(index // 2)
+        assert np.array_equal(room_mm, room.depth_mm) and np.array_equal(floor, room.floor)
+    assert np.array_equal(shards.room_numbers(), np.arange(20) // 2)
+
+
 def test_a_frozen_set_holds_noisy_depth_and_its_ridge(whole: Path, tmp_path: Path) -> None:
     frozen = replace(CLEAN, freeze=FREEZE, count=8)
     generate(frozen, tmp_path / "one", range(1), processes=1)
@@ -169,7 +181,11 @@ def test_finish_needs_all_shards_and_returns_a_summary(tmp_path: Path) -> None:
     generate(CLEAN, tmp_path, range(2, 3), processes=1)
     summary = finish(CLEAN, tmp_path, FREEZE)
     assert summary["samples"] == 22 and summary["shards"] == 3 and summary["forced_samples"] == 0
-    assert json.loads((tmp_path / "set.json").read_text())["hash"] == CLEAN.hash
+    stored = json.loads((tmp_path / "set.json").read_text())
+    assert stored["hash"] == CLEAN.hash
+    rendered = list(Sampler(SAMPLE, 3, "train").samples(0, 22))
+    assert stored["refused_places"] == sum(one.refused_places for one in rendered) > 0
+    assert stored["refused_poses"] == sum(one.rejected for one in rendered)
     assert (tmp_path / "contact_sheet.png").stat().st_size > 10_000
 
 

@@ -8,7 +8,8 @@ import pytest
 from kpopnet.errors import InputError
 from kpopnet.skeleton import BONES, JOINT_GROUPS, NUM_JOINTS, Joint
 from synth.motion import MotionConfig, Poses, build_motion
-from synth.samples.sampler import CameraConfig, RenderedSample, SampleConfig, Sampler, StageConfig
+from synth.samples.placing import StageConfig
+from synth.samples.sampler import CameraConfig, RenderedSample, SampleConfig, Sampler
 
 RIGID_BONES = [  # segments along one bone of the rig; hands and feet are the centres of parts that bend
     (a, b) for a, b in BONES if {a, b} <= {*JOINT_GROUPS["shoulders"], *JOINT_GROUPS["elbows"]}
