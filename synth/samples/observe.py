@@ -28,6 +28,13 @@ LIMB_ENDS = [*HANDS, Joint.RIGHT_FOOT, Joint.LEFT_FOOT]
 HAND_RADIUS_M = (0.08, 0.14)
 HAND_DEPTH_M = 0.2
 ATTACHED_RADIUS_M = (0.1, 0.3)
+HAIR_STREAM = 0x4A12
+"""Makes what is drawn for a person's hair independent of other draws with the person's number."""
+
+HAIRLINE_M, HAIR_REACH_M = (0.02, 0.07), (0.3, 0.17)
+"""Range of the hairline's height above the head joint, along the axis from the neck; and how far from the joint hair reaches,
+along that axis and across it."""
+
 PERSON, ATTACHED = 1, 2  # labels of pixels; 0 is the room
 
 
@@ -43,6 +50,8 @@ class ExtractionConfig:
         attached: probability that a part of the room within 10-30 cm of the person is segmented as person: half of the
             time at the person's lowest pixel (floor), else at any pixel of the person (furniture).
         hand_missing: probability that one hand is missing from the silhouette.
+        hair_missing: probability, by person and not by image, that hair returns no infrared light: the head above the face is
+            missing in all of the person's images.
     """
 
     feet_cut_m: float = 0.08
@@ -50,11 +59,12 @@ class ExtractionConfig:
     dilate: float = 0.25
     attached: float = 0.02
     hand_missing: float = 0.03
+    hair_missing: float = 0.1
 
     def __post_init__(self) -> None:
         if not 0 <= self.feet_cut_m < math.inf:
             raise InputError(f"extraction.feet_cut_m must be a finite length of at least 0 metres, not {self.feet_cut_m}")
-        for name in ("erode", "dilate", "attached", "hand_missing"):
+        for name in ("erode", "dilate", "attached", "hand_missing", "hair_missing"):
             if not 0 <= getattr(self, name) <= 1:
                 raise InputError(f"extraction.{name} is a probability between 0 and 1, not {getattr(self, name)}")
         if self.erode + self.dilate > 1:
@@ -64,7 +74,7 @@ class ExtractionConfig:
             )
 
 
-PERFECT = ExtractionConfig(feet_cut_m=0, erode=0, dilate=0, attached=0, hand_missing=0)
+PERFECT = ExtractionConfig(feet_cut_m=0, erode=0, dilate=0, attached=0, hand_missing=0, hair_missing=0)
 
 
 class Room(NamedTuple):
@@ -164,6 +174,10 @@ def observe_sample(
         centre = sample.joints_camera_m[HANDS[int(hand * 2)]]
         radius_m = HAND_RADIUS_M[0] + size * (HAND_RADIUS_M[1] - HAND_RADIUS_M[0])
         erase_ellipses(depth_m, spherical_hole(centre, radius_m, HAND_DEPTH_M, cropped).astype(np.float32))
+    absorbed, hairline = np.random.default_rng([HAIR_STREAM, abs(sample.body)]).random(2)
+    if absorbed < extraction.hair_missing:
+        above_m = HAIRLINE_M[0] + hairline * (HAIRLINE_M[1] - HAIRLINE_M[0])
+        _erase_hair(depth_m, intrinsics, sample.joints_camera_m[Joint.HEAD], sample.joints_camera_m[Joint.NECK], above_m)
     return Observation(depth_m, cropped, sample.joints_camera_m, sample.visible)
 
 
@@ -258,6 +272,26 @@ def _attach(scene_m: np.ndarray, labels: np.ndarray, camera: Camera, radius_m: f
     points = camera.points(scene_m)
     away = np.linalg.norm(points - points[rows[chosen], columns[chosen]], axis=-1)
     labels[(away < radius_m) & (labels == 0) & (scene_m > 0)] = ATTACHED
+
+
+@njit(cache=True)
+def _erase_hair(depth, intrinsics, head, neck, above_m):
+    """Sets depth (h, w) to 0, in place, where it lies more than above_m beyond the head joint, seen from the neck."""
+    along_reach, across_reach = HAIR_REACH_M
+    fx, fy, cx, cy = intrinsics
+    axis = head - neck
+    axis = axis / np.sqrt((axis * axis).sum())
+    # A missing joint is NaN: no comparison holds, and nothing is erased.
+    for y in range(depth.shape[0]):
+        for x in range(depth.shape[1]):
+            z = depth[y, x]
+            if z == 0 or not abs(z - head[2]) < along_reach:
+                continue
+            off_x, off_y, off_z = (x - cx) * z / fx - head[0], (y - cy) * z / fy - head[1], z - head[2]
+            along = off_x * axis[0] + off_y * axis[1] + off_z * axis[2]
+            across = off_x * off_x + off_y * off_y + off_z * off_z - along * along
+            if above_m < along < along_reach and across < across_reach * across_reach:
+                depth[y, x] = 0
 
 
 @njit(cache=True)

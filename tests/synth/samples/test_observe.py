@@ -87,7 +87,7 @@ def test_kinect_noise_is_small_against_the_person(shards):
 
 
 def test_feet_are_cut_at_a_height_above_the_floor(shards):
-    cut = ExtractionConfig(feet_cut_m=0.3, erode=0, dilate=0, attached=0, hand_missing=0)
+    cut = dataclasses.replace(PERFECT, feet_cut_m=0.3)
     camera, lowest = shards.camera, []
     for seed in range(20):
         whole = full_image(observed(shards, cut, seed=seed), camera)
@@ -146,7 +146,7 @@ def test_a_missing_hand_is_removed_and_the_rest_remains(shards):
 
 
 def test_in_an_empty_room_with_a_distant_floor_only_the_person_is_observed(shards):
-    extraction = ExtractionConfig(attached=1.0, erode=0, dilate=0, hand_missing=0)
+    extraction = dataclasses.replace(PERFECT, feet_cut_m=0.08, attached=1.0)
     camera, distant_floor = shards.camera, np.array([0, -1, 0, 100], np.float32)
     room = Room(np.zeros((camera.height, camera.width), np.uint16), distant_floor)
     for seed in range(4):
@@ -209,3 +209,39 @@ def test_a_room_smaller_than_the_frame_and_a_box_outside_it_are_refused(shards):
         for observe, more in ((observe_sample, ()), (freeze, (RIDGE,))):
             with pytest.raises(InputError, match=message):
                 observe(wrong_sample, wrong_room, camera, KINECT, PERFECT, *more, seeded())
+
+
+def test_hair_that_returns_nothing_is_missing_in_all_images_of_a_person_and_above_the_face(shards):
+    camera = shards.camera
+    missing = dataclasses.replace(PERFECT, hair_missing=1.0)
+    sample = shards[0]
+    head, neck = sample.joints_camera_m[[Joint.HEAD, Joint.NECK]]
+    axis = (head - neck) / np.linalg.norm(head - neck)
+    clean = full_image(observed(shards), camera)
+    lost = (full_image(observed(shards, missing), camera) == 0) & (clean > 0)
+    points = camera.points(clean)[lost]
+    assert lost.any()
+    assert ((points - head) @ axis).min() > 0.02
+    assert np.linalg.norm(points - head, axis=1).max() < 0.35
+    for seed in range(1, 4):  # the hairline belongs to the person, not to the image
+        assert np.array_equal(lost, (full_image(observed(shards, missing, seed=seed), camera) == 0) & (clean > 0))
+
+
+def test_hair_is_missing_for_some_people_always_and_for_the_others_never(shards):
+    some = dataclasses.replace(PERFECT, hair_missing=0.5)
+    room, lost = Room(*shards.room(0, shards[0].room)), []
+    for body in range(40):
+        sample = dataclasses.replace(shards[0], body=body)
+        seen = [observe_sample(sample, room, shards.camera, IDEAL, some, seeded(seed)).depth_m for seed in range(2)]
+        assert np.array_equal(*seen)
+        lost.append(np.count_nonzero(seen[0]))
+    assert 8 <= sum(count < max(lost) for count in lost) <= 32
+
+
+def test_without_a_head_joint_no_hair_is_missing(shards):
+    joints = shards[0].joints_camera_m.copy()
+    joints[Joint.HEAD] = np.nan
+    sample, room = dataclasses.replace(shards[0], joints_camera_m=joints), Room(*shards.room(0, shards[0].room))
+    missing = dataclasses.replace(PERFECT, hair_missing=1.0)
+    seen = observe_sample(sample, room, shards.camera, IDEAL, missing, seeded())
+    assert np.array_equal(seen.depth_m, observed(shards).depth_m)
