@@ -113,7 +113,7 @@ def test_ragged_outlines_differ_from_spread_limbs() -> None:
     assert shapes.raggedness(spread) == pytest.approx(shapes.raggedness(slim), abs=0.05)
     depth_m = slim.depth_m.copy()
     depth_m[40:200:4, 140:142] = 0  # 40 notches of 2 pixels
-    assert shapes.raggedness(frame(depth_m)) > shapes.raggedness(slim) + 0.2
+    assert shapes.raggedness(frame(depth_m)) > shapes.raggedness(slim) + 0.15
 
 
 def test_holes_count_and_the_loop_of_an_arm_does_not() -> None:
