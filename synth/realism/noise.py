@@ -50,7 +50,7 @@ def temporal_noise(depth_m: np.ndarray) -> TemporalNoise | None:
     differences, products = [], []
     for first in range(0, len(depth_m) - 2 * WINDOW - 1, WINDOW):
         frames = depth_m[first : first + 2 * WINDOW + 2]
-        measured = ((frames > DISTANCE_M[0]) & (frames < DISTANCE_M[1])).all(axis=0)
+        measured = np.logical_and(frames > DISTANCE_M[0], frames < DISTANCE_M[1]).min(axis=0)
         steps = STEPS_PER_M / np.where(measured, frames, 1).astype(np.float64)
         before, after = steps[:WINDOW].mean(axis=0), steps[-WINDOW:].mean(axis=0)
         around, pair = (before + after) / 2, (steps[WINDOW] + steps[WINDOW + 1]) / 2

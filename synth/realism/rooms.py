@@ -1,7 +1,7 @@
 """People who stick in the furniture or walls of their rooms: the generator's geometry, drawn again for stored samples."""
 
 from collections.abc import Iterable
-from dataclasses import fields, is_dataclass
+from dataclasses import is_dataclass
 from typing import Any, get_type_hints
 
 import numpy as np
@@ -74,14 +74,13 @@ def _built(kind: type, values: dict[str, Any]) -> Any:
 
     The JSON of a set has sorted keys, but a mix of motions draws by the order of its weights: that of the defaults comes first.
     """
-    hints, defaults = get_type_hints(kind), {one.name: one.default_factory for one in fields(kind)}
-    arguments = {}
+    hints, arguments = get_type_hints(kind), {}
     for name, value in values.items():
         hint = hints[name]
         if isinstance(hint, type) and is_dataclass(hint):
             arguments[name] = _built(hint, value)
         elif isinstance(value, dict):
-            usual = [key for key in defaults[name]() if key in value]
+            usual = [key for key in getattr(kind(), name) if key in value]
             arguments[name] = {key: value[key] for key in dict.fromkeys([*usual, *value])}
         else:
             arguments[name] = tuple(value) if isinstance(value, list) else value
