@@ -18,8 +18,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from kpopnet.skeleton import JOINT_NAMES, Joint
+from synth.body.asset import ASSET
 
-ASSET = Path(__file__).parents[1] / "assets" / "body.npz"
 FOLDED_BONES = {"LHipJoint": "Hips", "RHipJoint": "Hips"}
 """Bones without length or motion of their own, and the bones that replace them."""
 
@@ -27,6 +27,15 @@ WEIGHTS_PER_VERTEX = 4
 HEAD_SCALE = 0.3
 MIN_HEAD_WEIGHT = 0.5
 """A vertex belongs to the head if its skinning weight of the head bone exceeds this."""
+
+SYMMETRY_M = 1e-4
+"""A vertex nearer than this to the median plane x = 0 lies on it, and two vertices this near are each other's mirror images."""
+
+PALM_SLICE = 0.12
+"""Half the thickness of the slice of the hand whose mean is its centre, as a fraction of the way from wrist to fingers."""
+
+BODY_KG_PER_M3 = 1010.0
+"""Density of a human body with air in its lungs."""
 
 LOCAL_CHANGES = {
     # Anny's name of a local shape change, and the standard deviation with which it is added to the phenotype.
@@ -85,10 +94,12 @@ def decimate(vertices: np.ndarray, faces: np.ndarray, head_share: np.ndarray, tr
     """Quadric decimation onto a subset of the mesh's own vertices, so that their basis and weights remain exact.
 
     Half of Anny's vertices model the face, and some of these are eyes and teeth, which are invisible. Pieces that are not
-    connected to the skin are removed, and the head is decimated as if it were scaled by HEAD_SCALE.
+    connected to the skin are removed, and the head is decimated as if it were scaled by HEAD_SCALE. The left half is
+    decimated and mirrored: decimated as a whole, the two sides get different triangles, and bent by skinning the same knee
+    keeps its joint inside on one side and not on the other.
 
     Args:
-        vertices: (V, 3) metres.
+        vertices: (V, 3) metres, symmetric about x = 0.
         faces: (F, 3).
         head_share: (V,) skinning weight of the head bone.
         triangles: number of triangles to keep.
@@ -107,15 +118,33 @@ def decimate(vertices: np.ndarray, faces: np.ndarray, head_share: np.ndarray, tr
 
     head = vertices[head_share > MIN_HEAD_WEIGHT].mean(0)
     shrunk = head + (vertices - head) * (1 - (1 - HEAD_SCALE) * head_share[:, None])
+    left_faces = faces[(vertices[faces][:, :, 0] >= -SYMMETRY_M).all(axis=1)]
+    used, compact = np.unique(left_faces, return_inverse=True)
     points, simple_faces = fast_simplification.simplify(
-        shrunk.astype(np.float32), faces.astype(np.int32), target_count=triangles
+        shrunk[used].astype(np.float32), compact.reshape(-1, 3).astype(np.int32), target_count=triangles // 2
     )
-    nearest = cKDTree(shrunk).query(points)[1]
+    # The border of the left half is the body's median plane; its vertices stay there.
+    median = np.abs(vertices[used, 0]) <= SYMMETRY_M
+    on_border = np.isin(np.arange(len(points)), _border(simple_faces))
+    nearest = np.empty(len(points), int)
+    for place, candidates in ((on_border, used[median]), (~on_border, used[~median])):
+        nearest[place] = candidates[cKDTree(shrunk[candidates]).query(points[place])[1]]
     old_faces = nearest[simple_faces]
     a, b, c = old_faces.T
     old_faces = old_faces[(a != b) & (b != c) & (c != a)]
-    kept, compact = np.unique(old_faces, return_inverse=True)
+    skin = np.unique(faces)
+    distance_m, nearest = cKDTree(vertices[skin]).query(vertices * (-1, 1, 1))
+    assert distance_m[old_faces].max() <= SYMMETRY_M, "the mesh is not symmetric"
+    mirror = skin[nearest]
+    kept, compact = np.unique(np.concatenate([old_faces, mirror[old_faces][:, ::-1]]), return_inverse=True)
     return kept, compact.reshape(-1, 3)
+
+
+def _border(faces: np.ndarray) -> np.ndarray:
+    """Vertices of the edges that belong to one face only."""
+    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    unique, count = np.unique(edges, axis=0, return_counts=True)
+    return np.unique(unique[count == 1])
 
 
 def fold_bones(labels: list[str], parents: list[int], weights: np.ndarray):
@@ -139,11 +168,38 @@ def fold_bones(labels: list[str], parents: list[int], weights: np.ndarray):
     return kept, names, [parent_of(name) for name in names], folded
 
 
-def joint_regressor(names: list[str], heads: np.ndarray, head_centre: np.ndarray) -> tuple[list[str], np.ndarray]:
+def palms(
+    names: list[str], vertices: np.ndarray, heads: np.ndarray, weights: np.ndarray, areas: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Centre (N, 3) of each hand of N people, by side: the mean of the skin around the middle of the hand.
+
+    The middle is half-way from the wrist to the first joint of the fingers. The point half-way between the two bones
+    themselves lies up to 7 mm outside the hollow of the palm.
+
+    Args:
+        names: of the bones.
+        vertices: (N, V, 3) rest vertices, metres.
+        heads: (N, B, 3) bone heads, metres.
+        weights: (V, B) skinning weights.
+        areas: (V,) area of skin of each vertex.
+    """
+    centres, mean, mean_heads = {}, vertices.mean(0), heads.mean(0)
+    for side in ("Left", "Right"):
+        wrist, finger = (mean_heads[names.index(f"{side}{bone}")] for bone in ("Hand", "HandFinger1"))
+        along = (mean - wrist) @ (finger - wrist) / ((finger - wrist) @ (finger - wrist))
+        of_hand = weights[:, [names.index(f"{side}{bone}") for bone in ("Hand", "FingerBase", "HandFinger1")]].sum(1) > 0.5
+        slice_areas = np.where(of_hand & (np.abs(along - 0.5) < PALM_SLICE), areas, 0)
+        centres[side] = np.einsum("nvc,v->nc", vertices, slice_areas / slice_areas.sum())
+    return centres
+
+
+def joint_regressor(
+    names: list[str], heads: np.ndarray, head_centre: np.ndarray, hand_centres: dict[str, np.ndarray]
+) -> tuple[list[str], np.ndarray]:
     """The bone that each of the 15 joints is attached to, and the joints' rest positions (N, 15, 3) in every person.
 
-    The torso is the mean of shoulders and hips (paper, section 2.3), attached to the spine. A hand is the palm, half-way
-    from wrist to finger base. A foot is half-way from ankle to toe base. The other joints are those of the rig.
+    The torso is the mean of shoulders and hips (paper, section 2.3), attached to the spine. A hand is the middle of the hand
+    (see `palms`). A foot is half-way from ankle to toe base. The other joints are those of the rig.
     """
     at = {name: heads[:, index] for index, name in enumerate(names)}
     bones, points = [""] * len(Joint), np.zeros((len(heads), len(Joint), 3), np.float32)
@@ -159,7 +215,7 @@ def joint_regressor(names: list[str], heads: np.ndarray, head_centre: np.ndarray
         joint = lambda part, side=side: Joint[f"{side.upper()}_{part}"]  # noqa: E731
         define(joint("SHOULDER"), f"{side}Arm", at[f"{side}Arm"])
         define(joint("ELBOW"), f"{side}ForeArm", at[f"{side}ForeArm"])
-        define(joint("HAND"), f"{side}Hand", (at[f"{side}Hand"] + at[f"{side}FingerBase"]) / 2)
+        define(joint("HAND"), f"{side}Hand", hand_centres[side])
         define(joint("HIP"), f"{side}UpLeg", at[f"{side}UpLeg"])
         define(joint("KNEE"), f"{side}Leg", at[f"{side}Leg"])
         define(joint("FOOT"), f"{side}Foot", (at[f"{side}Foot"] + at[f"{side}ToeBase"]) / 2)
@@ -171,6 +227,30 @@ def vertex_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     face_area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
     return np.bincount(faces.ravel(), np.repeat(face_area / 3, 3), minlength=len(vertices))
+
+
+def body_mass_index(vertices: np.ndarray, faces: np.ndarray) -> float:
+    """Mass over the square of the stature, kg/m², of an unclothed body (V, 3) in metres, from its volume."""
+    a, b, c = vertices.astype(float)[faces.T]
+    volume_m3 = (a * np.cross(b, c)).sum() / 6
+    return BODY_KG_PER_M3 * volume_m3 / np.ptp(vertices[:, 2]) ** 2
+
+
+def principal_components(rows: np.ndarray, rank: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean (D,), basis (rank, D) and coefficients (N, rank) of N people's coordinates (N, D) in metres.
+
+    A coefficient of 1 is one standard deviation over the people.
+    """
+    mean, count = rows.mean(0), len(rows)
+    # The right singular vectors, from the much smaller matrix of the people's products.
+    _, people_vectors = np.linalg.eigh((rows - mean) @ (rows - mean).T)
+    scores = people_vectors[:, ::-1][:, :rank] * np.sqrt(count)
+    basis = scores.T @ (rows - mean) / count
+    error_mm = 1000 * np.linalg.norm((rows - mean - scores @ basis).reshape(count, -1, 3), axis=-1)
+    print(
+        f"rank {rank}: mean {error_mm.mean():.2f} mm, joints {error_mm[:, -15:].mean():.2f} mm, largest {error_mm.max():.1f} mm"
+    )
+    return mean, basis, scores
 
 
 def bake(people: int, triangles: int, rank: int, seed: int, path: Path) -> None:
@@ -188,9 +268,10 @@ def bake(people: int, triangles: int, rank: int, seed: int, path: Path) -> None:
         list(model.bone_labels), [int(parent) for parent in model.bone_parents], dense
     )
     heads = heads[:, kept_bones]
-    head_share = np.where(dense[:, names.index("Head")] > MIN_HEAD_WEIGHT, vertex_areas(mean_full, faces), 0)
+    areas = vertex_areas(mean_full, faces)
+    head_share = np.where(dense[:, names.index("Head")] > MIN_HEAD_WEIGHT, areas, 0)
     head_centre = np.einsum("nvc,v->nc", vertices, head_share / head_share.sum())
-    joint_bones, joints = joint_regressor(names, heads, head_centre)
+    joint_bones, joints = joint_regressor(names, heads, head_centre, palms(names, vertices, heads, dense, areas))
 
     kept, small_faces = decimate(mean_full, faces, dense[:, names.index("Head")], triangles)
     weights = dense[kept]
@@ -198,16 +279,9 @@ def bake(people: int, triangles: int, rank: int, seed: int, path: Path) -> None:
     top = np.take_along_axis(weights, order, axis=1)
     top /= top.sum(1, keepdims=True)
 
+    bmi = np.array([body_mass_index(person, small_faces) for person in vertices[:, kept]])
     rows = np.concatenate([vertices[:, kept], heads, joints], axis=1).reshape(people, -1).astype(np.float64)
-    mean = rows.mean(0)
-    _, singular, components = np.linalg.svd(rows - mean, full_matrices=False)
-    # A coefficient of 1 is one standard deviation over the sampled adults.
-    basis = components[:rank] * singular[:rank, None] / np.sqrt(people)
-    scores = (rows - mean) @ components[:rank].T / (singular[:rank] / np.sqrt(people))
-    error_mm = 1000 * np.linalg.norm((rows - mean - scores @ basis).reshape(people, -1, 3), axis=-1)
-    print(
-        f"rank {rank}: mean {error_mm.mean():.2f} mm, joints {error_mm[:, -15:].mean():.2f} mm, largest {error_mm.max():.1f} mm"
-    )
+    mean, basis, scores = principal_components(rows, rank)
 
     def split(flat: np.ndarray) -> tuple[np.ndarray, ...]:
         return np.split(flat.reshape(*flat.shape[:-1], -1, 3), [len(kept), len(kept) + len(names)], axis=-2)
@@ -230,7 +304,7 @@ def bake(people: int, triangles: int, rank: int, seed: int, path: Path) -> None:
         basis_heads_m=basis_heads.astype(np.float32),
         basis_joints_m=basis_joints.astype(np.float32),
         people=scores.astype(np.float16),
-        people_facts=facts.astype(np.float16),
+        people_facts=np.column_stack([facts, bmi]).astype(np.float16),
     )
     print(f"{path}: {len(kept)} vertices, {len(small_faces)} triangles, {path.stat().st_size / 1e6:.2f} MB")
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from synth.body.shape import BodyAsset, Person
+from synth.body.asset import BodyAsset
+from synth.body.shape import Person
 
 CAPSULES = {
     # Bone: the bone whose head is the capsule's far end, and the radius as a fraction of the body part's mean radius. The
@@ -53,7 +54,7 @@ class Capsules:
 
     def fit(self, person: Person) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Radius (C,) and half length (C,), and centre (C, 3) and unit axis (C, 3) in the frame of each bone, metres."""
-        part = person.vertices_m[self._vertices].astype(float)
+        part = person.bare_m[self._vertices].astype(float)
         middle = np.add.reduceat(part, self._starts) / self._counts[:, None]
         half = (np.maximum.reduceat(part, self._starts) - np.minimum.reduceat(part, self._starts)) / 2
         begin, end = person.heads_m[self.bones].astype(float), person.heads_m[self._ends].astype(float)

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from kpopnet.skeleton import Joint
-from synth.body.shape import load_body
+from synth.body.asset import load_body
 
 RING_CAMERAS, RING_RADIUS_M, RING_HEIGHT_M = 8, 3.5, 2.4
 MIN_CAMERAS = 2
@@ -22,8 +22,8 @@ MARKER_RADIUS_M = 0.01
 """A marker is a small ball on the skin; its centre lies this high above the skin."""
 
 _MARKER_DIRECTIONS = {
-    # Names of the usual marker sets. A marker is placed where the skin is farthest from the joint in this direction of
-    # the person at rest: (left, back, up).
+    # Names of the usual marker sets. A marker is placed where the skin is farthest from the joint, or from the proximal end
+    # of the bone, in this direction of the person at rest: (left, back, up).
     "LFHD": (Joint.HEAD, (0.7, -0.7, 0.3)),
     "RFHD": (Joint.HEAD, (-0.7, -0.7, 0.3)),
     "LBHD": (Joint.HEAD, (0.7, 0.7, 0.3)),
@@ -36,8 +36,8 @@ _MARKER_DIRECTIONS = {
     "RSHO": (Joint.RIGHT_SHOULDER, (-0.2, 0, 1)),
     "LELB": (Joint.LEFT_ELBOW, (0.8, 0.5, 0.3)),
     "RELB": (Joint.RIGHT_ELBOW, (-0.8, 0.5, 0.3)),
-    "LWRI": (Joint.LEFT_HAND, (0.7, 0, 0.7)),
-    "RWRI": (Joint.RIGHT_HAND, (-0.7, 0, 0.7)),
+    "LWRI": ("LeftHand", (0.7, 0, 0.7)),
+    "RWRI": ("RightHand", (-0.7, 0, 0.7)),
     "LASI": (Joint.LEFT_HIP, (0.3, -1, 0.3)),
     "RASI": (Joint.RIGHT_HIP, (-0.3, -1, 0.3)),
     "LPSI": (Joint.LEFT_HIP, (-0.3, 1, 0.3)),
@@ -59,11 +59,12 @@ def _marker_vertices() -> dict[str, int]:
     """The vertex of each marker, found on the mean body."""
     asset = load_body()
     points = asset.mean.reshape(-1, 3)
-    vertices, joints = points[: len(asset.weights)], points[-len(Joint) :]
+    vertices, heads, joints = np.split(points, [len(asset.weights), len(points) - len(Joint)])
     found = {}
-    for name, (joint, direction) in _MARKER_DIRECTIONS.items():
+    for name, (origin, direction) in _MARKER_DIRECTIONS.items():
+        start = heads[asset.bone(origin)] if isinstance(origin, str) else joints[origin]
         ray = np.array(direction) / np.linalg.norm(direction)
-        offset = vertices - joints[joint]
+        offset = vertices - start
         along = offset @ ray
         aside = np.linalg.norm(offset - along[:, None] * ray, axis=1)
         # Candidates lie 2 to 25 cm along the ray, so in front of the joint and not on another limb. The outermost is taken.

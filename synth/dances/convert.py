@@ -29,7 +29,8 @@ import numpy as np
 from kpopnet.datasets.dances.converters import by_name, convert_aist, convert_imperial, write_dance
 from kpopnet.errors import InputError
 from kpopnet.runtime.hydra_app import user_errors
-from synth.body.shape import load_body, shape_person
+from synth.body.asset import load_body
+from synth.body.shape import shape_person
 from synth.dances.simulate import KpopSim, KpopSimSet
 from synth.motion.recorded.retargeting import bvh_motion
 

@@ -13,7 +13,7 @@ from kpopnet.camera import CAMERAS, Camera
 from kpopnet.data.shards import Sample
 from kpopnet.errors import InputError, check_between
 from kpopnet.skeleton import Joint
-from synth.body.shape import BodyAsset
+from synth.body.asset import BodyAsset
 from synth.body.shape import BodyConfig, Person, draw_person
 from synth.motion import SPLITS, MotionConfig, MotionSource, build_motion
 from synth.motion.skeleton import JOINT_NAMES as MOTION_BONES
@@ -41,6 +41,9 @@ MAX_HIDDEN = 0.5
 """Largest fraction of a person's pixels that another person may hide."""
 
 SIDES = (("Left", 1.0), ("Right", -1.0))
+
+FINGER_FLEXION = {"FingerBase": 0.2, "HandFinger1": 1.4}
+"""Bones of the fingers, and by how much of the drawn angle each flexes: FingerBase lies in the palm, which hardly bends."""
 
 MAX_SIDE_PX = 4096
 """Largest width and height of a camera's image."""
@@ -122,7 +125,8 @@ class RenderedSample:
         refused_places: number of places drawn before this one and refused.
         forced: no pose without self-penetration, or no free place with enough visible pixels, was found within the allowed
             tries; the best one is taken.
-        props: names of what is seen around the person or in their hands.
+        props: names of what is drawn around the person or in their hands.
+        around: its images.
     """
 
     sample: Sample
@@ -130,6 +134,7 @@ class RenderedSample:
     refused_places: int
     forced: bool
     props: tuple[str, ...]
+    around: Around
 
 
 @dataclass(frozen=True)
@@ -244,15 +249,14 @@ class Sampler:
             placed = _Placed(index, chosen, body, draw_place(rng, config, body, site, cut), room)
             fault = faults(body, placed.place_m, site, cut)
             if fault == SOUND:
-                sample, props = self._render(placed)
-                if np.count_nonzero(sample.depth_mm) >= config.least_pixels:
-                    return RenderedSample(sample, chosen.rejected, refused, chosen.penetration_m > config.penetration_m, props)
+                rendered = replace(self._render(placed), refused_places=refused)
+                if np.count_nonzero(rendered.sample.depth_mm) >= config.least_pixels:
+                    return rendered
                 fault = UNSEEN
             if best is None or fault < least:
                 best, least = placed, fault
-        sample, props = self._render(best)
-        forced = chosen.penetration_m > config.penetration_m or least > MISFRAMED
-        return RenderedSample(sample, chosen.rejected, config.place_tries, forced, props)
+        rendered = self._render(best)
+        return replace(rendered, refused_places=config.place_tries, forced=rendered.forced or least > MISFRAMED)
 
     def _posed_body(self, number: int, chosen: "_ChosenPose") -> Body:
         """Person `number` in the chosen pose, with the hips at the world's origin."""
@@ -281,8 +285,8 @@ class Sampler:
         curls_rad = np.array([rng.uniform(0.0, 1.5) for _ in SIDES])
         return body_rotations(self.scene.asset, quats, yaw, curls_rad)
 
-    def _render(self, placed: "_Placed") -> tuple[Sample, tuple[str, ...]]:
-        """Renders a placed person, and what is around them. Returns the sample and the names of the props."""
+    def _render(self, placed: "_Placed") -> RenderedSample:
+        """Renders a placed person and what is around them, as the first place."""
         scene, camera, room_mm = self.scene, self.scene.camera, placed.room.depth_mm
         scene.pose(placed.chosen.local, placed.place_m)
         person_m = self.renderer.person_m()
@@ -301,7 +305,8 @@ class Sampler:
             room=self.room_of(placed.index),
             ridge=None,
         )
-        return sample, props
+        chosen = placed.chosen
+        return RenderedSample(sample, chosen.rejected, 0, chosen.penetration_m > self.config.stage.penetration_m, props, around)
 
     def _draw_around(self, placed: "_Placed", person_m: np.ndarray) -> tuple[Around, tuple[str, ...]]:
         """Draws seat, held object and second person of a placed person, and their names."""
@@ -369,9 +374,10 @@ def body_rotations(asset: BodyAsset, quats: np.ndarray, yaw_rad: float, curls_ra
     local[..., [asset.bone(name) for name in MOTION_BONES], :] = quats[..., (0, 1, 3, 2)] * (1, 1, -1, 1)
     local[..., 0, :] = multiply(np.array([np.cos(yaw_rad / 2), 0, 0, np.sin(yaw_rad / 2)]), local[..., 0, :])
     for (side, sign), curl in zip(SIDES, curls_rad, strict=True):
-        curl = sign * curl  # in the T-pose the palms face down, so the fingers flex about the y axis
-        for finger in (f"{side}FingerBase", f"{side}HandFinger1"):
-            local[..., asset.bone(finger), :] = np.cos(curl / 2), 0, np.sin(curl / 2), 0
+        for finger, share in FINGER_FLEXION.items():
+            # In the T-pose the palms face down, so the fingers flex about the y axis.
+            half = sign * share * curl / 2
+            local[..., asset.bone(f"{side}{finger}"), :] = np.cos(half), 0, np.sin(half), 0
     return local
 
 

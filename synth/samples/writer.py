@@ -23,7 +23,7 @@ from kpopnet.errors import InputError, check_between, check_seed
 from kpopnet.ridge import RidgeConfig
 from kpopnet.runtime.atomic_write import atomic_hdf5
 from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
-from synth.body.shape import ASSET
+from synth.body.asset import ASSET
 from synth.samples.layers import silhouette_box
 from synth.samples.observe import ExtractionConfig, freeze
 from synth.samples.observe import Room as ObservedRoom

@@ -137,7 +137,7 @@ class CpuRenderer:
         return self._skin.vertices_world_m()
 
     def person_m(self) -> np.ndarray:
-        return draw_mesh_m(self.scene, Mesh(self.vertices_world_m(), self.scene.asset.faces))
+        return draw_mesh_m(self.scene, Mesh(self.vertices_world_m(), self.scene.skin.faces))
 
     def room_m(self) -> np.ndarray:
         return draw_mesh_m(self.scene, box_mesh(self.scene))

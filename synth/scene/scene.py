@@ -12,8 +12,10 @@ import mujoco
 import numpy as np
 
 from kpopnet.camera import Camera
+from synth.body.asset import BodyAsset, load_body
 from synth.body.capsules import Capsules
-from synth.body.shape import BodyAsset, Person, load_body
+from synth.body.clothes.attachments import Skin
+from synth.body.shape import Person, load_skin
 from synth.scene.room import MAX_BOXES, Room, View
 
 SKIN_GROUP, ROOM_GROUP, CAPSULE_GROUP = 0, 1, 3  # MuJoCo renders groups 0-2 by default
@@ -48,9 +50,10 @@ class Scene:
 
     def __init__(self, camera: Camera) -> None:
         self.asset = load_body()
+        self.skin = load_skin()
         self.camera = camera
         self._capsules = Capsules(self.asset)
-        self.model = _compile(self.asset, camera, self._capsules)
+        self.model = _compile(self.asset, self.skin, camera, self._capsules)
         self.data = mujoco.MjData(self.model)
         self.person: Person | None = None
         self.view: View | None = None
@@ -149,7 +152,7 @@ class Scene:
         mujoco.mj_kinematics(model, self.data)
 
 
-def _compile(asset: BodyAsset, camera: Camera, capsules: Capsules) -> mujoco.MjModel:
+def _compile(asset: BodyAsset, worn: Skin, camera: Camera, capsules: Capsules) -> mujoco.MjModel:
     spec = mujoco.MjSpec()
     # The bounding volumes of the mid-phase collision test are compiled in and would be wrong for another person.
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
@@ -182,13 +185,12 @@ def _compile(asset: BodyAsset, camera: Camera, capsules: Capsules) -> mujoco.MjM
             conaffinity=0,
         )
     skin = spec.add_skin(name="skin", group=SKIN_GROUP)
-    person_vertices = np.zeros(3 * len(asset.weights), np.float32)
-    skin.vert, skin.face = person_vertices, asset.faces.ravel()
+    skin.vert, skin.face = np.zeros(3 * len(worn.weights), np.float32), worn.faces.ravel()
     skin.bodyname = list(asset.bone_names)
     skin.bindpos, skin.bindquat = np.zeros(3 * len(bodies)), np.tile([1.0, 0, 0, 0], len(bodies))
     ids, weights = [], []
     for bone in range(len(bodies)):
-        weight = (asset.weights * (asset.weight_bones == bone)).sum(1)
+        weight = (worn.weights * (worn.weight_bones == bone)).sum(1)
         ids.append(np.flatnonzero(weight > 0).tolist())
         weights.append(weight[weight > 0].tolist())
     skin.vertid, skin.vertweight = ids, weights

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from kpopnet.errors import InputError
-from synth.body.shape import ASSET
+from synth.body.asset import ASSET
 from synth.motion import MotionConfig
 from synth.motion.skeleton import Motion
 from synth.motion.splice import cut
@@ -31,7 +31,7 @@ class SimulatedSet:
         sensor: sensor model.
     """
 
-    generator: ClassVar[int] = 1
+    generator: ClassVar[int] = 2
     """Version of the generator: increased with every change that makes another set from the same configuration."""
 
     counted: ClassVar[str]

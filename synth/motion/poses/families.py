@@ -10,12 +10,14 @@ from collections.abc import Callable
 import numpy as np
 
 from synth.motion.limbs import (
+    CLOSED_LEGS,
     REACHES,
     SIDES,
     Angles,
     arm_to,
     both_arms,
     choose,
+    closed_legs,
     everyday_arm,
     flat_footed,
     free_arm,
@@ -25,7 +27,7 @@ from synth.motion.limbs import (
     trunk,
     uniform,
 )
-from synth.motion.poses.floor_families import all_fours, handstand, kneel, lie, sit
+from synth.motion.poses.floor_families import all_fours, handstand, kneel, lie, seat, sit
 from synth.motion.posture import CHANNELS, LIMITS_DEG
 
 
@@ -196,7 +198,7 @@ def dancing(generator: np.random.Generator) -> Angles:
     pose |= {"hips_roll": sway, "waist_side": -1.3 * sway, "chest_side": uniform(generator, -0.6, 0.6) * sway}
     pose |= {"hips_pitch": uniform(generator, -4, 12), "chest_bend": uniform(generator, -16, 20)}
     pose |= {"chest_twist": uniform(generator, -24, 24), "head_twist": uniform(generator, -50, 50)}
-    wide = 3 + 25 * generator.random() ** 2
+    wide = closed_legs(generator) if generator.random() < CLOSED_LEGS else 3 + 25 * generator.random() ** 2
     for name, sign in (("left", 1), ("right", -1)):
         loaded = sign * sway > 0
         knee = uniform(generator, 0, 35) if loaded else uniform(generator, 15, 70)
@@ -249,6 +251,7 @@ FAMILIES: dict[str, tuple[float, Callable[[np.random.Generator], Angles]]] = {
     "bend_forward": (4.0, bend_forward),
     "kneel": (4.0, kneel),
     "sit": (5.0, sit),
+    "seat": (4.0, seat),
     "lie": (2.5, lie),
     "all_fours": (2.5, all_fours),
     "handstand": (3.0, handstand),

@@ -1,4 +1,4 @@
-"""Families of procedural poses with contacts other than the feet: kneeling, sitting, lying, on hands (see `families`)."""
+"""Families of poses that touch the floor or a chair: kneeling, sitting, lying, on hands (see `families`)."""
 
 import numpy as np
 
@@ -59,6 +59,20 @@ def sit(generator: np.random.Generator) -> Angles:
             pose |= arm_to(side, "thigh")
         else:
             pose |= everyday_arm(generator, side)
+    return pose
+
+
+def seat(generator: np.random.Generator) -> Angles:
+    """Sitting on a chair, leaning back or forward, and half-way up from it; the soles are on the floor."""
+    pitch = uniform(generator, -22, 35)
+    pose = trunk(generator, 0.5) | {"hips_pitch": pitch}
+    thigh = uniform(generator, 72, 98)  # from the vertical
+    abduct, apart = uniform(generator, -2, 22), generator.random() < 0.3
+    for side in SIDES:
+        own = uniform(generator, -2, 22) if apart else abduct
+        shin = uniform(generator, -12, 18)  # the foot before or behind the knee
+        pose |= flat_footed(generator, side, thigh + pitch, thigh + shin, own, pitch)
+        pose |= arm_to(side, "thigh") if generator.random() < 0.35 else everyday_arm(generator, side)
     return pose
 
 

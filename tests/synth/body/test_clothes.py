@@ -1,0 +1,132 @@
+"""Garments: they lie outside the body, move no joint and no collision capsule, and cover what they are made to cover."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from kpopnet.camera import CAMERAS
+from kpopnet.errors import InputError
+from synth.body.asset import load_body
+from synth.body.clothes.attachments import PIECES, ellipsoid, unworn
+from synth.body.clothes.cloth import Figure, outermost, padded, tube
+from synth.body.clothes.garments import BOTTOMS, TOPS, hair, jacket, shoes, trousers, wide_trousers
+from synth.body.clothes.outfit import ClothesConfig, put_on
+from synth.body.shape import dress, load_skin, shape_person
+from synth.scene.scene import Scene
+
+NOTHING = ClothesConfig(**dict.fromkeys(vars(ClothesConfig()), 0.0))
+EVERYTHING = ClothesConfig(**dict.fromkeys(vars(ClothesConfig()), 1.0))
+ASSET = load_body()
+NUM_VERTICES = len(ASSET.weights)
+BARE = shape_person(np.zeros(len(ASSET.basis), np.float32))
+FIGURE = Figure(ASSET, BARE.bare_m, BARE.heads_m, female=True)
+GARMENTS = {name: garment for name, (_, garment) in (TOPS | BOTTOMS).items()} | {"shoes": shoes, "hair": hair}
+
+
+@pytest.mark.parametrize("name", GARMENTS)
+def test_a_garment_lies_outside_the_skin_and_stays_near_it(name: str) -> None:
+    for seed in range(5):
+        moved = GARMENTS[name](FIGURE, np.random.default_rng(seed))
+        assert moved.shape == BARE.bare_m.shape
+        length = np.linalg.norm(moved, axis=1)
+        assert 0.002 < length.max() < 0.2
+        assert (length > 0.0005).mean() < 0.85  # never the whole body
+        outwards = (moved * FIGURE.normals).sum(axis=1)
+        # A tube moves skin away from its axis, which is not everywhere along the normal, but nowhere deep into the body.
+        assert outwards.min() > -0.05 and outwards[length > 0.0005].mean() > 0
+
+
+def test_an_undressed_person_is_the_bare_body_with_its_pieces_inside() -> None:
+    naked = dress(BARE, True, np.random.default_rng(0), NOTHING)
+    np.testing.assert_array_equal(naked.vertices_m[:NUM_VERTICES], BARE.bare_m)
+    body = trimesh.Trimesh(BARE.bare_m, ASSET.faces, process=False)
+    for points in unworn(FIGURE).values():
+        assert np.ptp(points, axis=0).max() == 0
+        nearest = np.linalg.norm(BARE.bare_m - points[0], axis=1).min()
+        assert nearest < 0.3 and (body.bounds[0] < points[0]).all() and (points[0] < body.bounds[1]).all()
+
+
+def test_clothes_move_no_joint_and_no_collision_capsule() -> None:
+    """Bodies collide with their skin: loose clothes must not refuse close poses."""
+    scene = Scene(CAMERAS["kinect_v1"])
+    dressed = dress(BARE, True, np.random.default_rng(3), EVERYTHING)
+    assert np.abs(dressed.vertices_m - BARE.vertices_m).max() > 0.05
+    one, other = scene.fit(BARE), scene.fit(dressed)
+    for name in ("capsule_size", "capsule_pos", "capsule_quat", "body_pos"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    np.testing.assert_array_equal(dressed.joints_m, BARE.joints_m)
+
+
+def test_a_tube_is_nowhere_narrower_than_its_radius() -> None:
+    cover = (FIGURE.cover("LeftLeg") > 0.9).astype(float)
+    moved = tube(FIGURE, ("LeftLeg", "LeftFoot"), cover, (0.09, 0.09))
+    points = (BARE.bare_m + moved)[cover > 0]
+    start, end = FIGURE.bone_m("LeftLeg"), FIGURE.bone_m("LeftFoot")
+    axis = (end - start) / np.linalg.norm(end - start)
+    along = (points - start) @ axis
+    within = (along > 0) & (along < np.linalg.norm(end - start))
+    distance = np.linalg.norm(points - start - along[:, None] * axis, axis=1)[within]
+    assert distance.min() >= 0.09 - 1e-6 and np.median(distance) < 0.1
+
+
+def test_wide_trousers_are_wider_than_trousers_and_both_than_the_shin() -> None:
+    shin = FIGURE.cover("LeftLeg") > 0.9
+
+    def width(moved: np.ndarray) -> float:
+        return float(np.ptp((BARE.bare_m + moved)[shin, 0]))
+
+    rngs = [np.random.default_rng(seed) for seed in range(10)]
+    narrow, wide = (np.mean([width(garment(FIGURE, rng)) for rng in rngs]) for garment in (trousers, wide_trousers))
+    assert width(np.zeros_like(BARE.bare_m)) + 0.02 < narrow < wide - 0.02
+
+
+def test_shoes_lengthen_and_raise_but_do_not_touch_the_knee() -> None:
+    moved = shoes(FIGURE, np.random.default_rng(1))
+    before, after = BARE.bare_m, BARE.bare_m + moved
+    assert after[:, 2].min() < before[:, 2].min() - 0.005
+    foot = FIGURE.cover("LeftFoot", "LeftToeBase") > 0.9
+    assert np.ptp(after[foot, 1]) > np.ptp(before[foot, 1]) + 0.01
+    assert (moved[FIGURE.cover("LeftUpLeg") > 0.9] == 0).all()
+
+
+def test_the_outermost_layer_shows() -> None:
+    thin, thick = (padded(FIGURE, np.ones(NUM_VERTICES), thickness_m) for thickness_m in (0.01, 0.03))
+    np.testing.assert_array_equal(outermost(thin, thick), thick)
+    coat = outermost(thin, jacket(FIGURE, np.random.default_rng(0)))
+    assert (np.linalg.norm(coat, axis=1) > np.linalg.norm(thin, axis=1) - 1e-6).all()
+
+
+@pytest.mark.parametrize("name", PIECES)
+def test_the_faces_of_a_piece_are_oriented_outwards_and_its_weights_sum_to_one(name: str) -> None:
+    piece = PIECES[name]
+    np.testing.assert_allclose(piece.weights.sum(axis=1), 1)
+    assert piece.weights.min() >= 0 and piece.faces.max() == len(piece.weights) - 1
+    points = ellipsoid(np.zeros(3), (0.2, 0.2, 0.2))
+    a, b, c = points[piece.faces].transpose(1, 0, 2)
+    assert ((np.cross(b - a, c - a) * (a + b + c)).sum(axis=1) >= -1e-9).all()
+
+
+def test_a_skirt_lies_around_the_closed_legs() -> None:
+    config = replace(NOTHING, skirt=1.0)
+    start = load_skin().starts["skirt"]
+    for seed in range(5):
+        dressed = dress(BARE, True, np.random.default_rng(seed), config)
+        skirt = dressed.vertices_m[start : start + len(PIECES["skirt"].weights)]
+        hips = BARE.bare_m[(FIGURE.cover("Hips") > 0.5) & (BARE.bare_m[:, 2] < FIGURE.bone_m("LowerBack")[2])]
+        assert np.ptp(skirt[:, 0]) > np.ptp(hips[:, 0]) and np.ptp(skirt[:, 1]) > np.ptp(hips[:, 1])
+        assert skirt[:, 2].min() < FIGURE.bone_m("LeftUpLeg")[2]
+
+
+def test_an_outfit_depends_only_on_the_seed_and_on_what_is_worn() -> None:
+    one, two = (np.concatenate(put_on(FIGURE, np.random.default_rng(4), EVERYTHING)) for _ in range(2))
+    np.testing.assert_array_equal(one, two)
+    hatless = put_on(FIGURE, np.random.default_rng(4), replace(EVERYTHING, hat=0.0, bag=0.0))
+    np.testing.assert_array_equal(one[:NUM_VERTICES], hatless[0])  # one choice does not shift the others
+
+
+@pytest.mark.parametrize("wrong", [{"dressed": 1.2}, {"hat": -0.1}, {"skirt": float("nan")}])
+def test_invalid_settings_are_rejected(wrong: dict) -> None:
+    with pytest.raises(InputError, match=next(iter(wrong))):
+        ClothesConfig(**wrong)
