@@ -26,9 +26,10 @@ from synth.motion import SPLITS, build_motion
 from synth.motion.choreography.composer import dance
 from synth.motion.skeleton import Motion
 from synth.motion.splice import resampled
-from synth.samples.observe import MARGIN_PX
 from synth.samples.layers import silhouette_box
+from synth.samples.observe import MARGIN_PX
 from synth.scene.room import View, ViewConfig
+from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS, SensorConfig
 from synth.simulated.configuration import SimulatedSet, is_faulty, random_excerpt
 from synth.simulated.film import Studio, Take, measure_frame
@@ -156,12 +157,14 @@ class KpopSim:
     def _recordings(self):
         return build_motion(self.config.motion, self.config.benchmark.split)
 
-    def _rng(self, kind: str, *numbers: int) -> np.random.Generator:
-        """The generator of a part of a dance. Only this benchmark's seeds start with its name."""
+    def _seed(self, kind: str, *numbers: int) -> tuple[int, ...]:
+        """The seed of a part of a dance. Only this benchmark's seeds start with its name."""
         benchmark = self.config.benchmark
         kinds = ("dance", "teacher", "learner", "skill", "place", "noise", "order")
-        numbers = (benchmark.seed, SPLITS.index(benchmark.split), kinds.index(kind), *numbers)
-        return np.random.default_rng([*b"kpop_sim", *numbers])
+        return *b"kpop_sim", benchmark.seed, SPLITS.index(benchmark.split), kinds.index(kind), *numbers
+
+    def _rng(self, kind: str, *numbers: int) -> np.random.Generator:
+        return np.random.default_rng(self._seed(kind, *numbers))
 
     def _person(self, rng: np.random.Generator) -> Person:
         """Draws a person; for the split test, one who is in no training set."""
@@ -241,12 +244,12 @@ class KpopSim:
 
     def shots(self, index: int, learner: int, take: Take) -> Iterator[LearnerShot]:
         """Renders, measures and segments a learner's recording. Only the person's box and a margin are measured."""
+        noise = FilmNoise(self._seed("noise", index, learner))
         for clean in self.studio.render(take, range(len(take.played))):
             x0, y0, x1, y1 = silhouette_box(clean.person_m)
             x0, y0 = max(x0 - MARGIN_PX, 0), max(y0 - MARGIN_PX, 0)
             x1, y1 = min(x1 + MARGIN_PX, CAMERA.width), min(y1 + MARGIN_PX, CAMERA.height)
-            rng = self._rng("noise", index, learner, clean.number)
-            depth_m, person = measure_frame(clean, (x0, y0, x1, y1), CAMERA, self.config.sensor, rng)
+            depth_m, person = measure_frame(clean, (x0, y0, x1, y1), CAMERA, self.config.sensor, noise)
             yield LearnerShot(connected(np.where(person, depth_m, np.float32(0))), x0, y0, clean.joints_camera_m)
 
     def record(self, index: int, learner: int, take: Take, on_frame=lambda: None) -> tuple[PackedDepth, np.ndarray]:

@@ -23,12 +23,20 @@ TERMS = np.dtype(
         for name in (
             "fx", "fy", "cx", "cy", "min_range", "max_range",
             "axial_floor", "axial_quadratic", "axial_offset", "axial_grazing", "axial_radial",
-            "lateral", "lateral_grazing", "grain", "shadow", "steps", "step_noise", "rounded",
-            "wiggle", "wiggle_frequency", "flying_pixels", "gain", "pixel_dropout", "edge_dropout",
+            "lateral", "lateral_grazing", "grain", "grain_layers", "flicker", "shadow", "steps", "step_noise",
+            "step_flicker", "rounded", "wiggle", "wiggle_frequency", "flying_pixels", "gain", "pixel_dropout", "edge_dropout",
         )
     ]
 )  # fmt: skip
 """The terms of `model.SensorConfig` in metres and image pixels, as the record that the kernel reads fastest."""
+
+NODES = 1 << 40
+"""Hash counter of the lattice's nodes, beyond those of all pixels; LAYER apart for each layer of depth."""
+
+LAYER = 1 << 32
+
+FILM_PIXELS = 1 << 50
+"""Hash counter of the film's noise at single pixels."""
 
 NORMALS = ndtri((np.arange(4096) + 0.5) / 4096)
 NORMALS = (NORMALS / NORMALS.std()).astype(np.float32)
@@ -58,29 +66,64 @@ def _uniform(bits, shift, count):
 
 
 @njit(cache=True)
-def _grain_cells(size, grain):
-    """Lattice cell of each pixel of a row or column, and its interpolation weights (size, 2), which keep the variance 1."""
+def _grain_cells(size, centre, grain):
+    """Lattice cell of each pixel of a row or column, and its interpolation weights (size, 2), which keep the variance 1.
+
+    Nodes lie at whole multiples of `grain` from the principal point, so that a crop has those of the whole image. Cells
+    count from the first one; its number comes last.
+    """
     cell = np.empty(size, np.int32)
     weights = np.empty((size, 2), np.float32)
+    first = math.floor(-centre / grain)
     for i in range(size):
-        position = i / grain
+        position = (i - centre) / grain - first
         cell[i] = int(position)
         after = position - cell[i]
         norm = math.sqrt(after * after + (1 - after) * (1 - after))
         weights[i, 0] = (1 - after) / norm
         weights[i, 1] = after / norm
-    return cell, weights
+    return cell, weights, first
 
 
 @njit(cache=True)
-def _noise_lattice(height, width, key, counter):
-    """(height, 3, width) normal deviates at the lattice points: the noise fields along z, x and y."""
+def _node_pixels(num_nodes, first, centre, grain, size):
+    """The pixel of a row or column nearest to each node."""
+    pixels = np.empty(num_nodes, np.int64)
+    for i in range(num_nodes):
+        pixels[i] = min(max(int(centre + (first + i) * grain + 0.5), 0), size - 1)
+    return pixels
+
+
+@njit(cache=True)
+def _noise_lattice(depth, cells, keys, t):
+    """(rows, 3, columns) normal deviates at the lattice's nodes: the noise fields along z, x and y.
+
+    A share `flicker` of the variance is of the frame's key, the rest of the film's. The film's is interpolated between
+    layers of disparity at the node's own depth, so that it changes where the surface moves in depth. Nodes stay
+    independent, whatever the depths.
+    """
+    (cell_y, first_y), (cell_x, first_x) = cells
+    height, width = cell_y[-1] + 2, cell_x[-1] + 2
     lattice = np.empty((height, 3, width), np.float32)
+    rows = _node_pixels(height, first_y, t.cy, t.grain, depth.shape[0])
+    columns = _node_pixels(width, first_x, t.cx, t.grain, depth.shape[1])
+    film, frame = np.float32(math.sqrt(1 - t.flicker)), np.float32(math.sqrt(t.flicker))
     for i in range(height):
         for j in range(width):
-            bits = _random_bits(key, counter + i * width + j)
+            node = NODES + (first_y + i) * 65536 + first_x + j
+            bits = _random_bits(keys[1], node)
             for k in range(3):
-                lattice[i, k, j] = _normal(bits, 12 * k)
+                lattice[i, k, j] = frame * _normal(bits, 12 * k)
+            if film > np.float32(0):
+                z = depth[rows[i], columns[j]]
+                position = t.grain_layers / max(z, np.float32(0.01))
+                layer = int(position)
+                after = position - np.float32(layer)
+                weight = film / np.float32(math.sqrt(after * after + (1 - after) * (1 - after)))
+                near = _random_bits(keys[0], node + layer * LAYER)
+                far = _random_bits(keys[0], node + (layer + 1) * LAYER)
+                for k in range(3):
+                    lattice[i, k, j] += weight * ((1 - after) * _normal(near, 12 * k) + after * _normal(far, 12 * k))
     return lattice
 
 
@@ -189,7 +232,18 @@ def _lost_or_flying(z, near, far, bits, t):
 
 
 @njit(cache=True)
-def _axial_error(z, grazing, noise_z, ray_squared, bits, t):
+def _film_steps(right, below, z, noise, film_key, t):
+    """A frame's white noise on the disparity after the film's has taken its share.
+
+    The film's depends on the pixel, counted from the principal point, and on the layer of the disparity of z.
+    """
+    layer = int(t.grain_layers / max(z, np.float32(0.01)))
+    bits = _random_bits(film_key, FILM_PIXELS + layer * LAYER + below * 65536 + right)
+    return math.sqrt(t.step_flicker) * noise + math.sqrt(np.float32(1) - t.step_flicker) * _normal(bits, 0)
+
+
+@njit(cache=True)
+def _axial_error(z, grazing, noise_z, noise_steps, ray_squared, t):
     """The depth after gain, axial noise, wiggle, and disparity noise and quantisation."""
     zero = np.float32(0)
     beyond = z - t.axial_offset
@@ -198,7 +252,7 @@ def _axial_error(z, grazing, noise_z, ray_squared, bits, t):
     if t.wiggle > zero:
         z += t.wiggle * np.float32(math.sin(t.wiggle_frequency * z))
     if t.steps > zero:
-        disparity = t.steps / z + t.step_noise * _normal(bits, 0)
+        disparity = t.steps / z + t.step_noise * noise_steps
         if t.rounded > zero:
             disparity = np.float32(int(disparity + np.float32(0.5)))
         z = t.steps / disparity if disparity > zero else zero
@@ -206,13 +260,13 @@ def _axial_error(z, grazing, noise_z, ray_squared, bits, t):
 
 
 @njit(cache=True)
-def measure_pixels(depth, labels, key, terms):
+def measure_pixels(depth, labels, keys, terms):
     """Applies every term to every pixel that can show a labelled surface.
 
     Args:
         depth: (h, w) float32 clean depth, metres.
         labels: (h, w) uint8 labels of the clean pixels; label 0 is not measured.
-        key: uint64 key of the image's noise.
+        keys: (2,) uint64 keys of the film's noise, which stays, and of the frame's own.
         terms: (1,) record of `TERMS`.
 
     Returns:
@@ -224,12 +278,13 @@ def measure_pixels(depth, labels, key, terms):
     measured = np.zeros((height, width), np.float32)
     seen = np.zeros((height, width), np.uint8)
 
-    # Correlated noise is interpolated from a lattice, white noise is drawn per pixel. Their hash counters follow those of
-    # the pixels.
-    grainy = t.grain > one
-    cell_y, weight_y = _grain_cells(height, t.grain)
-    cell_x, weight_x = _grain_cells(width, t.grain)
-    lattice = _noise_lattice(cell_y[-1] + 2 if grainy else 0, cell_x[-1] + 2 if grainy else 0, key, height * width)
+    # Correlated noise is interpolated from a lattice, white noise is drawn per pixel and frame.
+    grainy, key = t.grain > one, keys[1]
+    cell_y, weight_y, first_y = _grain_cells(height, t.cy, t.grain)
+    cell_x, weight_x, first_x = _grain_cells(width, t.cx, t.grain)
+    lattice = np.empty((0, 3, 0), np.float32)
+    if grainy:
+        lattice = _noise_lattice(depth, ((cell_y, first_y), (cell_x, first_x)), keys, t)
     grain = np.empty((3, lattice.shape[2]), np.float32)
     flat_depth, flat_labels, flat_lost = depth.ravel(), labels.ravel(), _shadows(depth, t.shadow).ravel()
     uses_grazing = t.axial_grazing > zero or t.lateral_grazing > zero
@@ -268,7 +323,10 @@ def measure_pixels(depth, labels, key, terms):
                 continue
             if grainy:
                 noise_z = _grained(grain, 0, cell, w0, w1)
-            z = _axial_error(z, grazing, noise_z, ray_x * ray_x + ray_y * ray_y, bits, t)
+            noise_steps = _normal(bits, 0)
+            if t.step_flicker < one:
+                noise_steps = _film_steps(x - math.floor(t.cx), y - math.floor(t.cy), z, noise_steps, keys[0], t)
+            z = _axial_error(z, grazing, noise_z, noise_steps, ray_x * ray_x + ray_y * ray_y, t)
             if t.min_range <= z <= t.max_range and z > zero:
                 measured[y, x] = z
                 seen[y, x] = label

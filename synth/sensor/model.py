@@ -5,10 +5,11 @@ in disparity, and near surfaces cast a shadow on the side away from the projecto
 it, so noise and outlines are spatially correlated. *Time of flight* (Kinect 2, SwissRanger) has white noise that grows
 towards the image's corners, a periodic error in z, and flying pixels between near and far surfaces at outlines.
 
-Sources: Nguyen, Izadi & Lovell 2012 (axial and lateral noise of Kinect v1); Handa et al. 2014 (disparity noise and
-steps); Mahler et al. 2017 (gain, ellipses). On people of UTD-MHAD (real Kinect v1, 320x240) the depth steps are
-z^2/345 m, 67 % of the neighbouring pixels have the same depth step, and the second differences correspond to white noise
-of 0.35 steps. Smooth capsule people with the published terms below give 345, 66 % and 0.37.
+Sources: Nguyen, Izadi & Lovell 2012 (axial and lateral noise of Kinect v1); Handa et al. 2014 (disparity noise, of which
+half is in use, and steps); Mahler et al. 2017 (gain, ellipses). On standing people of UTD-MHAD (real Kinect v1, 320x240) the
+depth steps are z^2/345 m, 68 % of the neighbouring pixels have the same depth step, and the second differences correspond to
+white noise of 0.33 steps. Simulated standing people give 345, 75 % and 0.30; on a bare wall of another sensor of the kind,
+smoother than clothes, half of the noise is enough (`docs/ledger.md`). What stays of the noise in films: `film_noise`.
 
 Lengths in pixels are the sensor's own ("native") pixels and scale with the camera's focal length, so one sensor serves
 640x480 and 320x240.
@@ -22,6 +23,7 @@ import numpy as np
 
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
+from synth.sensor.film_noise import FilmFrame
 from synth.sensor.holes import erase_ellipses, spherical_hole
 from synth.sensor.kernel import TERMS, measure_pixels
 
@@ -45,9 +47,12 @@ _PUBLISHED: dict[str, dict[str, float]] = {
         "lateral_px": 0.8,
         "lateral_grazing_px": 0.035,
         "grain_px": 9.0,
+        "grain_disparity_px": 0.25,
+        "grain_flicker": 0.08,
         "baseline_m": 0.075,
         "disparity_step_px": 0.125,
-        "disparity_noise_px": 0.027778,
+        "disparity_noise_px": 0.0139,
+        "disparity_flicker": 0.25,
         "gain": 0.003,
         "pixel_dropout": 0.0002,
         "edge_dropout": 0.05,
@@ -61,6 +66,7 @@ _PUBLISHED: dict[str, dict[str, float]] = {
         "axial_floor_m": 0.003,
         "axial_quadratic": 0.001,
         "axial_radial": 0.0036,
+        "grain_flicker": 1.0,
         "wiggle_m": 0.004,
         "wiggle_period_m": 0.47,
         "flying_pixels": 0.4,
@@ -77,6 +83,7 @@ _PUBLISHED: dict[str, dict[str, float]] = {
         "axial_floor_m": 0.009,
         "axial_quadratic": 0.003,
         "axial_radial": 0.0292,
+        "grain_flicker": 1.0,
         "wiggle_m": 0.004,
         "wiggle_period_m": 1.25,
         "flying_pixels": 0.4,
@@ -117,11 +124,15 @@ class SensorConfig:
         lateral_grazing_px: grazing-angle term of the lateral shift, native pixels; see lateral_px.
         grain_px: correlation length of axial and lateral noise, native pixels, about the width of the matching window; up
             to 1 image pixel the noise is white.
+        grain_disparity_px: change of disparity within which a film's grain becomes another, native pixels; 0: never.
+        grain_flicker: share of the variance of correlated noise that each frame of a film draws anew; the rest is the
+            film's grain. White axial and lateral noise is the frame's own.
         baseline_m: distance of the projector to the right of the camera, metres; shadows fall to the left. A negative
             value puts the projector on the left.
         disparity_step_px: quantisation step of the disparity, native pixels; the depth steps are
             disparity_step z^2 / (native_focal baseline).
         disparity_noise_px: standard deviation of white noise on the disparity before quantisation, native pixels.
+        disparity_flicker: share of that noise's variance that each frame of a film draws anew.
         wiggle_m: amplitude of a systematic error that is a sine of z, metres.
         wiggle_period_m: period of that sine, metres: a quarter of the modulation's unambiguous range.
         flying_pixels: fraction of the pixels on outlines that are measured between the near and the far surface.
@@ -145,9 +156,12 @@ class SensorConfig:
     lateral_px: float | None = None
     lateral_grazing_px: float | None = None
     grain_px: float | None = None
+    grain_disparity_px: float | None = None
+    grain_flicker: float | None = None
     baseline_m: float | None = None
     disparity_step_px: float | None = None
     disparity_noise_px: float | None = None
+    disparity_flicker: float | None = None
     wiggle_m: float | None = None
     wiggle_period_m: float | None = None
     flying_pixels: float | None = None
@@ -164,19 +178,27 @@ class SensorConfig:
         for name, value in terms.items():
             if not math.isfinite(value) or (value < 0 and name != "baseline_m"):
                 raise InputError(f"sensor.{name} must be a finite number of at least 0, not {value}")
-        for name in ("flying_pixels", "pixel_dropout", "edge_dropout", "limb_end_dropout"):
+        for name in (
+            "grain_flicker",
+            "disparity_flicker",
+            "flying_pixels",
+            "pixel_dropout",
+            "edge_dropout",
+            "limb_end_dropout",
+        ):
             if terms[name] > 1:
                 raise InputError(f"sensor.{name} is a fraction and must lie between 0 and 1, not {terms[name]}")
         if terms["max_range_m"] and terms["max_range_m"] <= terms["min_range_m"]:
             raise InputError(f"sensor.max_range_m={terms['max_range_m']} must exceed sensor.min_range_m={terms['min_range_m']}")
         in_native_px = (
-            "lateral_px", "grain_px", "disparity_step_px", "disparity_noise_px", "ellipses_per_megapixel"
+            "lateral_px", "grain_px", "grain_disparity_px", "disparity_step_px", "disparity_noise_px", "ellipses_per_megapixel"
         )  # fmt: skip
         for name in in_native_px:
             if terms[name] and not terms["native_focal_px"]:
                 raise InputError(f"sensor.{name} is in native pixels: set sensor.native_focal_px too")
-        if (terms["disparity_step_px"] or terms["disparity_noise_px"]) and not terms["baseline_m"]:
-            raise InputError("sensor.disparity_step_px and sensor.disparity_noise_px need a sensor.baseline_m")
+        for name in ("disparity_step_px", "disparity_noise_px", "grain_disparity_px"):
+            if terms[name] and not terms["baseline_m"]:
+                raise InputError(f"sensor.{name} needs a sensor.baseline_m")
         if terms["wiggle_m"] and not terms["wiggle_period_m"]:
             raise InputError("sensor.wiggle_m needs a sensor.wiggle_period_m")
 
@@ -229,6 +251,7 @@ def measure_labelled(
     config: SensorConfig,
     rng: np.random.Generator,
     limb_ends_camera_m: np.ndarray | None = None,
+    film: FilmFrame | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Like `measure`, but measures only labelled surfaces and returns the label of each measured pixel.
 
@@ -241,6 +264,7 @@ def measure_labelled(
         config: as in `measure`.
         rng: as in `measure`.
         limb_ends_camera_m: as in `measure`.
+        film: what the frame shares with others of its film; None: nothing, a single picture.
 
     Returns:
         (h, w) float32 metres, 0 where no labelled surface is measured, and (h, w) uint8 labels of the measured surfaces,
@@ -255,23 +279,28 @@ def measure_labelled(
             f"the camera has (height, width) = ({camera.height}, {camera.width}); all must be equal"
         )
     config = resolved(config)
-    key = rng.integers(2**64, dtype=np.uint64)
-    terms = _terms(config, camera, gain=1 + config.gain * rng.standard_normal(), dropout_draw=rng.random())
+    key, single = rng.integers(2**64, dtype=np.uint64), film is None
+    film = film or FilmFrame(key, rng.standard_normal(), rng.random(), (rng,))
+    terms = _terms(config, camera, film, single)
     measured, seen = measure_pixels(
-        np.ascontiguousarray(depth_m, dtype=np.float32), np.ascontiguousarray(labels, dtype=np.uint8), key, terms
+        np.ascontiguousarray(depth_m, dtype=np.float32),
+        np.ascontiguousarray(labels, dtype=np.uint8),
+        np.array([film.key, key]),
+        terms,
     )
-    ellipses = _holes(camera, config, rng, limb_ends_camera_m)
+    ellipses = _holes(camera, config, film.holes, limb_ends_camera_m)
     if len(ellipses):
         erase_ellipses(measured, ellipses)
         seen[measured == 0] = 0
     return measured, seen
 
 
-def _terms(config: SensorConfig, camera: Camera, gain: float, dropout_draw: float) -> np.ndarray:
-    """(1,) record of `TERMS`, in metres and image pixels."""
+def _terms(config: SensorConfig, camera: Camera, film: FilmFrame, single: bool) -> np.ndarray:
+    """(1,) record of `TERMS`, in metres and image pixels; all noise of a single picture is its own."""
     scale = camera.fx / config.native_focal_px if config.native_focal_px else 0.0
     # The unit of disparity is the quantisation step, or a native pixel for noise without quantisation.
     unit = config.disparity_step_px or 1.0
+    pattern_shift = abs(config.baseline_m) * config.native_focal_px  # disparity at 1 m, native pixels
     uses_disparity = config.disparity_step_px > 0 or config.disparity_noise_px > 0
     terms = {
         "fx": camera.fx,
@@ -288,34 +317,44 @@ def _terms(config: SensorConfig, camera: Camera, gain: float, dropout_draw: floa
         "lateral": config.lateral_px * scale,
         "lateral_grazing": config.lateral_grazing_px * scale,
         "grain": max(config.grain_px * scale, 1.0),
+        "grain_layers": pattern_shift / config.grain_disparity_px if config.grain_disparity_px else 0.0,
+        "flicker": 1.0 if single else config.grain_flicker,
         "shadow": camera.fx * config.baseline_m,
-        "steps": abs(config.baseline_m) * config.native_focal_px / unit if uses_disparity else 0.0,
+        "steps": pattern_shift / unit if uses_disparity else 0.0,
         "step_noise": config.disparity_noise_px / unit,
+        "step_flicker": 1.0 if single else config.disparity_flicker,
         "rounded": config.disparity_step_px > 0,
         "wiggle": config.wiggle_m,
         "wiggle_frequency": 2 * math.pi / config.wiggle_period_m if config.wiggle_period_m else 0.0,
         "flying_pixels": config.flying_pixels,
-        "gain": gain,
-        "pixel_dropout": config.pixel_dropout * dropout_draw,
+        "gain": 1 + config.gain * film.gain,
+        "pixel_dropout": config.pixel_dropout * film.dropout,
         "edge_dropout": config.edge_dropout,
     }
     return np.array([tuple(terms[name] for name in TERMS.names)], TERMS)
 
 
-def _holes(camera: Camera, config: SensorConfig, rng: np.random.Generator, limb_ends_camera_m: np.ndarray | None) -> np.ndarray:
-    """(N, 7) float32 ellipses for `holes.erase_ellipses`: random holes, and possibly a hole at the end of a limb."""
-    ellipses = np.zeros((0, 7))
-    if config.ellipses_per_megapixel:
-        scale = camera.fx / config.native_focal_px
-        native_megapixels = camera.width * camera.height / scale**2 / 1e6
-        count = rng.poisson(config.ellipses_per_megapixel * native_megapixels)
-        low = np.array([0, 0, ELLIPSE_PX[0] * scale, ELLIPSE_PX[0] * scale, 0])
-        high = np.array([camera.width, camera.height, ELLIPSE_PX[1] * scale, ELLIPSE_PX[1] * scale, math.pi])
-        ellipses = np.full((count, 7), np.inf)
-        ellipses[:, :5] = low + (high - low) * rng.random((count, 5))
-        ellipses[:, 5] = 0
-    if limb_ends_camera_m is not None and len(limb_ends_camera_m) and rng.random() < config.limb_end_dropout:
-        end = limb_ends_camera_m[rng.integers(len(limb_ends_camera_m))]
-        hole = spherical_hole(end, rng.uniform(*LIMB_HOLE_RADIUS_M), LIMB_HOLE_DEPTH_M, camera)
-        ellipses = np.concatenate([ellipses, hole])
-    return ellipses.astype(np.float32)
+def _holes(
+    camera: Camera, config: SensorConfig, births: tuple[np.random.Generator, ...], limb_ends_camera_m: np.ndarray | None
+) -> np.ndarray:
+    """(N, 7) float32 ellipses for `holes.erase_ellipses`: random holes, and possibly a hole at the end of a limb.
+
+    Each generator draws an equal share of them.
+    """
+    ellipses = [np.zeros((0, 7))]
+    scale = camera.fx / config.native_focal_px if config.native_focal_px else 1.0
+    native_megapixels = camera.width * camera.height / scale**2 / 1e6
+    low = np.array([0, 0, ELLIPSE_PX[0] * scale, ELLIPSE_PX[0] * scale, 0])
+    high = np.array([camera.width, camera.height, ELLIPSE_PX[1] * scale, ELLIPSE_PX[1] * scale, math.pi])
+    limb_end_dropout = 1 - (1 - config.limb_end_dropout) ** (1 / len(births))
+    for rng in births:
+        if config.ellipses_per_megapixel:
+            count = rng.poisson(config.ellipses_per_megapixel * native_megapixels / len(births))
+            drawn = np.full((count, 7), np.inf)
+            drawn[:, :5] = low + (high - low) * rng.random((count, 5))
+            drawn[:, 5] = 0
+            ellipses.append(drawn)
+        if limb_ends_camera_m is not None and len(limb_ends_camera_m) and rng.random() < limb_end_dropout:
+            end = limb_ends_camera_m[rng.integers(len(limb_ends_camera_m))]
+            ellipses.append(spherical_hole(end, rng.uniform(*LIMB_HOLE_RADIUS_M), LIMB_HOLE_DEPTH_M, camera))
+    return np.concatenate(ellipses).astype(np.float32)

@@ -5,7 +5,7 @@ between the walls and clear of the furniture. So the motion is first applied to 
 position in a room is searched for afterwards (`Studio.place`).
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +20,7 @@ from synth.samples.sampler import body_rotations, heading_rad
 from synth.scene.render import make_renderer
 from synth.scene.room import Room, View, ViewConfig, draw_room, draw_view
 from synth.scene.scene import Scene
+from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SensorConfig, measure_labelled
 
 WALL_CLEARANCE_M = 0.2
@@ -312,13 +313,11 @@ class Studio:
             joints_m = take.view.to_camera(scene.joints_world_m()).astype(np.float32)
             yield CleanFrame(number, self.renderer.person_m(), room_m, joints_m)
 
-    def shots(
-        self, take: Take, sensor: SensorConfig, noise: Callable[[int], np.random.Generator], frames: range
-    ) -> Iterator[Shot]:
-        """Renders and measures frames of a take; the noise of frame t is drawn from the generator noise(t) only."""
+    def shots(self, take: Take, sensor: SensorConfig, noise: FilmNoise, frames: range) -> Iterator[Shot]:
+        """Renders and measures frames of a take; a frame is the same whichever others are made."""
         camera = self.scene.camera
         for clean in self.render(take, frames):
-            depth_m, person = measure_frame(clean, (0, 0, camera.width, camera.height), camera, sensor, noise(clean.number))
+            depth_m, person = measure_frame(clean, (0, 0, camera.width, camera.height), camera, sensor, noise)
             skin_m = self.renderer.vertices_world_m()
             yield Shot(
                 depth_m=depth_m,
@@ -339,7 +338,7 @@ def measure_frame(
     box: tuple[int, int, int, int],
     camera: Camera,
     sensor: SensorConfig,
-    rng: np.random.Generator,
+    noise: FilmNoise,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Applies the sensor model to a part of a clean frame.
 
@@ -348,7 +347,7 @@ def measure_frame(
         box: x0, y0, x1, y1 of the part, pixels, the ends exclusive.
         camera: of the whole image.
         sensor: the sensor.
-        rng: draws the noise.
+        noise: of the film.
 
     Returns:
         (y1 - y0, x1 - x0) float32 depth in metres, 0 where nothing was measured, and bool, pixels that show the person.
@@ -356,6 +355,7 @@ def measure_frame(
     x0, y0, x1, y1 = box
     person_m, room_m = clean.person_m[y0:y1, x0:x1], clean.room_m[y0:y1, x0:x1]
     is_person = (person_m > 0) & ((room_m == 0) | (person_m <= room_m))
+    rng, shared = noise.frame(clean.number)
     depth_m, labels = measure_labelled(
         np.where(is_person, person_m, room_m),
         np.where(is_person, np.uint8(PERSON), np.uint8(ROOM)),
@@ -363,6 +363,7 @@ def measure_frame(
         sensor,
         rng,
         clean.joints_camera_m[LIMB_ENDS],
+        shared,
     )
     return depth_m, labels == PERSON
 

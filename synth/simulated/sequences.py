@@ -21,6 +21,7 @@ from synth.motion.choreography.programmes import START_S, start_pose
 from synth.motion.skeleton import Motion
 from synth.motion.splice import cut, follow, resampled
 from synth.scene.room import ViewConfig
+from synth.sensor.film_noise import FilmNoise
 from synth.simulated.configuration import SimulatedSet, is_faulty, random_excerpt
 from synth.simulated.film import Film, Shot, Studio, Take
 
@@ -118,12 +119,13 @@ class StandIn(ABC):
     def studio(self) -> Studio:
         return Studio(self.camera, self.config.renderer)
 
-    def _rng(self, kind: str, *numbers: int) -> np.random.Generator:
-        """The generator of a person, a sequence or a frame's noise. Only this benchmark's seeds start with its name."""
+    def _seed(self, kind: str, *numbers: int) -> tuple[int, ...]:
+        """The seed of a person, a sequence or its noise. Only this benchmark's seeds start with its name."""
         selection = self.config.benchmark
-        return np.random.default_rng(
-            [*selection.name.encode(), selection.seed, ("person", "sequence", "noise").index(kind), *numbers]
-        )
+        return *selection.name.encode(), selection.seed, ("person", "sequence", "noise").index(kind), *numbers
+
+    def _rng(self, kind: str, *numbers: int) -> np.random.Generator:
+        return np.random.default_rng(self._seed(kind, *numbers))
 
     def subject(self, index: int) -> str:
         """The name of the person in sequence `index`."""
@@ -170,7 +172,7 @@ class StandIn(ABC):
 
     def shots(self, index: int, take: Take, frames: range) -> Iterator[Shot]:
         """Renders and measures frames of sequence `index`."""
-        return self.studio.shots(take, self.config.sensor, lambda frame: self._rng("noise", index, frame), frames)
+        return self.studio.shots(take, self.config.sensor, FilmNoise(self._seed("noise", index)), frames)
 
     def film(self, index: int, frames: int | None = None) -> Film:
         """Sequence `index` in memory, equal to the written file.
