@@ -44,7 +44,11 @@ class DenseHead(nn.Module):
         self.register_buffer("grid", grid(self.size), persistent=False)
 
     def forward(self, maps: tuple[Tensor, Tensor, Tensor]) -> Prediction:
-        heat, attention, depth, confidence = self.maps(self.neck(maps)).flatten(2).chunk(4, dim=1)  # (B, J, cells)
+        features, joints = self.neck(maps), 3 * NUM_JOINTS
+        weight, bias = self.maps.weight, self.maps.bias
+        heat, attention, depth = functional.conv2d(features, weight[:joints], bias[:joints]).flatten(2).chunk(3, dim=1)
+        # Detached: the confidence judges the features, and does not shape them (losses.confidence_loss).
+        confidence = functional.conv2d(features.detach(), weight[joints:], bias[joints:]).flatten(2)  # (B, J, cells)
         log_p = functional.log_softmax(heat, dim=-1)
         p = log_p.exp()
         q = torch.softmax(heat + attention, dim=-1)

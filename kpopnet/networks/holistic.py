@@ -27,8 +27,11 @@ class HolisticHead(nn.Module):
         )
 
     def forward(self, maps: tuple[Tensor, Tensor, Tensor]) -> Prediction:
-        joints = self.layers(maps[-1]).view(-1, NUM_JOINTS, 4)
-        return Prediction(joints[..., :3], joints[..., 3], {})
+        features, last = self.layers[:-1](maps[-1]), self.layers[-1]
+        joints = last(features).view(-1, NUM_JOINTS, 4)[..., :3]
+        # Detached: the confidence judges the features, and does not shape them (losses.confidence_loss).
+        logit = last(features.detach()).view(-1, NUM_JOINTS, 4)[..., 3]
+        return Prediction(joints, logit, {})
 
     def loss(self, prediction: Prediction, target: Tensor) -> dict[str, Tensor]:
         """The terms of the loss, by name; the loss is their sum."""

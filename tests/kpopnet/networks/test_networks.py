@@ -36,6 +36,19 @@ def test_predictions_and_gradients(kind, name, channels, px):
 
 
 @pytest.mark.parametrize("kind", KINDS)
+def test_the_loss_of_the_confidence_trains_only_the_confidence(kind):
+    """Of the last layer, the rows of the confidence; of the encoder and the joints nothing."""
+    network = build_network(ModelConfig(kind, **SMALL))
+    network.head.loss(network(crops()), torch.zeros(3, 15, 3))["confidence"].backward()
+    last = network.head.maps if kind == "dense" else network.head.layers[-1]
+    trained = [name for name, weight in network.named_parameters() if weight.grad is not None and weight.grad.abs().sum() > 0]
+    assert trained == [name for name, weight in network.named_parameters() if weight is last.weight or weight is last.bias]
+    rows = last.weight.grad.flatten(1).abs().sum(1) > 0
+    confidence = torch.arange(60) >= 45 if kind == "dense" else torch.arange(60) % 4 == 3
+    assert torch.equal(rows, confidence)
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_the_loss_is_the_mean_over_samples(kind):
     """Therefore the mean over processes is the loss of the whole batch."""
     network = build_network(ModelConfig(kind, **SMALL)).eval()
@@ -74,7 +87,10 @@ def test_the_dense_head_localises_a_peak():
     maps[0, 4, 2, 6] = 50  # joint 4's heat: row 2, column 6
     maps[0, 15 + 4, 5, 5] = 200  # its attention
     maps[0, 30 + 4, 5, 5] = 0.7  # its depth there
-    head.neck, head.maps = torch.nn.Identity(), torch.nn.Identity()
+    head.neck, head.maps = torch.nn.Identity(), torch.nn.Conv2d(60, 60, 1)
+    with torch.no_grad():
+        head.maps.weight.copy_(torch.eye(60)[..., None, None])
+        head.maps.bias.zero_()
     prediction = head(maps)
     torch.testing.assert_close(prediction.joints[0, 4], torch.tensor([13 / 8 - 1, 5 / 8 - 1, 0.7]))
     torch.testing.assert_close(prediction.joints[0, 3, :2], torch.zeros(2), atol=1e-6, rtol=0)
