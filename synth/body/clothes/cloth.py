@@ -6,7 +6,7 @@ garments lie over each other the outermost shows (`outermost`).
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -45,15 +45,26 @@ class Figure:
         return self.heads_m[self.asset.bone(name)]
 
     def cover(self, *bones: str) -> np.ndarray:
-        """(V,) share 0..1 of each vertex that belongs to these bones."""
-        return self.asset.weight_of(*bones)
+        """(V,) share 0..1 of each vertex that belongs to these bones, not to be written to."""
+        return _cover(self.asset, bones)
 
 
-def outermost(*garments: np.ndarray) -> np.ndarray:
+@cache
+def _cover(asset: BodyAsset, bones: tuple[str, ...]) -> np.ndarray:
+    share = np.minimum(asset.weight_of(*bones), 1)
+    share.flags.writeable = False
+    return share
+
+
+def outermost(first: np.ndarray, *others: np.ndarray) -> np.ndarray:
     """(V, 3) the greatest displacement of each vertex among displacements (V, 3)."""
-    stacked = np.stack(garments)
-    largest = (stacked**2).sum(axis=-1).argmax(axis=0)
-    return stacked[largest, np.arange(stacked.shape[1])]
+    outer = first.copy()
+    outer_squared = np.einsum("vi,vi->v", outer, outer)
+    for other in others:
+        squared = np.einsum("vi,vi->v", other, other)
+        larger = squared > outer_squared
+        outer[larger], outer_squared[larger] = other[larger], squared[larger]
+    return outer
 
 
 def padded(figure: Figure, cover: np.ndarray, thickness_m: float) -> np.ndarray:
@@ -70,13 +81,15 @@ def tube(figure: Figure, bones: tuple[str, str], cover: np.ndarray, radii_m: tup
         cover: (V,) share of each vertex that the tube covers.
         radii_m: radius at both ends; in between it changes linearly.
     """
+    worn = np.flatnonzero(cover)
     start, end = (figure.bone_m(bone) for bone in bones)
-    axis = end - start
-    along = np.clip((figure.vertices_m - start) @ axis / (axis @ axis), 0, 1)
-    away = figure.vertices_m - start - along[:, None] * axis
-    distance = np.maximum(np.linalg.norm(away, axis=1), 1e-6)
+    axis, points = end - start, figure.vertices_m[worn] - start
+    along = np.clip(points @ axis / (axis @ axis), 0, 1)
+    away = points - along[:, None] * axis
+    distance = np.maximum(np.sqrt(np.einsum("vi,vi->v", away, away)), 1e-6)
     radius = radii_m[0] + along * (radii_m[1] - radii_m[0])
-    return _outwards(figure, cover * np.maximum(radius - distance, THIN_M), away / distance[:, None])
+    thickness_m = cover[worn] * np.maximum(radius - distance, THIN_M)
+    return _outwards(figure, worn, thickness_m, away / distance[:, None])
 
 
 def hanging(figure: Figure, cover: np.ndarray, drape: float) -> np.ndarray:
@@ -87,29 +100,32 @@ def hanging(figure: Figure, cover: np.ndarray, drape: float) -> np.ndarray:
         cover: (V,) share of each vertex that the cloth covers.
         drape: fraction of the widest radius above that the cloth keeps; 1 falls straight, less follows the body.
     """
-    worn = cover > 0.5
-    if not worn.any():
+    worn = np.flatnonzero(cover > 0.5)
+    if not len(worn):
         return np.zeros_like(figure.vertices_m)
-    flat = figure.vertices_m[:, :2] - figure.bone_m("LowerBack")[:2]
-    radius = np.maximum(np.linalg.norm(flat, axis=1), 1e-6)
+    points = figure.vertices_m[worn]
+    flat = points[:, :2] - figure.bone_m("LowerBack")[:2]
+    radius = np.maximum(np.sqrt(np.einsum("vi,vi->v", flat, flat)), 1e-6)
     sector = ((np.arctan2(flat[:, 1], flat[:, 0]) / (2 * np.pi) + 0.5) * AZIMUTHS).astype(int) % AZIMUTHS
-    top = figure.vertices_m[worn, 2].max()
-    level = np.maximum((top - figure.vertices_m[:, 2]) / LEVEL_M, 0).astype(int)
-    widest = np.zeros((level[worn].max() + 1, AZIMUTHS))
-    np.maximum.at(widest, (level[worn], sector[worn]), radius[worn])
+    level = ((points[:, 2].max() - points[:, 2]) / LEVEL_M).astype(int)
+    widest = np.zeros((level.max() + 1, AZIMUTHS))
+    np.maximum.at(widest, (level, sector), radius)
     widest = np.maximum.accumulate(widest, axis=0)
     # Between neighbouring directions cloth is stretched, not folded in.
     widest = np.maximum(widest, (np.roll(widest, 1, axis=1) + np.roll(widest, -1, axis=1)) / 2)
-    held = drape * widest[np.minimum(level, len(widest) - 1), sector]
-    away = np.column_stack([flat / radius[:, None], np.zeros(len(flat))])
-    return _outwards(figure, cover * np.maximum(held - radius, THIN_M), away)
+    thickness_m = cover[worn] * np.maximum(drape * widest[level, sector] - radius, THIN_M)
+    return _outwards(figure, worn, thickness_m, np.column_stack([flat / radius[:, None], np.zeros(len(flat))]))
 
 
-def _outwards(figure: Figure, distance_m: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """(V, 3) displacements by (V,) along unit directions (V, 3), where the skin faces them; elsewhere, as between the legs,
-    the cloth would be pushed through the body.
+def _outwards(figure: Figure, worn: np.ndarray, distance_m: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """(V, 3) displacement of the vertices `worn` (W,) by (W,) along unit directions (W, 3), where the skin faces them.
+
+    Elsewhere, as between the legs, the cloth would be pushed through the body.
     """
-    return (distance_m * np.clip(3 * (figure.normals * directions).sum(axis=1), 0, 1))[:, None] * directions
+    facing = np.clip(3 * np.einsum("vi,vi->v", figure.normals[worn], directions), 0, 1)
+    moved = np.zeros_like(figure.vertices_m)
+    moved[worn] = (distance_m * facing)[:, None] * directions
+    return moved
 
 
 def above(figure: Figure, height_m: float, soft_m: float = 0.02) -> np.ndarray:
