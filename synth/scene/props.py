@@ -129,18 +129,24 @@ def seat_under(rng: np.random.Generator, joints_m: np.ndarray, skin_m: np.ndarra
     if not beneath.any():
         return None
     top_m = own[beneath, 2].min()
-    behind = own[(own[:, 2] > top_m) & (own[:, 2] < top_m + 0.4) & (np.abs(own[:, 0]) < 0.15), 1].max()
     for kind in rng.permutation(len(SEATS)):
         make = SEATS[kind]
         parts = make(rng, float(top_m))
         centres, halves = (np.array(numbers, float) for numbers in zip(*parts, strict=True))
         if make is chair:
-            centres[:, 1] += behind + 0.03 - centres[1, 1]  # its back touches the person's
+            centres[:, 1] += _to_back(own, centres[1], halves[1])
         lowered = centres - (0, 0, SEAT_GIVE_M)
         if not overlaps_boxes(own, np.zeros(3), lowered, halves, np.zeros(len(parts)), 0.0):
             mesh = boxes(zip(centres.tolist(), halves.tolist(), strict=True))
             return Prop(make.__name__, mesh.moved(rotation, np.array([*hips_m[:2], 0.0])))
     return None
+
+
+def _to_back(skin_m: np.ndarray, centre: np.ndarray, half: np.ndarray) -> float:
+    """How far backwards a chair moves, metres, so that its back, a box, touches the person's; the hips stay above the seat."""
+    before = (np.abs(skin_m[:, [0, 2]] - centre[[0, 2]]) < half[[0, 2]] + 0.02).all(axis=1)
+    behind_m = skin_m[before, 1].max(initial=0.0) + half[1] + 0.01
+    return min(float(behind_m - centre[1]), 0.12)
 
 
 # --- held objects -----------------------------------------------------------------------------------------------------
@@ -180,7 +186,7 @@ def cup(rng: np.random.Generator) -> Mesh:
 def bag(rng: np.random.Generator) -> Mesh:
     """A bag on two straps; z is up, the hand at the origin."""
     w, d, h, strap = rng.uniform(0.1, 0.2), rng.uniform(0.03, 0.08), rng.uniform(0.1, 0.2), rng.uniform(0.08, 0.2)
-    straps = [((side * 0.6 * w, 0, -strap / 2), (0.012, 0.006, strap / 2)) for side in (-1, 1)]
+    straps = [((side * 0.6 * w, 0, -strap / 2), (0.018, 0.015, strap / 2)) for side in (-1, 1)]
     return joined([boxes([((0, 0, -strap - h), (w, d, h))]), boxes(straps), boxes([((0, 0, -0.01), (0.6 * w, 0.01, 0.01))])])
 
 

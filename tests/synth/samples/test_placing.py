@@ -1,11 +1,15 @@
 """Where people stand: out of walls and furniture, cut by the border as often as asked, and what is around them."""
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from kpopnet.data.cube import person_centre
+from kpopnet.data.cube import Cube, person_centre
 from kpopnet.skeleton import Joint
 from synth.motion import MotionConfig
 from synth.samples.placing import BLOCKED, MISFRAMED, NEAREST_M, SOUND, Body, Site, StageConfig, faults
@@ -92,7 +96,7 @@ def test_the_border_cuts_about_as_many_as_asked_and_they_are_nearer(drawn) -> No
 
 def test_cut_people_keep_their_torso_in_the_image_and_true_joints() -> None:
     sampler = Sampler(replace(CONFIG, stage=StageConfig(cut=1.0), props=NO_PROPS), 1, "train")
-    camera, outside = sampler.scene.camera, 0
+    camera, outside, largest = sampler.scene.camera, 0, []
     for rendered in sampler.samples(0, 30):
         sample = rendered.sample
         expected = sampler.scene.view.to_camera(sampler.scene.joints_world_m())
@@ -104,8 +108,11 @@ def test_cut_people_keep_their_torso_in_the_image_and_true_joints() -> None:
             x0, y0, x1, y1 = sample.box
             outside += x0 == 0 or y0 == 0 or x1 == camera.width or y1 == camera.height
         assert np.count_nonzero(sample.depth_mm) >= sampler.config.stage.least_pixels
-        assert person_centre(sample.depth_mm / np.float32(1000), camera) is not None
+        centre_m = person_centre(sample.depth_mm / np.float32(1000), camera)
+        largest.append(np.abs(Cube(centre_m, 1.15).to_uvd(sample.joints_camera_m)).max())
     assert outside > 20
+    # The cube's centre is the median of the visible part: joints may leave the crop, but only by little.
+    assert np.median(largest) < 1 and max(largest) < 2
 
 
 def test_samples_with_props_do_not_depend_on_the_other_samples_drawn() -> None:
@@ -131,3 +138,32 @@ def test_props_change_the_image_but_not_the_person() -> None:
         if not other.props:
             assert np.array_equal(one.sample.depth_mm, other.sample.depth_mm)
     assert hidden >= 3 and added >= 3
+
+
+DRAW_WITH_GL = """
+import sys, numpy as np
+from dataclasses import replace
+sys.path.insert(0, sys.argv[2])
+from test_placing import BUSY
+from kpopnet.errors import InputError
+from synth.samples.sampler import Sampler
+try:
+    sampler = Sampler(replace(BUSY, renderer="gl"), 3, "train")
+except InputError as error:
+    print(error); sys.exit(7)
+np.save(sys.argv[1], np.stack([one.sample.depth_mm for one in sampler.samples(0, 8)]))
+"""
+
+
+def test_props_are_the_same_with_opengl(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", DRAW_WITH_GL, str(tmp_path / "gl.npy"), str(Path(__file__).parent)]
+    for backend in ("osmesa", "egl"):
+        run = subprocess.run(command, env=os.environ | {"MUJOCO_GL": backend}, capture_output=True, text=True, check=False)
+        if run.returncode == 0:
+            break
+    else:
+        pytest.skip(f"no OpenGL here: {(run.stdout + run.stderr).strip().splitlines()[-1]}")
+    expected = np.stack([one.sample.depth_mm for one in Sampler(BUSY, 3, "train").samples(0, 8)])
+    drawn = np.load(tmp_path / "gl.npy")
+    for one, other in zip(drawn, expected, strict=True):
+        assert np.count_nonzero((one > 0) & (other > 0)) > 0.98 * np.count_nonzero((one > 0) | (other > 0))
