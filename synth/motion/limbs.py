@@ -158,8 +158,11 @@ _HIP_TO_MIDDLE_M, _HIP_TO_ANKLE_M = 0.113, 0.81
 
 
 def closed_legs(generator: np.random.Generator) -> float:
-    """The abduction, degrees, of both legs that leaves 5 to 20 cm between the ankles; it is negative."""
-    ankles_m = uniform(generator, 0.05, 0.20)
+    """The abduction, degrees, of both legs that leaves 4 to 15 cm between the ankles; it is negative.
+
+    The feet are 3 cm farther apart, since the toes point outwards.
+    """
+    ankles_m = uniform(generator, 0.04, 0.15)
     return float(np.degrees(np.arcsin((ankles_m / 2 - _HIP_TO_MIDDLE_M) / _HIP_TO_ANKLE_M)))
 
 
