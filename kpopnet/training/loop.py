@@ -52,7 +52,9 @@ class TrainingConfig:
         lr: peak learning rate of the cycle.
         warmup: fraction of the steps in which the learning rate rises.
         weight_decay: weight decay of AdamW, only for the weights of convolutions and linear layers.
-        clip_norm: gradients with a larger norm are scaled down to it.
+        clip_norm: gradients with a larger norm are scaled down to it, so that a single odd batch does not throw the weights.
+            Measured norms (median, 99th percentile, largest): 0.15, 0.25 and 0.38 in 2,400 steps of the dense network; 0.32,
+            0.9 and 1.6 of the holistic one, 3.3 in its first 50 steps.
         average: decay per step of the exponential moving average of the weights, which is validated and stored.
         augment: augmentation of training crops.
         log_every: steps between scalars in TensorBoard.
@@ -67,7 +69,7 @@ class TrainingConfig:
     lr: float = 2e-3
     warmup: float = 0.07
     weight_decay: float = 0.01
-    clip_norm: float = 5.0
+    clip_norm: float = 0.5
     average: float = 0.999
     augment: AugmentConfig = field(default_factory=AugmentConfig)
     log_every: int = 20

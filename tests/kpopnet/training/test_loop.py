@@ -144,6 +144,15 @@ def first_batch(**augment):
     return torch.utils.data.default_convert(CropBatches(PEOPLE, MODEL, order, 0, AugmentConfig(**augment))[0])
 
 
+@pytest.mark.parametrize("share", [0.5, 2.0])
+def test_a_gradient_above_the_limit_is_scaled_down_to_it_and_others_are_not(share):
+    norm = float(Run(SHORT, MODEL, 0, Processes(torch.device("cpu"))).update(first_batch())["gradient_norm"])
+    run = Run(replace(SHORT, clip_norm=share * norm), MODEL, 0, Processes(torch.device("cpu")))
+    assert float(run.update(first_batch())["gradient_norm"]) == pytest.approx(norm)
+    used = torch.stack([weight.grad.norm() for weight in run.network.parameters()]).norm()
+    assert float(used) == pytest.approx(min(share, 1) * norm, rel=1e-3)
+
+
 @pytest.mark.parametrize("field", ["crop", "target"])
 def test_a_loss_that_is_not_finite_stops_before_the_update(field):
     run = Run(SHORT, MODEL, 0, Processes(torch.device("cpu")))
