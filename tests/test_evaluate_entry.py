@@ -56,7 +56,8 @@ def test_a_report_is_written_where_hydra_is_told_to_with_the_baseline_beside_the
     assert "SIMULATED" in done.stdout and "out/report.html" in done.stdout and "mean_pose" in done.stdout
     files = {path.name for path in (place / "out").iterdir()} - {".hydra"}
     assert files == {"metrics.json", "report.md", "report.html", *found["pictures"]}
-    assert {"examples.png", "per_joint.png", "error_curve.png", "per_sequence.png", "worst.png"} == set(found["pictures"])
+    pictures = ("examples", "per_joint", "error_curve", "confidence", "per_sequence", "worst")
+    assert {f"{name}.png" for name in pictures} == set(found["pictures"])
 
 
 def test_the_tracker_needs_no_checkpoint_and_may_be_told_where_to_start(place):
