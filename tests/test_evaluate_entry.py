@@ -60,6 +60,19 @@ def test_a_report_is_written_where_hydra_is_told_to_with_the_baseline_beside_the
     assert {f"{name}.png" for name in pictures} == set(found["pictures"])
 
 
+def test_an_older_report_is_not_replaced(place):
+    older = place / "older" / "metrics.json"
+    older.parent.mkdir()
+    older.write_text("{}")
+    done = evaluate(place, "checkpoint=run/last", "benchmark.path=set", "hydra.run.dir=older")
+    assert done.returncode == 1 and older.read_text() == "{}"
+    assert (
+        done.stderr.strip()
+        .splitlines()[-1]
+        .endswith("older: holds a report; give another folder (hydra.run.dir=...), or delete it")
+    )
+
+
 def test_the_tracker_needs_no_checkpoint_and_may_be_told_where_to_start(place):
     settings = "estimator=[tracker]", "benchmark.path=set", "processes=1"
     for start, with_joints in (("label", True), ("y_pose", False)):

@@ -84,6 +84,8 @@ EVALUATIONS: dict[str, Callable[[EvaluateConfig, Path], None]] = {"kpop": evalua
 @entry_point({"evaluate": EvaluateConfig})
 def main(config: EvaluateConfig) -> None:
     folder = Path(HydraConfig.get().runtime.output_dir)
+    if (folder / "metrics.json").exists():  # the last file of a report
+        raise InputError(f"{folder}: holds a report; give another folder (hydra.run.dir=...), or delete it")
     with naming(folder):
         EVALUATIONS.get(config.benchmark.name, evaluate_joints)(config, folder)
     print(f"report: {folder / 'report.html'}")

@@ -132,7 +132,7 @@ def _poses(config: MotionConfig, split: str) -> MotionSource:
 
 
 def _mix(config: MotionConfig, split: str) -> MotionSource:
-    weights = {name: weight for name, weight in config.weights.items() if weight > 0}
+    weights = {name: weight for name, weight in sorted(config.weights.items()) if weight > 0}  # the order says nothing
     return MixedPoses([_SOURCES[name](config, split) for name in weights], list(weights.values()))
 
 

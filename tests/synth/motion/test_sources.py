@@ -288,3 +288,13 @@ def test_a_mixture_draws_sources_by_weight_and_each_pose_from_its_generator():
         assert single.names == [batch.names[k]]
         np.testing.assert_array_equal(single.quats[0], batch.quats[k])
         np.testing.assert_array_equal(single.root_m[0], batch.root_m[k])
+
+
+def test_the_order_of_the_weights_says_nothing():
+    """A set's identity sorts its settings, so their order must not change the samples."""
+
+    def names(weights: dict[str, float]) -> list[str]:
+        source = build_motion(MotionConfig(source="mix", weights=weights), "train")
+        return source.poses([np.random.default_rng(k) for k in range(40)]).names
+
+    assert names({"poses": 0.7, "choreography": 0.3}) == names({"choreography": 0.3, "poses": 0.7})
