@@ -97,12 +97,12 @@ def test_the_markers_of_every_joint_are_near_it():
 
 
 def test_markers_occluded_by_the_body_are_not_tracked(maker):
-    """Folded arms and lunges occlude some markers; a standing pose occludes hardly any."""
+    """Folded arms and lunges occlude some markers; the Y pose those of the shoulders at most, under thick sleeves."""
     take = maker.take(18)
     shots = list(maker.shots(18, take, range(0, len(take.played), 3)))
     tracked = np.array([shot.markers_tracked for shot in shots])
     assert 0.9 < tracked.mean() < 1
-    assert tracked[:5].all()
+    assert tracked[:5, [not name.endswith("SHO") for name in MARKERS]].all()
 
 
 def test_the_trunk_occludes_its_back_from_cameras_in_front(maker):
