@@ -40,7 +40,9 @@ class Photographer:
         self.scene.set_view(View(np.array([0, -DISTANCE_M, HEIGHT_M]), forward_right_down))
         self.renderer = CpuRenderer(self.scene)
 
-    def picture(self, person: Person, quats: np.ndarray, yaw_deg: float, caption: str, *, joints: bool = True) -> np.ndarray:
+    def picture(
+        self, person: Person, quats: np.ndarray, yaw_deg: float, caption: str, *, width_px: int = 200, joints: bool = True
+    ) -> np.ndarray:
         """RGB image of a person in a pose (23, 4), turned to the left, with the true joints over it."""
         scene = self.scene
         scene.set_person(scene.fit(person))
@@ -50,7 +52,7 @@ class Photographer:
         image = np.ascontiguousarray(shaded(self.renderer.person_m()))
         if joints:
             draw_skeleton(image, scene.view.to_camera(scene.joints_world_m()), CAMERA, TRUE)
-        return with_captions(enlarged(image, 200), (caption,))
+        return with_captions(enlarged(image, width_px), (caption,))
 
 
 def shaded(depth_m: np.ndarray) -> np.ndarray:
@@ -92,7 +94,7 @@ def stances(photographer: Photographer) -> np.ndarray:
         poses = ProceduralPoses().family(name, generators)
         people = [draw_person(np.random.default_rng(100 + k), BodyConfig(), "train") for k in range(9)]
         shots = zip(people, poses.quats, strict=True)
-        rows.append((name, [photographer.picture(p, quats, 15, "") for p, quats in shots]))
+        rows.append((name, [photographer.picture(p, quats, 15, "", width_px=110) for p, quats in shots]))
     return sheet(rows, (TRUE,), "SIMULATED: families of procedural poses")
 
 
