@@ -15,6 +15,7 @@ from synth.motion.limbs import (
     SIDES,
     Angles,
     arm_to,
+    at_rest,
     both_arms,
     choose,
     closed_legs,
@@ -37,16 +38,17 @@ def standing(generator: np.random.Generator) -> Angles:
     for side in SIDES:
         pose |= hanging_arm(generator, side)
     draw = generator.random()
-    if draw < 0.15:
+    if draw < 0.5:
         return pose
+    draw = 2 * draw - 1
     first = choose(generator, SIDES)
     pose |= everyday_arm(generator, first)
-    if draw < 0.40:  # the other arm is symmetric
+    if draw < 0.3:  # the other arm is symmetric
         other = "right" if first == "left" else "left"
         pose |= {c.replace(first, other): v for c, v in pose.items() if c.startswith(first) and c in _ARM_CHANNELS}
-    elif draw < 0.60:
+    elif draw < 0.53:
         pose |= everyday_arm(generator, "right" if first == "left" else "left")
-    elif draw < 0.72:  # a leg is raised too
+    elif draw < 0.67:  # a leg is raised too
         side = choose(generator, SIDES)
         pose |= {
             f"{side}_flex": uniform(generator, -15, 70),
@@ -79,7 +81,7 @@ def broad(generator: np.random.Generator) -> Angles:
 
 def free_arms(generator: np.random.Generator) -> Angles:
     """Upright with arms in any direction."""
-    return stance(generator) | trunk(generator, 0.7) | both_arms(generator)
+    return at_rest(generator, stance(generator) | trunk(generator, 0.7) | both_arms(generator))
 
 
 def squat(generator: np.random.Generator) -> Angles:
@@ -212,7 +214,7 @@ def dancing(generator: np.random.Generator) -> Angles:
             pose |= free_arm(generator, name) | {f"{name}_elbow": uniform(generator, 0, 25)}
         else:
             pose |= free_arm(generator, name) | {f"{name}_elbow": uniform(generator, 75, 145)}
-    return pose
+    return at_rest(generator, pose)
 
 
 def _low_base(generator: np.random.Generator) -> Angles:
