@@ -18,29 +18,30 @@ RIGHT_CHEST, LEFT_CHEST, RIGHT_RIBS, LEFT_RIBS, RIGHT_PELVIS, LEFT_PELVIS = rang
 """Rows after the joints, derived from them by `kpopnet.geometry.cones.extend_joints`: toes, fingers and trunk points."""
 
 TRUNK_OFFSETS_M = {
-    RIGHT_CHEST: (Joint.RIGHT_SHOULDER, (-0.052, 0.035, -0.042)),
-    RIGHT_RIBS: (Joint.TORSO, (0.049, -0.145, 0.016)),
-    RIGHT_PELVIS: (Joint.RIGHT_HIP, (-0.080, -0.001, 0.030)),
+    RIGHT_CHEST: (Joint.RIGHT_SHOULDER, (-0.057, 0.046, -0.044)),
+    RIGHT_RIBS: (Joint.TORSO, (0.047, -0.127, 0.012)),
+    RIGHT_PELVIS: (Joint.RIGHT_HIP, (-0.068, -0.001, 0.030)),
 }
 """For each trunk point the joint that it moves with, and its offset from that joint in metres: to the torso's right, down and
 front."""
 
 RADII_M = {
-    (Joint.NECK, Joint.HEAD): (0.056, 0.108),
-    (Joint.RIGHT_SHOULDER, Joint.NECK): (0.036, 0.034),
-    (Joint.NECK, RIGHT_CHEST): (0.066, 0.077),
-    (Joint.RIGHT_SHOULDER, RIGHT_CHEST): (0.048, 0.015),
-    (RIGHT_CHEST, RIGHT_RIBS): (0.074, 0.107),
-    (RIGHT_RIBS, RIGHT_PELVIS): (0.128, 0.120),
-    (Joint.RIGHT_SHOULDER, Joint.RIGHT_ELBOW): (0.066, 0.045),
-    (Joint.RIGHT_ELBOW, Joint.RIGHT_HAND): (0.044, 0.030),
-    (Joint.RIGHT_HAND, RIGHT_FINGERS): (0.036, 0.060),
-    (Joint.RIGHT_HIP, Joint.RIGHT_KNEE): (0.113, 0.077),
-    (Joint.RIGHT_KNEE, Joint.RIGHT_FOOT): (0.064, 0.053),
-    (Joint.RIGHT_FOOT, RIGHT_TOES): (0.068, 0.035),
+    (Joint.NECK, Joint.HEAD): (0.043, 0.111),
+    (Joint.RIGHT_SHOULDER, Joint.NECK): (0.015, 0.025),
+    (Joint.NECK, RIGHT_CHEST): (0.067, 0.085),
+    (Joint.RIGHT_SHOULDER, RIGHT_CHEST): (0.034, 0.017),
+    (RIGHT_CHEST, RIGHT_RIBS): (0.082, 0.119),
+    (RIGHT_RIBS, RIGHT_PELVIS): (0.139, 0.137),
+    (Joint.RIGHT_SHOULDER, Joint.RIGHT_ELBOW): (0.074, 0.057),
+    (Joint.RIGHT_ELBOW, Joint.RIGHT_HAND): (0.058, 0.038),
+    (Joint.RIGHT_HAND, RIGHT_FINGERS): (0.040, 0.046),
+    (Joint.RIGHT_HIP, Joint.RIGHT_KNEE): (0.119, 0.085),
+    (Joint.RIGHT_KNEE, Joint.RIGHT_FOOT): (0.069, 0.068),
+    (Joint.RIGHT_FOOT, RIGHT_TOES): (0.078, 0.046),
 }
-"""Radii in metres at both ends of each part. `python -m kpopnet.training.body_shape data/small/train` fitted these and the
-trunk points to the true joints of 300 simulated people in five poses each. The left parts mirror the right ones."""
+"""Radii in metres at both ends of each part. `python -m kpopnet.training.body_shape` fitted these and the trunk points to the
+true joints of 300 simulated people (split train), dressed but without bags, in five poses each; its docstring has the commands.
+The left parts mirror the right ones."""
 
 _MIRROR = np.array([*MIRROR, *(row + 1 - 2 * ((row - NUM_JOINTS) % 2) for row in range(NUM_JOINTS, LEFT_PELVIS + 1))])
 
@@ -52,7 +53,7 @@ ROW_TO_JOINT = np.array(
 )
 """(25,) the joint that each row moves with."""
 
-REFERENCE_SIZE_M = 2.07
+REFERENCE_SIZE_M = 2.09
 """`size_m` of the person with the radii and trunk offsets above. Those of other people scale with their `size_m`."""
 
 

@@ -15,10 +15,11 @@ from kpopnet.skeleton import Joint
 NECK, RIGHT_SHOULDER, LEFT_SHOULDER = int(Joint.NECK), int(Joint.RIGHT_SHOULDER), int(Joint.LEFT_SHOULDER)
 RIGHT_HIP, LEFT_HIP = int(Joint.RIGHT_HIP), int(Joint.LEFT_HIP)
 
-FINGERS_M = 0.08
+FINGERS_M = 0.045
 TOES_M, TOES_DOWN_M = 0.10, 0.02
 """Distance in metres from the hand joint to the fingertips along the forearm, and from the foot joint to the toes: forwards
-and along the shin."""
+and along the shin. Simulated hands (split train) reach 0.087 m beyond the joint on average, with all the ways in which fingers
+curl and wrists bend; the radius at the fingertips is half of that. `tools/tracker_constants.py tips` prints it again."""
 
 KNEE_BEND_GAIN_PER_M = 7.5
 """Toe direction = torso front + this gain, per metre, times the vector from the line hip-foot to the knee. With a bent knee

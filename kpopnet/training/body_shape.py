@@ -1,10 +1,13 @@
-"""Fits the thickness of the tracker's body to simulated people with known joints.
+r"""Fits the thickness of the tracker's body to simulated people with known joints.
 
-    python -m kpopnet.training.body_shape data/small/train
+    python -m synth preset=demo splits.train=2400 splits.validation=0 splits.test=0 props.seat=0 props.held=0 \
+        props.second_person=0 body.clothes.backpack=0 body.clothes.bag=0 body.clothes.long_hair=0 out=data/body_shape
+    python -m kpopnet.training.body_shape data/body_shape/train
 
-prints new values of RADII_M and TRUNK_OFFSETS_M in `kpopnet.geometry.body`: a robust least-squares fit of the parts' surface
-to the visible points. Each person's own thickness offset per part is fitted at the same time and discarded, since the tracker
-measures it (`kpopnet.tracker.fit.thickness.fit_thickness`).
+prints new values of RADII_M, TRUNK_OFFSETS_M and REFERENCE_SIZE_M in `kpopnet.geometry.body`: a robust least-squares fit of the
+parts' surface to the visible points. Bags and long hair on a back would pull a trunk point 20 cm behind
+it. Each person's own thickness offset per part is fitted at the same time and discarded, since the tracker measures it
+(`kpopnet.tracker.fit.thickness.fit_thickness`).
 """
 
 import argparse
@@ -172,6 +175,8 @@ def program() -> None:
         print(f"    ({_named(a)}, {_named(b)}): ({radii_m[0]:.3f}, {radii_m[1]:.3f}),")
     for (row, (joint, _)), offset_m in zip(TRUNK_OFFSETS_M.items(), surface.trunk_offsets_m.tolist(), strict=True):
         print(f"    {_named(row)}: ({_named(joint)}, ({', '.join(f'{c:.3f}' for c in offset_m)})),")
+    reference_m = REFERENCE_SIZE_M * np.mean([frame.scale for frame in frames])
+    print(f"REFERENCE_SIZE_M = {reference_m:.2f}")
     with torch.no_grad():
         for name, shape in (("before", initial), ("after", surface)):
             distance_m = torch.cat([shape.signed_distance_m(frame) for frame in frames]).abs()
