@@ -157,21 +157,21 @@ class HumanModel:
 
 
 _REGULARISATION = {
-    ("head_to_shoulder_line_m",): (0.182, 0.035),
-    ("shoulder_to_shoulder_m",): (0.0, 0.084),
-    ("head_to_torso_m",): (0.124, 0.098),
-    ("left_shoulder_to_torso_m", "right_shoulder_to_torso_m"): (0.0, 0.081),
-    ("torso_to_hip_line_m",): (0.0, 0.056),
-    ("left_shoulder_to_left_hip_m", "right_shoulder_to_right_hip_m"): (0.0, 0.127),
-    ("left_shoulder_to_right_hip_m", "right_shoulder_to_left_hip_m"): (0.0, 0.144),
-    ("right_upper_arm_m", "left_upper_arm_m"): (0.286, 0.045),
-    ("right_lower_arm_m", "left_lower_arm_m"): (0.419, 0.036),
-    ("right_upper_leg_m", "left_upper_leg_m"): (0.471, 0.051),
-    ("right_lower_leg_m", "left_lower_leg_m"): (0.290, 0.077),
+    ("head_to_shoulder_line_m",): (0.067, 0.040),
+    ("shoulder_to_shoulder_m",): (0.000, 0.086),
+    ("head_to_torso_m",): (0.024, 0.110),
+    ("left_shoulder_to_torso_m", "right_shoulder_to_torso_m"): (0.000, 0.082),
+    ("torso_to_hip_line_m",): (0.006, 0.056),
+    ("left_shoulder_to_left_hip_m", "right_shoulder_to_right_hip_m"): (0.000, 0.127),
+    ("left_shoulder_to_right_hip_m", "right_shoulder_to_left_hip_m"): (0.000, 0.144),
+    ("right_upper_arm_m", "left_upper_arm_m"): (0.282, 0.045),
+    ("right_lower_arm_m", "left_lower_arm_m"): (0.403, 0.042),
+    ("right_upper_leg_m", "left_upper_leg_m"): (0.574, 0.040),
+    ("right_lower_leg_m", "left_lower_leg_m"): (0.411, 0.065),
 }
 """Regularised length = first coefficient x measured length (mean of both sides) + second coefficient x sum of all eleven
-measured lengths, in the Y pose. Non-negative least squares over the initial models of 148 simulated people in the Y pose,
-none of them in a benchmark."""
+measured lengths, in the Y pose. Non-negative least squares over the initial models of 153 simulated people in the Y pose
+(split train); `tools/tracker_constants.py y_pose` prints them again."""
 
 LIMB_FIELDS = tuple(field.name for field in fields(HumanModel) if field.name.endswith(("arm_m", "leg_m")))
 
