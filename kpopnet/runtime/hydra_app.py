@@ -63,6 +63,12 @@ def user_errors(function: Callable[P, R]) -> Callable[P, R]:
         except KeyboardInterrupt:
             print("stopped", file=sys.stderr)
             raise SystemExit(130) from None
+        except Exception as error:
+            if not type(error).__module__.startswith("submitit."):
+                raise
+            job = str(error).splitlines()[0]
+            print(f"error: {job} did not finish; what is finished stays: run the same command again", file=sys.stderr)
+            raise SystemExit(1) from None
 
     return careful
 

@@ -71,3 +71,17 @@ def test_an_error_of_a_data_worker_is_told_without_torchs_traceback(capsys):
     with pytest.raises(SystemExit):
         user_errors(lambda: next(iter(loader)))()
     assert capsys.readouterr().err == "error: shard_00000.h5: torn\n"
+
+
+def test_a_job_of_an_array_that_was_killed_is_one_line(capsys):
+    utils = pytest.importorskip("submitit.core.utils")
+
+    @user_errors
+    def launch() -> None:
+        raise utils.UncompletedJobError("Job 17 with path 17_result.pkl\nhas not produced any output (state: INTERRUPTED)")
+
+    with pytest.raises(SystemExit) as ended:
+        launch()
+    assert ended.value.code == 1
+    line = "error: Job 17 with path 17_result.pkl did not finish; what is finished stays: run the same command again\n"
+    assert capsys.readouterr().err == line
