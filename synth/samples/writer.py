@@ -30,7 +30,7 @@ from synth.samples.observe import Room as ObservedRoom
 from synth.samples.sampler import BLOCK, RenderedRoom, SampleConfig, Sampler
 from synth.sensor.model import SensorConfig
 
-GENERATOR = 1
+GENERATOR = 2
 """Version of the generator. Increase it with every change after which the same configuration gives different samples."""
 
 PACKAGES = ("kpopnet", "mujoco", "numba", "numpy", "h5py")
