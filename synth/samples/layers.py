@@ -14,14 +14,14 @@ from kpopnet.skeleton import Joint
 
 SURFACE_OFFSET_M = {
     # Largest distance along z by which the measured surface may lie in front of a joint that counts as visible. A nearer
-    # surface belongs to another body part.
+    # surface belongs to another body part. Read off dressed people seen from all sides.
     Joint.HEAD: 0.16,
     Joint.NECK: 0.16,
-    Joint.TORSO: 0.20,
-    Joint.RIGHT_SHOULDER: 0.13,
-    Joint.LEFT_SHOULDER: 0.13,
-    Joint.RIGHT_HIP: 0.17,
-    Joint.LEFT_HIP: 0.17,
+    Joint.TORSO: 0.22,
+    Joint.RIGHT_SHOULDER: 0.15,
+    Joint.LEFT_SHOULDER: 0.15,
+    Joint.RIGHT_HIP: 0.20,
+    Joint.LEFT_HIP: 0.20,
     Joint.RIGHT_KNEE: 0.12,
     Joint.LEFT_KNEE: 0.12,
     Joint.RIGHT_ELBOW: 0.09,
