@@ -22,7 +22,8 @@ points the foot downwards, `invert` turns the sole inwards, `toes` bends the toe
 
 import numpy as np
 
-from synth.motion.skeleton import INDEX, NUM_JOINTS, about, conjugate, multiply
+from kpopnet.dance.joint_files.quaternions import about, conjugate, multiply
+from synth.motion.skeleton import INDEX, NUM_JOINTS
 
 _TRUNK = {
     "hips_pitch": (-200, 200), "hips_roll": (-200, 200), "hips_yaw": (-200, 200),

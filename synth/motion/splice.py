@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from synth.motion.skeleton import Motion, conjugate, forward_kinematics, height_above_floor, multiply, rotate
+from kpopnet.dance.joint_files.quaternions import conjugate, multiply, rotate
+from synth.motion.skeleton import Motion, forward_kinematics, height_above_floor
 
 _BLEND_SPEED_RAD_S = 5.0
 """Peak angular speed at which a transition turns a joint from the first motion's pose to the second's."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from kpopnet.camera import CAMERAS, Camera
+from kpopnet.dance.joint_files.quaternions import multiply
 from kpopnet.data.shards import Sample
 from kpopnet.errors import InputError, check_between
 from kpopnet.skeleton import Joint
@@ -17,7 +18,7 @@ from synth.body.asset import BodyAsset
 from synth.body.shape import BodyConfig, Person, draw_person
 from synth.motion import SPLITS, MotionConfig, MotionSource, build_motion
 from synth.motion.skeleton import JOINT_NAMES as MOTION_BONES
-from synth.motion.skeleton import height_above_floor, multiply
+from synth.motion.skeleton import height_above_floor
 from synth.samples.layers import Around, compose, hidden_fraction, millimetres, visible_joints
 from synth.samples.placing import MISFRAMED, SOUND, UNSEEN, Body, Site, StageConfig, draw_place, draw_place_beside, faults
 from synth.scene.props import PropsConfig, held_by, is_sitting, seat_under

@@ -12,9 +12,10 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from kpopnet.camera import Camera
+from kpopnet.dance.joint_files.quaternions import multiply
 from synth.body.markers import MARKERS, tracked_markers
 from synth.body.shape import Person
-from synth.motion.skeleton import Motion, height_above_floor, multiply
+from synth.motion.skeleton import Motion, height_above_floor
 from synth.samples.observe import LIMB_ENDS
 from synth.samples.sampler import body_rotations, heading_rad
 from synth.scene.render import make_renderer

@@ -13,20 +13,10 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
+from kpopnet.dance.joint_files.quaternions import about, conjugate, multiply, rotate
 from synth.motion.choreography.moves import RELAXED_LOWER, RELAXED_UPPER, Key, Move
 from synth.motion.posture import CHANNELS, LEG_COLUMNS, STANDING, limited, rotations, yaw_pitch_roll
-from synth.motion.skeleton import (
-    CLEARANCE_M,
-    INDEX,
-    LEG_M,
-    REST_OFFSETS_M,
-    Motion,
-    about,
-    conjugate,
-    height_above_floor,
-    multiply,
-    rotate,
-)
+from synth.motion.skeleton import CLEARANCE_M, INDEX, LEG_M, REST_OFFSETS_M, Motion, height_above_floor
 
 THIGH_M = -REST_OFFSETS_M[INDEX["LeftLeg"], 1]
 SHIN_M = -REST_OFFSETS_M[INDEX["LeftFoot"], 1]

@@ -6,9 +6,9 @@ import pytest
 from damaged_files import survives_damage
 from scipy.spatial.transform import Rotation
 
+from kpopnet.dance.joint_files.bvh import read_bvh
 from kpopnet.errors import InputError
 from synth.motion.choreography.composer import dance
-from synth.motion.recorded.bvh import read_bvh
 from synth.motion.recorded.retargeting import bvh_motion
 from synth.motion.skeleton import (
     INDEX,

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from kpopnet.dance.joint_files.quaternions import conjugate, multiply, rotate
 from synth.motion.choreography.composer import Choreography, compose, dance
 from synth.motion.choreography.moves import (
     RELAXED_LOWER,
@@ -16,15 +17,7 @@ from synth.motion.choreography.moves import (
 )
 from synth.motion.choreography.stage import Style, perform
 from synth.motion.choreography.vocabulary import LOWER, UPPER, WHOLE
-from synth.motion.skeleton import (
-    INDEX,
-    MIRROR,
-    conjugate,
-    forward_kinematics,
-    height_above_floor,
-    multiply,
-    rotate,
-)
+from synth.motion.skeleton import INDEX, MIRROR, forward_kinematics, height_above_floor
 
 VOCABULARY = LOWER | UPPER | WHOLE
 STEADY = Style(bounce_m=0.0, lag_s=0.0, unsteadiness_deg=0.0)

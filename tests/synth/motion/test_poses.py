@@ -5,11 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from kpopnet.dance.joint_files.quaternions import rotate
 from synth.motion.limbs import REACHES, arm_to
 from synth.motion.poses.families import FAMILIES
 from synth.motion.poses.procedural import ProceduralPoses
 from synth.motion.posture import CHANNELS, LIMITS_DEG, angles, limited, rotations
-from synth.motion.skeleton import INDEX, forward_kinematics, height_above_floor, mirrored, rotate
+from synth.motion.skeleton import INDEX, forward_kinematics, height_above_floor, mirrored
 
 SOURCE = ProceduralPoses()
 

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from kpopnet.dance.joint_files.quaternions import about, conjugate, multiply, rotate
 from synth.motion.skeleton import (
     INDEX,
     LEG_M,
@@ -10,14 +11,10 @@ from synth.motion.skeleton import (
     PARENTS,
     POINT_NAMES,
     REST_OFFSETS_M,
-    about,
-    conjugate,
     facing_front,
     forward_kinematics,
     height_above_floor,
     mirrored,
-    multiply,
-    rotate,
 )
 
 

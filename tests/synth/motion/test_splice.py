@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from kpopnet.dance.joint_files.quaternions import about, multiply
 from synth.motion.choreography.composer import dance
 from synth.motion.choreography.handstand import handstand
 from synth.motion.choreography.programmes import FEATURES, START_S, Y_POSE_S, show, start_pose
-from synth.motion.skeleton import INDEX, LEG_M, Motion, about, forward_kinematics, height_above_floor, multiply
+from synth.motion.skeleton import INDEX, LEG_M, Motion, forward_kinematics, height_above_floor
 from synth.motion.splice import cut, eased, follow, heading, resampled
 
 FPS = 30.0

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from kpopnet.dance.joint_files.quaternions import about, multiply
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import check_budget
-from synth.motion.skeleton import about, multiply
 
 MAX_JOINTS, MAX_NUMBER = 1000, 1e7
 """No skeleton has more joints; no position in millimetres and no angle in degrees is greater."""
