@@ -10,6 +10,8 @@ PROGRAMS = {
     "generate": ("synth.__main__", "makes training samples and simulated sets (python -m synth)"),
     "train": ("kpopnet.programs.train", "trains a network or the random tree walk (python train.py)"),
     "evaluate": ("kpopnet.programs.evaluate", "evaluates estimators and dance scores (python evaluate.py)"),
+    "score": ("kpopnet.programs.score", "scores a learner's dance against a teacher's, from two files of joints"),
+    "convert": ("kpopnet.programs.convert", "makes a set of dances from files of joints"),
     "describe": ("kpopnet.datasets.describe.__main__", "says what a folder of a data set holds"),
     "stages": ("kpopnet.programs.stages", "draws how the tracker follows one frame, stage after stage"),
 }

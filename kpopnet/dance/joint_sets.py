@@ -1,8 +1,8 @@
-"""Converts recorded 3D points of other joint sets to the fifteen joints: COCO keypoints of AIST++, points of ImperialDance.
+"""Converts recorded 3D points of other joint sets to the fifteen joints: any that have ours among them, and ImperialDance's.
 
 The torso is the mean of shoulders and hips, as in the paper (section 2.3). The unit (metres, centimetres or millimetres) and
-the vertical axis (y or z) are inferred from the dancer's trunk. The whole sequence is rotated about the vertical axis so that
-the dancer faces the camera on average over the first twentieth of the frames.
+the vertical axis (y or z, up or down) are inferred from the dancer's trunk. The whole sequence is rotated about the vertical
+axis so that the dancer faces the camera on average over the first twentieth of the frames.
 """
 
 import numpy as np
@@ -15,10 +15,6 @@ CAMERA_DISTANCE_M, CAMERA_HEIGHT_M = 2.5, 1.0
 
 _SIDES = ("right", "left")
 _LIMBS = ("SHOULDER", "ELBOW", "HAND", "HIP", "KNEE", "FOOT")
-COCO = {f"{side.upper()}_{limb}": 6 + 2 * n - (side == "left") for n, limb in enumerate(_LIMBS) for side in _SIDES}
-"""Joint name to the index of its keypoint in COCO's order, in which the left one comes first."""
-
-_COCO_EARS = (3, 4)
 NECK_FRACTION_TO_EARS = 0.37
 """Position of the neck on the line from the middle of the shoulders (0) to the middle of the ears (1), on synth's mean adult;
 the trackers' neck fractions end at the head joint."""
@@ -59,42 +55,81 @@ def from_points(points: np.ndarray, limbs: dict[str, int], head: np.ndarray, nec
         (T, 15, 3) float32 metres; x right, y down, z forward.
 
     Raises:
-        InputError: No frame has a whole trunk, its length is not a person's in any of the units, or it is not upright; or a
-            coordinate is farther from 0 than MAX_COORDINATE.
+        InputError: see `before_level_camera_m`.
     """
-    largest = np.max(np.abs(points), initial=0, where=np.isfinite(points))
-    if not largest <= MAX_COORDINATE:
-        raise InputError(f"{source}: a coordinate of {largest:g}; expected at most {MAX_COORDINATE:g} millimetres")
     joints = np.full((len(points), NUM_JOINTS, 3), np.nan)
     for name, number in limbs.items():
         joints[:, Joint[name]] = points[:, number]
-    joints[:, Joint.TORSO] = joints[:, _SHOULDERS + _HIPS].mean(axis=1)
     joints[:, Joint.HEAD], joints[:, Joint.NECK] = head, neck
-    hips = joints[:, _HIPS].mean(axis=1)
-    trunk = joints[:, _SHOULDERS].mean(axis=1) - hips
+    return before_level_camera_m(joints, source)
+
+
+def before_level_camera_m(joints: np.ndarray, source: str) -> np.ndarray:
+    """Transforms joints to the frame of a level camera that the dancer faces at first; the torso becomes the paper's.
+
+    Args:
+        joints: (T, 15, 3) in metres, centimetres or millimetres, in a right-handed frame whose y or z points up or down; NaN
+            where missing.
+        source: name of the recording, for messages.
+
+    Returns:
+        (T, 15, 3) float32 metres; x right, y down, z forward.
+
+    Raises:
+        InputError: No frame has a whole trunk, its length is not a person's in any of the units, or it is not upright; or a
+            coordinate is farther from 0 than MAX_COORDINATE.
+    """
+    largest = np.max(np.abs(joints), initial=0, where=np.isfinite(joints))
+    if not largest <= MAX_COORDINATE:
+        raise InputError(f"{source}: a coordinate of {largest:g}; expected at most {MAX_COORDINATE:g} millimetres")
+    joints = joints.astype(np.float64)
+    joints[:, Joint.TORSO] = joints[:, _SHOULDERS + _HIPS].mean(axis=1)
+    trunk = trunks(joints)
     valid = np.isfinite(trunk).all(axis=1)
     if not valid.any():
         raise InputError(f"{source}: no frame has both shoulders and both hips")
-    unit_m, z_up = _unit_and_vertical(trunk[valid], source)
-    joints, hips = joints * unit_m, hips * unit_m
-    if z_up:  # (x, y, z) -> (x, z, -y)
-        joints, hips = (np.stack([p[..., 0], p[..., 2], -p[..., 1]], axis=-1) for p in (joints, hips))
-    return _facing_camera(joints, hips, valid).astype(np.float32)
+    joints *= unit_m(trunk[valid], source)
+    joints = joints @ _to_y_up(trunk[valid], source).T
+    return _facing_camera(joints, joints[:, _HIPS].mean(axis=1), valid).astype(np.float32)
 
 
-def _unit_and_vertical(trunk: np.ndarray, source: str) -> tuple[float, bool]:
-    """The unit in metres and whether z, not y, points up, from (T, 3) vectors from the hips to the shoulders."""
+def trunks(joints: np.ndarray) -> np.ndarray:
+    """(T, 3) vectors from the middle of the hips to the middle of the shoulders of (T, 15, 3) joints."""
+    return joints[:, _SHOULDERS].mean(axis=1) - joints[:, _HIPS].mean(axis=1)
+
+
+def unit_m(trunk: np.ndarray, source: str) -> float:
+    """The unit in metres of (T, 3) vectors from the hips to the shoulders.
+
+    Raises:
+        InputError: their median length is not a person's in any of the units.
+    """
     length = float(np.median(np.linalg.norm(trunk, axis=1)))
-    unit_m = next((unit for unit in _UNITS_M if _TRUNK_RANGE_M[0] < unit * length < _TRUNK_RANGE_M[1]), None)
-    if unit_m is None:
+    unit = next((unit for unit in _UNITS_M if _TRUNK_RANGE_M[0] < unit * length < _TRUNK_RANGE_M[1]), None)
+    if unit is None:
         raise InputError(
             f"{source}: hips and shoulders are {length:g} apart, which is not a person's trunk in metres, centimetres or "
             "millimetres"
         )
+    return unit
+
+
+_TO_Y_UP = {
+    (1, True): np.diag([1.0, 1.0, 1.0]),
+    (1, False): np.diag([1.0, -1.0, -1.0]),
+    (2, True): np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]),
+    (2, False): np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+}
+"""Rotations to y up from the axis that is vertical, 1 for y and 2 for z, and whether it points up."""
+
+
+def _to_y_up(trunk: np.ndarray, source: str) -> np.ndarray:
+    """(3, 3) rotation after which y points up, from (T, 3) vectors from the hips to the shoulders."""
     mean = trunk.mean(axis=0)
-    if max(mean[1], mean[2]) < 0.5 * length:
-        raise InputError(f"{source}: neither y nor z points up along the dancer's trunk")
-    return unit_m, bool(mean[2] > mean[1])
+    axis = 1 + int(abs(mean[2]) > abs(mean[1]))
+    if abs(mean[axis]) < 0.5 * np.median(np.linalg.norm(trunk, axis=1)):
+        raise InputError(f"{source}: neither y nor z points up or down along the dancer's trunk")
+    return _TO_Y_UP[axis, bool(mean[axis] > 0)]
 
 
 def _facing_camera(joints_m: np.ndarray, hips_m: np.ndarray, valid: np.ndarray) -> np.ndarray:
@@ -117,13 +152,6 @@ def _facing_camera(joints_m: np.ndarray, hips_m: np.ndarray, valid: np.ndarray) 
     cos, sin = np.cos(angle), np.sin(angle)
     x, y, z = np.moveaxis(joints_m - origin, -1, 0)
     return np.stack([cos * x + sin * z, CAMERA_HEIGHT_M - y, CAMERA_DISTANCE_M - (cos * z - sin * x)], axis=-1)
-
-
-def aist_joints_m(points: np.ndarray, source: str) -> np.ndarray:
-    """(T, 15, 3) float32 joints in metres from (T, 17, 3) keypoints in COCO's order; see `from_points`."""
-    ears = points[:, _COCO_EARS].mean(axis=1)
-    shoulders = points[:, [COCO["RIGHT_SHOULDER"], COCO["LEFT_SHOULDER"]]].mean(axis=1)
-    return from_points(points, COCO, ears, shoulders + NECK_FRACTION_TO_EARS * (ears - shoulders), source)
 
 
 def imperial_joints_m(points: np.ndarray, source: str) -> np.ndarray:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from kpopnet.errors import InputError
-from kpopnet.skeleton import NUM_JOINTS
+from kpopnet.skeleton import NUM_JOINTS, Joint
 
 MAX_DURATION_S, MAX_TIME_S = 7200.0, 1e9
 """Longest dance, which bounds the memory of a comparison to a few hundred megabytes, and latest time on a clock."""
@@ -56,6 +56,32 @@ class Performance:
     def is_observed(self) -> bool:
         """Whether any joint of any frame is known, with a confidence above 0."""
         return bool(self.confidence.any())
+
+    @property
+    def unseen_joints(self) -> list[Joint]:
+        """The joints that are missing in every frame."""
+        return [Joint(number) for number in np.flatnonzero(~self.confidence.any(axis=0))]
+
+
+def as_performance(dance: Performance | np.ndarray, fps: float | None, whose: str) -> Performance:
+    """A dance that may be given as an array of joints.
+
+    Args:
+        dance: a performance, which has its own times, or (T, 15, 3) joints in metres in the camera frame.
+        fps: frames per second of an array, whose first frame is at time 0.
+        whose: teacher or learner, for messages.
+
+    Raises:
+        InputError: an array without a frame rate, or as `Performance` refuses it.
+    """
+    if isinstance(dance, Performance):
+        return dance
+    if fps is None or not 0 < fps <= 1000:
+        raise InputError(f"the {whose}'s dance is an array without times and fps={fps}; give its frames per second, fps=30")
+    try:
+        return Performance(dance, np.arange(len(dance)) / fps)
+    except InputError as error:
+        raise InputError(f"the {whose}'s dance: {error}") from error
 
 
 def mask_missing_joints(joints_m: np.ndarray, confidence: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:

@@ -17,7 +17,7 @@ import numpy as np
 from kpopnet.dance.angle_bias import AngleBias
 from kpopnet.dance.dtw import STEPS, algorithm_3, banded_distances, best_match, constant_delay, posture_on_path
 from kpopnet.dance.features import Features, dance_features, feature_names
-from kpopnet.dance.performance import Performance
+from kpopnet.dance.performance import Performance, as_performance
 from kpopnet.dance.resampling import resampled, resampled_confidence
 from kpopnet.errors import InputError
 
@@ -192,10 +192,11 @@ class WindowScore(NamedTuple):
 
 
 def score_dance(
-    teacher: Performance,
-    learner: Performance,
+    teacher: Performance | np.ndarray,
+    learner: Performance | np.ndarray,
     config: ScorerConfig = SCORERS["dance22"],
     *,
+    fps: float | None = None,
     unobserved_is_nan: bool = False,
 ) -> DanceScore:
     """Scores a learner against a teacher.
@@ -204,15 +205,17 @@ def score_dance(
     completely are scored. Frames of the learner before the teacher's first frame or after the last one are not scored.
 
     Args:
-        teacher: the reference dance.
-        learner: the dance to score, on the same clock.
+        teacher: the reference dance, or its (T, 15, 3) joints in metres in the camera frame.
+        learner: the dance to score, on the same clock, or its joints.
         config: the scorer's settings.
+        fps: frames per second of dances that are given as joints.
         unobserved_is_nan: a learner of whom no joint is known scores NaN, for evaluations that count such dances.
 
     Raises:
         InputError: The teacher's dance is shorter than a window, or the learner's recording covers no whole window of it; or
-            no joint is known in one of the dances.
+            no joint is known in one of the dances; or joints are given without `fps`.
     """
+    teacher, learner = as_performance(teacher, fps, "teacher"), as_performance(learner, fps, "learner")
     if not unobserved_is_nan:
         _check_observed(learner, "learner")
     grid = TimeGrid(teacher, config)

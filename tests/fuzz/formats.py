@@ -20,10 +20,12 @@ from kpopnet.baselines.tree_walk.growing import GrowthConfig
 from kpopnet.baselines.tree_walk.training import TreeWalkConfig
 from kpopnet.baselines.tree_walk.training import train as train_tree_walk
 from kpopnet.camera import CAMERAS, Camera
-from kpopnet.dance.joint_sets import IMPERIAL, IMPERIAL_POINTS, aist_joints_m, imperial_joints_m
+from kpopnet.dance.joint_files.named_points import COCO_NAMES
+from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.dance.joint_sets import IMPERIAL, IMPERIAL_POINTS, imperial_joints_m
 from kpopnet.dance.performance import Performance
 from kpopnet.data.shards import ShardedSet
-from kpopnet.datasets.dances.converters import read_aist, read_imperial
+from kpopnet.datasets.dances.converters import read_imperial
 from kpopnet.datasets.dances.dance_set import KpopConfig, open_set
 from kpopnet.datasets.dances.writer import PackedDepth, write_labels, write_learner, write_teacher
 from kpopnet.datasets.eval.benchmark import EvalBenchmark, EvalConfig, EvalSimBenchmark, EvalSimConfig
@@ -269,8 +271,32 @@ def read_imperial_joints(folder: Path) -> None:
         imperial_joints_m(np.asarray(take), "fuzz")
 
 
-def make_aist_json(folder: Path) -> None:
-    (folder / "aist.json").write_text(json.dumps({"keypoints3d": coco()[:3].tolist()}))
+def read_dance(folder: Path) -> None:
+    for path in sorted(folder.iterdir()):
+        read_performance(path)
+
+
+def make_csv(folder: Path) -> None:
+    header = ["time_s", *(f"{name}_{axis}" for name in COCO_NAMES for axis in ("x", "y", "z", "confidence"))]
+    rows = [[k / 30, *np.append(frame, np.ones((17, 1)), axis=1).round(3).ravel()] for k, frame in enumerate(coco()[:5])]
+    (folder / "a.csv").write_text("\n".join([",".join(header), *(",".join(map(str, row)) for row in rows)]))
+
+
+def make_named_json(folder: Path) -> None:
+    frames = [
+        {"time_s": k / 30, "joints": dict(zip(COCO_NAMES, frame.tolist(), strict=True))} for k, frame in enumerate(coco()[:3])
+    ]
+    (folder / "a.json").write_text(json.dumps({"frames": frames}))
+
+
+def make_azure_json(folder: Path) -> None:
+    bodies = [[{"body_id": 1, "joint_positions": (1000 * frame).tolist()}] for frame in coco()[:3]]
+    frames = [{"timestamp_usec": 33_333 * k, "bodies": body} for k, body in enumerate(bodies)]
+    (folder / "a.json").write_text(json.dumps({"joint_names": COCO_NAMES, "frames": frames}))
+
+
+def make_points(folder: Path) -> None:
+    np.savez(folder / "a.npz", points=coco(), names=np.array(COCO_NAMES), fps=30.0, confidence=np.ones((FRAMES, 17)))
 
 
 FORMATS = {
@@ -289,12 +315,22 @@ FORMATS = {
     "clips_index": Format(make_pack, ("index.csv",), read_clips),
     "clips_npz": Format(make_pack, ("clips/*.npz",), read_clips),
     "bvh": Format(make_bvh, ("*.bvh",), read_clips),
-    "aist": Format(
-        lambda folder: np.savez(folder / "aist.npz", keypoints3d=coco()),
+    "bvh_joints": Format(make_bvh, ("*.bvh",), read_dance),
+    "joints_npz": Format(
+        lambda folder: np.savez(folder / "a.npz", joints_m=joints(5), times_s=np.arange(5) / 30, confidence=np.ones((5, 15))),
         ("*.npz",),
-        lambda folder: aist_joints_m(read_aist(folder / "aist.npz"), "fuzz"),
+        read_dance,
     ),
-    "aist_json": Format(make_aist_json, ("*.json",), lambda folder: aist_joints_m(read_aist(folder / "aist.json"), "fuzz")),
+    "points_npz": Format(make_points, ("*.npz",), read_dance),
+    "aist": Format(lambda folder: np.savez(folder / "a.npz", keypoints3d=coco(), fps=60), ("*.npz",), read_dance),
+    "aist_json": Format(
+        lambda folder: (folder / "a.json").write_text(json.dumps({"keypoints3d": coco()[:3].tolist(), "fps": 60})),
+        ("*.json",),
+        read_dance,
+    ),
+    "named_json": Format(make_named_json, ("*.json",), read_dance),
+    "azure_json": Format(make_azure_json, ("*.json",), read_dance),
+    "joints_csv": Format(make_csv, ("*.csv",), read_dance),
     "imperial": Format(make_imperial, ("*.npy",), read_imperial_joints),
     "itop_npz": Format(
         lambda folder: np.savez(folder / "itop.npz", side_m=np.stack([y_joints()] * 3).astype(np.float32)),

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from kpopnet.dance.joint_sets import COCO, IMPERIAL, IMPERIAL_POINTS
+from kpopnet.dance.joint_files.named_points import COCO_NAMES
+from kpopnet.dance.joint_sets import IMPERIAL, IMPERIAL_POINTS
 
 FRAMES = 50
 
@@ -40,8 +41,8 @@ def coco(**options) -> np.ndarray:
     positions = person(**options)
     points = np.zeros((FRAMES, 17, 3))
     points[:, :5] = positions["HEAD"][:, None]
-    for name, number in COCO.items():
-        points[:, number] = positions[name]
+    for number, name in enumerate(COCO_NAMES[5:], 5):
+        points[:, number] = positions[name.upper().replace("WRIST", "HAND").replace("ANKLE", "FOOT")]
     return points
 
 

@@ -2,8 +2,8 @@
 
 Only the rotations and the path of the hips are used. Bone lengths come from the body that performs the motion.
 
-`kpopnet.dance.joint_files.bvh_motion` reads the files and corrects what conversions lost. Where a file opens with the T-pose, that
-frame defines the rest orientation of feet and neck.
+`kpopnet.dance.joint_files.bvh_motion` reads the files and corrects what conversions lost. Where a file opens with the T-pose,
+that frame defines the rest orientation of feet and neck.
 """
 
 import itertools
@@ -19,9 +19,9 @@ from synth.motion.skeleton import JOINT_NAMES, LEG_M, NUM_JOINTS, PARENTS, Motio
 def bvh_motion(path: Path, fps: float | None = None) -> Motion:
     """Reads a BVH file as a motion of the canonical skeleton.
 
-    The T-pose is computed from the file's rest offsets: upper arm,
-    forearm and hand are rotated onto +-X, thigh and shin onto -Y, each by the smallest rotation after that of the previous
-    bone of the limb. The floor is at the 3rd percentile, over the frames, of the height of the body's lowest point.
+    The T-pose is computed from the file's rest offsets: upper arm, forearm and hand are rotated onto +-X, thigh and shin onto
+    -Y, each by the smallest rotation after that of the previous bone of the limb. The floor is at the 3rd percentile, over the
+    frames, of the height of the body's lowest point.
 
     Args:
         path: the file.

@@ -7,7 +7,10 @@ from damaged_files import survives_damage
 from scipy.spatial.transform import Rotation
 
 from kpopnet.dance.joint_files.bvh import read_bvh
+from kpopnet.dance.joint_files.bvh_motion import bvh_points_m, read_bvh_motion
+from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.errors import InputError
+from kpopnet.skeleton import Joint
 from synth.motion.choreography.composer import dance
 from synth.motion.recorded.retargeting import bvh_motion
 from synth.motion.skeleton import (
@@ -98,6 +101,29 @@ def test_euler_channels_apply_in_the_order_they_are_named(tmp_path):
     expected = Rotation.from_euler("ZYX", [30, 40, 50], degrees=True).as_matrix()
     read = Rotation.from_quat(read_bvh(path).quats[-1, 0], scalar_first=True).as_matrix()
     np.testing.assert_allclose(read, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("axes", "unit"), [(None, 0.01), (Rotation.from_matrix([[1, 0, 0], [0, 0, -1], [0, 1, 0]]), 0.0254)], ids=["y up", "z up"]
+)
+def test_the_joints_of_the_recorded_skeleton_are_those_of_its_kinematics(tmp_path, axes, unit):
+    rest = {f"Left{part}": Rotation.from_euler("Z", -50, degrees=True) for part in ("Arm", "ForeArm", "Hand")}
+    path = write_bvh(tmp_path / "dance.bvh", DANCE, axes=axes, unit=unit, rest=rest)
+    expected, _ = forward_kinematics(DANCE.quats, DANCE.root_m)
+    motion = read_bvh_motion(path)
+    points_m = bvh_points_m(motion)
+    for name in ("LeftHand", "RightForeArm", "RightToeBase", "Neck", "Head"):
+        np.testing.assert_allclose(points_m[:, motion.found[name]], expected[:, INDEX[name]], atol=1e-4)
+    read = read_performance(path)
+    for joint, name in ((Joint.LEFT_HAND, "LeftHand"), (Joint.RIGHT_KNEE, "RightLeg"), (Joint.LEFT_SHOULDER, "LeftArm")):
+        # A turn about the vertical and a shift of the origin keep heights and distances.
+        assert np.ptp(read.joints_m[:, joint, 1] + expected[:, INDEX[name], 1]) < 1e-3
+        apart_m = np.linalg.norm(read.joints_m[:, joint] - read.joints_m[:, Joint.RIGHT_SHOULDER], axis=1)
+        known_m = np.linalg.norm(expected[:, INDEX[name]] - expected[:, INDEX["RightArm"]], axis=1)
+        np.testing.assert_allclose(apart_m, known_m, atol=1e-3)
+    feet_m = expected[:, [INDEX["LeftFoot"], INDEX["LeftToeBase"]]].mean(axis=1)
+    assert np.ptp(read.joints_m[:, Joint.LEFT_FOOT, 1] + feet_m[:, 1]) < 1e-3
+    assert read.joints_m[:5, Joint.LEFT_HIP, 0].mean() > read.joints_m[:5, Joint.RIGHT_HIP, 0].mean() + 0.1
 
 
 @pytest.mark.parametrize("unit", [1.0, 0.01, 0.0254, 0.001, 0.0254 / 0.45])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from recorded_points import FRAMES, coco, imperial
 
-import synth.dances.convert
+import kpopnet.programs.convert
 from kpopnet.datasets.dances.converters import read_imperial
 from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.skeleton import Joint
@@ -43,11 +43,11 @@ def write_bvh(path: Path, frames: int, left_arm_deg: float) -> None:
     path.write_text("\n".join(lines) + "\n")
 
 
-def test_bvh_files_are_converted_with_a_mean_adult(tmp_path, monkeypatch):
+def test_bvh_files_become_a_dance(tmp_path, monkeypatch):
     for name, degrees in (("teacher", 80.0), ("ann", 80.0), ("bob", 20.0)):
         write_bvh(tmp_path / f"{name}.bvh", 20, degrees)
     files = ("--teacher", tmp_path / "teacher.bvh", "--learners", tmp_path / "ann.bvh", tmp_path / "bob.bvh")
-    convert(monkeypatch, "bvh", tmp_path / "out", "--dance", "t", *files)
+    convert(monkeypatch, "recordings", tmp_path / "out", "--dance", "t", *files)
     dance = KpopSet(tmp_path / "out").dance("t")
     teacher, (ann, bob) = dance.teacher(), (learner.joints() for learner in dance.learners)
     assert teacher.times_s[-1] == pytest.approx(18 / 30, abs=1e-3)  # the T-pose before the recording is left out
@@ -60,21 +60,21 @@ def test_bvh_files_are_converted_with_a_mean_adult(tmp_path, monkeypatch):
 
 def convert(monkeypatch, *arguments: object) -> None:
     monkeypatch.setattr(sys, "argv", ["convert", *map(str, arguments)])
-    synth.dances.convert.main()
+    kpopnet.programs.convert.main()
 
 
 def test_keypoints_become_a_dance(tmp_path, monkeypatch, capsys):
     for name in ("teacher", "best", "worst"):
-        np.savez(tmp_path / f"{name}.npz", keypoints3d=coco(unit_m=0.01))
+        np.savez(tmp_path / f"{name}.npz", keypoints3d=coco(unit_m=0.01), fps=60)
     files = ("--teacher", tmp_path / "teacher.npz", "--learners", tmp_path / "best.npz", tmp_path / "worst.npz")
-    convert(monkeypatch, "aist", tmp_path / "out", "--dance", "gBR", *files)
+    convert(monkeypatch, "recordings", tmp_path / "out", "--dance", "gBR", *files)
     assert "best first: best, worst" in capsys.readouterr().out
     dance = KpopSet(tmp_path / "out").dance("gBR")
     assert [learner.name for learner in dance.learners] == ["best", "worst"]
     assert dance.teacher().times_s[-1] == pytest.approx((FRAMES - 1) / 60)
     np.testing.assert_allclose(dance.learners[1].joints().joints_m, dance.teacher().joints_m, atol=1e-6)
     with pytest.raises(SystemExit):
-        convert(monkeypatch, "aist", tmp_path / "out", "--dance", "x", *files[:-1])
+        convert(monkeypatch, "recordings", tmp_path / "out", "--dance", "x", *files[:-1])
     assert "at least two files" in capsys.readouterr().err
 
 

@@ -1,0 +1,211 @@
+"""One recording in every format becomes the same performance; what is missing or damaged is named."""
+
+import csv
+import io
+import json
+import pickle
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from damaged_files import HOSTILE_JSON, is_refused, survives_damage, survives_hostile_json
+from recorded_points import FRAMES, coco, person
+
+from kpopnet.dance.joint_files.named_points import COCO_NAMES, plain_name
+from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.errors import InputError
+from kpopnet.skeleton import JOINT_NAMES, Joint
+
+TIMES_S = np.arange(FRAMES) / 25.0
+
+TO_KINECT = {"HEAD": "Head", "NECK": "SpineShoulder"} | {
+    f"{side.upper()}_{ours}": f"{theirs}{side}"
+    for side in ("Left", "Right")
+    for ours, theirs in (
+        ("SHOULDER", "Shoulder"), ("ELBOW", "Elbow"), ("HAND", "Hand"), ("HIP", "Hip"), ("KNEE", "Knee"), ("FOOT", "Ankle"),
+    )
+}  # fmt: skip
+
+
+def write_csv(path: Path, positions: dict[str, np.ndarray], extra: dict[str, object] | None = None) -> Path:
+    columns = {f"{name}_{axis}": points[:, k] for name, points in positions.items() for k, axis in enumerate("xyz")}
+    columns |= {"time_s": TIMES_S, "state": ["Tracked"] * FRAMES} | (extra or {})
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows(zip(*columns.values(), strict=True))
+    return path
+
+
+def write_json(path: Path, positions: dict[str, np.ndarray]) -> Path:
+    frames = [{"joints": {name: points[k].tolist() for name, points in positions.items()}} for k in range(FRAMES)]
+    path.write_text(json.dumps({"fps": 25, "frames": frames}))
+    return path
+
+
+def kinect(**options) -> dict[str, np.ndarray]:
+    return {TO_KINECT[name]: points for name, points in person(**options).items()}
+
+
+def azure(path: Path, camera_down: dict[str, np.ndarray]) -> Path:
+    """Millimetres, y down, with a second body in some frames."""
+    points = np.stack(list(camera_down.values()), axis=1) * [1000, -1000, -1000]
+    frames = [
+        {"timestamp_usec": 9_000_000 + 40_000 * k, "bodies": [{"body_id": 3, "joint_positions": points[k].tolist()}]}
+        for k in range(FRAMES)
+    ]
+    for frame in frames[:20]:
+        frame["bodies"].insert(0, {"body_id": 1, "joint_positions": np.ones((len(camera_down), 3)).tolist()})
+    path.write_text(json.dumps({"joint_names": list(camera_down), "frames": frames, "bone_list": []}))
+    return path
+
+
+def test_one_dance_in_every_format_is_the_same_performance(tmp_path):
+    np.savez(tmp_path / "coco.npz", keypoints3d=coco(), fps=25)
+    np.savez(tmp_path / "points.npz", points=coco(unit_m=0.01), names=np.array(COCO_NAMES), times_s=TIMES_S)
+    (tmp_path / "coco.json").write_text(json.dumps({"keypoints3d": coco(heading_rad=1.0).tolist(), "fps": 25.0}))
+    write_csv(tmp_path / "kinect.csv", kinect(z_up=True))
+    write_json(tmp_path / "kinect.json", kinect(unit_m=0.001))
+    azure(tmp_path / "azure.json", kinect())
+    ours = read_performance(tmp_path / "kinect.csv")
+    np.savez(tmp_path / "ours.npz", joints_m=ours.joints_m, times_s=TIMES_S)
+    head = [Joint.HEAD, Joint.NECK]  # COCO has none: derived from ears and shoulders
+    for path in sorted(tmp_path.iterdir()):
+        read = read_performance(path)
+        np.testing.assert_allclose(read.times_s, TIMES_S, atol=1e-9, err_msg=path.name)
+        limbs = np.delete(read.joints_m, head, axis=1) - np.delete(ours.joints_m, head, axis=1)
+        np.testing.assert_allclose(limbs, 0, atol=1e-3, err_msg=path.name)
+        assert np.isfinite(read.joints_m).all()
+    assert ours.joints_m[0, Joint.LEFT_HAND, 0] > ours.joints_m[0, Joint.RIGHT_HAND, 0] + 0.5
+
+
+def test_names_of_every_joint_set_are_found():
+    for name in ("WRIST_LEFT", "WristLeft", "left_wrist", "leftWrist", "lWrist", "Wrist.L"):
+        assert plain_name(name) == "leftwrist"
+    assert plain_name("SHOULDER_RIGHT") == plain_name("RShoulder") == "rightshoulder"
+    assert plain_name("ShoulderCenter") == "shouldercenter" and plain_name("left_ear") == "leftear"
+
+
+def test_a_foot_is_the_middle_of_ankle_and_foot_and_a_hand_is_preferred_to_a_wrist(tmp_path):
+    positions = kinect()
+    positions |= {"FootLeft": positions["AnkleLeft"] + [0, 0, 0.2], "WristLeft": positions["HandLeft"] + [0, 0.5, 0]}
+    read = read_performance(write_json(tmp_path / "a.json", positions))
+    left, right = read.joints_m[0, Joint.LEFT_FOOT], read.joints_m[0, Joint.RIGHT_FOOT]
+    assert right[2] - left[2] == pytest.approx(0.1, abs=0.01)
+    heights = read.joints_m[0, [Joint.LEFT_HAND, Joint.RIGHT_HAND], 1]
+    assert heights[0] == pytest.approx(heights[1], abs=0.01)
+
+
+def test_missing_points_are_missing_joints_and_confidence_is_the_least_of_the_points(tmp_path):
+    frames = [{"joints": {name: [*points[k], 0.9] for name, points in kinect().items()}} for k in range(FRAMES)]
+    frames[3]["joints"]["HandLeft"] = None
+    frames[4]["joints"]["HipLeft"][3] = 0.25
+    del frames[5]["joints"]["HipLeft"]
+    (tmp_path / "a.json").write_text(json.dumps({"fps": 25, "frames": frames}))
+    read = read_performance(tmp_path / "a.json")
+    assert np.flatnonzero(np.isnan(read.joints_m[:, Joint.LEFT_HAND, 0])).tolist() == [3]
+    assert read.confidence[4, Joint.TORSO] == read.confidence[4, Joint.LEFT_HIP] == 0.25
+    assert read.confidence[5, Joint.TORSO] == 0 and read.confidence[6].min() == 0.9
+    empty = kinect()["HandLeft"][:, 0].astype(object)
+    empty[2] = ""
+    scores = {"HandLeft_x": empty, "HandLeft_confidence": np.full(FRAMES, 0.5)}
+    read = read_performance(write_csv(tmp_path / "a.csv", kinect(), scores))
+    assert np.isnan(read.joints_m[2, Joint.LEFT_HAND]).all() and read.confidence[3, Joint.LEFT_HAND] == 0.5
+
+
+def test_a_given_frame_rate_overrides_the_files(tmp_path):
+    path = write_csv(tmp_path / "a.csv", kinect())
+    assert read_performance(path, 50.0).times_s[-1] == pytest.approx((FRAMES - 1) / 50)
+    np.savez(tmp_path / "b.npz", keypoints3d=coco())
+    with pytest.raises(InputError, match=r"b\.npz: states neither times nor a frame rate"):
+        read_performance(tmp_path / "b.npz")
+    with pytest.raises(InputError, match=r"0 frames a second; expected 1 to 1000"):
+        read_performance(tmp_path / "b.npz", 0.0)
+
+
+def test_what_is_missing_is_named(tmp_path):
+    positions = kinect()
+    del positions["KneeLeft"], positions["HandRight"]
+    with pytest.raises(InputError, match=r"a\.json: no point for right_hand, left_knee; it names Head, SpineShoulder"):
+        read_performance(write_json(tmp_path / "a.json", positions))
+    unseen = kinect() | {"KneeLeft": np.full((FRAMES, 3), np.nan)}
+    with pytest.raises(InputError, match=r"a\.csv: left_knee missing in every frame"):
+        read_performance(write_csv(tmp_path / "a.csv", unseen))
+    joints_m = np.full((4, len(JOINT_NAMES), 3), np.nan)
+    np.savez(tmp_path / "a.npz", joints_m=joints_m, fps=30)
+    with pytest.raises(InputError, match=r"a\.npz: right_shoulder, left_shoulder, .*left_foot missing in every frame"):
+        read_performance(tmp_path / "a.npz")
+    np.savez(tmp_path / "mm.npz", joints_m=1000 * read_performance(azure(tmp_path / "b.json", kinect())).joints_m, fps=30)
+    with pytest.raises(InputError, match=r"mm\.npz: joints_m is in units of 0\.001 m"):
+        read_performance(tmp_path / "mm.npz")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("a.txt", "", r"expected a file that ends with \.npz, \.bvh, \.csv, \.json"),
+        ("a.csv", "", "0 columns; expected a header with commas"),
+        ("a.csv", "a,b\n1,2\n", "expected columns NAME_x, NAME_y, NAME_z; found a, b"),
+        ("a.csv", "p_x,p_y,p_z\n1,2\n", "line 2: 2 cells; expected 3"),
+        ("a.csv", "p_x,p_y,p_z\n1,2,three\n", "line 2: expected a number, found 'three'"),
+        ("a.csv", "p_x,p_y,p_z\n", "no line of numbers"),
+        ("a.json", "[]", "expected an object with keypoints3d or frames"),
+        ("a.json", '{"frames": []}', "expected frames, found none"),
+        ("a.json", '{"frames": [{"joints": {"hip": [1, 2]}}]}', "frame 0, hip: expected 3 numbers"),
+        ("a.json", '{"frames": [{"joints": {}, "time_s": 1}, {"joints": {}}]}', "time_s in all frames or in none"),
+        (
+            "a.json",
+            '{"frames": [{"bodies": [], "timestamp_usec": 1}], "joint_names": ["a"]}',
+            "a body in some frame",
+        ),
+        ("a.json", '{"keypoints3d": [[1, 2]]}', "frame 0: expected a list of 17 points"),
+    ],
+)
+def test_other_contents_are_refused(tmp_path, name, text, message):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(InputError, match=message):
+        read_performance(tmp_path / name)
+
+
+def test_nothing_in_a_file_is_run(tmp_path):
+    class Hostile:
+        def __reduce__(self):
+            return (Path.touch, (tmp_path / "ran",))
+
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps(Hostile()))
+    with pytest.raises(InputError, match="a pickle can run code"):
+        read_performance(tmp_path / "a.pkl")
+    np.savez(tmp_path / "b.npz", keypoints3d=np.array([Hostile()], object))
+    (tmp_path / "c.npz").write_bytes(pickle.dumps(Hostile()))
+    for name in ("b.npz", "c.npz", "missing.json"):
+        with pytest.raises(InputError):
+            read_performance(tmp_path / name)
+    assert not (tmp_path / "ran").exists()
+
+
+def test_damaged_files_are_refused_in_one_line(tmp_path):
+    np.savez(tmp_path / "a.npz", keypoints3d=coco(), fps=30)
+    np.savez(tmp_path / "b.npz", joints_m=np.zeros((5, 15, 3)), fps=30)
+    write_csv(tmp_path / "c.csv", kinect())
+    azure(tmp_path / "d.json", kinect())
+    for path in sorted(tmp_path.iterdir()):
+        assert survives_damage(path, lambda path=path: read_performance(path), count=60) > 10
+    (tmp_path / "f.json").write_text(json.dumps({"keypoints3d": coco()[:2].tolist(), "fps": 30}))
+    survives_hostile_json(tmp_path / "f.json", lambda: read_performance(tmp_path / "f.json"))
+    for hostile in HOSTILE_JSON:
+        (tmp_path / "g.json").write_text('{"fps": 30, "frames": [{"joints": {"Head": @}}]}'.replace("@", hostile))
+        assert is_refused(lambda: read_performance(tmp_path / "g.json"))
+
+
+def test_declared_shapes_beyond_the_budget_are_refused_before_they_are_allocated(tmp_path):
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (2**32, 17, 3)})
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        archive.writestr("keypoints3d.npy", header.getvalue())
+    with pytest.raises(InputError, match=r"would take 1752\.3 GB"):
+        read_performance(tmp_path / "a.npz")
+    header = ",".join(f"p{k}_{axis}" for k in range(600) for axis in "xyz")
+    (tmp_path / "a.csv").write_text(header + "\n" * 200_000)
+    with pytest.raises(InputError, match=r"200000 frames of 1800 columns would take 2\.9 GB"):
+        read_performance(tmp_path / "a.csv")
