@@ -14,6 +14,7 @@ import numpy as np
 
 from kpopnet.camera import Camera, sequence_in_metres
 from kpopnet.extraction import extract_person
+from kpopnet.runtime.input_files import ArraySchema, open_npy
 from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
 from kpopnet.viz.drawing import ESTIMATED, person_tile, save_png, sheet
 
@@ -31,7 +32,7 @@ def main() -> None:
     parser.add_argument("--overlay", type=Path, help="a PNG to write: skeletons over the depth of some frames")
     given = parser.parse_args()
 
-    depth = np.load(given.recording, allow_pickle=False)
+    depth = open_npy(given.recording, ArraySchema("uf", (None, None, None)))
     camera = Camera.centred(given.focal, depth.shape[2], depth.shape[1])
     person_m = extract_person(sequence_in_metres(depth, camera), camera)
     if given.checkpoint:

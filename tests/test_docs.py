@@ -75,7 +75,7 @@ def test_the_settings_in_every_command_compose(module: str, config: str, folder:
 
 def test_every_module_that_a_command_runs_exists() -> None:
     modules = {words[2] for words in commands() if words[:2] == ["python", "-m"]}
-    assert {"synth", "kpopnet.datasets.describe", "synth.dances.convert"} <= modules
+    assert {"synth", "kpopnet.datasets.describe"} <= modules
     for module in modules:
         assert importlib.util.find_spec(module) is not None, module
 

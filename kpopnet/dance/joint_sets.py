@@ -85,7 +85,7 @@ def before_level_camera_m(joints: np.ndarray, source: str) -> np.ndarray:
     joints = joints.astype(np.float64)
     joints[:, Joint.TORSO] = joints[:, _SHOULDERS + _HIPS].mean(axis=1)
     trunk = trunks(joints)
-    valid = np.isfinite(trunk).all(axis=1)
+    valid = np.isfinite(trunk.sum(axis=1))
     if not valid.any():
         raise InputError(f"{source}: no frame has both shoulders and both hips")
     joints *= unit_m(trunk[valid], source)

@@ -40,7 +40,7 @@ def read_json_points(path: Path) -> NamedPoints:
 
 def _coco_keypoints(content: dict[str, Any], where: str) -> np.ndarray:
     """(T, 17, 3) keypoints; null is a missing number."""
-    points = content.get("keypoints3d_optim", content.get("keypoints3d"))
+    points: Any = content.get("keypoints3d_optim", content.get("keypoints3d"))
     expect(isinstance(points, list) and len(points) > 0, where, "keypoints3d, a list of frames")
     return np.array([_rows(frame, len(COCO_NAMES), f"{where}: keypoints3d, frame {k}") for k, frame in enumerate(points)])
 

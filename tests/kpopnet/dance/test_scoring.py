@@ -314,3 +314,14 @@ def test_online_scores_equal_offline_scores(config):
     posture = {end: posture for end, posture in zip(ends, whole.windows.posture, strict=True) if end in windows}
     assert len(posture) > 0.5 * len(ends)
     assert posture == {end: windows[end].posture for end in posture}
+
+
+def test_arrays_score_as_performances_do():
+    joints_m, learner_m = dance_joints_m(0), noisy(dance_joints_m(0), 0.02)
+    expected = score_dance(performed(joints_m), performed(learner_m)).similarity
+    assert score_dance(joints_m, learner_m, fps=FPS).similarity == expected
+    assert score_dance(performed(joints_m), learner_m, fps=FPS).similarity == expected
+    with pytest.raises(InputError, match="teacher's dance is an array without times and fps=None; give its frames"):
+        score_dance(joints_m, learner_m)
+    with pytest.raises(InputError, match=r"the learner's dance: joints of shape \(360, 14, 3\)"):
+        score_dance(joints_m, learner_m[:, :14], fps=FPS)

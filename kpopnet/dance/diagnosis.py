@@ -1,0 +1,211 @@
+"""Says why a recording may be unfit for its score: sides swapped, axes left-handed, a mirrored dance, a clock that is off.
+
+Each supposed fault is corrected and the dance is scored again. A fault is reported only if its correction gains a lot: a poor
+dancer gains nothing from any of them.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from kpopnet.dance.dtw import banded_distances
+from kpopnet.dance.performance import Performance
+from kpopnet.dance.scoring import ScorerConfig, TimeGrid, score_dance
+from kpopnet.errors import InputError
+from kpopnet.skeleton import MIRROR, Joint
+
+CORRECTIONS = ("as_recorded", "mirrored", "swapped", "reflected")
+"""What can be done to the joints of a recording. `swapped` exchanges the names of left and right, `reflected` turns left-handed
+axes into right-handed ones, and `mirrored`, both together, makes the dance of a person in a mirror."""
+
+MIN_GAIN, MIN_CORRECTED = 15.0, 50.0
+"""A fault is reported if its correction raises the similarity by at least the first, in points, to at least the second."""
+
+SEARCH_FPS, SEARCH_S = 5.0, 30.0
+"""Frame rate of the search for the best clock, and the greatest delay that it looks at."""
+
+COMMON_FPS = (24.0, 25.0, 30.0, 50.0, 60.0, 100.0, 120.0)
+"""Rates at which dances are recorded."""
+
+MIN_DELAY_S = 0.1
+BACKWARD_KNEES = -0.2
+"""Mean bend of the knees to the front, as a fraction of the size of the bend, below which they bend backwards."""
+
+
+class Fault(NamedTuple):
+    """A probable fault of a recording.
+
+    Attributes:
+        text: what it is, its probable causes, and which option of `kpopnet score` corrects it.
+        corrected: similarity of the dance with all probable faults corrected; None where the fault costs nothing.
+    """
+
+    text: str
+    corrected: float | None
+
+
+class _Guess(NamedTuple):
+    """Supposed faults: corrections of the joints, and what the learner's times are multiplied by and then lessened by."""
+
+    teacher: str = "as_recorded"
+    learner: str = "as_recorded"
+    rate: float = 1.0
+    late_s: float = 0.0
+
+
+def corrected(performance: Performance, correction: str) -> Performance:
+    """A performance after one of CORRECTIONS.
+
+    Raises:
+        InputError: there is no such correction.
+    """
+    if correction not in CORRECTIONS:
+        raise InputError(f"{correction} is not one of {', '.join(CORRECTIONS)}")
+    joints_m, confidence = performance.joints_m, performance.confidence
+    if correction in ("mirrored", "swapped"):
+        joints_m, confidence = joints_m[:, MIRROR], confidence[:, MIRROR]
+    if correction in ("mirrored", "reflected"):
+        joints_m = joints_m * np.array([-1.0, 1.0, 1.0])
+    return Performance(joints_m, performance.times_s, confidence)
+
+
+def delayed(performance: Performance, late_s: float, rate: float = 1.0) -> Performance:
+    """A performance whose times, from the first on, are multiplied by a rate and then lessened by a delay in seconds."""
+    start_s = performance.times_s[0]
+    times_s = start_s + rate * (performance.times_s - start_s) - late_s
+    return Performance(performance.joints_m, times_s, performance.confidence)
+
+
+def probable_faults(teacher: Performance, learner: Performance, config: ScorerConfig) -> list[Fault]:
+    """What is probably wrong with the recordings of two dances that `score_dance` can compare.
+
+    Args:
+        teacher: the reference dance.
+        learner: the dance that is scored.
+        config: the scorer's settings.
+    """
+    wrong = {name: knees_bend_backwards(one) for name, one in (("teacher", teacher), ("learner", learner))}
+    if all(wrong.values()):
+        text = (
+            "the knees of both dancers bend backwards: left and right are swapped in both files, or their axes are left-"
+            "handed; the score is that of two dances in a mirror"
+        )
+        return [Fault(text, None)]
+    plain = score_dance(teacher, learner, config).similarity
+    best = min(_guesses(wrong, teacher, learner), key=lambda one: _fit(teacher, learner, one, config)[1])
+    best = best._replace(late_s=_fit(teacher, learner, best, config)[0])
+    best = best._replace(late_s=best.late_s + _median_delay_s(teacher, learner, best, config))
+    if abs(best.late_s) < MIN_DELAY_S:
+        best = best._replace(late_s=0.0)
+    similarity = _similarity(teacher, learner, best, config)
+    if not (similarity >= MIN_CORRECTED and similarity >= np.nan_to_num(plain) + MIN_GAIN):
+        return [Fault(_ANATOMY.format(name), None) for name, backwards in wrong.items() if backwards]
+    return [Fault(text, similarity) for text in _descriptions(best, teacher, learner)]
+
+
+def knees_bend_backwards(performance: Performance) -> bool:
+    """Whether the front of the body, found by its left and right, is where knees cannot bend to.
+
+    It is so where the names of left and right are swapped, or the axes are left-handed.
+    """
+    joints_m = performance.joints_m
+    hips_m = joints_m[:, [Joint.RIGHT_HIP, Joint.LEFT_HIP]]
+    down = hips_m.mean(axis=1) - joints_m[:, [Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER]].mean(axis=1)
+    front = np.cross(down, hips_m[:, 1] - hips_m[:, 0])
+    front /= np.maximum(np.linalg.norm(front, axis=1, keepdims=True), 1e-9)
+    feet_m = joints_m[:, [Joint.RIGHT_FOOT, Joint.LEFT_FOOT]]
+    bend_m = joints_m[:, [Joint.RIGHT_KNEE, Joint.LEFT_KNEE]] - (hips_m + feet_m) / 2
+    forward_m, size_m = (bend_m * front[:, None]).sum(axis=-1), np.linalg.norm(bend_m, axis=-1)
+    known = np.isfinite(forward_m)
+    return bool(forward_m[known].sum() < BACKWARD_KNEES * size_m[known].sum())
+
+
+_ANATOMY = "the {0}'s knees bend backwards: left and right are swapped in the file, or its axes are left-handed"
+
+
+def _guesses(wrong: dict[str, bool], teacher: Performance, learner: Performance) -> Iterator[_Guess]:
+    """What may be wrong, the simplest first: nothing but a delay; the joints; the learner's or the teacher's frame rate."""
+    yield _Guess()
+    if wrong["teacher"]:
+        yield from (_Guess(teacher=one) for one in ("swapped", "reflected"))
+    elif wrong["learner"]:
+        yield from (_Guess(learner=one) for one in ("swapped", "reflected"))
+    else:
+        yield _Guess(learner="mirrored")
+    learner_fps, teacher_fps = _fps(learner), _fps(teacher)
+    rates = {round(learner_fps / fps, 3) for fps in COMMON_FPS} | {round(fps / teacher_fps, 3) for fps in COMMON_FPS}
+    yield from (_Guess(rate=rate) for rate in sorted(rates) if 0.2 <= rate <= 5 and abs(rate - 1) > 0.01)
+
+
+def _fps(performance: Performance) -> float:
+    """Median frame rate."""
+    return 1 / float(np.median(np.diff(performance.times_s))) if len(performance) > 1 else 1.0
+
+
+def _after(teacher: Performance, learner: Performance, guess: _Guess) -> tuple[Performance, Performance]:
+    """Both performances without the supposed faults."""
+    return corrected(teacher, guess.teacher), delayed(corrected(learner, guess.learner), guess.late_s, guess.rate)
+
+
+def _fit(teacher: Performance, learner: Performance, guess: _Guess, config: ScorerConfig) -> tuple[float, float]:
+    """The delay in seconds at which the learner's frames are nearest to the teacher's, and their mean distance there."""
+    config = replace(config, fps=SEARCH_FPS)
+    teacher, learner = _after(teacher, learner, guess)
+    grid, band = TimeGrid(teacher, config), round(SEARCH_S * SEARCH_FPS)
+    frames = grid.frames_of(learner)
+    if not frames:
+        return 0.0, np.inf
+    features = grid.features(teacher, grid.teacher_frames), grid.features(learner, frames)
+    distances = banded_distances(features[1], features[0], frames.start, band, config.outlier_rad)
+    finite = np.isfinite(distances)
+    enough = finite.sum(axis=0) >= max(min(len(frames), len(grid.teacher_frames)) / 2, config.window_frames)
+    if not enough.any():
+        return 0.0, np.inf
+    total = np.where(finite, distances, 0).sum(axis=0)
+    mean = np.where(enough, total / np.maximum(finite.sum(axis=0), 1), np.inf)
+    column = int(mean.argmin())
+    return (band - column) / SEARCH_FPS, float(mean[column])
+
+
+def _median_delay_s(teacher: Performance, learner: Performance, guess: _Guess, config: ScorerConfig) -> float:
+    """The learner's median delay that is left, in seconds; 0 where it is not known."""
+    try:
+        delay_s = score_dance(*_after(teacher, learner, guess), config).windows.delay_s
+    except InputError:  # so much corrected that no window is covered
+        return 0.0
+    return float(np.median(delay_s[np.isfinite(delay_s)])) if np.isfinite(delay_s).any() else 0.0
+
+
+def _similarity(teacher: Performance, learner: Performance, guess: _Guess, config: ScorerConfig) -> float:
+    try:
+        return score_dance(*_after(teacher, learner, guess), config).similarity
+    except InputError:
+        return 0.0
+
+
+def _descriptions(guess: _Guess, teacher: Performance, learner: Performance) -> Iterator[str]:
+    """The faults of a guess in words."""
+    for name, correction in (("teacher", guess.teacher), ("learner", guess.learner)):
+        fix = f"To correct it: --correct-{name} {correction}"
+        if correction == "mirrored":
+            yield (
+                "the learner dances mirrored: a left-handed dancer, one who faces the teacher as a mirror, or a mirrored "
+                f"video. {fix}"
+            )
+        elif correction == "swapped":
+            yield f"left and right are swapped among the {name}'s joints: the knees bend backwards. {fix}"
+        elif correction == "reflected":
+            yield f"the {name}'s axes are left-handed: the knees bend backwards. {fix}"
+    if guess.rate != 1:
+        yield (
+            f"the learner's clock runs wrong: the dance fits if its times are multiplied by {guess.rate:.3g}. Was the learner "
+            f"recorded at {_fps(learner) / guess.rate:.3g} frames a second, not {_fps(learner):.3g} (--learner-fps), or the "
+            f"teacher at {_fps(teacher) * guess.rate:.3g}, not {_fps(teacher):.3g} (--teacher-fps)?"
+        )
+    if guess.late_s:
+        yield (
+            f"the learner is {abs(guess.late_s):.2f} s {'late' if guess.late_s > 0 else 'early'} throughout: the clocks start "
+            f"at different instants of the music, or the set-up has a latency. To correct it: --late {guess.late_s:.2f}"
+        )

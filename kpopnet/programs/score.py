@@ -1,0 +1,85 @@
+"""Scores a learner's dance against a teacher's, from two files of joints.
+
+    kpopnet score teacher.bvh learner.bvh
+    kpopnet score teacher.json learner.csv --learner-fps 30 --out outputs/score/ann
+
+Files are .npz, .bvh, .csv or .json; docs/dance_scoring.md describes what they hold. Both must be on one clock: time zero is the
+same instant of the music. The program prints the score and writes score.html, one page with its figures, and score.json. It
+warns where a recording is probably faulty: sides swapped, left-handed axes, a mirrored dance, a clock that is off. An earlier
+score in the same folder is replaced.
+"""
+
+import argparse
+import json
+from pathlib import Path
+
+from kpopnet.dance.diagnosis import CORRECTIONS, Fault, corrected, delayed, probable_faults
+from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.dance.performance import Performance
+from kpopnet.dance.scoring import SCORERS, score_dance
+from kpopnet.errors import InputError
+from kpopnet.evaluation.dances.score_page import score_json, score_page, score_text
+from kpopnet.evaluation.document import printable, writable
+from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.folder_lock import locked
+from kpopnet.runtime.hydra_app import user_errors
+from kpopnet.skeleton import Joint
+
+
+def other_formats(teacher: Path, learner: Path) -> list[Fault]:
+    """A warning where the two files may place joints differently."""
+    if teacher.suffix.lower() == learner.suffix.lower():
+        return []
+    text = (
+        f"{teacher.name} and {learner.name} are of different formats, whose joints may lie elsewhere in the body (a hand at "
+        "the wrist or in the palm); that costs points. Record both in the same way"
+    )
+    return [Fault(text, None)]
+
+
+def read_observed(path: Path, fps: float | None, correction: str, scorer: str) -> Performance:
+    """Reads one dance, with the joints that the scorer's feature needs.
+
+    Raises:
+        InputError: as `read_performance`, or a joint is missing throughout.
+    """
+    performance = corrected(read_performance(path, fps), correction)
+    if SCORERS[scorer].feature == "raptis" and Joint.NECK in performance.unseen_joints:
+        raise InputError(f"{path}: neck missing in every frame; scorer {scorer} needs it, dance22 does not")
+    return performance
+
+
+@user_errors
+def main() -> None:
+    parser = argparse.ArgumentParser("kpopnet score", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("teacher", type=Path, help="file of the reference dance")
+    parser.add_argument("learner", type=Path, help="file of the dance to score")
+    parser.add_argument("--out", type=Path, default=Path("outputs/score"), help="folder of page and JSON: %(default)s")
+    parser.add_argument("--scorer", choices=sorted(SCORERS), default="dance22", help="settings of the scorer: %(default)s")
+    for name in ("teacher", "learner"):
+        rate = f"the true frame rate of a {name}'s file that states none or a wrong one"
+        joints = f"what is done to the {name}'s joints"
+        parser.add_argument(f"--{name}-fps", type=float, help=rate)
+        parser.add_argument(f"--correct-{name}", choices=CORRECTIONS, default="as_recorded", help=f"{joints}: %(default)s")
+    parser.add_argument("--late", type=float, default=0.0, help="seconds by which the learner's clock is late: %(default)s")
+    given = parser.parse_args()
+
+    config = SCORERS[given.scorer]
+    teacher = read_observed(given.teacher, given.teacher_fps, given.correct_teacher, given.scorer)
+    learner = delayed(read_observed(given.learner, given.learner_fps, given.correct_learner, given.scorer), given.late)
+    score = score_dance(teacher, learner, config)
+    faults = other_formats(given.teacher, given.learner) + probable_faults(teacher, learner, config)
+
+    title = f"{given.learner.name} after {given.teacher.name}: {score.similarity:.0f} of 100"
+    page = score_page(title, teacher, learner, score, faults, config.window_s)
+    files = {"teacher": str(given.teacher), "learner": str(given.learner)}
+    content = json.dumps(files | score_json(score, faults, config), indent=1, allow_nan=False) + "\n"
+    with locked(given.out):
+        for name, text in (("score.html", page), ("score.json", content)):
+            with atomic_path(given.out / name) as part:
+                part.write_bytes(writable(text).encode())
+    print(printable("\n".join([*score_text(score, faults, config.window_s), f"look at {given.out / 'score.html'}"])))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,116 @@
+"""The program `kpopnet score`: two files in, a page and JSON out."""
+
+import base64
+import json
+import re
+import sys
+
+import cv2
+import numpy as np
+import pytest
+from dance_people import dance_joints_m
+
+import kpopnet.programs.score
+from kpopnet.dance.diagnosis import corrected
+from kpopnet.dance.performance import Performance
+from kpopnet.dance.scoring import score_dance
+from kpopnet.skeleton import JOINT_NAMES, Joint
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    def program(*words: object) -> str:
+        monkeypatch.setattr(sys, "argv", ["kpopnet score", *map(str, words)])
+        kpopnet.programs.score.main()
+        return capsys.readouterr().out
+
+    return program
+
+
+@pytest.fixture
+def files(tmp_path):
+    """A teacher, and a learner whose left arm stays down from 5 s to 8 s, at 30 frames per second."""
+    joints_m = dance_joints_m(3)
+    learner_m = joints_m.copy()
+    learner_m[150:240, [Joint.LEFT_ELBOW, Joint.LEFT_HAND]] = learner_m[150:240, [Joint.LEFT_SHOULDER]] + [
+        [0.02, 0.28, 0.0],
+        [0.04, 0.55, -0.05],
+    ]
+    for name, dance_m in (("teacher", joints_m), ("learner", learner_m)):
+        np.savez(tmp_path / f"{name}.npz", joints_m=dance_m, fps=30)
+    return tmp_path / "teacher.npz", tmp_path / "learner.npz", joints_m, learner_m
+
+
+def test_the_page_holds_its_figures_and_the_json_the_score(files, run, tmp_path):
+    teacher, learner, joints_m, learner_m = files
+    printed = run(teacher, learner, "--out", tmp_path / "new" / "out")
+    expected = score_dance(joints_m, learner_m, fps=30)
+    worst_s = expected.windows.start_s[np.argmin(expected.windows.similarity)]
+    assert f"similarity {expected.similarity:.0f}, timing" in printed and "warning" not in printed
+    assert 4 <= worst_s <= 7 and f"worst from {worst_s:.1f} s" in printed
+
+    page = (tmp_path / "new" / "out" / "score.html").read_text()
+    sources = re.findall(r'src="([^"]+)"', page)
+    assert len(sources) == 3 and not re.search(r"https?://|<link|<script", page)
+    for source in sources:
+        png = np.frombuffer(base64.b64decode(source.removeprefix("data:image/png;base64,")), np.uint8)
+        image = cv2.imdecode(png, cv2.IMREAD_COLOR)
+        assert min(image.shape[:2]) > 200 and image.std() > 10
+    assert f"learner.npz after teacher.npz: {expected.similarity:.0f} of 100" in page
+
+    content = json.loads((tmp_path / "new" / "out" / "score.json").read_text())
+    assert content["score"]["similarity"] == pytest.approx(expected.similarity)
+    assert content["score"]["windows"]["parts"].keys() == expected.parts.keys() == content["score"]["parts"].keys()
+    np.testing.assert_allclose(content["score"]["windows"]["delay_s"], expected.windows.delay_s)
+    assert content["warnings"] == [] and content["scorer"]["feature"] == "dance22" and content["teacher"] == str(teacher)
+
+
+def test_a_faulty_recording_is_told_and_the_option_that_is_named_corrects_it(files, run, tmp_path):
+    teacher, _, joints_m, _ = files
+    dance = Performance(joints_m, np.arange(len(joints_m)) / 30 + 0.6)
+    np.savez(tmp_path / "wrong.npz", joints_m=corrected(dance, "mirrored").joints_m, times_s=dance.times_s)
+    words = (teacher, tmp_path / "wrong.npz", "--out", tmp_path / "out")
+    printed = run(*words)
+    options = re.findall(r"--(?:correct|late)\S* \S+", printed)
+    assert [option.split()[0] for option in options] == ["--correct-learner", "--late"] and printed.count("warning") == 2
+    assert len(json.loads((tmp_path / "out" / "score.json").read_text())["warnings"]) == 2
+    assert "learner dances mirrored" in (tmp_path / "out" / "score.html").read_text()
+    again = run(*words, *(word for option in options for word in option.replace("(", " ").split()))
+    assert "warning" not in again and int(re.search(r"similarity (\d+)", again)[1]) >= 95
+
+
+def test_frame_rates_of_files_without_them(files, run, tmp_path):
+    teacher, _, joints_m, _ = files
+    np.savez(tmp_path / "bare.npz", joints_m=joints_m[::2])
+    words = (teacher, tmp_path / "bare.npz", "--out", tmp_path / "out")
+    with pytest.raises(SystemExit):
+        run(*words)
+    assert int(re.search(r"similarity (\d+)", run(*words, "--learner-fps", 15))[1]) >= 85
+    assert "recorded at 15 frames a second, not 25" in run(*words, "--learner-fps", 25)
+
+
+def test_other_formats_and_missing_joints_are_told(files, run, tmp_path, capsys):
+    teacher, learner, joints_m, _ = files
+    named = [dict(zip(JOINT_NAMES, pose.tolist(), strict=True)) for pose in joints_m]
+    frames = [{"time_s": k / 30, "joints": joints} for k, joints in enumerate(named)]
+    (tmp_path / "a.json").write_text(json.dumps({"frames": frames}))
+    assert "teacher.npz and a.json are of different formats" in run(teacher, tmp_path / "a.json", "--out", tmp_path / "out")
+
+    headless_m = joints_m.copy()
+    headless_m[:, Joint.NECK] = np.nan
+    np.savez(tmp_path / "headless.npz", joints_m=headless_m, fps=30)
+    words = (tmp_path / "headless.npz", learner, "--out", tmp_path / "out")
+    assert "similarity" in run(*words)
+    with pytest.raises(SystemExit):
+        run(*words, "--scorer", "raptis")
+    assert "headless.npz: neck missing in every frame; scorer raptis needs it" in capsys.readouterr().err
+
+
+def test_an_unseen_learner_of_no_window_is_null_in_the_json(files, run, tmp_path):
+    teacher, _, joints_m, _ = files
+    rare_m = np.full_like(joints_m, np.nan)
+    rare_m[5] = joints_m[5]
+    np.savez(tmp_path / "rare.npz", joints_m=rare_m, fps=30)
+    run(teacher, tmp_path / "rare.npz", "--out", tmp_path / "out")
+    content = json.loads((tmp_path / "out" / "score.json").read_text())
+    assert content["score"]["windows"]["similarity"][-1] is None
