@@ -82,7 +82,7 @@ def before_level_camera_m(joints: np.ndarray, source: str) -> np.ndarray:
     largest = np.max(np.abs(joints), initial=0, where=np.isfinite(joints))
     if not largest <= MAX_COORDINATE:
         raise InputError(f"{source}: a coordinate of {largest:g}; expected at most {MAX_COORDINATE:g} millimetres")
-    joints = joints.astype(np.float64)
+    joints = np.where(np.isfinite(joints), joints, np.nan).astype(np.float64)
     joints[:, Joint.TORSO] = joints[:, _SHOULDERS + _HIPS].mean(axis=1)
     trunk = trunks(joints)
     valid = np.isfinite(trunk.sum(axis=1))

@@ -11,6 +11,7 @@ score in the same folder is replaced.
 
 import argparse
 import json
+import math
 from pathlib import Path
 
 from kpopnet.dance.diagnosis import CORRECTIONS, Fault, corrected, delayed, probable_faults
@@ -68,6 +69,10 @@ def main() -> None:
     teacher = read_observed(given.teacher, given.teacher_fps, given.correct_teacher, given.scorer)
     learner = delayed(read_observed(given.learner, given.learner_fps, given.correct_learner, given.scorer), given.late)
     score = score_dance(teacher, learner, config)
+    if math.isnan(score.similarity):
+        raise InputError(
+            f"{given.learner}: in no window of {config.window_s:g} s are enough joints known to compare the dances"
+        )
     faults = other_formats(given.teacher, given.learner) + probable_faults(teacher, learner, config)
 
     title = f"{given.learner.name} after {given.teacher.name}: {score.similarity:.0f} of 100"

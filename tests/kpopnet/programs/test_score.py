@@ -106,11 +106,15 @@ def test_other_formats_and_missing_joints_are_told(files, run, tmp_path, capsys)
     assert "headless.npz: neck missing in every frame; scorer raptis needs it" in capsys.readouterr().err
 
 
-def test_an_unseen_learner_of_no_window_is_null_in_the_json(files, run, tmp_path):
+def test_windows_without_joints_are_null_in_the_json_and_a_dance_of_only_such_is_refused(files, run, tmp_path, capsys):
     teacher, _, joints_m, _ = files
-    rare_m = np.full_like(joints_m, np.nan)
-    rare_m[5] = joints_m[5]
-    np.savez(tmp_path / "rare.npz", joints_m=rare_m, fps=30)
-    run(teacher, tmp_path / "rare.npz", "--out", tmp_path / "out")
-    content = json.loads((tmp_path / "out" / "score.json").read_text())
-    assert content["score"]["windows"]["similarity"][-1] is None
+    for name, known in (("half", 180), ("rare", 4)):
+        seen_m = np.full_like(joints_m, np.nan)
+        seen_m[:known] = joints_m[:known]
+        np.savez(tmp_path / f"{name}.npz", joints_m=seen_m, fps=30)
+    run(teacher, tmp_path / "half.npz", "--out", tmp_path / "out")
+    windows = json.loads((tmp_path / "out" / "score.json").read_text())["score"]["windows"]
+    assert windows["similarity"][0] > 90 and windows["similarity"][-1] is None
+    with pytest.raises(SystemExit):
+        run(teacher, tmp_path / "rare.npz", "--out", tmp_path / "out")
+    assert "rare.npz: in no window of 2 s are enough joints known" in capsys.readouterr().err
