@@ -1,7 +1,7 @@
 """Scores a learner's dance against a teacher's, from two files of joints.
 
     kpopnet score teacher.bvh learner.bvh
-    kpopnet score teacher.json learner.csv --learner-fps 30 --out outputs/score/ann
+    kpopnet score teacher.csv learner.csv --learner-fps 30 --out outputs/score/ann
 
 Files are .npz, .bvh, .csv or .json; docs/dance_scoring.md describes what they hold. Both must be on one clock: time zero is the
 same instant of the music. The program prints the score and writes score.html, one page with its figures, and score.json. It
