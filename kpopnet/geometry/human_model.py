@@ -157,20 +157,20 @@ class HumanModel:
 
 
 _REGULARISATION = {
-    ("head_to_shoulder_line_m",): (0.067, 0.040),
-    ("shoulder_to_shoulder_m",): (0.000, 0.086),
-    ("head_to_torso_m",): (0.024, 0.110),
-    ("left_shoulder_to_torso_m", "right_shoulder_to_torso_m"): (0.000, 0.082),
-    ("torso_to_hip_line_m",): (0.006, 0.056),
-    ("left_shoulder_to_left_hip_m", "right_shoulder_to_right_hip_m"): (0.000, 0.127),
-    ("left_shoulder_to_right_hip_m", "right_shoulder_to_left_hip_m"): (0.000, 0.144),
-    ("right_upper_arm_m", "left_upper_arm_m"): (0.282, 0.045),
-    ("right_lower_arm_m", "left_lower_arm_m"): (0.403, 0.042),
-    ("right_upper_leg_m", "left_upper_leg_m"): (0.574, 0.040),
-    ("right_lower_leg_m", "left_lower_leg_m"): (0.411, 0.065),
+    ("head_to_shoulder_line_m",): (0.087, 0.039),
+    ("shoulder_to_shoulder_m",): (0.000, 0.085),
+    ("head_to_torso_m",): (0.072, 0.104),
+    ("left_shoulder_to_torso_m", "right_shoulder_to_torso_m"): (0.000, 0.081),
+    ("torso_to_hip_line_m",): (0.000, 0.056),
+    ("left_shoulder_to_left_hip_m", "right_shoulder_to_right_hip_m"): (0.000, 0.126),
+    ("left_shoulder_to_right_hip_m", "right_shoulder_to_left_hip_m"): (0.000, 0.143),
+    ("right_upper_arm_m", "left_upper_arm_m"): (0.310, 0.043),
+    ("right_lower_arm_m", "left_lower_arm_m"): (0.403, 0.041),
+    ("right_upper_leg_m", "left_upper_leg_m"): (0.610, 0.034),
+    ("right_lower_leg_m", "left_lower_leg_m"): (0.373, 0.069),
 }
 """Regularised length = first coefficient x measured length (mean of both sides) + second coefficient x sum of all eleven
-measured lengths, in the Y pose. Non-negative least squares over the initial models of 153 simulated people in the Y pose
+measured lengths, in the Y pose. Non-negative least squares over the initial models of 215 simulated people in the Y pose
 (split train); `tools/tracker_constants.py y_pose` prints them again."""
 
 LIMB_FIELDS = tuple(field.name for field in fields(HumanModel) if field.name.endswith(("arm_m", "leg_m")))

@@ -37,13 +37,13 @@ TORSO_HEIGHT_RANGE_M = (0.4, 0.95)
 ARM_BOX_BOTTOM = 0.35
 """Lower edge of the arms' bounding boxes, in heights of the torso's rectangle from its top."""
 
-HAND_RADIUS_M, FOOT_RADIUS_M = 0.18, 0.20
+HAND_RADIUS_M, FOOT_RADIUS_M = 0.18, 0.17
 """Radius in metres around a limb's tip within which ridge data are averaged for its end: the means are the palm, not the
-fingertips, and the instep, not the toes. On simulated people (split train) they lie 0.6 cm beyond the
-true joints along the limb, hands at a mean distance of 2.2 cm and feet of 1.6 cm; `tools/tracker_constants.py y_pose` prints
-that by radius."""
+fingertips, and the instep, not the toes. On simulated people (split train) hands lie 0.6 cm and feet 2.3 cm beyond the true
+joints along the limb, at a mean distance of 2.2 and 2.5 cm; `tools/tracker_constants.py y_pose` prints that by radius. Feet lie
+nearer with 0.2 m, but knees, looked for within half of it, farther."""
 
-UPPER_ARM_FRACTION, UPPER_LEG_FRACTION = 0.465, 0.44
+UPPER_ARM_FRACTION, UPPER_LEG_FRACTION = 0.465, 0.45
 """Position of the elbow from the shoulder (0) to the palm (1), and of the knee from the hip (0) to the instep (1): means of
 simulated people (split train) that the same program prints; standard deviation 0.027."""
 
