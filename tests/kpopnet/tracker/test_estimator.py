@@ -95,6 +95,12 @@ def test_start_standing_accepts_a_standing_person() -> None:
     assert np.isfinite(found).all() and error_m(found[-1], joints).mean() < 0.08
 
 
+def test_start_standing_refuses_raised_hands_which_would_count_as_height() -> None:
+    depth = np.repeat(draw_y(y_joints(65, 4, place_m=PLACE_M), CAMERA)[None], 2, axis=0)
+    found = TrackerEstimator(TrackerEstimatorConfig(start="standing")).estimate(depth, CAMERA).joints_camera_m
+    assert np.isnan(found).all()
+
+
 def test_the_first_label_is_the_first_complete_one(film) -> None:
     joints = film[0].copy()
     joints[0, Joint.LEFT_HAND] = np.nan
