@@ -19,11 +19,11 @@ from kpopnet.geometry.body import PARTS, ROW_TO_JOINT, Body
 from kpopnet.geometry.cones import HIDDEN_DEPTH_M, extend_joints, nearest_parts, part_segments
 from kpopnet.geometry.depth_grid import DepthGrid
 
-TRACKED_WEIGHTS = (-4.404, 3.093, 5.616)
-ALGORITHM_2_WEIGHTS = (-4.588, 1.415, 6.267)
+TRACKED_WEIGHTS = (-2.187, 2.978, 2.982)
+ALGORITHM_2_WEIGHTS = (-4.984, 1.667, 6.271)
 """Weights of `tracked_evidence`, for the body tracker and for Algorithm 2 alone."""
 
-REFINED_WEIGHTS = (0.119, 0.935, 2.102, -0.116)
+REFINED_WEIGHTS = (1.221, 0.779, 2.593, -0.241)
 """Weights of `refined_evidence`."""
 
 FULL_SUPPORT_POINTS = 4
