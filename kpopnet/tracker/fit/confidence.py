@@ -19,8 +19,8 @@ from kpopnet.geometry.body import PARTS, ROW_TO_JOINT, Body
 from kpopnet.geometry.cones import HIDDEN_DEPTH_M, extend_joints, nearest_parts, part_segments
 from kpopnet.geometry.depth_grid import DepthGrid
 
-TRACKED_WEIGHTS = (-2.187, 2.978, 2.982)
-ALGORITHM_2_WEIGHTS = (-4.984, 1.667, 6.271)
+TRACKED_WEIGHTS = (-2.665, 3.204, 3.695)
+ALGORITHM_2_WEIGHTS = (-5.166, 1.801, 6.337)
 """Weights of `tracked_evidence`, for the body tracker and for Algorithm 2 alone."""
 
 REFINED_WEIGHTS = (1.221, 0.779, 2.593, -0.241)
