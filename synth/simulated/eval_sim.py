@@ -38,7 +38,7 @@ class EvalSimConfig(StandInSelection):
 class EvalSimSet(StandInSet):
     """Every setting that the sequences depend on."""
 
-    generator: ClassVar[int] = 3
+    generator: ClassVar[int] = 4
     benchmark: EvalSimConfig = field(default_factory=EvalSimConfig)
     sensor: SensorConfig = SENSORS["kinect_v1"]
     frames: tuple[int, int] = (288, 488)
