@@ -217,6 +217,8 @@ class _OpenShard:
             self.room_mm = StoredRows(stored_array(self.file, "room_mm"))
             self.ridge = StoredRows(stored_array(self.file, "ridge")) if "ridge" in described else None
             self.columns = {name: _column(self.file, path, name, header) for name in COLUMNS}
+            visible, missing = self.columns["visible"], np.isnan(self.columns["joints_m"]).any(axis=-1)
+            _expect_rows(~(visible & missing).any(axis=1), visible, f"{path}: visible", "no joint whose joints_m is missing")
             self.floor = _column(self.file, path, "floor", header)
 
 

@@ -55,7 +55,13 @@ def test_valid_shards_are_read_as_hdf5_reads_them(shard):
 def test_missing_joints_are_allowed(shard):
     joints = np.zeros((COUNT, 15, 3), np.float32)
     joints[2, 5] = np.nan
+    visible = np.ones((COUNT, 15), bool)
     replace(shard, "joints_m", joints)
+    replace(shard, "visible", visible)
+    with pytest.raises(InputError, match=r"visible: row 2 is .* expected no joint whose joints_m is missing"):
+        ShardedSet(shard.parent)[2]
+    visible[2, 5] = False
+    replace(shard, "visible", visible)
     assert np.isnan(ShardedSet(shard.parent)[2].joints_camera_m[5]).all()
 
 
