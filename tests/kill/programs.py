@@ -18,6 +18,7 @@ from checkpoint_contents import contents
 
 from kpopnet.networks import ModelConfig, build_network
 from kpopnet.networks.checkpoint import resumable, save_checkpoint
+from kpopnet.runtime.folder_lock import LOCK_FILE
 
 CHANGING = ("git", "packages", "files", "seconds", "fps", "made")
 """Parts of metrics.json that are about the run and not about its result."""
@@ -73,7 +74,8 @@ def evaluate(folder: Path) -> Program:
     settings = [f"checkpoint={folder / 'run' / 'last'}", f"benchmark.path={folder / 'set'}", "processes=2"]
 
     def result(run: Path) -> dict[str, Any]:
-        files = files_in(run)
+        # A run that was killed when its report was written leaves its lock file, which nothing holds any more.
+        files = {name: data for name, data in files_in(run).items() if name != LOCK_FILE}
         metrics = without_changing(json.loads(files["metrics.json"]))
         figures = {name: data for name, data in files.items() if name.endswith(".png")}
         return {"metrics": metrics, "files": sorted(files), **figures}
