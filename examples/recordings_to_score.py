@@ -9,8 +9,7 @@ without times, which needs --fps.
 import argparse
 from pathlib import Path
 
-import numpy as np
-
+from kpopnet.dance.feedback import feedback
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.dance.scoring import SCORERS, score_dance
 
@@ -26,9 +25,9 @@ def main() -> None:
     score = score_dance(teacher, learner, SCORERS["dance22"])
     print(f"similarity {score.similarity:.0f}, timing {score.timing:.0f}, posture {score.posture:.0f} of 100")
     print("parts: " + ", ".join(f"{name} {value:.0f}" for name, value in score.parts.items()))
-    worst = int(np.nanargmin(score.windows.similarity))
-    start_s, delay_s = score.windows.start_s[worst], score.windows.delay_s[worst]
-    print(f"worst from {start_s:.1f} s: similarity {score.windows.similarity[worst]:.0f}, delay {1000 * delay_s:+.0f} ms")
+    told = feedback(score)
+    for line in (*told.hints, *(fault.text for fault in told.faults[:5])):
+        print(line)
 
 
 if __name__ == "__main__":

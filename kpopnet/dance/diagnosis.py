@@ -12,7 +12,7 @@ import numpy as np
 
 from kpopnet.dance.dtw import banded_distances
 from kpopnet.dance.performance import Performance
-from kpopnet.dance.scoring import ScorerConfig, TimeGrid, score_dance
+from kpopnet.dance.scoring import ScorerConfig, TimeGrid, features_of, score_dance
 from kpopnet.errors import InputError
 from kpopnet.skeleton import MIRROR, Joint
 
@@ -157,8 +157,8 @@ def _fit(teacher: Performance, learner: Performance, guess: _Guess, config: Scor
     frames = grid.frames_of(learner)
     if not frames:
         return 0.0, np.inf
-    features = grid.features(teacher, grid.teacher_frames), grid.features(learner, frames)
-    distances = banded_distances(features[1], features[0], frames.start, band, config.outlier_rad)
+    features = features_of(*grid.resampled(learner, frames), False, config)
+    distances = banded_distances(features, grid.teacher.features, frames.start, band, config.outlier_rad)
     finite = np.isfinite(distances)
     enough = finite.sum(axis=0) >= max(min(len(frames), len(grid.teacher_frames)) / 2, config.window_frames)
     if not enough.any():

@@ -20,6 +20,7 @@ Algorithm 3 as printed is `algorithm_3`.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -46,8 +47,9 @@ def banded_distances(learner: Features, teacher: Features, first: int, band: int
 
     Returns:
         (T, 2 * band + 1) float64 values of `frame_distance`, radians; infinite where the teacher has no such frame. Where too
-        many angles of a pair are missing, the entry is the greatest possible distance. It attracts no path, and where the
-        learner's frame is the missing one it is the same for the whole row.
+        many angles of a pair are missing, the entry is the least of the row, so that a teacher's frame that lacks joints
+        neither attracts a path nor repels it; where the learner's frame is the missing one, the greatest possible distance
+        in the whole row.
 
     Raises:
         InputError: the features have different numbers of angles.
@@ -60,7 +62,6 @@ def banded_distances(learner: Features, teacher: Features, first: int, band: int
 def _banded_distances(learner, teacher, first, band, outlier):
     frames, angles = learner.angles_rad.shape
     teacher_frames = len(teacher.angles_rad)
-    all_columns = np.ones(angles)
     # The distance if every angle differs by pi.
     greatest = math.sqrt(angles) * math.pi
     if outlier < np.inf:
@@ -68,42 +69,45 @@ def _banded_distances(learner, teacher, first, band, outlier):
     distances = np.full((frames, 2 * band + 1), np.inf)
     for i in range(frames):
         for k in range(max(band - first - i, 0), min(teacher_frames + band - first - i, 2 * band + 1)):
-            distance = frame_distance(learner, i, teacher, first + i + k - band, all_columns, outlier)
-            distances[i, k] = greatest if math.isnan(distance) else distance
+            distances[i, k] = frame_distance(learner, i, teacher, first + i + k - band, outlier)
+        least = greatest
+        for k in range(2 * band + 1):
+            if distances[i, k] < least:  # false for NaN
+                least = distances[i, k]
+        for k in range(2 * band + 1):
+            if math.isnan(distances[i, k]):
+                distances[i, k] = least
     return distances
 
 
 @njit(cache=True, inline="always")
-def frame_distance(learner, i, teacher, j, columns, outlier):
+def frame_distance(learner, i, teacher, j, outlier):
     """The norm of Eq. (14), in radians, between a learner's frame i and a teacher's frame j.
 
-    Only columns with a 1 in `columns` are compared; those with a 0 are excluded. Differences are wrapped to -pi..pi, and their
-    squares are weighted by the weights of both frames. Squares far beyond that of `outlier` count by their logarithm (Cauchy
-    loss), so that a limb whose estimate is lost, or which does another move, does not outweigh all others. With an infinite
-    `outlier` this is the plain norm. Missing angles and excluded columns are assumed to differ as much as the others on
-    average, and angles of low confidence in part, so that norms of body parts and of the whole body are comparable.
+    Differences are wrapped to -pi..pi, and their squares are weighted by the weights of both frames. Squares far beyond that of
+    `outlier` count by their logarithm (Cauchy loss), so that a limb whose estimate is lost, or which does another move, does
+    not outweigh all others. With an infinite `outlier` this is the plain norm. Missing angles are assumed to differ as much as
+    the others on average.
 
     Returns:
-        NaN if more than half of the angles are missing or the confidence of all angles is 0.
+        NaN if more than half of the angles are missing.
     """
-    total, product, confidence_sum, num_present, num_columns = 0.0, 1.0, 0.0, 0.0, 0.0
+    total, product, num_present = 0.0, 1.0, 0.0
     inverse = 1 / (outlier * outlier)
-    for c in range(len(columns)):
+    angles = learner.angles_rad.shape[1]
+    for c in range(angles):
         difference = abs(learner.angles_rad[i, c] - teacher.angles_rad[j, c])
         difference = min(difference, abs(difference - 2 * math.pi))
         present = difference == difference  # not NaN
-        confidence = columns[c] * learner.confidence[i, c] * teacher.confidence[j, c]
-        squared = confidence * learner.weights[i, c] * teacher.weights[j, c] * difference * difference if present else 0.0
+        squared = learner.weights[i, c] * teacher.weights[j, c] * difference * difference if present else 0.0
         total += squared
         product *= 1 + squared * inverse  # the sum of logarithms is the logarithm of this
-        confidence_sum += confidence if present else 0.0
-        num_present += columns[c] if present and confidence > 0 else 0.0
-        num_columns += columns[c]
-    if confidence_sum == 0 or 2 * num_present < num_columns:
+        num_present += 1.0 if present else 0.0
+    if 2 * num_present < angles or num_present == 0:
         return np.nan
     if outlier < np.inf:
         total = outlier * outlier * math.log(product)
-    return math.sqrt(total * len(columns) / confidence_sum)
+    return math.sqrt(total * angles / num_present)
 
 
 @njit(cache=True)
@@ -224,46 +228,81 @@ def _backtrack(end, step, slope):
     return path[:length][::-1].copy()
 
 
-@njit(cache=True, fastmath=_REASSOCIATE)
-def posture_on_path(path, learner, teacher, first, band, parts, outlier, beta):
-    """Posture similarity of Eq. (14) along a path, for each of some parts of the body.
+class PathDistances(NamedTuple):
+    """What each of the L pairs of frames of a path has in common; P parts of the body.
+
+    Attributes:
+        squared: (L, 3, P) sums of the weighted squared differences of a part's angles, radians^2: of the learner's frame to the
+            teacher's frame before the matched one, to the matched one, and to the one after. Missing angles are left out.
+        noise: (L, P) the part of the middle sums that an estimator's errors alone would have contributed, radians^2.
+        present: (L, P) number of the part's angles that could be compared.
+        taught: (L, P) 1 where the teacher's frame shows at least one of the part's angles, else 0.
+        seen: (L, P) least `Features.seen` of the learner's angles of the part that the teacher shows; 0 if there are none.
+        signed: (L, D) differences, learner minus teacher, -pi..pi, radians; NaN where missing.
+        weights: (L, D) product of both frames' weights; 0 where missing.
+    """
+
+    squared: np.ndarray
+    noise: np.ndarray
+    present: np.ndarray
+    taught: np.ndarray
+    seen: np.ndarray
+    signed: np.ndarray
+    weights: np.ndarray
+
+
+def distances_on_path(
+    path: np.ndarray, learner: Features, teacher: Features, offset: int, parts: np.ndarray, variance: np.ndarray
+) -> PathDistances:
+    """Compares the pairs of frames of a path.
 
     Args:
         path: (L, 2) output of `best_match`.
         learner: (n, D) features of the window.
         teacher: (M, D) features of the teacher's dance.
-        first: the teacher's frame of the same time as the window's first frame.
-        band: half width of the band, frames.
-        parts: (P, D) 1 for the columns of each part, 0 for others.
-        outlier: see `frame_distance`, radians.
-        beta: scale of Eq. (14), radians.
-
-    Returns:
-        (P,) posture similarity in 0..1, NaN where no frame could be compared, and (P,) fraction of the matched teacher's
-        frames that could be compared. Every matched teacher's frame has the same weight in the mean; the learner's frames
-        matched to the same teacher's frame are averaged first.
+        offset: the teacher's frame of row i and column k is offset + i + k.
+        parts: (D,) number of the part that each angle belongs to; parts are numbered from 0 without gaps.
+        variance: (D,) squared standard deviation of an estimator's error of each angle, radians^2.
     """
-    num_parts = len(parts)
-    posture, compared = np.zeros(num_parts), np.zeros(num_parts)
-    begin, end = path[0].sum(), path[-1].sum()  # i + k, the teacher's frame plus a constant
-    for p in range(num_parts):
-        at = 0
-        for frame in range(begin, end + 1):
-            similarity, pairs = 0.0, 0
-            while at < len(path) and path[at, 0] + path[at, 1] == frame:
-                i = path[at, 0]
-                j = first + frame - band
-                distance = frame_distance(learner, i, teacher, j, parts[p], outlier)
-                if not math.isnan(distance):
-                    similarity += math.exp(-distance / beta)
-                    pairs += 1
-                at += 1
-            if pairs:
-                posture[p] += similarity / pairs
-                compared[p] += 1
-        posture[p] = posture[p] / compared[p] if compared[p] else np.nan
-        compared[p] /= end - begin + 1
-    return posture, compared
+    return PathDistances(*_distances_on_path(path, learner, teacher, offset, parts, variance))
+
+
+@njit(cache=True)
+def _distances_on_path(path, learner, teacher, offset, parts, variance):
+    pairs, angles, num_parts = len(path), len(parts), parts.max() + 1
+    squared = np.zeros((pairs, 3, num_parts))
+    noise, present, taught = np.zeros((pairs, num_parts)), np.zeros((pairs, num_parts)), np.zeros((pairs, num_parts))
+    seen = np.full((pairs, num_parts), np.inf)
+    signed, weights = np.full((pairs, angles), np.nan), np.zeros((pairs, angles))
+    last = len(teacher.angles_rad) - 1
+    for pair in range(pairs):
+        i = path[pair, 0]
+        middle = offset + i + path[pair, 1]
+        for c in range(angles):
+            p = parts[c]
+            if math.isnan(teacher.angles_rad[middle, c]):
+                continue
+            taught[pair, p] = 1
+            seen[pair, p] = min(seen[pair, p], learner.seen[i, c])
+            if math.isnan(learner.angles_rad[i, c]):
+                continue
+            present[pair, p] += 1
+            for shift in range(3):
+                # At the ends of the dance, and where the neighbour lacks the angle, the matched frame stands for it.
+                j = min(max(middle + shift - 1, 0), last)
+                if math.isnan(teacher.angles_rad[j, c]):
+                    j = middle
+                difference = learner.angles_rad[i, c] - teacher.angles_rad[j, c]
+                difference -= 2 * math.pi * math.floor(difference / (2 * math.pi) + 0.5)
+                weight = learner.weights[i, c] * teacher.weights[j, c]
+                squared[pair, shift, p] += weight * difference * difference
+                if shift == 1:
+                    signed[pair, c], weights[pair, c] = difference, weight
+                    noise[pair, p] += weight * variance[c]
+        for p in range(num_parts):
+            if seen[pair, p] == np.inf:
+                seen[pair, p] = 0
+    return squared, noise, present, taught, seen, signed, weights
 
 
 def algorithm_3(

@@ -46,6 +46,12 @@ TURN_WINDOW_S = 0.5
 MIN_BONE_M = 0.01
 """A shorter bone has no direction: the angles that need it are missing."""
 
+SEEN_CONFIDENCE = 0.3
+"""A joint of this confidence or more counts as seen. Below it, what the joint shows counts in proportion."""
+
+OF_EARLIER_FRAMES = ("twist_change", "lean_change", "bend_change", "turn")
+"""Angles that are differences to earlier frames; 0 for somebody who stands still."""
+
 _FIRST_DEGREE = ("right_elbow", "left_elbow", "right_knee", "left_knee")
 _SECOND_DEGREE = ("right_hand", "left_hand", "right_foot", "left_foot")
 _PROXIMAL = np.array([Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.RIGHT_HIP, Joint.LEFT_HIP])
@@ -64,17 +70,18 @@ class Features(NamedTuple):
     Attributes:
         angles_rad: (T, D) float64, NaN where a joint that the angle needs is missing.
         weights: (T, D) float64 in 0..1, how well determined each angle is by the pose.
-        confidence: (T, D) float64, the squared minimum confidence of the joints that define the angle, normalised to mean 1
-            over the angles of the frame with a confidence above 0; 0 for the others.
+        seen: (T, D) float64 in 0..1: 1 where every joint that defines the angle has at least SEEN_CONFIDENCE, less in
+            proportion to the lowest confidence below it; 0 where the angle is missing. Changes and turns need earlier frames
+            too: where only these are missing, the angle is NaN but counts as seen as the torso is.
     """
 
     angles_rad: np.ndarray
     weights: np.ndarray
-    confidence: np.ndarray
+    seen: np.ndarray
 
 
 def check_same_angles(learner: Features, teacher: Features) -> None:
-    """Raises InputError unless both have the same angles, with a weight and a confidence of each."""
+    """Raises InputError unless both have the same angles, with a weight of each and how well it is seen."""
     first, second = ([array.shape for array in features] for features in (learner, teacher))
     if len(set(first)) > 1 or len(set(second)) > 1 or first[0][1:] != second[0][1:]:
         raise InputError(f"features of the shapes {first} and {second}: expected (frames, angles), with equal angles")
@@ -93,8 +100,8 @@ def feature_names(feature: str, heading: bool = False) -> tuple[str, ...]:
         if heading:
             raise InputError("heading=true: only dance22 lacks a heading; raptis has yaw, pitch and roll already")
         return ("yaw", "pitch", "roll", *limbs)
-    torso = ("twist", "lean", "bend", "twist_change", "lean_change", "bend_change")
-    return (*torso, *limbs, *(("turn",) if heading else ()))
+    torso = ("twist", "lean", "bend", *OF_EARLIER_FRAMES[:3])
+    return (*torso, *limbs, *(OF_EARLIER_FRAMES[3:] if heading else ()))
 
 
 class Angles(NamedTuple):
@@ -128,15 +135,17 @@ def dance_features(
         angles = raptis_features(joints_m)
     else:
         angles = dance22_features(joints_m, round(TURN_WINDOW_S * fps) if heading else None)
+    names = feature_names(feature, heading)
     if confidence is None:
-        return Features(*angles, np.ones_like(angles.weights))
-    return Features(*angles, _angle_confidence(confidence, feature_names(feature, heading)))
+        confidence = np.ones(joints_m.shape[:2])
+    return Features(*angles, _angles_seen(angles.angles_rad, confidence, names))
 
 
-def _angle_confidence(confidence: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
-    """(T, D) confidence of the angles from (T, 15) confidence of the joints, see `Features`.
+def _angles_seen(angles_rad: np.ndarray, confidence: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
+    """(T, D) how well each angle is seen, from (T, D) angles and the (T, 15) confidence of the joints; see `Features`.
 
-    For a limb's angles only the limb's own joints count: the torso frame is estimated from six joints together.
+    For a limb's angles only the confidence of the limb's own joints counts: the torso frame is estimated from six joints
+    together.
     """
     first = np.minimum(confidence[:, _PROXIMAL], confidence[:, _MIDDLE])
     second = np.minimum(confidence[:, _MIDDLE], confidence[:, _DISTAL])
@@ -144,9 +153,11 @@ def _angle_confidence(confidence: np.ndarray, names: tuple[str, ...]) -> np.ndar
         zip(_FIRST_DEGREE + _SECOND_DEGREE, np.concatenate([first, second], axis=1).T, strict=True)
     )
     torso = confidence[:, _TORSO].min(axis=1)
-    squared = np.stack([limbs[limb] if (limb := name.rpartition("_")[0]) in limbs else torso for name in names], axis=1) ** 2
-    count = np.maximum((squared > 0).sum(axis=1), 1)
-    return squared / np.maximum(squared.sum(axis=1) / count, 1e-9)[:, None]
+    lowest = np.stack([limbs[limb] if (limb := name.rpartition("_")[0]) in limbs else torso for name in names], axis=1)
+    is_now = np.array([name not in OF_EARLIER_FRAMES for name in names])
+    missing = np.isnan(angles_rad)
+    missing[:, ~is_now] = np.isnan(angles_rad[:, :1])  # the first angle is of the torso now
+    return np.where(missing, 0.0, np.minimum(lowest / SEEN_CONFIDENCE, 1.0))
 
 
 def dance22_features(joints_m: np.ndarray, turn_frames: int | None = None) -> Angles:

@@ -10,27 +10,28 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kpopnet.dance.features import TURN_WINDOW_S
+from kpopnet.dance.features import TURN_WINDOW_S, Features
 from kpopnet.dance.performance import Performance, mask_missing_joints
 from kpopnet.dance.resampling import kernel_radius_s, resampled, resampled_confidence
 from kpopnet.dance.scoring import (
-    PARTS,
+    MIRROR_MARGIN,
     SCORERS,
     Comparison,
     DanceScore,
     ScorerConfig,
     TimeGrid,
-    WindowScore,
+    features_of,
+    preferred,
     select_rows,
     summary,
-    weighted_features,
 )
+from kpopnet.dance.window import PARTS, WindowScore
 from kpopnet.errors import InputError
 from kpopnet.skeleton import NUM_JOINTS
 
 
 class OnlineScore(NamedTuple):
-    """Scores of the latest window and of the dance so far, 0 to 100; NaN where too many joints were missing.
+    """Scores of the latest window and of the dance so far, 0 to 100; see `kpopnet.dance.window.WindowScore` for missing ones.
 
     Attributes:
         time_s: end of the latest window, seconds.
@@ -38,8 +39,10 @@ class OnlineScore(NamedTuple):
         timing: S_t of Eq. (13) of the window.
         posture: S_p of Eq. (14) of the window.
         similarity: S_t S_p of the window.
-        parts: body part (see `PARTS`) to its similarity in the window.
+        parts: body part (see `PARTS`) to its posture in the window.
+        coverage: body part to the fraction in 0..1 of it that was seen in the window.
         so_far: score of the dance so far, S of Eq. (15).
+        mirrored: whether the learner is compared as the teacher's mirror image.
     """
 
     time_s: float
@@ -48,7 +51,46 @@ class OnlineScore(NamedTuple):
     posture: float
     similarity: float
     parts: dict[str, float]
+    coverage: dict[str, float]
     so_far: float
+    mirrored: bool
+
+
+class _Track:
+    """The comparison of the learner, or of the learner's mirror image, with the teacher, and its windows so far."""
+
+    def __init__(self, grid: TimeGrid, config: ScorerConfig, mirrored: bool) -> None:
+        self._grid, self._config, self._mirrored = grid, config, mirrored
+        self._comparison = Comparison(grid.teacher, config)
+        self._windows: list[WindowScore] = []
+        self._sum, self._count = 0.0, 0
+
+    def add(self, joints_m: np.ndarray, confidence: np.ndarray) -> None:
+        """Adds the last of (T, 15, 3) joints at successive frames."""
+        recent = features_of(joints_m, confidence, self._mirrored, self._config)
+        self._comparison.add(select_rows(recent, slice(-1, None)))
+
+    def add_missing(self, frames: int) -> None:
+        """Adds frames in which nobody was seen."""
+        angles = self._grid.teacher.features.angles_rad.shape[1]
+        self._comparison.add(Features(*np.full((2, frames, angles), np.nan), np.zeros((frames, angles))))
+
+    def window(self, start: int) -> WindowScore:
+        return self._comparison.window(start)
+
+    def keep(self, window: WindowScore) -> None:
+        """Adds the next window of the dance's score."""
+        self._windows.append(window)
+        if not math.isnan(window.similarity):
+            self._sum, self._count = self._sum + window.similarity, self._count + 1
+
+    @property
+    def so_far(self) -> float:
+        return self._sum / self._count if self._count else math.nan
+
+    def summary(self) -> DanceScore:
+        starts = self._grid.window_starts(len(self._grid.teacher_frames))[: len(self._windows)]
+        return summary(self._windows, self._grid.time_s(starts), self._config)
 
 
 class OnlineScorer:
@@ -67,16 +109,12 @@ class OnlineScorer:
         """
         self.config, self.lag_s = config, kernel_radius_s(config.smoothing_s)
         self._grid = TimeGrid(teacher, config)
-        frames = self._grid.teacher_frames
-        self._teacher = self._grid.features(teacher, frames)
-        self._comparison: Comparison | None = None
-        self._history = round(TURN_WINDOW_S * config.fps) + 1 if config.heading else 2  # number of frames that a feature needs
-        self._resampled: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=self._history)
+        self._direct, self._mirrored = (_Track(self._grid, config, mirrored) for mirrored in (False, True))
+        history = round(TURN_WINDOW_S * config.fps) + 1 if config.heading else 2  # number of frames that a feature needs
+        self._resampled: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=history)
         self._samples: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
         self._first = self._next = 0
         self._latest: OnlineScore | None = None
-        self._windows: dict[int, WindowScore] = {}
-        self._similarity_sum, self._scored_windows = 0.0, 0
 
     def update(self, joints_m: np.ndarray, time_s: float, confidence: np.ndarray | None = None) -> OnlineScore | None:
         """Adds a sample of the learner's joints.
@@ -92,29 +130,46 @@ class OnlineScorer:
         Raises:
             InputError: Joints or confidence have another shape, or the time is not later than the previous one.
         """
-        joints_m = np.array(joints_m, np.float64)
+        joints_m, time_s = np.array(joints_m, np.float64), time_s - self.config.latency_s
         if joints_m.shape != (NUM_JOINTS, 3):
             raise InputError(f"joints of shape {joints_m.shape}: a frame has ({NUM_JOINTS}, 3)")
         if not math.isfinite(time_s) or (self._samples and time_s <= self._samples[-1][0]):
-            raise InputError(f"a frame at {time_s} s: times must be finite and increase from frame to frame")
+            raise InputError(
+                f"a frame at {time_s + self.config.latency_s} s: times must be finite and increase from frame to frame"
+            )
         joints_m, confidence = mask_missing_joints(joints_m, confidence)
         if not self._samples:
-            self._first = self._next = max(self._grid.frame_from(time_s), 0)
-            self._comparison = Comparison(self._teacher, self._first, self.config)
+            self._first = max(self._grid.frame_from(time_s), 0)
+            self._skip(min(self._first, len(self._grid.teacher_frames)))
         self._samples.append((time_s, joints_m, confidence))
         self._score_frames(before_s=time_s - self.lag_s)
         return self._latest
 
+    def score_so_far(self) -> DanceScore | None:
+        """The score of the windows that are complete, with everything that `score_dance` returns; None before the first one."""
+        return preferred(self._direct.summary(), self._mirrored.summary()) if self._latest else None
+
     def finish(self) -> DanceScore:
-        """Scores the remaining frames after the last sample and returns what `score_dance` returns for all samples.
+        """Scores the rest of the dance and returns what `score_dance` returns for all samples.
 
         Raises:
             InputError: The learner's samples contain no whole window.
         """
         last = self._grid.frame_until(self._samples[-1][0]) if self._samples else -1
         self._score_frames(before_s=math.inf, last=last)
-        starts = self._grid.window_starts(range(self._first, self._next))
-        return summary([self._windows[start] for start in starts], self._grid.time_s(starts))
+        self._grid.check_overlap(range(self._first, last + 1))
+        self._skip(len(self._grid.teacher_frames))
+        return preferred(self._direct.summary(), self._mirrored.summary())
+
+    def _skip(self, stop: int) -> None:
+        """Nobody was recorded in the frames up to `stop`."""
+        begin, self._next = self._next, max(self._next, stop)
+        for track in (self._direct, self._mirrored):
+            track.add_missing(self._next - begin)
+        for start in self._grid.window_starts(self._next):
+            if start + self.config.window_frames > begin:
+                for track in (self._direct, self._mirrored):
+                    track.keep(track.window(start))
 
     def _score_frames(self, before_s: float, last: int | None = None) -> None:
         """Scores the grid's frames before a time in seconds, up to frame `last`."""
@@ -130,21 +185,32 @@ class OnlineScorer:
         times_s, samples_m, confidence = (np.array(column) for column in zip(*self._samples, strict=True))
         resampling = times_s, np.array([at_s]), config.smoothing_s
         self._resampled.append((resampled(samples_m, *resampling)[0], resampled_confidence(confidence, *resampling)[0]))
-        joints_m, joint_confidence = (np.array(column) for column in zip(*self._resampled, strict=True))
-        recent = weighted_features(joints_m, joint_confidence, config)
-        assert self._comparison is not None  # made with the grid
-        self._comparison.add(select_rows(recent, slice(-1, None)))
-
+        recent = tuple(np.array(column) for column in zip(*self._resampled, strict=True))
+        shown, other = self._direct, self._mirrored
+        if config.mirrored == "true" or (config.mirrored == "auto" and other.so_far > shown.so_far + MIRROR_MARGIN):
+            shown, other = other, shown
+        for track in (shown, other):
+            track.add(*recent)
         start = frame + 1 - config.window_frames
-        if start < self._first:
+        if start < 0:
             return
-        window = self._comparison.window(start)
+        window = shown.window(start)
         if start % config.hop_frames == 0:
-            self._windows[start] = window
-            if not math.isnan(window.posture):
-                self._similarity_sum += window.timing * window.posture / 100
-                self._scored_windows += 1
-        similarity = window.timing * window.posture / 100
-        parts = {name: window.timing * float(posture) / 100 for name, posture in zip(PARTS, window.parts, strict=True)}
-        so_far = self._similarity_sum / self._scored_windows if self._scored_windows else math.nan
-        self._latest = OnlineScore(at_s, window.delay_s, window.timing, window.posture, similarity, parts, so_far)
+            shown.keep(window)
+            other.keep(other.window(start))
+        self._latest = OnlineScore(
+            at_s,
+            window.delay_s,
+            window.timing,
+            window.posture,
+            window.similarity,
+            _by_part(window.parts),
+            _by_part(window.coverage),
+            shown.so_far,
+            shown is self._mirrored,
+        )
+
+
+def _by_part(values: np.ndarray) -> dict[str, float]:
+    """(P,) values of `PARTS` by name, without those that are unknown."""
+    return {name: float(value) for name, value in zip(PARTS, values, strict=True) if not math.isnan(value)}

@@ -16,14 +16,15 @@ class Performance:
         joints_m: (T, 15, 3) float64 in the camera frame, NaN where a joint is missing.
         times_s: (T,) float64 seconds, strictly increasing, on the clock of the music: zero is the same instant of the music for
             the teacher and the learner.
-        confidence: (T, 15) float64 in 0..1; 0 where the joint is missing. Joints of lower confidence have less weight.
+        confidence: (T, 15) float64 in 0..1; 0 where the joint is missing. A joint of a confidence below
+            `kpopnet.dance.features.SEEN_CONFIDENCE` is partly unseen.
     """
 
     def __init__(self, joints_m: np.ndarray, times_s: np.ndarray, confidence: np.ndarray | None = None) -> None:
         """Checks and copies the arrays.
 
         Args:
-            joints_m: (T, 15, 3); a joint with a coordinate that is not finite is missing.
+            joints_m: (T, 15, 3); a joint with a coordinate that is not finite, or of confidence 0, is missing.
             times_s: (T,) seconds.
             confidence: (T, 15) in 0..1; None for confidence 1 of every joint that is not missing.
 
@@ -51,6 +52,10 @@ class Performance:
 
     def __len__(self) -> int:
         return len(self.times_s)
+
+    def earlier(self, seconds: float) -> "Performance":
+        """The same dance on a clock that reads less by a number of seconds."""
+        return Performance(self.joints_m, self.times_s - seconds, self.confidence) if seconds else self
 
     @property
     def is_observed(self) -> bool:
@@ -88,7 +93,7 @@ def mask_missing_joints(joints_m: np.ndarray, confidence: np.ndarray | None) -> 
     """Sets all coordinates of a missing joint to NaN and its confidence to 0.
 
     Args:
-        joints_m: (..., 15, 3) metres; a joint with a coordinate that is not finite is missing.
+        joints_m: (..., 15, 3) metres; a joint with a coordinate that is not finite, or of confidence 0, is missing.
         confidence: (..., 15) in 0..1; None for 1 everywhere.
 
     Returns:
@@ -103,5 +108,5 @@ def mask_missing_joints(joints_m: np.ndarray, confidence: np.ndarray | None) -> 
         raise InputError(f"confidence of shape {values.shape}: expected one number a joint, {shape}")
     if not ((values >= 0) & (values <= 1)).all():
         raise InputError(f"confidence from {values.min()} to {values.max()}: expected numbers from 0 to 1")
-    missing = np.logical_not(np.isfinite(joints_m).all(axis=-1))
+    missing = np.logical_not(np.isfinite(joints_m).all(axis=-1)) | (values == 0)
     return np.where(missing[..., None], np.nan, joints_m), np.where(missing, 0.0, values)

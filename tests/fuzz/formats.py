@@ -20,9 +20,9 @@ from kpopnet.baselines.tree_walk.growing import GrowthConfig
 from kpopnet.baselines.tree_walk.training import TreeWalkConfig
 from kpopnet.baselines.tree_walk.training import train as train_tree_walk
 from kpopnet.camera import CAMERAS, Camera
+from kpopnet.dance.joint_files.joint_sets import IMPERIAL, IMPERIAL_POINTS, imperial_joints_m
 from kpopnet.dance.joint_files.named_points import COCO_NAMES
 from kpopnet.dance.joint_files.reader import read_performance
-from kpopnet.dance.joint_sets import IMPERIAL, IMPERIAL_POINTS, imperial_joints_m
 from kpopnet.dance.performance import Performance
 from kpopnet.data.shards import ShardedSet
 from kpopnet.datasets.dances.converters import read_imperial

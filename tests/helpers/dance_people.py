@@ -7,7 +7,7 @@ import numpy as np
 from kpopnet.dance.performance import Performance
 from kpopnet.skeleton import MIRROR, Joint
 from synth.motion.choreography.composer import dance
-from synth.motion.skeleton import INDEX, forward_kinematics
+from synth.motion.skeleton import INDEX, Motion, forward_kinematics
 
 FPS = 30.0
 JOINT_POINTS = {
@@ -22,12 +22,16 @@ JOINT_POINTS = {
 @cache
 def dance_joints_m(index: int, seconds: float = 12.0, fps: float = FPS) -> np.ndarray:
     """(T, 15, 3) joints of a dance in metres, facing a level camera at 3 m."""
-    motion = dance(index, 41, seconds, fps)
-    points_m, _ = forward_kinematics(motion.quats, motion.root_m)
-    joints_m = np.stack([points_m[:, [INDEX[name] for name in JOINT_POINTS[joint]]].mean(axis=1) for joint in Joint], axis=1)
-    joints_m = joints_m * [1, -1, -1] + [0, 1, 3]  # x left, y up, z to the camera becomes x right, y down, z away
+    joints_m = joints_of(dance(index, 41, seconds, fps))
     joints_m.setflags(write=False)
     return joints_m
+
+
+def joints_of(motion: Motion) -> np.ndarray:
+    """(T, 15, 3) joints of a motion in metres, before a level camera at 3 m."""
+    points_m, _ = forward_kinematics(motion.quats, motion.root_m)
+    joints_m = np.stack([points_m[:, [INDEX[name] for name in JOINT_POINTS[joint]]].mean(axis=1) for joint in Joint], axis=1)
+    return joints_m * [1, -1, -1] + [0, 1, 3]  # x left, y up, z to the camera becomes x right, y down, z away
 
 
 def performed(joints_m: np.ndarray, delay_s: float = 0.0, fps: float = FPS) -> Performance:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from kpopnet.dance.joint_files.joint_sets import IMPERIAL, IMPERIAL_POINTS
 from kpopnet.dance.joint_files.named_points import COCO_NAMES
-from kpopnet.dance.joint_sets import IMPERIAL, IMPERIAL_POINTS
 
 FRAMES = 50
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from kpopnet.dance.joint_files.joint_sets import trunks, unit_m
 from kpopnet.dance.joint_files.named_points import (
     COCO_NAMES,
     NamedPoints,
@@ -11,7 +12,6 @@ from kpopnet.dance.joint_files.named_points import (
     frame_times_s,
     named_performance,
 )
-from kpopnet.dance.joint_sets import trunks, unit_m
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import ArraySchema, check_array, expect, read_npz

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kpopnet.dance.joint_sets import NECK_FRACTION_TO_EARS, before_level_camera_m
+from kpopnet.dance.joint_files.joint_sets import NECK_FRACTION_TO_EARS, before_level_camera_m
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import names_in

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from kpopnet.dance.joint_files.joint_sets import IMPERIAL_POINTS, imperial_joints_m
 from kpopnet.dance.joint_files.reader import read_performance
-from kpopnet.dance.joint_sets import IMPERIAL_POINTS, imperial_joints_m
 from kpopnet.dance.performance import Performance
 from kpopnet.datasets.dances.writer import write_labels, write_learner, write_teacher
 from kpopnet.errors import InputError

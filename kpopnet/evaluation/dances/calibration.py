@@ -25,7 +25,8 @@ import numpy as np
 from tqdm import tqdm
 
 from kpopnet.dance.performance import Performance
-from kpopnet.dance.scoring import SCORERS, ScorerConfig, score_dance, timing_similarity
+from kpopnet.dance.scoring import SCORERS, ScorerConfig, score_dance
+from kpopnet.dance.window import timing_similarity
 from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.errors import InputError
 from kpopnet.runtime.hydra_app import user_errors

@@ -5,6 +5,7 @@ tie is a failure, and so is a learner without a score. Kendall's tau counts pair
 right order - pairs in the wrong order) / all pairs of the dance; tied pairs count 0.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,7 +57,7 @@ class Agreement:
     Attributes:
         concordance: percentage of dances in the right order.
         kendall_tau: mean over dances.
-        interval: 95 % bootstrap intervals over dances of both.
+        interval: 95 % intervals of both: Wilson's of the concordance, which is a proportion, and a bootstrap's over dances.
         wrong: names of the dances that are not in the right order.
     """
 
@@ -76,12 +77,33 @@ def agreement(scores: dict[str, np.ndarray], seed: int) -> Agreement:
     ordered = np.array([is_ordered(one) for one in scores.values()])
     tau = np.array([kendall_tau(one) for one in scores.values()])
     draws = np.random.default_rng(seed).integers(len(scores), size=(BOOTSTRAPS, len(scores)))
+    low, high = wilson_interval(int(ordered.sum()), len(ordered))
     interval = {
-        name: tuple(np.quantile(values[draws].mean(axis=1), (0.025, 0.975)).tolist())
-        for name, values in (("concordance", 100.0 * ordered), ("kendall_tau", tau))
+        "concordance": (100 * low, 100 * high),
+        "kendall_tau": tuple(np.quantile(tau[draws].mean(axis=1), (0.025, 0.975)).tolist()),
     }
     wrong = tuple(name for name, right in zip(scores, ordered, strict=True) if not right)
     return Agreement(float(100 * ordered.mean()), float(tau.mean()), interval, wrong)
+
+
+def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
+    """Wilson's 95 % interval of a proportion, which a bootstrap's percentiles miss near 0 and 1 (Brown, Cai, DasGupta 2001)."""
+    z = 1.959964
+    share, spread = successes / trials, z * z / trials
+    middle = (share + spread / 2) / (1 + spread)
+    half = z / (1 + spread) * math.sqrt(share * (1 - share) / trials + spread / (4 * trials))
+    return max(middle - half, 0.0), min(middle + half, 1.0)
+
+
+def paired_p_value(one: Agreement, other: Agreement) -> float:
+    """The exact two-sided p-value of McNemar's test: do two scorers order equally many of the same dances?
+
+    Only dances that one of both orders count; under the hypothesis each is as likely to be the one's as the other's.
+    """
+    only_one, only_other = len(set(other.wrong) - set(one.wrong)), len(set(one.wrong) - set(other.wrong))
+    count = only_one + only_other
+    tail = sum(math.comb(count, k) for k in range(min(only_one, only_other) + 1)) / 2**count
+    return min(1.0, 2 * tail)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from kpopnet.dance.noise import NOISE
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import SCORERS, ScorerConfig, score_dance
 from kpopnet.datasets.dances.dance_set import Dance, KpopSet
@@ -252,11 +253,16 @@ class DanceScoring:
                 if not performance.is_observed:
                     log.warning("%s, %s: %s found no joint in any frame; not scored", dance.name, learner.name, source)
                 for scorer, config in self.scorers.items():
-                    score = score_dance(teacher, performance, config, unobserved_is_nan=True)
+                    score = score_dance(teacher, performance, _with_noise_of(source, config), unobserved_is_nan=True)
                     by_scorer = scores.setdefault(source, {name: [] for name in self.scorers})
                     by_scorer[scorer].append(LearnerScore(learner.name, score, error_m))
         complete = {s: by for s, by in scores.items() if all(len(one) == len(dance.learners) for one in by.values())}
         return ScoredDance(complete, frames, seconds)
+
+
+def _with_noise_of(source: str, config: ScorerConfig) -> ScorerConfig:
+    """The settings with `noise=auto` replaced by the noise of a source of joints, where that is known."""
+    return replace(config, noise=source) if config.noise == "auto" and source in NOISE else config
 
 
 def _mean_error_m(joints_m: np.ndarray, truth: Performance | None) -> float | None:

@@ -2,7 +2,7 @@
 
 import base64
 import io
-from dataclasses import asdict
+from dataclasses import asdict, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -45,9 +45,11 @@ def score_json(score: DanceScore, faults: list[Fault], config: ScorerConfig) -> 
 
 
 def _plain(value: Any) -> Any:
-    """Nested named tuples, dicts and arrays as JSON; what is not finite becomes null."""
+    """Nested named tuples, dataclasses, dicts and arrays as JSON; what is not finite becomes null."""
     if hasattr(value, "_asdict"):
         return _plain(value._asdict())
+    if is_dataclass(value) and not isinstance(value, type):
+        return _plain(asdict(value))
     if isinstance(value, dict):
         return {name: _plain(one) for name, one in value.items()}
     if isinstance(value, list | tuple | np.ndarray):

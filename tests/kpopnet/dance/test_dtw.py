@@ -8,12 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from kpopnet.dance.angle_bias import AngleBias
-from kpopnet.dance.dtw import algorithm_3, banded_distances, best_match, constant_delay, frame_distance, posture_on_path
+from kpopnet.dance.dtw import algorithm_3, banded_distances, best_match, constant_delay, distances_on_path, frame_distance
 from kpopnet.dance.features import Features
 from kpopnet.errors import InputError
 
-ALL = np.ones(3)
 COSTS = arrays(
     float, st.tuples(st.integers(1, 6), st.sampled_from([1, 3, 5, 7])),
     elements=st.sampled_from([0.0, 0.3, 0.7, 1.0, 1.9, np.inf]),
@@ -148,10 +146,17 @@ def test_beyond_the_teachers_dance_distances_are_infinite():
     assert len(best_match(banded_distances(learner, teacher, 50, 2, math.inf), True, 0.0, 2)) == 0
 
 
-def norm(a, b, a_weights=1.0, a_confidence=1.0, columns=ALL, outlier=math.inf) -> float:
+def test_frames_that_the_teacher_lacks_neither_attract_nor_repel():
+    teacher, learner = plain([[0.0], [1.0], [math.nan], [3.0]]), plain([[0.0], [math.nan]])
+    distances = banded_distances(learner, teacher, 1, 1, math.inf)
+    assert distances[0].tolist() == [0, 1, 0]
+    assert distances[1].tolist() == [math.pi] * 3
+
+
+def norm(a, b, a_weights=1.0, outlier=math.inf) -> float:
     ones = np.ones((1, len(a)))
-    learner, teacher = Features(np.array([a]), ones * a_weights, ones * a_confidence), plain([b])
-    return frame_distance(learner, 0, teacher, 0, columns, outlier)
+    learner, teacher = Features(np.array([a]), ones * a_weights, ones), plain([b])
+    return frame_distance(learner, 0, teacher, 0, outlier)
 
 
 def test_differences_are_wrapped_and_weighted_and_missing_ones_excluded():
@@ -161,37 +166,42 @@ def test_differences_are_wrapped_and_weighted_and_missing_ones_excluded():
     c = [0.5, 0.0, math.nan]
     assert norm(c, zero) == pytest.approx(0.5 * math.sqrt(3 / 2))
     assert math.isnan(norm([0.5, math.nan, math.nan], zero))
-    assert norm(c, zero, columns=np.array([1.0, 0.0, 0.0])) == pytest.approx(0.5 * math.sqrt(3))
-
-
-@given(st.lists(st.floats(-3, 3), min_size=3, max_size=3), st.floats(0.01, 1), st.sampled_from((0.3, math.inf)))
-def test_a_common_confidence_does_not_matter_and_confidence_zero_counts_as_missing(a, confidence, outlier):
-    b = [0.0, 0.0, 0.0]
-    if outlier == math.inf:
-        assert norm(a, b, a_confidence=confidence) == pytest.approx(norm(a, b))
-    assert norm(a, b, a_confidence=[1, 1, 0], outlier=outlier) == pytest.approx(norm([*a[:2], math.nan], b, outlier=outlier))
-    assert math.isnan(norm(a, b, a_confidence=[1, 0, 0])) and math.isnan(norm(a, b, a_confidence=0.0))
 
 
 @given(st.floats(0, 3.1), st.floats(0, 3.1))
 def test_the_distance_grows_with_the_difference(one, other):
-    distance = [norm([x], [0.0], columns=ALL[:1], outlier=0.3) for x in sorted((one, other))]
-    assert distance[0] <= distance[1] <= max(one, other)
+    distance = [norm([x], [0.0], outlier=0.3) for x in sorted((one, other))]
+    assert distance[0] <= distance[1] <= max(one, other) + 1e-9
 
 
-def test_posture_is_the_mean_over_the_teachers_frames():
-    teacher, learner = plain(np.zeros((3, 1))), plain([[0.0], [0.2], [0.4], [0.6]])
-    path = np.array([[0, 2], [1, 2], [2, 1], [3, 1]])  # the second and third match one frame
-    parts, beta = np.ones((1, 1)), 0.5
-    posture, compared = posture_on_path(path, learner, teacher, 0, 2, parts, math.inf, beta)
-    similar = np.exp(-np.array([0, 0.2, 0.4, 0.6]) / beta)
-    # Eq. (14)
-    assert posture[0] == pytest.approx((similar[0] + (similar[1] + similar[2]) / 2 + similar[3]) / 3)
-    assert compared[0] == 1
-    learner.angles_rad[0] = np.nan
-    posture, compared = posture_on_path(path, learner, teacher, 0, 2, parts, math.inf, beta)
-    assert posture[0] == pytest.approx(((similar[1] + similar[2]) / 2 + similar[3]) / 2)
-    assert compared[0] == pytest.approx(2 / 3)
+def test_a_path_is_compared_angle_by_angle_before_at_and_after_the_matched_frames():
+    rng = np.random.default_rng(4)
+    teacher = Features(rng.uniform(-3, 3, (9, 4)), rng.uniform(size=(9, 4)), np.ones((9, 4)))
+    learner = Features(rng.uniform(-3, 3, (5, 4)), rng.uniform(size=(5, 4)), rng.uniform(size=(5, 4)))
+    teacher.angles_rad[3, 0] = learner.angles_rad[1, 2] = math.nan
+    learner.seen[1, 2] = 0
+    path, parts, variance = np.array([[0, 2], [1, 2], [1, 3], [3, 5]]), np.array([0, 1, 1, 0]), np.array([0.1, 0.2, 0.3, 0.4])
+    found = distances_on_path(path, learner, teacher, 0, parts, variance)
+    for pair, (i, k) in enumerate(path):
+        for p in (0, 1):
+            angles = [c for c in (0, 1, 2, 3) if parts[c] == p and math.isfinite(teacher.angles_rad[i + k, c])]
+            assert found.taught[pair, p] == bool(angles)
+            assert found.seen[pair, p] == min(learner.seen[i, c] for c in angles)
+            known = [c for c in angles if math.isfinite(learner.angles_rad[i, c])]
+            assert found.present[pair, p] == len(known)
+            assert found.noise[pair, p] == pytest.approx(
+                sum(learner.weights[i, c] * teacher.weights[i + k, c] * variance[c] for c in known)
+            )
+            for shift in (-1, 0, 1):
+                total = 0.0
+                for c in known:
+                    j = i + k + shift
+                    if j > 8 or math.isnan(teacher.angles_rad[j, c]):
+                        j = i + k
+                    turn = learner.angles_rad[i, c] - teacher.angles_rad[j, c]
+                    total += learner.weights[i, c] * teacher.weights[j, c] * math.remainder(turn, 2 * math.pi) ** 2
+                assert found.squared[pair, 1 + shift, p] == pytest.approx(total)
+    assert np.isnan(found.signed).tolist() == (found.weights == 0).tolist()
 
 
 def slow_algorithm_3(learner, teacher, alpha, beta, tau):
@@ -237,9 +247,7 @@ def test_features_of_different_angles_are_refused():
     for learner, teacher in (
         (one, other),
         (one._replace(weights=np.ones((4, 4))), one),
-        (one, one._replace(confidence=np.ones(4))),
+        (one, one._replace(seen=np.ones(4))),
     ):
         with pytest.raises(InputError, match=r"features of the shapes .* with equal angles"):
             banded_distances(learner, teacher, 0, 2, math.inf)
-        with pytest.raises(InputError, match=r"features of the shapes .* with equal angles"):
-            AngleBias(4, 10.0, 1.0).subtracted(learner, teacher, 0)

@@ -9,12 +9,18 @@ from hypothesis import strategies as st
 
 from kpopnet.dance.online import OnlineScorer
 from kpopnet.dance.performance import Performance
-from kpopnet.dance.scoring import PARTS, SCORERS, ScorerConfig, score_dance, timing_similarity
+from kpopnet.dance.scoring import SCORERS, ScorerConfig, score_dance
+from kpopnet.dance.timing import measured_latency_s
+from kpopnet.dance.window import PARTS, timing_similarity
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 
 DANCES = range(4)
 BOTH = pytest.mark.parametrize("scorer", SCORERS)
+
+
+FOLLOWING = pytest.mark.parametrize("scorer", ["dance22", "raptis"])
+"""Scorers that follow a learner's delay; `paper` takes whatever fits best."""
 
 
 def similarity(teacher_m, learner_m, config=SCORERS["dance22"], delay_s=0.0) -> float:
@@ -23,22 +29,23 @@ def similarity(teacher_m, learner_m, config=SCORERS["dance22"], delay_s=0.0) -> 
 
 @BOTH
 @pytest.mark.parametrize("index", DANCES)
-def test_a_perfect_copy_scores_above_95_for_any_position_size_and_heading(scorer, index):
+def test_a_perfect_copy_scores_full_marks_for_any_position_size_and_heading(scorer, index):
     joints_m = dance_joints_m(index)
-    assert similarity(joints_m, joints_m, SCORERS[scorer]) > 95
+    assert similarity(joints_m, joints_m, SCORERS[scorer]) > (99.9 if scorer == "dance22" else 96)
     assert similarity(joints_m, joints_m * 0.8 + [0.5, 0.1, 1], SCORERS[scorer]) > 95
-    if scorer == "dance22":  # [17] depends on the heading of the camera
-        assert similarity(joints_m, turned(joints_m, [0.1, 1, 0], 0.6)) > 95
+    if scorer != "raptis":  # [17] depends on the heading of the camera
+        assert similarity(joints_m, turned(joints_m, [0.1, 1, 0], 0.6), SCORERS[scorer]) > 95
 
 
-@BOTH
+@FOLLOWING
 @pytest.mark.parametrize("index", DANCES)
 def test_a_copy_one_second_late_scores_no_timing_and_full_posture(scorer, index):
     joints_m = dance_joints_m(index)
     score = score_dance(performed(joints_m), performed(joints_m, 1.0), SCORERS[scorer])
     assert score.timing < 5
-    assert score.posture > {"dance22": 94.5, "raptis": 95}[scorer]
-    np.testing.assert_allclose(np.median(score.windows.delay_s), 1.0, atol=0.02)
+    # Of 21 windows the first two lack half of the learner's frames or more; [17]'s scorer leaves missing frames out.
+    assert score.posture > {"dance22": 88, "raptis": 95}[scorer]
+    np.testing.assert_allclose(np.nanmedian(score.windows.delay_s), 1.0, atol=0.02)
 
 
 @BOTH
@@ -48,7 +55,7 @@ def test_a_mirrored_copy_scores_below_75(scorer, index):
     assert similarity(joints_m, mirrored(joints_m), SCORERS[scorer]) < 75
 
 
-@BOTH
+@FOLLOWING
 @pytest.mark.parametrize("index", DANCES)
 def test_standing_still_scores_below_20_and_another_dance_below_30(scorer, index):
     joints_m = dance_joints_m(index)
@@ -67,15 +74,15 @@ def test_more_noise_never_scores_more(scorer, index, deviations_m, seed):
     assert more <= less + 0.5
 
 
-@BOTH
+@FOLLOWING
 @settings(max_examples=8, deadline=None)
 @given(st.sampled_from(DANCES), st.lists(st.floats(-1.2, 1.2), min_size=2, max_size=2))
 def test_more_delay_never_scores_more(scorer, index, delays_s):
     less_s, more_s = sorted(delays_s, key=abs)
-    assume(abs(more_s) - abs(less_s) > 1 / FPS)  # the resolution of delays is half a frame
+    assume(scorer == "dance22" or abs(more_s) - abs(less_s) > 1 / FPS)  # the others' resolution of delays is half a frame
     joints_m = dance_joints_m(index)
     less, more = (similarity(joints_m, joints_m, SCORERS[scorer], d) for d in (less_s, more_s))
-    assert more <= less + 1
+    assert more <= less + (0.5 if scorer == "dance22" else 1)
 
 
 def test_delays_of_noisy_dances_are_found():
@@ -83,7 +90,7 @@ def test_delays_of_noisy_dances_are_found():
         joints_m = dance_joints_m(index)
         for delay_s in (-0.25, 0.1, 0.4):
             windows = score_dance(performed(joints_m), performed(noisy(joints_m, 0.05), delay_s)).windows
-            assert abs(np.median(windows.delay_s) - delay_s) < 0.05
+            assert abs(np.nanmedian(windows.delay_s) - delay_s) < 0.05
 
 
 def test_points_are_lost_in_the_part_and_window_of_the_fault():
@@ -92,31 +99,41 @@ def test_points_are_lost_in_the_part_and_window_of_the_fault():
     arm = [Joint.LEFT_ELBOW, Joint.LEFT_HAND]
     learner_m[180:240, arm] = learner_m[180:240, [Joint.LEFT_SHOULDER]] + [[0.0, 0.3, 0.0], [0.0, 0.55, 0.0]]
     score = score_dance(performed(teacher_m), performed(learner_m))
-    assert score.parts["left"] < score.parts["right"] - 2
-    assert score.parts["arms"] < min(score.parts["legs"], score.parts["torso"]) - 2
+    assert score.parts["left arm"] < 90
+    assert min(score.parts[part] for part in PARTS if part != "left arm") > 99
     faulty = (score.windows.start_s > 4.2) & (score.windows.start_s < 7.8)
-    assert score.windows.parts["arms"][faulty].mean() < score.windows.parts["arms"][~faulty].min() - 1
-    assert set(score.parts) == set(score.windows.parts) == set(PARTS)
+    assert score.windows.parts["left arm"][faulty].max() < score.windows.parts["left arm"][~faulty].min() - 1
+    assert tuple(score.parts) == tuple(score.windows.parts) == tuple(score.coverage) == PARTS
+
+
+def test_parts_are_judged_by_posture_alone():
+    joints_m = dance_joints_m(0)
+    late = score_dance(performed(joints_m), performed(joints_m[15:], 0.5 + 15 / FPS - 0.2)).parts
+    assert min(late.values()) > 96
 
 
 def test_a_turn_of_the_whole_body_lowers_the_score_only_with_the_heading():
-    teacher_m = dance_joints_m(0)
-    turning_m = turned(teacher_m, [0, 1, 0], np.sin(np.arange(len(teacher_m)) / 20))
-    heading = dataclasses.replace(SCORERS["dance22"], heading=True)
-    assert similarity(teacher_m, turning_m) > 93.5
-    assert similarity(teacher_m, turning_m, heading) < 85
-    assert similarity(teacher_m, teacher_m, heading) > 95
+    teacher_m = dance_joints_m(3)  # it never turns
+    turning_m = turned(teacher_m, [0, 1, 0], 2 * np.sin(np.arange(len(teacher_m)) / 20))
+    blind = dataclasses.replace(SCORERS["dance22"], heading=False)
+    assert similarity(teacher_m, turning_m, blind) > 99
+    assert similarity(teacher_m, turning_m) < 85
+    parts = score_dance(performed(teacher_m), performed(turning_m)).parts
+    assert parts["turning"] < 60 and min(value for part, value in parts.items() if part != "turning") > 99
 
 
 def test_timing_similarity_is_eq_13():
-    config = ScorerConfig(alpha=0.5, tau=0.4)
+    config = ScorerConfig(alpha=0.5, tau=0.4, full_timing=False)
     assert timing_similarity(0.0, config) == pytest.approx(1 - math.exp(-2))
     assert timing_similarity(-0.2, config) == timing_similarity(0.2, config) == pytest.approx(1 - math.exp(-1))
     assert timing_similarity(0.4, config) == timing_similarity(3.0, config) == 0
+    full = dataclasses.replace(config, full_timing=True)
+    assert timing_similarity(0.0, full) == 1
+    assert timing_similarity(0.2, full) == pytest.approx(timing_similarity(0.2, config) / timing_similarity(0.0, config))
 
 
 def test_similarity_is_the_mean_of_the_windows_products():
-    score = score_dance(performed(dance_joints_m(0)), performed(noisy(dance_joints_m(0), 0.05), 0.2))
+    score = score_dance(performed(dance_joints_m(0)), performed(noisy(dance_joints_m(0), 0.03), 0.1))
     windows = score.windows
     np.testing.assert_allclose(windows.similarity, windows.timing * windows.posture / 100)
     assert score.similarity == pytest.approx(windows.similarity.mean())
@@ -128,31 +145,38 @@ def test_algorithm_3_does_not_find_a_late_copy():
     config = dataclasses.replace(SCORERS["dance22"], matching="algorithm_3")
     joints_m = dance_joints_m(0)
     late = score_dance(performed(joints_m), performed(joints_m, 1.0), config)
-    assert late.posture < 50
+    assert late.posture < 60
     assert score_dance(performed(joints_m), performed(joints_m), config).similarity > 95
 
 
-@BOTH
-def test_a_joint_missing_for_a_second_hardly_lowers_the_score(scorer):
+def test_the_baselines_leave_out_what_is_missing():
     joints_m = dance_joints_m(0)
     learner_m = joints_m.copy()
     learner_m[100:130, [Joint.LEFT_HAND, Joint.RIGHT_FOOT]] = np.nan
-    score = score_dance(performed(joints_m), performed(learner_m), SCORERS[scorer])
-    assert score.similarity > 90
-    assert score.scored == 1
+    score = score_dance(performed(joints_m), performed(learner_m), SCORERS["raptis"])
+    assert score.similarity > 90 and score.scored == 1
+    learner_m[100:190] = np.nan
+    score = score_dance(performed(joints_m), performed(learner_m), SCORERS["raptis"])
+    assert 0.5 < score.scored < 1 and score.similarity > 95
+    lost = performed(np.full_like(joints_m, np.nan))
+    unobserved = score_dance(performed(joints_m), lost, SCORERS["raptis"], unobserved_is_nan=True)
+    assert unobserved.scored == 0 and math.isnan(unobserved.similarity)
 
 
-@BOTH
-def test_a_person_missing_for_seconds_excludes_only_those_windows(scorer):
+def test_what_is_missing_lowers_the_part_and_the_windows_that_lack_it():
     joints_m = dance_joints_m(0)
     learner_m = joints_m.copy()
+    learner_m[100:130, [Joint.LEFT_HAND, Joint.RIGHT_FOOT]] = np.nan
+    score = score_dance(performed(joints_m), performed(learner_m))
+    assert 80 < score.similarity < 97 and score.scored == 1
+    for part in PARTS:
+        lacking = part in ("left arm", "right leg")
+        assert (score.parts[part] < 95) == (score.coverage[part] < 0.95) == lacking
+        assert (score.windows.coverage[part][-1] == 1) and (score.windows.coverage[part].min() < 0.6) == lacking
     learner_m[100:190] = np.nan
-    score = score_dance(performed(joints_m), performed(learner_m), SCORERS[scorer])
-    assert 0.5 < score.scored < 1
-    assert score.similarity > 95
-    lost = performed(np.full_like(joints_m, np.nan))
-    unobserved = score_dance(performed(joints_m), lost, SCORERS[scorer], unobserved_is_nan=True)
-    assert unobserved.scored == 0 and math.isnan(unobserved.similarity)
+    score = score_dance(performed(joints_m), performed(learner_m))
+    assert 0.5 < score.scored < 1 and 0.65 < score.completeness < 0.8 and 65 < score.similarity < 80
+    assert (score.windows.similarity[~np.isfinite(score.windows.delay_s)] == 0).all()
 
 
 def test_dropped_frames_and_other_frame_rates_hardly_change_the_score():
@@ -173,11 +197,12 @@ def test_a_learner_is_scored_only_within_the_teachers_dance():
     assert score.windows.start_s[0] == 2.0 and score.windows.start_s[-1] <= 6.0
 
 
-def test_bones_of_zero_length_are_excluded():
+def test_bones_of_zero_length_count_as_missing():
     joints_m = dance_joints_m(0)
     learner_m = joints_m.copy()
     learner_m[:, Joint.LEFT_ELBOW] = learner_m[:, Joint.LEFT_SHOULDER]
-    assert score_dance(performed(joints_m), performed(learner_m)).scored == 1
+    armless = score_dance(performed(joints_m), performed(learner_m))
+    assert armless.scored == 1 and armless.parts["left arm"] == 0 and armless.parts["right arm"] > 99
     point = score_dance(performed(joints_m), performed(np.zeros_like(joints_m)))
     assert point.scored == 0 and math.isnan(point.similarity)
 
@@ -236,39 +261,42 @@ def test_times_that_are_no_seconds_are_refused_before_memory_is_allocated():
     assert len(Performance(joints_m[:3], np.array([-5, 0, 7190.0]))) == 3
 
 
-def test_low_confidence_lowers_the_weight_and_confidence_zero_gives_no_score():
+@settings(max_examples=8, deadline=None)
+@given(st.lists(st.floats(0, 1), min_size=2, max_size=2), st.booleans())
+def test_lower_confidence_never_scores_more(confidences, wrong):
     joints_m = dance_joints_m(0)
-    teacher, times_s = performed(joints_m), np.arange(len(joints_m)) / FPS
-    lost_m, confidences = joints_m.copy(), np.ones(joints_m.shape[:2])
+    learner_m, values = joints_m.copy(), np.ones(joints_m.shape[:2])
     arm = [Joint.LEFT_ELBOW, Joint.LEFT_HAND]
-    lost_m[:, arm] = dance_joints_m(1)[: len(joints_m), arm]
-    scores = {}
-    for confidence in (1.0, 0.3, 0.0):
-        confidences[:, arm] = confidence
-        scores[confidence] = score_dance(teacher, Performance(lost_m, times_s, confidences))
-    assert scores[1.0].similarity + 10 < scores[0.3].similarity < scores[0.0].similarity
-    assert scores[0.0].similarity > 95
-    lost_m[:, arm] = np.nan
-    missing = score_dance(teacher, Performance(lost_m, times_s))
-    assert scores[0.0].similarity == pytest.approx(missing.similarity, abs=0.5)
-    arms = [*arm, Joint.RIGHT_ELBOW, Joint.RIGHT_HAND]
-    confidences[:, arms] = 0
-    unseen = score_dance(teacher, Performance(joints_m, times_s, confidences))
-    assert math.isnan(unseen.parts["arms"]) and unseen.parts["legs"] > 95
-    unobserved = score_dance(teacher, Performance(joints_m, times_s, np.zeros_like(confidences)), unobserved_is_nan=True)
-    assert math.isnan(unobserved.similarity) and unobserved.scored == 0
+    if wrong:
+        learner_m[:, arm] = dance_joints_m(1)[:, arm]
+    less, more = sorted(confidences)
+    scores = []
+    for confidence in (less, more):
+        values[:, arm] = confidence
+        scores.append(
+            score_dance(performed(joints_m), Performance(learner_m, np.arange(len(joints_m)) / FPS, values)).similarity
+        )
+    assert scores[0] <= scores[1] + 0.5
 
 
-@settings(max_examples=6, deadline=None)
-@given(st.floats(0.2, 1.0))
-def test_a_constant_confidence_does_not_matter(confidence):
-    joints_m = dance_joints_m(2)
-    learner_m, times_s = noisy(joints_m, 0.05), np.arange(len(joints_m)) / FPS
-    with_full, with_constant = (
-        score_dance(performed(joints_m), Performance(learner_m, times_s, np.full(joints_m.shape[:2], c))).similarity
-        for c in (1.0, confidence)
-    )
-    assert with_constant == pytest.approx(with_full, abs=1e-6)
+def test_unseen_is_never_better_than_seen_and_wrong():
+    joints_m = dance_joints_m(0)
+    for joints in ([Joint.LEFT_ELBOW, Joint.LEFT_HAND], [Joint.RIGHT_FOOT], list(Joint)):
+        wrong_m, unseen_m = joints_m.copy(), joints_m.copy()
+        wrong_m[90:200, joints] = dance_joints_m(1)[90:200, joints]
+        unseen_m[90:200, joints] = np.nan
+        # A wrong limb disturbs the match in time a little, an unseen one does not.
+        assert similarity(joints_m, unseen_m) <= similarity(joints_m, wrong_m) + 1.5
+
+
+def test_what_the_teacher_does_not_show_costs_nothing():
+    joints_m = dance_joints_m(0)
+    teacher_m = joints_m.copy()
+    teacher_m[:, [Joint.LEFT_HAND, Joint.RIGHT_HAND]] = np.nan
+    teacher_m[100:160] = np.nan
+    teacher_m[:, [Joint.LEFT_KNEE, Joint.LEFT_FOOT]] = np.nan
+    score = score_dance(performed(teacher_m), performed(joints_m))
+    assert score.similarity > 98 and "left leg" not in score.parts and score.completeness > 0.99
 
 
 def test_bad_input_to_the_online_scorer_is_rejected_with_a_message():
@@ -289,7 +317,12 @@ def test_bad_input_to_the_online_scorer_is_rejected_with_a_message():
 
 @pytest.mark.parametrize(
     "config",
-    [*SCORERS.values(), ScorerConfig(heading=True, steps="free", hop_s=0.8)],
+    [
+        *SCORERS.values(),
+        ScorerConfig(heading=False, steps="free", hop_s=0.8),
+        ScorerConfig(mirrored="auto", latency_s=0.1),
+        ScorerConfig(mirrored="true"),
+    ],
 )
 def test_online_scores_equal_offline_scores(config):
     teacher = Performance(dance_joints_m(1)[15:], np.arange(15, 360) / FPS)
@@ -302,12 +335,14 @@ def test_online_scores_equal_offline_scores(config):
     scorer, latest = OnlineScorer(teacher, config), []
     for frame, time_s in zip(kept, times_s, strict=True):
         latest.append(scorer.update(joints_m[frame], time_s, confidence[frame]))
+    so_far = scorer.score_so_far()
     whole, online = score_dance(teacher, Performance(joints_m[kept], times_s, confidence[kept]), config), scorer.finish()
-    for a, b in zip(whole[:3], online[:3], strict=True):
-        assert a == b
-    for name in ("start_s", "delay_s", "timing", "posture", "similarity"):
-        np.testing.assert_array_equal(getattr(whole.windows, name), getattr(online.windows, name))
+    assert_equal(online, whole)
     assert latest[10] is None
+    count = len(so_far.windows.start_s)
+    assert len(whole.windows.start_s) - 2 <= count <= len(whole.windows.start_s)
+    np.testing.assert_array_equal(so_far.windows.posture, whole.windows.posture[:count])
+    assert latest[-1].so_far == pytest.approx(so_far.similarity)
     # The online score at the end of each window, where no later sample of that window was delayed.
     windows = {round(score.time_s, 3): score for score in latest if score is not None}
     ends = np.round(whole.windows.start_s + (config.window_frames - 1) / config.fps, 3)
@@ -325,3 +360,74 @@ def test_arrays_score_as_performances_do():
         score_dance(joints_m, learner_m)
     with pytest.raises(InputError, match=r"the learner's dance: joints of shape \(360, 14, 3\)"):
         score_dance(joints_m, learner_m[:, :14], fps=FPS)
+
+
+def assert_equal(a, b):
+    """Two tuples, arrays and numbers are equal, NaN to NaN."""
+    if isinstance(a, tuple):
+        for one, other in zip(a, b, strict=True):
+            assert_equal(one, other)
+    elif isinstance(a, dict):
+        assert list(a) == list(b)
+        assert_equal(tuple(a.values()), tuple(b.values()))
+    elif isinstance(a, ScorerConfig):
+        assert a == b
+    else:
+        np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize("scorer", SCORERS)
+def test_a_learner_who_joins_late_and_leaves_early_scores_the_same_online(scorer):
+    teacher_m, config = dance_joints_m(1), SCORERS[scorer]
+    frames = np.arange(100, 260)
+    online = OnlineScorer(performed(teacher_m), config)
+    for frame in frames:
+        online.update(teacher_m[frame], frame / FPS)
+    whole = score_dance(performed(teacher_m), Performance(teacher_m[frames], frames / FPS), config)
+    assert_equal(online.finish(), whole)
+    assert whole.scored < 0.7 and (whole.similarity < 60 or scorer != "dance22")
+
+
+def test_the_learners_mirror_image_is_preferred_or_hinted_at():
+    joints_m = dance_joints_m(0)
+    settings_of = {setting: dataclasses.replace(SCORERS["dance22"], mirrored=setting) for setting in ("false", "true", "auto")}
+    learner = performed(mirrored(joints_m))
+    scores = {setting: score_dance(performed(joints_m), learner, config) for setting, config in settings_of.items()}
+    assert scores["false"].similarity < 40 and scores["false"].mirror_fits_better and not scores["false"].mirrored
+    for setting in ("true", "auto"):
+        assert scores[setting].similarity > 99.9 and scores[setting].mirrored
+    copy = score_dance(performed(joints_m), performed(joints_m), dataclasses.replace(SCORERS["dance22"], mirrored="auto"))
+    assert copy.similarity > 99.9 and not copy.mirrored and not copy.mirror_fits_better
+    assert ScorerConfig(mirrored=True).mirrored == "true"
+
+
+def test_a_known_latency_is_taken_out():
+    joints_m = dance_joints_m(0)
+    late = score_dance(performed(joints_m), performed(noisy(joints_m, 0.02), 0.23))
+    latency_s = measured_latency_s(late.windows.delay_s, late.windows.posture)
+    assert latency_s == pytest.approx(0.23, abs=0.01)
+    assert similarity(joints_m, joints_m, dataclasses.replace(SCORERS["dance22"], latency_s=latency_s), 0.23) > 96
+
+
+@pytest.mark.parametrize("rate", [0.9, 1.0, 1.1])
+def test_the_tempo_is_measured(rate):
+    joints_m = dance_joints_m(0, 20.0)
+    learner = Performance(noisy(joints_m, 0.02), np.arange(len(joints_m)) / FPS / rate)
+    assert score_dance(performed(joints_m), learner).tempo == pytest.approx(rate, abs=0.02)
+    assert math.isnan(score_dance(performed(joints_m), performed(np.repeat(joints_m[:1], len(joints_m), axis=0))).tempo)
+
+
+@pytest.mark.parametrize("index", DANCES)
+def test_the_score_is_a_smooth_function_of_the_delay(index):
+    joints_m = dance_joints_m(index)
+    scores = np.array([similarity(joints_m, joints_m, delay_s=delay_s) for delay_s in np.arange(0, 0.1, 0.01)])
+    steps = np.diff(scores)
+    assert (steps < 0).all() and steps.min() > -1.2 and scores[0] > 99.9
+
+
+def test_a_longer_part_of_a_dance_scores_more():
+    joints_m = dance_joints_m(0)
+    parts = [joints_m[: round(share * len(joints_m))] for share in (0.3, 0.6, 0.8, 1)]
+    scores = [score_dance(performed(joints_m), performed(part)) for part in parts]
+    assert (np.diff([score.similarity for score in scores]) > 5).all()
+    assert (np.diff([score.completeness for score in scores]) > 0.1).all()

@@ -7,7 +7,7 @@ import pytest
 from damaged_files import survives_damage
 from recorded_points import FRAMES
 
-from kpopnet.dance.joint_sets import imperial_joints_m
+from kpopnet.dance.joint_files.joint_sets import imperial_joints_m
 from kpopnet.datasets.dances.converters import read_imperial
 from kpopnet.errors import InputError
 

@@ -1,9 +1,12 @@
+from dataclasses import replace
+
 import h5py
 import numpy as np
 import pytest
 from dance_people import FPS, dance_joints_m, noisy, performed
 
-from kpopnet.dance.scoring import SCORERS, ScorerConfig, timing_similarity
+from kpopnet.dance.scoring import SCORERS
+from kpopnet.dance.window import timing_similarity
 from kpopnet.datasets.dances.format import FORMAT, LABELS, TEACHER, VERSION
 from kpopnet.errors import InputError
 from kpopnet.evaluation.dances import calibration
@@ -36,7 +39,7 @@ def found():
     ]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(calibration, "BETAS", BETAS)
-        return candidates(dances, SCORERS["dance22"])
+        return candidates(dances, SCORERS["raptis"])
 
 
 def test_the_selected_candidate_separates_learners_best_among_the_allowed(found):
@@ -63,7 +66,7 @@ def test_a_larger_beta_raises_the_scores(found):
 
 def test_a_perfect_copy_keeps_its_score_up_to_the_largest_alpha():
     for alpha, kept in ((largest_alpha(), True), (largest_alpha() + 0.01, False)):
-        assert (timing_similarity(0.0, ScorerConfig(alpha=alpha)) >= calibration.MIN_COPY_SIMILARITY) == kept
+        assert (timing_similarity(0.0, replace(SCORERS["raptis"], alpha=alpha)) >= calibration.MIN_COPY_SIMILARITY) == kept
 
 
 def test_impossible_calibrations_are_rejected(found):

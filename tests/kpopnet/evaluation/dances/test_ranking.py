@@ -5,14 +5,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from real_data import REAL
-from scipy.stats import kendalltau
+from scipy.stats import binomtest, kendalltau
 
-from kpopnet.dance.scoring import DanceScore
-from kpopnet.evaluation.dances.ranking import LearnerScore, agreement, confusions, is_ordered, kendall_tau
+from kpopnet.dance.scoring import DanceScore, ScorerConfig
+from kpopnet.evaluation.dances.ranking import (
+    Agreement,
+    LearnerScore,
+    agreement,
+    confusions,
+    is_ordered,
+    kendall_tau,
+    paired_p_value,
+    wilson_interval,
+)
 
 
 def score(similarity: float, timing: float = 90.0, posture: float = 60.0) -> DanceScore:
-    return DanceScore(similarity, timing, posture, {}, 1.0, None)
+    return DanceScore(similarity, timing, posture, {}, 1.0, None, {}, False, False, 1.0, 100.0, ScorerConfig())
 
 
 def learners(*similarities: float) -> list[LearnerScore]:
@@ -47,7 +56,21 @@ def test_agreement_counts_dances_and_lists_those_in_the_wrong_order():
     assert found.kendall_tau == pytest.approx((3 + 5 / 6) / 4)
     low, high = found.interval["concordance"]
     assert 0 <= low < 75 < high <= 100
-    assert agreement({"one": good}, seed=0).interval == {"concordance": (100.0, 100.0), "kendall_tau": (1.0, 1.0)}
+    assert agreement({"one": good}, seed=0).interval["kendall_tau"] == (1.0, 1.0)
+
+
+def test_the_interval_of_a_proportion_is_wilsons():
+    for successes, trials in ((99, 100), (0, 10), (3, 7)):
+        low, high = binomtest(successes, trials).proportion_ci(method="wilson")
+        assert wilson_interval(successes, trials) == pytest.approx((low, high), abs=1e-6)
+
+
+@pytest.mark.parametrize(("first", "second"), [(range(5), range(3)), (range(8), ()), ((1, 2, 3), (4, 5)), ((), ())])
+def test_scorers_of_the_same_dances_are_compared_in_pairs(first, second):
+    one, other = (Agreement(0.0, 0.0, {}, tuple(f"{k}" for k in wrong)) for wrong in (first, second))
+    only = len(set(one.wrong) - set(other.wrong)), len(set(other.wrong) - set(one.wrong))
+    expected = binomtest(only[0], sum(only)).pvalue if sum(only) else 1.0
+    assert paired_p_value(one, other) == paired_p_value(other, one) == pytest.approx(expected)
 
 
 def test_the_interval_shrinks_with_the_number_of_dances():

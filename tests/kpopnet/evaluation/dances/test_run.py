@@ -119,7 +119,7 @@ def run(folder: Path, estimators: dict, **changed):
 
 def test_scores_on_true_joints_follow_the_labels(folder):
     found = run(folder, {})
-    assert list(found.scores) == ["truth"] and list(found.scores["truth"]) == ["dance22", "raptis"]
+    assert list(found.scores) == ["truth"] and list(found.scores["truth"]) == list(SCORERS) == ["dance22", "raptis", "paper"]
     agreed = found.agreements["truth"]["dance22"]
     assert agreed.concordance == 50 and agreed.wrong == ("papa",) and agreed.kendall_tau == pytest.approx((1 + 4 / 6) / 2)
     best = found.scores["truth"]["dance22"]["mama"][0]
@@ -154,12 +154,15 @@ def test_an_estimator_that_finds_no_joint_is_reported_and_not_scored(folder, fak
     assert "mama, ann: fake found no joint in any frame; not scored" in caplog.text
 
 
-def test_joints_of_low_confidence_have_less_weight(folder, fake):
+def test_joints_of_low_confidence_count_as_unseen(folder, fake):
     best = {}
     for arm in (None, 0.0, 0.1, 1.0):
         found = run(folder, {"fake": FakeConfig(arm=arm)}, scorers={"dance22": SCORERS["dance22"]})
-        best[arm] = found.scores["fake"]["dance22"]["mama"][0].score.similarity
-    assert best[1.0] + 10 < best[0.1] < best[0.0] == pytest.approx(best[None], abs=1)
+        best[arm] = found.scores["fake"]["dance22"]["mama"][0].score
+    parts = {arm: score.parts["left arm"] for arm, score in best.items()}
+    assert parts[None] > 99 and parts[0.0] == 0 < parts[0.1] < parts[1.0] < 50
+    assert best[0.0].coverage["left arm"] == 0 and best[0.1].coverage["left arm"] == pytest.approx(1 / 3)
+    assert max(best[arm].similarity for arm in (0.0, 0.1, 1.0)) + 20 < best[None].similarity
 
 
 def test_the_cache_folder_depends_on_settings_and_file_contents(folder, fake, tmp_path):
@@ -304,7 +307,7 @@ def test_the_report_has_all_its_parts(folder, fake, tmp_path):
     assert metrics["estimators"]["truth"]["concordance"] == 50
     for source in ("truth", "fake"):
         one = metrics["estimators"][source]
-        assert set(one["scorers"]) == {"dance22", "raptis"} and set(one["interval"]) == {"concordance", "kendall_tau"}
+        assert set(one["scorers"]) == set(SCORERS) and set(one["interval"]) == {"concordance", "kendall_tau"}
         assert one["concordance"] == one["scorers"]["dance22"]["concordance"] and -1 <= one["kendall_tau"] <= 1
     assert metrics["benchmark"]["origin"] == "real" and metrics["benchmark"]["dances"] == 2
     text = (tmp_path / "out" / "report.md").read_text()
@@ -313,7 +316,7 @@ def test_the_report_has_all_its_parts(folder, fake, tmp_path):
     assert "papa" in text.split("## Table 2")[1] and "✗" in text and "2 and 3" in text
     with (tmp_path / "out" / "table_2.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == 2 * 2 * 2 * 4 and {row["joints"] for row in rows} == {"truth", "fake"}
+    assert len(rows) == 2 * 2 * len(SCORERS) * 4 and {row["joints"] for row in rows} == {"truth", "fake"}
     for figure in ("score_by_rank.png", "timelines.png"):
         assert (tmp_path / "out" / figure).stat().st_size > 10_000
         assert figure in (tmp_path / "out" / "report.html").read_text()

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from recorded_points import FRAMES, coco, imperial
 
+from kpopnet.dance.joint_files.joint_sets import IMPERIAL, imperial_joints_m
 from kpopnet.dance.joint_files.named_points import COCO_NAMES, NamedPoints, named_performance
-from kpopnet.dance.joint_sets import IMPERIAL, imperial_joints_m
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 

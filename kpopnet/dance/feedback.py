@@ -1,0 +1,288 @@
+"""What a dancer can use of a score: per phrase the three worst moments with part, signed degrees and words, and what repeats.
+
+The middles of the windows follow each other without gaps, and each has the mean signed difference of every angle. A moment is a
+run of them in which one part of the body differs in one direction. Angles with a plain meaning get words; the others only count
+in the score. Everything is computed from a `DanceScore`, so that the words during the dance are those of afterwards.
+"""
+
+import json
+import math
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from kpopnet.dance.features import feature_names
+from kpopnet.dance.scoring import DanceScore, Windows
+from kpopnet.dance.window import LIMBS, PARTS, part_of_angles
+
+PHRASE_S = 4.0
+"""Length of a phrase without a given beat: eight counts at 120 a minute."""
+
+MOMENTS_PER_PHRASE = 3
+
+MIN_ERROR_DEG = 10.0
+"""Smaller differences are no faults: teachers differ by as much from themselves."""
+
+MIN_DELAY_S = 0.12
+"""Smaller delays are not mentioned."""
+
+MIN_TEMPO_DIFFERENCE = 0.03
+THROUGHOUT = 0.7
+"""Fraction of the dance from which on a fault is called constant."""
+
+UNSEEN_BELOW = 0.5
+"""A part is unseen in windows in which less of it is shown."""
+
+_WORDS = {
+    "elbow_inclination": ("too low", "too high"),
+    "elbow_azimuth": ("too far out or back", "too far across the front"),
+    "hand_inclination": ("too straight", "too bent"),
+    "knee_inclination": ("too low", "too high"),
+    "foot_inclination": ("too straight", "too bent"),
+    "twist": ("twisted too far to the left", "twisted too far to the right"),
+    "lean": ("leaning too far to the right", "leaning too far to the left"),
+    "bend": ("bent too far back", "bent too far forward"),
+    "turn": ("turned too far to the left", "turned too far to the right"),
+}
+"""End of an angle's name to the words for a learner's angle that is less than the teacher's, and for one that is greater."""
+
+_MIRRORED = {"elbow_azimuth": ("right",)}
+"""Angles whose sign changes its meaning with the side of the body."""
+
+_JOINTS = {"elbow": "shoulder", "hand": "elbow", "knee": "hip", "foot": "knee"}
+"""The joint at which the bone of an angle turns, by the joint at which it ends."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A stretch of the dance in which something is wrong.
+
+    Attributes:
+        start_s: its start on the teacher's clock, seconds.
+        end_s: its end, seconds.
+        part: one of `PARTS`, or "timing".
+        joint: the joint that is wrong, such as "left elbow"; "" for torso, turning and timing.
+        direction: such as "too low", "late".
+        degrees: mean signed difference, learner minus teacher, degrees; 0 for timing.
+        delay_s: mean delay, seconds, negative when early; 0 for posture.
+        cost: how much is wrong, for comparison with other moments.
+        text: the moment in words, such as "left arm 25° too low at 0:12".
+    """
+
+    start_s: float
+    end_s: float
+    part: str
+    joint: str
+    direction: str
+    degrees: float
+    delay_s: float
+    cost: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Phrase:
+    """A phrase of the dance, with its worst moments, the worst one first."""
+
+    start_s: float
+    end_s: float
+    similarity: float | None
+    moments: tuple[Moment, ...]
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault wherever it occurs; what occurs most costs most and comes first."""
+
+    part: str
+    joint: str
+    direction: str
+    degrees: float
+    delay_s: float
+    starts_s: tuple[float, ...]
+    text: str
+
+
+@dataclass(frozen=True)
+class Feedback:
+    """What a dancer can use of a score.
+
+    Attributes:
+        phrases: of the dance in order of time.
+        faults: over the whole dance, the costliest first.
+        hints: what concerns the whole dance or the set-up: mirror image, tempo, what is not in the picture.
+    """
+
+    phrases: tuple[Phrase, ...]
+    faults: tuple[Fault, ...]
+    hints: tuple[str, ...]
+
+    def as_json(self) -> str:
+        return json.dumps(asdict(self), ensure_ascii=False, indent=1)
+
+
+def feedback(score: DanceScore, beat_s: float | None = None) -> Feedback:
+    """The feedback on a dance, or on what has been danced so far.
+
+    Args:
+        score: of `score_dance`, `OnlineScorer.finish` or `OnlineScorer.score_so_far`.
+        beat_s: duration of a beat of the music, seconds; phrases then have eight beats, and delays are told in beats.
+    """
+    moments = [*_posture_moments(score), *_timing_moments(score, beat_s)]
+    first, middle = float(score.windows.start_s[0]), _middle_s(score)
+    phrase_s = 8 * beat_s if beat_s else PHRASE_S
+    phrases = []
+    for number in range(math.ceil((middle[-1] + score.config.hop_s / 2 - first) / phrase_s)):
+        start_s, end_s = first + number * phrase_s, first + (number + 1) * phrase_s
+        inside = score.windows.similarity[(middle >= start_s) & (middle < end_s)]
+        similarity = float(np.nanmean(inside)) if np.isfinite(inside).any() else None
+        common_s = [(min(one.end_s, end_s) - max(one.start_s, start_s), one) for one in moments]
+        within = [one for common, one in common_s if common >= min(phrase_s, one.end_s - one.start_s) / 2]
+        worst = sorted(within, key=lambda one: -one.cost)[:MOMENTS_PER_PHRASE]
+        phrases.append(Phrase(start_s, end_s, similarity, tuple(worst)))
+    return Feedback(tuple(phrases), _gathered(moments, len(middle) * score.config.hop_s, beat_s), _hints(score))
+
+
+def _middle_s(score: DanceScore) -> np.ndarray:
+    """(N,) middle of each window, seconds; the windows' errors are means over a hop around it."""
+    return score.windows.start_s + (score.config.window_frames - 1) / 2 / score.config.fps
+
+
+def _runs(flags: np.ndarray) -> list[slice]:
+    """The runs of true values of (N,) flags."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
+    return [slice(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _span(score: DanceScore, run: slice) -> tuple[float, float]:
+    """Start and end in seconds of the windows' middles in a run."""
+    middle, half_s = _middle_s(score)[run], score.config.hop_s / 2
+    return float(middle[0] - half_s), float(middle[-1] + half_s)
+
+
+def _posture_moments(score: DanceScore) -> list[Moment]:
+    """The moments of every part, by the angle of the part that costs most in each."""
+    names = feature_names(score.config.feature, score.config.heading)
+    parts = part_of_angles(score.config.feature, score.config.heading)
+    told = np.array([_ending(name) in _WORDS for name in names])
+    error_deg = np.degrees(np.nan_to_num(score.windows.error_rad))
+    weight = score.windows.error_weight
+    cost = np.where(told & (abs(error_deg) >= MIN_ERROR_DEG), weight * error_deg**2, 0.0)
+    found = []
+    for part in range(len(PARTS)):
+        angles = np.flatnonzero(parts == part)
+        if not len(angles):
+            continue
+        worst = angles[cost[:, angles].argmax(axis=1)]
+        rows = np.arange(len(worst))
+        # A run ends where another angle or direction becomes the worst one.
+        kind = np.where(cost[rows, worst] > 0, (2 * worst + (error_deg[rows, worst] > 0)) + 1, 0)
+        for one in np.unique(kind[kind > 0]):
+            angle = (one - 1) // 2
+            for run in _runs(kind == one):
+                # What is most wrong says most about by how much: the edges of a fault lie within windows.
+                weights = weight[run, angle] * abs(error_deg[run, angle])
+                degrees = float(np.average(error_deg[run, angle], weights=weights))
+                found.append(_moment(score, run, PARTS[part], names[angle], degrees, float(cost[run, angle].sum())))
+    return found
+
+
+def _moment(score: DanceScore, run: slice, part: str, angle: str, degrees: float, cost: float) -> Moment:
+    side, _, rest = angle.partition("_")
+    of_limb = side in ("left", "right")
+    joint = f"{side} {_JOINTS[rest.partition('_')[0]]}" if of_limb else ""
+    direction = _WORDS[_ending(angle)][(degrees > 0) != (side in _MIRRORED.get(_ending(angle), ()))]
+    start_s, end_s = _span(score, run)
+    text = f"{_posture_text(part, joint, degrees, direction)} {_at([start_s])}"
+    return Moment(start_s, end_s, part, joint, direction, degrees, 0.0, cost, text)
+
+
+def _ending(angle: str) -> str:
+    """An angle's name without the side of the body."""
+    side, _, rest = angle.partition("_")
+    return rest if side in ("left", "right") else angle
+
+
+def _posture_text(part: str, joint: str, degrees: float, direction: str) -> str:
+    """A difference in words, such as "left arm 25° too low"."""
+    subject = joint if joint.endswith(("elbow", "knee")) else "body" if part == "turning" else part
+    return f"{subject} {abs(degrees):.0f}° {direction}"
+
+
+def _timing_moments(score: DanceScore, beat_s: float | None) -> list[Moment]:
+    """The moments in which the learner is late or early."""
+    delay_s, found = np.nan_to_num(score.windows.delay_s), []
+    for sign in (1, -1):
+        for run in _runs(sign * delay_s >= MIN_DELAY_S):
+            start_s, end_s = _span(score, run)
+            mean_s = float(delay_s[run].mean())
+            # Comparable with posture: what is lost in percent, per window, of a full score.
+            cost = float(np.nansum(100 - score.windows.timing[run])) * MIN_ERROR_DEG
+            text = f"{_lateness(mean_s, beat_s)} {_from_to(start_s, end_s)}"
+            found.append(Moment(start_s, end_s, "timing", "", "late" if sign > 0 else "early", 0.0, mean_s, cost, text))
+    return found
+
+
+def _lateness(delay_s: float, beat_s: float | None) -> str:
+    word = "late" if delay_s > 0 else "early"
+    if not beat_s:
+        return f"{abs(delay_s):.1f} s {word}"
+    quarters = round(4 * abs(delay_s) / beat_s)
+    fractions = {0: "slightly", 1: "a quarter of a beat", 2: "half a beat", 3: "three quarters of a beat", 4: "a beat"}
+    return f"{fractions.get(quarters, f'{quarters / 4:g} beats')} {word}"
+
+
+def _clock(seconds: float) -> str:
+    whole = max(math.floor(seconds + 0.5), 0)
+    return f"{whole // 60}:{whole % 60:02d}"
+
+
+def _at(starts_s: list[float]) -> str:
+    times = list(dict.fromkeys(_clock(start_s) for start_s in starts_s))
+    return f"at {', '.join(times[:-1])} and {times[-1]}" if len(times) > 1 else f"at {times[0]}"
+
+
+def _from_to(start_s: float, end_s: float) -> str:
+    return f"from {_clock(start_s)} to {_clock(end_s)}"
+
+
+def _gathered(moments: list[Moment], dance_s: float, beat_s: float | None) -> tuple[Fault, ...]:
+    """The moments of equal part, joint and direction as one fault each, the costliest first."""
+    by_kind: dict[tuple[str, str, str], list[Moment]] = {}
+    for one in sorted(moments, key=lambda moment: moment.start_s):
+        by_kind.setdefault((one.part, one.joint, one.direction), []).append(one)
+    faults = []
+    for (part, joint, direction), ones in by_kind.items():
+        lengths = np.array([one.end_s - one.start_s for one in ones])
+        degrees = float(np.average([one.degrees for one in ones], weights=lengths))
+        delay_s = float(np.average([one.delay_s for one in ones], weights=lengths))
+        starts_s = [one.start_s for one in ones]
+        when = "throughout" if lengths.sum() >= THROUGHOUT * dance_s else _at(starts_s)
+        what = _lateness(delay_s, beat_s) if part == "timing" else _posture_text(part, joint, degrees, direction)
+        fault = Fault(part, joint, direction, degrees, delay_s, tuple(starts_s), f"{what} {when}")
+        faults.append((sum(one.cost for one in ones), fault))
+    return tuple(fault for _, fault in sorted(faults, key=lambda pair: -pair[0]))
+
+
+def _hints(score: DanceScore) -> tuple[str, ...]:
+    """What concerns the whole dance."""
+    hints = []
+    if score.mirror_fits_better and not score.mirrored:
+        hints.append("the mirror image fits much better: score with mirrored=true if the teacher was mirrored")
+    if abs(score.tempo - 1) >= MIN_TEMPO_DIFFERENCE:
+        hints.append(f"{abs(score.tempo - 1):.0%} too {'fast' if score.tempo > 1 else 'slow'} throughout")
+    return tuple(hints + _unseen(score, score.windows))
+
+
+def _unseen(score: DanceScore, windows: Windows) -> list[str]:
+    """Sentences about who or what is not in the picture, and when."""
+    missing = {name: windows.coverage[name] < UNSEEN_BELOW for name in (*LIMBS, "torso")}  # false for NaN
+    nobody = np.all([flags for name, flags in missing.items() if np.isfinite(windows.coverage[name]).any()], axis=0)
+    sentences = [f"nobody in the picture {_from_to(*_span(score, run))}" for run in _runs(nobody)]
+    for kind in ("arm", "leg"):
+        left, right = (missing[f"{side} {kind}"] & ~nobody for side in ("left", "right"))
+        for subject, flags in (
+            (f"{kind}s", left & right), (f"left {kind}", left & ~right), (f"right {kind}", right & ~left)
+        ):  # fmt: skip
+            sentences += [f"{subject} out of the picture {_from_to(*_span(score, run))}" for run in _runs(flags)]
+    return sentences

@@ -1,0 +1,113 @@
+"""Measures the errors of an estimator's angles on training dances, for the table `kpopnet.dance.noise.NOISE`.
+
+    python -m synth benchmark=kpop_sim benchmark.split=train benchmark.dances=6 out=data/kpop_train
+    python -m kpopnet.evaluation.dances.noise data/kpop_train                                        # the tracker
+    python -m kpopnet.evaluation.dances.noise data/kpop_train --checkpoint outputs/train/RUN/best    # a network
+
+Every learner is compared with their own true joints, so that only the sensor and the estimator differ. The ceiling is what this
+perfect dancing scores in each dance with the errors that the other dances give.
+"""
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from tqdm import tqdm
+
+from kpopnet.dance.config import SCORERS
+from kpopnet.dance.dtw import distances_on_path
+from kpopnet.dance.features import feature_names
+from kpopnet.dance.noise import NOISE, AngleNoise
+from kpopnet.dance.performance import Performance
+from kpopnet.dance.scoring import TimeGrid, features_of, score_dance
+from kpopnet.datasets.dances.dance_set import KpopSet
+from kpopnet.errors import InputError
+from kpopnet.estimator import Estimator
+from kpopnet.runtime.hydra_app import user_errors
+
+CONFIG = replace(SCORERS["dance22"], noise="none")
+
+
+class Seen(NamedTuple):
+    """A learner as they danced, and as sensor and estimator saw them."""
+
+    dance: int
+    true: Performance
+    estimated: Performance
+
+
+def seen_learners(folder: str, estimator: Estimator) -> list[Seen]:
+    """The learners of a folder of dances.
+
+    Raises:
+        InputError: the folder does not exist, or a learner lacks depth or true joints.
+    """
+    found, dances = [], KpopSet(folder)
+    for number, name in enumerate(tqdm(dances.names, "dances", unit="dance")):
+        for learner in dances.dance(name).learners:
+            true, clip = learner.joints(), learner.depth()
+            if true is None:
+                raise InputError(f"{learner.path}: no true joints in it; noise is measured on simulated dances")
+            joints_m, confidence = estimator.estimate(clip.depth_m, clip.camera)
+            found.append(Seen(number, true, Performance(joints_m, clip.times_s, confidence)))
+    return found
+
+
+def angle_errors(seen: Seen) -> tuple[np.ndarray, np.ndarray]:
+    """(T, D) squared error of every angle of a learner, radians^2, and (T, D) its weight in the distance of the score."""
+    grid = TimeGrid(seen.true, CONFIG)
+    estimated = features_of(*grid.resampled(seen.estimated, grid.teacher_frames), False, CONFIG)
+    frames = np.arange(len(estimated.angles_rad))
+    path = np.stack([frames, np.zeros_like(frames)], axis=1)
+    on_path = distances_on_path(path, estimated, grid.teacher.features, 0, grid.teacher.parts, grid.teacher.variance)
+    return np.nan_to_num(on_path.signed) ** 2, on_path.weights
+
+
+def measured_std_rad(learners: Sequence[Seen]) -> dict[str, float]:
+    """Standard deviation of the error of each angle, radians, rounded to milliradians; see `AngleNoise`."""
+    squared, weight = (np.concatenate(arrays) for arrays in zip(*map(angle_errors, learners), strict=True))
+    mean = (squared * weight).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-9)
+    names = feature_names(CONFIG.feature, CONFIG.heading)
+    return {name: round(float(np.sqrt(one)), 3) for name, one in zip(names, mean, strict=True)}
+
+
+def perfect_scores(learners: Sequence[Seen]) -> tuple[list[float], list[float]]:
+    """Scores of perfect dancing through sensor and estimator: without the noise known, and with that of the other dances."""
+    without, known = [], []
+    for dance in sorted({one.dance for one in learners}):
+        NOISE["measured"] = AngleNoise(measured_std_rad([one for one in learners if one.dance != dance]), 100.0)
+        for one in learners:
+            if one.dance == dance:
+                without.append(score_dance(one.true, one.estimated, CONFIG).similarity)
+                known.append(score_dance(one.true, one.estimated, replace(CONFIG, noise="measured")).similarity)
+        del NOISE["measured"]
+    return without, known
+
+
+@user_errors
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", help="training dances in the K-Pop format (docs/kpop_format.md), with true joints")
+    parser.add_argument("--checkpoint", help="folder of a network; by default the tracker is measured")
+    options = parser.parse_args(arguments)
+    if options.checkpoint:
+        from kpopnet.networks.estimator import NetworkEstimator  # torch takes seconds to load
+
+        estimator: Estimator = NetworkEstimator(options.checkpoint)
+    else:
+        from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
+
+        estimator = TrackerEstimator(TrackerEstimatorConfig(start="standing"))
+    learners = seen_learners(options.folder, estimator)
+    if len({one.dance for one in learners}) < 2:
+        raise InputError(f"{options.folder}: one dance; the ceiling is measured on other dances than the noise")
+    without, known = perfect_scores(learners)
+    for name, scores in (("noise unknown", without), ("noise known", known)):
+        print(f"perfect dancing, {name}: mean {np.mean(scores):.1f}, median {np.median(scores):.1f} of {len(scores)} learners")
+    print(AngleNoise(measured_std_rad(learners), round(float(np.mean(known)), 1)))
+
+
+if __name__ == "__main__":
+    main()

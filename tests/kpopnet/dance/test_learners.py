@@ -1,0 +1,165 @@
+"""Learners with one fault each score what a dance teacher would say, on composed and on recorded dances."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from dance_learners import (
+    CLIPS,
+    arm_lowered,
+    arms_lowered,
+    arms_only,
+    clip_joints_m,
+    elbows_bent,
+    headed,
+    heading_rad,
+    held,
+    hidden,
+    hunched,
+    legs_only,
+    mean_pose,
+    never_turning,
+    other_build,
+    smaller,
+    standing,
+    waving,
+)
+from dance_people import FPS, dance_joints_m, mirrored, performed
+
+from kpopnet.dance.performance import Performance
+from kpopnet.dance.scoring import score_dance
+
+COMPOSED = [f"composed {index}" for index in range(3)]
+RECORDED = [
+    f"g1_J_{name}"
+    for name in (
+        "Dance11_Gnarly", "Dance12_LushLife", "Dance17_Shuffle", "Dance18_TikTok", "Dance19_LetsGO", "Dance21_Blunt",
+        "Dance22_Thrilling", "Dance23_MidnightSun", "Dance2_Salsa", "Dance3_Woah", "Dance5_Hype", "Dance9_PeaceMaker",
+    )
+]  # fmt: skip
+"""Recorded dances of the split test: nothing was chosen on them."""
+
+SECONDS = 16.0
+
+
+@cache
+def taught_m(name: str) -> np.ndarray:
+    if name in COMPOSED:
+        return dance_joints_m(COMPOSED.index(name), SECONDS)
+    if not CLIPS.is_dir():
+        pytest.skip(f"{CLIPS}: no recorded dances here")
+    return clip_joints_m("test", name, SECONDS)
+
+
+def another_m(name: str) -> np.ndarray:
+    names = COMPOSED if name in COMPOSED else RECORDED
+    return taught_m(names[(names.index(name) + 1) % len(names)])
+
+
+def similarity(name: str, joints_m: np.ndarray, delay_s: float = 0.0, tempo: float = 1.0) -> float:
+    learner = Performance(joints_m, np.arange(len(joints_m)) / FPS / tempo + delay_s)
+    return score_dance(performed(taught_m(name)), learner).similarity
+
+
+LEARNERS = {
+    "copy": ((99.9, 100), lambda m: m),
+    "movements at 0.75": ((55, 92), lambda m: smaller(m, 0.75)),
+    "movements at 0.5": ((20, 75), lambda m: smaller(m, 0.5)),
+    "hunched by 15 degrees": ((75, 97), lambda m: hunched(m, 15)),
+    "hunched by 30 degrees": ((50, 90), lambda m: hunched(m, 30)),
+    "arms 10 degrees low": ((80, 97), lambda m: arms_lowered(m, 10)),
+    "arms 20 degrees low": ((45, 92), lambda m: arms_lowered(m, 20)),
+    "arms 40 degrees low": ((0, 80), lambda m: arms_lowered(m, 40)),
+    "bent elbows": ((0, 75), lambda m: elbows_bent(m, 45)),
+    "turned from the camera": ((99.5, 100), lambda m: headed(m, np.full(len(m), 0.8))),
+    "legs only": ((0, 70), legs_only),
+    "arms only": ((10, 85), arms_only),
+    "joins at 5 s": ((60, 70), lambda m: hidden(m, 0, 5)),
+    "leaves for 5 s": ((55, 70), lambda m: hidden(m, 6, 11)),
+    "still for 5 s": ((45, 96), lambda m: held(m, 6, 11)),
+    "mirrored": ((0, 50), mirrored),
+    "standing still": ((0, 20), standing),
+    "mean pose": ((0, 20), mean_pose),
+    "random waving": ((0, 20), waving),
+    "1.5 times taller": ((99, 100), lambda m: 1.5 * m),
+    "another build": ((99, 100), other_build),
+}
+"""Name to the interval that a teacher would accept, and the learner."""
+
+LATE = {0.1: (85, 98), 0.2: (65, 92), 0.3: (40, 80), 0.5: (0, 30)}
+
+
+def assert_in(scores: dict[str, float], interval: tuple[float, float]) -> None:
+    low, high = interval
+    outside = {name: round(score, 1) for name, score in scores.items() if not low <= score <= high}
+    assert not outside, f"{len(outside)} of {len(scores)} outside {low} to {high}"
+
+
+DANCES = pytest.mark.parametrize("names", [COMPOSED, RECORDED], ids=["composed", "recorded"])
+
+
+@DANCES
+@pytest.mark.parametrize("learner", LEARNERS)
+def test_a_learner_scores_what_a_teacher_would_say(names, learner):
+    interval, made = LEARNERS[learner]
+    assert_in({name: similarity(name, made(taught_m(name))) for name in names}, interval)
+
+
+@DANCES
+def test_another_dance_scores_below_20(names):
+    assert_in({name: similarity(name, another_m(name)) for name in names}, (0, 20))
+
+
+@DANCES
+@pytest.mark.parametrize("delay_s", LATE)
+def test_a_late_copy_scores_by_its_delay(names, delay_s):
+    assert_in({name: similarity(name, taught_m(name), delay_s) for name in names}, LATE[delay_s])
+
+
+@DANCES
+@pytest.mark.parametrize("tempo", [0.9, 1.1])
+def test_another_tempo_is_named_and_scores_low(names, tempo):
+    for name in names:
+        joints_m = taught_m(name)
+        learner = Performance(joints_m, np.arange(len(joints_m)) / FPS / tempo)
+        score = score_dance(performed(joints_m), learner)
+        assert 5 < score.similarity < 50 and score.tempo == pytest.approx(tempo, abs=0.03), name
+
+
+@DANCES
+def test_never_turning_costs_where_the_teacher_turns(names):
+    for name in names:
+        joints_m = taught_m(name)
+        score = score_dance(performed(joints_m), performed(never_turning(joints_m)))
+        if np.ptp(heading_rad(joints_m)) > 2 * np.pi:
+            assert 40 < score.similarity < 95 and score.parts["turning"] < 85, name
+        assert min(value for part, value in score.parts.items() if part != "turning") > 97, name
+
+
+SEVERITIES = {
+    "smaller movements": lambda m: [smaller(m, amplitude) for amplitude in (1, 0.9, 0.75, 0.5, 0.25)],
+    "hunched": lambda m: [hunched(m, degrees) for degrees in (0, 5, 10, 20, 40)],
+    "arms low": lambda m: [arms_lowered(m, degrees) for degrees in (0, 5, 10, 20, 40)],
+    "elbows bent": lambda m: [elbows_bent(m, degrees) for degrees in (0, 10, 20, 40, 60)],
+    "later joining": lambda m: [hidden(m, 0, seconds) for seconds in (0, 2, 4, 8, 12)],
+    "longer absence": lambda m: [hidden(m, 5, 5 + seconds) for seconds in (0, 1, 3, 6, 10)],
+    "longer stillness": lambda m: [held(m, 4, 4 + seconds) for seconds in (0, 2, 4, 8, 12)],
+    "longer with the arms low": lambda m: [
+        np.concatenate([arms_lowered(m, 20)[:frames], m[frames:]]) for frames in (0, 60, 120, 240, 480)
+    ],
+}
+
+
+@pytest.mark.parametrize("fault", SEVERITIES)
+@pytest.mark.parametrize("name", COMPOSED[:2])
+def test_the_score_falls_with_the_severity_and_rises_when_a_fault_is_corrected(fault, name):
+    scores = [similarity(name, joints_m) for joints_m in SEVERITIES[fault](taught_m(name))]
+    assert (np.diff(scores) < 0.2).all() and scores[-1] < scores[0] - 10, scores
+
+
+def test_a_fault_in_the_torso_takes_nothing_off_the_legs_nor_one_arm_off_the_other():
+    joints_m = taught_m(COMPOSED[0])
+    parts = score_dance(performed(joints_m), performed(hunched(joints_m, 25))).parts
+    assert parts["torso"] < 60 and min(value for part, value in parts.items() if part != "torso") > 97
+    parts = score_dance(performed(joints_m), performed(arm_lowered(joints_m, "left", 25))).parts
+    assert parts["left arm"] < 65 and min(value for part, value in parts.items() if part != "left arm") > 97

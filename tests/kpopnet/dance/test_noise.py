@@ -1,0 +1,65 @@
+"""An estimator's known errors are taken out of the distance: perfect dancing scores high, and levels stay apart."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dance_learners import arms_lowered, smaller, standing
+from dance_people import dance_joints_m, noisy, performed
+
+from kpopnet.dance.config import SCORERS, ScorerConfig
+from kpopnet.dance.features import feature_names
+from kpopnet.dance.noise import NOISE, AngleNoise, angle_variance
+from kpopnet.dance.scoring import DanceScore, score_dance
+from kpopnet.errors import InputError
+from kpopnet.evaluation.dances.noise import Seen, measured_std_rad, perfect_scores
+
+NOISE_M = 0.03
+NAMES = feature_names("dance22", True)
+
+
+def seen(dance: int, seed: int) -> Seen:
+    joints_m = dance_joints_m(dance)
+    return Seen(dance, performed(joints_m), performed(noisy(joints_m, NOISE_M, seed)))
+
+
+@pytest.fixture(scope="module")
+def config():
+    with pytest.MonkeyPatch.context() as patch:
+        std_rad = measured_std_rad([seen(dance, 7) for dance in (3, 4)])
+        patch.setitem(NOISE, "test", AngleNoise(std_rad, 97.0))
+        yield replace(SCORERS["dance22"], noise="test")
+
+
+def scored(dance: int, learner_m: np.ndarray, config: ScorerConfig) -> DanceScore:
+    return score_dance(performed(dance_joints_m(dance)), performed(noisy(learner_m, NOISE_M, dance)), config)
+
+
+@pytest.mark.parametrize("dance", range(3))
+def test_perfect_dancing_scores_high_and_levels_stay_apart(dance, config):
+    joints_m = dance_joints_m(dance)
+    perfect = scored(dance, joints_m, config)
+    assert perfect.similarity > max(85, scored(dance, joints_m, SCORERS["dance22"]).similarity + 8)
+    assert perfect.ceiling == 97 and scored(dance, joints_m, SCORERS["dance22"]).ceiling == 100
+    learners = [arms_lowered(joints_m, 10), arms_lowered(joints_m, 30), smaller(joints_m, 0.5), standing(joints_m)]
+    scores = [perfect.similarity, *(scored(dance, learner_m, config).similarity for learner_m in learners)]
+    assert (np.diff(scores[:3]) < -4).all() and scores[3] < 80 and scores[4] < 20
+    assert scored(dance, dance_joints_m(dance + 1), config).similarity < 20
+
+
+def test_noise_is_measured_as_it_is():
+    known, std_rad = [seen(dance, 3) for dance in range(3)], measured_std_rad([seen(dance, 5) for dance in range(3)])
+    assert set(std_rad) == set(NAMES) and 0.03 < min(std_rad["left_elbow_inclination"], std_rad["right_foot_inclination"]) < 0.3
+    twice = [one._replace(estimated=performed(noisy(one.true.joints_m, 2 * NOISE_M, 5))) for one in known]
+    assert measured_std_rad(twice)["left_elbow_inclination"] > 1.5 * std_rad["left_elbow_inclination"]
+    without, with_noise = perfect_scores(known)
+    assert len(without) == len(with_noise) == 3 and min(with_noise) > 87 > max(without)
+    assert "measured" not in NOISE
+
+
+def test_noise_has_a_name():
+    assert not angle_variance("none", NAMES).any()
+    assert angle_variance("tracker", NAMES).min() > 0
+    assert set(NOISE["tracker"].std_rad) == set(NAMES)
+    with pytest.raises(InputError, match=r"noise=odd is not one of auto, none, tracker"):
+        ScorerConfig(noise="odd")
