@@ -72,8 +72,8 @@ class _Track:
 
     def add_missing(self, frames: int) -> None:
         """Adds frames in which nobody was seen."""
-        angles = self._grid.teacher.features.angles_rad.shape[1]
-        self._comparison.add(Features(*np.full((2, frames, angles), np.nan), np.zeros((frames, angles))))
+        shape = frames, self._grid.teacher.features.angles_rad.shape[1]
+        self._comparison.add(Features(np.full(shape, np.nan), np.full(shape, np.nan), np.zeros(shape)))
 
     def window(self, start: int) -> WindowScore:
         return self._comparison.window(start)
