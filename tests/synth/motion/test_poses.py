@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kpopnet.dance.joint_files.quaternions import rotate
-from synth.motion.limbs import REACHES, arm_to
+from synth.motion.limbs import REACHES, SIDES, arm_to, at_rest, closed_legs
 from synth.motion.poses.families import FAMILIES
 from synth.motion.poses.procedural import ProceduralPoses
 from synth.motion.posture import CHANNELS, LIMITS_DEG, angles, limited, rotations
@@ -204,3 +204,24 @@ def test_sampling_takes_less_than_half_a_millisecond_per_pose():
         times.append(time.perf_counter() - start)
     # Measured: 0.07 ms per pose. The bound only catches a loop over poses.
     assert min(times) / 64 < 0.5e-3
+
+
+def test_half_of_the_people_who_stand_have_closed_legs():
+    drawn = [FAMILIES["free_arms"][1](np.random.default_rng(k)) for k in range(600)]
+    assert 0.42 < np.mean([pose["left_abduct"] + pose["right_abduct"] < 0 for pose in drawn]) < 0.58
+
+
+def test_many_let_one_arm_or_both_hang():
+    raised = {f"{side}_{angle}": 90.0 for side in SIDES for angle in ("raise", "elbow", "pronate")}
+    drawn = [at_rest(np.random.default_rng(k), raised) for k in range(2000)]
+    hanging = np.array([[pose[f"{side}_raise"] <= 20 for side in SIDES] for pose in drawn])
+    assert 0.41 < hanging.all(axis=1).mean() < 0.49 and 0.61 < hanging.any(axis=1).mean() < 0.69
+    for pose, (left, right) in zip(drawn, hanging, strict=True):  # the other arm stays as it was
+        assert left or {pose[name] for name in raised if name.startswith("left")} == {90.0}
+        assert right or {pose[name] for name in raised if name.startswith("right")} == {90.0}
+
+
+def test_closed_legs_leave_4_to_15_cm_between_the_ankles():
+    degrees = np.array([closed_legs(np.random.default_rng(k)) for k in range(200)])
+    ankles_m = 2 * (0.113 + 0.81 * np.sin(np.radians(degrees)))
+    assert 0.039 < ankles_m.min() < 0.06 and 0.13 < ankles_m.max() < 0.151 and (degrees < 0).all()
