@@ -28,7 +28,7 @@ from synth.simulated.film import Film, Shot, Studio, Take
 
 BODY = BodyConfig(clothes=ClothesConfig(skirt=0.0, coat=0.0, hat=0.0, backpack=0.0, bag=0.0))
 """People as they come to a motion-capture session: markers are worn on trousers and tops. (In a skirt or a coat nobody is found
-in the Y pose, whose test needs two legs: seen on a set with a training seed.)"""
+in the Y pose, whose test needs two legs: seen on `eval_sim` itself, and on a set with a training seed.)"""
 
 HEADING_STD_DEG = 5.0
 """Standard deviation of the heading at the start."""
