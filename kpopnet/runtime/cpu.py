@@ -1,10 +1,14 @@
-"""What this machine offers."""
+"""What this machine offers, and how a process uses it."""
 
+import ctypes
 import os
 import sys
 
 MOST_PER_CORE = 4
 """Processes for each core beyond which more of them only take memory."""
+
+M_TRIM_THRESHOLD, M_TOP_PAD, M_MMAP_THRESHOLD = -1, -2, -3
+KEPT_BYTES, AHEAD_BYTES, LARGE_BYTES = 256 << 20, 16 << 20, 32 << 20
 
 
 def available_cores() -> int:
@@ -18,3 +22,17 @@ def bounded_processes(asked: int, name: str = "processes") -> int:
     if asked > most:
         print(f"{name}={asked}: takes {most}, {MOST_PER_CORE} for each core of this machine", file=sys.stderr, flush=True)
     return min(asked, most)
+
+
+def keep_freed_memory() -> None:
+    """Lets glibc keep up to 256 MB of freed memory, and take arrays up to 32 MB from it.
+
+    By default it returns every freed array of an image's size to the kernel, and gets the next one back page by page: that
+    was a third of the time of generating samples. Without effect on systems with another C library.
+    """
+    if not sys.platform.startswith("linux"):
+        return
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is not None:
+        for option, value in ((M_MMAP_THRESHOLD, LARGE_BYTES), (M_TRIM_THRESHOLD, KEPT_BYTES), (M_TOP_PAD, AHEAD_BYTES)):
+            mallopt(option, value)

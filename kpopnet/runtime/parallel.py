@@ -15,7 +15,7 @@ import cv2
 
 from kpopnet.errors import InputError
 from kpopnet.runtime.compilation import announce_compilation
-from kpopnet.runtime.cpu import bounded_processes
+from kpopnet.runtime.cpu import bounded_processes, keep_freed_memory
 
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 POLL_S = 0.2
@@ -82,6 +82,7 @@ def _start_worker(pickled_work: bytes, counter: Any) -> None:
     end_with_parent()
     if multiprocessing.current_process().name.endswith("-1"):
         announce_compilation()
+    keep_freed_memory()
     _set_threads(1, 1)
     _work, _counter = pickle.loads(pickled_work), counter
 
