@@ -5,6 +5,7 @@
     python train.py model=holistic model.input=depth_ridge        # the paper's class of network, with the ridge channel
     python train.py training=demo data.train=data/demo/train data.validation=data/demo/validation
     python train.py training=dance training.start=outputs/train/RUN/best    # fine-tunes a network on dances (preset=dance)
+    python train.py training.start=outputs/train/RUN/best model.crop_px=96  # goes on with larger crops (dense networks)
     python train.py training.resume=outputs/train/RUN/last        # resumes a run that was stopped
     torchrun --nproc-per-node=4 train.py training.batch_size=128  # several GPUs, or CPU processes
     python train.py --cfg job                                     # every setting, its value and its meaning
@@ -35,7 +36,7 @@ from kpopnet.runtime.cpu import bounded_processes
 from kpopnet.runtime.folder_lock import locked
 from kpopnet.runtime.hydra_app import OutputFolder, command_line_settings, entry_point, register_choices, resumed_config
 from kpopnet.training.loop import TrainingConfig, refuse_other_run, train
-from synth.samples.observe import ExtractionConfig, Observer
+from synth.samples.observe import ExtractionConfig, Observer, OtherSensors
 from synth.sensor.model import SENSORS, SensorConfig
 
 log = logging.getLogger(__name__)
@@ -64,6 +65,7 @@ class ObservationConfig:
 
     Attributes:
         sensor: noise of the depth sensor, drawn again in every epoch.
+        other_sensors: probability, for each image, that another sensor measures it instead.
         extraction: errors of the silhouettes, drawn again in every epoch.
         data: where the samples are.
         seed: of everything random.
@@ -71,6 +73,7 @@ class ObservationConfig:
     """
 
     sensor: SensorConfig = field(default_factory=SensorConfig)
+    other_sensors: OtherSensors = field(default_factory=OtherSensors)
     extraction: ExtractionConfig = field(default_factory=ExtractionConfig)
     data: DataConfig = field(default_factory=DataConfig)
     seed: int = 0
@@ -91,7 +94,7 @@ class ObservationConfig:
         return {"train": ShardedSet(self.data.train), "validation": ShardedSet(self.data.validation)}
 
     def observer(self, shards: ShardedSet) -> Observer:
-        return Observer(shards, self.sensor, self.extraction, self.seed)
+        return Observer(shards, self.sensor, self.extraction, self.seed, self.other_sensors)
 
 
 @dataclass
@@ -143,14 +146,22 @@ def describe_sets(sets: dict[str, ShardedSet]) -> dict[str, dict]:
     return {name: {"hash": shards.header.config_hash, "samples": len(shards)} for name, shards in sets.items()}
 
 
+def model_to_start_from(config: NetworkTrainingConfig) -> ModelConfig:
+    """The model of the checkpoint `training.start`, whose weights fit it, with what the command line says otherwise."""
+    given = {
+        name.removeprefix("model").removeprefix(".") or "kind" for name in command_line_settings() if name.startswith("model")
+    }
+    chosen = {name: getattr(config.model, name) for name in given}
+    return ModelConfig(**(read_meta(config.training.start)["model"] | chosen))
+
+
 def run_network_training(config: NetworkTrainingConfig) -> None:
     """Reads the shards, and starts or resumes the training of a network."""
     if config.training.resume is not None:
         saved = read_meta(config.training.resume)["config"]
         config = resumed_config(config, saved, may_change=("training.resume", "data.", "device", "workers", "threads"))
-    elif config.training.start is not None and not any(name.startswith("model") for name in command_line_settings()):
-        # Weights fit the model that they were trained with: its settings come from the same checkpoint.
-        config.model = ModelConfig(**read_meta(config.training.start)["model"])
+    elif config.training.start is not None:
+        config.model = model_to_start_from(config)
     sets = config.sets()
     train(
         config.training,

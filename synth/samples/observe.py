@@ -5,7 +5,7 @@ label of a pixel (person or room) moves with the sensor's lateral noise, so outl
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ from kpopnet.errors import InputError
 from kpopnet.ridge import RidgeConfig, ridge_probability
 from kpopnet.skeleton import Joint
 from synth.sensor.holes import erase_ellipses, spherical_hole
-from synth.sensor.model import SensorConfig, measure_labelled
+from synth.sensor.model import SENSORS, SensorConfig, measure_labelled
 
 MARGIN_PX = 4
 """Margin around the person's bounding box that is measured too: one pixel for dilation, two empty ones for the ridge."""
@@ -28,8 +28,8 @@ LIMB_ENDS = [*HANDS, Joint.RIGHT_FOOT, Joint.LEFT_FOOT]
 HAND_RADIUS_M = (0.08, 0.14)
 HAND_DEPTH_M = 0.2
 ATTACHED_RADIUS_M = (0.1, 0.3)
-HAIR_STREAM = 0x4A12
-"""Makes what is drawn for a person's hair independent of other draws with the person's number."""
+HAIR_STREAM, SENSOR_STREAM = 0x4A12, 0x5E45
+"""Make what is drawn for a person's hair, and which sensor measures an image, independent of other draws."""
 
 HAIRLINE_M, HAIR_REACH_M = (0.02, 0.07), (0.3, 0.17)
 """Range of the hairline's height above the head joint, along the axis from the neck; and how far from the joint hair reaches,
@@ -77,6 +77,27 @@ class ExtractionConfig:
 PERFECT = ExtractionConfig(feet_cut_m=0, erode=0, dilate=0, attached=0, hand_missing=0, hair_missing=0)
 
 
+@dataclass(frozen=True)
+class OtherSensors:
+    """How often an image is measured by another sensor than the set's.
+
+    Attributes:
+        ideal: probability that nothing but the segmentation fails.
+        kinect_v1: probability of a Kinect v1.
+        kinect_2: probability of a Kinect 2.
+        swissranger: probability of a SwissRanger.
+    """
+
+    ideal: float = 0.0
+    kinect_v1: float = 0.0
+    kinect_2: float = 0.0
+    swissranger: float = 0.0
+
+    def __post_init__(self) -> None:
+        if min(asdict(self).values()) < 0 or not sum(asdict(self).values()) <= 1:
+            raise InputError(f"other_sensors={asdict(self)}: expected probabilities whose sum is at most 1")
+
+
 class Room(NamedTuple):
     """The empty room behind a person.
 
@@ -102,6 +123,7 @@ class Observer:
         sensor: SensorConfig,
         extraction: ExtractionConfig,
         seed: int,
+        other_sensors: OtherSensors | None = None,
     ) -> None:
         """Stores the settings. No file is opened.
 
@@ -110,8 +132,10 @@ class Observer:
             sensor: the depth-camera model.
             extraction: failures of the segmentation.
             seed: seed of the noise, at least 0.
+            other_sensors: probabilities that another sensor measures an image of a clean shard.
         """
         self.shards, self.sensor, self.extraction, self.seed = shards, sensor, extraction, seed
+        self.other_sensors = other_sensors or OtherSensors()
 
     def __len__(self) -> int:
         return len(self.shards)
@@ -123,7 +147,15 @@ class Observer:
             return as_stored(sample, self.shards.camera)
         room = Room(*self.shards.room(index, sample.room))
         rng = np.random.default_rng([self.seed, epoch, index])
-        return observe_sample(sample, room, self.shards.camera, self.sensor, self.extraction, rng)
+        return observe_sample(sample, room, self.shards.camera, self._sensor(index, epoch), self.extraction, rng)
+
+    def _sensor(self, index: int, epoch: int) -> SensorConfig:
+        drawn, below = np.random.default_rng([SENSOR_STREAM, self.seed, epoch, index]).random(), 0.0
+        for name, probability in asdict(self.other_sensors).items():
+            below += probability
+            if drawn < below:
+                return SENSORS[name]
+        return self.sensor
 
 
 def observe_sample(

@@ -9,7 +9,7 @@ from kpopnet.data.shards import ShardedSet
 from kpopnet.errors import InputError
 from kpopnet.ridge import RidgeConfig, ridge_probability
 from kpopnet.skeleton import Joint
-from synth.samples.observe import PERFECT, ExtractionConfig, Observer, Room, freeze, observe_sample
+from synth.samples.observe import PERFECT, ExtractionConfig, Observer, OtherSensors, Room, freeze, observe_sample
 from synth.sensor.model import SENSORS
 
 IDEAL, KINECT = SENSORS["ideal"], SENSORS["kinect_v1"]
@@ -245,3 +245,20 @@ def test_without_a_head_joint_no_hair_is_missing(shards):
     missing = dataclasses.replace(PERFECT, hair_missing=1.0)
     seen = observe_sample(sample, room, shards.camera, IDEAL, missing, seeded())
     assert np.array_equal(seen.depth_m, observed(shards).depth_m)
+
+
+def test_other_sensors_measure_their_share_and_only_that(shards):
+    plain, some, other = (
+        [Observer(shards, IDEAL, PERFECT, 3, others).observe(i, epoch).depth_m for epoch in range(8) for i in range(5)]
+        for others in (None, OtherSensors(kinect_v1=0.5), OtherSensors(kinect_v1=1.0))
+    )
+    by_other = [not np.array_equal(found, expected) for found, expected in zip(some, plain, strict=True)]
+    for found, expected, taken in zip(some, other, by_other, strict=True):
+        assert not taken or np.array_equal(found, expected)
+    assert abs(np.mean(by_other) - 0.5) < 4 * 0.5 / len(by_other) ** 0.5
+
+
+@pytest.mark.parametrize("shares", [{"kinect_v1": -0.1}, {"ideal": 0.6, "kinect_2": 0.6}, {"ideal": float("nan")}])
+def test_shares_that_are_no_probabilities_are_refused(shares):
+    with pytest.raises(InputError, match="sum is at most 1"):
+        OtherSensors(**shares)
