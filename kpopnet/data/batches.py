@@ -17,8 +17,9 @@ from torch.utils.data import DataLoader, Dataset
 from kpopnet.camera import Camera
 from kpopnet.data.cube import PLAIN_VIEW, Cube, View, crop, person_centre
 from kpopnet.data.observation import Observation, ObservationSource
-from kpopnet.errors import InputError
+from kpopnet.errors import InputError, check_between
 from kpopnet.ridge import RidgeConfig, ridge_probability
+from kpopnet.runtime.cpu import keep_freed_memory
 from kpopnet.runtime.parallel import end_with_parent
 from kpopnet.skeleton import NUM_JOINTS
 
@@ -43,6 +44,24 @@ class CropSettings(Protocol):
     input: str
     crop_px: int
     half_size_m: float
+
+
+@dataclass
+class SmallCropsConfig:
+    """Smaller crops in the first part of a training: they cost less, and show most of what there is to learn.
+
+    Attributes:
+        share: fraction of the steps that take them.
+        crop_px: their side in pixels, a multiple of 16.
+    """
+
+    share: float = 0.0
+    crop_px: int = 64
+
+    def __post_init__(self) -> None:
+        check_between("training.small_crops.share", self.share, 0, 1)
+        if not 32 <= self.crop_px <= 256 or self.crop_px % 16:
+            raise InputError(f"training.small_crops.crop_px={self.crop_px}: expected a multiple of 16, 32 to 256")
 
 
 @dataclass
@@ -170,6 +189,7 @@ class CropBatches(Dataset):
         seed: int,
         augment: AugmentConfig | None,
         ridge: RidgeConfig | None = None,
+        small_crops: tuple[int, int] = (0, 0),
     ) -> None:
         """Combines a source with the crops of a model.
 
@@ -180,6 +200,7 @@ class CropBatches(Dataset):
             seed: of the augmentation.
             augment: augmentation, None for plain crops (validation).
             ridge: of the ridge image, where the model takes one; None for the defaults.
+            small_crops: the first step whose crops have the model's size, and the side in pixels of the crops before it.
         """
         self.source = source
         self.model = model
@@ -187,10 +208,11 @@ class CropBatches(Dataset):
         self.seed = seed
         self.augment = augment
         self.ridge = (ridge or RidgeConfig()) if model.input == "depth_ridge" else None
+        self.small_crops = small_crops
 
     def __getitem__(self, step: int) -> Batch:
         keys = self.order(step)
-        px = self.model.crop_px
+        px = self.crop_px(step)
         batch = Batch(
             crop=np.empty((len(keys), INPUTS[self.model.input], px, px), np.float32),
             target=np.empty((len(keys), NUM_JOINTS, 3), np.float32),
@@ -211,6 +233,15 @@ class CropBatches(Dataset):
             batch.target[row] = view.joints(cube.to_uvd(observation.joints_camera_m))
             batch.cube_m[row] = (*cube.centre_m, cube.half_size_m)
         return batch._replace(skipped=skipped)
+
+    def crop_px(self, step: int) -> int:
+        """The side of a step's crops in pixels."""
+        until, small_px = self.small_crops
+        return small_px if step < until else self.model.crop_px
+
+    def sizes(self) -> set[int]:
+        """The sides of all steps' crops in pixels."""
+        return {self.crop_px(0), self.model.crop_px}
 
     def _observe(self, index: int, epoch: int) -> tuple[int, Observation, np.ndarray, int]:
         for empty in range(MAX_EMPTY_IN_A_ROW):
@@ -278,6 +309,7 @@ def batch_loader(batches: CropBatches, start: int, stop: int, workers: int, pin_
 def _init_worker(_: int) -> None:
     """Limits a worker to one thread and a low priority, below the training step; it ends when the training process ends."""
     end_with_parent()
+    keep_freed_memory()
     torch.set_num_threads(1)
     cv2.setNumThreads(0)
     os.nice(10)

@@ -6,20 +6,25 @@ data (docs/ledger.md).
 All coordinates are cube units (kpopnet.data.cube); J = 15 joints.
 """
 
+import math
+from functools import lru_cache
+
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from kpopnet.networks.encoder import STRIDES, Neck
+from kpopnet.networks.encoder import Neck
 from kpopnet.networks.losses import Prediction, confidence_loss, joints_loss
 from kpopnet.skeleton import NUM_JOINTS
 
 NECK_CHANNELS = 48
 
 
-def grid(size: int) -> Tensor:
+@lru_cache(maxsize=8)
+@torch.inference_mode(False)  # a tensor made in inference mode could not be trained with later
+def grid(size: int, device: torch.device) -> Tensor:
     """(2, size * size) u and v of the centres of size x size cells over the crop, in row-major order."""
-    centres = (torch.arange(size) + 0.5) * (2 / size) - 1
+    centres = (torch.arange(size, device=device) + 0.5) * (2 / size) - 1
     v, u = torch.meshgrid(centres, centres, indexing="ij")
     return torch.stack([u.flatten(), v.flatten()])
 
@@ -35,13 +40,12 @@ class DenseHead(nn.Module):
 
     HEATMAP_WEIGHT = 0.01
 
-    def __init__(self, widths: tuple[int, int, int], crop_px: int, half_size_m: float) -> None:
+    def __init__(self, widths: tuple[int, int, int], _crop_px: int, half_size_m: float) -> None:
+        """The weights do not depend on the size of the crops."""
         super().__init__()
         self.half_size_m = half_size_m
-        self.size = crop_px // STRIDES[0]
         self.neck = Neck(widths, NECK_CHANNELS)
         self.maps = nn.Conv2d(NECK_CHANNELS, NUM_JOINTS * 4, 1)
-        self.register_buffer("grid", grid(self.size), persistent=False)
 
     def forward(self, maps: tuple[Tensor, Tensor, Tensor]) -> Prediction:
         features, joints = self.neck(maps), 3 * NUM_JOINTS
@@ -52,17 +56,21 @@ class DenseHead(nn.Module):
         log_p = functional.log_softmax(heat, dim=-1)
         p = log_p.exp()
         q = torch.softmax(heat + attention, dim=-1)
-        uv = p @ self.grid.T  # (B, J, 2)
+        uv = p @ grid(features.shape[-1], features.device).T  # (B, J, 2)
         d = (q * depth).sum(-1, keepdim=True)
         logit = (p.detach() * confidence).sum(-1)
         return Prediction(torch.cat([uv, d], dim=-1), logit, {"log_p": log_p})
 
     def loss(self, prediction: Prediction, target: Tensor) -> dict[str, Tensor]:
         """The terms of the loss, by name; the loss is their sum."""
-        cells = (target[..., :2, None] - self.grid) * (self.size / 2)  # (B, J, 2, cells) offsets to the joint in cells
+        log_p = prediction.maps["log_p"]
+        size = math.isqrt(log_p.shape[-1])
+        cells = (target[..., :2, None] - grid(size, target.device)) * (
+            size / 2
+        )  # (B, J, 2, cells) offsets to the joint in cells
         truth = torch.softmax(-cells.square().sum(2) / (2 * self.GAUSSIAN_CELLS**2), dim=-1)
         return {
             "joints": joints_loss(prediction.joints, target),
-            "heatmap": -self.HEATMAP_WEIGHT * (truth * prediction.maps["log_p"]).sum(-1).mean(),
+            "heatmap": -self.HEATMAP_WEIGHT * (truth * log_p).sum(-1).mean(),
             "confidence": confidence_loss(prediction, target, self.half_size_m),
         }

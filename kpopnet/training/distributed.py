@@ -12,7 +12,7 @@ from torch.nn.parallel import DistributedDataParallel
 
 from kpopnet.errors import InputError
 from kpopnet.networks import PoseNetwork
-from kpopnet.runtime.cpu import available_cores
+from kpopnet.runtime.cpu import available_cores, keep_freed_memory
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def join_processes(device: str) -> Iterator[Processes]:
 
 
 def set_up_torch(threads: int) -> int:
-    """Makes torch deterministic on CPUs and sets its number of threads.
+    """Makes torch deterministic on CPUs, sets its number of threads, and lets it use freed memory again.
 
     Args:
         threads: number of threads; 0 for all available cores, divided by the number of processes that torchrun started
@@ -96,6 +96,7 @@ def set_up_torch(threads: int) -> int:
     torch.use_deterministic_algorithms(True, warn_only=torch.cuda.is_available())
     # Filling only affects code that reads uninitialised memory, and takes a tenth of the time of a step.
     torch.utils.deterministic.fill_uninitialized_memory = False
+    keep_freed_memory()
     threads = threads or max(1, available_cores() // int(os.environ.get("LOCAL_WORLD_SIZE", "1")))
     torch.set_num_threads(threads)
     return threads

@@ -12,7 +12,7 @@ import sys
 import time
 from contextlib import closing, nullcontext
 from copy import deepcopy
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import torch
@@ -21,7 +21,15 @@ from torch.utils.data import DataLoader
 from torch.utils.tensorboard import SummaryWriter
 from tqdm import tqdm
 
-from kpopnet.data.batches import AugmentConfig, Batch, CropBatches, EvenOrder, ShuffledOrder, batch_loader
+from kpopnet.data.batches import (
+    AugmentConfig,
+    Batch,
+    CropBatches,
+    EvenOrder,
+    ShuffledOrder,
+    SmallCropsConfig,
+    batch_loader,
+)
 from kpopnet.data.observation import ObservationSource
 from kpopnet.errors import InputError, check_between
 from kpopnet.networks import ModelConfig, PoseNetwork, build_network
@@ -31,6 +39,7 @@ from kpopnet.runtime.atomic_write import naming
 from kpopnet.runtime.cpu import bounded_processes
 from kpopnet.runtime.folder_lock import locked
 from kpopnet.training.distributed import Processes, join_processes, set_up_torch
+from kpopnet.training.optimisers import OPTIMISERS, build_optimisers, load_optimisers
 from kpopnet.training.validation import validate, validation_sheet
 
 log = logging.getLogger(__name__)
@@ -51,12 +60,14 @@ class TrainingConfig:
         batch_size: samples per step, over all processes.
         lr: peak learning rate of the cycle.
         warmup: fraction of the steps in which the learning rate rises.
-        weight_decay: weight decay of AdamW, only for the weights of convolutions and linear layers.
+        optimiser: adamw, or muon for the weights of convolutions and linear layers (kpopnet.training.muon).
+        weight_decay: weight decay, only for the weights of convolutions and linear layers.
         clip_norm: gradients with a larger norm are scaled down to it, so that a single odd batch does not throw the weights.
             Measured norms (median, 99th percentile, largest): 0.15, 0.25 and 0.38 in 2,400 steps of the dense network; 0.32,
             0.9 and 1.6 of the holistic one, 3.3 in its first 50 steps.
         average: decay per step of the exponential moving average of the weights, which is validated and stored.
         augment: augmentation of training crops.
+        small_crops: smaller crops for the first steps, for dense networks only.
         log_every: steps between scalars in TensorBoard.
         validate_every: steps between validations, each followed by a checkpoint; the last step always has one.
         validation_samples: number of evenly spaced samples of the validation set (all if it has fewer), kept in memory.
@@ -68,10 +79,12 @@ class TrainingConfig:
     batch_size: int = 32
     lr: float = 2e-3
     warmup: float = 0.07
+    optimiser: str = "adamw"
     weight_decay: float = 0.01
     clip_norm: float = 0.5
     average: float = 0.999
     augment: AugmentConfig = field(default_factory=AugmentConfig)
+    small_crops: SmallCropsConfig = field(default_factory=SmallCropsConfig)
     log_every: int = 20
     validate_every: int = 1000
     validation_samples: int = 2048
@@ -89,6 +102,8 @@ class TrainingConfig:
                 f"expected training.lr > 0, training.clip_norm > 0 and training.weight_decay >= 0, found {self.lr}, "
                 f"{self.clip_norm} and {self.weight_decay}"
             )
+        if self.optimiser not in OPTIMISERS:
+            raise InputError(f"training.optimiser={self.optimiser}: expected one of {', '.join(OPTIMISERS)}")
         if not (0 <= self.warmup < 1 and 0 <= self.average < 1):
             raise InputError(f"training.warmup={self.warmup}, training.average={self.average}: expected 0 <= x < 1")
 
@@ -119,7 +134,7 @@ class Run:
         if config.start is not None and config.resume is None:
             load_initial_weights(self.network, config.start)
         self.average = deepcopy(self.network).eval().requires_grad_(False)
-        self.optimiser = torch.optim.AdamW(weight_groups(self.network, config.weight_decay), lr=config.lr, fused=True)
+        self.optimisers = build_optimisers(self.network, config.optimiser, config.lr, config.weight_decay)
         self.step = 0
         self.best_cm = math.inf
         self.offset_sum_m = torch.zeros(15, 3, dtype=torch.float64)
@@ -161,7 +176,7 @@ class Run:
         prediction = self.data_parallel(crop)
         losses = self.network.head.loss(prediction, target)
         loss = sum(losses.values())
-        self.optimiser.zero_grad()
+        self.network.zero_grad()
         loss.backward()
         norm = nn.utils.clip_grad_norm_(self.network.parameters(), self.config.clip_norm)
         if not math.isfinite(float(loss.detach() + norm)):
@@ -171,9 +186,10 @@ class Run:
             )
 
         # Update
-        for group in self.optimiser.param_groups:
-            group["lr"] = lr
-        self.optimiser.step()
+        for optimiser in self.optimisers.values():
+            for group in optimiser.param_groups:
+                group["lr"] = lr
+            optimiser.step()
         self._update_average()
 
         # Statistics
@@ -209,7 +225,7 @@ class Run:
         state = {
             "step": self.step,
             "weights": self.network.state_dict(),
-            "optimiser": self.optimiser.state_dict(),
+            "optimiser": {name: optimiser.state_dict() for name, optimiser in self.optimisers.items()},
             "best_cm": self.best_cm,
             "offset_sum_m": self.offset_sum_m,
             "offset_count": self.offset_count,
@@ -229,7 +245,7 @@ class Run:
         state = load_state(folder)
         try:
             self.network.load_state_dict(state["weights"])
-            self._load_optimiser(state["optimiser"])
+            load_optimisers(self.optimisers, state["optimiser"])
             self.step, self.best_cm = state["step"], state["best_cm"]
             self.offset_sum_m, self.offset_count = state["offset_sum_m"], state["offset_count"]
             self.skipped = state["skipped"]
@@ -239,27 +255,6 @@ class Run:
             raise InputError(f"{folder}: its training state does not fit this model or version ({first_line})") from error
         if self.step >= self.config.steps:
             raise InputError(f"{folder}: finished already, {self.step} of {self.config.steps} steps are done")
-
-    def _load_optimiser(self, saved: dict) -> None:
-        """Loads the optimiser's state; its settings must be those of this run, its moments of the weights' shapes.
-
-        Raises:
-            ValueError: they are not.
-        """
-        settings = [
-            {name: value for name, value in group.items() if name not in ("params", "lr")}
-            for group in self.optimiser.param_groups
-        ]
-        self.optimiser.load_state_dict(saved)
-        for group, expected in zip(self.optimiser.param_groups, settings, strict=True):
-            if other := [name for name, value in expected.items() if group.get(name, value) != value]:
-                raise ValueError(f"other settings of the optimiser: {', '.join(other)}")
-            for weight in group["params"]:
-                moments = self.optimiser.state.get(weight, {})
-                if not {"step", "exp_avg", "exp_avg_sq"} <= set(moments):
-                    raise ValueError("moments are missing")
-                if any(moments[name].shape != weight.shape for name in ("exp_avg", "exp_avg_sq")):
-                    raise ValueError("moments of other shapes than the weights")
 
 
 def refuse_other_run(folder: Path, resume: str | None) -> None:
@@ -287,20 +282,13 @@ def load_initial_weights(network: PoseNetwork, checkpoint: str) -> None:
         InputError: no checkpoint in the folder, or one of another model.
     """
     found, expected = read_meta(checkpoint)["model"], asdict(network.config)
-    other = [name for name in expected if found.get(name, expected[name]) != expected[name]]
+    # The weights of a dense network fit crops of any size.
+    free = ("crop_px",) if network.config.kind == "dense" else ()
+    other = [name for name in expected if name not in free and found.get(name, expected[name]) != expected[name]]
     if other:
         settings = " ".join(f"model.{name}={str(found[name]).replace(' ', '')}" for name in other)
         raise InputError(f"training.start={checkpoint} has another model; give it: {settings}")
     load_weights(network, checkpoint)
-
-
-def weight_groups(network: nn.Module, weight_decay: float) -> list[dict]:
-    """Parameter groups of AdamW: weights of convolutions and linear layers decay, biases and normalisation do not."""
-    weights = list(network.parameters())
-    return [
-        {"params": [weight for weight in weights if weight.ndim > 1], "weight_decay": weight_decay},
-        {"params": [weight for weight in weights if weight.ndim <= 1], "weight_decay": 0.0},
-    ]
 
 
 def train(
@@ -350,11 +338,14 @@ def train(
                 f"training.batch_size={config.batch_size} cannot be divided evenly among {processes.count} processes"
             )
         workers = bounded_processes(workers, "workers")
+        if config.small_crops.share and model.kind != "dense":
+            raise InputError(f"training.small_crops: a {model.kind} network takes crops of one size; set its share to 0")
         with closing(Run(config, model, seed, processes)) as run:
             if run.resumed_meta is not None and (begun_with := run.resumed_meta.get("data")) != data:
                 raise InputError(f"{config.resume}: was trained on other data ({begun_with}) than the given data ({data})")
             order = ShuffledOrder(len(source), config.batch_size, seed, processes.rank, processes.count)
-            batches = CropBatches(source, model, order, seed, config.augment, ridge)
+            small = round(config.small_crops.share * config.steps), config.small_crops.crop_px
+            batches = CropBatches(source, model, order, seed, config.augment, ridge, small)
             loader = batch_loader(batches, run.step, config.steps, workers, pin_memory=processes.device.type == "cuda")
             if processes.rank > 0:
                 for batch in loader:
@@ -368,8 +359,10 @@ def train(
             )
             if config.resume is not None:
                 complete_links(out, Path(config.resume))
-            validation_set = validation_batches(validation, model, config, seed, ridge)
-            return _train_and_validate(run, loader, validation_set, out, {"config": described or {}, "data": data})
+            sets = {
+                px: validation_batches(validation, replace(model, crop_px=px), config, seed, ridge) for px in batches.sizes()
+            }
+            return _train_and_validate(run, loader, batches, sets, out, {"config": described or {}, "data": data})
 
 
 def validation_batches(
@@ -415,8 +408,10 @@ class Progress:
         return f"{self.samples_per_second(step):.0f} samples/s, about {left} left"
 
 
-def _train_and_validate(run: Run, loader: DataLoader, validation_set: list[Batch], out: Path, described: dict) -> Path:
-    """The loop of rank 0: steps, scalars, validation, images, checkpoints."""
+def _train_and_validate(
+    run: Run, loader: DataLoader, batches: CropBatches, sets: dict[int, list[Batch]], out: Path, described: dict
+) -> Path:
+    """The loop of rank 0: steps, scalars, validation on crops of the size trained with, images, checkpoints."""
     config, checkpoint = run.config, out / "last"
     progress = Progress(run.step, config)
     bar = tqdm(total=config.steps, initial=run.step, desc="training", unit="step", disable=not sys.stderr.isatty())
@@ -434,6 +429,7 @@ def _train_and_validate(run: Run, loader: DataLoader, validation_set: list[Batch
                 bar.set_postfix(error=f"{float(scalars['error_cm']):.1f} cm", rate=f"{rate:.0f}/s")
 
             if run.step % config.validate_every == 0 or run.step == config.steps:
+                validation_set = sets[batches.crop_px(run.step - 1)]
                 metrics, estimates = validate(run.average, validation_set, run.processes.device)
                 for name, value in metrics.items():
                     board.add_scalar(f"validation/{name}", value, run.step)

@@ -17,13 +17,13 @@ from checkpoint_contents import contents, flatten
 from programs import ROOT
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from kpopnet.data.batches import AugmentConfig, CropBatches, ShuffledOrder
+from kpopnet.data.batches import AugmentConfig, CropBatches, ShuffledOrder, SmallCropsConfig
 from kpopnet.errors import InputError
 from kpopnet.networks import ModelConfig, build_network
 from kpopnet.networks.checkpoint import read_meta
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.training.distributed import Processes, join_processes
-from kpopnet.training.loop import Progress, Run, TrainingConfig, decay_at, lr_at, train, validation_batches, weight_groups
+from kpopnet.training.loop import Progress, Run, TrainingConfig, decay_at, lr_at, train, validation_batches
 from kpopnet.training.validation import validate
 
 MODEL = ModelConfig(crop_px=32, widths=[8, 8, 16, 16])
@@ -43,10 +43,13 @@ def run_short(out, config=SHORT, model=MODEL, **settings):
     return train(config, model, PEOPLE, OTHERS, out=out, **settings)
 
 
-@pytest.mark.parametrize("kind", ["holistic", "dense"])
-def test_a_resumed_run_equals_an_uninterrupted_run(tmp_path, kind):
+SMALL_FIRST = replace(SHORT, optimiser="muon", small_crops=SmallCropsConfig(share=0.5, crop_px=48))
+
+
+@pytest.mark.parametrize(("kind", "config"), [("holistic", SHORT), ("dense", SHORT), ("dense", SMALL_FIRST)])
+def test_a_resumed_run_equals_an_uninterrupted_run(tmp_path, kind, config):
     model = replace(MODEL, kind=kind)
-    whole = run_short(tmp_path / "whole", model=model)
+    whole = run_short(tmp_path / "whole", config, model=model)
 
     class StoppedError(Exception):
         pass
@@ -61,9 +64,9 @@ def test_a_resumed_run_equals_an_uninterrupted_run(tmp_path, kind):
     stopping = Stopping(20, seed=1)
     stopping.left = 14  # in the middle of step 4, of the second epoch, after the checkpoint of step 4
     with pytest.raises(StoppedError):
-        train(SHORT, model, stopping, OTHERS, out=tmp_path / "parts", device="cpu", workers=0, threads=1)
+        train(config, model, stopping, OTHERS, out=tmp_path / "parts", device="cpu", workers=0, threads=1)
     assert read_meta(tmp_path / "parts" / "last")["step"] == 4
-    resumed = run_short(tmp_path / "parts", replace(SHORT, resume=str(tmp_path / "parts" / "last")), model)
+    resumed = run_short(tmp_path / "parts", replace(config, resume=str(tmp_path / "parts" / "last")), model)
 
     (weights, state, meta), (other_weights, other_state, other_meta) = contents(whole), contents(resumed)
     assert weights == other_weights
@@ -71,6 +74,17 @@ def test_a_resumed_run_equals_an_uninterrupted_run(tmp_path, kind):
     assert state["step"] == 6
     assert meta["metrics"] == other_meta["metrics"]
     assert meta["mean_pose_m"] == other_meta["mean_pose_m"]
+
+
+def test_small_crops_come_first_and_the_models_size_follows():
+    batches = CropBatches(PEOPLE, MODEL, ShuffledOrder(20, 4, 0), 0, None, small_crops=(2, 64))
+    assert [batches[step].crop.shape[-1] for step in range(4)] == [64, 64, 32, 32]
+    np.testing.assert_array_equal(batches[1].target, CropBatches(PEOPLE, MODEL, ShuffledOrder(20, 4, 0), 0, None)[1].target)
+
+
+def test_a_holistic_network_refuses_small_crops(tmp_path):
+    with pytest.raises(InputError, match=r"training\.small_crops: a holistic network takes crops of one size"):
+        run_short(tmp_path, SMALL_FIRST, replace(MODEL, kind="holistic"))
 
 
 def test_the_number_of_workers_changes_nothing(tmp_path):
@@ -160,7 +174,7 @@ def test_a_loss_that_is_not_finite_stops_before_the_update(field):
     run.update(batch)
     before = (
         flatten(run.network.head.state_dict()),
-        flatten(run.optimiser.state_dict()),
+        flatten({name: optimiser.state_dict() for name, optimiser in run.optimisers.items()}),
         flatten(run.average.state_dict()),
     )
     bad = getattr(batch, field).clone()
@@ -169,7 +183,7 @@ def test_a_loss_that_is_not_finite_stops_before_the_update(field):
         run.update(batch._replace(**{field: bad}))
     after = (
         flatten(run.network.head.state_dict()),
-        flatten(run.optimiser.state_dict()),
+        flatten({name: optimiser.state_dict() for name, optimiser in run.optimisers.items()}),
         flatten(run.average.state_dict()),
     )
     assert [part == other for part, other in zip(before, after, strict=True)][1:] == [True, True]
@@ -203,30 +217,18 @@ def test_the_average_starts_with_a_small_decay():
         torch.testing.assert_close(averaged, expected)
 
 
-def test_only_weights_decay():
-    network = build_network(MODEL)
-    decaying, others = weight_groups(network, 0.01)
-    names = {id(weight): name for name, weight in network.named_parameters()}
-    assert len(decaying["params"]) + len(others["params"]) == len(names)
-    assert others["weight_decay"] == 0
-    assert all(names[id(weight)].endswith("weight") for weight in decaying["params"])
-    norms = {name for name, module in network.named_modules() if isinstance(module, torch.nn.BatchNorm2d)}
-    assert not any(names[id(weight)].rpartition(".")[0] in norms for weight in decaying["params"])
-    assert all(names[id(w)].endswith("bias") or names[id(w)].rpartition(".")[0] in norms for w in others["params"])
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda state: state["optimiser"]["state"][0].update(exp_avg=torch.zeros(1)), "moments of other shapes"),
-        (lambda state: state["optimiser"]["state"][0].pop("exp_avg_sq"), "moments are missing"),
-        (lambda state: state["optimiser"]["state"].update({0: []}), "does not fit"),
+        (lambda state: state["optimiser"]["adamw"]["state"][0].update(exp_avg=torch.zeros(1)), "moments of other shapes"),
+        (lambda state: state["optimiser"]["adamw"]["state"][0].pop("exp_avg_sq"), "moments are missing"),
+        (lambda state: state["optimiser"]["adamw"]["state"].update({0: []}), "does not fit"),
         (
-            lambda state: state["optimiser"]["param_groups"][0].update(betas=(2.0, 3.0)),
+            lambda state: state["optimiser"]["adamw"]["param_groups"][0].update(betas=(2.0, 3.0)),
             "other settings of the optimiser: betas",
         ),
-        (lambda state: state["optimiser"]["param_groups"].pop(), "does not fit"),
-        (lambda state: state["optimiser"].pop("state"), "does not fit"),
+        (lambda state: state["optimiser"]["adamw"]["param_groups"].pop(), "does not fit"),
+        (lambda state: state["optimiser"]["adamw"].pop("state"), "does not fit"),
         (lambda state: state.pop("best_cm"), "does not fit"),
         (lambda state: state["weights"].popitem(), "does not fit"),
         (lambda state: state.update(offset_sum_m=torch.zeros(7)), "does not fit"),
@@ -293,7 +295,7 @@ def share(rank, count):
 
 def gradient(shares, training):
     run.network.train(training)
-    run.optimiser.zero_grad()
+    run.network.zero_grad()
     for batch in shares:
         (sum(run.network.head.loss(run.data_parallel(batch.crop), batch.target).values()) / len(shares)).backward()
     return torch.cat([weight.grad.flatten() for weight in run.network.parameters()])

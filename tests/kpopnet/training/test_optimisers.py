@@ -1,0 +1,77 @@
+"""Muon makes steps orthogonal, and each optimiser takes its part of the weights."""
+
+import pytest
+import torch
+
+from kpopnet.networks import ModelConfig, build_network
+from kpopnet.training.muon import ITERATIONS, Muon, orthogonalised
+from kpopnet.training.optimisers import OPTIMISERS, build_optimisers, load_optimisers
+
+MODEL = ModelConfig(crop_px=32, widths=[8, 8, 16, 16])
+
+
+def plainly_orthogonalised(matrix):
+    """The iteration on singular values alone: the singular vectors stay."""
+    left, values, right = torch.linalg.svd(matrix, full_matrices=False)
+    values = values / matrix.norm()
+    for _ in range(ITERATIONS):
+        values = 3.4445 * values - 4.7750 * values**3 + 2.0315 * values**5
+    return left @ torch.diag(values) @ right
+
+
+@pytest.mark.parametrize("shape", [(5, 12), (12, 5), (7, 7)])
+def test_singular_values_move_close_to_one_and_vectors_stay(shape):
+    matrices = torch.randn(3, *shape, generator=torch.Generator().manual_seed(0))
+    found = orthogonalised(matrices)
+    for matrix, moved in zip(matrices, found, strict=True):
+        torch.testing.assert_close(moved, plainly_orthogonalised(matrix), atol=1e-4, rtol=1e-3)
+        values = torch.linalg.svdvals(moved)
+        assert values.min() > 0.4
+        assert values.max() < 1.6
+
+
+def test_a_step_of_muon_follows_momentum_and_decay():
+    weight = torch.nn.Parameter(torch.randn(4, 2, 3, 3, generator=torch.Generator().manual_seed(1)))
+    before, optimiser = weight.detach().clone(), Muon([weight], lr=0.1, weight_decay=0.01)
+    first, second = (torch.randn(4, 2, 3, 3, generator=torch.Generator().manual_seed(seed)) for seed in (2, 3))
+    average, expected = torch.zeros(4, 18), before.flatten(1)
+    for gradient in (first, second):
+        weight.grad = gradient.clone()
+        optimiser.step()
+        average = 0.95 * average + 0.05 * gradient.flatten(1)
+        ahead = 0.05 * gradient.flatten(1) + 0.95 * average
+        expected = expected * (1 - 0.1 * 0.01) - 0.1 * 0.2 * 18**0.5 * plainly_orthogonalised(ahead)
+    torch.testing.assert_close(weight.detach().flatten(1), expected, atol=1e-4, rtol=1e-3)
+
+
+@pytest.mark.parametrize("name", OPTIMISERS)
+def test_every_weight_has_one_optimiser_and_only_matrices_decay(name):
+    network = build_network(MODEL)
+    optimisers = build_optimisers(network, name, 1e-3, 0.01)
+    assert set(optimisers) == {"adamw", name}
+    groups = [group for optimiser in optimisers.values() for group in optimiser.param_groups]
+    taken = [weight for group in groups for weight in group["params"]]
+    assert {id(weight) for weight in taken} == {id(weight) for weight in network.parameters()}
+    assert len(taken) == len(list(network.parameters()))
+    for group in groups:
+        assert {weight.ndim > 1 for weight in group["params"]} == {group["weight_decay"] > 0}
+
+
+@pytest.mark.parametrize("layout", [torch.contiguous_format, torch.channels_last])
+def test_the_layout_of_filters_in_memory_changes_nothing(layout):
+    weight = torch.nn.Parameter(torch.randn(4, 2, 3, 3, generator=torch.Generator().manual_seed(1)).to(memory_format=layout))
+    weight.grad = torch.randn(4, 2, 3, 3, generator=torch.Generator().manual_seed(2)).to(memory_format=layout)
+    Muon([weight], lr=0.1, weight_decay=0.0).step()
+    plain = torch.nn.Parameter(torch.randn(4, 2, 3, 3, generator=torch.Generator().manual_seed(1)))
+    plain.grad = torch.randn(4, 2, 3, 3, generator=torch.Generator().manual_seed(2))
+    Muon([plain], lr=0.1, weight_decay=0.0).step()
+    torch.testing.assert_close(weight, plain)
+
+
+def test_the_state_of_another_optimiser_is_refused():
+    network = build_network(MODEL)
+    saved = {name: one.state_dict() for name, one in build_optimisers(network, "muon", 1e-3, 0.01).items()}
+    with pytest.raises(ValueError, match="of optimisers muon, adamw, not adamw"):
+        load_optimisers(build_optimisers(network, "adamw", 1e-3, 0.01), saved)
+    with pytest.raises(ValueError, match="moments are missing"):
+        load_optimisers(build_optimisers(network, "muon", 1e-3, 0.01), saved)
