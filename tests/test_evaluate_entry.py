@@ -21,9 +21,10 @@ from kpopnet.errors import InputError
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.poses.sweep import sweep_of
 from kpopnet.evaluation.registry import ESTIMATORS, MeanPoseConfig, NetworkEstimatorConfig, build_estimators
-from kpopnet.networks import ModelConfig, build_network
+from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import save_checkpoint
 from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.networks.network import build_network
 from kpopnet.programs.evaluate import evaluate_joints
 from kpopnet.runtime.cpu import available_cores
 from kpopnet.runtime.hydra_app import user_errors

@@ -17,9 +17,10 @@ from programs import ROOT, run_program
 
 from kpopnet.data.batches import ShuffledOrder
 from kpopnet.data.shards import ShardedSet
-from kpopnet.networks import ModelConfig, build_network
+from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import load_network, read_meta
 from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.networks.network import build_network
 from kpopnet.programs.train import NetworkTrainingConfig
 
 run = partial(run_program, "train.py")

@@ -15,7 +15,7 @@ import torch
 from torch.utils.data import DataLoader, Dataset
 
 from kpopnet.camera import Camera
-from kpopnet.data.cube import PLAIN_VIEW, Cube, View, crop, person_centre
+from kpopnet.data.cube import INPUTS, PLAIN_VIEW, Cube, View, crop, person_centre
 from kpopnet.data.observation import Observation, ObservationSource
 from kpopnet.errors import InputError, check_between
 from kpopnet.ridge import RidgeConfig, ridge_probability
@@ -28,15 +28,12 @@ ORDER_STREAM, AUGMENT_STREAM, OCCLUDE_STREAM = 0x0DE5, 0xA063, 0x0CC1
 
 MAX_EMPTY_IN_A_ROW = 100
 
-INPUTS = {"depth": 1, "depth_ridge": 2}
-"""Number of channels of the crop, by the name of the input."""
-
 
 class CropSettings(Protocol):
     """The input that a network expects.
 
     Attributes:
-        input: a name of `INPUTS`.
+        input: a name of `kpopnet.data.cube.INPUTS`.
         crop_px: side of the square crop in pixels.
         half_size_m: half the edge of the cube around the person in metres.
     """

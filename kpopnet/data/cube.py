@@ -19,6 +19,9 @@ from numba import njit
 from kpopnet.camera import Camera, check_images
 from kpopnet.skeleton import MIRROR
 
+INPUTS = {"depth": 1, "depth_ridge": 2}
+"""Number of channels of the crop, by the name of the input."""
+
 MIN_SILHOUETTE_PX = 20
 """A silhouette with fewer pixels counts as empty."""
 

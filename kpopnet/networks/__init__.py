@@ -1,21 +1,19 @@
 """Networks that estimate fifteen 3D joints from a depth crop of one person: `holistic` and `dense`.
 
 crop (kpopnet.data.cube) -> encoder -> head -> joints in cube units, confidence
+
+`network` builds them with torch, `estimator` runs them; this module, the estimator and ONNX files need no torch.
 """
 
 from dataclasses import dataclass, field
 
-import torch
-from torch import Tensor, nn
-
-from kpopnet.data.batches import INPUTS
+from kpopnet.data.cube import INPUTS
 from kpopnet.errors import InputError
-from kpopnet.networks.dense import DenseHead
-from kpopnet.networks.encoder import STRIDES, Encoder
-from kpopnet.networks.holistic import HolisticHead
-from kpopnet.networks.losses import Prediction
 
-HEADS = {"holistic": HolisticHead, "dense": DenseHead}
+KINDS = ("holistic", "dense")
+
+STRIDES = (4, 8, 16)
+"""Strides of the encoder's three outputs in crop pixels."""
 
 MAX_CROP_PX, MAX_WIDTH = 256, 512
 """A checkpoint's description chooses these sizes: they bound the weights to 0.3 GB, and a batch's maps to a few."""
@@ -41,7 +39,7 @@ class ModelConfig:
 
     def __post_init__(self) -> None:
         for name, found, known in (
-            ("kind", self.kind, tuple(HEADS)),
+            ("kind", self.kind, KINDS),
             ("input", self.input, tuple(INPUTS)),
         ):
             if found not in known:
@@ -60,28 +58,3 @@ class ModelConfig:
     def name(self) -> str:
         """Short name, for folders and tables."""
         return f"{self.kind}-{self.input}"
-
-
-class PoseNetwork(nn.Module):
-    """Maps (B, C, S, S) crops to a `Prediction`."""
-
-    def __init__(self, config: ModelConfig) -> None:
-        super().__init__()
-        self.config = config
-        widths = tuple(config.widths)
-        self.encoder = Encoder(INPUTS[config.input], widths)
-        self.head = HEADS[config.kind](widths[1:], config.crop_px, config.half_size_m)
-
-    def forward(self, crop: Tensor) -> Prediction:
-        # bfloat16 only for the convolutions on GPUs, where it is faster; coordinates and their sums stay in float32.
-        with torch.autocast(crop.device.type, torch.bfloat16, enabled=crop.is_cuda and self.training):
-            maps = self.encoder(crop)
-        return self.head(tuple(x.float() for x in maps))
-
-
-def build_network(config: ModelConfig, seed: int = 0) -> PoseNetwork:
-    """Builds a network with random weights, a pure function of the arguments."""
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)
-        # channels_last is a quarter faster on CPUs, and the preferred layout of tensor cores.
-        return PoseNetwork(config).to(memory_format=torch.channels_last)

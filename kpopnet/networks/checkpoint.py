@@ -29,7 +29,8 @@ from safetensors.torch import load_file
 from torch import Tensor
 
 from kpopnet.errors import InputError
-from kpopnet.networks import ModelConfig, PoseNetwork, build_network
+from kpopnet.networks import ModelConfig
+from kpopnet.networks.network import PoseNetwork, build_network
 from kpopnet.networks.state_file import read_state_file
 from kpopnet.runtime.input_files import check_fields, read_json, read_with, settings_from
 from kpopnet.runtime.provenance import git_revision

@@ -7,9 +7,6 @@ accuracy.
 import torch
 from torch import Tensor, nn
 
-STRIDES = (4, 8, 16)
-"""Strides of the encoder's three outputs in crop pixels."""
-
 
 def convolution(inputs: int, outputs: int, kernel: int, stride: int = 1) -> nn.Sequential:
     """A convolution without bias, followed by batch normalisation."""

@@ -8,7 +8,7 @@ network, so that the two differ only in how joints are computed from the feature
 
 from torch import Tensor, nn
 
-from kpopnet.networks.encoder import STRIDES
+from kpopnet.networks import STRIDES
 from kpopnet.networks.losses import Prediction, confidence_loss, joints_loss
 from kpopnet.skeleton import NUM_JOINTS
 

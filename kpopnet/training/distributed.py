@@ -11,7 +11,7 @@ from torch import distributed, nn
 from torch.nn.parallel import DistributedDataParallel
 
 from kpopnet.errors import InputError
-from kpopnet.networks import PoseNetwork
+from kpopnet.networks.network import PoseNetwork
 from kpopnet.runtime.cpu import available_cores, keep_freed_memory
 
 

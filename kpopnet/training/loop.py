@@ -32,8 +32,9 @@ from kpopnet.data.batches import (
 )
 from kpopnet.data.observation import ObservationSource
 from kpopnet.errors import InputError, check_between
-from kpopnet.networks import ModelConfig, PoseNetwork, build_network
+from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import complete_links, load_state, load_weights, read_meta, resumable, save_checkpoint
+from kpopnet.networks.network import PoseNetwork, build_network
 from kpopnet.ridge import RidgeConfig
 from kpopnet.runtime.atomic_write import naming
 from kpopnet.runtime.cpu import bounded_processes

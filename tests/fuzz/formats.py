@@ -36,8 +36,9 @@ from kpopnet.datasets.smmc10.format import PACKED
 from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
 from kpopnet.datasets.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
 from kpopnet.geometry.human_model import HumanModel
-from kpopnet.networks import ModelConfig, build_network
+from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import load_network, load_state, save_checkpoint
+from kpopnet.networks.network import build_network
 from kpopnet.programs.stages import stages_of
 from synth.motion import MotionConfig, build_motion
 from synth.motion.choreography.composer import dance

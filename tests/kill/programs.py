@@ -16,8 +16,9 @@ import factories
 import shard_sets
 from checkpoint_contents import contents
 
-from kpopnet.networks import ModelConfig, build_network
+from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import resumable, save_checkpoint
+from kpopnet.networks.network import build_network
 from kpopnet.runtime.folder_lock import LOCK_FILE
 
 CHANGING = ("git", "packages", "files", "seconds", "fps", "made")

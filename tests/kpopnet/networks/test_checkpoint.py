@@ -12,7 +12,7 @@ from capsule_people import CAMERA, draw_depth, draw_joints
 import kpopnet.networks.checkpoint as checkpoint_module
 from kpopnet.data.cube import Cube, crop, person_centre
 from kpopnet.errors import InputError
-from kpopnet.networks import ModelConfig, build_network
+from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import (
     complete_links,
     load_network,
@@ -23,6 +23,7 @@ from kpopnet.networks.checkpoint import (
     save_checkpoint,
 )
 from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.networks.network import build_network
 
 MODEL = ModelConfig(crop_px=32, widths=[8, 8, 16, 16])
 

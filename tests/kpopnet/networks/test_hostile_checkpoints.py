@@ -12,9 +12,10 @@ from damaged_files import survives_damage, survives_hostile_json
 from safetensors.torch import save_file
 
 from kpopnet.errors import InputError
-from kpopnet.networks import ModelConfig, build_network
+from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import load_network, load_state, read_meta, save_checkpoint
 from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.networks.network import build_network
 
 MODEL = ModelConfig(crop_px=32, widths=[8, 8, 8, 8])
 

@@ -9,9 +9,10 @@ from factories import draw_room
 
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, occlude
-from kpopnet.networks import ModelConfig, build_network
+from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import save_checkpoint
 from kpopnet.networks.estimator import NetworkEstimator, shows_a_room
+from kpopnet.networks.network import build_network
 from kpopnet.ridge import RidgeConfig
 
 

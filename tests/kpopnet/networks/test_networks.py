@@ -5,8 +5,9 @@ import pytest
 import torch
 
 from kpopnet.errors import InputError
-from kpopnet.networks import ModelConfig, build_network
+from kpopnet.networks import ModelConfig
 from kpopnet.networks.losses import CONFIDENT_WITHIN_M, Prediction, confidence_loss
+from kpopnet.networks.network import build_network
 
 KINDS = ["holistic", "dense"]
 SMALL = {"crop_px": 32, "widths": [8, 8, 16, 16]}

@@ -19,9 +19,10 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from kpopnet.data.batches import AugmentConfig, CropBatches, ShuffledOrder, SmallCropsConfig
 from kpopnet.errors import InputError
-from kpopnet.networks import ModelConfig, build_network
+from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import read_meta
 from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.networks.network import build_network
 from kpopnet.training.distributed import Processes, join_processes
 from kpopnet.training.loop import Progress, Run, TrainingConfig, decay_at, lr_at, train, validation_batches
 from kpopnet.training.validation import validate

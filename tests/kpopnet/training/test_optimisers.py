@@ -3,7 +3,8 @@
 import pytest
 import torch
 
-from kpopnet.networks import ModelConfig, build_network
+from kpopnet.networks import ModelConfig
+from kpopnet.networks.network import build_network
 from kpopnet.training.muon import ITERATIONS, Muon, orthogonalised
 from kpopnet.training.optimisers import OPTIMISERS, build_optimisers, load_optimisers
 

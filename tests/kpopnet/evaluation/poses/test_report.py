@@ -20,9 +20,10 @@ from kpopnet.evaluation.poses.figures import example_frames
 from kpopnet.evaluation.poses.report import remarks, terminal_table, write_report
 from kpopnet.evaluation.poses.run import run_benchmark, unlike_training
 from kpopnet.evaluation.registry import NetworkEstimatorConfig
-from kpopnet.networks import ModelConfig, build_network
+from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import save_checkpoint
 from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.networks.network import build_network
 from kpopnet.ridge import RidgeConfig
 from kpopnet.skeleton import JOINT_NAMES, Joint
 from kpopnet.tracker.estimator import TrackerEstimatorConfig

@@ -10,9 +10,10 @@ from kpopnet.errors import InputError
 from kpopnet.evaluation.poses.report import remarks
 from kpopnet.evaluation.poses.run import run_benchmark
 from kpopnet.evaluation.registry import build_estimators
-from kpopnet.networks import ModelConfig, build_network
+from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import save_checkpoint
 from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.networks.network import build_network
 from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
 
 POSE_M = np.stack([np.zeros(15), np.linspace(-0.6, 0.6, 15), np.full(15, 0.1)], axis=-1)
