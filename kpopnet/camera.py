@@ -1,5 +1,6 @@
 """Pinhole camera without distortion, and conversion of depth images to metres."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -70,6 +71,29 @@ class Camera:
     def centred(cls, focal_px: float, width: int, height: int) -> "Camera":
         """A camera with square pixels whose principal point is the image centre."""
         return cls(focal_px, focal_px, (width - 1) / 2, (height - 1) / 2, width, height)
+
+    @classmethod
+    def from_fov(cls, horizontal_deg: float, width: int, height: int) -> "Camera":
+        """A camera with square pixels whose image spans this angle from its left edge to its right, as data sheets state it.
+
+        Raises:
+            InputError: the angle is not between 1 and 179 degrees.
+        """
+        if not 1 <= horizontal_deg <= 179:
+            raise InputError(f"a field of view of {horizontal_deg} degrees: expected the horizontal angle, 1 to 179")
+        return cls.centred(width / (2 * math.tan(math.radians(horizontal_deg) / 2)), width, height)
+
+    @classmethod
+    def from_intrinsics(cls, matrix: np.ndarray, width: int, height: int) -> "Camera":
+        """A camera from its (3, 3) matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels, as OpenCV, ROS and ARKit write it.
+
+        Raises:
+            InputError: another matrix: of another shape, transposed, with skew, or in other units.
+        """
+        given = np.asarray(matrix, dtype=np.float64)
+        if given.shape != (3, 3) or not np.allclose(given[[0, 1, 2, 2, 2], [1, 0, 0, 1, 2]], [0, 0, 0, 0, 1]):
+            raise InputError(f"camera matrix {given.tolist()!s:.120}: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels")
+        return cls(*(float(given[place]) for place in ((0, 0), (1, 1), (0, 2), (1, 2))), width, height)
 
     def project(self, points_camera_m: np.ndarray) -> np.ndarray:
         """Projects (..., 3) points in metres to (..., 3) u, v in pixels and z in metres. Points with z = 0 give inf or NaN."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kpopnet.camera import CAMERAS, depth_in_metres, sequence_in_metres
+from kpopnet.camera import CAMERAS, Camera, depth_in_metres, sequence_in_metres
 from kpopnet.errors import InputError
 
 
@@ -37,3 +37,21 @@ def test_what_is_no_depth_is_not_measured():
     depth = person(2.5, np.float64)
     depth[0, 0, :5] = np.nan, np.inf, -np.inf, -1, 1e300
     assert not depth_in_metres(depth)[0, 0].any()
+
+
+def test_a_field_of_view_spans_the_image_from_edge_to_edge():
+    camera = Camera.from_fov(90, 320, 240)
+    assert camera.fx == pytest.approx(160)
+    left, right = camera.back_project(np.array([[-0.5, 0, 1], [319.5, 0, 1]]))[:, 0]  # edges of pixels
+    assert np.degrees(np.arctan(right) - np.arctan(left)) == pytest.approx(90)
+    for wrong in (0, 180, float("nan")):
+        with pytest.raises(InputError, match="field of view"):
+            Camera.from_fov(wrong, 320, 240)
+
+
+def test_a_matrix_of_intrinsics_is_read_and_a_foreign_one_refused():
+    matrix = np.array([[500, 0, 320], [0, 510, 240], [0, 0, 1.0]])
+    assert Camera.from_intrinsics(matrix, 640, 480) == Camera(500, 510, 320, 240, 640, 480)
+    for wrong in (matrix.T, matrix[:2], matrix + [[0, 5, 0], [0, 0, 0], [0, 0, 0]], matrix * 2):
+        with pytest.raises(InputError, match="camera matrix"):
+            Camera.from_intrinsics(wrong, 640, 480)

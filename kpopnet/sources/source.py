@@ -1,0 +1,120 @@
+"""A recording of depth, read one image at a time."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from kpopnet.camera import MAX_IMAGE_PIXELS, Camera, depth_in_metres
+from kpopnet.errors import InputError
+
+DEFAULT_FPS = 30.0
+MAX_FRAMES = 1_000_000
+"""Longest recording in images, nine hours at 30 a second: it bounds the memory that joints take."""
+
+
+class StoredImage(NamedTuple):
+    """One image as a file holds it.
+
+    Attributes:
+        depth: (H, W) uint16 millimetres or float metres.
+        where: file and frame, for messages.
+        time_s: when it was taken, in seconds; None where the file does not tell.
+    """
+
+    depth: np.ndarray
+    where: str
+    time_s: float | None = None
+
+
+class Recording(NamedTuple):
+    """What the reader of one kind of file finds.
+
+    Attributes:
+        images: reads the images in order, each call from the first one on; raises InputError.
+        width: of the images in pixels.
+        height: of the images in pixels.
+        frames: number of images, None where only reading tells.
+        fps: images per second, None where the file does not tell.
+        camera: None where the file does not tell.
+    """
+
+    images: Callable[[], Iterator[StoredImage]]
+    width: int
+    height: int
+    frames: int | None = None
+    fps: float | None = None
+    camera: Camera | None = None
+
+
+class TimedDepth(NamedTuple):
+    """One depth image of a recording.
+
+    Attributes:
+        time_s: seconds, more than that of the image before.
+        depth_m: (H, W) float32 metres, 0 where nothing was measured.
+    """
+
+    time_s: float
+    depth_m: np.ndarray
+
+
+@dataclass(frozen=True)
+class DepthSource:
+    """Depth images of one camera that does not move; they may be iterated several times, and need not fit into memory.
+
+    Attributes:
+        name: of the file or folder, for messages.
+        camera: of all images.
+        fps: images per second.
+        fps_is_known: whether the file or the user gave `fps`; else it is DEFAULT_FPS.
+        frames: number of images, None where only reading tells.
+        images: reads the images as the file holds them.
+        file_times: whether times are the file's; else they follow from `fps`.
+    """
+
+    name: str
+    camera: Camera
+    fps: float
+    fps_is_known: bool
+    frames: int | None
+    images: Callable[[], Iterator[StoredImage]]
+    file_times: bool = True
+
+    def __iter__(self) -> Iterator[np.ndarray]:
+        """The images, (H, W) float32 metres; raises as `timed`."""
+        return (image.depth_m for image in self.timed())
+
+    def timed(self) -> Iterator[TimedDepth]:
+        """The images with their times.
+
+        Raises:
+            InputError: an image is damaged, is no depth or not of the camera's size, or its time is not after the one before.
+        """
+        before_s = -np.inf
+        for number, image in enumerate(self.images()):
+            if number >= MAX_FRAMES:
+                raise InputError(f"{self.name}: more than {MAX_FRAMES:,} images; cut it into parts")
+            depth_m = depth_in_metres(image.depth, self.camera, where=image.where)
+            own_time = self.file_times and image.time_s is not None
+            time_s = image.time_s if own_time and image.time_s is not None else number / self.fps
+            if not before_s < time_s < np.inf:
+                raise InputError(
+                    f"{image.where}: taken at {time_s:g} s, after one at {before_s:g} s; give the images per second, which then "
+                    "replace the file's times"
+                )
+            before_s = time_s
+            yield TimedDepth(time_s, depth_m)
+
+
+def check_size(where: str, width: int, height: int, frames: int | None = None) -> None:
+    """Refuses images, or a number of them, that no depth camera makes, before memory is taken for them.
+
+    Raises:
+        InputError: an image without pixels or of more than MAX_IMAGE_PIXELS, no image, or more than MAX_FRAMES.
+    """
+    if not (width > 0 and height > 0 and width * height <= MAX_IMAGE_PIXELS):
+        raise InputError(f"{where}: images of {width}x{height} pixels; expected 1 to {MAX_IMAGE_PIXELS:,} pixels")
+    if frames is not None and not 0 < frames <= MAX_FRAMES:
+        raise InputError(f"{where}: {frames:,} images; expected 1 to {MAX_FRAMES:,}")

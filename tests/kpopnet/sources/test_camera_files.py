@@ -1,0 +1,93 @@
+"""Cameras are read from our own JSON, RealSense's and Azure Kinect's."""
+
+import json
+
+import numpy as np
+import pytest
+
+from kpopnet.camera import CAMERAS, Camera
+from kpopnet.errors import InputError
+from kpopnet.sources.camera_files import read_camera
+
+OURS = {"fx": 365.0, "fy": 366.0, "cx": 255.5, "cy": 211.5, "width": 512, "height": 424}
+REALSENSE = {
+    "width": 640, "height": 480, "ppx": 321.2, "ppy": 238.9, "fx": 387.1, "fy": 387.5, "model": "distortion.brown_conrady",
+    "coeffs": [0.0, 0.0, 0.0, 0.0, 0.0],
+}  # fmt: skip
+
+
+def azure(parameters):
+    depth = {"Purpose": "CALIBRATION_CameraPurposeDepth", "Intrinsics": {"ModelParameters": parameters}}
+    colour = {"Purpose": "CALIBRATION_CameraPurposePhotoVideo", "Intrinsics": {"ModelParameters": [9.0] * 14}}
+    return {"CalibrationInformation": {"Cameras": [colour, depth]}}
+
+
+AZURE = [0.51, 0.52, 0.49, 0.48, 5.25, 3.5, 0.18, 5.58, 5.13, 0.95, 0, 0, 0.0001, -0.0001]
+
+
+def written(tmp_path, content):
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps(content))
+    return path
+
+
+@pytest.mark.parametrize("content", [REALSENSE, {"depth": REALSENSE, "color": {"fx": 1}}, {"depth_intrinsics": REALSENSE}])
+def test_realsense(tmp_path, content):
+    assert read_camera(written(tmp_path, content)) == Camera(387.1, 387.5, 321.2, 238.9, 640, 480)
+
+
+def test_our_own_and_presets(tmp_path):
+    assert read_camera(written(tmp_path, OURS)) == Camera(365.0, 366.0, 255.5, 211.5, 512, 424)
+    assert read_camera("kinect_2") == CAMERAS["kinect_2"]
+
+
+def test_the_modes_of_an_azure_kinect_see_the_same_rays(tmp_path):
+    """A ray hits the narrow image, its binned half and the wide image at the same place of the sensor."""
+    path = written(tmp_path, azure(AZURE))
+    full, binned, narrow, half = (read_camera(path, *size) for size in ((1024, 1024), (512, 512), (640, 576), (320, 288)))
+    ray = np.array([0.1, -0.2, 1.0])
+    u, v, _ = full.project(ray)
+    np.testing.assert_allclose(narrow.project(ray)[:2], (u - 192, v - 180))
+    for whole, smaller in ((full, binned), (narrow, half)):  # edges of pixels, not centres, are halved
+        np.testing.assert_allclose(smaller.project(ray)[:2] + 0.5, (whole.project(ray)[:2] + 0.5) / 2)
+    assert full.fx == pytest.approx(0.49 * 1024)
+    assert (narrow.width, narrow.height) == (640, 576)
+
+
+def test_visible_distortion_is_reported_and_a_small_one_is_not(tmp_path, caplog):
+    read_camera(written(tmp_path, REALSENSE))
+    read_camera(written(tmp_path, azure([*AZURE[:4], 5.5, 5.0, 0.2, 5.48, 5.05, 0.2])), 640, 576)  # k1 and k4 cancel
+    assert not caplog.text
+    for content in (REALSENSE | {"coeffs": [0.2, 0.1, 0, 0, 0]}, azure(AZURE)):
+        caplog.clear()
+        read_camera(written(tmp_path, content), 640, 576)
+        assert "distortion is not modelled" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ([], "no camera in it"),
+        ({"fx": 1.0}, "no camera in it"),
+        (OURS | {"width": 512.5}, "whole numbers"),
+        (OURS | {"fx": -1}, "positive focal"),
+        (azure(AZURE), "give the depth image's size"),
+        ({"CalibrationInformation": 5}, "give the depth image's size"),
+    ],
+)
+def test_what_is_no_camera_is_refused(tmp_path, content, message):
+    with pytest.raises(InputError, match=message):
+        read_camera(written(tmp_path, content))
+
+
+@pytest.mark.parametrize(
+    "content", [azure([1, 2]), azure("x"), azure(["a"] * 14), {"CalibrationInformation": {"Cameras": [4]}}]
+)
+def test_a_damaged_calibration_is_refused(tmp_path, content):
+    with pytest.raises(InputError, match="ModelParameters"):
+        read_camera(written(tmp_path, content), 640, 576)
+
+
+def test_an_unknown_name_lists_the_presets():
+    with pytest.raises(InputError, match=r"no such file, and no preset; there are .*kinect_2"):
+        read_camera("kinect_3")
