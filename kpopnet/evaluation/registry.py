@@ -23,6 +23,7 @@ from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator
 from kpopnet.networks.checkpoint import read_meta
 from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.pose.person import PersonEstimator
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
 from kpopnet.tracker.fit.refine import FittedEstimator
@@ -47,6 +48,22 @@ class FittedNetworkConfig(NetworkEstimatorConfig):
 
 
 @dataclass
+class RealtimeConfig(NetworkEstimatorConfig):
+    """A trained network, and the mean of its joints and of those fitted to the depth (kpopnet.pose): joints as they come."""
+
+
+@dataclass
+class BestConfig(NetworkEstimatorConfig):
+    """The same, looked at in a mirror too and smoothed over time (kpopnet.pose): joints of whole recordings.
+
+    Attributes:
+        fps: frames per second of the sequences, for smoothing.
+    """
+
+    fps: float = 30.0
+
+
+@dataclass
 class MeanPoseConfig:
     """The constant baseline.
 
@@ -67,6 +84,14 @@ def _tracker(config: TrackerEstimatorConfig) -> Estimator:
 
 def _fitted_network(config: FittedNetworkConfig) -> Estimator:
     return FittedEstimator(NetworkEstimator(config.checkpoint, device=config.device))
+
+
+def _realtime(config: RealtimeConfig) -> Estimator:
+    return PersonEstimator(NetworkEstimator(config.checkpoint, device=config.device), "realtime")
+
+
+def _best(config: BestConfig) -> Estimator:
+    return PersonEstimator(NetworkEstimator(config.checkpoint, device=config.device), "best", config.fps)
 
 
 def _mean_pose(config: MeanPoseConfig) -> Estimator:
@@ -93,6 +118,8 @@ ESTIMATORS: dict[str, tuple[type, Callable[[Any], Estimator]]] = {
     "tracker": (TrackerEstimatorConfig, _tracker),
     "network": (NetworkEstimatorConfig, _network),
     "fitted_network": (FittedNetworkConfig, _fitted_network),
+    "realtime": (RealtimeConfig, _realtime),
+    "best": (BestConfig, _best),
     "tree_walk": (TreeWalkEstimatorConfig, TreeWalkEstimator),
     "mean_pose": (MeanPoseConfig, _mean_pose),
 }

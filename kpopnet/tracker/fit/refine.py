@@ -78,22 +78,44 @@ def refine(detected: Estimate, depth_m: np.ndarray, camera: Camera) -> tuple[np.
         (T, 15, 3) float32 refined joints in metres, and (T, 15, 4) their `refined_evidence`. In frames that are not refined
         these are the detected joints and NaN.
     """
-    person = RunningBody()
+    person = RunningFit()
     joints_m = detected.joints_camera_m.copy()
     evidence = np.full((*joints_m.shape[:2], len(REFINED_WEIGHTS)), np.nan)
-    for t, found_m in enumerate(detected.joints_camera_m):
-        if not np.isfinite(found_m).all():
-            continue
-        grid = build_depth_grid(depth_m[t], camera)
-        if len(grid.points_m) < MIN_POINTS:
-            continue
-        body = person.update(found_m, grid)
-        if body is not None:
-            fitted_m = fit(found_m, grid, body, FIT_ITERATIONS, prior_weight=DETECTION_PRIOR_WEIGHT)
-            moved_m = np.linalg.norm(fitted_m - found_m, axis=-1)
-            joints_m[t] = fitted_m
-            evidence[t] = refined_evidence(detected.confidence[t], fit_score(fitted_m, grid, body), moved_m)
+    for t in range(len(joints_m)):
+        joints_m[t], evidence[t] = person.refine(detected.joints_camera_m[t], detected.confidence[t], depth_m[t], camera)
     return joints_m, evidence
+
+
+class RunningFit:
+    """Fits the body of one person frame by frame, with the lengths and thickness of the frames so far."""
+
+    def __init__(self) -> None:
+        self._body = RunningBody()
+
+    def refine(
+        self, detected_m: np.ndarray, confidence: np.ndarray, depth_m: np.ndarray, camera: Camera
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Refines the joints of the next frame.
+
+        Args:
+            detected_m: (15, 3) detected joints in metres, NaN where missing.
+            confidence: (15,) the detector's.
+            depth_m: (H, W) float32 metres of the person, 0 elsewhere.
+            camera: the camera of these pixels.
+
+        Returns:
+            (15, 3) refined joints and (15, 4) their `refined_evidence`, or the detected joints and NaN.
+        """
+        not_refined = detected_m, np.full((len(detected_m), len(REFINED_WEIGHTS)), np.nan)
+        if not np.isfinite(detected_m).all():
+            return not_refined
+        grid = build_depth_grid(depth_m, camera)
+        body = self._body.update(detected_m, grid) if len(grid.points_m) >= MIN_POINTS else None
+        if body is None:
+            return not_refined
+        fitted_m = fit(detected_m, grid, body, FIT_ITERATIONS, prior_weight=DETECTION_PRIOR_WEIGHT)
+        moved_m = np.linalg.norm(fitted_m - detected_m, axis=-1)
+        return fitted_m, refined_evidence(confidence, fit_score(fitted_m, grid, body), moved_m)
 
 
 class RunningBody:

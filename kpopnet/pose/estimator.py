@@ -1,0 +1,182 @@
+"""The pose estimator: people are found in raw depth, followed, and their joints estimated."""
+
+import logging
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from kpopnet.camera import Camera, depth_in_metres
+from kpopnet.errors import check_between
+from kpopnet.estimator import Estimator
+from kpopnet.extraction.extractor import HumanExtractor
+from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.pose.person import MODES, PersonPoser, check_mode
+from kpopnet.pose.smoothing import smoothed
+from kpopnet.skeleton import NUM_JOINTS
+
+log = logging.getLogger(__name__)
+
+MAX_PEOPLE = 16
+MAX_REMEMBERED = 64
+"""People whose lengths are remembered; beyond it, those out of view are forgotten, and measured anew when they return."""
+
+
+class PersonPose(NamedTuple):
+    """One person in one image.
+
+    Attributes:
+        identity: the same number for the same person in all images.
+        joints_camera_m: (15, 3) float32 joints, camera frame, metres; NaN where missing.
+        confidence: (15,) float32 estimated probability that the joint is within 10 cm of the truth, 0 where missing.
+    """
+
+    identity: int
+    joints_camera_m: np.ndarray
+    confidence: np.ndarray
+
+
+class PersonPoses(NamedTuple):
+    """One person in a recording.
+
+    Attributes:
+        identity: the same number for the same person in all images.
+        joints_camera_m: (T, 15, 3) float32 joints, camera frame, metres; NaN where missing.
+        confidence: (T, 15) float32 estimated probability that the joint is within 10 cm of the truth, 0 where missing.
+    """
+
+    identity: int
+    joints_camera_m: np.ndarray
+    confidence: np.ndarray
+
+
+class PoseEstimator:
+    """Estimates the joints of people in depth images of a camera that does not move."""
+
+    def __init__(self, network: Estimator, mode: str = "realtime", people: int = 1) -> None:
+        """Makes an estimator around a network; `load` is the short way.
+
+        Args:
+            network: estimates the joints of one person in single frames.
+            mode: realtime, or best: the network sees each frame in a mirror too, and `estimate` smooths over time.
+            people: largest number of people to follow.
+
+        Raises:
+            InputError: an unknown mode, or fewer than one person or more than MAX_PEOPLE.
+        """
+        check_mode(mode)
+        check_between("people", people, 1, MAX_PEOPLE)
+        self.network, self.mode, self.people = network, mode, people
+        self.reset()
+
+    @classmethod
+    def load(
+        cls, checkpoint: Path | str | None = None, mode: str = "realtime", people: int = 1, device: str = "cpu"
+    ) -> "PoseEstimator":
+        """Loads a network.
+
+        Args:
+            checkpoint: a checkpoint's folder or an exported network; None: the one that comes with the package.
+            mode: see `__init__`.
+            people: see `__init__`.
+            device: cpu or cuda.
+
+        Raises:
+            InputError: the network cannot be loaded, or a setting is wrong.
+        """
+        check_mode(mode)
+        return cls(NetworkEstimator(checkpoint, device=device), mode, people)
+
+    def reset(self) -> None:
+        """Forgets the room and the people: the next image is the first of another recording."""
+        self._extractor: HumanExtractor | None = None
+        self._posers: dict[int, PersonPoser] = {}
+
+    def update(self, depth: np.ndarray, camera: Camera) -> list[PersonPose]:
+        """The people in the next image, online: each image once, in order.
+
+        A person is found when they move, or at once where they stand in view in the first image.
+
+        Args:
+            depth: (H, W) depth of the whole scene, 0 where nothing was measured; uint16 millimetres or float metres.
+            camera: its camera, the same for all images; another one begins anew.
+
+        Returns:
+            The visible people, at most `people`, in the order in which they were first found.
+
+        Raises:
+            InputError: depth of another type or size; floats that look like millimetres.
+        """
+        return self._found(depth, camera, self.people)
+
+    def estimate(
+        self, depth: np.ndarray | Iterable[np.ndarray], camera: Camera, fps: float = 30.0, segmented: bool = False
+    ) -> list[PersonPoses]:
+        """The people in a recording, or in one image.
+
+        Args:
+            depth: (T, H, W) depth of a whole scene, or its (H, W) images one after another, or a single image, whose person
+                must stand in view; uint16 millimetres or float metres, 0 where nothing was measured.
+            camera: its camera.
+            fps: frames per second, for smoothing.
+            segmented: the depth shows one person, and 0 elsewhere: nobody has to be found.
+
+        Returns:
+            At most `people` of the people found, those seen in most images first. Where nobody is found, none, with a warning.
+
+        Raises:
+            InputError: as `update`; or fps is not positive.
+        """
+        check_between("fps", fps, 1, 1000)
+        if isinstance(depth, np.ndarray) and depth.ndim == 2:
+            depth = depth[None]
+        self.reset()
+        frames, images = [], 0
+        for image in depth:
+            images += 1
+            frames.append(self._segmented(image, camera) if segmented else self._found(image, camera, MAX_PEOPLE))
+        self.reset()
+        seen = Counter(pose.identity for people in frames for pose in people)
+        if not seen:
+            log.warning("nobody was found in %d image(s): %s", images, WHY_NOBODY)
+        chosen = sorted(seen, key=lambda identity: (-seen[identity], identity))[: self.people]
+        return [self._over_time(identity, frames, fps) for identity in chosen]
+
+    def _found(self, depth: np.ndarray, camera: Camera, most: int) -> list[PersonPose]:
+        if self._extractor is None or camera != self._extractor.camera:
+            self.reset()
+            self._extractor = HumanExtractor(camera, expect_person=True)
+        humans = self._extractor.extract(depth_in_metres(depth, camera))
+        if len(self._posers) > MAX_REMEMBERED:
+            present = {human.identity for human in humans}
+            self._posers = {identity: poser for identity, poser in self._posers.items() if identity in present}
+        return [self._pose(human.identity, human.depth_m, human.cropped(camera)) for human in humans[:most]]
+
+    def _segmented(self, image: np.ndarray, camera: Camera) -> list[PersonPose]:
+        depth_m = depth_in_metres(image, camera)
+        pose = self._pose(0, depth_m, camera)
+        return [pose] if np.isfinite(pose.joints_camera_m).any() else []
+
+    def _pose(self, identity: int, depth_m: np.ndarray, camera: Camera) -> PersonPose:
+        if identity not in self._posers:
+            self._posers[identity] = PersonPoser(self.network, MODES[self.mode])
+        return PersonPose(identity, *self._posers[identity].update(depth_m, camera))
+
+    def _over_time(self, identity: int, frames: list[list[PersonPose]], fps: float) -> PersonPoses:
+        joints_m = np.full((len(frames), NUM_JOINTS, 3), np.nan, np.float32)
+        confidence = np.zeros((len(frames), NUM_JOINTS), np.float32)
+        for frame, people in enumerate(frames):
+            for pose in people:
+                if pose.identity == identity:
+                    joints_m[frame], confidence[frame] = pose.joints_camera_m, pose.confidence
+        if MODES[self.mode].smoothed:
+            joints_m = smoothed(joints_m, confidence, fps)
+        return PersonPoses(identity, joints_m, confidence)
+
+
+WHY_NOBODY = (
+    "a person is found when they move, or stand upright and whole in view in the first image; is the camera still, and are its "
+    "intrinsics right? For depth that shows nothing but the person: segmented=True"
+)

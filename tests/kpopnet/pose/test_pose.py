@@ -1,0 +1,166 @@
+"""The pose estimator finds people, follows them, averages the network and the fit, and smooths."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kpopnet.camera import CAMERAS, Camera
+from kpopnet.errors import InputError
+from kpopnet.estimator import Estimate
+from kpopnet.pose import PoseEstimator
+from kpopnet.pose.person import MODES, PersonEstimator, PersonPoser
+from kpopnet.pose.smoothing import SIGMA_S, smoothed
+
+CAMERA = Camera.centred(100.0, 80, 60)
+POSE_M = np.random.default_rng(0).uniform(-0.5, 0.5, (15, 3)).astype(np.float32)
+
+
+class Blob:
+    """A detector whose joints are the silhouette's centre plus a fixed pose; it records what it was asked."""
+
+    name = "blob"
+
+    def __init__(self):
+        self.asked = []
+
+    def estimate(self, depth_m, camera):
+        self.asked.append((depth_m.copy(), camera))
+        found = Estimate.missing(len(depth_m))
+        for frame, image_m in enumerate(depth_m):
+            if image_m.any():
+                found.joints_camera_m[frame] = camera.points(image_m)[image_m > 0].mean(axis=0) + POSE_M
+                found.confidence[frame] = 0.5
+        return found
+
+
+def person(column, distance_m=2.0, camera=CAMERA):
+    image = np.zeros((camera.height, camera.width), np.float32)
+    image[15:45, column : column + 8] = distance_m
+    return image
+
+
+def test_a_segmented_recording_needs_nobody_to_be_found():
+    depth = np.stack([person(20), np.zeros((60, 80), np.float32), person(40)])
+    (found,) = PoseEstimator(Blob()).estimate(depth, CAMERA, segmented=True)
+    assert np.isfinite(found.joints_camera_m[[0, 2]]).all()
+    assert np.isnan(found.joints_camera_m[1]).all()
+    assert (found.confidence[1] == 0).all()
+
+
+def test_millimetres_and_metres_give_the_same():
+    depth = person(20)[None]
+    one, other = (
+        PoseEstimator(Blob()).estimate(given, CAMERA, segmented=True)[0] for given in (depth, (depth * 1000).astype(np.uint16))
+    )
+    np.testing.assert_array_equal(one.joints_camera_m, other.joints_camera_m)
+
+
+def test_float_millimetres_are_refused_with_the_likely_reason():
+    with pytest.raises(InputError, match="look like millimetres"):
+        PoseEstimator(Blob()).estimate(person(20)[None] * 1000, CAMERA)
+
+
+@pytest.mark.parametrize("wrong", [{"mode": "fast"}, {"people": 0}, {"people": 17}])
+def test_wrong_settings_are_refused_by_name(wrong):
+    with pytest.raises(InputError, match=next(iter(wrong))):
+        PoseEstimator(Blob(), **wrong)
+
+
+def test_two_people_of_a_room_are_followed_in_their_identities():
+    camera = CAMERAS["kinect_v1"]
+
+    def room(*people):
+        image = np.full((240, 320), 4.0, np.float32)
+        for column, distance_m in people:
+            image[40:200, column : column + 40] = distance_m
+        return image
+
+    frames = [room()] * 3 + [room((40 + 2 * t, 2.5), (220 - 2 * t, 2.0)) for t in range(30)]
+    two = PoseEstimator(Blob(), people=2).estimate(frames, camera)
+    assert len(two) == 2
+    centres = [one.joints_camera_m[-1].mean(axis=0) - POSE_M.mean(axis=0) for one in two]
+    assert sorted(round(float(centre[2]), 1) for centre in centres) == [2.0, 2.5]
+    for one in two:
+        seen = np.isfinite(one.joints_camera_m).all(axis=(1, 2))
+        steps = np.linalg.norm(np.diff(one.joints_camera_m[seen].mean(axis=1), axis=0), axis=-1)
+        assert steps.max() < 0.1, "nobody jumps to the other's place"
+    (main,) = PoseEstimator(Blob(), people=1).estimate(frames, camera)
+    np.testing.assert_array_equal(main.joints_camera_m, two[0].joints_camera_m)
+
+
+def test_online_equals_a_recording_in_realtime_mode():
+    camera = CAMERAS["kinect_v1"]
+    frames = []
+    for t in range(12):
+        image = np.full((240, 320), 4.0, np.float32)
+        image[40:200, 100 + 3 * t : 140 + 3 * t] = 2.0
+        frames.append(image)
+    online = PoseEstimator(Blob())
+    poses = [online.update(frame, camera) for frame in frames]
+    (whole,) = PoseEstimator(Blob()).estimate(np.stack(frames), camera)
+    for frame, people in enumerate(poses):
+        if people:
+            np.testing.assert_array_equal(people[0].joints_camera_m, whole.joints_camera_m[frame])
+
+
+def test_nobody_is_an_empty_list_and_a_warning(caplog):
+    assert PoseEstimator(Blob()).estimate(np.full((3, 60, 80), 3.0, np.float32), CAMERA) == []
+    assert "nobody was found in 3 image(s)" in caplog.text
+
+
+def test_the_mirror_shows_the_mirrored_person():
+    """A detector that answers a pose of the plain image and its mirror image in the mirror agrees with itself."""
+    network = Blob()
+    PersonPoser(network, MODES["best"]).update(person(20), CAMERA)
+    (plain, _), (mirrored, camera) = network.asked
+    np.testing.assert_array_equal(plain[0], mirrored[0, :, ::-1])
+    points, reflected = CAMERA.points(plain[0]), camera.points(mirrored[0])[:, ::-1]
+    np.testing.assert_allclose(reflected * [-1, 1, 1], points, atol=1e-6)
+
+
+def test_an_estimator_by_mode_is_an_estimator():
+    depth = np.stack([person(20 + t) for t in range(5)])
+    realtime, best = (PersonEstimator(Blob(), mode).estimate(depth, CAMERA) for mode in MODES)
+    assert realtime.joints_camera_m.shape == best.joints_camera_m.shape == (5, 15, 3)
+    with pytest.raises(InputError, match="mode=slow"):
+        PersonEstimator(Blob(), "slow")
+
+
+def plainly_smoothed(joints_m, confidence, fps):
+    """Each joint of each frame by itself."""
+    out = np.full_like(joints_m, np.nan)
+    radius = int(4 * SIGMA_S * fps + 0.5)  # scipy's
+    for j in range(joints_m.shape[1]):
+        for t in range(len(joints_m)):
+            if np.isnan(joints_m[t, j]).any():
+                continue
+            first = last = t
+            while first > 0 and np.isfinite(joints_m[first - 1, j]).all():
+                first -= 1
+            while last + 1 < len(joints_m) and np.isfinite(joints_m[last + 1, j]).all():
+                last += 1
+            near = [min(max(t + k, first), last) for k in range(-radius, radius + 1)]
+            weight = np.array([np.exp(-((k / (SIGMA_S * fps)) ** 2) / 2) for k in range(-radius, radius + 1)])
+            weight *= np.maximum(confidence[near, j], 0.05)
+            out[t, j] = (weight[:, None] * joints_m[near, j]).sum(axis=0) / weight.sum()
+    return out
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([15.0, 30.0, 60.0]))
+def test_smoothing_equals_its_plain_twin(seed, fps):
+    rng = np.random.default_rng(seed)
+    joints_m, confidence = rng.normal(size=(9, 2, 3)).astype(np.float32), rng.random((9, 2)).astype(np.float32)
+    joints_m[rng.random((9, 2)) < 0.2] = np.nan
+    np.testing.assert_allclose(smoothed(joints_m, confidence, fps), plainly_smoothed(joints_m, confidence, fps), atol=1e-5)
+
+
+def test_smoothing_keeps_a_standing_person_and_follows_the_sure():
+    still = np.broadcast_to(POSE_M, (20, 15, 3))
+    np.testing.assert_allclose(smoothed(still, np.ones((20, 15)), 30), still, atol=1e-6)
+    jump = np.array(still)
+    jump[10] += 0.3
+    sure, unsure = np.ones((20, 15)), np.ones((20, 15))
+    unsure[10] = 0.05
+    errors = [np.abs(smoothed(jump, one, 30) - still).max() for one in (sure, unsure)]
+    assert errors[1] < errors[0] / 3
