@@ -16,6 +16,8 @@ from synth.motion.limbs import choose, uniform
 from synth.motion.skeleton import LEG_M, Motion, Poses, facing_front
 
 COUNTS = 8
+BPM = (90.0, 140.0)
+"""Range of a dance's tempo, beats per minute."""
 
 # Steps that combine with any arm move, and those with which a phrase may also turn in place.
 _GROOVES = tuple(LOWER)
@@ -79,6 +81,11 @@ def draw_style(generator: np.random.Generator) -> Style:
     )
 
 
+def tempo_bpm(index: int, seed: int = 0) -> float:
+    """Beats per minute of `dance(index, seed)`, whose first beat is at time 0."""
+    return uniform(np.random.default_rng([seed, index]), *BPM)
+
+
 def dance(index: int, seed: int = 0, seconds: float = 20.0, fps: float = 30.0) -> Motion:
     """Dance number `index`, a pure function of the arguments.
 
@@ -92,7 +99,7 @@ def dance(index: int, seed: int = 0, seconds: float = 20.0, fps: float = 30.0) -
         A motion of the mean adult that starts at the origin, standing and facing +Z.
     """
     generator = np.random.default_rng([seed, index])
-    bpm = uniform(generator, 90.0, 140.0)
+    bpm = uniform(generator, *BPM)
     style = draw_style(generator)
     move = compose(generator, seconds * bpm / 60.0)
     return perform(move, bpm, round(seconds * fps), fps, f"choreography:{seed}-{index}", style)

@@ -1,0 +1,240 @@
+"""The dances and the body of the virtual teacher, as files: one .npz file each.
+
+The body is a skin on bones; a dance is what its bones do, and the fifteen joints with which a learner is compared. The world
+has z up; a body in its T-pose faces -y with its left hand at +x, and the rotation of a bone is relative to the T-pose.
+"""
+
+import json
+import re
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from kpopnet.dance.performance import Performance
+from kpopnet.errors import InputError
+from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.input_files import ArraySchema, expect, parse_json, read_npz, settings_from
+from kpopnet.skeleton import NUM_JOINTS, Joint
+
+BODY, DANCES = "body.npz", "dances"
+IDENTITY = re.compile("[a-z0-9][a-z0-9_-]{0,63}")
+COUNTS = 8
+"""Counts of a phrase."""
+
+QUAT_SCALE = 32767
+PREVIEW_FPS, PREVIEW_S = 10, 4.0
+LEVELS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class TeacherBody:
+    """A body of B bones, N vertices and F faces at rest.
+
+    Attributes:
+        bone_names: (B,) names of the bones, parents first.
+        bone_parents: (B,) int parent of each bone, -1 for the root.
+        heads_m: (B, 3) proximal end of each bone, metres.
+        t_pose: (B, 3, 3) rotation of each bone from the rest pose to the T-pose.
+        joints_m: (15, 3) joints, metres.
+        vertices_m: (N, 3) vertices, metres.
+        faces: (F, 3) int triangles, counter-clockwise seen from outside.
+        weight_bones: (N, 4) int bones of the skinning weights.
+        weights: (N, 4) skinning weights; rows sum to 1.
+    """
+
+    bone_names: np.ndarray
+    bone_parents: np.ndarray
+    heads_m: np.ndarray
+    t_pose: np.ndarray
+    joints_m: np.ndarray
+    vertices_m: np.ndarray
+    faces: np.ndarray
+    weight_bones: np.ndarray
+    weights: np.ndarray
+
+    def bone(self, name: str) -> int:
+        """Number of a bone."""
+        return self.bone_names.tolist().index(name)
+
+
+_BODY_SCHEMAS = {
+    "bone_names": ArraySchema("U", ("B",)),
+    "bone_parents": ArraySchema("iu", ("B",)),
+    "heads_m": ArraySchema("f", ("B", 3)),
+    "t_pose": ArraySchema("f", ("B", 3, 3)),
+    "joints_m": ArraySchema("f", (NUM_JOINTS, 3)),
+    "vertices_m": ArraySchema("f", ("N", 3)),
+    "faces": ArraySchema("iu", ("F", 3)),
+    "weight_bones": ArraySchema("iu", ("N", 4)),
+    "weights": ArraySchema("f", ("N", 4)),
+}
+
+
+@dataclass(frozen=True)
+class About:
+    """What the menu tells of a dance.
+
+    Attributes:
+        name: its title.
+        seconds: length.
+        bpm: tempo, beats per minute; the first beat is at time 0.
+        difficulty: 1 to 5, by how fast the limbs move.
+        own: whether the user added it.
+    """
+
+    name: str
+    seconds: float
+    bpm: float
+    difficulty: int
+    own: bool = False
+
+    @property
+    def phrase_s(self) -> float:
+        return COUNTS * 60 / self.bpm
+
+
+@dataclass(frozen=True, eq=False)
+class TaughtDance:
+    """A dance of T frames by the teacher's body.
+
+    Attributes:
+        about: for the menu.
+        fps: frames per second.
+        joints_m: (T, 15, 3) float32 joints in the frame of a level camera that the teacher faces, metres; NaN where missing.
+        quats: (T, B, 4) float32 rotations of the bones relative to their parents, w first.
+        hips_m: (T, 3) float32 position of the root bone, metres; the floor at z = 0.
+    """
+
+    about: About
+    fps: float
+    joints_m: np.ndarray
+    quats: np.ndarray
+    hips_m: np.ndarray
+
+    @property
+    def performance(self) -> Performance:
+        return Performance(self.joints_m, np.arange(len(self.joints_m)) / self.fps)
+
+
+_DANCE_SCHEMAS = {
+    "about": ArraySchema("U", ()),
+    "fps": ArraySchema("f", ()),
+    "joints_m": ArraySchema("f", ("T", NUM_JOINTS, 3)),
+    "quats": ArraySchema("i", ("T", "B", 4)),
+    "hips_m": ArraySchema("f", ("T", 3)),
+}
+
+
+class Library:
+    """The folder of the body and the dances."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = Path(folder)
+        self._abouts: dict[str, tuple[int, About]] = {}
+
+    @property
+    def is_made(self) -> bool:
+        """Whether there is a body."""
+        return (self.folder / BODY).is_file()
+
+    def identities(self) -> list[str]:
+        """The dances' names of files, in order."""
+        paths = sorted((self.folder / DANCES).glob("*.npz"))
+        return [path.stem for path in paths if IDENTITY.fullmatch(path.stem)]
+
+    def path(self, identity: str) -> Path:
+        """The file of a dance.
+
+        Raises:
+            InputError: there is none; what is no plain name never becomes a path.
+        """
+        path = self.folder / DANCES / f"{identity}.npz"
+        if not IDENTITY.fullmatch(identity) or not path.is_file():
+            raise InputError(f"there is no dance {identity[:64]!r}")
+        return path
+
+    def about(self, identity: str) -> About:
+        """What the menu tells of a dance."""
+        path = self.path(identity)
+        changed = path.stat().st_mtime_ns
+        if self._abouts.get(identity, (0,))[0] != changed:
+            stored = read_npz(path, {"about": _DANCE_SCHEMAS["about"]})
+            self._abouts[identity] = changed, _about(stored["about"], path)
+        return self._abouts[identity][1]
+
+    def dance(self, identity: str) -> TaughtDance:
+        """Reads a dance.
+
+        Raises:
+            InputError: it is missing or damaged.
+        """
+        path = self.path(identity)
+        stored = read_npz(path, _DANCE_SCHEMAS)
+        expect(bool(np.isfinite(stored["hips_m"]).all()), f"{path}: hips_m", "finite numbers")
+        expect(1 <= float(stored["fps"]) <= 1000, f"{path}: fps", "1 to 1000 frames per second")
+        quats = stored["quats"].astype(np.float32) / QUAT_SCALE
+        about = _about(stored["about"], path)
+        return TaughtDance(about, float(stored["fps"]), stored["joints_m"], quats, stored["hips_m"])
+
+    def body(self) -> TeacherBody:
+        """Reads the body.
+
+        Raises:
+            InputError: it is missing or damaged.
+        """
+        return TeacherBody(**read_npz(self.folder / BODY, _BODY_SCHEMAS))
+
+    def write_body(self, body: TeacherBody) -> None:
+        self.folder.mkdir(parents=True, exist_ok=True)
+        arrays = {one.name: np.asarray(getattr(body, one.name)) for one in fields(body)}
+        _write(self.folder / BODY, arrays)
+
+    def write(self, identity: str, dance: TaughtDance) -> None:
+        """Writes a dance; one of that name is replaced."""
+        (self.folder / DANCES).mkdir(parents=True, exist_ok=True)
+        arrays = {
+            "about": np.array(json.dumps(asdict(dance.about), ensure_ascii=False)),
+            "fps": np.float64(dance.fps),
+            "joints_m": dance.joints_m.astype(np.float32),
+            "quats": stored_quats(dance.quats),
+            "hips_m": dance.hips_m.astype(np.float32),
+        }
+        _write(self.folder / DANCES / f"{identity}.npz", arrays)
+
+
+def stored_quats(quats: np.ndarray) -> np.ndarray:
+    """Unit quaternions as int16, 32767 for 1: 0.002 degrees."""
+    return np.round(quats * QUAT_SCALE).astype(np.int16)
+
+
+def preview_cm(dance: TaughtDance) -> list[list[int]]:
+    """The first seconds of a dance for a thumbnail: by frame the x (right) and y (up) of the fifteen joints, centimetres."""
+    stride = max(round(dance.fps / PREVIEW_FPS), 1)
+    joints_m = np.nan_to_num(dance.joints_m[: round(PREVIEW_S * dance.fps) : stride, :, :2])
+    centred_cm = np.round((joints_m - joints_m.mean(axis=(0, 1))) * [100, -100]).astype(int)
+    return centred_cm.reshape(len(centred_cm), -1).tolist()
+
+
+SPEEDS_M_S = (0.45, 0.6, 0.75, 0.9)
+"""Bounds between the five difficulties: mean speed of hands and feet relative to the torso, metres per second."""
+
+
+def difficulty(joints_m: np.ndarray, fps: float) -> int:
+    """1 to 5 for (T, 15, 3) joints in metres: how fast hands and feet move."""
+    ends = [Joint.LEFT_HAND, Joint.RIGHT_HAND, Joint.LEFT_FOOT, Joint.RIGHT_FOOT]
+    relative_m = joints_m[:, ends] - joints_m[:, [Joint.TORSO]]
+    speed_m_s = np.linalg.norm(np.diff(relative_m, axis=0), axis=-1) * fps
+    known = speed_m_s[np.isfinite(speed_m_s)]
+    return 1 + int(np.searchsorted(SPEEDS_M_S, known.mean())) if len(known) else 1
+
+
+def _about(text: np.ndarray, path: Path) -> About:
+    about = settings_from(About, parse_json(str(text), f"{path}: about"), f"{path}: about")
+    expect(0 < about.seconds <= 7200 and 20 <= about.bpm <= 400, f"{path}: about", "a length and a tempo of a dance")
+    return about
+
+
+def _write(path: Path, arrays: dict[str, np.ndarray]) -> None:
+    with atomic_path(path) as part, part.open("wb") as file:
+        np.savez_compressed(file, **arrays)

@@ -1,0 +1,166 @@
+"""Poses the teacher's body after fifteen joints: for dances that are known by their joints alone, and for the learner's replay.
+
+Each bone is turned by the smallest rotation, after its parent, that gives it the direction of the joints at its ends. What
+fifteen joints do not show (the twist of a limb, hands, feet) stays as at rest.
+"""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from kpopnet.dance.joint_files.joint_sets import CAMERA_HEIGHT_M
+from kpopnet.dance.joint_files.quaternions import conjugate, multiply
+from kpopnet.skeleton import Joint
+from kpopnet.teacher.library import TeacherBody
+
+TO_WORLD = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]).T
+"""Multiplies row vectors in a level camera's frame (x right, y down, z forward): x right, y forward, z up."""
+
+_LIMBS = tuple(
+    (side, bone, getattr(Joint, f"{side.upper()}_{begin}"), getattr(Joint, f"{side.upper()}_{end}"))
+    for side in ("Left", "Right")
+    for bone, begin, end in (
+        ("Arm", "SHOULDER", "ELBOW"), ("ForeArm", "ELBOW", "HAND"), ("UpLeg", "HIP", "KNEE"), ("Leg", "KNEE", "FOOT"),
+    )
+)  # fmt: skip
+"""Side, bone, and the joints at the bone's ends."""
+
+SPINE = {"LowerBack": 1 / 3, "Spine": 2 / 3, "Spine1": 1.0}
+"""Share of the rotation from hips to chest that each bone of the spine has reached."""
+
+FLOOR_PERCENTILE = 10
+"""Of the lower foot's height over a dance: where the floor is."""
+
+
+def posed(joints_m: np.ndarray, body: TeacherBody) -> tuple[np.ndarray, np.ndarray]:
+    """Rotations and positions of the body's bones for a dance.
+
+    Args:
+        joints_m: (T, 15, 3) metres in a camera's frame, NaN where missing; a gap is bridged in time.
+        body: the body; its own proportions stay.
+
+    Returns:
+        (T, B, 4) float32 rotations relative to the parents, w first, and (T, 3) float32 positions of the root, metres; the dance
+        starts above the origin.
+    """
+    world_m = _without_gaps(np.asarray(joints_m, np.float64)) @ TO_WORLD
+    rotations = _world_rotations(world_m, body)
+    quats = _quaternions(rotations)
+    local = quats.copy()
+    for bone, parent in enumerate(body.bone_parents):
+        if parent >= 0:
+            local[:, bone] = multiply(conjugate(quats[:, parent]), quats[:, bone])
+    return _continuous(local).astype(np.float32), _root_m(world_m, rotations, body).astype(np.float32)
+
+
+def level_joints_m(world_m: np.ndarray) -> np.ndarray:
+    """(..., 3) points of the world in the frame of a level camera."""
+    return world_m @ TO_WORLD.T + [0, CAMERA_HEIGHT_M, 0]
+
+
+def _without_gaps(joints_m: np.ndarray) -> np.ndarray:
+    """(T, 15, 3) joints; a missing one lies between its last and its next known position, one never seen at the torso."""
+    filled, frames = joints_m.copy(), np.arange(len(joints_m))
+    known = np.isfinite(joints_m).all(axis=2)
+    for joint in range(joints_m.shape[1]):
+        for axis in range(3):
+            if known[:, joint].any():
+                filled[:, joint, axis] = np.interp(frames, frames[known[:, joint]], joints_m[known[:, joint], joint, axis])
+            else:
+                filled[:, joint, axis] = 0.0
+    return filled
+
+
+def _world_rotations(joints_m: np.ndarray, body: TeacherBody) -> np.ndarray:
+    """(T, B, 3, 3) rotation of each bone from the T-pose."""
+
+    def between(begin: int, end: int) -> np.ndarray:
+        return joints_m[:, end] - joints_m[:, begin]
+
+    middle_of_hips = (joints_m[:, Joint.LEFT_HIP] + joints_m[:, Joint.RIGHT_HIP]) / 2
+    hips = _frame(between(Joint.RIGHT_HIP, Joint.LEFT_HIP), joints_m[:, Joint.TORSO] - middle_of_hips)
+    chest = _frame(between(Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER), between(Joint.TORSO, Joint.NECK))
+    bones: dict[str, np.ndarray] = {"Hips": hips}
+    for name, share in SPINE.items():
+        blended = (1 - share) * hips + share * chest
+        bones[name] = _frame(blended[..., 0], blended[..., 2])
+    head = _swing(chest, _rest_direction(body, "Neck", Joint.NECK, Joint.HEAD), between(Joint.NECK, Joint.HEAD))
+    bones |= {"Neck": chest, "Neck1": head, "Head": head}
+    for side, bone, begin, end in _LIMBS:
+        parent = {"Arm": "Spine1", "ForeArm": f"{side}Arm", "UpLeg": "Hips", "Leg": f"{side}UpLeg"}[bone]
+        rest = _rest_direction(body, f"{side}{bone}", begin, end)
+        bones[f"{side}{bone}"] = _swing(bones[parent], rest, between(begin, end))
+    rotations = np.empty((len(joints_m), len(body.bone_names), 3, 3))
+    for number, name in enumerate(body.bone_names.tolist()):
+        rotations[:, number] = bones[name] if name in bones else rotations[:, body.bone_parents[number]]
+    return rotations
+
+
+def _rest_direction(body: TeacherBody, bone: str, begin: int, end: int) -> np.ndarray:
+    """(3,) direction from one joint to another in the T-pose, both moved by one bone."""
+    return body.t_pose[body.bone(bone)] @ (body.joints_m[end] - body.joints_m[begin]).astype(np.float64)
+
+
+def _frame(left: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """(T, 3, 3) rotation whose third column is `up`, and whose first is as near to `left` as it can be."""
+    z = _unit(up, (0.0, 0.0, 1.0))
+    x = _unit(left - (left * z).sum(axis=1, keepdims=True) * z, (1.0, 0.0, 0.0))
+    return np.stack([x, np.cross(z, x), z], axis=-1)
+
+
+def _unit(vectors: np.ndarray, otherwise: tuple[float, float, float]) -> np.ndarray:
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.where(length > 1e-6, vectors / np.maximum(length, 1e-6), otherwise)
+
+
+def _swing(parent: np.ndarray, rest: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """(T, 3, 3) rotations after (T, 3, 3) parents that turn a (3,) rest direction to (T, 3) wanted ones, the shortest way."""
+    before = _unit(parent @ rest, (0.0, 0.0, 1.0))
+    after = _unit(wanted, (0.0, 0.0, 1.0))
+    cross, cosine = np.cross(before, after), (before * after).sum(axis=1)
+    skew = np.zeros((len(parent), 3, 3))
+    skew[:, 0, 1], skew[:, 0, 2], skew[:, 1, 2] = -cross[:, 2], cross[:, 1], -cross[:, 0]
+    skew -= skew.transpose(0, 2, 1)
+    turn = np.eye(3) + skew + skew @ skew / np.maximum(1 + cosine, 1e-3)[:, None, None]
+    return _orthonormal(turn @ parent)
+
+
+def _orthonormal(rotations: np.ndarray) -> np.ndarray:
+    left, _, right = np.linalg.svd(rotations)
+    return left @ right
+
+
+def _quaternions(rotations: np.ndarray) -> np.ndarray:
+    """(..., 4) unit quaternions, w first, of (..., 3, 3) rotations."""
+    shape = rotations.shape[:-2]
+    return Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_quat(scalar_first=True).reshape(*shape, 4)
+
+
+def _continuous(quats: np.ndarray) -> np.ndarray:
+    """(T, B, 4) the same rotations with signs that do not jump."""
+    signs = np.ones(quats.shape[:2])
+    signs[1:] = np.sign((quats[1:] * quats[:-1]).sum(axis=-1))
+    return quats * np.cumprod(np.where(signs < 0, -1, 1), axis=0)[..., None]
+
+
+def forward(rotations: np.ndarray, body: TeacherBody) -> np.ndarray:
+    """(T, B, 3) heads of the bones for (T, B, 3, 3) rotations from the T-pose, with the root at the origin; metres."""
+    heads_m = np.zeros((len(rotations), len(body.bone_names), 3))
+    for bone, parent in enumerate(body.bone_parents):
+        if parent >= 0:
+            offset_m = body.t_pose[parent] @ (body.heads_m[bone] - body.heads_m[parent]).astype(np.float64)
+            heads_m[:, bone] = heads_m[:, parent] + rotations[:, parent] @ offset_m
+    return heads_m
+
+
+def _root_m(joints_m: np.ndarray, rotations: np.ndarray, body: TeacherBody) -> np.ndarray:
+    """(T, 3) positions of the root: over the floor as the dancer's hips, the lower foot on it except in jumps."""
+    toes = [body.bone("LeftToeBase"), body.bone("RightToeBase")]
+    sole_m = float(body.heads_m[toes, 2].min() - body.vertices_m[:, 2].min())
+    lower_m = forward(rotations, body)[:, toes, 2].min(axis=1)
+    feet_m = joints_m[:, [Joint.LEFT_FOOT, Joint.RIGHT_FOOT], 2].min(axis=1)
+    jump_m = np.maximum(feet_m - np.percentile(feet_m, FLOOR_PERCENTILE), 0)
+    jump_m = np.where(jump_m > 0.06, jump_m, 0.0)
+    middle_m = (joints_m[:, Joint.LEFT_HIP] + joints_m[:, Joint.RIGHT_HIP]) / 2
+    root_m = middle_m - middle_m[0]
+    root_m[:, 2] = sole_m - lower_m + jump_m
+    return root_m

@@ -1,0 +1,143 @@
+"""A simulated learner who dances live before a depth camera: the stand-in for a camera and a person.
+
+The learner knows a dance as rotations of the bones of the body of `synth`, and dances it as well as a level of
+`synth.dances.skill` says, or with one fault put in.
+"""
+
+import numpy as np
+
+from kpopnet.camera import CAMERAS
+from kpopnet.errors import InputError
+from synth.body.asset import load_body
+from synth.body.shape import BodyConfig, draw_person
+from synth.dances.skill import LEVELS, SkillConfig, draw_strengths, learn
+from synth.motion.posture import STANDING, rotations
+from synth.motion.skeleton import INDEX, LEG_M, Motion
+from synth.motion.skeleton import JOINT_NAMES as MOTION_BONES
+from synth.motion.splice import at_times
+from synth.scene.room import Room, View, ViewConfig, draw_room, draw_view
+from synth.sensor.film_noise import FilmNoise
+from synth.sensor.model import SENSORS
+from synth.simulated.film import ROOM_BOXES, CleanFrame, Played, Studio, Take, measure_frame
+
+SKILLS = ("perfect", *LEVELS, "still", "nobody")
+FAULTS = ("", "left arm", "right arm", "left leg", "right leg", "late", "hidden feet")
+LATE_S = 0.35
+FAULT_WEIGHT = 0.85
+"""How far a faulty limb hangs: 1 for as in standing still."""
+
+CAMERA = CAMERAS["kinect_v1"]
+VIEW = ViewConfig(height_m=(1.0, 1.2), aim_m=(0.95, 1.05), roll_deg=0.5)
+PLACE_TRIES = 16
+LIMBS = {"arm": ("Shoulder", "Arm", "ForeArm", "Hand"), "leg": ("UpLeg", "Leg", "Foot")}
+
+
+class LiveLearner:
+    """A learner of one dance in a room.
+
+    Attributes:
+        camera: the camera, a simulated Kinect v1.
+    """
+
+    camera = CAMERA
+
+    def __init__(self, quats: np.ndarray, hips_m: np.ndarray, fps: float, skill: str, fault: str = "", seed: int = 0) -> None:
+        """Learns a dance and enters a room.
+
+        Args:
+            quats: (T, B, 4) rotations of the bones of `synth`'s body in the teacher's dance.
+            hips_m: (T, 3) positions of the hips, metres.
+            fps: frames per second.
+            skill: one of SKILLS.
+            fault: one of FAULTS.
+            seed: of the person, the room and the errors.
+
+        Raises:
+            InputError: an unknown skill or fault, another body, or the dance needs more room than a camera sees.
+        """
+        if skill not in SKILLS or fault not in FAULTS:
+            raise InputError(
+                f"skill={skill}, fault={fault}: expected one of {', '.join(SKILLS)} and one of {', '.join(FAULTS[1:])}"
+            )
+        if quats.shape[1:] != (len(load_body().bone_names), 4):
+            raise InputError(f"rotations of shape {quats.shape}: made for another body; make the dances again")
+        self._studio, self._empty = Studio(CAMERA, "cpu"), skill == "nobody"
+        rng = np.random.default_rng([seed, 1])
+        motion = learned(motion_of(quats, hips_m, fps), skill, fault, rng)
+        self._take, self._fps = self._placed(motion, fault, seed), fps
+        self._noise, self._shown = FilmNoise((*b"live", seed)), 0
+        self._studio.scene.set_view(self._take.view)
+        self._studio.scene.set_room(self._take.room)
+        self._room_m = self._studio.renderer.room_m()
+
+    def frame(self, dance_s: float) -> np.ndarray:
+        """What the camera measures while the learner is at a time of the dance.
+
+        Args:
+            dance_s: seconds; before the start and after the end the learner stands.
+
+        Returns:
+            (240, 320) float32 depth of the whole room, metres, 0 where nothing was measured.
+        """
+        scene, played = self._studio.scene, self._take.played
+        number = int(np.clip(round(dance_s * self._fps), 0, len(played) - 1))
+        away_m = np.array([50.0, 50.0, 0.0]) if self._empty else 0.0
+        scene.pose(played.local[number], played.hips_m[number] + self._take.place_m + away_m)
+        renderer = self._studio.renderer
+        joints_m = self._take.view.to_camera(scene.joints_world_m()).astype(np.float32)
+        clean = CleanFrame(self._shown, renderer.person_m(), self._room_m, joints_m)
+        self._shown += 1
+        depth_m, _ = measure_frame(clean, (0, 0, CAMERA.width, CAMERA.height), CAMERA, SENSORS["kinect_v1"], self._noise)
+        return depth_m
+
+    def _placed(self, motion: Motion, fault: str, seed: int) -> Take:
+        """The learner in an empty room, the whole dance in view; with hidden feet, too near to the camera."""
+        rng = np.random.default_rng([seed, 2])
+        person = draw_person(np.random.default_rng([seed, 3]), BodyConfig(), "train")
+        played = self._studio.play(person, motion, 0.0, np.array([0.3, 0.3]))
+        if fault == "hidden feet":
+            return _near(played, draw_view(rng, VIEW), draw_room(rng))
+        take = self._studio.place_in_rooms(rng, played, VIEW, PLACE_TRIES, furnished=False)
+        if take is None:
+            raise InputError("the simulated learner finds no place from where the camera sees the whole dance")
+        return take
+
+
+def _near(played: Played, view: View, room: Room) -> Take:
+    bare = Room(*(array[:ROOM_BOXES] for array in (room.centres_m, room.halves_m, room.yaws_rad)))
+    return Take(played, bare, view, np.array([0.0, 1.3, 0.0]))
+
+
+def motion_of(quats: np.ndarray, hips_m: np.ndarray, fps: float) -> Motion:
+    """The motion of which `synth.samples.sampler.body_rotations` makes these rotations: (T, B, 4), and (T, 3) hips in metres."""
+    bones = [load_body().bone(name) for name in MOTION_BONES]
+    # From z up, -y in front to y up, z in front: (x, y, z) -> (x, z, -y).
+    turned = quats[:, bones][..., (0, 1, 3, 2)] * (1, 1, 1, -1)
+    root_m = hips_m[:, (0, 2, 1)] * (1, 1, -1)
+    return Motion(turned.astype(np.float32), root_m.astype(np.float32), fps, "taught", LEG_M)
+
+
+def learned(motion: Motion, skill: str, fault: str, rng: np.random.Generator) -> Motion:
+    """A learner's motion of a teacher's, with the skill of SKILLS and the fault of FAULTS."""
+    if skill in LEVELS:
+        motion, _ = learn(motion, draw_strengths(rng, LEVELS.index(skill), SkillConfig()), rng)
+    times_s = np.arange(len(motion)) / motion.fps
+    if skill in ("still", "nobody"):
+        motion = at_times(motion, np.zeros_like(times_s), motion.fps)
+    if fault == "late":
+        motion = at_times(motion, np.maximum(times_s - LATE_S, 0.0), motion.fps)
+    side, _, limb = fault.partition(" ")
+    if limb in LIMBS:
+        motion = _hanging(motion, [INDEX[f"{side.capitalize()}{bone}"] for bone in LIMBS[limb]])
+    return motion
+
+
+def _hanging(motion: Motion, bones: list[int]) -> Motion:
+    """The motion with these bones near those of somebody who stands."""
+    quats = motion.quats.astype(np.float64)
+    rest = rotations(STANDING[None]).astype(np.float64)[0]
+    for bone in bones:
+        towards = np.where((quats[:, bone] @ rest[bone])[:, None] < 0, -rest[bone], rest[bone])
+        mixed = (1 - FAULT_WEIGHT) * quats[:, bone] + FAULT_WEIGHT * towards
+        quats[:, bone] = mixed / np.linalg.norm(mixed, axis=1, keepdims=True)
+    return Motion(quats.astype(np.float32), motion.root_m, motion.fps, motion.name, motion.leg_m)

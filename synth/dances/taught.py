@@ -1,0 +1,106 @@
+"""Dances and the body of the virtual teacher (`kpopnet teach`): the embedded choreography, performed by one body.
+
+Dance i is a pure function of i. They are other dances than those of the benchmarks.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kpopnet.camera import CAMERAS
+from kpopnet.dance.joint_files.joint_sets import CAMERA_DISTANCE_M, CAMERA_HEIGHT_M
+from synth.body.asset import load_body
+from synth.body.shape import BodyConfig, Person, draw_person, load_skin
+from synth.motion.choreography.composer import dance, tempo_bpm
+from synth.motion.skeleton import Motion
+from synth.scene.room import View
+from synth.simulated.configuration import is_faulty
+from synth.simulated.film import Studio
+
+DANCES = 100
+FPS = 30.0
+SEED = 20181
+"""First seed of the collection; a dance that leaves the stage is replaced by that of the next seed."""
+
+MAX_TRAVEL_M = 1.0
+SECONDS = (20.0, 36.0)
+BODY_SEED = 3
+CURLS_RAD = np.array([0.3, 0.3])
+
+_KINDS = ("Neon", "Midnight", "Sugar", "Silver", "Electric", "Velvet", "Summer", "Paper", "Golden", "Cosmic")
+_NOUNS = ("Step", "Parade", "Heart", "Rush", "Signal", "Mirror", "Wave", "Crown", "Drive", "Garden")
+
+
+@dataclass(frozen=True, eq=False)
+class PlayedDance:
+    """A dance on the teacher's body.
+
+    Attributes:
+        name: title.
+        bpm: beats per minute; the first beat is at time 0.
+        fps: frames per second.
+        joints_m: (T, 15, 3) float32 metres, in the frame of a level camera that the teacher faces.
+        quats: (T, B, 4) rotations of the bones relative to their parents and the T-pose.
+        hips_m: (T, 3) position of the hips in the world, metres, the floor at z = 0.
+    """
+
+    name: str
+    bpm: float
+    fps: float
+    joints_m: np.ndarray
+    quats: np.ndarray
+    hips_m: np.ndarray
+
+
+def teacher_person() -> Person:
+    """The teacher."""
+    return draw_person(np.random.default_rng(BODY_SEED), BodyConfig(), "train")
+
+
+def teacher_arrays() -> dict[str, np.ndarray]:
+    """The teacher's body by the names of the fields of a skin on bones, at rest."""
+    asset, skin, person = load_body(), load_skin(), teacher_person()
+    return {
+        "bone_names": np.array(asset.bone_names),
+        "bone_parents": asset.bone_parents,
+        "heads_m": person.heads_m.astype(np.float32),
+        "t_pose": person.t_pose.astype(np.float32),
+        "joints_m": person.joints_m.astype(np.float32),
+        "vertices_m": person.vertices_m.astype(np.float32),
+        "faces": skin.faces.astype(np.uint16),
+        "weight_bones": skin.weight_bones.astype(np.uint8),
+        "weights": skin.weights.astype(np.float32),
+    }
+
+
+def dance_title(index: int) -> str:
+    """The title of dance `index`; no two of the first hundred are equal."""
+    return f"{_KINDS[index % len(_KINDS)]} {_NOUNS[(index // len(_KINDS) + index) % len(_NOUNS)]}"
+
+
+def composed(index: int) -> tuple[Motion, float]:
+    """The motion of dance `index` and its beats per minute: whole phrases, on a stage of MAX_TRAVEL_M."""
+    seed = SEED
+    while True:
+        bpm = tempo_bpm(index, seed)
+        phrase_s = 8 * 60 / bpm
+        phrases = np.random.default_rng([SEED, index]).integers(*np.ceil(np.array(SECONDS) / phrase_s))
+        motion = dance(index, seed, float(phrases * phrase_s), FPS)
+        if np.ptp(motion.root_m[:, [0, 2]], axis=0).max() < MAX_TRAVEL_M and not is_faulty(motion):
+            return motion, bpm
+        seed += 1
+
+
+class Teacher:
+    """Plays dances on the teacher's body; holds one compiled scene."""
+
+    def __init__(self) -> None:
+        self._studio, self._person = Studio(CAMERAS["kinect_v1"], "cpu"), teacher_person()
+
+    def dance(self, index: int) -> PlayedDance:
+        """Dance number `index`."""
+        motion, bpm = composed(index)
+        played = self._studio.play(self._person, motion, 0.0, CURLS_RAD)
+        level = View(np.array([0, -CAMERA_DISTANCE_M, CAMERA_HEIGHT_M]), np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]))
+        joints_m = level.to_camera(self._studio.joints_world_m(self._person, played.local, played.hips_m))
+        return PlayedDance(dance_title(index), bpm, FPS, joints_m.astype(np.float32), played.local, played.hips_m)
