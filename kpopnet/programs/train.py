@@ -106,7 +106,7 @@ class NetworkTrainingConfig(ObservationConfig):
         training: how it is trained.
         ridge: of the ridge image, for model.input=depth_ridge.
         device: auto, cpu or cuda.
-        threads: of torch on the CPU; 0 takes all cores.
+        threads: of torch on the CPU; 0 takes the cores that the workers leave.
     """
 
     model: ModelConfig = field(default_factory=ModelConfig)

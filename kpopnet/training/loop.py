@@ -318,7 +318,7 @@ def train(
         seed: of weights, sample order and augmentation.
         device: cpu, cuda, or auto.
         workers: processes that prepare batches; 0 prepares them in this process.
-        threads: threads of torch, 0 for all available cores.
+        threads: threads of torch, 0 for all available cores that the workers leave.
         ridge: of the ridge image, for model.input=depth_ridge; None for the defaults.
         described: the whole configuration, stored in the checkpoint's meta.json; an estimator takes `ridge` from it.
         data: identifies the data sets; a run is resumed only with the data that it began with.
@@ -333,12 +333,12 @@ def train(
     with join_processes(device) as processes, locked(out) if processes.rank == 0 else nullcontext(), naming(out):
         if processes.rank == 0:
             refuse_other_run(out, config.resume)
-        threads = set_up_torch(threads)
+        workers = bounded_processes(workers, "workers")
+        threads = set_up_torch(threads, workers)
         if config.batch_size % processes.count:
             raise InputError(
                 f"training.batch_size={config.batch_size} cannot be divided evenly among {processes.count} processes"
             )
-        workers = bounded_processes(workers, "workers")
         if config.small_crops.share and model.kind != "dense":
             raise InputError(f"training.small_crops: a {model.kind} network takes crops of one size; set its share to 0")
         with closing(Run(config, model, seed, processes)) as run:

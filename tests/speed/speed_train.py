@@ -22,7 +22,7 @@ ROUNDS, STEPS, SAMPLES = 5, 12, 512
 
 def measure() -> dict[str, tuple[float, str, str]]:
     """The default network on the CPU, steps on one and the same batch in turn with steps on fresh ones."""
-    threads = set_up_torch(0)
+    threads = set_up_torch(0, workers=1)
     model, config = ModelConfig(), TrainingConfig()
     with tempfile.TemporaryDirectory() as folder, join_processes("cpu") as processes:
         shards = generated_set(Path(folder), SAMPLES)
