@@ -1,6 +1,6 @@
 """Depth from files: folders of images, npz, npy, HDF5, video, RealSense recordings; one image at a time, in metres."""
 
-from kpopnet.sources.opening import open_depth
+from kpopnet.sources.opening import chosen_camera, open_depth
 from kpopnet.sources.source import DepthSource
 
-__all__ = ["DepthSource", "open_depth"]
+__all__ = ["DepthSource", "chosen_camera", "open_depth"]

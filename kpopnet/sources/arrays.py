@@ -4,6 +4,7 @@ import math
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
@@ -90,15 +91,22 @@ def _camera(path: Path, known: Mapping[str, np.ndarray], width: int, height: int
         return None
     given = known["intrinsics"].astype(float)
     expect(given.shape in ((4,), (3, 3)), f"{path}: intrinsics", f"fx, fy, cx, cy or a 3x3 matrix, found shape {given.shape}")
-    numbers = given[[0, 1, 0, 1], [0, 1, 2, 2]] if given.shape == (3, 3) else given
-    return Camera.from_numbers([*numbers.tolist(), width, height], f"{path}: intrinsics")
+    if given.shape == (3, 3):
+        return Camera.from_intrinsics(given, width, height)
+    return Camera.from_numbers([*given.tolist(), width, height], f"{path}: intrinsics")
 
 
-def _archive(path: Path) -> zipfile.ZipFile:
+@contextmanager
+def _archive(path: Path) -> Iterator[zipfile.ZipFile]:
+    """Opens an .npz file; what goes wrong within becomes an InputError."""
     try:
-        return zipfile.ZipFile(path)
-    except (OSError, ValueError, NotImplementedError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path}: not a readable .npz file ({error})") from error
+        with zipfile.ZipFile(path) as archive:
+            yield archive
+    except InputError:
+        raise
+    except Exception as error:  # of the archive's own bytes: zipfile.BadZipFile, zlib.error, struct.error, KeyError and others
+        reason = next(iter(str(error).splitlines()), type(error).__name__)[:200]
+        raise InputError(f"{path}: not a readable .npz file ({reason})") from error
 
 
 def _unpacked(path: Path, name: str) -> Iterator[np.ndarray]:
@@ -115,7 +123,7 @@ def _image(member: IO[bytes], shape: tuple[int, ...], dtype: np.dtype, where: st
     needed = math.prod(shape) * dtype.itemsize
     try:
         packed = member.read(needed)
-    except (OSError, EOFError, RuntimeError, zlib.error, zipfile.BadZipFile) as error:
+    except (EOFError, zlib.error, zipfile.BadZipFile) as error:
         raise InputError(f"{where}: damaged ({error})") from error
     expect(len(packed) == needed, where, f"{needed:,} bytes, found {len(packed):,}: truncated")
     return np.frombuffer(packed, dtype).reshape(shape)

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from kpopnet.camera import Camera
 from kpopnet.errors import InputError
+from kpopnet.sources.camera_files import read_camera
 from kpopnet.sources.source import Recording, StoredImage, check_size
 
 SUFFIXES = (".png", ".tif", ".tiff")
@@ -54,11 +54,7 @@ def read_image(path: Path, key: str | None) -> Recording:
 
 def _recording(paths: Sequence[Path], camera_file: Path | None) -> Recording:
     height, width = _read(paths[0]).shape
-    camera: Camera | None = None
-    if camera_file is not None:
-        from kpopnet.camera_files import read_camera
-
-        camera = read_camera(camera_file)
+    camera = None if camera_file is None else read_camera(camera_file, width, height)
 
     def images() -> Iterator[StoredImage]:
         return (StoredImage(_read(path), str(path)) for path in paths)
@@ -93,6 +89,6 @@ def _read(path: Path) -> np.ndarray:
     except Exception as error:  # of decoders, among others struct.error and zlib.error
         reason = next(iter(str(error).splitlines()), type(error).__name__)[:200]
         raise InputError(f"{path}: a damaged image ({reason}); remove it or write it again") from error
-    if stored.dtype.kind == "i" and 0 <= stored.min() and stored.max() <= np.iinfo(np.uint16).max:
+    if stored.dtype.kind == "i" and stored.min() >= 0 and stored.max() <= np.iinfo(np.uint16).max:
         return stored.astype(np.uint16)  # Pillow before 11 opens 16-bit PNG as 32 bits
     return stored

@@ -1,14 +1,41 @@
 """Opens a recording of depth of any known kind."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
+from kpopnet.sources.camera_files import read_camera
 from kpopnet.sources.source import DEFAULT_FPS, DepthSource, Recording
 
 CameraOfSize = Callable[[int, int], Camera]
 """Makes a camera for images of a width and a height, as `functools.partial(Camera.from_fov, 58.0)` does."""
+
+
+def chosen_camera(
+    given: str | None = None, fov_deg: float | None = None, focal_px: float | None = None
+) -> Camera | CameraOfSize | None:
+    """The camera that a command line names in one of three ways, for `open_depth`.
+
+    Args:
+        given: a preset of `kpopnet.camera.CAMERAS`, or a file of intrinsics (`camera_files`).
+        fov_deg: horizontal field of view in degrees.
+        focal_px: focal length in pixels.
+
+    Returns:
+        None where it names none.
+
+    Raises:
+        InputError: it names more than one; a focal length that is not positive.
+    """
+    if sum(one is not None for one in (given, fov_deg, focal_px)) > 1:
+        raise InputError("the camera is given twice; give one of --camera, --fov and --focal")
+    if given is not None:
+        return CAMERAS.get(given) or partial(read_camera, given)
+    if fov_deg is not None:
+        return partial(Camera.from_fov, fov_deg)
+    return None if focal_px is None else partial(Camera.centred, focal_px)
 
 
 def open_depth(
@@ -17,7 +44,7 @@ def open_depth(
     """Opens a recording of depth; docs/predicting.md says what each kind of file holds.
 
     Args:
-        path: a folder of 16-bit PNG or TIFF images, or a file: .png, .tif, .npz, .npy, .h5, .mkv, .avi, .bag.
+        path: a folder of 16-bit PNG or TIFF images, or a file: .png, .tif, .npz, .npy, .h5, .mkv, .avi, .bag, .db3.
         camera: of the images, or a function of their width and height; None takes the file's.
         fps: the true number of images per second; None takes the file's times or rate, else DEFAULT_FPS.
         key: name of the array in a file that holds several; of a folder, a pattern of names, such as "depth_*.png".
@@ -52,7 +79,9 @@ def _reader(path: Path) -> Callable[[Path, str | None], Recording]:
         return read_folder
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
-        raise InputError(f"{path}: expected a folder of 16-bit PNG or TIFF images, or a file that ends with {', '.join(SUFFIXES)}")
+        raise InputError(
+            f"{path}: expected a folder of 16-bit PNG or TIFF images, or a file that ends with {', '.join(SUFFIXES)}"
+        )
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     match suffix:
@@ -68,7 +97,7 @@ def _reader(path: Path) -> Callable[[Path, str | None], Recording]:
             from kpopnet.sources.video import read_video
 
             return read_video
-        case ".bag":
+        case ".bag" | ".db3":
             from kpopnet.sources.realsense import read_bag
 
             return read_bag
@@ -78,4 +107,4 @@ def _reader(path: Path) -> Callable[[Path, str | None], Recording]:
             return read_image
 
 
-SUFFIXES = (".png", ".tif", ".tiff", ".npz", ".npy", ".h5", ".hdf5", ".mkv", ".avi", ".bag")
+SUFFIXES = (".png", ".tif", ".tiff", ".npz", ".npy", ".h5", ".hdf5", ".mkv", ".avi", ".bag", ".db3")

@@ -101,8 +101,8 @@ class DepthSource:
             time_s = image.time_s if own_time and image.time_s is not None else number / self.fps
             if not before_s < time_s < np.inf:
                 raise InputError(
-                    f"{image.where}: taken at {time_s:g} s, after one at {before_s:g} s; give the images per second, which then "
-                    "replace the file's times"
+                    f"{image.where}: taken at {time_s:g} s, after one at {before_s:g} s; give the images per second "
+                    "(--fps), which then replace the file's times"
                 )
             before_s = time_s
             yield TimedDepth(time_s, depth_m)

@@ -1,0 +1,88 @@
+"""The same few depth images in files of every kind that `kpopnet.sources` reads, with the camera where the kind can tell it."""
+
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+from PIL import Image
+
+from kpopnet.camera import Camera
+
+CAMERA = Camera(70.0, 71.0, 31.0, 23.5, 64, 48)
+FPS = 25.0
+
+
+def depth_mm(frames: int = 12) -> np.ndarray:
+    """(frames, 48, 64) uint16 millimetres; every frame, row and column differs; a hole in each."""
+    row, column = np.mgrid[:48, :64]
+    images = (1500 + 40 * row + 7 * column + 3 * np.arange(frames)[:, None, None]).astype(np.uint16)
+    images[:, 5:9, 6:11] = 0
+    return images
+
+
+def camera_numbers(camera: Camera = CAMERA) -> list[float]:
+    return [camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height]
+
+
+def write_pngs(folder: Path, images: np.ndarray, suffix: str = ".png") -> Path:
+    """Names without leading zeros: their natural order is not that of their letters."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, image in enumerate(images):
+        Image.fromarray(image).save(folder / f"depth{number}{suffix}")
+    return folder
+
+
+def write_npz(path: Path, images: np.ndarray, **others: object) -> Path:
+    np.savez_compressed(path, depth_mm=images, camera=camera_numbers(), **others)
+    return path
+
+
+def write_hdf5(path: Path, images: np.ndarray, chunk: int = 5) -> Path:
+    with h5py.File(path, "w") as file:
+        file.create_dataset("depth_mm", data=images, chunks=(min(chunk, len(images)), *images.shape[1:]), compression=1)
+        file.attrs["camera"] = camera_numbers()
+        file.attrs["fps"] = FPS
+    return path
+
+
+def write_video(path: Path, images: np.ndarray, codec: str = "ffv1", pixels: str = "gray16le") -> Path:
+    import av
+
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream(codec, rate=int(FPS), options={"level": "3", "slicecrc": "1"})
+        stream.width, stream.height, stream.pix_fmt = images.shape[2], images.shape[1], pixels
+        for image in images:
+            frame = av.VideoFrame.from_ndarray(image, format="gray16le")
+            container.mux(stream.encode(frame.reformat(format=pixels) if pixels != "gray16le" else frame))
+        container.mux(stream.encode())
+    return path
+
+
+def write_bag(path: Path, images: np.ndarray, unit_m: float = 0.001, camera: Camera = CAMERA) -> Path:
+    """Records a simulated RealSense camera with the maker's library."""
+    import pyrealsense2 as rs
+
+    device = rs.software_device()
+    sensor = device.add_sensor("Depth")
+    lens = rs.intrinsics()
+    lens.fx, lens.fy, lens.ppx, lens.ppy, lens.width, lens.height = camera_numbers(camera)
+    stream = rs.video_stream()
+    stream.type, stream.fmt, stream.bpp, stream.fps = rs.stream.depth, rs.format.z16, 2, int(FPS)
+    stream.index, stream.uid, stream.width, stream.height, stream.intrinsics = 0, 0, camera.width, camera.height, lens
+    profile = sensor.add_video_stream(stream)
+    sensor.add_read_only_option(rs.option.depth_units, unit_m)
+    recorder = rs.recorder(str(path), device)
+    recorded, queue = recorder.query_sensors()[0], rs.frame_queue(len(images))
+    recorded.open(recorded.get_stream_profiles()[0])
+    recorded.start(queue)
+    for number, image in enumerate(images):
+        frame = rs.software_video_frame()
+        frame.pixels, frame.stride, frame.bpp, frame.depth_units = image, 2 * camera.width, 2, unit_m
+        frame.timestamp, frame.domain, frame.frame_number = 1000 * number / FPS, rs.timestamp_domain.hardware_clock, number
+        frame.profile = profile.as_video_stream_profile()
+        sensor.on_video_frame(frame)
+        time.sleep(0.02)  # the recorder takes frames from a thread of its own
+    recorded.stop()
+    recorded.close()
+    return path

@@ -1,0 +1,235 @@
+"""Recordings of every kind give the same metres, in bounded memory, and what is no depth is refused in one line."""
+
+import json
+import tracemalloc
+import zipfile
+from functools import partial
+
+import h5py
+import numpy as np
+import pytest
+from damaged_files import is_refused, survives_damage
+from depth_files import CAMERA, FPS, camera_numbers, depth_mm, write_bag, write_hdf5, write_npz, write_pngs, write_video
+from PIL import Image
+
+from kpopnet.camera import CAMERAS, Camera
+from kpopnet.errors import InputError
+from kpopnet.sources import chosen_camera, open_depth
+
+MILLIMETRES = depth_mm()
+METRES = MILLIMETRES.astype(np.float32) / 1000
+
+
+def read(path, camera=None, **how):
+    """All images of a recording, twice the same."""
+    source = open_depth(path, camera, **how)
+    first, again = np.stack(list(source)), np.stack(list(source))
+    np.testing.assert_array_equal(first, again)
+    assert first.dtype == np.float32 and source.frames in (None, len(first))
+    return source, first
+
+
+def png_folder(place):
+    (write_pngs(place / "images", MILLIMETRES) / "camera.json").write_text(
+        json.dumps(dict(zip(("fx", "fy", "cx", "cy", "width", "height"), camera_numbers(), strict=True)))
+    )
+    return place / "images"
+
+
+WRITERS = {
+    "png": png_folder,
+    "npz": lambda place: write_npz(place / "a.npz", MILLIMETRES),
+    "hdf5": lambda place: write_hdf5(place / "a.h5", MILLIMETRES),
+}
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_a_file_that_tells_its_camera_needs_nothing_else(kind, tmp_path):
+    source, images = read(WRITERS[kind](tmp_path))
+    np.testing.assert_array_equal(images, METRES)
+    assert source.camera == CAMERA and source.frames == len(METRES)
+
+
+def test_tiff_npy_and_single_images_take_the_camera_given(tmp_path):
+    write_pngs(tmp_path / "tiffs", METRES, ".tif")
+    np.save(tmp_path / "a.npy", MILLIMETRES.astype(">u2"))
+    np.save(tmp_path / "one.npy", METRES[3])
+    Image.fromarray(MILLIMETRES[3]).save(tmp_path / "one.png")
+    for name, expected in (("tiffs", METRES), ("a.npy", METRES), ("one.npy", METRES[3:4]), ("one.png", METRES[3:4])):
+        np.testing.assert_array_equal(read(tmp_path / name, CAMERA)[1], expected)
+
+
+def test_a_lossless_video_keeps_every_millimetre_and_its_rate(tmp_path):
+    pytest.importorskip("av", reason="the extra video is not installed")
+    source, images = read(write_video(tmp_path / "a.mkv", MILLIMETRES), CAMERA)
+    np.testing.assert_array_equal(images, METRES)
+    assert source.fps == FPS and source.fps_is_known
+    np.testing.assert_allclose([image.time_s for image in source.timed()], np.arange(len(METRES)) / FPS, atol=1e-3)
+
+
+def test_a_video_of_8_bits_or_with_a_damaged_image_is_refused(tmp_path):
+    pytest.importorskip("av", reason="the extra video is not installed")
+    write_video(tmp_path / "grey.mkv", MILLIMETRES, pixels="gray")
+    with pytest.raises(InputError, match=r"grey\.mkv: its images are gray; expected 16-bit grey"):
+        open_depth(tmp_path / "grey.mkv", CAMERA)
+    path = write_video(tmp_path / "a.mkv", np.random.default_rng(0).integers(1000, 4000, (6, 48, 64), np.uint16))
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2 : len(content) // 2 + 8] = b"\xff" * 8
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"a\.mkv: frame [1-5]: damaged"):
+        list(open_depth(path, CAMERA))
+    (tmp_path / "list.mkv").write_text("#EXTM3U\nfile:///etc/passwd\n")
+    assert is_refused(lambda: open_depth(tmp_path / "list.mkv", CAMERA))
+
+
+def test_a_realsense_recording_tells_camera_times_and_unit(tmp_path):
+    pytest.importorskip("pyrealsense2", reason="the extra realsense, or libusb, is not installed", exc_type=ImportError)
+    source, images = read(write_bag(tmp_path / "a.db3", MILLIMETRES[:5], unit_m=0.0001))
+    np.testing.assert_allclose(images, METRES[:5] / 10, rtol=1e-6)
+    for name in ("fx", "fy", "cx", "cy", "width", "height"):
+        assert getattr(source.camera, name) == pytest.approx(getattr(CAMERA, name))
+    np.testing.assert_allclose([image.time_s for image in source.timed()], np.arange(5) / FPS, atol=1e-6)
+    (tmp_path / "b.bag").write_bytes(b"#ROSBAG V2.0\n" + bytes(5000))
+    with pytest.raises(InputError, match=r"b\.bag: not a RealSense recording"):
+        open_depth(tmp_path / "b.bag")
+
+
+@pytest.mark.parametrize(("module", "name", "extra"), [("av", "a.mkv", "video"), ("pyrealsense2", "a.bag", "realsense")])
+def test_a_missing_library_is_named_with_the_command_that_installs_it(module, name, extra, tmp_path, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, module, None)
+    (tmp_path / name).write_bytes(bytes(100))
+    with pytest.raises(InputError, match=rf"pip install 'kpopnet\[{extra}\]'"):
+        open_depth(tmp_path / name)
+
+
+def test_times_come_from_the_file_or_the_rate_and_a_given_rate_replaces_both(tmp_path):
+    times_s = 10 + np.cumsum(np.linspace(0.03, 0.05, len(METRES)))
+    path = write_npz(tmp_path / "a.npz", MILLIMETRES, times_s=times_s)
+    np.testing.assert_allclose([image.time_s for image in open_depth(path).timed()], times_s)
+    assert open_depth(path).fps == pytest.approx(25, rel=0.05)
+    np.testing.assert_allclose([image.time_s for image in open_depth(path, fps=50).timed()], np.arange(len(METRES)) / 50)
+    assert not open_depth(write_npz(tmp_path / "b.npz", MILLIMETRES)).fps_is_known
+    assert open_depth(write_npz(tmp_path / "c.npz", MILLIMETRES, fps=60)).fps == 60
+    path = write_npz(tmp_path / "d.npz", MILLIMETRES, times_s=np.append(times_s[:-1], times_s[3]))
+    with pytest.raises(InputError, match=r"frame 11: taken at .* after one at"):
+        list(open_depth(path))
+
+
+def test_the_camera_comes_from_a_preset_a_file_an_angle_or_a_focal_length(tmp_path):
+    np.save(tmp_path / "a.npy", np.full((2, 240, 320), 2000, np.uint16))
+    (tmp_path / "camera.json").write_text(json.dumps(vars(CAMERAS["eval"])))
+    for given, expected in (
+        (chosen_camera("kinect_v1"), CAMERAS["kinect_v1"]),
+        (chosen_camera(str(tmp_path / "camera.json")), CAMERAS["eval"]),
+        (chosen_camera(fov_deg=58.0), Camera.from_fov(58.0, 320, 240)),
+        (chosen_camera(focal_px=300.0), Camera.centred(300.0, 320, 240)),
+    ):
+        assert open_depth(tmp_path / "a.npy", given).camera == expected
+    with pytest.raises(InputError, match=r"does not tell its camera.*kinect_v1.*--camera.*--fov.*--focal"):
+        open_depth(tmp_path / "a.npy", chosen_camera())
+    with pytest.raises(InputError, match="given twice"):
+        chosen_camera("eval", 58.0)
+    with pytest.raises(InputError, match=r"frame 0: expected the camera's 512x424 pixels, got 320x240"):
+        list(open_depth(tmp_path / "a.npy", CAMERAS["kinect_2"]))
+    matrix = [[CAMERA.fx, 0, CAMERA.cx], [0, CAMERA.fy, CAMERA.cy], [0, 0, 1]]
+    for intrinsics in (matrix, camera_numbers()[:4]):
+        np.savez(tmp_path / "b.npz", depth=MILLIMETRES, intrinsics=intrinsics)
+        assert open_depth(tmp_path / "b.npz").camera == CAMERA
+
+
+def test_the_array_is_the_named_one_the_known_one_or_the_only_one(tmp_path):
+    other = np.ones((len(METRES), 48, 64), np.float32)
+    np.savez(tmp_path / "a.npz", depth_m=METRES, infrared=other, joints=np.zeros((12, 15, 3)))
+    np.testing.assert_array_equal(read(tmp_path / "a.npz", CAMERA)[1], METRES)
+    np.testing.assert_array_equal(read(tmp_path / "a.npz", CAMERA, key="infrared")[1], other)
+    with h5py.File(tmp_path / "b.h5", "w") as file:
+        file["data"], file["is_valid"] = METRES.astype(np.float16), np.zeros(12)
+    np.testing.assert_allclose(read(tmp_path / "b.h5", CAMERA)[1], METRES, rtol=1e-3)
+    np.savez(tmp_path / "c.npz", one=METRES, two=other)
+    with pytest.raises(InputError, match=r"several arrays could be depth.*one \(12, 48, 64\), two"):
+        open_depth(tmp_path / "c.npz", CAMERA)
+    with pytest.raises(InputError, match="no array three"):
+        open_depth(tmp_path / "c.npz", CAMERA, key="three")
+    np.savez(tmp_path / "d.npz", joints=np.zeros((12, 15, 3)))
+    with pytest.raises(InputError, match=r"no array of shape \(frames, height, width\)"):
+        open_depth(tmp_path / "d.npz", CAMERA)
+
+
+def test_a_pattern_chooses_among_the_images_of_a_folder(tmp_path):
+    write_pngs(tmp_path, MILLIMETRES)
+    Image.fromarray(np.zeros((48, 64, 3), np.uint8)).save(tmp_path / "colour0.png")
+    np.testing.assert_array_equal(read(tmp_path, CAMERA, key="depth*.png")[1], METRES)
+    with pytest.raises(InputError, match=r"colour0\.png: an image of Pillow's mode RGB; expected depth"):
+        open_depth(tmp_path, CAMERA)
+    with pytest.raises(InputError, match="no image named infrared"):
+        open_depth(tmp_path, CAMERA, key="infrared*")
+
+
+def test_images_that_are_no_depth_are_refused(tmp_path):
+    folder = write_pngs(tmp_path / "images", MILLIMETRES)
+    Image.fromarray(np.zeros((48, 64), np.uint8)).save(folder / "depth5.png")
+    with pytest.raises(InputError, match=r"depth5\.png: an image of Pillow's mode L"):
+        list(open_depth(folder, CAMERA))
+    Image.fromarray(MILLIMETRES[0, :40]).save(folder / "depth5.png")
+    with pytest.raises(InputError, match=r"depth5\.png: expected the camera's 64x48 pixels, got 64x40"):
+        list(open_depth(folder, CAMERA))
+    write_pngs(folder, MILLIMETRES)
+    whole = (folder / "depth7.png").read_bytes()
+    (folder / "depth7.png").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match=r"depth7\.png: a damaged image"):
+        list(open_depth(folder, CAMERA))
+    write_pngs(tmp_path / "tiffs", MILLIMETRES.astype(np.float32), ".tif")
+    with pytest.raises(InputError, match=r"depth0\.tif: half of the measured pixels.*look like millimetres"):
+        list(open_depth(tmp_path / "tiffs", CAMERA))
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match="no image named"):
+        open_depth(tmp_path / "empty", CAMERA)
+
+
+def test_an_image_or_an_array_that_claims_too_much_is_refused_before_memory_is_taken(tmp_path):
+    Image.new("I;16", (64, 48)).save(tmp_path / "a.png")
+    content = bytearray((tmp_path / "a.png").read_bytes())
+    content[16:24] = (40_000).to_bytes(4, "big") * 2
+    content[29:33] = __import__("zlib").crc32(bytes(content[12:29])).to_bytes(4, "big")
+    (tmp_path / "a.png").write_bytes(content)
+    header = b"\x93NUMPY\x01\x00v\x00" + b"{'descr': '<u2', 'fortran_order': False, 'shape': (9, 40000, 40000), }"
+    header = header.ljust(127) + b"\n"
+    (tmp_path / "b.npy").write_bytes(header)
+    with zipfile.ZipFile(tmp_path / "c.npz", "w") as archive:
+        archive.writestr("depth.npy", header)
+        archive.writestr("times_s.npy", np.lib.format.magic(1, 0))
+    with h5py.File(tmp_path / "d.h5", "w") as file:
+        file.create_dataset("depth", (9, 40_000, 40_000), "u2", chunks=(1, 40_000, 40_000))
+    tracemalloc.start()
+    for name in ("a.png", "b.npy", "c.npz", "d.h5"):
+        assert is_refused(lambda name=name: list(open_depth(tmp_path / name, CAMERA))), name
+    assert tracemalloc.get_traced_memory()[1] < 50e6
+    tracemalloc.stop()
+
+
+@pytest.mark.parametrize("kind", ["npz", "hdf5"])
+def test_a_long_recording_is_never_in_memory_whole(kind, tmp_path):
+    images = np.repeat(np.full((1, 240, 320), 2000, np.uint16), 400, axis=0)  # 61 MB
+    path = {"npz": write_npz, "hdf5": write_hdf5}[kind](tmp_path / f"a.{'h5' if kind == 'hdf5' else 'npz'}", images)
+    source = open_depth(path, CAMERAS["kinect_v1"])
+    tracemalloc.start()
+    assert sum(1 for _ in source) == 400
+    assert tracemalloc.get_traced_memory()[1] < 8e6
+    tracemalloc.stop()
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".npy", ".h5", ".png"])
+def test_damaged_files_are_read_or_refused_in_one_line(suffix, tmp_path):
+    path = tmp_path / f"a{suffix}"
+    {
+        ".npz": partial(write_npz, images=MILLIMETRES[:2]),
+        ".npy": lambda path: np.save(path, MILLIMETRES[:2]),
+        ".h5": partial(write_hdf5, images=MILLIMETRES[:2]),
+        ".png": lambda path: Image.fromarray(MILLIMETRES[0]).save(path),
+    }[suffix](path)
+    assert survives_damage(path, lambda: list(open_depth(path, CAMERA)), count=60) > 15
+
+
+@pytest.mark.parametrize("name", ["missing.npz", "missing", "notes.txt", "a.pkl"])
+def test_a_path_of_no_known_kind_is_refused(name, tmp_path):
+    assert is_refused(lambda: open_depth(tmp_path / name, CAMERA))
