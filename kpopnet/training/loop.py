@@ -61,7 +61,8 @@ class TrainingConfig:
         batch_size: samples per step, over all processes.
         lr: peak learning rate of the cycle.
         warmup: fraction of the steps in which the learning rate rises.
-        optimiser: adamw, or muon for the weights of convolutions and linear layers (kpopnet.training.muon).
+        optimiser: muon for the weights of convolutions and linear layers and AdamW for the rest (kpopnet.training.muon), or
+            adamw for all, whose lr should be 0.002.
         weight_decay: weight decay, only for the weights of convolutions and linear layers.
         clip_norm: gradients with a larger norm are scaled down to it, so that a single odd batch does not throw the weights.
             Measured norms (median, 99th percentile, largest): 0.15, 0.25 and 0.38 in 2,400 steps of the dense network; 0.32,
@@ -76,18 +77,18 @@ class TrainingConfig:
         resume: a checkpoint from which to resume a run, e.g. outputs/train/RUN/last.
     """
 
-    steps: int = 20000
-    batch_size: int = 32
-    lr: float = 2e-3
+    steps: int = 10000
+    batch_size: int = 64
+    lr: float = 5e-3
     warmup: float = 0.07
-    optimiser: str = "adamw"
+    optimiser: str = "muon"
     weight_decay: float = 0.01
     clip_norm: float = 0.5
     average: float = 0.999
     augment: AugmentConfig = field(default_factory=AugmentConfig)
     small_crops: SmallCropsConfig = field(default_factory=SmallCropsConfig)
     log_every: int = 20
-    validate_every: int = 1000
+    validate_every: int = 500
     validation_samples: int = 2048
     start: str | None = None
     resume: str | None = None
