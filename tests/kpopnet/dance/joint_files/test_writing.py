@@ -1,0 +1,122 @@
+"""Joints that are written are read again: exactly by npz, to the rounding by text, in directions and mean lengths by BVH."""
+
+import json
+
+import numpy as np
+import pytest
+from dance_people import dance_joints_m, noisy, performed, turned
+
+from kpopnet.dance.joint_files.bvh import read_bvh
+from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.dance.joint_files.writing import write_performance
+from kpopnet.dance.performance import Performance
+from kpopnet.errors import InputError
+from kpopnet.skeleton import BONES, Joint
+
+
+def distances_m(joints_m):
+    """(T, 15, 15) distances of all pairs of joints, which no turn and shift changes."""
+    return np.linalg.norm(joints_m[:, :, None] - joints_m[:, None], axis=-1)
+
+
+def recording() -> Performance:
+    """A dance with a torso as the paper's, some joints missing, and a confidence of each."""
+    joints_m = dance_joints_m(3).copy()
+    joints_m[:, Joint.TORSO] = joints_m[:, [Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.RIGHT_HIP, Joint.LEFT_HIP]].mean(1)
+    joints_m[40:60, Joint.LEFT_HAND] = np.nan
+    confidence = np.random.default_rng(0).uniform(0.2, 1, joints_m.shape[:2])
+    return Performance(joints_m, 5 + np.arange(len(joints_m)) / 30, confidence)
+
+
+@pytest.mark.parametrize(("suffix", "tolerance_m"), [(".npz", 1e-6), (".json", 4e-4), (".csv", 4e-4)])
+def test_joints_times_and_confidence_come_back(suffix, tolerance_m, tmp_path):
+    dance, path = recording(), tmp_path / f"a{suffix}"
+    write_performance(path, dance)
+    again = read_performance(path)
+    np.testing.assert_allclose(distances_m(again.joints_m), distances_m(dance.joints_m), atol=tolerance_m)
+    np.testing.assert_allclose(again.times_s, dance.times_s, atol=1e-6)
+    others = [joint for joint in Joint if joint != Joint.TORSO]  # whose confidence readers take from the trunk's
+    np.testing.assert_allclose(again.confidence[:, others], dance.confidence[:, others], atol=6e-4)
+    if suffix == ".npz":
+        np.testing.assert_allclose(again.joints_m, dance.joints_m, atol=1e-6)
+
+
+def test_text_keeps_the_camera_frame_and_says_so(tmp_path):
+    dance = recording()
+    write_performance(tmp_path / "a.json", dance)
+    content = json.loads((tmp_path / "a.json").read_text())
+    assert content["unit"] == "metre" and "y down" in content["frame"]
+    np.testing.assert_allclose(content["frames"][7]["joints"]["head"][:3], dance.joints_m[7, Joint.HEAD], atol=6e-5)
+    assert content["frames"][45]["joints"]["left_hand"] is None
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.2, 3.1])
+def test_a_skeleton_of_constant_bones_comes_back_from_bvh(turn, tmp_path):
+    """Wherever the dancer faces. The first writing makes bones constant: a trunk that bends is a line in fifteen joints."""
+    joints_m = turned(dance_joints_m(5), [0, 1, 0], np.full(360, turn))
+    write_performance(tmp_path / "a.bvh", performed(joints_m))
+    constant = read_performance(tmp_path / "a.bvh")
+    assert len(constant) == len(joints_m)
+    np.testing.assert_allclose(np.diff(constant.times_s), 1 / 30, atol=1e-6)
+    assert np.median(np.abs(distances_m(constant.joints_m) - distances_m(joints_m))) < 5e-3
+    write_performance(tmp_path / "b.bvh", constant)
+    again_m = read_performance(tmp_path / "b.bvh").joints_m
+    np.testing.assert_allclose(distances_m(again_m), distances_m(constant.joints_m), atol=1e-4)
+
+
+def test_bones_of_noisy_joints_are_constant_in_bvh_and_point_where_they_pointed(tmp_path):
+    joints_m = noisy(dance_joints_m(2), 0.04)
+    write_performance(tmp_path / "a.bvh", performed(joints_m))
+    again_m = read_performance(tmp_path / "a.bvh").joints_m
+    turn = aligned(again_m, joints_m)
+    for parent, child in BONES:
+        if {parent, child} & {Joint.HEAD, Joint.NECK, Joint.TORSO}:
+            continue
+        bone, true = (joints[:, child] - joints[:, parent] for joints in (again_m @ turn, joints_m))
+        assert np.ptp(np.linalg.norm(bone, axis=1)) < 1e-3
+        cosine = (bone * true).sum(1) / np.linalg.norm(bone, axis=1) / np.linalg.norm(true, axis=1)
+        assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).max() < 0.6
+
+
+def aligned(from_m, to_m):
+    """The rotation about the vertical that readers applied, from the trunks: (3, 3) for row vectors."""
+    a, b = (joints - joints.mean(axis=1, keepdims=True) for joints in (from_m, to_m))
+    u, _, vt = np.linalg.svd(np.einsum("tji,tjk->ik", a, b))
+    return u @ vt
+
+
+def test_bvh_follows_the_clock_where_frames_are_missing_and_fills_gaps(tmp_path):
+    dance = recording()
+    kept = np.delete(np.arange(len(dance)), np.arange(100, 130))
+    write_performance(tmp_path / "a.bvh", Performance(dance.joints_m[kept], dance.times_s[kept], dance.confidence[kept]))
+    bvh = read_bvh(tmp_path / "a.bvh")
+    assert len(bvh.root) == len(dance) and bvh.fps == pytest.approx(30)
+    assert {"Hips", "Spine", "LeftForeArm", "RightUpLeg", "Head"} <= set(bvh.names)
+
+
+def test_a_single_frame_and_straight_opposite_limbs_make_a_bvh(tmp_path):
+    joints_m = dance_joints_m(0)[:1].copy()
+    for side, sign in (("LEFT", -1), ("RIGHT", 1)):  # folded onto the trunk: opposite to the rest pose
+        shoulder = joints_m[:, Joint[f"{side}_SHOULDER"]]
+        inwards = joints_m[:, Joint.LEFT_SHOULDER] - joints_m[:, Joint.RIGHT_SHOULDER]
+        joints_m[:, Joint[f"{side}_ELBOW"]] = shoulder + sign * 0.8 * inwards
+        joints_m[:, Joint[f"{side}_HAND"]] = shoulder + sign * 1.5 * inwards
+    write_performance(tmp_path / "a.bvh", performed(joints_m))
+    again_m = read_performance(tmp_path / "a.bvh").joints_m
+    hands = [Joint.LEFT_HAND, Joint.RIGHT_HAND]
+    np.testing.assert_allclose(
+        distances_m(again_m)[:, hands][:, :, hands], distances_m(joints_m)[:, hands][:, :, hands], atol=2e-3
+    )
+
+
+def test_what_cannot_be_written_is_told_in_one_line(tmp_path):
+    joints_m = dance_joints_m(0).copy()
+    with pytest.raises(InputError, match=r"a\.txt: expected a name that ends with \.npz"):
+        write_performance(tmp_path / "a.txt", performed(joints_m))
+    joints_m[:, Joint.LEFT_FOOT] = np.nan
+    with pytest.raises(InputError, match="left_foot is missing in every frame"):
+        write_performance(tmp_path / "a.bvh", performed(joints_m))
+    joints_m[:, [Joint.LEFT_FOOT, Joint.LEFT_KNEE]] = 0.0
+    with pytest.raises(InputError, match="lie in one point"):
+        write_performance(tmp_path / "a.bvh", performed(joints_m))
+    assert list(tmp_path.iterdir()) == []
