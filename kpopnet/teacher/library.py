@@ -216,8 +216,9 @@ def preview_cm(dance: TaughtDance) -> list[list[int]]:
     return centred_cm.reshape(len(centred_cm), -1).tolist()
 
 
-SPEEDS_M_S = (0.45, 0.6, 0.75, 0.9)
-"""Bounds between the five difficulties: mean speed of hands and feet relative to the torso, metres per second."""
+SPEEDS_M_S = (0.73, 0.82, 0.88, 1.01)
+"""Bounds between the five difficulties, a fifth of the composed dances each: mean speed of hands and feet relative to the torso,
+metres per second."""
 
 
 def difficulty(joints_m: np.ndarray, fps: float) -> int:

@@ -39,8 +39,8 @@ def posed(joints_m: np.ndarray, body: TeacherBody) -> tuple[np.ndarray, np.ndarr
         body: the body; its own proportions stay.
 
     Returns:
-        (T, B, 4) float32 rotations relative to the parents, w first, and (T, 3) float32 positions of the root, metres; the dance
-        starts above the origin.
+        (T, B, 4) float32 rotations relative to the parents, w first, and (T, 3) float32 positions of the root in metres, which
+        start above the origin.
     """
     world_m = _without_gaps(np.asarray(joints_m, np.float64)) @ TO_WORLD
     rotations = _world_rotations(world_m, body)

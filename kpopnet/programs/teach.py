@@ -1,0 +1,220 @@
+"""The dance teacher: a page on this machine that shows a dance, watches you through a depth camera and says how it goes.
+
+    kpopnet teach                                 opens the page; without a camera a simulated learner dances
+    kpopnet teach --depth recording --camera kinect_v1     a recording of depth instead of a camera
+    kpopnet teach add mama.bvh --title Mama --bpm 128      adds a dance of one's own: .bvh, .npz, .csv or .json of joints
+
+The first start makes a hundred dances, in about half a minute. docs/teaching.md describes the page.
+"""
+
+import argparse
+import importlib.util
+import secrets
+import sys
+import time
+import webbrowser
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from tqdm import tqdm
+
+from kpopnet.camera import Camera
+from kpopnet.errors import InputError
+from kpopnet.runtime.folder_lock import locked
+from kpopnet.runtime.hydra_app import user_errors
+from kpopnet.sources import open_depth
+from kpopnet.sources.camera_files import read_camera
+from kpopnet.sources.source import DepthSource, TimedDepth
+from kpopnet.teacher.adding import add_dance
+from kpopnet.teacher.library import About, Library, TaughtDance, TeacherBody, difficulty
+from kpopnet.teacher.live.lesson import DanceClock, Lesson
+from kpopnet.teacher.live.watching import LiveCamera
+
+FOLDER = Path("outputs/teach")
+PORT = 8471
+SIMULATED = "simulated"
+CAMERA_FPS = 30.0
+
+
+class RecordingGiven(NamedTuple):
+    """A recording of depth as the command line names it: path, camera or field of view in degrees, frames per second."""
+
+    path: str
+    camera: str | None
+    fov_deg: float | None
+    fps: float | None
+
+    def open(self) -> DepthSource:
+        """Opens the recording.
+
+        Raises:
+            InputError: it cannot be read, or its camera is not known.
+        """
+        camera = None
+        if self.camera is not None:
+            camera = partial(read_camera, self.camera)
+        elif self.fov_deg is not None:
+            camera = partial(Camera.from_fov, self.fov_deg)
+        return open_depth(self.path, camera, self.fps)
+
+
+class SimulatedCamera:
+    """A simulated learner before a simulated camera; a `LiveCamera`."""
+
+    def __init__(self, lesson: Lesson, dance: TaughtDance, clock: DanceClock) -> None:
+        from synth.dances.live import LiveLearner
+
+        self._learner = LiveLearner(dance.quats, dance.hips_m, dance.fps, lesson.skill, lesson.fault, lesson.seed)
+        self.camera, self._clock, self._next = self._learner.camera, clock, time.monotonic()
+
+    def read(self) -> tuple[np.ndarray, float]:
+        """See `LiveCamera.read`: the learner as they stand now."""
+        self._next = wait_until(self._next)
+        now = time.monotonic()
+        return self._learner.frame(self._clock.dance_s(now)), now
+
+    def close(self) -> None:
+        pass
+
+
+class RecordedCamera:
+    """A recording that is played while the dance goes on, and shows its first image before; a `LiveCamera`."""
+
+    def __init__(self, source: DepthSource, clock: DanceClock) -> None:
+        self.camera, self._source, self._clock, self._next = source.camera, source, clock, time.monotonic()
+        self._first = next(source.timed())
+        self._images: Iterator[TimedDepth] | None = None
+
+    def read(self) -> tuple[np.ndarray, float] | None:
+        """See `LiveCamera.read`."""
+        if not self._clock.running:
+            self._images = None
+            self._next = wait_until(self._next)
+            return self._first.depth_m, time.monotonic()
+        if self._images is None:
+            self._images, self._began = self._source.timed(), None
+        if (image := next(self._images, None)) is None:
+            return None
+        while self._clock.running and self._clock.dance_s(time.monotonic()) < image.time_s - self._first.time_s:
+            time.sleep(0.002)
+        return image.depth_m, time.monotonic()
+
+    def close(self) -> None:
+        pass
+
+
+def wait_until(moment: float) -> float:
+    """Waits until a moment of `time.monotonic`; returns when the next image is due."""
+    time.sleep(max(moment - time.monotonic(), 0))
+    return max(moment + 1 / CAMERA_FPS, time.monotonic())
+
+
+def open_source(recording: RecordingGiven | None, lesson: Lesson, dance: TaughtDance, clock: DanceClock) -> LiveCamera:
+    """Opens the source of depth that a lesson names."""
+    if lesson.source == SIMULATED or recording is None:
+        return SimulatedCamera(lesson, dance, clock)
+    return RecordedCamera(recording.open(), clock)
+
+
+def make_library(library: Library) -> None:
+    """Makes the teacher's body and those of the composed dances that are missing, with a progress bar."""
+    from synth.dances.taught import DANCES, Teacher, teacher_arrays
+
+    missing = sorted(set(range(DANCES)) - {int(one[6:]) for one in library.identities() if one.startswith("dance_")})
+    if library.is_made and not missing:
+        return
+    library.write_body(TeacherBody(**teacher_arrays()))
+    teacher = Teacher()
+    for index in tqdm(missing, "making dances, once", unit="dance", disable=None):
+        played = teacher.dance(index)
+        about = About(played.name, len(played.quats) / played.fps, played.bpm, difficulty(played.joints_m, played.fps))
+        dance = TaughtDance(about, played.fps, played.joints_m, played.quats, played.hips_m)
+        library.write(f"dance_{index:03d}", dance)
+
+
+def serve(given: argparse.Namespace, library: Library) -> None:
+    """Serves the page until the program is interrupted."""
+    from aiohttp import web
+
+    from kpopnet.teacher.live.stage import Settings
+    from kpopnet.teacher.safety import LOOPBACK_NAMES, is_loopback
+    from kpopnet.teacher.server import Offer, Teaching, make_app
+    from kpopnet.teacher.sessions import Sessions
+    from synth.dances.live import FAULTS, SKILLS
+
+    sources = {SIMULATED: "a simulated learner"}
+    recording = None
+    if given.depth is not None:
+        recording = RecordingGiven(given.depth, given.camera, given.fov, given.fps)
+        recording.open()  # a mistake is told now, not in the page
+        sources = {"recording": f"the recording {Path(given.depth).name}"} | sources
+    settings = Settings(partial(open_source, recording), given.checkpoint)
+    offer = Offer(sources, SKILLS, FAULTS)
+    teaching = Teaching(library, Sessions(given.data / "tries"), settings, offer, partial(add_dance, library))
+    token = None if is_loopback(given.host) else secrets.token_urlsafe(24)
+    app = make_app(teaching, (*LOOPBACK_NAMES, given.host.lower()), token)
+    shown_host = "127.0.0.1" if given.host in ("0.0.0.0", "::") else given.host
+    shown_host = f"[{shown_host}]" if ":" in shown_host else shown_host
+
+    async def announce(app: web.Application) -> None:
+        address = f"http://{shown_host}:{given.port}/" + (f"?token={token}" if token else "")
+        print(f"dance at {address}   (Ctrl+C ends)", flush=True)
+        if not given.no_browser:
+            webbrowser.open(address)
+
+    app.on_startup.append(announce)
+    try:
+        web.run_app(app, host=given.host, port=given.port, print=None, access_log=None, handle_signals=True)
+    except OSError as error:
+        raise InputError(
+            f"--port {given.port}: cannot listen on {given.host} ({error.strerror}); choose another port"
+        ) from error
+
+
+def parsed() -> argparse.Namespace:
+    """The command line."""
+    about = {"description": __doc__, "formatter_class": argparse.RawDescriptionHelpFormatter}
+    parser = argparse.ArgumentParser("kpopnet teach", **about)
+    parser.add_argument("--data", type=Path, default=FOLDER, help="folder of dances and tries: %(default)s")
+    if sys.argv[1:2] == ["add"]:
+        parser.add_argument("add", choices=["add"])
+        parser.add_argument("file", type=Path, help="joints of a dance: .bvh, .npz, .csv or .json (docs/dance_scoring.md)")
+        parser.add_argument("--title", help="its name in the menu; by default the file's")
+        parser.add_argument("--bpm", type=float, default=120.0, help="beats per minute, the first at the start: %(default)s")
+        parser.add_argument("--fps", type=float, help="the true frame rate of a file that states none or a wrong one")
+        return parser.parse_args()
+    parser.set_defaults(add=None)
+    parser.add_argument("--host", default="127.0.0.1", help="address to listen on; any but this machine's own asks for a token")
+    parser.add_argument("--port", type=int, default=PORT, help="%(default)s")
+    parser.add_argument("--no-browser", action="store_true", help="only print the address")
+    parser.add_argument("--depth", help="a recording of depth that stands in for a camera")
+    parser.add_argument("--camera", help="its camera: a preset or a JSON file of intrinsics")
+    parser.add_argument("--fov", type=float, help="its horizontal field of view, degrees, instead of --camera")
+    parser.add_argument("--fps", type=float, help="its images per second, where the file does not tell")
+    parser.add_argument("--checkpoint", help="network that estimates the pose; tracker for the tracker without a network")
+    return parser.parse_args()
+
+
+@user_errors
+def main() -> None:
+    given = parsed()
+    if given.add is None and importlib.util.find_spec("aiohttp") is None:
+        raise InputError("kpopnet teach needs aiohttp; install it: pip install 'kpopnet[app]'")
+    library = Library(given.data)
+    with locked(given.data):
+        make_library(library)
+        if given.add is not None:
+            if not 20 <= given.bpm <= 400:
+                raise InputError(f"--bpm {given.bpm:g}: expected 20 to 400 beats per minute")
+            title = (given.title or given.file.stem)[:60]
+            identity = add_dance(library, given.file, title, given.bpm, given.fps)
+            print(f"added {title} as {identity}; kpopnet teach shows it")
+            return
+    serve(given, library)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,86 @@
+"""What the page asks for: a dance, or an excerpt of it, at a speed, before a camera; and the clock of the dance."""
+
+import time
+from dataclasses import dataclass
+
+from kpopnet.errors import InputError, check_between
+from kpopnet.teacher.library import IDENTITY
+
+SPEEDS = (0.25, 1.0)
+MIN_EXCERPT_S = 2.5
+"""A window of the score lasts 2 s."""
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """One try of a dance.
+
+    Attributes:
+        dance: its identity in the library.
+        source: name of the source of depth; simulated for a learner made by a program.
+        skill: how well a simulated learner dances.
+        fault: the fault that a simulated learner has, "" for none.
+        seed: of a simulated learner's body, room and errors.
+        speed: of the dance, 1 for its own tempo.
+        from_s: start of the excerpt, seconds of the dance at its own tempo.
+        to_s: its end; 0 for the end of the dance.
+        mirrored: whether the teacher is shown as in a mirror: the learner's left is the teacher's left.
+        latency_s: delay of camera, sound and display, taken off the learner's times, seconds.
+    """
+
+    dance: str
+    source: str = "simulated"
+    skill: str = "good"
+    fault: str = ""
+    seed: int = 0
+    speed: float = 1.0
+    from_s: float = 0.0
+    to_s: float = 0.0
+    mirrored: bool = True
+    latency_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not IDENTITY.fullmatch(self.dance):
+            raise InputError("there is no such dance")
+        check_between("speed", self.speed, *SPEEDS)
+        check_between("latency_s", self.latency_s, -1, 1)
+        check_between("from_s", self.from_s, 0, 7200)
+        check_between("to_s", self.to_s, 0, 7200)
+        check_between("seed", self.seed, 0, 2**31)
+
+    def excerpt_s(self, dance_s: float) -> tuple[float, float]:
+        """Start and end of the excerpt of a dance of this length, seconds.
+
+        Raises:
+            InputError: it is too short to be scored.
+        """
+        end_s = min(self.to_s or dance_s, dance_s)
+        if end_s - self.from_s < MIN_EXCERPT_S:
+            raise InputError(f"from {self.from_s:g} to {end_s:g} s: choose at least {MIN_EXCERPT_S:g} s of the dance")
+        return self.from_s, end_s
+
+
+class DanceClock:
+    """Tells where in the dance a moment lies; before it is started it stands at the excerpt's start.
+
+    Attributes:
+        running: whether it was started.
+    """
+
+    def __init__(self, from_s: float, speed: float) -> None:
+        self._from_s, self._speed, self._start = from_s, speed, float("inf")
+
+    @property
+    def running(self) -> bool:
+        return self._start < float("inf")
+
+    def start(self, in_s: float) -> None:
+        """The dance begins `in_s` seconds from now."""
+        self._start = time.monotonic() + in_s
+
+    def stop(self) -> None:
+        self._start = float("inf")
+
+    def dance_s(self, moment: float) -> float:
+        """Seconds of the dance at a moment of `time.monotonic`; before its start, less than the start of the excerpt."""
+        return self._from_s + (moment - self._start) * self._speed if self.running else self._from_s

@@ -1,0 +1,175 @@
+"""Where the learner is and how the body stands: cameras, the newest image of one, and the joints of the one who learns."""
+
+import threading
+import time
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from kpopnet.camera import Camera
+from kpopnet.dance.noise import NOISE
+from kpopnet.errors import InputError
+from kpopnet.extraction.extractor import HumanExtractor
+from kpopnet.pose import PersonPose, PoseEstimator
+from kpopnet.skeleton import Joint
+from kpopnet.teacher.library import TaughtDance
+from kpopnet.teacher.live.lesson import DanceClock, Lesson
+from kpopnet.tracker.tracker import Tracker
+
+LOST_S = 3.0
+"""How long the learner may be out of view before somebody else is taken for the learner."""
+
+
+class LiveCamera(Protocol):
+    """A depth camera, or what stands in for one.
+
+    Attributes:
+        camera: its intrinsics.
+    """
+
+    camera: Camera
+
+    def read(self) -> tuple[np.ndarray, float] | None:
+        """Waits for the next image; None after the last one of a recording.
+
+        Returns:
+            (H, W) float32 depth of the whole scene, metres, 0 where nothing was measured, and when it was taken, in seconds of
+            `time.monotonic`.
+        """
+        ...
+
+    def close(self) -> None: ...
+
+
+CameraOpener = Callable[[Lesson, TaughtDance, DanceClock], LiveCamera]
+"""Opens the source of depth that a lesson names. It is passed to other processes, so it must be a function of a module."""
+
+
+class Image(NamedTuple):
+    """One image: (H, W) metres, and when it was taken, in seconds of `time.monotonic`."""
+
+    depth_m: np.ndarray
+    taken: float
+
+
+class NewestImage:
+    """Reads a camera in a thread of its own and keeps the newest image: what is not fetched in time is dropped.
+
+    Attributes:
+        dropped: number of images that nobody fetched.
+        error: why reading ended, None while it goes on.
+    """
+
+    def __init__(self, camera: LiveCamera) -> None:
+        self.dropped, self.error = 0, None
+        self._camera, self._image, self._ended = camera, None, False
+        self._changed = threading.Condition()
+        self._thread = threading.Thread(target=self._read, daemon=True, name="camera")
+        self._thread.start()
+
+    def fetch(self, timeout_s: float) -> Image | None:
+        """The newest image that was not fetched before; None if none comes in time."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._image is not None or self._ended, timeout_s)
+            image, self._image = self._image, None
+            return image
+
+    @property
+    def ended(self) -> bool:
+        return self._ended and self._image is None
+
+    def close(self) -> None:
+        self._ended = True
+        self._thread.join(timeout=5)
+        self._camera.close()
+
+    def _read(self) -> None:
+        try:
+            while not self._ended and (read := self._camera.read()) is not None:
+                with self._changed:
+                    self.dropped += self._image is not None
+                    self._image = Image(*read)
+                    self._changed.notify()
+        except Exception as error:
+            self.error = f"the camera stopped: {error}"
+        with self._changed:
+            self._ended = True
+            self._changed.notify()
+
+
+class TrackedPose:
+    """People in raw depth by extraction and the body tracker, which needs no network; the interface of `PoseEstimator`."""
+
+    name = "tracker"
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets the room and the people."""
+        self._extractor: HumanExtractor | None = None
+        self._trackers: dict[int, Tracker] = {}
+
+    def update(self, depth: np.ndarray, camera: Camera) -> list[PersonPose]:
+        """See `PoseEstimator.update`; `depth` in float32 metres."""
+        if self._extractor is None:
+            self._extractor = HumanExtractor(camera, expect_person=True)
+        poses = []
+        for human in self._extractor.extract(depth)[:1]:
+            tracker = self._trackers.setdefault(human.identity, Tracker(camera, standing=True))
+            joints_m, confidence = tracker.track(human.whole(camera))
+            if np.isfinite(joints_m).any():
+                poses.append(PersonPose(human.identity, joints_m.astype(np.float32), confidence.astype(np.float32)))
+        return poses
+
+
+def load_estimator(checkpoint: str | None) -> PoseEstimator | TrackedPose:
+    """The estimator of a checkpoint: "tracker" for the tracker, None for the network that comes with the package.
+
+    Without such a network the tracker estimates.
+
+    Raises:
+        InputError: the checkpoint cannot be loaded.
+    """
+    if checkpoint == "tracker":
+        return TrackedPose()
+    try:
+        return PoseEstimator.load(checkpoint)
+    except InputError:
+        if checkpoint is not None:
+            raise
+        return TrackedPose()
+
+
+def noise_of(estimator: PoseEstimator | TrackedPose) -> str:
+    """The name in `NOISE` of an estimator's known errors, or none."""
+    name = getattr(estimator, "name", getattr(estimator, "mode", ""))
+    return name if name in NOISE else "none"
+
+
+class Learner:
+    """Chooses the learner among the people in view and stays with them: who walks by does not take over."""
+
+    def __init__(self) -> None:
+        self._identity: int | None = None
+        self._seen = 0.0
+
+    def choose(self, people: list[PersonPose], now: float | None = None) -> PersonPose | None:
+        """The learner's pose among those of all people; None if the learner is not there.
+
+        Args:
+            people: in one image.
+            now: seconds of `time.monotonic`; by default it is asked.
+        """
+        now = time.monotonic() if now is None else now
+        for person in people:
+            if person.identity == self._identity:
+                self._seen = now
+                return person
+        if not people or (self._identity is not None and now - self._seen < LOST_S):
+            return None
+        # Who dances stands in the middle.
+        chosen = min(people, key=lambda person: abs(float(np.nan_to_num(person.joints_camera_m[Joint.TORSO, 0], nan=99.0))))
+        self._identity, self._seen = chosen.identity, now
+        return chosen

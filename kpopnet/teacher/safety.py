@@ -1,0 +1,88 @@
+"""What keeps strangers out: names of this server, origins, a token for other machines, and headers for the browser.
+
+A page of another site can make the browser send requests here, and a name of its own may be made to point here (DNS rebinding).
+So a request must name this server as its host and, if it tells where it comes from, come from its own page.
+"""
+
+import hmac
+import ipaddress
+from urllib.parse import urlsplit
+
+from aiohttp import web
+
+COOKIE = "kpopnet_token"
+HEADERS = {
+    "Content-Security-Policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; media-src blob:; "
+        "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    ),
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cache-Control": "no-cache",
+}
+LOOPBACK_NAMES = ("127.0.0.1", "localhost", "::1")
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this machine reaches a server that listens at an address or name."""
+    return host == "localhost" or (_is_address(host) and ipaddress.ip_address(host).is_loopback)
+
+
+def _is_address(host: str) -> bool:
+    try:
+        ipaddress.ip_address(host)
+    except ValueError:
+        return False
+    return True
+
+
+def guard(hosts: tuple[str, ...], token: str | None):
+    """Makes the middleware that lets in whom it should.
+
+    Args:
+        hosts: names and addresses, without port, that mean this server.
+        token: what a request must know, in its address once and then as a cookie; None for a server of this machine alone.
+    """
+
+    @web.middleware
+    async def middleware(request: web.Request, handler) -> web.StreamResponse:
+        host = _name(f"//{request.headers.get('Host', '')}")
+        # With a token, any address of this machine will do: only names can be made to point here.
+        if host not in hosts and not (token is not None and _is_address(host)):
+            raise web.HTTPForbidden(text="this server is not known by that name\n", headers=HEADERS)
+        origin = request.headers.get("Origin")
+        if origin is not None and not _same(origin, request):
+            raise web.HTTPForbidden(text="a page of another site asks\n", headers=HEADERS)
+        if request.headers.get("Sec-Fetch-Site", "same-origin") not in ("same-origin", "none"):
+            raise web.HTTPForbidden(text="a page of another site asks\n", headers=HEADERS)
+        if token is not None:
+            given = request.query.get("token", request.cookies.get(COOKIE, ""))
+            if not hmac.compare_digest(given.encode(), token.encode()):
+                raise web.HTTPForbidden(text="open the address that the program printed, with its token\n", headers=HEADERS)
+        try:
+            response = await handler(request)
+        except web.HTTPException as error:
+            error.headers.update(HEADERS)
+            raise
+        if not response.prepared:
+            response.headers.update(HEADERS)
+            if token is not None and "token" in request.query:
+                response.set_cookie(COOKIE, token, httponly=True, samesite="Strict")
+        return response
+
+    return middleware
+
+
+def _name(address: str) -> str:
+    """The host in an address, lower case; "" if there is none."""
+    try:
+        return (urlsplit(address).hostname or "").lower()
+    except ValueError:
+        return ""
+
+
+def _same(origin: str, request: web.Request) -> bool:
+    """Whether an origin is this server as the request names it, with the port."""
+    return origin.lower() == f"{request.scheme}://{request.headers.get('Host', '')}".lower()

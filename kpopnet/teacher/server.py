@@ -1,0 +1,326 @@
+"""The local server: the page, the dances, the tries, and a WebSocket for each lesson."""
+
+import asyncio
+import base64
+import contextlib
+import json
+import struct
+import tempfile
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from aiohttp import WSMsgType, web
+
+from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.errors import InputError, check_between
+from kpopnet.runtime.input_files import check_fields, parse_json, settings_from
+from kpopnet.teacher.adding import at_rate
+from kpopnet.teacher.bvh import as_bvh
+from kpopnet.teacher.library import Library, preview_cm, stored_quats
+from kpopnet.teacher.live.crew import Crew, Member
+from kpopnet.teacher.live.lesson import Lesson
+from kpopnet.teacher.live.stage import Settings
+from kpopnet.teacher.posing import posed
+from kpopnet.teacher.safety import guard
+from kpopnet.teacher.sessions import Sessions, as_csv
+
+PAGE = Path(__file__).parent / "page"
+MAX_UPLOAD_BYTES, MAX_MESSAGE_BYTES = 32_000_000, 16_384
+PATIENCE_S = 30.0
+"""How long a page may be silent while nothing is asked of it: pings tell whether it is there."""
+
+UPLOADS = (".npz", ".bvh", ".csv", ".json")
+TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml", ".LICENSE": "text/plain"}
+
+Adder = Callable[[Path, str], str]
+"""Adds the dance in a file, under a title, to the library; returns its identity."""
+
+
+@dataclass(frozen=True)
+class Offer:
+    """What a lesson can be held with, for the page.
+
+    Attributes:
+        sources: names of the sources of depth to their descriptions.
+        skills: of a simulated learner.
+        faults: of a simulated learner.
+    """
+
+    sources: dict[str, str]
+    skills: tuple[str, ...]
+    faults: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Teaching:
+    """Everything that the server serves."""
+
+    library: Library
+    sessions: Sessions
+    settings: Settings
+    offer: Offer
+    add: Adder
+
+
+TEACHING: web.AppKey[Teaching] = web.AppKey("teaching", Teaching)
+CREW: web.AppKey[Crew] = web.AppKey("crew", Crew)
+routes = web.RouteTableDef()
+
+
+def make_app(teaching: Teaching, hosts: tuple[str, ...], token: str | None = None) -> web.Application:
+    """The server's application.
+
+    Args:
+        teaching: what it serves.
+        hosts: see `safety.guard`.
+        token: see `safety.guard`.
+    """
+    app = web.Application(middlewares=[guard(hosts, token), _errors], client_max_size=MAX_UPLOAD_BYTES)
+    app[TEACHING] = teaching
+    app.cleanup_ctx.append(_crew)
+    app.add_routes(routes)
+    return app
+
+
+async def _crew(app: web.Application):
+    app[CREW] = crew = Crew(app[TEACHING].settings)
+    yield
+    await asyncio.to_thread(crew.end)
+
+
+@web.middleware
+async def _errors(request: web.Request, handler) -> web.StreamResponse:
+    try:
+        return await handler(request)
+    except InputError as error:
+        return web.json_response({"error": str(error)}, status=400)
+
+
+@routes.get("/")
+async def index(request: web.Request) -> web.Response:
+    return _file(PAGE / "index.html")
+
+
+@routes.get(r"/page/{name:[a-z_]+\.(?:js|css|svg)}")
+async def page_file(request: web.Request) -> web.Response:
+    return _file(PAGE / request.match_info["name"])
+
+
+@routes.get(r"/page/vendor/{name:[a-z_]+\.(?:js|LICENSE)}")
+async def vendor_file(request: web.Request) -> web.Response:
+    return _file(PAGE / "vendor" / request.match_info["name"])
+
+
+def _file(path: Path) -> web.Response:
+    if not path.is_file():
+        raise web.HTTPNotFound(text="there is no such page\n")
+    return web.Response(body=path.read_bytes(), content_type=TYPES[path.suffix], charset="utf-8")
+
+
+@routes.get("/api/offer")
+async def offer(request: web.Request) -> web.Response:
+    return web.json_response(asdict(request.app[TEACHING].offer))
+
+
+@routes.get("/api/dances")
+async def dances(request: web.Request) -> web.Response:
+    library = request.app[TEACHING].library
+    abouts = {identity: library.about(identity) for identity in library.identities()}
+    return web.json_response(
+        [asdict(about) | {"identity": identity, "phrase_s": about.phrase_s} for identity, about in abouts.items()]
+    )
+
+
+@routes.get("/api/dances/{identity}")
+async def dance(request: web.Request) -> web.Response:
+    library, identity = request.app[TEACHING].library, request.match_info["identity"]
+    found = await asyncio.to_thread(library.dance, identity)
+    return web.json_response(
+        asdict(found.about)
+        | {"identity": identity, "phrase_s": found.about.phrase_s}
+        | _movement(found.quats, found.hips_m, found.fps)
+    )
+
+
+@routes.get("/api/dances/{identity}/preview")
+async def preview(request: web.Request) -> web.Response:
+    library = request.app[TEACHING].library
+    return web.json_response(preview_cm(await asyncio.to_thread(library.dance, request.match_info["identity"])))
+
+
+@routes.post("/api/dances")
+async def upload(request: web.Request) -> web.Response:
+    """Adds a dance: the file is the body, its name and the dance's title are in the query."""
+    suffix = Path(request.query.get("file", "")).suffix.lower()
+    if suffix not in UPLOADS:
+        raise InputError(f"a dance is a file that ends with {', '.join(UPLOADS)}")
+    title = request.query.get("title", "").strip()[:60] or "My dance"
+    content = await request.read()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"dance{suffix}"
+        path.write_bytes(content)
+        try:
+            identity = await asyncio.to_thread(request.app[TEACHING].add, path, title)
+        except InputError as error:
+            raise InputError(str(error).replace(str(path), "the file")) from error
+    return web.json_response({"identity": identity})
+
+
+@routes.get("/api/body")
+async def body(request: web.Request) -> web.Response:
+    found = request.app[TEACHING].library.body()
+    return web.json_response(
+        {
+            "names": found.bone_names.tolist(),
+            "parents": found.bone_parents.tolist(),
+            "heads_m": found.heads_m.round(5).tolist(),
+            "t_pose": found.t_pose.round(6).tolist(),
+            "vertices_m": _packed(found.vertices_m, np.float32),
+            "faces": _packed(found.faces, np.uint16),
+            "weight_bones": _packed(found.weight_bones, np.uint8),
+            "weights": _packed(found.weights, np.float32),
+        }
+    )
+
+
+@routes.get("/api/history/{dance}")
+async def history(request: web.Request) -> web.Response:
+    return web.json_response(request.app[TEACHING].sessions.history(request.match_info["dance"]))
+
+
+@routes.get(r"/api/tries/{dance}/{name}.{kind:json|csv|bvh}")
+async def session(request: web.Request) -> web.Response:
+    """A try as a file: result, course, or the learner's movement."""
+    teaching, kind = request.app[TEACHING], request.match_info["kind"]
+    dance, name = request.match_info["dance"], request.match_info["name"]
+    result = teaching.sessions.result(dance, name)
+    attachment = {"Content-Disposition": f'attachment; filename="{dance}-{name}.{kind}"'}
+    if kind == "json":
+        return web.json_response(result, headers=attachment)
+    if kind == "csv":
+        return web.Response(text=as_csv(result), content_type="text/csv", headers=attachment)
+    quats, hips_m, fps, _ = await asyncio.to_thread(_learners_movement, teaching, dance, name)
+    return web.Response(text=as_bvh(teaching.library.body(), quats, hips_m, fps), content_type="text/plain", headers=attachment)
+
+
+@routes.get("/api/tries/{dance}/{name}/movement")
+async def movement(request: web.Request) -> web.Response:
+    """The learner's movement in a try on the teacher's body, for the replay."""
+    places = request.match_info["dance"], request.match_info["name"]
+    quats, hips_m, fps, begin_s = await asyncio.to_thread(_learners_movement, request.app[TEACHING], *places)
+    return web.json_response(_movement(quats, hips_m, fps) | {"begin_s": begin_s})
+
+
+def _learners_movement(teaching: Teaching, dance: str, name: str) -> tuple[np.ndarray, np.ndarray, float, float]:
+    """Rotations of the bones, positions of the root, frames per second and start in seconds of a try."""
+    learner = read_performance(teaching.sessions.path(dance, name, "npz"))
+    fps = teaching.library.dance(dance).fps
+    quats, hips_m = posed(at_rate(learner, fps), teaching.library.body())
+    return quats, hips_m, fps, float(learner.times_s[0])
+
+
+def _movement(quats: np.ndarray, hips_m: np.ndarray, fps: float) -> dict:
+    return {"fps": fps, "quats": _packed(stored_quats(quats), np.int16), "hips_m": _packed(hips_m, np.float32)}
+
+
+def _packed(array: np.ndarray, kind: type) -> str:
+    """The bytes of an array, little-endian, in base64."""
+    return base64.b64encode(np.ascontiguousarray(array, np.dtype(kind).newbyteorder("<")).tobytes()).decode()
+
+
+@routes.get("/live")
+async def live(request: web.Request) -> web.WebSocketResponse:
+    """A page's lessons, one after another; docs/teaching.md lists the messages."""
+    socket = web.WebSocketResponse(max_msg_size=MAX_MESSAGE_BYTES, heartbeat=PATIENCE_S)
+    await socket.prepare(request)
+    held = _Held(socket, request.app[TEACHING], request.app[CREW])
+    try:
+        async for message in socket:
+            if message.type is not WSMsgType.TEXT:
+                break
+            try:
+                held.obey(parse_json(message.data, "the page's message"))
+            except InputError as error:
+                await held.tell({"kind": "error", "text": str(error)})
+    finally:
+        await held.end()
+    return socket
+
+
+class _Held:
+    """The lessons of one page: what the page says goes to a stage, what the stage says to the page."""
+
+    def __init__(self, socket: web.WebSocketResponse, teaching: Teaching, crew: Crew) -> None:
+        self._socket, self._teaching, self._crew = socket, teaching, crew
+        self._member: Member | None = None
+        self._forwarding: asyncio.Task | None = None
+
+    def obey(self, message: Any) -> None:
+        """Does what the page asks.
+
+        Raises:
+            InputError: it asks for something else, or wrongly.
+        """
+        check_fields("the page's message", message, {"do": str})
+        match message["do"]:
+            case "prepare":
+                lesson = settings_from(Lesson, message.get("lesson"), "the lesson")
+                if lesson.source not in self._teaching.offer.sources:
+                    raise InputError("there is no such source of depth")
+                dance = self._teaching.library.dance(lesson.dance)
+                lesson.excerpt_s(dance.about.seconds)
+                if self._member is None or not self._member.alive:
+                    self._leave()
+                    self._member = self._crew.borrow()
+                    self._forwarding = asyncio.create_task(self._forward(self._member))
+                else:
+                    self._member.stop()
+                self._member.prepare(lesson, dance)
+            case "go" if self._member is not None:
+                in_s = check_fields("go", message, {"in_s": float})["in_s"]
+                check_between("in_s", in_s, 0, 60)
+                self._member.go(in_s)
+            case "stop":
+                self._leave()
+            case _:
+                raise InputError("the page asks for something unknown; reload it")
+
+    async def tell(self, message: dict) -> None:
+        with contextlib.suppress(ConnectionError):
+            await self._socket.send_str(json.dumps(message, allow_nan=False))
+
+    async def end(self) -> None:
+        """The page has gone."""
+        self._leave()
+
+    def _leave(self) -> None:
+        if self._forwarding is not None:
+            self._forwarding.cancel()
+        if self._member is not None:
+            self._crew.give_back(self._member)
+        self._member = self._forwarding = None
+
+    async def _forward(self, member: Member) -> None:
+        while True:
+            kind, content, attached = await member.next()
+            message = {"kind": kind} | content
+            if kind == "done" and attached is not None:
+                message |= await asyncio.to_thread(self._saved, content, attached)
+            if kind != "frame":
+                await self.tell(message)
+                continue
+            text = json.dumps(message, allow_nan=False).encode()
+            with contextlib.suppress(ConnectionError):
+                await self._socket.send_bytes(struct.pack("<I", len(text)) + text + attached)
+
+    def _saved(self, result: dict, arrays: dict[str, np.ndarray]) -> dict:
+        """Saves a try in which somebody was seen; its name, or why it could not be saved."""
+        if result.get("total") is None:
+            return {}
+        try:
+            return {"session": self._teaching.sessions.save(result, arrays)}
+        except OSError as error:
+            return {"not_saved": f"this try could not be saved: {error.strerror}"}

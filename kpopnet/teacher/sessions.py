@@ -1,0 +1,87 @@
+"""Tries of dances on the disk: a JSON file with the result and an .npz file with the learner's joints for each."""
+
+import csv
+import io
+import json
+import re
+import time
+from pathlib import Path
+
+import numpy as np
+
+from kpopnet.errors import InputError
+from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.input_files import read_json
+from kpopnet.teacher.library import IDENTITY
+
+NAME = re.compile(r"[0-9]{8}-[0-9]{6}-[0-9]{3}")
+MOST_IN_HISTORY = 200
+
+
+class Sessions:
+    """The folder of tries: DANCE/TIME.json and DANCE/TIME.npz."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = Path(folder)
+
+    def save(self, result: dict, arrays: dict[str, np.ndarray]) -> str:
+        """Writes a try and returns its name. The result is written last: a try that is listed is complete."""
+        place = self.folder / result["dance"]
+        place.mkdir(parents=True, exist_ok=True)
+        name = self._free_name(place)
+        with atomic_path(place / f"{name}.npz") as part, part.open("wb") as file:
+            np.savez_compressed(file, **arrays)
+        with atomic_path(place / f"{name}.json") as part:
+            part.write_text(json.dumps(result | {"session": name}, allow_nan=False, ensure_ascii=False), encoding="utf-8")
+        return name
+
+    def history(self, dance: str) -> list[dict]:
+        """The latest tries of a dance, the newest first: name, total, speed, excerpt and source."""
+        if not IDENTITY.fullmatch(dance):
+            raise InputError("there is no such dance")
+        paths = sorted((path for path in (self.folder / dance).glob("*.json") if NAME.fullmatch(path.stem)), reverse=True)
+        shown = ("session", "total", "speed", "from_s", "to_s", "source", "skill")
+        return [
+            {key: one.get(key) for key in shown} for one in map(read_json, paths[:MOST_IN_HISTORY]) if isinstance(one, dict)
+        ]
+
+    def result(self, dance: str, name: str) -> dict:
+        """The result of a try.
+
+        Raises:
+            InputError: there is none.
+        """
+        result = read_json(self.path(dance, name, "json"))
+        if not isinstance(result, dict):
+            raise InputError(f"{self.path(dance, name, 'json')}: not a saved try")
+        return result
+
+    def path(self, dance: str, name: str, suffix: str) -> Path:
+        """The file of a try; what are no plain names never become a path.
+
+        Raises:
+            InputError: there is none.
+        """
+        path = self.folder / dance / f"{name}.{suffix}"
+        if not IDENTITY.fullmatch(dance) or not NAME.fullmatch(name) or not path.is_file():
+            raise InputError("there is no such try")
+        return path
+
+    def _free_name(self, place: Path) -> str:
+        while True:
+            now = time.time()
+            name = f"{time.strftime('%Y%m%d-%H%M%S', time.localtime(now))}-{int(now % 1 * 1000):03d}"
+            if not (place / f"{name}.json").exists():
+                return name
+            time.sleep(0.002)
+
+
+def as_csv(result: dict) -> str:
+    """The course of a try as comma-separated values: a line for each window of the score."""
+    course = result.get("course") or {"time_s": [], "parts": {}}
+    columns = {name: values for name, values in course.items() if name != "parts"} | course["parts"]
+    text = io.StringIO(newline="")
+    lines = csv.writer(text)
+    lines.writerow([name.replace(" ", "_") for name in columns])
+    lines.writerows(zip(*columns.values(), strict=True))
+    return text.getvalue()
