@@ -13,6 +13,7 @@ PROGRAMS = {
     "score": ("kpopnet.programs.score", "scores a learner's dance against a teacher's, from two files of joints"),
     "convert": ("kpopnet.programs.convert", "makes a set of dances from files of joints"),
     "describe": ("kpopnet.datasets.describe.__main__", "says what a folder of a data set holds"),
+    "teach": ("kpopnet.programs.teach", "opens the dance teacher: a page that shows a dance and scores the learner"),
     "stages": ("kpopnet.programs.stages", "draws how the tracker follows one frame, stage after stage"),
 }
 """The module of each program, whose `main()` runs it with sys.argv, and what it does."""
