@@ -19,8 +19,8 @@ class ScorerConfig:
 
     Attributes:
         feature: dance22 (the paper's) or raptis (that of [17]).
-        heading: adds the turn of the whole body to dance22, which does not contain it otherwise: somebody who does not turn
-            with the teacher loses points.
+        heading: adds the turn of the whole body to dance22, which does not contain it otherwise. With parts, who misses a turn
+            of the teacher's loses up to half of what the other parts earn meanwhile.
         distance: whole for the norm of the whole feature as in Eq. (14); parts for the mean over the parts of the body of
             exp(-(distance / beta)^2), so that a fault in one part does not hide the others and costs nothing where nobody
             would see it. With parts, what is not seen counts as wrong.

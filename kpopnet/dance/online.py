@@ -63,7 +63,7 @@ class _Track:
         self._grid, self._config, self._mirrored = grid, config, mirrored
         self._comparison = Comparison(grid.teacher, config)
         self._windows: list[WindowScore] = []
-        self._sum, self._count = 0.0, 0
+        self._sum, self._weight = 0.0, 0.0
 
     def add(self, joints_m: np.ndarray, confidence: np.ndarray) -> None:
         """Adds the last of (T, 15, 3) joints at successive frames."""
@@ -80,17 +80,20 @@ class _Track:
 
     def keep(self, window: WindowScore) -> None:
         """Adds the next window of the dance's score."""
+        weight = float(self._grid.teacher.movement[len(self._windows)])
         self._windows.append(window)
         if not math.isnan(window.similarity):
-            self._sum, self._count = self._sum + window.similarity, self._count + 1
+            self._sum, self._weight = self._sum + weight * window.similarity, self._weight + weight
 
     @property
     def so_far(self) -> float:
-        return self._sum / self._count if self._count else math.nan
+        return self._sum / self._weight if self._weight else math.nan
 
     def summary(self) -> DanceScore:
         starts = self._grid.window_starts(len(self._grid.teacher_frames))[: len(self._windows)]
-        return summary(self._windows, self._grid.time_s(starts), self._config)
+        return summary(
+            self._windows, self._grid.time_s(starts), self._grid.teacher.movement[: len(self._windows)], self._config
+        )
 
 
 class OnlineScorer:

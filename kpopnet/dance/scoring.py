@@ -36,6 +36,7 @@ class Windows(NamedTuple):
         timing: (N,) S_t of Eq. (13); NaN with the delay.
         posture: (N,) S_p of Eq. (14).
         similarity: (N,) S_t S_p; 0 where nobody is seen to dance.
+        weight: (N,) weight in 0..1 in the scores of the dance, see `kpopnet.dance.window.Teacher.movement`.
         parts: name of `PARTS` to (N,) posture of that part alone.
         coverage: name of `PARTS` to (N,) fraction in 0..1 of the part in the teacher's frames that the learner shows.
         error_rad: (N, D) mean difference, learner minus teacher, of each angle of `kpopnet.dance.features.feature_names` in the
@@ -48,6 +49,7 @@ class Windows(NamedTuple):
     timing: np.ndarray
     posture: np.ndarray
     similarity: np.ndarray
+    weight: np.ndarray
     parts: dict[str, np.ndarray]
     coverage: dict[str, np.ndarray]
     error_rad: np.ndarray
@@ -55,7 +57,7 @@ class Windows(NamedTuple):
 
 
 class DanceScore(NamedTuple):
-    """Scores of a learner's dance, 0 to 100; NaN if no window could be compared.
+    """Scores of a learner's dance, 0 to 100; NaN if no window could be compared. Means over the windows are weighted.
 
     Attributes:
         similarity: S of Eq. (15), the mean of the windows' S_t S_p.
@@ -127,7 +129,8 @@ def score_dance(
         comparison = Comparison(grid.teacher, config)
         comparison.add(features_of(*frames, mirrored, config))
         starts = grid.window_starts(len(grid.teacher_frames))
-        scores.append(summary([comparison.window(start) for start in starts], grid.time_s(starts), config))
+        windows = [comparison.window(start) for start in starts]
+        scores.append(summary(windows, grid.time_s(starts), grid.teacher.movement, config))
     return preferred(*scores)
 
 
@@ -228,25 +231,25 @@ def features_of(joints_m: np.ndarray, confidence: np.ndarray, mirrored: bool, co
     return dance_features(joints_m, config.feature, config.fps, config.heading, confidence)
 
 
-def summary(scores: list[WindowScore], start_s: np.ndarray, config: ScorerConfig) -> DanceScore:
-    """Combines the scores of the windows, which start at (N,) times in seconds, into the score of the dance."""
+def summary(scores: list[WindowScore], start_s: np.ndarray, weight: np.ndarray, config: ScorerConfig) -> DanceScore:
+    """Combines the scores of windows that start at (N,) times in seconds and have (N,) weights into the dance's score."""
     names = ("delay_s", "timing", "posture", "similarity", "parts", "coverage", "error_rad", "error_weight")
     delay_s, timing, posture, similarity, *arrays = (np.array([getattr(one, name) for one in scores]) for name in names)
     parts, coverage = ({name: array[:, i] for i, name in enumerate(PARTS)} for array in arrays[:2])
-    windows = Windows(start_s, delay_s, timing, posture, similarity, parts, coverage, *arrays[2:])
+    windows = Windows(start_s, delay_s, timing, posture, similarity, weight, parts, coverage, *arrays[2:])
     scored = float(np.isfinite(delay_s).mean())
     shown = [name for name in PARTS if np.isfinite(parts[name]).any()]
     return DanceScore(
-        similarity=_mean(similarity) if scored else math.nan,  # Eq. (15)
-        timing=_mean(timing),
-        posture=_mean(posture) if scored else math.nan,
-        parts={name: _mean(parts[name]) for name in shown},
+        similarity=_mean(similarity, weight) if scored else math.nan,  # Eq. (15)
+        timing=_mean(timing, weight),
+        posture=_mean(posture, weight) if scored else math.nan,
+        parts={name: _mean(parts[name], weight) for name in shown},
         scored=scored,
         windows=windows,
-        coverage={name: _mean(coverage[name]) for name in shown},
+        coverage={name: _mean(coverage[name], weight) for name in shown},
         mirrored=False,
         mirror_fits_better=False,
-        tempo=tempo(start_s, delay_s, posture),
+        tempo=tempo(start_s, np.where(weight > 0, delay_s, math.nan), posture),
         ceiling=NOISE["none" if config.noise == "auto" else config.noise].ceiling,
         config=config,
     )
@@ -263,6 +266,7 @@ def select_rows(features: Features, rows: slice) -> Features:
     return Features(*(array[rows] for array in features))
 
 
-def _mean(values: np.ndarray) -> float:
-    finite = values[np.isfinite(values)]
-    return float(finite.mean()) if len(finite) else math.nan
+def _mean(values: np.ndarray, weight: np.ndarray) -> float:
+    """The weighted mean of the known values; NaN if none of them has weight."""
+    known = np.isfinite(values) & (weight > 0)
+    return float(np.average(values[known], weights=weight[known])) if known.any() else math.nan

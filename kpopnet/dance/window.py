@@ -7,11 +7,14 @@ printed), or over the angles of one part of the body at a time (`distance=parts`
 
 The exponential of the paper has a cusp at 0: it costs most per degree where nobody sees a difference, and least between wrong
 and very wrong. The square costs nothing there and separates the latter. A mean over parts keeps one lost limb from hiding all
-others. A part that is not seen scores 0, which is never more than it could score when seen.
+others. A part that is not seen scores 0, which is never more than it could score when seen. A turn moves the whole body through
+the room: who misses a turn of the teacher's has every part at the wrong place, and up to half of s_i is taken off.
 
 With `above_standing` s_i becomes max(0, (s_i - s_0) / (1 - s_0)), where s_0 is what somebody scores who stands still in the
 teacher's mean pose: a skill score, as of forecasts (Murphy 1988). What all parts that the teacher does not move contribute to
-s_i and to s_0 cancels, so the parts count as much as the teacher moves them.
+s_i and to s_0 cancels, so the parts count as much as the teacher moves them. A window in which the teacher stands still, as
+before the music begins, can be copied by anybody who stands: it counts in the dance's score as much as the teacher moves
+(`movement`).
 
 An estimator's errors add to the squared distance what they would add to a perfect dancer's. The squared distances of a window
 are shrunk by the factor (1 - noise / distance)+ of James and Stein (1961), pooled over its frames and parts.
@@ -39,6 +42,10 @@ MIN_COMPARED_FRACTION = 0.5
 MAX_STANDING = 0.75
 """Greatest score of standing still that is taken off, which limits the factor of `above_standing` to four. A teacher who
 hardly moves would otherwise leave nothing to be scored."""
+
+MIN_MOVEMENT = 0.1
+"""A window counts fully if the best that somebody who stands still in it could score is less than 1 by at least this much,
+otherwise in proportion."""
 
 
 class WindowScore(NamedTuple):
@@ -102,12 +109,17 @@ class Teacher(NamedTuple):
     Attributes:
         features: (M, D) of the whole dance.
         standing: posture similarity in 0..1 that is taken off, see `above_standing`.
+        movement: (N,) weight in 0..1 of the windows that start at multiples of `hop_frames`: how much the teacher moves; 1 for
+            all without `above_standing`, and where the teacher never moves.
+        turning: (M,) how much of a frame somebody who does not turn would miss, 0..1; 0 without `heading`.
         parts: (D,) see `part_of_angles`.
         variance: (D,) squared errors of the estimator's angles, radians^2.
     """
 
     features: Features
     standing: float
+    movement: np.ndarray
+    turning: np.ndarray
     parts: np.ndarray
     variance: np.ndarray
 
@@ -117,14 +129,33 @@ def prepared_teacher(features: Features, config: ScorerConfig) -> Teacher:
     names = feature_names(config.feature, config.heading)
     parts = part_of_angles(config.feature, config.heading)
     variance = angle_variance("none" if config.noise == "auto" else config.noise, names)
-    teacher = Teacher(features, 0.0, parts, variance)
+    starts = range(0, len(features.angles_rad) - config.window_frames + 1, config.hop_frames)
+    teacher = Teacher(features, 0.0, np.ones(len(starts)), _turning(features, names, config), parts, variance)
     if not config.above_standing:
         return teacher
+    standing = _standing_similarity(teacher, slice(None), names, config)
+    held = [_standing_similarity(teacher, slice(start, start + config.window_frames), names, config) for start in starts]
+    movement = np.clip((1 - np.array(held)) / MIN_MOVEMENT, 0, 1)
+    movement = np.where(np.isnan(movement), 1.0, movement)
+    return teacher._replace(
+        standing=min(np.nan_to_num(standing), MAX_STANDING), movement=movement if movement.any() else teacher.movement
+    )
+
+
+def _turning(features: Features, names: tuple[str, ...], config: ScorerConfig) -> np.ndarray:
+    """(M,) how much of the teacher's turn somebody who does not turn would miss, 0..1."""
+    if "turn" not in names or config.distance == "whole":
+        return np.zeros(len(features.angles_rad))
+    return 1 - posture_similarity(np.nan_to_num(features.angles_rad[:, names.index("turn")]) ** 2, config)
+
+
+def _standing_similarity(teacher: Teacher, rows: slice, names: tuple[str, ...], config: ScorerConfig) -> float:
+    """Mean similarity in 0..1 of somebody who stands still in the mean pose of some of the teacher's frames; NaN if unknown."""
+    features = Features(*(array[rows] for array in teacher.features))
     taught = np.flatnonzero(np.isfinite(features.angles_rad).any(axis=1))
     path = np.stack([np.zeros_like(taught), taught], axis=1)
-    on_path = distances_on_path(path, _standing(features, names), features, 0, parts, variance)
-    similarity, _ = _similarities(on_path.squared[:, 1], on_path, config)
-    return teacher._replace(standing=min(_mean(similarity), MAX_STANDING))
+    on_path = distances_on_path(path, _standing(features, names), features, 0, teacher.parts, teacher.variance)
+    return _mean(_similarities(on_path.squared[:, 1], on_path, teacher.turning[rows][taught], config)[0])
 
 
 def _standing(features: Features, names: tuple[str, ...]) -> Features:
@@ -172,7 +203,7 @@ def _score_path(path: np.ndarray, learner: Features, teacher: Teacher, start: in
     on_path = distances_on_path(path, learner, teacher.features, offset, teacher.parts, teacher.variance)
     shifts = _subframe_shifts(on_path.squared) if config.subframe else np.zeros(len(path))
     squared = _less_noise(_squared_at(on_path.squared, shifts), on_path.noise)
-    body, parts = _similarities(squared, on_path, config)
+    body, parts = _similarities(squared, on_path, teacher.turning[offset + path.sum(axis=1)], config)
     body = np.maximum(body - teacher.standing, 0) / (1 - teacher.standing)
     shown = np.where(on_path.taught.any(axis=1), on_path.seen.any(axis=1), np.nan)
     if config.distance == "whole":
@@ -243,17 +274,23 @@ def _less_noise(squared: np.ndarray, noise: np.ndarray) -> np.ndarray:
     return squared * max(1 - expected / total, 0.0) if expected > 0 and total > 0 else squared
 
 
-def _similarities(squared: np.ndarray, on_path: PathDistances, config: ScorerConfig) -> tuple[np.ndarray, np.ndarray]:
+def _similarities(
+    squared: np.ndarray, on_path: PathDistances, turning: np.ndarray, config: ScorerConfig
+) -> tuple[np.ndarray, np.ndarray]:
     """Similarity in 0..1 of the pairs of a path: (L,) of the body and (L, P) of its parts; NaN where the teacher shows none.
 
     Args:
         squared: (L, P) radians^2.
         on_path: the pairs.
+        turning: (L,) see `Teacher`, of the pairs' frames.
         config: the scorer's settings.
     """
     if config.distance == "parts":
         parts = np.where(on_path.taught, on_path.seen * posture_similarity(squared, config), np.nan)
-        return np.nansum(parts, axis=1) / _or_nan(on_path.taught.sum(axis=1)), parts
+        body = np.nansum(parts, axis=1) / _or_nan(on_path.taught.sum(axis=1))
+        if turning.any():
+            body = body * (1 - turning * (1 - np.nan_to_num(parts[:, PARTS.index("turning")])) / 2)
+        return body, parts
     # Missing angles count as the others on average, as no paper says; parts are scaled to be comparable with the body.
     angles, present = on_path.weights.shape[1], on_path.present
     of_body = squared.sum(axis=1) * angles / _or_nan(present.sum(axis=1))

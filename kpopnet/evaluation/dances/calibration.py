@@ -122,15 +122,18 @@ def select_candidate(found: Sequence[Candidate]) -> Candidate:
 
 
 def _windows(teacher: Performance, learner: Performance, config: ScorerConfig) -> np.ndarray:
-    """(N, 2) delay in seconds and posture score of the windows that were scored."""
+    """(N, 3) delay in seconds, posture score and weight of the windows that were scored."""
     windows = score_dance(teacher, learner, config, unobserved_is_nan=True).windows
-    found = np.stack([windows.delay_s, windows.posture], axis=1)
+    found = np.stack([windows.delay_s, windows.posture, windows.weight], axis=1)
     return found[np.isfinite(found).all(axis=1)]
 
 
 def _similarity(windows: np.ndarray, config: ScorerConfig) -> float:
     # Eq. (15); 0 if no window was scored
-    return float(np.mean([timing_similarity(delay_s, config) * posture for delay_s, posture in windows])) if len(windows) else 0
+    if not windows[:, 2].any():
+        return 0.0
+    products = [timing_similarity(delay_s, config) * posture for delay_s, posture, _ in windows]
+    return float(np.average(products, weights=windows[:, 2]))
 
 
 def _standing(teacher: Performance) -> Performance:
