@@ -2,6 +2,7 @@
 
 import ast
 import json
+import pickle
 import re
 import shlex
 from dataclasses import replace
@@ -9,10 +10,12 @@ from functools import partial
 
 import numpy as np
 import pytest
+from capsule_people import CAMERA, draw_depth, draw_joints
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 from programs import ROOT, run_program
 from shard_sets import write_shard
+from shipped_weights import ship
 
 from kpopnet.baselines.mean_pose import MeanPoseEstimator
 from kpopnet.dance.scoring import SCORERS
@@ -22,9 +25,10 @@ from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.poses.sweep import sweep_of
 from kpopnet.evaluation.registry import ESTIMATORS, MeanPoseConfig, NetworkEstimatorConfig, build_estimators
 from kpopnet.networks import ModelConfig
-from kpopnet.networks.checkpoint import save_checkpoint
+from kpopnet.networks.checkpoint import load_network, save_checkpoint
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.networks.network import build_network
+from kpopnet.networks.onnx.export import export_network
 from kpopnet.programs.evaluate import evaluate_joints
 from kpopnet.runtime.cpu import available_cores
 from kpopnet.runtime.hydra_app import user_errors
@@ -146,7 +150,7 @@ def test_a_seed_below_zero_is_refused_before_the_work():
 
 
 def test_a_missing_or_foreign_checkpoint_is_named(tmp_path):
-    for configs in ({"second": NetworkEstimatorConfig()}, {"second": MeanPoseConfig()}):
+    for configs in ({"second": NetworkEstimatorConfig(checkpoint="")}, {"second": MeanPoseConfig(checkpoint="")}):
         with pytest.raises(InputError, match=r"second needs.*: estimator\.second\.checkpoint=outputs"):
             build_estimators(configs)
     (tmp_path / "meta.json").write_text('{"format": "other"}')
@@ -154,6 +158,33 @@ def test_a_missing_or_foreign_checkpoint_is_named(tmp_path):
         build_estimators({"network": NetworkEstimatorConfig(checkpoint=str(tmp_path))})
     with pytest.raises(InputError, match="at least one"):
         build_estimators({})
+
+
+def test_a_second_network_must_be_named(place):
+    with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
+        config = compose("evaluate", ["estimator=[network,ridge_network]", f"checkpoint={place / 'run' / 'last'}"])
+    with pytest.raises(InputError, match=r"ridge_network needs.*estimator\.ridge_network\.checkpoint="):
+        build_estimators(OmegaConf.to_object(config).estimator)
+
+
+def test_without_a_checkpoint_the_network_of_the_package_is_evaluated(place, monkeypatch, tmp_path):
+    ship(place / "run" / "last", tmp_path / "weights", monkeypatch)
+    with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
+        config = OmegaConf.to_object(compose("evaluate", ["estimator=[network,fitted_network]"]))
+    built = build_estimators(config.estimator)
+    assert list(built) == ["network", "fitted_network", "mean_pose"]
+    assert built["network"].meta["step"] == 1 and built["network"].backend.network.config.crop_px == 32
+
+
+def test_an_exported_network_is_evaluated_and_pickled(place, tmp_path):
+    network, meta = load_network(place / "run" / "last")
+    export_network(network, meta, tmp_path / "pose.onnx")
+    built = build_estimators({"network": NetworkEstimatorConfig(checkpoint=str(tmp_path / "pose.onnx"))})
+    assert list(built) == ["network", "mean_pose"]
+    depth_m, camera = draw_depth(draw_joints(np.random.default_rng(0)))[None], CAMERA
+    expected = built["network"].estimate(depth_m, camera)
+    found = pickle.loads(pickle.dumps(built["network"])).estimate(depth_m, camera)
+    np.testing.assert_array_equal(found.joints_camera_m, expected.joints_camera_m)
 
 
 def test_scorers_are_refused_where_joints_are_judged(tmp_path):

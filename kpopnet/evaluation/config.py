@@ -17,7 +17,8 @@ class EvaluateConfig:
         benchmark: settings of the data set, with its name.
         estimator: settings of each estimator by its name, in the order of the report. The first one is the main estimator:
             its figures stand at the top of metrics.json.
-        checkpoint: folder of the trained network, for the estimators that need one.
+        checkpoint: folder of the trained network, for the estimators that need one; by default the network that comes with the
+            package.
         sequences: evaluate this number of sequences, evenly spaced over the set, for a quick test; all by default. The report
             states it.
         seed: of the bootstrap and of the random example frames.

@@ -21,7 +21,7 @@ from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
 from kpopnet.datasets.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator
-from kpopnet.networks.checkpoint import read_meta
+from kpopnet.networks.backend import read_description
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.pose.person import PersonEstimator
 from kpopnet.skeleton import NUM_JOINTS
@@ -34,7 +34,8 @@ class NetworkEstimatorConfig:
     """A trained network.
 
     Attributes:
-        checkpoint: folder of a checkpoint, such as outputs/train/RUN/best.
+        checkpoint: folder of a checkpoint, such as outputs/train/RUN/best, or a file of `kpopnet export`; None for the network
+            that comes with the package.
         device: cpu or cuda.
     """
 
@@ -68,7 +69,7 @@ class MeanPoseConfig:
     """The constant baseline.
 
     Attributes:
-        checkpoint: folder of a network's checkpoint, which holds the mean pose of its training set.
+        checkpoint: a network, as for `network`, whose description holds the mean pose of its training set.
     """
 
     checkpoint: str | None = None
@@ -97,7 +98,7 @@ def _best(config: BestConfig) -> Estimator:
 def _mean_pose(config: MeanPoseConfig) -> Estimator:
     pose = _known_mean_pose_m(config.checkpoint)
     if pose is None:
-        raise InputError(f"{config.checkpoint}: its meta.json holds no mean_pose_m, which estimator=mean_pose needs")
+        raise InputError(f"{config.checkpoint}: its description holds no mean_pose_m, which estimator=mean_pose needs")
     return MeanPoseEstimator(pose)
 
 
@@ -142,11 +143,11 @@ def build_estimators(configs: dict[str, Any]) -> dict[str, Estimator]:
     if not configs:
         raise InputError("estimator: expected at least one, for instance estimator=network checkpoint=...")
     for name, config in configs.items():
-        if getattr(config, "checkpoint", "") is None:
+        if getattr(config, "checkpoint", None) == "":
             raise InputError(f"estimator {name} needs a trained network: estimator.{name}.checkpoint=outputs/train/RUN/best")
     builders = dict(ESTIMATORS.values())
     built = {name: builders[type(config)](config) for name, config in configs.items()}
-    checkpoints = [config.checkpoint for config in configs.values() if getattr(config, "checkpoint", None)]
+    checkpoints = [config.checkpoint for config in configs.values() if hasattr(config, "checkpoint")]
     if checkpoints and not any(isinstance(one, MeanPoseEstimator) for one in built.values()):
         pose = _known_mean_pose_m(checkpoints[0])
         if pose is not None:
@@ -154,6 +155,6 @@ def build_estimators(configs: dict[str, Any]) -> dict[str, Estimator]:
     return built
 
 
-def _known_mean_pose_m(checkpoint: str) -> np.ndarray | None:
-    pose = read_meta(checkpoint).get("mean_pose_m")
+def _known_mean_pose_m(checkpoint: str | None) -> np.ndarray | None:
+    pose = read_description(checkpoint).get("mean_pose_m")
     return None if pose is None else np.array(pose, np.float32).reshape(NUM_JOINTS, 3)

@@ -15,6 +15,9 @@ KINDS = ("holistic", "dense")
 STRIDES = (4, 8, 16)
 """Strides of the encoder's three outputs in crop pixels."""
 
+BATCH = 32
+"""Crops that a network is run on at once, in prediction."""
+
 MAX_CROP_PX, MAX_WIDTH = 256, 512
 """A checkpoint's description chooses these sizes: they bound the weights to 0.3 GB, and a batch's maps to a few."""
 

@@ -16,7 +16,6 @@ No random state is stored: everything random is a function of seed and step.
 
 import io
 import json
-import math
 import os
 import shutil
 from dataclasses import asdict
@@ -30,23 +29,20 @@ from torch import Tensor
 
 from kpopnet.errors import InputError
 from kpopnet.networks import ModelConfig
+from kpopnet.networks.description import FORMAT, META, VERSION, read_meta
 from kpopnet.networks.network import PoseNetwork, build_network
 from kpopnet.networks.state_file import read_state_file
-from kpopnet.runtime.input_files import check_fields, read_json, read_with, settings_from
+from kpopnet.runtime.input_files import check_fields, read_with
 from kpopnet.runtime.provenance import git_revision
-from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
+from kpopnet.skeleton import JOINT_NAMES
 
-FORMAT = "kpopnet-checkpoint"
-VERSION = 1
-WEIGHTS, STATE, META = "model.safetensors", "state.pt", "meta.json"
+WEIGHTS, STATE = "model.safetensors", "state.pt"
 
-META_SCHEMA = {"step": int, "model": dict, "config": dict, "metrics": dict, "mean_pose_m": list[list[float]]}
-CONFIG_PARTS = ("sensor", "extraction", "ridge", "training", "data")
 STATE_SCHEMA = {
     "step": int, "weights": dict, "optimiser": dict, "best_cm": float, "offset_sum_m": Tensor, "offset_count": int,
     "skipped": int,
 }  # fmt: skip
-"""Names and types in meta.json, groups of settings in its config, and names and types in state.pt, where they are there."""
+"""Names and types in state.pt, where they are there."""
 
 
 def save_checkpoint(run: Path, network: PoseNetwork, state: dict, meta: dict, *, best: bool) -> Path:
@@ -151,34 +147,6 @@ def _move_link(link: Path, folder: Path) -> None:
     new.replace(link)
 
 
-def read_meta(folder: Path | str) -> dict:
-    """The contents of a checkpoint's meta.json.
-
-    Raises:
-        InputError: no checkpoint in the folder, one of another version, or values of other types than META_SCHEMA.
-    """
-    path = Path(folder) / META
-    if not path.is_file():
-        raise InputError(f"{folder}: no checkpoint there (no {META}); give a folder such as outputs/train/RUN/best")
-    meta = read_json(path, non_finite=True)
-    found = (meta.get("format"), meta.get("version")) if isinstance(meta, dict) else (None, None)
-    if found != (FORMAT, VERSION):
-        raise InputError(
-            f"{path}: expected a {FORMAT} of version {VERSION}, found {found[0]!s:.40} of version {found[1]!s:.40}"
-        )
-    check_fields(str(path), meta, META_SCHEMA, optional=["mean_pose_m"])
-    settings_from(ModelConfig, meta["model"], f"{path}: model")
-    check_fields(f"{path}: config", meta["config"], dict.fromkeys(CONFIG_PARTS, dict), optional=CONFIG_PARTS)
-    pose_m = meta.get("mean_pose_m")
-    if pose_m is not None and (len(pose_m) != NUM_JOINTS or any(len(joint) != 3 or not _all_finite(joint) for joint in pose_m)):
-        raise InputError(f"{path}: mean_pose_m: expected {NUM_JOINTS} positions of three finite numbers")
-    return meta
-
-
-def _all_finite(values: list[float]) -> bool:
-    return all(math.isfinite(value) for value in values)
-
-
 def load_network(folder: Path | str, device: str | torch.device = "cpu") -> tuple[PoseNetwork, dict]:
     """Loads a checkpoint's network for inference, and its meta.json.
 
@@ -192,7 +160,7 @@ def load_network(folder: Path | str, device: str | torch.device = "cpu") -> tupl
 
 
 def load_weights(network: PoseNetwork, folder: Path | str) -> None:
-    """Loads a checkpoint's averaged weights into a network.
+    """Loads a checkpoint's averaged weights into a network; float16, half the size on disk, becomes float32.
 
     Raises:
         InputError: the weights are missing, damaged, or of another architecture.
@@ -201,6 +169,8 @@ def load_weights(network: PoseNetwork, folder: Path | str) -> None:
     problem = f"missing, damaged, or not the weights that {META} describes"
     weights = read_with(load_file, path, problem)
     for name, value in network.state_dict().items():
+        if name in weights and (weights[name].dtype, value.dtype) == (torch.float16, torch.float32):
+            weights[name] = weights[name].float()
         if name in weights and weights[name].dtype != value.dtype:
             raise InputError(f"{path}: {problem} ({name} is {weights[name].dtype})")
         if name in weights and value.is_floating_point() and not bool(torch.isfinite(weights[name]).all()):

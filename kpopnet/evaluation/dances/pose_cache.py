@@ -24,7 +24,7 @@ from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator
 from kpopnet.evaluation.poses.sequence import WARM_UP_FRAMES
 from kpopnet.evaluation.registry import build_estimators
-from kpopnet.networks.checkpoint import META
+from kpopnet.networks.description import META
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.input_files import ArraySchema, expect, read_npz
 from kpopnet.skeleton import NUM_JOINTS
@@ -41,6 +41,7 @@ _SCHEMA = {
 _SHARED_CODE = (
     *("*.py", "data/**/*.py", "geometry/**/*.py", "networks/**/*.py", "paper_tracker/**/*.py"),
     *("datasets/dances/format.py", "evaluation/registry.py"),  # decoding of depth, construction of estimators
+    "weights/__init__.py",  # which has the digests of the network that comes with the package
 )
 """Patterns, relative to kpopnet, of the source files that the joints of every estimator may depend on."""
 

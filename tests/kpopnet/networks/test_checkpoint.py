@@ -276,7 +276,7 @@ def test_a_single_frame_is_estimated_as_in_a_sequence_and_the_number_of_threads_
     depth = np.stack([draw_depth(draw_joints(np.random.default_rng(seed))) for seed in range(3)])
     together = estimator.estimate(depth, CAMERA)
     used, before = [], torch.get_num_threads()
-    estimator.network.register_forward_pre_hook(lambda *_: used.append(torch.get_num_threads()))
+    estimator.backend.network.register_forward_pre_hook(lambda *_: used.append(torch.get_num_threads()))
     torch.set_num_threads(2)
     try:
         single = [estimator.estimate(depth[i : i + 1], CAMERA) for i in range(3)]

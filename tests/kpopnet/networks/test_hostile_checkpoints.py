@@ -97,11 +97,28 @@ def test_what_a_training_stores_is_read_as_it_was(tmp_path):
 def test_weights_that_are_not_finite_or_of_another_type_are_refused(tmp_path):
     folder, network = save(tmp_path)
     weights = {name: value.contiguous() for name, value in network.state_dict().items()}
-    name = next(iter(weights))
-    for value, message in ((torch.full_like(weights[name], torch.nan), "not finite"), (weights[name].half(), "float16")):
-        save_file({**weights, name: value}, folder / "model.safetensors")
+    name, count = next(iter(weights)), next(name for name in weights if name.endswith("num_batches_tracked"))
+    for key, value, message in (
+        (name, torch.full_like(weights[name], torch.nan), "not finite"),
+        (name, torch.full_like(weights[name], torch.inf).half(), "not finite"),
+        (name, weights[name].double(), "float64"),
+        (name, weights[name].bfloat16(), "bfloat16"),
+        (name, weights[name].to(torch.int8), "int8"),
+        (count, weights[count].half(), "float16"),
+    ):
+        save_file({**weights, key: value}, folder / "model.safetensors")
         with pytest.raises(InputError, match=message):
             load_network(folder)
+
+
+def test_weights_in_float16_become_float32(tmp_path):
+    folder, network = save(tmp_path)
+    weights = {name: value.contiguous() for name, value in network.state_dict().items()}
+    halves = {name: value.half() if value.is_floating_point() else value for name, value in weights.items()}
+    save_file(halves, folder / "model.safetensors")
+    loaded = load_network(folder)[0].state_dict()
+    assert all(loaded[name].dtype == weights[name].dtype for name in weights)
+    assert all(torch.equal(loaded[name], halves[name].to(loaded[name].dtype)) for name in weights)
 
 
 def test_memory_of_a_checkpoint_is_bounded(tmp_path, monkeypatch):

@@ -1,0 +1,117 @@
+"""Writes a checkpoint's network as an ONNX file, and compares the two."""
+
+import json
+import logging
+import warnings
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+import kpopnet
+from kpopnet.data.cube import INPUTS
+from kpopnet.errors import InputError
+from kpopnet.networks.description import portable
+from kpopnet.networks.network import PoseNetwork
+from kpopnet.networks.onnx.file import FORMAT, INPUT, KEY, OUTPUTS
+from kpopnet.networks.onnx.session import OnnxBackend
+from kpopnet.runtime.atomic_write import atomic_path
+
+OPSET = 18
+
+ABOUT = """3D joints of a person in a depth image (kpopnet).
+crops: (N, C, S, S) float32 views of a cube around the person, side 2 x half_size_m. Channel 0 is the depth minus that of the
+cube's centre in half sizes, clipped to -1..1, and 1 where nothing was measured; channel 1, if any, the ridge probability.
+joints: (N, 15, 3) u, v, d in half sizes from the centre, right, down and forward; u and v are in perspective:
+X = (u + cx) / cz * Z, Y = (v + cy) / cz * Z, Z = d + cz with the centre (cx, cy, cz) in half sizes.
+confidence: (N, 15) estimated probability that a joint is within 10 cm of the truth.
+The metadata entry kpopnet has the model's settings, the ridge's, and the joints' names as JSON."""
+
+
+class JointsAndConfidence(nn.Module):
+    """The network with the outputs of prediction alone."""
+
+    def __init__(self, network: PoseNetwork) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, crops: Tensor) -> tuple[Tensor, Tensor]:
+        prediction = self.network(crops)
+        return prediction.joints, prediction.confidence
+
+
+def export_network(network: PoseNetwork, meta: dict, path: Path) -> float:
+    """Writes an ONNX file and runs it.
+
+    Args:
+        network: in evaluation mode, on the CPU.
+        meta: its description, without what tells of the machine that trained it (`portable`).
+        path: the file to write, which ends in .onnx.
+
+    Returns:
+        The largest difference between the outputs of torch and of ONNX Runtime, in cube units and probabilities.
+
+    Raises:
+        InputError: another suffix, or a library is missing.
+    """
+    if path.suffix != ".onnx":
+        raise InputError(f"{path}: expected a name that ends in .onnx")
+    onnx = _import_exporter()
+    model = network.config
+    noise = np.random.default_rng(0).uniform(-1, 1, (5, INPUTS[model.input], model.crop_px, model.crop_px))
+    crops = noise.astype(np.float32)
+    # Before it is traced: what the network caches must not be a part of the trace.
+    with torch.inference_mode():
+        expected = [value.numpy() for value in JointsAndConfidence(network)(torch.from_numpy(crops))]
+    content = _traced(network, torch.from_numpy(crops[:2]))
+    _forget_the_source(content.graph)
+    content.graph.name = content.producer_name = "kpopnet"
+    content.producer_version, content.doc_string = kpopnet.__version__, ABOUT
+    onnx.helper.set_model_props(content, {KEY: json.dumps(portable(meta) | {"format": FORMAT})})
+    onnx.checker.check_model(content, full_check=True)
+    with atomic_path(path) as part:
+        part.write_bytes(content.SerializeToString())
+    found = OnnxBackend(path)(crops)
+    return max(float(np.abs(one - other).max()) for one, other in zip(expected, found, strict=True))
+
+
+def _forget_the_source(graph: Any) -> None:
+    """Removes the names of source files and lines that torch writes to each part of the graph."""
+    for part in (graph, *graph.node, *graph.initializer, *graph.value_info, *graph.input, *graph.output):
+        part.ClearField("metadata_props")
+        part.ClearField("doc_string")
+
+
+def _import_exporter() -> ModuleType:
+    try:
+        import onnx
+        import onnxruntime  # noqa: F401
+        import onnxscript  # noqa: F401
+    except ImportError as error:
+        raise InputError(f"exporting needs the package {error.name}: pip install 'kpopnet[export]'") from error
+    return onnx
+
+
+def _traced(network: PoseNetwork, crops: Tensor) -> Any:
+    """The network as onnx.ModelProto, for any number of crops."""
+    log = logging.getLogger("torch.onnx")
+    level = log.level
+    log.setLevel(logging.ERROR)  # it warns of torchvision, which is not needed
+    try:
+        with warnings.catch_warnings(action="ignore"):  # torch's exporter warns of its own code
+            program = torch.onnx.export(
+                JointsAndConfidence(network).eval(),
+                (crops,),
+                dynamo=True,
+                verbose=False,
+                opset_version=OPSET,
+                input_names=[INPUT],
+                output_names=list(OUTPUTS),
+                dynamic_shapes=({0: torch.export.Dim("batch")},),
+            )
+    finally:
+        log.setLevel(level)
+    return program.model_proto

@@ -1,0 +1,133 @@
+"""The network that comes with the package is checked when it is loaded, and is written from a checkpoint in float16."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+from capsule_people import CAMERA, draw_depth, draw_joints
+from safetensors.torch import load_file
+from shard_sets import write_shard
+from shipped_weights import ship, ship_nothing, tool
+
+import kpopnet.weights
+from kpopnet.errors import InputError
+from kpopnet.networks import ModelConfig
+from kpopnet.networks.backend import read_description
+from kpopnet.networks.checkpoint import save_checkpoint
+from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.networks.network import build_network
+
+MODEL = ModelConfig(input="depth_ridge", crop_px=32, widths=[8, 8, 16, 16])
+CONFIG = {
+    "sensor": {"name": "kinect_v1"},
+    "ridge": {"epsilon_r": 0.5, "edge_threshold_m": 0.08, "sharpness": 3.0},
+    "training": {"steps": 7, "start": "/home/me/run/best", "resume": None},
+    "data": {"train": "/home/me/data/train"},
+    "device": "cuda",
+    "threads": 3,
+    "workers": 2,
+    "seed": 4,
+}
+
+
+def save(run, network=None, **more):
+    meta = {"step": 5, "config": CONFIG, "metrics": {}, "mean_pose_m": np.zeros((15, 3)).tolist()} | more
+    return save_checkpoint(run, network or build_network(MODEL, 1), {}, meta, best=True)
+
+
+@pytest.fixture
+def shipped(tmp_path, monkeypatch):
+    return ship(save(tmp_path / "run"), tmp_path / "weights", monkeypatch)
+
+
+def test_without_a_checkpoint_the_estimator_takes_it(tmp_path, shipped):
+    trained, found = NetworkEstimator(tmp_path / "run" / "best"), NetworkEstimator()
+    assert found.model == MODEL and found.ridge.epsilon_r == 0.5
+    depth_m = np.stack([draw_depth(draw_joints(np.random.default_rng(seed))) for seed in range(4)])
+    expected, estimate = (one.estimate(depth_m, CAMERA) for one in (trained, found))
+    difference_m = np.abs(expected.joints_camera_m - estimate.joints_camera_m).max()
+    assert 0 < difference_m < 0.003  # float16 has 11 bits
+    np.testing.assert_allclose(estimate.confidence, expected.confidence, atol=0.003)
+
+
+def test_weights_are_half_the_size_and_computed_with_in_float32(tmp_path, shipped):
+    stored = load_file(shipped / "model.safetensors")
+    kinds = {value.dtype for value in stored.values()}
+    assert kinds == {torch.float16, torch.int64}
+    network = NetworkEstimator().backend.network
+    for name, value in network.state_dict().items():
+        assert value.dtype == (torch.float32 if value.is_floating_point() else torch.int64)
+        assert torch.equal(value, stored[name].to(value.dtype))
+    assert (shipped / "model.safetensors").stat().st_size < 0.6 * (tmp_path / "run/best/model.safetensors").stat().st_size
+
+
+def test_the_description_says_how_it_was_trained_and_not_where(shipped):
+    meta = read_description(None)
+    assert meta["config"] == {
+        "sensor": CONFIG["sensor"], "ridge": CONFIG["ridge"], "training": {"steps": 7}, "seed": 4
+    }  # fmt: skip
+    assert "/" not in (shipped / "meta.json").read_text()
+
+
+@pytest.mark.parametrize("name", ["model.safetensors", "meta.json"])
+@pytest.mark.parametrize("damage", ["truncated", "changed", "another network's", "missing"])
+def test_files_of_another_version_are_refused(tmp_path, shipped, name, damage):
+    file = shipped / name
+    content = bytearray(file.read_bytes())
+    if damage == "missing":
+        file.unlink()
+    elif damage == "another network's":
+        other = tmp_path / "other"
+        other.mkdir()
+        (other / "__init__.py").write_text("SHA256: dict[str, str] = {}\n")
+        tool.ship(save(tmp_path / "run2", build_network(MODEL, 2), step=6), other)
+        file.write_bytes((other / name).read_bytes())
+    else:
+        content[-2] ^= 1
+        file.write_bytes(content[: len(content) // 2] if damage == "truncated" else content)
+    with pytest.raises(InputError, match=rf"{name}: .*install kpopnet again$"):
+        NetworkEstimator()
+    with pytest.raises(InputError, match="install kpopnet again"):
+        read_description(None)
+
+
+def test_a_package_without_weights_says_what_to_do(monkeypatch):
+    ship_nothing(monkeypatch)
+    with pytest.raises(InputError, match=r"holds no weights yet; train a network .* such as outputs/train/RUN/best"):
+        NetworkEstimator()
+
+
+def test_what_this_checkout_ships_can_be_loaded():
+    if not kpopnet.weights.SHA256:
+        pytest.skip("this checkout holds no weights yet")
+    estimator = NetworkEstimator()
+    assert sum(file.stat().st_size for file in kpopnet.weights.FOLDER.glob("*.*")) < 10e6
+    card = (kpopnet.weights.FOLDER / "MODEL_CARD.md").read_text()
+    assert kpopnet.weights.SHA256["model.safetensors"] in card
+    assert "/" not in json.dumps(estimator.meta)
+    estimate = estimator.estimate(draw_depth(draw_joints(np.random.default_rng(0)))[None], CAMERA)
+    assert np.isfinite(estimate.joints_camera_m).all()
+
+
+def test_what_cannot_be_shipped_is_refused(tmp_path, shipped):
+    wide = build_network(MODEL, 1)
+    with torch.no_grad():
+        wide.head.maps.bias[3] = 1e5
+    with pytest.raises(InputError, match=r"head\.maps\.bias does not fit into float16"):
+        tool.ship(save(tmp_path / "wide", wide), shipped)
+    with pytest.raises(InputError, match="looks like a path"):
+        tool.ship(save(tmp_path / "path", metrics={"page": "/home/me/report.html"}), shipped)
+    NetworkEstimator()  # what was there is as it was
+
+
+def test_the_tool_tells_how_far_two_networks_are_apart(tmp_path, shipped):
+    write_shard(tmp_path / "set", [1, 1, 2])
+    moved = build_network(MODEL, 1)
+    with torch.no_grad():
+        moved.head.maps.bias[30] += 0.1 / MODEL.half_size_m  # the depth of the first joint
+    one, other = NetworkEstimator(tmp_path / "run/best"), NetworkEstimator(save(tmp_path / "moved", moved))
+    assert tool.largest_change_mm(one, one, tmp_path / "set", 3) == 0
+    assert (
+        99 < tool.largest_change_mm(one, other, tmp_path / "set", 3) < 130
+    )  # u and v are in perspective: it moves sideways too
