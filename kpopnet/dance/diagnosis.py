@@ -40,10 +40,12 @@ class Fault(NamedTuple):
     Attributes:
         text: what it is, its probable causes, and which option of `kpopnet score` corrects it.
         corrected: similarity of the dance with all probable faults corrected; None where the fault costs nothing.
+        about: "mirror", "sides", "tempo", "delay" or "format"; `kpopnet.dance.feedback` leaves out hints about the same.
     """
 
     text: str
     corrected: float | None
+    about: str
 
 
 class _Guess(NamedTuple):
@@ -92,7 +94,7 @@ def probable_faults(teacher: Performance, learner: Performance, config: ScorerCo
             "the knees of both dancers bend backwards: left and right are swapped in both files, or their axes are left-"
             "handed; the score is that of two dances in a mirror"
         )
-        return [Fault(text, None)]
+        return [Fault(text, None, "sides")]
     plain = score_dance(teacher, learner, config).similarity
     best = min(_guesses(wrong, teacher, learner), key=lambda one: _fit(teacher, learner, one, config)[1])
     best = best._replace(late_s=_fit(teacher, learner, best, config)[0])
@@ -101,8 +103,8 @@ def probable_faults(teacher: Performance, learner: Performance, config: ScorerCo
         best = best._replace(late_s=0.0)
     similarity = _similarity(teacher, learner, best, config)
     if not (similarity >= MIN_CORRECTED and similarity >= np.nan_to_num(plain) + MIN_GAIN):
-        return [Fault(_ANATOMY.format(name), None) for name, backwards in wrong.items() if backwards]
-    return [Fault(text, similarity) for text in _descriptions(best, teacher, learner)]
+        return [Fault(_ANATOMY.format(name), None, "sides") for name, backwards in wrong.items() if backwards]
+    return [Fault(text, similarity, about) for about, text in _descriptions(best, teacher, learner)]
 
 
 def knees_bend_backwards(performance: Performance) -> bool:
@@ -185,27 +187,30 @@ def _similarity(teacher: Performance, learner: Performance, guess: _Guess, confi
         return 0.0
 
 
-def _descriptions(guess: _Guess, teacher: Performance, learner: Performance) -> Iterator[str]:
-    """The faults of a guess in words."""
+def _descriptions(guess: _Guess, teacher: Performance, learner: Performance) -> Iterator[tuple[str, str]]:
+    """What the faults of a guess are about, and they in words."""
     for name, correction in (("teacher", guess.teacher), ("learner", guess.learner)):
         fix = f"To correct it: --correct-{name} {correction}"
         if correction == "mirrored":
             yield (
+                "mirror",
                 "the learner dances mirrored: a left-handed dancer, one who faces the teacher as a mirror, or a mirrored "
-                f"video. {fix}"
+                f"video. {fix}",
             )
         elif correction == "swapped":
-            yield f"left and right are swapped among the {name}'s joints: the knees bend backwards. {fix}"
+            yield "sides", f"left and right are swapped among the {name}'s joints: the knees bend backwards. {fix}"
         elif correction == "reflected":
-            yield f"the {name}'s axes are left-handed: the knees bend backwards. {fix}"
+            yield "sides", f"the {name}'s axes are left-handed: the knees bend backwards. {fix}"
     if guess.rate != 1:
         yield (
+            "tempo",
             f"the learner's clock runs wrong: the dance fits if its times are multiplied by {guess.rate:.3g}. Was the learner "
             f"recorded at {_fps(learner) / guess.rate:.3g} frames a second, not {_fps(learner):.3g} (--learner-fps), or the "
-            f"teacher at {_fps(teacher) * guess.rate:.3g}, not {_fps(teacher):.3g} (--teacher-fps)?"
+            f"teacher at {_fps(teacher) * guess.rate:.3g}, not {_fps(teacher):.3g} (--teacher-fps)?",
         )
     if guess.late_s:
         yield (
+            "delay",
             f"the learner is {abs(guess.late_s):.2f} s {'late' if guess.late_s > 0 else 'early'} throughout: the clocks start "
-            f"at different instants of the music, or the set-up has a latency. To correct it: --late {guess.late_s:.2f}"
+            f"at different instants of the music, or the set-up has a latency. To correct it: --late {guess.late_s:.2f}",
         )

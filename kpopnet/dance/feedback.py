@@ -7,10 +7,12 @@ in the score. Everything is computed from a `DanceScore`, so that the words duri
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from kpopnet.dance.diagnosis import Fault as RecordingFault
 from kpopnet.dance.features import feature_names
 from kpopnet.dance.scoring import DanceScore, Windows
 from kpopnet.dance.window import LIMBS, PARTS, part_of_angles
@@ -104,29 +106,43 @@ class Fault:
 
 
 @dataclass(frozen=True)
+class Hint:
+    """What concerns the whole dance or the set-up.
+
+    Attributes:
+        about: "mirror", "tempo" or "coverage".
+        text: in words.
+    """
+
+    about: str
+    text: str
+
+
+@dataclass(frozen=True)
 class Feedback:
     """What a dancer can use of a score.
 
     Attributes:
         phrases: of the dance in order of time.
         faults: over the whole dance, the costliest first.
-        hints: what concerns the whole dance or the set-up: mirror image, tempo, what is not in the picture.
+        hints: mirror image, tempo, what is not in the picture and when.
     """
 
     phrases: tuple[Phrase, ...]
     faults: tuple[Fault, ...]
-    hints: tuple[str, ...]
+    hints: tuple[Hint, ...]
 
     def as_json(self) -> str:
         return json.dumps(asdict(self), ensure_ascii=False, indent=1)
 
 
-def feedback(score: DanceScore, beat_s: float | None = None) -> Feedback:
+def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence[RecordingFault] = ()) -> Feedback:
     """The feedback on a dance, or on what has been danced so far.
 
     Args:
         score: of `score_dance`, `OnlineScorer.finish` or `OnlineScorer.score_so_far`.
         beat_s: duration of a beat of the music, seconds; phrases then have eight beats, and delays are told in beats.
+        recording: what `kpopnet.dance.diagnosis.probable_faults` found; hints of which it tells the cause are left out.
     """
     moments = [*_posture_moments(score), *_timing_moments(score, beat_s)]
     first, middle = float(score.windows.start_s[0]), _middle_s(score)
@@ -140,7 +156,9 @@ def feedback(score: DanceScore, beat_s: float | None = None) -> Feedback:
         within = [one for common, one in common_s if common >= min(phrase_s, one.end_s - one.start_s) / 2]
         worst = sorted(within, key=lambda one: -one.cost)[:MOMENTS_PER_PHRASE]
         phrases.append(Phrase(start_s, end_s, similarity, tuple(worst)))
-    return Feedback(tuple(phrases), _gathered(moments, len(middle) * score.config.hop_s, beat_s), _hints(score))
+    known = {one.about for one in recording}
+    hints = tuple(hint for hint in _hints(score) if hint.about not in known)
+    return Feedback(tuple(phrases), _gathered(moments, len(middle) * score.config.hop_s, beat_s), hints)
 
 
 def _middle_s(score: DanceScore) -> np.ndarray:
@@ -232,18 +250,19 @@ def _lateness(delay_s: float, beat_s: float | None) -> str:
     return f"{fractions.get(quarters, f'{quarters / 4:g} beats')} {word}"
 
 
-def _clock(seconds: float) -> str:
+def clock(seconds: float) -> str:
+    """A time as minutes and seconds, such as 1:05."""
     whole = max(math.floor(seconds + 0.5), 0)
     return f"{whole // 60}:{whole % 60:02d}"
 
 
 def _at(starts_s: list[float]) -> str:
-    times = list(dict.fromkeys(_clock(start_s) for start_s in starts_s))
+    times = list(dict.fromkeys(clock(start_s) for start_s in starts_s))
     return f"at {', '.join(times[:-1])} and {times[-1]}" if len(times) > 1 else f"at {times[0]}"
 
 
 def _from_to(start_s: float, end_s: float) -> str:
-    return f"from {_clock(start_s)} to {_clock(end_s)}"
+    return f"from {clock(start_s)} to {clock(end_s)}"
 
 
 def _gathered(moments: list[Moment], dance_s: float, beat_s: float | None) -> tuple[Fault, ...]:
@@ -264,14 +283,14 @@ def _gathered(moments: list[Moment], dance_s: float, beat_s: float | None) -> tu
     return tuple(fault for _, fault in sorted(faults, key=lambda pair: -pair[0]))
 
 
-def _hints(score: DanceScore) -> tuple[str, ...]:
+def _hints(score: DanceScore) -> list[Hint]:
     """What concerns the whole dance."""
     hints = []
     if score.mirror_fits_better and not score.mirrored:
-        hints.append("the mirror image fits much better: score with mirrored=true if the teacher was mirrored")
+        hints.append(Hint("mirror", "the mirror image fits much better: score with mirrored=true if the teacher was mirrored"))
     if abs(score.tempo - 1) >= MIN_TEMPO_DIFFERENCE:
-        hints.append(f"{abs(score.tempo - 1):.0%} too {'fast' if score.tempo > 1 else 'slow'} throughout")
-    return tuple(hints + _unseen(score, score.windows))
+        hints.append(Hint("tempo", f"{abs(score.tempo - 1):.0%} too {'fast' if score.tempo > 1 else 'slow'} throughout"))
+    return [*hints, *(Hint("coverage", text) for text in _unseen(score, score.windows))]
 
 
 def _unseen(score: DanceScore, windows: Windows) -> list[str]:

@@ -4,18 +4,21 @@
     kpopnet score teacher.csv learner.csv --learner-fps 30 --out outputs/score/ann
 
 Files are .npz, .bvh, .csv or .json; docs/dance_scoring.md describes what they hold. Both must be on one clock: time zero is the
-same instant of the music. The program prints the score and writes score.html, one page with its figures, and score.json. It
-warns where a recording is probably faulty: sides swapped, left-handed axes, a mirrored dance, a clock that is off. An earlier
-score in the same folder is replaced.
+same instant of the music. The program prints the score and what to mend, phrase by phrase, and writes score.html, one page with
+its figures, and score.json. It warns where a recording is probably faulty: sides swapped, left-handed axes, a mirrored dance, a
+clock that is off. An earlier score in the same folder is replaced.
 """
 
 import argparse
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 from kpopnet.dance.diagnosis import CORRECTIONS, Fault, corrected, delayed, probable_faults
+from kpopnet.dance.feedback import feedback
 from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.dance.noise import NOISE
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import SCORERS, score_dance
 from kpopnet.errors import InputError
@@ -35,7 +38,7 @@ def other_formats(teacher: Path, learner: Path) -> list[Fault]:
         f"{teacher.name} and {learner.name} are of different formats, whose joints may lie elsewhere in the body (a hand at "
         "the wrist or in the palm); that costs points. Record both in the same way"
     )
-    return [Fault(text, None)]
+    return [Fault(text, None, "format")]
 
 
 def read_observed(path: Path, fps: float | None, correction: str, scorer: str) -> Performance:
@@ -48,6 +51,17 @@ def read_observed(path: Path, fps: float | None, correction: str, scorer: str) -
     if SCORERS[scorer].feature == "raptis" and Joint.NECK in performance.unseen_joints:
         raise InputError(f"{path}: neck missing in every frame; scorer {scorer} needs it, dance22 does not")
     return performance
+
+
+def beat_duration_s(bpm: float | None) -> float | None:
+    """The duration of a beat in seconds; None for an unknown tempo.
+
+    Raises:
+        InputError: it is no tempo of music.
+    """
+    if bpm is not None and not 20 <= bpm <= 400:
+        raise InputError(f"--bpm {bpm:g}: expected 20 to 400 beats a minute")
+    return 60 / bpm if bpm else None
 
 
 @user_errors
@@ -63,9 +77,13 @@ def main() -> None:
         parser.add_argument(f"--{name}-fps", type=float, help=rate)
         parser.add_argument(f"--correct-{name}", choices=CORRECTIONS, default="as_recorded", help=f"{joints}: %(default)s")
     parser.add_argument("--late", type=float, default=0.0, help="seconds by which the learner's clock is late: %(default)s")
+    noise = "estimator of the learner's joints, whose known errors are nobody's fault: %(default)s for true joints"
+    parser.add_argument("--noise", choices=NOISE, default="none", help=noise)
+    parser.add_argument("--bpm", type=float, help="tempo of the music: phrases of eight beats instead of 4 s, delays in beats")
     given = parser.parse_args()
 
-    config = SCORERS[given.scorer]
+    beat_s = beat_duration_s(given.bpm)
+    config = replace(SCORERS[given.scorer], noise=given.noise)
     teacher = read_observed(given.teacher, given.teacher_fps, given.correct_teacher, given.scorer)
     learner = delayed(read_observed(given.learner, given.learner_fps, given.correct_learner, given.scorer), given.late)
     score = score_dance(teacher, learner, config)
@@ -74,16 +92,17 @@ def main() -> None:
             f"{given.learner}: in no window of {config.window_s:g} s are enough joints known to compare the dances"
         )
     faults = other_formats(given.teacher, given.learner) + probable_faults(teacher, learner, config)
+    told = feedback(score, beat_s, faults)
 
     title = f"{given.learner.name} after {given.teacher.name}: {score.similarity:.0f} of 100"
-    page = score_page(title, teacher, learner, score, faults, config.window_s)
+    page = score_page(title, teacher, learner, score, told, faults)
     files = {"teacher": str(given.teacher), "learner": str(given.learner)}
-    content = json.dumps(files | score_json(score, faults, config), indent=1, allow_nan=False) + "\n"
+    content = json.dumps(files | score_json(score, told, faults), indent=1, allow_nan=False) + "\n"
     with locked(given.out):
         for name, text in (("score.html", page), ("score.json", content)):
             with atomic_path(given.out / name) as part:
                 part.write_bytes(writable(text).encode())
-    print(printable("\n".join([*score_text(score, faults, config.window_s), f"look at {given.out / 'score.html'}"])))
+    print(printable("\n".join([*score_text(score, told, faults), f"look at {given.out / 'score.html'}"])))
 
 
 if __name__ == "__main__":

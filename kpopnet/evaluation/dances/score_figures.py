@@ -32,7 +32,7 @@ def over_time(windows: Windows) -> Figure:
 
 
 def of_parts(windows: Windows) -> Figure:
-    """The similarity of each part of the body in every window, as a map from red, 0, to green, 100; grey is not scored."""
+    """The posture of each part of the body in every window, as a map from red, 0, to green, 100; grey is not scored."""
     names = list(windows.parts)
     figure = Figure(figsize=(10, 0.4 * len(names) + 1.1), layout="constrained")
     panel = figure.subplots()
@@ -43,7 +43,7 @@ def of_parts(windows: Windows) -> Figure:
     image = panel.imshow(values, cmap="RdYlGn", vmin=0, vmax=100, aspect="auto", interpolation="nearest", extent=extent)
     panel.set_yticks(range(len(names)), names)
     panel.set_xlabel("start of the window, s")
-    figure.colorbar(image, ax=panel, label="similarity")
+    figure.colorbar(image, ax=panel, label="posture")
     return figure
 
 

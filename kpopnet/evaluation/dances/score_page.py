@@ -9,20 +9,45 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from kpopnet.dance.diagnosis import Fault
+from kpopnet.dance.feedback import Feedback, Phrase, clock
 from kpopnet.dance.performance import Performance
-from kpopnet.dance.scoring import DanceScore, ScorerConfig
+from kpopnet.dance.scoring import DanceScore
 from kpopnet.evaluation.dances.score_figures import moments, of_parts, over_time, worst_windows
-from kpopnet.evaluation.document import Block, as_html
+from kpopnet.evaluation.document import Block, Table, as_html
+
+MAX_FAULTS = 8
+"""So many faults are listed, the costliest first; the JSON has all."""
 
 
-def score_text(score: DanceScore, faults: list[Fault], window_s: float) -> list[str]:
+def score_text(score: DanceScore, told: Feedback, faults: list[Fault]) -> list[str]:
     """The score in lines for a terminal."""
-    lines = [
+    parts = (f"{name} {value:.0f}{_seen(score.coverage[name])}" for name, value in score.parts.items())
+    return [
         f"similarity {score.similarity:.0f}, timing {score.timing:.0f}, posture {score.posture:.0f} of 100",
-        "parts: " + ", ".join(f"{name} {value:.0f}" for name, value in score.parts.items()),
+        *_ceiling(score),
+        "parts: " + ", ".join(parts),
+        *map(fault_text, faults),
+        *(hint.text for hint in told.hints),
+        *(fault.text for fault in told.faults[:MAX_FAULTS]),
+        *map(_phrase_text, told.phrases),
     ]
-    lines += [_window_text(score, number) for number in worst_windows(score.windows, window_s, 1)]
-    return [*lines, *map(fault_text, faults)]
+
+
+def _seen(coverage: float) -> str:
+    return "" if coverage > 0.99 else f" (seen {coverage:.0%})"
+
+
+def _ceiling(score: DanceScore) -> list[str]:
+    """What perfect dancing scores, where an estimator's errors are known."""
+    through = f"perfect dancing seen through the estimator {score.config.noise} scores {score.ceiling:.0f} on average"
+    return [through] if score.ceiling < 100 else []
+
+
+def _phrase_text(phrase: Phrase) -> str:
+    """A phrase with its worst moments, the worst first."""
+    number = "not compared" if phrase.similarity is None else f"{phrase.similarity:.0f}"
+    moments = "; ".join(moment.text for moment in phrase.moments) or "nothing to mend"
+    return f"{clock(phrase.start_s)} to {clock(phrase.end_s)}, {number}: {moments}"
 
 
 def fault_text(fault: Fault) -> str:
@@ -31,17 +56,10 @@ def fault_text(fault: Fault) -> str:
     return f"warning: {fault.text}{gain}"
 
 
-def _window_text(score: DanceScore, number: int) -> str:
-    windows = score.windows
-    return (
-        f"worst from {windows.start_s[number]:.1f} s: similarity {windows.similarity[number]:.0f}, "
-        f"delay {1000 * windows.delay_s[number]:+.0f} ms"
-    )
-
-
-def score_json(score: DanceScore, faults: list[Fault], config: ScorerConfig) -> dict[str, Any]:
-    """The score for programs: numbers, null where nothing could be compared, with the warnings and the scorer's settings."""
-    return _plain({"score": score, "warnings": faults, "scorer": asdict(config)})
+def score_json(score: DanceScore, told: Feedback, faults: list[Fault]) -> dict[str, Any]:
+    """The score for programs: numbers, null where nothing could be compared, with feedback, warnings and settings."""
+    content = score._asdict()
+    return _plain({"score": content, "feedback": told, "warnings": faults, "scorer": content.pop("config")})
 
 
 def _plain(value: Any) -> Any:
@@ -60,7 +78,7 @@ def _plain(value: Any) -> Any:
 
 
 def score_page(
-    title: str, teacher: Performance, learner: Performance, score: DanceScore, faults: list[Fault], window_s: float
+    title: str, teacher: Performance, learner: Performance, score: DanceScore, told: Feedback, faults: list[Fault]
 ) -> str:
     """The score as one HTML page that contains its figures.
 
@@ -69,28 +87,39 @@ def score_page(
         teacher: the reference dance.
         learner: the scored dance.
         score: of the learner.
+        told: feedback on the score.
         faults: probable faults of the recordings.
-        window_s: length of a window, seconds.
     """
-    header = ["", "similarity", "timing", "posture"]
-    whole = ["whole body", *(f"{value:.0f}" for value in (score.similarity, score.timing, score.posture))]
-    rows = [whole, *([name, f"{value:.0f}", "", ""] for name, value in score.parts.items())]
-    windows = score.windows
+    windows, window_s = score.windows, score.config.window_s
     blocks: list[Block] = [("title", title)]
     blocks += [("text", fault_text(fault)) for fault in faults]
+    blocks += [("table", _score_table(score))]
+    blocks += [("text", f"Of 100. {100 * score.scored:.0f} % of the windows of {window_s:g} s could be compared.")]
+    blocks += [("text", text) for text in (*_ceiling(score), *(hint.text for hint in told.hints))]
+    if told.faults:
+        blocks += [("heading", "What to mend, the costliest first")]
+        blocks += [("text", fault.text) for fault in told.faults[:MAX_FAULTS]]
     blocks += [
-        ("table", (header, rows)),
-        ("text", f"Of 100. {100 * score.scored:.0f} % of the windows of {window_s:g} s could be compared."),
+        ("heading", "Phrase by phrase"),
+        *(("text", _phrase_text(phrase)) for phrase in told.phrases),
         ("heading", "Over time"),
         ("figure", (_embedded(over_time(windows)), "similarity, posture, timing and delay of every window")),
         ("heading", "Parts of the body"),
-        ("figure", (_embedded(of_parts(windows)), "similarity of every part in every window")),
+        ("figure", (_embedded(of_parts(windows)), "posture of every part in every window")),
     ]
     if chosen := worst_windows(windows, window_s):
         caption = "The learner in colours (right red, left blue) over the teacher in grey, both turned to the front."
         figure = moments(teacher, learner, windows, window_s, chosen)
-        blocks += [("heading", "Worst moments"), ("text", caption), ("figure", (_embedded(figure), "both dancers"))]
+        blocks += [("heading", "Worst windows"), ("text", caption), ("figure", (_embedded(figure), "both dancers"))]
     return as_html(blocks, title)
+
+
+def _score_table(score: DanceScore) -> Table:
+    """The scores of the whole body and of each part, and how much of it was seen."""
+    whole = [f"{value:.0f}" for value in (score.similarity, score.timing, score.posture)]
+    rows = [["whole body", *whole, f"{score.completeness:.0%}"]]
+    rows += [[name, "", "", f"{value:.0f}", f"{score.coverage[name]:.0%}"] for name, value in score.parts.items()]
+    return ["", "similarity", "timing", "posture", "seen"], rows
 
 
 def _embedded(figure: Figure) -> str:

@@ -8,6 +8,7 @@ import pytest
 from dance_learners import ARMS, LEGS, arm_lowered, elbow_bent, hidden, hunched, knee_moved
 from dance_people import FPS, dance_joints_m, mirrored, noisy, performed
 
+from kpopnet.dance.diagnosis import Fault
 from kpopnet.dance.feedback import MOMENTS_PER_PHRASE, feedback
 from kpopnet.dance.online import OnlineScorer
 from kpopnet.dance.performance import Performance
@@ -102,7 +103,7 @@ def test_the_set_ups_faults_are_hinted_at():
 
     def hints(learner_m, tempo=1.0):
         learner = Performance(learner_m, np.arange(len(learner_m)) / FPS / tempo)
-        return feedback(score_dance(performed(teacher_m), learner)).hints
+        return tuple(hint.text for hint in feedback(score_dance(performed(teacher_m), learner)).hints)
 
     assert "mirror image" in hints(mirrored(teacher_m))[0]
     assert any("10% too fast" in hint for hint in hints(teacher_m, 1.1))
@@ -110,6 +111,14 @@ def test_the_set_ups_faults_are_hinted_at():
     arms = [joint for arm in ARMS.values() for joint in arm[1:]]
     assert hints(hidden(teacher_m, 5, 9, arms)) == ("arms out of the picture from 0:05 to 0:09",)
     assert hints(hidden(teacher_m, 0, 16, [Joint.LEFT_FOOT])) == ("left leg out of the picture from 0:01 to 0:15",)
+
+
+def test_a_hint_is_left_out_where_a_recordings_fault_tells_the_cause():
+    teacher_m = dance_joints_m(0, 16.0)
+    score = score_dance(performed(teacher_m), performed(mirrored(hidden(teacher_m, 5, 9))))
+    assert [hint.about for hint in feedback(score).hints] == ["mirror", "coverage"]
+    told = feedback(score, recording=[Fault("the learner dances mirrored", 70.0, "mirror")])
+    assert [hint.about for hint in told.hints] == ["coverage"]
 
 
 def test_the_feedback_is_the_same_online_and_is_json():

@@ -12,6 +12,7 @@ from dance_people import dance_joints_m
 
 import kpopnet.programs.score
 from kpopnet.dance.diagnosis import corrected
+from kpopnet.dance.feedback import feedback
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import score_dance
 from kpopnet.skeleton import JOINT_NAMES, Joint
@@ -45,9 +46,10 @@ def test_the_page_holds_its_figures_and_the_json_the_score(files, run, tmp_path)
     teacher, learner, joints_m, learner_m = files
     printed = run(teacher, learner, "--out", tmp_path / "new" / "out")
     expected = score_dance(joints_m, learner_m, fps=30)
-    worst_s = expected.windows.start_s[np.argmin(expected.windows.similarity)]
     assert f"similarity {expected.similarity:.0f}, timing" in printed and "warning" not in printed
-    assert 4 <= worst_s <= 7 and f"worst from {worst_s:.1f} s" in printed
+    told = feedback(expected)
+    assert told.faults[0].part == "left arm" and all(phrase.moments[0].text in printed for phrase in told.phrases[1:2])
+    assert "0:00 to 0:04, 100: nothing to mend" in printed and printed.count(" to 0:") >= 3
 
     page = (tmp_path / "new" / "out" / "score.html").read_text()
     sources = re.findall(r'src="([^"]+)"', page)
@@ -57,11 +59,13 @@ def test_the_page_holds_its_figures_and_the_json_the_score(files, run, tmp_path)
         image = cv2.imdecode(png, cv2.IMREAD_COLOR)
         assert min(image.shape[:2]) > 200 and image.std() > 10
     assert f"learner.npz after teacher.npz: {expected.similarity:.0f} of 100" in page
+    assert all(text in page for text in (told.faults[0].text, *(moment.text for moment in told.phrases[1].moments)))
 
     content = json.loads((tmp_path / "new" / "out" / "score.json").read_text())
     assert content["score"]["similarity"] == pytest.approx(expected.similarity)
     assert content["score"]["windows"]["parts"].keys() == expected.parts.keys() == content["score"]["parts"].keys()
     np.testing.assert_allclose(content["score"]["windows"]["delay_s"], expected.windows.delay_s)
+    assert content["feedback"] == json.loads(told.as_json()) and "config" not in content["score"]
     assert content["warnings"] == [] and content["scorer"]["feature"] == "dance22" and content["teacher"] == str(teacher)
 
 
@@ -77,6 +81,38 @@ def test_a_faulty_recording_is_told_and_the_option_that_is_named_corrects_it(fil
     assert "learner dances mirrored" in (tmp_path / "out" / "score.html").read_text()
     again = run(*words, *(word for option in options for word in option.replace("(", " ").split()))
     assert "warning" not in again and int(re.search(r"similarity (\d+)", again)[1]) >= 95
+
+
+@pytest.mark.parametrize("correction", ["mirrored", "swapped", "reflected"])
+def test_one_cause_is_told_once(correction, files, run, tmp_path):
+    teacher, _, joints_m, _ = files
+    dance = corrected(Performance(joints_m, np.arange(len(joints_m)) / 30), correction)
+    np.savez(tmp_path / "wrong.npz", joints_m=dance.joints_m, fps=30)
+    printed = run(teacher, tmp_path / "wrong.npz", "--out", tmp_path / "out")
+    assert printed.count("warning") == 1 and "mirror image" not in printed
+    page = (tmp_path / "out" / "score.html").read_text()
+    assert page.count("warning") == 1 and "mirror image" not in page
+
+
+def test_what_is_not_in_the_picture_is_told_by_part(files, run, tmp_path):
+    teacher, _, joints_m, _ = files
+    hidden_m = joints_m.copy()
+    hidden_m[120:270, [Joint.LEFT_ELBOW, Joint.LEFT_HAND, Joint.RIGHT_ELBOW, Joint.RIGHT_HAND]] = np.nan
+    np.savez(tmp_path / "armless.npz", joints_m=hidden_m, fps=30)
+    printed = run(teacher, tmp_path / "armless.npz", "--out", tmp_path / "out")
+    assert "arms out of the picture from 0:04 to 0:09" in printed and "left leg 100," in printed
+    assert re.search(r"left arm \d+ \(seen [56]\d%\)", printed)
+    page = (tmp_path / "out" / "score.html").read_text()
+    assert "arms out of the picture from 0:04 to 0:09" in page and "<th>seen</th>" in page
+
+
+def test_the_tempo_of_the_music_makes_phrases_and_an_estimators_noise_shows_the_ceiling(files, run, tmp_path, capsys):
+    words = (*files[:2], "--out", tmp_path / "out")
+    assert "0:00 to 0:06," in run(*words, "--bpm", 80) and "perfect dancing" not in run(*words)
+    assert "seen through the estimator tracker scores" in run(*words, "--noise", "tracker")
+    with pytest.raises(SystemExit):
+        run(*words, "--bpm", 0)
+    assert "--bpm 0: expected 20 to 400" in capsys.readouterr().err
 
 
 def test_frame_rates_of_files_without_them(files, run, tmp_path):
