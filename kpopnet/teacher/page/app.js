@@ -1,0 +1,45 @@
+// The views by the address after #: the menu, a dance, a try.
+import { menu } from "./menu.js";
+import { result } from "./result.js";
+import { stage } from "./stage.js";
+import { el, remember, remembered } from "./tools.js";
+
+const main = document.getElementById("main");
+let leave = null, turn = 0;
+
+async function show() {
+  const mine = ++turn;
+  if (leave) leave();
+  leave = null;
+  const [path, query = ""] = location.hash.replace(/^#\/?/, "").split("?");
+  const [kind, identity, , name] = path.split("/");
+  const place = el("div"); // of its own: a view that arrives too late is not seen
+  main.replaceChildren(place);
+  try {
+    let end;
+    if (kind === "dance" && name) end = await result(place, identity, name);
+    else if (kind === "dance") end = await stage(place, identity, new URLSearchParams(query));
+    else end = await menu(place);
+    if (mine === turn) leave = end;
+    else end();
+  } catch (error) {
+    if (mine !== turn) return;
+    main.replaceChildren(el("p", { class: "error", role: "alert" }, error.message), el("a", { href: "#/" }, "To the dances"));
+  }
+  if (mine === turn) main.dataset.ready = location.hash;
+}
+
+for (const [id, otherwise] of [["theme", "auto"], ["palette", "brightness"]]) {
+  const select = document.getElementById(id);
+  select.value = remembered(id, otherwise);
+  const apply = () => {
+    if (id === "theme") document.documentElement.dataset.theme = select.value;
+  };
+  select.addEventListener("change", () => {
+    remember(id, select.value);
+    apply();
+  });
+  apply();
+}
+addEventListener("hashchange", show);
+show();

@@ -1,0 +1,173 @@
+// Bodies in 3D: a skin on bones that plays the movements of the library.
+import {
+  BufferAttribute, BufferGeometry, Bone, CircleGeometry, Color, DirectionalLight, GridHelper, Group, HemisphereLight, Matrix4, Mesh,
+  MeshStandardMaterial, OrbitControls, PerspectiveCamera, Quaternion, Scene, Skeleton, SkinnedMesh, WebGLRenderer,
+} from "./vendor/three.js";
+import { ask, clamp, unpacked } from "./tools.js";
+
+let body = null;
+
+export async function loadBody() {
+  if (body === null) {
+    const found = await ask("/api/body");
+    body = {
+      ...found,
+      vertices: unpacked(found.vertices_m, Float32Array),
+      faces: unpacked(found.faces, Uint16Array),
+      bones: Uint16Array.from(unpacked(found.weight_bones, Uint8Array)),
+      weights: unpacked(found.weights, Float32Array),
+    };
+  }
+  return body;
+}
+
+// A movement of the server: rotations of the bones and positions of the hips.
+export function movementOf(packed) {
+  const hips = unpacked(packed.hips_m, Float32Array);
+  return { fps: packed.fps, frames: hips.length / 3, hips, quats: unpacked(packed.quats, Int16Array), begin_s: packed.begin_s || 0 };
+}
+
+const CLOTHES = [
+  [/Head|Neck|Hand|Thumb|Finger/, "skin"], [/Foot|Toe/, "shoes"], [/Hips|Leg|LowerBack/, "waist"], [/./, "shirt"],
+];
+const WAIST_M = 0.05; // above the hips' bone: where trousers end
+const COLOURS = {
+  teacher: { skin: "#d9a57e", shoes: "#2b2b33", trousers: "#3d4b78", shirt: "#b05bc4" },
+  learner: { skin: "#b98a68", shoes: "#2b2b33", trousers: "#56606b", shirt: "#e0a43a" },
+};
+
+function geometryOf(found, colours) {
+  const geometry = new BufferGeometry();
+  geometry.setAttribute("position", new BufferAttribute(found.vertices, 3));
+  geometry.setIndex(new BufferAttribute(found.faces, 1));
+  geometry.setAttribute("skinIndex", new BufferAttribute(found.bones, 4));
+  geometry.setAttribute("skinWeight", new BufferAttribute(found.weights, 4));
+  const paint = Object.fromEntries(Object.entries(colours).map(([piece, colour]) => [piece, new Color(colour)]));
+  const pieces = found.names.map((name) => CLOTHES.find(([pattern]) => pattern.test(name))[1]);
+  const waist_m = found.heads_m[found.names.indexOf("Hips")][2] + WAIST_M;
+  const shown = new Float32Array(found.vertices.length);
+  for (let vertex = 0; vertex < shown.length / 3; vertex++) {
+    let heaviest = 0;
+    for (let k = 1; k < 4; k++) if (found.weights[4 * vertex + k] > found.weights[4 * vertex + heaviest]) heaviest = k;
+    const piece = pieces[found.bones[4 * vertex + heaviest]];
+    const above = found.vertices[3 * vertex + 2] > waist_m;
+    paint[piece !== "waist" ? piece : above ? "shirt" : "trousers"].toArray(shown, 3 * vertex);
+  }
+  geometry.setAttribute("color", new BufferAttribute(shown, 3));
+  geometry.computeVertexNormals();
+  return geometry;
+}
+
+const turned = (matrix, [x, y, z]) => matrix.map((row) => row[0] * x + row[1] * y + row[2] * z);
+const minus = (a, b) => a.map((value, i) => value - b[i]);
+
+export class Dancer {
+  constructor(found, kind) {
+    const material = new MeshStandardMaterial({ vertexColors: true, roughness: 0.85 });
+    this.mesh = new SkinnedMesh(geometryOf(found, COLOURS[kind]), material);
+    this.mesh.frustumCulled = false;
+    this.bones = found.names.map(() => new Bone());
+    const inverses = found.names.map((_, bone) => {
+      const rotation = found.t_pose[bone], offset = turned(rotation, found.heads_m[bone]);
+      return new Matrix4().set(...rotation[0], -offset[0], ...rotation[1], -offset[1], ...rotation[2], -offset[2], 0, 0, 0, 1);
+    });
+    found.parents.forEach((parent, bone) => {
+      if (parent < 0) return this.mesh.add(this.bones[bone]);
+      const offset = turned(found.t_pose[parent], minus(found.heads_m[bone], found.heads_m[parent]));
+      this.bones[bone].position.set(...offset);
+      return this.bones[parent].add(this.bones[bone]);
+    });
+    this.group = new Group();
+    this.group.rotation.x = -Math.PI / 2; // the world of the movements has z up
+    this.group.add(this.mesh);
+    this.mesh.bind(new Skeleton(this.bones, inverses), new Matrix4());
+    this.movement = null;
+  }
+
+  show(time_s) {
+    const { fps, frames, hips, quats, begin_s } = this.movement;
+    const at = clamp((time_s - begin_s) * fps, 0, frames - 1), frame = Math.floor(at), rest = at - frame;
+    const next = Math.min(frame + 1, frames - 1), count = this.bones.length;
+    for (let bone = 0; bone < count; bone++) {
+      const a = 4 * (frame * count + bone), b = 4 * (next * count + bone);
+      this.bones[bone].quaternion.set(quats[a + 1], quats[a + 2], quats[a + 3], quats[a]).normalize();
+      other.set(quats[b + 1], quats[b + 2], quats[b + 3], quats[b]).normalize();
+      this.bones[bone].quaternion.slerp(other, rest);
+    }
+    const place = [0, 1, 2].map((axis) => hips[3 * frame + axis] * (1 - rest) + hips[3 * next + axis] * rest);
+    this.bones[0].position.set(...place);
+  }
+}
+const other = new Quaternion();
+
+export class View {
+  constructor(canvas) {
+    this.canvas = canvas;
+    this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true });
+    this.scene = new Scene();
+    this.camera = new PerspectiveCamera(38, 4 / 3, 0.1, 30);
+    this.camera.position.set(0, 1.25, 3.6);
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.target.set(0, 0.92, 0);
+    this.controls.maxPolarAngle = 1.6;
+    this.controls.minDistance = 1.5;
+    this.controls.maxDistance = 8;
+    this.controls.enablePan = false;
+    this.controls.addEventListener("change", () => { this.changed = true; });
+    this.controls.update();
+    this.stage = new Group();
+    const sun = new DirectionalLight("#ffffff", 2.2);
+    sun.position.set(1.5, 4, 3);
+    const floor = new Mesh(new CircleGeometry(1.8, 48), new MeshStandardMaterial({ color: "#777286", roughness: 1 }));
+    floor.rotation.x = -Math.PI / 2;
+    floor.position.y = -0.002;
+    this.scene.add(this.stage, sun, new HemisphereLight("#ffffff", "#666077", 1.6), floor, new GridHelper(3.6, 6, "#55506a", "#66617a"));
+    this.dancers = [];
+    this.changed = true;
+  }
+
+  add(found, kind, x) {
+    const dancer = new Dancer(found, kind);
+    dancer.group.position.x = x;
+    this.stage.add(dancer.group);
+    this.dancers.push(dancer);
+    return dancer;
+  }
+
+  mirror(on) {
+    this.stage.scale.x = on ? -1 : 1;
+    this.changed = true;
+  }
+
+  back(distance) {
+    this.camera.position.set(0, 1.25, distance);
+    this.controls.update();
+  }
+
+  turn(angle) {
+    const offset = this.camera.position.clone().sub(this.controls.target);
+    this.camera.position.copy(this.controls.target).add(offset.applyAxisAngle(this.camera.up, angle));
+    this.controls.update();
+  }
+
+  draw(time_s) {
+    const { clientWidth, clientHeight } = this.canvas;
+    if (!clientWidth || (time_s === this.shown && !this.changed && clientWidth === this.width && clientHeight === this.height)) return;
+    if (clientWidth !== this.width || clientHeight !== this.height) {
+      [this.width, this.height] = [clientWidth, clientHeight];
+      this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+      this.renderer.setSize(clientWidth, clientHeight, false);
+      this.camera.aspect = clientWidth / clientHeight;
+      this.camera.updateProjectionMatrix();
+    }
+    [this.shown, this.changed] = [time_s, false];
+    for (const dancer of this.dancers) if (dancer.movement) dancer.show(time_s);
+    this.renderer.render(this.scene, this.camera);
+  }
+
+  close() {
+    this.controls.dispose();
+    this.renderer.dispose();
+    this.renderer.forceContextLoss();
+  }
+}

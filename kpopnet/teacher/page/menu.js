@@ -1,0 +1,113 @@
+// The menu: all dances with moving thumbnails, search, order, and one's own dances.
+import { ask, clock, el, remember, remembered } from "./tools.js";
+
+const LIMBS = [[0, 1], [1, 8], [1, 2], [1, 3], [2, 4], [4, 6], [3, 5], [5, 7], [8, 9], [8, 10], [9, 11], [11, 13], [10, 12], [12, 14]];
+const ORDERS = {
+  name: (a, b) => a.name.localeCompare(b.name),
+  difficulty: (a, b) => a.difficulty - b.difficulty,
+  tempo: (a, b) => a.bpm - b.bpm,
+  length: (a, b) => a.seconds - b.seconds,
+};
+
+export async function menu(main) {
+  const dances = await ask("/api/dances");
+  const search = el("input", { type: "search", id: "search", placeholder: "search", oninput: show });
+  const level = el("select", { id: "level", onchange: show }, el("option", { value: "" }, "any difficulty"));
+  for (let one = 1; one <= 5; one++) level.append(el("option", { value: one }, stars(one)));
+  const order = el("select", { id: "order", onchange: () => { remember("order", order.value); show(); } });
+  for (const name of Object.keys(ORDERS)) order.append(el("option", { value: name }, `by ${name}`));
+  order.value = remembered("order", "name");
+  const told = el("p", { class: "quiet", role: "status" });
+  const cards = el("div", { class: "cards", id: "cards" });
+  const thumbs = thumbnails();
+  const file = el("input", { type: "file", accept: ".bvh,.npz,.csv,.json", onchange: () => add(file.files[0]) });
+  main.append(
+    el("h1", {}, "Choose a dance"),
+    el("div", { class: "controls" }, el("label", {}, "Search", search), level, order,
+      el("label", {}, "Add your own (.bvh, .npz, .csv, .json)", file)),
+    told, cards,
+  );
+  show();
+  return () => thumbs.stop();
+
+  function show() {
+    const words = search.value.toLowerCase().split(/\s+/);
+    const found = dances.filter((one) => words.every((word) => one.name.toLowerCase().includes(word))
+      && (!level.value || one.difficulty === Number(level.value)));
+    found.sort((a, b) => Number(b.own) - Number(a.own) || ORDERS[order.value](a, b));
+    told.textContent = `${found.length} of ${dances.length} dances`;
+    cards.replaceChildren(...found.map((one) => {
+      const canvas = el("canvas", { width: 160, height: 120, "aria-hidden": "true" });
+      thumbs.watch(canvas, one.identity);
+      return el("a", { class: "card", href: `#/dance/${one.identity}`, "data-dance": one.identity }, canvas,
+        el("b", {}, one.name),
+        el("small", { "aria-label": `difficulty ${one.difficulty} of 5` }, stars(one.difficulty)),
+        el("small", {}, `${clock(one.seconds)} · ${Math.round(one.bpm)} bpm${one.own ? " · yours" : ""}`));
+    }));
+  }
+
+  async function add(chosen) {
+    if (!chosen) return;
+    told.textContent = `adding ${chosen.name} …`;
+    try {
+      const title = chosen.name.replace(/\.[^.]*$/, "");
+      const query = new URLSearchParams({ file: chosen.name, title });
+      const { identity } = await ask(`/api/dances?${query}`, { method: "POST", body: chosen });
+      location.hash = `#/dance/${identity}`;
+    } catch (error) {
+      told.textContent = error.message;
+    }
+  }
+}
+
+export const stars = (count) => "●".repeat(count) + "○".repeat(5 - count);
+
+// Draws the dances whose cards are in view, ten times a second.
+function thumbnails() {
+  const seen = new Map();
+  const observer = new IntersectionObserver((entries) => {
+    for (const { target, isIntersecting } of entries) {
+      if (!isIntersecting) seen.delete(target);
+      else if (!seen.has(target)) {
+        seen.set(target, null);
+        ask(`/api/dances/${target.dataset.dance}/preview`).then((frames) => { if (seen.has(target)) seen.set(target, frames); }, () => {});
+      }
+    }
+  });
+  const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
+  let tick = 0;
+  const timer = setInterval(() => {
+    tick += still ? 0 : 1;
+    const ink = getComputedStyle(document.body).color;
+    for (const [canvas, frames] of seen) if (frames) draw(canvas, frames[tick % frames.length], ink);
+  }, 100);
+  return {
+    watch(canvas, dance) {
+      canvas.dataset.dance = dance;
+      observer.observe(canvas);
+    },
+    stop() {
+      clearInterval(timer);
+      observer.disconnect();
+    },
+  };
+}
+
+function draw(canvas, points, ink) {
+  const pen = canvas.getContext("2d");
+  const at = (joint) => [80 - points[2 * joint] * 0.52, 62 - points[2 * joint + 1] * 0.52]; // as in a mirror
+  pen.clearRect(0, 0, 160, 120);
+  pen.strokeStyle = ink;
+  pen.lineWidth = 3;
+  pen.lineCap = "round";
+  pen.beginPath();
+  for (const [from, to] of LIMBS) {
+    pen.moveTo(...at(from));
+    pen.lineTo(...at(to));
+  }
+  pen.stroke();
+  pen.fillStyle = ink;
+  pen.beginPath();
+  pen.arc(...at(0), 5, 0, 7);
+  pen.fill();
+}

@@ -1,0 +1,87 @@
+// Small things that every view needs: elements, requests, packed arrays, settings.
+
+export function el(tag, properties = {}, ...children) {
+  const node = document.createElement(tag);
+  for (const [name, value] of Object.entries(properties)) {
+    if (name.startsWith("on")) node.addEventListener(name.slice(2), value);
+    else if (name === "class") node.className = value;
+    else if (name in node && name !== "list") node[name] = value;
+    else node.setAttribute(name, value);
+  }
+  node.append(...children.filter((child) => child !== null && child !== undefined));
+  return node;
+}
+
+export async function ask(path, options = {}) {
+  const response = await fetch(path, options);
+  const type = response.headers.get("content-type") || "";
+  const content = type.includes("json") ? await response.json() : { error: await response.text() };
+  if (!response.ok) throw new Error(content.error || response.statusText);
+  return content;
+}
+
+export function unpacked(text, Kind) {
+  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  return new Kind(bytes.buffer);
+}
+
+export function clock(seconds) {
+  const whole = Math.max(Math.round(seconds), 0);
+  return `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, "0")}`;
+}
+
+export function clamp(value, low, high) {
+  return Math.min(Math.max(value, low), high);
+}
+
+export function remembered(name, otherwise) {
+  try {
+    const stored = localStorage.getItem(`teach.${name}`);
+    return stored === null ? otherwise : JSON.parse(stored);
+  } catch {
+    return otherwise;
+  }
+}
+
+export function remember(name, value) {
+  try {
+    localStorage.setItem(`teach.${name}`, JSON.stringify(value));
+  } catch {
+    // A browser that stores nothing forgets.
+  }
+}
+
+export const PARTS = ["left arm", "right arm", "left leg", "right leg", "torso", "turning"];
+
+// The colour of a similarity from 0 to 100: brightness as in the paper, or orange to blue, which nobody mixes up.
+export function shade(similarity) {
+  if (similarity === undefined || similarity === null) return "#8a8694";
+  const part = clamp(similarity / 100, 0, 1);
+  if (remembered("palette", "brightness") === "safe") {
+    const from = [230, 97, 0], to = [64, 150, 255];
+    return `rgb(${from.map((value, i) => Math.round(value + part * (to[i] - value))).join(" ")})`;
+  }
+  const level = Math.round(60 + 195 * part);
+  return `rgb(${level} ${level} ${Math.round(level * 0.92)})`;
+}
+
+export function partBars() {
+  const rows = new Map();
+  const list = el("ul", { class: "parts", "aria-label": "parts of the body" });
+  for (const part of PARTS) {
+    const bar = el("i"), number = el("span");
+    rows.set(part, { bar, number });
+    list.append(el("li", { "data-part": part }, `${part} `, number, el("div", { class: "track" }, bar)));
+  }
+  const show = (parts) => {
+    for (const [part, { bar, number }] of rows) {
+      const value = parts[part];
+      const known = value !== undefined && value !== null;
+      bar.style.width = known ? `${value}%` : "0";
+      bar.style.background = shade(value);
+      number.textContent = known ? Math.round(value) : "";
+      bar.closest("li").dataset.value = known ? value : "";
+    }
+  };
+  return { list, show };
+}
