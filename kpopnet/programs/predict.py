@@ -1,0 +1,162 @@
+"""Estimates the joints of people in a recording of depth, and shows them.
+
+    kpopnet predict depth/ --camera kinect_v1 --out outputs/ann           # a folder of 16-bit PNG or TIFF images
+    kpopnet predict dance.npz --people 2 --format npz bvh csv             # the file tells its camera
+    kpopnet predict dance.h5 --key depth --fov 70.6 --fps 30
+    kpopnet predict dance.mkv --camera intrinsics.json --mode realtime    # FFV1; needs kpopnet[video]
+    kpopnet predict dance.bag --gif                                       # RealSense; needs kpopnet[realsense]
+
+The camera must stand still. People are found by themselves: where they move, or where one stands upright in the first image.
+The folder then holds
+
+    joints.npz, joints.json ...   the main person's joints, times and confidence; joints_2.npz ... of others (--people)
+    overlay.png, overlay.mp4      skeletons over the depth; --gif adds overlay.gif
+    view.html                     joints and depth in 3D, for any browser
+
+What the files hold, and the other kinds of recordings: docs/predicting.md. `kpopnet score` reads the joints.
+"""
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from kpopnet.camera import CAMERAS
+from kpopnet.dance.joint_files.writing import SUFFIXES, write_performance
+from kpopnet.dance.performance import MAX_DURATION_S, Performance
+from kpopnet.errors import InputError
+from kpopnet.pose import PersonPoses, PoseEstimator
+from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.compilation import announce_compilation
+from kpopnet.runtime.folder_lock import locked
+from kpopnet.runtime.hydra_app import user_errors
+from kpopnet.sources import DepthSource, chosen_camera, open_depth
+from kpopnet.viz.drawing import save_png
+from kpopnet.viz.overlay import GIF_WIDTH_PX, MOST_GIF_FRAMES, VIDEO_WIDTH_PX, Video, overlay_image, overlay_sheet, save_gif
+from kpopnet.viz.view_page import Shown, cloud_frames, sampled_cloud, view_page
+
+FORMATS = tuple(suffix[1:] for suffix in SUFFIXES)
+SHEET_TILES = 12
+
+
+def parsed() -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(
+        "kpopnet predict", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("path", type=Path, help="folder of images, or file: .npz, .npy, .h5, .mkv, .bag, ...")
+    parser.add_argument("--out", type=Path, default=Path("outputs/predict"), help="folder of the results: %(default)s")
+    parser.add_argument("--format", nargs="+", choices=FORMATS, default=["npz", "json"], help="of the joints: %(default)s")
+    parser.add_argument("--camera", help=f"preset ({', '.join(CAMERAS)}) or JSON file of intrinsics; default: the recording's")
+    parser.add_argument("--fov", type=float, help="instead: horizontal field of view in degrees")
+    parser.add_argument("--focal", type=float, help="instead: focal length in pixels, of a centred camera")
+    parser.add_argument("--fps", type=float, help="true images per second of a recording that tells none or wrong ones")
+    parser.add_argument("--key", help="name of the array in a file that has several; of a folder, a pattern: 'depth_*.png'")
+    parser.add_argument("--people", type=int, default=1, help="largest number of people: %(default)s")
+    parser.add_argument("--mode", choices=("realtime", "best"), default="best", help="best is slower: %(default)s")
+    parser.add_argument("--segmented", action="store_true", help="the depth shows one person, and 0 elsewhere")
+    parser.add_argument("--checkpoint", type=Path, help="another network than the one that comes with the package")
+    parser.add_argument("--gif", action="store_true", help="write overlay.gif too")
+    return parser.parse_args()
+
+
+def estimated(source: DepthSource, estimator: PoseEstimator, segmented: bool) -> tuple[list[PersonPoses], np.ndarray]:
+    """The people of a recording, the main person first, and the (T,) times of its images in seconds.
+
+    Raises:
+        InputError: an image cannot be read or is no depth, or the recording is too long or empty.
+    """
+    if source.frames is not None and source.frames / source.fps > MAX_DURATION_S:
+        raise InputError(f"{source.name}: {source.frames:,} images last more than {MAX_DURATION_S:g} s; cut it into parts")
+    times_s = []
+
+    def images() -> Iterator[np.ndarray]:
+        for image in tqdm(source.timed(), "joints", source.frames, unit=" images", disable=None):
+            times_s.append(image.time_s)
+            yield image.depth_m
+
+    people = estimator.estimate(images(), source.camera, source.fps, segmented=segmented)
+    if not times_s:
+        raise InputError(f"{source.name}: no image in it")
+    return people, np.array(times_s)
+
+
+def draw(source: DepthSource, people: Sequence[PersonPoses], times_s: np.ndarray, out: Path, gif: bool) -> list[Path]:
+    """Writes overlays and page in a second pass over the recording, and returns their paths."""
+    frames = len(times_s)
+    tiled = set(np.linspace(0, frames - 1, min(SHEET_TILES, frames)).round().astype(int).tolist())
+    in_page, in_gif = cloud_frames(frames), range(0, frames, -(-frames // MOST_GIF_FRAMES))
+    tiles, pictures, clouds = [], [], []
+    with Video(out / "overlay.mp4", source.fps) as video:
+        for number, depth_m in enumerate(tqdm(source, "pictures", frames, unit=" images", disable=None)):
+            joints_m = [person.joints_camera_m[number] for person in people]
+            image = overlay_image(depth_m, source.camera, joints_m, VIDEO_WIDTH_PX)
+            video.add(image)
+            if number in tiled:
+                tiles.append((f"image {number}, {times_s[number]:.2f} s", image))
+            if gif and number in in_gif:
+                pictures.append(overlay_image(depth_m, source.camera, joints_m, GIF_WIDTH_PX))
+            if number in in_page:
+                clouds.append(sampled_cloud(number, depth_m, source.camera, joints_m, len(in_page)))
+    title = f"{Path(source.name).name}: {len(people)} {'person' if len(people) == 1 else 'people'}, {frames} images"
+    save_png(out / "overlay.png", overlay_sheet(tiles, title))
+    page = view_page(title, source.camera, times_s, [Shown(*person[1:]) for person in people], clouds)
+    with atomic_path(out / "view.html") as part:
+        part.write_text(page, encoding="utf-8")
+    written = [out / "overlay.png", out / "overlay.mp4", out / "view.html"]
+    if gif:
+        save_gif(out / "overlay.gif", pictures, in_gif.step / source.fps)
+        written.append(out / "overlay.gif")
+    return written
+
+
+def write_joints(people: Sequence[PersonPoses], times_s: np.ndarray, out: Path, formats: Sequence[str]) -> list[Path]:
+    """Writes the joints of each person in each format, and returns the paths."""
+    written = []
+    for number, person in enumerate(people, 1):
+        performance = Performance(person.joints_camera_m, times_s, person.confidence)
+        for name in formats:
+            path = out / f"joints{'' if number == 1 else f'_{number}'}.{name}"
+            try:
+                write_performance(path, performance)
+            except InputError as error:
+                print(f"{path} is not written: {error}", file=sys.stderr)
+            else:
+                written.append(path)
+    return written
+
+
+def seen(people: Sequence[PersonPoses]) -> list[str]:
+    """A line about each person."""
+    lines = []
+    for number, person in enumerate(people, 1):
+        known = (person.confidence > 0).any(axis=1)
+        mean = person.confidence[known].mean()
+        lines.append(f"person {number}: in {known.sum()} of {len(known)} images, mean confidence {mean:.2f}")
+    return lines
+
+
+@user_errors
+def main() -> None:
+    given = parsed()
+    source = open_depth(given.path, chosen_camera(given.camera, given.fov, given.focal), given.fps, given.key)
+    estimator = PoseEstimator.load(given.checkpoint, given.mode, given.people)
+    announce_compilation()
+    with locked(given.out):
+        people, times_s = estimated(source, estimator, given.segmented)
+        pictures = draw(source, people, times_s, given.out, given.gif)
+        if not people:
+            hint = "" if given.segmented else ", or try --segmented if the depth shows one person only"
+            raise InputError(f"{given.path}: nobody was found; look at {given.out / 'overlay.png'}{hint}")
+        written = write_joints(people, times_s, given.out, given.format)
+    if not source.fps_is_known:
+        print(f"the recording tells no frame rate: {source.fps:g} images a second assumed; give the true one with --fps")
+    print("\n".join([*seen(people), "wrote " + ", ".join(map(str, [*written, *pictures]))]))
+    print(f"look at {given.out / 'overlay.png'}, and open {given.out / 'view.html'} in a browser")
+
+
+if __name__ == "__main__":
+    main()
