@@ -26,8 +26,8 @@ def main() -> None:
     print(f"similarity {score.similarity:.0f}, timing {score.timing:.0f}, posture {score.posture:.0f} of 100")
     print("parts: " + ", ".join(f"{name} {value:.0f}" for name, value in score.parts.items()))
     told = feedback(score)
-    for one in (*told.hints, *told.faults[:5]):
-        print(one.text)
+    for line in (*told.hints, *(fault.text for fault in told.faults[:5])):
+        print(line)
 
 
 if __name__ == "__main__":

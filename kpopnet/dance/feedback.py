@@ -106,19 +106,6 @@ class Fault:
 
 
 @dataclass(frozen=True)
-class Hint:
-    """What concerns the whole dance or the set-up.
-
-    Attributes:
-        about: "mirror", "tempo" or "coverage".
-        text: in words.
-    """
-
-    about: str
-    text: str
-
-
-@dataclass(frozen=True)
 class Feedback:
     """What a dancer can use of a score.
 
@@ -130,7 +117,7 @@ class Feedback:
 
     phrases: tuple[Phrase, ...]
     faults: tuple[Fault, ...]
-    hints: tuple[Hint, ...]
+    hints: tuple[str, ...]
 
     def as_json(self) -> str:
         return json.dumps(asdict(self), ensure_ascii=False, indent=1)
@@ -157,7 +144,7 @@ def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence
         worst = sorted(within, key=lambda one: -one.cost)[:MOMENTS_PER_PHRASE]
         phrases.append(Phrase(start_s, end_s, similarity, tuple(worst)))
     known = {one.about for one in recording}
-    hints = tuple(hint for hint in _hints(score) if hint.about not in known)
+    hints = tuple(text for about, text in _hints(score) if about not in known)
     return Feedback(tuple(phrases), _gathered(moments, len(middle) * score.config.hop_s, beat_s), hints)
 
 
@@ -283,14 +270,14 @@ def _gathered(moments: list[Moment], dance_s: float, beat_s: float | None) -> tu
     return tuple(fault for _, fault in sorted(faults, key=lambda pair: -pair[0]))
 
 
-def _hints(score: DanceScore) -> list[Hint]:
-    """What concerns the whole dance."""
+def _hints(score: DanceScore) -> list[tuple[str, str]]:
+    """What concerns the whole dance: what it is about, as `kpopnet.dance.diagnosis.Fault`, and it in words."""
     hints = []
     if score.mirror_fits_better and not score.mirrored:
-        hints.append(Hint("mirror", "the mirror image fits much better: score with mirrored=true if the teacher was mirrored"))
+        hints.append(("mirror", "the mirror image fits much better: score with mirrored=true if the teacher was mirrored"))
     if abs(score.tempo - 1) >= MIN_TEMPO_DIFFERENCE:
-        hints.append(Hint("tempo", f"{abs(score.tempo - 1):.0%} too {'fast' if score.tempo > 1 else 'slow'} throughout"))
-    return [*hints, *(Hint("coverage", text) for text in _unseen(score, score.windows))]
+        hints.append(("tempo", f"{abs(score.tempo - 1):.0%} too {'fast' if score.tempo > 1 else 'slow'} throughout"))
+    return [*hints, *(("coverage", text) for text in _unseen(score, score.windows))]
 
 
 def _unseen(score: DanceScore, windows: Windows) -> list[str]:

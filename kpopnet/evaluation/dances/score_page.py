@@ -27,7 +27,7 @@ def score_text(score: DanceScore, told: Feedback, faults: list[Fault]) -> list[s
         *_ceiling(score),
         "parts: " + ", ".join(parts),
         *map(fault_text, faults),
-        *(hint.text for hint in told.hints),
+        *told.hints,
         *(fault.text for fault in told.faults[:MAX_FAULTS]),
         *map(_phrase_text, told.phrases),
     ]
@@ -46,7 +46,7 @@ def _ceiling(score: DanceScore) -> list[str]:
 def _phrase_text(phrase: Phrase) -> str:
     """A phrase with its worst moments, the worst first."""
     number = "not compared" if phrase.similarity is None else f"{phrase.similarity:.0f}"
-    moments = "; ".join(moment.text for moment in phrase.moments) or "nothing to mend"
+    moments = "; ".join(moment.text for moment in phrase.moments) or "no fault stands out"
     return f"{clock(phrase.start_s)} to {clock(phrase.end_s)}, {number}: {moments}"
 
 
@@ -95,7 +95,7 @@ def score_page(
     blocks += [("text", fault_text(fault)) for fault in faults]
     blocks += [("table", _score_table(score))]
     blocks += [("text", f"Of 100. {100 * score.scored:.0f} % of the windows of {window_s:g} s could be compared.")]
-    blocks += [("text", text) for text in (*_ceiling(score), *(hint.text for hint in told.hints))]
+    blocks += [("text", text) for text in (*_ceiling(score), *told.hints)]
     if told.faults:
         blocks += [("heading", "What to mend, the costliest first")]
         blocks += [("text", fault.text) for fault in told.faults[:MAX_FAULTS]]

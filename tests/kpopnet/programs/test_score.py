@@ -49,7 +49,7 @@ def test_the_page_holds_its_figures_and_the_json_the_score(files, run, tmp_path)
     assert f"similarity {expected.similarity:.0f}, timing" in printed and "warning" not in printed
     told = feedback(expected)
     assert told.faults[0].part == "left arm" and all(phrase.moments[0].text in printed for phrase in told.phrases[1:2])
-    assert "0:00 to 0:04, 100: nothing to mend" in printed and printed.count(" to 0:") >= 3
+    assert "0:00 to 0:04, 100: no fault stands out" in printed and printed.count(" to 0:") >= 3
 
     page = (tmp_path / "new" / "out" / "score.html").read_text()
     sources = re.findall(r'src="([^"]+)"', page)
