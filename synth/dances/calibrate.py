@@ -2,6 +2,7 @@
 
     python -m synth.dances.calibrate                 the spacing of the levels at which [17] orders 86 of 100 dances
     python -m synth.dances.calibrate --seed 2        on other dances
+    python -m synth.dances.calibrate --faults mixed --clips PACK    recorded dances, the second family of faults
 
 In the paper the feature of [17] orders 86 of 100 K-Pop dances as the experts do. The spacing of the levels is chosen so that
 it does the same here, on true joints of dances and people of the split `train`, never the benchmark's. A dance is in order if
@@ -20,17 +21,20 @@ from kpopnet.dance.scoring import SCORERS, score_dance
 from kpopnet.runtime.cpu import available_cores
 from kpopnet.runtime.hydra_app import user_errors
 from kpopnet.runtime.parallel import in_processes
-from synth.dances.simulate import DANCES, LEARNERS, KpopSim, KpopSimConfig, KpopSimSet
+from synth.dances.simulate import DANCES, FAMILIES, LEARNERS, KpopSim, KpopSimConfig, KpopSimSet
 from synth.dances.skill import SkillConfig
 from synth.dances.writer import times_s
+from synth.motion import MotionConfig
 from synth.samples.sampler import body_rotations
 
 TARGET_FRACTION = 0.86
-SPACINGS = (0.4, 0.5, 0.6, 0.7, 0.85)
+SPACINGS = {"skill": (0.4, 0.5, 0.6, 0.7, 0.85), "mixed": (0.1, 0.15, 0.2, 0.3, 0.45)}
+"""By the family of faults; mixed levels differ in every fault, so less distance is needed."""
+
 SCORER = "raptis"
 
 
-def orders(index: int, seed: int) -> list[bool]:
+def orders(index: int, config: KpopSimSet) -> list[bool]:
     """Whether the scores by [17] order the four learners of a dance by level, at each of SPACINGS.
 
     The learners and their positions are drawn once, at the set's own spacing, and reused at the other spacings. Their feet are
@@ -38,14 +42,13 @@ def orders(index: int, seed: int) -> list[bool]:
 
     Args:
         index: of the dance.
-        seed: of the dances.
+        config: of the dances.
     """
-    config = KpopSimSet(KpopSimConfig(seed=seed, split="train"))
-    maker = KpopSim(config)
-    makers = [KpopSim(replace(config, skill=SkillConfig(spacing=spacing))) for spacing in SPACINGS]
+    maker, spacings = KpopSim(config), SPACINGS[config.faults]
+    makers = [KpopSim(replace(config, skill=SkillConfig(spacing=spacing))) for spacing in spacings]
     asset = maker.studio.scene.asset
     teacher = _performance(maker.teacher_joints_m(index))
-    similarity = np.empty((len(SPACINGS), len(LEARNERS)))
+    similarity = np.empty((len(spacings), len(LEARNERS)))
     for learner, level in enumerate(maker.levels(index)):
         planned = maker.take(index, learner)
         person, view, place_m = planned.take.played.person, planned.take.view, planned.take.place_m
@@ -88,17 +91,22 @@ def smallest_spacing(target: float, spacings: np.ndarray, fractions: np.ndarray)
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=0, help="seed of the dances")
+    parser.add_argument("--faults", choices=FAMILIES, default="skill", help="family of the learners' faults: %(default)s")
+    parser.add_argument("--clips", help="motion pack of recorded dances; by default dances are composed")
     parser.add_argument("--dances", type=int, default=DANCES)
     parser.add_argument("--processes", type=int, default=0, help="0 for all cores")
     given = parser.parse_args()
-    counts = np.zeros(len(SPACINGS), int)
-    work = partial(orders, seed=given.seed)
+    motion = MotionConfig(source="clips", path=given.clips) if given.clips else MotionConfig(source="choreography")
+    benchmark = KpopSimConfig(seed=given.seed, split="train", dances=given.dances)
+    work = partial(orders, config=KpopSimSet(benchmark, motion=motion, faults=given.faults))
+    spacings = SPACINGS[given.faults]
+    counts = np.zeros(len(spacings), int)
     results = in_processes(work, list(range(given.dances)), given.processes or available_cores())
     for _, ordered in tqdm(results, "dances", given.dances):
         counts += ordered
-    for spacing, count in zip(SPACINGS, counts, strict=True):
+    for spacing, count in zip(spacings, counts, strict=True):
         print(f"skill.spacing={spacing:.2f}: {SCORER} orders {count} of {given.dances}")
-    chosen = smallest_spacing(TARGET_FRACTION, np.array(SPACINGS), counts / given.dances)
+    chosen = smallest_spacing(TARGET_FRACTION, np.array(spacings), counts / given.dances)
     print(f"{100 * TARGET_FRACTION:.0f} of 100: skill.spacing={chosen:.3f}")
 
 

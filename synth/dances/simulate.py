@@ -1,7 +1,8 @@
 """`kpop_sim`, the stand-in for the paper's K-Pop set: dances, each with a teacher and four learners in front of a Kinect 2.
 
 The teacher's motion is given as true joints, as from motion capture. Each learner is another person with a level from `best` to
-`worst`. A model of skill (`synth.dances.skill`) turns the teacher's motion into the learner's. Position and heading differ per
+`worst`. A model of skill (`synth.dances.skill`), or with `faults=mixed` a second, independent family of faults
+(`synth.dances.faults`), turns the teacher's motion into the learner's. Position and heading differ per
 learner, the room is empty, and the measured depth is segmented: only the person is kept. The labels are the levels.
 
 Learner k of dance d is a pure function of the configuration, d and k. No training set contains the benchmark's people and
@@ -9,7 +10,7 @@ dances; `split=train` gives other dances by other people, for calibration.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property, lru_cache
 from typing import ClassVar
 
@@ -21,7 +22,8 @@ from kpopnet.dance.joint_files.joint_sets import CAMERA_DISTANCE_M, CAMERA_HEIGH
 from kpopnet.datasets.dances.writer import PackedDepth
 from kpopnet.errors import InputError, check_range
 from synth.body.shape import BodyConfig, Person, draw_person, draw_unseen_person
-from synth.dances.skill import LEVELS, Mistake, SkillConfig, Strengths, draw_strengths, learn
+from synth.dances.faults import draw_profile, with_faults
+from synth.dances.skill import LEVELS, Mistake, SkillConfig, draw_strengths, learn
 from synth.motion import SPLITS, build_motion
 from synth.motion.choreography.composer import dance
 from synth.motion.skeleton import Motion
@@ -38,6 +40,10 @@ MAX_NEIGHBOUR_STEP_M = 0.1
 """Neighbouring pixels are connected if their depths differ by less."""
 
 DANCES = 100
+SEED = 2018
+"""Of the benchmark; nothing that was scored before it was fixed has this seed."""
+
+FAMILIES = ("skill", "mixed")
 FPS = 30.0
 CAMERA = CAMERAS["kinect_2"]
 VIEW = ViewConfig(height_m=(0.8, 1.4), aim_m=(0.9, 1.1), roll_deg=1.0)
@@ -65,7 +71,7 @@ class KpopSimConfig:
     """
 
     name: str = "kpop_sim"
-    seed: int = 0
+    seed: int = SEED
     dances: int = DANCES
     split: str = "test"
 
@@ -83,19 +89,24 @@ class KpopSimSet(SimulatedSet):
     """Every setting that the dances depend on.
 
     Attributes:
-        skill: model of the levels.
+        faults: family of the learners' faults: skill for the model of skill, mixed for that of synth.dances.faults, whose
+            levels are ordered in every single fault.
+        skill: differences between the levels; mixed uses the spacing alone.
         seconds: least and greatest length of a dance, seconds.
     """
 
     counted: ClassVar[str] = "dances"
     benchmark: KpopSimConfig = field(default_factory=KpopSimConfig)
     sensor: SensorConfig = SENSORS["kinect_2"]
+    faults: str = "skill"
     skill: SkillConfig = field(default_factory=SkillConfig)
     seconds: tuple[float, float] = (15.0, 18.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_range("seconds", self.seconds, 0.1, 3600)
+        if self.faults not in FAMILIES:
+            raise InputError(f"faults={self.faults} is not one of {', '.join(FAMILIES)}")
 
 
 def dance_name(index: int) -> str:
@@ -112,14 +123,14 @@ class LearnerTake:
 
     Attributes:
         level: index into `LEVELS`.
-        strengths: strengths of the learner's errors.
-        mistakes: the wrong moves.
+        strengths: strength of each kind of error by its name.
+        mistakes: the wrong moves of the model of skill.
         take: the motion on the learner's body, in a room.
         yaw_rad: heading in which the motion was played at the origin, radians.
     """
 
     level: int
-    strengths: Strengths
+    strengths: dict[str, float]
     mistakes: list[Mistake]
     take: Take
     yaw_rad: float
@@ -160,7 +171,7 @@ class KpopSim:
     def _seed(self, kind: str, *numbers: int) -> tuple[int, ...]:
         """The seed of a part of a dance. Only this benchmark's seeds start with its name."""
         benchmark = self.config.benchmark
-        kinds = ("dance", "teacher", "learner", "skill", "place", "noise", "order")
+        kinds = ("dance", "teacher", "learner", "skill", "place", "noise", "order", "profile", "faults")
         return *b"kpop_sim", benchmark.seed, SPLITS.index(benchmark.split), kinds.index(kind), *numbers
 
     def _rng(self, kind: str, *numbers: int) -> np.random.Generator:
@@ -218,13 +229,17 @@ class KpopSim:
         level = View(np.array([0, -CAMERA_DISTANCE_M, CAMERA_HEIGHT_M]), np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]))
         return level.to_camera(self.studio.joints_world_m(person, played.local, played.hips_m)).astype(np.float32)
 
-    def skill(self, index: int, learner: int) -> tuple[int, Strengths, Motion, list[Mistake]]:
+    def skill(self, index: int, learner: int) -> tuple[int, dict[str, float], Motion, list[Mistake]]:
         """Level, strengths, motion and mistakes of a learner, without the body and the camera."""
-        level = self.levels(index)[learner]
+        level, teacher = self.levels(index)[learner], self.teacher_motion(index)
+        if self.config.faults == "mixed":
+            severity = self.config.skill.severity(level)
+            severities = {name: severity * share for name, share in draw_profile(self._rng("profile", index)).items()}
+            return level, severities, with_faults(teacher, severities, self._rng("faults", index, learner)), []
         rng = self._rng("skill", index, learner)
         strengths = draw_strengths(rng, level, self.config.skill)
-        motion, mistakes = learn(self.teacher_motion(index), strengths, rng)
-        return level, strengths, motion, mistakes
+        motion, mistakes = learn(teacher, strengths, rng)
+        return level, asdict(strengths), motion, mistakes
 
     def take(self, index: int, learner: int) -> LearnerTake:
         """Draws the skill, person, room and view of a learner's recording.

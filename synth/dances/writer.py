@@ -91,7 +91,7 @@ def write_dance(config: KpopSimSet, folder: Path, index: int, on_frame: Callable
         packed, joints_m = maker.record(index, learner, planned.take, on_frame)
         about = {
             "level": LEVELS[planned.level],
-            "strengths": dataclasses.asdict(planned.strengths),
+            "strengths": planned.strengths,
             "mistakes": [dataclasses.asdict(mistake) for mistake in planned.mistakes],
         }
         write_learner(place, name, times_s(len(joints_m)), joints_m, packed, about)

@@ -1,7 +1,6 @@
 """The stand-in for the K-Pop set: its content, its separation from training sets, and its reproducibility."""
 
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -213,9 +212,9 @@ def test_the_calibration_finds_the_smallest_sufficient_spacing():
 def test_the_calibration_draws_people_and_positions_once_for_all_spacings(monkeypatch):
     take, planned = KpopSim.take, []
     monkeypatch.setattr(KpopSim, "take", lambda maker, *which: planned.append(maker.config.skill) or take(maker, *which))
-    monkeypatch.setattr(calibrate, "KpopSimSet", partial(KpopSimSet, seconds=(2.2, 2.4)))
-    monkeypatch.setattr(calibrate, "SPACINGS", (0.5, 0.9))
-    assert len(calibrate.orders(0, seed=4)) == 2
+    monkeypatch.setattr(calibrate, "SPACINGS", {"skill": (0.5, 0.9)})
+    config = KpopSimSet(KpopSimConfig(seed=4, split="train"), seconds=(2.2, 2.4))
+    assert len(calibrate.orders(0, config)) == 2
     assert planned == [SkillConfig()] * len(LEARNERS)
 
 

@@ -1,0 +1,123 @@
+"""The second family of faults: each leaves a motion alone at severity 0 and grows; the order of learners is by construction."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kpopnet.errors import InputError
+from synth.dances.faults import (
+    FAULTS,
+    LAG_S,
+    NOISE_DEG,
+    PROFILE_RANGE,
+    continuous,
+    draw_profile,
+    habit,
+    joint_noise,
+    lag,
+    replaced_moves,
+    with_faults,
+)
+from synth.dances.simulate import KpopSim, KpopSimConfig, KpopSimSet
+from synth.dances.skill import LEVELS
+from synth.motion.choreography.composer import dance
+from synth.motion.skeleton import Motion, forward_kinematics, height_above_floor
+
+FPS = 30.0
+
+
+@pytest.fixture(scope="module")
+def teacher() -> Motion:
+    return dance(0, 12345, 8.0, FPS)
+
+
+def points_m(motion: Motion) -> np.ndarray:
+    """(T, 28, 3) relative to the hips."""
+    points, _ = forward_kinematics(motion.quats, motion.root_m)
+    return points - points[:, :1]
+
+
+def distance_m(teacher: Motion, learner: Motion) -> float:
+    return float(np.linalg.norm(points_m(teacher) - points_m(learner), axis=-1).mean())
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_fault_of_severity_0_changes_nothing_and_it_grows_with_its_severity(name, teacher):
+    distances = [
+        np.mean([distance_m(teacher, with_faults(teacher, {name: severity}, np.random.default_rng(seed))) for seed in range(4)])
+        for severity in (0.0, 0.5, 1.0, 2.0)
+    ]
+    assert distances[0] < 1e-5 and (np.diff(distances) > 0).all() and 0.005 < distances[2] < 0.25, distances
+
+
+def test_a_lag_is_a_delay(teacher):
+    late = lag(teacher, 0.2 / LAG_S, np.random.default_rng(0))
+    np.testing.assert_allclose(points_m(late)[6:], points_m(teacher)[:-6], atol=1e-4)
+
+
+def turned_deg(teacher: Motion, learner: Motion) -> np.ndarray:
+    """(T, 23) angle between both rotations of each joint, degrees."""
+    cosine = np.abs((teacher.quats.astype(float) * learner.quats).sum(axis=-1))
+    return np.degrees(2 * np.arccos(np.clip(cosine, 0, 1)))
+
+
+def test_noise_has_its_size_and_is_shared_with_the_parent(teacher):
+    angles = [turned_deg(teacher, joint_noise(teacher, 1.0, np.random.default_rng(seed))) for seed in range(10)]
+    assert np.sqrt(np.mean(np.square(angles))) == pytest.approx(NOISE_DEG, rel=0.25)
+    assert np.abs(np.diff(angles, axis=1)).max() < 3.5 * NOISE_DEG / np.sqrt(0.5 * FPS) * 3
+
+
+def test_a_habit_turns_two_joints_by_the_same_angle_throughout(teacher):
+    angles = turned_deg(teacher, habit(teacher, 1.0, np.random.default_rng(3)))
+    wrong = angles.max(axis=0) > 1
+    assert wrong.sum() == 2 and np.ptp(angles[:, wrong], axis=0).max() < 0.1
+
+
+def test_a_replaced_move_is_another_of_the_dance_and_lasts_for_a_move(teacher):
+    learner = replaced_moves(teacher, 2.0, np.random.default_rng(1))
+    wrong = turned_deg(teacher, learner).max(axis=1) > 1
+    assert 20 <= wrong.sum() <= 100
+    np.testing.assert_allclose(learner.root_m, teacher.root_m)
+    np.testing.assert_allclose(np.abs((learner.quats[:, 0] * teacher.quats[:, 0]).sum(axis=-1)), 1, atol=1e-5)
+
+
+def test_learners_stay_on_the_floor_and_do_not_jump(teacher):
+    learner = with_faults(teacher, dict.fromkeys(FAULTS, 2.0), np.random.default_rng(0))
+    height = height_above_floor(learner.quats, learner.root_m)
+    assert height.min() > -1e-3 and height.max() < 0.5
+    assert np.linalg.norm(np.diff(points_m(learner), axis=0), axis=-1).max() * FPS < 15
+    np.testing.assert_allclose(np.linalg.norm(learner.quats, axis=-1), 1, atol=1e-5)
+
+
+def test_signs_do_not_change_between_frames(teacher):
+    flipped = teacher.quats * np.where(np.random.default_rng(0).random((len(teacher), 23, 1)) < 0.5, -1, 1)
+    quats = continuous(flipped)
+    assert ((quats[1:] * quats[:-1]).sum(axis=-1) > 0).all()
+    np.testing.assert_allclose(np.abs((quats * teacher.quats).sum(axis=-1)), 1, atol=1e-5)
+
+
+def test_a_better_level_has_less_of_every_fault():
+    config = KpopSimSet(KpopSimConfig(seed=4, split="train"), faults="mixed", seconds=(3.0, 3.5))
+    maker, by_skill = KpopSim(config), KpopSim(replace(config, faults="skill"))
+    distances = np.zeros((6, len(LEVELS)))
+    for index in range(len(distances)):
+        strengths = [None] * len(LEVELS)
+        for learner in range(4):
+            level, strengths[level], motion, mistakes = maker.skill(index, learner)
+            distances[index, level] = distance_m(maker.teacher_motion(index), motion)
+            assert mistakes == [] and set(strengths[level]) == set(FAULTS)
+        assert all((np.diff([one[name] for one in strengths]) > 0).all() for name in FAULTS)
+        assert maker.teacher_motion(index).name == by_skill.teacher_motion(index).name  # the families share the dances
+    assert (np.diff(distances.mean(axis=0)) > 0).all()
+
+
+def test_profiles_differ_between_dances_and_are_limited():
+    profiles = [list(draw_profile(np.random.default_rng(seed)).values()) for seed in range(300)]
+    assert np.min(profiles) >= PROFILE_RANGE[0] and np.max(profiles) <= PROFILE_RANGE[1]
+    assert np.exp(np.mean(np.log(profiles))) == pytest.approx(1, rel=0.05) and np.std(np.log(profiles)) > 0.25
+
+
+def test_an_unknown_family_is_rejected():
+    with pytest.raises(InputError, match="faults=mix is not one of skill, mixed"):
+        KpopSimSet(faults="mix")
