@@ -35,7 +35,16 @@ from kpopnet.runtime.folder_lock import locked
 from kpopnet.runtime.hydra_app import user_errors
 from kpopnet.sources import DepthSource, chosen_camera, open_depth
 from kpopnet.viz.drawing import save_png
-from kpopnet.viz.overlay import GIF_WIDTH_PX, MOST_GIF_FRAMES, VIDEO_WIDTH_PX, Video, overlay_image, overlay_sheet, save_gif
+from kpopnet.viz.overlay import (
+    GIF_WIDTH_PX,
+    MOST_GIF_FRAMES,
+    VIDEO_WIDTH_PX,
+    Video,
+    overlay_image,
+    overlay_sheet,
+    resized,
+    save_gif,
+)
 from kpopnet.viz.view_page import Shown, cloud_frames, sampled_cloud, view_page
 
 FORMATS = tuple(suffix[1:] for suffix in SUFFIXES)
@@ -98,7 +107,7 @@ def draw(source: DepthSource, people: Sequence[PersonPoses], times_s: np.ndarray
             if number in tiled:
                 tiles.append((f"image {number}, {times_s[number]:.2f} s", image))
             if gif and number in in_gif:
-                pictures.append(overlay_image(depth_m, source.camera, joints_m, GIF_WIDTH_PX))
+                pictures.append(resized(image, GIF_WIDTH_PX))
             if number in in_page:
                 clouds.append(sampled_cloud(number, depth_m, source.camera, joints_m, len(in_page)))
     title = f"{Path(source.name).name}: {len(people)} {'person' if len(people) == 1 else 'people'}, {frames} images"

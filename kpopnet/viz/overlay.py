@@ -42,12 +42,13 @@ def overlay_image(depth_m: np.ndarray, camera: Camera, people_camera_m: Sequence
 
 def overlay_sheet(tiles: Sequence[tuple[str, np.ndarray]], title: str) -> np.ndarray:
     """Arranges drawings of equal size in rows, each with its caption, with a legend above."""
-    small = [with_captions(_resized(image, TILE_WIDTH_PX), (caption,)) for caption, image in tiles]
+    small = [with_captions(resized(image, TILE_WIDTH_PX), (caption,)) for caption, image in tiles]
     rows = [("", small[start : start + TILES_PER_ROW]) for start in range(0, len(small), TILES_PER_ROW)]
     return sheet(rows, (ESTIMATED,), title)
 
 
-def _resized(image: np.ndarray, width_px: int) -> np.ndarray:
+def resized(image: np.ndarray, width_px: int) -> np.ndarray:
+    """Shrinks an image to a width."""
     height_px = round(image.shape[0] * width_px / image.shape[1])
     return cv2.resize(image, (width_px, height_px), interpolation=cv2.INTER_AREA)
 

@@ -1,0 +1,142 @@
+"""The program `kpopnet predict`: a recording in; joints, pictures and a page out."""
+
+import json
+import sys
+
+import cv2
+import numpy as np
+import pytest
+from depth_files import write_hdf5, write_npz, write_pngs
+from extraction_scenes import CAMERA, compose, room, shifted, standing
+from PIL import Image
+
+import kpopnet.programs.predict
+from kpopnet.camera import CAMERAS
+from kpopnet.networks import ModelConfig
+from kpopnet.networks.checkpoint import save_checkpoint
+from kpopnet.networks.network import build_network
+from kpopnet.skeleton import Joint
+
+FRAMES = 14
+
+
+def recording() -> np.ndarray:
+    """(T, 120, 160) uint16 millimetres: somebody walks through a room and waves."""
+    images = [compose(room(), shifted(standing(arms_deg=-60.0 + 10 * (k % 4)), 2 * k - 10)) for k in range(FRAMES)]
+    return np.rint(1000 * np.stack(images)).astype(np.uint16)
+
+
+@pytest.fixture(scope="module")
+def checkpoint(tmp_path_factory):
+    """An untrained network, whose joints lie somewhere on the person."""
+    folder = tmp_path_factory.mktemp("run")
+    network = build_network(ModelConfig(crop_px=32, widths=[8, 8, 8, 8]))
+    save_checkpoint(
+        folder, network, {}, {"step": 0, "config": {}, "metrics": {}, "mean_pose_m": np.zeros((15, 3)).tolist()}, best=True
+    )
+    return folder / "best"
+
+
+@pytest.fixture
+def predict(checkpoint, monkeypatch, capsys, tmp_path):
+    def program(*words: object, fails: bool = False) -> str:
+        given = [*map(str, words), "--checkpoint", str(checkpoint), "--out", str(tmp_path / "out")]
+        monkeypatch.setattr(sys, "argv", ["kpopnet predict", *given])
+        if fails:
+            with pytest.raises(SystemExit) as ended:
+                kpopnet.programs.predict.main()
+            assert ended.value.code == 1
+            error = capsys.readouterr().err.splitlines()[-1]
+            assert error.startswith("error: ")
+            return error
+        kpopnet.programs.predict.main()
+        return capsys.readouterr().out
+
+    return program
+
+
+def camera_words(camera=CAMERA):
+    return "--focal", camera.fx
+
+
+def test_joints_in_every_format_pictures_and_a_page(predict, tmp_path):
+    np.save(tmp_path / "a.npy", recording())
+    printed = predict(tmp_path / "a.npy", *camera_words(), "--format", "npz", "json", "csv", "bvh", "--gif", "--fps", 25)
+    out = tmp_path / "out"
+    names = {"joints.npz", "joints.json", "joints.csv", "joints.bvh", "overlay.png", "overlay.mp4", "overlay.gif", "view.html"}
+    assert {path.name for path in out.iterdir()} == names and all(str(out / name) in printed for name in names)
+    assert "person 1: in 1" in printed and "no frame rate" not in printed
+
+    stored = np.load(out / "joints.npz")
+    np.testing.assert_allclose(stored["times_s"], np.arange(FRAMES) / 25)
+    assert np.nanmedian(stored["joints_m"][..., 2]) == pytest.approx(2.8, abs=0.3)  # where the person stands
+    content = json.loads((out / "joints.json").read_text())["frames"]
+    frame = int(np.argmax(stored["confidence"].sum(axis=1)))
+    np.testing.assert_allclose(content[frame]["joints"]["head"][:3], stored["joints_m"][frame, Joint.HEAD], atol=1e-4)
+    assert len((out / "joints.csv").read_text().splitlines()) == FRAMES + 1
+
+    sheet = cv2.imread(str(out / "overlay.png"))
+    assert sheet.shape[1] > 4 * 320 and sheet.std() > 20
+    video = cv2.VideoCapture(str(out / "overlay.mp4"))
+    assert (video.get(cv2.CAP_PROP_FRAME_COUNT), video.get(cv2.CAP_PROP_FPS)) == (FRAMES, 25)
+    with Image.open(out / "overlay.gif") as gif:
+        assert gif.n_frames == FRAMES
+    assert "a.npy: 1 person, 14 images" in (out / "view.html").read_text()
+
+
+def test_every_kind_of_recording_gives_the_same_joints(predict, tmp_path):
+    images = recording()[:8]
+    write_pngs(tmp_path / "pngs", images)
+    write_hdf5(tmp_path / "a.h5", images)
+    write_npz(tmp_path / "a.npz", images, infrared=images)
+    joints_m = []
+    for words in ((tmp_path / "pngs",), (tmp_path / "a.h5",), (tmp_path / "a.npz", "--key", "depth_mm")):
+        predict(*words, *camera_words(), "--format", "npz", "--mode", "realtime")
+        joints_m.append(np.load(tmp_path / "out" / "joints.npz")["joints_m"])
+    np.testing.assert_array_equal(joints_m[0], joints_m[1])
+    np.testing.assert_array_equal(joints_m[0], joints_m[2])
+
+
+def test_two_people_get_files_of_their_own(predict, tmp_path):
+    left, right = standing(), standing(2.4, 20.0)
+    images = [compose(room(), shifted(left, -40 + k), shifted(right, 40 - k)) for k in range(8)]
+    np.save(tmp_path / "a.npy", np.rint(1000 * np.stack(images)).astype(np.uint16))
+    printed = predict(tmp_path / "a.npy", *camera_words(), "--people", 2, "--format", "npz")
+    assert "no frame rate: 30 images a second assumed" in printed and "person 2: in" in printed
+    columns = [np.nanmean(np.load(tmp_path / "out" / name)["joints_m"][..., 0]) for name in ("joints.npz", "joints_2.npz")]
+    assert abs(columns[0] - columns[1]) > 0.5
+    assert "2 people" in (tmp_path / "out" / "view.html").read_text()
+
+
+def test_an_empty_room_is_told_and_shown(predict, tmp_path):
+    np.save(tmp_path / "a.npy", np.rint(1000 * np.stack([room()] * 4)).astype(np.uint16))
+    error = predict(tmp_path / "a.npy", *camera_words(), fails=True)
+    assert "a.npy: nobody was found" in error and "--segmented" in error
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"overlay.png", "overlay.mp4", "view.html"}
+
+
+def test_segmented_depth_needs_nobody_to_be_found(predict, tmp_path):
+    np.save(tmp_path / "a.npy", np.stack([standing()] * 3))
+    assert "person 1: in 3 of 3 images" in predict(tmp_path / "a.npy", *camera_words(), "--segmented")
+
+
+def test_mistakes_are_one_line(predict, tmp_path):
+    np.save(tmp_path / "a.npy", recording()[:2])
+    assert "does not tell its camera" in predict(tmp_path / "a.npy", fails=True)
+    assert "expected the camera's 320x240 pixels" in predict(tmp_path / "a.npy", "--camera", "kinect_v1", fails=True)
+    assert "no such file, and no preset" in predict(tmp_path / "a.npy", "--camera", "kinect_9", fails=True)
+    assert "given twice" in predict(tmp_path / "a.npy", "--fov", 60, "--focal", 140, fails=True)
+    assert "no such file" in predict(tmp_path / "b.npy", *camera_words(), fails=True)
+    assert "people=0" in predict(tmp_path / "a.npy", *camera_words(), "--people", 0, fails=True)
+    np.save(tmp_path / "long.npy", np.zeros((8000, 4, 4), np.uint16))
+    assert "last more than 7200 s" in predict(tmp_path / "long.npy", *camera_words(), "--fps", 1, fails=True)
+    np.save(tmp_path / "wrong.npy", 1000 * np.ones((2, *room().shape), np.float32))
+    assert "look like millimetres" in predict(tmp_path / "wrong.npy", *camera_words(), fails=True)
+    assert not list((tmp_path / "out").glob("*"))
+
+
+def test_the_files_camera_is_used(predict, tmp_path):
+    images = np.zeros((2, 240, 320), np.uint16)
+    images[:, 60:200, 140:180] = 2500
+    np.savez(tmp_path / "a.npz", depth=images, camera=list(vars(CAMERAS["kinect_v1"]).values()))
+    assert "person 1" in predict(tmp_path / "a.npz", "--segmented")

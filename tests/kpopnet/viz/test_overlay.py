@@ -1,0 +1,74 @@
+"""Overlays: skeletons where the camera sees them, videos and GIFs that play, with PyAV and without."""
+
+import sys
+
+import cv2
+import numpy as np
+import pytest
+from capsule_people import CAMERA, draw_depth, draw_joints
+from PIL import Image
+
+from kpopnet.skeleton import Joint
+from kpopnet.viz.drawing import ESTIMATED
+from kpopnet.viz.overlay import Video, overlay_image, overlay_sheet, resized, save_gif
+
+
+def pictures(count=6):
+    joints_m = [draw_joints(np.random.default_rng(number)) for number in range(count)]
+    return joints_m, [overlay_image(draw_depth(one), CAMERA, [one], 640) for one in joints_m]
+
+
+def test_joints_are_drawn_where_the_camera_sees_them_and_missing_ones_are_not():
+    joints_m = draw_joints(np.random.default_rng(0))
+    depth_m = draw_depth(joints_m)
+    image = overlay_image(depth_m, CAMERA, [joints_m], 640)
+    assert image.shape == (480, 640, 3)
+    u, v, _ = CAMERA.project(joints_m[Joint.RIGHT_KNEE])
+    assert tuple(image[round((v + 0.5) * 4 - 0.5), round((u + 0.5) * 4 - 0.5)]) == ESTIMATED.right
+    nobody = overlay_image(depth_m, CAMERA, [np.full((15, 3), np.nan)], 640)
+    np.testing.assert_array_equal(nobody, overlay_image(depth_m, CAMERA, [], 640))
+    assert overlay_image(depth_m[:99, :71], CAMERA.cropped(0, 0, 71, 99), [], 60).shape == (100, 72, 3)
+
+
+@pytest.mark.parametrize("library", ["av", "opencv"])
+def test_a_video_plays_with_its_frames_in_order(library, tmp_path, monkeypatch):
+    if library == "opencv":
+        monkeypatch.setitem(sys.modules, "av", None)
+    else:
+        pytest.importorskip("av", reason="the extra video is not installed")
+    _, images = pictures()
+    with Video(tmp_path / "a.mp4", 25.0) as video:
+        for image in images:
+            video.add(image)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.mp4"]
+    capture = cv2.VideoCapture(str(tmp_path / "a.mp4"))
+    assert capture.get(cv2.CAP_PROP_FPS) == 25.0
+    for image in images:
+        found = cv2.cvtColor(capture.read()[1], cv2.COLOR_BGR2RGB)
+        assert np.abs(found.astype(float) - image).mean() < 4
+    assert not capture.read()[0]
+
+
+@pytest.mark.parametrize("library", ["av", "opencv"])
+def test_a_video_that_is_interrupted_leaves_nothing(library, tmp_path, monkeypatch):
+    if library == "opencv":
+        monkeypatch.setitem(sys.modules, "av", None)
+    with pytest.raises(KeyboardInterrupt), Video(tmp_path / "a.mp4", 25.0) as video:  # noqa: PT012 - the second frame's
+        video.add(pictures(1)[1][0])
+        raise KeyboardInterrupt
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_gif_shows_every_frame_for_its_time(tmp_path):
+    _, images = pictures()
+    save_gif(tmp_path / "a.gif", [resized(image, 320) for image in images], 0.1)
+    with Image.open(tmp_path / "a.gif") as gif:
+        assert (gif.n_frames, gif.size, gif.info["duration"], gif.info["loop"]) == (6, (320, 240), 100, 0)
+        gif.seek(4)
+        assert np.abs(np.asarray(gif.convert("RGB"), float) - resized(images[4], 320)).mean() < 6
+
+
+def test_a_sheet_holds_all_tiles(tmp_path):
+    _, images = pictures(5)
+    sheet = overlay_sheet([(f"image {number}", image) for number, image in enumerate(images)], "five")
+    assert sheet.shape[1] == 4 * (320 + 6) + 6 and sheet.shape[0] > 2 * 240
