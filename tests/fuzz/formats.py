@@ -9,6 +9,8 @@ import numpy as np
 import torch
 from capsule_people import CapsulePeople
 from cone_people import cone_body, cone_joints, draw_cones
+from depth_files import CAMERA as DEPTH_CAMERA
+from depth_files import depth_mm, write_hdf5, write_npz, write_pngs
 from factories import write_shard
 from itop_files import write_itop
 from recorded_points import FRAMES, coco, person
@@ -40,6 +42,7 @@ from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import load_network, load_state, save_checkpoint
 from kpopnet.networks.network import build_network
 from kpopnet.programs.stages import stages_of
+from kpopnet.sources import open_depth
 from synth.motion import MotionConfig, build_motion
 from synth.motion.choreography.composer import dance
 from synth.motion.skeleton import REST_OFFSETS_M
@@ -277,6 +280,13 @@ def read_dance(folder: Path) -> None:
         read_performance(path)
 
 
+def read_depth(folder: Path) -> None:
+    files = sorted(folder.iterdir())
+    for path in [folder] if files[0].suffix in (".png", ".tif") else files:
+        for _ in open_depth(path, DEPTH_CAMERA).timed():
+            pass
+
+
 def make_csv(folder: Path) -> None:
     header = ["time_s", *(f"{name}_{axis}" for name in COCO_NAMES for axis in ("x", "y", "z", "confidence"))]
     rows = [[k / 30, *np.append(frame, np.ones((17, 1)), axis=1).round(3).ravel()] for k, frame in enumerate(coco()[:5])]
@@ -338,6 +348,10 @@ FORMATS = {
         ("*.npz",),
         lambda folder: read_real(folder / "itop.npz", 1, 0),
     ),
+    "depth_png": Format(lambda folder: write_pngs(folder, depth_mm(2)), ("*.png",), read_depth),
+    "depth_tiff": Format(lambda folder: write_pngs(folder, depth_mm(2), ".tif"), ("*.tif",), read_depth),
+    "depth_npz": Format(lambda folder: write_npz(folder / "a.npz", depth_mm(3), fps=25.0), ("*.npz",), read_depth),
+    "depth_hdf5": Format(lambda folder: write_hdf5(folder / "a.h5", depth_mm(3)), ("*.h5",), read_depth),
     "human_model": Format(
         lambda folder: HumanModel.from_joints(joints(1)[0]).save(folder / "model.json"),
         ("*.json",),
