@@ -10,7 +10,7 @@ import torch
 from capsule_people import CapsulePeople
 from cone_people import cone_body, cone_joints, draw_cones
 from depth_files import CAMERA as DEPTH_CAMERA
-from depth_files import depth_mm, write_hdf5, write_npz, write_pngs
+from depth_files import depth_mm, write_hdf5, write_npz, write_pngs, write_video
 from factories import write_shard
 from itop_files import write_itop
 from recorded_points import FRAMES, coco, person
@@ -352,6 +352,7 @@ FORMATS = {
     "depth_tiff": Format(lambda folder: write_pngs(folder, depth_mm(2), ".tif"), ("*.tif",), read_depth),
     "depth_npz": Format(lambda folder: write_npz(folder / "a.npz", depth_mm(3), fps=25.0), ("*.npz",), read_depth),
     "depth_hdf5": Format(lambda folder: write_hdf5(folder / "a.h5", depth_mm(3)), ("*.h5",), read_depth),
+    "depth_video": Format(lambda folder: write_video(folder / "a.mkv", depth_mm(3)), ("*.mkv",), read_depth),
     "human_model": Format(
         lambda folder: HumanModel.from_joints(joints(1)[0]).save(folder / "model.json"),
         ("*.json",),
