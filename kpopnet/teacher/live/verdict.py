@@ -14,6 +14,8 @@ from kpopnet.teacher.live.guidance import in_words
 from kpopnet.teacher.live.lesson import Lesson
 
 WORST = 3
+MIN_FPS = 10.0
+"""Fewer images a second leave gaps between the samples of the score."""
 
 
 @dataclass
@@ -76,7 +78,7 @@ def verdict(score: DanceScore | None, lesson: Lesson, about: About, notes: dict)
         ],
         "worst": [_moment(moment) for moment in _worst(told.phrases)],
         "faults": [one.text for one in told.faults[:5]],
-        "hints": list(told.hints),
+        "hints": [*_slow(notes), *told.hints],
         "latency_s": _number(latency_s, 3),
         "course": {
             "time_s": _numbers(middle_s), "total": _numbers(windows.similarity), "timing": _numbers(windows.timing),
@@ -84,6 +86,13 @@ def verdict(score: DanceScore | None, lesson: Lesson, about: About, notes: dict)
             "parts": {name: _numbers(values) for name, values in windows.parts.items() if name in score.parts},
         },
     }  # fmt: skip
+
+
+def _slow(notes: dict) -> list[str]:
+    """A sentence where too few images were scored."""
+    if notes["fps"] >= MIN_FPS:
+        return []
+    return [f"only {notes['fps']:.0f} images a second were scored, which costs points: this machine is busy with other things"]
 
 
 def _worst(phrases: tuple) -> list[Moment]:

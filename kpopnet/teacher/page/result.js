@@ -29,7 +29,7 @@ export async function result(main, identity, name) {
     el("div", { class: "replay" }, el("div", { class: "panel" }, canvas, el("span", { class: "tag" }, "teacher left, you right")),
       el("div", { class: "controls" }, play, slider, time)),
     el("h2", {}, "Practise"), practise(found, dance, identity),
-    latency(found),
+    ...latency(found),
     el("h2", {}, "Your tries"), historyTable(history, identity, name),
     el("p", {}, "Save as ", ...["json", "csv", "bvh"].flatMap((kind) => [el("a", { href: `${base}.${kind}`, download: "" }, kind.toUpperCase()), " "])),
     el("p", {}, el("a", { href: `#/dance/${identity}` }, "Dance again")),
@@ -124,7 +124,7 @@ function practise(found, dance, identity) {
 
 // Who danced on time and was late all the same: camera, sound and screen are.
 function latency(found) {
-  if (found.latency_s === null || Math.abs(found.latency_s) < 0.03) return null;
+  if (found.latency_s === null || Math.abs(found.latency_s) < 0.03) return [];
   const total_s = clamp(remembered("latency", 0) + found.latency_s, -1, 1);
   const told = el("span", { role: "status" });
   const button = el("button", { type: "button", id: "calibrate", onclick: () => {
@@ -132,7 +132,7 @@ function latency(found) {
     button.disabled = true;
     told.textContent = ` ${Math.round(1000 * total_s)} ms are taken off from now on.`;
   } }, `I was on time: take off ${Math.round(1000 * found.latency_s)} ms`);
-  return el("p", {}, "Camera, sound and screen delay what is scored. ", button, told);
+  return [el("p", {}, "Camera, sound and screen delay what is scored. ", button, told)];
 }
 
 function historyTable(history, identity, name) {

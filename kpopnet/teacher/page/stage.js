@@ -210,7 +210,7 @@ function panels(main, dance, parts) {
     shown.preparing, shown.error,
     el("div", { class: "floor" },
       el("div", { class: "panel" }, shown.teacher, el("span", { class: "tag" }, "teacher ", shown.time), shown.count),
-      el("div", { class: "panel" }, shown.learner, el("span", { class: "tag" }, "you ", shown.age), shown.guide)),
+      el("div", { class: "panel seen" }, shown.learner, el("span", { class: "tag" }, "you ", shown.age), shown.guide)),
     el("div", { class: "told" }, shown.score, shown.words),
     shown.bars.list,
     el("details", {}, el("summary", {}, "Music"), el("div", { class: "controls" },

@@ -1,0 +1,292 @@
+"""The server over HTTP and WebSocket, with friends and strangers."""
+
+import asyncio
+import io
+import json
+import struct
+
+import numpy as np
+import pytest
+
+aiohttp = pytest.importorskip("aiohttp", reason="the extra app is not installed")
+
+from aiohttp.test_utils import TestClient, TestServer  # noqa: E402
+
+from kpopnet.dance.joint_files.reader import read_performance  # noqa: E402
+from kpopnet.teacher.library import Library  # noqa: E402
+from kpopnet.teacher.live.verdict import Recording  # noqa: E402
+from kpopnet.teacher.safety import LOOPBACK_NAMES, is_loopback  # noqa: E402
+from kpopnet.teacher.server import MAX_MESSAGE_BYTES, MAX_UPLOAD_BYTES, make_app  # noqa: E402
+
+PATIENCE_S = 180
+
+
+def with_client(teaching, work, token=None):
+    """Runs a coroutine function that gets a client of a server of its own."""
+
+    async def run():
+        async with TestClient(TestServer(make_app(teaching, LOOPBACK_NAMES, token))) as client:
+            return await asyncio.wait_for(work(client), PATIENCE_S)
+
+    return asyncio.run(run())
+
+
+def test_the_page_and_all_that_it_names_come_from_this_server(teaching):
+    async def work(client):
+        page = await client.get("/")
+        assert page.status == 200 and "script-src 'self'" in page.headers["Content-Security-Policy"]
+        seen, waiting = set(), ["/page/app.js", "/page/style.css", "/page/icon.svg", "/page/vendor/three.LICENSE"]
+        text = await page.text()
+        assert all(path in text for path in waiting[:3])
+        while waiting:
+            path = waiting.pop()
+            seen.add(path)
+            answer = await client.get(path)
+            text = await answer.text()
+            assert answer.status == 200 and len(text) > 200, path
+            for line in text.splitlines():
+                if path.endswith(".js") and "three" not in path and ' from "./' in line:
+                    named = "/page/" + line.partition(' from "./')[2].split('"')[0]
+                    waiting += [named] if named not in seen else []
+        assert {"/page/stage.js", "/page/body.js", "/page/vendor/three.js", "/page/result.js"} <= seen
+
+    with_client(teaching, work)
+
+
+def test_dances_and_the_body_are_told(teaching):
+    async def work(client):
+        dances = await (await client.get("/api/dances")).json()
+        assert [one["identity"] for one in dances] == ["dance_001", "dance_002"]
+        assert dances[0]["phrase_s"] == pytest.approx(8 * 60 / dances[0]["bpm"])
+        assert len(await (await client.get("/api/dances/dance_001/preview")).json()) == 40
+        dance, body = [await (await client.get(path)).json() for path in ("/api/dances/dance_001", "/api/body")]
+        frames = round(dance["seconds"] * dance["fps"])
+        assert len(dance["quats"]) == pytest.approx(frames * len(body["names"]) * 8 * 4 / 3, abs=4)
+
+    with_client(teaching, work)
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Host": "evil.example"},
+        {"Host": "evil.example:80"},
+        {"Host": ""},
+        {"Host": "127.0.0.1.evil.example"},
+        {"Host": "[::1"},
+        {"Origin": "http://evil.example"},
+        {"Origin": "null"},
+        {"Origin": "http://127.0.0.1:1"},
+        {"Sec-Fetch-Site": "cross-site"},
+    ],
+)
+def test_strangers_get_nothing(teaching, headers):
+    async def work(client):
+        for path in ("/", "/api/dances", "/api/body", "/live", "/page/app.js", "/nothing"):
+            answer = await client.get(path, headers=headers)
+            assert answer.status == 403 and "default-src 'none'" in answer.headers["Content-Security-Policy"]
+        with pytest.raises(aiohttp.WSServerHandshakeError):
+            await client.ws_connect("/live", headers=headers)
+        assert (await client.post("/api/dances?file=a.bvh", data=b"x", headers=headers)).status == 403
+
+    with_client(teaching, work)
+
+
+def test_its_own_page_is_no_stranger(teaching):
+    async def work(client):
+        own = {"Origin": f"http://127.0.0.1:{client.port}", "Sec-Fetch-Site": "same-origin"}
+        assert (await client.get("/api/dances", headers=own)).status == 200
+        socket = await client.ws_connect("/live", headers=own)
+        await socket.close()
+
+    with_client(teaching, work)
+
+
+def test_other_machines_need_the_token(teaching):
+    async def work(client):
+        for path in ("/", "/api/dances", "/live", "/?token=wrong", "/?token=%C3%A4"):
+            assert (await client.get(path)).status == 403
+        assert (await client.get("/?token=secret", headers={"Host": "192.168.0.9:8471"})).status == 200
+        assert (await client.get("/?token=secret", headers={"Host": "evil.example"})).status == 403
+        answer = await client.get("/?token=secret")
+        cookie = answer.headers["Set-Cookie"]
+        assert answer.status == 200 and "HttpOnly" in cookie and "SameSite=Strict" in cookie
+        assert (await client.get("/api/dances", cookies={"kpopnet_token": "secret"})).status == 200
+
+    with_client(teaching, work, token="secret")
+
+
+def test_only_this_machine_is_loopback():
+    assert all(map(is_loopback, ("127.0.0.1", "127.3.2.1", "::1", "localhost")))
+    assert not any(map(is_loopback, ("0.0.0.0", "::", "192.168.1.2", "localhost.evil.example", "127.0.0.1.evil.example")))
+
+
+PATHS = (
+    "/page/..%2f..%2f..%2fpyproject.toml",
+    "/page/%2e%2e/server.py",
+    "/page/server.py",
+    "/page/index.html",
+    "/page/vendor/../../server.py",
+    "/api/dances/..%2fbody",
+    "/api/dances/..%2f..%2f..%2fetc%2fpasswd",
+    "/api/dances/%00",
+    "/api/dances/dance_001%00",
+    "/api/history/..%2fdances",
+    "/api/tries/dance_001/..%2f..%2fdances%2fdance_001.json",
+    "/api/tries/../body.npz/movement",
+    "/api/tries/dance_001/20260101-000000-000.json",
+    "/api/tries/dance_001/20260101-000000-000/movement",
+)
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_paths_stay_in_their_folders(teaching, path):
+    async def work(client):
+        from yarl import URL
+
+        answer = await client.get(URL(str(client.make_url("/")).rstrip("/") + path, encoded=True))
+        assert answer.status in (400, 404), await answer.text()
+
+    with_client(teaching, work)
+
+
+@pytest.mark.parametrize(
+    ("query", "content", "told"),
+    [
+        ("file=dance.exe", b"x", "a dance is a file that ends with"),
+        ("file=../../x.pkl", b"x", "a dance is a file that ends with"),
+        ("", b"x", "a dance is a file that ends with"),
+        ("file=dance.bvh", b"HIERARCHY\nnonsense", "line 2"),
+        ("file=dance.npz", b"PK\x03\x04", "not a readable .npz"),
+        ("file=dance.json", b"[" * 100_000, "nested"),
+        ("file=dance.csv", b"", "the file"),
+    ],
+)
+def test_broken_uploads_get_one_clear_sentence(teaching, query, content, told):
+    async def work(client):
+        answer = await client.post(f"/api/dances?{query}", data=content)
+        message = (await answer.json())["error"]
+        assert answer.status == 400 and told in message and "/tmp" not in message and "\n" not in message
+
+    with_client(teaching, work)
+
+
+def test_an_upload_is_bounded(teaching):
+    async def work(client):
+        assert (await client.post("/api/dances?file=a.bvh", data=bytes(MAX_UPLOAD_BYTES + 1))).status == 413
+
+    with_client(teaching, work)
+
+
+def test_a_dance_of_ones_own_is_uploaded(teaching, library, tmp_path):
+    from dataclasses import replace
+    from functools import partial
+
+    from kpopnet.teacher.adding import add_dance
+
+    mine = Library(tmp_path / "mine")
+    mine.write_body(library.body())
+    content, performance = io.BytesIO(), library.dance("dance_001").performance
+    np.savez(content, joints_m=performance.joints_m.astype(np.float32), times_s=performance.times_s)
+
+    async def work(client):
+        answer = await client.post("/api/dances?file=my.npz&title=Mine", data=content.getvalue())
+        assert (await answer.json())["identity"] == "own_001"
+        (dance,) = await (await client.get("/api/dances")).json()
+        assert dance["name"] == "Mine" and dance["own"]
+
+    with_client(replace(teaching, library=mine, add=partial(add_dance, mine)), work)
+
+
+MESSAGES = (
+    "x",
+    "[]",
+    "{}",
+    '{"do": 3}',
+    '{"do": "fly"}',
+    '{"do": "prepare"}',
+    '{"do": "prepare", "lesson": {"dance": "../x"}}',
+    '{"do": "prepare", "lesson": {"dance": "dance_001", "source": "/dev/video0"}}',
+    '{"do": "go", "in_s": 1}',
+    '{"do": "prepare", "lesson": {"dance": "dance_001", "speed": NaN}}',
+    '{"do": "prepare", "lesson": {"dance": "nothing"}}',
+    '{"do": "prepare", "lesson": {"dance": "dance_001", "evil": 1}}',
+    '{"do": "prepare", "lesson": {"dance": "dance_001", "from_s": 60}}',
+)
+
+
+def test_wrong_messages_are_answered_and_start_nothing(teaching):
+    async def work(client):
+        socket = await client.ws_connect("/live")
+        for message in MESSAGES:
+            await socket.send_str(message)
+            assert (await socket.receive_json())["kind"] == "error", message
+        await socket.send_str("x" * (MAX_MESSAGE_BYTES + 1))
+        assert (await socket.receive()).type is aiohttp.WSMsgType.CLOSE
+
+    with_client(teaching, work)
+
+
+def test_saved_tries_are_listed_and_given_as_files(teaching, library, tmp_path):
+    performance, recording = library.dance("dance_001").performance, Recording()
+    for time_s, joints_m, confidence in zip(performance.times_s, performance.joints_m, performance.confidence, strict=True):
+        recording.add(time_s, joints_m, confidence)
+    course = {"time_s": [1.0, 1.5], "total": [50.0, None], "parts": {"left arm": [1.0, 2.0]}}
+    result = {"dance": "dance_001", "total": 81.5, "speed": 1.0, "course": course}
+    names = [teaching.sessions.save(result, recording.arrays()) for _ in range(3)]
+    assert len(set(names)) == 3
+
+    async def work(client):
+        history = await (await client.get("/api/history/dance_001")).json()
+        assert [one["session"] for one in history] == sorted(names, reverse=True) and history[0]["total"] == 81.5
+        base = f"/api/tries/dance_001/{names[0]}"
+        assert (await (await client.get(f"{base}.json")).json())["session"] == names[0]
+        assert (await (await client.get(f"{base}.csv")).text()).split() == ["time_s,total,left_arm", "1.0,50.0,1.0", "1.5,,2.0"]
+        moved = await (await client.get(f"{base}/movement")).json()
+        assert moved["begin_s"] == 0 and moved["fps"] == 30
+        path = tmp_path / "learner.bvh"
+        path.write_text(await (await client.get(f"{base}.bvh")).text())
+        assert len(read_performance(path)) == len(performance) - 1
+        assert await (await client.get("/api/history/dance_002")).json() == []
+
+    with_client(teaching, work)
+
+
+async def hold(socket, lesson: dict) -> tuple[dict, list[dict]]:
+    """Holds a lesson to its end; its result and frames."""
+    await socket.send_json({"do": "prepare", "lesson": lesson})
+    frames, kinds = [], []
+    while True:
+        message = await socket.receive()
+        if message.type is aiohttp.WSMsgType.BINARY:
+            (length,) = struct.unpack_from("<I", message.data)
+            frames.append(json.loads(message.data[4 : 4 + length]))
+            width, height = struct.unpack_from("<HH", message.data, 4 + length)
+            assert len(message.data) == 4 + length + 4 + width * height
+            continue
+        content = json.loads(message.data)
+        kinds.append(content["kind"])
+        if content["kind"] == "ready":
+            await socket.send_json({"do": "go", "in_s": 0.2})
+        elif content["kind"] in ("done", "error"):
+            assert kinds[0] == "preparing" and content["kind"] == "done", (kinds, content)
+            return content, frames
+
+
+def test_lessons_are_held_watched_and_saved(teaching):
+    """A simulated learner with a hanging arm, then one who stands still, on the same page; slowly, for slow machines."""
+    lesson = {"dance": "dance_001", "to_s": 3.0, "speed": 0.5, "skill": "perfect"}
+
+    async def work(client):
+        socket = await client.ws_connect("/live")
+        faulty, frames = await hold(socket, lesson | {"fault": "left arm"})
+        assert faulty["parts"]["left arm"] < 40 < min(faulty["parts"]["left leg"], faulty["parts"]["right leg"])
+        assert faulty["worst"][0]["part"] == "left arm"
+        assert any("left arm" in frame["words"] for frame in frames) and len(frames[-1]["joints"]) == 15
+        still, _ = await hold(socket, lesson | {"skill": "still"})
+        assert still["total"] < 20
+        saved = await (await client.get(f"/api/tries/dance_001/{faulty['session']}.json")).json()
+        assert saved["total"] == faulty["total"] and saved["fault"] == "left arm"
+        await socket.close()
+
+    with_client(teaching, work)
