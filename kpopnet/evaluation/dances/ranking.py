@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from kpopnet.dance.scoring import DanceScore
+from kpopnet.evaluation.intervals import Bootstrap
 
-BOOTSTRAPS = 2000
 TRUTH = "truth"
 """Name of the true joints as a source of joints, beside the names of estimators."""
 
@@ -57,13 +57,14 @@ class Agreement:
     Attributes:
         concordance: percentage of dances in the right order.
         kendall_tau: mean over dances.
-        interval: 95 % intervals of both: Wilson's of the concordance, which is a proportion, and a bootstrap's over dances.
+        interval: 95 % intervals of both: Wilson's of the concordance, which is a proportion, and a bootstrap's over dances,
+            which a single dance does not have.
         wrong: names of the dances that are not in the right order.
     """
 
     concordance: float
     kendall_tau: float
-    interval: dict[str, tuple[float, float]]
+    interval: dict[str, list[float] | None]
     wrong: tuple[str, ...]
 
 
@@ -76,11 +77,11 @@ def agreement(scores: dict[str, np.ndarray], seed: int) -> Agreement:
     """
     ordered = np.array([is_ordered(one) for one in scores.values()])
     tau = np.array([kendall_tau(one) for one in scores.values()])
-    draws = np.random.default_rng(seed).integers(len(scores), size=(BOOTSTRAPS, len(scores)))
+    bootstrap = Bootstrap(np.arange(len(tau)), seed)
     low, high = wilson_interval(int(ordered.sum()), len(ordered))
     interval = {
-        "concordance": (100 * low, 100 * high),
-        "kendall_tau": tuple(np.quantile(tau[draws].mean(axis=1), (0.025, 0.975)).tolist()),
+        "concordance": [100 * low, 100 * high],
+        "kendall_tau": bootstrap.interval(bootstrap.ratios(tau[:, None], np.ones((len(tau), 1)))),
     }
     wrong = tuple(name for name, right in zip(scores, ordered, strict=True) if not right)
     return Agreement(float(100 * ordered.mean()), float(tau.mean()), interval, wrong)

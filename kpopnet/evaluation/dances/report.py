@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from itertools import combinations
 from pathlib import Path
 
+from kpopnet.dance.config import FACTORIAL
 from kpopnet.dance.scoring import SCORERS
 from kpopnet.datasets.dances.dance_set import KpopConfig, open_set
 from kpopnet.datasets.protocol import Origin
@@ -48,7 +49,8 @@ def evaluate_dances(config: EvaluateConfig, folder: Path) -> None:
         config.processes_at_work(),
     )
     write_dance_report(folder, run, config)
-    print(printable("\n".join([identity(run), *remarks(run), "", as_text(agreement_table(run)), ""])))
+    tables = (as_text(table) for table in (agreement_table(run), factorial_table(run), paired_table(run)) if table[1])
+    print(printable("\n".join([identity(run), *remarks(run), "", "\n\n".join(tables), ""])))
 
 
 def write_dance_report(folder: Path, run: DanceRun, config: EvaluateConfig) -> None:
@@ -113,7 +115,7 @@ def remarks(run: DanceRun) -> list[str]:
             "Learners and labels are simulated with a model of skill. The results compare scorers and estimators with each "
             "other; they do not predict the agreement with experts on real dancers. The difficulty of the set was chosen "
             "such that the feature of [17] on true joints puts about 86 of 100 other dances in the right order, as in the "
-            "paper; it was reset once after 18 of the benchmark's dances had been scored (docs/ledger.md)."
+            "paper. Earlier looks at dances of other seeds: docs/ledger.md."
         )
     lines += run.assumptions
     if len(run.evaluated) < (manifest.dances or len(run.dances)):
@@ -134,20 +136,44 @@ def agreement_table(run: DanceRun) -> Table:
     rows = []
     for source, by_scorer in run.agreements.items():
         for scorer, one in by_scorer.items():
-            low, high = one.interval["concordance"]
-            tau_low, tau_high = one.interval["kendall_tau"]
             error_m, fps = mean_error_m(run, source), run.fps.get(source)
             rows.append(
                 [
                     source,
                     scorer,
-                    f"{one.concordance:.0f} ({low:.0f} to {high:.0f})",
-                    f"{one.kendall_tau:.3f} ({tau_low:.3f} to {tau_high:.3f})",
+                    _with_interval(one.concordance, one.interval["concordance"], 0),
+                    _with_interval(one.kendall_tau, one.interval["kendall_tau"], 3),
                     "-" if error_m is None else f"{100 * error_m:.1f} cm",
                     "-" if fps is None else f"{fps:.0f}",
                 ]
             )
     return header, rows
+
+
+def factorial_table(run: DanceRun) -> Table:
+    """Concordance by feature and distance, all else equal, and McNemar's p between the features, and between the distances.
+
+    Without rows unless all four scorers were used.
+    """
+    features, distances = (list(dict.fromkeys(key[place] for key in FACTORIAL)) for place in (0, 1))
+    rows = []
+    for source, by_scorer in run.agreements.items():
+        if not set(FACTORIAL.values()) <= set(by_scorer):
+            continue
+        found = {key: by_scorer[scorer] for key, scorer in FACTORIAL.items()}
+        for feature in features:
+            one, other = (found[feature, distance] for distance in distances)
+            cells = [_with_interval(each.concordance, each.interval["concordance"], 0) for each in (one, other)]
+            rows.append([source, feature, *cells, f"{paired_p_value(one, other):.3f}"])
+        between = [f"{paired_p_value(*(found[feature, distance] for feature in features)):.3f}" for distance in distances]
+        rows.append([source, "p", *between, ""])
+    return ["joints", "feature", *(f"{distance} distance" for distance in distances), "p"], rows
+
+
+def _with_interval(value: float, interval: list[float] | None, digits: int) -> str:
+    """A figure with its interval, where there is one."""
+    between = f" ({interval[0]:.{digits}f} to {interval[1]:.{digits}f})" if interval else ""
+    return f"{value:.{digits}f}{between}"
 
 
 def paired_table(run: DanceRun) -> Table:
@@ -267,7 +293,7 @@ def report_blocks(run: DanceRun, plotted: str, metrics: dict) -> list[Block]:
         ("text", identity(run)),
         *(("text", line) for line in remarks(run)),
         ("table", agreement_table(run)),
-        *([("table", paired_table(run))] if len(next(iter(run.agreements.values()))) > 1 else []),
+        *(("table", table) for table in (factorial_table(run), paired_table(run)) if table[1]),
         ("heading", "Scores by the experts' ranking"),
         ("figure", ("score_by_rank.png", "Scores over the experts' rank, one line per dance, red if in the wrong order")),
     ]

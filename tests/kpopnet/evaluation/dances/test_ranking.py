@@ -56,7 +56,7 @@ def test_agreement_counts_dances_and_lists_those_in_the_wrong_order():
     assert found.kendall_tau == pytest.approx((3 + 5 / 6) / 4)
     low, high = found.interval["concordance"]
     assert 0 <= low < 75 < high <= 100
-    assert agreement({"one": good}, seed=0).interval["kendall_tau"] == (1.0, 1.0)
+    assert agreement({"one": good}, seed=0).interval["kendall_tau"] is None
 
 
 def test_the_interval_of_a_proportion_is_wilsons():
