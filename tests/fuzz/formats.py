@@ -1,6 +1,7 @@
 """A small valid example of every file format that is read, and how a program reads it whole."""
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -11,6 +12,7 @@ from capsule_people import CapsulePeople
 from cone_people import cone_body, cone_joints, draw_cones
 from depth_files import CAMERA as DEPTH_CAMERA
 from depth_files import depth_mm, write_hdf5, write_npz, write_pngs, write_video
+from exported_networks import export
 from factories import write_shard
 from itop_files import write_itop
 from recorded_points import FRAMES, coco, person
@@ -40,6 +42,7 @@ from kpopnet.datasets.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import load_network, load_state, save_checkpoint
+from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.networks.network import build_network
 from kpopnet.programs.stages import stages_of
 from kpopnet.sources import open_depth
@@ -173,6 +176,17 @@ def make_checkpoint(folder: Path) -> None:
     state = {"step": 1, "weights": network.state_dict(), "best_cm": 1.0, "offset_sum_m": torch.zeros(15, 3), "offset_count": 3}
     pose = np.zeros((15, 3)).tolist()
     save_checkpoint(folder, network, state, {"step": 1, "config": {}, "metrics": {}, "mean_pose_m": pose}, best=True)
+
+
+def make_onnx(folder: Path) -> None:
+    export(folder)
+    for part in ("checkpoints", "last", "best"):
+        place = folder / part
+        place.unlink() if place.is_symlink() else shutil.rmtree(place)
+
+
+def read_exported(folder: Path) -> None:
+    NetworkEstimator(folder / "pose.onnx").backend(np.zeros((2, 2, 32, 32), np.float32))
 
 
 def read_checkpoint(folder: Path) -> None:
@@ -321,6 +335,7 @@ FORMATS = {
     "simulated_manifest": Format(make_simulated, ("manifest.json",), read_simulated),
     "checkpoint_meta": Format(make_checkpoint, ("checkpoints/*/meta.json",), read_checkpoint),
     "checkpoint_weights": Format(make_checkpoint, ("checkpoints/*/model.safetensors",), read_checkpoint),
+    "onnx": Format(make_onnx, ("pose.onnx",), read_exported),
     "checkpoint_state": Format(make_checkpoint, ("checkpoints/*/state.pt",), read_checkpoint),
     "tree_walk": Format(make_tree_walk, ("*",), read_tree_walk),
     "clips_index": Format(make_pack, ("index.csv",), read_clips),

@@ -25,8 +25,8 @@ KEY, FORMAT = "kpopnet", "kpopnet-onnx"
 INPUT, OUTPUTS = "crops", ("joints", "confidence")
 
 OPERATORS = {
-    *("Conv", "Relu", "Add", "Mul", "MatMul", "Gemm", "Slice", "Split", "Concat", "Reshape", "Flatten", "Resize"),
-    *("Softmax", "LogSoftmax", "Exp", "Sigmoid", "ReduceSum"),
+    *("Conv", "Relu", "Add", "Mul", "MatMul", "Gemm", "Slice", "Gather", "Split", "Concat", "Reshape", "Flatten"),
+    *("Resize", "Softmax", "LogSoftmax", "Exp", "Sigmoid", "ReduceSum"),
 }
 """What torch exports our networks to."""
 
@@ -130,6 +130,8 @@ def _check_values(onnx: ModuleType, where: str, model: Any, described: ModelConf
     graph = model.graph
     ends = ([one.name for one in graph.input], [one.name for one in graph.output])
     expect(ends == ([INPUT], list(OUTPUTS)), where, f"the input {INPUT} and the outputs {', '.join(OUTPUTS)}")
+    sizes = [size.dim_value for size in graph.input[0].type.tensor_type.shape.dim]
+    expect(sizes == [0, *wanted[INPUT][1:]], where, f"{INPUT} of any number x {wanted[INPUT][1:]}, as its description says")
 
     batch = onnx.ModelProto()
     batch.CopyFrom(model)

@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from kpopnet.data.cube import INPUTS
 from kpopnet.errors import InputError
+from kpopnet.networks import ModelConfig
 from kpopnet.networks.onnx.file import INPUT, OUTPUTS, read_onnx
 from kpopnet.runtime.input_files import read_with
 
@@ -25,7 +27,9 @@ class OnnxBackend:
         """
         self.path = Path(path)
         self.content, self.meta = read_onnx(self.path)
-        _ = self._session  # refused now rather than later
+        model = ModelConfig(**self.meta["model"])
+        crop = np.zeros((1, INPUTS[model.input], model.crop_px, model.crop_px), np.float32)
+        read_with(lambda _: self(crop), self.path, "ONNX Runtime cannot run it")
 
     def __call__(self, crops: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """See `Backend`."""
@@ -44,8 +48,4 @@ class OnnxBackend:
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 3  # errors, which are raised too
-        return read_with(
-            lambda _: onnxruntime.InferenceSession(self.content, options, providers=["CPUExecutionProvider"]),
-            self.path,
-            "ONNX Runtime cannot run it",
-        )
+        return onnxruntime.InferenceSession(self.content, options, providers=["CPUExecutionProvider"])

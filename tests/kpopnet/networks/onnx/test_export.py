@@ -1,0 +1,118 @@
+"""An exported network gives what the network gives, describes itself, and needs no torch."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import onnx
+import pytest
+import torch
+from capsule_people import CAMERA, draw_depth, draw_joints
+from exported_networks import export, save, small
+from programs import ROOT
+
+from kpopnet.errors import InputError
+from kpopnet.networks.backend import read_description
+from kpopnet.networks.checkpoint import load_network
+from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.networks.onnx.export import export_network
+from kpopnet.skeleton import JOINT_NAMES
+
+
+@pytest.fixture(scope="module", params=["dense", "holistic"])
+def kind(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def run(kind, tmp_path_factory):
+    """The folder of a run with its checkpoint, and the exported file beside it."""
+    folder = tmp_path_factory.mktemp("run")
+    export(folder, kind)
+    return folder
+
+
+def test_both_predict_the_same_joints_from_any_number_of_crops(run, kind):
+    assert export(run, kind).difference < 1e-5
+    model = small(kind)
+    torch_runs, onnx_runs = NetworkEstimator(run / "best").backend, NetworkEstimator(run / "pose.onnx").backend
+    for count in (1, 2, 7, 32):
+        noise = np.random.default_rng(count).uniform(-1, 1, (count, 1 + (model.input == "depth_ridge"), 32, 32))
+        crops = np.where(noise > 0.5, 1, noise).astype(np.float32)
+        for expected, found in zip(torch_runs(crops), onnx_runs(crops), strict=True):
+            assert found.shape == expected.shape and found.dtype == np.float32
+            np.testing.assert_allclose(found, expected, atol=1e-5)
+
+
+def test_the_estimator_is_the_same_with_either(run):
+    depth_m = np.stack([draw_depth(draw_joints(np.random.default_rng(seed))) for seed in range(34)])
+    depth_m[3] = 0
+    one, other = NetworkEstimator(run / "best"), NetworkEstimator(str(run / "pose.onnx"))
+    assert (one.name, one.model, one.ridge) == (other.name, other.model, other.ridge)
+    expected, found = one.estimate(depth_m, CAMERA), other.estimate(depth_m, CAMERA)
+    np.testing.assert_allclose(found.joints_camera_m, expected.joints_camera_m, atol=1e-4)  # 0.1 mm
+    np.testing.assert_allclose(found.confidence, expected.confidence, atol=1e-4)
+    single = other.estimate(depth_m[:1], CAMERA)
+    np.testing.assert_allclose(single.joints_camera_m[0], found.joints_camera_m[0], atol=1e-5)
+
+
+def test_the_file_describes_itself_and_not_the_machine(run, kind):
+    model = onnx.load(run / "pose.onnx")
+    onnx.checker.check_model(model, full_check=True)
+    meta = json.loads({entry.key: entry.value for entry in model.metadata_props}["kpopnet"])
+    assert meta == read_description(run / "pose.onnx")
+    assert meta["format"] == "kpopnet-onnx" and meta["version"] == 1
+    assert meta["model"]["half_size_m"] == 1.15 and meta["model"]["kind"] == kind
+    assert meta["config"] == {"ridge": {"epsilon_r": 0.5}} and meta["joint_names"] == list(JOINT_NAMES)
+    (crops,) = model.graph.input
+    assert crops.type.tensor_type.shape.dim[0].dim_param == "batch"
+    content = (run / "pose.onnx").read_bytes()
+    assert b"/home" not in content and str(ROOT).encode() not in content and b".py" not in content
+
+
+def test_prediction_with_a_file_loads_no_torch(run):
+    code = f"""
+import sys
+import numpy as np
+from kpopnet.camera import Camera
+from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.pose import PoseEstimator
+depth_m = np.zeros((2, 120, 160), np.float32)
+depth_m[:, 20:100, 60:100] = 2.5
+camera = Camera.centred(140.0, 160, 120)
+assert np.isfinite(NetworkEstimator({str(run / "pose.onnx")!r}).estimate(depth_m, camera).joints_camera_m).all()
+PoseEstimator.load({str(run / "pose.onnx")!r}).estimate(depth_m, camera, segmented=True)
+heavy = ("torch", "mujoco", "hydra", "omegaconf", "tensorboard", "onnxscript", "matplotlib.pyplot", "trimesh")
+print([name for name in heavy if name in sys.modules])
+"""
+    done = subprocess.run([sys.executable, "-W", "error", "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0 and done.stdout.strip() == "[]", done.stderr
+
+
+def test_exporting_leaves_the_network_as_it_was(run, kind):
+    """What is cached while torch traces would stay a trace."""
+    exported, loaded = export(run, kind).network, load_network(run / "best")[0]
+    crops = torch.zeros(1, 1 + (exported.config.input == "depth_ridge"), 32, 32)
+    with torch.inference_mode():
+        np.testing.assert_array_equal(exported(crops).joints.numpy(), loaded(crops).joints.numpy())
+
+
+def test_what_cannot_be_exported_or_run_is_refused(run, tmp_path, monkeypatch):
+    network, meta = load_network(save(tmp_path / "other"))
+    with pytest.raises(InputError, match=r"pose\.pt: expected a name that ends in \.onnx"):
+        export_network(network, meta, tmp_path / "pose.pt")
+    with pytest.raises(InputError, match="device=cuda: ONNX files run on the cpu"):
+        NetworkEstimator(run / "pose.onnx", device="cuda")
+    with pytest.raises(InputError, match=r"nowhere\.onnx: cannot be read"):
+        NetworkEstimator(tmp_path / "nowhere.onnx")
+    with monkeypatch.context() as patch:
+        patch.setitem(sys.modules, "onnxscript", None)
+        with pytest.raises(InputError, match=r"needs the package onnxscript: pip install 'kpopnet\[export\]'"):
+            export_network(network, meta, tmp_path / "pose.onnx")
+    for library in ("onnx", "onnxruntime"):
+        with monkeypatch.context() as patch:
+            patch.setitem(sys.modules, library, None)
+            with pytest.raises(InputError, match=rf"package.* {library}.*: pip install 'kpopnet\[onnx\]'"):
+                NetworkEstimator(run / "pose.onnx")
+    assert not list(tmp_path.glob("*.onnx"))
