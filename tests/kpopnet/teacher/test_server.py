@@ -11,6 +11,7 @@ import pytest
 aiohttp = pytest.importorskip("aiohttp", reason="the extra app is not installed")
 
 from aiohttp.test_utils import TestClient, TestServer  # noqa: E402
+from yarl import URL  # noqa: E402
 
 from kpopnet.dance.joint_files.reader import read_performance  # noqa: E402
 from kpopnet.teacher.library import Library  # noqa: E402
@@ -142,9 +143,8 @@ PATHS = (
 @pytest.mark.parametrize("path", PATHS)
 def test_paths_stay_in_their_folders(teaching, path):
     async def work(client):
-        from yarl import URL
-
-        answer = await client.get(URL(str(client.make_url("/")).rstrip("/") + path, encoded=True))
+        address = URL(f"http://127.0.0.1:{client.port}{path}", encoded=True)
+        answer = await client.session.get(address)
         assert answer.status in (400, 404), await answer.text()
 
     with_client(teaching, work)
@@ -173,7 +173,7 @@ def test_broken_uploads_get_one_clear_sentence(teaching, query, content, told):
 
 def test_an_upload_is_bounded(teaching):
     async def work(client):
-        assert (await client.post("/api/dances?file=a.bvh", data=bytes(MAX_UPLOAD_BYTES + 1))).status == 413
+        assert (await client.post("/api/dances?file=a.bvh", data=io.BytesIO(bytes(MAX_UPLOAD_BYTES + 1)))).status == 413
 
     with_client(teaching, work)
 
