@@ -1,4 +1,5 @@
 # make demo    install, then generate, train and evaluate a small network: outputs/demo
+# make teach   install, then open the dance teacher in the browser
 # make test    install, then run the tests
 # make speed   install, then measure speeds: outputs/speed.json
 # make fuzz    install, then read 2,000 mutations of every file format
@@ -13,14 +14,14 @@ BIN := .venv/bin
 READY := .venv/installed
 DEMO := outputs/demo
 
-.PHONY: demo test speed fuzz kill soak lint wheel clean
+.PHONY: demo teach test speed fuzz kill soak lint wheel clean
 
 $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "kpopnet needs Python 3.11 or newer; say which: make PYTHON=/path/to/python3.12"; exit 1; }
 	$(BIN)/python -m pip --version >/dev/null 2>&1 || { rm -rf .venv && $(PYTHON) -m venv .venv; } || { rm -rf .venv; \
 		echo "$(PYTHON) cannot make an environment with pip in it; on Debian: apt-get install python3-venv"; exit 1; }
-	$(BIN)/python -m pip install --disable-pip-version-check --constraint constraints.txt --editable '.[dev,cluster,gl]'
+	$(BIN)/python -m pip install --disable-pip-version-check --constraint constraints.txt --editable '.[dev,cluster,gl,app]'
 	touch $@
 
 demo: $(READY)
@@ -29,6 +30,9 @@ demo: $(READY)
 	$(BIN)/python train.py data.train=data/demo/train data.validation=data/demo/validation \
 		training=demo model.crop_px=64 hydra.run.dir=$(DEMO)/training
 	$(BIN)/python evaluate.py checkpoint=$(DEMO)/training/best benchmark.path=data/demo/test hydra.run.dir=$(DEMO)
+
+teach: $(READY)
+	$(BIN)/kpopnet teach
 
 test: $(READY)
 	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
