@@ -1,7 +1,7 @@
 """How far the angles of estimated joints are off: the part of a difference between two dances that is nobody's fault.
 
     python -m kpopnet.evaluation.dances.noise FOLDER                      # the tracker, on training dances
-    python -m kpopnet.evaluation.dances.noise FOLDER --checkpoint DIR     # a network
+    python -m kpopnet.evaluation.dances.noise FOLDER --estimator network --checkpoint DIR
 
 prints the table again. FOLDER holds simulated dances with true joints (docs/dance_scoring.md).
 """

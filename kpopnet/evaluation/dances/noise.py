@@ -2,7 +2,8 @@
 
     python -m synth benchmark=kpop_sim benchmark.split=train benchmark.dances=6 out=data/kpop_train
     python -m kpopnet.evaluation.dances.noise data/kpop_train                                        # the tracker
-    python -m kpopnet.evaluation.dances.noise data/kpop_train --checkpoint outputs/train/RUN/best    # a network
+    python -m kpopnet.evaluation.dances.noise data/kpop_train --estimator network --checkpoint outputs/train/RUN/best
+    python -m kpopnet.evaluation.dances.noise data/kpop_sim --known tracker      # other people, with the noise of the table
 
 Every learner is compared with their own true joints, so that only the sensor and the estimator differ. The ceiling is what this
 perfect dancing scores in each dance with the errors that the other dances give.
@@ -25,8 +26,11 @@ from kpopnet.dance.scoring import TimeGrid, features_of, score_dance
 from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator
+from kpopnet.evaluation.registry import ESTIMATORS
 from kpopnet.runtime.hydra_app import user_errors
+from kpopnet.tracker.estimator import TrackerEstimatorConfig
 
+MEASURED = ("tracker", "network", "fitted_network", "realtime", "best")
 CONFIG = replace(SCORERS["dance22"], noise="none")
 
 
@@ -86,26 +90,41 @@ def perfect_scores(learners: Sequence[Seen]) -> tuple[list[float], list[float]]:
     return without, known
 
 
+def known_scores(learners: Sequence[Seen], name: str) -> list[float]:
+    """Scores of perfect dancing through sensor and estimator with the noise of an entry of `NOISE`."""
+    return [score_dance(one.true, one.estimated, replace(CONFIG, noise=name)).similarity for one in learners]
+
+
+def _build(name: str, checkpoint: str | None) -> Estimator:
+    """The estimator of a name of an evaluation, with its default settings."""
+    kind, builder = ESTIMATORS[name]
+    return builder(TrackerEstimatorConfig(start="standing") if name == "tracker" else kind(checkpoint=checkpoint))
+
+
+def _summary(scores: Sequence[float]) -> str:
+    return (
+        f"mean {np.mean(scores):.1f}, median {np.median(scores):.1f}, at least 90 for {np.mean(np.array(scores) >= 90):.0%} of "
+        f"{len(scores)} learners"
+    )
+
+
 @user_errors
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", help="training dances in the K-Pop format (docs/kpop_format.md), with true joints")
-    parser.add_argument("--checkpoint", help="folder of a network; by default the tracker is measured")
+    parser.add_argument("folder", help="dances in the K-Pop format (docs/kpop_format.md), with true joints")
+    parser.add_argument("--estimator", choices=MEASURED, default="tracker", help="what is measured: %(default)s")
+    parser.add_argument("--checkpoint", help="folder of its network")
+    parser.add_argument("--known", choices=NOISE, help="only score perfect dancing, with this noise of the table")
     options = parser.parse_args(arguments)
-    if options.checkpoint:
-        from kpopnet.networks.estimator import NetworkEstimator  # torch takes seconds to load
-
-        estimator: Estimator = NetworkEstimator(options.checkpoint)
-    else:
-        from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
-
-        estimator = TrackerEstimator(TrackerEstimatorConfig(start="standing"))
-    learners = seen_learners(options.folder, estimator)
+    learners = seen_learners(options.folder, _build(options.estimator, options.checkpoint))
+    if options.known:
+        print(f"perfect dancing, noise of {options.known}: {_summary(known_scores(learners, options.known))}")
+        return
     if len({one.dance for one in learners}) < 2:
         raise InputError(f"{options.folder}: one dance; the ceiling is measured on other dances than the noise")
     without, known = perfect_scores(learners)
     for name, scores in (("noise unknown", without), ("noise known", known)):
-        print(f"perfect dancing, {name}: mean {np.mean(scores):.1f}, median {np.median(scores):.1f} of {len(scores)} learners")
+        print(f"perfect dancing, {name}: {_summary(scores)}")
     print(AngleNoise(measured_std_rad(learners), round(float(np.mean(known)), 1)))
 
 

@@ -12,7 +12,7 @@ from kpopnet.dance.features import feature_names
 from kpopnet.dance.noise import NOISE, AngleNoise, angle_variance
 from kpopnet.dance.scoring import DanceScore, score_dance
 from kpopnet.errors import InputError
-from kpopnet.evaluation.dances.noise import Seen, measured_std_rad, perfect_scores
+from kpopnet.evaluation.dances.noise import Seen, known_scores, measured_std_rad, perfect_scores
 
 NOISE_M = 0.03
 NAMES = feature_names("dance22", True)
@@ -55,6 +55,12 @@ def test_noise_is_measured_as_it_is():
     without, with_noise = perfect_scores(known)
     assert len(without) == len(with_noise) == 3 and min(with_noise) > 87 > max(without)
     assert "measured" not in NOISE
+
+
+def test_the_noise_of_the_table_is_tried_on_other_people():
+    seen = [Seen(0, performed(dance_joints_m(index)), performed(noisy(dance_joints_m(index), 0.05, index))) for index in (0, 1)]
+    with_noise, without = known_scores(seen, "tracker"), known_scores(seen, "none")
+    assert len(with_noise) == 2 and all(a > b + 5 for a, b in zip(with_noise, without, strict=True))
 
 
 def test_noise_has_a_name():
