@@ -81,25 +81,29 @@ class SimulatedCamera:
 
 
 class RecordedCamera:
-    """A recording that is played while the dance goes on, and shows its first image before; a `LiveCamera`."""
+    """A recording that is played while the dance goes on; a `LiveCamera`.
+
+    Before the dance it shows its first image, after its own end the last one.
+    """
 
     def __init__(self, source: DepthSource, clock: DanceClock) -> None:
         self.camera, self._source, self._clock, self._next = source.camera, source, clock, time.monotonic()
-        self._first = next(source.timed())
+        self._first = self._shown = next(source.timed())
         self._images: Iterator[TimedDepth] | None = None
 
-    def read(self) -> tuple[np.ndarray, float] | None:
+    def read(self) -> tuple[np.ndarray, float]:
         """See `LiveCamera.read`."""
         if not self._clock.running:
-            self._images = None
+            self._images, self._shown = None, self._first
+        elif self._images is None:
+            self._images = self._source.timed()
+        image = None if self._images is None else next(self._images, None)
+        if image is None:
             self._next = wait_until(self._next)
-            return self._first.depth_m, time.monotonic()
-        if self._images is None:
-            self._images, self._began = self._source.timed(), None
-        if (image := next(self._images, None)) is None:
-            return None
+            return self._shown.depth_m, time.monotonic()
         while self._clock.running and self._clock.dance_s(time.monotonic()) < image.time_s - self._first.time_s:
             time.sleep(0.002)
+        self._shown = image
         return image.depth_m, time.monotonic()
 
     def close(self) -> None:

@@ -1,0 +1,94 @@
+"""The program of the dance teacher, without its page."""
+
+import functools
+import time
+
+import numpy as np
+import pytest
+
+from kpopnet.camera import CAMERAS
+from kpopnet.programs import teach
+from kpopnet.teacher.library import Library
+from kpopnet.teacher.live.lesson import DanceClock, Lesson
+from synth.dances import taught
+
+
+@pytest.fixture
+def run(monkeypatch, tmp_path):
+    """Runs the program with a library of one dance."""
+    monkeypatch.setattr(taught, "DANCES", 1)
+
+    def main(*words: object) -> None:
+        monkeypatch.setattr("sys.argv", ["kpopnet teach", *map(str, words), "--data", str(tmp_path / "teach")])
+        teach.main()
+
+    return main
+
+
+def test_a_dance_of_ones_own_is_added(run, tmp_path, capsys):
+    library = Library(tmp_path / "teach")
+    teach.make_library(library)
+    assert library.identities() == ["dance_000"]
+    made = library.path("dance_000").stat().st_mtime_ns
+    performance = library.dance("dance_000").performance
+    np.savez(tmp_path / "mama.npz", joints_m=performance.joints_m.astype(np.float32), times_s=performance.times_s)
+    run("add", tmp_path / "mama.npz", "--bpm", 128)
+    assert "added mama as own_001" in capsys.readouterr().out
+    assert library.about("own_001").name == "mama" and library.about("own_001").bpm == 128
+    assert library.path("dance_000").stat().st_mtime_ns == made  # what is there is not made again
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("add", "missing.bvh"), "missing.bvh"),
+        (("add", "missing.pkl"), "pickle"),
+        (("add", "missing.bvh", "--bpm", "1e9"), "20 to 400"),
+        (("--depth", "missing.npz", "--no-browser"), "missing.npz: no such file"),
+    ],
+)
+def test_a_mistake_is_one_line(run, capsys, words, told):
+    with pytest.raises(SystemExit) as ended:
+        run(*words)
+    error = capsys.readouterr().err.splitlines()[-1]
+    assert ended.value.code == 1 and error.startswith("error: ") and told in error
+
+
+def test_without_its_server_library_it_says_what_to_install(run, capsys, monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(SystemExit):
+        run()
+    assert "pip install 'kpopnet[app]'" in capsys.readouterr().err
+
+
+@pytest.fixture
+def recording(tmp_path):
+    depth_mm = np.arange(1, 7, dtype=np.uint16)[:, None, None] * np.full((6, 240, 320), 500, np.uint16)
+    np.savez(tmp_path / "depth.npz", depth=depth_mm)
+    return teach.RecordingGiven(str(tmp_path / "depth.npz"), "kinect_v1", None, 30.0)
+
+
+def test_a_recording_waits_for_the_dance_and_runs_with_it(recording):
+    clock = DanceClock(0.0, 1.0)
+    camera = teach.open_source(recording, Lesson("d", source="recording"), None, clock)
+    assert camera.camera.width == 320
+    waiting = [camera.read()[0][0, 0] for _ in range(3)]
+    assert waiting == [0.5, 0.5, 0.5]
+    for _ in range(2):  # and once more, from its beginning, for another try
+        clock.start(0.05)
+        began = time.monotonic()
+        shown = [camera.read()[0][0, 0] for _ in range(6)]
+        assert shown == pytest.approx([0.5, 1.0, 1.5, 2.0, 2.5, 3.0])
+        assert time.monotonic() - began > 0.05 + 4 / 30
+        assert camera.read()[0][0, 0] == 3.0  # somebody who stands there
+        clock.stop()
+        assert camera.read()[0][0, 0] == 0.5
+
+
+def test_without_a_recording_a_simulated_learner_stands_before_the_camera(run, tmp_path):
+    library = Library(tmp_path / "teach")
+    teach.make_library(library)
+    opener = functools.partial(teach.open_source, None)
+    camera = opener(Lesson("dance_000"), library.dance("dance_000"), DanceClock(0.0, 1.0))
+    depth_m, taken = camera.read()
+    assert depth_m.shape == (240, 320) and camera.camera == CAMERAS["kinect_v1"] and taken <= time.monotonic()

@@ -1,0 +1,80 @@
+"""The dances of the teacher program, and the learner who dances live."""
+
+import numpy as np
+import pytest
+
+from kpopnet.errors import InputError
+from kpopnet.skeleton import Joint
+from synth.body.asset import load_body
+from synth.dances.live import CAMERA, LATE_S, LiveLearner, learned, motion_of
+from synth.dances.taught import DANCES, MAX_TRAVEL_M, Teacher, composed, dance_title, teacher_person
+from synth.motion.skeleton import INDEX
+from synth.samples.sampler import body_rotations
+from synth.simulated.film import Studio
+
+
+@pytest.fixture(scope="module")
+def taught():
+    return Teacher().dance(4)
+
+
+def test_a_dance_has_whole_phrases_and_stays_on_its_stage(taught):
+    motion, bpm = composed(4)
+    phrases = len(motion) / motion.fps / (8 * 60 / bpm)
+    assert abs(phrases - round(phrases)) < 0.01 and bpm == taught.bpm
+    assert np.ptp(motion.root_m[:, [0, 2]], axis=0).max() < MAX_TRAVEL_M
+    assert np.array_equal(composed(4)[0].quats, motion.quats)
+    assert len({dance_title(index) for index in range(DANCES)}) == DANCES
+
+
+def test_the_teacher_stands_on_the_floor_and_faces_the_camera(taught):
+    first = taught.joints_m[0]
+    assert first[Joint.RIGHT_SHOULDER, 0] < first[Joint.LEFT_SHOULDER, 0]  # a person who faces the camera
+    feet_m = taught.joints_m[:, [Joint.LEFT_FOOT, Joint.RIGHT_FOOT], 1].max(axis=1)
+    assert np.median(1.0 - feet_m) < 0.15  # the camera is 1 m above the floor
+
+
+def test_bones_are_turned_back_into_a_motion(taught):
+    motion, _ = composed(4)
+    local = body_rotations(load_body(), motion.quats, 0.0, np.zeros(2))
+    hips_m = np.random.default_rng(0).normal(size=(len(local), 3))
+    back = motion_of(local, hips_m, 30.0)
+    assert np.abs(back.quats - motion.quats).max() < 1e-6
+    assert np.allclose(back.root_m, hips_m[:, [0, 2, 1]] * [1, 1, -1])
+
+
+def test_a_fault_is_in_its_limb_alone(taught):
+    motion = motion_of(taught.quats, taught.hips_m, taught.fps)
+    hanging = learned(motion, "perfect", "left arm", np.random.default_rng(0))
+    changed = np.abs(hanging.quats - motion.quats).max(axis=(0, 2)) > 1e-3
+    assert changed[INDEX["LeftArm"]] and not changed[[INDEX["RightArm"], INDEX["LeftLeg"], INDEX["Spine"]]].any()
+    late = learned(motion, "perfect", "late", np.random.default_rng(0))
+    shift = round(LATE_S * motion.fps)
+    same = (late.quats[shift + 30 :] * motion.quats[30:-shift]).sum(axis=-1)
+    assert np.abs(same).mean() > 0.999
+    still = learned(motion, "still", "", np.random.default_rng(0))
+    assert np.abs(still.quats - still.quats[0]).max() < 1e-6
+
+
+def test_the_camera_sees_the_learner_dance(taught):
+    learner = LiveLearner(taught.quats, taught.hips_m, taught.fps, "perfect", seed=3)
+    empty = LiveLearner(taught.quats, taught.hips_m, taught.fps, "nobody", seed=3)
+    before, after, room = learner.frame(0.0), learner.frame(6.0), empty.frame(0.0)
+    assert before.shape == (CAMERA.height, CAMERA.width) and before.dtype == np.float32
+    nearer = (before > 0) & (room > 0) & (before < room - 0.2)
+    moved = (before > 0) & (after > 0) & (abs(before - after) > 0.3)
+    assert 2000 < nearer.sum() < 30_000 and moved.sum() > 200
+    assert np.array_equal(LiveLearner(taught.quats, taught.hips_m, taught.fps, "perfect", seed=3).frame(0.0), before)
+
+
+def test_the_teachers_body_is_the_one_that_danced(taught):
+    joints_m = Studio(CAMERA, "cpu").joints_world_m(teacher_person(), taught.quats, taught.hips_m)
+    seen_m = taught.joints_m - taught.joints_m[:, [Joint.TORSO]]
+    turned_m = (joints_m - joints_m[:, [Joint.TORSO]])[..., [0, 2, 1]] * [1, -1, 1]
+    assert np.abs(seen_m - turned_m).max() < 1e-5
+
+
+@pytest.mark.parametrize(("skill", "fault"), [("superb", ""), ("best", "left ear")])
+def test_an_unknown_skill_or_fault_is_refused(taught, skill, fault):
+    with pytest.raises(InputError, match="expected one of"):
+        LiveLearner(taught.quats, taught.hips_m, taught.fps, skill, fault)
