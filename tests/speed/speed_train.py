@@ -39,9 +39,7 @@ def measure() -> dict[str, tuple[float, str, str]]:
             repeated += _seconds(run, (same for _ in range(STEPS + 2)))[2:]
         depth = shards[0].depth_mm[None]
         estimator = NetworkEstimator(
-            save_checkpoint(
-                Path(folder), run.average, {}, {"step": 0, "config": {}, "mean_pose_m": [], "metrics": {}}, best=True
-            )
+            save_checkpoint(Path(folder), run.average, {}, {"step": 0, "config": {}, "metrics": {}}, best=True)
         )
         latencies = []
         for _ in range(40):
