@@ -1,5 +1,6 @@
 r"""Evaluates estimators on a benchmark and writes a report.
 
+    python evaluate.py                                                 # the network that comes with the package
     python evaluate.py checkpoint=outputs/train/RUN/best
     python evaluate.py checkpoint=outputs/train/RUN/best benchmark.path=data/small/test sequences=10
     python evaluate.py checkpoint=outputs/train/RUN/best benchmark=utd_mhad benchmark.path=PATH/UTD-MHAD
