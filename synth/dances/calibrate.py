@@ -21,15 +21,15 @@ from kpopnet.dance.scoring import SCORERS, score_dance
 from kpopnet.runtime.cpu import available_cores
 from kpopnet.runtime.hydra_app import user_errors
 from kpopnet.runtime.parallel import in_processes
-from synth.dances.simulate import DANCES, FAMILIES, LEARNERS, KpopSim, KpopSimConfig, KpopSimSet
+from synth.dances.simulate import DANCES, LEARNERS, KpopSim, KpopSimConfig, KpopSimSet
 from synth.dances.skill import SkillConfig
 from synth.dances.writer import times_s
 from synth.motion import MotionConfig
 from synth.samples.sampler import body_rotations
 
 TARGET_FRACTION = 0.86
-SPACINGS = {"skill": (0.4, 0.5, 0.6, 0.7, 0.85), "mixed": (0.1, 0.15, 0.2, 0.3, 0.45)}
-"""By the family of faults; mixed levels differ in every fault, so less distance is needed."""
+SPACINGS = {"skill": (0.4, 0.5, 0.6, 0.7, 0.85), "mixed": (0.2, 0.3, 0.4, 0.5, 0.65)}
+"""By the family of faults."""
 
 SCORER = "raptis"
 
@@ -44,7 +44,7 @@ def orders(index: int, config: KpopSimSet) -> list[bool]:
         index: of the dance.
         config: of the dances.
     """
-    maker, spacings = KpopSim(config), SPACINGS[config.faults]
+    maker, spacings = KpopSim(config), SPACINGS[config.benchmark.faults]
     makers = [KpopSim(replace(config, skill=SkillConfig(spacing=spacing))) for spacing in spacings]
     asset = maker.studio.scene.asset
     teacher = _performance(maker.teacher_joints_m(index))
@@ -91,14 +91,14 @@ def smallest_spacing(target: float, spacings: np.ndarray, fractions: np.ndarray)
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=0, help="seed of the dances")
-    parser.add_argument("--faults", choices=FAMILIES, default="skill", help="family of the learners' faults: %(default)s")
+    parser.add_argument("--faults", choices=SPACINGS, default="skill", help="family of the learners' faults: %(default)s")
     parser.add_argument("--clips", help="motion pack of recorded dances; by default dances are composed")
     parser.add_argument("--dances", type=int, default=DANCES)
     parser.add_argument("--processes", type=int, default=0, help="0 for all cores")
     given = parser.parse_args()
     motion = MotionConfig(source="clips", path=given.clips) if given.clips else MotionConfig(source="choreography")
-    benchmark = KpopSimConfig(seed=given.seed, split="train", dances=given.dances)
-    work = partial(orders, config=KpopSimSet(benchmark, motion=motion, faults=given.faults))
+    benchmark = KpopSimConfig(seed=given.seed, split="train", dances=given.dances, faults=given.faults)
+    work = partial(orders, config=KpopSimSet(benchmark, motion=motion))
     spacings = SPACINGS[given.faults]
     counts = np.zeros(len(spacings), int)
     results = in_processes(work, list(range(given.dances)), given.processes or available_cores())

@@ -1,7 +1,7 @@
 """`kpop_sim`, the stand-in for the paper's K-Pop set: dances, each with a teacher and four learners in front of a Kinect 2.
 
 The teacher's motion is given as true joints, as from motion capture. Each learner is another person with a level from `best` to
-`worst`. A model of skill (`synth.dances.skill`), or with `faults=mixed` a second, independent family of faults
+`worst`. A model of skill (`synth.dances.skill`), or with `benchmark.faults=mixed` a second, independent family of faults
 (`synth.dances.faults`), turns the teacher's motion into the learner's. Position and heading differ per
 learner, the room is empty, and the measured depth is segmented: only the person is kept. The labels are the levels.
 
@@ -43,7 +43,10 @@ DANCES = 100
 SEED = 2018
 """Of the benchmark; nothing that was scored before it was fixed has this seed."""
 
-FAMILIES = ("skill", "mixed")
+SPACING = {"skill": 0.5, "mixed": 0.4}
+"""Spacing of the levels by the family of faults, see `synth.dances.skill.SkillConfig`: chosen on the split train alone with
+`python -m synth.dances.calibrate`."""
+
 FPS = 30.0
 CAMERA = CAMERAS["kinect_2"]
 VIEW = ViewConfig(height_m=(0.8, 1.4), aim_m=(0.9, 1.1), roll_deg=1.0)
@@ -68,12 +71,15 @@ class KpopSimConfig:
         seed: another seed gives other dances, people and errors.
         dances: number of dances to make; they are the first ones of the whole set.
         split: test is the benchmark; train and validation contain other dances by other people, for calibration.
+        faults: family of the learners' faults: skill for the model of skill; mixed for a second, independent family, in which
+            a better level has less of every fault (synth/dances/faults.py).
     """
 
     name: str = "kpop_sim"
     seed: int = SEED
     dances: int = DANCES
     split: str = "test"
+    faults: str = "skill"
 
     def __post_init__(self) -> None:
         if not 0 <= self.seed < 2**32:
@@ -82,6 +88,8 @@ class KpopSimConfig:
             raise InputError(f"benchmark.dances={self.dances}: the set has {DANCES}; give a number from 1 on")
         if self.split not in SPLITS:
             raise InputError(f"benchmark.split={self.split} is not one of {', '.join(SPLITS)}")
+        if self.faults not in SPACING:
+            raise InputError(f"benchmark.faults={self.faults} is not one of {', '.join(SPACING)}")
 
 
 @dataclass(frozen=True)
@@ -89,24 +97,21 @@ class KpopSimSet(SimulatedSet):
     """Every setting that the dances depend on.
 
     Attributes:
-        faults: family of the learners' faults: skill for the model of skill, mixed for that of synth.dances.faults, whose
-            levels are ordered in every single fault.
-        skill: differences between the levels; mixed uses the spacing alone.
+        skill: differences between the levels, by default at the spacing of the family of faults; mixed uses the spacing alone.
         seconds: least and greatest length of a dance, seconds.
     """
 
     counted: ClassVar[str] = "dances"
     benchmark: KpopSimConfig = field(default_factory=KpopSimConfig)
     sensor: SensorConfig = SENSORS["kinect_2"]
-    faults: str = "skill"
-    skill: SkillConfig = field(default_factory=SkillConfig)
+    skill: SkillConfig | None = None
     seconds: tuple[float, float] = (15.0, 18.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_range("seconds", self.seconds, 0.1, 3600)
-        if self.faults not in FAMILIES:
-            raise InputError(f"faults={self.faults} is not one of {', '.join(FAMILIES)}")
+        if self.skill is None:
+            object.__setattr__(self, "skill", SkillConfig(SPACING[self.benchmark.faults]))
 
 
 def dance_name(index: int) -> str:
@@ -232,7 +237,7 @@ class KpopSim:
     def skill(self, index: int, learner: int) -> tuple[int, dict[str, float], Motion, list[Mistake]]:
         """Level, strengths, motion and mistakes of a learner, without the body and the camera."""
         level, teacher = self.levels(index)[learner], self.teacher_motion(index)
-        if self.config.faults == "mixed":
+        if self.config.benchmark.faults == "mixed":
             severity = self.config.skill.severity(level)
             severities = {name: severity * share for name, share in draw_profile(self._rng("profile", index)).items()}
             return level, severities, with_faults(teacher, severities, self._rng("faults", index, learner)), []

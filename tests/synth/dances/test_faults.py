@@ -1,7 +1,5 @@
 """The second family of faults: each leaves a motion alone at severity 0 and grows; the order of learners is by construction."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -19,7 +17,7 @@ from synth.dances.faults import (
     replaced_moves,
     with_faults,
 )
-from synth.dances.simulate import KpopSim, KpopSimConfig, KpopSimSet
+from synth.dances.simulate import SPACING, KpopSim, KpopSimConfig, KpopSimSet
 from synth.dances.skill import LEVELS
 from synth.motion.choreography.composer import dance
 from synth.motion.skeleton import Motion, forward_kinematics, height_above_floor
@@ -98,8 +96,9 @@ def test_signs_do_not_change_between_frames(teacher):
 
 
 def test_a_better_level_has_less_of_every_fault():
-    config = KpopSimSet(KpopSimConfig(seed=4, split="train"), faults="mixed", seconds=(3.0, 3.5))
-    maker, by_skill = KpopSim(config), KpopSim(replace(config, faults="skill"))
+    sets = [KpopSimSet(KpopSimConfig(seed=4, split="train", faults=one), seconds=(3.0, 3.5)) for one in ("mixed", "skill")]
+    assert [one.skill.spacing for one in sets] == [SPACING["mixed"], SPACING["skill"]] and sets[0].hash != sets[1].hash
+    maker, by_skill = map(KpopSim, sets)
     distances = np.zeros((6, len(LEVELS)))
     for index in range(len(distances)):
         strengths = [None] * len(LEVELS)
@@ -119,5 +118,5 @@ def test_profiles_differ_between_dances_and_are_limited():
 
 
 def test_an_unknown_family_is_rejected():
-    with pytest.raises(InputError, match="faults=mix is not one of skill, mixed"):
-        KpopSimSet(faults="mix")
+    with pytest.raises(InputError, match=r"benchmark\.faults=mix is not one of skill, mixed"):
+        KpopSimConfig(faults="mix")
