@@ -21,6 +21,10 @@ LOST_S = 3.0
 """How long the learner may be out of view before somebody else is taken for the learner."""
 
 
+PEOPLE = 2
+"""People whose joints are estimated: the learner, and one who walks by."""
+
+
 class LiveCamera(Protocol):
     """A depth camera, or what stands in for one.
 
@@ -116,7 +120,7 @@ class TrackedPose:
         if self._extractor is None:
             self._extractor = HumanExtractor(camera, expect_person=True)
         poses = []
-        for human in self._extractor.extract(depth)[:1]:
+        for human in self._extractor.extract(depth)[:PEOPLE]:
             tracker = self._trackers.setdefault(human.identity, Tracker(camera, standing=True))
             joints_m, confidence = tracker.track(human.whole(camera))
             if np.isfinite(joints_m).any():
@@ -135,7 +139,7 @@ def load_estimator(checkpoint: str | None) -> PoseEstimator | TrackedPose:
     if checkpoint == "tracker":
         return TrackedPose()
     try:
-        return PoseEstimator.load(checkpoint)
+        return PoseEstimator.load(checkpoint, people=PEOPLE)
     except InputError:
         if checkpoint is not None:
             raise

@@ -1,0 +1,154 @@
+"""The page in a real browser: pick a dance, dance it, look at the verdict, practise; narrow screens; two tabs; a reload."""
+
+import asyncio
+import contextlib
+import shutil
+import threading
+
+import pytest
+
+pytest.importorskip("aiohttp", reason="the extra app is not installed")
+webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
+DRIVER, BROWSER = shutil.which("chromedriver"), shutil.which("chromium") or shutil.which("google-chrome")
+if not (DRIVER and BROWSER):
+    pytest.skip("no Chromium with its chromedriver on this machine", allow_module_level=True)
+
+from aiohttp import web  # noqa: E402
+from selenium.webdriver.chrome.service import Service  # noqa: E402
+from selenium.webdriver.common.by import By  # noqa: E402
+from selenium.webdriver.common.keys import Keys  # noqa: E402
+from selenium.webdriver.support.ui import WebDriverWait  # noqa: E402
+
+from kpopnet.teacher.safety import LOOPBACK_NAMES  # noqa: E402
+from kpopnet.teacher.server import make_app  # noqa: E402
+
+PATIENCE_S = 180
+WIDE, NARROW = (1280, 900), (400, 860)
+
+
+@pytest.fixture
+def address(teaching):
+    """A server in a thread of its own."""
+    loop, ready, port = asyncio.new_event_loop(), threading.Event(), []
+
+    async def start():
+        runner = web.AppRunner(make_app(teaching, LOOPBACK_NAMES))
+        await runner.setup()
+        await web.TCPSite(runner, "127.0.0.1", 0).start()
+        port.append(runner.addresses[0][1])
+        ready.set()
+        return runner
+
+    def run():
+        asyncio.set_event_loop(loop)
+        runner = loop.run_until_complete(start())
+        loop.run_forever()
+        loop.run_until_complete(runner.cleanup())
+        loop.close()
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    assert ready.wait(20)
+    yield f"http://127.0.0.1:{port[0]}/"
+    loop.call_soon_threadsafe(loop.stop)
+    thread.join(30)
+
+
+@pytest.fixture
+def browser():
+    options = webdriver.ChromeOptions()
+    options.binary_location = BROWSER
+    for flag in ("headless=new", "no-sandbox", "disable-dev-shm-usage", "use-angle=swiftshader", "enable-unsafe-swiftshader"):
+        options.add_argument(f"--{flag}")
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    driver = webdriver.Chrome(options=options, service=Service(DRIVER))
+    resize(driver, WIDE)
+    yield driver
+    complaints = [line["message"] for line in driver.get_log("browser") if line["level"] == "SEVERE"]
+    with contextlib.suppress(Exception):
+        driver.quit()
+    assert complaints == []
+
+
+def resize(driver, size) -> None:
+    metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False}
+    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+
+
+def until(driver, condition):
+    return WebDriverWait(driver, PATIENCE_S, 0.2).until(condition)
+
+
+def find(driver, selector):
+    return until(driver, lambda one: one.find_elements(By.CSS_SELECTOR, selector))[0]
+
+
+RECORDER = """
+window.told = [[], [], []];
+const value = (part) => Number(document.querySelector(`li[data-part="${part}"]`).dataset.value || NaN);
+const note = () => {
+  told[0].push(document.getElementById("words").textContent);
+  if (!isNaN(value("left arm"))) { told[1].push(value("left arm")); told[2].push(value("left leg")); }
+};
+new MutationObserver(note).observe(document.getElementById("words"), { childList: true, characterData: true, subtree: true });
+"""
+"""Notes what the page tells during the dance: words, and the scores of left arm and left leg."""
+
+
+def overflow_px(driver) -> int:
+    return driver.execute_script("return document.documentElement.scrollWidth - document.documentElement.clientWidth")
+
+
+def test_a_dance_from_the_menu_to_practice(browser, address):
+    browser.get(address)
+    find(browser, "[data-dance=dance_001]")
+    assert len(browser.find_elements(By.CSS_SELECTOR, ".card")) == 2
+    name = browser.find_element(By.CSS_SELECTOR, "[data-dance=dance_001] b").text
+    browser.find_element(By.ID, "search").send_keys(name)
+    assert len(browser.find_elements(By.CSS_SELECTOR, ".card")) == 1
+    find(browser, "[data-dance=dance_001]").send_keys(Keys.ENTER)
+    find(browser, "#start")
+    browser.get(f"{address}#/dance/dance_001?phrase=0&speed=25&skill=perfect&fault=left+arm")
+    browser.refresh()
+    find(browser, "#start")
+    browser.execute_script(RECORDER)
+    find(browser, "#start").send_keys(Keys.ENTER)
+    worst = find(browser, "#worst button")
+    assert worst.get_attribute("data-part") == "left arm"
+    told, arms, legs = browser.execute_script("return told")
+    assert any(words.startswith("left arm") for words in told)
+    assert max(arms) < 50 and min(legs) > max(arms)
+    total = float(find(browser, "#result-total b").text)
+    assert 0 <= total < 80 and "/try/" in browser.current_url
+    before = find(browser, "#scrub").get_attribute("value")
+    worst.send_keys(Keys.ENTER)
+    until(browser, lambda one: one.find_element(By.ID, "scrub").get_attribute("value") != before)
+    assert len(browser.find_elements(By.CSS_SELECTOR, "#history tr")) == 1
+    find(browser, "a.practise").send_keys(Keys.ENTER)
+    until(browser, lambda one: one.find_element(By.ID, "start").text == "Stop")
+    assert find(browser, "#loop").is_selected() and find(browser, "#speed").get_attribute("value") == "50"
+    browser.refresh()
+    until(browser, lambda one: one.find_element(By.ID, "start").text == "Stop")
+    find(browser, "#start").send_keys(Keys.ENTER)
+    assert find(browser, "#start").text == "Start" and find(browser, "#error").text == ""
+
+
+def test_narrow_screens_and_two_tabs(browser, address):
+    resize(browser, NARROW)
+    browser.get(address)
+    find(browser, ".card")
+    assert overflow_px(browser) <= 0
+    for theme in ("dark", "light"):
+        find(browser, f"#theme option[value={theme}]").click()
+        ground = browser.execute_script("return getComputedStyle(document.body).backgroundColor")
+        assert (sum(int(value) for value in ground[4:-1].split(",")) < 200) == (theme == "dark")
+    browser.get(f"{address}#/dance/dance_002?go&skill=nobody")
+    until(browser, lambda one: one.find_element(By.ID, "start").text == "Stop")
+    assert overflow_px(browser) <= 0
+    browser.switch_to.new_window("tab")
+    browser.get(f"{address}#/dance/dance_001")
+    find(browser, "#start")
+    browser.get(f"{address}#/dance/none")
+    assert "there is no dance" in find(browser, "[role=alert]").text
+    browser.switch_to.window(browser.window_handles[0])
+    assert find(browser, "#start").text == "Stop"
