@@ -1,6 +1,6 @@
 """Trains a network or the random tree walk: `python train.py --help`, kpopnet/programs/train.py."""
 
-from kpopnet.runtime.interrupts import begin_imports, end_imports
+from kpopnet.runtime.endings import begin_imports, end_imports
 
 if __name__ == "__main__":
     begin_imports()

@@ -4,7 +4,7 @@ import importlib
 import sys
 from importlib.metadata import version
 
-from kpopnet.runtime.interrupts import begin_imports, end_imports
+from kpopnet.runtime.endings import begin_imports, end_imports
 
 PROGRAMS = {
     "generate": ("synth.__main__", "makes training samples and simulated sets (python -m synth)"),

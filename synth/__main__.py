@@ -23,7 +23,7 @@ its own range, shards=0:100, shards=100:200, ...; under SLURM (pip install 'kpop
 Installed from a wheel, the program is `kpopnet generate`.
 """
 
-from kpopnet.runtime.interrupts import begin_imports, end_imports
+from kpopnet.runtime.endings import begin_imports, end_imports
 
 if __name__ == "__main__":
     begin_imports()

@@ -31,8 +31,8 @@ from kpopnet.errors import InputError
 from kpopnet.pose import PersonPoses, PoseEstimator
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.compilation import announce_compilation
+from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
-from kpopnet.runtime.hydra_app import user_errors
 from kpopnet.sources import DepthSource, chosen_camera, open_depth
 from kpopnet.viz.drawing import save_png
 from kpopnet.viz.overlay import (

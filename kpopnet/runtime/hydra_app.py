@@ -1,24 +1,20 @@
-"""What entry points share: closed configurations, users' mistakes in one line, one writer among several processes."""
+"""What entry points with Hydra share: closed configurations, one writer among several processes."""
 
 import atexit
 import contextlib
 import dataclasses
-import errno
 import functools
 import io
-import logging
 import os
 import sys
-import threading
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import hydra
 from hydra.conf import HydraConf
 from hydra.core.config_store import ConfigStore
 from hydra.core.hydra_config import HydraConfig
-from hydra.errors import HydraException
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -26,6 +22,7 @@ from omegaconf.errors import OmegaConfBaseException
 import kpopnet
 from kpopnet.errors import InputError
 from kpopnet.runtime.compilation import announce_compilation
+from kpopnet.runtime.endings import one_line, user_errors
 from kpopnet.runtime.folder_lock import locked
 from kpopnet.runtime.settings_help import as_text, settings, with_comments
 
@@ -33,96 +30,6 @@ OTHER_RANKS_OVERRIDES = ("hydra.run.dir=.", "hydra.output_subdir=null", "hydra/j
 """What keeps Hydra from making a folder and a log of its own for a process that is not the first of its group."""
 
 Config = TypeVar("Config")
-P = ParamSpec("P")
-R = TypeVar("R")
-
-
-def user_errors(function: Callable[P, R]) -> Callable[P, R]:
-    """Decorates a program: where a user's mistake would end it with a traceback, it ends with one line and exit code 1.
-
-    What is not a user's mistake keeps its traceback. Around `hydra.main` it catches unknown overrides and the like;
-    what the function inside raises must be caught inside, by this decorator again, before Hydra comments on it.
-    """
-
-    @functools.wraps(function)
-    def careful(*args: P.args, **kwargs: P.kwargs) -> R:
-        # Lets Hydra's own errors through to here; what it makes of them itself takes many lines.
-        os.environ["HYDRA_FULL_ERROR"] = "1"
-        logging.raiseExceptions = False  # where a log cannot be written, what matters cannot be either, and that is told
-        threading.excepthook = _thread_ended
-        try:
-            return function(*args, **kwargs)
-        except (InputError, HydraException, OmegaConfBaseException) as error:
-            print(f"error: {_one_line(error)}", file=sys.stderr)
-            raise SystemExit(1) from None
-        except OSError as error:
-            if not is_of_the_disk(error):
-                raise
-            print(f"error: {_of_the_disk(error)}", file=sys.stderr)
-            raise SystemExit(1) from None
-        except KeyboardInterrupt:
-            print("stopped", file=sys.stderr)
-            raise SystemExit(130) from None
-        except Exception as error:
-            if not type(error).__module__.startswith("submitit."):
-                raise
-            job = str(error).splitlines()[0]
-            print(f"error: {job} did not finish; what is finished stays: run the same command again", file=sys.stderr)
-            raise SystemExit(1) from None
-
-    return careful
-
-
-DISK_ERRORS = {
-    errno.ENOSPC: "the disk is full; make room and run the same command again",
-    errno.EDQUOT: "your quota of the disk is used up; make room and run the same command again",
-    errno.EFBIG: "the file is larger than a file may be here (ulimit -f); raise the limit and run the same command again",
-    errno.EROFS: "the disk is read-only; give another folder",
-    errno.EACCES: "permission denied; give another path, or change the permissions",
-    errno.EPERM: "permission denied; give another path, or change the permissions",
-    errno.ENOENT: "there is no such file or folder",
-    errno.ENOTDIR: "a part of this path is a file, expected a folder; give another path",
-    errno.EISDIR: "is a folder, expected a file; give another path",
-    errno.EEXIST: "is there already, and is no folder; give another path",
-    errno.ENAMETOOLONG: "the name is too long; most file systems allow 255 bytes a name and 4096 a path",
-    errno.ELOOP: "the links go round in a circle",
-    errno.EMFILE: "too many files are open (ulimit -n); raise the limit",
-    errno.EIO: "the disk reports an error (input/output error)",
-    errno.ESTALE: "the network file system has lost this file; run the same command again",
-}
-"""What the user can do about a file that cannot be read or written, by the error's number."""
-
-
-def is_of_the_disk(error: BaseException | None) -> bool:
-    """Whether an error comes from the file system or its limits, and not from a mistake in the program."""
-    return isinstance(error, OSError) and error.errno in DISK_ERRORS
-
-
-def _of_the_disk(error: OSError) -> str:
-    path = error.filename if error.filename is not None else "a file"
-    path = os.fsdecode(path) if isinstance(path, bytes) else str(path)
-    path = path if len(path) <= 300 else f"{path[:150]}...{path[-100:]}"
-    return f"{path}: {DISK_ERRORS[error.errno or errno.EIO]}"
-
-
-def _thread_ended(ended: threading.ExceptHookArgs) -> None:
-    """Threads that write, such as TensorBoard's, hand errors of the disk to the main thread, which tells them once."""
-    if not is_of_the_disk(ended.exc_value):
-        threading.__excepthook__(ended)
-
-
-def _one_line(error: Exception) -> str:
-    """The message without OmegaConf's indented details and without the hint to override a closed schema with "+"."""
-    left_out = (" ", "To append to your config")
-    text = str(error)
-    if text.startswith("Caught InputError in DataLoader worker"):
-        # torch puts the worker's traceback into the message; its last line is ours.
-        return text.rpartition("InputError: ")[2].removesuffix("\\n")
-    lines = [line for line in text.splitlines() if line and not line.startswith(left_out)]
-    cause = error.__cause__
-    if isinstance(error, HydraException) and isinstance(cause, OmegaConfBaseException):
-        lines.append(_one_line(cause))
-    return " ".join(dict.fromkeys(lines))
 
 
 def configs_folder() -> Path:
@@ -336,7 +243,7 @@ def resumed_config(config: Config, saved: dict, *, may_change: tuple[str, ...]) 
     except InputError:
         raise
     except (OmegaConfBaseException, AttributeError, TypeError, ValueError) as error:
-        raise InputError(f"the checkpoint's configuration is of another version: {_one_line(error)}") from error
+        raise InputError(f"the checkpoint's configuration is of another version: {one_line(error)}") from error
 
 
 def _interpolation(value: Any) -> str | None:

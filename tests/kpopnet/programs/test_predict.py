@@ -1,6 +1,7 @@
 """The program `kpopnet predict`: a recording in; joints, pictures and a page out."""
 
 import json
+import subprocess
 import sys
 
 import cv2
@@ -9,6 +10,7 @@ import pytest
 from depth_files import write_hdf5, write_npz, write_pngs
 from extraction_scenes import CAMERA, compose, room, shifted, standing
 from PIL import Image
+from programs import ROOT
 
 import kpopnet.programs.predict
 from kpopnet.camera import CAMERAS
@@ -133,6 +135,12 @@ def test_mistakes_are_one_line(predict, tmp_path):
     np.save(tmp_path / "wrong.npy", 1000 * np.ones((2, *room().shape), np.float32))
     assert "look like millimetres" in predict(tmp_path / "wrong.npy", *camera_words(), fails=True)
     assert not list((tmp_path / "out").glob("*"))
+
+
+def test_the_program_starts_without_training_and_simulation():
+    code = "import sys, kpopnet.programs.predict; print(sorted({'torch', 'hydra', 'omegaconf', 'mujoco', 'tensorboard'} & sys.modules.keys()))"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
 
 
 def test_the_files_camera_is_used(predict, tmp_path):

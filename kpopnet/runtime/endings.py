@@ -1,0 +1,135 @@
+"""How a program ends: a user's mistake, a full disk or an interrupt is one line, also while the program still imports."""
+
+import errno
+import functools
+import logging
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from types import FrameType
+from typing import ParamSpec, TypeVar
+
+from kpopnet.errors import InputError
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+HYDRA, OMEGACONF = "hydra.errors.HydraException", "omegaconf.errors.OmegaConfBaseException"
+"""What these libraries raise for a user's mistakes. By name: most programs import neither."""
+
+
+def begin_imports() -> None:
+    """Lets Ctrl-C end this process at once with exit code 130 and one line.
+
+    As an exception it would go through the initialisation of numpy, torch or numba, which make tracebacks of it or swallow it.
+    Nothing has been written that would have to be tidied up.
+    """
+    signal.signal(signal.SIGINT, _stop)
+
+
+def end_imports() -> None:
+    """Lets Ctrl-C raise KeyboardInterrupt again."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _stop(_number: int, _frame: FrameType | None) -> None:
+    os.write(2, b"stopped\n")
+    os._exit(130)
+
+
+def user_errors(function: Callable[P, R]) -> Callable[P, R]:
+    """Decorates a program: where a user's mistake would end it with a traceback, it ends with one line and exit code 1.
+
+    What is not a user's mistake keeps its traceback. Around `hydra.main` it catches unknown overrides and the like;
+    what the function inside raises must be caught inside, by this decorator again, before Hydra comments on it.
+    """
+
+    @functools.wraps(function)
+    def careful(*args: P.args, **kwargs: P.kwargs) -> R:
+        # Lets Hydra's own errors through to here; what it makes of them itself takes many lines.
+        os.environ["HYDRA_FULL_ERROR"] = "1"
+        logging.raiseExceptions = False  # where a log cannot be written, what matters cannot be either, and that is told
+        threading.excepthook = _thread_ended
+        try:
+            return function(*args, **kwargs)
+        except KeyboardInterrupt:
+            print("stopped", file=sys.stderr)
+            raise SystemExit(130) from None
+        except Exception as error:
+            if (message := _message(error)) is None:
+                raise
+            print(f"error: {message}", file=sys.stderr)
+            raise SystemExit(1) from None
+
+    return careful
+
+
+DISK_ERRORS = {
+    errno.ENOSPC: "the disk is full; make room and run the same command again",
+    errno.EDQUOT: "your quota of the disk is used up; make room and run the same command again",
+    errno.EFBIG: "the file is larger than a file may be here (ulimit -f); raise the limit and run the same command again",
+    errno.EROFS: "the disk is read-only; give another folder",
+    errno.EACCES: "permission denied; give another path, or change the permissions",
+    errno.EPERM: "permission denied; give another path, or change the permissions",
+    errno.ENOENT: "there is no such file or folder",
+    errno.ENOTDIR: "a part of this path is a file, expected a folder; give another path",
+    errno.EISDIR: "is a folder, expected a file; give another path",
+    errno.EEXIST: "is there already, and is no folder; give another path",
+    errno.ENAMETOOLONG: "the name is too long; most file systems allow 255 bytes a name and 4096 a path",
+    errno.ELOOP: "the links go round in a circle",
+    errno.EMFILE: "too many files are open (ulimit -n); raise the limit",
+    errno.EIO: "the disk reports an error (input/output error)",
+    errno.ESTALE: "the network file system has lost this file; run the same command again",
+}
+"""What the user can do about a file that cannot be read or written, by the error's number."""
+
+
+def is_of_the_disk(error: BaseException | None) -> bool:
+    """Whether an error comes from the file system or its limits, and not from a mistake in the program."""
+    return isinstance(error, OSError) and error.errno in DISK_ERRORS
+
+
+def _message(error: Exception) -> str | None:
+    """The line about a user's mistake, or what the user's disk or cluster did; None for other errors."""
+    if isinstance(error, InputError) or _is_a(error, HYDRA, OMEGACONF):  # first: some of Hydra's are OSErrors too
+        return one_line(error)
+    if isinstance(error, OSError) and is_of_the_disk(error):
+        return _of_the_disk(error)
+    if type(error).__module__.startswith("submitit."):
+        job = str(error).splitlines()[0]
+        return f"{job} did not finish; what is finished stays: run the same command again"
+    return None
+
+
+def _of_the_disk(error: OSError) -> str:
+    path = error.filename if error.filename is not None else "a file"
+    path = os.fsdecode(path) if isinstance(path, bytes) else str(path)
+    path = path if len(path) <= 300 else f"{path[:150]}...{path[-100:]}"
+    return f"{path}: {DISK_ERRORS[error.errno or errno.EIO]}"
+
+
+def _thread_ended(ended: threading.ExceptHookArgs) -> None:
+    """Threads that write, such as TensorBoard's, hand errors of the disk to the main thread, which tells them once."""
+    if not is_of_the_disk(ended.exc_value):
+        threading.__excepthook__(ended)
+
+
+def _is_a(error: Exception, *names: str) -> bool:
+    """Whether an error is of one of these classes, whose modules need not be imported to ask."""
+    return any(f"{kind.__module__}.{kind.__name__}" in names for kind in type(error).__mro__)
+
+
+def one_line(error: Exception) -> str:
+    """The message without OmegaConf's indented details and without the hint to override a closed schema with "+"."""
+    left_out = (" ", "To append to your config")
+    text = str(error)
+    if text.startswith("Caught InputError in DataLoader worker"):
+        # torch puts the worker's traceback into the message; its last line is ours.
+        return text.rpartition("InputError: ")[2].removesuffix("\\n")
+    lines = [line for line in text.splitlines() if line and not line.startswith(left_out)]
+    cause = error.__cause__
+    if _is_a(error, HYDRA) and isinstance(cause, Exception) and _is_a(cause, OMEGACONF):
+        lines.append(one_line(cause))
+    return " ".join(dict.fromkeys(lines))
