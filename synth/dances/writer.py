@@ -57,7 +57,7 @@ def _claim(config: KpopSimSet, folder: Path) -> dict:
         "name": benchmark.name,
         "about": (
             f"SIMULATED teachers, learners and labels; not the paper's K-Pop set, and no real person: seed {benchmark.seed}, "
-            f"split {benchmark.split}, configuration {config.hash}."
+            f"split {benchmark.split}, faults {benchmark.faults}, configuration {config.hash}."
         ),
         "seed": benchmark.seed,
         "split": benchmark.split,
