@@ -111,7 +111,8 @@ def person_view(
     points += [camera.project(joints)[:, :2] for joints in joints_camera_m]
     uv = np.concatenate(points)
     uv = uv[np.isfinite(uv).all(axis=1)]
-    inside = (np.abs(uv - [camera.cx, camera.cy]) < [camera.width, camera.height]).all(axis=1)
+    size = np.array([camera.width, camera.height])
+    inside = (np.abs(uv - (size - 1) / 2) < size).all(axis=1)  # a cropped camera's principal point may lie far outside
     uv = uv[inside] if inside.any() else np.array([[0, 0], [camera.width - 1, camera.height - 1]], float)
     low, high = uv.min(axis=0), uv.max(axis=0)
     side = max(8, int(np.ceil((high - low).max() * (1 + 2 * margin))))
