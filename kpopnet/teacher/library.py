@@ -217,8 +217,8 @@ def preview_cm(dance: TaughtDance) -> list[list[int]]:
 
 
 SPEEDS_M_S = (0.73, 0.82, 0.88, 1.01)
-"""Bounds between the five difficulties, a fifth of the composed dances each: mean speed of hands and feet relative to the torso,
-metres per second."""
+"""Bounds between the five difficulties, a fifth of the composed dances each: mean speed of hands and feet relative to the
+torso, metres per second."""
 
 
 def difficulty(joints_m: np.ndarray, fps: float) -> int:

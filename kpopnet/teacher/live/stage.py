@@ -38,6 +38,10 @@ KERNELS = 60
 """About how many kernels are compiled where nothing is cached: for the progress bar."""
 
 WORDS_EVERY_S = 0.25
+BRIDGE_FPS, MAX_BRIDGE_S = 15.0, 0.5
+"""A slow machine drops images. Between images less than MAX_BRIDGE_S seconds of the dance apart joints are interpolated at
+BRIDGE_FPS; longer gaps stay gaps."""
+
 FRAME_PATIENCE_S = 0.2
 NOBODY_PATIENCE_S = 20.0
 """Without anybody in view the lesson is ready all the same after so many seconds: the page says that nobody is there."""
@@ -95,7 +99,7 @@ class Stage:
     def _hold(self, lesson: Lesson, dance: TaughtDance) -> None:
         self._tell("preparing", {"fraction": 0.0, "text": "opening the camera"})
         clock = DanceClock(lesson.from_s, lesson.speed)
-        running = _RunningLesson(lesson, dance, noise_of(self._estimator))
+        running = RunningLesson(lesson, dance, noise_of(self._estimator))
         images = NewestImage(camera := self._settings.opener(lesson, dance, clock))
         self._estimator.reset()
         try:
@@ -107,7 +111,7 @@ class Stage:
         finally:
             images.close()
 
-    def _obey(self, running: "_RunningLesson", clock: DanceClock) -> bool:
+    def _obey(self, running: "RunningLesson", clock: DanceClock) -> bool:
         """Follows the server's messages; False where the lesson ends."""
         while self._connection.poll():
             message = self._connection.recv()
@@ -118,7 +122,7 @@ class Stage:
                 return False
         return True
 
-    def _warm(self, running: "_RunningLesson", images: NewestImage, camera: Camera) -> None:
+    def _warm(self, running: "RunningLesson", images: NewestImage, camera: Camera) -> None:
         """Compiles everything that the lesson needs, with progress, until poses come in real time."""
         running.rehearse()
         steady, began = 0, time.monotonic()
@@ -135,7 +139,7 @@ class Stage:
             text = "preparing the scorer for this machine, once" if self._compilation.kernels else "looking for you"
             self._tell("preparing", {"fraction": fraction, "text": text})
 
-    def _step(self, running: "_RunningLesson", images: NewestImage, camera: Camera, clock: DanceClock) -> None:
+    def _step(self, running: "RunningLesson", images: NewestImage, camera: Camera, clock: DanceClock) -> None:
         """One image: pose, score, and what the page shows of it."""
         image = images.fetch(FRAME_PATIENCE_S)
         if image is not None:
@@ -155,7 +159,7 @@ class Stage:
             raise InputError(images.error or "the recording of depth has ended")
 
 
-class _RunningLesson:
+class RunningLesson:
     """The score of one lesson, try after try."""
 
     def __init__(self, lesson: Lesson, dance: TaughtDance, noise: str) -> None:
@@ -193,14 +197,27 @@ class _RunningLesson:
         time_s = clock.dance_s(image.taken)
         if not clock.running or joints_m is None or confidence is None or time_s < self.begin_s:
             return
-        if self._recording.times_s and time_s <= self._recording.times_s[-1]:
+        if self._recording.times_s and time_s <= self._recording.times_s[-1] + self._config.latency_s:
             return
+        confidence = np.clip(confidence, 0, 1)
+        for between_s, between_m in self._bridge(time_s, joints_m):
+            self._scorer.update(between_m, between_s, confidence)
         self._recording.add(time_s - self._config.latency_s, joints_m, confidence)
-        self._latest = self._scorer.update(joints_m, time_s, np.clip(confidence, 0, 1))
+        self._latest = self._scorer.update(joints_m, time_s, confidence)
         if self._latest is not None and time_s - self._told_at >= WORDS_EVERY_S * self.lesson.speed:
             self._told_at = time_s
             so_far = self._scorer.score_so_far()
             self._words = "" if so_far is None else latest_words(so_far)
+
+    def _bridge(self, time_s: float, joints_m: np.ndarray) -> list[tuple[float, np.ndarray]]:
+        """Times and joints on straight lines from the last image's to these, where some images were dropped in between."""
+        if not self._recording.times_s:
+            return []
+        before_s, before_m = self._recording.times_s[-1] + self._config.latency_s, self._recording.joints_m[-1]
+        gap_s = time_s - before_s
+        steps = round(gap_s * BRIDGE_FPS) if gap_s < MAX_BRIDGE_S else 1
+        shares = [step / steps for step in range(1, steps)]
+        return [(before_s + share * gap_s, before_m + share * (joints_m - before_m)) for share in shares]
 
     def shown(
         self, clock: DanceClock, image: Image, joints_m: np.ndarray | None, confidence: np.ndarray | None, camera: Camera

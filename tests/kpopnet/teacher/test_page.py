@@ -64,7 +64,8 @@ def browser():
     driver = webdriver.Chrome(options=options, service=Service(DRIVER))
     resize(driver, WIDE)
     yield driver
-    complaints = [line["message"] for line in driver.get_log("browser") if line["level"] == "SEVERE"]
+    severe = [line["message"] for line in driver.get_log("browser") if line["level"] == "SEVERE"]
+    complaints = [message for message in severe if "/api/dances/none " not in message]  # a test asks for it
     with contextlib.suppress(Exception):
         driver.quit()
     assert complaints == []
@@ -99,7 +100,7 @@ def overflow_px(driver) -> int:
     return driver.execute_script("return document.documentElement.scrollWidth - document.documentElement.clientWidth")
 
 
-def test_a_dance_from_the_menu_to_practice(browser, address):
+def test_a_dance_from_the_menu_to_practice(address, browser):
     browser.get(address)
     find(browser, "[data-dance=dance_001]")
     assert len(browser.find_elements(By.CSS_SELECTOR, ".card")) == 2
@@ -133,7 +134,7 @@ def test_a_dance_from_the_menu_to_practice(browser, address):
     assert find(browser, "#start").text == "Start" and find(browser, "#error").text == ""
 
 
-def test_narrow_screens_and_two_tabs(browser, address):
+def test_narrow_screens_and_two_tabs(address, browser):
     resize(browser, NARROW)
     browser.get(address)
     find(browser, ".card")
