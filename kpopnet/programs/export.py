@@ -14,7 +14,7 @@ from pathlib import Path
 
 from kpopnet.networks.checkpoint import load_network
 from kpopnet.networks.onnx.export import export_network
-from kpopnet.runtime.hydra_app import user_errors
+from kpopnet.runtime.endings import user_errors
 from kpopnet.weights import shipped_network
 
 

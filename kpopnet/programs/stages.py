@@ -15,7 +15,7 @@ from tqdm import tqdm
 from kpopnet.camera import CAMERAS, sequence_in_metres
 from kpopnet.errors import InputError
 from kpopnet.extraction import extract_person
-from kpopnet.runtime.hydra_app import user_errors
+from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.input_files import ArraySchema, check_budget, open_npy
 from kpopnet.tracker.stages_figure import draw_stages
 from kpopnet.tracker.tracker import Tracker
