@@ -113,9 +113,9 @@ def remarks(run: DanceRun) -> list[str]:
     if manifest.origin is Origin.SIMULATED:
         lines.append(
             "Learners and labels are simulated with a model of skill or of faults. The results compare scorers and estimators "
-            "with each other; they do not predict the agreement with experts on real dancers. The difficulty of the set was chosen "
-            "such that the feature of [17] on true joints puts about 86 of 100 other dances in the right order, as in the "
-            "paper. Earlier looks at dances of other seeds: docs/ledger.md."
+            "with each other; they do not predict the agreement with experts on real dancers. The difficulty of the set was "
+            "chosen such that the feature of [17] on true joints puts about 86 of 100 other dances in the right order, as in "
+            "the paper. Earlier looks at dances of other seeds: docs/ledger.md."
         )
     lines += run.assumptions
     if len(run.evaluated) < (manifest.dances or len(run.dances)):
