@@ -38,7 +38,7 @@ export async function result(main, identity, name) {
   const view = new View(canvas);
   view.add(body, "teacher", -0.7).movement = movementOf(dance);
   view.add(body, "learner", 0.7).movement = movementOf(movement);
-  view.back(4.4);
+  view.back(canvas.clientWidth < 1.3 * canvas.clientHeight ? 5.8 : 4.4);
   requestAnimationFrame(animate);
   return () => {
     state.closed = true;
