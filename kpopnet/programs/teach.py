@@ -31,7 +31,7 @@ from kpopnet.sources.source import DepthSource, TimedDepth
 from kpopnet.teacher.adding import add_dance
 from kpopnet.teacher.library import About, Library, TaughtDance, TeacherBody, difficulty
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
-from kpopnet.teacher.live.watching import LiveCamera
+from kpopnet.teacher.live.watching import LiveCamera, load_estimator
 
 FOLDER = Path("outputs/teach")
 PORT = 8471
@@ -145,7 +145,7 @@ def serve(given: argparse.Namespace, library: Library) -> None:
 
     from kpopnet.teacher.live.stage import Settings
     from kpopnet.teacher.safety import LOOPBACK_NAMES, is_loopback
-    from kpopnet.teacher.server import Offer, Teaching, make_app
+    from kpopnet.teacher.server import CREW, Offer, Teaching, make_app
     from kpopnet.teacher.sessions import Sessions
     from synth.dances.live import FAULTS, SKILLS
 
@@ -153,8 +153,10 @@ def serve(given: argparse.Namespace, library: Library) -> None:
     recording = None
     if given.depth is not None:
         recording = RecordingGiven(given.depth, given.camera, given.fov, given.fps)
-        recording.open()  # a mistake is told now, not in the page
+        recording.open()  # a mistake is told now, not in the page, as is the next
         sources = {"recording": f"the recording {Path(given.depth).name}"} | sources
+    if given.checkpoint is not None:
+        load_estimator(given.checkpoint)
     settings = Settings(partial(open_source, recording), given.checkpoint)
     offer = Offer(sources, SKILLS, FAULTS)
     teaching = Teaching(library, Sessions(given.data / "tries"), settings, offer, partial(add_dance, library))
@@ -164,6 +166,7 @@ def serve(given: argparse.Namespace, library: Library) -> None:
     shown_host = f"[{shown_host}]" if ":" in shown_host else shown_host
 
     async def announce(app: web.Application) -> None:
+        app[CREW].keep_ready()
         address = f"http://{shown_host}:{given.port}/" + (f"?token={token}" if token else "")
         print(f"dance at {address}   (Ctrl+C ends)", flush=True)
         if not given.no_browser:

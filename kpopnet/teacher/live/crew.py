@@ -104,6 +104,10 @@ class Crew:
         self._idle: list[Member] = []
         self._busy: set[Member] = set()
 
+    def keep_ready(self) -> None:
+        """Starts a stage, so that the first lesson need not wait for it."""
+        self._idle.append(Member(self._settings))
+
     def borrow(self) -> Member:
         """A stage, warm if there is one.
 

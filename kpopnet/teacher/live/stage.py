@@ -42,6 +42,9 @@ BRIDGE_FPS, MAX_BRIDGE_S = 15.0, 0.5
 """A slow machine drops images. Between images less than MAX_BRIDGE_S seconds of the dance apart joints are interpolated at
 BRIDGE_FPS; longer gaps stay gaps."""
 
+PRAISED_FROM = 90.0
+"""A window with at least this score is praised: what differs in it may be the estimator's errors."""
+
 FRAME_PATIENCE_S = 0.2
 NOBODY_PATIENCE_S = 20.0
 """Without anybody in view the lesson is ready all the same after so many seconds: the page says that nobody is there."""
@@ -232,7 +235,7 @@ class RunningLesson:
             "time_s": _short(clock.dance_s(image.taken)) if running else None,
             "joints": points,
             "guidance": where_to_stand(joints_m, confidence, camera),
-            "words": self._words if running else "",
+            "words": self._words if running and latest and not latest.similarity >= PRAISED_FROM else "",
             "total": _short(latest.similarity) if latest and running else None,
             "so_far": _short(latest.so_far) if latest and running else None,
             "delay_s": _short(latest.delay_s) if latest and running else None,

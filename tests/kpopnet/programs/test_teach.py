@@ -45,6 +45,7 @@ def test_a_dance_of_ones_own_is_added(run, tmp_path, capsys):
         (("add", "missing.pkl"), "pickle"),
         (("add", "missing.bvh", "--bpm", "1e9"), "20 to 400"),
         (("--depth", "missing.npz", "--no-browser"), "missing.npz: no such file"),
+        (("--checkpoint", "missing", "--no-browser"), "missing"),
     ],
 )
 def test_a_mistake_is_one_line(run, capsys, words, told):
