@@ -39,8 +39,8 @@ def test_a_training_crop_is_the_crop_that_inference_makes_of_the_same_depth(tmp_
     depth_m = np.stack(occluded or whole)
 
     seen = []
-    predict = estimator._predict
-    monkeypatch.setattr(estimator, "_predict", lambda crops: seen.extend(crops) or predict(crops))
+    predict = estimator.backend
+    monkeypatch.setattr(estimator, "backend", lambda crops: seen.extend(crops) or predict(crops))
     estimator.estimate(depth_m, CAMERA)
     np.testing.assert_array_equal(trained_on, np.stack(seen))
     assert trained_on[:, 1].max() > 0.5
