@@ -23,6 +23,7 @@ COUNTS = 8
 """Counts of a phrase."""
 
 QUAT_SCALE = 32767
+MAX_PLACE_M = 1000.0
 PREVIEW_FPS, PREVIEW_S = 10, 4.0
 LEVELS = 5
 
@@ -57,6 +58,11 @@ class TeacherBody:
         """Number of a bone."""
         return self.bone_names.tolist().index(name)
 
+
+_LIMBS = ("Arm", "ForeArm", "Hand", "UpLeg", "Leg", "Foot", "ToeBase")
+_TRUNK = ("Hips", "LowerBack", "Spine", "Spine1", "Neck", "Neck1", "Head")
+BONES = (*_TRUNK, *(f"{side}{bone}" for side in ("Left", "Right") for bone in _LIMBS))
+"""Bones that a body needs to be posed."""
 
 _BODY_SCHEMAS = {
     "bone_names": ArraySchema("U", ("B",)),
@@ -171,7 +177,9 @@ class Library:
         """
         path = self.path(identity)
         stored = read_npz(path, _DANCE_SCHEMAS)
-        expect(bool(np.isfinite(stored["hips_m"]).all()), f"{path}: hips_m", "finite numbers")
+        expect(bool(len(stored["hips_m"])), str(path), "at least one frame")
+        expect(bool((np.abs(stored["hips_m"]) < MAX_PLACE_M).all()), f"{path}: hips_m", "finite numbers of metres")
+        expect(not (np.abs(stored["joints_m"]) >= MAX_PLACE_M).any(), f"{path}: joints_m", "metres, or NaN")
         expect(1 <= float(stored["fps"]) <= 1000, f"{path}: fps", "1 to 1000 frames per second")
         quats = stored["quats"].astype(np.float32) / QUAT_SCALE
         about = _about(stored["about"], path)
@@ -183,7 +191,19 @@ class Library:
         Raises:
             InputError: it is missing or damaged.
         """
-        return TeacherBody(**read_npz(self.folder / BODY, _BODY_SCHEMAS))
+        path = self.folder / BODY
+        body = TeacherBody(**read_npz(path, _BODY_SCHEMAS))
+        bones, parents = len(body.bone_names), body.bone_parents.astype(int)
+        names = body.bone_names.tolist()
+        expect(set(BONES) <= set(names), str(path), f"bones named {', '.join(BONES)}")
+        tree = bones and parents[0] == -1 and ((parents[1:] >= 0) & (parents[1:] < np.arange(1, bones))).all()
+        expect(bool(tree), f"{path}: bone_parents", "-1 for the first bone, and an earlier bone for all others")
+        inside = (body.weight_bones < bones).all() and (body.weight_bones >= 0).all() and (body.faces >= 0).all()
+        expect(bool(inside and (body.faces < len(body.vertices_m)).all()), str(path), "bones and vertices that it has")
+        for name in ("heads_m", "t_pose", "joints_m", "vertices_m", "weights"):
+            values = getattr(body, name)
+            expect(bool((np.abs(values) < 100).all()), f"{path}: {name}", "finite numbers of a body in metres")
+        return body
 
     def write_body(self, body: TeacherBody) -> None:
         self.folder.mkdir(parents=True, exist_ok=True)

@@ -77,11 +77,19 @@ class Sessions:
 
 
 def as_csv(result: dict) -> str:
-    """The course of a try as comma-separated values: a line for each window of the score."""
-    course = result.get("course") or {"time_s": [], "parts": {}}
-    columns = {name: values for name, values in course.items() if name != "parts"} | course["parts"]
+    """The course of a try as comma-separated values: a line for each window of the score.
+
+    Raises:
+        InputError: the result holds no course.
+    """
+    try:
+        course = result["course"]
+        columns = {name: values for name, values in course.items() if name != "parts"} | course["parts"]
+        rows = list(zip(*columns.values(), strict=True))
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        raise InputError("this try holds no course of its score; it is damaged") from error
     text = io.StringIO(newline="")
     lines = csv.writer(text)
-    lines.writerow([name.replace(" ", "_") for name in columns])
-    lines.writerows(zip(*columns.values(), strict=True))
+    lines.writerow([str(name).replace(" ", "_") for name in columns])
+    lines.writerows(rows)
     return text.getvalue()

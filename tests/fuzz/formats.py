@@ -46,6 +46,10 @@ from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.networks.network import build_network
 from kpopnet.programs.stages import stages_of
 from kpopnet.sources import open_depth
+from kpopnet.teacher.bvh import as_bvh
+from kpopnet.teacher.library import BONES as TEACHER_BONES
+from kpopnet.teacher.library import About, Library, TaughtDance, TeacherBody, preview_cm
+from kpopnet.teacher.posing import posed
 from synth.motion import MotionConfig, build_motion
 from synth.motion.choreography.composer import dance
 from synth.motion.skeleton import REST_OFFSETS_M
@@ -294,6 +298,29 @@ def read_dance(folder: Path) -> None:
         read_performance(path)
 
 
+def make_taught(folder: Path) -> None:
+    library, bones = Library(folder), len(TEACHER_BONES)
+    identity = np.tile(np.eye(3, dtype=np.float32), (bones, 1, 1))
+    heads_m = np.arange(bones, dtype=np.float32)[:, None] * np.float32([0.1, 0, 0.1])
+    body = TeacherBody(
+        np.array(TEACHER_BONES), np.arange(bones) - 1, heads_m, identity, joints(1)[0], heads_m, np.arange(3)[None],
+        np.zeros((bones, 4), np.uint8), np.full((bones, 4), 0.25, np.float32),
+    )  # fmt: skip
+    library.write_body(body)
+    quats, hips_m = posed(joints(5), body)
+    library.write("mama", TaughtDance(About("Mama", 0.2, 120.0, 3), 30.0, joints(5), quats, hips_m))
+
+
+def read_taught(folder: Path) -> None:
+    library = Library(folder)
+    body = library.body()
+    for identity in library.identities():
+        library.about(identity)
+        dance = library.dance(identity)
+        preview_cm(dance)
+        as_bvh(body, *posed(dance.joints_m, body), dance.fps)
+
+
 def read_depth(folder: Path) -> None:
     files = sorted(folder.iterdir())
     for path in [folder] if files[0].suffix in (".png", ".tif") else files:
@@ -368,6 +395,8 @@ FORMATS = {
     "depth_npz": Format(lambda folder: write_npz(folder / "a.npz", depth_mm(3), fps=25.0), ("*.npz",), read_depth),
     "depth_hdf5": Format(lambda folder: write_hdf5(folder / "a.h5", depth_mm(3)), ("*.h5",), read_depth),
     "depth_video": Format(lambda folder: write_video(folder / "a.mkv", depth_mm(3)), ("*.mkv",), read_depth),
+    "taught_dance": Format(make_taught, ("dances/mama.npz",), read_taught),
+    "teacher_body": Format(make_taught, ("body.npz",), read_taught),
     "human_model": Format(
         lambda folder: HumanModel.from_joints(joints(1)[0]).save(folder / "model.json"),
         ("*.json",),
