@@ -22,7 +22,7 @@ from selenium.webdriver.support.ui import WebDriverWait  # noqa: E402
 from kpopnet.teacher.safety import LOOPBACK_NAMES  # noqa: E402
 from kpopnet.teacher.server import make_app  # noqa: E402
 
-PATIENCE_S = 180
+PATIENCE_S = 300
 WIDE, NARROW = (1280, 900), (400, 860)
 
 

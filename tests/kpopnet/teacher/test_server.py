@@ -19,7 +19,8 @@ from kpopnet.teacher.live.verdict import Recording  # noqa: E402
 from kpopnet.teacher.safety import LOOPBACK_NAMES, is_loopback  # noqa: E402
 from kpopnet.teacher.server import MAX_MESSAGE_BYTES, MAX_UPLOAD_BYTES, make_app  # noqa: E402
 
-PATIENCE_S = 180
+PATIENCE_S = 480
+"""Where nothing is cached yet, kernels are compiled first, beside other tests."""
 
 
 def with_client(teaching, work, token=None):
