@@ -93,7 +93,8 @@ class Camera:
         given = np.asarray(matrix, dtype=np.float64)
         if given.shape != (3, 3) or not np.allclose(given[[0, 1, 2, 2, 2], [1, 0, 0, 1, 2]], [0, 0, 0, 0, 1]):
             raise InputError(f"camera matrix {given.tolist()!s:.120}: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels")
-        return cls(*(float(given[place]) for place in ((0, 0), (1, 1), (0, 2), (1, 2))), width, height)
+        fx, fy, cx, cy = given[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
+        return cls(fx, fy, cx, cy, width, height)
 
     def project(self, points_camera_m: np.ndarray) -> np.ndarray:
         """Projects (..., 3) points in metres to (..., 3) u, v in pixels and z in metres. Points with z = 0 give inf or NaN."""

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 from kpopnet.dance.dtw import STEPS
 from kpopnet.dance.features import feature_names
@@ -121,7 +122,7 @@ class ScorerConfig:
         return max(round(self.band_s * self.fps), 1)
 
 
-_AS_PRINTED = {
+_AS_PRINTED: dict[str, Any] = {
     "heading": False, "distance": "whole", "above_standing": False, "outlier_rad": math.inf, "subframe": False,
     "noise": "none", "full_timing": False, "alpha": 0.3, "beta": 1.8, "tau": 0.6,
 }  # fmt: skip

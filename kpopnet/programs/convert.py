@@ -26,7 +26,7 @@ import argparse
 from pathlib import Path
 
 from kpopnet.datasets.dances.converters import convert_imperial, convert_recordings
-from kpopnet.runtime.hydra_app import user_errors
+from kpopnet.runtime.endings import user_errors
 
 
 @user_errors

@@ -25,8 +25,8 @@ from kpopnet.errors import InputError
 from kpopnet.evaluation.dances.score_page import score_json, score_page, score_text
 from kpopnet.evaluation.document import printable, writable
 from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
-from kpopnet.runtime.hydra_app import user_errors
 from kpopnet.skeleton import Joint
 
 

@@ -23,8 +23,8 @@ from tqdm import tqdm
 
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
+from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
-from kpopnet.runtime.hydra_app import user_errors
 from kpopnet.sources import open_depth
 from kpopnet.sources.camera_files import read_camera
 from kpopnet.sources.source import DepthSource, TimedDepth

@@ -109,7 +109,7 @@ def _near(played: Played, view: View, room: Room) -> Take:
 
 
 def motion_of(quats: np.ndarray, hips_m: np.ndarray, fps: float) -> Motion:
-    """The motion of which `synth.samples.sampler.body_rotations` makes these rotations: (T, B, 4), and (T, 3) hips in metres."""
+    """The motion of which `synth.samples.sampler.body_rotations` makes these (T, B, 4) rotations; (T, 3) hips in metres."""
     bones = [load_body().bone(name) for name in MOTION_BONES]
     # From z up, -y in front to y up, z in front: (x, y, z) -> (x, z, -y).
     turned = quats[:, bones][..., (0, 1, 3, 2)] * (1, 1, 1, -1)

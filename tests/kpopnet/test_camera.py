@@ -52,6 +52,6 @@ def test_a_field_of_view_spans_the_image_from_edge_to_edge():
 def test_a_matrix_of_intrinsics_is_read_and_a_foreign_one_refused():
     matrix = np.array([[500, 0, 320], [0, 510, 240], [0, 0, 1.0]])
     assert Camera.from_intrinsics(matrix, 640, 480) == Camera(500, 510, 320, 240, 640, 480)
-    for wrong in (matrix.T, matrix[:2], matrix + [[0, 5, 0], [0, 0, 0], [0, 0, 0]], matrix * 2):
+    for wrong in (matrix.T, matrix[:2], matrix + np.array([[0, 5, 0], [0, 0, 0], [0, 0, 0]]), matrix * 2):
         with pytest.raises(InputError, match="camera matrix"):
             Camera.from_intrinsics(wrong, 640, 480)

@@ -40,7 +40,7 @@ def measure() -> dict[str, tuple[float, str, str]]:
         figures["network.path_fps" if mode == "realtime" else "network.path_fps_best"] = (
             1000 / float(np.median(settled_ms)),
             "frames/core-second",
-            f"median, {1000 / np.percentile(settled_ms, 95):.0f} at the 95th percentile; raw depth of a room to joints, mode {mode}",
+            f"median, {1000 / np.percentile(settled_ms, 95):.0f} at the 95th percentile; raw depth to joints, mode {mode}",
         )
     cv2.setNumThreads(threads[0])
     torch.set_num_threads(threads[1])
