@@ -130,7 +130,7 @@ _AS_PRINTED: dict[str, Any] = {
 SCORERS = {
     "dance22": ScorerConfig(),
     "raptis": ScorerConfig(feature="raptis", **_AS_PRINTED),
-    "dance22_plain": ScorerConfig(**(_AS_PRINTED | {"heading": True})),
+    "dance22_plain": ScorerConfig(**{**_AS_PRINTED, "heading": True}),
     "raptis_parts": ScorerConfig(feature="raptis", heading=False, noise="none"),
     "paper": ScorerConfig(**_AS_PRINTED, steps="free", context_delay_penalty=0.0, window_delay_penalty=0.0, hop_s=2.0),
 }
