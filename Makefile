@@ -1,4 +1,4 @@
-# make demo    install, then generate, train and evaluate a small network: outputs/demo
+# make demo    install, try the network of the package, then generate, train and evaluate a small one: outputs/demo
 # make teach   install, then open the dance teacher in the browser
 # make test    install, then run the tests
 # make speed   install, then measure speeds: outputs/speed.json
@@ -25,8 +25,10 @@ $(READY): pyproject.toml constraints.txt
 	touch $@
 
 demo: $(READY)
-	$(BIN)/python -m synth preset=demo
 	rm -rf $(DEMO)
+	$(BIN)/python -m synth benchmark=eval_sim benchmark.sequences=1 out=data/demo/eval_sim
+	$(BIN)/python evaluate.py benchmark=eval_sim benchmark.path=data/demo/eval_sim 'estimator=[best]' hydra.run.dir=$(DEMO)/shipped
+	$(BIN)/python -m synth preset=demo
 	$(BIN)/python train.py data.train=data/demo/train data.validation=data/demo/validation \
 		training=demo model.crop_px=64 hydra.run.dir=$(DEMO)/training
 	$(BIN)/python evaluate.py checkpoint=$(DEMO)/training/best benchmark.path=data/demo/test hydra.run.dir=$(DEMO)

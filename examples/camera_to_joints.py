@@ -1,56 +1,42 @@
-"""From your own depth camera to 3D joints: a recording in, joints and an overlay of skeletons out.
+"""From a depth camera to 3D joints, image by image, in a program of your own; `kpopnet predict` does it for recordings.
 
-    python examples/camera_to_joints.py recording.npy joints.npz --focal 365 --overlay overlay.png
-    python examples/camera_to_joints.py recording.npy joints.npz --focal 365 --checkpoint outputs/train/RUN/best
+    python examples/camera_to_joints.py recording.npy --fov 58.6
+    python examples/camera_to_joints.py recording.npy --fov 58.6 --people 2 --checkpoint outputs/train/RUN/best
 
-recording.npy holds (T, H, W) depth of a camera that does not move: uint16 millimetres or float metres, 0 where nothing was
-measured. Without a checkpoint the tracker starts with a person who stands upright in view.
+recording.npy stands for the camera here: (T, H, W) depth of a camera that does not move, uint16 millimetres or float metres, 0
+where nothing was measured. Prints where each person's hands are.
 """
 
 import argparse
 from pathlib import Path
 
-import numpy as np
-
-from kpopnet.camera import Camera, sequence_in_metres
-from kpopnet.extraction import extract_person
+from kpopnet.camera import Camera
+from kpopnet.pose import PoseEstimator
 from kpopnet.runtime.input_files import ArraySchema, open_npy
-from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
-from kpopnet.viz.drawing import ESTIMATED, person_tile, save_png, sheet
+from kpopnet.skeleton import Joint
 
-FRAMES_IN_OVERLAY = 8
+SURE = 0.5
+"""Joints are used whose error is probably below 10 cm."""
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("recording", type=Path, help="(T, H, W) depth, a file of numpy.save")
-    parser.add_argument("joints", type=Path, help="the .npz to write: joints_m (T, 15, 3), confidence (T, 15)")
-    parser.add_argument(
-        "--focal", type=float, required=True, help="focal length in pixels; the centre is assumed in the middle"
-    )
-    parser.add_argument("--checkpoint", help="folder of a trained network, used instead of the tracker")
-    parser.add_argument("--overlay", type=Path, help="a PNG to write: skeletons over the depth of some frames")
+    parser.add_argument("--fov", type=float, required=True, help="the camera's horizontal field of view in degrees")
+    parser.add_argument("--people", type=int, default=1, help="largest number of people to follow")
+    parser.add_argument("--checkpoint", help="folder of a network of your own, used instead of the one that comes along")
     given = parser.parse_args()
 
-    depth = open_npy(given.recording, ArraySchema("uf", (None, None, None)))
-    camera = Camera.centred(given.focal, depth.shape[2], depth.shape[1])
-    person_m = extract_person(sequence_in_metres(depth, camera), camera)
-    if given.checkpoint:
-        from kpopnet.networks.estimator import NetworkEstimator  # torch takes seconds to import
-
-        estimator = NetworkEstimator(given.checkpoint)
-    else:
-        estimator = TrackerEstimator(TrackerEstimatorConfig(start="standing"))
-    joints_m, confidence = estimator.estimate(person_m, camera)
-    np.savez_compressed(given.joints, joints_m=joints_m, confidence=confidence)
-
-    found = np.flatnonzero(np.isfinite(joints_m).all(axis=(1, 2)))
-    print(f"{len(found)} of {len(depth)} frames have all joints, mean confidence {confidence.mean():.2f}: {given.joints}")
-    if given.overlay and len(found):
-        chosen = found[np.linspace(0, len(found) - 1, FRAMES_IN_OVERLAY).astype(int)]
-        tiles = [person_tile(person_m[k], camera, ((joints_m[k], ESTIMATED),), 240, (f"frame {k}",)) for k in chosen]
-        save_png(given.overlay, sheet([("", tiles[:4]), ("", tiles[4:])], (ESTIMATED,)))
-        print(f"look at {given.overlay}")
+    images = open_npy(given.recording, ArraySchema("uf", (None, None, None)))
+    camera = Camera.from_fov(given.fov, images.shape[2], images.shape[1])
+    estimator = PoseEstimator.load(given.checkpoint, people=given.people)
+    for number, image in enumerate(images):
+        for person in estimator.update(image, camera):
+            for joint in (Joint.RIGHT_HAND, Joint.LEFT_HAND):
+                if person.confidence[joint] > SURE:
+                    x, y, z = person.joints_camera_m[joint]
+                    name = joint.name.lower().replace("_", " ")
+                    print(f"image {number}: person {person.identity}, {name} at {x:.2f}, {y:.2f}, {z:.2f} m")
 
 
 if __name__ == "__main__":

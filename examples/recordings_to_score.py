@@ -2,8 +2,7 @@
 
     python examples/recordings_to_score.py teacher.npz learner.npz
 
-Each file is an .npz, .bvh, .csv or .json that docs/dance_scoring.md describes. `examples/camera_to_joints.py` writes one
-without times, which needs --fps.
+Each file is an .npz, .bvh, .csv or .json that docs/dance_scoring.md describes. `kpopnet predict` writes them from depth.
 """
 
 import argparse

@@ -2,7 +2,7 @@
 
     python tools/ship_weights.py outputs/train/RUN/best --set data/small/test
 
-Weights are stored in float16. The description loses what tells of the machine that trained. MODEL_CARD.md is written by hand.
+Filters are stored in float16, statistics and biases, which are few and may be large, in float32. The description loses what tells of the machine that trained. MODEL_CARD.md is written by hand.
 Prints the sizes, and how far float16 moves the joints in images of a frozen set. Run from the root of a checkout with
 `PYTHONPATH=.`.
 """
@@ -37,10 +37,7 @@ def ship(checkpoint: Path, folder: Path) -> None:
         InputError: no checkpoint; weights too large for float16; a description that names a path.
     """
     network, meta = load_network(checkpoint)
-    weights = {
-        name: (value.half() if value.is_floating_point() else value).contiguous()
-        for name, value in network.state_dict().items()
-    }
+    weights = {name: (value.half() if value.ndim > 1 else value).contiguous() for name, value in network.state_dict().items()}
     for name, value in weights.items():
         if value.is_floating_point() and not value.isfinite().all():
             raise InputError(f"{checkpoint}: {name} does not fit into float16")

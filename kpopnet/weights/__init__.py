@@ -1,6 +1,6 @@
 """The network that comes with the package, a checkpoint without training state: `NetworkEstimator()` loads it.
 
-    model.safetensors    its weights in float16, which are computed with in float32
+    model.safetensors    its filters in float16, the rest in float32; all is computed with in float32
     meta.json            its description, as in every checkpoint (kpopnet.networks.description)
     MODEL_CARD.md        how it was trained, how good it is, and where it fails
 
@@ -14,7 +14,10 @@ from kpopnet.errors import InputError
 
 FOLDER = Path(__file__).parent
 
-SHA256: dict[str, str] = {}
+SHA256: dict[str, str] = {
+    "model.safetensors": "e6607f5cbe70983e88f3e166ff5fd81a62bd4d4d22feb18f362d7bd555cf3e6d",
+    "meta.json": "4c8c29cc69a273f24f34de577351176b745c1f26fadc02047c3d6bd9bb738ad9",
+}
 """Of each file that is loaded, as tools/ship_weights.py wrote it; empty as long as there are none."""
 
 

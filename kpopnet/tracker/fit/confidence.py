@@ -19,11 +19,11 @@ from kpopnet.geometry.body import PARTS, ROW_TO_JOINT, Body
 from kpopnet.geometry.cones import HIDDEN_DEPTH_M, extend_joints, nearest_parts, part_segments
 from kpopnet.geometry.depth_grid import DepthGrid
 
-TRACKED_WEIGHTS = (-2.665, 3.204, 3.695)
-ALGORITHM_2_WEIGHTS = (-5.166, 1.801, 6.337)
+TRACKED_WEIGHTS = (-3.707, 3.470, 4.936)
+ALGORITHM_2_WEIGHTS = (-5.384, 1.797, 6.694)
 """Weights of `tracked_evidence`, for the body tracker and for Algorithm 2 alone."""
 
-REFINED_WEIGHTS = (1.221, 0.779, 2.593, -0.241)
+REFINED_WEIGHTS = (1.863, 0.943, 1.581, -0.202)
 """Weights of `refined_evidence`."""
 
 FULL_SUPPORT_POINTS = 4
