@@ -53,8 +53,9 @@ def test_without_a_checkpoint_the_estimator_takes_it(tmp_path, shipped):
 
 def test_weights_are_half_the_size_and_computed_with_in_float32(tmp_path, shipped):
     stored = load_file(shipped / "model.safetensors")
-    kinds = {value.dtype for value in stored.values()}
-    assert kinds == {torch.float16, torch.int64}
+    filters = {value.dtype for value in stored.values() if value.ndim > 1}
+    others = {value.dtype for value in stored.values() if value.ndim <= 1}
+    assert filters == {torch.float16} and others == {torch.float32, torch.int64}  # statistics may exceed float16
     network = NetworkEstimator().backend.network
     for name, value in network.state_dict().items():
         assert value.dtype == (torch.float32 if value.is_floating_point() else torch.int64)
