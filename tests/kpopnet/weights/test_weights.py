@@ -114,8 +114,8 @@ def test_what_this_checkout_ships_can_be_loaded():
 def test_what_cannot_be_shipped_is_refused(tmp_path, shipped):
     wide = build_network(MODEL, 1)
     with torch.no_grad():
-        wide.head.maps.bias[3] = 1e5
-    with pytest.raises(InputError, match=r"head\.maps\.bias does not fit into float16"):
+        wide.head.maps.weight[3] = 1e5
+    with pytest.raises(InputError, match=r"head\.maps\.weight does not fit into float16"):
         tool.ship(save(tmp_path / "wide", wide), shipped)
     with pytest.raises(InputError, match="looks like a path"):
         tool.ship(save(tmp_path / "path", metrics={"page": "/home/me/report.html"}), shipped)
