@@ -111,9 +111,7 @@ def test_the_programs_of_the_pages_import_what_exists_and_use_it(page: str, prog
 
 def test_the_pages_have_a_program_for_poses_and_one_for_scores() -> None:
     programs = "\n".join(program for _, program in fenced("python"))
-    assert all(
-        re.search(rf"\b{name}\b", programs) for name in ("NetworkEstimator", "extract_person", "score_dance", "OnlineScorer")
-    )
+    assert all(re.search(rf"\b{name}\b", programs) for name in ("PoseEstimator", "Camera", "score_dance", "OnlineScorer"))
 
 
 def test_a_dance_is_scored_as_the_page_says() -> None:
