@@ -2,7 +2,7 @@
 
     python tools/readme_figures.py --real /data/UTD-MHAD --simulated data/eval_sim --dances data/kpop_sim
 
-Estimates: the tracker without a network, on sequences at even distances in each set, the frame in the middle of each.
+Estimates: the network of the package (mode best), on sequences at even distances in each set, the frame in the middle of each.
 Score: the best and the worst learner of the first dance, on true joints.
 """
 
@@ -16,17 +16,17 @@ from matplotlib.figure import Figure
 from kpopnet.dance.scoring import SCORERS, score_dance
 from kpopnet.datasets.dances.dance_set import open_set
 from kpopnet.datasets.protocol import evenly_spaced
-from kpopnet.estimator import first_label
 from kpopnet.evaluation.registry import BENCHMARKS
 from kpopnet.extraction import extract_person
-from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
+from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.pose.person import PersonEstimator
 from kpopnet.viz.drawing import ESTIMATED, TRUE, person_tile, save_png, sheet
 
 TILES = 4
 FIGURES = Path(__file__).resolve().parents[1] / "docs" / "figures"
 
 
-def tiles(name: str, folder: Path, start: str) -> list[np.ndarray]:
+def tiles(name: str, folder: Path) -> list[np.ndarray]:
     """The middle frame of TILES sequences with true and estimated joints over the depth of the person."""
     settings, reader = BENCHMARKS[name]
     benchmark = reader(settings(path=str(folder)))
@@ -34,8 +34,7 @@ def tiles(name: str, folder: Path, start: str) -> list[np.ndarray]:
     for sequence in map(benchmark.read, evenly_spaced(benchmark.sequence_names(), TILES)):
         camera, truth_m = sequence.camera, sequence.joints_camera_m
         person_m = sequence.depth_m if sequence.is_segmented else extract_person(sequence.depth_m, camera)
-        label = {"start": first_label(truth_m)} if start == "label" else {}
-        joints_m, _ = TrackerEstimator(TrackerEstimatorConfig(start=start)).estimate(person_m, camera, **label)
+        joints_m, _ = PersonEstimator(NetworkEstimator(), "best").estimate(person_m, camera)
         middle = len(person_m) // 2
         skeletons = (truth_m[middle], TRUE), (joints_m[middle], ESTIMATED)
         found.append(person_tile(person_m[middle], camera, skeletons, 280, (f"{sequence.name}, frame {middle}",)))
@@ -44,10 +43,10 @@ def tiles(name: str, folder: Path, start: str) -> list[np.ndarray]:
 
 def estimates(real: Path, simulated: Path) -> np.ndarray:
     rows = [
-        ("REAL Kinect v1 depth (UTD-MHAD), true: Kinect SDK labels", tiles("utd_mhad", real, "label")),
-        ("SIMULATED depth (eval_sim), true: exact", tiles("eval_sim", simulated, "y_pose")),
+        ("REAL Kinect v1 depth (UTD-MHAD), true: Kinect SDK labels", tiles("utd_mhad", real)),
+        ("SIMULATED depth (eval_sim), true: exact", tiles("eval_sim", simulated)),
     ]
-    return sheet(rows, (TRUE, ESTIMATED), "Tracker without a network; frames in the middle of four sequences each")
+    return sheet(rows, (TRUE, ESTIMATED), "The network of the package; frames in the middle of four sequences each")
 
 
 def dance_score(folder: Path) -> Figure:

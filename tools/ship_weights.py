@@ -2,7 +2,8 @@
 
     python tools/ship_weights.py outputs/train/RUN/best --set data/small/test
 
-Filters are stored in float16, statistics and biases, which are few and may be large, in float32. The description loses what tells of the machine that trained. MODEL_CARD.md is written by hand.
+Filters are stored in float16, statistics and biases, which are few and may be large, in float32. The description
+loses what tells of the machine that trained. MODEL_CARD.md is written by hand.
 Prints the sizes, and how far float16 moves the joints in images of a frozen set. Run from the root of a checkout with
 `PYTHONPATH=.`.
 """
