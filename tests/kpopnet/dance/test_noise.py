@@ -65,7 +65,8 @@ def test_the_noise_of_the_table_is_tried_on_other_people():
 
 def test_noise_has_a_name():
     assert not angle_variance("none", NAMES).any()
-    assert angle_variance("tracker", NAMES).min() > 0
-    assert set(NOISE["tracker"].std_rad) == set(NAMES)
-    with pytest.raises(InputError, match=r"noise=odd is not one of auto, none, tracker"):
+    for name in ("realtime", "network", "fitted_network", "best", "tracker"):
+        assert angle_variance(name, NAMES).min() > 0
+        assert set(NOISE[name].std_rad) == set(NAMES)
+    with pytest.raises(InputError, match=r"noise=odd is not one of auto, none, .*tracker"):
         ScorerConfig(noise="odd")
