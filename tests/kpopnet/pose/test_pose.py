@@ -164,3 +164,17 @@ def test_smoothing_keeps_a_standing_person_and_follows_the_sure():
     unsure[10] = 0.05
     errors = [np.abs(smoothed(jump, one, 30) - still).max() for one in (sure, unsure)]
     assert errors[1] < errors[0] / 3
+
+
+def test_people_out_of_view_are_forgotten_before_they_fill_the_memory(monkeypatch):
+    camera, frames = CAMERAS["kinect_v1"], []
+    for t in range(6):
+        image = np.full((240, 320), 4.0, np.float32)
+        image[40:200, 100 + 3 * t : 140 + 3 * t] = 2.0
+        frames.append(image)
+    estimator = PoseEstimator(Blob())
+    for frame in frames:
+        people = estimator.update(frame, camera)
+    estimator._posers |= {1000 + number: PersonPoser(Blob(), MODES["realtime"]) for number in range(65)}
+    (still_there,) = estimator.update(frames[-1], camera)
+    assert set(estimator._posers) == {still_there.identity} == {people[0].identity}

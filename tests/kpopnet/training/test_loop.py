@@ -15,6 +15,7 @@ import torch
 from capsule_people import CapsulePeople
 from checkpoint_contents import contents, flatten
 from programs import ROOT
+from safetensors.torch import load_file
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from kpopnet.data.batches import AugmentConfig, CropBatches, ShuffledOrder, SmallCropsConfig
@@ -402,3 +403,17 @@ def test_a_batch_that_cannot_be_divided_evenly_is_refused(tmp_path, monkeypatch)
     monkeypatch.setattr(training, "join_processes", lambda _: ThreeProcesses())
     with pytest.raises(InputError, match=r"training\.batch_size=8 cannot be divided evenly among 3 processes"):
         run_short(tmp_path)
+
+
+def test_a_dense_network_goes_on_with_crops_of_another_size_and_a_holistic_one_refuses(tmp_path):
+    def begun(kind):
+        run_short(tmp_path / kind, replace(SHORT, steps=1), replace(MODEL, kind=kind))
+        config = replace(SHORT, start=str(tmp_path / kind / "best"))
+        return Run(config, replace(MODEL, kind=kind, crop_px=48), 0, Processes(torch.device("cpu")))
+
+    run = begun("dense")
+    saved = load_file(tmp_path / "dense" / "best" / "model.safetensors")
+    for name, weight in run.network.state_dict().items():
+        assert torch.equal(weight, saved[name])
+    with pytest.raises(InputError, match=r"another model; give it: model\.crop_px=32"):
+        begun("holistic")
