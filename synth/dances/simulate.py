@@ -2,8 +2,9 @@
 
 The teacher's motion is given as true joints, as from motion capture. Each learner is another person with a level from `best` to
 `worst`. A model of skill (`synth.dances.skill`), or with `benchmark.faults=mixed` a second, independent family of faults
-(`synth.dances.faults`), turns the teacher's motion into the learner's. Position and heading differ per
-learner, the room is empty, and the measured depth is segmented: only the person is kept. The labels are the levels.
+(`synth.dances.faults`), turns the teacher's motion into the learner's; with `benchmark.faults=ends` the learners are the ends
+of the scale (`synth.dances.ends`). Position and heading differ per learner, the room is empty, and the measured depth is
+segmented: only the person is kept. The labels are the levels.
 
 Learner k of dance d is a pure function of the configuration, d and k. No training set contains the benchmark's people and
 dances; `split=train` gives other dances by other people, for calibration.
@@ -22,6 +23,7 @@ from kpopnet.dance.joint_files.joint_sets import CAMERA_DISTANCE_M, CAMERA_HEIGH
 from kpopnet.datasets.dances.writer import PackedDepth
 from kpopnet.errors import InputError, check_range
 from synth.body.shape import BodyConfig, Person, draw_person, draw_unseen_person
+from synth.dances.ends import ENDS, end_motion
 from synth.dances.faults import draw_profile, with_faults
 from synth.dances.skill import LEVELS, Mistake, SkillConfig, draw_strengths, learn
 from synth.motion import SPLITS, build_motion
@@ -43,9 +45,9 @@ DANCES = 100
 SEED = 2018
 """Of the benchmark; nothing that was scored before it was fixed has this seed."""
 
-SPACING = {"skill": 0.5, "mixed": 0.4}
+SPACING = {"skill": 0.5, "mixed": 0.4, "ends": 0.0}
 """Spacing of the levels by the family of faults, see `synth.dances.skill.SkillConfig`: chosen on the split train alone with
-`python -m synth.dances.calibrate`."""
+`python -m synth.dances.calibrate`; the ends of the scale have none."""
 
 FPS = 30.0
 CAMERA = CAMERAS["kinect_2"]
@@ -72,7 +74,8 @@ class KpopSimConfig:
         dances: number of dances to make; they are the first ones of the whole set.
         split: test is the benchmark; train and validation contain other dances by other people, for calibration.
         faults: family of the learners' faults: skill for the model of skill; mixed for a second, independent family, in which
-            a better level has less of every fault (synth/dances/faults.py).
+            a better level has less of every fault (synth/dances/faults.py); ends for a perfect learner, another dance, random
+            waving and standing still, whose scores and not whose order mean something (synth/dances/ends.py).
     """
 
     name: str = "kpop_sim"
@@ -113,6 +116,11 @@ class KpopSimSet(SimulatedSet):
         if self.skill is None:
             object.__setattr__(self, "skill", SkillConfig(SPACING[self.benchmark.faults]))
 
+    @property
+    def levels(self) -> tuple[str, ...]:
+        """The names of the levels, the best first."""
+        return ENDS if self.benchmark.faults == "ends" else LEVELS
+
 
 def dance_name(index: int) -> str:
     """The name of a dance, which is also its folder's."""
@@ -127,7 +135,7 @@ class LearnerTake:
     """The plan of a learner's recording.
 
     Attributes:
-        level: index into `LEVELS`.
+        level: index into the levels of the family of faults, see `KpopSimSet.levels`.
         strengths: strength of each kind of error by its name.
         mistakes: the wrong moves of the model of skill.
         take: the motion on the learner's body, in a room.
@@ -237,6 +245,9 @@ class KpopSim:
     def skill(self, index: int, learner: int) -> tuple[int, dict[str, float], Motion, list[Mistake]]:
         """Level, strengths, motion and mistakes of a learner, without the body and the camera."""
         level, teacher = self.levels(index)[learner], self.teacher_motion(index)
+        if self.config.benchmark.faults == "ends":
+            end, rng = ENDS[level], self._rng("faults", index, learner)
+            return level, {}, end_motion(end, teacher, self.teacher_motion(index + DANCES), rng), []
         if self.config.benchmark.faults == "mixed":
             severity = self.config.skill.severity(level)
             severities = {name: severity * share for name, share in draw_profile(self._rng("profile", index)).items()}

@@ -18,7 +18,6 @@ from kpopnet.datasets.dances.writer import write_labels, write_learner, write_te
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.viz.drawing import TRUE, person_tile, save_png, sheet
 from synth.dances.simulate import CAMERA, FPS, LEARNERS, KpopSim, KpopSimSet, dance_name
-from synth.dances.skill import LEVELS
 from synth.resumable import Units, make_missing, remove_unfinished
 
 SHEET_DANCES, TILES, TILE_PX = 3, 8, 160
@@ -64,7 +63,7 @@ def _claim(config: KpopSimSet, folder: Path) -> dict:
         "hash": config.hash,
         "dances": count,
         "fps": FPS,
-        "levels": LEVELS,
+        "levels": config.levels,
         "config": json.loads(config.as_json()),
     }
     with atomic_path(path) as part:
@@ -90,7 +89,7 @@ def write_dance(config: KpopSimSet, folder: Path, index: int, on_frame: Callable
         planned = maker.take(index, learner)
         packed, joints_m = maker.record(index, learner, planned.take, on_frame)
         about = {
-            "level": LEVELS[planned.level],
+            "level": config.levels[planned.level],
             "strengths": planned.strengths,
             "mistakes": [dataclasses.asdict(mistake) for mistake in planned.mistakes],
         }
@@ -120,9 +119,9 @@ def contact_sheet(folder: Path) -> np.ndarray:
                 for frame in chosen
             ]
             about = learner.about
-            rows.append((f"{name}, learner {learner.name}: {about['level']}, {_in_words(about['strengths'])}", tiles))
+            rows.append((f"{name}, learner {learner.name}: {about['level']}{_in_words(about['strengths'])}", tiles))
     return sheet(rows, (TRUE,), f"{dances.manifest.about} Depth of the person alone, true joints")
 
 
 def _in_words(strengths: dict[str, float]) -> str:
-    return ", ".join(f"{name} {value:.2f}" for name, value in strengths.items())
+    return "".join(f", {name} {value:.2f}" for name, value in strengths.items())

@@ -1,0 +1,42 @@
+"""The ends of the scale: a learner who dances exactly as the teacher, and three who do not dance the dance at all.
+
+They tell what a score means, through a sensor and an estimator too; the order of those who do not dance means nothing.
+"""
+
+import numpy as np
+
+from synth.motion.posture import CHANNELS, STANDING, rotations
+from synth.motion.skeleton import Motion, height_above_floor
+from synth.motion.splice import at_times
+
+ENDS = ("perfect", "another dance", "waving", "standing still")
+
+WAVED_DEG = {"raise": (15.0, 140.0), "plane": (-20.0, 90.0), "twist": (-40.0, 60.0), "elbow": (5.0, 110.0)}
+WAVES, WAVE_HZ = 2, (0.3, 1.2)
+"""Range of each angle of a waving arm, and the number and frequencies of the sine waves that it is the sum of."""
+
+
+def end_motion(end: str, teacher: Motion, other: Motion, rng: np.random.Generator) -> Motion:
+    """The motion of one of ENDS, as long as the teacher's.
+
+    Args:
+        end: one of ENDS.
+        teacher: the motion that is taught.
+        other: the motion of another dance; held at its end if it is shorter.
+        rng: draws how the arms wave.
+    """
+    if end == "perfect":
+        return teacher
+    seconds = np.arange(len(teacher)) / teacher.fps
+    if end == "another dance":
+        return at_times(other, np.minimum(seconds, (len(other) - 1) / other.fps), teacher.fps)
+    postures = np.repeat(STANDING[None], len(seconds), axis=0)
+    if end == "waving":
+        for side in ("left", "right"):
+            for angle, (lowest, highest) in WAVED_DEG.items():
+                hz, phase = rng.uniform(*WAVE_HZ, WAVES), rng.random(WAVES)
+                wave = np.sin(2 * np.pi * (seconds[:, None] * hz + phase)).mean(axis=1)
+                postures[:, CHANNELS[f"{side}_{angle}"]] = lowest + (highest - lowest) * (wave + 1) / 2
+    quats, root_m = rotations(postures), np.zeros((len(seconds), 3))
+    root_m[:, 1] = -height_above_floor(quats, root_m)
+    return Motion(quats, root_m.astype(np.float32), teacher.fps, end, teacher.leg_m)

@@ -1,0 +1,50 @@
+"""The ends of the scale: what a perfect learner and those who do not dance score on true joints."""
+
+import numpy as np
+import pytest
+
+from kpopnet.dance.performance import Performance
+from kpopnet.dance.scoring import score_dance
+from kpopnet.datasets.dances.dance_set import KpopSet
+from synth.dances.ends import ENDS, end_motion
+from synth.dances.simulate import KpopSim, KpopSimConfig, KpopSimSet
+from synth.dances.writer import write_set
+from synth.motion.skeleton import height_above_floor
+
+SET = KpopSimSet(KpopSimConfig(seed=11, dances=1, split="train", faults="ends"), seconds=(4.0, 5.0))
+
+
+@pytest.fixture(scope="module")
+def maker() -> KpopSim:
+    return KpopSim(SET)
+
+
+@pytest.mark.parametrize("index", [0, 1, 2])
+def test_a_perfect_learner_scores_100_and_who_does_not_dance_next_to_nothing(maker, index):
+    teacher, person = maker.teacher_motion(index), maker._person(maker._rng("teacher", index))
+    taught_m = maker.teacher_joints_m(index)
+    scores = {}
+    for end in ENDS:
+        motion = end_motion(end, teacher, maker.teacher_motion(index + 50), np.random.default_rng(index))
+        assert len(motion) == len(teacher)
+        joints_m = maker.level_camera_joints_m(person, motion)
+        dances = (Performance(one, np.arange(len(one)) / teacher.fps) for one in (taught_m, joints_m))
+        scores[end] = score_dance(*dances).similarity
+    assert scores.pop("perfect") > 99.9
+    assert max(scores.values()) < 20, scores
+
+
+def test_who_stands_and_waves_stands_on_the_floor(maker):
+    teacher = maker.teacher_motion(0)
+    for end in ("waving", "standing still"):
+        motion = end_motion(end, teacher, teacher, np.random.default_rng(0))
+        assert np.abs(height_above_floor(motion.quats, motion.root_m)).max() < 1e-4
+        assert (np.ptp(motion.quats, axis=0).max() > 0.3) == (end == "waving")
+
+
+def test_the_labels_of_a_set_name_the_ends(tmp_path):
+    short = KpopSimSet(SET.benchmark, seconds=(1.2, 1.4))
+    manifest = write_set(short, tmp_path / "ends", processes=1)
+    assert manifest["levels"] == ENDS and "faults ends" in manifest["about"]
+    learners = KpopSet(tmp_path / "ends").dance("dance_000").learners
+    assert [learner.about["level"] for learner in learners] == list(ENDS)
