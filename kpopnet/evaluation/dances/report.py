@@ -1,10 +1,13 @@
 """Report of a dance evaluation: the paper's Table 2, agreement with the experts, and learners in the wrong order."""
 
 import csv
+import math
 from dataclasses import asdict
 from datetime import UTC, datetime
-from itertools import combinations
+from itertools import combinations, zip_longest
 from pathlib import Path
+
+import numpy as np
 
 from kpopnet.dance.config import FACTORIAL
 from kpopnet.dance.scoring import SCORERS
@@ -13,15 +16,15 @@ from kpopnet.datasets.protocol import Origin
 from kpopnet.errors import InputError
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.dances.figures import score_by_rank, timelines, worst_ordered_dance
+from kpopnet.evaluation.dances.oracle import ORACLES
 from kpopnet.evaluation.dances.ranking import TRUTH, confusions, is_ordered, paired_p_value, similarities
-from kpopnet.evaluation.dances.run import DanceRun, run_dances
+from kpopnet.evaluation.dances.run import MAIN_SCORER, DanceRun, run_dances
 from kpopnet.evaluation.document import Block, Table, as_text, describe_files, describe_revision, printable, write_document
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.provenance import git_revision
 
 MAX_LISTED_CONFUSIONS = 30
 WRONG_ORDER_MARK = " ✗"
-MAIN_SCORER = "dance22"
 
 
 def evaluate_dances(config: EvaluateConfig, folder: Path) -> None:
@@ -49,7 +52,7 @@ def evaluate_dances(config: EvaluateConfig, folder: Path) -> None:
         config.processes_at_work(),
     )
     write_dance_report(folder, run, config)
-    tables = (as_text(table) for table in (agreement_table(run), factorial_table(run), paired_table(run)) if table[1])
+    tables = (as_text(table) for table in tables_of(run))
     print(printable("\n".join([identity(run), *remarks(run), "", "\n\n".join(tables), ""])))
 
 
@@ -125,7 +128,8 @@ def remarks(run: DanceRun) -> list[str]:
         "Concordance: percentage of dances whose scores decrease strictly from the best learner to the worst; a tie is a "
         "failure. Kendall's tau: (pairs of learners in the right order - pairs in the wrong order) / all pairs of a dance, "
         "mean over dances. Ranges in parentheses: 95 % intervals, of the concordance by Wilson, of tau by a bootstrap over "
-        "dances. p of a pair of scorers: exact test of McNemar on the same dances."
+        "dances. p of a pair of scorers: exact test of McNemar on the same dances. Scores by rank: mean (lowest to highest) of "
+        "the main scorer. True arms, legs, torso, turning: dances in order if the estimator had seen that part as it was."
     )
     return lines
 
@@ -184,6 +188,32 @@ def paired_table(run: DanceRun) -> Table:
             only = [str(len(set(b.wrong) - set(a.wrong))) for a, b in ((one, other), (other, one))]
             rows.append([source, f"{first}, {second}", " and ".join(only), f"{paired_p_value(one, other):.3f}"])
     return ["joints", "scorers", "dances in order by one of them only", "p"], rows
+
+
+def rank_table(run: DanceRun) -> Table:
+    """Mean score of the learners of each rank by the main scorer, and the lowest and highest."""
+    scorer, rows = main_scorer(run), []
+    for source, by_scorer in run.scores.items():
+        by_rank = zip_longest(*(similarities(learners) for learners in by_scorer[scorer].values()), fillvalue=math.nan)
+        known = ([score for score in scores if math.isfinite(score)] for scores in by_rank)
+        rows.append([source, *(f"{np.mean(one):.0f} ({min(one):.0f} to {max(one):.0f})" if one else "-" for one in known)])
+    return ["joints", *(f"rank {rank}" for rank in range(1, max(map(len, rows))))], rows
+
+
+def oracle_table(run: DanceRun) -> Table:
+    """Dances in order by the main scorer, as estimated and with the true angles of one part of the body at a time."""
+    rows = []
+    for source, by_part in run.oracle.items():
+        dances = run.scores[source][MAIN_SCORER]
+        ordered = len(dances) - len(run.agreements[source][MAIN_SCORER].wrong)
+        rows.append([source, f"{ordered} of {len(dances)}", *(str(len(names)) for names in by_part.values())])
+    return ["joints", "as estimated", *(f"true {part}" for part in ORACLES)], rows
+
+
+def tables_of(run: DanceRun) -> list[Table]:
+    """The tables of the report that say something, the agreement first."""
+    tables = agreement_table(run), rank_table(run), factorial_table(run), oracle_table(run), paired_table(run)
+    return [table for table in tables if table[1]]
 
 
 def mean_error_m(run: DanceRun, source: str) -> float | None:
@@ -293,7 +323,7 @@ def report_blocks(run: DanceRun, plotted: str, metrics: dict) -> list[Block]:
         ("text", identity(run)),
         *(("text", line) for line in remarks(run)),
         ("table", agreement_table(run)),
-        *(("table", table) for table in (factorial_table(run), paired_table(run)) if table[1]),
+        *(("table", table) for table in tables_of(run)[1:]),
         ("heading", "Scores by the experts' ranking"),
         ("figure", ("score_by_rank.png", "Scores over the experts' rank, one line per dance, red if in the wrong order")),
     ]

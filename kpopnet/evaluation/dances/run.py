@@ -19,12 +19,15 @@ from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import SCORERS, ScorerConfig, score_dance
 from kpopnet.datasets.dances.dance_set import Dance, KpopSet
 from kpopnet.errors import InputError
+from kpopnet.evaluation.dances.oracle import ORACLES, oracle_similarity
 from kpopnet.evaluation.dances.pose_cache import PoseCache
-from kpopnet.evaluation.dances.ranking import TRUTH, Agreement, LearnerScore, agreement, similarities
+from kpopnet.evaluation.dances.ranking import TRUTH, Agreement, LearnerScore, agreement, is_ordered, similarities
 from kpopnet.evaluation.poses.metrics import joint_errors_m
 from kpopnet.runtime.parallel import in_processes
 
 log = logging.getLogger(__name__)
+
+MAIN_SCORER = "dance22"
 
 Scores = dict[str, dict[str, dict[str, list[LearnerScore]]]]
 """Source of joints -> scorer -> dance -> scores of the learners, the best by the experts' ranking first."""
@@ -42,6 +45,8 @@ class DanceRun:
         failed: the error message of each dance that was left out, by its name.
         assumptions: sentences for the report about changed settings and missing true joints.
         evaluated: names of the chosen dances, including the failed ones.
+        oracle: by estimator, name of `ORACLES` to the names of the dances that MAIN_SCORER orders if that part's angles are
+            the true ones; without estimators whose learners' true joints are unknown.
     """
 
     dances: KpopSet
@@ -51,6 +56,7 @@ class DanceRun:
     failed: dict[str, str]
     assumptions: list[str]
     evaluated: list[str]
+    oracle: dict[str, dict[str, list[str]]]
 
 
 def run_dances(
@@ -99,7 +105,12 @@ def run_dances(
     }
     frames = sum(one.frames for one in scored.values())
     fps = {name: frames / max(sum(one.seconds[name] for one in scored.values()), 1e-9) for name in caches}
-    return DanceRun(dances, scores, agreements, fps, failed, assumptions, names)
+    oracle = {
+        source: {part: [name for name, one in scored.items() if is_ordered(one.oracle[source][part])] for part in ORACLES}
+        for source in sources
+        if all(source in one.oracle for one in scored.values())
+    }
+    return DanceRun(dances, scores, agreements, fps, failed, assumptions, names, oracle)
 
 
 def _start_standing(estimators: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
@@ -211,11 +222,13 @@ class ScoredDance:
         scores: source of joints -> scorer -> scores of the learners, the best by the experts' ranking first.
         frames: number of frames of all learners.
         seconds: estimation time of all learners by the estimator's name.
+        oracle: estimator -> name of `ORACLES` -> (L,) scores of the learners by MAIN_SCORER with that part's true angles.
     """
 
     scores: dict[str, dict[str, list[LearnerScore]]]
     frames: int
     seconds: dict[str, float]
+    oracle: dict[str, dict[str, np.ndarray]]
 
 
 @dataclass(frozen=True)
@@ -238,6 +251,7 @@ class DanceScoring:
     def _score(self, dance: Dance) -> ScoredDance:
         teacher = dance.teacher()
         scores: dict[str, dict[str, list[LearnerScore]]] = {}
+        oracle: dict[str, list[dict[str, float]]] = {}
         seconds, frames = dict.fromkeys(self.caches, 0.0), 0
         for learner in dance.learners:
             truth = learner.joints()
@@ -256,8 +270,16 @@ class DanceScoring:
                     score = score_dance(teacher, performance, _with_noise_of(source, config), unobserved_is_nan=True)
                     by_scorer = scores.setdefault(source, {name: [] for name in self.scorers})
                     by_scorer[scorer].append(LearnerScore(learner.name, score, error_m))
+                if source != TRUTH and truth is not None and MAIN_SCORER in self.scorers:
+                    config = _with_noise_of(source, self.scorers[MAIN_SCORER])
+                    oracle.setdefault(source, []).append(oracle_similarity(teacher, performance, truth, config))
         complete = {s: by for s, by in scores.items() if all(len(one) == len(dance.learners) for one in by.values())}
-        return ScoredDance(complete, frames, seconds)
+        by_part = {
+            source: {part: np.array([one[part] for one in learners]) for part in ORACLES}
+            for source, learners in oracle.items()
+            if len(learners) == len(dance.learners)
+        }
+        return ScoredDance(complete, frames, seconds, by_part)
 
 
 def _with_noise_of(source: str, config: ScorerConfig) -> ScorerConfig:

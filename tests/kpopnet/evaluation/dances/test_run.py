@@ -5,7 +5,7 @@ import json
 import os
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import h5py
@@ -16,7 +16,7 @@ from programs import ROOT
 
 from kpopnet.camera import Camera
 from kpopnet.dance.performance import Performance
-from kpopnet.dance.scoring import SCORERS
+from kpopnet.dance.scoring import SCORERS, score_dance
 from kpopnet.datasets.dances.dance_set import KpopConfig, KpopSet
 from kpopnet.datasets.dances.writer import PackedDepth, write_labels, write_learner, write_teacher
 from kpopnet.errors import InputError
@@ -25,9 +25,10 @@ from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.dances import pose_cache, report
 from kpopnet.evaluation.dances import run as run_module
 from kpopnet.evaluation.dances.figures import score_by_rank
+from kpopnet.evaluation.dances.oracle import ORACLES, oracle_similarity
 from kpopnet.evaluation.dances.pose_cache import PoseCache, source_files
 from kpopnet.evaluation.dances.ranking import agreement, confusions
-from kpopnet.evaluation.dances.report import evaluate_dances
+from kpopnet.evaluation.dances.report import evaluate_dances, oracle_table, rank_table
 from kpopnet.evaluation.dances.run import run_dances
 from kpopnet.evaluation.poses.sweep import AxisConfig, SweepConfig
 from kpopnet.skeleton import Joint
@@ -125,6 +126,35 @@ def test_scores_on_true_joints_follow_the_labels(folder):
     assert agreed.concordance == 50 and agreed.wrong == ("papa",) and agreed.kendall_tau == pytest.approx((1 + 4 / 6) / 2)
     best = found.scores["truth"]["dance22"]["mama"][0]
     assert best.name == "ann" and best.score.similarity > 90 and best.error_m is None
+
+
+def test_an_oracle_of_the_part_that_was_lost_orders_what_true_joints_order(folder, fake):
+    found = run(folder, {"fake": FakeConfig(arm=1.0)})
+    assert "truth" not in found.oracle and set(found.oracle["fake"]) == set(ORACLES)
+    assert "mama" in found.oracle["fake"]["arms"]
+    ordered = 2 - len(found.agreements["fake"]["dance22"].wrong)
+    counts = [str(len(names)) for names in found.oracle["fake"].values()]
+    assert oracle_table(found)[1] == [["fake", f"{ordered} of 2", *counts]]
+    assert not run(folder, {"fake": FakeConfig()}, scorers={"raptis": SCORERS["raptis"]}).oracle
+    assert oracle_table(run(folder, {}))[1] == []
+
+
+def test_an_oracle_gives_the_score_of_true_angles():
+    teacher, truth = (Performance(dance_m(noise_m, 5), TIMES_S) for noise_m in (0.0, 0.03))
+    lost = truth.joints_m.copy()
+    lost[:, [Joint.LEFT_ELBOW, Joint.LEFT_HAND]] = lost[:, [Joint.RIGHT_HAND, Joint.RIGHT_ELBOW]]
+    config = replace(SCORERS["dance22"], noise="none")
+    known = oracle_similarity(teacher, Performance(lost, TIMES_S), truth, config)
+    assert known["arms"] == pytest.approx(score_dance(teacher, truth, config).similarity)
+    estimated = score_dance(teacher, Performance(lost, TIMES_S), config).similarity
+    assert known["legs"] == pytest.approx(estimated) and known["arms"] > estimated + 5
+
+
+def test_scores_are_told_by_rank(folder, fake):
+    header, rows = rank_table(run(folder, {"fake": FakeConfig()}))
+    assert header == ["joints", "rank 1", "rank 2", "rank 3", "rank 4"] and [row[0] for row in rows] == ["truth", "fake"]
+    means = [float(cell.split(" ")[0]) for cell in rows[0][1:]]
+    assert means[0] > 90 and means[0] > means[1] > means[3]
 
 
 def test_an_estimator_is_scored_beside_the_truth_and_its_poses_are_cached(folder, fake):
