@@ -1,6 +1,7 @@
 """The dance teacher: a page on this machine that shows a dance, watches you through a depth camera and says how it goes.
 
     kpopnet teach                                 opens the page; without a camera a simulated learner dances
+    kpopnet teach --live realsense                a RealSense camera watches you (pip install 'kpopnet[realsense]')
     kpopnet teach --depth recording --camera kinect_v1     a recording of depth instead of a camera
     kpopnet teach add mama.bvh --title Mama --bpm 128      adds a dance of one's own: .bvh, .npz, .csv or .json of joints
 
@@ -27,15 +28,18 @@ from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
 from kpopnet.sources import open_depth
 from kpopnet.sources.camera_files import read_camera
+from kpopnet.sources.live import LiveCamera
+from kpopnet.sources.realsense import library as realsense_library
+from kpopnet.sources.realsense_camera import RealSenseCamera
 from kpopnet.sources.source import DepthSource, TimedDepth
 from kpopnet.teacher.adding import add_dance
 from kpopnet.teacher.library import About, Library, TaughtDance, TeacherBody, difficulty
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
-from kpopnet.teacher.live.watching import LiveCamera, load_estimator
+from kpopnet.teacher.live.watching import load_estimator
 
 FOLDER = Path("outputs/teach")
 PORT = 8471
-SIMULATED = "simulated"
+SIMULATED, RECORDING, REALSENSE = "simulated", "recording", "realsense"
 CAMERA_FPS = 30.0
 
 
@@ -118,6 +122,8 @@ def wait_until(moment: float) -> float:
 
 def open_source(recording: RecordingGiven | None, lesson: Lesson, dance: TaughtDance, clock: DanceClock) -> LiveCamera:
     """Opens the source of depth that a lesson names."""
+    if lesson.source == REALSENSE:
+        return RealSenseCamera()
     if lesson.source == SIMULATED or recording is None:
         return SimulatedCamera(lesson, dance, clock)
     return RecordedCamera(recording.open(), clock)
@@ -154,7 +160,10 @@ def serve(given: argparse.Namespace, library: Library) -> None:
     if given.depth is not None:
         recording = RecordingGiven(given.depth, given.camera, given.fov, given.fps)
         recording.open()  # a mistake is told now, not in the page, as is the next
-        sources = {"recording": f"the recording {Path(given.depth).name}"} | sources
+        sources = {RECORDING: f"the recording {Path(given.depth).name}"} | sources
+    if given.live is not None:
+        realsense_library("--live")
+        sources = {REALSENSE: "a RealSense camera"} | sources
     if given.checkpoint is not None:
         load_estimator(given.checkpoint)
     settings = Settings(partial(open_source, recording), given.checkpoint)
@@ -197,6 +206,7 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on; any but this machine's own asks for a token")
     parser.add_argument("--port", type=int, default=PORT, help="%(default)s")
     parser.add_argument("--no-browser", action="store_true", help="only print the address")
+    parser.add_argument("--live", choices=[REALSENSE], help="a camera that is plugged in (pip install 'kpopnet[realsense]')")
     parser.add_argument("--depth", help="a recording of depth that stands in for a camera")
     parser.add_argument("--camera", help="its camera: a preset or a JSON file of intrinsics")
     parser.add_argument("--fov", type=float, help="its horizontal field of view, degrees, instead of --camera")

@@ -1,4 +1,4 @@
-"""Depth from recordings of RealSense cameras, by the maker's library; the extra `realsense`."""
+"""Depth of RealSense cameras, from their recordings and live, by the maker's library; the extra `realsense`."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,6 +17,39 @@ WAIT_MS, PATIENCE_MS = 200, 5000
 MILLIMETRE = 1 / MM_PER_METRE
 
 
+def library(where: str) -> Any:
+    """The module pyrealsense2.
+
+    Raises:
+        InputError: it is missing, or does not load.
+    """
+    try:
+        import pyrealsense2
+    except ImportError as error:
+        raise InputError(
+            f"{where}: needs pyrealsense2, which does not load ({error}); install it: pip install "
+            "'kpopnet[realsense]' (on Linux it needs libusb, the package libusb-1.0-0)"
+        ) from error
+    return pyrealsense2
+
+
+def camera_of(profile: Any, where: str) -> Camera:
+    """The camera of a profile of video.
+
+    Raises:
+        InputError: its images are empty or too large, or its intrinsics are none.
+    """
+    lens = profile.get_intrinsics()
+    check_size(where, lens.width, lens.height)
+    return Camera.from_numbers((lens.fx, lens.fy, lens.ppx, lens.ppy, lens.width, lens.height), f"{where}: intrinsics")
+
+
+def depth_of(frame: Any) -> np.ndarray:
+    """The (H, W) depth of a depth frame: uint16 millimetres, or float32 metres where the camera's unit is another."""
+    depth, unit_m = np.array(frame.get_data()), frame.get_units()
+    return depth if np.isclose(unit_m, MILLIMETRE) else depth.astype(np.float32) * np.float32(unit_m)
+
+
 def read_bag(path: Path, key: str | None) -> Recording:
     """A recording of a RealSense camera: its depth, times and intrinsics.
 
@@ -28,12 +61,10 @@ def read_bag(path: Path, key: str | None) -> Recording:
     player = _Player(path)
     try:
         profile = player.depth_profile()
-        lens, fps = profile.get_intrinsics(), profile.fps()
+        camera, fps = camera_of(profile, str(path)), profile.fps()
     finally:
         player.close()
-    check_size(str(path), lens.width, lens.height)
-    camera = Camera.from_numbers((lens.fx, lens.fy, lens.ppx, lens.ppy, lens.width, lens.height), f"{path}: intrinsics")
-    return Recording(lambda: _images(path), lens.width, lens.height, None, rate_of(str(path), None, float(fps)), camera)
+    return Recording(lambda: _images(path), camera.width, camera.height, None, rate_of(str(path), None, float(fps)), camera)
 
 
 def _images(path: Path) -> Iterator[StoredImage]:
@@ -41,10 +72,7 @@ def _images(path: Path) -> Iterator[StoredImage]:
     try:
         for number, frame in enumerate(player.depth_frames()):
             first_ms = frame.get_timestamp() if first_ms is None else first_ms
-            depth, unit_m = np.array(frame.get_data()), frame.get_units()
-            if not np.isclose(unit_m, MILLIMETRE):
-                depth = depth.astype(np.float32) * np.float32(unit_m)
-            yield StoredImage(depth, f"{path}: frame {number}", (frame.get_timestamp() - first_ms) / 1000)
+            yield StoredImage(depth_of(frame), f"{path}: frame {number}", (frame.get_timestamp() - first_ms) / 1000)
     finally:
         player.close()
     if first_ms is None:
@@ -55,18 +83,11 @@ class _Player:
     """Plays a recording once, as fast as it is read."""
 
     def __init__(self, path: Path) -> None:
+        self._path, self._library = path, library(str(path))
+        self._pipeline, config = self._library.pipeline(), self._library.config()
         try:
-            import pyrealsense2
-        except ImportError as error:
-            raise InputError(
-                f"{path}: needs pyrealsense2, which does not load ({error}); install it: pip install "
-                "'kpopnet[realsense]' (on Linux it needs libusb, the package libusb-1.0-0)"
-            ) from error
-        self._path, self._library = path, pyrealsense2
-        self._pipeline, config = pyrealsense2.pipeline(), pyrealsense2.config()
-        try:
-            pyrealsense2.config.enable_device_from_file(config, str(path), repeat_playback=False)
-            config.enable_stream(pyrealsense2.stream.depth)
+            config.enable_device_from_file(str(path), repeat_playback=False)
+            config.enable_stream(self._library.stream.depth)
             self._profile = self._pipeline.start(config)
             self._playback = self._profile.get_device().as_playback()
             self._playback.set_real_time(False)

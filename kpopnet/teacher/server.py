@@ -279,10 +279,10 @@ class _Held:
                 else:
                     self._member.stop()
                 self._member.prepare(lesson, dance)
-            case "go" if self._member is not None:
-                in_s = check_fields("go", message, {"in_s": float})["in_s"]
+            case "go" | "resume" as what if self._member is not None:
+                in_s = check_fields(what, message, {"in_s": float})["in_s"]
                 check_between("in_s", in_s, 0, 60)
-                self._member.go(in_s)
+                (self._member.go if what == "go" else self._member.resume)(in_s)
             case "stop":
                 self._leave()
             case _:

@@ -59,29 +59,47 @@ def write_video(path: Path, images: np.ndarray, codec: str = "ffv1", pixels: str
     return path
 
 
+class SoftwareCamera:
+    """A simulated RealSense camera, made with the maker's library.
+
+    Attributes:
+        device: what the library's functions take for a camera.
+    """
+
+    def __init__(self, unit_m: float = 0.001, camera: Camera = CAMERA) -> None:
+        import pyrealsense2 as rs
+
+        self._library, self._camera, self._unit_m = rs, camera, unit_m
+        self.device = rs.software_device()
+        self._sensor = self.device.add_sensor("Depth")
+        lens = rs.intrinsics()
+        lens.fx, lens.fy, lens.ppx, lens.ppy, lens.width, lens.height = camera_numbers(camera)
+        stream = rs.video_stream()
+        stream.type, stream.fmt, stream.bpp, stream.fps = rs.stream.depth, rs.format.z16, 2, int(FPS)
+        stream.index, stream.uid, stream.width, stream.height, stream.intrinsics = 0, 0, camera.width, camera.height, lens
+        self._profile = self._sensor.add_video_stream(stream).as_video_stream_profile()
+        self._sensor.add_read_only_option(rs.option.depth_units, unit_m)
+
+    def take(self, image: np.ndarray, number: int) -> None:
+        """Measures an image: (H, W) uint16 in the camera's unit."""
+        frame = self._library.software_video_frame()
+        frame.pixels, frame.stride, frame.bpp, frame.depth_units = image, 2 * self._camera.width, 2, self._unit_m
+        frame.timestamp, frame.domain = 1000 * number / FPS, self._library.timestamp_domain.hardware_clock
+        frame.frame_number, frame.profile = number, self._profile
+        self._sensor.on_video_frame(frame)
+
+
 def write_bag(path: Path, images: np.ndarray, unit_m: float = 0.001, camera: Camera = CAMERA) -> Path:
     """Records a simulated RealSense camera with the maker's library."""
     import pyrealsense2 as rs
 
-    device = rs.software_device()
-    sensor = device.add_sensor("Depth")
-    lens = rs.intrinsics()
-    lens.fx, lens.fy, lens.ppx, lens.ppy, lens.width, lens.height = camera_numbers(camera)
-    stream = rs.video_stream()
-    stream.type, stream.fmt, stream.bpp, stream.fps = rs.stream.depth, rs.format.z16, 2, int(FPS)
-    stream.index, stream.uid, stream.width, stream.height, stream.intrinsics = 0, 0, camera.width, camera.height, lens
-    profile = sensor.add_video_stream(stream)
-    sensor.add_read_only_option(rs.option.depth_units, unit_m)
-    recorder = rs.recorder(str(path), device)
+    source = SoftwareCamera(unit_m, camera)
+    recorder = rs.recorder(str(path), source.device)
     recorded, queue = recorder.query_sensors()[0], rs.frame_queue(len(images))
     recorded.open(recorded.get_stream_profiles()[0])
     recorded.start(queue)
     for number, image in enumerate(images):
-        frame = rs.software_video_frame()
-        frame.pixels, frame.stride, frame.bpp, frame.depth_units = image, 2 * camera.width, 2, unit_m
-        frame.timestamp, frame.domain, frame.frame_number = 1000 * number / FPS, rs.timestamp_domain.hardware_clock, number
-        frame.profile = profile.as_video_stream_profile()
-        sensor.on_video_frame(frame)
+        source.take(image, number)
         time.sleep(0.02)  # the recorder takes frames from a thread of its own
     recorded.stop()
     recorded.close()

@@ -47,6 +47,10 @@ class Member:
     def go(self, in_s: float) -> None:
         self._send("go", in_s)
 
+    def resume(self, in_s: float) -> None:
+        """Goes on with a dance that stood still because the camera was away."""
+        self._send("resume", in_s)
+
     def stop(self) -> None:
         """Ends the lesson."""
         self._send("stop")

@@ -65,10 +65,12 @@ class DanceClock:
 
     Attributes:
         running: whether it was started.
+        paused_s: where in the dance it was interrupted, None if it was not.
     """
 
     def __init__(self, from_s: float, speed: float) -> None:
-        self._from_s, self._speed, self._start = from_s, speed, float("inf")
+        self._begin_s, self._from_s, self._speed, self._start = from_s, from_s, speed, float("inf")
+        self.paused_s: float | None = None
 
     @property
     def running(self) -> bool:
@@ -76,10 +78,22 @@ class DanceClock:
 
     def start(self, in_s: float) -> None:
         """The dance begins `in_s` seconds from now."""
+        self._from_s, self.paused_s = self._begin_s, None
         self._start = time.monotonic() + in_s
 
     def stop(self) -> None:
+        """It stands at the excerpt's start again."""
+        self._from_s, self.paused_s, self._start = self._begin_s, None, float("inf")
+
+    def pause(self, at_s: float) -> None:
+        """It stands still at a time of the dance."""
+        self._from_s = self.paused_s = at_s
         self._start = float("inf")
+
+    def resume(self, in_s: float) -> None:
+        """After a pause the dance goes on `in_s` seconds from now."""
+        if self.paused_s is not None:
+            self.paused_s, self._start = None, time.monotonic() + in_s
 
     def dance_s(self, moment: float) -> float:
         """Seconds of the dance at a moment of `time.monotonic`; before its start, less than the start of the excerpt."""

@@ -1,8 +1,8 @@
 """The process that watches the learner: camera, pose and score, in real time and away from the server.
 
 The camera is read in a thread (`watching.NewestImage`); each image that is fetched is followed by its pose and its score. The
-server sends ("prepare", number, lesson, dance), ("go", seconds), ("stop",) and ("quit",); back come the number of the lesson, a
-kind, its content as JSON, and a picture, the learner's joints or None.
+server sends ("prepare", number, lesson, dance), ("go", seconds), ("resume", seconds), ("stop",) and ("quit",); back come the
+number of the lesson, a kind, its content as JSON, and a picture, the learner's joints or None.
 """
 
 import contextlib
@@ -105,6 +105,7 @@ class Stage:
         running = RunningLesson(lesson, dance, noise_of(self._estimator))
         images = NewestImage(camera := self._settings.opener(lesson, dance, clock))
         self._estimator.reset()
+        self._away = ""
         try:
             self._warm(running, images, camera.camera)
             size = {"width": camera.camera.width, "height": camera.camera.height}
@@ -121,6 +122,8 @@ class Stage:
             if message[0] == "go":
                 running.begin()
                 clock.start(message[1])
+            elif message[0] == "resume":
+                clock.resume(message[1])
             elif message[0] in ("stop", "quit"):
                 return False
         return True
@@ -134,6 +137,9 @@ class Stage:
             if image is None:
                 if images.ended:
                     raise InputError(images.error or "the recording ended before the dance began")
+                if images.away:
+                    began = time.monotonic()
+                    self._tell("preparing", {"fraction": 0.0, "text": images.away})
                 continue
             before = time.monotonic()
             people = self._estimator.update(image.depth_m, camera)
@@ -145,6 +151,7 @@ class Stage:
     def _step(self, running: "RunningLesson", images: NewestImage, camera: Camera, clock: DanceClock) -> None:
         """One image: pose, score, and what the page shows of it."""
         image = images.fetch(FRAME_PATIENCE_S)
+        self._mind(images.away, running, clock)
         if image is not None:
             person = running.learner.choose(self._estimator.update(image.depth_m, camera), image.taken)
             joints_m, confidence = (None, None) if person is None else person[1:]
@@ -160,6 +167,16 @@ class Stage:
             self._tell("done", result, recording.arrays())
         elif images.ended:
             raise InputError(images.error or "the recording of depth has ended")
+
+    def _mind(self, away: str, running: "RunningLesson", clock: DanceClock) -> None:
+        """While the camera is away the dance stands still where the learner was seen last; the page asks to resume it."""
+        if away and clock.running:
+            clock.pause(running.seen_s)
+        if away and not self._away:
+            self._tell("away", {"text": away})
+        elif self._away and not away:
+            self._tell("back", {"from_s": clock.paused_s})
+        self._away = away
 
 
 class RunningLesson:
@@ -189,6 +206,11 @@ class RunningLesson:
             latest_words(score)
         self.begin()
 
+    @property
+    def seen_s(self) -> float:
+        """Up to where the dance was scored."""
+        return self._recording.times_s[-1] + self._config.latency_s if self._recording.times_s else self.begin_s
+
     def count(self, age_ms: int) -> None:
         self._ages_ms.append(age_ms)
 
@@ -200,7 +222,7 @@ class RunningLesson:
         time_s = clock.dance_s(image.taken)
         if not clock.running or joints_m is None or confidence is None or time_s < self.begin_s:
             return
-        if self._recording.times_s and time_s <= self._recording.times_s[-1] + self._config.latency_s:
+        if self._recording.times_s and time_s <= self.seen_s:
             return
         confidence = np.clip(confidence, 0, 1)
         for between_s, between_m in self._bridge(time_s, joints_m):
@@ -216,7 +238,7 @@ class RunningLesson:
         """Times and joints on straight lines from the last image's to these, where some images were dropped in between."""
         if not self._recording.times_s:
             return []
-        before_s, before_m = self._recording.times_s[-1] + self._config.latency_s, self._recording.joints_m[-1]
+        before_s, before_m = self.seen_s, self._recording.joints_m[-1]
         gap_s = time_s - before_s
         steps = round(gap_s * BRIDGE_FPS) if gap_s < MAX_BRIDGE_S else 1
         shares = [step / steps for step in range(1, steps)]

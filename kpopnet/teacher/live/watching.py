@@ -3,7 +3,7 @@
 import threading
 import time
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from kpopnet.errors import InputError
 from kpopnet.extraction.extractor import HumanExtractor
 from kpopnet.pose import PersonPose, PoseEstimator
 from kpopnet.skeleton import Joint
+from kpopnet.sources.live import CameraAwayError, LiveCamera
 from kpopnet.teacher.library import TaughtDance
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from kpopnet.tracker.tracker import Tracker
@@ -23,27 +24,6 @@ LOST_S = 3.0
 
 PEOPLE = 2
 """People whose joints are estimated: the learner, and one who walks by."""
-
-
-class LiveCamera(Protocol):
-    """A depth camera, or what stands in for one.
-
-    Attributes:
-        camera: its intrinsics.
-    """
-
-    camera: Camera
-
-    def read(self) -> tuple[np.ndarray, float] | None:
-        """Waits for the next image; None after the last one of a recording.
-
-        Returns:
-            (H, W) float32 depth of the whole scene, metres, 0 where nothing was measured, and when it was taken, in seconds of
-            `time.monotonic`.
-        """
-        ...
-
-    def close(self) -> None: ...
 
 
 CameraOpener = Callable[[Lesson, TaughtDance, DanceClock], LiveCamera]
@@ -62,11 +42,12 @@ class NewestImage:
 
     Attributes:
         dropped: number of images that nobody fetched.
+        away: what to do about a camera that sends nothing just now, "" while images come.
         error: why reading ended, None while it goes on.
     """
 
     def __init__(self, camera: LiveCamera) -> None:
-        self.dropped, self.error = 0, None
+        self.dropped, self.away, self.error = 0, "", None
         self._camera, self._image, self._ended = camera, None, False
         self._changed = threading.Condition()
         self._thread = threading.Thread(target=self._read, daemon=True, name="camera")
@@ -90,10 +71,17 @@ class NewestImage:
 
     def _read(self) -> None:
         try:
-            while not self._ended and (read := self._camera.read()) is not None:
+            while not self._ended:
+                try:
+                    read = self._camera.read()
+                except CameraAwayError as error:
+                    self.away = str(error)
+                    continue
+                if read is None:
+                    break
                 with self._changed:
                     self.dropped += self._image is not None
-                    self._image = Image(*read)
+                    self._image, self.away = Image(*read), ""
                     self._changed.notify()
         except Exception as error:
             self.error = f"the camera stopped: {error}"

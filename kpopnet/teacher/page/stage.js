@@ -13,14 +13,14 @@ const SPEEDS = [25, 40, 50, 60, 75, 90, 100];
 export async function stage(main, identity, wanted) {
   const [dance, body, offer] = await Promise.all([ask(`/api/dances/${identity}`), loadBody(), ask("/api/offer")]);
   const beat_s = 60 / dance.bpm, sound = new Sound();
-  const state = { running: false, ready: false, start: 0, speed: 1, from_s: 0, to_s: dance.seconds, closed: false };
+  const state = { running: false, ready: false, start: 0, start_s: 0, speed: 1, from_s: 0, to_s: dance.seconds, closed: false };
   const parts = controls(dance, offer, wanted);
   const shown = panels(main, dance, parts);
   const view = new View(shown.teacher), learner = new LearnerView(shown.learner);
   const teacher = view.add(body, "teacher", 0);
   teacher.movement = movementOf(dance);
   view.mirror(parts.mirrored.checked);
-  const live = new Live({ preparing, ready, frame, done, error, lost });
+  const live = new Live({ preparing, ready, frame, away, back, done, error, lost });
 
   parts.start.addEventListener("click", () => (state.running ? stop("") : start()));
   parts.mirrored.addEventListener("change", () => view.mirror(parts.mirrored.checked));
@@ -94,14 +94,14 @@ export async function stage(main, identity, wanted) {
     begin();
   }
 
-  function begin() {
+  function begin(what = "go", from_s = state.from_s) {
     const in_s = COUNTS * beat_s / state.speed + 0.3;
     state.ready = true;
-    state.start = performance.now() + 1000 * in_s;
+    Object.assign(state, { start: performance.now() + 1000 * in_s, start_s: from_s });
     shown.words.textContent = "";
-    live.send({ do: "go", in_s });
+    live.send({ do: what, in_s });
     sound.play({
-      in_s, from_s: state.from_s, to_s: state.to_s, beat_s, speed: state.speed, counts: COUNTS, metronome: parts.metronome.checked,
+      in_s, from_s, to_s: state.to_s, beat_s, speed: state.speed, counts: COUNTS, metronome: parts.metronome.checked,
       offset_s: Number(parts.offset.value) || 0,
     });
   }
@@ -131,6 +131,19 @@ export async function stage(main, identity, wanted) {
     if (result.session) location.hash = `#/dance/${identity}/try/${result.session}`;
   }
 
+  // The camera sends nothing: the dance stands still, and goes on when it is back.
+  function away({ text }) {
+    state.start = 0;
+    sound.stop();
+    shown.guide.textContent = text;
+    shown.count.textContent = "";
+  }
+
+  function back({ from_s }) {
+    shown.guide.textContent = "";
+    if (state.running && from_s !== null) begin("resume", from_s);
+  }
+
   function error({ text }) {
     stop(text);
   }
@@ -141,10 +154,10 @@ export async function stage(main, identity, wanted) {
 
   function animate(now) {
     if (state.closed) return;
-    let time_s = state.from_s;
+    let time_s = state.ready ? state.start_s : state.from_s;
     if (state.start) {
       const left_s = (state.start - now) / 1000;
-      time_s = state.from_s - Math.min(left_s, 0) * state.speed;
+      time_s = state.start_s - Math.min(left_s, 0) * state.speed;
       const beats = Math.ceil(left_s * state.speed / beat_s);
       shown.count.textContent = left_s > 0 && beats <= COUNTS ? String(COUNTS + 1 - beats) : "";
       shown.time.textContent = `${clock(Math.min(time_s, state.to_s))} of ${clock(dance.seconds)}`;
