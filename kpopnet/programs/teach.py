@@ -3,7 +3,9 @@
     kpopnet teach                                 opens the page; without a camera a simulated learner dances
     kpopnet teach --live realsense                a RealSense camera watches you (pip install 'kpopnet[realsense]')
     kpopnet teach --depth recording --camera kinect_v1     a recording of depth instead of a camera
-    kpopnet teach add mama.bvh --title Mama --bpm 128      adds a dance of one's own: .bvh, .npz, .csv or .json of joints
+    kpopnet teach add mama.bvh --title Mama --bpm 128      adds a dance of one's own: .bvh, .npz, .csv or .json of joints,
+    kpopnet teach add dance.bag --from 4 --to 64           a recording of depth: the network of the package finds the joints,
+    kpopnet teach add my_set/                              or the teachers of a folder in the K-Pop format
 
 The first start makes a hundred dances, in about half a minute. docs/teaching.md describes the page.
 """
@@ -22,34 +24,38 @@ from typing import NamedTuple
 import numpy as np
 from tqdm import tqdm
 
-from kpopnet.camera import Camera
+from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
-from kpopnet.sources import open_depth
-from kpopnet.sources.camera_files import read_camera
+from kpopnet.sources import chosen_camera, open_depth
 from kpopnet.sources.live import LiveCamera
 from kpopnet.sources.realsense import library as realsense_library
 from kpopnet.sources.realsense_camera import RealSenseCamera
 from kpopnet.sources.source import DepthSource, TimedDepth
-from kpopnet.teacher.adding import add_dance
+from kpopnet.teacher.adding import add_dance, add_performance
 from kpopnet.teacher.library import About, Library, TaughtDance, TeacherBody, difficulty
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from kpopnet.teacher.live.watching import load_estimator
+from kpopnet.teacher.own_dances import danced_in, holds_depth, kpop_dance, kpop_teachers, part_of
 
 FOLDER = Path("outputs/teach")
 PORT = 8471
 SIMULATED, RECORDING, REALSENSE = "simulated", "recording", "realsense"
 CAMERA_FPS = 30.0
+MOST_LETTERS = 60
+"""Of a title."""
 
 
 class RecordingGiven(NamedTuple):
-    """A recording of depth as the command line names it: path, camera or field of view in degrees, frames per second."""
+    """A recording of depth as the command line names it: path, camera or field of view in degrees, frames per second, array."""
 
     path: str
-    camera: str | None
-    fov_deg: float | None
-    fps: float | None
+    camera: str | None = None
+    fov_deg: float | None = None
+    fps: float | None = None
+    key: str | None = None
 
     def open(self) -> DepthSource:
         """Opens the recording.
@@ -57,12 +63,7 @@ class RecordingGiven(NamedTuple):
         Raises:
             InputError: it cannot be read, or its camera is not known.
         """
-        camera = None
-        if self.camera is not None:
-            camera = partial(read_camera, self.camera)
-        elif self.fov_deg is not None:
-            camera = partial(Camera.from_fov, self.fov_deg)
-        return open_depth(self.path, camera, self.fps)
+        return open_depth(self.path, chosen_camera(self.camera, self.fov_deg), self.fps, self.key)
 
 
 class SimulatedCamera:
@@ -145,6 +146,36 @@ def make_library(library: Library) -> None:
         library.write(f"dance_{index:03d}", dance)
 
 
+def own_dances(given: argparse.Namespace) -> Iterator[tuple[str, str, Performance]]:
+    """The dances in what `kpopnet teach add` is given: file, title and joints of each.
+
+    Raises:
+        InputError: a file cannot be read, or nobody is seen in it.
+    """
+    path: Path = given.file
+    teachers = kpop_teachers(path)
+    for name, teacher in teachers.items():
+        yield str(teacher), given.title if given.title and len(teachers) == 1 else name, kpop_dance(teacher)
+    if teachers:
+        return
+    if holds_depth(path):
+        source = RecordingGiven(str(path), given.camera, given.fov, given.fps, given.key).open()
+        performance = danced_in(source, given.segmented)
+    else:
+        performance = read_performance(path, given.fps)
+    yield str(path), given.title or path.stem, performance
+
+
+def add_own(given: argparse.Namespace, library: Library) -> None:
+    """Adds them, each in the part that was asked for."""
+    if not 20 <= given.bpm <= 400:
+        raise InputError(f"--bpm {given.bpm:g}: expected 20 to 400 beats per minute")
+    for where, title, performance in own_dances(given):
+        part = part_of(performance, given.from_s, given.to_s, where)
+        identity = add_performance(library, part, where, title[:MOST_LETTERS], given.bpm)
+        print(f"added {title[:MOST_LETTERS]} as {identity}; kpopnet teach shows it")
+
+
 def serve(given: argparse.Namespace, library: Library) -> None:
     """Serves the page until the program is interrupted."""
     from aiohttp import web
@@ -190,6 +221,12 @@ def serve(given: argparse.Namespace, library: Library) -> None:
         ) from error
 
 
+def add_camera(parser: argparse.ArgumentParser) -> None:
+    """The ways to name the camera of a recording that does not tell it."""
+    parser.add_argument("--camera", help="of depth: a preset or a JSON file of intrinsics, where the recording tells none")
+    parser.add_argument("--fov", type=float, help="of depth: horizontal field of view, degrees, instead of --camera")
+
+
 def parsed() -> argparse.Namespace:
     """The command line."""
     about = {"description": __doc__, "formatter_class": argparse.RawDescriptionHelpFormatter}
@@ -197,10 +234,15 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--data", type=Path, default=FOLDER, help="folder of dances and tries: %(default)s")
     if sys.argv[1:2] == ["add"]:
         parser.add_argument("add", choices=["add"])
-        parser.add_argument("file", type=Path, help="joints of a dance: .bvh, .npz, .csv or .json (docs/dance_scoring.md)")
+        parser.add_argument("file", type=Path, help="joints, depth, or a folder in the K-Pop format (docs/teaching.md)")
         parser.add_argument("--title", help="its name in the menu; by default the file's")
         parser.add_argument("--bpm", type=float, default=120.0, help="beats per minute, the first at the start: %(default)s")
         parser.add_argument("--fps", type=float, help="the true frame rate of a file that states none or a wrong one")
+        parser.add_argument("--from", type=float, default=0.0, dest="from_s", help="second at which it begins: %(default)s")
+        parser.add_argument("--to", type=float, dest="to_s", help="second at which it ends; by default the end")
+        add_camera(parser)
+        parser.add_argument("--key", help="of depth: array in a file that has several; of a folder, a pattern: 'depth_*.png'")
+        parser.add_argument("--segmented", action="store_true", help="the depth shows one person, and 0 elsewhere")
         return parser.parse_args()
     parser.set_defaults(add=None)
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on; any but this machine's own asks for a token")
@@ -208,8 +250,7 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--no-browser", action="store_true", help="only print the address")
     parser.add_argument("--live", choices=[REALSENSE], help="a camera that is plugged in (pip install 'kpopnet[realsense]')")
     parser.add_argument("--depth", help="a recording of depth that stands in for a camera")
-    parser.add_argument("--camera", help="its camera: a preset or a JSON file of intrinsics")
-    parser.add_argument("--fov", type=float, help="its horizontal field of view, degrees, instead of --camera")
+    add_camera(parser)
     parser.add_argument("--fps", type=float, help="its images per second, where the file does not tell")
     parser.add_argument("--checkpoint", help="network that estimates the pose; tracker for the tracker without a network")
     return parser.parse_args()
@@ -224,11 +265,7 @@ def main() -> None:
     with locked(given.data):
         make_library(library)
         if given.add is not None:
-            if not 20 <= given.bpm <= 400:
-                raise InputError(f"--bpm {given.bpm:g}: expected 20 to 400 beats per minute")
-            title = (given.title or given.file.stem)[:60]
-            identity = add_dance(library, given.file, title, given.bpm, given.fps)
-            print(f"added {title} as {identity}; kpopnet teach shows it")
+            add_own(given, library)
             return
     serve(given, library)
 

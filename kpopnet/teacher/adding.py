@@ -15,7 +15,7 @@ MIN_S, MAX_S = 5.0, 900.0
 
 
 def add_dance(library: Library, path: Path, title: str, bpm: float = 120.0, fps: float | None = None) -> str:
-    """Adds a recording of joints to the dances.
+    """Adds a file of joints to the dances.
 
     Args:
         library: where to.
@@ -30,10 +30,22 @@ def add_dance(library: Library, path: Path, title: str, bpm: float = 120.0, fps:
     Raises:
         InputError: the file is no such recording, or lasts less than MIN_S or more than MAX_S.
     """
-    performance = read_performance(path, fps)
+    return add_performance(library, read_performance(path, fps), str(path), title, bpm)
+
+
+def add_performance(library: Library, performance: Performance, where: str, title: str, bpm: float = 120.0) -> str:
+    """Adds a dance known by its joints; see `add_dance`.
+
+    Args:
+        library: where to.
+        performance: in the frame of a level camera.
+        where: its file, for messages.
+        title: its name in the menu.
+        bpm: beats per minute.
+    """
     seconds = float(performance.times_s[-1] - performance.times_s[0])
     if not MIN_S <= seconds <= MAX_S:
-        raise InputError(f"{path}: lasts {seconds:.1f} s; a dance lasts {MIN_S:g} to {MAX_S:g} s")
+        raise InputError(f"{where}: lasts {seconds:.1f} s; a dance lasts {MIN_S:g} to {MAX_S:g} s")
     joints_m = at_rate(performance, FPS)
     quats, hips_m = posed(joints_m, library.body())
     about = About(title, len(joints_m) / FPS, bpm, difficulty(joints_m, FPS), own=True)

@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 
 from kpopnet.camera import CAMERAS
+from kpopnet.datasets.dances.converters import write_dance
 from kpopnet.programs import teach
+from kpopnet.skeleton import Joint
 from kpopnet.teacher.library import Library
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from synth.dances import taught
+from synth.dances.live import LiveLearner
 
 
 @pytest.fixture
@@ -38,9 +41,46 @@ def test_a_dance_of_ones_own_is_added(run, tmp_path, capsys):
     assert library.path("dance_000").stat().st_mtime_ns == made  # what is there is not made again
 
 
+@pytest.fixture
+def danced(run, tmp_path):
+    """A dance of the library."""
+    library = Library(tmp_path / "teach")
+    teach.make_library(library)
+    return library.dance("dance_000")
+
+
+def test_a_folder_of_dances_is_added(run, tmp_path, danced, capsys):
+    performance = danced.performance
+    for name in ("alpha", "beta"):
+        write_dance(tmp_path / "set", name, performance, {"best": performance, "worst": performance})
+    run("add", tmp_path / "set", "--title", "not for two", "--from", 1, "--to", 8.5)
+    told = capsys.readouterr().out
+    library = Library(tmp_path / "teach")
+    assert "added alpha as own_001" in told and "added beta as own_002" in told
+    assert library.about("own_002").seconds == pytest.approx(7.5, abs=0.05)
+    run("add", tmp_path / "set" / "beta", "--title", "Beta")
+    assert library.about("own_003").name == "Beta" and "own_003" in capsys.readouterr().out
+    np.testing.assert_allclose(library.dance("own_003").joints_m, danced.joints_m[:-1], atol=1e-4)
+
+
+def test_a_dance_before_a_depth_camera_is_added(run, tmp_path, danced):
+    """A simulated learner dances perfectly; the network of the package finds the joints."""
+    fps, seconds = 6, 5.5
+    learner = LiveLearner(danced.quats, danced.hips_m, danced.fps, "perfect")
+    depth_m = np.stack([learner.frame(number / fps) for number in range(round(fps * seconds))])
+    np.savez(tmp_path / "depth.npz", depth_mm=np.round(1000 * depth_m).astype(np.uint16), fps=fps)
+    run("add", tmp_path / "depth.npz", "--camera", "kinect_v1", "--title", "Seen")
+    seen = Library(tmp_path / "teach").dance("own_001")
+    assert seen.about.name == "Seen" and seen.about.own
+    true_m = danced.joints_m[: len(seen.joints_m)]
+    errors_m = np.linalg.norm((seen.joints_m - true_m) - (seen.joints_m - true_m)[:, [Joint.TORSO]], axis=2)
+    assert np.median(errors_m) < 0.1  # of another person than the teacher
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [
+        (("add", "missing.bag"), "missing.bag: no such file"),
         (("add", "missing.bvh"), "missing.bvh"),
         (("add", "missing.pkl"), "pickle"),
         (("add", "missing.bvh", "--bpm", "1e9"), "20 to 400"),
