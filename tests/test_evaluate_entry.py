@@ -60,9 +60,13 @@ def test_a_report_is_written_where_hydra_is_told_to_with_the_baseline_beside_the
     assert found["benchmark"]["name"] == "synthetic" and found["config"]["benchmark"]["path"] == "set"
     assert "SIMULATED" in done.stdout and "out/report.html" in done.stdout and "mean_pose" in done.stdout
     files = {path.name for path in (place / "out").iterdir()} - {".hydra"}
-    assert files == {"metrics.json", "report.md", "report.html", *found["pictures"]}
-    pictures = ("examples", "per_joint", "error_curve", "confidence", "per_sequence", "worst")
-    assert {f"{name}.png" for name in pictures} == set(found["pictures"])
+    plots = ("per_joint", "error_curve", "confidence", "per_sequence")
+    assert {f"{name}.png" for name in (*plots, "examples", "worst")} == set(found["pictures"])
+    views = {path.name for path in (place / "out").glob("worst_*.html")}
+    pictures = {*found["pictures"], *(f"{name}.svg" for name in plots), *views}
+    assert views and files == {"metrics.json", "report.md", "report.html", "tables", *pictures}
+    headline = (place / "out" / "tables" / "summary.csv").read_text()
+    assert headline.startswith(",network,mean_pose\n") and "mean error" in headline
 
 
 def test_an_older_report_is_not_replaced(place):

@@ -1,32 +1,25 @@
-"""Writes a report, given as a list of blocks, as Markdown and as HTML, with metrics.json; and a table as plain text."""
+"""Writes a report, given as a list of blocks, as Markdown and as HTML; its tables and metrics as files for programs."""
 
-import html
 import json
 import math
 import sys
 from pathlib import Path
 from typing import Any
 
+from kpopnet.evaluation.blocks import Block, Table
+from kpopnet.evaluation.page import as_html
+from kpopnet.evaluation.table_files import write_tables
 from kpopnet.runtime.atomic_write import atomic_path
-
-Table = tuple[list[str], list[list[str]]]
-"""A header, and rows with the same number of cells as the header."""
-
-Block = tuple[str, Any]
-"""Kind and content of a block of a report.
-
-The content of title, heading and text is a string; that of figure and video is a file name, relative to the report, and a
-caption; that of table is a Table.
-"""
 
 
 def write_document(folder: Path, blocks: list[Block], metrics: dict) -> None:
-    """Writes report.md, report.html and metrics.json into the folder, each whole or not at all.
+    """Writes report.md, report.html, metrics.json and the tables (kpopnet.evaluation.table_files) into the folder.
 
+    Each file appears whole or not at all. report.html contains its figures, videos and 3D views, so it can be passed on alone.
     A half of a surrogate pair, which stands in the name of a file for a byte that is no UTF-8, becomes a backslash escape.
 
     Args:
-        folder: output folder; it already holds the figures and videos.
+        folder: output folder; it already holds the figures, videos and views.
         blocks: contents of the report, with a title.
         metrics: contents of metrics.json.
 
@@ -34,7 +27,8 @@ def write_document(folder: Path, blocks: list[Block], metrics: dict) -> None:
         ValueError: see `as_json`; the report is written all the same.
     """
     _write(folder / "report.md", as_markdown(blocks))
-    _write(folder / "report.html", as_html(blocks, next(content for kind, content in blocks if kind == "title")))
+    _write(folder / "report.html", as_html(blocks, folder))
+    write_tables(folder / "tables", blocks)
     _write(folder / "metrics.json", as_json(metrics))
 
 
@@ -109,48 +103,10 @@ def as_markdown(blocks: list[Block]) -> str:
                 out.append(content)
             case "figure":
                 out.append(f"![{content[1]}]({content[0]})")
-            case "video":
+            case "video" | "view":
                 out.append(f"[{content[1]}]({content[0]})")
             case "table":
                 header, rows = content
                 rule = ["---", *["---:"] * (len(header) - 1)]
                 out.append("\n".join("| " + " | ".join(row) + " |" for row in [header, rule, *rows]))
     return "\n\n".join(out) + "\n"
-
-
-PAGE = """<!doctype html>
-<html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{title}</title>
-<style>
-body {{ font: 16px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; color: #222; }}
-table {{ border-collapse: collapse; margin: 1rem 0; display: block; overflow-x: auto; }}
-td, th {{ padding: .25rem .8rem; border-bottom: 1px solid #ddd; text-align: right; }}
-td:first-child, th:first-child {{ text-align: left; }}
-img, video {{ max-width: 100%; }}
-</style>
-{body}
-</html>
-"""
-
-
-def as_html(blocks: list[Block], title: str) -> str:
-    """The report as an HTML page."""
-    out = []
-    for kind, content in blocks:
-        match kind:
-            case "title":
-                out.append(f"<h1>{html.escape(content)}</h1>")
-            case "heading":
-                out.append(f"<h2>{html.escape(content)}</h2>")
-            case "text":
-                out.append(f"<p>{html.escape(content)}</p>")
-            case "figure":
-                out.append(f'<p><img src="{html.escape(content[0])}" alt="{html.escape(content[1])}"></p>')
-            case "video":
-                source, caption = (html.escape(text) for text in content)
-                out.append(f'<p><video src="{source}" controls loop muted></video><br>{caption}</p>')
-            case "table":
-                header, rows = content
-                lines = ["".join(f"<th>{html.escape(cell)}</th>" for cell in header)]
-                lines += ["".join(f"<td>{html.escape(cell)}</td>" for cell in row) for row in rows]
-                out.append("<table>\n" + "\n".join(f"<tr>{line}</tr>" for line in lines) + "\n</table>")
-    return PAGE.format(title=html.escape(title), body="\n".join(out))

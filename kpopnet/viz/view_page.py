@@ -37,10 +37,14 @@ class Shown(NamedTuple):
     Attributes:
         joints_camera_m: (T, 15, 3) metres, NaN where missing.
         confidence: (T, 15) in 0..1.
+        label: what is written above the head, and in the legend for a reference.
+        reference: drawn thin and in a colour of its own, as true joints beside estimated ones.
     """
 
     joints_camera_m: np.ndarray
     confidence: np.ndarray
+    label: str = ""
+    reference: bool = False
 
 
 class Cloud(NamedTuple):
@@ -111,6 +115,8 @@ def view_page(title: str, camera: Camera, times_s: np.ndarray, people: Sequence[
             {
                 "joints": _packed(_millimetres(person.joints_camera_m[kept])),
                 "confidence": _packed(np.rint(255 * np.clip(person.confidence[kept], 0, 1)).astype(np.uint8)),
+                "label": person.label,
+                "reference": person.reference,
             }
             for person in people
         ],
@@ -122,7 +128,7 @@ def view_page(title: str, camera: Camera, times_s: np.ndarray, people: Sequence[
     }
     page = files("kpopnet.viz").joinpath("view_page.html").read_text(encoding="utf-8")
     page = page.replace("TITLE", html.escape(title.encode("utf-8", "replace").decode()))
-    return page.replace('"DATA"', json.dumps(data, separators=(",", ":")))
+    return page.replace('"DATA"', json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"))
 
 
 def _millimetres(points_m: np.ndarray) -> np.ndarray:

@@ -14,12 +14,13 @@ from kpopnet.dance.scoring import SCORERS
 from kpopnet.datasets.dances.dance_set import KpopConfig, open_set
 from kpopnet.datasets.protocol import Origin
 from kpopnet.errors import InputError
+from kpopnet.evaluation.blocks import Block, Table
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.dances.figures import score_by_rank, timelines, worst_ordered_dance
 from kpopnet.evaluation.dances.oracle import ORACLES
 from kpopnet.evaluation.dances.ranking import TRUTH, confusions, is_ordered, paired_p_value, similarities
 from kpopnet.evaluation.dances.run import MAIN_SCORER, DanceRun, run_dances
-from kpopnet.evaluation.document import Block, Table, as_text, describe_files, describe_revision, printable, write_document
+from kpopnet.evaluation.document import as_text, describe_files, describe_revision, printable, write_document
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.provenance import git_revision
 
@@ -57,7 +58,7 @@ def evaluate_dances(config: EvaluateConfig, folder: Path) -> None:
 
 
 def write_dance_report(folder: Path, run: DanceRun, config: EvaluateConfig) -> None:
-    """Writes figures, table_2.csv, metrics.json, report.md and report.html into the folder, and creates it if necessary.
+    """Writes the report with its figures, tables, table_2.csv and metrics.json into the folder, and creates it if necessary.
 
     If the dance to be plotted failed, another dance is plotted, and the report states it.
     """
@@ -67,8 +68,9 @@ def write_dance_report(folder: Path, run: DanceRun, config: EvaluateConfig) -> N
     plotted = config.benchmark.dance
     if plotted not in run.scores[main][scorer]:
         plotted = worst_ordered_dance(run, main, scorer)
-    score_by_rank(run).savefig(folder / "score_by_rank.png", dpi=110)
-    timelines(run, plotted, scorer).savefig(folder / "timelines.png", dpi=110)
+    for name, plot in (("score_by_rank", score_by_rank(run)), ("timelines", timelines(run, plotted, scorer))):
+        plot.savefig(folder / f"{name}.png", dpi=110)
+        plot.savefig(folder / f"{name}.svg")
     write_table_2(folder / "table_2.csv", run)
     metrics = metrics_json(run, config)
     write_document(folder, report_blocks(run, plotted, metrics), metrics)

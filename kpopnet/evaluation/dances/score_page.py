@@ -12,8 +12,9 @@ from kpopnet.dance.diagnosis import Fault
 from kpopnet.dance.feedback import Feedback, Phrase, clock
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import DanceScore
+from kpopnet.evaluation.blocks import Block, Table
 from kpopnet.evaluation.dances.score_figures import moments, of_parts, over_time, worst_windows
-from kpopnet.evaluation.document import Block, Table, as_html
+from kpopnet.evaluation.page import as_html
 
 MAX_FAULTS = 8
 """So many faults are listed, the costliest first; the JSON has all."""
@@ -111,7 +112,7 @@ def score_page(
         caption = "The learner in colours (right red, left blue) over the teacher in grey, both turned to the front."
         figure = moments(teacher, learner, windows, window_s, chosen)
         blocks += [("heading", "Worst windows"), ("text", caption), ("figure", (_embedded(figure), "both dancers"))]
-    return as_html(blocks, title)
+    return as_html(blocks)
 
 
 def _score_table(score: DanceScore) -> Table:

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from kpopnet.evaluation.document import Block
+from kpopnet.evaluation.blocks import Block
 from kpopnet.evaluation.poses.metrics import PoseResults
 
 WITHIN_M = 0.10

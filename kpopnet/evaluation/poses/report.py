@@ -10,8 +10,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from kpopnet.datasets.protocol import Origin
+from kpopnet.evaluation.blocks import Block
 from kpopnet.evaluation.config import EvaluateConfig
-from kpopnet.evaluation.document import Block, as_text, describe_files, describe_revision, write_document
+from kpopnet.evaluation.document import as_text, describe_files, describe_revision, write_document
 from kpopnet.evaluation.intervals import FEWEST_UNITS
 from kpopnet.evaluation.poses.confidence import confidence_blocks, confidence_figure
 from kpopnet.evaluation.poses.figures import error_curve, examples_sheet, joint_bars, sequence_bars, sweep_plot
@@ -29,7 +30,8 @@ from kpopnet.evaluation.poses.tables import (
     threshold_table,
     yaw_table,
 )
-from kpopnet.evaluation.poses.worst_sequence import contact_sheet, render_video, save_video, worst_sequence
+from kpopnet.evaluation.poses.worst_sequence import VIEWS, contact_sheet, render_video, save_video, view_in_3d, worst_sequences
+from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.provenance import git_revision
 from kpopnet.viz.drawing import save_png
 
@@ -161,7 +163,7 @@ def sweep_json(run: Run, sweep: Sweep) -> dict:
 
 
 def write_report(folder: Path, run: Run, config: EvaluateConfig, sweep: Sweep | None = None) -> None:
-    """Writes figures, metrics.json, report.md and report.html into the folder, which is created if it does not exist.
+    """Writes the report with its figures, views in 3D, tables and metrics.json into the folder, created if it does not exist.
 
     Args:
         folder: output folder.
@@ -171,7 +173,8 @@ def write_report(folder: Path, run: Run, config: EvaluateConfig, sweep: Sweep | 
     """
     folder.mkdir(parents=True, exist_ok=True)
     run, run_with_sweep = _without_sweep(run, sweep), run
-    listed, worst = listed_sequences(run), worst_sequence(run)
+    by_worst = worst_sequences(run)
+    listed, worst = by_worst[:MAX_LISTED_SEQUENCES], by_worst[0]
     plots = {"per_joint.png": joint_bars(run), "error_curve.png": error_curve(run)}
     title = f"{run.benchmark.name} ({run.benchmark.origin.value}), against {run.benchmark.truth}"
     plots["confidence.png"] = confidence_figure(run.results, title)
@@ -181,13 +184,18 @@ def write_report(folder: Path, run: Run, config: EvaluateConfig, sweep: Sweep | 
         plots["sweep.png"] = sweep_plot(run_with_sweep, sweep)
     for name, plot in plots.items():
         plot.savefig(folder / name, dpi=110)
+        plot.savefig((folder / name).with_suffix(".svg"))
     save_png(folder / "examples.png", examples_sheet(run, config.seed))
     save_png(folder / "worst.png", contact_sheet(run, worst))
     fps, images = render_video(run, worst)
     videos = ["worst.mp4"] if fps and save_video(folder / "worst.mp4", images, fps) else []
+    views = {f"worst_{number}.html": name for number, name in enumerate(by_worst[:VIEWS], 1)}
+    for file, name in views.items():
+        with atomic_path(folder / file) as part:
+            part.write_text(view_in_3d(run, name), encoding="utf-8", errors="backslashreplace")
     metrics = metrics_json(run, config, ["examples.png", "worst.png", *plots, *videos])
     metrics["sweep"] = sweep_json(run_with_sweep, sweep) if sweep else None
-    blocks = report_blocks(run, metrics)
+    blocks = report_blocks(run, metrics, views)
     if sweep:
         blocks += [
             ("heading", f"{sweep.estimator} at other settings (Table 1)"),
@@ -202,16 +210,9 @@ def main_metrics(run: Run) -> dict:
     return next(iter(run.metrics.values()))
 
 
-def listed_sequences(run: Run) -> list[str]:
-    """The MAX_LISTED_SEQUENCES sequences with the smallest fraction within 10 cm by the main estimator, worst first."""
-    fractions = {name: part["map_10cm"] for name, part in main_metrics(run)["per_sequence"].items()}
-    ordered = sorted(fractions, key=lambda name: 2.0 if fractions[name] is None else fractions[name])
-    return ordered[:MAX_LISTED_SEQUENCES]
-
-
-def report_blocks(run: Run, metrics: dict) -> list[Block]:
-    """The report up to the sweep. `metrics` is the result of `metrics_json`."""
-    listed, figures, main = listed_sequences(run), metrics["pictures"], metrics["estimator"]
+def report_blocks(run: Run, metrics: dict, views: dict[str, str]) -> list[Block]:
+    """The report up to the sweep: `metrics` is the result of `metrics_json`, `views` names the sequence of each page in 3D."""
+    listed, figures, main = worst_sequences(run)[:MAX_LISTED_SEQUENCES], metrics["pictures"], metrics["estimator"]
     published = published_table(run)
     blocks: list[Block] = [
         ("title", f"kpopnet on {run.benchmark.name}"),
@@ -253,6 +254,9 @@ def report_blocks(run: Run, metrics: dict) -> list[Block]:
     if "per_sequence.png" in figures:
         blocks.append(("figure", ("per_sequence.png", "Mean and standard deviation of the error in each sequence")))
     blocks += [
+        ("heading", f"Worst sequences in 3D ({main})"),
+        ("text", "Estimated joints in colours, true ones thin. Drag to turn, scroll or pinch to zoom, space to play."),
+        *(("view", (file, name)) for file, name in views.items()),
         ("heading", f"Worst sequence ({main})"),
         ("figure", ("worst.png", "Evenly spaced frames of the worst sequence, with true and estimated skeletons")),
     ]

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from kpopnet.evaluation.document import Table
+from kpopnet.evaluation.blocks import Table
 from kpopnet.evaluation.poses.published import published_on
 from kpopnet.evaluation.poses.run import Run
 from kpopnet.evaluation.poses.sweep import Sweep

@@ -1,4 +1,4 @@
-"""Contact sheet of the worst sequence of the main estimator, and a video of it where the frames are a film."""
+"""The worst sequences of the main estimator: contact sheet and, where the frames are a film, a video; views in 3D."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -11,17 +11,21 @@ from kpopnet.evaluation.poses.figures import crop_around_joints, frame_tile
 from kpopnet.evaluation.poses.metrics import joint_errors_m
 from kpopnet.evaluation.poses.run import Run
 from kpopnet.viz.drawing import ESTIMATED, TRUE, depth_rgb, draw_skeleton, enlarged, legend, sheet, with_captions
+from kpopnet.viz.view_page import Shown, cloud_frames, sampled_cloud, view_page
 
 SHEET_ROWS, SHEET_COLUMNS = 3, 5
 VIDEO_HEIGHT_PX = 360
+VIEWS = 3
+"""Number of sequences that are shown in 3D; they share the points that one page may hold."""
+
 MIN_VIDEO_FPS = 8.0
 """A video is subsampled to every n-th frame, with the largest n that keeps this rate, to save writing time."""
 
 
-def worst_sequence(run: Run) -> str:
-    """The sequence with the smallest fraction of joints within 10 cm by the main estimator; the first one if tied."""
+def worst_sequences(run: Run) -> list[str]:
+    """The sequences by the fraction of joints within 10 cm by the main estimator, the worst first; ties in the set's order."""
     fractions = {name: part["map_10cm"] for name, part in next(iter(run.metrics.values()))["per_sequence"].items()}
-    return min(fractions, key=lambda name: 2.0 if fractions[name] is None else fractions[name])
+    return sorted(fractions, key=lambda name: 2.0 if fractions[name] is None else fractions[name])
 
 
 def contact_sheet(run: Run, name: str) -> np.ndarray:
@@ -70,6 +74,22 @@ def render_video(run: Run, name: str) -> tuple[float, Iterable[np.ndarray]]:
             yield image[: len(image) // 2 * 2]  # video codecs need an even height
 
     return sequence.fps / step, images()
+
+
+def view_in_3d(run: Run, name: str) -> str:
+    """A page that shows a sequence in 3D: the estimated joints in colours, the true ones thin, over the depth as points."""
+    main, results = next(iter(run.results.items()))
+    rows = np.flatnonzero(results.sequence == results.sequence_names.index(name))
+    sequence = run.benchmark.read(name)
+    truth_m, estimate_m = results.truth_m[rows], results.estimate_m[rows]
+    times_s = np.arange(len(rows)) / (sequence.fps or 1.0)
+    shown = cloud_frames(len(rows))
+    clouds = [
+        sampled_cloud(frame, sequence.depth_m[frame], sequence.camera, [truth_m[frame]], VIEWS * len(shown)) for frame in shown
+    ]
+    confidence = np.nan_to_num(results.confidence[rows])
+    people = [Shown(estimate_m, confidence, main), Shown(truth_m, np.ones(truth_m.shape[:2]), "true joints", reference=True)]
+    return view_page(f"{name}: {main} on {run.benchmark.origin.value} depth", sequence.camera, times_s, people, clouds)
 
 
 def _region_of_joints(camera: Camera, joints_camera_m: np.ndarray) -> tuple[tuple[slice, slice], Camera]:

@@ -1,5 +1,7 @@
 """A report is written whatever its names are, and whole or not at all."""
 
+import base64
+import csv
 import io
 import json
 import sys
@@ -8,6 +10,8 @@ import numpy as np
 import pytest
 
 from kpopnet.evaluation.document import as_text, printable, write_document
+from kpopnet.evaluation.page import as_html
+from kpopnet.evaluation.table_files import write_tables
 from kpopnet.viz.drawing import with_captions
 
 NAME = "a\udcffb"
@@ -22,7 +26,38 @@ def test_half_of_a_surrogate_pair_in_a_name_loses_no_report(tmp_path):
     for name in ("report.md", "report.html"):
         assert "a\\udcffb" in (tmp_path / name).read_text(encoding="utf-8")
     assert json.loads((tmp_path / "metrics.json").read_text())["names"] == {NAME: 1}
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["metrics.json", "report.html", "report.md"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["metrics.json", "report.html", "report.md", "tables"]
+
+
+def test_a_page_contains_its_files_and_links_what_is_missing(tmp_path):
+    (tmp_path / "a.png").write_bytes(b"picture")
+    (tmp_path / "v.html").write_text('<!doctype html><p title="quoted">view</p>')
+    blocks = [("title", "t"), ("figure", ("a.png", "A")), ("figure", ("b.png", "B")), ("view", ("v.html", 'the "view"'))]
+    page = as_html(blocks, tmp_path)
+    assert f'src="data:image/png;base64,{base64.b64encode(b"picture").decode()}"' in page and 'src="b.png"' in page
+    assert 'srcdoc="&lt;!doctype html&gt;&lt;p title=&quot;quoted&quot;&gt;view&lt;/p&gt;"' in page
+    assert 'sandbox="allow-scripts"' in page and "allow-same-origin" not in page
+    assert 'href="v.html"' in as_html(blocks) and 'src="a.png"' in as_html(blocks)
+
+
+def test_a_large_file_is_linked(tmp_path, monkeypatch):
+    monkeypatch.setattr("kpopnet.evaluation.page.MOST_EMBEDDED_BYTES", 3)
+    (tmp_path / "v.mp4").write_bytes(b"film")
+    assert 'src="v.mp4"' in as_html([("title", "t"), ("video", ("v.mp4", "V"))], tmp_path)
+
+
+def test_tables_become_files_for_spreadsheets_and_papers(tmp_path):
+    first, second, third = ((["name", "cm"], [[cell, "1,0"]]) for cell in ("50 % & more", "b_c", "d"))
+    blocks = [("title", "t"), ("table", first), ("heading", "Errors / joints"), ("table", second), ("table", third)]
+    write_tables(tmp_path / "tables", blocks)
+    names = ["errors_joints", "errors_joints_2", "summary"]
+    assert sorted(path.stem for path in (tmp_path / "tables").glob("*.csv")) == names
+    assert sorted(path.stem for path in (tmp_path / "tables").glob("*.tex")) == names
+    with (tmp_path / "tables" / "summary.csv").open(newline="") as file:
+        assert list(csv.reader(file)) == [["name", "cm"], ["50 % & more", "1,0"]]
+    latex = (tmp_path / "tables" / "summary.tex").read_text()
+    assert latex.startswith("\\begin{tabular}{lr}\n\\toprule\nname & cm \\\\\n") and r"50 \% \& more & 1,0 \\" in latex
+    assert r"b\_c" in (tmp_path / "tables" / "errors_joints.tex").read_text()
 
 
 def test_other_characters_are_written_as_they_are(tmp_path):

@@ -22,7 +22,7 @@ const painter = new Proxy({}, {get: (kept, name) => name in kept ? kept[name] : 
 const elements = {};
 const element = () => ({
   clientWidth: 800, clientHeight: 600, checked: false, value: "1", dataset: {view: "side"}, style: {}, listeners: {},
-  getContext: () => painter, setAttribute() {}, setPointerCapture() {}, click() { this.checked = !this.checked; },
+  getContext: () => painter, setAttribute() {}, append() {}, setPointerCapture() {}, click() { this.checked = !this.checked; },
   addEventListener(name, listener) { this.listeners[name] = listener; },
 });
 const document = Object.assign(element(), {
@@ -139,3 +139,18 @@ def test_a_cloud_is_denser_on_people_and_bounded():
     on_person = (cloud.points_camera_m[:, 2] < 5).mean()
     assert on_person > 3 * (person_m > 0).mean() and (cloud.points_camera_m[:, 2] > 5).any()
     assert len(sampled_cloud(0, np.zeros_like(depth_m), CAMERA, [], 1).points_camera_m) == 0
+
+
+def test_a_reference_is_thin_has_a_legend_and_a_label_is_text():
+    times_s, (person,), clouds = recording()
+    people = [person._replace(label="</script>"), person._replace(label="true joints", reference=True)]
+    page = view_page("a", CAMERA, times_s, people, clouds)
+    assert page.count("</script>") == 1
+    drawn = run(
+        page,
+        'elements.points.checked = false; calls.arc = []; calls.fillText = []; key("Home");'
+        "console.log(JSON.stringify([calls.arc.map(one => one[2]), calls.fillText, elements.reference.hidden]))",
+    )
+    radii, texts, hidden = drawn
+    assert len(radii) == 30 and texts == ["</script>"] and hidden is False
+    assert radii[15:] == pytest.approx([0.4 * radius for radius in radii[:15]])

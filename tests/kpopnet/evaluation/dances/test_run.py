@@ -1,5 +1,6 @@
 """Evaluation of dance scores: from a folder of dances to Table 2, with and without estimators."""
 
+import base64
 import csv
 import json
 import os
@@ -351,7 +352,8 @@ def test_the_report_has_all_its_parts(folder, fake, tmp_path):
     assert len(rows) == 2 * 2 * len(SCORERS) * 4 and {row["joints"] for row in rows} == {"truth", "fake"}
     for figure in ("score_by_rank.png", "timelines.png"):
         assert (tmp_path / "out" / figure).stat().st_size > 10_000
-        assert figure in (tmp_path / "out" / "report.html").read_text()
+        picture = base64.b64encode((tmp_path / "out" / figure).read_bytes()).decode()
+        assert picture in (tmp_path / "out" / "report.html").read_text()
 
 
 def test_feature_and_distance_are_compared_by_concordance_and_paired_tests(folder):

@@ -109,9 +109,11 @@ def test_reports_name_origin_and_truth_and_link_only_existing_figures(benchmark,
     for report in (page, text, terminal_table(run)):
         assert "SIMULATED depth, compared with synthetic truth" in report
         assert "2 of 3 sequences, evenly spaced" in report and "synthetic:" in report
+    links = re.findall(r"\[[^]]*\]\(([^)]*)\)", text)
+    assert len(links) == 8 and all((tmp_path / link).is_file() for link in links)
     sources = re.findall(r'(?:src|href)="([^"]*)"', page)
-    assert sources == re.findall(r"!\[[^]]*\]\(([^)]*)\)", text) and len(sources) == 6
-    assert all((tmp_path / source).is_file() for source in sources)
+    assert len(sources) == 6 and all(source.startswith("data:image/png;base64,") for source in sources)
+    assert page.count("<iframe sandbox=") == 2
     parser = TagBalance()
     parser.feed(page)
     assert not parser.open
