@@ -12,6 +12,7 @@ from kpopnet.datasets.protocol import Benchmark, evenly_spaced
 from kpopnet.datasets.synthetic import SyntheticBenchmark
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator, base_estimator, starts_from_label
+from kpopnet.evaluation.poses.causes import missed_by_cause
 from kpopnet.evaluation.poses.confidence import evaluate_confidence
 from kpopnet.evaluation.poses.definition import in_label_definition
 from kpopnet.evaluation.poses.metrics import PoseResults, difference, evaluate
@@ -42,8 +43,8 @@ class Run:
     Attributes:
         benchmark: the data set.
         results: joints of all N frames by the estimator's name, in the order of the report.
-        metrics: by the estimator's name: the figures of `metrics.evaluate` and `evaluate_confidence`, and `fps`, frames per
-            second of the estimation without the extraction.
+        metrics: by the estimator's name: the figures of `metrics.evaluate` and `evaluate_confidence`, `missed_by_cause`, and
+            `fps`, frames per second of the estimation without the extraction.
         differences: `metrics.difference` of every estimator but the first from the first one, by the estimator's name.
         resampled: what the intervals resample.
         frame: (N,) index of each frame within its sequence.
@@ -143,6 +144,7 @@ def run_benchmark(
             label: evaluate(one, seed)
             | evaluate_confidence(one)
             | _in_label_definition(benchmark, one, parts, seed)
+            | {"missed_by_cause": missed_by_cause(one)}
             | {"fps": _frames_per_second(parts, [part.seconds[label] for part in parts])}
             for label, one in results.items()
         },

@@ -6,8 +6,8 @@ from kpopnet.camera import CAMERAS
 from kpopnet.datasets.protocol import Origin, Sequence
 from kpopnet.estimator import Estimate
 from kpopnet.evaluation.poses.definition import fit_offsets, in_label_definition, joint_axes, moved
+from kpopnet.evaluation.poses.report.tables import definition_tables
 from kpopnet.evaluation.poses.run import run_benchmark
-from kpopnet.evaluation.poses.tables import definition_tables
 from kpopnet.geometry.cones import torso_frame
 from kpopnet.skeleton import MIRROR, Joint
 

@@ -7,7 +7,7 @@ from shard_sets import write_shard
 from kpopnet.baselines.mean_pose import MeanPoseEstimator
 from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
 from kpopnet.errors import InputError
-from kpopnet.evaluation.poses.report import remarks
+from kpopnet.evaluation.poses.report.writing import remarks
 from kpopnet.evaluation.poses.run import run_benchmark
 from kpopnet.evaluation.registry import build_estimators
 from kpopnet.networks import ModelConfig

@@ -11,8 +11,8 @@ from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
 from kpopnet.estimator import Estimate
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.poses import sequence as pose_sequence
-from kpopnet.evaluation.poses.figures import crop_around_joints, examples_sheet
-from kpopnet.evaluation.poses.report import metrics_json, remarks
+from kpopnet.evaluation.poses.report.figures import crop_around_joints, examples_sheet
+from kpopnet.evaluation.poses.report.writing import metrics_json, remarks
 from kpopnet.evaluation.poses.run import run_benchmark
 from kpopnet.extraction import HumanExtractionConfig
 

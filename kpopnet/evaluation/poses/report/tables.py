@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from kpopnet.evaluation.blocks import Table
-from kpopnet.evaluation.poses.published import published_on
+from kpopnet.evaluation.poses.report.published import published_on
 from kpopnet.evaluation.poses.run import Run
 from kpopnet.evaluation.poses.sweep import Sweep
 
@@ -89,6 +89,14 @@ def group_table(run: Run, key: str, unit: str, title: str) -> Table:
 def group_tables(run: Run) -> tuple[Table, Table]:
     """Percentage within 10 cm and mean error of every joint group."""
     return group_table(run, "map_10cm", "%", "within 10 cm"), group_table(run, "mean_error_cm", "cm", "mean error")
+
+
+def causes_table(run: Run) -> Table:
+    """Percentage of all joints that are missed for each cause."""
+    causes = next(iter(run.metrics.values()))["missed_by_cause"]
+    return ["missed, by cause", *run.metrics], [
+        [cause, *(format_value(m["missed_by_cause"][cause], "%") for m in run.metrics.values())] for cause in causes
+    ]
 
 
 DEFINITION = tuple(row for row in HEADLINE if row[1] in ("map_10cm", "map_14", "mean_error_cm", "median_error_cm"))

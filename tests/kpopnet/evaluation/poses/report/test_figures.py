@@ -14,12 +14,12 @@ from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.document import as_json
-from kpopnet.evaluation.poses.figures import joint_bars, sequence_bars, sweep_plot
-from kpopnet.evaluation.poses.report import interval_remarks, metrics_json, remarks, terminal_table, write_report
+from kpopnet.evaluation.poses.report.figures import joint_bars, sequence_bars, sweep_plot
+from kpopnet.evaluation.poses.report.tables import difference_table, published_table, sequence_table, sweep_table
+from kpopnet.evaluation.poses.report.worst_sequences import contact_sheet, render_video, save_video, worst_sequences
+from kpopnet.evaluation.poses.report.writing import interval_remarks, metrics_json, remarks, terminal_table, write_report
 from kpopnet.evaluation.poses.run import Resampled, run_benchmark
 from kpopnet.evaluation.poses.sweep import AxisConfig, SweepConfig, sweep_of
-from kpopnet.evaluation.poses.tables import difference_table, published_table, sequence_table, sweep_table
-from kpopnet.evaluation.poses.worst_sequence import contact_sheet, render_video, save_video, worst_sequences
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
 
 CAMERA = Camera.centred(80.0, 96, 72)

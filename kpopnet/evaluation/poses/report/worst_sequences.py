@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 
 from kpopnet.camera import Camera
-from kpopnet.evaluation.poses.figures import crop_around_joints, frame_tile
 from kpopnet.evaluation.poses.metrics import joint_errors_m
+from kpopnet.evaluation.poses.report.figures import crop_around_joints, frame_tile
 from kpopnet.evaluation.poses.run import Run
 from kpopnet.viz.drawing import ESTIMATED, TRUE, depth_rgb, draw_skeleton, enlarged, legend, sheet, with_captions
 from kpopnet.viz.view_page import Shown, cloud_frames, sampled_cloud, view_page

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from kpopnet.camera import Camera
 from kpopnet.datasets.protocol import Sequence
 from kpopnet.evaluation.poses.metrics import CURVE_END_M, THRESHOLDS_M, fraction_within, joint_errors_m
-from kpopnet.evaluation.poses.published import published_on
+from kpopnet.evaluation.poses.report.published import published_on
 from kpopnet.evaluation.poses.run import Run
 from kpopnet.evaluation.poses.sweep import Sweep
 from kpopnet.skeleton import JOINT_NAMES

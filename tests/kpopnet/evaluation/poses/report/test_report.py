@@ -16,8 +16,8 @@ from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate
 from kpopnet.evaluation.config import EvaluateConfig
-from kpopnet.evaluation.poses.figures import example_frames
-from kpopnet.evaluation.poses.report import remarks, terminal_table, write_report
+from kpopnet.evaluation.poses.report.figures import example_frames
+from kpopnet.evaluation.poses.report.writing import remarks, terminal_table, write_report
 from kpopnet.evaluation.poses.run import run_benchmark, unlike_training
 from kpopnet.evaluation.registry import NetworkEstimatorConfig
 from kpopnet.networks import ModelConfig

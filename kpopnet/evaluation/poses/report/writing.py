@@ -15,10 +15,9 @@ from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.document import as_text, describe_files, describe_revision, write_document
 from kpopnet.evaluation.intervals import FEWEST_UNITS
 from kpopnet.evaluation.poses.confidence import confidence_blocks, confidence_figure
-from kpopnet.evaluation.poses.figures import error_curve, examples_sheet, joint_bars, sequence_bars, sweep_plot
-from kpopnet.evaluation.poses.run import Resampled, Run
-from kpopnet.evaluation.poses.sweep import Sweep
-from kpopnet.evaluation.poses.tables import (
+from kpopnet.evaluation.poses.report.figures import error_curve, examples_sheet, joint_bars, sequence_bars, sweep_plot
+from kpopnet.evaluation.poses.report.tables import (
+    causes_table,
     definition_tables,
     difference_table,
     format_value,
@@ -30,7 +29,16 @@ from kpopnet.evaluation.poses.tables import (
     threshold_table,
     yaw_table,
 )
-from kpopnet.evaluation.poses.worst_sequence import VIEWS, contact_sheet, render_video, save_video, view_in_3d, worst_sequences
+from kpopnet.evaluation.poses.report.worst_sequences import (
+    VIEWS,
+    contact_sheet,
+    render_video,
+    save_video,
+    view_in_3d,
+    worst_sequences,
+)
+from kpopnet.evaluation.poses.run import Resampled, Run
+from kpopnet.evaluation.poses.sweep import Sweep
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.provenance import git_revision
 from kpopnet.viz.drawing import save_png
@@ -212,7 +220,7 @@ def main_metrics(run: Run) -> dict:
 
 def report_blocks(run: Run, metrics: dict, views: dict[str, str]) -> list[Block]:
     """The report up to the sweep: `metrics` is the result of `metrics_json`, `views` names the sequence of each page in 3D."""
-    listed, figures, main = worst_sequences(run)[:MAX_LISTED_SEQUENCES], metrics["pictures"], metrics["estimator"]
+    figures, main = metrics["pictures"], metrics["estimator"]
     published = published_table(run)
     blocks: list[Block] = [
         ("title", f"kpopnet on {run.benchmark.name}"),
@@ -242,11 +250,35 @@ def report_blocks(run: Run, metrics: dict, views: dict[str, str]) -> list[Block]
         *definition_blocks(run),
         ("figure", ("per_joint.png", "Mean error and percentage within 10 cm of each joint")),
         ("figure", ("error_curve.png", "Percentage of joints within a distance of the true position")),
+        *causes_blocks(run),
         *confidence_blocks(run.metrics),
     ]
+    blocks += sequence_blocks(run, figures, views)
+    if main_metrics(run)["by_yaw"]:
+        blocks += [
+            ("heading", "Heading of the person"),
+            ("text", "Centres of sectors of 45 degrees: 0 faces the camera, positive angles turn to the person's left."),
+            ("table", yaw_table(run)),
+        ]
+    return blocks
+
+
+def causes_blocks(run: Run) -> list[Block]:
+    """Why joints are missed."""
+    text = (
+        "Joints that are not within 10 cm, in percent of all joints, by the first cause that fits: absent (not estimated), "
+        "hidden in the depth image, other side (found on the joint of the other side), momentary (found within a quarter of a "
+        "second before and after), wrong depth (off along the viewing ray), elsewhere."
+    )
+    return [("heading", "Why joints are missed"), ("text", text), ("table", causes_table(run))]
+
+
+def sequence_blocks(run: Run, figures: list[str], views: dict[str, str]) -> list[Block]:
+    """Errors by sequence, and the worst ones; `figures` are those that were drawn, `views` as in `report_blocks`."""
+    listed, main = worst_sequences(run)[:MAX_LISTED_SEQUENCES], next(iter(run.metrics))
     total = len(main_metrics(run)["per_sequence"])
     of_all = f", the {len(listed)} worst of {total}" if len(listed) < total else ", worst first"
-    blocks += [
+    blocks: list[Block] = [
         ("heading", f"Sequences{of_all}"),
         ("text", "Error of visible joints (Eq. 16): mean and standard deviation."),
         ("table", sequence_table(run, listed)),
@@ -262,12 +294,6 @@ def report_blocks(run: Run, metrics: dict, views: dict[str, str]) -> list[Block]
     ]
     if "worst.mp4" in figures:
         blocks.append(("video", ("worst.mp4", "Video of the worst sequence")))
-    if main_metrics(run)["by_yaw"]:
-        blocks += [
-            ("heading", "Heading of the person"),
-            ("text", "Centres of sectors of 45 degrees: 0 faces the camera, positive angles turn to the person's left."),
-            ("table", yaw_table(run)),
-        ]
     return blocks
 
 

@@ -1,0 +1,63 @@
+"""Why joints are missed: every joint that is not within 10 cm, by the first cause that fits.
+
+The causes are tried in a fixed order, so a hidden joint that the estimator also takes for the other side's counts as hidden. A
+cause tells what would help: several frames for what is hidden or momentary, sides and fronts told apart, better depth.
+"""
+
+import numpy as np
+
+from kpopnet.evaluation.poses.metrics import PoseResults
+from kpopnet.skeleton import MIRROR
+
+MISSED_M = 0.10
+
+NEIGHBOURS = 7
+"""A miss is momentary if the joint is found within this many frames before and after: a quarter of a second at 30 a second."""
+
+FILM_STEP_M = 0.1
+"""In a film joints move less than this from frame to frame, in the median; stills differ by several times as much."""
+
+ALONG_RAY = 0.8
+"""Share of an error that lies along the viewing ray for the joint to count as found at the wrong depth."""
+
+
+def missed_by_cause(results: PoseResults) -> dict[str, float]:
+    """Fraction of all labelled joints that are missed, by cause: absent, hidden, other side, momentary, wrong depth, elsewhere.
+
+    Args:
+        results: true and estimated joints; frames that the estimator was given do not count.
+    """
+    errors_m = results.errors_m()
+    labelled = ~np.isnan(errors_m)
+    missed = labelled & ~(errors_m < MISSED_M)
+    truth_m, estimate_m = results.truth_m.astype(np.float64), results.estimate_m.astype(np.float64)
+    ray = truth_m / np.linalg.norm(truth_m, axis=-1, keepdims=True)
+    along_m = np.abs(((estimate_m - truth_m) * ray).sum(axis=-1))
+    other_side_m = np.linalg.norm(estimate_m - truth_m[:, MIRROR], axis=-1)
+    causes = {
+        "absent": np.isinf(errors_m),
+        "hidden": ~results.visible,
+        "other side": (np.arange(len(MIRROR)) != MIRROR) & (other_side_m < MISSED_M),
+        "momentary": _found_around(errors_m < MISSED_M, results),
+        "wrong depth": along_m > ALONG_RAY * errors_m,
+        "elsewhere": np.ones_like(missed),
+    }
+    fractions, left = {}, missed
+    for name, fits in causes.items():
+        fractions[name] = float((left & fits).sum() / max(labelled.sum(), 1))
+        left = left & ~fits
+    return fractions
+
+
+def _found_around(found: np.ndarray, results: PoseResults) -> np.ndarray:
+    """(N, 15) whether a joint is found within NEIGHBOURS frames before and within NEIGHBOURS frames after, in films."""
+    around = np.zeros_like(found)
+    for index in range(len(results.sequence_names)):
+        rows = np.flatnonzero(results.sequence == index)
+        steps_m = np.linalg.norm(np.diff(results.truth_m[rows], axis=0), axis=-1)
+        if not np.isfinite(steps_m).any() or np.nanmedian(steps_m) > FILM_STEP_M:
+            continue
+        padded = np.pad(found[rows], ((NEIGHBOURS, NEIGHBOURS), (0, 0)))
+        windows = np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS, axis=0).any(axis=-1)
+        around[rows] = windows[: len(rows)] & windows[NEIGHBOURS + 1 :]
+    return around
