@@ -47,7 +47,7 @@ from kpopnet.dance.scoring import SCORERS
 from kpopnet.errors import InputError
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.dances.report import evaluate_dances
-from kpopnet.evaluation.poses.report import terminal_table, write_report
+from kpopnet.evaluation.poses.report.writing import terminal_table, write_report
 from kpopnet.evaluation.poses.run import run_benchmark
 from kpopnet.evaluation.poses.sweep import sweep_of
 from kpopnet.evaluation.registry import BENCHMARKS, ESTIMATORS, build_benchmark, build_estimators
