@@ -76,7 +76,7 @@ def first_label(joints_camera_m: np.ndarray) -> Start:
     """
     complete = np.flatnonzero(np.isfinite(joints_camera_m).all(axis=(1, 2)))
     if not len(complete):
-        raise InputError("start=label needs a frame with all fifteen joints, and there is none; use start=standing or y_pose")
+        raise InputError("start=label needs a frame with all fifteen joints, and there is none; use start=auto")
     return Start(int(complete[0]), joints_camera_m[complete[0]])
 
 

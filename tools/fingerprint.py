@@ -84,7 +84,7 @@ def joints(name: str, folder: Path, checkpoint: Path) -> dict[str, str]:
     estimators = {
         "tracker": tracker(),
         "tracker_from_label": tracker(start="label"),
-        "tracker_standing_depth": tracker(start="standing", hierarchy=HierarchyConfig(candidates="depth")),
+        "tracker_depth": tracker(hierarchy=HierarchyConfig(candidates="depth")),
         "tracker_with_network": tracker(network=str(checkpoint)),
         "paper_tracker": tracker(body=False),
         "network": ESTIMATORS["network"][0](checkpoint=str(checkpoint)),
@@ -109,7 +109,7 @@ def scores(folder: Path, checkpoint: Path) -> dict[str, list[float]]:
     run("-m", "synth", "benchmark=kpop_sim", f"benchmark.dances={DANCES}", f"out={path}", "processes=2")
     dances = open_set(BENCHMARKS["kpop_sim"][0](path=str(path)))
     estimators = {
-        "tracker": ESTIMATORS["tracker"][0](start="standing"),
+        "tracker": ESTIMATORS["tracker"][0](),
         "network": ESTIMATORS["network"][0](checkpoint=str(checkpoint)),
     }
     done = run_dances(dances, estimators, SCORERS, folder / "poses", DANCES, seed=0, processes=2)

@@ -5,7 +5,7 @@
     PYTHONPATH=.:tests/helpers python tools/tracker_constants.py tips
 
 `y_pose`: HAND_RADIUS_M, FOOT_RADIUS_M and the fractions of `kpopnet.paper_tracker.init.y_pose`, and _REGULARISATION of
-`kpopnet.geometry.human_model` with the former as they are. `standing`: the constants of `kpopnet.tracker.standing`. `tips`:
+`kpopnet.geometry.human_model` with the former as they are. `standing`: the constants of `kpopnet.tracker.start.upright`. `tips`:
 FINGERS_M of `kpopnet.geometry.cones`, where RADII_M are as they are, and END_TO_TIP_M of `kpopnet.tracker.fit.hypotheses`. The
 radii and trunk points are printed by `kpopnet.training.body_shape`, the weights of the confidence by
 `kpopnet.evaluation.poses.calibration`.
@@ -43,7 +43,7 @@ Seen = tuple[np.ndarray, Camera, np.ndarray]
 
 
 def hanging(generator: np.random.Generator) -> Angles:
-    """An upright person with hanging arms, as `kpopnet.tracker.standing` assumes."""
+    """An upright person with hanging arms, as `kpopnet.tracker.start.upright` assumes."""
     return stance(generator) | neutral_trunk(generator) | hanging_arm(generator, "left") | hanging_arm(generator, "right")
 
 
@@ -118,8 +118,8 @@ def print_standing(people: list[Seen]) -> None:
         spine = joints_m[Joint.NECK] - joints_m[[Joint.RIGHT_HIP, Joint.LEFT_HIP]].mean(axis=0)
         if -spine[1] / np.linalg.norm(spine) < np.cos(np.radians(LEVEL_DEG)):
             continue
-        points_m = build_depth_grid(depth_m, camera).points_m
-        top, bottom = points_m[:, 1].min(), points_m[:, 1].max()
+        points_m = camera.points(depth_m)[depth_m > 0]
+        top, bottom = np.percentile(points_m[:, 1], (0.1, 99.9))
         models.append(asdict(HumanModel.from_joints(joints_m)))
         heights_m.append(bottom - top)
         heads.append((joints_m[Joint.HEAD, 1] - top) / (bottom - top))

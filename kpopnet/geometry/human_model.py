@@ -142,6 +142,11 @@ class HumanModel:
         }
         return replace(self, **{name: length for names, length in lengths.items() for name in names})
 
+    def symmetric(self) -> "HumanModel":
+        """The model with lengths equal on both sides, the mean of both."""
+        lengths = {names: sum(getattr(self, name) for name in names) / len(names) for names in _REGULARISATION}
+        return replace(self, **{name: length for names, length in lengths.items() for name in names})
+
     def save(self, path: Path | str) -> None:
         """Writes the model as JSON, to be loaded for the same person later."""
         Path(path).write_text(json.dumps(asdict(self), indent=2) + "\n")

@@ -1,7 +1,7 @@
 """Draws how the tracker follows one frame of a recording, stage after stage.
 
     kpopnet stages DEPTH.npy 60 stages.png                      frame 60 of a recording that begins in the Y pose
-    kpopnet stages DEPTH.npy 60 stages.png --start standing     of one that begins with a person who stands upright
+    kpopnet stages DEPTH.npy 60 stages.png --start y_pose       of one that is tracked from the Y pose only
 
 DEPTH.npy holds (T, H, W) depth, uint16 millimetres or floating-point metres, of a camera that does not move.
 """
@@ -18,11 +18,12 @@ from kpopnet.extraction import extract_person
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.input_files import ArraySchema, check_budget, open_npy
 from kpopnet.tracker.stages_figure import draw_stages
-from kpopnet.tracker.tracker import Tracker
+from kpopnet.tracker.start.finding import AWAITED
+from kpopnet.tracker.tracker import Tracker, TrackerConfig
 from kpopnet.viz.drawing import save_png
 
 
-def stages_of(path: Path, frame: int, camera_name: str, standing: bool) -> np.ndarray:
+def stages_of(path: Path, frame: int, camera_name: str, start: str = "auto") -> np.ndarray:
     """RGB image of every stage of a frame, tracked from the first frame of the recording on.
 
     Raises:
@@ -37,12 +38,11 @@ def stages_of(path: Path, frame: int, camera_name: str, standing: bool) -> np.nd
         raise InputError(f"{path}: frame {frame} of {len(recorded)}; frames count from 0, and one before it is needed")
     check_budget(path, 8 * (frame + 1) * recorded[0].size, f"depth and person of {frame + 1} frames")
     person_m = extract_person(sequence_in_metres(recorded[: frame + 1], camera), camera)
-    tracker = Tracker(camera, standing=standing)
+    tracker = Tracker(camera, TrackerConfig(start=start))
     for depth_m in tqdm(person_m[:-1], "frames", disable=None):  # no bar in a log file
         tracker.track(depth_m)
     if not tracker.started:
-        start = "stood upright facing the camera" if standing else "took the Y pose; try --start standing"
-        raise InputError(f"{path}: before frame {frame} no person {start}")
+        raise InputError(f"{path}: before frame {frame} no person {AWAITED[start]}")
     return draw_stages(tracker, person_m[-1])
 
 
@@ -56,10 +56,10 @@ def main() -> None:
     parser.add_argument("figure", type=Path, help="the PNG to write")
     parser.add_argument("--camera", choices=sorted(CAMERAS), default="kinect_v1", help="the depth camera: %(default)s")
     parser.add_argument(
-        "--start", choices=("y_pose", "standing"), default="y_pose", help="how the recording begins: %(default)s"
+        "--start", choices=("auto", "y_pose", "standing"), default="auto", help="how the recording begins: %(default)s"
     )
     given = parser.parse_args()
-    save_png(given.figure, stages_of(given.depth, given.frame, given.camera, given.start == "standing"))
+    save_png(given.figure, stages_of(given.depth, given.frame, given.camera, given.start))
     print(f"stages of frame {given.frame}: {given.figure}")
 
 

@@ -10,14 +10,13 @@ from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate, Estimator, Start
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.skeleton import NUM_JOINTS
+from kpopnet.tracker.start.finding import AWAITED, WAYS
 from kpopnet.tracker.tracker import Tracker, TrackerConfig
 
 log = logging.getLogger(__name__)
 
 REPORTED_FRAMES = 40
-"""A sequence of fewer frames may well lack a start; evaluations warm up with 30."""
-
-STARTS = ("y_pose", "standing", "label")
+"""As many frames without joints are reported. A sequence of fewer may well lack a start; evaluations warm up with 30."""
 
 
 @dataclass(frozen=True)
@@ -25,20 +24,17 @@ class TrackerEstimatorConfig(TrackerConfig):
     """Settings of the tracker and of its initialisation.
 
     Attributes:
-        start: y_pose (waits for the paper's start pose), standing (takes the first upright silhouette for an average person of
-            its height with hanging arms), or label (the benchmark's true joints in the first frame that has all of them).
         model: path of a file that `HumanModel.save` wrote for this person; by default the model is measured at the start.
         network: path of a checkpoint's folder; this network is queried in frames where the pose cost is high. None by default;
             not with body=false.
     """
 
-    start: str = "y_pose"
     model: str | None = None
     network: str | None = None
 
     def __post_init__(self) -> None:
-        if self.start not in STARTS:
-            raise InputError(f"estimator.tracker.start={self.start}: expected one of {', '.join(STARTS)}")
+        if self.start not in WAYS:
+            raise InputError(f"estimator.tracker.start={self.start}: expected one of {', '.join(WAYS)}")
         if self.network is not None and not self.body:
             raise InputError(f"network={self.network}: with body=false no network is queried; remove one of them")
 
@@ -80,7 +76,7 @@ class TrackerEstimator:
             InputError: depth of another type or shape; a start with missing joints.
         """
         depth_m = sequence_in_metres(depth_m, camera)
-        tracker = Tracker(camera, self.config, self.model, self.detector, standing=self.config.start == "standing")
+        tracker = Tracker(camera, self.config, self.model, self.detector)
         joints_m = np.full((len(depth_m), NUM_JOINTS, 3), np.nan, np.float32)
         confidence = np.zeros((len(depth_m), NUM_JOINTS), np.float32)
         first = 0
@@ -89,22 +85,16 @@ class TrackerEstimator:
             tracker.start(start.joints_camera_m)
         for frame in range(first, len(depth_m)):
             joints_m[frame], confidence[frame] = tracker.track(depth_m[frame])
-        if not tracker.started and len(depth_m) >= REPORTED_FRAMES:
-            log.warning("tracker: %s", _why_not_started(depth_m, self.config.start))
+        missing = np.isnan(joints_m).all(axis=(1, 2)) & (np.arange(len(depth_m)) >= first)
+        if missing.sum() >= REPORTED_FRAMES:
+            log.warning("tracker: %s", _why_missing(depth_m[missing], len(depth_m), self.config.start))
         return Estimate(joints_m, confidence)
 
 
-_AWAITED = {
-    "y_pose": "took the Y pose (facing the camera, arms stretched obliquely upwards); with start=standing the tracker starts "
-    "from anybody who stands upright",
-    "standing": "stood upright facing the camera with hanging arms; with start=y_pose the tracker waits for the Y pose instead",
-    "label": "was given as a start; start=label needs the true joints of a frame, else set start=y_pose or start=standing",
-}
-
-
-def _why_not_started(depth_m: np.ndarray, start: str) -> str:
-    """Why all joints of a sequence are missing, and which setting to change."""
-    shown = int(depth_m.any(axis=(1, 2)).sum())
+def _why_missing(missing_m: np.ndarray, frames: int, start: str) -> str:
+    """Why all joints are missing in these images of a sequence, and which setting to change."""
+    shown = int(missing_m.any(axis=(1, 2)).sum())
+    which = "all joints are missing" if len(missing_m) == frames else f"no joints in {len(missing_m)} of {frames} frames"
     if not shown:
-        return f"all joints are missing: none of {len(depth_m)} frames has a measured pixel; was a person extracted?"
-    return f"all joints are missing: in {shown} of {len(depth_m)} frames with measured pixels no person {_AWAITED[start]}"
+        return f"{which}: none of {len(missing_m)} frames has a measured pixel; was a person extracted?"
+    return f"{which}: in {shown} of {len(missing_m)} frames with measured pixels no person {AWAITED[start]}"

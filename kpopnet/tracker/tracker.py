@@ -27,7 +27,6 @@ from kpopnet.geometry.cones import torso_frame
 from kpopnet.geometry.depth_grid import MIN_POINTS, DepthGrid, build_depth_grid
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.paper_tracker.algorithm2 import HierarchyConfig, estimate_pose, model_lengths
-from kpopnet.paper_tracker.init.y_pose import InitialConfig, find_initial_pose
 from kpopnet.ridge import RidgeConfig, ridge_data
 from kpopnet.skeleton import JOINT_NAMES, MIRROR, NUM_JOINTS
 from kpopnet.tracker.fit.confidence import ALGORITHM_2_WEIGHTS, TRACKED_WEIGHTS, fit_score, probability, tracked_evidence
@@ -35,8 +34,8 @@ from kpopnet.tracker.fit.hypotheses import refit_limbs, rotate_about_shoulders, 
 from kpopnet.tracker.fit.objective import pose_cost
 from kpopnet.tracker.fit.refine import DETECTION_PRIOR_WEIGHT
 from kpopnet.tracker.fit.solver import fit
-from kpopnet.tracker.fit.thickness import fit_thickness
-from kpopnet.tracker.standing import standing_pose
+from kpopnet.tracker.lengths import RunningLengths
+from kpopnet.tracker.start.finding import find_start
 
 DROPOUT_RATIO, VISIBLE_DECAY = 0.7, 0.9
 """Visible points fell below 70 % of the last accepted frame: sensor dropout; hold the pose. The reference count decays by
@@ -89,6 +88,13 @@ GLOBAL_PERTURBATIONS = (
 
 TORSO = np.array(TORSO_JOINTS)
 
+LOST_FRAMES = 30
+"""After so many frames without the person, the tracker starts anew with whoever comes."""
+
+HOPELESS_COST_M2, HOPELESS_FRAMES, RESTART_RATIO = 2e-3, 30, 0.6
+"""After `HOPELESS_FRAMES` frames in a row with a cost above `HOPELESS_COST_M2` square metres, a start is looked for again, and
+every as many frames; it is taken below `RESTART_RATIO` times the cost."""
+
 RELOCATION_M = 0.3
 """If the centroid of the points moved farther between two frames, in metres, the last pose is translated with it."""
 
@@ -101,17 +107,23 @@ class TrackerConfig:
         hierarchy: parameters of Algorithm 2.
         ridge: parameters of the ridge data.
         body: fit a body, refit limbs and search; false runs Algorithm 2 alone.
+        start: auto (the Y pose, else a network's joints where `network` names one, else anybody who stands or sits upright),
+            y_pose (waits for the paper's start pose), standing (whoever stands upright), or label (the benchmark's true joints
+            in the first frame that has all of them).
+        lengths: estimate the person's lengths and thickness over the frames, instead of keeping those of the start.
         search: try perturbed poses where the pose cost is high, and the mirrored body at regular intervals.
     """
 
     hierarchy: HierarchyConfig = field(default_factory=HierarchyConfig)
     ridge: RidgeConfig = field(default_factory=RidgeConfig)
     body: bool = True
+    start: str = "auto"
+    lengths: bool = True
     search: bool = True
 
 
 class Tracker:
-    """Tracks one person through consecutive frames. Without a given start pose it waits for the Y pose.
+    """Tracks one person through consecutive frames. Without a given start pose it finds one (`TrackerConfig.start`).
 
     Attributes:
         model: the person's lengths, None before the start; `HumanModel.save` stores it for later recordings.
@@ -129,7 +141,6 @@ class Tracker:
         config: TrackerConfig = TrackerConfig(),
         model: HumanModel | None = None,
         detector: Estimator | None = None,
-        standing: bool = False,
     ) -> None:
         """Prepares a tracker.
 
@@ -138,20 +149,21 @@ class Tracker:
             config: settings.
             model: the model of a known person, used instead of the one measured at the start.
             detector: an estimator that is queried for the pose of a single frame when the cost is high, for instance a network.
-            standing: start from an upright standing person instead of waiting for the Y pose.
         """
         self.camera = camera
         self.config = config
         self.model = model
         self.detector = detector
-        self.standing = standing
+        self._known_model = model
+        self._person: RunningLengths | None = None
+        self._has_begun = False
+        self._empty_frames = self._hopeless_frames = 0
         self.body: Body | None = None
         self.lengths: np.ndarray | None = None
         self.joints_camera_m: np.ndarray | None = None
         self.velocity_m = np.zeros((NUM_JOINTS, 3))
         self.evidence: np.ndarray | None = None
         self._centroid: np.ndarray | None = None
-        self._has_thickness = False
         self._visible_points = 0.0
         self._baseline_cost_m2 = BASELINE_COST_M2
         self._frames = 0
@@ -162,11 +174,14 @@ class Tracker:
         """Whether there is a pose to track from."""
         return self.joints_camera_m is not None
 
-    def start(self, joints_camera_m: np.ndarray) -> None:
-        """Starts from a known pose. Measures the model in this pose unless there is one.
+    def start(self, joints_camera_m: np.ndarray, model: HumanModel | None = None, size_deviation: float | None = None) -> None:
+        """Starts from a known pose.
 
         Args:
             joints_camera_m: (15, 3) joints in the camera frame in metres.
+            model: the person's lengths, by default those of this pose. A model that the tracker was given counts instead.
+            size_deviation: standard deviation of the error of the lengths' common scale, as a fraction; by default the lengths
+                are known, and stay.
 
         Raises:
             InputError: another shape, or joints are missing.
@@ -177,10 +192,11 @@ class Tracker:
         missing = [JOINT_NAMES[joint] for joint in np.flatnonzero(~np.isfinite(joints).all(axis=1))]
         if missing:
             raise InputError(f"tracker: expected a start pose with all joints; missing: {', '.join(missing)}")
-        if self.model is None:
-            self.model = HumanModel.from_joints(joints)
-        self._has_thickness = False
-        self.body, self.lengths = body_from_model(self.model), model_lengths(self.model)
+        learned = self.config.body and self.config.lengths and self._known_model is None
+        self.model = self._known_model or model or HumanModel.from_joints(joints)
+        self._person = RunningLengths(self.model, size_deviation if learned else None)
+        self._has_begun = False
+        self.body, self.lengths = self._person.body, model_lengths(self.model)
         self.joints_camera_m, self.velocity_m, self._centroid = joints, np.zeros_like(joints), None
         self._visible_points, self._baseline_cost_m2, self._frames, self._flip_evidence = 0.0, BASELINE_COST_M2, 0, 0.0
 
@@ -196,10 +212,11 @@ class Tracker:
         """
         missing = np.full((NUM_JOINTS, 3), np.nan), np.zeros(NUM_JOINTS)
         grid = build_depth_grid(depth_m, self.camera)
+        self._forget_the_lost(len(grid.points_m) >= MIN_POINTS)
         if len(grid.points_m) < MIN_POINTS or not (self.started or self._find_start(depth_m, grid)):
             return missing
-        if not self._has_thickness:
-            self.body, self._has_thickness = fit_thickness(self.body, self.joints_camera_m, grid), True
+        if not self._has_begun:
+            self._begin(grid)
         if len(grid.points_m) < DROPOUT_RATIO * self._visible_points:
             self._visible_points *= VISIBLE_DECAY
             self.velocity_m = np.zeros_like(self.velocity_m)
@@ -208,6 +225,9 @@ class Tracker:
         previous = self.joints_camera_m = self._relocated_pose(grid)
         if self.config.body:
             joints = self._track_body(depth_m, grid)
+            self._person.update(joints, grid, _stride(grid))
+            self._adopt_body()
+            joints = self._restarted_if_hopeless(joints, depth_m, grid)
             supported = np.ones(NUM_JOINTS, bool)
         else:
             joints, support = self._algorithm_2(depth_m, grid)
@@ -221,23 +241,48 @@ class Tracker:
         return probability(self.evidence, TRACKED_WEIGHTS if self.config.body else ALGORITHM_2_WEIGHTS)
 
     def _find_start(self, depth_m: np.ndarray, grid: DepthGrid) -> bool:
-        """Starts if the frame shows a start pose; returns whether the tracker has started."""
-        if self.standing:
-            start = standing_pose(grid)
-            if start is not None:
-                joints, model = start
-                self.model = self.model or model
-                self.start(joints)
-        else:
-            initial = find_initial_pose(depth_m, self.camera, InitialConfig(ridge=self.config.ridge))
-            if initial is not None:
-                model = HumanModel.from_joints(initial.joints_camera_m)
-                self.model = self.model or (model.regularised() if self.config.body else model)
-                self.start(initial.joints_camera_m)
-        if self.started and self.config.body:
+        """Starts if the frame shows a pose to start from; returns whether the tracker has started."""
+        found = find_start(depth_m, grid, self.camera, self.config.start, self.config.ridge, self.detector)
+        if found is None:
+            return False
+        model = found.model if self.config.body else HumanModel.from_joints(found.joints_camera_m)
+        self.start(found.joints_camera_m, model, found.size_deviation)
+        if self.config.body:
             # Fit before measuring the thickness: a displaced pose would give too thick or too thin parts.
             self.joints_camera_m = fit(self.joints_camera_m, grid, self.body, PROPOSAL_ITERATIONS + REFINE_ITERATIONS)
-        return self.started
+        return True
+
+    def _forget_the_lost(self, seen: bool) -> None:
+        """Stops tracking where nobody has been seen for long. A start that was given is not found again."""
+        self._empty_frames = 0 if seen else self._empty_frames + 1
+        if self._empty_frames >= LOST_FRAMES and self.config.start != "label":
+            self.joints_camera_m = None
+
+    def _restarted_if_hopeless(self, joints_m: np.ndarray, depth_m: np.ndarray, grid: DepthGrid) -> np.ndarray:
+        """(15, 3) the pose, or that of a new start where the pose has explained the depth badly for long."""
+        cost = pose_cost(joints_m, grid, self.body)
+        self._hopeless_frames = self._hopeless_frames + 1 if cost > HOPELESS_COST_M2 else 0
+        if self._hopeless_frames == 0 or self._hopeless_frames % HOPELESS_FRAMES:
+            return joints_m
+        found = find_start(depth_m, grid, self.camera, self.config.start, self.config.ridge, self.detector)
+        if found is None or pose_cost(found.joints_camera_m, grid, body_from_model(found.model)) > RESTART_RATIO * cost:
+            return joints_m
+        self.start(found.joints_camera_m, found.model, found.size_deviation)
+        self._begin(grid)
+        self._visible_points = len(grid.points_m)
+        return self.joints_camera_m
+
+    def _begin(self, grid: DepthGrid) -> None:
+        """Measures the body in the frame of the start."""
+        self._person.begin(self.joints_camera_m, grid, _stride(grid))
+        self._adopt_body()
+        self._has_begun = True
+
+    def _adopt_body(self) -> None:
+        """Goes on with the body estimated so far."""
+        if self.body is not self._person.body:
+            self.body, self.model = self._person.body, self._person.model
+            self.lengths = model_lengths(self.model)
 
     def _relocated_pose(self, grid: DepthGrid) -> np.ndarray:
         """The last pose, translated with the point cloud if that jumped, as when a person leaves and comes back elsewhere."""
@@ -256,7 +301,7 @@ class Tracker:
         previous, body = self.joints_camera_m, self.body
         velocity = np.clip(self.velocity_m, -MAX_STEP_M, MAX_STEP_M)
         expected = previous + VELOCITY_DAMPING * velocity
-        stride = max(1, len(grid.points_m) // SUBSAMPLE_POINTS)
+        stride = _stride(grid)
 
         def cost(joints: np.ndarray, stride: int) -> float:
             return pose_cost(joints, grid, body, stride) + MOTION_PRIOR_WEIGHT * _motion_prior(joints, expected)
@@ -309,6 +354,11 @@ class Tracker:
             return None
         joints = self.detector.estimate(depth_m[None], self.camera).joints_camera_m[0].astype(np.float64)
         return joints if np.isfinite(joints).all() else None
+
+
+def _stride(grid: DepthGrid) -> int:
+    """Every how many points about `SUBSAMPLE_POINTS` are."""
+    return max(1, len(grid.points_m) // SUBSAMPLE_POINTS)
 
 
 @njit(cache=True)

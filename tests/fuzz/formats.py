@@ -402,5 +402,5 @@ FORMATS = {
         ("*.json",),
         lambda folder: HumanModel.load(folder / "model.json"),
     ),
-    "depth_npy": Format(make_stages, ("*.npy",), lambda folder: stages_of(folder / "depth.npy", 2, "kinect_v1", True)),
+    "depth_npy": Format(make_stages, ("*.npy",), lambda folder: stages_of(folder / "depth.npy", 2, "kinect_v1")),
 }

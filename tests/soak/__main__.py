@@ -46,7 +46,7 @@ def main() -> None:
     frames = given.minutes * MINUTE
     order = np.resize(forth_and_back, frames)
     scorer = OnlineScorer(Performance(film.joints_camera_m[order], np.arange(frames) / FPS))
-    extractor, tracker = HumanExtractor(film.camera, expect_person=True), Tracker(film.camera, standing=True)
+    extractor, tracker = HumanExtractor(film.camera, expect_person=True), Tracker(film.camera)
 
     latency_ms, memory_mb, medians_ms, latest, found = np.zeros(MINUTE), [], [], None, 0
     began = time.perf_counter()

@@ -98,7 +98,7 @@ def known_scores(learners: Sequence[Seen], name: str) -> list[float]:
 def _build(name: str, checkpoint: str | None) -> Estimator:
     """The estimator of a name of an evaluation, with its default settings."""
     kind, builder = ESTIMATORS[name]
-    return builder(TrackerEstimatorConfig(start="standing") if name == "tracker" else kind(checkpoint=checkpoint))
+    return builder(TrackerEstimatorConfig() if name == "tracker" else kind(checkpoint=checkpoint))
 
 
 def _summary(scores: Sequence[float]) -> str:

@@ -85,7 +85,7 @@ def run_dances(
     Raises:
         InputError: no dance could be scored.
     """
-    estimators, assumptions = _start_standing(estimators)
+    estimators, assumptions = _start_anywhere(estimators)
     caches = {name: PoseCache(poses, name, settings) for name, settings in estimators.items()}
     names, failed = dances.names[:count], {}
     _estimate_poses(dances, names, caches, failed, processes)
@@ -113,14 +113,14 @@ def run_dances(
     return DanceRun(dances, scores, agreements, fps, failed, assumptions, names, oracle)
 
 
-def _start_standing(estimators: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Sets start=standing in all trackers, since learners do not show the Y pose; returns settings and notes."""
+def _start_anywhere(estimators: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """Sets start=auto in trackers that would wait for the Y pose or a label, which learners do not show; settings and notes."""
     changed, assumptions = {}, []
     for name, settings in estimators.items():
-        if is_dataclass(settings) and "start" in asdict(settings) and settings.start != "standing":
-            settings = replace(settings, start="standing")
+        if is_dataclass(settings) and "start" in asdict(settings) and settings.start in ("y_pose", "label"):
+            settings = replace(settings, start="auto")
             assumptions.append(
-                f"Learners do not show the Y pose: {name} starts from the first person who stands upright (start=standing)."
+                f"Learners do not show the Y pose: {name} starts from the first person who stands or sits upright (start=auto)."
             )
         changed[name] = settings
     return changed, assumptions

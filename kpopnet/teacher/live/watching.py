@@ -109,7 +109,7 @@ class TrackedPose:
             self._extractor = HumanExtractor(camera, expect_person=True)
         poses = []
         for human in self._extractor.extract(depth)[:PEOPLE]:
-            tracker = self._trackers.setdefault(human.identity, Tracker(camera, standing=True))
+            tracker = self._trackers.setdefault(human.identity, Tracker(camera))
             joints_m, confidence = tracker.track(human.whole(camera))
             if np.isfinite(joints_m).any():
                 poses.append(PersonPose(human.identity, joints_m.astype(np.float32), confidence.astype(np.float32)))

@@ -10,9 +10,11 @@ from y_people import draw_y, y_joints
 from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
 from kpopnet.estimator import Start, first_label
+from kpopnet.geometry.body import body_from_model
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.skeleton import NUM_JOINTS, Joint
 from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
+from kpopnet.tracker.start.upright import AVERAGE_MODEL, sitting_pose
 
 CAMERA = CAMERAS["kinect_v1"]
 EMPTY = np.zeros((CAMERA.height, CAMERA.width), np.float32)
@@ -53,12 +55,16 @@ def test_sequences_are_tracked_independently(film) -> None:
     estimator = TrackerEstimator()
     first, again = (estimator.estimate(depth, CAMERA, Start(0, joints[0])).joints_camera_m for _ in range(2))
     np.testing.assert_array_equal(first, again)
-    assert np.isnan(estimator.estimate(depth[-1:], CAMERA).joints_camera_m).all()
+    assert np.isnan(estimator.estimate(np.zeros_like(depth[-1:]), CAMERA).joints_camera_m).all()
 
 
 @pytest.mark.parametrize(
     ("start", "message"),
-    [("y_pose", "no person took the Y pose.*with start=standing"), ("standing", "stood upright.*with start=y_pose")],
+    [
+        ("auto", "no person took the Y pose.*or stood or sat upright"),
+        ("y_pose", "no person took the Y pose.*with start=auto"),
+        ("standing", "stood upright.*with start=auto"),
+    ],
 )
 def test_a_sequence_in_which_the_tracker_never_starts_is_reported(film, caplog, start: str, message: str) -> None:
     lying = np.rot90(film[1][-1:], axes=(1, 2))[:, 40:280].copy()
@@ -90,7 +96,8 @@ def test_the_estimator_waits_for_the_y_pose() -> None:
 def test_start_standing_accepts_a_standing_person() -> None:
     joints = cone_joints(-75, 4)
     depth = np.repeat(draw_cones(joints, cone_body(joints), CAMERA)[None], 4, axis=0)
-    assert np.isnan(TrackerEstimator().estimate(depth, CAMERA).joints_camera_m).all()
+    waiting = TrackerEstimator(TrackerEstimatorConfig(start="y_pose")).estimate(depth, CAMERA).joints_camera_m
+    assert np.isnan(waiting).all()
     found = TrackerEstimator(TrackerEstimatorConfig(start="standing")).estimate(depth, CAMERA).joints_camera_m
     assert np.isfinite(found).all() and error_m(found[-1], joints).mean() < 0.08
 
@@ -99,6 +106,23 @@ def test_start_standing_refuses_raised_hands_which_would_count_as_height() -> No
     depth = np.repeat(draw_y(y_joints(65, 4, place_m=PLACE_M), CAMERA)[None], 2, axis=0)
     found = TrackerEstimator(TrackerEstimatorConfig(start="standing")).estimate(depth, CAMERA).joints_camera_m
     assert np.isnan(found).all()
+
+
+def test_auto_starts_from_a_person_who_sits_where_standing_waits() -> None:
+    joints = sitting_pose(AVERAGE_MODEL) + np.array((0.1, -0.2, 2.8))
+    depth = np.repeat(draw_cones(joints, body_from_model(AVERAGE_MODEL), CAMERA)[None], 10, axis=0)
+    found = TrackerEstimator().estimate(depth, CAMERA).joints_camera_m
+    assert np.isfinite(found).all() and error_m(found[-1], joints).mean() < 0.06
+
+
+def test_a_person_who_left_is_looked_for_anew() -> None:
+    """Somebody stands, leaves, and sits down elsewhere two seconds later: not where the pose was left."""
+    standing, sitting = cone_joints(-75, 4), sitting_pose(AVERAGE_MODEL) + np.array((0.5, -0.2, 2.4))
+    film = [draw_cones(standing, cone_body(standing), CAMERA)] * 3 + [EMPTY] * 40
+    film += [draw_cones(sitting, body_from_model(AVERAGE_MODEL), CAMERA)] * 6
+    found = TrackerEstimator().estimate(np.stack(film), CAMERA).joints_camera_m
+    assert np.isfinite(found[:3]).all() and np.isnan(found[3:43]).all()
+    assert error_m(found[-1], sitting).mean() < 0.06
 
 
 def test_the_first_label_is_the_first_complete_one(film) -> None:
@@ -149,5 +173,5 @@ def test_a_network_that_is_never_queried_is_refused() -> None:
 
 
 def test_other_starts_are_refused() -> None:
-    with pytest.raises(InputError, match=r"start=sitting: expected one of y_pose, standing, label"):
+    with pytest.raises(InputError, match=r"start=sitting: expected one of auto, y_pose, standing, label"):
         TrackerEstimatorConfig(start="sitting")

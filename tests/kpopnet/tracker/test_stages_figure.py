@@ -58,12 +58,12 @@ def test_a_terminal_shows_a_progress_bar(draw, monkeypatch) -> None:
     assert "2/2" in draw(empty)[1]
 
 
-def test_start_standing_is_supported(draw) -> None:
+def test_recordings_need_no_start_pose(draw) -> None:
     joints = cone_joints(-75, 4)
     depth_m = np.repeat(draw_cones(joints, cone_body(joints), CAMERA)[None], 3, axis=0)
-    code, printed, _ = draw(depth_m)
-    assert code == 1 and "--start standing" in printed
-    assert draw(depth_m, "--start", "standing")[0] == 0
+    code, printed, _ = draw(depth_m, "--start", "y_pose")
+    assert code == 1 and "with start=auto" in printed
+    assert draw(depth_m)[0] == 0
 
 
 @pytest.mark.parametrize(
@@ -89,11 +89,11 @@ def test_damaged_recordings_are_refused_in_one_line(tmp_path, monkeypatch) -> No
     path = tmp_path / "depth.npy"
     np.save(path, np.zeros((3, 240, 320), np.uint16))
     path.write_bytes(path.read_bytes()[:4000])  # as for most seeds: mutations of the header
-    assert survives_damage(path, lambda: stages_of(path, 2, "kinect_v1", False)) == 300
+    assert survives_damage(path, lambda: stages_of(path, 2, "kinect_v1", "y_pose")) == 300
 
 
 def test_memory_is_bounded(tmp_path, monkeypatch) -> None:
     np.save(tmp_path / "depth.npy", np.zeros((3, 240, 320), np.uint16))
     monkeypatch.setenv("KPOPNET_FILE_BUDGET_GB", "0.001")
     with pytest.raises(InputError, match="depth and person of 3 frames would take"):
-        stages_of(tmp_path / "depth.npy", 2, "kinect_v1", False)
+        stages_of(tmp_path / "depth.npy", 2, "kinect_v1", "y_pose")

@@ -317,7 +317,7 @@ def test_an_unexpected_error_excludes_only_its_dance(folder, fake, monkeypatch, 
         run(folder, {})
 
 
-def test_trackers_start_from_a_standing_person(folder, monkeypatch):
+def test_trackers_do_not_wait_for_the_y_pose(folder, monkeypatch):
     built = []
 
     def build(configs):
@@ -325,9 +325,9 @@ def test_trackers_start_from_a_standing_person(folder, monkeypatch):
         return {name: Fake(FakeConfig()) for name in configs}
 
     monkeypatch.setattr(pose_cache, "build_estimators", build)
-    found = run(folder, {"tracker": TrackerEstimatorConfig()}, count=1)
-    assert all(config.start == "standing" for config in built)
-    assert any("start=standing" in line for line in found.assumptions)
+    found = run(folder, {"tracker": TrackerEstimatorConfig(start="y_pose")}, count=1)
+    assert all(config.start == "auto" for config in built)
+    assert any("start=auto" in line for line in found.assumptions)
 
 
 def test_the_report_has_all_its_parts(folder, fake, tmp_path):
