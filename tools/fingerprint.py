@@ -84,9 +84,9 @@ def joints(name: str, folder: Path, checkpoint: Path) -> dict[str, str]:
     estimators = {
         "tracker": tracker(),
         "tracker_from_label": tracker(start="label"),
-        "tracker_depth": tracker(hierarchy=HierarchyConfig(candidates="depth")),
         "tracker_with_network": tracker(network=str(checkpoint)),
         "paper_tracker": tracker(body=False),
+        "paper_tracker_depth": tracker(body=False, hierarchy=HierarchyConfig(candidates="depth")),
         "network": ESTIMATORS["network"][0](checkpoint=str(checkpoint)),
         "fitted_network": ESTIMATORS["fitted_network"][0](checkpoint=str(checkpoint)),
     }

@@ -6,7 +6,7 @@
 
 `y_pose`: HAND_RADIUS_M, FOOT_RADIUS_M and the fractions of `kpopnet.paper_tracker.init.y_pose`, and _REGULARISATION of
 `kpopnet.geometry.human_model` with the former as they are. `standing`: constants of `kpopnet.tracker.start.upright`. `tips`:
-FINGERS_M of `kpopnet.geometry.cones`, where RADII_M are as they are, and END_TO_TIP_M of `kpopnet.tracker.fit.hypotheses`. The
+FINGERS_M of `kpopnet.geometry.cones`, where RADII_M are as they are, and END_TO_TIP_M of `kpopnet.tracker.fit.tips`. The
 radii and trunk points are printed by `kpopnet.training.body_shape`, the weights of the confidence by
 `kpopnet.evaluation.poses.calibration`.
 """
@@ -26,7 +26,7 @@ from kpopnet.geometry.depth_grid import build_depth_grid
 from kpopnet.geometry.geodesic import UNREACHABLE_M, geodesic_distances
 from kpopnet.geometry.human_model import _REGULARISATION, HumanModel
 from kpopnet.skeleton import Joint
-from kpopnet.tracker.fit.hypotheses import END_RADIUS_M, _limb_tips, _move_inside, _torso_points
+from kpopnet.tracker.fit.tips import END_RADIUS_M, limb_tips, move_inside, torso_points
 from synth.motion.limbs import hanging_arm, neutral_trunk, stance
 from synth.motion.poses.families import FAMILIES, Angles
 
@@ -158,9 +158,9 @@ def print_tips(people: list[Seen]) -> None:
 def _ways(depth_m: np.ndarray, camera: Camera, joints_m: np.ndarray) -> Iterator[tuple[int, float]]:
     """For each limb with a tip within 25 cm of its end: the way in metres from the tip to where the end is nearest."""
     grid, body = build_depth_grid(depth_m, camera), body_from_model(HumanModel.from_joints(joints_m))
-    source = _torso_points(joints_m, grid.points_m, body)
+    source = torso_points(joints_m, grid.points_m, body)
     geodesic, predecessor = geodesic_distances(grid.neighbours, grid.edge_lengths_m, source, UNREACHABLE_M)
-    tips = _limb_tips(grid.points_m, grid.neighbours, grid.edge_lengths_m, geodesic)
+    tips = limb_tips(grid.points_m, grid.neighbours, grid.edge_lengths_m, geodesic)
     for limb, (_, _, end) in enumerate(LIMBS):
         away_m = np.linalg.norm(grid.points_m[tips] - joints_m[end], axis=1)
         if not len(tips) or away_m.min() > 0.25:
@@ -168,7 +168,7 @@ def _ways(depth_m: np.ndarray, camera: Camera, joints_m: np.ndarray) -> Iterator
         point, travelled_m, best = tips[np.argmin(away_m)], 0.0, (np.inf, 0.0)
         inside = np.empty(3)
         while point >= 0 and travelled_m < 0.3:
-            _move_inside(grid.points_m, point, END_RADIUS_M, inside)
+            move_inside(grid.points_m, point, END_RADIUS_M, inside)
             best = min(best, (float(np.linalg.norm(inside - joints_m[end])), travelled_m))
             following = predecessor[point]
             if following >= 0:

@@ -1,4 +1,4 @@
-"""Distances between points and the round cones of a body, and free-space violations of the cones.
+"""Distances between points and the round cones of a body.
 
 Points and joints are in the camera frame in metres. `extend_joints` adds toes, fingers and trunk points to the joints.
 """
@@ -9,7 +9,6 @@ import numpy as np
 from numba import njit
 
 from kpopnet.geometry.body import LIMBS, RIGHT_CHEST, RIGHT_FINGERS, RIGHT_TOES, TRUNK_POINT_JOINTS
-from kpopnet.geometry.depth_grid import CELL_PX
 from kpopnet.skeleton import Joint
 
 NECK, RIGHT_SHOULDER, LEFT_SHOULDER = int(Joint.NECK), int(Joint.RIGHT_SHOULDER), int(Joint.LEFT_SHOULDER)
@@ -24,14 +23,6 @@ curl and wrists bend; the radius at the fingertips is half of that. `tools/track
 KNEE_BEND_GAIN_PER_M = 7.5
 """Toe direction = torso front + this gain, per metre, times the vector from the line hip-foot to the knee. With a bent knee
 the foot points where the knee points, with a straight one where the torso faces."""
-
-FRONT_TOLERANCE_M = 0.04
-"""A part may lie this far in front of the measured depth, in metres: error of its thickness and sensor noise."""
-
-MAX_PUSH_BACK_M = 0.3
-HIDDEN_DEPTH_M = 0.06
-"""`MAX_PUSH_BACK_M`: largest push away from the camera, in metres. `HIDDEN_DEPTH_M`: a part whose front surface is farther
-behind the measured depth counts as hidden."""
 
 
 @njit(cache=True)
@@ -191,35 +182,3 @@ def nearest_parts(segments, points, stride):
             distance[i] = distance_k if nearer else distance[i]
             along[i] = t if nearer else along[i]
     return part, distance, along
-
-
-@njit(cache=True)
-def free_space_violation(segments, k, along, depth, nearest, intrinsics):
-    """How the point at position `along` (0..1) on the axis of part k contradicts the depth image.
-
-    Outside the silhouette: the vector to the nearest measured cell, at the point's depth. In front of the measured depth: the
-    vector away from the camera.
-
-    Returns:
-        The correction dx, dy, dz in metres, 0 without a contradiction, and whether the part is hidden there.
-    """
-    fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
-    x, y, z = (
-        segments[k, 0] + along * segments[k, 3],
-        segments[k, 1] + along * segments[k, 4],
-        segments[k, 2] + along * segments[k, 5],
-    )
-    if z < 0.2:
-        return 0.0, 0.0, 0.0, False
-    u, v = int(np.rint(x * fx / z + cx)), int(np.rint(y * fy / z + cy))
-    if u < 0 or v < 0 or v >= depth.shape[0] or u >= depth.shape[1]:
-        return 0.0, 0.0, 0.0, False
-    if depth[v, u] > 0:
-        surface_z = z - segments[k, 7] - along * segments[k, 8]
-        gap = depth[v, u] - surface_z
-        return 0.0, 0.0, (min(gap, MAX_PUSH_BACK_M) if gap > FRONT_TOLERANCE_M else 0.0), gap < -HIDDEN_DEPTH_M
-    row, column = nearest[v // CELL_PX, u // CELL_PX, 0], nearest[v // CELL_PX, u // CELL_PX, 1]
-    if row < 0 or (row == v // CELL_PX and column == u // CELL_PX):
-        return 0.0, 0.0, 0.0, False
-    cell_centre = (CELL_PX - 1) / 2
-    return (column * CELL_PX + cell_centre - cx) * z / fx - x, (row * CELL_PX + cell_centre - cy) * z / fy - y, 0.0, False

@@ -23,7 +23,7 @@ from numba import njit
 
 from kpopnet.errors import InputError
 from kpopnet.geometry.body import NECK_FRACTION, PARTS, RIGHT_RIBS, Body
-from kpopnet.geometry.depth_grid import CELL_PX, DepthGrid
+from kpopnet.geometry.depth_grid import DepthGrid
 from kpopnet.geometry.geodesic import geodesic_distances
 from kpopnet.geometry.human_model import LIMB_PARENTS, HumanModel
 from kpopnet.skeleton import NUM_JOINTS, Joint
@@ -281,7 +281,7 @@ def track_frame(
 @njit(cache=True)
 def ridge_points(ridge, depth, index, intrinsics):
     """(R, 3) surface points of the ridge data in metres, and (R,) the indices of their grid cells."""
-    fx, fy, cx, cy = intrinsics
+    fx, fy, cx, cy, cell_px = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3], int(intrinsics[4])
     pixels, count = ridge.ravel(), 0
     for is_ridge in pixels:
         count += is_ridge
@@ -297,7 +297,7 @@ def ridge_points(ridge, depth, index, intrinsics):
         v, u = divmod(i, ridge.shape[1])
         z = float(depth[v, u])
         points[count, 0], points[count, 1], points[count, 2] = (u - cx) * z / fx, (v - cy) * z / fy, z
-        cell[count] = index[v // CELL_PX, u // CELL_PX]
+        cell[count] = index[v // cell_px, u // cell_px]
         count += 1
         i += 1
     return points, cell

@@ -39,21 +39,13 @@ def draw_stages(tracker: Tracker, depth_m: np.ndarray) -> np.ndarray:
     stages = ridge_stages(depth_m, config.ridge)
     grid = build_depth_grid(depth_m, camera)
     collected, valid, joints = valid_candidates(
-        stages.ridge, grid, tracker.joints_camera_m, tracker.velocity_m, tracker.body, tracker.lengths, config.hierarchy
+        stages.ridge, grid, tracker.state.joints_m, tracker.state.velocity_m, tracker.body, tracker.lengths, config.hierarchy
     )
     fitted, _ = tracker.track(depth_m)
     view, view_camera = person_view(depth_m, camera, (fitted,))
     x0, y0 = round(camera.cx - view_camera.cx), round(camera.cy - view_camera.cy)
     side = np.arange(len(view))
     view_pixels = np.ix_(np.clip(y0 + side, 0, camera.height - 1), np.clip(x0 + side, 0, camera.width - 1))
-
-    def tile(image: np.ndarray, caption: str) -> np.ndarray:
-        return with_captions(enlarged(image, TILE_PX), (caption,))
-
-    def mask_image(mask: np.ndarray) -> np.ndarray:
-        image = np.full((*mask.shape, 3), BACKGROUND, np.uint8)
-        image[mask] = 235
-        return image
 
     person = view > 0
     visible_edges = cv2.dilate(person.astype(np.uint8), np.ones((3, 3))).astype(bool) & stages.edges[view_pixels]
@@ -74,18 +66,28 @@ def draw_stages(tracker: Tracker, depth_m: np.ndarray) -> np.ndarray:
             (
                 "Section 2.2",
                 [
-                    tile(mask_image(visible_edges), "depth edges"),
-                    tile(probability_rgb(distance / max(distance.max(), 1)), "distance map"),
-                    tile(mask_image(stages.ridge[view_pixels] & person), "ridge data, Eq. 2"),
+                    _tile(_mask_image(visible_edges), "depth edges"),
+                    _tile(probability_rgb(distance / max(distance.max(), 1)), "distance map"),
+                    _tile(_mask_image(stages.ridge[view_pixels] & person), "ridge data, Eq. 2"),
                 ],
             ),
             (
                 "Section 2.4",
                 [
-                    tile(candidates_image, "candidates: pruned grey, valid green"),
-                    tile(poses[0], "pose of Algorithm 2"),
-                    tile(poses[1], "pose of the fitted body"),
+                    _tile(candidates_image, "candidates: pruned grey, valid green"),
+                    _tile(poses[0], "pose of Algorithm 2"),
+                    _tile(poses[1], "pose of the fitted body"),
                 ],
             ),
         ]
     )
+
+
+def _tile(image: np.ndarray, caption: str) -> np.ndarray:
+    return with_captions(enlarged(image, TILE_PX), (caption,))
+
+
+def _mask_image(mask: np.ndarray) -> np.ndarray:
+    image = np.full((*mask.shape, 3), BACKGROUND, np.uint8)
+    image[mask] = 235
+    return image

@@ -1,4 +1,4 @@
-"""How fast a person is followed: extraction, ridge data and tracking of whole frames, on one core."""
+"""How fast a person is followed: extraction and tracking of whole frames, on one core."""
 
 import time
 from collections import defaultdict
@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from kpopnet.extraction import HumanExtractor
-from kpopnet.tracker import tracker as tracking
+from kpopnet.tracker import fitting, tracker
 from kpopnet.tracker.tracker import Tracker
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
 from synth.simulated.film import Film
@@ -18,12 +18,11 @@ from synth.simulated.film import Film
 FRAMES = 240
 SEQUENCES = (0, 1, 2)  # one of each subject: a dance, crossed punches, kicks
 STAGES = {
-    "ridge": ("ridge_data",),
-    "hierarchy": ("estimate_pose",),
-    "fit": ("fit", "pose_cost"),
-    "limbs": ("refit_limbs",),
+    "grid": ((tracker, "build_depth_grid"),),
+    "fit": ((fitting, "fit"), (fitting, "pose_cost")),
+    "limbs": ((fitting, "refit_limbs"),),
 }
-"""The functions that `tracking` calls, by what they are a part of; the rest of a frame is small."""
+"""Functions and who calls them, by what they are a part of; the rest of a frame is small, but for the search now and then."""
 
 
 def measure() -> dict[str, tuple[float, str, str]]:
@@ -65,8 +64,8 @@ def measure() -> dict[str, tuple[float, str, str]]:
 def _follow(film: Film, begin_frame: Callable[[float], None]) -> list[tuple[float, float]]:
     """Milliseconds of every frame, and of a distance transform of it."""
     extractor = HumanExtractor(film.camera, expect_person=True)
-    tracker = Tracker(film.camera)
-    tracker.start(film.joints_camera_m[0])
+    person = Tracker(film.camera)
+    person.start(film.joints_camera_m[0])
     times = []
     for depth_m in film.depth_m:
         measured = (depth_m > 0).astype(np.uint8)
@@ -75,7 +74,7 @@ def _follow(film: Film, begin_frame: Callable[[float], None]) -> list[tuple[floa
         extracted = time.process_time()
         begin_frame(1000 * (extracted - start))
         if humans:
-            tracker.track(humans[0].whole(film.camera))
+            person.track(humans[0].whole(film.camera))
         tracked = time.process_time()
         cv2.distanceTransform(measured, cv2.DIST_L2, cv2.DIST_MASK_5)
         times.append((1000 * (tracked - start), 1000 * (time.process_time() - tracked)))
@@ -84,8 +83,8 @@ def _follow(film: Film, begin_frame: Callable[[float], None]) -> list[tuple[floa
 
 @contextmanager
 def _timed(stages_ms: dict[str, list[float]]) -> Iterator[Callable[[float], None]]:
-    """Adds up what the stages of `tracking` take in each frame; a frame begins with what its extraction took."""
-    originals = {name: getattr(tracking, name) for names in STAGES.values() for name in names}
+    """Adds up what the stages take in each frame; a frame begins with what its extraction took."""
+    originals = {place: getattr(*place) for places in STAGES.values() for place in places}
 
     def begin_frame(extraction_ms: float) -> None:
         stages_ms["extraction"].append(extraction_ms)
@@ -101,11 +100,11 @@ def _timed(stages_ms: dict[str, list[float]]) -> Iterator[Callable[[float], None
 
         return call
 
-    for stage, names in STAGES.items():
-        for name in names:
-            setattr(tracking, name, timed(stage, originals[name]))
+    for stage, places in STAGES.items():
+        for place in places:
+            setattr(*place, timed(stage, originals[place]))
     try:
         yield begin_frame
     finally:
-        for name, function in originals.items():
-            setattr(tracking, name, function)
+        for place, function in originals.items():
+            setattr(*place, function)

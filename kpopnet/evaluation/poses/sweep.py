@@ -1,6 +1,6 @@
 """Evaluation of one estimator at every combination of the values of two settings (the paper's Table 1).
 
-    python evaluate.py benchmark=eval_sim 'estimator=[tracker]' sweep=table1
+    python evaluate.py benchmark=eval_sim 'estimator=[paper_tracker]' sweep=table1
 
 Each combination is a separate estimator in one run, so that the person is extracted once per frame.
 """

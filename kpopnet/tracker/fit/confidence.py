@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 
 from kpopnet.geometry.body import PARTS, ROW_TO_JOINT, Body
-from kpopnet.geometry.cones import HIDDEN_DEPTH_M, extend_joints, nearest_parts, part_segments
+from kpopnet.geometry.cones import extend_joints, nearest_parts, part_segments
 from kpopnet.geometry.depth_grid import DepthGrid
 
 TRACKED_WEIGHTS = (-3.707, 3.470, 4.936)
@@ -31,6 +31,9 @@ FULL_SUPPORT_POINTS = 4
 
 HALF_SCORE_M = 0.06
 """A mean residual of this many metres halves the score."""
+
+MAX_RESIDUAL_M = 0.12
+"""Larger residuals count as this many metres."""
 
 LEAST_PROBABILITY = 1e-4
 """Limits the logit of a given confidence."""
@@ -76,6 +79,6 @@ def _residuals(joints, points, parts, radii, trunk_offsets):
     part, distances, along = nearest_parts(axes, points, 1)
     for i in range(len(points)):
         joint = ROW_TO_JOINT[parts[part[i], 0] if along[i] < 0.5 else parts[part[i], 1]]
-        sums[joint, 0] += min(abs(distances[i]), 2 * HIDDEN_DEPTH_M)
+        sums[joint, 0] += min(abs(distances[i]), MAX_RESIDUAL_M)
         sums[joint, 1] += 1
     return sums

@@ -14,7 +14,7 @@ from kpopnet.geometry.body import Body, body_from_model, planar_pose
 from kpopnet.geometry.depth_grid import DepthGrid
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.skeleton import Joint
-from kpopnet.tracker.fit.hypotheses import refit_limbs
+from kpopnet.tracker.fit.limbs import refit_limbs
 from kpopnet.tracker.fit.objective import pose_cost
 from kpopnet.tracker.fit.solver import fit
 

@@ -16,7 +16,7 @@ from y_people import draw_y, y_joints
 from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
 from kpopnet.geometry.body import NECK_FRACTION, PARTS, RIGHT_RIBS, body_from_model
-from kpopnet.geometry.depth_grid import CELL_PX, build_depth_grid
+from kpopnet.geometry.depth_grid import build_depth_grid
 from kpopnet.geometry.geodesic import DEPTH_JUMP_M, JUMP_FACTOR, UNREACHABLE_M, geodesic_distances, neighbour_graph
 from kpopnet.geometry.human_model import LIMB_PARENTS, HumanModel
 from kpopnet.paper_tracker.algorithm2 import (
@@ -326,7 +326,7 @@ def test_a_person_of_spheres_is_tracked() -> None:
     found = joints
     for _ in range(5):
         found, support = track_frame(**inputs(joints, depth, SMALL_CAMERA, previous=found))
-    assert error_m(found, joints).mean() < 0.05
+    assert error_m(found, joints).mean() < 0.07
     assert (support > 0).sum() >= 9
 
 
@@ -425,7 +425,8 @@ def test_ridge_points_lie_on_the_surface(person) -> None:
     points, cell = ridge_points(ridge, depth, grid.index, grid.intrinsics)
     np.testing.assert_allclose(points, CAMERA.points(depth)[ridge], atol=1e-5)
     v, u = ridge.nonzero()
-    np.testing.assert_array_equal(cell, grid.index[v // CELL_PX, u // CELL_PX])
+    side_px = int(grid.intrinsics[4])
+    np.testing.assert_array_equal(cell, grid.index[v // side_px, u // side_px])
 
 
 def test_estimate_pose_passes_the_configuration(person) -> None:

@@ -11,21 +11,17 @@ from y_people import draw_y, y_joints
 
 from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
-from kpopnet.geometry.body import TORSO_JOINTS
+from kpopnet.geometry.body import body_from_model
 from kpopnet.geometry.depth_grid import build_depth_grid
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
-from kpopnet.tracker.fit.hypotheses import rotate_about_shoulders
 from kpopnet.tracker.fit.refine import DETECTION_PRIOR_WEIGHT
+from kpopnet.tracker.fit.rotations import rotate_about_shoulders
 from kpopnet.tracker.fit.solver import fit
-from kpopnet.tracker.tracker import (
-    CUSUM_THRESHOLD,
-    FINAL_ITERATIONS,
-    FLIP_TEST_INTERVAL,
-    Tracker,
-    TrackerConfig,
-    extrapolate_rigidly,
-)
+from kpopnet.tracker.fitting import Fitted, Fitting, FittingConfig
+from kpopnet.tracker.prediction import State
+from kpopnet.tracker.search import DoubtConfig, SearchConfig, flipped
+from kpopnet.tracker.tracker import Tracker, TrackerConfig
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
 
 CAMERA = CAMERAS["kinect_v1"]
@@ -140,24 +136,38 @@ def test_exchanged_sides_are_corrected_while_standing_still(simulated, lost) -> 
     tracker = Tracker(camera)
     tracker.start(joints[0])
     tracker.track(depth[0])
-    tracker.joints_camera_m = lost(joints[0])
-    for _ in range(4 * FLIP_TEST_INTERVAL):
+    tracker.state.joints_m = lost(joints[0])
+    for _ in range(4 * SearchConfig().flip_every):
         found, _ = tracker.track(depth[0])
     assert (error_m(found, joints[0]) < 0.1).mean() > 0.9
 
 
 def test_a_flip_needs_several_tests_and_an_upright_torso(simulated, monkeypatch) -> None:
     depth, joints, camera = simulated
-    grid = build_depth_grid(depth[0], camera)
+    grid, config = build_depth_grid(depth[0], camera), SearchConfig()
+    body = body_from_model(HumanModel.from_joints(joints[0]))
     # The mirrored pose always has half the cost.
     for upright, tests in ((joints[0], 2), (joints[0] * (1, -1, 1), None)):
-        tracker = Tracker(camera)
-        tracker.start(joints[0])
-        monkeypatch.setattr("kpopnet.tracker.tracker.pose_cost", lambda pose, *_, own=upright: 2.0 if pose is own else 1.0)
-        changed = [tracker._resolve_flip(upright, grid) is not upright for _ in range(4 * FLIP_TEST_INTERVAL)]
+        fitting, state = Fitting(grid, body, upright, upright, FittingConfig()), State(upright, 1.0)
+        monkeypatch.setattr("kpopnet.tracker.search.pose_cost", lambda pose, *_, own=upright: 2.0 if pose is own else 1.0)
+        changed = [flipped(Fitted(upright, 2.0), state, fitting, config) is not None for _ in range(4 * config.flip_every)]
         assert np.flatnonzero(changed).tolist() == (
-            [] if tests is None else [n * tests * FLIP_TEST_INTERVAL - 1 for n in (1, 2)]
+            [] if tests is None else [n * tests * config.flip_every - 1 for n in (1, 2)]
         )
+
+
+def test_a_pose_in_doubt_is_searched_now_and_then(dancer, monkeypatch) -> None:
+    depth, calls = dancer[1], []
+    monkeypatch.setattr("kpopnet.tracker.tracker.search", lambda fitted, *_: calls.append(len(frames)) or fitted)
+    for every, expected in ((3, [0, 3, 6]), (0, [])):
+        tracker = Tracker(CAMERA, TrackerConfig(doubt=DoubtConfig(search_ratio=0.0), search=SearchConfig(every=every)))
+        tracker.start(dancer[0][0])
+        calls.clear()
+        frames: list[int] = []
+        for _ in range(8):
+            tracker.track(depth[0])
+            frames.append(1)
+        assert calls == expected
 
 
 @pytest.mark.parametrize("found", ["same pose", "perturbation", "detector"])
@@ -167,13 +177,13 @@ def test_flip_evidence_is_reset_with_a_new_pose(dancer, found) -> None:
     tracker.start(joints[0])
     tracker.track(depth[0])
     if found != "same pose":
-        tracker.joints_camera_m = rotate_about_shoulders(joints[0], np.radians(-60))
+        tracker.state.joints_m = rotate_about_shoulders(joints[0], np.radians(-60))
     if found == "detector":
         tracker.detector = FixedDetector(joints[0])
-    tracker._flip_evidence = CUSUM_THRESHOLD / 2
+    tracker.state.flip_evidence = SearchConfig().flip_threshold / 2
     pose, _ = tracker.track(depth[0])
     assert (error_m(pose, joints[0]) < 0.1).all()
-    assert tracker._flip_evidence == (CUSUM_THRESHOLD / 2 if found == "same pose" else 0)
+    assert tracker.state.flip_evidence == (SearchConfig().flip_threshold / 2 if found == "same pose" else 0)
 
 
 # --- starts -------------------------------------------------------------------------------------------------------
@@ -210,7 +220,7 @@ def test_thickness_is_measured_after_fitting_the_standing_pose() -> None:
     # The errors are 15 and 36 mm if the thickness is measured with the average person's arm pose.
     off = np.abs(tracker.body.radii_m - body.radii_m)
     assert off.mean() < 0.008 and off.max() < 0.025
-    assert error_m(found, joints).mean() < 0.035
+    assert error_m(found, joints).mean() < 0.04
 
 
 def test_a_given_model_is_kept(dancer, tmp_path) -> None:
@@ -287,15 +297,15 @@ def test_a_detector_is_queried_at_high_cost_and_accepted_if_it_fits(dancer) -> N
     assert confident.queries == 0
 
 
-def test_a_detector_with_slightly_higher_cost_is_accepted(dancer, monkeypatch) -> None:
+def test_a_detector_with_slightly_higher_cost_is_accepted(dancer) -> None:
     joints, depth = dancer
-    monkeypatch.setattr("kpopnet.tracker.tracker.DETECTOR_RATIO", 0.0)
     near = joints[0] + (0.02, 0, 0)
-    tracker = Tracker(CAMERA, detector=FixedDetector(near))
+    tracker = Tracker(CAMERA, TrackerConfig(doubt=DoubtConfig(detector_ratio=0.0)), detector=FixedDetector(near))
     tracker.start(joints[0])
     found, _ = tracker.track(depth[0])
     grid = build_depth_grid(depth[0], CAMERA)
-    detected = fit(near.astype(np.float32), grid, tracker.body, FINAL_ITERATIONS, prior_weight=DETECTION_PRIOR_WEIGHT)
+    iterations = FittingConfig().final_iterations
+    detected = fit(near.astype(np.float32), grid, tracker.body, iterations, prior_weight=DETECTION_PRIOR_WEIGHT)
     np.testing.assert_array_equal(found, detected)
 
 
@@ -307,7 +317,8 @@ def test_a_detector_with_slightly_higher_cost_is_accepted(dancer, monkeypatch) -
 def test_shifting_image_and_camera_keeps_the_joints(dancer, right: int, down: int) -> None:
     """Shifted by whole grid cells, with the person inside the image: the same points up to rounding."""
     joints, depth = dancer
-    by_x, by_y = 4 * right, 4 * down
+    side_px = int(build_depth_grid(depth[0], CAMERA).intrinsics[4])
+    by_x, by_y = side_px * right, side_px * down
     moved = np.roll(depth[:5], (by_y, by_x), axis=(1, 2))
     camera = CAMERA.cropped(-by_x, -by_y, CAMERA.width, CAMERA.height)
     found, _ = tracked(moved, joints[0], camera)
@@ -317,10 +328,10 @@ def test_shifting_image_and_camera_keeps_the_joints(dancer, right: int, down: in
 @given(st.integers(-40, 40))
 @settings(max_examples=5, deadline=None)
 def test_a_translated_person_has_translated_joints(dancer, pixels: int) -> None:
-    """Translated by whole pixels at the person's depth. Not exact, but within the sampling (a cell is 4.5 cm wide there).
+    """Translated by whole pixels at the person's depth. Not exact, but within the sampling.
 
-    Nearer and farther points move by other fractions of a pixel, the perspective shows more of one side, and the cells of four
-    pixels hold other points.
+    Nearer and farther points move by other fractions of a pixel, the perspective shows more of one side, and the cells hold
+    other points.
     """
     joints, depth = dancer
     by = np.array((pixels * PLACE_M[2] / CAMERA.fx, 0, 0))
@@ -332,7 +343,7 @@ def test_a_translated_person_has_translated_joints(dancer, pixels: int) -> None:
 
 @pytest.mark.parametrize(("body", "frames"), [(True, FRAMES), (False, 2)])
 def test_a_mirrored_image_gives_mirrored_joints(dancer, body: bool, frames: int) -> None:
-    """Not exact: the third of a cell's four columns is sampled, in the mirror image the second; and right is processed first.
+    """Not exact: a cell's middle column may be another one in the mirror image; and right is processed first.
 
     Without the body, joints are lost at different frames; the test ends before that.
     """
@@ -403,15 +414,3 @@ def test_images_without_a_person_do_not_start_the_tracker() -> None:
     garbage = rng.integers(0, 2**16, EMPTY.shape).astype(np.float32) / 1000
     found, _ = tracked(np.stack([garbage, np.full_like(EMPTY, 2.0), EMPTY]), None)
     assert np.isnan(found).all()
-
-
-def test_rigid_motion_is_extrapolated() -> None:
-    angle, translation = 0.2, np.array((0.03, 0.0, -0.02))
-    turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
-    poses = [cone_joints(elevation_deg=20)]
-    centroids = [poses[0][list(TORSO_JOINTS)].mean(axis=0)]
-    for _ in range(2):
-        poses.append((poses[-1] - centroids[-1]) @ turn.T + centroids[-1] + translation)
-        centroids.append(centroids[-1] + translation)
-    np.testing.assert_allclose(extrapolate_rigidly(poses[1], poses[1] - poses[0]), poses[2], atol=1e-9)
-    np.testing.assert_allclose(extrapolate_rigidly(poses[1], np.zeros_like(poses[1])), poses[1], atol=1e-9)

@@ -10,14 +10,9 @@ from hypothesis import strategies as st
 from kpopnet.geometry.body import COLLISION_PAIRS, LIMB_COLLISIONS, LIMB_PARTS, LIMBS, PARTS
 from kpopnet.geometry.cones import extend_joints, part_segments, torso_frame
 from kpopnet.skeleton import MIRROR, Joint
-from kpopnet.tracker.fit.objective import (
-    JOINT_PRIOR_WEIGHT,
-    JOINT_PRIORS,
-    LIMB_JOINT_PRIORS,
-    joint_prior,
-    penetration_cost,
-    pose_cost,
-)
+from kpopnet.tracker.fit.energy.joint_priors import JOINT_PRIOR_WEIGHT, JOINT_PRIORS, LIMB_JOINT_PRIORS, joint_prior
+from kpopnet.tracker.fit.energy.penetration import penetration_cost
+from kpopnet.tracker.fit.objective import pose_cost
 
 
 def test_the_true_pose_has_the_lowest_cost(person) -> None:  # noqa: F811

@@ -12,9 +12,11 @@ from kpopnet.geometry.cones import torso_frame
 from kpopnet.geometry.depth_grid import build_depth_grid
 from kpopnet.geometry.human_model import LIMB_PARENTS, HumanModel
 from kpopnet.skeleton import NUM_JOINTS, Joint
-from kpopnet.tracker.fit.hypotheses import rotate_about_spine
-from kpopnet.tracker.fit.objective import JOINT_PRIORS, joint_prior, pose_cost
-from kpopnet.tracker.fit.solver import COLUMN, fit, solve
+from kpopnet.tracker.fit.energy.equations import COLUMN, solve
+from kpopnet.tracker.fit.energy.joint_priors import JOINT_PRIORS, joint_prior
+from kpopnet.tracker.fit.objective import pose_cost
+from kpopnet.tracker.fit.rotations import rotate_about_spine
+from kpopnet.tracker.fit.solver import fit
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 20), st.floats(0, 0.9))

@@ -1,103 +1,28 @@
-"""Pose hypotheses: tips of silhouettes, refitted limbs, rotated bodies, exchanged limbs."""
+"""Limbs laid anew along the silhouette."""
 
 import numpy as np
 import pytest
-from cone_people import cone_body, cone_joints, draw_cones
+from cone_people import cone_body, cone_joints
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from seen_people import CAMERA, seen
 
-from kpopnet.camera import CAMERAS
 from kpopnet.geometry.body import LIMBS
 from kpopnet.geometry.depth_grid import build_depth_grid
-from kpopnet.geometry.geodesic import UNREACHABLE_M, geodesic_distances
 from kpopnet.skeleton import MIRROR, Joint
-from kpopnet.tracker.fit.hypotheses import (
+from kpopnet.tracker.fit.limbs import (
     CONTINUITY_WEIGHT,
     LIMB_POSE_RANGES,
     LIMB_POSES,
     MAX_END_STEP_M,
-    MAX_TIPS,
-    MIN_TIP_DISTANCE_M,
-    MIN_TIP_SEPARATION_M,
     _continuity_cost,
     _enforce_lengths,
-    _limb_tips,
-    _torso_points,
     refit_limbs,
-    rotate_about_shoulders,
-    rotate_about_spine,
     swap_crossed_limbs,
 )
 from kpopnet.tracker.fit.objective import pose_cost
 
-CAMERA = CAMERAS["kinect_v1"]
 ROUND_M = 1e-6
-
-
-def seen(joints: np.ndarray):
-    body = cone_body(joints)
-    return body, build_depth_grid(draw_cones(joints, body, CAMERA), CAMERA)
-
-
-def lengths_m(joints: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(joints[:, None] - joints[None], axis=-1)
-
-
-# --- tips ---------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("rays", [3, 5, 7])
-def test_a_star_has_a_tip_at_every_ray(rays: int) -> None:
-    v, u = np.mgrid[:240, :320]
-    aside, below = u - 160, v - 120
-    star = np.hypot(aside, below) < 18
-    angles = 0.3 + 2 * np.pi * np.arange(rays) / rays
-    ends = []
-    for angle in angles:
-        along = aside * np.cos(angle) + below * np.sin(angle)
-        across = -aside * np.sin(angle) + below * np.cos(angle)
-        star |= (along > 0) & (along < 90) & (np.abs(across) < 6)
-        ends.append((160 + 90 * np.cos(angle), 120 + 90 * np.sin(angle), 2.5))
-    grid = build_depth_grid(np.where(star, np.float32(2.5), np.float32(0)), CAMERA)
-    centre = CAMERA.back_project(np.array((160, 120, 2.5)))
-    source = np.linalg.norm(grid.points_m - centre, axis=1) < 0.1
-    length, _ = geodesic_distances(grid.neighbours, grid.edge_lengths_m, source, UNREACHABLE_M)
-    tips = grid.points_m[_limb_tips(grid.points_m, grid.neighbours, grid.edge_lengths_m, length)]
-    assert len(tips) == rays
-    away = np.linalg.norm(tips[:, None] - CAMERA.back_project(np.array(ends)), axis=-1)
-    assert sorted(away.argmin(1)) == list(range(rays)) and away.min(1).max() < 0.1
-
-
-def test_tips_are_separated_and_reachable() -> None:
-    joints = cone_joints(elevation_deg=20)
-    body, grid = seen(joints)
-    source = _torso_points(joints, grid.points_m, body)
-    length, _ = geodesic_distances(grid.neighbours, grid.edge_lengths_m, source, UNREACHABLE_M)
-    tips = _limb_tips(grid.points_m, grid.neighbours, grid.edge_lengths_m, length)
-    points = grid.points_m[tips]
-    apart = lengths_m(points) + np.eye(len(points))
-    assert apart.min() >= MIN_TIP_SEPARATION_M
-    for end in (Joint.RIGHT_HAND, Joint.LEFT_HAND, Joint.RIGHT_FOOT, Joint.LEFT_FOOT):
-        assert np.linalg.norm(points - joints[end], axis=1).min() < 0.15
-    isolated = np.where(np.arange(len(length)) == tips[0], 1e9, length)
-    assert tips[0] not in _limb_tips(grid.points_m, grid.neighbours, grid.edge_lengths_m, isolated)
-    assert len(_limb_tips(grid.points_m, grid.neighbours, grid.edge_lengths_m, np.full(len(length), 1e9))) == 0
-
-
-def test_torso_points_lie_on_torso_and_head() -> None:
-    joints = cone_joints(elevation_deg=20)
-    body, grid = seen(joints)
-    on = grid.points_m[_torso_points(joints, grid.points_m, body)]
-    assert len(on) > 20
-    for end in LIMBS[:, 1:].ravel():
-        assert np.linalg.norm(on - joints[end], axis=1).min() > 0.08
-    for joint in (Joint.HEAD, Joint.TORSO):
-        u, v, _ = CAMERA.project(joints[joint])
-        pixels = CAMERA.project(on)[:, :2]
-        assert np.linalg.norm(pixels - (u, v), axis=1).min() < 4
-
-
-# --- limbs --------------------------------------------------------------------------------------------------------
 
 
 def swung(joints: np.ndarray, limb: int, angle_deg: float) -> np.ndarray:
@@ -208,56 +133,6 @@ def test_limb_poses_are_unit_vectors_and_knees_bend_backwards() -> None:
     upper, lower = np.moveaxis(LIMB_POSES[slice(*LIMB_POSE_RANGES[2])], 1, 0)
     knee_before_line = (upper - lower)[:, 2] / 2
     assert (knee_before_line[upper[:, 2] > -1e-9] > -1e-9).all()
-
-
-# --- rotations of the whole body ----------------------------------------------------------------------------------
-
-
-@given(st.floats(-np.pi, np.pi), st.floats(-40, 40))
-@settings(deadline=None)
-def test_rotations_keep_all_distances_and_are_invertible(angle: float, yaw_deg: float) -> None:
-    joints = cone_joints(elevation_deg=30, elbow_deg=20, yaw_deg=yaw_deg)
-    for rotate in (rotate_about_spine, rotate_about_shoulders):
-        np.testing.assert_allclose(lengths_m(rotate(joints, angle)), lengths_m(joints), atol=1e-6)
-        np.testing.assert_allclose(rotate(rotate(joints, angle), -angle), joints, atol=1e-6)
-    np.testing.assert_allclose(rotate_about_spine(joints, 0.0), joints, atol=1e-12)
-
-
-def test_positive_rotations_are_to_the_left_and_forwards() -> None:
-    joints = cone_joints()
-    left = rotate_about_spine(joints, np.radians(30))
-    # The same direction as the heading of `y_joints`.
-    np.testing.assert_allclose(left, cone_joints(yaw_deg=30), atol=0.02)
-    bow = rotate_about_shoulders(joints, np.radians(30))
-    assert bow[Joint.HEAD, 2] < joints[Joint.HEAD, 2] - 0.1 and bow[Joint.RIGHT_FOOT, 2] > joints[Joint.RIGHT_FOOT, 2] + 0.1
-
-
-def test_half_a_turn_about_the_spine_faces_away() -> None:
-    joints = cone_joints(elevation_deg=30)
-    back = rotate_about_spine(joints, np.pi)
-    assert back[Joint.RIGHT_SHOULDER, 0] > 0 > joints[Joint.RIGHT_SHOULDER, 0]
-    np.testing.assert_allclose(back[Joint.HEAD], joints[Joint.HEAD], atol=0.02)
-
-
-@pytest.mark.parametrize("elevation_deg", [-40, 10, 50])
-def test_tips_agree_with_brute_force(elevation_deg: float) -> None:
-    joints = cone_joints(elevation_deg=elevation_deg, yaw_deg=15)
-    body, grid = seen(joints)
-    source = _torso_points(joints, grid.points_m, body)
-    length, _ = geodesic_distances(grid.neighbours, grid.edge_lengths_m, source, UNREACHABLE_M)
-    apart = np.linalg.norm(grid.points_m[:, None] - grid.points_m[None], axis=-1)
-    reached = length < 1e8
-    expected = [
-        i
-        for i in np.flatnonzero(reached & (length >= MIN_TIP_DISTANCE_M))
-        if not ((apart[i] < MIN_TIP_SEPARATION_M) & reached & (length > length[i])).any()
-        and not ((apart[i] < MIN_TIP_SEPARATION_M) & (length == length[i]))[:i].any()
-    ]
-    assert len(expected) >= 3
-    np.testing.assert_array_equal(_limb_tips(grid.points_m, grid.neighbours, grid.edge_lengths_m, length), expected[:MAX_TIPS])
-
-
-# --- crossed limbs ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("lower", [Joint.RIGHT_HAND, Joint.RIGHT_FOOT])
