@@ -10,13 +10,12 @@ import numpy as np
 from kpopnet.camera import Camera
 from kpopnet.dance.noise import NOISE
 from kpopnet.errors import InputError
-from kpopnet.extraction.extractor import HumanExtractor
 from kpopnet.pose import PersonPose, PoseEstimator
 from kpopnet.skeleton import Joint
 from kpopnet.sources.live import CameraAwayError, LiveCamera
 from kpopnet.teacher.library import TaughtDance
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
-from kpopnet.tracker.tracker import Tracker
+from kpopnet.tracker.people import PeopleTracker
 
 LOST_S = 3.0
 """How long the learner may be out of view before somebody else is taken for the learner."""
@@ -100,20 +99,13 @@ class TrackedPose:
 
     def reset(self) -> None:
         """Forgets the room and the people."""
-        self._extractor: HumanExtractor | None = None
-        self._trackers: dict[int, Tracker] = {}
+        self._people: PeopleTracker | None = None
 
     def update(self, depth: np.ndarray, camera: Camera) -> list[PersonPose]:
         """See `PoseEstimator.update`; `depth` in float32 metres."""
-        if self._extractor is None:
-            self._extractor = HumanExtractor(camera, expect_person=True)
-        poses = []
-        for human in self._extractor.extract(depth)[:PEOPLE]:
-            tracker = self._trackers.setdefault(human.identity, Tracker(camera))
-            joints_m, confidence = tracker.track(human.whole(camera))
-            if np.isfinite(joints_m).any():
-                poses.append(PersonPose(human.identity, joints_m.astype(np.float32), confidence.astype(np.float32)))
-        return poses
+        if self._people is None:
+            self._people = PeopleTracker(camera, people=PEOPLE)
+        return [PersonPose(*person) for person in self._people.update(depth)]
 
 
 def load_estimator(checkpoint: str | None) -> PoseEstimator | TrackedPose:

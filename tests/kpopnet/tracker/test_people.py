@@ -1,0 +1,98 @@
+"""Several people at a time: crossing, hugging, leaving and coming back; a tracker for each."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from cone_people import cone_body, cone_joints, draw_cones
+
+from kpopnet.camera import CAMERAS
+from kpopnet.errors import InputError
+from kpopnet.tracker.people import PeopleTracker, TrackedPerson, track_people
+
+CAMERA = CAMERAS["kinect_v1"]
+WALL_M = 4.6
+STILL = 6
+STANDING = cone_joints(-70, 6, place_m=(0, 0, 0))
+
+
+def film(*paths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(P, T, 15, 3) true joints and (T, H, W) uint16 millimetres of people who glide along (T, 2) paths of x and z, metres."""
+    joints = np.array([[STANDING + np.array((x, 0.15, z)) for x, z in path] for path in paths])
+    body = cone_body(STANDING)
+    depth = np.full((len(paths[0]), CAMERA.height, CAMERA.width), WALL_M)
+    for person in joints:
+        for image, pose in zip(depth, person, strict=True):
+            drawn = draw_cones(pose, body, CAMERA)
+            np.minimum(image, drawn, out=image, where=drawn > 0)
+    return joints, np.rint(1000 * depth).astype(np.uint16)
+
+
+def path(*stations: tuple[float, float], step_m: float = 0.04) -> np.ndarray:
+    """(T, 2) x and z: a straight way from station to station, after `STILL` frames at the first."""
+    points = [np.repeat([stations[0]], STILL, axis=0)]
+    for a, b in pairwise(stations):
+        points.append(np.linspace(a, b, max(2, round(np.linalg.norm(np.subtract(b, a)) / step_m))))
+    return np.concatenate(points)
+
+
+def of(joints: np.ndarray, people: list[TrackedPerson], frame: int) -> TrackedPerson:
+    """The person who is nearest to these true (T, 15, 3) joints in a frame."""
+    return min(people, key=lambda one: np.nan_to_num(error_m(one, joints)[frame].mean(), nan=9.0))
+
+
+def present(people: list[TrackedPerson], frame: int) -> int:
+    return sum(np.isfinite(one.joints_camera_m[frame]).all() for one in people)
+
+
+def error_m(person: TrackedPerson, joints: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(person.joints_camera_m - joints, axis=-1)
+
+
+@pytest.mark.parametrize(("near_m", "far_m"), [(2.4, 3.4), (2.6, 3.0)])
+def test_people_who_cross_keep_who_they_are(near_m: float, far_m: float) -> None:
+    joints, depth = film(path((-0.8, near_m), (0.8, near_m)), path((0.8, far_m), (-0.8, far_m)))
+    people = track_people(depth, CAMERA)
+    assert present(people, -1) == 2
+    for true in joints:
+        assert of(true, people, 12) is of(true, people, -1)
+        assert np.median(error_m(of(true, people, -1), true)[-5:]) < 0.08
+
+
+def test_people_who_hug_stay_two_and_are_told_apart_afterwards() -> None:
+    joints, depth = film(path((-0.8, 2.8), (-0.22, 2.8), (-0.8, 2.8)), path((0.8, 2.8), (0.22, 2.8), (0.8, 2.8)))
+    people = track_people(depth, CAMERA)
+    assert present(people, -1) == 2
+    for true in joints:
+        assert of(true, people, 12) is of(true, people, -1)
+        assert np.median(error_m(of(true, people, -1), true)[-5:]) < 0.08
+
+
+def test_one_who_leaves_is_missing_and_the_other_is_not_disturbed() -> None:
+    leaving = path((0.4, 2.6), (2.4, 2.6), step_m=0.06)
+    swaying = path((-0.6, 2.8), (-0.3, 2.8), (-0.6, 2.8), (-0.3, 2.8), step_m=0.03)
+    joints, depth = film(leaving[: len(swaying)], swaying[: len(leaving)])
+    people = track_people(depth, CAMERA)
+    left, stayed = of(joints[0], people, 10), of(joints[1], people, 20)
+    assert np.isfinite(left.joints_camera_m[10]).all() and np.isnan(left.joints_camera_m[-1]).all()
+    assert left.confidence[-1].max() == 0
+    assert np.median(error_m(stayed, joints[1])[-10:]) < 0.08
+
+
+def test_online_and_recorded_tracking_agree_and_people_are_limited() -> None:
+    _, depth = film(path((-0.8, 2.5), (-0.2, 2.5)), path((0.8, 3.0), (0.2, 3.0)))
+    recorded, online = track_people(depth, CAMERA), PeopleTracker(CAMERA)
+    for frame, image in enumerate(depth):
+        for one in online.update(image):
+            whole = next(person for person in recorded if person.identity == one.identity)
+            np.testing.assert_array_equal(whole.joints_camera_m[frame], one.joints_camera_m)
+    assert all(len(frame) <= 1 for tracker in [PeopleTracker(CAMERA, people=1)] for frame in map(tracker.update, depth))
+
+
+def test_an_empty_room_is_reported_and_bad_input_refused(caplog) -> None:
+    empty = np.full((3, CAMERA.height, CAMERA.width), 4000, np.uint16)
+    assert track_people(empty, CAMERA) == [] and "nobody was tracked in 3 images" in caplog.text
+    with pytest.raises(InputError, match="people"):
+        PeopleTracker(CAMERA, people=0)
+    with pytest.raises(InputError, match="depth"):
+        track_people(empty[:, :10], CAMERA)
