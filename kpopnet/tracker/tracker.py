@@ -80,7 +80,7 @@ class TrackerConfig:
     ridge: RidgeConfig = field(default_factory=RidgeConfig)
     body: bool = True
     start: str = "auto"
-    lengths: bool = True
+    lengths: bool = False
     prediction: PredictionConfig = field(default_factory=PredictionConfig)
     fitting: FittingConfig = field(default_factory=FittingConfig)
     doubt: DoubtConfig = field(default_factory=DoubtConfig)
