@@ -20,7 +20,7 @@ LIMITS = {  # what the project promises: at least, at most
     "train.sample_ms": (None, 2),
     "train.data_loss_percent": (None, 10),
     "ridge.vs_distance_transform": (None, 4),
-    "tracker.fps": (1000, None),
+    "tracker.fps": (500, None),
     "extraction.frame_ms": (None, 0.6),
     "network.path_fps": (100, None),
     "dance.online_ms_p95": (None, 2),

@@ -46,4 +46,4 @@ def test_a_sweep_needs_an_estimator():
 )
 def test_a_setting_that_cannot_be_varied_is_named(setting, values, message):
     with pytest.raises(InputError, match=message):
-        sweep(AxisConfig("search", [True, False]), AxisConfig(setting, values))
+        sweep(AxisConfig("fitting.limbs", [True, False]), AxisConfig(setting, values))
