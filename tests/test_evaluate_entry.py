@@ -122,9 +122,9 @@ def test_every_command_in_the_help_is_one(settings):
     kinds = {schema for schema, _ in ESTIMATORS.values()}
     assert config.estimator or "kpop" in config.benchmark.name  # whose scores on true joints need none
     assert {type(one) for one in config.estimator.values()} <= kinds
-    if "+estimator/schema@estimator.straight=tracker" in settings:
+    if "+estimator/schema@estimator.straight=paper_tracker" in settings:
         found = {name: one.hierarchy.straightness for name, one in config.estimator.items()}
-        assert found == {"tracker": TrackerEstimatorConfig().hierarchy.straightness, "straight": 0.9}
+        assert found == {"paper_tracker": 0.7, "straight": 0.9}
     if config.sweep:
         sweep = sweep_of(config.sweep, config.estimator)
         # Table 1 of the paper, whose best, 110 mm and 50 mm, are the defaults.

@@ -24,7 +24,7 @@ from kpopnet.evaluation.dances.run import run_dances
 from kpopnet.evaluation.poses.sequence import EstimatedSequence, SequenceEstimation
 from kpopnet.evaluation.registry import BENCHMARKS, ESTIMATORS, build_estimators
 from kpopnet.extraction import HumanExtractionConfig
-from kpopnet.paper_tracker.algorithm2 import HierarchyConfig
+from kpopnet.paper_tracker.config import ALL_REPAIRS, HierarchyConfig
 
 SEQUENCES = 4
 DANCES = 5
@@ -80,13 +80,14 @@ def joints(name: str, folder: Path, checkpoint: Path) -> dict[str, str]:
     run("-m", "synth", f"benchmark={name}", f"benchmark.sequences={SEQUENCES}", f"out={path}", "processes=2")
     settings, reader = BENCHMARKS[name]
     benchmark = reader(settings(path=str(path)))
-    tracker = ESTIMATORS["tracker"][0]
+    tracker, paper_tracker = ESTIMATORS["tracker"][0], ESTIMATORS["paper_tracker"][0]
     estimators = {
         "tracker": tracker(),
         "tracker_from_label": tracker(start="label"),
         "tracker_with_network": tracker(network=str(checkpoint)),
-        "paper_tracker": tracker(body=False),
-        "paper_tracker_depth": tracker(body=False, hierarchy=HierarchyConfig(candidates="depth")),
+        "paper_tracker": paper_tracker(),
+        "paper_tracker_repaired": paper_tracker(repairs=ALL_REPAIRS),
+        "paper_tracker_depth": paper_tracker(hierarchy=HierarchyConfig("depth")),
         "network": ESTIMATORS["network"][0](checkpoint=str(checkpoint)),
         "fitted_network": ESTIMATORS["fitted_network"][0](checkpoint=str(checkpoint)),
     }

@@ -23,6 +23,7 @@ from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator
 from kpopnet.networks.backend import read_description
 from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.paper_tracker.estimator import PaperTrackerEstimator, PaperTrackerEstimatorConfig
 from kpopnet.pose.person import PersonEstimator
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
@@ -117,6 +118,7 @@ BENCHMARKS: dict[str, tuple[type, Callable[[Any], Benchmark | KpopSet]]] = {
 
 ESTIMATORS: dict[str, tuple[type, Callable[[Any], Estimator]]] = {
     "tracker": (TrackerEstimatorConfig, _tracker),
+    "paper_tracker": (PaperTrackerEstimatorConfig, PaperTrackerEstimator),
     "network": (NetworkEstimatorConfig, _network),
     "fitted_network": (FittedNetworkConfig, _fitted_network),
     "realtime": (RealtimeConfig, _realtime),

@@ -18,8 +18,8 @@ The paper's figures and Table 1, on simulated EVAL:
         estimator.tree_walk.path=outputs/tree_walk/RUN                                              # Fig. 8 and 11
     python evaluate.py benchmark=eval_sim 'estimator=[network,ridge_network]' checkpoint=outputs/train/RUN/best \
         estimator.ridge_network.checkpoint=outputs/train/OTHER_RUN/best                             # Fig. 9
-    python evaluate.py benchmark=eval_sim 'estimator=[paper_tracker,paper_tracker_depth]'           # Fig. 10
-    python evaluate.py benchmark=eval_sim 'estimator=[paper_tracker]' sweep=table1                  # Table 1
+    python evaluate.py benchmark=eval_sim 'estimator=[paper_tracker,paper_tracker_depth,paper_tracker_repaired]'    # Fig. 10
+    python evaluate.py benchmark=eval_sim 'estimator=[paper_tracker_repaired]' sweep=table1         # Table 1
 
 Its Table 2, dance scores against experts' order, on simulated dances (kpopnet/evaluation/dances/report.py):
 
@@ -32,8 +32,8 @@ One kind of estimator may stand in a run under several names: configs/estimator/
 write such a file, or give a name on the command line to settings that start from the defaults of their kind (it comes after
 those of `estimator=[...]`):
 
-    python evaluate.py benchmark=eval_sim 'estimator=[tracker]' +estimator/schema@estimator.still=tracker \
-        estimator.still.prediction.damping=0
+    python evaluate.py benchmark=eval_sim 'estimator=[paper_tracker]' +estimator/schema@estimator.straight=paper_tracker \
+        estimator.straight.hierarchy.straightness=0.9
 """
 
 from collections.abc import Callable

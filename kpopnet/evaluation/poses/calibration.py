@@ -4,8 +4,9 @@
     python -m synth benchmark=eval_sim benchmark.seed=102 benchmark.sequences=8 out=data/confidence/102
     python -m kpopnet.evaluation.poses.calibration data/confidence/101 data/confidence/102 --checkpoint outputs/train/RUN/best
 
-prints new values of the weights in `kpopnet.tracker.fit.confidence`: logistic regressions of whether a joint is within 10 cm of
-the truth. The sets of an evaluation must not be used: no other set has these seeds.
+prints new values of the weights in `kpopnet.tracker.fit.confidence` and `kpopnet.paper_tracker.confidence`: logistic
+regressions of whether a joint is within 10 cm of the truth. The sets of an evaluation must not be used: no other set has these
+seeds.
 """
 
 import argparse
@@ -22,15 +23,18 @@ from kpopnet.estimator import Estimator
 from kpopnet.evaluation.poses.confidence import WITHIN_M, Judged, calibration_error
 from kpopnet.extraction import extract_person
 from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.paper_tracker.confidence import WEIGHTS as PAPER_WEIGHTS
+from kpopnet.paper_tracker.config import ALL_REPAIRS, PaperTrackerConfig
+from kpopnet.paper_tracker.tracker import PaperTracker
 from kpopnet.runtime.hydra_app import user_errors
 from kpopnet.skeleton import NUM_JOINTS
-from kpopnet.tracker.fit.confidence import ALGORITHM_2_WEIGHTS, REFINED_WEIGHTS, TRACKED_WEIGHTS, probability
+from kpopnet.tracker.fit.confidence import REFINED_WEIGHTS, TRACKED_WEIGHTS, probability
 from kpopnet.tracker.fit.refine import refine
-from kpopnet.tracker.tracker import Tracker, TrackerConfig
+from kpopnet.tracker.tracker import Tracker
 
 SHIPPED = {
     "TRACKED_WEIGHTS": TRACKED_WEIGHTS,
-    "ALGORITHM_2_WEIGHTS": ALGORITHM_2_WEIGHTS,
+    "PAPER_WEIGHTS": PAPER_WEIGHTS,
     "REFINED_WEIGHTS": REFINED_WEIGHTS,
 }
 
@@ -43,7 +47,7 @@ class Labelled(NamedTuple):
     """Evidence of joints with a true position.
 
     Attributes:
-        evidence: (N, K), see `kpopnet.tracker.fit.confidence`.
+        evidence: (N, K), as the modules of the weights define it.
         error_m: (N,) distance from the true position, metres.
     """
 
@@ -63,9 +67,8 @@ def logistic_weights(evidence: np.ndarray, hit: np.ndarray) -> np.ndarray:
     return weights
 
 
-def tracked(depth_m: np.ndarray, camera: Camera, config: TrackerConfig) -> tuple[np.ndarray, np.ndarray]:
+def tracked(depth_m: np.ndarray, tracker: Tracker | PaperTracker) -> tuple[np.ndarray, np.ndarray]:
     """(T, 15, 3) joints of a tracker that waits for the Y pose, NaN where missing, and (T, 15, 3) their evidence."""
-    tracker = Tracker(camera, config)
     joints_m, evidence = np.full((len(depth_m), NUM_JOINTS, 3), np.nan), np.full((len(depth_m), NUM_JOINTS, 3), np.nan)
     for frame, image in enumerate(depth_m):
         joints_m[frame], _ = tracker.track(image)
@@ -99,8 +102,8 @@ def gather(folders: Sequence[str], network: Estimator) -> dict[str, Labelled]:
     parts: dict[str, list[Labelled]] = {name: [] for name in SHIPPED}
     for depth_m, camera, truth_m in labelled_people(folders):
         found = (
-            tracked(depth_m, camera, TrackerConfig()),
-            tracked(depth_m, camera, TrackerConfig(body=False)),
+            tracked(depth_m, Tracker(camera)),
+            tracked(depth_m, PaperTracker(camera, PaperTrackerConfig(repairs=ALL_REPAIRS))),
             refine(network.estimate(depth_m, camera), depth_m, camera),
         )
         for part, one in zip(parts.values(), found, strict=True):

@@ -1,6 +1,6 @@
 """Evaluation of one estimator at every combination of the values of two settings (the paper's Table 1).
 
-    python evaluate.py benchmark=eval_sim 'estimator=[paper_tracker]' sweep=table1
+    python evaluate.py benchmark=eval_sim 'estimator=[paper_tracker_repaired]' sweep=table1
 
 Each combination is a separate estimator in one run, so that the person is extracted once per frame.
 """
@@ -70,7 +70,7 @@ def sweep_of(config: SweepConfig, estimators: dict[str, Any]) -> Sweep:
         InputError: no estimator is configured, it lacks one of the settings, or a value is invalid.
     """
     if not estimators:
-        raise InputError("sweep: expected an estimator to vary, for instance 'estimator=[tracker]'")
+        raise InputError("sweep: expected an estimator to vary, for instance 'estimator=[paper_tracker]'")
     estimator, base = next(iter(estimators.items()))
     names: list[list[str]] = []
     settings: dict[str, Any] = {}

@@ -14,6 +14,7 @@ from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import save_checkpoint
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.networks.network import build_network
+from kpopnet.paper_tracker.estimator import PaperTrackerEstimatorConfig
 from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
 
 POSE_M = np.stack([np.zeros(15), np.linspace(-0.6, 0.6, 15), np.full(15, 0.1)], axis=-1)
@@ -112,6 +113,6 @@ def test_all_people_in_a_room_are_resampled_together(tmp_path):
 
 
 def test_one_kind_of_estimator_may_have_several_names_in_a_run():
-    configs = {"slow": TrackerEstimatorConfig(), "fast": TrackerEstimatorConfig(body=False)}
+    configs = {"slow": PaperTrackerEstimatorConfig(start="label"), "fast": PaperTrackerEstimatorConfig()}
     built = build_estimators(configs)
-    assert [one.config.body for one in built.values()] == [True, False] and list(built) == list(configs)
+    assert [one.starts_from_label for one in built.values()] == [True, False] and list(built) == list(configs)

@@ -4,17 +4,18 @@ import pytest
 
 from kpopnet.errors import InputError
 from kpopnet.evaluation.poses.sweep import AxisConfig, SweepConfig, sweep_of
-from kpopnet.tracker.estimator import TrackerEstimatorConfig
+from kpopnet.paper_tracker.config import ALL_REPAIRS
+from kpopnet.paper_tracker.estimator import PaperTrackerEstimatorConfig
 
 RADII, TOLERANCES = [0.08, 0.11], [0.04, 0.05, 0.06]
 
 
 def sweep(rows: AxisConfig, columns: AxisConfig, **settings):
-    return sweep_of(SweepConfig(rows, columns), {"mine": TrackerEstimatorConfig(**settings), "other": None})
+    return sweep_of(SweepConfig(rows, columns), {"mine": PaperTrackerEstimatorConfig(**settings), "other": None})
 
 
 def test_only_the_two_settings_of_the_first_estimator_are_varied():
-    found = sweep(AxisConfig("hierarchy.epsilon_m", TOLERANCES), AxisConfig("hierarchy.r_m", RADII), body=False)
+    found = sweep(AxisConfig("hierarchy.epsilon_m", TOLERANCES), AxisConfig("hierarchy.r_m", RADII), repairs=ALL_REPAIRS)
     assert found.estimator == "mine" and [len(row) for row in found.names] == [2, 2, 2]
     assert len(found.settings) == 5, "the combination that equals the configured estimator is evaluated once"
     assert found.names[1][1] == "mine"
@@ -23,7 +24,7 @@ def test_only_the_two_settings_of_the_first_estimator_are_varied():
             if name != "mine":
                 assert str(radius) in name and str(tolerance) in name
                 settings = found.settings[name]
-                assert isinstance(settings, TrackerEstimatorConfig) and settings.body is False
+                assert isinstance(settings, PaperTrackerEstimatorConfig) and settings.repairs == ALL_REPAIRS
                 assert (settings.hierarchy.r_m, settings.hierarchy.epsilon_m) == (radius, tolerance)
 
 
@@ -46,4 +47,4 @@ def test_a_sweep_needs_an_estimator():
 )
 def test_a_setting_that_cannot_be_varied_is_named(setting, values, message):
     with pytest.raises(InputError, match=message):
-        sweep(AxisConfig("fitting.limbs", [True, False]), AxisConfig(setting, values))
+        sweep(AxisConfig("repairs.still", [True, False]), AxisConfig(setting, values))

@@ -1,0 +1,228 @@
+"""Algorithm 2 on whole frames of people with known joints."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from capsule_people import CAMERA as SMALL_CAMERA
+from capsule_people import draw_depth, draw_joints
+from cone_people import cone_body, cone_joints, draw_cones
+
+from kpopnet.camera import CAMERAS
+from kpopnet.geometry.body import NECK_FRACTION
+from kpopnet.geometry.human_model import LIMB_PARENTS, HumanModel
+from kpopnet.paper_tracker.config import AS_PRINTED, HierarchyConfig, PaperTrackerConfig, Repairs
+from kpopnet.paper_tracker.frame import Frame, frame_of
+from kpopnet.paper_tracker.hierarchy import JOINT_ORDER, LOST_FRAMES, MIN_CANDIDATES, WIDER, State, track_frame
+from kpopnet.paper_tracker.rules import PARENTS
+from kpopnet.paper_tracker.structure import structure_of
+from kpopnet.ridge import RidgeConfig, ridge_data
+from kpopnet.skeleton import NUM_JOINTS, PAPER_JOINTS, Joint
+
+CAMERA = CAMERAS["kinect_v1"]
+SOURCES = ("ridge", "depth")
+
+
+def seen(depth: np.ndarray, camera=CAMERA) -> Frame:
+    return frame_of(depth, ridge_data(depth, RidgeConfig()), camera)
+
+
+def track(frame: Frame, model_joints: np.ndarray, previous=None, velocity=None, lost=0, config=AS_PRINTED):
+    """(15, 3) joints and (15,) support after one frame."""
+    previous = model_joints if previous is None else previous
+    velocity = np.zeros((NUM_JOINTS, 3)) if velocity is None else velocity
+    structure = structure_of(HumanModel.from_joints(model_joints))
+    state, support = track_frame(frame, State(previous, velocity, np.full(NUM_JOINTS, lost)), structure, config.for_kernels)
+    return state.joints, support
+
+
+def using(candidates: str, **parameters) -> PaperTrackerConfig:
+    return PaperTrackerConfig(HierarchyConfig(candidates, **parameters))
+
+
+@pytest.fixture(scope="module")
+def person():
+    joints = cone_joints(yaw_deg=8)
+    return joints, draw_cones(joints, cone_body(joints), CAMERA)
+
+
+def error_m(found: np.ndarray, joints: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(found - joints, axis=1)
+
+
+def test_joints_are_ordered_from_the_head_parents_first() -> None:
+    order = JOINT_ORDER.tolist()
+    assert order[0] == Joint.HEAD and sorted(order) == sorted(PAPER_JOINTS)
+    for child, parent in LIMB_PARENTS.items():
+        assert order.index(parent) < order.index(child) and PARENTS[child] == parent
+
+
+@pytest.mark.parametrize("candidates", SOURCES)
+def test_a_still_person_stays(person, candidates: str) -> None:
+    joints, depth = person
+    frame, config = seen(depth), using(candidates)
+    first, support = track(frame, joints, config=config)
+    assert (support[[joint for joint in PAPER_JOINTS if joint != Joint.TORSO]] >= MIN_CANDIDATES).mean() > 0.8
+    found = first
+    for _ in range(10):
+        found, _ = track(frame, joints, found, config=config)
+    # The torso has the largest error: one depth represents belly and chest.
+    error = error_m(found, joints)
+    assert error.mean() < 0.05 and error.max() < 0.11
+    # Converged: the remaining motion is that of candidates entering and leaving.
+    again, _ = track(frame, joints, found, config=config)
+    assert error_m(again, found).max() < 0.02
+
+
+def test_a_person_of_spheres_is_tracked() -> None:
+    joints = draw_joints(np.random.default_rng(5)).astype(float)
+    frame, found = seen(draw_depth(joints, SMALL_CAMERA), SMALL_CAMERA), joints
+    for _ in range(5):
+        found, support = track(frame, joints, found)
+    assert error_m(found, joints).mean() < 0.08
+    assert (support > 0).sum() >= 9
+
+
+def test_the_neck_lies_between_shoulders_and_head(person) -> None:
+    joints, depth = person
+    found, support = track(seen(depth), joints)
+    middle = (found[Joint.RIGHT_SHOULDER] + found[Joint.LEFT_SHOULDER]) / 2
+    np.testing.assert_allclose(found[Joint.NECK], middle + NECK_FRACTION * (found[Joint.HEAD] - middle))
+    assert support[Joint.NECK] == min(support[[Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.HEAD]])
+
+
+def test_the_search_is_centred_at_the_extrapolated_joint(person) -> None:
+    """Eq. (3): a person 18 cm from the last pose is found with its velocity and not without, nor where it is switched off."""
+    joints, depth = person
+    frame, step = seen(depth), np.tile((0.18, 0.0, 0.0), (NUM_JOINTS, 1))
+    still, _ = track(frame, joints)
+    with_velocity, velocity_support = track(frame, joints, joints - step, step)
+    without_velocity, support = track(frame, joints, joints - step)
+    np.testing.assert_allclose(with_velocity, still, atol=1e-9)
+    assert velocity_support.sum() > 1.5 * support.sum()
+    assert error_m(without_velocity, joints).mean() > 0.08 > 0.05 > error_m(with_velocity, joints).mean()
+    switched_off, _ = track(frame, joints, joints - step, step, config=PaperTrackerConfig(repairs=Repairs(still=True)))
+    np.testing.assert_array_equal(switched_off, without_velocity)
+
+
+@pytest.mark.parametrize("candidates", SOURCES)
+def test_candidates_beyond_r_are_ignored(person, candidates: str) -> None:
+    """Eqs. (4) and (12)."""
+    joints, depth = person
+    found, support = track(seen(depth), joints, config=using(candidates, r_m=0.06))
+    known = support > 0
+    known[Joint.NECK] = False
+    assert known.any() and (error_m(found, joints)[known] <= 0.06 + 1e-9).all()
+
+
+def test_joints_are_the_mean_of_their_valid_candidates(person) -> None:
+    """Eq. (11), for the head, by numpy."""
+    joints, depth = person
+    frame, structure = seen(depth), structure_of(HumanModel.from_joints(joints))
+    found, support = track(frame, joints)
+    inside = frame.ridge_m * (1 + structure.depth_m[0] / np.linalg.norm(frame.ridge_m, axis=1))[:, None]
+    near = inside[np.linalg.norm(inside - joints[Joint.HEAD], axis=1) <= 0.11]
+    to_torso = np.linalg.norm(near - joints[Joint.TORSO], axis=1)
+    valid = near[np.abs(to_torso - np.linalg.norm(joints[Joint.HEAD] - joints[Joint.TORSO])) <= 0.05]
+    assert len(valid) == support[Joint.HEAD] >= MIN_CANDIDATES
+    np.testing.assert_allclose(found[Joint.HEAD], valid.mean(0), atol=1e-9)
+
+
+def without_ridge(frame: Frame, dropped: np.ndarray) -> Frame:
+    return frame._replace(ridge_m=frame.ridge_m[~dropped], ridge_cell=frame.ridge_cell[~dropped])
+
+
+def test_raw_depth_replaces_insufficient_ridge_data(person) -> None:
+    joints, depth = person
+    frame = seen(depth)
+    head = np.linalg.norm(frame.ridge_m - joints[Joint.HEAD], axis=1) < 0.3
+    assert head.sum() > MIN_CANDIDATES
+    head[np.flatnonzero(head)[: MIN_CANDIDATES - 1]] = False  # too few are left
+    by_depth, depth_support = track(frame, joints, config=using("depth"))
+    found, support = track(without_ridge(frame, head), joints)
+    np.testing.assert_array_equal(found[Joint.HEAD], by_depth[Joint.HEAD])
+    assert support[Joint.HEAD] == depth_support[Joint.HEAD] > MIN_CANDIDATES
+    none = without_ridge(frame, np.ones(len(frame.ridge_m), bool))
+    for a, b in zip(track(none, joints), (by_depth, depth_support), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_the_trunk_may_be_taken_from_raw_depth_alone(person) -> None:
+    joints, depth = person
+    frame, config = seen(depth), PaperTrackerConfig(repairs=Repairs(depth_near_trunk=True))
+    found, _ = track(frame, joints, config=config)
+    printed, _ = track(frame, joints)
+    by_depth, _ = track(frame, joints, config=using("depth"))
+    trunk = [Joint.HEAD, Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.TORSO, Joint.RIGHT_HIP, Joint.LEFT_HIP]
+    np.testing.assert_array_equal(found[trunk], by_depth[trunk])
+    assert not np.array_equal(printed[trunk], by_depth[trunk])
+    legs = [Joint.RIGHT_KNEE, Joint.LEFT_KNEE, Joint.RIGHT_FOOT, Joint.LEFT_FOOT]
+    few = without_ridge(frame, np.zeros(len(frame.ridge_m), bool))
+    np.testing.assert_array_equal(track(few, joints, config=config)[0][legs], found[legs])
+    assert not np.array_equal(found[legs], by_depth[legs]), "legs stay on the ridge"
+
+
+def test_an_unseen_joint_moves_with_its_parent(person) -> None:
+    joints, depth = person
+    depth = depth.copy()
+    u, v, _ = CAMERA.project(joints[Joint.LEFT_HAND])
+    # The left arm from the elbow on is not measured; it moves with its parent.
+    arm = CAMERA.points(depth)
+    depth[np.linalg.norm(arm - joints[Joint.LEFT_HAND], axis=-1) < 0.3] = 0
+    assert depth[round(v), round(u)] == 0
+    before = joints - (0.03, 0, 0)
+    found, support = track(seen(depth), joints, before)
+    assert support[Joint.LEFT_HAND] == 0
+    moved = found - before
+    np.testing.assert_allclose(moved[Joint.LEFT_HAND], moved[Joint.LEFT_ELBOW], atol=1e-12)
+
+
+def test_a_lost_joint_is_searched_farther_after_some_frames(person) -> None:
+    joints, depth = person
+    frame, config = seen(depth), PaperTrackerConfig(repairs=Repairs(wider_when_lost=True))
+    before = joints.copy()
+    before[Joint.LEFT_HAND] += np.array((0.0, 0.19, 0.0))  # beyond r_j and within twice r_j
+    assert 0.11 + 0.05 < 0.19 < WIDER * 0.11
+    for lost, repairs, expected in ((LOST_FRAMES, config, 0), (LOST_FRAMES + 1, PaperTrackerConfig(), 0)):
+        assert track(frame, joints, before, lost=lost, config=repairs)[1][Joint.LEFT_HAND] <= expected + MIN_CANDIDATES
+    found, support = track(frame, joints, before, lost=LOST_FRAMES + 1, config=config)
+    assert support[Joint.LEFT_HAND] >= MIN_CANDIDATES
+    assert error_m(found, joints)[Joint.LEFT_HAND] < 0.1
+
+
+def test_frames_without_candidates_are_counted_and_stop_the_velocity(person) -> None:
+    joints, depth = person
+    structure, settings = structure_of(HumanModel.from_joints(joints)), PaperTrackerConfig().for_kernels
+    state = State(joints, np.zeros_like(joints), np.zeros(NUM_JOINTS, np.int64))
+    for frames in (1, 2):
+        state, support = track_frame(seen(np.zeros_like(depth)), state, structure, settings)
+        assert not support.any() and (state.lost == frames).all() and not state.velocity.any()
+    state, support = track_frame(seen(depth), state, structure, settings)
+    assert not state.lost[support > 0].any() and (state.lost[support == 0] == 3).all()
+
+
+def test_without_points_all_joints_stay(person) -> None:
+    joints, _ = person
+    found, support = track(seen(np.zeros((240, 320), np.float32)), joints)
+    others = [joint for joint in Joint if joint != Joint.NECK]
+    np.testing.assert_array_equal(found[others], joints[others])
+    assert not support.any()
+
+
+def test_the_points_lie_on_the_surface(person) -> None:
+    _, depth = person
+    ridge = ridge_data(depth, RidgeConfig())
+    frame, surface_m = frame_of(depth, ridge, CAMERA), CAMERA.points(depth)
+    np.testing.assert_allclose(frame.ridge_m, surface_m[ridge], atol=1e-5)
+    nearest = np.linalg.norm(frame.raw_m[:, None] - surface_m[depth > 0][None], axis=-1).min(axis=1)
+    assert nearest.max() < 1e-5
+    # Each of the ridge data lies in its cell.
+    inside = frame.ridge_cell >= 0
+    assert inside.mean() > 0.95
+    assert np.median(np.linalg.norm(frame.ridge_m - frame.raw_m[frame.ridge_cell], axis=1)[inside]) < 0.02
+
+
+def test_a_scene_without_a_person_has_not_too_many_cells() -> None:
+    garbage = np.random.default_rng(0).uniform(0.001, 65, (480, 640)).astype(np.float32)
+    camera = replace(CAMERA, width=640, height=480)
+    assert len(frame_of(garbage, np.zeros_like(garbage, bool), camera).raw_m) < 25_000

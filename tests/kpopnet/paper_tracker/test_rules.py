@@ -1,0 +1,220 @@
+"""Every rule of Algorithm 2 on constructed points, and straightness on tubes."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from y_people import y_joints
+
+from kpopnet.camera import CAMERAS
+from kpopnet.geometry.human_model import LIMB_PARENTS, HumanModel
+from kpopnet.paper_tracker.config import HierarchyConfig, PaperTrackerConfig, Repairs
+from kpopnet.paper_tracker.frame import frame_of
+from kpopnet.paper_tracker.rules import farthest_geodesic_m, geodesics_to, is_valid, perpendicular, valid_limb
+from kpopnet.paper_tracker.structure import HEAD, structure_of, with_arms_as_in
+from kpopnet.skeleton import NUM_JOINTS, PAPER_JOINTS, Joint
+
+CAMERA = CAMERAS["kinect_v1"]
+EPSILON_M, STRAIGHTNESS = 0.05, 0.7
+INSIDE, OUTSIDE = 0.9 * EPSILON_M, 1.1 * EPSILON_M
+BOTH_WAYS = ((INSIDE, True), (-INSIDE, True), (OUTSIDE, False), (-OUTSIDE, False))
+JOINTS = y_joints(place_m=(0.0, 0.0, 0.0))
+STRUCTURE = structure_of(HumanModel.from_joints(JOINTS))
+PRINTED = PaperTrackerConfig().for_kernels
+BARRED = PaperTrackerConfig(repairs=Repairs(head_to_shoulder=True)).for_kernels
+SHOULDERS, HIPS = (Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER), (Joint.RIGHT_HIP, Joint.LEFT_HIP)
+
+
+def valid(joint: Joint, x_m, joints_m: np.ndarray = JOINTS, geodesic_m: float = 0.0, settings=PRINTED) -> bool:
+    return is_valid(np.asarray(x_m, float), geodesic_m, int(joint), joints_m, STRUCTURE, settings)
+
+
+@pytest.mark.parametrize("settings", [PRINTED, BARRED])
+@pytest.mark.parametrize("joint", PAPER_JOINTS)
+def test_true_joints_are_valid(joint: Joint, settings) -> None:
+    assert valid(joint, JOINTS[joint], settings=settings)
+
+
+def test_head_rule_bounds_the_distance_to_the_torso() -> None:
+    torso, up = JOINTS[Joint.TORSO], np.array((0, -1, 0))
+    length = np.linalg.norm(JOINTS[Joint.HEAD] - torso)
+    # Any direction from the torso is valid.
+    for direction in ((0, -1, 0), (0.6, 0, 0.8), (0, 0, -1)):
+        assert valid(Joint.HEAD, torso + length * np.array(direction))
+    for by, expected in BOTH_WAYS:
+        assert valid(Joint.HEAD, torso + (length + by) * up) is expected
+
+
+@pytest.mark.parametrize("joint", SHOULDERS)
+def test_shoulder_rule_bounds_shoulder_width_and_head_perpendicular(joint: Joint) -> None:
+    out = np.sign(JOINTS[joint, 0]) * np.array((1, 0, 0))
+    for by, expected in BOTH_WAYS:
+        # Along the line of the shoulders the head's perpendicular is constant.
+        assert valid(joint, JOINTS[joint] + by * out) is expected
+    # On the sphere around the other shoulder the distance is constant and the perpendicular changes.
+    opposite = JOINTS[sum(SHOULDERS) - joint]
+    width = np.linalg.norm(JOINTS[joint] - opposite)
+    rule = []
+    for angle in np.radians(np.arange(-60, 61)):
+        x = opposite + width * np.array((np.cos(angle) * out[0], np.sin(angle), 0))
+        line = np.linalg.norm(np.cross(x - opposite, JOINTS[Joint.HEAD] - opposite)) / width
+        assert valid(joint, x) is bool(abs(line - 0.2) <= EPSILON_M)
+        rule.append(valid(joint, x))
+    assert any(rule) and not all(rule)
+
+
+def test_both_shoulders_may_slide_along_their_line_unless_the_head_holds_them() -> None:
+    """Eq. (6) bounds the shoulders' distance and the head's perpendicular, which a common slide leaves as they are."""
+    for slide_m in (-0.15, 0.15, 1.0):
+        slid = JOINTS.copy()
+        slid[list(SHOULDERS), 0] += slide_m
+        for joint in SHOULDERS:
+            assert valid(joint, slid[joint], slid)
+            assert not valid(joint, slid[joint], slid, settings=BARRED)
+
+
+def test_the_angles_give_the_distance_from_head_to_shoulder() -> None:
+    """Section 2.3's theta_LS and theta_RS, which no equation of the paper uses, with their two sides."""
+    for joint in SHOULDERS:
+        assert STRUCTURE.distance_m[HEAD, joint] == pytest.approx(np.linalg.norm(JOINTS[HEAD] - JOINTS[joint]))
+
+
+def test_torso_rule_bounds_distances_to_head_and_shoulders() -> None:
+    # Each of three joints is moved, so that only one distance is wrong.
+    for other in (Joint.HEAD, *SHOULDERS):
+        direction = JOINTS[other] - JOINTS[Joint.TORSO]
+        direction /= np.linalg.norm(direction)
+        for by, expected in BOTH_WAYS:
+            joints = JOINTS.copy()
+            joints[other] += by * direction
+            assert valid(Joint.TORSO, JOINTS[Joint.TORSO], joints) is expected
+
+
+@pytest.mark.parametrize("joint", HIPS)
+def test_hip_rule_bounds_distances_to_shoulders_and_torso_perpendicular(joint: Joint) -> None:
+    for other in SHOULDERS:
+        direction = JOINTS[other] - JOINTS[joint]
+        direction /= np.linalg.norm(direction)
+        for by, expected in BOTH_WAYS:
+            joints = JOINTS.copy()
+            joints[other] += by * direction
+            assert valid(joint, JOINTS[joint], joints) is expected
+    # The torso's centre moved up or down: only its perpendicular to the line through the hips changes.
+    for by, expected in BOTH_WAYS:
+        joints = JOINTS.copy()
+        joints[Joint.TORSO, 1] += by
+        assert valid(joint, JOINTS[joint], joints) is expected
+
+
+@pytest.mark.parametrize("limb", LIMB_PARENTS)
+def test_limb_rule_bounds_length_and_straightness(limb: Joint) -> None:
+    parent = JOINTS[LIMB_PARENTS[limb]]
+    direction = (JOINTS[limb] - parent) / np.linalg.norm(JOINTS[limb] - parent)
+    length = float(np.linalg.norm(JOINTS[limb] - parent))
+    for by, expected in BOTH_WAYS:
+        assert valid(limb, parent + (length + by) * direction) is expected
+    assert valid(limb, JOINTS[limb], geodesic_m=0.99 * length / STRAIGHTNESS)
+    assert not valid(limb, JOINTS[limb], geodesic_m=1.01 * length / STRAIGHTNESS)
+    # Without a path no candidate is valid.
+    assert not valid(limb, JOINTS[limb], geodesic_m=1e9)
+
+
+def test_perpendiculars() -> None:
+    at = [np.array(x, float) for x in ((1, 0, 0), (3, 0, 0), (0, 0, 2), (9, 2, 0))]
+    assert perpendicular(at[0], at[1], at[2]) == pytest.approx(2)
+    assert perpendicular(at[0], at[1], at[3]) == pytest.approx(2)
+    # A candidate equal to its opposite joint defines no line; the result is finite.
+    assert np.isfinite(perpendicular(at[0], at[0], at[2]))
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.01, 0.3), st.floats(0.0, 0.99))
+@settings(deadline=None)
+def test_the_maximum_distance_rejects_no_valid_candidate(seed: int, epsilon: float, straightness: float) -> None:
+    """Every candidate that passes Eq. (9) is within the maximum geodesic distance."""
+    rng = np.random.default_rng(seed)
+    joints, limb = rng.normal(0, 0.2, (NUM_JOINTS, 3)), int(Joint.RIGHT_HAND)
+    settings = PaperTrackerConfig(HierarchyConfig(epsilon_m=epsilon, straightness=straightness)).for_kernels
+    farthest_m = farthest_geodesic_m(limb, STRUCTURE, settings)
+    for candidate in rng.normal(0, 0.3, (50, 3)):
+        geodesic_m = rng.uniform(0, 3)
+        if valid_limb(candidate, limb, geodesic_m, joints, STRUCTURE, settings):
+            assert geodesic_m <= farthest_m
+
+
+# --- shoulders that rise with the arms ----------------------------------------------------------------------------
+
+
+def test_lengths_stay_in_the_pose_in_which_they_were_measured() -> None:
+    same = with_arms_as_in(STRUCTURE, JOINTS)
+    np.testing.assert_allclose(same.distance_m, STRUCTURE.distance_m, atol=1e-9)
+    assert same.head_to_shoulder_line_m == pytest.approx(STRUCTURE.head_to_shoulder_line_m)
+
+
+def test_shoulders_of_hanging_arms_are_nearer_to_the_hips_and_farther_from_the_head() -> None:
+    hanging = y_joints(elevation_deg=-80, place_m=(0.0, 0.0, 0.0))
+    low = with_arms_as_in(STRUCTURE, hanging)
+    changed = low.distance_m - STRUCTURE.distance_m
+    for shoulder in SHOULDERS:
+        assert -0.1 < changed[shoulder, HIPS].max() < -0.02 and -0.1 < changed[shoulder, Joint.TORSO] < -0.01
+        assert 0.01 < changed[HEAD, shoulder] < 0.06
+    np.testing.assert_array_equal(changed, changed.T)
+    assert 0.01 < low.head_to_shoulder_line_m - STRUCTURE.head_to_shoulder_line_m < 0.06
+    limbs = [(joint, parent) for joint, parent in LIMB_PARENTS.items()]
+    assert not any(changed[pair] for pair in limbs), "limbs keep their lengths"
+    # One arm moves its own shoulder alone.
+    one = hanging.copy()
+    left = [Joint.LEFT_ELBOW, Joint.LEFT_HAND]
+    one[left] = JOINTS[left] - JOINTS[Joint.LEFT_SHOULDER] + hanging[Joint.LEFT_SHOULDER]
+    half = with_arms_as_in(STRUCTURE, one).distance_m - STRUCTURE.distance_m
+    assert half[Joint.RIGHT_SHOULDER, Joint.TORSO] == pytest.approx(changed[Joint.RIGHT_SHOULDER, Joint.TORSO], abs=1e-3)
+    assert abs(half[Joint.LEFT_SHOULDER, Joint.TORSO]) < 0.005
+
+
+# --- straightness, Eq. (10) ---------------------------------------------------------------------------------------
+
+
+def tube(way_px: list[tuple[int, int]], z_m: float = 2.5, half_px: int = 8) -> np.ndarray:
+    """(240, 320) a flat tube along a polyline of u, v."""
+    v, u = np.mgrid[:240, :320]
+    depth = np.zeros((240, 320), np.float32)
+    for (u0, v0), (u1, v1) in itertools.pairwise(way_px):
+        fraction = ((u - u0) * (u1 - u0) + (v - v0) * (v1 - v0)) / ((u1 - u0) ** 2 + (v1 - v0) ** 2)
+        fraction = np.clip(fraction, 0, 1)
+        depth[np.hypot(u - u0 - fraction * (u1 - u0), v - v0 - fraction * (v1 - v0)) <= half_px] = z_m
+    return depth
+
+
+def straightness(depth: np.ndarray, begin_px: tuple[int, int], end_m: np.ndarray) -> float:
+    """P_L of Eq. (10) between an elbow at a pixel and the point nearest to another one."""
+    frame = frame_of(depth, np.zeros_like(depth, bool), CAMERA)
+    joints = np.zeros((NUM_JOINTS, 3))
+    joints[Joint.LEFT_ELBOW] = CAMERA.back_project(np.array((*begin_px, 2.5)))
+    everywhere = PaperTrackerConfig(replace(HierarchyConfig(), straightness=0.0)).for_kernels
+    geodesics = geodesics_to(int(Joint.LEFT_HAND), frame, joints, STRUCTURE, everywhere)
+    k = np.linalg.norm(frame.raw_m - end_m, axis=1).argmin()
+    return np.linalg.norm(frame.raw_m[k] - joints[Joint.LEFT_ELBOW]) / geodesics[k]
+
+
+def at(u: int, v: int, z_m: float = 2.5) -> np.ndarray:
+    return CAMERA.back_project(np.array((u, v, z_m)))
+
+
+@pytest.mark.parametrize("end", [(250, 60), (60, 200), (200, 200), (130, 220)])
+def test_a_straight_tube_is_straight(end: tuple[int, int]) -> None:
+    # The path follows cells, which lengthens it by at most 8 %, in the directions of a knight's move.
+    assert 0.91 < straightness(tube([(60, 60), end]), (60, 60), at(*end)) < 1.02
+
+
+def test_a_bent_tube_is_not_straight() -> None:
+    polyline = [(60, 60), (60, 200), (100, 200), (100, 60)]
+    assert straightness(tube(polyline), polyline[0], at(*polyline[-1])) < 0.3
+    corner = [(60, 40), (60, 200), (160, 120)]
+    assert straightness(tube(corner), corner[0], at(*corner[-1])) < 0.7 < straightness(tube(corner), corner[0], at(*corner[1]))
+
+
+def test_a_depth_jump_between_crossing_limbs_lengthens_the_path() -> None:
+    behind, before = tube([(60, 120), (260, 120)]), tube([(160, 40), (160, 200)], z_m=2.2)
+    assert straightness(np.where(before > 0, before, behind), (90, 120), at(160, 190, 2.2)) < 0.7
