@@ -10,9 +10,6 @@ MOST_FILES, MOST_LINES, MOST_ARGUMENTS = 12, 60, 8
 
 ROOT_NOUNS = {"__init__", "errors", "skeleton", "camera", "ridge", "estimator", "cli"}
 
-TRACKERS = ("kpopnet/paper_tracker/",)
-"""Its functions follow when it is cut into stages."""
-
 EXCEPTIONS = {
     "kpopnet/extraction/components.py:component_stats": "numba kernel: one pass over the pixels fills every statistic",
     "kpopnet/geometry/cones.py:cone_signed_distance": "numba kernel: a part's numbers as scalars, so that loops vectorise",
@@ -40,8 +37,6 @@ def test_functions_are_short_and_take_few_arguments_or_are_listed_with_a_reason(
     found = set()
     for path in sources():
         name = path.relative_to(ROOT).as_posix()
-        if name.startswith(TRACKERS):
-            continue
         for node in ast.walk(ast.parse(path.read_text())):
             if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 continue

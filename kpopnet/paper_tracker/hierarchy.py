@@ -23,8 +23,9 @@ from numba import njit
 
 from kpopnet.geometry.body import NECK_FRACTION
 from kpopnet.geometry.human_model import LIMB_PARENTS
-from kpopnet.paper_tracker.rules import PARENTS, distance, geodesics_to, is_valid
-from kpopnet.paper_tracker.structure import HEAD, LEFT_SHOULDER, RIGHT_SHOULDER, TRUNK, with_arms_as_in
+from kpopnet.paper_tracker.frame import Frame
+from kpopnet.paper_tracker.rules import PARENTS, Settings, distance, geodesics_to, is_valid
+from kpopnet.paper_tracker.structure import HEAD, LEFT_SHOULDER, RIGHT_SHOULDER, TRUNK, Structure, with_arms_as_in
 from kpopnet.skeleton import NUM_JOINTS, Joint
 
 JOINT_ORDER = np.array([*TRUNK, *LIMB_PARENTS])
@@ -177,3 +178,25 @@ def track_frame(frame, state, structure, settings):
     support[1] = min(support[RIGHT_SHOULDER], support[LEFT_SHOULDER], support[HEAD])
     velocity = (joints - state.joints) * (support > 0).reshape(-1, 1)
     return State(joints, velocity, np.where(support > 0, 0, state.lost + 1)), support
+
+
+def ridge_candidates(frame: Frame, state: State, structure: Structure, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
+    """What `track_frame` chooses from, for drawing.
+
+    Returns:
+        (N, 3) ridge data within the search radius of any joint, and (M, 3) those valid for any joint, as points on the surface.
+    """
+    after, _ = track_frame(frame, state, structure, settings)
+    predicted = predicted_joints(state, settings)
+    if settings.rising_shoulders:
+        structure = with_arms_as_in(structure, state.joints)
+    near, valid = np.zeros(len(frame.ridge_m), bool), np.zeros(len(frame.ridge_m), bool)
+    for joint in JOINT_ORDER:
+        ways_m = np.zeros(len(frame.ridge_m))
+        if PARENTS[joint] >= 0:
+            ways_m = ridge_geodesics(frame, geodesics_to(joint, frame, after.joints, structure, settings))
+        radius_m = search_radius_m(joint, state, settings)
+        found = collect(joint, frame.ridge_m, ways_m, predicted[joint], radius_m, after.joints, structure, settings)
+        near |= found.near
+        valid |= found.valid
+    return frame.ridge_m[near], frame.ridge_m[valid]

@@ -1,4 +1,4 @@
-"""Draws how the tracker follows one frame of a recording, stage after stage.
+"""Draws how the trackers follow one frame of a recording, stage after stage: the paper's, repaired, and the body tracker.
 
     kpopnet stages DEPTH.npy 60 stages.png                      frame 60 of a recording that begins in the Y pose
     kpopnet stages DEPTH.npy 60 stages.png --start y_pose       of one that is tracked from the Y pose only
@@ -15,6 +15,8 @@ from tqdm import tqdm
 from kpopnet.camera import CAMERAS, sequence_in_metres
 from kpopnet.errors import InputError
 from kpopnet.extraction import extract_person
+from kpopnet.paper_tracker.config import ALL_REPAIRS, PaperTrackerConfig
+from kpopnet.paper_tracker.tracker import PaperTracker
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.input_files import ArraySchema, check_budget, open_npy
 from kpopnet.tracker.stages_figure import draw_stages
@@ -39,11 +41,16 @@ def stages_of(path: Path, frame: int, camera_name: str, start: str = "auto") -> 
     check_budget(path, 8 * (frame + 1) * recorded[0].size, f"depth and person of {frame + 1} frames")
     person_m = extract_person(sequence_in_metres(recorded[: frame + 1], camera), camera)
     tracker = Tracker(camera, TrackerConfig(start=start))
+    paper_tracker = PaperTracker(camera, PaperTrackerConfig(repairs=ALL_REPAIRS))
     for depth_m in tqdm(person_m[:-1], "frames", disable=None):  # no bar in a log file
-        tracker.track(depth_m)
+        joints_m, _ = tracker.track(depth_m)
+        if paper_tracker.started:
+            paper_tracker.track(depth_m)
+        elif np.isfinite(joints_m).all():
+            paper_tracker.start(joints_m)
     if not tracker.started:
         raise InputError(f"{path}: before frame {frame} no person {AWAITED[start]}")
-    return draw_stages(tracker, person_m[-1])
+    return draw_stages(paper_tracker, tracker, person_m[-1])
 
 
 @user_errors

@@ -2,5 +2,6 @@
 
 Depth of the person -> start pose and lengths, once -> for each frame: predict, propose, fit, detect, search -> joints
 (`tracker`). `fit.refine` fits the same body to the joints that a network detects in single frames. docs/trackers.md says what
-each stage is worth. `TrackerConfig(body=False)` is the paper's Algorithm 2 alone.
+each stage is worth. The paper's own tracker is
+`kpopnet.paper_tracker`.
 """

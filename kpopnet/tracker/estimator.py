@@ -25,8 +25,7 @@ class TrackerEstimatorConfig(TrackerConfig):
 
     Attributes:
         model: path of a file that `HumanModel.save` wrote for this person; by default the model is measured at the start.
-        network: path of a checkpoint's folder; this network is queried in frames where the pose cost is high. None by default;
-            not with body=false.
+        network: path of a checkpoint's folder; this network is queried in frames where the pose cost is high. None by default.
     """
 
     model: str | None = None
@@ -35,8 +34,6 @@ class TrackerEstimatorConfig(TrackerConfig):
     def __post_init__(self) -> None:
         if self.start not in WAYS:
             raise InputError(f"estimator.tracker.start={self.start}: expected one of {', '.join(WAYS)}")
-        if self.network is not None and not self.body:
-            raise InputError(f"network={self.network}: with body=false no network is queried; remove one of them")
 
 
 class TrackerEstimator:

@@ -3,8 +3,9 @@
 import cv2
 import numpy as np
 
-from kpopnet.geometry.depth_grid import build_depth_grid
-from kpopnet.paper_tracker.algorithm2 import valid_candidates
+from kpopnet.paper_tracker.frame import frame_of
+from kpopnet.paper_tracker.hierarchy import ridge_candidates
+from kpopnet.paper_tracker.tracker import PaperTracker
 from kpopnet.ridge import ridge_stages
 from kpopnet.tracker.tracker import Tracker
 from kpopnet.viz.drawing import (
@@ -23,25 +24,24 @@ TILE_PX = 360
 COLLECTED, VALID = (150, 150, 160), (90, 240, 130)
 
 
-def draw_stages(tracker: Tracker, depth_m: np.ndarray) -> np.ndarray:
-    """Tracks one frame and draws its stages.
+def draw_stages(paper_tracker: PaperTracker, tracker: Tracker, depth_m: np.ndarray) -> np.ndarray:
+    """Tracks one frame with both trackers and draws its stages.
 
     The panels: depth edges, distance map, ridge data, candidates before and after pruning, pose of Algorithm 2, fitted pose.
 
     Args:
-        tracker: a started tracker; it is advanced by this frame.
+        paper_tracker: the paper's tracker, started; it is advanced by this frame.
+        tracker: the body tracker likewise.
         depth_m: (H, W) float32 metres of the person, 0 elsewhere.
 
     Returns:
         (H', W', 3) uint8 RGB.
     """
-    camera, config = tracker.camera, tracker.config
+    camera, config = tracker.camera, paper_tracker.config
     stages = ridge_stages(depth_m, config.ridge)
-    grid = build_depth_grid(depth_m, camera)
-    collected, valid, joints = valid_candidates(
-        stages.ridge, grid, tracker.state.joints_m, tracker.state.velocity_m, tracker.body, tracker.lengths, config.hierarchy
-    )
-    fitted, _ = tracker.track(depth_m)
+    frame = frame_of(depth_m, stages.ridge, camera)
+    collected, valid = ridge_candidates(frame, paper_tracker.state, paper_tracker.structure, config.for_kernels)
+    (joints, _), (fitted, _) = paper_tracker.track(depth_m), tracker.track(depth_m)
     view, view_camera = person_view(depth_m, camera, (fitted,))
     x0, y0 = round(camera.cx - view_camera.cx), round(camera.cy - view_camera.cy)
     side = np.arange(len(view))

@@ -23,10 +23,9 @@ from kpopnet.estimator import Estimator
 from kpopnet.geometry.body import Body, body_from_model
 from kpopnet.geometry.depth_grid import MIN_POINTS, DepthGrid, build_depth_grid
 from kpopnet.geometry.human_model import HumanModel
-from kpopnet.paper_tracker.algorithm2 import HierarchyConfig, estimate_pose, model_lengths
-from kpopnet.ridge import RidgeConfig, ridge_data
+from kpopnet.ridge import RidgeConfig
 from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
-from kpopnet.tracker.fit.confidence import ALGORITHM_2_WEIGHTS, TRACKED_WEIGHTS, fit_score, probability, tracked_evidence
+from kpopnet.tracker.fit.confidence import TRACKED_WEIGHTS, fit_score, probability, tracked_evidence
 from kpopnet.tracker.fit.limbs import swap_crossed_limbs
 from kpopnet.tracker.fit.objective import pose_cost
 from kpopnet.tracker.fit.solver import fit
@@ -62,9 +61,7 @@ class TrackerConfig:
     """Settings of the tracker.
 
     Attributes:
-        hierarchy: parameters of Algorithm 2, for body=false.
-        ridge: parameters of the ridge data, for the Y pose and for body=false.
-        body: fit a body; false runs Algorithm 2 alone.
+        ridge: parameters of the ridge data, for the Y pose.
         start: auto (the Y pose, else a network's joints where `network` names one, else anybody who stands or sits upright),
             y_pose (waits for the paper's start pose), standing (whoever stands upright), or label (the benchmark's true joints
             in the first frame that has all of them).
@@ -76,9 +73,7 @@ class TrackerConfig:
         restart: when the tracker starts anew.
     """
 
-    hierarchy: HierarchyConfig = field(default_factory=HierarchyConfig)
     ridge: RidgeConfig = field(default_factory=RidgeConfig)
-    body: bool = True
     start: str = "auto"
     lengths: bool = False
     prediction: PredictionConfig = field(default_factory=PredictionConfig)
@@ -94,7 +89,6 @@ class Tracker:
     Attributes:
         model: the person's lengths, None before the start; `HumanModel.save` stores it for later recordings.
         body: the model as round cones, for the kernels of the fit; None before the start.
-        lengths: (2, 15) the model's lengths for the kernels of Algorithm 2, metres; None before the start.
         state: what is carried from frame to frame, None before the start.
         evidence: (15, 3) what the confidence of the last pose was computed from (kpopnet.tracker.fit.confidence), None before
             the start.
@@ -123,7 +117,6 @@ class Tracker:
         self._person: RunningLengths | None = None
         self._has_begun, self._empty_frames = False, 0
         self.body: Body | None = None
-        self.lengths: np.ndarray | None = None
         self.state: State | None = None
         self.evidence: np.ndarray | None = None
 
@@ -150,11 +143,11 @@ class Tracker:
         missing = [JOINT_NAMES[joint] for joint in np.flatnonzero(~np.isfinite(joints).all(axis=1))]
         if missing:
             raise InputError(f"tracker: expected a start pose with all joints; missing: {', '.join(missing)}")
-        learned = self.config.body and self.config.lengths and self._known_model is None
+        learned = self.config.lengths and self._known_model is None
         self.model = self._known_model or model or HumanModel.from_joints(joints)
         self._person = RunningLengths(self.model, size_deviation if learned else None)
         self._has_begun = False
-        self.body, self.lengths = self._person.body, model_lengths(self.model)
+        self.body = self._person.body
         self.state = State(joints.copy(), self.config.doubt.baseline_m2)
 
     def track(self, depth_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -175,20 +168,14 @@ class Tracker:
         if not self._has_begun:
             self._begin(grid)
         if dropped_out(state, grid, self.config.prediction):
-            return state.joints_m.copy(), self._confidence(grid, np.ones(NUM_JOINTS, bool))
+            return state.joints_m.copy(), self._confidence(grid)
         expected_m = predict(state, grid, self.config.prediction)
-        supported = np.ones(NUM_JOINTS, bool)
-        if self.config.body:
-            joints_m = self._fitted(expected_m, depth_m, grid)
-        else:
-            joints_m, support = self._algorithm_2(depth_m, grid)
-            supported = support > 0
-        state.joints_m, state.velocity_m = joints_m, (joints_m - state.joints_m) * supported[:, None]
-        if self.config.body:
-            self._person.update(joints_m, grid, stride_of(grid, self.config.fitting))
-            self._adopt_body()
-            self._restart_if_hopeless(depth_m, grid)
-        return self.state.joints_m.copy(), self._confidence(grid, supported)
+        joints_m = self._fitted(expected_m, depth_m, grid)
+        state.joints_m, state.velocity_m = joints_m, joints_m - state.joints_m
+        self._person.update(joints_m, grid, stride_of(grid, self.config.fitting))
+        self._adopt_body()
+        self._restart_if_hopeless(depth_m, grid)
+        return self.state.joints_m.copy(), self._confidence(grid)
 
     def _fitted(self, expected_m: np.ndarray, depth_m: np.ndarray, grid: DepthGrid) -> np.ndarray:
         """(15, 3) joints of the body fitted to the frame: propose, fit, detect, search."""
@@ -213,21 +200,19 @@ class Tracker:
             return found
         return flipped(fitted, state, fitting, config) or fitted
 
-    def _confidence(self, grid: DepthGrid, supported: np.ndarray) -> np.ndarray:
-        """(15,) confidence of the last pose, of whose joints those that are (15,) `supported` were found in the depth."""
-        self.evidence = tracked_evidence(fit_score(self.state.joints_m, grid, self.body) * supported)
-        return probability(self.evidence, TRACKED_WEIGHTS if self.config.body else ALGORITHM_2_WEIGHTS)
+    def _confidence(self, grid: DepthGrid) -> np.ndarray:
+        """(15,) confidence of the last pose."""
+        self.evidence = tracked_evidence(fit_score(self.state.joints_m, grid, self.body))
+        return probability(self.evidence, TRACKED_WEIGHTS)
 
     def _find_start(self, depth_m: np.ndarray, grid: DepthGrid) -> bool:
         """Starts if the frame shows a pose to start from; returns whether the tracker has started."""
         found = find_start(depth_m, grid, self.camera, self.config.start, self.config.ridge, self.detector)
         if found is None:
             return False
-        model = found.model if self.config.body else HumanModel.from_joints(found.joints_camera_m)
-        self.start(found.joints_camera_m, model, found.size_deviation)
-        if self.config.body:
-            # Fit before measuring the thickness: a displaced pose would give too thick or too thin parts.
-            self.state.joints_m = fit(self.state.joints_m, grid, self.body, START_ITERATIONS)
+        self.start(found.joints_camera_m, found.model, found.size_deviation)
+        # Fit before measuring the thickness: a displaced pose would give too thick or too thin parts.
+        self.state.joints_m = fit(self.state.joints_m, grid, self.body, START_ITERATIONS)
         return True
 
     def _begin(self, grid: DepthGrid) -> None:
@@ -240,7 +225,6 @@ class Tracker:
         """Goes on with the body estimated so far."""
         if self.body is not self._person.body:
             self.body, self.model = self._person.body, self._person.model
-            self.lengths = model_lengths(self.model)
 
     def _forget_the_lost(self, seen: bool) -> None:
         """Stops tracking where nobody has been seen for long. A start that was given is not found again."""
@@ -261,11 +245,6 @@ class Tracker:
         self.start(found.joints_camera_m, found.model, found.size_deviation)
         self._begin(grid)
         dropped_out(self.state, grid, self.config.prediction)
-
-    def _algorithm_2(self, depth_m: np.ndarray, grid: DepthGrid) -> tuple[np.ndarray, np.ndarray]:
-        """(15, 3) joints of Algorithm 2 and (15,) number of valid candidates of each."""
-        ridge, state = ridge_data(depth_m, self.config.ridge), self.state
-        return estimate_pose(ridge, grid, state.joints_m, state.velocity_m, self.body, self.lengths, self.config.hierarchy)
 
     def _detected(self, depth_m: np.ndarray) -> np.ndarray | None:
         """The detector's (15, 3) pose; None without a detector or with missing joints."""

@@ -20,8 +20,7 @@ from kpopnet.geometry.cones import extend_joints, nearest_parts, part_segments
 from kpopnet.geometry.depth_grid import DepthGrid
 
 TRACKED_WEIGHTS = (-3.707, 3.470, 4.936)
-ALGORITHM_2_WEIGHTS = (-5.384, 1.797, 6.694)
-"""Weights of `tracked_evidence`, for the body tracker and for Algorithm 2 alone."""
+"""Weights of `tracked_evidence`."""
 
 REFINED_WEIGHTS = (1.863, 0.943, 1.581, -0.202)
 """Weights of `refined_evidence`."""

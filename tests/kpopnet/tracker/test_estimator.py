@@ -167,11 +167,6 @@ def test_invalid_depth_sequences_are_refused(depth) -> None:
         TrackerEstimator().estimate(depth, CAMERA)
 
 
-def test_a_network_that_is_never_queried_is_refused() -> None:
-    with pytest.raises(InputError, match=r"network=some/run: with body=false no network is queried"):
-        TrackerEstimatorConfig(body=False, network="some/run")
-
-
 def test_other_starts_are_refused() -> None:
     with pytest.raises(InputError, match=r"start=sitting: expected one of auto, y_pose, standing, label"):
         TrackerEstimatorConfig(start="sitting")

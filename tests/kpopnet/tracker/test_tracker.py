@@ -82,10 +82,9 @@ def test_a_person_of_cones_is_tracked(dancer) -> None:
 
 def test_the_same_input_gives_the_same_output(dancer) -> None:
     joints, depth = dancer
-    for kwargs in ({}, {"body": False}):
-        first, second = (tracked(depth, joints[0], **kwargs) for _ in range(2))
-        for a, b in zip(first, second, strict=True):
-            np.testing.assert_array_equal(a, b)
+    first, second = (tracked(depth, joints[0]) for _ in range(2))
+    for a, b in zip(first, second, strict=True):
+        np.testing.assert_array_equal(a, b)
 
 
 def test_inputs_and_outputs_are_not_shared(dancer) -> None:
@@ -101,20 +100,10 @@ def test_inputs_and_outputs_are_not_shared(dancer) -> None:
     np.testing.assert_array_equal(np.array(found), tracked(depth, joints[0])[0])
 
 
-def test_a_simulated_person_is_tracked_better_with_the_body(simulated) -> None:
+def test_a_simulated_person_is_tracked(simulated) -> None:
     depth, joints, camera = simulated
-    within = {}
-    for body in (True, False):
-        found, _ = tracked(depth, joints[0], camera, body=body)
-        within[body] = (error_m(found, joints) < 0.1).mean()
-    assert within[True] > 0.7 and within[True] > within[False]
-
-
-def test_confidence_is_lower_for_wrong_joints(simulated) -> None:
-    depth, joints, camera = simulated
-    found, confidence = tracked(depth, joints[0], camera, body=False)
-    bad = error_m(found, joints) > 0.1
-    assert bad.any() and confidence[bad].mean() < confidence[~bad].mean()
+    found, _ = tracked(depth, joints[0], camera)
+    assert (error_m(found, joints) < 0.1).mean() > 0.7
 
 
 # --- recovery -----------------------------------------------------------------------------------------------------
@@ -341,16 +330,15 @@ def test_a_translated_person_has_translated_joints(dancer, pixels: int) -> None:
     assert difference.mean() < 0.02 and difference.max() < 0.06
 
 
-@pytest.mark.parametrize(("body", "frames"), [(True, FRAMES), (False, 2)])
-def test_a_mirrored_image_gives_mirrored_joints(dancer, body: bool, frames: int) -> None:
+def test_a_mirrored_image_gives_mirrored_joints(dancer) -> None:
     """Not exact: a cell's middle column may be another one in the mirror image; and right is processed first.
 
     Without the body, joints are lost at different frames; the test ends before that.
     """
-    joints, depth = dancer[0], dancer[1][:frames]
+    joints, depth = dancer
     mirror = np.array((-1, 1, 1))
-    mirrored, _ = tracked(np.ascontiguousarray(depth[..., ::-1]), (joints[0] * mirror)[MIRROR], CAMERA.mirrored(), body=body)
-    plain, _ = tracked(depth, joints[0], body=body)
+    mirrored, _ = tracked(np.ascontiguousarray(depth[..., ::-1]), (joints[0] * mirror)[MIRROR], CAMERA.mirrored())
+    plain, _ = tracked(depth, joints[0])
     difference = error_m((mirrored * mirror)[:, MIRROR], plain)
     assert difference.mean() < 0.02 and np.quantile(difference, 0.95) < 0.06
 
@@ -358,13 +346,12 @@ def test_a_mirrored_image_gives_mirrored_joints(dancer, body: bool, frames: int)
 # --- invalid and incomplete images --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("body", [True, False])
-def test_empty_frames_have_no_joints(dancer, body: bool) -> None:
+def test_empty_frames_have_no_joints(dancer) -> None:
     joints, depth = dancer
     speck = EMPTY.copy()
     speck[100, 150] = 2.5
     sequence = np.stack([EMPTY, depth[0], EMPTY, speck, depth[1]])
-    found, confidence = tracked(sequence, joints[0], body=body)
+    found, confidence = tracked(sequence, joints[0])
     empty = [0, 2, 3]
     assert np.isnan(found[empty]).all() and not confidence[empty].any()
     assert np.isfinite(found[[1, 4]]).all()
@@ -394,8 +381,7 @@ def test_tracking_recovers_from_a_half_image_dropout(dancer, half: str) -> None:
     assert error_m(found[2], joints[2]).mean() < 0.04 and error_m(found[-1], joints[-1]).mean() < 0.05
 
 
-@pytest.mark.parametrize("body", [True, False])
-def test_noise_is_no_error(dancer, body: bool) -> None:
+def test_noise_is_no_error(dancer) -> None:
     joints, depth = dancer
     rng = np.random.default_rng(9)
     garbage = rng.integers(0, 2**16, (2, *EMPTY.shape)).astype(np.float32) / 1000
@@ -405,7 +391,7 @@ def test_noise_is_no_error(dancer, body: bool) -> None:
     sequence = np.stack([depth[0], *garbage, sparse, flat, close])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found, confidence = tracked(sequence, joints[0], body=body)
+        found, confidence = tracked(sequence, joints[0])
     assert np.isfinite(found).all() and (confidence >= 0).all() and (confidence <= 1).all()
 
 

@@ -284,7 +284,7 @@ def test_the_cache_folder_depends_on_the_code_that_estimators_share(folder, fake
 
 def test_source_files_are_found_in_every_subfolder_and_a_pattern_without_match_is_an_error():
     names = {path.name for path in source_files(TrackerEstimator())}
-    assert {"tracker.py", "solver.py", "objective.py", "y_pose.py", "algorithm2.py", "depth_grid.py"} <= names
+    assert {"tracker.py", "solver.py", "objective.py", "y_pose.py", "depth_grid.py"} <= names
     with pytest.raises(RuntimeError, match=r"no file matches gone/\*\.py"):
         source_files(TrackerEstimator(), ("gone/*.py",))
 

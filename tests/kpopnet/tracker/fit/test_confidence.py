@@ -11,7 +11,7 @@ from kpopnet.tracker.fit import confidence
 from kpopnet.tracker.fit.confidence import fit_score, probability, refined_evidence, tracked_evidence
 
 CAMERA = CAMERAS["kinect_v1"]
-ALL_WEIGHTS = (confidence.TRACKED_WEIGHTS, confidence.ALGORITHM_2_WEIGHTS, confidence.REFINED_WEIGHTS)
+ALL_WEIGHTS = (confidence.TRACKED_WEIGHTS, confidence.REFINED_WEIGHTS)
 
 
 @pytest.fixture(scope="module")
@@ -57,12 +57,11 @@ def test_better_evidence_gives_more_confidence() -> None:
     low, high = np.full(15, 0.3), np.full(15, 0.9)
     others = high.copy()
     others[0] = 0.3
-    for weights in ALL_WEIGHTS[:2]:
-        worst, lone, best = (probability(tracked_evidence(score), weights)[0] for score in (low, others, high))
-        assert 0 < worst < lone < best < 1
+    worst, lone, best = (probability(tracked_evidence(score), confidence.TRACKED_WEIGHTS)[0] for score in (low, others, high))
+    assert 0 < worst < lone < best < 1
     still, moved = np.zeros(15), np.full(15, 0.1)
     best, *worse = (
-        probability(refined_evidence(*given), ALL_WEIGHTS[2])[0]
+        probability(refined_evidence(*given), confidence.REFINED_WEIGHTS)[0]
         for given in ((high, high, still), (low, high, still), (high, low, still), (high, high, moved))
     )
     assert all(one < best for one in worse)
