@@ -38,8 +38,8 @@ class HierarchyConfig:
 class Repairs:
     """What the paper's text leaves insufficient, mended; each on its own. All off: Algorithm 2 as printed.
 
-    The gains are those of all repairs over all but this one, in joints within 10 cm in simulated slow motion: 22 % as printed, 84 %
-    with all repairs. docs/trackers.md has the reasons at length and more figures.
+    The gains are those of all repairs over all but this one, in joints within 10 cm in simulated slow motion: 22 % as printed,
+    84 % with all repairs. docs/trackers.md has the reasons at length and more figures.
 
     Attributes:
         still: no velocity in Eq. (3), which feeds the noise of every joint back undamped. 10 points.
@@ -47,7 +47,7 @@ class Repairs:
             line; the angles of section 2.3 give it. 31 points.
         rising_shoulders: the shoulders' lengths follow the arms, which lift them by 5 cm in the Y pose. 4 points.
         depth_near_trunk: raw depth for the joints of the trunk and the elbows, where there are no ridge data. 11 points.
-        wider_when_lost: r_j doubled for joints lost for more than five frames. Nothing in slow motion, at 30 fps 8.
+        wider_when_lost: r_j doubled for joints lost for more than five frames. Nothing in slow motion, at 30 fps 2.
     """
 
     still: bool = False
