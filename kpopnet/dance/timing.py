@@ -4,11 +4,22 @@ import math
 
 import numpy as np
 
+from kpopnet.skeleton import Joint
+
 MIN_POSTURE = 50.0
 """Windows of a lower posture score tell nothing about time: what they were matched with may be chance."""
 
 MIN_WINDOWS = 6
 """Fewer windows tell no tempo."""
+
+HARMONICS, BEAT_STEPS = 3, 400
+"""Of the mean course of a hand over a beat: waves of its Fourier series, and samples."""
+
+TOP_SHARE = 0.1
+"""The hand is up where it misses its highest point by less than this share of its way."""
+
+MIN_BEAT_MOVEMENT_M, MIN_BEAT_SHARE, MIN_BEAT_SAMPLES = 0.15, 0.5, 60
+"""What tells a latency: way of the hand, share of its variance that repeats with the beat, number of images."""
 
 
 def tempo(start_s: np.ndarray, delay_s: np.ndarray, posture: np.ndarray) -> float:
@@ -45,3 +56,56 @@ def measured_latency_s(delay_s: np.ndarray, posture: np.ndarray) -> float:
     """
     good = np.isfinite(delay_s) & (posture >= MIN_POSTURE)
     return float(np.median(delay_s[good])) if good.sum() >= MIN_WINDOWS else math.nan
+
+
+def beat_latency_s(joints_m: np.ndarray, times_s: np.ndarray, beat_s: float) -> float:
+    """The constant delay of a set-up, from somebody who raises an arm, or claps, on every beat of a metronome.
+
+    The height of each hand and the nearness of the two repeat with the beat. The signal that does so most is averaged over the
+    beats, by a least-squares fit of a Fourier series; its highest point lies on the beat, but for the delay.
+
+    Args:
+        joints_m: (T, 15, 3) metres in a level camera's frame, NaN where missing.
+        times_s: (T,) seconds on the clock of the metronome, which ticks at multiples of `beat_s`.
+        beat_s: duration of a beat.
+
+    Returns:
+        Between minus and plus half a beat; NaN where no hand moves with the beat.
+    """
+    left, right = joints_m[:, Joint.LEFT_HAND], joints_m[:, Joint.RIGHT_HAND]
+    trunk_m = joints_m[:, Joint.TORSO, 1]
+    signals = (trunk_m - left[:, 1], trunk_m - right[:, 1], -np.linalg.norm(left - right, axis=1))
+    fits = [_mean_beat(signal, times_s / beat_s) for signal in signals]
+    curve, moved_m, explained = max(fits, key=lambda fit: fit[1])
+    if moved_m < MIN_BEAT_MOVEMENT_M or explained < MIN_BEAT_SHARE:
+        return math.nan
+    # Who holds the arm up for a moment means the middle of it.
+    highest = int(curve.argmax())
+    around = (highest + np.arange(-BEAT_STEPS // 4, BEAT_STEPS // 4)) % BEAT_STEPS
+    high = curve[around] > curve.max() - TOP_SHARE * np.ptp(curve)
+    phase = (highest + np.arange(-BEAT_STEPS // 4, BEAT_STEPS // 4)[high].mean()) / BEAT_STEPS
+    return float((phase - round(phase)) * beat_s)
+
+
+def _mean_beat(signal: np.ndarray, beats: np.ndarray) -> tuple[np.ndarray, float, float]:
+    """The mean course of (T,) values over a beat, sampled BEAT_STEPS times, by (T,) times in beats.
+
+    Returns:
+        The course, its range, and the fraction of the signal's variance that repeats with the beat.
+    """
+    known = np.isfinite(signal)
+    if known.sum() < MIN_BEAT_SAMPLES:
+        return np.zeros(BEAT_STEPS), 0.0, 0.0
+    waves = _waves(beats[known])
+    # A straight line takes off what the learner drifts.
+    columns = np.column_stack([np.ones(known.sum()), beats[known] - beats[known].mean(), waves])
+    weights = np.linalg.lstsq(columns, signal[known], rcond=None)[0]
+    course, rest = _waves(np.arange(BEAT_STEPS) / BEAT_STEPS) @ weights[2:], signal[known] - columns @ weights
+    repeated = float(np.var(waves @ weights[2:]))
+    return course, float(np.ptp(course)), repeated / (repeated + float(np.var(rest)) + 1e-12)
+
+
+def _waves(beats: np.ndarray) -> np.ndarray:
+    """(T, 2 HARMONICS) cosines and sines of (T,) times in beats."""
+    angles = 2 * np.pi * beats[:, None] * np.arange(1, HARMONICS + 1)
+    return np.concatenate([np.cos(angles), np.sin(angles)], axis=1)

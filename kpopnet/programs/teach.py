@@ -70,9 +70,10 @@ class SimulatedCamera:
     """A simulated learner before a simulated camera; a `LiveCamera`."""
 
     def __init__(self, lesson: Lesson, dance: TaughtDance, clock: DanceClock) -> None:
-        from synth.dances.live import LiveLearner
+        from synth.dances.live import ON_THE_BEAT, LiveLearner
 
-        self._learner = LiveLearner(dance.quats, dance.hips_m, dance.fps, lesson.skill, lesson.fault, lesson.seed)
+        skill = ON_THE_BEAT if lesson.calibrate else lesson.skill
+        self._learner = LiveLearner(dance.quats, dance.hips_m, dance.fps, skill, lesson.fault, lesson.seed)
         self.camera, self._clock, self._next = self._learner.camera, clock, time.monotonic()
 
     def read(self) -> tuple[np.ndarray, float]:

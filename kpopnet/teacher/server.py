@@ -19,6 +19,7 @@ from kpopnet.errors import InputError, check_between
 from kpopnet.runtime.input_files import check_fields, parse_json, settings_from
 from kpopnet.teacher.adding import at_rate
 from kpopnet.teacher.bvh import as_bvh
+from kpopnet.teacher.film import write_film
 from kpopnet.teacher.library import Library, preview_cm, stored_quats
 from kpopnet.teacher.live.crew import Crew, Member
 from kpopnet.teacher.live.lesson import Lesson
@@ -67,6 +68,7 @@ class Teaching:
 
 TEACHING: web.AppKey[Teaching] = web.AppKey("teaching", Teaching)
 CREW: web.AppKey[Crew] = web.AppKey("crew", Crew)
+FILMING: web.AppKey[asyncio.Lock] = web.AppKey("filming", asyncio.Lock)
 routes = web.RouteTableDef()
 
 
@@ -79,7 +81,7 @@ def make_app(teaching: Teaching, hosts: tuple[str, ...], token: str | None = Non
         token: see `safety.guard`.
     """
     app = web.Application(middlewares=[guard(hosts, token), _errors], client_max_size=MAX_UPLOAD_BYTES)
-    app[TEACHING] = teaching
+    app[TEACHING], app[FILMING] = teaching, asyncio.Lock()
     app.cleanup_ctx.append(_crew)
     app.add_routes(routes)
     return app
@@ -204,6 +206,22 @@ async def session(request: web.Request) -> web.Response:
         return web.Response(text=as_csv(result), content_type="text/csv", headers=attachment)
     quats, hips_m, fps, _ = await asyncio.to_thread(_learners_movement, teaching, dance, name)
     return web.Response(text=as_bvh(teaching.library.body(), quats, hips_m, fps), content_type="text/plain", headers=attachment)
+
+
+@routes.get(r"/api/tries/{dance}/{name}.mp4")
+async def film(request: web.Request) -> web.StreamResponse:
+    """A film of a try, made when it is first asked for; one at a time, for it takes a core."""
+    teaching, dance, name = request.app[TEACHING], request.match_info["dance"], request.match_info["name"]
+    path = teaching.sessions.film_path(dance, name)
+    async with request.app[FILMING]:
+        if not path.is_file():
+            await asyncio.to_thread(_write_film, teaching, dance, name, path)
+    return web.FileResponse(path, headers={"Content-Disposition": f'attachment; filename="{dance}-{name}.mp4"'})
+
+
+def _write_film(teaching: Teaching, dance: str, name: str, path: Path) -> None:
+    learner, result = read_performance(teaching.sessions.path(dance, name, "npz")), teaching.sessions.result(dance, name)
+    write_film(path, teaching.library.body(), teaching.library.dance(dance), learner, result)
 
 
 @routes.get("/api/tries/{dance}/{name}/movement")

@@ -67,6 +67,14 @@ class Sessions:
             raise InputError("there is no such try")
         return path
 
+    def film_path(self, dance: str, name: str) -> Path:
+        """Where the film of a try is kept; it may not be made yet.
+
+        Raises:
+            InputError: there is no such try.
+        """
+        return self.path(dance, name, "json").with_suffix(".mp4")
+
     def _free_name(self, place: Path) -> str:
         while True:
             now = time.time()

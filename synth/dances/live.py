@@ -10,9 +10,10 @@ from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
 from synth.body.asset import load_body
 from synth.body.shape import BodyConfig, draw_person
+from synth.dances.ends import end_motion
 from synth.dances.skill import LEVELS, SkillConfig, draw_strengths, learn
-from synth.motion.posture import STANDING, rotations
-from synth.motion.skeleton import INDEX, LEG_M, Motion
+from synth.motion.posture import CHANNELS, STANDING, rotations
+from synth.motion.skeleton import INDEX, LEG_M, Motion, height_above_floor
 from synth.motion.skeleton import JOINT_NAMES as MOTION_BONES
 from synth.motion.splice import at_times
 from synth.scene.room import Room, View, ViewConfig, draw_room, draw_view
@@ -20,7 +21,10 @@ from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS
 from synth.simulated.film import ROOM_BOXES, CleanFrame, Played, Studio, Take, measure_frame
 
-SKILLS = ("perfect", *LEVELS, "still", "nobody")
+ON_THE_BEAT = "an arm on every beat"
+"""The skill of somebody who raises the left arm highest at every second, to measure a latency by."""
+
+SKILLS = ("perfect", *LEVELS, "waving", "still", "nobody")
 FAULTS = ("", "left arm", "right arm", "left leg", "right leg", "late", "hidden feet")
 LATE_S = 0.35
 FAULT_WEIGHT = 0.85
@@ -48,14 +52,14 @@ class LiveLearner:
             quats: (T, B, 4) rotations of the bones of `synth`'s body in the teacher's dance.
             hips_m: (T, 3) positions of the hips, metres.
             fps: frames per second.
-            skill: one of SKILLS.
+            skill: one of SKILLS, or ON_THE_BEAT.
             fault: one of FAULTS.
             seed: of the person, the room and the errors.
 
         Raises:
             InputError: an unknown skill or fault, another body, or the dance needs more room than a camera sees.
         """
-        if skill not in SKILLS or fault not in FAULTS:
+        if skill not in (*SKILLS, ON_THE_BEAT) or fault not in FAULTS:
             raise InputError(
                 f"skill={skill}, fault={fault}: expected one of {', '.join(SKILLS)} and one of {', '.join(FAULTS[1:])}"
             )
@@ -122,6 +126,10 @@ def learned(motion: Motion, skill: str, fault: str, rng: np.random.Generator) ->
     if skill in LEVELS:
         motion, _ = learn(motion, draw_strengths(rng, LEVELS.index(skill), SkillConfig()), rng)
     times_s = np.arange(len(motion)) / motion.fps
+    if skill == "waving":
+        motion = end_motion("waving", motion, motion, rng)
+    if skill == ON_THE_BEAT:
+        motion = _on_the_beat(motion)
     if skill in ("still", "nobody"):
         motion = at_times(motion, np.zeros_like(times_s), motion.fps)
     if fault == "late":
@@ -130,6 +138,16 @@ def learned(motion: Motion, skill: str, fault: str, rng: np.random.Generator) ->
     if limb in LIMBS:
         motion = _hanging(motion, [INDEX[f"{side.capitalize()}{bone}"] for bone in LIMBS[limb]])
     return motion
+
+
+def _on_the_beat(motion: Motion) -> Motion:
+    """A motion as long as another, of somebody who raises an arm."""
+    seconds = np.arange(len(motion)) / motion.fps
+    postures = np.repeat(STANDING[None], len(seconds), axis=0)
+    postures[:, CHANNELS["left_raise"]] = 90 + 70 * np.cos(2 * np.pi * seconds)
+    quats, root_m = rotations(postures), np.zeros((len(seconds), 3))
+    root_m[:, 1] = -height_above_floor(quats, root_m)
+    return Motion(quats, root_m.astype(np.float32), motion.fps, ON_THE_BEAT, motion.leg_m)
 
 
 def _hanging(motion: Motion, bones: list[int]) -> Motion:

@@ -27,6 +27,7 @@ def measure() -> dict[str, tuple[float, str, str]]:
     return {
         "teacher.fps": (notes["fps"], "images scored/s", against),
         "teacher.latency_ms_p95": (notes["age_ms_p95"], "ms, image to score", against),
+        "teacher.verdict_ms_p95": (notes["verdict_ms_p95"], "ms, end of a move to the verdict on it", against),
     }
 
 

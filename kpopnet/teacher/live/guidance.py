@@ -52,10 +52,15 @@ def where_to_stand(joints_camera_m: np.ndarray | None, confidence: np.ndarray | 
 def in_words(moment: Moment) -> str:
     """A moment in few words: "left arm too low", "a little late"."""
     if moment.part == "timing":
-        much = "" if abs(moment.delay_s) >= 2 * MIN_DELAY_S else "a little "
-        return f"{much}{moment.direction}"
+        return delay_words(moment.delay_s)
     subject = moment.part if moment.part not in ("turning", "torso") else "body"
     return f"{subject} {moment.direction}"
+
+
+def delay_words(delay_s: float) -> str:
+    """A delay in seconds, negative when early, as "late" or "a little early"."""
+    much = "" if abs(delay_s) >= 2 * MIN_DELAY_S else "a little "
+    return f"{much}{'late' if delay_s > 0 else 'early'}"
 
 
 def latest_words(score: DanceScore) -> str:

@@ -7,6 +7,7 @@ from kpopnet.errors import InputError, check_between
 from kpopnet.teacher.library import IDENTITY
 
 SPEEDS = (0.25, 1.0)
+CALIBRATION_BEAT_S = 1.0
 MIN_EXCERPT_S = 2.5
 """A window of the score lasts 2 s."""
 
@@ -26,6 +27,7 @@ class Lesson:
         to_s: its end; 0 for the end of the dance.
         mirrored: whether the teacher is shown as in a mirror: the learner's left is the teacher's left.
         latency_s: delay of camera, sound and display, taken off the learner's times, seconds.
+        calibrate: whether that delay is measured: the learner raises an arm every CALIBRATION_BEAT_S, and nothing is scored.
     """
 
     dance: str
@@ -38,6 +40,7 @@ class Lesson:
     to_s: float = 0.0
     mirrored: bool = True
     latency_s: float = 0.0
+    calibrate: bool = False
 
     def __post_init__(self) -> None:
         if not IDENTITY.fullmatch(self.dance):

@@ -35,7 +35,7 @@ export class Live {
 
   close() {
     if (this.socket) {
-      this.on = { lost() {}, frame() {}, preparing() {}, ready() {}, away() {}, back() {}, done() {}, error() {} };
+      this.on = { lost() {}, frame() {}, preparing() {}, ready() {}, verdict() {}, away() {}, back() {}, done() {}, error() {} };
       this.socket.close();
     }
   }

@@ -1,6 +1,6 @@
 // After a dance: the score, its course, the worst moments with a replay side by side, what to practise, history and files.
 import { View, loadBody, movementOf } from "./body.js";
-import { ask, clamp, clock, el, partBars, remember, remembered } from "./tools.js";
+import { ask, clamp, clock, el, keepLatency, latencyOf, milliseconds, partBars } from "./tools.js";
 
 const BEFORE_S = 1;
 
@@ -31,7 +31,8 @@ export async function result(main, identity, name) {
     el("h2", {}, "Practise"), practise(found, dance, identity),
     ...latency(found),
     el("h2", {}, "Your tries"), historyTable(history, identity, name),
-    el("p", {}, "Save as ", ...["json", "csv", "bvh"].flatMap((kind) => [el("a", { href: `${base}.${kind}`, download: "" }, kind.toUpperCase()), " "])),
+    el("p", {}, "Save as ", ...["json", "csv", "bvh"].flatMap((kind) => [el("a", { href: `${base}.${kind}`, download: "" }, kind.toUpperCase()), " "]),
+      ...film(`${base}.mp4`, `${identity}-${name}.mp4`)),
     el("p", {}, el("a", { href: `#/dance/${identity}` }, "Dance again")),
   );
   bars.show(found.parts);
@@ -125,14 +126,35 @@ function practise(found, dance, identity) {
 // Who danced on time and was late all the same: camera, sound and screen are.
 function latency(found) {
   if (found.latency_s === null || Math.abs(found.latency_s) < 0.03) return [];
-  const total_s = clamp(remembered("latency", 0) + found.latency_s, -1, 1);
+  const total_s = clamp((latencyOf(found.source) || 0) + found.latency_s, -1, 1);
   const told = el("span", { role: "status" });
   const button = el("button", { type: "button", id: "calibrate", onclick: () => {
-    remember("latency", total_s);
+    keepLatency(found.source, total_s);
     button.disabled = true;
-    told.textContent = ` ${Math.round(1000 * total_s)} ms are taken off from now on.`;
-  } }, `I was on time: take off ${Math.round(1000 * found.latency_s)} ms`);
-  return [el("p", {}, "Camera, sound and screen delay what is scored. ", button, told)];
+    told.textContent = ` ${milliseconds(total_s)} are taken off from now on.`;
+  } }, `I was on time: take off ${milliseconds(found.latency_s)}`);
+  return [el("p", {}, "Camera, sound and screen delay what is scored. ", button, told, " Or ", el("a", { href: "#/calibrate" }, "measure it"), ".")];
+}
+
+// The film is made when it is asked for, which takes about as long as the dance.
+function film(address, name) {
+  const told = el("span", { role: "status", id: "film-told" });
+  const button = el("button", { type: "button", id: "film", onclick: async () => {
+    button.disabled = true;
+    told.textContent = " making the film …";
+    try {
+      const response = await fetch(address);
+      if (!response.ok) throw new Error((await response.json()).error);
+      const href = URL.createObjectURL(await response.blob());
+      el("a", { href, download: name }).click();
+      setTimeout(() => URL.revokeObjectURL(href), 60000);
+      told.textContent = " the film is saved";
+    } catch (error) {
+      told.textContent = ` ${error.message}`;
+    }
+    button.disabled = false;
+  } }, "film, teacher and you side by side");
+  return [button, told];
 }
 
 function historyTable(history, identity, name) {

@@ -4,7 +4,7 @@ import { LearnerView } from "./learner.js";
 import { Live } from "./live.js";
 import { stars } from "./menu.js";
 import { Sound } from "./sound.js";
-import { ask, clock, el, partBars, remember, remembered } from "./tools.js";
+import { ask, clock, el, latencyOf, milliseconds, partBars, remember, remembered } from "./tools.js";
 
 const COUNTS = 4;
 const AGAIN_S = 2;
@@ -20,7 +20,7 @@ export async function stage(main, identity, wanted) {
   const teacher = view.add(body, "teacher", 0);
   teacher.movement = movementOf(dance);
   view.mirror(parts.mirrored.checked);
-  const live = new Live({ preparing, ready, frame, away, back, done, error, lost });
+  const live = new Live({ preparing, ready, frame, verdict, away, back, done, error, lost });
 
   parts.start.addEventListener("click", () => (state.running ? stop("") : start()));
   parts.mirrored.addEventListener("change", () => view.mirror(parts.mirrored.checked));
@@ -69,7 +69,7 @@ export async function stage(main, identity, wanted) {
       lesson: {
         dance: identity, source: parts.source.value, skill: parts.skill.value, fault: parts.fault.value, seed: Number(parts.seed.value) || 0,
         speed: state.speed, from_s: state.from_s, to_s: state.to_s, mirrored: parts.mirrored.checked,
-        latency_s: remembered("latency", 0),
+        latency_s: latencyOf(parts.source.value) || 0,
       },
     });
   }
@@ -98,7 +98,7 @@ export async function stage(main, identity, wanted) {
     const in_s = COUNTS * beat_s / state.speed + 0.3;
     state.ready = true;
     Object.assign(state, { start: performance.now() + 1000 * in_s, start_s: from_s });
-    shown.words.textContent = "";
+    shown.words.textContent = shown.verdict.textContent = "";
     live.send({ do: what, in_s });
     sound.play({
       in_s, from_s, to_s: state.to_s, beat_s, speed: state.speed, counts: COUNTS, metronome: parts.metronome.checked,
@@ -112,7 +112,7 @@ export async function stage(main, identity, wanted) {
     shown.age.textContent = `${content.age_ms} ms`;
     if (content.time_s === null) return;
     shown.score.textContent = content.so_far === null ? "–" : Math.round(content.so_far);
-    shown.words.textContent = content.words || praise(content.total);
+    shown.words.textContent = content.words;
     shown.bars.show(content.parts);
   }
 
@@ -129,6 +129,12 @@ export async function stage(main, identity, wanted) {
     }
     stop(result.total === null ? result.hints[0] : "");
     if (result.session) location.hash = `#/dance/${identity}/try/${result.session}`;
+  }
+
+  function verdict({ number, end_s, total, words }) {
+    const after_ms = performance.now() - state.start - 1000 * (end_s - state.start_s) / state.speed;
+    shown.verdict.dataset.afterMs = Math.round(after_ms);
+    shown.verdict.textContent = [`move ${number}: ${praise(total)}`, words].filter((text) => text).join(", ");
   }
 
   // The camera sends nothing: the dance stands still, and goes on when it is back.
@@ -168,7 +174,7 @@ export async function stage(main, identity, wanted) {
 }
 
 function praise(total) {
-  if (total === null) return "";
+  if (total === null) return "not seen";
   return total >= 90 ? "perfect" : total >= 75 ? "great" : total >= 55 ? "good" : total >= 30 ? "keep going" : "watch the teacher";
 }
 
@@ -204,13 +210,15 @@ function panels(main, dance, parts) {
     count: el("div", { class: "count", "aria-hidden": "true" }),
     guide: el("div", { class: "guide", id: "guide", role: "status" }),
     score: el("div", { class: "score", id: "so-far", "aria-label": "score so far" }, "–"),
-    words: el("div", { class: "words", id: "words", role: "status" }),
+    words: el("div", { class: "words", id: "words" }),
+    verdict: el("div", { class: "verdict", id: "verdict", role: "status" }),
     time: el("span", {}), age: el("span", { id: "age" }),
     error: el("p", { class: "error", id: "error", role: "alert" }),
     bar: el("progress", { max: 1, value: 0 }), preparingText: el("span", {}),
     bars: partBars(),
   };
   shown.preparing = el("div", { id: "preparing", hidden: true }, shown.preparingText, shown.bar);
+  const latency_s = latencyOf(parts.source.value);
   const simulated = el("details", { id: "simulated" }, el("summary", {}, "Simulated learner"),
     el("div", { class: "controls" }, el("label", {}, "skill", parts.skill), el("label", {}, "fault", parts.fault),
       el("label", {}, "person", parts.seed)));
@@ -224,12 +232,14 @@ function panels(main, dance, parts) {
     el("div", { class: "floor" },
       el("div", { class: "panel" }, shown.teacher, el("span", { class: "tag" }, "teacher ", shown.time), shown.count),
       el("div", { class: "panel seen" }, shown.learner, el("span", { class: "tag" }, "you ", shown.age), shown.guide)),
-    el("div", { class: "told" }, shown.score, shown.words),
+    el("div", { class: "told" }, shown.score, el("div", {}, shown.verdict, shown.words)),
     shown.bars.list,
     el("details", {}, el("summary", {}, "Music"), el("div", { class: "controls" },
       el("label", {}, "your own audio file (it stays in this browser)", parts.music),
       el("label", {}, "the dance begins at second", parts.offset))),
     simulated,
+    el("p", { class: "quiet", id: "latency" }, latency_s === null ? "Latency not measured. " : `${milliseconds(latency_s)} latency are taken off. `,
+      el("a", { href: "#/calibrate" }, latency_s === null ? "Measure it" : "Measure it again")),
     el("p", { class: "quiet" }, "Keys: space starts and stops, left and right turn the teacher, m mirrors."),
   );
   return shown;

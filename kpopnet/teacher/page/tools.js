@@ -51,6 +51,11 @@ export function remember(name, value) {
   }
 }
 
+// The latency of a set-up, by its source of depth, in seconds; null where none was measured.
+export const latencyOf = (source) => remembered(`latency.${source}`, null);
+export const keepLatency = (source, latency_s) => remember(`latency.${source}`, latency_s === null ? null : clamp(latency_s, -1, 1));
+export const milliseconds = (seconds) => `${Math.round(1000 * seconds)} ms`;
+
 export const PARTS = ["left arm", "right arm", "left leg", "right leg", "torso", "turning"];
 
 // The colour of a similarity from 0 to 100: brightness as in the paper, or orange to blue, which nobody mixes up.

@@ -153,3 +153,33 @@ def test_narrow_screens_and_two_tabs(address, browser):
     assert "there is no dance" in find(browser, "[role=alert]").text
     browser.switch_to.window(browser.window_handles[0])
     assert find(browser, "#start").text == "Stop"
+
+
+NOTE_VERDICTS = """
+window.verdicts = [];
+new MutationObserver(() => {
+  const shown = document.getElementById("verdict");
+  if (shown && shown.textContent && shown.textContent !== verdicts.at(-1)) verdicts.push(shown.textContent);
+}).observe(document.body, { childList: true, characterData: true, subtree: true });
+"""
+
+
+def total_of(driver) -> float:
+    """The total on the page of a result, once the dance is over."""
+    until(driver, lambda one: "/try/" in one.current_url)
+    return float(find(driver, "#result-total b").text)
+
+
+def test_learners_come_in_the_right_order(address, browser):
+    """Seen through the simulated sensor and the estimator, slowly, for slow machines."""
+    totals = {}
+    for skill in ("perfect", "best", "worst", "waving", "still"):
+        browser.get(address)
+        browser.execute_script(NOTE_VERDICTS)
+        browser.execute_script("location.hash = arguments[0]", f"#/dance/dance_001?go&phrase=0&speed=25&skill={skill}")
+        totals[skill] = total_of(browser)
+        verdict = browser.execute_script("return verdicts")[0]
+        assert verdict.startswith("move 1: "), (skill, verdict)
+        assert skill == "best" or (skill == "perfect") == ("," not in verdict), (skill, verdict)  # the reason, where it is not
+    assert totals["perfect"] >= 90 and totals["perfect"] > totals["best"] > totals["worst"] + 10, totals
+    assert totals["waving"] < 20 and totals["still"] < 20, totals

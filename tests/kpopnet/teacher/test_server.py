@@ -137,6 +137,8 @@ PATHS = (
     "/api/tries/dance_001/..%2f..%2fdances%2fdance_001.json",
     "/api/tries/../body.npz/movement",
     "/api/tries/dance_001/20260101-000000-000.json",
+    "/api/tries/dance_001/20260101-000000-000.mp4",
+    "/api/tries/dance_001/..%2f..%2fdances%2fdance_001.mp4",
     "/api/tries/dance_001/20260101-000000-000/movement",
 )
 
@@ -233,7 +235,7 @@ def test_saved_tries_are_listed_and_given_as_files(teaching, library, tmp_path):
     for time_s, joints_m, confidence in zip(performance.times_s, performance.joints_m, performance.confidence, strict=True):
         recording.add(time_s, joints_m, confidence)
     course = {"time_s": [1.0, 1.5], "total": [50.0, None], "parts": {"left arm": [1.0, 2.0]}}
-    result = {"dance": "dance_001", "total": 81.5, "speed": 1.0, "course": course}
+    result = {"dance": "dance_001", "total": 81.5, "speed": 1.0, "from_s": 0.0, "to_s": 1.0, "course": course}
     names = [teaching.sessions.save(result, recording.arrays()) for _ in range(3)]
     assert len(set(names)) == 3
 
@@ -249,6 +251,9 @@ def test_saved_tries_are_listed_and_given_as_files(teaching, library, tmp_path):
         path.write_text(await (await client.get(f"{base}.bvh")).text())
         assert len(read_performance(path)) == len(performance) - 1
         assert await (await client.get("/api/history/dance_002")).json() == []
+        both = await asyncio.gather(*(client.get(f"{base}.mp4") for _ in range(2)))
+        films = [await one.read() for one in both]
+        assert films[0] == films[1] and films[0][4:8] == b"ftyp" and "attachment" in both[0].headers["Content-Disposition"]
 
     with_client(teaching, work)
 

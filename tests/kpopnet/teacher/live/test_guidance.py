@@ -13,7 +13,8 @@ from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 from kpopnet.teacher.live.guidance import in_words, latest_words, where_to_stand
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
-from kpopnet.teacher.live.stage import excerpt, picture, scorer_config
+from kpopnet.teacher.live.running import excerpt, scorer_config
+from kpopnet.teacher.live.stage import picture
 from kpopnet.teacher.live.verdict import Recording, verdict
 
 CAMERA, SURE = CAMERAS["kinect_v1"], np.ones(15)

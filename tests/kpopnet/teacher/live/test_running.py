@@ -5,7 +5,7 @@ import pytest
 
 from kpopnet.camera import CAMERAS
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
-from kpopnet.teacher.live.stage import RunningLesson
+from kpopnet.teacher.live.running import RunningLesson
 from kpopnet.teacher.live.watching import Image
 
 CAMERA, DEPTH_M = CAMERAS["kinect_v1"], np.zeros((240, 320), np.float32)

@@ -1,0 +1,105 @@
+// A guided step that measures how late camera, sound and screen make what is scored: an arm on every beat.
+import { LearnerView } from "./learner.js";
+import { Live } from "./live.js";
+import { Sound } from "./sound.js";
+import { ask, el, keepLatency, latencyOf, milliseconds, remember, remembered } from "./tools.js";
+
+const BEAT_S = 1, BEATS = 12, COUNTS = 4, START_S = COUNTS * BEAT_S + 0.3;
+
+export async function calibrate(main) {
+  const [dances, offer] = await Promise.all([ask("/api/dances"), ask("/api/offer")]);
+  const dance = dances.find((one) => one.seconds >= BEATS * BEAT_S); // its length is all that is used of it
+  if (!dance) throw new Error("there is no dance that is long enough to count with");
+  const state = { start: 0, running: false, closed: false }, sound = new Sound();
+  const source = el("select", { id: "source", onchange: showKept },
+    ...Object.entries(offer.sources).map(([key, text]) => el("option", { value: key }, text)));
+  source.value = remembered("source", Object.keys(offer.sources)[0]);
+  if (!source.value) source.selectedIndex = 0;
+  const start = el("button", { class: "main", id: "start", type: "button", onclick: () => (state.running ? stop("") : begin()) }, "Start");
+  const told = el("p", { id: "told", role: "status" }), failed = el("p", { class: "error", id: "error", role: "alert" });
+  const kept = el("p", { id: "kept" }), beat = el("div", { class: "count", "aria-hidden": "true" });
+  const canvas = el("canvas", { id: "learner", "aria-label": "your picture with your skeleton" });
+  const guide = el("div", { class: "guide", role: "status" });
+  main.append(
+    el("h1", {}, "Latency of camera, sound and screen"),
+    el("p", {}, `Stand so that you are seen from head to feet. After ${COUNTS} ticks raise an arm so that it is highest at each tick, `
+      + `and lower it in between, ${BEATS} times. Or clap at each tick. What is measured is taken off whenever you dance here.`),
+    el("div", { class: "controls" }, start, el("label", {}, "who dances", source)),
+    told, failed,
+    el("div", { class: "panel seen calibrating" }, canvas, beat, guide), kept,
+    el("p", {}, el("a", { href: "#/" }, "To the dances")),
+  );
+  const learner = new LearnerView(canvas);
+  const live = new Live({ preparing, ready, frame, verdict() {}, away, back: () => stop("the camera was away; start again"), done,
+    error: ({ text }) => stop(text), lost: () => state.running && stop("the teacher's program does not answer; is it still running?") });
+  showKept();
+  requestAnimationFrame(animate);
+  return () => {
+    state.closed = true;
+    sound.stop();
+    live.close();
+  };
+
+  function showKept() {
+    const latency_s = latencyOf(source.value);
+    kept.textContent = latency_s === null ? "Nothing is taken off yet."
+      : `${milliseconds(latency_s)} are taken off for ${offer.sources[source.value]}. `;
+    if (latency_s === null) return;
+    kept.append(el("button", { type: "button", id: "forget", onclick: () => { keepLatency(source.value, null); showKept(); } }, "Take nothing off"));
+  }
+
+  function begin() {
+    sound.wake();
+    remember("source", source.value);
+    Object.assign(state, { running: true, start: 0 });
+    start.textContent = "Stop";
+    failed.textContent = "";
+    live.send({ do: "prepare", lesson: { dance: dance.identity, source: source.value, to_s: BEATS * BEAT_S, calibrate: true } });
+  }
+
+  function preparing({ text }) {
+    told.textContent = text;
+  }
+
+  function ready() {
+    told.textContent = "an arm up at each tick";
+    state.start = performance.now() + 1000 * START_S;
+    live.send({ do: "go", in_s: START_S });
+    sound.play({ in_s: START_S, from_s: 0, to_s: BEATS * BEAT_S, beat_s: BEAT_S, speed: 1, counts: COUNTS, metronome: true, offset_s: 0 });
+  }
+
+  function frame(content, picture) {
+    learner.show(picture, content, true);
+    guide.textContent = content.guidance;
+  }
+
+  function away({ text }) {
+    sound.stop();
+    guide.textContent = text;
+  }
+
+  function done({ latency_s, hints }) {
+    stop(latency_s === null ? hints[0] : "");
+    if (latency_s === null) return;
+    keepLatency(source.value, latency_s);
+    told.textContent = `You were measured ${milliseconds(latency_s)} after the tick.`;
+    showKept();
+  }
+
+  function stop(message) {
+    Object.assign(state, { running: false, start: 0 });
+    sound.stop();
+    live.send({ do: "stop" });
+    start.textContent = "Start";
+    told.textContent = beat.textContent = "";
+    failed.textContent = message;
+  }
+
+  function animate(now) {
+    if (state.closed) return;
+    const beats = state.start ? (now - state.start) / 1000 / BEAT_S : -COUNTS - 1;
+    const number = Math.floor(beats) + 1;
+    beat.textContent = beats >= -COUNTS && number <= BEATS ? String(number > 0 ? number : number + COUNTS) : "";
+    requestAnimationFrame(animate);
+  }
+}

@@ -1,0 +1,42 @@
+// Movements of the server on the bones of a body.
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { Dancer, movementOf } from "../../../../kpopnet/teacher/page/body.js";
+
+const packed = (array) => btoa(String.fromCharCode(...new Uint8Array(array.buffer)));
+const EYE = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+const BODY = {
+  names: ["Hips", "Spine"], parents: [-1, 0], heads_m: [[0, 0, 1], [0, 0, 1.5]], t_pose: [EYE, EYE],
+  vertices: new Float32Array([0, 0, 1, 0, 0, 1.5, 0.1, 0, 1.5]), faces: new Uint16Array([0, 1, 2]),
+  bones: new Uint16Array(12), weights: new Float32Array([1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0]),
+};
+// Two frames a second: the spine turns by a right angle about x while the hips rise by 2 m.
+const HALF = Math.round(32767 * Math.SQRT1_2);
+const MOVEMENT = movementOf({
+  fps: 2, hips_m: packed(new Float32Array([0, 0, 1, 0, 0, 3])),
+  quats: packed(new Int16Array([32767, 0, 0, 0, 32767, 0, 0, 0, 32767, 0, 0, 0, HALF, HALF, 0, 0])),
+});
+
+function at(time_s) {
+  const dancer = new Dancer(BODY, "teacher");
+  dancer.movement = MOVEMENT;
+  dancer.show(time_s);
+  return { height_m: dancer.bones[0].position.z, bend: 2 * Math.acos(dancer.bones[1].quaternion.w) };
+}
+
+test("between two frames rotations and places are interpolated", () => {
+  const between = at(0.25);
+  assert.ok(Math.abs(between.height_m - 2) < 1e-6 && Math.abs(between.bend - Math.PI / 4) < 1e-3);
+});
+
+test("before the begin and after the end a body stands still", () => {
+  assert.ok(Math.abs(at(-1).height_m - 1) < 1e-6 && Math.abs(at(9).bend - Math.PI / 2) < 1e-3);
+});
+
+test("a movement that begins later is shown later", () => {
+  const dancer = new Dancer(BODY, "learner");
+  dancer.movement = { ...MOVEMENT, begin_s: 4 };
+  dancer.show(4.25);
+  assert.ok(Math.abs(dancer.bones[0].position.z - 2) < 1e-6);
+});

@@ -1,0 +1,49 @@
+// When the metronome ticks.
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+class Context {
+  currentTime = 10;
+  destination = {};
+  ticks = [];
+
+  resume() {}
+
+  createOscillator() {
+    const tone = { frequency: {}, connect: (next) => next, stop() {} };
+    tone.start = (at) => this.ticks.push([Number((at - this.currentTime).toFixed(6)), tone.frequency.value]);
+    return tone;
+  }
+
+  createGain() {
+    return { gain: { setValueAtTime() {}, exponentialRampToValueAtTime() {} }, connect: (next) => next };
+  }
+}
+globalThis.AudioContext = Context;
+const { Sound } = await import("../../../../kpopnet/teacher/page/sound.js");
+
+function ticks(how) {
+  const sound = new Sound();
+  sound.wake();
+  sound.play({ in_s: 2.3, from_s: 0, to_s: 2, beat_s: 0.5, speed: 1, counts: 4, metronome: true, offset_s: 0, ...how });
+  return sound.context.ticks;
+}
+
+test("four counts lead in, and the first beat is at the start", () => {
+  assert.deepEqual(ticks({}).map(([at]) => at), [0.3, 0.8, 1.3, 1.8, 2.3, 2.8, 3.3, 3.8]);
+});
+
+test("at half the speed beats are twice as far apart", () => {
+  assert.deepEqual(ticks({ in_s: 4.3, speed: 0.5 }).map(([at]) => at), [0.3, 1.3, 2.3, 3.3, 4.3, 5.3, 6.3, 7.3]);
+});
+
+test("an excerpt begins on the beats of the dance, and every eighth is strong", () => {
+  const heard = ticks({ from_s: 3.75, to_s: 5 }).slice(4);
+  assert.deepEqual(heard.map(([at]) => at), [2.55, 3.05]);
+  assert.ok(heard[0][1] > heard[1][1]);
+});
+
+test("without the metronome only the counts are heard, and never in the past", () => {
+  assert.equal(ticks({ metronome: false }).length, 4);
+  assert.deepEqual(ticks({ metronome: false, in_s: 1.2 }).map(([at]) => at), [0.2, 0.7]);
+});

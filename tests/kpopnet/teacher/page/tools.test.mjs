@@ -1,0 +1,58 @@
+// What every view needs: times, colours, packed arrays, settings.
+import assert from "node:assert/strict";
+import { beforeEach, test } from "node:test";
+
+let stored = {};
+globalThis.localStorage = {
+  getItem: (name) => (name in stored ? stored[name] : null),
+  setItem: (name, value) => { stored[name] = String(value); },
+};
+const { clamp, clock, keepLatency, latencyOf, milliseconds, remember, remembered, shade, unpacked } =
+  await import("../../../../kpopnet/teacher/page/tools.js");
+
+beforeEach(() => { stored = {}; });
+
+test("a time is minutes and seconds, never negative", () => {
+  assert.deepEqual([0, 5.4, 59.6, 61, 600, -3].map(clock), ["0:00", "0:05", "1:00", "1:01", "10:00", "0:00"]);
+});
+
+test("a number is kept between two others", () => {
+  assert.deepEqual([-1, 0.5, 3].map((value) => clamp(value, 0, 1)), [0, 0.5, 1]);
+});
+
+test("what is right is brighter, and in the other palette bluer", () => {
+  const channels = (value) => shade(value).match(/\d+/g).map(Number);
+  assert.ok(channels(90)[0] > channels(40)[0] && channels(40)[0] > channels(0)[0]);
+  assert.deepEqual(channels(150), channels(100));
+  remember("palette", "safe");
+  assert.ok(channels(0)[0] > channels(0)[2] && channels(100)[2] > channels(100)[0]);
+  assert.equal(shade(null), shade(undefined));
+});
+
+test("arrays of the server are little-endian bytes in base64", () => {
+  const values = new Float32Array([1.5, -2, 0.25]);
+  const text = btoa(String.fromCharCode(...new Uint8Array(values.buffer)));
+  assert.deepEqual([...unpacked(text, Float32Array)], [1.5, -2, 0.25]);
+});
+
+test("settings are remembered, and nothing breaks where they cannot be", () => {
+  assert.equal(remembered("speed", 100), 100);
+  remember("speed", 50);
+  assert.equal(remembered("speed", 100), 50);
+  stored["teach.speed"] = "not JSON";
+  assert.equal(remembered("speed", 100), 100);
+  const { setItem } = localStorage;
+  localStorage.setItem = () => { throw new Error("full"); };
+  remember("speed", 75);
+  localStorage.setItem = setItem;
+});
+
+test("a latency belongs to a source of depth", () => {
+  assert.equal(latencyOf("realsense"), null);
+  keepLatency("realsense", 0.12);
+  keepLatency("recording", 7);
+  assert.deepEqual([latencyOf("realsense"), latencyOf("recording"), latencyOf("simulated")], [0.12, 1, null]);
+  keepLatency("realsense", null);
+  assert.equal(latencyOf("realsense"), null);
+  assert.equal(milliseconds(0.1234), "123 ms");
+});
