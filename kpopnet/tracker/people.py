@@ -21,7 +21,9 @@ from kpopnet.tracker.tracker import Tracker, TrackerConfig
 
 log = logging.getLogger(__name__)
 
-DEFAULT_CONFIG = TrackerConfig()
+DEFAULT_CONFIG = TrackerConfig(lengths=True)
+"""Whoever enters is first seen in part, or as one with another: lengths of such a start have to heal."""
+
 MAX_PEOPLE = 16
 MAX_REMEMBERED = 64
 """People whose lengths are remembered; beyond it, those out of view are forgotten."""
