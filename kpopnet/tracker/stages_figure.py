@@ -27,7 +27,8 @@ COLLECTED, VALID = (150, 150, 160), (90, 240, 130)
 def draw_stages(paper_tracker: PaperTracker, tracker: Tracker, depth_m: np.ndarray) -> np.ndarray:
     """Tracks one frame with both trackers and draws its stages.
 
-    The panels: depth edges, distance map, ridge data, candidates before and after pruning, pose of Algorithm 2, fitted pose.
+    The panels: depth edges, distance map, ridge data, candidates on the ridge before and after pruning, pose of Algorithm 2,
+    fitted pose.
 
     Args:
         paper_tracker: the paper's tracker, started; it is advanced by this frame.
@@ -74,8 +75,8 @@ def draw_stages(paper_tracker: PaperTracker, tracker: Tracker, depth_m: np.ndarr
             (
                 "Section 2.4",
                 [
-                    _tile(candidates_image, "candidates: pruned grey, valid green"),
-                    _tile(poses[0], "pose of Algorithm 2"),
+                    _tile(candidates_image, "on the ridge: pruned grey, valid green"),
+                    _tile(poses[0], "pose of Algorithm 2, repaired"),
                     _tile(poses[1], "pose of the fitted body"),
                 ],
             ),
