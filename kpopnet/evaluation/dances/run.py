@@ -7,7 +7,7 @@ error of the pose estimator.
 """
 
 import logging
-from dataclasses import asdict, dataclass, is_dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,9 @@ from kpopnet.evaluation.dances.oracle import ORACLES, oracle_similarity
 from kpopnet.evaluation.dances.pose_cache import PoseCache
 from kpopnet.evaluation.dances.ranking import TRUTH, Agreement, LearnerScore, agreement, is_ordered, similarities
 from kpopnet.evaluation.poses.metrics import joint_errors_m
+from kpopnet.paper_tracker.estimator import PaperTrackerEstimatorConfig
 from kpopnet.runtime.parallel import in_processes
+from kpopnet.tracker.estimator import TrackerEstimatorConfig
 
 log = logging.getLogger(__name__)
 
@@ -83,7 +85,7 @@ def run_dances(
         processes: number of processes.
 
     Raises:
-        InputError: no dance could be scored.
+        InputError: no dance could be scored, or an estimator would wait for the Y pose in vain.
     """
     estimators, assumptions = _start_anywhere(estimators)
     caches = {name: PoseCache(poses, name, settings) for name, settings in estimators.items()}
@@ -114,10 +116,18 @@ def run_dances(
 
 
 def _start_anywhere(estimators: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Sets start=auto in trackers that would wait for the Y pose or a label, which learners do not show; settings and notes."""
+    """Sets start=auto in trackers that would wait for the Y pose or a label, which learners do not show; settings and notes.
+
+    Raises:
+        InputError: an estimator knows no other start.
+    """
     changed, assumptions = {}, []
     for name, settings in estimators.items():
-        if is_dataclass(settings) and "start" in asdict(settings) and settings.start in ("y_pose", "label"):
+        if isinstance(settings, PaperTrackerEstimatorConfig):
+            raise InputError(
+                f"{name}: Algorithm 2 starts from the Y pose, which learners do not show; take estimator=[tracker] or [network]"
+            )
+        if isinstance(settings, TrackerEstimatorConfig) and settings.start in ("y_pose", "label"):
             settings = replace(settings, start="auto")
             assumptions.append(
                 f"Learners do not show the Y pose: {name} starts from the first person who stands or sits upright (start=auto)."

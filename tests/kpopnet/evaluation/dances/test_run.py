@@ -32,6 +32,7 @@ from kpopnet.evaluation.dances.ranking import agreement, confusions
 from kpopnet.evaluation.dances.report import evaluate_dances, oracle_table, rank_table
 from kpopnet.evaluation.dances.run import run_dances
 from kpopnet.evaluation.poses.sweep import AxisConfig, SweepConfig
+from kpopnet.paper_tracker.estimator import PaperTrackerEstimatorConfig
 from kpopnet.skeleton import Joint
 from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
 
@@ -328,6 +329,8 @@ def test_trackers_do_not_wait_for_the_y_pose(folder, monkeypatch):
     found = run(folder, {"tracker": TrackerEstimatorConfig(start="y_pose")}, count=1)
     assert all(config.start == "auto" for config in built)
     assert any("start=auto" in line for line in found.assumptions)
+    with pytest.raises(InputError, match=r"paper_tracker: .* starts from the Y pose, which learners do not show"):
+        run(folder, {"paper_tracker": PaperTrackerEstimatorConfig()}, count=1)
 
 
 def test_the_report_has_all_its_parts(folder, fake, tmp_path):
