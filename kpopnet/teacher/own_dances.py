@@ -51,10 +51,11 @@ def holds_depth(path: Path) -> bool:
     """Whether a recording is of depth rather than of joints, by its name, and of an .npz file by the names of its arrays."""
     if path.suffix.lower() != ".npz":
         return path.is_dir() or path.suffix.lower() not in JOINT_SUFFIXES
-    if not zipfile.is_zipfile(path):
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return not set(JOINT_ARRAYS) & set(archive.namelist())
+    except (OSError, zipfile.BadZipFile, ValueError):  # whoever reads it says what is wrong with it
         return False
-    with zipfile.ZipFile(path) as archive:
-        return not set(JOINT_ARRAYS) & set(archive.namelist())
 
 
 def danced_in(source: DepthSource, segmented: bool = False) -> Performance:
