@@ -15,7 +15,8 @@ from kpopnet.runtime.atomic_write import atomic_path
 def write_document(folder: Path, blocks: list[Block], metrics: dict) -> None:
     """Writes report.md, report.html, metrics.json and the tables (kpopnet.evaluation.table_files) into the folder.
 
-    Each file appears whole or not at all. report.html contains its figures, videos and 3D views, so it can be passed on alone.
+    Each file appears whole or not at all. report.html contains its figures, videos and 3D views, but for large ones
+    (kpopnet.evaluation.page), so it can be passed on alone.
     A half of a surrogate pair, which stands in the name of a file for a byte that is no UTF-8, becomes a backslash escape.
 
     Args:
