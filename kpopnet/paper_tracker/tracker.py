@@ -28,10 +28,10 @@ class PaperTracker:
     """Tracks one person through consecutive frames. Without a given start pose it waits for the Y pose.
 
     Attributes:
-        model: the person's lengths, None before the start; `HumanModel.save` stores it for later recordings.
+        model: the person's lengths, None before the start unless given; `HumanModel.save` stores it for later recordings.
         structure: the model for the kernels; None before the start.
         state: the last pose, its velocity, and for how long each joint has been lost; None before the start.
-        evidence: (15, K) what the confidence of the last pose was computed from; None before the start.
+        evidence: (15, 3) what the confidence of the last pose was computed from; None before the start.
     """
 
     def __init__(self, camera: Camera, config: PaperTrackerConfig = AS_PRINTED, model: HumanModel | None = None) -> None:

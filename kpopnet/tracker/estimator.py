@@ -25,7 +25,8 @@ class TrackerEstimatorConfig(TrackerConfig):
 
     Attributes:
         model: path of a file that `HumanModel.save` wrote for this person; by default the model is measured at the start.
-        network: path of a checkpoint's folder; this network is queried in frames where the pose cost is high. None by default.
+        network: path of a checkpoint's folder; this network is queried at the start (start=auto) and in frames where the pose
+            cost is high. None by default.
     """
 
     model: str | None = None
@@ -49,7 +50,8 @@ class TrackerEstimator:
 
         Args:
             config: settings.
-            detector: is queried in frames where the pose cost is high; `NetworkEstimator(config.network)` if a network is set.
+            detector: is queried at the start and where the pose cost is high; `NetworkEstimator(config.network)` if a network
+                is set.
 
         Raises:
             InputError: the model cannot be read, or a network is set without a detector.

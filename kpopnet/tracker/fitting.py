@@ -46,7 +46,7 @@ class Fitted(NamedTuple):
 
     Attributes:
         joints_m: (15, 3).
-        cost_m2: its cost with that of its motion, square metres.
+        cost_m2: its cost, with that of its motion where the pose follows the last one, square metres.
     """
 
     joints_m: np.ndarray

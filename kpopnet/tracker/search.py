@@ -26,7 +26,7 @@ class DoubtConfig:
 
     Attributes:
         baseline_m2: the baseline at the start, square metres.
-        baseline_rate: weight of a frame in its exponential moving average, to which frames without a search contribute.
+        baseline_rate: weight of a frame in its exponential moving average, to which frames below `search_ratio` contribute.
         detector_ratio: a detector is queried above this many times the baseline.
         search_ratio: other poses are tried above this many times the baseline.
     """

@@ -87,7 +87,7 @@ class Tracker:
     """Tracks one person through consecutive frames. Without a given start pose it finds one (`TrackerConfig.start`).
 
     Attributes:
-        model: the person's lengths, None before the start; `HumanModel.save` stores it for later recordings.
+        model: the person's lengths, None before the start unless given; `HumanModel.save` stores it for later recordings.
         body: the model as round cones, for the kernels of the fit; None before the start.
         state: what is carried from frame to frame, None before the start.
         evidence: (15, 3) what the confidence of the last pose was computed from (kpopnet.tracker.fit.confidence), None before
@@ -107,7 +107,8 @@ class Tracker:
             camera: the camera of the depth images.
             config: settings.
             model: the model of a known person, used instead of the one measured at the start.
-            detector: an estimator that is queried for the pose of a single frame when the cost is high, for instance a network.
+            detector: an estimator that is queried for the pose of a single frame at the start (`start=auto`) and when the cost
+                is high, for instance a network.
         """
         self.camera = camera
         self.config = config

@@ -1,1 +1,1 @@
-"""The body model fitted to the depth: cost, solver, pose hypotheses, thickness of the parts."""
+"""The body model fitted to the depth: cost, solver, limbs laid anew, thickness of the parts, confidence."""

@@ -331,10 +331,7 @@ def test_a_translated_person_has_translated_joints(dancer, pixels: int) -> None:
 
 
 def test_a_mirrored_image_gives_mirrored_joints(dancer) -> None:
-    """Not exact: a cell's middle column may be another one in the mirror image; and right is processed first.
-
-    Without the body, joints are lost at different frames; the test ends before that.
-    """
+    """Not exact: a cell's middle column may be another one in the mirror image; and right is processed first."""
     joints, depth = dancer
     mirror = np.array((-1, 1, 1))
     mirrored, _ = tracked(np.ascontiguousarray(depth[..., ::-1]), (joints[0] * mirror)[MIRROR], CAMERA.mirrored())
