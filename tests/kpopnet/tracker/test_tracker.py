@@ -21,7 +21,8 @@ from kpopnet.tracker.fit.solver import fit
 from kpopnet.tracker.fitting import Fitted, Fitting, FittingConfig
 from kpopnet.tracker.prediction import State
 from kpopnet.tracker.search import DoubtConfig, SearchConfig, flipped
-from kpopnet.tracker.tracker import Tracker, TrackerConfig
+from kpopnet.tracker.start.finding import FoundStart
+from kpopnet.tracker.tracker import RestartConfig, Tracker, TrackerConfig
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
 
 CAMERA = CAMERAS["kinect_v1"]
@@ -239,6 +240,23 @@ def test_a_restarted_tracker_follows_a_farther_person_at_once(dancer) -> None:
         tracker.start(far[0])
     for image in images:
         np.testing.assert_allclose(again.track(image)[0], first.track(image)[0], atol=1e-9)
+
+
+@pytest.mark.parametrize("accept", [0.6, 0.0])
+def test_a_hopeless_pose_gives_way_to_a_better_start(dancer, monkeypatch, accept: float) -> None:
+    """A start is looked for after every so many bad frames in a row, and taken only if it costs so much less."""
+    joints, depth = dancer
+    right, tries = FoundStart(joints[0], HumanModel.from_joints(joints[0]), 0.02, "y_pose"), []
+    monkeypatch.setattr("kpopnet.tracker.tracker.find_start", lambda *_: tries.append(frame) or right)
+    restart = RestartConfig(hopeless_cost_m2=1e-3, hopeless_frames=3, accept=accept)
+    tracker = Tracker(CAMERA, TrackerConfig(restart=restart, search=SearchConfig(every=0, flip_every=0)))
+    far = joints[0] + np.array((0, 0, 1.0))  # too far for a step of the fit
+    tracker.start(far)
+    for frame in range(7):
+        pose, _ = tracker.track(depth[0])
+        bad = error_m(pose, joints[0]).mean() > 0.3
+        assert bad == (frame < 2 or not accept)
+    assert tries == ([2] if accept else [2, 5])
 
 
 def test_incomplete_start_poses_are_refused() -> None:
