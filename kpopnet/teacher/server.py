@@ -221,7 +221,10 @@ async def film(request: web.Request) -> web.StreamResponse:
 
 def _write_film(teaching: Teaching, dance: str, name: str, path: Path) -> None:
     learner, result = read_performance(teaching.sessions.path(dance, name, "npz")), teaching.sessions.result(dance, name)
-    write_film(path, teaching.library.body(), teaching.library.dance(dance), learner, result)
+    try:
+        write_film(path, teaching.library.body(), teaching.library.dance(dance), learner, result)
+    except OSError as error:
+        raise InputError(f"the film could not be saved: {error.strerror}") from error
 
 
 @routes.get("/api/tries/{dance}/{name}/movement")

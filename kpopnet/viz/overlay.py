@@ -97,7 +97,7 @@ def _encoder(part: Path, fps: float, height_px: int, width_px: int) -> Iterator[
     writer = cv2.VideoWriter(str(named), cv2.VideoWriter.fourcc(*"mp4v"), fps, (width_px, height_px))
     try:
         if not writer.isOpened():
-            raise InputError("no encoder for the overlay's video: install PyAV, pip install 'kpopnet[video]'")
+            raise InputError("no encoder for videos: install PyAV, pip install 'kpopnet[video]'")
         yield lambda image: writer.write(cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
         writer.release()
         named.replace(part)

@@ -1,6 +1,7 @@
 """The server over HTTP and WebSocket, with friends and strangers."""
 
 import asyncio
+import errno
 import io
 import json
 import struct
@@ -14,6 +15,7 @@ from aiohttp.test_utils import TestClient, TestServer  # noqa: E402
 from yarl import URL  # noqa: E402
 
 from kpopnet.dance.joint_files.reader import read_performance  # noqa: E402
+from kpopnet.teacher import server  # noqa: E402
 from kpopnet.teacher.library import Library  # noqa: E402
 from kpopnet.teacher.live.verdict import Recording  # noqa: E402
 from kpopnet.teacher.safety import LOOPBACK_NAMES, is_loopback  # noqa: E402
@@ -254,6 +256,24 @@ def test_saved_tries_are_listed_and_given_as_files(teaching, library, tmp_path):
         both = await asyncio.gather(*(client.get(f"{base}.mp4") for _ in range(2)))
         films = [await one.read() for one in both]
         assert films[0] == films[1] and films[0][4:8] == b"ftyp" and "attachment" in both[0].headers["Content-Disposition"]
+
+    with_client(teaching, work)
+
+
+def test_a_film_that_cannot_be_saved_is_told(teaching, library, monkeypatch):
+    performance, recording = library.dance("dance_001").performance, Recording()
+    for one in zip(performance.times_s[:30], performance.joints_m[:30], performance.confidence[:30], strict=True):
+        recording.add(*one)
+    name = teaching.sessions.save({"dance": "dance_001", "total": 81.5}, recording.arrays())
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(server, "write_film", full)
+
+    async def work(client):
+        response = await client.get(f"/api/tries/dance_001/{name}.mp4")
+        assert response.status == 400 and "No space left" in (await response.json())["error"]
 
     with_client(teaching, work)
 
