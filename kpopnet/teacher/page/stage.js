@@ -139,6 +139,7 @@ export async function stage(main, identity, wanted) {
 
   // The camera sends nothing: the dance stands still, and goes on when it is back.
   function away({ text }) {
+    if (state.start) state.start_s += Math.max(performance.now() - state.start, 0) / 1000 * state.speed;
     state.start = 0;
     sound.stop();
     shown.guide.textContent = text;
