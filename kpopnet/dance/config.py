@@ -131,16 +131,16 @@ SCORERS = {
     "dance22": ScorerConfig(),
     "raptis": ScorerConfig(feature="raptis", **_AS_PRINTED),
     "dance22_plain": ScorerConfig(**{**_AS_PRINTED, "heading": True}),
-    "raptis_parts": ScorerConfig(feature="raptis", heading=False, noise="none"),
+    "raptis_parts": ScorerConfig(feature="raptis", heading=False),
     "paper": ScorerConfig(**_AS_PRINTED, steps="free", context_delay_penalty=0.0, window_delay_penalty=0.0, hop_s=2.0),
 }
 """`dance22` is ours: the paper's feature, part by part. `paper` is Eqs. (13) to (15) with the plain norm and nothing added:
 the paper's steps of DTW, matched wherever they fit best, in windows that do not overlap. `raptis` is the baseline: the feature
 of [17] with the plain norm, matched in time as dance22 is. `dance22_plain` and `raptis_parts` exchange the distances of these
-two, with all that belongs to a distance, so that what the feature does can be told from what the distance does. The errors of
-estimators are known for the angles of dance22 alone. The difficulty of kpop_sim was calibrated with `raptis`; if its settings
-change, that calibration must be repeated. So its alpha, beta and tau, which the paper does not give, are still those from
-before the calibration of dance22, and the others of the plain norm take the same."""
+two, with all that belongs to a distance, so that what the feature does can be told from what the distance does. The difficulty
+of kpop_sim was calibrated with `raptis`; if its settings change, that calibration must be repeated. So its alpha, beta and tau,
+which the paper does not give, are still those from before the calibration of dance22, and the others of the plain norm take the
+same."""
 
 FACTORIAL = {("[17]", "plain"): "raptis", ("[17]", "parts"): "raptis_parts"} | {
     ("22-D and turn", "plain"): "dance22_plain", ("22-D and turn", "parts"): "dance22",

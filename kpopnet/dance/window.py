@@ -128,7 +128,7 @@ def prepared_teacher(features: Features, config: ScorerConfig) -> Teacher:
     """The teacher's (M, D) features with what the settings add."""
     names = feature_names(config.feature, config.heading)
     parts = part_of_angles(config.feature, config.heading)
-    variance = angle_variance("none" if config.noise == "auto" else config.noise, names)
+    variance = angle_variance("none" if config.noise == "auto" else config.noise, config.feature, config.heading)
     starts = range(0, len(features.angles_rad) - config.window_frames + 1, config.hop_frames)
     teacher = Teacher(features, 0.0, np.ones(len(starts)), _turning(features, names, config), parts, variance)
     if not config.above_standing:

@@ -3,6 +3,7 @@
     python -m synth benchmark=kpop_sim benchmark.split=train benchmark.dances=6 out=data/kpop_train
     python -m kpopnet.evaluation.dances.noise data/kpop_train                                        # the tracker
     python -m kpopnet.evaluation.dances.noise data/kpop_train --estimator network --checkpoint outputs/train/RUN/best
+    python -m kpopnet.evaluation.dances.noise data/kpop_train --estimator realtime --write           # enters it in the table
     python -m kpopnet.evaluation.dances.noise data/kpop_sim --known tracker      # other people, with the noise of the table
 
 Every learner is compared with their own true joints, so that only the sensor and the estimator differ. The ceiling is what this
@@ -10,6 +11,7 @@ perfect dancing scores in each dance with the errors that the other dances give.
 """
 
 import argparse
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -17,21 +19,24 @@ from typing import NamedTuple
 import numpy as np
 from tqdm import tqdm
 
-from kpopnet.dance.config import SCORERS
+from kpopnet.dance.config import SCORERS, ScorerConfig
 from kpopnet.dance.dtw import distances_on_path
 from kpopnet.dance.features import feature_names
-from kpopnet.dance.noise import NOISE, AngleNoise
+from kpopnet.dance.noise import NOISE, TABLE, AngleNoise
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import TimeGrid, features_of, score_dance
 from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator
 from kpopnet.evaluation.registry import ESTIMATORS
+from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.hydra_app import user_errors
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
 
 MEASURED = ("tracker", "network", "fitted_network", "realtime", "best")
 CONFIG = replace(SCORERS["dance22"], noise="none")
+BY_FEATURE = {"dance22": CONFIG, "raptis": replace(SCORERS["raptis_parts"], noise="none")}
+"""What compares the angles of each feature part by part."""
 
 
 class Seen(NamedTuple):
@@ -59,22 +64,26 @@ def seen_learners(folder: str, estimator: Estimator) -> list[Seen]:
     return found
 
 
-def angle_errors(seen: Seen) -> tuple[np.ndarray, np.ndarray]:
+def angle_errors(seen: Seen, config: ScorerConfig) -> tuple[np.ndarray, np.ndarray]:
     """(T, D) squared error of every angle of a learner, radians^2, and (T, D) its weight in the distance of the score."""
-    grid = TimeGrid(seen.true, CONFIG)
-    estimated = features_of(*grid.resampled(seen.estimated, grid.teacher_frames), False, CONFIG)
+    grid = TimeGrid(seen.true, config)
+    estimated = features_of(*grid.resampled(seen.estimated, grid.teacher_frames), False, config)
     frames = np.arange(len(estimated.angles_rad))
     path = np.stack([frames, np.zeros_like(frames)], axis=1)
     on_path = distances_on_path(path, estimated, grid.teacher.features, 0, grid.teacher.parts, grid.teacher.variance)
     return np.nan_to_num(on_path.signed) ** 2, on_path.weights
 
 
-def measured_std_rad(learners: Sequence[Seen]) -> dict[str, float]:
-    """Standard deviation of the error of each angle, radians, rounded to milliradians; see `AngleNoise`."""
-    squared, weight = (np.concatenate(arrays) for arrays in zip(*map(angle_errors, learners), strict=True))
-    mean = (squared * weight).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-9)
-    names = feature_names(CONFIG.feature, CONFIG.heading)
-    return {name: round(float(np.sqrt(one)), 3) for name, one in zip(names, mean, strict=True)}
+def measured_std_rad(learners: Sequence[Seen]) -> dict[str, dict[str, float]]:
+    """By feature, the standard deviation of the error of each angle, radians, rounded to milliradians; see `AngleNoise`."""
+    measured = {}
+    for feature, config in BY_FEATURE.items():
+        errors = [angle_errors(one, config) for one in learners]
+        squared, weight = (np.concatenate(arrays) for arrays in zip(*errors, strict=True))
+        mean = (squared * weight).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-9)
+        names = feature_names(config.feature, config.heading)
+        measured[feature] = {name: round(float(np.sqrt(one)), 3) for name, one in zip(names, mean, strict=True)}
+    return measured
 
 
 def perfect_scores(learners: Sequence[Seen]) -> tuple[list[float], list[float]]:
@@ -108,6 +117,13 @@ def _summary(scores: Sequence[float]) -> str:
     )
 
 
+def enter(name: str, noise: AngleNoise) -> None:
+    """Enters an estimator's noise in the table, in place of what the table said of it."""
+    table = json.loads(TABLE.read_text()) | {name: noise._asdict()}
+    with atomic_path(TABLE) as part:
+        part.write_text(json.dumps(table, indent=1) + "\n")
+
+
 @user_errors
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -115,6 +131,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--estimator", choices=MEASURED, default="tracker", help="what is measured: %(default)s")
     parser.add_argument("--checkpoint", help="folder of its network")
     parser.add_argument("--known", choices=NOISE, help="only score perfect dancing, with this noise of the table")
+    parser.add_argument("--write", action="store_true", help=f"enter the noise in {TABLE.name} under the estimator's name")
     options = parser.parse_args(arguments)
     learners = seen_learners(options.folder, _build(options.estimator, options.checkpoint))
     if options.known:
@@ -125,7 +142,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     without, known = perfect_scores(learners)
     for name, scores in (("noise unknown", without), ("noise known", known)):
         print(f"perfect dancing, {name}: {_summary(scores)}")
-    print(AngleNoise(measured_std_rad(learners), round(float(np.mean(known)), 1)))
+    noise = AngleNoise(measured_std_rad(learners), round(float(np.mean(known)), 1))
+    print(json.dumps({options.estimator: noise._asdict()}, indent=1))
+    if options.write:
+        enter(options.estimator, noise)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """An estimator's known errors are taken out of the distance: perfect dancing scores high, and levels stay apart."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -9,10 +10,10 @@ from dance_people import dance_joints_m, noisy, performed
 
 from kpopnet.dance.config import SCORERS, ScorerConfig
 from kpopnet.dance.features import feature_names
-from kpopnet.dance.noise import NOISE, AngleNoise, angle_variance
+from kpopnet.dance.noise import NOISE, TABLE, AngleNoise, angle_variance
 from kpopnet.dance.scoring import DanceScore, score_dance
 from kpopnet.errors import InputError
-from kpopnet.evaluation.dances.noise import Seen, known_scores, measured_std_rad, perfect_scores
+from kpopnet.evaluation.dances.noise import Seen, enter, known_scores, measured_std_rad, perfect_scores
 
 NOISE_M = 0.03
 NAMES = feature_names("dance22", True)
@@ -49,9 +50,11 @@ def test_perfect_dancing_scores_high_and_levels_stay_apart(dance, config):
 
 def test_noise_is_measured_as_it_is():
     known, std_rad = [seen(dance, 3) for dance in range(3)], measured_std_rad([seen(dance, 5) for dance in range(3)])
-    assert set(std_rad) == set(NAMES) and 0.03 < min(std_rad["left_elbow_inclination"], std_rad["right_foot_inclination"]) < 0.3
+    assert set(std_rad) == {"dance22", "raptis"} and set(std_rad["raptis"]) == set(feature_names("raptis"))
+    ours = std_rad["dance22"]
+    assert set(ours) == set(NAMES) and 0.03 < min(ours["left_elbow_inclination"], ours["right_foot_inclination"]) < 0.3
     twice = [one._replace(estimated=performed(noisy(one.true.joints_m, 2 * NOISE_M, 5))) for one in known]
-    assert measured_std_rad(twice)["left_elbow_inclination"] > 1.5 * std_rad["left_elbow_inclination"]
+    assert measured_std_rad(twice)["dance22"]["left_elbow_inclination"] > 1.5 * ours["left_elbow_inclination"]
     without, with_noise = perfect_scores(known)
     assert len(without) == len(with_noise) == 3 and min(with_noise) > 87 > max(without)
     assert "measured" not in NOISE
@@ -63,10 +66,33 @@ def test_the_noise_of_the_table_is_tried_on_other_people():
     assert len(with_noise) == 2 and all(a > b + 5 for a, b in zip(with_noise, without, strict=True))
 
 
+def test_the_noise_of_an_estimator_is_entered_in_the_table(tmp_path, monkeypatch):
+    table = tmp_path / "noise.json"
+    table.write_text(TABLE.read_text())
+    monkeypatch.setattr("kpopnet.evaluation.dances.noise.TABLE", table)
+    enter("best", AngleNoise({"dance22": {"twist": 0.5}}, 12.0))
+    entered = json.loads(table.read_text())
+    assert entered["best"] == {"std_rad": {"dance22": {"twist": 0.5}}, "ceiling": 12.0}
+    assert entered["tracker"] == json.loads(TABLE.read_text())["tracker"]
+
+
+@pytest.mark.parametrize("scorer", ["dance22", "raptis_parts"])
+def test_the_noise_of_both_features_is_taken_out_of_the_distance(scorer, monkeypatch):
+    joints_m = dance_joints_m(3)
+    monkeypatch.setitem(NOISE, "test", AngleNoise(measured_std_rad([seen(dance, 7) for dance in (4, 5)]), 97.0))
+    estimated = performed(noisy(joints_m, NOISE_M, 1))
+    without, known = (
+        score_dance(performed(joints_m), estimated, replace(SCORERS[scorer], noise=noise)).similarity
+        for noise in ("none", "test")
+    )
+    assert known > without + 8
+
+
 def test_noise_has_a_name():
-    assert not angle_variance("none", NAMES).any()
+    assert not angle_variance("none", "dance22", True).any()
     for name in ("realtime", "network", "fitted_network", "best", "tracker"):
-        assert angle_variance(name, NAMES).min() > 0
-        assert set(NOISE[name].std_rad) == set(NAMES)
+        for feature, heading in (("dance22", True), ("raptis", False)):
+            assert angle_variance(name, feature, heading).min() > 0
+            assert set(NOISE[name].std_rad[feature]) == set(feature_names(feature, heading))
     with pytest.raises(InputError, match=r"noise=odd is not one of auto, none, .*tracker"):
         ScorerConfig(noise="odd")
