@@ -19,10 +19,10 @@ from kpopnet.geometry.body import PARTS, ROW_TO_JOINT, Body
 from kpopnet.geometry.cones import extend_joints, nearest_parts, part_segments
 from kpopnet.geometry.depth_grid import DepthGrid
 
-TRACKED_WEIGHTS = (-3.707, 3.470, 4.936)
+TRACKED_WEIGHTS = (-4.085, 3.914, 4.726)
 """Weights of `tracked_evidence`."""
 
-REFINED_WEIGHTS = (1.863, 0.943, 1.581, -0.202)
+REFINED_WEIGHTS = (1.479, 1.087, 1.908, -0.183)
 """Weights of `refined_evidence`."""
 
 FULL_SUPPORT_POINTS = 4
