@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kpopnet.errors import check_between
 from kpopnet.geometry.body import Body
 from kpopnet.geometry.depth_grid import DepthGrid
 from kpopnet.tracker.fit.limbs import refit_limbs
@@ -34,6 +35,9 @@ class FittingConfig:
     limbs: bool = True
     motion_weight: float = 0.01
     max_motion_m: float = 0.25
+
+    def __post_init__(self) -> None:
+        check_between("fitting.points", self.points, 1, 1_000_000)
 
 
 def stride_of(grid: DepthGrid, config: FittingConfig) -> int:

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kpopnet.camera import Camera
-from kpopnet.errors import InputError
+from kpopnet.errors import InputError, check_between
 from kpopnet.estimator import Estimator
 from kpopnet.geometry.body import Body, body_from_model
 from kpopnet.geometry.depth_grid import MIN_POINTS, DepthGrid, build_depth_grid
@@ -54,6 +54,10 @@ class RestartConfig:
     hopeless_cost_m2: float = 2e-3
     hopeless_frames: int = 30
     accept: float = 0.6
+
+    def __post_init__(self) -> None:
+        check_between("restart.lost_frames", self.lost_frames, 1, 1_000_000)
+        check_between("restart.hopeless_frames", self.hopeless_frames, 1, 1_000_000)
 
 
 @dataclass(frozen=True)

@@ -259,6 +259,14 @@ def test_a_hopeless_pose_gives_way_to_a_better_start(dancer, monkeypatch, accept
     assert tries == ([2] if accept else [2, 5])
 
 
+@pytest.mark.parametrize(
+    ("settings", "name"), [(FittingConfig, "points"), (RestartConfig, "lost_frames"), (RestartConfig, "hopeless_frames")]
+)
+def test_numbers_that_would_divide_by_nothing_are_refused(settings: type, name: str) -> None:
+    with pytest.raises(InputError, match=name):
+        settings(**{name: 0})
+
+
 def test_incomplete_start_poses_are_refused() -> None:
     joints = cone_joints()
     joints[Joint.NECK] = np.nan

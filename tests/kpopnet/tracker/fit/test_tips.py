@@ -50,7 +50,7 @@ def test_tips_are_separated_and_reachable() -> None:
     assert len(limb_tips(grid.points_m, grid.neighbours, grid.edge_lengths_m, np.full(len(length), 1e9))) == 0
 
 
-def testtorso_points_lie_on_torso_and_head() -> None:
+def test_torso_points_lie_on_torso_and_head() -> None:
     joints = cone_joints(elevation_deg=20)
     body, grid = seen(joints)
     on = grid.points_m[torso_points(joints, grid.points_m, body)]
