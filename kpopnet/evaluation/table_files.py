@@ -35,7 +35,10 @@ def named_tables(blocks: list[Block]) -> dict[str, Table]:
             heading = re.sub(r"[^a-z0-9]+", "_", content.lower()).strip("_")[:60] or "table"
         elif kind == "table":
             number[heading] += 1
-            tables[heading if number[heading] == 1 else f"{heading}_{number[heading]}"] = content
+            name = heading if number[heading] == 1 else f"{heading}_{number[heading]}"
+            while name in tables:
+                name += "_"
+            tables[name] = content
     return tables
 
 

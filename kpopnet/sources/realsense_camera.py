@@ -86,7 +86,12 @@ class RealSenseCamera:
                 raise InputError("another camera was plugged in; start the dance again")
             queue = self._library.frame_queue(1)
             sensor.open(profile)
-            sensor.start(queue)
+            try:
+                sensor.start(queue)
+            except RuntimeError:
+                with contextlib.suppress(RuntimeError):
+                    sensor.close()
+                raise
         except RuntimeError as error:
             raise CameraAwayError(f"the camera does not start ({next(iter(str(error).splitlines()), '')[:200]})") from error
         self._sensor, self._queue, self.camera = sensor, queue, camera

@@ -58,7 +58,7 @@ SEGMENTS = (
     Segment(("right_lower_leg_m", "left_lower_leg_m"), ((Joint.RIGHT_KNEE, Joint.RIGHT_FOOT),), 0.05, 0.54, 0.023, 0.029),
 )
 """Deviations of 252 simulated adults (split train), whose sizes differ by `SIZE_DEVIATION`; the rest of 16 simulated films of
-people whom no benchmark shows, with wrong lengths drawn from these deviations (docs/ledger.md)."""
+people whom no benchmark shows, on cells of 4 pixels, with wrong lengths drawn from these deviations (docs/ledger.md)."""
 
 SIZE_DEVIATION = 0.072
 

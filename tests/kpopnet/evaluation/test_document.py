@@ -11,7 +11,7 @@ import pytest
 
 from kpopnet.evaluation.document import as_text, printable, write_document
 from kpopnet.evaluation.page import as_html
-from kpopnet.evaluation.table_files import write_tables
+from kpopnet.evaluation.table_files import named_tables, write_tables
 from kpopnet.viz.drawing import with_captions
 
 NAME = "a\udcffb"
@@ -53,6 +53,8 @@ def test_tables_become_files_for_spreadsheets_and_papers(tmp_path):
     names = ["errors_joints", "errors_joints_2", "summary"]
     assert sorted(path.stem for path in (tmp_path / "tables").glob("*.csv")) == names
     assert sorted(path.stem for path in (tmp_path / "tables").glob("*.tex")) == names
+    both = [("heading", "x 2"), ("table", first), ("heading", "x"), ("table", second), ("table", third)]
+    assert list(named_tables(both).values()) == [first, second, third]
     with (tmp_path / "tables" / "summary.csv").open(newline="") as file:
         assert list(csv.reader(file)) == [["name", "cm"], ["50 % & more", "1,0"]]
     latex = (tmp_path / "tables" / "summary.tex").read_text()
