@@ -47,10 +47,14 @@ def kpop_dance(path: Path) -> Performance:
     return performance
 
 
+NOT_DEPTH = (*JOINT_SUFFIXES, ".pkl", ".pickle")
+"""Endings of files of joints, and of pickles, which the reader of joints refuses with advice."""
+
+
 def holds_depth(path: Path) -> bool:
     """Whether a recording is of depth rather than of joints, by its name, and of an .npz file by the names of its arrays."""
     if path.suffix.lower() != ".npz":
-        return path.is_dir() or path.suffix.lower() not in JOINT_SUFFIXES
+        return path.is_dir() or path.suffix.lower() not in NOT_DEPTH
     try:
         with zipfile.ZipFile(path) as archive:
             return not set(JOINT_ARRAYS) & set(archive.namelist())

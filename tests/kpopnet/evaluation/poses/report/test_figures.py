@@ -20,7 +20,7 @@ from kpopnet.evaluation.poses.report.worst_sequences import contact_sheet, rende
 from kpopnet.evaluation.poses.report.writing import interval_remarks, metrics_json, remarks, terminal_table, write_report
 from kpopnet.evaluation.poses.run import Resampled, run_benchmark
 from kpopnet.evaluation.poses.sweep import AxisConfig, SweepConfig, sweep_of
-from kpopnet.tracker.estimator import TrackerEstimatorConfig
+from kpopnet.paper_tracker.estimator import PaperTrackerEstimatorConfig
 
 CAMERA = Camera.centred(80.0, 96, 72)
 FRAMES = 36
@@ -144,7 +144,7 @@ def test_stills_give_no_video(tmp_path):
 
 
 def test_a_sweep_has_a_table_a_plot_and_metrics_and_is_in_no_other_table(tmp_path):
-    base = TrackerEstimatorConfig()
+    base = PaperTrackerEstimatorConfig()
     rows, columns = AxisConfig("hierarchy.epsilon_m", [0.05, 0.06]), AxisConfig("hierarchy.r_m", [0.1, 0.11, 0.12])
     sweep = sweep_of(SweepConfig(rows, columns), {"tracker": base})
     factors = np.arange(1, 7).reshape(2, 3) / 3
