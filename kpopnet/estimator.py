@@ -6,7 +6,7 @@ import numpy as np
 
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
-from kpopnet.skeleton import NUM_JOINTS
+from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
 
 
 class Estimate(NamedTuple):
@@ -54,6 +54,21 @@ class Estimator(Protocol):
 def base_estimator(estimator: Estimator) -> Estimator:
     """The wrapped estimator if this one refines the joints of another, else the estimator itself."""
     return getattr(estimator, "estimator", estimator)
+
+
+def start_pose(joints_camera_m: np.ndarray, where: str) -> np.ndarray:
+    """A copy of a pose to track from, (15, 3) float64 joints in metres; `where` begins the message of an error.
+
+    Raises:
+        InputError: another shape, or joints are missing.
+    """
+    joints_m = np.array(joints_camera_m, np.float64)
+    if joints_m.shape != (NUM_JOINTS, 3):
+        raise InputError(f"{where}: expected ({NUM_JOINTS}, 3) joints to start from, found {joints_m.shape}")
+    missing = [JOINT_NAMES[joint] for joint in np.flatnonzero(~np.isfinite(joints_m).all(axis=1))]
+    if missing:
+        raise InputError(f"{where}: expected a start pose with all joints; missing: {', '.join(missing)}")
+    return joints_m
 
 
 class Start(NamedTuple):

@@ -9,7 +9,7 @@ Nothing depends on wall-clock time: equal input gives equal output.
 import numpy as np
 
 from kpopnet.camera import Camera
-from kpopnet.errors import InputError
+from kpopnet.estimator import start_pose
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.paper_tracker.confidence import evidence_of, probability
 from kpopnet.paper_tracker.config import AS_PRINTED, PaperTrackerConfig
@@ -18,7 +18,7 @@ from kpopnet.paper_tracker.hierarchy import State, track_frame
 from kpopnet.paper_tracker.init.y_pose import InitialConfig, find_initial_pose
 from kpopnet.paper_tracker.structure import Structure, structure_of
 from kpopnet.ridge import ridge_data
-from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
+from kpopnet.skeleton import NUM_JOINTS
 
 MIN_POINTS = 60
 """Smallest number of cells (`kpopnet.paper_tracker.frame`) in which somebody is seen: 0.024 square metres."""
@@ -63,12 +63,7 @@ class PaperTracker:
         Raises:
             InputError: another shape, or joints are missing.
         """
-        joints = np.array(joints_camera_m, np.float64)
-        if joints.shape != (NUM_JOINTS, 3):
-            raise InputError(f"paper tracker: expected ({NUM_JOINTS}, 3) joints to start from, found {joints.shape}")
-        missing = [JOINT_NAMES[joint] for joint in np.flatnonzero(~np.isfinite(joints).all(axis=1))]
-        if missing:
-            raise InputError(f"paper tracker: expected a start pose with all joints; missing: {', '.join(missing)}")
+        joints = start_pose(joints_camera_m, "paper tracker")
         self.model = self.model or HumanModel.from_joints(joints)
         self.structure = structure_of(self.model)
         self.state = State(joints, np.zeros_like(joints), np.zeros(NUM_JOINTS, np.int64))

@@ -18,13 +18,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kpopnet.camera import Camera
-from kpopnet.errors import InputError, check_between
-from kpopnet.estimator import Estimator
+from kpopnet.errors import check_between
+from kpopnet.estimator import Estimator, start_pose
 from kpopnet.geometry.body import Body, body_from_model
 from kpopnet.geometry.depth_grid import MIN_POINTS, DepthGrid, build_depth_grid
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.ridge import RidgeConfig
-from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
+from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.tracker.fit.confidence import TRACKED_WEIGHTS, fit_score, probability, tracked_evidence
 from kpopnet.tracker.fit.limbs import swap_crossed_limbs
 from kpopnet.tracker.fit.objective import pose_cost
@@ -142,18 +142,13 @@ class Tracker:
         Raises:
             InputError: another shape, or joints are missing.
         """
-        joints = np.asarray(joints_camera_m, np.float64)
-        if joints.shape != (NUM_JOINTS, 3):
-            raise InputError(f"tracker: expected ({NUM_JOINTS}, 3) joints to start from, found {joints.shape}")
-        missing = [JOINT_NAMES[joint] for joint in np.flatnonzero(~np.isfinite(joints).all(axis=1))]
-        if missing:
-            raise InputError(f"tracker: expected a start pose with all joints; missing: {', '.join(missing)}")
+        joints = start_pose(joints_camera_m, "tracker")
         learned = self.config.lengths and self._known_model is None
         self.model = self._known_model or model or HumanModel.from_joints(joints)
         self._person = RunningLengths(self.model, size_deviation if learned else None)
         self._has_begun = False
         self.body = self._person.body
-        self.state = State(joints.copy(), self.config.doubt.baseline_m2)
+        self.state = State(joints, self.config.doubt.baseline_m2)
 
     def track(self, depth_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Tracks the person in the next frame.
