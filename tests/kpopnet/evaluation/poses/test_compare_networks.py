@@ -1,0 +1,87 @@
+"""tools/compare_networks.py: figures and paired differences of networks of several seeds."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+from programs import ROOT
+
+from kpopnet.errors import InputError
+from kpopnet.evaluation.poses.metrics import PoseResults
+from kpopnet.skeleton import JOINT_GROUPS
+
+SPEC = importlib.util.spec_from_file_location("compare_networks", ROOT / "tools" / "compare_networks.py")
+compare_networks = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(compare_networks)
+
+SEQUENCES, FRAMES = 8, 5
+WAYS = {"depth": ["d0", "d1"], "ridge": ["r0", "r1"]}
+
+
+def results(length_m: np.ndarray) -> PoseResults:
+    """Estimates at these distances (N, 15) from joints at the origin."""
+    sequence = np.repeat(np.arange(SEQUENCES), FRAMES)
+    return PoseResults(
+        truth_m=np.zeros((*length_m.shape, 3)),
+        estimate_m=length_m[..., None] * np.array([0.6, 0, 0.8]),
+        confidence=np.ones(length_m.shape),
+        visible=np.ones(length_m.shape, bool),
+        sequence=sequence,
+        sequence_names=tuple(f"s{k}" for k in range(SEQUENCES)),
+        yaw_rad=np.full(len(length_m), np.nan),
+        unit=sequence,
+        given=np.zeros(len(length_m), bool),
+    )
+
+
+@pytest.fixture
+def four_networks() -> dict[str, PoseResults]:
+    """Sequences of very different difficulty, in which the second way is nearer by 1 cm everywhere and by 3 cm at the hands."""
+    hard_m = np.repeat(np.linspace(0.03, 0.2, SEQUENCES), FRAMES)[:, None] * np.ones(15)
+    gained_m = np.full(15, 0.01)
+    gained_m[list(JOINT_GROUPS["hands"])] = 0.03
+    return {
+        "d0": results(hard_m),
+        "d1": results(hard_m + 0.002),
+        "r0": results(hard_m - gained_m),
+        "r1": results(hard_m + 0.002 - gained_m),
+    }
+
+
+def test_a_constant_gain_has_no_spread_however_hard_the_sequences_are(four_networks) -> None:
+    found = compare_networks.compare(four_networks, WAYS, ["ridge-depth"])
+    gain = found["ridge-depth"]["shoulders"]["mean_cm"]
+    assert gain["value"] == pytest.approx(-1)
+    assert gain["interval"] == pytest.approx([-1, -1])
+    assert gain["by_network"] == pytest.approx([-1, -1])
+    assert found["ridge-depth"]["hands"]["mean_cm"]["value"] == pytest.approx(-3)
+    low, high = found["depth"]["shoulders"]["mean_cm"]["interval"]
+    assert high - low > 4, "the figures themselves do spread"
+
+
+def test_the_figures_of_a_way_are_those_of_all_its_networks(four_networks) -> None:
+    found = compare_networks.compare(four_networks, WAYS, [])["depth"]["all"]
+    each = [100 * np.mean(four_networks[run].errors_m() < 0.10) for run in WAYS["depth"]]
+    assert found["within_10cm"]["by_network"] == pytest.approx(each)
+    assert found["within_10cm"]["value"] == pytest.approx(np.mean(each))
+
+
+def test_two_ways_count_as_one(four_networks) -> None:
+    ways = {"a": ["d0"], "b": ["d1"], "c": ["r0"], "d": ["r1"]}
+    found = compare_networks.compare(four_networks, ways, ["c+d-a+b"])["c+d-a+b"]["hands"]
+    assert found["mean_cm"]["by_network"] == pytest.approx([-3, -3])
+
+
+def test_a_joint_that_one_network_misses_is_a_miss_and_in_no_mean(four_networks) -> None:
+    head = int(JOINT_GROUPS["head"][0])
+    networks = four_networks | {"r0": results(np.zeros((SEQUENCES * FRAMES, 15)))}
+    networks["r0"].estimate_m[:, head] = np.nan
+    found = compare_networks.compare(networks, {"depth": ["d0"], "ridge": ["r0"]}, ["ridge-depth"])
+    assert found["ridge"]["head"]["within_10cm"]["value"] == 0
+    assert np.isnan(found["ridge-depth"]["head"]["mean_cm"]["value"])
+
+
+@pytest.mark.parametrize("pair", ["ridge", "ridge-flow", "ridge-depth-depth", "ridge+depth-depth"])
+def test_pairs_that_cannot_be_compared_are_named_at_once(pair: str) -> None:
+    with pytest.raises(InputError, match="--pair"):
+        compare_networks.check_pairs([pair], WAYS)
