@@ -52,7 +52,7 @@ def build_depth_grid(depth_m: np.ndarray, camera: Camera) -> DepthGrid:
     """Samples an (H, W) float32 depth image in metres, which shows only the person, on the grid."""
     depth_m = np.ascontiguousarray(depth_m)
     intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy, _cell_side_px(depth_m, camera.fx)])
-    points_m, index = _points(depth_m, intrinsics)
+    points_m, index = cell_points(depth_m, intrinsics)
     return DepthGrid(points_m, index, *neighbour_graph(points_m, index), _nearest(index), depth_m, intrinsics)
 
 
@@ -78,8 +78,16 @@ def _sampled_depth(depth):
 
 
 @njit(cache=True)
-def _points(depth, intrinsics):
-    """Back-projects the middle pixel of each cell: (N, 3) points in metres and the (h, w) index of the cells."""
+def cell_points(depth, intrinsics):
+    """Back-projects the middle pixel of each cell.
+
+    Args:
+        depth: (H, W) metres, 0 where nothing was measured.
+        intrinsics: (5,) fx, fy, cx, cy and the side of a cell, in pixels.
+
+    Returns:
+        (N, 3) points in the camera frame in metres, and the (h, w) int32 number of each cell's point, -1 without one.
+    """
     fx, fy, cx, cy, cell_px = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3], int(intrinsics[4])
     height, width = (depth.shape[0] + cell_px - 1) // cell_px, (depth.shape[1] + cell_px - 1) // cell_px
     index = np.full((height, width), -1, np.int32)

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from kpopnet.camera import Camera
+from kpopnet.geometry.depth_grid import cell_points
 from kpopnet.geometry.geodesic import neighbour_graph
 
 CELL_M = 0.02
@@ -45,39 +46,21 @@ def frame_of(depth_m: np.ndarray, ridge: np.ndarray, camera: Camera) -> Frame:
         ridge: (H, W) bool, the ridge data of the same image.
         camera: the camera of these pixels.
     """
-    intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
     person_m = depth_m[depth_m > 0]
     side_px = 1
     if len(person_m):
         side_px = max(CELL_M * camera.fx / float(np.median(person_m)), (len(person_m) / MOST_CELLS) ** 0.5)
         side_px = max(1, round(min(side_px, MOST_PX)))
-    raw_m, index = _cells(depth_m, intrinsics, side_px)
-    ridge_m, ridge_cell = _ridge_points(*ridge.nonzero(), depth_m, intrinsics, index, side_px)
+    intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy, side_px])
+    raw_m, index = cell_points(depth_m, intrinsics)
+    ridge_m, ridge_cell = _ridge_points(*ridge.nonzero(), depth_m, intrinsics, index)
     return Frame(ridge_m, ridge_cell, raw_m, np.arange(len(raw_m)), *neighbour_graph(raw_m, index))
 
 
 @njit(cache=True)
-def _cells(depth, intrinsics, side_px):
-    """(N, 3) point at the middle pixel of each measured cell, and (h, w) its number, -1 where the pixel is not measured."""
-    fx, fy, cx, cy = intrinsics
-    height, width = (depth.shape[0] + side_px - 1) // side_px, (depth.shape[1] + side_px - 1) // side_px
-    index, points, count = np.full((height, width), -1, np.int32), np.empty((height * width, 3)), 0
-    for y in range(height):
-        v = min(y * side_px + side_px // 2, depth.shape[0] - 1)
-        for x in range(width):
-            u = min(x * side_px + side_px // 2, depth.shape[1] - 1)
-            z = float(depth[v, u])
-            if z > 0:
-                points[count, 0], points[count, 1], points[count, 2] = (u - cx) * z / fx, (v - cy) * z / fy, z
-                index[y, x] = count
-                count += 1
-    return points[:count].copy(), index
-
-
-@njit(cache=True)
-def _ridge_points(rows, columns, depth, intrinsics, index, side_px):
+def _ridge_points(rows, columns, depth, intrinsics, index):
     """(R, 3) surface points of pixels, and (R,) the numbers of their cells."""
-    fx, fy, cx, cy = intrinsics
+    fx, fy, cx, cy, side_px = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3], int(intrinsics[4])
     points, cell = np.empty((len(rows), 3)), np.empty(len(rows), np.int64)
     for i in range(len(rows)):
         v, u = rows[i], columns[i]
