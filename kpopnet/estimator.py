@@ -83,6 +83,29 @@ class Start(NamedTuple):
     joints_camera_m: np.ndarray
 
 
+class FrameTracker(Protocol):
+    """Follows one person image after image."""
+
+    def start(self, joints_camera_m: np.ndarray) -> None:
+        """Takes the (15, 3) joints of the next image, in metres, as the start."""
+        ...
+
+    def track(self, depth_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(15, 3) joints in metres, NaN where missing, and (15,) confidence in the next (H, W) image, in metres."""
+        ...
+
+
+def track_sequence(tracker: FrameTracker, depth_m: np.ndarray, start: Start | None) -> Estimate:
+    """The joints that a tracker finds in (T, H, W) images in metres; none before the frame of a given start."""
+    found, first = Estimate.missing(len(depth_m)), 0
+    if start is not None:
+        first = start.frame
+        tracker.start(start.joints_camera_m)
+    for frame in range(first, len(depth_m)):
+        found.joints_camera_m[frame], found.confidence[frame] = tracker.track(depth_m[frame])
+    return found
+
+
 def first_label(joints_camera_m: np.ndarray) -> Start:
     """The first of (T, 15, 3) ground-truth poses with all joints.
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from kpopnet.camera import Camera, sequence_in_metres
 from kpopnet.errors import InputError
-from kpopnet.estimator import Estimate, Start
+from kpopnet.estimator import Estimate, Start, track_sequence
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.paper_tracker.config import PaperTrackerConfig
 from kpopnet.paper_tracker.tracker import PaperTracker
@@ -66,13 +66,7 @@ class PaperTrackerEstimator:
         """
         depth_m = sequence_in_metres(depth_m, camera)
         tracker = PaperTracker(camera, self.config, self.model)
-        found = Estimate.missing(len(depth_m))
-        first = 0
-        if start is not None:
-            first = start.frame
-            tracker.start(start.joints_camera_m)
-        for frame in range(first, len(depth_m)):
-            found.joints_camera_m[frame], found.confidence[frame] = tracker.track(depth_m[frame])
+        found = track_sequence(tracker, depth_m, start)
         if not tracker.started and len(depth_m) >= REPORTED_FRAMES:
             log.warning(
                 "paper tracker: all joints are missing: in %d frames nobody took the Y pose (facing the camera, arms stretched "

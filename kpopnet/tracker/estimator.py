@@ -7,9 +7,8 @@ import numpy as np
 
 from kpopnet.camera import Camera, sequence_in_metres
 from kpopnet.errors import InputError
-from kpopnet.estimator import Estimate, Estimator, Start
+from kpopnet.estimator import Estimate, Estimator, Start, track_sequence
 from kpopnet.geometry.human_model import HumanModel
-from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.tracker.start.finding import AWAITED, WAYS
 from kpopnet.tracker.tracker import Tracker, TrackerConfig
 
@@ -76,18 +75,12 @@ class TrackerEstimator:
         """
         depth_m = sequence_in_metres(depth_m, camera)
         tracker = Tracker(camera, self.config, self.model, self.detector)
-        joints_m = np.full((len(depth_m), NUM_JOINTS, 3), np.nan, np.float32)
-        confidence = np.zeros((len(depth_m), NUM_JOINTS), np.float32)
-        first = 0
-        if start is not None:
-            first = start.frame
-            tracker.start(start.joints_camera_m)
-        for frame in range(first, len(depth_m)):
-            joints_m[frame], confidence[frame] = tracker.track(depth_m[frame])
-        missing = np.isnan(joints_m).all(axis=(1, 2)) & (np.arange(len(depth_m)) >= first)
+        found = track_sequence(tracker, depth_m, start)
+        tracked = np.arange(len(depth_m)) >= (start.frame if start else 0)
+        missing = np.isnan(found.joints_camera_m).all(axis=(1, 2)) & tracked
         if missing.sum() >= REPORTED_FRAMES:
             log.warning("tracker: %s", _why_missing(depth_m[missing], len(depth_m), self.config.start))
-        return Estimate(joints_m, confidence)
+        return found
 
 
 def _why_missing(missing_m: np.ndarray, frames: int, start: str) -> str:
