@@ -78,6 +78,15 @@ class _Track:
     def window(self, start: int) -> WindowScore:
         return self._comparison.window(start)
 
+    def preview(self, frames: list[tuple[np.ndarray, np.ndarray]], known: int, start: int, stop: int) -> WindowScore:
+        """Scores a window as if the joints and confidence in `frames` after the first `known` ones had been added."""
+        if new := len(frames) - known:
+            columns = (np.array(column) for column in zip(*frames, strict=True))
+            self._comparison.add(select_rows(features_of(*columns, self._mirrored, self._config), slice(known, None)))
+        window = self._comparison.window(start, stop - start)
+        self._comparison.take_back(new)
+        return window
+
     def keep(self, window: WindowScore) -> None:
         """Adds the next window of the dance's score."""
         weight = float(self._grid.teacher.movement[len(self._windows)])
@@ -148,6 +157,28 @@ class OnlineScorer:
         self._score_frames(before_s=time_s - self.lag_s)
         return self._latest
 
+    def preview(self, end_s: float, least_s: float) -> OnlineScore | None:
+        """The score of the window that ends at a time, from the samples that have arrived; the dance's score stays as it is.
+
+        It is known before `lag_s` has passed, for the smoothing of the window's last frames does without the later samples.
+
+        Args:
+            end_s: seconds on the teacher's clock, without the set-up's latency; not after the latest sample.
+            least_s: at the dance's begin a window may be shorter than `ScorerConfig.window_s`, but not than this, seconds.
+
+        Returns:
+            The score; None if there is no such window.
+        """
+        config, frames = self.config, list(self._resampled)
+        stop = min(self._grid.frame_until(end_s) + 1, len(self._grid.teacher_frames))
+        start = max(stop - config.window_frames, 0)
+        if not self._samples or stop - start < min(round(least_s * config.fps), config.window_frames):
+            return None
+        known = len(frames)
+        frames += [self._frame(frame) for frame in range(self._next, stop)]
+        shown, _ = self._preferred()
+        return self._told(stop - 1, shown, shown.preview(frames, known, start, stop))
+
     def score_so_far(self) -> DanceScore | None:
         """The score of the windows that are complete, with everything that `score_dance` returns; None before the first one."""
         return preferred(self._direct.summary(), self._mirrored.summary()) if self._latest else None
@@ -185,13 +216,9 @@ class OnlineScorer:
         config, at_s = self.config, float(self._grid.time_s(frame))
         while len(self._samples) > 1 and self._samples[0][0] < at_s - self.lag_s:
             self._samples.popleft()
-        times_s, samples_m, confidence = (np.array(column) for column in zip(*self._samples, strict=True))
-        resampling = times_s, np.array([at_s]), config.smoothing_s
-        self._resampled.append((resampled(samples_m, *resampling)[0], resampled_confidence(confidence, *resampling)[0]))
+        self._resampled.append(self._frame(frame))
         recent = tuple(np.array(column) for column in zip(*self._resampled, strict=True))
-        shown, other = self._direct, self._mirrored
-        if config.mirrored == "true" or (config.mirrored == "auto" and other.so_far > shown.so_far + MIRROR_MARGIN):
-            shown, other = other, shown
+        shown, other = self._preferred()
         for track in (shown, other):
             track.add(*recent)
         start = frame + 1 - config.window_frames
@@ -201,8 +228,25 @@ class OnlineScorer:
         if start % config.hop_frames == 0:
             shown.keep(window)
             other.keep(other.window(start))
-        self._latest = OnlineScore(
-            at_s,
+        self._latest = self._told(frame, shown, window)
+
+    def _frame(self, frame: int) -> tuple[np.ndarray, np.ndarray]:
+        """(15, 3) joints and (15,) confidence at a frame of the grid, of the samples that are there."""
+        times_s, samples_m, confidence = (np.array(column) for column in zip(*self._samples, strict=True))
+        resampling = times_s, np.array([float(self._grid.time_s(frame))]), self.config.smoothing_s
+        return resampled(samples_m, *resampling)[0], resampled_confidence(confidence, *resampling)[0]
+
+    def _preferred(self) -> tuple[_Track, _Track]:
+        """The comparison that is shown, and the other one."""
+        direct, mirrored, asked = self._direct, self._mirrored, self.config.mirrored
+        if asked == "true" or (asked == "auto" and mirrored.so_far > direct.so_far + MIRROR_MARGIN):
+            return mirrored, direct
+        return direct, mirrored
+
+    def _told(self, frame: int, shown: _Track, window: WindowScore) -> OnlineScore:
+        """What is told of a window that ends with a frame."""
+        return OnlineScore(
+            float(self._grid.time_s(frame)),
             window.delay_s,
             window.timing,
             window.posture,

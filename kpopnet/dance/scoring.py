@@ -217,9 +217,13 @@ class Comparison:
             features, self._teacher.features, begin, self._config.band_frames, self._config.outlier_rad
         )
 
-    def window(self, start: int) -> WindowScore:
-        """Scores the window that starts at a frame; all of its frames must have been added."""
-        end = start + self._config.window_frames
+    def take_back(self, frames: int) -> None:
+        """Forgets the last frames."""
+        self._end -= frames
+
+    def window(self, start: int, frames: int | None = None) -> WindowScore:
+        """Scores the window that starts at a frame, by default one of `window_s`; all of its frames must have been added."""
+        end = start + (frames or self._config.window_frames)
         context = self._distances[max(end - self._config.context_frames, 0) : end]
         return score_window(context, select_rows(self._learner, slice(start, end)), self._teacher, start, self._config)
 

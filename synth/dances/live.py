@@ -6,7 +6,7 @@ The learner knows a dance as rotations of the bones of the body of `synth`, and 
 
 import numpy as np
 
-from kpopnet.camera import CAMERAS
+from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
 from synth.body.asset import load_body
 from synth.body.shape import BodyConfig, draw_person
@@ -40,12 +40,19 @@ class LiveLearner:
     """A learner of one dance in a room.
 
     Attributes:
-        camera: the camera, a simulated Kinect v1.
+        camera: the camera.
     """
 
-    camera = CAMERA
-
-    def __init__(self, quats: np.ndarray, hips_m: np.ndarray, fps: float, skill: str, fault: str = "", seed: int = 0) -> None:
+    def __init__(
+        self,
+        quats: np.ndarray,
+        hips_m: np.ndarray,
+        fps: float,
+        skill: str,
+        fault: str = "",
+        seed: int = 0,
+        camera: Camera = CAMERA,
+    ) -> None:
         """Learns a dance and enters a room.
 
         Args:
@@ -55,6 +62,7 @@ class LiveLearner:
             skill: one of SKILLS, or ON_THE_BEAT.
             fault: one of FAULTS.
             seed: of the person, the room and the errors.
+            camera: the camera; its noise is that of a Kinect v1.
 
         Raises:
             InputError: an unknown skill or fault, another body, or the dance needs more room than a camera sees.
@@ -65,7 +73,8 @@ class LiveLearner:
             )
         if quats.shape[1:] != (len(load_body().bone_names), 4):
             raise InputError(f"rotations of shape {quats.shape}: made for another body; make the dances again")
-        self._studio, self._empty = Studio(CAMERA, "cpu"), skill == "nobody"
+        self.camera = camera
+        self._studio, self._empty = Studio(camera, "cpu"), skill == "nobody"
         rng = np.random.default_rng([seed, 1])
         motion = learned(motion_of(quats, hips_m, fps), skill, fault, rng)
         self._take, self._fps = self._placed(motion, fault, seed), fps
@@ -81,7 +90,7 @@ class LiveLearner:
             dance_s: seconds; before the start and after the end the learner stands.
 
         Returns:
-            (240, 320) float32 depth of the whole room, metres, 0 where nothing was measured.
+            (H, W) float32 depth of the whole room, metres, 0 where nothing was measured.
         """
         scene, played = self._studio.scene, self._take.played
         number = int(np.clip(round(dance_s * self._fps), 0, len(played) - 1))
@@ -91,7 +100,8 @@ class LiveLearner:
         joints_m = self._take.view.to_camera(scene.joints_world_m()).astype(np.float32)
         clean = CleanFrame(self._shown, renderer.person_m(), self._room_m, joints_m)
         self._shown += 1
-        depth_m, _ = measure_frame(clean, (0, 0, CAMERA.width, CAMERA.height), CAMERA, SENSORS["kinect_v1"], self._noise)
+        box, sensor = (0, 0, self.camera.width, self.camera.height), SENSORS["kinect_v1"]
+        depth_m, _ = measure_frame(clean, box, self.camera, sensor, self._noise)
         return depth_m
 
     def _placed(self, motion: Motion, fault: str, seed: int) -> Take:

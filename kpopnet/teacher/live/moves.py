@@ -1,17 +1,23 @@
 """The verdict on each move of four counts, as soon as it has been danced, and its reason in words."""
 
-from collections.abc import Callable
+import math
 from typing import NamedTuple
 
 from kpopnet.dance.feedback import MIN_DELAY_S, feedback
-from kpopnet.dance.online import OnlineScore
+from kpopnet.dance.online import OnlineScore, OnlineScorer
 from kpopnet.dance.scoring import DanceScore
 from kpopnet.teacher.live.guidance import delay_words, in_words
 
 COUNTS = 4
-EARLY_S = 0.07
-"""A move is judged by the window of the score that ends so long before the move does: the scorer knows a window
-`OnlineScorer.lag_s` after its end."""
+WAIT_S = 0.05
+"""A move is judged when an image has come that was taken so long after its end, by a clock on the wall: the smoothing of the
+joints needs a few images after it."""
+
+LEAST_S = 1.0
+"""A move that ends earlier in a lesson is judged then: from less nothing can be said."""
+
+ROUNDING_S = 0.02
+"""The last move may end so long after the last frame of the dance."""
 
 PRAISED_FROM = 90.0
 """A move with at least this score is praised: what differs in it may be the estimator's errors."""
@@ -47,21 +53,26 @@ class Moves:
         self._begin_s, self._end_s, self._move_s = begin_s, end_s, COUNTS * beat_s
         self._number = 1
 
-    def judged(self, latest: OnlineScore, so_far: Callable[[], DanceScore | None]) -> MoveVerdict | None:
+    def judged(self, scorer: OnlineScorer, now_s: float, speed: float) -> MoveVerdict | None:
         """The verdict on the move that has just ended, None between two ends.
 
         Args:
-            latest: the score of the latest window.
-            so_far: computes the score of the dance so far; asked only when a move has ended.
+            scorer: of the lesson.
+            now_s: where in the dance the newest image was taken.
+            speed: of the dance.
         """
-        end_s = self._begin_s + self._number * self._move_s
-        if latest.time_s < end_s - EARLY_S or end_s > self._end_s + EARLY_S:
+        ended_s = now_s - WAIT_S * speed
+        number = self._number + max(math.floor((ended_s - self._begin_s) / self._move_s) - self._number, 0)
+        end_s = self._begin_s + number * self._move_s
+        if ended_s < max(end_s, self._begin_s + LEAST_S) or end_s > self._end_s + ROUNDING_S:
             return None
-        number = self._number + int((latest.time_s - end_s + EARLY_S) / self._move_s)  # nobody was there meanwhile
-        end_s += (number - self._number) * self._move_s
+        latest = scorer.preview(max(end_s, self._begin_s + LEAST_S), LEAST_S)
         self._number = number + 1
+        if latest is None:
+            return None
         known = latest.similarity == latest.similarity
-        words = "" if known and latest.similarity >= PRAISED_FROM else _reason(latest, so_far(), end_s - self._move_s)
+        praised = known and latest.similarity >= PRAISED_FROM
+        words = "" if praised else _reason(latest, scorer.score_so_far(), end_s - self._move_s)
         return MoveVerdict(number, end_s, latest.similarity if known else None, words)
 
 

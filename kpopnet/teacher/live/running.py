@@ -83,8 +83,7 @@ class RunningLesson:
             self._scorer.update(between_m, between_s, confidence)
         self.recording.add(time_s - self._config.latency_s, joints_m, confidence)
         self._latest = self._scorer.update(joints_m, time_s, confidence)
-        if self._latest is not None:
-            self._judged = self._moves.judged(self._latest, self._scorer.score_so_far)
+        self._judged = self._moves.judged(self._scorer, self.recording.times_s[-1], self.lesson.speed)
         if self._latest is not None and time_s - self._told_at >= WORDS_EVERY_S * self.lesson.speed:
             self._told_at = time_s
             so_far = self._scorer.score_so_far()

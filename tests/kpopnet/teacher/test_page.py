@@ -1,79 +1,33 @@
 """The page in a real browser: pick a dance, dance it, look at the verdict, practise; narrow screens; two tabs; a reload."""
 
-import asyncio
-import contextlib
-import shutil
-import threading
-
 import pytest
 
 pytest.importorskip("aiohttp", reason="the extra app is not installed")
-webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
-DRIVER, BROWSER = shutil.which("chromedriver"), shutil.which("chromium") or shutil.which("google-chrome")
+pytest.importorskip("selenium", reason="selenium is not installed")
+
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.support.ui import WebDriverWait
+from teacher_page import BROWSER, DRIVER, NARROW, chromium, resize, served
+
 if not (DRIVER and BROWSER):
     pytest.skip("no Chromium with its chromedriver on this machine", allow_module_level=True)
 
-from aiohttp import web  # noqa: E402
-from selenium.webdriver.chrome.service import Service  # noqa: E402
-from selenium.webdriver.common.by import By  # noqa: E402
-from selenium.webdriver.common.keys import Keys  # noqa: E402
-from selenium.webdriver.support.ui import WebDriverWait  # noqa: E402
-
-from kpopnet.teacher.safety import LOOPBACK_NAMES  # noqa: E402
-from kpopnet.teacher.server import make_app  # noqa: E402
-
 PATIENCE_S = 300
-WIDE, NARROW = (1280, 900), (400, 860)
 
 
 @pytest.fixture
 def address(teaching):
-    """A server in a thread of its own."""
-    loop, ready, port = asyncio.new_event_loop(), threading.Event(), []
-
-    async def start():
-        runner = web.AppRunner(make_app(teaching, LOOPBACK_NAMES))
-        await runner.setup()
-        await web.TCPSite(runner, "127.0.0.1", 0).start()
-        port.append(runner.addresses[0][1])
-        ready.set()
-        return runner
-
-    def run():
-        asyncio.set_event_loop(loop)
-        runner = loop.run_until_complete(start())
-        loop.run_forever()
-        loop.run_until_complete(runner.cleanup())
-        loop.close()
-
-    thread = threading.Thread(target=run)
-    thread.start()
-    assert ready.wait(20)
-    yield f"http://127.0.0.1:{port[0]}/"
-    loop.call_soon_threadsafe(loop.stop)
-    thread.join(30)
+    with served(teaching) as found:
+        yield found
 
 
 @pytest.fixture
 def browser():
-    options = webdriver.ChromeOptions()
-    options.binary_location = BROWSER
-    for flag in ("headless=new", "no-sandbox", "disable-dev-shm-usage", "use-angle=swiftshader", "enable-unsafe-swiftshader"):
-        options.add_argument(f"--{flag}")
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    driver = webdriver.Chrome(options=options, service=Service(DRIVER))
-    resize(driver, WIDE)
-    yield driver
-    severe = [line["message"] for line in driver.get_log("browser") if line["level"] == "SEVERE"]
-    complaints = [message for message in severe if "/api/dances/none " not in message]  # a test asks for it
-    with contextlib.suppress(Exception):
-        driver.quit()
-    assert complaints == []
-
-
-def resize(driver, size) -> None:
-    metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False}
-    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+    with chromium() as driver:
+        yield driver
+        severe = [line["message"] for line in driver.get_log("browser") if line["level"] == "SEVERE"]
+    assert [message for message in severe if "/api/dances/none " not in message] == []  # a test asks for it
 
 
 def until(driver, condition):

@@ -1,0 +1,72 @@
+"""The dance teacher's server in a thread, and a real browser for its page."""
+
+import asyncio
+import contextlib
+import shutil
+import threading
+from collections.abc import Iterator
+
+from aiohttp import web
+
+from kpopnet.teacher.safety import LOOPBACK_NAMES
+from kpopnet.teacher.server import Teaching, make_app
+
+DRIVER, BROWSER = shutil.which("chromedriver"), shutil.which("chromium") or shutil.which("google-chrome")
+FLAGS = ("headless=new", "no-sandbox", "disable-dev-shm-usage", "use-angle=swiftshader", "enable-unsafe-swiftshader")
+WIDE, NARROW = (1280, 900), (400, 860)
+
+
+@contextlib.contextmanager
+def served(teaching: Teaching) -> Iterator[str]:
+    """A server in a thread of its own; its address."""
+    loop, ready, port = asyncio.new_event_loop(), threading.Event(), []
+
+    async def start() -> web.AppRunner:
+        runner = web.AppRunner(make_app(teaching, LOOPBACK_NAMES))
+        await runner.setup()
+        await web.TCPSite(runner, "127.0.0.1", 0).start()
+        port.append(runner.addresses[0][1])
+        ready.set()
+        return runner
+
+    def run() -> None:
+        asyncio.set_event_loop(loop)
+        runner = loop.run_until_complete(start())
+        loop.run_forever()
+        loop.run_until_complete(runner.cleanup())
+        loop.close()
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    assert ready.wait(20)
+    try:
+        yield f"http://127.0.0.1:{port[0]}/"
+    finally:
+        loop.call_soon_threadsafe(loop.stop)
+        thread.join(30)
+
+
+@contextlib.contextmanager
+def chromium(size: tuple[int, int] = WIDE):
+    """A headless Chromium with a window of this width and height in pixels; needs selenium, `DRIVER` and `BROWSER`."""
+    from selenium import webdriver
+    from selenium.webdriver.chrome.service import Service
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = BROWSER
+    for flag in FLAGS:
+        options.add_argument(f"--{flag}")
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    driver = webdriver.Chrome(options=options, service=Service(DRIVER))
+    try:
+        resize(driver, size)
+        yield driver
+    finally:
+        with contextlib.suppress(Exception):
+            driver.quit()
+
+
+def resize(driver, size: tuple[int, int]) -> None:
+    """Gives the page this width and height in pixels."""
+    metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False}
+    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)

@@ -1,0 +1,150 @@
+"""Lets the dance teacher hold lessons for a long time: its memory must stay flat.
+
+    python -m tests.soak.teacher --minutes 30
+    python -m tests.soak.teacher --minutes 30 --checkpoint tracker
+
+`kpopnet teach` runs as a user starts it, with dances of its own in a temporary folder. A client does what its page does: it
+prepares a lesson of a simulated learner, dances it twice, asks for the result, the replay and the history, and begins the next,
+of another dance, skill and speed. Every minute a line shows the resident memory of the server and of all its processes, and how
+many lessons were held. Memory does not depend on speed, so a busy machine will do. Exit code 1 if a lesson fails, or if the
+memory of the last tenth exceeds that of the second tenth by more than 5 % and 20 MB.
+"""
+
+import argparse
+import asyncio
+import itertools
+import json
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import aiohttp
+import numpy as np
+
+SKILLS = ("perfect", "good", "worst", "still", "nobody")
+DANCES = 5
+SPEEDS = (1.0, 0.5)
+LESSON_S = 10.0
+
+
+class Memory:
+    """The resident memory of a process and of those that it started."""
+
+    def __init__(self, server: int) -> None:
+        self._server = server
+        self.server_mb: list[float] = []
+        self.all_mb: list[float] = []
+
+    def note(self) -> str:
+        """Measures, and says what it found."""
+        self.server_mb.append(resident_mb(self._server))
+        self.all_mb.append(self.server_mb[-1] + sum(map(resident_mb, children(self._server))))
+        return f"minute {len(self.all_mb):3}: server {self.server_mb[-1]:7.1f} MB, all processes {self.all_mb[-1]:7.1f} MB"
+
+    def grew(self) -> bool:
+        """Whether there is more at the end than early on; says so."""
+        tenth, grown = max(len(self.all_mb) // 10, 1), False
+        for name, measured in (("server", self.server_mb), ("all processes", self.all_mb)):
+            early, late = np.median(measured[tenth : 2 * tenth] or measured), np.median(measured[-tenth:])
+            print(f"{name}: {early:.1f} MB early, {late:.1f} MB late")
+            grown |= bool(late > 1.05 * early and late > early + 20)
+        return grown
+
+
+def resident_mb(pid: int) -> float:
+    """Resident memory of a process in megabytes, 0 of one that has ended."""
+    try:
+        status = Path(f"/proc/{pid}/status").read_text()
+    except OSError:
+        return 0.0
+    return int(status.split("VmRSS:")[1].split()[0]) / 1000 if "VmRSS:" in status else 0.0
+
+
+def children(pid: int) -> list[int]:
+    """The processes that a process has started, and theirs."""
+    try:
+        own = [int(one) for path in Path(f"/proc/{pid}/task").glob("*/children") for one in path.read_text().split()]
+    except OSError:
+        return []
+    return [*own, *(below for one in own for below in children(one))]
+
+
+async def hold(client: aiohttp.ClientSession, socket: aiohttp.ClientWebSocketResponse, lesson: dict) -> dict:
+    """One lesson, danced twice; the second result."""
+    await socket.send_json({"do": "prepare", "lesson": lesson})
+    tries = 0
+    async for message in socket:
+        if message.type is not aiohttp.WSMsgType.TEXT:
+            continue
+        content = json.loads(message.data)
+        if content["kind"] == "error":
+            raise RuntimeError(content["text"])
+        tries += content["kind"] == "done"
+        if content["kind"] == "done" and "session" in content:
+            base = f"/api/tries/{lesson['dance']}/{content['session']}"
+            for path in (
+                f"{base}.json",
+                f"{base}/movement",
+                f"/api/dances/{lesson['dance']}",
+                f"/api/history/{lesson['dance']}",
+            ):
+                async with client.get(path) as answer:
+                    answer.raise_for_status()
+                    await answer.read()
+        if tries == 2:
+            return content
+        if content["kind"] in ("ready", "done"):
+            await socket.send_json({"do": "go", "in_s": 1.0})
+    raise RuntimeError("the server closed the lesson")
+
+
+async def soak(address: str, pid: int, minutes: int) -> bool:
+    """Holds lessons; whether the memory grew."""
+    memory, held, totals = Memory(pid), 0, []
+
+    async def lessons() -> None:
+        nonlocal held
+        async with aiohttp.ClientSession(address) as client, client.ws_connect("/live", max_msg_size=0) as socket:
+            for number, skill, speed in zip(itertools.count(), itertools.cycle(SKILLS), itertools.cycle(SPEEDS), strict=False):
+                lesson = {"dance": f"dance_{number % DANCES:03d}", "skill": skill, "speed": speed, "to_s": LESSON_S}
+                totals.append((await hold(client, socket, lesson))["total"])
+                held += 1
+
+    holding, began = asyncio.create_task(lessons()), time.monotonic()
+    for minute in range(1, minutes + 1):
+        await asyncio.wait([holding], timeout=began + 60 * minute - time.monotonic())
+        if holding.done():
+            holding.result()
+        print(f"{memory.note()}, {held} lessons, the last scores {totals[-len(SKILLS) :]}", flush=True)
+    holding.cancel()
+    return memory.grew()
+
+
+def main() -> None:
+    form = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser("python -m tests.soak.teacher", description=__doc__, formatter_class=form)
+    parser.add_argument("--minutes", type=int, default=30, help="%(default)s")
+    parser.add_argument("--checkpoint", help="as of kpopnet teach; by default the network of the package")
+    parser.add_argument("--port", type=int, default=8479, help="%(default)s")
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "kpopnet.programs.teach", "--no-browser", "--data", folder, "--port", str(given.port)]
+        command += ["--checkpoint", given.checkpoint] if given.checkpoint else []
+        program = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        try:
+            line = program.stdout.readline() if program.stdout else ""
+            address = re.search(r"http://\S+", line)
+            if address is None:
+                sys.exit(f"kpopnet teach did not start: {line or 'see above'}")
+            grew = asyncio.run(soak(address[0], program.pid, given.minutes))
+        finally:
+            program.terminate()
+            program.wait(60)
+    sys.exit(grew)
+
+
+if __name__ == "__main__":
+    main()
