@@ -1,5 +1,6 @@
 """A film of a try: the teacher's body and the learner's side by side, brighter where the learner does right."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -45,7 +46,14 @@ class Movement(NamedTuple):
         return int(np.clip(round((time_s - self.begin_s) * self.fps), 0, len(self.quats) - 1))
 
 
-def write_film(path: Path, body: TeacherBody, dance: TaughtDance, learner: Performance, result: dict) -> None:
+def write_film(
+    path: Path,
+    body: TeacherBody,
+    dance: TaughtDance,
+    learner: Performance,
+    result: dict,
+    tell: Callable[[float], None] = lambda fraction: None,
+) -> None:
     """Writes an .mp4 file of FPS images a second, at the speed of the try.
 
     Args:
@@ -54,6 +62,7 @@ def write_film(path: Path, body: TeacherBody, dance: TaughtDance, learner: Perfo
         dance: as it was taught.
         learner: the joints of the try.
         result: of the try, see `verdict`.
+        tell: is called before each image with the fraction in 0..1 that is done; where it raises an error nothing is written.
 
     Raises:
         InputError: the try is damaged, or lasts longer than MOST_S; no encoder for videos is installed.
@@ -73,6 +82,7 @@ def write_film(path: Path, body: TeacherBody, dance: TaughtDance, learner: Perfo
         raise InputError(f"films last up to {MOST_S:g} s; dance a part of it, or less slowly")
     with Video(path, FPS) as video:
         for time_s in np.arange(begin_s, end_s, speed / FPS):
+            tell((time_s - begin_s) / (end_s - begin_s))
             total = float(totals[abs(scored_s - time_s).argmin()])
             right = 1.0 if np.isnan(total) else DARKEST + (1 - DARKEST) * total / 100
             halves = [

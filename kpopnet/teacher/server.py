@@ -6,26 +6,27 @@ import contextlib
 import json
 import struct
 import tempfile
+import weakref
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from aiohttp import WSMsgType, web
+from aiohttp import WSCloseCode, WSMsgType, web
 
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.errors import InputError, check_between
 from kpopnet.runtime.input_files import check_fields, parse_json, settings_from
 from kpopnet.teacher.adding import at_rate
 from kpopnet.teacher.bvh import as_bvh
-from kpopnet.teacher.film import write_film
+from kpopnet.teacher.filming import Filming
 from kpopnet.teacher.library import Library, preview_cm, stored_quats
 from kpopnet.teacher.live.crew import Crew, Member
 from kpopnet.teacher.live.lesson import Lesson
 from kpopnet.teacher.live.stage import Settings
 from kpopnet.teacher.posing import posed
-from kpopnet.teacher.safety import guard
+from kpopnet.teacher.safety import HEADERS, guard
 from kpopnet.teacher.sessions import Sessions, as_csv
 
 PAGE = Path(__file__).parent / "page"
@@ -68,7 +69,8 @@ class Teaching:
 
 TEACHING: web.AppKey[Teaching] = web.AppKey("teaching", Teaching)
 CREW: web.AppKey[Crew] = web.AppKey("crew", Crew)
-FILMING: web.AppKey[asyncio.Lock] = web.AppKey("filming", asyncio.Lock)
+FILMING: web.AppKey[Filming] = web.AppKey("filming", Filming)
+SOCKETS: web.AppKey[weakref.WeakSet] = web.AppKey("sockets", weakref.WeakSet)
 routes = web.RouteTableDef()
 
 
@@ -81,8 +83,9 @@ def make_app(teaching: Teaching, hosts: tuple[str, ...], token: str | None = Non
         token: see `safety.guard`.
     """
     app = web.Application(middlewares=[guard(hosts, token), _errors], client_max_size=MAX_UPLOAD_BYTES)
-    app[TEACHING], app[FILMING] = teaching, asyncio.Lock()
+    app[TEACHING], app[FILMING], app[SOCKETS] = teaching, Filming(teaching.library, teaching.sessions), weakref.WeakSet()
     app.cleanup_ctx.append(_crew)
+    app.on_shutdown.append(_part)
     app.add_routes(routes)
     return app
 
@@ -91,6 +94,13 @@ async def _crew(app: web.Application):
     app[CREW] = crew = Crew(app[TEACHING].settings)
     yield
     await asyncio.to_thread(crew.end)
+
+
+async def _part(app: web.Application) -> None:
+    """Ends what pages still wait for, so that the server can end."""
+    app[FILMING].cancel()
+    for socket in set(app[SOCKETS]):
+        await socket.close(code=WSCloseCode.GOING_AWAY)
 
 
 @web.middleware
@@ -208,23 +218,36 @@ async def session(request: web.Request) -> web.Response:
     return web.Response(text=as_bvh(teaching.library.body(), quats, hips_m, fps), content_type="text/plain", headers=attachment)
 
 
+@routes.post("/api/tries/{dance}/{name}/film")
+async def make_film(request: web.Request) -> web.StreamResponse:
+    """Makes the film of a try while the page listens: lines of JSON, how much is done or what went wrong."""
+    dance, name = request.match_info["dance"], request.match_info["name"]
+    request.app[TEACHING].sessions.film_path(dance, name)
+    response = web.StreamResponse(headers=HEADERS | {"Content-Type": "application/x-ndjson"})
+    await response.prepare(request)
+
+    async def tell(message: dict) -> None:
+        await response.write(json.dumps(message).encode() + b"\n")
+
+    with contextlib.suppress(ConnectionError):  # the page has gone
+        async with contextlib.aclosing(request.app[FILMING].make(dance, name)) as fractions:
+            try:
+                async for fraction in fractions:
+                    await tell({"fraction": round(fraction, 3)})
+                await tell({"fraction": 1})
+            except InputError as error:
+                await tell({"error": str(error)})
+    return response
+
+
 @routes.get(r"/api/tries/{dance}/{name}.mp4")
 async def film(request: web.Request) -> web.StreamResponse:
-    """A film of a try, made when it is first asked for; one at a time, for it takes a core."""
-    teaching, dance, name = request.app[TEACHING], request.match_info["dance"], request.match_info["name"]
-    path = teaching.sessions.film_path(dance, name)
-    async with request.app[FILMING]:
-        if not path.is_file():
-            await asyncio.to_thread(_write_film, teaching, dance, name, path)
+    """The film of a try, when it is made."""
+    dance, name = request.match_info["dance"], request.match_info["name"]
+    path = request.app[TEACHING].sessions.film_path(dance, name)
+    if not path.is_file():
+        raise InputError("this film is not made yet")
     return web.FileResponse(path, headers={"Content-Disposition": f'attachment; filename="{dance}-{name}.mp4"'})
-
-
-def _write_film(teaching: Teaching, dance: str, name: str, path: Path) -> None:
-    learner, result = read_performance(teaching.sessions.path(dance, name, "npz")), teaching.sessions.result(dance, name)
-    try:
-        write_film(path, teaching.library.body(), teaching.library.dance(dance), learner, result)
-    except OSError as error:
-        raise InputError(f"the film could not be saved: {error.strerror}") from error
 
 
 @routes.get("/api/tries/{dance}/{name}/movement")
@@ -257,6 +280,7 @@ async def live(request: web.Request) -> web.WebSocketResponse:
     """A page's lessons, one after another; docs/teaching.md lists the messages."""
     socket = web.WebSocketResponse(max_msg_size=MAX_MESSAGE_BYTES, heartbeat=PATIENCE_S)
     await socket.prepare(request)
+    request.app[SOCKETS].add(socket)
     held = _Held(socket, request.app[TEACHING], request.app[CREW])
     try:
         async for message in socket:

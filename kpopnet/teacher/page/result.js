@@ -1,6 +1,6 @@
 // After a dance: the score, its course, the worst moments with a replay side by side, what to practise, history and files.
 import { View, loadBody, movementOf } from "./body.js";
-import { ask, clamp, clock, el, keepLatency, latencyOf, milliseconds, partBars } from "./tools.js";
+import { ask, clamp, clock, el, followed, keepLatency, latencyOf, milliseconds, partBars } from "./tools.js";
 
 const BEFORE_S = 1;
 
@@ -17,7 +17,7 @@ export async function result(main, identity, name) {
   const play = el("button", { type: "button", id: "play", onclick: () => toggle() }, "Play");
   const time = el("span", { class: "quiet" });
   const course = courseOf(found, dance, end_s, (time_s) => watch(time_s - BEFORE_S, time_s + 2 * BEFORE_S));
-  const bars = partBars();
+  const bars = partBars(), filming = film(base, `${identity}-${name}.mp4`);
   main.append(
     el("h1", {}, `${found.name}: ${Math.round(found.total)} of 100`),
     el("div", { class: "numbers" }, number("total", found.total, "total"), number("timing", found.timing, "timing"),
@@ -32,7 +32,7 @@ export async function result(main, identity, name) {
     ...latency(found),
     el("h2", {}, "Your tries"), historyTable(history, identity, name),
     el("p", {}, "Save as ", ...["json", "csv", "bvh"].flatMap((kind) => [el("a", { href: `${base}.${kind}`, download: "" }, kind.toUpperCase()), " "]),
-      ...film(`${base}.mp4`, `${identity}-${name}.mp4`)),
+      ...filming.nodes),
     el("p", {}, el("a", { href: `#/dance/${identity}` }, "Dance again")),
   );
   bars.show(found.parts);
@@ -43,6 +43,7 @@ export async function result(main, identity, name) {
   requestAnimationFrame(animate);
   return () => {
     state.closed = true;
+    filming.stop();
     view.close();
   };
 
@@ -136,25 +137,26 @@ function latency(found) {
   return [el("p", {}, "Camera, sound and screen delay what is scored. ", button, told, " Or ", el("a", { href: "#/calibrate" }, "measure it"), ".")];
 }
 
-// The film is made when it is asked for, which takes about as long as the dance.
-function film(address, name) {
-  const told = el("span", { role: "status", id: "film-told" });
-  const button = el("button", { type: "button", id: "film", onclick: async () => {
-    button.disabled = true;
-    told.textContent = " making the film …";
+// The film is made while the page listens, which takes about as long as the dance; whoever leaves cancels it.
+function film(base, name) {
+  const told = el("span", { role: "status", id: "film-told" }), asked = "film, teacher and you side by side";
+  const button = el("button", { type: "button", id: "film", onclick: () => (making ? making.abort() : make()) }, asked);
+  let making = null;
+  return { nodes: [button, told], stop: () => making && making.abort() };
+
+  async function make() {
+    making = new AbortController();
+    button.textContent = "cancel the film";
     try {
-      const response = await fetch(address);
-      if (!response.ok) throw new Error((await response.json()).error);
-      const href = URL.createObjectURL(await response.blob());
-      el("a", { href, download: name }).click();
-      setTimeout(() => URL.revokeObjectURL(href), 60000);
+      await followed(`${base}/film`, making.signal, (fraction) => { told.textContent = ` making the film: ${Math.round(100 * fraction)} %`; });
+      el("a", { href: `${base}.mp4`, download: name }).click();
       told.textContent = " the film is saved";
     } catch (error) {
-      told.textContent = ` ${error.message}`;
+      told.textContent = making.signal.aborted ? " the film was cancelled" : ` ${error.message}`;
     }
-    button.disabled = false;
-  } }, "film, teacher and you side by side");
-  return [button, told];
+    making = null;
+    button.textContent = asked;
+  }
 }
 
 function historyTable(history, identity, name) {

@@ -20,6 +20,24 @@ export async function ask(path, options = {}) {
   return content;
 }
 
+// Follows work on the server, which tells line by line how much of it is done, from 0 to 1, or what went wrong.
+export async function followed(path, signal, show) {
+  const response = await fetch(path, { method: "POST", signal });
+  if (!response.ok) throw new Error((await response.json()).error);
+  const reader = response.body.getReader(), letters = new TextDecoder();
+  let text = "", done = 0;
+  for (let part = await reader.read(); !part.done; part = await reader.read()) {
+    text += letters.decode(part.value, { stream: true });
+    const lines = text.split("\n");
+    text = lines.pop();
+    for (const { fraction, error } of lines.map((line) => JSON.parse(line))) {
+      if (error) throw new Error(error);
+      show(done = fraction);
+    }
+  }
+  if (done < 1) throw new Error("the teacher's program does not answer; is it still running?");
+}
+
 export function unpacked(text, Kind) {
   const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
   return new Kind(bytes.buffer);

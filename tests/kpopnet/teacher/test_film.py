@@ -56,6 +56,19 @@ def test_a_body_that_walks_away_stays_in_the_picture(library):
     assert len(seen(drawn(body, far, 0.0, COLOURS["teacher"]))) > 5000
 
 
+def test_a_film_that_is_cancelled_leaves_nothing(library, tmp_path):
+    dance, told = library.dance("dance_001"), []
+
+    def tell(fraction: float) -> None:
+        told.append(fraction)
+        if fraction > 0.3:
+            raise KeyError("cancelled")
+
+    with pytest.raises(KeyError, match="cancelled"):
+        write_film(tmp_path / "film.mp4", library.body(), dance, dance.performance, RESULT, tell)
+    assert told[0] == 0 and len(told) == pytest.approx(0.3 * 2 * FPS, abs=2) and not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize(
     ("wrong", "told"),
     [

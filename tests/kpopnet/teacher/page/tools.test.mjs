@@ -7,7 +7,7 @@ globalThis.localStorage = {
   getItem: (name) => (name in stored ? stored[name] : null),
   setItem: (name, value) => { stored[name] = String(value); },
 };
-const { clamp, clock, keepLatency, latencyOf, milliseconds, remember, remembered, shade, unpacked } =
+const { clamp, clock, followed, keepLatency, latencyOf, milliseconds, remember, remembered, shade, unpacked } =
   await import("../../../../kpopnet/teacher/page/tools.js");
 
 beforeEach(() => { stored = {}; });
@@ -55,4 +55,29 @@ test("a latency belongs to a source of depth", () => {
   keepLatency("realsense", null);
   assert.equal(latencyOf("realsense"), null);
   assert.equal(milliseconds(0.1234), "123 ms");
+});
+
+// A server that tells these texts, whatever lines they are cut into.
+const telling = (texts, status = 200) => {
+  const body = new ReadableStream({ start(stream) {
+    for (const text of texts) stream.enqueue(new TextEncoder().encode(text));
+    stream.close();
+  } });
+  globalThis.fetch = async () => new Response(body, { status });
+};
+
+test("work on the server is followed line by line to its end", async () => {
+  telling(['{"fraction": 0}\n{"fra', 'ction": 0.5}\n', '{"fraction": 1}\n']);
+  const seen = [];
+  await followed("/work", null, (fraction) => seen.push(fraction));
+  assert.deepEqual(seen, [0, 0.5, 1]);
+});
+
+test("work that goes wrong, is refused or is broken off is told", async () => {
+  telling(['{"fraction": 0.5}\n{"error": "no space"}\n']);
+  await assert.rejects(followed("/work", null, () => {}), /no space/);
+  telling(['{"error": "there is no such try"}'], 400);
+  await assert.rejects(followed("/work", null, () => {}), /no such try/);
+  telling(['{"fraction": 0.5}\n']);
+  await assert.rejects(followed("/work", null, () => {}), /does not answer/);
 });

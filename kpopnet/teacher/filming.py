@@ -1,0 +1,110 @@
+"""Films are made in a process of their own, one at a time, for as long as somebody waits for them."""
+
+import asyncio
+import contextlib
+import multiprocessing
+import os
+import time
+from collections.abc import AsyncGenerator
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.errors import InputError
+from kpopnet.teacher.film import write_film
+from kpopnet.teacher.library import Library
+from kpopnet.teacher.sessions import Sessions
+
+TELL_EVERY_S = 0.5
+END_S = 5.0
+NICENESS = 5
+"""Lessons go first."""
+
+
+class CancelledError(Exception):
+    """Nobody waits for the film any more."""
+
+
+class Filming:
+    """Makes the films of tries."""
+
+    def __init__(self, library: Library, sessions: Sessions) -> None:
+        self._library, self._sessions = library, sessions
+        self._connection: Connection | None = None
+
+    async def make(self, dance: str, name: str) -> AsyncGenerator[float]:
+        """Makes the film of a try, if there is none yet. Closing this generator ends the work, and nothing is left of it.
+
+        Yields:
+            How much of it is done, 0..1, every TELL_EVERY_S seconds or so.
+
+        Raises:
+            InputError: there is no such try, or its film cannot be made; another film is being made; the server ends.
+        """
+        if self._sessions.film_path(dance, name).is_file():
+            return
+        if self._connection is not None:
+            raise InputError("another film is being made; wait for it, or cancel it where it was begun")
+        context = multiprocessing.get_context("spawn")
+        connection, other = context.Pipe()
+        given = other, self._library.folder, self._sessions.folder, dance, name
+        process = context.Process(target=make_film, args=given, daemon=True, name="film")
+        self._connection, fraction = connection, 0.0
+        process.start()
+        other.close()
+        try:
+            while fraction < 1:
+                if await asyncio.to_thread(connection.poll, TELL_EVERY_S):
+                    fraction, error = connection.recv()
+                    if error:
+                        raise InputError(error)
+                yield fraction  # also where there is nothing new: a page that has gone is noticed by being told
+        except EOFError as error:
+            raise InputError("the film was not finished; make it again") from error
+        finally:
+            self.cancel()
+            await asyncio.to_thread(_end, process)
+            self._connection = None
+            connection.close()
+
+    def cancel(self) -> None:
+        """Ends the film that is being made, if there is one."""
+        if self._connection is not None:
+            with contextlib.suppress(OSError):  # it has ended
+                self._connection.send("stop")
+
+
+def _end(process: multiprocessing.process.BaseProcess) -> None:
+    process.join(END_S)
+    if process.is_alive():
+        process.terminate()
+        process.join(END_S)
+
+
+def make_film(connection: Connection, library: Path, sessions: Path, dance: str, name: str) -> None:
+    """Makes a film and tells (fraction that is done, what went wrong); ends when it is told anything, or nobody listens."""
+    with contextlib.suppress(AttributeError, OSError):  # where processes have no niceness
+        os.nice(NICENESS)
+    next_s = 0.0
+
+    def tell(fraction: float) -> None:
+        nonlocal next_s
+        if connection.poll():
+            raise CancelledError
+        if time.monotonic() >= next_s:
+            connection.send((fraction, ""))
+            next_s = time.monotonic() + TELL_EVERY_S
+
+    with contextlib.suppress(CancelledError, BrokenPipeError, KeyboardInterrupt):
+        try:
+            tries, dances = Sessions(sessions), Library(library)
+            learner, result = read_performance(tries.path(dance, name, "npz")), tries.result(dance, name)
+            write_film(tries.film_path(dance, name), dances.body(), dances.dance(dance), learner, result, tell)
+        except InputError as error:
+            connection.send((0.0, str(error)))
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            connection.send((0.0, f"the film could not be saved: {error.strerror}"))
+        else:
+            connection.send((1.0, ""))
