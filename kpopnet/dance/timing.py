@@ -61,8 +61,9 @@ def measured_latency_s(delay_s: np.ndarray, posture: np.ndarray) -> float:
 def beat_latency_s(joints_m: np.ndarray, times_s: np.ndarray, beat_s: float) -> float:
     """The constant delay of a set-up, from somebody who raises an arm, or claps, on every beat of a metronome.
 
-    The height of each hand and the nearness of the two repeat with the beat. The signal that does so most is averaged over the
-    beats, by a least-squares fit of a Fourier series; its highest point lies on the beat, but for the delay.
+    The height of each hand and the nearness of the two repeat with the beat. Each is averaged over the beats, by a least
+    squares fit of a Fourier series. The one that moves most on average counts, if enough of it repeats with the beat; its
+    highest point lies on the beat, but for the delay.
 
     Args:
         joints_m: (T, 15, 3) metres in a level camera's frame, NaN where missing.

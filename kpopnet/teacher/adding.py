@@ -58,7 +58,14 @@ def add_performance(library: Library, performance: Performance, where: str, titl
 
 
 def at_rate(performance: Performance, fps: float) -> np.ndarray:
-    """(T, 15, 3) float32 joints of a performance at a constant rate from its first frame on: those of the nearest frames."""
+    """(T, 15, 3) float32 joints of a performance at a constant rate from its first frame on: those of the nearest frames.
+
+    Raises:
+        InputError: it lasts more than MAX_S.
+    """
+    seconds = float(performance.times_s[-1] - performance.times_s[0])
+    if not seconds <= MAX_S:
+        raise InputError(f"a recording of {seconds:.3g} s; a dance lasts at most {MAX_S:g} s")
     times_s = np.arange(performance.times_s[0], performance.times_s[-1], 1 / fps)
     after = np.clip(np.searchsorted(performance.times_s, times_s), 1, len(performance) - 1)
     before_is_nearer = times_s - performance.times_s[after - 1] < performance.times_s[after] - times_s

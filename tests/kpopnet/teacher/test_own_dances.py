@@ -8,6 +8,7 @@ import pytest
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
+from kpopnet.teacher.adding import at_rate
 from kpopnet.teacher.own_dances import holds_depth, kpop_teachers, part_of
 
 
@@ -45,3 +46,10 @@ def test_a_part_is_cut_by_seconds_from_the_first_image_on():
 def test_a_folder_without_teachers_is_no_set(tmp_path):
     (tmp_path / "dance").mkdir()
     assert kpop_teachers(tmp_path) == {} and kpop_teachers(tmp_path / "file.bvh") == {}
+
+
+@pytest.mark.parametrize("last_s", [901.0, 7000.0])
+def test_a_recording_of_hours_is_not_laid_out_frame_by_frame(last_s):
+    """The file of a try may tell any time when somebody has edited it."""
+    with pytest.raises(InputError, match="at most 900 s"):
+        at_rate(Performance(np.zeros((2, 15, 3)), np.array([0.0, last_s])), 30.0)
