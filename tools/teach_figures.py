@@ -1,0 +1,72 @@
+"""Takes the two pictures of the dance teacher in docs/teaching.md from the running program.
+
+    python tools/teach_figures.py
+
+A simulated learner whose left arm hangs dances a dance; needs Chromium, chromedriver and selenium. Run it on a quiet machine:
+the pictures show how many milliseconds the score takes, and a score that suffers where images are dropped.
+"""
+
+import argparse
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.append(str(ROOT / "tests" / "helpers"))
+
+from selenium.webdriver.support.ui import WebDriverWait  # noqa: E402
+from teacher_page import chromium, resize  # noqa: E402
+
+FIGURES = ROOT / "docs" / "figures"
+LESSON = "dance/dance_001?go&skill=perfect&fault=left+arm&speed={speed}"
+SHOWN_MOVE = 3
+RESULT_PX = (400, 1720)
+LESSON_S, SETTLED_S = 600, 2.0
+
+
+def text_of(driver, identity: str) -> str:
+    """The text of the element of this identity; "" while there is none."""
+    return "".join(one.text for one in driver.find_elements("id", identity))
+
+
+def take(address: str, folder: Path, speed: int) -> None:
+    """Holds a lesson and writes teach_stage.png, the dance after a verdict, and teach_result.png."""
+    with chromium() as driver:
+        driver.get(f"{address}#/{LESSON.format(speed=speed)}")
+        WebDriverWait(driver, LESSON_S, 0.1).until(lambda one: f"move {SHOWN_MOVE}" in text_of(one, "verdict"))
+        driver.save_screenshot(str(folder / "teach_stage.png"))
+        WebDriverWait(driver, LESSON_S).until(lambda one: "/try/" in one.current_url and one.find_elements("id", "history"))
+        resize(driver, RESULT_PX)
+        driver.refresh()  # the replay takes the place that it has when it is made
+        WebDriverWait(driver, LESSON_S).until(lambda one: one.find_elements("id", "history"))
+        time.sleep(SETTLED_S)
+        driver.save_screenshot(str(folder / "teach_result.png"))
+
+
+def main() -> None:
+    form = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser("tools/teach_figures.py", description=__doc__, formatter_class=form)
+    parser.add_argument(
+        "--data", type=Path, default=Path("outputs/teach"), help="folder of dances, see kpopnet teach: %(default)s"
+    )
+    parser.add_argument("--out", type=Path, default=FIGURES, help="where to: %(default)s")
+    parser.add_argument("--port", type=int, default=8478, help="%(default)s")
+    parser.add_argument("--speed", type=int, default=100, help="of the dance, percent: %(default)s")
+    given = parser.parse_args()
+    command = [sys.executable, "-m", "kpopnet.programs.teach", "--no-browser", "--data", given.data, "--port", str(given.port)]
+    program = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        address = re.search(r"http://\S+", program.stdout.readline() if program.stdout else "")
+        if address is None:
+            sys.exit("kpopnet teach did not start")
+        given.out.mkdir(parents=True, exist_ok=True)
+        take(address[0], given.out, given.speed)
+    finally:
+        program.terminate()
+        program.wait(60)
+
+
+if __name__ == "__main__":
+    main()
