@@ -14,11 +14,34 @@ CORRECTION_ITERATIONS = 4
 MIN_PART_POINTS = 6
 """Number of correction iterations, and the minimum number of points for which a part's radius is corrected."""
 
+NUM_KINDS = len(RADII_M)
+
 
 @njit(cache=True)
-def _surface_distances(joints, points, parts, radii, trunk_offsets):
-    """(N,) the part with the smallest signed distance for each point, and (N,) that distance in metres."""
-    return nearest_parts(part_segments(extend_joints(joints, trunk_offsets), parts, radii), points, 1)[:2]
+def _fit_radii(joints, points, radii, trunk_offsets):
+    """(P, 2) radii of `fit_thickness`, metres."""
+    rows, fitted = extend_joints(joints, trunk_offsets), radii.copy()
+    for _ in range(CORRECTION_ITERATIONS):
+        part, distance, _ = nearest_parts(part_segments(rows, PARTS, fitted), points, 1)
+        # The distances sorted by kind of part
+        count = np.zeros(NUM_KINDS + 1, np.int64)
+        for i in range(len(part)):
+            count[PART_KIND[part[i]] + 1] += 1
+        begin = np.cumsum(count)
+        by_kind, filled = np.empty(len(part)), begin.copy()
+        for i in range(len(part)):
+            kind = PART_KIND[part[i]]
+            by_kind[filled[kind]] = distance[i]
+            filled[kind] += 1
+        correction = np.zeros(NUM_KINDS)
+        for kind in range(NUM_KINDS):
+            if count[kind + 1] >= MIN_PART_POINTS:
+                correction[kind] = np.median(by_kind[begin[kind] : begin[kind + 1]])
+        for k in range(len(PARTS)):
+            for c in range(2):
+                most, least = radii[k, c] + MAX_CORRECTION_M, max(radii[k, c] - MAX_CORRECTION_M, radii[k, c] / 2)
+                fitted[k, c] = min(max(fitted[k, c] + correction[PART_KIND[k]], least), most)
+    return fitted
 
 
 def fit_thickness(body: Body, joints_m: np.ndarray, grid: DepthGrid) -> Body:
@@ -32,13 +55,4 @@ def fit_thickness(body: Body, joints_m: np.ndarray, grid: DepthGrid) -> Body:
         joints_m: (15, 3) the pose in the camera frame in metres.
         grid: the depth image.
     """
-    radii = body.radii_m.copy()
-    for _ in range(CORRECTION_ITERATIONS):
-        part, distance = _surface_distances(joints_m, grid.points_m, PARTS, radii, body.trunk_offsets_m)
-        for kind in range(len(RADII_M)):
-            part_distances = distance[PART_KIND[part] == kind]
-            if len(part_distances) >= MIN_PART_POINTS:
-                radii[kind == PART_KIND] += np.median(part_distances)
-        radii = np.clip(radii, body.radii_m - MAX_CORRECTION_M, body.radii_m + MAX_CORRECTION_M)
-        radii = np.maximum(radii, body.radii_m / 2)
-    return body._replace(radii_m=radii)
+    return body._replace(radii_m=_fit_radii(joints_m, grid.points_m, body.radii_m, body.trunk_offsets_m))
