@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 from kpopnet.camera import Camera
+from kpopnet.geometry.denoising import denoised
 from kpopnet.geometry.geodesic import neighbour_graph
 
 CELL_M = 0.025
@@ -35,7 +36,7 @@ class DepthGrid(NamedTuple):
         neighbours: (N, 8) int32 neighbours of each point, see `kpopnet.geometry.geodesic.neighbour_graph`.
         edge_lengths_m: (N, 8) float64 lengths of the edges to the neighbours in metres.
         nearest: (h, w, 2) int32 row and column of the nearest measured cell; negative if no cell is measured.
-        depth_m: (H, W) float32 the depth image in metres.
+        depth_m: (H, W) float32 the depth image in metres, `denoised`.
         intrinsics: (5,) fx, fy, cx, cy and the side of a cell, in pixels.
     """
 
@@ -50,7 +51,7 @@ class DepthGrid(NamedTuple):
 
 def build_depth_grid(depth_m: np.ndarray, camera: Camera) -> DepthGrid:
     """Samples an (H, W) float32 depth image in metres, which shows only the person, on the grid."""
-    depth_m = np.ascontiguousarray(depth_m)
+    depth_m = denoised(np.ascontiguousarray(depth_m))
     intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy, _cell_side_px(depth_m, camera.fx)])
     points_m, index = cell_points(depth_m, intrinsics)
     return DepthGrid(points_m, index, *neighbour_graph(points_m, index), _nearest(index), depth_m, intrinsics)
