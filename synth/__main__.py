@@ -12,6 +12,7 @@ or a simulated benchmark, in the file format of the real one:
     python -m synth benchmark=eval_sim benchmark.seed=1 benchmark.sequences=8 out=data/eval_sim_1
     python -m synth benchmark=eval_sim motion=clips motion.path=PACK out=data/eval_sim_clips
     python -m synth benchmark=smmc10_sim                            28 sequences, 3 GB, into data/smmc10_sim
+    python -m synth benchmark=two_people                            24 sequences of two people, 0.2 GB, into data/two_people
     python -m synth benchmark=kpop_sim                              100 dances, 400 learners, 3 GB, into data/kpop_sim
     python -m synth benchmark=kpop_sim benchmark.split=train out=data/kpop_train    other dances by other people
 
@@ -62,6 +63,8 @@ from synth.simulated.eval_files import EVAL_SIM
 from synth.simulated.eval_sim import EvalSimConfig, EvalSimSet
 from synth.simulated.smmc10_files import SMMC10_SIM
 from synth.simulated.smmc10_sim import Smmc10SimConfig, Smmc10SimSet
+from synth.simulated.two_people import TwoPeopleConfig, TwoPeopleSet
+from synth.simulated.two_people_files import TWO_PEOPLE
 
 
 def parse_range(text: str, num_shards: int) -> range:
@@ -266,6 +269,9 @@ STAND_INS = {
     "eval_sim": Makeable(EvalSimConfig, EVAL_SIM.maker.camera, EvalSimSet, partial(sequence_writer.write_set, EVAL_SIM)),
     "smmc10_sim": Makeable(
         Smmc10SimConfig, SMMC10_SIM.maker.camera, Smmc10SimSet, partial(sequence_writer.write_set, SMMC10_SIM)
+    ),
+    "two_people": Makeable(
+        TwoPeopleConfig, TWO_PEOPLE.maker.camera, TwoPeopleSet, partial(sequence_writer.write_set, TWO_PEOPLE)
     ),
     "kpop_sim": Makeable(KpopSimConfig, simulate.CAMERA, KpopSimSet, dance_writer.write_set),
 }

@@ -1,7 +1,7 @@
 """The registry: every benchmark and estimator by name, with the dataclass of its settings and its builder.
 
-A new one is an entry here and a file in configs/, whose `schema/NAME` stands for the dataclass. Benchmarks of dances, which
-are evaluated by their scores instead of by joints, also have an entry in kpopnet/programs/evaluate.py.
+A new one is an entry here and a file in configs/, whose `schema/NAME` stands for the dataclass. Benchmarks of dances and of
+several people, which are not evaluated by the joints of one person, also have an entry in kpopnet/programs/evaluate.py.
 """
 
 from collections.abc import Callable
@@ -18,6 +18,7 @@ from kpopnet.datasets.itop import ItopBenchmark, ItopConfig
 from kpopnet.datasets.protocol import Benchmark
 from kpopnet.datasets.smmc10.benchmark import Smmc10Benchmark, Smmc10Config, Smmc10SimBenchmark, Smmc10SimConfig
 from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
+from kpopnet.datasets.two_people import TwoPeopleConfig, TwoPeopleSet
 from kpopnet.datasets.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator
@@ -103,7 +104,7 @@ def _mean_pose(config: MeanPoseConfig) -> Estimator:
     return MeanPoseEstimator(pose)
 
 
-BENCHMARKS: dict[str, tuple[type, Callable[[Any], Benchmark | KpopSet]]] = {
+BENCHMARKS: dict[str, tuple[type, Callable[[Any], Benchmark | KpopSet | TwoPeopleSet]]] = {
     "synthetic": (SyntheticConfig, SyntheticBenchmark),
     "utd_mhad": (UtdMhadConfig, UtdMhadBenchmark),
     "eval": (EvalConfig, EvalBenchmark),
@@ -111,6 +112,7 @@ BENCHMARKS: dict[str, tuple[type, Callable[[Any], Benchmark | KpopSet]]] = {
     "smmc10": (Smmc10Config, Smmc10Benchmark),
     "smmc10_sim": (Smmc10SimConfig, Smmc10SimBenchmark),
     "itop": (ItopConfig, ItopBenchmark),
+    "two_people": (TwoPeopleConfig, TwoPeopleSet),
     "kpop": (KpopConfig, open_set),
     "kpop_sim": (KpopSimConfig, open_set),
 }

@@ -33,13 +33,16 @@ from kpopnet.extraction.background import (
 )
 from kpopnet.extraction.components import LABEL, component_stats, label_image, label_runs
 from kpopnet.extraction.floor import Floor, find_floor, refit_floor
-from kpopnet.extraction.stationary import find_stationary_person
+from kpopnet.extraction.stationary import find_stationary_person, stands_out
 
 MAX_STEP_M = np.float32(0.1)
 """A body's surface moves less than this along the optical axis from one image to the next."""
 
 MIN_COMPONENT_PX = 6
 """Smaller components are noise."""
+
+SAME_PLACE_M = 0.3
+"""A person found standing, whom one who moved has replaced, is known again within this distance."""
 
 MARGIN_PX = 2
 """Empty pixels around a human in their box: the ridge needs them."""
@@ -148,6 +151,7 @@ class HumanExtractor:
         )
         self._tracks: list[Track] = []
         self._num_identities = 0
+        self._replaced: Track | None = None
         self._reset_background()
 
     def _reset_background(self) -> None:
@@ -253,17 +257,20 @@ class HumanExtractor:
             whole = object_of[label]
             if whole in newcomers:
                 continue
-            if is_person_sized(objects[whole]) and not is_near_person(components, label, present):
-                number = newcomers[whole] = self._assign_number(nearest_missing(self._tracks, present, objects[whole]), owners)
-            elif is_person_sized(components[label]):
-                number = owners[label] = self._assign_number(nearest_missing(self._tracks, present, components[label]), owners)
-            else:
+            alone = is_person_sized(objects[whole]) and not is_near_person(components, label, present)
+            newcomer = objects[whole] if alone else components[label]
+            if not is_person_sized(newcomer) or (alone and present and not stands_out(*self._now[:2], labels, whole)):
                 continue
+            number = self._assign_number(newcomer, nearest_missing(self._tracks, present, newcomer), owners)
+            if alone:
+                newcomers[whole] = number
+            else:
+                owners[label] = number
             present[number] = label
         if self._expecting and not present:
             standing = find_stationary_person(self._now.depth, self._now.kind, labels, objects, self._floor is not None)
             if standing is not None:
-                number = newcomers[standing] = self._assign_number(None, owners)
+                number = newcomers[standing] = self._assign_number(objects[standing], None, owners)
                 self._tracks[number - 1].expected_at_m = objects[standing]["centre_m"].copy()
                 present[number] = 0
         self._expecting &= not present
@@ -277,8 +284,8 @@ class HumanExtractor:
                 runs, owners = np.concatenate([runs, added]), np.append(owners, np.uint8(number))
         return runs, owners
 
-    def _assign_number(self, missing: int | None, owners: np.ndarray) -> int:
-        """The number of a new human: that of the given missing person, or a new one.
+    def _assign_number(self, newcomer: np.void, missing: int | None, owners: np.ndarray) -> int:
+        """The number of a new human, a COMPONENT: that of the given missing person, or a new one.
 
         If `stationary` found a person who has not moved yet, the new human replaces that person, whose components in
         `owners` become background.
@@ -286,14 +293,22 @@ class HumanExtractor:
         expected = next((k for k, track in enumerate(self._tracks, 1) if track.expected_at_m is not None), None)
         if missing and not expected:
             return missing
-        track = Track(self._num_identities)
-        self._num_identities += 1
+        track = Track(self._identity_of(newcomer))
         if expected:
             owners[owners == expected] = UNCOVERED
-            self._tracks[expected - 1] = track
+            self._replaced, self._tracks[expected - 1] = self._tracks[expected - 1], track
             return expected
         self._tracks.append(track)
         return len(self._tracks)
+
+    def _identity_of(self, newcomer: np.void) -> int:
+        """A new identity; but that of the person found standing whom another replaced, if the newcomer is in that place."""
+        replaced = self._replaced
+        if replaced is not None and np.linalg.norm(replaced.centre_m - newcomer["centre_m"]) < SAME_PLACE_M:
+            self._replaced = None
+            return replaced.identity
+        self._num_identities += 1
+        return self._num_identities - 1
 
     def _update_tracks(self, runs: np.ndarray, owners: np.ndarray) -> np.ndarray:
         """Assigns every pixel to a person and updates the tracks; returns the silhouettes by person number."""

@@ -28,6 +28,10 @@ Its Table 2, dance scores against experts' order, on simulated dances (kpopnet/e
     python evaluate.py benchmark=kpop_sim 'estimator=[]' benchmark.dances=10 benchmark.dance=dance_007 'scorer=[raptis]'
     python evaluate.py benchmark=kpop benchmark.path=PATH 'estimator=[]'                            # docs/kpop_format.md
 
+Everybody in films of two people (kpopnet/evaluation/people/report.py):
+
+    python evaluate.py benchmark=two_people 'estimator=[people_tracker,realtime]'
+
 One kind of estimator may stand in a run under several names: configs/estimator/paper_tracker_depth.yaml is one; for another,
 write such a file, or give a name on the command line to settings that start from the defaults of their kind (it comes after
 those of `estimator=[...]`):
@@ -45,6 +49,7 @@ from kpopnet.dance.scoring import SCORERS
 from kpopnet.errors import InputError
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.dances.report import evaluate_dances
+from kpopnet.evaluation.people.report import evaluate_people
 from kpopnet.evaluation.poses.report.writing import terminal_table, write_report
 from kpopnet.evaluation.poses.run import run_benchmark
 from kpopnet.evaluation.poses.sweep import sweep_of
@@ -66,7 +71,7 @@ def evaluate_joints(config: EvaluateConfig, folder: Path) -> None:
     if config.scorer:
         raise InputError(
             f"scorer=[{','.join(config.scorer)}]: benchmark={config.benchmark.name} judges joints; scorers are for dances, "
-            f"benchmark={' or '.join(EVALUATIONS)}"
+            "benchmark=kpop or kpop_sim"
         )
     sweep = config.sweep and sweep_of(config.sweep, config.estimator)
     estimators = build_estimators(config.estimator | (sweep.settings if sweep else {}))
@@ -76,8 +81,12 @@ def evaluate_joints(config: EvaluateConfig, folder: Path) -> None:
     print(terminal_table(run, sweep))
 
 
-EVALUATIONS: dict[str, Callable[[EvaluateConfig, Path], None]] = {"kpop": evaluate_dances, "kpop_sim": evaluate_dances}
-"""What evaluates a benchmark, by its name, where it is not joints that are judged."""
+EVALUATIONS: dict[str, Callable[[EvaluateConfig, Path], None]] = {
+    "kpop": evaluate_dances,
+    "kpop_sim": evaluate_dances,
+    "two_people": evaluate_people,
+}
+"""What evaluates a benchmark, by its name, where it is not the joints of one person that are judged."""
 
 
 @entry_point({"evaluate": EvaluateConfig})

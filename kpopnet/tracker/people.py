@@ -16,7 +16,7 @@ import numpy as np
 from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.errors import check_between
 from kpopnet.estimator import Estimate
-from kpopnet.extraction import HumanExtractor
+from kpopnet.extraction import Human, HumanExtractor
 from kpopnet.tracker.tracker import Tracker, TrackerConfig
 
 log = logging.getLogger(__name__)
@@ -61,7 +61,6 @@ class PeopleTracker:
         self.camera, self.config, self.people = camera, config, people
         self._extractor = HumanExtractor(camera, expect_person=True)
         self._trackers: dict[int, Tracker] = {}
-        self._nobody_m = np.zeros((camera.height, camera.width), np.float32)
 
     def update(self, depth: np.ndarray) -> list[TrackedPerson]:
         """The people in the next image whose pose is known, in the order in which they were first found.
@@ -77,16 +76,25 @@ class PeopleTracker:
         }
         for identity, tracker in self._trackers.items():
             if identity not in humans:
-                tracker.track(self._nobody_m)
+                tracker.miss()
         if len(self._trackers) > MAX_REMEMBERED:
             self._trackers = {identity: one for identity, one in self._trackers.items() if identity in humans}
         found = []
         for identity, human in humans.items():
             tracker = self._trackers.setdefault(identity, Tracker(self.camera, self.config))
+            if not tracker.started and is_entering(human, self.camera):
+                continue
             joints_m, confidence = tracker.track(human.whole(self.camera))
             if np.isfinite(joints_m).any():
                 found.append(TrackedPerson(identity, joints_m.astype(np.float32), confidence.astype(np.float32)))
         return found
+
+
+def is_entering(human: Human, camera: Camera) -> bool:
+    """Whether the left or right border cuts a person: a start from half a body is a wrong one, which takes long to heal."""
+    left, _, right, _ = human.box
+    at_left, at_right = left == 0 and human.depth_m[:, 0].any(), right == camera.width and human.depth_m[:, -1].any()
+    return bool(at_left or at_right)
 
 
 def track_people(

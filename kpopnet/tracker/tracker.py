@@ -177,6 +177,10 @@ class Tracker:
         self._restart_if_hopeless(depth_m, grid)
         return self.state.joints_m.copy(), self._confidence(grid)
 
+    def miss(self) -> None:
+        """Goes on to the next frame, which does not show the person: as `track` with an empty image."""
+        self._forget_the_lost(False)
+
     def _fitted(self, expected_m: np.ndarray, depth_m: np.ndarray, grid: DepthGrid) -> np.ndarray:
         """(15, 3) joints of the body fitted to the frame: propose, fit, detect, search."""
         last_m = self.state.joints_m

@@ -1,5 +1,6 @@
 """Converts `eval_sim` to EVAL's file format (`kpopnet.datasets.eval.format`)."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -31,9 +32,9 @@ def as_frame(shot: Shot, number: int) -> np.ndarray:
     return frame
 
 
-def as_bytes(shot: Shot, number: int) -> bytes:
-    """The bytes of a frame of EVAL."""
-    return as_frame(shot, number).tobytes()
+def encode(shots: Iterator[Shot]) -> Iterator[bytes]:
+    """The bytes of a file of EVAL, frame by frame."""
+    return (as_frame(shot, number).tobytes() for number, shot in enumerate(shots))
 
 
 def read_frame(path: Path, number: int) -> tuple[np.ndarray, np.ndarray]:
@@ -47,7 +48,7 @@ EVAL_SIM = StandInFormat(
     stands_for="EVAL",
     suffix=".bin",
     truth={"joint_ids": {joint.name.lower(): int(joint) for joint in Joint}, "markers": list(MARKERS)},
-    as_bytes=as_bytes,
+    encode=encode,
     count_frames=count_frames,
     look=read_frame,
 )

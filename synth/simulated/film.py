@@ -99,6 +99,9 @@ class Take:
     view: View
     place_m: np.ndarray
 
+    def __len__(self) -> int:
+        return len(self.played)
+
 
 @dataclass(frozen=True)
 class CleanFrame:
@@ -232,25 +235,35 @@ class Studio:
         Returns:
             The take, or None if none of PLACES positions fits.
         """
-        scene = self.scene
-        back, left, right = room.clear_m()
-        first = np.array([left + WALL_CLEARANCE_M, DISTANCE_RANGE_M[0]])
-        last = np.array([right - WALL_CLEARANCE_M, min(back - WALL_CLEARANCE_M, DISTANCE_RANGE_M[1])])
+        first, last = standing_room_m(room)
         lower, upper = first - played.hull_m.min(axis=0)[:2], last - played.hull_m.max(axis=0)[:2]
         if (lower > upper).any():
             return None
-        scene.set_view(view)
-        scene.set_room(room)
-        room_m = self.renderer.room_m()
+        room_m = self.furnish(room, view)
         for _ in range(PLACES):
             place_m = np.append(rng.uniform(lower, upper), 0.0)
-            turned = played.turned(-np.arctan2(place_m[0], place_m[1]))
-            hull_m = turned.hull_m + place_m
-            if (hull_m[:, :2] < first).any() or (hull_m[:, :2] > last).any() or not self._in_image(hull_m, view):
-                continue
-            if not _collides(room, turned.skin_m + place_m) and not self._is_occluded(turned, place_m, room_m):
-                return Take(turned, room, view, place_m)
+            take = Take(played.turned(-np.arctan2(place_m[0], place_m[1])), room, view, place_m)
+            if self.in_image(take) and self.is_clear(take, room_m):
+                return take
         return None
+
+    def furnish(self, room: Room, view: View) -> np.ndarray:
+        """Sets room and camera of the scene; returns the (H, W) depth of the room without people, metres."""
+        self.scene.set_view(view)
+        self.scene.set_room(room)
+        return self.renderer.room_m()
+
+    def is_clear(self, take: Take, room_m: np.ndarray) -> bool:
+        """Whether nothing of the room is in the way: walls, furniture, or what hides the person.
+
+        Args:
+            take: in the room and before the camera of the last `furnish`.
+            room_m: its result.
+        """
+        (first, last), hull_m = standing_room_m(take.room), take.played.hull_m[:, :2] + take.place_m[:2]
+        if (hull_m < first).any() or (hull_m > last).any():
+            return False
+        return not _collides(take.room, take.played.skin_m + take.place_m) and not self._is_occluded(take, room_m)
 
     def place_in_rooms(
         self, rng: np.random.Generator, played: Played, view_config: ViewConfig, rooms: int, furnished: bool = True
@@ -264,19 +277,21 @@ class Studio:
                 return take
         return None
 
-    def _in_image(self, points_world_m: np.ndarray, view: View) -> bool:
+    def in_image(self, take: Take) -> bool:
+        """Whether the whole motion stays inside the image, IMAGE_MARGIN_PX from its border."""
         camera = self.scene.camera
-        u, v, z = camera.project(view.to_camera(points_world_m)).T
+        u, v, z = camera.project(take.view.to_camera(take.played.hull_m + take.place_m)).T
         outside_px = np.maximum(
             np.abs(u - (camera.width - 1) / 2) - camera.width / 2, np.abs(v - (camera.height - 1) / 2) - camera.height / 2
         )
         return z.min() > 0 and outside_px.max() < -IMAGE_MARGIN_PX
 
-    def _is_occluded(self, played: Played, place_m: np.ndarray, room_m: np.ndarray) -> bool:
+    def _is_occluded(self, take: Take, room_m: np.ndarray) -> bool:
         """Whether furniture occludes the person in any of the tested frames."""
+        played = take.played
         self._set_person(played.person)
         for frame in range(0, len(played), _OCCLUSION_STRIDE):
-            self.scene.pose(played.local[frame], played.hips_m[frame] + place_m)
+            self.scene.pose(played.local[frame], played.hips_m[frame] + take.place_m)
             person_m = self.renderer.person_m()
             occluded = (person_m > 0) & (room_m > 0) & (room_m < person_m)
             # The floor under the feet is not furniture: by rounding, it may occlude the last millimetre of a sole.
@@ -367,6 +382,14 @@ def measure_frame(
         shared,
     )
     return depth_m, labels == PERSON
+
+
+def standing_room_m(room: Room) -> tuple[np.ndarray, np.ndarray]:
+    """The corners (2,) x and y of the floor on which people may be: clear of walls and within DISTANCE_RANGE_M, metres."""
+    back, left, right = room.clear_m()
+    first = np.array([left + WALL_CLEARANCE_M, DISTANCE_RANGE_M[0]])
+    last = np.array([right - WALL_CLEARANCE_M, min(back - WALL_CLEARANCE_M, DISTANCE_RANGE_M[1])])
+    return first, last
 
 
 def _collides(room: Room, points_world_m: np.ndarray) -> bool:

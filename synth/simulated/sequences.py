@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from synth.motion.splice import cut, follow, resampled
 from synth.scene.room import ViewConfig
 from synth.sensor.film_noise import FilmNoise
 from synth.simulated.configuration import SimulatedSet, is_faulty, random_excerpt
-from synth.simulated.film import Film, Shot, Studio, Take
+from synth.simulated.film import Film, Played, Shot, Studio, Take
 
 BODY = BodyConfig(clothes=ClothesConfig(skirt=0.0, coat=0.0, hat=0.0, backpack=0.0, bag=0.0))
 """People as they come to a motion-capture session: markers are worn on trousers and tops. (In a skirt or a coat nobody is found
@@ -90,24 +90,21 @@ class StandInSet(SimulatedSet, ABC):
         """The kind of motion in sequence `index` if motion is composed."""
 
 
-class StandIn(ABC):
-    """Makes the sequences; holds one compiled scene.
+class SequenceMaker(ABC):
+    """Makes the sequences of a set, of one person or of several.
 
     Attributes:
         camera: intrinsics of the camera.
         fps: frames per second.
         view: distribution of the camera's pose.
-        subjects: names of the people; they alternate, so the first few sequences show all of them.
     """
 
     camera: ClassVar[Camera]
     fps: ClassVar[float]
     view: ClassVar[ViewConfig]
-    subjects: ClassVar[tuple[str, ...]]
 
     def __init__(self, config: StandInSet) -> None:
         self.config = config
-        self._recordings = build_motion(config.motion, "test") if config.motion.source == "clips" else None
 
     @classmethod
     @abstractmethod
@@ -115,12 +112,12 @@ class StandIn(ABC):
         """The name of sequence `index`, and of its file without the suffix."""
 
     @abstractmethod
-    def compose(self, rng: np.random.Generator, index: int, seconds: float) -> Motion:
-        """Composes the motion of sequence `index` after its start pose, at least the given number of seconds long."""
+    def take(self, index: int) -> Any:
+        """Draws people, motion, room and view of sequence `index`; its length is the number of frames."""
 
-    @cached_property
-    def studio(self) -> Studio:
-        return Studio(self.camera, self.config.renderer)
+    @abstractmethod
+    def shots(self, index: int, take: Any, frames: range) -> Iterator[Any]:
+        """Renders and measures frames of sequence `index`."""
 
     def _seed(self, kind: str, *numbers: int) -> tuple[int, ...]:
         """The seed of a person, a sequence or its noise. Only this benchmark's seeds start with its name."""
@@ -130,12 +127,40 @@ class StandIn(ABC):
     def _rng(self, kind: str, *numbers: int) -> np.random.Generator:
         return np.random.default_rng(self._seed(kind, *numbers))
 
+    def person(self, subject: int) -> Person:
+        return draw_unseen_person(self._rng("person", subject), BODY)
+
+
+def penetrates_itself(played: Played, standing_frames: int) -> bool:
+    """Whether parts of the body penetrate each other more than while standing, in the first `standing_frames` frames."""
+    standing_m = played.penetration_m[:standing_frames].max()
+    return bool(played.penetration_m.max() > max(standing_m, STANDING_PENETRATION_M) + EXTRA_PENETRATION_M)
+
+
+class StandIn(SequenceMaker):
+    """Makes sequences of one person; holds one compiled scene.
+
+    Attributes:
+        subjects: names of the people; they alternate, so the first few sequences show all of them.
+    """
+
+    subjects: ClassVar[tuple[str, ...]]
+
+    def __init__(self, config: StandInSet) -> None:
+        super().__init__(config)
+        self._recordings = build_motion(config.motion, "test") if config.motion.source == "clips" else None
+
+    @abstractmethod
+    def compose(self, rng: np.random.Generator, index: int, seconds: float) -> Motion:
+        """Composes the motion of sequence `index` after its start pose, at least the given number of seconds long."""
+
+    @cached_property
+    def studio(self) -> Studio:
+        return Studio(self.camera, self.config.renderer)
+
     def subject(self, index: int) -> str:
         """The name of the person in sequence `index`."""
         return self.subjects[index % len(self.subjects)]
-
-    def person(self, subject: int) -> Person:
-        return draw_unseen_person(self._rng("person", subject), BODY)
 
     def take(self, index: int) -> Take:
         """Draws the person, motion, room and view of sequence `index`.
@@ -151,8 +176,7 @@ class StandIn(ABC):
                 continue
             yaw_rad, curls_rad = np.radians(HEADING_STD_DEG) * rng.normal(), rng.uniform(0.0, 1.5, 2)
             played = self.studio.play(person, motion, yaw_rad, curls_rad)
-            standing_m = played.penetration_m[: round(START_S * self.fps)].max()
-            if played.penetration_m.max() > max(standing_m, STANDING_PENETRATION_M) + EXTRA_PENETRATION_M:
+            if penetrates_itself(played, round(START_S * self.fps)):
                 continue
             if (take := self.studio.place_in_rooms(rng, played, self.view, ROOM_TRIES)) is not None:
                 return take

@@ -1,6 +1,7 @@
 """Converts `smmc10_sim` to SMMC-10's file format (`kpopnet.datasets.smmc10.format`)."""
 
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -67,9 +68,9 @@ def as_frame(shot: Shot, number: int, layout: np.dtype = PACKED) -> np.ndarray:
     return frame
 
 
-def as_bytes(shot: Shot, number: int) -> bytes:
-    """The bytes of a packed frame of SMMC-10."""
-    return as_frame(shot, number).tobytes()
+def encode(shots: Iterator[Shot]) -> Iterator[bytes]:
+    """The bytes of a file of SMMC-10, frame by frame."""
+    return (as_frame(shot, number).tobytes() for number, shot in enumerate(shots))
 
 
 def count_frames(path: Path) -> int:
@@ -97,7 +98,7 @@ SMMC10_SIM = StandInFormat(
         "joint_markers": {joint: [MARKER_IDS[name] for name in names] for joint, names in JOINT_MARKERS.items()},
         "markers": MARKER_IDS,
     },
-    as_bytes=as_bytes,
+    encode=encode,
     count_frames=count_frames,
     look=read_frame,
 )

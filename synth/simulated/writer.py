@@ -1,11 +1,12 @@
-"""Writes simulated EVAL and SMMC-10 in the real formats, with a manifest that calls them simulated, and a contact sheet."""
+"""Writes simulated sequences, with a manifest that calls them simulated, and a contact sheet."""
 
 import dataclasses
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,8 +15,7 @@ from kpopnet.datasets.manifest import manifest_path, read_manifest
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.viz.drawing import TRUE, depth_rgb, draw_skeleton, enlarged, save_png, sheet, with_captions
 from synth.resumable import Units, make_missing, remove_unfinished
-from synth.simulated.film import Shot
-from synth.simulated.sequences import StandIn, StandInSet
+from synth.simulated.sequences import SequenceMaker, StandInSet
 
 TILES = 10
 TILE_WIDTH_PX, TILE_PORTRAIT_PX = 240, 160
@@ -27,19 +27,19 @@ class StandInFormat:
 
     Attributes:
         maker: the class that makes its sequences.
-        stands_for: the real set's name.
+        stands_for: the real set's name; None where there is no such real set.
         suffix: of the files' names.
         truth: manifest entries that say where the true joints are in the files.
-        as_bytes: (rendered frame, its number) to the frame as stored.
+        encode: rendered frames to the bytes of the file, in pieces.
         count_frames: (path) to the number of frames in a file.
-        look: (path, frame) to depth (H, W) in metres and true joints (15, 3) in the camera frame, read from a file.
+        look: (path, frame) to depth (H, W) in metres and true joints (..., 15, 3) in the camera frame, read from a file.
     """
 
-    maker: type[StandIn]
-    stands_for: str
+    maker: type[SequenceMaker]
+    stands_for: str | None
     suffix: str
     truth: dict[str, object]
-    as_bytes: Callable[[Shot, int], bytes]
+    encode: Callable[[Iterator[Any]], Iterator[bytes]]
     count_frames: Callable[[Path], int]
     look: Callable[[Path, int], tuple[np.ndarray, np.ndarray]]
 
@@ -73,10 +73,11 @@ def write_set(form: StandInFormat, config: StandInSet, folder: Path, processes: 
 def _claim(form: StandInFormat, config: StandInSet, folder: Path) -> dict:
     """Writes the manifest before the first file, so that no simulated file ever lies in a folder without one."""
     maker = form.maker
-    count = config.amount_in(folder, read_manifest(folder), f"*{form.suffix}", f"the real {form.stands_for}")
+    real = form.stands_for
+    count = config.amount_in(folder, read_manifest(folder), f"*{form.suffix}", f"the real {real}" if real else "recordings")
     manifest = {
         "simulated": True,
-        "about": f"SIMULATED sequences in the format of {form.stands_for}; not {form.stands_for}, and no real person.",
+        "about": f"SIMULATED sequences{f' in the format of {real}; not {real}, and' if real else ','} no real person.",
         "benchmark": config.benchmark.name,
         "seed": config.benchmark.seed,
         "hash": config.hash,
@@ -92,7 +93,7 @@ def _claim(form: StandInFormat, config: StandInSet, folder: Path) -> dict:
     return manifest
 
 
-_makers: dict[str, StandIn] = {}
+_makers: dict[str, SequenceMaker] = {}
 
 
 def write_sequence(
@@ -104,10 +105,15 @@ def write_sequence(
         _makers[config.hash] = form.maker(config)
     maker = _makers[config.hash]
     take = maker.take(index)
+    shots = _counted(maker.shots(index, take, range(len(take))), on_frame)
     with atomic_path(form.path(folder, index)) as part, part.open("wb") as file:
-        for number, shot in enumerate(maker.shots(index, take, range(len(take.played)))):
-            file.write(form.as_bytes(shot, number))
-            on_frame()
+        file.writelines(form.encode(shots))
+
+
+def _counted(shots: Iterator[Any], on_frame: Callable[[], None]) -> Iterator[Any]:
+    for shot in shots:
+        yield shot
+        on_frame()
 
 
 def contact_sheet(form: StandInFormat, folder: Path, manifest: dict) -> np.ndarray:
@@ -124,7 +130,8 @@ def contact_sheet(form: StandInFormat, folder: Path, manifest: dict) -> np.ndarr
         for number in np.linspace(0, frames - 1, TILES).astype(int).tolist():
             depth_m, joints_camera_m = form.look(path, number)
             image = enlarged(depth_rgb(depth_m), width_px)
-            draw_skeleton(image, joints_camera_m, camera, TRUE)
+            for person_m in joints_camera_m.reshape(-1, *joints_camera_m.shape[-2:]):
+                draw_skeleton(image, person_m, camera, TRUE)
             tiles.append(with_captions(image, (f"frame {number}",)))
         rows.append((f"{name}: {kind}, {frames} frames", tiles))
     return sheet(rows, (TRUE,), f"SIMULATED, {manifest['benchmark']}, seed {manifest['seed']}: depth and true joints")

@@ -1,0 +1,202 @@
+"""`two_people`: simulated films of two people in one room, before a Kinect v1.
+
+24 sequences of 260 to 320 frames at 30 fps, four of each kind of scene: they cross, one passes behind the other and back, they
+hug, one leaves the image, one enters it, they dance side by side (`synth.motion.choreography.pairs`). Everybody is somebody
+else: no person is in two sequences, or in a training set. There is no real set of this kind that it stands for.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from kpopnet.camera import CAMERAS, Camera
+from kpopnet.errors import InputError
+from synth.motion.choreography.pairs import LEAVES_IMAGE, SCRIPTS, Role, scene
+from synth.samples.observe import LIMB_ENDS
+from synth.scene.room import ViewConfig, draw_room, draw_view
+from synth.sensor.film_noise import FilmNoise
+from synth.sensor.model import SENSORS, SensorConfig, measure_labelled
+from synth.simulated.film import ROOM, CleanFrame, Played, Studio, Take
+from synth.simulated.sequences import (
+    HEADING_STD_DEG,
+    SequenceMaker,
+    StandInSelection,
+    StandInSet,
+    penetrates_itself,
+)
+
+SEQUENCES = 24
+FPS = 30.0
+CAMERA = CAMERAS["eval"]
+KINDS = tuple(SCRIPTS)
+"""Sequence k shows KINDS[k % 6]."""
+
+APART_M = 0.15
+"""Least distance between joints of the two, but for those who hug."""
+
+SCENE_TRIES, ROOM_TRIES, PLACES = 100, 16, 12
+"""Scenes tried for a sequence, rooms tried for each, and places in each room."""
+
+STAGE_M = ((-0.25, 0.25), (2.3, 3.6))
+"""Ranges of the middle of the stage: to the right of the camera, and from it; metres."""
+
+
+@dataclass
+class TwoPeopleConfig(StandInSelection):
+    """Identity and size of the set. Its first six sequences show one scene of each kind."""
+
+    whole: ClassVar[int] = SEQUENCES
+    name: str = "two_people"
+    sequences: int = SEQUENCES
+
+
+@dataclass(frozen=True)
+class TwoPeopleSet(StandInSet):
+    """Every setting that the sequences depend on."""
+
+    benchmark: TwoPeopleConfig = field(default_factory=TwoPeopleConfig)
+    sensor: SensorConfig = SENSORS["kinect_v1"]
+    frames: tuple[int, int] = (260, 320)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.motion.source == "clips":
+            raise InputError("motion=clips: nobody in a recording minds a second person; take motion=choreography")
+
+    def composed_kind(self, index: int) -> str:
+        return KINDS[index % len(KINDS)]
+
+
+@dataclass(frozen=True)
+class Duet:
+    """Two takes in one room before one camera, with the same number of frames."""
+
+    takes: tuple[Take, Take]
+
+    def __len__(self) -> int:
+        return len(self.takes[0])
+
+
+@dataclass(frozen=True)
+class DuetShot:
+    """One measured frame of two people.
+
+    Attributes:
+        depth_m: (H, W) float32 depth of the whole scene, metres, 0 where nothing was measured.
+        joints_camera_m: (2, 15, 3) float32 true joints, metres.
+        alone_px: (2,) pixels inside the image that would show each person if the other were not there.
+        seen_px: (2,) pixels that show each person, before the sensor's noise.
+    """
+
+    depth_m: np.ndarray
+    joints_camera_m: np.ndarray
+    alone_px: np.ndarray
+    seen_px: np.ndarray
+
+
+class TwoPeople(SequenceMaker):
+    """Makes the sequences; holds a compiled scene for each of the two."""
+
+    camera: ClassVar[Camera] = CAMERA
+    fps = FPS
+    view = ViewConfig(height_m=(0.9, 1.7), aim_m=(0.85, 1.15))
+
+    @classmethod
+    def sequence_name(cls, index: int) -> str:
+        return f"pair_{index:02d}"
+
+    @cached_property
+    def studios(self) -> tuple[Studio, Studio]:
+        return Studio(CAMERA, self.config.renderer), Studio(CAMERA, self.config.renderer)
+
+    def take(self, index: int) -> Duet:
+        """Draws the people, scene, room and view of sequence `index`.
+
+        Raises:
+            InputError: no scene stays inside a room and the image.
+        """
+        kind, people = self.config.kind(index), [self.person(2 * index + number) for number in (0, 1)]
+        for attempt in range(SCENE_TRIES):
+            rng = self._rng("sequence", index, attempt)
+            roles = scene(rng, kind, int(rng.integers(*self.config.frames, endpoint=True)), FPS)
+            cast = []
+            for studio, person, role in zip(self.studios, people, roles, strict=True):
+                yaw_rad, curls_rad = np.radians(HEADING_STD_DEG) * rng.normal(), rng.uniform(0.0, 1.5, 2)
+                cast.append(studio.play(person, role.motion, 0.0 if kind == "hug" else yaw_rad, curls_rad))
+            if any(penetrates_itself(played, round(FPS)) for played in cast):
+                continue
+            if kind != "hug" and self._nearest_m(cast, roles) < APART_M:
+                continue
+            if (duet := self._place(rng, cast, roles, kind in LEAVES_IMAGE)) is not None:
+                return duet
+        raise InputError(f"{self.sequence_name(index)}: none of {SCENE_TRIES} scenes stays inside a room and the image")
+
+    def _nearest_m(self, cast: list[Played], roles: tuple[Role, Role]) -> float:
+        """The least distance between a joint of the one and a joint of the other in the same frame, metres."""
+        first, second = (
+            studio.joints_world_m(played.person, played.local, played.hips_m + _on_stage(role.place_m, 0.0))
+            for studio, played, role in zip(self.studios, cast, roles, strict=True)
+        )
+        return float(np.linalg.norm(first[:, :, None] - second[:, None], axis=-1).min())
+
+    def _place(self, rng: np.random.Generator, cast: list[Played], roles: tuple[Role, Role], leaves: bool) -> Duet | None:
+        """Searches a place in a room where both are seen whole, but for the second where they leave the image."""
+        for _ in range(ROOM_TRIES):
+            view, room = draw_view(rng, self.view), draw_room(rng)
+            rooms_m = [studio.furnish(room, view) for studio in self.studios]
+            for _ in range(PLACES):
+                x_m, y_m = (rng.uniform(*bounds) for bounds in STAGE_M)
+                yaw_rad = -np.arctan2(x_m, y_m)  # what was played towards the camera still faces it
+                takes = [
+                    Take(played.turned(yaw_rad), room, view, _on_stage(role.place_m, yaw_rad) + np.array((x_m, y_m, 0.0)))
+                    for played, role in zip(cast, roles, strict=True)
+                ]
+                shown = zip(self.studios, takes, (True, not leaves), strict=True)
+                if all(not inside or studio.in_image(take) for studio, take, inside in shown) and all(
+                    studio.is_clear(take, room_m) for studio, take, room_m in zip(self.studios, takes, rooms_m, strict=True)
+                ):
+                    return Duet((takes[0], takes[1]))
+        return None
+
+    def shots(self, index: int, take: Duet, frames: range) -> Iterator[DuetShot]:
+        """Renders and measures frames of sequence `index`; a frame is the same whichever others are made."""
+        noise = FilmNoise(self._seed("noise", index))
+        rendered = (studio.render(one, frames) for studio, one in zip(self.studios, take.takes, strict=True))
+        return (measure(pair, self.camera, self.config.sensor, noise) for pair in zip(*rendered, strict=True))
+
+
+def _on_stage(place_m: tuple[float, float], yaw_rad: float) -> np.ndarray:
+    """(3,) position from the middle of a stage turned to the left, world frame, metres: z of the place faces the camera."""
+    (x, z), cos, sin = place_m, np.cos(yaw_rad), np.sin(yaw_rad)
+    return np.array([cos * x + sin * z, sin * x - cos * z, 0.0])
+
+
+def measure(pair: tuple[CleanFrame, CleanFrame], camera: Camera, sensor: SensorConfig, noise: FilmNoise) -> DuetShot:
+    """Puts two people, each rendered alone in the same room, into one image, and applies the sensor model."""
+    surfaces = np.stack([pair[0].room_m, *(clean.person_m for clean in pair)])
+    surfaces[surfaces == 0] = np.inf
+    nearest_m = surfaces.min(axis=0)
+    in_sight = [(one <= surfaces[0]) & np.isfinite(one) for one in surfaces[1:]]
+    label = np.full(nearest_m.shape, ROOM, np.uint8)
+    for number, (one, visible) in enumerate(zip(surfaces[1:], in_sight, strict=True), ROOM + 1):
+        label[visible & (one == nearest_m)] = number
+    joints_m = np.stack([clean.joints_camera_m for clean in pair])
+    rng, shared = noise.frame(pair[0].number)
+    depth_m, _ = measure_labelled(
+        np.where(np.isfinite(nearest_m), nearest_m, np.float32(0)),
+        label,
+        camera,
+        sensor,
+        rng,
+        joints_m[:, LIMB_ENDS].reshape(-1, 3),
+        shared,
+    )
+    return DuetShot(
+        depth_m=depth_m,
+        joints_camera_m=joints_m,
+        alone_px=np.array([np.count_nonzero(one) for one in in_sight]),
+        seen_px=np.array([np.count_nonzero(label == ROOM + 1 + number) for number in range(len(pair))]),
+    )
