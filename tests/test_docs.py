@@ -11,6 +11,7 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 from programs import ROOT
+from two_people_files import two_people_mm
 
 PAGES = {
     path.name: path.read_text()
@@ -124,6 +125,12 @@ def test_a_dance_is_scored_as_the_page_says() -> None:
     }  # fmt: skip
     exec(score, given)
     assert given["score"].similarity > 0
+
+
+def test_people_are_tracked_as_the_page_says(capsys) -> None:
+    program = next(program for page, program in fenced("python") if page == "trackers.md")
+    exec(program, {"depth": two_people_mm(frames=12)})
+    assert capsys.readouterr().out.splitlines() == ["0 (12, 15, 3)", "1 (12, 15, 3)"]
 
 
 def test_the_map_from_the_paper_leads_somewhere() -> None:

@@ -17,6 +17,7 @@ from factories import write_shard
 from itop_files import write_itop
 from recorded_points import FRAMES, coco, person
 from scipy.io import savemat
+from two_people_files import write_two_people
 from y_people import y_joints
 
 from kpopnet.baselines.tree_walk.estimator import TreeWalkEstimator, TreeWalkEstimatorConfig
@@ -38,6 +39,7 @@ from kpopnet.datasets.itop import ItopBenchmark, ItopConfig
 from kpopnet.datasets.smmc10.benchmark import Smmc10Benchmark, Smmc10Config
 from kpopnet.datasets.smmc10.format import PACKED
 from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
+from kpopnet.datasets.two_people import TwoPeopleConfig, TwoPeopleSet
 from kpopnet.datasets.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.networks import ModelConfig
@@ -351,6 +353,12 @@ def make_points(folder: Path) -> None:
     np.savez(folder / "a.npz", points=coco(), names=np.array(COCO_NAMES), fps=30.0, confidence=np.ones((FRAMES, 17)))
 
 
+def read_two_people(folder: Path) -> None:
+    a_set = TwoPeopleSet(TwoPeopleConfig(path=str(folder)))
+    for name in a_set.names:
+        a_set.read(name)
+
+
 FORMATS = {
     "shard_clean": Format(lambda folder: make_shard(folder, "clean"), ("*.h5",), read_shards),
     "shard_frozen": Format(lambda folder: make_shard(folder, "frozen"), ("*.h5",), read_frozen),
@@ -360,6 +368,7 @@ FORMATS = {
     "smmc10": Format(make_smmc10, ("*.bin",), read_smmc10),
     "utd_mhad": Format(make_utd, ("*/*.mat",), read_utd),
     "simulated_manifest": Format(make_simulated, ("manifest.json",), read_simulated),
+    "two_people": Format(lambda folder: write_two_people(folder, 2), ("*.npz", "manifest.json"), read_two_people),
     "checkpoint_meta": Format(make_checkpoint, ("checkpoints/*/meta.json",), read_checkpoint),
     "checkpoint_weights": Format(make_checkpoint, ("checkpoints/*/model.safetensors",), read_checkpoint),
     "onnx": Format(make_onnx, ("pose.onnx",), read_exported),

@@ -79,6 +79,25 @@ def test_one_who_leaves_is_missing_and_the_other_is_not_disturbed() -> None:
     assert np.median(error_m(stayed, joints[1])[-10:]) < 0.08
 
 
+def test_who_stood_there_first_keeps_the_identity_when_another_moves_first() -> None:
+    still, moving = path((-0.8, 2.6)), path((0.8, 3.0), (0.4, 3.0))
+    still = np.concatenate([np.repeat(still[:1], len(moving), axis=0), path((-0.8, 2.6), (-0.4, 2.6))[STILL:]])
+    moving = np.concatenate([moving, np.repeat(moving[-1:], len(still) - len(moving), axis=0)])
+    joints, depth = film(still, moving)
+    people = track_people(depth, CAMERA)
+    assert len(people) == 2 and of(joints[0], people, 2) is of(joints[0], people, -1)
+
+
+def test_who_enters_is_tracked_once_whole_and_well_from_then_on() -> None:
+    entering = path((2.3, 2.8), (0.5, 2.8), step_m=0.06)
+    swaying = path((-0.8, 2.8), (-0.6, 2.8), (-0.8, 2.8), (-0.6, 2.8), step_m=0.02)[: len(entering)]
+    joints, depth = film(entering[: len(swaying)], swaying)
+    person = of(joints[0], track_people(depth, CAMERA), -1)
+    first = np.flatnonzero(np.isfinite(person.joints_camera_m).all(axis=(1, 2)))[0]
+    assert 0 < CAMERA.project(joints[0, first])[:, 0].max() < CAMERA.width
+    assert np.median(error_m(person, joints[0])[first:]) < 0.08
+
+
 def test_online_and_recorded_tracking_agree_and_people_are_limited() -> None:
     _, depth = film(path((-0.8, 2.5), (-0.2, 2.5)), path((0.8, 3.0), (0.2, 3.0)))
     recorded, online = track_people(depth, CAMERA), PeopleTracker(CAMERA)

@@ -1,0 +1,45 @@
+"""A small set in the format of `two_people`, of people of cones."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+from cone_people import cone_body, cone_joints, draw_cones
+
+from kpopnet.camera import CAMERAS
+
+CAMERA = CAMERAS["kinect_v1"]
+WALL_M = 4.6
+
+
+def draw_two_people(frames: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(T, H, W) uint16 millimetres, (T, 2, 15, 3) true joints and (T, 2) pixels of two people who glide sideways."""
+    standing = cone_joints(-70, 6, place_m=(0, 0, 0))
+    ways = np.linspace(-0.2, 0.2, frames)[:, None] * (1, -1) + (-0.7, 0.7)
+    joints_m = np.array([[standing + np.array((x, 0.15, 2.8)) for x in places] for places in ways], np.float32)
+    depth_m, body = np.full((frames, CAMERA.height, CAMERA.width), WALL_M), cone_body(standing)
+    pixels = np.zeros((frames, 2), np.int32)
+    for frame in range(frames):
+        for person in range(2):
+            drawn = draw_cones(joints_m[frame, person], body, CAMERA)
+            np.minimum(depth_m[frame], drawn, out=depth_m[frame], where=drawn > 0)
+            pixels[frame, person] = np.count_nonzero(drawn)
+    return np.rint(1000 * depth_m).astype(np.uint16), joints_m, pixels
+
+
+def two_people_mm(frames: int) -> np.ndarray:
+    """The depth of `draw_two_people`."""
+    return draw_two_people(frames)[0]
+
+
+def write_two_people(folder: Path, frames: int) -> None:
+    """Writes one sequence of `draw_two_people`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    depth_mm, joints_m, pixels = draw_two_people(frames)
+    np.savez_compressed(folder / "pair_00.npz", depth_mm=depth_mm, joints_m=joints_m, alone_px=pixels, seen_px=pixels)
+    manifest = {
+        "simulated": True, "benchmark": "two_people", "seed": 3, "hash": "0" * 12, "sequences": 1, "config": {"generator": 2},
+        "contents": {"pair_00": "side_by_side"}, "fps": 30.0, "camera": asdict(CAMERA),
+    }  # fmt: skip
+    (folder / "manifest.json").write_text(json.dumps(manifest))

@@ -1,0 +1,96 @@
+"""Films of two people: the scenes are what they are called, and a file is a pure function of the settings."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kpopnet.datasets.two_people import TwoPeopleConfig as ReaderConfig
+from kpopnet.datasets.two_people import TwoPeopleSet as Reader
+from kpopnet.errors import InputError
+from kpopnet.skeleton import Joint
+from synth.motion import MotionConfig
+from synth.motion.choreography.pairs import SCRIPTS, scene, walk
+from synth.motion.choreography.stage import perform
+from synth.sensor.film_noise import FilmNoise
+from synth.sensor.model import SENSORS
+from synth.simulated.film import CleanFrame
+from synth.simulated.two_people import CAMERA, KINDS, TwoPeople, TwoPeopleConfig, TwoPeopleSet, measure
+from synth.simulated.two_people_files import TWO_PEOPLE
+from synth.simulated.writer import write_set
+
+SHORT = TwoPeopleSet(TwoPeopleConfig(seed=3, sequences=1), frames=(12, 16))
+
+
+@pytest.fixture(scope="module")
+def maker() -> TwoPeople:
+    return TwoPeople(TwoPeopleSet(TwoPeopleConfig(seed=5)))
+
+
+@pytest.mark.parametrize("distance_m", [1.6, 0.5, -0.6])
+def test_a_walk_goes_as_far_as_it_is_told(distance_m: float) -> None:
+    motion = perform(walk(distance_m), 100.0, 200, 30.0, "walk")
+    x, _, z = (motion.root_m[-1] - motion.root_m[0]).tolist()
+    assert z == pytest.approx(distance_m, abs=0.03) and abs(x) < 0.1
+
+
+@pytest.mark.parametrize("kind", SCRIPTS)
+def test_both_play_the_same_number_of_frames(kind: str) -> None:
+    roles = scene(np.random.default_rng(1), kind, 200, 30.0)
+    assert [len(role.motion) for role in roles] == [200, 200]
+
+
+def middles_m(maker: TwoPeople, index: int) -> np.ndarray:
+    """(2, T, 2) x and y of the hips of both in the world."""
+    return np.array([take.played.hips_m[:, :2] + take.place_m[:2] for take in maker.take(index).takes])
+
+
+def test_the_scenes_are_what_they_are_called(maker: TwoPeople) -> None:
+    crossing, hug, leaving, entering = (
+        middles_m(maker, KINDS.index(kind)) for kind in ("crossing", "hug", "leaving", "entering")
+    )
+    order = np.sign(crossing[0, :, 0] - crossing[1, :, 0])
+    assert order[0] == -order[-1]
+    apart = np.linalg.norm(hug[0] - hug[1], axis=1)
+    assert apart.min() < 0.55 and apart[[0, -1]].min() > 1.0
+    assert abs(leaving[1, -1, 0]) > 1.6 > abs(leaving[1, 0, 0])
+    assert abs(entering[1, 0, 0]) > 1.6 > abs(entering[1, -1, 0])
+
+
+def clean(depth_m: float, columns: slice, room_m: np.ndarray) -> CleanFrame:
+    person_m = np.zeros_like(room_m)
+    person_m[:, columns] = depth_m
+    return CleanFrame(0, person_m, room_m, np.full((15, 3), (0, 0, 1.0), np.float32))
+
+
+def test_the_nearer_of_two_people_hides_the_other() -> None:
+    room_m = np.full((CAMERA.height, CAMERA.width), 4, np.float32)
+    room_m[0] = 0  # nothing is there
+    near, far = clean(2.0, slice(0, 100), room_m), clean(3.0, slice(50, 150), room_m)
+    for pair, turned in (((near, far), 1), ((far, near), -1)):
+        shot = measure(pair, CAMERA, SENSORS["ideal"], FilmNoise((1,)))
+        assert shot.alone_px[::turned].tolist() == [100 * 240, 100 * 240]
+        assert shot.seen_px[::turned].tolist() == [100 * 240, 50 * 240]
+        assert (shot.depth_m[:, :100] == 2).all() and (shot.depth_m[:, 100:150] == 3).all()
+        assert (shot.depth_m[1:, 150:] == 4).all() and (shot.depth_m[0, 150:] == 0).all()
+
+
+def test_files_are_reproducible_and_read_back(tmp_path: Path) -> None:
+    for name in ("one", "other"):
+        write_set(TWO_PEOPLE, SHORT, tmp_path / name, processes=1)
+    one, other = ((tmp_path / name / "pair_00.npz").read_bytes() for name in ("one", "other"))
+    assert one == other and (tmp_path / "one" / "contact_sheet.png").exists()
+    sequence = Reader(ReaderConfig(path=str(tmp_path / "one"))).read("pair_00")
+    assert 12 <= len(sequence.depth_mm) <= 16 and sequence.kind == "crossing"
+    depth_m = sequence.depth_mm / 1000
+    for joints_m in sequence.joints_camera_m[0]:
+        u, v, z = CAMERA.project(joints_m[Joint.TORSO])
+        assert 0 < z - depth_m[0, round(v), round(u)] < 0.3  # the torso lies behind its skin
+    with pytest.raises(InputError, match="another set"):
+        write_set(TWO_PEOPLE, replace(SHORT, benchmark=TwoPeopleConfig(seed=4, sequences=1)), tmp_path / "one", 1)
+
+
+def test_recorded_motion_is_refused() -> None:
+    with pytest.raises(InputError, match="second person"):
+        TwoPeopleSet(motion=MotionConfig(source="clips", path="somewhere"))
