@@ -80,9 +80,8 @@ def test_one_who_leaves_is_missing_and_the_other_is_not_disturbed() -> None:
 
 
 def test_who_stood_there_first_keeps_the_identity_when_another_moves_first() -> None:
-    still, moving = path((-0.8, 2.6)), path((0.8, 3.0), (0.4, 3.0))
-    still = np.concatenate([np.repeat(still[:1], len(moving), axis=0), path((-0.8, 2.6), (-0.4, 2.6))[STILL:]])
-    moving = np.concatenate([moving, np.repeat(moving[-1:], len(still) - len(moving), axis=0)])
+    still, moving = path((-0.8, 2.6), (0.0, 2.6)), path((0.8, 3.2), (0.0, 3.2))
+    still = np.concatenate([np.repeat(still[:1], 4, axis=0), still])[: len(moving)]  # four frames later
     joints, depth = film(still, moving)
     people = track_people(depth, CAMERA)
     assert len(people) == 2 and of(joints[0], people, 2) is of(joints[0], people, -1)
