@@ -1,5 +1,9 @@
 """The page in a real browser: pick a dance, dance it, look at the verdict, practise; narrow screens; two tabs; a reload."""
 
+import re
+import time
+
+import numpy as np
 import pytest
 
 pytest.importorskip("aiohttp", reason="the extra app is not installed")
@@ -9,6 +13,10 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import WebDriverWait
 from teacher_page import BROWSER, DRIVER, NARROW, chromium, resize, served
+
+from kpopnet.teacher.live.lesson import DanceClock, Lesson
+from kpopnet.teacher.live.running import RunningLesson
+from kpopnet.teacher.live.watching import Image
 
 if not (DRIVER and BROWSER):
     pytest.skip("no Chromium with its chromedriver on this machine", allow_module_level=True)
@@ -137,3 +145,33 @@ def test_learners_come_in_the_right_order(address, browser):
         assert skill == "best" or (skill == "perfect") == ("," not in verdict), (skill, verdict)  # the reason, where it is not
     assert totals["perfect"] >= 90 and totals["perfect"] > totals["best"] > totals["worst"] + 10, totals
     assert totals["waving"] < 20 and totals["still"] < 20, totals
+
+
+def test_a_film_is_followed_cancelled_and_made(teaching, address, browser):
+    lesson, dance = Lesson("dance_001", to_s=4.0, speed=0.25), teaching.library.dance("dance_001")
+    running, clock = RunningLesson(lesson, dance, "none"), DanceClock(0.0, 1.0)
+    clock.start(0.0)
+    begun = time.monotonic()
+    for frame in range(130):
+        image = Image(np.zeros((2, 2), np.float32), begun + frame / dance.fps)
+        running.score(clock, image, dance.joints_m[frame], np.ones(15))
+    result, recording = running.finish(0)
+    browser.get(f"{address}#/dance/dance_001/try/{teaching.sessions.save(result, recording.arrays())}")
+    button = find(browser, "#film")
+    button.send_keys(Keys.ENTER)
+    until(browser, lambda one: re.search("making the film: [1-9]", find(one, "#film-told").text))
+    assert button.text == "cancel the film"
+    button.send_keys(Keys.ENTER)
+    until(browser, lambda one: "was cancelled" in find(one, "#film-told").text)
+    assert not list(teaching.sessions.folder.rglob("*.mp4*"))
+    until(browser, lambda one: "is saved" in one.find_element(By.ID, "film-told").text or asked_again(one))
+    (film,) = teaching.sessions.folder.rglob("*.mp4")
+    assert film.read_bytes()[4:8] == b"ftyp"
+
+
+def asked_again(driver) -> bool:
+    """Asks for the film, which the server may still be cancelling; False."""
+    button = driver.find_element(By.ID, "film")
+    if button.text != "cancel the film":
+        button.send_keys(Keys.ENTER)
+    return False
