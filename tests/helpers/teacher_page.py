@@ -4,10 +4,17 @@ import asyncio
 import contextlib
 import shutil
 import threading
+import time
 from collections.abc import Iterator
+from pathlib import Path
 
+import numpy as np
 from aiohttp import web
 
+from kpopnet.programs.teach import open_source
+from kpopnet.sources.live import CameraAwayError, LiveCamera
+from kpopnet.teacher.library import TaughtDance
+from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from kpopnet.teacher.safety import LOOPBACK_NAMES
 from kpopnet.teacher.server import Teaching, make_app
 
@@ -70,3 +77,25 @@ def resize(driver, size: tuple[int, int]) -> None:
     """Gives the page this width and height in pixels."""
     metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False}
     driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+
+
+class UnsteadyCamera:
+    """The simulated learner's camera, which is unplugged while a file exists; a `LiveCamera`."""
+
+    def __init__(self, unplugged: Path, camera: LiveCamera) -> None:
+        self.camera, self._unplugged, self._source = camera.camera, unplugged, camera
+
+    def read(self) -> tuple[np.ndarray, float] | None:
+        """See `LiveCamera.read`."""
+        if self._unplugged.exists():
+            time.sleep(0.2)
+            raise CameraAwayError("plug the camera in")
+        return self._source.read()
+
+    def close(self) -> None:
+        self._source.close()
+
+
+def open_unsteady(unplugged: Path, lesson: Lesson, dance: TaughtDance, clock: DanceClock) -> LiveCamera:
+    """A `CameraOpener` of such cameras."""
+    return UnsteadyCamera(unplugged, open_source(None, lesson, dance, clock))

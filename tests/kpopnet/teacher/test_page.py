@@ -2,6 +2,8 @@
 
 import re
 import time
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,10 +14,11 @@ pytest.importorskip("selenium", reason="selenium is not installed")
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import WebDriverWait
-from teacher_page import BROWSER, DRIVER, NARROW, chromium, resize, served
+from teacher_page import BROWSER, DRIVER, NARROW, chromium, open_unsteady, resize, served
 
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from kpopnet.teacher.live.running import RunningLesson
+from kpopnet.teacher.live.stage import Settings
 from kpopnet.teacher.live.watching import Image
 
 if not (DRIVER and BROWSER):
@@ -145,6 +148,46 @@ def test_learners_come_in_the_right_order(address, browser):
         assert skill == "best" or (skill == "perfect") == ("," not in verdict), (skill, verdict)  # the reason, where it is not
     assert totals["perfect"] >= 90 and totals["perfect"] > totals["best"] > totals["worst"] + 10, totals
     assert totals["waving"] < 20 and totals["still"] < 20, totals
+
+
+def test_a_camera_that_is_unplugged_interrupts_the_dance_until_it_is_back(teaching, browser, tmp_path):
+    unplugged = tmp_path / "unplugged"
+    unsteady = replace(teaching, settings=Settings(partial(open_unsteady, unplugged), "tracker"))
+    with served(unsteady) as address:
+        browser.get(f"{address}#/dance/dance_001?go&speed=50&skill=perfect")  # long enough that it is not over yet
+        until(browser, lambda one: find(one, "#so-far").text.isdigit())
+        unplugged.touch()
+        until(browser, lambda one: find(one, "#guide").text == "plug the camera in")
+        assert find(browser, "#start").text == "Stop" and find(browser, "#error").text == ""
+        unplugged.unlink()
+        until(browser, lambda one: find(one, "#guide").text != "plug the camera in")
+        assert total_of(browser) > 80
+
+
+def said_of(driver) -> float:
+    """The total that is said at the end of a dance that is looped."""
+    return float(until(driver, lambda one: re.fullmatch(r"(\d+) of 100", find(one, "#words").text))[1])
+
+
+def test_two_lessons_at_once_and_a_reload_in_the_middle(address, browser):
+    windows = {}
+    for skill, dance in (("perfect", "dance_001"), ("still", "dance_002")):
+        if windows:
+            browser.switch_to.new_window("window")
+        windows[skill] = browser.current_window_handle
+        browser.get(f"{address}#/dance/{dance}?go&loop&phrase=0&speed=25&skill={skill}")
+        until(browser, lambda one: find(one, "#so-far").text.isdigit())
+    browser.refresh()
+    until(browser, lambda one: find(one, "#so-far").text.isdigit())
+    browser.switch_to.new_window("window")
+    browser.get(f"{address}#/dance/dance_002?go")
+    until(browser, lambda one: "2 dances are going on" in find(one, "#error").text)
+    browser.close()
+    totals = {}
+    for skill, window in windows.items():
+        browser.switch_to.window(window)
+        totals[skill] = said_of(browser)
+    assert totals["perfect"] > 60 and totals["still"] < 20, totals
 
 
 def test_a_film_is_followed_cancelled_and_made(teaching, address, browser):
