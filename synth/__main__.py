@@ -6,7 +6,7 @@
     python -m synth motion=clips motion.path=/my/bvh sensor=kinect_2 camera=kinect_2 out=data/mine
     python -m synth preset=small frozen=[train,validation,test]     noisy depth and ridge images on disk
 
-or a simulated benchmark, in the file format of the real one:
+or a simulated benchmark, in the file format of the real one where there is one:
 
     python -m synth benchmark=eval_sim                              24 sequences, 8 GB, into data/eval_sim
     python -m synth benchmark=eval_sim benchmark.seed=1 benchmark.sequences=8 out=data/eval_sim_1

@@ -27,6 +27,8 @@ from kpopnet.evaluation.poses.metrics import PoseResults
 from kpopnet.evaluation.poses.run import run_benchmark
 from kpopnet.evaluation.registry import BENCHMARKS, build_benchmark
 from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.programs.evaluate import EVALUATIONS
+from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.skeleton import JOINT_GROUPS, NUM_JOINTS
 
 GROUPS = {"all": tuple(range(NUM_JOINTS)), **{name: tuple(map(int, joints)) for name, joints in JOINT_GROUPS.items()}}
@@ -71,7 +73,7 @@ def figures(results: list[PoseResults], seed: int) -> dict[str, dict]:
 
 
 def differences(first: list[PoseResults], second: list[PoseResults], seed: int) -> dict[str, dict]:
-    """By joint group: the same figures of the first networks less those of the second, network by network of the same seed.
+    """By joint group: the same figures of the first networks less those of the second, network by network in the order given.
 
     Mean errors are compared over the joints that both networks found, as in `kpopnet.evaluation.poses.metrics.difference`.
     """
@@ -96,8 +98,8 @@ def _pooled(values: np.ndarray, counted: np.ndarray, bootstrap: Bootstrap) -> di
     }
 
 
-def _ratio(total: float, count: float) -> float:
-    return float(total / count) if count else float("nan")
+def _ratio(total: float, count: float) -> float | None:
+    return float(total / count) if count else None
 
 
 def in_the_labels_definition(benchmark: Benchmark, results: dict[str, PoseResults]) -> dict[str, PoseResults]:
@@ -130,26 +132,15 @@ def print_tables(title: str, found: dict[str, dict]) -> None:
 
 
 def _cells(figure: dict, digits: int) -> str:
-    low, high = figure["interval"] or (np.nan, np.nan)
-    by_network = ", ".join(f"{value:.{digits}f}" for value in figure["by_network"])
-    return f"{figure['value']:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}] | {by_network}"
+    def text(value: float | None) -> str:
+        return "-" if value is None else f"{value:.{digits}f}"
+
+    low, high = figure["interval"] or (None, None)
+    return f"{text(figure['value'])} [{text(low)}, {text(high)}] | {', '.join(map(text, figure['by_network']))}"
 
 
-def program() -> None:
-    """Command line, described in the module's docstring."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("benchmark", choices=sorted(BENCHMARKS), help="name of the benchmark")
-    parser.add_argument("path", help="folder of its data")
-    parser.add_argument("--way", type=way, action="append", required=True, help="NAME=RUN,RUN: networks of several seeds")
-    parser.add_argument("--pair", action="append", default=[], help="A-B or A+C-B+D: the difference of ways")
-    parser.add_argument("--processes", type=int, default=1, help="sequences worked on at once")
-    parser.add_argument("--out", type=Path, required=True, help="folder for comparison.json")
-    arguments = parser.parse_args()
-    ways = dict(arguments.way)
-    try:
-        check_pairs(arguments.pair, ways)
-    except InputError as error:
-        parser.error(str(error))
+def measured(arguments: argparse.Namespace, ways: dict[str, list[str]]) -> dict[str, dict]:
+    """Runs all networks on the benchmark: `compare` of the raw joints, and in the labels' definition where there is one."""
     schema, _ = BENCHMARKS[arguments.benchmark]
     benchmark = build_benchmark(schema(name=arguments.benchmark, path=arguments.path))
     networks = {run: NetworkEstimator(run) for runs in ways.values() for run in runs}
@@ -158,10 +149,32 @@ def program() -> None:
     if hasattr(benchmark, "label_definition"):
         moved = in_the_labels_definition(benchmark, results)
         found["in the labels' definition"] = compare(moved, ways, arguments.pair)
+    return found
+
+
+def program() -> None:
+    """Command line, described in the module's docstring."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("benchmark", choices=sorted(BENCHMARKS.keys() - EVALUATIONS.keys()), help="name of the benchmark")
+    parser.add_argument("path", help="folder of its data")
+    parser.add_argument("--way", type=way, action="append", required=True, help="NAME=RUN,RUN: networks of several seeds")
+    parser.add_argument("--pair", action="append", default=[], help="A-B or A+C-B+D: the difference of ways")
+    parser.add_argument("--processes", type=int, default=1, help="sequences worked on at once")
+    parser.add_argument("--out", type=Path, required=True, help="folder for comparison.json")
+    arguments = parser.parse_args()
+    ways = dict(arguments.way)
+    if len(ways) < len(arguments.way):
+        parser.error("--way: give every way a name of its own")
+    try:
+        check_pairs(arguments.pair, ways)
+        found = measured(arguments, ways)
+    except InputError as error:
+        parser.error(str(error))
     for title, tables in found.items():
-        print_tables(f"{benchmark.name}, {title}", tables)
+        print_tables(f"{arguments.benchmark}, {title}", tables)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    (arguments.out / "comparison.json").write_text(json.dumps({"ways": ways, **found}, indent=1) + "\n")
+    with atomic_path(arguments.out / "comparison.json") as path:
+        path.write_text(json.dumps({"ways": ways, **found}, indent=1, allow_nan=False) + "\n")
 
 
 if __name__ == "__main__":

@@ -81,11 +81,13 @@ class _Track:
     def preview(self, frames: list[tuple[np.ndarray, np.ndarray]], known: int, start: int, stop: int) -> WindowScore:
         """Scores a window as if the joints and confidence in `frames` after the first `known` ones had been added."""
         if new := len(frames) - known:
-            columns = (np.array(column) for column in zip(*frames, strict=True))
-            self._comparison.add(select_rows(features_of(*columns, self._mirrored, self._config), slice(known, None)))
-        window = self._comparison.window(start, stop - start)
-        self._comparison.take_back(new)
-        return window
+            joints_m, confidence = (np.array(column) for column in zip(*frames, strict=True))
+            features = features_of(joints_m, confidence, self._mirrored, self._config)
+            self._comparison.add(select_rows(features, slice(known, None)))
+        try:
+            return self._comparison.window(start, stop - start)
+        finally:
+            self._comparison.take_back(new)
 
     def keep(self, window: WindowScore) -> None:
         """Adds the next window of the dance's score."""

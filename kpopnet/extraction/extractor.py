@@ -151,13 +151,13 @@ class HumanExtractor:
         )
         self._tracks: list[Track] = []
         self._num_identities = 0
-        self._replaced: Track | None = None
         self._reset_background()
 
     def _reset_background(self) -> None:
         self._background = np.full(self._shape, FAR_M, np.float32)
         self._floor: Floor | None = None
         self._num_images = self._num_unexplained = 0
+        self._replaced: Track | None = None
         self._expecting = self._expect_person and not any(track.visible for track in self._tracks)
 
     @property

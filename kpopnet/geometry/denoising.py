@@ -8,8 +8,8 @@ import numpy as np
 from numba import njit
 
 MAX_NOISE_M = 0.025
-"""Depth with a greater standard deviation of its noise is smoothed: a Kinect's is smaller wherever people are
-measured, a SwissRanger's greater from 2.2 m on."""
+"""Depth with a greater standard deviation of its noise is smoothed: a simulated Kinect's is smaller up to
+5 m, a SwissRanger's greater from 2.2 m on."""
 
 MEDIAN_DIFFERENCE = 0.6745 * np.sqrt(1.25)
 """Median absolute difference between a pixel and the mean of its four neighbours, for Gaussian noise of unit variance."""

@@ -17,6 +17,8 @@ from kpopnet.teacher.sessions import Sessions
 
 TELL_EVERY_S = 0.5
 END_S = 5.0
+PATIENCE_S = 2.0
+"""A film that is asked for waits as long for one that is being cancelled."""
 NICENESS = 5
 """Lessons go first."""
 
@@ -31,6 +33,7 @@ class Filming:
     def __init__(self, library: Library, sessions: Sessions) -> None:
         self._library, self._sessions = library, sessions
         self._connection: Connection | None = None
+        self._one = asyncio.Lock()
 
     async def make(self, dance: str, name: str) -> AsyncGenerator[float]:
         """Makes the film of a try, if there is none yet. Closing this generator ends the work, and nothing is left of it.
@@ -43,29 +46,37 @@ class Filming:
         """
         if self._sessions.film_path(dance, name).is_file():
             return
-        if self._connection is not None:
-            raise InputError("another film is being made; wait for it, or cancel it where it was begun")
+        try:
+            await asyncio.wait_for(self._one.acquire(), PATIENCE_S)
+        except TimeoutError as error:
+            raise InputError("another film is being made; wait for it, or cancel it where it was begun") from error
         context = multiprocessing.get_context("spawn")
         connection, other = context.Pipe()
         given = other, self._library.folder, self._sessions.folder, dance, name
         process = context.Process(target=make_film, args=given, daemon=True, name="film")
-        self._connection, fraction = connection, 0.0
-        process.start()
-        other.close()
+        fraction = 0.0
         try:
+            process.start()
+            other.close()
+            self._connection = connection
             while fraction < 1:
                 if await asyncio.to_thread(connection.poll, TELL_EVERY_S):
                     fraction, error = connection.recv()
                     if error:
                         raise InputError(error)
                 yield fraction  # also where there is nothing new: a page that has gone is noticed by being told
-        except EOFError as error:
+        except (EOFError, OSError) as error:
             raise InputError("the film was not finished; make it again") from error
         finally:
             self.cancel()
-            await asyncio.to_thread(_end, process)
-            self._connection = None
-            connection.close()
+            try:
+                if process.pid is not None:  # it was started
+                    await asyncio.to_thread(_end, process)
+            finally:
+                self._connection = None
+                connection.close()
+                other.close()
+                self._one.release()
 
     def cancel(self) -> None:
         """Ends the film that is being made, if there is one."""
@@ -95,14 +106,14 @@ def make_film(connection: Connection, library: Path, sessions: Path, dance: str,
             connection.send((fraction, ""))
             next_s = time.monotonic() + TELL_EVERY_S
 
-    with contextlib.suppress(CancelledError, BrokenPipeError, KeyboardInterrupt):
+    with contextlib.suppress(CancelledError, BrokenPipeError, ConnectionResetError, KeyboardInterrupt):
         try:
             tries, dances = Sessions(sessions), Library(library)
             learner, result = read_performance(tries.path(dance, name, "npz")), tries.result(dance, name)
             write_film(tries.film_path(dance, name), dances.body(), dances.dance(dance), learner, result, tell)
         except InputError as error:
             connection.send((0.0, str(error)))
-        except BrokenPipeError:
+        except (BrokenPipeError, ConnectionResetError):
             raise
         except OSError as error:
             connection.send((0.0, f"the film could not be saved: {error.strerror}"))

@@ -99,8 +99,7 @@ async def _crew(app: web.Application):
 async def _part(app: web.Application) -> None:
     """Ends what pages still wait for, so that the server can end."""
     app[FILMING].cancel()
-    for socket in set(app[SOCKETS]):
-        await socket.close(code=WSCloseCode.GOING_AWAY)
+    await asyncio.gather(*(socket.close(code=WSCloseCode.GOING_AWAY) for socket in set(app[SOCKETS])))
 
 
 @web.middleware

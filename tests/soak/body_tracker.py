@@ -40,14 +40,14 @@ def main() -> None:
         pose = abs((frame + POSES - 1) % (2 * POSES - 2) - (POSES - 1))
         found_m, _ = tracker.track(depth_m[pose])
         missing += bool(np.isnan(found_m).any())
-        if (frame + 1) % (frames // 10) == 0:
+        if (frame + 1) % max(frames // 10, 1) == 0:
             memory_mb.append(resident_mb())
             error_cm = 100 * np.linalg.norm(found_m - joints_m[pose], axis=1).mean()
             print(
                 f"{frame + 1:7} frames: {memory_mb[-1]:.1f} MB, {missing} without a person, off by {error_cm:.1f} cm",
                 flush=True,
             )
-    sys.exit(memory_mb[-1] > memory_mb[0] + MAX_GROWTH_MB)
+    sys.exit(missing > 0 or memory_mb[-1] > memory_mb[0] + MAX_GROWTH_MB)
 
 
 if __name__ == "__main__":

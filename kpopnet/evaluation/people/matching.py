@@ -69,7 +69,8 @@ class MatchedSequence:
         """The frames of people under the identity that is theirs, by the best map of people to identities.
 
         It is IDTP of Ristani et al., "Performance Measures and a Data Set for Multi-Target, Multi-Camera Tracking", ECCV
-        workshops 2016.
+        workshops 2016, counted over the CLEAR MOT matches: where two estimates lie on one person, only the matched one counts,
+        so it is at most theirs.
         """
         identities = np.unique(self.identity[self.identity != NOBODY])
         if not len(identities):

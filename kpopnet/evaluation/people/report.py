@@ -15,6 +15,7 @@ from kpopnet.evaluation.people.pictures import film, people_sheet, row
 from kpopnet.evaluation.people.run import ALL, PeopleRun, figures, run_people
 from kpopnet.evaluation.poses.report.tables import format_value
 from kpopnet.evaluation.poses.report.worst_sequences import save_video
+from kpopnet.extraction import HumanExtractionConfig
 from kpopnet.runtime.provenance import git_revision
 from kpopnet.viz.drawing import save_png
 
@@ -26,7 +27,8 @@ DEFINITIONS = (
     "joints; mean error of those found. Hidden: the same for people of whom others hide more than half; they count in nothing "
     "else, nor does who is cut by the border. Missed: share of the people seen who were not found. False: estimates, image by "
     "image, that are nobody's. Switches: people who get another identity. MOTA, and the way people and estimates are matched: "
-    "CLEAR MOT (Bernardin & Stiefelhagen 2008), within a mean joint distance of 50 cm. IDF1: Ristani et al. 2016."
+    "CLEAR MOT (Bernardin & Stiefelhagen 2008), within a mean joint distance of 50 cm. IDF1 (Ristani et al. 2016) is "
+    "taken over the same matches."
 )
 
 
@@ -38,6 +40,10 @@ def evaluate_people(config: EvaluateConfig, folder: Path) -> None:
     """
     if config.scorer or config.sweep is not None:
         raise InputError(f"benchmark={config.benchmark.name}: scorer and sweep are for other benchmarks; leave them out")
+    if config.extraction != HumanExtractionConfig():
+        raise InputError(
+            f"benchmark={config.benchmark.name}: extraction.* is not used by estimators of several people; leave it out"
+        )
     benchmark = TwoPeopleSet(config.benchmark)
     run = run_people(benchmark, config.estimator, config.sequences, config.seed, config.processes_at_work())
     write_people_report(folder, run, config)

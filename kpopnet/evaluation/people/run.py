@@ -160,8 +160,8 @@ def figures(parts: list[MatchedSequence], seed: int) -> dict:
         `seen`, `hidden`: people in frames that are judged, and that others hide; `within_10cm`, `mean_error_cm`: of the seen,
         where a missed person counts as fifteen joints beyond 10 cm and is left out of the mean; the same with `hidden_`;
         `missed`: share of the seen who were not found; `false`: estimates of nobody; `switches`: of identities; `mota`:
-        1 - (missed + false + switches) / seen (CLEAR MOT); `idf1` (Ristani et al. 2016); `interval`: 95 % intervals over
-        sequences; `fps`: images a second of one core, all stages.
+        1 - (missed + false + switches) / seen (CLEAR MOT); `idf1` (Ristani et al. 2016, over the same
+        matches); `interval`: 95 % intervals over sequences; `fps`: images a second of one core, all stages.
     """
     seen = np.concatenate([part.seen.ravel() for part in parts])
     hidden = np.concatenate([part.hidden.ravel() for part in parts])

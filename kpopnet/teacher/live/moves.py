@@ -62,7 +62,7 @@ class Moves:
             speed: of the dance.
         """
         ended_s = now_s - WAIT_S * speed
-        number = self._number + max(math.floor((ended_s - self._begin_s) / self._move_s) - self._number, 0)
+        number = max(self._number, math.floor((ended_s - self._begin_s) / self._move_s))
         end_s = self._begin_s + number * self._move_s
         if ended_s < max(end_s, self._begin_s + LEAST_S) or end_s > self._end_s + ROUNDING_S:
             return None

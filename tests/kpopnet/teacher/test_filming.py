@@ -152,3 +152,22 @@ def test_a_process_that_dies_is_told(teaching, tried):
 
     with pytest.raises(InputError, match="make it again"):
         asyncio.run(asyncio.wait_for(work(), PATIENCE_S))
+
+
+def test_a_film_that_could_not_be_begun_bars_no_other(teaching, tried, monkeypatch):
+    films, name = Filming(teaching.library, teaching.sessions), tried(1.0)
+
+    def refuse(process) -> None:
+        raise OSError(errno.EAGAIN, "no more processes")
+
+    async def make() -> list[float]:
+        return [fraction async for fraction in films.make("dance_001", name)]
+
+    async def twice() -> list[float]:
+        with monkeypatch.context() as patched:
+            patched.setattr("multiprocessing.context.SpawnProcess.start", refuse)
+            with pytest.raises(InputError, match="not finished"):
+                await make()
+        return await make()
+
+    assert asyncio.run(twice())[-1] == 1

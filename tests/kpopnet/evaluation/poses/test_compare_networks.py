@@ -78,7 +78,7 @@ def test_a_joint_that_one_network_misses_is_a_miss_and_in_no_mean(four_networks)
     networks["r0"].estimate_m[:, head] = np.nan
     found = compare_networks.compare(networks, {"depth": ["d0"], "ridge": ["r0"]}, ["ridge-depth"])
     assert found["ridge"]["head"]["within_10cm"]["value"] == 0
-    assert np.isnan(found["ridge-depth"]["head"]["mean_cm"]["value"])
+    assert found["ridge-depth"]["head"]["mean_cm"]["value"] is None
 
 
 @pytest.mark.parametrize("pair", ["ridge", "ridge-flow", "ridge-depth-depth", "ridge+depth-depth"])
