@@ -2,7 +2,7 @@
 
     python -m synth preset=small                                  # first, training data: data/small
     python train.py                                               # dense network, depth
-    python train.py model=holistic model.input=depth_ridge        # the paper's class of network, with the ridge channel
+    python train.py model=holistic model.input=depth_ridge training.lr=0.00125   # the paper's class of network
     python train.py training=demo data.train=data/demo/train data.validation=data/demo/validation
     python train.py training=dance training.start=outputs/train/RUN/best    # fine-tunes a network on dances (preset=dance)
     python train.py training.start=outputs/train/RUN/best model.crop_px=96  # goes on with larger crops (dense networks)
