@@ -4,6 +4,8 @@ The learner knows a dance as rotations of the bones of the body of `synth`, and 
 `synth.dances.skill` says, or with one fault put in.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from kpopnet.camera import CAMERAS, Camera
@@ -33,6 +35,8 @@ FAULT_WEIGHT = 0.85
 CAMERA = CAMERAS["kinect_v1"]
 VIEW = ViewConfig(height_m=(1.0, 1.2), aim_m=(0.95, 1.05), roll_deg=0.5)
 PLACE_TRIES = 16
+STEPS = (1.0, 0.5, 0.0)
+"""A learner for whom the camera's view is too small takes smaller steps, in the end none: the pose is what is scored."""
 LIMBS = {"arm": ("Shoulder", "Arm", "ForeArm", "Hand"), "leg": ("UpLeg", "Leg", "Foot")}
 
 
@@ -108,13 +112,21 @@ class LiveLearner:
         """The learner in an empty room, the whole dance in view; with hidden feet, too near to the camera."""
         rng = np.random.default_rng([seed, 2])
         person = draw_person(np.random.default_rng([seed, 3]), BodyConfig(), "train")
-        played = self._studio.play(person, motion, 0.0, np.array([0.3, 0.3]))
-        if fault == "hidden feet":
-            return _near(played, draw_view(rng, VIEW), draw_room(rng))
-        take = self._studio.place_in_rooms(rng, played, VIEW, PLACE_TRIES, furnished=False)
-        if take is None:
-            raise InputError("the simulated learner finds no place from where the camera sees the whole dance")
-        return take
+        for share in STEPS:
+            played = self._studio.play(person, _with_steps(motion, share), 0.0, np.array([0.3, 0.3]))
+            if fault == "hidden feet":
+                return _near(played, draw_view(rng, VIEW), draw_room(rng))
+            take = self._studio.place_in_rooms(rng, played, VIEW, PLACE_TRIES, furnished=False)
+            if take is not None:
+                return take
+        raise InputError("the simulated learner finds no place from where the camera sees the whole dance")
+
+
+def _with_steps(motion: Motion, share: float) -> Motion:
+    """The motion with this share of its way over the floor, from where it begins."""
+    root_m = motion.root_m.copy()
+    root_m[:, (0, 2)] = root_m[0, (0, 2)] + share * (root_m[:, (0, 2)] - root_m[0, (0, 2)])
+    return replace(motion, root_m=root_m)
 
 
 def _near(played: Played, view: View, room: Room) -> Take:
