@@ -37,6 +37,8 @@ VIEW = ViewConfig(height_m=(1.0, 1.2), aim_m=(0.95, 1.05), roll_deg=0.5)
 PLACE_TRIES = 16
 STEPS = (1.0, 0.5, 0.0)
 """A learner for whom the camera's view is too small takes smaller steps, in the end none: the pose is what is scored."""
+NEAR_M, FAR_M = 1.3, 2.6
+"""Distances from the camera of a learner whose feet it does not see, and of one who finds no place, metres."""
 LIMBS = {"arm": ("Shoulder", "Arm", "ForeArm", "Hand"), "leg": ("UpLeg", "Leg", "Foot")}
 
 
@@ -69,7 +71,7 @@ class LiveLearner:
             camera: the camera; its noise is that of a Kinect v1.
 
         Raises:
-            InputError: an unknown skill or fault, another body, or the dance needs more room than a camera sees.
+            InputError: an unknown skill or fault, or another body.
         """
         if skill not in (*SKILLS, ON_THE_BEAT) or fault not in FAULTS:
             raise InputError(
@@ -115,11 +117,11 @@ class LiveLearner:
         for share in STEPS:
             played = self._studio.play(person, _with_steps(motion, share), 0.0, np.array([0.3, 0.3]))
             if fault == "hidden feet":
-                return _near(played, draw_view(rng, VIEW), draw_room(rng))
+                return _alone(played, draw_view(rng, VIEW), draw_room(rng), NEAR_M)
             take = self._studio.place_in_rooms(rng, played, VIEW, PLACE_TRIES, furnished=False)
             if take is not None:
                 return take
-        raise InputError("the simulated learner finds no place from where the camera sees the whole dance")
+        return _alone(played, draw_view(rng, VIEW), draw_room(rng), FAR_M)
 
 
 def _with_steps(motion: Motion, share: float) -> Motion:
@@ -129,9 +131,9 @@ def _with_steps(motion: Motion, share: float) -> Motion:
     return replace(motion, root_m=root_m)
 
 
-def _near(played: Played, view: View, room: Room) -> Take:
+def _alone(played: Played, view: View, room: Room, distance_m: float) -> Take:
     bare = Room(*(array[:ROOM_BOXES] for array in (room.centres_m, room.halves_m, room.yaws_rad)))
-    return Take(played, bare, view, np.array([0.0, 1.3, 0.0]))
+    return Take(played, bare, view, np.array([0.0, distance_m, 0.0]))
 
 
 def motion_of(quats: np.ndarray, hips_m: np.ndarray, fps: float) -> Motion:

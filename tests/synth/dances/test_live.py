@@ -78,3 +78,11 @@ def test_the_teachers_body_is_the_one_that_danced(taught):
 def test_an_unknown_skill_or_fault_is_refused(taught, skill, fault):
     with pytest.raises(InputError, match="expected one of"):
         LiveLearner(taught.quats, taught.hips_m, taught.fps, skill, fault)
+
+
+def test_a_dance_that_needs_more_room_than_the_camera_sees_is_danced_too(taught):
+    far_m = taught.hips_m + np.linspace(0, 30, len(taught.hips_m))[:, None] * np.array([1.0, 0, 0])
+    learner = LiveLearner(taught.quats, far_m, taught.fps, "perfect")
+    for second in (0.0, 5.0):
+        learner.frame(second)
+        assert (learner._studio.renderer.person_m() > 0).sum() > 2000
