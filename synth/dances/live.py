@@ -111,7 +111,7 @@ class LiveLearner:
         return depth_m
 
     def _placed(self, motion: Motion, fault: str, seed: int) -> Take:
-        """The learner in an empty room, the whole dance in view if there is such a place; with hidden feet, too near to the camera."""
+        """The learner in an empty room, the whole dance in view where there is such a place; with hidden feet, too near."""
         rng = np.random.default_rng([seed, 2])
         person = draw_person(np.random.default_rng([seed, 3]), BodyConfig(), "train")
         for share in STEPS:
