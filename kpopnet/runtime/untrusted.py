@@ -1,0 +1,143 @@
+"""Reads a stranger's file in a child process with limits of time and memory.
+
+On damaged or hostile bytes a parser may crash, take all memory or never end. Then only the child ends, and the caller gets an
+`InputError`. What a parser raises becomes one too. The limits are no sandbox: they stop accidents, not code that runs.
+"""
+
+import math
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Generator, Iterator
+from contextlib import closing, suppress
+from pathlib import Path
+from typing import Any, TypeVar
+
+from kpopnet.errors import InputError
+
+R = TypeVar("R")
+
+START_S = 60.0
+"""Longest time for the start of a child and the imports of its reader."""
+
+SECONDS, MEMORY_BYTES = 60.0, 4_000_000_000
+"""Default limits: 64 MB of BVH take ten seconds; interpreter and libraries take 1 GB of address space."""
+
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+
+
+def read_in_child(
+    reader: Callable[..., R], path: Path | str, *args: Any, seconds: float = SECONDS, memory_bytes: int = MEMORY_BYTES
+) -> R:
+    """Returns reader(path, *args), computed in a child process.
+
+    Args:
+        reader: function of a module, whose result can be pickled. The child imports its module: about 0.2 s for numpy.
+        path: the file.
+        args: further arguments of the reader.
+        seconds: longest time of the reader.
+        memory_bytes: address space of the child.
+
+    Raises:
+        InputError: that of the reader; or the reader raised another exception, crashed, or needed more time or memory.
+    """
+    with closing(iterate_in_child(_once, path, reader, *args, seconds=seconds, memory_bytes=memory_bytes)) as results:
+        return next(results)
+
+
+def _once(path: Path, reader: Callable[..., R], *args: Any) -> Iterator[R]:
+    yield reader(path, *args)
+
+
+def iterate_in_child(
+    reader: Callable[..., Iterator[R]],
+    path: Path | str,
+    *args: Any,
+    seconds: float = SECONDS,
+    memory_bytes: int = MEMORY_BYTES,
+) -> Generator[R, None, None]:
+    """Yields what reader(path, *args) yields, as `read_in_child`; `seconds` limits each item."""
+    path = Path(path)
+    child = subprocess.Popen(
+        [sys.executable, "-P", "-c", "from kpopnet.runtime.untrusted import serve; serve()"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env=os.environ | ONE_THREAD | {"PYTHONPATH": os.pathsep.join(place or str(Path.cwd()) for place in sys.path)},
+    )
+    assert child.stdin is not None and child.stdout is not None
+    try:
+        with suppress(BrokenPipeError), child.stdin:
+            pickle.dump((reader, path, args, seconds, memory_bytes), child.stdin)
+        _answer(child, path, START_S)
+        while True:
+            kind, value = _answer(child, path, seconds)
+            if kind == "end":
+                return
+            if kind == "error":
+                raise InputError(value)
+            yield value
+    finally:
+        child.kill()
+        child.stdout.close()
+        child.wait()
+
+
+def _answer(child: subprocess.Popen, path: Path, seconds: float) -> tuple[str, Any]:
+    """The child's next answer: what it is, and its value."""
+    late = threading.Event()
+    timer = threading.Timer(seconds, lambda: (late.set(), child.kill()))
+    timer.start()
+    try:
+        assert child.stdout is not None
+        return pickle.load(child.stdout)
+    except (EOFError, pickle.UnpicklingError):
+        reason = f"its reader took longer than {seconds:g} s" if late.is_set() else "its reader crashed"
+        raise InputError(f"{path}: cannot be read ({reason}); expected a file that is not damaged") from None
+    finally:
+        timer.cancel()
+
+
+def serve() -> None:
+    """In the child: reads the request from standard input and writes the answers to standard output."""
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what a library prints is no answer
+    reader, path, args, seconds, memory_bytes = pickle.load(sys.stdin.buffer)
+    _limit_memory(memory_bytes)
+
+    def answer(kind: str, value: Any = None) -> None:
+        _end_after(0)
+        pickle.dump((kind, value), answers, protocol=pickle.HIGHEST_PROTOCOL)
+        answers.flush()
+        _end_after(seconds)
+
+    answer("ready")
+    try:
+        for item in reader(path, *args):
+            answer("item", item)
+        answer("end")
+    except InputError as error:
+        answer("error", str(error))
+    except MemoryError:
+        answer("error", f"{path}: cannot be read (it takes more than {memory_bytes / 1e9:g} GB of memory)")
+    except Exception as error:  # whatever a parser makes of damaged bytes
+        reason = next(iter(str(error).splitlines()), "")[:200]
+        answer("error", f"{path}: cannot be read ({type(error).__name__}: {reason})")
+
+
+def _limit_memory(most_bytes: int) -> None:
+    with suppress(ImportError, OSError, ValueError):  # not on every system
+        import resource
+
+        for which, most in ((resource.RLIMIT_AS, most_bytes), (resource.RLIMIT_CORE, 0)):
+            _, hard = resource.getrlimit(which)
+            resource.setrlimit(which, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+
+
+def _end_after(seconds: float) -> None:
+    """Ends this process after the time, in case that no parent is left to do it; 0 for never."""
+    if hasattr(signal, "alarm"):
+        signal.alarm(math.ceil(2 * seconds))
