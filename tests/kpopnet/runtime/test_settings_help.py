@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from kpopnet.runtime.settings_help import as_text, described_fields, settings, with_comments
+from kpopnet.runtime.hydra_app import as_text, described_fields, settings, with_comments
 
 
 @dataclass
