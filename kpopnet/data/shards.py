@@ -26,27 +26,14 @@ extraction, and it also holds ridge (N, H, W) uint8, the ridge probability times
 from bisect import bisect_right
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
 
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
-from kpopnet.runtime.hdf5_files import (
-    Attribute,
-    Described,
-    Hdf5Schema,
-    StoredArray,
-    StoredRows,
-    check_hdf5,
-    open_hdf5,
-    opened_hdf5,
-    read_rows,
-    readable,
-    stored_array,
-)
-from kpopnet.runtime.input_files import expect, parse_json
+from kpopnet.runtime.hdf5_files import Hdf5Schema, attributes_of, open_hdf5, opened_hdf5, read_array, readable, stored_array
+from kpopnet.runtime.input_files import ArraySchema, expect, parse_json
 from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
 
 FORMAT = "kpopnet-shard"
@@ -54,55 +41,33 @@ VERSION = 1
 KINDS = ("clean", "frozen")
 ROOMS_KEPT = 256
 """Rooms cached by a process: 40 MB at 320x240. Another one costs 0.3 ms to read, half of what its sample costs to observe."""
-MAX_COORDINATE_M = 1000.0
 
-
-def _lengths(where: str, attributes: dict[str, Any]) -> dict[str, int]:
-    camera = Camera.from_numbers(attributes["camera"], f"{where}: attribute camera")
-    count = attributes["stop"] - attributes["start"]
-    expect(count > 0, f"{where}: start {attributes['start']}, stop {attributes['stop']}", "start < stop")
-    return {"N": count, "H": camera.height, "W": camera.width}
-
-
-_COUNT = Attribute("iu", low=0, high=2**63 - 1)
 COLUMNS = {
-    "box": StoredArray("i", ("N", 4)),
-    "joints_m": StoredArray("f", ("N", NUM_JOINTS, 3)),
-    "visible": StoredArray("b", ("N", NUM_JOINTS)),
-    "body": StoredArray("i", ("N",)),
-    "motion": StoredArray("S", ("N",)),
-    "yaw": StoredArray("f", ("N",)),
-    "room": StoredArray("i", ("N",)),
+    "box": ArraySchema("i", ("N", 4)),
+    "joints_m": ArraySchema("f", ("N", NUM_JOINTS, 3)),
+    "visible": ArraySchema("b", ("N", NUM_JOINTS)),
+    "body": ArraySchema("i", ("N",)),
+    "motion": ArraySchema("S", ("N",)),
+    "yaw": ArraySchema("f", ("N",)),
+    "room": ArraySchema("i", ("N",)),
 }
 SCHEMA = Hdf5Schema(
     name="a shard",
-    attributes={
-        "format": Attribute("U", equals=FORMAT),
-        "version": Attribute("iu", equals=VERSION),
-        "kind": Attribute("U", one_of=KINDS),
-        "config": Attribute("U"),
-        "config_hash": Attribute("U"),
-        "seed": Attribute("iu", low=0, high=2**64 - 1),
-        "split": Attribute("U"),
-        "shard": _COUNT,
-        "start": _COUNT,
-        "stop": _COUNT,
-        "camera": Attribute("fiu", (6,)),
-        "refused_poses": Attribute("iu", low=0, required=False),
-        "refused_places": Attribute("iu", low=0, required=False),
-        "forced_samples": Attribute("iu", low=0, required=False),
-        "joint_names": Attribute("U", (NUM_JOINTS,), equals=list(JOINT_NAMES)),
-    },
     arrays=COLUMNS
     | {
-        "depth_mm": StoredArray("u", ("N", "H", "W"), item_bytes=2, rows_read=1),
-        "ridge": StoredArray("u", ("N", "H", "W"), required=False, item_bytes=1, rows_read=1),
-        "room_mm": StoredArray("u", ("R", "H", "W"), item_bytes=2, rows_read=1),
-        "floor": StoredArray("f", ("R", 4)),
+        "depth_mm": ArraySchema("u", ("N", "H", "W")),
+        "ridge": ArraySchema("u", ("N", "H", "W"), required=False),
+        "room_mm": ArraySchema("u", ("R", "H", "W")),
+        "floor": ArraySchema("f", ("R", 4)),
     },
-    lengths=_lengths,
+    attributes=dict.fromkeys(("format", "kind", "config", "config_hash", "split"), str)
+    | dict.fromkeys(("version", "seed", "shard", "start", "stop"), int)
+    | {"camera": list[float], "joint_names": list[str]},
+    fixed={"format": FORMAT, "version": VERSION, "joint_names": list(JOINT_NAMES)},
     remedy="delete it and make it again",
 )
+_NO_CHUNK_CACHE = {"rdcc_nbytes": 0}
+"""Each sample is read once an epoch, and HDF5 would cache 8 MB of every file."""
 
 
 def shard_path(folder: Path, shard: int) -> Path:
@@ -148,12 +113,7 @@ def open_shard(path: Path) -> h5py.File:
     Raises:
         InputError: the file is missing, damaged, or not a shard of this version as the module docstring describes it.
     """
-    return _opened(path, check_hdf5(Path(path), SCHEMA))
-
-
-def _opened(path: Path, described: Described) -> h5py.File:
-    # No chunk cache: each sample is read once per epoch, and HDF5 would cache 8 MB per file.
-    return opened_hdf5(path, SCHEMA, described, rdcc_nbytes=0)
+    return opened_hdf5(path, SCHEMA, **_NO_CHUNK_CACHE)
 
 
 def read_header(path: Path) -> ShardHeader:
@@ -162,64 +122,35 @@ def read_header(path: Path) -> ShardHeader:
     Raises:
         InputError: as `open_shard`.
     """
-    return _header(path, check_hdf5(Path(path), SCHEMA))
-
-
-def _header(path: Path, described: Described) -> ShardHeader:
-    attributes = described.attributes
-    config = parse_json(attributes["config"], f"{path}: attribute config")
-    expect(isinstance(config, dict), f"{path}: attribute config", "a JSON object")
-    expect(attributes["kind"] == "clean" or "ridge" in described, str(path), "an array ridge in a frozen shard")
+    with open_hdf5(path, SCHEMA, **_NO_CHUNK_CACHE) as file:
+        found = attributes_of(file)
+        expect(found["kind"] in KINDS, f"{path}: attribute kind", f"{' or '.join(KINDS)}, found {found['kind'][:40]}")
+        config = parse_json(found["config"], f"{path}: attribute config")
+        expect(isinstance(config, dict), f"{path}: attribute config", "a JSON object")
+        camera = Camera.from_numbers(found["camera"], f"{path}: attribute camera")
+        declared = (found["stop"] - found["start"], camera.height, camera.width)
+        stored = stored_array(file, "depth_mm").shape
+        expect(
+            declared[0] > 0 and stored == declared,
+            f"{path}: depth_mm",
+            f"the shape {declared} by its attributes, found {stored}",
+        )
+        expect(found["kind"] == "clean" or "ridge" in file, str(path), "an array ridge in a frozen shard")
     names = ("kind", "config_hash", "seed", "split", "shard", "start", "stop")
-    camera = Camera.from_numbers(attributes["camera"], f"{path}: attribute camera")
-    return ShardHeader(config=config, camera=camera, **{name: attributes[name] for name in names})
-
-
-def _column(file: h5py.File, path: Path, name: str, header: ShardHeader) -> np.ndarray:
-    """Reads and checks one of COLUMNS, or `floor`."""
-    column, where = read_rows(stored_array(file, name)), f"{path}: {name}"
-    if name == "box":
-        width, height = header.camera.width, header.camera.height
-        x0, y0, x1, y1 = column.T.astype(np.int64)
-        inside = (x0 >= 0) & (x0 <= x1) & (x1 <= width) & (y0 >= 0) & (y0 <= y1) & (y1 <= height)
-        _expect_rows(inside, column, where, f"x0 <= x1 and y0 <= y1 within {width}x{height} pixels")
-    elif name == "joints_m":
-        wrong = np.abs(column) > MAX_COORDINATE_M  # not so if NaN
-        _expect_rows(~wrong.any(axis=(1, 2)), column, where, f"metres up to {MAX_COORDINATE_M:g}, NaN for missing joints")
-    elif name == "visible":
-        stored = column.view(np.uint8)
-        _expect_rows(~(stored > 1).any(axis=1), stored, where, "0 or 1")
-    elif name == "room":
-        rooms = len(stored_array(file, "room_mm"))
-        _expect_rows((column >= 0) & (column < rooms), column, where, f"a row of the {rooms} in room_mm")
-    elif name in ("yaw", "floor"):
-        wrong = ~np.isfinite(column).reshape(len(column), -1)
-        _expect_rows(~wrong.any(axis=1), column, where, "finite numbers")
-    return column
-
-
-def _expect_rows(valid: Any, column: np.ndarray, where: str, expectation: str) -> None:
-    if not valid.all():
-        row = int(np.argmin(valid))
-        shown = " ".join(str(column[row]).split())[:100]
-        raise InputError(f"{where}: row {row} is {shown}, expected {expectation}; {SCHEMA.remedy}")
+    return ShardHeader(config=config, camera=camera, **{name: found[name] for name in names})
 
 
 class _OpenShard:
     """An open file with all columns except images in memory: reading one number costs as much as reading a column."""
 
-    def __init__(self, path: Path, described: Described) -> None:
+    def __init__(self, path: Path) -> None:
         self.path = path
-        self.file = _opened(path, described)
-        header = _header(path, described)
+        self.file = open_shard(path)
         with readable(path, SCHEMA):
-            self.depth_mm = StoredRows(stored_array(self.file, "depth_mm"))
-            self.room_mm = StoredRows(stored_array(self.file, "room_mm"))
-            self.ridge = StoredRows(stored_array(self.file, "ridge")) if "ridge" in described else None
-            self.columns = {name: _column(self.file, path, name, header) for name in COLUMNS}
-            visible, missing = self.columns["visible"], np.isnan(self.columns["joints_m"]).any(axis=-1)
-            _expect_rows(~(visible & missing).any(axis=1), visible, f"{path}: visible", "no joint whose joints_m is missing")
-            self.floor = _column(self.file, path, "floor", header)
+            self.depth_mm, self.room_mm = stored_array(self.file, "depth_mm"), stored_array(self.file, "room_mm")
+            self.ridge = stored_array(self.file, "ridge") if "ridge" in self.file else None
+            self.columns = {name: read_array(self.file, name) for name in COLUMNS}
+            self.floor = read_array(self.file, "floor")
 
 
 class ShardedSet:
@@ -241,8 +172,7 @@ class ShardedSet:
                 f"{self.folder}: no shards (shard_00000.h5, ...) in this folder; "
                 f"generate some, for instance with: python -m synth preset=small out={self.folder.parent}"
             )
-        self._described = [check_hdf5(path, SCHEMA) for path in self.paths]
-        headers = [_header(path, described) for path, described in zip(self.paths, self._described, strict=True)]
+        headers = [read_header(path) for path in self.paths]
         self.header = headers[0]
         end = 0
         for path, header in zip(self.paths, headers, strict=True):
@@ -279,7 +209,7 @@ class ShardedSet:
             raise IndexError(f"sample {index} of {len(self)}")
         shard = bisect_right(self._ends, index)
         if shard not in self._open:
-            self._open[shard] = _OpenShard(self.paths[shard], self._described[shard])
+            self._open[shard] = _OpenShard(self.paths[shard])
         return self._open[shard], index - (self._ends[shard - 1] if shard else 0)
 
     def __getitem__(self, index: int) -> Sample:
@@ -316,9 +246,9 @@ class ShardedSet:
     def column(self, name: str) -> np.ndarray:
         """A per-sample data set that is no image (joints_m, body, motion, ...), concatenated over all shards."""
         rows = []
-        for path, described in zip(self.paths, self._described, strict=True):
-            with open_hdf5(path, SCHEMA, described, rdcc_nbytes=0) as file:
-                rows.append(_column(file, path, name, _header(path, described)))
+        for path in self.paths:
+            with open_hdf5(path, SCHEMA, **_NO_CHUNK_CACHE) as file:
+                rows.append(read_array(file, name))
         return np.concatenate(rows)
 
     def room_numbers(self) -> np.ndarray:

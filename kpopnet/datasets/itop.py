@@ -27,8 +27,8 @@ from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.datasets.heading import heading_rad
 from kpopnet.datasets.protocol import Origin, Sequence
 from kpopnet.errors import InputError
-from kpopnet.runtime.hdf5_files import TEXT, Hdf5Schema, StoredArray, check_hdf5, open_hdf5, read_rows, readable, stored_array
-from kpopnet.runtime.input_files import expect
+from kpopnet.runtime.hdf5_files import Hdf5Schema, open_hdf5, read_array, stored_array
+from kpopnet.runtime.input_files import ArraySchema, expect
 from kpopnet.skeleton import NUM_JOINTS
 
 log = logging.getLogger(__name__)
@@ -44,24 +44,24 @@ MAX_SEQUENCE_FRAMES = 400
 FROM_ITOP = np.array([1, -1, 1], np.float32)
 """Multiply a position in ITOP's axes (y up) by this for the camera frame (y down)."""
 
-_IDS = StoredArray(f"S{TEXT}", ("N",))
+_IDS = ArraySchema("S", ("N",))
 _NUMBERS = "fiub"
 _REMEDY = "download it again"
 LABELS = Hdf5Schema(
     "labels of ITOP",
     {
         "id": _IDS,
-        "is_valid": StoredArray(_NUMBERS, ("N",)),
-        "visible_joints": StoredArray(_NUMBERS, ("N", NUM_JOINTS)),
-        "real_world_coordinates": StoredArray("fiu", ("N", NUM_JOINTS, 3)),
+        "is_valid": ArraySchema(_NUMBERS, ("N",)),
+        "visible_joints": ArraySchema(_NUMBERS, ("N", NUM_JOINTS)),
+        "real_world_coordinates": ArraySchema("fiu", ("N", NUM_JOINTS, 3)),
     },
     remedy=_REMEDY,
 )
 DEPTH = Hdf5Schema(
     "depth of ITOP",
     {
-        "id": StoredArray(f"S{TEXT}", ("ids",)),
-        "data": StoredArray("fu", ("N", CAMERA.height, CAMERA.width), rows_read=MAX_SEQUENCE_FRAMES),
+        "id": ArraySchema("S", ("ids",)),
+        "data": ArraySchema("fu", ("N", CAMERA.height, CAMERA.width)),
     },
     remedy=_REMEDY,
 )
@@ -110,20 +110,19 @@ class ItopFiles:
         for path in (labels_path, self.depth_path):
             _check_unpacked(path)
         with open_hdf5(labels_path, LABELS) as file:
-            ids = _ids(read_rows(stored_array(file, "id")), labels_path)
-            self.valid: np.ndarray = read_rows(stored_array(file, "is_valid")).astype(bool)
-            self.visible = np.equal(read_rows(stored_array(file, "visible_joints")), 1)
-            joints_m = read_rows(stored_array(file, "real_world_coordinates"))
+            ids = _ids(read_array(file, "id"), labels_path)
+            self.valid: np.ndarray = read_array(file, "is_valid").astype(bool)
+            self.visible = np.equal(read_array(file, "visible_joints"), 1)
+            joints_m = read_array(file, "real_world_coordinates")
         with np.errstate(over="ignore", invalid="ignore"):
             self.joints_camera_m: np.ndarray = joints_m.astype(np.float32) * FROM_ITOP
-        self._depth = check_hdf5(self.depth_path, DEPTH)
-        with open_hdf5(self.depth_path, DEPTH, self._depth) as file:
-            stored = _ids(read_rows(stored_array(file, "id")), self.depth_path)
+        with open_hdf5(self.depth_path, DEPTH) as file:
+            frames = len(stored_array(file, "data"))
+            stored = _ids(read_array(file, "id"), self.depth_path)
         if stored != ids:
             row = next((row for row, pair in enumerate(zip(stored, ids, strict=False)) if len(set(pair)) > 1), None)
             differ = f"{len(stored)} and {len(ids)} frames" if row is None else f"{stored[row]} and {ids[row]} in row {row}"
             raise InputError(f"{self.depth_path} and {labels_path.name} do not belong together: {differ}; download both again")
-        frames = self._depth.shape("data")[0]
         expect(frames == len(ids), f"{self.depth_path}: data", f"{len(ids)} frames, one for each id, found {frames}; {_REMEDY}")
         self.ids = ids
 
@@ -133,9 +132,8 @@ class ItopFiles:
         Raises:
             InputError: the rows cannot be read.
         """
-        part = f"rows {rows.start} to {rows.stop}"
-        with open_hdf5(self.depth_path, DEPTH, self._depth) as file, readable(self.depth_path, DEPTH, part):
-            stored = read_rows(stored_array(file, "data"), rows.start, rows.stop)
+        with open_hdf5(self.depth_path, DEPTH) as file:
+            stored = stored_array(file, "data")[rows]
         return depth_in_metres(stored, CAMERA, where=str(self.depth_path))
 
 

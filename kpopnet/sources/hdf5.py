@@ -5,11 +5,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
-from kpopnet.runtime.hdf5_files import Hdf5Schema, StoredArray, StoredRows, check_hdf5, open_hdf5, read_rows, stored_array
+from kpopnet.runtime.hdf5_files import Hdf5Schema, attributes_of, open_hdf5, read_array, stored_array
+from kpopnet.runtime.input_files import ArraySchema, check_budget
 from kpopnet.sources.arrays import chosen_array, rate_of
 from kpopnet.sources.source import Recording, StoredImage, check_size
 
@@ -23,29 +25,31 @@ def read_hdf5(path: Path, key: str | None) -> Recording:
     Raises:
         InputError: not a readable HDF5 file, or not such arrays.
     """
-    described = check_hdf5(path, Hdf5Schema(NAME, {}))
-    shapes = {name: tuple(one["shape"]) for name, one in described.members.items() if "shape" in one}
-    name = chosen_array(str(path), shapes, key)
-    frames, height, width = shapes[name]
-    check_size(f"{path}: {name}", width, height, frames)
-    block = max(1, (described.members[name]["chunks"] or [1])[0])
-    arrays = {name: StoredArray("fiu", (frames, height, width), rows_read=block)}
+    with open_hdf5(path, Hdf5Schema(NAME, {})) as file:
+        shapes = {name: one.shape for name, one in file.items() if isinstance(one, h5py.Dataset) and one.shape}
+        name = chosen_array(str(path), shapes, key)
+        frames, height, width = shapes[name]
+        check_size(f"{path}: {name}", width, height, frames)
+        block = max(1, (stored_array(file, name).chunks or [1])[0])
+        check_budget(path, 8 * min(block, frames) * height * width, f"a chunk of {name}")
+        attributes = attributes_of(file)
+    arrays = {name: ArraySchema("fiu", (frames, height, width))}
     if TIMES in shapes:
-        arrays[TIMES] = StoredArray("fiu", (frames,))
+        arrays[TIMES] = ArraySchema("fiu", (frames,))
     schema = Hdf5Schema(NAME, arrays)
     with open_hdf5(path, schema) as file:
-        times_s = read_rows(stored_array(file, TIMES)) if TIMES in shapes else None
+        times_s = read_array(file, TIMES) if TIMES in shapes else None
 
     def images() -> Iterator[StoredImage]:
         with open_hdf5(path, schema) as file:
-            rows = StoredRows(stored_array(file, name))
+            stored = stored_array(file, name)
             for start in range(0, frames, block):
-                for number, depth in enumerate(rows.read(start, min(start + block, frames)), start):
+                for number, depth in enumerate(stored[start : start + block], start):
                     time_s = None if times_s is None else float(times_s[number])
                     yield StoredImage(depth, f"{path}: {name}, frame {number}", time_s)
 
-    fps = rate_of(str(path), times_s, _number(path, described.attributes.get("fps")))
-    return Recording(images, width, height, frames, fps, _camera(path, described.attributes.get("camera")))
+    fps = rate_of(str(path), times_s, _number(path, attributes.get("fps")))
+    return Recording(images, width, height, frames, fps, _camera(path, attributes.get("camera")))
 
 
 def _camera(path: Path, stored: Any) -> Camera | None:

@@ -24,23 +24,15 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+import h5py
 import numpy as np
 
 from kpopnet.camera import MM_PER_METRE, Camera
 from kpopnet.dance.performance import Performance
 from kpopnet.datasets.protocol import Origin
 from kpopnet.errors import InputError
-from kpopnet.runtime.hdf5_files import (
-    Attribute,
-    Described,
-    Hdf5Schema,
-    StoredArray,
-    check_hdf5,
-    open_hdf5,
-    read_rows,
-    stored_array,
-)
-from kpopnet.runtime.input_files import check_budget, expect, parse_json, read_json, read_text
+from kpopnet.runtime.hdf5_files import Hdf5Schema, attributes_of, open_hdf5, read_array, stored_array
+from kpopnet.runtime.input_files import ArraySchema, check_budget, expect, parse_json, read_json, read_text
 from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
 
 FORMAT, VERSION = "kpopnet dance", 1
@@ -59,18 +51,14 @@ _DEPTH_KEY = re.compile("[0-9a-f]{16}")
 
 SCHEMA = Hdf5Schema(
     name="the file of a teacher or a learner",
-    attributes={
-        "format": Attribute("U", equals=FORMAT),
-        "version": Attribute("iu", equals=VERSION),
-        "camera": Attribute("fiu", (6,), required=False),
-        "joint_names": Attribute("U", (NUM_JOINTS,), equals=list(JOINT_NAMES), required=False),
-        "about": Attribute("U", required=False),
-    },
+    attributes={"format": str, "version": int, "camera": list[float], "joint_names": list[str], "about": str},
+    optional=("camera", "joint_names", "about"),
+    fixed={"format": FORMAT, "version": VERSION, "joint_names": list(JOINT_NAMES)},
     arrays={
-        "times_s": StoredArray("f", ("T",)),
-        "joints_m": StoredArray("f", ("T", NUM_JOINTS, 3), required=False),
-        "boxes": StoredArray("iu", ("T", 4), required=False),
-        "depth_mm": StoredArray("u", (None,), required=False, item_bytes=2),
+        "times_s": ArraySchema("f", ("T",)),
+        "joints_m": ArraySchema("f", ("T", NUM_JOINTS, 3), required=False),
+        "boxes": ArraySchema("iu", ("T", 4), required=False),
+        "depth_mm": ArraySchema("u", (None,), required=False),
     },
     remedy="copy or make it again",
 )
@@ -97,11 +85,11 @@ def read_performance(path: Path) -> Performance | None:
     Raises:
         InputError: the file is missing, damaged or invalid.
     """
-    described = check_hdf5(path, SCHEMA)
-    if "joints_m" not in described:
-        return None
-    times_s = _times(path, described)
-    joints_m = _read(path, described, "joints_m").astype(np.float32)
+    with open_hdf5(path, SCHEMA) as file:
+        if "joints_m" not in file:
+            return None
+        times_s = _times(path, file)
+        joints_m = read_array(file, "joints_m").astype(np.float32)
     check_joints(joints_m, path)
     return Performance(joints_m, times_s)
 
@@ -112,11 +100,11 @@ def read_depth(path: Path) -> DepthClip:
     Raises:
         InputError: the file has no depth, or is damaged or invalid.
     """
-    described = check_hdf5(path, SCHEMA)
-    if "depth_mm" not in described:
-        raise InputError(f"{path}: no depth_mm in it; only true joints can be scored")
-    times_s = _times(path, described)
-    depth_mm, boxes, camera = _stored_depth(path, described)
+    with open_hdf5(path, SCHEMA) as file:
+        if "depth_mm" not in file:
+            raise InputError(f"{path}: no depth_mm in it; only true joints can be scored")
+        times_s = _times(path, file)
+        depth_mm, boxes, camera = _stored_depth(path, file)
     nonempty = boxes[boxes[:, 2] > boxes[:, 0]]
     if not len(nonempty):
         raise InputError(f"{path}: no person in any of its {len(boxes)} frames (every box is empty)")
@@ -142,7 +130,8 @@ def read_times(path: Path) -> np.ndarray:
     Raises:
         InputError: there are no times, or the file is damaged or invalid.
     """
-    return _times(path, check_hdf5(path, SCHEMA))
+    with open_hdf5(path, SCHEMA) as file:
+        return _times(path, file)
 
 
 def read_depth_key(path: Path) -> str | None:
@@ -151,13 +140,13 @@ def read_depth_key(path: Path) -> str | None:
     Raises:
         InputError: the file is missing, damaged or invalid.
     """
-    described = check_hdf5(path, SCHEMA)
-    if "depth_mm" not in described:
-        return None
-    stored = described.attributes.get("depth_key")
-    if isinstance(stored, str) and _DEPTH_KEY.fullmatch(stored):  # it becomes part of a file name
-        return stored
-    return depth_key(*_stored_depth(path, described))
+    with open_hdf5(path, SCHEMA) as file:
+        if "depth_mm" not in file:
+            return None
+        stored = attributes_of(file).get("depth_key")
+        if isinstance(stored, str) and _DEPTH_KEY.fullmatch(stored):  # it becomes part of a file name
+            return stored
+        return depth_key(*_stored_depth(path, file))
 
 
 def read_about(path: Path) -> dict:
@@ -167,7 +156,8 @@ def read_about(path: Path) -> dict:
         InputError: the file is missing or damaged, or the notes are not a JSON object.
     """
     where = f"{path}: attribute about"
-    about = parse_json(check_hdf5(path, SCHEMA).attributes.get("about", "{}"), where)
+    with open_hdf5(path, SCHEMA) as file:
+        about = parse_json(attributes_of(file).get("about", "{}"), where)
     expect(isinstance(about, dict), where, "a JSON object")
     return about
 
@@ -249,23 +239,18 @@ def read_manifest(folder: Path) -> Manifest:
     )
 
 
-def _read(path: Path, described: Described, name: str) -> np.ndarray:
-    with open_hdf5(path, SCHEMA, described) as file:
-        return read_rows(stored_array(file, name))
-
-
-def _times(path: Path, described: Described) -> np.ndarray:
-    times_s = _read(path, described, "times_s").astype(np.float64)
+def _times(path: Path, file: h5py.File) -> np.ndarray:
+    times_s = read_array(file, "times_s").astype(np.float64)
     check_times(times_s, path)
     return times_s
 
 
-def _stored_depth(path: Path, described: Described) -> tuple[np.ndarray, np.ndarray, Camera]:
+def _stored_depth(path: Path, file: h5py.File) -> tuple[np.ndarray, np.ndarray, Camera]:
     """Reads `depth_mm` (N,), `boxes` (T, 4) and the camera of the whole image, and checks that they are consistent."""
-    if "camera" not in described.attributes or "boxes" not in described:
+    if "camera" not in file.attrs or "boxes" not in file:
         raise InputError(f"{path}: expected an attribute camera and an array boxes beside depth_mm")
-    camera = Camera.from_numbers(described.attributes["camera"], f"{path}: attribute camera")
-    boxes = _read(path, described, "boxes").astype(np.int64)
+    camera = Camera.from_numbers(attributes_of(file)["camera"], f"{path}: attribute camera")
+    boxes = read_array(file, "boxes").astype(np.int64)
     x0, y0, x1, y1 = boxes.T
     empty = (boxes == 0).all(axis=1)
     inside = (x0 >= 0) & (y0 >= 0) & (x1 > x0) & (y1 > y0) & (x1 <= camera.width) & (y1 <= camera.height)
@@ -274,9 +259,9 @@ def _stored_depth(path: Path, described: Described) -> tuple[np.ndarray, np.ndar
         raise InputError(
             f"{path}: the box {boxes[frame].tolist()} of frame {frame} is not within {camera.width}x{camera.height}"
         )
-    pixels, (stored,) = int(((x1 - x0) * (y1 - y0)).sum()), described.shape("depth_mm")
+    pixels, (stored,) = int(((x1 - x0) * (y1 - y0)).sum()), stored_array(file, "depth_mm").shape
     expect(stored == pixels, f"{path}: depth_mm", f"the {pixels} pixels that its boxes hold, found {stored}")
-    return _read(path, described, "depth_mm"), boxes, camera
+    return read_array(file, "depth_mm"), boxes, camera
 
 
 def depth_key(depth_mm: np.ndarray, boxes: np.ndarray, camera: Camera) -> str:

@@ -170,7 +170,6 @@ def replace_dataset(path: Path, name: str, data, **options) -> None:
         ("boxes", np.zeros((FRAMES, 4)), "boxes: type float64, expected kind i or u"),
         ("depth_mm", np.zeros(7, np.uint16), "its boxes hold, found 7"),
         ("depth_mm", np.zeros(10, np.float32), "depth_mm: type float32, expected kind u"),
-        ("depth_mm", np.zeros(10, np.uint64), "depth_mm: numbers of 8 bytes, expected 2"),
         ("times_s", np.zeros(FRAMES), "increase from frame to frame"),
         ("times_s", np.full(FRAMES, np.nan), "must be finite"),
         ("times_s", np.arange(FRAMES - 1.0), "expected (T = 5, 15, 3)"),
@@ -208,10 +207,10 @@ def test_malicious_files(folder, tmp_path):
     learner = KpopSet(folder).dance("mama").learners[0]
     whole = learner.path.read_bytes()
     learner.path.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(InputError, match=r"jin\.h5: not a readable HDF5 file \(.*truncated"):
+    with pytest.raises(InputError, match=r"jin\.h5: .*cannot be read \(.*truncated"):
         learner.depth()
     learner.path.write_bytes(b"\x89HDF, but not HDF5")
-    with pytest.raises(InputError, match="not a readable HDF5 file"):
+    with pytest.raises(InputError, match="cannot be read"):
         learner.joints()
     learner.path.write_bytes(whole)
     with h5py.File(learner.path, "a") as file:
@@ -221,7 +220,7 @@ def test_malicious_files(folder, tmp_path):
     learner.path.write_bytes(whole)
     with h5py.File(learner.path, "a") as file:
         file.attrs["joint_names"] = 5
-    with pytest.raises(InputError, match=r"attribute joint_names: kind i and shape .*, expected text, \(15,\)"):
+    with pytest.raises(InputError, match="joint_names is 5, expected"):
         learner.joints()
     # Links to data in other files are not followed.
     learner.path.write_bytes(whole)
@@ -231,14 +230,14 @@ def test_malicious_files(folder, tmp_path):
     with h5py.File(learner.path, "a") as file:
         del file["times_s"]
         file["times_s"] = h5py.ExternalLink(str(secret), "/times_s")
-    with pytest.raises(InputError, match="times_s is a link or lies in other files"):
+    with pytest.raises(InputError, match="times_s lies in another file"):
         learner.joints()
     with h5py.File(learner.path, "a") as file:
         del file["times_s"]
         raw = tmp_path / "raw"
         raw.write_bytes(TIMES_S.tobytes())
         file.create_dataset("times_s", (FRAMES,), "f8", external=[(str(raw), 0, 8 * FRAMES)])
-    with pytest.raises(InputError, match="expected an array stored in this file"):
+    with pytest.raises(InputError, match="expected an array stored in this one"):
         learner.joints()
 
 

@@ -107,14 +107,14 @@ def test_a_truncated_shard_is_reported_with_the_remedy(whole: Path, tmp_path: Pa
     torn = shard_path(tmp_path, 0)
     data = shard_path(whole, 0).read_bytes()
     torn.write_bytes(data[: len(data) // 2])
-    with pytest.raises(InputError, match=r"shard_00000\.h5: not a readable HDF5 file"):
+    with pytest.raises(InputError, match=r"shard_00000\.h5: a shard cannot be read"):
         ShardedSet(tmp_path)
     torn.write_bytes(b"hello")
-    with pytest.raises(InputError, match="not a readable"):
+    with pytest.raises(InputError, match="cannot be read"):
         read_header(torn)
     with h5py.File(torn, "w") as file:
         file.attrs["format"] = "unknown"
-    with pytest.raises(InputError, match="attribute format: unknown, expected kpopnet-shard"):
+    with pytest.raises(InputError, match="attributes: lacks kind"):
         read_header(torn)
     with pytest.raises(InputError, match=r"no shards.*python -m synth"):
         ShardedSet(tmp_path / "nowhere")
