@@ -31,8 +31,8 @@ from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
 from kpopnet.sources import chosen_camera, open_depth
 from kpopnet.sources.live import LiveCamera
+from kpopnet.sources.realsense import RealSenseCamera
 from kpopnet.sources.realsense import library as realsense_library
-from kpopnet.sources.realsense_camera import RealSenseCamera
 from kpopnet.sources.source import DepthSource, TimedDepth
 from kpopnet.teacher.adding import add_dance, add_performance
 from kpopnet.teacher.library import About, Library, TaughtDance, TeacherBody, difficulty

@@ -1,72 +1,61 @@
 """Depth from HDF5 files."""
 
-import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
 
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
-from kpopnet.runtime.hdf5_files import Hdf5Schema, attributes_of, open_hdf5, read_array, stored_array
-from kpopnet.runtime.input_files import ArraySchema, check_budget
+from kpopnet.runtime.input_files import check_budget, expect
 from kpopnet.sources.arrays import chosen_array, rate_of
-from kpopnet.sources.source import Recording, StoredImage, check_size
+from kpopnet.sources.source import Recording, StoredImage, parsing
 
-NAME = "an HDF5 file of depth"
-TIMES = "times_s"
+NOT_HDF5, TIMES = "not a readable HDF5 file", "times_s"
 
 
 def read_hdf5(path: Path, key: str | None) -> Recording:
-    """An HDF5 file with an array of depth at its root; if known attributes `camera` and `fps`, or an array `times_s`.
+    """An HDF5 file with an array of depth; if known attributes `camera` and `fps` of the file, or an array `times_s` beside it.
 
     Raises:
         InputError: not a readable HDF5 file, or not such arrays.
     """
-    with open_hdf5(path, Hdf5Schema(NAME, {})) as file:
-        shapes = {name: one.shape for name, one in file.items() if isinstance(one, h5py.Dataset) and one.shape}
+    with parsing(str(path), NOT_HDF5), h5py.File(path, locking=False) as file:
+        arrays: dict[str, h5py.Dataset] = {}
+        # Links to other places are not followed.
+        file.visititems(lambda name, one: arrays.update({name: one}) if isinstance(one, h5py.Dataset) else None)
+        shapes = {one: array.shape for one, array in arrays.items() if array.shape and array.dtype.kind in "fiu"}
         name = chosen_array(str(path), shapes, key)
-        frames, height, width = shapes[name]
-        check_size(f"{path}: {name}", width, height, frames)
-        block = max(1, (stored_array(file, name).chunks or [1])[0])
-        check_budget(path, 8 * min(block, frames) * height * width, f"a chunk of {name}")
-        attributes = attributes_of(file)
-    arrays = {name: ArraySchema("fiu", (frames, height, width))}
-    if TIMES in shapes:
-        arrays[TIMES] = ArraySchema("fiu", (frames,))
-    schema = Hdf5Schema(NAME, arrays)
-    with open_hdf5(path, schema) as file:
-        times_s = read_array(file, TIMES) if TIMES in shapes else None
+        depth = arrays[name]
+        if depth.is_virtual or depth.external:
+            raise InputError(f"{path}: {name} lies in another file; expected it in this one")
+        frames, height, width = depth.shape
+        block = min((depth.chunks or (1,))[0], frames)  # a compressed chunk is unpacked once
+        check_budget(path, block * height * width * depth.dtype.itemsize, f"a chunk of {name}")
+        times = name.removesuffix(name.rpartition("/")[2]) + TIMES
+        times_s = arrays[times][:] if shapes.get(times) == (frames,) else None
+        fps = _numbers(path, file, "fps", 1)
+        camera = _numbers(path, file, "camera", 6)
 
     def images() -> Iterator[StoredImage]:
-        with open_hdf5(path, schema) as file:
-            stored = stored_array(file, name)
+        with parsing(str(path), NOT_HDF5), h5py.File(path, locking=False) as file:
             for start in range(0, frames, block):
-                for number, depth in enumerate(stored[start : start + block], start):
+                for number, image in enumerate(file[name][start : start + block], start):
                     time_s = None if times_s is None else float(times_s[number])
-                    yield StoredImage(depth, f"{path}: {name}, frame {number}", time_s)
+                    yield StoredImage(image, f"{path}: {name}, frame {number}", time_s)
 
-    fps = rate_of(str(path), times_s, _number(path, attributes.get("fps")))
-    return Recording(images, width, height, frames, fps, _camera(path, attributes.get("camera")))
+    rate = None if times_s is None else rate_of(times_s)
+    return Recording(
+        images, width, height, frames, rate or (fps and fps[0]), camera and Camera.from_numbers(camera, f"{path}: camera")
+    )
 
 
-def _camera(path: Path, stored: Any) -> Camera | None:
-    """The camera of an attribute fx, fy, cx, cy, width, height; None without one."""
-    if stored is None:
+def _numbers(path: Path, file: h5py.File, name: str, count: int) -> list[float] | None:
+    """An attribute of so many finite numbers; None without one."""
+    if name not in file.attrs:
         return None
-    if not isinstance(stored, list) or len(stored) != 6 or any(_number(path, one) is None for one in stored):
-        raise InputError(f"{path}: attribute camera is not fx, fy, cx, cy, width, height")
-    return Camera.from_numbers(stored, f"{path}: attribute camera")
-
-
-def _number(path: Path, stored: Any) -> float | None:
-    """A number of an attribute; None without one."""
-    if stored is None:
-        return None
-    if isinstance(stored, list | np.ndarray) and len(stored) == 1:
-        stored = stored[0]
-    if not isinstance(stored, int | float) or not math.isfinite(stored):
-        raise InputError(f"{path}: an attribute is {str(stored)[:40]!r}, expected a number")
-    return float(stored)
+    stored = np.ravel(file.attrs[name])
+    fits = stored.dtype.kind in "fiu" and len(stored) == count and bool(np.isfinite(stored).all())
+    expect(fits, f"{path}: attribute {name}", "a number" if count == 1 else "fx, fy, cx, cy, width, height")
+    return stored.astype(float).tolist()

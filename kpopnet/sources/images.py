@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
 from kpopnet.errors import InputError
 from kpopnet.sources.camera_files import read_camera
-from kpopnet.sources.source import Recording, StoredImage, check_size
+from kpopnet.sources.source import Recording, StoredImage, check_size, parsing
 
 SUFFIXES = (".png", ".tif", ".tiff")
 CAMERA_FILE = "camera.json"
@@ -37,24 +37,17 @@ def read_folder(folder: Path, key: str | None) -> Recording:
         raise InputError(f"{folder}: images named {pattern} cannot be listed ({error})") from error
     if not paths:
         raise InputError(f"{folder}: no image named {pattern} in it; expected 16-bit PNG or TIFF files of depth")
-    camera_file = folder / CAMERA_FILE
-    return _recording(sorted(paths, key=_natural), camera_file if camera_file.is_file() else None)
+    return read_images(sorted(paths, key=_natural), folder / CAMERA_FILE)
 
 
-def read_image(path: Path, key: str | None) -> Recording:
-    """A single image.
+def read_images(paths: Sequence[Path], camera_file: Path | None = None) -> Recording:
+    """Images of one size, and their camera if its file is there.
 
     Raises:
-        InputError: it is no depth image, or a key is given.
+        InputError: the first one is no depth image.
     """
-    if key is not None:
-        raise InputError(f"{path}: an image has no arrays by name, such as {key}")
-    return _recording([path], None)
-
-
-def _recording(paths: Sequence[Path], camera_file: Path | None) -> Recording:
     height, width = _read(paths[0]).shape
-    camera = None if camera_file is None else read_camera(camera_file, width, height)
+    camera = read_camera(camera_file, width, height) if camera_file is not None and camera_file.is_file() else None
 
     def images() -> Iterator[StoredImage]:
         return (StoredImage(_read(path), str(path)) for path in paths)
@@ -73,22 +66,18 @@ def _read(path: Path) -> np.ndarray:
     Raises:
         InputError: damaged, colour or 8 bits, or too large.
     """
-    try:
-        with warnings.catch_warnings(action="error"), Image.open(path, formats=("PNG", "TIFF")) as image:
-            check_size(str(path), *image.size)
-            if image.mode not in DEPTH_MODES:
-                raise InputError(
-                    f"{path}: an image of Pillow's mode {image.mode}; expected depth of one channel: 16-bit millimetres, or "
-                    "floating-point metres (TIFF). Colour and 8-bit images do not hold depth"
-                )
-            stored = np.array(image)
-    except UnidentifiedImageError as error:
-        raise InputError(f"{path}: not a PNG or TIFF image, or damaged") from error
-    except InputError:
-        raise
-    except Exception as error:  # of decoders, among others struct.error and zlib.error
-        reason = next(iter(str(error).splitlines()), type(error).__name__)[:200]
-        raise InputError(f"{path}: a damaged image ({reason}); remove it or write it again") from error
+    with (
+        parsing(str(path), "not a PNG or TIFF image, or damaged"),
+        warnings.catch_warnings(action="error"),
+        Image.open(path, formats=("PNG", "TIFF")) as image,
+    ):
+        check_size(str(path), *image.size)
+        if image.mode not in DEPTH_MODES:
+            raise InputError(
+                f"{path}: an image of Pillow's mode {image.mode}; expected depth of one channel: 16-bit millimetres, or "
+                "floating-point metres (TIFF). Colour and 8-bit images do not hold depth"
+            )
+        stored = np.array(image)
     if stored.dtype.kind == "i" and stored.min() >= 0 and stored.max() <= np.iinfo(np.uint16).max:
         return stored.astype(np.uint16)  # Pillow before 11 opens 16-bit PNG as 32 bits
     return stored

@@ -1,16 +1,31 @@
 """Opens a recording of depth of any known kind."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
+from kpopnet.runtime.untrusted import MEMORY_BYTES, iterate_in_child, read_in_child
+from kpopnet.sources import arrays, hdf5, images, realsense, video
 from kpopnet.sources.camera_files import read_camera
-from kpopnet.sources.source import DEFAULT_FPS, DepthSource, Recording
+from kpopnet.sources.source import DepthSource, Recording, StoredImage, check_size
+
+DEFAULT_FPS = 30.0
 
 CameraOfSize = Callable[[int, int], Camera]
 """Makes a camera for images of a width and a height, as `functools.partial(Camera.from_fov, 58.0)` does."""
+
+WITH_NAMES = {".npz": arrays.read_npz_depth, ".h5": hdf5.read_hdf5, ".hdf5": hdf5.read_hdf5}
+"""Readers of files that hold arrays by name."""
+
+READERS = {
+    **dict.fromkeys(images.SUFFIXES, lambda path: images.read_images([path])),
+    ".npy": arrays.read_npy,
+    **dict.fromkeys(video.CONTAINERS, video.read_video),
+    **dict.fromkeys((".bag", ".db3"), realsense.read_bag),
+}
+"""Readers of files that hold one recording of depth."""
 
 
 def chosen_camera(
@@ -39,7 +54,11 @@ def chosen_camera(
 
 
 def open_depth(
-    path: Path | str, camera: Camera | CameraOfSize | None = None, fps: float | None = None, key: str | None = None
+    path: Path | str,
+    camera: Camera | CameraOfSize | None = None,
+    fps: float | None = None,
+    key: str | None = None,
+    in_child: bool = False,
 ) -> DepthSource:
     """Opens a recording of depth; docs/predicting.md says what each kind of file holds.
 
@@ -48,14 +67,18 @@ def open_depth(
         camera: of the images, or a function of their width and height; None takes the file's.
         fps: the true number of images per second; None takes the file's times or rate, else DEFAULT_FPS.
         key: name of the array in a file that holds several; of a folder, a pattern of names, such as "depth_*.png".
+        in_child: whether a process with limits of time and memory reads it: damaged or hostile files of a stranger may crash
+            the libraries that parse them. Its start takes half a second.
 
     Raises:
         InputError: the file is of no known kind, is missing or damaged, holds no depth, or does not tell its camera.
     """
     path = Path(path)
-    if fps is not None and not 1 <= fps <= 1000:
-        raise InputError(f"{path}: {fps:g} images a second; expected 1 to 1000")
-    recording = _reader(path)(path, key)
+    recording = _described(path, key, in_child)
+    check_size(str(path), recording.width, recording.height, recording.frames)
+    stated = recording.fps if fps is None else fps
+    if stated is not None and not 1 <= stated <= 1000:
+        raise InputError(f"{path}: {stated:g} images a second; expected 1 to 1000")
     if camera is None:
         camera = recording.camera
     if camera is None:
@@ -65,46 +88,41 @@ def open_depth(
         )
     if not isinstance(camera, Camera):
         camera = camera(recording.width, recording.height)
-    stated = recording.fps if fps is None else fps
     return DepthSource(
         str(path), camera, stated or DEFAULT_FPS, stated is not None, recording.frames, recording.images, file_times=fps is None
     )
 
 
-def _reader(path: Path) -> Callable[[Path, str | None], Recording]:
-    """The reader of a file or folder by its name."""
-    if path.is_dir():
-        from kpopnet.sources.images import read_folder
+def _described(path: Path, key: str | None, in_child: bool) -> Recording:
+    if not in_child:
+        return _read(path, key)
+    mapped_bytes = path.stat().st_size if path.is_file() else 0  # .npy files are mapped into memory
+    limits = {"memory_bytes": MEMORY_BYTES + mapped_bytes}
+    images = partial(iterate_in_child, _images, path, key, **limits)
+    return read_in_child(_without_images, path, key, **limits)._replace(images=images)
 
-        return read_folder
+
+def _without_images(path: Path, key: str | None) -> Recording:
+    return _read(path, key)._replace(images=tuple)
+
+
+def _images(path: Path, key: str | None) -> Iterator[StoredImage]:
+    return _read(path, key).images()
+
+
+def _read(path: Path, key: str | None) -> Recording:
     suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder")
+    if path.is_dir():
+        return images.read_folder(path, key)
+    if suffix in WITH_NAMES:
+        return WITH_NAMES[suffix](path, key)
+    if suffix not in READERS:
         raise InputError(
-            f"{path}: expected a folder of 16-bit PNG or TIFF images, or a file that ends with {', '.join(SUFFIXES)}"
+            f"{path}: expected a folder of 16-bit PNG or TIFF images, or a file that ends with "
+            f"{', '.join([*READERS, *WITH_NAMES])}"
         )
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
-    match suffix:
-        case ".npz" | ".npy":
-            from kpopnet.sources.arrays import read_npy, read_npz_depth
-
-            return read_npz_depth if suffix == ".npz" else read_npy
-        case ".h5" | ".hdf5":
-            from kpopnet.sources.hdf5 import read_hdf5
-
-            return read_hdf5
-        case ".mkv" | ".avi":
-            from kpopnet.sources.video import read_video
-
-            return read_video
-        case ".bag" | ".db3":
-            from kpopnet.sources.realsense import read_bag
-
-            return read_bag
-        case _:
-            from kpopnet.sources.images import read_image
-
-            return read_image
-
-
-SUFFIXES = (".png", ".tif", ".tiff", ".npz", ".npy", ".h5", ".hdf5", ".mkv", ".avi", ".bag", ".db3")
+    if key is not None:
+        raise InputError(f"{path}: holds one recording of depth, and no arrays by name such as {key}")
+    return READERS[suffix](path)

@@ -1,20 +1,27 @@
 """Depth of RealSense cameras, from their recordings and live, by the maker's library; the extra `realsense`."""
 
-from collections.abc import Iterator
+import contextlib
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from kpopnet.camera import MM_PER_METRE, Camera
+from kpopnet.camera import MM_PER_METRE, Camera, depth_in_metres
 from kpopnet.errors import InputError
-from kpopnet.sources.arrays import rate_of
-from kpopnet.sources.source import Recording, StoredImage, check_size
+from kpopnet.sources.live import CameraAwayError
+from kpopnet.sources.source import Recording, StoredImage, check_size, parsing
 
+NAME = "RealSense camera"
 WAIT_MS, PATIENCE_MS = 200, 5000
 """How often to ask whether the recording has ended, and how long the library may take for one image."""
 
-MILLIMETRE = 1 / MM_PER_METRE
+USUAL_FPS, USUAL_WIDTH = 30, 640
+SILENCE_MS = 1000
+"""A camera that sends nothing for so long has gone."""
+
+SEARCH_EVERY_S = 0.3
 
 
 def library(where: str) -> Any:
@@ -33,89 +40,148 @@ def library(where: str) -> Any:
     return pyrealsense2
 
 
-def camera_of(profile: Any, where: str) -> Camera:
-    """The camera of a profile of video.
-
-    Raises:
-        InputError: its images are empty or too large, or its intrinsics are none.
-    """
+def _camera_of(profile: Any, where: str) -> Camera:
+    """The camera of a profile of video."""
     lens = profile.get_intrinsics()
     check_size(where, lens.width, lens.height)
     return Camera.from_numbers((lens.fx, lens.fy, lens.ppx, lens.ppy, lens.width, lens.height), f"{where}: intrinsics")
 
 
-def depth_of(frame: Any) -> np.ndarray:
+def _depth_of(frame: Any) -> np.ndarray:
     """The (H, W) depth of a depth frame: uint16 millimetres, or float32 metres where the camera's unit is another."""
     depth, unit_m = np.array(frame.get_data()), frame.get_units()
-    return depth if np.isclose(unit_m, MILLIMETRE) else depth.astype(np.float32) * np.float32(unit_m)
+    return depth if np.isclose(unit_m, 1 / MM_PER_METRE) else depth.astype(np.float32) * np.float32(unit_m)
 
 
-def read_bag(path: Path, key: str | None) -> Recording:
+def read_bag(path: Path) -> Recording:
     """A recording of a RealSense camera: its depth, times and intrinsics.
 
     Raises:
-        InputError: the library is missing, the file is no such recording or has no depth, or a key is given.
+        InputError: the library is missing, or the file is no such recording or has no depth.
     """
-    if key is not None:
-        raise InputError(f"{path}: a RealSense recording has no arrays by name, such as {key}")
-    player = _Player(path)
-    try:
-        profile = player.depth_profile()
-        camera, fps = camera_of(profile, str(path)), profile.fps()
-    finally:
-        player.close()
-    return Recording(lambda: _images(path), camera.width, camera.height, None, rate_of(str(path), None, float(fps)), camera)
+    with _playing(path) as (_, profile):
+        depth = profile.get_stream(library(str(path)).stream.depth).as_video_stream_profile()
+        camera, fps = _camera_of(depth, str(path)), float(depth.fps())
+    return Recording(lambda: _images(path), camera.width, camera.height, None, fps, camera)
 
 
 def _images(path: Path) -> Iterator[StoredImage]:
-    player, first_ms, number = _Player(path), None, 0
-    try:
-        for number, frame in enumerate(player.depth_frames()):
-            first_ms = frame.get_timestamp() if first_ms is None else first_ms
-            yield StoredImage(depth_of(frame), f"{path}: frame {number}", (frame.get_timestamp() - first_ms) / 1000)
-    finally:
-        player.close()
-    if first_ms is None:
+    stopped = library(str(path)).playback_status.stopped
+    with _playing(path) as (pipeline, profile):
+        playback = profile.get_device().as_playback()
+        playback.set_real_time(False)
+        first_ms, number, waited_ms = None, 0, 0
+        while waited_ms < PATIENCE_MS:
+            found, frames = pipeline.try_wait_for_frames(WAIT_MS)
+            if not found and playback.current_status() == stopped:
+                break
+            waited_ms = 0 if found else waited_ms + WAIT_MS
+            if found and (frame := frames.get_depth_frame()):
+                first_ms = frame.get_timestamp() if first_ms is None else first_ms
+                yield StoredImage(_depth_of(frame), f"{path}: frame {number}", (frame.get_timestamp() - first_ms) / 1000)
+                number += 1
+    if not number:
         raise InputError(f"{path}: no depth image in it")
 
 
-class _Player:
-    """Plays a recording once, as fast as it is read."""
-
-    def __init__(self, path: Path) -> None:
-        self._path, self._library = path, library(str(path))
-        self._pipeline, config = self._library.pipeline(), self._library.config()
+@contextlib.contextmanager
+def _playing(path: Path) -> Iterator[tuple[Any, Any]]:
+    """The library's pipeline that plays a recording once, as fast as it is read, and its profile."""
+    found = library(str(path))
+    pipeline, config = found.pipeline(), found.config()
+    with parsing(str(path), "not a RealSense recording with depth, or damaged"):
+        config.enable_device_from_file(str(path), repeat_playback=False)
+        config.enable_stream(found.stream.depth)
+        profile = pipeline.start(config)
         try:
-            config.enable_device_from_file(str(path), repeat_playback=False)
-            config.enable_stream(self._library.stream.depth)
-            self._profile = self._pipeline.start(config)
-            self._playback = self._profile.get_device().as_playback()
-            self._playback.set_real_time(False)
-        except RuntimeError as error:
-            raise InputError(f"{path}: not a RealSense recording with depth ({_line(error)})") from error
+            yield pipeline, profile
+        finally:
+            pipeline.stop()
 
-    def depth_profile(self) -> Any:
-        """The stream of depth, as a profile of video."""
-        return self._profile.get_stream(self._library.stream.depth).as_video_stream_profile()
 
-    def depth_frames(self) -> Iterator[Any]:
-        """The frames of depth, each valid until the next."""
-        stopped, waited_ms = self._library.playback_status.stopped, 0
+def connected_device() -> Any | None:
+    """The first connected device of the library, None without one."""
+    return next(iter(library(NAME).context().query_devices()), None)
+
+
+class RealSenseCamera:
+    """A live camera, which may be unplugged and plugged in again; a `LiveCamera`.
+
+    Attributes:
+        camera: the intrinsics of its depth.
+    """
+
+    def __init__(self, find: Callable[[], Any | None] = connected_device) -> None:
+        """Opens the camera.
+
+        Args:
+            find: finds the device, None where there is none.
+
+        Raises:
+            InputError: the library is missing, or no camera with depth is connected.
+        """
+        self._library, self._find = library(NAME), find
+        self._sensor: Any | None = None
+        self.camera: Camera | None = None
         try:
-            while waited_ms < PATIENCE_MS:
-                found, frames = self._pipeline.try_wait_for_frames(WAIT_MS)
-                if not found and self._playback.current_status() == stopped:
-                    return
-                waited_ms = 0 if found else waited_ms + WAIT_MS
-                if found and (depth := frames.get_depth_frame()):
-                    yield depth
-        except RuntimeError as error:
-            raise InputError(f"{self._path}: a damaged RealSense recording ({_line(error)})") from error
+            self._connect()
+        except CameraAwayError as error:
+            raise InputError(str(error)) from error
+
+    def read(self) -> tuple[np.ndarray, float]:
+        """See `LiveCamera.read`."""
+        if self._sensor is None:
+            time.sleep(SEARCH_EVERY_S)
+            self._connect()
+        try:
+            found, frame = self._queue.try_wait_for_frame(SILENCE_MS)
+        except RuntimeError:  # it is torn out while it is asked
+            found = False
+        taken = time.monotonic()
+        if not found:
+            self.close()
+            raise CameraAwayError("the camera sends no images; look at its cable")
+        return depth_in_metres(_depth_of(frame.as_depth_frame()), self.camera, where=NAME), taken
 
     def close(self) -> None:
-        """Ends playing."""
-        self._pipeline.stop()
+        """See `LiveCamera.close`."""
+        sensor, self._sensor = self._sensor, None
+        if sensor is not None:
+            with contextlib.suppress(RuntimeError):  # of a camera that has gone
+                sensor.stop()
+                sensor.close()
+
+    def _connect(self) -> None:
+        """Starts the depth of the device; of several images that wait, the queue of one keeps the newest."""
+        try:
+            device = self._find()
+            sensors = [] if device is None else device.query_sensors()
+            offers = [(sensor, profile) for sensor in sensors for profile in _depth_profiles(sensor)]
+            if not offers:
+                raise CameraAwayError("no RealSense camera with depth is connected; plug it in")
+            sensor, profile = min(offers, key=lambda offer: _unusual(offer[1]))
+            camera = _camera_of(profile, NAME)
+            if self.camera not in (None, camera):
+                raise InputError("another camera was plugged in; start the dance again")
+            queue = self._library.frame_queue(1)
+            sensor.open(profile)
+            try:
+                sensor.start(queue)
+            except RuntimeError:
+                with contextlib.suppress(RuntimeError):
+                    sensor.close()
+                raise
+        except RuntimeError as error:
+            raise CameraAwayError(f"the camera does not start ({next(iter(str(error).splitlines()), '')[:200]})") from error
+        self._sensor, self._queue, self.camera = sensor, queue, camera
 
 
-def _line(error: Exception) -> str:
-    return next(iter(str(error).splitlines()), type(error).__name__)[:200]
+def _depth_profiles(sensor: Any) -> list[Any]:
+    """A sensor's profiles of 16-bit depth, as profiles of video."""
+    profiles = [one for one in sensor.get_stream_profiles() if one.stream_type().name == "depth" and one.format().name == "z16"]
+    return [one.as_video_stream_profile() for one in profiles]
+
+
+def _unusual(profile: Any) -> tuple[bool, int, int]:
+    """Orders profiles: the sensor's own choice first, then what is nearest to the usual rate and size."""
+    return not profile.is_default(), abs(profile.fps() - USUAL_FPS), abs(profile.width() - USUAL_WIDTH)

@@ -1,6 +1,7 @@
 """A recording of depth, read one image at a time."""
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -9,7 +10,6 @@ import numpy as np
 from kpopnet.camera import MAX_IMAGE_PIXELS, Camera, depth_in_metres
 from kpopnet.errors import InputError
 
-DEFAULT_FPS = 30.0
 MAX_FRAMES = 1_000_000
 """Longest recording in images, nine hours at 30 a second: it bounds the memory that joints take."""
 
@@ -68,7 +68,7 @@ class DepthSource:
         name: of the file or folder, for messages.
         camera: of all images.
         fps: images per second.
-        fps_is_known: whether the file or the user gave `fps`; else it is DEFAULT_FPS.
+        fps_is_known: whether the file or the user gave `fps`; else it is a default.
         frames: number of images, None where only reading tells.
         images: reads the images as the file holds them.
         file_times: whether times are the file's; else they follow from `fps`.
@@ -97,8 +97,7 @@ class DepthSource:
             if number >= MAX_FRAMES:
                 raise InputError(f"{self.name}: more than {MAX_FRAMES:,} images; cut it into parts")
             depth_m = depth_in_metres(image.depth, self.camera, where=image.where)
-            own_time = self.file_times and image.time_s is not None
-            time_s = image.time_s if own_time and image.time_s is not None else number / self.fps
+            time_s = image.time_s if self.file_times and image.time_s is not None else number / self.fps
             if not before_s < time_s < np.inf:
                 raise InputError(
                     f"{image.where}: taken at {time_s:g} s, after one at {before_s:g} s; give the images per second "
@@ -118,3 +117,15 @@ def check_size(where: str, width: int, height: int, frames: int | None = None) -
         raise InputError(f"{where}: images of {width}x{height} pixels; expected 1 to {MAX_IMAGE_PIXELS:,} pixels")
     if frames is not None and not 0 < frames <= MAX_FRAMES:
         raise InputError(f"{where}: {frames:,} images; expected 1 to {MAX_FRAMES:,}")
+
+
+@contextmanager
+def parsing(where: str, problem: str) -> Iterator[None]:
+    """Turns what a library's parser raises for damaged bytes, which is of many types, into an InputError of one line."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        reason = next(iter(str(error).splitlines()), type(error).__name__)[:200]
+        raise InputError(f"{where}: {problem} ({reason})") from error
