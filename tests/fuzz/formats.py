@@ -55,7 +55,6 @@ from kpopnet.teacher.posing import posed
 from synth.motion import MotionConfig, build_motion
 from synth.motion.choreography.composer import dance
 from synth.motion.skeleton import REST_OFFSETS_M
-from synth.realism.sources import read_real
 from synth.samples.observe import ExtractionConfig, Observer
 from synth.sensor.model import SensorConfig
 
@@ -394,11 +393,6 @@ FORMATS = {
     "azure_json": Format(make_azure_json, ("*.json",), read_dance),
     "joints_csv": Format(make_csv, ("*.csv",), read_dance),
     "imperial": Format(make_imperial, ("*.npy",), read_imperial_joints),
-    "itop_npz": Format(
-        lambda folder: np.savez(folder / "itop.npz", side_m=np.stack([y_joints()] * 3).astype(np.float32)),
-        ("*.npz",),
-        lambda folder: read_real(folder / "itop.npz", 1, 0),
-    ),
     "depth_png": Format(lambda folder: write_pngs(folder, depth_mm(2)), ("*.png",), read_depth),
     "depth_tiff": Format(lambda folder: write_pngs(folder, depth_mm(2), ".tif"), ("*.tif",), read_depth),
     "depth_npz": Format(lambda folder: write_npz(folder / "a.npz", depth_mm(3), fps=25.0), ("*.npz",), read_depth),
