@@ -32,30 +32,26 @@ if __name__ == "__main__":
 import re
 import sys
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from kpopnet.camera import Camera
-from kpopnet.errors import InputError, check_between, check_seed
+from kpopnet.errors import InputError
 from kpopnet.ridge import RidgeConfig
 from kpopnet.runtime.cpu import available_cores, bounded_processes
 from kpopnet.runtime.folder_lock import EVERYTHING, locked
 from kpopnet.runtime.hydra_app import entry_point, register_choices, register_schemas, user_errors
-from synth.body.shape import BodyConfig
 from synth.dances import simulate
 from synth.dances import writer as dance_writer
 from synth.dances.simulate import KpopSimConfig, KpopSimSet
 from synth.motion import SPLITS, MotionConfig, build_motion
 from synth.samples.generate import finish, generate
 from synth.samples.observe import ExtractionConfig
-from synth.samples.placing import StageConfig
-from synth.samples.sampler import CameraConfig, SampleConfig
-from synth.samples.writer import MAX_SHARD_SIZE, MAX_SHARDS, FreezeConfig, SetConfig
-from synth.scene.props import PropsConfig
+from synth.samples.sampler import SampleConfig
+from synth.samples.writer import FreezeConfig, SetConfig
 from synth.scene.render import RENDERERS, make_renderer
-from synth.scene.room import ViewConfig
 from synth.scene.scene import Scene
 from synth.sensor.model import SENSORS, SensorConfig
 from synth.simulated import writer as sequence_writer
@@ -77,10 +73,10 @@ def parse_range(text: str, num_shards: int) -> range:
         return range(num_shards)
     if not re.fullmatch(r"[0-9]{1,9}:[0-9]{1,9}", text):
         raise InputError(f'shards={text}: give "all" or a range such as 0:100')
-    first, _, end = text.partition(":")
-    if int(first) >= int(end):
+    first, end = map(int, text.split(":"))
+    if first >= end:
         raise InputError(f"shards={text}: the first number must be below the second")
-    return range(int(first), min(int(end), num_shards))
+    return range(first, min(end, num_shards))
 
 
 @dataclass(frozen=True)
@@ -97,14 +93,10 @@ class SplitSizes:
     validation: int = 0
     test: int = 0
 
-    def __post_init__(self) -> None:
-        for name in SPLITS:
-            check_between(f"splits.{name}", getattr(self, name), 0, MAX_SHARDS * MAX_SHARD_SIZE)
-
 
 @dataclass(frozen=True)
-class GenerateConfig:
-    """The settings of `python -m synth`.
+class GenerateConfig(SampleConfig):
+    """The settings of `python -m synth`: those of its samples, and what is made of them.
 
     Attributes:
         out: folder for the splits' folders.
@@ -114,18 +106,9 @@ class GenerateConfig:
         shard_size: samples in one file.
         shards: "all", or the range "first:end" of shards to make in this run.
         processes: number of worker processes; 0 takes every core.
-        body: shapes of the people.
-        motion: where poses and motions come from.
-        camera: intrinsics of the depth camera.
-        view: where the camera stands and looks.
-        stage: where people stand in the room.
-        props: seats, held objects and second people.
         sensor: noise of the depth sensor.
         extraction: errors of the silhouettes.
         ridge: parameters of the ridge image.
-        renderer: auto, cpu (z-buffer in numba) or gl (MuJoCo's OpenGL).
-        samples_per_body: consecutive samples that show the same person.
-        samples_per_room: consecutive samples in the same room before the same camera.
     """
 
     out: str = "data/small"
@@ -135,51 +118,29 @@ class GenerateConfig:
     shard_size: int = 1000
     shards: str = "all"
     processes: int = 0
-    body: BodyConfig = field(default_factory=BodyConfig)
-    motion: MotionConfig = field(default_factory=MotionConfig)
-    camera: CameraConfig = field(default_factory=CameraConfig)
-    view: ViewConfig = field(default_factory=ViewConfig)
-    stage: StageConfig = field(default_factory=StageConfig)
-    props: PropsConfig = field(default_factory=PropsConfig)
     sensor: SensorConfig = field(default_factory=SensorConfig)
     extraction: ExtractionConfig = field(default_factory=ExtractionConfig)
     ridge: RidgeConfig = field(default_factory=RidgeConfig)
-    renderer: str = "auto"
-    samples_per_body: int = 8
-    samples_per_room: int = 25
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         unknown = set(self.frozen) - set(SPLITS)
         if unknown:
             raise InputError(f"frozen={self.frozen}: {sorted(unknown)} are no splits; choose from {', '.join(SPLITS)}")
         parse_range(self.shards, 0)
-        check_seed("seed", self.seed)
-        check_between("shard_size", self.shard_size, 1, MAX_SHARD_SIZE)
-        for split in SPLITS:
-            if (count := getattr(self.splits, split)) > MAX_SHARDS * self.shard_size:
-                raise InputError(
-                    f"splits.{split}={count}: more than {MAX_SHARDS:,} shards of shard_size={self.shard_size} samples; "
-                    "choose fewer samples or larger shards"
-                )
         if self.splits == SplitSizes(0, 0, 0):
             raise InputError("every split has size 0: choose a preset, or set for instance splits.train=1000")
-        if self.processes < 0:
-            raise InputError(f"processes={self.processes} must be 0 (every core) or more")
 
-    def sample(self) -> SampleConfig:
-        """The settings on which samples depend, with the renderer resolved."""
-        renderer = resolved_renderer(self.renderer, self.camera.build())
-        return SampleConfig(
-            self.body,
-            self.motion,
-            self.camera,
-            self.view,
-            self.stage,
-            self.props,
-            renderer,
-            self.samples_per_body,
-            self.samples_per_room,
-        )
+    def sets(self) -> list[SetConfig]:
+        """The sets to make, one for each split that has samples."""
+        sample = {one.name: getattr(self, one.name) for one in fields(SampleConfig)}
+        sample["renderer"] = resolved_renderer(self.renderer, self.camera.build())
+        look = FreezeConfig(self.sensor, self.extraction, self.ridge)
+        return [
+            SetConfig(SampleConfig(**sample), self.seed, split, count, self.shard_size, look if split in self.frozen else None)
+            for split, count in asdict(self.splits).items()
+            if count
+        ]
 
 
 def resolved_renderer(renderer: str, camera: Camera) -> str:
@@ -191,29 +152,32 @@ def resolved_renderer(renderer: str, camera: Camera) -> str:
     return probe.name
 
 
+def number_of_processes(given: int) -> int:
+    """The number of worker processes, of which 0 stands for one on every core.
+
+    Raises:
+        InputError: a negative number.
+    """
+    if given < 0:
+        raise InputError(f"processes={given} must be 0 (every core) or more")
+    return bounded_processes(given) or available_cores()
+
+
 @entry_point({"generate": GenerateConfig}, "synth")
-def make_set(config: GenerateConfig) -> None:
-    sample = config.sample()
-    look = FreezeConfig(config.sensor, config.extraction, config.ridge)
-    processes = bounded_processes(config.processes) or available_cores()
-    camera = config.camera.build()
+def make_samples(config: GenerateConfig) -> None:
+    processes, camera, sets = number_of_processes(config.processes), config.camera.build(), config.sets()
     print(
         f"{config.camera.name} {camera.width}x{camera.height}, motion {config.motion.source}, "
-        f"sensor {config.sensor.name}, renderer {sample.renderer}, {processes} processes, into {config.out}"
+        f"sensor {config.sensor.name}, renderer {sets[0].sample.renderer}, {processes} processes, into {config.out}"
     )
-    for split in SPLITS:
-        count = getattr(config.splits, split)
-        if not count:
-            continue
+    for a_set in sets:
         # Opened here first: warnings about recordings appear once, before the worker processes start.
-        build_motion(config.motion, split)
-        freeze = look if split in config.frozen else None
-        a_set = SetConfig(sample, config.seed, split, count, config.shard_size, freeze)
-        folder = Path(config.out) / split
+        build_motion(config.motion, a_set.split)
+        folder = Path(config.out) / a_set.split
         shards = parse_range(config.shards, a_set.num_shards)
         with locked(folder, EVERYTHING if config.shards == "all" else shards):
             generate(a_set, folder, shards, processes)
-            summary = finish(a_set, folder, look)
+            summary = finish(a_set, folder, FreezeConfig(config.sensor, config.extraction, config.ridge))
         if summary is None:
             print(f"{folder}: the shards of this run are finished; other shards are missing")
             continue
@@ -225,7 +189,7 @@ def make_set(config: GenerateConfig) -> None:
 
 
 @dataclass(frozen=True)
-class StandInConfig:
+class BenchmarkConfig:
     """The settings of `python -m synth benchmark=...`.
 
     Attributes:
@@ -245,11 +209,9 @@ class StandInConfig:
     def __post_init__(self) -> None:
         if self.renderer not in RENDERERS:
             raise InputError(f"renderer={self.renderer}: choose one of {', '.join(RENDERERS)}")
-        if self.processes < 0:
-            raise InputError(f"processes={self.processes} must be 0 (every core) or more")
 
 
-class Makeable(NamedTuple):
+class Benchmark(NamedTuple):
     """A benchmark that can be simulated.
 
     Attributes:
@@ -265,46 +227,44 @@ class Makeable(NamedTuple):
     write: Callable[[Any, Path, int], dict]
 
 
-STAND_INS = {
-    "eval_sim": Makeable(EvalSimConfig, EVAL_SIM.maker.camera, EvalSimSet, partial(sequence_writer.write_set, EVAL_SIM)),
-    "smmc10_sim": Makeable(
+BENCHMARKS = {
+    "eval_sim": Benchmark(EvalSimConfig, EVAL_SIM.maker.camera, EvalSimSet, partial(sequence_writer.write_set, EVAL_SIM)),
+    "smmc10_sim": Benchmark(
         Smmc10SimConfig, SMMC10_SIM.maker.camera, Smmc10SimSet, partial(sequence_writer.write_set, SMMC10_SIM)
     ),
-    "two_people": Makeable(
+    "two_people": Benchmark(
         TwoPeopleConfig, TWO_PEOPLE.maker.camera, TwoPeopleSet, partial(sequence_writer.write_set, TWO_PEOPLE)
     ),
-    "kpop_sim": Makeable(KpopSimConfig, simulate.CAMERA, KpopSimSet, dance_writer.write_set),
+    "kpop_sim": Benchmark(KpopSimConfig, simulate.CAMERA, KpopSimSet, dance_writer.write_set),
 }
 """Each benchmark that can be simulated."""
 
 # A group of its own: evaluate.py has other settings for the same benchmarks.
-register_schemas("simulated", {name: stand_in.settings for name, stand_in in STAND_INS.items()}, place="benchmark")
+register_schemas("simulated", {name: one.settings for name, one in BENCHMARKS.items()}, place="benchmark")
 register_choices("sensor", SENSORS)
 
 
-@entry_point({"simulated_set": StandInConfig}, "synth")
-def make_stand_in(config: StandInConfig) -> None:
-    stand_in = STAND_INS[config.benchmark.name]
-    a_set = stand_in.describe(config.benchmark, config.motion, resolved_renderer(config.renderer, stand_in.camera))
-    processes, folder = bounded_processes(config.processes) or available_cores(), Path(config.out)
+@entry_point({"simulated_set": BenchmarkConfig}, "synth")
+def make_benchmark(config: BenchmarkConfig) -> None:
+    made, processes, folder = BENCHMARKS[config.benchmark.name], number_of_processes(config.processes), Path(config.out)
+    a_set = made.describe(config.benchmark, config.motion, resolved_renderer(config.renderer, made.camera))
     settings = ", ".join(f"{name} {value}" for name, value in asdict(config.benchmark).items() if name != "name")
     print(
         f"{config.benchmark.name}, simulated, {settings}, motion {config.motion.source}, renderer {a_set.renderer}, "
         f"{processes} processes, into {folder}"
     )
     with locked(folder):
-        stand_in.write(a_set, folder, processes)
+        made.write(a_set, folder, processes)
     print(f"{folder}: finished; look at {folder / 'contact_sheet.png'}")
 
 
 @user_errors
 def main() -> None:
-    """Makes a simulated benchmark where the command line has benchmark=NAME, else a set of samples."""
-    named = [given.removeprefix("benchmark=") for given in sys.argv[1:] if given.startswith("benchmark=")]
-    for name in named:
-        if name not in STAND_INS:
-            raise InputError(f"benchmark={name}: the simulated benchmarks are {', '.join(STAND_INS)}")
-    (make_stand_in if named else make_set)()
+    """Makes the simulated benchmark that benchmark=NAME on the command line asks for, else a set of samples."""
+    asked = [word.removeprefix("benchmark=") for word in sys.argv[1:] if word.startswith("benchmark=")]
+    if unknown := set(asked) - set(BENCHMARKS):
+        raise InputError(f"benchmark={unknown.pop()}: the simulated benchmarks are {', '.join(BENCHMARKS)}")
+    (make_benchmark if asked else make_samples)()
 
 
 if __name__ == "__main__":

@@ -77,7 +77,11 @@ class SetConfig:
 
     def __post_init__(self) -> None:
         check_between("shard_size", self.shard_size, 1, MAX_SHARD_SIZE)
-        check_between("the samples of a set", self.count, 0, MAX_SHARDS * self.shard_size)
+        if not 0 <= self.count <= MAX_SHARDS * self.shard_size:
+            raise InputError(
+                f"splits.{self.split}={self.count}: expected at most {MAX_SHARDS:,} shards of "
+                f"shard_size={self.shard_size} samples"
+            )
         check_seed("seed", self.seed)
         if self.sample.renderer == "auto":
             raise InputError("the renderer is part of a set's identity: resolve renderer=auto to gl or cpu first")
