@@ -17,8 +17,8 @@ from kpopnet.data.shards import Sample, ShardedSet
 from kpopnet.errors import InputError
 from kpopnet.ridge import RidgeConfig, ridge_probability
 from kpopnet.skeleton import Joint
-from synth.sensor.holes import erase_ellipses, spherical_hole
-from synth.sensor.model import SENSORS, SensorConfig, measure_labelled
+from synth.sensor.kernel import erase_ellipses
+from synth.sensor.model import SENSORS, SensorConfig, measure_labelled, spherical_hole
 
 MARGIN_PX = 4
 """Margin around the person's bounding box that is measured too: one pixel for dilation, two empty ones for the ridge."""

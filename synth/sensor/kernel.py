@@ -331,3 +331,24 @@ def measure_pixels(depth, labels, keys, terms):
                 measured[y, x] = z
                 seen[y, x] = label
     return measured, seen
+
+
+@njit(cache=True)
+def erase_ellipses(depth, ellipses):
+    """Sets depth to 0, in place, inside ellipses.
+
+    Args:
+        depth: (h, w) float32 metres.
+        ellipses: (N, 7) float32: centre u, v and the two semi-axes in pixels, the angle of the first axis in radians,
+            nearest and farthest depth in metres that is erased.
+    """
+    height, width = depth.shape
+    for u, v, a, b, angle, near, far in ellipses:
+        reach = max(a, b)
+        cos, sin = math.cos(angle), math.sin(angle)
+        for y in range(max(int(v - reach), 0), min(int(v + reach) + 2, height)):
+            for x in range(max(int(u - reach), 0), min(int(u + reach) + 2, width)):
+                along = ((x - u) * cos + (y - v) * sin) / a
+                across = ((y - v) * cos - (x - u) * sin) / b
+                if along * along + across * across <= 1 and near <= depth[y, x] <= far:
+                    depth[y, x] = 0

@@ -24,8 +24,7 @@ import numpy as np
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
 from synth.sensor.film_noise import FilmFrame
-from synth.sensor.holes import erase_ellipses, spherical_hole
-from synth.sensor.kernel import TERMS, measure_pixels
+from synth.sensor.kernel import TERMS, erase_ellipses, measure_pixels
 
 ELLIPSE_PX = (2.5, 5.0)
 """Range of the semi-axes of elliptic holes, native pixels."""
@@ -176,31 +175,27 @@ class SensorConfig:
             raise InputError(f"sensor.name must be one of {', '.join(_PUBLISHED)}, not {self.name!r}")
         terms = _with_published(self)
         for name, value in terms.items():
-            if not math.isfinite(value) or (value < 0 and name != "baseline_m"):
-                raise InputError(f"sensor.{name} must be a finite number of at least 0, not {value}")
-        for name in (
-            "grain_flicker",
-            "disparity_flicker",
-            "flying_pixels",
-            "pixel_dropout",
-            "edge_dropout",
-            "limb_end_dropout",
-        ):
-            if terms[name] > 1:
-                raise InputError(f"sensor.{name} is a fraction and must lie between 0 and 1, not {terms[name]}")
-        if terms["max_range_m"] and terms["max_range_m"] <= terms["min_range_m"]:
+            low, high = -math.inf if name == "baseline_m" else 0, 1 if name in _FRACTIONS else math.inf
+            if not (low <= value <= high and math.isfinite(value)):
+                raise InputError(f"sensor.{name} must be a finite number in {low}..{high}, not {value}")
+        if 0 < terms["max_range_m"] <= terms["min_range_m"]:
             raise InputError(f"sensor.max_range_m={terms['max_range_m']} must exceed sensor.min_range_m={terms['min_range_m']}")
-        in_native_px = (
-            "lateral_px", "grain_px", "grain_disparity_px", "disparity_step_px", "disparity_noise_px", "ellipses_per_megapixel"
-        )  # fmt: skip
-        for name in in_native_px:
-            if terms[name] and not terms["native_focal_px"]:
-                raise InputError(f"sensor.{name} is in native pixels: set sensor.native_focal_px too")
-        for name in ("disparity_step_px", "disparity_noise_px", "grain_disparity_px"):
-            if terms[name] and not terms["baseline_m"]:
-                raise InputError(f"sensor.{name} needs a sensor.baseline_m")
-        if terms["wiggle_m"] and not terms["wiggle_period_m"]:
-            raise InputError("sensor.wiggle_m needs a sensor.wiggle_period_m")
+        for needed, names in _NEEDED_BY.items():
+            for name in names:
+                if terms[name] and not terms[needed]:
+                    raise InputError(f"sensor.{name} needs a sensor.{needed}")
+
+
+_FRACTIONS = ("grain_flicker", "disparity_flicker", "flying_pixels", "pixel_dropout", "edge_dropout", "limb_end_dropout")
+
+_NEEDED_BY = {
+    "native_focal_px": (
+        *("lateral_px", "grain_px", "grain_disparity_px", "disparity_step_px", "disparity_noise_px", "ellipses_per_megapixel"),
+    ),
+    "baseline_m": ("disparity_step_px", "disparity_noise_px", "grain_disparity_px"),
+    "wiggle_period_m": ("wiggle_m",),
+}
+"""Terms without which others, if they are not 0, have no meaning."""
 
 
 def _with_published(config: SensorConfig) -> dict[str, float]:
@@ -225,22 +220,7 @@ def measure(
     rng: np.random.Generator,
     limb_ends_camera_m: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Measures a clean depth image with the sensor model.
-
-    Args:
-        depth_m: (h, w) float32 depth of the whole scene, people and background, metres; 0 where there is no surface.
-        camera: the camera of these pixels; may be a cropped one.
-        config: the sensor.
-        rng: the only source of randomness.
-        limb_ends_camera_m: (K, 3) hands and feet in the camera frame, metres, one of whose ends may be lost; None: no
-            limb end is lost.
-
-    Returns:
-        (h, w) float32 metres, 0 where nothing is measured.
-
-    Raises:
-        InputError: the image has another size than the camera.
-    """
+    """(h, w) float32 measured depth of a whole image; see `measure_labelled`."""
     return measure_labelled(depth_m, np.ones(depth_m.shape, np.uint8), camera, config, rng, limb_ends_camera_m)[0]
 
 
@@ -253,17 +233,18 @@ def measure_labelled(
     limb_ends_camera_m: np.ndarray | None = None,
     film: FilmFrame | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Like `measure`, but measures only labelled surfaces and returns the label of each measured pixel.
+    """Measures the labelled surfaces of a clean depth image and returns the label of each measured pixel.
 
     Lateral noise moves outlines, so a pixel may show the surface of a neighbouring clean pixel.
 
     Args:
-        depth_m: as in `measure`.
+        depth_m: (h, w) float32 depth of the whole scene, people and background, metres; 0 where there is no surface.
         labels: (h, w) uint8 label of each clean pixel; surfaces with label 0 are not measured.
-        camera: as in `measure`.
-        config: as in `measure`.
-        rng: as in `measure`.
-        limb_ends_camera_m: as in `measure`.
+        camera: the camera of these pixels; may be a cropped one.
+        config: the sensor.
+        rng: the only source of randomness.
+        limb_ends_camera_m: (K, 3) hands and feet in the camera frame, metres, one of whose ends may be lost; None: no
+            limb end is lost.
         film: what the frame shares with others of its film; None: nothing, a single picture.
 
     Returns:
@@ -358,3 +339,22 @@ def _holes(
             end = limb_ends_camera_m[rng.integers(len(limb_ends_camera_m))]
             ellipses.append(spherical_hole(end, rng.uniform(*LIMB_HOLE_RADIUS_M), LIMB_HOLE_DEPTH_M, camera))
     return np.concatenate(ellipses).astype(np.float32)
+
+
+def spherical_hole(centre_camera_m: np.ndarray, radius_m: float, depth_reach_m: float, camera: Camera) -> np.ndarray:
+    """The hole around a point, for `kernel.erase_ellipses`.
+
+    Args:
+        centre_camera_m: (3,) centre, camera frame.
+        radius_m: radius in the image plane at the centre's depth.
+        depth_reach_m: largest difference in depth from the centre that is erased.
+        camera: the camera of the image.
+
+    Returns:
+        (1, 7) ellipse; (0, 7) if the point is NaN, behind the camera or nearer than 5 cm.
+    """
+    u, v, z = camera.project(centre_camera_m)
+    if not z > 0.05:
+        return np.zeros((0, 7))
+    radii_px = radius_m * camera.fx / z, radius_m * camera.fy / z
+    return np.array([[u, v, *radii_px, 0, z - depth_reach_m, z + depth_reach_m]])

@@ -243,11 +243,11 @@ def test_only_labelled_pixels_are_measured_with_the_same_noise_as_without_labels
     ("terms", "message"),
     [
         ({"name": "kinect"}, "sensor.name must be one of ideal, kinect_v1"),
-        ({"pixel_dropout": 1.5}, "sensor.pixel_dropout is a fraction"),
+        ({"pixel_dropout": 1.5}, "sensor.pixel_dropout must be a finite number in 0..1"),
         ({"axial_floor_m": -0.1}, "sensor.axial_floor_m"),
         ({"gain": math.nan}, "sensor.gain"),
         ({"max_range_m": 0.1}, "sensor.min_range_m"),
-        ({"name": "ideal", "lateral_px": 1.0}, "sensor.native_focal_px"),
+        ({"name": "ideal", "lateral_px": 1.0}, "sensor.lateral_px needs a sensor.native_focal_px"),
         ({"name": "kinect_2", "disparity_step_px": 0.125}, "sensor.baseline_m"),
         ({"name": "ideal", "wiggle_m": 0.1}, "sensor.wiggle_period_m"),
     ],
