@@ -17,8 +17,7 @@ from synth.body.clothes.cloth import Figure
 from synth.body.clothes.garments import BOTTOMS, TOPS, hair, shoes
 from synth.body.clothes.outfit import ClothesConfig
 from synth.body.shape import BodyConfig, Person, draw_person, dress, shape_person
-from synth.motion.poses.families import FAMILIES
-from synth.motion.poses.procedural import ProceduralPoses
+from synth.motion.poses.families import FAMILIES, ProceduralPoses
 from synth.motion.posture import angles, rotations
 from synth.samples.sampler import body_rotations
 from synth.scene.render import CpuRenderer

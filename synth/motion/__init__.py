@@ -14,7 +14,7 @@ import numpy as np
 
 from kpopnet.errors import InputError, check_between, check_seed
 from synth.motion.choreography.composer import Choreography
-from synth.motion.poses.procedural import ProceduralPoses
+from synth.motion.poses.families import ProceduralPoses
 from synth.motion.recorded.clips import open_clips
 from synth.motion.skeleton import Motion, Poses
 

@@ -39,20 +39,25 @@ def choose(generator: np.random.Generator, items: Sequence[Item]) -> Item:
     return items[int(generator.random() * len(items))]
 
 
+def limb(side: str, **angles: float) -> Angles:
+    """Angles of an arm or a leg by their names without the side; `raise_` stands for raise, a word of Python."""
+    return {f"{side}_{name.rstrip('_')}": value for name, value in angles.items()}
+
+
+def drawn(generator: np.random.Generator, side: str, **angles: float | tuple[float, float]) -> Angles:
+    """Angles of an arm or a leg as in `limb`, of which those given as a range are drawn uniformly from it, in their order."""
+    return limb(side, **{name: uniform(generator, *one) if isinstance(one, tuple) else one for name, one in angles.items()})
+
+
 def arm_to(side: str, place: str) -> Angles:
     """An arm whose hand is at one of the places of `REACHES`."""
-    return dict(zip((f"{side}_{a}" for a in ("raise", "plane", "twist", "elbow")), REACHES[place], strict=True))
+    return limb(side, **dict(zip(("raise", "plane", "twist", "elbow"), REACHES[place], strict=True)))
 
 
 def hanging_arm(generator: np.random.Generator, side: str) -> Angles:
     """A relaxed arm that hangs down."""
     a, b, c, d = generator.random(4)
-    return {
-        f"{side}_raise": 3 + 17 * a,
-        f"{side}_plane": -40 + 100 * b,
-        f"{side}_twist": -35 + 45 * c,
-        f"{side}_elbow": 4 + 35 * d * d,
-    }
+    return limb(side, raise_=3 + 17 * a, plane=-40 + 100 * b, twist=-35 + 45 * c, elbow=4 + 35 * d * d)
 
 
 BOTH_ARMS_REST, ONE_ARM_RESTS = 0.45, 0.2
@@ -76,47 +81,28 @@ _ARM_OF = {side: {f"{side}_{a}" for a in ("raise", "plane", "twist", "elbow", "p
 def free_arm(generator: np.random.Generator, side: str) -> Angles:
     """An arm in a random direction within the limits, uniform in area over the sphere, with any elbow flexion."""
     up, plane, twist, twist_more, bend, pronate, wrist = generator.random(7)
-    return {
-        f"{side}_raise": np.degrees(np.arccos(1 - 2 * up)),
-        f"{side}_plane": -50 + 170 * plane,
-        f"{side}_twist": -75 + 170 * (twist + twist_more) / 2,
-        f"{side}_elbow": 145 * bend**1.5,
-        f"{side}_pronate": -60 + 120 * pronate,
-        f"{side}_wrist": -40 + 80 * wrist,
-    }
+    return limb(
+        side,
+        raise_=np.degrees(np.arccos(1 - 2 * up)),
+        plane=-50 + 170 * plane,
+        twist=-75 + 170 * (twist + twist_more) / 2,
+        elbow=145 * bend**1.5,
+        pronate=-60 + 120 * pronate,
+        wrist=-40 + 80 * wrist,
+    )
 
 
 def everyday_arm(generator: np.random.Generator, side: str) -> Angles:
     """An arm as in recordings of exercises and daily life: raised, waving, pointing, held to the chest."""
     kind = int(generator.random() * 6)
     if kind == 0:  # straight, raised between the side and the front
-        return {
-            f"{side}_raise": uniform(generator, 30, 175),
-            f"{side}_plane": uniform(generator, -10, 100),
-            f"{side}_elbow": uniform(generator, 0, 25),
-        }
+        return drawn(generator, side, raise_=(30, 175), plane=(-10, 100), elbow=(0, 25))
     if kind == 1:  # waving
-        return {
-            f"{side}_raise": uniform(generator, 60, 110),
-            f"{side}_plane": uniform(generator, -5, 50),
-            f"{side}_twist": uniform(generator, 60, 98),
-            f"{side}_elbow": uniform(generator, 50, 120),
-            f"{side}_pronate": uniform(generator, -40, 40),
-        }
+        return drawn(generator, side, raise_=(60, 110), plane=(-5, 50), twist=(60, 98), elbow=(50, 120), pronate=(-40, 40))
     if kind == 2:  # bent or held in front of the belly
-        return {
-            f"{side}_raise": uniform(generator, 5, 45),
-            f"{side}_plane": uniform(generator, 0, 90),
-            f"{side}_twist": uniform(generator, -50, 30),
-            f"{side}_elbow": uniform(generator, 50, 140),
-        }
+        return drawn(generator, side, raise_=(5, 45), plane=(0, 90), twist=(-50, 30), elbow=(50, 140))
     if kind == 3:  # swiping or throwing across the body
-        return {
-            f"{side}_raise": uniform(generator, 40, 110),
-            f"{side}_plane": uniform(generator, 80, 130),
-            f"{side}_twist": uniform(generator, -40, 20),
-            f"{side}_elbow": uniform(generator, 5, 80),
-        }
+        return drawn(generator, side, raise_=(40, 110), plane=(80, 130), twist=(-40, 20), elbow=(5, 80))
     if kind == 4:
         return arm_to(side, choose(generator, tuple(REACHES)))
     return free_arm(generator, side)
@@ -157,14 +143,8 @@ def neutral_trunk(generator: np.random.Generator) -> Angles:
 
 def flat_footed(generator: np.random.Generator, side: str, flex: float, knee: float, abduct: float, pitch: float) -> Angles:
     """A standing leg whose sole is nearly flat on the floor under hips that are pitched by `pitch`; angles in degrees."""
-    return {
-        f"{side}_flex": flex,
-        f"{side}_knee": knee,
-        f"{side}_abduct": abduct,
-        f"{side}_rotate": uniform(generator, -3, 25),
-        f"{side}_point": flex - knee - pitch,
-        f"{side}_invert": abduct,
-    }
+    point = flex - knee - pitch
+    return drawn(generator, side, flex=flex, knee=knee, abduct=abduct, rotate=(-3, 25), point=point, invert=abduct)
 
 
 CLOSED_LEGS = 0.5

@@ -7,7 +7,7 @@ angles of `posture`. The hands, like the feet before and after, keep their posit
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from synth.motion.limbs import SIDES, Angles, choose, uniform
+from synth.motion.limbs import SIDES, Angles, choose, limb, uniform
 from synth.motion.posture import angles, limited, rotations
 from synth.motion.skeleton import LEG_M, Motion
 from synth.motion.splice import planted
@@ -52,7 +52,7 @@ def _bent(leading: str, other: str) -> Angles:
     pose = _arms(126, 88) | {"hips_pitch": 78.0, "waist_bend": 42.0, "chest_bend": 20.0, "head_bend": -30.0}
     for side, knee in ((leading, 48.0), (other, 30.0)):
         flex = 78.0 + knee / 2
-        pose |= {f"{side}_flex": flex, f"{side}_knee": knee, f"{side}_point": flex - knee - 78.0}
+        pose |= limb(side, flex=flex, knee=knee, point=flex - knee - 78.0)
     return pose | {f"{side}_wrist": -40.0 for side in SIDES}
 
 

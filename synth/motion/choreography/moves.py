@@ -110,15 +110,7 @@ def mirror(move: Move) -> Move:
 
 _OTHER = {"left": "right", "right": "left", None: None}
 _SIDEWAYS = (
-    "hips_x",
-    "hips_roll",
-    "hips_yaw",
-    "waist_side",
-    "waist_twist",
-    "chest_side",
-    "chest_twist",
-    "head_side",
-    "head_twist",
+    *("hips_x", "hips_roll", "hips_yaw", "waist_side", "waist_twist", "chest_side", "chest_twist", "head_side", "head_twist"),
 )
 
 
@@ -177,24 +169,62 @@ _ARMS: dict[str, tuple[float, float, float, float]] = {  # raise, plane, twist, 
 }
 
 
-def arm(side: str, word: str, **changes: float) -> dict[str, float]:
-    """The shape of an arm by name: a direction of `_ARMS`, or a place on the body (`limbs.REACHES`)."""
-    if word in _ARMS:
-        shape = dict(zip((f"{side}_{a}" for a in ("raise", "plane", "twist", "elbow")), _ARMS[word], strict=True))
-    else:
-        shape = arm_to(side, word)
-    return shape | {f"{side}_{channel}": value for channel, value in changes.items()}
+_OF_BOTH_SIDES = (*LEG_CHANNELS, "raise", "plane", "twist", "elbow", "pronate", "wrist", "shrug")
+
+Place = tuple[float, float]
+"""Of a foot: metres outwards from the middle, and in front."""
+
+Reach = str | tuple[float, float, float, float]
+"""Where an arm is: a direction of `_ARMS`, a place on the body (`limbs.REACHES`), or its raise, plane, twist and elbow."""
 
 
-def arms(left: str, right: str | None = None, **trunk: float) -> dict[str, float]:
-    """The shape of both arms by name (the same for both if only one is given), with angles of trunk and head."""
-    return arm("left", left) | arm("right", left if right is None else right) | trunk
+def _sided(channels: Mapping[str, float]) -> dict[str, float]:
+    """The channels, with those of a limb that name no side given to both."""
+    sided = {}
+    for name, value in channels.items():
+        sided |= {f"{side}_{name}": value for side in ("left", "right")} if name in _OF_BOTH_SIDES else {name: value}
+    return sided
 
 
-def feet(left: tuple[float, float], right: tuple[float, float], **changes: float) -> dict[str, float]:
-    """The positions (outwards, front) of the feet in metres, with other channels of the lower body."""
-    places = {"left_foot_x": left[0], "left_foot_z": left[1], "right_foot_x": right[0], "right_foot_z": right[1]}
-    return places | changes
+def _arm(side: str, reach: Reach) -> dict[str, float]:
+    if isinstance(reach, str) and reach not in _ARMS:
+        return arm_to(side, reach)
+    values = _ARMS[reach] if isinstance(reach, str) else reach
+    return dict(zip((f"{side}_{name}" for name in ("raise", "plane", "twist", "elbow")), values, strict=True))
+
+
+def arms(left: Reach, right: Reach | None = None, **changes: float) -> dict[str, float]:
+    """The shape of both arms (the same for both if only one is given), with other angles of arms, trunk and head.
+
+    An arm's angle that names no side is of both arms: `arms("side", elbow=30)`.
+    """
+    return _arm("left", left) | _arm("right", left if right is None else right) | _sided(changes)
+
+
+def feet(
+    left: tuple[float, float] | None = None, right: tuple[float, float] | None = None, **changes: float
+) -> dict[str, float]:
+    """The places of the feet, with other channels of the lower body.
+
+    A leg's channel that names no side is of both legs: `feet(foot_pitch=30)`.
+    """
+    places = {"left": left, "right": right}
+    shape = {f"{side}_foot_{axis}": place[k] for side, place in places.items() if place for k, axis in enumerate("xz")}
+    return shape | _sided(changes)
+
+
+def step(
+    beats: float,
+    left: Place | None = None,
+    right: Place | None = None,
+    *,
+    sharp: float = 1.0,
+    anchor: str | None = None,
+    turn: float = 0.0,
+    **changes: float,
+) -> Key:
+    """A key of the lower track, with the shape of `feet`; standing relaxed if none is given."""
+    return Key(beats, feet(left, right, **changes), sharp, anchor, turn)
 
 
 def upper(*keys: Key) -> Move:

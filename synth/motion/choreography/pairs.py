@@ -10,21 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from synth.motion.choreography.composer import draw_style
-from synth.motion.choreography.moves import (
-    Key,
-    Move,
-    arm,
-    arms,
-    concat,
-    feet,
-    flow,
-    lower,
-    mirror,
-    repeat,
-    together,
-    turning,
-    upper,
-)
+from synth.motion.choreography.moves import Key, Move, arms, concat, feet, flow, lower, mirror, repeat, together, turning, upper
 from synth.motion.choreography.programmes import DRILLS
 from synth.motion.choreography.stage import perform
 from synth.motion.choreography.vocabulary import LOWER
@@ -43,10 +29,8 @@ HUG_M = (0.36, 0.46)
 
 _STEPS = together(LOWER["march"], upper(Key(1, arms("hang"))))
 _SPOT = repeat(_STEPS, 2)
-_HUGGING = {
-    name: angle for side in ("left", "right") for name, angle in arm(side, "front", plane=66, elbow=58, twist=10).items()
-}
-_SWING = {"right_raise": 26, "right_plane": 80, "left_raise": 20, "left_plane": -70, "right_elbow": 22, "left_elbow": 10}
+_HUGGING = arms("front", plane=66, elbow=58, twist=10)
+_SWING = arms((20, -70, 0, 10), (26, 80, 0, 22))
 """Arms while the left foot is in front."""
 
 

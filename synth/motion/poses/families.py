@@ -5,7 +5,7 @@ limbs crossed. A family is a function of a random generator that returns the ang
 differ from standing. `FAMILIES` holds the families with their weights. Every pose faces +Z.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -19,17 +19,20 @@ from synth.motion.limbs import (
     both_arms,
     choose,
     closed_legs,
+    drawn,
     everyday_arm,
     flat_footed,
     free_arm,
     hanging_arm,
+    limb,
     neutral_trunk,
     stance,
     trunk,
     uniform,
 )
 from synth.motion.poses.floor_families import all_fours, handstand, kneel, lie, seat, sit
-from synth.motion.posture import CHANNELS, LIMITS_DEG
+from synth.motion.posture import CHANNELS, LIMITS_DEG, angles, limited, rotations
+from synth.motion.skeleton import LEG_M, Poses, height_above_floor
 
 
 def standing(generator: np.random.Generator) -> Angles:
@@ -50,11 +53,7 @@ def standing(generator: np.random.Generator) -> Angles:
         pose |= everyday_arm(generator, "right" if first == "left" else "left")
     elif draw < 0.67:  # a leg is raised too
         side = choose(generator, SIDES)
-        pose |= {
-            f"{side}_flex": uniform(generator, -15, 70),
-            f"{side}_knee": uniform(generator, 0, 90),
-            f"{side}_abduct": uniform(generator, 0, 30),
-        }
+        pose |= drawn(generator, side, flex=(-15, 70), knee=(0, 90), abduct=(0, 30))
     return pose
 
 
@@ -94,7 +93,7 @@ def squat(generator: np.random.Generator) -> Angles:
     pose = trunk(generator, 0.6) | both_arms(generator) | {"hips_pitch": pitch}
     for side in SIDES:
         pose |= flat_footed(generator, side, knee - lean + pitch, knee, abduct, pitch)
-        pose |= {f"{side}_rotate": uniform(generator, 0, 10 + 0.8 * abduct), f"{side}_invert": abduct * (1 - depth)}
+        pose |= drawn(generator, side, rotate=(0, 10 + 0.8 * abduct), invert=abduct * (1 - depth))
     return pose
 
 
@@ -107,12 +106,7 @@ def lunge(generator: np.random.Generator) -> Angles:
     if generator.random() < 0.6:
         pose |= flat_footed(generator, front, bent + pitch, bent, uniform(generator, 0, 15), pitch)
         knee = uniform(generator, 5, 75)
-        pose |= {
-            f"{back}_flex": uniform(generator, -28, -5),
-            f"{back}_knee": knee,
-            f"{back}_toes": 30,
-            f"{back}_point": 10,
-        }
+        pose |= drawn(generator, back, flex=(-28, -5), knee=knee, toes=30, point=10)
         return pose
     pose |= flat_footed(generator, front, 0.7 * bent + pitch, bent, uniform(generator, 15, 40), pitch)
     return pose | flat_footed(generator, back, pitch, uniform(generator, 0, 8), uniform(generator, 30, 62), pitch)
@@ -129,13 +123,9 @@ def kick(generator: np.random.Generator) -> Angles:
     sideways = choose(generator, (0.1, 0.1, 0.5, 0.95))
     pose = trunk(generator, 0.7) | both_arms(generator) | {"hips_pitch": pitch, "hips_roll": roll}
     pose |= flat_footed(generator, standing_leg, pitch, uniform(generator, 0, 25), abs(roll) * -0.8, pitch)
-    return pose | {
-        f"{kicking}_flex": (1 - sideways**2) * (45 + 83 * height),
-        f"{kicking}_abduct": sideways * (30 + 40 * height),
-        f"{kicking}_rotate": uniform(generator, -25, 40),
-        f"{kicking}_knee": uniform(generator, 0, 20) if generator.random() < 0.75 else uniform(generator, 40, 130),
-        f"{kicking}_point": uniform(generator, -20, 45),
-    }
+    flex, abduct = (1 - sideways**2) * (45 + 83 * height), sideways * (30 + 40 * height)
+    pose |= drawn(generator, kicking, flex=flex, abduct=abduct, rotate=(-25, 40))
+    return pose | drawn(generator, kicking, knee=(0, 20) if generator.random() < 0.75 else (40, 130), point=(-20, 45))
 
 
 def bend_forward(generator: np.random.Generator) -> Angles:
@@ -149,7 +139,7 @@ def bend_forward(generator: np.random.Generator) -> Angles:
         pose |= flat_footed(generator, side, pitch + knee / 2, knee, abduct, pitch)
         if generator.random() < 0.6:
             hang = (pitch + waist + chest) * uniform(generator, 0.55, 1.0)
-            pose |= {f"{side}_raise": hang, f"{side}_plane": uniform(generator, 75, 95), f"{side}_elbow": 12.0}
+            pose |= drawn(generator, side, raise_=hang, plane=(75, 95), elbow=12.0)
         else:
             pose |= everyday_arm(generator, side)
     return pose
@@ -207,13 +197,13 @@ def dancing(generator: np.random.Generator) -> Angles:
         flex = knee * uniform(generator, 0.4, 0.75) + pose["hips_pitch"]
         pose |= flat_footed(generator, name, flex, knee, wide + sign * sway, pose["hips_pitch"])
         if not loaded and generator.random() < 0.5:  # the unloaded foot is on its toes
-            pose |= {f"{name}_point": 30.0, f"{name}_toes": 30.0}
+            pose |= limb(name, point=30.0, toes=30.0)
     line = choose(generator, ("long", "angles", "mixed"))
     for name in SIDES:
         if line == "long" or (line == "mixed" and name == "left"):
-            pose |= free_arm(generator, name) | {f"{name}_elbow": uniform(generator, 0, 25)}
+            pose |= free_arm(generator, name) | drawn(generator, name, elbow=(0, 25))
         else:
-            pose |= free_arm(generator, name) | {f"{name}_elbow": uniform(generator, 75, 145)}
+            pose |= free_arm(generator, name) | drawn(generator, name, elbow=(75, 145))
     return at_rest(generator, pose)
 
 
@@ -259,3 +249,36 @@ FAMILIES: dict[str, tuple[float, Callable[[np.random.Generator], Angles]]] = {
     "handstand": (3.0, handstand),
 }
 """Name to (relative weight, family)."""
+
+_JITTER_DEG = 2.5
+"""Standard deviation of the noise added to every angle, so that no tabulated pose occurs twice."""
+
+
+class ProceduralPoses:
+    """A motion source that draws poses from families by weight."""
+
+    def __init__(self, families: dict[str, tuple[float, Callable[[np.random.Generator], Angles]]] = FAMILIES) -> None:
+        self._names = tuple(families)
+        self._families = tuple(family for _, family in families.values())
+        weights = np.array([weight for weight, _ in families.values()])
+        self._thresholds = (np.cumsum(weights) / weights.sum())[:-1]
+
+    def poses(self, generators: Sequence[np.random.Generator]) -> Poses:
+        """Draws one pose per generator; pose k depends only on generator k."""
+        chosen = [int(np.searchsorted(self._thresholds, g.random(), side="right")) for g in generators]
+        return self._build(chosen, generators)
+
+    def family(self, name: str, generators: Sequence[np.random.Generator]) -> Poses:
+        """Draws one pose of the named family per generator."""
+        return self._build([self._names.index(name)] * len(generators), generators)
+
+    def _build(self, chosen: list[int], generators: Sequence[np.random.Generator]) -> Poses:
+        postures = np.empty((len(chosen), len(CHANNELS)))
+        for row, family, generator in zip(postures, chosen, generators, strict=True):
+            row[:] = angles(**self._families[family](generator))
+            row += _JITTER_DEG * generator.standard_normal(len(row))
+        quats = rotations(limited(postures))
+        root_m = np.zeros((len(quats), 3), np.float32)
+        root_m[:, 1] = -height_above_floor(quats, root_m)
+        names = [f"pose:{self._names[family]}" for family in chosen]
+        return Poses(quats, root_m, np.full(len(quats), LEG_M, np.float32), names)

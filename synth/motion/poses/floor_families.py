@@ -2,7 +2,20 @@
 
 import numpy as np
 
-from synth.motion.limbs import SIDES, Angles, arm_to, both_arms, choose, everyday_arm, flat_footed, free_arm, trunk, uniform
+from synth.motion.limbs import (
+    SIDES,
+    Angles,
+    arm_to,
+    both_arms,
+    choose,
+    drawn,
+    everyday_arm,
+    flat_footed,
+    free_arm,
+    limb,
+    trunk,
+    uniform,
+)
 
 
 def kneel(generator: np.random.Generator) -> Angles:
@@ -25,8 +38,8 @@ def kneel(generator: np.random.Generator) -> Angles:
 
 def _kneeling(side: str, thigh: float, pitch: float, abduct: float, *, toes: bool) -> Angles:
     """A leg with the shin on the floor and the thigh `thigh` degrees in front of the vertical."""
-    ankle = {f"{side}_point": -20.0, f"{side}_toes": 45.0} if toes else {f"{side}_point": 48.0}
-    return ankle | {f"{side}_flex": thigh + pitch, f"{side}_knee": 88.0 + thigh, f"{side}_abduct": abduct}
+    ankle = limb(side, point=-20.0, toes=45.0) if toes else limb(side, point=48.0)
+    return ankle | limb(side, flex=thigh + pitch, knee=88.0 + thigh, abduct=abduct)
 
 
 def sit(generator: np.random.Generator) -> Angles:
@@ -42,19 +55,10 @@ def sit(generator: np.random.Generator) -> Angles:
     arms = generator.random()
     for side in SIDES:
         if arms < 0.3:  # hands on the floor behind the back
-            pose |= {
-                f"{side}_raise": uniform(generator, 30, 58) - 0.4 * pitch,
-                f"{side}_plane": uniform(generator, -90, -50),
-                f"{side}_twist": uniform(generator, 0, 60),
-                f"{side}_elbow": uniform(generator, 0, 20),
-            }
+            pose |= drawn(generator, side, raise_=(30, 58), plane=(-90, -50), twist=(0, 60), elbow=(0, 20))
+            pose[f"{side}_raise"] -= 0.4 * pitch
         elif arms < 0.55:  # hands on or around the knees
-            pose |= {
-                f"{side}_raise": uniform(generator, 40, 80),
-                f"{side}_plane": uniform(generator, 70, 105),
-                f"{side}_twist": uniform(generator, -40, 10),
-                f"{side}_elbow": uniform(generator, 5, 90),
-            }
+            pose |= drawn(generator, side, raise_=(40, 80), plane=(70, 105), twist=(-40, 10), elbow=(5, 90))
         elif arms < 0.7:
             pose |= arm_to(side, "thigh")
         else:
@@ -89,13 +93,7 @@ def _sitting_leg(generator: np.random.Generator, side: str, arrangement: str, pi
     knee, abduct, rotate = (uniform(generator, *limits) for limits in _SITTING_LEGS[arrangement])
     # Thigh and shin have nearly equal lengths: the heel is on the floor if the thigh rises by half the knee's flexion.
     flex = uniform(generator, 114, 126) if arrangement == "crossed" else 90 + knee / 2 + uniform(generator, 0, 4)
-    return {
-        f"{side}_flex": flex + pitch,
-        f"{side}_abduct": abduct,
-        f"{side}_rotate": rotate,
-        f"{side}_knee": knee,
-        f"{side}_point": uniform(generator, -10, 40),
-    }
+    return drawn(generator, side, flex=flex + pitch, abduct=abduct, rotate=rotate, knee=knee, point=(-10, 40))
 
 
 def lie(generator: np.random.Generator) -> Angles:
@@ -105,18 +103,19 @@ def lie(generator: np.random.Generator) -> Angles:
     for side in SIDES:
         bend = generator.random() ** 2
         pose |= free_arm(generator, side)
-        pose |= {f"{side}_rotate": uniform(generator, 0, 35), f"{side}_point": uniform(generator, 0, 45)}
+        pose |= drawn(generator, side, rotate=(0, 35), point=(0, 45))
         if kind == "belly":
-            pose |= {f"{side}_plane": uniform(generator, -8, 4), f"{side}_twist": uniform(generator, 75, 98)}
-            pose |= {f"{side}_flex": uniform(generator, -6, 2), f"{side}_knee": 100 * bend, f"{side}_point": 45.0}
-            pose |= {f"{side}_abduct": uniform(generator, 0, 30), f"{side}_pronate": 0.0}
+            pose |= drawn(
+                generator, side, plane=(-8, 4), twist=(75, 98), flex=(-6, 2), knee=100 * bend, point=45, abduct=(0, 30)
+            )
+            pose[f"{side}_pronate"] = 0.0
         elif kind == "back":
-            pose |= {f"{side}_plane": uniform(generator, 0, 120), f"{side}_twist": uniform(generator, -20, 60)}
-            pose |= {f"{side}_flex": (45 + 65 * generator.random()) * bend, f"{side}_knee": 130 * bend}
-            pose |= {f"{side}_abduct": uniform(generator, 0, 30)}
+            pose |= drawn(generator, side, plane=(0, 120), twist=(-20, 60))
+            pose |= limb(side, flex=(45 + 65 * generator.random()) * bend, knee=130 * bend)
+            pose |= drawn(generator, side, abduct=(0, 30))
         else:
-            pose |= {f"{side}_plane": uniform(generator, 60, 100), f"{side}_twist": uniform(generator, -20, 20)}
-            pose |= {f"{side}_flex": 100 * bend, f"{side}_knee": 130 * generator.random() * bend, f"{side}_rotate": 0.0}
+            pose |= drawn(generator, side, plane=(60, 100), twist=(-20, 20))
+            pose |= limb(side, flex=100 * bend, knee=130 * generator.random() * bend, rotate=0.0)
     if kind == "side":
         return pose | {"hips_roll": choose(generator, (-1, 1)) * uniform(generator, 80, 98)}
     return pose | {"hips_pitch": uniform(generator, -96, -86) if kind == "back" else uniform(generator, 86, 94)}
@@ -128,15 +127,14 @@ def handstand(generator: np.random.Generator) -> Angles:
     pose |= {"hips_roll": 6 * generator.standard_normal(), "head_bend": uniform(generator, -45, 5)}
     on_forearms = generator.random() < 0.15
     for side in SIDES:
-        pose |= {f"{side}_raise": uniform(generator, 160, 178), f"{side}_plane": uniform(generator, 10, 90)}
-        pose |= {f"{side}_elbow": 95.0 if on_forearms else uniform(generator, 0, 15), f"{side}_wrist": -65.0}
-        pose |= {f"{side}_twist": uniform(generator, -10, 20), f"{side}_shrug": 12.0}
-        pose |= {f"{side}_knee": 5.0, f"{side}_point": uniform(generator, 10, 50), f"{side}_abduct": 4.0}
+        pose |= drawn(generator, side, raise_=(160, 178), plane=(10, 90))
+        pose |= limb(side, elbow=95.0 if on_forearms else uniform(generator, 0, 15), wrist=-65.0)
+        pose |= drawn(generator, side, twist=(-10, 20), shrug=12.0, knee=5.0, point=(10, 50), abduct=4.0)
     legs = choose(generator, ("together", "split", "straddled", "bent", "free"))
     if legs == "split":
         front, back = choose(generator, (SIDES, SIDES[::-1]))
         pose |= {f"{front}_flex": uniform(generator, 25, 95), f"{back}_flex": uniform(generator, -28, 0)}
-        pose |= {f"{back}_knee": uniform(generator, 0, 80)}
+        pose |= drawn(generator, back, knee=(0, 80))
     elif legs == "straddled":
         pose |= {f"{side}_abduct": uniform(generator, 30, 65) for side in SIDES}
     elif legs == "bent":
@@ -144,8 +142,7 @@ def handstand(generator: np.random.Generator) -> Angles:
         pose |= {f"{side}_knee": knee for side in SIDES} | {f"{side}_flex": uniform(generator, -20, 90) for side in SIDES}
     elif legs == "free":
         for side in SIDES:
-            pose |= {f"{side}_flex": uniform(generator, -25, 80), f"{side}_knee": uniform(generator, 0, 120)}
-            pose |= {f"{side}_abduct": uniform(generator, 0, 45)}
+            pose |= drawn(generator, side, flex=(-25, 80), knee=(0, 120), abduct=(0, 45))
     return pose
 
 
@@ -158,17 +155,16 @@ def all_fours(generator: np.random.Generator) -> Angles:
         pitch = -uniform(generator, 82, 100)
         pose |= {"hips_pitch": pitch}
         for side in SIDES:
-            pose |= {f"{side}_flex": 85 + pitch, f"{side}_knee": 85.0, f"{side}_abduct": uniform(generator, 0, 15)}
-            pose |= {f"{side}_raise": 60.0, f"{side}_plane": -88.0, f"{side}_twist": 30.0, f"{side}_elbow": 4.0}
+            pose |= drawn(generator, side, flex=85 + pitch, knee=85.0, abduct=(0, 15))
+            pose |= limb(side, raise_=60.0, plane=-88.0, twist=30.0, elbow=4.0)
         return pose
     pitch = uniform(generator, 66, 82) if kind == "push_up" else uniform(generator, 75, 95)
     pose |= {"hips_pitch": pitch, "head_bend": uniform(generator, -45, 10)}
     for side in SIDES:
-        pose |= {f"{side}_raise": pitch + 0.4 * elbow - 8, f"{side}_plane": uniform(generator, 70, 92)}
-        pose |= {f"{side}_elbow": elbow, f"{side}_wrist": -60.0, f"{side}_abduct": uniform(generator, 0, 12)}
+        lift = pitch + 0.4 * elbow - 8
+        pose |= drawn(generator, side, raise_=lift, plane=(70, 92), elbow=elbow, wrist=-60.0, abduct=(0, 12))
         if kind == "push_up":
-            pose |= {f"{side}_flex": uniform(generator, -5, 8), f"{side}_knee": 4.0, f"{side}_toes": 40.0}
-            pose |= {f"{side}_point": -20.0}
+            pose |= drawn(generator, side, flex=(-5, 8), knee=4.0, toes=40.0, point=-20.0)
         else:
-            pose |= {f"{side}_flex": pitch, f"{side}_knee": 90.0, f"{side}_point": 45.0}
+            pose |= limb(side, flex=pitch, knee=90.0, point=45.0)
     return pose

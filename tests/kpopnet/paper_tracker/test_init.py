@@ -20,7 +20,7 @@ from kpopnet.paper_tracker.init.torso import Box, torso_rectangle
 from kpopnet.paper_tracker.init.y_pose import InitialConfig, find_initial_pose, initial_pose
 from kpopnet.skeleton import JOINT_GROUPS, MIRROR, Joint
 from synth.motion import MotionConfig, build_motion
-from synth.motion.poses.procedural import FAMILIES
+from synth.motion.poses.families import FAMILIES
 
 CAMERA = CAMERAS["kinect_v1"]
 PLACE_M = (0.0, 0.15, 3.3)

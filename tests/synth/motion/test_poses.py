@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from kpopnet.dance.joint_files.quaternions import rotate
 from synth.motion.limbs import REACHES, SIDES, arm_to, at_rest, closed_legs
-from synth.motion.poses.families import FAMILIES
-from synth.motion.poses.procedural import ProceduralPoses
+from synth.motion.poses.families import FAMILIES, ProceduralPoses
 from synth.motion.posture import CHANNELS, LIMITS_DEG, angles, limited, rotations
 from synth.motion.skeleton import INDEX, forward_kinematics, height_above_floor, mirrored
 

@@ -10,8 +10,7 @@ from kpopnet.dance.joint_files.quaternions import rotate
 from kpopnet.errors import InputError
 from synth.motion import SPLITS, MixedPoses, MotionConfig, MotionSource, SequenceSource, build_motion
 from synth.motion.choreography.composer import dance
-from synth.motion.poses.families import FAMILIES
-from synth.motion.poses.procedural import ProceduralPoses
+from synth.motion.poses.families import FAMILIES, ProceduralPoses
 from synth.motion.skeleton import LEG_M, REST_OFFSETS_M
 
 

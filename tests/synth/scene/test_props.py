@@ -5,8 +5,7 @@ import pytest
 
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
-from synth.motion.poses.families import FAMILIES
-from synth.motion.poses.procedural import ProceduralPoses
+from synth.motion.poses.families import FAMILIES, ProceduralPoses
 from synth.samples.placing import StageConfig
 from synth.samples.sampler import SampleConfig, Sampler
 from synth.scene.mesh import Mesh, ball, boxes, rod

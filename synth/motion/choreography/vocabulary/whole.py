@@ -1,48 +1,27 @@
 """Moves of the whole body: floor work, jumps and combinations."""
 
-from synth.motion.choreography.moves import Key, Move, arm, arms, concat, feet, flow, hits, repeat, together, upper
-from synth.motion.choreography.vocabulary.lower import HOME, LOWER, WIDE
+from synth.motion.choreography.moves import Key, Move, arms, concat, feet, flow, hits, repeat, step, together, upper
+from synth.motion.choreography.vocabulary.lower import LOWER, WIDE
 
 _LEFT_KNEE_DOWN = feet((0.10, -0.43), (0.12, 0.36), drop=0.425, left_foot_pitch=72, hips_pitch=4, right_foot_yaw=5)
-_HEELS = feet((0.10, -0.34), (0.10, -0.34), drop=0.66, hips_z=-0.13, left_foot_pitch=75, right_foot_pitch=75, hips_pitch=8)
-_BOTH_KNEES = feet((0.10, -0.43), (0.10, -0.43), drop=0.425, left_foot_pitch=72, right_foot_pitch=72, hips_pitch=3)
-_DEEP = {"drop": 0.56, "hips_z": -0.20, "hips_pitch": 26, "left_foot_x": 0.17, "right_foot_x": 0.17}
-_SEATED = {"drop": 0.82, "hips_z": -0.62, "hips_pitch": -16}
-_HANDS_BEHIND = {
-    f"{side}_{a}": v for side in ("left", "right") for a, v in (("raise", 52), ("plane", -78), ("twist", 20), ("elbow", 6))
-} | {"waist_bend": 14}
-_PLANK = {"drop": 0.57, "hips_z": 0.88, "hips_pitch": 71, "left_foot_pitch": 58, "right_foot_pitch": 58}
-_PRESS = {
-    "left_raise": 76,
-    "right_raise": 76,
-    "left_plane": 88,
-    "right_plane": 88,
-    "left_elbow": 4,
-    "right_elbow": 4,
-    "left_wrist": -60,
-    "right_wrist": -60,
-    "head_bend": -18,
-}
-_REACH_DOWN = {
-    "waist_bend": 48,
-    "chest_bend": 26,
-    "left_raise": 100,
-    "right_raise": 100,
-    "left_plane": 88,
-    "right_plane": 88,
-    "left_wrist": -40,
-    "right_wrist": -40,
-    "head_bend": -10,
-}
+_HEELS = feet((0.10, -0.34), (0.10, -0.34), drop=0.66, hips_z=-0.13, foot_pitch=75, hips_pitch=8)
+_BOTH_KNEES = feet((0.10, -0.43), (0.10, -0.43), drop=0.425, foot_pitch=72, hips_pitch=3)
+_DEEP = feet(drop=0.56, hips_z=-0.20, hips_pitch=26, foot_x=0.17)
+_SEATED = feet(drop=0.82, hips_z=-0.62, hips_pitch=-16)
+_HANDS_BEHIND = arms((52, -78, 20, 6), waist_bend=14)
+_BENT_OVER = feet(drop=0.42, hips_z=0.05, hips_pitch=62)
+_PLANK = feet(drop=0.57, hips_z=0.88, hips_pitch=71, foot_pitch=58)
+_PRESS = arms((76, 88, 0, 4), wrist=-60, head_bend=-18)
+_REACH_DOWN = arms((100, 88, 0, 12), wrist=-40, waist_bend=48, chest_bend=26, head_bend=-10)
 
 WHOLE: dict[str, Move] = {
     "kneel_and_rise": Move(
-        (Key(2, _LEFT_KNEE_DOWN), Key(4, _LEFT_KNEE_DOWN | {"hips_x": 0.02}), Key(2, HOME)),
+        (Key(2, _LEFT_KNEE_DOWN), Key(4, _LEFT_KNEE_DOWN | {"hips_x": 0.02}), step(2)),
         (
             Key(2, arms("chest", "thigh", head_bend=18, waist_bend=10)),
             Key(1, arms("high_side", "hip", head_bend=-16), sharp=0.6),
             Key(1, arms("across", "hip", chest_twist=-14), sharp=0.6),
-            Key(2, arms("side", "side", head_twist=20)),
+            Key(2, arms("side", head_twist=20)),
             Key(2, arms("hang")),
         ),
     ),
@@ -52,8 +31,8 @@ WHOLE: dict[str, Move] = {
             Key(1.5, _BOTH_KNEES),
             Key(2, _HEELS),
             Key(2, _BOTH_KNEES),
-            Key(2, _LEFT_KNEE_DOWN | {"hips_x": 0.0}),
-            Key(3, HOME),
+            Key(2, _LEFT_KNEE_DOWN),
+            step(3),
         ),
         (
             Key(3, arms("low_side", waist_bend=8)),
@@ -64,13 +43,13 @@ WHOLE: dict[str, Move] = {
         ),
     ),
     "sit_and_rise": Move(
-        (Key(2, _DEEP), Key(2, _SEATED), Key(4, _SEATED | {"hips_pitch": -20}), Key(2, _DEEP), Key(2, HOME)),
+        (Key(2, _DEEP), Key(2, _SEATED), Key(4, _SEATED | {"hips_pitch": -20}), Key(2, _DEEP), step(2)),
         (
             Key(2, arms("low_front", waist_bend=10)),
             Key(2, _HANDS_BEHIND),
-            Key(1, _HANDS_BEHIND | arm("left", "high_front"), sharp=0.7),
+            Key(1, _HANDS_BEHIND | arms("high_front", (52, -78, 20, 6)), sharp=0.7),
             Key(1, _HANDS_BEHIND, sharp=0.7),
-            Key(1, _HANDS_BEHIND | arm("right", "high_front"), sharp=0.7),
+            Key(1, _HANDS_BEHIND | arms((52, -78, 20, 6), "high_front"), sharp=0.7),
             Key(1, _HANDS_BEHIND, sharp=0.7),
             Key(2, arms("front", waist_bend=24, chest_bend=10)),
             Key(2, arms("hang")),
@@ -78,69 +57,32 @@ WHOLE: dict[str, Move] = {
     ),
     "push_up": Move(
         (
-            Key(2, {"drop": 0.42, "hips_z": 0.05, "hips_pitch": 62}),
+            Key(2, _BENT_OVER),
             Key(2, _PLANK),
             Key(2, _PLANK | {"drop": 0.70, "hips_z": 0.93, "hips_pitch": 84}),
             Key(2, _PLANK),
-            Key(2, {"drop": 0.42, "hips_z": 0.05, "hips_pitch": 62}),
-            Key(2, HOME),
+            Key(2, _BENT_OVER),
+            step(2),
         ),
-        (
-            Key(2, _REACH_DOWN),
-            Key(2, _PRESS),
-            Key(
-                2,
-                _PRESS
-                | {
-                    "left_raise": 66,
-                    "right_raise": 66,
-                    "left_plane": 40,
-                    "right_plane": 40,
-                    "left_elbow": 100,
-                    "right_elbow": 100,
-                    "left_twist": -45,
-                    "right_twist": -45,
-                },
-            ),
-            Key(2, _PRESS),
-            Key(2, _REACH_DOWN),
-            Key(2, arms("hang")),
-        ),
+        flow(2, _REACH_DOWN, _PRESS, _PRESS | arms((66, 40, -45, 100)), _PRESS, _REACH_DOWN, arms("hang")).upper,
     ),
     "floor_slap": Move(
-        (Key(2, WIDE | {"drop": 0.50, "hips_z": -0.12, "hips_pitch": 48}), Key(2, HOME)),
+        (step(2, **WIDE, drop=0.50, hips_z=-0.12, hips_pitch=48), step(2)),
         (
-            Key(
-                2,
-                {
-                    "waist_bend": 34,
-                    "chest_bend": 16,
-                    "left_raise": 92,
-                    "left_plane": 85,
-                    "left_elbow": 6,
-                    "right_raise": 70,
-                    "right_plane": -20,
-                    "head_bend": -22,
-                },
-                sharp=0.8,
-            ),
+            Key(2, arms((92, 85, 0, 6), (70, -20, 0, 12), waist_bend=34, chest_bend=16, head_bend=-22), sharp=0.8),
             Key(2, arms("high_side", "hip", head_bend=-12)),
         ),
     ),
     "bow": Move(
-        (
-            Key(1.5, {"hips_pitch": 42, "hips_z": -0.10, "drop": 0.02}),
-            Key(0.5, {"hips_pitch": 42, "hips_z": -0.10, "drop": 0.02}),
-            Key(2, HOME),
-        ),
-        (Key(2, arms("belly", "back", waist_bend=26, chest_bend=12, head_bend=20)), Key(2, arms("hang"))),
+        (step(1.5, hips_pitch=42, hips_z=-0.10, drop=0.02), step(0.5, hips_pitch=42, hips_z=-0.10, drop=0.02), step(2)),
+        flow(2, arms("belly", "back", waist_bend=26, chest_bend=12, head_bend=20), arms("hang")).upper,
     ),
     "star_jump": Move(
         (
-            Key(1, {"drop": 0.22, "hips_pitch": 20, "hips_z": -0.06}),
-            Key(1, feet((0.34, 0), (0.34, 0), air=0.28, left_foot_pitch=30, right_foot_pitch=30)),
-            Key(1, {"drop": 0.20, "hips_pitch": 14, "hips_z": -0.05}),
-            Key(1, HOME),
+            step(1, drop=0.22, hips_pitch=20, hips_z=-0.06),
+            step(1, (0.34, 0), (0.34, 0), air=0.28, foot_pitch=30),
+            step(1, drop=0.20, hips_pitch=14, hips_z=-0.05),
+            step(1),
         ),
         (Key(1, arms("back", waist_bend=14)), Key(1, arms("high_side", head_bend=-8)), Key(2, arms("hang"))),
     ),
@@ -148,7 +90,7 @@ WHOLE: dict[str, Move] = {
         LOWER["spin"],
         upper(
             Key(1, arms("low_side", "low_across", chest_twist=-20)),
-            Key(2, arms("chest", "chest")),
+            Key(2, arms("chest")),
             Key(1, arms("high_side", "low_side", waist_side=-8, head_bend=-8), sharp=0.7),
         ),
     ),
