@@ -41,7 +41,7 @@ from kpopnet.camera import Camera
 from kpopnet.errors import InputError
 from kpopnet.ridge import RidgeConfig
 from kpopnet.runtime.cpu import available_cores, bounded_processes
-from kpopnet.runtime.folder_lock import EVERYTHING, locked
+from kpopnet.runtime.folder_lock import LOCK_FILE, locked
 from kpopnet.runtime.hydra_app import entry_point, register_choices, register_schemas, user_errors
 from synth.dances import simulate
 from synth.dances import writer as dance_writer
@@ -175,7 +175,9 @@ def make_samples(config: GenerateConfig) -> None:
         build_motion(config.motion, a_set.split)
         folder = Path(config.out) / a_set.split
         shards = parse_range(config.shards, a_set.num_shards)
-        with locked(folder, EVERYTHING if config.shards == "all" else shards):
+        # Processes with other ranges of shards write into the same folder.
+        lock = LOCK_FILE if config.shards == "all" else f"{LOCK_FILE}_{shards.start}-{shards.stop}"
+        with locked(folder, lock):
             generate(a_set, folder, shards, processes)
             summary = finish(a_set, folder, FreezeConfig(config.sensor, config.extraction, config.ridge))
         if summary is None:

@@ -11,7 +11,6 @@ from typing import NamedTuple
 from tqdm import tqdm
 
 from kpopnet.errors import InputError
-from kpopnet.runtime.folder_lock import alone
 from kpopnet.runtime.parallel import WorkerDiedError, in_processes
 
 
@@ -70,8 +69,6 @@ def make_missing(
 
 
 def remove_unfinished(folder: Path, pattern: str) -> None:
-    """Removes the hidden files that killed processes left, once everything is finished and no other process writes there."""
-    with alone(folder) as is_alone:
-        if is_alone:
-            for unfinished in folder.glob(pattern):
-                unfinished.unlink(missing_ok=True)
+    """Removes the hidden files that killed processes left, once everything is finished."""
+    for unfinished in folder.glob(pattern):
+        unfinished.unlink(missing_ok=True)

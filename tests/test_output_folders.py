@@ -93,8 +93,7 @@ def test_two_generators_share_a_folder_by_ranges_and_not_otherwise(tmp_path):
         folder, until = tmp_path / "train", time.monotonic() + 120
         while not list(folder.glob("shard_*")) and time.monotonic() < until:
             time.sleep(0.01)
-        line = refusal(*settings, "shards=5:9")
-        assert f"{folder}: another process writes some of its files 5 to 8 there" in line
+        assert f"{folder}: another process writes there" in refusal(*settings, "shards=0:4000")
         # Samples beyond those of the first: another range of the same, grown set.
         code, errors = run(*settings, "splits.train=40020", "shards=4000:4002")
         assert code == 0, errors
@@ -117,7 +116,7 @@ def test_no_program_writes_where_another_process_does(tmp_path, program):
     with locked(tmp_path):
         line = refusal(*(word.format(tmp_path) for word in program))
     assert line.startswith(f"error: {tmp_path}: another process writes there"), line
-    assert not list(tmp_path.glob("*")) or [path.name for path in tmp_path.iterdir()] == ["__main__.log"]
+    assert {path.name for path in tmp_path.iterdir()} <= {"__main__.log"}
 
 
 def test_a_thousand_workers_are_bounded_and_a_line_says_so(monkeypatch, capsys):

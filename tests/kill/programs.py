@@ -26,8 +26,9 @@ CHANGING = ("git", "packages", "files", "seconds", "fps", "made")
 
 
 def files_in(folder: Path) -> dict[str, bytes]:
-    """Every file by name with its bytes; a hidden one, which a killed process may leave, must be gone."""
-    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+    """Every file by name with its bytes; a hidden one, which a killed process may leave, must be gone, but for the lock."""
+    files = (path for path in sorted(folder.rglob("*")) if path.is_file() and path.name != LOCK_FILE)
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
 def synth(_: Path) -> Program:
@@ -75,8 +76,7 @@ def evaluate(folder: Path) -> Program:
     settings = [f"checkpoint={folder / 'run' / 'last'}", f"benchmark.path={folder / 'set'}", "processes=2"]
 
     def result(run: Path) -> dict[str, Any]:
-        # A run that was killed when its report was written leaves its lock file, which nothing holds any more.
-        files = {name: data for name, data in files_in(run).items() if name != LOCK_FILE}
+        files = files_in(run)
         metrics = without_changing(json.loads(files["metrics.json"]))
         figures = {name: data for name, data in files.items() if name.endswith(".png")}
         return {"metrics": metrics, "files": sorted(files), **figures}
