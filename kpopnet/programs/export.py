@@ -9,20 +9,18 @@ names of the joints. It is checked and run once; the largest difference to torch
 `PoseEstimator.load("pose.onnx")` and `python evaluate.py checkpoint=pose.onnx` run it with ONNX Runtime.
 """
 
-import argparse
 from pathlib import Path
 
 from kpopnet.networks.checkpoint import load_network
 from kpopnet.networks.onnx.export import export_network
+from kpopnet.programs.arguments import program_parser
 from kpopnet.runtime.endings import user_errors
 from kpopnet.weights import shipped_network
 
 
 @user_errors
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        "kpopnet export", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = program_parser("kpopnet export", __doc__)
     parser.add_argument("file", type=Path, help="the ONNX file to write; an older one is replaced")
     parser.add_argument("--checkpoint", type=Path, help="folder of a trained network; the one of the package by default")
     given = parser.parse_args()

@@ -24,26 +24,26 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from kpopnet.camera import CAMERAS
 from kpopnet.dance.joint_files.writing import SUFFIXES, write_performance
 from kpopnet.dance.performance import MAX_DURATION_S, Performance
 from kpopnet.errors import InputError
 from kpopnet.pose import PersonPoses, PoseEstimator
+from kpopnet.programs.arguments import add_depth, opener, program_parser
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.compilation import announce_compilation
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
-from kpopnet.sources import DepthSource, chosen_camera, open_depth
+from kpopnet.sources import DepthSource
 from kpopnet.viz.drawing import save_png
 from kpopnet.viz.overlay import (
     GIF_WIDTH_PX,
     MOST_GIF_FRAMES,
     VIDEO_WIDTH_PX,
-    Video,
     overlay_image,
     overlay_sheet,
     resized,
     save_gif,
+    write_video,
 )
 from kpopnet.viz.view_page import Shown, cloud_frames, sampled_cloud, view_page
 
@@ -53,17 +53,11 @@ SHEET_TILES = 12
 
 def parsed() -> argparse.Namespace:
     """The command line."""
-    parser = argparse.ArgumentParser(
-        "kpopnet predict", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = program_parser("kpopnet predict", __doc__)
     parser.add_argument("path", type=Path, help="folder of images, or file: .npz, .npy, .h5, .mkv, .bag, ...")
     parser.add_argument("--out", type=Path, default=Path("outputs/predict"), help="folder of the results: %(default)s")
     parser.add_argument("--format", nargs="+", choices=FORMATS, default=["npz", "json"], help="of the joints: %(default)s")
-    parser.add_argument("--camera", help=f"preset ({', '.join(CAMERAS)}) or JSON file of intrinsics; default: the recording's")
-    parser.add_argument("--fov", type=float, help="instead: horizontal field of view in degrees")
-    parser.add_argument("--focal", type=float, help="instead: focal length in pixels, of a centred camera")
-    parser.add_argument("--fps", type=float, help="true images per second of a recording that tells none or wrong ones")
-    parser.add_argument("--key", help="name of the array in a file that has several; of a folder, a pattern: 'depth_*.png'")
+    add_depth(parser)
     parser.add_argument("--people", type=int, default=1, help="largest number of people: %(default)s")
     parser.add_argument("--mode", choices=("realtime", "best"), default="best", help="best is slower: %(default)s")
     parser.add_argument("--segmented", action="store_true", help="the depth shows one person, and 0 elsewhere")
@@ -99,17 +93,20 @@ def draw(source: DepthSource, people: Sequence[PersonPoses], times_s: np.ndarray
     tiled = set(np.linspace(0, frames - 1, min(SHEET_TILES, frames)).round().astype(int).tolist())
     in_page, in_gif = cloud_frames(frames), range(0, frames, -(-frames // MOST_GIF_FRAMES))
     tiles, pictures, clouds = [], [], []
-    with Video(out / "overlay.mp4", source.fps) as video:
+
+    def overlays() -> Iterator[np.ndarray]:
         for number, depth_m in enumerate(tqdm(source, "pictures", frames, unit=" images", disable=None)):
             joints_m = [person.joints_camera_m[number] for person in people]
             image = overlay_image(depth_m, source.camera, joints_m, VIDEO_WIDTH_PX)
-            video.add(image)
             if number in tiled:
                 tiles.append((f"image {number}, {times_s[number]:.2f} s", image))
             if gif and number in in_gif:
                 pictures.append(resized(image, GIF_WIDTH_PX))
             if number in in_page:
                 clouds.append(sampled_cloud(number, depth_m, source.camera, joints_m, len(in_page)))
+            yield image
+
+    write_video(out / "overlay.mp4", overlays(), source.fps)
     title = f"{Path(source.name).name}: {len(people)} {'person' if len(people) == 1 else 'people'}, {frames} images"
     save_png(out / "overlay.png", overlay_sheet(tiles, title))
     page = view_page(title, source.camera, times_s, [Shown(*person[1:]) for person in people], clouds)
@@ -151,7 +148,7 @@ def seen(people: Sequence[PersonPoses]) -> list[str]:
 @user_errors
 def main() -> None:
     given = parsed()
-    source = open_depth(given.path, chosen_camera(given.camera, given.fov, given.focal), given.fps, given.key)
+    source = opener(given.path, given, in_child=True)()
     estimator = PoseEstimator.load(given.checkpoint, given.mode, given.people)
     announce_compilation()
     with locked(given.out):

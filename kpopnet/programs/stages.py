@@ -6,7 +6,6 @@
 DEPTH.npy holds (T, H, W) depth, uint16 millimetres or floating-point metres, of a camera that does not move.
 """
 
-import argparse
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from kpopnet.errors import InputError
 from kpopnet.extraction import extract_person
 from kpopnet.paper_tracker.config import ALL_REPAIRS, PaperTrackerConfig
 from kpopnet.paper_tracker.tracker import PaperTracker
+from kpopnet.programs.arguments import program_parser
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.input_files import ArraySchema, check_budget, open_npy
 from kpopnet.tracker.stages_figure import draw_stages
@@ -55,9 +55,7 @@ def stages_of(path: Path, frame: int, camera_name: str, start: str = "auto") -> 
 
 @user_errors
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        "kpopnet stages", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = program_parser("kpopnet stages", __doc__)
     parser.add_argument("depth", type=Path, help="(T, H, W) depth, a file of numpy.save")
     parser.add_argument("frame", type=int, help="number of the frame to draw, from 1 on")
     parser.add_argument("figure", type=Path, help="the PNG to write")

@@ -1,6 +1,6 @@
 """A film of a try: the teacher's body and the learner's side by side, brighter where the learner does right."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ from kpopnet.errors import InputError
 from kpopnet.teacher.adding import at_rate
 from kpopnet.teacher.library import TaughtDance, TeacherBody
 from kpopnet.teacher.posing import forward, posed
-from kpopnet.viz.overlay import Video
+from kpopnet.viz.overlay import write_video
 
 FPS = 15.0
 PANEL_PX, FLOOR_PX = (400, 480), 430
@@ -61,7 +61,7 @@ def write_film(
         body: the teacher's, which the learner gets too.
         dance: as it was taught.
         learner: the joints of the try.
-        result: of the try, see `verdict`.
+        result: of the try, see `try_result`.
         tell: is called before each image with the fraction in 0..1 that is done; where it raises an error nothing is written.
 
     Raises:
@@ -70,28 +70,43 @@ def write_film(
     quats, hips_m = posed(at_rate(learner, dance.fps), body)
     learned = Movement(quats, hips_m, float(learner.times_s[0]), dance.fps)
     taught = Movement(dance.quats, dance.hips_m, 0.0, dance.fps)
+    begin_s, end_s, speed, scored_s, totals = _course(result, dance.about.seconds)
+
+    def images() -> Iterator[np.ndarray]:
+        for time_s in np.arange(begin_s, end_s, speed / FPS):
+            tell((time_s - begin_s) / (end_s - begin_s))
+            total = float(totals[abs(scored_s - time_s).argmin()])
+            right = 1.0 if np.isnan(total) else DARKEST + (1 - DARKEST) * total / 100
+            image = np.concatenate(
+                [
+                    drawn(body, taught, time_s, COLOURS["teacher"]),
+                    drawn(body, learned, time_s, tuple(right * value for value in COLOURS["learner"])),
+                ],
+                axis=1,
+            )
+            for text, x_px in (
+                (f"teacher   {time_s:.1f} s", 0),
+                ("you" if np.isnan(total) else f"you   {total:.0f}", PANEL_PX[0]),
+            ):
+                cv2.putText(image, text, (x_px + 14, 30), cv2.FONT_HERSHEY_SIMPLEX, 0.7, TEXT, 1, cv2.LINE_AA)
+            yield image
+
+    write_video(path, images(), FPS)
+
+
+def _course(result: dict, dance_s: float) -> tuple[float, float, float, np.ndarray, np.ndarray]:
+    """Begin and end in seconds of the dance, speed, times and totals of a try's score."""
     try:
-        begin_s, end_s, speed = float(result["from_s"]), float(result["to_s"]) or dance.about.seconds, float(result["speed"])
+        begin_s, end_s, speed = float(result["from_s"]), float(result["to_s"]) or dance_s, float(result["speed"])
         scored_s, totals = (np.array(result["course"][name], float) for name in ("time_s", "total"))
-        end_s, known = min(end_s, dance.about.seconds), len(scored_s) == len(totals) > 0 and 0.1 <= speed <= 2
+        end_s, known = min(end_s, dance_s), len(scored_s) == len(totals) > 0 and 0.1 <= speed <= 2
     except (KeyError, TypeError, ValueError) as error:
         raise InputError("this try holds no course of its score; it is damaged") from error
     if not (known and 0 <= begin_s < end_s):
         raise InputError("this try holds no course of its score; it is damaged")
     if (end_s - begin_s) / speed > MOST_S:
         raise InputError(f"films last up to {MOST_S:g} s; dance a part of it, or less slowly")
-    with Video(path, FPS) as video:
-        for time_s in np.arange(begin_s, end_s, speed / FPS):
-            tell((time_s - begin_s) / (end_s - begin_s))
-            total = float(totals[abs(scored_s - time_s).argmin()])
-            right = 1.0 if np.isnan(total) else DARKEST + (1 - DARKEST) * total / 100
-            halves = [
-                drawn(body, taught, time_s, COLOURS["teacher"]),
-                drawn(body, learned, time_s, tuple(right * value for value in COLOURS["learner"])),
-            ]
-            _write(halves[0], f"teacher   {time_s:.1f} s")
-            _write(halves[1], "you" if np.isnan(total) else f"you   {total:.0f}")
-            video.add(np.concatenate(halves, axis=1))
+    return begin_s, end_s, speed, scored_s, totals
 
 
 def drawn(body: TeacherBody, movement: Movement, time_s: float, colour: tuple[float, float, float]) -> np.ndarray:
@@ -131,7 +146,3 @@ def skinned(body: TeacherBody, quats: np.ndarray, hips_m: np.ndarray) -> np.ndar
         turned = np.einsum("nij,nj->ni", (world @ body.t_pose)[bones], body.vertices_m - body.heads_m[bones])
         moved += weights * (turned + heads_m[bones])
     return moved
-
-
-def _write(image: np.ndarray, text: str) -> None:
-    cv2.putText(image, text, (14, 30), cv2.FONT_HERSHEY_SIMPLEX, 0.7, TEXT, 1, cv2.LINE_AA)

@@ -1,10 +1,9 @@
 """Skeletons over the depth images of a recording, as a sheet, a video or a GIF."""
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
+from itertools import chain
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -53,57 +52,46 @@ def resized(image: np.ndarray, width_px: int) -> np.ndarray:
     return cv2.resize(image, (width_px, height_px), interpolation=cv2.INTER_AREA)
 
 
-class Video:
-    """Writes an .mp4 file frame by frame: H.264 by PyAV where that is installed, else MPEG-4 by OpenCV.
+def write_video(path: Path, images: Iterable[np.ndarray], fps: float) -> None:
+    """Writes an .mp4 file: H.264 by PyAV where that is installed, else MPEG-4 by OpenCV. It appears whole when `images` end.
 
-    Used as a context; the file appears whole when it ends.
+    Args:
+        path: ends with .mp4.
+        images: at least one, (H, W, 3) uint8 RGB, all of one even width and height.
+        fps: frames per second.
+
+    Raises:
+        InputError: no encoder is installed.
     """
-
-    def __init__(self, path: Path, fps: float) -> None:
-        """`path` ends with .mp4; `fps` are frames per second."""
-        self._path, self._fps = path, fps
-        self._stack, self._write = ExitStack(), None
-
-    def __enter__(self) -> "Video":
-        self._part = self._stack.enter_context(atomic_path(self._path))
-        return self
-
-    def __exit__(self, *error: Any) -> None:
-        self._stack.__exit__(*error)
-
-    def add(self, image: np.ndarray) -> None:
-        """Appends an (H, W, 3) uint8 RGB image of even width and height, of the same size as all others."""
-        if self._write is None:
-            self._write = self._stack.enter_context(_encoder(self._part, self._fps, image.shape[0], image.shape[1]))
-        self._write(image)
-
-
-@contextmanager
-def _encoder(part: Path, fps: float, height_px: int, width_px: int) -> Iterator[Callable[[np.ndarray], None]]:
-    """A function that appends an image to the video in `part`, whose name tells no format."""
     try:
         import av
     except ImportError:
         av = None
-    if av is not None and "libx264" in av.codecs_available:
-        with av.open(str(part), "w", format="mp4", options={"movflags": "+faststart"}) as container:
-            rate = Fraction(fps).limit_denominator(1001)
-            stream = container.add_stream("libx264", rate=rate, options={"crf": "23", "preset": "veryfast"})
-            stream.width, stream.height, stream.pix_fmt = width_px, height_px, "yuv420p"
-            yield lambda image: container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="rgb24")))
-            container.mux(stream.encode())
-        return
-    named = part.with_suffix(".mp4")  # OpenCV takes the format from the name
-    writer = cv2.VideoWriter(str(named), cv2.VideoWriter.fourcc(*"mp4v"), fps, (width_px, height_px))
-    try:
-        if not writer.isOpened():
-            raise InputError("no encoder for videos: install PyAV, pip install 'kpopnet[video]'")
-        yield lambda image: writer.write(cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
-        writer.release()
-        named.replace(part)
-    finally:
-        writer.release()
-        named.unlink(missing_ok=True)
+    images = iter(images)
+    first = next(images)
+    height_px, width_px = first.shape[:2]
+    with atomic_path(path) as part:
+        if av is not None and "libx264" in av.codecs_available:
+            with av.open(str(part), "w", format="mp4", options={"movflags": "+faststart"}) as container:
+                rate = Fraction(fps).limit_denominator(1001)
+                stream = container.add_stream("libx264", rate=rate, options={"crf": "23", "preset": "veryfast"})
+                stream.width, stream.height, stream.pix_fmt = width_px, height_px, "yuv420p"
+                for image in chain([first], images):
+                    container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="rgb24")))
+                container.mux(stream.encode())
+            return
+        named = part.with_suffix(".mp4")  # OpenCV takes the format from the name
+        writer = cv2.VideoWriter(str(named), cv2.VideoWriter.fourcc(*"mp4v"), fps, (width_px, height_px))
+        try:
+            if not writer.isOpened():
+                raise InputError("no encoder for videos: install PyAV, pip install 'kpopnet[video]'")
+            for image in chain([first], images):
+                writer.write(cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+            writer.release()
+            named.replace(part)
+        finally:
+            writer.release()
+            named.unlink(missing_ok=True)
 
 
 def save_gif(path: Path, images: Sequence[np.ndarray], frame_s: float) -> None:

@@ -10,7 +10,7 @@ from PIL import Image
 
 from kpopnet.skeleton import Joint
 from kpopnet.viz.drawing import ESTIMATED
-from kpopnet.viz.overlay import Video, overlay_image, overlay_sheet, resized, save_gif
+from kpopnet.viz.overlay import overlay_image, overlay_sheet, resized, save_gif, write_video
 
 
 def pictures(count=6):
@@ -37,9 +37,7 @@ def test_a_video_plays_with_its_frames_in_order(library, tmp_path, monkeypatch):
     else:
         pytest.importorskip("av", reason="the extra video is not installed")
     _, images = pictures()
-    with Video(tmp_path / "a.mp4", 25.0) as video:
-        for image in images:
-            video.add(image)
+    write_video(tmp_path / "a.mp4", images, 25.0)
     assert [path.name for path in tmp_path.iterdir()] == ["a.mp4"]
     capture = cv2.VideoCapture(str(tmp_path / "a.mp4"))
     assert capture.get(cv2.CAP_PROP_FPS) == 25.0
@@ -53,9 +51,13 @@ def test_a_video_plays_with_its_frames_in_order(library, tmp_path, monkeypatch):
 def test_a_video_that_is_interrupted_leaves_nothing(library, tmp_path, monkeypatch):
     if library == "opencv":
         monkeypatch.setitem(sys.modules, "av", None)
-    with pytest.raises(KeyboardInterrupt), Video(tmp_path / "a.mp4", 25.0) as video:  # noqa: PT012 - the second frame's
-        video.add(pictures(1)[1][0])
+
+    def interrupted():
+        yield pictures(1)[1][0]
         raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_video(tmp_path / "a.mp4", interrupted(), 25.0)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -1,0 +1,29 @@
+"""Parts of command lines that several programs share."""
+
+import argparse
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from kpopnet.camera import CAMERAS
+from kpopnet.sources import DepthSource, chosen_camera, open_depth
+
+
+def program_parser(name: str, description: str | None) -> argparse.ArgumentParser:
+    """A parser that shows a program's docstring as it stands."""
+    return argparse.ArgumentParser(name, description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+
+
+def add_depth(parser: argparse.ArgumentParser) -> None:
+    """What a recording of depth may not tell."""
+    parser.add_argument("--camera", help=f"preset ({', '.join(CAMERAS)}) or JSON file of intrinsics; default: the recording's")
+    parser.add_argument("--fov", type=float, help="instead: horizontal field of view in degrees")
+    parser.add_argument("--focal", type=float, help="instead: focal length in pixels, of a centred camera")
+    parser.add_argument("--fps", type=float, help="true images per second of a recording that tells none or wrong ones")
+    parser.add_argument("--key", help="name of the array in a file that has several; of a folder, a pattern: 'depth_*.png'")
+
+
+def opener(path: Path, given: argparse.Namespace, in_child: bool) -> Callable[[], DepthSource]:
+    """Opens the recording at a path, with the words of `add_depth`; for other processes too. `in_child`: see `open_depth`."""
+    camera = chosen_camera(given.camera, given.fov, given.focal)
+    return partial(open_depth, path, camera, given.fps, given.key, in_child)
