@@ -16,10 +16,9 @@ import secrets
 import sys
 import time
 import webbrowser
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from tqdm import tqdm
@@ -27,18 +26,18 @@ from tqdm import tqdm
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
+from kpopnet.programs.arguments import add_depth, opener, program_parser
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
-from kpopnet.sources import chosen_camera, open_depth
+from kpopnet.runtime.untrusted import read_in_child
 from kpopnet.sources.live import LiveCamera
 from kpopnet.sources.realsense import RealSenseCamera
 from kpopnet.sources.realsense import library as realsense_library
 from kpopnet.sources.source import DepthSource, TimedDepth
-from kpopnet.teacher.adding import add_dance, add_performance
-from kpopnet.teacher.library import About, Library, TaughtDance, TeacherBody, difficulty
+from kpopnet.teacher.adding import add_performance, danced_in, holds_depth, kpop_teachers, part_of
+from kpopnet.teacher.library import BODY, Library, TaughtDance, TeacherBody, taught_dance
+from kpopnet.teacher.live.joints import load_estimator
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
-from kpopnet.teacher.live.watching import load_estimator
-from kpopnet.teacher.own_dances import danced_in, holds_depth, kpop_dance, kpop_teachers, part_of
 
 FOLDER = Path("outputs/teach")
 PORT = 8471
@@ -46,24 +45,6 @@ SIMULATED, RECORDING, REALSENSE = "simulated", "recording", "realsense"
 CAMERA_FPS = 30.0
 MOST_LETTERS = 60
 """Of a title."""
-
-
-class RecordingGiven(NamedTuple):
-    """A recording of depth as the command line names it: path, camera or field of view in degrees, frames per second, array."""
-
-    path: str
-    camera: str | None = None
-    fov_deg: float | None = None
-    fps: float | None = None
-    key: str | None = None
-
-    def open(self) -> DepthSource:
-        """Opens the recording.
-
-        Raises:
-            InputError: it cannot be read, or its camera is not known.
-        """
-        return open_depth(self.path, chosen_camera(self.camera, self.fov_deg), self.fps, self.key)
 
 
 class SimulatedCamera:
@@ -122,13 +103,15 @@ def wait_until(moment: float) -> float:
     return max(moment + 1 / CAMERA_FPS, time.monotonic())
 
 
-def open_source(recording: RecordingGiven | None, lesson: Lesson, dance: TaughtDance, clock: DanceClock) -> LiveCamera:
+def open_source(
+    open_recording: Callable[[], DepthSource] | None, lesson: Lesson, dance: TaughtDance, clock: DanceClock
+) -> LiveCamera:
     """Opens the source of depth that a lesson names."""
     if lesson.source == REALSENSE:
         return RealSenseCamera()
-    if lesson.source == SIMULATED or recording is None:
+    if lesson.source == SIMULATED or open_recording is None:
         return SimulatedCamera(lesson, dance, clock)
-    return RecordedCamera(recording.open(), clock)
+    return RecordedCamera(open_recording(), clock)
 
 
 def make_library(library: Library) -> None:
@@ -136,78 +119,72 @@ def make_library(library: Library) -> None:
     from synth.dances.taught import DANCES, Teacher, teacher_arrays
 
     missing = sorted(set(range(DANCES)) - {int(one[6:]) for one in library.identities() if one.startswith("dance_")})
-    if library.is_made and not missing:
+    if (library.folder / BODY).is_file() and not missing:
         return
     library.write_body(TeacherBody(**teacher_arrays()))
     teacher = Teacher()
     for index in tqdm(missing, "making dances, once", unit="dance", disable=None):
-        played = teacher.dance(index)
-        about = About(played.name, len(played.quats) / played.fps, played.bpm, difficulty(played.joints_m, played.fps))
-        dance = TaughtDance(about, played.fps, played.joints_m, played.quats, played.hips_m)
-        library.write(f"dance_{index:03d}", dance)
+        one = teacher.dance(index)
+        library.write(f"dance_{index:03d}", taught_dance(one.name, one.fps, one.bpm, one.joints_m, one.quats, one.hips_m))
 
 
-def own_dances(given: argparse.Namespace) -> Iterator[tuple[str, str, Performance]]:
-    """The dances in what `kpopnet teach add` is given: file, title and joints of each.
+def own_dances(given: argparse.Namespace) -> dict[str, Performance]:
+    """The dances in what `kpopnet teach add` is given: their joints by title.
 
     Raises:
         InputError: a file cannot be read, or nobody is seen in it.
     """
     path: Path = given.file
-    teachers = kpop_teachers(path)
-    for name, teacher in teachers.items():
-        yield str(teacher), given.title if given.title and len(teachers) == 1 else name, kpop_dance(teacher)
+    if len(teachers := kpop_teachers(path)) > 1:
+        return teachers
     if teachers:
-        return
-    if holds_depth(path):
-        source = RecordingGiven(str(path), given.camera, given.fov, given.fps, given.key).open()
-        performance = danced_in(source, given.segmented)
+        ((name, performance),) = teachers.items()
+    elif holds_depth(path):
+        name, performance = path.stem, danced_in(opener(path, given, in_child=True)(), given.segmented)
     else:
-        performance = read_performance(path, given.fps)
-    yield str(path), given.title or path.stem, performance
+        name, performance = path.stem, read_in_child(read_performance, path, given.fps)
+    return {given.title or name: performance}
 
 
 def add_own(given: argparse.Namespace, library: Library) -> None:
     """Adds them, each in the part that was asked for."""
     if not 20 <= given.bpm <= 400:
         raise InputError(f"--bpm {given.bpm:g}: expected 20 to 400 beats per minute")
-    for where, title, performance in own_dances(given):
-        part = part_of(performance, given.from_s, given.to_s, where)
-        identity = add_performance(library, part, where, title[:MOST_LETTERS], given.bpm)
-        print(f"added {title[:MOST_LETTERS]} as {identity}; kpopnet teach shows it")
+    for title, performance in own_dances(given).items():
+        part, title = part_of(performance, given.from_s, given.to_s, str(given.file)), title[:MOST_LETTERS]
+        identity = add_performance(library, part, str(given.file), title, given.bpm)
+        print(f"added {title} as {identity}; kpopnet teach shows it")
 
 
 def serve(given: argparse.Namespace, library: Library) -> None:
     """Serves the page until the program is interrupted."""
     from aiohttp import web
 
-    from kpopnet.teacher.live.stage import Settings
     from kpopnet.teacher.safety import LOOPBACK_NAMES, is_loopback
-    from kpopnet.teacher.server import CREW, Offer, Teaching, make_app
-    from kpopnet.teacher.sessions import Sessions
+    from kpopnet.teacher.server import PROCESSES, Teaching, make_app
+    from kpopnet.teacher.tries import Tries
     from synth.dances.live import FAULTS, SKILLS
 
-    sources = {SIMULATED: "a simulated learner"}
-    recording = None
+    sources, open_recording = {SIMULATED: "a simulated learner"}, None
+    # Mistakes are reported here, not in the page.
     if given.depth is not None:
-        recording = RecordingGiven(given.depth, given.camera, given.fov, given.fps)
-        recording.open()  # a mistake is told now, not in the page, as is the next
-        sources = {RECORDING: f"the recording {Path(given.depth).name}"} | sources
+        open_recording = opener(given.depth, given, in_child=False)  # it must begin at once
+        open_recording()
+        sources = {RECORDING: f"the recording {given.depth.name}"} | sources
     if given.live is not None:
         realsense_library("--live")
         sources = {REALSENSE: "a RealSense camera"} | sources
     if given.checkpoint is not None:
         load_estimator(given.checkpoint)
-    settings = Settings(partial(open_source, recording), given.checkpoint)
-    offer = Offer(sources, SKILLS, FAULTS)
-    teaching = Teaching(library, Sessions(given.data / "tries"), settings, offer, partial(add_dance, library))
+    open_camera = partial(open_source, open_recording)
+    teaching = Teaching(library, Tries(given.data / "tries"), open_camera, given.checkpoint, sources, SKILLS, FAULTS)
     token = None if is_loopback(given.host) else secrets.token_urlsafe(24)
     app = make_app(teaching, (*LOOPBACK_NAMES, given.host.lower()), token)
     shown_host = "127.0.0.1" if given.host in ("0.0.0.0", "::") else given.host
     shown_host = f"[{shown_host}]" if ":" in shown_host else shown_host
 
     async def announce(app: web.Application) -> None:
-        app[CREW].keep_ready()
+        app[PROCESSES].keep_ready()
         address = f"http://{shown_host}:{given.port}/" + (f"?token={token}" if token else "")
         print(f"dance at {address}   (Ctrl+C ends)", flush=True)
         if not given.no_browser:
@@ -222,27 +199,18 @@ def serve(given: argparse.Namespace, library: Library) -> None:
         ) from error
 
 
-def add_camera(parser: argparse.ArgumentParser) -> None:
-    """The ways to name the camera of a recording that does not tell it."""
-    parser.add_argument("--camera", help="of depth: a preset or a JSON file of intrinsics, where the recording tells none")
-    parser.add_argument("--fov", type=float, help="of depth: horizontal field of view, degrees, instead of --camera")
-
-
 def parsed() -> argparse.Namespace:
     """The command line."""
-    about = {"description": __doc__, "formatter_class": argparse.RawDescriptionHelpFormatter}
-    parser = argparse.ArgumentParser("kpopnet teach", **about)
+    parser = program_parser("kpopnet teach", __doc__)
     parser.add_argument("--data", type=Path, default=FOLDER, help="folder of dances and tries: %(default)s")
+    add_depth(parser)
     if sys.argv[1:2] == ["add"]:
         parser.add_argument("add", choices=["add"])
         parser.add_argument("file", type=Path, help="joints, depth, or a folder in the K-Pop format (docs/teaching.md)")
         parser.add_argument("--title", help="its name in the menu; by default the file's")
         parser.add_argument("--bpm", type=float, default=120.0, help="beats per minute, the first at the start: %(default)s")
-        parser.add_argument("--fps", type=float, help="the true frame rate of a file that states none or a wrong one")
         parser.add_argument("--from", type=float, default=0.0, dest="from_s", help="second at which it begins: %(default)s")
         parser.add_argument("--to", type=float, dest="to_s", help="second at which it ends; by default the end")
-        add_camera(parser)
-        parser.add_argument("--key", help="of depth: array in a file that has several; of a folder, a pattern: 'depth_*.png'")
         parser.add_argument("--segmented", action="store_true", help="the depth shows one person, and 0 elsewhere")
         return parser.parse_args()
     parser.set_defaults(add=None)
@@ -250,9 +218,7 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--port", type=int, default=PORT, help="%(default)s")
     parser.add_argument("--no-browser", action="store_true", help="only print the address")
     parser.add_argument("--live", choices=[REALSENSE], help="a camera that is plugged in (pip install 'kpopnet[realsense]')")
-    parser.add_argument("--depth", help="a recording of depth that stands in for a camera")
-    add_camera(parser)
-    parser.add_argument("--fps", type=float, help="its images per second, where the file does not tell")
+    parser.add_argument("--depth", type=Path, help="a recording of depth that stands in for a camera")
     parser.add_argument("--checkpoint", help="network that estimates the pose; tracker for the tracker without a network")
     return parser.parse_args()
 

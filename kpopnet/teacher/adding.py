@@ -1,59 +1,56 @@
-"""Adds a dance of the user's own, known by its joints, to the library."""
+"""Dances of the user's own, from files of joints, recordings of depth and folders in the K-Pop format (docs/kpop_format.md)."""
 
+import zipfile
 from pathlib import Path
 
 import numpy as np
+from tqdm import tqdm
 
-from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.dance.joint_files.reader import SUFFIXES as JOINT_SUFFIXES
 from kpopnet.dance.performance import Performance
+from kpopnet.datasets.dances.dance_set import KpopSet
+from kpopnet.datasets.dances.format import TEACHER
+from kpopnet.datasets.dances.format import read_performance as read_kpop
 from kpopnet.errors import InputError
-from kpopnet.teacher.library import DANCES, About, Library, TaughtDance, difficulty
+from kpopnet.pose import PoseEstimator
+from kpopnet.sources.source import DepthSource
+from kpopnet.teacher.library import Library, taught_dance
 from kpopnet.teacher.posing import posed
 
 FPS = 30.0
 MIN_S, MAX_S = 5.0, 900.0
 
+JOINT_ARRAYS = ("joints_m.npy", "keypoints3d.npy", "points.npy")
+"""Members of an .npz file that make it a recording of joints."""
 
-def add_dance(library: Library, path: Path, title: str, bpm: float = 120.0, fps: float | None = None) -> str:
-    """Adds a file of joints to the dances.
-
-    Args:
-        library: where to.
-        path: an .npz, .bvh, .csv or .json file, see `read_performance`.
-        title: its name in the menu.
-        bpm: beats per minute; the first beat is at the recording's start.
-        fps: the true frame rate of a file that states none or a wrong one.
-
-    Returns:
-        The dance's identity.
-
-    Raises:
-        InputError: the file is no such recording, or lasts less than MIN_S or more than MAX_S.
-    """
-    return add_performance(library, read_performance(path, fps), str(path), title, bpm)
+NOT_DEPTH = (*JOINT_SUFFIXES, ".pkl", ".pickle")
+"""Endings of files of joints, and of pickles, which the reader of joints refuses with advice."""
 
 
 def add_performance(library: Library, performance: Performance, where: str, title: str, bpm: float = 120.0) -> str:
-    """Adds a dance known by its joints; see `add_dance`.
+    """Adds a dance known by its joints.
 
     Args:
         library: where to.
         performance: in the frame of a level camera.
         where: its file, for messages.
         title: its name in the menu.
-        bpm: beats per minute.
+        bpm: beats per minute; the first beat is at the recording's start.
+
+    Returns:
+        The dance's identity.
+
+    Raises:
+        InputError: it lasts less than MIN_S or more than MAX_S.
     """
     seconds = float(performance.times_s[-1] - performance.times_s[0])
     if not MIN_S <= seconds <= MAX_S:
         raise InputError(f"{where}: lasts {seconds:.1f} s; a dance lasts {MIN_S:g} to {MAX_S:g} s")
     joints_m = at_rate(performance, FPS)
-    quats, hips_m = posed(joints_m, library.body())
-    about = About(title, len(joints_m) / FPS, bpm, difficulty(joints_m, FPS), own=True)
     number = 1
-    while (library.folder / DANCES / f"own_{number:03d}.npz").exists():
+    while (identity := f"own_{number:03d}") in library.identities():
         number += 1
-    identity = f"own_{number:03d}"
-    library.write(identity, TaughtDance(about, FPS, joints_m, quats, hips_m))
+    library.write(identity, taught_dance(title, FPS, bpm, joints_m, *posed(joints_m, library.body()), own=True))
     return identity
 
 
@@ -70,3 +67,74 @@ def at_rate(performance: Performance, fps: float) -> np.ndarray:
     after = np.clip(np.searchsorted(performance.times_s, times_s), 1, len(performance) - 1)
     before_is_nearer = times_s - performance.times_s[after - 1] < performance.times_s[after] - times_s
     return performance.joints_m[after - before_is_nearer].astype(np.float32)
+
+
+def kpop_teachers(path: Path) -> dict[str, Performance]:
+    """The teachers of a set in the K-Pop format, or of one of its dances, by name; none where `path` is something else.
+
+    Raises:
+        InputError: a teacher's file is damaged, or has no joints.
+    """
+    if path.name == TEACHER:
+        paths = {path.parent.name: path}
+    elif (path / TEACHER).is_file():
+        paths = {path.name: path / TEACHER}
+    elif any(path.glob(f"*/{TEACHER}")):
+        dances = KpopSet(path)
+        paths = {name: dances.folder / name / TEACHER for name in dances.names}
+    else:
+        paths = {}
+    found = {}
+    for name, teacher in paths.items():
+        if (performance := read_kpop(teacher)) is None:
+            raise InputError(f"{teacher}: no joints_m in it")
+        found[name] = performance
+    return found
+
+
+def holds_depth(path: Path) -> bool:
+    """Whether a recording is of depth rather than of joints, by its name, and of an .npz file by the names of its arrays."""
+    if path.suffix.lower() != ".npz":
+        return path.is_dir() or path.suffix.lower() not in NOT_DEPTH
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return not set(JOINT_ARRAYS) & set(archive.namelist())
+    except (OSError, zipfile.BadZipFile, ValueError):  # whoever reads it says what is wrong with it
+        return False
+
+
+def danced_in(source: DepthSource, segmented: bool = False) -> Performance:
+    """What the person who is seen longest in a recording of depth dances, by the network of the package.
+
+    Args:
+        source: the recording.
+        segmented: its depth shows one person, and 0 elsewhere.
+
+    Raises:
+        InputError: an image is damaged, or nobody was found.
+    """
+    times_s: list[float] = []
+
+    def images():
+        for image in tqdm(source.timed(), "joints", source.frames, unit=" images", disable=None):
+            times_s.append(image.time_s)
+            yield image.depth_m
+
+    people = PoseEstimator.load(mode="best").estimate(images(), source.camera, source.fps, segmented=segmented)
+    if not people:
+        raise InputError(f"{source.name}: nobody was found; the camera must stand still, and see the dancer from head to feet")
+    return Performance(people[0].joints_camera_m, np.array(times_s), people[0].confidence)
+
+
+def part_of(performance: Performance, from_s: float, to_s: float | None, where: str) -> Performance:
+    """The part of a recording between two times from its first image on, on a clock that begins there.
+
+    Raises:
+        InputError: nothing is left.
+    """
+    since_s = performance.times_s - performance.times_s[0]
+    inside = (since_s >= from_s) & (since_s <= (np.inf if to_s is None else to_s))
+    if not inside.any():
+        raise InputError(f"{where}: lasts {since_s[-1]:.1f} s; nothing is left from {from_s:g} s on")
+    joints_m, times_s = performance.joints_m[inside], performance.times_s[inside]
+    return Performance(joints_m, times_s - times_s[0], performance.confidence[inside])

@@ -1,4 +1,4 @@
-"""Films are made in a process of their own, one at a time, for as long as somebody waits for them."""
+"""Films are made in a process of their own, one at a time, for as long as their page waits for them."""
 
 import asyncio
 import contextlib
@@ -13,27 +13,27 @@ from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.errors import InputError
 from kpopnet.teacher.film import write_film
 from kpopnet.teacher.library import Library
-from kpopnet.teacher.sessions import Sessions
+from kpopnet.teacher.tries import Tries
 
 TELL_EVERY_S = 0.5
 END_S = 5.0
 PATIENCE_S = 2.0
 """A film that is asked for waits as long for one that is being cancelled."""
+
 NICENESS = 5
 """Lessons go first."""
 
 
 class CancelledError(Exception):
-    """Nobody waits for the film any more."""
+    """The film is not wanted any more."""
 
 
 class Filming:
     """Makes the films of tries."""
 
-    def __init__(self, library: Library, sessions: Sessions) -> None:
-        self._library, self._sessions = library, sessions
-        self._connection: Connection | None = None
-        self._one = asyncio.Lock()
+    def __init__(self, library: Library, tries: Tries) -> None:
+        self._library, self._tries = library, tries
+        self._one, self._ended = asyncio.Lock(), False
 
     async def make(self, dance: str, name: str) -> AsyncGenerator[float]:
         """Makes the film of a try, if there is none yet. Closing this generator ends the work, and nothing is left of it.
@@ -44,7 +44,7 @@ class Filming:
         Raises:
             InputError: there is no such try, or its film cannot be made; another film is being made; the server ends.
         """
-        if self._sessions.film_path(dance, name).is_file():
+        if self._tries.film_path(dance, name).is_file():
             return
         try:
             await asyncio.wait_for(self._one.acquire(), PATIENCE_S)
@@ -52,37 +52,34 @@ class Filming:
             raise InputError("another film is being made; wait for it, or cancel it where it was begun") from error
         context = multiprocessing.get_context("spawn")
         connection, other = context.Pipe()
-        given = other, self._library.folder, self._sessions.folder, dance, name
+        given = other, self._library.folder, self._tries.folder, dance, name
         process = context.Process(target=make_film, args=given, daemon=True, name="film")
         fraction = 0.0
         try:
             process.start()
             other.close()
-            self._connection = connection
             while fraction < 1:
                 if await asyncio.to_thread(connection.poll, TELL_EVERY_S):
                     fraction, error = connection.recv()
                     if error:
                         raise InputError(error)
-                yield fraction  # also where there is nothing new: a page that has gone is noticed by being told
+                if self._ended:
+                    raise InputError("the program ends; make the film again")
+                yield fraction  # also where there is nothing new: writing to a page that has gone fails
         except (EOFError, OSError) as error:
             raise InputError("the film was not finished; make it again") from error
         finally:
-            self.cancel()
+            connection.close()
             try:
                 if process.pid is not None:  # it was started
                     await asyncio.to_thread(_end, process)
             finally:
-                self._connection = None
-                connection.close()
                 other.close()
                 self._one.release()
 
-    def cancel(self) -> None:
-        """Ends the film that is being made, if there is one."""
-        if self._connection is not None:
-            with contextlib.suppress(OSError):  # it has ended
-                self._connection.send("stop")
+    def end(self) -> None:
+        """Ends the film that is being made, if there is one, and makes no others."""
+        self._ended = True
 
 
 def _end(process: multiprocessing.process.BaseProcess) -> None:
@@ -92,15 +89,15 @@ def _end(process: multiprocessing.process.BaseProcess) -> None:
         process.join(END_S)
 
 
-def make_film(connection: Connection, library: Path, sessions: Path, dance: str, name: str) -> None:
-    """Makes a film and tells (fraction that is done, what went wrong); ends when it is told anything, or nobody listens."""
+def make_film(connection: Connection, library: Path, tries: Path, dance: str, name: str) -> None:
+    """Makes a film and sends (fraction that is done, what went wrong); ends when the other end is closed."""
     with contextlib.suppress(AttributeError, OSError):  # where processes have no niceness
         os.nice(NICENESS)
     next_s = 0.0
 
     def tell(fraction: float) -> None:
         nonlocal next_s
-        if connection.poll():
+        if connection.poll():  # only the end of the connection can be there
             raise CancelledError
         if time.monotonic() >= next_s:
             connection.send((fraction, ""))
@@ -108,9 +105,9 @@ def make_film(connection: Connection, library: Path, sessions: Path, dance: str,
 
     with contextlib.suppress(CancelledError, BrokenPipeError, ConnectionResetError, KeyboardInterrupt):
         try:
-            tries, dances = Sessions(sessions), Library(library)
-            learner, result = read_performance(tries.path(dance, name, "npz")), tries.result(dance, name)
-            write_film(tries.film_path(dance, name), dances.body(), dances.dance(dance), learner, result, tell)
+            saved, dances = Tries(tries), Library(library)
+            learner, result = read_performance(saved.path(dance, name, "npz")), saved.result(dance, name)
+            write_film(saved.film_path(dance, name), dances.body(), dances.dance(dance), learner, result, tell)
         except InputError as error:
             connection.send((0.0, str(error)))
         except (BrokenPipeError, ConnectionResetError):

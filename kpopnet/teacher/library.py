@@ -19,13 +19,10 @@ from kpopnet.skeleton import NUM_JOINTS, Joint
 
 BODY, DANCES = "body.npz", "dances"
 IDENTITY = re.compile("[a-z0-9][a-z0-9_-]{0,63}")
-COUNTS = 8
-"""Counts of a phrase."""
-
+PHRASE_COUNTS = 8
 QUAT_SCALE = 32767
 MAX_PLACE_M = 1000.0
 PREVIEW_FPS, PREVIEW_S = 10, 4.0
-LEVELS = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +76,7 @@ _BODY_SCHEMAS = {
 
 @dataclass(frozen=True)
 class About:
-    """What the menu tells of a dance.
+    """What the menu shows of a dance.
 
     Attributes:
         name: its title.
@@ -97,7 +94,7 @@ class About:
 
     @property
     def phrase_s(self) -> float:
-        return COUNTS * 60 / self.bpm
+        return PHRASE_COUNTS * 60 / self.bpm
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +120,28 @@ class TaughtDance:
         return Performance(self.joints_m, np.arange(len(self.joints_m)) / self.fps)
 
 
+def taught_dance(
+    name: str, fps: float, bpm: float, joints_m: np.ndarray, quats: np.ndarray, hips_m: np.ndarray, own: bool = False
+) -> TaughtDance:
+    """A dance with what the menu shows of it; arguments as in `TaughtDance` and `About`."""
+    about = About(name, len(joints_m) / fps, bpm, difficulty(joints_m, fps), own)
+    return TaughtDance(about, fps, joints_m, quats, hips_m)
+
+
+SPEEDS_M_S = (0.73, 0.82, 0.88, 1.01)
+"""Bounds between the five difficulties, a fifth of the composed dances each: mean speed of hands and feet relative to the
+torso, metres per second."""
+
+
+def difficulty(joints_m: np.ndarray, fps: float) -> int:
+    """1 to 5 for (T, 15, 3) joints in metres: how fast hands and feet move."""
+    ends = [Joint.LEFT_HAND, Joint.RIGHT_HAND, Joint.LEFT_FOOT, Joint.RIGHT_FOOT]
+    relative_m = joints_m[:, ends] - joints_m[:, [Joint.TORSO]]
+    speed_m_s = np.linalg.norm(np.diff(relative_m, axis=0), axis=-1) * fps
+    known = speed_m_s[np.isfinite(speed_m_s)]
+    return 1 + int(np.searchsorted(SPEEDS_M_S, known.mean())) if len(known) else 1
+
+
 _DANCE_SCHEMAS = {
     "about": ArraySchema("U", ()),
     "fps": ArraySchema("f", ()),
@@ -138,11 +157,6 @@ class Library:
     def __init__(self, folder: Path) -> None:
         self.folder = Path(folder)
         self._abouts: dict[str, tuple[int, About]] = {}
-
-    @property
-    def is_made(self) -> bool:
-        """Whether there is a body."""
-        return (self.folder / BODY).is_file()
 
     def identities(self) -> list[str]:
         """The dances' names of files, in order."""
@@ -161,7 +175,7 @@ class Library:
         return path
 
     def about(self, identity: str) -> About:
-        """What the menu tells of a dance."""
+        """What the menu shows of a dance."""
         path = self.path(identity)
         changed = path.stat().st_mtime_ns
         if self._abouts.get(identity, (0,))[0] != changed:
@@ -194,12 +208,11 @@ class Library:
         path = self.folder / BODY
         body = TeacherBody(**read_npz(path, _BODY_SCHEMAS))
         bones, parents = len(body.bone_names), body.bone_parents.astype(int)
-        names = body.bone_names.tolist()
-        expect(set(BONES) <= set(names), str(path), f"bones named {', '.join(BONES)}")
-        tree = bones and parents[0] == -1 and ((parents[1:] >= 0) & (parents[1:] < np.arange(1, bones))).all()
+        expect(set(BONES) <= set(body.bone_names.tolist()), str(path), f"bones named {', '.join(BONES)}")
+        tree = parents[0] == -1 and ((parents[1:] >= 0) & (parents[1:] < np.arange(1, bones))).all()
         expect(bool(tree), f"{path}: bone_parents", "-1 for the first bone, and an earlier bone for all others")
-        inside = (body.weight_bones < bones).all() and (body.weight_bones >= 0).all() and (body.faces >= 0).all()
-        expect(bool(inside and (body.faces < len(body.vertices_m)).all()), str(path), "bones and vertices that it has")
+        for numbers, count in ((body.weight_bones, bones), (body.faces, len(body.vertices_m))):
+            expect(bool(((numbers >= 0) & (numbers < count)).all()), str(path), "bones and vertices that it has")
         for name in ("heads_m", "t_pose", "joints_m", "vertices_m", "weights"):
             values = getattr(body, name)
             expect(bool((np.abs(values) < 100).all()), f"{path}: {name}", "finite numbers of a body in metres")
@@ -234,20 +247,6 @@ def preview_cm(dance: TaughtDance) -> list[list[int]]:
     joints_m = np.nan_to_num(dance.joints_m[: round(PREVIEW_S * dance.fps) : stride, :, :2])
     centred_cm = np.round((joints_m - joints_m.mean(axis=(0, 1))) * [100, -100]).astype(int)
     return centred_cm.reshape(len(centred_cm), -1).tolist()
-
-
-SPEEDS_M_S = (0.73, 0.82, 0.88, 1.01)
-"""Bounds between the five difficulties, a fifth of the composed dances each: mean speed of hands and feet relative to the
-torso, metres per second."""
-
-
-def difficulty(joints_m: np.ndarray, fps: float) -> int:
-    """1 to 5 for (T, 15, 3) joints in metres: how fast hands and feet move."""
-    ends = [Joint.LEFT_HAND, Joint.RIGHT_HAND, Joint.LEFT_FOOT, Joint.RIGHT_FOOT]
-    relative_m = joints_m[:, ends] - joints_m[:, [Joint.TORSO]]
-    speed_m_s = np.linalg.norm(np.diff(relative_m, axis=0), axis=-1) * fps
-    known = speed_m_s[np.isfinite(speed_m_s)]
-    return 1 + int(np.searchsorted(SPEEDS_M_S, known.mean())) if len(known) else 1
 
 
 def _about(text: np.ndarray, path: Path) -> About:

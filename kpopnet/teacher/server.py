@@ -7,7 +7,6 @@ import json
 import struct
 import tempfile
 import weakref
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -18,16 +17,17 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.errors import InputError, check_between
 from kpopnet.runtime.input_files import check_fields, parse_json, settings_from
-from kpopnet.teacher.adding import at_rate
+from kpopnet.runtime.untrusted import read_in_child
+from kpopnet.teacher.adding import add_performance, at_rate
 from kpopnet.teacher.bvh import as_bvh
 from kpopnet.teacher.filming import Filming
-from kpopnet.teacher.library import Library, preview_cm, stored_quats
-from kpopnet.teacher.live.crew import Crew, Member
+from kpopnet.teacher.library import About, Library, preview_cm, stored_quats
+from kpopnet.teacher.live.joints import CameraOpener
 from kpopnet.teacher.live.lesson import Lesson
-from kpopnet.teacher.live.stage import Settings
+from kpopnet.teacher.live.process import LessonProcess, LessonProcesses
 from kpopnet.teacher.posing import posed
 from kpopnet.teacher.safety import HEADERS, guard
-from kpopnet.teacher.sessions import Sessions, as_csv
+from kpopnet.teacher.tries import Tries, as_csv
 
 PAGE = Path(__file__).parent / "page"
 MAX_UPLOAD_BYTES, MAX_MESSAGE_BYTES = 32_000_000, 16_384
@@ -37,69 +37,53 @@ PATIENCE_S = 30.0
 UPLOADS = (".npz", ".bvh", ".csv", ".json")
 TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml", ".LICENSE": "text/plain"}
 
-Adder = Callable[[Path, str], str]
-"""Adds the dance in a file, under a title, to the library; returns its identity."""
-
 
 @dataclass(frozen=True)
-class Offer:
-    """What a lesson can be held with, for the page.
+class Teaching:
+    """Everything that the server serves.
 
     Attributes:
+        library: the dances.
+        tries: of the learners.
+        open_camera: opens the source of depth of a lesson.
+        checkpoint: of `load_estimator`.
         sources: names of the sources of depth to their descriptions.
         skills: of a simulated learner.
         faults: of a simulated learner.
     """
 
+    library: Library
+    tries: Tries
+    open_camera: CameraOpener
+    checkpoint: str | None
     sources: dict[str, str]
     skills: tuple[str, ...]
     faults: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Teaching:
-    """Everything that the server serves."""
-
-    library: Library
-    sessions: Sessions
-    settings: Settings
-    offer: Offer
-    add: Adder
-
-
 TEACHING: web.AppKey[Teaching] = web.AppKey("teaching", Teaching)
-CREW: web.AppKey[Crew] = web.AppKey("crew", Crew)
+PROCESSES: web.AppKey[LessonProcesses] = web.AppKey("processes", LessonProcesses)
 FILMING: web.AppKey[Filming] = web.AppKey("filming", Filming)
 SOCKETS: web.AppKey[weakref.WeakSet] = web.AppKey("sockets", weakref.WeakSet)
 routes = web.RouteTableDef()
 
 
 def make_app(teaching: Teaching, hosts: tuple[str, ...], token: str | None = None) -> web.Application:
-    """The server's application.
-
-    Args:
-        teaching: what it serves.
-        hosts: see `safety.guard`.
-        token: see `safety.guard`.
-    """
+    """The server's application; `hosts` and `token` as in `safety.guard`."""
     app = web.Application(middlewares=[guard(hosts, token), _errors], client_max_size=MAX_UPLOAD_BYTES)
-    app[TEACHING], app[FILMING], app[SOCKETS] = teaching, Filming(teaching.library, teaching.sessions), weakref.WeakSet()
-    app.cleanup_ctx.append(_crew)
-    app.on_shutdown.append(_part)
+    app[TEACHING], app[SOCKETS] = teaching, weakref.WeakSet()
+    app[FILMING] = Filming(teaching.library, teaching.tries)
+    app[PROCESSES] = LessonProcesses(teaching.open_camera, teaching.checkpoint)
+    app.on_shutdown.append(_end)
     app.add_routes(routes)
     return app
 
 
-async def _crew(app: web.Application):
-    app[CREW] = crew = Crew(app[TEACHING].settings)
-    yield
-    await asyncio.to_thread(crew.end)
-
-
-async def _part(app: web.Application) -> None:
-    """Ends what pages still wait for, so that the server can end."""
-    app[FILMING].cancel()
+async def _end(app: web.Application) -> None:
+    """Ends what pages still wait for, and the processes."""
+    app[FILMING].end()
     await asyncio.gather(*(socket.close(code=WSCloseCode.GOING_AWAY) for socket in set(app[SOCKETS])))
+    await asyncio.to_thread(app[PROCESSES].end)
 
 
 @web.middleware
@@ -110,22 +94,9 @@ async def _errors(request: web.Request, handler) -> web.StreamResponse:
         return web.json_response({"error": str(error)}, status=400)
 
 
-@routes.get("/")
-async def index(request: web.Request) -> web.Response:
-    return _file(PAGE / "index.html")
-
-
-@routes.get(r"/page/{name:[a-z_]+\.(?:js|css|svg)}")
-async def page_file(request: web.Request) -> web.Response:
-    return _file(PAGE / request.match_info["name"])
-
-
-@routes.get(r"/page/vendor/{name:[a-z_]+\.(?:js|LICENSE)}")
-async def vendor_file(request: web.Request) -> web.Response:
-    return _file(PAGE / "vendor" / request.match_info["name"])
-
-
-def _file(path: Path) -> web.Response:
+@routes.get(r"/{name:|page/(?:vendor/)?[a-z_]+\.(?:js|css|svg|LICENSE)}")
+async def page(request: web.Request) -> web.Response:
+    path = PAGE.parent / (request.match_info["name"] or "page/index.html")
     if not path.is_file():
         raise web.HTTPNotFound(text="there is no such page\n")
     return web.Response(body=path.read_bytes(), content_type=TYPES[path.suffix], charset="utf-8")
@@ -133,27 +104,25 @@ def _file(path: Path) -> web.Response:
 
 @routes.get("/api/offer")
 async def offer(request: web.Request) -> web.Response:
-    return web.json_response(asdict(request.app[TEACHING].offer))
+    teaching = request.app[TEACHING]
+    return web.json_response({"sources": teaching.sources, "skills": teaching.skills, "faults": teaching.faults})
 
 
 @routes.get("/api/dances")
 async def dances(request: web.Request) -> web.Response:
     library = request.app[TEACHING].library
-    abouts = {identity: library.about(identity) for identity in library.identities()}
-    return web.json_response(
-        [asdict(about) | {"identity": identity, "phrase_s": about.phrase_s} for identity, about in abouts.items()]
-    )
+    return web.json_response([_shown(identity, library.about(identity)) for identity in library.identities()])
 
 
 @routes.get("/api/dances/{identity}")
 async def dance(request: web.Request) -> web.Response:
     library, identity = request.app[TEACHING].library, request.match_info["identity"]
     found = await asyncio.to_thread(library.dance, identity)
-    return web.json_response(
-        asdict(found.about)
-        | {"identity": identity, "phrase_s": found.about.phrase_s}
-        | _movement(found.quats, found.hips_m, found.fps)
-    )
+    return web.json_response(_shown(identity, found.about) | _movement(found.quats, found.hips_m, found.fps))
+
+
+def _shown(identity: str, about: About) -> dict:
+    return asdict(about) | {"identity": identity, "phrase_s": about.phrase_s}
 
 
 @routes.get("/api/dances/{identity}/preview")
@@ -169,15 +138,15 @@ async def upload(request: web.Request) -> web.Response:
     if suffix not in UPLOADS:
         raise InputError(f"a dance is a file that ends with {', '.join(UPLOADS)}")
     title = request.query.get("title", "").strip()[:60] or "My dance"
-    content = await request.read()
+    content, library = await request.read(), request.app[TEACHING].library
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"dance{suffix}"
         path.write_bytes(content)
         try:
-            identity = await asyncio.to_thread(request.app[TEACHING].add, path, title)
+            performance = await asyncio.to_thread(read_in_child, read_performance, path)
         except InputError as error:
             raise InputError(str(error).replace(str(path), "the file")) from error
-    return web.json_response({"identity": identity})
+    return web.json_response({"identity": await asyncio.to_thread(add_performance, library, performance, "the file", title)})
 
 
 @routes.get("/api/body")
@@ -199,7 +168,7 @@ async def body(request: web.Request) -> web.Response:
 
 @routes.get("/api/history/{dance}")
 async def history(request: web.Request) -> web.Response:
-    return web.json_response(request.app[TEACHING].sessions.history(request.match_info["dance"]))
+    return web.json_response(request.app[TEACHING].tries.history(request.match_info["dance"]))
 
 
 @routes.get(r"/api/tries/{dance}/{name}.{kind:json|csv|bvh}")
@@ -207,7 +176,7 @@ async def session(request: web.Request) -> web.Response:
     """A try as a file: result, course, or the learner's movement."""
     teaching, kind = request.app[TEACHING], request.match_info["kind"]
     dance, name = request.match_info["dance"], request.match_info["name"]
-    result = teaching.sessions.result(dance, name)
+    result = teaching.tries.result(dance, name)
     attachment = {"Content-Disposition": f'attachment; filename="{dance}-{name}.{kind}"'}
     if kind == "json":
         return web.json_response(result, headers=attachment)
@@ -221,7 +190,7 @@ async def session(request: web.Request) -> web.Response:
 async def make_film(request: web.Request) -> web.StreamResponse:
     """Makes the film of a try while the page listens: lines of JSON, how much is done or what went wrong."""
     dance, name = request.match_info["dance"], request.match_info["name"]
-    request.app[TEACHING].sessions.film_path(dance, name)
+    request.app[TEACHING].tries.film_path(dance, name)
     response = web.StreamResponse(headers=HEADERS | {"Content-Type": "application/x-ndjson"})
     await response.prepare(request)
 
@@ -243,7 +212,7 @@ async def make_film(request: web.Request) -> web.StreamResponse:
 async def film(request: web.Request) -> web.StreamResponse:
     """The film of a try, when it is made."""
     dance, name = request.match_info["dance"], request.match_info["name"]
-    path = request.app[TEACHING].sessions.film_path(dance, name)
+    path = request.app[TEACHING].tries.film_path(dance, name)
     if not path.is_file():
         raise InputError("this film is not made yet")
     return web.FileResponse(path, headers={"Content-Disposition": f'attachment; filename="{dance}-{name}.mp4"'})
@@ -259,7 +228,7 @@ async def movement(request: web.Request) -> web.Response:
 
 def _learners_movement(teaching: Teaching, dance: str, name: str) -> tuple[np.ndarray, np.ndarray, float, float]:
     """Rotations of the bones, positions of the root, frames per second and start in seconds of a try."""
-    learner = read_performance(teaching.sessions.path(dance, name, "npz"))
+    learner = read_performance(teaching.tries.path(dance, name, "npz"))
     fps = teaching.library.dance(dance).fps
     quats, hips_m = posed(at_rate(learner, fps), teaching.library.body())
     return quats, hips_m, fps, float(learner.times_s[0])
@@ -280,91 +249,83 @@ async def live(request: web.Request) -> web.WebSocketResponse:
     socket = web.WebSocketResponse(max_msg_size=MAX_MESSAGE_BYTES, heartbeat=PATIENCE_S)
     await socket.prepare(request)
     request.app[SOCKETS].add(socket)
-    held = _Held(socket, request.app[TEACHING], request.app[CREW])
+    lessons = PageLessons(socket, request.app[TEACHING], request.app[PROCESSES])
     try:
         async for message in socket:
             if message.type is not WSMsgType.TEXT:
                 break
             try:
-                held.obey(parse_json(message.data, "the page's message"))
+                lessons.follow(parse_json(message.data, "the page's message"))
             except InputError as error:
-                await held.tell({"kind": "error", "text": str(error)})
+                await lessons.tell({"kind": "error", "text": str(error)})
     finally:
-        await held.end()
+        lessons.leave()
     return socket
 
 
-class _Held:
-    """The lessons of one page: what the page says goes to a stage, what the stage says to the page."""
+class PageLessons:
+    """The lessons of one page: its messages go to a process, and the process's to the page."""
 
-    def __init__(self, socket: web.WebSocketResponse, teaching: Teaching, crew: Crew) -> None:
-        self._socket, self._teaching, self._crew = socket, teaching, crew
-        self._member: Member | None = None
+    def __init__(self, socket: web.WebSocketResponse, teaching: Teaching, processes: LessonProcesses) -> None:
+        self._socket, self._teaching, self._processes = socket, teaching, processes
+        self._process: LessonProcess | None = None
         self._forwarding: asyncio.Task | None = None
 
-    def obey(self, message: Any) -> None:
+    def follow(self, message: Any) -> None:
         """Does what the page asks.
 
         Raises:
             InputError: it asks for something else, or wrongly.
         """
-        check_fields("the page's message", message, {"do": str})
-        match message["do"]:
-            case "prepare":
-                lesson = settings_from(Lesson, message.get("lesson"), "the lesson")
-                if lesson.source not in self._teaching.offer.sources:
-                    raise InputError("there is no such source of depth")
-                dance = self._teaching.library.dance(lesson.dance)
-                lesson.excerpt_s(dance.about.seconds)
-                if self._member is None or not self._member.alive:
-                    self._leave()
-                    self._member = self._crew.borrow()
-                    self._forwarding = asyncio.create_task(self._forward(self._member))
-                else:
-                    self._member.stop()
-                self._member.prepare(lesson, dance)
-            case "go" | "resume" as what if self._member is not None:
-                in_s = check_fields(what, message, {"in_s": float})["in_s"]
-                check_between("in_s", in_s, 0, 60)
-                (self._member.go if what == "go" else self._member.resume)(in_s)
-            case "stop":
-                self._leave()
-            case _:
-                raise InputError("the page asks for something unknown; reload it")
+        what = check_fields("the page's message", message, {"do": str})["do"]
+        if what == "prepare":
+            self._prepare(settings_from(Lesson, message.get("lesson"), "the lesson"))
+        elif what in ("go", "resume") and self._process is not None:
+            in_s = check_fields(what, message, {"in_s": float})["in_s"]
+            check_between("in_s", in_s, 0, 60)
+            self._process.send(what, in_s)
+        elif what == "stop":
+            self.leave()
+        else:
+            raise InputError("the page asks for something unknown; reload it")
+
+    def _prepare(self, lesson: Lesson) -> None:
+        if lesson.source not in self._teaching.sources:
+            raise InputError("there is no such source of depth")
+        dance = self._teaching.library.dance(lesson.dance)
+        lesson.excerpt_s(dance.about.seconds)
+        if self._process is None or not self._process.alive:
+            self.leave()
+            self._process = self._processes.borrow()
+            self._forwarding = asyncio.create_task(self._forward(self._process))
+        else:
+            self._process.send("stop")
+        self._process.prepare(lesson, dance)
 
     async def tell(self, message: dict) -> None:
         with contextlib.suppress(ConnectionError):
             await self._socket.send_str(json.dumps(message, allow_nan=False))
 
-    async def end(self) -> None:
-        """The page has gone."""
-        self._leave()
-
-    def _leave(self) -> None:
+    def leave(self) -> None:
+        """Ends the lesson, if there is one."""
         if self._forwarding is not None:
             self._forwarding.cancel()
-        if self._member is not None:
-            self._crew.give_back(self._member)
-        self._member = self._forwarding = None
+        if self._process is not None:
+            self._processes.give_back(self._process)
+        self._process = self._forwarding = None
 
-    async def _forward(self, member: Member) -> None:
+    async def _forward(self, process: LessonProcess) -> None:
         while True:
-            kind, content, attached = await member.next()
+            kind, content, attached = await process.next()
             message = {"kind": kind} | content
-            if kind == "done" and attached is not None:
-                message |= await asyncio.to_thread(self._saved, content, attached)
-            if kind != "frame":
-                await self.tell(message)
+            if kind == "frame":
+                text = json.dumps(message, allow_nan=False).encode()
+                with contextlib.suppress(ConnectionError):
+                    await self._socket.send_bytes(struct.pack("<I", len(text)) + text + attached)
                 continue
-            text = json.dumps(message, allow_nan=False).encode()
-            with contextlib.suppress(ConnectionError):
-                await self._socket.send_bytes(struct.pack("<I", len(text)) + text + attached)
-
-    def _saved(self, result: dict, arrays: dict[str, np.ndarray]) -> dict:
-        """Saves a try in which somebody was seen; its name, or why it could not be saved."""
-        if result.get("total") is None:
-            return {}
-        try:
-            return {"session": self._teaching.sessions.save(result, arrays)}
-        except OSError as error:
-            return {"not_saved": f"this try could not be saved: {error.strerror}"}
+            if kind == "done" and content.get("total") is not None:  # somebody was seen
+                try:
+                    message["session"] = await asyncio.to_thread(self._teaching.tries.save, content, attached)
+                except OSError as error:
+                    message["not_saved"] = f"this try could not be saved: {error.strerror}"
+            await self.tell(message)

@@ -9,10 +9,9 @@ processor: the load is higher than in front of a user's screen.)
 
 import importlib.util
 import itertools
-import json
 import tempfile
 import time
-from dataclasses import asdict
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -20,11 +19,11 @@ import numpy as np
 from teacher_page import BROWSER, DRIVER, chromium, served
 
 from kpopnet.camera import Camera
-from kpopnet.programs.teach import CAMERA_FPS, RECORDING, RecordingGiven, open_source
-from kpopnet.teacher.library import About, Library, TaughtDance, TeacherBody, difficulty
-from kpopnet.teacher.live.stage import Settings
-from kpopnet.teacher.server import Offer, Teaching
-from kpopnet.teacher.sessions import Sessions
+from kpopnet.programs.teach import CAMERA_FPS, RECORDING, open_source
+from kpopnet.sources import DepthSource, open_depth
+from kpopnet.teacher.library import Library, TeacherBody, taught_dance
+from kpopnet.teacher.server import Teaching
+from kpopnet.teacher.tries import Tries
 from synth.dances.live import LiveLearner
 from synth.dances.taught import Teacher, teacher_arrays
 
@@ -83,16 +82,14 @@ def measure() -> Figures:
 
 def _library(folder: Path) -> Library:
     """The first SECONDS of one dance."""
-    library, played = Library(folder), Teacher().dance(1)
+    library, one = Library(folder), Teacher().dance(1)
     library.write_body(TeacherBody(**teacher_arrays()))
-    part = slice(round(SECONDS * played.fps))
-    joints_m = played.joints_m[part]
-    about = About(played.name, len(joints_m) / played.fps, played.bpm, difficulty(joints_m, played.fps))
-    library.write(DANCE, TaughtDance(about, played.fps, joints_m, played.quats[part], played.hips_m[part]))
+    part = slice(round(SECONDS * one.fps))
+    library.write(DANCE, taught_dance(one.name, one.fps, one.bpm, one.joints_m[part], one.quats[part], one.hips_m[part]))
     return library
 
 
-def _recording(library: Library, size: tuple[int, int], folder: Path) -> RecordingGiven:
+def _recording(library: Library, size: tuple[int, int], folder: Path) -> Callable[[], DepthSource]:
     """What a camera of this size sees of somebody who dances perfectly; made once."""
     path, camera = folder / f"{size[0]}.npy", Camera.from_fov(FOV_DEG, *size)
     if not path.exists():
@@ -103,16 +100,14 @@ def _recording(library: Library, size: tuple[int, int], folder: Path) -> Recordi
         for number in range(frames):
             stored[number] = np.round(1000 * learner.frame(number / CAMERA_FPS))
         stored.flush()
-        path.with_suffix(".json").write_text(json.dumps(asdict(camera)))
-    return RecordingGiven(str(path), str(path.with_suffix(".json")), fps=CAMERA_FPS)
+    return partial(open_depth, path, camera, CAMERA_FPS)
 
 
-def _lesson(library: Library, recording: RecordingGiven, checkpoint: str | None) -> tuple[dict, dict]:
+def _lesson(library: Library, recording: Callable[[], DepthSource], checkpoint: str | None) -> tuple[dict, dict]:
     """Holds a lesson with the page open; the notes of its result, and what the page noted."""
     with tempfile.TemporaryDirectory() as folder:
-        settings = Settings(partial(open_source, recording), checkpoint)
-        offer = Offer({RECORDING: "a recording"}, ("perfect",), ("",))
-        teaching = Teaching(library, Sessions(Path(folder)), settings, offer, lambda path, title: "")
+        open_camera, sources = partial(open_source, recording), {RECORDING: "a recording"}
+        teaching = Teaching(library, Tries(Path(folder)), open_camera, checkpoint, sources, ("perfect",), ("",))
         with served(teaching) as address, chromium() as driver:
             driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": HOOK})
             driver.get(f"{address}#/dance/{DANCE}?go&speed=100")
@@ -122,7 +117,7 @@ def _lesson(library: Library, recording: RecordingGiven, checkpoint: str | None)
                     raise RuntimeError(f"the lesson did not end: {driver.find_element('id', 'error').text}")
                 time.sleep(0.5)
             page = driver.execute_script("return seen")
-            return teaching.sessions.result(DANCE, driver.current_url.rpartition("/")[2])["notes"], page
+            return teaching.tries.result(DANCE, driver.current_url.rpartition("/")[2])["notes"], page
 
 
 def _figures(case: str, notes: dict, page: dict) -> Figures:

@@ -1,1 +1,1 @@
-"""A lesson as it goes: camera, pose, score and words in a process of its own, and the verdict afterwards."""
+"""A lesson in a process of its own: camera, joints, score and messages."""

@@ -1,12 +1,12 @@
 """What the page asks for: a dance, or an excerpt of it, at a speed, before a camera; and the clock of the dance."""
 
+import math
 import time
 from dataclasses import dataclass
 
 from kpopnet.errors import InputError, check_between
 from kpopnet.teacher.library import IDENTITY
 
-SPEEDS = (0.25, 1.0)
 CALIBRATION_BEAT_S = 1.0
 MIN_EXCERPT_S = 2.5
 """A window of the score lasts 2 s."""
@@ -45,7 +45,7 @@ class Lesson:
     def __post_init__(self) -> None:
         if not IDENTITY.fullmatch(self.dance):
             raise InputError("there is no such dance")
-        check_between("speed", self.speed, *SPEEDS)
+        check_between("speed", self.speed, 0.25, 1)
         check_between("latency_s", self.latency_s, -1, 1)
         check_between("from_s", self.from_s, 0, 7200)
         check_between("to_s", self.to_s, 0, 7200)
@@ -64,34 +64,34 @@ class Lesson:
 
 
 class DanceClock:
-    """Tells where in the dance a moment lies; before it is started it stands at the excerpt's start.
+    """Says where in the dance a moment lies; before it is started it stands at the excerpt's start.
 
     Attributes:
-        running: whether it was started.
         paused_s: where in the dance it was interrupted, None if it was not.
     """
 
     def __init__(self, from_s: float, speed: float) -> None:
-        self._begin_s, self._from_s, self._speed, self._start = from_s, from_s, speed, float("inf")
-        self.paused_s: float | None = None
+        self._begin_s, self._speed = from_s, speed
+        self.stop()
 
     @property
     def running(self) -> bool:
-        return self._start < float("inf")
+        return self._start < math.inf
 
     def start(self, in_s: float) -> None:
         """The dance begins `in_s` seconds from now."""
-        self._from_s, self.paused_s = self._begin_s, None
+        self.stop()
         self._start = time.monotonic() + in_s
 
     def stop(self) -> None:
         """It stands at the excerpt's start again."""
-        self._from_s, self.paused_s, self._start = self._begin_s, None, float("inf")
+        self._from_s, self._start = self._begin_s, math.inf
+        self.paused_s: float | None = None
 
     def pause(self, at_s: float) -> None:
         """It stands still at a time of the dance."""
         self._from_s = self.paused_s = at_s
-        self._start = float("inf")
+        self._start = math.inf
 
     def resume(self, in_s: float) -> None:
         """After a pause the dance goes on `in_s` seconds from now."""

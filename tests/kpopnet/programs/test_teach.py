@@ -10,6 +10,7 @@ from kpopnet.camera import CAMERAS
 from kpopnet.datasets.dances.converters import write_dance
 from kpopnet.programs import teach
 from kpopnet.skeleton import Joint
+from kpopnet.sources import open_depth
 from kpopnet.teacher.library import Library
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from synth.dances import taught
@@ -80,7 +81,7 @@ def test_a_dance_before_a_depth_camera_is_added(run, tmp_path, danced):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("add", "missing.bag"), "missing.bag: no such file"),
+        (("add", "missing.bag"), "missing.bag: no such file or folder"),
         (("add", "missing.bvh"), "missing.bvh"),
         (("add", "missing.pkl"), "pickle"),
         (("add", "missing.bvh", "--bpm", "1e9"), "20 to 400"),
@@ -106,7 +107,7 @@ def test_without_its_server_library_it_says_what_to_install(run, capsys, monkeyp
 def recording(tmp_path):
     depth_mm = np.arange(1, 7, dtype=np.uint16)[:, None, None] * np.full((6, 240, 320), 500, np.uint16)
     np.savez(tmp_path / "depth.npz", depth=depth_mm)
-    return teach.RecordingGiven(str(tmp_path / "depth.npz"), "kinect_v1", None, 30.0)
+    return functools.partial(open_depth, tmp_path / "depth.npz", CAMERAS["kinect_v1"], 30.0)
 
 
 def test_a_recording_waits_for_the_dance_and_runs_with_it(recording):

@@ -5,8 +5,7 @@ from functools import partial
 import pytest
 
 from kpopnet.programs.teach import open_source
-from kpopnet.teacher.adding import add_dance
-from kpopnet.teacher.library import About, Library, TaughtDance, TeacherBody, difficulty
+from kpopnet.teacher.library import Library, TeacherBody, taught_dance
 from synth.dances.taught import Teacher, teacher_arrays
 
 
@@ -15,20 +14,31 @@ def library(tmp_path_factory):
     made, teacher = Library(tmp_path_factory.mktemp("teach")), Teacher()
     made.write_body(TeacherBody(**teacher_arrays()))
     for index in (1, 2):
-        played = teacher.dance(index)
-        about = About(played.name, len(played.quats) / played.fps, played.bpm, difficulty(played.joints_m, played.fps))
-        made.write(f"dance_{index:03d}", TaughtDance(about, played.fps, played.joints_m, played.quats, played.hips_m))
+        one = teacher.dance(index)
+        made.write(f"dance_{index:03d}", taught_dance(one.name, one.fps, one.bpm, one.joints_m, one.quats, one.hips_m))
     return made
 
 
 @pytest.fixture
 def teaching(library, tmp_path):
     pytest.importorskip("aiohttp", reason="the extra app is not installed")
-    from kpopnet.teacher.live.stage import Settings
-    from kpopnet.teacher.server import Offer, Teaching
-    from kpopnet.teacher.sessions import Sessions
+    from kpopnet.teacher.server import Teaching
+    from kpopnet.teacher.tries import Tries
     from synth.dances.live import FAULTS, SKILLS
 
-    settings = Settings(partial(open_source, None), "tracker")
-    offer = Offer({"simulated": "a simulated learner"}, SKILLS, FAULTS)
-    return Teaching(library, Sessions(tmp_path / "tries"), settings, offer, partial(add_dance, library))
+    sources = {"simulated": "a simulated learner"}
+    return Teaching(library, Tries(tmp_path / "tries"), partial(open_source, None), "tracker", sources, SKILLS, FAULTS)
+
+
+@pytest.fixture
+def tried(teaching):
+    """Saves a try of the first two seconds of a dance that claims to last longer; its name."""
+
+    def save(seconds: float, speed: float = 1.0) -> str:
+        performance = teaching.library.dance("dance_001").performance
+        arrays = {name: getattr(performance, name)[:60] for name in ("times_s", "joints_m", "confidence")}
+        course = {"time_s": [0.5, 1.5], "total": [90.0, None], "parts": {"left arm": [1.0, 2.0]}}
+        result = {"dance": "dance_001", "total": 81.5, "speed": speed, "from_s": 0.0, "to_s": seconds, "course": course}
+        return teaching.tries.save(result, arrays)
+
+    return save

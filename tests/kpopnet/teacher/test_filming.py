@@ -1,11 +1,14 @@
-"""Films that are made while somebody waits for them: progress, cancelling, the server's end."""
+"""Films of tries, made while their page waits for them: images, progress, cancelling, the server's end."""
 
 import asyncio
 import errno
 import json
 import multiprocessing
 import time
+from dataclasses import replace
 
+import cv2
+import numpy as np
 import pytest
 
 pytest.importorskip("aiohttp", reason="the extra app is not installed")
@@ -13,28 +16,68 @@ pytest.importorskip("aiohttp", reason="the extra app is not installed")
 from aiohttp.test_utils import TestClient, TestServer
 
 from kpopnet.errors import InputError
+from kpopnet.skeleton import Joint
 from kpopnet.teacher import filming
+from kpopnet.teacher.film import COLOURS, FPS, MOST_S, PANEL_PX, Movement, drawn, skinned, write_film
 from kpopnet.teacher.filming import Filming, make_film
-from kpopnet.teacher.live.verdict import Recording
+from kpopnet.teacher.posing import posed
 from kpopnet.teacher.safety import LOOPBACK_NAMES
 from kpopnet.teacher.server import make_app
 
 PATIENCE_S, SOON_S = 240, 60
+RESULT = {"from_s": 1.0, "to_s": 3.0, "speed": 1.0, "course": {"time_s": [1.0, 2.0, 3.0], "total": [95.0, None, 5.0]}}
 
 
-@pytest.fixture
-def tried(teaching):
-    """Saves a try of some seconds of a dance; its name."""
+def seen(half: np.ndarray) -> np.ndarray:
+    """The (K, 3) pixels that are brighter than the ground, above the floor."""
+    return half[60:380][half[60:380].max(axis=2) > 50]
 
-    def save(seconds: float, speed: float = 1.0) -> str:
-        performance, recording = teaching.library.dance("dance_001").performance, Recording()
-        for one in zip(performance.times_s[:60], performance.joints_m[:60], performance.confidence[:60], strict=True):
-            recording.add(*one)
-        course = {"time_s": [0.5, 1.5], "total": [90.0, 50.0], "parts": {}}
-        result = {"dance": "dance_001", "total": 81.5, "speed": speed, "from_s": 0.0, "to_s": seconds, "course": course}
-        return teaching.sessions.save(result, recording.arrays())
 
-    return save
+def test_teacher_and_learner_stand_side_by_side_and_the_learner_is_as_bright_as_right(library, tmp_path):
+    dance, path, found = library.dance("dance_001"), tmp_path / "film.mp4", []
+    write_film(path, library.body(), dance, dance.performance, RESULT)
+    video = cv2.VideoCapture(str(path))
+    while (read := video.read())[0]:
+        found.append(read[1])
+    assert len(found) == pytest.approx(2 * FPS, abs=1) and found[0].shape == (PANEL_PX[1], 2 * PANEL_PX[0], 3)
+    first, last = ([seen(half) for half in np.split(found[k], 2, axis=1)] for k in (0, -1))
+    assert len(first[0]) == pytest.approx(len(first[1]), rel=0.25) and len(first[0]) > 5000
+    assert first[1].mean() > 1.5 * last[1].mean() and first[0].mean() < 1.3 * last[0].mean()
+
+
+def test_a_skinned_body_has_its_joints_where_the_dancer_has_and_stays_in_the_picture(library):
+    """The hands of the drawn body, with the body's own proportions, are on the side and at the height of the dancer's."""
+    body, dance = library.body(), library.dance("dance_001")
+    quats, hips_m = posed(dance.joints_m[:90], body)
+    hand = int(np.argmin(np.linalg.norm(body.vertices_m - body.joints_m[Joint.LEFT_HAND], axis=1)))
+    torso = int(np.argmin(np.linalg.norm(body.vertices_m - body.joints_m[Joint.TORSO], axis=1)))
+    above_m, wanted_m = [], []
+    for frame in range(0, 90, 5):
+        vertices_m = skinned(body, quats[frame], hips_m[frame])
+        above_m.append(vertices_m[hand, 2] - vertices_m[torso, 2])
+        wanted_m.append(dance.joints_m[frame, Joint.TORSO, 1] - dance.joints_m[frame, Joint.LEFT_HAND, 1])
+    assert np.ptp(wanted_m) > 0.3 and np.abs(np.subtract(above_m, wanted_m)).max() < 0.15
+    far = Movement(dance.quats[:1], np.array([[4.0, 0.0, dance.hips_m[0, 2]]], np.float32), 0.0, 30.0)
+    assert len(seen(drawn(body, far, 0.0, COLOURS["teacher"]))) > 5000
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"course": None}, "damaged"),
+        ({"speed": 1e-9}, "damaged"),
+        ({"from_s": float("nan")}, "damaged"),
+        ({"to_s": "x"}, "damaged"),
+        ({"course": {"time_s": [1.0], "total": []}}, "damaged"),
+        ({"from_s": 0.0, "to_s": 0.0}, f"up to {MOST_S:g} s"),
+    ],
+)
+def test_a_damaged_or_endless_try_is_refused(library, tmp_path, wrong, told):
+    dance = library.dance("dance_001")
+    dance = replace(dance, about=replace(dance.about, seconds=900.0))
+    with pytest.raises(InputError, match=told):
+        write_film(tmp_path / "film.mp4", library.body(), dance, dance.performance, RESULT | wrong)
+    assert not list(tmp_path.iterdir())
 
 
 def films_at_work() -> list:
@@ -43,9 +86,7 @@ def films_at_work() -> list:
 
 def left_over(teaching) -> list[str]:
     """What lies beside the tries."""
-    return [
-        path.name for path in teaching.sessions.folder.rglob("*") if path.is_file() and path.suffix not in (".json", ".npz")
-    ]
+    return [path.name for path in teaching.tries.folder.rglob("*") if path.is_file() and path.suffix not in (".json", ".npz")]
 
 
 def with_client(teaching, work):
@@ -117,9 +158,9 @@ def test_the_server_ends_although_a_film_is_being_made_and_a_page_is_open(teachi
 
 
 def told(teaching, name: str) -> list[tuple[float, str]]:
-    """What the process of a film tells."""
+    """The messages of a film's process."""
     ours, theirs = multiprocessing.Pipe()
-    make_film(theirs, teaching.library.folder, teaching.sessions.folder, "dance_001", name)
+    make_film(theirs, teaching.library.folder, teaching.tries.folder, "dance_001", name)
     theirs.close()
     messages = []
     while ours.poll():
@@ -142,32 +183,26 @@ def test_what_goes_wrong_is_one_sentence(teaching, tried, monkeypatch):
     assert told(teaching, tried(1.0)) == [(0.0, "the film could not be saved: No space left on device")]
 
 
-def test_a_process_that_dies_is_told(teaching, tried):
-    name = tried(45.0, 0.25)
-
-    async def work():
-        async for fraction in Filming(teaching.library, teaching.sessions).make("dance_001", name):
-            if fraction > 0:
-                films_at_work()[0].kill()
-
-    with pytest.raises(InputError, match="make it again"):
-        asyncio.run(asyncio.wait_for(work(), PATIENCE_S))
-
-
-def test_a_film_that_could_not_be_begun_bars_no_other(teaching, tried, monkeypatch):
-    films, name = Filming(teaching.library, teaching.sessions), tried(1.0)
+def test_a_process_that_dies_or_cannot_be_started_is_told_and_bars_no_other(teaching, tried, monkeypatch):
+    films, long, short = Filming(teaching.library, teaching.tries), tried(45.0, 0.25), tried(1.0)
 
     def refuse(process) -> None:
         raise OSError(errno.EAGAIN, "no more processes")
 
-    async def make() -> list[float]:
-        return [fraction async for fraction in films.make("dance_001", name)]
+    async def make(name: str, killed: bool = False) -> float:
+        fraction = 0.0
+        async for fraction in films.make("dance_001", name):
+            if killed and fraction > 0:
+                films_at_work()[0].kill()
+        return fraction
 
-    async def twice() -> list[float]:
+    async def thrice() -> float:
+        with pytest.raises(InputError, match="make it again"):
+            await make(long, killed=True)
         with monkeypatch.context() as patched:
             patched.setattr("multiprocessing.context.SpawnProcess.start", refuse)
             with pytest.raises(InputError, match="not finished"):
-                await make()
-        return await make()
+                await make(short)
+        return await make(short)
 
-    assert asyncio.run(twice())[-1] == 1
+    assert asyncio.run(asyncio.wait_for(thrice(), PATIENCE_S)) == 1

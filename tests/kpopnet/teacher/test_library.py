@@ -1,13 +1,23 @@
-"""Files of the body and the dances."""
+"""The dances and the teacher's body: files, dances of one's own, and poses after fifteen joints."""
 
+import zipfile
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.dance.performance import Performance
+from kpopnet.dance.scoring import score_dance
 from kpopnet.errors import InputError
-from kpopnet.skeleton import Joint
+from kpopnet.skeleton import BONES, Joint
+from kpopnet.teacher.adding import add_performance, at_rate, holds_depth, kpop_teachers, part_of
+from kpopnet.teacher.bvh import as_bvh
 from kpopnet.teacher.library import DANCES, Library, difficulty, preview_cm
+from kpopnet.teacher.posing import level_joints_m, posed
+from synth.dances.live import CAMERA
+from synth.dances.taught import teacher_person
+from synth.simulated.film import Studio
 
 
 def test_a_dance_survives_writing_and_reading(library, tmp_path):
@@ -18,33 +28,94 @@ def test_a_dance_survives_writing_and_reading(library, tmp_path):
     assert np.abs(again.quats - dance.quats).max() < 1e-4 and np.array_equal(again.joints_m, dance.joints_m)
     other.write("copy", replace(dance, about=replace(dance.about, name="Other")))
     assert other.about("copy").name == "Other"
-
-
-@pytest.mark.parametrize(
-    "identity", ["../body", "dance_001/../dance_001", "", ".", "Dance", "x" * 65, "dance_001\0", "dance_999"]
-)
-def test_what_is_no_name_of_a_dance_is_no_path(library, identity):
-    with pytest.raises(InputError, match="there is no dance"):
-        library.dance(identity)
-
-
-def test_a_damaged_dance_is_told_in_one_line(library, tmp_path):
-    other = Library(tmp_path)
-    other.write("whole", library.dance("dance_001"))
-    content = (tmp_path / DANCES / "whole.npz").read_bytes()
+    content = (tmp_path / DANCES / "copy.npz").read_bytes()
     (tmp_path / DANCES / "cut.npz").write_bytes(content[: len(content) // 2])
     with pytest.raises(InputError, match=r"cut\.npz"):
         other.dance("cut")
 
 
-def test_the_preview_is_centred_and_upright(library):
-    frames = np.array(preview_cm(library.dance("dance_001"))).reshape(-1, 15, 2)
+@pytest.mark.parametrize("identity", ["../body", "", "Dance", "x" * 65, "dance_001\0", "dance_999"])
+def test_what_is_no_name_of_a_dance_is_no_path(library, identity):
+    with pytest.raises(InputError, match="there is no dance"):
+        library.dance(identity)
+
+
+def test_the_preview_is_centred_and_upright_and_fast_dances_are_difficult(library):
+    dance = library.dance("dance_001")
+    frames = np.array(preview_cm(dance)).reshape(-1, 15, 2)
     assert len(frames) == 40 and np.abs(frames.mean(axis=(0, 1))).max() < 2
     assert (frames[:, Joint.HEAD, 1] > frames[:, Joint.LEFT_FOOT, 1]).all()
-
-
-def test_who_moves_faster_dances_something_more_difficult(library):
-    joints_m = library.dance("dance_001").joints_m
-    levels = [difficulty(joints_m, fps) for fps in (5.0, 30.0, 90.0)]
+    levels = [difficulty(dance.joints_m, fps) for fps in (5.0, 30.0, 90.0)]
     assert levels[0] == 1 and levels[2] == 5 and levels == sorted(levels)
     assert difficulty(np.full((9, 15, 3), np.nan), 30.0) == 1
+
+
+def test_depth_and_joints_are_told_apart(tmp_path):
+    np.savez(tmp_path / "depth.npz", depth_mm=np.zeros((1, 2, 2), np.uint16))
+    np.savez(tmp_path / "joints.npz", joints_m=np.zeros((1, 15, 3)), times_s=np.zeros(1))
+    assert holds_depth(tmp_path / "depth.npz") and not holds_depth(tmp_path / "joints.npz")
+    assert holds_depth(tmp_path) and holds_depth(tmp_path / "dance.bag") and not holds_depth(tmp_path / "dance.BVH")
+    whole = (tmp_path / "joints.npz").read_bytes()
+    directory = whole.rindex(b"PK\x01\x02")
+    (tmp_path / "damaged.npz").write_bytes(whole[:directory] + b"XXXX" + whole[directory + 4 :])
+    assert zipfile.is_zipfile(tmp_path / "damaged.npz") and not holds_depth(tmp_path / "damaged.npz")  # its reader says why
+    (tmp_path / "dance").mkdir()
+    assert kpop_teachers(tmp_path) == {} and kpop_teachers(tmp_path / "file.bvh") == {}
+
+
+def test_a_part_is_cut_by_seconds_from_the_first_image_on():
+    times_s = 7 + np.arange(50) / 10
+    whole = Performance(np.random.default_rng(0).normal(size=(50, 15, 3)), times_s, np.ones((50, 15)))
+    part = part_of(whole, 1.0, 2.05, "dance")
+    np.testing.assert_allclose(part.times_s, np.arange(11) / 10, atol=1e-9)
+    np.testing.assert_array_equal(part.joints_m, whole.joints_m[10:21])
+    for from_s, to_s in ((9.0, None), (2.0, 1.0), (float("nan"), None)):
+        with pytest.raises(InputError, match=r"dance: lasts 4.9 s; nothing is left from"):
+            part_of(whole, from_s, to_s, "dance")
+
+
+def test_nearest_frames_are_taken_at_a_constant_rate_of_at_most_15_minutes(library):
+    performance = library.dance("dance_001").performance
+    assert len(at_rate(performance, 30.0)) == len(performance) - 1
+    assert np.array_equal(at_rate(performance, 15.0), performance.joints_m[:-1:2].astype(np.float32))
+    with pytest.raises(InputError, match="at most 900 s"):  # the file of a try may hold any time when it has been edited
+        at_rate(Performance(np.zeros((2, 15, 3)), np.array([0.0, 7000.0])), 30.0)
+
+
+def directions(joints_m):
+    bones = np.stack([joints_m[:, child] - joints_m[:, parent] for parent, child in BONES], axis=1)
+    return bones / np.linalg.norm(bones, axis=-1, keepdims=True)
+
+
+def test_the_limbs_point_where_the_dancers_do(library):
+    dance, studio = library.dance("dance_001"), Studio(CAMERA, "cpu")
+    quats, hips_m = posed(dance.joints_m, library.body())
+    joints_m = studio.joints_world_m(teacher_person(), quats.astype(float), hips_m.astype(float))
+    angle_deg = np.degrees(
+        np.arccos(np.clip((directions(level_joints_m(joints_m)) * directions(dance.joints_m)).sum(-1), -1, 1))
+    )
+    assert np.median(angle_deg) < 5 and np.percentile(angle_deg, 99) < 20
+
+
+def test_missing_joints_are_bridged(library):
+    joints_m = library.dance("dance_001").joints_m[:90].copy()
+    whole, _ = posed(joints_m, library.body())
+    joints_m[40:43, Joint.LEFT_HAND] = np.nan
+    joints_m[:, Joint.HEAD] = np.nan
+    quats, hips_m = posed(joints_m, library.body())
+    assert np.isfinite(quats).all() and np.isfinite(hips_m).all()
+    bone = library.body().bone("LeftForeArm")
+    assert np.abs((quats[:, bone] * whole[:, bone]).sum(axis=1)).min() > 0.95
+
+
+def test_bvh_is_read_back_and_becomes_a_dance_of_ones_own(library, tmp_path):
+    dance, path, mine = library.dance("dance_001"), tmp_path / "dance.bvh", Library(tmp_path / "mine")
+    path.write_text(as_bvh(library.body(), dance.quats, dance.hips_m, dance.fps))
+    again = read_performance(path)
+    assert len(again) == len(dance.joints_m)
+    assert score_dance(dance.performance, again).similarity > 85  # its joints lie a little elsewhere in the body
+    mine.write_body(library.body())
+    assert [add_performance(mine, again, "dance.bvh", "Mine", 90.0) for _ in range(2)] == ["own_001", "own_002"]
+    added = mine.dance("own_001")
+    assert added.about.own and added.about.bpm == 90.0
+    assert score_dance(dance.performance, added.performance).similarity > 85

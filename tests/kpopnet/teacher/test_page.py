@@ -16,10 +16,9 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import WebDriverWait
 from teacher_page import BROWSER, DRIVER, NARROW, chromium, open_unsteady, resize, served
 
+from kpopnet.teacher.live.joints import Image
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
-from kpopnet.teacher.live.running import RunningLesson
-from kpopnet.teacher.live.stage import Settings
-from kpopnet.teacher.live.watching import Image
+from kpopnet.teacher.live.score import DanceTry
 
 if not (DRIVER and BROWSER):
     pytest.skip("no Chromium with its chromedriver on this machine", allow_module_level=True)
@@ -152,7 +151,7 @@ def test_learners_come_in_the_right_order(address, browser):
 
 def test_a_camera_that_is_unplugged_interrupts_the_dance_until_it_is_back(teaching, browser, tmp_path):
     unplugged = tmp_path / "unplugged"
-    unsteady = replace(teaching, settings=Settings(partial(open_unsteady, unplugged), "tracker"))
+    unsteady = replace(teaching, open_camera=partial(open_unsteady, unplugged))
     with served(unsteady) as address:
         browser.get(f"{address}#/dance/dance_001?go&speed=50&skill=perfect")  # long enough that it is not over yet
         until(browser, lambda one: find(one, "#so-far").text.isdigit())
@@ -191,24 +190,23 @@ def test_two_lessons_at_once_and_a_reload_in_the_middle(address, browser):
 
 
 def test_a_film_is_followed_cancelled_and_made(teaching, address, browser):
-    lesson, dance = Lesson("dance_001", to_s=4.0, speed=0.25), teaching.library.dance("dance_001")
-    running, clock = RunningLesson(lesson, dance, "none"), DanceClock(0.0, 1.0)
+    dance, clock = teaching.library.dance("dance_001"), DanceClock(0.0, 1.0)
+    one = DanceTry(Lesson("dance_001", to_s=4.0, speed=0.25), dance, "none")
     clock.start(0.0)
     begun = time.monotonic()
     for frame in range(130):
         image = Image(np.zeros((2, 2), np.float32), begun + frame / dance.fps)
-        running.score(clock, image, dance.joints_m[frame], np.ones(15))
-    result, recording = running.finish(0)
-    browser.get(f"{address}#/dance/dance_001/try/{teaching.sessions.save(result, recording.arrays())}")
+        one.score(clock, image, dance.joints_m[frame], np.ones(15))
+    browser.get(f"{address}#/dance/dance_001/try/{teaching.tries.save(*one.finish(0))}")
     button = find(browser, "#film")
     button.send_keys(Keys.ENTER)
     until(browser, lambda one: re.search("making the film: [1-9]", find(one, "#film-told").text))
     assert button.text == "cancel the film"
     button.send_keys(Keys.ENTER)
     until(browser, lambda one: "was cancelled" in find(one, "#film-told").text)
-    until(browser, lambda _: not list(teaching.sessions.folder.rglob("*.mp4*")))  # the maker may be about to notice
+    until(browser, lambda _: not list(teaching.tries.folder.rglob("*.mp4*")))  # the maker may be about to notice
     until(browser, lambda one: "is saved" in one.find_element(By.ID, "film-told").text or asked_again(one))
-    (film,) = teaching.sessions.folder.rglob("*.mp4")
+    (film,) = teaching.tries.folder.rglob("*.mp4")
     assert film.read_bytes()[4:8] == b"ftyp"
 
 

@@ -1,7 +1,6 @@
-"""Where the learner is and how the body stands: cameras, the newest image of one, and the joints of the one who learns."""
+"""The newest image of a camera, and the joints of the learner in it."""
 
 import threading
-import time
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -18,12 +17,10 @@ from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from kpopnet.tracker.people import PeopleTracker
 
 LOST_S = 3.0
-"""How long the learner may be out of view before somebody else is taken for the learner."""
-
+"""How long the learner may be out of view before another person is taken for the learner."""
 
 PEOPLE = 2
 """People whose joints are estimated: the learner, and one who walks by."""
-
 
 CameraOpener = Callable[[Lesson, TaughtDance, DanceClock], LiveCamera]
 """Opens the source of depth that a lesson names. It is passed to other processes, so it must be a function of a module."""
@@ -40,7 +37,7 @@ class NewestImage:
     """Reads a camera in a thread of its own and keeps the newest image: what is not fetched in time is dropped.
 
     Attributes:
-        dropped: number of images that nobody fetched.
+        dropped: number of images that were not fetched.
         away: what to do about a camera that sends nothing just now, "" while images come.
         error: why reading ended, None while it goes on.
     """
@@ -139,14 +136,8 @@ class Learner:
         self._identity: int | None = None
         self._seen = 0.0
 
-    def choose(self, people: list[PersonPose], now: float | None = None) -> PersonPose | None:
-        """The learner's pose among those of all people; None if the learner is not there.
-
-        Args:
-            people: in one image.
-            now: seconds of `time.monotonic`; by default it is asked.
-        """
-        now = time.monotonic() if now is None else now
+    def choose(self, people: list[PersonPose], now: float) -> PersonPose | None:
+        """The learner's pose among those of all people in one image, at `now` seconds; None if the learner is not there."""
         for person in people:
             if person.identity == self._identity:
                 self._seen = now

@@ -11,14 +11,14 @@ import numpy as np
 
 from kpopnet.errors import InputError
 from kpopnet.runtime.atomic_write import atomic_path
-from kpopnet.runtime.input_files import read_json
+from kpopnet.runtime.input_files import expect, read_json
 from kpopnet.teacher.library import IDENTITY
 
 NAME = re.compile(r"[0-9]{8}-[0-9]{6}-[0-9]{3}")
 MOST_IN_HISTORY = 200
 
 
-class Sessions:
+class Tries:
     """The folder of tries: DANCE/TIME.json and DANCE/TIME.npz."""
 
     def __init__(self, folder: Path) -> None:
@@ -28,7 +28,8 @@ class Sessions:
         """Writes a try and returns its name. The result is written last: a try that is listed is complete."""
         place = self.folder / result["dance"]
         place.mkdir(parents=True, exist_ok=True)
-        name = self._free_name(place)
+        while (place / f"{(name := _name_of(time.time()))}.json").exists():
+            time.sleep(0.002)
         with atomic_path(place / f"{name}.npz") as part, part.open("wb") as file:
             np.savez_compressed(file, **arrays)
         with atomic_path(place / f"{name}.json") as part:
@@ -46,14 +47,10 @@ class Sessions:
         ]
 
     def result(self, dance: str, name: str) -> dict:
-        """The result of a try.
-
-        Raises:
-            InputError: there is none.
-        """
-        result = read_json(self.path(dance, name, "json"))
-        if not isinstance(result, dict):
-            raise InputError(f"{self.path(dance, name, 'json')}: not a saved try")
+        """The result of a try; raises as `path`."""
+        path = self.path(dance, name, "json")
+        result = read_json(path)
+        expect(isinstance(result, dict), str(path), "a saved try")
         return result
 
     def path(self, dance: str, name: str, suffix: str) -> Path:
@@ -68,20 +65,12 @@ class Sessions:
         return path
 
     def film_path(self, dance: str, name: str) -> Path:
-        """Where the film of a try is kept; it may not be made yet.
-
-        Raises:
-            InputError: there is no such try.
-        """
+        """Where the film of a try is kept, which may not be made yet; raises as `path`."""
         return self.path(dance, name, "json").with_suffix(".mp4")
 
-    def _free_name(self, place: Path) -> str:
-        while True:
-            now = time.time()
-            name = f"{time.strftime('%Y%m%d-%H%M%S', time.localtime(now))}-{int(now % 1 * 1000):03d}"
-            if not (place / f"{name}.json").exists():
-                return name
-            time.sleep(0.002)
+
+def _name_of(now: float) -> str:
+    return f"{time.strftime('%Y%m%d-%H%M%S', time.localtime(now))}-{int(now % 1 * 1000):03d}"
 
 
 def as_csv(result: dict) -> str:

@@ -1,4 +1,4 @@
-"""A camera that vanishes in the middle of a dance and comes back: the stage says so, waits and goes on."""
+"""The process of a lesson: the newest image, who the learner is, and a camera that vanishes and comes back."""
 
 import multiprocessing
 import threading
@@ -10,10 +10,66 @@ import pytest
 from kpopnet.camera import CAMERAS
 from kpopnet.pose import PersonPose
 from kpopnet.sources.live import CameraAwayError
-from kpopnet.teacher.live import stage
+from kpopnet.teacher.live import loop
+from kpopnet.teacher.live.joints import Learner, NewestImage
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 
 FPS = 60
+
+
+class Counting:
+    """A camera whose images count; it takes one whenever it is allowed to."""
+
+    camera = CAMERAS["kinect_v1"]
+
+    def __init__(self, images: int) -> None:
+        self.allowed, self.taken, self.images = threading.Semaphore(0), 0, images
+
+    def read(self):
+        self.allowed.acquire(timeout=5)
+        if self.taken == self.images:
+            raise OSError("unplugged")
+        self.taken += 1
+        return np.full((2, 2), self.taken, np.float32), time.monotonic()
+
+    def close(self) -> None:
+        self.allowed.release()
+
+
+def test_the_newest_image_wins_and_the_others_are_dropped_and_a_camera_that_fails_is_told():
+    camera = Counting(5)
+    images = NewestImage(camera)
+    camera.allowed.release(4)
+    while camera.taken < 4 or images.dropped < 3:
+        time.sleep(0.01)
+    assert images.fetch(1.0).depth_m[0, 0] == 4 and images.dropped == 3
+    assert images.fetch(0.01) is None and not images.ended
+    camera.allowed.release(2)
+    assert images.fetch(5.0).depth_m[0, 0] == 5
+    while not images.ended:
+        time.sleep(0.01)
+    assert "unplugged" in images.error
+    images.close()
+
+
+def test_who_stands_in_the_middle_is_the_learner_and_passers_by_do_not_take_over():
+    def person(identity: int, x_m: float) -> PersonPose:
+        return PersonPose(identity, np.full((15, 3), x_m, np.float32), np.ones(15, np.float32))
+
+    learner = Learner()
+    assert learner.choose([], 0.0) is None
+    assert learner.choose([person(4, -0.9), person(7, 0.1)], 0.0).identity == 7
+    assert learner.choose([person(4, 0.0), person(7, 1.0)], 1.0).identity == 7
+    assert learner.choose([person(4, 0.0)], 2.0) is None
+    assert learner.choose([person(4, 0.0)], 4.5).identity == 4
+    assert learner.choose([person(7, 0.0), person(4, 0.5)], 5.0).identity == 4
+
+
+def test_the_picture_tells_near_from_far_and_from_nothing():
+    shown = np.frombuffer(loop.picture(np.tile(np.array([0.0, 0.6, 5.0], np.float32), (4, 8))), np.uint8)
+    assert shown[:4].view("<u2").tolist() == [24, 4]
+    nothing, near, far = shown[4:7]
+    assert nothing == 0 and 0 < near < 20 and far > 200
 
 
 class Unsteady:
@@ -54,16 +110,16 @@ class Knowing:
 
 @pytest.fixture
 def held(library, monkeypatch):
-    """A lesson of 4 s that is ready: what the server says goes in, what the stage tells comes out; and the camera."""
+    """A lesson of 4 s that is ready: a connection for the server's messages and the loop's, and the camera."""
     dance, cameras = library.dance("dance_001"), []
 
     def opener(lesson, dance, clock):
         cameras.append(Unsteady(clock))
         return cameras[0]
 
-    monkeypatch.setattr(stage, "load_estimator", lambda checkpoint: Knowing(dance))
+    monkeypatch.setattr(loop, "load_estimator", lambda checkpoint: Knowing(dance))
     server, other = multiprocessing.Pipe()
-    thread = threading.Thread(target=stage.run_stage, args=(other, stage.Settings(opener, None)))
+    thread = threading.Thread(target=loop.serve_lessons, args=(other, opener, None))
     thread.start()
     server.send(("prepare", 1, Lesson("dance_001", to_s=4.0), dance))
     told(server, "ready")
@@ -83,11 +139,17 @@ def told(server, kind: str, frames: list | None = None) -> dict:
             frames.append(content)
         if said == kind:
             return content
-    raise AssertionError(f"nobody told {kind}")
+    raise AssertionError(f"no message {kind}")
 
 
 def test_the_dance_stands_still_while_the_camera_is_away_and_goes_on(held):
     server, camera = held
+    camera.plugged.clear()  # between two dances it interrupts nothing
+    told(server, "away")
+    camera.plugged.set()
+    assert told(server, "back")["from_s"] is None
+    server.send(("resume", 0.0))  # there is nothing to go on with
+    assert told(server, "frame")["time_s"] is None
     server.send(("go", 0.1))
     before: list[dict] = []
     while not before or (before[-1]["time_s"] or 0) < 1.5:
@@ -105,15 +167,3 @@ def test_the_dance_stands_still_while_the_camera_is_away_and_goes_on(held):
     times_s = [frame["time_s"] for frame in after if frame["time_s"] is not None]
     assert min(times_s) < resumed_s and max(times_s) > 3.8
     assert result["total"] > 95 and result["notes"]["frames"] > 100
-
-
-def test_a_camera_that_is_away_between_two_dances_interrupts_nothing(held):
-    server, camera = held
-    camera.plugged.clear()
-    told(server, "away")
-    camera.plugged.set()
-    assert told(server, "back")["from_s"] is None
-    server.send(("resume", 0.0))  # there is nothing to go on with
-    assert told(server, "frame")["time_s"] is None
-    server.send(("go", 0.1))
-    assert told(server, "done")["total"] > 95

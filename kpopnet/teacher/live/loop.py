@@ -1,0 +1,165 @@
+"""The process of a lesson: newest image, joints, score and messages, in real time and away from the server.
+
+The server sends ("prepare", number, lesson, dance), ("go", seconds), ("resume", seconds), ("stop",) and ("quit",). It gets the
+number of the lesson, a kind, its content as JSON, and a picture, the learner's joints or None.
+"""
+
+import contextlib
+import time
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+
+import numpy as np
+from numba.core import event
+
+from kpopnet.errors import InputError
+from kpopnet.pose import PoseEstimator
+from kpopnet.teacher.library import TaughtDance
+from kpopnet.teacher.live.joints import CameraOpener, Learner, NewestImage, TrackedPose, load_estimator, noise_of
+from kpopnet.teacher.live.lesson import DanceClock, Lesson
+from kpopnet.teacher.live.score import Calibration, DanceTry
+
+PICTURE_WIDTH = 160
+NEAR_M, FAR_M = 0.5, 5.5
+"""Range of depth that the picture shows."""
+
+STEADY_FRAMES, STEADY_S = 5, 0.15
+"""The estimator is ready when it took less than STEADY_S seconds for so many images one after another."""
+
+KERNELS = 60
+"""About how many kernels are compiled where nothing is cached: for the progress bar."""
+
+FRAME_PATIENCE_S = 0.2
+NOBODY_PATIENCE_S = 20.0
+"""After this time the lesson is ready although nobody is in view: the page says that nobody is there."""
+
+
+class _CompiledKernels(event.Listener):
+    """Counts the kernels that this process has compiled."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        event.register("numba:compile", self)
+
+    def on_start(self, event: event.Event) -> None:
+        self.count += 1
+
+    def on_end(self, event: event.Event) -> None:
+        pass
+
+
+def serve_lessons(connection: Connection, open_camera: CameraOpener, checkpoint: str | None) -> None:
+    """Holds one lesson after another until the other end says so, or closes; the estimator stays warm."""
+    with contextlib.suppress(EOFError, BrokenPipeError, KeyboardInterrupt):
+        kernels, estimator = _CompiledKernels(), load_estimator(checkpoint)
+        while (message := connection.recv())[0] != "quit":
+            if message[0] != "prepare":
+                continue  # of a lesson that has ended
+            _, number, lesson, dance = message
+
+            def tell(kind: str, content: dict, attached: object = None, number: int = number) -> None:
+                connection.send((number, kind, content, attached))
+
+            try:
+                tell("preparing", {"fraction": 0.0, "text": "opening the camera"})
+                running = RunningLesson(lesson, dance, open_camera, estimator, tell)
+                with contextlib.closing(running.images):
+                    running.warm(kernels)
+                    running.hold(connection)
+            except InputError as error:
+                tell("error", {"text": str(error)})
+
+
+class RunningLesson:
+    """One lesson: as many tries of its dance as the page asks for."""
+
+    def __init__(
+        self,
+        lesson: Lesson,
+        dance: TaughtDance,
+        open_camera: CameraOpener,
+        estimator: PoseEstimator | TrackedPose,
+        tell: Callable[..., None],
+    ) -> None:
+        self._lesson, self._dance, self._estimator, self._tell = lesson, dance, estimator, tell
+        self._try = self._new_try()
+        self._clock, self._learner, self._away = DanceClock(lesson.from_s, lesson.speed), Learner(), ""
+        camera = open_camera(lesson, dance, self._clock)
+        self._camera, self.images = camera.camera, NewestImage(camera)
+        estimator.reset()
+
+    def _new_try(self) -> DanceTry:
+        return (Calibration if self._lesson.calibrate else DanceTry)(self._lesson, self._dance, noise_of(self._estimator))
+
+    def warm(self, kernels: _CompiledKernels) -> None:
+        """Compiles everything that the lesson needs, with progress, until poses come in real time."""
+        self._new_try().compile()
+        steady, began = 0, time.monotonic()
+        while steady < STEADY_FRAMES and time.monotonic() - began < NOBODY_PATIENCE_S + kernels.count:
+            image = self.images.fetch(FRAME_PATIENCE_S)
+            if image is None:
+                if self.images.ended:
+                    raise InputError(self.images.error or "the recording ended before the dance began")
+                if self.images.away:
+                    began = time.monotonic()
+                    self._tell("preparing", {"fraction": 0.0, "text": self.images.away})
+                continue
+            before = time.monotonic()
+            people = self._estimator.update(image.depth_m, self._camera)
+            steady = steady + 1 if people and time.monotonic() - before < STEADY_S else 0
+            text = "preparing the scorer for this machine, once" if kernels.count else "looking for you"
+            self._tell("preparing", {"fraction": min(kernels.count / KERNELS, 0.9), "text": text})
+
+    def hold(self, connection: Connection) -> None:
+        """Follows the server's messages until the lesson ends, and handles each image."""
+        size = {"width": self._camera.width, "height": self._camera.height}
+        self._tell("ready", size | {"from_s": self._try.begin_s, "to_s": self._try.end_s})
+        while True:
+            while connection.poll():
+                kind, *words = connection.recv()
+                if kind == "go":
+                    self._try = self._new_try()
+                    self._clock.start(*words)
+                elif kind == "resume":
+                    self._clock.resume(*words)
+                elif kind in ("stop", "quit"):
+                    return
+            self._step()
+
+    def _step(self) -> None:
+        """One image: pose, score, and what the page shows of it."""
+        images, clock = self.images, self._clock
+        image = images.fetch(FRAME_PATIENCE_S)
+        self._follow_away(images.away)
+        if image is not None:
+            person = self._learner.choose(self._estimator.update(image.depth_m, self._camera), image.taken)
+            joints_m, confidence = (None, None) if person is None else person[1:]
+            self._try.score(clock, image, joints_m, confidence)
+            shown = self._try.shown(clock, image, joints_m, confidence, self._camera)
+            self._tell("frame", shown | {"dropped": images.dropped}, picture(image.depth_m))
+        if (verdict := self._try.next_verdict(clock)) is not None:
+            self._tell("verdict", verdict)
+        if clock.running and (self._try.is_over(clock) or images.ended):
+            clock.stop()
+            self._tell("done", *self._try.finish(images.dropped))
+        elif images.ended:
+            raise InputError(images.error or "the recording of depth has ended")
+
+    def _follow_away(self, away: str) -> None:
+        """While the camera is away the dance stands still where the learner was seen last; the page asks to resume it."""
+        if away and self._clock.running:
+            self._clock.pause(self._try.seen_s)
+        if away and not self._away:
+            self._tell("away", {"text": away})
+        elif self._away and not away:
+            self._tell("back", {"from_s": self._clock.paused_s})
+        self._away = away
+
+
+def picture(depth_m: np.ndarray) -> bytes:
+    """A small picture of (H, W) depth: width and height as two uint16, then a byte a pixel, 0 not measured, 1 near, 255 far."""
+    stride = max(1, round(depth_m.shape[1] / PICTURE_WIDTH))
+    small = depth_m[::stride, ::stride]
+    shade = 1 + np.clip((small - NEAR_M) / (FAR_M - NEAR_M), 0, 1) * 254
+    pixels = np.where(small > 0, shade, 0).astype(np.uint8)
+    return np.array(pixels.shape[::-1], "<u2").tobytes() + pixels.tobytes()

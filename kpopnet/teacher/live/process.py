@@ -1,0 +1,121 @@
+"""The processes of lessons, as the server sees them: it talks to them without waiting."""
+
+import asyncio
+import contextlib
+import multiprocessing
+import threading
+from typing import Any
+
+from kpopnet.errors import InputError
+from kpopnet.teacher.library import TaughtDance
+from kpopnet.teacher.live.joints import CameraOpener
+from kpopnet.teacher.live.lesson import Lesson
+from kpopnet.teacher.live.loop import serve_lessons
+
+MOST = 2
+"""Lessons at a time: each takes about a core."""
+
+END_S = 5.0
+
+
+class LessonProcess:
+    """One process and its messages: ("frame", ...) are replaced by newer ones, all others are kept in order."""
+
+    def __init__(self, open_camera: CameraOpener, checkpoint: str | None) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._connection, other = context.Pipe()
+        given = other, open_camera, checkpoint
+        self._process = context.Process(target=serve_lessons, args=given, daemon=True, name="lesson")
+        self._process.start()
+        other.close()
+        self._number = 0
+        self._kept: list[tuple] = []
+        self._loop = asyncio.get_running_loop()
+        self._arrived = asyncio.Event()
+        threading.Thread(target=self._listen, daemon=True, name="lesson listener").start()
+
+    @property
+    def alive(self) -> bool:
+        return self._process.is_alive()
+
+    def prepare(self, lesson: Lesson, dance: TaughtDance) -> None:
+        """Begins another lesson; messages of the one before are dropped."""
+        self._number += 1
+        self._kept.clear()
+        self.send("prepare", self._number, lesson, dance)
+
+    def send(self, *message: Any) -> None:
+        """Sends a message of `loop`, such as ("go", 2.0)."""
+        with contextlib.suppress(OSError):  # the listener notices that the process has ended
+            self._connection.send(message)
+
+    async def next(self) -> tuple[str, dict, Any]:
+        """The next message: kind, content, and a picture or the learner's arrays."""
+        while not self._kept:
+            self._arrived.clear()
+            await self._arrived.wait()
+        return self._kept.pop(0)
+
+    def end(self) -> None:
+        """Ends the process."""
+        self.send("quit")
+        self._process.join(END_S)
+        if self._process.is_alive():
+            self._process.terminate()
+            self._process.join(END_S)
+
+    def _listen(self) -> None:
+        try:
+            while True:
+                self._hand_over(*self._connection.recv())
+        except (EOFError, OSError):
+            text = "the process that watches you has ended; start the dance again"
+            self._hand_over(self._number, "error", {"text": text}, None)
+
+    def _hand_over(self, number: int, *message: Any) -> None:
+        with contextlib.suppress(RuntimeError):  # the server has ended
+            self._loop.call_soon_threadsafe(self._keep, number, message)
+
+    def _keep(self, number: int, message: tuple) -> None:
+        if number != self._number:
+            return
+        if message[0] == "frame":
+            self._kept = [one for one in self._kept if one[0] != "frame"]
+        self._kept.append(message)
+        self._arrived.set()
+
+
+class LessonProcesses:
+    """Lends processes to pages and keeps them warm in between."""
+
+    def __init__(self, open_camera: CameraOpener, checkpoint: str | None) -> None:
+        self._given = open_camera, checkpoint
+        self._idle: list[LessonProcess] = []
+        self._busy: set[LessonProcess] = set()
+
+    def keep_ready(self) -> None:
+        """Starts a process, so that the first lesson need not wait for it."""
+        self._idle.append(LessonProcess(*self._given))
+
+    def borrow(self) -> LessonProcess:
+        """A process, warm if there is one.
+
+        Raises:
+            InputError: MOST lessons are going on.
+        """
+        self._idle = [process for process in self._idle if process.alive]
+        if len(self._busy) >= MOST:
+            raise InputError(f"{MOST} dances are going on in other windows; close one of them")
+        process = self._idle.pop() if self._idle else LessonProcess(*self._given)
+        self._busy.add(process)
+        return process
+
+    def give_back(self, process: LessonProcess) -> None:
+        process.send("stop")
+        self._busy.discard(process)
+        if process.alive:
+            self._idle.append(process)
+
+    def end(self) -> None:
+        for process in [*self._idle, *self._busy]:
+            process.end()

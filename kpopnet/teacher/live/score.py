@@ -1,0 +1,242 @@
+"""The score of one try of a dance, image by image, the verdict on each move of four counts, and the result."""
+
+import math
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from kpopnet.camera import Camera
+from kpopnet.dance.config import SCORERS
+from kpopnet.dance.online import OnlineScore, OnlineScorer
+from kpopnet.dance.performance import Performance
+from kpopnet.dance.scoring import ScorerConfig
+from kpopnet.dance.timing import beat_latency_s
+from kpopnet.errors import InputError
+from kpopnet.skeleton import NUM_JOINTS
+from kpopnet.teacher.library import TaughtDance
+from kpopnet.teacher.live.joints import Image
+from kpopnet.teacher.live.lesson import CALIBRATION_BEAT_S, DanceClock, Lesson
+from kpopnet.teacher.live.words import latest_words, move_reason, rounded, try_result, where_to_stand
+
+COUNTS = 4
+"""Counts of a move."""
+
+WAIT_S = 0.05
+"""A move is scored when an image has come that was taken so long after its end, by a clock on the wall: the smoothing of the
+joints needs a few images after it."""
+
+LEAST_S = 1.0
+"""A move that ends earlier in a lesson is scored then: from less nothing can be said."""
+
+ROUNDING_S = 0.02
+"""The last move may end so long after the last frame of the dance."""
+
+PRAISED_FROM = 90.0
+"""A move with at least this score is praised: what differs in it may be the estimator's errors."""
+
+WORDS_EVERY_S = 0.25
+BRIDGE_FPS, MAX_BRIDGE_S = 15.0, 0.5
+"""A slow machine drops images. Between images less than MAX_BRIDGE_S seconds of the dance apart joints are interpolated at
+BRIDGE_FPS; longer gaps stay gaps."""
+
+CALIBRATION_SETTLED_S = 1.5 * CALIBRATION_BEAT_S
+"""The first movement of a learner comes late."""
+
+
+class DanceTry:
+    """One try of a dance, from its first image on.
+
+    Attributes:
+        begin_s: start of the excerpt, seconds of the dance.
+        end_s: its end.
+    """
+
+    def __init__(self, lesson: Lesson, dance: TaughtDance, noise: str) -> None:
+        """Begins a try.
+
+        Args:
+            lesson: what is danced, and how.
+            dance: the teacher's.
+            noise: name in `kpopnet.dance.noise.NOISE` of the estimator's errors.
+        """
+        self._lesson, self._about = lesson, dance.about
+        self.begin_s, self.end_s = lesson.excerpt_s(len(dance.joints_m) / dance.fps)
+        self._config = scorer_config(lesson, noise)
+        self._teacher = excerpt(dance.performance, self.begin_s, self.end_s)
+        self._scorer = OnlineScorer(self._teacher, self._config)
+        self._times_s: list[float] = []
+        self._joints_m: list[np.ndarray] = []
+        self._confidence: list[np.ndarray] = []
+        self._latest: OnlineScore | None = None
+        self._words, self._words_s = "", -math.inf
+        self._next_move = 1
+        self._verdict: dict | None = None
+        self._ages_ms: list[int] = []
+        self._verdicts_ms: list[int] = []
+
+    def compile(self) -> None:
+        """Compiles the scorer's kernels: in a try that is not used further, the teacher's own first seconds are scored."""
+        frames = min(round((self._config.window_s + 1) * 30), len(self._teacher))
+        for joints_m, time_s in zip(self._teacher.joints_m[:frames], self._teacher.times_s[:frames], strict=True):
+            self._scorer.update(joints_m, float(time_s))
+        if (score := self._scorer.score_so_far()) is not None:
+            latest_words(score)
+
+    @property
+    def seen_s(self) -> float:
+        """Up to where the dance was scored."""
+        return self._times_s[-1] + self._config.latency_s if self._times_s else self.begin_s
+
+    def is_over(self, clock: DanceClock) -> bool:
+        return clock.dance_s(time.monotonic()) > self.end_s + self._config.latency_s + 0.1
+
+    def score(self, clock: DanceClock, image: Image, joints_m: np.ndarray | None, confidence: np.ndarray | None) -> None:
+        """Adds an image's joints, (15, 3) metres, to the score, if the dance is going on and the learner is there."""
+        time_s = clock.dance_s(image.taken)
+        if not clock.running or joints_m is None or confidence is None or time_s < self.begin_s:
+            return
+        if self._times_s and time_s <= self.seen_s:
+            return
+        confidence = np.clip(confidence, 0, 1)
+        for between_s, between_m in self._bridge(time_s, joints_m):
+            self._scorer.update(between_m, between_s, confidence)
+        self._keep(time_s - self._config.latency_s, joints_m, confidence)
+        self._latest = self._scorer.update(joints_m, time_s, confidence)
+        self._score_move()
+        if self._latest is not None and time_s - self._words_s >= WORDS_EVERY_S * self._lesson.speed:
+            self._words_s = time_s
+            so_far = self._scorer.score_so_far()
+            self._words = "" if so_far is None else latest_words(so_far)
+
+    def _keep(self, time_s: float, joints_m: np.ndarray, confidence: np.ndarray) -> None:
+        self._times_s.append(time_s)
+        self._joints_m.append(joints_m)
+        self._confidence.append(confidence)
+
+    def _bridge(self, time_s: float, joints_m: np.ndarray) -> list[tuple[float, np.ndarray]]:
+        """Times and joints on straight lines from the last image's to these, where some images were dropped in between."""
+        if not self._times_s:
+            return []
+        before_s, before_m = self.seen_s, self._joints_m[-1]
+        gap_s = time_s - before_s
+        steps = round(gap_s * BRIDGE_FPS) if gap_s < MAX_BRIDGE_S else 1
+        shares = [step / steps for step in range(1, steps)]
+        return [(before_s + share * gap_s, before_m + share * (joints_m - before_m)) for share in shares]
+
+    def _score_move(self) -> None:
+        """Scores the move that has just ended, once; between two ends there is no verdict."""
+        self._verdict = None
+        move_s = COUNTS * 60 / self._about.bpm
+        ended_s = self._times_s[-1] - WAIT_S * self._lesson.speed
+        number = max(self._next_move, math.floor((ended_s - self.begin_s) / move_s))
+        end_s = self.begin_s + number * move_s
+        scored_s = max(end_s, self.begin_s + LEAST_S)
+        if ended_s < scored_s or end_s > self.end_s + ROUNDING_S:
+            return
+        self._next_move = number + 1
+        if (latest := self._scorer.preview(scored_s, LEAST_S)) is None:
+            return
+        praised = latest.similarity >= PRAISED_FROM
+        words = "" if praised else move_reason(latest, self._scorer.score_so_far(), end_s - move_s)
+        self._verdict = {"number": number, "end_s": end_s, "total": rounded(latest.similarity, 3), "words": words}
+
+    def next_verdict(self, clock: DanceClock) -> dict | None:
+        """The verdict on a move that has just ended, once.
+
+        Returns:
+            number of the move, from 1; end_s in the dance; total, 0 to 100 or None; the words why it is not more, "" for a good
+            one; after_ms, milliseconds from the end of the move to now.
+        """
+        verdict, self._verdict = self._verdict, None
+        if verdict is None:
+            return None
+        after_s = clock.dance_s(time.monotonic()) - self._config.latency_s - verdict["end_s"]
+        self._verdicts_ms.append(round(1000 * after_s / self._lesson.speed))
+        return verdict | {"after_ms": self._verdicts_ms[-1]}
+
+    def shown(
+        self, clock: DanceClock, image: Image, joints_m: np.ndarray | None, confidence: np.ndarray | None, camera: Camera
+    ) -> dict:
+        """What the page shows of an image: joints in fractions of the picture, scores, words, its age in milliseconds."""
+        points = None
+        if joints_m is not None and confidence is not None:
+            uvz = camera.project(joints_m) / [camera.width, camera.height, 1.0]
+            points = [[rounded(value, 3) for value in point] for point in np.column_stack([uvz, confidence])]
+        latest = self._latest if clock.running else None
+        self._ages_ms.append(round(1000 * (time.monotonic() - image.taken)))
+        return {
+            "time_s": rounded(clock.dance_s(image.taken), 3) if clock.running else None,
+            "joints": points,
+            "guidance": where_to_stand(joints_m, confidence, camera),
+            "words": self._words if latest and not latest.similarity >= PRAISED_FROM else "",
+            "total": rounded(latest.similarity, 3) if latest else None,
+            "so_far": rounded(latest.so_far, 3) if latest else None,
+            "delay_s": rounded(latest.delay_s, 3) if latest else None,
+            "parts": {name: rounded(value, 3) for name, value in latest.parts.items()} if latest else {},
+            "age_ms": self._ages_ms[-1],
+        }
+
+    def finish(self, dropped: int) -> tuple[dict, dict[str, np.ndarray]]:
+        """The result of the try, see `try_result`, and the learner's joints as `read_performance` reads them.
+
+        Args:
+            dropped: number of images that were not used.
+        """
+        try:
+            score = self._scorer.finish()
+        except InputError:  # nobody was in view for a whole window
+            score = None
+        frames, ages, verdicts = len(self._times_s), self._ages_ms or [0], self._verdicts_ms or [0]
+        notes = {
+            "frames": frames,
+            "fps": rounded(frames / (self.end_s - self.begin_s) * self._lesson.speed, 3),
+            "dropped": dropped,
+            "age_ms_median": float(np.median(ages)),
+            "age_ms_p95": float(np.percentile(ages, 95)),
+            "verdict_ms_median": float(np.median(verdicts)),
+            "verdict_ms_p95": float(np.percentile(verdicts, 95)),
+        }
+        return try_result(score, self._lesson, self._about, notes), self._recorded()
+
+    def _recorded(self) -> dict[str, np.ndarray]:
+        frames = len(self._times_s)
+        return {
+            "times_s": np.array(self._times_s, np.float64),
+            "joints_m": np.array(self._joints_m, np.float32).reshape(frames, NUM_JOINTS, 3),
+            "confidence": np.array(self._confidence, np.float32).reshape(frames, NUM_JOINTS),
+        }
+
+
+class Calibration(DanceTry):
+    """The guided step that measures the latency of a set-up: an arm on every beat of a metronome, and no score."""
+
+    def compile(self) -> None:
+        """Nothing needs to be compiled."""
+
+    def score(self, clock: DanceClock, image: Image, joints_m: np.ndarray | None, confidence: np.ndarray | None) -> None:
+        time_s = clock.dance_s(image.taken)
+        if clock.running and joints_m is not None and confidence is not None and time_s >= CALIBRATION_SETTLED_S:
+            self._keep(time_s, joints_m, confidence)
+
+    def finish(self, dropped: int) -> tuple[dict, dict[str, np.ndarray]]:
+        """The latency in seconds, None where the learner did not move on the beat; and no joints."""
+        found = self._recorded()
+        latency_s = rounded(beat_latency_s(found["joints_m"], found["times_s"], CALIBRATION_BEAT_S), 3)
+        hint = "no arm moved with the ticks; raise one high at each tick, lower it in between, and try again"
+        return {"total": None, "latency_s": latency_s, "hints": [hint] if latency_s is None else []}, {}
+
+
+def scorer_config(lesson: Lesson, noise: str) -> ScorerConfig:
+    """The scorer of a lesson.
+
+    As in a mirror, left is left. Who faces a teacher as on a stage may do the same or its mirror image: both are right.
+    """
+    mirrored = "false" if lesson.mirrored else "auto"
+    return replace(SCORERS["dance22"], mirrored=mirrored, latency_s=lesson.latency_s * lesson.speed, noise=noise)
+
+
+def excerpt(dance: Performance, begin_s: float, end_s: float) -> Performance:
+    """The part of a dance between two times, on the dance's own clock."""
+    inside = (dance.times_s >= begin_s - 1e-6) & (dance.times_s <= end_s + 1e-6)
+    return Performance(dance.joints_m[inside], dance.times_s[inside], dance.confidence[inside])

@@ -1,0 +1,158 @@
+"""What the page shows in words: where to stand, what is going wrong just now, why a move is not better, and the result."""
+
+import math
+
+import numpy as np
+
+from kpopnet.camera import Camera
+from kpopnet.dance.feedback import MIN_DELAY_S, Moment, feedback
+from kpopnet.dance.online import OnlineScore
+from kpopnet.dance.scoring import DanceScore
+from kpopnet.dance.timing import measured_latency_s
+from kpopnet.skeleton import Joint
+from kpopnet.teacher.library import About
+from kpopnet.teacher.live.lesson import Lesson
+
+NEAR_M, FAR_M = 1.2, 4.5
+HIDDEN_CONFIDENCE = 0.2
+MARGIN = 0.03
+"""Fraction of the image's side within which a joint counts as at its edge."""
+
+RECENT_S = 1.2
+"""Age up to which a moment is shown during the dance, beyond the score's own."""
+
+WORST = 3
+"""Moments in a result."""
+
+MIN_FPS = 10.0
+"""Fewer images a second leave gaps between the samples of the score."""
+
+_FEET = [Joint.LEFT_FOOT, Joint.RIGHT_FOOT]
+
+
+def where_to_stand(joints_camera_m: np.ndarray | None, confidence: np.ndarray | None, camera: Camera) -> str:
+    """What the learner should change so that the camera sees them, "" if nothing.
+
+    Args:
+        joints_camera_m: (15, 3) metres, or None if nobody is seen.
+        confidence: (15,) in 0..1.
+        camera: the camera.
+    """
+    if joints_camera_m is None or confidence is None or not np.isfinite(joints_camera_m).all(axis=1).any():
+        return "nobody there"
+    u, v, z = camera.project(joints_camera_m).T
+    torso_m = float(np.nanmedian(z))
+    if torso_m > FAR_M:
+        return "come closer"
+    if torso_m < NEAR_M:
+        return "step back"
+    bottom, top, head = camera.height * (1 - MARGIN), camera.height * MARGIN, np.nan_to_num(v[Joint.HEAD], nan=np.inf)
+    feet_out = bool((np.nan_to_num(v[_FEET], nan=np.inf) > bottom).any())
+    if feet_out and head < top + camera.height * 0.1:
+        return "step back"
+    if feet_out or confidence[_FEET].max() < HIDDEN_CONFIDENCE:
+        return "your feet are hidden"
+    if head < top:
+        return "step back"
+    left, right = camera.width * MARGIN, camera.width * (1 - MARGIN)
+    if np.nanmin(u) < left:
+        return "move to your left"  # the camera's left is the right of a person who faces it
+    return "move to your right" if np.nanmax(u) > right else ""
+
+
+def in_words(moment: Moment) -> str:
+    """A moment in few words: "left arm too low", "a little late"."""
+    if moment.part == "timing":
+        return _delay_words(moment.delay_s)
+    return f"{_body_part(moment.part)} {moment.direction}"
+
+
+def _body_part(part: str) -> str:
+    return "body" if part in ("turning", "torso") else part
+
+
+def _delay_words(delay_s: float) -> str:
+    """A delay in seconds, negative when early, as "late" or "a little early"."""
+    much = "" if abs(delay_s) >= 2 * MIN_DELAY_S else "a little "
+    return f"{much}{'late' if delay_s > 0 else 'early'}"
+
+
+def latest_words(score: DanceScore) -> str:
+    """What is most wrong in the latest moments of a dance that goes on, "" if nothing is.
+
+    Args:
+        score: of `OnlineScorer.score_so_far`.
+    """
+    config = score.config
+    now_s = float(score.windows.start_s[-1]) + (config.window_frames - 1) / 2 / config.fps
+    moments = {one.text: one for phrase in feedback(score).phrases for one in phrase.moments if one.end_s >= now_s - RECENT_S}
+    return in_words(max(moments.values(), key=lambda one: one.cost)) if moments else ""
+
+
+def move_reason(latest: OnlineScore, so_far: DanceScore | None, start_s: float) -> str:
+    """What cost most in a move that began at `start_s`: the delay, a moment of `kpopnet.dance.feedback`, or else a part."""
+    if abs(latest.delay_s) >= MIN_DELAY_S and latest.timing < latest.posture:
+        return _delay_words(latest.delay_s)
+    moments = [one for phrase in feedback(so_far).phrases for one in phrase.moments] if so_far is not None else []
+    during = [one for one in moments if one.end_s > start_s and one.part in latest.parts]
+    if during:
+        return in_words(max(during, key=lambda one: one.cost))
+    worst = min(latest.parts, key=lambda part: latest.parts[part], default="")
+    return f"{_body_part(worst)} not as shown" if worst else "nobody there"
+
+
+def try_result(score: DanceScore | None, lesson: Lesson, about: About, notes: dict) -> dict:
+    """The result of a try as JSON of finite numbers and null: total, timing, posture, parts, phrases, worst moments, course.
+
+    Args:
+        score: None where nobody was seen long enough.
+        lesson: what was asked for.
+        about: of the dance.
+        notes: more to keep: frames per second, dropped images.
+    """
+    head = {
+        "dance": lesson.dance, "name": about.name, "source": lesson.source, "skill": lesson.skill, "fault": lesson.fault,
+        "speed": lesson.speed, "from_s": lesson.from_s, "to_s": lesson.to_s, "mirrored": lesson.mirrored, "notes": notes,
+    }  # fmt: skip
+    if score is None or math.isnan(score.similarity):
+        return head | {"total": None, "hints": ["nobody was seen dancing; stand in the picture from head to feet"]}
+    found, windows = feedback(score, 60 / about.bpm), score.windows
+    slow = f"only {notes['fps']:.0f} images a second were scored, which costs points: this machine is busy with other things"
+    # A moment that lasts over two phrases is listed once.
+    moments = {(one.start_s, one.part, one.direction): one for phrase in found.phrases for one in phrase.moments}
+    return head | {
+        "total": rounded(score.similarity),
+        "timing": rounded(score.timing),
+        "posture": rounded(score.posture),
+        "parts": {name: rounded(value) for name, value in score.parts.items()},
+        "phrases": [
+            {"start_s": rounded(one.start_s), "end_s": rounded(one.end_s), "total": rounded(one.similarity),
+             "moments": [_moment(moment) for moment in one.moments]}
+            for one in found.phrases
+        ],
+        "worst": [_moment(moment) for moment in sorted(moments.values(), key=lambda one: -one.cost)[:WORST]],
+        "faults": [one.text for one in found.faults[:5]],
+        "hints": [*([slow] if notes["fps"] < MIN_FPS else []), *found.hints],
+        "latency_s": rounded(measured_latency_s(windows.delay_s, windows.posture), 3),
+        "course": {
+            "time_s": _column(windows.start_s + score.config.window_s / 2), "total": _column(windows.similarity),
+            "timing": _column(windows.timing), "posture": _column(windows.posture), "delay_s": _column(windows.delay_s, 3),
+            "parts": {name: _column(values) for name, values in windows.parts.items() if name in score.parts},
+        },
+    }  # fmt: skip
+
+
+def _moment(moment: Moment) -> dict:
+    return {
+        "start_s": rounded(moment.start_s), "end_s": rounded(moment.end_s), "part": moment.part, "words": in_words(moment),
+        "text": moment.text, "degrees": rounded(moment.degrees), "delay_s": rounded(moment.delay_s),
+    }  # fmt: skip
+
+
+def rounded(value: float | None, digits: int = 1) -> float | None:
+    """A number for JSON; None where it is missing or not finite."""
+    return round(float(value), digits) if value is not None and math.isfinite(value) else None
+
+
+def _column(values: np.ndarray, digits: int = 1) -> list[float | None]:
+    return [rounded(value, digits) for value in values]

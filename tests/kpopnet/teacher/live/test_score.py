@@ -1,0 +1,172 @@
+"""A try of a dance, image by image, without a camera: its score, its moves, its result, and the latency of a set-up."""
+
+import numpy as np
+import pytest
+
+from kpopnet.camera import CAMERAS
+from kpopnet.dance.performance import Performance
+from kpopnet.dance.scoring import SCORERS
+from kpopnet.skeleton import Joint
+from kpopnet.teacher.live.joints import Image
+from kpopnet.teacher.live.lesson import DanceClock, Lesson
+from kpopnet.teacher.live.score import COUNTS, LEAST_S, WAIT_S, Calibration, DanceTry, excerpt, scorer_config
+from synth.dances.live import ON_THE_BEAT, LiveLearner
+
+CAMERA, DEPTH_M = CAMERAS["kinect_v1"], np.zeros((240, 320), np.float32)
+
+
+class AtOnce(DanceClock):
+    """A clock whose dance began at 0."""
+
+    def __init__(self, speed: float = 1.0) -> None:
+        super().__init__(0.0, speed)
+        self._start = 0.0
+
+
+@pytest.fixture(scope="module")
+def dance(library):
+    return library.dance("dance_001")
+
+
+def danced(dance, fps: float, lesson: Lesson, late_s: float = 0.0, seconds: float = 8.0) -> dict:
+    """The result of a perfect learner of whom an image is taken `fps` times a second."""
+    one, clock = DanceTry(lesson, dance, "none"), AtOnce(lesson.speed)
+    for taken in np.arange(0.0, seconds / lesson.speed, 1 / fps):
+        frame = round(max(clock.dance_s(taken) - late_s, 0.0) * dance.fps)
+        one.score(clock, Image(DEPTH_M, float(taken)), dance.joints_m[frame], np.ones(15))
+    result, recorded = one.finish(0)
+    assert len(recorded["times_s"]) == result["notes"]["frames"]
+    return result
+
+
+def test_a_perfect_learner_scores_full_at_any_speed(dance):
+    for speed in (1.0, 0.5):
+        result = danced(dance, 30.0, Lesson("dance_001", to_s=8.0, speed=speed))
+        assert result["total"] > 98 and result["worst"] == [] and result["notes"]["fps"] == pytest.approx(30, abs=0.5)
+
+
+def test_a_slow_machine_costs_little_and_is_told(dance):
+    result = danced(dance, 6.0, Lesson("dance_001", to_s=8.0))
+    assert result["total"] > 75 and "only 6 images a second" in result["hints"][0]
+    assert not any("nobody" in hint for hint in result["hints"])
+
+
+def test_a_constant_delay_is_measured_and_taken_off(dance):
+    late = danced(dance, 30.0, Lesson("dance_001", to_s=8.0), late_s=0.2)
+    assert late["latency_s"] == pytest.approx(0.2, abs=0.04) and late["timing"] < 95
+    mended = danced(dance, 30.0, Lesson("dance_001", to_s=8.0, latency_s=late["latency_s"]), late_s=0.2, seconds=8.2)
+    assert mended["timing"] > 97 and mended["total"] > late["total"]
+
+
+def test_nobody_has_no_score_and_a_long_gap_stays_one(dance):
+    one = DanceTry(Lesson("dance_001", to_s=8.0), dance, "none")
+    shown = one.shown(AtOnce(), Image(DEPTH_M, 1.0), None, None, CAMERA)
+    assert shown["guidance"] == "nobody there" and shown["joints"] is None
+    result, recorded = one.finish(0)
+    assert result["total"] is None and "nobody" in result["hints"][0] and recorded["joints_m"].shape == (0, 15, 3)
+    clock = AtOnce()
+    for taken in (*np.arange(0, 3, 1 / 30), *np.arange(6, 8, 1 / 30)):
+        one.score(clock, Image(DEPTH_M, float(taken)), dance.joints_m[round(taken * 30)], np.ones(15))
+    result, _ = one.finish(0)
+    assert any("nobody in the picture" in hint for hint in result["hints"]) and result["total"] < 85
+
+
+def test_missing_joints_are_shown_as_missing(dance):
+    one, joints_m = DanceTry(Lesson("dance_001"), dance, "none"), dance.joints_m[0].copy()
+    joints_m[3] = np.nan
+    shown = one.shown(AtOnce(), Image(DEPTH_M, 0.0), joints_m, np.ones(15), CAMERA)
+    assert shown["joints"][3][:3] == [None, None, None] and 0 < shown["joints"][8][0] < 1
+
+
+def test_in_a_mirror_left_is_left_and_on_a_stage_both_are_right():
+    assert scorer_config(Lesson("d"), "none").mirrored == "false"
+    config = scorer_config(Lesson("d", mirrored=False, latency_s=0.2, speed=0.5), "none")
+    assert config.mirrored == "auto" and config.latency_s == pytest.approx(0.1) and SCORERS["dance22"].latency_s == 0
+
+
+def verdicts(dance, learner: Performance, seconds: float = 10.0) -> list[tuple[float, dict]]:
+    """The verdicts on what a learner danced, with the time of the newest image at each."""
+    one, clock, found = DanceTry(Lesson("dance_001", to_s=seconds), dance, "none"), AtOnce(), []
+    for joints_m, time_s in zip(learner.joints_m, learner.times_s.tolist(), strict=True):
+        one.score(clock, Image(DEPTH_M, time_s), joints_m, np.ones(15))
+        if verdict := one.next_verdict(clock):
+            found.append((time_s, verdict))
+            assert one.next_verdict(clock) is None
+    return found
+
+
+def test_each_move_is_scored_once_soon_after_its_end(dance):
+    found = verdicts(dance, excerpt(dance.performance, 0.0, 10.4))
+    move_s = COUNTS * 60 / dance.about.bpm
+    assert [one["number"] for _, one in found] == list(range(1, int(10.01 / move_s) + 1))
+    for time_s, one in found:
+        assert one["end_s"] == pytest.approx(one["number"] * move_s)
+        assert WAIT_S <= time_s - one["end_s"] < WAIT_S + 1 / dance.fps
+        assert one["total"] > 99 and one["words"] == ""
+
+
+def test_the_reason_is_the_limb_that_hangs_and_only_while_it_hangs(dance):
+    whole = excerpt(dance.performance, 0.0, 10.4)
+    joints_m, move_s = whole.joints_m.copy(), COUNTS * 60 / dance.about.bpm
+    hanging = whole.times_s > 2 * move_s
+    for joint, down_m in ((Joint.LEFT_ELBOW, 0.28), (Joint.LEFT_HAND, 0.53)):
+        joints_m[hanging, joint] = joints_m[hanging, Joint.LEFT_SHOULDER] + [0, down_m, 0.02]
+    found = [one for _, one in verdicts(dance, Performance(joints_m, whole.times_s))]
+    assert [one["words"] for one in found[:2]] == ["", ""]
+    assert all(one["words"].startswith("left arm") and one["total"] < 90 for one in found[3:])
+    late = Performance(whole.joints_m, whole.times_s + 0.3)
+    words = [one["words"] for _, one in verdicts(dance, late)][1:]
+    assert words and words.count("late") > len(words) / 2
+
+
+def test_after_a_gap_the_next_move_is_scored_and_those_in_it_are_not(dance):
+    whole, move_s = excerpt(dance.performance, 0.0, 10.4), COUNTS * 60 / dance.about.bpm
+    seen = (whole.times_s < 0.9 * move_s) | (whole.times_s > 2.2 * move_s)
+    found = [one for _, one in verdicts(dance, Performance(whole.joints_m[seen], whole.times_s[seen]))]
+    numbers = [one["number"] for one in found]
+    assert numbers == sorted(set(numbers)) and numbers[-1] == int(10.01 / move_s)
+    assert found[-1]["total"] == pytest.approx(100, abs=1)
+
+
+def test_moves_too_short_to_be_scored_begin_with_the_first_that_can_be(dance):
+    from dataclasses import replace
+
+    bpm = 360.0
+    fast = replace(dance, about=replace(dance.about, bpm=bpm))
+    found, move_s = verdicts(fast, excerpt(dance.performance, 0.0, 4.4), 4.0), COUNTS * 60 / bpm
+    assert found[0][1]["end_s"] == pytest.approx(move_s) and found[0][0] == pytest.approx(LEAST_S + WAIT_S, abs=0.04)
+    assert [one["number"] for _, one in found] == list(range(1, round(4.0 / move_s) + 1))
+
+
+def measured(dance, joints_at) -> dict:
+    """The result of a calibration of 12 s; `joints_at` gives the learner's joints at a time in seconds."""
+    step, clock = Calibration(Lesson("dance_001", to_s=12.0, calibrate=True), dance, "none"), AtOnce()
+    step.compile()
+    for taken in np.arange(0, 12, 1 / 15):
+        joints_m, image = joints_at(float(taken)), Image(DEPTH_M, float(taken))
+        confidence = None if joints_m is None else np.ones(15)
+        step.score(clock, image, joints_m, confidence)
+        assert step.shown(clock, image, joints_m, confidence, CAMERA)["total"] is None and step.next_verdict(clock) is None
+    result, _ = step.finish(0)
+    assert result["total"] is None  # it is no try of the dance
+    return result
+
+
+@pytest.mark.parametrize("fault", ["", "late"])
+def test_the_arm_of_the_simulated_learner_tells_how_late_it_is_seen(dance, fault):
+    learner = LiveLearner(dance.quats, dance.hips_m, dance.fps, ON_THE_BEAT, fault)
+    take, scene = learner._take, learner._studio.scene
+
+    def joints_at(time_s: float) -> np.ndarray:
+        number = int(np.clip(round((time_s - 0.1) * dance.fps), 0, len(take.played) - 1))  # the camera is a tenth late
+        scene.pose(take.played.local[number], take.played.hips_m[number] + take.place_m)
+        return take.view.to_camera(scene.joints_world_m())
+
+    expected_s = 0.1 + (0.35 if fault else 0.0)
+    assert measured(dance, joints_at)["latency_s"] == pytest.approx(expected_s, abs=0.04)
+
+
+def test_who_stands_still_or_is_not_there_is_asked_to_try_again(dance):
+    for joints_at in (lambda time_s: dance.joints_m[0], lambda time_s: None):
+        result = measured(dance, joints_at)
+        assert result["latency_s"] is None and "try again" in result["hints"][0]
