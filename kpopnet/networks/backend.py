@@ -7,7 +7,6 @@ import numpy as np
 
 from kpopnet.errors import InputError
 from kpopnet.networks.description import read_meta
-from kpopnet.networks.onnx.file import read_onnx
 from kpopnet.networks.onnx.session import OnnxBackend
 from kpopnet.weights import shipped_network
 
@@ -63,5 +62,5 @@ def read_description(checkpoint: Path | str | None) -> dict:
     """
     place = Path(shipped_network() if checkpoint is None else checkpoint)
     if place.suffix == ONNX_SUFFIX:
-        return read_onnx(place)[1]
+        return OnnxBackend(place).meta
     return read_meta(place)

@@ -31,7 +31,6 @@ from kpopnet.errors import InputError
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.description import FORMAT, META, VERSION, read_meta
 from kpopnet.networks.network import PoseNetwork, build_network
-from kpopnet.networks.state_file import read_state_file
 from kpopnet.runtime.input_files import check_fields, read_with
 from kpopnet.runtime.provenance import git_revision
 from kpopnet.skeleton import JOINT_NAMES
@@ -51,7 +50,7 @@ def save_checkpoint(run: Path, network: PoseNetwork, state: dict, meta: dict, *,
     Args:
         run: the run's folder.
         network: the averaged weights.
-        state: tensors, numbers and containers of them (only these can be read again, see kpopnet.networks.state_file).
+        state: tensors, numbers and containers of them (torch.load with weights_only reads only these).
         meta: step, config, metrics and mean_pose_m, JSON types only.
         best: this checkpoint is the best of the run so far.
 
@@ -185,11 +184,9 @@ def load_state(folder: Path | str) -> dict[str, int | float | Tensor | dict]:
         InputError: the state is missing or damaged.
     """
     path = Path(folder) / STATE
-    try:
-        state = read_with(read_state_file, path, "missing, damaged or of another format")
-        return check_fields(str(path), state, STATE_SCHEMA, optional=STATE_SCHEMA)
-    except InputError as error:
-        raise InputError(f"{error}; training cannot be resumed from it") from error
+    problem = "missing, damaged or of another format; training cannot be resumed from it"
+    state = read_with(lambda path: torch.load(path, map_location="cpu", weights_only=True), path, problem)
+    return check_fields(str(path), state, STATE_SCHEMA, optional=STATE_SCHEMA)
 
 
 def run_folder(resume: str | None, fresh: str) -> str:

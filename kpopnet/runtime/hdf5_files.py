@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 
 from kpopnet.errors import InputError
-from kpopnet.runtime.input_files import ArraySchema, check_array, check_budget, check_fields, expect, names_in
+from kpopnet.runtime.input_files import ArraySchema, check_array, check_budget, check_fields, expect, first_line, names_in
 
 
 @dataclass(frozen=True)
@@ -107,5 +107,4 @@ def readable(path: Path, schema: Hdf5Schema) -> Iterator[None]:
     except InputError:
         raise
     except (OSError, LookupError, RuntimeError, ValueError, TypeError, MemoryError) as error:
-        reason = next(iter(str(error).splitlines()), type(error).__name__)[:200]
-        raise InputError(f"{path}: {schema.name} cannot be read ({reason}); {schema.remedy}") from error
+        raise InputError(f"{path}: {schema.name} cannot be read ({first_line(error)}); {schema.remedy}") from error

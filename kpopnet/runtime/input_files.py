@@ -1,7 +1,7 @@
-"""The door for files that users give: JSON, npz, npy, safetensors, checked against limits before anything large is allocated.
+"""The door for files that users give: JSON, npz, npy and files of libraries, checked against what a reader declares.
 
-What is read here is data: nothing in it is evaluated, interpolated or unpickled. A reader declares what it expects; what does
-not fit raises an InputError of one line that names file, place and expectation.
+What is read here is data: nothing in it is evaluated, interpolated or unpickled. What does not fit raises an `InputError` of
+one line that names file, place and expectation; sizes are limited before the content is allocated.
 """
 
 import json
@@ -9,7 +9,6 @@ import math
 import os
 import types
 import typing
-import warnings
 import zipfile
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass, fields
@@ -26,13 +25,22 @@ MAX_JSON_BYTES = 64_000_000
 MAX_JSON_DEPTH = 64
 
 Settings = TypeVar("Settings")
+R = TypeVar("R")
 
 
-def file_budget_bytes() -> int:
-    """Bytes of memory that the content of one file may take: 1 GB, or the environment variable KPOPNET_FILE_BUDGET_GB.
+# --- sizes and errors -----------------------------------------------------------------------------------------------------
+
+
+def check_budget(path: Path | str, declared_bytes: int, what: str) -> None:
+    """Refuses a file before its content is allocated.
+
+    Args:
+        path: the file.
+        declared_bytes: memory that the content takes, as the file declares it; at most 1 GB, or KPOPNET_FILE_BUDGET_GB.
+        what: the content, for the message: "depth_mm (300, 480, 640)".
 
     Raises:
-        InputError: the variable is not a positive number.
+        InputError: it takes more, or the environment variable is not a positive number.
     """
     given = os.environ.get(BUDGET_VARIABLE, str(DEFAULT_BUDGET_GB))
     try:
@@ -41,25 +49,60 @@ def file_budget_bytes() -> int:
         budget_gb = math.nan
     if not 0 < budget_gb < 1e6:
         raise InputError(f"{BUDGET_VARIABLE}={given}: expected a positive number of gigabytes")
-    return int(budget_gb * 1e9)
-
-
-def check_budget(path: Path | str, declared_bytes: int, what: str) -> None:
-    """Refuses a file before its content is allocated.
-
-    Args:
-        path: the file.
-        declared_bytes: memory that the content takes, as the file declares it.
-        what: the content, for the message: "depth_mm (300, 480, 640)".
-
-    Raises:
-        InputError: it exceeds the budget.
-    """
-    if declared_bytes > (budget := file_budget_bytes()):
+    if declared_bytes > budget_gb * 1e9:
         raise InputError(
-            f"{path}: {what} would take {declared_bytes / 1e9:.1f} GB of memory, more than {budget / 1e9:g} GB a file; "
+            f"{path}: {what} would take {declared_bytes / 1e9:.1f} GB of memory, more than {budget_gb:g} GB a file; "
             f"set {BUDGET_VARIABLE} to allow more"
         )
+
+
+def read_with(reader: Callable[[Path], R], path: Path, problem: str) -> R:
+    """Reads a file with the parser of a library, whose exceptions are of many types.
+
+    Args:
+        reader: reads the file; it must not allocate more than the file's size.
+        path: the file.
+        problem: what to tell the user: "missing or damaged".
+
+    Raises:
+        InputError: the file is too large, or the parser raised an exception.
+    """
+    try:
+        check_budget(path, Path(path).stat().st_size, "its content")
+        return reader(path)
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(f"{path}: {problem} ({first_line(error)})") from error
+
+
+def first_line(error: BaseException) -> str:
+    """The first line of an exception's message, or its type."""
+    return next(iter(str(error).splitlines()), type(error).__name__)[:200]
+
+
+def expect(condition: bool, where: str, expectation: str) -> None:
+    """Raises InputError("WHERE: expected EXPECTATION") unless the condition holds."""
+    if not condition:
+        raise InputError(f"{where}: expected {expectation}")
+
+
+def check_names(where: str, names: Iterable[str]) -> None:
+    """Raises InputError if the name of a file or folder is not UTF-8: figures and reports could not show it."""
+    for name in names:
+        if _has_surrogates(name):
+            raise InputError(
+                f"{where}: {name.encode('utf-8', 'backslashreplace').decode()}: a name that is not UTF-8; rename it"
+            )
+
+
+def names_in(names: Iterable[str]) -> str:
+    """Names for a message, at most ten."""
+    listed = list(names)
+    return ", ".join(listed[:10]) + (f" and {len(listed) - 10} more" if len(listed) > 10 else "")
+
+
+# --- JSON -----------------------------------------------------------------------------------------------------------------
 
 
 def read_text(path: Path, max_bytes: int = MAX_JSON_BYTES) -> str:
@@ -75,16 +118,12 @@ def read_text(path: Path, max_bytes: int = MAX_JSON_BYTES) -> str:
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not UTF-8 text ({error.reason} at byte {error.start})") from error
-    except (OSError, ValueError) as error:  # ValueError: a null byte in the name
+    except OSError as error:
         raise InputError(f"{path}: cannot be read ({error})") from error
 
 
 def read_json(path: Path, max_bytes: int = MAX_JSON_BYTES, *, non_finite: bool = False) -> Any:
-    """Reads a JSON file of finite numbers, or of NaN and Infinity too, and limited depth.
-
-    Raises:
-        InputError: as `read_text` and `parse_json`.
-    """
+    """Reads a JSON file; raises InputError as `read_text` and `parse_json`."""
     return parse_json(read_text(Path(path), max_bytes), str(path), non_finite=non_finite)
 
 
@@ -99,34 +138,26 @@ def parse_json(text: str | bytes, where: str, *, non_finite: bool = False) -> An
     Raises:
         InputError: it is not such JSON.
     """
-
-    def constant(name: str) -> float:
-        return float(name) if non_finite else _refuse_constant(name)
-
     try:
-        value = json.loads(text, parse_constant=constant, parse_int=_limited_int, parse_float=_finite_float)
+        value = json.loads(text, parse_constant=float if non_finite else _finite, parse_int=_int64, parse_float=_finite)
+        if _is_deeper(value, MAX_JSON_DEPTH):
+            raise RecursionError
     except RecursionError as error:
         raise InputError(f"{where}: brackets are nested too deeply; expected at most {MAX_JSON_DEPTH} levels") from error
     except (ValueError, TypeError) as error:
         raise InputError(f"{where}: not valid JSON ({error})") from error
-    if _is_deeper(value, MAX_JSON_DEPTH):
-        raise InputError(f"{where}: brackets are nested too deeply; expected at most {MAX_JSON_DEPTH} levels")
-    if has_surrogates(value):
+    if _has_surrogates(json.dumps(value, ensure_ascii=False)):
         raise InputError(f"{where}: a text has half of a surrogate pair, which is no character")
     return value
 
 
-def _refuse_constant(name: str) -> float:
-    raise ValueError(f"{name} is not a finite number")
-
-
-def _limited_int(digits: str) -> int:
+def _int64(digits: str) -> int:
     if len(digits) > 20 or not -(2**63) <= (value := int(digits)) < 2**64:
         raise ValueError(f"the integer {digits[:24]}... does not fit into 64 bits")
     return value
 
 
-def _finite_float(digits: str) -> float:
+def _finite(digits: str) -> float:
     value = float(digits)
     if not math.isfinite(value):
         raise ValueError(f"{digits[:24]} is not a finite number")
@@ -139,13 +170,13 @@ def _is_deeper(value: Any, levels: int) -> bool:
     return levels <= 0 or any(_is_deeper(one, levels - 1) for one in (value.values() if isinstance(value, dict) else value))
 
 
-def has_surrogates(value: Any) -> bool:
-    """Whether any text in nested dicts and lists cannot be written as UTF-8."""
-    if isinstance(value, str):
-        return any("\ud800" <= character <= "\udfff" for character in value)
-    if isinstance(value, dict):
-        return any(has_surrogates(key) or has_surrogates(one) for key, one in value.items())
-    return isinstance(value, list) and any(map(has_surrogates, value))
+def _has_surrogates(text: str) -> bool:
+    """Whether a text cannot be written as UTF-8."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return True
+    return False
 
 
 def check_fields(where: str, value: Any, schema: Mapping[str, Any], optional: Iterable[str] = ()) -> dict[str, Any]:
@@ -202,19 +233,7 @@ def _shown(value: Any) -> str:
     return text if len(text) <= 40 else f"{text[:40]}..."
 
 
-def check_names(where: str, names: Iterable[str]) -> None:
-    """Raises InputError if the name of a file or folder is not UTF-8: figures and reports could not show it."""
-    for name in names:
-        if has_surrogates(name):
-            raise InputError(
-                f"{where}: {name.encode('utf-8', 'backslashreplace').decode()}: a name that is not UTF-8; rename it"
-            )
-
-
-def expect(condition: bool, where: str, expectation: str) -> None:
-    """Raises InputError("WHERE: expected EXPECTATION") unless the condition holds."""
-    if not condition:
-        raise InputError(f"{where}: expected {expectation}")
+# --- arrays ---------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -235,12 +254,12 @@ class ArraySchema:
 def check_array(
     where: str, shape: tuple[int, ...], dtype: np.dtype, schema: ArraySchema, lengths: dict[str, int] | None = None
 ) -> None:
-    """Checks the declared shape and type of an array, which need not be in memory yet.
+    """Checks the shape and type of an array, which need not be in memory.
 
     Args:
         where: file and name of the array, for messages.
-        shape: as declared.
-        dtype: as declared.
+        shape: of the array.
+        dtype: of the array.
         schema: what is expected.
         lengths: lengths by name, of the arrays checked before; completed by this one.
 
@@ -262,56 +281,30 @@ def check_array(
 
 
 def read_npz(path: Path, schemas: dict[str, ArraySchema]) -> dict[str, np.ndarray]:
-    """Reads the named arrays of an .npz file; their headers are checked, with their memory, before anything is unpacked.
-
-    Args:
-        path: the file.
-        schemas: by the arrays' names; other arrays of the file are not read.
+    """Reads the named arrays of an .npz file; other arrays of the file are not read.
 
     Returns:
         The arrays by name; those that are not required may be missing.
 
     Raises:
-        InputError: the file is missing, damaged, encrypted, or too large, or an array is not as expected.
+        InputError: the file is missing, damaged or too large, or an array is not as expected.
     """
-    path = Path(path)
-    try:
+
+    def read(path: Path) -> dict[str, np.ndarray]:
         with zipfile.ZipFile(path) as archive:
-            members = {info.filename: info for info in archive.infolist()}
-            lengths: dict[str, int] = {}
-            total = 0
-            for name, schema in schemas.items():
-                if (info := members.get(f"{name}.npy")) is None:
-                    expect(not schema.required, str(path), f"an array {name}")
-                    continue
-                if info.flag_bits & 1:
-                    raise InputError(f"{path}: {name} is encrypted; expected a plain .npz file")
-                with archive.open(info) as member:
-                    shape, _, dtype = read_npy_header(member, f"{path}: {name}")
-                check_array(f"{path}: {name}", shape, dtype, schema, lengths)
-                total += math.prod(shape) * dtype.itemsize
-                check_budget(path, total, "its arrays")
-            found = {}
-            for name in schemas:
-                if (info := members.get(f"{name}.npy")) is not None:
-                    with archive.open(info) as member:
-                        found[name] = np.lib.format.read_array(member, allow_pickle=False)
-            return found
-    except InputError:
-        raise
-    except (
-        OSError,
-        EOFError,
-        ValueError,
-        TypeError,
-        SyntaxError,
-        RuntimeError,
-        NotImplementedError,
-        zipfile.BadZipFile,
-    ) as error:
-        raise InputError(f"{path}: not a readable .npz file ({_first_line(error)})") from error
-    except Exception as error:  # zlib.error, lzma.LZMAError, struct.error: of the archive's own bytes
-        raise InputError(f"{path}: not a readable .npz file ({type(error).__name__}: {_first_line(error)})") from error
+            sizes = {member.filename.removesuffix(".npy"): member.file_size for member in archive.infolist()}
+        check_budget(path, sum(sizes.get(name, 0) for name in schemas), "its arrays")
+        with np.load(path, allow_pickle=False) as file:
+            return {name: file[name] for name in schemas if name in sizes}
+
+    arrays = read_with(read, Path(path), "not a readable .npz file")
+    lengths: dict[str, int] = {}
+    for name, schema in schemas.items():
+        if name in arrays:
+            check_array(f"{path}: {name}", arrays[name].shape, arrays[name].dtype, schema, lengths)
+        else:
+            expect(not schema.required, str(path), f"an array {name}")
+    return arrays
 
 
 def read_npy_header(file: IO[bytes], where: str) -> tuple[tuple[int, ...], bool, np.dtype]:
@@ -320,77 +313,29 @@ def read_npy_header(file: IO[bytes], where: str) -> tuple[tuple[int, ...], bool,
     Raises:
         InputError: not such a header, or one of an array of Python objects.
     """
-    readers: dict[tuple[int, int], Callable] = {
-        (1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0
-    }  # fmt: skip
     try:
         version = np.lib.format.read_magic(file)
-        if version not in readers:
-            raise InputError(f"{where}: .npy version {version}, expected 1.0 or 2.0")
-        with warnings.catch_warnings(action="error"):  # numpy warns of a header that it has to repair
-            shape, fortran, dtype = readers[version](file, max_header_size=10_000)
-    except InputError:
-        raise
+        reader = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, fortran, dtype = reader(file, max_header_size=10_000)
     except Exception as error:  # of the parser of Python's literals, among others tokenize.TokenError
-        raise InputError(f"{where}: not a readable .npy header ({_first_line(error)})") from error
+        raise InputError(f"{where}: not a readable .npy header ({first_line(error)})") from error
     if dtype.hasobject or any(length < 0 for length in shape):
         raise InputError(f"{where}: an array of {dtype} and shape {shape}; expected plain numbers")
     return shape, fortran, dtype
 
 
 def open_npy(path: Path, schema: ArraySchema) -> np.ndarray:
-    """Opens an .npy file as a read-only memory map; its header is checked first.
+    """Opens an .npy file as a read-only memory map.
 
     Raises:
-        InputError: the file is missing or damaged, or its array is not as expected.
+        InputError: the file is missing, damaged or truncated, or its array is not as expected.
     """
     try:
-        with Path(path).open("rb") as file:
-            shape, fortran, dtype = read_npy_header(file, str(path))
-            check_array(str(path), shape, dtype, schema)
-            expect(0 not in shape, str(path), f"an array that is not empty, found {shape}")
-            start, size = file.tell(), file.seek(0, os.SEEK_END)
-            needed = math.prod(shape) * dtype.itemsize
-            expect(size - start >= needed, str(path), f"{needed:,} bytes of numbers, found {size - start:,}: truncated")
-            return np.memmap(path, dtype, "r", start, shape, "F" if fortran else "C")
+        array = np.load(path, mmap_mode="r", allow_pickle=False)
+        check_array(str(path), array.shape, array.dtype, schema)
     except InputError:
         raise
-    except (OSError, ValueError, OverflowError) as error:
-        raise InputError(f"{path}: cannot be read ({_first_line(error)})") from error
-
-
-def read_with(reader: Callable[[Path], Any], path: Path, problem: str, inflated: float = 1.0) -> Any:
-    """Reads a file with the parser of a library, whose exceptions are of many types.
-
-    Args:
-        reader: reads the file; it must not allocate more than `inflated` times the file's size.
-        path: the file.
-        problem: what to tell the user: "missing or damaged".
-        inflated: memory of the content per byte of the file.
-
-    Raises:
-        InputError: the file is too large, or the parser raised an exception.
-    """
-    try:
-        check_budget(path, int(Path(path).stat().st_size * inflated), "its content")
-        return reader(path)
-    except InputError:
-        raise
-    except Exception as error:
-        raise InputError(f"{path}: {problem} ({_first_line(error)})") from error
-
-
-def check_finite(where: str, array: np.ndarray) -> None:
-    """Raises InputError if a number of the array is NaN or infinite."""
-    if array.dtype.kind == "f" and not np.isfinite(array).all():
-        raise InputError(f"{where}: {np.count_nonzero(~np.isfinite(array))} numbers are not finite")
-
-
-def _first_line(error: BaseException) -> str:
-    return next(iter(str(error).splitlines()), type(error).__name__)[:200]
-
-
-def names_in(names: Iterable[str]) -> str:
-    """Names for a message, at most ten."""
-    listed = list(names)
-    return ", ".join(listed[:10]) + (f" and {len(listed) - 10} more" if len(listed) > 10 else "")
+    except Exception as error:  # of numpy's parsers
+        raise InputError(f"{path}: not a readable .npy file ({first_line(error)})") from error
+    expect(array.size > 0, str(path), f"an array that is not empty, found {array.shape}")
+    return array

@@ -1,1 +1,1 @@
-"""Networks as ONNX files: written from a checkpoint (`export`), read and checked (`file`), run by ONNX Runtime (`session`)."""
+"""Networks as ONNX files: written from a checkpoint (`export`), read and run by ONNX Runtime (`session`)."""

@@ -16,8 +16,7 @@ from kpopnet.data.cube import INPUTS
 from kpopnet.errors import InputError
 from kpopnet.networks.description import portable
 from kpopnet.networks.network import PoseNetwork
-from kpopnet.networks.onnx.file import FORMAT, INPUT, KEY, OUTPUTS
-from kpopnet.networks.onnx.session import OnnxBackend
+from kpopnet.networks.onnx.session import FORMAT, INPUT, KEY, OUTPUTS, OnnxBackend
 from kpopnet.runtime.atomic_write import atomic_path
 
 OPSET = 18

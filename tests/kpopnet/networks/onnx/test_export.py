@@ -110,9 +110,50 @@ def test_what_cannot_be_exported_or_run_is_refused(run, tmp_path, monkeypatch):
         patch.setitem(sys.modules, "onnxscript", None)
         with pytest.raises(InputError, match=r"needs the package onnxscript: pip install 'kpopnet\[export\]'"):
             export_network(network, meta, tmp_path / "pose.onnx")
-    for library in ("onnx", "onnxruntime"):
-        with monkeypatch.context() as patch:
-            patch.setitem(sys.modules, library, None)
-            with pytest.raises(InputError, match=rf"package.* {library}.*: pip install 'kpopnet\[onnx\]'"):
-                NetworkEstimator(run / "pose.onnx")
+    with monkeypatch.context() as patch:
+        patch.setitem(sys.modules, "onnxruntime", None)
+        with pytest.raises(InputError, match=r"package onnxruntime: pip install 'kpopnet\[onnx\]'"):
+            NetworkEstimator(run / "pose.onnx")
     assert not list(tmp_path.glob("*.onnx"))
+
+
+def redescribed(content, **change):
+    meta = json.loads(content.metadata_props[0].value)
+    onnx.helper.set_model_props(content, {"kpopnet": json.dumps(meta | change)})
+
+
+def rename_output(model):
+    model.graph.output[0].name = next(iter(model.graph.node[-1].output))
+
+
+def lead_out(model):
+    weight = model.graph.initializer[0]
+    weight.ClearField("raw_data")
+    weight.data_location = onnx.TensorProto.EXTERNAL
+    weight.external_data.add(key="location", value="../../../etc/passwd")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (None, "not an ONNX file, or a damaged one"),
+        (lambda model: model.ClearField("metadata_props"), "no entry kpopnet"),
+        (lambda model: redescribed(model, format="pudding"), "found pudding"),
+        (lambda model: redescribed(model, model={"kind": "dense", "crop_px": 64}), "values of the shapes"),
+        (rename_output, "pose.onnx"),
+        (lead_out, "not an ONNX file, or a damaged one .*External data path"),
+    ],
+    ids=["cut", "undescribed", "format", "size", "output", "external"],
+)
+def test_other_files_are_refused_in_one_line(run, tmp_path, change, message):
+    content = (run / "pose.onnx").read_bytes()
+    if change is None:
+        content = content[: len(content) // 2]
+    else:
+        model = onnx.load_model_from_string(content)
+        change(model)
+        content = model.SerializeToString()
+    (tmp_path / "pose.onnx").write_bytes(content)
+    with pytest.raises(InputError, match=message) as refusal:
+        NetworkEstimator(tmp_path / "pose.onnx")
+    assert "\n" not in str(refusal.value)
