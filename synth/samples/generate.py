@@ -11,7 +11,7 @@ from kpopnet.data.shards import ShardedSet, open_shard, shard_path
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.viz.drawing import TRUE, depth_rgb, draw_skeleton, enlarged, probability_rgb, save_png, sheet, with_captions
 from synth.resumable import Units, make_missing, remove_unfinished
-from synth.samples.observe import Room, freeze
+from synth.samples.observe import Background, freeze
 from synth.samples.writer import FreezeConfig, SetConfig, is_finished, write_shard
 
 TILE_PX = 240
@@ -66,7 +66,7 @@ def draw_contact_sheet(shards: ShardedSet, look: FreezeConfig, seed: int, count:
     camera, shown = shards.camera, []
     for index in np.linspace(0, len(shards) - 1, min(count, len(shards))).astype(int).tolist():
         sample = shards[index]
-        room = Room(*shards.room(index, sample.room))
+        room = Background(*shards.room(index, sample.room))
         noisy_mm, ridge = sample.depth_mm, sample.ridge
         if shards.kind == "clean":
             rng = np.random.default_rng([seed, index])

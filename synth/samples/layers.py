@@ -15,23 +15,17 @@ from kpopnet.skeleton import Joint
 SURFACE_OFFSET_M = {
     # Largest distance along z by which the measured surface may lie in front of a joint that counts as visible. A nearer
     # surface belongs to another body part. Read off dressed people seen from all sides.
-    Joint.HEAD: 0.16,
-    Joint.NECK: 0.16,
-    Joint.TORSO: 0.22,
-    Joint.RIGHT_SHOULDER: 0.15,
-    Joint.LEFT_SHOULDER: 0.15,
-    Joint.RIGHT_HIP: 0.20,
-    Joint.LEFT_HIP: 0.20,
-    Joint.RIGHT_KNEE: 0.12,
-    Joint.LEFT_KNEE: 0.12,
-    Joint.RIGHT_ELBOW: 0.09,
-    Joint.LEFT_ELBOW: 0.09,
-    Joint.RIGHT_HAND: 0.08,
-    Joint.LEFT_HAND: 0.08,
-    Joint.RIGHT_FOOT: 0.12,
-    Joint.LEFT_FOOT: 0.12,
+    "HEAD": 0.16,
+    "NECK": 0.16,
+    "TORSO": 0.22,
+    "SHOULDER": 0.15,
+    "HIP": 0.20,
+    "KNEE": 0.12,
+    "ELBOW": 0.09,
+    "HAND": 0.08,
+    "FOOT": 0.12,
 }
-_SURFACE_OFFSET_M = np.array([SURFACE_OFFSET_M[joint] for joint in Joint])
+_SURFACE_OFFSET_M = np.array([SURFACE_OFFSET_M[joint.name.rpartition("_")[2]] for joint in Joint])
 
 Box = tuple[int, int, int, int]
 

@@ -17,6 +17,7 @@ from kpopnet.data.shards import Sample, ShardedSet
 from kpopnet.errors import InputError
 from kpopnet.ridge import RidgeConfig, ridge_probability
 from kpopnet.skeleton import Joint
+from synth.samples.layers import Box, silhouette_box
 from synth.sensor.kernel import erase_ellipses
 from synth.sensor.model import SENSORS, SensorConfig, measure_labelled, spherical_hole
 
@@ -98,8 +99,8 @@ class OtherSensors:
             raise InputError(f"other_sensors={asdict(self)}: expected probabilities whose sum is at most 1")
 
 
-class Room(NamedTuple):
-    """The empty room behind a person.
+class Background(NamedTuple):
+    """The empty room behind a person, as it is rendered.
 
     Attributes:
         depth_mm: (H, W) uint16 depth, millimetres.
@@ -145,7 +146,7 @@ class Observer:
         sample = self.shards[index]
         if self.shards.kind == "frozen":
             return as_stored(sample, self.shards.camera)
-        room = Room(*self.shards.room(index, sample.room))
+        room = Background(*self.shards.room(index, sample.room))
         rng = np.random.default_rng([self.seed, epoch, index])
         return observe_sample(sample, room, self.shards.camera, self._sensor(index, epoch), self.extraction, rng)
 
@@ -160,7 +161,7 @@ class Observer:
 
 def observe_sample(
     sample: Sample,
-    room: Room,
+    room: Background,
     camera: Camera,
     sensor: SensorConfig,
     extraction: ExtractionConfig,
@@ -213,7 +214,7 @@ def observe_sample(
     return Observation(depth_m, cropped, sample.joints_camera_m, sample.visible)
 
 
-def _surroundings(sample: Sample, camera: Camera, with_attached: bool) -> tuple[int, int, int, int]:
+def _surroundings(sample: Sample, camera: Camera, with_attached: bool) -> Box:
     """x0, y0, x1, y1 of the person's box with its margin, within the image."""
     x0, y0, x1, y1 = sample.box
     if not (0 <= x0 <= x1 <= camera.width and 0 <= y0 <= y1 <= camera.height):
@@ -222,28 +223,25 @@ def _surroundings(sample: Sample, camera: Camera, with_attached: bool) -> tuple[
     if with_attached and x1 > x0:
         nearest_m = sample.depth_mm[y0:y1, x0:x1].max(initial=1) / MM_PER_METRE
         margin += int(ATTACHED_RADIUS_M[1] * camera.fx / nearest_m)
+    return _widened(sample.box, margin, camera)
+
+
+def _widened(box: Box, margin: int, camera: Camera) -> Box:
+    """x0, y0, x1, y1 of a box with a margin in pixels, within the image."""
+    x0, y0, x1, y1 = box
     return max(x0 - margin, 0), max(y0 - margin, 0), min(x1 + margin, camera.width), min(y1 + margin, camera.height)
 
 
 def freeze(
     sample: Sample,
-    room: Room,
+    room: Background,
     camera: Camera,
     sensor: SensorConfig,
     extraction: ExtractionConfig,
     ridge: RidgeConfig,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The images of a frozen shard: the result of `observe_sample` and its ridge, pasted back into the full image.
-
-    Args:
-        sample: a clean sample.
-        room: the empty room behind the person.
-        camera: the sample's camera.
-        sensor: the depth-camera model.
-        extraction: failures of the segmentation.
-        ridge: parameters of the ridge image.
-        rng: the only source of randomness.
+    """The images of a frozen shard: the result of `observe_sample` (see there) and its ridge, pasted into the full image.
 
     Returns:
         (H, W) uint16 depth in millimetres and (H, W) uint8 ridge probability times 255.
@@ -265,13 +263,11 @@ def as_stored(sample: Sample, camera: Camera) -> Observation:
         InputError: its images are not of the camera's size.
     """
     check_images("sample", camera, sample.depth_mm)
-    rows, columns = sample.depth_mm.any(axis=1).nonzero()[0], sample.depth_mm.any(axis=0).nonzero()[0]
-    y0, y1 = (max(rows[0] - MARGIN_PX, 0), min(rows[-1] + 1 + MARGIN_PX, camera.height)) if len(rows) else (0, 1)
-    x0, x1 = (max(columns[0] - MARGIN_PX, 0), min(columns[-1] + 1 + MARGIN_PX, camera.width)) if len(rows) else (0, 1)
-    part = slice(y0, y1), slice(x0, x1)
+    box = silhouette_box(sample.depth_mm)
+    x0, y0, x1, y1 = _widened(box, MARGIN_PX, camera) if any(box) else (0, 0, 1, 1)
     return Observation(
-        sample.depth_mm[part].astype(np.float32) / np.float32(MM_PER_METRE),
-        camera.cropped(int(x0), int(y0), int(x1 - x0), int(y1 - y0)),
+        sample.depth_mm[y0:y1, x0:x1].astype(np.float32) / np.float32(MM_PER_METRE),
+        camera.cropped(x0, y0, x1 - x0, y1 - y0),
         sample.joints_camera_m,
         sample.visible,
     )

@@ -5,7 +5,9 @@ process on any machine produces the same sample, whichever other samples it prod
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,8 +25,8 @@ from synth.samples.layers import Around, compose, hidden_fraction, millimetres, 
 from synth.samples.placing import MISFRAMED, SOUND, UNSEEN, Body, Site, StageConfig, draw_place, draw_place_beside, faults
 from synth.scene.props import PropsConfig, held_by, is_sitting, seat_under
 from synth.scene.render import RENDERERS, Renderer, draw_mesh_m, make_renderer
-from synth.scene.room import Room, View, ViewConfig, draw_room, draw_view
-from synth.scene.scene import FittedPerson, Scene
+from synth.scene.room import ViewConfig, draw_room, draw_view
+from synth.scene.scene import Scene
 
 BLOCK = 64
 """Number of samples whose poses are drawn in one batch. No sample depends on it."""
@@ -40,8 +42,6 @@ ATTACHED_M = (0.03, 0.12)
 
 MAX_HIDDEN = 0.5
 """Largest fraction of a person's pixels that another person may hide."""
-
-SIDES = (("Left", 1.0), ("Right", -1.0))
 
 FINGER_FLEXION = {"FingerBase": 0.2, "HandFinger1": 1.4}
 """Bones of the fingers, and by how much of the drawn angle each flexes: FingerBase lies in the palm, which hardly bends."""
@@ -116,8 +116,7 @@ class SampleConfig:
             raise InputError("samples_per_body and samples_per_room must be at least 1")
 
 
-@dataclass(frozen=True)
-class RenderedSample:
+class RenderedSample(NamedTuple):
     """A clean sample and the statistics of its rejection sampling.
 
     Attributes:
@@ -138,21 +137,41 @@ class RenderedSample:
     around: Around
 
 
-@dataclass(frozen=True)
-class RenderedRoom:
+class RenderedRoom(NamedTuple):
     """A rendered empty room.
 
     Attributes:
         depth_mm: (H, W) uint16 depth, millimetres.
         floor: (4,) float32 floor plane in the camera frame: upward unit normal n and offset d in metres, n.x + d = 0.
-        room: the boxes.
-        view: the camera pose.
+        site: the boxes, the camera's pose and the camera.
     """
 
     depth_mm: np.ndarray
     floor: np.ndarray
-    room: Room
-    view: View
+    site: Site
+
+
+class _Pose(NamedTuple):
+    """A pose for person `number`: (B, 4) local rotations of the bones, the height of the lowest point above the floor, the
+    largest penetration of two body parts, both in metres, and the number of poses rejected before.
+    """
+
+    number: int
+    name: str
+    local: np.ndarray
+    lift_m: float
+    penetration_m: float
+    rejected: int
+
+
+class _Placed(NamedTuple):
+    """The person of sample `index` in a pose at a place, (3,) metres, in a room; `body` is the posed body."""
+
+    index: int
+    pose: _Pose
+    body: Body
+    place_m: np.ndarray
+    room: RenderedRoom
 
 
 class Sampler:
@@ -170,8 +189,7 @@ class Sampler:
         self.scene = Scene(config.camera.build())
         self.renderer: Renderer = make_renderer(config.renderer, self.scene)
         self._seed = (seed, SPLITS.index(split))
-        self._people: dict[int, FittedPerson] = {}
-        self._current_body: int | None = None
+        self._fitted = lru_cache(BLOCK)(lambda number: self.scene.fit(self.person(number)))
         self._room: tuple[int, RenderedRoom] | None = None
 
     def close(self) -> None:
@@ -181,9 +199,9 @@ class Sampler:
     def _rng(self, kind: str, index: int) -> np.random.Generator:
         return np.random.default_rng((*self._seed, _STREAMS.index(kind), index))
 
-    def person(self, body: int) -> Person:
-        """Person number `body` of the split."""
-        return draw_person(self._rng("body", body), self.config.body, self.split)
+    def person(self, number: int) -> Person:
+        """Person `number` of the split."""
+        return draw_person(self._rng("body", number), self.config.body, self.split)
 
     def room(self, index: int) -> RenderedRoom:
         """Room number `index`, drawn and rendered."""
@@ -192,8 +210,8 @@ class Sampler:
             view, room = draw_view(rng, self.config.view), draw_room(rng)
             self.scene.set_view(view)
             self.scene.set_room(room)
-            depth_mm = millimetres(self.renderer.room_m())
-            self._room = index, RenderedRoom(depth_mm, view.floor().astype(np.float32), room, view)
+            depth_mm, floor = millimetres(self.renderer.room_m()), view.floor().astype(np.float32)
+            self._room = index, RenderedRoom(depth_mm, floor, Site(room, view, self.scene.camera))
         return self._room[1]
 
     def room_of(self, index: int) -> int:
@@ -205,24 +223,21 @@ class Sampler:
         for block in range(start, stop, BLOCK):
             indices = range(block, min(block + BLOCK, stop))
             generators = [self._rng("sample", index) for index in indices]
-            poses = self._choose_poses([self._body_of(index) for index in indices], generators)
-            for index, rng, chosen in zip(indices, generators, poses, strict=True):
-                yield self._render_sample(index, rng, chosen)
+            poses = self._draw_poses([index // self.config.samples_per_body for index in indices], generators)
+            for index, rng, pose in zip(indices, generators, poses, strict=True):
+                yield self._draw_sample(index, rng, pose)
 
-    def _body_of(self, index: int) -> int:
-        return index // self.config.samples_per_body
-
-    def _choose_poses(self, bodies: list[int], generators: list[np.random.Generator]) -> list["_ChosenPose"]:
+    def _draw_poses(self, numbers: list[int], generators: list[np.random.Generator]) -> list[_Pose]:
         """Draws a pose without self-penetration for each person. All rejected poses are redrawn in one batch."""
         config, scene = self.config.stage, self.scene
-        chosen: list[_ChosenPose | None] = [None] * len(bodies)
-        pending = list(range(len(bodies)))
+        chosen: list[_Pose | None] = [None] * len(numbers)
+        pending = list(range(len(numbers)))
         for attempt in range(config.tries):
             poses = self.source.poses([generators[k] for k in pending])
             lifts_m = np.maximum(height_above_floor(poses.quats, poses.root_m), 0) / poses.leg_m
             rejected = []
             for j, k in enumerate(pending):
-                self._set_person(bodies[k])
+                self._set_person(numbers[k])
                 local = self._body_rotations(generators[k], poses.quats[j])
                 scene.pose(local, np.zeros(3))
                 penetration_m = scene.penetration_m()
@@ -230,86 +245,75 @@ class Sampler:
                     rejected.append(k)
                 if chosen[k] is None or penetration_m < chosen[k].penetration_m:
                     lift_m = float(lifts_m[j]) * scene.person.leg_m
-                    chosen[k] = _ChosenPose(poses.names[j], local, lift_m, penetration_m, rejected=attempt)
+                    chosen[k] = _Pose(numbers[k], poses.names[j], local, lift_m, penetration_m, rejected=attempt)
             pending = rejected
             if not pending:
                 break
         for k in pending:
-            chosen[k] = replace(chosen[k], rejected=config.tries)
+            chosen[k] = chosen[k]._replace(rejected=config.tries)
         return chosen
-
-    def _render_sample(self, index: int, rng: np.random.Generator, chosen: "_ChosenPose") -> RenderedSample:
-        """Places the person in the chosen pose and renders the sample."""
-        config = self.config.stage
-        room = self.room(self.room_of(index))
-        site = Site(room.room, room.view, self.scene.camera)
-        body = self._posed_body(self._body_of(index), chosen)
-        cut = rng.random() < config.cut
-        best, least = None, SOUND
-        for refused in range(config.place_tries):
-            placed = _Placed(index, chosen, body, draw_place(rng, config, body, site, cut), room)
-            fault = faults(body, placed.place_m, site, cut)
-            if fault == SOUND:
-                rendered = replace(self._render(placed), refused_places=refused)
-                if np.count_nonzero(rendered.sample.depth_mm) >= config.least_pixels:
-                    return rendered
-                fault = UNSEEN
-            if best is None or fault < least:
-                best, least = placed, fault
-        rendered = self._render(best)
-        return replace(rendered, refused_places=config.place_tries, forced=rendered.forced or least > MISFRAMED)
-
-    def _posed_body(self, number: int, chosen: "_ChosenPose") -> Body:
-        """Person `number` in the chosen pose, with the hips at the world's origin."""
-        self._set_person(number)
-        self.scene.pose(chosen.local, np.zeros(3))
-        vertices_m = self.renderer.vertices_world_m().copy()
-        torso_m = self.scene.joints_world_m()[Joint.TORSO]
-        low_m, high_m = (np.array([f(vertices_m[:, axis]) for axis in range(3)], float) for f in (np.min, np.max))
-        return Body(vertices_m, low_m, high_m, torso_m, float(chosen.lift_m - low_m[2]))
-
-    def _set_person(self, body: int) -> None:
-        """Sets the scene's person to number `body` of the split. The last people are cached."""
-        if self._current_body == body:
-            return
-        if body not in self._people:
-            if len(self._people) > BLOCK:
-                self._people.clear()
-            self._people[body] = self.scene.fit(self.person(body))
-        self.scene.set_person(self._people[body])
-        self._current_body = body
 
     def _body_rotations(self, rng: np.random.Generator, quats: np.ndarray) -> np.ndarray:
         """(B, 4) local rotations of the body's bones from the (23, 4) of a motion, with random heading and finger curl."""
         config = self.config.stage
         yaw = rng.uniform(-np.pi, np.pi) if rng.random() < config.turned else np.radians(config.turn_deg) * rng.normal()
-        curls_rad = np.array([rng.uniform(0.0, 1.5) for _ in SIDES])
-        return body_rotations(self.scene.asset, quats, yaw, curls_rad)
+        return body_rotations(self.scene.asset, quats, yaw, rng.uniform(0.0, 1.5, 2))
 
-    def _render(self, placed: "_Placed") -> RenderedSample:
-        """Renders a placed person and what is around them, as the first place."""
-        scene, camera, room_mm = self.scene, self.scene.camera, placed.room.depth_mm
-        scene.pose(placed.chosen.local, placed.place_m)
+    def _set_person(self, number: int) -> None:
+        fitted = self._fitted(number)
+        if self.scene.person is not fitted.person:
+            self.scene.set_person(fitted)
+
+    def _posed_body(self, pose: _Pose) -> Body:
+        """The person in the pose, with the hips at the world's origin."""
+        self._set_person(pose.number)
+        self.scene.pose(pose.local, np.zeros(3))
+        vertices_m = self.renderer.vertices_world_m().copy()
+        torso_m = self.scene.joints_world_m()[Joint.TORSO]
+        low_m, high_m = (np.array([f(vertices_m[:, axis]) for axis in range(3)], float) for f in (np.min, np.max))
+        return Body(vertices_m, low_m, high_m, torso_m, float(pose.lift_m - low_m[2]))
+
+    def _draw_sample(self, index: int, rng: np.random.Generator, pose: _Pose) -> RenderedSample:
+        """Draws places for the person in the pose until one is sound, and renders it; else the best of them."""
+        config, room, body = self.config.stage, self.room(self.room_of(index)), self._posed_body(pose)
+        cut = rng.random() < config.cut
+        best, least = None, SOUND
+        for refused in range(config.place_tries):
+            placed = _Placed(index, pose, body, draw_place(rng, config, body, room.site, cut), room)
+            fault = faults(body, placed.place_m, room.site, cut)
+            if fault == SOUND:
+                rendered = self._render(placed, refused, forced=False)
+                if np.count_nonzero(rendered.sample.depth_mm) >= config.least_pixels:
+                    return rendered
+                fault = UNSEEN
+            if best is None or fault < least:
+                best, least = placed, fault
+        return self._render(best, config.place_tries, forced=least > MISFRAMED)
+
+    def _render(self, placed: _Placed, refused_places: int, forced: bool) -> RenderedSample:
+        """Renders a placed person and what is around them."""
+        scene, camera, pose, room = self.scene, self.scene.camera, placed.pose, placed.room
+        scene.pose(pose.local, placed.place_m)
         person_m = self.renderer.person_m()
         joints = scene.view.to_camera(scene.joints_world_m())
         yaw_rad = heading_rad(scene)
         around, props = self._draw_around(placed, person_m)
-        composed = compose(person_m, room_mm, around, camera)
+        composed = compose(person_m, room.depth_mm, around, camera)
         sample = Sample(
             depth_mm=composed.depth_mm,
             box=composed.box,
             joints_camera_m=joints.astype(np.float32),
             visible=visible_joints(joints, composed.own_mm, camera),
-            body=self._body_of(placed.index),
-            motion=placed.chosen.name,
+            body=pose.number,
+            motion=pose.name,
             yaw_rad=yaw_rad,
             room=self.room_of(placed.index),
             ridge=None,
         )
-        chosen = placed.chosen
-        return RenderedSample(sample, chosen.rejected, 0, chosen.penetration_m > self.config.stage.penetration_m, props, around)
+        forced = forced or pose.penetration_m > self.config.stage.penetration_m
+        return RenderedSample(sample, pose.rejected, refused_places, forced, props, around)
 
-    def _draw_around(self, placed: "_Placed", person_m: np.ndarray) -> tuple[Around, tuple[str, ...]]:
+    def _draw_around(self, placed: _Placed, person_m: np.ndarray) -> tuple[Around, tuple[str, ...]]:
         """Draws seat, held object and second person of a placed person, and their names."""
         config, scene = self.config.props, self.scene
         rng = self._rng("props", placed.index)
@@ -335,25 +339,22 @@ class Sampler:
         images, reaches_m = zip(*others, strict=True) if others else ((), ())
         return Around(held_m, images, reaches_m), tuple(names)
 
-    def _second_person_m(self, rng: np.random.Generator, placed: "_Placed", person_m: np.ndarray) -> np.ndarray | None:
+    def _second_person_m(self, rng: np.random.Generator, placed: _Placed, person_m: np.ndarray) -> np.ndarray | None:
         """(H, W) depth in metres of another person of the split close to a placed one; None if no place is free for them."""
-        scene, room = self.scene, placed.room
-        own = self._body_of(placed.index)
-        number = own + int(rng.integers(1, OTHER_PEOPLE))
-        (chosen,) = self._choose_poses([number], [rng])
-        other = self._posed_body(number, chosen)
-        drawn_m = None
+        scene, own, room = self.scene, placed.pose, placed.room
+        (pose,) = self._draw_poses([own.number + int(rng.integers(1, OTHER_PEOPLE))], [rng])
+        other, drawn_m = self._posed_body(pose), None
         for _ in range(self.config.stage.place_tries):
-            place_m = draw_place_beside(rng, placed.body, placed.place_m, other, Site(room.room, room.view, scene.camera))
+            place_m = draw_place_beside(rng, placed.body, placed.place_m, other, room.site)
             if place_m is None:
                 continue
-            scene.pose(chosen.local, place_m)
+            scene.pose(pose.local, place_m)
             other_m = self.renderer.person_m()
             if hidden_fraction(person_m, other_m, room.depth_mm) <= MAX_HIDDEN:
                 drawn_m = other_m
                 break
-        self._set_person(own)
-        scene.pose(placed.chosen.local, placed.place_m)
+        self._set_person(own.number)
+        scene.pose(own.local, placed.place_m)
         return drawn_m
 
 
@@ -374,42 +375,12 @@ def body_rotations(asset: BodyAsset, quats: np.ndarray, yaw_rad: float, curls_ra
     # In motions y is up and z is the front; in the world z is up and -y is the front: (x, y, z) -> (x, -z, y).
     local[..., [asset.bone(name) for name in MOTION_BONES], :] = quats[..., (0, 1, 3, 2)] * (1, 1, -1, 1)
     local[..., 0, :] = multiply(np.array([np.cos(yaw_rad / 2), 0, 0, np.sin(yaw_rad / 2)]), local[..., 0, :])
-    for (side, sign), curl in zip(SIDES, curls_rad, strict=True):
+    for (side, sign), curl in zip((("Left", 1.0), ("Right", -1.0)), curls_rad, strict=True):
         for finger, share in FINGER_FLEXION.items():
             # In the T-pose the palms face down, so the fingers flex about the y axis.
             half = sign * share * curl / 2
             local[..., asset.bone(f"{side}{finger}"), :] = np.cos(half), 0, np.sin(half), 0
     return local
-
-
-@dataclass(frozen=True)
-class _ChosenPose:
-    """A pose for one sample.
-
-    Attributes:
-        name: name of the pose.
-        local: (B, 4) local rotations of the body's bones.
-        lift_m: height of the lowest point of the body above the floor, metres.
-        penetration_m: largest penetration of two body parts, metres.
-        rejected: number of poses rejected before.
-    """
-
-    name: str
-    local: np.ndarray
-    lift_m: float
-    penetration_m: float
-    rejected: int
-
-
-@dataclass(frozen=True)
-class _Placed:
-    """The person of sample `index` in a pose at a place, (3,) metres, in a room; `body` is the posed body."""
-
-    index: int
-    chosen: _ChosenPose
-    body: Body
-    place_m: np.ndarray
-    room: RenderedRoom
 
 
 def heading_rad(scene: Scene) -> float:

@@ -22,11 +22,10 @@ from kpopnet.data.shards import FORMAT, VERSION, Sample, read_header, shard_path
 from kpopnet.errors import InputError, check_between, check_seed
 from kpopnet.ridge import RidgeConfig
 from kpopnet.runtime.atomic_write import atomic_hdf5
-from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
+from kpopnet.skeleton import JOINT_NAMES
 from synth.body.asset import ASSET
 from synth.samples.layers import silhouette_box
-from synth.samples.observe import ExtractionConfig, freeze
-from synth.samples.observe import Room as ObservedRoom
+from synth.samples.observe import Background, ExtractionConfig, freeze
 from synth.samples.sampler import BLOCK, RenderedRoom, SampleConfig, Sampler
 from synth.sensor.model import SensorConfig
 
@@ -141,11 +140,22 @@ def _sampler(config: SetConfig) -> Sampler:
     """The sampler of a set. Each process keeps the sampler (one compiled scene) of the last set only."""
     key = (config.hash, config.split)
     if key not in _samplers:
-        for sampler in _samplers.values():
-            sampler.close()
-        _samplers.clear()
+        while _samplers:
+            _samplers.popitem()[1].close()
         _samplers[key] = Sampler(config.sample, config.seed, config.split)
     return _samplers[key]
+
+
+COLUMNS = {
+    "box": (np.int16, lambda sample: sample.box),
+    "joints_m": (np.float32, lambda sample: sample.joints_camera_m),
+    "visible": (bool, lambda sample: sample.visible),
+    "body": (np.int64, lambda sample: sample.body),
+    "motion": ("S48", lambda sample: sample.motion.encode()[:48].decode(errors="ignore").encode()),
+    "yaw": (np.float32, lambda sample: sample.yaw_rad),
+    "room": (np.int32, lambda sample: sample.room),
+}
+"""Type and value of each label of a sample, by the name of its dataset; rooms are numbered from the shard's first."""
 
 
 def _fill(file: h5py.File, config: SetConfig, shard: int, sampler: Sampler, on_sample: Callable[[], None]) -> None:
@@ -156,14 +166,13 @@ def _fill(file: h5py.File, config: SetConfig, shard: int, sampler: Sampler, on_s
     image = {"chunks": (1, *size), "compression": "gzip", "compression_opts": 1, "shuffle": True}
     depth_mm = file.create_dataset("depth_mm", (count, *size), "u2", **image)
     ridge = file.create_dataset("ridge", (count, *size), "u1", **image) if config.freeze else None
-    columns = _empty_columns(count)
+    labels: dict[str, list] = {name: [] for name in COLUMNS}
     rooms: dict[int, RenderedRoom] = {}
-    rejected = refused = forced = 0
+    totals = {"refused_poses": 0, "refused_places": 0, "forced_samples": 0}
     images, ridges = [], []  # written in blocks: the cost of a write hardly depends on its size
     for row, rendered in enumerate(sampler.samples(start, stop)):
-        sample = rendered.sample
-        room_row = sample.room - sampler.room_of(start)
-        room = rooms.setdefault(room_row, sampler.room(sample.room))
+        room = rooms.setdefault(rendered.sample.room, sampler.room(rendered.sample.room))
+        sample = dataclasses.replace(rendered.sample, room=rendered.sample.room - sampler.room_of(start))
         if config.freeze:
             sample, ridge_image = _frozen(sample, room, camera, config, start + row)
             ridges.append(ridge_image)
@@ -174,41 +183,16 @@ def _fill(file: h5py.File, config: SetConfig, shard: int, sampler: Sampler, on_s
             if config.freeze:
                 ridge[rows] = np.stack(ridges)
             images, ridges = [], []
-        _set_row(columns, row, sample, room_row)
-        rejected += rendered.rejected
-        refused += rendered.refused_places
-        forced += rendered.forced
+        for name, (_, value) in COLUMNS.items():
+            labels[name].append(value(sample))
+        for name, more in zip(totals, (rendered.rejected, rendered.refused_places, rendered.forced), strict=True):
+            totals[name] += more
         on_sample()
-    for name, values in columns.items():
-        file.create_dataset(name, data=values)
-    file.create_dataset("room_mm", data=np.stack([rooms[k].depth_mm for k in sorted(rooms)]), **image)
-    file.create_dataset("floor", data=np.stack([rooms[k].floor for k in sorted(rooms)]))
-    counts = {"refused_poses": rejected, "refused_places": refused, "forced_samples": forced}
-    file.attrs.update(_attributes(config, shard, camera) | counts)
-
-
-def _empty_columns(count: int) -> dict[str, np.ndarray]:
-    """Arrays for the labels of `count` samples, by dataset name."""
-    return {
-        "box": np.zeros((count, 4), np.int16),
-        "joints_m": np.zeros((count, NUM_JOINTS, 3), np.float32),
-        "visible": np.zeros((count, NUM_JOINTS), bool),
-        "body": np.zeros(count, np.int64),
-        "motion": np.zeros(count, "S48"),
-        "yaw": np.zeros(count, np.float32),
-        "room": np.zeros(count, np.int32),
-    }
-
-
-def _set_row(columns: dict[str, np.ndarray], row: int, sample: Sample, room_row: int) -> None:
-    """Stores the labels of a sample. `room_row` is the number of its room within the shard."""
-    columns["box"][row] = sample.box
-    columns["joints_m"][row] = sample.joints_camera_m
-    columns["visible"][row] = sample.visible
-    columns["body"][row] = sample.body
-    columns["motion"][row] = sample.motion.encode()[:48].decode(errors="ignore").encode()
-    columns["yaw"][row] = sample.yaw_rad
-    columns["room"][row] = room_row
+    for name, (kind, _) in COLUMNS.items():
+        file.create_dataset(name, data=np.array(labels[name], kind))
+    file.create_dataset("room_mm", data=np.stack([rooms[number].depth_mm for number in sorted(rooms)]), **image)
+    file.create_dataset("floor", data=np.stack([rooms[number].floor for number in sorted(rooms)]))
+    file.attrs.update(_attributes(config, shard, camera) | totals)
 
 
 def _attributes(config: SetConfig, shard: int, camera: Camera) -> dict[str, Any]:
@@ -235,6 +219,6 @@ def _frozen(sample: Sample, room: RenderedRoom, camera: Camera, config: SetConfi
     """The sample with its measured and segmented depth, and its ridge image (H, W) uint8."""
     settings = config.freeze
     rng = np.random.default_rng([config.seed, *config.split.encode(), index])
-    observed_room = ObservedRoom(room.depth_mm, room.floor)
-    depth_mm, ridge = freeze(sample, observed_room, camera, settings.sensor, settings.extraction, settings.ridge, rng)
+    background = Background(room.depth_mm, room.floor)
+    depth_mm, ridge = freeze(sample, background, camera, settings.sensor, settings.extraction, settings.ridge, rng)
     return dataclasses.replace(sample, depth_mm=depth_mm, box=silhouette_box(depth_mm)), ridge

@@ -10,7 +10,7 @@ import numpy as np
 from kpopnet.data.batches import AugmentConfig, CropBatches, ShuffledOrder
 from kpopnet.networks import ModelConfig
 from kpopnet.ridge import RidgeConfig, ridge_probability
-from synth.samples.observe import ExtractionConfig, Observer, Room, observe_sample
+from synth.samples.observe import Background, ExtractionConfig, Observer, observe_sample
 from synth.sensor.model import SensorConfig
 from tests.speed.generated import generated_set
 
@@ -22,7 +22,7 @@ def measure() -> dict[str, tuple[float, str, str]]:
     with tempfile.TemporaryDirectory() as folder:
         shards = generated_set(Path(folder), SAMPLES)
         samples = [shards[index] for index in range(SAMPLES)]
-        rooms = [Room(*shards.room(index, sample.room)) for index, sample in enumerate(samples)]
+        rooms = [Background(*shards.room(index, sample.room)) for index, sample in enumerate(samples)]
 
         def observe() -> None:
             for index, (sample, room) in enumerate(zip(samples, rooms, strict=True)):

@@ -9,7 +9,7 @@ from kpopnet.data.shards import ShardedSet
 from kpopnet.errors import InputError
 from kpopnet.ridge import RidgeConfig, ridge_probability
 from kpopnet.skeleton import Joint
-from synth.samples.observe import PERFECT, ExtractionConfig, Observer, OtherSensors, Room, freeze, observe_sample
+from synth.samples.observe import PERFECT, Background, ExtractionConfig, Observer, OtherSensors, freeze, observe_sample
 from synth.sensor.model import SENSORS
 
 IDEAL, KINECT = SENSORS["ideal"], SENSORS["kinect_v1"]
@@ -30,7 +30,7 @@ def seeded(i=0):
 
 def observed(shards, extraction=PERFECT, sensor=IDEAL, index=0, seed=0):
     sample = shards[index]
-    room = Room(*shards.room(index, sample.room))
+    room = Background(*shards.room(index, sample.room))
     return observe_sample(sample, room, shards.camera, sensor, extraction, seeded(seed))
 
 
@@ -148,7 +148,7 @@ def test_a_missing_hand_is_removed_and_the_rest_remains(shards):
 def test_in_an_empty_room_with_a_distant_floor_only_the_person_is_observed(shards):
     extraction = dataclasses.replace(PERFECT, feet_cut_m=0.08, attached=1.0)
     camera, distant_floor = shards.camera, np.array([0, -1, 0, 100], np.float32)
-    room = Room(np.zeros((camera.height, camera.width), np.uint16), distant_floor)
+    room = Background(np.zeros((camera.height, camera.width), np.uint16), distant_floor)
     for seed in range(4):
         seen = observe_sample(shards[0], room, camera, IDEAL, extraction, seeded(seed))
         assert np.array_equal(np.rint(full_image(seen, camera) * 1000), shards[0].depth_mm)
@@ -157,7 +157,7 @@ def test_in_an_empty_room_with_a_distant_floor_only_the_person_is_observed(shard
 @pytest.mark.parametrize("sensor", SENSORS.values(), ids=SENSORS)
 def test_frozen_images_equal_the_observation(shards, sensor):
     sample = shards[1]
-    room = Room(*shards.room(1, sample.room))
+    room = Background(*shards.room(1, sample.room))
     arguments = sample, room, shards.camera, sensor, ExtractionConfig()
     depth_mm, ridge = freeze(*arguments, RIDGE, seeded(3))
     seen = observe_sample(*arguments, seeded(3))
@@ -197,8 +197,8 @@ def test_invalid_settings_are_rejected_with_the_override(settings, message):
 def test_a_room_smaller_than_the_frame_and_a_box_outside_it_are_refused(shards):
     """A compiled function would read beyond the room's end, and give foreign memory as depth."""
     sample, camera = shards[0], shards.camera
-    room = Room(*shards.room(0, sample.room))
-    small = Room(room.depth_mm[:20, :30].copy(), room.floor)
+    room = Background(*shards.room(0, sample.room))
+    small = Background(room.depth_mm[:20, :30].copy(), room.floor)
     for wrong_sample, wrong_room, message in (
         (sample, small, r"sample and room: an image of shape \(20, 30\), expected .* \(240, 320\)"),
         (dataclasses.replace(sample, depth_mm=sample.depth_mm[:20]), room, r"an image of shape \(20, 320\)"),
@@ -229,7 +229,7 @@ def test_hair_that_returns_nothing_is_missing_in_all_images_of_a_person_and_abov
 
 def test_hair_is_missing_for_some_people_always_and_for_the_others_never(shards):
     some = dataclasses.replace(PERFECT, hair_missing=0.5)
-    room, lost = Room(*shards.room(0, shards[0].room)), []
+    room, lost = Background(*shards.room(0, shards[0].room)), []
     for body in range(40):
         sample = dataclasses.replace(shards[0], body=body)
         seen = [observe_sample(sample, room, shards.camera, IDEAL, some, seeded(seed)).depth_m for seed in range(2)]
@@ -241,7 +241,7 @@ def test_hair_is_missing_for_some_people_always_and_for_the_others_never(shards)
 def test_without_a_head_joint_no_hair_is_missing(shards):
     joints = shards[0].joints_camera_m.copy()
     joints[Joint.HEAD] = np.nan
-    sample, room = dataclasses.replace(shards[0], joints_camera_m=joints), Room(*shards.room(0, shards[0].room))
+    sample, room = dataclasses.replace(shards[0], joints_camera_m=joints), Background(*shards.room(0, shards[0].room))
     missing = dataclasses.replace(PERFECT, hair_missing=1.0)
     seen = observe_sample(sample, room, shards.camera, IDEAL, missing, seeded())
     assert np.array_equal(seen.depth_m, observed(shards).depth_m)

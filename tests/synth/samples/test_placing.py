@@ -66,7 +66,7 @@ def drawn() -> list[tuple[RenderedSample, bool, float]]:
     sampler, found = Sampler(CONFIG, 5, "train"), []
     for rendered in sampler.samples(0, 200):
         skin_m = sampler.renderer.vertices_world_m()
-        room, overlaps = sampler.room(rendered.sample.room).room, False
+        room, overlaps = sampler.room(rendered.sample.room).site.room, False
         for centre, half, yaw in zip(room.centres_m[1:], room.halves_m[1:], room.yaws_rad[1:], strict=True):
             turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
             overlaps |= bool((np.abs((skin_m - centre) @ turn) < half).all(axis=1).any())
