@@ -8,8 +8,7 @@ from numba import njit
 
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError, check_between, check_range
-from synth.scene.collision import overlaps_boxes
-from synth.scene.room import Room, View
+from synth.scene.room import Room, View, overlaps_boxes
 
 CLEARANCE_M = 0.03
 """Least distance of the body's vertices from walls and furniture: twice the usual distance between neighbours on the skin, so

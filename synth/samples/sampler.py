@@ -24,7 +24,7 @@ from synth.motion.skeleton import height_above_floor
 from synth.samples.layers import Around, compose, hidden_fraction, millimetres, visible_joints
 from synth.samples.placing import MISFRAMED, SOUND, UNSEEN, Body, Site, StageConfig, draw_place, draw_place_beside, faults
 from synth.scene.props import PropsConfig, held_by, is_sitting, seat_under
-from synth.scene.render import RENDERERS, Renderer, draw_mesh_m, make_renderer
+from synth.scene.render import RENDERERS, draw_mesh_m, make_renderer
 from synth.scene.room import ViewConfig, draw_room, draw_view
 from synth.scene.scene import Scene
 
@@ -187,7 +187,7 @@ class Sampler:
         self.split = split
         self.source: MotionSource = build_motion(config.motion, split)
         self.scene = Scene(config.camera.build())
-        self.renderer: Renderer = make_renderer(config.renderer, self.scene)
+        self.renderer = make_renderer(config.renderer, self.scene)
         self._seed = (seed, SPLITS.index(split))
         self._fitted = lru_cache(BLOCK)(lambda number: self.scene.fit(self.person(number)))
         self._room: tuple[int, RenderedRoom] | None = None

@@ -13,8 +13,8 @@ import numpy as np
 
 from kpopnet.errors import check_between
 from kpopnet.skeleton import Joint
-from synth.scene.collision import overlaps_boxes
 from synth.scene.mesh import Box, Mesh, ball, boxes, joined, rod
+from synth.scene.room import overlaps_boxes
 
 PALM_M = 0.02
 """Distance of the palm's skin from the centre of the hand."""

@@ -9,7 +9,6 @@ import contextlib
 import logging
 import os
 import warnings
-from typing import Protocol
 
 import mujoco
 import numpy as np
@@ -27,33 +26,7 @@ EDGE_TOLERANCE = 1e-9
 """Slack of the barycentric inside test. A pixel centre on the common edge of two triangles belongs to one of them."""
 
 
-class Renderer(Protocol):
-    """Renders the current state of a scene.
-
-    Depth images are (H, W) float32 metres along the optical axis, 0 where no surface is visible. Geometry nearer than
-    NEAR_M is clipped at that plane, like the blind zone of a sensor.
-    """
-
-    name: str
-
-    def person_m(self) -> np.ndarray:
-        """(H, W) depth of the person without the room."""
-        ...
-
-    def room_m(self) -> np.ndarray:
-        """(H, W) depth of the room without the person."""
-        ...
-
-    def vertices_world_m(self) -> np.ndarray:
-        """(V, 3) float32 skin vertices of the posed person, world frame."""
-        ...
-
-    def close(self) -> None:
-        """Frees the renderer's resources."""
-        ...
-
-
-def make_renderer(name: str, scene: Scene) -> Renderer:
+def make_renderer(name: str, scene: Scene) -> "CpuRenderer":
     """Builds the renderer `auto`, `gl` or `cpu`.
 
     `auto` tries OpenGL only with MuJoCo's EGL backend (MUJOCO_GL=egl, which `synth` sets on a machine with an NVIDIA GPU
@@ -86,34 +59,8 @@ def _backend_is_egl() -> bool:
     return os.environ.get("MUJOCO_GL", "").lower() == "egl"
 
 
-class _Skinning:
-    """MuJoCo's own skinning of the person. It needs no OpenGL."""
-
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
-        self.options = {"person": _options(skin=True), "room": _options(skin=False)}
-        self.drawn = mujoco.MjvScene(scene.model, maxgeom=64)
-        self.mujoco_camera = mujoco.MjvCamera()
-        self.mujoco_camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
-        self.mujoco_camera.fixedcamid = 0
-
-    def update(self, what: str) -> None:
-        mujoco.mjv_updateScene(
-            self.scene.model,
-            self.scene.data,
-            self.options[what],
-            None,
-            self.mujoco_camera,
-            mujoco.mjtCatBit.mjCAT_ALL,
-            self.drawn,
-        )
-
-    def vertices_world_m(self) -> np.ndarray:
-        self.update("person")
-        return self.drawn.skinvert.reshape(-1, 3)
-
-
 def _options(*, skin: bool) -> mujoco.MjvOption:
+    """What MuJoCo draws: the skin alone, or the room alone."""
     options = mujoco.MjvOption()
     options.geomgroup[:] = 0
     options.geomgroup[ROOM_GROUP] = not skin
@@ -125,28 +72,45 @@ def _options(*, skin: bool) -> mujoco.MjvOption:
 
 
 class CpuRenderer:
-    """The z-buffer rasteriser."""
+    """Renders the current state of a scene, with the z-buffer rasteriser.
+
+    Depth images are (H, W) float32 metres along the optical axis, 0 where no surface is visible. Geometry nearer than
+    NEAR_M is clipped at that plane, like the blind zone of a sensor.
+    """
 
     name = "cpu"
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self._skin = _Skinning(scene)
+        self._options = [_options(skin=False), _options(skin=True)]
+        self._drawn = mujoco.MjvScene(scene.model, maxgeom=64)
+        self._mujoco_camera = mujoco.MjvCamera()
+        self._mujoco_camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
+        self._mujoco_camera.fixedcamid = 0
+
+    def _update(self, *, skin: bool) -> None:
+        """Lets MuJoCo skin the person, or collect the room. It needs no OpenGL."""
+        scene, options, everything = self.scene, self._options[skin], mujoco.mjtCatBit.mjCAT_ALL
+        mujoco.mjv_updateScene(scene.model, scene.data, options, None, self._mujoco_camera, everything, self._drawn)
 
     def vertices_world_m(self) -> np.ndarray:
-        return self._skin.vertices_world_m()
+        """(V, 3) float32 skin vertices of the posed person, world frame."""
+        self._update(skin=True)
+        return self._drawn.skinvert.reshape(-1, 3)
 
     def person_m(self) -> np.ndarray:
+        """(H, W) depth of the person without the room."""
         return draw_mesh_m(self.scene, Mesh(self.vertices_world_m(), self.scene.skin.faces))
 
     def room_m(self) -> np.ndarray:
+        """(H, W) depth of the room without the person."""
         return draw_mesh_m(self.scene, box_mesh(self.scene))
 
     def close(self) -> None:
-        pass
+        """Frees the renderer's resources."""
 
 
-class GlRenderer:
+class GlRenderer(CpuRenderer):
     """MuJoCo's offscreen OpenGL. The camera must have square pixels and a centred principal point."""
 
     name = "gl"
@@ -157,12 +121,11 @@ class GlRenderer:
         Raises:
             InputError: no usable OpenGL, or a camera that MuJoCo cannot represent.
         """
+        super().__init__(scene)
         camera = scene.camera
         centred = Camera.centred(camera.fy, camera.width, camera.height)
         if not np.allclose([camera.fx, camera.cx, camera.cy], [centred.fx, centred.cx, centred.cy], atol=1e-3):
             raise InputError("renderer=gl needs square pixels and a centred principal point: use renderer=cpu")
-        self.scene = scene
-        self._skin = _Skinning(scene)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # GLFW reports a missing display as warnings; the error below says it
@@ -176,7 +139,7 @@ class GlRenderer:
             ) from error
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._drawing)
         self._viewport = mujoco.MjrRect(0, 0, camera.width, camera.height)
-        flags, name = self._skin.drawn.flags, mujoco.mjtRndFlag
+        flags, name = self._drawn.flags, mujoco.mjtRndFlag
         flags[name.mjRND_SHADOW] = flags[name.mjRND_REFLECTION] = flags[name.mjRND_SKYBOX] = False
         flags[name.mjRND_CULL_FACE] = True
         self._buffer = np.empty((camera.height, camera.width), np.float32)
@@ -190,18 +153,15 @@ class GlRenderer:
         renderer = GL.glGetString(GL.GL_RENDERER).decode().lower()
         return not any(name in renderer for name in ("llvmpipe", "softpipe", "swrast"))
 
-    def vertices_world_m(self) -> np.ndarray:
-        return self._skin.vertices_world_m()
-
     def person_m(self) -> np.ndarray:
-        return self._draw_m("person")
+        return self._draw_m(skin=True)
 
     def room_m(self) -> np.ndarray:
-        return self._draw_m("room")
+        return self._draw_m(skin=False)
 
-    def _draw_m(self, what: str) -> np.ndarray:
-        self._skin.update(what)
-        mujoco.mjr_render(self._viewport, self._skin.drawn, self._drawing)
+    def _draw_m(self, *, skin: bool) -> np.ndarray:
+        self._update(skin=skin)
+        mujoco.mjr_render(self._viewport, self._drawn, self._drawing)
         mujoco.mjr_readPixels(None, self._buffer, self._viewport, self._drawing)
         # MuJoCo renders with reversed depth but returns the usual convention: 0 near, 1 far.
         with np.errstate(divide="ignore"):
@@ -233,19 +193,16 @@ def box_mesh(scene: Scene) -> Mesh:
 
 
 def rasterise(vertices_camera_m: np.ndarray, faces: np.ndarray, camera: Camera) -> np.ndarray:
-    """Renders the depth of a triangle mesh.
+    """(H, W) float32 depth in metres of a triangle mesh, 0 where no triangle covers the pixel centre.
 
     Args:
         vertices_camera_m: (V, 3) float32, camera frame.
         faces: (F, 3) int32, counter-clockwise seen from outside; back faces are not drawn.
         camera: the pinhole camera.
-
-    Returns:
-        (H, W) float32 metres along the optical axis, 0 where no triangle covers the pixel centre.
     """
     inverse = np.zeros((camera.height, camera.width), np.float32)
     _rasterise(vertices_camera_m, faces, camera.fx, camera.fy, camera.cx, camera.cy, NEAR_M, inverse)
-    return _depth(inverse)
+    return np.divide(1, inverse, out=inverse, where=inverse > 0)
 
 
 @njit(cache=True)
@@ -257,16 +214,6 @@ def _to_camera(points, position, rotation):
         for axis in range(3):
             moved[i, axis] = x * rotation[0, axis] + y * rotation[1, axis] + z * rotation[2, axis]
     return moved
-
-
-@njit(cache=True)
-def _depth(inverse):
-    """Turns inverse depth into depth, in place."""
-    for y in range(inverse.shape[0]):
-        for x in range(inverse.shape[1]):
-            if inverse[y, x] > 0:
-                inverse[y, x] = 1 / inverse[y, x]
-    return inverse
 
 
 @njit(cache=True)

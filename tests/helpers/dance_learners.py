@@ -12,7 +12,7 @@ from dance_people import FPS, joints_of
 from real_data import REAL
 
 from kpopnet.skeleton import Joint
-from synth.motion.recorded.clips import Clips
+from synth.motion.recorded.clips import open_clips
 from synth.motion.splice import resampled
 
 DOWN = np.array([0.0, 1.0, 0.0])
@@ -199,7 +199,7 @@ def hidden(joints_m, begin_s, end_s, joints=None):
 @cache
 def clip_joints_m(split: str, name: str, seconds: float = 20.0) -> np.ndarray:
     """(T, 15, 3) joints of the first seconds of a recorded dance at FPS, turned to face the camera at first."""
-    clips = Clips(CLIPS, split)
+    clips = open_clips(CLIPS, split)
     motions = (clips.motion(number) for number in clips.clip_indices("dance"))
     motion = resampled(next(motion for motion in motions if motion.name == f"clip:{name}"), FPS)
     joints_m = joints_of(motion)[: round(seconds * FPS)]

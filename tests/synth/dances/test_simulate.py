@@ -19,7 +19,7 @@ from synth.dances.simulate import CAMERA, FPS, LEARNERS, KpopSim, KpopSimConfig,
 from synth.dances.skill import LEVELS, SkillConfig
 from synth.dances.writer import write_set
 from synth.motion import SPLITS, MotionConfig
-from synth.motion.recorded.clips import Clips
+from synth.motion.recorded.clips import open_clips
 from synth.sensor.film_noise import HOLE_FRAMES
 
 SHORT = KpopSimSet(KpopSimConfig(seed=4, dances=2), seconds=(1.2, 1.6))
@@ -224,9 +224,9 @@ def test_the_calibration_draws_people_and_positions_once_for_all_spacings(monkey
 def test_only_clips_of_category_dance_are_used(tmp_path):
     lines = ["clip_id,file,category,split,seconds", "a,a.npz,other,test,9", "b,b.npz,dance,test,9", "c,c.npz,dance,train,9"]
     (tmp_path / "index.csv").write_text("\n".join(lines) + "\n")
-    assert Clips(tmp_path, "test").clip_indices("dance") == [1]
+    assert open_clips(tmp_path, "test").clip_indices("dance") == [1]
     (tmp_path / "index.csv").write_text("\n".join(line.replace("category", "kind") for line in lines) + "\n")
-    assert Clips(tmp_path, "test").clip_indices("dance") == [0, 1]
+    assert open_clips(tmp_path, "test").clip_indices("dance") == [0, 1]
     (tmp_path / "index.csv").write_text("\n".join(lines[:2]) + "\n")
     maker = KpopSim(replace(SHORT, motion=MotionConfig(source="clips", path=str(tmp_path))))
     with pytest.raises(InputError, match="no clip of category dance"):

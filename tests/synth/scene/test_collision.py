@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from synth.scene.collision import overlaps_boxes
-from synth.scene.room import draw_room
+from synth.scene.room import draw_room, overlaps_boxes
 
 
 def overlaps_plainly(vertices_m, place_m, centres_m, halves_m, yaws_rad, clearance_m) -> bool:
