@@ -9,7 +9,7 @@ import pytest
 from programs import ROOT
 
 LAYERS = (
-    ("kpopnet", "kpopnet.errors", "kpopnet.skeleton", "kpopnet.camera", "kpopnet.ridge", "kpopnet.estimator"),
+    ("kpopnet", *(f"kpopnet.{name}" for name in ("errors", "skeleton", "camera", "ridge", "estimator", "rotations"))),
     ("kpopnet.runtime",),
     ("kpopnet.viz", "kpopnet.weights"),
     ("kpopnet.data",),

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kpopnet.dance.joint_files.joint_sets import CAMERA_HEIGHT_M
-from kpopnet.dance.joint_files.quaternions import conjugate, multiply
+from kpopnet.rotations import conjugate, multiply
 from kpopnet.skeleton import Joint
 from kpopnet.teacher.library import TeacherBody
 

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
 
-from kpopnet.dance.joint_files.quaternions import multiply
+from kpopnet.rotations import multiply
 from synth.motion.skeleton import INDEX, NUM_JOINTS, PARENTS, Motion, height_above_floor
 from synth.motion.splice import at_times
 

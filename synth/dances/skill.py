@@ -15,8 +15,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from kpopnet.dance.joint_files.quaternions import conjugate, multiply
 from kpopnet.errors import InputError
+from kpopnet.rotations import conjugate, multiply
 from synth.motion.posture import STANDING, rotations
 from synth.motion.skeleton import JOINT_NAMES, NUM_JOINTS, Motion, facing_front, height_above_floor, mirrored
 from synth.motion.splice import at_times

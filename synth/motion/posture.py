@@ -22,7 +22,7 @@ points the foot downwards, `invert` turns the sole inwards, `toes` bends the toe
 
 import numpy as np
 
-from kpopnet.dance.joint_files.quaternions import about, conjugate, multiply
+from kpopnet.rotations import about, conjugate, multiply
 from synth.motion.skeleton import INDEX, NUM_JOINTS
 
 _TRUNK = {

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from kpopnet.dance.joint_files.quaternions import conjugate, multiply
+from kpopnet.rotations import conjugate, multiply
 
 # name, parent, rest offset from the parent in millimetres
 _POINTS = (

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kpopnet.dance.joint_files.quaternions import conjugate, multiply, rotate
+from kpopnet.rotations import conjugate, multiply, rotate
 from synth.motion.skeleton import Motion, forward_kinematics, height_above_floor
 
 _BLEND_SPEED_RAD_S = 5.0

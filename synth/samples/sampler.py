@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.camera import CAMERAS, Camera
-from kpopnet.dance.joint_files.quaternions import multiply
 from kpopnet.data.shards import Sample
 from kpopnet.errors import InputError, check_between
+from kpopnet.rotations import multiply
 from kpopnet.skeleton import Joint
 from synth.body.asset import BodyAsset
 from synth.body.shape import BodyConfig, Person, draw_person

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from kpopnet.camera import Camera
-from kpopnet.dance.joint_files.quaternions import multiply
+from kpopnet.rotations import multiply
 from synth.body.markers import MARKERS, tracked_markers
 from synth.body.shape import Person
 from synth.motion.skeleton import Motion, height_above_floor

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from kpopnet.dance.joint_files.quaternions import about, multiply
 from kpopnet.errors import InputError
+from kpopnet.rotations import about, multiply
 from kpopnet.runtime.input_files import check_budget
 
 MAX_JOINTS, MAX_NUMBER = 1000, 1e7

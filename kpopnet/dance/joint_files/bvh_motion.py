@@ -18,8 +18,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kpopnet.dance.joint_files.bvh import BvhFile, read_bvh
-from kpopnet.dance.joint_files.quaternions import conjugate, multiply, rotate
 from kpopnet.errors import InputError
+from kpopnet.rotations import conjugate, multiply, rotate
 
 log = logging.getLogger(__name__)
 

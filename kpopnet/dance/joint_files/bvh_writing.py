@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kpopnet.dance.joint_files.quaternions import conjugate, multiply, rotate
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
+from kpopnet.rotations import conjugate, multiply, rotate
 from kpopnet.skeleton import Joint
 
 CM_PER_METRE = 100.0

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
-from kpopnet.dance.joint_files.quaternions import about, conjugate, multiply, rotate
+from kpopnet.rotations import about, conjugate, multiply, rotate
 from synth.motion.choreography.moves import RELAXED_LOWER, RELAXED_UPPER, Key, Move
 from synth.motion.posture import CHANNELS, LEG_COLUMNS, STANDING, limited, rotations, yaw_pitch_roll
 from synth.motion.skeleton import CLEARANCE_M, INDEX, LEG_M, REST_OFFSETS_M, Motion, height_above_floor

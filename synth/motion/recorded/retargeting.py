@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from kpopnet.dance.joint_files.bvh_motion import read_bvh_motion
-from kpopnet.dance.joint_files.quaternions import conjugate, multiply, rotate
+from kpopnet.rotations import conjugate, multiply, rotate
 from synth.motion.skeleton import JOINT_NAMES, LEG_M, NUM_JOINTS, PARENTS, Motion, height_above_floor
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from kpopnet.dance.joint_files.quaternions import conjugate, multiply, rotate
+from kpopnet.rotations import conjugate, multiply, rotate
 from synth.motion.choreography.composer import Choreography, compose, dance
 from synth.motion.choreography.moves import (
     RELAXED_LOWER,

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kpopnet.dance.joint_files.quaternions import rotate
+from kpopnet.rotations import rotate
 from synth.motion.limbs import REACHES, SIDES, arm_to, at_rest, closed_legs
 from synth.motion.poses.families import FAMILIES, ProceduralPoses
 from synth.motion.posture import CHANNELS, LIMITS_DEG, angles, limited, rotations

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kpopnet.dance.joint_files.quaternions import about, conjugate, multiply, rotate
+from kpopnet.rotations import about, conjugate, multiply, rotate
 from synth.motion.skeleton import (
     INDEX,
     LEG_M,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from damaged_files import survives_damage
 
-from kpopnet.dance.joint_files.quaternions import rotate
 from kpopnet.errors import InputError
+from kpopnet.rotations import rotate
 from synth.motion import SPLITS, MixedPoses, MotionConfig, MotionSource, SequenceSource, build_motion
 from synth.motion.choreography.composer import dance
 from synth.motion.poses.families import FAMILIES, ProceduralPoses

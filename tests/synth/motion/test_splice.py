@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kpopnet.dance.joint_files.quaternions import about, multiply
+from kpopnet.rotations import about, multiply
 from synth.motion.choreography.composer import dance
 from synth.motion.choreography.handstand import handstand
 from synth.motion.choreography.programmes import FEATURES, START_S, Y_POSE_S, show, start_pose
