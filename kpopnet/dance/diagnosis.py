@@ -5,14 +5,14 @@ dancer gains nothing from any of them.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from kpopnet.dance.dtw import banded_distances
 from kpopnet.dance.performance import Performance
-from kpopnet.dance.scoring import ScorerConfig, TimeGrid, features_of, score_dance
+from kpopnet.dance.scoring import Scorer, TimeGrid, score_dance
+from kpopnet.dance.window import WINDOW_S
 from kpopnet.errors import InputError
 from kpopnet.skeleton import MIRROR, Joint
 
@@ -80,13 +80,13 @@ def delayed(performance: Performance, late_s: float, rate: float = 1.0) -> Perfo
     return Performance(performance.joints_m, times_s, performance.confidence)
 
 
-def probable_faults(teacher: Performance, learner: Performance, config: ScorerConfig) -> list[Fault]:
+def probable_faults(teacher: Performance, learner: Performance, scorer: Scorer) -> list[Fault]:
     """What is probably wrong with the recordings of two dances that `score_dance` can compare.
 
     Args:
         teacher: the reference dance.
         learner: the dance that is scored.
-        config: the scorer's settings.
+        scorer: ours with its settings, or the paper's.
     """
     wrong = {name: knees_bend_backwards(one) for name, one in (("teacher", teacher), ("learner", learner))}
     if all(wrong.values()):
@@ -95,15 +95,16 @@ def probable_faults(teacher: Performance, learner: Performance, config: ScorerCo
             "handed; the score is that of two dances in a mirror"
         )
         return [Fault(text, None, "sides")]
-    plain = score_dance(teacher, learner, config).similarity
-    best = min(_guesses(wrong, teacher, learner), key=lambda one: _fit(teacher, learner, one, config)[1])
-    best = best._replace(late_s=_fit(teacher, learner, best, config)[0])
-    best = best._replace(late_s=best.late_s + _median_delay_s(teacher, learner, best, config))
+    plain = score_dance(teacher, learner, scorer).similarity
+    best = min(_guesses(wrong, teacher, learner), key=lambda one: _fit(teacher, learner, one, scorer)[1])
+    best = best._replace(late_s=_fit(teacher, learner, best, scorer)[0])
+    best = best._replace(late_s=best.late_s + _score(teacher, learner, best, scorer)[1])
     if abs(best.late_s) < MIN_DELAY_S:
         best = best._replace(late_s=0.0)
-    similarity = _similarity(teacher, learner, best, config)
+    similarity, _ = _score(teacher, learner, best, scorer)
     if not (similarity >= MIN_CORRECTED and similarity >= np.nan_to_num(plain) + MIN_GAIN):
-        return [Fault(_ANATOMY.format(name), None, "sides") for name, backwards in wrong.items() if backwards]
+        text = "the {0}'s knees bend backwards: left and right are swapped in the file, or its axes are left-handed"
+        return [Fault(text.format(name), None, "sides") for name, backwards in wrong.items() if backwards]
     return [Fault(text, similarity, about) for about, text in _descriptions(best, teacher, learner)]
 
 
@@ -122,9 +123,6 @@ def knees_bend_backwards(performance: Performance) -> bool:
     forward_m, size_m = (bend_m * front[:, None]).sum(axis=-1), np.linalg.norm(bend_m, axis=-1)
     known = np.isfinite(forward_m)
     return bool(forward_m[known].sum() < BACKWARD_KNEES * size_m[known].sum())
-
-
-_ANATOMY = "the {0}'s knees bend backwards: left and right are swapped in the file, or its axes are left-handed"
 
 
 def _guesses(wrong: dict[str, bool], teacher: Performance, learner: Performance) -> Iterator[_Guess]:
@@ -151,18 +149,17 @@ def _after(teacher: Performance, learner: Performance, guess: _Guess) -> tuple[P
     return corrected(teacher, guess.teacher), delayed(corrected(learner, guess.learner), guess.late_s, guess.rate)
 
 
-def _fit(teacher: Performance, learner: Performance, guess: _Guess, config: ScorerConfig) -> tuple[float, float]:
+def _fit(teacher: Performance, learner: Performance, guess: _Guess, scorer: Scorer) -> tuple[float, float]:
     """The delay in seconds at which the learner's frames are nearest to the teacher's, and their mean distance there."""
-    config = replace(config, fps=SEARCH_FPS)
     teacher, learner = _after(teacher, learner, guess)
-    grid, band = TimeGrid(teacher, config), round(SEARCH_S * SEARCH_FPS)
+    grid, band = TimeGrid(teacher, scorer.feature, SEARCH_FPS), round(SEARCH_S * SEARCH_FPS)
     frames = grid.frames_of(learner)
     if not frames:
         return 0.0, np.inf
-    features = features_of(*grid.resampled(learner, frames), False, config)
-    distances = banded_distances(features, grid.teacher.features, frames.start, band, config.outlier_rad)
+    features = grid.features(*grid.resampled(learner, frames))
+    distances = banded_distances(features, grid.teacher, frames.start, band, scorer.outlier_rad)
     finite = np.isfinite(distances)
-    enough = finite.sum(axis=0) >= max(min(len(frames), len(grid.teacher_frames)) / 2, config.window_frames)
+    enough = finite.sum(axis=0) >= max(min(len(frames), len(grid.frames)) / 2, round(WINDOW_S * SEARCH_FPS))
     if not enough.any():
         return 0.0, np.inf
     total = np.where(finite, distances, 0).sum(axis=0)
@@ -171,20 +168,14 @@ def _fit(teacher: Performance, learner: Performance, guess: _Guess, config: Scor
     return (band - column) / SEARCH_FPS, float(mean[column])
 
 
-def _median_delay_s(teacher: Performance, learner: Performance, guess: _Guess, config: ScorerConfig) -> float:
-    """The learner's median delay that is left, in seconds; 0 where it is not known."""
+def _score(teacher: Performance, learner: Performance, guess: _Guess, scorer: Scorer) -> tuple[float, float]:
+    """The similarity without the supposed faults, and the learner's median delay that is left, in seconds; 0 if unknown."""
     try:
-        delay_s = score_dance(*_after(teacher, learner, guess), config).windows.delay_s
+        score = score_dance(*_after(teacher, learner, guess), scorer)
     except InputError:  # so much corrected that no window is covered
-        return 0.0
-    return float(np.median(delay_s[np.isfinite(delay_s)])) if np.isfinite(delay_s).any() else 0.0
-
-
-def _similarity(teacher: Performance, learner: Performance, guess: _Guess, config: ScorerConfig) -> float:
-    try:
-        return score_dance(*_after(teacher, learner, guess), config).similarity
-    except InputError:
-        return 0.0
+        return 0.0, 0.0
+    delay_s = score.windows.delay_s[np.isfinite(score.windows.delay_s)]
+    return score.similarity, float(np.median(delay_s)) if len(delay_s) else 0.0
 
 
 def _descriptions(guess: _Guess, teacher: Performance, learner: Performance) -> Iterator[tuple[str, str]]:

@@ -15,8 +15,6 @@ longer stretch of frames fits best (`constant_delay`): `best_match` penalises di
   Each of the learner's frames counts once whatever the length of the match, so a long match does not cost more than a short
   one.
 - `free`: the paper's three steps; each cell counts fully. A learner who stands still may then match a single frame.
-
-Algorithm 3 as printed is `algorithm_3`.
 """
 
 import math
@@ -25,41 +23,29 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from kpopnet.dance.features import Features, check_same_angles
-
-STEPS = ("slope", "free")
-
 _REASSOCIATE = {"reassoc", "nsz"}
 """Fast-math flags that allow sums to be vectorised: `frame_distance` is five times as fast in functions compiled with them."""
 
 _START, _BOTH, _LEARNER, _TEACHER = 0, 1, 2, 3  # which of the two advances in the step that leads to a cell
 
 
-def banded_distances(learner: Features, teacher: Features, first: int, band: int, outlier_rad: float) -> np.ndarray:
+@njit(cache=True, fastmath=_REASSOCIATE)
+def banded_distances(learner, teacher, first, band, outlier):
     """Distances between each of a learner's frames and the teacher's frames within the band around the same time.
 
     Args:
-        learner: (T, D) features; row 0 corresponds to the teacher's frame `first`.
-        teacher: (M, D) features.
+        learner: (T, D) `Features`; row 0 corresponds to the teacher's frame `first`.
+        teacher: (M, D) `Features`.
         first: frame number; may be negative or beyond the teacher's end.
         band: half width of the band, frames.
-        outlier_rad: see `frame_distance`, radians.
+        outlier: see `frame_distance`, radians.
 
     Returns:
         (T, 2 * band + 1) float64 values of `frame_distance`, radians; infinite where the teacher has no such frame. Where too
         many angles of a pair are missing, the entry is the least of the row, so that a teacher's frame that lacks joints
         neither attracts a path nor repels it; where the learner's frame is the missing one, the greatest possible distance
         in the whole row.
-
-    Raises:
-        InputError: the features have different numbers of angles.
     """
-    check_same_angles(learner, teacher)
-    return _banded_distances(learner, teacher, first, band, outlier_rad)
-
-
-@njit(cache=True, fastmath=_REASSOCIATE)
-def _banded_distances(learner, teacher, first, band, outlier):
     frames, angles = learner.angles_rad.shape
     teacher_frames = len(teacher.angles_rad)
     # The distance if every angle differs by pi.
@@ -251,24 +237,18 @@ class PathDistances(NamedTuple):
     weights: np.ndarray
 
 
-def distances_on_path(
-    path: np.ndarray, learner: Features, teacher: Features, offset: int, parts: np.ndarray, variance: np.ndarray
-) -> PathDistances:
-    """Compares the pairs of frames of a path.
+@njit(cache=True)
+def distances_on_path(path, learner, teacher, offset, parts, variance):
+    """The `PathDistances` of a path.
 
     Args:
         path: (L, 2) output of `best_match`.
-        learner: (n, D) features of the window.
-        teacher: (M, D) features of the teacher's dance.
+        learner: (n, D) `Features` of the window.
+        teacher: (M, D) `Features` of the teacher's dance.
         offset: the teacher's frame of row i and column k is offset + i + k.
         parts: (D,) number of the part that each angle belongs to; parts are numbered from 0 without gaps.
         variance: (D,) squared standard deviation of an estimator's error of each angle, radians^2.
     """
-    return PathDistances(*_distances_on_path(path, learner, teacher, offset, parts, variance))
-
-
-@njit(cache=True)
-def _distances_on_path(path, learner, teacher, offset, parts, variance):
     pairs, angles, num_parts = len(path), len(parts), parts.max() + 1
     squared = np.zeros((pairs, 3, num_parts))
     noise, present, taught = np.zeros((pairs, num_parts)), np.zeros((pairs, num_parts)), np.zeros((pairs, num_parts))
@@ -302,50 +282,4 @@ def _distances_on_path(path, learner, teacher, offset, parts, variance):
         for p in range(num_parts):
             if seen[pair, p] == np.inf:
                 seen[pair, p] = 0
-    return squared, noise, present, taught, seen, signed, weights
-
-
-def algorithm_3(
-    learner: Features, teacher: Features, alpha: float, beta: float, tau_frames: float, outlier_rad: float = math.inf
-) -> tuple[float, float, float]:
-    """Algorithm 3 as printed in the paper.
-
-    Faults of the printed algorithm: DTW[0, j] is infinite except for j = 0, so the path starts at the teacher's first frame and
-    argmin_j DTW[1, j] is always 1, although the text describes the search for a subsequence. DTW[n + 1, j] does not exist;
-    DTW[n, j] is read here. T_t is half a length, not the middle time of Eq. (13), so a learner who dances at the right speed
-    but late counts as on time. S_p is the exponential of a mean, where Eq. (14) is the mean of exponentials, and it divides by
-    half the length.
-
-    Args:
-        learner: (n, D) features.
-        teacher: (m, D) features.
-        alpha: of Eq. (13).
-        beta: of Eq. (14), radians.
-        tau_frames: tau of Eq. (13), frames.
-        outlier_rad: see `frame_distance`.
-
-    Returns:
-        S_t in 0..1, S_p in 0..1 and T_t in frames.
-    """
-    n, m = len(learner.angles_rad), len(teacher.angles_rad)
-    distances = np.full((n + 1, m + 1), np.inf)
-    banded = banded_distances(learner, teacher, 0, max(n, m), outlier_rad)
-    for i in range(1, n + 1):
-        distances[i, 1:] = banded[i - 1, max(n, m) - i + 1 : max(n, m) - i + 1 + m]
-    warped = _dtw_as_printed(distances)
-    start = int(np.argmin(warped[1, 1:])) + 1
-    end = int(np.argmin(warped[n, 1:])) + 1
-    half_length = (end - start + 1) / 2
-    timing = 1 - min(1.0, math.exp((abs(half_length - n / 2) - tau_frames) / (alpha * tau_frames)))
-    return timing, math.exp(-warped[n, end] / (beta * half_length)), half_length
-
-
-@njit(cache=True)
-def _dtw_as_printed(distances):
-    n, m = distances.shape[0] - 1, distances.shape[1] - 1
-    warped = np.full((n + 1, m + 1), np.inf)
-    warped[0, 0] = 0
-    for i in range(1, n + 1):
-        for j in range(1, m + 1):
-            warped[i, j] = distances[i, j] + min(warped[i - 1, j], warped[i, j - 1], warped[i - 1, j - 1])
-    return warped
+    return PathDistances(squared, noise, present, taught, seen, signed, weights)

@@ -1,8 +1,10 @@
 """Dance features: joint angles of a pose, independent of the person's size and position.
 
 There are two: the paper's 22-D feature (section 3.1) and the 19-D feature of its reference [17], Raptis, Kirovski and Hoppe
-2011, which the paper compares with. Both are angles of limbs in a torso frame (u, r, t): u points down the body, r from
-the right to the left shoulder (hip), and t = u x r to the front. Assumptions where the two papers are silent:
+2011, which the paper compares with. A new one is a function of joints to angles and an entry in `FEATURES`.
+
+Both are angles of limbs in a torso frame (u, r, t): u points down the body, r from the right to the left shoulder (hip), and
+t = u x r to the front. Assumptions where the two papers are silent:
 
 - An inclination is the angle between a limb and its reference axis. An azimuth is the limb's signed rotation about that
   axis, by atan2, from r towards t. Differences of angles are wrapped (`kpopnet.dance.dtw`).
@@ -24,21 +26,19 @@ the right to the left shoulder (hip), and t = u x r to the front. Assumptions wh
   down. The 22-D feature instead rotates the frame along with the limb by the smallest rotation from a reference direction
   (`_TRANSPORT_REFERENCE`) whose opposite no limb reaches.
 - The 22-D feature does not contain a rotation of the whole body, although the paper claims that it does: none of its angles is
-  measured against anything outside the body. `heading=True` adds a 23rd: the rotation of the hips about their own axis within
+  measured against anything outside the body. `dance22_turn` adds a 23rd: the rotation of the hips about their own axis within
   the last `TURN_WINDOW_S`. It needs neither the camera's heading nor a vertical.
 
 The 22-D feature (with or without the turn) does not depend on the camera's pose or the person's size. [17] does not depend on
 position and size, but its yaw, pitch and roll depend on the camera's heading: both dancers have to face their camera.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
-
-FEATURES = ("dance22", "raptis")
 
 TURN_WINDOW_S = 0.5
 """Time over which the turn of the whole body is measured."""
@@ -49,11 +49,14 @@ MIN_BONE_M = 0.01
 SEEN_CONFIDENCE = 0.3
 """A joint of this confidence or more counts as seen. Below it, what the joint shows counts in proportion."""
 
+TORSO_ANGLES = ("twist", "lean", "bend")
+
 OF_EARLIER_FRAMES = ("twist_change", "lean_change", "bend_change", "turn")
-"""Angles that are differences to earlier frames; 0 for somebody who stands still."""
+"""Angles that are differences to earlier frames; 0 for a person who stands still."""
 
 _FIRST_DEGREE = ("right_elbow", "left_elbow", "right_knee", "left_knee")
 _SECOND_DEGREE = ("right_hand", "left_hand", "right_foot", "left_foot")
+LIMB_ANGLES = tuple(f"{joint}_{angle}" for joint in _FIRST_DEGREE + _SECOND_DEGREE for angle in ("inclination", "azimuth"))
 _PROXIMAL = np.array([Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.RIGHT_HIP, Joint.LEFT_HIP])
 _MIDDLE = np.array([Joint[name.upper()] for name in _FIRST_DEGREE])
 _DISTAL = np.array([Joint[name.upper()] for name in _SECOND_DEGREE])
@@ -80,30 +83,6 @@ class Features(NamedTuple):
     seen: np.ndarray
 
 
-def check_same_angles(learner: Features, teacher: Features) -> None:
-    """Raises InputError unless both have the same angles, with a weight of each and how well it is seen."""
-    first, second = ([array.shape for array in features] for features in (learner, teacher))
-    if len(set(first)) > 1 or len(set(second)) > 1 or first[0][1:] != second[0][1:]:
-        raise InputError(f"features of the shapes {first} and {second}: expected (frames, angles), with equal angles")
-
-
-def feature_names(feature: str, heading: bool = False) -> tuple[str, ...]:
-    """The names of the D columns of a feature.
-
-    Raises:
-        InputError: The feature is unknown, or `heading` is set for [17], which has a heading of its own.
-    """
-    if feature not in FEATURES:
-        raise InputError(f"feature={feature} is not one of {', '.join(FEATURES)}")
-    limbs = tuple(f"{joint}_{angle}" for joint in _FIRST_DEGREE + _SECOND_DEGREE for angle in ("inclination", "azimuth"))
-    if feature == "raptis":
-        if heading:
-            raise InputError("heading=true: only dance22 lacks a heading; raptis has yaw, pitch and roll already")
-        return ("yaw", "pitch", "roll", *limbs)
-    torso = ("twist", "lean", "bend", *OF_EARLIER_FRAMES[:3])
-    return (*torso, *limbs, *(OF_EARLIER_FRAMES[3:] if heading else ()))
-
-
 class Angles(NamedTuple):
     """Angles (T, D) and their weights (T, D), as in `Features`."""
 
@@ -111,31 +90,40 @@ class Angles(NamedTuple):
     weights: np.ndarray
 
 
-def dance_features(
-    joints_m: np.ndarray, feature: str, fps: float, heading: bool = False, confidence: np.ndarray | None = None
-) -> Features:
+class Feature(NamedTuple):
+    """A dance feature.
+
+    Attributes:
+        names: of the D angles. A name tells the part of the body and the joints whose confidence counts: SIDE_elbow_ANGLE and
+            SIDE_hand_ANGLE are an arm's, SIDE_knee_ANGLE and SIDE_foot_ANGLE a leg's, turn the body's, others the torso's.
+        angles: of (T, 15, 3) joints at uniform frames, NaN where missing, and their frames per second.
+        history_s: how far back in time an angle looks, seconds; the frame before is always there.
+    """
+
+    names: tuple[str, ...]
+    angles: Callable[[np.ndarray, float], Angles]
+    history_s: float = 0.0
+
+    def history_frames(self, fps: float) -> int:
+        """Frames that an angle of the last of them is computed from."""
+        return max(round(self.history_s * fps) + 1, 2)
+
+
+def dance_features(joints_m: np.ndarray, feature: str, fps: float, confidence: np.ndarray | None = None) -> Features:
     """The features of a sequence of poses.
 
     Args:
         joints_m: (T, 15, 3) in any right-handed frame, NaN where missing; for [17] in the camera frame (x right, y down).
-        feature: `dance22`, the paper's, or `raptis`, that of [17].
+        feature: one of FEATURES.
         fps: frames per second; frames are uniformly spaced.
-        heading: adds the turn of the whole body to dance22.
         confidence: (T, 15) in 0..1 of each joint; by default 1 for all.
 
     Returns:
-        Features in the order of `feature_names`. Changes and turns of the first frames are missing.
-
-    Raises:
-        InputError: See `feature_names`.
+        Features in the order of the feature's names. Changes and turns of the first frames are missing.
     """
-    feature_names(feature, heading)
     joints_m = np.asarray(joints_m, np.float64)
-    if feature == "raptis":
-        angles = raptis_features(joints_m)
-    else:
-        angles = dance22_features(joints_m, round(TURN_WINDOW_S * fps) if heading else None)
-    names = feature_names(feature, heading)
+    names, compute, _ = FEATURES[feature]
+    angles = compute(joints_m, fps)
     if confidence is None:
         confidence = np.ones(joints_m.shape[:2])
     return Features(*angles, _angles_seen(angles.angles_rad, confidence, names))
@@ -161,12 +149,7 @@ def _angles_seen(angles_rad: np.ndarray, confidence: np.ndarray, names: tuple[st
 
 
 def dance22_features(joints_m: np.ndarray, turn_frames: int | None = None) -> Angles:
-    """The paper's 22-D feature.
-
-    Args:
-        joints_m: (T, 15, 3) in any right-handed frame.
-        turn_frames: if given, adds a 23rd angle, the turn of the whole body within this number of frames.
-    """
+    """The paper's 22-D feature of (T, 15, 3) joints; with a 23rd angle, the turn of the body within `turn_frames`, if given."""
     torso_m = joints_m[:, Joint.TORSO]
     right_shoulder_m, left_shoulder_m = joints_m[:, Joint.RIGHT_SHOULDER], joints_m[:, Joint.LEFT_SHOULDER]
     right_hip_m, left_hip_m = joints_m[:, Joint.RIGHT_HIP], joints_m[:, Joint.LEFT_HIP]
@@ -281,3 +264,15 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def _concatenate(parts: list[Angles]) -> Angles:
     return Angles(*(np.concatenate(arrays, axis=1) for arrays in zip(*parts, strict=True)))
+
+
+FEATURES = {
+    "dance22": Feature((*TORSO_ANGLES, *OF_EARLIER_FRAMES[:3], *LIMB_ANGLES), lambda joints_m, fps: dance22_features(joints_m)),
+    "dance22_turn": Feature(
+        (*TORSO_ANGLES, *OF_EARLIER_FRAMES[:3], *LIMB_ANGLES, "turn"),
+        lambda joints_m, fps: dance22_features(joints_m, round(TURN_WINDOW_S * fps)),
+        TURN_WINDOW_S,
+    ),
+    "raptis": Feature(("yaw", "pitch", "roll", *LIMB_ANGLES), lambda joints_m, fps: raptis_features(joints_m)),
+}
+"""By name. Each is scored by the paper's scorer (`kpopnet.dance.scoring.SCORERS`); `dance22_turn` by ours."""

@@ -13,8 +13,8 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from kpopnet.dance.diagnosis import Fault as RecordingFault
-from kpopnet.dance.features import feature_names
-from kpopnet.dance.scoring import DanceScore, Windows
+from kpopnet.dance.features import FEATURES
+from kpopnet.dance.scoring import DanceScore
 from kpopnet.dance.window import LIMBS, PARTS, part_of_angles
 
 PHRASE_S = 4.0
@@ -132,10 +132,10 @@ def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence
         recording: what `kpopnet.dance.diagnosis.probable_faults` found; hints of which it tells the cause are left out.
     """
     moments = [*_posture_moments(score), *_timing_moments(score, beat_s)]
-    first, middle = float(score.windows.start_s[0]), _middle_s(score)
+    first, middle = float(score.windows.start_s[0]), score.windows.middle_s
     phrase_s = 8 * beat_s if beat_s else PHRASE_S
     phrases = []
-    for number in range(math.ceil((middle[-1] + score.config.hop_s / 2 - first) / phrase_s)):
+    for number in range(math.ceil((middle[-1] + score.scorer.hop_s / 2 - first) / phrase_s)):
         start_s, end_s = first + number * phrase_s, first + (number + 1) * phrase_s
         inside = score.windows.similarity[(middle >= start_s) & (middle < end_s)]
         similarity = float(np.nanmean(inside)) if np.isfinite(inside).any() else None
@@ -145,12 +145,7 @@ def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence
         phrases.append(Phrase(start_s, end_s, similarity, tuple(worst)))
     known = {one.about for one in recording}
     hints = tuple(text for about, text in _hints(score) if about not in known)
-    return Feedback(tuple(phrases), _gathered(moments, len(middle) * score.config.hop_s, beat_s), hints)
-
-
-def _middle_s(score: DanceScore) -> np.ndarray:
-    """(N,) middle of each window, seconds; the windows' errors are means over a hop around it."""
-    return score.windows.start_s + (score.config.window_frames - 1) / 2 / score.config.fps
+    return Feedback(tuple(phrases), _gathered(moments, len(middle) * score.scorer.hop_s, beat_s), hints)
 
 
 def _runs(flags: np.ndarray) -> list[slice]:
@@ -161,14 +156,13 @@ def _runs(flags: np.ndarray) -> list[slice]:
 
 def _span(score: DanceScore, run: slice) -> tuple[float, float]:
     """Start and end in seconds of the windows' middles in a run."""
-    middle, half_s = _middle_s(score)[run], score.config.hop_s / 2
+    middle, half_s = score.windows.middle_s[run], score.scorer.hop_s / 2
     return float(middle[0] - half_s), float(middle[-1] + half_s)
 
 
 def _posture_moments(score: DanceScore) -> list[Moment]:
     """The moments of every part, by the angle of the part that costs most in each."""
-    names = feature_names(score.config.feature, score.config.heading)
-    parts = part_of_angles(score.config.feature, score.config.heading)
+    names, parts = FEATURES[score.scorer.feature].names, part_of_angles(score.scorer.feature)
     told = np.array([_ending(name) in _WORDS for name in names])
     error_deg = np.degrees(np.nan_to_num(score.windows.error_rad))
     weight = score.windows.error_weight
@@ -277,13 +271,13 @@ def _hints(score: DanceScore) -> list[tuple[str, str]]:
         hints.append(("mirror", "the mirror image fits much better: score with mirrored=true if the teacher was mirrored"))
     if abs(score.tempo - 1) >= MIN_TEMPO_DIFFERENCE:
         hints.append(("tempo", f"{abs(score.tempo - 1):.0%} too {'fast' if score.tempo > 1 else 'slow'} throughout"))
-    return [*hints, *(("coverage", text) for text in _unseen(score, score.windows))]
+    return [*hints, *(("coverage", text) for text in _unseen(score))]
 
 
-def _unseen(score: DanceScore, windows: Windows) -> list[str]:
+def _unseen(score: DanceScore) -> list[str]:
     """Sentences about who or what is not in the picture, and when."""
-    missing = {name: windows.coverage[name] < UNSEEN_BELOW for name in (*LIMBS, "torso")}  # false for NaN
-    nobody = np.all([flags for name, flags in missing.items() if np.isfinite(windows.coverage[name]).any()], axis=0)
+    missing = {name: score.windows.coverage[name] < UNSEEN_BELOW for name in (*LIMBS, "torso")}  # false for NaN
+    nobody = np.all([flags for name, flags in missing.items() if np.isfinite(score.windows.coverage[name]).any()], axis=0)
     sentences = [f"nobody in the picture {_from_to(*_span(score, run))}" for run in _runs(nobody)]
     for kind in ("arm", "leg"):
         left, right = (missing[f"{side} {kind}"] & ~nobody for side in ("left", "right"))

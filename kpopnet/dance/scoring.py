@@ -3,8 +3,8 @@
     joints -> uniform frame rate -> features -> windows of 2 s -> DTW -> S_t, S_p of each window -> S
 
 The delay of a window is the time between the middle of the learner's window and the middle of the teacher's frames that match
-it. All windows of the teacher's dance count: where the learner is not seen, or what of the learner is not seen, scores 0. The
-scorers that follow the papers (`distance=whole`) know no missing joints and leave such windows out instead.
+it. Our scorer (`kpopnet.dance.parts`) counts all windows of the teacher's dance: where the learner is not seen, or what of the
+learner is not seen, scores 0. The paper's (`kpopnet.dance.paper`) knows no missing joints and leaves such windows out instead.
 """
 
 import math
@@ -12,16 +12,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kpopnet.dance.config import SCORERS, ScorerConfig
 from kpopnet.dance.dtw import banded_distances
-from kpopnet.dance.features import Features, dance_features
-from kpopnet.dance.noise import NOISE
+from kpopnet.dance.features import FEATURES, Features, dance_features
+from kpopnet.dance.noise import known_noise
+from kpopnet.dance.paper import PaperScorer, PaperTeacher
+from kpopnet.dance.parts import FEATURE, PartScorer, PartTeacher
 from kpopnet.dance.performance import Performance, as_performance
-from kpopnet.dance.resampling import resampled, resampled_confidence
+from kpopnet.dance.resampling import resampled
 from kpopnet.dance.timing import tempo
-from kpopnet.dance.window import PARTS, Teacher, WindowScore, prepared_teacher, score_window
+from kpopnet.dance.window import BAND_FRAMES, FPS, PARTS, WINDOW_FRAMES, WINDOW_S, WindowScore
 from kpopnet.errors import InputError
 from kpopnet.skeleton import MIRROR
+
+Scorer = PartScorer | PaperScorer
+
+OURS = PartScorer()
+SCORERS: dict[str, Scorer] = {"dance22": OURS, "paper": PaperScorer()} | {
+    name: PaperScorer(name) for name in FEATURES if name not in ("dance22", FEATURE)
+}
+"""By name: ours; the paper's with its own feature; the paper's with each other feature, such as `raptis`, that of [17]."""
 
 MIRROR_MARGIN = 10.0
 """Points by which the mirrored comparison has to be better before it is preferred, or hinted at."""
@@ -35,12 +44,12 @@ class Windows(NamedTuple):
         delay_s: (N,) delay of the learner, seconds; negative when early; NaN where too few frames could be compared.
         timing: (N,) S_t of Eq. (13); NaN with the delay.
         posture: (N,) S_p of Eq. (14).
-        similarity: (N,) S_t S_p; 0 where nobody is seen to dance.
-        weight: (N,) weight in 0..1 in the scores of the dance, see `kpopnet.dance.window.Teacher.movement`.
+        similarity: (N,) S_t S_p; 0 where no person is seen to dance.
+        weight: (N,) weight in 0..1 in the scores of the dance, see `kpopnet.dance.parts.PartTeacher.movement`.
         parts: name of `PARTS` to (N,) posture of that part alone.
         coverage: name of `PARTS` to (N,) fraction in 0..1 of the part in the teacher's frames that the learner shows.
-        error_rad: (N, D) mean difference, learner minus teacher, of each angle of `kpopnet.dance.features.feature_names` in the
-            middle of each window, which lasts a hop, so that the windows' middles follow each other without gaps.
+        error_rad: (N, D) mean difference, learner minus teacher, of each angle of the scorer's feature in the middle of each
+            window, which lasts from one window to the next, so that the middles follow each other without gaps.
         error_weight: (N, D) mean weight of these differences, 0..1.
     """
 
@@ -54,6 +63,11 @@ class Windows(NamedTuple):
     coverage: dict[str, np.ndarray]
     error_rad: np.ndarray
     error_weight: np.ndarray
+
+    @property
+    def middle_s(self) -> np.ndarray:
+        """(N,) middle of each window, seconds on the teacher's clock."""
+        return self.start_s + (WINDOW_FRAMES - 1) / 2 / FPS
 
 
 class DanceScore(NamedTuple):
@@ -72,7 +86,7 @@ class DanceScore(NamedTuple):
         mirror_fits_better: whether the learner fits the teacher's mirror image clearly better than the teacher.
         tempo: the learner's tempo divided by the teacher's; NaN where unknown.
         ceiling: what perfect dancing scores on average through the estimator whose noise was set; 100 for true joints.
-        config: the scorer's settings.
+        scorer: the scorer with its settings.
     """
 
     similarity: float
@@ -86,7 +100,7 @@ class DanceScore(NamedTuple):
     mirror_fits_better: bool
     tempo: float
     ceiling: float
-    config: ScorerConfig
+    scorer: Scorer
 
     @property
     def completeness(self) -> float:
@@ -97,20 +111,20 @@ class DanceScore(NamedTuple):
 def score_dance(
     teacher: Performance | np.ndarray,
     learner: Performance | np.ndarray,
-    config: ScorerConfig = SCORERS["dance22"],
+    scorer: Scorer = OURS,
     *,
     fps: float | None = None,
     unobserved_is_nan: bool = False,
 ) -> DanceScore:
     """Scores a learner against a teacher.
 
-    Windows start at multiples of `config.hop_s` from the teacher's first frame and cover the teacher's dance. Frames of the
-    learner before the teacher's first frame or after the last one are not scored.
+    Windows start at multiples of the scorer's `hop_s` from the teacher's first frame and cover the teacher's dance. Frames of
+    the learner before the teacher's first frame or after the last one are not scored.
 
     Args:
         teacher: the reference dance, or its (T, 15, 3) joints in metres in the camera frame.
         learner: the dance to score, on the same clock, or its joints.
-        config: the scorer's settings.
+        scorer: ours with its settings, or the paper's.
         fps: frames per second of dances that are given as joints.
         unobserved_is_nan: a learner of whom no joint is known scores NaN, for evaluations that count such dances.
 
@@ -121,16 +135,15 @@ def score_dance(
     teacher, learner = as_performance(teacher, fps, "teacher"), as_performance(learner, fps, "learner")
     if not unobserved_is_nan:
         _check_observed(learner, "learner")
-    learner = learner.earlier(config.latency_s)
-    grid = TimeGrid(teacher, config)
+    learner = learner.earlier(scorer.latency_s)
+    grid = TimeGrid(teacher, scorer.feature)
     grid.check_overlap(grid.frames_of(learner))
-    frames, scores = grid.resampled(learner, grid.teacher_frames), []
+    joints, prepared, scores = grid.resampled(learner, grid.frames), scorer.teacher(grid.teacher), []
     for mirrored in (False, True):
-        comparison = Comparison(grid.teacher, config)
-        comparison.add(features_of(*frames, mirrored, config))
-        starts = grid.window_starts(len(grid.teacher_frames))
-        windows = [comparison.window(start) for start in starts]
-        scores.append(summary(windows, grid.time_s(starts), grid.teacher.movement, config))
+        comparison = Comparison(grid, prepared, mirrored)
+        comparison.add(grid.features(*joints, mirrored))
+        comparison.keep_windows(len(grid.frames))
+        scores.append(comparison.summary())
     return preferred(*scores)
 
 
@@ -145,20 +158,20 @@ class TimeGrid:
     """The uniformly spaced times at which a teacher's and a learner's dance are resampled; frame 0 is the teacher's first.
 
     Attributes:
-        teacher_frames: numbers of the frames within the teacher's dance.
+        frames: numbers of the frames within the teacher's dance.
         teacher: the teacher's features at these frames.
     """
 
-    def __init__(self, teacher: Performance, config: ScorerConfig) -> None:
+    def __init__(self, teacher: Performance, feature: str, fps: float = FPS) -> None:
         _check_observed(teacher, "teacher")
-        self._config, self._start_s = config, float(teacher.times_s[0])
-        self.teacher_frames = self.frames_of(teacher)
-        if len(self.teacher_frames) < config.window_frames:
+        self._feature, self._fps, self._start_s = feature, fps, float(teacher.times_s[0])
+        self.frames = self.frames_of(teacher)
+        if len(self.frames) < round(WINDOW_S * fps):
             raise InputError(
                 f"the teacher's dance lasts {teacher.times_s[-1] - teacher.times_s[0]:.2f} s, less than a window of "
-                f"{config.window_s} s; give a longer dance or a shorter window_s"
+                f"{WINDOW_S} s; give a longer dance"
             )
-        self.teacher = prepared_teacher(features_of(*self.resampled(teacher, self.teacher_frames), False, config), config)
+        self.teacher = self.features(*self.resampled(teacher, self.frames))
 
     def frames_of(self, performance: Performance) -> range:
         """The frames between a performance's first sample and its last."""
@@ -166,108 +179,132 @@ class TimeGrid:
 
     def frame_from(self, time_s: float) -> int:
         """The first frame at or after a time in seconds."""
-        return math.ceil((time_s - self._start_s) * self._config.fps - 1e-6)
+        return math.ceil((time_s - self._start_s) * self._fps - 1e-6)
 
     def frame_until(self, time_s: float) -> int:
         """The last frame at or before a time in seconds."""
-        return math.floor((time_s - self._start_s) * self._config.fps + 1e-6)
+        return math.floor((time_s - self._start_s) * self._fps + 1e-6)
 
     def time_s(self, frames: int | range) -> np.ndarray:
         """Times of frames in seconds, on the teacher's clock."""
-        return self._start_s + np.asarray(frames) / self._config.fps
+        return self._start_s + np.asarray(frames) / self._fps
 
     def resampled(self, performance: Performance, frames: range) -> tuple[np.ndarray, np.ndarray]:
         """(G, 15, 3) joints and (G, 15) confidence of a performance at these frames; missing outside the recording."""
-        times = performance.times_s, self.time_s(frames), self._config.smoothing_s
-        return resampled(performance.joints_m, *times), resampled_confidence(performance.confidence, *times)
+        return resampled(performance.joints_m, performance.confidence, performance.times_s, self.time_s(frames))
 
-    def window_starts(self, frames: int) -> range:
-        """First frames of the windows within the first `frames` frames of the teacher's dance."""
-        return range(0, frames - self._config.window_frames + 1, self._config.hop_frames)
+    def features(self, joints_m: np.ndarray, confidence: np.ndarray, mirrored: bool = False) -> Features:
+        """Features of (T, 15, 3) joints at uniform frames with (T, 15) confidence, or of their mirror image."""
+        if mirrored:
+            joints_m, confidence = joints_m[:, MIRROR] * [-1.0, 1.0, 1.0], confidence[:, MIRROR]
+        return dance_features(joints_m, self._feature, self._fps, confidence)
 
     def check_overlap(self, learner: range) -> None:
         """Raises InputError if the learner's recorded frames cover no whole window of the teacher's dance."""
-        fps = self._config.fps
-        common = range(max(learner.start, 0), min(learner.stop, self.teacher_frames.stop))
-        if len(common) < self._config.window_frames:
+        common = range(max(learner.start, 0), min(learner.stop, self.frames.stop))
+        if len(common) < WINDOW_FRAMES:
             raise InputError(
-                f"the learner was recorded for {max(len(common) - 1, 0) / fps:.2f} s of a dance of "
-                f"{(len(self.teacher_frames) - 1) / fps:.2f} s, in no whole window of {self._config.window_s} s; "
+                f"the learner was recorded for {max(len(common) - 1, 0) / FPS:.2f} s of a dance of "
+                f"{(len(self.frames) - 1) / FPS:.2f} s, in no whole window of {WINDOW_S} s; "
                 "the times of both must be on the same clock"
             )
 
 
 class Comparison:
-    """Compares a learner's frames with a teacher's; the result is the same for frames added at once or one by one."""
+    """Compares a learner, or the learner's mirror image, with a teacher, window by window.
 
-    def __init__(self, teacher: Teacher, config: ScorerConfig) -> None:
+    The result is the same for frames that are added at once or one by one.
+
+    Attributes:
+        mirrored: whether the frames that are added are of the mirror image.
+        so_far: S of Eq. (15) of the windows that were kept, 0 to 100; NaN before the first one.
+    """
+
+    def __init__(self, grid: TimeGrid, teacher: PartTeacher | PaperTeacher, mirrored: bool = False) -> None:
         """Starts without frames of the learner."""
-        self._teacher, self._config = teacher, config
+        self._grid, self._teacher, self.mirrored = grid, teacher, mirrored
+        self._hop_frames = round(teacher.scorer.hop_s * FPS)
         self._learner = Features(*(np.full_like(array, np.nan) for array in teacher.features))
         # Filled, so that all memory is taken before the dance begins, not page by page while it is scored in real time.
-        self._distances = np.full((len(teacher.features.angles_rad), 2 * config.band_frames + 1), np.nan)
-        self._end = 0
+        self._distances = np.full((len(grid.frames), 2 * BAND_FRAMES + 1), np.nan)
+        self._end, self._kept = 0, list[WindowScore]()
+        self._sum, self._weight = 0.0, 0.0
 
     def add(self, features: Features) -> None:
         """Adds the learner's next frames; the first is the teacher's frame 0."""
         begin, self._end = self._end, self._end + len(features.angles_rad)
         for stored, new in zip(self._learner, features, strict=True):
             stored[begin : self._end] = new
-        self._distances[begin : self._end] = banded_distances(
-            features, self._teacher.features, begin, self._config.band_frames, self._config.outlier_rad
-        )
+        teacher = self._teacher.features, begin, BAND_FRAMES, self._teacher.scorer.outlier_rad
+        self._distances[begin : self._end] = banded_distances(features, *teacher)
 
-    def take_back(self, frames: int) -> None:
-        """Forgets the last frames."""
+    def add_missing(self, frames: int) -> None:
+        """Adds frames in which no person was seen."""
+        missing = np.full((frames, self._learner.angles_rad.shape[1]), np.nan)
+        self.add(Features(missing, missing, np.zeros_like(missing)))
+
+    def remove(self, frames: int) -> None:
+        """Removes the last frames."""
         self._end -= frames
 
-    def window(self, start: int, frames: int | None = None) -> WindowScore:
-        """Scores the window that starts at a frame, by default one of `window_s`; all of its frames must have been added."""
-        end = start + (frames or self._config.window_frames)
-        context = self._distances[max(end - self._config.context_frames, 0) : end]
-        return score_window(context, select_rows(self._learner, slice(start, end)), self._teacher, start, self._config)
+    def window(self, start: int, frames: int = WINDOW_FRAMES) -> WindowScore:
+        """Scores the window that starts at a frame; all of its frames must have been added."""
+        learner = Features(*(array[start : start + frames] for array in self._learner))
+        return self._teacher.window(self._distances[: start + frames], learner, start)
 
+    def keep(self, window: WindowScore) -> None:
+        """Adds the next window of the dance's score; windows start at multiples of the scorer's `hop_s`."""
+        weight = float(self._teacher.movement[len(self._kept)])
+        self._kept.append(window)
+        if not math.isnan(window.similarity):
+            self._sum, self._weight = self._sum + weight * window.similarity, self._weight + weight
 
-def features_of(joints_m: np.ndarray, confidence: np.ndarray, mirrored: bool, config: ScorerConfig) -> Features:
-    """Features of (T, 15, 3) joints at uniform frames with (T, 15) confidence, or of their mirror image."""
-    if mirrored:
-        joints_m, confidence = joints_m[:, MIRROR] * [-1.0, 1.0, 1.0], confidence[:, MIRROR]
-    return dance_features(joints_m, config.feature, config.fps, config.heading, confidence)
+    def keep_windows(self, frames: int) -> None:
+        """Scores and keeps all windows within the first `frames` frames of the teacher's dance that are not kept yet."""
+        for start in range(len(self._kept) * self._hop_frames, frames - WINDOW_FRAMES + 1, self._hop_frames):
+            self.keep(self.window(start))
 
+    def starts_window(self, frame: int) -> bool:
+        return frame % self._hop_frames == 0
 
-def summary(scores: list[WindowScore], start_s: np.ndarray, weight: np.ndarray, config: ScorerConfig) -> DanceScore:
-    """Combines the scores of windows that start at (N,) times in seconds and have (N,) weights into the dance's score."""
-    names = ("delay_s", "timing", "posture", "similarity", "parts", "coverage", "error_rad", "error_weight")
-    delay_s, timing, posture, similarity, *arrays = (np.array([getattr(one, name) for one in scores]) for name in names)
-    parts, coverage = ({name: array[:, i] for i, name in enumerate(PARTS)} for array in arrays[:2])
-    windows = Windows(start_s, delay_s, timing, posture, similarity, weight, parts, coverage, *arrays[2:])
-    scored = float(np.isfinite(delay_s).mean())
-    shown = [name for name in PARTS if np.isfinite(parts[name]).any()]
-    return DanceScore(
-        similarity=_mean(similarity, weight) if scored else math.nan,  # Eq. (15)
-        timing=_mean(timing, weight),
-        posture=_mean(posture, weight) if scored else math.nan,
-        parts={name: _mean(parts[name], weight) for name in shown},
-        scored=scored,
-        windows=windows,
-        coverage={name: _mean(coverage[name], weight) for name in shown},
-        mirrored=False,
-        mirror_fits_better=False,
-        tempo=tempo(start_s, np.where(weight > 0, delay_s, math.nan), posture),
-        ceiling=NOISE["none" if config.noise == "auto" else config.noise].ceiling,
-        config=config,
-    )
+    @property
+    def so_far(self) -> float:
+        return self._sum / self._weight if self._weight else math.nan
+
+    def summary(self) -> DanceScore:
+        """The score of the windows that were kept."""
+        count, scorer = len(self._kept), self._teacher.scorer
+        start_s, weight = (
+            self._grid.time_s(range(0, count * self._hop_frames, self._hop_frames)),
+            self._teacher.movement[:count],
+        )
+        names = ("delay_s", "timing", "posture", "similarity", "parts", "coverage", "error_rad", "error_weight")
+        delay_s, timing, posture, similarity, *arrays = (np.array([getattr(one, name) for one in self._kept]) for name in names)
+        parts, coverage = ({name: array[:, i] for i, name in enumerate(PARTS)} for array in arrays[:2])
+        windows = Windows(start_s, delay_s, timing, posture, similarity, weight, parts, coverage, *arrays[2:])
+        scored = float(np.isfinite(delay_s).mean())
+        shown = [name for name in PARTS if np.isfinite(parts[name]).any()]
+        return DanceScore(
+            similarity=_mean(similarity, weight) if scored else math.nan,  # Eq. (15)
+            timing=_mean(timing, weight),
+            posture=_mean(posture, weight) if scored else math.nan,
+            parts={name: _mean(parts[name], weight) for name in shown},
+            scored=scored,
+            windows=windows,
+            coverage={name: _mean(coverage[name], weight) for name in shown},
+            mirrored=self.mirrored,
+            mirror_fits_better=False,
+            tempo=tempo(start_s, np.where(weight > 0, delay_s, math.nan), posture),
+            ceiling=known_noise(scorer.noise).ceiling,
+            scorer=scorer,
+        )
 
 
 def preferred(direct: DanceScore, mirrored: DanceScore) -> DanceScore:
-    """The score that `ScorerConfig.mirrored` asks for, of the learner and of the learner's mirror image."""
+    """The score that the scorer's `mirrored` asks for, of the learner and of the learner's mirror image."""
     fits_better = mirrored.similarity > direct.similarity + MIRROR_MARGIN
-    use = {"false": False, "true": True, "auto": fits_better}[direct.config.mirrored]
-    return (mirrored if use else direct)._replace(mirrored=use, mirror_fits_better=fits_better)
-
-
-def select_rows(features: Features, rows: slice) -> Features:
-    return Features(*(array[rows] for array in features))
+    use = {"false": False, "true": True, "auto": fits_better}[direct.scorer.mirrored]
+    return (mirrored if use else direct)._replace(mirror_fits_better=fits_better)
 
 
 def _mean(values: np.ndarray, weight: np.ndarray) -> float:

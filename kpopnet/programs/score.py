@@ -19,8 +19,10 @@ from kpopnet.dance.diagnosis import CORRECTIONS, Fault, corrected, delayed, prob
 from kpopnet.dance.feedback import feedback
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.dance.noise import NOISE
+from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import SCORERS, score_dance
+from kpopnet.dance.window import WINDOW_S
 from kpopnet.errors import InputError
 from kpopnet.evaluation.dances.score_page import score_json, score_page, score_text
 from kpopnet.evaluation.document import printable, writable
@@ -77,29 +79,32 @@ def main() -> None:
         parser.add_argument(f"--{name}-fps", type=float, help=rate)
         parser.add_argument(f"--correct-{name}", choices=CORRECTIONS, default="as_recorded", help=f"{joints}: %(default)s")
     parser.add_argument("--late", type=float, default=0.0, help="seconds by which the learner's clock is late: %(default)s")
-    noise = "estimator of the learner's joints, whose known errors are nobody's fault: %(default)s for true joints"
+    noise = "estimator of the learner's joints, whose known errors are not counted: %(default)s for true joints"
     parser.add_argument("--noise", choices=NOISE, default="none", help=noise)
     parser.add_argument("--bpm", type=float, help="tempo of the music: phrases of eight beats instead of 4 s, delays in beats")
     given = parser.parse_args()
 
     beat_s = beat_duration_s(given.bpm)
-    config = replace(SCORERS[given.scorer], noise=given.noise)
+    scorer = SCORERS[given.scorer]
+    if isinstance(scorer, PartScorer):
+        scorer = replace(scorer, noise=given.noise)
+    elif given.noise != "none":
+        raise InputError(f"--noise {given.noise}: scorer {given.scorer} knows no noise; dance22 does")
     teacher = read_observed(given.teacher, given.teacher_fps, given.correct_teacher, given.scorer)
     learner = delayed(read_observed(given.learner, given.learner_fps, given.correct_learner, given.scorer), given.late)
-    score = score_dance(teacher, learner, config)
+    score = score_dance(teacher, learner, scorer)
     if math.isnan(score.similarity):
-        raise InputError(
-            f"{given.learner}: in no window of {config.window_s:g} s are enough joints known to compare the dances"
-        )
-    faults = other_formats(given.teacher, given.learner) + probable_faults(teacher, learner, config)
+        raise InputError(f"{given.learner}: in no window of {WINDOW_S:g} s are enough joints known to compare the dances")
+    faults = other_formats(given.teacher, given.learner) + probable_faults(teacher, learner, scorer)
     told = feedback(score, beat_s, faults)
 
     title = f"{given.learner.name} after {given.teacher.name}: {score.similarity:.0f} of 100"
     page = score_page(title, teacher, learner, score, told, faults)
     files = {"teacher": str(given.teacher), "learner": str(given.learner)}
-    content = json.dumps(files | score_json(score, told, faults), indent=1, allow_nan=False) + "\n"
+    content = score_json(score, told, faults)
+    content |= files | {"scorer": {"name": given.scorer, "feature": scorer.feature, **content["scorer"]}}
     with locked(given.out):
-        for name, text in (("score.html", page), ("score.json", content)):
+        for name, text in (("score.html", page), ("score.json", json.dumps(content, indent=1, allow_nan=False) + "\n")):
             with atomic_path(given.out / name) as part:
                 part.write_bytes(writable(text).encode())
     print(printable("\n".join([*score_text(score, told, faults), f"look at {given.out / 'score.html'}"])))

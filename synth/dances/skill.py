@@ -81,7 +81,7 @@ class SkillConfig:
 
     Attributes:
         spacing: logarithm of the ratio of severities of neighbouring levels. It determines the benchmark's difficulty and is
-            the only number that was calibrated (`python -m synth.dances.calibrate`, docs/ledger.md): smaller is harder.
+            the only number that was calibrated (`synth.dances.simulate.SPACING`, docs/ledger.md): smaller is harder.
         spread: standard deviation of the logarithm of the random factor of one kind of error of one learner. Chosen, not
             calibrated: with 0.35 a single kind of error decides the order more often than the level does, but the experts
             agreed with each other.

@@ -1,4 +1,4 @@
-"""Chooses alpha, beta and tau of a scorer, which the paper does not give, on training dances.
+"""Chooses alpha, beta and tau of our scorer, which the paper does not give, on training dances.
 
     python -m synth benchmark=kpop_sim benchmark.split=train benchmark.dances=20 out=data/kpop_train
     python -m kpopnet.evaluation.dances.calibration data/kpop_train                                 # on true joints
@@ -24,9 +24,9 @@ from typing import NamedTuple
 import numpy as np
 from tqdm import tqdm
 
+from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.performance import Performance
-from kpopnet.dance.scoring import SCORERS, ScorerConfig, score_dance
-from kpopnet.dance.window import timing_similarity
+from kpopnet.dance.scoring import OURS, score_dance
 from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.errors import InputError
 from kpopnet.runtime.hydra_app import user_errors
@@ -73,7 +73,7 @@ def largest_alpha() -> float:
     return np.floor(-100 / np.log(1 - MIN_COPY_SIMILARITY)) / 100
 
 
-def candidates(dances: Iterable[RankedDance], config: ScorerConfig) -> list[Candidate]:
+def candidates(dances: Iterable[RankedDance], config: PartScorer) -> list[Candidate]:
     """Evaluates all combinations of `BETAS` and `TAUS`, with the largest alpha and the other settings of `config`.
 
     Raises:
@@ -121,18 +121,18 @@ def select_candidate(found: Sequence[Candidate]) -> Candidate:
     return max(allowed, key=lambda candidate: (candidate.concordance, candidate.separation))
 
 
-def _windows(teacher: Performance, learner: Performance, config: ScorerConfig) -> np.ndarray:
+def _windows(teacher: Performance, learner: Performance, config: PartScorer) -> np.ndarray:
     """(N, 3) delay in seconds, posture score and weight of the windows that were scored."""
     windows = score_dance(teacher, learner, config, unobserved_is_nan=True).windows
     found = np.stack([windows.delay_s, windows.posture, windows.weight], axis=1)
     return found[np.isfinite(found).all(axis=1)]
 
 
-def _similarity(windows: np.ndarray, config: ScorerConfig) -> float:
+def _similarity(windows: np.ndarray, config: PartScorer) -> float:
     # Eq. (15); 0 if no window was scored
     if not windows[:, 2].any():
         return 0.0
-    products = [timing_similarity(delay_s, config) * posture for delay_s, posture, _ in windows]
+    products = [config.timing(delay_s) * posture for delay_s, posture, _ in windows]
     return float(np.average(products, weights=windows[:, 2]))
 
 
@@ -183,10 +183,9 @@ def read_dances(folder: str, checkpoint: str | None) -> list[RankedDance]:
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", help="training dances in the K-Pop format (docs/kpop_format.md)")
-    parser.add_argument("--scorer", choices=SCORERS, default="dance22")
     parser.add_argument("--checkpoint", help="folder of a network, to calibrate on joints that it estimates")
     options = parser.parse_args(arguments)
-    report(candidates(read_dances(options.folder, options.checkpoint), SCORERS[options.scorer]))
+    report(candidates(read_dances(options.folder, options.checkpoint), OURS))
 
 
 def report(found: Sequence[Candidate]) -> None:

@@ -19,12 +19,12 @@ from typing import NamedTuple
 import numpy as np
 from tqdm import tqdm
 
-from kpopnet.dance.config import SCORERS, ScorerConfig
 from kpopnet.dance.dtw import distances_on_path
-from kpopnet.dance.features import feature_names
+from kpopnet.dance.features import FEATURES
 from kpopnet.dance.noise import NOISE, TABLE, AngleNoise
 from kpopnet.dance.performance import Performance
-from kpopnet.dance.scoring import TimeGrid, features_of, score_dance
+from kpopnet.dance.scoring import OURS, TimeGrid, score_dance
+from kpopnet.dance.window import part_of_angles
 from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator
@@ -34,9 +34,7 @@ from kpopnet.runtime.hydra_app import user_errors
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
 
 MEASURED = ("tracker", "network", "fitted_network", "realtime", "best")
-CONFIG = replace(SCORERS["dance22"], noise="none")
-BY_FEATURE = {"dance22": CONFIG, "raptis": replace(SCORERS["raptis_parts"], noise="none")}
-"""What compares the angles of each feature part by part."""
+CONFIG = replace(OURS, noise="none")
 
 
 class Seen(NamedTuple):
@@ -64,26 +62,23 @@ def seen_learners(folder: str, estimator: Estimator) -> list[Seen]:
     return found
 
 
-def angle_errors(seen: Seen, config: ScorerConfig) -> tuple[np.ndarray, np.ndarray]:
+def angle_errors(seen: Seen) -> tuple[np.ndarray, np.ndarray]:
     """(T, D) squared error of every angle of a learner, radians^2, and (T, D) its weight in the distance of the score."""
-    grid = TimeGrid(seen.true, config)
-    estimated = features_of(*grid.resampled(seen.estimated, grid.teacher_frames), False, config)
+    grid = TimeGrid(seen.true, CONFIG.feature)
+    estimated = grid.features(*grid.resampled(seen.estimated, grid.frames))
     frames = np.arange(len(estimated.angles_rad))
-    path = np.stack([frames, np.zeros_like(frames)], axis=1)
-    on_path = distances_on_path(path, estimated, grid.teacher.features, 0, grid.teacher.parts, grid.teacher.variance)
+    path, parts = np.stack([frames, np.zeros_like(frames)], axis=1), part_of_angles(CONFIG.feature)
+    on_path = distances_on_path(path, estimated, grid.teacher, 0, parts, np.zeros(len(parts)))
     return np.nan_to_num(on_path.signed) ** 2, on_path.weights
 
 
-def measured_std_rad(learners: Sequence[Seen]) -> dict[str, dict[str, float]]:
-    """By feature, the standard deviation of the error of each angle, radians, rounded to milliradians; see `AngleNoise`."""
-    measured = {}
-    for feature, config in BY_FEATURE.items():
-        errors = [angle_errors(one, config) for one in learners]
-        squared, weight = (np.concatenate(arrays) for arrays in zip(*errors, strict=True))
-        mean = (squared * weight).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-9)
-        names = feature_names(config.feature, config.heading)
-        measured[feature] = {name: round(float(np.sqrt(one)), 3) for name, one in zip(names, mean, strict=True)}
-    return measured
+def measured_std_rad(learners: Sequence[Seen]) -> dict[str, float]:
+    """The standard deviation of the error of each angle, radians, rounded to milliradians; see `AngleNoise`."""
+    errors = [angle_errors(one) for one in learners]
+    squared, weight = (np.concatenate(arrays) for arrays in zip(*errors, strict=True))
+    mean = (squared * weight).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-9)
+    names = FEATURES[CONFIG.feature].names
+    return {name: round(float(np.sqrt(one)), 3) for name, one in zip(names, mean, strict=True)}
 
 
 def perfect_scores(learners: Sequence[Seen]) -> tuple[list[float], list[float]]:

@@ -1,11 +1,13 @@
 """What would be gained if the estimator had seen one part of the body as it was: where the errors are that confuse learners."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from kpopnet.dance.config import ScorerConfig
 from kpopnet.dance.features import Features
+from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.performance import Performance
-from kpopnet.dance.scoring import Comparison, TimeGrid, features_of, summary
+from kpopnet.dance.scoring import Comparison, TimeGrid
 from kpopnet.dance.window import PARTS
 
 ORACLES = {
@@ -14,7 +16,7 @@ ORACLES = {
 """Which of `PARTS` an oracle knows."""
 
 
-def oracle_similarity(teacher: Performance, learner: Performance, truth: Performance, config: ScorerConfig) -> dict[str, float]:
+def oracle_similarity(teacher: Performance, learner: Performance, truth: Performance, config: PartScorer) -> dict[str, float]:
     """The score of a learner whose angles of some parts are replaced by the true ones, which have no noise.
 
     Args:
@@ -26,17 +28,14 @@ def oracle_similarity(teacher: Performance, learner: Performance, truth: Perform
     Returns:
         Name of ORACLES to the similarity, 0 to 100.
     """
-    grid = TimeGrid(teacher, config)
-    seen, true = (
-        features_of(*grid.resampled(one.earlier(config.latency_s), grid.teacher_frames), False, config)
-        for one in (learner, truth)
-    )
+    grid = TimeGrid(teacher, config.feature)
+    prepared = config.teacher(grid.teacher)
+    seen, true = (grid.features(*grid.resampled(one.earlier(config.latency_s), grid.frames)) for one in (learner, truth))
     similarity = {}
     for name, parts in ORACLES.items():
-        known = np.isin(grid.teacher.parts, [PARTS.index(part) for part in parts])
-        comparison = Comparison(grid.teacher._replace(variance=np.where(known, 0.0, grid.teacher.variance)), config)
+        known = np.isin(prepared.parts, [PARTS.index(part) for part in parts])
+        comparison = Comparison(grid, replace(prepared, variance=np.where(known, 0.0, prepared.variance)))
         comparison.add(Features(*(np.where(known, right, estimated) for right, estimated in zip(true, seen, strict=True))))
-        starts = grid.window_starts(len(grid.teacher_frames))
-        windows = [comparison.window(start) for start in starts]
-        similarity[name] = summary(windows, grid.time_s(starts), grid.teacher.movement, config).similarity
+        comparison.keep_windows(len(grid.frames))
+        similarity[name] = comparison.summary().similarity
     return similarity

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from kpopnet.dance.config import FACTORIAL
 from kpopnet.dance.scoring import SCORERS
 from kpopnet.datasets.dances.dance_set import KpopConfig, open_set
 from kpopnet.datasets.protocol import Origin
@@ -156,26 +155,6 @@ def agreement_table(run: DanceRun) -> Table:
     return header, rows
 
 
-def factorial_table(run: DanceRun) -> Table:
-    """Concordance by feature and distance, all else equal, and McNemar's p between the features, and between the distances.
-
-    Without rows unless all four scorers were used.
-    """
-    features, distances = (list(dict.fromkeys(key[place] for key in FACTORIAL)) for place in (0, 1))
-    rows = []
-    for source, by_scorer in run.agreements.items():
-        if not set(FACTORIAL.values()) <= set(by_scorer):
-            continue
-        found = {key: by_scorer[scorer] for key, scorer in FACTORIAL.items()}
-        for feature in features:
-            one, other = (found[feature, distance] for distance in distances)
-            cells = [_with_interval(each.concordance, each.interval["concordance"], 0) for each in (one, other)]
-            rows.append([source, feature, *cells, f"{paired_p_value(one, other):.3f}"])
-        between = [f"{paired_p_value(*(found[feature, distance] for feature in features)):.3f}" for distance in distances]
-        rows.append([source, "p", *between, ""])
-    return ["joints", "feature", *(f"{distance} distance" for distance in distances), "p"], rows
-
-
 def _with_interval(value: float, interval: list[float] | None, digits: int) -> str:
     """A figure with its interval, where there is one."""
     between = f" ({interval[0]:.{digits}f} to {interval[1]:.{digits}f})" if interval else ""
@@ -214,7 +193,7 @@ def oracle_table(run: DanceRun) -> Table:
 
 def tables_of(run: DanceRun) -> list[Table]:
     """The tables of the report that say something, the agreement first."""
-    tables = agreement_table(run), rank_table(run), factorial_table(run), oracle_table(run), paired_table(run)
+    tables = agreement_table(run), rank_table(run), oracle_table(run), paired_table(run)
     return [table for table in tables if table[1]]
 
 

@@ -15,8 +15,9 @@ import numpy as np
 from tqdm import tqdm
 
 from kpopnet.dance.noise import NOISE
+from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.performance import Performance
-from kpopnet.dance.scoring import SCORERS, ScorerConfig, score_dance
+from kpopnet.dance.scoring import SCORERS, Scorer, score_dance
 from kpopnet.datasets.dances.dance_set import Dance, KpopSet
 from kpopnet.errors import InputError
 from kpopnet.evaluation.dances.oracle import ORACLES, oracle_similarity
@@ -64,7 +65,7 @@ class DanceRun:
 def run_dances(
     dances: KpopSet,
     estimators: dict[str, Any],
-    scorers: dict[str, ScorerConfig],
+    scorers: dict[str, Scorer],
     poses: Path,
     count: int | None,
     seed: int,
@@ -250,7 +251,7 @@ class DanceScoring:
 
     dances: KpopSet
     caches: dict[str, PoseCache]
-    scorers: dict[str, ScorerConfig]
+    scorers: dict[str, Scorer]
 
     def __call__(self, name: str) -> ScoredDance | str:
         try:
@@ -292,9 +293,10 @@ class DanceScoring:
         return ScoredDance(complete, frames, seconds, by_part)
 
 
-def _with_noise_of(source: str, config: ScorerConfig) -> ScorerConfig:
+def _with_noise_of(source: str, config: Scorer) -> Scorer:
     """The settings with `noise=auto` replaced by the noise of a source of joints, where that is known."""
-    return replace(config, noise=source) if config.noise == "auto" and source in NOISE else config
+    known = isinstance(config, PartScorer) and config.noise == "auto" and source in NOISE
+    return replace(config, noise=source) if known else config
 
 
 def _mean_error_m(joints_m: np.ndarray, truth: Performance | None) -> float | None:

@@ -12,6 +12,7 @@ from kpopnet.dance.diagnosis import Fault
 from kpopnet.dance.feedback import Feedback, Phrase, clock
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import DanceScore
+from kpopnet.dance.window import WINDOW_S
 from kpopnet.evaluation.blocks import Block, Table
 from kpopnet.evaluation.dances.score_figures import moments, of_parts, over_time, worst_windows
 from kpopnet.evaluation.page import as_html
@@ -40,7 +41,7 @@ def _seen(coverage: float) -> str:
 
 def _ceiling(score: DanceScore) -> list[str]:
     """What perfect dancing scores, where an estimator's errors are known."""
-    through = f"perfect dancing seen through the estimator {score.config.noise} scores {score.ceiling:.0f} on average"
+    through = f"perfect dancing seen through the estimator {score.scorer.noise} scores {score.ceiling:.0f} on average"
     return [through] if score.ceiling < 100 else []
 
 
@@ -60,7 +61,7 @@ def fault_text(fault: Fault) -> str:
 def score_json(score: DanceScore, told: Feedback, faults: list[Fault]) -> dict[str, Any]:
     """The score for programs: numbers, null where nothing could be compared, with feedback, warnings and settings."""
     content = score._asdict()
-    return _plain({"score": content, "feedback": told, "warnings": faults, "scorer": content.pop("config")})
+    return _plain({"score": content, "feedback": told, "warnings": faults, "scorer": content.pop("scorer")})
 
 
 def _plain(value: Any) -> Any:
@@ -91,7 +92,7 @@ def score_page(
         told: feedback on the score.
         faults: probable faults of the recordings.
     """
-    windows, window_s = score.windows, score.config.window_s
+    windows, window_s = score.windows, WINDOW_S
     blocks: list[Block] = [("title", title)]
     blocks += [("text", fault_text(fault)) for fault in faults]
     blocks += [("table", _score_table(score))]

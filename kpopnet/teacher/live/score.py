@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from kpopnet.camera import Camera
-from kpopnet.dance.config import SCORERS
 from kpopnet.dance.online import OnlineScore, OnlineScorer
+from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.performance import Performance
-from kpopnet.dance.scoring import ScorerConfig
+from kpopnet.dance.scoring import OURS
 from kpopnet.dance.timing import beat_latency_s
+from kpopnet.dance.window import WINDOW_S
 from kpopnet.errors import InputError
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.teacher.library import TaughtDance
@@ -77,7 +78,7 @@ class DanceTry:
 
     def compile(self) -> None:
         """Compiles the scorer's kernels: in a try that is not used further, the teacher's own first seconds are scored."""
-        frames = min(round((self._config.window_s + 1) * 30), len(self._teacher))
+        frames = min(round((WINDOW_S + 1) * 30), len(self._teacher))
         for joints_m, time_s in zip(self._teacher.joints_m[:frames], self._teacher.times_s[:frames], strict=True):
             self._scorer.update(joints_m, float(time_s))
         if (score := self._scorer.score_so_far()) is not None:
@@ -227,13 +228,13 @@ class Calibration(DanceTry):
         return {"total": None, "latency_s": latency_s, "hints": [hint] if latency_s is None else []}, {}
 
 
-def scorer_config(lesson: Lesson, noise: str) -> ScorerConfig:
+def scorer_config(lesson: Lesson, noise: str) -> PartScorer:
     """The scorer of a lesson.
 
     As in a mirror, left is left. Who faces a teacher as on a stage may do the same or its mirror image: both are right.
     """
     mirrored = "false" if lesson.mirrored else "auto"
-    return replace(SCORERS["dance22"], mirrored=mirrored, latency_s=lesson.latency_s * lesson.speed, noise=noise)
+    return replace(OURS, mirrored=mirrored, latency_s=lesson.latency_s * lesson.speed, noise=noise)
 
 
 def excerpt(dance: Performance, begin_s: float, end_s: float) -> Performance:

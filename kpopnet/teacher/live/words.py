@@ -9,6 +9,7 @@ from kpopnet.dance.feedback import MIN_DELAY_S, Moment, feedback
 from kpopnet.dance.online import OnlineScore
 from kpopnet.dance.scoring import DanceScore
 from kpopnet.dance.timing import measured_latency_s
+from kpopnet.dance.window import WINDOW_S
 from kpopnet.skeleton import Joint
 from kpopnet.teacher.library import About
 from kpopnet.teacher.live.lesson import Lesson
@@ -83,8 +84,7 @@ def latest_words(score: DanceScore) -> str:
     Args:
         score: of `OnlineScorer.score_so_far`.
     """
-    config = score.config
-    now_s = float(score.windows.start_s[-1]) + (config.window_frames - 1) / 2 / config.fps
+    now_s = float(score.windows.middle_s[-1])
     moments = {one.text: one for phrase in feedback(score).phrases for one in phrase.moments if one.end_s >= now_s - RECENT_S}
     return in_words(max(moments.values(), key=lambda one: one.cost)) if moments else ""
 
@@ -135,7 +135,7 @@ def try_result(score: DanceScore | None, lesson: Lesson, about: About, notes: di
         "hints": [*([slow] if notes["fps"] < MIN_FPS else []), *found.hints],
         "latency_s": rounded(measured_latency_s(windows.delay_s, windows.posture), 3),
         "course": {
-            "time_s": _column(windows.start_s + score.config.window_s / 2), "total": _column(windows.similarity),
+            "time_s": _column(windows.start_s + WINDOW_S / 2), "total": _column(windows.similarity),
             "timing": _column(windows.timing), "posture": _column(windows.posture), "delay_s": _column(windows.delay_s, 3),
             "parts": {name: _column(values) for name, values in windows.parts.items() if name in score.parts},
         },

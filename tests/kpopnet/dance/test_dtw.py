@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from kpopnet.dance.dtw import algorithm_3, banded_distances, best_match, constant_delay, distances_on_path, frame_distance
+from kpopnet.dance.dtw import banded_distances, best_match, constant_delay, distances_on_path, frame_distance
 from kpopnet.dance.features import Features
-from kpopnet.errors import InputError
+from kpopnet.dance.paper import algorithm_3
 
 COSTS = arrays(
     float, st.tuples(st.integers(1, 6), st.sampled_from([1, 3, 5, 7])),
@@ -240,14 +240,3 @@ def test_algorithm_3_is_as_printed_with_its_faults():
     assert start == 1  # for any data
     late = algorithm_3(plain(teacher[5:25]), plain(teacher), 0.3, 2.0, 10)
     assert late[1] < 0.9  # a perfect copy that is late is not found
-
-
-def test_features_of_different_angles_are_refused():
-    one, other = plain(np.zeros((5, 4))), plain(np.zeros((6, 3)))
-    for learner, teacher in (
-        (one, other),
-        (one._replace(weights=np.ones((4, 4))), one),
-        (one, one._replace(seen=np.ones(4))),
-    ):
-        with pytest.raises(InputError, match=r"features of the shapes .* with equal angles"):
-            banded_distances(learner, teacher, 0, 2, math.inf)

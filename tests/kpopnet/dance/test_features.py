@@ -4,8 +4,7 @@ from dance_people import dance_joints_m, mirrored, noisy, turned
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kpopnet.dance.features import FEATURES, dance_features, feature_names
-from kpopnet.errors import InputError
+from kpopnet.dance.features import FEATURES, dance_features
 from kpopnet.skeleton import Joint
 
 JOINTS_M = dance_joints_m(0)[::7]
@@ -26,9 +25,8 @@ def standing() -> np.ndarray:
     return joints_m
 
 
-def features_of(joints_m: np.ndarray, feature: str, heading: bool = False) -> dict[str, np.ndarray]:
-    result = dance_features(joints_m, feature, FPS, heading)
-    return dict(zip(feature_names(feature, heading), result.angles_rad.T, strict=True))
+def features_of(joints_m: np.ndarray, feature: str) -> dict[str, np.ndarray]:
+    return dict(zip(FEATURES[feature].names, dance_features(joints_m, feature, FPS).angles_rad.T, strict=True))
 
 
 def assert_same(a, b, tolerance=1e-6):
@@ -40,12 +38,10 @@ def assert_same(a, b, tolerance=1e-6):
 
 
 def test_dimensions_are_the_papers():
-    assert len(feature_names("dance22")) == 22
-    assert len(feature_names("raptis")) == 19
-    assert len(feature_names("dance22", heading=True)) == 23
+    assert {name: len(feature.names) for name, feature in FEATURES.items()} == {"dance22": 22, "dance22_turn": 23, "raptis": 19}
     for feature in FEATURES:
         result = dance_features(JOINTS_M, feature, FPS)
-        assert result.angles_rad.shape == result.weights.shape == (len(JOINTS_M), len(feature_names(feature)))
+        assert result.angles_rad.shape == result.weights.shape == (len(JOINTS_M), len(FEATURES[feature].names))
         assert ((result.weights >= 0) & (result.weights <= 1)).all()
 
 
@@ -93,7 +89,7 @@ def test_only_dance22_tells_a_forearm_up_from_down_with_the_upper_arm_sideways()
         pose[Joint.RIGHT_HAND] = pose[Joint.RIGHT_ELBOW] + [0, y, 0]
     for feature, is_different in (("dance22", True), ("raptis", False)):
         result = dance_features(np.array([up, down]), feature, FPS)
-        column = feature_names(feature).index("right_hand_azimuth")
+        column = FEATURES[feature].names.index("right_hand_azimuth")
         difference = np.abs(np.angle(np.exp(1j * (result.angles_rad[0, column] - result.angles_rad[1, column]))))
         weighted = difference * result.weights[:, column].min()
         assert (weighted > 1.5) == is_different
@@ -106,7 +102,7 @@ def test_only_dance22_tells_a_forearm_up_from_down_with_the_upper_arm_sideways()
 )  # fmt: skip
 def test_dance22_does_not_depend_on_the_camera_or_on_the_size(axis, angle, shift, size):
     there = turned(JOINTS_M * size, np.array(axis), angle) + np.array(shift)
-    assert_same(dance_features(JOINTS_M, "dance22", FPS, True), dance_features(there, "dance22", FPS, True))
+    assert_same(dance_features(JOINTS_M, "dance22_turn", FPS), dance_features(there, "dance22_turn", FPS))
 
 
 @settings(max_examples=15, deadline=None)
@@ -127,14 +123,14 @@ def test_only_the_yaw_of_raptis_depends_on_the_camera():
 def test_a_missing_joint_removes_only_the_angles_that_need_it(joint):
     joints_m = JOINTS_M.copy()
     joints_m[5, joint] = np.nan
-    for feature in FEATURES:
+    for feature in ("dance22", "raptis"):
         whole, without = dance_features(JOINTS_M, feature, FPS), dance_features(joints_m, feature, FPS)
         missing = np.isnan(without.angles_rad) & ~np.isnan(whole.angles_rad)
         assert missing[5].any() and not np.delete(missing, (5, 6), axis=0).any()
         known = ~np.isnan(without.angles_rad)
         np.testing.assert_array_equal(without.angles_rad[known], whole.angles_rad[known])
         if joint == Joint.LEFT_HAND:
-            assert {feature_names(feature)[c] for c in missing[5].nonzero()[0]} == {
+            assert {FEATURES[feature].names[c] for c in missing[5].nonzero()[0]} == {
                 "left_hand_inclination",
                 "left_hand_azimuth",
             }
@@ -143,18 +139,18 @@ def test_a_missing_joint_removes_only_the_angles_that_need_it(joint):
 def test_an_angle_is_seen_as_well_as_the_least_seen_of_its_joints():
     confidence = np.full((len(JOINTS_M), 15), 0.9)
     confidence[5, Joint.LEFT_HAND], confidence[6, Joint.LEFT_ELBOW], confidence[7, Joint.LEFT_HIP] = 0.15, 0.06, 0.03
-    for feature, heading in (("dance22", True), ("raptis", False)):
-        names, result = feature_names(feature, heading), dance_features(JOINTS_M, feature, FPS, heading, confidence).seen
+    for feature in ("dance22_turn", "raptis"):
+        names, result = FEATURES[feature].names, dance_features(JOINTS_M, feature, FPS, confidence).seen
         less = {frame: {names[c] for c in np.flatnonzero(result[frame] < 1)} for frame in range(4, 8)}
         angles = {limb: {f"{limb}_inclination", f"{limb}_azimuth"} for limb in ("left_hand", "left_elbow", "left_knee")}
         torso = {name for name in names if not name.startswith(("left", "right"))}
         hand, elbow, knee = angles.values()
         assert less == {4: set(), 5: hand, 6: hand | elbow, 7: knee | torso}
         np.testing.assert_allclose(result[5:8].min(axis=1), [0.5, 0.2, 0.1])
-        assert (dance_features(JOINTS_M, feature, FPS, heading).seen == 1).all()  # changes of the first frames too
+        assert (dance_features(JOINTS_M, feature, FPS).seen == 1).all()  # changes of the first frames too
         lost_m = JOINTS_M.copy()
         lost_m[6, Joint.LEFT_HAND] = np.nan
-        assert {names[c] for c in np.flatnonzero(dance_features(lost_m, feature, FPS, heading).seen[6] == 0)} == hand
+        assert {names[c] for c in np.flatnonzero(dance_features(lost_m, feature, FPS).seen[6] == 0)} == hand
 
 
 @pytest.mark.parametrize("feature", FEATURES)
@@ -164,7 +160,7 @@ def test_a_bone_of_zero_length_makes_its_angles_missing(feature):
     joints_m[1, Joint.LEFT_ELBOW] = joints_m[1, Joint.LEFT_SHOULDER]
     result = dance_features(joints_m, feature, FPS)
     assert np.isnan(result.angles_rad[0]).all()
-    names = feature_names(feature)
+    names = FEATURES[feature].names
     assert np.isnan(result.angles_rad[1, names.index("left_elbow_inclination")])
     assert np.isfinite(result.angles_rad[1, names.index("right_elbow_inclination")])
 
@@ -172,7 +168,7 @@ def test_a_bone_of_zero_length_makes_its_angles_missing(feature):
 def test_a_turn_of_the_whole_body_changes_only_the_heading():
     still = np.repeat(standing()[None], 60, axis=0)
     spinning = turned(still, [0, 1, 0], np.linspace(0, 2, 60))
-    still_result, spinning_result = (dance_features(j, "dance22", FPS, heading=True) for j in (still, spinning))
+    still_result, spinning_result = (dance_features(j, "dance22_turn", FPS) for j in (still, spinning))
     difference = np.abs(spinning_result.angles_rad - still_result.angles_rad)[20:]
     assert (difference * still_result.weights[20:])[:, :22].max() < 1e-6
     np.testing.assert_allclose(difference[:, 22], 2 / 59 * 15, atol=1e-6)
@@ -191,10 +187,3 @@ def test_a_mirrored_dance_has_mirrored_angles():
     for name, sign in (("twist", -1), ("lean", -1), ("bend", 1)):
         np.testing.assert_allclose(mirror[name], sign * there[name], atol=1e-9)
     np.testing.assert_allclose(mirror["left_hand_inclination"], there["right_hand_inclination"], atol=1e-9)
-
-
-def test_unknown_settings_are_refused():
-    with pytest.raises(InputError, match=r"feature=dance23 is not one of dance22, raptis"):
-        dance_features(JOINTS_M, "dance23", FPS)
-    with pytest.raises(InputError, match="only dance22 lacks a heading"):
-        dance_features(JOINTS_M, "raptis", FPS, heading=True)

@@ -1,12 +1,14 @@
 import numpy as np
-import pytest
 from dance_people import dance_joints_m
 
-from kpopnet.dance.resampling import resampled, resampled_confidence
-from kpopnet.errors import InputError
+from kpopnet.dance import resampling
 
 JOINTS_M = dance_joints_m(0, 4.0)
 TIMES_S = np.arange(len(JOINTS_M)) / 30
+
+
+def resampled(joints_m, times_s, at_s):
+    return resampling.resampled(joints_m, np.ones(joints_m.shape[:2]), times_s, at_s)[0]
 
 
 def test_linear_motion_is_preserved_for_any_times():
@@ -16,14 +18,14 @@ def test_linear_motion_is_preserved_for_any_times():
     joints_m = np.repeat(line_m[:, None], 15, axis=1)
     at_s = np.arange(times_s[0], times_s[-1], 1 / 30)
     expected = np.array([1.0, 2.0, 3.0]) + at_s[:, None] * [0.5, -1.0, 0.1]
-    np.testing.assert_allclose(resampled(joints_m, times_s, at_s, 0.08), np.repeat(expected[:, None], 15, axis=1), atol=1e-9)
+    np.testing.assert_allclose(resampled(joints_m, times_s, at_s), np.repeat(expected[:, None], 15, axis=1), atol=1e-9)
 
 
 def test_the_frame_rate_hardly_changes_a_dance():
     at_s = np.arange(0.2, 3.8, 1 / 30)
     fast = dance_joints_m(0, 4.0, 100.0)
-    at_100_fps = resampled(fast, np.arange(len(fast)) / 100, at_s, 0.08)
-    at_30_fps = resampled(JOINTS_M, TIMES_S, at_s, 0.08)
+    at_100_fps = resampled(fast, np.arange(len(fast)) / 100, at_s)
+    at_30_fps = resampled(JOINTS_M, TIMES_S, at_s)
     assert np.abs(at_100_fps - at_30_fps).max() < 0.02
 
 
@@ -31,45 +33,35 @@ def test_noise_and_single_jumps_are_smoothed():
     rng = np.random.default_rng(1)
     noisy = JOINTS_M + rng.normal(0, 0.03, JOINTS_M.shape)
     at_s = TIMES_S[10:-10]
-    smooth = resampled(JOINTS_M, TIMES_S, at_s, 0.08)
-    assert np.std(resampled(noisy, TIMES_S, at_s, 0.08) - smooth) < 0.4 * 0.03
+    smooth = resampled(JOINTS_M, TIMES_S, at_s)
+    assert np.std(resampled(noisy, TIMES_S, at_s) - smooth) < 0.4 * 0.03
     jumping = JOINTS_M.copy()
     jumping[50, 6] += [0.8, 0, 0]
-    assert np.abs(resampled(jumping, TIMES_S, at_s, 0.08) - smooth).max() < 0.1
+    assert np.abs(resampled(jumping, TIMES_S, at_s) - smooth).max() < 0.1
 
 
 def test_short_gaps_are_closed_and_long_gaps_stay():
     joints_m = JOINTS_M.copy()
     joints_m[20:26, 6] = np.nan  # 7 / 30 s from sample to sample
     joints_m[60:90, 6] = np.nan
-    result = resampled(joints_m, TIMES_S, TIMES_S, 0.08)
+    result = resampled(joints_m, TIMES_S, TIMES_S)
     missing = np.isnan(result[:, 6]).any(axis=1)
     assert np.array_equal(missing, np.isin(np.arange(len(TIMES_S)), np.arange(60, 90)))
     assert not np.isnan(np.delete(result, 6, axis=1)).any()
     dropped = np.delete(np.arange(len(TIMES_S)), np.arange(40, 60))
-    result = resampled(JOINTS_M[dropped], TIMES_S[dropped], TIMES_S, 0.08)
+    result = resampled(JOINTS_M[dropped], TIMES_S[dropped], TIMES_S)
     assert np.isnan(result[:, 0, 0]).nonzero()[0].tolist() == list(range(40, 60))
 
 
 def test_there_is_no_extrapolation_beyond_the_samples():
-    result = resampled(JOINTS_M, TIMES_S, np.array([-0.05, 0.0, TIMES_S[-1], TIMES_S[-1] + 0.05]), 0.08)
+    result = resampled(JOINTS_M, TIMES_S, np.array([-0.05, 0.0, TIMES_S[-1], TIMES_S[-1] + 0.05]))
     assert np.isnan(result[:, 0, 0]).tolist() == [True, False, False, True]
 
 
 def test_confidence_is_a_weighted_mean_of_the_samples_around():
-    rng = np.random.default_rng(0)
-    confidence = rng.uniform(size=(len(TIMES_S), 15))
+    confidence = np.random.default_rng(0).uniform(size=(len(TIMES_S), 15))
     at_s = np.array([0.5, 1.234, TIMES_S[-1] + 2])
-    result = resampled_confidence(confidence, TIMES_S, at_s, 0.08)
+    _, result = resampling.resampled(JOINTS_M, confidence, TIMES_S, at_s)
     weights = np.exp(-0.5 * ((TIMES_S - at_s[:2, None]) / 0.08) ** 2) * (np.abs(TIMES_S - at_s[:2, None]) <= 0.25)
     np.testing.assert_allclose(result[:2], weights @ confidence / weights.sum(axis=1, keepdims=True))
     assert not result[2].any()  # no sample is near
-    np.testing.assert_allclose(resampled_confidence(np.full((len(TIMES_S), 15), 0.7), TIMES_S, at_s[:2], 0.08), 0.7)
-
-
-def test_samples_and_times_of_different_lengths_are_refused():
-    for times_s in (np.arange(6.0), np.zeros((5, 1))):
-        with pytest.raises(InputError, match=r"5 samples at times of shape .*: expected one time a sample"):
-            resampled(np.zeros((5, 15, 3)), times_s, np.zeros(2), 0.1)
-        with pytest.raises(InputError, match="expected one time a sample"):
-            resampled_confidence(np.zeros((5, 15)), times_s, np.zeros(2), 0.1)

@@ -65,8 +65,8 @@ def test_the_page_holds_its_figures_and_the_json_the_score(files, run, tmp_path)
     assert content["score"]["similarity"] == pytest.approx(expected.similarity)
     assert content["score"]["windows"]["parts"].keys() == expected.parts.keys() == content["score"]["parts"].keys()
     np.testing.assert_allclose(content["score"]["windows"]["delay_s"], expected.windows.delay_s)
-    assert content["feedback"] == json.loads(told.as_json()) and "config" not in content["score"]
-    assert content["warnings"] == [] and content["scorer"]["feature"] == "dance22" and content["teacher"] == str(teacher)
+    assert content["feedback"] == json.loads(told.as_json()) and "scorer" not in content["score"]
+    assert content["warnings"] == [] and content["scorer"]["name"] == "dance22" and content["teacher"] == str(teacher)
 
 
 def test_a_faulty_recording_is_told_and_the_option_that_is_named_corrects_it(files, run, tmp_path):

@@ -13,8 +13,6 @@ from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.datasets.protocol import Origin
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
-from synth.dances import calibrate
-from synth.dances.calibrate import smallest_spacing
 from synth.dances.simulate import CAMERA, FPS, LEARNERS, KpopSim, KpopSimConfig, KpopSimSet, connected, dance_name
 from synth.dances.skill import LEVELS, SkillConfig
 from synth.dances.writer import write_set
@@ -200,22 +198,6 @@ def test_invalid_settings_are_rejected():
         with pytest.raises(InputError, match=r"either composed .* or recorded"):
             KpopSimSet(motion=motion)
     assert dance_name(7) == "dance_007"
-
-
-def test_the_calibration_finds_the_smallest_sufficient_spacing():
-    spacings = np.array([0.4, 0.5, 0.6, 0.7])
-    assert smallest_spacing(0.86, spacings, np.array([0.75, 0.87, 0.85, 0.9])) == pytest.approx(0.4 + 0.1 * 11 / 12)
-    assert smallest_spacing(0.86, spacings, np.array([0.9, 0.91, 0.92, 0.93])) == 0.4
-    assert np.isnan(smallest_spacing(0.86, spacings, np.array([0.1, 0.2, 0.3, 0.4])))
-
-
-def test_the_calibration_draws_people_and_positions_once_for_all_spacings(monkeypatch):
-    take, planned = KpopSim.take, []
-    monkeypatch.setattr(KpopSim, "take", lambda maker, *which: planned.append(maker.config.skill) or take(maker, *which))
-    monkeypatch.setattr(calibrate, "SPACINGS", {"skill": (0.5, 0.9)})
-    config = KpopSimSet(KpopSimConfig(seed=4, split="train"), seconds=(2.2, 2.4))
-    assert len(calibrate.orders(0, config)) == 2
-    assert planned == [SkillConfig()] * len(LEARNERS)
 
 
 # Recorded dances ------------------------------

@@ -1,11 +1,9 @@
-from dataclasses import replace
-
 import h5py
 import numpy as np
 import pytest
 from dance_people import FPS, dance_joints_m, noisy, performed
 
-from kpopnet.dance.scoring import SCORERS
+from kpopnet.dance.scoring import OURS
 from kpopnet.dance.window import timing_similarity
 from kpopnet.datasets.dances.format import FORMAT, LABELS, TEACHER, VERSION
 from kpopnet.errors import InputError
@@ -24,7 +22,7 @@ from kpopnet.skeleton import JOINT_NAMES
 FAULTS = ((0.0, 0.01), (0.1, 0.03), (0.2, 0.06))
 """Delay in seconds and noise in metres of the learners, the best first."""
 
-BETAS = (0.6, 1.0, 2.4)
+BETAS = (0.3, 0.4, 2.4)
 
 
 def learner_m(index, noise_m):
@@ -39,7 +37,7 @@ def found():
     ]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(calibration, "BETAS", BETAS)
-        return candidates(dances, SCORERS["raptis"])
+        return candidates(dances, OURS)
 
 
 def test_the_selected_candidate_separates_learners_best_among_the_allowed(found):
@@ -66,14 +64,14 @@ def test_a_larger_beta_raises_the_scores(found):
 
 def test_a_perfect_copy_keeps_its_score_up_to_the_largest_alpha():
     for alpha, kept in ((largest_alpha(), True), (largest_alpha() + 0.01, False)):
-        assert (timing_similarity(0.0, replace(SCORERS["raptis"], alpha=alpha)) >= calibration.MIN_COPY_SIMILARITY) == kept
+        assert (timing_similarity(0.0, alpha, 0.4) >= calibration.MIN_COPY_SIMILARITY) == kept
 
 
 def test_impossible_calibrations_are_rejected(found):
     with pytest.raises(InputError, match="no beta keeps the score of standing still"):
         select_candidate([one._replace(standing_score=50.0) for one in found])
     with pytest.raises(InputError, match="1 dances: calibration needs two or more"):
-        candidates([(performed(dance_joints_m(0)), [])], SCORERS["dance22"])
+        candidates([(performed(dance_joints_m(0)), [])], OURS)
 
 
 def write_performance(path, joints_m, delay_s=0.0):

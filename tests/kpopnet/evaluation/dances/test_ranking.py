@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from real_data import REAL
 from scipy.stats import binomtest, kendalltau
 
-from kpopnet.dance.scoring import DanceScore, ScorerConfig
+from kpopnet.dance.scoring import OURS, DanceScore
 from kpopnet.evaluation.dances.ranking import (
     Agreement,
     LearnerScore,
@@ -21,7 +21,7 @@ from kpopnet.evaluation.dances.ranking import (
 
 
 def score(similarity: float, timing: float = 90.0, posture: float = 60.0) -> DanceScore:
-    return DanceScore(similarity, timing, posture, {}, 1.0, None, {}, False, False, 1.0, 100.0, ScorerConfig())
+    return DanceScore(similarity, timing, posture, {}, 1.0, None, {}, False, False, 1.0, 100.0, OURS)
 
 
 def learners(*similarities: float) -> list[LearnerScore]:

@@ -1,0 +1,157 @@
+"""The paper's scorer: Eqs. (13) to (15) with the plain norm, matched with the paper's steps wherever a window fits best.
+
+What is missing is left out, as the paper does not speak of it: missing angles count as the others on average, and a window in
+which less than half of the matched frames could be compared is excluded.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from numba import njit
+
+from kpopnet.dance.dtw import banded_distances, best_match, distances_on_path
+from kpopnet.dance.features import FEATURES, Features
+from kpopnet.dance.window import (
+    BAND_FRAMES,
+    FPS,
+    MIN_COMPARED_FRACTION,
+    PARTS,
+    WINDOW_FRAMES,
+    WINDOW_S,
+    WindowScore,
+    mean_errors,
+    mean_over_frames,
+    nothing_seen,
+    of_all_parts,
+    or_nan,
+    part_of_angles,
+    timing_similarity,
+)
+from kpopnet.errors import InputError
+
+ALPHA, BETA_RAD, TAU_S = 0.3, 1.8, 0.6
+"""Of Eqs. (13) and (14). The paper does not give them; these were taken before any scorer was calibrated."""
+
+
+@dataclass(frozen=True)
+class PaperScorer:
+    """The paper's scorer.
+
+    Attributes:
+        feature: dance22, the paper's 22-D feature; raptis, the 19-D feature of its reference [17]; or another dance feature.
+        as_printed: Algorithm 3 exactly as printed, with its faults, instead of the search for the best subsequence that the
+            paper's text describes.
+    """
+
+    feature: str = "dance22"
+    as_printed: bool = False
+
+    hop_s: ClassVar[float] = WINDOW_S  # the paper's windows do not overlap
+    mirrored: ClassVar[str] = "false"
+    latency_s: ClassVar[float] = 0.0
+    noise: ClassVar[str] = "none"
+    outlier_rad: ClassVar[float] = math.inf
+
+    def __post_init__(self) -> None:
+        if self.feature not in FEATURES:
+            raise InputError(f"feature={self.feature} is not one of {', '.join(FEATURES)}")
+
+    def teacher(self, features: Features) -> "PaperTeacher":
+        return PaperTeacher(self, features)
+
+
+@dataclass(frozen=True)
+class PaperTeacher:
+    """A teacher's dance that windows of a learner are compared with; `features` has (M, D) angles."""
+
+    scorer: PaperScorer
+    features: Features
+
+    @cached_property
+    def movement(self) -> np.ndarray:
+        """(N,) weight of each window: all count the same."""
+        return np.ones(len(range(0, len(self.features.angles_rad) - WINDOW_FRAMES + 1, WINDOW_FRAMES)))
+
+    def window(self, distances: np.ndarray, learner: Features, start: int) -> WindowScore:
+        """Scores a window of n frames, see `kpopnet.dance.parts.PartTeacher.window`."""
+        parts, frames = part_of_angles(self.scorer.feature), len(learner.angles_rad)
+        nothing = nothing_seen(self.features, parts, start)._replace(posture=math.nan)
+        if not learner.seen.any():
+            return nothing
+        if self.scorer.as_printed:
+            return self._as_printed(learner, start)
+        path = best_match(distances[-frames:], False, 0.0, BAND_FRAMES)
+        if not len(path):
+            return nothing
+        on_path = distances_on_path(path, learner, self.features, start - BAND_FRAMES, parts, np.zeros(len(parts)))
+        squared, present, angles = on_path.squared[:, 1], on_path.present, len(parts)
+        of_body = squared.sum(axis=1) * angles / or_nan(present.sum(axis=1))
+        of_body[2 * present.sum(axis=1) < angles] = np.nan
+        # The summand of Eq. (14), of the body and of each part, whose distance is scaled to be comparable with the body's.
+        body, of_parts = (np.exp(-np.sqrt(one) / BETA_RAD) for one in (of_body, squared * angles / or_nan(present)))
+        coverage = np.where(on_path.taught, on_path.seen, np.nan)
+        means = mean_over_frames(np.column_stack([body, np.isfinite(body), of_parts, coverage]), path)
+        posture, compared, of_parts, coverage = 100 * means[0], means[1], *np.split(means[2:], 2)
+        # T_l - T_t of Eq. (13): between the middles of the window and of the matched stretch.
+        delay_s = (BAND_FRAMES + (frames - 1 - path[0].sum() - path[-1].sum()) / 2) / FPS
+        timing = 100 * timing_similarity(delay_s, ALPHA, TAU_S)
+        if not compared >= MIN_COMPARED_FRACTION:
+            delay_s, timing, posture = math.nan, math.nan, math.nan
+        errors = mean_errors(on_path, path, parts, WINDOW_FRAMES)
+        return WindowScore(delay_s, timing, float(posture), of_all_parts(100 * of_parts), of_all_parts(coverage), *errors)
+
+    def _as_printed(self, learner: Features, start: int) -> WindowScore:
+        """The score of a window by Algorithm 3 as printed, which has no parts."""
+        ahead = Features(*(array[start : start + WINDOW_FRAMES + BAND_FRAMES] for array in self.features))
+        timing, posture, half_length = algorithm_3(learner, ahead, ALPHA, BETA_RAD, TAU_S * FPS)
+        delay_s = (len(learner.angles_rad) / 2 - half_length) / FPS
+        unknown, angles = np.full(len(PARTS), np.nan), learner.angles_rad.shape[1]
+        return WindowScore(delay_s, 100 * timing, 100 * posture, unknown, unknown, np.full(angles, np.nan), np.zeros(angles))
+
+
+def algorithm_3(
+    learner: Features, teacher: Features, alpha: float, beta: float, tau_frames: float
+) -> tuple[float, float, float]:
+    """Algorithm 3 as printed in the paper.
+
+    Faults of the printed algorithm: DTW[0, j] is infinite except for j = 0, so the path starts at the teacher's first frame and
+    argmin_j DTW[1, j] is always 1, although the text describes the search for a subsequence. DTW[n + 1, j] does not exist;
+    DTW[n, j] is read here. T_t is half a length, not the middle time of Eq. (13), so a learner who dances at the right speed
+    but late counts as on time. S_p is the exponential of a mean, where Eq. (14) is the mean of exponentials, and it divides by
+    half the length.
+
+    Args:
+        learner: (n, D) features.
+        teacher: (m, D) features.
+        alpha: of Eq. (13).
+        beta: of Eq. (14), radians.
+        tau_frames: tau of Eq. (13), frames.
+
+    Returns:
+        S_t in 0..1, S_p in 0..1 and T_t in frames.
+    """
+    n, m = len(learner.angles_rad), len(teacher.angles_rad)
+    distances = np.full((n + 1, m + 1), np.inf)
+    banded = banded_distances(learner, teacher, 0, max(n, m), math.inf)
+    for i in range(1, n + 1):
+        distances[i, 1:] = banded[i - 1, max(n, m) - i + 1 : max(n, m) - i + 1 + m]
+    warped = _dtw_as_printed(distances)
+    start = int(np.argmin(warped[1, 1:])) + 1
+    end = int(np.argmin(warped[n, 1:])) + 1
+    half_length = (end - start + 1) / 2
+    timing = timing_similarity(half_length - n / 2, alpha, tau_frames)
+    return timing, math.exp(-warped[n, end] / (beta * half_length)), half_length
+
+
+@njit(cache=True)
+def _dtw_as_printed(distances):
+    n, m = distances.shape[0] - 1, distances.shape[1] - 1
+    warped = np.full((n + 1, m + 1), np.inf)
+    warped[0, 0] = 0
+    for i in range(1, n + 1):
+        for j in range(1, m + 1):
+            warped[i, j] = distances[i, j] + min(warped[i - 1, j], warped[i, j - 1], warped[i - 1, j - 1])
+    return warped

@@ -1,0 +1,266 @@
+"""Our scorer: the paper's 22-D feature with the turn of the body, compared part by part.
+
+    s_i = mean over parts of seen * exp(-(|f_part| / beta)^2)
+
+stands for the summand of Eq. (14). The exponential of the paper has a cusp at 0: it costs most per degree where a person sees
+no difference, and least between wrong and very wrong. The square costs nothing there and separates the latter. A mean over
+parts keeps one lost limb from hiding all others. A part that is not seen scores 0, which is never more than it could score
+when seen. A turn moves the whole body through the room: a learner who misses a turn of the teacher's has every part at the
+wrong place, and up to half of s_i is taken off.
+
+Then s_i becomes max(0, (s_i - s_0) / (1 - s_0)), where s_0 is the score of standing still in the teacher's mean pose: a skill
+score, as of forecasts (Murphy 1988). What all parts that the teacher does not move contribute to s_i and to s_0 cancels, so the
+parts count as much as the teacher moves them. A window in which the teacher stands still, as before the music begins, can be
+copied by standing: it counts in the dance's score as much as the teacher moves (`PartTeacher.movement`).
+
+An estimator's errors add to the squared distance what they would add to a perfect dancer's. The squared distances of a window
+are shrunk by the factor (1 - noise / distance)+ of James and Stein (1961), pooled over its frames and parts.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from kpopnet.dance.dtw import PathDistances, best_match, constant_delay, distances_on_path
+from kpopnet.dance.features import FEATURES, OF_EARLIER_FRAMES, Features
+from kpopnet.dance.noise import NOISE, angle_variance
+from kpopnet.dance.window import (
+    BAND_FRAMES,
+    FPS,
+    MIN_COMPARED_FRACTION,
+    PARTS,
+    WINDOW_FRAMES,
+    WindowScore,
+    mean_errors,
+    mean_over_frames,
+    nothing_seen,
+    of_all_parts,
+    or_nan,
+    part_of_angles,
+    timing_similarity,
+)
+from kpopnet.errors import InputError
+
+FEATURE = "dance22_turn"
+MIRRORINGS = ("false", "true", "auto")
+
+HOP_S = 0.5
+"""Time from the start of one window to the next: overlapping windows use all of the dance's transitions."""
+
+CONTEXT_S = 6.0
+"""Length of the stretch, up to the window's end, from which the constant delay is estimated (docs/ledger.md, Dance score)."""
+
+HOP_FRAMES, CONTEXT_FRAMES = round(HOP_S * FPS), round(CONTEXT_S * FPS)
+
+CONTEXT_DELAY_PENALTY = 0.02
+"""Cost of a second of constant delay, in radians of the mean frame distance: where a dance fits equally well at any delay, the
+learner counts as on time. With 0.05 standing still counted as on time in one of seven training dances, with 0.02 in none."""
+
+WINDOW_DELAY_PENALTY = 0.6
+"""Cost of a second between the constant delay and the delay at the begin and end of a window's match, in radians of the mean
+frame distance; the begin and the end contribute half each."""
+
+OUTLIER_RAD = 0.25
+"""Of the matching in time: scale of the Cauchy loss; differences of angles far beyond it count by their logarithm
+(`kpopnet.dance.dtw.frame_distance`)."""
+
+MAX_STANDING = 0.75
+"""Greatest score of standing still that is taken off, which limits the factor 1 / (1 - s_0) to four. A teacher who hardly moves
+would otherwise leave nothing to be scored."""
+
+MIN_MOVEMENT = 0.1
+"""A window has full weight if standing still in its mean pose scores at least this much less than 1, otherwise in
+proportion."""
+
+
+@dataclass(frozen=True)
+class PartScorer:
+    """Our scorer, which compares two dances part by part.
+
+    Attributes:
+        mirrored: true for a learner who mirrors the teacher, as in front of a mirror; auto takes what fits better; false.
+        latency_s: constant delay of the set-up (camera, display), taken off the learner's clock, seconds; measured by
+            kpopnet.dance.timing.measured_latency_s.
+        noise: name of the estimator of the learner's joints whose known errors are taken out of the distance, see
+            kpopnet.dance.noise; none for true joints; auto for that of each estimator in an evaluation, elsewhere none.
+        alpha: slope of the timing similarity, Eq. (13).
+        beta: posture difference of one part's angles at which its similarity has fallen to 1/e, radians.
+        tau: delay at which the timing similarity reaches 0, Eq. (13), seconds.
+    """
+
+    mirrored: str = "false"
+    latency_s: float = 0.0
+    noise: str = "auto"
+    # alpha and tau: chosen on 70 dances of kpop_sim's split train (docs/ledger.md, Dance score). beta: of 0.3, 0.4 and 0.5 the
+    # one with which the fewest learners with one fault each, made of ten recorded dances of the split train, score outside
+    # what a teacher would say (the intervals of tests/kpopnet/dance/test_learners.py): 6, 5 and 6 of 210.
+    alpha: float = 0.31
+    beta: float = 0.4
+    tau: float = 0.4
+
+    feature: ClassVar[str] = FEATURE
+    hop_s: ClassVar[float] = HOP_S
+    outlier_rad: ClassVar[float] = OUTLIER_RAD
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mirrored", str(self.mirrored).lower())  # Hydra reads true and false as bool
+        for name in ("alpha", "beta", "tau"):
+            if not 0 < getattr(self, name) < math.inf:
+                raise InputError(f"{name}={getattr(self, name)} must be a positive number")
+        if not abs(self.latency_s) <= 5:
+            raise InputError(f"latency_s={self.latency_s}: expected -5 to 5 seconds")
+        for name, known in (("mirrored", MIRRORINGS), ("noise", ("auto", *NOISE))):
+            if getattr(self, name) not in known:
+                raise InputError(f"{name}={getattr(self, name)} is not one of {', '.join(known)}")
+
+    def teacher(self, features: Features) -> "PartTeacher":
+        """The teacher's (M, D) features with what windows are compared with."""
+        starts = range(0, len(features.angles_rad) - WINDOW_FRAMES + 1, HOP_FRAMES)
+        turn_rad = np.nan_to_num(features.angles_rad[:, FEATURES[FEATURE].names.index("turn")])
+        turning = 1 - self.posture(turn_rad**2)
+        teacher = PartTeacher(self, features, 0.0, np.ones(len(starts)), turning, angle_variance(self.noise))
+        held = [teacher.standing_similarity(slice(start, start + WINDOW_FRAMES)) for start in starts]
+        movement = np.clip((1 - np.array(held)) / MIN_MOVEMENT, 0, 1)
+        movement = np.where(np.isnan(movement), 1.0, movement)
+        standing = min(np.nan_to_num(teacher.standing_similarity(slice(None))), MAX_STANDING)
+        return replace(teacher, standing=standing, movement=movement if movement.any() else teacher.movement)
+
+    def timing(self, delay_s: float) -> float:
+        """S_t of Eq. (13) in 0..1, divided by its value without delay, so that a dancer on time loses nothing."""
+        return timing_similarity(delay_s, self.alpha, self.tau) / (1 - math.exp(-1 / self.alpha))
+
+    def posture(self, squared: np.ndarray) -> np.ndarray:
+        """Similarity in 0..1 of squared distances of parts, radians^2."""
+        return np.exp(-squared / self.beta**2)
+
+
+@dataclass(frozen=True)
+class PartTeacher:
+    """A teacher's dance that windows of a learner are compared with.
+
+    Attributes:
+        scorer: the scorer's settings.
+        features: (M, D) of the whole dance.
+        standing: s_0, the similarity in 0..1 of standing still.
+        movement: (N,) weight in 0..1 of each window in the dance's score: how much the teacher moves in it; 1 for all where
+            the teacher never moves.
+        turning: (M,) how much of a frame a learner who does not turn would miss, 0..1.
+        variance: (D,) squared errors of the estimator's angles, radians^2.
+    """
+
+    scorer: PartScorer
+    features: Features
+    standing: float
+    movement: np.ndarray
+    turning: np.ndarray
+    variance: np.ndarray
+
+    @property
+    def parts(self) -> np.ndarray:
+        """(D,) number in `PARTS` of each angle's part."""
+        return part_of_angles(FEATURE)
+
+    def standing_similarity(self, rows: slice) -> float:
+        """Mean similarity in 0..1 of standing still in the mean pose of some of the teacher's frames; NaN if unknown."""
+        features = Features(*(array[rows] for array in self.features))
+        taught = np.flatnonzero(np.isfinite(features.angles_rad).any(axis=1))
+        path = np.stack([np.zeros_like(taught), taught], axis=1)
+        on_path = distances_on_path(path, _standing(features), features, 0, self.parts, self.variance)
+        similarity = self._similarities(on_path.squared[:, 1], on_path, self.turning[rows][taught])[0]
+        finite = similarity[np.isfinite(similarity)]
+        return float(finite.mean()) if len(finite) else math.nan
+
+    def window(self, distances: np.ndarray, learner: Features, start: int) -> WindowScore:
+        """Scores a window of n frames.
+
+        Args:
+            distances: (.., 2 BAND_FRAMES + 1) output of `banded_distances` up to the window's end: the constant delay is
+                estimated from the last CONTEXT_S, the window is matched in the last n rows.
+            learner: (n, D) features of the window.
+            start: the teacher's frame of the same time as the window's first.
+        """
+        if not learner.seen.any():
+            return nothing_seen(self.features, self.parts, start)
+        frames, distances = len(learner.angles_rad), distances[-CONTEXT_FRAMES:]
+        expected = constant_delay(distances, CONTEXT_DELAY_PENALTY / FPS)
+        path = best_match(distances[-frames:], True, WINDOW_DELAY_PENALTY / FPS, expected)
+        if not len(path):
+            return nothing_seen(self.features, self.parts, start)
+        matched = self._on_path(path, learner, start)
+        if (path[:, 1] == expected).all():
+            return matched
+        # A wrong limb may lead the match astray. Then the other limbs are compared at the constant delay, as if it were unseen.
+        straight = np.stack([np.arange(frames), np.full(frames, expected)], axis=1)
+        straight = straight[np.isfinite(distances[-frames:, expected])]
+        steady = self._on_path(straight, learner, start) if len(straight) else matched
+        return steady if steady.similarity > matched.similarity else matched
+
+    def _on_path(self, path: np.ndarray, learner: Features, start: int) -> WindowScore:
+        """Scores a window whose frames correspond to the teacher's by a (L, 2) path, see `kpopnet.dance.dtw.best_match`."""
+        offset = start - BAND_FRAMES
+        on_path = distances_on_path(path, learner, self.features, offset, self.parts, self.variance)
+        shifts = _subframe_shifts(on_path.squared)
+        squared = _less_noise(_squared_at(on_path.squared, shifts), on_path.noise)
+        body, parts = self._similarities(squared, on_path, self.turning[offset + path.sum(axis=1)])
+        body = np.maximum(body - self.standing, 0) / (1 - self.standing)
+        shown = np.where(on_path.taught.any(axis=1), on_path.seen.any(axis=1), np.nan)
+        coverage = np.where(on_path.taught, on_path.seen, np.nan)
+        means = mean_over_frames(np.column_stack([body, shown, parts, coverage]), path)
+        posture, compared, parts, coverage = 100 * means[0], means[1], *np.split(means[2:], 2)
+        # The mean delay of the pairs changes smoothly with the learner's, unlike that of the middles in Eq. (13).
+        delay_s = float(BAND_FRAMES - (path[:, 1] + shifts).mean()) / FPS
+        timing = 100 * self.scorer.timing(delay_s)
+        if not compared >= MIN_COMPARED_FRACTION:
+            delay_s, timing = math.nan, math.nan
+            posture = math.nan if math.isnan(compared) else 0.0
+        errors = mean_errors(on_path, path, self.parts, HOP_FRAMES)
+        return WindowScore(delay_s, timing, float(posture), of_all_parts(100 * parts), of_all_parts(coverage), *errors)
+
+    def _similarities(self, squared: np.ndarray, on_path: PathDistances, turning: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(L,) similarity in 0..1 of the body and (L, P) of its parts in the pairs of a path; NaN where the teacher shows none.
+
+        Args:
+            squared: (L, P) radians^2.
+            on_path: the pairs.
+            turning: (L,) of the pairs' frames.
+        """
+        parts = np.where(on_path.taught, on_path.seen * self.scorer.posture(squared), np.nan)
+        body = np.nansum(parts, axis=1) / or_nan(on_path.taught.sum(axis=1))
+        if turning.any():
+            body = body * (1 - turning * (1 - np.nan_to_num(parts[:, PARTS.index("turning")])) / 2)
+        return body, parts
+
+
+def _standing(features: Features) -> Features:
+    """One frame of a person who stands still in the mean pose of (M, D) features."""
+    weights = np.where(np.isnan(features.angles_rad), 0.0, features.weights)
+    sine, cosine = (np.nan_to_num(weights * f(features.angles_rad)).sum(axis=0) for f in (np.sin, np.cos))
+    names = FEATURES[FEATURE].names
+    angles = np.where([name in OF_EARLIER_FRAMES for name in names], 0.0, np.arctan2(sine, cosine))
+    mean_weight = weights.sum(axis=0) / np.maximum((weights > 0).sum(axis=0), 1)
+    return Features(angles[None], mean_weight[None], np.ones((1, len(names))))
+
+
+def _subframe_shifts(squared: np.ndarray) -> np.ndarray:
+    """(L,) how many frames, -0.5 to 0.5, each pair fits best after the matched frame, from (L, 3, P) `PathDistances.squared`.
+
+    The squared distance to a limb that moves at constant speed is a parabola over the shift.
+    """
+    before, here, after = squared.sum(axis=2).T
+    curvature = before + after - 2 * here
+    return np.where(curvature > 1e-12, np.clip((before - after) / (2 * np.maximum(curvature, 1e-12)), -0.5, 0.5), 0.0)
+
+
+def _squared_at(squared: np.ndarray, shifts: np.ndarray) -> np.ndarray:
+    """(L, P) values at (L,) shifts of the parabolas through (L, 3, P) squared distances at -1, 0 and 1 frame."""
+    before, here, after = squared[:, 0], squared[:, 1], squared[:, 2]
+    shift = shifts[:, None]
+    return np.maximum(here + shift / 2 * (after - before) + shift**2 / 2 * (before + after - 2 * here), 0)
+
+
+def _less_noise(squared: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """(L, P) squared distances without what the estimator's errors contribute on average, never below 0."""
+    total, expected = squared.sum(), noise.sum()
+    return squared * max(1 - expected / total, 0.0) if expected > 0 and total > 0 else squared
