@@ -46,8 +46,9 @@ SEED = 2018
 """Of the benchmark; nothing that was scored before it was fixed has this seed."""
 
 SPACING = {"skill": 0.5, "mixed": 0.4, "ends": 0.0}
-"""Spacing of the levels by the family of faults, see `synth.dances.skill.SkillConfig`: on the split train the baseline of commit
-cb88187, the feature of [17] with the plain norm, then orders 86 of 100 dances, as in the paper; the ends of the scale have none."""
+"""Spacing of the levels by the family of faults, see `synth.dances.skill.SkillConfig`: on other dances, of the split train, the
+baseline of commit cb88187 (the feature of [17] with the plain norm) then orders 86 of 100 dances, as in the paper. The ends of
+the scale have none."""
 
 FPS = 30.0
 CAMERA = CAMERAS["kinect_2"]
