@@ -14,18 +14,20 @@ parts count as much as the teacher moves them. A window in which the teacher sta
 copied by standing: it counts in the dance's score as much as the teacher moves (`PartTeacher.movement`).
 
 An estimator's errors add to the squared distance what they would add to a perfect dancer's. The squared distances of a window
-are shrunk by the factor (1 - noise / distance)+ of James and Stein (1961), pooled over its frames and parts.
+are shrunk by the factor (1 - noise / distance)+ of James and Stein (1961), pooled over its frames and parts. Known errors stand
+in `noise.json`; `python -m kpopnet.evaluation.dances.noise` measures them on simulated dances (docs/dance_scoring.md).
 """
 
+import json
 import math
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from pathlib import Path
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from kpopnet.dance.dtw import PathDistances, best_match, constant_delay, distances_on_path
 from kpopnet.dance.features import FEATURES, OF_EARLIER_FRAMES, Features
-from kpopnet.dance.noise import NOISE, angle_variance
 from kpopnet.dance.window import (
     BAND_FRAMES,
     FPS,
@@ -75,6 +77,38 @@ MIN_MOVEMENT = 0.1
 proportion."""
 
 
+class AngleNoise(NamedTuple):
+    """The errors of an estimator's angles on simulated dances of the split `train`.
+
+    Attributes:
+        std_rad: by the name of an angle of dance22_turn, the standard deviation of the error around the true angle, radians,
+            constant errors included; of an azimuth, weighted as the distance weights it. Angles that are not named have none.
+        ceiling: mean score of perfect dancing seen through the sensor and this estimator by `dance22`, with its noise known.
+    """
+
+    std_rad: dict[str, float]
+    ceiling: float
+
+
+TABLE = Path(__file__).with_name("noise.json")
+
+NOISE: dict[str, AngleNoise] = {"none": AngleNoise({}, 100.0)} | {
+    name: AngleNoise(**entry) for name, entry in json.loads(TABLE.read_text()).items()
+}
+"""By the estimator's name; `none` for true joints. Those of the network are the shipped one's. A third of the tracker's
+learners score less than 90: there it had lost trunk or legs, which no noise explains."""
+
+
+def known_noise(name: str) -> AngleNoise:
+    """The noise of an estimator; none for `auto`, which only an evaluation replaces by each estimator's."""
+    return NOISE["none" if name == "auto" else name]
+
+
+def angle_variance(name: str) -> np.ndarray:
+    """(D,) squared standard deviations of the errors of the angles of dance22_turn, radians^2, by an estimator's name."""
+    return np.array([known_noise(name).std_rad.get(angle, 0.0) ** 2 for angle in FEATURES[FEATURE].names])
+
+
 @dataclass(frozen=True)
 class PartScorer:
     """Our scorer, which compares two dances part by part.
@@ -83,8 +117,9 @@ class PartScorer:
         mirrored: true for a learner who mirrors the teacher, as in front of a mirror; auto takes what fits better; false.
         latency_s: constant delay of the set-up (camera, display), taken off the learner's clock, seconds; measured by
             kpopnet.dance.timing.measured_latency_s.
-        noise: name of the estimator of the learner's joints whose known errors are taken out of the distance, see
-            kpopnet.dance.noise; none for true joints; auto for that of each estimator in an evaluation, elsewhere none.
+        noise: name of the estimator of the learner's joints whose known errors are taken out of the distance (tracker,
+            network, fitted_network, realtime, best); none for true joints; auto for that of each estimator in an evaluation,
+            elsewhere none.
         alpha: slope of the timing similarity, Eq. (13).
         beta: posture difference of one part's angles at which its similarity has fallen to 1/e, radians.
         tau: delay at which the timing similarity reaches 0, Eq. (13), seconds.

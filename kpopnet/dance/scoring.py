@@ -14,9 +14,8 @@ import numpy as np
 
 from kpopnet.dance.dtw import banded_distances
 from kpopnet.dance.features import FEATURES, Features, dance_features
-from kpopnet.dance.noise import known_noise
 from kpopnet.dance.paper import PaperScorer, PaperTeacher
-from kpopnet.dance.parts import FEATURE, PartScorer, PartTeacher
+from kpopnet.dance.parts import FEATURE, PartScorer, PartTeacher, known_noise
 from kpopnet.dance.performance import Performance, as_performance
 from kpopnet.dance.resampling import resampled
 from kpopnet.dance.timing import tempo

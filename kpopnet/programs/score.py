@@ -18,8 +18,7 @@ from pathlib import Path
 from kpopnet.dance.diagnosis import CORRECTIONS, Fault, corrected, delayed, probable_faults
 from kpopnet.dance.feedback import feedback
 from kpopnet.dance.joint_files.reader import read_performance
-from kpopnet.dance.noise import NOISE
-from kpopnet.dance.parts import PartScorer
+from kpopnet.dance.parts import NOISE, PartScorer
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import SCORERS, score_dance
 from kpopnet.dance.window import WINDOW_S

@@ -1,4 +1,4 @@
-"""Measures the errors of an estimator's angles on training dances, for the table `kpopnet.dance.noise.NOISE`.
+"""Measures the errors of an estimator's angles on training dances, for the table `kpopnet.dance.parts.NOISE`.
 
     python -m synth benchmark=kpop_sim benchmark.split=train benchmark.dances=6 out=data/kpop_train
     python -m kpopnet.evaluation.dances.noise data/kpop_train                                        # the tracker
@@ -21,7 +21,7 @@ from tqdm import tqdm
 
 from kpopnet.dance.dtw import distances_on_path
 from kpopnet.dance.features import FEATURES
-from kpopnet.dance.noise import NOISE, TABLE, AngleNoise
+from kpopnet.dance.parts import NOISE, TABLE, AngleNoise
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import OURS, TimeGrid, score_dance
 from kpopnet.dance.window import part_of_angles

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from kpopnet.dance.noise import NOISE
-from kpopnet.dance.parts import PartScorer
+from kpopnet.dance.parts import NOISE, PartScorer
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import SCORERS, Scorer, score_dance
 from kpopnet.datasets.dances.dance_set import Dance, KpopSet

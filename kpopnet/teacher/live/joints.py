@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.camera import Camera
-from kpopnet.dance.noise import NOISE
+from kpopnet.dance.parts import NOISE
 from kpopnet.errors import InputError
 from kpopnet.pose import PersonPose, PoseEstimator
 from kpopnet.skeleton import Joint

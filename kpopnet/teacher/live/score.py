@@ -59,7 +59,7 @@ class DanceTry:
         Args:
             lesson: what is danced, and how.
             dance: the teacher's.
-            noise: name in `kpopnet.dance.noise.NOISE` of the estimator's errors.
+            noise: name in `kpopnet.dance.parts.NOISE` of the estimator's errors.
         """
         self._lesson, self._about = lesson, dance.about
         self.begin_s, self.end_s = lesson.excerpt_s(len(dance.joints_m) / dance.fps)

@@ -9,7 +9,7 @@ from dance_learners import arms_lowered, smaller, standing
 from dance_people import dance_joints_m, noisy, performed
 
 from kpopnet.dance.features import FEATURES
-from kpopnet.dance.noise import NOISE, TABLE, AngleNoise, angle_variance
+from kpopnet.dance.parts import NOISE, TABLE, AngleNoise, angle_variance
 from kpopnet.dance.scoring import OURS, DanceScore, score_dance
 from kpopnet.evaluation.dances.noise import Seen, enter, known_scores, measured_std_rad, perfect_scores
 
