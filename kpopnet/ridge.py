@@ -95,20 +95,21 @@ def ridge_stages(depth_m: np.ndarray, config: RidgeConfig) -> RidgeStages:
         InputError: the depth is not one image of floating-point numbers.
     """
     box, squared, ratio = _ratio_in_box(depth_m, config)
-    edges = np.ones(depth_m.shape, bool)
+    edges, distance_px = np.ones(depth_m.shape, bool), np.zeros(depth_m.shape, np.float32)
     edges[box] = squared == 0
-    distance_px = np.zeros(depth_m.shape, np.float32)
     distance_px[box] = np.where(squared == NO_EDGE, np.inf, np.sqrt(squared))
     ratio_image = np.ones(depth_m.shape, np.float32)
     ratio_image[box] = ratio
-    ridge, probability = _ridge_mask(depth_m.shape, box, ratio, config), _probability_image(depth_m.shape, box, ratio, config)
-    return RidgeStages(edges, distance_px, ratio_image, ridge, probability)
+    return RidgeStages(edges, distance_px, ratio_image, ridge_data(depth_m, config), ridge_probability(depth_m, config))
 
 
 def ridge_data(depth_m: np.ndarray, config: RidgeConfig) -> np.ndarray:
     """R(I), the ridge data, as an (H, W) bool mask; arguments and errors as in `ridge_stages`."""
     box, _, ratio = _ratio_in_box(depth_m, config)
-    return _ridge_mask(depth_m.shape, box, ratio, config)
+    ridge = np.zeros(depth_m.shape, bool)
+    # Eq. (2)
+    ridge[box] = ratio <= np.float32(config.epsilon_r)
+    return ridge
 
 
 def ridge_probability(depth_m: np.ndarray, config: RidgeConfig) -> np.ndarray:
@@ -119,18 +120,7 @@ def ridge_probability(depth_m: np.ndarray, config: RidgeConfig) -> np.ndarray:
     `ridge_stages`.
     """
     box, _, ratio = _ratio_in_box(depth_m, config)
-    return _probability_image(depth_m.shape, box, ratio, config)
-
-
-def _ridge_mask(shape: tuple[int, int], box: tuple[slice, slice], ratio: np.ndarray, config: RidgeConfig) -> np.ndarray:
-    ridge = np.zeros(shape, bool)
-    # Eq. (2)
-    ridge[box] = ratio <= np.float32(config.epsilon_r)
-    return ridge
-
-
-def _probability_image(shape: tuple[int, int], box: tuple[slice, slice], ratio: np.ndarray, config: RidgeConfig) -> np.ndarray:
-    probability = np.zeros(shape, np.float32)
+    probability = np.zeros(depth_m.shape, np.float32)
     offset, slope = np.float32(0.5 + config.sharpness * config.epsilon_r), np.float32(config.sharpness)
     np.clip(offset - slope * ratio, 0, 1, out=probability[box])
     return probability

@@ -64,14 +64,7 @@ JOINT_GROUPS = {
 """Left and right joints grouped, as papers on pose estimation from depth report them."""
 
 
-def _mirrored(joint: Joint) -> Joint:
-    name = joint.name
-    if name.startswith("RIGHT_"):
-        return Joint["LEFT_" + name.removeprefix("RIGHT_")]
-    if name.startswith("LEFT_"):
-        return Joint["RIGHT_" + name.removeprefix("LEFT_")]
-    return joint
+_OTHER_SIDE = {"RIGHT": "LEFT", "LEFT": "RIGHT"}
 
-
-MIRROR = np.array([_mirrored(joint) for joint in Joint])
+MIRROR = np.array([Joint["_".join(_OTHER_SIDE.get(word, word) for word in joint.name.split("_"))] for joint in Joint])
 """(15,) index of each joint's left-right counterpart: `joints[..., MIRROR, :]` swaps left and right."""

@@ -72,19 +72,18 @@ def _azure_kinect(content: dict[str, Any], where: str, width: int | None, height
         raise InputError(
             f"{where}: an Azure Kinect's calibration serves all its modes; give the depth image's size, one of {modes}"
         )
-    cameras = content["CalibrationInformation"]
-    cameras = cameras.get("Cameras", []) if isinstance(cameras, dict) else []
-    depth = [one for one in cameras if isinstance(one, dict) and one.get("Purpose") == "CALIBRATION_CameraPurposeDepth"]
-    intrinsics = depth[0].get("Intrinsics") if depth else None
-    numbers = intrinsics.get("ModelParameters") if isinstance(intrinsics, dict) else None
-    if not isinstance(numbers, list) or len(numbers) < 6 or not all(isinstance(one, int | float) for one in numbers):
+    try:
+        cameras = content["CalibrationInformation"]["Cameras"]
+        depth = next(one for one in cameras if one["Purpose"] == "CALIBRATION_CameraPurposeDepth")
+        numbers = [float(one) for one in depth["Intrinsics"]["ModelParameters"][:10]]
+        cx, cy, fx, fy = (number * AZURE_SENSOR_PX for number in numbers[:4])
+    except (KeyError, TypeError, ValueError, StopIteration) as error:
         raise InputError(
             f"{where}: expected a camera of purpose CALIBRATION_CameraPurposeDepth with Intrinsics.ModelParameters"
-        )
+        ) from error
     _warn_of_distortion(numbers[4:10], where)
     scale, left, top = AZURE_MODES[width, height]
     # ModelParameters: cx, cy, fx, fy, k1, ... as fractions of the sensor's full image, whose pixel edges lie at whole numbers.
-    cx, cy, fx, fy = (number * AZURE_SENSOR_PX for number in numbers[:4])
     return Camera.from_numbers(
         (fx * scale, fy * scale, (cx - left) * scale - 0.5, (cy - top) * scale - 0.5, width, height), where
     )

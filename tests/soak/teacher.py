@@ -30,30 +30,6 @@ SPEEDS = (1.0, 0.5)
 LESSON_S = 10.0
 
 
-class Memory:
-    """The resident memory of a process and of those that it started."""
-
-    def __init__(self, server: int) -> None:
-        self._server = server
-        self.server_mb: list[float] = []
-        self.all_mb: list[float] = []
-
-    def note(self) -> str:
-        """Measures, and says what it found."""
-        self.server_mb.append(resident_mb(self._server))
-        self.all_mb.append(self.server_mb[-1] + sum(map(resident_mb, children(self._server))))
-        return f"minute {len(self.all_mb):3}: server {self.server_mb[-1]:7.1f} MB, all processes {self.all_mb[-1]:7.1f} MB"
-
-    def grew(self) -> bool:
-        """Whether there is more at the end than early on; says so."""
-        tenth, grown = max(len(self.all_mb) // 10, 1), False
-        for name, measured in (("server", self.server_mb), ("all processes", self.all_mb)):
-            early, late = np.median(measured[tenth : 2 * tenth] or measured), np.median(measured[-tenth:])
-            print(f"{name}: {early:.1f} MB early, {late:.1f} MB late")
-            grown |= bool(late > 1.05 * early and late > early + 20)
-        return grown
-
-
 def resident_mb(pid: int) -> float:
     """Resident memory of a process in megabytes, 0 of one that has ended."""
     try:
@@ -79,18 +55,13 @@ async def hold(client: aiohttp.ClientSession, socket: aiohttp.ClientWebSocketRes
     async for message in socket:
         if message.type is not aiohttp.WSMsgType.TEXT:
             continue
-        content = json.loads(message.data)
+        content, dance = json.loads(message.data), lesson["dance"]
         if content["kind"] == "error":
             raise RuntimeError(content["text"])
         tries += content["kind"] == "done"
         if content["kind"] == "done" and "session" in content:
-            base = f"/api/tries/{lesson['dance']}/{content['session']}"
-            for path in (
-                f"{base}.json",
-                f"{base}/movement",
-                f"/api/dances/{lesson['dance']}",
-                f"/api/history/{lesson['dance']}",
-            ):
+            base = f"/api/tries/{dance}/{content['session']}"
+            for path in (f"{base}.json", f"{base}/movement", f"/api/dances/{dance}", f"/api/history/{dance}"):
                 async with client.get(path) as answer:
                     answer.raise_for_status()
                     await answer.read()
@@ -103,24 +74,28 @@ async def hold(client: aiohttp.ClientSession, socket: aiohttp.ClientWebSocketRes
 
 async def soak(address: str, pid: int, minutes: int) -> bool:
     """Holds lessons; whether the memory grew."""
-    memory, held, totals = Memory(pid), 0, []
+    measured, totals = [], []
 
     async def lessons() -> None:
-        nonlocal held
         async with aiohttp.ClientSession(address) as client, client.ws_connect("/live", max_msg_size=0) as socket:
             for number, skill, speed in zip(itertools.count(), itertools.cycle(SKILLS), itertools.cycle(SPEEDS), strict=False):
                 lesson = {"dance": f"dance_{number % DANCES:03d}", "skill": skill, "speed": speed, "to_s": LESSON_S}
                 totals.append((await hold(client, socket, lesson))["total"])
-                held += 1
 
     holding, began = asyncio.create_task(lessons()), time.monotonic()
     for minute in range(1, minutes + 1):
         await asyncio.wait([holding], timeout=began + 60 * minute - time.monotonic())
         if holding.done():
             holding.result()
-        print(f"{memory.note()}, {held} lessons, the last scores {totals[-len(SKILLS) :]}", flush=True)
+        server_mb = resident_mb(pid)
+        measured.append((server_mb, server_mb + sum(map(resident_mb, children(pid)))))
+        told = f"server {measured[-1][0]:7.1f} MB, all processes {measured[-1][1]:7.1f} MB, {len(totals)} lessons"
+        print(f"minute {minute:3}: {told}, the last scores {totals[-len(SKILLS) :]}", flush=True)
     holding.cancel()
-    return memory.grew()
+    tenth = max(minutes // 10, 1)
+    early_mb, late_mb = (np.median(part, axis=0) for part in (measured[tenth : 2 * tenth] or measured, measured[-tenth:]))
+    print(f"server and all processes: {early_mb.round(1)} MB early, {late_mb.round(1)} MB late")
+    return bool(((late_mb > 1.05 * early_mb) & (late_mb > early_mb + 20)).any())
 
 
 def main() -> None:

@@ -117,9 +117,11 @@ def test_an_empty_room_is_told_and_shown(predict, tmp_path):
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"overlay.png", "overlay.mp4", "view.html"}
 
 
-def test_segmented_depth_needs_nobody_to_be_found(predict, tmp_path):
-    np.save(tmp_path / "a.npy", np.stack([standing()] * 3))
-    assert "person 1: in 3 of 3 images" in predict(tmp_path / "a.npy", *camera_words(), "--segmented")
+def test_segmented_depth_needs_nobody_to_be_found_and_the_files_camera_is_used(predict, tmp_path):
+    images = np.zeros((2, 240, 320), np.uint16)
+    images[:, 60:200, 140:180] = 2500
+    np.savez(tmp_path / "a.npz", depth=images, camera=list(vars(CAMERAS["kinect_v1"]).values()))
+    assert "person 1: in 2 of 2 images" in predict(tmp_path / "a.npz", "--segmented")
 
 
 def test_mistakes_are_one_line(predict, tmp_path):
@@ -128,7 +130,7 @@ def test_mistakes_are_one_line(predict, tmp_path):
     assert "expected the camera's 320x240 pixels" in predict(tmp_path / "a.npy", "--camera", "kinect_v1", fails=True)
     assert "no such file, and no preset" in predict(tmp_path / "a.npy", "--camera", "kinect_9", fails=True)
     assert "given twice" in predict(tmp_path / "a.npy", "--fov", 60, "--focal", 140, fails=True)
-    assert "no such file" in predict(tmp_path / "b.npy", *camera_words(), fails=True)
+    assert "no such file or folder" in predict(tmp_path / "nowhere", *camera_words(), fails=True)
     assert "people=0" in predict(tmp_path / "a.npy", *camera_words(), "--people", 0, fails=True)
     np.save(tmp_path / "long.npy", np.zeros((8000, 4, 4), np.uint16))
     assert "last more than 7200 s" in predict(tmp_path / "long.npy", *camera_words(), "--fps", 1, fails=True)
@@ -142,10 +144,3 @@ def test_the_program_starts_without_training_and_simulation():
     code = f"import sys, kpopnet.programs.predict; print(sorted({heavy} & sys.modules.keys()))"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
-
-
-def test_the_files_camera_is_used(predict, tmp_path):
-    images = np.zeros((2, 240, 320), np.uint16)
-    images[:, 60:200, 140:180] = 2500
-    np.savez(tmp_path / "a.npz", depth=images, camera=list(vars(CAMERAS["kinect_v1"]).values()))
-    assert "person 1" in predict(tmp_path / "a.npz", "--segmented")
