@@ -13,7 +13,6 @@ ROOT_NOUNS = {"__init__", "errors", "skeleton", "camera", "ridge", "estimator", 
 EXCEPTIONS = {
     "kpopnet/extraction/components.py:component_stats": "numba kernel: one pass over the pixels fills every statistic",
     "kpopnet/geometry/cones.py:cone_signed_distance": "numba kernel: a part's numbers as scalars, so that loops vectorise",
-    "kpopnet/training/loop.py:train": "entry of a training: each argument is a setting of the program",
     "synth/scene/render.py:_triangle": "numba kernel: corners of a triangle as scalars, in registers",
     "synth/sensor/kernel.py:measure_pixels": "numba kernel: one pass over the pixels of an image",
 }

@@ -26,7 +26,7 @@ from kpopnet.programs.train import NetworkTrainingConfig
 run = partial(run_program, "train.py")
 SHORT = (
     "data.train=train", "data.validation=validation", "model.crop_px=32", "model.widths=[8,8,16,16]",
-    "training.batch_size=4", "training.validate_every=2", "training.validation_samples=4", "training.log_every=1",
+    "training.batch_size=4", "training.validate_every=2", "training.validation_samples=4",
     "workers=0", "threads=1", "device=cpu",
 )  # fmt: skip
 

@@ -39,7 +39,7 @@ RADII_M = {
     (Joint.RIGHT_KNEE, Joint.RIGHT_FOOT): (0.069, 0.068),
     (Joint.RIGHT_FOOT, RIGHT_TOES): (0.078, 0.046),
 }
-"""Radii in metres at both ends of each part. `python -m kpopnet.training.body_shape` fitted these and the trunk points to the
+"""Radii in metres at both ends of each part. `tools/body_shape.py` fitted these and the trunk points to the
 true joints of 300 simulated people (split train), dressed but without bags, in five poses each; its docstring has the commands.
 The left parts mirror the right ones."""
 

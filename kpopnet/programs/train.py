@@ -31,11 +31,10 @@ from kpopnet.data.shards import ShardedSet
 from kpopnet.errors import InputError, check_seed
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import read_meta, run_folder
-from kpopnet.ridge import RidgeConfig
 from kpopnet.runtime.cpu import bounded_processes
 from kpopnet.runtime.folder_lock import locked
 from kpopnet.runtime.hydra_app import OutputFolder, command_line_settings, entry_point, register_choices, resumed_config
-from kpopnet.training.loop import TrainingConfig, refuse_other_run, train
+from kpopnet.training.loop import RunConfig, refuse_other_run, train
 from synth.samples.observe import ExtractionConfig, Observer, OtherSensors
 from synth.sensor.model import SENSORS, SensorConfig
 
@@ -98,27 +97,12 @@ class ObservationConfig:
 
 
 @dataclass
-class NetworkTrainingConfig(ObservationConfig):
-    """Training of a network.
-
-    Attributes:
-        model: which network.
-        training: how it is trained.
-        ridge: of the ridge image, for model.input=depth_ridge.
-        device: auto, cpu or cuda.
-        threads: of torch on the CPU; 0 takes the cores that the workers leave.
-    """
-
-    model: ModelConfig = field(default_factory=ModelConfig)
-    training: TrainingConfig = field(default_factory=TrainingConfig)
-    ridge: RidgeConfig = field(default_factory=RidgeConfig)
-    device: str = "auto"
-    threads: int = 0
+class NetworkTrainingConfig(ObservationConfig, RunConfig):
+    """Training of a network: both parents' settings."""
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.threads < 0:
-            raise InputError(f"threads={self.threads} must be 0 or more")
+        ObservationConfig.__post_init__(self)
+        RunConfig.__post_init__(self)
 
 
 @dataclass
@@ -163,20 +147,8 @@ def run_network_training(config: NetworkTrainingConfig) -> None:
     elif config.training.start is not None:
         config.model = model_to_start_from(config)
     sets = config.sets()
-    train(
-        config.training,
-        config.model,
-        config.observer(sets["train"]),
-        config.observer(sets["validation"]),
-        out=Path(HydraConfig.get().runtime.output_dir),
-        seed=config.seed,
-        device=config.device,
-        workers=config.workers,
-        threads=config.threads,
-        ridge=config.ridge,
-        described=asdict(config),
-        data=describe_sets(sets),
-    )
+    source, validation = (config.observer(shards) for shards in sets.values())
+    train(config, source, validation, Path(HydraConfig.get().runtime.output_dir), describe_sets(sets))
 
 
 def run_tree_walk_training(config: TreeWalkTrainingConfig) -> None:

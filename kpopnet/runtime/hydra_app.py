@@ -239,9 +239,11 @@ def resumed_config(config: Config, saved: dict, *, may_change: tuple[str, ...]) 
         raise InputError(
             f"the checkpoint's configuration holds {found[:60]!r}; values are expected, and nothing is interpolated"
         )
-    now = OmegaConf.structured(config)
+    now, schema = OmegaConf.structured(config), overridable(type(config))
+    if gone := _take_unknown(saved, schema):
+        print(f"ignores settings of the checkpoint that this version does not have: {', '.join(gone)}", file=sys.stderr)
     try:
-        merged = OmegaConf.merge(overridable(type(config)), saved)
+        merged = OmegaConf.merge(schema, saved)
         for name in given:
             OmegaConf.update(merged, name, OmegaConf.select(now, name))
         return cast(Config, OmegaConf.to_object(merged))
@@ -249,6 +251,17 @@ def resumed_config(config: Config, saved: dict, *, may_change: tuple[str, ...]) 
         raise
     except (OmegaConfBaseException, AttributeError, TypeError, ValueError) as error:
         raise InputError(f"the checkpoint's configuration is of another version: {one_line(error)}") from error
+
+
+def _take_unknown(saved: dict, schema: DictConfig, place: str = "") -> list[str]:
+    """Removes the settings that a schema lacks from nested dicts; returns them, each with its value."""
+    found = []
+    for name in list(saved):
+        if name not in schema:
+            found.append(f"{place}{name}={str(saved.pop(name))[:40]}")
+        elif isinstance(saved[name], dict) and isinstance(inner := schema._get_node(name), DictConfig):
+            found += _take_unknown(saved[name], inner, f"{place}{name}.")
+    return found
 
 
 def _interpolation(value: Any) -> str | None:

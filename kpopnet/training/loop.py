@@ -9,7 +9,7 @@ import gc
 import logging
 import math
 import sys
-import time
+from collections.abc import Callable
 from contextlib import closing, nullcontext
 from copy import deepcopy
 from dataclasses import asdict, dataclass, field, replace
@@ -40,14 +40,22 @@ from kpopnet.runtime.atomic_write import naming
 from kpopnet.runtime.cpu import bounded_processes
 from kpopnet.runtime.folder_lock import locked
 from kpopnet.training.distributed import Processes, join_processes, set_up_torch
-from kpopnet.training.optimisers import OPTIMISERS, build_optimisers, load_optimisers
+from kpopnet.training.optimisers import OPTIMISERS, build_optimisers
 from kpopnet.training.validation import validate, validation_sheet
 
 log = logging.getLogger(__name__)
 
-FIRST_LINE_S = 10.0
-"""Seconds of training before the first log line of progress, where standard error is not a terminal."""
+WARMUP = 0.07
+"""Fraction of the steps in which the learning rate rises."""
 
+AVERAGE = 0.999
+"""Decay per step of the exponential moving average of the weights, which is validated and stored."""
+
+LOG_EVERY = 20
+"""Steps between scalars in TensorBoard."""
+
+LINE_EVERY_S = 30.0
+"""Seconds between lines of progress where standard error is not a terminal."""
 
 MAX_STEPS, MAX_BATCH = 10**9, 2**16
 
@@ -60,17 +68,13 @@ class TrainingConfig:
         steps: total number of steps; the learning rate cycle spans them.
         batch_size: samples per step, over all processes.
         lr: peak learning rate of the cycle.
-        warmup: fraction of the steps in which the learning rate rises.
-        optimiser: muon for the weights of convolutions and linear layers and AdamW for the rest (kpopnet.training.muon), or
-            adamw for all, whose lr should be 0.002.
-        weight_decay: weight decay, only for the weights of convolutions and linear layers.
+        optimiser: muon for the weights of convolutions and linear layers and AdamW for the rest, or adamw for all, whose lr
+            should be 0.002.
         clip_norm: gradients with a larger norm are scaled down to it, so that a single odd batch does not throw the weights.
             Measured norms (median, 99th percentile, largest): 0.15, 0.25 and 0.38 in 2,400 steps of the dense network; 0.32,
             0.9 and 1.6 of the holistic one, 3.3 in its first 50 steps.
-        average: decay per step of the exponential moving average of the weights, which is validated and stored.
         augment: augmentation of training crops.
         small_crops: smaller crops for the first steps, for dense networks only.
-        log_every: steps between scalars in TensorBoard.
         validate_every: steps between validations, each followed by a checkpoint; the last step always has one.
         validation_samples: number of evenly spaced samples of the validation set (all if it has fewer), kept in memory.
         start: a checkpoint whose weights a new run starts from, to fine-tune a network for other cameras or motions.
@@ -80,39 +84,57 @@ class TrainingConfig:
     steps: int = 10000
     batch_size: int = 64
     lr: float = 5e-3
-    warmup: float = 0.07
     optimiser: str = "muon"
-    weight_decay: float = 0.01
     clip_norm: float = 0.5
-    average: float = 0.999
     augment: AugmentConfig = field(default_factory=AugmentConfig)
     small_crops: SmallCropsConfig = field(default_factory=SmallCropsConfig)
-    log_every: int = 20
     validate_every: int = 500
     validation_samples: int = 2048
     start: str | None = None
     resume: str | None = None
 
     def __post_init__(self) -> None:
-        for name in ("steps", "batch_size", "log_every", "validate_every", "validation_samples"):
-            if getattr(self, name) < 1:
-                raise InputError(f"training.{name}={getattr(self, name)}: expected at least 1")
-        check_between("training.steps", self.steps, 1, MAX_STEPS)
-        check_between("training.batch_size", self.batch_size, 1, MAX_BATCH)
-        if not (0 < self.lr < math.inf and self.clip_norm > 0 and 0 <= self.weight_decay < math.inf):
-            raise InputError(
-                f"expected training.lr > 0, training.clip_norm > 0 and training.weight_decay >= 0, found {self.lr}, "
-                f"{self.clip_norm} and {self.weight_decay}"
-            )
+        most = {"steps": MAX_STEPS, "batch_size": MAX_BATCH, "validate_every": MAX_STEPS, "validation_samples": MAX_STEPS}
+        for name, high in most.items():
+            check_between(f"training.{name}", getattr(self, name), 1, high)
+        if not (0 < self.lr < math.inf and self.clip_norm > 0):
+            raise InputError(f"expected training.lr > 0 and training.clip_norm > 0, found {self.lr} and {self.clip_norm}")
         if self.optimiser not in OPTIMISERS:
             raise InputError(f"training.optimiser={self.optimiser}: expected one of {', '.join(OPTIMISERS)}")
-        if not (0 <= self.warmup < 1 and 0 <= self.average < 1):
-            raise InputError(f"training.warmup={self.warmup}, training.average={self.average}: expected 0 <= x < 1")
+
+
+@dataclass
+class RunConfig:
+    """What is trained, how, and on which machine.
+
+    Attributes:
+        model: which network.
+        training: how it is trained.
+        ridge: of the ridge image, for model.input=depth_ridge.
+        seed: of weights, sample order and augmentation.
+        device: auto, cpu or cuda.
+        workers: processes that prepare batches; 0 prepares them in this process.
+        threads: of torch on the CPU; 0 takes the cores that the workers leave.
+    """
+
+    model: ModelConfig = field(default_factory=ModelConfig)
+    training: TrainingConfig = field(default_factory=TrainingConfig)
+    ridge: RidgeConfig = field(default_factory=RidgeConfig)
+    seed: int = 0
+    device: str = "auto"
+    workers: int = 1
+    threads: int = 0
+
+    def __post_init__(self) -> None:
+        if self.threads < 0:
+            raise InputError(f"threads={self.threads} must be 0 or more")
+        if self.training.small_crops.share and self.model.kind != "dense":
+            raise InputError(f"training.small_crops: a {self.model.kind} network takes crops of one size; set its share to 0")
 
 
 def lr_at(step: int, config: TrainingConfig) -> float:
     """Learning rate of one cycle (Smith 2018): half a cosine from lr/25 up to lr, then one down to lr/10,000."""
-    rising = config.warmup * config.steps
+    rising = WARMUP * config.steps
     if step < rising:
         low, fraction = config.lr / 25, step / rising
         return low + (config.lr - low) * (1 - math.cos(math.pi * fraction)) / 2
@@ -120,9 +142,9 @@ def lr_at(step: int, config: TrainingConfig) -> float:
     return low + (config.lr - low) * (1 + math.cos(math.pi * fraction)) / 2
 
 
-def decay_at(step: int, config: TrainingConfig) -> float:
+def decay_at(step: int) -> float:
     """Decay of the weight average; smaller during the first steps, so that the initial weights vanish quickly."""
-    return min(config.average, (1 + step) / (10 + step))
+    return min(AVERAGE, (1 + step) / (10 + step))
 
 
 class Run:
@@ -136,7 +158,7 @@ class Run:
         if config.start is not None and config.resume is None:
             load_initial_weights(self.network, config.start)
         self.average = deepcopy(self.network).eval().requires_grad_(False)
-        self.optimisers = build_optimisers(self.network, config.optimiser, config.lr, config.weight_decay)
+        self.optimisers = build_optimisers(self.network, config.optimiser, config.lr)
         self.step = 0
         self.best_cm = math.inf
         self.offset_sum_m = torch.zeros(15, 3, dtype=torch.float64)
@@ -209,7 +231,7 @@ class Run:
         }
 
     def _update_average(self) -> None:
-        weight = 1 - decay_at(self.step, self.config)
+        weight = 1 - decay_at(self.step)
         for averaged, value in zip(self.average.state_dict().values(), self.network.state_dict().values(), strict=True):
             if averaged.is_floating_point():
                 averaged.lerp_(value, weight)
@@ -247,7 +269,8 @@ class Run:
         state = load_state(folder)
         try:
             self.network.load_state_dict(state["weights"])
-            load_optimisers(self.optimisers, state["optimiser"])
+            for name, optimiser in self.optimisers.items():
+                optimiser.load_state_dict(state["optimiser"][name])
             self.step, self.best_cm = state["step"], state["best_cm"]
             self.offset_sum_m, self.offset_count = state["offset_sum_m"], state["offset_count"]
             self.skipped = state["skipped"]
@@ -294,34 +317,15 @@ def load_initial_weights(network: PoseNetwork, checkpoint: str) -> None:
 
 
 def train(
-    config: TrainingConfig,
-    model: ModelConfig,
-    source: ObservationSource,
-    validation: ObservationSource,
-    *,
-    out: Path,
-    seed: int = 0,
-    device: str = "auto",
-    workers: int = 1,
-    threads: int = 0,
-    ridge: RidgeConfig | None = None,
-    described: dict | None = None,
-    data: dict | None = None,
+    config: RunConfig, source: ObservationSource, validation: ObservationSource, out: Path, data: dict | None = None
 ) -> Path:
     """Trains a network and writes checkpoints to `out`.
 
     Args:
-        config: how the network is trained.
-        model: architecture of the network.
+        config: of the run; stored in the checkpoints' meta.json.
         source: training observations.
         validation: validation observations.
         out: folder of the run. Only rank 0 writes to it.
-        seed: of weights, sample order and augmentation.
-        device: cpu, cuda, or auto.
-        workers: processes that prepare batches; 0 prepares them in this process.
-        threads: threads of torch, 0 for all available cores that the workers leave.
-        ridge: of the ridge image, for model.input=depth_ridge; None for the defaults.
-        described: the whole configuration, stored in the checkpoint's meta.json; an estimator takes `ridge` from it.
         data: identifies the data sets; a run is resumed only with the data that it began with.
 
     Returns:
@@ -331,124 +335,90 @@ def train(
         InputError: a setting or a checkpoint does not fit; the folder holds another run, or another process writes there; a
             loss that is not finite.
     """
-    with join_processes(device) as processes, locked(out) if processes.rank == 0 else nullcontext(), naming(out):
+    training = config.training
+    with join_processes(config.device) as processes, locked(out) if processes.rank == 0 else nullcontext(), naming(out):
         if processes.rank == 0:
-            refuse_other_run(out, config.resume)
-        workers = bounded_processes(workers, "workers")
-        threads = set_up_torch(threads, workers)
-        if config.batch_size % processes.count:
+            refuse_other_run(out, training.resume)
+        if training.batch_size % processes.count:
             raise InputError(
-                f"training.batch_size={config.batch_size} cannot be divided evenly among {processes.count} processes"
+                f"training.batch_size={training.batch_size} cannot be divided evenly among {processes.count} processes"
             )
-        if config.small_crops.share and model.kind != "dense":
-            raise InputError(f"training.small_crops: a {model.kind} network takes crops of one size; set its share to 0")
-        with closing(Run(config, model, seed, processes)) as run:
+        workers = bounded_processes(config.workers, "workers")
+        threads = set_up_torch(config.threads, workers)
+        with closing(Run(training, config.model, config.seed, processes)) as run:
             if run.resumed_meta is not None and (begun_with := run.resumed_meta.get("data")) != data:
-                raise InputError(f"{config.resume}: was trained on other data ({begun_with}) than the given data ({data})")
-            order = ShuffledOrder(len(source), config.batch_size, seed, processes.rank, processes.count)
-            small = round(config.small_crops.share * config.steps), config.small_crops.crop_px
-            batches = CropBatches(source, model, order, seed, config.augment, ridge, small)
-            loader = batch_loader(batches, run.step, config.steps, workers, pin_memory=processes.device.type == "cuda")
+                raise InputError(f"{training.resume}: was trained on other data ({begun_with}) than the given data ({data})")
+            batches = training_batches(config, source, processes)
+            loader = batch_loader(batches, run.step, training.steps, workers, pin_memory=processes.device.type == "cuda")
             if processes.rank > 0:
                 for batch in loader:
                     run.update(batch)
                 return out / "last"
             log.info(
-                f"seed {seed}, {workers} data worker(s) per process, on {processes.describe(threads)}\n"
+                f"seed {config.seed}, {workers} data worker(s) per process, on {processes.describe(threads)}\n"
                 f"{len(source):,} training and {len(validation):,} validation samples; "
-                f"{config.steps * config.batch_size / len(source):.1f} epochs\n"
+                f"{training.steps * training.batch_size / len(source):.1f} epochs\n"
                 f"{run.describe()}\ninto {out}; watch with: tensorboard --logdir {out}"
             )
-            if config.resume is not None:
-                complete_links(out, Path(config.resume))
-            sets = {
-                px: validation_batches(validation, replace(model, crop_px=px), config, seed, ridge) for px in batches.sizes()
-            }
-            return _train_and_validate(run, loader, batches, sets, out, {"config": described or {}, "data": data})
+            if training.resume is not None:
+                complete_links(out, Path(training.resume))
+            sets = {px: validation_batches(config, validation, px) for px in batches.sizes()}
+            described = {"config": asdict(config), "data": data}
+            _update_and_validate(run, loader, lambda step: sets[batches.crop_px(step)], out, described)
+    log.info(f"checkpoints: {out / 'best'} (lowest validation error) and {out / 'last'}")
+    return out / "last"
 
 
-def validation_batches(
-    validation: ObservationSource, model: ModelConfig, config: TrainingConfig, seed: int, ridge: RidgeConfig | None = None
-) -> list[Batch]:
+def training_batches(config: RunConfig, source: ObservationSource, processes: Processes) -> CropBatches:
+    """This process's part of the batches of every step."""
+    training = config.training
+    order = ShuffledOrder(len(source), training.batch_size, config.seed, processes.rank, processes.count)
+    small = round(training.small_crops.share * training.steps), training.small_crops.crop_px
+    return CropBatches(source, config.model, order, config.seed, training.augment, config.ridge, small)
+
+
+def validation_batches(config: RunConfig, validation: ObservationSource, crop_px: int) -> list[Batch]:
     """The validation crops, kept in memory: `validation_samples` evenly spaced samples of the set."""
-    count = min(config.validation_samples, len(validation))
-    batches = CropBatches(validation, model, EvenOrder(len(validation), config.batch_size, count), seed, None, ridge)
-    steps = math.ceil(count / config.batch_size)
+    count = min(config.training.validation_samples, len(validation))
+    order = EvenOrder(len(validation), config.training.batch_size, count)
+    batches = CropBatches(validation, replace(config.model, crop_px=crop_px), order, config.seed, None, config.ridge)
+    steps = math.ceil(count / config.training.batch_size)
     loader = batch_loader(batches, 0, steps, workers=0)
     return list(tqdm(loader, total=steps, desc="validation crops", disable=not sys.stderr.isatty(), leave=False))
 
 
-class Progress:
-    """The speed and the remaining time of a run, and when to log them."""
-
-    def __init__(self, step: int, config: TrainingConfig) -> None:
-        """Starts the clock at the first step of this process's part of the run."""
-        self.config = config
-        self.first = step
-        self.started_s = time.perf_counter()
-        self.next_line_s = FIRST_LINE_S
-
-    def is_due(self) -> bool:
-        """Whether to log a line now: after FIRST_LINE_S, then each time the elapsed time has doubled."""
-        elapsed_s = time.perf_counter() - self.started_s
-        if elapsed_s < self.next_line_s:
-            return False
-        self.next_line_s = 2 * elapsed_s
-        return True
-
-    def samples_per_second(self, step: int) -> float:
-        return (step - self.first) * self.config.batch_size / (time.perf_counter() - self.started_s)
-
-    def describe(self, step: int) -> str:
-        """Speed and remaining time, such as "480 samples/s, about 12 min left"."""
-        elapsed_s = time.perf_counter() - self.started_s
-        left_s = elapsed_s / (step - self.first) * (self.config.steps - step)
-        if left_s < 100:
-            left = f"{left_s:.0f} s"
-        else:
-            left = f"{left_s / 60:.0f} min" if left_s < 100 * 60 else f"{left_s / 3600:.1f} h"
-        return f"{self.samples_per_second(step):.0f} samples/s, about {left} left"
-
-
-def _train_and_validate(
-    run: Run, loader: DataLoader, batches: CropBatches, sets: dict[int, list[Batch]], out: Path, described: dict
-) -> Path:
+def _update_and_validate(
+    run: Run, loader: DataLoader, validation_set: Callable[[int], list[Batch]], out: Path, described: dict
+) -> None:
     """The loop of rank 0: steps, scalars, validation on crops of the size trained with, images, checkpoints."""
-    config, checkpoint = run.config, out / "last"
-    progress = Progress(run.step, config)
-    bar = tqdm(total=config.steps, initial=run.step, desc="training", unit="step", disable=not sys.stderr.isatty())
+    config = run.config
+    bar = tqdm(total=config.steps, initial=run.step, desc="training", unit="step")
+    bar.mininterval = 0.2 if sys.stderr.isatty() else LINE_EVERY_S
     with SummaryWriter(out, purge_step=run.step) as board, bar:
         for batch in loader:
             scalars = run.update(batch)
             bar.update()
+            samples_per_s = config.batch_size * (bar.n - bar.initial) / bar.format_dict["elapsed"]
 
-            if run.step % config.log_every == 0:
+            if run.step % LOG_EVERY == 0:
                 for name, value in scalars.items():
                     board.add_scalar(f"train/{name}", float(value), run.step)
-                rate = progress.samples_per_second(run.step)
-                board.add_scalar("train/samples_per_second", rate, run.step)
+                board.add_scalar("train/samples_per_second", samples_per_s, run.step)
                 board.add_scalar("train/empty_silhouettes_skipped", run.skipped, run.step)
-                bar.set_postfix(error=f"{float(scalars['error_cm']):.1f} cm", rate=f"{rate:.0f}/s")
+                bar.set_postfix(error=f"{float(scalars['error_cm']):.1f} cm", refresh=False)
 
             if run.step % config.validate_every == 0 or run.step == config.steps:
-                validation_set = sets[batches.crop_px(run.step - 1)]
-                metrics, estimates = validate(run.average, validation_set, run.processes.device)
+                crops = validation_set(run.step - 1)
+                metrics, estimates = validate(run.average, crops, run.processes.device)
                 for name, value in metrics.items():
                     board.add_scalar(f"validation/{name}", value, run.step)
-                image = validation_sheet(validation_set, estimates)
-                board.add_image("validation/predictions", image, run.step, dataformats="HWC")
-                checkpoint = run.save(out, metrics, described)
+                board.add_image("validation/predictions", validation_sheet(crops, estimates), run.step, dataformats="HWC")
+                run.save(out, metrics, described)
+                left_s = (config.steps - run.step) * config.batch_size / samples_per_s
                 log.info(
                     f"step {run.step:,} of {config.steps:,}: mean error {metrics['mean_error_cm']:.2f} cm, "
                     f"{100 * metrics['within_10cm']:.1f} % within 10 cm (best {run.best_cm:.2f} cm); "
-                    f"{progress.describe(run.step)}"
-                )
-            elif bar.disable and progress.is_due():
-                log.info(
-                    f"step {run.step:,} of {config.steps:,}: error {float(scalars['error_cm']):.1f} cm on the last "
-                    f"training batch; {progress.describe(run.step)}"
+                    f"{samples_per_s:.0f} samples/s, about {tqdm.format_interval(left_s)} left"
                 )
     if run.skipped:
         log.info(f"{run.skipped} observations with an empty silhouette were replaced by the next one")
-    log.info(f"checkpoints: {out / 'best'} (lowest validation error) and {checkpoint}")
-    return checkpoint

@@ -45,7 +45,7 @@ def train(folder: Path) -> Program:
     factories.write_shard(folder / "validation", 0, 4)
     settings = [f"data.train={folder / 'train'}", f"data.validation={folder / 'validation'}", "model.crop_px=32"]
     settings += ["model.widths=[8,8,16,16]", "training.batch_size=4", "training.validate_every=2", "training.steps=24"]
-    settings += ["training.validation_samples=4", "training.log_every=1", "workers=1", "threads=1", "device=cpu"]
+    settings += ["training.validation_samples=4", "workers=1", "threads=1", "device=cpu"]
 
     def command(run: Path) -> list[str]:
         checkpoint = resumable(run)

@@ -17,7 +17,7 @@ from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import read_meta
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.training.distributed import Processes
-from kpopnet.training.loop import Run, TrainingConfig, train
+from kpopnet.training.loop import Run, RunConfig, TrainingConfig, train
 
 pytestmark = [
     pytest.mark.skipif(not torch.cuda.is_available(), reason="torch finds no GPU"),
@@ -26,7 +26,7 @@ pytestmark = [
 ]
 
 MODEL = ModelConfig(crop_px=32, widths=[8, 8, 16, 16])
-SHORT = TrainingConfig(steps=6, batch_size=8, validate_every=2, validation_samples=8, log_every=2)
+SHORT = TrainingConfig(steps=6, batch_size=8, validate_every=2, validation_samples=8)
 
 
 @pytest.fixture(autouse=True)
@@ -62,9 +62,13 @@ def test_the_gradient_in_bfloat16_has_the_direction_of_that_in_float32():
 @pytest.mark.parametrize("kind", ["holistic", "dense"])
 def test_a_training_on_a_gpu_resumes_and_its_network_estimates_equally_on_gpu_and_cpu(tmp_path, kind):
     people, others = CapsulePeople(20, seed=1), CapsulePeople(8, seed=2)
-    settings = {"out": tmp_path, "device": "cuda", "workers": 1, "threads": 1, "described": {"seed": 0}}
-    last = train(SHORT, replace(MODEL, kind=kind), people, others, **settings)
-    last = train(replace(SHORT, steps=8, resume=str(last)), replace(MODEL, kind=kind), people, others, **settings)
+
+    def run(training: TrainingConfig) -> Path:
+        config = RunConfig(replace(MODEL, kind=kind), training, device="cuda", workers=0)
+        return train(config, people, others, tmp_path)
+
+    last = run(SHORT)
+    last = run(replace(SHORT, steps=8, resume=str(last)))
     assert read_meta(last)["step"] == 8
     seen = others.observe(0, 0)
     here, there = (NetworkEstimator(last, device).estimate(seen.depth_m[None], seen.camera) for device in ("cpu", "cuda"))

@@ -2,7 +2,7 @@ r"""Fits the thickness of the tracker's body to simulated people with known join
 
     python -m synth preset=demo splits.train=2400 splits.validation=0 splits.test=0 props.seat=0 props.held=0 \
         props.second_person=0 body.clothes.backpack=0 body.clothes.bag=0 body.clothes.long_hair=0 out=data/body_shape
-    python -m kpopnet.training.body_shape data/body_shape/train
+    PYTHONPATH=. python tools/body_shape.py data/body_shape/train
 
 prints new values of RADII_M, TRUNK_OFFSETS_M and REFERENCE_SIZE_M in `kpopnet.geometry.body`: a robust least-squares fit of the
 parts' surface to the visible points. Bags and long hair on a back would pull a trunk point 20 cm behind
