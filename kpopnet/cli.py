@@ -13,7 +13,7 @@ PROGRAMS = {
     "predict": ("kpopnet.programs.predict", "estimates the joints of people in a recording of depth, and shows them"),
     "score": ("kpopnet.programs.score", "scores a learner's dance against a teacher's, from two files of joints"),
     "convert": ("kpopnet.programs.convert", "makes a set of dances from files of joints"),
-    "describe": ("kpopnet.datasets.describe.__main__", "says what a folder of a data set holds"),
+    "describe": ("kpopnet.datasets.describe", "says what a folder of a data set holds"),
     "export": ("kpopnet.programs.export", "writes a network as an ONNX file"),
     "teach": ("kpopnet.programs.teach", "opens the dance teacher: a page that shows a dance and scores the learner"),
     "stages": ("kpopnet.programs.stages", "draws how the tracker follows one frame, stage after stage"),

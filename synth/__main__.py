@@ -6,12 +6,12 @@
     python -m synth motion=clips motion.path=/my/bvh sensor=kinect_2 camera=kinect_2 out=data/mine
     python -m synth preset=small frozen=[train,validation,test]     noisy depth and ridge images on disk
 
-or a simulated benchmark, in the file format of the real one where there is one:
+or a simulated benchmark:
 
-    python -m synth benchmark=eval_sim                              24 sequences, 8 GB, into data/eval_sim
+    python -m synth benchmark=eval_sim                              24 sequences, 0.7 GB, into data/eval_sim
     python -m synth benchmark=eval_sim benchmark.seed=1 benchmark.sequences=8 out=data/eval_sim_1
     python -m synth benchmark=eval_sim motion=clips motion.path=PACK out=data/eval_sim_clips
-    python -m synth benchmark=smmc10_sim                            28 sequences, 3 GB, into data/smmc10_sim
+    python -m synth benchmark=smmc10_sim                            28 sequences, 0.3 GB, into data/smmc10_sim
     python -m synth benchmark=two_people                            24 sequences of two people, 0.2 GB, into data/two_people
     python -m synth benchmark=kpop_sim                              100 dances, 400 learners, 3 GB, into data/kpop_sim
     python -m synth benchmark=kpop_sim benchmark.split=train out=data/kpop_train    other dances by other people
@@ -55,12 +55,9 @@ from synth.scene.render import RENDERERS, make_renderer
 from synth.scene.scene import Scene
 from synth.sensor.model import SENSORS, SensorConfig
 from synth.simulated import writer as sequence_writer
-from synth.simulated.eval_files import EVAL_SIM
-from synth.simulated.eval_sim import EvalSimConfig, EvalSimSet
-from synth.simulated.smmc10_files import SMMC10_SIM
-from synth.simulated.smmc10_sim import Smmc10SimConfig, Smmc10SimSet
-from synth.simulated.two_people import TwoPeopleConfig, TwoPeopleSet
-from synth.simulated.two_people_files import TWO_PEOPLE
+from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
+from synth.simulated.smmc10_sim import Smmc10Sim, Smmc10SimConfig, Smmc10SimSet
+from synth.simulated.two_people import TwoPeople, TwoPeopleConfig, TwoPeopleSet
 
 
 def parse_range(text: str, num_shards: int) -> range:
@@ -230,13 +227,9 @@ class Benchmark(NamedTuple):
 
 
 BENCHMARKS = {
-    "eval_sim": Benchmark(EvalSimConfig, EVAL_SIM.maker.camera, EvalSimSet, partial(sequence_writer.write_set, EVAL_SIM)),
-    "smmc10_sim": Benchmark(
-        Smmc10SimConfig, SMMC10_SIM.maker.camera, Smmc10SimSet, partial(sequence_writer.write_set, SMMC10_SIM)
-    ),
-    "two_people": Benchmark(
-        TwoPeopleConfig, TWO_PEOPLE.maker.camera, TwoPeopleSet, partial(sequence_writer.write_set, TWO_PEOPLE)
-    ),
+    "eval_sim": Benchmark(EvalSimConfig, EvalSim.camera, EvalSimSet, partial(sequence_writer.write_set, EvalSim)),
+    "smmc10_sim": Benchmark(Smmc10SimConfig, Smmc10Sim.camera, Smmc10SimSet, partial(sequence_writer.write_set, Smmc10Sim)),
+    "two_people": Benchmark(TwoPeopleConfig, TwoPeople.camera, TwoPeopleSet, partial(sequence_writer.write_set, TwoPeople)),
     "kpop_sim": Benchmark(KpopSimConfig, simulate.CAMERA, KpopSimSet, dance_writer.write_set),
 }
 """Each benchmark that can be simulated."""

@@ -79,7 +79,7 @@ def joints(name: str, folder: Path, checkpoint: Path) -> dict[str, str]:
     path = folder / name
     run("-m", "synth", f"benchmark={name}", f"benchmark.sequences={SEQUENCES}", f"out={path}", "processes=2")
     settings, reader = BENCHMARKS[name]
-    benchmark = reader(settings(path=str(path)))
+    benchmark = reader(settings(name=name, path=str(path)))
     tracker, paper_tracker = ESTIMATORS["tracker"][0], ESTIMATORS["paper_tracker"][0]
     estimators = {
         "tracker": tracker(),
@@ -108,7 +108,7 @@ def scores(folder: Path, checkpoint: Path) -> dict[str, list[float]]:
     """Scores of every learner of some simulated dances, by source of joints and scorer."""
     path = folder / "kpop_sim"
     run("-m", "synth", "benchmark=kpop_sim", f"benchmark.dances={DANCES}", f"out={path}", "processes=2")
-    dances = open_set(BENCHMARKS["kpop_sim"][0](path=str(path)))
+    dances = open_set(BENCHMARKS["kpop_sim"][0](name="kpop_sim", path=str(path)))
     estimators = {
         "tracker": ESTIMATORS["tracker"][0](),
         "network": ESTIMATORS["network"][0](checkpoint=str(checkpoint)),

@@ -29,7 +29,7 @@ FIGURES = Path(__file__).resolve().parents[1] / "docs" / "figures"
 def tiles(name: str, folder: Path) -> list[np.ndarray]:
     """The middle frame of TILES sequences with true and estimated joints over the depth of the person."""
     settings, reader = BENCHMARKS[name]
-    benchmark = reader(settings(path=str(folder)))
+    benchmark = reader(settings(name=name, path=str(folder)))
     found = []
     for sequence in map(benchmark.read, evenly_spaced(benchmark.sequence_names(), TILES)):
         camera, truth_m = sequence.camera, sequence.joints_camera_m
@@ -50,7 +50,7 @@ def estimates(real: Path, simulated: Path) -> np.ndarray:
 
 
 def dance_score(folder: Path) -> Figure:
-    dances = open_set(BENCHMARKS["kpop_sim"][0](path=str(folder)))
+    dances = open_set(BENCHMARKS["kpop_sim"][0](name="kpop_sim", path=str(folder)))
     dance = dances.dance(dances.names[0])
     figure = Figure(figsize=(10, 2.6), layout="constrained")
     panels = figure.subplots(1, 2, sharex=True, sharey=True)

@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 
 from synth.motion.splice import resampled
-from synth.simulated.eval_files import EVAL_SIM
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
 from synth.simulated.film import Played, Take
 from synth.simulated.writer import write_set
@@ -72,7 +71,7 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=1, help="working side by side: %(default)s")
     given = parser.parse_args()
     config = SlowSet(EvalSimConfig(seed=given.seed, sequences=given.sequences))
-    write_set(replace(EVAL_SIM, maker=SlowEvalSim), config, given.folder, given.processes)
+    write_set(SlowEvalSim, config, given.folder, given.processes)
 
 
 if __name__ == "__main__":

@@ -24,8 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from kpopnet.camera import Camera, depth_in_metres
-from kpopnet.datasets.heading import heading_rad
-from kpopnet.datasets.protocol import Origin, Sequence
+from kpopnet.datasets.protocol import Origin, Sequence, heading_rad
 from kpopnet.errors import InputError
 from kpopnet.runtime.hdf5_files import Hdf5Schema, open_hdf5, read_array, stored_array
 from kpopnet.runtime.input_files import ArraySchema, expect

@@ -7,7 +7,6 @@ Its joints are estimates of Microsoft's Kinect SDK from the same depth, not meas
 disagreement of two estimators, and a few centimetres of it are differences in the definitions of the joints.
 """
 
-import io
 import logging
 import re
 from dataclasses import dataclass
@@ -18,10 +17,9 @@ from scipy.io import loadmat
 from scipy.spatial import cKDTree
 
 from kpopnet.camera import Camera, depth_in_metres
-from kpopnet.datasets.mat_files import checked_variable
 from kpopnet.datasets.protocol import Origin, Sequence
 from kpopnet.errors import InputError
-from kpopnet.runtime.input_files import ArraySchema, check_names
+from kpopnet.runtime.input_files import ArraySchema, check_array, check_names, expect, read_with
 from kpopnet.skeleton import Joint
 
 log = logging.getLogger(__name__)
@@ -151,18 +149,18 @@ def kinect_rows(joint: Joint) -> list[int]:
 
 
 def read_variable(path: Path, variable: str, schema: ArraySchema) -> np.ndarray:
-    """One variable of a MATLAB file of version 5, which is checked (kpopnet.datasets.mat_files) before scipy reads it.
+    """One variable of a MATLAB file of version 5 to 7.
 
     Raises:
         InputError: the file is missing, is not a complete MATLAB file, or its variable is not as expected.
     """
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
-    content = checked_variable(path, variable, schema)
-    try:
-        return loadmat(io.BytesIO(content), variable_names=[variable])[variable]
-    except Exception as error:  # the parser of scipy raises exceptions of many types
-        raise InputError(f"{path}: not a complete MATLAB file ({error}); download it again") from error
+    problem = "not a complete MATLAB file; download it again"
+    found = read_with(lambda file: loadmat(file, variable_names=[variable]), path, problem)
+    expect(variable in found, str(path), f"a variable {variable}")
+    stored = found[variable]
+    check_array(f"{path}: {variable}", stored.shape, stored.dtype, schema)
+    expect(stored.size > 0, f"{path}: {variable}", "at least one frame")
+    return stored
 
 
 def shift_labels(skeleton_m: np.ndarray, lag: int, frames: int) -> np.ndarray:

@@ -12,13 +12,14 @@ import numpy as np
 
 from kpopnet.baselines.mean_pose import MeanPoseEstimator
 from kpopnet.baselines.tree_walk.estimator import TreeWalkEstimator, TreeWalkEstimatorConfig
-from kpopnet.datasets.dances.dance_set import KpopConfig, KpopSet, KpopSimConfig, open_set
-from kpopnet.datasets.eval.benchmark import EvalBenchmark, EvalConfig, EvalSimBenchmark, EvalSimConfig
+from kpopnet.datasets.dances.dance_set import KpopConfig, KpopSet, open_set
+from kpopnet.datasets.eval import EvalBenchmark
 from kpopnet.datasets.itop import ItopBenchmark, ItopConfig
+from kpopnet.datasets.point_clouds import PointCloudConfig
 from kpopnet.datasets.protocol import Benchmark
-from kpopnet.datasets.smmc10.benchmark import Smmc10Benchmark, Smmc10Config, Smmc10SimBenchmark, Smmc10SimConfig
+from kpopnet.datasets.simulated import PeopleSet, SimulatedBenchmark, SimulatedConfig
+from kpopnet.datasets.smmc10 import Smmc10Benchmark
 from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
-from kpopnet.datasets.two_people import TwoPeopleConfig, TwoPeopleSet
 from kpopnet.datasets.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator
@@ -104,17 +105,17 @@ def _mean_pose(config: MeanPoseConfig) -> Estimator:
     return MeanPoseEstimator(pose)
 
 
-BENCHMARKS: dict[str, tuple[type, Callable[[Any], Benchmark | KpopSet | TwoPeopleSet]]] = {
+BENCHMARKS: dict[str, tuple[type, Callable[[Any], Benchmark | KpopSet | PeopleSet]]] = {
     "synthetic": (SyntheticConfig, SyntheticBenchmark),
     "utd_mhad": (UtdMhadConfig, UtdMhadBenchmark),
-    "eval": (EvalConfig, EvalBenchmark),
-    "eval_sim": (EvalSimConfig, EvalSimBenchmark),
-    "smmc10": (Smmc10Config, Smmc10Benchmark),
-    "smmc10_sim": (Smmc10SimConfig, Smmc10SimBenchmark),
+    "eval": (PointCloudConfig, EvalBenchmark),
+    "eval_sim": (SimulatedConfig, SimulatedBenchmark),
+    "smmc10": (PointCloudConfig, Smmc10Benchmark),
+    "smmc10_sim": (SimulatedConfig, SimulatedBenchmark),
     "itop": (ItopConfig, ItopBenchmark),
-    "two_people": (TwoPeopleConfig, TwoPeopleSet),
+    "two_people": (SimulatedConfig, PeopleSet),
     "kpop": (KpopConfig, open_set),
-    "kpop_sim": (KpopSimConfig, open_set),
+    "kpop_sim": (KpopConfig, open_set),
 }
 """Settings and reader of each benchmark."""
 

@@ -1,4 +1,4 @@
-"""Configuration of simulated benchmarks, the check that a folder holds one set only, and checks of motions."""
+"""What all simulated benchmarks share: their configuration, the claim on their folder, and checks of motions."""
 
 import dataclasses
 import hashlib
@@ -10,12 +10,15 @@ from typing import Any, ClassVar
 import numpy as np
 
 from kpopnet.errors import InputError
+from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.input_files import read_json
 from synth.body.asset import ASSET
 from synth.motion import MotionConfig
 from synth.motion.skeleton import Motion
 from synth.motion.splice import cut
 from synth.sensor.model import SENSORS, SensorConfig
 
+MANIFEST = "manifest.json"
 MAX_HIP_ACCELERATION_M_S2 = 50.0
 """A greater acceleration of the hips is not a dancer's jump but an error of the recording."""
 
@@ -62,29 +65,48 @@ class SimulatedSet:
         """Twelve hexadecimal digits that identify the configuration."""
         return hashlib.sha256(self.as_json().encode()).hexdigest()[:12]
 
-    def amount_in(self, folder: Path, manifest: dict | None, files: str, real: str) -> int:
-        """The size that the set in a folder will have: the configured size, or the size in its manifest if that is larger.
+    def claim(self, folder: Path, files: str, **described: Any) -> dict:
+        """Writes the manifest of a folder before its first file, so that no simulated file ever lies in a folder without one.
 
         Args:
-            folder: of the set.
-            manifest: content of the folder's manifest, None if there is none.
+            folder: of the set, made if it is missing.
             files: glob pattern of the set's files.
-            real: name of the real data that such files without a manifest may be, for messages.
+            described: further entries of the manifest.
+
+        Returns:
+            The manifest. The size in it is the configured one, or that of an earlier run if it was larger.
 
         Raises:
-            InputError: The folder holds another set, or files without a manifest.
+            InputError: the folder holds another set, or files without a manifest.
         """
-        wanted = getattr(self.benchmark, self.counted)
-        if manifest is None:
-            if unknown := sorted(folder.glob(files)):
-                raise InputError(f"{unknown[0]}: not made by this program, maybe {real}; choose another out=")
-            return wanted
-        if manifest.get("hash") != self.hash:
-            raise InputError(
-                f"{folder}: holds another set (made with other settings, {manifest.get('hash')} against {self.hash}); choose "
-                "another out=, or delete that folder"
-            )
-        return max(wanted, manifest[self.counted])
+        folder.mkdir(parents=True, exist_ok=True)
+        path, count = folder / MANIFEST, getattr(self.benchmark, self.counted)
+        if path.exists():
+            found = read_json(path, non_finite=True)
+            if not isinstance(found, dict) or found.get("hash") != self.hash:
+                raise InputError(
+                    f"{folder}: holds another set, made with other settings than {self.hash}; choose another out=, or "
+                    "delete that folder"
+                )
+            count = max(count, found[self.counted])
+        elif unknown := sorted(folder.glob(files)):
+            raise InputError(f"{unknown[0]}: not made by this program; choose another out=")
+        identity = {"simulated": True, "seed": self.benchmark.seed, "hash": self.hash, self.counted: count}
+        manifest = identity | described | {"config": json.loads(self.as_json())}
+        with atomic_path(path) as part:
+            part.write_text(json.dumps(manifest, indent=1))
+        return manifest
+
+
+_makers: dict[str, Any] = {}
+
+
+def maker_of(kind: type, config: SimulatedSet) -> Any:
+    """A maker of this kind for a configuration; a worker process keeps the last one, which holds compiled scenes."""
+    if config.hash not in _makers:
+        _makers.clear()
+        _makers[config.hash] = kind(config)
+    return _makers[config.hash]
 
 
 def is_faulty(motion: Motion) -> bool:

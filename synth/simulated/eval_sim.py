@@ -1,4 +1,4 @@
-"""`eval_sim`, the stand-in for EVAL: simulated sequences of the motions that the paper names, in EVAL's file format.
+"""`eval_sim`, the stand-in for EVAL: simulated sequences of the motions that the paper names.
 
 24 sequences of 288 to 488 frames at 30 fps of three people, a, b and c. The eight sequences of each person show two dances,
 crossed punches, kicks, turns, sitting on the floor, a handstand, and a mixture of all. The rooms are furnished; the sensor is a
@@ -15,7 +15,7 @@ from synth.motion.choreography.programmes import show
 from synth.motion.skeleton import Motion
 from synth.scene.room import ViewConfig
 from synth.sensor.model import SENSORS, SensorConfig
-from synth.simulated.sequences import StandIn, StandInSelection, StandInSet
+from synth.simulated.sequences import Selection, SequenceSet, StandIn
 
 SUBJECTS = ("a", "b", "c")
 SEQUENCES = 24
@@ -26,7 +26,7 @@ KINDS = ("dance", "crossed_punches", "kicks", "turns", "sitting", "handstand", "
 
 
 @dataclass
-class EvalSimConfig(StandInSelection):
+class EvalSimConfig(Selection):
     """Identity and size of the set. Its first eight sequences show one of each kind."""
 
     whole: ClassVar[int] = SEQUENCES
@@ -35,21 +35,20 @@ class EvalSimConfig(StandInSelection):
 
 
 @dataclass(frozen=True)
-class EvalSimSet(StandInSet):
+class EvalSimSet(SequenceSet):
     """Every setting that the sequences depend on."""
 
     generator: ClassVar[int] = 4
+    kinds = KINDS
     benchmark: EvalSimConfig = field(default_factory=EvalSimConfig)
     sensor: SensorConfig = SENSORS["kinect_v1"]
     frames: tuple[int, int] = (288, 488)
-
-    def composed_kind(self, index: int) -> str:
-        return KINDS[index % len(KINDS)]
 
 
 class EvalSim(StandIn):
     """Makes the sequences of simulated EVAL."""
 
+    about = "SIMULATED people in rooms, the stand-in for EVAL; this is not EVAL itself."
     camera = CAMERA
     fps = FPS
     view = ViewConfig(height_m=(0.7, 1.7), aim_m=(0.85, 1.15))

@@ -17,7 +17,7 @@ from synth.body.markers import MARKERS, tracked_markers
 from synth.body.shape import Person
 from synth.motion.skeleton import Motion, height_above_floor
 from synth.samples.observe import LIMB_ENDS
-from synth.samples.sampler import body_rotations, heading_rad
+from synth.samples.sampler import body_rotations
 from synth.scene.render import make_renderer
 from synth.scene.room import Room, View, ViewConfig, draw_room, draw_view
 from synth.scene.scene import Scene
@@ -121,58 +121,29 @@ class CleanFrame:
 
 
 @dataclass(frozen=True)
-class Film:
-    """Measured depth of T frames with ground truth.
+class Shot:
+    """One measured frame of one person with ground truth.
 
     Attributes:
-        name: of the sequence.
-        identity: name of the person.
-        fps: frames per second.
-        camera: the camera.
-        depth_m: (T, H, W) float32 depth of the whole scene, metres, 0 where nothing was measured.
-        person: (T, H, W) bool, pixels that show the person.
-        joints_camera_m: (T, 15, 3) float32 true joints, metres.
-        markers_camera_m: (T, M, 3) float32 markers on the skin or clothes, metres, in the order of
-            `synth.body.markers.MARKERS`.
-        markers_tracked: (T, M) bool, markers visible to a motion-capture system around the person.
-        yaw_rad: (T,) float32 heading, radians, 0 facing the camera, positive to the person's left.
-        floor: (4,) float32 unit normal n, upwards, and d with n.x + d = 0 on the floor, camera frame.
-        motion: name of the motion.
+        depth_m: (H, W) float32 depth of the whole scene, metres, 0 where nothing was measured.
+        person: (H, W) bool, pixels that show the person.
+        joints_camera_m: (15, 3) float32 true joints, metres.
+        markers_camera_m: (M, 3) float32 markers on skin or clothes, metres, in the order of `synth.body.markers.MARKERS`.
+        markers_tracked: (M,) bool, markers visible to a motion-capture system around the person.
     """
 
-    name: str
-    identity: str
-    fps: float
-    camera: Camera
     depth_m: np.ndarray
     person: np.ndarray
     joints_camera_m: np.ndarray
     markers_camera_m: np.ndarray
     markers_tracked: np.ndarray
-    yaw_rad: np.ndarray
-    floor: np.ndarray
-    motion: str
 
 
 @dataclass(frozen=True)
-class Shot:
-    """One frame of a film.
+class Film(Shot):
+    """Several frames: the arrays of `Shot` with a first axis of T frames."""
 
-    Attributes:
-        depth_m: (H, W) float32, see `Film`.
-        person: (H, W) bool, see `Film`.
-        joints_camera_m: (15, 3) float32, see `Film`.
-        markers_camera_m: (M, 3) float32, see `Film`.
-        markers_tracked: (M,) bool, see `Film`.
-        yaw_rad: heading, see `Film`.
-    """
-
-    depth_m: np.ndarray
-    person: np.ndarray
-    joints_camera_m: np.ndarray
-    markers_camera_m: np.ndarray
-    markers_tracked: np.ndarray
-    yaw_rad: float
+    camera: Camera
 
 
 class Studio:
@@ -341,7 +312,6 @@ class Studio:
                 joints_camera_m=clean.joints_camera_m,
                 markers_camera_m=take.view.to_camera(skin_m[list(MARKERS.values())]).astype(np.float32),
                 markers_tracked=tracked_markers(skin_m, take.place_m),
-                yaw_rad=heading_rad(self.scene),
             )
 
     def _set_person(self, person: Person) -> None:

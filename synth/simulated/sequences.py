@@ -1,21 +1,22 @@
-"""Stand-ins for published benchmarks: simulated sequences of unseen people, written by `synth.simulated.writer`.
+"""Simulated sequences of unseen people; the motion of each set is defined in its own module (`eval_sim`, `smmc10_sim`).
 
-This module holds the code that all stand-ins share; the motion of each is defined in its own module (`eval_sim`,
-`smmc10_sim`). Sequence k is a pure function of the configuration and k. No person, motion, room or noise of a benchmark is in a
-training set: see `draw_unseen_person` and `StandIn._rng`.
+Sequence k is a pure function of the configuration and k. No person, motion, room or noise of a benchmark is in a training set:
+see `draw_unseen_person` and `SequenceMaker._rng`.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
 from kpopnet.camera import Camera
+from kpopnet.datasets.simulated import StoredSequence
 from kpopnet.errors import InputError, check_range
 from synth.body.clothes.outfit import ClothesConfig
+from synth.body.markers import MARKERS
 from synth.body.shape import BodyConfig, Person, draw_unseen_person
 from synth.motion import build_motion
 from synth.motion.choreography.programmes import START_S, start_pose
@@ -43,8 +44,8 @@ MOTION_TRIES, ROOM_TRIES = 100, 8
 
 
 @dataclass
-class StandInSelection:
-    """Identity and size of a stand-in.
+class Selection:
+    """Identity and size of a set.
 
     Attributes:
         name: name of the benchmark.
@@ -67,7 +68,7 @@ class StandInSelection:
 
 
 @dataclass(frozen=True)
-class StandInSet(SimulatedSet, ABC):
+class SequenceSet(SimulatedSet):
     """Every setting that the sequences depend on.
 
     Attributes:
@@ -75,6 +76,9 @@ class StandInSet(SimulatedSet, ABC):
     """
 
     counted: ClassVar[str] = "sequences"
+    kinds: ClassVar[tuple[str, ...]]
+    """Sequence k shows kinds[k % len(kinds)]."""
+
     frames: tuple[int, int] = (100, 400)
 
     def __post_init__(self) -> None:
@@ -83,27 +87,27 @@ class StandInSet(SimulatedSet, ABC):
 
     def kind(self, index: int) -> str:
         """The kind of motion in sequence `index`."""
-        return "recorded" if self.motion.source == "clips" else self.composed_kind(index)
-
-    @abstractmethod
-    def composed_kind(self, index: int) -> str:
-        """The kind of motion in sequence `index` if motion is composed."""
+        return "recorded" if self.motion.source == "clips" else self.kinds[index % len(self.kinds)]
 
 
 class SequenceMaker(ABC):
     """Makes the sequences of a set, of one person or of several.
 
     Attributes:
+        about: what the set is, for the reader of a report.
+        truth: origin of the true joints, for the reader of a report.
         camera: intrinsics of the camera.
         fps: frames per second.
         view: distribution of the camera's pose.
     """
 
+    about: ClassVar[str]
+    truth: ClassVar[str] = "synthetic truth"
     camera: ClassVar[Camera]
     fps: ClassVar[float]
     view: ClassVar[ViewConfig]
 
-    def __init__(self, config: StandInSet) -> None:
+    def __init__(self, config: SequenceSet) -> None:
         self.config = config
 
     @classmethod
@@ -117,7 +121,20 @@ class SequenceMaker(ABC):
 
     @abstractmethod
     def shots(self, index: int, take: Any, frames: range) -> Iterator[Any]:
-        """Renders and measures frames of sequence `index`."""
+        """Renders and measures frames of sequence `index`; a frame is the same whichever others are made."""
+
+    @abstractmethod
+    def sequence(self, index: int, on_frame: Callable[[], None] = lambda: None) -> StoredSequence:
+        """Makes sequence `index` and calls `on_frame` after each frame."""
+
+    def stacked(self, index: int, frames: int | None, on_frame: Callable[[], None]) -> dict[str, np.ndarray]:
+        """The fields of the first shots of sequence `index`, by name, with a first axis of T frames."""
+        take = self.take(index)
+        shots = []
+        for shot in self.shots(index, take, range(len(take) if frames is None else min(frames, len(take)))):
+            shots.append(shot)
+            on_frame()
+        return {one.name: np.stack([getattr(shot, one.name) for shot in shots]) for one in fields(shots[0])}
 
     def _seed(self, kind: str, *numbers: int) -> tuple[int, ...]:
         """The seed of a person, a sequence or its noise. Only this benchmark's seeds start with its name."""
@@ -146,7 +163,7 @@ class StandIn(SequenceMaker):
 
     subjects: ClassVar[tuple[str, ...]]
 
-    def __init__(self, config: StandInSet) -> None:
+    def __init__(self, config: SequenceSet) -> None:
         super().__init__(config)
         self._recordings = build_motion(config.motion, "test") if config.motion.source == "clips" else None
 
@@ -157,10 +174,6 @@ class StandIn(SequenceMaker):
     @cached_property
     def studio(self) -> Studio:
         return Studio(self.camera, self.config.renderer)
-
-    def subject(self, index: int) -> str:
-        """The name of the person in sequence `index`."""
-        return self.subjects[index % len(self.subjects)]
 
     def take(self, index: int) -> Take:
         """Draws the person, motion, room and view of sequence `index`.
@@ -198,33 +211,23 @@ class StandIn(SequenceMaker):
         return random_excerpt(rng, motion, int(seconds * self.fps))
 
     def shots(self, index: int, take: Take, frames: range) -> Iterator[Shot]:
-        """Renders and measures frames of sequence `index`."""
         return self.studio.shots(take, self.config.sensor, FilmNoise(self._seed("noise", index)), frames)
 
-    def film(self, index: int, frames: int | None = None) -> Film:
-        """Sequence `index` in memory, equal to the written file.
-
-        Args:
-            index: of the sequence.
-            frames: number of first frames to make; None for all.
+    def film(self, index: int, frames: int | None = None, on_frame: Callable[[], None] = lambda: None) -> Film:
+        """The first frames of sequence `index`, or all of them.
 
         Raises:
             InputError: See `take`.
         """
-        take = self.take(index)
-        count = len(take.played) if frames is None else min(frames, len(take.played))
-        shots = list(self.shots(index, take, range(count)))
-        return Film(
-            name=self.sequence_name(index),
-            identity=self.subject(index),
-            fps=self.fps,
-            camera=self.camera,
-            depth_m=np.stack([shot.depth_m for shot in shots]),
-            person=np.stack([shot.person for shot in shots]),
-            joints_camera_m=np.stack([shot.joints_camera_m for shot in shots]),
-            markers_camera_m=np.stack([shot.markers_camera_m for shot in shots]),
-            markers_tracked=np.stack([shot.markers_tracked for shot in shots]),
-            yaw_rad=np.array([shot.yaw_rad for shot in shots], np.float32),
-            floor=take.view.floor().astype(np.float32),
-            motion=take.played.motion.name,
-        )
+        return Film(**self.stacked(index, frames, on_frame), camera=self.camera)
+
+    def truth_m(self, film: Film) -> np.ndarray:
+        """(T, 15, 3) float32 metres: what the set gives as true joints, NaN where they are unknown."""
+        return film.joints_camera_m
+
+    def sequence(self, index: int, on_frame: Callable[[], None] = lambda: None) -> StoredSequence:
+        film = self.film(index, on_frame=on_frame)
+        markers_m = np.where(film.markers_tracked[..., None], film.markers_camera_m, np.float32(np.nan))
+        arrays = {"depth": film.depth_m, "joints_m": self.truth_m(film)[:, None], "markers_m": markers_m[:, None]}
+        person = self.subjects[index % len(self.subjects)]
+        return StoredSequence(self.fps, self.camera, self.config.kind(index), (person,), arrays, tuple(MARKERS))

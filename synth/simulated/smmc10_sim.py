@@ -1,4 +1,4 @@
-"""`smmc10_sim`, the stand-in for SMMC-10: simulated sequences of increasing difficulty, in SMMC-10's file format.
+"""`smmc10_sim`, the stand-in for SMMC-10: simulated sequences of increasing difficulty.
 
 28 sequences of 100 to 400 frames at 25 fps, 144 x 176 pixels in portrait orientation. Four people, sim01 to sim04, alternate.
 In the first sequences only the arms move, slowly. Then people step, cross their arms in front of the body, swing as with a
@@ -14,11 +14,14 @@ from typing import ClassVar
 import numpy as np
 
 from kpopnet.camera import CAMERAS
+from kpopnet.skeleton import Joint
+from synth.body.markers import MARKERS
 from synth.motion.choreography.programmes import drill
 from synth.motion.skeleton import Motion
 from synth.scene.room import ViewConfig
 from synth.sensor.model import SENSORS, SensorConfig
-from synth.simulated.sequences import StandIn, StandInSelection, StandInSet
+from synth.simulated.film import Film
+from synth.simulated.sequences import Selection, SequenceSet, StandIn
 
 SUBJECTS = ("sim01", "sim02", "sim03", "sim04")
 FPS = 25.0
@@ -40,9 +43,29 @@ MIN_BPM, MAX_BPM, BPM_HALF_RANGE = 70.0, 140.0, 8.0
 """Tempo of the first and of the last sequence, beats per minute. The tempo of a sequence is drawn within BPM_HALF_RANGE of the
 linear interpolation between them."""
 
+JOINT_MARKERS = {
+    Joint.HEAD: ("LFHD", "RFHD", "LBHD", "RBHD"),
+    Joint.NECK: ("C7", "CLAV"),
+    # One hip's marker is in front and the other's behind: their mean with the shoulders' is the middle of shoulders and hips.
+    Joint.TORSO: ("LSHO", "RSHO", "LASI", "RPSI"),
+    **{
+        Joint[f"{side}_{joint}"]: tuple(f"{side[0]}{marker}" for marker in markers)
+        for side in ("RIGHT", "LEFT")
+        for joint, markers in (
+            ("SHOULDER", ("SHO",)),
+            ("ELBOW", ("ELB",)),
+            ("HAND", ("WRI",)),
+            ("HIP", ("ASI", "PSI")),
+            ("KNEE", ("KNE",)),
+            ("FOOT", ("ANK",)),
+        )
+    },
+}
+"""Joint to the markers whose mean stands for it."""
+
 
 @dataclass
-class Smmc10SimConfig(StandInSelection):
+class Smmc10SimConfig(Selection):
     """Identity and size of the set. Its sequences become more difficult, so the first few are the easiest."""
 
     whole: ClassVar[int] = SEQUENCES
@@ -51,20 +74,23 @@ class Smmc10SimConfig(StandInSelection):
 
 
 @dataclass(frozen=True)
-class Smmc10SimSet(StandInSet):
+class Smmc10SimSet(SequenceSet):
     """Every setting that the sequences depend on."""
 
+    kinds = tuple(map(", ".join, KINDS))
     benchmark: Smmc10SimConfig = field(default_factory=Smmc10SimConfig)
     sensor: SensorConfig = SENSORS["swissranger"]
     frames: tuple[int, int] = (100, 400)
-
-    def composed_kind(self, index: int) -> str:
-        return ", ".join(KINDS[index])
 
 
 class Smmc10Sim(StandIn):
     """Makes the sequences."""
 
+    about = (
+        "SIMULATED people in rooms, the stand-in for SMMC-10; this is not SMMC-10 itself. The true positions are markers on "
+        "the skin, as in the real set. Read the error after subtracting the constant offset of each joint beside the raw error."
+    )
+    truth = "simulated markers"
     camera = CAMERA
     fps = FPS
     view = ViewConfig(height_m=(0.8, 1.5), aim_m=(0.9, 1.1))
@@ -77,3 +103,9 @@ class Smmc10Sim(StandIn):
     def compose(self, rng: np.random.Generator, index: int, seconds: float) -> Motion:
         tempo = MIN_BPM + (MAX_BPM - MIN_BPM) * index / (SEQUENCES - 1)
         return drill(rng, KINDS[index], (tempo - BPM_HALF_RANGE, tempo + BPM_HALF_RANGE), seconds, FPS)
+
+    def truth_m(self, film: Film) -> np.ndarray:
+        """(T, 15, 3) float32 metres: the mean of each joint's markers; NaN where one of them is not tracked."""
+        markers_m = np.where(film.markers_tracked[..., None], film.markers_camera_m, np.float32(np.nan))
+        by_name = dict(zip(MARKERS, markers_m.swapaxes(0, 1), strict=True))
+        return np.stack([np.mean([by_name[name] for name in JOINT_MARKERS[joint]], axis=0) for joint in Joint], axis=1)

@@ -5,14 +5,15 @@ hug, one leaves the image, one enters it, they dance side by side (`synth.motion
 else: no person is in two sequences, or in a training set. There is no real set of this kind that it stands for.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
-from kpopnet.camera import CAMERAS, Camera
+from kpopnet.camera import CAMERAS, MM_PER_METRE, Camera
+from kpopnet.datasets.simulated import StoredSequence
 from kpopnet.errors import InputError
 from synth.motion.choreography.pairs import LEAVES_IMAGE, SCRIPTS, Role, scene
 from synth.samples.observe import LIMB_ENDS
@@ -20,13 +21,7 @@ from synth.scene.room import ViewConfig, draw_room, draw_view
 from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS, SensorConfig, measure_labelled
 from synth.simulated.film import ROOM, CleanFrame, Played, Studio, Take
-from synth.simulated.sequences import (
-    HEADING_STD_DEG,
-    SequenceMaker,
-    StandInSelection,
-    StandInSet,
-    penetrates_itself,
-)
+from synth.simulated.sequences import HEADING_STD_DEG, Selection, SequenceMaker, SequenceSet, penetrates_itself
 
 SEQUENCES = 24
 FPS = 30.0
@@ -45,7 +40,7 @@ STAGE_M = ((-0.25, 0.25), (2.3, 3.6))
 
 
 @dataclass
-class TwoPeopleConfig(StandInSelection):
+class TwoPeopleConfig(Selection):
     """Identity and size of the set. Its first six sequences show one scene of each kind."""
 
     whole: ClassVar[int] = SEQUENCES
@@ -54,9 +49,10 @@ class TwoPeopleConfig(StandInSelection):
 
 
 @dataclass(frozen=True)
-class TwoPeopleSet(StandInSet):
+class TwoPeopleSet(SequenceSet):
     """Every setting that the sequences depend on."""
 
+    kinds = KINDS
     benchmark: TwoPeopleConfig = field(default_factory=TwoPeopleConfig)
     sensor: SensorConfig = SENSORS["kinect_v1"]
     frames: tuple[int, int] = (260, 320)
@@ -65,9 +61,6 @@ class TwoPeopleSet(StandInSet):
         super().__post_init__()
         if self.motion.source == "clips":
             raise InputError("motion=clips: nobody in a recording minds a second person; take motion=choreography")
-
-    def composed_kind(self, index: int) -> str:
-        return KINDS[index % len(KINDS)]
 
 
 @dataclass(frozen=True)
@@ -100,6 +93,7 @@ class DuetShot:
 class TwoPeople(SequenceMaker):
     """Makes the sequences; holds a compiled scene for each of the two."""
 
+    about = "SIMULATED films of two people, no real person."
     camera: ClassVar[Camera] = CAMERA
     fps = FPS
     view = ViewConfig(height_m=(0.9, 1.7), aim_m=(0.85, 1.15))
@@ -162,10 +156,20 @@ class TwoPeople(SequenceMaker):
         return None
 
     def shots(self, index: int, take: Duet, frames: range) -> Iterator[DuetShot]:
-        """Renders and measures frames of sequence `index`; a frame is the same whichever others are made."""
         noise = FilmNoise(self._seed("noise", index))
         rendered = (studio.render(one, frames) for studio, one in zip(self.studios, take.takes, strict=True))
         return (measure(pair, self.camera, self.config.sensor, noise) for pair in zip(*rendered, strict=True))
+
+    def sequence(self, index: int, on_frame: Callable[[], None] = lambda: None) -> StoredSequence:
+        shots = self.stacked(index, None, on_frame)
+        arrays = {
+            "depth": np.rint(shots["depth_m"] * MM_PER_METRE).astype(np.uint16),
+            "joints_m": shots["joints_camera_m"],
+            "alone_px": shots["alone_px"].astype(np.int32),
+            "seen_px": shots["seen_px"].astype(np.int32),
+        }
+        people = f"person {2 * index}", f"person {2 * index + 1}"
+        return StoredSequence(FPS, CAMERA, self.config.kind(index), people, arrays)
 
 
 def _on_stage(place_m: tuple[float, float], yaw_rad: float) -> np.ndarray:

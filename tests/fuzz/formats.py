@@ -14,10 +14,7 @@ from depth_files import CAMERA as DEPTH_CAMERA
 from depth_files import depth_mm, write_hdf5, write_npz, write_pngs, write_video
 from exported_networks import export
 from factories import write_shard
-from itop_files import write_itop
 from recorded_points import FRAMES, coco, person
-from scipy.io import savemat
-from two_people_files import write_two_people
 from y_people import y_joints
 
 from kpopnet.baselines.tree_walk.estimator import TreeWalkEstimator, TreeWalkEstimatorConfig
@@ -33,14 +30,7 @@ from kpopnet.data.shards import ShardedSet
 from kpopnet.datasets.dances.converters import read_imperial
 from kpopnet.datasets.dances.dance_set import KpopConfig, open_set
 from kpopnet.datasets.dances.writer import PackedDepth, write_labels, write_learner, write_teacher
-from kpopnet.datasets.eval.benchmark import EvalBenchmark, EvalConfig, EvalSimBenchmark, EvalSimConfig
-from kpopnet.datasets.eval.format import FRAME
-from kpopnet.datasets.itop import ItopBenchmark, ItopConfig
-from kpopnet.datasets.smmc10.benchmark import Smmc10Benchmark, Smmc10Config
-from kpopnet.datasets.smmc10.format import PACKED
 from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
-from kpopnet.datasets.two_people import TwoPeopleConfig, TwoPeopleSet
-from kpopnet.datasets.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import load_network, load_state, save_checkpoint
@@ -121,59 +111,6 @@ def read_dances(folder: Path) -> None:
         for learner in one.learners:
             _ = learner.about, learner.depth_key, learner.times_s(), learner.joints()
         one.learners[0].depth()
-
-
-def make_itop(folder: Path) -> None:
-    depth_m = np.full((3, 240, 320), 3.0)
-    write_itop(folder, [f"00_0000{k}" for k in range(3)], depth_m, np.tile([0.0, 0.1, 2.5], (3, 15, 1)))
-
-
-def read_itop(folder: Path) -> None:
-    benchmark = ItopBenchmark(ItopConfig(path=str(folder), view="side", split="test"))
-    for name in benchmark.sequence_names():
-        benchmark.read(name)
-
-
-def make_eval(folder: Path) -> None:
-    stored = np.zeros(2, FRAME)
-    stored["magic"], stored["frame"], stored["njoints"] = 7, [0, 1], 2
-    stored["xyz"] = CAMERAS["eval"].points(np.full((240, 320), 2.5, np.float32)) * np.float32([1, -1, -1])
-    stored["joints"]["id"][:, :2] = 40, 41
-    stored["joints"]["pos"][:, :2] = 0.1, 0.2, -2.4
-    stored.tofile(folder / "seq_a_0.bin")
-
-
-def read_eval(folder: Path) -> None:
-    EvalBenchmark(EvalConfig(path=str(folder), joints={"head": [40], "neck": [41]})).read("seq_a_0")
-
-
-def make_smmc10(folder: Path) -> None:
-    stored = np.zeros(2, PACKED)
-    points = CAMERAS["smmc10"].points(np.full((176, 144), 2.5, np.float32)) * np.float32([1, -1, -1])
-    stored["magic"], stored["points"] = -1982, points.transpose(1, 0, 2).reshape(-1, 3)
-    stored["nmarkers"], stored["markers"]["cond"][:, :2] = 2, 1
-    stored["markers"]["id"][:, :2] = 1, 3
-    stored.tofile(folder / "real01_7.cal.bin")
-
-
-def read_smmc10(folder: Path) -> None:
-    Smmc10Benchmark(Smmc10Config(path=str(folder), joints={"head": [1], "neck": [3]})).read("real01_7")
-
-
-def make_utd(folder: Path) -> None:
-    for kind in ("Depth", "Skeleton"):
-        (folder / kind).mkdir()
-    depth = np.zeros((240, 320, 4), np.uint16)
-    depth[60:200, 120:180] = 2500
-    skeleton = np.tile(np.array([0.0, 0.2, 2.5])[None, :, None], (20, 1, 4)) + 0.01 * np.arange(20)[:, None, None]
-    savemat(folder / "Depth" / "a1_s1_t1_depth.mat", {"d_depth": depth}, do_compression=True)
-    savemat(folder / "Skeleton" / "a1_s1_t1_skeleton.mat", {"d_skel": skeleton}, do_compression=True)
-
-
-def read_utd(folder: Path) -> None:
-    benchmark = UtdMhadBenchmark(UtdMhadConfig(path=str(folder)))
-    for name in benchmark.sequence_names():
-        benchmark.read(name)
 
 
 def make_checkpoint(folder: Path) -> None:
@@ -260,24 +197,6 @@ def make_stages(folder: Path) -> None:
     np.save(folder / "depth.npy", np.repeat((1000 * depth_m).astype(np.uint16)[None], 3, axis=0))
 
 
-def make_simulated(folder: Path) -> None:
-    make_eval(folder)
-    stored = np.fromfile(folder / "seq_a_0.bin", FRAME)
-    stored["magic"], stored["frame"] = -1982, [0, 1]
-    stored.tofile(folder / "seq_a_0.bin")
-    manifest = {
-        "simulated": True, "benchmark": "eval_sim", "seed": 0, "hash": "0" * 12, "sequences": 1, "config": {"generator": 1},
-        "joint_ids": {"head": [40], "neck": [41]}, "contents": {"seq_a_0": "dance"}, "fps": 30.0,
-    }  # fmt: skip
-    (folder / "manifest.json").write_text(json.dumps(manifest))
-
-
-def read_simulated(folder: Path) -> None:
-    benchmark = EvalSimBenchmark(EvalSimConfig(path=str(folder)))
-    for name in benchmark.sequence_names():
-        benchmark.read(name)
-
-
 def make_imperial(folder: Path) -> None:
     positions = person()
     points = np.zeros((FRAMES, len(IMPERIAL_POINTS), 3))
@@ -352,22 +271,10 @@ def make_points(folder: Path) -> None:
     np.savez(folder / "a.npz", points=coco(), names=np.array(COCO_NAMES), fps=30.0, confidence=np.ones((FRAMES, 17)))
 
 
-def read_two_people(folder: Path) -> None:
-    a_set = TwoPeopleSet(TwoPeopleConfig(path=str(folder)))
-    for name in a_set.names:
-        a_set.read(name)
-
-
 FORMATS = {
     "shard_clean": Format(lambda folder: make_shard(folder, "clean"), ("*.h5",), read_shards),
     "shard_frozen": Format(lambda folder: make_shard(folder, "frozen"), ("*.h5",), read_frozen),
     "dance": Format(make_dances, ("mama/*.h5", "mama/labels.csv", "manifest.json"), read_dances),
-    "itop": Format(make_itop, ("*.h5",), read_itop),
-    "eval": Format(make_eval, ("*.bin",), read_eval),
-    "smmc10": Format(make_smmc10, ("*.bin",), read_smmc10),
-    "utd_mhad": Format(make_utd, ("*/*.mat",), read_utd),
-    "simulated_manifest": Format(make_simulated, ("manifest.json",), read_simulated),
-    "two_people": Format(lambda folder: write_two_people(folder, 2), ("*.npz", "manifest.json"), read_two_people),
     "checkpoint_meta": Format(make_checkpoint, ("checkpoints/*/meta.json",), read_checkpoint),
     "checkpoint_weights": Format(make_checkpoint, ("checkpoints/*/model.safetensors",), read_checkpoint),
     "onnx": Format(make_onnx, ("pose.onnx",), read_exported),

@@ -1,13 +1,13 @@
 """A small set in the format of `two_people`, of people of cones."""
 
-import json
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 from cone_people import cone_body, cone_joints, draw_cones
+from simulated_files import write_simulated
 
 from kpopnet.camera import CAMERAS
+from kpopnet.datasets.simulated import StoredSequence
 
 CAMERA = CAMERAS["kinect_v1"]
 WALL_M = 4.6
@@ -35,11 +35,6 @@ def two_people_mm(frames: int) -> np.ndarray:
 
 def write_two_people(folder: Path, frames: int) -> None:
     """Writes one sequence of `draw_two_people`."""
-    folder.mkdir(parents=True, exist_ok=True)
     depth_mm, joints_m, pixels = draw_two_people(frames)
-    np.savez_compressed(folder / "pair_00.npz", depth_mm=depth_mm, joints_m=joints_m, alone_px=pixels, seen_px=pixels)
-    manifest = {
-        "simulated": True, "benchmark": "two_people", "seed": 3, "hash": "0" * 12, "sequences": 1, "config": {"generator": 2},
-        "contents": {"pair_00": "side_by_side"}, "fps": 30.0, "camera": asdict(CAMERA),
-    }  # fmt: skip
-    (folder / "manifest.json").write_text(json.dumps(manifest))
+    arrays = {"depth": depth_mm, "joints_m": joints_m, "alone_px": pixels, "seen_px": pixels}
+    write_simulated(folder, "two_people", {"pair_00": StoredSequence(30.0, CAMERA, "side_by_side", ("ann", "bob"), arrays)})

@@ -50,14 +50,6 @@ class KpopConfig:
             raise InputError(f"benchmark.dances={self.dances}: expected at least 1, or omit it for all")
 
 
-@dataclass
-class KpopSimConfig(KpopConfig):
-    """Settings of a set that `python -m synth benchmark=kpop_sim` wrote; see KpopConfig."""
-
-    name: str = "kpop_sim"
-    path: str | None = "data/kpop_sim"
-
-
 @dataclass(frozen=True)
 class Learner:
     """One recording of one learner. Its contents are read on demand; a damaged file raises InputError then.

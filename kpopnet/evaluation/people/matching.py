@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from kpopnet.camera import Camera
-from kpopnet.datasets.two_people import PeopleSequence
+from kpopnet.datasets.simulated import PeopleSequence
 from kpopnet.evaluation.poses.metrics import joint_errors_m
 from kpopnet.skeleton import NUM_JOINTS
 

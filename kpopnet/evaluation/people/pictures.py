@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from kpopnet.camera import MM_PER_METRE
-from kpopnet.datasets.two_people import PeopleSequence
+from kpopnet.datasets.simulated import PeopleSequence
 from kpopnet.evaluation.people.matching import MatchedSequence
 from kpopnet.viz.drawing import Style, depth_rgb, draw_skeleton, enlarged, sheet, with_captions
 

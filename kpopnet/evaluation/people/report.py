@@ -4,7 +4,7 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 
-from kpopnet.datasets.two_people import TwoPeopleSet
+from kpopnet.datasets.simulated import PeopleSet
 from kpopnet.errors import InputError
 from kpopnet.evaluation.blocks import Block, Table
 from kpopnet.evaluation.config import EvaluateConfig
@@ -44,7 +44,7 @@ def evaluate_people(config: EvaluateConfig, folder: Path) -> None:
         raise InputError(
             f"benchmark={config.benchmark.name}: extraction.* is not used by estimators of several people; leave it out"
         )
-    benchmark = TwoPeopleSet(config.benchmark)
+    benchmark = PeopleSet(config.benchmark)
     run = run_people(benchmark, config.estimator, config.sequences, config.seed, config.processes_at_work())
     write_people_report(folder, run, config)
     tables = [as_text(table) for table in (main_table(run), identity_table(run))]

@@ -17,7 +17,7 @@ from tqdm import tqdm
 
 from kpopnet.camera import Camera
 from kpopnet.datasets.protocol import evenly_spaced
-from kpopnet.datasets.two_people import TwoPeopleSet
+from kpopnet.datasets.simulated import PeopleSet
 from kpopnet.errors import InputError
 from kpopnet.evaluation.intervals import Bootstrap
 from kpopnet.evaluation.people.matching import NOBODY, MatchedSequence, match
@@ -67,7 +67,7 @@ class PeopleEstimation:
         settings: of each estimator, by its name.
     """
 
-    benchmark: TwoPeopleSet
+    benchmark: PeopleSet
     settings: dict[str, Any]
     _followers: dict[str, Follow] = field(default_factory=dict)
 
@@ -105,15 +105,13 @@ class PeopleRun:
         failed: the error message of each sequence that was left out, by its name.
     """
 
-    benchmark: TwoPeopleSet
+    benchmark: PeopleSet
     matched: dict[str, list[MatchedSequence]]
     figures: dict[str, dict[str, dict]]
     failed: dict[str, str]
 
 
-def run_people(
-    benchmark: TwoPeopleSet, settings: dict[str, Any], sequences: int | None, seed: int, processes: int
-) -> PeopleRun:
+def run_people(benchmark: PeopleSet, settings: dict[str, Any], sequences: int | None, seed: int, processes: int) -> PeopleRun:
     """Evaluates every estimator on every sequence.
 
     Args:

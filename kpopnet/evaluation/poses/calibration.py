@@ -17,7 +17,7 @@ import numpy as np
 from tqdm import tqdm
 
 from kpopnet.camera import Camera
-from kpopnet.datasets.eval.benchmark import EvalSimBenchmark, EvalSimConfig
+from kpopnet.datasets.simulated import SimulatedBenchmark, SimulatedConfig
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator
 from kpopnet.evaluation.poses.confidence import WITHIN_M, Judged, calibration_error
@@ -84,7 +84,7 @@ def labelled_people(folders: Sequence[str]) -> Iterator[tuple[np.ndarray, Camera
         InputError: a folder is not of the command above.
     """
     for folder in folders:
-        benchmark = EvalSimBenchmark(EvalSimConfig(path=folder))
+        benchmark = SimulatedBenchmark(SimulatedConfig("eval_sim", folder))
         for name in tqdm(benchmark.sequence_names(), folder, unit="sequence"):
             sequence = benchmark.read(name)
             yield extract_person(sequence.depth_m, sequence.camera), sequence.camera, sequence.joints_camera_m

@@ -9,15 +9,15 @@ import cv2
 import numpy as np
 import pytest
 from itop_files import write_itop
-from programs import ROOT
-from scipy.io import savemat
-
-from kpopnet.camera import CAMERAS, Camera
 from kpopnet.datasets.describe.__main__ import id_figure
 from kpopnet.datasets.describe.describe import describe
 from kpopnet.datasets.eval.format import FRAME
 from kpopnet.datasets.point_clouds.organised import FROM_OPENGL
 from kpopnet.datasets.smmc10.format import MAGIC, PACKED, PADDED, stored_points
+from programs import ROOT
+from scipy.io import savemat
+
+from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
 
 

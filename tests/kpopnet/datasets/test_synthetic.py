@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from shard_sets import CAMERA, write_shard
 
-from kpopnet.datasets.protocol import Origin, evenly_spaced
+from kpopnet.datasets.protocol import Origin
 from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
 from kpopnet.errors import InputError
 
@@ -49,12 +49,3 @@ def test_a_clean_set_is_rejected_with_instructions(tmp_path):
         benchmark(tmp_path)
     with pytest.raises(InputError, match="no shards"):
         benchmark(tmp_path / "nowhere")
-
-
-def test_chosen_sequences_are_evenly_spaced_from_first_to_last():
-    names = [str(k) for k in range(10)]
-    assert evenly_spaced(names, 4) == ["0", "3", "6", "9"]
-    assert evenly_spaced(names, None) == evenly_spaced(names, 99) == names
-    assert evenly_spaced(names, 1) == ["0"]
-    with pytest.raises(InputError, match="sequences=0"):
-        evenly_spaced(names, 0)

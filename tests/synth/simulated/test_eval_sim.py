@@ -1,33 +1,20 @@
-"""The stand-in for EVAL: its content, its separation from training sets, and its reproducibility."""
+"""The stand-in for EVAL: its content, its separation from training sets, and its films."""
 
-import json
-import subprocess
-import sys
 from collections import Counter
-from dataclasses import replace
-from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from programs import ROOT
 from stand_ins import assert_own_seeds, joints_world_m
 
-import synth.simulated.eval_files
-from kpopnet.datasets.eval.benchmark import EvalBenchmark, EvalConfig, EvalSimBenchmark
-from kpopnet.datasets.eval.benchmark import EvalSimConfig as ReaderConfig
-from kpopnet.datasets.eval.format import FRAME, read_sequence
-from kpopnet.errors import InputError
-from kpopnet.skeleton import JOINT_NAMES, Joint
+from kpopnet.skeleton import Joint
 from synth.body.asset import load_body
 from synth.body.markers import MARKERS
 from synth.body.shape import BodyConfig, unseen_coefficients
 from synth.motion import MotionConfig
 from synth.motion.choreography.programmes import Y_POSE_S
-from synth.simulated.eval_files import EVAL_SIM
 from synth.simulated.eval_sim import CAMERA, FPS, KINDS, SEQUENCES, SUBJECTS, EvalSim, EvalSimConfig, EvalSimSet
 from synth.simulated.film import DISTANCE_RANGE_M, Take
-from synth.simulated.writer import write_set
 
 SHORT = EvalSimSet(EvalSimConfig(seed=3, sequences=2), frames=(24, 30))
 
@@ -169,52 +156,19 @@ def test_presets_use_no_recordings():
     assert MotionConfig().weights.get("clips", 0) == 0
 
 
-def test_invalid_settings_are_rejected():
-    for motion in (MotionConfig(source="poses"), MotionConfig(source="mix"), MotionConfig(source="choreography", seed=4)):
-        with pytest.raises(InputError, match=r"either composed .* or recorded"):
-            EvalSimSet(EvalSimConfig(), motion)
-    for wrong in ({"sequences": 0}, {"sequences": 25}, {"seed": -1}, {"seed": 2**32}):
-        with pytest.raises(InputError, match=f"benchmark.{next(iter(wrong))}="):
-            EvalSimConfig(**wrong)
+# Films ------------------------------
 
 
-# Reproducibility ------------------------------
-
-
-@pytest.fixture(scope="module")
-def written(tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("eval_sim")
-    write_set(EVAL_SIM, SHORT, folder, processes=1)
-    return folder
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in sorted(folder.glob("seq_*.bin"))}
-
-
-def test_files_equal_the_film_in_memory(written):
-    film = EvalSim(SHORT).film(1)
-    sequence = read_sequence(EVAL_SIM.path(written, 1), {name: [number] for number, name in enumerate(JOINT_NAMES)})
-    np.testing.assert_array_equal(sequence.depth_m, film.depth_m)
-    np.testing.assert_array_equal(sequence.joints_camera_m, film.joints_camera_m)
-    assert list(sequence.markers_camera_m) == list(MARKERS)
-    np.testing.assert_array_equal(np.stack(list(sequence.markers_camera_m.values()), axis=1), film.markers_camera_m)
-    assert sequence.skipped == {} and 24 <= len(film.depth_m) <= 30
-    assert abs(sequence.camera.fx - CAMERA.fx) < 1e-3 and abs(sequence.camera.cy - CAMERA.cy) < 1e-3
-    raw = np.fromfile(EVAL_SIM.path(written, 1), FRAME)
-    assert raw["frame"].tolist() == list(range(len(film.depth_m)))
-    assert film.name == "seq_b_0" and film.identity == "b" and film.fps == 30.0
-
-
-def test_a_film_contains_a_person_on_the_floor_of_a_room(written):
-    film = EvalSim(SHORT).film(0)
+def test_a_film_contains_a_person_on_the_floor_of_a_room():
+    maker = EvalSim(SHORT)
+    film, floor = maker.film(0), maker.take(0).view.floor()
     joints, depth, person = film.joints_camera_m, film.depth_m, film.person
-    assert film.floor[1] < -0.7 and 0.5 < film.floor[3] < 2.0
-    feet = joints[:, [Joint.LEFT_FOOT, Joint.RIGHT_FOOT]] @ film.floor[:3] + film.floor[3]
+    assert floor[1] < -0.7 and 0.5 < floor[3] < 2.0
+    feet = joints[:, [Joint.LEFT_FOOT, Joint.RIGHT_FOOT]] @ floor[:3] + floor[3]
     assert (feet > 0).all() and (feet < 0.2).all()
     # The room is measured too, and the person's pixels are near the true joints.
     assert (depth[~person] > 0).mean() > 0.7 and 0.01 < person.mean() < 0.2
-    height = CAMERA.points(depth[0]).reshape(-1, 3) @ film.floor[:3] + film.floor[3]
+    height = CAMERA.points(depth[0]).reshape(-1, 3) @ floor[:3] + floor[3]
     assert (np.abs(height[depth[0].ravel() > 0]) < 0.05).mean() > 0.05
     assert height[depth[0].ravel() > 0].min() > -0.25
     near = np.abs(depth[0][person[0]] - joints[0, Joint.TORSO, 2])
@@ -222,7 +176,6 @@ def test_a_film_contains_a_person_on_the_floor_of_a_room(written):
     u, v, _ = CAMERA.project(joints[0]).T
     on_person = [person[0, round(y) - 2 : round(y) + 3, round(x) - 2 : round(x) + 3].any() for x, y in zip(u, v, strict=True)]
     assert sum(on_person) >= 14
-    assert np.abs(film.yaw_rad[0]) < 0.5
     # The markers of a standing dancer are visible from all sides.
     assert film.markers_tracked.mean() > 0.95
     # A marker is on the skin: never far from its joint.
@@ -240,96 +193,3 @@ def test_markers_are_at_different_positions_on_the_body():
             mirrored = mean[MARKERS[("R" if name[0] == "L" else "L") + name[1:]]] * [-1, 1, 1]
             assert np.linalg.norm(place - mirrored) < 0.04
             assert (place[0] > 0) == (name[0] == "L")
-
-
-def test_the_number_of_processes_does_not_matter(written, tmp_path):
-    write_set(EVAL_SIM, SHORT, tmp_path, processes=2)
-    assert contents(tmp_path) == contents(written)
-
-
-def test_missing_files_are_made_and_existing_files_are_kept(written, tmp_path, capsys):
-    before = contents(written)
-    write_set(EVAL_SIM, replace(SHORT, benchmark=EvalSimConfig(seed=3, sequences=1)), tmp_path, processes=1)
-    assert contents(tmp_path) == {"seq_a_0.bin": before["seq_a_0.bin"]}
-    stamp = (tmp_path / "seq_a_0.bin").stat().st_mtime_ns
-    (tmp_path / ".seq_b_0.bin.elsewhere.1.tmp").write_bytes(b"half a frame")
-    manifest = write_set(EVAL_SIM, SHORT, tmp_path, processes=1)
-    assert contents(tmp_path) == before and (tmp_path / "seq_a_0.bin").stat().st_mtime_ns == stamp
-    assert not list(tmp_path.glob(".*")) and manifest["sequences"] == 2
-    assert "1 of 2 sequences are there already" in capsys.readouterr().out
-    # With a smaller size configured, it is still a set of two.
-    assert write_set(EVAL_SIM, replace(SHORT, benchmark=EvalSimConfig(seed=3, sequences=1)), tmp_path, 1)["sequences"] == 2
-
-
-def test_an_interrupted_run_leaves_no_partial_file_and_no_file_without_a_manifest(tmp_path, monkeypatch):
-    made = []
-
-    def dying(shot, number):
-        made.append(json.loads((tmp_path / "manifest.json").read_text())["simulated"])
-        if len(made) > 3:
-            raise KeyboardInterrupt
-        return original(shot, number)
-
-    original = synth.simulated.eval_files.as_frame
-    monkeypatch.setattr(synth.simulated.eval_files, "as_frame", dying)
-    with pytest.raises(KeyboardInterrupt):
-        write_set(EVAL_SIM, SHORT, tmp_path, processes=1)
-    assert made == [True] * 4 and sorted(path.name for path in tmp_path.iterdir()) == ["manifest.json"]
-
-
-def test_a_folder_with_other_files_is_rejected(written, tmp_path):
-    before = contents(written)
-    with pytest.raises(InputError, match=r"holds another set.*choose another out="):
-        write_set(EVAL_SIM, replace(SHORT, benchmark=EvalSimConfig(seed=4, sequences=2)), written, 1)
-    assert contents(written) == before
-    (tmp_path / "seq_a_0.bin").write_bytes(b"other data")
-    with pytest.raises(InputError, match=r"seq_a_0\.bin: not made by this program, maybe the real EVAL"):
-        write_set(EVAL_SIM, SHORT, tmp_path, 1)
-    assert (tmp_path / "seq_a_0.bin").read_bytes() == b"other data"
-
-
-def test_the_manifest_calls_the_set_simulated_and_the_reader_uses_it(written):
-    manifest = json.loads((written / "manifest.json").read_text())
-    assert manifest["simulated"] is True and "SIMULATED" in manifest["about"]
-    assert (manifest["seed"], manifest["hash"]) == (3, SHORT.hash)
-    assert manifest["contents"] == {"seq_a_0": "dance", "seq_b_0": "crossed_punches"}
-    benchmark = EvalSimBenchmark(ReaderConfig(path=str(written)))
-    assert benchmark.sequence_names() == ["seq_a_0", "seq_b_0"] and SHORT.hash in benchmark.about
-    sequence = benchmark.read("seq_b_0")
-    film = EvalSim(SHORT).film(1)
-    assert not sequence.is_segmented and sequence.identity == "b" and sequence.visible.all()
-    turn = np.angle(np.exp(1j * (sequence.yaw_rad - film.yaw_rad)))
-    assert np.abs(turn).max() < 0.2
-    with pytest.raises(InputError, match="simulated"):
-        EvalBenchmark(EvalConfig(path=str(written), joints={"head": 0}))
-
-
-def test_a_contact_sheet_is_written(written):
-    sheet = cv2.imread(str(written / "contact_sheet.png"))
-    assert sheet.shape[0] > 2 * 180 and sheet.shape[1] > 2000 and sheet.std() > 20
-
-
-def test_the_hash_depends_on_everything_but_the_number_of_sequences():
-    assert replace(SHORT, benchmark=EvalSimConfig(seed=3, sequences=9)).hash == SHORT.hash
-    others = [
-        replace(SHORT, benchmark=EvalSimConfig(seed=4, sequences=2)),
-        replace(SHORT, frames=(24, 31)),
-        replace(SHORT, renderer="gl"),
-        replace(SHORT, motion=MotionConfig(source="clips", path="somewhere")),
-    ]
-    assert len({SHORT.hash, *(other.hash for other in others)}) == 5
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        (["benchmark.sequences=30"], "error: benchmark.sequences=30: the set has 24"),
-        (["splits.train=5"], "splits"),
-        (["benchmark=utd_mhad"], "error: benchmark=utd_mhad: the simulated benchmarks are eval_sim, smmc10_sim"),
-    ],
-)
-def test_user_errors_end_in_one_line(tmp_path, given, message):
-    command = [sys.executable, "-m", "synth", "benchmark=eval_sim", f"out={tmp_path / 'set'}", *given]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 1 and message in done.stderr and "Traceback" not in done.stderr
-    assert not list(tmp_path.glob("set/seq_*"))

@@ -1,31 +1,28 @@
 """The stand-in for SMMC-10: its content, its separation from training sets, and its files."""
 
-import json
-from dataclasses import replace
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from stand_ins import assert_own_seeds, joints_world_m
 
-from kpopnet.datasets.smmc10.benchmark import Smmc10Benchmark, Smmc10Config, Smmc10SimBenchmark
-from kpopnet.datasets.smmc10.benchmark import Smmc10SimConfig as ReaderConfig
-from kpopnet.datasets.smmc10.format import PACKED, PADDED, read_sequence
-from kpopnet.errors import InputError
-from kpopnet.skeleton import JOINT_NAMES, Joint
+from kpopnet.skeleton import Joint
 from synth.body.asset import load_body
 from synth.body.markers import MARKERS, _segment_hits_mesh, tracked_markers
-from synth.motion import MotionConfig
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
-from synth.simulated.film import Shot
-from synth.simulated.smmc10_files import JOINT_MARKERS, MARKER_IDS, SMMC10_SIM, as_frame
-from synth.simulated.smmc10_sim import CAMERA, FPS, KINDS, SEQUENCES, SUBJECTS, Smmc10Sim, Smmc10SimConfig, Smmc10SimSet
-from synth.simulated.writer import write_set
+from synth.simulated.smmc10_sim import (
+    CAMERA,
+    FPS,
+    JOINT_MARKERS,
+    KINDS,
+    SEQUENCES,
+    SUBJECTS,
+    Smmc10Sim,
+    Smmc10SimConfig,
+    Smmc10SimSet,
+)
 
 SHORT = Smmc10SimSet(Smmc10SimConfig(seed=3, sequences=2), frames=(50, 56))
-BY_ID = {joint: [MARKER_IDS[name] for name in names] for joint, names in JOINT_MARKERS.items()}
 
 
 @pytest.fixture(scope="module")
@@ -86,10 +83,10 @@ def test_motions_have_no_jumps(motions):
 
 def test_the_markers_of_every_joint_are_near_it():
     film = Smmc10Sim(SHORT).film(0)
-    assert set(JOINT_MARKERS) == set(JOINT_NAMES)
+    assert set(JOINT_MARKERS) == set(Joint)
     for joint, names in JOINT_MARKERS.items():
         positions = film.markers_camera_m[:, [list(MARKERS).index(name) for name in names]].mean(axis=1)
-        distance = np.linalg.norm(positions - film.joints_camera_m[:, JOINT_NAMES.index(joint)], axis=1)
+        distance = np.linalg.norm(positions - film.joints_camera_m[:, joint], axis=1)
         # Markers are near the joint but on the skin, so there is an offset between them.
         assert distance.max() < 0.15, joint
     hands = film.markers_camera_m[:, list(MARKERS).index("LWRI")] - film.joints_camera_m[:, Joint.LEFT_HAND]
@@ -154,109 +151,3 @@ def test_subjects_are_four_people_who_are_not_in_eval_sim(maker):
 
 def test_presets_use_no_generator_of_the_benchmark(monkeypatch):
     assert_own_seeds(Smmc10Sim(SHORT), b"smmc10_sim", monkeypatch)
-
-
-def test_invalid_settings_are_rejected():
-    with pytest.raises(InputError, match=r"either composed .* or recorded"):
-        Smmc10SimSet(Smmc10SimConfig(), MotionConfig(source="poses"))
-    for wrong in ({"sequences": 0}, {"sequences": 29}, {"seed": -1}, {"name": "smmc10"}):
-        with pytest.raises(InputError, match=f"benchmark.{next(iter(wrong))}="):
-            Smmc10SimConfig(**wrong)
-
-
-# Files ------------------------------
-
-
-@pytest.fixture(scope="module")
-def written(tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("smmc10_sim")
-    write_set(SMMC10_SIM, SHORT, folder, processes=1)
-    return folder
-
-
-def test_files_equal_the_film_in_memory(written):
-    film = Smmc10Sim(SHORT).film(1)
-    path = SMMC10_SIM.path(written, 1)
-    assert path.name == "sim02_2.cal.bin" and film.name == "sim02_2" and film.identity == "sim02"
-    sequence = read_sequence(path, BY_ID)
-    np.testing.assert_array_equal(sequence.depth_m, film.depth_m)
-    assert 50 <= len(film.depth_m) <= 56 and sequence.depth_m.shape[1:] == (176, 144)
-    for marker, name in enumerate(MARKERS):
-        tracked = film.markers_tracked[:, marker]
-        positions = sequence.markers_camera_m[MARKER_IDS[name]]
-        np.testing.assert_array_equal(positions[tracked], film.markers_camera_m[tracked, marker])
-        assert np.isnan(positions[~tracked]).all()
-    assert abs(sequence.camera.fx - CAMERA.fx) < 1e-3 and abs(sequence.camera.cy - CAMERA.cy) < 1e-3
-    raw = np.fromfile(path, PACKED)
-    frames = len(film.depth_m)
-    assert raw["frame"].tolist() == list(range(frames)) and (np.diff(raw["timestamp"]) == 40_000).all()
-    distance = np.linalg.norm(raw["points"], axis=-1)
-    np.testing.assert_allclose(raw["dist"] / 2**16 * 5.0, np.minimum(distance, 5.0), atol=1e-4)
-    np.testing.assert_array_equal(raw["conf"] > 0, distance > 0)
-
-
-def test_padded_and_packed_files_are_read_alike(written, tmp_path):
-    path = SMMC10_SIM.path(written, 0)
-    packed = np.fromfile(path, PACKED)
-    padded = np.zeros(len(packed), PADDED)
-    for name in PACKED.names:
-        padded[name] = packed[name]
-    padded.tofile(tmp_path / path.name)
-    one, other = read_sequence(path, BY_ID), read_sequence(tmp_path / path.name, BY_ID)
-    np.testing.assert_array_equal(one.depth_m, other.depth_m)
-    np.testing.assert_array_equal(one.joints_camera_m, other.joints_camera_m)
-    assert one.camera == other.camera
-
-
-def test_a_marker_that_is_not_tracked_is_stored_as_not_visible():
-    tracked = np.ones(len(MARKERS), bool)
-    tracked[2] = False
-    depth_m, positions = np.full((176, 144), 2.0, np.float32), np.ones((len(MARKERS), 3), np.float32)
-    shot = Shot(depth_m, depth_m > 0, np.zeros((15, 3), np.float32), positions, tracked, 0.0)
-    for layout in (PACKED, PADDED):
-        markers = as_frame(shot, 4, layout)["markers"]
-        assert (markers["cond"][: len(MARKERS)] > 0).tolist() == tracked.tolist()
-        assert not markers["pos"][2].any() and (markers["pos"][3] == [1, -1, -1]).all()
-
-
-def test_the_number_of_processes_does_not_matter_and_existing_files_are_kept(written, tmp_path, capsys):
-    before = {path.name: path.read_bytes() for path in written.glob("*.cal.bin")}
-    assert len(before) == 2
-    write_set(SMMC10_SIM, replace(SHORT, benchmark=Smmc10SimConfig(seed=3, sequences=1)), tmp_path, processes=1)
-    (tmp_path / ".sim02_2.cal.bin.elsewhere.1.tmp").write_bytes(b"half a frame")
-    write_set(SMMC10_SIM, SHORT, tmp_path, processes=2)
-    assert "1 of 2 sequences are there already" in capsys.readouterr().out
-    assert {path.name: path.read_bytes() for path in tmp_path.glob("*.cal.bin")} == before and not list(tmp_path.glob(".*"))
-
-
-def test_a_folder_with_other_files_is_rejected(tmp_path):
-    (tmp_path / "real01_1.cal.bin").write_bytes(b"other data")
-    with pytest.raises(InputError, match=r"real01_1\.cal\.bin: not made by this program, maybe the real SMMC-10"):
-        write_set(SMMC10_SIM, SHORT, tmp_path, 1)
-    assert (tmp_path / "real01_1.cal.bin").read_bytes() == b"other data"
-
-
-def test_the_manifest_calls_the_set_simulated_and_the_reader_uses_it(written):
-    manifest = json.loads((written / "manifest.json").read_text())
-    assert manifest["simulated"] is True and "SIMULATED" in manifest["about"]
-    assert manifest["contents"] == {"sim01_1": "arms", "sim02_2": "arms"}
-    benchmark = Smmc10SimBenchmark(ReaderConfig(path=str(written)))
-    assert benchmark.sequence_names() == ["sim01_1", "sim02_2"] and SHORT.hash in benchmark.about
-    sequence, film = benchmark.read("sim02_2"), Smmc10Sim(SHORT).film(1)
-    assert not sequence.is_segmented and sequence.identity == "sim02" and sequence.visible.mean() > 0.9
-    known = np.isfinite(sequence.yaw_rad)
-    turn = np.angle(np.exp(1j * (sequence.yaw_rad - film.yaw_rad)[known]))
-    assert known.mean() > 0.8 and np.abs(turn).max() < 0.5
-    with pytest.raises(InputError, match="simulated"):
-        Smmc10Benchmark(Smmc10Config(path=str(written)))
-
-
-def test_different_sets_have_different_hashes():
-    others = [
-        SHORT,
-        replace(SHORT, benchmark=Smmc10SimConfig(seed=4, sequences=2)),
-        replace(SHORT, frames=(50, 57)),
-        EvalSimSet(EvalSimConfig(seed=3, sequences=2), frames=(50, 56)),
-    ]
-    assert len({other.hash for other in others}) == 4
-    assert replace(SHORT, benchmark=Smmc10SimConfig(seed=3, sequences=9)).hash == SHORT.hash

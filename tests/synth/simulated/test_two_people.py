@@ -1,15 +1,9 @@
 """Films of two people: the scenes are what they are called, and a file is a pure function of the settings."""
 
-from dataclasses import replace
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from kpopnet.datasets.two_people import TwoPeopleConfig as ReaderConfig
-from kpopnet.datasets.two_people import TwoPeopleSet as Reader
 from kpopnet.errors import InputError
-from kpopnet.skeleton import Joint
 from synth.motion import MotionConfig
 from synth.motion.choreography.pairs import SCRIPTS, scene, walk
 from synth.motion.choreography.stage import perform
@@ -17,8 +11,6 @@ from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS
 from synth.simulated.film import CleanFrame
 from synth.simulated.two_people import CAMERA, KINDS, TwoPeople, TwoPeopleConfig, TwoPeopleSet, measure
-from synth.simulated.two_people_files import TWO_PEOPLE
-from synth.simulated.writer import write_set
 
 SHORT = TwoPeopleSet(TwoPeopleConfig(seed=3, sequences=1), frames=(12, 16))
 
@@ -74,21 +66,6 @@ def test_the_nearer_of_two_people_hides_the_other() -> None:
         assert shot.seen_px[::turned].tolist() == [100 * 240, 50 * 240]
         assert (shot.depth_m[:, :100] == 2).all() and (shot.depth_m[:, 100:150] == 3).all()
         assert (shot.depth_m[1:, 150:] == 4).all() and (shot.depth_m[0, 150:] == 0).all()
-
-
-def test_files_are_reproducible_and_read_back(tmp_path: Path) -> None:
-    for name in ("one", "other"):
-        write_set(TWO_PEOPLE, SHORT, tmp_path / name, processes=1)
-    one, other = ((tmp_path / name / "pair_00.npz").read_bytes() for name in ("one", "other"))
-    assert one == other and (tmp_path / "one" / "contact_sheet.png").exists()
-    sequence = Reader(ReaderConfig(path=str(tmp_path / "one"))).read("pair_00")
-    assert 12 <= len(sequence.depth_mm) <= 16 and sequence.kind == "crossing"
-    depth_m = sequence.depth_mm / 1000
-    for joints_m in sequence.joints_camera_m[0]:
-        u, v, z = CAMERA.project(joints_m[Joint.TORSO])
-        assert 0 < z - depth_m[0, round(v), round(u)] < 0.3  # the torso lies behind its skin
-    with pytest.raises(InputError, match="another set"):
-        write_set(TWO_PEOPLE, replace(SHORT, benchmark=TwoPeopleConfig(seed=4, sequences=1)), tmp_path / "one", 1)
 
 
 def test_recorded_motion_is_refused() -> None:

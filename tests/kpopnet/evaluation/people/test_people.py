@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from two_people_files import CAMERA, write_two_people
 
-from kpopnet.datasets.two_people import PeopleSequence, TwoPeopleConfig
+from kpopnet.datasets.simulated import PeopleSequence, SimulatedConfig
 from kpopnet.errors import InputError
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.people.matching import NOBODY, MatchedSequence, match
@@ -106,7 +106,7 @@ def test_estimators_of_one_person_are_refused() -> None:
 
 def test_the_report_of_a_film_has_tables_pictures_and_figures(tmp_path: Path, capsys) -> None:
     write_two_people(tmp_path / "set", frames=30)
-    benchmark = TwoPeopleConfig(path=str(tmp_path / "set"))
+    benchmark = SimulatedConfig("two_people", str(tmp_path / "set"))
     config = EvaluateConfig(benchmark, {"people_tracker": TrackerEstimatorConfig(lengths=True)}, processes=1)
     evaluate_people(config, tmp_path / "out")
     metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())

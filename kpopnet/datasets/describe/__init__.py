@@ -1,1 +1,0 @@
-"""Descriptions of downloaded data sets: their contents, and what an evaluation still needs."""

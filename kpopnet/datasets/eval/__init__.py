@@ -1,1 +1,0 @@
-"""EVAL: organised point clouds and joints in binary files."""

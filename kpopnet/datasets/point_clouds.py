@@ -1,0 +1,281 @@
+"""What EVAL and SMMC-10 share: organised point clouds, the camera fitted to them, and the map from ids to joints.
+
+A file is one sequence of C structs, one a frame. A frame has one point for each pixel (metres, x right, y up, z negative in
+front of the camera) and the positions of joints or markers, which have ids instead of names. The map from our joints to ids is
+not published in full, so it is a setting; without it, the error lists the ids in the files.
+"""
+
+import logging
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from kpopnet.camera import Camera
+from kpopnet.datasets.protocol import Origin, Sequence, heading_rad
+from kpopnet.errors import InputError
+from kpopnet.runtime.input_files import check_budget
+from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
+
+log = logging.getLogger(__name__)
+
+FROM_OPENGL = np.array([1, -1, -1], np.float32)
+"""Multiply a position in the files' axes by this for the camera frame (x right, y down, z forward)."""
+
+MAX_FIT_RMS_PX = 0.5
+"""Largest accepted root-mean-square reprojection error of the fitted pinhole camera, in pixels."""
+
+
+@dataclass
+class PointCloudConfig:
+    """Settings of EVAL and SMMC-10.
+
+    Attributes:
+        name: of the benchmark.
+        path: folder of the files.
+        joints: id, or list of ids, of each joint by its name; None where no id is known. The mean of several ids is used.
+    """
+
+    name: str
+    path: str | None = None
+    joints: dict[str, Any] = field(default_factory=lambda: dict.fromkeys(JOINT_NAMES))
+
+
+@dataclass(frozen=True)
+class PointRecording:
+    """The content of a file of T frames, in the camera frame.
+
+    Attributes:
+        camera: pinhole camera fitted to the points.
+        depth_m: (T, H, W) float32 metres, 0 where nothing was measured.
+        positions_m: (T, 3) float32 metres of each joint or marker by its id, NaN where it is absent or not visible.
+    """
+
+    camera: Camera
+    depth_m: np.ndarray
+    positions_m: dict[int, np.ndarray]
+
+
+class PointCloudBenchmark(ABC):
+    """Reads the published files of a set; each set adds their layout.
+
+    Attributes:
+        set_name: name of the set.
+        first_file: name of the first file, for messages.
+        name_pattern: regular expression of the name of a sequence, with groups `number` and, if it names the person, `subject`.
+        suffix: end of the file name, after the name of the sequence.
+        fps: frames per second.
+    """
+
+    name: ClassVar[str]
+    origin = Origin.REAL
+    set_name: ClassVar[str]
+    first_file: ClassVar[str]
+    name_pattern: ClassVar[re.Pattern]
+    suffix: ClassVar[str]
+    fps: ClassVar[float]
+
+    @staticmethod
+    @abstractmethod
+    def layout(path: Path) -> np.dtype:
+        """The layout of the frames in a file, which exists."""
+
+    @staticmethod
+    @abstractmethod
+    def are_valid(frames: np.ndarray) -> np.ndarray:
+        """(T,) bool, whether the header of each frame is one of this set."""
+
+    @staticmethod
+    @abstractmethod
+    def points_m(frame: np.ndarray) -> np.ndarray:
+        """(H, W, 3) points of a frame, in the files' axes."""
+
+    @staticmethod
+    @abstractmethod
+    def positions_m(frame: np.ndarray) -> dict[int, np.ndarray]:
+        """(3,) positions of the visible joints or markers of a frame by id, in the files' axes."""
+
+    def __init__(self, config: PointCloudConfig) -> None:
+        """Lists the set's sequences.
+
+        Raises:
+            InputError: the folder holds no sequences or simulated ones, or the joint map is missing or invalid.
+        """
+        needed = f"benchmark={self.name} needs benchmark."
+        if config.path is None:
+            raise InputError(f"{needed}path=PATH, the folder that holds {self.first_file} and the others")
+        self.folder = Path(config.path)
+        if (self.folder / "manifest.json").exists():  # of a set that `synth` wrote
+            raise InputError(f"{self.folder}: simulated according to its manifest.json, and not {self.set_name}")
+        self._names, self._ids = self.names_in(self.folder), checked_map(config.joints)
+        if not self._ids:
+            raise InputError(
+                f"{needed}joints, the map from joints to ids in the files, for instance 'benchmark.joints="
+                f"{{head: [1, 3], left_hand: 24}}'. {self.ids_in(self.path(self.folder, self._names[0]))}"
+            )
+
+    @classmethod
+    def path(cls, folder: Path, name: str) -> Path:
+        """The file of a sequence."""
+        return folder / f"{name}{cls.suffix}"
+
+    def sequence_names(self) -> list[str]:
+        return self._names
+
+    def read(self, name: str) -> Sequence:
+        path = self.path(self.folder, name)
+        found = self.recording(path)
+        joints_m = np.full((len(found.depth_m), NUM_JOINTS, 3), np.nan, np.float32)
+        for joint, ids in self._ids.items():
+            if set(ids) <= set(found.positions_m):
+                joints_m[:, JOINT_NAMES.index(joint)] = np.mean([found.positions_m[number] for number in ids], axis=0)
+        if np.isnan(joints_m).all():
+            raise InputError(f"{path}: no frame holds the joints of the map {self._ids}. {self.ids_in(path)}")
+        mapped = {number for ids in self._ids.values() for number in ids}
+        if set(found.positions_m) != mapped:
+            log.warning(
+                "%s: ids %s are not in the map; ids %s of the map are not in the file",
+                *(path, sorted(set(found.positions_m) - mapped)[:20], sorted(mapped - set(found.positions_m))),
+            )
+        return Sequence(
+            name=name,
+            identity=self.name_pattern.fullmatch(name).groupdict().get("subject", ""),
+            fps=self.fps,
+            camera=found.camera,
+            depth_m=found.depth_m,
+            joints_camera_m=joints_m,
+            visible=np.isfinite(joints_m).all(axis=-1),
+            yaw_rad=heading_rad(joints_m),
+            # Our sources do not state whether SMMC-10 has a background. The extraction accepts both cases: it keeps a person
+            # that is segmented already.
+            is_segmented=False,
+        )
+
+    @classmethod
+    def names_in(cls, folder: Path) -> list[str]:
+        """Names of the sequences in a folder, ordered by number.
+
+        Raises:
+            InputError: the folder holds no sequences.
+        """
+        names = (path.name.removesuffix(cls.suffix) for path in folder.glob(f"*{cls.suffix}"))
+        matches = [match for name in names if (match := cls.name_pattern.fullmatch(name))]
+        if not matches:
+            raise InputError(f"{folder}: no sequence of {cls.set_name} in it; give the folder that holds {cls.first_file}")
+        return [match[0] for match in sorted(matches, key=lambda match: (int(match["number"]), match[0]))]
+
+    @classmethod
+    def frames(cls, path: Path) -> np.ndarray:
+        """(T,) frames of a file, mapped into memory.
+
+        Raises:
+            InputError: the file is missing, empty, truncated, or not of this set.
+        """
+        if not path.is_file():
+            raise InputError(f"{path}: no such file")
+        layout = cls.layout(path)
+        count, rest = divmod(path.stat().st_size, layout.itemsize)
+        if rest or not count:
+            raise InputError(
+                f"{path}: ends {rest} bytes into frame {count}; a frame of {cls.set_name} has {layout.itemsize} bytes: the "
+                "file is truncated, download it again"
+            )
+        frames = np.memmap(path, layout, "r")
+        if not (valid := cls.are_valid(frames)).all():
+            raise InputError(f"{path}: frame {int(valid.argmin())} is damaged, or this is not a sequence of {cls.set_name}")
+        return frames
+
+    @classmethod
+    def recording(cls, path: Path) -> PointRecording:
+        """Reads a file, and warns of points that are left out.
+
+        Raises:
+            InputError: see `frames`; or no pinhole camera fits the points.
+        """
+        frames = cls.frames(path)
+        height, width = cls.points_m(frames[0]).shape[:2]
+        check_budget(path, 4 * len(frames) * height * width, f"the depth of its {len(frames)} frames")
+        depth_m, camera, invalid = np.empty((len(frames), height, width), np.float32), None, 0
+        positions_m: dict[int, np.ndarray] = {}
+        for number, frame in enumerate(frames):
+            points_m = cls.points_m(frame)
+            z_m = points_m[..., 2]
+            measured = np.isfinite(points_m).all(axis=-1) & (z_m < 0)
+            invalid += np.count_nonzero(~measured & (z_m != 0))
+            depth_m[number] = np.where(measured, -z_m, 0)
+            if camera is None and measured.any():
+                camera = fit_camera(points_m, str(path))
+            for identity, position_m in cls.positions_m(frame).items():
+                track_m = positions_m.setdefault(identity, np.full((len(frames), 3), np.nan, np.float32))
+                track_m[number] = position_m * FROM_OPENGL
+        if camera is None:
+            raise InputError(f"{path}: no point in front of the camera is measured in its {len(frames)} frames")
+        if invalid:
+            log.warning("%s: left out %d points that are not finite or lie behind the camera", path, invalid)
+        return PointRecording(camera, depth_m, positions_m)
+
+    @classmethod
+    def ids_in(cls, path: Path) -> str:
+        """Lists the ids in frame 0 of a file."""
+        positions_m = {number: at * FROM_OPENGL for number, at in cls.positions_m(cls.frames(path)[0]).items()}
+        listed = [f"{number} at ({x:.2f}, {y:.2f}, {z:.2f})" for number, (x, y, z) in sorted(positions_m.items())]
+        return f"Frame 0 of {path} holds ids {', '.join(listed) or 'none'} (metres right, down, forward of the camera)"
+
+
+def fit_camera(points_m: np.ndarray, where: str) -> Camera:
+    """Fits a pinhole camera to organised points by least squares: u = cx + fx X/(-Z), v = cy - fy Y/(-Z).
+
+    Args:
+        points_m: (H, W, 3) metres, in the files' axes; points that are not finite or not in front of the camera are left out.
+        where: name of the file, for messages.
+
+    Raises:
+        InputError: there are too few points, or no pinhole camera fits them.
+    """
+    height, width = points_m.shape[:2]
+    v, u = np.mgrid[:height, :width]
+    usable = np.isfinite(points_m).all(axis=-1) & (points_m[..., 2] < 0)
+    x, y, z = np.moveaxis(points_m[usable].astype(np.float64), -1, 0)
+    intrinsics, rms_px = [], []
+    for pixel, slope in ((u[usable], x / -z), (v[usable], -y / -z)):
+        if not slope.size or np.ptp(slope) < 1e-6:
+            raise InputError(f"{where}: too few measured points to fit a camera; download it again")
+        matrix = np.stack([slope, np.ones_like(slope)], axis=1)
+        (focal_px, centre_px), *_ = np.linalg.lstsq(matrix, pixel.astype(np.float64), rcond=None)
+        intrinsics.append((float(focal_px), float(centre_px)))
+        rms_px.append(float(np.sqrt(np.mean((matrix @ [focal_px, centre_px] - pixel) ** 2))))
+    (fx, cx), (fy, cy) = intrinsics
+    if max(rms_px) > MAX_FIT_RMS_PX or min(fx, fy) <= 0:
+        raise InputError(
+            f"{where}: the best-fitting camera (fx {fx:.1f}, fy {fy:.1f}) has a reprojection error of {max(rms_px):.2f} "
+            f"pixels; expected {width}x{height} organised points, x right, y up, z negative in front of the camera"
+        )
+    return Camera(fx, fy, cx, cy, width, height)
+
+
+def checked_map(joints: Mapping[str, Any]) -> dict[str, list[int]]:
+    """The ids of each joint in a map, without joints that have none.
+
+    Args:
+        joints: id, list of ids or None by the joint's name.
+
+    Raises:
+        InputError: an unknown joint, an id that is not an integer, or two joints with the same ids.
+    """
+    ids: dict[str, list[int]] = {}
+    owners: dict[tuple[int, ...], str] = {}
+    for name, given in joints.items():
+        if name not in JOINT_NAMES:
+            raise InputError(f"benchmark.joints: {name} is not a joint; the joints are {', '.join(JOINT_NAMES)}")
+        if given is None:
+            continue
+        ids[name] = given if isinstance(given, list) else [given]
+        if not ids[name] or not all(isinstance(number, int) and not isinstance(number, bool) for number in ids[name]):
+            raise InputError(f"benchmark.joints: {name} is {given!r}; expected the joint's id, or a list of ids")
+        if (other := owners.setdefault(tuple(sorted(ids[name])), name)) != name:
+            raise InputError(f"benchmark.joints: {other} and {name} both have id {ids[name]}; one of them is wrong")
+    return ids

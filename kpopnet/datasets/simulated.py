@@ -1,0 +1,266 @@
+"""Simulated depth sequences of one person or of several: their files, and the reader of `eval_sim`, `smmc10_sim`, `two_people`.
+
+`python -m synth benchmark=NAME` writes manifest.json, which calls the set simulated, and an HDF5 file for each sequence:
+
+    depth      (T, H, W)        the whole scene, float32 metres or uint16 millimetres; 0: not measured
+    joints_m   (T, P, 15, 3)    float32 true joints of P people, metres in the camera frame; NaN: unknown
+    markers_m  (T, P, M, 3)     float32 markers on skin or clothes, metres in the camera frame; NaN: not tracked (optional)
+    alone_px   (T, P)           pixels inside the image that would show the person if the others were not there (several people)
+    seen_px    (T, P)           pixels that show the person (several people)
+
+with the attributes fps, camera (fx, fy, cx, cy, width, height), kind (of motion or scene), people and marker_names.
+"""
+
+import logging
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from kpopnet.camera import Camera, depth_in_metres
+from kpopnet.datasets.protocol import Origin, Sequence, heading_rad
+from kpopnet.errors import InputError, check_between
+from kpopnet.runtime.atomic_write import atomic_hdf5
+from kpopnet.runtime.hdf5_files import Hdf5Schema, attributes_of, open_hdf5, read_array
+from kpopnet.runtime.input_files import ArraySchema, check_fields, check_names, expect, read_json
+from kpopnet.skeleton import NUM_JOINTS
+
+log = logging.getLogger(__name__)
+
+FORMAT, VERSION = "kpopnet sequence", 1
+MANIFEST = "manifest.json"
+MAX_COORDINATE_M = 100.0
+
+SCHEMA = Hdf5Schema(
+    name="a simulated sequence",
+    attributes={
+        "format": str, "version": int, "fps": float, "camera": list[float], "kind": str, "people": list[str],
+        "marker_names": list[str],
+    },
+    optional=("marker_names",),
+    fixed={"format": FORMAT, "version": VERSION},
+    arrays={
+        "depth": ArraySchema("uf", ("T", None, None)),
+        "joints_m": ArraySchema("f", ("T", "P", NUM_JOINTS, 3)),
+        "markers_m": ArraySchema("f", ("T", "P", None, 3), required=False),
+        "alone_px": ArraySchema("iu", ("T", "P"), required=False),
+        "seen_px": ArraySchema("iu", ("T", "P"), required=False),
+    },
+    remedy="make it again",
+)  # fmt: skip
+MANIFEST_SCHEMA = {
+    "simulated": bool, "benchmark": str, "about": str, "truth": str, "seed": int, "hash": str,
+    "sequences": int, "config": dict,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class StoredSequence:
+    """The content of a file.
+
+    Attributes:
+        fps: frames per second.
+        camera: of the images.
+        kind: of motion or scene.
+        people: name of each of P people; equal names in a set are the same person.
+        arrays: by name, as the module says.
+        marker_names: names of the M markers.
+    """
+
+    fps: float
+    camera: Camera
+    kind: str
+    people: tuple[str, ...]
+    arrays: dict[str, np.ndarray]
+    marker_names: tuple[str, ...] = ()
+
+
+def write_sequence(path: Path, sequence: StoredSequence) -> None:
+    """Writes a file, whole or not at all."""
+    camera = sequence.camera
+    with atomic_hdf5(path) as file:
+        file.attrs["format"], file.attrs["version"], file.attrs["simulated"] = FORMAT, VERSION, True
+        file.attrs["fps"], file.attrs["kind"] = sequence.fps, sequence.kind
+        file.attrs["camera"] = (camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)
+        file.attrs["people"], file.attrs["marker_names"] = list(sequence.people), list(sequence.marker_names)
+        for name, array in sequence.arrays.items():
+            file.create_dataset(name, data=array, chunks=(1, *array.shape[1:]), compression=1, shuffle=True)
+
+
+def read_sequence(path: Path) -> StoredSequence:
+    """Reads a file.
+
+    Raises:
+        InputError: it is missing, damaged, larger than the budget, or inconsistent.
+    """
+    with open_hdf5(path, SCHEMA) as file:
+        attributes = attributes_of(file)
+        arrays = {name: read_array(file, name) for name in SCHEMA.arrays if name in file}
+    joints_m, people = arrays["joints_m"], tuple(attributes["people"])
+    expect(len(joints_m) > 0 and len(people) == joints_m.shape[1] > 0, str(path), "frames, and a name for each person")
+    known = joints_m[~np.isnan(joints_m)]
+    expect(known.size > 0 and np.abs(known).max() <= MAX_COORDINATE_M, f"{path}: joints_m", f"at most {MAX_COORDINATE_M:g} m")
+    expect(len(attributes["camera"]) == 6, f"{path}: camera", "fx, fy, cx, cy, width, height")
+    camera = Camera.from_numbers(attributes["camera"], f"{path}: camera")
+    check_between(f"{path}: fps", attributes["fps"], 1, 1000)
+    expect(arrays["depth"].shape[1:] == (camera.height, camera.width), f"{path}: depth", "images of the camera's size")
+    return StoredSequence(
+        fps=float(attributes["fps"]),
+        camera=camera,
+        kind=attributes["kind"],
+        people=people,
+        arrays=arrays,
+        marker_names=tuple(attributes.get("marker_names", ())),
+    )
+
+
+@dataclass
+class SimulatedConfig:
+    """Settings of a simulated benchmark.
+
+    Attributes:
+        name: of the benchmark.
+        path: folder that `python -m synth benchmark=NAME` wrote.
+    """
+
+    name: str
+    path: str
+
+
+class SimulatedSet:
+    """A folder of simulated sequences, read one at a time.
+
+    Attributes:
+        folder: of the files.
+        names: of the sequences, ordered by number.
+        truth: origin of the true joints.
+        about: what a reader needs to interpret results.
+        provenance: seed, version and configuration hash.
+    """
+
+    origin = Origin.SIMULATED
+
+    def __init__(self, config: SimulatedConfig) -> None:
+        """Lists the sequences.
+
+        Raises:
+            InputError: the folder holds no sequences of this set, or its manifest is invalid.
+        """
+        self.name, self.folder = config.name, Path(config.path)
+        make = f"`python -m synth benchmark={config.name} out={self.folder}` makes the set"
+        if not (self.folder / MANIFEST).exists():
+            raise InputError(f"{self.folder}: no {MANIFEST} in it; {make}")
+        manifest = read_manifest(self.folder)
+        if manifest["benchmark"] != config.name:
+            raise InputError(f"{self.folder}: holds {manifest['benchmark']}, not {config.name}")
+        found = [path.stem for path in self.folder.glob("*.h5")]
+        check_names(str(self.folder), found)
+        self.names = sorted(found, key=lambda name: (int((re.findall(r"\d+", name) or "0")[-1]), name))
+        if not self.names:
+            raise InputError(f"{self.folder}: none of its sequences NAME.h5 is there; {make}")
+        if len(self.names) < manifest["sequences"]:
+            log.warning("%s: only %d of its %d sequences exist; %s", self.folder, len(self.names), manifest["sequences"], make)
+        self.truth = manifest["truth"]
+        self.about = (
+            f"{manifest['about']} Seed {manifest['seed']}, configuration {manifest['hash']}; {len(self.names)} sequences. "
+            "People and motions are in no training set."
+        )
+        generator = manifest["config"].get("generator")
+        self.provenance = {"seed": manifest["seed"], "version": generator, "config_hash": manifest["hash"]}
+
+    def path(self, name: str) -> Path:
+        """The file of a sequence."""
+        return self.folder / f"{name}.h5"
+
+    def sequence_names(self) -> list[str]:
+        return self.names
+
+
+class SimulatedBenchmark(SimulatedSet):
+    """A set of sequences of one person: `eval_sim` and `smmc10_sim`."""
+
+    def read(self, name: str) -> Sequence:
+        path = self.path(name)
+        stored = read_sequence(path)
+        expect(len(stored.people) == 1, str(path), "one person")
+        joints_m = stored.arrays["joints_m"][:, 0].astype(np.float32)
+        return Sequence(
+            name=name,
+            identity=stored.people[0],
+            fps=stored.fps,
+            camera=stored.camera,
+            depth_m=depth_in_metres(stored.arrays["depth"], stored.camera, where=f"{path}: depth"),
+            joints_camera_m=joints_m,
+            visible=np.isfinite(joints_m).all(axis=-1),
+            yaw_rad=heading_rad(joints_m),
+            is_segmented=False,
+        )
+
+
+@dataclass(frozen=True)
+class PeopleSequence:
+    """A depth sequence of P people.
+
+    Attributes:
+        name: unique in its set.
+        kind: of scene.
+        fps: frames per second.
+        camera: of the images.
+        depth_mm: (T, H, W) uint16 millimetres of the whole scene, 0 where nothing was measured.
+        joints_camera_m: (T, P, 15, 3) float32 true joints, metres, also of people outside the image.
+        alone_px: (T, P) pixels inside the image that would show the person if the others were not there.
+        seen_px: (T, P) pixels that show the person.
+    """
+
+    name: str
+    kind: str
+    fps: float
+    camera: Camera
+    depth_mm: np.ndarray
+    joints_camera_m: np.ndarray
+    alone_px: np.ndarray
+    seen_px: np.ndarray
+
+
+class PeopleSet(SimulatedSet):
+    """A set of sequences of several people: `two_people`."""
+
+    def read(self, name: str) -> PeopleSequence:
+        """Reads one sequence.
+
+        Raises:
+            InputError: its file is missing, damaged, larger than the budget, or inconsistent.
+        """
+        path = self.path(name)
+        stored = read_sequence(path)
+        arrays = stored.arrays
+        expect({"alone_px", "seen_px"} <= set(arrays), str(path), "arrays alone_px and seen_px")
+        expect(arrays["depth"].dtype == np.uint16, f"{path}: depth", "uint16 millimetres")
+        in_order = (arrays["seen_px"] <= arrays["alone_px"]).all() and arrays["seen_px"].min() >= 0
+        expect(bool(in_order), f"{path}: seen_px", "at least 0 and at most alone_px")
+        return PeopleSequence(
+            name=name,
+            kind=stored.kind,
+            fps=stored.fps,
+            camera=stored.camera,
+            depth_mm=arrays["depth"],
+            joints_camera_m=arrays["joints_m"].astype(np.float32),
+            alone_px=arrays["alone_px"].astype(np.int64),
+            seen_px=arrays["seen_px"].astype(np.int64),
+        )
+
+
+def read_manifest(folder: Path) -> dict:
+    """Reads the manifest of a simulated set.
+
+    Raises:
+        InputError: it cannot be read, lacks a key, or does not call the set simulated.
+    """
+    path = folder / MANIFEST
+    try:
+        manifest = check_fields(str(path), read_json(path, non_finite=True), MANIFEST_SCHEMA)
+        expect(manifest["simulated"], str(path), "a set that is called simulated")
+    except InputError as error:
+        raise InputError(f"{error}; make the set again") from error
+    return manifest

@@ -1,1 +1,0 @@
-"""SMMC-10: SwissRanger point clouds and markers in binary files."""

@@ -1,0 +1,270 @@
+"""The readers of EVAL and SMMC-10 on files packed by hand, field by field, in the published layouts."""
+
+import importlib
+import logging
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from damaged_files import survives_damage
+from hydra import compose, initialize_config_dir
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from omegaconf import OmegaConf
+from programs import ROOT
+from slopes import slope_m
+
+from kpopnet.camera import Camera
+from kpopnet.datasets.eval import FRAME, EvalBenchmark
+from kpopnet.datasets.point_clouds import PointCloudConfig, checked_map, fit_camera
+from kpopnet.datasets.smmc10 import PACKED, PADDED, Smmc10Benchmark
+from kpopnet.errors import InputError
+from kpopnet.evaluation.registry import build_benchmark
+from kpopnet.skeleton import Joint
+
+CAMERAS = {"eval": Camera(285.7, 281.3, 158.2, 121.9, 320, 240), "smmc10": Camera(204.8, 203.1, 72.3, 87.6, 144, 176)}
+FIRST = {"eval": "seq_a_0.bin", "smmc10": "real01_7.cal.bin"}
+FRAME_BYTES = {"eval": 930_704, "smmc10": 458_004}
+IDS = (1, 3, 5, 24)
+MAP = {"head": [1, 3], "neck": 5, "left_hand": [24]}
+
+
+def scene(name: str, frame: int) -> np.ndarray:
+    return slope_m(frame, CAMERAS[name].height, CAMERAS[name].width)
+
+
+def position_m(number: int, frame: int = 0) -> tuple[float, float, float]:
+    """Position of a joint or marker in the camera frame."""
+    return 0.01 * number + 0.01 * frame, -0.02 * number, 2.0 + 0.01 * number
+
+
+def points_of(name: str, frame: int) -> np.ndarray:
+    """(H, W, 3) points in the files' axes: x right, y up, z negative."""
+    return CAMERAS[name].points(scene(name, frame)) * np.float32([1, -1, -1])
+
+
+def eval_frame(frame: int, *, magic=7, joints=None, points=None, njoints=None, nmarkers=1) -> bytes:
+    """A frame of EVAL; a joint is (id, position in the camera frame)."""
+    joints = [(number, position_m(number, frame)) for number in IDS] if joints is None else joints
+    points = points_of("eval", frame) if points is None else points
+    parts = [struct.pack("<ii", magic, frame), points.astype("<f4").tobytes(), struct.pack("<i", nmarkers)]
+    # A C string ends at its zero byte; the rest of the buffer and the padding are undefined.
+    parts += [struct.pack("<255sx3f", b"LSHO\0leftover" if slot == 0 else b"", 0.2, 0.4, -2.4) for slot in range(32)]
+    parts.append(struct.pack("<i", len(joints) if njoints is None else njoints))
+    for slot in range(32):
+        number, (x, y, z) = joints[slot] if slot < len(joints) else (77, (5, 5, 5))
+        parts.append(struct.pack("<i3f", number, x, -y, -z))
+    return b"".join(parts)
+
+
+def smmc10_frame(frame: int, *, magic=-1982, joints=None, points=None, njoints=None, padding=b"") -> bytes:
+    """A frame of SMMC-10; a marker is (id, position in the camera frame) and visible, or (id, position, cond)."""
+    joints = [(number, position_m(number, frame)) for number in IDS] if joints is None else joints
+    points = points_of("smmc10", frame) if points is None else points
+    stored = [points[i % 176, i // 176] for i in range(25344)]  # column by column
+    parts = [struct.pack("<iiq", magic, frame, 40_000 * frame), np.array(stored, "<f4").tobytes()]
+    parts += [np.full(25344, value, "<u2").tobytes() for value in (300, 7, 9)]  # dist, amp, conf
+    parts.append(struct.pack("<i", len(joints) if njoints is None else njoints))
+    for slot in range(64):
+        number, (x, y, z), *cond = joints[slot] if slot < len(joints) else (77, (5, 5, 5), 9.0)
+        parts.append(struct.pack("<ii4fI", number, frame, x, -y, -z, *(cond or [1.0]), 3))
+    return b"".join(parts) + padding
+
+
+FRAMES = {"eval": eval_frame, "smmc10": smmc10_frame}
+
+
+@pytest.fixture(params=["eval", "smmc10"])
+def name(request) -> str:
+    return request.param
+
+
+@pytest.fixture
+def path(tmp_path: Path, name: str) -> Path:
+    """Three frames of one sequence."""
+    path = tmp_path / FIRST[name]
+    path.write_bytes(b"".join(FRAMES[name](frame) for frame in range(3)))
+    return path
+
+
+def read(path: Path, joints=MAP):
+    name = "eval" if path.name.startswith("seq") else "smmc10"
+    benchmark = build_benchmark(PointCloudConfig(name, str(path.parent), joints))
+    return benchmark.read(path.name.partition(".")[0])
+
+
+def test_the_layouts_are_the_published_ones():
+    assert (FRAME.itemsize, PACKED.itemsize, PADDED.itemsize) == (930_704, 458_004, 458_008)
+    frame = np.frombuffer(eval_frame(5), FRAME)[0]
+    assert (frame["magic"], frame["frame"], frame["nmarkers"], frame["njoints"]) == (7, 5, 1, 4)
+    assert frame["markers"]["name"][0].partition(b"\0")[0] == b"LSHO" and frame["joints"]["id"][3] == 24
+    for layout, padding in ((PACKED, b""), (PADDED, bytes(4))):
+        frame = np.frombuffer(smmc10_frame(2, padding=padding), layout)[0]
+        assert (frame["magic"], frame["frame"], frame["timestamp"], frame["nmarkers"]) == (-1982, 2, 80_000, 4)
+        assert (frame["dist"][300], frame["amp"][300], frame["conf"][300]) == (300, 7, 9)
+        assert tuple(frame["markers"][3][["id", "frame", "cond", "flag"]]) == (24, 2, 1.0, 3)
+        np.testing.assert_array_equal(Smmc10Benchmark.points_m(frame)[33, 100], frame["points"][100 * 176 + 33])
+
+
+def test_a_sequence_reads_as_depth_camera_and_joints(path, name):
+    sequence = read(path)
+    assert (sequence.identity, sequence.fps, sequence.is_segmented) == (("a", 30.0) if name == "eval" else ("", 25.0)) + (
+        False,
+    )
+    np.testing.assert_array_equal(sequence.depth_m, np.stack([scene(name, frame) for frame in range(3)]))
+    for frame in range(3):
+        head = np.mean([position_m(1, frame), position_m(3, frame)], axis=0)
+        np.testing.assert_allclose(sequence.joints_camera_m[frame, Joint.HEAD], head, atol=1e-6)
+        np.testing.assert_allclose(sequence.joints_camera_m[frame, Joint.LEFT_HAND], position_m(24, frame), atol=1e-6)
+    assert sequence.visible.sum() == 9 and not sequence.visible[:, Joint.TORSO].any()
+    found, true = sequence.camera, CAMERAS[name]
+    np.testing.assert_allclose([found.fx, found.fy, found.cx, found.cy], [true.fx, true.fy, true.cx, true.cy], atol=1e-3)
+
+
+@pytest.mark.parametrize("frames", [1, 3])
+def test_padded_frames_of_smmc10_are_recognised(tmp_path, frames):
+    path = tmp_path / FIRST["smmc10"]
+    path.write_bytes(b"".join(smmc10_frame(frame, padding=b"\xaa\xbb\xcc\xdd") for frame in range(frames)))
+    sequence = read(path)
+    np.testing.assert_array_equal(sequence.depth_m[-1], scene("smmc10", frames - 1))
+    assert sequence.visible.sum() == 3 * frames
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    fx=st.floats(150, 600), fy=st.floats(150, 600), cx=st.floats(100, 220), cy=st.floats(60, 180),
+    seed=st.integers(0, 2**32 - 1),
+)  # fmt: skip
+def test_the_camera_is_fitted_to_the_points(fx, fy, cx, cy, seed):
+    rng = np.random.default_rng(seed)
+    camera = Camera(fx, fy, cx, cy, 320, 240)
+    depth_m = rng.uniform(0.5, 5, (240, 320)).astype(np.float32)
+    depth_m[rng.random(depth_m.shape) < 0.6] = 0
+    points_m = camera.points(depth_m) * np.float32([1, -1, -1])
+    points_m[3, 4] = np.nan
+    found = fit_camera(points_m, "here")
+    np.testing.assert_allclose([found.fx, found.fy, found.cx, found.cy], [fx, fy, cx, cy], rtol=1e-4, atol=0.02)
+
+
+def test_points_that_no_camera_fits_are_refused(path, name):
+    wrong = points_of(name, 0)[..., [1, 0, 2]]
+    single = np.zeros_like(wrong)
+    single[7, 9] = 0.1, 0.2, -1
+    for points, message in (
+        (wrong, "the best-fitting camera .* pixels; .* x right, y up, z negative"),
+        (np.zeros_like(wrong), "no point in front of the camera is measured in its 1 frames"),
+        (single, "too few measured points"),
+    ):
+        path.write_bytes(FRAMES[name](0, points=points))
+        with pytest.raises(InputError, match=rf"{path.name}: {message}"):
+            read(path)
+
+
+def test_a_sequence_may_start_with_an_empty_frame(path, name):
+    path.write_bytes(FRAMES[name](0, points=np.zeros_like(points_of(name, 0))) + FRAMES[name](1))
+    sequence = read(path)
+    assert not sequence.depth_m[0].any() and abs(sequence.camera.fx - CAMERAS[name].fx) < 1e-3
+
+
+@pytest.mark.parametrize("cut", [1, 600])
+def test_a_truncated_file_is_named_with_the_frame(path, name, cut):
+    path.write_bytes(path.read_bytes()[: 2 * FRAME_BYTES[name] + cut])
+    with pytest.raises(InputError, match=rf"{path.name}: ends {cut} bytes into frame 2; .*{FRAME_BYTES[name]} bytes"):
+        read(path)
+
+
+@pytest.mark.parametrize("changes", [{"magic": 8}, {"njoints": 65}, {"njoints": -1}])
+def test_an_invalid_frame_is_named(path, name, changes):
+    path.write_bytes(FRAMES[name](0) + FRAMES[name](1) + FRAMES[name](2, **changes))
+    with pytest.raises(InputError, match=rf"{path.name}: frame 2 is damaged"):
+        read(path)
+
+
+def test_other_files_are_refused(path):
+    for content in (b"", b"\x01", np.random.default_rng(3).bytes(2 * 930_704)):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match=path.name):
+            read(path)
+
+
+def test_damaged_files_are_refused_in_one_line(path, name):
+    path.write_bytes(FRAMES[name](0))
+    assert survives_damage(path, lambda: read(path), 60) > 20
+
+
+def test_what_is_left_out_is_logged(path, name, caplog):
+    points = points_of(name, 0).copy()
+    points[50, 60:70] = np.nan
+    points[52, 61] = 0.1, 0.1, 2.0  # behind the camera
+    absent = (3, (0, 0, 0)) if name == "eval" else (3, position_m(3), -1.0)
+    joints = [(1, position_m(1)), absent, (5, (np.nan, 0, 2)), (24, position_m(24)), (60, position_m(60))]
+    path.write_bytes(FRAMES[name](0, points=points, joints=joints) + FRAMES[name](1))
+    with caplog.at_level(logging.WARNING):
+        sequence = read(path, MAP | {"right_hand": [16]})
+    assert "left out 11 points" in caplog.text and "ids [60] are not in the map; ids [16] of the map" in caplog.text
+    assert np.isfinite(sequence.depth_m).all() and not sequence.depth_m[0, 50, 60:70].any()
+    present = np.isfinite(sequence.joints_camera_m).all(axis=-1)
+    # The head needs both of its ids.
+    assert np.flatnonzero(present[0]).tolist() == [Joint.LEFT_HAND] and present[1].sum() == 3
+    np.testing.assert_array_equal(sequence.visible, present)
+
+
+def test_slots_beyond_the_count_are_ignored(path, name):
+    path.write_bytes(FRAMES[name](0, njoints=1))
+    assert np.isfinite(read(path, {"torso": 1, "neck": 3}).joints_camera_m).all(axis=-1).sum() == 1
+
+
+def test_without_a_matching_map_the_error_lists_the_ids_in_the_file(path, name):
+    for joints, message in ((dict.fromkeys(MAP), r"needs benchmark\.joints"), ({"head": 2}, "holds the joints of the map")):
+        with pytest.raises(
+            InputError, match=rf"{message}.*Frame 0 of .*{path.name} holds ids 1 at \(0\.01, -0\.02, 2\.01\), 3 at"
+        ):
+            read(path, joints)
+
+
+def test_the_map_is_given_on_the_command_line(path, name):
+    given = [f"benchmark={name}", f"benchmark.path={path.parent}", "benchmark.joints={head: 1, torso: [5, 24]}"]
+    with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
+        importlib.import_module("kpopnet.programs.evaluate")  # registers the schemas
+        config = OmegaConf.to_object(compose("evaluate", given).benchmark)
+    sequence = build_benchmark(config).read(path.name.partition(".")[0])
+    assert isinstance(build_benchmark(config), EvalBenchmark if name == "eval" else Smmc10Benchmark)
+    np.testing.assert_allclose(sequence.joints_camera_m[0, Joint.HEAD], position_m(1), atol=1e-6)
+    torso_m = np.mean([position_m(5), position_m(24)], axis=0)
+    np.testing.assert_allclose(sequence.joints_camera_m[0, Joint.TORSO], torso_m, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("joints", "message"),
+    [
+        ({"nose": 3}, "nose is not a joint; the joints are head, neck"),
+        ({"head": "three"}, "head is 'three'"),
+        ({"head": []}, "head is"),
+        ({"head": True}, "head is True"),
+        ({"head": 3, "neck": [3]}, r"head and neck both have id \[3\]"),
+    ],
+)
+def test_invalid_maps_are_refused(joints, message):
+    with pytest.raises(InputError, match=f"benchmark.joints: {message}"):
+        checked_map(joints)
+
+
+def test_sequences_are_listed_by_number_then_subject(tmp_path):
+    for other in ("seq_a_0", "seq_b_0", "seq_a_10", "seq_a_2", "notes"):
+        (tmp_path / f"{other}.bin").touch()
+    assert EvalBenchmark.names_in(tmp_path) == ["seq_a_0", "seq_b_0", "seq_a_2", "seq_a_10"]
+    for other in ("real01_10", "real01_9", "notes"):
+        (tmp_path / f"{other}.cal.bin").touch()
+    assert Smmc10Benchmark.names_in(tmp_path) == ["real01_9", "real01_10"]
+
+
+def test_a_folder_without_the_set_and_a_simulated_one_are_refused(path, name, tmp_path):
+    with pytest.raises(InputError, match=r"needs benchmark\.path"):
+        build_benchmark(PointCloudConfig(name, None, MAP))
+    (path.parent / "manifest.json").write_text("{")
+    with pytest.raises(InputError, match=r"simulated according to its manifest\.json, and not"):
+        read(path)
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match=r"no sequence of .* in it; give the folder that holds"):
+        build_benchmark(PointCloudConfig(name, str(tmp_path / "empty"), MAP))

@@ -1,0 +1,142 @@
+"""The files of simulated sequences: written files are read again, and what does not fit is refused."""
+
+import json
+import logging
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from damaged_files import survives_damage, survives_hostile_json
+from simulated_files import write_simulated
+from slopes import joints_m, slope_m
+from two_people_files import CAMERA as PEOPLE_CAMERA
+from two_people_files import draw_two_people, write_two_people
+
+from kpopnet.camera import Camera
+from kpopnet.datasets.protocol import Origin
+from kpopnet.datasets.simulated import PeopleSet, SimulatedBenchmark, SimulatedConfig, StoredSequence, read_sequence
+from kpopnet.errors import InputError
+from kpopnet.skeleton import Joint
+
+CAMERA = Camera(50.1, 50.2, 31.5, 23.5, 64, 48)
+DEPTH_M = np.stack([slope_m(frame, 48, 64) for frame in range(3)])
+JOINTS_M = np.stack([joints_m(frame) for frame in range(3)]).astype(np.float32)[:, None]
+MARKERS_M = np.full((3, 1, 2, 3), np.float32(0.1))
+SEQUENCE = StoredSequence(
+    25.0, CAMERA, "kicks", ("sim01",), {"depth": DEPTH_M, "joints_m": JOINTS_M, "markers_m": MARKERS_M}, ("LFHD", "RFHD")
+)
+
+
+def benchmark(folder: Path) -> SimulatedBenchmark:
+    return SimulatedBenchmark(SimulatedConfig("smmc10_sim", str(folder)))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    write_simulated(tmp_path, "smmc10_sim", {"sim01_10": SEQUENCE, "sim02_2": SEQUENCE, "sim01_1": SEQUENCE})
+    return tmp_path
+
+
+def test_a_written_sequence_is_read_again(folder):
+    found = read_sequence(folder / "sim02_2.h5")
+    assert replace(found, arrays={}) == replace(SEQUENCE, arrays={})
+    for name, array in SEQUENCE.arrays.items():
+        np.testing.assert_array_equal(found.arrays[name], array)
+        assert found.arrays[name].dtype == array.dtype
+    assert (folder / "sim02_2.h5").read_bytes() == (folder / "sim01_1.h5").read_bytes()
+
+
+@pytest.mark.parametrize("millimetres", [False, True])
+def test_a_set_is_read_as_a_benchmark_that_calls_itself_simulated(folder, millimetres):
+    unknown = JOINTS_M.copy()
+    unknown[1, 0, Joint.HEAD] = np.nan
+    depth = np.rint(1000 * DEPTH_M).astype(np.uint16) if millimetres else DEPTH_M
+    changed = replace(SEQUENCE, arrays={"depth": depth, "joints_m": unknown})
+    write_simulated(folder, "smmc10_sim", {"sim02_2": changed}, sequences=3)
+    found = benchmark(folder)
+    assert found.sequence_names() == ["sim01_1", "sim02_2", "sim01_10"]
+    assert found.origin is Origin.SIMULATED and "SIMULATED" in found.about and "Seed 3" in found.about
+    assert found.provenance == {"seed": 3, "version": 2, "config_hash": "0" * 12}
+    sequence = found.read("sim02_2")
+    assert (sequence.name, sequence.identity, sequence.fps, sequence.camera) == ("sim02_2", "sim01", 25.0, CAMERA)
+    np.testing.assert_allclose(sequence.depth_m, DEPTH_M, atol=0.00051 if millimetres else 0)
+    np.testing.assert_array_equal(sequence.joints_camera_m, unknown[:, 0])
+    assert sequence.visible.sum() == 44 and not sequence.visible[1, Joint.HEAD] and not sequence.is_segmented
+
+
+def test_people_are_read_with_what_is_seen_of_them(tmp_path):
+    write_two_people(tmp_path, frames=3)
+    a_set = PeopleSet(SimulatedConfig("two_people", str(tmp_path)))
+    sequence, (depth_mm, true_m, pixels) = a_set.read("pair_00"), draw_two_people(3)
+    assert a_set.names == ["pair_00"] and sequence.kind == "side_by_side" and sequence.camera == PEOPLE_CAMERA
+    np.testing.assert_array_equal(sequence.depth_mm, depth_mm)
+    np.testing.assert_array_equal(sequence.joints_camera_m, true_m)
+    np.testing.assert_array_equal(sequence.seen_px, pixels)
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "message"),
+    [
+        ("depth", DEPTH_M[:2], r"shape|T ="),
+        ("depth", DEPTH_M[:, :4], "the camera's size"),
+        ("depth", DEPTH_M.astype(np.int16), "kind"),
+        ("people", ["ann", "bob"], "a name for each person"),
+        ("joints_m", JOINTS_M * 1000, "at most 100 m"),
+        ("joints_m", JOINTS_M * np.nan, "at most 100 m"),
+        ("joints_m", None, "joints_m"),
+        ("fps", 0.0, "fps"),
+        ("camera", np.zeros(6), "camera"),
+    ],
+)
+def test_what_does_not_fit_is_refused_in_one_line(folder, name, data, message):
+    path = folder / "sim02_2.h5"
+    with h5py.File(path, "a") as file:
+        if name in file:
+            del file[name]
+            if data is not None:
+                file[name] = data
+        else:
+            file.attrs[name] = data
+    with pytest.raises(InputError, match=message) as refused:
+        benchmark(folder).read("sim02_2")
+    assert "\n" not in str(refused.value) and "sim02_2.h5" in str(refused.value)
+
+
+def test_what_people_lack_is_refused(tmp_path):
+    write_two_people(tmp_path, frames=2)
+    with h5py.File(tmp_path / "pair_00.h5", "a") as file:
+        file["seen_px"][...] = 10**6
+    with pytest.raises(InputError, match=r"pair_00\.h5: seen_px: expected at least 0 and at most alone_px"):
+        PeopleSet(SimulatedConfig("two_people", str(tmp_path))).read("pair_00")
+
+
+def test_an_unreadable_manifest_or_another_set_is_refused(folder, tmp_path_factory):
+    for text in ("{", "[]", "{}", "3", '"simulated"'):
+        (folder / "manifest.json").write_text(text)
+        with pytest.raises(InputError, match=r"manifest\.json.*make the set again"):
+            benchmark(folder)
+    for change, message in (({"benchmark": "eval_sim"}, "holds eval_sim"), ({"simulated": False}, "called simulated")):
+        write_simulated(folder, **{"benchmark": "smmc10_sim", "files": {}} | change)
+        with pytest.raises(InputError, match=message):
+            benchmark(folder)
+    with pytest.raises(InputError, match=r"no manifest\.json in it; `python -m synth benchmark=smmc10_sim"):
+        benchmark(tmp_path_factory.mktemp("empty"))
+
+
+def test_hostile_files_are_refused_in_one_line(folder, monkeypatch):
+    survives_hostile_json(folder / "manifest.json", lambda: benchmark(folder))
+    path = folder / "sim02_2.h5"
+    assert survives_damage(path, lambda: benchmark(folder).read("sim02_2"), 60) > 20
+    monkeypatch.setenv("KPOPNET_FILE_BUDGET_GB", "0.00001")
+    with pytest.raises(InputError, match="KPOPNET_FILE_BUDGET_GB"):
+        benchmark(folder).read("sim02_2")
+
+
+def test_an_unfinished_set_is_reported(folder, caplog):
+    json_path = folder / "manifest.json"
+    json_path.write_text(json.dumps(json.loads(json_path.read_text()) | {"sequences": 8}))
+    with caplog.at_level(logging.WARNING):
+        benchmark(folder)
+    assert "only 3 of its 8 sequences exist" in caplog.text
