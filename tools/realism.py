@@ -304,7 +304,7 @@ def read_generated(path: Path, sensor: str, count: int, seed: int) -> tuple[Sour
 def read_film_noise(folder: Path) -> list[tuple[float, float]]:
     """Temporal noise of sequences of a simulated EVAL."""
     settings, reader = BENCHMARKS["eval_sim"]
-    benchmark = reader(settings(path=str(folder)))
+    benchmark = reader(settings(name="eval_sim", path=str(folder)))
     names = evenly_spaced(benchmark.sequence_names(), MOST_FILMS)
     found = [temporal_noise(benchmark.read(name).depth_m) for name in tqdm(names, "film", unit="sequence", disable=None)]
     return [noise for noise in found if noise is not None]

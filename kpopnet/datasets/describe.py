@@ -21,7 +21,7 @@ from kpopnet.datasets.simulated import MANIFEST, PeopleSet, SimulatedBenchmark, 
 from kpopnet.datasets.smmc10 import Smmc10Benchmark
 from kpopnet.datasets.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
 from kpopnet.errors import InputError
-from kpopnet.runtime.hydra_app import user_errors
+from kpopnet.runtime.endings import user_errors
 from kpopnet.viz.drawing import depth_rgb, enlarged, save_png, write
 
 WIDTH_PX = 960

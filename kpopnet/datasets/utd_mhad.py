@@ -154,6 +154,8 @@ def read_variable(path: Path, variable: str, schema: ArraySchema) -> np.ndarray:
     Raises:
         InputError: the file is missing, is not a complete MATLAB file, or its variable is not as expected.
     """
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
     problem = "not a complete MATLAB file; download it again"
     found = read_with(lambda file: loadmat(file, variable_names=[variable]), path, problem)
     expect(variable in found, str(path), f"a variable {variable}")
