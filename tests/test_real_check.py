@@ -5,6 +5,7 @@ import sys
 import numpy as np
 import torch
 from programs import ROOT
+from skinning import skinned
 
 from kpopnet.camera import CAMERAS
 from synth.body.shape import load_body, shape_person
@@ -39,7 +40,7 @@ def test_the_posed_body_is_that_of_the_samples():
             from_rest[bone] = before @ turn
         world = [rotation @ t_pose.T for rotation, t_pose in zip(from_rest, person.t_pose, strict=True)]
         local = [world[bone] if parent < 0 else world[parent].T @ world[bone] for bone, parent in enumerate(asset.bone_parents)]
-        vertices, joints = person.forward(np.array(local), body.root_m[frame].detach().numpy())
+        vertices, joints = skinned(person, np.array(local), body.root_m[frame].detach().numpy())
         np.testing.assert_allclose(skin_m[frame], vertices[: len(asset.weights)], atol=1e-4)
         np.testing.assert_allclose(joints_m[frame], joints, atol=1e-4)
 

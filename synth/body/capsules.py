@@ -5,27 +5,25 @@ import numpy as np
 from synth.body.asset import BodyAsset
 from synth.body.shape import Person
 
+_LIMBS = {
+    "Arm": ("ForeArm", 0.8),
+    "ForeArm": ("Hand", 0.8),
+    "Hand": ("HandFinger1", 0.6),
+    "UpLeg": ("Leg", 0.75),
+    "Leg": ("Foot", 0.75),
+    "Foot": ("ToeBase", 0.7),
+}
 CAPSULES = {
-    # Bone: the bone whose head is the capsule's far end, and the radius as a fraction of the body part's mean radius. The
-    # capsules are thin enough that touching clothes and flesh are no collision.
     "Hips": ("LowerBack", 0.8),
     "LowerBack": ("Spine", 0.8),
     "Spine": ("Spine1", 0.8),
     "Spine1": ("Neck", 0.8),
     "Head": ("Head", 0.8),
-    "LeftArm": ("LeftForeArm", 0.8),
-    "LeftForeArm": ("LeftHand", 0.8),
-    "LeftHand": ("LeftHandFinger1", 0.6),
-    "LeftUpLeg": ("LeftLeg", 0.75),
-    "LeftLeg": ("LeftFoot", 0.75),
-    "LeftFoot": ("LeftToeBase", 0.7),
-    "RightArm": ("RightForeArm", 0.8),
-    "RightForeArm": ("RightHand", 0.8),
-    "RightHand": ("RightHandFinger1", 0.6),
-    "RightUpLeg": ("RightLeg", 0.75),
-    "RightLeg": ("RightFoot", 0.75),
-    "RightFoot": ("RightToeBase", 0.7),
+    **{side + bone: (side + end, share) for side in ("Left", "Right") for bone, (end, share) in _LIMBS.items()},
 }
+"""Bone: the bone whose head is the capsule's far end, and the radius as a fraction of the body part's mean radius. The capsules
+are thin enough that touching clothes and flesh are no collision."""
+
 TRUNK = ("Hips", "LowerBack", "Spine", "Spine1")
 HEAD_HALF_LENGTH_M = 0.04
 
@@ -102,13 +100,9 @@ class Capsules:
 
 def _joints_between(a: int, b: int, parents: np.ndarray) -> int:
     """Number of joints on the path from bone a to bone b in the bone tree."""
-
-    def to_root(bone: int) -> list[int]:
-        line = [bone]
+    to_root = [a], [b]
+    for line in to_root:
         while parents[line[-1]] >= 0:
             line.append(int(parents[line[-1]]))
-        return line
-
-    line_a, line_b = to_root(a), to_root(b)
-    common = next(bone for bone in line_a if bone in line_b)
-    return line_a.index(common) + line_b.index(common)
+    common = next(bone for bone in to_root[0] if bone in to_root[1])
+    return to_root[0].index(common) + to_root[1].index(common)

@@ -50,7 +50,6 @@ _MARKER_DIRECTIONS = {
     "RTOE": (Joint.RIGHT_FOOT, (0, -1, -0.3)),
 }
 
-
 RAY_DISTANCE_M = 0.02
 """Vertices within this distance of the ray from the joint are candidates for a marker."""
 
@@ -131,13 +130,9 @@ def _skin() -> _Skin:
     parts = [asset.faces[bone == one] for one in np.unique(bone)]
     corners = [np.unique(part) for part in parts]
     around = [asset.faces[(asset.faces == vertex).any(axis=1)] for vertex in MARKERS.values()]
-    joined = [(np.concatenate(pieces), _starts(pieces)) for pieces in (parts, corners, around)]
-    return _Skin(*(array for pair in joined for array in pair))
-
-
-def _starts(pieces: list[np.ndarray]) -> np.ndarray:
-    """Index of the first element of each piece in their concatenation."""
-    return np.cumsum([0, *(len(piece) for piece in pieces[:-1])])
+    starts = [np.cumsum([0, *map(len, pieces[:-1])]) for pieces in (parts, corners, around)]
+    joined = [np.concatenate(pieces) for pieces in (parts, corners, around)]
+    return _Skin(*(array for pair in zip(joined, starts, strict=True) for array in pair))
 
 
 @njit(cache=True)

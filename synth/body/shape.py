@@ -59,39 +59,9 @@ class Person:
     stature_m: float
     leg_m: float
 
-    def forward(self, rotations: np.ndarray, root_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Linear blend skinning; the reference implementation for the tests of MuJoCo's skinning.
-
-        Args:
-            rotations: (B, 3, 3) local rotations relative to the T-pose.
-            root_m: (3,) head of the hips bone in the world, metres.
-
-        Returns:
-            (N, 3) vertices and (15, 3) joints in the world, metres.
-        """
-        asset, skin = load_body(), load_skin()
-        world_rotation, world_m = np.empty((len(rotations), 3, 3)), np.empty((len(rotations), 3))
-        for bone, parent in enumerate(asset.bone_parents):
-            if parent < 0:
-                world_rotation[bone], world_m[bone] = rotations[bone], root_m
-            else:
-                world_rotation[bone] = world_rotation[parent] @ rotations[bone]
-                offset = self.t_pose[parent] @ (self.heads_m[bone] - self.heads_m[parent])
-                world_m[bone] = world_m[parent] + world_rotation[parent] @ offset
-        skinning = world_rotation @ self.t_pose  # from the rest pose to the world
-        moved = np.einsum("vkij,vkj->vki", skinning[skin.weight_bones], self._from_bone(skin.weight_bones))
-        vertices = np.einsum("vk,vki->vi", skin.weights, moved + world_m[skin.weight_bones])
-        offsets = self.joints_m - self.heads_m[asset.joint_bones]
-        joints = np.einsum("jik,jk->ji", skinning[asset.joint_bones], offsets) + world_m[asset.joint_bones]
-        return vertices, joints
-
-    def _from_bone(self, bones: np.ndarray) -> np.ndarray:
-        return self.vertices_m[:, None] - self.heads_m[bones]
-
 
 SPLIT_RANGES = {"train": (0.0, 0.8), "validation": (0.8, 0.9), "test": (0.9, 1.0)}
 """Range of the baked adults, as fractions of all, near which the people of each split are drawn. The splits share none."""
-
 
 BMI_MEDIAN, BMI_LOG_DEVIATION = 24.5, 0.17
 """Body mass index of adults, kg/m², as a log-normal distribution: a tenth below 19.7, a tenth above 30.5 (WHO, NCD-RisC 2016,
@@ -102,7 +72,7 @@ _BMI_BANDWIDTH = 0.08
 
 @cache
 def _thresholds(split: str) -> np.ndarray:
-    """Cumulative probabilities with which the adults of a split are drawn, so that their body mass index is distributed so."""
+    """Cumulative probabilities with which the adults of a split are drawn: their body mass index is BMI_MEDIAN's."""
     first, end = _adults(split)
     log_bmi = np.log(load_body().facts[first:end, 3].astype(float))
     density = np.exp(-0.5 * ((log_bmi[:, None] - log_bmi) / _BMI_BANDWIDTH) ** 2).mean(axis=1)
@@ -113,8 +83,7 @@ def _thresholds(split: str) -> np.ndarray:
 
 def _adults(split: str) -> tuple[int, int]:
     """First and last plus one of the baked adults of a split."""
-    first, end = (int(fraction * len(load_body().people)) for fraction in SPLIT_RANGES[split])
-    return first, end
+    return tuple(int(fraction * len(load_body().people)) for fraction in SPLIT_RANGES[split])
 
 
 def _draw_adult(rng: np.random.Generator, split: str) -> int:
@@ -162,11 +131,10 @@ def shape_person(coefficients: np.ndarray) -> Person:
     num_vertices, num_bones = len(asset.weights), len(asset.bone_names)
     vertices, heads, joints = np.split(points, [num_vertices, num_vertices + num_bones])
     hip, knee, ankle = (heads[asset.bone(name)] for name in ("LeftUpLeg", "LeftLeg", "LeftFoot"))
+    pieces = unworn(Figure(asset, vertices, heads, female=False)).values()
     return Person(
         bare_m=vertices,
-        vertices_m=np.concatenate([vertices, *unworn(Figure(asset, vertices, heads, female=False)).values()]).astype(
-            np.float32
-        ),
+        vertices_m=np.concatenate([vertices, *pieces]).astype(np.float32),
         heads_m=heads,
         joints_m=joints,
         t_pose=_t_pose(heads, asset),

@@ -6,7 +6,7 @@ anatomical angles (`posture`). Dances are sequences of moves (`choreography.move
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
@@ -80,14 +80,8 @@ class MotionConfig:
         if not 1 <= self.seconds <= 3600:
             raise InputError(f"motion.seconds={self.seconds}: a dance lasts at least a second, at most an hour")
         if self.source == "mix":
-            unknown = set(self.weights) - (set(_SOURCES) - {"mix"})
-            weights = self.weights.values()
-            if (
-                unknown
-                or not weights
-                or not all(0 <= weight < math.inf for weight in weights)
-                or not 0 < sum(weights) < math.inf
-            ):
+            known, weights = set(_SOURCES) - {"mix"}, self.weights.values()
+            if not (set(self.weights) <= known and all(0 <= one < math.inf for one in weights) and 0 < sum(weights) < math.inf):
                 raise InputError(
                     f"motion.weights={self.weights}: expected weights >= 0, not all 0, of clips, choreography and poses"
                 )
@@ -117,18 +111,10 @@ class MixedPoses:
         return Poses(quats, root_m, leg_m, [names[i] for i in inverse])
 
 
-def _clips(config: MotionConfig, split: str) -> MotionSource:
-    return open_clips(config.path, split, config.fps)
-
-
 def _choreography(config: MotionConfig, split: str) -> MotionSource:
     # Every split has its own seeds.
     seed = len(SPLITS) * config.seed + SPLITS.index(split)
     return Choreography(config.dances, seed, config.seconds, config.fps or 30.0)
-
-
-def _poses(config: MotionConfig, split: str) -> MotionSource:
-    return ProceduralPoses()
 
 
 def _mix(config: MotionConfig, split: str) -> MotionSource:
@@ -136,7 +122,12 @@ def _mix(config: MotionConfig, split: str) -> MotionSource:
     return MixedPoses([_SOURCES[name](config, split) for name in weights], list(weights.values()))
 
 
-_SOURCES = {"clips": _clips, "choreography": _choreography, "poses": _poses, "mix": _mix}
+_SOURCES: dict[str, Callable[[MotionConfig, str], MotionSource]] = {
+    "clips": lambda config, split: open_clips(config.path, split, config.fps),
+    "choreography": _choreography,
+    "poses": lambda config, split: ProceduralPoses(),
+    "mix": _mix,
+}
 
 
 def build_motion(config: MotionConfig, split: str) -> MotionSource:

@@ -150,15 +150,12 @@ def _forward_kinematics(quats, root_m, offsets_m, parents, rotated, points):
 def forward_kinematics(
     quats: np.ndarray, root_m: np.ndarray, offsets_m: np.ndarray = REST_OFFSETS_M
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Positions of the 28 points and world rotations of the 23 joints.
+    """(N, 28, 3) float64 positions of the points in metres and (N, 23, 4) float64 world rotations of the joints.
 
     Args:
         quats: (N, 23, 4) local rotations.
         root_m: (N, 3) position of Hips, metres.
         offsets_m: (28, 3) rest offsets, metres.
-
-    Returns:
-        (N, 28, 3) float64 positions in metres and (N, 23, 4) float64 world rotations relative to the T-pose.
     """
     quats = np.ascontiguousarray(quats, np.float64)
     rotated = np.empty_like(quats)

@@ -52,16 +52,9 @@ def at_times(motion: Motion, seconds: np.ndarray, fps: float) -> Motion:
 def follow(first: Motion, second: Motion) -> Motion:
     """Joins two motions: the first ends at rest, the second starts at rest where the first ends.
 
-    The second motion is rotated and translated so that it starts at the last position and heading of the first. The
-    remaining difference, in every joint rotation and in the height above the floor, is added to the start of the second
-    motion and decays along a minimum-jerk curve.
-
-    Args:
-        first: a motion.
-        second: a motion with the same frame rate; its root is scaled to the first's leg length.
-
-    Returns:
-        The joined motion, with the first's leg length.
+    The second motion, of the same frame rate, is scaled to the first's leg length, and rotated and translated so that it
+    starts at the first's last position and heading. The remaining difference, in every joint rotation and in the height
+    above the floor, is added to the start of the second motion and decays along a minimum-jerk curve.
     """
     assert first.fps == second.fps, (first.fps, second.fps)
     first, second = eased(first, at_end=True), eased(second, at_start=True)

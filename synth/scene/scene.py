@@ -6,7 +6,7 @@ writing the arrays of a person a twentieth of a millisecond. Both renderers read
 World frame: z up, the camera above the origin looking along +y, the floor at z = 0.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -24,8 +24,7 @@ FAR_M = 30.0
 UNUSED_BOX_Z_M = -100.0  # boxes that a room does not use are placed far below the floor
 
 
-@dataclass(frozen=True)
-class FittedPerson:
+class FittedPerson(NamedTuple):
     """The values of the model's arrays for one person with B bones and C capsules (see `Scene.fit`).
 
     Attributes:
@@ -77,7 +76,7 @@ class Scene:
             bind_quat=_quaternions(person.t_pose.transpose(0, 2, 1)),
             capsule_size=np.stack([radius, half_length], axis=1),
             capsule_pos=centre,
-            capsule_quat=_quaternions_from_z(axis),
+            capsule_quat=_quaternions(axis),  # a MuJoCo capsule lies along its own z axis
         )
 
     def set_person(self, fitted: FittedPerson) -> None:
@@ -145,9 +144,8 @@ class Scene:
         used = self._box_geoms[: len(room.centres_m)]
         model.geom_pos[used] = room.centres_m
         model.geom_size[used] = room.halves_m
-        model.geom_quat[used] = np.stack(
-            [np.cos(room.yaws_rad / 2), 0 * room.yaws_rad, 0 * room.yaws_rad, np.sin(room.yaws_rad / 2)], axis=1
-        )
+        half_rad = room.yaws_rad / 2
+        model.geom_quat[used] = np.stack([np.cos(half_rad), 0 * half_rad, 0 * half_rad, np.sin(half_rad)], axis=1)
         model.geom_rbound[used] = np.linalg.norm(room.halves_m, axis=1)
         mujoco.mj_kinematics(model, self.data)
 
@@ -175,15 +173,8 @@ def _compile(asset: BodyAsset, worn: Skin, camera: Camera, capsules: Capsules) -
             name=f"capsule_{bone}", type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[0.1, 0.1, 0], group=CAPSULE_GROUP
         )
     for k in range(MAX_BOXES):
-        spec.worldbody.add_geom(
-            name=f"box_{k}",
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=[1, 1, 1],
-            pos=[0, 0, UNUSED_BOX_Z_M],
-            group=ROOM_GROUP,
-            contype=0,
-            conaffinity=0,
-        )
+        box = spec.worldbody.add_geom(name=f"box_{k}", type=mujoco.mjtGeom.mjGEOM_BOX, group=ROOM_GROUP)
+        box.size, box.pos, box.contype, box.conaffinity = [1, 1, 1], [0, 0, UNUSED_BOX_Z_M], 0, 0
     skin = spec.add_skin(name="skin", group=SKIN_GROUP)
     skin.vert, skin.face = np.zeros(3 * len(worn.weights), np.float32), worn.faces.ravel()
     skin.bodyname = list(asset.bone_names)
@@ -199,17 +190,9 @@ def _compile(asset: BodyAsset, worn: Skin, camera: Camera, capsules: Capsules) -
     return spec.compile()
 
 
-def _quaternions(rotations: np.ndarray) -> np.ndarray:
-    """Converts rotation matrices (N, 3, 3) to quaternions (N, 4) w, x, y, z."""
-    quats = np.empty((len(rotations), 4))
-    for quat, rotation in zip(quats, rotations, strict=True):
-        mujoco.mju_mat2Quat(quat, np.ascontiguousarray(rotation, np.float64).ravel())
-    return quats
-
-
-def _quaternions_from_z(axes: np.ndarray) -> np.ndarray:
-    """(N, 4) rotations that map +z to the unit axes (N, 3). A MuJoCo capsule lies along its own z axis."""
-    quats = np.empty((len(axes), 4))
-    for quat, axis in zip(quats, axes, strict=True):
-        mujoco.mju_quatZ2Vec(quat, axis)
+def _quaternions(given: np.ndarray) -> np.ndarray:
+    """(N, 4) quaternions w, x, y, z of rotation matrices (N, 3, 3), or of the rotations that map +z to unit axes (N, 3)."""
+    quats = np.empty((len(given), 4))
+    for quat, one in zip(quats, np.ascontiguousarray(given, np.float64), strict=True):
+        (mujoco.mju_quatZ2Vec if one.ndim == 1 else mujoco.mju_mat2Quat)(quat, one.ravel())
     return quats

@@ -6,8 +6,8 @@ around the legs, and ellipsoids held by the head, the neck, the back and the hip
 point inside the body.
 """
 
-from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,12 +15,12 @@ from synth.body.asset import BodyAsset
 from synth.body.clothes.cloth import Figure
 
 RINGS, SECTORS = 9, 20
+ANGLES_RAD = 2 * np.pi * np.arange(SECTORS) / SECTORS
 SKIRT_EASE_M = 0.015
 """Distance of a skirt from what it lies around."""
 
 
-@dataclass(frozen=True)
-class Piece:
+class Piece(NamedTuple):
     """The mesh of a piece: N vertices, F faces. Vertices run ring by ring.
 
     Attributes:
@@ -34,35 +34,28 @@ class Piece:
     weights: np.ndarray
 
 
-def _ring_faces(rings: int, sectors: int) -> np.ndarray:
+def _ring_faces() -> np.ndarray:
     """Faces between consecutive rings of vertices that run anticlockwise seen from above, the highest ring first."""
-    ring, sector = np.meshgrid(np.arange(rings - 1), np.arange(sectors), indexing="ij")
-    a, b = ring * sectors + sector, ring * sectors + (sector + 1) % sectors
-    c, d = a + sectors, b + sectors
+    ring, sector = np.meshgrid(np.arange(RINGS - 1), np.arange(SECTORS), indexing="ij")
+    a, b = ring * SECTORS + sector, ring * SECTORS + (sector + 1) % SECTORS
+    c, d = a + SECTORS, b + SECTORS
     return np.stack([np.stack([a, c, d], axis=-1), np.stack([a, d, b], axis=-1)], axis=2).reshape(-1, 3)
-
-
-def _angles() -> np.ndarray:
-    return 2 * np.pi * np.arange(SECTORS) / SECTORS
 
 
 def _skirt() -> Piece:
     """Hangs from the hips; downwards the thighs take over, each its own side."""
     down = np.repeat(np.linspace(0, 1, RINGS), SECTORS)
-    left = np.tile(0.5 + 0.5 * np.clip(1.4 * np.cos(_angles()), -1, 1), RINGS)
+    left = np.tile(0.5 + 0.5 * np.clip(1.4 * np.cos(ANGLES_RAD), -1, 1), RINGS)
     legs = np.clip(1.5 * down - 0.1, 0, 0.9)
-    return Piece(
-        _ring_faces(RINGS, SECTORS),
-        ("Hips", "LeftUpLeg", "RightUpLeg"),
-        np.stack([1 - legs, legs * left, legs * (1 - left)], axis=1),
-    )
+    weights = np.stack([1 - legs, legs * left, legs * (1 - left)], axis=1)
+    return Piece(_ring_faces(), ("Hips", "LeftUpLeg", "RightUpLeg"), weights)
 
 
 def _ellipsoid(*bones: str) -> Piece:
     """Held by the first bone at the top and, if there are more, by the last at the bottom."""
     down = np.repeat(np.linspace(0, 1, RINGS), SECTORS) * (len(bones) - 1)
     weights = np.maximum(1 - np.abs(down[:, None] - np.arange(len(bones))), 0)
-    return Piece(_ring_faces(RINGS, SECTORS), bones, weights)
+    return Piece(_ring_faces(), bones, weights)
 
 
 PIECES: dict[str, Piece] = {
@@ -75,8 +68,7 @@ PIECES: dict[str, Piece] = {
 }
 
 
-@dataclass(frozen=True)
-class Skin:
+class Skin(NamedTuple):
     """The mesh of every dressed person: the body's V vertices, then those of the pieces.
 
     Attributes:
@@ -132,7 +124,7 @@ def skirt(figure: Figure, dressed_m: np.ndarray, length: float, flare: float) ->
     waist_z = figure.bone_m("LowerBack")[2]
     hem_z = waist_z + length * (figure.bone_m("LeftLeg")[2] - waist_z)
     heights = np.linspace(waist_z, hem_z, RINGS)
-    directions = np.stack([np.cos(_angles()), np.sin(_angles())], axis=1)
+    directions = np.stack([np.cos(ANGLES_RAD), np.sin(ANGLES_RAD)], axis=1)
     reach = (points[:, :2] - middle[:2]) @ directions.T
     half_m = (waist_z - hem_z) / (RINGS - 1)
     near = np.abs(points[:, 2, None] - heights) <= half_m
@@ -152,6 +144,6 @@ def ellipsoid(centre_m: np.ndarray, half_m: tuple[float, float, float], boxy: fl
 
     polar = np.linspace(0, np.pi, RINGS)[:, None]
     across = power(np.sin(polar))
-    x, y = across * power(np.cos(_angles())), across * power(np.sin(_angles()))
+    x, y = across * power(np.cos(ANGLES_RAD)), across * power(np.sin(ANGLES_RAD))
     z = np.broadcast_to(power(np.cos(polar)), x.shape)
     return centre_m + np.stack([x, y, z], axis=-1).reshape(-1, 3) * half_m

@@ -50,12 +50,9 @@ class ClothesConfig:
 
 
 def put_on(figure: Figure, rng: np.random.Generator, config: ClothesConfig) -> list[np.ndarray]:
-    """Dresses a body.
+    """Rest positions of a dressed body, metres: (V, 3) of its vertices on skin or cloth, then those of every piece.
 
     Every part of the outfit draws from a generator of its own, so that one choice does not shift the others.
-
-    Returns:
-        Rest positions in metres: (V, 3) of the body's vertices on skin or cloth, then those of every piece.
     """
     wearing, top, bottom, feet, head, carried = rng.spawn(6)
     layers, pieces = [np.zeros_like(figure.vertices_m)], unworn(figure)

@@ -19,8 +19,7 @@ COUNTS = 8
 BPM = (90.0, 140.0)
 """Range of a dance's tempo, beats per minute."""
 
-# Steps that combine with any arm move, and those with which a phrase may also turn in place.
-_GROOVES = tuple(LOWER)
+# Steps with which a phrase may also turn in place.
 _TURNING_GROOVES = ("bounce", "march", "twist_hips", "taps_out", "knee_lifts")
 
 # Fills floor work up to whole phrases.
@@ -40,7 +39,7 @@ def phrase(generator: np.random.Generator, amplitude: float) -> Move:
             move = concat(move, mirror(move))
         rest = -move.beats % COUNTS
         return concat(move, filled(_REST, rest)) if rest else move
-    feet = LOWER[choose(generator, _GROOVES)]
+    feet = LOWER[choose(generator, tuple(LOWER))]
     if generator.random() < 0.12:
         feet = turning(filled(LOWER[choose(generator, _TURNING_GROOVES)], COUNTS), choose(generator, (-360.0, 360.0)))
     one, other = (UPPER[choose(generator, tuple(UPPER))] for _ in range(2))
@@ -87,16 +86,9 @@ def tempo_bpm(index: int, seed: int = 0) -> float:
 
 
 def dance(index: int, seed: int = 0, seconds: float = 20.0, fps: float = 30.0) -> Motion:
-    """Dance number `index`, a pure function of the arguments.
+    """Dance number `index` of the collection `seed`: a motion of the mean adult that starts at the origin, standing, facing +Z.
 
-    Args:
-        index: number of the dance.
-        seed: seed of the collection.
-        seconds: length, seconds.
-        fps: frames per second. The moves do not depend on it; the height of the hips depends on it by up to 1.5 cm.
-
-    Returns:
-        A motion of the mean adult that starts at the origin, standing and facing +Z.
+    The moves do not depend on the frames per second; the height of the hips depends on them by up to 1.5 cm.
     """
     generator = np.random.default_rng([seed, index])
     bpm = uniform(generator, *BPM)

@@ -14,13 +14,9 @@ from synth.motion.splice import planted
 
 
 def handstand(generator: np.random.Generator, seconds: float, fps: float) -> Motion:
-    """One handstand, from standing to standing.
+    """One handstand, from standing to standing, of about as many seconds.
 
-    Args:
-        generator: the only source of randomness: the leading leg, the shapes of the legs, the pace.
-        seconds: approximate length of the whole motion, seconds. The time left by getting up and down, at least 0.8 s, is
-            held upside down.
-        fps: frames per second.
+    The time left by getting up and down, at least 0.8 s, is held upside down.
     """
     leading, other = choose(generator, (SIDES, SIDES[::-1]))
     hold_s = max(seconds - 4.0 * (pace := uniform(generator, 1.1, 1.4)), 0.8)
@@ -28,7 +24,7 @@ def handstand(generator: np.random.Generator, seconds: float, fps: float) -> Mot
     lean = uniform(generator, -5, 5)
     keys: list[tuple[float, Angles]] = [
         (0.0, {}),
-        (0.5 * pace, _arms(150, 75)),
+        (0.5 * pace, _both(raise_=150, plane=75, elbow=5)),
         (0.7 * pace, _bent(leading, other)),
         (0.45 * pace, _kick(leading, other)),
         (0.45 * pace, _inverted(lean) | shapes[0]),
@@ -43,33 +39,33 @@ def handstand(generator: np.random.Generator, seconds: float, fps: float) -> Mot
     return planted(rotations(limited(postures)), fps, "handstand", LEG_M)
 
 
-def _arms(elevation: float, plane: float) -> Angles:
-    return {f"{side}_{a}": v for side in SIDES for a, v in (("raise", elevation), ("plane", plane), ("elbow", 5.0))}
+def _both(**angles: float) -> Angles:
+    return limb("left", **angles) | limb("right", **angles)
 
 
 def _bent(leading: str, other: str) -> Angles:
     """Both hands and both feet on the floor; the leading leg's knee is bent more."""
-    pose = _arms(126, 88) | {"hips_pitch": 78.0, "waist_bend": 42.0, "chest_bend": 20.0, "head_bend": -30.0}
+    pose = _both(raise_=126, plane=88, elbow=5, wrist=-40)
+    pose |= {"hips_pitch": 78.0, "waist_bend": 42.0, "chest_bend": 20.0, "head_bend": -30.0}
     for side, knee in ((leading, 48.0), (other, 30.0)):
         flex = 78.0 + knee / 2
         pose |= limb(side, flex=flex, knee=knee, point=flex - knee - 78.0)
-    return pose | {f"{side}_wrist": -40.0 for side in SIDES}
+    return pose
 
 
 def _kick(leading: str, other: str) -> Angles:
     """The weight on the hands, one leg swung up, the other leg just off the floor."""
-    pose = _arms(166, 80) | {"hips_pitch": 138.0, "waist_bend": 20.0, "chest_bend": 8.0, "head_bend": -35.0}
-    pose |= {f"{other}_flex": -10.0, f"{other}_knee": 12.0, f"{leading}_flex": 62.0, f"{leading}_knee": 28.0}
-    return pose | {f"{side}_wrist": -60.0 for side in SIDES} | {f"{side}_point": 30.0 for side in SIDES}
+    pose = _both(raise_=166, plane=80, elbow=5, wrist=-60, point=30)
+    pose |= {"hips_pitch": 138.0, "waist_bend": 20.0, "chest_bend": 8.0, "head_bend": -35.0}
+    return pose | limb(other, flex=-10, knee=12) | limb(leading, flex=62, knee=28)
 
 
 def _inverted(lean: float) -> Angles:
     """Upside down, without the legs; `lean` tilts the body forward, degrees."""
-    pose = _arms(174, 60) | {"hips_pitch": 180.0 + lean, "head_bend": -30.0}
-    return pose | {f"{side}_wrist": -65.0 for side in SIDES} | {f"{side}_shrug": 12.0 for side in SIDES}
+    return _both(raise_=174, plane=60, elbow=5, wrist=-65, shrug=12) | {"hips_pitch": 180.0 + lean, "head_bend": -30.0}
 
 
-_TOGETHER: Angles = {f"{side}_{a}": v for side in SIDES for a, v in (("flex", 0.0), ("abduct", 4.0), ("point", 40.0))}
+_TOGETHER = _both(flex=0, abduct=4, point=40)
 
 
 def _legs(generator: np.random.Generator, leading: str, other: str) -> Angles:

@@ -138,14 +138,7 @@ LEAVES_IMAGE = ("leaving", "entering")
 
 
 def scene(generator: np.random.Generator, kind: str, frames: int, fps: float) -> tuple[Role, Role]:
-    """The roles of two people in a scene, to the same music; left and right are exchanged in half of the scenes.
-
-    Args:
-        generator: the only source of randomness.
-        kind: one of SCRIPTS.
-        frames: number of frames of each motion.
-        fps: frames per second.
-    """
+    """The roles of two people in a scene of a kind of SCRIPTS, to the same music; half of the scenes are mirrored."""
     bpm, mirrored = uniform(generator, *BPM), choose(generator, (False, True))
     roles = []
     for part in SCRIPTS[kind](generator, frames / fps * bpm / 60):

@@ -76,26 +76,28 @@ def _steps(generator: np.random.Generator) -> Move:
     return together(filled(choose(generator, _GROOVES), COUNTS), filled(UPPER[choose(generator, tuple(UPPER))], COUNTS))
 
 
-_FOREHAND = flow(
-    1,
-    arms("low_front", "back", chest_twist=-24, waist_twist=-14, head_twist=12),
-    arms("low_side", "across", chest_twist=24, waist_twist=14, head_twist=-12),
-)
-_SERVE = flow(
-    1,
-    arms("high_front", "goalpost", chest_bend=-14, chest_twist=-16),
-    arms("low_side", "low_across", waist_bend=18, chest_bend=12, chest_twist=22),
-)
-_BOTH_HANDS = flow(
-    1,
-    arms("high_across", "high_side", chest_twist=-26, waist_twist=-12) | {"right_elbow": 40},
-    arms("side", "low_across", chest_twist=26, waist_twist=14, waist_bend=10),
+_SWINGS = (
+    flow(  # forehand
+        1,
+        arms("low_front", "back", chest_twist=-24, waist_twist=-14, head_twist=12),
+        arms("low_side", "across", chest_twist=24, waist_twist=14, head_twist=-12),
+    ),
+    flow(  # serve
+        1,
+        arms("high_front", "goalpost", chest_bend=-14, chest_twist=-16),
+        arms("low_side", "low_across", waist_bend=18, chest_bend=12, chest_twist=22),
+    ),
+    flow(  # with both hands
+        1,
+        arms("high_across", "high_side", right_elbow=40, chest_twist=-26, waist_twist=-12),
+        arms("side", "low_across", chest_twist=26, waist_twist=14, waist_bend=10),
+    ),
 )
 
 
 def _swings(generator: np.random.Generator) -> Move:
     """Swings as with a racket or a bat, with steps."""
-    swing = choose(generator, (_FOREHAND, _SERVE, _BOTH_HANDS))
+    swing = choose(generator, _SWINGS)
     return together(LOWER[choose(generator, ("bounce", "lunges", "taps_front"))], filled(swing, COUNTS / 2))
 
 
@@ -107,23 +109,15 @@ FEATURES: dict[str, Callable[[np.random.Generator], Move]] = {
 }
 """Kind of motion to a function that draws a move of this kind. A mixture draws from these kinds."""
 
-DRILLS: dict[str, Callable[[np.random.Generator], Move]] = FEATURES | {
-    "arms": _arms_only,
-    "steps": _steps,
-    "swings": _swings,
-}
+DRILLS: dict[str, Callable[[np.random.Generator], Move]] = FEATURES | {"arms": _arms_only, "steps": _steps, "swings": _swings}
 """Kind of motion to a function that draws a move of this kind, for `drill`."""
 
 
 def show(generator: np.random.Generator, kind: str, seconds: float, fps: float) -> Motion:
     """A motion of at least `seconds` seconds that starts and ends standing.
 
-    Args:
-        generator: the only source of randomness.
-        kind: one of FEATURES (two of its moves alternate with one phrase of a dance), `dance` (only phrases of a dance),
-            `mixture` (moves of all kinds) or `handstand` (one handstand, then a dance).
-        seconds: smallest length, seconds.
-        fps: frames per second.
+    The kind is one of FEATURES (two of its moves alternate with one phrase of a dance), `dance` (only phrases of a dance),
+    `mixture` (moves of all kinds) or `handstand` (one handstand, then a dance).
     """
     bpm, style, amplitude = uniform(generator, *BPM), draw_style(generator), uniform(generator, 0.8, 1.1)
     if kind == "handstand":
@@ -151,14 +145,9 @@ def show(generator: np.random.Generator, kind: str, seconds: float, fps: float) 
 def drill(
     generator: np.random.Generator, kinds: tuple[str, ...], bpm: tuple[float, float], seconds: float, fps: float
 ) -> Motion:
-    """A motion of at least `seconds` seconds that starts and ends standing and consists of moves of the given kinds.
+    """A motion of at least `seconds` seconds that starts and ends standing, of moves of these kinds of DRILLS.
 
-    Args:
-        generator: the only source of randomness.
-        kinds: kinds of DRILLS, drawn uniformly.
-        bpm: smallest and largest tempo, beats per minute.
-        seconds: smallest length, seconds.
-        fps: frames per second.
+    The tempo lies between the two of `bpm`, beats per minute.
     """
     tempo, style = uniform(generator, *bpm), draw_style(generator)
     parts: list[Move] = []

@@ -88,8 +88,7 @@ def perform(move: Move, bpm: float, frames: int, fps: float, name: str, style: S
     for channel, values in _upper_angles(move.upper, bpm, seconds, style).items():
         postures[:, CHANNELS[channel]] = values
 
-    floor = _FootPlan(move.lower, 60.0 / bpm, style)
-    track, heading, feet_m, feet_yaw = floor.at(seconds)
+    track, heading, origin_m, feet_m, feet_yaw = _FootPlan(move.lower, 60.0 / bpm, style).at(seconds)
     upright = np.clip(1.0 - track["drop"] / 0.3, 0.0, 1.0)
     beat = seconds * bpm / 60.0
     drop_m = track["drop"] + style.bounce_m * upright * (0.5 - 0.5 * np.cos(2 * np.pi * beat))
@@ -98,7 +97,7 @@ def perform(move: Move, bpm: float, frames: int, fps: float, name: str, style: S
         postures[:, CHANNELS[channel]] = track[channel]
     hips_in_frame = yaw_pitch_roll(*(np.deg2rad(track[f"hips_{a}"]) for a in ("yaw", "pitch", "roll")))
     hips = multiply(about(1, heading), hips_in_frame)
-    root_m = _hips_position(floor.origin_m(seconds), heading, track, drop_m, hips, feet_m)
+    root_m = _hips_position(origin_m, heading, track, drop_m, hips, feet_m)
 
     for side in (0, 1):
         postures[:, LEG_COLUMNS[side]] = _leg(side, hips, root_m, feet_m[side], feet_yaw[side], track)
@@ -139,9 +138,8 @@ def _upper_angles(track: Sequence[Key], bpm: float, seconds: np.ndarray, style: 
         max_step = speeds * (times[k] - times[k - 1]) / _PEAK_OVER_MEAN
         values[k] = values[k - 1] + np.clip(np.array(list(shape.values())) - values[k - 1], -max_step, max_step)
     curve = PchipInterpolator(times, values)
-    sway = style.unsteadiness_deg * np.sin(
-        2 * np.pi * (np.outer(seconds, (0.23, 0.31, 0.41, 0.53, 0.61)) + np.array(style.phases))
-    )
+    waves = np.outer(seconds, (0.23, 0.31, 0.41, 0.53, 0.61)) + np.array(style.phases)
+    sway = style.unsteadiness_deg * np.sin(2 * np.pi * waves)
     lags = {"elbow": 1.5, "wrist": 2.0, "raise": 0.5, "plane": 0.5, "twist": 0.8, "pronate": 1.5, "head": 0.7}
     out = {}
     for i, channel in enumerate(RELAXED_UPPER):
@@ -177,13 +175,10 @@ class _FootPlan:
         self._feet, self._values = np.array(feet), values  # (K, 2, 2), (K, channels)
         self._smooth = PchipInterpolator(self._times, np.column_stack([values, headings, origins, yaw]))
 
-    def origin_m(self, seconds: np.ndarray) -> np.ndarray:
-        """(T, 2) x and z of the dancer's frame."""
-        n = len(self._channels)
-        return self._smooth(np.minimum(seconds, self._times[-1]))[:, n + 1 : n + 3]
-
-    def at(self, seconds: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray, np.ndarray]:
-        """Channels by name, heading (T,) in radians, ankles (2, T, 3) in metres and their yaw (2, T) in radians."""
+    def at(self, seconds: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Channels by name; heading (T,) in radians and place (T, 2), x and z in metres, of the dancer's frame; ankles
+        (2, T, 3) in metres and their yaw (2, T) in radians.
+        """
         seconds = np.minimum(seconds, self._times[-1])
         n = len(self._channels)
         smooth = self._smooth(seconds)
@@ -217,7 +212,7 @@ class _FootPlan:
             ankles[side, :, 0], ankles[side, :, 2] = position.T
             ankles[side, :, 1] = ANKLE_M + lift + toes + track[f"{name}_foot_y"]
             track[f"{name}_foot_pitch"] = track[f"{name}_foot_pitch"] + 200 * lift
-        return track, smooth[:, n], ankles, smooth[:, n + 3 :].T
+        return track, smooth[:, n], smooth[:, n + 1 : n + 3], ankles, smooth[:, n + 3 :].T
 
     def _airborne(self) -> np.ndarray:
         """(K-1, 2) bool: the feet that the keys lift off the floor in an interval, so that a step needs no further lift."""

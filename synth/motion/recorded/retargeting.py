@@ -28,9 +28,6 @@ def bvh_motion(path: Path, fps: float | None = None) -> Motion:
         fps: frames per second of a file that states a wrong rate; None trusts the file (except for CMU's subjects 60 and
             61).
 
-    Returns:
-        The motion; its root and leg length are in metres of the recorded person.
-
     Raises:
         InputError: the file is malformed, or a required joint is not found.
     """

@@ -1,4 +1,4 @@
-"""The baked body, random people, and MuJoCo's skinning against the reference skinning of `Person.forward`."""
+"""The baked body, random people, and MuJoCo's skinning against the skinning in numpy."""
 
 from itertools import pairwise
 
@@ -7,6 +7,7 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
+from skinning import skinned
 
 from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
@@ -40,14 +41,14 @@ def test_mujoco_skinning_equals_the_reference(scene: Scene, seed: int) -> None:
     rotations, root_m = random_rotations(rng), rng.normal(size=3)
     scene.set_person(scene.fit(person))
     scene.pose(rotations.as_quat(scalar_first=True), root_m)
-    vertices, joints = person.forward(rotations.as_matrix(), root_m)
+    vertices, joints = skinned(person, rotations.as_matrix(), root_m)
     np.testing.assert_allclose(CpuRenderer(scene).vertices_world_m(), vertices, atol=5e-6)
     np.testing.assert_allclose(scene.joints_world_m(), joints, atol=1e-6)
 
 
 def test_arms_lie_along_x_and_legs_along_z_in_the_t_pose() -> None:
     person = draw_person(np.random.default_rng(0), BodyConfig(), "test")
-    _, joints = person.forward(np.tile(np.eye(3), (NUM_BONES, 1, 1)), np.zeros(3))
+    _, joints = skinned(person, np.tile(np.eye(3), (NUM_BONES, 1, 1)), np.zeros(3))
     for a, b, axis in (
         (Joint.LEFT_SHOULDER, Joint.LEFT_ELBOW, (1, 0, 0)),
         (Joint.RIGHT_SHOULDER, Joint.RIGHT_ELBOW, (-1, 0, 0)),
@@ -81,7 +82,7 @@ def outside_m(vertices: np.ndarray, points: np.ndarray) -> np.ndarray:
 def test_joints_lie_inside_the_body(seed: int) -> None:
     rng = np.random.default_rng(seed)
     person = draw_person(rng, BARE, "train")
-    vertices, joints = person.forward(random_rotations(rng, 0.2).as_matrix(), np.zeros(3))
+    vertices, joints = skinned(person, random_rotations(rng, 0.2).as_matrix(), np.zeros(3))
     assert (outside_m(vertices, joints) == 0).all()
     # Check of the measure: a point 15 mm in front of the nose is outside by 15 mm.
     nose = vertices[vertices[:, 1].argmin()]
