@@ -21,33 +21,31 @@ MIN_CAMERAS = 2
 MARKER_RADIUS_M = 0.01
 """A marker is a small ball on the skin; its centre lies this high above the skin."""
 
+
+def _both(name: str, part: str, direction: tuple[float, float, float]) -> dict[str, tuple[Joint, tuple[float, float, float]]]:
+    """The left and the right marker of a part of the body, from the direction of the left one."""
+    left, right = (Joint[part], Joint[part]) if part == "HEAD" else (Joint[f"LEFT_{part}"], Joint[f"RIGHT_{part}"])
+    return {f"L{name}": (left, direction), f"R{name}": (right, (-direction[0], *direction[1:]))}
+
+
 _MARKER_DIRECTIONS = {
     # Names of the usual marker sets. A marker is placed where the skin is farthest from the joint, or from the proximal end
     # of the bone, in this direction of the person at rest: (left, back, up).
-    "LFHD": (Joint.HEAD, (0.7, -0.7, 0.3)),
-    "RFHD": (Joint.HEAD, (-0.7, -0.7, 0.3)),
-    "LBHD": (Joint.HEAD, (0.7, 0.7, 0.3)),
-    "RBHD": (Joint.HEAD, (-0.7, 0.7, 0.3)),
+    **_both("FHD", "HEAD", (0.7, -0.7, 0.3)),
+    **_both("BHD", "HEAD", (0.7, 0.7, 0.3)),
     "C7": (Joint.NECK, (0, 1, 0)),
     "CLAV": (Joint.NECK, (0, -1, -0.4)),
     "STRN": (Joint.TORSO, (0, -1, 0.6)),
     "T10": (Joint.TORSO, (0, 1, 0.6)),
-    "LSHO": (Joint.LEFT_SHOULDER, (0.2, 0, 1)),
-    "RSHO": (Joint.RIGHT_SHOULDER, (-0.2, 0, 1)),
-    "LELB": (Joint.LEFT_ELBOW, (0.8, 0.5, 0.3)),
-    "RELB": (Joint.RIGHT_ELBOW, (-0.8, 0.5, 0.3)),
+    **_both("SHO", "SHOULDER", (0.2, 0, 1)),
+    **_both("ELB", "ELBOW", (0.8, 0.5, 0.3)),
     "LWRI": ("LeftHand", (0.7, 0, 0.7)),
     "RWRI": ("RightHand", (-0.7, 0, 0.7)),
-    "LASI": (Joint.LEFT_HIP, (0.3, -1, 0.3)),
-    "RASI": (Joint.RIGHT_HIP, (-0.3, -1, 0.3)),
-    "LPSI": (Joint.LEFT_HIP, (-0.3, 1, 0.3)),
-    "RPSI": (Joint.RIGHT_HIP, (0.3, 1, 0.3)),
-    "LKNE": (Joint.LEFT_KNEE, (1, -0.3, 0)),
-    "RKNE": (Joint.RIGHT_KNEE, (-1, -0.3, 0)),
-    "LANK": (Joint.LEFT_FOOT, (1, 0, 0)),
-    "RANK": (Joint.RIGHT_FOOT, (-1, 0, 0)),
-    "LTOE": (Joint.LEFT_FOOT, (0, -1, -0.3)),
-    "RTOE": (Joint.RIGHT_FOOT, (0, -1, -0.3)),
+    **_both("ASI", "HIP", (0.3, -1, 0.3)),
+    **_both("PSI", "HIP", (-0.3, 1, 0.3)),
+    **_both("KNE", "KNEE", (1, -0.3, 0)),
+    **_both("ANK", "FOOT", (1, 0, 0)),
+    **_both("TOE", "FOOT", (0, -1, -0.3)),
 }
 
 RAY_DISTANCE_M = 0.02

@@ -23,23 +23,15 @@ def generate(config: SetConfig, folder: Path, shards: range, processes: int) -> 
     Raises:
         InputError: the folder holds another set, or a worker process died; finished shards stay.
     """
-
-    def samples_in(shard: int) -> int:
-        start, stop = config.span(shard)
-        return stop - start
-
-    make = partial(write_shard, config, folder)
-    finished = partial(is_finished, config, folder)
-    make_missing(make, shards, finished, folder, "shard", Units("sample", samples_in), processes)
+    make, finished = partial(write_shard, config, folder), partial(is_finished, config, folder)
+    units = Units("sample", lambda shard: len(range(*config.span(shard))))
+    make_missing(make, shards, finished, folder, "shard", units, processes)
 
 
 def finish(config: SetConfig, folder: Path, look: FreezeConfig) -> dict | None:
     """Writes set.json and contact_sheet.png once every shard is finished, and returns the summary; else returns None.
 
-    Args:
-        config: the set.
-        folder: of its shards.
-        look: the sensor and extraction through which the contact sheet shows a clean set.
+    The contact sheet shows a clean set through `look`.
     """
     if not all(is_finished(config, folder, shard) for shard in range(config.num_shards)):
         return None

@@ -4,7 +4,6 @@ The person is composited into the empty room, and only the surroundings of the p
 label of a pixel (person or room) moves with the sensor's lateral noise, so outlines are as noisy as the depth.
 """
 
-import math
 from dataclasses import asdict, dataclass
 from typing import NamedTuple
 
@@ -14,7 +13,7 @@ from numba import njit
 from kpopnet.camera import MM_PER_METRE, Camera, check_images
 from kpopnet.data.observation import Observation
 from kpopnet.data.shards import Sample, ShardedSet
-from kpopnet.errors import InputError
+from kpopnet.errors import InputError, check_between
 from kpopnet.ridge import RidgeConfig, ridge_probability
 from kpopnet.skeleton import Joint
 from synth.samples.layers import Box, silhouette_box
@@ -63,16 +62,12 @@ class ExtractionConfig:
     hair_missing: float = 0.1
 
     def __post_init__(self) -> None:
-        if not 0 <= self.feet_cut_m < math.inf:
-            raise InputError(f"extraction.feet_cut_m must be a finite length of at least 0 metres, not {self.feet_cut_m}")
+        check_between("extraction.feet_cut_m", self.feet_cut_m, 0, 10)
         for name in ("erode", "dilate", "attached", "hand_missing", "hair_missing"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise InputError(f"extraction.{name} is a probability between 0 and 1, not {getattr(self, name)}")
+            check_between(f"extraction.{name}", getattr(self, name), 0, 1)
         if self.erode + self.dilate > 1:
-            raise InputError(
-                f"extraction.erode + extraction.dilate must be at most 1, not {self.erode + self.dilate}: "
-                "an image's silhouette is eroded or dilated, not both"
-            )
+            total = self.erode + self.dilate  # a silhouette is eroded or dilated, not both
+            raise InputError(f"extraction.erode + extraction.dilate must be at most 1, not {total}")
 
 
 PERFECT = ExtractionConfig(feet_cut_m=0, erode=0, dilate=0, attached=0, hand_missing=0, hair_missing=0)
@@ -126,15 +121,7 @@ class Observer:
         seed: int,
         other_sensors: OtherSensors | None = None,
     ) -> None:
-        """Stores the settings. No file is opened.
-
-        Args:
-            shards: clean or frozen samples.
-            sensor: the depth-camera model.
-            extraction: failures of the segmentation.
-            seed: seed of the noise, at least 0.
-            other_sensors: probabilities that another sensor measures an image of a clean shard.
-        """
+        """Stores the settings, of which only the seed of the noise, at least 0, is not described elsewhere."""
         self.shards, self.sensor, self.extraction, self.seed = shards, sensor, extraction, seed
         self.other_sensors = other_sensors or OtherSensors()
 
@@ -167,18 +154,7 @@ def observe_sample(
     extraction: ExtractionConfig,
     rng: np.random.Generator,
 ) -> Observation:
-    """Measures and segments one clean sample, cropped to the person's surroundings.
-
-    Args:
-        sample: a clean sample.
-        room: the empty room behind the person.
-        camera: the sample's camera.
-        sensor: the depth-camera model.
-        extraction: failures of the segmentation.
-        rng: the only source of randomness.
-
-    Returns:
-        The observation: segmented depth in metres, the cropped camera, joints and visibility.
+    """Measures and segments one clean sample, cropped to the person's surroundings; `rng` is the only source of randomness.
 
     Raises:
         InputError: sample and room are not of the camera's size, or the sample's box does not lie in the image.

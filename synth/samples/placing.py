@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 
 from kpopnet.camera import Camera
-from kpopnet.errors import InputError, check_between, check_range
+from kpopnet.errors import check_between, check_range
 from synth.scene.room import Room, View, overlaps_boxes
 
 CLEARANCE_M = 0.03
@@ -19,7 +19,6 @@ NEAREST_M = 0.4
 
 CUT_INSIDE = (0.35, 0.97)
 """Fraction of the body's vertices that lies inside the image if the border cuts the person."""
-
 
 SOUND, MISFRAMED, UNSEEN, BLOCKED = range(4)
 """What is wrong with a place, from the best to the worst: nothing; the image's border cuts the person, or does not where it
@@ -61,16 +60,8 @@ class StageConfig:
 
     def __post_init__(self) -> None:
         check_range("stage.distance_m", self.distance_m, 0.3, 10)
-        if not (0 <= self.turned <= 1 and 0 <= self.off_centre <= 1):
-            raise InputError(f"stage.turned={self.turned} and stage.off_centre={self.off_centre} must lie in 0..1")
-        limits = {
-            "cut": (0, 1),
-            "turn_deg": (0, 180),
-            "penetration_m": (0, 1),
-            "least_pixels": (0, 1e9),
-            "tries": (1, 1e6),
-            "place_tries": (1, 1e6),
-        }
+        limits = {"off_centre": (0, 1), "cut": (0, 1), "turned": (0, 1), "turn_deg": (0, 180), "penetration_m": (0, 1)}
+        limits |= {"least_pixels": (0, 1e9), "tries": (1, 1e6), "place_tries": (1, 1e6)}
         for name, (low, high) in limits.items():
             check_between(f"stage.{name}", getattr(self, name), low, high)
 
@@ -117,14 +108,8 @@ def draw_place(rng: np.random.Generator, config: StageConfig, body: Body, site: 
 def draw_place_beside(
     rng: np.random.Generator, body: Body, body_place_m: np.ndarray, other: Body, site: Site
 ) -> np.ndarray | None:
-    """Draws a place for another person who stands before a person, or beside them within reach; None if it is not free.
-
-    Args:
-        rng: draws one place.
-        body: the first person.
-        body_place_m: (3,) their place, metres.
-        other: the other person.
-        site: the room and the camera, whose line of sight to the first person the other one stands close to.
+    """Draws a place for another person close to the line of sight to a person at (3,) metres, before them or beside them
+    within reach; None if it is not free.
     """
     distance_m = body_place_m[1] + rng.uniform(*BESIDE_M)
     on_sight_m = body_place_m[0] * distance_m / body_place_m[1]
@@ -141,11 +126,8 @@ def faults(body: Body, place_m: np.ndarray, site: Site, cut: bool) -> int:
     if stands_in_room(body, place_m, site.room):
         return BLOCKED
     inside, nearest_m = image_fraction(body.vertices_m, place_m, site)
-    if not cut:
-        framed = inside == 1
-    else:
-        torso, _ = image_fraction(body.torso_m[None], place_m, site)
-        framed = torso == 1 and CUT_INSIDE[0] <= inside <= CUT_INSIDE[1]
+    torso, _ = image_fraction(body.torso_m[None], place_m, site)
+    framed = torso == 1 and CUT_INSIDE[0] <= inside <= CUT_INSIDE[1] if cut else inside == 1
     return SOUND if framed and nearest_m >= NEAREST_M else MISFRAMED
 
 

@@ -34,7 +34,6 @@ GENERATOR = 2
 
 PACKAGES = ("kpopnet", "mujoco", "numba", "numpy", "h5py")
 
-
 MAX_SHARDS, MAX_SHARD_SIZE = 100_000, 100_000
 """Most shards in a set, whose names have five digits, and most samples in a shard, which is put together in memory."""
 
@@ -198,14 +197,11 @@ def _fill(file: h5py.File, config: SetConfig, shard: int, sampler: Sampler, on_s
 def _attributes(config: SetConfig, shard: int, camera: Camera) -> dict[str, Any]:
     """The HDF5 attributes of a shard, but for the counts of what was rejected and forced."""
     start, stop = config.span(shard)
-    return {
+    identity = {"config": config.as_json(), "config_hash": config.hash, "seed": config.seed, "split": config.split}
+    return identity | {
         "format": FORMAT,
         "version": VERSION,
         "kind": "frozen" if config.freeze else "clean",
-        "config": config.as_json(),
-        "config_hash": config.hash,
-        "seed": config.seed,
-        "split": config.split,
         "shard": shard,
         "start": start,
         "stop": stop,

@@ -114,11 +114,7 @@ def is_sitting(joints_m: np.ndarray) -> bool:
 def seat_under(rng: np.random.Generator, joints_m: np.ndarray, skin_m: np.ndarray, facing: np.ndarray) -> Prop | None:
     """A seat that touches the hips from below and stands on the floor; None if every kind stands in the legs.
 
-    Args:
-        rng: draws the kind and its sizes.
-        joints_m: (15, 3) joints of a sitting person, world frame.
-        skin_m: (V, 3) the skin, world frame.
-        facing: (3,) horizontal part of it: where the hips face.
+    The joints (15, 3) and the skin (V, 3) of the sitting person and (3,) where the hips face are in the world frame.
     """
     hips_m = joints_m[[Joint.LEFT_HIP, Joint.RIGHT_HIP]].mean(axis=0)
     yaw = np.arctan2(facing[0], -facing[1])
@@ -161,9 +157,8 @@ def toy_ball(rng: np.random.Generator) -> Mesh:
 def stick(rng: np.random.Generator) -> Mesh:
     """A stick held anywhere along its length, across the palm."""
     half_m = rng.uniform(0.15, 0.6)
-    return rod(rng.uniform(0.012, 0.02), half_m).moved(
-        np.eye(3), np.array([0, rng.uniform(-0.7, 0.7) * half_m, -PALM_M - 0.01])
-    )
+    bar = rod(rng.uniform(0.012, 0.02), half_m)
+    return bar.moved(np.eye(3), np.array([0, rng.uniform(-0.7, 0.7) * half_m, -PALM_M - 0.01]))
 
 
 def book(rng: np.random.Generator) -> Mesh:
@@ -196,13 +191,9 @@ HANGING = (bag,)
 
 
 def held_by(rng: np.random.Generator, hand_m: np.ndarray, rotation: np.ndarray, left: bool) -> Prop:
-    """An object in a hand.
+    """An object in a hand with (3,) centre in the world, turned by (3, 3) from the T-pose.
 
-    Args:
-        rng: draws the kind and its sizes.
-        hand_m: (3,) centre of the hand, world frame.
-        rotation: (3, 3) of the hand's bone from the T-pose, in which the palms face down and the left hand points along x.
-        left: whether it is the left hand.
+    In the T-pose the palms face down and the left hand points along x.
     """
     make = (*IN_PALM, *HANGING)[rng.integers(len(IN_PALM) + len(HANGING))]
     frame = rotation if left else rotation * (-1, -1, 1)  # the right hand points along -x in the T-pose

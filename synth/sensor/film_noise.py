@@ -2,12 +2,12 @@
 
 Structured light: the projected pattern does not move, so the errors of its matching stay where a surface stays; in
 recordings of UTD-MHAD (real Kinect v1) a still body's picture keeps its grain for seconds. Calibration does not change
-within a film either, and holes last for more than a frame. Time of flight counts photons anew in every frame: its noise
-is white in time as in space, and only gain, wiggle and holes last.
+within a film either, and holes last for more than a frame. Time of flight counts photons anew in every frame.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,7 @@ HOLE_FRAMES = 2
 """Frames for which a hole lasts. Of the pixels of a real hole of 5 to 15 pixels 57 % are still lost in the next frame."""
 
 
-@dataclass(frozen=True)
-class FilmFrame:
+class FilmFrame(NamedTuple):
     """What a frame shares with other frames of its film.
 
     Attributes:

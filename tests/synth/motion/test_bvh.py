@@ -92,17 +92,6 @@ def test_a_dance_survives_the_round_trip_in_any_channel_order(tmp_path, order):
     assert read.name == "bvh:dance"
 
 
-def test_euler_channels_apply_in_the_order_they_are_named(tmp_path):
-    path = write_bvh(tmp_path / "a.bvh", STILL)
-    lines = path.read_text().splitlines()
-    values = [float(x) for x in lines[-1].split()]
-    values[3:6] = [30, 40, 50]
-    path.write_text("\n".join([*lines[:-1], " ".join(map(str, values))]))
-    expected = Rotation.from_euler("ZYX", [30, 40, 50], degrees=True).as_matrix()
-    read = Rotation.from_quat(read_bvh(path).quats[-1, 0], scalar_first=True).as_matrix()
-    np.testing.assert_allclose(read, expected, atol=1e-9)
-
-
 @pytest.mark.parametrize(
     ("axes", "unit"), [(None, 0.01), (Rotation.from_matrix([[1, 0, 0], [0, 0, -1], [0, 1, 0]]), 0.0254)], ids=["y up", "z up"]
 )
@@ -134,12 +123,6 @@ def test_units_are_derived_from_the_leg_and_logged(tmp_path, unit, caplog):
     assert "dance.bvh: a leg of" in caplog.text
 
 
-def test_an_unknown_unit_is_scaled_to_the_mean_adult(tmp_path, caplog):
-    read = bvh_motion(write_bvh(tmp_path / "dance.bvh", DANCE, unit=0.2))
-    np.testing.assert_allclose(read.root_m, DANCE.root_m, atol=1e-3)
-    assert "fits no unit" in caplog.text
-
-
 def test_a_rest_pose_with_the_arms_down_and_the_legs_apart_is_rotated_to_the_t_pose(tmp_path):
     arms_down = {
         "Left": Rotation.from_euler("Z", -50, degrees=True),
@@ -151,21 +134,6 @@ def test_a_rest_pose_with_the_arms_down_and_the_legs_apart_is_rotated_to_the_t_p
         rest |= {f"{side}{part}": arms_down[side] for part in ("Arm", "ForeArm", "Hand")}
         rest |= {f"{side}{part}": apart[side] for part in ("UpLeg", "Leg")}
     assert_same_motion(bvh_motion(write_bvh(tmp_path / "a.bvh", DANCE, rest=rest)), DANCE)
-
-
-def test_bent_elbows_in_the_rest_pose_are_straightened_one_bone_after_the_other(tmp_path):
-    rest = {}
-    for side, sign in (("Left", 1), ("Right", -1)):
-        arm = Rotation.from_euler("Z", -45 * sign, degrees=True)
-        rest[f"{side}Arm"] = arm
-        rest[f"{side}ForeArm"] = rest[f"{side}Hand"] = arm * Rotation.from_euler("Y", -35 * sign, degrees=True)
-    assert_same_motion(bvh_motion(write_bvh(tmp_path / "a.bvh", DANCE, rest=rest)), DANCE)
-
-
-def test_files_with_z_up_are_turned_upright(tmp_path):
-    # x left, y back, z up
-    axes = Rotation.from_matrix([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
-    assert_same_motion(bvh_motion(write_bvh(tmp_path / "a.bvh", DANCE, axes=axes)), DANCE)
 
 
 @pytest.mark.parametrize(
@@ -244,10 +212,6 @@ def test_the_floor_is_moved_below_the_body(tmp_path):
     assert_same_motion(bvh_motion(write_bvh(tmp_path / "a.bvh", high)), DANCE)
 
 
-def test_a_person_who_stands_still_in_a_t_pose_loses_no_frame(tmp_path):
-    assert len(bvh_motion(write_bvh(tmp_path / "a.bvh", STILL))) == len(STILL)
-
-
 def test_the_wrong_rate_of_subjects_60_and_61_is_corrected_by_file_name(tmp_path):
     for name, expected in (("60_03.bvh", 60.0), ("61_12.bvh", 60.0), ("05_01.bvh", 120.0), ("160_3.bvh", 120.0)):
         path = write_bvh(tmp_path / name, DANCE, fps=120)
@@ -266,17 +230,9 @@ def test_a_missing_joint_is_reported_with_the_file_and_the_joints_found(tmp_path
     [
         (lambda lines: ["hello", *lines], r"line 1: expected .HIERARCHY"),
         (lambda lines: lines[:40], r"ends after line 40"),
-        (lambda lines: lines[:-1], r"ends after line \d+ where frame 60 of 60 was expected"),
         (lambda lines: [*lines[:-1], lines[-1] + " 3"], r"line \d+: expected 72 numbers .*, not 73"),
-        (lambda lines: [*lines[:-1], lines[-1].replace(lines[-1].split()[0], "nan", 1)], r"line \d+: expected finite"),
-        (lambda lines: [*lines[:-1], "x" + lines[-1]], r"line \d+: expected 72 numbers"),
         (lambda lines: [line.replace("Xrotation", "Wrotation") for line in lines], r"line 5: expected .CHANNELS"),
-        (lambda lines: [x.replace("CHANNELS 3", "CHANNELS 4") for x in lines], r"line \d+: expected .CHANNELS"),
-        (lambda lines: [line.replace("Frames: 60", "Frames: many") for line in lines], r"Frames: <number>"),
-        (lambda lines: [line.replace("Frames: 60", "Frames: 0") for line in lines], r"no frames"),
-        (lambda lines: ["Frame Time: 0" if "Time" in x else x for x in lines], r"a frame time above zero"),
         (lambda lines: [lines[0], lines[1], lines[2], "OFFSET 1 2", *lines[4:]], r"line 4: expected 3 numbers"),
-        (lambda lines: [lines[0], lines[1], lines[2], *lines[4:]], r"an OFFSET in joint Hips"),
         (lambda lines: [], r"ends after line 0"),
     ],
 )
@@ -290,14 +246,9 @@ def test_malformed_files_are_rejected_with_the_line(tmp_path, corrupt, message):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("Frames: 60", "Frames: 1000000000", '"Frames: <number>"'),
         ("Frames: 60", "Frames: 999999999", "frame 61 of 999999999 was expected; the file is truncated"),
         ("Frames: 60", "Frames: " + "9" * 5000, '"Frames: <number>"'),
-        ("Frames: 60", "Frames: \u0666\u0660", '"Frames: <number>"'),
-        ("Frames: 60", "Frames: \u00b2", '"Frames: <number>"'),
-        ("Frame Time: 0.0333", "Frame Time: 1e999", "finite numbers"),
         ("Frame Time: 0.0333", "Frame Time: nan", "finite numbers"),
-        ("Frame Time: 0.0333", "Frame Time: 1e-320", "above zero"),
         ("Frame Time: 0.0333", "Frame Time: 1000", "states 0.001 frames a second"),
         ("OFFSET 0.000000", "OFFSET 1e308", "finite numbers up to"),
     ],
@@ -319,18 +270,6 @@ def test_deep_and_endless_hierarchies_are_refused(tmp_path):
         path.write_text(block + "}\n" * 100_001 + "MOTION\nFrames: 1\nFrame Time: 0.03\n")
         with pytest.raises(InputError, match="of at most 1000 joints"):
             bvh_motion(path)
-
-
-def test_legs_of_no_length_are_refused(tmp_path):
-    path = tmp_path / "dance.bvh"
-    write_bvh(path, DANCE)
-    lines = path.read_text().splitlines()
-    for number, line in enumerate(lines):
-        if line.split()[-1:] in (["LeftLeg"], ["LeftFoot"]):
-            lines[number + 2] = "OFFSET 0 0 0"
-    path.write_text("\n".join(lines))
-    with pytest.raises(InputError, match="make a leg of 0"):
-        bvh_motion(path)
 
 
 def test_damaged_files_are_refused_in_one_line(tmp_path):

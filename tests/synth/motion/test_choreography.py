@@ -6,7 +6,6 @@ from synth.motion.choreography.composer import Choreography, compose, dance
 from synth.motion.choreography.moves import (
     RELAXED_LOWER,
     RELAXED_UPPER,
-    Key,
     Move,
     concat,
     mirror,
@@ -34,10 +33,6 @@ def angular_speed(motion):
     return 2 * np.arctan2(np.linalg.norm(step[..., 1:], axis=-1), np.abs(step[..., 0])) * motion.fps
 
 
-def test_the_vocabulary_has_at_least_60_moves():
-    assert len(VOCABULARY) >= 60
-
-
 @pytest.mark.parametrize("name", VOCABULARY)
 def test_every_move_uses_known_channels_and_fills_whole_phrases(name):
     move = VOCABULARY[name]
@@ -45,11 +40,6 @@ def test_every_move_uses_known_channels_and_fills_whole_phrases(name):
     for track, known in ((move.lower, RELAXED_LOWER), (move.upper, RELAXED_UPPER)):
         for key in track:
             assert set(key.shape) <= set(known)
-
-
-@pytest.mark.parametrize("name", VOCABULARY)
-def test_mirroring_twice_gives_the_original_move(name):
-    assert mirror(mirror(VOCABULARY[name])) == VOCABULARY[name]
 
 
 @pytest.mark.parametrize("name", ["grapevine", "spin", "high_kicks", "dab", "kneel_and_rise", "arm_wave"])
@@ -89,11 +79,6 @@ def test_scaling_by_one_is_the_identity_and_by_zero_gives_standing_relaxed():
         assert all(value == RELAXED_UPPER[channel] for channel, value in key.shape.items())
 
 
-def test_tracks_of_unequal_length_are_rejected():
-    with pytest.raises(AssertionError):
-        Move((Key(1, {}),), (Key(2, {}),))
-
-
 def test_a_full_turn_rotates_the_heading_by_360_degrees():
     motion = performed(turning(repeat(LOWER["march"], 4), 360))
     _, turned = forward_kinematics(motion.quats, motion.root_m)
@@ -107,15 +92,6 @@ def test_a_side_step_travels_left_and_its_mirror_comes_back():
     assert performed(move).root_m[-1, 0] > 0.2
     assert performed(mirror(move)).root_m[-1, 0] < -0.2
     np.testing.assert_allclose(performed(concat(move, mirror(move))).root_m[-1, [0, 2]], 0, atol=0.03)
-
-
-def test_crossed_punches_cross_and_hands_up_go_up():
-    motion = performed(UPPER["crossed_punches"])
-    points, _ = forward_kinematics(motion.quats, motion.root_m)
-    assert (points[:, INDEX["LeftHand"], 0] - points[:, INDEX["RightArm"], 0]).min() < 0.15
-    motion = performed(UPPER["hands_up"])
-    points, _ = forward_kinematics(motion.quats, motion.root_m)
-    assert (points[:, INDEX["LeftHand"], 1] - points[:, INDEX["Head_end"], 1]).max() > 0.1
 
 
 def test_high_kicks_are_high_and_sitting_is_low():
@@ -145,14 +121,6 @@ def test_feet_on_the_floor_hardly_slide(motion):
     assert np.percentile(sliding, 95) < 0.2
 
 
-@pytest.mark.parametrize("motion", DANCES, ids=lambda m: m.name)
-def test_dancers_mostly_touch_the_floor_and_move(motion):
-    height = height_above_floor(motion.quats, motion.root_m)
-    assert np.median(height) < 0.03
-    assert (height < 0.35).all()
-    assert motion.quats.std(axis=0).max() > 0.1
-
-
 def test_dances_are_reproducible_and_differ_by_index_and_seed_but_not_by_frame_rate():
     again = dance(0, seconds=16.0)
     np.testing.assert_array_equal(again.quats, DANCES[0].quats)
@@ -162,10 +130,6 @@ def test_dances_are_reproducible_and_differ_by_index_and_seed_but_not_by_frame_r
     slow = dance(0, seconds=16.0, fps=10.0)
     # Only the smoothing of the lift above the floor depends on the frame rate.
     np.testing.assert_allclose(slow.quats, again.quats[::3], atol=1e-5)
-
-
-def test_a_longer_dance_starts_with_the_shorter_one():
-    np.testing.assert_allclose(dance(3, seconds=24.0).quats[:450], dance(3, seconds=16.0).quats[:450], atol=1e-4)
 
 
 def test_the_composer_uses_the_whole_vocabulary():

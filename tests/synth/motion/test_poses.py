@@ -1,5 +1,3 @@
-import time
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -110,12 +108,6 @@ def test_a_pose_does_not_depend_on_the_batch():
         assert single.names[0] == batch.names[k]
 
 
-def test_a_generator_used_again_gives_another_pose():
-    used = generators(4)
-    first, second = SOURCE.poses(used), SOURCE.poses(used)
-    assert not np.isclose(first.quats, second.quats).all(axis=(1, 2)).any()
-
-
 def test_families_are_drawn_in_proportion_to_their_weights():
     names = SOURCE.poses(generators(1500)).names
     total = sum(weight for weight, _ in FAMILIES.values())
@@ -141,30 +133,11 @@ def test_crossed_arms_cross():
     assert (np.minimum(to_left, -to_right) < 0).all()
 
 
-def test_sitting_has_the_seat_on_the_floor():
-    _, at, _ = family("sit")
-    assert np.percentile(at("Hips")[:, 1], 90) < 0.32
-    assert (at("Head")[:, 1] > at("Hips")[:, 1] + 0.3).all()
-
-
-def test_lying_poses_are_horizontal():
-    _, at, _ = family("lie")
-    assert np.percentile(np.abs(at("Head")[:, 1] - at("Hips")[:, 1]), 95) < 0.45
-    assert np.median(at("Hips")[:, 1]) < 0.3
-
-
 def test_kicks_bring_a_foot_above_the_hips_and_keep_the_other_down():
     _, at, _ = family("kick")
     feet = np.stack([at("LeftFoot")[:, 1], at("RightFoot")[:, 1]])
     assert (feet.max(axis=0) > at("Hips")[:, 1]).mean() > 0.25
     assert (feet.min(axis=0) < 0.2).all()
-
-
-def test_standing_is_upright_and_faces_the_front():
-    _, at, turned = family("standing")
-    front = rotate(turned[:, 0], np.broadcast_to([0.0, 0, 1], (len(turned), 3)))
-    assert (front[:, 2] > 0.9).all()
-    assert (at("Head")[:, 1] > 1.3).all()
 
 
 @pytest.mark.parametrize(
@@ -191,18 +164,6 @@ def test_procedural_poses_are_symmetric_between_the_sides():
     left, right = points[:, INDEX["LeftHand"]], points[:, INDEX["RightHand"]] * [-1, 1, 1]
     np.testing.assert_allclose(left.mean(axis=0), right.mean(axis=0), atol=0.04)
     np.testing.assert_allclose(left.std(axis=0), right.std(axis=0), atol=0.04)
-
-
-def test_sampling_takes_less_than_half_a_millisecond_per_pose():
-    used = generators(64)
-    SOURCE.poses(used)
-    times = []
-    for _ in range(5):
-        start = time.perf_counter()
-        SOURCE.poses(used)
-        times.append(time.perf_counter() - start)
-    # Measured: 0.07 ms per pose. The bound only catches a loop over poses.
-    assert min(times) / 64 < 0.5e-3
 
 
 def test_half_of_the_people_who_stand_have_closed_legs():

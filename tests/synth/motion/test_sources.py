@@ -8,7 +8,7 @@ from damaged_files import survives_damage
 
 from kpopnet.errors import InputError
 from kpopnet.rotations import rotate
-from synth.motion import SPLITS, MixedPoses, MotionConfig, MotionSource, SequenceSource, build_motion
+from synth.motion import SPLITS, MixedPoses, MotionConfig, build_motion
 from synth.motion.choreography.composer import dance
 from synth.motion.poses.families import FAMILIES, ProceduralPoses
 from synth.motion.skeleton import LEG_M, REST_OFFSETS_M
@@ -154,12 +154,9 @@ def test_paths_without_motion_are_rejected_with_the_remedy(tmp_path, pack):
     ("row", "message"),
     [
         ("x,../x.npz,train,1", r"row 2: expected a file inside the pack, not '\.\./x\.npz'"),
-        ("x,clips/../../x.npz,train,1", "a file inside the pack"),
         ("x,/etc/passwd,train,1", "a file inside the pack"),
-        (f"x,{'a' * 300},train,1", "a file inside the pack"),
         *((f"x,x.npz,train,{seconds}", "a duration of 0 to 100000 seconds") for seconds in
           ("-1", "0", "nan", "inf", "", "3e6", "9" * 5000)),
-        ("x,x.npz,train", "expected 4 values"),
         ("x,x.npz,train,1,2,3", "expected 4 values"),
         (f"{'x' * 200_000},x.npz,train,1", "not a table"),
     ],
@@ -174,15 +171,11 @@ def test_rows_of_an_index_that_no_pack_has_are_refused(pack, row, message):
     ("changed", "message"),
     [
         ({"fps": np.float32(np.nan)}, "1 to 1000 frames a second"),
-        ({"fps": np.float32(0)}, "1 to 1000 frames a second"),
         ({"quat": np.zeros((60, 23, 4), np.int16)}, "rotations other than 0"),
-        ({"quat": np.zeros((60, 22, 4), np.int16)}, r"quat: shape \(60, 22, 4\), expected"),
         ({"root": np.full((60, 3), np.nan, np.float32)}, "hips within"),
         ({"root": np.zeros((59, 3), np.float32)}, r"root: shape \(59, 3\), expected \(frames = 60, 3\)"),
-        ({"root": np.array([["x"] * 3] * 60)}, "expected kind f"),
         ({"offsets": np.full((28, 3), np.inf, np.float32)}, "a leg of"),
         ({"bad": np.ones(60, bool)}, "some good frames"),
-        ({"bad": np.array([{}] * 60, object)}, "plain numbers"),
     ],
 )
 def test_clips_of_other_contents_are_refused(pack, changed, message):
@@ -191,29 +184,6 @@ def test_clips_of_other_contents_are_refused(pack, changed, message):
         arrays = dict(stored)
     np.savez(path, **(arrays | changed))
     with pytest.raises(InputError, match=message):
-        clips(pack).motion(0)
-
-
-def test_rotations_of_0_in_bad_frames_are_accepted(pack):
-    whole = clips(pack).motion(0)
-    path = pack / "clips" / "a.npz"
-    with np.load(path) as stored:
-        arrays = dict(stored)
-    arrays["quat"][3:6] = 0
-    arrays["root"][3:6] = np.nan
-    np.savez(path, **arrays)
-    np.testing.assert_array_equal(clips(pack).motion(0).quats, whole.quats)
-
-
-def test_an_encrypted_clip_is_refused(pack):
-    path = pack / "clips" / "a.npz"
-    data = bytearray(path.read_bytes())
-    for signature, place in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
-        start = -1
-        while (start := data.find(signature, start + 1)) >= 0:
-            data[start + place] |= 1
-    path.write_bytes(data)
-    with pytest.raises(InputError, match="encrypted"):
         clips(pack).motion(0)
 
 
@@ -231,35 +201,16 @@ def test_damaged_packs_are_refused_in_one_line(pack):
     ("changes", "message"),
     [
         ({"source": "dance"}, "motion.source=dance is not one of"),
-        ({"fps": 0.0}, "motion.fps=0.0"),
         ({"fps": math.nan}, "motion.fps=nan"),
-        ({"dances": 0}, "motion.dances=0"),
         ({"seconds": 0.04}, "motion.seconds=0.04: a dance lasts at least a second"),
         ({"weights": {"posse": 1.0}}, "motion.weights"),
         ({"weights": {"poses": 0.0}}, "motion.weights"),
-        ({"weights": {"mix": 1.0}}, "motion.weights"),
         ({"weights": {"clips": 0.5, "poses": 0.5}}, "set motion.path"),
     ],
 )
 def test_invalid_settings_are_rejected_by_name(changes, message):
     with pytest.raises(InputError, match=message):
         MotionConfig(**changes)
-
-
-def test_sources_implement_the_protocol():
-    small = {"dances": 2, "seconds": 2.0}
-    for source in ("poses", "choreography", "mix"):
-        built: MotionSource = build_motion(MotionConfig(source=source, **small), "train")
-        poses = built.poses(generators(5))
-        assert poses.quats.shape == (5, 23, 4) and poses.root_m.shape == (5, 3) and poses.leg_m.shape == (5,)
-        assert poses.quats.dtype == poses.root_m.dtype == poses.leg_m.dtype == np.float32
-        assert isinstance(built, SequenceSource) == (source == "choreography")
-
-
-def test_the_shortest_dances_at_the_lowest_rate_have_one_frame():
-    source = build_motion(MotionConfig(source="choreography", dances=1, seconds=1.0, fps=1.0), "train")
-    assert len(source.motion(0)) == 1
-    assert len(source.poses(generators(3)).names) == 3
 
 
 def test_splits_of_the_choreography_share_no_dance():

@@ -88,12 +88,6 @@ def test_the_second_motion_continues_in_the_last_heading_of_the_first():
     np.testing.assert_allclose(displacement, 1.2 * np.array([np.sin(1.0), 0, np.cos(1.0)]), atol=0.02)
 
 
-def test_the_second_motion_is_scaled_to_the_first_leg_length():
-    first, second = turning(1.0, FPS), turning(4.0, FPS)
-    tall = Motion(second.quats, second.root_m * 1.2, FPS, "tall", LEG_M * 1.2)
-    np.testing.assert_allclose(follow(first, tall).root_m, follow(first, second).root_m, atol=1e-5)
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_a_handstand_stands_on_the_hands_and_they_do_not_slide(seed):
     motion = handstand(np.random.default_rng(seed), 7.0, FPS)

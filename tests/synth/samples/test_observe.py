@@ -70,22 +70,6 @@ def test_an_observation_depends_only_on_seed_index_and_epoch(shards):
     assert not same(forwards[0], observer(6).observe(0, 2))
 
 
-def test_an_empty_silhouette_is_an_empty_observation(shards):
-    seen = Observer(shards, KINECT, ExtractionConfig(attached=1.0, hand_missing=1.0), 1).observe(5, 0)
-    assert not seen.depth_m.any()
-    assert seen.depth_m.shape == (seen.camera.height, seen.camera.width)
-    assert np.array_equal(seen.joints_camera_m, shards[5].joints_camera_m)
-
-
-def test_kinect_noise_is_small_against_the_person(shards):
-    for index in range(5):
-        clean, noisy = (full_image(observed(shards, sensor=s, index=index), shards.camera) for s in (IDEAL, KINECT))
-        both = (clean > 0) & (noisy > 0)
-        assert both.sum() / ((clean > 0) | (noisy > 0)).sum() > 0.85
-        assert np.median(np.abs(noisy - clean)[both]) < 0.02
-        assert np.abs(noisy - clean)[both].mean() > 0.002
-
-
 def test_feet_are_cut_at_a_height_above_the_floor(shards):
     cut = dataclasses.replace(PERFECT, feet_cut_m=0.3)
     camera, lowest = shards.camera, []
@@ -143,15 +127,6 @@ def test_a_missing_hand_is_removed_and_the_rest_remains(shards):
             gone[hand] += lost[round(v), round(u)]
     assert min(gone.values()) > 0
     assert sum(gone.values()) == 8
-
-
-def test_in_an_empty_room_with_a_distant_floor_only_the_person_is_observed(shards):
-    extraction = dataclasses.replace(PERFECT, feet_cut_m=0.08, attached=1.0)
-    camera, distant_floor = shards.camera, np.array([0, -1, 0, 100], np.float32)
-    room = Background(np.zeros((camera.height, camera.width), np.uint16), distant_floor)
-    for seed in range(4):
-        seen = observe_sample(shards[0], room, camera, IDEAL, extraction, seeded(seed))
-        assert np.array_equal(np.rint(full_image(seen, camera) * 1000), shards[0].depth_mm)
 
 
 @pytest.mark.parametrize("sensor", SENSORS.values(), ids=SENSORS)
@@ -225,26 +200,6 @@ def test_hair_that_returns_nothing_is_missing_in_all_images_of_a_person_and_abov
     assert np.linalg.norm(points - head, axis=1).max() < 0.35
     for seed in range(1, 4):  # the hairline belongs to the person, not to the image
         assert np.array_equal(lost, (full_image(observed(shards, missing, seed=seed), camera) == 0) & (clean > 0))
-
-
-def test_hair_is_missing_for_some_people_always_and_for_the_others_never(shards):
-    some = dataclasses.replace(PERFECT, hair_missing=0.5)
-    room, lost = Background(*shards.room(0, shards[0].room)), []
-    for body in range(40):
-        sample = dataclasses.replace(shards[0], body=body)
-        seen = [observe_sample(sample, room, shards.camera, IDEAL, some, seeded(seed)).depth_m for seed in range(2)]
-        assert np.array_equal(*seen)
-        lost.append(np.count_nonzero(seen[0]))
-    assert 8 <= sum(count < max(lost) for count in lost) <= 32
-
-
-def test_without_a_head_joint_no_hair_is_missing(shards):
-    joints = shards[0].joints_camera_m.copy()
-    joints[Joint.HEAD] = np.nan
-    sample, room = dataclasses.replace(shards[0], joints_camera_m=joints), Background(*shards.room(0, shards[0].room))
-    missing = dataclasses.replace(PERFECT, hair_missing=1.0)
-    seen = observe_sample(sample, room, shards.camera, IDEAL, missing, seeded())
-    assert np.array_equal(seen.depth_m, observed(shards).depth_m)
 
 
 def test_other_sensors_measure_their_share_and_only_that(shards):

@@ -81,19 +81,6 @@ def test_fewer_than_a_hundredth_of_the_people_stand_in_walls_or_furniture(drawn)
     assert not any(rendered.forced for rendered, _, _ in drawn)
 
 
-def test_the_border_cuts_about_as_many_as_asked_and_they_are_nearer(drawn) -> None:
-    camera = CONFIG.camera.build()
-    distances_m = {True: [], False: []}
-    for rendered, _, _ in drawn:
-        u, v, _ = camera.project(rendered.sample.joints_camera_m).T
-        outside = (u < -0.5) | (v < -0.5) | (u > camera.width - 0.5) | (v > camera.height - 0.5)
-        assert not rendered.sample.visible[outside].any()
-        distances_m[bool(outside.any())].append(rendered.sample.joints_camera_m[Joint.TORSO, 2])
-    assert 0.05 < len(distances_m[True]) / len(drawn) < 0.2
-    assert np.median(distances_m[True]) < np.median(distances_m[False]) - 0.3
-    assert min(distances_m[True]) < 1.6
-
-
 def test_cut_people_keep_their_torso_in_the_image_and_true_joints() -> None:
     sampler = Sampler(replace(CONFIG, stage=StageConfig(cut=1.0), props=NO_PROPS), 1, "train")
     camera, outside, largest = sampler.scene.camera, 0, []

@@ -22,16 +22,6 @@ LEVEL = View(np.array([0.0, 0.0, 1.0]), np.array([[1.0, 0, 0], [0, 0, 1], [0, -1
 COMPARED_SCENES = 6
 
 
-def test_a_level_camera_looks_along_y() -> None:
-    np.testing.assert_allclose(LEVEL.to_camera(np.array([0.5, 3.0, 1.2])), [0.5, -0.2, 3.0])
-
-
-def test_a_frontal_plane_has_constant_depth() -> None:
-    corners = np.array([[-9, -9, 2.5], [9, -9, 2.5], [9, 9, 2.5], [-9, 9, 2.5]], np.float32)
-    depth_m = rasterise(corners, np.array([[0, 3, 2], [0, 2, 1]], np.int32), CAMERA)
-    np.testing.assert_allclose(depth_m, 2.5, rtol=1e-6)
-
-
 def test_a_tilted_plane_has_its_analytic_depth_in_every_pixel() -> None:
     """The ray through pixel (u, v) with direction r intersects the plane n.x = d at depth z = d / (n.r)."""
     normal, d = np.array([0.2, -0.3, 1.0]), 2.4
@@ -85,13 +75,6 @@ def test_a_box_in_a_room_has_its_analytic_depth() -> None:
     assert depth_m[40, 160] == pytest.approx(4.0, abs=1e-5)
     assert depth_m[235, 20] == pytest.approx(CAMERA.fy * 1.0 / (235 - CAMERA.cy), rel=1e-5)
     assert len(box_mesh(scene)[1]) == 3 * 12
-
-
-def test_the_floor_plane_of_a_view_gives_the_height_of_points() -> None:
-    view = draw_view(np.random.default_rng(3), ViewConfig())
-    normal_d = view.floor()
-    points = view.to_camera(np.array([[1.0, 2, 0], [-1, 4, 0], [0, 3, 0.5]]))
-    np.testing.assert_allclose(points @ normal_d[:3] + normal_d[3], [0, 0, 0.5], atol=1e-12)
 
 
 def compared_scene(scene: Scene, k: int) -> None:
@@ -184,18 +167,6 @@ def test_auto_creates_no_gl_context_without_egl(backend, monkeypatch, caplog) ->
     assert line.startswith("renderer=auto: the CPU rasteriser draws")
 
 
-def test_auto_takes_the_cpu_rasteriser_where_egl_fails(monkeypatch, caplog) -> None:
-    def no_context(*size) -> None:
-        raise ImportError("Cannot initialize a EGL device display")
-
-    monkeypatch.setattr(mujoco, "GLContext", no_context, raising=False)
-    monkeypatch.setenv("MUJOCO_GL", "egl")
-    with caplog.at_level(logging.INFO):
-        assert make_renderer("auto", Scene(CAMERA)).name == "cpu"
-    (line,) = caplog.messages
-    assert line.startswith("renderer=auto: the CPU rasteriser draws") and "Cannot initialize" in line
-
-
 @pytest.mark.parametrize("on_gpu", [True, False])
 def test_auto_takes_egl_only_if_a_gpu_draws(on_gpu, monkeypatch) -> None:
     closed = []
@@ -215,35 +186,3 @@ def test_auto_takes_egl_only_if_a_gpu_draws(on_gpu, monkeypatch) -> None:
     monkeypatch.setattr("synth.scene.render.GlRenderer", Egl)
     assert make_renderer("auto", Scene(CAMERA)).name == ("gl" if on_gpu else "cpu")
     assert bool(closed) == (not on_gpu)
-
-
-BUILD_RENDERER = """
-import logging, sys
-from kpopnet.camera import CAMERAS
-from kpopnet.errors import InputError
-from synth.scene.render import make_renderer
-from synth.scene.scene import Scene
-logging.basicConfig(level=logging.INFO, format="%(message)s")
-try:
-    print(make_renderer(sys.argv[1], Scene(CAMERAS["kinect_v1"])).name)
-except InputError as error:
-    sys.exit(f"error: {error}")
-"""
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere GLFW needs no DISPLAY")
-@pytest.mark.parametrize(
-    ("name", "code", "line"), [("auto", 0, "renderer=auto: the CPU rasteriser draws"), ("gl", 1, "error: no OpenGL to draw")]
-)
-def test_without_a_display_there_is_one_line_and_no_word_of_the_gl_library(name: str, code: int, line: str) -> None:
-    environment = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
-    run = subprocess.run(
-        [sys.executable, "-c", BUILD_RENDERER, name],
-        env=environment | {"MUJOCO_GL": "glfw"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert run.returncode == code, run.stderr
-    (only,) = run.stderr.splitlines()
-    assert only.startswith(line)

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from kpopnet.camera import CAMERAS, Camera
+from kpopnet.camera import CAMERAS
 from synth.sensor.film_noise import HOLE_FRAMES, FilmNoise
 from synth.sensor.model import SENSORS, SensorConfig, measure, measure_labelled
 
@@ -110,12 +110,6 @@ def test_the_grain_changes_where_the_surface_moves_by_a_quarter_of_a_pixel_of_di
     assert after[:, 170:].std() == pytest.approx(0.01, rel=0.07)
 
 
-def test_gain_lasts_for_a_film():
-    gains = [np.median(shoot(wall(), only(gain=0.01), t)) for t in range(5)]
-    assert np.ptp(gains) == 0
-    assert np.std([np.median(shoot(wall(), only(gain=0.01), 0, noise=FilmNoise((i,)))) for i in range(40)]) > 0.015
-
-
 @pytest.mark.parametrize("name", ["kinect_2", "swissranger"])
 def test_noise_of_time_of_flight_is_white_in_time(name):
     camera, config = CAMERAS["kinect_2"], dataclasses.replace(without_holes(name), gain=0.0)
@@ -130,27 +124,3 @@ def test_holes_last_for_their_frames_and_are_as_many_as_in_pictures():
     assert lost.mean() == pytest.approx(np.mean(pictures), rel=0.2)
     for later, share in ((1, 1 - 1 / HOLE_FRAMES), (HOLE_FRAMES, 0.0)):
         assert (lost[later:] & lost[:-later]).sum() / lost[later:].sum() == pytest.approx(share, abs=0.1)
-
-
-def test_a_limb_is_lost_as_often_as_in_pictures_and_for_two_frames():
-    end, config = np.array([[0.1, 0.0, 2.0]]), only(limb_end_dropout=0.3)
-    small = Camera.centred(100, 80, 60)
-    lost = np.array([not shoot(wall(2.0, small), config, t, small, ends=end).all() for t in range(600)])
-    assert lost.mean() == pytest.approx(0.3, abs=0.07)
-    assert lost[1:][lost[:-1]].mean() > 0.5
-
-
-def test_outlines_flicker_by_less_than_between_pictures_but_not_never():
-    depth = wall(3.0)
-    depth[60:180, 120:200] = 2.0
-    labels = (depth < 2.5).astype(np.uint8)
-    config = only(lateral_px=0.8, grain_px=9.0, grain_flicker=0.06, baseline_m=0.075, grain_disparity_px=0.25)
-
-    def outline(number):
-        rng, shared = NOISE.frame(number)
-        return measure_labelled(depth, labels, CAMERA, config, rng, None, shared)[1] > 0
-
-    film = np.stack([outline(t) for t in range(12)])
-    pictures = [measure_labelled(depth, labels, CAMERA, config, np.random.default_rng(t))[1] > 0 for t in range(12)]
-    flicker, independent = (np.mean(np.diff(np.array(frames, int), axis=0) != 0) for frames in (film, pictures))
-    assert 0.1 < flicker / independent < 0.5
