@@ -15,11 +15,11 @@ def program_parser(name: str, description: str | None) -> argparse.ArgumentParse
 
 
 def add_depth(parser: argparse.ArgumentParser) -> None:
-    """What a recording of depth may not tell."""
+    """What a recording of depth may not state."""
     parser.add_argument("--camera", help=f"preset ({', '.join(CAMERAS)}) or JSON file of intrinsics; default: the recording's")
     parser.add_argument("--fov", type=float, help="instead: horizontal field of view in degrees")
     parser.add_argument("--focal", type=float, help="instead: focal length in pixels, of a centred camera")
-    parser.add_argument("--fps", type=float, help="true images per second of a recording that tells none or wrong ones")
+    parser.add_argument("--fps", type=float, help="true images per second of a recording that states none or wrong ones")
     parser.add_argument("--key", help="name of the array in a file that has several; of a folder, a pattern: 'depth_*.png'")
 
 

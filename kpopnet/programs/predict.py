@@ -1,7 +1,7 @@
 """Estimates the joints of people in a recording of depth, and shows them.
 
     kpopnet predict depth/ --camera kinect_v1 --out outputs/ann           # a folder of 16-bit PNG or TIFF images
-    kpopnet predict dance.npz --people 2 --format npz bvh csv             # the file tells its camera
+    kpopnet predict dance.npz --people 2 --format npz bvh csv             # the file states its camera
     kpopnet predict dance.h5 --key depth --fov 70.6 --fps 30
     kpopnet predict dance.mkv --camera intrinsics.json --mode realtime    # FFV1; needs kpopnet[video]
     kpopnet predict dance.bag --gif                                       # RealSense; needs kpopnet[realsense]
@@ -159,7 +159,7 @@ def main() -> None:
             raise InputError(f"{given.path}: nobody was found; look at {given.out / 'overlay.png'}{hint}")
         written = write_joints(people, times_s, given.out, given.format)
     if not source.fps_is_known:
-        print(f"the recording tells no frame rate: {source.fps:g} images a second assumed; give the true one with --fps")
+        print(f"the recording states no frame rate: {source.fps:g} images a second assumed; give the true one with --fps")
     print("\n".join([*seen(people), "wrote " + ", ".join(map(str, [*written, *pictures]))]))
     print(f"look at {given.out / 'overlay.png'}, and open {given.out / 'view.html'} in a browser")
 

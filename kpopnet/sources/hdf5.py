@@ -52,7 +52,7 @@ def read_hdf5(path: Path, key: str | None) -> Recording:
 
 
 def _numbers(path: Path, file: h5py.File, name: str, count: int) -> list[float] | None:
-    """An attribute of so many finite numbers; None without one."""
+    """An attribute of `count` finite numbers; None without one."""
     if name not in file.attrs:
         return None
     stored = np.ravel(file.attrs[name])

@@ -24,7 +24,7 @@ def read_folder(folder: Path, key: str | None) -> Recording:
     """A folder of images in the natural order of their names: 2 before 10.
 
     Args:
-        folder: the folder; a file camera.json in it tells the camera.
+        folder: the folder; a file camera.json in it describes the camera.
         key: a pattern of names; None takes all images.
 
     Raises:

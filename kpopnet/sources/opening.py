@@ -71,7 +71,7 @@ def open_depth(
             the libraries that parse them. Its start takes half a second.
 
     Raises:
-        InputError: the file is of no known kind, is missing or damaged, holds no depth, or does not tell its camera.
+        InputError: the file is of no known kind, is missing or damaged, holds no depth, or does not state its camera.
     """
     path = Path(path)
     recording = _described(path, key, in_child)
@@ -83,7 +83,7 @@ def open_depth(
         camera = recording.camera
     if camera is None:
         raise InputError(
-            f"{path}: does not tell its camera; give a preset ({', '.join(CAMERAS)}) or a file of intrinsics (--camera), "
+            f"{path}: does not state its camera; give a preset ({', '.join(CAMERAS)}) or a file of intrinsics (--camera), "
             "the horizontal field of view in degrees (--fov), or the focal length in pixels (--focal)"
         )
     if not isinstance(camera, Camera):

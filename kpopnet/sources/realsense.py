@@ -19,7 +19,7 @@ WAIT_MS, PATIENCE_MS = 200, 5000
 
 USUAL_FPS, USUAL_WIDTH = 30, 640
 SILENCE_MS = 1000
-"""A camera that sends nothing for so long has gone."""
+"""A camera that sends nothing for this time has gone."""
 
 SEARCH_EVERY_S = 0.3
 

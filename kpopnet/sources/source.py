@@ -20,7 +20,7 @@ class StoredImage(NamedTuple):
     Attributes:
         depth: (H, W) uint16 millimetres or float metres.
         where: file and frame, for messages.
-        time_s: when it was taken, in seconds; None where the file does not tell.
+        time_s: when it was taken, in seconds; None where the file does not state it.
     """
 
     depth: np.ndarray
@@ -35,9 +35,9 @@ class Recording(NamedTuple):
         images: reads the images in order, each call from the first one on; raises InputError.
         width: of the images in pixels.
         height: of the images in pixels.
-        frames: number of images, None where only reading tells.
-        fps: images per second, None where the file does not tell.
-        camera: None where the file does not tell.
+        frames: number of images, None where it is known only after reading.
+        fps: images per second, None where the file does not state it.
+        camera: None where the file does not state it.
     """
 
     images: Callable[[], Iterator[StoredImage]]
@@ -69,7 +69,7 @@ class DepthSource:
         camera: of all images.
         fps: images per second.
         fps_is_known: whether the file or the user gave `fps`; else it is a default.
-        frames: number of images, None where only reading tells.
+        frames: number of images, None where it is known only after reading.
         images: reads the images as the file holds them.
         file_times: whether times are the file's; else they follow from `fps`.
     """

@@ -99,7 +99,7 @@ def holds_depth(path: Path) -> bool:
     try:
         with zipfile.ZipFile(path) as archive:
             return not set(JOINT_ARRAYS) & set(archive.namelist())
-    except (OSError, zipfile.BadZipFile, ValueError):  # whoever reads it says what is wrong with it
+    except (OSError, zipfile.BadZipFile, ValueError):  # the reader of joints says what is wrong
         return False
 
 

@@ -1,7 +1,7 @@
 """What keeps strangers out: names of this server, origins, a token for other machines, and headers for the browser.
 
 A page of another site can make the browser send requests here, and a name of its own may be made to point here (DNS rebinding).
-So a request must name this server as its host and, if it tells where it comes from, come from its own page.
+So a request must name this server as its host and, if it says where it comes from, come from its own page.
 """
 
 import hmac
@@ -39,7 +39,7 @@ def _is_address(host: str) -> bool:
 
 
 def guard(hosts: tuple[str, ...], token: str | None):
-    """Makes the middleware that lets in whom it should.
+    """Makes the middleware that refuses requests of strangers.
 
     Args:
         hosts: names and addresses, without port, that mean this server.

@@ -32,7 +32,7 @@ from kpopnet.teacher.tries import Tries, as_csv
 PAGE = Path(__file__).parent / "page"
 MAX_UPLOAD_BYTES, MAX_MESSAGE_BYTES = 32_000_000, 16_384
 PATIENCE_S = 30.0
-"""How long a page may be silent while nothing is asked of it: pings tell whether it is there."""
+"""Interval of the pings that show whether a page is still there, seconds."""
 
 UPLOADS = (".npz", ".bvh", ".csv", ".json")
 TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml", ".LICENSE": "text/plain"}

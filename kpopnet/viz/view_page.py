@@ -23,7 +23,7 @@ MOST_CLOUDS, MOST_CLOUD_POINTS, MOST_POINTS = 300, 6000, 750_000
 """Frames of the page with depth, points in each, and points in all: 4.5 MB."""
 
 PEOPLE_SHARE, AROUND_M = 0.7, 0.3
-"""Share of a cloud's points that lies on people, if they have so many, and how far around their joints a person reaches."""
+"""Share of a cloud's points that lies on people, if people have that many, and how far around their joints a person reaches."""
 
 MOST_JOINT_BYTES = 2_500_000
 """With the points, and a third more as base64, the page stays below 10 MB."""
@@ -60,7 +60,7 @@ class Cloud(NamedTuple):
 
 
 def cloud_frames(frames: int) -> range:
-    """The frames of a recording whose depth the page shows: all, or every so many."""
+    """The frames of a recording whose depth the page shows: all, or evenly spaced ones."""
     return range(0, frames, -(-frames // MOST_CLOUDS))
 
 

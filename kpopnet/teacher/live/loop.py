@@ -24,7 +24,7 @@ NEAR_M, FAR_M = 0.5, 5.5
 """Range of depth that the picture shows."""
 
 STEADY_FRAMES, STEADY_S = 5, 0.15
-"""The estimator is ready when it took less than STEADY_S seconds for so many images one after another."""
+"""The estimator is ready when it took less than STEADY_S seconds for each of STEADY_FRAMES successive images."""
 
 KERNELS = 60
 """About how many kernels are compiled where nothing is cached: for the progress bar."""

@@ -24,14 +24,13 @@ COUNTS = 4
 """Counts of a move."""
 
 WAIT_S = 0.05
-"""A move is scored when an image has come that was taken so long after its end, by a clock on the wall: the smoothing of the
-joints needs a few images after it."""
+"""Seconds of real time from a move's end to the image with which it is scored: smoothing needs a few images after the end."""
 
 LEAST_S = 1.0
-"""A move that ends earlier in a lesson is scored then: from less nothing can be said."""
+"""Least seconds of a lesson from which a move is scored; one that ends earlier is scored then."""
 
 ROUNDING_S = 0.02
-"""The last move may end so long after the last frame of the dance."""
+"""Seconds by which the last move may end after the last frame of the dance."""
 
 PRAISED_FROM = 90.0
 """A move with at least this score is praised: what differs in it may be the estimator's errors."""

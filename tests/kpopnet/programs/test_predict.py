@@ -126,7 +126,7 @@ def test_segmented_depth_needs_nobody_to_be_found_and_the_files_camera_is_used(p
 
 def test_mistakes_are_one_line(predict, tmp_path):
     np.save(tmp_path / "a.npy", recording()[:2])
-    assert "does not tell its camera" in predict(tmp_path / "a.npy", fails=True)
+    assert "does not state its camera" in predict(tmp_path / "a.npy", fails=True)
     assert "expected the camera's 320x240 pixels" in predict(tmp_path / "a.npy", "--camera", "kinect_v1", fails=True)
     assert "no such file, and no preset" in predict(tmp_path / "a.npy", "--camera", "kinect_9", fails=True)
     assert "given twice" in predict(tmp_path / "a.npy", "--fov", 60, "--focal", 140, fails=True)

@@ -113,7 +113,7 @@ def test_the_camera_comes_from_a_preset_a_file_an_angle_or_a_focal_length(tmp_pa
         (chosen_camera(focal_px=300.0), Camera.centred(300.0, 320, 240)),
     ):
         assert open_depth(tmp_path / "a.npy", given).camera == expected
-    with pytest.raises(InputError, match=r"does not tell its camera.*kinect_v1.*--camera.*--fov.*--focal"):
+    with pytest.raises(InputError, match=r"does not state its camera.*kinect_v1.*--camera.*--fov.*--focal"):
         open_depth(tmp_path / "a.npy", chosen_camera())
     with pytest.raises(InputError, match="given twice"):
         chosen_camera("eval", 58.0)
