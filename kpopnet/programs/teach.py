@@ -26,7 +26,9 @@ from tqdm import tqdm
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
+from kpopnet.pose import PoseEstimator
 from kpopnet.programs.arguments import add_depth, opener, program_parser
+from kpopnet.programs.predict import estimated
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
 from kpopnet.runtime.untrusted import read_in_child
@@ -34,8 +36,8 @@ from kpopnet.sources.live import LiveCamera
 from kpopnet.sources.realsense import RealSenseCamera
 from kpopnet.sources.realsense import library as realsense_library
 from kpopnet.sources.source import DepthSource, TimedDepth
-from kpopnet.teacher.adding import add_performance, danced_in, holds_depth, kpop_teachers, part_of
-from kpopnet.teacher.library import BODY, Library, TaughtDance, TeacherBody, taught_dance
+from kpopnet.teacher.adding import add_performance, holds_depth, kpop_teachers, part_of
+from kpopnet.teacher.library import Library, TaughtDance, TeacherBody, taught_dance
 from kpopnet.teacher.live.joints import load_estimator
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 
@@ -114,18 +116,18 @@ def open_source(
     return RecordedCamera(open_recording(), clock)
 
 
-def make_library(library: Library) -> None:
-    """Makes the teacher's body and those of the composed dances that are missing, with a progress bar."""
+def made_library(folder: Path) -> Library:
+    """The library of a folder; composed dances that are missing are made, with a progress bar."""
     from synth.dances.taught import DANCES, Teacher, teacher_arrays
 
+    library = Library(folder, TeacherBody(**teacher_arrays()))
     missing = sorted(set(range(DANCES)) - {int(one[6:]) for one in library.identities() if one.startswith("dance_")})
-    if (library.folder / BODY).is_file() and not missing:
-        return
-    library.write_body(TeacherBody(**teacher_arrays()))
-    teacher = Teacher()
-    for index in tqdm(missing, "making dances, once", unit="dance", disable=None):
-        one = teacher.dance(index)
-        library.write(f"dance_{index:03d}", taught_dance(one.name, one.fps, one.bpm, one.joints_m, one.quats, one.hips_m))
+    if missing:
+        teacher = Teacher()
+        for index in tqdm(missing, "making dances, once", unit="dance", disable=None):
+            one = teacher.dance(index)
+            library.write(f"dance_{index:03d}", taught_dance(one.name, one.fps, one.bpm, one.joints_m, one.quats, one.hips_m))
+    return library
 
 
 def own_dances(given: argparse.Namespace) -> dict[str, Performance]:
@@ -140,7 +142,11 @@ def own_dances(given: argparse.Namespace) -> dict[str, Performance]:
     if teachers:
         ((name, performance),) = teachers.items()
     elif holds_depth(path):
-        name, performance = path.stem, danced_in(opener(path, given, in_child=True)(), given.segmented)
+        source, estimator = opener(path, given, in_child=True)(), PoseEstimator.load(mode="best")
+        people, times_s = estimated(source, estimator, given.segmented)
+        if not people:
+            raise InputError(f"{path}: nobody was found; the camera must stand still, and see the dancer from head to feet")
+        name, performance = path.stem, Performance(people[0].joints_camera_m, times_s, people[0].confidence)
     else:
         name, performance = path.stem, read_in_child(read_performance, path, given.fps)
     return {given.title or name: performance}
@@ -228,9 +234,8 @@ def main() -> None:
     given = parsed()
     if given.add is None and importlib.util.find_spec("aiohttp") is None:
         raise InputError("kpopnet teach needs aiohttp; install it: pip install 'kpopnet[app]'")
-    library = Library(given.data)
     with locked(given.data):
-        make_library(library)
+        library = made_library(given.data)
         if given.add is not None:
             add_own(given, library)
             return

@@ -4,7 +4,6 @@ import zipfile
 from pathlib import Path
 
 import numpy as np
-from tqdm import tqdm
 
 from kpopnet.dance.joint_files.reader import SUFFIXES as JOINT_SUFFIXES
 from kpopnet.dance.performance import Performance
@@ -12,8 +11,6 @@ from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.datasets.dances.format import TEACHER
 from kpopnet.datasets.dances.format import read_performance as read_kpop
 from kpopnet.errors import InputError
-from kpopnet.pose import PoseEstimator
-from kpopnet.sources.source import DepthSource
 from kpopnet.teacher.library import Library, taught_dance
 from kpopnet.teacher.posing import posed
 
@@ -50,7 +47,7 @@ def add_performance(library: Library, performance: Performance, where: str, titl
     number = 1
     while (identity := f"own_{number:03d}") in library.identities():
         number += 1
-    library.write(identity, taught_dance(title, FPS, bpm, joints_m, *posed(joints_m, library.body()), own=True))
+    library.write(identity, taught_dance(title, FPS, bpm, joints_m, *posed(joints_m, library.body), own=True))
     return identity
 
 
@@ -101,29 +98,6 @@ def holds_depth(path: Path) -> bool:
             return not set(JOINT_ARRAYS) & set(archive.namelist())
     except (OSError, zipfile.BadZipFile, ValueError):  # the reader of joints says what is wrong
         return False
-
-
-def danced_in(source: DepthSource, segmented: bool = False) -> Performance:
-    """What the person who is seen longest in a recording of depth dances, by the network of the package.
-
-    Args:
-        source: the recording.
-        segmented: its depth shows one person, and 0 elsewhere.
-
-    Raises:
-        InputError: an image is damaged, or nobody was found.
-    """
-    times_s: list[float] = []
-
-    def images():
-        for image in tqdm(source.timed(), "joints", source.frames, unit=" images", disable=None):
-            times_s.append(image.time_s)
-            yield image.depth_m
-
-    people = PoseEstimator.load(mode="best").estimate(images(), source.camera, source.fps, segmented=segmented)
-    if not people:
-        raise InputError(f"{source.name}: nobody was found; the camera must stand still, and see the dancer from head to feet")
-    return Performance(people[0].joints_camera_m, np.array(times_s), people[0].confidence)
 
 
 def part_of(performance: Performance, from_s: float, to_s: float | None, where: str) -> Performance:

@@ -7,7 +7,6 @@ import os
 import time
 from collections.abc import AsyncGenerator
 from multiprocessing.connection import Connection
-from pathlib import Path
 
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.errors import InputError
@@ -52,7 +51,7 @@ class Filming:
             raise InputError("another film is being made; wait for it, or cancel it where it was begun") from error
         context = multiprocessing.get_context("spawn")
         connection, other = context.Pipe()
-        given = other, self._library.folder, self._tries.folder, dance, name
+        given = other, self._library, self._tries, dance, name
         process = context.Process(target=make_film, args=given, daemon=True, name="film")
         fraction = 0.0
         try:
@@ -89,7 +88,7 @@ def _end(process: multiprocessing.process.BaseProcess) -> None:
         process.join(END_S)
 
 
-def make_film(connection: Connection, library: Path, tries: Path, dance: str, name: str) -> None:
+def make_film(connection: Connection, library: Library, tries: Tries, dance: str, name: str) -> None:
     """Makes a film and sends (fraction that is done, what went wrong); ends when the other end is closed."""
     with contextlib.suppress(AttributeError, OSError):  # where processes have no niceness
         os.nice(NICENESS)
@@ -105,9 +104,8 @@ def make_film(connection: Connection, library: Path, tries: Path, dance: str, na
 
     with contextlib.suppress(CancelledError, BrokenPipeError, ConnectionResetError, KeyboardInterrupt):
         try:
-            saved, dances = Tries(tries), Library(library)
-            learner, result = read_performance(saved.path(dance, name, "npz")), saved.result(dance, name)
-            write_film(saved.film_path(dance, name), dances.body(), dances.dance(dance), learner, result, tell)
+            learner, result = read_performance(tries.path(dance, name, "npz")), tries.result(dance, name)
+            write_film(tries.film_path(dance, name), library.body, library.dance(dance), learner, result, tell)
         except InputError as error:
             connection.send((0.0, str(error)))
         except (BrokenPipeError, ConnectionResetError):

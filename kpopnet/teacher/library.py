@@ -1,4 +1,4 @@
-"""The dances and the body of the virtual teacher, as files: one .npz file each.
+"""The body of the virtual teacher, and the dances: one .npz file each.
 
 The body is a skin on bones; a dance is what its bones do, and the fifteen joints with which a learner is compared. The world
 has z up; a body in its T-pose faces -y with its left hand at +x, and the rotation of a bone is relative to the T-pose.
@@ -6,7 +6,7 @@ has z up; a body in its T-pose faces -y with its left hand at +x, and the rotati
 
 import json
 import re
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,7 @@ from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.input_files import ArraySchema, expect, parse_json, read_npz, settings_from
 from kpopnet.skeleton import NUM_JOINTS, Joint
 
-BODY, DANCES = "body.npz", "dances"
+DANCES = "dances"
 IDENTITY = re.compile("[a-z0-9][a-z0-9_-]{0,63}")
 PHRASE_COUNTS = 8
 QUAT_SCALE = 32767
@@ -54,24 +54,6 @@ class TeacherBody:
     def bone(self, name: str) -> int:
         """Number of a bone."""
         return self.bone_names.tolist().index(name)
-
-
-_LIMBS = ("Arm", "ForeArm", "Hand", "UpLeg", "Leg", "Foot", "ToeBase")
-_TRUNK = ("Hips", "LowerBack", "Spine", "Spine1", "Neck", "Neck1", "Head")
-BONES = (*_TRUNK, *(f"{side}{bone}" for side in ("Left", "Right") for bone in _LIMBS))
-"""Bones that a body needs to be posed."""
-
-_BODY_SCHEMAS = {
-    "bone_names": ArraySchema("U", ("B",)),
-    "bone_parents": ArraySchema("iu", ("B",)),
-    "heads_m": ArraySchema("f", ("B", 3)),
-    "t_pose": ArraySchema("f", ("B", 3, 3)),
-    "joints_m": ArraySchema("f", (NUM_JOINTS, 3)),
-    "vertices_m": ArraySchema("f", ("N", 3)),
-    "faces": ArraySchema("iu", ("F", 3)),
-    "weight_bones": ArraySchema("iu", ("N", 4)),
-    "weights": ArraySchema("f", ("N", 4)),
-}
 
 
 @dataclass(frozen=True)
@@ -152,10 +134,10 @@ _DANCE_SCHEMAS = {
 
 
 class Library:
-    """The folder of the body and the dances."""
+    """The folder of the dances, and the body that dances them."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = Path(folder)
+    def __init__(self, folder: Path, body: TeacherBody) -> None:
+        self.folder, self.body = Path(folder), body
         self._abouts: dict[str, tuple[int, About]] = {}
 
     def identities(self) -> list[str]:
@@ -199,30 +181,6 @@ class Library:
         about = _about(stored["about"], path)
         return TaughtDance(about, float(stored["fps"]), stored["joints_m"], quats, stored["hips_m"])
 
-    def body(self) -> TeacherBody:
-        """Reads the body.
-
-        Raises:
-            InputError: it is missing or damaged.
-        """
-        path = self.folder / BODY
-        body = TeacherBody(**read_npz(path, _BODY_SCHEMAS))
-        bones, parents = len(body.bone_names), body.bone_parents.astype(int)
-        expect(set(BONES) <= set(body.bone_names.tolist()), str(path), f"bones named {', '.join(BONES)}")
-        tree = parents[0] == -1 and ((parents[1:] >= 0) & (parents[1:] < np.arange(1, bones))).all()
-        expect(bool(tree), f"{path}: bone_parents", "-1 for the first bone, and an earlier bone for all others")
-        for numbers, count in ((body.weight_bones, bones), (body.faces, len(body.vertices_m))):
-            expect(bool(((numbers >= 0) & (numbers < count)).all()), str(path), "bones and vertices that it has")
-        for name in ("heads_m", "t_pose", "joints_m", "vertices_m", "weights"):
-            values = getattr(body, name)
-            expect(bool((np.abs(values) < 100).all()), f"{path}: {name}", "finite numbers of a body in metres")
-        return body
-
-    def write_body(self, body: TeacherBody) -> None:
-        self.folder.mkdir(parents=True, exist_ok=True)
-        arrays = {one.name: np.asarray(getattr(body, one.name)) for one in fields(body)}
-        _write(self.folder / BODY, arrays)
-
     def write(self, identity: str, dance: TaughtDance) -> None:
         """Writes a dance; one of that name is replaced."""
         (self.folder / DANCES).mkdir(parents=True, exist_ok=True)
@@ -233,7 +191,8 @@ class Library:
             "quats": stored_quats(dance.quats),
             "hips_m": dance.hips_m.astype(np.float32),
         }
-        _write(self.folder / DANCES / f"{identity}.npz", arrays)
+        with atomic_path(self.folder / DANCES / f"{identity}.npz") as part, part.open("wb") as file:
+            np.savez_compressed(file, **arrays)
 
 
 def stored_quats(quats: np.ndarray) -> np.ndarray:
@@ -253,8 +212,3 @@ def _about(text: np.ndarray, path: Path) -> About:
     about = settings_from(About, parse_json(str(text), f"{path}: about"), f"{path}: about")
     expect(0 < about.seconds <= 7200 and 20 <= about.bpm <= 400, f"{path}: about", "a length and a tempo of a dance")
     return about
-
-
-def _write(path: Path, arrays: dict[str, np.ndarray]) -> None:
-    with atomic_path(path) as part, part.open("wb") as file:
-        np.savez_compressed(file, **arrays)

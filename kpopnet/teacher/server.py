@@ -151,7 +151,7 @@ async def upload(request: web.Request) -> web.Response:
 
 @routes.get("/api/body")
 async def body(request: web.Request) -> web.Response:
-    found = request.app[TEACHING].library.body()
+    found = request.app[TEACHING].library.body
     return web.json_response(
         {
             "names": found.bone_names.tolist(),
@@ -183,7 +183,7 @@ async def session(request: web.Request) -> web.Response:
     if kind == "csv":
         return web.Response(text=as_csv(result), content_type="text/csv", headers=attachment)
     quats, hips_m, fps, _ = await asyncio.to_thread(_learners_movement, teaching, dance, name)
-    return web.Response(text=as_bvh(teaching.library.body(), quats, hips_m, fps), content_type="text/plain", headers=attachment)
+    return web.Response(text=as_bvh(teaching.library.body, quats, hips_m, fps), content_type="text/plain", headers=attachment)
 
 
 @routes.post("/api/tries/{dance}/{name}/film")
@@ -230,7 +230,7 @@ def _learners_movement(teaching: Teaching, dance: str, name: str) -> tuple[np.nd
     """Rotations of the bones, positions of the root, frames per second and start in seconds of a try."""
     learner = read_performance(teaching.tries.path(dance, name, "npz"))
     fps = teaching.library.dance(dance).fps
-    quats, hips_m = posed(at_rate(learner, fps), teaching.library.body())
+    quats, hips_m = posed(at_rate(learner, fps), teaching.library.body)
     return quats, hips_m, fps, float(learner.times_s[0])
 
 

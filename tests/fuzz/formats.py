@@ -39,9 +39,9 @@ from kpopnet.networks.network import build_network
 from kpopnet.programs.stages import stages_of
 from kpopnet.sources import open_depth
 from kpopnet.teacher.bvh import as_bvh
-from kpopnet.teacher.library import BONES as TEACHER_BONES
-from kpopnet.teacher.library import About, Library, TaughtDance, TeacherBody, preview_cm
+from kpopnet.teacher.library import Library, TeacherBody, preview_cm, taught_dance
 from kpopnet.teacher.posing import posed
+from synth.dances.taught import teacher_arrays
 from synth.motion import MotionConfig, build_motion
 from synth.motion.choreography.composer import dance
 from synth.motion.skeleton import REST_OFFSETS_M
@@ -218,27 +218,21 @@ def read_dance(folder: Path) -> None:
         read_performance(path)
 
 
+TAUGHT_BODY = TeacherBody(**teacher_arrays())
+
+
 def make_taught(folder: Path) -> None:
-    library, bones = Library(folder), len(TEACHER_BONES)
-    identity = np.tile(np.eye(3, dtype=np.float32), (bones, 1, 1))
-    heads_m = np.arange(bones, dtype=np.float32)[:, None] * np.float32([0.1, 0, 0.1])
-    body = TeacherBody(
-        np.array(TEACHER_BONES), np.arange(bones) - 1, heads_m, identity, joints(1)[0], heads_m, np.arange(3)[None],
-        np.zeros((bones, 4), np.uint8), np.full((bones, 4), 0.25, np.float32),
-    )  # fmt: skip
-    library.write_body(body)
-    quats, hips_m = posed(joints(5), body)
-    library.write("mama", TaughtDance(About("Mama", 0.2, 120.0, 3), 30.0, joints(5), quats, hips_m))
+    quats, hips_m = posed(joints(5), TAUGHT_BODY)
+    Library(folder, TAUGHT_BODY).write("mama", taught_dance("Mama", 30.0, 120.0, joints(5), quats, hips_m))
 
 
 def read_taught(folder: Path) -> None:
-    library = Library(folder)
-    body = library.body()
+    library = Library(folder, TAUGHT_BODY)
     for identity in library.identities():
         library.about(identity)
         dance = library.dance(identity)
         preview_cm(dance)
-        as_bvh(body, *posed(dance.joints_m, body), dance.fps)
+        as_bvh(TAUGHT_BODY, *posed(dance.joints_m, TAUGHT_BODY), dance.fps)
 
 
 def read_depth(folder: Path) -> None:
@@ -306,7 +300,6 @@ FORMATS = {
     "depth_hdf5": Format(lambda folder: write_hdf5(folder / "a.h5", depth_mm(3)), ("*.h5",), read_depth),
     "depth_video": Format(lambda folder: write_video(folder / "a.mkv", depth_mm(3)), ("*.mkv",), read_depth),
     "taught_dance": Format(make_taught, ("dances/mama.npz",), read_taught),
-    "teacher_body": Format(make_taught, ("body.npz",), read_taught),
     "human_model": Format(
         lambda folder: HumanModel.from_joints(joints(1)[0]).save(folder / "model.json"),
         ("*.json",),

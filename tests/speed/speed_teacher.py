@@ -82,8 +82,7 @@ def measure() -> Figures:
 
 def _library(folder: Path) -> Library:
     """The first SECONDS of one dance."""
-    library, one = Library(folder), Teacher().dance(1)
-    library.write_body(TeacherBody(**teacher_arrays()))
+    library, one = Library(folder, TeacherBody(**teacher_arrays())), Teacher().dance(1)
     part = slice(round(SECONDS * one.fps))
     library.write(DANCE, taught_dance(one.name, one.fps, one.bpm, one.joints_m[part], one.quats[part], one.hips_m[part]))
     return library

@@ -11,7 +11,6 @@ from kpopnet.datasets.dances.converters import write_dance
 from kpopnet.programs import teach
 from kpopnet.skeleton import Joint
 from kpopnet.sources import open_depth
-from kpopnet.teacher.library import Library
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from synth.dances import taught
 from synth.dances.live import LiveLearner
@@ -30,8 +29,7 @@ def run(monkeypatch, tmp_path):
 
 
 def test_a_dance_of_ones_own_is_added(run, tmp_path, capsys):
-    library = Library(tmp_path / "teach")
-    teach.make_library(library)
+    library = teach.made_library(tmp_path / "teach")
     assert library.identities() == ["dance_000"]
     made = library.path("dance_000").stat().st_mtime_ns
     performance = library.dance("dance_000").performance
@@ -45,9 +43,7 @@ def test_a_dance_of_ones_own_is_added(run, tmp_path, capsys):
 @pytest.fixture
 def danced(run, tmp_path):
     """A dance of the library."""
-    library = Library(tmp_path / "teach")
-    teach.make_library(library)
-    return library.dance("dance_000")
+    return teach.made_library(tmp_path / "teach").dance("dance_000")
 
 
 def test_a_folder_of_dances_is_added(run, tmp_path, danced, capsys):
@@ -56,7 +52,7 @@ def test_a_folder_of_dances_is_added(run, tmp_path, danced, capsys):
         write_dance(tmp_path / "set", name, performance, {"best": performance, "worst": performance})
     run("add", tmp_path / "set", "--title", "not for two", "--from", 1, "--to", 8.5)
     told = capsys.readouterr().out
-    library = Library(tmp_path / "teach")
+    library = teach.made_library(tmp_path / "teach")
     assert "added alpha as own_001" in told and "added beta as own_002" in told
     assert library.about("own_002").seconds == pytest.approx(7.5, abs=0.05)
     run("add", tmp_path / "set" / "beta", "--title", "Beta")
@@ -73,7 +69,7 @@ def test_a_dance_before_a_depth_camera_is_added(run, tmp_path, danced):
     depth_m = np.stack([learner.frame(number / fps) for number in range(round(fps * seconds))])
     np.savez(tmp_path / "depth.npz", depth_mm=np.round(1000 * depth_m).astype(np.uint16), fps=fps)
     run("add", tmp_path / "depth.npz", "--camera", "kinect_v1", "--title", "Seen")
-    seen = Library(tmp_path / "teach").dance("own_001")
+    seen = teach.made_library(tmp_path / "teach").dance("own_001")
     assert seen.about.name == "Seen" and seen.about.own
     true_m = danced.joints_m[: len(seen.joints_m)]
     errors_m = np.linalg.norm((seen.joints_m - true_m) - (seen.joints_m - true_m)[:, [Joint.TORSO]], axis=2)

@@ -11,8 +11,7 @@ from synth.dances.taught import Teacher, teacher_arrays
 
 @pytest.fixture(scope="session")
 def library(tmp_path_factory):
-    made, teacher = Library(tmp_path_factory.mktemp("teach")), Teacher()
-    made.write_body(TeacherBody(**teacher_arrays()))
+    made, teacher = Library(tmp_path_factory.mktemp("teach"), TeacherBody(**teacher_arrays())), Teacher()
     for index in (1, 2):
         one = teacher.dance(index)
         made.write(f"dance_{index:03d}", taught_dance(one.name, one.fps, one.bpm, one.joints_m, one.quats, one.hips_m))

@@ -35,7 +35,7 @@ def seen(half: np.ndarray) -> np.ndarray:
 
 def test_teacher_and_learner_stand_side_by_side_and_the_learner_is_as_bright_as_right(library, tmp_path):
     dance, path, found = library.dance("dance_001"), tmp_path / "film.mp4", []
-    write_film(path, library.body(), dance, dance.performance, RESULT)
+    write_film(path, library.body, dance, dance.performance, RESULT)
     video = cv2.VideoCapture(str(path))
     while (read := video.read())[0]:
         found.append(read[1])
@@ -47,7 +47,7 @@ def test_teacher_and_learner_stand_side_by_side_and_the_learner_is_as_bright_as_
 
 def test_a_skinned_body_has_its_joints_where_the_dancer_has_and_stays_in_the_picture(library):
     """The hands of the drawn body, with the body's own proportions, are on the side and at the height of the dancer's."""
-    body, dance = library.body(), library.dance("dance_001")
+    body, dance = library.body, library.dance("dance_001")
     quats, hips_m = posed(dance.joints_m[:90], body)
     hand = int(np.argmin(np.linalg.norm(body.vertices_m - body.joints_m[Joint.LEFT_HAND], axis=1)))
     torso = int(np.argmin(np.linalg.norm(body.vertices_m - body.joints_m[Joint.TORSO], axis=1)))
@@ -76,7 +76,7 @@ def test_a_damaged_or_endless_try_is_refused(library, tmp_path, wrong, told):
     dance = library.dance("dance_001")
     dance = replace(dance, about=replace(dance.about, seconds=900.0))
     with pytest.raises(InputError, match=told):
-        write_film(tmp_path / "film.mp4", library.body(), dance, dance.performance, RESULT | wrong)
+        write_film(tmp_path / "film.mp4", library.body, dance, dance.performance, RESULT | wrong)
     assert not list(tmp_path.iterdir())
 
 
@@ -160,7 +160,7 @@ def test_the_server_ends_although_a_film_is_being_made_and_a_page_is_open(teachi
 def told(teaching, name: str) -> list[tuple[float, str]]:
     """The messages of a film's process."""
     ours, theirs = multiprocessing.Pipe()
-    make_film(theirs, teaching.library.folder, teaching.tries.folder, "dance_001", name)
+    make_film(theirs, teaching.library, teaching.tries, "dance_001", name)
     theirs.close()
     messages = []
     while ours.poll():

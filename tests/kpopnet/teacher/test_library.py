@@ -21,7 +21,7 @@ from synth.simulated.film import Studio
 
 
 def test_a_dance_survives_writing_and_reading(library, tmp_path):
-    dance, other = library.dance("dance_001"), Library(tmp_path)
+    dance, other = library.dance("dance_001"), Library(tmp_path, library.body)
     other.write("copy", dance)
     again = other.dance("copy")
     assert again.about == dance.about and other.about("copy") == dance.about
@@ -89,7 +89,7 @@ def directions(joints_m):
 
 def test_the_limbs_point_where_the_dancers_do(library):
     dance, studio = library.dance("dance_001"), Studio(CAMERA, "cpu")
-    quats, hips_m = posed(dance.joints_m, library.body())
+    quats, hips_m = posed(dance.joints_m, library.body)
     joints_m = studio.joints_world_m(teacher_person(), quats.astype(float), hips_m.astype(float))
     angle_deg = np.degrees(
         np.arccos(np.clip((directions(level_joints_m(joints_m)) * directions(dance.joints_m)).sum(-1), -1, 1))
@@ -99,22 +99,21 @@ def test_the_limbs_point_where_the_dancers_do(library):
 
 def test_missing_joints_are_bridged(library):
     joints_m = library.dance("dance_001").joints_m[:90].copy()
-    whole, _ = posed(joints_m, library.body())
+    whole, _ = posed(joints_m, library.body)
     joints_m[40:43, Joint.LEFT_HAND] = np.nan
     joints_m[:, Joint.HEAD] = np.nan
-    quats, hips_m = posed(joints_m, library.body())
+    quats, hips_m = posed(joints_m, library.body)
     assert np.isfinite(quats).all() and np.isfinite(hips_m).all()
-    bone = library.body().bone("LeftForeArm")
+    bone = library.body.bone("LeftForeArm")
     assert np.abs((quats[:, bone] * whole[:, bone]).sum(axis=1)).min() > 0.95
 
 
 def test_bvh_is_read_back_and_becomes_a_dance_of_ones_own(library, tmp_path):
-    dance, path, mine = library.dance("dance_001"), tmp_path / "dance.bvh", Library(tmp_path / "mine")
-    path.write_text(as_bvh(library.body(), dance.quats, dance.hips_m, dance.fps))
+    dance, path, mine = library.dance("dance_001"), tmp_path / "dance.bvh", Library(tmp_path / "mine", library.body)
+    path.write_text(as_bvh(library.body, dance.quats, dance.hips_m, dance.fps))
     again = read_performance(path)
     assert len(again) == len(dance.joints_m)
     assert score_dance(dance.performance, again).similarity > 85  # its joints lie a little elsewhere in the body
-    mine.write_body(library.body())
     assert [add_performance(mine, again, "dance.bvh", "Mine", 90.0) for _ in range(2)] == ["own_001", "own_002"]
     added = mine.dance("own_001")
     assert added.about.own and added.about.bpm == 90.0

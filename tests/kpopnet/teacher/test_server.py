@@ -172,8 +172,7 @@ def test_broken_uploads_get_one_clear_sentence(teaching):
 
 
 def test_a_dance_of_ones_own_is_uploaded(teaching, library, tmp_path):
-    mine = Library(tmp_path / "mine")
-    mine.write_body(library.body())
+    mine = Library(tmp_path / "mine", library.body)
     content, performance = io.BytesIO(), library.dance("dance_001").performance
     np.savez(content, joints_m=performance.joints_m.astype(np.float32), times_s=performance.times_s)
 
