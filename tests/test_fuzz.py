@@ -1,4 +1,4 @@
-"""Some mutations of every file format; `make fuzz` runs thousands."""
+"""Some mutations of every file format that strangers send; `make fuzz` runs thousands."""
 
 import os
 from collections.abc import Iterator

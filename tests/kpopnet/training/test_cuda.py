@@ -64,7 +64,7 @@ def test_a_training_on_a_gpu_resumes_and_its_network_estimates_equally_on_gpu_an
     people, others = CapsulePeople(20, seed=1), CapsulePeople(8, seed=2)
 
     def run(training: TrainingConfig) -> Path:
-        config = RunConfig(replace(MODEL, kind=kind), training, device="cuda", workers=0)
+        config = RunConfig(replace(MODEL, kind=kind), training, device="cuda", threads=1)
         return train(config, people, others, tmp_path)
 
     last = run(SHORT)
