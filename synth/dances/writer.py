@@ -4,7 +4,6 @@ A dance's labels are written after its learners: a dance that has labels is fini
 """
 
 import dataclasses
-import json
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -13,12 +12,12 @@ import numpy as np
 
 from kpopnet.dance.performance import Performance
 from kpopnet.datasets.dances.dance_set import KpopSet
-from kpopnet.datasets.dances.format import LABELS, MANIFEST, TEACHER
+from kpopnet.datasets.dances.format import LABELS, TEACHER
 from kpopnet.datasets.dances.writer import write_labels, write_learner, write_teacher
-from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.viz.drawing import TRUE, person_tile, save_png, sheet
 from synth.dances.simulate import CAMERA, FPS, LEARNERS, KpopSim, KpopSimSet, dance_name
 from synth.resumable import Units, make_missing, remove_unfinished
+from synth.simulated.configuration import maker_of
 
 SHEET_DANCES, TILES, TILE_PX = 3, 8, 160
 
@@ -29,8 +28,19 @@ def write_set(config: KpopSimSet, folder: Path, processes: int) -> dict:
     Raises:
         InputError: the folder holds something else, or a worker process died; finished learners stay.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    manifest = _claim(config, folder)
+    benchmark = config.benchmark
+    manifest = config.claim(
+        folder,
+        f"*/{LABELS}",
+        name=benchmark.name,
+        about=(
+            f"SIMULATED teachers, learners and labels; not the paper's K-Pop set, and no real person: seed {benchmark.seed}, "
+            f"split {benchmark.split}, faults {benchmark.faults}, configuration {config.hash}."
+        ),
+        split=benchmark.split,
+        fps=FPS,
+        levels=config.levels,
+    )
     units = Units("frame", lambda _: round(sum(config.seconds) / 2 * FPS) * len(LEARNERS), exact=False)
     make_missing(
         partial(write_dance, config, folder),
@@ -46,40 +56,9 @@ def write_set(config: KpopSimSet, folder: Path, processes: int) -> dict:
     return manifest
 
 
-def _claim(config: KpopSimSet, folder: Path) -> dict:
-    """Writes the manifest before the first dance, so that no simulated dance ever lies in a folder without one."""
-    path, benchmark = folder / MANIFEST, config.benchmark
-    found = json.loads(path.read_text()) if path.exists() else None
-    count = config.amount_in(folder, found, f"*/{LABELS}", "a real set")
-    manifest = {
-        "simulated": True,
-        "name": benchmark.name,
-        "about": (
-            f"SIMULATED teachers, learners and labels; not the paper's K-Pop set, and no real person: seed {benchmark.seed}, "
-            f"split {benchmark.split}, faults {benchmark.faults}, configuration {config.hash}."
-        ),
-        "seed": benchmark.seed,
-        "split": benchmark.split,
-        "hash": config.hash,
-        "dances": count,
-        "fps": FPS,
-        "levels": config.levels,
-        "config": json.loads(config.as_json()),
-    }
-    with atomic_path(path) as part:
-        part.write_text(json.dumps(manifest, indent=1))
-    return manifest
-
-
-_makers: dict[str, KpopSim] = {}
-
-
 def write_dance(config: KpopSimSet, folder: Path, index: int, on_frame: Callable[[], None] = lambda: None) -> None:
     """Makes the missing files of one dance and calls `on_frame` after each frame of a learner."""
-    if config.hash not in _makers:
-        _makers.clear()
-        _makers[config.hash] = KpopSim(config)
-    maker, place = _makers[config.hash], folder / dance_name(index)
+    maker, place = maker_of(KpopSim, config), folder / dance_name(index)
     if not (place / TEACHER).exists():
         joints_m = maker.teacher_joints_m(index)
         write_teacher(place, Performance(joints_m, times_s(len(joints_m))), {"motion": maker.teacher_motion(index).name})

@@ -35,14 +35,7 @@ def read_imperial(path: Path) -> np.ndarray:
 
 
 def write_dance(out: Path, name: str, teacher: Performance, learners: dict[str, Performance]) -> None:
-    """Writes a dance given as joints.
-
-    Args:
-        out: folder of the set.
-        name: of the dance.
-        teacher: the teacher's dance.
-        learners: the learners' dances by name, from the best to the worst.
-    """
+    """Writes a dance given as joints into the folder of a set; the learners from the best to the worst."""
     write_teacher(out / name, teacher)
     for learner, performance in learners.items():
         write_learner(out / name, learner, performance.times_s, performance.joints_m)
@@ -51,29 +44,28 @@ def write_dance(out: Path, name: str, teacher: Performance, learners: dict[str, 
 
 
 def convert_recordings(out: Path, dance: str, teacher: Path, learners: list[Path], fps: float | None) -> None:
-    """Writes a dance from files of joints of any format that `kpopnet score` reads.
+    """Writes a dance from files of joints of any format that `kpopnet score` reads, the learners from the best to the worst.
 
     Args:
         out: folder of the set.
         dance: name of the dance.
-        teacher: the teacher's file.
-        learners: the learners' files, from the best to the worst.
+        teacher: its file.
+        learners: their files.
         fps: the true frame rate of files that state none or a wrong one.
 
     Raises:
         InputError: A file cannot be read, or there are fewer than two learners of different names.
     """
-    write_dance(out, dance, read_performance(teacher, fps), by_name({path: read_performance(path, fps) for path in learners}))
+    names = {path.stem: read_performance(path, fps) for path in learners}
+    if len(names) < max(len(learners), 2):
+        raise InputError("--learners: give at least two files of different names, the best dancer's first")
+    write_dance(out, dance, read_performance(teacher, fps), names)
 
 
 def convert_imperial(source: Path, out: Path) -> None:
-    """Writes a dance for every choreography that is recorded at all three levels.
+    """Writes a dance for every choreography that is recorded at all three levels in a folder of dance_level_*.npy.
 
     The teacher is one expert's take; the learners are another expert's, an intermediate dancer's and a beginner's.
-
-    Args:
-        source: folder of dance_level_*.npy.
-        out: folder of the set.
 
     Raises:
         InputError: There is no such choreography, or a file cannot be read.
@@ -100,15 +92,3 @@ def convert_imperial(source: Path, out: Path) -> None:
 def _imperial_performance(points: np.ndarray, path: Path) -> Performance:
     """The dance of (T, 21, 3) points of ImperialDance."""
     return Performance(imperial_joints_m(np.array(points), str(path)), np.arange(len(points)) / IMPERIAL_FPS)
-
-
-def by_name(by_file: dict[Path, Performance]) -> dict[str, Performance]:
-    """Learners' dances by the names of their files.
-
-    Raises:
-        InputError: There are fewer than two different names.
-    """
-    names = {path.stem: performance for path, performance in by_file.items()}
-    if len(names) < len(by_file) or len(names) < 2:
-        raise InputError("--learners: give at least two files of different names, the best dancer's first")
-    return names

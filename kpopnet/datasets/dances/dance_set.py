@@ -3,27 +3,38 @@
 The file format is in `kpopnet.datasets.dances.format`.
 """
 
+import csv
+import io
+import math
+import re
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
+from kpopnet.camera import MM_PER_METRE, Camera
 from kpopnet.dance.performance import Performance
 from kpopnet.datasets.dances.format import (
     LABELS,
+    MANIFEST,
+    SCHEMA,
     TEACHER,
-    DepthClip,
-    read_about,
-    read_depth,
-    read_depth_key,
-    read_labels,
-    read_manifest,
+    depth_key,
+    is_learner_name,
     read_performance,
+    read_stored_depth,
     read_times,
 )
+from kpopnet.datasets.protocol import Origin
 from kpopnet.errors import InputError
-from kpopnet.runtime.input_files import check_names
+from kpopnet.runtime.hdf5_files import attributes_of, open_hdf5
+from kpopnet.runtime.input_files import check_budget, check_names, expect, parse_json, read_json, read_text
+
+MARGIN_PX = 8
+"""Margin around the union of all boxes, to which a recording is cropped."""
+
+MAX_LABELS_BYTES = 1_000_000
 
 
 @dataclass
@@ -51,6 +62,21 @@ class KpopConfig:
 
 
 @dataclass(frozen=True)
+class DepthClip:
+    """A depth recording of one segmented person, cropped to the union of the person's bounding boxes.
+
+    Attributes:
+        depth_m: (T, h, w) float32 metres, 0 where nothing of the person was measured.
+        camera: camera of the cropped images.
+        times_s: (T,) float64 seconds.
+    """
+
+    depth_m: np.ndarray
+    camera: Camera
+    times_s: np.ndarray
+
+
+@dataclass(frozen=True)
 class Learner:
     """One recording of one learner. Its contents are read on demand; a damaged file raises InputError then.
 
@@ -64,17 +90,28 @@ class Learner:
 
     @cached_property
     def depth_key(self) -> str | None:
-        """A digest of the depth recording; None if the file has no depth."""
-        return read_depth_key(self.path)
+        """A digest of the depth recording, 16 hexadecimal digits; None if the file has no depth."""
+        with open_hdf5(self.path, SCHEMA) as file:
+            if "depth_mm" not in file:
+                return None
+            stored = attributes_of(file).get("depth_key")
+            if isinstance(stored, str) and re.fullmatch("[0-9a-f]{16}", stored):  # it becomes part of a file name
+                return stored
+            return depth_key(*read_stored_depth(self.path, file))
 
     @cached_property
     def about(self) -> dict:
-        """The notes that the writer of the file stored in it."""
-        return read_about(self.path)
+        """The notes that the writer of the file stored in it: level and strengths of a simulated learner, otherwise empty."""
+        where = f"{self.path}: attribute about"
+        with open_hdf5(self.path, SCHEMA) as file:
+            about = parse_json(attributes_of(file).get("about", "{}"), where)
+        expect(isinstance(about, dict), where, "a JSON object")
+        return about
 
     def times_s(self) -> np.ndarray:
         """(T,) float64 times of the frames in seconds."""
-        return read_times(self.path)
+        with open_hdf5(self.path, SCHEMA) as file:
+            return read_times(self.path, file)
 
     def joints(self) -> Performance | None:
         """The true joints; None if the file has none."""
@@ -86,7 +123,29 @@ class Learner:
         Raises:
             InputError: the file has no depth, or is damaged or invalid.
         """
-        return read_depth(self.path)
+        path = self.path
+        with open_hdf5(path, SCHEMA) as file:
+            if "depth_mm" not in file:
+                raise InputError(f"{path}: no depth_mm in it; only true joints can be scored")
+            times_s = read_times(path, file)
+            depth_mm, boxes, camera = read_stored_depth(path, file)
+        nonempty = boxes[boxes[:, 2] > boxes[:, 0]]
+        if not len(nonempty):
+            raise InputError(f"{path}: no person in any of its {len(boxes)} frames (every box is empty)")
+        x0, y0 = np.maximum(nonempty[:, :2].min(axis=0) - MARGIN_PX, 0).tolist()
+        x1, y1 = np.minimum(nonempty[:, 2:].max(axis=0) + MARGIN_PX, [camera.width, camera.height]).tolist()
+        whole = len(boxes), y1 - y0, x1 - x0
+        what = f"the recording of {whole[0]} frames of {x1 - x0}x{y1 - y0} pixels"
+        check_budget(path, 4 * math.prod(whole) + depth_mm.nbytes, what)
+        depth_m = np.zeros(whole, np.float32)
+        start = 0
+        for image, (left, top, right, bottom) in zip(depth_m, boxes.tolist(), strict=True):
+            stop = start + (right - left) * (bottom - top)
+            pixels = depth_mm[start:stop].reshape(bottom - top, right - left)
+            if stop > start:
+                image[top - y0 : bottom - y0, left - x0 : right - x0] = pixels / np.float32(MM_PER_METRE)
+            start = stop
+        return DepthClip(depth_m, camera.cropped(x0, y0, x1 - x0, y1 - y0), times_s)
 
 
 @dataclass(frozen=True)
@@ -169,3 +228,71 @@ def open_set(config: KpopConfig) -> KpopSet:
     if config.path is None:
         raise InputError(f"benchmark={config.name} needs benchmark.path=PATH, a folder of dances (docs/kpop_format.md)")
     return KpopSet(config.path)
+
+
+def read_labels(path: Path) -> list[str]:
+    """Reads the names of the learners in the experts' order, the best first.
+
+    Raises:
+        InputError: the file is missing or empty, has other columns, or its ranks are not 1, 2, ...
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; it holds the ranking: a line learner,rank and one line for each learner")
+    try:
+        lines = csv.reader(io.StringIO(read_text(path, MAX_LABELS_BYTES), newline=""))
+        rows = [[cell.strip() for cell in row] for row in lines if any(cell.strip() for cell in row)]
+    except csv.Error as error:
+        raise InputError(f"{path}: not a text file of comma-separated values ({error})") from error
+    expect(rows[:1] == [["learner", "rank"]], str(path), "a first line learner,rank and one line for each learner")
+    ranks: dict[str, int] = {}
+    for number, row in enumerate(rows[1:], 2):
+        if len(row) != 2 or not re.fullmatch("[0-9]{1,9}", row[1]) or row[0] in ranks or not is_learner_name(row[0]):
+            raise InputError(f"{path}, row {number}: {','.join(row)!r}; expected a new valid name of a learner and a rank")
+        ranks[row[0]] = int(row[1])
+    if sorted(ranks.values()) != list(range(1, len(ranks) + 1)) or len(ranks) < 2:
+        raise InputError(f"{path}: expected each of the ranks 1, 2, ... once, for at least two learners, found {ranks}")
+    return sorted(ranks, key=lambda learner: ranks[learner])
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """The description of a set.
+
+    Attributes:
+        name: of the set.
+        origin: real or simulated.
+        about: what a reader needs to interpret the results.
+        dances: number of dances of the complete set; None if unknown.
+        hash: hash of the configuration of a simulated set; "" otherwise.
+    """
+
+    name: str
+    origin: Origin
+    about: str
+    dances: int | None
+    hash: str
+
+
+def read_manifest(folder: Path) -> Manifest:
+    """Reads the manifest of a folder. A folder without manifest counts as a real set without description.
+
+    Raises:
+        InputError: the manifest is not JSON, or holds invalid values.
+    """
+    path = folder / MANIFEST
+    if not path.is_file():
+        return Manifest(folder.name, Origin.REAL, "A set without a manifest.json: its origin is not documented.", None, "")
+    try:
+        manifest = read_json(path)
+        expect(isinstance(manifest, dict), str(path), "a JSON object")
+        dances = manifest.get("dances")
+        expect(dances is None or (type(dances) is int and dances >= 0), f"{path}: dances", "a whole number")
+    except InputError as error:
+        raise InputError(f"{error}: not a manifest; delete it, or make the set again") from error
+    return Manifest(
+        name=str(manifest.get("name", folder.name)),
+        origin=Origin.SIMULATED if manifest.get("simulated") else Origin.REAL,
+        about=str(manifest.get("about", "")),
+        dances=dances,
+        hash=str(manifest.get("hash", "")),
+    )

@@ -16,38 +16,26 @@ and `boxes` (T, 4) their positions in the image (x0, y0, x1, y1, the last two ex
 nothing of the person was measured.
 """
 
-import csv
 import hashlib
-import io
-import math
-import re
-from dataclasses import dataclass
 from pathlib import Path
 
 import h5py
 import numpy as np
 
-from kpopnet.camera import MM_PER_METRE, Camera
+from kpopnet.camera import Camera
 from kpopnet.dance.performance import Performance
-from kpopnet.datasets.protocol import Origin
 from kpopnet.errors import InputError
 from kpopnet.runtime.hdf5_files import Hdf5Schema, attributes_of, open_hdf5, read_array, stored_array
-from kpopnet.runtime.input_files import ArraySchema, check_budget, expect, parse_json, read_json, read_text
+from kpopnet.runtime.input_files import ArraySchema, expect
 from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
 
 FORMAT, VERSION = "kpopnet dance", 1
 TEACHER, LABELS, MANIFEST = "teacher.h5", "labels.csv", "manifest.json"
-MARGIN_PX = 8
-"""Margin around the union of all boxes, to which a recording is cropped."""
-
 MAX_FRAMES = 200_000
 """Larger recordings are rejected: nearly two hours at 30 fps."""
 
 MAX_COORDINATE_M = 1000.0
 MAX_NAME_BYTES = 200
-MAX_LABELS_BYTES = 1_000_000
-
-_DEPTH_KEY = re.compile("[0-9a-f]{16}")
 
 SCHEMA = Hdf5Schema(
     name="the file of a teacher or a learner",
@@ -64,21 +52,6 @@ SCHEMA = Hdf5Schema(
 )
 
 
-@dataclass(frozen=True)
-class DepthClip:
-    """A depth recording of one segmented person, cropped to the union of the person's bounding boxes.
-
-    Attributes:
-        depth_m: (T, h, w) float32 metres, 0 where nothing of the person was measured.
-        camera: camera of the cropped images.
-        times_s: (T,) float64 seconds.
-    """
-
-    depth_m: np.ndarray
-    camera: Camera
-    times_s: np.ndarray
-
-
 def read_performance(path: Path) -> Performance | None:
     """Reads the joints in the file of a teacher or a learner; None if it has none.
 
@@ -88,164 +61,20 @@ def read_performance(path: Path) -> Performance | None:
     with open_hdf5(path, SCHEMA) as file:
         if "joints_m" not in file:
             return None
-        times_s = _times(path, file)
+        times_s = read_times(path, file)
         joints_m = read_array(file, "joints_m").astype(np.float32)
     check_joints(joints_m, path)
     return Performance(joints_m, times_s)
 
 
-def read_depth(path: Path) -> DepthClip:
-    """Reads the depth recording in the file of a learner.
-
-    Raises:
-        InputError: the file has no depth, or is damaged or invalid.
-    """
-    with open_hdf5(path, SCHEMA) as file:
-        if "depth_mm" not in file:
-            raise InputError(f"{path}: no depth_mm in it; only true joints can be scored")
-        times_s = _times(path, file)
-        depth_mm, boxes, camera = _stored_depth(path, file)
-    nonempty = boxes[boxes[:, 2] > boxes[:, 0]]
-    if not len(nonempty):
-        raise InputError(f"{path}: no person in any of its {len(boxes)} frames (every box is empty)")
-    x0, y0 = np.maximum(nonempty[:, :2].min(axis=0) - MARGIN_PX, 0).tolist()
-    x1, y1 = np.minimum(nonempty[:, 2:].max(axis=0) + MARGIN_PX, [camera.width, camera.height]).tolist()
-    whole = len(boxes), y1 - y0, x1 - x0
-    what = f"the recording of {whole[0]} frames of {x1 - x0}x{y1 - y0} pixels"
-    check_budget(path, 4 * math.prod(whole) + depth_mm.nbytes, what)
-    depth_m = np.zeros(whole, np.float32)
-    start = 0
-    for image, (left, top, right, bottom) in zip(depth_m, boxes.tolist(), strict=True):
-        stop = start + (right - left) * (bottom - top)
-        pixels = depth_mm[start:stop].reshape(bottom - top, right - left)
-        if stop > start:
-            image[top - y0 : bottom - y0, left - x0 : right - x0] = pixels / np.float32(MM_PER_METRE)
-        start = stop
-    return DepthClip(depth_m, camera.cropped(x0, y0, x1 - x0, y1 - y0), times_s)
-
-
-def read_times(path: Path) -> np.ndarray:
-    """Reads the times of the frames in the file of a teacher or a learner: (T,) float64 seconds.
-
-    Raises:
-        InputError: there are no times, or the file is damaged or invalid.
-    """
-    with open_hdf5(path, SCHEMA) as file:
-        return _times(path, file)
-
-
-def read_depth_key(path: Path) -> str | None:
-    """A digest of the depth recording in the file of a learner, 16 hexadecimal digits; None if it has no depth.
-
-    Raises:
-        InputError: the file is missing, damaged or invalid.
-    """
-    with open_hdf5(path, SCHEMA) as file:
-        if "depth_mm" not in file:
-            return None
-        stored = attributes_of(file).get("depth_key")
-        if isinstance(stored, str) and _DEPTH_KEY.fullmatch(stored):  # it becomes part of a file name
-            return stored
-        return depth_key(*_stored_depth(path, file))
-
-
-def read_about(path: Path) -> dict:
-    """Reads the notes of the writer of a learner's file: level and strengths of a simulated learner, otherwise empty.
-
-    Raises:
-        InputError: the file is missing or damaged, or the notes are not a JSON object.
-    """
-    where = f"{path}: attribute about"
-    with open_hdf5(path, SCHEMA) as file:
-        about = parse_json(attributes_of(file).get("about", "{}"), where)
-    expect(isinstance(about, dict), where, "a JSON object")
-    return about
-
-
-def read_labels(path: Path) -> list[str]:
-    """Reads the names of the learners in the experts' order, the best first.
-
-    Raises:
-        InputError: the file is missing or empty, has other columns, or its ranks are not 1, 2, ...
-    """
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; it holds the ranking: a line learner,rank and one line for each learner")
-    try:
-        lines = csv.reader(io.StringIO(read_text(path, MAX_LABELS_BYTES), newline=""))
-        rows = [row for row in lines if any(cell.strip() for cell in row)]
-    except csv.Error as error:
-        raise InputError(f"{path}: not a text file of comma-separated values ({error})") from error
-    if not rows:
-        raise InputError(f"{path}: empty; expected a line learner,rank and one line for each learner, rank 1 for the best")
-    header, *body = ([cell.strip() for cell in row] for row in rows)
-    if header != ["learner", "rank"]:
-        raise InputError(f"{path}: its first line is {','.join(header)!r}; expected learner,rank")
-    ranks: dict[str, int] = {}
-    for number, row in enumerate(body, 2):
-        if len(row) != 2 or not re.fullmatch("[0-9]{1,9}", row[1]) or int(row[1]) < 1:
-            raise InputError(f"{path}, row {number}: {','.join(row)!r}; expected the name of a learner and a rank of 1 or more")
-        if row[0] in ranks or not is_learner_name(row[0]):
-            raise InputError(f"{path}, row {number}: {row[0]!r} occurs twice, or is not a valid file name of a learner")
-        ranks[row[0]] = int(row[1])
-    if sorted(ranks.values()) != list(range(1, len(ranks) + 1)) or len(ranks) < 2:
-        raise InputError(
-            f"{path}: its ranks are {', '.join(map(str, ranks.values())) or 'none'}; expected each of 1, 2, ... once, for at "
-            "least two learners"
-        )
-    return sorted(ranks, key=lambda learner: ranks[learner])
-
-
-@dataclass(frozen=True)
-class Manifest:
-    """The description of a set.
-
-    Attributes:
-        name: of the set.
-        origin: real or simulated.
-        about: what a reader needs to interpret the results.
-        dances: number of dances of the complete set; None if unknown.
-        hash: hash of the configuration of a simulated set; "" otherwise.
-    """
-
-    name: str
-    origin: Origin
-    about: str
-    dances: int | None
-    hash: str
-
-
-def read_manifest(folder: Path) -> Manifest:
-    """Reads the manifest of a folder. A folder without manifest counts as a real set without description.
-
-    Raises:
-        InputError: the manifest is not JSON, or holds invalid values.
-    """
-    path = folder / MANIFEST
-    if not path.is_file():
-        return Manifest(folder.name, Origin.REAL, "A set without a manifest.json: its origin is not documented.", None, "")
-    try:
-        manifest = read_json(path)
-        expect(isinstance(manifest, dict), str(path), "a JSON object")
-        dances = manifest.get("dances")
-        expect(dances is None or (type(dances) is int and dances >= 0), f"{path}: dances", "a whole number")
-    except InputError as error:
-        raise InputError(f"{error}: not a manifest; delete it, or make the set again") from error
-    return Manifest(
-        name=str(manifest.get("name", folder.name)),
-        origin=Origin.SIMULATED if manifest.get("simulated") else Origin.REAL,
-        about=str(manifest.get("about", "")),
-        dances=dances,
-        hash=str(manifest.get("hash", "")),
-    )
-
-
-def _times(path: Path, file: h5py.File) -> np.ndarray:
+def read_times(path: Path, file: h5py.File) -> np.ndarray:
+    """Reads the times of the frames: (T,) float64 seconds."""
     times_s = read_array(file, "times_s").astype(np.float64)
     check_times(times_s, path)
     return times_s
 
 
-def _stored_depth(path: Path, file: h5py.File) -> tuple[np.ndarray, np.ndarray, Camera]:
+def read_stored_depth(path: Path, file: h5py.File) -> tuple[np.ndarray, np.ndarray, Camera]:
     """Reads `depth_mm` (N,), `boxes` (T, 4) and the camera of the whole image, and checks that they are consistent."""
     if "camera" not in file.attrs or "boxes" not in file:
         raise InputError(f"{path}: expected an attribute camera and an array boxes beside depth_mm")

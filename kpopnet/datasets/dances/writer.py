@@ -28,12 +28,7 @@ _MAX_DEPTH_MM = np.iinfo(np.uint16).max
 
 
 def write_teacher(folder: Path, performance: Performance, about: Mapping | None = None) -> None:
-    """Writes DANCE/teacher.h5, and creates the folder if necessary.
-
-    Args:
-        folder: of the dance.
-        performance: joints and times of the teacher.
-        about: notes to store as JSON.
+    """Writes DANCE/teacher.h5, and creates the folder DANCE if necessary; `about` holds notes to store as JSON.
 
     Raises:
         InputError: joints or times are invalid (see `check_joints`, `check_times`).
@@ -49,7 +44,7 @@ def write_learner(
     depth: "PackedDepth | None" = None,
     about: Mapping | None = None,
 ) -> None:
-    """Writes DANCE/NAME.h5, and creates the folder if necessary.
+    """Writes DANCE/NAME.h5, and creates the folder DANCE if necessary.
 
     Args:
         folder: of the dance.
@@ -60,8 +55,7 @@ def write_learner(
         about: notes to store as JSON.
 
     Raises:
-        InputError: there are neither joints nor depth, the name is not a valid file name, the times do not increase, the
-            numbers of joints, images and times differ, or the joints have another shape or are not in metres.
+        InputError: there are neither joints nor depth, the name is not a valid file name, or joints or times are invalid.
     """
     if joints_m is None and depth is None:
         raise InputError(f"learner {name}: neither joints nor depth to write")
@@ -70,11 +64,7 @@ def write_learner(
 
 
 def write_labels(folder: Path, best_first: Iterable[str]) -> None:
-    """Writes DANCE/labels.csv. It is written last: a dance without it is incomplete.
-
-    Args:
-        folder: of the dance.
-        best_first: names of the learners in the experts' order, the best first.
+    """Writes DANCE/labels.csv, the names of the learners in the experts' order. A dance without it is incomplete.
 
     Raises:
         InputError: there are fewer than two learners, a name occurs twice, or a name is not a valid file name.

@@ -6,11 +6,13 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from damaged_files import survives_damage
 
 from kpopnet.camera import Camera
+from kpopnet.dance.joint_files.joint_sets import imperial_joints_m
 from kpopnet.dance.performance import Performance
-from kpopnet.datasets.dances.dance_set import KpopConfig, KpopSet, open_set
-from kpopnet.datasets.dances.format import MARGIN_PX, read_labels
+from kpopnet.datasets.dances.converters import read_imperial
+from kpopnet.datasets.dances.dance_set import MARGIN_PX, KpopConfig, KpopSet, open_set, read_labels
 from kpopnet.datasets.dances.writer import PackedDepth, write_labels, write_learner, write_teacher
 from kpopnet.datasets.protocol import Origin
 from kpopnet.errors import InputError
@@ -93,17 +95,14 @@ def test_a_cropped_image_is_stored_at_its_position():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "empty; expected a line learner,rank"),
-        ("\n \n", "empty"),
-        ("name,place\njin,1\n", "first line is 'name,place'"),
-        ("learner,rank\n", "its ranks are none"),
+        ("", "expected a first line learner,rank"),
+        ("name,place\njin,1\n", "expected a first line learner,rank"),
         ("learner,rank\njin,1\n", "at least two learners"),
-        ("learner,rank\njin,1\nann,1\n", "each of 1, 2, ... once"),
-        ("learner,rank\njin,1\nann,3\n", "each of 1, 2, ... once"),
+        ("learner,rank\njin,1\nann,3\n", "each of the ranks 1, 2, ... once"),
         ("learner,rank\njin,1\nann,second\n", "row 3: 'ann,second'"),
-        ("learner,rank\njin,1\njin,2\n", "occurs twice"),
-        ("learner,rank\n../jin,1\nann,2\n", "not a valid file name of a learner"),
-        ("learner,rank\nteacher,1\nann,2\n", "not a valid file name of a learner"),
+        ("learner,rank\njin,1\njin,2\n", "row 3: 'jin,2'"),
+        ("learner,rank\n../jin,1\nann,2\n", "row 2: '../jin,1'"),
+        ("learner,rank\nteacher,1\nann,2\n", "row 2: 'teacher,1'"),
     ],
 )
 def test_invalid_labels(folder, text, message):
@@ -332,3 +331,12 @@ def test_invalid_images_are_rejected(depth, corner, message):
     with pytest.raises(InputError, match=f"depth of frame 6: .*{message}"):
         recording.add(depth, *corner)
     assert len(recording) == FRAMES
+
+
+def test_damaged_files_of_imperial_dance_are_refused_in_one_line(tmp_path):
+    path = tmp_path / "d.npy"
+    np.save(path, np.zeros((2, 3, 20, 21)))
+    survives_damage(path, lambda: imperial_joints_m(np.array(read_imperial(path)[0]), "d"))
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(InputError, match=r"d\.npy: not a plain numpy array"):
+        read_imperial(path)
