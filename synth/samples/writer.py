@@ -197,14 +197,12 @@ def _fill(file: h5py.File, config: SetConfig, shard: int, sampler: Sampler, on_s
 def _attributes(config: SetConfig, shard: int, camera: Camera) -> dict[str, Any]:
     """The HDF5 attributes of a shard, but for the counts of what was rejected and forced."""
     start, stop = config.span(shard)
-    identity = {"config": config.as_json(), "config_hash": config.hash, "seed": config.seed, "split": config.split}
-    return identity | {
+    return {
         "format": FORMAT,
         "version": VERSION,
         "kind": "frozen" if config.freeze else "clean",
-        "shard": shard,
-        "start": start,
-        "stop": stop,
+        **{"config": config.as_json(), "config_hash": config.hash, "seed": config.seed, "split": config.split},
+        **{"shard": shard, "start": start, "stop": stop},
         "camera": [camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height],
         "joint_names": list(JOINT_NAMES),
         "packages": json.dumps({name: importlib.metadata.version(name) for name in PACKAGES}),

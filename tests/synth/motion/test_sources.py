@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bvh_files import write_bvh
 from damaged_files import survives_damage
 
 from kpopnet.errors import InputError
@@ -11,33 +12,9 @@ from kpopnet.rotations import rotate
 from synth.motion import SPLITS, MixedPoses, MotionConfig, build_motion
 from synth.motion.choreography.composer import dance
 from synth.motion.poses.families import FAMILIES, ProceduralPoses
-from synth.motion.skeleton import LEG_M, REST_OFFSETS_M
+from synth.motion.skeleton import LEG_M, REST_OFFSETS_M, Motion
 
-
-def write_bvh(path: Path, frames: int) -> None:
-    """Writes a minimal BVH file: a person who stands still, with arm bones of 28 cm."""
-    limbs = {
-        "{}Arm": (28, 0, 0), "{}ForeArm": (28, 0, 0), "{}Hand": (28, 0, 0),
-        "{}UpLeg": (10, 0, 0), "{}Leg": (0, -42, 0), "{}Foot": (0, -42, 0),
-    }  # fmt: skip
-    rotation = "CHANNELS 3 Zrotation Xrotation Yrotation"
-    position = "CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation"
-    lines = ["HIERARCHY", "ROOT Hips", "{", "OFFSET 0 0 0", position]
-
-    def chain(names: list[str], side: str) -> None:
-        for name in names:
-            x, y, z = limbs[name]
-            lines.extend([f"JOINT {name.format(side)}", "{", f"OFFSET {x if side == 'Left' else -x} {y} {z}", rotation])
-        lines.extend("}" * len(names))
-
-    for side in ("Left", "Right"):
-        chain(["{}UpLeg", "{}Leg", "{}Foot"], side)
-    lines += ["JOINT Spine", "{", "OFFSET 0 40 0", rotation, "JOINT Head", "{", "OFFSET 0 20 0", rotation, "}"]
-    for side in ("Left", "Right"):
-        chain(["{}Arm", "{}ForeArm", "{}Hand"], side)
-    lines += ["}", "}", "MOTION", f"Frames: {frames}", "Frame Time: 0.0333333"]
-    lines += [" ".join(["0", "92", *["0"] * 46])] * frames
-    path.write_text("\n".join(lines))
+STILL = Motion(np.tile(np.eye(4, dtype=np.float32)[0], (3, 23, 1)), np.ones((3, 3), np.float32), 30.0, "still", LEG_M)
 
 
 def generators(n, seed=0):
@@ -108,13 +85,13 @@ def test_single_poses_of_a_pack_are_uniform_over_time_and_never_bad_frames(pack)
 
 def test_a_folder_of_bvh_files_and_a_single_file_are_clips(tmp_path):
     for name in ("b", "a"):
-        write_bvh(tmp_path / f"{name}.bvh", frames=30)
+        write_bvh(tmp_path / f"{name}.bvh", STILL)
     source = clips(tmp_path)
     assert [source.motion(i).name for i in range(len(source))] == ["bvh:a", "bvh:b"]
     one = clips(tmp_path / "a.bvh", fps=60.0)
     assert len(one) == 1 and one.motion(0).fps == 60.0
     poses = source.poses(generators(20))
-    np.testing.assert_allclose(poses.leg_m, 0.84, atol=1e-6)
+    np.testing.assert_allclose(poses.leg_m, LEG_M, atol=1e-5)
     np.testing.assert_allclose(poses.root_m[:, 1], 0.92, atol=0.12)
     np.testing.assert_allclose(poses.quats, np.broadcast_to([1, 0, 0, 0], poses.quats.shape), atol=1e-6)
 
@@ -222,7 +199,7 @@ def test_splits_of_the_choreography_share_no_dance():
 
 def test_a_folder_of_bvh_files_is_split_by_file(tmp_path):
     for k in range(9):
-        write_bvh(tmp_path / f"{k}.bvh", frames=3)
+        write_bvh(tmp_path / f"{k}.bvh", STILL)
     used = {split: [clips(tmp_path, split).motion(i).name for i in range(len(clips(tmp_path, split)))] for split in SPLITS}
     assert used["validation"] == ["bvh:6"] and used["test"] == ["bvh:7"]
     assert sorted(used["train"]) == [f"bvh:{k}" for k in (0, 1, 2, 3, 4, 5, 8)]

@@ -43,17 +43,6 @@ def test_resampling_keeps_the_pose_at_every_time():
     assert resampled(motion, 30.0) is motion
 
 
-def test_easing_starts_or_ends_at_rest_without_a_higher_speed():
-    motion = turning(3.0, FPS)
-    speed = speeds(motion)[0]
-    for at_start, at_end in ((True, False), (False, True), (True, True)):
-        found = eased(motion, at_start=at_start, at_end=at_end)
-        assert (speeds(found)[0] < 0.1 * speed) == at_start and (speeds(found)[-1] < 0.1 * speed) == at_end
-        assert speeds(found).max() < 1.01 * speed
-        np.testing.assert_allclose(points(found)[[0, -1]], points(motion)[[0, -1]], atol=5e-3)
-        assert len(found) == pytest.approx(len(motion) + 0.2 * FPS * (at_start + at_end), abs=1)
-
-
 @settings(max_examples=12, deadline=None)
 @given(one=st.integers(0, 500), other=st.integers(0, 500), start=st.integers(0, 100), stop=st.integers(120, 200))
 def test_one_motion_follows_another_continuously(one, other, start, stop):

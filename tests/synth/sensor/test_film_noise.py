@@ -67,13 +67,6 @@ def test_still_pixels_of_a_kinect_v1_change_as_in_real_recordings():
     assert np.diff(pictures, axis=0).var() > 3 * changes.var()
 
 
-def test_the_flickering_share_of_the_variance_is_the_configured_one():
-    frames = np.stack([shoot(wall(), dataclasses.replace(GRAIN, grain_flicker=0.3), t) for t in range(12)]) - 2.8
-    assert frames.var(axis=0).mean() / frames.var() == pytest.approx(0.3 * 11 / 12, rel=0.12)
-    frozen = dataclasses.replace(GRAIN, grain_flicker=0.0)
-    assert np.array_equal(shoot(wall(), frozen, 0), shoot(wall(), frozen, 9))
-
-
 def test_white_disparity_noise_keeps_its_variance_and_draws_only_its_share_anew():
     config = only(baseline_m=0.075, disparity_noise_px=0.02, disparity_flicker=0.25, grain_disparity_px=0.25)
     frames = np.stack([1 / shoot(wall(), config, t) for t in range(12)])
