@@ -19,14 +19,16 @@ def pictures(count=6):
 
 
 def test_joints_are_drawn_where_the_camera_sees_them_and_missing_ones_are_not():
-    joints_m = draw_joints(np.random.default_rng(0))
-    depth_m = draw_depth(joints_m)
+    depth_m, joints_m = draw_depth(draw_joints(np.random.default_rng(0))), np.full((15, 3), np.nan)
+    nobody = overlay_image(depth_m, CAMERA, [], 640)
+    assert nobody.shape == (480, 640, 3)
+    np.testing.assert_array_equal(nobody, overlay_image(depth_m, CAMERA, [joints_m], 640))
+    joints_m[Joint.RIGHT_KNEE] = 0.1, 0.2, 2.0
     image = overlay_image(depth_m, CAMERA, [joints_m], 640)
-    assert image.shape == (480, 640, 3)
+    rows, columns = np.nonzero((image == ESTIMATED.right).all(axis=2))
     u, v, _ = CAMERA.project(joints_m[Joint.RIGHT_KNEE])
-    assert tuple(image[round((v + 0.5) * 4 - 0.5), round((u + 0.5) * 4 - 0.5)]) == ESTIMATED.right
-    nobody = overlay_image(depth_m, CAMERA, [np.full((15, 3), np.nan)], 640)
-    np.testing.assert_array_equal(nobody, overlay_image(depth_m, CAMERA, [], 640))
+    # Pixel centres lie at whole coordinates, in the image as in the drawing, which is four times as large.
+    assert (columns.mean(), rows.mean()) == pytest.approx((4 * (u + 0.5) - 0.5, 4 * (v + 0.5) - 0.5), abs=0.5)
     assert overlay_image(depth_m[:99, :71], CAMERA.cropped(0, 0, 71, 99), [], 60).shape == (100, 72, 3)
 
 
