@@ -28,6 +28,7 @@ from kpopnet.evaluation.document import printable, writable
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
+from kpopnet.runtime.untrusted import read_in_child
 from kpopnet.skeleton import Joint
 
 
@@ -48,7 +49,7 @@ def read_observed(path: Path, fps: float | None, correction: str, scorer: str) -
     Raises:
         InputError: as `read_performance`, or a joint is missing throughout.
     """
-    performance = corrected(read_performance(path, fps), correction)
+    performance = corrected(read_in_child(read_performance, path, fps), correction)
     if SCORERS[scorer].feature == "raptis" and Joint.NECK in performance.unseen_joints:
         raise InputError(f"{path}: neck missing in every frame; scorer {scorer} needs it, dance22 does not")
     return performance

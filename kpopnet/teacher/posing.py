@@ -7,7 +7,7 @@ fifteen joints do not show (the twist of a limb, hands, feet) stays as at rest.
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kpopnet.dance.joint_files.joint_sets import CAMERA_HEIGHT_M
+from kpopnet.dance.joint_files.points import CAMERA_HEIGHT_M
 from kpopnet.rotations import conjugate, multiply
 from kpopnet.skeleton import Joint
 from kpopnet.teacher.library import TeacherBody

@@ -19,7 +19,7 @@ import numpy as np
 from numba import njit
 
 from kpopnet.camera import CAMERAS
-from kpopnet.dance.joint_files.joint_sets import CAMERA_DISTANCE_M, CAMERA_HEIGHT_M
+from kpopnet.dance.joint_files.points import CAMERA_DISTANCE_M, CAMERA_HEIGHT_M
 from kpopnet.datasets.dances.writer import PackedDepth
 from kpopnet.errors import InputError, check_range
 from synth.body.shape import BodyConfig, Person, draw_person, draw_unseen_person

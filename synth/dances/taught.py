@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kpopnet.camera import CAMERAS
-from kpopnet.dance.joint_files.joint_sets import CAMERA_DISTANCE_M, CAMERA_HEIGHT_M
+from kpopnet.dance.joint_files.points import CAMERA_DISTANCE_M, CAMERA_HEIGHT_M
 from synth.body.asset import load_body
 from synth.body.shape import BodyConfig, Person, draw_person, load_skin
 from synth.motion.choreography.composer import dance, tempo_bpm

@@ -11,7 +11,7 @@ from depth_files import depth_mm, write_npz, write_pngs, write_video
 from recorded_points import FRAMES, coco
 from y_people import y_joints
 
-from kpopnet.dance.joint_files.named_points import COCO_NAMES
+from kpopnet.dance.joint_files.points import COCO_NAMES
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.sources import open_depth
 from kpopnet.sources.camera_files import read_camera

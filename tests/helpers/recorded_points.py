@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from kpopnet.dance.joint_files.joint_sets import IMPERIAL, IMPERIAL_POINTS
-from kpopnet.dance.joint_files.named_points import COCO_NAMES
+from kpopnet.dance.joint_files.points import COCO_NAMES, IMPERIAL_NAMES
 
 FRAMES = 50
 
@@ -49,9 +48,7 @@ def coco(**options) -> np.ndarray:
 def imperial(**options) -> np.ndarray:
     """(T, 21, 3) points of `person` in ImperialDance's order."""
     positions = person(**options)
-    points = np.zeros((FRAMES, len(IMPERIAL_POINTS), 3))
-    points[:, IMPERIAL_POINTS.index("Head")] = positions["HEAD"]
-    points[:, IMPERIAL_POINTS.index("Neck")] = positions["NECK"]
-    for name, number in IMPERIAL.items():
-        points[:, number] = positions[name]
+    points = np.zeros((FRAMES, len(IMPERIAL_NAMES), 3))
+    for name, at in positions.items():
+        points[:, IMPERIAL_NAMES.index(name.lower())] = at
     return points

@@ -18,13 +18,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kpopnet.dance.joint_files.bvh import BvhFile, read_bvh
+from kpopnet.dance.joint_files.points import NamedPoints
 from kpopnet.errors import InputError
 from kpopnet.rotations import conjugate, multiply, rotate
 
 log = logging.getLogger(__name__)
 
-# Names of the joints of one side in common naming conventions: clavicle, upper arm, forearm, hand, thigh, shin, foot, toes.
-# Compared without case, separators and namespace; {} is left or right, or its first letter.
 _LIMB_NAMES = (
     "{}shoulder {}arm {}forearm {}hand {}upleg {}leg {}foot {}toebase",  # MotionBuilder, CMU (cgspeed), Mixamo
     "{}shoulder {}arm {}forearm {}hand {}upleg {}leg {}foot {}toe",  # LAFAN
@@ -36,19 +35,18 @@ _LIMB_NAMES = (
     "{}shoulder {}upperarm {}lowerarm {}hand {}upperleg {}lowerleg {}foot {}toes",  # Unity, VRM
     "shoulder{} upperarm{} forearm{} hand{} thigh{} shin{} foot{} toe{}",  # Rigify
 )
+"""Names of the joints of one side: clavicle, upper arm, forearm, hand, thigh, shin, foot, toes. They are compared without case,
+separators and namespace; {} is left or right, or its first letter."""
+
 _LIMB = ("Shoulder", "Arm", "ForeArm", "Hand", "UpLeg", "Leg", "Foot", "ToeBase")
 _OPTIONAL = ("Shoulder", "ToeBase")
 _HIPS = ("hips", "hip", "pelvis", "root")
 
-# Metres per unit for the units that occur in files. The leg lengths of adults in these units do not overlap.
-_UNITS_M = {
-    "metres": 1.0,
-    "inches": 0.0254,
-    "centimetres": 0.01,
-    "millimetres": 0.001,
-    "CMU's 5.64 cm": 0.0254 / 0.45,
-}
+_UNITS_M = {"metres": 1.0, "inches": 0.0254, "centimetres": 0.01, "millimetres": 0.001, "CMU's 5.64 cm": 0.0254 / 0.45}
+"""Metres per unit for the units that occur in files. The leg lengths of adults in these units do not overlap."""
+
 _MIN_LEG_M, _MAX_LEG_M, _MEAN_LEG_M = 0.6, 1.15, 0.8529
+"""Lengths of the legs of adults; the mean is that of synth's."""
 
 
 @dataclass(frozen=True)
@@ -81,13 +79,8 @@ class BvhMotion:
 def read_bvh_motion(path: Path, fps: float | None = None) -> BvhMotion:
     """Reads a BVH file, finds its joints, its unit and its axes.
 
-    Joints are found by name (MotionBuilder and CMU, Mixamo, LAFAN, SMPL, Poser, Biped, Unreal, Unity, Rigify), the spine
-    and the neck by the chain between hips, arms and head.
-
-    Args:
-        path: the file.
-        fps: frames per second of a file that states a wrong rate; None trusts the file (except for CMU's subjects 60 and
-            61).
+    Joints are found by name, the spine and the neck by the chain between hips, arms and head. `fps` is the true frame rate of a
+    file that states a wrong one.
 
     Raises:
         InputError: the file is malformed, or a required joint is not found.
@@ -114,11 +107,31 @@ def read_bvh_motion(path: Path, fps: float | None = None) -> BvhMotion:
         rotated, root = rotated[1:], root[1:]
     leg = sum(np.linalg.norm(rest[found[f"Left{b}"]] - rest[found[f"Left{a}"]]) for a, b in (("UpLeg", "Leg"), ("Leg", "Foot")))
     metres = _unit(float(leg), path)
-    rate = fps if fps is not None else _frame_rate(bvh.fps, path)
+    if fps is None and re.match(r"^6[01]_\d+", path.stem) and bvh.fps > 100:
+        log.info("%s states %.0f frames a second but CMU recorded subjects 60 and 61 at 60: read as 60", path.name, bvh.fps)
+        fps = 60.0
+    rate = bvh.fps if fps is None else fps
     if not 1 <= rate <= 1000:
         raise InputError(f"{path}: states {rate:g} frames a second; give the true rate, fps, 1 to 1000")
     root_m = rotate(to_canonical, root) * metres
     return BvhMotion(found, bvh.parents, rest, rotated, root_m, t_pose, rate, float(leg) * metres, metres)
+
+
+_POINTS = {
+    **{f"{side}{point}": f"{side}{joint}" for side in ("Left", "Right") for point, joint in (
+        ("Shoulder", "Arm"), ("Elbow", "ForeArm"), ("Wrist", "Hand"), ("Hip", "UpLeg"), ("Knee", "Leg"), ("Ankle", "Foot"),
+        ("Foot", "ToeBase"),
+    )},
+    "Head": "Head", "Neck": "Neck",
+}  # fmt: skip
+"""Our names of points to MotionBuilder's names of the joints that lie there. A clavicle, "Shoulder", begins at the neck."""
+
+
+def bvh_points(motion: BvhMotion) -> NamedPoints:
+    """The joints of a recorded skeleton by the names of points, metres, y up."""
+    names = [name for name, joint in _POINTS.items() if joint in motion.found]
+    columns = [motion.found[_POINTS[name]] for name in names]
+    return NamedPoints(names, bvh_points_m(motion)[:, columns], fps=motion.fps)
 
 
 def bvh_points_m(motion: BvhMotion) -> np.ndarray:
@@ -131,14 +144,6 @@ def bvh_points_m(motion: BvhMotion) -> np.ndarray:
             offset_m = motion.metres * (motion.rest[joint] - motion.rest[parent])
             points_m[:, joint] = points_m[:, parent] + rotate(motion.rotated[:, parent], offset_m)
     return points_m
-
-
-def _frame_rate(stated: float, path: Path) -> float:
-    """The true frame rate. CMU's table lists subjects 60 and 61 at 60 frames per second; cgspeed's files state 120."""
-    if re.match(r"^6[01]_\d+", path.stem) and stated > 100:
-        log.info("%s states %.0f frames a second but CMU recorded subjects 60 and 61 at 60: read as 60", path.name, stated)
-        return 60.0
-    return stated
 
 
 def _unit(leg: float, path: Path) -> float:
@@ -159,11 +164,7 @@ def _plain(name: str) -> str:
 
 
 def _find_joints(bvh: BvhFile, path: Path) -> dict[str, int]:
-    """Index in the file of each canonical joint, by canonical name.
-
-    Raises:
-        InputError: a required joint is not found.
-    """
+    """Index in the file of each canonical joint, by canonical name."""
     by_name: dict[str, int] = {}
     for i, name in enumerate(bvh.names):
         by_name.setdefault(_plain(name), i)

@@ -1,23 +1,63 @@
-"""Reads a recording of joints from a file of any of the known formats."""
+"""Reads a recording of joints from a file of any of the known formats: a reader for each kind of file."""
 
+import csv
+import io
+import re
+from collections import Counter
 from pathlib import Path
+from typing import Any
 
-from kpopnet.dance.joint_files.arrays import read_npz_performance
-from kpopnet.dance.joint_files.bvh_motion import BvhMotion, bvh_points_m, read_bvh_motion
-from kpopnet.dance.joint_files.keypoints import read_json_points
-from kpopnet.dance.joint_files.named_points import NamedPoints, named_performance
-from kpopnet.dance.joint_files.table import read_csv_points
+import numpy as np
+
+from kpopnet.dance.joint_files.bvh_motion import bvh_points, read_bvh_motion
+from kpopnet.dance.joint_files.points import (
+    COCO_NAMES,
+    NamedPoints,
+    checked_performance,
+    frame_times_s,
+    named_performance,
+    unit_m,
+)
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
+from kpopnet.runtime.input_files import (
+    ArraySchema,
+    check_array,
+    check_budget,
+    check_fields,
+    expect,
+    names_in,
+    read_json,
+    read_npz,
+    read_text,
+)
+from kpopnet.skeleton import NUM_JOINTS
 
 SUFFIXES = (".npz", ".bvh", ".csv", ".json")
+
+NPZ_SCHEMA = {
+    "joints_m": ArraySchema("fiu", ("frames", NUM_JOINTS, 3), False),
+    "keypoints3d_optim": ArraySchema("fiu", ("frames", len(COCO_NAMES), 3), False),
+    "keypoints3d": ArraySchema("fiu", ("frames", len(COCO_NAMES), 3), False),
+    "points": ArraySchema("fiu", ("frames", "points", 3), False),
+    "names": ArraySchema("U", ("points",), False),
+    "times_s": ArraySchema("fiu", ("frames",), False),
+    "confidence": ArraySchema("fiu", ("frames", None), False),
+    "fps": ArraySchema("fiu", (), False),
+}
+"""joints_m in metres in the camera frame, or keypoints3d in COCO's order, or points and their names; then times_s or fps, and
+the confidence of each joint or point."""
+
+TIME = "time_s"
+_COLUMN = re.compile(r"(.+?)[ _.:-]?(x|y|z|confidence)", re.IGNORECASE)
 
 
 def read_performance(path: Path | str, fps: float | None = None) -> Performance:
     """Reads a recording of joints; the ending of the file's name tells the format (docs/dance_scoring.md).
 
     Joints of .npz files of our own stay in their camera frame. Those of all other files are turned so that the dancer faces a
-    level camera on average over the first twentieth of the frames.
+    level camera on average over the first twentieth of the frames. A stranger's file is read by
+    `kpopnet.runtime.untrusted.read_in_child(read_performance, path, fps)`.
 
     Args:
         path: an .npz, .bvh, .csv or .json file.
@@ -29,14 +69,13 @@ def read_performance(path: Path | str, fps: float | None = None) -> Performance:
     path = Path(path)
     match path.suffix.lower():
         case ".npz":
-            return read_npz_performance(path, fps)
+            return _read_npz(path, fps)
         case ".bvh":
-            motion = read_bvh_motion(path, fps)
-            return named_performance(bvh_points(motion), str(path), fps)
+            recorded = bvh_points(read_bvh_motion(path, fps))
         case ".csv":
-            return named_performance(read_csv_points(path), str(path), fps)
+            recorded = _read_csv(path)
         case ".json":
-            return named_performance(read_json_points(path), str(path), fps)
+            recorded = _read_json(path)
         case ".pkl" | ".pickle":
             raise InputError(
                 f"{path}: a pickle can run code when it is opened, so it is not opened; if you trust it, save its arrays with "
@@ -44,21 +83,141 @@ def read_performance(path: Path | str, fps: float | None = None) -> Performance:
             )
         case _:
             raise InputError(f"{path}: expected a file that ends with {', '.join(SUFFIXES)}")
+    return named_performance(recorded, str(path), fps)
 
 
-_BVH_POINTS = {
-    **{f"{side}{point}": f"{side}{joint}" for side in ("Left", "Right") for point, joint in (
-        ("Shoulder", "Arm"), ("Elbow", "ForeArm"), ("Wrist", "Hand"), ("Hip", "UpLeg"), ("Knee", "Leg"), ("Ankle", "Foot"),
-        ("Foot", "ToeBase"),
-    )},
-    "Head": "Head", "Neck": "Neck",
-}  # fmt: skip
-"""Our names of points to MotionBuilder's names of the joints that lie there. A clavicle, "Shoulder", begins at the neck."""
+def _read_npz(path: Path, fps: float | None) -> Performance:
+    found, source = read_npz(path, NPZ_SCHEMA), str(path)
+    times_s, confidence = found.get("times_s"), found.get("confidence")
+    stated_fps = float(found["fps"]) if "fps" in found else None
+    if "joints_m" in found:
+        joints_m = found["joints_m"].astype(np.float64)
+        if (unit := unit_m(joints_m, source)) != 1:
+            raise InputError(f"{source}: joints_m is in units of {unit:g} m; expected metres")
+        times_s = frame_times_s(len(joints_m), times_s, stated_fps, fps, source)
+        return checked_performance(joints_m, times_s, confidence, source)
+    name = next((name for name in ("keypoints3d_optim", "keypoints3d", "points") if name in found), None)
+    if name is None:
+        raise InputError(f"{source}: expected an array joints_m, keypoints3d, or points with names")
+    expect(name != "points" or "names" in found, source, "an array names, of its points")
+    names, points = [str(one) for one in found["names"]] if name == "points" else COCO_NAMES, found[name]
+    if confidence is not None:
+        check_array(f"{source}: confidence", confidence.shape, confidence.dtype, ArraySchema("fiu", points.shape[:2]))
+    return named_performance(NamedPoints(names, points.astype(np.float64), times_s, confidence, stated_fps), source, fps)
 
 
-def bvh_points(motion: BvhMotion) -> NamedPoints:
-    """The joints of a recorded skeleton by the names of points, metres, y up."""
-    names = [name for name, joint in _BVH_POINTS.items() if joint in motion.found]
-    columns = [motion.found[_BVH_POINTS[name]] for name in names]
-    points_m = bvh_points_m(motion)[:, columns]
-    return NamedPoints(names, points_m, fps=motion.fps)
+def _read_csv(path: Path) -> NamedPoints:
+    """Columns NAME_x, NAME_y, NAME_z of each point, NAME_confidence and time_s if known; an empty cell is missing."""
+    text = read_text(path).removeprefix("\ufeff")  # which spreadsheets write
+    check_budget(path, 8 * text.count("\n") * (text.partition("\n")[0].count(",") + 1), "its numbers")
+    table = csv.reader(io.StringIO(text))
+    try:
+        header = [word.strip() for word in next(table, [])]
+        rows = [(table.line_num, row) for row in table if row]
+    except csv.Error as error:
+        raise InputError(f"{path}: not a CSV file ({error})") from error
+    columns: dict[str, dict[str, int]] = {}
+    for number, word in enumerate(header):
+        if match := _COLUMN.fullmatch(word):
+            columns.setdefault(match[1], {}).setdefault(match[2].lower(), number)
+    names = [name for name, axes in columns.items() if {"x", "y", "z"} <= axes.keys()]
+    expect(bool(names), f"{path}, line 1", f"columns NAME_x, NAME_y, NAME_z, found {names_in(header) or 'none'}")
+    expect(bool(rows), str(path), "a line of numbers below the header")
+
+    def values(column: int) -> list[float]:
+        return [_number(row[column], f"{path}, line {line}") for line, row in rows]
+
+    for line, row in rows:
+        expect(len(row) == len(header), f"{path}, line {line}", f"{len(header)} cells as in the header, found {len(row)}")
+    points = np.array([[values(columns[name][axis]) for axis in "xyz"] for name in names]).transpose(2, 0, 1)
+    confidence = np.ones(points.shape[:2])
+    for number, name in enumerate(names):
+        if (column := columns[name].get("confidence")) is not None:
+            confidence[:, number] = np.nan_to_num(values(column))
+    return NamedPoints(names, points, np.array(values(header.index(TIME))) if TIME in header else None, confidence)
+
+
+def _number(cell: str, where: str) -> float:
+    """The number in a cell; NaN for an empty one."""
+    try:
+        return float(cell) if cell.strip() else np.nan
+    except ValueError:
+        raise InputError(f"{where}: expected a number, found {cell[:40]!r}") from None
+
+
+def _read_json(path: Path) -> NamedPoints:
+    """One of three kinds of JSON.
+
+    - {"keypoints3d": [[[x, y, z], 17 times], ...], "fps": 60}: COCO's order; keypoints3d_optim is preferred.
+    - {"fps": 30, "frames": [{"joints": {"WristLeft": [x, y, z], ...}}, ...]}: names of COCO, of a Kinect or our own; a fourth
+      number is the confidence, null or a name left out a missing point. Frames may state time_s instead of fps.
+    - {"joint_names": [...], "frames": [{"timestamp_usec": 0, "bodies": [{"body_id": 1, "joint_positions": [...]}]}]}: of Azure
+      Kinect's offline processor. Of several bodies the one that is seen most is read. Times count from the first frame.
+    """
+    content, where = read_json(path, non_finite=True), str(path)
+    expect(isinstance(content, dict), where, "an object with keypoints3d or frames")
+    check_fields(where, content, {"fps": float}, ["fps"])
+    fps = float(content["fps"]) if "fps" in content else None
+    if (keypoints := content.get("keypoints3d_optim", content.get("keypoints3d"))) is not None:
+        expect(isinstance(keypoints, list) and len(keypoints) > 0, where, "keypoints3d, a list of frames")
+        count = len(COCO_NAMES)
+        points = [_points(frame, count, f"{where}: keypoints3d, frame {number}") for number, frame in enumerate(keypoints)]
+        return NamedPoints(COCO_NAMES, np.array(points), fps=fps)
+    check_fields(where, content, {"frames": list[dict], "joint_names": list[str]}, ["joint_names"])
+    expect(len(content["frames"]) > 0, where, "frames, found none")
+    if "joint_names" in content:
+        return _azure_points(content["joint_names"], content["frames"], where)
+    return _joint_points(content["frames"], fps, where)
+
+
+def _points(value: Any, count: int, where: str) -> list[list[float]]:
+    """A list of `count` points of three numbers or nulls."""
+    expect(isinstance(value, list) and len(value) == count, where, f"a list of {count} points")
+    return [_numbers(point, (3,), where) for point in value]
+
+
+def _numbers(value: Any, lengths: tuple[int, ...], where: str) -> list[float]:
+    """A list of numbers or nulls, which are NaN, of one of some lengths."""
+    fits = isinstance(value, list) and len(value) in lengths and all(one is None or type(one) in (int, float) for one in value)
+    expect(fits, where, f"{lengths[0]} numbers in each point")
+    return [np.nan if one is None else float(one) for one in value]
+
+
+def _joint_points(frames: list[dict], fps: float | None, where: str) -> NamedPoints:
+    """A recording of frames with "joints" by name."""
+    for number, frame in enumerate(frames):
+        check_fields(f"{where}: frame {number}", frame, {"joints": dict, TIME: float}, [TIME])
+    names = list(dict.fromkeys(name for frame in frames for name in frame["joints"]))
+    check_budget(where, 32 * len(frames) * len(names), f"{len(frames)} frames of {len(names)} joints")
+    values = np.full((len(frames), len(names), 4), np.nan)
+    values[..., 3] = 1.0
+    places = {name: number for number, name in enumerate(names)}
+    for number, frame in enumerate(frames):
+        for name, point in frame["joints"].items():
+            if point is not None:
+                given = _numbers(point, (3, 4), f"{where}: frame {number}, {name[:40]}")
+                values[number, places[name], : len(given)] = given
+    timed = [TIME in frame for frame in frames]
+    expect(all(timed) or not any(timed), where, "time_s in all frames or in none")
+    times_s = np.array([frame[TIME] for frame in frames], float) if all(timed) else None
+    return NamedPoints(names, values[..., :3], times_s, np.nan_to_num(values[..., 3]), fps)
+
+
+def _azure_points(names: list[str], frames: list[dict], where: str) -> NamedPoints:
+    """The recording of the body that is seen most."""
+    seen: Counter[int] = Counter()
+    for number, frame in enumerate(frames):
+        check_fields(f"{where}: frame {number}", frame, {"bodies": list[dict], "timestamp_usec": int})
+        for body in frame["bodies"]:
+            check_fields(f"{where}: frame {number}", body, {"body_id": int, "joint_positions": list})
+            seen[body["body_id"]] += 1
+    expect(bool(seen), where, "a body in some frame, found none")
+    chosen = seen.most_common(1)[0][0]
+    check_budget(where, 24 * len(frames) * len(names), f"{len(frames)} frames of {len(names)} joints")
+    points = np.full((len(frames), len(names), 3), np.nan)
+    for number, frame in enumerate(frames):
+        for body in frame["bodies"]:
+            if body["body_id"] == chosen:
+                points[number] = _points(body["joint_positions"], len(names), f"{where}: frame {number}, joint_positions")
+    start = frames[0]["timestamp_usec"]
+    return NamedPoints(names, points, np.array([(frame["timestamp_usec"] - start) / 1e6 for frame in frames]))

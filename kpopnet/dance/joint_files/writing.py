@@ -1,21 +1,37 @@
-"""Writes recorded joints to files that `kpopnet.dance.joint_files.reader` and other programs read."""
+"""Writes recorded joints to files that `kpopnet.dance.joint_files.reader` and other programs read.
+
+A BVH file gets a skeleton of constant bones in MotionBuilder's names. Directions of limbs and trunk are those of the joints;
+lengths of bones are their medians over the recording. How a limb turns about its own axis is not known: each bone is turned as
+little as possible from its parent. BVH knows no missing joints: one that is missing is interpolated in time.
+"""
 
 import csv
 import io
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from kpopnet.dance.joint_files.bvh_writing import as_bvh
+from kpopnet.dance.joint_files.bvh import BvhFile, bvh_text
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
+from kpopnet.rotations import conjugate, multiply, rotate
 from kpopnet.runtime.atomic_write import atomic_path
-from kpopnet.skeleton import JOINT_NAMES
+from kpopnet.skeleton import JOINT_NAMES, Joint
 
 SUFFIXES = (".npz", ".json", ".csv", ".bvh")
 DIGITS, CONFIDENCE_DIGITS = 4, 3
 """Decimals of metres and of confidence in files of text: a tenth of a millimetre, a thousandth."""
+
+CM_PER_METRE = 100.0
+LEFT, UP, DOWN = np.array([1.0, 0, 0]), np.array([0, 1.0, 0]), np.array([0, -1.0, 0])
+"""Directions in the axes of BVH files: x to the left of a person who faces z, y up."""
+
+HAND_CM, TOE_CM, CROWN_CM = 8.0, 8.0, 12.0
+"""Lengths of the bones beyond the last joints, which only draw hands, feet and head."""
 
 
 def write_performance(path: Path | str, performance: Performance) -> None:
@@ -32,19 +48,12 @@ def write_performance(path: Path | str, performance: Performance) -> None:
         OSError: the file cannot be written.
     """
     path = Path(path)
-    match path.suffix.lower():
-        case ".npz":
-            content = _npz(performance)
-        case ".json":
-            content = _json(performance).encode()
-        case ".csv":
-            content = _csv(performance).encode()
-        case ".bvh":
-            content = as_bvh(performance).encode()
-        case _:
-            raise InputError(f"{path}: expected a name that ends with {', '.join(SUFFIXES)}")
+    writers = dict(zip(SUFFIXES, (_npz, _json, _csv, _bvh), strict=True))
+    if (writer := writers.get(path.suffix.lower())) is None:
+        raise InputError(f"{path}: expected a name that ends with {', '.join(SUFFIXES)}")
+    content = writer(performance)
     with atomic_path(path) as part:
-        part.write_bytes(content)
+        part.write_bytes(content if isinstance(content, bytes) else content.encode())
 
 
 def _npz(performance: Performance) -> bytes:
@@ -88,3 +97,121 @@ def _rounded(performance: Performance) -> tuple[list, list, list]:
         np.round(performance.joints_m, DIGITS).tolist(),
         np.round(confidence, CONFIDENCE_DIGITS).tolist(),
     )
+
+
+def _bvh(performance: Performance) -> str:
+    """Centimetres, y up, the camera's side in front, at the median frame rate: BVH knows one interval only.
+
+    Raises:
+        InputError: a joint of trunk or limbs is missing throughout, or hips or shoulders lie in one point.
+    """
+    points_cm = _filled(performance) * [1, -1, -1] * CM_PER_METRE
+    bones, root_cm = _skeleton({joint.name.lower(): points_cm[:, joint] for joint in Joint})
+    names = list(bones)
+    parents = [names.index(bone.parent) if bone.parent else -1 for bone in bones.values()]
+    worlds = np.stack([bone.world for bone in bones.values()], axis=1)
+    local = np.concatenate([worlds[:, :1], multiply(conjugate(worlds[:, parents[1:]]), worlds[:, 1:])], axis=1)
+    times_s = performance.times_s
+    interval_s = float(np.median(np.diff(times_s))) if len(times_s) > 1 else 1 / 30
+    even_s = times_s[0] + interval_s * np.arange(round((times_s[-1] - times_s[0]) / interval_s) + 1)
+    nearest = np.rint(np.interp(even_s, times_s, np.arange(len(times_s)))).astype(int)
+    offsets_cm, ends_cm = (
+        np.array(column) for column in zip(*((one.offset_cm, one.end_cm) for one in bones.values()), strict=True)
+    )
+    return bvh_text(BvhFile(names, parents, offsets_cm, local[nearest], root_cm[nearest], 1 / interval_s), ends_cm)
+
+
+def _filled(performance: Performance) -> np.ndarray:
+    """(T, 15, 3) joints in metres, those that are missing interpolated in time."""
+    filled = performance.joints_m.copy()
+    for joint in Joint:
+        seen = performance.confidence[:, joint] > 0
+        if not seen.any():
+            raise InputError(f"{joint.name.lower()} is missing in every frame; BVH, unlike the other formats, needs it in some")
+        for axis in range(3):
+            filled[:, joint, axis] = np.interp(performance.times_s, performance.times_s[seen], filled[seen, joint, axis])
+    return filled
+
+
+class _Bone(NamedTuple):
+    """A joint of the BVH file and the bone that begins at it.
+
+    Attributes:
+        parent: name of the joint before, empty for the root.
+        offset_cm: (3,) place in the parent's axes.
+        world: (T, 4) rotations from the rest pose.
+        end_cm: (3,) where the bone ends if no joint follows, in the joint's axes.
+    """
+
+    parent: str
+    offset_cm: np.ndarray
+    world: np.ndarray
+    end_cm: np.ndarray = CROWN_CM * UP
+
+
+def _skeleton(at: Mapping[str, np.ndarray]) -> tuple[dict[str, _Bone], np.ndarray]:
+    """The bones by name, parents before children, and (T, 3) places of the root, of (T, 3) points in centimetres by joint."""
+    hips, chest = (at["left_hip"] + at["right_hip"]) / 2, (at["left_shoulder"] + at["right_shoulder"]) / 2
+    pelvis = _facing(at["left_hip"] - at["right_hip"], chest - hips)
+    thorax = _facing(at["left_shoulder"] - at["right_shoulder"], chest - hips)
+    # The neck's place in the thorax is constant, so that the head's direction from it is exact and its place nearly so.
+    neck_cm = np.median(rotate(conjugate(thorax), at["neck"] - chest), axis=0)
+    neck_at = chest + rotate(thorax, neck_cm)
+    neck = _turned(thorax, UP, at["head"] - neck_at)
+    bones = {
+        "Hips": _Bone("", np.zeros(3), pelvis),
+        "Spine": _Bone("Hips", np.zeros(3), _turned(pelvis, UP, chest - hips)),
+        "Spine1": _Bone("Spine", UP * _length(chest - hips), thorax),
+        "Neck": _Bone("Spine1", neck_cm, neck),
+        "Head": _Bone("Neck", UP * _length(at["head"] - neck_at), neck),
+    }
+    limbs = (
+        (("shoulder", "elbow", "hand"), ("Arm", "ForeArm", "Hand"), "Spine1", thorax, HAND_CM),
+        (("hip", "knee", "foot"), ("UpLeg", "Leg", "Foot"), "Hips", pelvis, TOE_CM),
+    )
+    for side, sign in (("Left", 1.0), ("Right", -1.0)):
+        for joints, names, parent, base, end_cm in limbs:
+            first, second, third = (at[f"{side.lower()}_{joint}"] for joint in joints)
+            half_cm = _length(at[f"left_{joints[0]}"] - at[f"right_{joints[0]}"]) / 2
+            rest = sign * LEFT if parent == "Spine1" else DOWN  # direction of the limb in the rest pose
+            upper = _turned(base, rest, second - first)
+            lower = _turned(upper, rest, third - second)
+            bones[side + names[0]] = _Bone(parent, sign * half_cm * LEFT, upper)
+            bones[side + names[1]] = _Bone(side + names[0], rest * _length(second - first), lower)
+            bones[side + names[2]] = _Bone(side + names[1], rest * _length(third - second), lower, end_cm * rest)
+    return bones, hips
+
+
+def _length(vectors: np.ndarray) -> float:
+    return float(np.median(np.linalg.norm(vectors, axis=-1)))
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    """Unit vectors; where one is (nearly) zero, the last that is not."""
+    lengths = np.linalg.norm(vectors, axis=-1)
+    good = lengths > 1e-6
+    if not good.any():
+        raise InputError("hips or shoulders, or two joints of a limb, lie in one point in every frame: no skeleton for BVH")
+    last = np.maximum.accumulate(np.where(good, np.arange(len(good)), -1))
+    last = np.where(last < 0, np.argmax(good), last)
+    return vectors[last] / lengths[last, None]
+
+
+def _facing(left: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """(T, 4) rotations whose x axis points to the left exactly, and whose y axis is as near to `up` as that allows."""
+    x = _unit(left)
+    z = _unit(np.cross(x, up))
+    axes = np.stack([x, np.cross(z, x), z], axis=-1)
+    return Rotation.from_matrix(axes).as_quat(scalar_first=True)
+
+
+def _turned(base: np.ndarray, rest: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """(T, 4) world rotations that take `rest` to a direction, turned as little as possible from those of the parent."""
+    start, end = rotate(base, np.broadcast_to(rest, direction.shape)), _unit(direction)
+    cosine = np.einsum("ti,ti->t", start, end)
+    swing = np.concatenate([1 + cosine[:, None], np.cross(start, end)], axis=1)
+    opposite = cosine < -1 + 1e-9
+    if opposite.any():  # half a turn about any axis across the limb
+        across = np.cross(start[opposite], np.where(np.abs(start[opposite, :1]) < 0.9, LEFT, UP))
+        swing[opposite] = np.concatenate([np.zeros((len(across), 1)), across], axis=1)
+    return multiply(swing / np.linalg.norm(swing, axis=1, keepdims=True), base)

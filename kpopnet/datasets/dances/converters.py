@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kpopnet.dance.joint_files.joint_sets import IMPERIAL_POINTS, imperial_joints_m
+from kpopnet.dance.joint_files.points import IMPERIAL_NAMES, imperial_joints_m
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.dance.performance import Performance
 from kpopnet.datasets.dances.writer import write_labels, write_learner, write_teacher
@@ -27,7 +27,7 @@ def read_imperial(path: Path) -> np.ndarray:
         InputError: The file is not such an array.
     """
     try:
-        data = open_npy(path, ArraySchema("fiu", (None, 3, None, len(IMPERIAL_POINTS))))
+        data = open_npy(path, ArraySchema("fiu", (None, 3, None, len(IMPERIAL_NAMES))))
         check_budget(path, 8 * data[0].size, "the float64 points of a take")
     except InputError as error:
         raise InputError(f"{path}: not a plain numpy array; expected (takes, 3, frames, 21) ({error})") from error

@@ -9,7 +9,7 @@ import pytest
 from damaged_files import survives_damage
 
 from kpopnet.camera import Camera
-from kpopnet.dance.joint_files.joint_sets import imperial_joints_m
+from kpopnet.dance.joint_files.points import imperial_joints_m
 from kpopnet.dance.performance import Performance
 from kpopnet.datasets.dances.converters import read_imperial
 from kpopnet.datasets.dances.dance_set import MARGIN_PX, KpopConfig, KpopSet, open_set, read_labels

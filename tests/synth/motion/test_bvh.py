@@ -178,50 +178,35 @@ def test_a_missing_joint_is_reported_with_the_file_and_the_joints_found(tmp_path
 
 
 @pytest.mark.parametrize(
-    ("corrupt", "message"),
-    [
-        (lambda lines: ["hello", *lines], r"line 1: expected .HIERARCHY"),
-        (lambda lines: lines[:40], r"ends after line 40"),
-        (lambda lines: [*lines[:-1], lines[-1] + " 3"], r"line \d+: expected 72 numbers .*, not 73"),
-        (lambda lines: [line.replace("Xrotation", "Wrotation") for line in lines], r"line 5: expected .CHANNELS"),
-        (lambda lines: [lines[0], lines[1], lines[2], "OFFSET 1 2", *lines[4:]], r"line 4: expected 3 numbers"),
-        (lambda lines: [], r"ends after line 0"),
-    ],
-)
-def test_malformed_files_are_rejected_with_the_line(tmp_path, corrupt, message):
-    path = write_bvh(tmp_path / "bad.bvh", DANCE)
-    path.write_text("\n".join(corrupt(path.read_text().splitlines())))
-    with pytest.raises(InputError, match=r"bad\.bvh.*" + message):
-        bvh_motion(path)
-
-
-@pytest.mark.parametrize(
     ("old", "new", "message"),
     [
+        ("HIERARCHY", "hello", r"line 1: expected .HIERARCHY"),
+        ("Xrotation", "Wrotation", r"line 5: expected .CHANNELS"),
+        ("CHANNELS 3", "CHANNELS 4", r"line \d+: expected .CHANNELS"),
+        ("OFFSET 0.000000", "OFFSET 1e308", "expected 3 numbers up to 1e"),
+        ("  OFFSET 0.000000 0.000000 0.000000\n", "", r"an OFFSET in joint Hips"),
+        ("JOINT LowerBack", "ROOT LowerBack", r"line \d+: expected .ROOT. \(one\)"),
+        ("Frames: 60", "Frames: 0", "Frames: <number>"),
+        ("Frames: 60", "Frames: 1000000000", "Frames: <number>"),
+        ("Frames: 60", "Frames: \u0666\u0660", "Frames: <number>"),
         ("Frames: 60", "Frames: 999999999", "frame 61 of 999999999 was expected; the file is truncated"),
-        ("Frames: 60", "Frames: " + "9" * 5000, '"Frames: <number>"'),
-        ("Frame Time: 0.0333", "Frame Time: nan", "finite numbers"),
+        ("Frame Time: 0.0333", "Frame Time: nan", "1 numbers up to 1e"),
+        ("Frame Time: 0.0333", "Frame Time: 0", "above zero"),
         ("Frame Time: 0.0333", "Frame Time: 1000", "states 0.001 frames a second"),
-        ("OFFSET 0.000000", "OFFSET 1e308", "finite numbers up to"),
+        ("0.0333\n", "0.0333\nx", r"line \d+: expected 72 numbers"),
+        ("0.0333\n", "0.0333\n3 ", r"line \d+: expected 72 numbers"),
     ],
 )
-def test_hostile_numbers_are_refused(tmp_path, old, new, message):
-    path = tmp_path / "dance.bvh"
-    write_bvh(path, DANCE)
+def test_malformed_and_hostile_files_are_refused_with_the_line(tmp_path, old, new, message):
+    path = write_bvh(tmp_path / "bad.bvh", DANCE)
     text = re.sub(r"Frame Time: .*", "Frame Time: 0.0333", path.read_text())
     assert old in text
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=r"bad\.bvh.*" + message):
         bvh_motion(path)
-
-
-def test_deep_and_endless_hierarchies_are_refused(tmp_path):
-    path = tmp_path / "deep.bvh"
-    for joint in ("JOINT a\n{\nOFFSET 0 1 0\nCHANNELS 0", "JOINT " + "a " * 100 + "\n{\nOFFSET 0 1 0\nCHANNELS 0"):
-        block = f"HIERARCHY\nROOT Hips\n{{\nOFFSET 0 0 0\nCHANNELS 0\n{(joint + chr(10)) * 100_000}"
-        path.write_text(block + "}\n" * 100_001 + "MOTION\nFrames: 1\nFrame Time: 0.03\n")
-        with pytest.raises(InputError, match="of at most 1000 joints"):
-            bvh_motion(path)
+    path.write_text(text[: len(text) // 40])
+    with pytest.raises(InputError, match=r"bad\.bvh, line|bad\.bvh ends after line"):
+        bvh_motion(path)
 
 
 def test_damaged_files_are_refused_in_one_line(tmp_path):

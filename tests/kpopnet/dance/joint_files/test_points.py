@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 from recorded_points import FRAMES, coco, imperial
 
-from kpopnet.dance.joint_files.joint_sets import IMPERIAL, imperial_joints_m
-from kpopnet.dance.joint_files.named_points import COCO_NAMES, NamedPoints, named_performance
+from kpopnet.dance.joint_files.points import (
+    COCO_NAMES,
+    IMPERIAL_NAMES,
+    NamedPoints,
+    imperial_joints_m,
+    named_performance,
+    plain_name,
+)
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 
@@ -17,8 +23,15 @@ def coco_joints_m(points: np.ndarray, source: str) -> np.ndarray:
 def test_indices_of_points_are_the_published_ones():
     published = {5: "left_shoulder", 6: "right_shoulder", 9: "left_wrist", 16: "right_ankle"}
     assert {number: COCO_NAMES[number] for number in published} == published and len(COCO_NAMES) == 17
-    assert IMPERIAL["RIGHT_SHOULDER"] == 17 and IMPERIAL["LEFT_ELBOW"] == 8 and IMPERIAL["RIGHT_KNEE"] == 0
-    assert len(set(IMPERIAL.values())) == 12
+    published = {17: "right_shoulder", 8: "left_elbow", 0: "right_knee", 4: "left_foot", 11: "neck"}
+    assert {number: IMPERIAL_NAMES[number] for number in published} == published and len(set(IMPERIAL_NAMES)) == 21
+
+
+def test_names_of_every_joint_set_are_found():
+    for name in ("WRIST_LEFT", "WristLeft", "left_wrist", "leftWrist", "lWrist", "Wrist.L"):
+        assert plain_name(name) == "leftwrist"
+    assert plain_name("SHOULDER_RIGHT") == plain_name("RShoulder") == "rightshoulder"
+    assert plain_name("ShoulderCenter") == "shouldercenter" and plain_name("left_ear") == "leftear"
 
 
 @pytest.mark.parametrize("made", [lambda **o: coco_joints_m(coco(**o), "x"), lambda **o: imperial_joints_m(imperial(**o), "x")])

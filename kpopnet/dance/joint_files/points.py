@@ -1,0 +1,262 @@
+"""Recorded 3D points with names, of COCO, Kinect, ImperialDance or our own, as the fifteen joints of a performance.
+
+The torso is the mean of shoulders and hips, as in the paper (section 2.3). The unit (metres, centimetres or millimetres) and
+the vertical axis (y or z, up or down) are inferred from the dancer's trunk. The whole sequence is rotated about the vertical
+axis so that the dancer faces the camera on average over the first twentieth of the frames.
+"""
+
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from kpopnet.dance.performance import Performance
+from kpopnet.errors import InputError
+from kpopnet.runtime.input_files import names_in
+from kpopnet.skeleton import NUM_JOINTS, Joint
+
+CAMERA_DISTANCE_M, CAMERA_HEIGHT_M = 2.5, 1.0
+"""Position of the virtual level camera of motion-capture joints: distance to the dancer's start, and height above the floor."""
+
+COCO_NAMES = (
+    "nose", "left_eye", "right_eye", "left_ear", "right_ear", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow",
+    "left_wrist", "right_wrist", "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle",
+)  # fmt: skip
+"""The keypoints in COCO's order."""
+
+IMPERIAL_NAMES = (
+    "right_knee", "right_toe", "right_hip", "left_hip", "left_foot", "right_clavicle", "left_hand", "right_hand", "left_elbow",
+    "left_clavicle", "right_foot", "neck", "left_knee", "chest", "head", "left_toe", "abdomen", "right_shoulder",
+    "left_shoulder", "pelvis", "right_elbow",
+)  # fmt: skip
+"""ImperialDance's points in their order. Its files name them by the segment that begins there: RShin, RToe, RThigh ..."""
+
+_POINTS = {
+    Joint.HEAD: (("head",), ("leftear", "rightear"), ("nose",)),
+    Joint.NECK: (("neck",), ("shouldercenter",), ("spineshoulder",)),
+} | {
+    Joint[f"{side.upper()}_{part}"]: tuple(tuple(side + word for word in words) for words in alternatives)
+    for part, alternatives in {
+        "SHOULDER": (("shoulder",),),
+        "ELBOW": (("elbow",),),
+        "HAND": (("hand",), ("wrist",)),
+        "HIP": (("hip",),),
+        "KNEE": (("knee",),),
+        "FOOT": (("ankle", "foot"), ("ankle",), ("foot",)),
+    }.items()
+    for side in ("right", "left")
+}
+"""Points whose mean is a joint, by their plain names, the best choice first: names of our own, COCO, ImperialDance, Kinect v1,
+v2 and Azure. Our hand is the middle of the palm, our foot lies half-way from the ankle to the toes."""
+
+_SIDED = "shoulder|elbow|wrist|hand|hip|knee|ankle|foot|ear"
+
+NECK_FRACTION_TO_EARS = 0.37
+"""Position of the neck on the line from the middle of the shoulders (0) to the middle of the ears (1), on synth's mean adult;
+the trackers' neck fractions end at the head joint."""
+
+_SHOULDERS, _HIPS = [Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER], [Joint.RIGHT_HIP, Joint.LEFT_HIP]
+
+MAX_COORDINATE = 1e6
+"""A kilometre in millimetres: no dance is farther from the origin."""
+
+_UNITS_M, _TRUNK_RANGE_M = (1.0, 0.01, 0.001), (0.25, 0.9)
+
+_TO_Y_UP = {
+    (1, True): np.diag([1.0, 1.0, 1.0]),
+    (1, False): np.diag([1.0, -1.0, -1.0]),
+    (2, True): np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]),
+    (2, False): np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+}
+"""Rotations to y up from the axis that is vertical, 1 for y and 2 for z, and whether it points up."""
+
+
+class NamedPoints(NamedTuple):
+    """A recording of points.
+
+    Attributes:
+        names: names of the P points.
+        points: (T, P, 3) in metres, centimetres or millimetres, y or z up or down; NaN where missing.
+        times_s: (T,) seconds; None where the file states none.
+        confidence: (T, P) in 0..1; None for 1.
+        fps: frames per second; None where the file states none.
+    """
+
+    names: Sequence[str]
+    points: np.ndarray
+    times_s: np.ndarray | None = None
+    confidence: np.ndarray | None = None
+    fps: float | None = None
+
+
+def named_performance(recorded: NamedPoints, source: str, fps: float | None = None) -> Performance:
+    """The fifteen joints of a recording, in the frame of a level camera that the dancer faces at first.
+
+    Args:
+        recorded: the points.
+        source: name of the recording, for messages.
+        fps: the true frame rate of a recording that states none or a wrong one.
+
+    Raises:
+        InputError: a joint of a limb has no point, the points are no upright person, or times and rate are missing.
+    """
+    joints_m, confidence = named_joints_m(recorded, source)
+    times_s = frame_times_s(len(joints_m), recorded.times_s, recorded.fps, fps, source)
+    return checked_performance(joints_m, times_s, confidence, source)
+
+
+def named_joints_m(recorded: NamedPoints, source: str) -> tuple[np.ndarray, np.ndarray]:
+    """(T, 15, 3) float32 joints in metres of a recording, as `named_performance`, and (T, 15) their confidence.
+
+    Raises:
+        InputError: a joint of a limb has no point, or the points are no upright person.
+    """
+    places = _joint_places(recorded.names, source)
+    joints = np.full((len(recorded.points), NUM_JOINTS, 3), np.nan)
+    confidence = np.ones((len(recorded.points), NUM_JOINTS))
+    for joint, columns in places.items():
+        joints[:, joint] = recorded.points[:, columns].mean(axis=1)
+        if recorded.confidence is not None:
+            confidence[:, joint] = recorded.confidence[:, columns].min(axis=1)
+    if Joint.NECK not in places:
+        middle = joints[:, _SHOULDERS].mean(axis=1)
+        joints[:, Joint.NECK] = middle + NECK_FRACTION_TO_EARS * (joints[:, Joint.HEAD] - middle)
+        confidence[:, Joint.NECK] = confidence[:, [*_SHOULDERS, Joint.HEAD]].min(axis=1)
+    confidence[:, Joint.TORSO] = confidence[:, _SHOULDERS + _HIPS].min(axis=1)
+    return _before_level_camera_m(joints, source), confidence
+
+
+def _joint_places(names: Sequence[str], source: str) -> dict[Joint, list[int]]:
+    """Indices of the points whose mean is each joint."""
+    by_name: dict[str, int] = {}
+    for number, name in enumerate(names):
+        by_name.setdefault(plain_name(name), number)
+    found = {}
+    for joint, alternatives in _POINTS.items():
+        known = next((words for words in alternatives if all(word in by_name for word in words)), None)
+        if known:
+            found[joint] = [by_name[word] for word in known]
+    missing = [joint.name.lower() for joint in _POINTS if joint not in found and joint not in (Joint.HEAD, Joint.NECK)]
+    if missing:
+        raise InputError(
+            f"{source}: no point for {', '.join(missing)}; it names {names_in(names) or 'none'}. Expected the names of "
+            "COCO, of a Kinect, or of kpopnet.skeleton.Joint"
+        )
+    return found
+
+
+def plain_name(name: str) -> str:
+    """A name without case and separators, its side in front: WRIST_LEFT, LeftWrist and lWrist are leftwrist."""
+    words = re.sub(r"[^a-z0-9]", "", name[:100].lower())
+    if match := re.fullmatch(rf"(left|right|l|r)({_SIDED})|({_SIDED})(left|right|l|r)", words):
+        side = match[1] or match[4]
+        return {"l": "left", "r": "right"}.get(side, side) + (match[2] or match[3])
+    return words
+
+
+def frame_times_s(
+    frames: int, times_s: np.ndarray | None, stated_fps: float | None, fps: float | None, source: str
+) -> np.ndarray:
+    """(T,) times of a recording's frames in seconds: those of the file, or of the true rate `fps`, or of the stated one.
+
+    Raises:
+        InputError: all three are None, or the rate is not 1 to 1000.
+    """
+    if fps is None and times_s is not None:
+        return times_s
+    rate = stated_fps if fps is None else fps
+    if rate is None:
+        raise InputError(f"{source}: states neither times nor a frame rate; give its frames per second")
+    if not 1 <= rate <= 1000:
+        raise InputError(f"{source}: {rate:g} frames a second; expected 1 to 1000")
+    return np.arange(frames) / rate
+
+
+def checked_performance(joints_m: np.ndarray, times_s: np.ndarray, confidence: np.ndarray | None, source: str) -> Performance:
+    """A performance all of whose joints, but for head and neck, which the paper's feature does not use, are seen somewhere.
+
+    Raises:
+        InputError: one is missing throughout, or arrays do not fit together; the message begins with the source.
+    """
+    try:
+        performance = Performance(joints_m, times_s, confidence)
+    except InputError as error:
+        raise InputError(f"{source}: {error}") from error
+    unseen = [joint.name.lower() for joint in performance.unseen_joints if joint not in (Joint.HEAD, Joint.NECK)]
+    if unseen:
+        raise InputError(f"{source}: {', '.join(unseen)} missing in every frame; expected each joint in some")
+    return performance
+
+
+def imperial_joints_m(points: np.ndarray, source: str) -> np.ndarray:
+    """(T, 15, 3) float32 joints in metres from (T, 21, 3) points of ImperialDance; see `named_joints_m`."""
+    return named_joints_m(NamedPoints(IMPERIAL_NAMES, points), source)[0]
+
+
+def unit_m(joints: np.ndarray, source: str) -> float:
+    """The unit in metres of (T, 15, 3) joints, by their trunks; 1 if no trunk is whole.
+
+    Raises:
+        InputError: the trunk's median length is not a person's in any of the units.
+    """
+    trunk = _trunks(joints)
+    lengths = np.linalg.norm(trunk[np.isfinite(trunk).all(axis=1)], axis=1)
+    if not len(lengths):
+        return 1.0
+    length = float(np.median(lengths))
+    unit = next((unit for unit in _UNITS_M if _TRUNK_RANGE_M[0] < unit * length < _TRUNK_RANGE_M[1]), None)
+    if unit is None:
+        raise InputError(
+            f"{source}: hips and shoulders are {length:g} apart, which is not a person's trunk in metres, centimetres or "
+            "millimetres"
+        )
+    return unit
+
+
+def _trunks(joints: np.ndarray) -> np.ndarray:
+    """(T, 3) vectors from the middle of the hips to the middle of the shoulders of (T, 15, 3) joints."""
+    return joints[:, _SHOULDERS].mean(axis=1) - joints[:, _HIPS].mean(axis=1)
+
+
+def _before_level_camera_m(joints: np.ndarray, source: str) -> np.ndarray:
+    """Transforms joints to the frame of a level camera that the dancer faces at first; the torso becomes the paper's.
+
+    Args:
+        joints: (T, 15, 3) in metres, centimetres or millimetres, in a right-handed frame whose y or z points up or down; NaN
+            where missing.
+        source: name of the recording, for messages.
+
+    Returns:
+        (T, 15, 3) float32 metres; x right, y down, z forward.
+
+    Raises:
+        InputError: No frame has a whole trunk, its length is not a person's in any of the units, or it is not upright; or a
+            coordinate is farther from 0 than MAX_COORDINATE.
+    """
+    largest = np.max(np.abs(joints), initial=0, where=np.isfinite(joints))
+    if not largest <= MAX_COORDINATE:
+        raise InputError(f"{source}: a coordinate of {largest:g}; expected at most {MAX_COORDINATE:g} millimetres")
+    joints = np.where(np.isfinite(joints), joints, np.nan).astype(np.float64)
+    joints[:, Joint.TORSO] = joints[:, _SHOULDERS + _HIPS].mean(axis=1)
+    trunk = _trunks(joints)
+    valid = np.isfinite(trunk.sum(axis=1))
+    if not valid.any():
+        raise InputError(f"{source}: no frame has both shoulders and both hips")
+    joints *= unit_m(joints, source)
+    mean = trunk[valid].mean(axis=0)
+    axis = 1 + int(abs(mean[2]) > abs(mean[1]))
+    if abs(mean[axis]) < 0.5 * np.median(np.linalg.norm(trunk[valid], axis=1)):
+        raise InputError(f"{source}: neither y nor z points up or down along the dancer's trunk")
+    joints_m = joints @ _TO_Y_UP[axis, bool(mean[axis] > 0)].T
+
+    hips_m = joints_m[:, _HIPS].mean(axis=1)
+    first = np.flatnonzero(valid)[: max(len(valid) // 20, 1)]
+    side = (joints_m[:, Joint.LEFT_HIP] - joints_m[:, Joint.RIGHT_HIP])[first].mean(axis=0)
+    origin = np.array([*hips_m[first[0], [0]], np.nanmin(joints_m[..., 1]), *hips_m[first[0], [2]]])
+    # The left hip has to be on the camera's right: the camera's x axis is along `side`, y down, z away from the camera.
+    angle = np.arctan2(side[2], side[0])
+    cos, sin = np.cos(angle), np.sin(angle)
+    x, y, z = np.moveaxis(joints_m - origin, -1, 0)
+    before_m = np.stack([cos * x + sin * z, CAMERA_HEIGHT_M - y, CAMERA_DISTANCE_M - (cos * z - sin * x)], axis=-1)
+    return before_m.astype(np.float32)
