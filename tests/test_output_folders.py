@@ -127,14 +127,12 @@ def test_a_thousand_workers_are_bounded_and_a_line_says_so(monkeypatch, capsys):
 
 
 def test_a_full_disk_ends_the_generator_with_one_line_and_it_goes_on_later(tmp_path):
-    for processes in (1, 2):
-        out = tmp_path / str(processes)
-        settings = (*SYNTH, f"out={out}", "splits.train=40", "shard_size=20", f"processes={processes}")
-        line = refusal(*settings, most_kb=20)
-        assert str(out / "train" / "shard_0000") in line and "larger than a file may be here" in line
-        assert not [path for path in (out / "train").iterdir() if path.suffix == ".tmp"]
-        assert run(*settings)[0] == 0
-        assert (out / "train" / "set.json").exists()
+    settings = (*SYNTH, f"out={tmp_path}", "splits.train=40", "shard_size=20", "processes=2")
+    line = refusal(*settings, most_kb=20)
+    assert str(tmp_path / "train" / "shard_0000") in line and "larger than a file may be here" in line
+    assert not [path for path in (tmp_path / "train").iterdir() if path.suffix == ".tmp"]
+    assert run(*settings)[0] == 0
+    assert (tmp_path / "train" / "set.json").exists()
 
 
 def test_a_full_disk_ends_a_training_with_one_line_and_it_goes_on_later(tmp_path, data):
@@ -154,36 +152,20 @@ def test_a_full_disk_ends_an_evaluation_with_one_line(tmp_path):
     assert errors.splitlines()[-1].startswith(f"error: {tmp_path / 'out'}"), errors
 
 
-@pytest.mark.parametrize("kind", ["file", "long"])
-def test_a_folder_that_cannot_be_made_is_one_line(tmp_path, data, kind):
+def test_a_folder_that_cannot_be_made_is_one_line(tmp_path, data):
     (tmp_path / "file").write_text("")
-    out = tmp_path / ("file/run" if kind == "file" else "x" * 300)
-    words = "a part of this path is a file" if kind == "file" else "the name is too long"
-    for program in (
-        (*TRAIN, *data, f"hydra.run.dir={out}"),
-        (*SYNTH, "splits.train=4", f"out={out}"),
-        ("evaluate.py", "estimator=[tracker]", f"hydra.run.dir={out}"),
-    ):
-        assert words in refusal(*program)
+    assert "a part of this path is a file" in refusal(*TRAIN, *data, f"hydra.run.dir={tmp_path / 'file/run'}")
+    assert "the name is too long" in refusal(*SYNTH, "splits.train=4", f"out={tmp_path / ('x' * 300)}")
 
 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
         ((*TRAIN, "+foo=1"), "+foo: there is no such setting"),
-        ((*TRAIN, "+training.augment.foo=1"), "+training.augment.foo: there is no such setting"),
         ((*TRAIN, f"seed={2**64}"), f"seed={2**64} must be 0 or more, at most"),
-        ((*SYNTH, "splits.train=4", "+foo=1"), "+foo: there is no such setting"),
-        ((*SYNTH, "splits.train=4", f"seed={2**64}"), "must be 0 or more, at most"),
-        ((*SYNTH, "splits.train=1e17"), "splits.train="),
         ((*SYNTH, "splits.train=100001", "shard_size=1"), "more than 100,000 shards"),
-        ((*SYNTH, "splits.train=4", "view.height_m=[2,1]"), "view.height_m=[2.0, 1.0]"),
         ((*SYNTH, "splits.train=4", "view.aim_m=[nan,1]"), "view.aim_m=[nan, 1.0]"),
-        ((*SYNTH, "splits.train=4", "motion=mix", "motion.weights={poses: .nan}"), "motion.weights"),
-        ((*SYNTH, "splits.train=4", "motion=mix", "motion.weights={poses: -1}"), "motion.weights"),
-        ((*SYNTH, "splits.train=4", "shards=²:³"), "shards=²:³"),
         (("evaluate.py", "estimator=[tracker]", "+foo=1"), "+foo: there is no such setting"),
-        (("evaluate.py", "estimator=[tracker]", f"seed={2**64}"), "must be 0 or more, at most"),
     ],
     ids=lambda value: value[-1] if isinstance(value, tuple) else "",
 )
@@ -205,8 +187,9 @@ sys.meta_path.insert(0, Pause())
 """
 
 
-@pytest.mark.parametrize("module", ["numpy", "kpopnet.runtime.hydra_app"])
-@pytest.mark.parametrize("program", [("train.py",), ("evaluate.py",), ("-m", "synth"), ("-m", "kpopnet.cli", "train")])
+@pytest.mark.parametrize(
+    ("program", "module"), [(("train.py",), "numpy"), (("-m", "kpopnet.cli", "train"), "kpopnet.runtime.hydra_app")]
+)
 def test_a_program_that_is_stopped_while_it_imports_says_one_line(tmp_path, program, module):
     (tmp_path / "sitecustomize.py").write_text(PAUSE_AT_IMPORT)
     process = start(*program, "--help", PYTHONPATH=f"{tmp_path}:{ROOT}", PAUSE_AT=module)

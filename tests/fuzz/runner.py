@@ -1,21 +1,20 @@
-"""Runs mutated files through their readers, in a child process with a limit on memory and time."""
+"""Runs mutated files through their readers, in a child process with limits of memory and time."""
 
-import multiprocessing
-import resource
 import shutil
 import tempfile
+import warnings
 import zlib
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from multiprocessing.connection import Connection
 from pathlib import Path
 
 import numpy as np
 
-TIME_LIMIT_S = 10.0
-MEMORY_LIMIT_BYTES = 1_600_000_000
-"""Address space beyond what the process has after reading the valid file: the budget of 1 GB a file, and some to work with."""
+from kpopnet.errors import InputError
+from kpopnet.runtime.untrusted import iterate_in_child
 
+TIME_LIMIT_S = 30.0
 ACCEPTED, REFUSED = "accepted", "refused"
 
 
@@ -32,112 +31,47 @@ class Report:
     faults: list[tuple[int, str]] = field(default_factory=list)
 
 
-class Fuzzer:
-    """A child process that reads mutated files of any format; it is started again when it hangs or dies."""
+def fuzz(name: str, cases: range, seed: int) -> Report:
+    """Reads mutated files of one format.
 
-    def __init__(self, seed: int) -> None:
-        """`seed` is that of all cases."""
-        self.seed = seed
-        self._process = self._pipe = None
-
-    def __enter__(self) -> "Fuzzer":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._process is not None:
-            self._process.kill()
-            self._process.join()
-            self._process = None
-
-    def fuzz(self, name: str, cases: range) -> Report:
-        """Reads mutated files of one format.
-
-        Case k is a function of the format's name, the seed and k, so that a fault can be repeated alone.
-        """
-        report = Report()
-        for case in cases:
-            kind, message = self._run(name, case)
-            report.outcomes[kind] += 1
-            if kind not in (ACCEPTED, REFUSED):
-                report.faults.append((case, f"{kind}: {message}"))
-        return report
-
-    def _run(self, name: str, case: int) -> tuple[str, str]:
-        """(outcome, message) of one case."""
-        self._prepare(name)
+    Case k is a function of the format's name, the seed and k, so that a fault can be repeated alone.
+    """
+    report, left = Report(), list(cases)
+    while left:
         try:
-            self._pipe.send((name, case))
-            if self._pipe.poll(TIME_LIMIT_S):
-                return self._pipe.recv()
-        except (EOFError, BrokenPipeError, ConnectionResetError):
-            pass
-        self.__exit__()
-        return "hang or crash", f"no answer within {TIME_LIMIT_S:g} s, or the process died"
-
-    def _prepare(self, name: str) -> None:
-        """Has the process make and read the format's valid file, outside the time limit: imports and compilation take long.
-
-        Raises:
-            RuntimeError: the valid file cannot be read.
-        """
-        if self._process is None:
-            context = multiprocessing.get_context("spawn")
-            self._pipe, theirs = context.Pipe()
-            self._process = context.Process(target=_work, args=(theirs, self.seed), daemon=True)
-            self._process.start()
-            theirs.close()
-        self._pipe.send((name, None))
-        if not self._pipe.poll(300) or (problem := self._pipe.recv()):
-            raise RuntimeError(f"{name}: the valid file cannot be read: {problem}")
+            for outcome, message in iterate_in_child(read_cases, name, left, seed, seconds=TIME_LIMIT_S):
+                case = left.pop(0)
+                report.outcomes[outcome] += 1
+                if outcome not in (ACCEPTED, REFUSED):
+                    report.faults.append((case, f"{outcome}: {message}"))
+        except InputError as error:  # the child hung or died; the next one begins with the next case
+            report.outcomes["hang or crash"] += 1
+            report.faults.append((left.pop(0), str(error)))
+    return report
 
 
-def _work(pipe: Connection, seed: int) -> None:
-    import logging
-    import os
-    import warnings
-
+def read_cases(name: Path, cases: list[int], seed: int) -> Iterator[tuple[str, str]]:
+    """Yields (outcome, message) of each case. In the child."""
     from fuzz.formats import FORMATS
     from fuzz.mutations import mutate_file
 
-    # Files may be read with warnings, and training prints its progress.
-    warnings.simplefilter("ignore")
-    logging.disable()
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
-    prepared = None
+    warnings.simplefilter("ignore")  # files may be read with warnings
+    form = FORMATS[str(name)]
     with tempfile.TemporaryDirectory() as temporary:
         valid, mutated = Path(temporary) / "valid", Path(temporary) / "mutated"
-        while True:
-            name, case = pipe.recv()
-            form = FORMATS[name]
-            if case is None:
-                pipe.send("" if name == prepared else _make_and_read(form, valid))
-                prepared = name
-                continue
-            rng = np.random.default_rng([zlib.crc32(name.encode()), seed, case])
+        valid.mkdir()
+        form.make(valid)
+        form.read(valid)
+        for case in cases:
+            rng = np.random.default_rng([zlib.crc32(str(name).encode()), seed, case])
             shutil.rmtree(mutated, ignore_errors=True)
-            shutil.copytree(valid, mutated, symlinks=True)
-            targets = sorted({path for pattern in form.files for path in mutated.glob(pattern) if path.is_file()})
+            shutil.copytree(valid, mutated)
+            targets = sorted({path for pattern in form.files for path in mutated.glob(pattern)})
             mutate_file(targets[int(rng.integers(len(targets)))], rng)
-            pipe.send(_outcome(form, mutated))
-
-
-def _make_and_read(form, folder: Path) -> str:
-    """Makes the valid file and reads it; returns what was wrong. Afterwards memory is limited."""
-    resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir()
-    try:
-        form.make(folder)
-        form.read(folder)
-    except Exception as error:
-        return f"{type(error).__name__}: {error}"
-    _limit_memory()
-    return ""
+            yield _outcome(form, mutated)
 
 
 def _outcome(form, folder: Path) -> tuple[str, str]:
-    from kpopnet.errors import InputError
-
     try:
         form.read(folder)
     except InputError as error:
@@ -150,10 +84,3 @@ def _outcome(form, folder: Path) -> tuple[str, str]:
     except Exception as error:
         return type(error).__name__, " ".join(str(error).split())[:300]
     return ACCEPTED, ""
-
-
-def _limit_memory() -> None:
-    """Limits the address space to MEMORY_LIMIT_BYTES beyond what is in use; the limit can be raised again."""
-    pages = int(Path("/proc/self/statm").read_text().split()[0])
-    limit = pages * resource.getpagesize() + MEMORY_LIMIT_BYTES
-    resource.setrlimit(resource.RLIMIT_AS, (limit, resource.RLIM_INFINITY))
