@@ -60,16 +60,15 @@ class Composed(NamedTuple):
 
 def compose(person_m: np.ndarray, room_mm: np.ndarray, around: Around, camera: Camera) -> Composed:
     """Composes the stored image from (H, W) depth of the person in metres and of the empty room in millimetres."""
-    own_mm = np.empty_like(room_mm)
     if around.held_m is None and not around.others_m:
-        box = _visible_depth(person_m, room_mm, own_mm)
-        return Composed(own_mm, own_mm, box)
+        own_mm = _visible_mm(person_m, room_mm)
+        return Composed(own_mm, own_mm, silhouette_box(own_mm))
     others_mm = [millimetres(other_m) for other_m in around.others_m]
     hiding_mm = room_mm
     for other_mm in others_mm:
         hiding_mm = _nearest(hiding_mm, other_mm)
     held_mm = np.zeros_like(room_mm) if around.held_m is None else millimetres(around.held_m)
-    _visible_depth(person_m, _nearest(hiding_mm, held_mm), own_mm)
+    own_mm = _visible_mm(person_m, _nearest(hiding_mm, held_mm))
     in_front = (held_mm > 0) & ((hiding_mm == 0) | (held_mm <= hiding_mm))
     depth_mm = np.where(in_front & (own_mm == 0) & ((person_m == 0) | (held_mm <= millimetres(person_m))), held_mm, own_mm)
     for other_mm, reach_m in zip(others_mm, around.attached_m, strict=True):
@@ -105,19 +104,14 @@ def _nearest(one_mm: np.ndarray, other_mm: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def _visible_depth(person_m, room_mm, depth_mm):
-    """Writes the person's depth where the room does not occlude it. Returns the bounding box x0, y0, x1, y1."""
-    height, width = person_m.shape
-    x0, y0, x1, y1 = width, height, 0, 0
-    for y in range(height):
-        for x in range(width):
+def _visible_mm(person_m, room_mm):
+    """(H, W) uint16 depth of the person in millimetres, 0 where something nearer hides them."""
+    visible = np.empty_like(room_mm)
+    for y in range(person_m.shape[0]):
+        for x in range(person_m.shape[1]):
             mm = np.uint16(np.rint(person_m[y, x] * np.float32(MM_PER_METRE)))
-            if mm > 0 and 0 < room_mm[y, x] < mm:
-                mm = np.uint16(0)
-            depth_mm[y, x] = mm
-            if mm > 0:
-                x0, y0, x1, y1 = min(x0, x), min(y0, y), max(x1, x + 1), max(y1, y + 1)
-    return (x0, y0, x1, y1) if x1 > 0 else (0, 0, 0, 0)
+            visible[y, x] = np.uint16(0) if 0 < room_mm[y, x] < mm else mm
+    return visible
 
 
 @njit(cache=True)

@@ -33,66 +33,31 @@ LIMB_HOLE_RADIUS_M = (0.02, 0.06)
 LIMB_HOLE_DEPTH_M = 0.15
 """Largest difference in depth from the limb's end that a hole erases."""
 
+_ANY_CAMERA = {
+    "max_range_m": 8.0, "gain": 0.003, "pixel_dropout": 0.0002, "edge_dropout": 0.05, "ellipses_per_megapixel": 20.0,
+    "limb_end_dropout": 0.2,
+}  # fmt: skip
+_STRUCTURED_LIGHT = _ANY_CAMERA | {
+    "axial_offset_m": 0.4, "axial_grazing": 0.0001, "lateral_px": 0.8, "lateral_grazing_px": 0.035,
+    "grain_px": 9.0, "grain_disparity_px": 0.25, "grain_flicker": 0.08,
+    "baseline_m": 0.075, "disparity_step_px": 0.125, "disparity_noise_px": 0.0139, "disparity_flicker": 0.25,
+}  # fmt: skip
+_TIME_OF_FLIGHT = _ANY_CAMERA | {"grain_flicker": 1.0, "wiggle_m": 0.004, "flying_pixels": 0.4}
+
 _PUBLISHED: dict[str, dict[str, float]] = {
     "ideal": {},
-    "kinect_v1": {
-        "min_range_m": 0.4,
-        "max_range_m": 8.0,
-        "native_focal_px": 575.5,
-        "axial_floor_m": 0.0012,
-        "axial_quadratic": 0.0019,
-        "axial_offset_m": 0.4,
-        "axial_grazing": 0.0001,
-        "lateral_px": 0.8,
-        "lateral_grazing_px": 0.035,
-        "grain_px": 9.0,
-        "grain_disparity_px": 0.25,
-        "grain_flicker": 0.08,
-        "baseline_m": 0.075,
-        "disparity_step_px": 0.125,
-        "disparity_noise_px": 0.0139,
-        "disparity_flicker": 0.25,
-        "gain": 0.003,
-        "pixel_dropout": 0.0002,
-        "edge_dropout": 0.05,
-        "ellipses_per_megapixel": 20.0,
-        "limb_end_dropout": 0.2,
+    "kinect_v1": _STRUCTURED_LIGHT | {
+        "min_range_m": 0.4, "native_focal_px": 575.5, "axial_floor_m": 0.0012, "axial_quadratic": 0.0019,
     },
-    "kinect_2": {
-        "min_range_m": 0.5,
-        "max_range_m": 8.0,
-        "native_focal_px": 365.0,
-        "axial_floor_m": 0.003,
-        "axial_quadratic": 0.001,
-        "axial_radial": 0.0036,
-        "grain_flicker": 1.0,
-        "wiggle_m": 0.004,
-        "wiggle_period_m": 0.47,
-        "flying_pixels": 0.4,
-        "gain": 0.003,
-        "pixel_dropout": 0.0002,
-        "edge_dropout": 0.05,
-        "ellipses_per_megapixel": 20.0,
-        "limb_end_dropout": 0.2,
+    "kinect_2": _TIME_OF_FLIGHT | {
+        "min_range_m": 0.5, "native_focal_px": 365.0, "axial_floor_m": 0.003, "axial_quadratic": 0.001,
+        "axial_radial": 0.0036, "wiggle_period_m": 0.47,
     },
-    "swissranger": {
-        "min_range_m": 0.3,
-        "max_range_m": 5.0,
-        "native_focal_px": 204.795,
-        "axial_floor_m": 0.009,
-        "axial_quadratic": 0.003,
-        "axial_radial": 0.0292,
-        "grain_flicker": 1.0,
-        "wiggle_m": 0.004,
-        "wiggle_period_m": 1.25,
-        "flying_pixels": 0.4,
-        "gain": 0.003,
-        "pixel_dropout": 0.002,
-        "edge_dropout": 0.05,
-        "ellipses_per_megapixel": 80.0,
-        "limb_end_dropout": 0.2,
+    "swissranger": _TIME_OF_FLIGHT | {
+        "min_range_m": 0.3, "max_range_m": 5.0, "native_focal_px": 204.795, "axial_floor_m": 0.009, "axial_quadratic": 0.003,
+        "axial_radial": 0.0292, "wiggle_period_m": 1.25, "pixel_dropout": 0.002, "ellipses_per_megapixel": 80.0,
     },
-}
+}  # fmt: skip
 """Terms by sensor. A term that is not listed is 0 (off).
 
 Kinect v1's focal length follows from the depth steps of UTD-MHAD with a baseline of 75 mm. Isolated dropouts are as rare
