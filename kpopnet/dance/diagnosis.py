@@ -34,7 +34,7 @@ BACKWARD_KNEES = -0.2
 """Mean bend of the knees to the front, as a fraction of the size of the bend, below which they bend backwards."""
 
 
-class Fault(NamedTuple):
+class RecordingFault(NamedTuple):
     """A probable fault of a recording.
 
     Attributes:
@@ -80,7 +80,7 @@ def delayed(performance: Performance, late_s: float, rate: float = 1.0) -> Perfo
     return Performance(performance.joints_m, times_s, performance.confidence)
 
 
-def probable_faults(teacher: Performance, learner: Performance, scorer: Scorer) -> list[Fault]:
+def probable_faults(teacher: Performance, learner: Performance, scorer: Scorer) -> list[RecordingFault]:
     """What is probably wrong with the recordings of two dances that `score_dance` can compare.
 
     Args:
@@ -94,7 +94,7 @@ def probable_faults(teacher: Performance, learner: Performance, scorer: Scorer) 
             "the knees of both dancers bend backwards: left and right are swapped in both files, or their axes are left-"
             "handed; the score is that of two dances in a mirror"
         )
-        return [Fault(text, None, "sides")]
+        return [RecordingFault(text, None, "sides")]
     plain = score_dance(teacher, learner, scorer).similarity
     best = min(_guesses(wrong, teacher, learner), key=lambda one: _fit(teacher, learner, one, scorer)[1])
     best = best._replace(late_s=_fit(teacher, learner, best, scorer)[0])
@@ -104,8 +104,8 @@ def probable_faults(teacher: Performance, learner: Performance, scorer: Scorer) 
     similarity, _ = _score(teacher, learner, best, scorer)
     if not (similarity >= MIN_CORRECTED and similarity >= np.nan_to_num(plain) + MIN_GAIN):
         text = "the {0}'s knees bend backwards: left and right are swapped in the file, or its axes are left-handed"
-        return [Fault(text.format(name), None, "sides") for name, backwards in wrong.items() if backwards]
-    return [Fault(text, similarity, about) for about, text in _descriptions(best, teacher, learner)]
+        return [RecordingFault(text.format(name), None, "sides") for name, backwards in wrong.items() if backwards]
+    return [RecordingFault(text, similarity, about) for about, text in _descriptions(best, teacher, learner)]
 
 
 def knees_bend_backwards(performance: Performance) -> bool:

@@ -1,8 +1,8 @@
 """What a dancer can use of a score: per phrase the three worst moments with part, signed degrees and words, and what repeats.
 
-The middles of the windows follow each other without gaps, and each has the mean signed difference of every angle. A moment is a
-run of them in which one part of the body differs in one direction. Angles with a plain meaning get words; the others only count
-in the score. Everything is computed from a `DanceScore`, so that the words during the dance are those of afterwards.
+Each window has the mean signed difference of every angle in its middle. A moment is a run of windows in which one part of the
+body differs in one direction. Angles with a plain meaning get words; the others only count in the score. Everything is computed
+from a `DanceScore`, so that the words during the dance are those of afterwards.
 """
 
 import json
@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from kpopnet.dance.diagnosis import Fault as RecordingFault
+from kpopnet.dance.diagnosis import RecordingFault
 from kpopnet.dance.features import FEATURES
 from kpopnet.dance.scoring import DanceScore
 from kpopnet.dance.window import LIMBS, PARTS, part_of_angles
@@ -94,7 +94,7 @@ class Phrase:
 
 @dataclass(frozen=True)
 class Fault:
-    """One fault wherever it occurs; what occurs most costs most and comes first."""
+    """One fault wherever it occurs: moments of equal part, joint and direction."""
 
     part: str
     joint: str
@@ -107,13 +107,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Feedback:
-    """What a dancer can use of a score.
-
-    Attributes:
-        phrases: of the dance in order of time.
-        faults: over the whole dance, the costliest first.
-        hints: mirror image, tempo, what is not in the picture and when.
-    """
+    """What a dancer can use of a score: phrases in order of time, faults with the costliest first, and hints in words."""
 
     phrases: tuple[Phrase, ...]
     faults: tuple[Fault, ...]

@@ -15,7 +15,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
-from kpopnet.dance.diagnosis import CORRECTIONS, Fault, corrected, delayed, probable_faults
+from kpopnet.dance.diagnosis import CORRECTIONS, RecordingFault, corrected, delayed, probable_faults
 from kpopnet.dance.feedback import feedback
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.dance.parts import NOISE, PartScorer
@@ -32,7 +32,7 @@ from kpopnet.runtime.untrusted import read_in_child
 from kpopnet.skeleton import Joint
 
 
-def other_formats(teacher: Path, learner: Path) -> list[Fault]:
+def other_formats(teacher: Path, learner: Path) -> list[RecordingFault]:
     """A warning where the two files may place joints differently."""
     if teacher.suffix.lower() == learner.suffix.lower():
         return []
@@ -40,7 +40,7 @@ def other_formats(teacher: Path, learner: Path) -> list[Fault]:
         f"{teacher.name} and {learner.name} are of different formats, whose joints may lie elsewhere in the body (a hand at "
         "the wrist or in the palm); that costs points. Record both in the same way"
     )
-    return [Fault(text, None, "format")]
+    return [RecordingFault(text, None, "format")]
 
 
 def read_observed(path: Path, fps: float | None, correction: str, scorer: str) -> Performance:

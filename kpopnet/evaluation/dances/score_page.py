@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from kpopnet.dance.diagnosis import Fault
+from kpopnet.dance.diagnosis import RecordingFault
 from kpopnet.dance.feedback import Feedback, Phrase, clock
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import DanceScore
@@ -21,7 +21,7 @@ MAX_FAULTS = 8
 """So many faults are listed, the costliest first; the JSON has all."""
 
 
-def score_text(score: DanceScore, told: Feedback, faults: list[Fault]) -> list[str]:
+def score_text(score: DanceScore, told: Feedback, faults: list[RecordingFault]) -> list[str]:
     """The score in lines for a terminal."""
     parts = (f"{name} {value:.0f}{_seen(score.coverage[name])}" for name, value in score.parts.items())
     return [
@@ -52,13 +52,13 @@ def _phrase_text(phrase: Phrase) -> str:
     return f"{clock(phrase.start_s)} to {clock(phrase.end_s)}, {number}: {moments}"
 
 
-def fault_text(fault: Fault) -> str:
+def fault_text(fault: RecordingFault) -> str:
     """A probable fault as a warning."""
     gain = "" if fault.corrected is None else f" (the similarity would be {fault.corrected:.0f})"
     return f"warning: {fault.text}{gain}"
 
 
-def score_json(score: DanceScore, told: Feedback, faults: list[Fault]) -> dict[str, Any]:
+def score_json(score: DanceScore, told: Feedback, faults: list[RecordingFault]) -> dict[str, Any]:
     """The score for programs: numbers, null where nothing could be compared, with feedback, warnings and settings."""
     content = score._asdict()
     return _plain({"score": content, "feedback": told, "warnings": faults, "scorer": content.pop("scorer")})
@@ -80,7 +80,7 @@ def _plain(value: Any) -> Any:
 
 
 def score_page(
-    title: str, teacher: Performance, learner: Performance, score: DanceScore, told: Feedback, faults: list[Fault]
+    title: str, teacher: Performance, learner: Performance, score: DanceScore, told: Feedback, faults: list[RecordingFault]
 ) -> str:
     """The score as one HTML page that contains its figures.
 

@@ -1,3 +1,4 @@
+import functools
 import itertools
 import math
 
@@ -26,49 +27,22 @@ def plain(angles_rad) -> Features:
 def slow_match(distances, slope, penalty, expected):
     """The least cost of all paths by exhaustive search; column = teacher's frame minus learner's frame plus band."""
     n, columns = distances.shape
-    steps = {True: [[(1, 0)], [(1, 1), (1, 0)], [(0, 1), (1, 0)]], False: [[(1, 0)], [(1, -1)], [(0, 1)]]}[slope]
-    # With the slope constraint both longer steps pass (i + 1, k). Two cells of one of the learner's frames count half each.
-
-    def cost_from(i, k):
-        best = endpoint_cost * abs(k - expected) if i == n - 1 else math.inf
-        for step in steps:
-            cost = _step_cost(distances, slope, step, i, k)
-            if cost is not None:
-                target, step_cost = cost
-                if step_cost < math.inf:
-                    best = min(best, step_cost + memoised(*target))
-        return best
-
-    cache = {}
-
-    def memoised(i, k):
-        if (i, k) not in cache:
-            cache[i, k] = cost_from(i, k)
-        return cache[i, k]
-
     endpoint_cost = penalty * n / 2
-    return min(distances[0, k] + endpoint_cost * abs(k - expected) + memoised(0, k) for k in range(columns))
 
+    def at(i, k):
+        return distances[i, k] if 0 <= i < n and 0 <= k < columns else math.inf
 
-def _step_cost(distances, slope, step, i, k):
-    """The target cell of a step from (i, k) and its cost; None if the step leaves the array."""
-    n, columns = distances.shape
+    @functools.cache
+    def cost_from(i, k):
+        if slope:  # both longer steps pass (i + 1, k); two cells of one of the learner's frames count half each
+            both = at(i + 1, k)
+            steps = ((i + 1, k, both), (i + 2, k - 1, both + at(i + 2, k - 1)), (i + 1, k + 1, (both + at(i + 1, k + 1)) / 2))
+        else:
+            steps = ((i + 1, k, at(i + 1, k)), (i + 1, k - 1, at(i + 1, k - 1)), (i, k + 1, at(i, k + 1)))
+        ends_here = endpoint_cost * abs(k - expected) if i == n - 1 else math.inf
+        return min([ends_here, *(cost + cost_from(row, column) for row, column, cost in steps if cost < math.inf)])
 
-    def at(row, column):
-        return distances[row, column] if 0 <= row < n and 0 <= column < columns else None
-
-    if not slope:
-        row, column = i + step[0][0], k + step[0][1]
-        here = at(row, column)
-        return None if here is None else ((row, column), here)
-    if step == [(1, 0)]:
-        here = at(i + 1, k)
-        return None if here is None else ((i + 1, k), here)
-    if step == [(1, 1), (1, 0)]:  # two of the learner's frames, one of the teacher's
-        first, second = at(i + 1, k), at(i + 2, k - 1)
-        return None if first is None or second is None else ((i + 2, k - 1), first + second)
-    first, second = at(i + 1, k), at(i + 1, k + 1)  # one of the learner's, two of the teacher's
-    return None if first is None or second is None else ((i + 1, k + 1), (first + second) / 2)
+    return min(distances[0, k] + endpoint_cost * abs(k - expected) + cost_from(0, k) for k in range(columns))
 
 
 def cost_of(path, distances, slope, penalty, expected):

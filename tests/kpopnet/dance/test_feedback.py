@@ -8,7 +8,7 @@ import pytest
 from dance_learners import ARMS, LEGS, arm_lowered, elbow_bent, hidden, hunched, knee_moved
 from dance_people import FPS, dance_joints_m, mirrored, noisy, performed
 
-from kpopnet.dance.diagnosis import Fault
+from kpopnet.dance.diagnosis import RecordingFault
 from kpopnet.dance.feedback import MOMENTS_PER_PHRASE, feedback
 from kpopnet.dance.online import OnlineScorer
 from kpopnet.dance.performance import Performance
@@ -119,7 +119,7 @@ def test_a_hint_is_left_out_where_a_recordings_fault_tells_the_cause():
     unseen = "nobody in the picture from 0:05 to 0:09"
     mirror, same = feedback(score).hints
     assert "mirror image" in mirror and same == unseen
-    assert feedback(score, recording=[Fault("the learner dances mirrored", 70.0, "mirror")]).hints == (unseen,)
+    assert feedback(score, recording=[RecordingFault("the learner dances mirrored", 70.0, "mirror")]).hints == (unseen,)
 
 
 def test_the_feedback_is_the_same_online_and_is_json():

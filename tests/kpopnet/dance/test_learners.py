@@ -26,7 +26,6 @@ from dance_learners import (
 )
 from dance_people import FPS, dance_joints_m, mirrored, performed
 
-from kpopnet.dance.online import OnlineScorer
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import score_dance
 from kpopnet.skeleton import Joint
@@ -161,19 +160,6 @@ def test_a_teacher_who_waits_teaches_nothing_meanwhile(wait_s):
     assert scored(hidden(teacher_m, 0, wait_s)).similarity > 90
     weight = scored(teacher_m).windows.weight
     assert (weight[: round(2 * (wait_s - 2)) + 1] < 0.01).all() and (weight[round(2 * wait_s) :] > 0.9).mean() > 0.9
-
-
-def test_a_wait_is_left_out_online_as_it_is_offline():
-    joints_m = taught_m(COMPOSED[2])
-    teacher_m = np.concatenate([np.repeat(joints_m[:1], 120, axis=0), joints_m[:300]])
-    learner_m, online = smaller(teacher_m, 0.8), OnlineScorer(performed(teacher_m))
-    for frame, pose_m in enumerate(learner_m):
-        latest = online.update(pose_m, frame / FPS)
-    whole, found = score_dance(performed(teacher_m), performed(learner_m)), online.finish()
-    assert found.similarity == whole.similarity and found.parts == whole.parts
-    np.testing.assert_array_equal(found.windows.weight, whole.windows.weight)
-    assert latest.so_far == pytest.approx(whole.similarity, abs=2)
-    assert whole.windows.weight[0] == pytest.approx(0, abs=1e-6)
 
 
 def test_a_teacher_who_never_moves_is_compared_all_the_same():

@@ -4,14 +4,14 @@ import json
 
 import numpy as np
 import pytest
-from dance_people import dance_joints_m, noisy, performed, turned
+from dance_people import dance_joints_m, performed, turned
 
 from kpopnet.dance.joint_files.bvh import read_bvh
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.dance.joint_files.writing import write_performance
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
-from kpopnet.skeleton import BONES, Joint
+from kpopnet.skeleton import Joint
 
 
 def distances_m(joints_m):
@@ -62,27 +62,6 @@ def test_a_skeleton_of_constant_bones_comes_back_from_bvh(turn, tmp_path):
     write_performance(tmp_path / "b.bvh", constant)
     again_m = read_performance(tmp_path / "b.bvh").joints_m
     np.testing.assert_allclose(distances_m(again_m), distances_m(constant.joints_m), atol=1e-4)
-
-
-def test_bones_of_noisy_joints_are_constant_in_bvh_and_point_where_they_pointed(tmp_path):
-    joints_m = noisy(dance_joints_m(2), 0.04)
-    write_performance(tmp_path / "a.bvh", performed(joints_m))
-    again_m = read_performance(tmp_path / "a.bvh").joints_m
-    turn = aligned(again_m, joints_m)
-    for parent, child in BONES:
-        if {parent, child} & {Joint.HEAD, Joint.NECK, Joint.TORSO}:
-            continue
-        bone, true = (joints[:, child] - joints[:, parent] for joints in (again_m @ turn, joints_m))
-        assert np.ptp(np.linalg.norm(bone, axis=1)) < 1e-3
-        cosine = (bone * true).sum(1) / np.linalg.norm(bone, axis=1) / np.linalg.norm(true, axis=1)
-        assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).max() < 0.6
-
-
-def aligned(from_m, to_m):
-    """The rotation about the vertical that readers applied, from the trunks: (3, 3) for row vectors."""
-    a, b = (joints - joints.mean(axis=1, keepdims=True) for joints in (from_m, to_m))
-    u, _, vt = np.linalg.svd(np.einsum("tji,tjk->ik", a, b))
-    return u @ vt
 
 
 def test_bvh_follows_the_clock_where_frames_are_missing_and_fills_gaps(tmp_path):
