@@ -8,7 +8,7 @@ from programs import run_program
 
 SHORT = (
     "data.train=train", "data.validation=validation", "workers=0", "tree_walk.crop_px=48", "tree_walk.images=40",
-    "tree_walk.growth.leaf_samples=10", "tree_walk.growth.features=20", "tree_walk.confidence_bins=2",
+    "tree_walk.leaf_samples=10", "tree_walk.features=20",
 )  # fmt: skip
 
 

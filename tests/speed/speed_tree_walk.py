@@ -7,17 +7,16 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from kpopnet.baselines.tree_walk.estimator import TreeWalkEstimator, TreeWalkEstimatorConfig
-from kpopnet.baselines.tree_walk.growing import GrowthConfig
-from kpopnet.baselines.tree_walk.image import integer_image
+from kpopnet.baselines.tree_walk.model import TreeWalkEstimator, TreeWalkEstimatorConfig
 from kpopnet.baselines.tree_walk.training import TreeWalkConfig, train
+from kpopnet.baselines.tree_walk.walking import integer_image
 from kpopnet.data.cube import Cube, crop, person_centre
 from synth.samples.observe import ExtractionConfig, Observer
 from synth.sensor.model import SensorConfig
 from tests.speed.generated import generated_set
 
 SAMPLES, ROUNDS = 200, 5
-GROWTH = GrowthConfig(leaf_samples=10, features=20)
+CONFIG = TreeWalkConfig(images=2000, places=50, leaf_samples=10, features=20, validation_images=50)
 """Small leaves and many places: trees of few images get as large as those of many, which do not fit the caches."""
 
 
@@ -28,8 +27,7 @@ def measure() -> dict[str, tuple[float, str, str]]:
     with tempfile.TemporaryDirectory() as folder:
         shards = generated_set(Path(folder, "set"), SAMPLES)
         people = Observer(shards, SensorConfig(), ExtractionConfig(), seed=0)
-        config = TreeWalkConfig(images=2000, places=50, growth=GROWTH, validation_images=50)
-        train(config, people, people, seed=0, workers=0)[0].save(Path(folder, "model"), {})
+        train(CONFIG, people, people, seed=0, workers=0)[0].save(Path(folder, "model"), {})
         estimator = TreeWalkEstimator(TreeWalkEstimatorConfig(str(Path(folder, "model"))))
         depth_m = np.stack([shards[index].depth_mm for index in range(SAMPLES)]).astype(np.float32) / 1000
     model, camera = estimator.model, shards.camera

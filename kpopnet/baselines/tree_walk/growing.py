@@ -1,48 +1,26 @@
 """Growing of regression trees whose leaves hold directions, node by node."""
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from kpopnet.baselines.tree_walk.image import features
-from kpopnet.errors import InputError
+from kpopnet.baselines.tree_walk.walking import feature
 
-KMEANS_ITERATIONS = 10
+MAX_DEPTH = 20
+"""Largest number of splits between the root and a leaf."""
 
+BINS = 24
+"""Number of equal intervals of each feature's range; their bounds are the thresholds tried."""
 
-MAX_SETTING = 10**6
+JUDGED_SAMPLES = 1000
+"""Largest number of a node's samples that are used to select its split; the split divides all of them."""
 
+PROBE_M = 0.8
+"""Largest distance of a probe from the position."""
 
-@dataclass(frozen=True)
-class GrowthConfig:
-    """How a tree is grown.
-
-    Attributes:
-        depth: largest number of splits between the root and a leaf.
-        leaf_samples: smallest number of samples in a leaf.
-        features: number of random features tried at every node.
-        bins: number of equal intervals of each feature's range; their bounds are the thresholds tried.
-        judged: largest number of a node's samples that are used to select its split; the split divides all of them.
-        probe_m: largest distance of a probe from the position, in metres.
-        directions: number of directions that a leaf stores, found by k-means.
-    """
-
-    depth: int = 20
-    leaf_samples: int = 40
-    features: int = 100
-    bins: int = 24
-    judged: int = 1000
-    probe_m: float = 0.8
-    directions: int = 5
-
-    def __post_init__(self) -> None:
-        for name in ("depth", "leaf_samples", "features", "bins", "judged", "directions"):
-            if not 1 <= getattr(self, name) <= MAX_SETTING:
-                raise InputError(f"growth.{name}={getattr(self, name)}: expected 1 or more, at most {MAX_SETTING:,}")
-        if not 0 < self.probe_m <= 5:
-            raise InputError(f"growth.probe_m={self.probe_m}: expected metres, above 0, at most 5")
+DIRECTIONS, KMEANS_ITERATIONS = 5, 10
+"""Number of directions that a leaf stores, found by k-means, as Jung et al. do."""
 
 
 class Tree(NamedTuple):
@@ -61,7 +39,7 @@ class Samples(NamedTuple):
     Attributes:
         images: (M, S, S) int16 `integer_image`.
         image: (N,) int32 index of each sample's image.
-        position: (N, 3) int32 row, column and depth (`kpopnet.baselines.tree_walk.image.features`).
+        position: (N, 3) int32 row, column and depth (`kpopnet.baselines.tree_walk.walking.feature`).
         direction: (N, 3) float32 unit vectors from the position to the joint.
     """
 
@@ -71,7 +49,7 @@ class Samples(NamedTuple):
     direction: np.ndarray
 
 
-def grow(samples: Samples, config: GrowthConfig, probe_px: int, seed: tuple[int, ...]) -> Tree:
+def grow(samples: Samples, leaf_samples: int, num_features: int, px_per_m: float, seed: tuple[int, ...]) -> Tree:
     """Grows a tree that predicts the direction at a position.
 
     The split of a node is the best of some random features and thresholds: it minimises the sum of squared deviations of
@@ -79,8 +57,9 @@ def grow(samples: Samples, config: GrowthConfig, probe_px: int, seed: tuple[int,
 
     Args:
         samples: training samples.
-        config: how the tree is grown.
-        probe_px: largest distance of a probe from the position in pixels.
+        leaf_samples: smallest number of samples in a leaf.
+        num_features: number of random features tried at every node.
+        px_per_m: pixels per metre of the images.
         seed: of the features.
     """
     order = np.random.default_rng([*seed, 0]).permutation(len(samples.image))
@@ -89,14 +68,12 @@ def grow(samples: Samples, config: GrowthConfig, probe_px: int, seed: tuple[int,
     while open_nodes:
         node, start, stop, depth = open_nodes.pop()
         members = order[start:stop]
-        min_samples = config.leaf_samples
-        split, middle = None, start
-        if depth < config.depth and len(members) >= 2 * min_samples:
-            probes = draw_probes(np.random.default_rng([*seed, 1, node]), config.features, probe_px)
-            split = best_split(samples, members[: config.judged], probes, config.bins, min_samples)
-        if split is not None and split[0] >= 0:
-            chosen, limit = split
-            large = split_mask(samples, members, probes[chosen], limit)
+        chosen, middle = -1, start
+        if depth < MAX_DEPTH and len(members) >= 2 * leaf_samples:
+            probes = draw_probes(np.random.default_rng([*seed, 1, node]), num_features, round(PROBE_M * px_per_m))
+            chosen, limit = best_split(samples, members[:JUDGED_SAMPLES], probes, BINS, leaf_samples)
+        if chosen >= 0:
+            large = feature_values(samples, members, probes[chosen : chosen + 1])[:, 0] >= limit
             order[start:stop] = np.concatenate([members[~large], members[large]])
             middle = stop - int(np.count_nonzero(large))
         if start < middle < stop:
@@ -107,7 +84,7 @@ def grow(samples: Samples, config: GrowthConfig, probe_px: int, seed: tuple[int,
             probe += [np.zeros(5, np.int16)] * 2
         else:
             child[node] = -1 - len(direction)
-            means, shares = cluster(samples.direction[members], config.directions)
+            means, shares = cluster(samples.direction[members], DIRECTIONS)
             direction.append(means)
             share.append(np.cumsum(shares))
     return Tree(
@@ -120,7 +97,7 @@ def grow(samples: Samples, config: GrowthConfig, probe_px: int, seed: tuple[int,
 
 
 def draw_probes(rng: np.random.Generator, count: int, farthest_px: int) -> np.ndarray:
-    """(count, 5) int16 random probes (`kpopnet.baselines.tree_walk.image.features`), half of them pairs.
+    """(count, 5) int16 random probes (`kpopnet.baselines.tree_walk.walking.feature`), half of them pairs.
 
     The distance of a probe is farthest_px times the square of a uniform number, so that near probes are more frequent.
     """
@@ -130,18 +107,14 @@ def draw_probes(rng: np.random.Generator, count: int, farthest_px: int) -> np.nd
     return np.concatenate([ends, rng.integers(0, 2, (count, 1))], axis=1).astype(np.int16)
 
 
-def split_mask(samples: Samples, members: np.ndarray, probe: np.ndarray, threshold: int) -> np.ndarray:
-    """(n,) bool: the members whose feature is at least the threshold."""
-    return feature_values(samples, members, probe[None])[:, 0] >= threshold
-
-
 @njit(cache=True)
 def feature_values(samples, members, probes):
     """(n, F) int32 features of the members, which are indices of samples."""
     values = np.empty((len(members), len(probes)), np.int32)
     for i, sample in enumerate(members):
         row, column, depth = samples.position[sample]
-        features(samples.images[samples.image[sample]], row, column, depth, probes, values[i])
+        for k in range(len(probes)):
+            values[i, k] = feature(samples.images[samples.image[sample]], row, column, depth, probes[k])
     return values
 
 

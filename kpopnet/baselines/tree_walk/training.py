@@ -1,4 +1,4 @@
-"""Trains a random tree walk: images, positions in them, trees, and the calibration of the confidence."""
+"""Trains a random tree walk: images, positions in them, a tree for each joint, and the calibration of the confidence."""
 
 import logging
 from dataclasses import dataclass, field, replace
@@ -7,11 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from tqdm import tqdm
 
-from kpopnet.baselines.tree_walk.growing import GrowthConfig, Samples, Tree, grow
-from kpopnet.baselines.tree_walk.image import UNITS, integer_image
+from kpopnet.baselines.tree_walk.growing import Samples, Tree, grow
 from kpopnet.baselines.tree_walk.model import TreeWalkModel
-from kpopnet.baselines.tree_walk.walking import Trees, WalkConfig
-from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, Order, ShuffledOrder, batch_loader
+from kpopnet.baselines.tree_walk.walking import UNITS, Trees, integer_image
+from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, ShuffledOrder, batch_loader
 from kpopnet.data.cube import Cube
 from kpopnet.data.observation import ObservationSource
 from kpopnet.errors import InputError
@@ -20,13 +19,17 @@ from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
 
 BATCH = 50
 WITHIN_M = 0.1
+AROUND_M = 0.3
+"""Largest distance from the joint of the positions from which the direction to it is learned."""
+
+HALF_SIZE_M = 1.15
+"""Half the cube's edge, that of the networks."""
+
+CONFIDENCE_BINS = 10
 POSITIONS_STREAM, GROWTH_STREAM = 0x91AC, 0x7EEE
 """Make these random draws independent of each other and of those of the observations, which have the same seed."""
 
 log = logging.getLogger(__name__)
-
-
-MAX_COUNT = 10**8
 
 
 @dataclass
@@ -36,34 +39,26 @@ class TreeWalkConfig:
     Attributes:
         images: number of images of the training set, each used once.
         places: number of positions around each joint in every image, from which its tree learns the direction to the joint.
-        around_m: largest distance of these positions from the joint in metres.
         crop_px: side of the image of the cube in pixels.
-        half_size_m: half the cube's edge in metres.
-        growth: how the trees are grown.
-        walk: parameters of the walks.
+        leaf_samples: smallest number of samples in a leaf.
+        features: number of random features tried at every node.
         augment: augmentation of the training images.
         validation_images: number of images of the validation set that evaluate the model and calibrate its confidence.
-        confidence_bins: number of levels of the confidence.
     """
 
     images: int = 80_000
     places: int = 6
-    around_m: float = 0.3
     crop_px: int = 96
-    half_size_m: float = 1.15
-    growth: GrowthConfig = field(default_factory=GrowthConfig)
-    walk: WalkConfig = field(default_factory=WalkConfig)
+    leaf_samples: int = 40
+    features: int = 100
     augment: AugmentConfig = field(default_factory=AugmentConfig)
     validation_images: int = 4000
-    confidence_bins: int = 10
 
     def __post_init__(self) -> None:
-        for name in ("images", "places", "validation_images", "confidence_bins"):
-            if not 1 <= getattr(self, name) <= MAX_COUNT:
-                raise InputError(f"{name}={getattr(self, name)}: expected 1 or more, at most {MAX_COUNT:,}")
-        if not 0 < self.around_m <= 2:
-            raise InputError(f"around_m={self.around_m}: expected metres, above 0, at most 2")
-        ModelConfig(crop_px=self.crop_px, half_size_m=self.half_size_m)  # refuses invalid crops
+        for name in ("images", "places", "leaf_samples", "features", "validation_images"):
+            if not 1 <= getattr(self, name) <= 10**8:
+                raise InputError(f"tree_walk.{name}={getattr(self, name)}: expected 1 or more, at most 100,000,000")
+        ModelConfig(crop_px=self.crop_px)  # refuses invalid crops
 
 
 class CropImages(NamedTuple):
@@ -96,33 +91,24 @@ def train(
         The model, and its metrics on the validation set by name.
     """
     order = ShuffledOrder(len(source), BATCH, seed)
-    images = collect_images(source, config, order, config.images, config.augment, seed, workers, "training images")
+    batches = CropBatches(source, ModelConfig(crop_px=config.crop_px, half_size_m=HALF_SIZE_M), order, seed, config.augment)
+    images = collect_images(batches, config.images, workers, "training images")
     trees = []
     for joint in tqdm(range(NUM_JOINTS), desc="trees", unit="joint"):
-        samples = draw_positions(images, joint, config, np.random.default_rng([seed, POSITIONS_STREAM, joint]))
-        farthest_px = round(config.growth.probe_m / config.half_size_m * config.crop_px / 2)
-        trees.append(grow(samples, config.growth, farthest_px, (seed, GROWTH_STREAM, joint)))
-    one_bin = np.zeros((NUM_JOINTS, 0), np.float32), np.ones((NUM_JOINTS, 1), np.float32)
-    model = TreeWalkModel(config.crop_px, config.half_size_m, config.walk, merge_trees(trees), *one_bin)
+        samples = draw_positions(images, joint, config.places, np.random.default_rng([seed, POSITIONS_STREAM, joint]))
+        half_px = config.crop_px / 2 / HALF_SIZE_M
+        trees.append(grow(samples, config.leaf_samples, config.features, half_px, (seed, GROWTH_STREAM, joint)))
+    uncalibrated = np.zeros((NUM_JOINTS, 0), np.float32), np.ones((NUM_JOINTS, 1), np.float32)
+    model = TreeWalkModel(config.crop_px, HALF_SIZE_M, merge_trees(trees), *uncalibrated)
     count = min(config.validation_images, len(validation))
     order = EvenOrder(len(validation), BATCH, count)
-    images = collect_images(validation, config, order, count, None, seed, workers, "validation images")
-    return calibrate(model, images, config)
+    batches = CropBatches(validation, ModelConfig(crop_px=config.crop_px, half_size_m=HALF_SIZE_M), order, seed, None)
+    return calibrate(model, collect_images(batches, count, workers, "validation images"))
 
 
-def collect_images(
-    source: ObservationSource,
-    config: TreeWalkConfig,
-    order: Order,
-    count: int,
-    augment: AugmentConfig | None,
-    seed: int,
-    workers: int,
-    what: str,
-) -> CropImages:
-    """Collects the first `count` images of an order, with a progress bar labelled `what`; see CropBatches for the rest."""
-    side = config.crop_px
-    batches = CropBatches(source, ModelConfig(crop_px=side, half_size_m=config.half_size_m), order, seed, augment)
+def collect_images(batches: CropBatches, count: int, workers: int, what: str) -> CropImages:
+    """Collects the first `count` images of the batches, with a progress bar labelled `what`."""
+    side = batches.model.crop_px
     images = CropImages(
         np.empty((count, side, side), np.int16),
         np.empty((count, NUM_JOINTS, 3), np.float32),
@@ -143,21 +129,21 @@ def collect_images(
     return images
 
 
-def draw_positions(crops: CropImages, joint: int, config: TreeWalkConfig, rng: np.random.Generator) -> Samples:
-    """Draws the positions from which the direction to a joint is learned, `config.places` in each image.
+def draw_positions(crops: CropImages, joint: int, places: int, rng: np.random.Generator) -> Samples:
+    """Draws the positions from which the direction to a joint is learned, `places` in each image.
 
     The positions are isotropic around the joint, although walks come from its parent: an uncertain tree returns the most
     frequent direction of its samples. With positions along the way from the parent, walks drifted past the joint. The
     distance from the joint is uniform, so the density is highest at the joint, where walks take most steps.
     """
-    count = len(crops.images) * config.places
-    image = np.repeat(np.arange(len(crops.images), dtype=np.int32), config.places)
+    count = len(crops.images) * places
+    image = np.repeat(np.arange(len(crops.images), dtype=np.int32), places)
     target = crops.joints_uvd[image, joint]
     offset = rng.normal(size=(count, 3)).astype(np.float32)
-    offset *= config.around_m / config.half_size_m * rng.random((count, 1)) / np.linalg.norm(offset, axis=1, keepdims=True)
+    offset *= AROUND_M / HALF_SIZE_M * rng.random((count, 1)) / np.linalg.norm(offset, axis=1, keepdims=True)
     position = target + offset
     direction = -offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), 1e-9)
-    return Samples(crops.images, image, pixel_positions(position, config.crop_px), direction.astype(np.float32))
+    return Samples(crops.images, image, pixel_positions(position, crops.images.shape[1]), direction.astype(np.float32))
 
 
 def pixel_positions(position_uvd: np.ndarray, side: int) -> np.ndarray:
@@ -179,7 +165,7 @@ def merge_trees(trees: list[Tree]) -> Trees:
     return Trees(nodes[:-1].astype(np.int32), np.concatenate(child), *parts)
 
 
-def calibrate(model: TreeWalkModel, crops: CropImages, config: TreeWalkConfig) -> tuple[TreeWalkModel, dict]:
+def calibrate(model: TreeWalkModel, crops: CropImages) -> tuple[TreeWalkModel, dict]:
     """Calibrates the confidence of a model on images; returns the model and its metrics on these images."""
     errors_m = np.empty((len(crops.images), NUM_JOINTS))
     deviations_m = np.empty((len(crops.images), NUM_JOINTS), np.float32)
@@ -188,14 +174,12 @@ def calibrate(model: TreeWalkModel, crops: CropImages, config: TreeWalkConfig) -
         cube = Cube(np.array(centre_m, np.float32), half_size_m)
         errors_m[number] = np.linalg.norm(cube.to_metres(uvd) - cube.to_metres(truth), axis=-1)
     within = errors_m < WITHIN_M
-    bins = config.confidence_bins
-    bounds_m = np.quantile(deviations_m, np.arange(1, bins) / bins, axis=0).T.astype(np.float32).reshape(NUM_JOINTS, bins - 1)
+    bounds_m = np.quantile(deviations_m, np.arange(1, CONFIDENCE_BINS) / CONFIDENCE_BINS, axis=0).T.astype(np.float32)
     bin_of = (deviations_m[:, :, None] >= bounds_m).sum(axis=-1)
-    shares = np.empty((NUM_JOINTS, bins), np.float32)
-    for joint in range(NUM_JOINTS):
-        for k in range(bins):
-            in_bin = within[bin_of[:, joint] == k, joint]
-            shares[joint, k] = in_bin.mean() if len(in_bin) else within[:, joint].mean()
+    shares = np.empty((NUM_JOINTS, CONFIDENCE_BINS), np.float32)
+    for joint, k in np.ndindex(shares.shape):
+        in_bin = within[bin_of[:, joint] == k, joint]
+        shares[joint, k] = in_bin.mean() if len(in_bin) else within[:, joint].mean()
     metrics = {
         "mean_error_cm": 100 * float(errors_m.mean()),
         "within_10cm": float(within.mean()),

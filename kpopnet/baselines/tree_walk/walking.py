@@ -1,41 +1,37 @@
-"""The random walks of all joints through the cube around the person."""
+"""The trees of all joints, the features that they evaluate, and the random walks through the cube around the person.
 
-from dataclasses import dataclass
+Features are depth differences in a small integer depth image of the cube, relative to a position (u, v, d) in the
+coordinates of `kpopnet.data.cube`. These are metric at the person's distance, so the offsets of the probes need no division
+by depth: the cube has normalised them.
+"""
+
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from kpopnet.baselines.tree_walk.image import UNITS, depth_difference, pixel_index
-from kpopnet.errors import InputError
 from kpopnet.skeleton import BONES, NUM_JOINTS, Joint
 
-MAX_STEPS = 10_000
+UNITS = 10_000
+"""Integer depth units per half edge of the cube; a unit is about a tenth of a millimetre."""
 
+UNMEASURED = np.int16(32_767)
+"""Value of pixels without a measurement: behind everything else."""
 
-@dataclass(frozen=True)
-class WalkConfig:
-    """Parameters of the walks.
+MAX_DIFFERENCE = 4_000
+"""Depth differences are clipped to this, about 45 cm in front of and behind the position. Pixels farther behind and pixels
+without a measurement give the same value."""
 
-    Attributes:
-        steps: number of steps of each joint's walk.
-        settling: number of steps at the start of a walk that are excluded from the mean.
-        step_m: length of a step in metres.
-    """
+PARENT = {child: parent for parent, child in BONES}
 
-    steps: int = 128
-    settling: int = 32
-    step_m: float = 0.05
+ORDER = [Joint.TORSO]
+"""(15,) joints in the order of their walks, parents before children."""
+for _joint in ORDER:
+    ORDER += [child for child, parent in PARENT.items() if parent == _joint]
+ORDER = np.array(ORDER, np.int32)
 
-    def __post_init__(self) -> None:
-        whole = isinstance(self.steps, int) and isinstance(self.settling, int)
-        if not (whole and 0 <= self.settling < self.steps <= MAX_STEPS):
-            raise InputError(
-                f"walk: expected whole numbers, 0 <= settling < steps <= {MAX_STEPS}, found settling={self.settling}, "
-                f"steps={self.steps}"
-            )
-        if not 0 < self.step_m <= 0.5:
-            raise InputError(f"walk.step_m={self.step_m}: expected metres, above 0, at most 0.5")
+START = np.array([PARENT.get(joint, -1) for joint in Joint], np.int32)
+"""(15,) the joint at whose estimate the walk of each joint starts; -1 for the centre of the silhouette."""
 
 
 class Trees(NamedTuple):
@@ -45,7 +41,7 @@ class Trees(NamedTuple):
         root: (15,) int32 root node of each joint's tree.
         child: (N,) int32 child for features below the threshold, the other child is the next node; or -1 - leaf.
         threshold: (N,) int32 threshold of the feature.
-        probe: (N, 5) int16, see `image.features`.
+        probe: (N, 5) int16, see `feature`.
         direction: (L, K, 3) float32 unit vectors in (u, v, d), the directions of each leaf.
         share: (L, K) float32 cumulative probabilities of the directions, up to 1.
     """
@@ -58,22 +54,46 @@ class Trees(NamedTuple):
     share: np.ndarray
 
 
-PARENT = {child: parent for parent, child in BONES}
+def integer_image(crop: np.ndarray) -> np.ndarray:
+    """Converts a crop to integer depth.
+
+    Args:
+        crop: (..., S, S) float32 cube depth d, 1 where nothing was measured (`kpopnet.data.cube.crop`).
+
+    Returns:
+        (..., S, S) int16 in UNITS, UNMEASURED where nothing was measured.
+    """
+    return np.where(crop < 1, np.rint(crop * np.float32(UNITS)), np.float32(UNMEASURED)).astype(np.int16)
 
 
-def _parents_first() -> list[Joint]:
-    """The joints, parents first."""
-    order = [Joint.TORSO]
-    for joint in order:
-        order += [child for child, parent in PARENT.items() if parent == joint]
-    return order
+@njit(cache=True)
+def depth_difference(image, row, column, depth):
+    """Depth of a pixel minus `depth`, clipped to -MAX_DIFFERENCE..MAX_DIFFERENCE; MAX_DIFFERENCE outside the image."""
+    side = image.shape[0]
+    if row < 0 or column < 0 or row >= side or column >= side:
+        return np.int32(MAX_DIFFERENCE)
+    return min(max(np.int32(image[row, column]) - depth, np.int32(-MAX_DIFFERENCE)), np.int32(MAX_DIFFERENCE))
 
 
-ORDER = np.array(_parents_first(), np.int32)
-"""(15,) joints in the order of their walks, parents before children."""
+@njit(cache=True)
+def feature(image, row, column, depth, probe):
+    """The feature at a position, int32 UNITS.
 
-START = np.array([PARENT.get(joint, -1) for joint in Joint], np.int32)
-"""(15,) the joint at whose estimate the walk of each joint starts; -1 for the centre of the silhouette."""
+    Jung et al. use the depth difference between two probes of the image. Such differences do not depend on the depth of
+    the position itself, so a feature may also be the depth difference between one probe and the position.
+
+    Args:
+        image: (S, S) `integer_image`.
+        row: of the position.
+        column: of the position.
+        depth: of the position in UNITS.
+        probe: (5,) int16: offsets in rows and columns from the position to a first and a second probe, and 1 if there is a
+            second.
+    """
+    value = depth_difference(image, row + probe[0], column + probe[1], depth)
+    if probe[4]:
+        value -= depth_difference(image, row + probe[2], column + probe[3], depth)
+    return value
 
 
 @njit(cache=True)
@@ -89,16 +109,14 @@ def random_uniform(key, count):
 @njit(cache=True)
 def find_leaf(trees, joint, image, u, v, d):
     """The leaf of a joint's tree for a position (u, v, d)."""
-    side = image.shape[0]
-    row, column, depth = pixel_index(v, side), pixel_index(u, side), np.int32(np.rint(d * UNITS))
+    half = 0.5 * image.shape[0]
+    row, column = np.int32(np.floor((v + 1) * half)), np.int32(np.floor((u + 1) * half))
+    depth = np.int32(np.rint(d * UNITS))
     node = trees.root[joint]
-    child, threshold, probe = trees.child, trees.threshold, trees.probe
-    while child[node] >= 0:
-        value = depth_difference(image, row + probe[node, 0], column + probe[node, 1], depth)
-        if probe[node, 4]:
-            value -= depth_difference(image, row + probe[node, 2], column + probe[node, 3], depth)
-        node = child[node] + (1 if value >= threshold[node] else 0)
-    return -1 - child[node]
+    while trees.child[node] >= 0:
+        above = feature(image, row, column, depth, trees.probe[node]) >= trees.threshold[node]
+        node = trees.child[node] + (1 if above else 0)
+    return -1 - trees.child[node]
 
 
 @njit(cache=True)

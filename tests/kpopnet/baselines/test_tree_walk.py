@@ -6,16 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from capsule_people import CAMERA, CapsulePeople, draw_depth, draw_joints
-from damaged_files import survives_damage, survives_hostile_json
+from damaged_files import survives_damage
 from safetensors.numpy import load_file, save_file
 
 from kpopnet.baselines.mean_pose import MeanPoseEstimator
-from kpopnet.baselines.tree_walk.estimator import TreeWalkEstimator, TreeWalkEstimatorConfig
-from kpopnet.baselines.tree_walk.growing import GrowthConfig, Samples, best_split, cluster, draw_probes, grow, split_mask
-from kpopnet.baselines.tree_walk.image import MAX_DIFFERENCE, UNITS, UNMEASURED, integer_image
-from kpopnet.baselines.tree_walk.model import META, TREES, TreeWalkModel
+from kpopnet.baselines.tree_walk.growing import Samples, best_split, cluster, draw_probes, grow
+from kpopnet.baselines.tree_walk.model import META, TREES, TreeWalkEstimator, TreeWalkEstimatorConfig, TreeWalkModel
 from kpopnet.baselines.tree_walk.training import TreeWalkConfig, merge_trees, pixel_positions, train
-from kpopnet.baselines.tree_walk.walking import Trees, WalkConfig, find_leaf, walk
+from kpopnet.baselines.tree_walk.walking import MAX_DIFFERENCE, UNITS, UNMEASURED, Trees, find_leaf, integer_image, walk
 from kpopnet.data.batches import AugmentConfig
 from kpopnet.data.cube import person_centre
 from kpopnet.errors import InputError
@@ -26,10 +24,10 @@ SMALL = TreeWalkConfig(
     images=500,
     places=8,
     crop_px=48,
-    growth=GrowthConfig(features=30, leaf_samples=20),
+    features=30,
+    leaf_samples=20,
     augment=AugmentConfig(mirror=0, rotation_deg=0, occluder=0),
     validation_images=100,
-    confidence_bins=4,
 )
 
 
@@ -189,7 +187,7 @@ def test_the_best_split_is_the_best_of_all_candidates():
 
 def test_a_tree_learns_the_feature_on_which_directions_depend():
     samples, near = directed_samples()
-    tree = grow(samples, GrowthConfig(leaf_samples=30, features=40, directions=2), 10, (0,))
+    tree = grow(samples, 30, 40, 10 / 0.8, (0,))
     trees = merge_trees([tree] * NUM_JOINTS)
     predicted = np.zeros(len(samples.image))
     for i, (row, column, depth) in enumerate(samples.position):
@@ -198,11 +196,7 @@ def test_a_tree_learns_the_feature_on_which_directions_depend():
         predicted[i] = np.diff(trees.share[leaf], prepend=0) @ trees.direction[leaf, :, 1]
     right = (predicted < 0) == near[samples.image]
     assert right.mean() > 0.9, right.mean()
-    # Growing and walking split alike; every leaf has at least the smallest number of samples.
-    assert len(tree.share) <= 1500 / 30
-    inner = np.flatnonzero(tree.child >= 0)
-    large = split_mask(samples, np.arange(1500), tree.probe[0], tree.threshold[0])
-    assert len(inner) and 30 <= large.sum() <= 1470
+    assert 1 < len(tree.share) <= 1500 / 30  # every leaf has at least the smallest number of samples
 
 
 def test_clusters_recover_the_directions():
@@ -277,7 +271,7 @@ def test_the_same_seed_makes_the_same_model_and_the_same_estimate(trained, peopl
     for one, other in zip(*estimates, strict=True):
         np.testing.assert_array_equal(one, other)
     loaded = TreeWalkModel.load(folder)
-    assert loaded.walk_config == model.walk_config and (loaded.crop_px, loaded.half_size_m) == (48, 1.15)
+    assert (loaded.crop_px, loaded.half_size_m, loaded.steps, loaded.settling, loaded.step_m) == (48, 1.15, 128, 32, 0.05)
     for name in Trees._fields:
         np.testing.assert_array_equal(getattr(loaded.trees, name), getattr(model.trees, name))
 
@@ -323,19 +317,14 @@ def rewrite(name, value):
     ("change", "message"),
     [
         (cycle, "do not follow"),
-        (lambda arrays: rewrite("child", len(arrays["child"]) + 5)(arrays), "do not follow"),
         (rewrite("child", -(10**8)), "leaf"),
         (rewrite("root", -1), "root"),
-        (rewrite("root", 10**7), "root"),
         (rewrite("direction", np.nan), "unit"),
-        (rewrite("direction", 7.0), "unit"),
         (rewrite("share", 0.4), "add up"),
         (rewrite("within_10cm", 1.5), "confidences"),
         (rewrite("spread_m", np.nan), "confidences"),
         (lambda arrays: arrays.pop("probe"), "probe"),
         (lambda arrays: arrays.update(probe=arrays["probe"][:, :4]), "probe"),
-        (lambda arrays: arrays.update(threshold=arrays["threshold"].astype(np.float32)), "threshold"),
-        (lambda arrays: arrays.update(child=arrays["child"][:0]), "child"),
     ],
 )
 def test_damaged_trees_are_refused(trained, tmp_path, change, message):
@@ -354,14 +343,10 @@ def test_folders_of_other_formats_are_refused(trained, tmp_path):
     meta = json.loads((trained[0] / META).read_text())
     for changed, message in (
         ("{", "not valid JSON"),
-        (json.dumps([1]), "expected a kpopnet-tree-walk"),
         (json.dumps(meta | {"version": 2}), "of version 2"),
-        (json.dumps(meta | {"walk": {"strides": 3}}), "settings unknown"),
         (json.dumps(meta | {"crop_px": 10**6}), "1000000 pixels"),
         (json.dumps(meta | {"walk": {"steps": 3, "settling": 5, "step_m": 0.1}}), "settling < steps"),
         (json.dumps(meta | {"walk": {"steps": 9.5, "settling": 5, "step_m": 0.1}}), "steps is 9.5, expected int"),
-        (json.dumps(meta | {"walk": {"steps": 10**9, "settling": 5, "step_m": 0.1}}), "steps=1000000000"),
-        (json.dumps(meta).replace('"crop_px": 48', '"crop_px": 1e999'), "not a finite number"),
         (json.dumps(meta), "missing, damaged or of another format"),
     ):
         (tmp_path / META).write_text(changed)
@@ -377,29 +362,11 @@ def test_folders_of_other_formats_are_refused(trained, tmp_path):
 def test_damaged_files_are_refused_in_one_line(trained, tmp_path):
     for name in (META, TREES):
         (tmp_path / name).write_bytes((trained[0] / name).read_bytes())
-    survives_hostile_json(tmp_path / META, lambda: TreeWalkModel.load(tmp_path))
     for name in (META, TREES):
         assert survives_damage(tmp_path / name, lambda: TreeWalkModel.load(tmp_path)) > 50
-    arrays = load_file(tmp_path / TREES)
-    for name in arrays:
-        for wrong in (np.float32(1), np.zeros((2, 2, 2, 2), np.int16), np.full(arrays[name].shape, np.nan, np.float32)):
-            save_file(arrays | {name: np.asarray(wrong)}, tmp_path / TREES)
-            with pytest.raises(InputError, match=TREES):
-                TreeWalkModel.load(tmp_path)
-    save_file({name: array for name, array in arrays.items() if name != "root"}, tmp_path / TREES)
-    with pytest.raises(InputError, match="lacks root"):
-        TreeWalkModel.load(tmp_path)
 
 
-def test_invalid_settings_are_refused():
-    for wrong, message in (
-        (lambda: WalkConfig(steps=4, settling=4), "settling"),
-        (lambda: WalkConfig(step_m=0), "step_m=0"),
-        (lambda: GrowthConfig(features=0), "features=0"),
-        (lambda: GrowthConfig(probe_m=-1), "probe_m=-1"),
-        (lambda: replace(SMALL, images=0), "images=0"),
-        (lambda: replace(SMALL, around_m=0), "around_m=0"),
-        (lambda: replace(SMALL, crop_px=50), "crop_px=50"),
-    ):
-        with pytest.raises(InputError, match=message):
-            wrong()
+@pytest.mark.parametrize("wrong", [{"features": 0}, {"images": 0}, {"crop_px": 50}])
+def test_invalid_settings_are_refused(wrong):
+    with pytest.raises(InputError, match=next(f"{name}={value}" for name, value in wrong.items())):
+        replace(SMALL, **wrong)

@@ -9,7 +9,7 @@ import pytest
 from shard_sets import write_shard
 
 from kpopnet.baselines.mean_pose import MeanPoseEstimator
-from kpopnet.baselines.tree_walk.estimator import TreeWalkEstimatorConfig
+from kpopnet.baselines.tree_walk.model import TreeWalkEstimatorConfig
 from kpopnet.camera import Camera
 from kpopnet.data.cube import person_centre
 from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
