@@ -55,6 +55,15 @@ class TeacherBody:
         """Number of a bone."""
         return self.bone_names.tolist().index(name)
 
+    @property
+    def offsets_m(self) -> np.ndarray:
+        """(B, 3) from the parent's proximal end to each bone's, in the T-pose, metres; 0 for the root."""
+        offsets_m = np.zeros((len(self.bone_names), 3))
+        for bone, parent in enumerate(self.bone_parents.tolist()):
+            if parent >= 0:
+                offsets_m[bone] = self.t_pose[parent] @ (self.heads_m[bone] - self.heads_m[parent]).astype(np.float64)
+        return offsets_m
+
 
 @dataclass(frozen=True)
 class About:

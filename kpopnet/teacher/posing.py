@@ -7,6 +7,7 @@ fifteen joints do not show (the twist of a limb, hands, feet) stays as at rest.
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from kpopnet.dance.joint_files.bvh import BvhFile, bvh_text
 from kpopnet.dance.joint_files.points import CAMERA_HEIGHT_M
 from kpopnet.rotations import conjugate, multiply
 from kpopnet.skeleton import Joint
@@ -26,6 +27,12 @@ _LIMBS = tuple(
 
 SPINE = {"LowerBack": 1 / 3, "Spine": 2 / 3, "Spine1": 1.0}
 """Share of the rotation from hips to chest that each bone of the spine has reached."""
+
+TO_Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+"""Multiplies row vectors: from z up and -y in front to y up and z in front."""
+
+BVH_END_M = np.array([0, 0.08, 0])
+"""Where a bone without children ends in BVH."""
 
 FLOOR_PERCENTILE = 10
 """Of the lower foot's height over a dance: where the floor is."""
@@ -144,11 +151,10 @@ def _continuous(quats: np.ndarray) -> np.ndarray:
 
 def forward(rotations: np.ndarray, body: TeacherBody) -> np.ndarray:
     """(T, B, 3) heads of the bones for (T, B, 3, 3) rotations from the T-pose, with the root at the origin; metres."""
-    heads_m = np.zeros((len(rotations), len(body.bone_names), 3))
+    heads_m, offsets_m = np.zeros((len(rotations), len(body.bone_names), 3)), body.offsets_m
     for bone, parent in enumerate(body.bone_parents):
         if parent >= 0:
-            offset_m = body.t_pose[parent] @ (body.heads_m[bone] - body.heads_m[parent]).astype(np.float64)
-            heads_m[:, bone] = heads_m[:, parent] + rotations[:, parent] @ offset_m
+            heads_m[:, bone] = heads_m[:, parent] + rotations[:, parent] @ offsets_m[bone]
     return heads_m
 
 
@@ -164,3 +170,18 @@ def _root_m(joints_m: np.ndarray, rotations: np.ndarray, body: TeacherBody) -> n
     root_m = middle_m - middle_m[0]
     root_m[:, 2] = sole_m - lower_m + jump_m
     return root_m
+
+
+def as_bvh(body: TeacherBody, quats: np.ndarray, hips_m: np.ndarray, fps: float) -> str:
+    """The text of a BVH file of a dance, in metres, y up, which animation programs read.
+
+    Args:
+        body: the skeleton.
+        quats: (T, B, 4) rotations of the bones relative to their parents, w first.
+        hips_m: (T, 3) positions of the root.
+        fps: frames per second.
+    """
+    turned = quats[..., (0, 1, 3, 2)] * (1, 1, 1, -1)  # (x, y, z) -> (x, z, -y)
+    names, parents = [str(name) for name in body.bone_names], body.bone_parents.tolist()
+    written = BvhFile(names, parents, body.offsets_m @ TO_Y_UP, turned, hips_m @ TO_Y_UP, fps)
+    return bvh_text(written, [BVH_END_M] * len(names))

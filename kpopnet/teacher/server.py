@@ -19,13 +19,12 @@ from kpopnet.errors import InputError, check_between
 from kpopnet.runtime.input_files import check_fields, parse_json, settings_from
 from kpopnet.runtime.untrusted import read_in_child
 from kpopnet.teacher.adding import add_performance, at_rate
-from kpopnet.teacher.bvh import as_bvh
 from kpopnet.teacher.filming import Filming
 from kpopnet.teacher.library import About, Library, preview_cm, stored_quats
 from kpopnet.teacher.live.joints import CameraOpener
 from kpopnet.teacher.live.lesson import Lesson
 from kpopnet.teacher.live.process import LessonProcess, LessonProcesses
-from kpopnet.teacher.posing import posed
+from kpopnet.teacher.posing import as_bvh, posed
 from kpopnet.teacher.safety import HEADERS, guard
 from kpopnet.teacher.tries import Tries, as_csv
 

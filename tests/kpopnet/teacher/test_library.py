@@ -12,9 +12,8 @@ from kpopnet.dance.scoring import score_dance
 from kpopnet.errors import InputError
 from kpopnet.skeleton import BONES, Joint
 from kpopnet.teacher.adding import add_performance, at_rate, holds_depth, kpop_teachers, part_of
-from kpopnet.teacher.bvh import as_bvh
 from kpopnet.teacher.library import DANCES, Library, difficulty, preview_cm
-from kpopnet.teacher.posing import level_joints_m, posed
+from kpopnet.teacher.posing import as_bvh, level_joints_m, posed
 from synth.dances.live import CAMERA
 from synth.dances.taught import teacher_person
 from synth.simulated.film import Studio
