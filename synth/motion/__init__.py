@@ -8,7 +8,7 @@ anatomical angles (`posture`). Dances are sequences of moves (`choreography.move
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 
@@ -16,9 +16,9 @@ from kpopnet.errors import InputError, check_between, check_seed
 from synth.motion.choreography.composer import Choreography
 from synth.motion.poses.families import ProceduralPoses
 from synth.motion.recorded.clips import open_clips
-from synth.motion.skeleton import Motion, Poses
+from synth.motion.skeleton import Poses
 
-__all__ = ["SPLITS", "MixedPoses", "Motion", "MotionConfig", "MotionSource", "Poses", "SequenceSource", "build_motion"]
+__all__ = ["SPLITS", "MixedPoses", "MotionConfig", "MotionSource", "Poses", "build_motion"]
 
 
 class MotionSource(Protocol):
@@ -26,17 +26,6 @@ class MotionSource(Protocol):
 
     def poses(self, generators: Sequence[np.random.Generator]) -> Poses:
         """Draws one pose per generator. Pose k depends only on generator k; a generator may be used again."""
-        ...
-
-
-@runtime_checkable
-class SequenceSource(MotionSource, Protocol):
-    """A source of single poses and of sequences."""
-
-    def __len__(self) -> int: ...
-
-    def motion(self, index: int) -> Motion:
-        """Sequence number `index`."""
         ...
 
 
@@ -133,9 +122,9 @@ _SOURCES: dict[str, Callable[[MotionConfig, str], MotionSource]] = {
 def build_motion(config: MotionConfig, split: str) -> MotionSource:
     """Builds the source that a config names, for the split train, validation or test.
 
-    Clips and choreography are `SequenceSource`s. Motion packs are split by their index, so that no subject is in two
-    splits; a folder of BVH files is split by file, if it holds enough files; dances are split by their seeds. Procedural
-    poses are drawn freshly each time and have no split.
+    Clips and choreography also give whole sequences: len(source) of them, by source.motion(index). Motion packs are split by
+    their index, so that no subject is in two splits; a folder of BVH files is split by file, if it holds enough files;
+    dances are split by their seeds. Procedural poses are drawn freshly each time and have no split.
 
     Raises:
         InputError: an unknown split, or recordings that cannot be read.

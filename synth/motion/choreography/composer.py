@@ -98,7 +98,7 @@ def dance(index: int, seed: int = 0, seconds: float = 20.0, fps: float = 30.0) -
 
 
 class Choreography:
-    """A collection of dances; a `SequenceSource`."""
+    """A collection of dances, and of single poses from them."""
 
     _STILLS_FPS = 10.0  # frame rate of the dances from which single poses are taken
 

@@ -10,6 +10,7 @@ from skinning import skinned
 from kpopnet.camera import CAMERAS
 from kpopnet.skeleton import Joint
 from synth.body.asset import load_body
+from synth.body.capsules import CAPSULES, TRUNK
 from synth.body.clothes.outfit import ClothesConfig
 from synth.body.shape import SPLIT_RANGES, BodyConfig, _draw_adult, draw_person, shape_person
 from synth.motion import MotionConfig
@@ -41,6 +42,19 @@ def test_mujoco_skinning_equals_the_reference(scene: Scene, seed: int) -> None:
     vertices, joints = skinned(person, rotations.as_matrix(), root_m)
     np.testing.assert_allclose(CpuRenderer(scene).vertices_world_m(), vertices, atol=5e-6)
     np.testing.assert_allclose(scene.joints_world_m(), joints, atol=1e-6)
+
+
+def test_capsules_of_trunk_and_head_lie_in_the_middle_of_their_parts_and_touch_no_other_in_the_t_pose(scene: Scene) -> None:
+    asset, person = load_body(), draw_person(np.random.default_rng(1), BodyConfig(), "train")
+    fitted = scene.fit(person)
+    for number, name in enumerate(CAPSULES):
+        if name in (*TRUNK, "Head"):
+            bone = asset.bone(name)
+            middle_m = person.bare_m[asset.weight_bones[:, 0] == bone].mean(axis=0) - person.heads_m[bone]
+            np.testing.assert_allclose(fitted.capsule_pos[number], person.t_pose[bone] @ middle_m, atol=1e-3, err_msg=name)
+    scene.set_person(fitted)
+    scene.pose(np.tile([1.0, 0, 0, 0], (NUM_BONES, 1)), np.zeros(3))
+    assert scene.penetration_m() == 0
 
 
 def test_arms_lie_along_x_and_legs_along_z_in_the_t_pose() -> None:

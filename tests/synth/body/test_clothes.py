@@ -56,6 +56,8 @@ def test_clothes_move_no_joint_and_no_collision_capsule() -> None:
     for name in ("capsule_size", "capsule_pos", "capsule_quat", "body_pos"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
     np.testing.assert_array_equal(dressed.joints_m, BARE.joints_m)
+    outwards_m = ((dressed.vertices_m[:NUM_VERTICES] - BARE.bare_m) * FIGURE.normals).sum(axis=1)
+    assert np.median(outwards_m) > 0.005 and outwards_m.min() > -0.05
 
 
 def test_a_tube_is_nowhere_narrower_than_its_radius() -> None:
