@@ -7,6 +7,9 @@ import sys
 MOST_PER_CORE = 4
 """Processes for each core beyond which more of them only take memory."""
 
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+"""The environment of a process whose libraries compute on one thread."""
+
 M_TRIM_THRESHOLD, M_TOP_PAD, M_MMAP_THRESHOLD = -1, -2, -3
 KEPT_BYTES, AHEAD_BYTES, LARGE_BYTES = 256 << 20, 16 << 20, 32 << 20
 

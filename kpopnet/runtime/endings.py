@@ -66,24 +66,21 @@ def user_errors(function: Callable[P, R]) -> Callable[P, R]:
     return careful
 
 
-DISK_ERRORS = {
-    errno.ENOSPC: "the disk is full; make room and run the same command again",
-    errno.EDQUOT: "your quota of the disk is used up; make room and run the same command again",
-    errno.EFBIG: "the file is larger than a file may be here (ulimit -f); raise the limit and run the same command again",
+AGAIN = "and run the same command again"
+REMEDIES = {
+    errno.ENOSPC: f"the disk is full; make room {AGAIN}",
+    errno.EDQUOT: f"your quota of the disk is used up; make room {AGAIN}",
+    errno.EFBIG: f"the file is larger than a file may be here (ulimit -f); raise the limit {AGAIN}",
     errno.EROFS: "the disk is read-only; give another folder",
     errno.EACCES: "permission denied; give another path, or change the permissions",
-    errno.EPERM: "permission denied; give another path, or change the permissions",
-    errno.ENOENT: "there is no such file or folder",
     errno.ENOTDIR: "a part of this path is a file, expected a folder; give another path",
-    errno.EISDIR: "is a folder, expected a file; give another path",
     errno.EEXIST: "is there already, and is no folder; give another path",
     errno.ENAMETOOLONG: "the name is too long; most file systems allow 255 bytes a name and 4096 a path",
-    errno.ELOOP: "the links go round in a circle",
     errno.EMFILE: "too many files are open (ulimit -n); raise the limit",
-    errno.EIO: "the disk reports an error (input/output error)",
-    errno.ESTALE: "the network file system has lost this file; run the same command again",
 }
 """What the user can do about a file that cannot be read or written, by the error's number."""
+
+DISK_ERRORS = {*REMEDIES, errno.EPERM, errno.ENOENT, errno.EISDIR, errno.ELOOP, errno.EIO, errno.ESTALE}
 
 
 def is_of_the_disk(error: BaseException | None) -> bool:
@@ -107,7 +104,8 @@ def _of_the_disk(error: OSError) -> str:
     path = error.filename if error.filename is not None else "a file"
     path = os.fsdecode(path) if isinstance(path, bytes) else str(path)
     path = path if len(path) <= 300 else f"{path[:150]}...{path[-100:]}"
-    return f"{path}: {DISK_ERRORS[error.errno or errno.EIO]}"
+    number = error.errno or errno.EIO
+    return f"{path}: {REMEDIES.get(number, os.strerror(number).lower())}"
 
 
 def _thread_ended(ended: threading.ExceptHookArgs) -> None:

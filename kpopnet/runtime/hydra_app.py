@@ -47,15 +47,13 @@ def configs_folder() -> Path:
 def entry_point(
     schemas: dict[str, type[Config]], folder: str = ""
 ) -> Callable[[Callable[[Config], object]], Callable[[], None]]:
-    """Makes a program of a function that takes a configuration.
+    """Makes a program of a function that takes a configuration, an object of its schema.
 
-    The configuration is the first name of `schemas` with ".yaml" (another one of them after --config-name), whose
-    defaults list starts with `base_<name>`, the schema; then come Hydra's overrides from the command line. The function
-    gets a real object of the schema; names that it does not know, wrong types, and what a `__post_init__` refuses end as
-    `user_errors` says. Of several processes started by torchrun only rank 0 gets a folder and a log from Hydra.
+    A user's mistake ends as `user_errors` says. Of several processes started by torchrun only rank 0 gets a folder and a log.
 
     Args:
-        schemas: dataclasses of dataclasses by the names of their configurations; frozen ones may be overridden like others.
+        schemas: dataclasses of dataclasses by the names of their configurations, whose defaults lists start with `base_<name>`;
+            the first name is the default, --config-name chooses another.
         folder: the configurations' folder below `configs_folder()`.
     """
     for name, schema in schemas.items():
@@ -178,7 +176,7 @@ def register_schemas(group: str, schemas: Mapping[str, Any], *, place: str | Non
     Args:
         group: of the configurations.
         schemas: by name.
-        place: of the settings in the whole configuration, by default the group's name.
+        place: of the settings in the whole configuration; None for the group's name.
         by_name: whether each has a place of its own, PLACE.NAME; else one of them is chosen and stands at PLACE.
     """
     for name, schema in schemas.items():

@@ -15,9 +15,8 @@ import cv2
 
 from kpopnet.errors import InputError
 from kpopnet.runtime.compilation import announce_compilation
-from kpopnet.runtime.cpu import bounded_processes, keep_freed_memory
+from kpopnet.runtime.cpu import ONE_THREAD, bounded_processes, keep_freed_memory
 
-ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 POLL_S = 0.2
 """How often the parent process looks at what the workers have counted."""
 

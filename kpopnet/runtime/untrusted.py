@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from kpopnet.errors import InputError
+from kpopnet.runtime.cpu import ONE_THREAD
 
 R = TypeVar("R")
 
@@ -25,8 +26,6 @@ START_S = 60.0
 
 SECONDS, MEMORY_BYTES = 60.0, 4_000_000_000
 """Default limits: 64 MB of BVH take ten seconds; interpreter and libraries take 1 GB of address space."""
-
-ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 
 def read_in_child(
