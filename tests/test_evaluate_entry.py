@@ -22,14 +22,15 @@ from kpopnet.dance.scoring import SCORERS
 from kpopnet.datasets.synthetic import SyntheticConfig
 from kpopnet.errors import InputError
 from kpopnet.evaluation.config import EvaluateConfig
+from kpopnet.evaluation.poses.report import evaluate_poses
 from kpopnet.evaluation.poses.sweep import sweep_of
-from kpopnet.evaluation.registry import ESTIMATORS, MeanPoseConfig, NetworkEstimatorConfig, build_estimators
+from kpopnet.evaluation.registry import BENCHMARKS, ESTIMATORS, MeanPoseConfig, NetworkEstimatorConfig, build_estimators
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import load_network, save_checkpoint
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.networks.network import build_network
 from kpopnet.networks.onnx.export import export_network
-from kpopnet.programs.evaluate import evaluate_joints
+from kpopnet.programs.evaluate import EVALUATIONS
 from kpopnet.runtime.cpu import available_cores
 from kpopnet.runtime.hydra_app import user_errors
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
@@ -61,12 +62,12 @@ def test_a_report_is_written_where_hydra_is_told_to_with_the_baseline_beside_the
     assert "SIMULATED" in done.stdout and "out/report.html" in done.stdout and "mean_pose" in done.stdout
     files = {path.name for path in (place / "out").iterdir()} - {".hydra"}
     plots = ("per_joint", "error_curve", "confidence", "per_sequence")
-    assert {f"{name}.png" for name in (*plots, "examples", "worst")} == set(found["pictures"])
+    assert {f"{name}.png" for name in (*plots, "examples")} == set(found["pictures"])
     views = {path.name for path in (place / "out").glob("worst_*.html")}
     pictures = {*found["pictures"], *(f"{name}.svg" for name in plots), *views}
     assert views and files == {"metrics.json", "report.md", "report.html", "tables", *pictures}
     headline = (place / "out" / "tables" / "summary.csv").read_text()
-    assert headline.startswith(",network,mean_pose\n") and "mean error" in headline
+    assert headline.startswith(",unit,network,") and "mean error" in headline
 
 
 def test_an_older_report_is_not_replaced(place):
@@ -120,6 +121,7 @@ def test_every_command_in_the_help_is_one(settings):
         composed = compose("evaluate", [word for word in settings if not word.startswith("hydra.")])
     config = OmegaConf.to_object(composed)
     kinds = {schema for schema, _ in ESTIMATORS.values()}
+    assert EVALUATIONS.keys() < BENCHMARKS.keys() and config.benchmark.name in BENCHMARKS
     assert config.estimator or "kpop" in config.benchmark.name  # whose scores on true joints need none
     assert {type(one) for one in config.estimator.values()} <= kinds
     if "+estimator/schema@estimator.straight=paper_tracker" in settings:
@@ -194,7 +196,7 @@ def test_an_exported_network_is_evaluated_and_pickled(place, tmp_path):
 def test_scorers_are_refused_where_joints_are_judged(tmp_path):
     config = EvaluateConfig(SyntheticConfig(), {"tracker": TrackerEstimatorConfig()}, scorer={"raptis": SCORERS["raptis"]})
     with pytest.raises(InputError, match=r"scorer=\[raptis\]: benchmark=synthetic judges joints.*benchmark=kpop or kpop_sim"):
-        evaluate_joints(config, tmp_path)
+        evaluate_poses(config, tmp_path)
 
 
 def test_a_program_that_is_stopped_promises_nothing(capsys):

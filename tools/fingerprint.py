@@ -16,12 +16,12 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from tqdm import tqdm
 
 from kpopnet.dance.scoring import SCORERS
 from kpopnet.datasets.dances.dance_set import open_set
+from kpopnet.evaluation import engine
 from kpopnet.evaluation.dances.run import run_dances
-from kpopnet.evaluation.poses.sequence import EstimatedSequence, SequenceEstimation
+from kpopnet.evaluation.poses.run import SequenceEstimation
 from kpopnet.evaluation.registry import BENCHMARKS, ESTIMATORS, build_estimators
 from kpopnet.extraction import HumanExtractionConfig
 from kpopnet.paper_tracker.config import ALL_REPAIRS, HierarchyConfig
@@ -92,15 +92,12 @@ def joints(name: str, folder: Path, checkpoint: Path) -> dict[str, str]:
         "fitted_network": ESTIMATORS["fitted_network"][0](checkpoint=str(checkpoint)),
     }
     work = SequenceEstimation(benchmark, build_estimators(estimators), HumanExtractionConfig())
-    found = {}
-    for sequence in tqdm(benchmark.sequence_names(), name):
-        outcome = work(sequence)
-        if not isinstance(outcome, EstimatedSequence):
-            found[f"joints/{name}/{sequence}"] = f"failed: {outcome.reason}"
-            continue
+    rows = engine.run(work, benchmark.sequence_names(), 1, name)
+    found = {f"joints/{name}/{sequence}": f"failed: {reason}" for sequence, reason in rows.failed.items()}
+    for sequence, outcome in rows.found.items():
         found[f"joints/{name}/{sequence}/truth"] = digest(outcome.truth_m)
-        for estimator, joints_m in outcome.estimate_m.items():
-            found[f"joints/{name}/{sequence}/{estimator}"] = digest(joints_m)
+        for estimator, estimate in outcome.estimates.items():
+            found[f"joints/{name}/{sequence}/{estimator}"] = digest(estimate.joints_camera_m)
     return found
 
 

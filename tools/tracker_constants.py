@@ -8,7 +8,7 @@
 `kpopnet.geometry.human_model` with the former as they are. `standing`: constants of `kpopnet.tracker.start.upright`. `tips`:
 FINGERS_M of `kpopnet.geometry.cones`, where RADII_M are as they are, and END_TO_TIP_M of `kpopnet.tracker.fit.tips`. The
 radii and trunk points are printed by `tools/body_shape.py`, the weights of the confidence by
-`kpopnet.evaluation.poses.calibration`.
+`tools/fit_confidence.py`.
 """
 
 import argparse

@@ -4,9 +4,38 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from kpopnet.errors import InputError, check_seed
-from kpopnet.evaluation.poses.sweep import SweepConfig
 from kpopnet.extraction import HumanExtractionConfig
 from kpopnet.runtime.cpu import available_cores, bounded_processes
+
+
+@dataclass
+class AxisConfig:
+    """One axis of the sweep.
+
+    Attributes:
+        setting: path of the varied setting below the estimator's name, for instance hierarchy.r_m.
+        values: values of the setting, each once.
+    """
+
+    setting: str
+    values: list[Any]
+
+    def __post_init__(self) -> None:
+        if not self.values or len(set(self.values)) < len(self.values):
+            raise InputError(f"sweep: {self.setting} has values {self.values}; expected at least one value, each once")
+
+
+@dataclass
+class SweepConfig:
+    """The two varied settings.
+
+    Attributes:
+        rows: setting whose values are the rows of the table.
+        columns: setting whose values are the columns of the table.
+    """
+
+    rows: AxisConfig
+    columns: AxisConfig
 
 
 @dataclass

@@ -78,24 +78,12 @@ class MeanPoseConfig:
     checkpoint: str | None = None
 
 
-def _network(config: NetworkEstimatorConfig) -> Estimator:
+def _network(config: NetworkEstimatorConfig) -> NetworkEstimator:
     return NetworkEstimator(config.checkpoint, device=config.device)
 
 
 def _tracker(config: TrackerEstimatorConfig) -> Estimator:
     return TrackerEstimator(config, None if config.network is None else NetworkEstimator(config.network))
-
-
-def _fitted_network(config: FittedNetworkConfig) -> Estimator:
-    return FittedEstimator(NetworkEstimator(config.checkpoint, device=config.device))
-
-
-def _realtime(config: RealtimeConfig) -> Estimator:
-    return PersonEstimator(NetworkEstimator(config.checkpoint, device=config.device), "realtime")
-
-
-def _best(config: BestConfig) -> Estimator:
-    return PersonEstimator(NetworkEstimator(config.checkpoint, device=config.device), "best", config.fps)
 
 
 def _mean_pose(config: MeanPoseConfig) -> Estimator:
@@ -123,9 +111,9 @@ ESTIMATORS: dict[str, tuple[type, Callable[[Any], Estimator]]] = {
     "tracker": (TrackerEstimatorConfig, _tracker),
     "paper_tracker": (PaperTrackerEstimatorConfig, PaperTrackerEstimator),
     "network": (NetworkEstimatorConfig, _network),
-    "fitted_network": (FittedNetworkConfig, _fitted_network),
-    "realtime": (RealtimeConfig, _realtime),
-    "best": (BestConfig, _best),
+    "fitted_network": (FittedNetworkConfig, lambda config: FittedEstimator(_network(config))),
+    "realtime": (RealtimeConfig, lambda config: PersonEstimator(_network(config), "realtime")),
+    "best": (BestConfig, lambda config: PersonEstimator(_network(config), "best", config.fps)),
     "tree_walk": (TreeWalkEstimatorConfig, TreeWalkEstimator),
     "mean_pose": (MeanPoseConfig, _mean_pose),
 }

@@ -1,7 +1,7 @@
 """Confidence of joints of Algorithm 2: the probability that a joint is within 10 cm of the truth.
 
 A logistic regression of whether the joint has valid candidates in this frame, and of how many of the fourteen have. Its weights
-were fitted to the repaired tracker on simulated people whom no benchmark shows (kpopnet.evaluation.poses.calibration).
+were fitted to the repaired tracker on simulated people whom no benchmark shows (tools/fit_confidence.py).
 Algorithm 2 has no measure of fit: a joint with candidates may lie on another limb, and the confidence cannot know it.
 """
 

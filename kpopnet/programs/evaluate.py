@@ -21,14 +21,14 @@ The paper's figures and Table 1, on simulated EVAL:
     python evaluate.py benchmark=eval_sim 'estimator=[paper_tracker,paper_tracker_depth,paper_tracker_repaired]'    # Fig. 10
     python evaluate.py benchmark=eval_sim 'estimator=[paper_tracker_repaired]' sweep=table1         # Table 1
 
-Its Table 2, dance scores against experts' order, on simulated dances (kpopnet/evaluation/dances/report.py):
+Its Table 2, dance scores against experts' order, on simulated dances (docs/dance_scoring.md):
 
     python evaluate.py benchmark=kpop_sim 'estimator=[]'                                            # true joints alone
     python evaluate.py benchmark=kpop_sim 'estimator=[tracker,network]' checkpoint=outputs/train/RUN/best
     python evaluate.py benchmark=kpop_sim 'estimator=[]' benchmark.dances=10 benchmark.dance=dance_007 'scorer=[raptis]'
     python evaluate.py benchmark=kpop benchmark.path=PATH 'estimator=[]'                            # docs/kpop_format.md
 
-Everybody in films of two people (kpopnet/evaluation/people/report.py):
+Everybody in films of two people:
 
     python evaluate.py benchmark=two_people 'estimator=[people_tracker,realtime]'
 
@@ -50,10 +50,9 @@ from kpopnet.errors import InputError
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.dances.report import evaluate_dances
 from kpopnet.evaluation.people.report import evaluate_people
-from kpopnet.evaluation.poses.report.writing import terminal_table, write_report
-from kpopnet.evaluation.poses.run import run_benchmark
-from kpopnet.evaluation.poses.sweep import sweep_of
-from kpopnet.evaluation.registry import BENCHMARKS, ESTIMATORS, build_benchmark, build_estimators
+from kpopnet.evaluation.poses.report import evaluate_poses
+from kpopnet.evaluation.registry import BENCHMARKS, ESTIMATORS
+from kpopnet.evaluation.report import Report, write
 from kpopnet.runtime.atomic_write import naming
 from kpopnet.runtime.hydra_app import entry_point, register_schemas
 
@@ -61,27 +60,7 @@ register_schemas("benchmark", {name: schema for name, (schema, _) in BENCHMARKS.
 register_schemas("estimator", {name: schema for name, (schema, _) in ESTIMATORS.items()}, by_name=True)
 register_schemas("scorer", SCORERS, by_name=True)
 
-
-def evaluate_joints(config: EvaluateConfig, folder: Path) -> None:
-    """Judges estimated joints by true ones, and reports into the folder.
-
-    Raises:
-        InputError: scorers are named, which judge dances.
-    """
-    if config.scorer:
-        raise InputError(
-            f"scorer=[{','.join(config.scorer)}]: benchmark={config.benchmark.name} judges joints; scorers are for dances, "
-            "benchmark=kpop or kpop_sim"
-        )
-    sweep = config.sweep and sweep_of(config.sweep, config.estimator)
-    estimators = build_estimators(config.estimator | (sweep.settings if sweep else {}))
-    benchmark = build_benchmark(config.benchmark)
-    run = run_benchmark(benchmark, estimators, config.sequences, config.seed, config.processes_at_work(), config.extraction)
-    write_report(folder, run, config, sweep)
-    print(terminal_table(run, sweep))
-
-
-EVALUATIONS: dict[str, Callable[[EvaluateConfig, Path], None]] = {
+EVALUATIONS: dict[str, Callable[[EvaluateConfig, Path], Report]] = {
     "kpop": evaluate_dances,
     "kpop_sim": evaluate_dances,
     "two_people": evaluate_people,
@@ -95,5 +74,7 @@ def main(config: EvaluateConfig) -> None:
     if (folder / "metrics.json").exists():  # the last file of a report
         raise InputError(f"{folder}: holds a report; give another folder (hydra.run.dir=...), or delete it")
     with naming(folder):
-        EVALUATIONS.get(config.benchmark.name, evaluate_joints)(config, folder)
+        report = EVALUATIONS.get(config.benchmark.name, evaluate_poses)(config, folder)
+        write(report, config, folder)
+    print(report.text())
     print(f"report: {folder / 'report.html'}")

@@ -24,7 +24,7 @@ from kpopnet.dance.scoring import SCORERS, score_dance
 from kpopnet.dance.window import WINDOW_S
 from kpopnet.errors import InputError
 from kpopnet.evaluation.dances.score_page import score_json, score_page, score_text
-from kpopnet.evaluation.document import printable, writable
+from kpopnet.evaluation.report import printable, writable
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked

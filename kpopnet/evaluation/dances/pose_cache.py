@@ -1,18 +1,16 @@
 """Cache on disk of the estimated joints of learners, so that scoring again takes seconds.
 
-Each estimator has a folder, named after the estimator and a digest of everything that its poses depend on: its settings,
-the contents of the files that the settings name (weights and description of a model), and the source code. Each file in it
-is named after dance, learner and a digest of the depth.
+Each estimator has a folder, named after it and a digest of all that its joints depend on: its settings, the contents of the
+files that these name (weights and description of a model), and the source code. Each file in it is named after dance, learner
+and a digest of the depth.
 """
 
 import hashlib
-import inspect
 import json
 import math
-import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,8 +19,7 @@ from kpopnet.dance.performance import Performance, mask_missing_joints
 from kpopnet.datasets.dances.dance_set import Dance, Learner
 from kpopnet.datasets.dances.format import check_frame_count
 from kpopnet.errors import InputError
-from kpopnet.estimator import Estimator
-from kpopnet.evaluation.poses.sequence import WARM_UP_FRAMES
+from kpopnet.evaluation.engine import Timed
 from kpopnet.evaluation.registry import build_estimators
 from kpopnet.networks.description import META
 from kpopnet.runtime.atomic_write import atomic_path
@@ -38,80 +35,56 @@ _SCHEMA = {
     "seconds": ArraySchema("f", ()),
 }
 
-_SHARED_CODE = (
-    *("*.py", "data/**/*.py", "geometry/**/*.py", "networks/**/*.py", "paper_tracker/**/*.py"),
-    *("datasets/dances/format.py", "evaluation/registry.py"),  # decoding of depth, construction of estimators
-    "weights/__init__.py",  # which has the digests of the network that comes with the package
+_WITHOUT_INFLUENCE = (
+    *("dance/", "evaluation/dances/", "evaluation/people/", "evaluation/poses/", "programs/"),
+    *("sources/", "teacher/", "training/", "viz/"),
 )
-"""Patterns, relative to kpopnet, of the source files that the joints of every estimator may depend on."""
+"""Rooms of kpopnet on which no estimated joint depends; on all others it may."""
 
 
-@dataclass(frozen=True)
-class Poses:
-    """The estimated joints of one recording.
+class Poses(NamedTuple):
+    """The estimated joints of one recording, and the time of the estimation in seconds."""
 
-    Attributes:
-        joints_m: (T, 15, 3) float32 in metres in the camera frame, NaN where missing.
-        confidence: (T, 15) float32 in 0..1.
-        times_s: (T,) float64 in seconds, read from the learner's file, so that corrected times need no new estimation.
-        seconds: estimation time.
-    """
-
-    joints_m: np.ndarray
-    confidence: np.ndarray
-    times_s: np.ndarray
+    performance: Performance
     seconds: float
-
-    def performance(self) -> Performance:
-        """Joints, times and confidence for a scorer."""
-        return Performance(self.joints_m, self.times_s, self.confidence)
 
 
 class PoseCache:
-    """The cached poses of one estimator. In a worker process the estimator is built when it is first needed.
-
-    It can be pickled for worker processes.
-    """
+    """The poses of one estimator. It can be pickled; in a worker process the estimator is built when it is first needed."""
 
     def __init__(self, folder: Path, name: str, settings: Any) -> None:
-        """Builds the estimator once, to find its source files; reads no poses.
-
-        Args:
-            folder: folder of the cached poses of all estimators.
-            name: of the estimator.
-            settings: of the estimator.
+        """Builds the estimator with its settings; `folder` is that of the cached poses of all estimators.
 
         Raises:
             InputError: a file that the settings name is missing.
         """
         self.name, self.settings = name, settings
-        estimator = self._build()
-        self.folder = folder / f"{name}-{estimator_key(estimator, settings)}"
-        self._estimator: Estimator | None = estimator
-        self._warmed_up = False
+        self.folder = folder / f"{name}-{estimator_key(settings)}"
+        self._estimate: Timed | None = self._build()
 
     def __getstate__(self) -> dict:
-        return self.__dict__ | {"_estimator": None, "_warmed_up": False}
+        return self.__dict__ | {"_estimate": None}
 
-    def _build(self) -> Estimator:
-        return build_estimators({self.name: self.settings})[self.name]
+    def _build(self) -> Timed:
+        estimator = build_estimators({self.name: self.settings})[self.name]
+        return Timed(estimator.estimate, estimator)
 
     def path(self, dance: Dance, learner: Learner) -> Path:
         """Path of the cached poses of a learner."""
         return self.folder / f"{dance.name}.{learner.name}.{learner.depth_key}.npz"
 
-    def has(self, dance: Dance, learner: Learner) -> bool:
-        """Whether the poses of a learner are cached."""
-        return self.path(dance, learner).is_file()
+    def poses(self, dance: Dance, learner: Learner) -> Poses:
+        """Reads the poses of a learner, after they have been estimated and written if they were not cached.
 
-    def read(self, dance: Dance, learner: Learner) -> Poses:
-        """Reads cached poses.
+        Times are read from the learner's file, so that corrected times need no new estimation.
 
         Raises:
-            InputError: the cached file is damaged or has another format, or the number of times in the learner's file
-                differs from the number of frames.
+            InputError: the cached file is damaged or has another format, the number of times in the learner's file differs
+                from the number of frames, or the learner has no depth recording or one that cannot be read.
         """
         path = self.path(dance, learner)
+        if not path.is_file():
+            self._write(path, learner)
         try:
             stored = read_npz(path, _SCHEMA)
             joints_m, confidence, seconds = stored["joints_m"], stored["confidence"], float(stored["seconds"])
@@ -121,58 +94,26 @@ class PoseCache:
             raise InputError(f"{path}: damaged ({error}); delete it to estimate these poses again") from error
         times_s = learner.times_s()
         check_frame_count(len(joints_m), "frames", times_s, learner.path)
-        return Poses(joints_m, confidence, times_s, seconds)
+        return Poses(Performance(joints_m, times_s, confidence), seconds)
 
-    def estimate(self, dance: Dance, learner: Learner) -> None:
-        """Estimates and writes the poses of a learner unless they are cached.
-
-        Raises:
-            InputError: the learner has no depth recording, or it cannot be read.
-        """
-        if self.has(dance, learner):
-            return
-        clip = learner.depth()
-        if self._estimator is None:
-            self._estimator = self._build()
-        if not self._warmed_up:
-            self._estimator.estimate(clip.depth_m[:WARM_UP_FRAMES], clip.camera)
-            self._warmed_up = True
-        start = time.perf_counter()
-        joints_m, confidence = self._estimator.estimate(clip.depth_m, clip.camera)
-        seconds = time.perf_counter() - start
-        path = self.path(dance, learner)
+    def _write(self, path: Path, learner: Learner) -> None:
+        self._estimate, clip = self._estimate or self._build(), learner.depth()
+        (joints_m, confidence), seconds = self._estimate(clip.depth_m, clip.camera)
         path.parent.mkdir(parents=True, exist_ok=True)
         with atomic_path(path) as part, part.open("wb") as file:
             np.savez(file, joints_m=joints_m, confidence=confidence, seconds=seconds)
 
 
-def estimator_key(estimator: Estimator, settings: Any) -> str:
+def estimator_key(settings: Any) -> str:
     """Ten hexadecimal digits: a digest of the settings, of the files that they name, and of the source code."""
     digest = hashlib.sha256()
     for name, value in sorted(asdict(settings).items()):
         digest.update(json.dumps([name, _with_file_digests(value)], sort_keys=True, default=str).encode())
-    for source in source_files(estimator):
-        digest.update(source.read_bytes())
-    return digest.hexdigest()[:10]
-
-
-def source_files(estimator: Estimator, patterns: tuple[str, ...] = _SHARED_CODE) -> list[Path]:
-    """The source files that the joints of an estimator depend on: its own package in kpopnet, and `patterns`.
-
-    Raises:
-        RuntimeError: a pattern matches no file. Without that file in the digest the cache would return joints of older code.
-    """
     package = Path(kpopnet.__file__).resolve().parent
-    own = Path(inspect.getfile(type(estimator))).resolve()
-    if own.is_relative_to(package):
-        patterns = (*patterns, f"{own.relative_to(package).parts[0]}/**/*.py")
-    files = {own}
-    for pattern in patterns:
-        found = set(package.glob(pattern))
-        if not found:
-            raise RuntimeError(f"{package}: no file matches {pattern}, which estimated joints depend on")
-        files |= found
-    return sorted(files)
+    for source in sorted(package.rglob("*.py")):
+        if not source.relative_to(package).as_posix().startswith(_WITHOUT_INFLUENCE):
+            digest.update(source.read_bytes())
+    return digest.hexdigest()[:10]
 
 
 def _with_file_digests(value: Any) -> Any:

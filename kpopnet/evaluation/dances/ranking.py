@@ -43,6 +43,12 @@ def is_ordered(scores: np.ndarray) -> bool:
     return bool((np.diff(scores) < 0).all())
 
 
+def wrong_pairs(scores: np.ndarray) -> list[tuple[int, int]]:
+    """The pairs of learners of (L,) scores, the better one by the experts first, whose scores do not say so."""
+    pairs = zip(*np.triu_indices(len(scores), 1), strict=True)
+    return [(int(better), int(worse)) for better, worse in pairs if not scores[better] > scores[worse]]
+
+
 def kendall_tau(scores: np.ndarray) -> float:
     """Kendall's tau-a of (L,) scores, the best learner by the experts first: 1 in the right order, -1 in reverse order."""
     first, second = np.triu_indices(len(scores), 1)
@@ -69,12 +75,7 @@ class Agreement:
 
 
 def agreement(scores: dict[str, np.ndarray], seed: int) -> Agreement:
-    """Computes the agreement.
-
-    Args:
-        scores: (L,) scores of each dance by its name, the best learner by the experts first; at least one dance.
-        seed: of the bootstrap.
-    """
+    """The agreement of (L,) scores of each dance by its name, the best learner by the experts first; at least one dance."""
     ordered = np.array([is_ordered(one) for one in scores.values()])
     tau = np.array([kendall_tau(one) for one in scores.values()])
     bootstrap = Bootstrap(np.arange(len(tau)), seed)
@@ -105,57 +106,3 @@ def paired_p_value(one: Agreement, other: Agreement) -> float:
     count = only_one + only_other
     tail = sum(math.comb(count, k) for k in range(min(only_one, only_other) + 1)) / 2**count
     return min(1.0, 2 * tail)
-
-
-@dataclass(frozen=True)
-class Confusion:
-    """Two learners of a dance whose scores are tied or in the wrong order.
-
-    Attributes:
-        dance: name of the dance.
-        ranks: of the better and of the worse learner by the experts, 1 for the best.
-        better: the better learner by the experts.
-        worse: the worse learner by the experts.
-        cause: description of the likely causes.
-    """
-
-    dance: str
-    ranks: tuple[int, int]
-    better: LearnerScore
-    worse: LearnerScore
-    cause: str
-
-
-def confusions(by_dance: dict[str, list[LearnerScore]], true_scores: dict[str, list[LearnerScore]] | None) -> list[Confusion]:
-    """All pairs of learners that are tied or in the wrong order, largest difference of scores first.
-
-    Args:
-        by_dance: learners by the dance's name, the best by the experts first.
-        true_scores: the same on true joints, if known. A pair in the right order there is confused by pose errors only.
-    """
-    pairs = []
-    for dance, learners in by_dance.items():
-        truth = true_scores.get(dance) if true_scores else None
-        for i in range(len(learners)):
-            for j in range(i + 1, len(learners)):
-                if learners[i].score.similarity > learners[j].score.similarity:
-                    continue
-                true_pair = (truth[i], truth[j]) if truth else None
-                cause = _likely_cause(learners[i], learners[j], true_pair)
-                pairs.append(Confusion(dance, (i + 1, j + 1), learners[i], learners[j], cause))
-    return sorted(pairs, key=lambda pair: -np.nan_to_num(pair.worse.score.similarity - pair.better.score.similarity))
-
-
-def _likely_cause(better: LearnerScore, worse: LearnerScore, truth: tuple[LearnerScore, LearnerScore] | None) -> str:
-    if np.isnan([better.score.similarity, worse.score.similarity]).any():
-        return "not scored: too few joints were found"
-    parts = []
-    if truth is not None:
-        in_order = truth[0].score.similarity > truth[1].score.similarity
-        parts.append("pose error: in the right order on true joints" if in_order else "in the wrong order on true joints too")
-    wrong = [name for name in ("timing", "posture") if getattr(better.score, name) <= getattr(worse.score, name)]
-    if wrong:
-        parts.append(f"the worse learner has the higher {' and '.join(wrong)} score")
-    else:
-        parts.append("timing and posture scores are in the right order, the mean of their products over windows is not")
-    return "; ".join(parts)

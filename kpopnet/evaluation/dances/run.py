@@ -1,7 +1,5 @@
 """Evaluation of dance scores: estimated joints of the learners, their scores by every scorer, and the experts' ranking.
 
-    python evaluate.py benchmark=kpop_sim 'estimator=[tracker,network]' 'scorer=[dance22,raptis]' checkpoint=...
-
 True joints, where a set has them, are always scored too: a pair of learners in the wrong order on true joints is not an
 error of the pose estimator.
 """
@@ -12,27 +10,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from kpopnet.dance.parts import NOISE, PartScorer
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import SCORERS, Scorer, score_dance
-from kpopnet.datasets.dances.dance_set import Dance, KpopSet
+from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.errors import InputError
-from kpopnet.evaluation.dances.oracle import ORACLES, oracle_similarity
+from kpopnet.evaluation import engine
 from kpopnet.evaluation.dances.pose_cache import PoseCache
-from kpopnet.evaluation.dances.ranking import TRUTH, Agreement, LearnerScore, agreement, is_ordered, similarities
+from kpopnet.evaluation.dances.ranking import TRUTH, Agreement, LearnerScore, agreement, similarities
+from kpopnet.evaluation.engine import stage
 from kpopnet.evaluation.poses.metrics import joint_errors_m
 from kpopnet.paper_tracker.estimator import PaperTrackerEstimatorConfig
-from kpopnet.runtime.parallel import in_processes
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
 
 log = logging.getLogger(__name__)
 
 MAIN_SCORER = "dance22"
-
-Scores = dict[str, dict[str, dict[str, list[LearnerScore]]]]
-"""Source of joints -> scorer -> dance -> scores of the learners, the best by the experts' ranking first."""
 
 
 @dataclass(frozen=True)
@@ -41,24 +35,102 @@ class DanceRun:
 
     Attributes:
         dances: the set.
-        scores: of the true joints (`truth`), where they are known, and of every estimator, in the order of the report.
+        scores: source of joints -> scorer -> dance -> scores of the learners, the best by the experts' ranking first. Sources
+            are the true joints (`truth`), where they are known, and every estimator, in the order of the report.
         agreements: agreement with the experts by source of joints and scorer.
         fps: frames per second of the estimation, by the estimator's name.
         failed: the error message of each dance that was left out, by its name.
         assumptions: sentences for the report about changed settings and missing true joints.
-        evaluated: names of the chosen dances, including the failed ones.
-        oracle: by estimator, name of `ORACLES` to the names of the dances that MAIN_SCORER orders if that part's angles are
-            the true ones; without estimators whose learners' true joints are unknown.
+        chosen: number of dances that were to be scored, including the failed ones.
     """
 
     dances: KpopSet
-    scores: Scores
+    scores: dict[str, dict[str, dict[str, list[LearnerScore]]]]
     agreements: dict[str, dict[str, Agreement]]
     fps: dict[str, float]
     failed: dict[str, str]
     assumptions: list[str]
-    evaluated: list[str]
-    oracle: dict[str, dict[str, list[str]]]
+    chosen: int
+
+    @property
+    def main_source(self) -> str:
+        """The first estimator, or the true joints if there is no estimator."""
+        return next((source for source in self.scores if source != TRUTH), TRUTH)
+
+    @property
+    def main_scorer(self) -> str:
+        """MAIN_SCORER if it was used, otherwise the first scorer."""
+        scorers = self.scores[self.main_source]
+        return MAIN_SCORER if MAIN_SCORER in scorers else next(iter(scorers))
+
+    @property
+    def names(self) -> list[str]:
+        """The scored dances."""
+        return list(self.scores[self.main_source][self.main_scorer])
+
+
+@dataclass(frozen=True)
+class ScoredDance:
+    """The scores of all learners of one dance.
+
+    Attributes:
+        scores: source of joints -> scorer -> scores of the learners, the best by the experts' ranking first; only sources of
+            joints of all learners.
+        frames: number of frames of all learners.
+        seconds: estimation time of all learners by the estimator's name.
+    """
+
+    scores: dict[str, dict[str, list[LearnerScore]]]
+    frames: int
+    seconds: dict[str, float]
+
+
+@dataclass(frozen=True)
+class DanceScoring:
+    """Reads a dance by its name, and scores its learners by every scorer on every source of joints."""
+
+    dances: KpopSet
+    caches: dict[str, PoseCache]
+    scorers: dict[str, Scorer]
+
+    def __call__(self, name: str) -> ScoredDance:
+        dance = self.dances.dance(name)
+        teacher = dance.teacher()
+        scores: dict[str, dict[str, list[LearnerScore]]] = {}
+        seconds, frames = dict.fromkeys(self.caches, 0.0), 0
+        for learner in dance.learners:
+            truth = learner.joints()
+            performances: dict[str, tuple[Performance, float | None]] = {} if truth is None else {TRUTH: (truth, None)}
+            for estimator, cache in self.caches.items():
+                with stage(estimator):
+                    found, time_s = cache.poses(dance, learner)
+                performances[estimator] = found, _mean_error_m(found.joints_m, truth)
+                seconds[estimator] += time_s
+            frames += len(next(iter(performances.values()))[0].times_s) if performances else 0
+            for source, (performance, error_m) in performances.items():
+                if not performance.is_observed:
+                    log.warning("%s, %s: %s found no joint in any frame; not scored", dance.name, learner.name, source)
+                by_scorer = scores.setdefault(source, {scorer: [] for scorer in self.scorers})
+                for scorer, settings in self.scorers.items():
+                    score = score_dance(teacher, performance, _with_noise_of(source, settings), unobserved_is_nan=True)
+                    by_scorer[scorer].append(LearnerScore(learner.name, score, error_m))
+        complete = {s: by for s, by in scores.items() if all(len(one) == len(dance.learners) for one in by.values())}
+        return ScoredDance(complete, frames, seconds)
+
+
+def _with_noise_of(source: str, scorer: Scorer) -> Scorer:
+    """The scorer with `noise=auto` replaced by the noise of a source of joints, where that is known."""
+    known = isinstance(scorer, PartScorer) and scorer.noise == "auto" and source in NOISE
+    return replace(scorer, noise=source) if known else scorer
+
+
+def _mean_error_m(joints_m: np.ndarray, truth: Performance | None) -> float | None:
+    """Mean distance over the joints that were found; None without true joints of the same frames."""
+    if truth is None or len(truth.joints_m) != len(joints_m):
+        return None
+    errors_m = joint_errors_m(truth.joints_m, joints_m)
+    found = np.isfinite(errors_m)
+    return float(errors_m[found].mean()) if found.any() else None
 
 
 def run_dances(
@@ -70,32 +142,39 @@ def run_dances(
     seed: int,
     processes: int,
 ) -> DanceRun:
-    """Estimates the poses that are not cached in `poses`, and scores all learners of the first `count` dances.
+    """Scores all learners of the first `count` dances, or of all; estimates the poses that are not cached in `poses`.
 
-    A dance that cannot be read, estimated or scored is reported in `DanceRun.failed` and left out with all its learners.
-    True joints are scored only if all learners of the remaining dances have them.
+    A dance that cannot be read, estimated or scored is left out with all its learners. True joints are scored only if all
+    learners of the remaining dances have them.
 
     Args:
         dances: the set.
         estimators: settings by name, the main estimator first.
-        scorers: settings by name; if empty, all of SCORERS.
+        scorers: by name; if empty, all of SCORERS.
         poses: folder of the cached poses of all estimators.
         count: number of dances, None for all.
         seed: of the bootstrap.
         processes: number of processes.
 
     Raises:
-        InputError: no dance could be scored, or an estimator would wait for the Y pose in vain.
+        InputError: no dance could be scored, a true pose is missing and there is no estimator, or an estimator would wait for
+            the Y pose in vain.
     """
     estimators, assumptions = _start_anywhere(estimators)
     caches = {name: PoseCache(poses, name, settings) for name, settings in estimators.items()}
-    names, failed = dances.names[:count], {}
-    _estimate_poses(dances, names, caches, failed, processes)
-    scoring = DanceScoring(dances, caches, scorers or SCORERS)
-    scored = _score_dances(scoring, names, failed, processes)
-    sources = _complete_sources(scoring, scored, assumptions)
+    work = DanceScoring(dances, caches, scorers or SCORERS)
+    names = dances.names[:count]
+    rows = engine.run(work, names, processes, str(dances.folder))
+    scored = rows.found
+    sources = [source for source in (TRUTH, *caches) if all(source in one.scores for one in scored.values())]
+    without = [name for name, one in scored.items() if TRUTH not in one.scores]
+    if without:
+        lacking = f"a learner of {without[0]} has no true joints ({len(without)} of {len(scored)} dances are incomplete)"
+        if not sources:
+            raise InputError(f"{dances.folder}: {lacking}; give an estimator")
+        assumptions.append(f"Scores on true joints are left out: {lacking}.")
     scores = {
-        source: {scorer: {name: one.scores[source][scorer] for name, one in scored.items()} for scorer in scoring.scorers}
+        source: {scorer: {name: one.scores[source][scorer] for name, one in scored.items()} for scorer in work.scorers}
         for source in sources
     }
     agreements = {
@@ -107,12 +186,7 @@ def run_dances(
     }
     frames = sum(one.frames for one in scored.values())
     fps = {name: frames / max(sum(one.seconds[name] for one in scored.values()), 1e-9) for name in caches}
-    oracle = {
-        source: {part: [name for name, one in scored.items() if is_ordered(one.oracle[source][part])] for part in ORACLES}
-        for source in sources
-        if all(source in one.oracle for one in scored.values())
-    }
-    return DanceRun(dances, scores, agreements, fps, failed, assumptions, names, oracle)
+    return DanceRun(dances, scores, agreements, fps, rows.failed, assumptions, len(names))
 
 
 def _start_anywhere(estimators: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
@@ -134,174 +208,3 @@ def _start_anywhere(estimators: dict[str, Any]) -> tuple[dict[str, Any], list[st
             )
         changed[name] = settings
     return changed, assumptions
-
-
-def _estimate_poses(
-    dances: KpopSet, names: list[str], caches: dict[str, PoseCache], failed: dict[str, str], processes: int
-) -> None:
-    """Fills the caches; adds the error message of each failed dance to `failed`."""
-    work = LearnerEstimation(dances, caches)
-    jobs = []
-    for name in names:
-        try:
-            dance = dances.dance(name)
-            missing = [
-                (estimator, name, rank)
-                for rank, learner in enumerate(dance.learners)
-                for estimator, cache in caches.items()
-                if not cache.has(dance, learner)
-            ]
-            jobs += missing
-        except Exception as error:
-            failed[name] = _message(error, name)
-    for index, reason in tqdm(in_processes(work, jobs, processes), "poses", len(jobs), unit="learner", disable=not jobs):
-        if reason is not None:
-            failed[jobs[index][1]] = reason
-
-
-def _message(error: Exception, dance: str) -> str:
-    """The message of an error that excludes a dance. Errors other than InputError are logged with their traceback."""
-    if isinstance(error, InputError):
-        return str(error)
-    log.error("%s failed", dance, exc_info=error)
-    return f"{type(error).__name__}: {error}"
-
-
-@dataclass(frozen=True)
-class LearnerEstimation:
-    """A callable that estimates and caches the poses of one learner.
-
-    It is called with an estimator's name, a dance's name and the index of a learner, and returns an error message or None.
-    """
-
-    dances: KpopSet
-    caches: dict[str, PoseCache]
-
-    def __call__(self, job: tuple[str, str, int]) -> str | None:
-        estimator, name, rank = job
-        try:
-            dance = self.dances.dance(name)
-            self.caches[estimator].estimate(dance, dance.learners[rank])
-        except Exception as error:
-            return f"{estimator}: {_message(error, name)}"
-        return None
-
-
-def _score_dances(
-    scoring: "DanceScoring", names: list[str], failed: dict[str, str], processes: int
-) -> dict[str, "ScoredDance"]:
-    """Scores the dances that have not failed, by name; adds the error message of each failed dance to `failed`.
-
-    Raises:
-        InputError: no dance could be scored.
-    """
-    chosen = [name for name in names if name not in failed]
-    scored: dict[str, ScoredDance] = {}
-    for index, outcome in tqdm(in_processes(scoring, chosen, processes), "scores", len(chosen), unit="dance"):
-        if isinstance(outcome, str):
-            failed[chosen[index]] = outcome
-        else:
-            scored[chosen[index]] = outcome
-    if not scored:
-        first, reason = next(iter(failed.items()))
-        raise InputError(f"{scoring.dances.folder}: none of {len(names)} dances can be scored; {first}: {reason}")
-    return {name: scored[name] for name in names if name in scored}
-
-
-def _complete_sources(scoring: "DanceScoring", scored: dict[str, "ScoredDance"], assumptions: list[str]) -> list[str]:
-    """The sources of joints that every dance has. A note is added to `assumptions` where true joints are incomplete.
-
-    Raises:
-        InputError: there are neither complete true joints nor estimators.
-    """
-    sources = [source for source in (TRUTH, *scoring.caches) if all(source in one.scores for one in scored.values())]
-    without = [name for name, one in scored.items() if TRUTH not in one.scores]
-    if without:
-        lacking = f"a learner of {without[0]} has no true joints ({len(without)} of {len(scored)} dances are incomplete)"
-        if not sources:
-            raise InputError(f"{scoring.dances.folder}: {lacking}; give an estimator")
-        assumptions.append(f"Scores on true joints are left out: {lacking}.")
-    return sources
-
-
-@dataclass(frozen=True)
-class ScoredDance:
-    """The scores of all learners of one dance.
-
-    Attributes:
-        scores: source of joints -> scorer -> scores of the learners, the best by the experts' ranking first.
-        frames: number of frames of all learners.
-        seconds: estimation time of all learners by the estimator's name.
-        oracle: estimator -> name of `ORACLES` -> (L,) scores of the learners by MAIN_SCORER with that part's true angles.
-    """
-
-    scores: dict[str, dict[str, list[LearnerScore]]]
-    frames: int
-    seconds: dict[str, float]
-    oracle: dict[str, dict[str, np.ndarray]]
-
-
-@dataclass(frozen=True)
-class DanceScoring:
-    """A callable that scores the learners of one dance by every scorer on every source of joints.
-
-    It is called with the name of a dance and returns its scores, or an error message.
-    """
-
-    dances: KpopSet
-    caches: dict[str, PoseCache]
-    scorers: dict[str, Scorer]
-
-    def __call__(self, name: str) -> ScoredDance | str:
-        try:
-            return self._score(self.dances.dance(name))
-        except Exception as error:
-            return _message(error, name)
-
-    def _score(self, dance: Dance) -> ScoredDance:
-        teacher = dance.teacher()
-        scores: dict[str, dict[str, list[LearnerScore]]] = {}
-        oracle: dict[str, list[dict[str, float]]] = {}
-        seconds, frames = dict.fromkeys(self.caches, 0.0), 0
-        for learner in dance.learners:
-            truth = learner.joints()
-            performances: dict[str, tuple[Performance, float | None]] = {}
-            if truth is not None:
-                performances[TRUTH] = truth, None
-            for name, cache in self.caches.items():
-                poses = cache.read(dance, learner)
-                performances[name] = poses.performance(), _mean_error_m(poses.joints_m, truth)
-                seconds[name] += poses.seconds
-            frames += len(next(iter(performances.values()))[0].times_s) if performances else 0
-            for source, (performance, error_m) in performances.items():
-                if not performance.is_observed:
-                    log.warning("%s, %s: %s found no joint in any frame; not scored", dance.name, learner.name, source)
-                for scorer, config in self.scorers.items():
-                    score = score_dance(teacher, performance, _with_noise_of(source, config), unobserved_is_nan=True)
-                    by_scorer = scores.setdefault(source, {name: [] for name in self.scorers})
-                    by_scorer[scorer].append(LearnerScore(learner.name, score, error_m))
-                if source != TRUTH and truth is not None and MAIN_SCORER in self.scorers:
-                    config = _with_noise_of(source, self.scorers[MAIN_SCORER])
-                    oracle.setdefault(source, []).append(oracle_similarity(teacher, performance, truth, config))
-        complete = {s: by for s, by in scores.items() if all(len(one) == len(dance.learners) for one in by.values())}
-        by_part = {
-            source: {part: np.array([one[part] for one in learners]) for part in ORACLES}
-            for source, learners in oracle.items()
-            if len(learners) == len(dance.learners)
-        }
-        return ScoredDance(complete, frames, seconds, by_part)
-
-
-def _with_noise_of(source: str, config: Scorer) -> Scorer:
-    """The settings with `noise=auto` replaced by the noise of a source of joints, where that is known."""
-    known = isinstance(config, PartScorer) and config.noise == "auto" and source in NOISE
-    return replace(config, noise=source) if known else config
-
-
-def _mean_error_m(joints_m: np.ndarray, truth: Performance | None) -> float | None:
-    """Mean distance over the joints that were found; None without true joints of the same frames."""
-    if truth is None or len(truth.joints_m) != len(joints_m):
-        return None
-    errors_m = joint_errors_m(truth.joints_m, joints_m)
-    found = np.isfinite(errors_m)
-    return float(errors_m[found].mean()) if found.any() else None

@@ -13,9 +13,9 @@ from kpopnet.dance.feedback import Feedback, Phrase, clock
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import DanceScore
 from kpopnet.dance.window import WINDOW_S
-from kpopnet.evaluation.blocks import Block, Table
 from kpopnet.evaluation.dances.score_figures import moments, of_parts, over_time, worst_windows
-from kpopnet.evaluation.page import as_html
+from kpopnet.evaluation.report import Block, as_html
+from kpopnet.evaluation.values import Table
 
 MAX_FAULTS = 8
 """So many faults are listed, the costliest first; the JSON has all."""
@@ -119,9 +119,9 @@ def score_page(
 def _score_table(score: DanceScore) -> Table:
     """The scores of the whole body and of each part, and how much of it was seen."""
     whole = [f"{value:.0f}" for value in (score.similarity, score.timing, score.posture)]
-    rows = [["whole body", *whole, f"{score.completeness:.0%}"]]
+    rows: list = [["whole body", *whole, f"{score.completeness:.0%}"]]
     rows += [[name, "", "", f"{value:.0f}", f"{score.coverage[name]:.0%}"] for name, value in score.parts.items()]
-    return ["", "similarity", "timing", "posture", "seen"], rows
+    return Table(["", "similarity", "timing", "posture", "seen"], rows)
 
 
 def _embedded(figure: Figure) -> str:

@@ -1,26 +1,29 @@
-"""Report on everybody in films of several people: joints and identities by kind of scene, pictures and a film."""
+"""The report on everybody in films of several people: joints and identities by kind of scene, pictures and a film."""
 
-from dataclasses import asdict
-from datetime import UTC, datetime
+from collections.abc import Iterator
 from pathlib import Path
 
-from kpopnet.datasets.simulated import PeopleSet
-from kpopnet.errors import InputError
-from kpopnet.evaluation.blocks import Block, Table
-from kpopnet.evaluation.config import EvaluateConfig
-from kpopnet.evaluation.document import as_text, describe_files, describe_revision, printable, write_document
-from kpopnet.evaluation.intervals import FEWEST_UNITS
-from kpopnet.evaluation.people.matching import MatchedSequence
-from kpopnet.evaluation.people.pictures import film, people_sheet, row
-from kpopnet.evaluation.people.run import ALL, PeopleRun, figures, run_people
-from kpopnet.evaluation.poses.report.tables import format_value
-from kpopnet.evaluation.poses.report.worst_sequences import save_video
-from kpopnet.extraction import HumanExtractionConfig
-from kpopnet.runtime.provenance import git_revision
-from kpopnet.viz.drawing import save_png
+import numpy as np
 
-SHEET_SEQUENCES = 6
+from kpopnet.camera import MM_PER_METRE
+from kpopnet.datasets.simulated import PeopleSequence, PeopleSet
+from kpopnet.errors import InputError
+from kpopnet.evaluation.config import EvaluateConfig
+from kpopnet.evaluation.people.matching import MatchedSequence
+from kpopnet.evaluation.people.run import ALL, by_kind, figures, run_people
+from kpopnet.evaluation.report import SIMULATED, Block, Report, interval_remarks, save_video
+from kpopnet.evaluation.values import Table, Value
+from kpopnet.extraction import HumanExtractionConfig
+from kpopnet.viz.drawing import Style, depth_rgb, draw_skeleton, enlarged, save_png, sheet, with_captions
+
+SHEET_ROWS, SHEET_COLUMNS = 6, 6
+TILE_WIDTH_PX, FILM_WIDTH_PX = 280, 640
 FILM_STEP = 2
+"""Every second frame of the worst sequence is in the film."""
+
+TRUTH = Style("true joints", *[(255, 255, 255)] * 3, width_px=1, filled=False)
+COLOURS = ((235, 60, 60), (70, 130, 255), (60, 190, 80), (240, 170, 30), (190, 90, 230), (40, 200, 210))
+"""RGB of identities, over again after six."""
 
 DEFINITIONS = (
     "Joints: share within 10 cm of all joints of people who are seen, where a person who is not found counts as fifteen missed "
@@ -30,169 +33,131 @@ DEFINITIONS = (
     "CLEAR MOT (Bernardin & Stiefelhagen 2008), within a mean joint distance of 50 cm. IDF1 (Ristani et al. 2016) is "
     "taken over the same matches."
 )
+CLOCK = "Images a second are those of one core, with the extraction and everybody in view, after an untimed warm-up."
+
+JOINTS = (
+    ("sequences", "sequences", ""),
+    ("within 10 cm", "within_10cm", "%"),
+    ("mean error", "mean_error_cm", "cm"),
+    ("hidden: within 10 cm", "hidden_within_10cm", "%"),
+    ("hidden: mean error", "hidden_mean_error_cm", "cm"),
+)
+IDENTITIES = (
+    ("people seen", "seen", ""),
+    ("missed", "missed", "%"),
+    ("false", "false", ""),
+    ("switches", "switches", ""),
+    ("MOTA", "mota", "%"),
+    ("IDF1", "idf1", "%"),
+    ("images a second", "fps", ""),
+)
+SEQUENCE = (JOINTS[1], JOINTS[2], *IDENTITIES[1:4])
 
 
-def evaluate_people(config: EvaluateConfig, folder: Path) -> None:
-    """Judges everybody found in films of several people, and reports into the folder.
+def evaluate_people(config: EvaluateConfig, folder: Path) -> Report:
+    """Judges everybody found in films of several people; writes pictures and a film into the folder.
 
     Raises:
         InputError: a setting is for other benchmarks, or see `run_people`.
     """
+    name = config.benchmark.name
     if config.scorer or config.sweep is not None:
-        raise InputError(f"benchmark={config.benchmark.name}: scorer and sweep are for other benchmarks; leave them out")
+        raise InputError(f"benchmark={name}: scorer and sweep are for other benchmarks; leave them out")
     if config.extraction != HumanExtractionConfig():
-        raise InputError(
-            f"benchmark={config.benchmark.name}: extraction.* is not used by estimators of several people; leave it out"
-        )
+        raise InputError(f"benchmark={name}: extraction.* is not used by estimators of several people; leave it out")
     benchmark = PeopleSet(config.benchmark)
-    run = run_people(benchmark, config.estimator, config.sequences, config.seed, config.processes_at_work())
-    write_people_report(folder, run, config)
-    tables = [as_text(table) for table in (main_table(run), identity_table(run))]
-    print(printable("\n\n".join(["\n".join([identity(run), *remarks(run)]), *tables]) + "\n"))
-
-
-def identity(run: PeopleRun) -> str:
-    """One sentence: the set, the origin of its depth and of the true joints, and its size."""
-    evaluated, total = len(next(iter(run.matched.values()))), len(run.benchmark.names)
-    part = "" if evaluated == total else f" of {total}"
-    return f"two_people: SIMULATED depth, compared with synthetic truth; {evaluated}{part} sequences."
-
-
-def remarks(run: PeopleRun) -> list[str]:
-    """What is needed to interpret the figures."""
-    lines = [run.benchmark.about, "No real sensor recorded this depth: these results do not predict the errors on real depth."]
-    lines += [f"Left out because of an error: {name}: {reason}" for name, reason in run.failed.items()]
-    count = len(next(iter(run.matched.values())))
-    if count < 2:
-        return [*lines, "No intervals: they would resample sequences, and there is only one."]
-    lines.append(f"Ranges in parentheses: 95 % bootstrap intervals; {count} sequences were resampled, in a row its own.")
-    fewest = min(one["sequences"] for one in next(iter(run.figures.values())).values())
-    if fewest < FEWEST_UNITS:
-        lines.append(f"Intervals of fewer than {FEWEST_UNITS} sequences cannot be trusted; some rows have {fewest}.")
-    return lines
-
-
-def _with_interval(one: dict, name: str, unit: str) -> str:
-    interval = one["interval"][name]
-    scale, digits = (100, 1) if unit == "%" else (1, 2)
-    between = f" ({scale * interval[0]:.{digits}f} to {scale * interval[1]:.{digits}f})" if interval else ""
-    return format_value(one[name], unit) + between
-
-
-def main_table(run: PeopleRun) -> Table:
-    """Joints by estimator and kind of scene."""
-    header = ["estimator", "scene", "sequences", "within 10 cm", "mean error", "hidden: within 10 cm", "hidden: mean error"]
-    rows = [
-        [
-            label,
-            kind,
-            str(one["sequences"]),
-            _with_interval(one, "within_10cm", "%"),
-            _with_interval(one, "mean_error_cm", "cm"),
-            format_value(one["hidden_within_10cm"], "%"),
-            format_value(one["hidden_mean_error_cm"], "cm"),
-        ]
-        for label, kinds in run.figures.items()
-        for kind, one in kinds.items()
+    rows = run_people(benchmark, config.estimator, config.sequences, config.processes_at_work())
+    found = {label: by_kind([row[label] for row in rows.found.values()], config.seed) for label in config.estimator}
+    label, in_set = next(iter(found)), len(benchmark.names)
+    fewest = min(one["sequences"] for one in found[label].values())
+    blocks = _sequence_blocks(benchmark, label, [row[label] for row in rows.found.values()], folder)
+    count = len(rows.found)
+    remarks = [
+        f"two_people: SIMULATED depth, compared with synthetic truth; {count}{'' if count == in_set else f' of {in_set}'} "
+        "sequences.",
+        benchmark.about,
+        SIMULATED,
+        *(f"Left out because of an error: {name}: {reason}" for name, reason in rows.failed.items()),
+        *interval_remarks("sequences", count, ", in a row its own", fewest),
     ]
-    return header, rows
+    joints, identities = _table(found, JOINTS), _table(found, IDENTITIES)
+    metrics = {
+        "estimator": label,
+        **found[label][ALL],
+        "benchmark": {
+            "name": name,
+            "depth": "simulated",
+            "about": benchmark.about,
+            **benchmark.provenance,
+            "sequences": count,
+            "sequences_in_set": in_set,
+            "failed_sequences": rows.failed,
+        },
+        "estimators": found,
+    }
+    main: list[Block] = [("heading", "Joints"), ("table", joints), ("heading", "Identities"), ("table", identities)]
+    blocks = [*main, ("text", DEFINITIONS), *blocks]
+    return Report("kpopnet on two_people", remarks, blocks, [joints, identities], CLOCK, metrics)
 
 
-def identity_table(run: PeopleRun) -> Table:
-    """Who was missed, seen though not there, or exchanged, by estimator and kind of scene."""
-    header = ["estimator", "scene", "people seen", "missed", "false", "switches", "MOTA", "IDF1", "images a second"]
-    rows = [
-        [
-            label,
-            kind,
-            f"{one['seen']:,}",
-            _with_interval(one, "missed", "%"),
-            str(one["false"]),
-            str(one["switches"]),
-            format_value(one["mota"], "%"),
-            format_value(one["idf1"], "%"),
-            format_value(one["fps"]),
-        ]
-        for label, kinds in run.figures.items()
-        for kind, one in kinds.items()
-    ]
-    return header, rows
+def _cells(one: dict, columns: tuple[tuple[str, str, str], ...]) -> list[Value]:
+    """The figures of `columns` (title, key, unit) with their intervals."""
+    return [Value(one[key], unit, one["interval"].get(key)) for _, key, unit in columns]
 
 
-def write_people_report(folder: Path, run: PeopleRun, config: EvaluateConfig) -> None:
-    """Writes the report with pictures, a film of the worst sequence, tables and metrics.json into the folder."""
+def _table(found: dict[str, dict[str, dict]], columns: tuple[tuple[str, str, str], ...]) -> Table:
+    """Figures by estimator and kind of scene."""
+    rows: list = [[label, kind, *_cells(one, columns)] for label, kinds in found.items() for kind, one in kinds.items()]
+    return Table(["estimator", "scene", *(title for title, _, _ in columns)], rows)
+
+
+def _sequence_blocks(benchmark: PeopleSet, label: str, parts: list[MatchedSequence], folder: Path) -> list[Block]:
+    """The sequences by an estimator: frames of one of each kind and a film of the worst, which it draws, and their figures."""
     folder.mkdir(parents=True, exist_ok=True)
-    label, parts = next(iter(run.matched.items()))
-    listed, worst = _one_of_each(parts), min(parts, key=_within)
-    rows = [row(run.benchmark.read(part.name), part) for part in listed]
-    save_png(folder / "people.png", people_sheet(rows, f"SIMULATED, two_people, {label}"))
-    sequence = run.benchmark.read(worst.name)
-    filmed = save_video(folder / "worst.mp4", film(sequence, worst, FILM_STEP), sequence.fps / FILM_STEP)
-    metrics = metrics_json(run, config)
-    blocks: list[Block] = [
-        ("title", "kpopnet on two_people"),
-        ("text", identity(run)),
-        *(("text", line) for line in remarks(run)),
-        ("heading", "Joints"),
-        ("table", main_table(run)),
-        ("heading", "Identities"),
-        ("table", identity_table(run)),
-        ("text", DEFINITIONS),
-        ("heading", f"Sequences ({label})"),
-        ("figure", ("people.png", "Frames of a sequence of each kind: depth, true joints in white, identities in colours")),
-        ("table", sequence_table(parts)),
-        *([("video", ("worst.mp4", f"Film of the worst sequence, {worst.name}: {worst.kind}"))] if filmed else []),
-        ("heading", "How this report was made"),
-        (
-            "text",
-            f"{describe_files(metrics['files'])}; code {describe_revision(metrics['git'])}; {metrics['made']}. Images a second "
-            "are those of one core, with the extraction and everybody in view.",
-        ),
-    ]
-    write_document(folder, blocks, metrics)
-
-
-def sequence_table(parts: list[MatchedSequence]) -> Table:
-    """The figures of each sequence by itself."""
-    header = ["sequence", "scene", "within 10 cm", "mean error", "missed", "false", "switches"]
-    rows = []
+    of_kinds = list({part.kind: part for part in reversed(parts)}.values())[::-1][:SHEET_ROWS]
+    tiles = []
+    for part in of_kinds:
+        frames = np.linspace(0, len(part.seen) - 1, SHEET_COLUMNS + 1).round().astype(int)[1:].tolist()
+        sequence = benchmark.read(part.name)
+        tiles.append((f"{part.name}: {part.kind}", [frame_image(sequence, part, frame, TILE_WIDTH_PX) for frame in frames]))
+    title = f"SIMULATED, two_people, {label}; white: true joints, a colour for each identity"
+    save_png(folder / "people.png", sheet(tiles, (), title))
+    rows: list = []
+    within = {}
     for part in parts:
         one = figures([part], 0)
-        cells = [
-            format_value(one[name], unit) for name, unit in (("within_10cm", "%"), ("mean_error_cm", "cm"), ("missed", "%"))
-        ]
-        rows.append([part.name, part.kind, *cells, str(one["false"]), str(one["switches"])])
-    return header, rows
+        within[part.name] = 2.0 if one["within_10cm"] is None else one["within_10cm"]
+        rows.append([part.name, part.kind, *_cells(one, SEQUENCE)])
+    worst = min(parts, key=lambda part: within[part.name])
+    sequence = benchmark.read(worst.name)
+    blocks: list[Block] = [
+        ("heading", f"Sequences ({label})"),
+        ("figure", ("people.png", "Frames of a sequence of each kind: depth, true joints in white, identities in colours")),
+        ("table", Table(["sequence", "scene", *(title for title, _, _ in SEQUENCE)], rows)),
+    ]
+    if save_video(folder / "worst.mp4", film(sequence, worst), sequence.fps / FILM_STEP):
+        blocks.append(("video", ("worst.mp4", f"Film of the worst sequence, {worst.name}: {worst.kind}")))
+    return blocks
 
 
-def metrics_json(run: PeopleRun, config: EvaluateConfig) -> dict:
-    """Contents of metrics.json: `figures` of every estimator by kind of scene, and those of the first over all on top."""
-    main, by_kind = next(iter(run.figures.items()))
-    return {
-        "estimator": main,
-        **by_kind[ALL],
-        "benchmark": {
-            "name": config.benchmark.name,
-            "depth": "simulated",
-            "about": run.benchmark.about,
-            **run.benchmark.provenance,
-            "sequences": len(next(iter(run.matched.values()))),
-            "sequences_in_set": len(run.benchmark.names),
-            "failed_sequences": run.failed,
-        },
-        "estimators": run.figures,
-        "files": config.files(),
-        "config": asdict(config),
-        "git": git_revision(),
-        "made": datetime.now(UTC).isoformat(timespec="seconds"),
-    }
+def frame_image(sequence: PeopleSequence, matched: MatchedSequence, frame: int, width_px: int) -> np.ndarray:
+    """RGB image of one frame: a skeleton in a colour for each identity, the true ones thin, and who is how far off."""
+    image = enlarged(depth_rgb(sequence.depth_mm[frame] / np.float32(MM_PER_METRE)), width_px)
+    for identity, joints_m in zip(matched.identities.tolist(), matched.estimates_m[:, frame], strict=True):
+        colour = COLOURS[identity % len(COLOURS)]
+        draw_skeleton(image, joints_m, sequence.camera, Style("", *[colour] * 3, width_px=2, filled=True))
+    states = []
+    for person, person_m in enumerate(sequence.joints_camera_m[frame]):
+        draw_skeleton(image, person_m, sequence.camera, TRUTH)
+        errors_m, hidden = matched.errors_m[frame, person], matched.hidden[frame, person]
+        found = errors_m[np.isfinite(errors_m)]
+        error = f"{100 * found.mean():.0f} cm" if len(found) else "not found"
+        states.append(("hidden, " if hidden else "") + error if matched.seen[frame, person] or hidden else "not in view")
+    return with_captions(image, (f"{sequence.name} frame {frame}: {'; '.join(states)}",))
 
 
-def _within(part: MatchedSequence) -> float:
-    within = figures([part], 0)["within_10cm"]
-    return 2.0 if within is None else within
-
-
-def _one_of_each(parts: list[MatchedSequence]) -> list[MatchedSequence]:
-    """The first sequence of each kind, at most SHEET_SEQUENCES."""
-    return list({part.kind: part for part in reversed(parts)}.values())[::-1][:SHEET_SEQUENCES]
+def film(sequence: PeopleSequence, matched: MatchedSequence) -> Iterator[np.ndarray]:
+    """Every FILM_STEP-th frame as an RGB image of even width and height."""
+    for frame in range(0, len(matched.seen), FILM_STEP):
+        image = frame_image(sequence, matched, frame, FILM_WIDTH_PX)
+        yield image[: len(image) // 2 * 2]

@@ -16,15 +16,12 @@ A data set that defines a joint elsewhere than the estimator does lowers the cal
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from kpopnet.evaluation.blocks import Block
 from kpopnet.evaluation.poses.metrics import PoseResults
 
 WITHIN_M = 0.10
 BINS = 10
 SHARES = (0.25, 0.5, 0.75, 0.9, 1.0)
-CURVE_POINTS = 200
 
 
 class Judged(NamedTuple):
@@ -99,63 +96,3 @@ def evaluate_confidence(results: PoseResults) -> dict:
             ],
         }
     }
-
-
-def confidence_figure(results: dict[str, PoseResults], title: str) -> Figure:
-    """The reliability diagram and the risk-coverage curve of every estimator, by name."""
-    figure = Figure(figsize=(11, 4.8), layout="constrained")
-    reliable, risk = figure.subplots(1, 2)
-    reliable.plot((0, 1), (0, 1), color="grey", linewidth=0.8, linestyle=":")
-    for name, one in results.items():
-        joints = judged(one)
-        if not len(joints.error_m):
-            continue
-        count, mean, within = reliability(joints)
-        (line,) = reliable.plot(mean[count > 0], within[count > 0], linewidth=1, label=name)
-        # The area of a dot is its bin's share of the joints.
-        reliable.scatter(mean, within, s=6 + 400 * count / count.sum(), color=line.get_color(), alpha=0.6)
-        curve_m = risk_curve_m(joints)
-        at = np.linspace(0, len(curve_m) - 1, min(CURVE_POINTS, len(curve_m))).astype(int)
-        risk.plot((at + 1) / len(curve_m) * 100, 100 * curve_m[at], label=name)
-    reliable.set(xlabel="confidence", ylabel="share of joints within 10 cm", xlim=(0, 1), ylim=(0, 1))
-    risk.set(xlabel="most confident share of the joints, %", ylabel="their mean error, cm", xlim=(0, 100))
-    risk.set_ylim(bottom=0)
-    for panel in (reliable, risk):
-        panel.grid(alpha=0.3)
-        if panel.get_legend_handles_labels()[0]:
-            panel.legend(fontsize=8)
-    figure.suptitle(title)
-    return figure
-
-
-def confidence_blocks(metrics: dict[str, dict]) -> list[Block]:
-    """The section of the report, from the metrics of every estimator by name."""
-    judged_metrics = {}
-    for name, one in metrics.items():
-        judged_metrics[name] = one["confidence"]
-        if "in_label_definition" in one:
-            judged_metrics[f"{name}, in the labels' definition"] = one["in_label_definition"]["confidence"]
-    shares = [f"{100 * share:.0f}%" for share in SHARES]
-    header = ["", "mean confidence", "within 10 cm", "calibration error", "area", "best area"]
-    header += [f"error of {share}" for share in shares]
-    rows = [
-        [
-            name,
-            *(f"{100 * one[key]:.1f} %" for key in ("mean", "within_10cm", "ece")),
-            *(f"{value:.2f} cm" for value in (one["risk_cm"], one["risk_best_cm"], *map(one["error_cm"].get, shares))),
-        ]
-        for name, one in judged_metrics.items()
-        if one["joints"]
-    ]
-    text = (
-        "The confidence is meant as the probability that a joint is within 10 cm of its true position. Calibration error: mean "
-        f"distance between the confidence and the share within 10 cm, in {BINS} bins. Area: mean error of the most confident "
-        "share of the joints, averaged over all shares; the best one orders joints by their true error. Missing joints are "
-        "left out. The mean pose has confidence 1 throughout."
-    )
-    return [
-        ("heading", "Confidence"),
-        ("text", text),
-        ("table", (header, rows)),
-        ("figure", ("confidence.png", "Share within 10 cm over confidence, and error of the most confident joints")),
-    ]

@@ -58,9 +58,13 @@ class PoseResults:
         return errors_m
 
     def select_frames(self, rows: np.ndarray) -> "PoseResults":
-        """A copy with the frames that `rows`, an index or boolean mask, selects."""
+        """The frames of an index or boolean mask."""
         per_frame = ("truth_m", "estimate_m", "confidence", "visible", "sequence", "yaw_rad", "unit", "given")
         return replace(self, **{name: getattr(self, name)[rows] for name in per_frame})
+
+    def of_sequence(self, name: str) -> "PoseResults":
+        """The frames of one sequence."""
+        return self.select_frames(np.flatnonzero(self.sequence == self.sequence_names.index(name)))
 
 
 def joint_errors_m(truth_m: np.ndarray, estimate_m: np.ndarray) -> np.ndarray:
@@ -95,12 +99,6 @@ def mean_error_m(errors_m: np.ndarray) -> float:
     return _ratio(found.sum(), found.size)
 
 
-def median_error_m(errors_m: np.ndarray) -> float:
-    """The median over all joints with true position and estimate, visible or not; NaN if there are none."""
-    found = errors_m[np.isfinite(errors_m)]
-    return float(np.median(found)) if found.size else float("nan")
-
-
 def average_pose_error_m(errors_m: np.ndarray, visible: np.ndarray) -> float:
     """The paper's average pose error (Eq. 16): the mean over the visible joints with true position and estimate.
 
@@ -108,15 +106,6 @@ def average_pose_error_m(errors_m: np.ndarray, visible: np.ndarray) -> float:
     has more weight. Assumptions: the paper does not say how a missing estimate counts; it is left out.
     """
     return mean_error_m(np.where(visible, errors_m, np.nan))
-
-
-def pose_error_deviation_m(errors_m: np.ndarray, visible: np.ndarray) -> float:
-    """The standard deviation of the errors whose mean is `average_pose_error_m`: the error bars of Fig. 10.
-
-    Assumptions: the paper does not say over which set it is taken; it is taken over all frames and visible joints together.
-    """
-    found = errors_m[visible & np.isfinite(errors_m)]
-    return float(np.std(found)) if found.size else float("nan")
 
 
 def without_offsets(results: PoseResults) -> np.ndarray:
@@ -135,14 +124,20 @@ def without_offsets(results: PoseResults) -> np.ndarray:
 
 
 def summary(errors_m: np.ndarray, visible: np.ndarray) -> dict:
-    """The main metrics of (N, K) errors of K joints: lengths in cm, fractions in 0..1, None where undefined."""
+    """The main metrics of (N, K) errors of K joints: lengths in cm, fractions in 0..1, None where undefined.
+
+    `pose_error_deviation_cm`: the standard deviation of the errors whose mean is `average_pose_error_cm`, the error bars of
+    Fig. 10. Assumptions: the paper does not say over which set it is taken; here over all frames and visible joints together.
+    """
+    found = errors_m[np.isfinite(errors_m)]
+    seen = errors_m[visible & np.isfinite(errors_m)]
     return {
         "images": len(errors_m),
         "map_10cm": _none_if_nan(fraction_within(errors_m, 0.10)),
         "mean_error_cm": _none_if_nan(100 * mean_error_m(errors_m)),
-        "median_error_cm": _none_if_nan(100 * median_error_m(errors_m)),
+        "median_error_cm": 100 * float(np.median(found)) if found.size else None,
         "average_pose_error_cm": _none_if_nan(100 * average_pose_error_m(errors_m, visible)),
-        "pose_error_deviation_cm": _none_if_nan(100 * pose_error_deviation_m(errors_m, visible)),
+        "pose_error_deviation_cm": 100 * float(np.std(seen)) if seen.size else None,
         "labelled_joints": int((~np.isnan(errors_m)).sum()),
         "missing_joints": int(np.isinf(errors_m).sum()),
     }
@@ -151,10 +146,7 @@ def summary(errors_m: np.ndarray, visible: np.ndarray) -> dict:
 def evaluate(results: PoseResults, seed: int = 0) -> dict:
     """All metrics of one estimator: `summary` over all frames, then by threshold, joint, joint group, sequence and yaw.
 
-    Args:
-        results: true and estimated joints. Frames without any true joint, and those whose label the estimator was given, are
-            left out.
-        seed: of the bootstrap.
+    Frames without any true joint, and those whose label the estimator was given, are left out. `seed` is the bootstrap's.
     """
     labelled = results.select_frames(np.isfinite(results.truth_m).all(axis=-1).any(axis=1))
     scored = ~labelled.given
@@ -164,8 +156,11 @@ def evaluate(results: PoseResults, seed: int = 0) -> dict:
     def of_joints(columns: list[int]) -> dict:
         return summary(errors_m[:, columns], visible[:, columns])
 
-    fourteen = of_joints(list(PAPER_JOINTS))
-    return summary(errors_m, visible) | {
+    def of_frames(rows: np.ndarray) -> dict:
+        return summary(errors_m[rows], visible[rows])
+
+    whole, fourteen = summary(errors_m, visible), of_joints(list(PAPER_JOINTS))
+    return whole | {
         "map_14": fourteen["map_10cm"],
         "paper_joints": fourteen,
         "average_pose_error_no_offset_cm": _none_if_nan(100 * average_pose_error_m(without_offsets(results), visible)),
@@ -173,22 +168,18 @@ def evaluate(results: PoseResults, seed: int = 0) -> dict:
         "pck_area_20cm": _none_if_nan(area_under_curve(errors_m)),
         "interval": intervals(errors_m, visible, Bootstrap(results.unit, seed)),
         "missing": {
-            "joints": int(np.isinf(errors_m).sum()),
-            "of_labelled_joints": int((~np.isnan(errors_m)).sum()),
+            "joints": whole["missing_joints"],
+            "of_labelled_joints": whole["labelled_joints"],
             "images_without_estimate": int(np.isnan(results.estimate_m).all(axis=(1, 2)).sum()),
         },
         "per_joint": {name: of_joints([joint]) for joint, name in enumerate(JOINT_NAMES)},
         "per_group": {name: of_joints([int(joint) for joint in joints]) for name, joints in JOINT_GROUPS.items()},
         "per_sequence": {
-            name: summary(errors_m[results.sequence == index], visible[results.sequence == index])
+            name: of_frames(results.sequence == index)
             for index, name in enumerate(results.sequence_names)
             if (labelled.sequence == index).any()  # the same names for every estimator, whichever frames it was given
         },
-        "by_yaw": {
-            name: summary(errors_m[rows[scored]], visible[rows[scored]])
-            for name, rows in yaw_octants(labelled.yaw_rad).items()
-            if rows.any()
-        },
+        "by_yaw": {name: of_frames(rows[scored]) for name, rows in yaw_octants(labelled.yaw_rad).items() if rows.any()},
     }
 
 
@@ -203,13 +194,7 @@ def yaw_octants(yaw_rad: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def intervals(errors_m: np.ndarray, visible: np.ndarray, bootstrap: Bootstrap) -> dict[str, list[float] | None]:
-    """95 % bootstrap intervals [low, high] of the main metrics; None with fewer than two units.
-
-    Args:
-        errors_m: (N, 15).
-        visible: (N, 15) bool.
-        bootstrap: the resamples of these frames.
-    """
+    """95 % intervals [low, high] of the main metrics of (N, 15) errors; None with fewer than two units."""
     labelled, found = ~np.isnan(errors_m), np.isfinite(errors_m)
     seen, fourteen = found & visible, list(PAPER_JOINTS)
     distance_cm = 100 * np.where(found, errors_m, 0)
@@ -228,11 +213,6 @@ def difference(results: PoseResults, reference: PoseResults, seed: int = 0) -> d
     Each resample holds the same units for both, so what makes a unit hard for both cancels. Frames that either was given are
     left out for both. Distances are compared over the joints that both found: over all joints, an estimator that finds only
     easy ones would seem to be nearer.
-
-    Args:
-        results: of the estimator.
-        reference: of the estimator that it is compared with, on the same N frames.
-        seed: of the bootstrap.
 
     Returns:
         By metric a dict of `value` and `interval`: `within_10cm_points` (percentage points) and `mean_error_cm`; None where

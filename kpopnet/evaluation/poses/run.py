@@ -1,25 +1,91 @@
-"""Evaluation of one or more pose estimators on the sequences of a benchmark."""
+"""Evaluation of pose estimators on the sequences of a benchmark of one person each: from depth to metrics."""
 
-import sys
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
-from tqdm import tqdm
 
 from kpopnet.datasets.protocol import Benchmark, evenly_spaced
 from kpopnet.datasets.synthetic import SyntheticBenchmark
 from kpopnet.errors import InputError
-from kpopnet.estimator import Estimator, base_estimator, starts_from_label
+from kpopnet.estimator import Estimate, Estimator, base_estimator, first_label, starts_from_label
+from kpopnet.evaluation import engine
+from kpopnet.evaluation.engine import Timed, stage
 from kpopnet.evaluation.poses.causes import missed_by_cause
 from kpopnet.evaluation.poses.confidence import evaluate_confidence
 from kpopnet.evaluation.poses.definition import in_label_definition
 from kpopnet.evaluation.poses.metrics import PoseResults, difference, evaluate
-from kpopnet.evaluation.poses.sequence import EstimatedSequence, FailedSequence, SequenceEstimation
-from kpopnet.extraction import HumanExtractionConfig
+from kpopnet.extraction import HumanExtractionConfig, extract_person
 from kpopnet.networks.estimator import NetworkEstimator
-from kpopnet.runtime.parallel import in_processes
+
+
+@dataclass(frozen=True)
+class EstimatedSequence:
+    """One sequence of T frames and what every estimator found in it.
+
+    Attributes:
+        truth_m: (T, 15, 3) true joints, as in `Sequence.joints_camera_m`.
+        visible: (T, 15) bool, as in the sequence.
+        yaw_rad: (T,) as in the sequence; NaN where it is unknown.
+        identity: as in the sequence.
+        room: as in the sequence.
+        estimates: by the estimator's name.
+        given: (T,) bool by the estimator's name: the frames whose true joints it was given.
+        seconds: time of the estimation by the estimator's name.
+        extraction_seconds: time of segmenting the person; None where the depth is segmented.
+        images_without_person: number of frames without any depth, or in which no person was detected.
+    """
+
+    truth_m: np.ndarray
+    visible: np.ndarray
+    yaw_rad: np.ndarray
+    identity: str
+    room: str
+    estimates: dict[str, Estimate]
+    given: dict[str, np.ndarray]
+    seconds: dict[str, float]
+    extraction_seconds: float | None
+    images_without_person: int
+
+
+@dataclass
+class SequenceEstimation:
+    """Reads a sequence by its name, segments the person in a whole scene once, and runs all estimators on the result."""
+
+    benchmark: Benchmark
+    estimators: dict[str, Estimator]
+    extraction: HumanExtractionConfig
+    _timed: dict[str, Timed] = field(default_factory=dict)
+
+    def __call__(self, name: str) -> EstimatedSequence:
+        if not self._timed:
+            self._timed = {label: Timed(one.estimate, one) for label, one in self.estimators.items()}
+            self._timed["extraction"] = Timed(extract_person)
+        sequence, extraction_seconds = self.benchmark.read(name), None
+        depth_m, camera, truth_m = sequence.depth_m, sequence.camera, sequence.joints_camera_m
+        if not sequence.is_segmented:
+            with stage("extraction"):
+                depth_m, extraction_seconds = self._timed["extraction"](depth_m, camera, config=self.extraction)
+        estimates, given, seconds = {}, {}, {}
+        for label, estimator in self.estimators.items():
+            with stage(label):
+                start = {"start": first_label(truth_m)} if starts_from_label(estimator) else {}
+                given[label] = np.arange(len(depth_m)) == (start["start"].frame if start else -1)
+                estimates[label], seconds[label] = self._timed[label](depth_m, camera, **start)
+                assert estimates[label].joints_camera_m.shape == truth_m.shape, label
+        return EstimatedSequence(
+            truth_m=truth_m,
+            visible=sequence.visible,
+            yaw_rad=np.full(len(depth_m), np.nan, np.float32) if sequence.yaw_rad is None else sequence.yaw_rad,
+            identity=sequence.identity,
+            room=sequence.room,
+            estimates=estimates,
+            given=given,
+            seconds=seconds,
+            extraction_seconds=extraction_seconds,
+            images_without_person=int((~depth_m.any(axis=(1, 2))).sum()),
+        )
 
 
 class Resampled(NamedTuple):
@@ -37,7 +103,7 @@ class Resampled(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Run:
+class PoseRun:
     """The results of one evaluation.
 
     Attributes:
@@ -47,7 +113,6 @@ class Run:
             `fps`, frames per second of the estimation without the extraction.
         differences: `metrics.difference` of every estimator but the first from the first one, by the estimator's name.
         resampled: what the intervals resample.
-        frame: (N,) index of each frame within its sequence.
         failed: the error message of each sequence without results, by the sequence's name.
         sequences_in_set: number of sequences of the benchmark, evaluated or not.
         images_without_person: number of frames without any depth, or in which no person was detected.
@@ -62,7 +127,6 @@ class Run:
     metrics: dict[str, dict]
     differences: dict[str, dict]
     resampled: Resampled
-    frame: np.ndarray
     failed: dict[str, str]
     sequences_in_set: int
     images_without_person: int
@@ -70,13 +134,16 @@ class Run:
     started_from_label: list[str]
     extraction_fps: float | None = None
 
-    def select(self, names: list[str]) -> "Run":
-        """A copy with only the named estimators; without differences if the first estimator is not among them."""
+    @property
+    def main(self) -> str:
+        """The name of the main estimator."""
+        return next(iter(self.metrics))
+
+    def without(self, names: Collection[str]) -> "PoseRun":
+        """A copy without some estimators, of which the main one is none."""
         parts = ("results", "metrics", "differences", "unlike_training")
-        kept = {part: {name: value for name, value in getattr(self, part).items() if name in names} for part in parts}
-        if next(iter(self.metrics)) not in names:
-            kept["differences"] = {}
-        return replace(self, started_from_label=[name for name in self.started_from_label if name in names], **kept)
+        kept = {part: {name: one for name, one in getattr(self, part).items() if name not in names} for part in parts}
+        return replace(self, started_from_label=[name for name in self.started_from_label if name not in names], **kept)
 
 
 def unlike_training(benchmark: Benchmark, estimator: Estimator) -> list[str]:
@@ -106,13 +173,11 @@ def run_benchmark(
     seed: int = 0,
     processes: int = 1,
     extraction: HumanExtractionConfig | None = None,
-) -> Run:
+) -> PoseRun:
     """Runs every estimator on every sequence (`SequenceEstimation`) and computes the metrics.
 
-    A sequence that cannot be read, or on which an estimator fails, is reported in `Run.failed` and left out for all
-    estimators; the evaluation continues with the others. The estimates do not depend on the number of processes. Each
-    process has one thread, so the frames per second of an estimator (all frames divided by its total time) are those of one
-    core.
+    A sequence that cannot be read, or on which an estimator fails, is left out for all estimators. Each process has one
+    thread, so the frames per second of an estimator (all frames divided by its total time) are those of one core.
 
     Intervals resample sequences, or the rooms that sequences share. One person may dance several sequences: these are resampled
     as if they were independent, so the intervals hold for other sequences of the same people. Resampling people would be the
@@ -130,60 +195,35 @@ def run_benchmark(
         InputError: every sequence failed, no joint has a label, an estimator was given every label, or a process died.
     """
     names = benchmark.sequence_names()
-    estimation = SequenceEstimation(benchmark, estimators, extraction or HumanExtractionConfig())
-    outcomes, failed = _estimate_sequences(estimation, evenly_spaced(names, sequences), processes)
-    parts = outcomes.values()
-    extracted = [part for part in parts if part.extraction_seconds is not None]
-    units, unit = _units(parts)
-    results = {label: _concatenate(outcomes, label, unit) for label in estimators}
+    work = SequenceEstimation(benchmark, estimators, extraction or HumanExtractionConfig())
+    rows = engine.run(work, evenly_spaced(names, sequences), processes, benchmark.name)
+    parts = list(rows.found.values())
+    resampled, unit = _units(parts)
+    results = {label: _concatenate(rows.found, label, unit) for label in estimators}
     _check_scored(benchmark, results)
-    return Run(
+    extracted = [part.extraction_seconds for part in parts if part.extraction_seconds is not None]
+    metrics = {}
+    for label, one in results.items():
+        metrics[label] = evaluate(one, seed) | evaluate_confidence(one) | _in_label_definition(benchmark, one, parts, seed)
+        fps = len(one.truth_m) / max(sum(part.seconds[label] for part in parts), 1e-9)
+        metrics[label] |= {"missed_by_cause": missed_by_cause(one), "fps": fps}
+    first, *others = results
+    return PoseRun(
         benchmark=benchmark,
         results=results,
-        metrics={
-            label: evaluate(one, seed)
-            | evaluate_confidence(one)
-            | _in_label_definition(benchmark, one, parts, seed)
-            | {"missed_by_cause": missed_by_cause(one)}
-            | {"fps": _frames_per_second(parts, [part.seconds[label] for part in parts])}
-            for label, one in results.items()
-        },
-        differences=_differences(results, seed),
-        resampled=units,
-        frame=np.concatenate([np.arange(len(part.truth_m)) for part in parts]),
-        failed=failed,
+        metrics=metrics,
+        differences={label: difference(results[label], results[first], seed) for label in others},
+        resampled=resampled,
+        failed=rows.failed,
         sequences_in_set=len(names),
         images_without_person=sum(part.images_without_person for part in parts),
         unlike_training={label: settings for label, one in estimators.items() if (settings := unlike_training(benchmark, one))},
         started_from_label=[label for label, one in estimators.items() if starts_from_label(one)],
-        extraction_fps=_frames_per_second(extracted, [part.extraction_seconds for part in extracted]) if extracted else None,
+        extraction_fps=len(unit) / max(sum(extracted), 1e-9) if extracted else None,
     )
 
 
-def _estimate_sequences(
-    estimation: SequenceEstimation, chosen: list[str], processes: int
-) -> tuple[dict[str, EstimatedSequence], dict[str, str]]:
-    """Runs the chosen sequences in parallel.
-
-    Returns:
-        The results, and the error messages of the failed sequences, both by name in the order of `chosen`.
-    """
-    outcomes: dict[int, EstimatedSequence | FailedSequence] = {}
-    with tqdm(total=len(chosen), desc=estimation.benchmark.name, unit="sequence") as bar:
-        for index, outcome in in_processes(estimation, chosen, processes):
-            outcomes[index] = outcome
-            if isinstance(outcome, FailedSequence):
-                bar.write(f"left out {chosen[index]}: {outcome.reason}", file=sys.stderr)
-            bar.update()
-    ordered = {name: outcomes[index] for index, name in enumerate(chosen)}
-    failed = {name: outcome.reason for name, outcome in ordered.items() if isinstance(outcome, FailedSequence)}
-    if len(failed) == len(chosen):
-        first, reason = next(iter(failed.items()))
-        raise InputError(f"{estimation.benchmark.name}: none of its {len(chosen)} sequences gave figures; {first}: {reason}")
-    return {name: outcome for name, outcome in ordered.items() if name not in failed}, failed
-
-
-def _units(parts: Collection[EstimatedSequence]) -> tuple[Resampled, np.ndarray]:
+def _units(parts: list[EstimatedSequence]) -> tuple[Resampled, np.ndarray]:
     """What the bootstrap resamples, and the (N,) number of the unit of each frame. A frame without a label is in no figure."""
     shared = any(part.room for part in parts)
     names = [part.room if part.room else f"sequence {number}" for number, part in enumerate(parts)]
@@ -195,16 +235,16 @@ def _units(parts: Collection[EstimatedSequence]) -> tuple[Resampled, np.ndarray]
     return Resampled("rooms" if shared else "sequences", count, None if "" in people else len(people)), unit
 
 
-def _concatenate(outcomes: dict[str, EstimatedSequence], label: str, unit: np.ndarray) -> PoseResults:
-    """The joints of one estimator in all frames of all sequences. `unit` is that of `_units`."""
-    parts = outcomes.values()
+def _concatenate(found: dict[str, EstimatedSequence], label: str, unit: np.ndarray) -> PoseResults:
+    """The joints of one estimator in all frames of all sequences; `unit` is that of `_units`."""
+    parts = found.values()
     return PoseResults(
         truth_m=np.concatenate([part.truth_m for part in parts]),
-        estimate_m=np.concatenate([part.estimate_m[label] for part in parts]),
-        confidence=np.concatenate([part.confidence[label] for part in parts]),
+        estimate_m=np.concatenate([part.estimates[label].joints_camera_m for part in parts]),
+        confidence=np.concatenate([part.estimates[label].confidence for part in parts]),
         visible=np.concatenate([part.visible for part in parts]),
         sequence=np.repeat(np.arange(len(parts)), [len(part.truth_m) for part in parts]),
-        sequence_names=tuple(outcomes),
+        sequence_names=tuple(found),
         yaw_rad=np.concatenate([part.yaw_rad for part in parts]),
         unit=unit,
         given=np.concatenate([part.given[label] for part in parts]),
@@ -221,16 +261,10 @@ def _check_scored(benchmark: Benchmark, results: dict[str, PoseResults]) -> None
             raise InputError(f"{benchmark.name}: {label} was given every true pose (start=label); no frame is left to score")
 
 
-def _differences(results: dict[str, PoseResults], seed: int) -> dict[str, dict]:
-    """`metrics.difference` of every estimator from the first, by name."""
-    first, *others = results
-    return {label: difference(results[label], results[first], seed) for label in others}
-
-
-def _in_label_definition(benchmark: Benchmark, results: PoseResults, parts: Collection[EstimatedSequence], seed: int) -> dict:
+def _in_label_definition(benchmark: Benchmark, results: PoseResults, parts: list[EstimatedSequence], seed: int) -> dict:
     """The figures of an estimator in the definition of the labels, fitted on the other people, as `in_label_definition`.
 
-    Empty where the labels have no definition of their own, somebody's identity is unknown, or only one person is seen.
+    Empty where the labels have no definition of their own, a person's identity is unknown, or only one person is seen.
     """
     definition = getattr(benchmark, "label_definition", None)
     people = {part.identity for part in parts}
@@ -240,7 +274,3 @@ def _in_label_definition(benchmark: Benchmark, results: PoseResults, parts: Coll
     labels_m = np.where(results.given[:, None, None], np.nan, results.truth_m)
     defined = replace(results, estimate_m=in_label_definition(labels_m, results.estimate_m, person))
     return {"in_label_definition": {"definition": definition} | evaluate(defined, seed) | evaluate_confidence(defined)}
-
-
-def _frames_per_second(parts: Collection[EstimatedSequence], seconds: list[float]) -> float:
-    return sum(len(part.truth_m) for part in parts) / max(sum(seconds), 1e-9)

@@ -12,37 +12,8 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from kpopnet.errors import InputError
+from kpopnet.evaluation.config import SweepConfig
 from kpopnet.runtime.hydra_app import overridable
-
-
-@dataclass
-class AxisConfig:
-    """One axis of the sweep.
-
-    Attributes:
-        setting: path of the varied setting below the estimator's name, for instance hierarchy.r_m.
-        values: values of the setting, each once.
-    """
-
-    setting: str
-    values: list[Any]
-
-    def __post_init__(self) -> None:
-        if not self.values or len(set(self.values)) < len(self.values):
-            raise InputError(f"sweep: {self.setting} has values {self.values}; expected at least one value, each once")
-
-
-@dataclass
-class SweepConfig:
-    """The two varied settings.
-
-    Attributes:
-        rows: setting whose values are the rows of the table.
-        columns: setting whose values are the columns of the table.
-    """
-
-    rows: AxisConfig
-    columns: AxisConfig
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ whom no benchmark shows:
 
     python -m synth benchmark=eval_sim benchmark.seed=101 benchmark.sequences=8 out=data/confidence/101
     python -m synth benchmark=eval_sim benchmark.seed=102 benchmark.sequences=8 out=data/confidence/102
-    python -m kpopnet.evaluation.poses.calibration data/confidence/101 data/confidence/102 --checkpoint outputs/train/RUN/best
+    python tools/fit_confidence.py data/confidence/101 data/confidence/102 --checkpoint outputs/train/RUN/best
 
 prints them again. On simulated depth they give probabilities; where a data set defines a joint elsewhere than the simulated
 people do, the confidence cannot know it.

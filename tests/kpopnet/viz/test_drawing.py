@@ -1,9 +1,88 @@
-"""Crops of people for pictures."""
+"""Skeletons and depth in images, and crops of people."""
 
 import numpy as np
+import pytest
 
 from kpopnet.camera import Camera
-from kpopnet.viz.drawing import person_view
+from kpopnet.errors import InputError
+from kpopnet.skeleton import Joint
+from kpopnet.viz.drawing import (
+    BACKGROUND,
+    ESTIMATED,
+    TRUE,
+    depth_rgb,
+    draw_skeleton,
+    person_tile,
+    person_view,
+    save_png,
+)
+
+CAMERA = Camera.centred(100.0, 80, 60)
+
+
+@pytest.mark.parametrize("scale", [1, 4])
+def test_a_joint_is_drawn_at_its_projection_in_the_colour_of_its_side(scale):
+    at = CAMERA.back_project(np.array([61, 22, 2.0]))
+    for joint, colour in ((Joint.RIGHT_HAND, ESTIMATED.right), (Joint.LEFT_FOOT, ESTIMATED.left), (8, ESTIMATED.middle)):
+        image, joints = np.zeros((60 * scale, 80 * scale, 3), np.uint8), np.full((15, 3), np.nan)
+        joints[joint] = at
+        draw_skeleton(image, joints, CAMERA, ESTIMATED)
+        rows, columns = np.nonzero(image.any(axis=-1))
+        assert (rows.mean(), columns.mean()) == pytest.approx(((22.5) * scale - 0.5, (61.5) * scale - 0.5), abs=0.6)
+        assert tuple(image[round(rows.mean()), round(columns.mean())]) == colour
+
+
+def test_bones_connect_joints_and_true_and_estimated_skeletons_differ():
+    joints = np.full((15, 3), np.nan)
+    joints[Joint.LEFT_ELBOW], joints[Joint.LEFT_HAND] = CAMERA.back_project(np.array([[10, 30, 2.0], [70, 30, 2.0]]))
+    images = [np.zeros((60, 80, 3), np.uint8) for _ in range(2)]
+    for image, style in zip(images, (TRUE, ESTIMATED), strict=True):
+        draw_skeleton(image, joints, CAMERA, style)
+        assert tuple(image[30, 40]) == style.left
+    assert (images[0] != images[1]).any()
+
+
+def test_joints_that_cannot_be_projected_are_not_drawn():
+    image, joints = np.zeros((60, 80, 3), np.uint8), np.full((15, 3), np.nan)
+    joints[:4] = (0, 0, -1), (0, 0, 0), (1e9, 0, 1), (np.inf, 0, 1)
+    draw_skeleton(image, joints, CAMERA, ESTIMATED)
+    assert not image.any()
+
+
+def test_an_image_that_cannot_be_written_is_an_input_error(tmp_path):
+    (tmp_path / "file").touch()
+    (tmp_path / "folder.png").mkdir()
+    for path in (tmp_path / "file" / "a.png", tmp_path / "folder.png"):
+        with pytest.raises(InputError, match=rf"{path}: the image cannot be written \("):
+            save_png(path, np.zeros((4, 4, 3), np.uint8))
+    save_png(tmp_path / "new" / "a.png", np.zeros((4, 4, 3), np.uint8))
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["a.png", "file", "folder.png", "new"]
+
+
+def test_near_depth_is_lighter_than_far_and_missing_depth_is_background():
+    depth = np.zeros((4, 6), np.float32)
+    depth[1, 1:5] = 2.0, 2.2, 2.4, 2.6
+    greys = depth_rgb(depth)
+    assert tuple(greys[0, 0]) == BACKGROUND
+    assert (np.diff(greys[1, 1:5, 0].astype(int)) < 0).all() and greys[1, 4, 0] > BACKGROUND[0]
+
+
+def test_tiles_have_one_size_whatever_they_contain():
+    joints = np.tile([0.0, 0, 2], (15, 1))
+    shapes = {
+        person_tile(depth, CAMERA, ((joints, TRUE), (joints * np.nan, ESTIMATED)), 96, ("a", "b" * 80)).shape
+        for depth in (np.zeros((60, 80), np.float32), np.full((60, 80), 2, np.float32))
+    }
+    assert shapes == {(96 + 36, 96, 3)}
+
+
+def test_person_view_has_a_consistent_camera_even_across_the_image_border():
+    depth = np.zeros((60, 80), np.float32)
+    depth[0:40, 60:80] = 2.0
+    view, camera = person_view(depth, CAMERA)
+    assert view.shape[0] == view.shape[1] == camera.width == camera.height
+    np.testing.assert_allclose(camera.points(view)[view > 0], CAMERA.points(depth)[depth > 0], atol=1e-6)
+    assert not person_view(np.zeros((60, 80), np.float32), CAMERA, (np.full((15, 3), np.nan),))[0].any()
 
 
 def test_a_person_at_the_border_of_a_larger_image_is_cropped_as_in_it():

@@ -1,4 +1,4 @@
-"""Concordance, Kendall's tau and confusions on hand-made scores."""
+"""Concordance, Kendall's tau and wrong pairs on hand-made scores."""
 
 import numpy as np
 import pytest
@@ -7,25 +7,15 @@ from hypothesis import strategies as st
 from real_data import REAL
 from scipy.stats import binomtest, kendalltau
 
-from kpopnet.dance.scoring import OURS, DanceScore
 from kpopnet.evaluation.dances.ranking import (
     Agreement,
-    LearnerScore,
     agreement,
-    confusions,
     is_ordered,
     kendall_tau,
     paired_p_value,
     wilson_interval,
+    wrong_pairs,
 )
-
-
-def score(similarity: float, timing: float = 90.0, posture: float = 60.0) -> DanceScore:
-    return DanceScore(similarity, timing, posture, {}, 1.0, None, {}, False, False, 1.0, 100.0, OURS)
-
-
-def learners(*similarities: float) -> list[LearnerScore]:
-    return [LearnerScore(name, score(one)) for name, one in zip("abcd", similarities, strict=False)]
 
 
 def test_only_strictly_decreasing_scores_are_in_order():
@@ -73,13 +63,6 @@ def test_scorers_of_the_same_dances_are_compared_in_pairs(first, second):
     assert paired_p_value(one, other) == paired_p_value(other, one) == pytest.approx(expected)
 
 
-def test_the_interval_shrinks_with_the_number_of_dances():
-    good, bad = np.array([4.0, 3, 2, 1]), np.array([3.0, 4, 2, 1])
-    few, many = ({f"{k}": bad if k % 4 == 0 else good for k in range(count)} for count in (8, 400))
-    widths = [np.ptp(agreement(one, seed=1).interval["concordance"]) for one in (few, many)]
-    assert widths[1] < widths[0] / 4
-
-
 def test_the_papers_table_is_in_order_in_86_96_and_97_rows():
     """The text says 86, 97 and 98: two rows are ties at the printed precision."""
     text = REAL.parent / "paper.txt"
@@ -96,16 +79,7 @@ def test_the_papers_table_is_in_order_in_86_96_and_97_rows():
     assert counts == [86, 96, 97]
 
 
-def test_confusions_name_learners_and_likely_causes():
-    true = {"x": learners(80, 70, 60, 50), "y": learners(80, 60, 65, 50)}
-    estimated = {
-        "x": [LearnerScore("a", score(60, 80, 75)), LearnerScore("b", score(63, 90, 70)), *learners(0, 0, 40, 30)[2:]],
-        "y": learners(80, 60, 65, 50),
-    }
-    found = confusions(estimated, true)
-    assert [(one.dance, one.ranks) for one in found] == [("y", (2, 3)), ("x", (1, 2))]
-    assert "in the wrong order on true joints too" in found[0].cause
-    assert "pose error" in found[1].cause and "higher timing score" in found[1].cause and "posture" not in found[1].cause
-    assert confusions({"x": learners(4, 3, 2, 1)}, None) == []
-    (lost,) = confusions({"x": learners(4, 3, 2, np.nan)[2:]}, None)
-    assert "not scored" in lost.cause
+def test_wrong_pairs_are_those_that_are_tied_reversed_or_not_scored():
+    assert wrong_pairs(np.array([4.0, 3, 2, 1])) == []
+    assert wrong_pairs(np.array([63.0, 63, 70])) == [(0, 1), (0, 2), (1, 2)]
+    assert wrong_pairs(np.array([4.0, np.nan, 3])) == [(0, 1), (1, 2)]

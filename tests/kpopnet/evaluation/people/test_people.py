@@ -14,6 +14,8 @@ from kpopnet.evaluation.people.matching import NOBODY, MatchedSequence, match
 from kpopnet.evaluation.people.report import evaluate_people
 from kpopnet.evaluation.people.run import by_kind, figures, follower
 from kpopnet.evaluation.registry import MeanPoseConfig
+from kpopnet.evaluation.report import write
+from kpopnet.extraction import HumanExtractionConfig
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
 
 FRAMES = 10
@@ -104,15 +106,18 @@ def test_estimators_of_one_person_are_refused() -> None:
         follower("tracker", TrackerEstimatorConfig(start="label"))
 
 
-def test_the_report_of_a_film_has_tables_pictures_and_figures(tmp_path: Path, capsys) -> None:
+def test_the_report_of_a_film_has_tables_pictures_and_figures(tmp_path: Path) -> None:
     write_two_people(tmp_path / "set", frames=30)
     benchmark = SimulatedConfig("two_people", str(tmp_path / "set"))
     config = EvaluateConfig(benchmark, {"people_tracker": TrackerEstimatorConfig(lengths=True)}, processes=1)
-    evaluate_people(config, tmp_path / "out")
+    report = evaluate_people(config, tmp_path / "out")
+    write(report, config, tmp_path / "out")
     metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
     assert metrics["switches"] == 0 and metrics["false"] == 0 and metrics["missed"] < 0.3 and metrics["mean_error_cm"] < 12
-    assert "SIMULATED" in capsys.readouterr().out
+    assert metrics["estimators"]["people_tracker"]["all"]["fps"] > 0 and metrics["benchmark"]["failed_sequences"] == {}
+    assert "two_people: SIMULATED depth" in report.text() and "No intervals" in report.text()
     assert "CLEAR MOT" in (tmp_path / "out" / "report.md").read_text()
     assert (tmp_path / "out" / "people.png").exists() and (tmp_path / "out" / "report.html").exists()
-    with pytest.raises(InputError, match="scorer"):
-        evaluate_people(EvaluateConfig(benchmark, scorer={"paper": None}), tmp_path / "other")
+    for given in ({"scorer": {"paper": None}}, {"extraction": HumanExtractionConfig(epsilon_z_m=0.05)}):
+        with pytest.raises(InputError, match="leave"):
+            evaluate_people(EvaluateConfig(benchmark, **given), tmp_path / "other")

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pose_results import pose_results
 
 from kpopnet.evaluation.poses.causes import missed_by_cause
 from kpopnet.evaluation.poses.metrics import PoseResults
@@ -19,10 +20,7 @@ def film() -> PoseResults:
     rng = np.random.default_rng(0)
     truth_m = rng.uniform(-0.8, 0.8, (NUM_JOINTS, 3)) + np.array([0, 0, 3.0])
     truth_m = truth_m + 0.02 * np.sin(np.arange(FRAMES) / 5)[:, None, None]
-    frames = np.zeros(FRAMES, int)
-    seen = np.ones((FRAMES, NUM_JOINTS), bool)
-    given = np.zeros(FRAMES, bool)
-    return PoseResults(truth_m, truth_m.copy(), seen * 1.0, seen, frames, ("a",), np.zeros(FRAMES), frames, given)
+    return pose_results(truth_m, truth_m.copy())
 
 
 def causes(results: PoseResults) -> dict[str, float]:

@@ -1,43 +1,54 @@
-"""One evaluation: sequences in several processes, and estimators that fail."""
+"""One evaluation: sequences in several processes, estimators that fail, labels to start from, and what is resampled."""
 
+import json
+from dataclasses import asdict
+
+import h5py
 import numpy as np
 import pytest
+from films import FRAMES, POSE_M, Films, Off
 from shard_sets import write_shard
 
 from kpopnet.baselines.mean_pose import MeanPoseEstimator
 from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
 from kpopnet.errors import InputError
-from kpopnet.evaluation.poses.report.writing import remarks
-from kpopnet.evaluation.poses.run import run_benchmark
+from kpopnet.evaluation.poses import run as run_module
+from kpopnet.evaluation.poses.report import remarks
+from kpopnet.evaluation.poses.run import run_benchmark, unlike_training
 from kpopnet.evaluation.registry import build_estimators
+from kpopnet.extraction import HumanExtractionConfig
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import save_checkpoint
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.networks.network import build_network
 from kpopnet.paper_tracker.estimator import PaperTrackerEstimatorConfig
+from kpopnet.ridge import RidgeConfig
 from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
+from kpopnet.tracker.fit.refine import FittedEstimator
+from synth.samples.observe import ExtractionConfig
+from synth.samples.writer import FreezeConfig
+from synth.sensor.model import SensorConfig
 
-POSE_M = np.stack([np.zeros(15), np.linspace(-0.6, 0.6, 15), np.full(15, 0.1)], axis=-1)
-
-
-@pytest.fixture
-def benchmark(tmp_path):
-    write_shard(tmp_path / "set", [1, 1, 1, 2, 2, 3, 3, 3], empty=(4,))
-    return SyntheticBenchmark(SyntheticConfig(path=str(tmp_path / "set")))
+MEAN_POSE = MeanPoseEstimator(POSE_M - POSE_M.mean(axis=0))
 
 
-class Failing:
-    """Estimates the mean pose, and fails on sequences of two frames."""
+def untrained_network(folder, config: dict) -> NetworkEstimator:
+    meta = {"step": 1, "config": config, "metrics": {}, "mean_pose_m": np.zeros((15, 3)).tolist()}
+    network = build_network(ModelConfig(crop_px=32, widths=[8, 8, 8, 8]))
+    return NetworkEstimator(save_checkpoint(folder, network, {}, meta, best=True))
 
-    name = "failing"
+
+class Failing(Off):
+    """Fails on the sequence named two."""
 
     def __init__(self, error: Exception) -> None:
+        super().__init__()
         self.error = error
 
     def estimate(self, depth_m, camera):
-        if len(depth_m) == 2:
+        if depth_m[0, 0, 0] == 2:
             raise self.error
-        return MeanPoseEstimator(POSE_M).estimate(depth_m, camera)
+        return super().estimate(depth_m, camera)
 
 
 @pytest.mark.parametrize(
@@ -47,66 +58,60 @@ class Failing:
         (ZeroDivisionError("division by zero"), "failing: ZeroDivisionError: division by zero"),
     ],
 )
-def test_an_estimator_that_fails_on_a_sequence_excludes_only_that_sequence(benchmark, error, reason):
-    run = run_benchmark(benchmark, {"mean_pose": MeanPoseEstimator(POSE_M), "failing": Failing(error)})
-    failed = benchmark.sequence_names()[1]
-    assert run.failed == {failed: reason}
-    assert all(one.sequence_names == tuple(run.metrics["failing"]["per_sequence"]) for one in run.results.values())
-    assert [metrics["images"] for metrics in run.metrics.values()] == [6, 6] and len(run.frame) == 6
-    assert any(failed in line and reason in line for line in remarks(run))
+def test_an_estimator_that_fails_on_a_sequence_excludes_only_that_sequence(error, reason):
+    run = run_benchmark(Films(), {"off": Off(), "failing": Failing(error)})
+    assert run.failed == {"two": reason}
+    assert all(one.sequence_names == ("one", "three") for one in run.results.values())
+    assert all(list(metrics["per_sequence"]) == ["one", "three"] for metrics in run.metrics.values())
+    assert f"Left out because of an error: two: {reason}" in remarks(run)
 
 
-def test_estimates_do_not_depend_on_the_number_of_processes(benchmark, tmp_path):
-    network = build_network(ModelConfig(crop_px=32, widths=[8, 8, 8, 8]))
-    meta = {"step": 1, "config": {}, "metrics": {}, "mean_pose_m": POSE_M.tolist()}
+def test_estimates_do_not_depend_on_the_number_of_processes(tmp_path):
+    write_shard(tmp_path / "set", [1, 1, 1, 2, 2, 3, 3, 3], empty=(4,))
+    benchmark = SyntheticBenchmark(SyntheticConfig(path=str(tmp_path / "set")))
     estimators = {
-        "network": NetworkEstimator(save_checkpoint(tmp_path / "run", network, {}, meta, best=True)),
+        "network": untrained_network(tmp_path / "run", {}),
         "tracker": TrackerEstimator(TrackerEstimatorConfig(start="label")),
-        "mean_pose": MeanPoseEstimator(POSE_M),
+        "mean_pose": MEAN_POSE,
     }
     serial, parallel = (run_benchmark(benchmark, estimators, processes=count) for count in (1, 2))
     for name in estimators:
         np.testing.assert_array_equal(serial.results[name].estimate_m, parallel.results[name].estimate_m)
-        np.testing.assert_array_equal(serial.results[name].truth_m, parallel.results[name].truth_m)
         timed = [run.metrics[name].pop("fps") for run in (serial, parallel)]
         assert min(timed) > 0 and serial.metrics[name] == parallel.metrics[name]
-    assert (serial.frame == parallel.frame).all() and serial.frame.tolist() == [0, 1, 2, 0, 1, 0, 1, 2]
     assert serial.images_without_person == parallel.images_without_person == 1
 
 
-def without_labels(monkeypatch, benchmark, joints: list[int], sequences: list[str]) -> None:
-    """Removes the labels of some joints in some sequences of a benchmark."""
-    read = benchmark.read
-
-    def read_without_labels(name):
-        sequence = read(name)
-        if name in sequences:
-            sequence.joints_camera_m[:, joints] = np.nan
-            sequence.visible[:, joints] = False
-        return sequence
-
-    monkeypatch.setattr(benchmark, "read", read_without_labels)
+def test_an_estimator_that_starts_from_a_label_gets_the_first_and_is_not_scored_there():
+    started, other = Off(starts_from_label=True), Off()
+    run = run_benchmark(Films(), {"started": started, "other": other})
+    assert [start.frame for start in started.starts] == [0] * 4 and other.starts == [None] * 4
+    np.testing.assert_array_equal(started.starts[0].joints_camera_m, POSE_M)
+    assert run.started_from_label == ["started"]
+    assert [run.metrics[name]["images"] for name in ("started", "other")] == [3 * (FRAMES - 2), 3 * (FRAMES - 1)]
+    assert np.flatnonzero(run.results["started"].given).tolist() == [0, FRAMES, 2 * FRAMES]
+    sentence = "started was given the first true pose of every sequence (start=label); it is not scored in that frame."
+    assert sentence in remarks(run)
 
 
-def test_a_sequence_without_a_complete_label_to_start_from_is_reported(benchmark, monkeypatch):
-    unlabelled = benchmark.sequence_names()[0]
-    without_labels(monkeypatch, benchmark, [3], [unlabelled])
-    run = run_benchmark(benchmark, {"tracker": TrackerEstimator(TrackerEstimatorConfig(start="label"))})
-    assert list(run.failed) == [unlabelled]
-    assert run.failed[unlabelled].startswith("tracker: start=label needs a frame with all fifteen joints")
-
-
-def test_a_set_without_any_label_is_rejected(benchmark, monkeypatch):
-    without_labels(monkeypatch, benchmark, list(range(15)), benchmark.sequence_names())
-    with pytest.raises(InputError, match=r"synthetic: no joint in any frame of .* has a label"):
-        run_benchmark(benchmark, {"mean_pose": MeanPoseEstimator(POSE_M)})
+def test_labels_that_are_missing_are_reported():
+    films = Films()
+    films.without_labels = {"one": [3]}
+    run = run_benchmark(films, {"tracker": Off(starts_from_label=True)})
+    assert list(run.failed) == ["one"]
+    assert run.failed["one"].startswith("tracker: start=label needs a frame with all fifteen joints")
+    films.without_labels = {name: list(range(15)) for name in films.sequence_names()}
+    with pytest.raises(InputError, match=r"films: no joint in any frame of .* has a label"):
+        run_benchmark(films, {"off": Off()})
+    films.without_labels, films.single = {}, ("one", "two", "three")
+    with pytest.raises(InputError, match=r"films: started was given every true pose \(start=label\)"):
+        run_benchmark(films, {"plain": Off(), "started": Off(starts_from_label=True)})
 
 
 def test_all_people_in_a_room_are_resampled_together(tmp_path):
     """Errors that differ between two rooms only, with five people in each: resampling people would pretend ten units."""
     write_shard(tmp_path, list(range(10)), rooms=[0] * 5 + [1] * 5)
-    rooms = SyntheticBenchmark(SyntheticConfig(path=str(tmp_path)))
-    run = run_benchmark(rooms, {"mean_pose": MeanPoseEstimator(POSE_M)})
+    run = run_benchmark(SyntheticBenchmark(SyntheticConfig(path=str(tmp_path))), {"mean_pose": MEAN_POSE})
     assert run.resampled == ("rooms", 2, 10) and len(run.results["mean_pose"].sequence_names) == 10
     assert run.results["mean_pose"].unit.tolist() == [0] * 5 + [1] * 5
     assert any("2 rooms are too few" in line for line in remarks(run))
@@ -116,3 +121,48 @@ def test_one_kind_of_estimator_may_have_several_names_in_a_run():
     configs = {"slow": PaperTrackerEstimatorConfig(start="label"), "fast": PaperTrackerEstimatorConfig()}
     built = build_estimators(configs)
     assert [one.starts_from_label for one in built.values()] == [True, False] and list(built) == list(configs)
+
+
+def test_in_whole_scenes_the_person_is_segmented_once_for_every_estimator(monkeypatch):
+    def all_but_two_frames(depth_m, camera, config):
+        calls.append(len(depth_m))
+        assert config is extraction
+        return np.where(np.arange(len(depth_m))[:, None, None] < FRAMES - 2, depth_m + 0, 0)
+
+    calls: list[int] = []
+    extraction = HumanExtractionConfig(epsilon_z_m=0.05)
+    monkeypatch.setattr(run_module, "extract_person", all_but_two_frames)
+    one, other = Off(), Off()
+    run = run_benchmark(Films(is_segmented=False), {"one": one, "other": other}, extraction=extraction)
+    assert calls == [30, FRAMES, FRAMES, FRAMES]  # once for the warm-up, then once per sequence
+    for estimator in (one, other):
+        assert [len(depth_m) for depth_m in estimator.given] == calls
+        assert estimator.given[1][:-2].any() and not estimator.given[1][-2:].any()
+    assert run.images_without_person == 6 and run.extraction_fps > 0
+    assert any("whole scenes: the person was segmented first" in line for line in remarks(run))
+
+
+@pytest.mark.parametrize(
+    ("sensor", "extraction", "settings"),
+    [
+        ("kinect_v1", {}, []),
+        (
+            "kinect_2",
+            {"erode": 0.0},
+            ["sensor.name=kinect_2 (kinect_v1 in training)", "extraction.erode=0.0 (0.25 in training)"],
+        ),
+    ],
+)
+def test_a_set_that_differs_from_the_training_set_is_reported(tmp_path, sensor, extraction, settings):
+    write_shard(tmp_path / "set", [1, 2])
+    frozen_with = FreezeConfig(SensorConfig(sensor), ExtractionConfig(**extraction), RidgeConfig())
+    with h5py.File(tmp_path / "set" / "shard_00000.h5", "a") as file:
+        file.attrs["config"] = json.dumps({"freeze": asdict(frozen_with)})
+    trained = {"sensor": asdict(SensorConfig()), "extraction": asdict(ExtractionConfig())}
+    network = untrained_network(tmp_path / "run", trained)
+    benchmark = SyntheticBenchmark(SyntheticConfig(path=str(tmp_path / "set")))
+    assert unlike_training(benchmark, FittedEstimator(network)) == unlike_training(benchmark, network) == settings
+    run = run_benchmark(benchmark, {"network": network, "mean_pose": MEAN_POSE})
+    assert run.unlike_training == ({"network": settings} if settings else {})
+    lines = [line for line in remarks(run) if "differs from the training set of network" in line]
+    assert len(lines) == bool(settings) and all(setting in lines[0] for setting in settings)

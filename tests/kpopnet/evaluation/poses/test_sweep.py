@@ -3,7 +3,8 @@
 import pytest
 
 from kpopnet.errors import InputError
-from kpopnet.evaluation.poses.sweep import AxisConfig, SweepConfig, sweep_of
+from kpopnet.evaluation.config import AxisConfig, SweepConfig
+from kpopnet.evaluation.poses.sweep import sweep_of
 from kpopnet.paper_tracker.config import ALL_REPAIRS
 from kpopnet.paper_tracker.estimator import PaperTrackerEstimatorConfig
 

@@ -1,18 +1,15 @@
 """tools/compare_networks.py: figures and paired differences of networks of several seeds."""
 
-import importlib.util
-
 import numpy as np
 import pytest
-from programs import ROOT
+from pose_results import results_of_errors
+from programs import tool
 
 from kpopnet.errors import InputError
 from kpopnet.evaluation.poses.metrics import PoseResults
 from kpopnet.skeleton import JOINT_GROUPS
 
-SPEC = importlib.util.spec_from_file_location("compare_networks", ROOT / "tools" / "compare_networks.py")
-compare_networks = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(compare_networks)
+compare_networks = tool("compare_networks")
 
 SEQUENCES, FRAMES = 8, 5
 WAYS = {"depth": ["d0", "d1"], "ridge": ["r0", "r1"]}
@@ -20,18 +17,7 @@ WAYS = {"depth": ["d0", "d1"], "ridge": ["r0", "r1"]}
 
 def results(length_m: np.ndarray) -> PoseResults:
     """Estimates at these distances (N, 15) from joints at the origin."""
-    sequence = np.repeat(np.arange(SEQUENCES), FRAMES)
-    return PoseResults(
-        truth_m=np.zeros((*length_m.shape, 3)),
-        estimate_m=length_m[..., None] * np.array([0.6, 0, 0.8]),
-        confidence=np.ones(length_m.shape),
-        visible=np.ones(length_m.shape, bool),
-        sequence=sequence,
-        sequence_names=tuple(f"s{k}" for k in range(SEQUENCES)),
-        yaw_rad=np.full(len(length_m), np.nan),
-        unit=sequence,
-        given=np.zeros(len(length_m), bool),
-    )
+    return results_of_errors(length_m, sequence=np.repeat(np.arange(SEQUENCES), FRAMES))
 
 
 @pytest.fixture

@@ -1,0 +1,113 @@
+"""One engine for all benchmarks: work on named sequences or dances in processes, in which what fails is left out and named."""
+
+import logging
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+import torch
+from tqdm import tqdm
+
+from kpopnet.camera import Camera
+from kpopnet.errors import InputError
+from kpopnet.estimator import base_estimator
+from kpopnet.runtime.parallel import in_processes
+
+log = logging.getLogger(__name__)
+
+Row = TypeVar("Row")
+
+WARM_UP_FRAMES = 30
+
+
+@dataclass(frozen=True)
+class Rows(Generic[Row]):
+    """What the work gave for each item, and why the others are left out; both by the item's name, in the order given."""
+
+    found: dict[str, Row]
+    failed: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why an item is left out, in one line."""
+
+    reason: str
+
+
+@dataclass(frozen=True)
+class _Guarded:
+    work: Callable[[str], Any]
+
+    def __call__(self, name: str) -> Any:
+        try:
+            return self.work(name)
+        except Exception as error:
+            text = str(error)
+            if not isinstance(error, InputError):
+                log.exception("%s failed", name)
+                text = f"{type(error).__name__}: {error}"
+            return Failure(": ".join([*reversed(getattr(error, "__notes__", [])), text]))
+
+
+@contextmanager
+def stage(label: str) -> Iterator[None]:
+    """Puts a label, such as the estimator's name, before the reason of a failure inside."""
+    try:
+        yield
+    except Exception as error:
+        error.add_note(label)
+        raise
+
+
+def run(work: Callable[[str], Row], names: list[str], processes: int, where: str) -> Rows[Row]:
+    """Calls the work with every name; the results do not depend on the number of processes.
+
+    Args:
+        work: picklable where there are several processes. It reads what the name stands for, runs every estimator on it and
+            returns what the metrics are computed from.
+        names: of sequences or dances.
+        processes: how many, of one thread each.
+        where: the benchmark, for the progress bar and messages.
+
+    Raises:
+        InputError: every item failed, or a process died.
+    """
+    outcomes: dict[int, Row | Failure] = {}
+    with tqdm(total=len(names), desc=where) as bar:
+        for index, outcome in in_processes(_Guarded(work), names, processes):
+            outcomes[index] = outcome
+            if isinstance(outcome, Failure):
+                bar.write(f"left out {names[index]}: {outcome.reason}", file=sys.stderr)
+            bar.update()
+    ordered = [(name, outcomes[index]) for index, name in enumerate(names)]
+    failed = {name: one.reason for name, one in ordered if isinstance(one, Failure)}
+    if len(failed) == len(names):
+        name, reason = next(iter(failed.items()))
+        raise InputError(f"{where}: none of {len(names)} gave figures; {name}: {reason}")
+    return Rows({name: one for name, one in ordered if not isinstance(one, Failure)}, failed)
+
+
+class Timed:
+    """Calls with depth, camera and more, timed without compilation and caches: the first frames of the first are done twice.
+
+    Times are of the processor, which other work on the machine does not lengthen, or of the wall clock on a GPU.
+    """
+
+    def __init__(self, call: Callable[..., Any], estimator: Any = None) -> None:
+        """`estimator` is whose `device` decides on the clock; None for work of the processor."""
+        self._call, self._warm = call, False
+        on_gpu = getattr(base_estimator(estimator), "device", torch.device("cpu")).type != "cpu"
+        self._clock = time.perf_counter if on_gpu else time.process_time
+
+    def __call__(self, depth: np.ndarray, camera: Camera, **more: Any) -> tuple[Any, float]:
+        """The result of the call, and its time in seconds."""
+        if not self._warm:
+            self._call(depth[:WARM_UP_FRAMES], camera, **more)
+            self._warm = True
+        start = self._clock()
+        return self._call(depth, camera, **more), self._clock() - start

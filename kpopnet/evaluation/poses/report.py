@@ -1,0 +1,232 @@
+"""The report of an evaluation of joints: figures, views of the worst sequences, tables and what they mean."""
+
+from dataclasses import asdict
+from pathlib import Path
+
+from kpopnet.datasets.protocol import Origin
+from kpopnet.errors import InputError
+from kpopnet.evaluation.config import EvaluateConfig
+from kpopnet.evaluation.poses import tables
+from kpopnet.evaluation.poses.confidence import BINS
+from kpopnet.evaluation.poses.figures import confidence_figure, error_curve, joint_bars, sequence_bars, sweep_plot
+from kpopnet.evaluation.poses.pictures import VIEWS, examples_sheet, render_video, view_in_3d, worst_sequences
+from kpopnet.evaluation.poses.published import published_on
+from kpopnet.evaluation.poses.run import PoseRun, run_benchmark
+from kpopnet.evaluation.poses.sweep import Sweep, sweep_of
+from kpopnet.evaluation.registry import build_benchmark, build_estimators
+from kpopnet.evaluation.report import SIMULATED, Block, Report, interval_remarks, save_plots, save_video
+from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.viz.drawing import save_png
+
+MAX_LISTED_SEQUENCES = 40
+
+DIFFERENCES = (
+    "How much larger the figures are than those of {}: percentage points within 10 cm, and mean error over the joints that "
+    "both found. The intervals are paired: both are resampled on the same frames. One without 0 shows a difference."
+)
+DEFINITION = (
+    "The labels are other points of the body than the estimated joints. Here every joint is moved by an offset that is "
+    "constant in axes of the estimated torso and limbs, and was fitted on the labels of the other people."
+)
+CAUSES = (
+    "Joints that are not within 10 cm, in percent of all joints, by the first cause that fits: absent (not estimated), "
+    "hidden in the depth image, other side (found on the joint of the other side), momentary (found within a quarter of a "
+    "second before and after), wrong depth (off along the viewing ray), elsewhere."
+)
+CONFIDENCE = (
+    "The confidence is meant as the probability that a joint is within 10 cm of its true position. Calibration error: mean "
+    f"distance between the confidence and the share within 10 cm, in {BINS} bins. Area: mean error of the most confident "
+    "share of the joints, averaged over all shares; the best one orders joints by their true error. Missing joints are "
+    "left out. The mean pose has confidence 1 throughout."
+)
+CLOCK = (
+    "Definitions of the metrics: kpopnet/evaluation/poses/metrics.py. Frames per second are those of one core: the number of "
+    "frames divided by the processor time of the estimator, or by wall-clock time on a GPU, after an untimed warm-up."
+)
+
+
+def evaluate_poses(config: EvaluateConfig, folder: Path) -> Report:
+    """Judges estimated joints by true ones; writes figures and views into the folder.
+
+    Raises:
+        InputError: scorers are named, which judge dances, or see `run_benchmark`.
+    """
+    if config.scorer:
+        raise InputError(
+            f"scorer=[{','.join(config.scorer)}]: benchmark={config.benchmark.name} judges joints; scorers are for dances, "
+            "benchmark=kpop or kpop_sim"
+        )
+    sweep = config.sweep and sweep_of(config.sweep, config.estimator)
+    estimators = build_estimators(config.estimator | (sweep.settings if sweep else {}))
+    benchmark = build_benchmark(config.benchmark)
+    run = run_benchmark(benchmark, estimators, config.sequences, config.seed, config.processes_at_work(), config.extraction)
+    return pose_report(run, folder, config.seed, sweep)
+
+
+def pose_report(run: PoseRun, folder: Path, seed: int, sweep: Sweep | None = None) -> Report:
+    """The report of a run, whose figures and views it writes into the folder, created if it does not exist.
+
+    The additional estimators of a sweep appear only in its table and plot. `seed` is of the random example frames.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    run, all_metrics = run.without(sweep.settings if sweep else ()), run.metrics
+    by_worst = worst_sequences(run)
+    listed = by_worst[:MAX_LISTED_SEQUENCES]
+    plots = {"per_joint": joint_bars(run), "error_curve": error_curve(run), "confidence": confidence_figure(run)}
+    if len(listed) > 1:
+        plots["per_sequence"] = sequence_bars(run, sorted(listed, key=list(run.metrics[run.main]["per_sequence"]).index))
+    if sweep:
+        plots["sweep"] = sweep_plot(run, all_metrics, sweep)
+    save_plots(folder, plots)
+    save_png(folder / "examples.png", examples_sheet(run, seed))
+    fps, images = render_video(run, by_worst[0])
+    videos = ["worst.mp4"] if fps and save_video(folder / "worst.mp4", images, fps) else []
+    views = {f"worst_{number}.html": name for number, name in enumerate(by_worst[:VIEWS], 1)}
+    for file, name in views.items():
+        with atomic_path(folder / file) as part:
+            part.write_text(view_in_3d(run, name), encoding="utf-8", errors="backslashreplace")
+    pictures = ["examples.png", *(f"{name}.png" for name in plots), *videos]
+    blocks = [*_joint_blocks(run), *_sequence_blocks(run, listed, pictures, views)]
+    printed = [tables.headline_table(run.metrics), *([tables.difference_table(run)] if run.differences else [])]
+    printed += [*tables.group_tables(run.metrics), *tables.definition_tables(run.metrics)]
+    if sweep:
+        printed.append(tables.sweep_table(all_metrics, sweep))
+        caption = "Fraction of joints within 10 cm and frames per second at every combination"
+        blocks += [("heading", f"{sweep.estimator} at other settings (Table 1)"), ("table", printed[-1])]
+        blocks += [("figure", ("sweep.png", caption))]
+    metrics = pose_metrics(run) | {"pictures": pictures, "sweep": _sweep_metrics(all_metrics, sweep) if sweep else None}
+    return Report(f"kpopnet on {run.benchmark.name}", remarks(run), blocks, printed, CLOCK, metrics)
+
+
+def remarks(run: PoseRun) -> list[str]:
+    """Benchmark, origin of the depth and of the true joints, size, and what else is needed to interpret the metrics."""
+    benchmark, main = run.benchmark, run.metrics[run.main]
+    evaluated, in_set = len(main["per_sequence"]), run.sequences_in_set
+    lines = [
+        f"{benchmark.name}: {benchmark.origin.value.upper()} depth, compared with {benchmark.truth}; {main['images']} images "
+        f"in {evaluated}{'' if evaluated == in_set else f' of {in_set}'} sequences.",
+        benchmark.about,
+    ]
+    if benchmark.origin is Origin.SIMULATED:
+        lines.append(SIMULATED)
+    for name, settings in run.unlike_training.items():
+        lines.append(f"This set differs from the training set of {name}: {', '.join(settings)}.")
+    chosen = len(run.results[run.main].sequence_names) + len(run.failed)
+    if chosen < in_set:
+        lines.append(f"Partial evaluation: {chosen} of {in_set} sequences, evenly spaced; not a result on the whole set.")
+    if run.extraction_fps is not None:
+        lines.append(
+            f"The depth shows whole scenes: the person was segmented first, at {run.extraction_fps:.1f} frames per second. The "
+            "frames per second of the estimators exclude this step."
+        )
+    for name in run.started_from_label:
+        lines.append(f"{name} was given the first true pose of every sequence (start=label); it is not scored in that frame.")
+    if run.images_without_person:
+        lines.append(f"{run.images_without_person} images show no person; their joints count as missing.")
+    lines += [f"Left out because of an error: {name}: {reason}" for name, reason in run.failed.items()]
+    units, count, people = run.resampled
+    note = ""
+    if units == "rooms":
+        note = "; all stills in one room, from one camera, are one unit"
+    elif people is not None and people < count:
+        note = f"; they show {people} {'people' if people > 1 else 'person'}, so the intervals do not cover other people"
+    return [*lines, *interval_remarks(units, count, note)]
+
+
+def pose_metrics(run: PoseRun) -> dict:
+    """metrics.json: metrics of the main estimator, of every estimator under `estimators`, and the benchmark.
+
+    `mean_pose_error_cm` is the mean joint error of the mean pose baseline, null where no mean pose is known. `benchmark` has
+    seed, version and config_hash of a simulated set, null of a real one, and `resampled` (`Resampled`).
+    """
+    metrics = run.metrics[run.main]
+    provenance = getattr(run.benchmark, "provenance", {})
+    return {
+        "estimator": run.main,
+        **metrics,
+        "mean_pose_error_cm": run.metrics.get("mean_pose", {}).get("mean_error_cm"),
+        "benchmark": {
+            "name": run.benchmark.name,
+            "depth": run.benchmark.origin.value,
+            "against": run.benchmark.truth,
+            "about": run.benchmark.about,
+            **{key: provenance.get(key) for key in ("seed", "version", "config_hash")},
+            "sequences": len(run.results[run.main].sequence_names),
+            "sequences_in_set": run.sequences_in_set,
+            "failed_sequences": run.failed,
+            "images_without_person": run.images_without_person,
+            "unlike_training": run.unlike_training,
+            "started_from_label": run.started_from_label,
+            "extraction_fps": run.extraction_fps,
+            "resampled": run.resampled._asdict(),
+        },
+        "estimators": run.metrics,
+        "differences": {"from": run.main, "estimators": run.differences},
+    }
+
+
+def _sweep_metrics(metrics: dict[str, dict], sweep: Sweep) -> dict:
+    """Table 1: the axes, and for each metric a list of rows of columns."""
+    return {"estimator": sweep.estimator, **asdict(sweep.config)} | {
+        key: [[metrics[name][key] for name in names] for names in sweep.names]
+        for key in ("map_10cm", "mean_error_cm", "missing_joints", "fps")
+    }
+
+
+def _joint_blocks(run: PoseRun) -> list[Block]:
+    """The figures over all sequences."""
+    published = published_on(run.benchmark)
+    blocks: list[Block] = [("table", tables.headline_table(run.metrics)), ("table", tables.threshold_table(run.metrics))]
+    if published:
+        blocks += [("text", "Published results beside ours, over the paper's fourteen joints.")]
+        blocks += [("table", tables.published_table(run.metrics, published))]
+    if run.differences:
+        blocks += [("heading", f"Differences from {run.main}"), ("text", DIFFERENCES.format(run.main))]
+        blocks += [("table", tables.difference_table(run))]
+    blocks += [
+        ("heading", f"Example frames ({run.main})"),
+        ("figure", ("examples.png", "Example frames with true and estimated skeletons over the depth")),
+        ("heading", "Joints"),
+        *(("table", table) for table in tables.group_tables(run.metrics)),
+    ]
+    if in_definition := tables.definition_tables(run.metrics):
+        blocks += [("text", DEFINITION), *(("table", table) for table in in_definition)]
+    blocks += [
+        ("figure", ("per_joint.png", "Mean error and percentage within 10 cm of each joint")),
+        ("figure", ("error_curve.png", "Percentage of joints within a distance of the true position")),
+        ("heading", "Why joints are missed"),
+        ("text", CAUSES),
+        ("table", tables.causes_table(run.metrics)),
+        ("heading", "Confidence"),
+        ("text", CONFIDENCE),
+        ("table", tables.confidence_table(run.metrics)),
+        ("figure", ("confidence.png", "Share within 10 cm over confidence, and error of the most confident joints")),
+    ]
+    return blocks
+
+
+def _sequence_blocks(run: PoseRun, listed: list[str], pictures: list[str], views: dict[str, str]) -> list[Block]:
+    """Errors by sequence, the worst sequences, and errors by heading; `views` has the sequence of each page in 3D."""
+    total = len(run.metrics[run.main]["per_sequence"])
+    of_all = f", the {len(listed)} worst of {total}" if len(listed) < total else ", worst first"
+    blocks: list[Block] = [
+        ("heading", f"Sequences{of_all}"),
+        ("text", "Error of visible joints (Eq. 16): mean and standard deviation."),
+        ("table", tables.sequence_table(run.metrics, listed)),
+    ]
+    if "per_sequence.png" in pictures:
+        blocks.append(("figure", ("per_sequence.png", "Mean and standard deviation of the error in each sequence")))
+    blocks += [
+        ("heading", f"Worst sequences ({run.main})"),
+        ("text", "Estimated joints in colours, true ones thin. Drag to turn, scroll or pinch to zoom, space to play."),
+        *(("view", (file, name)) for file, name in views.items()),
+    ]
+    if "worst.mp4" in pictures:
+        blocks.append(("video", ("worst.mp4", f"Video of the worst sequence, {listed[0]}")))
+    if run.metrics[run.main]["by_yaw"]:
+        blocks += [
+            ("heading", "Heading of the person"),
+            ("text", "Centres of sectors of 45 degrees: 0 faces the camera, positive angles turn to the person's left."),
+            ("table", tables.yaw_table(run.metrics)),
+        ]
+    return blocks

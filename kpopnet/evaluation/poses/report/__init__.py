@@ -1,1 +1,0 @@
-"""The report of a pose evaluation: tables, figures, views of the worst sequences, and the page that holds them."""

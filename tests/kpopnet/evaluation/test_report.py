@@ -1,0 +1,120 @@
+"""A report is written whatever its names are, and each file whole or not at all."""
+
+import base64
+import io
+import json
+import math
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from kpopnet.evaluation.config import EvaluateConfig
+from kpopnet.evaluation.report import Report, as_html, interval_remarks, printable, save_video, write
+from kpopnet.evaluation.values import Table, Value
+from kpopnet.viz.drawing import with_captions
+
+NAME = "a\udcffb"
+TABLE = Table(["name", "error"], [[NAME, Value(1.0, "cm")]])
+BLOCKS = [("text", NAME), ("figure", (f"{NAME}.png", NAME)), ("video", ("v.mp4", NAME)), ("table", TABLE)]
+CONFIG = EvaluateConfig({"limit": math.inf}, {})
+
+
+def report(title: str = "Report", blocks: list = BLOCKS, metrics: dict | None = None) -> Report:
+    return Report(title, ["SIMULATED"], blocks, [TABLE], "By a clock.", {"names": {NAME: 1}} if metrics is None else metrics)
+
+
+def test_half_of_a_surrogate_pair_in_a_name_loses_no_report(tmp_path):
+    write(report(NAME), CONFIG, tmp_path)
+    for name in ("report.md", "report.html"):
+        assert "a\\udcffb" in (tmp_path / name).read_text(encoding="utf-8")
+    found = json.loads((tmp_path / "metrics.json").read_text())
+    assert found["names"] == {NAME: 1} and found["config"]["benchmark"] == {"limit": "inf"} and len(found["config_hash"]) == 12
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["metrics.json", "report.html", "report.md", "tables"]
+
+
+def test_a_page_contains_its_files_and_links_what_is_missing_or_large(tmp_path, monkeypatch):
+    (tmp_path / "a.png").write_bytes(b"picture")
+    (tmp_path / "v.html").write_text('<!doctype html><p title="quoted">view</p>')
+    blocks = [("title", "t"), ("figure", ("a.png", "A")), ("figure", ("b.png", "B")), ("view", ("v.html", 'the "view"'))]
+    page = as_html(blocks, tmp_path)
+    assert f'src="data:image/png;base64,{base64.b64encode(b"picture").decode()}"' in page and 'src="b.png"' in page
+    assert 'srcdoc="&lt;!doctype html&gt;&lt;p title=&quot;quoted&quot;&gt;view&lt;/p&gt;"' in page
+    assert 'sandbox="allow-scripts"' in page and "allow-same-origin" not in page
+    monkeypatch.setattr("kpopnet.evaluation.report.MOST_EMBEDDED_BYTES", 3)
+    for large in (as_html(blocks), as_html(blocks, tmp_path)):
+        assert 'href="v.html"' in large and 'src="a.png"' in large
+
+
+def test_tables_become_files_named_by_the_heading_above(tmp_path):
+    tables = [Table(["name", "cm"], [[name, 1]]) for name in "abcd"]
+    headed = [("heading", "Errors / joints"), ("table", tables[1]), ("table", tables[2])]
+    write(
+        report(blocks=[("table", tables[0]), *headed, ("heading", "errors joints 2"), ("table", tables[3])]), CONFIG, tmp_path
+    )
+    found = {path.stem: path.read_text().splitlines()[1] for path in (tmp_path / "tables").glob("*.csv")}
+    assert found == {"summary": "a,1", "errors_joints": "b,1", "errors_joints_2": "c,1", "errors_joints_2_": "d,1"}
+    assert {path.stem for path in (tmp_path / "tables").glob("*.tex")} == found.keys()
+
+
+def test_a_report_survives_metrics_that_json_has_no_number_for(tmp_path):
+    with pytest.raises(ValueError, match="JSON"):
+        write(report(metrics={"error": math.inf}), CONFIG, tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["report.html", "report.md", "tables"]
+
+
+def test_an_old_report_is_kept_until_the_new_one_is_whole(tmp_path, monkeypatch):
+    write(report("old"), CONFIG, tmp_path)
+    monkeypatch.setattr("os.fsync", lambda _: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+    with pytest.raises(OSError, match="No space"):
+        write(report("new"), CONFIG, tmp_path)
+    assert "old" in (tmp_path / "report.md").read_text() and len(list(tmp_path.iterdir())) == 4
+
+
+@dataclass
+class Reads:
+    checkpoint: str | None = None
+    network: str | None = None
+    model: str | None = None
+
+
+def test_a_report_lists_the_files_of_each_estimator(tmp_path):
+    settings = {"ridge": Reads("runs/ridge/best"), "tracker": Reads(None, "runs/best", "me.json"), "plain": Reads()}
+    write(report(), EvaluateConfig({}, settings, checkpoint="of/none"), tmp_path)
+    files = {"ridge": {"checkpoint": "runs/ridge/best"}, "tracker": {"network": "runs/best", "model": "me.json"}, "plain": {}}
+    assert json.loads((tmp_path / "metrics.json").read_text())["files"] == files
+    sentence = "estimators: ridge checkpoint=runs/ridge/best, tracker network=runs/best model=me.json, plain no file; config"
+    assert sentence in (tmp_path / "report.md").read_text()
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])
+def test_reports_can_be_printed_in_every_terminal(monkeypatch, encoding):
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(io.BytesIO(), encoding=encoding))
+    print(report().text(), printable("\u00e9\uc548"))
+    sys.stdout.flush()
+
+
+def test_captions_of_images_may_hold_any_text():
+    assert with_captions(np.zeros((60, 90, 3), np.uint8), (NAME,)).any()
+
+
+def test_a_video_that_cannot_be_written_leaves_no_file(tmp_path, capfd):
+    assert not save_video(tmp_path / "none.mp4", [], 30)
+    assert not save_video(tmp_path / "no_such_folder" / "film.mp4", [np.zeros((32, 32, 3), np.uint8)], 30)
+    assert not list(tmp_path.iterdir())
+    capfd.readouterr()  # discards the messages of OpenCV
+
+
+@pytest.mark.parametrize(
+    ("count", "lines"),
+    [
+        (40, ["; 40 rooms were resampled, by hand."]),
+        (4, ["; 4 rooms were resampled", "cannot be trusted: 4 rooms are too few"]),
+        (1, ["No intervals: they would resample rooms, and there is only 1."]),
+    ],
+)
+def test_reports_say_what_was_resampled_and_when_it_is_too_little(count, lines):
+    found = interval_remarks("rooms", count, ", by hand")
+    assert "cannot be trusted; some rows have 2" in interval_remarks("rooms", 40, fewest=2)[1]
+    assert len(found) == len(lines) and all(part in line for part, line in zip(lines, found, strict=True))
