@@ -15,7 +15,7 @@ copied by standing: it counts in the dance's score as much as the teacher moves 
 
 An estimator's errors add to the squared distance what they would add to a perfect dancer's. The squared distances of a window
 are shrunk by the factor (1 - noise / distance)+ of James and Stein (1961), pooled over its frames and parts. Known errors stand
-in `noise.json`; `python -m kpopnet.evaluation.dances.noise` measures them on simulated dances (docs/dance_scoring.md).
+in `noise.json`; `tools/measure_noise.py` measures them on simulated dances (docs/dance_scoring.md).
 """
 
 import json

@@ -7,25 +7,27 @@ import numpy as np
 import pytest
 from dance_learners import arms_lowered, smaller, standing
 from dance_people import dance_joints_m, noisy, performed
+from programs import tool
 
 from kpopnet.dance.features import FEATURES
 from kpopnet.dance.parts import NOISE, TABLE, AngleNoise, angle_variance
 from kpopnet.dance.scoring import OURS, DanceScore, score_dance
-from kpopnet.evaluation.dances.noise import Seen, enter, known_scores, measured_std_rad, perfect_scores
+
+noise = tool("measure_noise")
 
 NOISE_M = 0.03
 NAMES = FEATURES["dance22_turn"].names
 
 
-def seen(dance: int, seed: int) -> Seen:
+def seen(dance: int, seed: int) -> noise.Seen:
     joints_m = dance_joints_m(dance)
-    return Seen(dance, performed(joints_m), performed(noisy(joints_m, NOISE_M, seed)))
+    return noise.Seen(dance, performed(joints_m), performed(noisy(joints_m, NOISE_M, seed)))
 
 
 @pytest.fixture(scope="module")
 def known():
     with pytest.MonkeyPatch.context() as patch:
-        std_rad = measured_std_rad([seen(dance, 7) for dance in (3, 4)])
+        std_rad = noise.measured_std_rad([seen(dance, 7) for dance in (3, 4)])
         patch.setitem(NOISE, "test", AngleNoise(std_rad, 97.0))
         yield replace(OURS, noise="test")
 
@@ -47,20 +49,20 @@ def test_perfect_dancing_scores_high_and_levels_stay_apart(dance, known):
 
 
 def test_noise_is_measured_as_it_is():
-    learners, std_rad = [seen(dance, 3) for dance in range(3)], measured_std_rad([seen(dance, 5) for dance in range(3)])
+    learners, std_rad = [seen(dance, 3) for dance in range(3)], noise.measured_std_rad([seen(dance, 5) for dance in range(3)])
     assert set(std_rad) == set(NAMES) and 0.03 < min(std_rad["left_elbow_inclination"], std_rad["right_foot_inclination"]) < 0.3
     twice = [one._replace(estimated=performed(noisy(one.true.joints_m, 2 * NOISE_M, 5))) for one in learners]
-    assert measured_std_rad(twice)["left_elbow_inclination"] > 1.5 * std_rad["left_elbow_inclination"]
-    without, with_noise = perfect_scores(learners)
+    assert noise.measured_std_rad(twice)["left_elbow_inclination"] > 1.5 * std_rad["left_elbow_inclination"]
+    without, with_noise = noise.perfect_scores(learners)
     assert len(without) == len(with_noise) == 3 and min(with_noise) > 87 > max(without)
-    assert all(a > b + 5 for a, b in zip(known_scores(learners, "tracker"), without, strict=True))
+    assert all(a > b + 5 for a, b in zip(noise.scores_with(learners, "tracker"), without, strict=True))
 
 
 def test_the_noise_of_an_estimator_is_entered_in_the_table(tmp_path, monkeypatch):
     table = tmp_path / "noise.json"
     table.write_text(TABLE.read_text())
-    monkeypatch.setattr("kpopnet.evaluation.dances.noise.TABLE", table)
-    enter("best", AngleNoise({"twist": 0.5}, 12.0))
+    monkeypatch.setattr(noise, "TABLE", table)
+    noise.enter("best", AngleNoise({"twist": 0.5}, 12.0))
     entered = json.loads(table.read_text())
     assert entered["best"] == {"std_rad": {"twist": 0.5}, "ceiling": 12.0}
     assert entered["tracker"] == json.loads(TABLE.read_text())["tracker"]

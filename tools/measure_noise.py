@@ -1,13 +1,14 @@
 """Measures the errors of an estimator's angles on training dances, for the table `kpopnet.dance.parts.NOISE`.
 
     python -m synth benchmark=kpop_sim benchmark.split=train benchmark.dances=6 out=data/kpop_train
-    python -m kpopnet.evaluation.dances.noise data/kpop_train                                        # the tracker
-    python -m kpopnet.evaluation.dances.noise data/kpop_train --estimator network --checkpoint outputs/train/RUN/best
-    python -m kpopnet.evaluation.dances.noise data/kpop_train --estimator realtime --write           # enters it in the table
-    python -m kpopnet.evaluation.dances.noise data/kpop_sim --known tracker      # other people, with the noise of the table
+    python tools/measure_noise.py data/kpop_train                                        # the tracker
+    python tools/measure_noise.py data/kpop_train --estimator network --checkpoint outputs/train/RUN/best
+    python tools/measure_noise.py data/kpop_train --estimator realtime --write           # enters it in the table
+    python tools/measure_noise.py data/kpop_sim --known tracker      # other people, with the noise of the table
 
 Every learner is compared with their own true joints, so that only the sensor and the estimator differ. The ceiling is what this
-perfect dancing scores in each dance with the errors that the other dances give.
+perfect dancing scores in each dance with the errors that the other dances give. Run from the root of a checkout with
+`PYTHONPATH=.`.
 """
 
 import argparse
@@ -86,15 +87,14 @@ def perfect_scores(learners: Sequence[Seen]) -> tuple[list[float], list[float]]:
     without, known = [], []
     for dance in sorted({one.dance for one in learners}):
         NOISE["measured"] = AngleNoise(measured_std_rad([one for one in learners if one.dance != dance]), 100.0)
-        for one in learners:
-            if one.dance == dance:
-                without.append(score_dance(one.true, one.estimated, CONFIG).similarity)
-                known.append(score_dance(one.true, one.estimated, replace(CONFIG, noise="measured")).similarity)
+        own = [one for one in learners if one.dance == dance]
+        without += scores_with(own, "none")
+        known += scores_with(own, "measured")
         del NOISE["measured"]
     return without, known
 
 
-def known_scores(learners: Sequence[Seen], name: str) -> list[float]:
+def scores_with(learners: Sequence[Seen], name: str) -> list[float]:
     """Scores of perfect dancing through sensor and estimator with the noise of an entry of `NOISE`."""
     return [score_dance(one.true, one.estimated, replace(CONFIG, noise=name)).similarity for one in learners]
 
@@ -130,7 +130,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     learners = seen_learners(options.folder, _build(options.estimator, options.checkpoint))
     if options.known:
-        print(f"perfect dancing, noise of {options.known}: {_summary(known_scores(learners, options.known))}")
+        print(f"perfect dancing, noise of {options.known}: {_summary(scores_with(learners, options.known))}")
         return
     if len({one.dance for one in learners}) < 2:
         raise InputError(f"{options.folder}: one dance; the ceiling is measured on other dances than the noise")
