@@ -95,9 +95,9 @@ def joints(name: str, folder: Path, checkpoint: Path) -> dict[str, str]:
     rows = engine.run(work, benchmark.sequence_names(), 1, name)
     found = {f"joints/{name}/{sequence}": f"failed: {reason}" for sequence, reason in rows.failed.items()}
     for sequence, outcome in rows.found.items():
-        found[f"joints/{name}/{sequence}/truth"] = digest(outcome.truth_m)
-        for estimator, estimate in outcome.estimates.items():
-            found[f"joints/{name}/{sequence}/{estimator}"] = digest(estimate.joints_camera_m)
+        for estimator, results in outcome.results.items():
+            found[f"joints/{name}/{sequence}/truth"] = digest(results.truth_m)
+            found[f"joints/{name}/{sequence}/{estimator}"] = digest(results.estimate_m)
     return found
 
 

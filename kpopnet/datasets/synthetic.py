@@ -36,8 +36,6 @@ class SyntheticBenchmark:
     Every joint has a true position, including those that are not visible in the image; `visible` marks the visible ones.
 
     Attributes:
-        simulation_settings: settings of the simulated sensor and of the simulated extraction errors, from the header of the
-            set: part -> setting -> value.
         provenance: seed, generator version and configuration hash of the set.
         about: description of the set for the reader of a report.
     """
@@ -60,7 +58,6 @@ class SyntheticBenchmark:
                 "frozen=[train,validation,test]; then give benchmark.path=FOLDER"
             )
         header = self.samples.header
-        self.simulation_settings: dict[str, dict] = header.config.get("freeze", {})
         self.provenance = {
             "seed": header.seed,
             "version": header.config.get("generator"),

@@ -4,8 +4,7 @@ Frames of one unit (a sequence, or all stills of one room before one camera) sha
 as one draw from the population: whole units are resampled with replacement. Frames that are resampled one by one pretend to be
 independent, and give an interval that is several times too narrow.
 
-All figures are ratios of sums over frames, such as joints within 10 cm to labelled joints. A resample only weights the sums of
-the units, so no frame is copied.
+All figures are ratios of sums over frames, as joints within 10 cm to labelled joints; a resample weights the sums of units.
 """
 
 import numpy as np
@@ -37,12 +36,7 @@ class Bootstrap:
     """
 
     def __init__(self, unit: np.ndarray, seed: int) -> None:
-        """Draws the resamples.
-
-        Args:
-            unit: (N,) number of the unit of each frame; the numbers need not be dense.
-            seed: of the draws.
-        """
+        """`unit` is the number of the unit of each frame (N,); the numbers need not be dense."""
         _, self._row = np.unique(unit, return_inverse=True)
         self.units = int(self._row.max(initial=-1)) + 1
         shares = np.full(self.units, 1 / max(self.units, 1))

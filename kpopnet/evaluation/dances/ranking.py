@@ -43,12 +43,6 @@ def is_ordered(scores: np.ndarray) -> bool:
     return bool((np.diff(scores) < 0).all())
 
 
-def wrong_pairs(scores: np.ndarray) -> list[tuple[int, int]]:
-    """The pairs of learners of (L,) scores, the better one by the experts first, whose scores do not say so."""
-    pairs = zip(*np.triu_indices(len(scores), 1), strict=True)
-    return [(int(better), int(worse)) for better, worse in pairs if not scores[better] > scores[worse]]
-
-
 def kendall_tau(scores: np.ndarray) -> float:
     """Kendall's tau-a of (L,) scores, the best learner by the experts first: 1 in the right order, -1 in reverse order."""
     first, second = np.triu_indices(len(scores), 1)

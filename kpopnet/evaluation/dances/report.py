@@ -1,4 +1,4 @@
-"""The report on dance scores: the paper's Table 2, agreement with the experts, and learners in the wrong order."""
+"""The report on dance scores: the paper's Table 2, and agreement with the experts."""
 
 import csv
 import math
@@ -8,17 +8,16 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from kpopnet.datasets.dances.dance_set import KpopConfig, open_set
+from kpopnet.datasets.dances.dance_set import open_set
 from kpopnet.datasets.protocol import Origin
 from kpopnet.errors import InputError
 from kpopnet.evaluation.config import EvaluateConfig
-from kpopnet.evaluation.dances.ranking import TRUTH, is_ordered, paired_p_value, similarities, wrong_pairs
+from kpopnet.evaluation.dances.ranking import is_ordered, paired_p_value, similarities
 from kpopnet.evaluation.dances.run import DanceRun, run_dances
 from kpopnet.evaluation.report import Block, Report, save_plots
 from kpopnet.evaluation.values import Table, Value
 from kpopnet.runtime.atomic_write import atomic_path
 
-MAX_LISTED_PAIRS = 30
 WRONG_ORDER_MARK = " ✗"
 RIGHT_ORDER, WRONG_ORDER = "0.75", "tab:red"
 RANK_COLOURS = ("tab:green", "tab:blue", "tab:orange", "tab:red", "tab:purple", "tab:brown")
@@ -53,30 +52,20 @@ def evaluate_dances(config: EvaluateConfig, folder: Path) -> Report:
             "benchmark.dances=10"
         )
     dances = open_set(config.benchmark)
-    _check_plotted_dance(config.benchmark, dances.names)
     poses, count = Path(config.benchmark.poses or dances.folder / "poses"), config.benchmark.dances
+    if config.benchmark.dance not in (None, *dances.names[:count]):
+        raise InputError(
+            f"benchmark.dance={config.benchmark.dance}: not among the {len(dances.names[:count])} dances to be scored"
+        )
     run = run_dances(dances, config.estimator, config.scorer, poses, count, config.seed, config.processes_at_work())
     return dance_report(run, folder, config.benchmark.dance)
-
-
-def _check_plotted_dance(benchmark: KpopConfig, names: list[str]) -> None:
-    """Checks before the evaluation, which can take hours, that the dance to be plotted will be scored.
-
-    Raises:
-        InputError: it is not among the chosen dances.
-    """
-    chosen = names[: benchmark.dances]
-    if benchmark.dance is None or benchmark.dance in chosen:
-        return
-    remedy = "raise benchmark.dances" if benchmark.dance in names else f"there are {', '.join(chosen[:5])}, ..."
-    raise InputError(f"benchmark.dance={benchmark.dance}: not among the {len(chosen)} dances to be scored; {remedy}")
 
 
 def dance_report(run: DanceRun, folder: Path, requested: str | None = None) -> Report:
     """The report of a run, whose plots and table_2.csv it writes into the folder, created if it does not exist.
 
-    If the dance requested to be plotted failed, the one in which a worse learner is farthest above, or least below, the next
-    better one is plotted, and the report states it.
+    Without a requested dance, or where it failed, the one in which a worse learner is farthest above, or least below, the next
+    better one is plotted.
     """
     folder.mkdir(parents=True, exist_ok=True)
     scorer, plotted = run.main_scorer, requested
@@ -91,12 +80,8 @@ def dance_report(run: DanceRun, folder: Path, requested: str | None = None) -> R
         *(("table", table) for table in tables),
         ("heading", "Scores by the experts' ranking"),
         ("figure", ("score_by_rank.png", "Scores over the experts' rank, one line per dance, red if in the wrong order")),
-        *(block for source in run.scores for block in _wrong_blocks(run, source)),
         ("heading", f"{plotted} over time"),
     ]
-    if requested not in (None, plotted):
-        text = f"benchmark.dance={requested} failed and cannot be plotted. This dance's scores agree least with the ranking."
-        blocks.append(("text", text))
     blocks += [
         ("text", "Values per window of the learner's dance, over its start time. To plot another dance: benchmark.dance=NAME."),
         ("figure", ("timelines.png", f"Similarity, posture and delay of each learner of {plotted} over time, by {scorer}")),
@@ -192,29 +177,6 @@ def write_table_2(path: Path, run: DanceRun) -> None:
                         scores = (one.score.similarity, one.score.timing, one.score.posture)
                         error = "" if one.error_m is None else f"{100 * one.error_m:.2f}"
                         writer.writerow([dance, rank, one.name, scorer, source, *(f"{value:.4f}" for value in scores), error])
-
-
-def _wrong_blocks(run: DanceRun, source: str) -> list[Block]:
-    """The MAX_LISTED_PAIRS pairs of learners that the main scorer puts in the wrong order, the largest difference first."""
-    header = ["dance", "ranks", "similarity", "timing", "posture", "joint error, cm", "on true joints"]
-    found = []
-    for dance, learners in run.scores[source][run.main_scorer].items():
-        truth = run.scores[TRUTH][run.main_scorer][dance] if TRUTH in run.scores else None
-        wrong_on_truth = wrong_pairs(similarities(truth)) if truth else []
-        for better, worse in wrong_pairs(similarities(learners)):
-            both = learners[better], learners[worse]
-            by = [" / ".join(f"{getattr(one.score, what):.1f}" for one in both) for what in ("similarity", "timing", "posture")]
-            errors = " / ".join("-" if one.error_m is None else f"{100 * one.error_m:.1f}" for one in both)
-            on_truth = "-" if truth is None else "wrong too" if (better, worse) in wrong_on_truth else "right"
-            gap = np.nan_to_num(both[1].score.similarity - both[0].score.similarity)
-            found.append((gap, [dance, f"{better + 1} and {worse + 1}", *by, errors, on_truth]))
-    blocks: list[Block] = [("heading", f"Learners in the wrong order: joints {source}, scorer {run.main_scorer}")]
-    if not found:
-        return [*blocks, ("text", "None.")]
-    if len(found) > MAX_LISTED_PAIRS:
-        blocks.append(("text", f"{MAX_LISTED_PAIRS} of {len(found)} pairs, largest difference of similarity first."))
-    rows = [row for _, row in sorted(found, key=lambda one: -one[0])[:MAX_LISTED_PAIRS]]
-    return [*blocks, ("table", Table(header, rows))]
 
 
 def dance_metrics(run: DanceRun) -> dict:

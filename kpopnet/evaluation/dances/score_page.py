@@ -82,16 +82,7 @@ def _plain(value: Any) -> Any:
 def score_page(
     title: str, teacher: Performance, learner: Performance, score: DanceScore, told: Feedback, faults: list[RecordingFault]
 ) -> str:
-    """The score as one HTML page that contains its figures.
-
-    Args:
-        title: of the page.
-        teacher: the reference dance.
-        learner: the scored dance.
-        score: of the learner.
-        told: feedback on the score.
-        faults: probable faults of the recordings.
-    """
+    """The score, its feedback and probable faults of the recordings as one HTML page that contains its figures."""
     windows, window_s = score.windows, WINDOW_S
     blocks: list[Block] = [("title", title)]
     blocks += [("text", fault_text(fault)) for fault in faults]

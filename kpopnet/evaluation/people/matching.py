@@ -94,14 +94,7 @@ def _share_inside(joints_m: np.ndarray, camera: Camera) -> np.ndarray:
 
 
 def match(sequence: PeopleSequence, estimates_m: np.ndarray, identities: np.ndarray, seconds: float) -> MatchedSequence:
-    """Matches estimates to the people of a sequence.
-
-    Args:
-        sequence: T frames of P people.
-        estimates_m: (E, T, 15, 3) joints of everybody found, metres, NaN where missing.
-        identities: (E,) their identities.
-        seconds: processor time of the estimation.
-    """
+    """Matches estimates, as `MatchedSequence` has them, to the people of a sequence."""
     truth_m = sequence.joints_camera_m
     seen, hidden = sight(sequence)
     frames, people = seen.shape
@@ -122,16 +115,13 @@ def match(sequence: PeopleSequence, estimates_m: np.ndarray, identities: np.ndar
 
 
 def _match_frame(truth_m: np.ndarray, estimates_m: np.ndarray, found: np.ndarray, before: dict[int, int]) -> dict[int, int]:
-    """The estimate of each person who has one in a frame.
+    """Number of the estimate of each person who has one in a frame.
 
     Args:
         truth_m: (P, 15, 3) true joints.
         estimates_m: (F, 15, 3) joints of those found in the frame.
         found: (F,) their numbers.
         before: the result for the frame before.
-
-    Returns:
-        Number of the estimate by person.
     """
     distance_m = np.nanmean(np.linalg.norm(truth_m[:, None] - estimates_m[None], axis=-1), axis=-1)  # (P, F)
     kept = {}

@@ -9,10 +9,9 @@ from the estimate's own joints:
 - elbows, hands, knees, feet: the torso's axes, turned by the smallest rotation that takes a direction of rest into the
   direction of the bone that ends at the joint.
 
-Left and right joints share an offset, in axes that mirror each other; joints in the middle have none sideways. Labels are only
-needed to fit the offsets, never to apply them. The offsets that judge a person are fitted on the labels of all other people
-(leave one person out): what they take away is what the definitions differ by, and what the estimator gets wrong in everybody.
-Figures in the labels' definition therefore stand beside the raw ones and not in their place.
+Left and right joints share an offset, in axes that mirror each other; joints in the middle have none sideways. The offsets that
+judge a person are fitted on the labels of all other people: what they take away is what the definitions differ by, and what the
+estimator gets wrong in everybody. So figures in the labels' definition stand beside the raw ones and not in their place.
 """
 
 import numpy as np
@@ -80,16 +79,10 @@ def _rotation_from(rest: np.ndarray, directions: np.ndarray) -> np.ndarray:
 
 
 def fit_offsets(truth_m: np.ndarray, estimate_m: np.ndarray) -> np.ndarray:
-    """The median offset of the labels from the estimates, in the estimates' axes.
+    """(15, 3) median offset of the labels from the estimates, both (N, 15, 3) metres: outward, down and front.
 
-    Medians, so that frames in which the estimate or the label is grossly wrong do not decide.
-
-    Args:
-        truth_m: (N, 15, 3) labels in metres, NaN where unknown.
-        estimate_m: (N, 15, 3) estimated joints likewise, NaN where missing.
-
-    Returns:
-        (15, 3) metres outward, down and front, 0 for a joint that no frame tells of.
+    Medians, so that frames in which the estimate or the label is grossly wrong do not decide. 0 for a joint of which no frame
+    has both.
     """
     offsets_m = np.einsum("njab,njb->nja", joint_axes(estimate_m), truth_m.astype(np.float64) - estimate_m)
     fitted_m = np.zeros((NUM_JOINTS, 3))
@@ -110,15 +103,9 @@ def moved(estimate_m: np.ndarray, offsets_m: np.ndarray) -> np.ndarray:
 
 
 def in_label_definition(truth_m: np.ndarray, estimate_m: np.ndarray, person: np.ndarray) -> np.ndarray:
-    """Moves the estimates of every person by offsets fitted on all other people.
+    """(N, 15, 3) estimates of every person, moved by offsets fitted on the labels of all other people.
 
-    Args:
-        truth_m: (N, 15, 3) labels in metres, NaN where unknown.
-        estimate_m: (N, 15, 3) estimated joints likewise, NaN where missing.
-        person: (N,) who is seen in each frame, at least two different people.
-
-    Returns:
-        (N, 15, 3) float64 joints.
+    `person` is who is seen in each frame (N,), at least two different people. Joints are in metres, NaN where unknown.
     """
     out = np.empty(estimate_m.shape)
     for one in np.unique(person):

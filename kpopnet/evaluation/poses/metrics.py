@@ -14,7 +14,7 @@ Names with 14 are over the paper's fourteen joints (`kpopnet.skeleton.PAPER_JOIN
 paper are compared with these. All others are over fifteen.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -59,12 +59,22 @@ class PoseResults:
 
     def select_frames(self, rows: np.ndarray) -> "PoseResults":
         """The frames of an index or boolean mask."""
-        per_frame = ("truth_m", "estimate_m", "confidence", "visible", "sequence", "yaw_rad", "unit", "given")
-        return replace(self, **{name: getattr(self, name)[rows] for name in per_frame})
+        return replace(self, **{name: getattr(self, name)[rows] for name in PER_FRAME})
 
     def of_sequence(self, name: str) -> "PoseResults":
         """The frames of one sequence."""
         return self.select_frames(np.flatnonzero(self.sequence == self.sequence_names.index(name)))
+
+
+PER_FRAME = tuple(one.name for one in fields(PoseResults) if one.name != "sequence_names")
+
+
+def concatenated(parts: list[PoseResults]) -> PoseResults:
+    """The frames of several sequences, of one each."""
+    names = tuple(name for part in parts for name in part.sequence_names)
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in PER_FRAME}
+    sequence = np.repeat(np.arange(len(parts)), [len(part.truth_m) for part in parts])
+    return PoseResults(**joined | {"sequence": sequence, "sequence_names": names})
 
 
 def joint_errors_m(truth_m: np.ndarray, estimate_m: np.ndarray) -> np.ndarray:
@@ -100,10 +110,9 @@ def mean_error_m(errors_m: np.ndarray) -> float:
 
 
 def average_pose_error_m(errors_m: np.ndarray, visible: np.ndarray) -> float:
-    """The paper's average pose error (Eq. 16): the mean over the visible joints with true position and estimate.
+    """The paper's average pose error (Eq. 16): the mean over the visible joints of all frames with true position and estimate.
 
-    The sum over all frames and their visible joints is divided by the number of terms, so a frame with more visible joints
-    has more weight. Assumptions: the paper does not say how a missing estimate counts; it is left out.
+    Assumptions: the paper does not say how a missing estimate counts; it is left out.
     """
     return mean_error_m(np.where(visible, errors_m, np.nan))
 
@@ -113,8 +122,7 @@ def without_offsets(results: PoseResults) -> np.ndarray:
 
     Data sets define the position of a joint, such as the hip, differently. The offset of a joint is the mean of estimate -
     truth, a vector in the camera frame, over all frames in which the joint is visible and estimated. Subtracting it also
-    removes true bias of the estimator, and the offset is fitted to the evaluated frames (3 parameters per joint). The
-    result is therefore a lower bound, to be read beside the raw error and not instead of it.
+    removes bias of the estimator, so the result is a lower bound, to be read beside the raw error.
     """
     difference = results.estimate_m.astype(np.float64) - results.truth_m
     usable = results.visible & np.isfinite(difference).all(axis=-1)

@@ -109,8 +109,6 @@ def remarks(run: PoseRun) -> list[str]:
     ]
     if benchmark.origin is Origin.SIMULATED:
         lines.append(SIMULATED)
-    for name, settings in run.unlike_training.items():
-        lines.append(f"This set differs from the training set of {name}: {', '.join(settings)}.")
     chosen = len(run.results[run.main].sequence_names) + len(run.failed)
     if chosen < in_set:
         lines.append(f"Partial evaluation: {chosen} of {in_set} sequences, evenly spaced; not a result on the whole set.")
@@ -155,7 +153,6 @@ def pose_metrics(run: PoseRun) -> dict:
             "sequences_in_set": run.sequences_in_set,
             "failed_sequences": run.failed,
             "images_without_person": run.images_without_person,
-            "unlike_training": run.unlike_training,
             "started_from_label": run.started_from_label,
             "extraction_fps": run.extraction_fps,
             "resampled": run.resampled._asdict(),

@@ -7,43 +7,33 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.datasets.protocol import Benchmark, evenly_spaced
-from kpopnet.datasets.synthetic import SyntheticBenchmark
 from kpopnet.errors import InputError
-from kpopnet.estimator import Estimate, Estimator, base_estimator, first_label, starts_from_label
+from kpopnet.estimator import Estimator, first_label, starts_from_label
 from kpopnet.evaluation import engine
 from kpopnet.evaluation.engine import Timed, stage
 from kpopnet.evaluation.poses.causes import missed_by_cause
 from kpopnet.evaluation.poses.confidence import evaluate_confidence
 from kpopnet.evaluation.poses.definition import in_label_definition
-from kpopnet.evaluation.poses.metrics import PoseResults, difference, evaluate
+from kpopnet.evaluation.poses.metrics import PoseResults, concatenated, difference, evaluate
 from kpopnet.extraction import HumanExtractionConfig, extract_person
-from kpopnet.networks.estimator import NetworkEstimator
 
 
 @dataclass(frozen=True)
 class EstimatedSequence:
-    """One sequence of T frames and what every estimator found in it.
+    """What every estimator found in one sequence.
 
     Attributes:
-        truth_m: (T, 15, 3) true joints, as in `Sequence.joints_camera_m`.
-        visible: (T, 15) bool, as in the sequence.
-        yaw_rad: (T,) as in the sequence; NaN where it is unknown.
+        results: by the estimator's name.
         identity: as in the sequence.
         room: as in the sequence.
-        estimates: by the estimator's name.
-        given: (T,) bool by the estimator's name: the frames whose true joints it was given.
         seconds: time of the estimation by the estimator's name.
         extraction_seconds: time of segmenting the person; None where the depth is segmented.
         images_without_person: number of frames without any depth, or in which no person was detected.
     """
 
-    truth_m: np.ndarray
-    visible: np.ndarray
-    yaw_rad: np.ndarray
+    results: dict[str, PoseResults]
     identity: str
     room: str
-    estimates: dict[str, Estimate]
-    given: dict[str, np.ndarray]
     seconds: dict[str, float]
     extraction_seconds: float | None
     images_without_person: int
@@ -67,25 +57,19 @@ class SequenceEstimation:
         if not sequence.is_segmented:
             with stage("extraction"):
                 depth_m, extraction_seconds = self._timed["extraction"](depth_m, camera, config=self.extraction)
-        estimates, given, seconds = {}, {}, {}
+        frames = len(depth_m)
+        yaw_rad = np.full(frames, np.nan, np.float32) if sequence.yaw_rad is None else sequence.yaw_rad
+        results, seconds = {}, {}
         for label, estimator in self.estimators.items():
             with stage(label):
                 start = {"start": first_label(truth_m)} if starts_from_label(estimator) else {}
-                given[label] = np.arange(len(depth_m)) == (start["start"].frame if start else -1)
-                estimates[label], seconds[label] = self._timed[label](depth_m, camera, **start)
-                assert estimates[label].joints_camera_m.shape == truth_m.shape, label
-        return EstimatedSequence(
-            truth_m=truth_m,
-            visible=sequence.visible,
-            yaw_rad=np.full(len(depth_m), np.nan, np.float32) if sequence.yaw_rad is None else sequence.yaw_rad,
-            identity=sequence.identity,
-            room=sequence.room,
-            estimates=estimates,
-            given=given,
-            seconds=seconds,
-            extraction_seconds=extraction_seconds,
-            images_without_person=int((~depth_m.any(axis=(1, 2))).sum()),
-        )
+                (joints_m, confidence), seconds[label] = self._timed[label](depth_m, camera, **start)
+                assert joints_m.shape == truth_m.shape, label
+                given, zero = np.arange(frames) == (start["start"].frame if start else -1), np.zeros(frames, int)
+                found = joints_m, confidence, sequence.visible, zero, (name,), yaw_rad, zero, given
+                results[label] = PoseResults(truth_m, *found)
+        empty = int((~depth_m.any(axis=(1, 2))).sum())
+        return EstimatedSequence(results, sequence.identity, sequence.room, seconds, extraction_seconds, empty)
 
 
 class Resampled(NamedTuple):
@@ -116,7 +100,6 @@ class PoseRun:
         failed: the error message of each sequence without results, by the sequence's name.
         sequences_in_set: number of sequences of the benchmark, evaluated or not.
         images_without_person: number of frames without any depth, or in which no person was detected.
-        unlike_training: result of `unlike_training` by the estimator's name, where it is not empty.
         started_from_label: names of the estimators that were given the first true pose of each sequence.
         extraction_fps: frames per second of segmenting the person in whole scenes, done once for all estimators; None where
             the depth of the set is segmented.
@@ -130,7 +113,6 @@ class PoseRun:
     failed: dict[str, str]
     sequences_in_set: int
     images_without_person: int
-    unlike_training: dict[str, list[str]]
     started_from_label: list[str]
     extraction_fps: float | None = None
 
@@ -141,29 +123,9 @@ class PoseRun:
 
     def without(self, names: Collection[str]) -> "PoseRun":
         """A copy without some estimators, of which the main one is none."""
-        parts = ("results", "metrics", "differences", "unlike_training")
+        parts = ("results", "metrics", "differences")
         kept = {part: {name: one for name, one in getattr(self, part).items() if name not in names} for part in parts}
         return replace(self, started_from_label=[name for name in self.started_from_label if name not in names], **kept)
-
-
-def unlike_training(benchmark: Benchmark, estimator: Estimator) -> list[str]:
-    """Settings of sensor and extraction in which a simulated set differs from the training set of a network.
-
-    The ridge image is not compared: a network computes its own from the depth, as in its training.
-
-    Returns:
-        One text per setting: "PART.NAME=VALUE (VALUE in training)".
-    """
-    estimator = base_estimator(estimator)
-    if not (isinstance(benchmark, SyntheticBenchmark) and isinstance(estimator, NetworkEstimator)):
-        return []
-    return [
-        f"{part}.{name}={value} ({trained[name]} in training)"
-        for part in ("sensor", "extraction")
-        if (trained := estimator.meta["config"].get(part))
-        for name, value in benchmark.simulation_settings.get(part, {}).items()
-        if name in trained and trained[name] != value
-    ]
 
 
 def run_benchmark(
@@ -188,8 +150,8 @@ def run_benchmark(
         estimators: by name, the main estimator first.
         sequences: number of sequences to evaluate, evenly spaced over the set; None for all.
         seed: of the bootstrap.
-        processes: number of processes; with more than one, benchmark and estimators are pickled.
-        extraction: settings that segment the person where the depth shows a whole scene; None for the defaults.
+        processes: how many; with more than one, benchmark and estimators are pickled.
+        extraction: settings that segment the person where the depth shows a whole scene.
 
     Raises:
         InputError: every sequence failed, no joint has a label, an estimator was given every label, or a process died.
@@ -198,13 +160,13 @@ def run_benchmark(
     work = SequenceEstimation(benchmark, estimators, extraction or HumanExtractionConfig())
     rows = engine.run(work, evenly_spaced(names, sequences), processes, benchmark.name)
     parts = list(rows.found.values())
-    resampled, unit = _units(parts)
-    results = {label: _concatenate(rows.found, label, unit) for label in estimators}
+    results = {label: concatenated([part.results[label] for part in parts]) for label in estimators}
+    people, resampled = _people_and_units(parts, results)
     _check_scored(benchmark, results)
     extracted = [part.extraction_seconds for part in parts if part.extraction_seconds is not None]
     metrics = {}
     for label, one in results.items():
-        metrics[label] = evaluate(one, seed) | evaluate_confidence(one) | _in_label_definition(benchmark, one, parts, seed)
+        metrics[label] = evaluate(one, seed) | evaluate_confidence(one) | _in_label_definition(benchmark, one, people, seed)
         fps = len(one.truth_m) / max(sum(part.seconds[label] for part in parts), 1e-9)
         metrics[label] |= {"missed_by_cause": missed_by_cause(one), "fps": fps}
     first, *others = results
@@ -217,38 +179,26 @@ def run_benchmark(
         failed=rows.failed,
         sequences_in_set=len(names),
         images_without_person=sum(part.images_without_person for part in parts),
-        unlike_training={label: settings for label, one in estimators.items() if (settings := unlike_training(benchmark, one))},
         started_from_label=[label for label, one in estimators.items() if starts_from_label(one)],
-        extraction_fps=len(unit) / max(sum(extracted), 1e-9) if extracted else None,
+        extraction_fps=len(people) / max(sum(extracted), 1e-9) if extracted else None,
     )
 
 
-def _units(parts: list[EstimatedSequence]) -> tuple[Resampled, np.ndarray]:
-    """What the bootstrap resamples, and the (N,) number of the unit of each frame. A frame without a label is in no figure."""
-    shared = any(part.room for part in parts)
+def _people_and_units(parts: list[EstimatedSequence], results: dict[str, PoseResults]) -> tuple[np.ndarray, Resampled]:
+    """The (N,) person in each frame, and what the bootstrap resamples, whose number becomes `unit` of the results.
+
+    A unit without a label is in no figure.
+    """
     names = [part.room if part.room else f"sequence {number}" for number, part in enumerate(parts)]
     _, numbers = np.unique(names, return_inverse=True)
-    unit = np.repeat(numbers, [len(part.truth_m) for part in parts])
-    people = {part.identity for part in parts}
-    labelled = np.concatenate([np.isfinite(part.truth_m).all(axis=-1).any(axis=1) for part in parts])
-    count = len(np.unique(unit[labelled]))
-    return Resampled("rooms" if shared else "sequences", count, None if "" in people else len(people)), unit
-
-
-def _concatenate(found: dict[str, EstimatedSequence], label: str, unit: np.ndarray) -> PoseResults:
-    """The joints of one estimator in all frames of all sequences; `unit` is that of `_units`."""
-    parts = found.values()
-    return PoseResults(
-        truth_m=np.concatenate([part.truth_m for part in parts]),
-        estimate_m=np.concatenate([part.estimates[label].joints_camera_m for part in parts]),
-        confidence=np.concatenate([part.estimates[label].confidence for part in parts]),
-        visible=np.concatenate([part.visible for part in parts]),
-        sequence=np.repeat(np.arange(len(parts)), [len(part.truth_m) for part in parts]),
-        sequence_names=tuple(found),
-        yaw_rad=np.concatenate([part.yaw_rad for part in parts]),
-        unit=unit,
-        given=np.concatenate([part.given[label] for part in parts]),
-    )
+    main = next(iter(results.values()))
+    for one in results.values():
+        one.unit[:] = numbers[one.sequence]
+    labelled = np.isfinite(main.truth_m).all(axis=-1).any(axis=1)
+    people = np.array([part.identity for part in parts])
+    units = "rooms" if any(part.room for part in parts) else "sequences"
+    resampled = Resampled(units, len(np.unique(main.unit[labelled])), None if "" in people else len(set(people)))
+    return people[main.sequence], resampled
 
 
 def _check_scored(benchmark: Benchmark, results: dict[str, PoseResults]) -> None:
@@ -261,16 +211,14 @@ def _check_scored(benchmark: Benchmark, results: dict[str, PoseResults]) -> None
             raise InputError(f"{benchmark.name}: {label} was given every true pose (start=label); no frame is left to score")
 
 
-def _in_label_definition(benchmark: Benchmark, results: PoseResults, parts: list[EstimatedSequence], seed: int) -> dict:
+def _in_label_definition(benchmark: Benchmark, results: PoseResults, people: np.ndarray, seed: int) -> dict:
     """The figures of an estimator in the definition of the labels, fitted on the other people, as `in_label_definition`.
 
     Empty where the labels have no definition of their own, a person's identity is unknown, or only one person is seen.
     """
     definition = getattr(benchmark, "label_definition", None)
-    people = {part.identity for part in parts}
-    if definition is None or "" in people or len(people) < 2:
+    if definition is None or "" in people or len(set(people)) < 2:
         return {}
-    person = np.repeat([part.identity for part in parts], [len(part.truth_m) for part in parts])
     labels_m = np.where(results.given[:, None, None], np.nan, results.truth_m)
-    defined = replace(results, estimate_m=in_label_definition(labels_m, results.estimate_m, person))
+    defined = replace(results, estimate_m=in_label_definition(labels_m, results.estimate_m, people))
     return {"in_label_definition": {"definition": definition} | evaluate(defined, seed) | evaluate_confidence(defined)}

@@ -1,4 +1,4 @@
-"""Concordance, Kendall's tau and wrong pairs on hand-made scores."""
+"""Concordance, and Kendall's tau on hand-made scores."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,6 @@ from kpopnet.evaluation.dances.ranking import (
     kendall_tau,
     paired_p_value,
     wilson_interval,
-    wrong_pairs,
 )
 
 
@@ -77,9 +76,3 @@ def test_the_papers_table_is_in_order_in_86_96_and_97_rows():
     table = np.array(rows).reshape(100, 3, 4)
     counts = [sum(is_ordered(row) for row in table[:, method]) for method in range(3)]
     assert counts == [86, 96, 97]
-
-
-def test_wrong_pairs_are_those_that_are_tied_reversed_or_not_scored():
-    assert wrong_pairs(np.array([4.0, 3, 2, 1])) == []
-    assert wrong_pairs(np.array([63.0, 63, 70])) == [(0, 1), (0, 2), (1, 2)]
-    assert wrong_pairs(np.array([4.0, np.nan, 3])) == [(0, 1), (1, 2)]

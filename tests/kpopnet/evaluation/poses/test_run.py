@@ -1,9 +1,5 @@
 """One evaluation: sequences in several processes, estimators that fail, labels to start from, and what is resampled."""
 
-import json
-from dataclasses import asdict
-
-import h5py
 import numpy as np
 import pytest
 from films import FRAMES, POSE_M, Films, Off
@@ -14,7 +10,7 @@ from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
 from kpopnet.errors import InputError
 from kpopnet.evaluation.poses import run as run_module
 from kpopnet.evaluation.poses.report import remarks
-from kpopnet.evaluation.poses.run import run_benchmark, unlike_training
+from kpopnet.evaluation.poses.run import run_benchmark
 from kpopnet.evaluation.registry import build_estimators
 from kpopnet.extraction import HumanExtractionConfig
 from kpopnet.networks import ModelConfig
@@ -22,20 +18,9 @@ from kpopnet.networks.checkpoint import save_checkpoint
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.networks.network import build_network
 from kpopnet.paper_tracker.estimator import PaperTrackerEstimatorConfig
-from kpopnet.ridge import RidgeConfig
 from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
-from kpopnet.tracker.fit.refine import FittedEstimator
-from synth.samples.observe import ExtractionConfig
-from synth.samples.writer import FreezeConfig
-from synth.sensor.model import SensorConfig
 
 MEAN_POSE = MeanPoseEstimator(POSE_M - POSE_M.mean(axis=0))
-
-
-def untrained_network(folder, config: dict) -> NetworkEstimator:
-    meta = {"step": 1, "config": config, "metrics": {}, "mean_pose_m": np.zeros((15, 3)).tolist()}
-    network = build_network(ModelConfig(crop_px=32, widths=[8, 8, 8, 8]))
-    return NetworkEstimator(save_checkpoint(folder, network, {}, meta, best=True))
 
 
 class Failing(Off):
@@ -69,8 +54,10 @@ def test_an_estimator_that_fails_on_a_sequence_excludes_only_that_sequence(error
 def test_estimates_do_not_depend_on_the_number_of_processes(tmp_path):
     write_shard(tmp_path / "set", [1, 1, 1, 2, 2, 3, 3, 3], empty=(4,))
     benchmark = SyntheticBenchmark(SyntheticConfig(path=str(tmp_path / "set")))
+    network = build_network(ModelConfig(crop_px=32, widths=[8, 8, 8, 8]))
+    meta = {"step": 1, "config": {}, "metrics": {}, "mean_pose_m": np.zeros((15, 3)).tolist()}
     estimators = {
-        "network": untrained_network(tmp_path / "run", {}),
+        "network": NetworkEstimator(save_checkpoint(tmp_path / "run", network, {}, meta, best=True)),
         "tracker": TrackerEstimator(TrackerEstimatorConfig(start="label")),
         "mean_pose": MEAN_POSE,
     }
@@ -140,29 +127,3 @@ def test_in_whole_scenes_the_person_is_segmented_once_for_every_estimator(monkey
         assert estimator.given[1][:-2].any() and not estimator.given[1][-2:].any()
     assert run.images_without_person == 6 and run.extraction_fps > 0
     assert any("whole scenes: the person was segmented first" in line for line in remarks(run))
-
-
-@pytest.mark.parametrize(
-    ("sensor", "extraction", "settings"),
-    [
-        ("kinect_v1", {}, []),
-        (
-            "kinect_2",
-            {"erode": 0.0},
-            ["sensor.name=kinect_2 (kinect_v1 in training)", "extraction.erode=0.0 (0.25 in training)"],
-        ),
-    ],
-)
-def test_a_set_that_differs_from_the_training_set_is_reported(tmp_path, sensor, extraction, settings):
-    write_shard(tmp_path / "set", [1, 2])
-    frozen_with = FreezeConfig(SensorConfig(sensor), ExtractionConfig(**extraction), RidgeConfig())
-    with h5py.File(tmp_path / "set" / "shard_00000.h5", "a") as file:
-        file.attrs["config"] = json.dumps({"freeze": asdict(frozen_with)})
-    trained = {"sensor": asdict(SensorConfig()), "extraction": asdict(ExtractionConfig())}
-    network = untrained_network(tmp_path / "run", trained)
-    benchmark = SyntheticBenchmark(SyntheticConfig(path=str(tmp_path / "set")))
-    assert unlike_training(benchmark, FittedEstimator(network)) == unlike_training(benchmark, network) == settings
-    run = run_benchmark(benchmark, {"network": network, "mean_pose": MEAN_POSE})
-    assert run.unlike_training == ({"network": settings} if settings else {})
-    lines = [line for line in remarks(run) if "differs from the training set of network" in line]
-    assert len(lines) == bool(settings) and all(setting in lines[0] for setting in settings)
