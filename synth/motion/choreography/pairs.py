@@ -131,14 +131,14 @@ SCRIPTS: dict[str, Callable[[np.random.Generator, float], tuple[Part, Part]]] = 
     "entering": _entering,
     "side_by_side": _side_by_side,
 }
-"""Kind of scene to a function that draws the two parts, of at least as many beats as given or with a last shape to hold."""
+"""Kind of duet to a function that draws the two parts, of at least as many beats as given or with a last shape to hold."""
 
 LEAVES_IMAGE = ("leaving", "entering")
-"""Kinds of scenes whose second person is outside the image at the end or at the start."""
+"""Kinds of duets whose second person is outside the image at the end or at the start."""
 
 
-def scene(generator: np.random.Generator, kind: str, frames: int, fps: float) -> tuple[Role, Role]:
-    """The roles of two people in a scene of a kind of SCRIPTS, to the same music; half of the scenes are mirrored."""
+def duet(generator: np.random.Generator, kind: str, frames: int, fps: float) -> tuple[Role, Role]:
+    """The roles of two people in a kind of SCRIPTS, to the same music; half of the duets are mirrored."""
     bpm, mirrored = uniform(generator, *BPM), choose(generator, (False, True))
     roles = []
     for part in SCRIPTS[kind](generator, frames / fps * bpm / 60):
