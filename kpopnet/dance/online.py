@@ -20,14 +20,10 @@ from kpopnet.skeleton import NUM_JOINTS
 
 
 class OnlineScore(NamedTuple):
-    """Scores of the latest window and of the dance so far, 0 to 100; see `kpopnet.dance.window.WindowScore` for missing ones.
+    """Scores of the latest window, as in `kpopnet.dance.window.WindowScore`, and of the dance so far, 0 to 100.
 
     Attributes:
         time_s: end of the latest window, seconds.
-        delay_s: delay of the learner in it, seconds; negative when early.
-        timing: S_t of Eq. (13) of the window.
-        posture: S_p of Eq. (14) of the window.
-        similarity: S_t S_p of the window.
         parts: body part (see `PARTS`) to its posture in the window.
         coverage: body part to the fraction in 0..1 of it that was seen in the window.
         so_far: score of the dance so far, S of Eq. (15).

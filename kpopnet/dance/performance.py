@@ -21,12 +21,7 @@ class Performance:
     """
 
     def __init__(self, joints_m: np.ndarray, times_s: np.ndarray, confidence: np.ndarray | None = None) -> None:
-        """Checks and copies the arrays.
-
-        Args:
-            joints_m: (T, 15, 3); a joint with a coordinate that is not finite, or of confidence 0, is missing.
-            times_s: (T,) seconds.
-            confidence: (T, 15) in 0..1; None for confidence 1 of every joint that is not missing.
+        """Checks and copies the arrays; see `mask_missing_joints`.
 
         Raises:
             InputError: An array has another shape, times do not increase or exceed MAX_DURATION_S, or a confidence is not in
@@ -69,12 +64,7 @@ class Performance:
 
 
 def as_performance(dance: Performance | np.ndarray, fps: float | None, whose: str) -> Performance:
-    """A dance that may be given as an array of joints.
-
-    Args:
-        dance: a performance, which has its own times, or (T, 15, 3) joints in metres in the camera frame.
-        fps: frames per second of an array, whose first frame is at time 0.
-        whose: teacher or learner, for messages.
+    """A dance that may be given as (T, 15, 3) joints in metres in the camera frame, whose first frame is at time 0.
 
     Raises:
         InputError: an array without a frame rate, or as `Performance` refuses it.

@@ -40,16 +40,15 @@ class Windows(NamedTuple):
 
     Attributes:
         start_s: (N,) start of each window, seconds on the teacher's clock.
-        delay_s: (N,) delay of the learner, seconds; negative when early; NaN where too few frames could be compared.
-        timing: (N,) S_t of Eq. (13); NaN with the delay.
-        posture: (N,) S_p of Eq. (14).
-        similarity: (N,) S_t S_p; 0 where no person is seen to dance.
+        delay_s: (N,) this and the others as in `kpopnet.dance.window.WindowScore`, N windows of each.
+        timing: (N,)
+        posture: (N,)
+        similarity: (N,)
         weight: (N,) weight in 0..1 in the scores of the dance, see `kpopnet.dance.parts.PartTeacher.movement`.
         parts: name of `PARTS` to (N,) posture of that part alone.
         coverage: name of `PARTS` to (N,) fraction in 0..1 of the part in the teacher's frames that the learner shows.
-        error_rad: (N, D) mean difference, learner minus teacher, of each angle of the scorer's feature in the middle of each
-            window, which lasts from one window to the next, so that the middles follow each other without gaps.
-        error_weight: (N, D) mean weight of these differences, 0..1.
+        error_rad: (N, D)
+        error_weight: (N, D)
     """
 
     start_s: np.ndarray

@@ -45,21 +45,17 @@ def tempo(start_s: np.ndarray, delay_s: np.ndarray, posture: np.ndarray) -> floa
 
 
 def measured_latency_s(delay_s: np.ndarray, posture: np.ndarray) -> float:
-    """The constant delay of a set-up, for `ScorerConfig.latency_s`, from a short dance that somebody danced on time.
+    """The constant delay of a set-up, for `PartScorer.latency_s`, from a short dance that was danced on time.
 
-    Args:
-        delay_s: (N,) delays of the windows of that dance, seconds; NaN where unknown.
-        posture: (N,) posture scores, 0 to 100.
-
-    Returns:
-        Median over the windows of a posture of at least MIN_POSTURE, seconds; NaN with fewer than MIN_WINDOWS of them.
+    It is the median of the (N,) delays in seconds over the windows of a posture of at least MIN_POSTURE; NaN with fewer than
+    MIN_WINDOWS of them.
     """
     good = np.isfinite(delay_s) & (posture >= MIN_POSTURE)
     return float(np.median(delay_s[good])) if good.sum() >= MIN_WINDOWS else math.nan
 
 
 def beat_latency_s(joints_m: np.ndarray, times_s: np.ndarray, beat_s: float) -> float:
-    """The constant delay of a set-up, from somebody who raises an arm, or claps, on every beat of a metronome.
+    """The constant delay of a set-up, from a person who raises an arm, or claps, on every beat of a metronome.
 
     The height of each hand and the nearness of the two repeat with the beat. Each is averaged over the beats, by a least
     squares fit of a Fourier series. The one that moves most on average counts, if enough of it repeats with the beat; its
@@ -80,7 +76,7 @@ def beat_latency_s(joints_m: np.ndarray, times_s: np.ndarray, beat_s: float) -> 
     curve, moved_m, explained = max(fits, key=lambda fit: fit[1])
     if moved_m < MIN_BEAT_MOVEMENT_M or explained < MIN_BEAT_SHARE:
         return math.nan
-    # Who holds the arm up for a moment means the middle of it.
+    # An arm that is held up for a moment means the middle of it.
     highest = int(curve.argmax())
     around = (highest + np.arange(-BEAT_STEPS // 4, BEAT_STEPS // 4)) % BEAT_STEPS
     high = curve[around] > curve.max() - TOP_SHARE * np.ptp(curve)

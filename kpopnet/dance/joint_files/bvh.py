@@ -150,7 +150,7 @@ def _read_hierarchy(lines: _Lines) -> tuple[list[str], list[int], list[list[floa
                 raise lines.fail('"ROOT" (one), "JOINT", "OFFSET", "CHANNELS", "}" or "MOTION" in its place')
 
 
-def bvh_text(bvh: BvhFile, ends: Sequence[np.ndarray]) -> str:
+def bvh_text(bvh: BvhFile, ends: np.ndarray | Sequence[np.ndarray]) -> str:
     """The text of a BVH file.
 
     Args:

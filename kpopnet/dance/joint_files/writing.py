@@ -8,7 +8,7 @@ little as possible from its parent. BVH knows no missing joints: one that is mis
 import csv
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -48,7 +48,7 @@ def write_performance(path: Path | str, performance: Performance) -> None:
         OSError: the file cannot be written.
     """
     path = Path(path)
-    writers = dict(zip(SUFFIXES, (_npz, _json, _csv, _bvh), strict=True))
+    writers: dict[str, Callable[[Performance], str | bytes]] = dict(zip(SUFFIXES, (_npz, _json, _csv, _bvh), strict=True))
     if (writer := writers.get(path.suffix.lower())) is None:
         raise InputError(f"{path}: expected a name that ends with {', '.join(SUFFIXES)}")
     content = writer(performance)
