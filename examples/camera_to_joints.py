@@ -4,16 +4,15 @@
     python examples/camera_to_joints.py recording.npy --fov 58.6 --people 2 --checkpoint outputs/train/RUN/best
 
 recording.npy stands for the camera here: (T, H, W) depth of a camera that does not move, uint16 millimetres or float metres, 0
-where nothing was measured. Prints where each person's hands are.
+where nothing was measured; any other recording of docs/predicting.md will do. Prints where each person's hands are.
 """
 
 import argparse
 from pathlib import Path
 
-from kpopnet.camera import Camera
 from kpopnet.pose import PoseEstimator
-from kpopnet.runtime.input_files import ArraySchema, open_npy
 from kpopnet.skeleton import Joint
+from kpopnet.sources import chosen_camera, open_depth
 
 SURE = 0.5
 """Joints are used whose error is probably below 10 cm."""
@@ -21,17 +20,16 @@ SURE = 0.5
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("recording", type=Path, help="(T, H, W) depth, a file of numpy.save")
+    parser.add_argument("recording", type=Path, help="depth, such as a file of numpy.save")
     parser.add_argument("--fov", type=float, required=True, help="the camera's horizontal field of view in degrees")
     parser.add_argument("--people", type=int, default=1, help="largest number of people to follow")
     parser.add_argument("--checkpoint", help="folder of a network of your own, used instead of the one that comes along")
     given = parser.parse_args()
 
-    images = open_npy(given.recording, ArraySchema("uf", (None, None, None)))
-    camera = Camera.from_fov(given.fov, images.shape[2], images.shape[1])
+    source = open_depth(given.recording, chosen_camera(fov_deg=given.fov))
     estimator = PoseEstimator.load(given.checkpoint, people=given.people)
-    for number, image in enumerate(images):
-        for person in estimator.update(image, camera):
+    for number, depth_m in enumerate(source):
+        for person in estimator.update(depth_m, source.camera):
             for joint in (Joint.RIGHT_HAND, Joint.LEFT_HAND):
                 if person.confidence[joint] > SURE:
                     x, y, z = person.joints_camera_m[joint]

@@ -48,19 +48,8 @@ def guard(hosts: tuple[str, ...], token: str | None):
 
     @web.middleware
     async def middleware(request: web.Request, handler) -> web.StreamResponse:
-        host = _name(f"//{request.headers.get('Host', '')}")
-        # With a token, any address of this machine will do: only names can be made to point here.
-        if host not in hosts and not (token is not None and _is_address(host)):
-            raise web.HTTPForbidden(text="this server is not known by that name\n", headers=HEADERS)
-        origin = request.headers.get("Origin")
-        if origin is not None and not _same(origin, request):
-            raise web.HTTPForbidden(text="a page of another site asks\n", headers=HEADERS)
-        if request.headers.get("Sec-Fetch-Site", "same-origin") not in ("same-origin", "none"):
-            raise web.HTTPForbidden(text="a page of another site asks\n", headers=HEADERS)
-        if token is not None:
-            given = request.query.get("token", request.cookies.get(COOKIE, ""))
-            if not hmac.compare_digest(given.encode(), token.encode()):
-                raise web.HTTPForbidden(text="open the address that the program printed, with its token\n", headers=HEADERS)
+        if refusal := _refusal(request, hosts, token):
+            raise web.HTTPForbidden(text=f"{refusal}\n", headers=HEADERS)
         try:
             response = await handler(request)
         except web.HTTPException as error:
@@ -75,14 +64,22 @@ def guard(hosts: tuple[str, ...], token: str | None):
     return middleware
 
 
-def _name(address: str) -> str:
-    """The host in an address, lower case; "" if there is none."""
+def _refusal(request: web.Request, hosts: tuple[str, ...], token: str | None) -> str:
+    """Why a request is refused, "" if it is not."""
+    host = request.headers.get("Host", "")
     try:
-        return (urlsplit(address).hostname or "").lower()
+        name = (urlsplit(f"//{host}").hostname or "").lower()
     except ValueError:
-        return ""
-
-
-def _same(origin: str, request: web.Request) -> bool:
-    """Whether an origin is this server as the request names it, with the port."""
-    return origin.lower() == f"{request.scheme}://{request.headers.get('Host', '')}".lower()
+        name = ""
+    # With a token, any address of this machine will do: only names can be made to point here.
+    if name not in hosts and not (token is not None and _is_address(name)):
+        return "this server is not known by that name"
+    origin, own = request.headers.get("Origin"), f"{request.scheme}://{host}".lower()
+    if origin is not None and origin.lower() != own:
+        return "a page of another site asks"
+    if request.headers.get("Sec-Fetch-Site", "same-origin") not in ("same-origin", "none"):
+        return "a page of another site asks"
+    given = request.query.get("token", request.cookies.get(COOKIE, ""))
+    if token is not None and not hmac.compare_digest(given.encode(), token.encode()):
+        return "open the address that the program printed, with its token"
+    return ""
