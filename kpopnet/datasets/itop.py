@@ -43,26 +43,20 @@ MAX_SEQUENCE_FRAMES = 400
 FROM_ITOP = np.array([1, -1, 1], np.float32)
 """Multiply a position in ITOP's axes (y up) by this for the camera frame (y down)."""
 
-_IDS = ArraySchema("S", ("N",))
-_NUMBERS = "fiub"
-_REMEDY = "download it again"
 LABELS = Hdf5Schema(
     "labels of ITOP",
     {
-        "id": _IDS,
-        "is_valid": ArraySchema(_NUMBERS, ("N",)),
-        "visible_joints": ArraySchema(_NUMBERS, ("N", NUM_JOINTS)),
+        "id": ArraySchema("S", ("N",)),
+        "is_valid": ArraySchema("fiub", ("N",)),
+        "visible_joints": ArraySchema("fiub", ("N", NUM_JOINTS)),
         "real_world_coordinates": ArraySchema("fiu", ("N", NUM_JOINTS, 3)),
     },
-    remedy=_REMEDY,
+    remedy="download it again",
 )
 DEPTH = Hdf5Schema(
     "depth of ITOP",
-    {
-        "id": ArraySchema("S", ("ids",)),
-        "data": ArraySchema("fu", ("N", CAMERA.height, CAMERA.width)),
-    },
-    remedy=_REMEDY,
+    {"id": ArraySchema("S", ("N",)), "data": ArraySchema("fu", ("N", CAMERA.height, CAMERA.width))},
+    remedy="download it again",
 )
 
 
@@ -107,23 +101,18 @@ class ItopFiles:
         self.depth_path = folder / f"ITOP_{view}_{split}_depth_map.h5"
         labels_path = folder / f"ITOP_{view}_{split}_labels.h5"
         for path in (labels_path, self.depth_path):
-            _check_unpacked(path)
+            if not path.is_file() and path.with_name(f"{path.name}.gz").is_file():
+                raise InputError(f"{path}: no such file; decompress {path.name}.gz: gunzip {path}.gz")
         with open_hdf5(labels_path, LABELS) as file:
-            ids = _ids(read_array(file, "id"), labels_path)
+            self.ids = _ids(read_array(file, "id"), labels_path)
             self.valid: np.ndarray = read_array(file, "is_valid").astype(bool)
             self.visible = np.equal(read_array(file, "visible_joints"), 1)
             joints_m = read_array(file, "real_world_coordinates")
         with np.errstate(over="ignore", invalid="ignore"):
             self.joints_camera_m: np.ndarray = joints_m.astype(np.float32) * FROM_ITOP
         with open_hdf5(self.depth_path, DEPTH) as file:
-            frames = len(stored_array(file, "data"))
-            stored = _ids(read_array(file, "id"), self.depth_path)
-        if stored != ids:
-            row = next((row for row, pair in enumerate(zip(stored, ids, strict=False)) if len(set(pair)) > 1), None)
-            differ = f"{len(stored)} and {len(ids)} frames" if row is None else f"{stored[row]} and {ids[row]} in row {row}"
-            raise InputError(f"{self.depth_path} and {labels_path.name} do not belong together: {differ}; download both again")
-        expect(frames == len(ids), f"{self.depth_path}: data", f"{len(ids)} frames, one for each id, found {frames}; {_REMEDY}")
-        self.ids = ids
+            if _ids(read_array(file, "id"), self.depth_path) != self.ids:
+                raise InputError(f"{self.depth_path}: its ids are not those of {labels_path.name}; download both again")
 
     def depth_m(self, rows: slice) -> np.ndarray:
         """(T, 240, 320) float32 metres of the selected rows.
@@ -134,12 +123,6 @@ class ItopFiles:
         with open_hdf5(self.depth_path, DEPTH) as file:
             stored = stored_array(file, "data")[rows]
         return depth_in_metres(stored, CAMERA, where=str(self.depth_path))
-
-
-def _check_unpacked(path: Path) -> None:
-    compressed = path.with_name(path.name + ".gz")
-    if not path.is_file() and compressed.is_file():
-        raise InputError(f"{path}: no such file; decompress {compressed.name}: gunzip {compressed}")
 
 
 def _ids(stored: np.ndarray, path: Path) -> list[str]:

@@ -17,14 +17,7 @@ WAVES, WAVE_HZ = 2, (0.3, 1.2)
 
 
 def end_motion(end: str, teacher: Motion, other: Motion, rng: np.random.Generator) -> Motion:
-    """The motion of one of ENDS, as long as the teacher's.
-
-    Args:
-        end: one of ENDS.
-        teacher: the motion that is taught.
-        other: the motion of another dance; held at its end if it is shorter.
-        rng: draws how the arms wave.
-    """
+    """The motion of one of ENDS, as long as the teacher's; `other` is another dance, held at its end if it is shorter."""
     if end == "perfect":
         return teacher
     seconds = np.arange(len(teacher)) / teacher.fps
@@ -37,6 +30,11 @@ def end_motion(end: str, teacher: Motion, other: Motion, rng: np.random.Generato
                 hz, phase = rng.uniform(*WAVE_HZ, WAVES), rng.random(WAVES)
                 wave = np.sin(2 * np.pi * (seconds[:, None] * hz + phase)).mean(axis=1)
                 postures[:, CHANNELS[f"{side}_{angle}"]] = lowest + (highest - lowest) * (wave + 1) / 2
-    quats, root_m = rotations(postures), np.zeros((len(seconds), 3))
+    return on_the_floor(postures, teacher, end)
+
+
+def on_the_floor(postures: np.ndarray, like: Motion, name: str) -> Motion:
+    """The motion of somebody who stays in place in (T, C) postures, with the frame rate and the legs of another motion."""
+    quats, root_m = rotations(postures), np.zeros((len(postures), 3))
     root_m[:, 1] = -height_above_floor(quats, root_m)
-    return Motion(quats, root_m.astype(np.float32), teacher.fps, end, teacher.leg_m)
+    return Motion(quats, root_m.astype(np.float32), like.fps, name, like.leg_m)

@@ -115,13 +115,7 @@ def draw_profile(rng: np.random.Generator) -> dict[str, float]:
 
 
 def with_faults(teacher: Motion, severities: dict[str, float], rng: np.random.Generator) -> Motion:
-    """The teacher's motion with faults, as high above the floor as the teacher. The feet may slide.
-
-    Args:
-        teacher: the motion.
-        severities: of faults by name, 0 or more; those that are not named are left out.
-        rng: draws them.
-    """
+    """The teacher's motion with faults of the named severities, as high above the floor as the teacher; feet may slide."""
     motion = teacher
     for name, fault in FAULTS.items():
         motion = fault(motion, severities.get(name, 0.0), rng)

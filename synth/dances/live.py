@@ -12,10 +12,10 @@ from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
 from synth.body.asset import load_body
 from synth.body.shape import BodyConfig, draw_person
-from synth.dances.ends import end_motion
+from synth.dances.ends import end_motion, on_the_floor
 from synth.dances.skill import LEVELS, SkillConfig, draw_strengths, learn
 from synth.motion.posture import CHANNELS, STANDING, rotations
-from synth.motion.skeleton import INDEX, LEG_M, Motion, height_above_floor
+from synth.motion.skeleton import INDEX, LEG_M, Motion
 from synth.motion.skeleton import JOINT_NAMES as MOTION_BONES
 from synth.motion.splice import at_times
 from synth.scene.room import Room, View, ViewConfig, draw_room, draw_view
@@ -43,11 +43,7 @@ LIMBS = {"arm": ("Shoulder", "Arm", "ForeArm", "Hand"), "leg": ("UpLeg", "Leg", 
 
 
 class LiveLearner:
-    """A learner of one dance in a room.
-
-    Attributes:
-        camera: the camera.
-    """
+    """A learner of one dance in a room before a camera."""
 
     def __init__(
         self,
@@ -85,9 +81,7 @@ class LiveLearner:
         motion = learned(motion_of(quats, hips_m, fps), skill, fault, rng)
         self._take, self._fps = self._placed(motion, fault, seed), fps
         self._noise, self._shown = FilmNoise((*b"live", seed)), 0
-        self._studio.scene.set_view(self._take.view)
-        self._studio.scene.set_room(self._take.room)
-        self._room_m = self._studio.renderer.room_m()
+        self._room_m = self._studio.furnish(self._take.room, self._take.view)
 
     def frame(self, dance_s: float) -> np.ndarray:
         """What the camera measures while the learner is at a time of the dance.
@@ -169,9 +163,7 @@ def _on_the_beat(motion: Motion) -> Motion:
     seconds = np.arange(len(motion)) / motion.fps
     postures = np.repeat(STANDING[None], len(seconds), axis=0)
     postures[:, CHANNELS["left_raise"]] = 90 + 70 * np.cos(2 * np.pi * seconds)
-    quats, root_m = rotations(postures), np.zeros((len(seconds), 3))
-    root_m[:, 1] = -height_above_floor(quats, root_m)
-    return Motion(quats, root_m.astype(np.float32), motion.fps, ON_THE_BEAT, motion.leg_m)
+    return on_the_floor(postures, motion, ON_THE_BEAT)
 
 
 def _hanging(motion: Motion, bones: list[int]) -> Motion:

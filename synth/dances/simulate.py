@@ -10,7 +10,6 @@ Learner k of dance d is a pure function of the configuration, d and k. No traini
 dances; `split=train` gives other dances by other people, for calibration.
 """
 
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, lru_cache
 from typing import ClassVar
@@ -19,7 +18,6 @@ import numpy as np
 from numba import njit
 
 from kpopnet.camera import CAMERAS
-from kpopnet.dance.joint_files.points import CAMERA_DISTANCE_M, CAMERA_HEIGHT_M
 from kpopnet.datasets.dances.writer import PackedDepth
 from kpopnet.errors import InputError, check_range
 from synth.body.shape import BodyConfig, Person, draw_person, draw_unseen_person
@@ -32,11 +30,11 @@ from synth.motion.skeleton import Motion
 from synth.motion.splice import resampled
 from synth.samples.layers import silhouette_box
 from synth.samples.observe import MARGIN_PX
-from synth.scene.room import View, ViewConfig
+from synth.scene.room import ViewConfig
 from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS, SensorConfig
 from synth.simulated.configuration import SimulatedSet, is_faulty, random_excerpt
-from synth.simulated.film import Studio, Take, measure_frame
+from synth.simulated.film import LEVEL_VIEW, Studio, Take, measure_frame
 
 MAX_NEIGHBOUR_STEP_M = 0.1
 """Neighbouring pixels are connected if their depths differ by less."""
@@ -150,23 +148,6 @@ class LearnerTake:
     yaw_rad: float
 
 
-@dataclass(frozen=True)
-class LearnerShot:
-    """One frame of a learner's recording.
-
-    Attributes:
-        depth_m: (h, w) float32 segmented depth, metres, 0 outside the person.
-        x0: column of its first pixel in the whole image.
-        y0: row of its first pixel in the whole image.
-        joints_camera_m: (15, 3) float32 true joints, metres.
-    """
-
-    depth_m: np.ndarray
-    x0: int
-    y0: int
-    joints_camera_m: np.ndarray
-
-
 class KpopSim:
     """Makes the dances; holds one compiled scene."""
 
@@ -209,7 +190,8 @@ class KpopSim:
         for attempt in range(DANCE_TRIES):
             rng = self._rng("dance", index, attempt)
             seconds = rng.uniform(*self.config.seconds)
-            motion = self._recorded(rng, seconds) if self.config.motion.source == "clips" else _composed(rng, seconds)
+            recorded = self.config.motion.source == "clips"
+            motion = self._recorded(rng, seconds) if recorded else dance(0, int(rng.integers(2**63)), seconds, FPS)
             offset_m = (motion.root_m - motion.root_m[0])[:, [0, 2]]
             long_enough = len(motion) >= self.config.seconds[0] * FPS - 1
             if long_enough and np.ptp(offset_m, axis=0).max() < MAX_TRAVEL_M and not is_faulty(motion):
@@ -230,18 +212,9 @@ class KpopSim:
         return self.level_camera_joints_m(self._person(self._rng("teacher", index)), self.teacher_motion(index))
 
     def level_camera_joints_m(self, person: Person, motion: Motion) -> np.ndarray:
-        """Joints of a person who performs a motion in front of a level camera and faces it.
-
-        Args:
-            person: the body.
-            motion: the motion.
-
-        Returns:
-            (T, 15, 3) float32 metres in the camera frame.
-        """
+        """(T, 15, 3) float32 joints, metres, in the frame of a level camera that a person who performs a motion faces."""
         played = self.studio.play(person, motion, 0.0, np.zeros(2))
-        level = View(np.array([0, -CAMERA_DISTANCE_M, CAMERA_HEIGHT_M]), np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]))
-        return level.to_camera(self.studio.joints_world_m(person, played.local, played.hips_m)).astype(np.float32)
+        return LEVEL_VIEW.to_camera(self.studio.joints_world_m(person, played.local, played.hips_m)).astype(np.float32)
 
     def skill(self, index: int, learner: int) -> tuple[int, dict[str, float], Motion, list[Mistake]]:
         """Level, strengths, motion and mistakes of a learner, without the body and the camera."""
@@ -274,38 +247,32 @@ class KpopSim:
                 return LearnerTake(level, strengths, mistakes, take, yaw_rad)
         raise InputError(f"{dance_name(index)}, learner {LEARNERS[learner]}: the dance does not fit into the image")
 
-    def shots(self, index: int, learner: int, take: Take) -> Iterator[LearnerShot]:
-        """Renders, measures and segments a learner's recording. Only the person's box and a margin are measured."""
-        noise = FilmNoise(self._seed("noise", index, learner))
+    def record(self, index: int, learner: int, take: Take, on_frame=lambda: None) -> tuple[PackedDepth, np.ndarray]:
+        """Renders, measures and segments a learner's recording; calls `on_frame` after each frame.
+
+        Only the person's box and a margin are measured.
+
+        Returns:
+            The recording, and (T, 15, 3) float32 true joints, metres.
+        """
+        packed, joints, noise = PackedDepth(CAMERA), [], FilmNoise(self._seed("noise", index, learner))
         for clean in self.studio.render(take, range(len(take.played))):
             x0, y0, x1, y1 = silhouette_box(clean.person_m)
             x0, y0 = max(x0 - MARGIN_PX, 0), max(y0 - MARGIN_PX, 0)
             x1, y1 = min(x1 + MARGIN_PX, CAMERA.width), min(y1 + MARGIN_PX, CAMERA.height)
             depth_m, person = measure_frame(clean, (x0, y0, x1, y1), CAMERA, self.config.sensor, noise)
-            yield LearnerShot(connected(np.where(person, depth_m, np.float32(0))), x0, y0, clean.joints_camera_m)
-
-    def record(self, index: int, learner: int, take: Take, on_frame=lambda: None) -> tuple[PackedDepth, np.ndarray]:
-        """The depth recording of a learner and (T, 15, 3) true joints, metres; calls `on_frame` after each frame."""
-        packed, joints = PackedDepth(CAMERA), []
-        for shot in self.shots(index, learner, take):
-            packed.add(shot.depth_m, shot.x0, shot.y0)
-            joints.append(shot.joints_camera_m)
+            packed.add(connected(np.where(person, depth_m, np.float32(0))), x0, y0)
+            joints.append(clean.joints_camera_m)
             on_frame()
         return packed, np.array(joints)
 
 
 @njit(cache=True)
 def connected(depth_m):
-    """Removes isolated pixels: at depth edges the sensor measures some between the person and the wall (flying pixels).
+    """Sets isolated pixels of (h, w) depth to 0: at depth edges the sensor measures some between person and wall.
 
     A pixel is kept if the depths of at least two of its eight neighbours differ from its own by less than
     MAX_NEIGHBOUR_STEP_M. This replaces the extraction of people from whole scenes, which is based on connectivity, too.
-
-    Args:
-        depth_m: (h, w) metres, 0 where nothing was measured.
-
-    Returns:
-        (h, w) the depth with isolated pixels set to 0.
     """
     height, width = depth_m.shape
     kept = np.zeros_like(depth_m)
@@ -321,7 +288,3 @@ def connected(depth_m):
             if num_connected > 2:  # the count includes the pixel itself
                 kept[y, x] = depth_m[y, x]
     return kept
-
-
-def _composed(rng: np.random.Generator, seconds: float) -> Motion:
-    return dance(0, int(rng.integers(2**63)), seconds, FPS)

@@ -125,19 +125,11 @@ class Mistake:
 
 
 def draw_mistakes(rng: np.random.Generator, seconds: float, per_minute: float) -> list[Mistake]:
-    """Draws mistakes that do not overlap; none begins in the first second.
+    """Draws mistakes that do not overlap, in order of time, for a dance of this length; none begins in the first second.
 
     Their number is the expected one, rounded up or down at random, minus those that would overlap. It has no other random
     part, because a dance here is a short part of a song: a random number of mistakes within a few seconds would depend more
     on the excerpt than on the dancer.
-
-    Args:
-        rng: draws the mistakes.
-        seconds: length of the dance.
-        per_minute: expected rate, per minute.
-
-    Returns:
-        The mistakes in order of time.
     """
     drawn: list[Mistake] = []
     for _ in range(int(per_minute * seconds / 60 + rng.random())):
@@ -153,11 +145,6 @@ def learn(teacher: Motion, strengths: Strengths, rng: np.random.Generator) -> tu
 
     Apart from the noise every joint's rotation lies between the standing pose and the teacher's, so it exceeds the joint's
     limits by some degrees at most. The height of the learner above the floor equals the teacher's. The feet may slide.
-
-    Args:
-        teacher: the teacher's motion.
-        strengths: strengths of the learner's errors.
-        rng: draws the errors.
 
     Returns:
         The learner's motion and the mistakes in it.
@@ -202,11 +189,7 @@ def _drift(rng: np.random.Generator, seconds: np.ndarray) -> np.ndarray:
 def _wrong_pose(teacher: Motion, quats: np.ndarray, source_s: np.ndarray, mistake: Mistake) -> np.ndarray:
     """(T, 23, 4) pose that the mistake shows in each frame.
 
-    Args:
-        teacher: the teacher's motion.
-        quats: (T, 23, 4) the learner's motion without mistakes.
-        source_s: (T,) time in the teacher's motion that each frame shows without mistakes, seconds.
-        mistake: the mistake.
+    Without mistakes the learner's motion is (T, 23, 4) `quats`, from the times (T,) `source_s` of the teacher's, seconds.
     """
     match mistake.kind:
         case "forgotten":

@@ -8,14 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from kpopnet.camera import CAMERAS
-from kpopnet.dance.joint_files.points import CAMERA_DISTANCE_M, CAMERA_HEIGHT_M
 from synth.body.asset import load_body
 from synth.body.shape import BodyConfig, Person, draw_person, load_skin
 from synth.motion.choreography.composer import dance, tempo_bpm
 from synth.motion.skeleton import Motion
-from synth.scene.room import View
 from synth.simulated.configuration import is_faulty
-from synth.simulated.film import Studio
+from synth.simulated.film import LEVEL_VIEW, Studio
 
 DANCES = 100
 FPS = 30.0
@@ -101,6 +99,5 @@ class Teacher:
         """Dance number `index`."""
         motion, bpm = composed(index)
         played = self._studio.play(self._person, motion, 0.0, CURLS_RAD)
-        level = View(np.array([0, -CAMERA_DISTANCE_M, CAMERA_HEIGHT_M]), np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]))
-        joints_m = level.to_camera(self._studio.joints_world_m(self._person, played.local, played.hips_m))
+        joints_m = LEVEL_VIEW.to_camera(self._studio.joints_world_m(self._person, played.local, played.hips_m))
         return PlayedDance(dance_title(index), bpm, FPS, joints_m.astype(np.float32), played.local, played.hips_m)

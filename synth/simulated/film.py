@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from kpopnet.camera import Camera
+from kpopnet.dance.joint_files.points import CAMERA_DISTANCE_M, CAMERA_HEIGHT_M
 from kpopnet.rotations import multiply
 from synth.body.markers import MARKERS, tracked_markers
 from synth.body.shape import Person
@@ -46,6 +47,9 @@ _OCCLUSION_STRIDE = 15
 """Frames that are tested for occlusion."""
 
 ROOM, PERSON = 1, 2  # pixel labels
+
+LEVEL_VIEW = View(np.array([0, -CAMERA_DISTANCE_M, CAMERA_HEIGHT_M]), np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]))
+"""Of a level camera that a person at the world's origin faces."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +93,7 @@ class Take:
 
     Attributes:
         played: the motion on the body.
-        room: the room.
+        room: around it.
         view: the camera's pose.
         place_m: (3,) translation of the hips in the world, metres.
     """
@@ -147,12 +151,7 @@ class Film(Shot):
 
 
 class Studio:
-    """One compiled scene and one renderer, with a camera whose pose can be changed.
-
-    Attributes:
-        scene: the scene.
-        renderer: its renderer.
-    """
+    """One compiled scene and its renderer, with a camera whose pose can be changed."""
 
     def __init__(self, camera: Camera, renderer: str) -> None:
         self.scene = Scene(camera)
@@ -193,18 +192,9 @@ class Studio:
         return Played(person, motion, local, hips_m, skin_m, skin_m[ConvexHull(skin_m).vertices], np.array(penetration_m))
 
     def place(self, rng: np.random.Generator, played: Played, room: Room, view: View) -> Take | None:
-        """Searches a position in the room where the whole motion is visible and collides with nothing.
+        """Searches a position in the room where the whole motion is visible and collides with nothing; None if PLACES do not.
 
         At every position the motion is rotated, so that what was played towards the camera still faces it.
-
-        Args:
-            rng: draws positions.
-            played: the motion on a body.
-            room: the room.
-            view: the camera's pose.
-
-        Returns:
-            The take, or None if none of PLACES positions fits.
         """
         first, last = standing_room_m(room)
         lower, upper = first - played.hull_m.min(axis=0)[:2], last - played.hull_m.max(axis=0)[:2]
@@ -227,9 +217,7 @@ class Studio:
     def is_clear(self, take: Take, room_m: np.ndarray) -> bool:
         """Whether nothing of the room is in the way: walls, furniture, or what hides the person.
 
-        Args:
-            take: in the room and before the camera of the last `furnish`.
-            room_m: its result.
+        The take is in the room and before the camera of the last `furnish`, whose result is `room_m`.
         """
         (first, last), hull_m = standing_room_m(take.room), take.played.hull_m[:, :2] + take.place_m[:2]
         if (hull_m < first).any() or (hull_m > last).any():
@@ -271,16 +259,7 @@ class Studio:
         return False
 
     def joints_world_m(self, person: Person, local: np.ndarray, hips_m: np.ndarray) -> np.ndarray:
-        """True joints of a sequence of poses.
-
-        Args:
-            person: the body.
-            local: (T, B, 4) local rotations of the bones.
-            hips_m: (T, 3) positions of the hips in the world, metres.
-
-        Returns:
-            (T, 15, 3) metres in the world.
-        """
+        """(T, 15, 3) joints in the world, metres, from (T, B, 4) local rotations and (T, 3) positions of the hips, metres."""
         self._set_person(person)
         joints = []
         for quats, root_m in zip(local, hips_m, strict=True):
@@ -326,14 +305,7 @@ def measure_frame(
     sensor: SensorConfig,
     noise: FilmNoise,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Applies the sensor model to a part of a clean frame.
-
-    Args:
-        clean: the frame.
-        box: x0, y0, x1, y1 of the part, pixels, the ends exclusive.
-        camera: of the whole image.
-        sensor: the sensor.
-        noise: of the film.
+    """Applies the sensor model to a part of a clean frame: x0, y0, x1, y1 of the box, pixels, the ends exclusive.
 
     Returns:
         (y1 - y0, x1 - x0) float32 depth in metres, 0 where nothing was measured, and bool, pixels that show the person.
