@@ -163,16 +163,12 @@ def replace_dataset(path: Path, name: str, data, **options) -> None:
     [
         ("boxes", np.array([[0, 0, 81, 64]] * FRAMES), "is not within 80x64"),
         ("boxes", np.array([[5, 5, 5, 9]] * FRAMES), "is not within 80x64"),
-        ("boxes", np.array([[-3, 0, 4, 4]] * FRAMES), "is not within"),
         ("boxes", np.array([[0, 0, 2, 2]] * FRAMES), "depth_mm: expected the 24 pixels that its boxes hold, found 1056"),
         ("boxes", np.zeros((FRAMES, 3), np.int32), "boxes: shape (6, 3), expected (T = 6, 4)"),
-        ("boxes", np.zeros((FRAMES, 4)), "boxes: type float64, expected kind i or u"),
-        ("depth_mm", np.zeros(7, np.uint16), "its boxes hold, found 7"),
         ("depth_mm", np.zeros(10, np.float32), "depth_mm: type float32, expected kind u"),
         ("times_s", np.zeros(FRAMES), "increase from frame to frame"),
         ("times_s", np.full(FRAMES, np.nan), "must be finite"),
         ("times_s", np.arange(FRAMES - 1.0), "expected (T = 5, 15, 3)"),
-        ("times_s", np.zeros(0), "expected (T = 0, 15, 3)"),
     ],
 )
 def test_invalid_depth(folder, name, data, message):
@@ -188,10 +184,8 @@ def test_invalid_depth(folder, name, data, message):
     [
         (np.zeros((FRAMES, 14, 3), np.float32), "expected (T = 6, 15, 3)"),
         (np.zeros((FRAMES, 15, 3), np.int64), "joints_m: type int64, expected kind f"),
-        (np.full((FRAMES, 15, 3), np.inf, np.float32), "beyond 1000 m"),
         (np.full((FRAMES, 15, 3), 1800.0, np.float32), "beyond 1000 m"),
         (np.full((FRAMES, 15, 3), np.nan, np.float32), "all joints in joints_m are missing"),
-        (np.zeros((FRAMES, 15, 3), int), "joints_m: type int64, expected kind f"),
     ],
 )
 def test_invalid_joints(folder, data, message):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from motions import distance_m, points_m
 
 from kpopnet.errors import InputError
 from synth.dances.faults import (
@@ -9,7 +10,6 @@ from synth.dances.faults import (
     LAG_S,
     NOISE_DEG,
     PROFILE_RANGE,
-    continuous,
     draw_profile,
     habit,
     joint_noise,
@@ -20,7 +20,7 @@ from synth.dances.faults import (
 from synth.dances.simulate import SPACING, KpopSim, KpopSimConfig, KpopSimSet
 from synth.dances.skill import LEVELS
 from synth.motion.choreography.composer import dance
-from synth.motion.skeleton import Motion, forward_kinematics, height_above_floor
+from synth.motion.skeleton import Motion, height_above_floor
 
 FPS = 30.0
 
@@ -28,16 +28,6 @@ FPS = 30.0
 @pytest.fixture(scope="module")
 def teacher() -> Motion:
     return dance(0, 12345, 8.0, FPS)
-
-
-def points_m(motion: Motion) -> np.ndarray:
-    """(T, 28, 3) relative to the hips."""
-    points, _ = forward_kinematics(motion.quats, motion.root_m)
-    return points - points[:, :1]
-
-
-def distance_m(teacher: Motion, learner: Motion) -> float:
-    return float(np.linalg.norm(points_m(teacher) - points_m(learner), axis=-1).mean())
 
 
 @pytest.mark.parametrize("name", FAULTS)
@@ -86,13 +76,6 @@ def test_learners_stay_on_the_floor_and_do_not_jump(teacher):
     assert height.min() > -1e-3 and height.max() < 0.5
     assert np.linalg.norm(np.diff(points_m(learner), axis=0), axis=-1).max() * FPS < 15
     np.testing.assert_allclose(np.linalg.norm(learner.quats, axis=-1), 1, atol=1e-5)
-
-
-def test_signs_do_not_change_between_frames(teacher):
-    flipped = teacher.quats * np.where(np.random.default_rng(0).random((len(teacher), 23, 1)) < 0.5, -1, 1)
-    quats = continuous(flipped)
-    assert ((quats[1:] * quats[:-1]).sum(axis=-1) > 0).all()
-    np.testing.assert_allclose(np.abs((quats * teacher.quats).sum(axis=-1)), 1, atol=1e-5)
 
 
 def test_a_better_level_has_less_of_every_fault():

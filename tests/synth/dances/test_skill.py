@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from motions import distance_m, points_m
 
 from kpopnet.errors import InputError
 from synth.dances.skill import (
@@ -20,7 +21,7 @@ from synth.dances.skill import (
     learn,
 )
 from synth.motion.choreography.composer import dance
-from synth.motion.skeleton import Motion, forward_kinematics, height_above_floor, mirrored
+from synth.motion.skeleton import Motion, height_above_floor, mirrored
 
 FPS = 30.0
 NONE = Strengths(0, 0, 0, 0, 0, 0)
@@ -29,16 +30,6 @@ NONE = Strengths(0, 0, 0, 0, 0, 0)
 @pytest.fixture(scope="module")
 def teacher() -> Motion:
     return dance(0, 12345, 8.0, FPS)
-
-
-def points_m(motion: Motion) -> np.ndarray:
-    """(T, 28, 3) relative to the hips."""
-    points, _ = forward_kinematics(motion.quats, motion.root_m)
-    return points - points[:, :1]
-
-
-def distance_m(teacher: Motion, learner: Motion) -> float:
-    return float(np.linalg.norm(points_m(teacher) - points_m(learner), axis=-1).mean())
 
 
 def learnt(teacher: Motion, seed: int = 0, **strengths: float) -> Motion:

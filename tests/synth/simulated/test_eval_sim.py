@@ -15,6 +15,7 @@ from synth.motion import MotionConfig
 from synth.motion.choreography.programmes import Y_POSE_S
 from synth.simulated.eval_sim import CAMERA, FPS, KINDS, SEQUENCES, SUBJECTS, EvalSim, EvalSimConfig, EvalSimSet
 from synth.simulated.film import DISTANCE_RANGE_M, Take
+from synth.simulated.smmc10_sim import Smmc10Sim, Smmc10SimConfig, Smmc10SimSet
 
 SHORT = EvalSimSet(EvalSimConfig(seed=3, sequences=2), frames=(24, 30))
 
@@ -143,8 +144,9 @@ def test_no_preset_draws_a_person_similar_to_the_subjects():
         assert np.linalg.norm(people - coefficients, axis=1).min() > 1.1 * max_distance
 
 
-def test_presets_use_no_generator_of_the_benchmark(monkeypatch):
-    assert_own_seeds(EvalSim(SHORT), b"eval_sim", monkeypatch)
+@pytest.mark.parametrize("maker", [EvalSim(SHORT), Smmc10Sim(Smmc10SimSet(Smmc10SimConfig(seed=3), frames=(50, 56)))])
+def test_presets_use_no_generator_of_the_benchmark(maker, monkeypatch):
+    assert_own_seeds(maker, maker.config.benchmark.name.encode(), monkeypatch)
 
 
 def test_presets_use_no_recordings():
