@@ -15,7 +15,7 @@ import numpy as np
 from kpopnet.camera import CAMERAS, MM_PER_METRE, Camera
 from kpopnet.datasets.simulated import StoredSequence
 from kpopnet.errors import InputError
-from synth.motion.choreography.pairs import LEAVES_IMAGE, SCRIPTS, Role, duet
+from synth.motion.choreography.pairs import LEAVES_IMAGE, SCRIPTS, Role, draw_duet
 from synth.samples.observe import LIMB_ENDS
 from synth.scene.room import ViewConfig, draw_room, draw_view
 from synth.sensor.film_noise import FilmNoise
@@ -115,7 +115,7 @@ class TwoPeople(SequenceMaker):
         kind, people = self.config.kind(index), [self.person(2 * index + number) for number in (0, 1)]
         for attempt in range(SCENE_TRIES):
             rng = self._rng("sequence", index, attempt)
-            roles = duet(rng, kind, int(rng.integers(*self.config.frames, endpoint=True)), FPS)
+            roles = draw_duet(rng, kind, int(rng.integers(*self.config.frames, endpoint=True)), FPS)
             cast = []
             for studio, person, role in zip(self.studios, people, roles, strict=True):
                 yaw_rad, curls_rad = np.radians(HEADING_STD_DEG) * rng.normal(), rng.uniform(0.0, 1.5, 2)

@@ -137,7 +137,7 @@ LEAVES_IMAGE = ("leaving", "entering")
 """Kinds of duets whose second person is outside the image at the end or at the start."""
 
 
-def duet(generator: np.random.Generator, kind: str, frames: int, fps: float) -> tuple[Role, Role]:
+def draw_duet(generator: np.random.Generator, kind: str, frames: int, fps: float) -> tuple[Role, Role]:
     """The roles of two people in a kind of SCRIPTS, to the same music; half of the duets are mirrored."""
     bpm, mirrored = uniform(generator, *BPM), choose(generator, (False, True))
     roles = []

@@ -5,7 +5,7 @@ import pytest
 
 from kpopnet.errors import InputError
 from synth.motion import MotionConfig
-from synth.motion.choreography.pairs import SCRIPTS, duet, walk
+from synth.motion.choreography.pairs import SCRIPTS, draw_duet, walk
 from synth.motion.choreography.stage import perform
 from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS
@@ -29,7 +29,7 @@ def test_a_walk_goes_as_far_as_it_is_told(distance_m: float) -> None:
 
 @pytest.mark.parametrize("kind", SCRIPTS)
 def test_both_play_the_same_number_of_frames(kind: str) -> None:
-    roles = duet(np.random.default_rng(1), kind, 200, 30.0)
+    roles = draw_duet(np.random.default_rng(1), kind, 200, 30.0)
     assert [len(role.motion) for role in roles] == [200, 200]
 
 
