@@ -45,15 +45,6 @@ def test_an_even_order_covers_the_set_evenly():
     assert [key for step in range(3) for key in order(step)] == [(10 * i, 0) for i in range(10)]
 
 
-@pytest.mark.parametrize(("samples", "count"), [(4000, 1000), (4000, 4000), (2000, 512), (20_000, 2048), (1003, 1000)])
-def test_validation_samples_come_from_all_rooms_alike(samples, count):
-    """Samples of one room stand in a row; `best` is chosen on all rooms, not on the first ones."""
-    order = EvenOrder(samples, 32, count)
-    chosen = np.array([index for step in range(-(-count // 32)) for index, _ in order(step)])
-    sizes, found = (np.bincount(rows // 25, minlength=-(-samples // 25)) for rows in (np.arange(samples), chosen))
-    assert len(set(chosen.tolist())) == count and np.abs(found - sizes * count / samples).max() <= 1
-
-
 def test_a_batch_depends_only_on_seed_and_step():
     augment = AugmentConfig()
     assert same(batches(augment=augment)[7], pickle.loads(pickle.dumps(batches(augment=augment)))[7])
@@ -132,15 +123,6 @@ def test_occluders_are_ellipses_of_5_to_15_cm_on_the_person():
         areas_cm2.append(1e4 * hole_m2)
     assert np.pi * 5 * 5 * 0.6 < np.median(areas_cm2) < np.pi * 15 * 15
     np.testing.assert_allclose(np.mean(areas_cm2), np.pi * 10 * 10, rtol=0.25)  # half-axes are independent, 10 cm on average
-
-
-def test_the_share_of_occluded_observations_is_the_setting():
-    def changed(share):
-        augment = AugmentConfig(mirror=0, rotation_deg=0, scale=0, jitter_m=0, occluder=share)
-        plain, seen = batches(batch_size=40)[0], batches(augment=augment, batch_size=40)[0]
-        return np.mean([not np.array_equal(*pair) for pair in zip(plain.crop, seen.crop, strict=True)])
-
-    assert changed(0) == 0 and changed(1) == 1 and 0.25 < changed(0.5) < 0.75
 
 
 def test_an_occluder_that_hides_the_whole_person_makes_an_empty_silhouette():

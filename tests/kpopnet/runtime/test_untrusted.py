@@ -32,7 +32,7 @@ def stop(path: Path) -> None:
 
 
 def swell(path: Path) -> None:
-    np.zeros(10**12)
+    np.zeros(400_000_000)  # 3.2 GB of address space
 
 
 def garble(path: Path) -> None:

@@ -72,25 +72,14 @@ def test_the_description_says_how_it_was_trained_and_not_where(shipped):
 
 
 @pytest.mark.parametrize("name", ["model.safetensors", "meta.json"])
-@pytest.mark.parametrize("damage", ["truncated", "changed", "another network's", "missing"])
-def test_files_of_another_version_are_refused(tmp_path, shipped, name, damage):
+def test_files_of_another_version_are_refused(shipped, name):
     file = shipped / name
     content = bytearray(file.read_bytes())
-    if damage == "missing":
-        file.unlink()
-    elif damage == "another network's":
-        other = tmp_path / "other"
-        other.mkdir()
-        (other / "__init__.py").write_text("SHA256: dict[str, str] = {}\n")
-        tool.ship(save(tmp_path / "run2", build_network(MODEL, 2), step=6), other)
-        file.write_bytes((other / name).read_bytes())
-    else:
-        content[-2] ^= 1
-        file.write_bytes(content[: len(content) // 2] if damage == "truncated" else content)
-    with pytest.raises(InputError, match=rf"{name}: .*install kpopnet again$"):
-        NetworkEstimator()
-    with pytest.raises(InputError, match="install kpopnet again"):
-        read_description(None)
+    content[-2] ^= 1
+    for damage in (lambda: file.write_bytes(content), file.unlink):
+        damage()
+        with pytest.raises(InputError, match=rf"{name}: .*install kpopnet again$"):
+            NetworkEstimator()
 
 
 def test_a_package_without_weights_says_what_to_do(monkeypatch):
