@@ -124,8 +124,8 @@ class TwoPeople(SequenceMaker):
                 continue
             if kind != "hug" and self._nearest_m(cast, roles) < APART_M:
                 continue
-            if (duet := self._place(rng, cast, roles, kind in LEAVES_IMAGE)) is not None:
-                return duet
+            if (placed := self._place(rng, cast, roles, kind in LEAVES_IMAGE)) is not None:
+                return placed
         raise InputError(f"{self.sequence_name(index)}: none of {SCENE_TRIES} scenes stays inside a room and the image")
 
     def _nearest_m(self, cast: list[Played], roles: tuple[Role, Role]) -> float:
