@@ -144,17 +144,8 @@ def run_dances(
 ) -> DanceRun:
     """Scores all learners of the first `count` dances, or of all; estimates the poses that are not cached in `poses`.
 
-    A dance that cannot be read, estimated or scored is left out with all its learners. True joints are scored only if all
-    learners of the remaining dances have them.
-
-    Args:
-        dances: the set.
-        estimators: settings by name, the main estimator first.
-        scorers: by name; if empty, all of SCORERS.
-        poses: folder of the cached poses of all estimators.
-        count: number of dances, None for all.
-        seed: of the bootstrap.
-        processes: number of processes.
+    Estimators are settings by name, the main one first; without scorers all of SCORERS are taken. A dance that cannot be read,
+    estimated or scored is left out with all its learners. True joints are scored only if all learners of the others have them.
 
     Raises:
         InputError: no dance could be scored, a true pose is missing and there is no estimator, or an estimator would wait for

@@ -1,4 +1,4 @@
-"""Plots of the pose report: bars by joint and by sequence, the error curve, the confidence, and the sweep."""
+"""Plots of the pose report: bars by joint and by sequence, the error curve and the confidence."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -8,7 +8,6 @@ from kpopnet.evaluation.poses.confidence import judged, reliability, risk_curve_
 from kpopnet.evaluation.poses.metrics import CURVE_END_M, THRESHOLDS_M, fraction_within
 from kpopnet.evaluation.poses.published import published_on
 from kpopnet.evaluation.poses.run import PoseRun
-from kpopnet.evaluation.poses.sweep import Sweep
 from kpopnet.skeleton import JOINT_NAMES
 
 CURVE_POINTS = 200
@@ -77,24 +76,6 @@ def sequence_bars(run: PoseRun, names: list[str]) -> Figure:
     panel.grid(axis="y", alpha=0.3)
     panel.legend(fontsize=8)
     panel.set_title(f"{run.benchmark.name} ({run.benchmark.origin.value}): mean and standard deviation by sequence")
-    return figure
-
-
-def sweep_plot(run: PoseRun, metrics: dict[str, dict], sweep: Sweep) -> Figure:
-    """Table 1 as a plot: fraction within 10 cm and frames per second over the column setting, one line per row."""
-    figure = Figure(figsize=(11, 4), layout="constrained")
-    panels = figure.subplots(1, 2)
-    columns, rows = sweep.config.columns, sweep.config.rows
-    x = range(len(columns.values))
-    for panel, (key, title) in zip(panels, (("map_10cm", "within 10 cm (mAP)"), ("fps", "frames per second")), strict=True):
-        for value, names in zip(rows.values, sweep.names, strict=True):
-            panel.plot(x, [metrics[name][key] for name in names], marker="o", label=f"{rows.setting}={value}")
-        panel.set_xticks(x, [str(value) for value in columns.values])
-        panel.set(xlabel=columns.setting, ylabel=title)
-        panel.grid(alpha=0.3)
-    panels[1].set_ylim(bottom=0)
-    panels[1].legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize=8)
-    figure.suptitle(f"{sweep.estimator} on {run.benchmark.name} ({run.benchmark.origin.value}), sweep of two settings")
     return figure
 
 

@@ -8,7 +8,7 @@ from kpopnet.errors import InputError
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.poses import tables
 from kpopnet.evaluation.poses.confidence import BINS
-from kpopnet.evaluation.poses.figures import confidence_figure, error_curve, joint_bars, sequence_bars, sweep_plot
+from kpopnet.evaluation.poses.figures import confidence_figure, error_curve, joint_bars, sequence_bars
 from kpopnet.evaluation.poses.pictures import VIEWS, examples_sheet, render_video, view_in_3d, worst_sequences
 from kpopnet.evaluation.poses.published import published_on
 from kpopnet.evaluation.poses.run import PoseRun, run_benchmark
@@ -66,7 +66,7 @@ def evaluate_poses(config: EvaluateConfig, folder: Path) -> Report:
 def pose_report(run: PoseRun, folder: Path, seed: int, sweep: Sweep | None = None) -> Report:
     """The report of a run, whose figures and views it writes into the folder, created if it does not exist.
 
-    The additional estimators of a sweep appear only in its table and plot. `seed` is of the random example frames.
+    The additional estimators of a sweep appear only in its table. `seed` is of the random example frames.
     """
     folder.mkdir(parents=True, exist_ok=True)
     run, all_metrics = run.without(sweep.settings if sweep else ()), run.metrics
@@ -75,8 +75,6 @@ def pose_report(run: PoseRun, folder: Path, seed: int, sweep: Sweep | None = Non
     plots = {"per_joint": joint_bars(run), "error_curve": error_curve(run), "confidence": confidence_figure(run)}
     if len(listed) > 1:
         plots["per_sequence"] = sequence_bars(run, sorted(listed, key=list(run.metrics[run.main]["per_sequence"]).index))
-    if sweep:
-        plots["sweep"] = sweep_plot(run, all_metrics, sweep)
     save_plots(folder, plots)
     save_png(folder / "examples.png", examples_sheet(run, seed))
     fps, images = render_video(run, by_worst[0])
@@ -91,9 +89,7 @@ def pose_report(run: PoseRun, folder: Path, seed: int, sweep: Sweep | None = Non
     printed += [*tables.group_tables(run.metrics), *tables.definition_tables(run.metrics)]
     if sweep:
         printed.append(tables.sweep_table(all_metrics, sweep))
-        caption = "Fraction of joints within 10 cm and frames per second at every combination"
         blocks += [("heading", f"{sweep.estimator} at other settings (Table 1)"), ("table", printed[-1])]
-        blocks += [("figure", ("sweep.png", caption))]
     metrics = pose_metrics(run) | {"pictures": pictures, "sweep": _sweep_metrics(all_metrics, sweep) if sweep else None}
     return Report(f"kpopnet on {run.benchmark.name}", remarks(run), blocks, printed, CLOCK, metrics)
 

@@ -203,14 +203,6 @@ def test_paired_intervals_are_narrower_where_estimators_share_their_errors():
     assert points["value"] == pytest.approx(100 * (evaluate(far)["map_10cm"] - evaluate(near)["map_10cm"]))
 
 
-def test_paired_intervals_are_no_narrower_where_estimators_share_nothing():
-    rng = np.random.default_rng(9)
-    (near, _), (_, far) = (two_estimators(rng, shared=0.1, own=0.0) for _ in range(2))
-    low, high = difference(far, near)["mean_error_cm"]["interval"]
-    unpaired = np.hypot(*(np.diff(evaluate(one)["interval"]["mean_error_cm"])[0] for one in (near, far)))
-    assert high - low == pytest.approx(unpaired, rel=0.25)
-
-
 def test_differences_are_of_frames_scored_for_both_and_distances_of_joints_found_by_both():
     truth = np.zeros((4, 15, 3))
     near, far = (truth + np.array([off_m, 0, 0]) for off_m in (0.02, 0.03))

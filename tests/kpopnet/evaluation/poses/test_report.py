@@ -18,7 +18,7 @@ from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate
 from kpopnet.evaluation.config import AxisConfig, EvaluateConfig, SweepConfig
-from kpopnet.evaluation.poses.figures import joint_bars, sequence_bars, sweep_plot
+from kpopnet.evaluation.poses.figures import joint_bars, sequence_bars
 from kpopnet.evaluation.poses.pictures import example_frames, render_video, worst_sequences
 from kpopnet.evaluation.poses.published import published_on
 from kpopnet.evaluation.poses.report import pose_metrics, pose_report, remarks
@@ -195,7 +195,7 @@ def test_of_a_whole_scene_pictures_show_what_is_near_the_true_joints(monkeypatch
     np.testing.assert_array_equal(images[3], list(render_video(run, "two")[1])[3])
 
 
-def test_a_sweep_has_a_table_a_plot_and_metrics_and_is_in_no_other_table(tmp_path):
+def test_a_sweep_has_a_table_and_metrics_and_is_in_no_other_table(tmp_path):
     rows, columns = AxisConfig("hierarchy.epsilon_m", [0.05, 0.06]), AxisConfig("hierarchy.r_m", [0.1, 0.11, 0.12])
     sweep = sweep_of(SweepConfig(rows, columns), {"tracker": PaperTrackerEstimatorConfig()})
     factors = np.arange(1, 7).reshape(2, 3) / 3
@@ -207,13 +207,12 @@ def test_a_sweep_has_a_table_a_plot_and_metrics_and_is_in_no_other_table(tmp_pat
     assert [row[0] for row in cells] == ["0.05", "0.06"]
     # Factor 1/3: all sequences are within 10 cm. Factor 1: all but the one with 12 cm. Factor 2: one sequence only.
     assert (cells[0][1], cells[0][5], cells[1][5]) == ("1.000", "0.667", "0.333")
-    assert len(sweep_plot(run, run.metrics, sweep).axes[0].lines) == 2
     found, printed = written(run, tmp_path, sweep)
     assert list(found["estimators"]) == ["tracker"] and found["estimator"] == "tracker"
     assert np.shape(found["sweep"]["map_10cm"]) == np.shape(found["sweep"]["fps"]) == (2, 3)
     assert found["sweep"]["map_10cm"][0][1] == found["map_10cm"]
     assert found["sweep"]["columns"] == {"setting": "hierarchy.r_m", "values": [0.1, 0.11, 0.12]}
-    assert "sweep.png" in found["pictures"] and "Table 1" in (tmp_path / "report.md").read_text()
+    assert "Table 1" in (tmp_path / "report.md").read_text()
     assert "0.06  " in printed and "r_m=0.12" not in printed
 
 
