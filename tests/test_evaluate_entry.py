@@ -116,7 +116,7 @@ def test_every_command_in_the_help_is_one(settings):
     assert config.estimator or "kpop" in config.benchmark.name  # whose scores on true joints need none
     assert {type(one) for one in config.estimator.values()} <= kinds
     if "+estimator/schema@estimator.straight=paper_tracker" in settings:
-        found = {name: one.hierarchy.straightness for name, one in config.estimator.items()}
+        found = {name: one.straightness for name, one in config.estimator.items()}
         assert found == {"paper_tracker": 0.7, "straight": 0.9}
     if config.sweep:
         sweep = sweep_of(config.sweep, config.estimator)

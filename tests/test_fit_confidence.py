@@ -9,9 +9,9 @@ from programs import tool
 from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate
-from kpopnet.paper_tracker.init import checks
+from kpopnet.tracker.confidence import probability
 from kpopnet.tracker.estimator import TrackerEstimator
-from kpopnet.tracker.fit.confidence import probability
+from kpopnet.y_pose import checks
 
 CAMERA = CAMERAS["kinect_v1"]
 fit = tool("fit_confidence")

@@ -14,8 +14,8 @@ LAYERS = (
     ("kpopnet.viz", "kpopnet.weights"),
     ("kpopnet.data",),
     ("kpopnet.geometry", "kpopnet.sources"),
-    ("kpopnet.extraction", "kpopnet.dance", "kpopnet.networks", "kpopnet.paper_tracker"),
-    ("kpopnet.tracker",),
+    ("kpopnet.y_pose",),
+    ("kpopnet.extraction", "kpopnet.dance", "kpopnet.networks", "kpopnet.paper_tracker", "kpopnet.tracker"),
     ("kpopnet.training", "kpopnet.baselines", "kpopnet.pose"),
     ("kpopnet.datasets",),
     ("kpopnet.evaluation", "kpopnet.teacher"),
@@ -27,7 +27,7 @@ nouns, which are modules, import each other."""
 SYNTH_MAY_IMPORT = {*LAYERS[0], "kpopnet.runtime", "kpopnet.viz", "kpopnet.data", "kpopnet.datasets", "kpopnet.dance"}
 
 WITHOUT_TORCH = (
-    *("kpopnet.extraction", "kpopnet.dance.online", "kpopnet.tracker.estimator", "kpopnet.tracker.fit.refine"),
+    *("kpopnet.extraction", "kpopnet.dance.online", "kpopnet.tracker.estimator", "kpopnet.tracker.refine"),
     *("kpopnet.networks.estimator", "kpopnet.pose"),
 )
 

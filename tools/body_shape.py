@@ -7,7 +7,7 @@ r"""Fits the thickness of the tracker's body to simulated people with known join
 prints new values of RADII_M, TRUNK_OFFSETS_M and REFERENCE_SIZE_M in `kpopnet.geometry.body`: a robust least-squares fit of the
 parts' surface to the visible points. Bags and long hair on a back would pull a trunk point 20 cm behind
 it. Each person's own thickness offset per part is fitted at the same time and discarded, since the tracker measures it
-(`kpopnet.tracker.fit.thickness.fit_thickness`).
+(`kpopnet.tracker.body_estimate.fit_thickness`).
 """
 
 import argparse
@@ -37,7 +37,7 @@ from kpopnet.geometry.depth_grid import MIN_POINTS, build_depth_grid
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.runtime.hydra_app import user_errors
 from kpopnet.skeleton import NUM_JOINTS, Joint
-from kpopnet.tracker.fit.energy.points import ROBUST_SCALE_M
+from kpopnet.tracker.energy import ROBUST_SCALE_M
 
 MAX_PEOPLE, FRAMES_PER_PERSON = 300, 5
 """Number of people, evenly spaced in the set, and of images of each."""

@@ -24,7 +24,6 @@ from kpopnet.evaluation.dances.run import run_dances
 from kpopnet.evaluation.poses.run import SequenceEstimation
 from kpopnet.evaluation.registry import BENCHMARKS, ESTIMATORS, build_estimators
 from kpopnet.extraction import HumanExtractionConfig
-from kpopnet.paper_tracker.config import ALL_REPAIRS, HierarchyConfig
 
 SEQUENCES = 4
 DANCES = 5
@@ -86,8 +85,8 @@ def joints(name: str, folder: Path, checkpoint: Path) -> dict[str, str]:
         "tracker_from_label": tracker(start="label"),
         "tracker_with_network": tracker(network=str(checkpoint)),
         "paper_tracker": paper_tracker(),
-        "paper_tracker_repaired": paper_tracker(repairs=ALL_REPAIRS),
-        "paper_tracker_depth": paper_tracker(hierarchy=HierarchyConfig("depth")),
+        "paper_tracker_repaired": paper_tracker(repaired=True),
+        "paper_tracker_depth": paper_tracker(candidates="depth"),
         "network": ESTIMATORS["network"][0](checkpoint=str(checkpoint)),
         "fitted_network": ESTIMATORS["fitted_network"][0](checkpoint=str(checkpoint)),
     }

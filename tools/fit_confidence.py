@@ -4,7 +4,7 @@
     python -m synth benchmark=eval_sim benchmark.seed=102 benchmark.sequences=8 out=data/confidence/102
     python tools/fit_confidence.py data/confidence/101 data/confidence/102 --checkpoint outputs/train/RUN/best
 
-prints new values of the weights in `kpopnet.tracker.fit.confidence` and `kpopnet.paper_tracker.confidence`: logistic
+prints new values of the weights in `kpopnet.tracker.confidence` and `kpopnet.paper_tracker.tracker`: logistic
 regressions of whether a joint is within 10 cm of the truth. The sets of an evaluation must not be used: no other set has these
 seeds. Run from the root of a checkout with `PYTHONPATH=.`.
 """
@@ -22,16 +22,14 @@ from kpopnet.estimator import Estimator
 from kpopnet.evaluation.poses.confidence import WITHIN_M, Judged, calibration_error
 from kpopnet.extraction import extract_person
 from kpopnet.networks.estimator import NetworkEstimator
-from kpopnet.paper_tracker.confidence import WEIGHTS as PAPER_WEIGHTS
-from kpopnet.paper_tracker.config import ALL_REPAIRS, PaperTrackerConfig
-from kpopnet.paper_tracker.tracker import PaperTracker
+from kpopnet.paper_tracker.tracker import CONFIDENCE_WEIGHTS, PaperTracker, PaperTrackerConfig
 from kpopnet.runtime.hydra_app import user_errors
 from kpopnet.skeleton import NUM_JOINTS
-from kpopnet.tracker.fit.confidence import REFINED_WEIGHTS, TRACKED_WEIGHTS, probability
-from kpopnet.tracker.fit.refine import refine
+from kpopnet.tracker.confidence import REFINED_WEIGHTS, TRACKED_WEIGHTS, probability
+from kpopnet.tracker.refine import refine
 from kpopnet.tracker.tracker import Tracker
 
-SHIPPED = {"TRACKED_WEIGHTS": TRACKED_WEIGHTS, "PAPER_WEIGHTS": PAPER_WEIGHTS, "REFINED_WEIGHTS": REFINED_WEIGHTS}
+SHIPPED = {"TRACKED_WEIGHTS": TRACKED_WEIGHTS, "CONFIDENCE_WEIGHTS": CONFIDENCE_WEIGHTS, "REFINED_WEIGHTS": REFINED_WEIGHTS}
 
 NEWTON_STEPS = 25
 RIDGE = 1e-6
@@ -74,7 +72,7 @@ def labelled(depth_m: np.ndarray, camera: Camera, truth_m: np.ndarray, network: 
     """
     estimates = (
         tracked(depth_m, Tracker(camera)),
-        tracked(depth_m, PaperTracker(camera, PaperTrackerConfig(repairs=ALL_REPAIRS))),
+        tracked(depth_m, PaperTracker(camera, PaperTrackerConfig(repaired=True))),
         refine(network.estimate(depth_m, camera), depth_m, camera),
     )
     found = {}

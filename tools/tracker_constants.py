@@ -4,9 +4,9 @@
     PYTHONPATH=.:tests/helpers python tools/tracker_constants.py standing
     PYTHONPATH=.:tests/helpers python tools/tracker_constants.py tips
 
-`y_pose`: HAND_RADIUS_M, FOOT_RADIUS_M and the fractions of `kpopnet.paper_tracker.init.y_pose`, and _REGULARISATION of
-`kpopnet.geometry.human_model` with the former as they are. `standing`: constants of `kpopnet.tracker.start.upright`. `tips`:
-FINGERS_M of `kpopnet.geometry.cones`, where RADII_M are as they are, and END_TO_TIP_M of `kpopnet.tracker.fit.tips`. The
+`y_pose`: HAND_RADIUS_M, FOOT_RADIUS_M and the fractions of `kpopnet.y_pose.initial_pose`, and _REGULARISATION of
+`kpopnet.geometry.human_model` with the former as they are. `standing`: constants of `kpopnet.tracker.start`. `tips`:
+FINGERS_M of `kpopnet.geometry.cones`, where RADII_M are as they are, and END_TO_TIP_M of `kpopnet.tracker.tips`. The
 radii and trunk points are printed by `tools/body_shape.py`, the weights of the confidence by
 `tools/fit_confidence.py`.
 """
@@ -19,14 +19,13 @@ import numpy as np
 from scipy.optimize import nnls
 from y_people import family, simulated, y_angles
 
-import kpopnet.paper_tracker.init.y_pose as y_pose
+import kpopnet.y_pose.initial_pose as y_pose
 from kpopnet.camera import Camera
 from kpopnet.geometry.body import LIMBS, RADII_M, RIGHT_FINGERS, body_from_model
-from kpopnet.geometry.depth_grid import build_depth_grid
-from kpopnet.geometry.geodesic import UNREACHABLE_M, geodesic_distances
+from kpopnet.geometry.depth_grid import UNREACHABLE_M, build_depth_grid, geodesic_distances
 from kpopnet.geometry.human_model import _REGULARISATION, HumanModel
 from kpopnet.skeleton import Joint
-from kpopnet.tracker.fit.tips import END_RADIUS_M, limb_tips, move_inside, torso_points
+from kpopnet.tracker.tips import END_RADIUS_M, limb_tips, move_inside, torso_points
 from synth.motion.limbs import hanging_arm, neutral_trunk, stance
 from synth.motion.poses.families import FAMILIES, Angles
 
@@ -43,7 +42,7 @@ Seen = tuple[np.ndarray, Camera, np.ndarray]
 
 
 def hanging(generator: np.random.Generator) -> Angles:
-    """An upright person with hanging arms, as `kpopnet.tracker.start.upright` assumes."""
+    """An upright person with hanging arms, as `kpopnet.tracker.start` assumes."""
     return stance(generator) | neutral_trunk(generator) | hanging_arm(generator, "left") | hanging_arm(generator, "right")
 
 

@@ -13,7 +13,7 @@ class AxisConfig:
     """One axis of the sweep.
 
     Attributes:
-        setting: path of the varied setting below the estimator's name, for instance hierarchy.r_m.
+        setting: path of the varied setting below the estimator's name, for instance r_m.
         values: values of the setting, each once.
     """
 

@@ -29,7 +29,7 @@ from kpopnet.paper_tracker.estimator import PaperTrackerEstimator, PaperTrackerE
 from kpopnet.pose.person import PersonEstimator
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
-from kpopnet.tracker.fit.refine import FittedEstimator
+from kpopnet.tracker.refine import FittedEstimator
 
 
 @dataclass

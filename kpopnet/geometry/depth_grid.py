@@ -1,6 +1,8 @@
-"""A depth image sampled on a coarse grid: the few hundred points that a body is fitted to, and the nearest silhouette cell.
+"""A depth image sampled on a coarse grid: the few hundred points that a body is fitted to, and what lies near them.
 
-Points are in the camera frame in metres.
+Points are in the camera frame in metres. Depth of noisy sensors is smoothed first: a time-of-flight camera's pixel errs by 3 to
+6 cm at 2.5 to 4 m, more than a limb is thick, and a fit to one pixel in a cell cannot average over that. Structured light's
+pixels are good to a centimetre and stay as they are.
 """
 
 import math
@@ -10,8 +12,6 @@ import numpy as np
 from numba import njit
 
 from kpopnet.camera import Camera
-from kpopnet.geometry.denoising import denoised
-from kpopnet.geometry.geodesic import neighbour_graph
 
 CELL_M = 0.025
 """Side of a grid cell at the person's depth in metres, rounded to whole pixels. Each cell contributes one point."""
@@ -26,6 +26,29 @@ SAMPLING_PX = 4
 MIN_POINTS = 20
 """Smallest number of measured cells from which a pose is estimated."""
 
+MAX_NOISE_M = 0.025
+"""Depth with a greater standard deviation of its noise is smoothed: a simulated Kinect's is smaller up to
+5 m, a SwissRanger's greater from 2.2 m on."""
+
+MEDIAN_DIFFERENCE = 0.6745 * np.sqrt(1.25)
+"""Median absolute difference between a pixel and the mean of its four neighbours, for Gaussian noise of unit variance."""
+
+ROW_STRIDE = 4
+"""The noise is measured in every fourth row."""
+
+WINDOW = 5
+"""Side of the median filter's window, pixels: 3 finds hands better, 5 feet, 7 neither (docs/ledger.md)."""
+
+DEPTH_JUMP_M = 0.08
+"""Neighbouring cells whose depths differ by more than this, in metres, belong to parts that only appear connected."""
+
+JUMP_FACTOR = 3.0
+"""Factor on the length of an edge across such a depth jump. The edge is costly but usable, so that a limb with depth jumps
+all around it stays reachable."""
+
+UNREACHABLE_M = 1e9
+"""Distance of points without a path to a source, in metres."""
+
 
 class DepthGrid(NamedTuple):
     """A depth image sampled once per cell of about `CELL_M` x `CELL_M` at the person's depth.
@@ -33,7 +56,7 @@ class DepthGrid(NamedTuple):
     Attributes:
         points_m: (N, 3) float64, the point at the middle pixel of each measured cell, in the camera frame in metres.
         index: (h, w) int32 number of each cell's point in points_m, or -1.
-        neighbours: (N, 8) int32 neighbours of each point, see `kpopnet.geometry.geodesic.neighbour_graph`.
+        neighbours: (N, 8) int32 neighbours of each point, see `kpopnet.geometry.depth_grid.neighbour_graph`.
         edge_lengths_m: (N, 8) float64 lengths of the edges to the neighbours in metres.
         nearest: (h, w, 2) int32 row and column of the nearest measured cell; negative if no cell is measured.
         depth_m: (H, W) float32 the depth image in metres, `denoised`.
@@ -148,3 +171,134 @@ def _take_nearer(nearest, y, x, step):
             if distance < best:
                 best = distance
                 nearest[y, x, 0], nearest[y, x, 1] = row, column
+
+
+def denoised(depth_m: np.ndarray) -> np.ndarray:
+    """The depth of a person, each pixel replaced by the median of the measured ones around it where the sensor is noisy.
+
+    Args:
+        depth_m: (H, W) float32 metres, 0 where nothing was measured; not changed.
+
+    Returns:
+        (H, W) float32 metres, measured at the same pixels; `depth_m` itself where the noise is at most `MAX_NOISE_M`.
+    """
+    return _medians(depth_m) if _is_noisy(depth_m) else depth_m
+
+
+@njit(cache=True)
+def _is_noisy(depth):
+    """Whether most pixels differ from the mean of their four neighbours as they would with noise above `MAX_NOISE_M`."""
+    height, width = depth.shape
+    limit = np.float32(MAX_NOISE_M * MEDIAN_DIFFERENCE)
+    inner = noisy = 0
+    for y in range(1, height - 1, ROW_STRIDE):
+        above, row, below = depth[y - 1], depth[y], depth[y + 1]
+        for x in range(1, width - 1):
+            if row[x] > 0 and row[x - 1] > 0 and row[x + 1] > 0 and above[x] > 0 and below[x] > 0:
+                inner += 1
+                mean = (row[x - 1] + row[x + 1] + above[x] + below[x]) / np.float32(4)
+                noisy += abs(row[x] - mean) > limit
+    return 2 * noisy > inner
+
+
+@njit(cache=True)
+def _medians(depth):
+    """(H, W) the median of the measured pixels in the window around each measured pixel, 0 elsewhere."""
+    height, width = depth.shape
+    reach = WINDOW // 2
+    smooth, around = np.zeros_like(depth), np.empty(WINDOW * WINDOW, depth.dtype)
+    for y in range(height):
+        for x in range(width):
+            if depth[y, x] == 0:
+                continue
+            count = 0
+            for v in range(max(y - reach, 0), min(y + reach + 1, height)):
+                for u in range(max(x - reach, 0), min(x + reach + 1, width)):
+                    if depth[v, u] > 0:
+                        # Insertion into the sorted ones before
+                        at = count
+                        while at > 0 and around[at - 1] > depth[v, u]:
+                            around[at] = around[at - 1]
+                            at -= 1
+                        around[at] = depth[v, u]
+                        count += 1
+            smooth[y, x] = (around[(count - 1) // 2] + around[count // 2]) / np.float32(2)
+    return smooth
+
+
+@njit(cache=True)
+def neighbour_graph(points, index):
+    """Builds the 8-connected graph of the measured cells, for any number of calls of `geodesic_distances`.
+
+    Args:
+        points: (N, 3) points of the cells in metres, numbered row by row.
+        index: (h, w) point number of each cell, -1 for cells without a measurement.
+
+    Returns:
+        (N, 8) int32 point numbers of the neighbours, padded with -1, and (N, 8) lengths of the edges to them in metres.
+    """
+    neighbours, edge_lengths = np.full((len(points), 8), -1, np.int32), np.empty((len(points), 8))
+    for y in range(index.shape[0]):
+        for x in range(index.shape[1]):
+            point, count = index[y, x], 0
+            if point < 0:
+                continue
+            for v in range(max(y - 1, 0), min(y + 2, index.shape[0])):
+                for u in range(max(x - 1, 0), min(x + 2, index.shape[1])):
+                    neighbour = index[v, u]
+                    if neighbour < 0 or neighbour == point:
+                        continue
+                    dx = points[point, 0] - points[neighbour, 0]
+                    dy = points[point, 1] - points[neighbour, 1]
+                    dz = points[point, 2] - points[neighbour, 2]
+                    distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+                    neighbours[point, count] = neighbour
+                    edge_lengths[point, count] = distance * JUMP_FACTOR if abs(dz) > DEPTH_JUMP_M else distance
+                    count += 1
+    return neighbours, edge_lengths
+
+
+@njit(cache=True)
+def geodesic_distances(neighbours, edge_lengths, source, max_distance_m):
+    """Computes the geodesic distance of every point to its nearest source, up to `max_distance_m`.
+
+    Bellman-Ford algorithm with a queue: a point whose distance decreased is queued to update its neighbours. All sources
+    start in the queue. Then hardly any point is queued twice, and with a small limit most points are never visited.
+
+    Args:
+        neighbours: (N, 8) from `neighbour_graph`.
+        edge_lengths: (N, 8) metres, from `neighbour_graph`.
+        source: (N,) bool.
+        max_distance_m: paths longer than this are not searched.
+
+    Returns:
+        (N,) distances in metres, `UNREACHABLE_M` where there is no path, and (N,) int32 the next point on the path to the
+        source, -1 at sources and where there is no path.
+    """
+    size = len(source)
+    distance, predecessor = np.full(size, UNREACHABLE_M), np.full(size, -1, np.int32)
+    queue, queued = np.empty(size, np.int32), source.copy()
+    head = queue_length = 0
+    for i in range(size):
+        if source[i]:
+            distance[i] = 0.0
+            queue[queue_length] = i
+            queue_length += 1
+    while queue_length:
+        point = queue[head]
+        head = head + 1 if head + 1 < size else 0
+        queue_length -= 1
+        queued[point] = False
+        for k in range(8):
+            neighbour = neighbours[point, k]
+            if neighbour < 0:
+                break
+            candidate = distance[point] + edge_lengths[point, k]
+            if candidate < distance[neighbour] - 1e-9 and candidate <= max_distance_m:
+                distance[neighbour], predecessor[neighbour] = candidate, point
+                if not queued[neighbour]:
+                    tail = head + queue_length
+                    queue[tail if tail < size else tail - size] = neighbour
+                    queued[neighbour] = True
+                    queue_length += 1
+    return distance, predecessor

@@ -9,8 +9,7 @@ from kpopnet.camera import Camera, sequence_in_metres
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate, Start, track_sequence
 from kpopnet.geometry.human_model import HumanModel
-from kpopnet.paper_tracker.config import PaperTrackerConfig
-from kpopnet.paper_tracker.tracker import PaperTracker
+from kpopnet.paper_tracker.tracker import PaperTracker, PaperTrackerConfig
 
 log = logging.getLogger(__name__)
 
@@ -34,6 +33,7 @@ class PaperTrackerEstimatorConfig(PaperTrackerConfig):
     model: str | None = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.start not in STARTS:
             raise InputError(f"paper_tracker: start={self.start}: expected one of {', '.join(STARTS)}")
 

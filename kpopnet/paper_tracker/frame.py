@@ -6,8 +6,7 @@ import numpy as np
 from numba import njit
 
 from kpopnet.camera import Camera
-from kpopnet.geometry.depth_grid import cell_points
-from kpopnet.geometry.geodesic import neighbour_graph
+from kpopnet.geometry.depth_grid import cell_points, neighbour_graph
 
 CELL_M = 0.02
 """Raw depth is sampled once per cell of about this side at the person's depth, in metres: every second pixel of a Kinect v1. In
@@ -26,7 +25,7 @@ class Frame(NamedTuple):
         ridge_cell: (R,) the number of each one's cell, -1 where its cell has no point.
         raw_m: (N, 3) the raw depth: the point in the middle of each measured cell.
         raw_cell: (N,) 0, 1, ..., N - 1: the numbers of these cells.
-        neighbours: (N, 8) neighbours of each cell, see `kpopnet.geometry.geodesic.neighbour_graph`.
+        neighbours: (N, 8) neighbours of each cell, see `kpopnet.geometry.depth_grid.neighbour_graph`.
         edges_m: (N, 8) lengths of the ways to them.
     """
 

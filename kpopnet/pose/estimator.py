@@ -3,6 +3,7 @@
 import logging
 from collections import Counter
 from collections.abc import Iterable
+from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,7 +14,7 @@ from kpopnet.errors import check_between
 from kpopnet.estimator import Estimator
 from kpopnet.extraction.extractor import HumanExtractor
 from kpopnet.networks.estimator import NetworkEstimator
-from kpopnet.pose.person import MODES, PersonPoser, check_mode
+from kpopnet.pose.person import MODES, DetectedPerson, TrackedPerson, check_mode
 from kpopnet.pose.smoothing import smoothed
 from kpopnet.skeleton import NUM_JOINTS
 
@@ -25,26 +26,12 @@ MAX_REMEMBERED = 64
 
 
 class PersonPose(NamedTuple):
-    """One person in one image.
+    """One person in one image, or in the T images of a recording.
 
     Attributes:
         identity: the same number for the same person in all images.
-        joints_camera_m: (15, 3) float32 joints, camera frame, metres; NaN where missing.
-        confidence: (15,) float32 estimated probability that the joint is within 10 cm of the truth, 0 where missing.
-    """
-
-    identity: int
-    joints_camera_m: np.ndarray
-    confidence: np.ndarray
-
-
-class PersonPoses(NamedTuple):
-    """One person in a recording.
-
-    Attributes:
-        identity: the same number for the same person in all images.
-        joints_camera_m: (T, 15, 3) float32 joints, camera frame, metres; NaN where missing.
-        confidence: (T, 15) float32 estimated probability that the joint is within 10 cm of the truth, 0 where missing.
+        joints_camera_m: (15, 3) or (T, 15, 3) float32 joints, camera frame, metres; NaN where missing.
+        confidence: (15,) or (T, 15) float32 estimated probability that the joint is within 10 cm of the truth, 0 where missing.
     """
 
     identity: int
@@ -55,12 +42,13 @@ class PersonPoses(NamedTuple):
 class PoseEstimator:
     """Estimates the joints of people in depth images of a camera that does not move."""
 
-    def __init__(self, network: Estimator, mode: str = "realtime", people: int = 1) -> None:
+    def __init__(self, network: Estimator | None, mode: str = "realtime", people: int = 1) -> None:
         """Makes an estimator around a network; `load` is the short way.
 
         Args:
-            network: estimates the joints of one person in single frames.
-            mode: realtime, or best: the network sees each frame in a mirror too, and `estimate` smooths over time.
+            network: estimates the joints of one person in single frames; None where the mode needs none.
+            mode: realtime; best: the network sees each frame in a mirror too, and `estimate` smooths over time; or tracker: the
+                body tracker, without a network.
             people: largest number of people to follow.
 
         Raises:
@@ -75,7 +63,7 @@ class PoseEstimator:
     def load(
         cls, checkpoint: Path | str | None = None, mode: str = "realtime", people: int = 1, device: str = "cpu"
     ) -> "PoseEstimator":
-        """Loads a network.
+        """Loads a network, where the mode needs one.
 
         Args:
             checkpoint: a checkpoint's folder or an exported network; None: the one that comes with the package.
@@ -87,12 +75,12 @@ class PoseEstimator:
             InputError: the network cannot be loaded, or a setting is wrong.
         """
         check_mode(mode)
-        return cls(NetworkEstimator(checkpoint, device=device), mode, people)
+        return cls(NetworkEstimator(checkpoint, device=device) if MODES[mode].network else None, mode, people)
 
     def reset(self) -> None:
         """Forgets the room and the people: the next image is the first of another recording."""
         self._extractor: HumanExtractor | None = None
-        self._posers: dict[int, PersonPoser] = {}
+        self._people: dict[int, DetectedPerson | TrackedPerson] = {}
 
     def update(self, depth: np.ndarray, camera: Camera) -> list[PersonPose]:
         """The people in the next image, online: each image once, in order.
@@ -113,7 +101,7 @@ class PoseEstimator:
 
     def estimate(
         self, depth: np.ndarray | Iterable[np.ndarray], camera: Camera, fps: float = 30.0, segmented: bool = False
-    ) -> list[PersonPoses]:
+    ) -> list[PersonPose]:
         """The people in a recording, or in one image.
 
         Args:
@@ -140,7 +128,7 @@ class PoseEstimator:
         self.reset()
         seen = Counter(pose.identity for people in frames for pose in people)
         if not seen:
-            log.warning("nobody was found in %d image(s): %s", images, WHY_NOBODY)
+            log.warning("no person was found in %d image(s): %s", images, WHY_NOBODY)
         chosen = sorted(seen, key=lambda identity: (-seen[identity], identity))[: self.people]
         return [self._over_time(identity, frames, fps) for identity in chosen]
 
@@ -148,23 +136,26 @@ class PoseEstimator:
         if self._extractor is None or camera != self._extractor.camera:
             self.reset()
             self._extractor = HumanExtractor(camera, expect_person=True)
-        humans = self._extractor.extract(depth_in_metres(depth, camera))
-        if len(self._posers) > MAX_REMEMBERED:
-            present = {human.identity for human in humans}
-            self._posers = {identity: poser for identity, poser in self._posers.items() if identity in present}
-        return [self._pose(human.identity, human.depth_m, human.cropped(camera)) for human in humans[:most]]
+        humans = {human.identity: human for human in self._extractor.extract(depth_in_metres(depth, camera))}
+        for identity, person in self._people.items():
+            if identity not in humans:
+                person.miss()
+        if len(self._people) > MAX_REMEMBERED:
+            self._people = {identity: person for identity, person in self._people.items() if identity in humans}
+        poses = [(identity, self._person(identity, camera).see(human)) for identity, human in islice(humans.items(), most)]
+        return [PersonPose(identity, *pose) for identity, pose in poses if pose is not None]
 
     def _segmented(self, image: np.ndarray, camera: Camera) -> list[PersonPose]:
-        depth_m = depth_in_metres(image, camera)
-        pose = self._pose(0, depth_m, camera)
+        pose = PersonPose(0, *self._person(0, camera).update(depth_in_metres(image, camera), camera))
         return [pose] if np.isfinite(pose.joints_camera_m).any() else []
 
-    def _pose(self, identity: int, depth_m: np.ndarray, camera: Camera) -> PersonPose:
-        if identity not in self._posers:
-            self._posers[identity] = PersonPoser(self.network, MODES[self.mode])
-        return PersonPose(identity, *self._posers[identity].update(depth_m, camera))
+    def _person(self, identity: int, camera: Camera) -> DetectedPerson | TrackedPerson:
+        if identity not in self._people:
+            mode = MODES[self.mode]
+            self._people[identity] = DetectedPerson(camera, self.network, mode) if mode.network else TrackedPerson(camera)
+        return self._people[identity]
 
-    def _over_time(self, identity: int, frames: list[list[PersonPose]], fps: float) -> PersonPoses:
+    def _over_time(self, identity: int, frames: list[list[PersonPose]], fps: float) -> PersonPose:
         joints_m = np.full((len(frames), NUM_JOINTS, 3), np.nan, np.float32)
         confidence = np.zeros((len(frames), NUM_JOINTS), np.float32)
         for frame, people in enumerate(frames):
@@ -173,7 +164,7 @@ class PoseEstimator:
                     joints_m[frame], confidence[frame] = pose.joints_camera_m, pose.confidence
         if MODES[self.mode].smoothed:
             joints_m = smoothed(joints_m, confidence, fps)
-        return PersonPoses(identity, joints_m, confidence)
+        return PersonPose(identity, joints_m, confidence)
 
 
 WHY_NOBODY = (

@@ -1,4 +1,4 @@
-"""The joints of one person, frame after frame: a network's, fitted to the depth, the mean of both, smoothed.
+"""The joints of one person, frame after frame: by the body tracker, or a network's, fitted to the depth, the mean of both.
 
 What each step is worth is measured in docs/results.md.
 """
@@ -10,25 +10,34 @@ import numpy as np
 from kpopnet.camera import Camera, sequence_in_metres
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate, Estimator
+from kpopnet.extraction import Human
 from kpopnet.pose.smoothing import smoothed
 from kpopnet.skeleton import MIRROR
-from kpopnet.tracker.fit.confidence import REFINED_WEIGHTS, probability
-from kpopnet.tracker.fit.refine import RunningFit
+from kpopnet.tracker.body_estimate import BodyEstimate
+from kpopnet.tracker.confidence import REFINED_WEIGHTS, probability
+from kpopnet.tracker.refine import refine_frame
+from kpopnet.tracker.tracker import Tracker
 
 
 class Mode(NamedTuple):
     """What is done with each frame.
 
     Attributes:
+        network: a network estimates the joints; else the body tracker.
         mirrored: the network also sees the frame in a mirror, and its two answers are averaged.
         smoothed: joints of a whole recording are smoothed over time, with a look at the frames that follow.
     """
 
+    network: bool
     mirrored: bool
     smoothed: bool
 
 
-MODES = {"realtime": Mode(mirrored=False, smoothed=False), "best": Mode(mirrored=True, smoothed=True)}
+MODES = {
+    "realtime": Mode(network=True, mirrored=False, smoothed=False),
+    "best": Mode(network=True, mirrored=True, smoothed=True),
+    "tracker": Mode(network=False, mirrored=False, smoothed=False),
+}
 
 
 def check_mode(name: str) -> None:
@@ -37,12 +46,19 @@ def check_mode(name: str) -> None:
         raise InputError(f"mode={name}: expected one of {', '.join(MODES)}")
 
 
-class PersonPoser:
-    """Estimates one person's joints in successive frames; a frame's joints depend on it and on those before it."""
+class DetectedPerson:
+    """One person's joints in successive frames by a network; a frame's joints depend on it and on those before it."""
 
-    def __init__(self, network: Estimator, mode: Mode) -> None:
-        self.network, self.mode = network, mode
-        self._fit = RunningFit()
+    def __init__(self, camera: Camera, network: Estimator, mode: Mode) -> None:
+        self.camera, self.network, self.mode = camera, network, mode
+        self._body = BodyEstimate()
+
+    def see(self, human: Human) -> tuple[np.ndarray, np.ndarray] | None:
+        """(15, 3) joints and (15,) confidence of the extracted person in the next image; None where they are not known."""
+        return self.update(human.depth_m, human.cropped(self.camera))
+
+    def miss(self) -> None:
+        """The next image does not show the person."""
 
     def update(self, depth_m: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
         """The joints of the next frame.
@@ -55,7 +71,7 @@ class PersonPoser:
             (15, 3) float32 joints in metres, NaN where missing, and (15,) float32 confidence.
         """
         detected_m, confidence = self._detect(depth_m, camera)
-        fitted_m, evidence = self._fit.refine(detected_m, confidence, depth_m, camera)
+        fitted_m, evidence = refine_frame(self._body, Estimate(detected_m, confidence), depth_m, camera)
         if np.isfinite(evidence).all():
             confidence = probability(evidence, REFINED_WEIGHTS).astype(np.float32)
         # The network's errors and the fit's are partly independent: the mean of both is better than either.
@@ -68,6 +84,33 @@ class PersonPoser:
         in_mirror = self.network.estimate(np.ascontiguousarray(depth_m[None, :, ::-1]), camera.mirrored())
         joints_m = in_mirror.joints_camera_m[0, MIRROR] * np.array([-1, 1, 1], np.float32)
         return (seen.joints_camera_m[0] + joints_m) / 2, (seen.confidence[0] + in_mirror.confidence[0, MIRROR]) / 2
+
+
+class TrackedPerson:
+    """One person's joints in successive frames by the body tracker; methods as those of `DetectedPerson`."""
+
+    def __init__(self, camera: Camera) -> None:
+        self.camera, self._tracker = camera, Tracker(camera)
+
+    def see(self, human: Human) -> tuple[np.ndarray, np.ndarray] | None:
+        if not self._tracker.started and is_entering(human, self.camera):
+            return None
+        joints_m, confidence = self.update(human.whole(self.camera), self.camera)
+        return (joints_m, confidence) if np.isfinite(joints_m).any() else None
+
+    def miss(self) -> None:
+        self._tracker.miss()
+
+    def update(self, depth_m: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+        joints_m, confidence = self._tracker.track(depth_m)
+        return joints_m.astype(np.float32), confidence.astype(np.float32)
+
+
+def is_entering(human: Human, camera: Camera) -> bool:
+    """Whether the left or right border cuts a person: a start from half a body is a wrong one, which takes long to heal."""
+    left, _, right, _ = human.box
+    at_left, at_right = left == 0 and human.depth_m[:, 0].any(), right == camera.width and human.depth_m[:, -1].any()
+    return bool(at_left or at_right)
 
 
 class PersonEstimator:
@@ -90,9 +133,9 @@ class PersonEstimator:
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
         """See `kpopnet.estimator.Estimator`."""
         depth_m = sequence_in_metres(depth_m, camera)
-        poser, found = PersonPoser(self.estimator, MODES[self.name]), Estimate.missing(len(depth_m))
+        person, found = DetectedPerson(camera, self.estimator, MODES[self.name]), Estimate.missing(len(depth_m))
         for frame, image_m in enumerate(depth_m):
-            found.joints_camera_m[frame], found.confidence[frame] = poser.update(image_m, camera)
+            found.joints_camera_m[frame], found.confidence[frame] = person.update(image_m, camera)
         if not MODES[self.name].smoothed:
             return found
         return found._replace(joints_camera_m=smoothed(found.joints_camera_m, found.confidence, self.fps))

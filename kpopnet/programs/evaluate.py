@@ -30,14 +30,14 @@ Its Table 2, dance scores against experts' order, on simulated dances (docs/danc
 
 Everybody in films of two people:
 
-    python evaluate.py benchmark=two_people 'estimator=[people_tracker,realtime]'
+    python evaluate.py benchmark=two_people 'estimator=[tracker,realtime]'
 
 One kind of estimator may stand in a run under several names: configs/estimator/paper_tracker_depth.yaml is one; for another,
 write such a file, or give a name on the command line to settings that start from the defaults of their kind (it comes after
 those of `estimator=[...]`):
 
     python evaluate.py benchmark=eval_sim 'estimator=[paper_tracker]' +estimator/schema@estimator.straight=paper_tracker \
-        estimator.straight.hierarchy.straightness=0.9
+        estimator.straight.straightness=0.9
 """
 
 from collections.abc import Callable

@@ -27,7 +27,7 @@ from tqdm import tqdm
 from kpopnet.dance.joint_files.writing import SUFFIXES, write_performance
 from kpopnet.dance.performance import MAX_DURATION_S, Performance
 from kpopnet.errors import InputError
-from kpopnet.pose import PersonPoses, PoseEstimator
+from kpopnet.pose import PersonPose, PoseEstimator
 from kpopnet.programs.arguments import add_depth, opener, program_parser
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.compilation import announce_compilation
@@ -66,7 +66,7 @@ def parsed() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def estimated(source: DepthSource, estimator: PoseEstimator, segmented: bool) -> tuple[list[PersonPoses], np.ndarray]:
+def estimated(source: DepthSource, estimator: PoseEstimator, segmented: bool) -> tuple[list[PersonPose], np.ndarray]:
     """The people of a recording, the main person first, and the (T,) times of its images in seconds.
 
     Raises:
@@ -87,7 +87,7 @@ def estimated(source: DepthSource, estimator: PoseEstimator, segmented: bool) ->
     return people, np.array(times_s)
 
 
-def draw(source: DepthSource, people: Sequence[PersonPoses], times_s: np.ndarray, out: Path, gif: bool) -> list[Path]:
+def draw(source: DepthSource, people: Sequence[PersonPose], times_s: np.ndarray, out: Path, gif: bool) -> list[Path]:
     """Writes overlays and page in a second pass over the recording, and returns their paths."""
     frames = len(times_s)
     tiled = set(np.linspace(0, frames - 1, min(SHEET_TILES, frames)).round().astype(int).tolist())
@@ -119,7 +119,7 @@ def draw(source: DepthSource, people: Sequence[PersonPoses], times_s: np.ndarray
     return written
 
 
-def write_joints(people: Sequence[PersonPoses], times_s: np.ndarray, out: Path, formats: Sequence[str]) -> list[Path]:
+def write_joints(people: Sequence[PersonPose], times_s: np.ndarray, out: Path, formats: Sequence[str]) -> list[Path]:
     """Writes the joints of each person in each format, and returns the paths."""
     written = []
     for number, person in enumerate(people, 1):
@@ -135,7 +135,7 @@ def write_joints(people: Sequence[PersonPoses], times_s: np.ndarray, out: Path, 
     return written
 
 
-def seen(people: Sequence[PersonPoses]) -> list[str]:
+def seen(people: Sequence[PersonPose]) -> list[str]:
     """A line about each person."""
     lines = []
     for number, person in enumerate(people, 1):

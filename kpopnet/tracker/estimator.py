@@ -9,7 +9,7 @@ from kpopnet.camera import Camera, sequence_in_metres
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate, Estimator, Start, track_sequence
 from kpopnet.geometry.human_model import HumanModel
-from kpopnet.tracker.start.finding import AWAITED, WAYS
+from kpopnet.tracker.start import AWAITED, WAYS
 from kpopnet.tracker.tracker import Tracker, TrackerConfig
 
 log = logging.getLogger(__name__)
@@ -39,7 +39,7 @@ class TrackerEstimatorConfig(TrackerConfig):
 class TrackerEstimator:
     """Implements kpopnet.estimator.StartedEstimator. Each sequence is tracked independently, from its own start.
 
-    The confidence is the estimated probability that the joint is within 10 cm of the truth (kpopnet.tracker.fit.confidence).
+    The confidence is the estimated probability that the joint is within 10 cm of the truth (kpopnet.tracker.confidence).
     """
 
     name = "tracker"

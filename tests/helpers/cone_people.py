@@ -1,6 +1,7 @@
 """People of round cones: the bodies that the tracker fits, rendered independently of it."""
 
 import numpy as np
+from numba import njit
 from y_people import y_joints
 
 from kpopnet.camera import Camera
@@ -30,17 +31,24 @@ def draw_cones(joints_camera_m: np.ndarray, body: Body, camera: Camera) -> np.nd
     """(H, W) float32 metres: closely spaced spheres along every part, 0 elsewhere."""
     depth = np.full((camera.height, camera.width), np.inf)
     rows = extend_joints(np.asarray(joints_camera_m, np.float64), body.trunk_offsets_m)
+    fractions = np.linspace(0, 1, SPHERES)[:, None]
     for (a, b), (radius_a, radius_b) in zip(PARTS, body.radii_m, strict=True):
-        for fraction in np.linspace(0, 1, SPHERES):
-            x, y, z = rows[a] + fraction * (rows[b] - rows[a])
-            radius = radius_a + fraction * (radius_b - radius_a)
-            u, v, _ = camera.project(np.array((x, y, z)))
-            reach = 1.1 * camera.fx * radius / z + 1
-            u0, u1 = (int(np.clip(u + side * reach, 0, camera.width)) for side in (-1, 1))
-            v0, v1 = (int(np.clip(v + side * reach, 0, camera.height)) for side in (-1, 1))
-            aside = (np.arange(u0, u1) - camera.cx) * z / camera.fx - x
-            below = (np.arange(v0, v1)[:, None] - camera.cy) * z / camera.fy - y
-            squared = radius**2 - aside**2 - below**2
-            box = depth[v0:v1, u0:u1]
-            np.minimum(box, z - np.sqrt(np.maximum(squared, 0)), out=box, where=squared > 0)
+        centres_m, radii_m = rows[a] + fractions * (rows[b] - rows[a]), radius_a + fractions[:, 0] * (radius_b - radius_a)
+        _draw_spheres(depth, centres_m, radii_m, np.array([camera.fx, camera.fy, camera.cx, camera.cy]))
     return np.where(np.isfinite(depth), depth, 0).astype(np.float32)
+
+
+@njit(cache=True)
+def _draw_spheres(depth, centres, radii, intrinsics):
+    """Draws spheres into an (H, W) depth image wherever they are nearer."""
+    fx, fy, cx, cy = intrinsics
+    height, width = depth.shape
+    for i in range(len(centres)):
+        (x, y, z), radius = centres[i], radii[i]
+        reach = 1.1 * fx * radius / z + 1
+        u, v = fx * x / z + cx, fy * y / z + cy
+        for row in range(max(int(v - reach), 0), min(max(int(v + reach), 0), height)):
+            for column in range(max(int(u - reach), 0), min(max(int(u + reach), 0), width)):
+                squared = radius**2 - ((column - cx) * z / fx - x) ** 2 - ((row - cy) * z / fy - y) ** 2
+                if squared > 0:
+                    depth[row, column] = min(depth[row, column], z - np.sqrt(squared))

@@ -3,7 +3,7 @@
     python -m tests.soak.body_tracker --frames 100000
 
 A person of round cones lowers and lifts the arms and turns, played forwards and backwards for ever, seen by a SwissRanger-sized
-camera; the lengths are estimated all the time. Every tenth of the frames a line shows the resident memory. Exit code 1 if it
+camera. Every tenth of the frames a line shows the resident memory. Exit code 1 if it
 grows by more than 5 MB from the first tenth to the last.
 """
 
@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from kpopnet.camera import CAMERAS
-from kpopnet.tracker.tracker import Tracker, TrackerConfig
+from kpopnet.tracker.tracker import Tracker
 from tests.soak.__main__ import resident_mb
 
 sys.path.append(str(Path(__file__).parents[1] / "helpers"))  # where the tests' own modules lie
@@ -33,8 +33,8 @@ def main() -> None:
     joints_m = [cone_joints(30 - 5 * pose, yaw_deg=2 * pose) for pose in range(POSES)]
     body = cone_body(joints_m[0])
     depth_m = [draw_cones(pose, body, CAMERA) for pose in joints_m]
-    tracker = Tracker(CAMERA, TrackerConfig(lengths=True))
-    tracker.start(joints_m[0], size_deviation=0.03)
+    tracker = Tracker(CAMERA)
+    tracker.start(joints_m[0])
     memory_mb, missing = [], 0
     for frame in range(frames):
         pose = abs((frame + POSES - 1) % (2 * POSES - 2) - (POSES - 1))

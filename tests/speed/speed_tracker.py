@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from kpopnet.extraction import HumanExtractor
-from kpopnet.tracker import fitting, tracker
+from kpopnet.tracker import tracker
 from kpopnet.tracker.tracker import Tracker
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
 from synth.simulated.film import Film
@@ -19,10 +19,10 @@ FRAMES = 240
 SEQUENCES = (0, 1, 2)  # one of each subject: a dance, crossed punches, kicks
 STAGES = {
     "grid": ((tracker, "build_depth_grid"),),
-    "fit": ((fitting, "fit"), (fitting, "pose_cost")),
-    "limbs": ((fitting, "refit_limbs"),),
+    "fit": ((tracker, "fit"), (tracker, "pose_cost")),
+    "limbs": ((tracker, "refit_limbs"),),
 }
-"""Functions and who calls them, by what they are a part of; the rest of a frame is small, but for the search now and then."""
+"""Functions and who calls them, by what they are a part of; the rest of a frame is small."""
 
 
 def measure() -> dict[str, tuple[float, str, str]]:

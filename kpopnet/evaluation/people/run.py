@@ -18,17 +18,16 @@ from kpopnet.evaluation.engine import Rows, Timed, stage
 from kpopnet.evaluation.intervals import Bootstrap
 from kpopnet.evaluation.people.matching import NOBODY, MatchedSequence, match
 from kpopnet.evaluation.registry import BestConfig, RealtimeConfig
-from kpopnet.pose.estimator import MAX_PEOPLE, PersonPoses, PoseEstimator
+from kpopnet.pose.estimator import MAX_PEOPLE, PersonPose, PoseEstimator
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
-from kpopnet.tracker.people import TrackedPerson, track_people
 
 ALL = "all"
 """The row of all kinds of scenes."""
 
 WITHIN_M = 0.10
 
-Follow = Callable[[np.ndarray, Camera, float], list[TrackedPerson] | list[PersonPoses]]
+Follow = Callable[[np.ndarray, Camera, float], list[PersonPose]]
 """(T, H, W) depth of a whole scene, its camera and the frames per second to everybody found."""
 
 
@@ -39,15 +38,13 @@ def follower(label: str, settings: Any) -> Follow:
         InputError: these settings are of an estimator of one person, or cannot be used for several.
     """
     if isinstance(settings, TrackerEstimatorConfig):
-        if settings.start == "label" or settings.model is not None or settings.network is not None:
-            raise InputError(f"estimator {label}: start=label, model and network are for one person; leave them out")
-        return lambda depth, camera, fps: track_people(depth, camera, settings)
+        if settings != TrackerEstimatorConfig():
+            raise InputError(f"estimator {label}: start, model and network are for one person; leave them out")
+        return PoseEstimator(None, "tracker", MAX_PEOPLE).estimate
     if isinstance(settings, RealtimeConfig | BestConfig):
         mode = "realtime" if isinstance(settings, RealtimeConfig) else "best"
         return PoseEstimator.load(settings.checkpoint, mode, MAX_PEOPLE, settings.device).estimate
-    raise InputError(
-        f"estimator {label}: estimates one person; for several take 'estimator=[people_tracker]', realtime or best"
-    )
+    raise InputError(f"estimator {label}: estimates one person; for several take 'estimator=[tracker]', realtime or best")
 
 
 @dataclass
@@ -80,7 +77,7 @@ def run_people(
         InputError: no estimator, one that finds one person only, or no sequence gave figures.
     """
     if not settings:
-        raise InputError("estimator: expected at least one, for instance 'estimator=[people_tracker]'")
+        raise InputError("estimator: expected at least one, for instance 'estimator=[tracker]'")
     for label, one in settings.items():
         follower(label, one)
     names = evenly_spaced(benchmark.names, sequences)

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kpopnet.camera import Camera
 from kpopnet.dance.parts import NOISE
 from kpopnet.errors import InputError
 from kpopnet.pose import PersonPose, PoseEstimator
@@ -14,7 +13,6 @@ from kpopnet.skeleton import Joint
 from kpopnet.sources.live import CameraAwayError, LiveCamera
 from kpopnet.teacher.library import TaughtDance
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
-from kpopnet.tracker.people import PeopleTracker
 
 LOST_S = 3.0
 """How long the learner may be out of view before another person is taken for the learner."""
@@ -86,26 +84,7 @@ class NewestImage:
             self._changed.notify()
 
 
-class TrackedPose:
-    """People in raw depth by extraction and the body tracker, which needs no network; the interface of `PoseEstimator`."""
-
-    name = "tracker"
-
-    def __init__(self) -> None:
-        self.reset()
-
-    def reset(self) -> None:
-        """Forgets the room and the people."""
-        self._people: PeopleTracker | None = None
-
-    def update(self, depth: np.ndarray, camera: Camera) -> list[PersonPose]:
-        """See `PoseEstimator.update`; `depth` in float32 metres."""
-        if self._people is None:
-            self._people = PeopleTracker(camera, people=PEOPLE)
-        return [PersonPose(*person) for person in self._people.update(depth)]
-
-
-def load_estimator(checkpoint: str | None) -> PoseEstimator | TrackedPose:
+def load_estimator(checkpoint: str | None) -> PoseEstimator:
     """The estimator of a checkpoint: "tracker" for the tracker, None for the network that comes with the package.
 
     Without such a network the tracker estimates.
@@ -114,16 +93,16 @@ def load_estimator(checkpoint: str | None) -> PoseEstimator | TrackedPose:
         InputError: the checkpoint cannot be loaded.
     """
     if checkpoint == "tracker":
-        return TrackedPose()
+        return PoseEstimator(None, "tracker", PEOPLE)
     try:
         return PoseEstimator.load(checkpoint, people=PEOPLE)
     except InputError:
         if checkpoint is not None:
             raise
-        return TrackedPose()
+        return PoseEstimator(None, "tracker", PEOPLE)
 
 
-def noise_of(estimator: PoseEstimator | TrackedPose) -> str:
+def noise_of(estimator: PoseEstimator) -> str:
     """The name in `NOISE` of an estimator's known errors, or none."""
     name = getattr(estimator, "name", getattr(estimator, "mode", ""))
     return name if name in NOISE else "none"

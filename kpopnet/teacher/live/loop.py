@@ -15,7 +15,7 @@ from numba.core import event
 from kpopnet.errors import InputError
 from kpopnet.pose import PoseEstimator
 from kpopnet.teacher.library import TaughtDance
-from kpopnet.teacher.live.joints import CameraOpener, Learner, NewestImage, TrackedPose, load_estimator, noise_of
+from kpopnet.teacher.live.joints import CameraOpener, Learner, NewestImage, load_estimator, noise_of
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from kpopnet.teacher.live.score import Calibration, DanceTry
 
@@ -78,7 +78,7 @@ class RunningLesson:
         lesson: Lesson,
         dance: TaughtDance,
         open_camera: CameraOpener,
-        estimator: PoseEstimator | TrackedPose,
+        estimator: PoseEstimator,
         tell: Callable[..., None],
     ) -> None:
         self._lesson, self._dance, self._estimator, self._tell = lesson, dance, estimator, tell

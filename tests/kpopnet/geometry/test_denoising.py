@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from kpopnet.camera import CAMERAS
-from kpopnet.geometry.denoising import WINDOW, _medians, denoised
-from kpopnet.geometry.depth_grid import build_depth_grid
-from kpopnet.tracker.fit.solver import fit
+from kpopnet.geometry.depth_grid import WINDOW, _medians, build_depth_grid, denoised
+from kpopnet.tracker.solver import fit
 
 CAMERA = CAMERAS["smmc10"]
 

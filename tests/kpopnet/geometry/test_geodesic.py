@@ -10,8 +10,14 @@ from hypothesis.extra.numpy import arrays
 from y_people import draw_y, y_joints
 
 from kpopnet.camera import CAMERAS
-from kpopnet.geometry.depth_grid import build_depth_grid
-from kpopnet.geometry.geodesic import DEPTH_JUMP_M, JUMP_FACTOR, UNREACHABLE_M, geodesic_distances, neighbour_graph
+from kpopnet.geometry.depth_grid import (
+    DEPTH_JUMP_M,
+    JUMP_FACTOR,
+    UNREACHABLE_M,
+    build_depth_grid,
+    geodesic_distances,
+    neighbour_graph,
+)
 
 CAMERA = CAMERAS["kinect_v1"]
 

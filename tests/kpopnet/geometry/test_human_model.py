@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from kpopnet.errors import InputError
 from kpopnet.geometry.human_model import LIMB_PARENTS, HumanModel, distance_to_line
-from kpopnet.paper_tracker.init.y_pose import find_initial_pose
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
+from kpopnet.y_pose.initial_pose import find_initial_pose
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
 
 

@@ -11,15 +11,14 @@ from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
 from kpopnet.estimator import Start
 from kpopnet.geometry.human_model import HumanModel
-from kpopnet.paper_tracker.config import ALL_REPAIRS, HierarchyConfig, PaperTrackerConfig, Repairs
 from kpopnet.paper_tracker.estimator import PaperTrackerEstimator, PaperTrackerEstimatorConfig
-from kpopnet.paper_tracker.tracker import PaperTracker
+from kpopnet.paper_tracker.tracker import PaperTracker, PaperTrackerConfig
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
 
 CAMERA = CAMERAS["kinect_v1"]
 EMPTY = np.zeros((CAMERA.height, CAMERA.width), np.float32)
-PRINTED, REPAIRED = PaperTrackerConfig(), PaperTrackerConfig(repairs=ALL_REPAIRS)
+PRINTED, REPAIRED = PaperTrackerConfig(), PaperTrackerConfig(repaired=True)
 BOTH = pytest.mark.parametrize("config", [PRINTED, REPAIRED], ids=["printed", "repaired"])
 
 
@@ -210,8 +209,4 @@ def test_a_start_with_missing_joints_is_refused(dancer) -> None:
 )
 def test_settings_in_other_units_are_refused(settings: dict, complaint: str) -> None:
     with pytest.raises(InputError, match=complaint):
-        HierarchyConfig(**settings)
-
-
-def test_every_repair_is_a_switch_that_is_off_as_printed() -> None:
-    assert not any(vars(Repairs()).values()) and all(vars(ALL_REPAIRS).values())
+        PaperTrackerConfig(**settings)

@@ -9,7 +9,7 @@ from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate
 from kpopnet.pose import PoseEstimator
-from kpopnet.pose.person import MODES, PersonEstimator, PersonPoser
+from kpopnet.pose.person import MODES, DetectedPerson, PersonEstimator
 from kpopnet.pose.smoothing import SIGMA_S, smoothed
 
 CAMERA = Camera.centred(100.0, 80, 60)
@@ -106,13 +106,13 @@ def test_online_equals_a_recording_in_realtime_mode():
 
 def test_nobody_is_an_empty_list_and_a_warning(caplog):
     assert PoseEstimator(Blob()).estimate(np.full((3, 60, 80), 3.0, np.float32), CAMERA) == []
-    assert "nobody was found in 3 image(s)" in caplog.text
+    assert "no person was found in 3 image(s)" in caplog.text
 
 
 def test_the_mirror_shows_the_mirrored_person():
     """A detector that answers a pose of the plain image and its mirror image in the mirror agrees with itself."""
     network = Blob()
-    PersonPoser(network, MODES["best"]).update(person(20), CAMERA)
+    DetectedPerson(CAMERA, network, MODES["best"]).update(person(20), CAMERA)
     (plain, _), (mirrored, camera) = network.asked
     np.testing.assert_array_equal(plain[0], mirrored[0, :, ::-1])
     points, reflected = CAMERA.points(plain[0]), camera.points(mirrored[0])[:, ::-1]
@@ -121,7 +121,7 @@ def test_the_mirror_shows_the_mirrored_person():
 
 def test_an_estimator_by_mode_is_an_estimator():
     depth = np.stack([person(20 + t) for t in range(5)])
-    realtime, best = (PersonEstimator(Blob(), mode).estimate(depth, CAMERA) for mode in MODES)
+    realtime, best = (PersonEstimator(Blob(), mode).estimate(depth, CAMERA) for mode in ("realtime", "best"))
     assert realtime.joints_camera_m.shape == best.joints_camera_m.shape == (5, 15, 3)
     with pytest.raises(InputError, match="mode=slow"):
         PersonEstimator(Blob(), "slow")
@@ -175,6 +175,6 @@ def test_people_out_of_view_are_forgotten_before_they_fill_the_memory(monkeypatc
     estimator = PoseEstimator(Blob())
     for frame in frames:
         people = estimator.update(frame, camera)
-    estimator._posers |= {1000 + number: PersonPoser(Blob(), MODES["realtime"]) for number in range(65)}
+    estimator._people |= {1000 + number: DetectedPerson(CAMERA, Blob(), MODES["realtime"]) for number in range(65)}
     (still_there,) = estimator.update(frames[-1], camera)
-    assert set(estimator._posers) == {still_there.identity} == {people[0].identity}
+    assert set(estimator._people) == {still_there.identity} == {people[0].identity}

@@ -14,7 +14,7 @@ from kpopnet.geometry.body import body_from_model
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.skeleton import NUM_JOINTS, Joint
 from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
-from kpopnet.tracker.start.upright import AVERAGE_MODEL, sitting_pose
+from kpopnet.tracker.start import AVERAGE_MODEL, sitting_pose
 
 CAMERA = CAMERAS["kinect_v1"]
 EMPTY = np.zeros((CAMERA.height, CAMERA.width), np.float32)

@@ -11,18 +11,12 @@ from y_people import draw_y, y_joints
 
 from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
-from kpopnet.geometry.body import body_from_model
 from kpopnet.geometry.depth_grid import build_depth_grid
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
-from kpopnet.tracker.fit.refine import DETECTION_PRIOR_WEIGHT
-from kpopnet.tracker.fit.rotations import rotate_about_shoulders
-from kpopnet.tracker.fit.solver import fit
-from kpopnet.tracker.fitting import Fitted, Fitting, FittingConfig
-from kpopnet.tracker.prediction import State
-from kpopnet.tracker.search import DoubtConfig, SearchConfig, flipped
-from kpopnet.tracker.start.finding import FoundStart
-from kpopnet.tracker.tracker import RestartConfig, Tracker, TrackerConfig
+from kpopnet.tracker.body_estimate import DETECTION_PRIOR_WEIGHT
+from kpopnet.tracker.solver import fit
+from kpopnet.tracker.tracker import FINAL_ITERATIONS, FLIP_STRIDE, LOST_FRAMES, Tracker, TrackerConfig
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
 
 CAMERA = CAMERAS["kinect_v1"]
@@ -126,54 +120,10 @@ def test_exchanged_sides_are_corrected_while_standing_still(simulated, lost) -> 
     tracker = Tracker(camera)
     tracker.start(joints[0])
     tracker.track(depth[0])
-    tracker.state.joints_m = lost(joints[0])
-    for _ in range(4 * SearchConfig().flip_every):
+    tracker.state = tracker.state._replace(joints_m=lost(joints[0]))
+    for _ in range(4 * FLIP_STRIDE):
         found, _ = tracker.track(depth[0])
     assert (error_m(found, joints[0]) < 0.1).mean() > 0.9
-
-
-def test_a_flip_needs_several_tests_and_an_upright_torso(simulated, monkeypatch) -> None:
-    depth, joints, camera = simulated
-    grid, config = build_depth_grid(depth[0], camera), SearchConfig()
-    body = body_from_model(HumanModel.from_joints(joints[0]))
-    # The mirrored pose always has half the cost.
-    for upright, tests in ((joints[0], 2), (joints[0] * (1, -1, 1), None)):
-        fitting, state = Fitting(grid, body, upright, upright, FittingConfig()), State(upright, 1.0)
-        monkeypatch.setattr("kpopnet.tracker.search.pose_cost", lambda pose, *_, own=upright: 2.0 if pose is own else 1.0)
-        changed = [flipped(Fitted(upright, 2.0), state, fitting, config) is not None for _ in range(4 * config.flip_every)]
-        assert np.flatnonzero(changed).tolist() == (
-            [] if tests is None else [n * tests * config.flip_every - 1 for n in (1, 2)]
-        )
-
-
-def test_a_pose_in_doubt_is_searched_now_and_then(dancer, monkeypatch) -> None:
-    depth, calls = dancer[1], []
-    monkeypatch.setattr("kpopnet.tracker.tracker.search", lambda fitted, *_: calls.append(len(frames)) or fitted)
-    for every, expected in ((3, [0, 3, 6]), (0, [])):
-        tracker = Tracker(CAMERA, TrackerConfig(doubt=DoubtConfig(search_ratio=0.0), search=SearchConfig(every=every)))
-        tracker.start(dancer[0][0])
-        calls.clear()
-        frames: list[int] = []
-        for _ in range(8):
-            tracker.track(depth[0])
-            frames.append(1)
-        assert calls == expected
-
-
-@pytest.mark.parametrize("found", ["same pose", "perturbation", "detector"])
-def test_flip_evidence_is_reset_with_a_new_pose(dancer, found) -> None:
-    joints, depth = dancer
-    tracker = Tracker(CAMERA)
-    tracker.start(joints[0])
-    tracker.track(depth[0])
-    if found != "same pose":
-        tracker.state.joints_m = rotate_about_shoulders(joints[0], np.radians(-60))
-    if found == "detector":
-        tracker.detector = FixedDetector(joints[0])
-    tracker.state.flip_evidence = SearchConfig().flip_threshold / 2
-    pose, _ = tracker.track(depth[0])
-    assert (error_m(pose, joints[0]) < 0.1).all()
-    assert tracker.state.flip_evidence == (SearchConfig().flip_threshold / 2 if found == "same pose" else 0)
 
 
 # --- starts -------------------------------------------------------------------------------------------------------
@@ -242,31 +192,6 @@ def test_a_restarted_tracker_follows_a_farther_person_at_once(dancer) -> None:
         np.testing.assert_allclose(again.track(image)[0], first.track(image)[0], atol=1e-9)
 
 
-@pytest.mark.parametrize("accept", [0.6, 0.0])
-def test_a_hopeless_pose_gives_way_to_a_better_start(dancer, monkeypatch, accept: float) -> None:
-    """A start is looked for after every so many bad frames in a row, and taken only if it costs so much less."""
-    joints, depth = dancer
-    right, tries = FoundStart(joints[0], HumanModel.from_joints(joints[0]), 0.02, "y_pose"), []
-    monkeypatch.setattr("kpopnet.tracker.tracker.find_start", lambda *_: tries.append(frame) or right)
-    restart = RestartConfig(hopeless_cost_m2=1e-3, hopeless_frames=3, accept=accept)
-    tracker = Tracker(CAMERA, TrackerConfig(restart=restart, search=SearchConfig(every=0, flip_every=0)))
-    far = joints[0] + np.array((0, 0, 1.0))  # too far for a step of the fit
-    tracker.start(far)
-    for frame in range(7):
-        pose, _ = tracker.track(depth[0])
-        bad = error_m(pose, joints[0]).mean() > 0.3
-        assert bad == (frame < 2 or not accept)
-    assert tries == ([2] if accept else [2, 5])
-
-
-@pytest.mark.parametrize(
-    ("settings", "name"), [(FittingConfig, "points"), (RestartConfig, "lost_frames"), (RestartConfig, "hopeless_frames")]
-)
-def test_numbers_that_would_divide_by_nothing_are_refused(settings: type, name: str) -> None:
-    with pytest.raises(InputError, match=name):
-        settings(**{name: 0})
-
-
 def test_incomplete_start_poses_are_refused() -> None:
     joints = cone_joints()
     joints[Joint.NECK] = np.nan
@@ -312,15 +237,15 @@ def test_a_detector_is_queried_at_high_cost_and_accepted_if_it_fits(dancer) -> N
     assert confident.queries == 0
 
 
-def test_a_detector_with_slightly_higher_cost_is_accepted(dancer) -> None:
+def test_a_detector_with_slightly_higher_cost_is_accepted(dancer, monkeypatch) -> None:
     joints, depth = dancer
     near = joints[0] + (0.02, 0, 0)
-    tracker = Tracker(CAMERA, TrackerConfig(doubt=DoubtConfig(detector_ratio=0.0)), detector=FixedDetector(near))
+    monkeypatch.setattr("kpopnet.tracker.tracker.BASELINE_COST_M2", 0.0)  # every pose costs more
+    tracker = Tracker(CAMERA, detector=FixedDetector(near))
     tracker.start(joints[0])
     found, _ = tracker.track(depth[0])
     grid = build_depth_grid(depth[0], CAMERA)
-    iterations = FittingConfig().final_iterations
-    detected = fit(near.astype(np.float32), grid, tracker.body, iterations, prior_weight=DETECTION_PRIOR_WEIGHT)
+    detected = fit(near.astype(np.float32), grid, tracker.body, FINAL_ITERATIONS, prior_weight=DETECTION_PRIOR_WEIGHT)
     np.testing.assert_array_equal(found, detected)
 
 
@@ -389,6 +314,22 @@ def test_a_person_who_leaves_and_returns_is_tracked_again(dancer) -> None:
         assert np.isnan(found[4:14]).all() and not confidence[4:14].any()
         assert np.isfinite(found[14:]).all()
         assert error_m(found[-1], back[-1]).mean() < 0.05
+
+
+def test_who_comes_after_a_second_without_a_person_is_found_anew() -> None:
+    """A sensor that fails, or a person who leaves: the next start is looked for as the first one was."""
+    first = cone_joints(-66, 4)
+    second = first + np.array((-1.2, 0, 0.4))
+    shown = [rendered(np.repeat(joints[None], 3, axis=0)) for joints in (first, second)]
+    empty = np.repeat(EMPTY[None], LOST_FRAMES, axis=0)
+    tracker = Tracker(CAMERA, TrackerConfig(start="standing"))
+    found = np.array([tracker.track(image)[0] for image in np.concatenate([shown[0], empty, shown[1]])])
+    assert np.isnan(found[3:-3]).all()
+    assert error_m(found[2], first).mean() < 0.05 and error_m(found[-1], second).mean() < 0.05
+    tracker = Tracker(CAMERA, TrackerConfig(start="label"))
+    tracker.start(first)
+    given = np.array([tracker.track(image)[0] for image in np.concatenate([shown[0], empty, shown[0]])])
+    assert np.isfinite(given[-3:]).all(), "a start that was given is not found again: it is kept"
 
 
 @pytest.mark.parametrize("half", ["left", "right", "top", "bottom"])

@@ -278,7 +278,7 @@ def test_the_dance_to_be_plotted_must_be_among_the_scored_ones(folder, fake, tmp
 
 
 def test_settings_of_joint_benchmarks_are_rejected(folder, tmp_path):
-    axis = AxisConfig("hierarchy.r_m", [0.1, 0.2])
+    axis = AxisConfig("r_m", [0.1, 0.2])
     for given, message in (
         ({"sequences": 4}, "sequences=4: .*benchmark.dances"),
         ({"sweep": SweepConfig(axis, axis)}, "sweep: "),

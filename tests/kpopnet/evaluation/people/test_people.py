@@ -102,19 +102,19 @@ def test_intervals_are_over_sequences(truth_m: np.ndarray) -> None:
 def test_estimators_of_one_person_are_refused() -> None:
     with pytest.raises(InputError, match="estimator mean: estimates one person"):
         follower("mean", MeanPoseConfig())
-    with pytest.raises(InputError, match="start=label"):
+    with pytest.raises(InputError, match="start, model"):
         follower("tracker", TrackerEstimatorConfig(start="label"))
 
 
 def test_the_report_of_a_film_has_tables_pictures_and_figures(tmp_path: Path) -> None:
     write_two_people(tmp_path / "set", frames=30)
     benchmark = SimulatedConfig("two_people", str(tmp_path / "set"))
-    config = EvaluateConfig(benchmark, {"people_tracker": TrackerEstimatorConfig(lengths=True)}, processes=1)
+    config = EvaluateConfig(benchmark, {"tracker": TrackerEstimatorConfig()}, processes=1)
     report = evaluate_people(config, tmp_path / "out")
     write(report, config, tmp_path / "out")
     metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
     assert metrics["switches"] == 0 and metrics["false"] == 0 and metrics["missed"] < 0.3 and metrics["mean_error_cm"] < 12
-    assert metrics["estimators"]["people_tracker"]["all"]["fps"] > 0 and metrics["benchmark"]["failed_sequences"] == {}
+    assert metrics["estimators"]["tracker"]["all"]["fps"] > 0 and metrics["benchmark"]["failed_sequences"] == {}
     assert "two_people: SIMULATED depth" in report.text() and "No intervals" in report.text()
     assert "CLEAR MOT" in (tmp_path / "out" / "report.md").read_text()
     assert (tmp_path / "out" / "people.png").exists() and (tmp_path / "out" / "report.html").exists()

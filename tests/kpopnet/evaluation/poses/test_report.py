@@ -196,7 +196,7 @@ def test_of_a_whole_scene_pictures_show_what_is_near_the_true_joints(monkeypatch
 
 
 def test_a_sweep_has_a_table_and_metrics_and_is_in_no_other_table(tmp_path):
-    rows, columns = AxisConfig("hierarchy.epsilon_m", [0.05, 0.06]), AxisConfig("hierarchy.r_m", [0.1, 0.11, 0.12])
+    rows, columns = AxisConfig("epsilon_m", [0.05, 0.06]), AxisConfig("r_m", [0.1, 0.11, 0.12])
     sweep = sweep_of(SweepConfig(rows, columns), {"tracker": PaperTrackerEstimatorConfig()})
     factors = np.arange(1, 7).reshape(2, 3) / 3
     estimators = {name: Off(factors[r, c]) for r, names in enumerate(sweep.names) for c, name in enumerate(names)}
@@ -211,7 +211,7 @@ def test_a_sweep_has_a_table_and_metrics_and_is_in_no_other_table(tmp_path):
     assert list(found["estimators"]) == ["tracker"] and found["estimator"] == "tracker"
     assert np.shape(found["sweep"]["map_10cm"]) == np.shape(found["sweep"]["fps"]) == (2, 3)
     assert found["sweep"]["map_10cm"][0][1] == found["map_10cm"]
-    assert found["sweep"]["columns"] == {"setting": "hierarchy.r_m", "values": [0.1, 0.11, 0.12]}
+    assert found["sweep"]["columns"] == {"setting": "r_m", "values": [0.1, 0.11, 0.12]}
     assert "Table 1" in (tmp_path / "report.md").read_text()
     assert "0.06  " in printed and "r_m=0.12" not in printed
 

@@ -5,7 +5,6 @@ import pytest
 from kpopnet.errors import InputError
 from kpopnet.evaluation.config import AxisConfig, SweepConfig
 from kpopnet.evaluation.poses.sweep import sweep_of
-from kpopnet.paper_tracker.config import ALL_REPAIRS
 from kpopnet.paper_tracker.estimator import PaperTrackerEstimatorConfig
 
 RADII, TOLERANCES = [0.08, 0.11], [0.04, 0.05, 0.06]
@@ -16,7 +15,7 @@ def sweep(rows: AxisConfig, columns: AxisConfig, **settings):
 
 
 def test_only_the_two_settings_of_the_first_estimator_are_varied():
-    found = sweep(AxisConfig("hierarchy.epsilon_m", TOLERANCES), AxisConfig("hierarchy.r_m", RADII), repairs=ALL_REPAIRS)
+    found = sweep(AxisConfig("epsilon_m", TOLERANCES), AxisConfig("r_m", RADII), repaired=True)
     assert found.estimator == "mine" and [len(row) for row in found.names] == [2, 2, 2]
     assert len(found.settings) == 5, "the combination that equals the configured estimator is evaluated once"
     assert found.names[1][1] == "mine"
@@ -25,12 +24,12 @@ def test_only_the_two_settings_of_the_first_estimator_are_varied():
             if name != "mine":
                 assert str(radius) in name and str(tolerance) in name
                 settings = found.settings[name]
-                assert isinstance(settings, PaperTrackerEstimatorConfig) and settings.repairs == ALL_REPAIRS
-                assert (settings.hierarchy.r_m, settings.hierarchy.epsilon_m) == (radius, tolerance)
+                assert isinstance(settings, PaperTrackerEstimatorConfig) and settings.repaired
+                assert (settings.r_m, settings.epsilon_m) == (radius, tolerance)
 
 
 def test_a_sweep_needs_an_estimator():
-    axes = AxisConfig("hierarchy.epsilon_m", TOLERANCES), AxisConfig("hierarchy.r_m", RADII)
+    axes = AxisConfig("epsilon_m", TOLERANCES), AxisConfig("r_m", RADII)
     with pytest.raises(InputError, match="expected an estimator"):
         sweep_of(SweepConfig(*axes), {})
 
@@ -38,14 +37,14 @@ def test_a_sweep_needs_an_estimator():
 @pytest.mark.parametrize(
     ("setting", "values", "message"),
     [
-        ("hierarchy.r_mm", [80], r"estimator\.mine\.hierarchy\.r_mm"),
+        ("r_mm", [80], r"estimator\.mine\.r_mm"),
         ("radius.small", [80], r"estimator\.mine\.radius\.small"),
-        ("hierarchy.r_m", ["wide"], r"estimator\.mine\.hierarchy\.r_m=wide.*wide"),
-        ("hierarchy.r_m", [-1.0], r"expected r_m in 0\.\.2 m"),
-        ("hierarchy.r_m", [], "expected at least one value"),
-        ("hierarchy.r_m", [0.1, 0.1], "each once"),
+        ("r_m", ["wide"], r"estimator\.mine\.r_m=wide.*wide"),
+        ("r_m", [-1.0], r"expected r_m in 0\.\.2 m"),
+        ("r_m", [], "expected at least one value"),
+        ("r_m", [0.1, 0.1], "each once"),
     ],
 )
 def test_a_setting_that_cannot_be_varied_is_named(setting, values, message):
     with pytest.raises(InputError, match=message):
-        sweep(AxisConfig("repairs.still", [True, False]), AxisConfig(setting, values))
+        sweep(AxisConfig("repaired", [True, False]), AxisConfig(setting, values))

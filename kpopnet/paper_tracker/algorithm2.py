@@ -1,0 +1,314 @@
+"""Hierarchical human pose estimation (section 2.4): Algorithm 2, from the head down to hands and feet.
+
+Assumptions, where the paper is silent:
+
+- Candidates are pixels of the body's surface, joints lie inside. Each candidate is moved along its viewing ray into the
+  body, by the depth of the joint under the surface (`structure.Structure`), before any distance is measured.
+- r_j and epsilon_j are millimetres in Table 1; its best values are 110 and 50.
+- "Insufficient" is fewer than `MIN_CANDIDATES` valid candidates. If the raw depth does not give that many either, the joint
+  moves with its parent (the torso's joints with the head), and its velocity in the next frame is zero. With only Eq. (3) a
+  lost joint would move away without bound.
+- The geodesic distance of Eq. (10) is the shortest path over the silhouette's cells. An edge across a depth jump counts
+  `kpopnet.geometry.depth_grid.JUMP_FACTOR` times its length.
+- Eqs. (6) and (8) need the distance from the head (the torso's centre) to the line through candidate and opposite shoulder
+  (hip). The first of the two shoulders, and of the two hips, is tested against the prediction of the other.
+- The neck, which the paper does not estimate, lies between the shoulders and the head.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from kpopnet.geometry.body import NECK_FRACTION
+from kpopnet.geometry.depth_grid import geodesic_distances
+from kpopnet.geometry.human_model import LIMB_PARENTS
+from kpopnet.paper_tracker.frame import Frame
+from kpopnet.paper_tracker.structure import (
+    HEAD,
+    LEFT_HIP,
+    LEFT_SHOULDER,
+    RIGHT_HIP,
+    RIGHT_SHOULDER,
+    TORSO,
+    TRUNK,
+    Structure,
+)
+from kpopnet.skeleton import NUM_JOINTS, Joint
+
+JOINT_ORDER = np.array([*TRUNK, *LIMB_PARENTS])
+PARENTS = np.array([LIMB_PARENTS.get(joint, -1) for joint in Joint])
+"""(15,) J_p of the limb joints, -1 for the others."""
+
+CARRIERS = np.where(PARENTS >= 0, PARENTS, HEAD)
+"""(15,) the joint that a lost joint moves with."""
+
+MIN_CANDIDATES = 3
+"""Minimum number of valid candidates of a joint."""
+
+
+class State(NamedTuple):
+    """What one frame leaves to the next.
+
+    Attributes:
+        joints: (15, 3) J^(t-1), metres.
+        velocity: (15, 3) Delta J^(t-1), metres a frame, 0 for joints without valid candidates.
+        lost: (15,) for how many frames each joint has had no valid candidates.
+    """
+
+    joints: np.ndarray
+    velocity: np.ndarray
+    lost: np.ndarray
+
+
+class Plan(NamedTuple):
+    """What Algorithm 2 goes by in one frame; `kpopnet.paper_tracker.repairs` changes it.
+
+    Attributes:
+        predicted: (15, 3) where the joints are expected, metres.
+        radius_m: (15,) r_j of Eqs. (4) and (12).
+        on_ridge: (15,) whether a joint's candidates are ridge data, and raw depth only where these are insufficient.
+        structure: lengths of the person.
+        epsilon_m: epsilon_j of Eqs. (5) to (9).
+        straightness: epsilon_L of Eq. (9).
+    """
+
+    predicted: np.ndarray
+    radius_m: np.ndarray
+    on_ridge: np.ndarray
+    structure: Structure
+    epsilon_m: float
+    straightness: float
+
+
+class Collected(NamedTuple):
+    """The candidates of one joint.
+
+    Attributes:
+        total: (3,) sum of the valid ones in metres.
+        count: their number.
+        near: (N,) whether each point lies within the search radius.
+        valid: (N,) whether it is valid too.
+    """
+
+    total: np.ndarray
+    count: int
+    near: np.ndarray
+    valid: np.ndarray
+
+
+@njit(cache=True)
+def collect(joint, points, geodesics_m, joints, plan):
+    """Steps 2 and 3: the points within the search radius, moved into the body, and those that keep the joint's rule.
+
+    Args:
+        joint: the joint.
+        points: (N, 3) ridge data or raw depth, on the surface, metres.
+        geodesics_m: (N,) way to each of them from the joint's parent, metres.
+        joints: (15, 3) estimated or predicted joints.
+        plan: `Plan`.
+    """
+    total, count, x = np.zeros(3), 0, np.empty(3)
+    centre, radius_m = plan.predicted[joint], plan.radius_m[joint]
+    near, valid = np.zeros(len(points), np.bool_), np.zeros(len(points), np.bool_)
+    depth_m = plan.structure.depth_m[joint]
+    reach = (radius_m + depth_m) ** 2
+    for i in range(len(points)):
+        surface_x, surface_y, surface_z = points[i, 0], points[i, 1], points[i, 2]
+        if (surface_x - centre[0]) ** 2 + (surface_y - centre[1]) ** 2 + (surface_z - centre[2]) ** 2 > reach:
+            continue  # outside the search radius even after moving into the body
+        factor = 1 + depth_m / math.sqrt(surface_x**2 + surface_y**2 + surface_z**2)
+        x[0], x[1], x[2] = surface_x * factor, surface_y * factor, surface_z * factor
+        # Eq. (4), and Eq. (12) for candidates of the raw depth
+        near[i] = distance(x, centre) <= radius_m
+        if near[i] and is_valid(x, geodesics_m[i], joint, joints, plan):
+            valid[i] = True
+            total += x
+            count += 1
+    return Collected(total, count, near, valid)
+
+
+@njit(cache=True)
+def ridge_geodesics(frame, geodesics_m):
+    """(R,) of the ridge data from (N,) of the cells; 0 where ridge data lie in no measured cell."""
+    found = np.zeros(len(frame.ridge_m))
+    for i in range(len(found)):
+        if frame.ridge_cell[i] >= 0:
+            found[i] = geodesics_m[frame.ridge_cell[i]]
+    return found
+
+
+@njit(cache=True)
+def _candidates(joint, frame, joints, plan):
+    """Steps 2 and 3 of one joint: from ridge data, from raw depth where they are insufficient."""
+    geodesics_m = np.zeros(len(frame.raw_m))
+    if PARENTS[joint] >= 0:
+        geodesics_m = geodesics_to(joint, frame, joints, plan)
+    if plan.on_ridge[joint]:
+        found = collect(joint, frame.ridge_m, ridge_geodesics(frame, geodesics_m), joints, plan)
+        if found.count >= MIN_CANDIDATES:
+            return found
+    return collect(joint, frame.raw_m, geodesics_m, joints, plan)
+
+
+@njit(cache=True)
+def track_frame(frame, state, plan):
+    """Algorithm 2 for one frame.
+
+    Args:
+        frame: `Frame`.
+        state: `State` after the last frame.
+        plan: `Plan` of this frame.
+
+    Returns:
+        `State` after this frame, and (15,) the number of valid candidates of each joint: 0 where it moved with its parent.
+    """
+    joints, support = plan.predicted.copy(), np.zeros(NUM_JOINTS, np.int64)
+    for joint in JOINT_ORDER:
+        found = _candidates(joint, frame, joints, plan)
+        if found.count >= MIN_CANDIDATES:
+            # Eq. (11)
+            joints[joint] = found.total / found.count
+            support[joint] = found.count
+        else:
+            joints[joint] = state.joints[joint]
+            if joint != HEAD:
+                joints[joint] += joints[CARRIERS[joint]] - state.joints[CARRIERS[joint]]
+    shoulder_centre = (joints[RIGHT_SHOULDER] + joints[LEFT_SHOULDER]) / 2
+    joints[1] = shoulder_centre + NECK_FRACTION * (joints[HEAD] - shoulder_centre)
+    support[1] = min(support[RIGHT_SHOULDER], support[LEFT_SHOULDER], support[HEAD])
+    velocity = (joints - state.joints) * (support > 0).reshape(-1, 1)
+    return State(joints, velocity, np.where(support > 0, 0, state.lost + 1)), support
+
+
+def ridge_candidates(frame: Frame, state: State, plan: Plan) -> tuple[np.ndarray, np.ndarray]:
+    """What `track_frame` chooses from, for drawing.
+
+    Returns:
+        (N, 3) ridge data within the search radius of any joint, and (M, 3) those valid for any joint, as points on the surface.
+    """
+    after, _ = track_frame(frame, state, plan)
+    near, valid = np.zeros(len(frame.ridge_m), bool), np.zeros(len(frame.ridge_m), bool)
+    for joint in JOINT_ORDER:
+        ways_m = np.zeros(len(frame.ridge_m))
+        if PARENTS[joint] >= 0:
+            ways_m = ridge_geodesics(frame, geodesics_to(joint, frame, after.joints, plan))
+        found = collect(joint, frame.ridge_m, ways_m, after.joints, plan)
+        near |= found.near
+        valid |= found.valid
+    return frame.ridge_m[near], frame.ridge_m[valid]
+
+
+# Invalid-data pruning (section 2.4.3): the rule by which a candidate of each joint is valid, Eqs. (5) to (10).
+
+
+@njit(cache=True)
+def distance(x, y):
+    """Euclidean distance D_E of two (3,) points."""
+    return math.sqrt((x[0] - y[0]) ** 2 + (x[1] - y[1]) ** 2 + (x[2] - y[2]) ** 2)
+
+
+@njit(cache=True)
+def perpendicular(x, opposite, point):
+    """Distance of a point to the line through a candidate x and the joint opposite to it."""
+    ax, ay, az = x[0] - opposite[0], x[1] - opposite[1], x[2] - opposite[2]
+    bx, by, bz = point[0] - opposite[0], point[1] - opposite[1], point[2] - opposite[2]
+    cx, cy, cz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    return math.sqrt((cx * cx + cy * cy + cz * cz) / (ax * ax + ay * ay + az * az + 1e-12))
+
+
+@njit(cache=True)
+def _as_far(x, joint, other, joints, plan):
+    """Whether candidate x of a joint is as far from another joint as the model says."""
+    return abs(distance(x, joints[other]) - plan.structure.distance_m[joint, other]) <= plan.epsilon_m
+
+
+@njit(cache=True)
+def valid_shoulder(x, shoulder, joints, plan):
+    opposite = RIGHT_SHOULDER + LEFT_SHOULDER - shoulder
+    if plan.structure.distance_m[shoulder, HEAD] > 0 and not _as_far(x, shoulder, HEAD, joints, plan):
+        return False  # a repair: as printed the structure has no such distance
+    # Eq. (6)
+    line_m = perpendicular(x, joints[opposite], joints[HEAD])
+    return (
+        _as_far(x, shoulder, opposite, joints, plan) and abs(line_m - plan.structure.head_to_shoulder_line_m) <= plan.epsilon_m
+    )
+
+
+@njit(cache=True)
+def valid_torso(x, joints, plan):
+    # Eq. (7)
+    return (
+        _as_far(x, TORSO, HEAD, joints, plan)
+        and _as_far(x, TORSO, RIGHT_SHOULDER, joints, plan)
+        and _as_far(x, TORSO, LEFT_SHOULDER, joints, plan)
+    )
+
+
+@njit(cache=True)
+def valid_hip(x, hip, joints, plan):
+    # Eq. (8)
+    line_m = perpendicular(x, joints[RIGHT_HIP + LEFT_HIP - hip], joints[TORSO])
+    return (
+        _as_far(x, hip, RIGHT_SHOULDER, joints, plan)
+        and _as_far(x, hip, LEFT_SHOULDER, joints, plan)
+        and abs(line_m - plan.structure.torso_to_hip_line_m) <= plan.epsilon_m
+    )
+
+
+@njit(cache=True)
+def valid_limb(x, limb, geodesic_m, joints, plan):
+    parent = PARENTS[limb]
+    # Eq. (10)
+    straight = distance(x, joints[parent]) > plan.straightness * geodesic_m
+    # Eq. (9)
+    return straight and _as_far(x, limb, parent, joints, plan)
+
+
+@njit(cache=True)
+def is_valid(x, geodesic_m, joint, joints, plan):
+    """Whether candidate x of a joint is valid: the switch of Algorithm 2.
+
+    Args:
+        x: (3,) the candidate, metres.
+        geodesic_m: D_G of Eq. (10) from the joint's parent to it, metres; any number for joints without a parent.
+        joint: its joint.
+        joints: (15, 3) estimated joints, predicted ones where none is estimated yet.
+        plan: `Plan`.
+    """
+    if joint == HEAD:
+        # Eq. (5)
+        return _as_far(x, HEAD, TORSO, joints, plan)
+    if joint in (RIGHT_SHOULDER, LEFT_SHOULDER):
+        return valid_shoulder(x, joint, joints, plan)
+    if joint == TORSO:
+        return valid_torso(x, joints, plan)
+    if joint in (RIGHT_HIP, LEFT_HIP):
+        return valid_hip(x, joint, joints, plan)
+    return valid_limb(x, joint, geodesic_m, joints, plan)
+
+
+@njit(cache=True)
+def geodesics_to(limb, frame, joints, plan):
+    """(N,) geodesic distances of all cells to a limb's parent in metres, as far as Eq. (9) can be kept.
+
+    They start at the cell nearest to the parent, which lies inside the body.
+    """
+    parent = joints[PARENTS[limb]]
+    source = np.zeros(len(frame.raw_m), np.bool_)
+    nearest, least = -1, np.inf
+    for i in range(len(frame.raw_m)):
+        here = distance(frame.raw_m[i], parent)
+        if here < least:
+            nearest, least = i, here
+    if nearest >= 0:
+        source[nearest] = True
+    farthest_m = farthest_geodesic_m(limb, plan)
+    return geodesic_distances(frame.neighbours, frame.edges_m, source, farthest_m)[0]
+
+
+@njit(cache=True)
+def farthest_geodesic_m(limb, plan):
+    """Geodesic distance in metres above which no candidate of a limb can pass Eq. (9)."""
+    return (plan.structure.distance_m[limb, PARENTS[limb]] + plan.epsilon_m) / max(plan.straightness, 1e-9)

@@ -1,1 +1,0 @@
-"""The initial pose and human model (section 2.3)."""

@@ -1,0 +1,67 @@
+"""People found upright: posture, heading, size, and what is refused."""
+
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+from cone_people import cone_body, cone_joints, draw_cones
+from y_people import family, simulated
+
+from kpopnet.camera import CAMERAS, Camera
+from kpopnet.geometry.body import body_from_model, planar_pose
+from kpopnet.geometry.depth_grid import build_depth_grid
+from kpopnet.geometry.human_model import HumanModel
+from kpopnet.tracker.start import AVERAGE_MODEL, find_upright, sitting_pose
+from synth.motion.limbs import hanging_arm, neutral_trunk, stance
+
+CAMERA = CAMERAS["kinect_v1"]
+
+
+def scaled(size: float) -> HumanModel:
+    lengths = asdict(AVERAGE_MODEL)
+    return HumanModel(**{name: value * size if name.endswith("_m") else value for name, value in lengths.items()})
+
+
+def found(joints_m: np.ndarray, size: float = 1.0, camera: Camera = CAMERA):
+    body = body_from_model(scaled(size))
+    return find_upright(build_depth_grid(draw_cones(joints_m, body, camera), camera))
+
+
+@pytest.mark.parametrize("size", [0.9, 1.0, 1.1])
+def test_a_standing_person_of_any_size(size: float) -> None:
+    joints = planar_pose(scaled(size)) + np.array((0.2, -0.5, 3.0))
+    upright = found(joints, size)
+    assert np.linalg.norm(upright.joints_camera_m - joints, axis=1).mean() < 0.06
+
+
+def test_the_size_does_not_depend_on_the_size_of_pixels() -> None:
+    coarse = Camera.from_fov(58, 176, 144)
+    joints = planar_pose(AVERAGE_MODEL) + np.array((0, -0.5, 3.4))
+    sizes = [found(joints, camera=camera).model.left_upper_leg_m for camera in (CAMERA, coarse)]
+    assert sizes[0] == pytest.approx(sizes[1], rel=0.02)
+
+
+def test_a_sitting_person_is_not_a_small_standing_one() -> None:
+    joints = sitting_pose(AVERAGE_MODEL) + np.array((-0.3, -0.2, 2.7))
+    upright = found(joints)
+    assert np.linalg.norm(upright.joints_camera_m - joints, axis=1).mean() < 0.06
+
+
+def test_raised_hands_a_lying_person_and_a_wall_are_refused() -> None:
+    raised = cone_joints(60, 4)
+    assert find_upright(build_depth_grid(draw_cones(raised, cone_body(raised), CAMERA), CAMERA)) is None
+    lying = (planar_pose(AVERAGE_MODEL) + np.array((0, -0.5, 0)))[:, [1, 0, 2]] + np.array((0, 0.5, 3.0))
+    assert found(lying) is None
+    wall = np.full((CAMERA.height, CAMERA.width), 2.5, np.float32)
+    assert find_upright(build_depth_grid(wall, CAMERA)) is None
+
+
+def test_simulated_people_are_found() -> None:
+    def hanging(generator: np.random.Generator) -> dict[str, float]:
+        return stance(generator) | neutral_trunk(generator) | hanging_arm(generator, "left") | hanging_arm(generator, "right")
+
+    errors = []
+    for depth_m, camera, joints_m in simulated(family(hanging), 16, "train", 5):
+        upright = find_upright(build_depth_grid(depth_m, camera))
+        errors.append(0.5 if upright is None else np.linalg.norm(upright.joints_camera_m - joints_m, axis=1).mean())
+    assert len(errors) > 2 and np.median(errors) < 0.07

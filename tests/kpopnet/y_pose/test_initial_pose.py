@@ -1,0 +1,351 @@
+"""The initial model: people with known joints in the Y pose, other poses, and images without a person."""
+
+import warnings
+from dataclasses import astuple
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from real_data import UTD_MHAD
+from y_people import draw_y, family, simulated, y_angles, y_joints
+
+from kpopnet.camera import CAMERAS, Camera
+from kpopnet.errors import InputError
+from kpopnet.geometry.human_model import HumanModel
+from kpopnet.skeleton import JOINT_GROUPS, MIRROR, Joint
+from kpopnet.y_pose.checks import NotYPose, body_axes, require_explained, require_y_pose
+from kpopnet.y_pose.depth import person_silhouette
+from kpopnet.y_pose.image import Box, torso_rectangle
+from kpopnet.y_pose.initial_pose import find_initial_pose, initial_pose
+from synth.motion import MotionConfig, build_motion
+from synth.motion.poses.families import FAMILIES
+
+CAMERA = CAMERAS["kinect_v1"]
+PLACE_M = (0.0, 0.15, 3.3)
+ARMS = [*JOINT_GROUPS["elbows"], *JOINT_GROUPS["hands"]]
+
+
+def error_m(pose, joints_m: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(pose.joints_camera_m - joints_m, axis=1)
+
+
+# --- a person of spheres ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "place_m"),
+    [
+        ("kinect_v1", PLACE_M),
+        ("kinect_v1", (0.6, 0.1, 3.9)),
+        ("eval", (-0.4, 0.1, 3.3)),
+        ("kinect_2", (0.0, 0.1, 2.4)),
+        ("smmc10", (0.0, 0.1, 3.3)),
+    ],
+)
+def test_known_joints_are_found_with_any_camera(name: str, place_m: tuple) -> None:
+    joints = y_joints(place_m=place_m)
+    pose = initial_pose(draw_y(joints, CAMERAS[name]), CAMERAS[name])
+    error = error_m(pose, joints)
+    # Arms and knees lie on the axes of round limbs. Feet and head differ: the feet are ankles and the head excludes the neck.
+    assert error[ARMS].max() < 0.05
+    assert error[JOINT_GROUPS["knees"],].max() < 0.05
+    assert error.max() < 0.11
+    assert pose.model == HumanModel.from_joints(pose.joints_camera_m)
+    assert pose.model.right_upper_arm_m == pytest.approx(0.27, abs=0.06)
+    assert pose.model.left_lower_leg_m == pytest.approx(0.46, abs=0.12)
+
+
+@pytest.mark.parametrize("elevation_deg", [25, 45, 65])
+@pytest.mark.parametrize(("abduction_deg", "yaw_deg"), [(8, 0), (20, -18), (12, 18)])
+def test_variants_of_the_y_pose_are_accepted(elevation_deg: float, abduction_deg: float, yaw_deg: float) -> None:
+    joints = y_joints(elevation_deg, abduction_deg, yaw_deg=yaw_deg, place_m=PLACE_M)
+    pose = find_initial_pose(draw_y(joints, CAMERA), CAMERA)
+    assert pose is not None
+    assert error_m(pose, joints).max() < 0.11
+    true, found = body_axes(joints), body_axes(pose.joints_camera_m)
+    assert true.front @ found.front > np.cos(np.radians(8))
+
+
+def test_bent_elbows_are_at_the_intersection_of_the_lines() -> None:
+    joints = y_joints(elevation_deg=40, elbow_deg=30, place_m=(0, 0.15, 3.2))
+    pose = initial_pose(draw_y(joints, CAMERA), CAMERA)
+    assert pose.limbs[Joint.RIGHT_HAND].crossed and pose.limbs[Joint.LEFT_HAND].crossed
+    assert error_m(pose, joints)[ARMS].max() < 0.05
+
+
+def test_joints_lie_behind_the_surface() -> None:
+    depth = draw_y(y_joints(place_m=PLACE_M), CAMERA)
+    pose = initial_pose(depth, CAMERA)
+    for joint in ARMS:
+        u, v, z = CAMERA.project(pose.joints_camera_m[joint])
+        assert 0.02 < z - depth[round(v), round(u)] < 0.07
+
+
+def test_a_mirrored_image_gives_mirrored_joints() -> None:
+    for joints in (y_joints(50, 10, yaw_deg=12, place_m=(0.3, 0.15, 3.4)), y_joints(35, 16, 30, -8, PLACE_M)):
+        depth = draw_y(joints, CAMERA)
+        pose = initial_pose(depth, CAMERA)
+        mirrored = initial_pose(np.ascontiguousarray(depth[:, ::-1]), CAMERA.mirrored())
+        back = (mirrored.joints_camera_m * (-1, 1, 1))[MIRROR]
+        assert np.linalg.norm(back - pose.joints_camera_m, axis=1).max() < 0.015
+
+
+def test_cropping_does_not_change_the_pose() -> None:
+    depth = draw_y(y_joints(place_m=PLACE_M), CAMERA)
+    rows, columns = depth.any(1).nonzero()[0], depth.any(0).nonzero()[0]
+    y0, y1, x0, x1 = rows[0] - 4, rows[-1] + 5, columns[0] - 4, columns[-1] + 5
+    cut = initial_pose(depth[y0:y1, x0:x1], CAMERA.cropped(x0, y0, x1 - x0, y1 - y0))
+    np.testing.assert_allclose(cut.joints_camera_m, initial_pose(depth, CAMERA).joints_camera_m, atol=1e-9)
+
+
+def test_the_same_frame_gives_the_same_pose() -> None:
+    depth = draw_y(y_joints(place_m=PLACE_M), CAMERA)
+    assert np.array_equal(initial_pose(depth, CAMERA).joints_camera_m, initial_pose(depth.copy(), CAMERA).joints_camera_m)
+
+
+def test_small_holes_and_specks_have_little_effect() -> None:
+    joints = y_joints(place_m=PLACE_M)
+    depth = draw_y(joints, CAMERA)
+    clean = initial_pose(depth, CAMERA).joints_camera_m
+    rng = np.random.default_rng(4)
+    v, u = depth.nonzero()
+    for k in rng.integers(len(v), size=12):
+        depth[v[k], u[k]] = 0
+    depth[5:9, 5:9] = 2.0
+    depth[-1, :3] = 4.0
+    assert np.linalg.norm(initial_pose(depth, CAMERA).joints_camera_m - clean, axis=1).max() < 0.03
+
+
+def test_small_holes_are_filled_and_gaps_between_limbs_are_kept() -> None:
+    depth = np.zeros((60, 60), np.float32)
+    depth[5:55, 5:55] = 2.0
+    depth[20:22, 20:22] = 0
+    depth[30:50, 25:45] = 0
+    depth[2, 2] = 1.0
+    filled, person = person_silhouette(depth, focal_px=100.0)
+    assert filled[20, 20] == pytest.approx(2.0)
+    assert not person[35, 30] and not person[2, 2] and not person[0, 0]
+    assert np.array_equal(person, filled > 0)
+    assert np.array_equal(filled[depth == 2], depth[depth == 2])
+
+
+# --- refusals -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("wrong", "reason"),
+    [
+        ({"elevation_deg": 0}, "arm above level"),
+        ({"elevation_deg": -60}, "hand is not visible|arm above level|arm, in torsos|outside the skeleton"),
+        ({"elevation_deg": 89}, "arm above level|head"),
+        ({"elevation_deg": 30, "elbow_deg": 90}, "bend of|arm"),
+        ({"abduction_deg": 0.0}, "legs"),
+        ({"yaw_deg": 38}, "heading"),
+        ({"yaw_deg": -38}, "heading"),
+    ],
+)
+def test_other_poses_are_refused_with_the_reason(wrong: dict, reason: str) -> None:
+    depth = draw_y(y_joints(place_m=PLACE_M, **wrong), CAMERA)
+    with pytest.raises(NotYPose, match=reason):
+        initial_pose(depth, CAMERA)
+    assert find_initial_pose(depth, CAMERA) is None
+
+
+def test_a_back_is_refused() -> None:
+    depth = draw_y(y_joints(place_m=PLACE_M), CAMERA, back=True)
+    with pytest.raises(NotYPose, match="back"):
+        initial_pose(depth, CAMERA)
+
+
+def test_hands_at_the_image_edge_are_refused() -> None:
+    with pytest.raises(NotYPose, match="edge"):
+        initial_pose(draw_y(y_joints(place_m=(0, 0.15, 2.45)), CAMERA), CAMERA)
+
+
+@pytest.mark.parametrize("scale", [0.35, 2.2])
+def test_people_of_impossible_size_are_refused(scale: float) -> None:
+    joints = y_joints(place_m=PLACE_M)
+    depth = draw_y(joints, CAMERA) * np.float32(scale)  # the same silhouette at another distance has another size
+    assert find_initial_pose(depth, CAMERA) is None
+
+
+def test_a_missing_hand_is_refused() -> None:
+    joints = y_joints(place_m=PLACE_M)
+    depth = draw_y(joints, CAMERA)
+    u, v, _ = CAMERA.project(joints[Joint.LEFT_HAND])
+    y, x = np.mgrid[:240, :320]
+    depth[(x - u) ** 2 + (y - v) ** 2 < 20**2] = 0
+    with pytest.raises(NotYPose, match=r"left (hand|arm)"):
+        initial_pose(depth, CAMERA)
+
+
+def changed(**displacements: tuple[float, float, float]) -> np.ndarray:
+    """The joints of a perfect Y pose, some of them displaced in metres."""
+    joints = y_joints(place_m=PLACE_M)
+    for name, displacement in displacements.items():
+        joints[Joint[name]] += displacement
+    return joints
+
+
+def tilted(degrees: float) -> np.ndarray:
+    joints, angle = y_joints(), np.radians(degrees)
+    turn = np.array([[1, 0, 0], [0, np.cos(angle), -np.sin(angle)], [0, np.sin(angle), np.cos(angle)]])
+    return (joints - joints[Joint.TORSO]) @ turn.T + joints[Joint.TORSO]
+
+
+@pytest.mark.parametrize(
+    ("joints", "reason"),
+    [
+        (y_joints(place_m=PLACE_M) * 0.6, "torso, metres: 0.3,"),
+        (y_joints(place_m=PLACE_M) * 1.6, "torso, metres: 0.8,"),
+        (tilted(60), "tilt"),
+        (changed(HEAD=(0.15, 0, 0)), "head beside"),
+        (changed(HEAD=(0, 0.15, 0)), "head above"),
+        (changed(RIGHT_HAND=(0.1, 0.1, 0)), "right arm, in left arms: 0.73"),
+        (changed(LEFT_FOOT=(-0.04, -0.2, 0)), "right leg, in left legs: 1.3"),
+        (changed(LEFT_ELBOW=(0, 0, -0.2), LEFT_HAND=(-0.1, 0.1, -0.4)), "left arm forward"),
+        (changed(LEFT_KNEE=(0, 0, -0.2)), "bend of the left knee"),
+        (changed(RIGHT_KNEE=(0, 0, -0.3), RIGHT_FOOT=(0, 0, -0.6)), "right leg forward"),
+        (changed(RIGHT_HAND=(0.3, -0.3, 0), RIGHT_ELBOW=(0.15, -0.15, 0)), "right arm above level"),
+        (changed(RIGHT_SHOULDER=(0, 0, 0.3), RIGHT_HIP=(0, 0, 0.2), HEAD=(0, 0, 0.15)), "heading"),
+    ],
+)
+def test_joints_outside_the_limits_are_refused(joints: np.ndarray, reason: str) -> None:
+    with pytest.raises(NotYPose, match=reason):
+        require_y_pose(joints)
+
+
+def test_true_joints_within_the_intended_limits_are_accepted() -> None:
+    for elevation_deg in (20, 45, 70):
+        for abduction_deg, elbow_deg, yaw_deg in ((5, 0, 0), (25, 30, 25), (12, 20, -25)):
+            require_y_pose(y_joints(elevation_deg, abduction_deg, elbow_deg, yaw_deg, PLACE_M))
+
+
+def test_the_skeleton_must_explain_the_silhouette() -> None:
+    joints = y_joints(place_m=PLACE_M)
+    person = draw_y(joints, CAMERA) > 0
+    torso = torso_rectangle(person)
+    require_explained(person, joints, torso, CAMERA)
+    person[120:160, 40:110] = True  # a chair
+    with pytest.raises(NotYPose, match="outside the skeleton"):
+        require_explained(person, joints, torso, CAMERA)
+    require_explained(person, joints * (1e9, 1e9, 1), Box(0, 0, 320, 240), CAMERA)  # can be drawn with far joints
+
+
+# --- no person ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (240, 320), (3, 400)])
+def test_empty_images_single_pixels_and_walls_are_refused(shape: tuple[int, int]) -> None:
+    camera = Camera.centred(285.0, shape[1], shape[0])
+    empty = np.zeros(shape, np.float32)
+    one, wall = empty.copy(), np.full(shape, 2.5, np.float32)
+    one[shape[0] // 2, shape[1] // 2] = 2.0
+    for depth in (empty, one, wall, wall * 1e-30):
+        assert find_initial_pose(depth, camera) is None
+    with pytest.raises(InputError, match="millimetres"):
+        find_initial_pose(wall * 1e30, camera)
+
+
+ODD = st.one_of(st.sampled_from([0.0, 0.0, 1.5, 2.0, 2.0, 2.02, np.nan, np.inf, -1.0]), st.floats(width=32))
+
+
+@given(arrays(np.float32, st.tuples(st.integers(1, 40), st.integers(1, 40)), elements=ODD))
+@settings(deadline=None, max_examples=60)
+def test_garbage_is_refused(depth: np.ndarray) -> None:
+    camera = Camera.centred(40.0, depth.shape[1], depth.shape[0])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        measured = depth[np.isfinite(depth) & (depth > 0)]
+        if measured.size and np.median(measured) > 50:
+            with pytest.raises(InputError, match="millimetres"):
+                find_initial_pose(depth, camera)
+        else:
+            assert find_initial_pose(depth, camera) is None
+
+
+def test_16_bit_noise_is_refused() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        assert find_initial_pose(rng.integers(0, 2**16, (240, 320), np.uint16), CAMERA) is None
+        blotches = np.kron(rng.random((12, 16)) < 0.6, np.ones((20, 20)))
+        assert find_initial_pose((blotches * rng.uniform(1, 4)).astype(np.float32), CAMERA) is None
+
+
+@pytest.mark.parametrize(
+    "depth", [np.zeros((240, 321), np.float32), np.zeros((2, 240, 320), np.float32), np.zeros((240, 320), np.int64), None]
+)
+def test_invalid_depth_images_are_refused(depth) -> None:
+    with pytest.raises(InputError, match="initial pose"):
+        find_initial_pose(depth, CAMERA)
+
+
+# --- simulated people ---------------------------------------------------------------------------------------------
+
+
+def test_simulated_people_in_the_y_pose() -> None:
+    seen, poses, errors = 0, [], []
+    for depth, camera, joints in simulated(family(y_angles), 100, "test", seed=3):
+        seen += 1
+        pose = find_initial_pose(depth, camera)
+        if pose is not None:
+            poses.append(pose)
+            errors.append(error_m(pose, joints))
+    assert seen >= 20
+    assert len(poses) >= 0.6 * seen
+    assert np.mean(errors) < 0.055
+    assert np.max(errors) < 0.25
+    assert all(np.isfinite(astuple(pose.model)).all() for pose in poses)
+
+
+def other_poses(generator: np.random.Generator) -> dict[str, float]:
+    """Y poses with one error, and people who sit, kneel, bend, squat, lie or stand on their hands, from `synth`."""
+    pose = y_angles(generator)
+    kind = int(generator.random() * 8)
+    if kind == 0:
+        return y_angles(generator, elevation_deg=(-12, 5))
+    if kind == 1:
+        return y_angles(generator, elevation_deg=(-80, -20))
+    if kind == 2:
+        return y_angles(generator, elbow_deg=(60, 130))
+    if kind == 3:
+        return pose | {"left_raise": 12.0, "left_elbow": 10.0}
+    if kind == 4:
+        return pose | {"hips_yaw": 180.0}
+    name = ("sit", "kneel", "squat", "bend_forward", "lie", "handstand")[int(generator.random() * 6)]
+    other = FAMILIES[name][1](generator)
+    arms = ("raise", "plane", "elbow", "pronate")
+    return other | ({channel: pose[channel] for channel in pose if channel.endswith(arms)} if kind < 7 else {})
+
+
+def test_simulated_people_in_other_poses_are_refused() -> None:
+    accepted = []
+    for depth, camera, joints in simulated(family(other_poses), 160, "test", seed=4):
+        pose = find_initial_pose(depth, camera)
+        if pose is not None:
+            accepted.append(error_m(pose, joints).max())
+    # A pose at the limit may be accepted, a wrong skeleton must not.
+    assert len(accepted) <= 3
+    assert max(accepted, default=0) < 0.25
+
+
+def test_dances_do_not_start_the_tracker_with_a_wrong_pose() -> None:
+    dances = build_motion(MotionConfig(source="choreography", dances=20), "test")
+    frames = 0
+    for depth, camera, joints in simulated(dances, 200, "test", seed=5):
+        frames += 1
+        pose = find_initial_pose(depth, camera)
+        assert pose is None or error_m(pose, joints).max() < 0.25
+    assert frames > 50
+
+
+@pytest.mark.skipif(not UTD_MHAD.is_dir(), reason="the UTD-MHAD data set is not installed")
+def test_real_people_in_other_poses_are_refused() -> None:
+    from kpopnet.datasets.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
+
+    benchmark = UtdMhadBenchmark(UtdMhadConfig(path=str(UTD_MHAD), lag=0))
+    for name in benchmark.sequence_names()[::12]:
+        sequence = benchmark.read(name)
+        assert all(find_initial_pose(depth, sequence.camera) is None for depth in sequence.depth_m[::8])
