@@ -171,8 +171,18 @@ def test_links_and_figures_are_there() -> None:
                 assert (folder / target).exists(), f"{page}: {target}"
 
 
-def test_the_readme_fits_on_one_screen_or_two() -> None:
+def test_the_worked_changes_apply_to_this_tree_and_touch_few_files() -> None:
+    changes = [change for page, change in fenced("diff") if page == "CONTRIBUTING.md"]
+    assert len(changes) == 4
+    for change in changes:
+        assert 1 <= len(re.findall(r"^\+\+\+ ", change, re.MULTILINE)) <= 3
+        done = subprocess.run(["git", "apply", "--check"], cwd=ROOT, input=change, text=True, capture_output=True)
+        assert done.returncode == 0, done.stderr
+
+
+def test_the_readme_and_the_architecture_are_short() -> None:
     assert len(PAGES["README.md"].splitlines()) <= 100
+    assert len(PAGES["architecture.md"].split()) <= 900
 
 
 @pytest.mark.parametrize(
