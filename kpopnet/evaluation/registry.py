@@ -25,7 +25,7 @@ from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator
 from kpopnet.networks.backend import read_description
 from kpopnet.networks.estimator import NetworkEstimator
-from kpopnet.paper_tracker.estimator import PaperTrackerEstimator, PaperTrackerEstimatorConfig
+from kpopnet.paper_tracker.tracker import PaperTrackerConfig, PaperTrackerEstimator
 from kpopnet.pose.person import PersonEstimator
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
@@ -109,7 +109,7 @@ BENCHMARKS: dict[str, tuple[type, Callable[[Any], Benchmark | KpopSet | PeopleSe
 
 ESTIMATORS: dict[str, tuple[type, Callable[[Any], Estimator]]] = {
     "tracker": (TrackerEstimatorConfig, _tracker),
-    "paper_tracker": (PaperTrackerEstimatorConfig, PaperTrackerEstimator),
+    "paper_tracker": (PaperTrackerConfig, PaperTrackerEstimator),
     "network": (NetworkEstimatorConfig, _network),
     "fitted_network": (FittedNetworkConfig, lambda config: FittedEstimator(_network(config))),
     "realtime": (RealtimeConfig, lambda config: PersonEstimator(_network(config), "realtime")),

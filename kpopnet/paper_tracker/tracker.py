@@ -6,14 +6,15 @@
 Nothing depends on wall-clock time: equal input gives equal output.
 """
 
+import logging
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import expit
 
-from kpopnet.camera import Camera
+from kpopnet.camera import Camera, sequence_in_metres
 from kpopnet.errors import InputError
-from kpopnet.estimator import start_pose
+from kpopnet.estimator import Estimate, Start, start_pose, track_sequence
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.paper_tracker.algorithm2 import Plan, State, track_frame
 from kpopnet.paper_tracker.frame import Frame, frame_of
@@ -23,9 +24,14 @@ from kpopnet.ridge import RidgeConfig, ridge_data
 from kpopnet.skeleton import NUM_JOINTS, PAPER_JOINTS
 from kpopnet.y_pose.initial_pose import find_initial_pose
 
+log = logging.getLogger(__name__)
+
 MIN_POINTS = 60
 """Smallest number of cells (`kpopnet.paper_tracker.frame`) in which somebody is seen: 0.024 square metres."""
 
+
+REPORTED_FRAMES = 40
+"""A sequence of fewer frames may well lack the Y pose; evaluations warm up with 30."""
 
 CONFIDENCE_WEIGHTS = (-6.460, 1.765, 5.822)
 """Weights of `evidence_of`, fitted to the repaired tracker on simulated people whom no benchmark shows
@@ -43,6 +49,9 @@ class PaperTrackerConfig:
         epsilon_m: tolerance of lengths in metres, epsilon_j of Eqs. (5) to (9).
         straightness: minimum ratio of straight to geodesic distance, epsilon_L of Eq. (9).
         repaired: with what the paper's text leaves insufficient mended (kpopnet.paper_tracker.repairs).
+        start: y_pose (waits for the paper's start pose) or label (the benchmark's true joints in the first frame that has all
+            of them).
+        model: path of a file that `HumanModel.save` wrote for this person; by default the model is measured at the start.
     """
 
     candidates: str = "ridge"
@@ -50,10 +59,14 @@ class PaperTrackerConfig:
     epsilon_m: float = 0.05
     straightness: float = 0.7
     repaired: bool = False
+    start: str = "y_pose"
+    model: str | None = None
 
     def __post_init__(self) -> None:
         if self.candidates not in ("ridge", "depth"):
             raise InputError(f"paper_tracker: candidates={self.candidates}: expected ridge or depth")
+        if self.start not in ("y_pose", "label"):
+            raise InputError(f"paper_tracker: start={self.start}: expected one of y_pose, label")
         if not (0 < self.r_m <= 2 and 0 < self.epsilon_m <= 1 and 0 <= self.straightness < 1):
             raise InputError(
                 "paper_tracker: expected r_m in 0..2 m, epsilon_m in 0..1 m and straightness in 0..1, found "
@@ -147,6 +160,44 @@ class PaperTracker:
         if initial is not None:
             self.start(initial.joints_camera_m)
         return self.started
+
+
+class PaperTrackerEstimator:
+    """Implements kpopnet.estimator.StartedEstimator. Each sequence is tracked independently, from its own start."""
+
+    name = "paper_tracker"
+
+    def __init__(self, config: PaperTrackerConfig = PaperTrackerConfig()) -> None:
+        """Loads the human model if the settings name one.
+
+        Raises:
+            InputError: the model cannot be read.
+        """
+        self.config = config
+        self.model = None if config.model is None else HumanModel.load(config.model)
+        self.starts_from_label = config.start == "label"
+
+    def estimate(self, depth_m: np.ndarray, camera: Camera, start: Start | None = None) -> Estimate:
+        """Estimates the joints of the one person in each frame.
+
+        Args:
+            depth_m: (T, H, W) depth that shows only the person, 0 elsewhere; floating-point metres or uint16 millimetres.
+            camera: the camera of these pixels.
+            start: a known pose and its frame; frames before it have no joints.
+
+        Raises:
+            InputError: depth of another type or shape; a start with missing joints.
+        """
+        depth_m = sequence_in_metres(depth_m, camera)
+        tracker = PaperTracker(camera, self.config, self.model)
+        found = track_sequence(tracker, depth_m, start)
+        if not tracker.started and len(depth_m) >= REPORTED_FRAMES:
+            log.warning(
+                "paper tracker: all joints are missing: in %d frames nobody took the Y pose (facing the camera, arms stretched "
+                "obliquely upwards); start=label starts from true joints, and estimator=tracker from other poses",
+                len(depth_m),
+            )
+        return found
 
 
 def evidence_of(support: np.ndarray) -> np.ndarray:

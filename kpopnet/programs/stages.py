@@ -22,7 +22,7 @@ from kpopnet.ridge import RidgeConfig, ridge_stages
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.input_files import ArraySchema, check_budget, open_npy
 from kpopnet.tracker.start import AWAITED
-from kpopnet.tracker.tracker import Tracker, TrackerConfig
+from kpopnet.tracker.tracker import Tracker
 from kpopnet.viz.drawing import (
     BACKGROUND,
     ESTIMATED,
@@ -55,7 +55,7 @@ def stages_of(path: Path, frame: int, camera_name: str, start: str = "auto") -> 
         raise InputError(f"{path}: frame {frame} of {len(recorded)}; frames count from 0, and one before it is needed")
     check_budget(path, 8 * (frame + 1) * recorded[0].size, f"depth and person of {frame + 1} frames")
     person_m = extract_person(sequence_in_metres(recorded[: frame + 1], camera), camera)
-    tracker = Tracker(camera, TrackerConfig(start=start))
+    tracker = Tracker(camera, start)
     paper_tracker = PaperTracker(camera, PaperTrackerConfig(repaired=True))
     for depth_m in tqdm(person_m[:-1], "frames", disable=None):  # no bar in a log file
         joints_m, _ = tracker.track(depth_m)

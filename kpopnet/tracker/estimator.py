@@ -10,7 +10,7 @@ from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate, Estimator, Start, track_sequence
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.tracker.start import AWAITED, WAYS
-from kpopnet.tracker.tracker import Tracker, TrackerConfig
+from kpopnet.tracker.tracker import Tracker
 
 log = logging.getLogger(__name__)
 
@@ -19,15 +19,19 @@ REPORTED_FRAMES = 40
 
 
 @dataclass(frozen=True)
-class TrackerEstimatorConfig(TrackerConfig):
-    """Settings of the tracker and of its initialisation.
+class TrackerEstimatorConfig:
+    """Settings of the tracker.
 
     Attributes:
+        start: auto (the Y pose, else a network's joints where `network` names one, else any person who stands or sits
+            upright), y_pose (waits for the paper's start pose), standing (any person who stands upright), or label (the
+            benchmark's true joints in the first frame that has all of them).
         model: path of a file that `HumanModel.save` wrote for this person; by default the model is measured at the start.
         network: path of a checkpoint's folder; this network is queried at the start (start=auto) and in frames where the pose
             cost is high. None by default.
     """
 
+    start: str = "auto"
     model: str | None = None
     network: str | None = None
 
@@ -74,7 +78,7 @@ class TrackerEstimator:
             InputError: depth of another type or shape; a start with missing joints.
         """
         depth_m = sequence_in_metres(depth_m, camera)
-        tracker = Tracker(camera, self.config, self.model, self.detector)
+        tracker = Tracker(camera, self.config.start, self.model, self.detector)
         found = track_sequence(tracker, depth_m, start)
         tracked = np.arange(len(depth_m)) >= (start.frame if start else 0)
         missing = np.isnan(found.joints_camera_m).all(axis=(1, 2)) & tracked

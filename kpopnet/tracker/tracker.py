@@ -3,7 +3,6 @@
 Nothing depends on wall-clock time: equal input gives equal output.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -62,19 +61,6 @@ is above `FLIP_THRESHOLD`. Of 7,330 good poses of training dances, 99 % have a l
 body, and 99.9 % at most 0.12 above."""
 
 
-@dataclass(frozen=True)
-class TrackerConfig:
-    """Settings of the tracker.
-
-    Attributes:
-        start: auto (the Y pose, else a network's joints where `network` names one, else any person who stands or sits
-            upright), y_pose (waits for the paper's start pose), standing (any person who stands upright), or label (the
-            benchmark's true joints in the first frame that has all of them).
-    """
-
-    start: str = "auto"
-
-
 class State(NamedTuple):
     """What one frame leaves to the next.
 
@@ -94,7 +80,7 @@ class State(NamedTuple):
 
 
 class Tracker:
-    """Tracks one person through consecutive frames. Without a given start pose it finds one (`TrackerConfig.start`).
+    """Tracks one person through consecutive frames. Without a given start pose it finds one.
 
     Attributes:
         model: the person's lengths, None before the start unless given; `HumanModel.save` stores it for later recordings.
@@ -106,7 +92,7 @@ class Tracker:
     def __init__(
         self,
         camera: Camera,
-        config: TrackerConfig = TrackerConfig(),
+        start: str = "auto",
         model: HumanModel | None = None,
         detector: Estimator | None = None,
     ) -> None:
@@ -114,12 +100,12 @@ class Tracker:
 
         Args:
             camera: the camera of the depth images.
-            config: settings.
+            start: how it starts, a key of `kpopnet.tracker.start.WAYS`.
             model: the model of a known person, used instead of the one measured at the start.
             detector: an estimator that is queried for the pose of a single frame at the start (`start=auto`) and when the cost
                 is high, for instance a network.
         """
-        self.camera, self.config, self.detector = camera, config, detector
+        self.camera, self.ways, self.detector = camera, start, detector
         self.model = self._known_model = model
         self.state: State | None = None
         self.evidence: np.ndarray | None = None
@@ -188,7 +174,7 @@ class Tracker:
     def miss(self) -> None:
         """Goes on to the next frame, which does not show the person: as `track` with an empty image."""
         self._empty_frames += 1
-        if self._empty_frames >= LOST_FRAMES and self.config.start != "label":  # a start that was given is not found again
+        if self._empty_frames >= LOST_FRAMES and self.ways != "label":  # a start that was given is not found again
             self.state = None
 
     def _joints_and_confidence(self, grid: DepthGrid) -> tuple[np.ndarray, np.ndarray]:
@@ -198,7 +184,7 @@ class Tracker:
 
     def _find_start(self, depth_m: np.ndarray, grid: DepthGrid) -> bool:
         """Starts if the frame shows a pose to start from; returns whether the tracker has started."""
-        found = find_start(depth_m, grid, self.camera, self.config.start, self.detector)
+        found = find_start(depth_m, grid, self.camera, self.ways, self.detector)
         if found is None:
             return False
         self.start(found.joints_camera_m, found.model)

@@ -21,7 +21,7 @@ from kpopnet.evaluation.dances.pose_cache import PoseCache
 from kpopnet.evaluation.dances.ranking import TRUTH, Agreement, LearnerScore, agreement, similarities
 from kpopnet.evaluation.engine import stage
 from kpopnet.evaluation.poses.metrics import joint_errors_m
-from kpopnet.paper_tracker.estimator import PaperTrackerEstimatorConfig
+from kpopnet.paper_tracker.tracker import PaperTrackerConfig
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
 
 log = logging.getLogger(__name__)
@@ -188,7 +188,7 @@ def _start_anywhere(estimators: dict[str, Any]) -> tuple[dict[str, Any], list[st
     """
     changed, assumptions = {}, []
     for name, settings in estimators.items():
-        if isinstance(settings, PaperTrackerEstimatorConfig):
+        if isinstance(settings, PaperTrackerConfig):
             raise InputError(
                 f"{name}: Algorithm 2 starts from the Y pose, which learners do not show; take estimator=[tracker] or [network]"
             )

@@ -79,26 +79,7 @@ def test_trunk_points_follow_the_torso_frame() -> None:
     assert ROW_TO_JOINT[RIGHT_CHEST:].tolist() == TRUNK_POINT_JOINTS.tolist()
 
 
-def test_a_mirrored_person_has_mirrored_trunk_points(person) -> None:  # noqa: F811
-    joints, body, _ = person
-    flip = np.array((-1, 1, 1))
-    rows = extend_joints(joints, body.trunk_offsets_m)[RIGHT_CHEST:].reshape(3, 2, 3)
-    mirrored = extend_joints(joints[MIRROR] * flip, body.trunk_offsets_m)[RIGHT_CHEST:].reshape(3, 2, 3)
-    np.testing.assert_allclose(mirrored[:, ::-1] * flip, rows, atol=1e-7)
-
-
-def test_a_bent_knee_rotates_the_foot() -> None:
-    joints = cone_joints(abduction_deg=0)
-    joints[Joint.RIGHT_KNEE, 0] -= 0.15
-    rows = extend_joints(joints, NOWHERE)
-    assert rows[RIGHT_TOES, 0] < rows[Joint.RIGHT_FOOT, 0] - 0.05 and abs(rows[LEFT_TOES, 0] - rows[Joint.LEFT_FOOT, 0]) < 0.01
-
-
 def test_torso_frame_rotates_with_the_person_and_mirroring_flips_the_front() -> None:
     joints = cone_joints(abduction_deg=0)
     np.testing.assert_allclose(torso_frame(joints), ((-1, 0, 0), (0, 1, 0), (0, 0, -1)), atol=1e-6)
     np.testing.assert_allclose(torso_frame(joints[MIRROR]), ((1, 0, 0), (0, 1, 0), (0, 0, 1)), atol=1e-6)
-
-
-def test_coincident_joints_give_finite_rows() -> None:
-    assert np.isfinite(extend_joints(np.zeros((NUM_JOINTS, 3)), NOWHERE)).all()

@@ -55,11 +55,6 @@ def test_depth_of_structured_light_is_returned_as_it_is(deviation_m: float) -> N
     assert denoised(depth_m) is depth_m
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (2, 3), (3, 3), (40, 30)])
-def test_images_without_a_measurement_stay_empty(shape: tuple[int, int]) -> None:
-    assert not denoised(np.zeros(shape, np.float32)).any()
-
-
 def test_a_fit_to_noisy_depth_is_better_for_it() -> None:
     joints_m = cone_joints(20, yaw_deg=15)
     body, clean_m = cone_body(joints_m), draw_cones(joints_m, cone_body(joints_m), CAMERA)

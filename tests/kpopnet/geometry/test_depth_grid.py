@@ -25,14 +25,6 @@ def test_cells_hold_the_point_at_their_middle_pixel() -> None:
     assert sorted(grid.index[measured]) == list(range(len(grid.points_m)))
 
 
-@pytest.mark.parametrize(("height", "width"), [(240, 320), (5, 7), (1, 1), (3, 401)])
-def test_images_of_any_size_have_a_grid(height: int, width: int) -> None:
-    grid = build_depth_grid(np.full((height, width), 2, np.float32), CAMERA)
-    side_px = int(grid.intrinsics[4])
-    assert grid.index.shape == (-(-height // side_px), -(-width // side_px))
-    assert len(grid.points_m) == grid.index.size and (grid.nearest >= 0).all()
-
-
 @pytest.mark.parametrize("z_m", [1.0, 2.0, 3.5])
 @pytest.mark.parametrize("scale", [0.5, 1.0, 2.0])
 def test_cells_have_the_same_size_at_any_distance_and_resolution(z_m: float, scale: float) -> None:

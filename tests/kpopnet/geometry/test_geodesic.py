@@ -72,17 +72,6 @@ def test_geodesic_distances_agree_with_dijkstra(depth: np.ndarray, sources: list
             assert 0 <= predecessor[k] < len(points) and length[predecessor[k]] < length[k]
 
 
-def test_paths_beyond_the_maximum_are_not_searched() -> None:
-    points, index = grid_of_pixels(np.full((9, 12), 2.0, np.float32))
-    source = np.arange(len(points)) == 0
-    all_distances, predecessor = geodesic_distances(*neighbour_graph(points, index), source, UNREACHABLE_M)
-    short_distances, short_predecessor = geodesic_distances(*neighbour_graph(points, index), source, 0.1)
-    short = all_distances <= 0.1
-    assert 10 < short.sum() < 80
-    np.testing.assert_array_equal(short_distances, np.where(short, all_distances, UNREACHABLE_M))
-    np.testing.assert_array_equal(short_predecessor, np.where(short, predecessor, -1))
-
-
 @pytest.mark.parametrize("elbow_deg", [0, 80])
 def test_geodesic_distances_on_a_person_agree_with_dijkstra(elbow_deg: float) -> None:
     grid = build_depth_grid(draw_y(y_joints(20, elbow_deg=elbow_deg), CAMERA), CAMERA)

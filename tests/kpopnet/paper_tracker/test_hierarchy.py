@@ -1,17 +1,12 @@
 """Algorithm 2 on whole frames of people with known joints."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from capsule_people import CAMERA as SMALL_CAMERA
-from capsule_people import draw_depth, draw_joints
 from cone_people import cone_body, cone_joints, draw_cones
 
 from kpopnet.camera import CAMERAS
-from kpopnet.geometry.body import NECK_FRACTION
-from kpopnet.geometry.human_model import LIMB_PARENTS, HumanModel
-from kpopnet.paper_tracker.algorithm2 import JOINT_ORDER, MIN_CANDIDATES, PARENTS, State, track_frame
+from kpopnet.geometry.human_model import HumanModel
+from kpopnet.paper_tracker.algorithm2 import MIN_CANDIDATES, State, track_frame
 from kpopnet.paper_tracker.frame import Frame, frame_of
 from kpopnet.paper_tracker.repairs import LOST_FRAMES, WIDER
 from kpopnet.paper_tracker.structure import structure_of
@@ -53,13 +48,6 @@ def error_m(found: np.ndarray, joints: np.ndarray) -> np.ndarray:
     return np.linalg.norm(found - joints, axis=1)
 
 
-def test_joints_are_ordered_from_the_head_parents_first() -> None:
-    order = JOINT_ORDER.tolist()
-    assert order[0] == Joint.HEAD and sorted(order) == sorted(PAPER_JOINTS)
-    for child, parent in LIMB_PARENTS.items():
-        assert order.index(parent) < order.index(child) and PARENTS[child] == parent
-
-
 @pytest.mark.parametrize("candidates", SOURCES)
 def test_a_still_person_stays(person, candidates: str) -> None:
     joints, depth = person
@@ -75,23 +63,6 @@ def test_a_still_person_stays(person, candidates: str) -> None:
     # Converged: the remaining motion is that of candidates entering and leaving.
     again, _ = track(frame, joints, found, config=config)
     assert error_m(again, found).max() < 0.02
-
-
-def test_a_person_of_spheres_is_tracked() -> None:
-    joints = draw_joints(np.random.default_rng(5)).astype(float)
-    frame, found = seen(draw_depth(joints, SMALL_CAMERA), SMALL_CAMERA), joints
-    for _ in range(5):
-        found, support = track(frame, joints, found)
-    assert error_m(found, joints).mean() < 0.08
-    assert (support > 0).sum() >= 9
-
-
-def test_the_neck_lies_between_shoulders_and_head(person) -> None:
-    joints, depth = person
-    found, support = track(seen(depth), joints)
-    middle = (found[Joint.RIGHT_SHOULDER] + found[Joint.LEFT_SHOULDER]) / 2
-    np.testing.assert_allclose(found[Joint.NECK], middle + NECK_FRACTION * (found[Joint.HEAD] - middle))
-    assert support[Joint.NECK] == min(support[[Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.HEAD]])
 
 
 def test_the_search_is_centred_at_the_extrapolated_joint(person) -> None:
@@ -205,14 +176,6 @@ def test_frames_without_candidates_are_counted_and_stop_the_velocity(person) -> 
     assert not state.lost[support > 0].any() and (state.lost[support == 0] == 3).all()
 
 
-def test_without_points_all_joints_stay(person) -> None:
-    joints, _ = person
-    found, support = track(seen(np.zeros((240, 320), np.float32)), joints)
-    others = [joint for joint in Joint if joint != Joint.NECK]
-    np.testing.assert_array_equal(found[others], joints[others])
-    assert not support.any()
-
-
 def test_the_points_lie_on_the_surface(person) -> None:
     _, depth = person
     ridge = ridge_data(depth, RidgeConfig())
@@ -224,9 +187,3 @@ def test_the_points_lie_on_the_surface(person) -> None:
     inside = frame.ridge_cell >= 0
     assert inside.mean() > 0.95
     assert np.median(np.linalg.norm(frame.ridge_m - frame.raw_m[frame.ridge_cell], axis=1)[inside]) < 0.02
-
-
-def test_a_scene_without_a_person_has_not_too_many_cells() -> None:
-    garbage = np.random.default_rng(0).uniform(0.001, 65, (480, 640)).astype(np.float32)
-    camera = replace(CAMERA, width=640, height=480)
-    assert len(frame_of(garbage, np.zeros_like(garbage, bool), camera).raw_m) < 25_000

@@ -11,7 +11,6 @@ from kpopnet.tracker import confidence
 from kpopnet.tracker.confidence import fit_score, probability, refined_evidence, tracked_evidence
 
 CAMERA = CAMERAS["kinect_v1"]
-ALL_WEIGHTS = (confidence.TRACKED_WEIGHTS, confidence.REFINED_WEIGHTS)
 
 
 @pytest.fixture(scope="module")
@@ -65,10 +64,3 @@ def test_better_evidence_gives_more_confidence() -> None:
         for given in ((high, high, still), (low, high, still), (high, low, still), (high, high, moved))
     )
     assert all(one < best for one in worse)
-
-
-@pytest.mark.parametrize("detected", [0.0, 1.0])
-def test_a_certain_detector_leaves_the_evidence_finite(detected) -> None:
-    evidence = refined_evidence(np.full(15, detected, np.float32), np.ones(15), np.zeros(15))
-    assert np.isfinite(evidence).all()
-    assert abs(probability(evidence, confidence.REFINED_WEIGHTS)[0] - detected) < 0.05

@@ -4,8 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from cone_people import PLACE_M, cone_body, cone_joints, draw_cones
-from y_people import draw_y, y_joints
+from cone_people import cone_body, cone_joints, draw_cones
 
 from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
@@ -41,23 +40,6 @@ def test_frames_before_the_start_have_no_joints(film) -> None:
     assert error_m(estimate.joints_camera_m[2:], joints[2:]).mean() < 0.03
 
 
-def test_millimetres_and_metres_give_the_same_joints(film) -> None:
-    joints, depth = film
-    metres, millimetres = (
-        TrackerEstimator().estimate(images, CAMERA, Start(0, joints[0])).joints_camera_m
-        for images in (depth.astype(np.float64), np.rint(depth * 1000).astype(np.uint16))
-    )
-    np.testing.assert_allclose(millimetres, metres, atol=0.01)
-
-
-def test_sequences_are_tracked_independently(film) -> None:
-    joints, depth = film
-    estimator = TrackerEstimator()
-    first, again = (estimator.estimate(depth, CAMERA, Start(0, joints[0])).joints_camera_m for _ in range(2))
-    np.testing.assert_array_equal(first, again)
-    assert np.isnan(estimator.estimate(np.zeros_like(depth[-1:]), CAMERA).joints_camera_m).all()
-
-
 @pytest.mark.parametrize(
     ("start", "message"),
     [
@@ -80,19 +62,6 @@ def test_a_sequence_in_which_the_tracker_never_starts_is_reported(film, caplog, 
     assert "none of 40 frames has a measured pixel" in caplog.text
 
 
-def test_nothing_is_reported_where_the_tracker_starts(film, caplog) -> None:
-    TrackerEstimator().estimate(film[1], CAMERA, Start(0, film[0][0]))
-    TrackerEstimator().estimate(np.stack([EMPTY, draw_y(y_joints(place_m=PLACE_M), CAMERA)]), CAMERA)
-    assert not caplog.records
-
-
-def test_the_estimator_waits_for_the_y_pose() -> None:
-    y = y_joints(place_m=PLACE_M)
-    found = TrackerEstimator().estimate(np.stack([EMPTY, draw_y(y, CAMERA), EMPTY]), CAMERA)
-    assert np.isnan(found.joints_camera_m[[0, 2]]).all() and not found.confidence[[0, 2]].any()
-    assert error_m(found.joints_camera_m[1], y).mean() < 0.06
-
-
 def test_start_standing_accepts_a_standing_person() -> None:
     joints = cone_joints(-75, 4)
     depth = np.repeat(draw_cones(joints, cone_body(joints), CAMERA)[None], 4, axis=0)
@@ -100,12 +69,6 @@ def test_start_standing_accepts_a_standing_person() -> None:
     assert np.isnan(waiting).all()
     found = TrackerEstimator(TrackerEstimatorConfig(start="standing")).estimate(depth, CAMERA).joints_camera_m
     assert np.isfinite(found).all() and error_m(found[-1], joints).mean() < 0.08
-
-
-def test_start_standing_refuses_raised_hands_which_would_count_as_height() -> None:
-    depth = np.repeat(draw_y(y_joints(65, 4, place_m=PLACE_M), CAMERA)[None], 2, axis=0)
-    found = TrackerEstimator(TrackerEstimatorConfig(start="standing")).estimate(depth, CAMERA).joints_camera_m
-    assert np.isnan(found).all()
 
 
 def test_auto_starts_from_a_person_who_sits_where_standing_waits() -> None:
@@ -145,20 +108,6 @@ def test_a_saved_model_is_read(film, tmp_path) -> None:
     assert error_m(estimator.estimate(depth, CAMERA, Start(0, joints[0])).joints_camera_m, joints).mean() < 0.03
     with pytest.raises(InputError, match=r"missing\.json"):
         TrackerEstimator(TrackerEstimatorConfig(model=str(tmp_path / "missing.json")))
-
-
-def test_no_frames_have_no_joints() -> None:
-    found = TrackerEstimator().estimate(np.zeros((0, *EMPTY.shape), np.float32), CAMERA)
-    assert found.joints_camera_m.shape == (0, NUM_JOINTS, 3) and found.confidence.shape == (0, NUM_JOINTS)
-
-
-def test_noise_gives_no_joints_and_no_error(film) -> None:
-    garbage = np.random.default_rng(3).integers(0, 2**16, (2, *EMPTY.shape)).astype(np.uint16)
-    assert np.isnan(TrackerEstimator().estimate(garbage, CAMERA).joints_camera_m).all()
-    wild = np.full((1, *EMPTY.shape), np.nan, np.float32)
-    wild[0, ::2] = np.inf
-    wild[0, ::3] = -1
-    assert np.isnan(TrackerEstimator().estimate(wild, CAMERA, Start(0, film[0][0])).joints_camera_m).all()
 
 
 @pytest.mark.parametrize("depth", [EMPTY, np.zeros((1, 24, 32), np.float32), np.zeros((1, *EMPTY.shape), int), [EMPTY]])

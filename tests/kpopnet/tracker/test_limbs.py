@@ -2,21 +2,14 @@
 
 import numpy as np
 import pytest
-from cone_people import cone_body, cone_joints
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from seen_people import CAMERA, seen
+from cone_people import cone_joints
+from seen_people import seen
 
 from kpopnet.geometry.body import LIMBS
-from kpopnet.geometry.depth_grid import build_depth_grid
 from kpopnet.skeleton import MIRROR, Joint
 from kpopnet.tracker.limbs import (
-    CONTINUITY_WEIGHT,
     LIMB_POSE_RANGES,
     LIMB_POSES,
-    MAX_END_STEP_M,
-    _continuity_cost,
-    _enforce_lengths,
     refit_limbs,
     swap_crossed_limbs,
 )
@@ -62,15 +55,6 @@ def test_a_lost_leg_is_recovered(limb: int, angle_deg: float) -> None:
     assert knee < 0.2 and foot < 0.12
 
 
-def test_continuity_cost_is_quadratic_and_clipped() -> None:
-    before = cone_joints()
-    for way_m, counts_m in ((0.0, 0.0), (0.2, 0.2), (MAX_END_STEP_M, MAX_END_STEP_M), (3.0, MAX_END_STEP_M)):
-        joints = before.copy()
-        joints[Joint.LEFT_HAND, 0] += way_m
-        assert _continuity_cost(joints, before, int(Joint.LEFT_HAND)) == pytest.approx(CONTINUITY_WEIGHT * counts_m**2)
-        assert _continuity_cost(joints, before, int(Joint.RIGHT_HAND)) == 0
-
-
 def test_a_correct_pose_is_kept() -> None:
     for pose in ({}, {"elevation_deg": 10, "elbow_deg": 60}, {"elevation_deg": -40, "yaw_deg": 25}):
         joints = cone_joints(**pose)
@@ -91,32 +75,6 @@ def test_refitted_limbs_keep_lengths_and_roots() -> None:
     for (root, middle, end), (upper_m, lower_m) in zip(LIMBS, body.limbs_m, strict=True):
         assert np.linalg.norm(found[middle] - found[root]) == pytest.approx(upper_m, abs=ROUND_M)
         assert np.linalg.norm(found[end] - found[middle]) == pytest.approx(lower_m, abs=ROUND_M)
-
-
-def test_an_empty_image_refits_no_limb() -> None:
-    joints = cone_joints()
-    grid = build_depth_grid(np.zeros((240, 320), np.float32), CAMERA)
-    found, changes = refit_limbs(joints, joints, grid, cone_body(joints))
-    assert changes == 0
-    np.testing.assert_array_equal(found, joints)
-
-
-@given(*[st.tuples(*[st.floats(-1, 1)] * 3)] * 3, st.floats(0.15, 0.5), st.floats(0.15, 0.5))
-@settings(deadline=None)
-def test_lengths_are_enforced_from_any_start(root: tuple, middle: tuple, end: tuple, upper_m: float, lower_m: float) -> None:
-    fixed, moved, far = np.array(root), np.array(middle), np.array(end)
-    _enforce_lengths(fixed, moved, far, upper_m, lower_m)
-    np.testing.assert_array_equal(fixed, root)
-    assert np.isfinite(moved).all() and np.isfinite(far).all()
-    # At most the given lengths; shorter only if root, middle and end coincided in an iteration.
-    assert np.linalg.norm(moved - fixed) <= upper_m + ROUND_M
-    assert np.linalg.norm(far - moved) <= lower_m + ROUND_M
-
-
-def test_correct_lengths_change_nothing() -> None:
-    root, middle, end = np.array((0.0, 0, 3)), np.array((0.3, 0, 3)), np.array((0.3, 0.25, 3))
-    _enforce_lengths(root, middle, end, 0.3, 0.25)
-    np.testing.assert_allclose((root, middle, end), [(0, 0, 3), (0.3, 0, 3), (0.3, 0.25, 3)], atol=1e-6)
 
 
 def test_limb_poses_are_unit_vectors_and_knees_bend_backwards() -> None:

@@ -7,10 +7,10 @@ from fitted_people import moved, person  # noqa: F401
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kpopnet.geometry.body import COLLISION_PAIRS, LIMB_COLLISIONS, LIMB_PARTS, LIMBS, PARTS
+from kpopnet.geometry.body import COLLISION_PAIRS, LIMB_COLLISIONS, LIMBS, PARTS
 from kpopnet.geometry.cones import extend_joints, part_segments, torso_frame
 from kpopnet.skeleton import MIRROR, Joint
-from kpopnet.tracker.energy import JOINT_PRIOR_WEIGHT, JOINT_PRIORS, LIMB_JOINT_PRIORS, joint_prior, penetration_cost
+from kpopnet.tracker.energy import JOINT_PRIOR_WEIGHT, JOINT_PRIORS, joint_prior, penetration_cost
 from kpopnet.tracker.solver import pose_cost
 
 
@@ -96,17 +96,3 @@ def test_a_hand_in_the_trunk_has_a_penetration_cost() -> None:
             penetration_cost(segments, *LIMB_COLLISIONS[1], np.inf) == pytest.approx(everywhere)
             and penetration_cost(segments, *LIMB_COLLISIONS[0], np.inf) < 1e-6
         )
-
-
-def test_every_limb_has_its_priors_and_collision_pairs() -> None:
-    for limb, (first, last) in enumerate(LIMB_JOINT_PRIORS):
-        assert set(JOINT_PRIORS[first:last].ravel()) <= set(LIMBS[limb]) and last > first
-    assert JOINT_PRIORS[LIMB_JOINT_PRIORS[-1, 1] :, 0].tolist() == [Joint.HEAD]
-    assert (
-        LIMB_COLLISIONS[0, 0] == 0
-        and LIMB_COLLISIONS[-1, 1] == len(COLLISION_PAIRS)
-        and (LIMB_COLLISIONS[1:, 0] == LIMB_COLLISIONS[:-1, 1]).all()
-    )
-    for limb, (first, last) in enumerate(LIMB_COLLISIONS):
-        assert (COLLISION_PAIRS[first:last, 0] == LIMB_PARTS[limb, 1]).all()
-        assert not (PARTS[COLLISION_PAIRS[first:last, 1]] == LIMBS[limb, 0]).any()

@@ -1,19 +1,15 @@
 """Joints detected by another estimator, refined by fitting the body."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from cone_people import cone_body, cone_joints, draw_cones
 from fitted_people import moved
 
 from kpopnet.camera import CAMERAS
-from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate
 from kpopnet.geometry.depth_grid import build_depth_grid
-from kpopnet.tracker.body_estimate import MAX_BODY_FRAMES, BodyEstimate
+from kpopnet.tracker.body_estimate import BodyEstimate
 from kpopnet.tracker.refine import FittedEstimator
-from kpopnet.tracker.solver import fit
 
 CAMERA = CAMERAS["kinect_v1"]
 
@@ -69,14 +65,6 @@ def test_a_pose_with_invalid_lengths_does_not_count(film) -> None:
     assert person.update(np.full((15, 3), np.nan), grid) is body
 
 
-def test_the_body_is_settled_after_its_frames(film) -> None:
-    joints, depth_m, detected = film
-    grid, person = build_depth_grid(depth_m[0], CAMERA), BodyEstimate()
-    for _ in range(MAX_BODY_FRAMES):
-        body = person.update(joints[0], grid)
-    assert person.update(detected[3], grid) is body
-
-
 def test_a_frame_depends_on_no_later_one(film) -> None:
     _, depth_m, detected = film
     whole = FittedEstimator(FixedEstimator(detected)).estimate(depth_m, CAMERA)
@@ -84,15 +72,6 @@ def test_a_frame_depends_on_no_later_one(film) -> None:
         part = FittedEstimator(FixedEstimator(detected[:frames])).estimate(depth_m[:frames], CAMERA)
         np.testing.assert_array_equal(part.joints_camera_m, whole.joints_camera_m[:frames])
         np.testing.assert_array_equal(part.confidence, whole.confidence[:frames])
-
-
-def test_a_higher_prior_weight_keeps_the_pose_closer_to_the_start(film) -> None:
-    joints, depth_m, detected = film
-    grid, body = build_depth_grid(depth_m[0], CAMERA), cone_body(joints[0])
-    displacements = [
-        error_m(fit(detected[0], grid, body, 4, prior_weight=weight), detected[0]) for weight in (0.01, 0.1, 1.0, 1e4)
-    ]
-    assert displacements == sorted(displacements, reverse=True) and displacements[-1] < 1e-3 < 0.01 < displacements[0]
 
 
 def test_frames_with_missing_joints_or_without_a_person_are_unchanged(film) -> None:
@@ -107,10 +86,3 @@ def test_frames_with_missing_joints_or_without_a_person_are_unchanged(film) -> N
         assert (confidence[frame] == 0.75).all()
     assert (found[[0, 1, 3, 5, 7]] != detected[[0, 1, 3, 5, 7]]).all()
     assert (confidence[[0, 1, 3, 5, 7]] != 0.75).all()
-
-
-@pytest.mark.parametrize("change", [lambda depth_m: depth_m[0], lambda depth_m: depth_m > 0])
-def test_invalid_depth_is_refused(film, change: Callable[[np.ndarray], np.ndarray]) -> None:
-    _, depth_m, detected = film
-    with pytest.raises(InputError):
-        FittedEstimator(FixedEstimator(detected)).estimate(change(depth_m), CAMERA)

@@ -7,12 +7,10 @@ from fitted_people import CAMERA, moved, person  # noqa: F401
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kpopnet.geometry.body import LIMBS, RIGHT_CHEST, TORSO_JOINTS, TRUNK_POINT_JOINTS
-from kpopnet.geometry.cones import torso_frame
+from kpopnet.geometry.body import LIMBS, TORSO_JOINTS
 from kpopnet.geometry.depth_grid import build_depth_grid
 from kpopnet.geometry.human_model import LIMB_PARENTS, HumanModel
 from kpopnet.skeleton import NUM_JOINTS, Joint
-from kpopnet.tracker.energy import COLUMN, JOINT_PRIORS, joint_prior
 from kpopnet.tracker.solver import fit, pose_cost, solve
 
 
@@ -31,14 +29,6 @@ def test_dense_and_sparse_systems_are_solved(seed: int, size: int, zeros: float)
     solution = right.copy()
     solve(matrix.copy(), solution)
     np.testing.assert_allclose(solution, np.linalg.solve(matrix, right), rtol=1e-7, atol=1e-9)
-
-
-def test_every_joint_has_its_own_unknowns() -> None:
-    assert sorted(COLUMN[:NUM_JOINTS].tolist()) == list(range(0, 3 * NUM_JOINTS, 3))
-    assert COLUMN[NUM_JOINTS:RIGHT_CHEST].tolist() == [
-        COLUMN[joint] for joint in (Joint.RIGHT_FOOT, Joint.LEFT_FOOT, Joint.RIGHT_HAND, Joint.LEFT_HAND)
-    ]
-    assert COLUMN[RIGHT_CHEST:].tolist() == COLUMN[TRUNK_POINT_JOINTS].tolist()
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -75,24 +65,6 @@ def test_limbs_keep_their_lengths(person, seed: int) -> None:  # noqa: F811
         assert np.linalg.norm(found[child] - found[parent]) == pytest.approx(true, abs=0.02)
 
 
-def test_subsampled_points_give_a_similar_result(person) -> None:  # noqa: F811
-    joints, body, grid = person
-    wrong = moved(joints, 1, 0.1, 0.1)
-    assert pose_cost(wrong, grid, body, stride=3) == pytest.approx(pose_cost(wrong, grid, body), rel=0.2)
-    few = fit(moved(joints, 1), grid, body, iterations=15, stride=3)
-    assert np.linalg.norm(few - joints, axis=1).mean() < 0.025
-
-
-def test_without_points_cost_and_fit_are_finite() -> None:
-    joints = cone_joints()
-    body = cone_body(joints)
-    grid = build_depth_grid(np.zeros((240, 320), np.float32), CAMERA)
-    assert np.isfinite(fit(joints, grid, body, iterations=10)).all()
-    assert pose_cost(joints, grid, body) == pytest.approx(
-        joint_prior(joints, torso_frame(joints)[2], 0, len(JOINT_PRIORS)), abs=1e-9
-    )
-
-
 def test_bodies_outside_the_view_are_no_error(person) -> None:  # noqa: F811
     joints, body, grid = person
     for offset in ((9, 0, 0), (0, -9, 0), (0, 0, -3.2), (0, 0, -9), (0, 0, 90)):
@@ -100,13 +72,6 @@ def test_bodies_outside_the_view_are_no_error(person) -> None:  # noqa: F811
         assert np.isfinite(pose_cost(joints + offset, grid, body))
     one = np.zeros((NUM_JOINTS, 3))
     assert np.isfinite(fit(one, grid, body, iterations=4)).all() and np.isfinite(pose_cost(one, grid, body))
-
-
-def test_the_start_is_not_modified(person) -> None:  # noqa: F811
-    joints, body, grid = person
-    start = joints.copy()
-    fit(start, grid, body, iterations=3)
-    np.testing.assert_array_equal(start, joints)
 
 
 @pytest.mark.parametrize("angle_deg", [-20, 20])

@@ -49,9 +49,3 @@ def test_wrong_radii_are_corrected(seen, wrong: float) -> None:
     found = fit_thickness(given, joints_m, grid)
     assert np.abs(found.radii_m - body.radii_m).mean() < 0.4 * np.abs(given.radii_m - body.radii_m).mean()
     assert np.array_equal(given.radii_m, body.radii_m * wrong)  # the given body is not changed
-
-
-def test_without_points_the_radii_stay(seen) -> None:
-    joints_m, body, grid = seen
-    found = fit_thickness(body, joints_m, grid._replace(points_m=np.empty((0, 3))))
-    assert np.array_equal(found.radii_m, body.radii_m)

@@ -14,9 +14,7 @@ from kpopnet.errors import InputError
 from kpopnet.geometry.depth_grid import build_depth_grid
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
-from kpopnet.tracker.body_estimate import DETECTION_PRIOR_WEIGHT
-from kpopnet.tracker.solver import fit
-from kpopnet.tracker.tracker import FINAL_ITERATIONS, FLIP_STRIDE, LOST_FRAMES, Tracker, TrackerConfig
+from kpopnet.tracker.tracker import FLIP_STRIDE, LOST_FRAMES, Tracker
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
 
 CAMERA = CAMERAS["kinect_v1"]
@@ -37,9 +35,9 @@ def rendered(joints: np.ndarray) -> np.ndarray:
     return np.stack([draw_cones(pose, body, CAMERA) for pose in joints])
 
 
-def tracked(depth: np.ndarray, start: np.ndarray | None, camera=CAMERA, **kwargs) -> tuple[np.ndarray, np.ndarray]:
+def tracked(depth: np.ndarray, start: np.ndarray | None, camera=CAMERA) -> tuple[np.ndarray, np.ndarray]:
     """(T, 15, 3) joints and (T, 15) confidences."""
-    tracker = Tracker(camera, TrackerConfig(**kwargs))
+    tracker = Tracker(camera)
     if start is not None:
         tracker.start(start)
     joints, confidence = zip(*[tracker.track(image) for image in depth], strict=True)
@@ -73,13 +71,6 @@ def test_a_person_of_cones_is_tracked(dancer) -> None:
     assert error.mean() < 0.03 and (error < 0.1).mean() > 0.97
     assert confidence.shape == (FRAMES, NUM_JOINTS) and (confidence >= 0).all() and (confidence <= 1).all()
     assert confidence.mean() > 0.6
-
-
-def test_the_same_input_gives_the_same_output(dancer) -> None:
-    joints, depth = dancer
-    first, second = (tracked(depth, joints[0]) for _ in range(2))
-    for a, b in zip(first, second, strict=True):
-        np.testing.assert_array_equal(a, b)
 
 
 def test_inputs_and_outputs_are_not_shared(dancer) -> None:
@@ -132,7 +123,7 @@ def test_exchanged_sides_are_corrected_while_standing_still(simulated, lost) -> 
 def test_the_tracker_waits_for_the_y_pose(dancer) -> None:
     depth = dancer[1]
     y = y_joints(place_m=PLACE_M)
-    tracker = Tracker(CAMERA, TrackerConfig(start="y_pose"))
+    tracker = Tracker(CAMERA, "y_pose")
     assert not tracker.started
     for image in (EMPTY, depth[-1]):
         pose, confidence = tracker.track(image)
@@ -154,7 +145,7 @@ def test_a_simulated_person_in_the_y_pose_starts_the_tracker(simulated) -> None:
 def test_thickness_is_measured_after_fitting_the_standing_pose() -> None:
     joints = cone_joints(-66, 4)
     body = cone_body(joints)
-    tracker = Tracker(CAMERA, TrackerConfig(start="standing"))
+    tracker = Tracker(CAMERA, "standing")
     for _ in range(4):
         found, _ = tracker.track(draw_cones(joints, body, CAMERA))
     # The errors are 15 and 36 mm if the thickness is measured with the average person's arm pose.
@@ -176,20 +167,6 @@ def test_a_given_model_is_kept(dancer, tmp_path) -> None:
     upper = np.linalg.norm(found[:, Joint.LEFT_ELBOW] - found[:, Joint.LEFT_SHOULDER], axis=1)
     np.testing.assert_allclose(upper, model.left_upper_arm_m, atol=0.02)
     assert error_m(found[-1], joints[-1]).mean() < 0.04
-
-
-def test_a_restarted_tracker_follows_a_farther_person_at_once(dancer) -> None:
-    joints, depth = dancer
-    far = joints[:2] + np.array((0, 0, 2.5))
-    images = rendered(far)
-    again = Tracker(CAMERA)
-    again.start(joints[0])
-    again.track(depth[0])
-    first = Tracker(CAMERA, model=again.model)
-    for tracker in (again, first):
-        tracker.start(far[0])
-    for image in images:
-        np.testing.assert_allclose(again.track(image)[0], first.track(image)[0], atol=1e-9)
 
 
 def test_incomplete_start_poses_are_refused() -> None:
@@ -237,18 +214,6 @@ def test_a_detector_is_queried_at_high_cost_and_accepted_if_it_fits(dancer) -> N
     assert confident.queries == 0
 
 
-def test_a_detector_with_slightly_higher_cost_is_accepted(dancer, monkeypatch) -> None:
-    joints, depth = dancer
-    near = joints[0] + (0.02, 0, 0)
-    monkeypatch.setattr("kpopnet.tracker.tracker.BASELINE_COST_M2", 0.0)  # every pose costs more
-    tracker = Tracker(CAMERA, detector=FixedDetector(near))
-    tracker.start(joints[0])
-    found, _ = tracker.track(depth[0])
-    grid = build_depth_grid(depth[0], CAMERA)
-    detected = fit(near.astype(np.float32), grid, tracker.body, FINAL_ITERATIONS, prior_weight=DETECTION_PRIOR_WEIGHT)
-    np.testing.assert_array_equal(found, detected)
-
-
 # --- invariances --------------------------------------------------------------------------------------------------
 
 
@@ -263,22 +228,6 @@ def test_shifting_image_and_camera_keeps_the_joints(dancer, right: int, down: in
     camera = CAMERA.cropped(-by_x, -by_y, CAMERA.width, CAMERA.height)
     found, _ = tracked(moved, joints[0], camera)
     np.testing.assert_allclose(found, tracked(depth[:5], joints[0])[0], atol=1e-6)
-
-
-@given(st.integers(-40, 40))
-@settings(max_examples=5, deadline=None)
-def test_a_translated_person_has_translated_joints(dancer, pixels: int) -> None:
-    """Translated by whole pixels at the person's depth. Not exact, but within the sampling.
-
-    Nearer and farther points move by other fractions of a pixel, the perspective shows more of one side, and the cells hold
-    other points.
-    """
-    joints, depth = dancer
-    by = np.array((pixels * PLACE_M[2] / CAMERA.fx, 0, 0))
-    moved, _ = tracked(rendered(joints[:6] + by), joints[0] + by)
-    still, _ = tracked(depth[:6], joints[0])
-    difference = error_m(moved - by, still)
-    assert difference.mean() < 0.02 and difference.max() < 0.06
 
 
 def test_a_mirrored_image_gives_mirrored_joints(dancer) -> None:
@@ -322,11 +271,11 @@ def test_who_comes_after_a_second_without_a_person_is_found_anew() -> None:
     second = first + np.array((-1.2, 0, 0.4))
     shown = [rendered(np.repeat(joints[None], 3, axis=0)) for joints in (first, second)]
     empty = np.repeat(EMPTY[None], LOST_FRAMES, axis=0)
-    tracker = Tracker(CAMERA, TrackerConfig(start="standing"))
+    tracker = Tracker(CAMERA, "standing")
     found = np.array([tracker.track(image)[0] for image in np.concatenate([shown[0], empty, shown[1]])])
     assert np.isnan(found[3:-3]).all()
     assert error_m(found[2], first).mean() < 0.05 and error_m(found[-1], second).mean() < 0.05
-    tracker = Tracker(CAMERA, TrackerConfig(start="label"))
+    tracker = Tracker(CAMERA, "label")
     tracker.start(first)
     given = np.array([tracker.track(image)[0] for image in np.concatenate([shown[0], empty, shown[0]])])
     assert np.isfinite(given[-3:]).all(), "a start that was given is not found again: it is kept"
@@ -357,10 +306,3 @@ def test_noise_is_no_error(dancer) -> None:
         warnings.simplefilter("error")
         found, confidence = tracked(sequence, joints[0])
     assert np.isfinite(found).all() and (confidence >= 0).all() and (confidence <= 1).all()
-
-
-def test_images_without_a_person_do_not_start_the_tracker() -> None:
-    rng = np.random.default_rng(9)
-    garbage = rng.integers(0, 2**16, EMPTY.shape).astype(np.float32) / 1000
-    found, _ = tracked(np.stack([garbage, np.full_like(EMPTY, 2.0), EMPTY]), None)
-    assert np.isnan(found).all()

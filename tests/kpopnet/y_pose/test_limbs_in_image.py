@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kpopnet.ridge import RidgeConfig, ridge_data
-from kpopnet.y_pose.image import MIN_BEND_RAD, Box, dominant_lines, find_limb, hough_lines, intersection
+from kpopnet.y_pose.image import MIN_BEND_RAD, Box, dominant_lines, find_limb, hough_lines
 
 WHOLE = Box(0, 0, 160, 160)
 
@@ -49,14 +49,6 @@ def test_two_clusters_of_lines_are_separated_and_weighted_by_votes() -> None:
     assert single == pytest.approx(np.array([[0, 1], [0, 1]]))
 
 
-@given(st.floats(-3, 3), st.floats(0.2, 2.9), st.floats(-20, 20), st.floats(-20, 20))
-@settings(deadline=None, max_examples=40)
-def test_the_intersection_lies_on_both_lines(angle: float, turn: float, a: float, b: float) -> None:
-    crossing = intersection(np.array([angle, a]), np.array([angle + turn, b]))
-    assert np.cos(angle) * crossing[0] + np.sin(angle) * crossing[1] == pytest.approx(a, abs=1e-6)
-    assert np.cos(angle + turn) * crossing[0] + np.sin(angle + turn) * crossing[1] == pytest.approx(b, abs=1e-6)
-
-
 @pytest.mark.parametrize("angle_deg", [10, 35, 60, 120, 160, -100, -70])
 def test_the_middle_of_a_bent_limb_is_at_the_bend(angle_deg: float) -> None:
     root = np.array([80.0, 80.0])
@@ -81,24 +73,3 @@ def test_a_straight_limb_is_divided_at_its_fraction(angle_deg: float, fraction: 
     assert not limb.crossed
     assert limb.middle == pytest.approx(root + fraction * (limb.end - root), abs=2.5)
     assert abs(limb.dominant[0, 0] - limb.dominant[1, 0]) <= MIN_BEND_RAD
-
-
-def test_only_pixels_in_the_box_count() -> None:
-    root, hand = np.array([80.0, 80.0]), np.array([130.0, 30.0])
-    person, ridge = draw_limb(root, hand)
-    single = find_limb(person, ridge, WHOLE, root, 12, 0.5)
-    person[120:160], ridge[120:160] = True, True
-    box = Box(80, 0, 160, 90)
-    with_more = find_limb(person, ridge, box, root, 12, 0.5)
-    assert with_more.end == pytest.approx(single.end)
-    assert with_more.box == box
-
-
-def test_too_few_pixels_give_no_limb() -> None:
-    root = np.array([80.0, 80.0])
-    empty = np.zeros((160, 160), bool)
-    assert find_limb(empty, empty, WHOLE, root, 12, 0.5) is None
-    person, ridge = draw_limb(root, along(root, 30, 3))
-    assert find_limb(person, ridge, WHOLE, root, 12, 0.5) is None
-    assert find_limb(person, np.zeros_like(ridge), WHOLE, root, 12, 0.5) is None
-    assert find_limb(person, ridge, Box(80, 80, 80, 80), root, 12, 0.5) is None

@@ -10,11 +10,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from kpopnet.y_pose.image import (
-    MEAN_SHIFT_STARTS,
     Box,
     head_candidates,
     maximal_rectangle,
-    mean_pixel,
     six_parts,
     torso_rectangle,
 )
@@ -81,20 +79,6 @@ def test_parts_are_three_rows_of_two_and_mirror() -> None:
     assert all(above.y1 == below.y0 for above, below in itertools.pairwise(rows))
 
 
-def test_parts_never_begin_outside_the_image() -> None:
-    for part in six_parts(Box(0, 0, 10, 60)):
-        assert min(part) >= 0
-        assert mean_pixel(np.ones((60, 40), bool), part) is not None or part.x1 <= part.x0 or part.y1 <= part.y0
-
-
-def test_mean_pixel_uses_only_the_part() -> None:
-    mask = np.zeros((20, 20), bool)
-    mask[5:8, 4:7] = True
-    mask[15, 15] = True
-    assert mean_pixel(mask, Box(0, 0, 12, 12)) == pytest.approx([5, 6])
-    assert mean_pixel(mask, Box(8, 8, 12, 12)) is None
-
-
 def test_mean_shift_returns_the_larger_mode_first() -> None:
     ridge = np.zeros((80, 100), bool)
     ridge[18:23, 48:53] = True  # a head
@@ -105,14 +89,3 @@ def test_mean_shift_returns_the_larger_mode_first() -> None:
     assert found[0] == pytest.approx([50, 20], abs=0.1)
     assert found[1] == pytest.approx([45, 40], abs=0.1)
     assert len(found) == 2
-
-
-def test_without_ridge_data_above_the_torso_there_is_no_head() -> None:
-    assert head_candidates(np.zeros((80, 100), bool), Box(40, 50, 61, 110), 8).shape == (0, 2)
-    assert head_candidates(np.ones((80, 100), bool), Box(40, 0, 61, 60), 8).shape == (0, 2)
-
-
-def test_mean_shift_limits_the_number_of_starts() -> None:
-    ridge = np.zeros((200, 200), bool)
-    ridge[20:180:2, 70:130:2] = True
-    assert 0 < len(head_candidates(ridge, Box(80, 190, 121, 310), 8)) <= MEAN_SHIFT_STARTS

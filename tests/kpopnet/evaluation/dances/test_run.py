@@ -27,7 +27,7 @@ from kpopnet.evaluation.dances.pose_cache import PoseCache
 from kpopnet.evaluation.dances.report import evaluate_dances, rank_table
 from kpopnet.evaluation.dances.run import run_dances
 from kpopnet.evaluation.report import write
-from kpopnet.paper_tracker.estimator import PaperTrackerEstimatorConfig
+from kpopnet.paper_tracker.tracker import PaperTrackerConfig
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
 
 CAMERA = Camera.centred(20.0, 24, 20)
@@ -230,7 +230,7 @@ def test_trackers_do_not_wait_for_the_y_pose(folder, monkeypatch):
     assert all(config.start == "auto" for config in built)
     assert any("start=auto" in line for line in found.assumptions)
     with pytest.raises(InputError, match=r"paper_tracker: .* starts from the Y pose, which learners do not show"):
-        run(folder, {"paper_tracker": PaperTrackerEstimatorConfig()}, count=1)
+        run(folder, {"paper_tracker": PaperTrackerConfig()}, count=1)
 
 
 def test_the_report_has_all_its_parts(folder, fake, tmp_path):

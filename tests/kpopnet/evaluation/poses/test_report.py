@@ -26,7 +26,7 @@ from kpopnet.evaluation.poses.run import PoseRun, run_benchmark
 from kpopnet.evaluation.poses.sweep import Sweep, sweep_of
 from kpopnet.evaluation.poses.tables import difference_table, published_table, sequence_table, sweep_table
 from kpopnet.evaluation.report import save_video, write
-from kpopnet.paper_tracker.estimator import PaperTrackerEstimatorConfig
+from kpopnet.paper_tracker.tracker import PaperTrackerConfig
 from kpopnet.skeleton import JOINT_NAMES
 
 
@@ -197,7 +197,7 @@ def test_of_a_whole_scene_pictures_show_what_is_near_the_true_joints(monkeypatch
 
 def test_a_sweep_has_a_table_and_metrics_and_is_in_no_other_table(tmp_path):
     rows, columns = AxisConfig("epsilon_m", [0.05, 0.06]), AxisConfig("r_m", [0.1, 0.11, 0.12])
-    sweep = sweep_of(SweepConfig(rows, columns), {"tracker": PaperTrackerEstimatorConfig()})
+    sweep = sweep_of(SweepConfig(rows, columns), {"tracker": PaperTrackerConfig()})
     factors = np.arange(1, 7).reshape(2, 3) / 3
     estimators = {name: Off(factors[r, c]) for r, names in enumerate(sweep.names) for c, name in enumerate(names)}
     run = run_benchmark(Films(), {"tracker": estimators["tracker"]} | estimators)

@@ -17,7 +17,7 @@ from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import save_checkpoint
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.networks.network import build_network
-from kpopnet.paper_tracker.estimator import PaperTrackerEstimatorConfig
+from kpopnet.paper_tracker.tracker import PaperTrackerConfig
 from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
 
 MEAN_POSE = MeanPoseEstimator(POSE_M - POSE_M.mean(axis=0))
@@ -105,7 +105,7 @@ def test_all_people_in_a_room_are_resampled_together(tmp_path):
 
 
 def test_one_kind_of_estimator_may_have_several_names_in_a_run():
-    configs = {"slow": PaperTrackerEstimatorConfig(start="label"), "fast": PaperTrackerEstimatorConfig()}
+    configs = {"slow": PaperTrackerConfig(start="label"), "fast": PaperTrackerConfig()}
     built = build_estimators(configs)
     assert [one.starts_from_label for one in built.values()] == [True, False] and list(built) == list(configs)
 

@@ -5,13 +5,13 @@ import pytest
 from kpopnet.errors import InputError
 from kpopnet.evaluation.config import AxisConfig, SweepConfig
 from kpopnet.evaluation.poses.sweep import sweep_of
-from kpopnet.paper_tracker.estimator import PaperTrackerEstimatorConfig
+from kpopnet.paper_tracker.tracker import PaperTrackerConfig
 
 RADII, TOLERANCES = [0.08, 0.11], [0.04, 0.05, 0.06]
 
 
 def sweep(rows: AxisConfig, columns: AxisConfig, **settings):
-    return sweep_of(SweepConfig(rows, columns), {"mine": PaperTrackerEstimatorConfig(**settings), "other": None})
+    return sweep_of(SweepConfig(rows, columns), {"mine": PaperTrackerConfig(**settings), "other": None})
 
 
 def test_only_the_two_settings_of_the_first_estimator_are_varied():
@@ -24,7 +24,7 @@ def test_only_the_two_settings_of_the_first_estimator_are_varied():
             if name != "mine":
                 assert str(radius) in name and str(tolerance) in name
                 settings = found.settings[name]
-                assert isinstance(settings, PaperTrackerEstimatorConfig) and settings.repaired
+                assert isinstance(settings, PaperTrackerConfig) and settings.repaired
                 assert (settings.r_m, settings.epsilon_m) == (radius, tolerance)
 
 
