@@ -39,8 +39,6 @@ def test_help_describes_the_settings_and_so_does_the_printed_configuration():
     ("words", "code", "message"),
     [
         (["dance"], 2, "there is no program dance; there are generate, train"),
-        (["train", "--config-name", "forest"], 1, "--config-name forest: expected one of train, tree_walk"),
-        (["generate", "benchmark=itop"], 1, "benchmark=itop"),
         (["generate", "splits.train=many"], 1, "splits.train"),
     ],
 )
@@ -61,9 +59,7 @@ def test_the_programs_work_from_an_installed_package(tmp_path):
     environment = os.environ | {"PYTHONPATH": str(tmp_path / "site")}
     for words, expected in (
         (("train", "--cfg", "job"), "batch_size"),
-        (("generate", "preset=demo", "--cfg", "job"), "shard_size"),
         (("generate", "benchmark=kpop_sim", "--cfg", "job"), "dances: 100"),
-        (("evaluate", "checkpoint=x", "--cfg", "job"), "estimator"),
     ):
         command = [sys.executable, "-P", "-m", "kpopnet.cli", *words]
         done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)

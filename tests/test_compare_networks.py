@@ -45,19 +45,6 @@ def test_a_constant_gain_has_no_spread_however_hard_the_sequences_are(four_netwo
     assert high - low > 4, "the figures themselves do spread"
 
 
-def test_the_figures_of_a_way_are_those_of_all_its_networks(four_networks) -> None:
-    found = compare_networks.compare(four_networks, WAYS, [])["depth"]["all"]
-    each = [100 * np.mean(four_networks[run].errors_m() < 0.10) for run in WAYS["depth"]]
-    assert found["within_10cm"]["by_network"] == pytest.approx(each)
-    assert found["within_10cm"]["value"] == pytest.approx(np.mean(each))
-
-
-def test_two_ways_count_as_one(four_networks) -> None:
-    ways = {"a": ["d0"], "b": ["d1"], "c": ["r0"], "d": ["r1"]}
-    found = compare_networks.compare(four_networks, ways, ["c+d-a+b"])["c+d-a+b"]["hands"]
-    assert found["mean_cm"]["by_network"] == pytest.approx([-3, -3])
-
-
 def test_a_joint_that_one_network_misses_is_a_miss_and_in_no_mean(four_networks) -> None:
     head = int(JOINT_GROUPS["head"][0])
     networks = four_networks | {"r0": results(np.zeros((SEQUENCES * FRAMES, 15)))}

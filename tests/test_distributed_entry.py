@@ -65,3 +65,5 @@ def test_a_killed_process_ends_the_others_and_the_run_resumes_to_the_same_weight
     complete(place, 2, "training.resume=killed/last")
     weights = [(place / run / "last" / "model.safetensors").read_bytes() for run in ("whole", "killed")]
     assert weights[0] == weights[1]
+    assert (place / "whole" / "train.log").read_text().count("step 60 of 60") == 1  # the first process alone writes
+    assert not (place / "outputs").exists()

@@ -15,22 +15,16 @@ from programs import ROOT, run_program
 from shard_sets import write_shard
 from shipped_weights import ship
 
-from kpopnet.baselines.mean_pose import MeanPoseEstimator
 from kpopnet.dance.scoring import SCORERS
-from kpopnet.datasets.synthetic import SyntheticConfig
 from kpopnet.errors import InputError
 from kpopnet.evaluation.config import EvaluateConfig
-from kpopnet.evaluation.poses.report import evaluate_poses
 from kpopnet.evaluation.poses.sweep import sweep_of
 from kpopnet.evaluation.registry import BENCHMARKS, ESTIMATORS, MeanPoseConfig, NetworkEstimatorConfig, build_estimators
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import save_checkpoint
-from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.networks.network import build_network
 from kpopnet.programs.evaluate import EVALUATIONS
 from kpopnet.runtime.cpu import available_cores
-from kpopnet.runtime.hydra_app import user_errors
-from kpopnet.tracker.estimator import TrackerEstimatorConfig
 
 evaluate = partial(run_program, "evaluate.py")
 
@@ -87,18 +81,6 @@ def test_the_tracker_needs_no_checkpoint_and_may_be_told_where_to_start(place):
         assert (found["missing_joints"] < 15 * found["images"]) == with_joints
 
 
-def test_estimators_come_in_the_order_they_are_listed(place):
-    with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
-        for listed in (["network"], ["mean_pose", "network"], ["network", "mean_pose"]):
-            overrides = [f"estimator=[{','.join(listed)}]", f"checkpoint={place / 'run' / 'last'}"]
-            config = OmegaConf.to_object(compose("evaluate", overrides))
-            assert list(config.estimator) == listed
-            built = build_estimators(config.estimator)
-            assert list(built) == (listed if len(listed) == 2 else ["network", "mean_pose"])
-            assert isinstance(built["mean_pose"], MeanPoseEstimator)
-            assert isinstance(built["network"], NetworkEstimator)
-
-
 def documented_commands() -> list[list[str]]:
     """The settings of every command in evaluate.py's own help."""
     text = ast.get_docstring(ast.parse((ROOT / "kpopnet/programs/evaluate.py").read_text()), clean=False).replace("\\\n", " ")
@@ -153,13 +135,6 @@ def test_a_missing_or_foreign_checkpoint_is_named(tmp_path):
         build_estimators({})
 
 
-def test_a_second_network_must_be_named(place):
-    with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
-        config = compose("evaluate", ["estimator=[network,ridge_network]", f"checkpoint={place / 'run' / 'last'}"])
-    with pytest.raises(InputError, match=r"ridge_network needs.*estimator\.ridge_network\.checkpoint="):
-        build_estimators(OmegaConf.to_object(config).estimator)
-
-
 def test_without_a_checkpoint_the_network_of_the_package_is_evaluated(place, monkeypatch, tmp_path):
     ship(place / "run" / "last", tmp_path / "weights", monkeypatch)
     with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
@@ -169,26 +144,9 @@ def test_without_a_checkpoint_the_network_of_the_package_is_evaluated(place, mon
     assert built["network"].meta["step"] == 1 and built["network"].backend.network.config.crop_px == 32
 
 
-def test_scorers_are_refused_where_joints_are_judged(tmp_path):
-    config = EvaluateConfig(SyntheticConfig(), {"tracker": TrackerEstimatorConfig()}, scorer={"raptis": SCORERS["raptis"]})
-    with pytest.raises(InputError, match=r"scorer=\[raptis\]: benchmark=synthetic judges joints.*benchmark=kpop or kpop_sim"):
-        evaluate_poses(config, tmp_path)
-
-
-def test_a_program_that_is_stopped_promises_nothing(capsys):
-    @user_errors
-    def program():
-        raise KeyboardInterrupt
-
-    with pytest.raises(SystemExit) as end:
-        program()
-    assert end.value.code == 130 and capsys.readouterr().err == "stopped\n"
-
-
 @pytest.mark.parametrize(
     ("overrides", "complaint"),
     [
-        (["checkpoint=nowhere", "benchmark.path=set"], "nowhere"),
         (["checkpoint=run/last", "benchmark.pathh=set"], "pathh"),
         (
             ["estimator=[tracker]", "benchmark.path=set", "estimator.tracker.start=somewhere"],

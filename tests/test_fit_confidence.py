@@ -1,13 +1,11 @@
 """tools/fit_confidence.py: the weights of the confidence are fitted by maximum likelihood to labelled joints."""
 
 import numpy as np
-import pytest
 from cone_people import cone_body, cone_joints, draw_cones
 from fitted_people import moved
 from programs import tool
 
 from kpopnet.camera import CAMERAS
-from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate
 from kpopnet.tracker.confidence import probability
 from kpopnet.tracker.estimator import TrackerEstimator
@@ -60,15 +58,3 @@ def test_every_kind_of_estimate_gives_the_evidence_of_its_confidence(monkeypatch
     assert known.any()
     evidence, _ = found["TRACKED_WEIGHTS"]
     np.testing.assert_allclose(probability(evidence, fit.SHIPPED["TRACKED_WEIGHTS"]), tracked.confidence[known], atol=1e-6)
-
-
-def test_the_text_is_that_of_the_constants() -> None:
-    rng = np.random.default_rng(1)
-    evidence = np.column_stack([np.ones(4000), rng.random((4000, 2))])
-    hit = rng.random(4000) < probability(evidence, fit.SHIPPED["TRACKED_WEIGHTS"])
-    first, second = fit.describe("TRACKED_WEIGHTS", evidence, np.where(hit, 0.02, 0.2)).splitlines()
-    weights = [float(one) for one in first.partition(" = ")[2].strip("()").split(",")]
-    np.testing.assert_allclose(weights, fit.SHIPPED["TRACKED_WEIGHTS"], atol=0.6)
-    assert "4000 joints" in second
-    with pytest.raises(InputError, match="nothing to learn from"):
-        fit.describe("TRACKED_WEIGHTS", np.ones((5, 3)), np.full(5, 0.3))

@@ -35,9 +35,11 @@ def assert_same_motion(read, written, atol=2e-5):
     np.testing.assert_allclose(points, expected, atol=1e-3)
 
 
-@pytest.mark.parametrize("order", ["ZYX", "XYZ", "YXZ", "ZXY"])
-def test_a_dance_survives_the_round_trip_in_any_channel_order(tmp_path, order):
-    read = bvh_motion(write_bvh(tmp_path / "dance.bvh", DANCE, order=order))
+@pytest.mark.parametrize(("order", "unit"), [("ZYX", 0.01), ("XYZ", 0.0254), ("YXZ", 0.0254 / 0.45), ("ZXY", 0.01)])
+def test_a_dance_survives_the_round_trip_in_any_channel_order_and_unit(tmp_path, order, unit, caplog):
+    with caplog.at_level(logging.INFO):
+        read = bvh_motion(write_bvh(tmp_path / "dance.bvh", DANCE, order=order, unit=unit))
+    assert "dance.bvh: a leg of" in caplog.text
     assert_same_motion(read, DANCE)
     assert read.fps == pytest.approx(30, abs=0.01)
     assert read.leg_m == pytest.approx(LEG_M, abs=1e-4)
@@ -67,24 +69,13 @@ def test_the_joints_of_the_recorded_skeleton_are_those_of_its_kinematics(tmp_pat
     assert read.joints_m[:5, Joint.LEFT_HIP, 0].mean() > read.joints_m[:5, Joint.RIGHT_HIP, 0].mean() + 0.1
 
 
-@pytest.mark.parametrize("unit", [0.01, 0.0254, 0.0254 / 0.45])
-def test_units_are_derived_from_the_leg_and_logged(tmp_path, unit, caplog):
-    with caplog.at_level(logging.INFO):
-        read = bvh_motion(write_bvh(tmp_path / "dance.bvh", DANCE, unit=unit))
-    np.testing.assert_allclose(read.root_m, DANCE.root_m, atol=1e-3)
-    assert "dance.bvh: a leg of" in caplog.text
-
-
 def test_a_rest_pose_with_the_arms_down_and_the_legs_apart_is_rotated_to_the_t_pose(tmp_path):
-    arms_down = {
-        "Left": Rotation.from_euler("Z", -50, degrees=True),
-        "Right": Rotation.from_euler("Z", 50, degrees=True),
+    degrees = {"Arm": -50, "ForeArm": -50, "Hand": -50, "UpLeg": 20, "Leg": 20}
+    rest = {
+        f"{side}{part}": Rotation.from_euler("Z", sign * angle, degrees=True)
+        for side, sign in (("Left", 1), ("Right", -1))
+        for part, angle in degrees.items()
     }
-    apart = {"Left": Rotation.from_euler("Z", 20, degrees=True), "Right": Rotation.from_euler("Z", -20, degrees=True)}
-    rest = {}
-    for side in ("Left", "Right"):
-        rest |= {f"{side}{part}": arms_down[side] for part in ("Arm", "ForeArm", "Hand")}
-        rest |= {f"{side}{part}": apart[side] for part in ("UpLeg", "Leg")}
     assert_same_motion(bvh_motion(write_bvh(tmp_path / "a.bvh", DANCE, rest=rest)), DANCE)
 
 
@@ -181,20 +172,12 @@ def test_a_missing_joint_is_reported_with_the_file_and_the_joints_found(tmp_path
     ("old", "new", "message"),
     [
         ("HIERARCHY", "hello", r"line 1: expected .HIERARCHY"),
-        ("Xrotation", "Wrotation", r"line 5: expected .CHANNELS"),
         ("CHANNELS 3", "CHANNELS 4", r"line \d+: expected .CHANNELS"),
         ("OFFSET 0.000000", "OFFSET 1e308", "expected 3 numbers up to 1e"),
-        ("  OFFSET 0.000000 0.000000 0.000000\n", "", r"an OFFSET in joint Hips"),
-        ("JOINT LowerBack", "ROOT LowerBack", r"line \d+: expected .ROOT. \(one\)"),
-        ("Frames: 60", "Frames: 0", "Frames: <number>"),
         ("Frames: 60", "Frames: 1000000000", "Frames: <number>"),
-        ("Frames: 60", "Frames: \u0666\u0660", "Frames: <number>"),
         ("Frames: 60", "Frames: 999999999", "frame 61 of 999999999 was expected; the file is truncated"),
         ("Frame Time: 0.0333", "Frame Time: nan", "1 numbers up to 1e"),
-        ("Frame Time: 0.0333", "Frame Time: 0", "above zero"),
-        ("Frame Time: 0.0333", "Frame Time: 1000", "states 0.001 frames a second"),
         ("0.0333\n", "0.0333\nx", r"line \d+: expected 72 numbers"),
-        ("0.0333\n", "0.0333\n3 ", r"line \d+: expected 72 numbers"),
     ],
 )
 def test_malformed_and_hostile_files_are_refused_with_the_line(tmp_path, old, new, message):

@@ -4,13 +4,10 @@ import pytest
 from kpopnet.rotations import conjugate, multiply, rotate
 from synth.motion.choreography.composer import Choreography, compose, dance
 from synth.motion.choreography.moves import (
-    RELAXED_LOWER,
-    RELAXED_UPPER,
     Move,
     concat,
     mirror,
     repeat,
-    together,
     turning,
 )
 from synth.motion.choreography.stage import Style, perform
@@ -32,15 +29,6 @@ def angular_speed(motion):
     return 2 * np.arctan2(np.linalg.norm(step[..., 1:], axis=-1), np.abs(step[..., 0])) * motion.fps
 
 
-@pytest.mark.parametrize("name", VOCABULARY)
-def test_every_move_uses_known_channels_and_fills_whole_phrases(name):
-    move = VOCABULARY[name]
-    assert move.beats in (1, 2, 4, 8, 12)
-    for track, known in ((move.lower, RELAXED_LOWER), (move.upper, RELAXED_UPPER)):
-        for key in track:
-            assert set(key.shape) <= set(known)
-
-
 @pytest.mark.parametrize("name", ["grapevine", "spin", "high_kicks", "dab", "kneel_and_rise", "arm_wave"])
 def test_the_motion_of_a_mirrored_move_is_the_mirror_image(name):
     one, other = performed(VOCABULARY[name]), performed(mirror(VOCABULARY[name]))
@@ -58,16 +46,6 @@ def test_every_move_of_the_feet_ends_in_the_home_shape(name):
     across = rotate(conjugate(turned[0, 0]), left - right)
     assert 0.15 < across[0] < 0.65 and abs(across[2]) < 0.1
     assert points[0, INDEX["Head"], 1] > 1.2
-
-
-def test_combinators_give_the_expected_beats_and_turns():
-    a, b = LOWER["side_steps"], UPPER["point_up"]
-    assert concat(a, b).beats == a.beats + b.beats
-    assert repeat(a, 3).beats == 3 * a.beats
-    assert together(LOWER["bounce"], b).beats == b.beats
-    assert together(LOWER["bounce"], b).upper == b.upper
-    assert sum(key.turn for key in turning(a, 360).lower) == pytest.approx(360)
-    assert mirror(turning(a, 90)) == turning(mirror(a), -90)
 
 
 def test_a_full_turn_rotates_the_heading_by_360_degrees():

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kpopnet.rotations import rotate
-from synth.motion.limbs import REACHES, SIDES, arm_to, at_rest, closed_legs
+from synth.motion.limbs import REACHES, arm_to
 from synth.motion.poses.families import FAMILIES, ProceduralPoses
 from synth.motion.posture import CHANNELS, LIMITS_DEG, angles, limited, rotations
 from synth.motion.skeleton import INDEX, forward_kinematics, height_above_floor, mirrored
@@ -38,18 +38,14 @@ def family(name, n=200, seed=0):
 
 
 @pytest.mark.parametrize("name", FAMILIES)
-def test_poses_are_complete_named_and_on_the_floor(name):
+def test_poses_are_on_the_floor_and_bend_elbows_and_knees_like_hinges(name):
     poses, _, _ = family(name)
     assert poses.quats.dtype == np.float32 and poses.quats.shape == (200, 23, 4)
     np.testing.assert_allclose(np.linalg.norm(poses.quats, axis=-1), 1, atol=1e-5)
     np.testing.assert_allclose(height_above_floor(poses.quats, poses.root_m), 0, atol=1e-6)
     assert set(poses.names) == {f"pose:{name}"}
     assert (poses.root_m[:, [0, 2]] == 0).all()
-
-
-@pytest.mark.parametrize("name", FAMILIES)
-def test_elbows_and_knees_are_hinges_that_never_bend_backwards(name):
-    flexions, out_of_plane = elbow_and_knee_deg(family(name)[0].quats)
+    flexions, out_of_plane = elbow_and_knee_deg(poses.quats)
     assert flexions.min() > -0.01
     assert flexions.max() < 150.01
     np.testing.assert_allclose(out_of_plane, 0, atol=1e-5)
@@ -133,13 +129,6 @@ def test_crossed_arms_cross():
     assert (np.minimum(to_left, -to_right) < 0).all()
 
 
-def test_kicks_bring_a_foot_above_the_hips_and_keep_the_other_down():
-    _, at, _ = family("kick")
-    feet = np.stack([at("LeftFoot")[:, 1], at("RightFoot")[:, 1]])
-    assert (feet.max(axis=0) > at("Hips")[:, 1]).mean() > 0.25
-    assert (feet.min(axis=0) < 0.2).all()
-
-
 @pytest.mark.parametrize(
     ("place", "where"),
     [
@@ -169,19 +158,3 @@ def test_procedural_poses_are_symmetric_between_the_sides():
 def test_half_of_the_people_who_stand_have_closed_legs():
     drawn = [FAMILIES["free_arms"][1](np.random.default_rng(k)) for k in range(600)]
     assert 0.42 < np.mean([pose["left_abduct"] + pose["right_abduct"] < 0 for pose in drawn]) < 0.58
-
-
-def test_many_let_one_arm_or_both_hang():
-    raised = {f"{side}_{angle}": 90.0 for side in SIDES for angle in ("raise", "elbow", "pronate")}
-    drawn = [at_rest(np.random.default_rng(k), raised) for k in range(2000)]
-    hanging = np.array([[pose[f"{side}_raise"] <= 20 for side in SIDES] for pose in drawn])
-    assert 0.41 < hanging.all(axis=1).mean() < 0.49 and 0.61 < hanging.any(axis=1).mean() < 0.69
-    for pose, (left, right) in zip(drawn, hanging, strict=True):  # the other arm stays as it was
-        assert left or {pose[name] for name in raised if name.startswith("left")} == {90.0}
-        assert right or {pose[name] for name in raised if name.startswith("right")} == {90.0}
-
-
-def test_closed_legs_leave_4_to_15_cm_between_the_ankles():
-    degrees = np.array([closed_legs(np.random.default_rng(k)) for k in range(200)])
-    ankles_m = 2 * (0.113 + 0.81 * np.sin(np.radians(degrees)))
-    assert 0.039 < ankles_m.min() < 0.06 and 0.13 < ankles_m.max() < 0.151 and (degrees < 0).all()

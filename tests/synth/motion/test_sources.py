@@ -111,17 +111,9 @@ def test_paths_without_motion_are_rejected_with_the_remedy(tmp_path, pack):
     (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match=r"neither an index.csv nor"):
         clips(tmp_path / "empty")
-    with pytest.raises(InputError, match=r"motion.path=<motion pack"):
-        MotionConfig(source="clips")
     (pack / "clips" / "a.npz").unlink()
     with pytest.raises(InputError, match=r"a\.npz is missing"):
         clips(pack).motion(0)
-    np.savez(pack / "clips" / "a.npz", pose=np.zeros(3))
-    with pytest.raises(InputError, match=r"a\.npz: expected an array quat"):
-        clips(pack).motion(0)
-    (pack / "index.csv").write_text("clip_id,file,split,seconds\nx,clips/x.npz,dev,1\n")
-    with pytest.raises(InputError, match=r"no clip of split 'train', only of \['dev'\]"):
-        clips(pack)
     (pack / "index.csv").write_text("clip_id,file\nx,clips/x.npz\n")
     with pytest.raises(InputError, match="no column 'split'"):
         clips(pack)
@@ -131,13 +123,10 @@ def test_paths_without_motion_are_rejected_with_the_remedy(tmp_path, pack):
     ("row", "message"),
     [
         ("x,../x.npz,train,1", r"row 2: expected a file inside the pack, not '\.\./x\.npz'"),
-        ("x,/etc/passwd,train,1", "a file inside the pack"),
-        *((f"x,x.npz,train,{seconds}", "a duration of 0 to 100000 seconds") for seconds in
-          ("-1", "0", "nan", "inf", "", "3e6", "9" * 5000)),
+        ("x,x.npz,train,nan", "a duration of 0 to 100000 seconds"),
         ("x,x.npz,train,1,2,3", "expected 4 values"),
-        (f"{'x' * 200_000},x.npz,train,1", "not a table"),
     ],
-)  # fmt: skip
+)
 def test_rows_of_an_index_that_no_pack_has_are_refused(pack, row, message):
     (pack / "index.csv").write_text(f"clip_id,file,split,seconds\n{row}\n", encoding="utf-8")
     with pytest.raises(InputError, match=message):
@@ -148,10 +137,8 @@ def test_rows_of_an_index_that_no_pack_has_are_refused(pack, row, message):
     ("changed", "message"),
     [
         ({"fps": np.float32(np.nan)}, "1 to 1000 frames a second"),
-        ({"quat": np.zeros((60, 23, 4), np.int16)}, "rotations other than 0"),
         ({"root": np.full((60, 3), np.nan, np.float32)}, "hips within"),
         ({"root": np.zeros((59, 3), np.float32)}, r"root: shape \(59, 3\), expected \(frames = 60, 3\)"),
-        ({"offsets": np.full((28, 3), np.inf, np.float32)}, "a leg of"),
         ({"bad": np.ones(60, bool)}, "some good frames"),
     ],
 )
@@ -177,11 +164,8 @@ def test_damaged_packs_are_refused_in_one_line(pack):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"source": "dance"}, "motion.source=dance is not one of"),
         ({"fps": math.nan}, "motion.fps=nan"),
-        ({"seconds": 0.04}, "motion.seconds=0.04: a dance lasts at least a second"),
         ({"weights": {"posse": 1.0}}, "motion.weights"),
-        ({"weights": {"poses": 0.0}}, "motion.weights"),
         ({"weights": {"clips": 0.5, "poses": 0.5}}, "set motion.path"),
     ],
 )

@@ -156,19 +156,6 @@ def test_frozen_samples_are_returned_as_stored(tmp_path):
     assert not observer.observe(1, 0).depth_m.any()
 
 
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"erode": 1.2}, "extraction.erode"),
-        ({"erode": 0.6, "dilate": 0.6}, "at most 1"),
-        ({"feet_cut_m": -1}, "extraction.feet_cut_m"),
-    ],
-)
-def test_invalid_settings_are_rejected_with_the_override(settings, message):
-    with pytest.raises(InputError, match=message):
-        ExtractionConfig(**settings)
-
-
 def test_a_room_smaller_than_the_frame_and_a_box_outside_it_are_refused(shards):
     """A compiled function would read beyond the room's end, and give foreign memory as depth."""
     sample, camera = shards[0], shards.camera
@@ -176,10 +163,7 @@ def test_a_room_smaller_than_the_frame_and_a_box_outside_it_are_refused(shards):
     small = Background(room.depth_mm[:20, :30].copy(), room.floor)
     for wrong_sample, wrong_room, message in (
         (sample, small, r"sample and room: an image of shape \(20, 30\), expected .* \(240, 320\)"),
-        (dataclasses.replace(sample, depth_mm=sample.depth_mm[:20]), room, r"an image of shape \(20, 320\)"),
         (dataclasses.replace(sample, box=(0, 0, 321, 240)), room, "the box .* is not within 320x240"),
-        (dataclasses.replace(sample, box=(-3, 0, 20, 20)), room, "the box .* is not within 320x240"),
-        (dataclasses.replace(sample, box=(9, 9, 5, 12)), room, "the box .* is not within 320x240"),
     ):
         for observe, more in ((observe_sample, ()), (freeze, (RIDGE,))):
             with pytest.raises(InputError, match=message):
@@ -211,9 +195,3 @@ def test_other_sensors_measure_their_share_and_only_that(shards):
     for found, expected, taken in zip(some, other, by_other, strict=True):
         assert not taken or np.array_equal(found, expected)
     assert abs(np.mean(by_other) - 0.5) < 4 * 0.5 / len(by_other) ** 0.5
-
-
-@pytest.mark.parametrize("shares", [{"kinect_v1": -0.1}, {"ideal": 0.6, "kinect_2": 0.6}, {"ideal": float("nan")}])
-def test_shares_that_are_no_probabilities_are_refused(shares):
-    with pytest.raises(InputError, match="sum is at most 1"):
-        OtherSensors(**shares)

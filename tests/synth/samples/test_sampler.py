@@ -115,8 +115,6 @@ def test_every_camera_preset_renders(name: str) -> None:
     [
         (lambda: CameraConfig("gopro").build(), "camera.name=gopro"),
         (lambda: StageConfig(distance_m=(3, 2)), "stage.distance_m"),
-        (lambda: StageConfig(tries=0), "tries"),
-        (lambda: SampleConfig(renderer="paint"), "renderer=paint"),
         (lambda: Sampler(CONFIG, 0, "dev"), "split=dev"),
     ],
 )
