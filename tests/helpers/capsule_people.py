@@ -21,13 +21,19 @@ STANDING_M = {
 }
 
 
-def draw_joints(rng: np.random.Generator) -> np.ndarray:
-    """(15, 3) joints in metres of a person who roughly faces the camera, with random arms."""
+def standing() -> np.ndarray:
+    """(15, 3) metres: both sides of STANDING_M about the origin; the elbows and hands are left at 0."""
     body = np.zeros((NUM_JOINTS, 3))
     for joint, position in STANDING_M.items():
         body[joint] = position
         if joint.name.startswith("RIGHT_"):
             body[Joint["LEFT_" + joint.name[6:]]] = (-position[0], *position[1:])
+    return body
+
+
+def draw_joints(rng: np.random.Generator) -> np.ndarray:
+    """(15, 3) joints in metres of a person who roughly faces the camera, with random arms."""
+    body = standing()
     for side, sign in (("RIGHT", -1), ("LEFT", 1)):
         end = body[Joint[f"{side}_SHOULDER"]]
         for name, length in (("ELBOW", 0.28), ("HAND", 0.26)):

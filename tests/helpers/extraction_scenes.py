@@ -3,7 +3,7 @@
 from functools import cache
 
 import numpy as np
-from capsule_people import STANDING_M
+from capsule_people import standing as standing_joints
 from factories import draw_person, draw_room
 
 from kpopnet.camera import Camera
@@ -25,12 +25,7 @@ def room(*boxes: tuple[int, int, int, int, float], camera: Camera = CAMERA) -> n
 @cache
 def standing(z_m: float = 2.8, arms_deg: float = -60.0, turned: bool = False) -> np.ndarray:
     """(H, W) float32 metres: a person at the image centre; arms at an angle above the horizontal, sideways or forwards."""
-    body = np.zeros((NUM_JOINTS, 3))
-    arm = np.array([np.cos(np.radians(arms_deg)), -np.sin(np.radians(arms_deg))])
-    for joint, position in STANDING_M.items():
-        body[joint] = position
-        if joint.name.startswith("RIGHT_"):
-            body[Joint["LEFT_" + joint.name[6:]]] = (-position[0], *position[1:])
+    body, arm = standing_joints(), np.array([np.cos(np.radians(arms_deg)), -np.sin(np.radians(arms_deg))])
     for side, sign in (("RIGHT", -1), ("LEFT", 1)):
         shoulder = body[Joint[f"{side}_SHOULDER"]]
         direction = np.array([0, arm[1], -arm[0]]) if turned else np.array([sign * arm[0], arm[1], 0])
@@ -42,12 +37,7 @@ def standing(z_m: float = 2.8, arms_deg: float = -60.0, turned: bool = False) ->
 @cache
 def lying(z_m: float = 2.8) -> np.ndarray:
     """(H, W) float32 metres: a person lying on the floor across the image."""
-    body = np.zeros((NUM_JOINTS, 3))
-    upright = np.zeros((NUM_JOINTS, 3))
-    for joint, position in STANDING_M.items():
-        upright[joint] = position
-        if joint.name.startswith("RIGHT_"):
-            upright[Joint["LEFT_" + joint.name[6:]]] = (-position[0], *position[1:])
+    body, upright = np.zeros((NUM_JOINTS, 3)), standing_joints()
     for side, sign in (("RIGHT", -1), ("LEFT", 1)):
         upright[Joint[f"{side}_ELBOW"]] = sign * 0.22, -0.15, 0
         upright[Joint[f"{side}_HAND"]] = sign * 0.24, 0.1, 0

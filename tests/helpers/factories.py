@@ -6,6 +6,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 from capsule_people import draw_joints
+from spheres import draw_spheres
 
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.data.shards import FORMAT, VERSION, shard_path
@@ -19,18 +20,13 @@ WALL_M = 4.0
 
 def draw_person(joints_camera_m: np.ndarray, camera: Camera) -> np.ndarray:
     """(H, W) float32 metres: closely spaced spheres along the bones, 0 elsewhere."""
-    v, u = np.mgrid[: camera.height, : camera.width]
-    depth = np.full((camera.height, camera.width), np.inf)
-    for parent, child in BONES:
-        radii = [RADII_M.get(joint, LIMB_RADIUS_M) for joint in (parent, child)]
+    balls = []
+    for a, b in BONES:
+        radii = [RADII_M.get(joint, LIMB_RADIUS_M) for joint in (a, b)]
         for share in np.linspace(0, 1, 12):
-            x, y, z = joints_camera_m[parent] * (1 - share) + joints_camera_m[child] * share
-            radius = radii[0] * (1 - share) + radii[1] * share
-            dx, dy = (u - camera.cx) * z / camera.fx - x, (v - camera.cy) * z / camera.fy - y
-            squared = radius**2 - dx**2 - dy**2
-            near = z - np.sqrt(np.maximum(squared, 0))
-            depth = np.where((squared > 0) & (near < depth), near, depth)
-    return np.where(np.isfinite(depth), depth, 0).astype(np.float32)
+            centre_m = joints_camera_m[a] * (1 - share) + joints_camera_m[b] * share
+            balls.append((centre_m, radii[0] * (1 - share) + radii[1] * share))
+    return draw_spheres(balls, camera)
 
 
 def draw_room(camera: Camera) -> np.ndarray:

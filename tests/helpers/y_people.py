@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 
 import numpy as np
+from spheres import draw_spheres, row
 
 from kpopnet.camera import Camera
 from kpopnet.skeleton import NUM_JOINTS, Joint
@@ -44,7 +45,9 @@ def y_joints(
         leg = outwards * (np.sin(abduction), np.cos(abduction), 0)
         body[at["KNEE"]] = body[at["HIP"]] + UPPER_LEG_M * leg
         body[at["FOOT"]] = body[at["KNEE"]] + LOWER_LEG_M * leg
-    return _turned(body, yaw_deg) + place_m
+    yaw = np.radians(yaw_deg)
+    # To the person's left: the front, -z, rotates towards larger x.
+    return body @ np.array([[np.cos(yaw), 0, np.sin(yaw)], [0, 1, 0], [-np.sin(yaw), 0, np.cos(yaw)]]) + place_m
 
 
 def draw_y(joints_camera_m: np.ndarray, camera: Camera, back: bool = False) -> np.ndarray:
@@ -52,35 +55,19 @@ def draw_y(joints_camera_m: np.ndarray, camera: Camera, back: bool = False) -> n
     at = {joint.name: joints_camera_m[joint] for joint in Joint}
     front = np.cross(at["LEFT_HIP"] - at["RIGHT_HIP"], at["NECK"] - at["TORSO"])
     front = front / np.linalg.norm(front) * (-1 if back else 1)
-    balls = [*_row(at["NECK"], at["HEAD"], 0.055, 0.055, 4), (at["HEAD"], 0.095), (at["HEAD"] + CHIN_M * front, 0.07)]
+    balls = [*row(at["NECK"], at["HEAD"], 0.055, 0.055, 4), (at["HEAD"], 0.095), (at["HEAD"] + CHIN_M * front, 0.07)]
     hips = (at["RIGHT_HIP"] + at["LEFT_HIP"]) / 2
     for side in ("RIGHT", "LEFT"):
         across = (at[f"{side}_HIP"] - hips) * 0.06 / 0.105
-        balls += _row(at["NECK"] + 0.15 * (hips - at["NECK"]) + across, hips + across, 0.09, 0.09, 24)
-        balls += _row(at["NECK"], at[f"{side}_SHOULDER"], 0.06, 0.06, 6)
-        balls += _row(at[f"{side}_SHOULDER"], at[f"{side}_ELBOW"], 0.055, 0.045, 12)
+        balls += row(at["NECK"] + 0.15 * (hips - at["NECK"]) + across, hips + across, 0.09, 0.09, 24)
+        balls += row(at["NECK"], at[f"{side}_SHOULDER"], 0.06, 0.06, 6)
+        balls += row(at[f"{side}_SHOULDER"], at[f"{side}_ELBOW"], 0.055, 0.045, 12)
         fingers = at[f"{side}_HAND"] - at[f"{side}_ELBOW"]
-        balls += _row(at[f"{side}_ELBOW"], at[f"{side}_HAND"] + 0.06 / LOWER_ARM_M * fingers, 0.045, 0.03, 14)
-        balls += _row(at[f"{side}_HIP"], at[f"{side}_KNEE"], 0.1, 0.065, 16)
-        balls += _row(at[f"{side}_KNEE"], at[f"{side}_FOOT"], 0.065, 0.05, 16)
-        balls += _row(at[f"{side}_FOOT"], at[f"{side}_FOOT"] + TOES_M * front + (0, 0.03, 0), 0.045, 0.035, 8)
-    v, u = np.mgrid[: camera.height, : camera.width]
-    depth = np.full((camera.height, camera.width), np.inf)
-    for (x, y, z), radius in balls:
-        aside, below = (u - camera.cx) * z / camera.fx - x, (v - camera.cy) * z / camera.fy - y
-        squared = radius**2 - aside**2 - below**2
-        np.minimum(depth, z - np.sqrt(np.maximum(squared, 0)), out=depth, where=squared > 0)
-    return np.where(np.isfinite(depth), depth, 0).astype(np.float32)
-
-
-def _row(a: np.ndarray, b: np.ndarray, radius_a: float, radius_b: float, count: int) -> list:
-    return [(a + fraction * (b - a), radius_a + fraction * (radius_b - radius_a)) for fraction in np.linspace(0, 1, count)]
-
-
-def _turned(body: np.ndarray, yaw_deg: float) -> np.ndarray:
-    yaw = np.radians(yaw_deg)
-    # To the person's left: the front, -z, rotates towards larger x.
-    return body @ np.array([[np.cos(yaw), 0, np.sin(yaw)], [0, 1, 0], [-np.sin(yaw), 0, np.cos(yaw)]])
+        balls += row(at[f"{side}_ELBOW"], at[f"{side}_HAND"] + 0.06 / LOWER_ARM_M * fingers, 0.045, 0.03, 14)
+        balls += row(at[f"{side}_HIP"], at[f"{side}_KNEE"], 0.1, 0.065, 16)
+        balls += row(at[f"{side}_KNEE"], at[f"{side}_FOOT"], 0.065, 0.05, 16)
+        balls += row(at[f"{side}_FOOT"], at[f"{side}_FOOT"] + TOES_M * front + (0, 0.03, 0), 0.045, 0.035, 8)
+    return draw_spheres(balls, camera)
 
 
 def y_angles(
