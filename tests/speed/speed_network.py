@@ -1,4 +1,4 @@
-"""What one frame costs a network, run by torch and by ONNX Runtime."""
+"""What a crop costs a network by torch and by ONNX Runtime, and how fast the pose estimator is with it."""
 
 import tempfile
 import time
@@ -6,36 +6,53 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
-import torch
 
-from kpopnet.networks import ModelConfig
-from kpopnet.networks.checkpoint import load_network, save_checkpoint
+from kpopnet.networks.checkpoint import load_network
 from kpopnet.networks.estimator import NetworkEstimator
-from kpopnet.networks.network import build_network
 from kpopnet.networks.onnx.export import export_network
+from kpopnet.pose import PoseEstimator
+from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
+from tests.speed.common import Figures, one_core, untrained
 
 CROPS, ROUNDS = 20, 15
+FRAMES, SETTLED = 150, 30
 
 
-def measure() -> dict[str, tuple[float, str, str]]:
-    """A single crop on one thread, in turns; the weights, which do not matter here, are random."""
-    model = ModelConfig(input="depth_ridge")
+def measure() -> Figures:
+    """On one core."""
     with tempfile.TemporaryDirectory() as folder:
-        meta = {"step": 0, "config": {}, "metrics": {}}
-        checkpoint = save_checkpoint(Path(folder), build_network(model), {}, meta, best=True)
+        network = NetworkEstimator(checkpoint := untrained(Path(folder)))
         exported = Path(folder) / "pose.onnx"
         export_network(*load_network(checkpoint), exported)
-        backends = {"network.ms": NetworkEstimator(checkpoint).backend, "network.onnx_ms": NetworkEstimator(exported).backend}
-    crop = np.random.default_rng(0).uniform(-1, 1, (1, 2, model.crop_px, model.crop_px)).astype(np.float32)
+        backends = {"network.ms": network.backend, "network.onnx_ms": NetworkEstimator(exported).backend}
+    with one_core():
+        return _crops(backends, network.model.crop_px) | _frames(network)
+
+
+def _crops(backends: dict, crop_px: int) -> Figures:
+    """A single crop, by the backends in turns."""
+    crop = np.random.default_rng(0).uniform(-1, 1, (1, 2, crop_px, crop_px)).astype(np.float32)
     times_ms: dict[str, list[float]] = {name: [] for name in backends}
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
     for _ in range(ROUNDS):
         for name, run in backends.items():
             for _ in range(CROPS):
                 started = time.process_time()
                 run(crop)
                 times_ms[name].append(1000 * (time.process_time() - started))
-    torch.set_num_threads(threads)
-    crops = f"one crop of {model.crop_px} px, depth and ridge, one core"
-    return {name: (median(values), "ms of CPU", crops) for name, values in times_ms.items()}
+    against = f"one crop of {crop_px} px, depth and ridge, one core"
+    return {name: (median(values), "ms of CPU", against) for name, values in times_ms.items()}
+
+
+def _frames(network: NetworkEstimator) -> Figures:
+    """Whole 320x240 frames of a dance, one after another."""
+    film, figures = EvalSim(EvalSimSet(EvalSimConfig(seed=21))).film(0, FRAMES), {}
+    for mode, name in (("realtime", "network.path_fps"), ("best", "network.path_fps_best")):
+        estimator, frames_ms = PoseEstimator(network, mode), []
+        for depth_m in film.depth_m:
+            started = time.process_time()
+            estimator.update(depth_m, film.camera)
+            frames_ms.append(1000 * (time.process_time() - started))
+        middle, late = np.percentile(frames_ms[SETTLED:], (50, 95))
+        against = f"median, {1000 / late:.0f} at the 95th percentile; raw depth to joints, mode {mode}"
+        figures[name] = (1000 / middle, "frames/core-second", against)
+    return figures
