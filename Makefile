@@ -4,7 +4,7 @@
 # make speed   install, then measure speeds: outputs/speed.json
 # make fuzz    install, then read 2,000 mutations of every file format
 # make kill    install, then kill synth, train and evaluate 50 times each and compare what they make
-# make soak    install, then run the body tracker over 100,000 frames and the online path for an hour
+# make soak    install, then run the online path for an hour
 # make lint    install, then check style, format and types
 # make wheel   install, then build dist/*.whl
 # make clean   remove the environment and caches; what was generated and trained stays
@@ -49,7 +49,6 @@ kill: $(READY)
 	$(BIN)/python -m tests.kill
 
 soak: $(READY)
-	$(BIN)/python -m tests.soak.body_tracker
 	$(BIN)/python -m tests.soak
 
 lint: $(READY)

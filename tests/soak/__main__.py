@@ -28,10 +28,13 @@ SOURCE_FRAMES = 300
 MINUTE = round(60 * FPS)
 
 
-def resident_mb() -> float:
-    """Resident memory of this process in megabytes."""
-    status = Path("/proc/self/status").read_text()
-    return int(status.split("VmRSS:")[1].split()[0]) / 1000
+def resident_mb(process: int | str = "self") -> float:
+    """Resident memory of a process in megabytes, 0 of one that has ended."""
+    try:
+        status = Path(f"/proc/{process}/status").read_text()
+    except OSError:
+        return 0.0
+    return int(status.split("VmRSS:")[1].split()[0]) / 1000 if "VmRSS:" in status else 0.0
 
 
 def main() -> None:

@@ -24,19 +24,12 @@ from pathlib import Path
 import aiohttp
 import numpy as np
 
+from tests.soak.__main__ import resident_mb
+
 SKILLS = ("perfect", "good", "worst", "still", "nobody")
 DANCES = 5
 SPEEDS = (1.0, 0.5)
 LESSON_S = 10.0
-
-
-def resident_mb(pid: int) -> float:
-    """Resident memory of a process in megabytes, 0 of one that has ended."""
-    try:
-        status = Path(f"/proc/{pid}/status").read_text()
-    except OSError:
-        return 0.0
-    return int(status.split("VmRSS:")[1].split()[0]) / 1000 if "VmRSS:" in status else 0.0
 
 
 def children(pid: int) -> list[int]:
