@@ -4,13 +4,11 @@ import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from tests.kill.harness import ROOT, Program
-
-sys.path.insert(0, str(ROOT / "tests" / "helpers"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
 import factories
 import shard_sets
@@ -21,8 +19,21 @@ from kpopnet.networks.checkpoint import resumable, save_checkpoint
 from kpopnet.networks.network import build_network
 from kpopnet.runtime.folder_lock import LOCK_FILE
 
+ROOT = Path(__file__).parents[2]
 CHANGING = ("git", "packages", "files", "seconds", "fps", "made")
 """Parts of metrics.json that are about the run and not about its result."""
+
+
+class Program(NamedTuple):
+    """A program with small settings.
+
+    Attributes:
+        command: folder of a run to the command that starts it, or takes it up again.
+        result: folder of a finished run to what must not depend on kills.
+    """
+
+    command: Callable[[Path], list[str]]
+    result: Callable[[Path], Any]
 
 
 def files_in(folder: Path) -> dict[str, bytes]:
