@@ -20,7 +20,7 @@ from tqdm import tqdm
 
 from kpopnet.camera import Camera
 from kpopnet.data.shards import ShardedSet
-from kpopnet.datasets.itop import FROM_ITOP, ItopFiles
+from kpopnet.datasets.itop import FROM_ITOP, ItopBenchmark, ItopConfig
 from kpopnet.datasets.protocol import evenly_spaced
 from kpopnet.errors import InputError, check_between, check_seed
 from kpopnet.evaluation.registry import BENCHMARKS
@@ -263,8 +263,8 @@ def read_real(path: Path, count: int, seed: int) -> Source:
         with np.load(path, allow_pickle=False) as file:
             return Source("ITOP", joints_m=file["side_m"] * FROM_ITOP)
     if any(path.glob("ITOP_side_test_labels.h5*")):
-        files = ItopFiles(path, "side", "test")
-        return Source("ITOP", joints_m=files.joints_camera_m[files.valid])
+        labels = ItopBenchmark(ItopConfig(path=str(path)))
+        return Source("ITOP", joints_m=labels.joints_camera_m[labels.valid])
     if not any(path.glob("Depth/*_depth.mat")):
         raise InputError(f"--real {path}: expected a folder of UTD-MHAD (Depth/ and Skeleton/) or of ITOP (side view, test)")
     settings, reader = BENCHMARKS["utd_mhad"]

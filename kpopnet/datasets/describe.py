@@ -22,6 +22,7 @@ from kpopnet.datasets.smmc10 import Smmc10Benchmark
 from kpopnet.datasets.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
 from kpopnet.errors import InputError
 from kpopnet.runtime.endings import user_errors
+from kpopnet.runtime.input_files import expect
 from kpopnet.viz.drawing import depth_rgb, enlarged, save_png, write
 
 WIDTH_PX = 960
@@ -40,11 +41,7 @@ POINT_CLOUDS: dict[str, type[PointCloudBenchmark]] = {"EVAL": EvalBenchmark, "SM
 
 
 def recognised(path: Path) -> tuple[str, Path]:
-    """The name in LAYOUTS of the set in a folder, or in the folder that holds a file; and that folder.
-
-    Raises:
-        InputError: the path does not exist, or the folder has an unknown layout.
-    """
+    """The name in LAYOUTS of the set in a folder, or in the folder that holds a file; and that folder."""
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
     folder = path.parent if path.is_file() else path
@@ -61,7 +58,7 @@ def describe(path: Path) -> Iterator[str]:
     """Lines on the set in a folder, or in the folder that holds a file.
 
     Raises:
-        InputError: as `recognised`; or its files are missing or damaged.
+        InputError: there is none, its layout is unknown, or its files are missing or damaged.
     """
     name, folder = recognised(path)
     if name in POINT_CLOUDS:
@@ -117,10 +114,9 @@ def id_figure(path: Path) -> np.ndarray:
         InputError: the joints of the set have names, or the sequence cannot be read.
     """
     name, folder = recognised(path)
-    if name not in POINT_CLOUDS:
-        raise InputError(
-            f"{folder}: --figure shows the ids of EVAL's joints and SMMC-10's markers; the joints of {name} have names"
-        )
+    expect(
+        name in POINT_CLOUDS, f"{folder}: --figure", f"EVAL or SMMC-10, whose joints have ids; the joints of {name} have names"
+    )
     kind = POINT_CLOUDS[name]
     found = kind.recording(path if path.is_file() else kind.path(folder, kind.names_in(folder)[0]))
     frame = int(found.depth_m.any(axis=(1, 2)).argmax())

@@ -82,64 +82,18 @@ class ItopConfig:
                 raise InputError(f"benchmark.{name}={getattr(self, name)}: choose one of {', '.join(known)}")
 
 
-class ItopFiles:
-    """The files of one view and split: ids and labels in memory, depth read on demand.
-
-    Attributes:
-        ids: (N,) names of the frames, "PP_FFFFF".
-        valid: (N,) bool, whether the labels were checked.
-        visible: (N, 15) bool.
-        joints_camera_m: (N, 15, 3) float32 metres in the camera frame.
-    """
-
-    def __init__(self, folder: Path, view: str, split: str) -> None:
-        """Reads the labels.
-
-        Raises:
-            InputError: a file is missing, is not a complete HDF5 file, or has other contents.
-        """
-        self.depth_path = folder / f"ITOP_{view}_{split}_depth_map.h5"
-        labels_path = folder / f"ITOP_{view}_{split}_labels.h5"
-        for path in (labels_path, self.depth_path):
-            if not path.is_file() and path.with_name(f"{path.name}.gz").is_file():
-                raise InputError(f"{path}: no such file; decompress {path.name}.gz: gunzip {path}.gz")
-        with open_hdf5(labels_path, LABELS) as file:
-            self.ids = _ids(read_array(file, "id"), labels_path)
-            self.valid: np.ndarray = read_array(file, "is_valid").astype(bool)
-            self.visible = np.equal(read_array(file, "visible_joints"), 1)
-            joints_m = read_array(file, "real_world_coordinates")
-        with np.errstate(over="ignore", invalid="ignore"):
-            self.joints_camera_m: np.ndarray = joints_m.astype(np.float32) * FROM_ITOP
-        with open_hdf5(self.depth_path, DEPTH) as file:
-            if _ids(read_array(file, "id"), self.depth_path) != self.ids:
-                raise InputError(f"{self.depth_path}: its ids are not those of {labels_path.name}; download both again")
-
-    def depth_m(self, rows: slice) -> np.ndarray:
-        """(T, 240, 320) float32 metres of the selected rows.
-
-        Raises:
-            InputError: the rows cannot be read.
-        """
-        with open_hdf5(self.depth_path, DEPTH) as file:
-            stored = stored_array(file, "data")[rows]
-        return depth_in_metres(stored, CAMERA, where=str(self.depth_path))
-
-
 def _ids(stored: np.ndarray, path: Path) -> list[str]:
     """The names of the frames, "PP_FFFFF"."""
     expect(len(stored) > 0, f"{path}: id", "at least one frame")
     ids = [one.decode(errors="replace") if isinstance(one, bytes) else str(one) for one in stored]
     for row, name in enumerate(ids):
-        if not re.fullmatch("[0-9]{1,9}_[0-9]{1,9}", name):
-            raise InputError(f"{path}: row {row} has the id {name[:40]!r}; expected person and frame, for instance 00_00053")
+        is_id = bool(re.fullmatch("[0-9]{1,9}_[0-9]{1,9}", name))
+        expect(is_id, f"{path}: id of row {row}", f"person and frame, for instance 00_00053, found {name[:40]!r}")
     return ids
 
 
 def split_into_sequences(ids: list[str]) -> dict[str, slice]:
-    """Splits the frames of each person into sequences of nearly equal length.
-
-    Returns:
-        The rows of each sequence by its name, which is the id of its first frame.
+    """The rows of sequences of nearly equal length, each of one person, by the id of the first frame.
 
     Raises:
         InputError: two sequences begin with the same id.
@@ -150,16 +104,20 @@ def split_into_sequences(ids: list[str]) -> dict[str, slice]:
     for start, stop in zip(starts.tolist(), [*starts[1:].tolist(), len(ids)], strict=True):
         cuts = np.linspace(start, stop, -(-(stop - start) // MAX_SEQUENCE_FRAMES) + 1).round().astype(int).tolist()
         for first, last in pairwise(cuts):
-            if ids[first] in rows:
-                raise InputError(f"ITOP: frame {ids[first]} occurs twice; download the files again")
+            expect(ids[first] not in rows, f"ITOP: frame {ids[first]}", "each frame once; download the files again")
             rows[ids[first]] = slice(first, last)
     return rows
 
 
 class ItopBenchmark:
-    """Reads the published files.
+    """Reads the published files of one view and split: ids and labels are in memory, depth is read on demand.
 
     The official metric of the set is the fraction of the joints of all valid frames with an error strictly below 10 cm.
+
+    Attributes:
+        valid: (N,) bool, whether the labels of a frame were checked.
+        visible: (N, 15) bool.
+        joints_camera_m: (N, 15, 3) float32 labels, metres in the camera frame.
     """
 
     name = "itop"
@@ -174,14 +132,27 @@ class ItopBenchmark:
         """
         if config.path is None:
             raise InputError("benchmark=itop needs benchmark.path=PATH, the folder that holds ITOP_side_test_depth_map.h5")
-        self.files = ItopFiles(Path(config.path), config.view, config.split)
-        self._rows = split_into_sequences(self.files.ids)
+        start = f"ITOP_{config.view}_{config.split}"
+        labels, self._depth = (Path(config.path) / f"{start}_{kind}.h5" for kind in ("labels", "depth_map"))
+        for path in (labels, self._depth):
+            if not path.is_file() and path.with_name(f"{path.name}.gz").is_file():
+                raise InputError(f"{path}: no such file; decompress {path.name}.gz: gunzip {path}.gz")
+        with open_hdf5(labels, LABELS) as file:
+            ids = _ids(read_array(file, "id"), labels)
+            self.valid: np.ndarray = read_array(file, "is_valid").astype(bool)
+            self.visible = np.equal(read_array(file, "visible_joints"), 1)
+            joints_m = read_array(file, "real_world_coordinates")
+        with np.errstate(over="ignore", invalid="ignore"):
+            self.joints_camera_m: np.ndarray = joints_m.astype(np.float32) * FROM_ITOP
+        with open_hdf5(self._depth, DEPTH) as file:
+            expect(_ids(read_array(file, "id"), self._depth) == ids, f"{self._depth}: id", f"the ids of {labels.name}")
+        self._rows = split_into_sequences(ids)
+        self._from_above = config.view == "top"
         self.about = (
-            f"Real depth of whole scenes, seen from {'above' if config.view == 'top' else 'the side'}, split {config.split}: "
-            f"{int(self.files.valid.sum())} of {len(self.files.ids)} frames have manually checked labels, and only they "
+            f"Real depth of whole scenes, seen from {'above' if self._from_above else 'the side'}, split {config.split}: "
+            f"{int(self.valid.sum())} of {len(ids)} frames have manually checked labels, and only they "
             "are evaluated. The recording of a person is split into several sequences."
         )
-        self._from_above = config.view == "top"
         if self._from_above:
             self.about += (
                 " The heading of a person is not computed for a camera that looks down. The extraction of the person assumes "
@@ -193,18 +164,21 @@ class ItopBenchmark:
 
     def read(self, name: str) -> Sequence:
         rows = self._rows[name]
-        joints_m = np.where(self.files.valid[rows, None, None], self.files.joints_camera_m[rows], np.nan)
+        valid = self.valid[rows]
+        joints_m = np.where(valid[:, None, None], self.joints_camera_m[rows], np.nan)
         labelled = np.asarray(np.isfinite(joints_m).all(axis=-1))
-        if invalid := int((~labelled[self.files.valid[rows]]).sum()):
+        if invalid := int((~labelled[valid]).sum()):
             log.warning("%s: left out %d labels of valid frames that are not finite", name, invalid)
+        with open_hdf5(self._depth, DEPTH) as file:
+            stored = stored_array(file, "data")[rows]
         return Sequence(
             name=name,
             identity=name.partition("_")[0],
             fps=0.0,  # not published
             camera=CAMERA,
-            depth_m=self.files.depth_m(rows),
+            depth_m=depth_in_metres(stored, CAMERA, where=str(self._depth)),
             joints_camera_m=joints_m.astype(np.float32),
-            visible=self.files.visible[rows] & labelled,
+            visible=self.visible[rows] & labelled,
             yaw_rad=None if self._from_above else heading_rad(joints_m),  # heading_rad assumes an upright camera
             is_segmented=False,
         )

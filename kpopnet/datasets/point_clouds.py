@@ -7,8 +7,7 @@ not published in full, so it is a setting; without it, the error lists the ids i
 
 import logging
 import re
-from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -18,7 +17,7 @@ import numpy as np
 from kpopnet.camera import Camera
 from kpopnet.datasets.protocol import Origin, Sequence, heading_rad
 from kpopnet.errors import InputError
-from kpopnet.runtime.input_files import check_budget
+from kpopnet.runtime.input_files import check_budget, expect
 from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
 
 log = logging.getLogger(__name__)
@@ -47,12 +46,11 @@ class PointCloudConfig:
 
 @dataclass(frozen=True)
 class PointRecording:
-    """The content of a file of T frames, in the camera frame.
+    """The content of a file of T frames, with the pinhole camera fitted to its points.
 
     Attributes:
-        camera: pinhole camera fitted to the points.
         depth_m: (T, H, W) float32 metres, 0 where nothing was measured.
-        positions_m: (T, 3) float32 metres of each joint or marker by its id, NaN where it is absent or not visible.
+        positions_m: (T, 3) float32 metres of each joint or marker in the camera frame by its id, NaN where it is not visible.
     """
 
     camera: Camera
@@ -60,7 +58,7 @@ class PointRecording:
     positions_m: dict[int, np.ndarray]
 
 
-class PointCloudBenchmark(ABC):
+class PointCloudBenchmark:
     """Reads the published files of a set; each set adds their layout.
 
     Attributes:
@@ -69,6 +67,10 @@ class PointCloudBenchmark(ABC):
         name_pattern: regular expression of the name of a sequence, with groups `number` and, if it names the person, `subject`.
         suffix: end of the file name, after the name of the sequence.
         fps: frames per second.
+        layout: of the frames in an existing file.
+        are_valid: (T,) bool, whether the header of each frame is one of this set.
+        points_m: (H, W, 3) points of a frame, in the files' axes.
+        positions_m: (3,) positions of the visible joints or markers of a frame by id, in the files' axes.
     """
 
     name: ClassVar[str]
@@ -78,26 +80,10 @@ class PointCloudBenchmark(ABC):
     name_pattern: ClassVar[re.Pattern]
     suffix: ClassVar[str]
     fps: ClassVar[float]
-
-    @staticmethod
-    @abstractmethod
-    def layout(path: Path) -> np.dtype:
-        """The layout of the frames in a file, which exists."""
-
-    @staticmethod
-    @abstractmethod
-    def are_valid(frames: np.ndarray) -> np.ndarray:
-        """(T,) bool, whether the header of each frame is one of this set."""
-
-    @staticmethod
-    @abstractmethod
-    def points_m(frame: np.ndarray) -> np.ndarray:
-        """(H, W, 3) points of a frame, in the files' axes."""
-
-    @staticmethod
-    @abstractmethod
-    def positions_m(frame: np.ndarray) -> dict[int, np.ndarray]:
-        """(3,) positions of the visible joints or markers of a frame by id, in the files' axes."""
+    layout: ClassVar[Callable[[Path], np.dtype]]
+    are_valid: ClassVar[Callable[[np.ndarray], np.ndarray]]
+    points_m: ClassVar[Callable[[np.ndarray], np.ndarray]]
+    positions_m: ClassVar[Callable[[np.ndarray], dict[int, np.ndarray]]]
 
     def __init__(self, config: PointCloudConfig) -> None:
         """Lists the set's sequences.
@@ -157,11 +143,7 @@ class PointCloudBenchmark(ABC):
 
     @classmethod
     def names_in(cls, folder: Path) -> list[str]:
-        """Names of the sequences in a folder, ordered by number.
-
-        Raises:
-            InputError: the folder holds no sequences.
-        """
+        """Names of the sequences in a folder, ordered by number; raises InputError if there are none."""
         names = (path.name.removesuffix(cls.suffix) for path in folder.glob(f"*{cls.suffix}"))
         matches = [match for name in names if (match := cls.name_pattern.fullmatch(name))]
         if not matches:
@@ -170,20 +152,14 @@ class PointCloudBenchmark(ABC):
 
     @classmethod
     def frames(cls, path: Path) -> np.ndarray:
-        """(T,) frames of a file, mapped into memory.
-
-        Raises:
-            InputError: the file is missing, empty, truncated, or not of this set.
-        """
+        """(T,) frames of a file, mapped into memory; raises InputError if it is missing, truncated, or not of this set."""
         if not path.is_file():
             raise InputError(f"{path}: no such file")
         layout = cls.layout(path)
         count, rest = divmod(path.stat().st_size, layout.itemsize)
         if rest or not count:
-            raise InputError(
-                f"{path}: ends {rest} bytes into frame {count}; a frame of {cls.set_name} has {layout.itemsize} bytes: the "
-                "file is truncated, download it again"
-            )
+            whole = f"a frame of {cls.set_name} has {layout.itemsize} bytes"
+            raise InputError(f"{path}: truncated {rest} bytes into frame {count}; {whole}: download it again")
         frames = np.memmap(path, layout, "r")
         if not (valid := cls.are_valid(frames)).all():
             raise InputError(f"{path}: frame {int(valid.argmin())} is damaged, or this is not a sequence of {cls.set_name}")
@@ -258,24 +234,19 @@ def fit_camera(points_m: np.ndarray, where: str) -> Camera:
 
 
 def checked_map(joints: Mapping[str, Any]) -> dict[str, list[int]]:
-    """The ids of each joint in a map, without joints that have none.
-
-    Args:
-        joints: id, list of ids or None by the joint's name.
+    """The ids of each joint in a map, which holds an id, a list of ids or None by the joint's name; without None.
 
     Raises:
         InputError: an unknown joint, an id that is not an integer, or two joints with the same ids.
     """
     ids: dict[str, list[int]] = {}
-    owners: dict[tuple[int, ...], str] = {}
     for name, given in joints.items():
-        if name not in JOINT_NAMES:
-            raise InputError(f"benchmark.joints: {name} is not a joint; the joints are {', '.join(JOINT_NAMES)}")
+        expect(name in JOINT_NAMES, f"benchmark.joints: {name}", f"one of the joints {', '.join(JOINT_NAMES)}")
         if given is None:
             continue
-        ids[name] = given if isinstance(given, list) else [given]
-        if not ids[name] or not all(isinstance(number, int) and not isinstance(number, bool) for number in ids[name]):
-            raise InputError(f"benchmark.joints: {name} is {given!r}; expected the joint's id, or a list of ids")
-        if (other := owners.setdefault(tuple(sorted(ids[name])), name)) != name:
-            raise InputError(f"benchmark.joints: {other} and {name} both have id {ids[name]}; one of them is wrong")
+        own = given if isinstance(given, list) else [given]
+        expect(bool(own) and all(type(one) is int for one in own), f"benchmark.joints: {name}", f"ids, found {given!r}")
+        for other, others in ids.items():
+            expect(set(own) != set(others), f"benchmark.joints: {other} and {name}", f"different ids, found {own} for both")
+        ids[name] = own
     return ids

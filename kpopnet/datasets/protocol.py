@@ -8,6 +8,7 @@ import numpy as np
 
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
+from kpopnet.runtime.input_files import expect
 from kpopnet.skeleton import NUM_JOINTS, Joint
 
 
@@ -89,6 +90,12 @@ class Benchmark(Protocol):
         ...
 
 
+def check_joints(where: str, joints_m: np.ndarray, limit_m: float) -> None:
+    """Raises InputError unless some joints are known, and all that are known (not NaN) lie within `limit_m` of the camera."""
+    known = joints_m[~np.isnan(joints_m)]
+    expect(known.size > 0 and bool(np.abs(known).max() <= limit_m), where, f"joints in metres, at most {limit_m:g} m")
+
+
 def heading_rad(joints_camera_m: np.ndarray) -> np.ndarray:
     """(T,) float32 heading in radians: 0 facing the camera, positive to the person's left; NaN if unknown.
 
@@ -109,11 +116,7 @@ def heading_rad(joints_camera_m: np.ndarray) -> np.ndarray:
 
 
 def evenly_spaced(names: list[str], count: int | None) -> list[str]:
-    """`count` names, evenly spaced from the first to the last; all names if count is None.
-
-    Raises:
-        InputError: count is less than 1.
-    """
+    """`count` names, evenly spaced from the first to the last; all if count is None. Raises InputError if it is less than 1."""
     if count is None or count >= len(names):
         return names
     if count < 1:

@@ -13,13 +13,13 @@ with the attributes fps, camera (fx, fy, cx, cy, width, height), kind (of motion
 
 import logging
 import re
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 import numpy as np
 
 from kpopnet.camera import Camera, depth_in_metres
-from kpopnet.datasets.protocol import Origin, Sequence, heading_rad
+from kpopnet.datasets.protocol import Origin, Sequence, check_joints, heading_rad
 from kpopnet.errors import InputError, check_between
 from kpopnet.runtime.atomic_write import atomic_hdf5
 from kpopnet.runtime.hdf5_files import Hdf5Schema, attributes_of, open_hdf5, read_array
@@ -31,6 +31,7 @@ log = logging.getLogger(__name__)
 FORMAT, VERSION = "kpopnet sequence", 1
 MANIFEST = "manifest.json"
 MAX_COORDINATE_M = 100.0
+PIXELS = ("alone_px", "seen_px")
 
 SCHEMA = Hdf5Schema(
     name="a simulated sequence",
@@ -57,16 +58,7 @@ MANIFEST_SCHEMA = {
 
 @dataclass(frozen=True)
 class StoredSequence:
-    """The content of a file.
-
-    Attributes:
-        fps: frames per second.
-        camera: of the images.
-        kind: of motion or scene.
-        people: name of each of P people; equal names in a set are the same person.
-        arrays: by name, as the module says.
-        marker_names: names of the M markers.
-    """
+    """The content of a file, as the module says; equal names of people in a set are the same person."""
 
     fps: float
     camera: Camera
@@ -78,41 +70,29 @@ class StoredSequence:
 
 def write_sequence(path: Path, sequence: StoredSequence) -> None:
     """Writes a file, whole or not at all."""
-    camera = sequence.camera
     with atomic_hdf5(path) as file:
         file.attrs["format"], file.attrs["version"], file.attrs["simulated"] = FORMAT, VERSION, True
         file.attrs["fps"], file.attrs["kind"] = sequence.fps, sequence.kind
-        file.attrs["camera"] = (camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)
+        file.attrs["camera"] = astuple(sequence.camera)
         file.attrs["people"], file.attrs["marker_names"] = list(sequence.people), list(sequence.marker_names)
         for name, array in sequence.arrays.items():
             file.create_dataset(name, data=array, chunks=(1, *array.shape[1:]), compression=1, shuffle=True)
 
 
 def read_sequence(path: Path) -> StoredSequence:
-    """Reads a file.
-
-    Raises:
-        InputError: it is missing, damaged, larger than the budget, or inconsistent.
-    """
+    """Reads a file; raises InputError if it is missing, damaged, larger than the budget, or inconsistent."""
     with open_hdf5(path, SCHEMA) as file:
         attributes = attributes_of(file)
         arrays = {name: read_array(file, name) for name in SCHEMA.arrays if name in file}
     joints_m, people = arrays["joints_m"], tuple(attributes["people"])
     expect(len(joints_m) > 0 and len(people) == joints_m.shape[1] > 0, str(path), "frames, and a name for each person")
-    known = joints_m[~np.isnan(joints_m)]
-    expect(known.size > 0 and np.abs(known).max() <= MAX_COORDINATE_M, f"{path}: joints_m", f"at most {MAX_COORDINATE_M:g} m")
+    check_joints(f"{path}: joints_m", joints_m, MAX_COORDINATE_M)
     expect(len(attributes["camera"]) == 6, f"{path}: camera", "fx, fy, cx, cy, width, height")
     camera = Camera.from_numbers(attributes["camera"], f"{path}: camera")
     check_between(f"{path}: fps", attributes["fps"], 1, 1000)
     expect(arrays["depth"].shape[1:] == (camera.height, camera.width), f"{path}: depth", "images of the camera's size")
-    return StoredSequence(
-        fps=float(attributes["fps"]),
-        camera=camera,
-        kind=attributes["kind"],
-        people=people,
-        arrays=arrays,
-        marker_names=tuple(attributes.get("marker_names", ())),
-    )
+    names = tuple(attributes.get("marker_names", ()))
+    return StoredSequence(float(attributes["fps"]), camera, attributes["kind"], people, arrays, names)
 
 
 @dataclass
@@ -129,15 +109,7 @@ class SimulatedConfig:
 
 
 class SimulatedSet:
-    """A folder of simulated sequences, read one at a time.
-
-    Attributes:
-        folder: of the files.
-        names: of the sequences, ordered by number.
-        truth: origin of the true joints.
-        about: what a reader needs to interpret results.
-        provenance: seed, version and configuration hash.
-    """
+    """A folder of simulated sequences, read one at a time, ordered by number, with the attributes of a `Benchmark`."""
 
     origin = Origin.SIMULATED
 
@@ -200,17 +172,11 @@ class SimulatedBenchmark(SimulatedSet):
 
 @dataclass(frozen=True)
 class PeopleSequence:
-    """A depth sequence of P people.
+    """A depth sequence of P people, with the arrays that the module describes.
 
     Attributes:
-        name: unique in its set.
-        kind: of scene.
-        fps: frames per second.
-        camera: of the images.
-        depth_mm: (T, H, W) uint16 millimetres of the whole scene, 0 where nothing was measured.
+        depth_mm: (T, H, W) uint16 millimetres.
         joints_camera_m: (T, P, 15, 3) float32 true joints, metres, also of people outside the image.
-        alone_px: (T, P) pixels inside the image that would show the person if the others were not there.
-        seen_px: (T, P) pixels that show the person.
     """
 
     name: str
@@ -227,36 +193,20 @@ class PeopleSet(SimulatedSet):
     """A set of sequences of several people: `two_people`."""
 
     def read(self, name: str) -> PeopleSequence:
-        """Reads one sequence.
-
-        Raises:
-            InputError: its file is missing, damaged, larger than the budget, or inconsistent.
-        """
+        """Reads one sequence; raises InputError as `read_sequence`."""
         path = self.path(name)
         stored = read_sequence(path)
         arrays = stored.arrays
-        expect({"alone_px", "seen_px"} <= set(arrays), str(path), "arrays alone_px and seen_px")
+        expect(set(PIXELS) <= set(arrays), str(path), "arrays alone_px and seen_px")
         expect(arrays["depth"].dtype == np.uint16, f"{path}: depth", "uint16 millimetres")
         in_order = (arrays["seen_px"] <= arrays["alone_px"]).all() and arrays["seen_px"].min() >= 0
         expect(bool(in_order), f"{path}: seen_px", "at least 0 and at most alone_px")
-        return PeopleSequence(
-            name=name,
-            kind=stored.kind,
-            fps=stored.fps,
-            camera=stored.camera,
-            depth_mm=arrays["depth"],
-            joints_camera_m=arrays["joints_m"].astype(np.float32),
-            alone_px=arrays["alone_px"].astype(np.int64),
-            seen_px=arrays["seen_px"].astype(np.int64),
-        )
+        joints_m, pixels = arrays["joints_m"].astype(np.float32), (arrays[one].astype(np.int64) for one in PIXELS)
+        return PeopleSequence(name, stored.kind, stored.fps, stored.camera, arrays["depth"], joints_m, *pixels)
 
 
 def read_manifest(folder: Path) -> dict:
-    """Reads the manifest of a simulated set.
-
-    Raises:
-        InputError: it cannot be read, lacks a key, or does not call the set simulated.
-    """
+    """Reads the manifest of a set; raises InputError if it is damaged or does not call the set simulated."""
     path = folder / MANIFEST
     try:
         manifest = check_fields(str(path), read_json(path, non_finite=True), MANIFEST_SCHEMA)

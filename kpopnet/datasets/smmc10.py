@@ -31,6 +31,7 @@ from kpopnet.errors import InputError
 WIDTH, HEIGHT, LIST_CAPACITY = 144, 176, 64
 PIXELS = WIDTH * HEIGHT
 MAGIC = -1982
+MAGIC_BYTES = MAGIC.to_bytes(4, "little", signed=True)
 MARKER = np.dtype([("id", "<i4"), ("frame", "<i4"), ("pos", "<f4", 3), ("cond", "<f4"), ("flag", "<u4")])
 FIELDS = [
     ("magic", "<i4"),
@@ -62,20 +63,14 @@ class Smmc10Benchmark(PointCloudBenchmark):
 
     @staticmethod
     def layout(path: Path) -> np.dtype:
-        """PACKED or PADDED: by the place of the second magic, or by the length of one frame.
-
-        Raises:
-            InputError: the file is not an SMMC-10 sequence, or its first frame is truncated.
-        """
+        """PACKED or PADDED: by the place of the second magic, or by the length of one frame; InputError if it is neither."""
         size = path.stat().st_size
         with path.open("rb") as file:
-            for layout in (PACKED, PADDED):
-                starts = []
-                for place in (0, layout.itemsize):
-                    file.seek(place)
-                    starts.append(int.from_bytes(file.read(4), "little", signed=True))
-                if starts[0] == MAGIC and (size == layout.itemsize or starts[1] == MAGIC):
-                    return layout
+            start = file.read(PADDED.itemsize + 4)
+        for layout in (PACKED, PADDED):
+            first, second = (start[place : place + 4] for place in (0, layout.itemsize))
+            if first == MAGIC_BYTES and (size == layout.itemsize or second == MAGIC_BYTES):
+                return layout
         raise InputError(
             f"{path}: {size} bytes, in which no frames of {PACKED.itemsize} or {PADDED.itemsize} bytes begin with {MAGIC}: not "
             "a sequence of SMMC-10, or truncated: download it again"

@@ -34,10 +34,6 @@ class SyntheticBenchmark:
     share a person are still resampled as if they were independent: that is a small part of their samples.
 
     Every joint has a true position, including those that are not visible in the image; `visible` marks the visible ones.
-
-    Attributes:
-        provenance: seed, generator version and configuration hash of the set.
-        about: description of the set for the reader of a report.
     """
 
     name = "synthetic"
@@ -53,16 +49,12 @@ class SyntheticBenchmark:
         self.samples = ShardedSet(config.path)
         if self.samples.kind != "frozen":
             raise InputError(
-                f"{config.path}: a {self.samples.kind} set has no sensor noise; benchmarks read a frozen set, whose noise is "
-                "the same in every evaluation. `python -m synth` freezes the split test by default, and others by "
-                "frozen=[train,validation,test]; then give benchmark.path=FOLDER"
+                f"{config.path}: a {self.samples.kind} set without sensor noise; expected a frozen set: "
+                "`python -m synth` freezes the split test by default, and others by frozen=[train,validation,test]"
             )
         header = self.samples.header
-        self.provenance = {
-            "seed": header.seed,
-            "version": header.config.get("generator"),
-            "config_hash": header.config_hash,
-        }
+        version = header.config.get("generator")
+        self.provenance = {"seed": header.seed, "version": version, "config_hash": header.config_hash}
         self.about = (
             f"Rendered people, split {header.split!r} of the set in {config.path} (seed {header.seed}, configuration "
             f"{header.config_hash}), with simulated sensor noise and simulated silhouette errors."

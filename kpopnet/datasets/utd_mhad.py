@@ -46,12 +46,13 @@ KINECT_JOINTS = (
 )
 """The rows of d_skel."""
 
-FROM_KINECT = {joint: (joint.name.lower(),) for joint in Joint} | {
+_OTHER_NAMES = {
     Joint.NECK: ("shoulder_center",),
     # The SDK's spine joint lies low in the belly. Our torso is the mean of shoulders and hips (paper, section 2.3).
     Joint.TORSO: ("left_shoulder", "right_shoulder", "left_hip", "right_hip"),
 }
-"""The Kinect joints whose mean is each of our fifteen joints."""
+FROM_KINECT = {joint: [KINECT_JOINTS.index(name) for name in _OTHER_NAMES.get(joint, (joint.name.lower(),))] for joint in Joint}
+"""The rows of d_skel whose mean is each of our fifteen joints."""
 
 CANDIDATE_LAGS = (-3, -2, -1, 0)
 LAG_JOINTS = [KINECT_JOINTS.index(f"{side}_{part}") for side in ("left", "right") for part in ("wrist", "hand")]
@@ -95,11 +96,7 @@ class UtdMhadBenchmark:
         self.folder = Path(config.path)
         self.lag = config.lag
         names = [path.name.removesuffix("_depth.mat") for path in self.folder.glob("Depth/*_depth.mat")]
-        if not names:
-            raise InputError(
-                f"{self.folder}: no Depth/*_depth.mat in it; give the folder of UTD-MHAD, which holds Depth/ and "
-                "Skeleton/, with benchmark.path=..."
-            )
+        expect(bool(names), str(self.folder), "Depth/*_depth.mat in it, as in the folder of UTD-MHAD")
         check_names(str(self.folder), names)
         self._names = sorted(names, key=lambda name: [int(digits) for digits in re.findall(r"\d+", name)])
 
@@ -113,7 +110,7 @@ class UtdMhadBenchmark:
             log.warning("%s: left out %d joints that are absent", name, absent)
         lag = estimate_lag(depth_m, skeleton_m) if self.lag is None else self.lag
         joints = shift_labels(skeleton_m, lag, len(depth_m))
-        joints = np.stack([joints[:, kinect_rows(joint)].mean(axis=1) for joint in Joint], axis=1)
+        joints = np.stack([joints[:, FROM_KINECT[joint]].mean(axis=1) for joint in Joint], axis=1)
         # The stored image is mirrored: joints named right have x > 0 in a person who faces the camera. Mirroring image and
         # joints, without exchanging names, puts the person's right side back in its place.
         joints[..., 0] *= -1
@@ -141,11 +138,6 @@ class UtdMhadBenchmark:
         absent = ~np.isfinite(skeleton_m).all(axis=-1) | (skeleton_m == 0).all(axis=-1)
         skeleton_m[absent] = np.nan
         return skeleton_m * [1, -1, 1]
-
-
-def kinect_rows(joint: Joint) -> list[int]:
-    """The rows of d_skel whose mean is our joint."""
-    return [KINECT_JOINTS.index(name) for name in FROM_KINECT[joint]]
 
 
 def read_variable(path: Path, variable: str, schema: ArraySchema) -> np.ndarray:

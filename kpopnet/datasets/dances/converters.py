@@ -21,11 +21,7 @@ _IMPERIAL_FILE = re.compile(r"dance_level_([eib])_([a-z])_ch(\d+)\.npy")
 
 
 def read_imperial(path: Path) -> np.ndarray:
-    """Opens a file of ImperialDance as a (takes, T, 21, 3) array of points.
-
-    Raises:
-        InputError: The file is not such an array.
-    """
+    """Opens a file of ImperialDance as a (takes, T, 21, 3) array of points; raises InputError if it is not such an array."""
     try:
         data = open_npy(path, ArraySchema("fiu", (None, 3, None, len(IMPERIAL_NAMES))))
         check_budget(path, 8 * data[0].size, "the float64 points of a take")
@@ -46,15 +42,10 @@ def write_dance(out: Path, name: str, teacher: Performance, learners: dict[str, 
 def convert_recordings(out: Path, dance: str, teacher: Path, learners: list[Path], fps: float | None) -> None:
     """Writes a dance from files of joints of any format that `kpopnet score` reads, the learners from the best to the worst.
 
-    Args:
-        out: folder of the set.
-        dance: name of the dance.
-        teacher: its file.
-        learners: their files.
-        fps: the true frame rate of files that state none or a wrong one.
+    `fps` is the true frame rate of files that state none or a wrong one.
 
     Raises:
-        InputError: A file cannot be read, or there are fewer than two learners of different names.
+        InputError: a file cannot be read, or there are fewer than two learners of different names.
     """
     names = {path.stem: read_performance(path, fps) for path in learners}
     if len(names) < max(len(learners), 2):

@@ -1,7 +1,4 @@
-"""Sets of dances, recorded or simulated: each dance has a teacher and ranked learners, read on demand.
-
-The file format is in `kpopnet.datasets.dances.format`.
-"""
+"""Sets of dances, recorded or simulated: each dance has a teacher and ranked learners, read on demand."""
 
 import csv
 import io
@@ -78,12 +75,7 @@ class DepthClip:
 
 @dataclass(frozen=True)
 class Learner:
-    """One recording of one learner. Its contents are read on demand; a damaged file raises InputError then.
-
-    Attributes:
-        name: of the learner.
-        path: of the file.
-    """
+    """One recording of one learner. Its contents are read on demand; a damaged file raises InputError then."""
 
     name: str
     path: Path
@@ -125,13 +117,11 @@ class Learner:
         """
         path = self.path
         with open_hdf5(path, SCHEMA) as file:
-            if "depth_mm" not in file:
-                raise InputError(f"{path}: no depth_mm in it; only true joints can be scored")
+            expect("depth_mm" in file, str(path), "a recording depth_mm; only its true joints can be scored")
             times_s = read_times(path, file)
             depth_mm, boxes, camera = read_stored_depth(path, file)
         nonempty = boxes[boxes[:, 2] > boxes[:, 0]]
-        if not len(nonempty):
-            raise InputError(f"{path}: no person in any of its {len(boxes)} frames (every box is empty)")
+        expect(len(nonempty) > 0, str(path), f"a person in one of its {len(boxes)} frames; every box is empty")
         x0, y0 = np.maximum(nonempty[:, :2].min(axis=0) - MARGIN_PX, 0).tolist()
         x1, y1 = np.minimum(nonempty[:, 2:].max(axis=0) + MARGIN_PX, [camera.width, camera.height]).tolist()
         whole = len(boxes), y1 - y0, x1 - x0
@@ -150,28 +140,17 @@ class Learner:
 
 @dataclass(frozen=True)
 class Dance:
-    """One dance.
-
-    Attributes:
-        name: of the dance.
-        folder: of its files.
-        learners: in the experts' order, the best first.
-    """
+    """One dance; its learners are in the experts' order, the best first."""
 
     name: str
     folder: Path
     learners: tuple[Learner, ...]
 
     def teacher(self) -> Performance:
-        """Reads the motion of the teacher.
-
-        Raises:
-            InputError: the file is missing, damaged or invalid.
-        """
-        path = self.folder / TEACHER
-        performance = read_performance(path)
+        """Reads the motion of the teacher; raises InputError if the file is missing, damaged or invalid."""
+        performance = read_performance(self.folder / TEACHER)
         if performance is None:
-            raise InputError(f"{path}: no joints_m in it")
+            raise InputError(f"{self.folder / TEACHER}: expected an array joints_m")
         return performance
 
 
@@ -220,11 +199,7 @@ class KpopSet:
 
 
 def open_set(config: KpopConfig) -> KpopSet:
-    """Opens the set of dances in a configuration.
-
-    Raises:
-        InputError: no folder is configured, or it holds no dances.
-    """
+    """Opens the set of dances in a configuration; raises InputError if no folder is configured, or as `KpopSet`."""
     if config.path is None:
         raise InputError(f"benchmark={config.name} needs benchmark.path=PATH, a folder of dances (docs/kpop_format.md)")
     return KpopSet(config.path)
@@ -236,8 +211,6 @@ def read_labels(path: Path) -> list[str]:
     Raises:
         InputError: the file is missing or empty, has other columns, or its ranks are not 1, 2, ...
     """
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; it holds the ranking: a line learner,rank and one line for each learner")
     try:
         lines = csv.reader(io.StringIO(read_text(path, MAX_LABELS_BYTES), newline=""))
         rows = [[cell.strip() for cell in row] for row in lines if any(cell.strip() for cell in row)]
@@ -274,11 +247,7 @@ class Manifest:
 
 
 def read_manifest(folder: Path) -> Manifest:
-    """Reads the manifest of a folder. A folder without manifest counts as a real set without description.
-
-    Raises:
-        InputError: the manifest is not JSON, or holds invalid values.
-    """
+    """Reads the manifest of a folder. A folder without manifest counts as a real set without description."""
     path = folder / MANIFEST
     if not path.is_file():
         return Manifest(folder.name, Origin.REAL, "A set without a manifest.json: its origin is not documented.", None, "")

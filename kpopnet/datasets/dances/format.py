@@ -1,19 +1,8 @@
-"""The folder format of K-Pop sets: dances with the motion of a teacher, learners and the experts' ranking of them.
+"""The files of one dance: teacher, learners and labels, in the folder format of K-Pop sets (docs/kpop_format.md).
 
-The paper's own set is no longer available. A set is a folder with one folder per dance (docs/kpop_format.md):
-
-    manifest.json        optional description of the set, see `Manifest`
-    DANCE/teacher.h5     joints_m (T, 15, 3), times_s (T,)
-    DANCE/LEARNER.h5     times_s (T,) with a depth recording, true joints, or both
-    DANCE/labels.csv     learner,rank: the experts' ranking, 1 for the best
-
-Joints have the order of `kpopnet.skeleton.Joint` and are in metres in the frame of a camera that faces the dancer: x right, y
-down, z forward. The camera of the teacher may be a virtual one. Times of teacher and learners have the same zero in the music.
-
-Depth is stored for the bounding box of the person in each frame: `depth_mm` holds the rows of all boxes one after the other,
-and `boxes` (T, 4) their positions in the image (x0, y0, x1, y1, the last two exclusive; all 0 in a frame without a person).
-`camera` is that of the whole image: fx, fy, cx, cy, width, height. Depth outside the box, and 0 in `depth_mm`, mean that
-nothing of the person was measured.
+Joints have the order of `kpopnet.skeleton.Joint`, in metres in the frame of a camera that faces the dancer: x right, y down,
+z forward. `depth_mm` holds the pixels of the person's bounding box, frame by frame and row by row; `boxes` (T, 4) are x0, y0,
+x1, y1 in the image of `camera`, the last two exclusive, all 0 in a frame without a person.
 """
 
 import hashlib
@@ -24,6 +13,7 @@ import numpy as np
 
 from kpopnet.camera import Camera
 from kpopnet.dance.performance import Performance
+from kpopnet.datasets.protocol import check_joints
 from kpopnet.errors import InputError
 from kpopnet.runtime.hdf5_files import Hdf5Schema, attributes_of, open_hdf5, read_array, stored_array
 from kpopnet.runtime.input_files import ArraySchema, expect
@@ -63,14 +53,14 @@ def read_performance(path: Path) -> Performance | None:
             return None
         times_s = read_times(path, file)
         joints_m = read_array(file, "joints_m").astype(np.float32)
-    check_joints(joints_m, path)
+    check_joints(f"{path}: joints_m", joints_m, MAX_COORDINATE_M)
     return Performance(joints_m, times_s)
 
 
 def read_times(path: Path, file: h5py.File) -> np.ndarray:
     """Reads the times of the frames: (T,) float64 seconds."""
     times_s = read_array(file, "times_s").astype(np.float64)
-    check_times(times_s, path)
+    check_times(path, times_s)
     return times_s
 
 
@@ -81,26 +71,18 @@ def read_stored_depth(path: Path, file: h5py.File) -> tuple[np.ndarray, np.ndarr
     camera = Camera.from_numbers(attributes_of(file)["camera"], f"{path}: attribute camera")
     boxes = read_array(file, "boxes").astype(np.int64)
     x0, y0, x1, y1 = boxes.T
-    empty = (boxes == 0).all(axis=1)
     inside = (x0 >= 0) & (y0 >= 0) & (x1 > x0) & (y1 > y0) & (x1 <= camera.width) & (y1 <= camera.height)
-    if not (inside | empty).all():
-        frame = int(np.argmin(inside | empty))
-        raise InputError(
-            f"{path}: the box {boxes[frame].tolist()} of frame {frame} is not within {camera.width}x{camera.height}"
-        )
+    valid = inside | (boxes == 0).all(axis=1)
+    if not valid.all():
+        frame, size = int(valid.argmin()), f"{camera.width}x{camera.height}"
+        raise InputError(f"{path}: the box {boxes[frame].tolist()} of frame {frame} is not within {size}")
     pixels, (stored,) = int(((x1 - x0) * (y1 - y0)).sum()), stored_array(file, "depth_mm").shape
     expect(stored == pixels, f"{path}: depth_mm", f"the {pixels} pixels that its boxes hold, found {stored}")
     return read_array(file, "depth_mm"), boxes, camera
 
 
 def depth_key(depth_mm: np.ndarray, boxes: np.ndarray, camera: Camera) -> str:
-    """A digest of a depth recording, 16 hexadecimal digits.
-
-    Args:
-        depth_mm: (N,) uint16 millimetres, the pixels of all boxes.
-        boxes: (T, 4) integers x0, y0, x1, y1.
-        camera: camera of the whole image.
-    """
+    """A digest, 16 hexadecimal digits, of (N,) uint16 pixels, (T, 4) boxes and the camera of the whole image."""
     digest = hashlib.sha256(repr(camera).encode())
     digest.update(np.ascontiguousarray(boxes, np.int64).data)
     digest.update(np.ascontiguousarray(depth_mm, np.uint16).data)
@@ -113,39 +95,8 @@ def is_learner_name(name: str) -> bool:
     return bool(name) and plain and len(name.encode()) <= MAX_NAME_BYTES and f"{name}.h5" != TEACHER
 
 
-def check_times(times_s: np.ndarray, path: Path) -> None:
-    """Checks the times of the frames, (T,) seconds.
-
-    Raises:
-        InputError: there are none or too many, the shape is wrong, or they do not increase.
-    """
-    if times_s.ndim != 1 or len(times_s) > MAX_FRAMES:
-        raise InputError(f"{path}: its times_s have the shape {times_s.shape}; expected (T,), at most {MAX_FRAMES}")
-    if not len(times_s) or not np.isfinite(times_s).all() or (np.diff(times_s) <= 0).any():
-        raise InputError(f"{path}: its times_s must be finite and increase from frame to frame, with at least one frame")
-
-
-def check_joints(joints_m: np.ndarray, path: Path) -> None:
-    """Checks (T, 15, 3) joints in metres.
-
-    Raises:
-        InputError: the shape is wrong, a value is infinite or too large for metres, or all joints are missing.
-    """
-    if joints_m.ndim != 3 or joints_m.shape[1:] != (NUM_JOINTS, 3):
-        raise InputError(f"{path}: joints_m has the shape {joints_m.shape}; expected (T, {NUM_JOINTS}, 3)")
-    if np.isinf(joints_m).any() or (np.abs(joints_m) > MAX_COORDINATE_M).any():
-        raise InputError(
-            f"{path}: joints_m holds values beyond {MAX_COORDINATE_M:g} m; expected metres, NaN for missing joints"
-        )
-    if np.isnan(joints_m).all():
-        raise InputError(f"{path}: all joints in joints_m are missing")
-
-
-def check_frame_count(count: int, what: str, times_s: np.ndarray, path: Path) -> None:
-    """Checks that there is one item per frame.
-
-    Raises:
-        InputError: the number of items differs from the number of times.
-    """
-    if count != len(times_s):
-        raise InputError(f"{path}: {count} {what} but {len(times_s)} times_s; there must be one for each frame")
+def check_times(path: Path, times_s: np.ndarray) -> None:
+    """Raises InputError unless (T,) times are finite, increase, and are at least one and at most MAX_FRAMES."""
+    increase = np.isfinite(times_s).all() and (np.diff(times_s) > 0).all()
+    expectation = f"1 to {MAX_FRAMES} finite times that increase from frame to frame, found {len(times_s)}"
+    expect(bool(increase and 0 < len(times_s) <= MAX_FRAMES), f"{path}: times_s", expectation)

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterable, Mapping
+from dataclasses import astuple
 from pathlib import Path
 
 import numpy as np
@@ -11,27 +12,81 @@ from kpopnet.dance.performance import Performance
 from kpopnet.datasets.dances.format import (
     FORMAT,
     LABELS,
+    MAX_COORDINATE_M,
+    SCHEMA,
     TEACHER,
     VERSION,
-    check_frame_count,
-    check_joints,
     check_times,
     depth_key,
     is_learner_name,
 )
+from kpopnet.datasets.protocol import check_joints
 from kpopnet.errors import InputError
 from kpopnet.runtime.atomic_write import atomic_hdf5, atomic_path
+from kpopnet.runtime.input_files import check_array, expect
 from kpopnet.skeleton import JOINT_NAMES
 
 _CHUNK = 1 << 16
 _MAX_DEPTH_MM = np.iinfo(np.uint16).max
 
 
+class PackedDepth:
+    """A depth recording in memory that stores only the bounding box of the person in every frame."""
+
+    def __init__(self, camera: Camera) -> None:
+        self.camera = camera
+        self._parts: list[np.ndarray] = []
+        self._boxes: list[tuple[int, int, int, int]] = []
+
+    def add(self, depth_m: np.ndarray, x0: int = 0, y0: int = 0) -> None:
+        """Adds the next frame.
+
+        Args:
+            depth_m: (h, w) depth of the segmented person, metres in floating point or uint16 millimetres; 0 elsewhere.
+            x0: column of its first pixel in the whole image.
+            y0: row of its first pixel in the whole image.
+
+        Raises:
+            InputError: type or shape is wrong, the box exceeds the whole image, or a depth is too large to be stored.
+        """
+        where = f"depth of frame {len(self)}"
+        depth_m = depth_in_metres(depth_m, where=where)
+        expect(depth_m.ndim == 2, where, f"shape (h, w), got {depth_m.shape}; add one frame at a time")
+        height, width = depth_m.shape
+        if not (0 <= x0 <= self.camera.width - width and 0 <= y0 <= self.camera.height - height):
+            raise InputError(
+                f"{where}: {width}x{height} pixels at ({x0}, {y0}) are not within the image of the camera, "
+                f"{self.camera.width}x{self.camera.height}"
+            )
+        depth_mm = np.rint(depth_m * MM_PER_METRE)
+        expect(depth_mm.max(initial=0) <= _MAX_DEPTH_MM, where, f"at most {_MAX_DEPTH_MM / MM_PER_METRE} m")
+        rows, columns = np.flatnonzero(depth_m.any(axis=1)), np.flatnonzero(depth_m.any(axis=0))
+        if not len(rows):
+            self._boxes.append((0, 0, 0, 0))
+            return
+        top, bottom, left, right = int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
+        self._boxes.append((x0 + left, y0 + top, x0 + right, y0 + bottom))
+        self._parts.append(depth_mm[top:bottom, left:right].astype(np.uint16).ravel())
+
+    def __len__(self) -> int:
+        return len(self._boxes)
+
+    @property
+    def depth_mm(self) -> np.ndarray:
+        """(N,) uint16 millimetres: the pixels of all boxes."""
+        return np.concatenate(self._parts) if self._parts else np.zeros(0, np.uint16)
+
+    @property
+    def boxes(self) -> np.ndarray:
+        """(T, 4) int32 x0, y0, x1, y1 of each frame; all 0 without a person."""
+        return np.array(self._boxes, np.int32).reshape(-1, 4)
+
+
 def write_teacher(folder: Path, performance: Performance, about: Mapping | None = None) -> None:
     """Writes DANCE/teacher.h5, and creates the folder DANCE if necessary; `about` holds notes to store as JSON.
 
     Raises:
-        InputError: joints or times are invalid (see `check_joints`, `check_times`).
+        InputError: joints or times are invalid.
     """
     _write(folder / TEACHER, performance.times_s, performance.joints_m, None, about)
 
@@ -41,7 +96,7 @@ def write_learner(
     name: str,
     times_s: np.ndarray,
     joints_m: np.ndarray | None = None,
-    depth: "PackedDepth | None" = None,
+    depth: PackedDepth | None = None,
     about: Mapping | None = None,
 ) -> None:
     """Writes DANCE/NAME.h5, and creates the folder DANCE if necessary.
@@ -80,87 +135,32 @@ def write_labels(folder: Path, best_first: Iterable[str]) -> None:
 
 
 def _check_name(name: str) -> None:
-    if not is_learner_name(name):
-        raise InputError(f"learner {name!r}: not a valid file name; use letters, digits, - and _")
-
-
-class PackedDepth:
-    """A depth recording in memory that stores only the bounding box of the person in every frame."""
-
-    def __init__(self, camera: Camera) -> None:
-        self.camera = camera
-        self._parts: list[np.ndarray] = []
-        self._boxes: list[tuple[int, int, int, int]] = []
-
-    def add(self, depth_m: np.ndarray, x0: int = 0, y0: int = 0) -> None:
-        """Adds the next frame.
-
-        Args:
-            depth_m: (h, w) depth of the segmented person, metres in floating point or uint16 millimetres; 0 elsewhere.
-            x0: column of its first pixel in the whole image.
-            y0: row of its first pixel in the whole image.
-
-        Raises:
-            InputError: type or shape is wrong, the box exceeds the whole image, or a depth is too large to be
-                stored.
-        """
-        where = f"depth of frame {len(self)}"
-        depth_m = depth_in_metres(depth_m, where=where)
-        if depth_m.ndim != 2:
-            raise InputError(f"{where}: expected shape (h, w), got {depth_m.shape}; add one frame at a time")
-        height, width = depth_m.shape
-        if not (0 <= x0 <= self.camera.width - width and 0 <= y0 <= self.camera.height - height):
-            raise InputError(
-                f"{where}: {width}x{height} pixels at ({x0}, {y0}) are not within the image of the camera, "
-                f"{self.camera.width}x{self.camera.height}"
-            )
-        depth_mm = np.rint(depth_m * MM_PER_METRE)
-        if depth_mm.max(initial=0) > _MAX_DEPTH_MM:
-            raise InputError(f"{where}: {depth_m.max():g} m; at most {_MAX_DEPTH_MM / MM_PER_METRE} can be stored, in metres")
-        rows, columns = np.flatnonzero(depth_m.any(axis=1)), np.flatnonzero(depth_m.any(axis=0))
-        if not len(rows):
-            self._boxes.append((0, 0, 0, 0))
-            return
-        top, bottom, left, right = int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
-        self._boxes.append((x0 + left, y0 + top, x0 + right, y0 + bottom))
-        self._parts.append(depth_mm[top:bottom, left:right].astype(np.uint16).ravel())
-
-    def __len__(self) -> int:
-        return len(self._boxes)
-
-    @property
-    def depth_mm(self) -> np.ndarray:
-        """(N,) uint16 millimetres: the pixels of all boxes."""
-        return np.concatenate(self._parts) if self._parts else np.zeros(0, np.uint16)
-
-    @property
-    def boxes(self) -> np.ndarray:
-        """(T, 4) int32 x0, y0, x1, y1 of each frame; all 0 without a person."""
-        return np.array(self._boxes, np.int32).reshape(-1, 4)
+    expect(is_learner_name(name), f"learner {name!r}", "a valid file name of letters, digits, - and _")
 
 
 def _write(
     path: Path, times_s: np.ndarray, joints_m: np.ndarray | None, depth: PackedDepth | None, about: Mapping | None
 ) -> None:
-    times_s = np.asarray(times_s, np.float64)
-    check_times(times_s, path)
+    arrays = {"times_s": np.asarray(times_s, np.float64)}
     if joints_m is not None:
-        joints_m = np.asarray(joints_m, np.float32)
-        check_joints(joints_m, path)
-        check_frame_count(len(joints_m), "poses", times_s, path)
+        arrays["joints_m"] = np.asarray(joints_m, np.float32)
     if depth is not None:
-        check_frame_count(len(depth), "images", times_s, path)
+        arrays |= {"boxes": depth.boxes, "depth_mm": depth.depth_mm}
+    lengths: dict[str, int] = {}
+    for name, array in arrays.items():
+        check_array(f"{path}: {name}", array.shape, array.dtype, SCHEMA.arrays[name], lengths)
+    check_times(path, arrays["times_s"])
+    if joints_m is not None:
+        check_joints(f"{path}: joints_m", arrays["joints_m"], MAX_COORDINATE_M)
     path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_hdf5(path) as file:
         file.attrs["format"], file.attrs["version"] = FORMAT, VERSION
         file.attrs["joint_names"] = JOINT_NAMES
         file.attrs["about"] = json.dumps(about or {})
-        file["times_s"] = times_s
-        if joints_m is not None:
-            file["joints_m"] = joints_m
         if depth is not None:
-            camera, depth_mm, boxes = depth.camera, depth.depth_mm, depth.boxes
-            file.attrs["camera"] = (camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)
-            file.attrs["depth_key"] = depth_key(depth_mm, boxes, camera)
-            file["boxes"] = boxes
-            file.create_dataset("depth_mm", data=depth_mm, chunks=(_CHUNK,), maxshape=(None,), compression=1, shuffle=True)
+            file.attrs["camera"] = astuple(depth.camera)
+            file.attrs["depth_key"] = depth_key(arrays["depth_mm"], arrays["boxes"], depth.camera)
+            packed = {"chunks": (_CHUNK,), "maxshape": (None,), "compression": 1, "shuffle": True}
+            file.create_dataset("depth_mm", data=arrays.pop("depth_mm"), **packed)
+        for name, array in arrays.items():
+            file[name] = array

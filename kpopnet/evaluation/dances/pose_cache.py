@@ -17,7 +17,6 @@ import numpy as np
 import kpopnet
 from kpopnet.dance.performance import Performance, mask_missing_joints
 from kpopnet.datasets.dances.dance_set import Dance, Learner
-from kpopnet.datasets.dances.format import check_frame_count
 from kpopnet.errors import InputError
 from kpopnet.evaluation.engine import Timed
 from kpopnet.evaluation.registry import build_estimators
@@ -93,7 +92,7 @@ class PoseCache:
         except InputError as error:
             raise InputError(f"{path}: damaged ({error}); delete it to estimate these poses again") from error
         times_s = learner.times_s()
-        check_frame_count(len(joints_m), "frames", times_s, learner.path)
+        expect(len(joints_m) == len(times_s), str(learner.path), f"{len(joints_m)} frames as in {path}, found {len(times_s)}")
         return Poses(Performance(joints_m, times_s, confidence), seconds)
 
     def _write(self, path: Path, learner: Learner) -> None:

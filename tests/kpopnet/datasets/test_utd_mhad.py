@@ -146,7 +146,7 @@ def test_invalid_files_are_named(tmp_path):
     assert str(depth_file) in message() and "not a complete MATLAB file" in message()
     depth_file.write_bytes(b"not MATLAB")
     assert str(depth_file) in message()
-    with pytest.raises(InputError, match="no Depth/"):
+    with pytest.raises(InputError, match="expected Depth/"):
         benchmark(tmp_path / "nowhere")
     with pytest.raises(InputError, match=r"benchmark\.path=PATH"):
         UtdMhadBenchmark(UtdMhadConfig())
