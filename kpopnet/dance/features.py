@@ -94,7 +94,7 @@ class Feature(NamedTuple):
     """A dance feature.
 
     Attributes:
-        names: of the D angles. A name tells the part of the body and the joints whose confidence counts: SIDE_elbow_ANGLE and
+        names: of the D angles. A name gives the part of the body and the joints whose confidence counts: SIDE_elbow_ANGLE and
             SIDE_hand_ANGLE are an arm's, SIDE_knee_ANGLE and SIDE_foot_ANGLE a leg's, turn the body's, others the torso's.
         angles: of (T, 15, 3) joints at uniform frames, NaN where missing, and their frames per second.
         history_s: how far back in time an angle looks, seconds; the frame before is always there.

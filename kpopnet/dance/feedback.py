@@ -122,8 +122,8 @@ def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence
 
     Args:
         score: of `score_dance`, `OnlineScorer.finish` or `OnlineScorer.score_so_far`.
-        beat_s: duration of a beat of the music, seconds; phrases then have eight beats, and delays are told in beats.
-        recording: what `kpopnet.dance.diagnosis.probable_faults` found; hints of which it tells the cause are left out.
+        beat_s: duration of a beat of the music, seconds; phrases then have eight beats, and delays are given in beats.
+        recording: what `kpopnet.dance.diagnosis.probable_faults` found; hints whose cause it gives are left out.
     """
     moments = [*_posture_moments(score), *_timing_moments(score, beat_s)]
     first, middle = float(score.windows.start_s[0]), score.windows.middle_s

@@ -117,7 +117,7 @@ class PartScorer:
         mirrored: true for a learner who mirrors the teacher, as in front of a mirror; auto takes what fits better; false.
         latency_s: constant delay of the set-up (camera, display), taken off the learner's clock, seconds; measured by
             kpopnet.dance.timing.measured_latency_s.
-        noise: name of the estimator of the learner's joints whose known errors are taken out of the distance (tracker,
+        noise: name of the estimator of the learner's joints whose known errors are subtracted from the distance (tracker,
             network, fitted_network, realtime, best); none for true joints; auto for that of each estimator in an evaluation,
             elsewhere none.
         alpha: slope of the timing similarity, Eq. (13).

@@ -19,7 +19,7 @@ TOP_SHARE = 0.1
 """The hand is up where it misses its highest point by less than this share of its way."""
 
 MIN_BEAT_MOVEMENT_M, MIN_BEAT_SHARE, MIN_BEAT_SAMPLES = 0.15, 0.5, 60
-"""What tells a latency: way of the hand, share of its variance that repeats with the beat, number of images."""
+"""From which a latency is measured: path of the hand, share of its variance that repeats with the beat, number of images."""
 
 
 def tempo(start_s: np.ndarray, delay_s: np.ndarray, posture: np.ndarray) -> float:

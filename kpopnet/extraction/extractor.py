@@ -42,7 +42,7 @@ MIN_COMPONENT_PX = 6
 """Smaller components are noise."""
 
 SAME_PLACE_M = 0.3
-"""A person found standing, whom one who moved has replaced, is known again within this distance."""
+"""A person found standing, whose track a moving person replaced, gets the identity back within this distance, in metres."""
 
 MARGIN_PX = 2
 """Empty pixels around a human in their box: the ridge needs them."""

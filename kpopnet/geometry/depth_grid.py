@@ -17,7 +17,7 @@ CELL_M = 0.025
 """Side of a grid cell at the person's depth in metres, rounded to whole pixels. Each cell contributes one point."""
 
 LEAST_CELLS, MOST_CELLS = 100, 6000
-"""Cells shrink or grow where a person would fill fewer or more than about so many: nobody does, but noise and whole rooms
+"""Cells shrink or grow where the depth fills fewer or more than about this number: no person does, but noise and whole rooms
 would."""
 
 SAMPLING_PX = 4

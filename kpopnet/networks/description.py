@@ -57,7 +57,7 @@ def check_description(where: str, meta: Any, kind: str) -> dict:
 def portable(meta: dict) -> dict:
     """A description for others: without the folders, checkpoints and numbers of threads of the machine that trained.
 
-    What was trained on is still told by `data`, a hash and a number of samples for each set.
+    `data` still identifies the training sets: a hash and a number of samples for each.
     """
     config = {name: value for name, value in meta["config"].items() if name not in OF_THE_MACHINE}
     if "training" in config:

@@ -27,7 +27,7 @@ from kpopnet.y_pose.initial_pose import find_initial_pose
 log = logging.getLogger(__name__)
 
 MIN_POINTS = 60
-"""Smallest number of cells (`kpopnet.paper_tracker.frame`) in which somebody is seen: 0.024 square metres."""
+"""Smallest number of cells (`kpopnet.paper_tracker.frame`) in which a person is seen: 0.024 square metres."""
 
 
 REPORTED_FRAMES = 40

@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 
 MAX_PEOPLE = 16
 MAX_REMEMBERED = 64
-"""People whose lengths are remembered; beyond it, those out of view are forgotten, and measured anew when they return."""
+"""People whose lengths are remembered; beyond it, people out of view are forgotten and measured again when they return."""
 
 
 class PersonPose(NamedTuple):
@@ -89,7 +89,7 @@ class PoseEstimator:
 
         Args:
             depth: (H, W) depth of the whole scene, 0 where nothing was measured; uint16 millimetres or float metres.
-            camera: its camera, the same for all images; another one begins anew.
+            camera: its camera, the same for all images; with another one the estimator starts again.
 
         Returns:
             The visible people, at most `people`, in the order in which they were first found.
@@ -109,10 +109,11 @@ class PoseEstimator:
                 must stand in view; uint16 millimetres or float metres, 0 where nothing was measured.
             camera: its camera.
             fps: frames per second, for smoothing.
-            segmented: the depth shows one person, and 0 elsewhere: nobody has to be found.
+            segmented: the depth shows one person, and 0 elsewhere: no person has to be found.
 
         Returns:
-            At most `people` of the people found, those seen in most images first. Where nobody is found, none, with a warning.
+            At most `people` of the people found, those seen in most images first; an empty list, with a warning, where
+            there are none.
 
         Raises:
             InputError: as `update`; or fps is not positive.

@@ -134,7 +134,7 @@ def own_dances(given: argparse.Namespace) -> dict[str, Performance]:
     """The dances in what `kpopnet teach add` is given: their joints by title.
 
     Raises:
-        InputError: a file cannot be read, or nobody is seen in it.
+        InputError: a file cannot be read, or shows no person.
     """
     path: Path = given.file
     if len(teachers := kpop_teachers(path)) > 1:

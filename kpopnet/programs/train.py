@@ -126,7 +126,7 @@ class TrainingFolder(OutputFolder):
 
 
 def describe_sets(sets: dict[str, ShardedSet]) -> dict[str, dict]:
-    """What tells one set of samples from another."""
+    """What identifies a set of samples."""
     return {name: {"hash": shards.header.config_hash, "samples": len(shards)} for name, shards in sets.items()}
 
 

@@ -50,7 +50,7 @@ def user_errors(function: Callable[P, R]) -> Callable[P, R]:
     def careful(*args: P.args, **kwargs: P.kwargs) -> R:
         # Lets Hydra's own errors through to here; what it makes of them itself takes many lines.
         os.environ["HYDRA_FULL_ERROR"] = "1"
-        logging.raiseExceptions = False  # where a log cannot be written, what matters cannot be either, and that is told
+        logging.raiseExceptions = False  # where no log can be written, no result can: that error is printed
         threading.excepthook = _thread_ended
         try:
             return function(*args, **kwargs)
@@ -109,7 +109,7 @@ def _of_the_disk(error: OSError) -> str:
 
 
 def _thread_ended(ended: threading.ExceptHookArgs) -> None:
-    """Threads that write, such as TensorBoard's, hand errors of the disk to the main thread, which tells them once."""
+    """Threads that write, such as TensorBoard's, hand errors of the disk to the main thread, which prints them once."""
     if not is_of_the_disk(ended.exc_value):
         threading.__excepthook__(ended)
 

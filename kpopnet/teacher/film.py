@@ -59,7 +59,7 @@ def write_film(
     Args:
         path: of the file.
         body: the teacher's, which the learner gets too.
-        dance: as it was taught.
+        dance: the teacher's dance.
         learner: the joints of the try.
         result: of the try, see `try_result`.
         tell: is called before each image with the fraction in 0..1 that is done; where it raises an error nothing is written.

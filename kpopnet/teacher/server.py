@@ -322,7 +322,7 @@ class PageLessons:
                 with contextlib.suppress(ConnectionError):
                     await self._socket.send_bytes(struct.pack("<I", len(text)) + text + attached)
                 continue
-            if kind == "done" and content.get("total") is not None:  # somebody was seen
+            if kind == "done" and content.get("total") is not None:  # a person was seen
                 try:
                     message["session"] = await asyncio.to_thread(self._teaching.tries.save, content, attached)
                 except OSError as error:

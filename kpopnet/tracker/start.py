@@ -61,7 +61,7 @@ STANDING_HEIGHT_RANGE_M, SITTING_HEIGHT_RANGE_M = (1.3, 2.2), (0.9, 1.6)
 """Heights of silhouettes, in metres, at which a person is tried standing and sitting."""
 
 SIZE_RANGE = (0.85, 1.15)
-"""Sizes of adults who are tried, relative to the average one: a silhouette without hair or feet makes nobody a child."""
+"""Sizes of adults who are tried, relative to the average one: a silhouette without hair or feet is still an adult's."""
 
 TOP_M, MAX_TOP_WIDTH_M = 0.22, 0.5
 """The uppermost `TOP_M` metres are the head: silhouettes that are wider there than `MAX_TOP_WIDTH_M` have raised hands, which

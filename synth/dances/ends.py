@@ -34,7 +34,7 @@ def end_motion(end: str, teacher: Motion, other: Motion, rng: np.random.Generato
 
 
 def on_the_floor(postures: np.ndarray, like: Motion, name: str) -> Motion:
-    """The motion of somebody who stays in place in (T, C) postures, with the frame rate and the legs of another motion."""
+    """The motion of a person who stays in place in (T, C) postures, with the frame rate and the legs of another motion."""
     quats, root_m = rotations(postures), np.zeros((len(postures), 3))
     root_m[:, 1] = -height_above_floor(quats, root_m)
     return Motion(quats, root_m.astype(np.float32), like.fps, name, like.leg_m)

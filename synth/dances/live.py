@@ -24,7 +24,7 @@ from synth.sensor.model import SENSORS
 from synth.simulated.film import ROOM_BOXES, CleanFrame, Played, Studio, Take, measure_frame
 
 ON_THE_BEAT = "an arm on every beat"
-"""The skill of somebody who raises the left arm highest at every second, to measure a latency by."""
+"""The skill of a person who raises the left arm highest at every second, to measure a latency by."""
 
 SKILLS = ("perfect", *LEVELS, "waving", "still", "nobody")
 FAULTS = ("", "left arm", "right arm", "left leg", "right leg", "late", "hidden feet")
@@ -159,7 +159,7 @@ def learned(motion: Motion, skill: str, fault: str, rng: np.random.Generator) ->
 
 
 def _on_the_beat(motion: Motion) -> Motion:
-    """A motion as long as another, of somebody who raises an arm."""
+    """A motion as long as another, of a person who raises an arm."""
     seconds = np.arange(len(motion)) / motion.fps
     postures = np.repeat(STANDING[None], len(seconds), axis=0)
     postures[:, CHANNELS["left_raise"]] = 90 + 70 * np.cos(2 * np.pi * seconds)
@@ -167,7 +167,7 @@ def _on_the_beat(motion: Motion) -> Motion:
 
 
 def _hanging(motion: Motion, bones: list[int]) -> Motion:
-    """The motion with these bones near those of somebody who stands."""
+    """The motion with these bones near those of a person who stands."""
     quats = motion.quats.astype(np.float64)
     rest = rotations(STANDING[None]).astype(np.float64)[0]
     for bone in bones:

@@ -2,7 +2,7 @@
 
 Structured light: the projected pattern does not move, so the errors of its matching stay where a surface stays; in
 recordings of UTD-MHAD (real Kinect v1) a still body's picture keeps its grain for seconds. Calibration does not change
-within a film either, and holes last for more than a frame. Time of flight counts photons anew in every frame.
+within a film either, and holes last for more than a frame. Time of flight has independent noise in every frame.
 """
 
 from dataclasses import dataclass

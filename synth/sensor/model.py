@@ -89,14 +89,14 @@ class SensorConfig:
         grain_px: correlation length of axial and lateral noise, native pixels, about the width of the matching window; up
             to 1 image pixel the noise is white.
         grain_disparity_px: change of disparity within which a film's grain becomes another, native pixels; 0: never.
-        grain_flicker: share of the variance of correlated noise that each frame of a film draws anew; the rest is the
+        grain_flicker: share of the variance of correlated noise that each frame of a film draws again; the rest is the
             film's grain. White axial and lateral noise is the frame's own.
         baseline_m: distance of the projector to the right of the camera, metres; shadows fall to the left. A negative
             value puts the projector on the left.
         disparity_step_px: quantisation step of the disparity, native pixels; the depth steps are
             disparity_step z^2 / (native_focal baseline).
         disparity_noise_px: standard deviation of white noise on the disparity before quantisation, native pixels.
-        disparity_flicker: share of that noise's variance that each frame of a film draws anew.
+        disparity_flicker: share of that noise's variance that each frame of a film draws again.
         wiggle_m: amplitude of a systematic error that is a sine of z, metres.
         wiggle_period_m: period of that sine, metres: a quarter of the modulation's unambiguous range.
         flying_pixels: fraction of the pixels on outlines that are measured between the near and the far surface.

@@ -1,8 +1,8 @@
 """`two_people`: simulated films of two people in one room, before a Kinect v1.
 
 24 sequences of 260 to 320 frames at 30 fps, four of each kind of scene: they cross, one passes behind the other and back, they
-hug, one leaves the image, one enters it, they dance side by side (`synth.motion.choreography.pairs`). Everybody is somebody
-else: no person is in two sequences, or in a training set. There is no real set of this kind that it stands for.
+hug, one leaves the image, one enters it, they dance side by side (`synth.motion.choreography.pairs`). No person is in
+two sequences, or in a training set. It imitates no published set.
 """
 
 from collections.abc import Callable, Iterator

@@ -53,7 +53,7 @@ _COLUMN = re.compile(r"(.+?)[ _.:-]?(x|y|z|confidence)", re.IGNORECASE)
 
 
 def read_performance(path: Path | str, fps: float | None = None) -> Performance:
-    """Reads a recording of joints; the ending of the file's name tells the format (docs/dance_scoring.md).
+    """Reads a recording of joints; the ending of the file's name gives the format (docs/dance_scoring.md).
 
     Joints of .npz files of our own stay in their camera frame. Those of all other files are turned so that the dancer faces a
     level camera on average over the first twentieth of the frames. A stranger's file is read by

@@ -35,7 +35,7 @@ HAND_CM, TOE_CM, CROWN_CM = 8.0, 8.0, 12.0
 
 
 def write_performance(path: Path | str, performance: Performance) -> None:
-    """Writes a recording; the ending of the file's name tells the format (docs/predicting.md).
+    """Writes a recording; the ending of the file's name gives the format (docs/predicting.md).
 
     All formats but BVH keep the camera frame: metres, x right, y down, z forward.
 

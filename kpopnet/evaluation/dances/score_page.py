@@ -18,7 +18,7 @@ from kpopnet.evaluation.report import Block, as_html
 from kpopnet.evaluation.values import Table
 
 MAX_FAULTS = 8
-"""So many faults are listed, the costliest first; the JSON has all."""
+"""Largest number of faults in the page, the costliest first; the JSON has all."""
 
 
 def score_text(score: DanceScore, told: Feedback, faults: list[RecordingFault]) -> list[str]:

@@ -1,1 +1,1 @@
-"""Evaluation of everybody's joints and identities in films of several people."""
+"""Evaluation of all people's joints and identities in films of several people."""

@@ -3,8 +3,8 @@
 The counts are those of CLEAR MOT (Bernardin & Stiefelhagen, "Evaluating Multiple Object Tracking Performance", EURASIP Journal
 on Image and Video Processing 2008): people who are missed, people who are not there, and identity switches. A person keeps the
 identity of the frame before as long as it is within REACH_M; the others are matched such that the sum of distances is least. A
-person is judged where nearly the whole body is inside the image and at least half of it in sight; whoever finds a person who is
-hidden or cut by the border is neither right nor wrong.
+person is judged where nearly the whole body is inside the image and at least half of it in sight; an estimate of a person who
+is hidden or cut by the border counts as neither right nor wrong.
 """
 
 from dataclasses import dataclass
@@ -40,8 +40,8 @@ class MatchedSequence:
         hidden: (T, P) bool, whether the person is inside the image and hidden by others.
         identity: (T, P) int, identity of the matched estimate, NOBODY where there is none.
         errors_m: (T, P, 15) distances of its joints from the true ones, infinite where missing.
-        false: (T,) number of estimates that were matched to nobody.
-        estimates_m: (E, T, 15, 3) joints of everybody found, metres, NaN where missing.
+        false: (T,) number of estimates that were matched to no person.
+        estimates_m: (E, T, 15, 3) joints of all people found, metres, NaN where missing.
         identities: (E,) their identities.
         seconds: processor time of the estimation.
     """

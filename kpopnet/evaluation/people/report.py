@@ -1,4 +1,4 @@
-"""The report on everybody in films of several people: joints and identities by kind of scene, pictures and a film."""
+"""The report on all people in films of several people: joints and identities by kind of scene, pictures and a film."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -28,12 +28,12 @@ COLOURS = ((235, 60, 60), (70, 130, 255), (60, 190, 80), (240, 170, 30), (190, 9
 DEFINITIONS = (
     "Joints: share within 10 cm of all joints of people who are seen, where a person who is not found counts as fifteen missed "
     "joints; mean error of those found. Hidden: the same for people of whom others hide more than half; they count in nothing "
-    "else, nor does who is cut by the border. Missed: share of the people seen who were not found. False: estimates, image by "
-    "image, that are nobody's. Switches: people who get another identity. MOTA, and the way people and estimates are matched: "
+    "else, nor do people whom the border cuts. Missed: share of the people seen who were not found. False: estimates, image by "
+    "image, that match no person. Switches: people who get another identity. MOTA, and how people and estimates are matched: "
     "CLEAR MOT (Bernardin & Stiefelhagen 2008), within a mean joint distance of 50 cm. IDF1 (Ristani et al. 2016) is "
     "taken over the same matches."
 )
-CLOCK = "Images a second are those of one core, with the extraction and everybody in view, after an untimed warm-up."
+CLOCK = "Images a second are those of one core, with the extraction and all people in view, after an untimed warm-up."
 
 JOINTS = (
     ("sequences", "sequences", ""),
@@ -55,7 +55,7 @@ SEQUENCE = (JOINTS[1], JOINTS[2], *IDENTITIES[1:4])
 
 
 def evaluate_people(config: EvaluateConfig, folder: Path) -> Report:
-    """Judges everybody found in films of several people; writes pictures and a film into the folder.
+    """Judges all people found in films of several people; writes pictures and a film into the folder.
 
     Raises:
         InputError: a setting is for other benchmarks, or see `run_people`.

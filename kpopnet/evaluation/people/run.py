@@ -1,6 +1,6 @@
 """Evaluation of people found and followed in films of several: joints and identities, sequence by sequence.
 
-Everybody is found in the raw scene; no estimator is told how many there are.
+People are found in the raw scene; no estimator is given their number.
 """
 
 from collections.abc import Callable
@@ -28,7 +28,7 @@ ALL = "all"
 WITHIN_M = 0.10
 
 Follow = Callable[[np.ndarray, Camera, float], list[PersonPose]]
-"""(T, H, W) depth of a whole scene, its camera and the frames per second to everybody found."""
+"""(T, H, W) depth of a whole scene, its camera and the frames per second to all people found."""
 
 
 def follower(label: str, settings: Any) -> Follow:
@@ -49,7 +49,7 @@ def follower(label: str, settings: Any) -> Follow:
 
 @dataclass
 class PeopleEstimation:
-    """Reads a sequence by its name and matches everybody that each estimator finds in it; `settings` by estimator."""
+    """Reads a sequence by its name and matches all people that each estimator finds in it; `settings` by estimator."""
 
     benchmark: PeopleSet
     settings: dict[str, Any]
@@ -97,7 +97,7 @@ def figures(parts: list[MatchedSequence], seed: int) -> dict:
     Returns:
         `seen`, `hidden`: people in frames that are judged, and that others hide; `within_10cm`, `mean_error_cm`: of the seen,
         where a missed person counts as fifteen joints beyond 10 cm and is left out of the mean; the same with `hidden_`;
-        `missed`: share of the seen who were not found; `false`: estimates of nobody; `switches`: of identities; `mota`:
+        `missed`: share of the seen who were not found; `false`: estimates of no person; `switches`: of identities; `mota`:
         1 - (missed + false + switches) / seen (CLEAR MOT); `idf1` (Ristani et al. 2016, over the same
         matches); `interval`: 95 % intervals over sequences; `fps`: images a second of one core, all stages.
     """

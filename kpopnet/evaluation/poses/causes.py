@@ -1,7 +1,7 @@
 """Why joints are missed: every joint that is not within 10 cm, by the first cause that fits.
 
 The causes are tried in a fixed order, so a hidden joint that the estimator also takes for the other side's counts as hidden. A
-cause tells what would help: several frames for what is hidden or momentary, sides and fronts told apart, better depth.
+cause shows what would help: several frames for what is hidden or momentary, sides and fronts told apart, better depth.
 """
 
 import numpy as np

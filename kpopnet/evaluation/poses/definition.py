@@ -11,7 +11,7 @@ from the estimate's own joints:
 
 Left and right joints share an offset, in axes that mirror each other; joints in the middle have none sideways. The offsets that
 judge a person are fitted on the labels of all other people: what they take away is what the definitions differ by, and what the
-estimator gets wrong in everybody. So figures in the labels' definition stand beside the raw ones and not in their place.
+estimator gets wrong in every person. So figures in the labels' definition stand beside the raw ones and not in their place.
 """
 
 import numpy as np

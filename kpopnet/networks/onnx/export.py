@@ -47,7 +47,7 @@ def export_network(network: PoseNetwork, meta: dict, path: Path) -> float:
 
     Args:
         network: in evaluation mode, on the CPU.
-        meta: its description, without what tells of the machine that trained it (`portable`).
+        meta: its description, without what describes the machine that trained it (`portable`).
         path: the file to write, which ends in .onnx.
 
     Returns:

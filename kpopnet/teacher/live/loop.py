@@ -31,7 +31,7 @@ KERNELS = 60
 
 FRAME_PATIENCE_S = 0.2
 NOBODY_PATIENCE_S = 20.0
-"""After this time the lesson is ready although nobody is in view: the page says that nobody is there."""
+"""After this time the lesson is ready although no person is in view; the page says so."""
 
 
 class _CompiledKernels(event.Listener):

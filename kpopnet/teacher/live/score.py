@@ -185,7 +185,7 @@ class DanceTry:
         """
         try:
             score = self._scorer.finish()
-        except InputError:  # nobody was in view for a whole window
+        except InputError:  # no person was in view for a whole window
             score = None
         frames, ages, verdicts = len(self._times_s), self._ages_ms or [0], self._verdicts_ms or [0]
         notes = {

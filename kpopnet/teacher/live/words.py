@@ -35,7 +35,7 @@ def where_to_stand(joints_camera_m: np.ndarray | None, confidence: np.ndarray | 
     """What the learner should change so that the camera sees them, "" if nothing.
 
     Args:
-        joints_camera_m: (15, 3) metres, or None if nobody is seen.
+        joints_camera_m: (15, 3) metres, or None if no person is seen.
         confidence: (15,) in 0..1.
         camera: the camera.
     """
@@ -105,7 +105,7 @@ def try_result(score: DanceScore | None, lesson: Lesson, about: About, notes: di
     """The result of a try as JSON of finite numbers and null: total, timing, posture, parts, phrases, worst moments, course.
 
     Args:
-        score: None where nobody was seen long enough.
+        score: None where no person was seen long enough.
         lesson: what was asked for.
         about: of the dance.
         notes: more to keep: frames per second, dropped images.
