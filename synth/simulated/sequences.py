@@ -28,8 +28,8 @@ from synth.simulated.configuration import SimulatedSet, is_faulty, random_excerp
 from synth.simulated.film import Film, Played, Shot, Studio, Take
 
 BODY = BodyConfig(clothes=ClothesConfig(skirt=0.0, coat=0.0, hat=0.0, backpack=0.0, bag=0.0))
-"""People as they come to a motion-capture session: markers are worn on trousers and tops. (The Y pose of a person in a skirt or a
-coat is not found, because its test needs two legs: seen on `eval_sim` itself, and on a set with a training seed.)"""
+"""People as they come to a motion-capture session: markers are worn on trousers and tops. (The Y pose of a person in a skirt
+or a coat is not found, because its test needs two legs: seen on `eval_sim` itself, and on a set with a training seed.)"""
 
 HEADING_STD_DEG = 5.0
 """Standard deviation of the heading at the start."""
