@@ -35,7 +35,7 @@ REPORTED_FRAMES = 40
 
 CONFIDENCE_WEIGHTS = (-6.460, 1.765, 5.822)
 """Weights of `evidence_of`, fitted to the repaired tracker on simulated people whom no benchmark shows
-(kpopnet.evaluation.poses.calibration). The calibration error there is 4.9 %, and 5.0 % of the tracker as printed."""
+(tools/fit_confidence.py). The calibration error there is 4.9 %, and 5.0 % of the tracker as printed."""
 
 
 @dataclass(frozen=True)

@@ -83,18 +83,6 @@ def test_two_adjacent_boxes_are_one_object_if_their_depths_agree_within_the_nois
     assert connected(*boxes(gap_m, z))[1] == expected
 
 
-def test_a_spiral_needs_many_unions_and_is_one_component():
-    kind = np.zeros((41, 41), np.uint8)
-    for ring in range(0, 20, 4):
-        kind[ring : 41 - ring, ring] = kind[ring, ring : 41 - ring] = FOREGROUND
-        kind[40 - ring, ring : 41 - ring] = kind[ring + 2 : 41 - ring, 40 - ring] = FOREGROUND
-        kind[ring + 2, ring + 4 : 41 - ring] = FOREGROUND
-        kind[ring + 2 : ring + 5, ring + 4] = FOREGROUND
-    depth = np.where(kind > 0, np.float32(2), np.float32(0))
-    labels, count = connected(depth, kind)
-    assert (labels > 0).sum() == (kind > 0).sum() and count == reference_labels(depth, kind > 0, 1)[1] == 1
-
-
 @given(images(), st.integers(0, 2**32 - 1))
 @settings(deadline=None, max_examples=60)
 def test_component_stats_equal_the_reference(image, seed):

@@ -44,11 +44,6 @@ def test_the_number_of_cells_is_limited_in_rooms_and_noise(z_m: float, cells: in
     assert len(build_depth_grid(np.full((480, 640), z_m, np.float32), CAMERA).points_m) == pytest.approx(cells, rel=0.2)
 
 
-def test_an_empty_image_has_no_points() -> None:
-    grid = build_depth_grid(np.zeros((240, 320), np.float32), CAMERA)
-    assert grid.points_m.shape == (0, 3) and (grid.index < 0).all() and (grid.nearest < 0).all()
-
-
 @given(arrays(bool, st.tuples(st.integers(1, 24), st.integers(1, 24)), elements=st.sampled_from([False] * 9 + [True])))
 @settings(deadline=None)
 def test_the_nearest_cell_is_within_one_cell_of_the_optimum(measured: np.ndarray) -> None:

@@ -62,30 +62,11 @@ def test_a_sequence_in_which_the_tracker_never_starts_is_reported(film, caplog, 
     assert "none of 40 frames has a measured pixel" in caplog.text
 
 
-def test_start_standing_accepts_a_standing_person() -> None:
-    joints = cone_joints(-75, 4)
-    depth = np.repeat(draw_cones(joints, cone_body(joints), CAMERA)[None], 4, axis=0)
-    waiting = TrackerEstimator(TrackerEstimatorConfig(start="y_pose")).estimate(depth, CAMERA).joints_camera_m
-    assert np.isnan(waiting).all()
-    found = TrackerEstimator(TrackerEstimatorConfig(start="standing")).estimate(depth, CAMERA).joints_camera_m
-    assert np.isfinite(found).all() and error_m(found[-1], joints).mean() < 0.08
-
-
 def test_auto_starts_from_a_person_who_sits_where_standing_waits() -> None:
     joints = sitting_pose(AVERAGE_MODEL) + np.array((0.1, -0.2, 2.8))
     depth = np.repeat(draw_cones(joints, body_from_model(AVERAGE_MODEL), CAMERA)[None], 10, axis=0)
     found = TrackerEstimator().estimate(depth, CAMERA).joints_camera_m
     assert np.isfinite(found).all() and error_m(found[-1], joints).mean() < 0.06
-
-
-def test_a_person_who_left_is_looked_for_anew() -> None:
-    """Somebody stands, leaves, and sits down elsewhere two seconds later: not where the pose was left."""
-    standing, sitting = cone_joints(-75, 4), sitting_pose(AVERAGE_MODEL) + np.array((0.5, -0.2, 2.4))
-    film = [draw_cones(standing, cone_body(standing), CAMERA)] * 3 + [EMPTY] * 40
-    film += [draw_cones(sitting, body_from_model(AVERAGE_MODEL), CAMERA)] * 6
-    found = TrackerEstimator().estimate(np.stack(film), CAMERA).joints_camera_m
-    assert np.isfinite(found[:3]).all() and np.isnan(found[3:43]).all()
-    assert error_m(found[-1], sitting).mean() < 0.06
 
 
 def test_the_first_label_is_the_first_complete_one(film) -> None:

@@ -10,7 +10,17 @@ from hypothesis import strategies as st
 from kpopnet.geometry.body import COLLISION_PAIRS, LIMB_COLLISIONS, LIMBS, PARTS
 from kpopnet.geometry.cones import extend_joints, part_segments, torso_frame
 from kpopnet.skeleton import MIRROR, Joint
-from kpopnet.tracker.energy import JOINT_PRIOR_WEIGHT, JOINT_PRIORS, joint_prior, penetration_cost
+from kpopnet.tracker.energy import (
+    COLUMN,
+    JOINT_PRIOR_WEIGHT,
+    JOINT_PRIORS,
+    LENGTH_WEIGHT,
+    add_joint_priors,
+    add_lengths,
+    joint_prior,
+    joint_prior_shortfall,
+    penetration_cost,
+)
 from kpopnet.tracker.solver import pose_cost
 
 
@@ -96,3 +106,33 @@ def test_a_hand_in_the_trunk_has_a_penetration_cost() -> None:
             penetration_cost(segments, *LIMB_COLLISIONS[1], np.inf) == pytest.approx(everywhere)
             and penetration_cost(segments, *LIMB_COLLISIONS[0], np.inf) < 1e-6
         )
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("term", ["lengths", "joint priors"])
+def test_the_step_of_a_term_is_down_the_slope_of_its_energy(person, term: str, seed: int) -> None:  # noqa: F811
+    """The right-hand side is -1/2 of the numerical gradient, with the torso's axes held as the linearisation holds them."""
+    joints, body, _ = person
+    body = body._replace(elevation_gain_m=0 * body.elevation_gain_m)
+    joints = moved(joints, seed, 0.1, 0.2)
+    frame, pairs = torso_frame(joints), np.flatnonzero(JOINT_PRIORS[:, 1] == JOINT_PRIORS[:, 2])  # of two joints
+
+    def energy(at: np.ndarray) -> float:
+        if term == "lengths":
+            lengths_m = np.linalg.norm(at[body.pairs[:, 1]] - at[body.pairs[:, 0]], axis=1)
+            return LENGTH_WEIGHT * np.mean(body.stiffness * (lengths_m - body.lengths_m) ** 2)
+        return sum(JOINT_PRIOR_WEIGHT[k] * max(joint_prior_shortfall(at, k, frame[2]), 0) ** 2 for k in pairs)
+
+    matrix, rhs, gradient = np.zeros((45, 45)), np.zeros(45), np.zeros((15, 3))
+    if term == "lengths":
+        add_lengths(matrix, rhs, joints, frame, body)
+    else:
+        add_joint_priors(matrix, rhs, joints, frame[2])
+    for joint, axis in np.ndindex(15, 3):
+        step = np.zeros((15, 3))
+        step[joint, axis] = 1e-5
+        gradient[joint, axis] = (energy(joints + step) - energy(joints - step)) / 2e-5
+    compared = np.arange(15)
+    if term == "joint priors":  # a knee against hip and foot moves the foot alone, by choice
+        compared = np.setdiff1d(compared, [Joint.RIGHT_KNEE, Joint.LEFT_KNEE, Joint.RIGHT_FOOT, Joint.LEFT_FOOT])
+    np.testing.assert_allclose(rhs[COLUMN[:15, None] + np.arange(3)][compared], -gradient[compared] / 2, atol=1e-7)

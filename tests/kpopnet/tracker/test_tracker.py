@@ -133,15 +133,6 @@ def test_the_tracker_waits_for_the_y_pose(dancer) -> None:
     assert error_m(pose, y).mean() < 0.06 and (confidence > 0).all()
 
 
-def test_a_simulated_person_in_the_y_pose_starts_the_tracker(simulated) -> None:
-    depth, joints, camera = simulated
-    found, _ = tracked(depth, None, camera)
-    begun = np.isfinite(found).all(axis=(1, 2))
-    first = int(begun.argmax())
-    assert begun[first:].all() and np.isnan(found[:first]).all() and first < 30
-    assert (error_m(found, joints)[first:] < 0.1).mean() > 0.6
-
-
 def test_thickness_is_measured_after_fitting_the_standing_pose() -> None:
     joints = cone_joints(-66, 4)
     body = cone_body(joints)
