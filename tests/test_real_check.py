@@ -5,10 +5,12 @@ import sys
 import numpy as np
 import torch
 from programs import ROOT
+from scipy.spatial.transform import Rotation
 from skinning import skinned
 
 from kpopnet.camera import CAMERAS
 from synth.body.shape import load_body, shape_person
+from synth.scene.render import rasterise
 
 sys.path.insert(0, str(ROOT / "tools"))
 from posed_body import PosedBody, fit_body
@@ -35,7 +37,7 @@ def test_the_posed_body_is_that_of_the_samples():
     for frame in range(2):
         for bone, parent in enumerate(asset.bone_parents):
             row = body.posed.index(bone) if bone in body.posed else None
-            turn = np.eye(3) if row is None else _matrix(body.turns[frame, row].detach().numpy())
+            turn = np.eye(3) if row is None else Rotation.from_rotvec(body.turns[frame, row].detach().numpy()).as_matrix()
             before = body.facing[frame].numpy() if parent < 0 else from_rest[parent]
             from_rest[bone] = before @ turn
         world = [rotation @ t_pose.T for rotation, t_pose in zip(from_rest, person.t_pose, strict=True)]
@@ -45,29 +47,11 @@ def test_the_posed_body_is_that_of_the_samples():
         np.testing.assert_allclose(joints_m[frame], joints, atol=1e-4)
 
 
-def _matrix(turn: np.ndarray) -> np.ndarray:
-    angle = np.linalg.norm(turn)
-    x, y, z = turn / max(angle, 1e-12)
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-
-
-def depth_of(skin_m: np.ndarray, faces: np.ndarray, seed: int) -> np.ndarray:
-    """(240, 320) metres: the nearest of many points strewn over the triangles in every pixel."""
-    rng = np.random.default_rng(seed)
-    corners = skin_m[faces[rng.integers(len(faces), size=400_000)]]
-    points = np.einsum("nk,nki->ni", rng.dirichlet(np.ones(3), size=len(corners)), corners)
-    u, v, z = CAMERA.project(points).T
-    depth = np.full((CAMERA.height, CAMERA.width), np.inf)
-    np.minimum.at(depth, (np.round(v).astype(int), np.round(u).astype(int)), z)
-    return np.where(np.isfinite(depth), depth, 0).astype(np.float32)
-
-
 def test_the_fit_finds_joints_from_depth_though_the_labels_lie_elsewhere():
-    body = posed(4, 1)
+    body = posed(2, 1)
     with torch.no_grad():
         skin_m, true_m = (found.numpy() for found in body())
-    depth_m = np.stack([depth_of(skin, load_body().faces, seed) for seed, skin in enumerate(skin_m)])
+    depth_m = np.stack([rasterise(skin.astype(np.float32), load_body().faces.astype(np.int32), CAMERA) for skin in skin_m])
     labels_m = true_m + 0.01 * np.random.default_rng(0).normal(size=true_m.shape)
     labels_m[:, 9:11, 1] -= 0.07  # hips higher, as the Kinect SDK's
     labels_m[:, 0, 1] += 0.06

@@ -30,11 +30,11 @@ def main() -> None:
     failed = False
     print(f"{'format':20} {'accepted':>9} {'refused':>9} {'faults':>7}")
     for name in given.format:
-        report = fuzz(name, cases, given.seed)
-        print(f"{name:20} {report.outcomes[ACCEPTED]:9} {report.outcomes[REFUSED]:9} {len(report.faults):7}", flush=True)
-        for case, fault in report.faults[:10]:
+        outcomes, faults = fuzz(name, cases, given.seed)
+        print(f"{name:20} {outcomes[ACCEPTED]:9} {outcomes[REFUSED]:9} {len(faults):7}", flush=True)
+        for case, fault in faults[:10]:
             print(f"    case {case}: {fault}", flush=True)
-        failed |= bool(report.faults)
+        failed |= bool(faults)
     sys.exit(failed)
 
 

@@ -1,5 +1,6 @@
 """Seeded mutations of a file: of its bytes, of its text, of its JSON."""
 
+import contextlib
 import io
 import json
 import zipfile
@@ -21,26 +22,14 @@ HOSTILE_VALUES: tuple[Any, ...] = (
 
 def mutate(data: bytes, rng: np.random.Generator) -> bytes:
     """A mutation of a file's content, a function of the generator alone."""
-    kinds = [flip_bytes, flip_bytes, overwrite, truncate, insert, swap]
-    if is_text(data):
-        kinds += [insert_hostile_text] * 3
-        if (value := as_json(data)) is not None:
-            kinds += [lambda content, generator: mutate_json(value, generator)] * 6
+    kinds = [flip_bytes, flip_bytes, truncate, splice, splice]
+    with contextlib.suppress(UnicodeDecodeError):
+        if b"\x00" not in data and data.decode("utf-8"):
+            kinds += [insert_hostile_text] * 3
+    with contextlib.suppress(ValueError):
+        value = json.loads(data)
+        kinds += [lambda content, generator: mutate_json(value, generator)] * 6
     return kinds[int(rng.integers(len(kinds)))](data, rng)
-
-
-def is_text(data: bytes) -> bool:
-    try:
-        return b"\x00" not in data and bool(data.decode("utf-8"))
-    except UnicodeDecodeError:
-        return False
-
-
-def as_json(data: bytes) -> Any:
-    try:
-        return json.loads(data)
-    except ValueError:
-        return None
 
 
 def flip_bytes(data: bytes, rng: np.random.Generator) -> bytes:
@@ -52,32 +41,16 @@ def flip_bytes(data: bytes, rng: np.random.Generator) -> bytes:
     return bytes(changed)
 
 
-def overwrite(data: bytes, rng: np.random.Generator) -> bytes:
-    """Overwrites a run of up to 64 bytes with zeros, ones, or noise."""
-    start, length = int(rng.integers(len(data))), int(rng.integers(1, 65))
-    fill = (bytes(length), b"\xff" * length, rng.bytes(length))[int(rng.integers(3))]
-    return data[:start] + fill[: len(data) - start] + data[start + length :]
-
-
 def truncate(data: bytes, rng: np.random.Generator) -> bytes:
     return data[: int(rng.integers(len(data)))]
 
 
-def insert(data: bytes, rng: np.random.Generator) -> bytes:
-    """Inserts up to 64 bytes of noise, or a copy of a part of the file."""
-    start, length = int(rng.integers(len(data))), int(rng.integers(1, 65))
-    source = int(rng.integers(len(data)))
-    return data[:start] + (rng.bytes(length) if rng.random() < 0.5 else data[source : source + length]) + data[start:]
-
-
-def swap(data: bytes, rng: np.random.Generator) -> bytes:
-    """Exchanges two runs of up to 32 bytes."""
-    length = int(rng.integers(1, 33))
-    first, second = sorted(rng.integers(max(len(data) - length, 1), size=2).tolist())
-    if first + length > second:
-        return data
-    middle = data[first + length : second]
-    return data[:first] + data[second : second + length] + middle + data[first : first + length] + data[second + length :]
+def splice(data: bytes, rng: np.random.Generator) -> bytes:
+    """Replaces up to 64 bytes by up to 64 of zeros, ones, noise, or another part of the file."""
+    start, source = (int(place) for place in rng.integers(len(data), size=2))
+    removed, length = (int(count) for count in rng.integers(65, size=2))
+    given = (bytes(length), b"\xff" * length, rng.bytes(length), data[source : source + length])[int(rng.integers(4))]
+    return data[:start] + given + data[start + removed :]
 
 
 def insert_hostile_text(data: bytes, rng: np.random.Generator) -> bytes:

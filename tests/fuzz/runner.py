@@ -6,7 +6,6 @@ import warnings
 import zlib
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -18,36 +17,23 @@ TIME_LIMIT_S = 30.0
 ACCEPTED, REFUSED = "accepted", "refused"
 
 
-@dataclass
-class Report:
-    """What came of the cases of one format.
-
-    Attributes:
-        outcomes: number of cases by outcome: accepted, refused, or what should not happen.
-        faults: (case, what happened) of each case that should not happen.
-    """
-
-    outcomes: Counter = field(default_factory=Counter)
-    faults: list[tuple[int, str]] = field(default_factory=list)
-
-
-def fuzz(name: str, cases: range, seed: int) -> Report:
-    """Reads mutated files of one format.
+def fuzz(name: str, cases: range, seed: int) -> tuple[Counter, list[tuple[int, str]]]:
+    """Reads mutated files of one format: number of cases by outcome, and (case, what happened) of what should not happen.
 
     Case k is a function of the format's name, the seed and k, so that a fault can be repeated alone.
     """
-    report, left = Report(), list(cases)
+    outcomes, faults, left = Counter(), [], list(cases)
     while left:
         try:
             for outcome, message in iterate_in_child(read_cases, name, left, seed, seconds=TIME_LIMIT_S):
                 case = left.pop(0)
-                report.outcomes[outcome] += 1
+                outcomes[outcome] += 1
                 if outcome not in (ACCEPTED, REFUSED):
-                    report.faults.append((case, f"{outcome}: {message}"))
+                    faults.append((case, f"{outcome}: {message}"))
         except InputError as error:  # the child hung or died; the next one begins with the next case
-            report.outcomes["hang or crash"] += 1
-            report.faults.append((left.pop(0), str(error)))
-    return report
+            outcomes["hang or crash"] += 1
+            faults.append((left.pop(0), str(error)))
+    return outcomes, faults
 
 
 def read_cases(name: Path, cases: list[int], seed: int) -> Iterator[tuple[str, str]]:
