@@ -18,21 +18,22 @@ def kpopnet(*words: str) -> subprocess.CompletedProcess:
 def test_help_names_every_program():
     done = kpopnet("--help")
     assert done.returncode == 0 and all(f"kpopnet {name}" in done.stdout for name in PROGRAMS)
-    assert kpopnet().stdout == done.stdout
+
+
+SETTINGS = {"train": "training.lr ", "evaluate": "estimator.tracker.start "}
+"""Settings that the help of a program must describe."""
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
-def test_every_program_answers_help(name):
+def test_every_program_answers_help_and_describes_its_settings(name):
     done = kpopnet(name, "--help")
     assert done.returncode == 0 and len(done.stdout) > 300 and "Traceback" not in done.stderr, done.stderr
+    assert SETTINGS.get(name, "") in done.stdout
 
 
-def test_help_describes_the_settings_and_so_does_the_printed_configuration():
-    assert "training.lr " in (shown := kpopnet("train", "--help").stdout) and "peak" in shown
+def test_the_printed_configuration_describes_the_settings():
     printed = kpopnet("train", "--cfg", "job", "training.steps=7").stdout
     assert "  steps: 7  # " in printed and "hydra:" not in printed
-    assert "tree_walk.images " in kpopnet("train", "--config-name", "tree_walk", "--help").stdout
-    assert "estimator.tracker.start " in kpopnet("evaluate", "--help").stdout
 
 
 @pytest.mark.parametrize(

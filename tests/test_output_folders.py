@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import factories
 import pytest
@@ -52,19 +51,6 @@ def refusal(*words: str, most_kb: int | None = None) -> str:
     assert code == 1 and lines[-1].startswith("error: ") and "Traceback" not in errors, errors
     assert len(lines) == 1 or all("compiling" in line or "kernel" in line for line in lines[:-1]), errors
     return lines[-1]
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
-
-
-def test_a_second_training_does_not_touch_a_run(tmp_path, data):
-    run_folder = tmp_path / "run"
-    assert run(*TRAIN, *data, f"hydra.run.dir={run_folder}")[0] == 0
-    before = contents(run_folder)
-    line = refusal(*TRAIN, *data, "seed=3", f"hydra.run.dir={run_folder}")
-    assert f"{run_folder}: holds a run; resume it (training.resume={run_folder}/last), or give another folder" in line
-    assert contents(run_folder) == before
 
 
 def test_two_generators_share_a_folder_by_ranges_and_not_otherwise(tmp_path):
