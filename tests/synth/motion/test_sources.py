@@ -1,6 +1,4 @@
-import csv
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,32 +19,21 @@ def generators(n, seed=0):
     return [np.random.default_rng([seed, i]) for i in range(n)]
 
 
-def write_pack(folder: Path, rows: list[tuple[str, str, int]]) -> Path:
-    """Writes a small motion pack in the published format: (clip_id, split, frames); frames 3 to 5 of each clip are bad."""
-    (folder / "clips").mkdir(parents=True)
-    with (folder / "index.csv").open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(["clip_id", "file", "split", "description", "seconds"])
-        for i, (name, split, frames) in enumerate(rows):
-            writer.writerow([name, f"clips/{name}.npz", split, "a, b", frames / 30])
-            motion = dance(i, seconds=frames / 30)
-            bad = np.zeros(frames, bool)
-            bad[3:6] = True
-            quat = np.round(motion.quats * 32767).astype(np.int16)
-            np.savez(
-                folder / "clips" / f"{name}.npz",
-                quat=quat,
-                root=motion.root_m,
-                offsets=REST_OFFSETS_M.astype(np.float32),
-                fps=np.float32(30),
-                bad=bad,
-            )
-    return folder
-
-
 @pytest.fixture
 def pack(tmp_path):
-    return write_pack(tmp_path / "pack", [("a", "train", 60), ("b", "train", 30), ("c", "test", 20), ("d", "val", 20)])
+    """A small motion pack in the published format; frames 3 to 5 of each clip are bad."""
+    rows = [("a", "train", 60), ("b", "train", 30), ("c", "test", 20), ("d", "val", 20)]
+    folder = tmp_path / "pack"
+    (folder / "clips").mkdir(parents=True)
+    lines = [f'{name},clips/{name}.npz,{split},"a, b",{frames / 30}' for name, split, frames in rows]
+    (folder / "index.csv").write_text("\n".join(["clip_id,file,split,description,seconds", *lines]))
+    for i, (name, _, frames) in enumerate(rows):
+        motion, bad = dance(i, seconds=frames / 30), np.zeros(frames, bool)
+        bad[3:6] = True
+        quat = np.round(motion.quats * 32767).astype(np.int16)
+        others = {"offsets": REST_OFFSETS_M.astype(np.float32), "fps": np.float32(30), "bad": bad}
+        np.savez(folder / "clips" / f"{name}.npz", quat=quat, root=motion.root_m, **others)
+    return folder
 
 
 def clips(path, split="train", **changes):
@@ -83,16 +70,16 @@ def test_single_poses_of_a_pack_are_uniform_over_time_and_never_bad_frames(pack)
     assert apart > 1e-4
 
 
-def test_a_folder_of_bvh_files_and_a_single_file_are_clips(tmp_path):
-    for name in ("b", "a"):
-        write_bvh(tmp_path / f"{name}.bvh", STILL)
-    source = clips(tmp_path)
-    assert [source.motion(i).name for i in range(len(source))] == ["bvh:a", "bvh:b"]
-    one = clips(tmp_path / "a.bvh", fps=60.0)
+def test_bvh_files_are_clips_split_by_file(tmp_path):
+    for k in range(9):
+        write_bvh(tmp_path / f"{k}.bvh", STILL)
+    used = {split: [clips(tmp_path, split).motion(i).name for i in range(len(clips(tmp_path, split)))] for split in SPLITS}
+    assert used["validation"] == ["bvh:6"] and used["test"] == ["bvh:7"]
+    assert used["train"] == [f"bvh:{k}" for k in (0, 1, 2, 3, 4, 5, 8)]
+    one = clips(tmp_path / "2.bvh", fps=60.0)
     assert len(one) == 1 and one.motion(0).fps == 60.0
-    poses = source.poses(generators(20))
+    poses = clips(tmp_path).poses(generators(20))
     np.testing.assert_allclose(poses.leg_m, LEG_M, atol=1e-5)
-    np.testing.assert_allclose(poses.root_m[:, 1], 0.92, atol=0.12)
     np.testing.assert_allclose(poses.quats, np.broadcast_to([1, 0, 0, 0], poses.quats.shape), atol=1e-6)
 
 
@@ -105,32 +92,26 @@ def test_clips_dropped_from_the_cache_are_read_again(pack, monkeypatch):
     assert len(source._loaded) == 1
 
 
-def test_paths_without_motion_are_rejected_with_the_remedy(tmp_path, pack):
+def test_a_path_without_motion_is_refused_with_the_remedy(tmp_path):
     with pytest.raises(InputError, match=r"does not exist.*choreography needs no data"):
         clips(tmp_path / "nowhere")
-    (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match=r"neither an index.csv nor"):
-        clips(tmp_path / "empty")
-    (pack / "clips" / "a.npz").unlink()
-    with pytest.raises(InputError, match=r"a\.npz is missing"):
-        clips(pack).motion(0)
-    (pack / "index.csv").write_text("clip_id,file\nx,clips/x.npz\n")
-    with pytest.raises(InputError, match="no column 'split'"):
-        clips(pack)
+        clips(tmp_path)
 
 
 @pytest.mark.parametrize(
-    ("row", "message"),
+    ("index", "message"),
     [
-        ("x,../x.npz,train,1", r"row 2: expected a file inside the pack, not '\.\./x\.npz'"),
-        ("x,x.npz,train,nan", "a duration of 0 to 100000 seconds"),
-        ("x,x.npz,train,1,2,3", "expected 4 values"),
+        ("clip_id,file\nx,clips/x.npz\n", "no column 'split'"),
+        ("clip_id,file,split,seconds\nx,../x.npz,train,1\n", r"row 2: expected a file inside the pack, not '\.\./x\.npz'"),
+        ("clip_id,file,split,seconds\nx,x.npz,train,nan\n", "a duration of 0 to 100000 seconds"),
+        ("clip_id,file,split,seconds\nx,x.npz,train,1\n", r"x\.npz is missing"),
     ],
 )
-def test_rows_of_an_index_that_no_pack_has_are_refused(pack, row, message):
-    (pack / "index.csv").write_text(f"clip_id,file,split,seconds\n{row}\n", encoding="utf-8")
+def test_another_index_is_refused(pack, index, message):
+    (pack / "index.csv").write_text(index)
     with pytest.raises(InputError, match=message):
-        clips(pack)
+        clips(pack).motion(0)
 
 
 @pytest.mark.parametrize(
@@ -179,14 +160,6 @@ def test_splits_of_the_choreography_share_no_dance():
     names = [build_motion(config, split).motion(i).name for split in SPLITS for i in range(3)]
     names += [build_motion(MotionConfig(source="choreography", dances=3, seed=1), "train").motion(i).name for i in range(3)]
     assert len(set(names)) == 12
-
-
-def test_a_folder_of_bvh_files_is_split_by_file(tmp_path):
-    for k in range(9):
-        write_bvh(tmp_path / f"{k}.bvh", STILL)
-    used = {split: [clips(tmp_path, split).motion(i).name for i in range(len(clips(tmp_path, split)))] for split in SPLITS}
-    assert used["validation"] == ["bvh:6"] and used["test"] == ["bvh:7"]
-    assert sorted(used["train"]) == [f"bvh:{k}" for k in (0, 1, 2, 3, 4, 5, 8)]
 
 
 def test_a_mixture_draws_sources_by_weight_and_each_pose_from_its_generator():
