@@ -9,13 +9,14 @@ import onnx
 import pytest
 import torch
 from capsule_people import CAMERA, draw_depth, draw_joints
-from exported_networks import export, save, small
 from programs import ROOT
 
 from kpopnet.errors import InputError
+from kpopnet.networks import ModelConfig
 from kpopnet.networks.backend import read_description
-from kpopnet.networks.checkpoint import load_network
+from kpopnet.networks.checkpoint import load_network, save_checkpoint
 from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.networks.network import build_network
 from kpopnet.networks.onnx.export import export_network
 from kpopnet.skeleton import JOINT_NAMES
 
@@ -25,17 +26,31 @@ def kind(request):
     return request.param
 
 
+def save(folder, kind="dense"):
+    """Saves the checkpoint of a small network with random weights; the network and its description."""
+    model = ModelConfig(kind, "depth_ridge" if kind == "dense" else "depth", crop_px=32, widths=[8, 8, 16, 16])
+    config = {"ridge": {"epsilon_r": 0.5}, "data": {"train": "/home/me/data/train"}}
+    meta = {"step": 5, "config": config, "metrics": {}, "mean_pose_m": np.zeros((15, 3)).tolist()}
+    return load_network(save_checkpoint(folder, build_network(model, 1), {}, meta, best=True))
+
+
 @pytest.fixture(scope="module")
-def run(kind, tmp_path_factory):
-    """The folder of a run with its checkpoint, and the exported file beside it."""
+def exported(kind, tmp_path_factory):
+    """The folder of a run with its checkpoint and the exported file beside it, the largest difference, and the network."""
     folder = tmp_path_factory.mktemp("run")
-    export(folder, kind)
-    return folder
+    network, meta = save(folder, kind)
+    return folder, export_network(network, meta, folder / "pose.onnx"), network
 
 
-def test_both_predict_the_same_joints_from_any_number_of_crops(run, kind):
-    assert export(run, kind).difference < 1e-5
-    model = small(kind)
+@pytest.fixture(scope="module")
+def run(exported):
+    return exported[0]
+
+
+def test_both_predict_the_same_joints_from_any_number_of_crops(exported):
+    run, difference, network = exported
+    assert difference < 1e-5
+    model = network.config
     torch_runs, onnx_runs = NetworkEstimator(run / "best").backend, NetworkEstimator(run / "pose.onnx").backend
     for count in (1, 2, 7, 32):
         noise = np.random.default_rng(count).uniform(-1, 1, (count, 1 + (model.input == "depth_ridge"), 32, 32))
@@ -90,16 +105,16 @@ print([name for name in heavy if name in sys.modules])
     assert done.returncode == 0 and done.stdout.strip() == "[]", done.stderr
 
 
-def test_exporting_leaves_the_network_as_it_was(run, kind):
+def test_exporting_leaves_the_network_as_it_was(exported):
     """What is cached while torch traces would stay a trace."""
-    exported, loaded = export(run, kind).network, load_network(run / "best")[0]
-    crops = torch.zeros(1, 1 + (exported.config.input == "depth_ridge"), 32, 32)
+    run, _, network = exported
+    loaded, crops = load_network(run / "best")[0], torch.zeros(1, 1 + (network.config.input == "depth_ridge"), 32, 32)
     with torch.inference_mode():
-        np.testing.assert_array_equal(exported(crops).joints.numpy(), loaded(crops).joints.numpy())
+        np.testing.assert_array_equal(network(crops).joints.numpy(), loaded(crops).joints.numpy())
 
 
 def test_what_cannot_be_exported_or_run_is_refused(run, tmp_path, monkeypatch):
-    network, meta = load_network(save(tmp_path / "other"))
+    network, meta = save(tmp_path / "other")
     with pytest.raises(InputError, match=r"pose\.pt: expected a name that ends in \.onnx"):
         export_network(network, meta, tmp_path / "pose.pt")
     with pytest.raises(InputError, match="device=cuda: ONNX files run on the cpu"):
