@@ -13,6 +13,7 @@ from synth.body.shape import load_body, shape_person
 from synth.scene.render import rasterise
 
 sys.path.insert(0, str(ROOT / "tools"))
+import posed_body
 from posed_body import PosedBody, fit_body
 
 CAMERA = CAMERAS["kinect_v1"]
@@ -47,7 +48,9 @@ def test_the_posed_body_is_that_of_the_samples():
         np.testing.assert_allclose(joints_m[frame], joints, atol=1e-4)
 
 
-def test_the_fit_finds_joints_from_depth_though_the_labels_lie_elsewhere():
+def test_the_fit_finds_joints_from_depth_though_the_labels_lie_elsewhere(monkeypatch):
+    monkeypatch.setattr(posed_body, "APPROACH_STEPS", 60)
+    monkeypatch.setattr(posed_body, "FIT_STEPS", 100)
     body = posed(2, 1)
     with torch.no_grad():
         skin_m, true_m = (found.numpy() for found in body())

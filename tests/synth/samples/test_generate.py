@@ -76,21 +76,31 @@ def test_shards_do_not_depend_on_the_number_of_processes_or_on_each_other(whole:
     assert all_contents(tmp_path) == {"shard_00001.h5": contents(shard_path(whole, 1))}
 
 
-def test_a_set_can_grow(whole: Path, tmp_path: Path) -> None:
+def test_a_set_grows_and_is_summarised_when_all_shards_are_there(whole: Path, tmp_path: Path) -> None:
     small = replace(CLEAN, count=12)
     generate(small, tmp_path, range(small.num_shards), processes=1)
     first = shard_path(tmp_path, 0).stat().st_mtime_ns
     assert not is_finished(CLEAN, tmp_path, 1)
+    assert finish(CLEAN, tmp_path, FREEZE) is None
     generate(CLEAN, tmp_path, range(CLEAN.num_shards), processes=1)
     assert all_contents(tmp_path) == all_contents(whole)
     assert shard_path(tmp_path, 0).stat().st_mtime_ns == first
+    summary = finish(CLEAN, tmp_path, FREEZE)
+    assert summary["samples"] == 22 and summary["shards"] == 3 and summary["forced_samples"] == 0
+    stored = json.loads((tmp_path / "set.json").read_text())
+    assert stored["hash"] == CLEAN.hash
+    rendered = list(Sampler(SAMPLE, 3, "train").samples(0, 22))
+    assert stored["refused_places"] == sum(one.refused_places for one in rendered) > 0
+    assert stored["refused_poses"] == sum(one.rejected for one in rendered)
+    assert (tmp_path / "contact_sheet.png").stat().st_size > 10_000
 
 
 def test_another_set_is_not_overwritten(whole: Path) -> None:
-    for other in (replace(CLEAN, seed=4), replace(CLEAN, split="test"), replace(CLEAN, freeze=FREEZE)):
+    other_bodies = replace(SAMPLE, samples_per_body=3)
+    for change in ({"seed": 4}, {"split": "test"}, {"freeze": FREEZE}, {"shard_size": 9}, {"sample": other_bodies}):
         before = all_contents(whole)
         with pytest.raises(InputError, match=r"shard_00000\.h5: belongs to another set.*out="):
-            generate(other, whole, range(1), processes=1)
+            generate(replace(CLEAN, **change), whole, range(1), processes=1)
         assert all_contents(whole) == before
 
 
@@ -124,31 +134,6 @@ def test_a_frozen_set_holds_noisy_depth_and_its_ridge(whole: Path, tmp_path: Pat
         off = np.abs(noisy.ridge / 255 - probability)[noisy.depth_mm > 0]
         assert (off < 0.01).mean() > 0.95
         assert noisy.ridge.max() > 100
-
-
-def test_finish_needs_all_shards_and_returns_a_summary(tmp_path: Path) -> None:
-    generate(CLEAN, tmp_path, range(2), processes=1)
-    assert finish(CLEAN, tmp_path, FREEZE) is None
-    generate(CLEAN, tmp_path, range(2, 3), processes=1)
-    summary = finish(CLEAN, tmp_path, FREEZE)
-    assert summary["samples"] == 22 and summary["shards"] == 3 and summary["forced_samples"] == 0
-    stored = json.loads((tmp_path / "set.json").read_text())
-    assert stored["hash"] == CLEAN.hash
-    rendered = list(Sampler(SAMPLE, 3, "train").samples(0, 22))
-    assert stored["refused_places"] == sum(one.refused_places for one in rendered) > 0
-    assert stored["refused_poses"] == sum(one.rejected for one in rendered)
-    assert (tmp_path / "contact_sheet.png").stat().st_size > 10_000
-
-
-def test_the_hash_depends_on_every_setting_but_the_count() -> None:
-    assert replace(CLEAN, count=5).hash == CLEAN.hash
-    others = [
-        replace(CLEAN, seed=1),
-        replace(CLEAN, shard_size=9),
-        replace(CLEAN, freeze=FREEZE),
-        replace(CLEAN, sample=replace(SAMPLE, samples_per_body=3)),
-    ]
-    assert len({config.hash for config in [CLEAN, *others]}) == 5
 
 
 @pytest.mark.parametrize(("text", "expected"), [("all", range(9)), ("2:5", range(2, 5)), ("7:100", range(7, 9))])
