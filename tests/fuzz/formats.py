@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from bvh_files import write_bvh
 from depth_files import CAMERA as DEPTH_CAMERA
 from depth_files import depth_mm, write_npz, write_pngs, write_video
 from recorded_points import FRAMES, coco
@@ -15,6 +16,7 @@ from kpopnet.dance.joint_files.points import COCO_NAMES
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.sources import open_depth
 from kpopnet.sources.camera_files import read_camera
+from synth.motion.skeleton import LEG_M, NUM_JOINTS, Motion
 
 
 class Format(NamedTuple):
@@ -37,24 +39,8 @@ def joints(frames: int) -> np.ndarray:
 
 
 def make_bvh(folder: Path) -> None:
-    limbs = {"Arm": "28 0 0", "ForeArm": "28 0 0", "Hand": "28 0 0", "UpLeg": "10 0 0", "Leg": "0 -42 0", "Foot": "0 -42 0"}
-    rotation = "CHANNELS 3 Zrotation Xrotation Yrotation"
-    lines = ["HIERARCHY", "ROOT Hips", "{", "OFFSET 0 0 0", f"CHANNELS 6 Xposition Yposition Zposition {rotation[11:]}"]
-
-    def chain(side: str, names: tuple[str, ...]) -> None:
-        for name in names:
-            offset = limbs[name] if side == "Left" else f"-{limbs[name]}".replace("-0", "0")
-            lines.extend([f"JOINT {side}{name}", "{", f"OFFSET {offset}", rotation])
-        lines.extend("}" * len(names))
-
-    for side in ("Left", "Right"):
-        chain(side, ("UpLeg", "Leg", "Foot"))
-    lines += ["JOINT Spine", "{", "OFFSET 0 40 0", rotation, "JOINT Head", "{", "OFFSET 0 20 0", rotation, "}"]
-    for side in ("Left", "Right"):
-        chain(side, ("Arm", "ForeArm", "Hand"))
-    lines += ["}", "}", "MOTION", "Frames: 40", "Frame Time: 0.0333333"]
-    lines += [" ".join(["0", "92", *["0"] * 46])] * 40
-    (folder / "a.bvh").write_text("\n".join(lines))
+    quats = np.tile(np.float32([1, 0, 0, 0]), (40, NUM_JOINTS, 1))
+    write_bvh(folder / "a.bvh", Motion(quats, np.ones((40, 3), np.float32), 30.0, "still", LEG_M))
 
 
 def read_dance(folder: Path) -> None:
