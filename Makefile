@@ -2,7 +2,7 @@
 # make teach   install, then open the dance teacher in the browser
 # make test    install, then run the tests
 # make speed   install, then measure speeds: outputs/speed.json
-# make fuzz    install, then read 2,000 mutations of every file format
+# make fuzz    install, then read 2,000 mutations of every file format that strangers send
 # make kill    install, then kill synth, train and evaluate 50 times each and compare what they make
 # make soak    install, then run the online path for an hour
 # make lint    install, then check style, format and types
