@@ -9,13 +9,15 @@ To add a fault, write its function and enter it in `FAULTS`.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
 
 from kpopnet.rotations import multiply
-from synth.motion.skeleton import INDEX, NUM_JOINTS, PARENTS, Motion, height_above_floor
+from synth.dances.changes import as_high_as, continuous, normalised, towards, turns
+from synth.motion.skeleton import INDEX, NUM_JOINTS, PARENTS, Motion
 from synth.motion.splice import at_times
 
 Fault = Callable[[Motion, float, np.random.Generator], Motion]
@@ -68,8 +70,7 @@ def replaced_moves(motion: Motion, severity: float, rng: np.random.Generator) ->
         start_s, other_s = rng.uniform(0, max(seconds[-1] - length_s, 0.1), 2)
         other = at_times(motion, np.clip(seconds - start_s + other_s, 0, seconds[-1]), motion.fps).quats.astype(np.float64)
         weight = np.clip(np.minimum(seconds - start_s, start_s + length_s - seconds) / RAMP_S, 0, 1)[:, None, None]
-        other = np.where((quats * other).sum(axis=-1, keepdims=True) < 0, -other, other)
-        quats[:, 1:] = (quats + weight * (other - quats))[:, 1:]
+        quats[:, 1:] = towards(quats, other, weight)[:, 1:]
     return _changed(motion, quats, motion.root_m)
 
 
@@ -119,18 +120,7 @@ def with_faults(teacher: Motion, severities: dict[str, float], rng: np.random.Ge
     motion = teacher
     for name, fault in FAULTS.items():
         motion = fault(motion, severities.get(name, 0.0), rng)
-    hover_m = np.maximum(height_above_floor(teacher.quats, teacher.root_m), 0)
-    root_m = motion.root_m.astype(np.float64)
-    root_m[:, 1] = hover_m - height_above_floor(motion.quats, root_m * [1, 0, 1])
-    return _changed(motion, motion.quats, root_m)
-
-
-def continuous(quats: np.ndarray) -> np.ndarray:
-    """(T, 23, 4) float64 rotations whose signs do not change from frame to frame, so that they can be averaged."""
-    quats = quats.astype(np.float64)
-    signs = np.where((quats[1:] * quats[:-1]).sum(axis=-1, keepdims=True) < 0, -1, 1)
-    quats[1:] *= np.cumprod(signs, axis=0)
-    return quats
+    return _changed(motion, motion.quats, as_high_as(teacher, motion.quats, motion.root_m))
 
 
 def _at(motion: Motion, source_s: np.ndarray) -> Motion:
@@ -141,13 +131,9 @@ def _at(motion: Motion, source_s: np.ndarray) -> Motion:
 
 def _turned(motion: Motion, rotation_rad: np.ndarray) -> Motion:
     """The motion with each joint turned by a (T, 23, 3) rotation vector in its own frame."""
-    angle = np.linalg.norm(rotation_rad, axis=-1, keepdims=True)
-    axis = rotation_rad / np.maximum(angle, 1e-12)
-    turn = np.concatenate([np.cos(angle / 2), np.sin(angle / 2) * axis], axis=-1)
-    return _changed(motion, multiply(motion.quats.astype(np.float64), turn), motion.root_m)
+    return _changed(motion, multiply(motion.quats.astype(np.float64), turns(rotation_rad)), motion.root_m)
 
 
 def _changed(motion: Motion, quats: np.ndarray, root_m: np.ndarray) -> Motion:
     """The motion with other (T, 23, 4) rotations, which are normalised, and another (T, 3) path."""
-    quats = quats / np.linalg.norm(quats, axis=-1, keepdims=True)
-    return Motion(quats.astype(np.float32), np.asarray(root_m, np.float32), motion.fps, motion.name, motion.leg_m)
+    return replace(motion, quats=normalised(quats).astype(np.float32), root_m=np.asarray(root_m, np.float32))

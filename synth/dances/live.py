@@ -21,7 +21,7 @@ from synth.motion.splice import at_times
 from synth.scene.room import Room, View, ViewConfig, draw_room, draw_view
 from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS
-from synth.simulated.film import ROOM_BOXES, CleanFrame, Played, Studio, Take, measure_frame
+from synth.simulated.film import CleanFrame, Played, Studio, Take, measure_frame, unfurnished
 
 ON_THE_BEAT = "an arm on every beat"
 """The skill of a person who raises the left arm highest at every second, to measure a latency by."""
@@ -64,7 +64,7 @@ class LiveLearner:
             skill: one of SKILLS, or ON_THE_BEAT.
             fault: one of FAULTS.
             seed: of the person, the room and the errors.
-            camera: the camera; its noise is that of a Kinect v1.
+            camera: its noise is that of a Kinect v1.
 
         Raises:
             InputError: an unknown skill or fault, or another body.
@@ -84,13 +84,9 @@ class LiveLearner:
         self._room_m = self._studio.furnish(self._take.room, self._take.view)
 
     def frame(self, dance_s: float) -> np.ndarray:
-        """What the camera measures while the learner is at a time of the dance.
+        """(H, W) float32 depth of the whole room, metres, 0: not measured, at a time of the dance, seconds.
 
-        Args:
-            dance_s: seconds; before the start and after the end the learner stands.
-
-        Returns:
-            (H, W) float32 depth of the whole room, metres, 0 where nothing was measured.
+        Before the start and after the end the learner stands.
         """
         scene, played = self._studio.scene, self._take.played
         number = int(np.clip(round(dance_s * self._fps), 0, len(played) - 1))
@@ -126,8 +122,7 @@ def _with_steps(motion: Motion, share: float) -> Motion:
 
 
 def _alone(played: Played, view: View, room: Room, distance_m: float) -> Take:
-    bare = Room(*(array[:ROOM_BOXES] for array in (room.centres_m, room.halves_m, room.yaws_rad)))
-    return Take(played, bare, view, np.array([0.0, distance_m, 0.0]))
+    return Take(played, unfurnished(room), view, np.array([0.0, distance_m, 0.0]))
 
 
 def motion_of(quats: np.ndarray, hips_m: np.ndarray, fps: float) -> Motion:
@@ -174,4 +169,4 @@ def _hanging(motion: Motion, bones: list[int]) -> Motion:
         towards = np.where((quats[:, bone] @ rest[bone])[:, None] < 0, -rest[bone], rest[bone])
         mixed = (1 - FAULT_WEIGHT) * quats[:, bone] + FAULT_WEIGHT * towards
         quats[:, bone] = mixed / np.linalg.norm(mixed, axis=1, keepdims=True)
-    return Motion(quats.astype(np.float32), motion.root_m, motion.fps, motion.name, motion.leg_m)
+    return replace(motion, quats=quats.astype(np.float32))

@@ -10,15 +10,15 @@ a single kind of error. The geometric mean of a learner's factors is 1, so over 
 better level is better, which experts can see.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from kpopnet.errors import InputError
 from kpopnet.rotations import conjugate, multiply
+from synth.dances.changes import as_high_as, continuous, normalised, towards, turns
 from synth.motion.posture import STANDING, rotations
-from synth.motion.skeleton import JOINT_NAMES, NUM_JOINTS, Motion, facing_front, height_above_floor, mirrored
+from synth.motion.skeleton import JOINT_NAMES, NUM_JOINTS, Motion, facing_front, mirrored
 from synth.motion.splice import at_times
 
 LEVELS = ("best", "good", "bad", "worst")
@@ -90,10 +90,6 @@ class SkillConfig:
     spacing: float = 0.5
     spread: float = 0.2
 
-    def __post_init__(self) -> None:
-        if not 0 <= self.spacing <= 3 or not 0 <= self.spread <= 3:
-            raise InputError(f"skill.spacing={self.spacing} and skill.spread={self.spread} must lie in 0..3")
-
     def severity(self, level: int) -> float:
         """The severity of LEVELS[level]; 1 in the middle of the levels."""
         return float(np.exp(self.spacing * (level - (len(LEVELS) - 1) / 2)))
@@ -141,13 +137,10 @@ def draw_mistakes(rng: np.random.Generator, seconds: float, per_minute: float) -
 
 
 def learn(teacher: Motion, strengths: Strengths, rng: np.random.Generator) -> tuple[Motion, list[Mistake]]:
-    """Makes a learner's motion from a teacher's, with the same length.
+    """A learner's motion, made from a teacher's of the same length, and the mistakes in it.
 
     Apart from the noise every joint's rotation lies between the standing pose and the teacher's, so it exceeds the joint's
     limits by some degrees at most. The height of the learner above the floor equals the teacher's. The feet may slide.
-
-    Returns:
-        The learner's motion and the mistakes in it.
     """
     seconds = np.arange(len(teacher)) / teacher.fps
     length_s = seconds[-1]
@@ -161,7 +154,7 @@ def learn(teacher: Motion, strengths: Strengths, rng: np.random.Generator) -> tu
         wrong = _wrong_pose(teacher, danced.quats, source_s, mistake).astype(np.float64)
         # The heading of the hips stays that of the correct motion: a wrong move is performed in the right direction.
         wrong[:, 0] = multiply(_headings(danced.quats), facing_front(wrong)[:, 0])
-        quats = _blend(quats, wrong, _mistake_weight(seconds, mistake))
+        quats = normalised(towards(quats, wrong, _mistake_weight(seconds, mistake)[:, None, None]))
 
     gains = (1 - strengths.damping) * np.exp(strengths.distortion * rng.standard_normal(NUM_JOINTS))
     gains = 1 + np.minimum(SHARES / 0.4, 1) * (np.clip(gains, *GAIN_RANGE) - 1)
@@ -173,10 +166,8 @@ def learn(teacher: Motion, strengths: Strengths, rng: np.random.Generator) -> tu
 
     root_m = danced.root_m.astype(np.float64)
     root_m[:, [0, 2]] = root_m[0, [0, 2]] + (1 - min(strengths.damping, 0.8)) * (root_m - root_m[0])[:, [0, 2]]
-    hover_m = np.maximum(height_above_floor(danced.quats, danced.root_m), 0)
-    root_m[:, 1] = hover_m - height_above_floor(quats, root_m * [1, 0, 1])
-    moved = Motion(quats.astype(np.float32), root_m.astype(np.float32), teacher.fps, teacher.name, teacher.leg_m)
-    return moved, mistakes
+    root_m = as_high_as(danced, quats, root_m)
+    return replace(teacher, quats=quats.astype(np.float32), root_m=root_m.astype(np.float32)), mistakes
 
 
 def _drift(rng: np.random.Generator, seconds: np.ndarray) -> np.ndarray:
@@ -214,21 +205,13 @@ def _headings(quats: np.ndarray) -> np.ndarray:
     return multiply(quats[:, 0].astype(np.float64), conjugate(facing_front(quats)[:, 0].astype(np.float64)))
 
 
-def _blend(quats: np.ndarray, others: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Normalised linear interpolation from (T, 23, 4) rotations (weight 0) to others (weight 1), by (T,) weights."""
-    others = np.where((quats * others).sum(axis=-1, keepdims=True) < 0, -others, others)
-    mixed = quats + weight[:, None, None] * (others - quats)
-    return mixed / np.linalg.norm(mixed, axis=-1, keepdims=True)
-
-
 def _scale_rotations(quats: np.ndarray, gains: np.ndarray) -> np.ndarray:
     """Multiplies the angle of every joint's rotation relative to the standing pose by its (23,) gain."""
     rest = rotations(STANDING[None]).astype(np.float64)
     relative = multiply(conjugate(rest), quats)
     # Quaternion signs are continuous from frame to frame, so that a rotation beyond 180 degrees does not flip.
     relative[0] *= np.where(relative[0, :, :1] < 0, -1, 1)
-    signs = np.sign((relative[1:] * relative[:-1]).sum(axis=-1, keepdims=True))
-    relative[1:] *= np.cumprod(np.where(signs < 0, -1, 1), axis=0)
+    relative = continuous(relative)
     sine = np.linalg.norm(relative[..., 1:], axis=-1, keepdims=True)
     half = gains[:, None] * np.arctan2(sine, relative[..., :1])
     axis = relative[..., 1:] / np.maximum(sine, 1e-9)
@@ -241,7 +224,4 @@ def _noise(rng: np.random.Generator, frames: int, fps: float, degrees: float) ->
     drift = gaussian_filter1d(rng.standard_normal((frames, NUM_JOINTS, 3)), NOISE_CORRELATION_S * fps, axis=0, mode="wrap")
     drift *= np.sqrt(2 * np.sqrt(np.pi) * NOISE_CORRELATION_S * fps)  # restores the standard deviation 1 after filtering
     rotation = CONSTANT_FRACTION * constant + np.sqrt(1 - CONSTANT_FRACTION**2) * drift
-    rotation *= np.radians(degrees) * SHARES[:, None] / np.sqrt(3)
-    angle = np.linalg.norm(rotation, axis=-1, keepdims=True)
-    axis = rotation / np.maximum(angle, 1e-9)
-    return np.concatenate([np.cos(angle / 2), np.sin(angle / 2) * axis], axis=-1)
+    return turns(rotation * (np.radians(degrees) * SHARES[:, None] / np.sqrt(3)))

@@ -230,9 +230,7 @@ class Studio:
         """Draws rooms and views until `place` finds a position; None if none of `rooms` rooms has one."""
         for _ in range(rooms):
             view, room = draw_view(rng, view_config), draw_room(rng)
-            if not furnished:
-                room = Room(room.centres_m[:ROOM_BOXES], room.halves_m[:ROOM_BOXES], room.yaws_rad[:ROOM_BOXES])
-            if (take := self.place(rng, played, room, view)) is not None:
+            if (take := self.place(rng, played, room if furnished else unfurnished(room), view)) is not None:
                 return take
         return None
 
@@ -332,6 +330,11 @@ def standing_room_m(room: Room) -> tuple[np.ndarray, np.ndarray]:
     first = np.array([left + WALL_CLEARANCE_M, DISTANCE_RANGE_M[0]])
     last = np.array([right - WALL_CLEARANCE_M, min(back - WALL_CLEARANCE_M, DISTANCE_RANGE_M[1])])
     return first, last
+
+
+def unfurnished(room: Room) -> Room:
+    """The same floor and walls without furniture."""
+    return Room(room.centres_m[:ROOM_BOXES], room.halves_m[:ROOM_BOXES], room.yaws_rad[:ROOM_BOXES])
 
 
 def _collides(room: Room, points_world_m: np.ndarray) -> bool:

@@ -141,7 +141,7 @@ def _check_name(name: str) -> None:
 def _write(
     path: Path, times_s: np.ndarray, joints_m: np.ndarray | None, depth: PackedDepth | None, about: Mapping | None
 ) -> None:
-    arrays = {"times_s": np.asarray(times_s, np.float64)}
+    arrays: dict[str, np.ndarray] = {"times_s": np.asarray(times_s, np.float64)}
     if joints_m is not None:
         arrays["joints_m"] = np.asarray(joints_m, np.float32)
     if depth is not None:
