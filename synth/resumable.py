@@ -6,26 +6,11 @@ Each file appears whole or not at all (kpopnet.runtime.atomic_write), so a run t
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 from tqdm import tqdm
 
 from kpopnet.errors import InputError
 from kpopnet.runtime.parallel import WorkerDiedError, in_processes
-
-
-class Units(NamedTuple):
-    """What the progress bar counts.
-
-    Attributes:
-        name: of one unit, such as "frame".
-        per_item: units of each item.
-        exact: whether every item has just that number; if not, the bar's total is corrected at the end.
-    """
-
-    name: str
-    per_item: Callable[[int], float]
-    exact: bool = True
 
 
 def make_missing(
@@ -34,7 +19,8 @@ def make_missing(
     is_finished: Callable[[int], bool],
     folder: Path,
     noun: str,
-    units: Units,
+    unit: str,
+    per_item: Callable[[int], float],
     processes: int,
 ) -> None:
     """Makes the items that are not finished.
@@ -45,7 +31,8 @@ def make_missing(
         is_finished: whether an item lies in the folder.
         folder: for messages; made if it is missing.
         noun: what an item is called, such as "shard".
-        units: what the progress bar counts.
+        unit: what the progress bar counts, such as "frame".
+        per_item: expected units of each item.
         processes: how many.
 
     Raises:
@@ -55,17 +42,16 @@ def make_missing(
     missing = [number for number in numbers if not is_finished(number)]
     if len(missing) < len(numbers):
         print(f"{folder}: {len(numbers) - len(missing)} of {len(numbers)} {noun}s are there already")
-    total = round(sum(map(units.per_item, missing)))
+    total = round(sum(map(per_item, missing)))
     # In a log file a line every 15 seconds instead of a bar that moves.
     interval_s = 0.2 if sys.stderr.isatty() else 15.0
-    with tqdm(total=total, unit=units.name, desc=folder.name, smoothing=0.05, mininterval=interval_s) as bar:
+    with tqdm(total=total, unit=unit, desc=folder.name, smoothing=0.05, mininterval=interval_s) as bar:
         try:
             for _ in in_processes(make, missing, processes, bar.update):
                 pass
         except WorkerDiedError as error:
             raise InputError(f"{folder}: {error}; finished {noun}s are kept: run the same command again") from error
-        if not units.exact:
-            bar.total = bar.n
+        bar.total = bar.n
 
 
 def remove_unfinished(folder: Path, pattern: str) -> None:

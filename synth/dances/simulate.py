@@ -19,7 +19,7 @@ from numba import njit
 
 from kpopnet.camera import CAMERAS
 from kpopnet.datasets.dances.writer import PackedDepth
-from kpopnet.errors import InputError, check_range
+from kpopnet.errors import InputError, check_between
 from synth.body.shape import BodyConfig, Person, draw_person, draw_unseen_person
 from synth.dances.ends import ENDS, end_motion
 from synth.dances.faults import draw_profile, with_faults
@@ -84,14 +84,11 @@ class KpopSimConfig:
     faults: str = "skill"
 
     def __post_init__(self) -> None:
-        if not 0 <= self.seed < 2**32:
-            raise InputError(f"benchmark.seed={self.seed} must lie in 0..{2**32 - 1}")
-        if not 1 <= self.dances <= DANCES:
-            raise InputError(f"benchmark.dances={self.dances}: the set has {DANCES}; give a number from 1 on")
-        if self.split not in SPLITS:
-            raise InputError(f"benchmark.split={self.split} is not one of {', '.join(SPLITS)}")
-        if self.faults not in SPACING:
-            raise InputError(f"benchmark.faults={self.faults} is not one of {', '.join(SPACING)}")
+        check_between("benchmark.seed", self.seed, 0, 2**32 - 1)
+        check_between("benchmark.dances", self.dances, 1, DANCES)
+        for name, known in (("split", SPLITS), ("faults", SPACING)):
+            if getattr(self, name) not in known:
+                raise InputError(f"benchmark.{name}={getattr(self, name)} is not one of {', '.join(known)}")
 
 
 @dataclass(frozen=True)
@@ -111,7 +108,6 @@ class KpopSimSet(SimulatedSet):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_range("seconds", self.seconds, 0.1, 3600)
         if self.skill is None:
             object.__setattr__(self, "skill", SkillConfig(SPACING[self.benchmark.faults]))
 
@@ -182,11 +178,7 @@ class KpopSim:
         return self._rng("order", index).permutation(len(LEVELS)).tolist()
 
     def _teacher_motion(self, index: int) -> Motion:
-        """The teacher's motion in dance `index`.
-
-        Raises:
-            InputError: No recording is a dance that is long enough and stays within MAX_TRAVEL_M.
-        """
+        """The teacher's motion; raises InputError if no recording is a dance that is long and stays within MAX_TRAVEL_M."""
         for attempt in range(DANCE_TRIES):
             rng = self._rng("dance", index, attempt)
             seconds = rng.uniform(*self.config.seconds)
@@ -232,11 +224,7 @@ class KpopSim:
         return level, asdict(strengths), motion, mistakes
 
     def take(self, index: int, learner: int) -> LearnerTake:
-        """Draws the skill, person, room and view of a learner's recording.
-
-        Raises:
-            InputError: No position was found where the whole dance is visible.
-        """
+        """Draws the skill, person, room and view; raises InputError if the whole dance is visible from no position."""
         level, strengths, motion, mistakes = self.skill(index, learner)
         for attempt in range(PERSON_TRIES):
             person = self._person(self._rng("learner", index, learner, attempt))
@@ -248,12 +236,9 @@ class KpopSim:
         raise InputError(f"{dance_name(index)}, learner {LEARNERS[learner]}: the dance does not fit into the image")
 
     def record(self, index: int, learner: int, take: Take, on_frame=lambda: None) -> tuple[PackedDepth, np.ndarray]:
-        """Renders, measures and segments a learner's recording; calls `on_frame` after each frame.
+        """A learner's recording, rendered, measured and segmented, and (T, 15, 3) float32 true joints, metres.
 
-        Only the person's box and a margin are measured.
-
-        Returns:
-            The recording, and (T, 15, 3) float32 true joints, metres.
+        Only the person's box and a margin are measured. `on_frame` is called after each frame.
         """
         packed, joints, noise = PackedDepth(CAMERA), [], FilmNoise(self._seed("noise", index, learner))
         for clean in self.studio.render(take, range(len(take.played))):

@@ -34,9 +34,7 @@ class PlayedDance:
     """A dance on the teacher's body.
 
     Attributes:
-        name: title.
         bpm: beats per minute; the first beat is at time 0.
-        fps: frames per second.
         joints_m: (T, 15, 3) float32 metres, in the frame of a level camera that the teacher faces.
         quats: (T, B, 4) rotations of the bones relative to their parents and the T-pose.
         hips_m: (T, 3) position of the hips in the world, metres, the floor at z = 0.
@@ -51,7 +49,6 @@ class PlayedDance:
 
 
 def teacher_person() -> Person:
-    """The teacher."""
     return draw_person(np.random.default_rng(BODY_SEED), BodyConfig(), "train")
 
 
@@ -96,7 +93,6 @@ class Teacher:
         self._studio, self._person = Studio(CAMERAS["kinect_v1"], "cpu"), teacher_person()
 
     def dance(self, index: int) -> PlayedDance:
-        """Dance number `index`."""
         motion, bpm = composed(index)
         played = self._studio.play(self._person, motion, 0.0, CURLS_RAD)
         joints_m = LEVEL_VIEW.to_camera(self._studio.joints_world_m(self._person, played.local, played.hips_m))

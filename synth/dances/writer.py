@@ -16,7 +16,7 @@ from kpopnet.datasets.dances.format import LABELS, TEACHER
 from kpopnet.datasets.dances.writer import write_labels, write_learner, write_teacher
 from kpopnet.viz.drawing import TRUE, person_tile, save_png, sheet
 from synth.dances.simulate import CAMERA, FPS, LEARNERS, KpopSim, KpopSimSet, dance_name
-from synth.resumable import Units, make_missing, remove_unfinished
+from synth.resumable import make_missing, remove_unfinished
 from synth.simulated.configuration import maker_of
 
 SHEET_DANCES, TILES, TILE_PX = 3, 8, 160
@@ -41,14 +41,14 @@ def write_set(config: KpopSimSet, folder: Path, processes: int) -> dict:
         fps=FPS,
         levels=config.levels,
     )
-    units = Units("frame", lambda _: round(sum(config.seconds) / 2 * FPS) * len(LEARNERS), exact=False)
     make_missing(
         partial(write_dance, config, folder),
         range(config.benchmark.dances),
         lambda index: (folder / dance_name(index) / LABELS).exists(),
         folder,
         "dance",
-        units,
+        "frame",
+        lambda _: sum(config.seconds) / 2 * FPS * len(LEARNERS),
         processes,
     )
     remove_unfinished(folder, "dance_*/.*.tmp")
@@ -61,7 +61,9 @@ def write_dance(config: KpopSimSet, folder: Path, index: int, on_frame: Callable
     maker, place = maker_of(KpopSim, config), folder / dance_name(index)
     if not (place / TEACHER).exists():
         joints_m = maker.teacher_joints_m(index)
-        write_teacher(place, Performance(joints_m, times_s(len(joints_m))), {"motion": maker.teacher_motion(index).name})
+        write_teacher(
+            place, Performance(joints_m, np.arange(len(joints_m)) / FPS), {"motion": maker.teacher_motion(index).name}
+        )
     for learner, name in enumerate(LEARNERS):
         if (place / f"{name}.h5").exists():
             continue
@@ -72,13 +74,9 @@ def write_dance(config: KpopSimSet, folder: Path, index: int, on_frame: Callable
             "strengths": planned.strengths,
             "mistakes": [dataclasses.asdict(mistake) for mistake in planned.mistakes],
         }
-        write_learner(place, name, times_s(len(joints_m)), joints_m, packed, about)
+        write_learner(place, name, np.arange(len(joints_m)) / FPS, joints_m, packed, about)
     order = np.argsort(maker.levels(index))
     write_labels(place, [LEARNERS[learner] for learner in order])
-
-
-def times_s(frames: int) -> np.ndarray:
-    return np.arange(frames) / FPS
 
 
 def contact_sheet(folder: Path) -> np.ndarray:
@@ -97,10 +95,6 @@ def contact_sheet(folder: Path) -> np.ndarray:
                 person_tile(clip.depth_m[frame], clip.camera, ((joints_m[frame], TRUE),), TILE_PX, (f"{frame / FPS:.1f} s",))
                 for frame in chosen
             ]
-            about = learner.about
-            rows.append((f"{name}, learner {learner.name}: {about['level']}{_in_words(about['strengths'])}", tiles))
+            strengths = "".join(f", {kind} {value:.2f}" for kind, value in learner.about["strengths"].items())
+            rows.append((f"{name}, learner {learner.name}: {learner.about['level']}{strengths}", tiles))
     return sheet(rows, (TRUE,), f"{dances.manifest.about} Depth of the person alone, true joints")
-
-
-def _in_words(strengths: dict[str, float]) -> str:
-    return "".join(f", {name} {value:.2f}" for name, value in strengths.items())

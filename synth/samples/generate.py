@@ -10,7 +10,7 @@ from kpopnet.camera import MM_PER_METRE
 from kpopnet.data.shards import ShardedSet, open_shard, shard_path
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.viz.drawing import TRUE, depth_rgb, draw_skeleton, enlarged, probability_rgb, save_png, sheet, with_captions
-from synth.resumable import Units, make_missing, remove_unfinished
+from synth.resumable import make_missing, remove_unfinished
 from synth.samples.observe import Background, freeze
 from synth.samples.writer import FreezeConfig, SetConfig, is_finished, write_shard
 
@@ -24,8 +24,7 @@ def generate(config: SetConfig, folder: Path, shards: range, processes: int) -> 
         InputError: the folder holds another set, or a worker process died; finished shards stay.
     """
     make, finished = partial(write_shard, config, folder), partial(is_finished, config, folder)
-    units = Units("sample", lambda shard: len(range(*config.span(shard))))
-    make_missing(make, shards, finished, folder, "shard", units, processes)
+    make_missing(make, shards, finished, folder, "shard", "sample", lambda shard: len(range(*config.span(shard))), processes)
 
 
 def finish(config: SetConfig, folder: Path, look: FreezeConfig) -> dict | None:

@@ -57,8 +57,6 @@ class Played:
     """A motion applied to a body at the world's origin: T frames, B bones.
 
     Attributes:
-        person: the body.
-        motion: the motion.
         local: (T, B, 4) local rotations of the bones, unit quaternions.
         hips_m: (T, 3) positions of the hips in the world, metres.
         skin_m: (N, 3) a subset of the vertices in a subset of the frames, for collision tests, metres.
@@ -89,14 +87,7 @@ class Played:
 
 @dataclass(frozen=True)
 class Take:
-    """A motion on a body at a position in a room, and the camera's view.
-
-    Attributes:
-        played: the motion on the body.
-        room: around it.
-        view: the camera's pose.
-        place_m: (3,) translation of the hips in the world, metres.
-    """
+    """A motion on a body in a room before a camera; the hips are moved by `place_m`, (3,) metres in the world."""
 
     played: Played
     room: Room
@@ -156,9 +147,6 @@ class Studio:
     def __init__(self, camera: Camera, renderer: str) -> None:
         self.scene = Scene(camera)
         self.renderer = make_renderer(renderer, self.scene)
-
-    def close(self) -> None:
-        self.renderer.close()
 
     def play(self, person: Person, motion: Motion, yaw_rad: float, curls_rad: np.ndarray) -> Played:
         """Applies a motion to a body.

@@ -14,7 +14,7 @@ import numpy as np
 
 from kpopnet.camera import Camera
 from kpopnet.datasets.simulated import StoredSequence
-from kpopnet.errors import InputError, check_range
+from kpopnet.errors import InputError, check_between
 from synth.body.clothes.outfit import ClothesConfig
 from synth.body.markers import MARKERS
 from synth.body.shape import BodyConfig, Person, draw_unseen_person
@@ -61,10 +61,8 @@ class Selection:
     def __post_init__(self) -> None:
         if self.name != type(self).name:
             raise InputError(f"benchmark.name={self.name}: the set is called {type(self).name}")
-        if not 0 <= self.seed < 2**32:
-            raise InputError(f"benchmark.seed={self.seed} must lie in 0..{2**32 - 1}")
-        if not 1 <= self.sequences <= self.whole:
-            raise InputError(f"benchmark.sequences={self.sequences}: the set has {self.whole}; give a number from 1 on")
+        check_between("benchmark.seed", self.seed, 0, 2**32 - 1)
+        check_between("benchmark.sequences", self.sequences, 1, self.whole)
 
 
 @dataclass(frozen=True)
@@ -81,10 +79,6 @@ class SequenceSet(SimulatedSet):
 
     frames: tuple[int, int] = (100, 400)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_range("frames", self.frames, 1, 1e6)
-
     def kind(self, index: int) -> str:
         """The kind of motion in sequence `index`."""
         return "recorded" if self.motion.source == "clips" else self.kinds[index % len(self.kinds)]
@@ -96,7 +90,6 @@ class SequenceMaker(ABC):
     Attributes:
         about: what the set is, for the reader of a report.
         truth: origin of the true joints, for the reader of a report.
-        camera: intrinsics of the camera.
         fps: frames per second.
         view: distribution of the camera's pose.
     """
@@ -163,10 +156,6 @@ class StandIn(SequenceMaker):
 
     subjects: ClassVar[tuple[str, ...]]
 
-    def __init__(self, config: SequenceSet) -> None:
-        super().__init__(config)
-        self._recordings = build_motion(config.motion, "test") if config.motion.source == "clips" else None
-
     @abstractmethod
     def compose(self, rng: np.random.Generator, index: int, seconds: float) -> Motion:
         """Composes the motion of sequence `index` after its start pose, at least the given number of seconds long."""
@@ -175,12 +164,12 @@ class StandIn(SequenceMaker):
     def studio(self) -> Studio:
         return Studio(self.camera, self.config.renderer)
 
-    def take(self, index: int) -> Take:
-        """Draws the person, motion, room and view of sequence `index`.
+    @cached_property
+    def _recordings(self):
+        return build_motion(self.config.motion, "test")
 
-        Raises:
-            InputError: No motion of the source stays inside a room and the image.
-        """
+    def take(self, index: int) -> Take:
+        """Draws the person, motion, room and view; raises InputError if no motion of the source fits a room and the image."""
         person = self.person(index % len(self.subjects))
         for attempt in range(MOTION_TRIES):
             rng = self._rng("sequence", index, attempt)
@@ -199,10 +188,10 @@ class StandIn(SequenceMaker):
         )
 
     def _motion(self, rng: np.random.Generator, index: int, frames: int) -> Motion:
-        motion = start_pose(rng, self.fps)
+        motion, recorded = start_pose(rng, self.fps), self.config.motion.source == "clips"
         while len(motion) < frames:
             left_s = (frames - len(motion)) / self.fps + 1
-            motion = follow(motion, self._recorded(rng, left_s) if self._recordings else self.compose(rng, index, left_s))
+            motion = follow(motion, self._recorded(rng, left_s) if recorded else self.compose(rng, index, left_s))
         return cut(motion, 0, frames)
 
     def _recorded(self, rng: np.random.Generator, seconds: float) -> Motion:
@@ -214,11 +203,7 @@ class StandIn(SequenceMaker):
         return self.studio.shots(take, self.config.sensor, FilmNoise(self._seed("noise", index)), frames)
 
     def film(self, index: int, frames: int | None = None, on_frame: Callable[[], None] = lambda: None) -> Film:
-        """The first frames of sequence `index`, or all of them.
-
-        Raises:
-            InputError: See `take`.
-        """
+        """The first frames of sequence `index`, or all of them."""
         return Film(**self.stacked(index, frames, on_frame), camera=self.camera)
 
     def truth_m(self, film: Film) -> np.ndarray:

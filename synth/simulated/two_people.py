@@ -60,7 +60,7 @@ class TwoPeopleSet(SequenceSet):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.motion.source == "clips":
-            raise InputError("motion=clips: nobody in a recording minds a second person; take motion=choreography")
+            raise InputError("motion=clips: recordings know of no second person; take motion=choreography")
 
 
 @dataclass(frozen=True)
@@ -107,11 +107,7 @@ class TwoPeople(SequenceMaker):
         return Studio(CAMERA, self.config.renderer), Studio(CAMERA, self.config.renderer)
 
     def take(self, index: int) -> Duet:
-        """Draws the people, duet, room and view of sequence `index`.
-
-        Raises:
-            InputError: no scene stays inside a room and the image.
-        """
+        """Draws the people, duet, room and view; raises InputError if none stays inside a room and the image."""
         kind, people = self.config.kind(index), [self.person(2 * index + number) for number in (0, 1)]
         for attempt in range(SCENE_TRIES):
             rng = self._rng("sequence", index, attempt)

@@ -10,7 +10,7 @@ from kpopnet.camera import depth_in_metres
 from kpopnet.datasets.simulated import read_sequence
 from kpopnet.datasets.simulated import write_sequence as write_file
 from kpopnet.viz.drawing import TRUE, depth_rgb, draw_skeleton, enlarged, save_png, sheet, with_captions
-from synth.resumable import Units, make_missing, remove_unfinished
+from synth.resumable import make_missing, remove_unfinished
 from synth.simulated.configuration import maker_of
 from synth.simulated.sequences import SequenceMaker, SequenceSet
 
@@ -24,16 +24,15 @@ def write_set(maker: type[SequenceMaker], config: SequenceSet, folder: Path, pro
     Raises:
         InputError: the folder holds something else, or a worker process died; finished sequences stay.
     """
-    wanted = range(config.benchmark.sequences)
     manifest = config.claim(folder, "*.h5", benchmark=config.benchmark.name, about=maker.about, truth=maker.truth)
-    units = Units("frame", lambda _: sum(config.frames) / 2, exact=False)
     make_missing(
         partial(write_sequence, maker, config, folder),
-        wanted,
+        range(config.benchmark.sequences),
         lambda index: path_of(maker, folder, index).exists(),
         folder,
         "sequence",
-        units,
+        "frame",
+        lambda _: sum(config.frames) / 2,
         processes,
     )
     remove_unfinished(folder, ".*.h5.*.tmp")

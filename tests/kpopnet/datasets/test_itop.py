@@ -121,17 +121,6 @@ def test_the_message_on_compressed_files_has_the_command_to_decompress(tmp_path)
         benchmark(tmp_path)
 
 
-@pytest.mark.parametrize("name", ["depth_map", "labels"])
-def test_damaged_files_are_named(tmp_path, name):
-    write(tmp_path)
-    path = tmp_path / f"ITOP_side_test_{name}.h5"
-    whole = path.read_bytes()
-    for content in (b"not HDF5", whole[: len(whole) // 2]):
-        path.write_bytes(content)
-        with pytest.raises(InputError, match=rf"ITOP_side_test_{name}\.h5: .*cannot be read.*download it again"):
-            benchmark(tmp_path)
-
-
 @pytest.mark.parametrize(
     ("file", "name", "value", "message"),
     [
@@ -165,19 +154,6 @@ def test_damaged_depth_is_named_with_its_rows(tmp_path):
     assert itop.read("00_00007").depth_m.any()
     with pytest.raises(InputError, match=r"depth_map\.h5: depth of ITOP cannot be read"):
         itop.read("01_00000")
-
-
-def test_ids_may_be_strings_and_invalid_depth_becomes_0(tmp_path):
-    depth = np.stack([scene(frame) for frame in range(5)])
-    depth[0, 0, :4] = np.nan, np.inf, -1, 0
-    write(tmp_path, depth_m=depth)
-    for name in ("depth_map", "labels"):
-        with h5py.File(tmp_path / f"ITOP_side_test_{name}.h5", "a") as file:
-            del file["id"]
-            file["id"] = IDS  # of variable length
-    itop = benchmark(tmp_path)
-    assert itop.sequence_names() == ["00_00007", "01_00000"]
-    assert not itop.read("00_00007").depth_m[0, 0, :4].any()
 
 
 def test_a_person_who_appears_again_has_the_same_identity(tmp_path):

@@ -132,13 +132,6 @@ def test_an_invalid_frame_is_named(path, name, changes):
         read(path)
 
 
-def test_other_files_are_refused(path):
-    for content in (b"", b"\x01", np.random.default_rng(3).bytes(2 * 930_704)):
-        path.write_bytes(content)
-        with pytest.raises(InputError, match=path.name):
-            read(path)
-
-
 def test_damaged_files_are_refused_in_one_line(path, name):
     path.write_bytes(FRAMES[name](0))
     assert survives_damage(path, lambda: read(path), 60) > 20

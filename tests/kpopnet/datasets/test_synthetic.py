@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from shard_sets import CAMERA, write_shard
+from shard_sets import write_shard
 
 from kpopnet.datasets.protocol import Origin
 from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
@@ -34,13 +34,6 @@ def test_a_person_in_two_rooms_gives_two_sequences_and_a_room_may_go_on_in_the_n
     assert [(s.identity, len(s.depth_m)) for s in sequences] == [("5", 2), ("5", 1), ("8", 2), ("9", 2), ("7", 1)]
     first, second, third, fourth, last = (s.room for s in sequences)
     assert second == third and len({first, second, fourth, last}) == 4 and all(s.room for s in sequences)
-
-
-def test_depth_is_metres_with_its_camera_and_hidden_joints_keep_their_truth(tmp_path):
-    write_shard(tmp_path, [1, 1])
-    sequence = benchmark(tmp_path).read(benchmark(tmp_path).sequence_names()[0])
-    assert sequence.camera == CAMERA and set(np.unique(sequence.depth_m)) == {0, np.float32(2.5)}
-    assert not sequence.visible[:, 4].any() and np.isfinite(sequence.joints_camera_m).all()
 
 
 def test_a_clean_set_is_rejected_with_instructions(tmp_path):

@@ -111,10 +111,6 @@ def test_absent_joints_are_nan_and_invisible_and_logged(tmp_path, caplog):
     assert (np.isnan(sequence.joints_camera_m).all(-1) == absent).all() and (sequence.visible == ~absent).all()
 
 
-def test_the_lag_of_a_sequence_without_depth_is_the_most_frequent_one():
-    assert estimate_lag(np.zeros((5, 240, 320), np.float32), kinect_person(5) * [1, -1, 1]) == -2
-
-
 def test_sequences_are_listed_by_number(tmp_path):
     for name in ("a10_s1_t1", "a2_s1_t1", "a2_s1_t10", "a2_s1_t9"):
         write(tmp_path, name, depth_of(kinect_person(1)), kinect_person(1))

@@ -4,21 +4,18 @@ import numpy as np
 import pytest
 from motions import distance_m, points_m
 
-from kpopnet.errors import InputError
 from synth.dances.faults import (
     FAULTS,
-    LAG_S,
     NOISE_DEG,
     PROFILE_RANGE,
     draw_profile,
     habit,
     joint_noise,
-    lag,
     replaced_moves,
     with_faults,
 )
 from synth.dances.simulate import SPACING, KpopSim, KpopSimConfig, KpopSimSet
-from synth.dances.skill import LEVELS
+from synth.dances.skill import LEVELS, Strengths, learn
 from synth.motion.choreography.composer import dance
 from synth.motion.skeleton import Motion, height_above_floor
 
@@ -37,11 +34,6 @@ def test_a_fault_of_severity_0_changes_nothing_and_it_grows_with_its_severity(na
         for severity in (0.0, 0.5, 1.0, 2.0)
     ]
     assert distances[0] < 1e-5 and (np.diff(distances) > 0).all() and 0.005 < distances[2] < 0.25, distances
-
-
-def test_a_lag_is_a_delay(teacher):
-    late = lag(teacher, 0.2 / LAG_S, np.random.default_rng(0))
-    np.testing.assert_allclose(points_m(late)[6:], points_m(teacher)[:-6], atol=1e-4)
 
 
 def turned_deg(teacher: Motion, learner: Motion) -> np.ndarray:
@@ -70,8 +62,11 @@ def test_a_replaced_move_is_another_of_the_dance_and_lasts_for_a_move(teacher):
     np.testing.assert_allclose(np.abs((learner.quats[:, 0] * teacher.quats[:, 0]).sum(axis=-1)), 1, atol=1e-5)
 
 
-def test_learners_stay_on_the_floor_and_do_not_jump(teacher):
-    learner = with_faults(teacher, dict.fromkeys(FAULTS, 2.0), np.random.default_rng(0))
+@pytest.mark.parametrize("family", ["mixed", "skill"])
+def test_learners_stay_on_the_floor_and_do_not_jump(teacher, family):
+    rng = np.random.default_rng(0)
+    strong = Strengths(0, 0, damping=0.3, distortion=0.3, noise_deg=20, mistakes_per_minute=20)
+    learner = with_faults(teacher, dict.fromkeys(FAULTS, 2.0), rng) if family == "mixed" else learn(teacher, strong, rng)[0]
     height = height_above_floor(learner.quats, learner.root_m)
     assert height.min() > -1e-3 and height.max() < 0.5
     assert np.linalg.norm(np.diff(points_m(learner), axis=0), axis=-1).max() * FPS < 15
@@ -98,8 +93,3 @@ def test_profiles_differ_between_dances_and_are_limited():
     profiles = [list(draw_profile(np.random.default_rng(seed)).values()) for seed in range(300)]
     assert np.min(profiles) >= PROFILE_RANGE[0] and np.max(profiles) <= PROFILE_RANGE[1]
     assert np.exp(np.mean(np.log(profiles))) == pytest.approx(1, rel=0.05) and np.std(np.log(profiles)) > 0.25
-
-
-def test_an_unknown_family_is_rejected():
-    with pytest.raises(InputError, match=r"benchmark\.faults=mix is not one of skill, mixed"):
-        KpopSimConfig(faults="mix")

@@ -4,14 +4,12 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from programs import ROOT
 from stand_ins import assert_own_seeds, joints_world_m
 
 from kpopnet.skeleton import Joint
 from synth.body.asset import load_body
 from synth.body.markers import MARKERS
 from synth.body.shape import BodyConfig, unseen_coefficients
-from synth.motion import MotionConfig
 from synth.motion.choreography.programmes import Y_POSE_S
 from synth.simulated.eval_sim import CAMERA, FPS, KINDS, SEQUENCES, SUBJECTS, EvalSim, EvalSimConfig, EvalSimSet
 from synth.simulated.film import DISTANCE_RANGE_M, Take
@@ -47,11 +45,6 @@ def test_every_subject_shows_every_kind_once():
     assert names == {f"seq_{subject}_{number}" for subject in "abc" for number in range(8)}
 
 
-def test_sequences_have_the_lengths_of_eval(takes):
-    lengths = [len(take.played) for take, _ in takes.values()]
-    assert all(288 <= length <= 488 for length in lengths) and len(set(lengths)) > 4
-
-
 def test_every_sequence_begins_in_the_y_pose_facing_the_camera(takes):
     held = slice(0, round(Y_POSE_S * FPS))
     for take, joints in takes.values():
@@ -73,6 +66,8 @@ def test_every_sequence_begins_in_the_y_pose_facing_the_camera(takes):
 
 
 def test_motions_have_no_jumps(takes):
+    lengths = {len(joints) for _, joints in takes.values()}
+    assert min(lengths) >= 288 and max(lengths) <= 488 and len(lengths) > 4
     for take, joints in takes.values():
         step = np.diff(joints, axis=0)
         assert np.linalg.norm(step, axis=-1).max() * FPS < 10.0
@@ -121,17 +116,6 @@ def test_each_kind_shows_its_motion(takes):
     assert len(set((headings // 45).astype(int).tolist())) == 8
 
 
-def test_subjects_are_three_people_and_another_seed_makes_others(maker):
-    people = [maker.person(subject) for subject in range(3)]
-    other = EvalSim(EvalSimSet(EvalSimConfig(seed=7)))
-    everyone = [*people, *(other.person(subject) for subject in range(3))]
-    for number, person in enumerate(everyone):
-        for another in everyone[:number]:
-            assert np.abs(person.heads_m - another.heads_m).max() > 0.005
-    again = EvalSim(maker.config).person(1)
-    np.testing.assert_array_equal(again.vertices_m, people[1].vertices_m)
-
-
 # Separation from training sets ------------------------------
 
 
@@ -147,15 +131,6 @@ def test_no_preset_draws_a_person_similar_to_the_subjects():
 @pytest.mark.parametrize("maker", [EvalSim(SHORT), Smmc10Sim(Smmc10SimSet(Smmc10SimConfig(seed=3), frames=(50, 56)))])
 def test_presets_use_no_generator_of_the_benchmark(maker, monkeypatch):
     assert_own_seeds(maker, maker.config.benchmark.name.encode(), monkeypatch)
-
-
-def test_presets_use_no_recordings():
-    from omegaconf import OmegaConf
-
-    for preset in (ROOT / "configs" / "synth" / "preset").glob("*.yaml"):
-        motion = OmegaConf.load(preset).get("motion", {})
-        assert motion.get("path") is None and motion.get("weights", {}).get("clips", 0) == 0
-    assert MotionConfig().weights.get("clips", 0) == 0
 
 
 # Films ------------------------------
@@ -180,9 +155,6 @@ def test_a_film_contains_a_person_on_the_floor_of_a_room():
     assert sum(on_person) >= 14
     # The markers of a standing dancer are visible from all sides.
     assert film.markers_tracked.mean() > 0.95
-    # A marker is on the skin: never far from its joint.
-    hip = film.markers_camera_m[:, list(MARKERS).index("LASI")] - joints[:, Joint.LEFT_HIP]
-    assert (np.linalg.norm(hip, axis=1) < 0.3).all()
 
 
 def test_markers_are_at_different_positions_on_the_body():

@@ -49,11 +49,6 @@ def test_the_set_has_the_dimensions_of_the_real_one():
     assert KINDS[0] == ("arms",) and KINDS[-1] == ("kicks", "swings", "turns")
 
 
-def test_lengths_vary_between_100_and_400_frames(motions):
-    lengths = [len(joints) for joints in motions.values()]
-    assert all(100 <= length <= 400 for length in lengths) and len(set(lengths)) > 4
-
-
 def test_difficulty_increases(motions):
     def speed(index: int, *joints: Joint) -> float:
         """The 98th percentile of the speed after the start, metres per second."""
