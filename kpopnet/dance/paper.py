@@ -17,18 +17,15 @@ from kpopnet.dance.features import FEATURES, Features
 from kpopnet.dance.window import (
     BAND_FRAMES,
     FPS,
-    MIN_COMPARED_FRACTION,
     PARTS,
     WINDOW_FRAMES,
     WINDOW_S,
     WindowScore,
-    mean_errors,
-    mean_over_frames,
     nothing_seen,
-    of_all_parts,
     or_nan,
     part_of_angles,
     timing_similarity,
+    window_score,
 )
 from kpopnet.errors import InputError
 
@@ -92,16 +89,12 @@ class PaperTeacher:
         of_body[2 * present.sum(axis=1) < angles] = np.nan
         # The summand of Eq. (14), of the body and of each part, whose distance is scaled to be comparable with the body's.
         body, of_parts = (np.exp(-np.sqrt(one) / BETA_RAD) for one in (of_body, squared * angles / or_nan(present)))
-        coverage = np.where(on_path.taught, on_path.seen, np.nan)
-        means = mean_over_frames(np.column_stack([body, np.isfinite(body), of_parts, coverage]), path)
-        posture, compared, of_parts, coverage = 100 * means[0], means[1], *np.split(means[2:], 2)
+        pairs = np.column_stack([body, np.isfinite(body), of_parts])
         # T_l - T_t of Eq. (13): between the middles of the window and of the matched stretch.
         delay_s = (BAND_FRAMES + (frames - 1 - path[0].sum() - path[-1].sum()) / 2) / FPS
         timing = 100 * timing_similarity(delay_s, ALPHA, TAU_S)
-        if not compared >= MIN_COMPARED_FRACTION:
-            delay_s, timing, posture = math.nan, math.nan, math.nan
-        errors = mean_errors(on_path, path, parts, WINDOW_FRAMES)
-        return WindowScore(delay_s, timing, float(posture), of_all_parts(100 * of_parts), of_all_parts(coverage), *errors)
+        score = window_score(pairs, on_path, path, parts, WINDOW_FRAMES, delay_s, timing)
+        return score._replace(posture=math.nan) if math.isnan(score.delay_s) else score
 
     def _as_printed(self, learner: Features, start: int) -> WindowScore:
         """The score of a window by Algorithm 3 as printed, which has no parts."""

@@ -31,17 +31,14 @@ from kpopnet.dance.features import FEATURES, OF_EARLIER_FRAMES, Features
 from kpopnet.dance.window import (
     BAND_FRAMES,
     FPS,
-    MIN_COMPARED_FRACTION,
     PARTS,
     WINDOW_FRAMES,
     WindowScore,
-    mean_errors,
-    mean_over_frames,
     nothing_seen,
-    of_all_parts,
     or_nan,
     part_of_angles,
     timing_similarity,
+    window_score,
 )
 from kpopnet.errors import InputError
 
@@ -241,17 +238,10 @@ class PartTeacher:
         body, parts = self._similarities(squared, on_path, self.turning[offset + path.sum(axis=1)])
         body = np.maximum(body - self.standing, 0) / (1 - self.standing)
         shown = np.where(on_path.taught.any(axis=1), on_path.seen.any(axis=1), np.nan)
-        coverage = np.where(on_path.taught, on_path.seen, np.nan)
-        means = mean_over_frames(np.column_stack([body, shown, parts, coverage]), path)
-        posture, compared, parts, coverage = 100 * means[0], means[1], *np.split(means[2:], 2)
         # The mean delay of the pairs changes smoothly with the learner's, unlike that of the middles in Eq. (13).
         delay_s = float(BAND_FRAMES - (path[:, 1] + shifts).mean()) / FPS
-        timing = 100 * self.scorer.timing(delay_s)
-        if not compared >= MIN_COMPARED_FRACTION:
-            delay_s, timing = math.nan, math.nan
-            posture = math.nan if math.isnan(compared) else 0.0
-        errors = mean_errors(on_path, path, self.parts, HOP_FRAMES)
-        return WindowScore(delay_s, timing, float(posture), of_all_parts(100 * parts), of_all_parts(coverage), *errors)
+        pairs, timing = np.column_stack([body, shown, parts]), 100 * self.scorer.timing(delay_s)
+        return window_score(pairs, on_path, path, self.parts, HOP_FRAMES, delay_s, timing)
 
     def _similarities(self, squared: np.ndarray, on_path: PathDistances, turning: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(L,) similarity in 0..1 of the body and (L, P) of its parts in the pairs of a path; NaN where the teacher shows none.

@@ -85,7 +85,40 @@ def nothing_seen(teacher: Features, parts: np.ndarray, start: int) -> WindowScor
     return WindowScore(math.nan, math.nan, posture, nothing, nothing, np.full(len(parts), np.nan), np.zeros(len(parts)))
 
 
-def mean_over_frames(values: np.ndarray, path: np.ndarray) -> np.ndarray:
+def window_score(
+    pairs: np.ndarray,
+    on_path: PathDistances,
+    path: np.ndarray,
+    parts: np.ndarray,
+    hop_frames: int,
+    delay_s: float,
+    timing: float,
+) -> WindowScore:
+    """The score of a window from what the pairs of its path have in common.
+
+    Args:
+        pairs: (L, 2 + P) of each pair: similarity of the body in 0..1, whether it could be compared, similarity of each part.
+        on_path: the pairs' distances.
+        path: (L, 2) see `kpopnet.dance.dtw.best_match`.
+        parts: (D,) number of each angle's part.
+        hop_frames: frames from one window to the next, over which errors are averaged.
+        delay_s: of the learner, seconds.
+        timing: S_t, 0 to 100.
+    """
+    coverage = np.where(on_path.taught, on_path.seen, np.nan)
+    means = _mean_over_frames(np.column_stack([pairs, coverage]), path)
+    posture, compared, others = 100 * means[0], means[1], len(PARTS) - coverage.shape[1]
+    if not compared >= MIN_COMPARED_FRACTION:
+        delay_s, timing, posture = math.nan, math.nan, math.nan if math.isnan(compared) else 0.0
+    of_parts, coverage = (np.append(one, np.full(others, np.nan)) for one in np.split(means[2:], 2))
+    middle = abs(path[:, 0] - (WINDOW_FRAMES - 1) / 2) <= hop_frames / 2
+    weights = (on_path.weights * on_path.seen[:, parts])[middle]
+    total = weights.sum(axis=0)
+    error_rad = np.nansum(weights * on_path.signed[middle], axis=0) / or_nan(total)
+    return WindowScore(delay_s, timing, float(posture), 100 * of_parts, coverage, error_rad, total / max(middle.sum(), 1))
+
+
+def _mean_over_frames(values: np.ndarray, path: np.ndarray) -> np.ndarray:
     """(K,) mean over the teacher's frames of (L, K) values of the pairs of a (L, 2) path, NaN left out."""
     of_frame = path.sum(axis=1) - path[0].sum()
     known = np.isfinite(values)
@@ -93,19 +126,6 @@ def mean_over_frames(values: np.ndarray, path: np.ndarray) -> np.ndarray:
     sums, counts = (np.add.reduceat(one, first, axis=0) for one in (np.where(known, values, 0.0), known.astype(float)))
     frames = (counts > 0).sum(axis=0)
     return (sums / np.maximum(counts, 1)).sum(axis=0) / or_nan(frames)
-
-
-def mean_errors(on_path: PathDistances, path: np.ndarray, parts: np.ndarray, hop_frames: int) -> tuple[np.ndarray, np.ndarray]:
-    """`error_rad` and `error_weight` of a window from the pairs of its (L, 2) path and the (D,) parts of the angles."""
-    middle = abs(path[:, 0] - (WINDOW_FRAMES - 1) / 2) <= hop_frames / 2
-    weights = (on_path.weights * on_path.seen[:, parts])[middle]
-    total = weights.sum(axis=0)
-    return np.nansum(weights * on_path.signed[middle], axis=0) / or_nan(total), total / max(middle.sum(), 1)
-
-
-def of_all_parts(values: np.ndarray) -> np.ndarray:
-    """(P,) values of all `PARTS`, NaN for the last ones, which the feature lacks."""
-    return np.append(values, np.full(len(PARTS) - len(values), np.nan))
 
 
 def or_nan(counts: np.ndarray) -> np.ndarray:
