@@ -101,17 +101,6 @@ def named_performance(recorded: NamedPoints, source: str, fps: float | None = No
     Raises:
         InputError: a joint of a limb has no point, the points are no upright person, or times and rate are missing.
     """
-    joints_m, confidence = named_joints_m(recorded, source)
-    times_s = frame_times_s(len(joints_m), recorded.times_s, recorded.fps, fps, source)
-    return checked_performance(joints_m, times_s, confidence, source)
-
-
-def named_joints_m(recorded: NamedPoints, source: str) -> tuple[np.ndarray, np.ndarray]:
-    """(T, 15, 3) float32 joints in metres of a recording, as `named_performance`, and (T, 15) their confidence.
-
-    Raises:
-        InputError: a joint of a limb has no point, or the points are no upright person.
-    """
     places = _joint_places(recorded.names, source)
     joints = np.full((len(recorded.points), NUM_JOINTS, 3), np.nan)
     confidence = np.ones((len(recorded.points), NUM_JOINTS))
@@ -124,7 +113,8 @@ def named_joints_m(recorded: NamedPoints, source: str) -> tuple[np.ndarray, np.n
         joints[:, Joint.NECK] = middle + NECK_FRACTION_TO_EARS * (joints[:, Joint.HEAD] - middle)
         confidence[:, Joint.NECK] = confidence[:, [*_SHOULDERS, Joint.HEAD]].min(axis=1)
     confidence[:, Joint.TORSO] = confidence[:, _SHOULDERS + _HIPS].min(axis=1)
-    return _before_level_camera_m(joints, source), confidence
+    times_s = frame_times_s(len(joints), recorded.times_s, recorded.fps, fps, source)
+    return checked_performance(_before_level_camera_m(joints, source), times_s, confidence, source)
 
 
 def _joint_places(names: Sequence[str], source: str) -> dict[Joint, list[int]]:
@@ -189,11 +179,6 @@ def checked_performance(joints_m: np.ndarray, times_s: np.ndarray, confidence: n
     return performance
 
 
-def imperial_joints_m(points: np.ndarray, source: str) -> np.ndarray:
-    """(T, 15, 3) float32 joints in metres from (T, 21, 3) points of ImperialDance; see `named_joints_m`."""
-    return named_joints_m(NamedPoints(IMPERIAL_NAMES, points), source)[0]
-
-
 def unit_m(joints: np.ndarray, source: str) -> float:
     """The unit in metres of (T, 15, 3) joints, by their trunks; 1 if no trunk is whole.
 
@@ -220,19 +205,12 @@ def _trunks(joints: np.ndarray) -> np.ndarray:
 
 
 def _before_level_camera_m(joints: np.ndarray, source: str) -> np.ndarray:
-    """Transforms joints to the frame of a level camera that the dancer faces at first; the torso becomes the paper's.
+    """(T, 15, 3) float32 joints in metres before a level camera (x right, y down, z forward), with the paper's torso.
 
-    Args:
-        joints: (T, 15, 3) in metres, centimetres or millimetres, in a right-handed frame whose y or z points up or down; NaN
-            where missing.
-        source: name of the recording, for messages.
-
-    Returns:
-        (T, 15, 3) float32 metres; x right, y down, z forward.
+    The (T, 15, 3) given ones are in metres, centimetres or millimetres, in a right-handed frame whose y or z points up or down.
 
     Raises:
-        InputError: No frame has a whole trunk, its length is not a person's in any of the units, or it is not upright; or a
-            coordinate is farther from 0 than MAX_COORDINATE.
+        InputError: no frame has a whole trunk, it is not upright, or a coordinate is farther from 0 than MAX_COORDINATE.
     """
     largest = np.max(np.abs(joints), initial=0, where=np.isfinite(joints))
     if not largest <= MAX_COORDINATE:

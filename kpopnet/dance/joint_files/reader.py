@@ -23,7 +23,6 @@ from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import (
     ArraySchema,
     check_array,
-    check_budget,
     check_fields,
     expect,
     names_in,
@@ -55,8 +54,8 @@ _COLUMN = re.compile(r"(.+?)[ _.:-]?(x|y|z|confidence)", re.IGNORECASE)
 def read_performance(path: Path | str, fps: float | None = None) -> Performance:
     """Reads a recording of joints; the ending of the file's name gives the format (docs/dance_scoring.md).
 
-    Joints of .npz files of our own stay in their camera frame. Those of all other files are turned so that the dancer faces a
-    level camera on average over the first twentieth of the frames. A stranger's file is read by
+    Joints of .npz files of our own stay in their camera frame, those of all other files are turned to face a level camera (see
+    `kpopnet.dance.joint_files.points`). A stranger's file is read by
     `kpopnet.runtime.untrusted.read_in_child(read_performance, path, fps)`.
 
     Args:
@@ -109,7 +108,6 @@ def _read_npz(path: Path, fps: float | None) -> Performance:
 def _read_csv(path: Path) -> NamedPoints:
     """Columns NAME_x, NAME_y, NAME_z of each point, NAME_confidence and time_s if known; an empty cell is missing."""
     text = read_text(path).removeprefix("\ufeff")  # which spreadsheets write
-    check_budget(path, 8 * text.count("\n") * (text.partition("\n")[0].count(",") + 1), "its numbers")
     table = csv.reader(io.StringIO(text))
     try:
         header = [word.strip() for word in next(table, [])]
@@ -152,7 +150,7 @@ def _read_json(path: Path) -> NamedPoints:
     - {"fps": 30, "frames": [{"joints": {"WristLeft": [x, y, z], ...}}, ...]}: names of COCO, of a Kinect or our own; a fourth
       number is the confidence, null or a name left out a missing point. Frames may state time_s instead of fps.
     - {"joint_names": [...], "frames": [{"timestamp_usec": 0, "bodies": [{"body_id": 1, "joint_positions": [...]}]}]}: of Azure
-      Kinect's offline processor. Of several bodies the one that is seen most is read. Times count from the first frame.
+      Kinect's offline processor; see `_azure_points`.
     """
     content, where = read_json(path, non_finite=True), str(path)
     expect(isinstance(content, dict), where, "an object with keypoints3d or frames")
@@ -188,7 +186,6 @@ def _joint_points(frames: list[dict], fps: float | None, where: str) -> NamedPoi
     for number, frame in enumerate(frames):
         check_fields(f"{where}: frame {number}", frame, {"joints": dict, TIME: float}, [TIME])
     names = list(dict.fromkeys(name for frame in frames for name in frame["joints"]))
-    check_budget(where, 32 * len(frames) * len(names), f"{len(frames)} frames of {len(names)} joints")
     values = np.full((len(frames), len(names), 4), np.nan)
     values[..., 3] = 1.0
     places = {name: number for number, name in enumerate(names)}
@@ -204,7 +201,7 @@ def _joint_points(frames: list[dict], fps: float | None, where: str) -> NamedPoi
 
 
 def _azure_points(names: list[str], frames: list[dict], where: str) -> NamedPoints:
-    """The recording of the body that is seen most."""
+    """The recording of the body that is seen most; times count from the first frame."""
     seen: Counter[int] = Counter()
     for number, frame in enumerate(frames):
         check_fields(f"{where}: frame {number}", frame, {"bodies": list[dict], "timestamp_usec": int})
@@ -213,7 +210,6 @@ def _azure_points(names: list[str], frames: list[dict], where: str) -> NamedPoin
             seen[body["body_id"]] += 1
     expect(bool(seen), where, "a body in some frame, found none")
     chosen = seen.most_common(1)[0][0]
-    check_budget(where, 24 * len(frames) * len(names), f"{len(frames)} frames of {len(names)} joints")
     points = np.full((len(frames), len(names), 3), np.nan)
     for number, frame in enumerate(frames):
         for body in frame["bodies"]:

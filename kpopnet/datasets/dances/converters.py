@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kpopnet.dance.joint_files.points import IMPERIAL_NAMES, imperial_joints_m
+from kpopnet.dance.joint_files.points import IMPERIAL_NAMES, NamedPoints, named_performance
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.dance.performance import Performance
 from kpopnet.datasets.dances.writer import write_labels, write_learner, write_teacher
@@ -75,11 +75,11 @@ def convert_imperial(source: Path, out: Path) -> None:
             raise InputError(f"{levels['e']}: one take; two experts are needed, a teacher and a learner")
         chosen = {"expert": ("e", 1), "intermediate": ("i", 0), "beginner": ("b", 0)}
         learners = {
-            learner: _imperial_performance(takes[level][take], levels[level]) for learner, (level, take) in chosen.items()
+            learner: imperial_performance(takes[level][take], levels[level]) for learner, (level, take) in chosen.items()
         }
-        write_dance(out, name, _imperial_performance(takes["e"][0], levels["e"]), learners)
+        write_dance(out, name, imperial_performance(takes["e"][0], levels["e"]), learners)
 
 
-def _imperial_performance(points: np.ndarray, path: Path) -> Performance:
+def imperial_performance(points: np.ndarray, path: Path) -> Performance:
     """The dance of (T, 21, 3) points of ImperialDance."""
-    return Performance(imperial_joints_m(np.array(points), str(path)), np.arange(len(points)) / IMPERIAL_FPS)
+    return named_performance(NamedPoints(IMPERIAL_NAMES, np.array(points), fps=IMPERIAL_FPS), str(path))

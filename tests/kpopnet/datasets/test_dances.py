@@ -9,9 +9,8 @@ import pytest
 from damaged_files import survives_damage
 
 from kpopnet.camera import Camera
-from kpopnet.dance.joint_files.points import imperial_joints_m
 from kpopnet.dance.performance import Performance
-from kpopnet.datasets.dances.converters import read_imperial
+from kpopnet.datasets.dances.converters import imperial_performance, read_imperial
 from kpopnet.datasets.dances.dance_set import MARGIN_PX, KpopConfig, KpopSet, open_set, read_labels
 from kpopnet.datasets.dances.writer import PackedDepth, write_labels, write_learner, write_teacher
 from kpopnet.datasets.protocol import Origin
@@ -273,7 +272,7 @@ def test_invalid_images_are_rejected(depth, corner, message):
 def test_damaged_files_of_imperial_dance_are_refused_in_one_line(tmp_path):
     path = tmp_path / "d.npy"
     np.save(path, np.zeros((2, 3, 20, 21)))
-    survives_damage(path, lambda: imperial_joints_m(np.array(read_imperial(path)[0]), "d"))
+    survives_damage(path, lambda: imperial_performance(read_imperial(path)[0], path))
     path.write_bytes(path.read_bytes()[:1000])
     with pytest.raises(InputError, match=r"d\.npy: not a plain numpy array"):
         read_imperial(path)

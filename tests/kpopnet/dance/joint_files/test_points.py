@@ -8,7 +8,6 @@ from kpopnet.dance.joint_files.points import (
     COCO_NAMES,
     IMPERIAL_NAMES,
     NamedPoints,
-    imperial_joints_m,
     named_performance,
     plain_name,
 )
@@ -16,8 +15,9 @@ from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 
 
-def coco_joints_m(points: np.ndarray, source: str) -> np.ndarray:
-    return named_performance(NamedPoints(COCO_NAMES, points, fps=60.0), source).joints_m.astype(np.float32)
+def joints_m(points: np.ndarray) -> np.ndarray:
+    names = COCO_NAMES if points.shape[1] == 17 else IMPERIAL_NAMES
+    return named_performance(NamedPoints(names, points, fps=60.0), "x").joints_m
 
 
 def test_indices_of_points_are_the_published_ones():
@@ -34,10 +34,10 @@ def test_names_of_every_joint_set_are_found():
     assert plain_name("ShoulderCenter") == "shouldercenter" and plain_name("left_ear") == "leftear"
 
 
-@pytest.mark.parametrize("made", [lambda **o: coco_joints_m(coco(**o), "x"), lambda **o: imperial_joints_m(imperial(**o), "x")])
+@pytest.mark.parametrize("made", [coco, imperial])
 def test_joints_face_the_camera_in_metres_for_any_unit_and_axes(made):
-    plain = made()
-    assert plain.shape == (FRAMES, 15, 3) and plain.dtype == np.float32
+    plain = joints_m(made())
+    assert plain.shape == (FRAMES, 15, 3)
     assert plain[0, Joint.LEFT_HAND, 0] > plain[0, Joint.RIGHT_HAND, 0] + 0.5
     assert plain[0, Joint.HEAD, 1] < plain[0, Joint.TORSO, 1] < plain[0, Joint.LEFT_KNEE, 1]
     np.testing.assert_allclose(plain[0, Joint.TORSO, [0, 2]], [0, 2.5], atol=0.05)
@@ -53,14 +53,14 @@ def test_joints_face_the_camera_in_metres_for_any_unit_and_axes(made):
         {"unit_m": 0.001, "z_up": True},
         {"heading_rad": -1.0, "z_up": True},
     ):
-        np.testing.assert_allclose(made(**options), plain, atol=1e-4)
+        np.testing.assert_allclose(joints_m(made(**options)), plain, atol=1e-4)
 
 
 def test_points_that_are_not_an_upright_person_are_rejected():
     points = coco()
     with pytest.raises(InputError, match="not a person's trunk in metres, centimetres or millimetres"):
-        coco_joints_m(points * 7, "x")
+        joints_m(points * 7)
     with pytest.raises(InputError, match="neither y nor z points up or down"):
-        coco_joints_m(points[..., [1, 0, 2]], "x")
+        joints_m(points[..., [1, 0, 2]])
     with pytest.raises(InputError, match="no frame has both shoulders"):
-        coco_joints_m(np.full_like(points, np.nan), "x")
+        joints_m(np.full_like(points, np.nan))
