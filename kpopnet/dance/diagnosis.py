@@ -58,13 +58,7 @@ class _Guess(NamedTuple):
 
 
 def corrected(performance: Performance, correction: str) -> Performance:
-    """A performance after one of CORRECTIONS.
-
-    Raises:
-        InputError: there is no such correction.
-    """
-    if correction not in CORRECTIONS:
-        raise InputError(f"{correction} is not one of {', '.join(CORRECTIONS)}")
+    """A performance after one of CORRECTIONS."""
     joints_m, confidence = performance.joints_m, performance.confidence
     if correction in ("mirrored", "swapped"):
         joints_m, confidence = joints_m[:, MIRROR], confidence[:, MIRROR]
@@ -81,13 +75,7 @@ def delayed(performance: Performance, late_s: float, rate: float = 1.0) -> Perfo
 
 
 def probable_faults(teacher: Performance, learner: Performance, scorer: Scorer) -> list[RecordingFault]:
-    """What is probably wrong with the recordings of two dances that `score_dance` can compare.
-
-    Args:
-        teacher: the reference dance.
-        learner: the dance that is scored.
-        scorer: ours with its settings, or the paper's.
-    """
+    """What is probably wrong with the recordings of two dances that `score_dance` can compare."""
     wrong = {name: knees_bend_backwards(one) for name, one in (("teacher", teacher), ("learner", learner))}
     if all(wrong.values()):
         text = (
@@ -109,10 +97,7 @@ def probable_faults(teacher: Performance, learner: Performance, scorer: Scorer) 
 
 
 def knees_bend_backwards(performance: Performance) -> bool:
-    """Whether the front of the body, found by its left and right, is where knees cannot bend to.
-
-    It is so where the names of left and right are swapped, or the axes are left-handed.
-    """
+    """Whether knees bend to the back, as left and right tell it: their names are swapped, or the axes are left-handed."""
     joints_m = performance.joints_m
     hips_m = joints_m[:, [Joint.RIGHT_HIP, Joint.LEFT_HIP]]
     down = hips_m.mean(axis=1) - joints_m[:, [Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER]].mean(axis=1)
@@ -180,18 +165,15 @@ def _score(teacher: Performance, learner: Performance, guess: _Guess, scorer: Sc
 
 def _descriptions(guess: _Guess, teacher: Performance, learner: Performance) -> Iterator[tuple[str, str]]:
     """What the faults of a guess are about, and they in words."""
+    causes = {
+        "mirrored": "dances mirrored: a left-handed dancer, one who faces the teacher as a mirror, or a mirrored video",
+        "swapped": "has left and right swapped among the joints: the knees bend backwards",
+        "reflected": "has left-handed axes: the knees bend backwards",
+    }
     for name, correction in (("teacher", guess.teacher), ("learner", guess.learner)):
-        fix = f"To correct it: --correct-{name} {correction}"
-        if correction == "mirrored":
-            yield (
-                "mirror",
-                "the learner dances mirrored: a left-handed dancer, one who faces the teacher as a mirror, or a mirrored "
-                f"video. {fix}",
-            )
-        elif correction == "swapped":
-            yield "sides", f"left and right are swapped among the {name}'s joints: the knees bend backwards. {fix}"
-        elif correction == "reflected":
-            yield "sides", f"the {name}'s axes are left-handed: the knees bend backwards. {fix}"
+        if correction in causes:
+            about = "mirror" if correction == "mirrored" else "sides"
+            yield about, f"the {name} {causes[correction]}. To correct it: --correct-{name} {correction}"
     if guess.rate != 1:
         yield (
             "tempo",

@@ -48,9 +48,6 @@ _WORDS = {
 }
 """End of an angle's name to the words for a learner's angle that is less than the teacher's, and for one that is greater."""
 
-_MIRRORED = {"elbow_azimuth": ("right",)}
-"""Angles whose sign changes its meaning with the side of the body."""
-
 _JOINTS = {"elbow": "shoulder", "hand": "elbow", "knee": "hip", "foot": "knee"}
 """The joint at which the bone of an angle turns, by the joint at which it ends."""
 
@@ -107,7 +104,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Feedback:
-    """What a dancer can use of a score: phrases in order of time, faults with the costliest first, and hints in words."""
+    """Phrases in order of time, faults with the costliest first, and hints in words."""
 
     phrases: tuple[Phrase, ...]
     faults: tuple[Fault, ...]
@@ -184,7 +181,8 @@ def _moment(score: DanceScore, run: slice, part: str, angle: str, degrees: float
     side, _, rest = angle.partition("_")
     of_limb = side in ("left", "right")
     joint = f"{side} {_JOINTS[rest.partition('_')[0]]}" if of_limb else ""
-    direction = _WORDS[_ending(angle)][(degrees > 0) != (side in _MIRRORED.get(_ending(angle), ()))]
+    opposite = angle == "right_elbow_azimuth"  # the sign of this angle changes its meaning with the side of the body
+    direction = _WORDS[_ending(angle)][(degrees > 0) != opposite]
     start_s, end_s = _span(score, run)
     text = f"{_posture_text(part, joint, degrees, direction)} {_at([start_s])}"
     return Moment(start_s, end_s, part, joint, direction, degrees, 0.0, cost, text)
@@ -208,11 +206,11 @@ def _timing_moments(score: DanceScore, beat_s: float | None) -> list[Moment]:
     for sign in (1, -1):
         for run in _runs(sign * delay_s >= MIN_DELAY_S):
             start_s, end_s = _span(score, run)
-            mean_s = float(delay_s[run].mean())
+            mean_s, word = float(delay_s[run].mean()), "late" if sign > 0 else "early"
             # Comparable with posture: what is lost in percent, per window, of a full score.
             cost = float(np.nansum(100 - score.windows.timing[run])) * MIN_ERROR_DEG
             text = f"{_lateness(mean_s, beat_s)} {_from_to(start_s, end_s)}"
-            found.append(Moment(start_s, end_s, "timing", "", "late" if sign > 0 else "early", 0.0, mean_s, cost, text))
+            found.append(Moment(start_s, end_s, "timing", "", word, 0.0, mean_s, cost, text))
     return found
 
 
@@ -270,8 +268,10 @@ def _hints(score: DanceScore) -> list[tuple[str, str]]:
 
 def _unseen(score: DanceScore) -> list[str]:
     """Sentences about who or what is not in the picture, and when."""
-    missing = {name: score.windows.coverage[name] < UNSEEN_BELOW for name in (*LIMBS, "torso")}  # false for NaN
-    nobody = np.all([flags for name, flags in missing.items() if np.isfinite(score.windows.coverage[name]).any()], axis=0)
+    coverage = {name: score.windows.coverage[name] for name in (*LIMBS, "torso")}
+    missing = {name: values < UNSEEN_BELOW for name, values in coverage.items()}  # false for NaN
+    shown = [missing[name] for name, values in coverage.items() if np.isfinite(values).any()]
+    nobody = np.all(shown, axis=0) if shown else missing["torso"]  # Algorithm 3 as printed has no parts
     sentences = [f"nobody in the picture {_from_to(*_span(score, run))}" for run in _runs(nobody)]
     for kind in ("arm", "leg"):
         left, right = (missing[f"{side} {kind}"] & ~nobody for side in ("left", "right"))

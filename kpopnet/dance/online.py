@@ -46,15 +46,11 @@ class OnlineScorer:
 
     Attributes:
         scorer: ours with its settings, or the paper's.
-        lag_s: delay in seconds after which a frame can be scored: all samples within its smoothing kernel have arrived then.
+        lag_s: seconds after which a frame can be scored.
     """
 
     def __init__(self, teacher: Performance, scorer: Scorer = OURS) -> None:
-        """Computes the teacher's features.
-
-        Raises:
-            InputError: The teacher's dance is shorter than a window.
-        """
+        """Computes the teacher's features; raises InputError if the dance is shorter than a window."""
         self.scorer, self.lag_s = scorer, KERNEL_RADIUS_S
         self._grid = TimeGrid(teacher, scorer.feature)
         prepared = scorer.teacher(self._grid.teacher)
@@ -83,15 +79,14 @@ class OnlineScorer:
         if joints_m.shape != (NUM_JOINTS, 3):
             raise InputError(f"joints of shape {joints_m.shape}: a frame has ({NUM_JOINTS}, 3)")
         if not math.isfinite(time_s) or (self._samples and time_s <= self._samples[-1][0]):
-            raise InputError(
-                f"a frame at {time_s + self.scorer.latency_s} s: times must be finite and increase from frame to frame"
-            )
+            given_s = time_s + self.scorer.latency_s
+            raise InputError(f"a frame at {given_s} s: times must be finite and increase from frame to frame")
         joints_m, confidence = mask_missing_joints(joints_m, confidence)
         if not self._samples:
             self._first = max(self._grid.frame_from(time_s), 0)
             self._skip(min(self._first, len(self._grid.frames)))
         self._samples.append((time_s, joints_m, confidence))
-        self._score_frames(before_s=time_s - self.lag_s)
+        self._score_frames(time_s - self.lag_s, len(self._grid.frames))
         return self._latest
 
     def preview(self, end_s: float, least_s: float) -> OnlineScore | None:
@@ -124,13 +119,9 @@ class OnlineScorer:
         return preferred(self._direct.summary(), self._mirrored.summary()) if self._latest else None
 
     def finish(self) -> DanceScore:
-        """Scores the rest of the dance and returns what `score_dance` returns for all samples.
-
-        Raises:
-            InputError: The learner's samples contain no whole window.
-        """
+        """What `score_dance` returns for all samples; raises InputError if they contain no whole window."""
         last = self._grid.frame_until(self._samples[-1][0]) if self._samples else -1
-        self._score_frames(before_s=math.inf, last=last)
+        self._score_frames(math.inf, min(last + 1, len(self._grid.frames)))
         self._grid.check_overlap(range(self._first, last + 1))
         self._skip(len(self._grid.frames))
         return preferred(self._direct.summary(), self._mirrored.summary())
@@ -142,9 +133,8 @@ class OnlineScorer:
             comparison.add_missing(self._next - begin)
             comparison.keep_windows(self._next)
 
-    def _score_frames(self, before_s: float, last: int | None = None) -> None:
-        """Scores the grid's frames before a time in seconds, up to frame `last`."""
-        stop = len(self._grid.frames) if last is None else min(last + 1, len(self._grid.frames))
+    def _score_frames(self, before_s: float, stop: int) -> None:
+        """Scores the grid's frames before a time in seconds and before the frame `stop`."""
         while self._next < stop and self._grid.time_s(self._next) < before_s:
             self._score_frame(self._next)
             self._next += 1

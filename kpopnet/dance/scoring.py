@@ -38,17 +38,13 @@ MIRROR_MARGIN = 10.0
 class Windows(NamedTuple):
     """Scores of a dance's windows, 0 to 100.
 
+    All arrays have N rows, one a window; those that are not listed are as in `kpopnet.dance.window.WindowScore`.
+
     Attributes:
         start_s: (N,) start of each window, seconds on the teacher's clock.
-        delay_s: (N,) this and the others as in `kpopnet.dance.window.WindowScore`, N windows of each.
-        timing: (N,)
-        posture: (N,)
-        similarity: (N,)
         weight: (N,) weight in 0..1 in the scores of the dance, see `kpopnet.dance.parts.PartTeacher.movement`.
         parts: name of `PARTS` to (N,) posture of that part alone.
         coverage: name of `PARTS` to (N,) fraction in 0..1 of the part in the teacher's frames that the learner shows.
-        error_rad: (N, D)
-        error_weight: (N, D)
     """
 
     start_s: np.ndarray
@@ -116,8 +112,8 @@ def score_dance(
 ) -> DanceScore:
     """Scores a learner against a teacher.
 
-    Windows start at multiples of the scorer's `hop_s` from the teacher's first frame and cover the teacher's dance. Frames of
-    the learner before the teacher's first frame or after the last one are not scored.
+    Windows start at multiples of the scorer's `hop_s` from the teacher's first frame. Frames of the learner outside the
+    teacher's dance are not scored.
 
     Args:
         teacher: the reference dance, or its (T, 15, 3) joints in metres in the camera frame.
@@ -272,10 +268,8 @@ class Comparison:
     def summary(self) -> DanceScore:
         """The score of the windows that were kept."""
         count, scorer = len(self._kept), self._teacher.scorer
-        start_s, weight = (
-            self._grid.time_s(range(0, count * self._hop_frames, self._hop_frames)),
-            self._teacher.movement[:count],
-        )
+        start_s = self._grid.time_s(range(0, count * self._hop_frames, self._hop_frames))
+        weight = self._teacher.movement[:count]
         names = ("delay_s", "timing", "posture", "similarity", "parts", "coverage", "error_rad", "error_weight")
         delay_s, timing, posture, similarity, *arrays = (np.array([getattr(one, name) for one in self._kept]) for name in names)
         parts, coverage = ({name: array[:, i] for i, name in enumerate(PARTS)} for array in arrays[:2])

@@ -40,8 +40,7 @@ def tempo(start_s: np.ndarray, delay_s: np.ndarray, posture: np.ndarray) -> floa
     if good.sum() < MIN_WINDOWS:
         return math.nan
     first, second = np.triu_indices(int(good.sum()), 1)
-    slopes = (delay_s[good][second] - delay_s[good][first]) / (start_s[good][second] - start_s[good][first])
-    return float(1 - np.median(slopes))
+    return float(1 - np.median((delay_s[good][second] - delay_s[good][first]) / (start_s[good][second] - start_s[good][first])))
 
 
 def measured_latency_s(delay_s: np.ndarray, posture: np.ndarray) -> float:
@@ -77,10 +76,9 @@ def beat_latency_s(joints_m: np.ndarray, times_s: np.ndarray, beat_s: float) -> 
     if moved_m < MIN_BEAT_MOVEMENT_M or explained < MIN_BEAT_SHARE:
         return math.nan
     # An arm that is held up for a moment means the middle of it.
-    highest = int(curve.argmax())
-    around = (highest + np.arange(-BEAT_STEPS // 4, BEAT_STEPS // 4)) % BEAT_STEPS
-    high = curve[around] > curve.max() - TOP_SHARE * np.ptp(curve)
-    phase = (highest + np.arange(-BEAT_STEPS // 4, BEAT_STEPS // 4)[high].mean()) / BEAT_STEPS
+    highest, steps = int(curve.argmax()), np.arange(-BEAT_STEPS // 4, BEAT_STEPS // 4)
+    high = curve[(highest + steps) % BEAT_STEPS] > curve.max() - TOP_SHARE * np.ptp(curve)
+    phase = (highest + steps[high].mean()) / BEAT_STEPS
     return float((phase - round(phase)) * beat_s)
 
 

@@ -44,26 +44,11 @@ def other_formats(teacher: Path, learner: Path) -> list[RecordingFault]:
 
 
 def read_observed(path: Path, fps: float | None, correction: str, scorer: str) -> Performance:
-    """Reads one dance, with the joints that the scorer's feature needs.
-
-    Raises:
-        InputError: as `read_performance`, or a joint is missing throughout.
-    """
+    """Reads one dance; raises InputError as `read_performance`, or if a joint that the scorer needs is missing throughout."""
     performance = corrected(read_in_child(read_performance, path, fps), correction)
     if SCORERS[scorer].feature == "raptis" and Joint.NECK in performance.unseen_joints:
         raise InputError(f"{path}: neck missing in every frame; scorer {scorer} needs it, dance22 does not")
     return performance
-
-
-def beat_duration_s(bpm: float | None) -> float | None:
-    """The duration of a beat in seconds; None for an unknown tempo.
-
-    Raises:
-        InputError: it is no tempo of music.
-    """
-    if bpm is not None and not 20 <= bpm <= 400:
-        raise InputError(f"--bpm {bpm:g}: expected 20 to 400 beats a minute")
-    return 60 / bpm if bpm else None
 
 
 @user_errors
@@ -84,7 +69,9 @@ def main() -> None:
     parser.add_argument("--bpm", type=float, help="tempo of the music: phrases of eight beats instead of 4 s, delays in beats")
     given = parser.parse_args()
 
-    beat_s = beat_duration_s(given.bpm)
+    if given.bpm is not None and not 20 <= given.bpm <= 400:
+        raise InputError(f"--bpm {given.bpm:g}: expected 20 to 400 beats a minute")
+    beat_s = 60 / given.bpm if given.bpm else None
     scorer = SCORERS[given.scorer]
     if isinstance(scorer, PartScorer):
         scorer = replace(scorer, noise=given.noise)
