@@ -1,10 +1,9 @@
 """Dynamic time warping of a learner's window into a teacher's dance (section 3.2).
 
-Both dances are features at the same uniformly spaced times. Without a delay the learner's frame i corresponds to the teacher's
-frame of the same time. It is compared with the teacher's frames up to `band` frames before and after that one. So distances
-are stored as an array (frames, 2 * band + 1): column k of row i belongs to the teacher's frame i + k - band. A row is
-computed once, when its frame arrives, and is used by every window that contains the frame. The online computation is
-therefore the offline computation with one new row per frame.
+Both dances are features at the same uniformly spaced times. The learner's frame i is compared with the teacher's frames up to
+`band` frames before and after the one of the same time. So distances are an array (frames, 2 * band + 1): column k of row i
+belongs to the teacher's frame i + k - band. A row is computed once, when its frame arrives, and every window that contains the
+frame uses it: online and offline computation are the same.
 
 The match is open at both ends: it may begin and end anywhere in the band, in agreement with the paper's text ("finds the
 corresponding teacher's dance sequence"). Its begin is found by backtracking from its best end. Dances contain repetitions
@@ -73,10 +72,7 @@ def frame_distance(learner, i, teacher, j, outlier):
     Differences are wrapped to -pi..pi, and their squares are weighted by the weights of both frames. Squares far beyond that of
     `outlier` count by their logarithm (Cauchy loss), so that a limb whose estimate is lost, or which does another move, does
     not outweigh all others. With an infinite `outlier` this is the plain norm. Missing angles are assumed to differ as much as
-    the others on average.
-
-    Returns:
-        NaN if more than half of the angles are missing.
+    the others on average; the result is NaN if more than half are missing.
     """
     total, product, num_present = 0.0, 1.0, 0.0
     inverse = 1 / (outlier * outlier)
@@ -98,15 +94,10 @@ def frame_distance(learner, i, teacher, j, outlier):
 
 @njit(cache=True)
 def constant_delay(distances, penalty):
-    """The column at which a stretch of frames matches best if the delay is constant.
+    """The column of the least mean distance plus `penalty` (radians) per frame of delay, where a stretch of frames fits best.
 
-    Args:
-        distances: (n, 2 * band + 1) output of `banded_distances`, radians; infinite entries are ignored.
-        penalty: radians added to the mean distance per frame of delay; it decides between delays that fit equally well.
-
-    Returns:
-        The column with the least mean distance plus penalty; `band`, no delay, if fewer than n / 2 entries of every column
-        are finite.
+    Infinite entries of the (n, 2 * band + 1) `banded_distances` are ignored. The result is `band`, no delay, if fewer than
+    n / 2 entries of every column are finite.
     """
     n, columns = distances.shape
     band = columns // 2
@@ -147,15 +138,9 @@ def best_match(distances, slope, penalty, expected):
 
 @njit(cache=True)
 def _accumulated_cost(distances, slope, begin_cost):
-    """The least cost of a match that ends in each cell, and the step that leads to the cell.
+    """(n, 2 * band + 1) least cost, radians, of a match that ends in each cell, and int8 the step that leads to the cell.
 
-    Args:
-        distances: (n, 2 * band + 1) radians.
-        slope: see `best_match`.
-        begin_cost: (2 * band + 1,) cost of beginning in each column, radians.
-
-    Returns:
-        (n, 2 * band + 1) float64 costs and int8 steps.
+    `begin_cost` (2 * band + 1,) is that of beginning in each column, radians; for others see `best_match`.
     """
     n, columns = distances.shape
     cost = np.full((n, columns), np.inf)

@@ -84,7 +84,7 @@ class Features(NamedTuple):
 
 
 class Angles(NamedTuple):
-    """Angles (T, D) and their weights (T, D), as in `Features`."""
+    """(T, D) angles and their weights, as in `Features`."""
 
     angles_rad: np.ndarray
     weights: np.ndarray
@@ -110,16 +110,13 @@ class Feature(NamedTuple):
 
 
 def dance_features(joints_m: np.ndarray, feature: str, fps: float, confidence: np.ndarray | None = None) -> Features:
-    """The features of a sequence of poses.
+    """The features of a sequence of poses, of which changes and turns of the first frames are missing.
 
     Args:
         joints_m: (T, 15, 3) in any right-handed frame, NaN where missing; for [17] in the camera frame (x right, y down).
         feature: one of FEATURES.
         fps: frames per second; frames are uniformly spaced.
         confidence: (T, 15) in 0..1 of each joint; by default 1 for all.
-
-    Returns:
-        Features in the order of the feature's names. Changes and turns of the first frames are missing.
     """
     joints_m = np.asarray(joints_m, np.float64)
     names, compute, _ = FEATURES[feature]
@@ -130,10 +127,9 @@ def dance_features(joints_m: np.ndarray, feature: str, fps: float, confidence: n
 
 
 def _angles_seen(angles_rad: np.ndarray, confidence: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
-    """(T, D) how well each angle is seen, from (T, D) angles and the (T, 15) confidence of the joints; see `Features`.
+    """(T, D) `Features.seen` of angles from the (T, 15) confidence of the joints.
 
-    For a limb's angles only the confidence of the limb's own joints counts: the torso frame is estimated from six joints
-    together.
+    For a limb's angles only the limb's own joints count: the torso frame is estimated from six joints together.
     """
     first = np.minimum(confidence[:, _PROXIMAL], confidence[:, _MIDDLE])
     second = np.minimum(confidence[:, _MIDDLE], confidence[:, _DISTAL])

@@ -7,7 +7,7 @@ from a `DanceScore`, so that the words during the dance are those of afterwards.
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -115,10 +115,10 @@ class Feedback:
 
 
 def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence[RecordingFault] = ()) -> Feedback:
-    """The feedback on a dance, or on what has been danced so far.
+    """The feedback on a dance, or on what has been danced so far (`OnlineScorer.score_so_far`).
 
     Args:
-        score: of `score_dance`, `OnlineScorer.finish` or `OnlineScorer.score_so_far`.
+        score: of the dance.
         beat_s: duration of a beat of the music, seconds; phrases then have eight beats, and delays are given in beats.
         recording: what `kpopnet.dance.diagnosis.probable_faults` found; hints whose cause it gives are left out.
     """
@@ -178,9 +178,8 @@ def _posture_moments(score: DanceScore) -> list[Moment]:
 
 
 def _moment(score: DanceScore, run: slice, part: str, angle: str, degrees: float, cost: float) -> Moment:
-    side, _, rest = angle.partition("_")
-    of_limb = side in ("left", "right")
-    joint = f"{side} {_JOINTS[rest.partition('_')[0]]}" if of_limb else ""
+    side, *others = angle.split("_")
+    joint = f"{side} {_JOINTS[others[0]]}" if side in ("left", "right") else ""
     opposite = angle == "right_elbow_azimuth"  # the sign of this angle changes its meaning with the side of the body
     direction = _WORDS[_ending(angle)][(degrees > 0) != opposite]
     start_s, end_s = _span(score, run)
@@ -230,8 +229,8 @@ def clock(seconds: float) -> str:
 
 
 def _at(starts_s: list[float]) -> str:
-    times = list(dict.fromkeys(clock(start_s) for start_s in starts_s))
-    return f"at {', '.join(times[:-1])} and {times[-1]}" if len(times) > 1 else f"at {times[0]}"
+    *others, last = dict.fromkeys(clock(start_s) for start_s in starts_s)
+    return f"at {', '.join(others)} and {last}" if others else f"at {last}"
 
 
 def _from_to(start_s: float, end_s: float) -> str:
@@ -256,14 +255,13 @@ def _gathered(moments: list[Moment], dance_s: float, beat_s: float | None) -> tu
     return tuple(fault for _, fault in sorted(faults, key=lambda pair: -pair[0]))
 
 
-def _hints(score: DanceScore) -> list[tuple[str, str]]:
-    """What concerns the whole dance: what it is about, as `kpopnet.dance.diagnosis.Fault`, and it in words."""
-    hints = []
+def _hints(score: DanceScore) -> Iterator[tuple[str, str]]:
+    """What concerns the whole dance: what it is about, as `kpopnet.dance.diagnosis.RecordingFault`, and it in words."""
     if score.mirror_fits_better and not score.mirrored:
-        hints.append(("mirror", "the mirror image fits much better: score with mirrored=true if the teacher was mirrored"))
+        yield "mirror", "the mirror image fits much better: score with mirrored=true if the teacher was mirrored"
     if abs(score.tempo - 1) >= MIN_TEMPO_DIFFERENCE:
-        hints.append(("tempo", f"{abs(score.tempo - 1):.0%} too {'fast' if score.tempo > 1 else 'slow'} throughout"))
-    return [*hints, *(("coverage", text) for text in _unseen(score))]
+        yield "tempo", f"{abs(score.tempo - 1):.0%} too {'fast' if score.tempo > 1 else 'slow'} throughout"
+    yield from (("coverage", text) for text in _unseen(score))
 
 
 def _unseen(score: DanceScore) -> list[str]:
@@ -272,11 +270,9 @@ def _unseen(score: DanceScore) -> list[str]:
     missing = {name: values < UNSEEN_BELOW for name, values in coverage.items()}  # false for NaN
     shown = [missing[name] for name, values in coverage.items() if np.isfinite(values).any()]
     nobody = np.all(shown, axis=0) if shown else missing["torso"]  # Algorithm 3 as printed has no parts
-    sentences = [f"nobody in the picture {_from_to(*_span(score, run))}" for run in _runs(nobody)]
+    subjects = {"nobody in": nobody}
     for kind in ("arm", "leg"):
         left, right = (missing[f"{side} {kind}"] & ~nobody for side in ("left", "right"))
-        for subject, flags in (
-            (f"{kind}s", left & right), (f"left {kind}", left & ~right), (f"right {kind}", right & ~left)
-        ):  # fmt: skip
-            sentences += [f"{subject} out of the picture {_from_to(*_span(score, run))}" for run in _runs(flags)]
-    return sentences
+        subjects |= {f"{kind}s out of": left & right}
+        subjects |= {f"left {kind} out of": left & ~right, f"right {kind} out of": right & ~left}
+    return [f"{who} the picture {_from_to(*_span(score, run))}" for who, flags in subjects.items() for run in _runs(flags)]

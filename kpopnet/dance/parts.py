@@ -246,10 +246,7 @@ class PartTeacher:
     def _similarities(self, squared: np.ndarray, on_path: PathDistances, turning: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(L,) similarity in 0..1 of the body and (L, P) of its parts in the pairs of a path; NaN where the teacher shows none.
 
-        Args:
-            squared: (L, P) radians^2.
-            on_path: the pairs.
-            turning: (L,) of the pairs' frames.
+        `squared` (L, P) is in radians^2; `turning` (L,) is that of the pairs' frames.
         """
         parts = np.where(on_path.taught, on_path.seen * self.scorer.posture(squared), np.nan)
         body = np.nansum(parts, axis=1) / or_nan(on_path.taught.sum(axis=1))
@@ -269,10 +266,7 @@ def _standing(features: Features) -> Features:
 
 
 def _subframe_shifts(squared: np.ndarray) -> np.ndarray:
-    """(L,) how many frames, -0.5 to 0.5, each pair fits best after the matched frame, from (L, 3, P) `PathDistances.squared`.
-
-    The squared distance to a limb that moves at constant speed is a parabola over the shift.
-    """
+    """(L,) how many frames, -0.5 to 0.5, each pair fits best after the matched frame: the minimum of a parabola."""
     before, here, after = squared.sum(axis=2).T
     curvature = before + after - 2 * here
     return np.where(curvature > 1e-12, np.clip((before - after) / (2 * np.maximum(curvature, 1e-12)), -0.5, 0.5), 0.0)

@@ -49,7 +49,7 @@ class Performance:
         return len(self.times_s)
 
     def earlier(self, seconds: float) -> "Performance":
-        """The same dance on a clock that reads less by a number of seconds."""
+        """The dance on a clock that reads less by a number of seconds."""
         return Performance(self.joints_m, self.times_s - seconds, self.confidence) if seconds else self
 
     @property
@@ -80,17 +80,12 @@ def as_performance(dance: Performance | np.ndarray, fps: float | None, whose: st
 
 
 def mask_missing_joints(joints_m: np.ndarray, confidence: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-    """Sets all coordinates of a missing joint to NaN and its confidence to 0.
+    """(..., 15, 3) joints with missing ones NaN, and (..., 15) float64 confidence in 0..1 with missing ones 0.
 
-    Args:
-        joints_m: (..., 15, 3) metres; a joint with a coordinate that is not finite, or of confidence 0, is missing.
-        confidence: (..., 15) in 0..1; None for 1 everywhere.
-
-    Returns:
-        (..., 15, 3) joints with missing ones NaN, and (..., 15) float64 confidence with missing ones 0.
+    A joint with a coordinate that is not finite, or of confidence 0, is missing; None is a confidence of 1 everywhere.
 
     Raises:
-        InputError: The confidence has another shape, or is not in 0..1.
+        InputError: the confidence has another shape, or is not in 0..1.
     """
     shape = joints_m.shape[:-1]
     values = np.ones(shape) if confidence is None else np.asarray(confidence, np.float64)

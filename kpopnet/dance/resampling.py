@@ -30,13 +30,7 @@ TIME_TOLERANCE_S = 1e-6
 def resampled(
     joints_m: np.ndarray, confidence: np.ndarray, times_s: np.ndarray, at_s: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The joints and their confidence at given times.
-
-    Args:
-        joints_m: (T, 15, 3), NaN where missing.
-        confidence: (T, 15) in 0..1.
-        times_s: (T,) seconds, strictly increasing.
-        at_s: (G,) output times, seconds, increasing.
+    """The (T, 15, 3) joints, NaN where missing, and their (T, 15) confidence at (G,) increasing times, all in seconds.
 
     Returns:
         (G, 15, 3) float64 joints, NaN before the first sample of a joint, after its last, and in gaps longer than MAX_GAP_S;

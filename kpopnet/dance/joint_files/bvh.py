@@ -41,11 +41,7 @@ class BvhFile:
 
 
 def read_bvh(path: Path) -> BvhFile:
-    """Reads a BVH file: the hierarchy, the channels in the order that the file declares, and the motion.
-
-    Raises:
-        InputError: the file is malformed or truncated; the message names the line.
-    """
+    """Reads a BVH file; raises InputError with the line where it is malformed or truncated."""
     lines = _Lines(Path(path))
     names, parents, offsets, channels = _read_hierarchy(lines)
     words = lines.next('"Frames: <number>"')
@@ -151,12 +147,7 @@ def _read_hierarchy(lines: _Lines) -> tuple[list[str], list[int], list[list[floa
 
 
 def bvh_text(bvh: BvhFile, ends: np.ndarray | Sequence[np.ndarray]) -> str:
-    """The text of a BVH file.
-
-    Args:
-        bvh: its contents.
-        ends: (J, 3) where each joint's bone ends if no joint follows, from the joint.
-    """
+    """The text of a BVH file; `ends` (J, 3) is where each joint's bone ends if no joint follows, from the joint."""
     children: list[list[int]] = [[] for _ in bvh.names]
     for joint, parent in enumerate(bvh.parents[1:], 1):
         children[parent].append(joint)
@@ -171,9 +162,8 @@ def bvh_text(bvh: BvhFile, ends: np.ndarray | Sequence[np.ndarray]) -> str:
         for child in children[joint]:
             write(child, indent + "  ")
         if not children[joint]:
-            lines.extend(
-                [f"{indent}  End Site", indent + "  {", f"{indent}    OFFSET {_numbers(ends[joint], 5)}", indent + "  }"]
-            )
+            end = f"OFFSET {_numbers(ends[joint], 5)}"
+            lines.extend([f"{indent}  End Site", indent + "  {", f"{indent}    {end}", indent + "  }"])
         lines.append(indent + "}")
 
     write(0, "")

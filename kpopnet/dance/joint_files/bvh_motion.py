@@ -39,8 +39,9 @@ _LIMB_NAMES = (
 separators and namespace; {} is left or right, or its first letter."""
 
 _LIMB = ("Shoulder", "Arm", "ForeArm", "Hand", "UpLeg", "Leg", "Foot", "ToeBase")
-_OPTIONAL = ("Shoulder", "ToeBase")
-_HIPS = ("hips", "hip", "pelvis", "root")
+"""MotionBuilder's names of the same joints, the first and the last of which a file may lack."""
+
+_HIPS, _DOWN = ("hips", "hip", "pelvis", "root"), (0.0, -1.0, 0.0)
 
 _UNITS_M = {"metres": 1.0, "inches": 0.0254, "centimetres": 0.01, "millimetres": 0.001, "CMU's 5.64 cm": 0.0254 / 0.45}
 """Metres per unit for the units that occur in files. The leg lengths of adults in these units do not overlap."""
@@ -77,10 +78,7 @@ class BvhMotion:
 
 
 def read_bvh_motion(path: Path, fps: float | None = None) -> BvhMotion:
-    """Reads a BVH file, finds its joints, its unit and its axes.
-
-    Joints are found by name, the spine and the neck by the chain between hips, arms and head. `fps` is the true frame rate of a
-    file that states a wrong one.
+    """Reads a BVH file, finds its joints, its unit and its axes; `fps` is the true rate of a file that states a wrong one.
 
     Raises:
         InputError: the file is malformed, or a required joint is not found.
@@ -164,7 +162,7 @@ def _plain(name: str) -> str:
 
 
 def _find_joints(bvh: BvhFile, path: Path) -> dict[str, int]:
-    """Index in the file of each canonical joint, by canonical name."""
+    """Index in the file of each joint: limbs by name, spine and neck by the chain between hips, arms and head."""
     by_name: dict[str, int] = {}
     for i, name in enumerate(bvh.names):
         by_name.setdefault(_plain(name), i)
@@ -184,7 +182,7 @@ def _find_joints(bvh: BvhFile, path: Path) -> dict[str, int]:
     for side in ("Left", "Right"):
         if (hand := by_name.get(f"{side.lower()}fingerbase")) is not None:
             found[f"{side}Hand"] = hand  # cgspeed's "hand" is the last third of the forearm
-    needed = [side + part for side in ("Left", "Right") for part in _LIMB if part not in _OPTIONAL]
+    needed = [side + part for side in ("Left", "Right") for part in _LIMB[1:-1]]
     missing = [name for name in needed if name not in found]
     if "head" not in by_name:
         missing.append("Head")
@@ -233,22 +231,13 @@ def _canonical_frame(rest: np.ndarray, found: dict[str, int], path: Path) -> np.
     return Rotation.from_matrix(axes).as_quat(scalar_first=True)
 
 
-_LIMB_AXES = {  # joint and next joint of the limb: direction of the bone in the T-pose
-    ("LeftArm", "LeftForeArm"): (1.0, 0.0, 0.0),
-    ("RightArm", "RightForeArm"): (-1.0, 0.0, 0.0),
-    ("LeftUpLeg", "LeftLeg"): (0.0, -1.0, 0.0),
-    ("RightUpLeg", "RightLeg"): (0.0, -1.0, 0.0),
-    ("LeftLeg", "LeftFoot"): (0.0, -1.0, 0.0),
-    ("RightLeg", "RightFoot"): (0.0, -1.0, 0.0),
-}
-
-
 def _opens_with_t_pose(bvh: BvhFile, rotated: np.ndarray, rest: np.ndarray, found: dict[str, int]) -> bool:
     """Whether frame 0 is a T-pose before the recording: unrotated hips, straight limbs, the position of frame 1."""
     if len(bvh.root) < 2 or (bvh.root[0] != bvh.root[1]).any() or abs(rotated[found["Hips"], 0]) < 1 - 1e-9:
         return False
-    for (joint, end), axis in _LIMB_AXES.items():
-        bone = rotate(rotated[found[joint]], rest[found[end]] - rest[found[joint]])
-        if bone @ np.array(axis) < np.cos(np.deg2rad(12)) * np.linalg.norm(bone):
-            return False
+    for side, left in (("Left", 1.0), ("Right", -1.0)):
+        for joint, end, axis in (("Arm", "ForeArm", (left, 0.0, 0.0)), ("UpLeg", "Leg", _DOWN), ("Leg", "Foot", _DOWN)):
+            bone = rotate(rotated[found[side + joint]], rest[found[side + end]] - rest[found[side + joint]])
+            if bone @ np.array(axis) < np.cos(np.deg2rad(12)) * np.linalg.norm(bone):
+                return False
     return not np.array_equal(bvh.quats[0], bvh.quats[1])

@@ -39,10 +39,6 @@ def write_performance(path: Path | str, performance: Performance) -> None:
 
     All formats but BVH keep the camera frame: metres, x right, y down, z forward.
 
-    Args:
-        path: ends with .npz, .json, .csv or .bvh; its folder exists.
-        performance: the joints.
-
     Raises:
         InputError: another ending; or BVH of joints that make no skeleton.
         OSError: the file cannot be written.
@@ -134,14 +130,7 @@ def _filled(performance: Performance) -> np.ndarray:
 
 
 class _Bone(NamedTuple):
-    """A joint of the BVH file and the bone that begins at it.
-
-    Attributes:
-        parent: name of the joint before, empty for the root.
-        offset_cm: (3,) place in the parent's axes.
-        world: (T, 4) rotations from the rest pose.
-        end_cm: (3,) where the bone ends if no joint follows, in the joint's axes.
-    """
+    """A joint of the BVH file: parent's name, (3,) offset from it, (T, 4) world rotations, (3,) end if no joint follows."""
 
     parent: str
     offset_cm: np.ndarray
