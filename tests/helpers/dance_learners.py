@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 from dance_people import FPS, joints_of
 from real_data import REAL
+from scipy.spatial.transform import Rotation
 
 from kpopnet.skeleton import Joint
 from synth.motion.recorded.clips import open_clips
@@ -38,10 +39,8 @@ def unit(vectors):
 
 
 def rotated(vectors, axes, angles_rad):
-    """(..., 3) vectors turned about (..., 3) unit axes by (...) angles: Rodrigues' formula."""
-    cos, sin = np.cos(angles_rad)[..., None], np.sin(angles_rad)[..., None]
-    along = (vectors * axes).sum(axis=-1, keepdims=True) * axes
-    return vectors * cos + np.cross(axes, vectors) * sin + along * (1 - cos)
+    """(T, 3) vectors turned about (T, 3) unit axes by (T,) angles."""
+    return Rotation.from_rotvec(axes * angles_rad[:, None]).apply(np.array(vectors))
 
 
 def turned_about(joints_m, centre, moved, axes, angles_rad):

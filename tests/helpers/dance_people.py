@@ -3,6 +3,7 @@
 from functools import cache
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from kpopnet.dance.performance import Performance
 from kpopnet.skeleton import MIRROR, Joint
@@ -54,13 +55,8 @@ def noisy(joints_m: np.ndarray, deviation_m: float, seed: int = 0) -> np.ndarray
 
 
 def turned(joints_m: np.ndarray, axis: np.ndarray, angle_rad: float | np.ndarray) -> np.ndarray:
-    """Rotates (T, 15, 3) joints about an axis by Rodrigues' formula.
-
-    The axis passes through the camera, or, if there is one angle per frame, through the torso of each frame.
-    """
-    axis = np.asarray(axis, float) / np.linalg.norm(axis)
-    angle_rad = np.asarray(angle_rad, float)
-    centre_m = joints_m[:, Joint.TORSO][:, None] if angle_rad.ndim else np.zeros(3)
-    v, angle = joints_m - centre_m, angle_rad[..., None, None]
-    along = (v @ axis)[..., None] * axis
-    return centre_m + v * np.cos(angle) + np.cross(axis, v) * np.sin(angle) + along * (1 - np.cos(angle))
+    """(T, 15, 3) joints turned about an axis through the camera, or, with (T,) angles, through the torso of each frame."""
+    centre_m = joints_m[:, [Joint.TORSO]] if np.ndim(angle_rad) else np.zeros(3)
+    angles_rad = np.broadcast_to(angle_rad, len(joints_m))[:, None]
+    matrices = Rotation.from_rotvec(angles_rad * np.asarray(axis, float) / np.linalg.norm(axis)).as_matrix()
+    return centre_m + (joints_m - centre_m) @ matrices.swapaxes(1, 2)

@@ -7,7 +7,6 @@ from dance_people import dance_joints_m, noisy, performed
 from kpopnet.dance.diagnosis import corrected, delayed, knees_bend_backwards, probable_faults
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import SCORERS, score_dance
-from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 
 CONFIG = SCORERS["dance22"]
@@ -68,11 +67,3 @@ def test_knees_tell_left_from_right():
     unknown = dance.joints_m.copy()
     unknown[:, [Joint.LEFT_KNEE, Joint.RIGHT_KNEE]] = np.nan
     assert not knees_bend_backwards(Performance(unknown, dance.times_s))
-
-
-def test_corrections_undo_themselves():
-    for correction in ("mirrored", "swapped", "reflected"):
-        back = corrected(corrected(TEACHER, correction), correction)
-        np.testing.assert_array_equal(back.joints_m, TEACHER.joints_m)
-    with pytest.raises(InputError, match="upside_down is not one of as_recorded, mirrored"):
-        corrected(TEACHER, "upside_down")

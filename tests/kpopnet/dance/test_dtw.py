@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from dtaidistance import dtw_ndim
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -83,28 +82,6 @@ def test_a_window_is_found_at_its_delay():
             path = best_match(distances, slope, 0.0, 30)
             assert path.tolist() == [[i, 30 - delay] for i in range(40)]
         assert constant_delay(distances, 0.0) == 30 - delay
-
-
-def test_the_slope_constraint_allows_half_and_double_speed():
-    trajectory = np.linspace(0, 3, 121)[:, None] * [1, 0.5, -1]
-    teacher = plain(trajectory)
-    for speed, frames in ((0.5, 40), (2.0, 20)):
-        at = 40 + speed * np.arange(frames)
-        learner = plain(np.stack([np.interp(at, np.arange(121), column) for column in trajectory.T], axis=1))
-        distances = banded_distances(learner, teacher, 40, 40, math.inf)
-        path = best_match(distances, True, 0.0, 40)
-        begin, end = 40 + path[[0, -1]].sum(axis=1) - 40
-        assert abs(begin - 40) <= 1 and abs(end - (40 + speed * (frames - 1))) <= 1
-
-
-def test_with_the_slope_constraint_a_still_learner_does_not_match_a_single_frame():
-    rng = np.random.default_rng(1)
-    teacher = plain(np.cumsum(rng.normal(size=(120, 3)), axis=0) * 0.1)
-    learner = Features(*(np.repeat(a[60:61], 30, axis=0) for a in teacher))
-    distances = banded_distances(learner, teacher, 45, 40, math.inf)
-    lengths = {slope: np.ptp(best_match(distances, slope, 0.0, 40).sum(axis=1)) + 1 for slope in (True, False)}
-    assert lengths[False] == 1
-    assert lengths[True] >= 15
 
 
 def test_of_equally_good_matches_the_expected_time_is_chosen():
@@ -191,18 +168,6 @@ def slow_algorithm_3(learner, teacher, alpha, beta, tau):
     half = (end - start + 1) / 2
     timing = 1 - min(1, math.exp((abs(half - n / 2) - tau) / (alpha * tau)))
     return timing, math.exp(-warped[n, end] / (beta * half)), start
-
-
-def test_the_papers_steps_give_the_same_match_as_a_library():
-    rng = np.random.default_rng(3)
-    for _ in range(20):
-        teacher = np.cumsum(rng.normal(0, 0.02, (90, 22)), axis=0)
-        window = teacher[30:60] + rng.normal(0, 0.05, (30, 22))
-        distances = banded_distances(plain(window), plain(teacher), 0, 90, math.inf)
-        path = best_match(distances, False, 0.0, 90)
-        _, costs = dtw_ndim.warping_paths(window, teacher, inner_dist="euclidean", psi=(0, 0, 90, 90), psi_neg=False)
-        assert path[-1].sum() - 90 == np.argmin(costs[-1, 1:])
-        assert distances[path[:, 0], path[:, 1]].sum() == pytest.approx(costs[-1, 1:].min())
 
 
 def test_algorithm_3_is_as_printed_with_its_faults():

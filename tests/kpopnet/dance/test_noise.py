@@ -1,6 +1,5 @@
 """An estimator's known errors are taken out of the distance: perfect dancing scores high, and levels stay apart."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +9,7 @@ from dance_people import dance_joints_m, noisy, performed
 from programs import tool
 
 from kpopnet.dance.features import FEATURES
-from kpopnet.dance.parts import NOISE, TABLE, AngleNoise, angle_variance
+from kpopnet.dance.parts import NOISE, AngleNoise, angle_variance
 from kpopnet.dance.scoring import OURS, DanceScore, score_dance
 
 noise = tool("measure_noise")
@@ -56,16 +55,6 @@ def test_noise_is_measured_as_it_is():
     without, with_noise = noise.perfect_scores(learners)
     assert len(without) == len(with_noise) == 3 and min(with_noise) > 87 > max(without)
     assert all(a > b + 5 for a, b in zip(noise.scores_with(learners, "tracker"), without, strict=True))
-
-
-def test_the_noise_of_an_estimator_is_entered_in_the_table(tmp_path, monkeypatch):
-    table = tmp_path / "noise.json"
-    table.write_text(TABLE.read_text())
-    monkeypatch.setattr(noise, "TABLE", table)
-    noise.enter("best", AngleNoise({"twist": 0.5}, 12.0))
-    entered = json.loads(table.read_text())
-    assert entered["best"] == {"std_rad": {"twist": 0.5}, "ceiling": 12.0}
-    assert entered["tracker"] == json.loads(TABLE.read_text())["tracker"]
 
 
 def test_the_table_has_every_angle_of_every_estimator():

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kpopnet.dance.features import FEATURES, Angles, Feature
+from kpopnet.dance.feedback import feedback
 from kpopnet.dance.online import OnlineScorer
 from kpopnet.dance.paper import PaperScorer
 from kpopnet.dance.parts import PartScorer
@@ -76,12 +77,6 @@ def test_points_are_lost_in_the_part_and_window_of_the_fault():
     assert tuple(score.parts) == tuple(score.windows.parts) == tuple(score.coverage) == PARTS
 
 
-def test_parts_are_scored_by_posture_alone():
-    joints_m = dance_joints_m(0)
-    late = score_dance(performed(joints_m), performed(joints_m[15:], 0.5 + 15 / FPS - 0.2)).parts
-    assert min(late.values()) > 96
-
-
 def test_a_turn_of_the_whole_body_lowers_our_score_alone():
     teacher_m = dance_joints_m(3)  # it never turns
     turning_m = turned(teacher_m, [0, 1, 0], 2 * np.sin(np.arange(len(teacher_m)) / 20))
@@ -116,7 +111,8 @@ def test_algorithm_3_as_printed_does_not_find_a_late_copy():
     joints_m, printed = dance_joints_m(0), PaperScorer(as_printed=True)
     assert score_dance(performed(joints_m), performed(joints_m, 1.0), printed).posture < 75
     assert score_dance(performed(joints_m), performed(joints_m, 1.0), SCORERS["paper"]).posture > 90
-    assert similarity(joints_m, joints_m, printed) > 95
+    copy = score_dance(performed(joints_m), performed(joints_m), printed)
+    assert copy.similarity > 95 and feedback(copy).hints == ()
 
 
 def test_a_new_feature_is_scored_by_the_papers_scorer_under_its_name(monkeypatch):
@@ -172,24 +168,6 @@ def test_dropped_frames_and_other_frame_rates_hardly_change_the_score():
         assert score_dance(performed(joints_m), other).similarity > 85
 
 
-def test_a_learner_is_scored_only_within_the_teachers_dance():
-    joints_m = dance_joints_m(0)
-    teacher = Performance(joints_m[60:240], np.arange(60, 240) / FPS)
-    score = score_dance(teacher, performed(joints_m))
-    assert score.similarity > 95
-    assert score.windows.start_s[0] == 2.0 and score.windows.start_s[-1] <= 6.0
-
-
-def test_bones_of_zero_length_count_as_missing():
-    joints_m = dance_joints_m(0)
-    learner_m = joints_m.copy()
-    learner_m[:, Joint.LEFT_ELBOW] = learner_m[:, Joint.LEFT_SHOULDER]
-    armless = score_dance(performed(joints_m), performed(learner_m))
-    assert armless.scored == 1 and armless.parts["left arm"] == 0 and armless.parts["right arm"] > 99
-    point = score_dance(performed(joints_m), performed(np.zeros_like(joints_m)))
-    assert point.scored == 0 and math.isnan(point.similarity)
-
-
 JOINTS_M = dance_joints_m(0)
 LOST = performed(np.full_like(JOINTS_M, np.nan))
 
@@ -199,24 +177,14 @@ LOST = performed(np.full_like(JOINTS_M, np.nan))
     [
         (lambda: similarity(JOINTS_M[:50], JOINTS_M), r"dance lasts 1\.63 s, less than a window of 2\.0 s"),
         (lambda: similarity(JOINTS_M, JOINTS_M[:50]), r"recorded for 1\.63 s of a dance of 11\.97 s, in no whole window"),
-        (lambda: similarity(JOINTS_M, JOINTS_M, delay_s=100), r"learner was recorded for 0\.00 s"),
         (lambda: score_dance(performed(JOINTS_M), LOST), "the learner's dance: no joint is known in any of its 360 frames"),
-        (lambda: score_dance(LOST, performed(JOINTS_M)), "the teacher's dance: no joint is known"),
         (lambda: OnlineScorer(LOST), "the teacher's dance: no joint is known"),
         (lambda: score_dance(JOINTS_M, JOINTS_M), "teacher's dance is an array without times and fps=None; give its frames"),
         (lambda: score_dance(JOINTS_M, JOINTS_M[:, :14], fps=FPS), r"the learner's dance: joints of shape \(360, 14, 3\)"),
         (lambda: Performance(JOINTS_M[:3], np.array([0, 0.2, 0.1])), r"frame 2 has time 0\.1: times must be finite and incr"),
-        (lambda: Performance(JOINTS_M[:3], np.array([0, np.nan, 0.2])), "frame 1 has time nan"),
-        (lambda: Performance(JOINTS_M[:5], np.arange(4.0)), "expected one time a frame"),
         (lambda: Performance(JOINTS_M[:3], np.array([0, 0.1, 3e6])), "are they seconds"),
-        (lambda: Performance(JOINTS_M[:3], 1e12 + np.arange(3)), "are they seconds"),
-        (
-            lambda: Performance(JOINTS_M[:5], np.arange(5.0), np.ones(5)),
-            r"confidence of shape \(5,\): expected one number a j",
-        ),
         (lambda: Performance(JOINTS_M[:1], np.zeros(1), np.full((1, 15), np.nan)), "expected numbers from 0 to 1"),
         (lambda: PartScorer(tau=0), "^tau=0 must be"),
-        (lambda: PartScorer(latency_s=9), "^latency_s=9: expected -5 to 5 seconds"),
         (lambda: PartScorer(noise="odd"), r"^noise=odd is not one of auto, none, .*tracker"),
         (lambda: PaperScorer(feature="odd"), "^feature=odd .*dance22, dance22_turn, raptis"),
     ],
@@ -224,21 +192,6 @@ LOST = performed(np.full_like(JOINTS_M, np.nan))
 def test_bad_input_is_refused_with_a_message(refused, message):
     with pytest.raises(InputError, match=message):
         refused()
-
-
-@settings(max_examples=8, deadline=None)
-@given(st.lists(st.floats(0, 1), min_size=2, max_size=2), st.booleans())
-def test_lower_confidence_never_scores_more(confidences, wrong):
-    learner_m, values = JOINTS_M.copy(), np.ones(JOINTS_M.shape[:2])
-    arm = [Joint.LEFT_ELBOW, Joint.LEFT_HAND]
-    if wrong:
-        learner_m[:, arm] = dance_joints_m(1)[:, arm]
-    scores = []
-    for confidence in sorted(confidences):
-        values[:, arm] = confidence
-        learner = Performance(learner_m, np.arange(len(JOINTS_M)) / FPS, values)
-        scores.append(score_dance(performed(JOINTS_M), learner).similarity)
-    assert scores[0] <= scores[1] + 0.5
 
 
 def test_unseen_is_never_better_than_seen_and_wrong():
@@ -261,13 +214,19 @@ def test_what_the_teacher_does_not_show_costs_nothing():
     assert score.similarity > 98 and "left leg" not in score.parts and score.completeness > 0.99
 
 
+def test_a_learner_is_scored_only_within_the_teachers_dance():
+    joints_m = dance_joints_m(0)
+    teacher = Performance(joints_m[60:240], np.arange(60, 240) / FPS)
+    score = score_dance(teacher, performed(joints_m))
+    assert score.similarity > 95
+    assert score.windows.start_s[0] == 2.0 and score.windows.start_s[-1] <= 6.0
+
+
 def test_bad_input_to_the_online_scorer_is_refused_with_a_message():
     scorer = OnlineScorer(performed(JOINTS_M))
     scorer.update(JOINTS_M[0], 0.0)
     with pytest.raises(InputError, match=r"joints of shape \(14, 3\)"):
         scorer.update(JOINTS_M[0, :14], 0.1)
-    with pytest.raises(InputError, match=r"confidence of shape \(14,\)"):
-        scorer.update(JOINTS_M[1], 0.1, np.ones(14))
     with pytest.raises(InputError, match=r"a frame at 0\.0 s"):
         scorer.update(JOINTS_M[0], 0.0)
     with pytest.raises(InputError, match="no whole window"):
@@ -344,13 +303,6 @@ def test_a_preview_of_a_short_window_knows_the_delay_and_changes_nothing():
             assert online.update(joints_m[frame], at_s) == previewed.update(joints_m[frame], at_s)
 
 
-def test_arrays_score_as_performances_do():
-    learner_m = noisy(JOINTS_M, 0.02)
-    expected = score_dance(performed(JOINTS_M), performed(learner_m)).similarity
-    assert score_dance(JOINTS_M, learner_m, fps=FPS).similarity == expected
-    assert score_dance(performed(JOINTS_M), learner_m, fps=FPS).similarity == expected
-
-
 def test_the_learners_mirror_image_is_preferred_or_hinted_at():
     joints_m = dance_joints_m(0)
     learner = performed(mirrored(joints_m))
@@ -379,9 +331,8 @@ def test_the_tempo_is_measured(rate):
     assert math.isnan(score_dance(performed(joints_m), performed(np.repeat(joints_m[:1], len(joints_m), axis=0))).tempo)
 
 
-@pytest.mark.parametrize("index", DANCES)
-def test_the_score_is_a_smooth_function_of_the_delay(index):
-    joints_m = dance_joints_m(index)
+def test_the_score_is_a_smooth_function_of_the_delay():
+    joints_m = dance_joints_m(0)
     scores = np.array([similarity(joints_m, joints_m, delay_s=delay_s) for delay_s in np.arange(0, 0.1, 0.01)])
     steps = np.diff(scores)
     assert (steps < 0).all() and steps.min() > -1.2 and scores[0] > 99.9

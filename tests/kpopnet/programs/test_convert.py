@@ -5,47 +5,28 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bvh_files import write_bvh
 from recorded_points import FRAMES, coco, imperial
+from scipy.spatial.transform import Rotation
 
 import kpopnet.programs.convert
 from kpopnet.datasets.dances.converters import read_imperial
 from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.skeleton import Joint
-from synth.motion.skeleton import NUM_JOINTS, PARENTS, POINT_NAMES, REST_OFFSETS_M
+from synth.motion.skeleton import INDEX, LEG_M, NUM_JOINTS, Motion
 
 
-def write_bvh(path: Path, frames: int, left_arm_deg: float) -> None:
+def write_arm(path: Path, frames: int, left_arm_deg: float) -> None:
     """A person in T-pose whose left arm sinks by an angle in degrees; all other rotations are zero."""
-    lines, order = ["HIERARCHY"], []
-
-    def block(point: int, indent: str) -> None:
-        name, children = POINT_NAMES[point], np.flatnonzero(point == PARENTS)
-        offset = " ".join(f"{100 * value:.3f}" for value in REST_OFFSETS_M[point])
-        if point >= NUM_JOINTS:
-            lines.extend([f"{indent}End Site", f"{indent}{{", f"{indent}  OFFSET {offset}", f"{indent}}}"])
-            return
-        order.append(point)
-        channels = "6 Xposition Yposition Zposition" if point == 0 else "3"
-        lines.extend([f"{indent}{'ROOT' if point == 0 else 'JOINT'} {name}", f"{indent}{{", f"{indent}  OFFSET {offset}"])
-        lines.append(f"{indent}  CHANNELS {channels} Zrotation Yrotation Xrotation")
-        for child in children:
-            block(int(child), indent + "  ")
-        lines.append(f"{indent}}}")
-
-    block(0, "")
-    lines += ["MOTION", f"Frames: {frames}", f"Frame Time: {1 / 30:.6f}"]
-    for frame in range(frames):
-        values = ["0 100 0"]
-        for point in order:
-            sunk = -left_arm_deg * frame / (frames - 1) if POINT_NAMES[point] == "LeftArm" else 0
-            values.append(f"{sunk:.4f} 0 0")
-        lines.append(" ".join(values))
-    path.write_text("\n".join(lines) + "\n")
+    quats = np.tile([1.0, 0, 0, 0], (frames, NUM_JOINTS, 1))
+    sunk_deg = -left_arm_deg * np.linspace(0, 1, frames)
+    quats[:, INDEX["LeftArm"]] = Rotation.from_euler("z", sunk_deg[:, None], degrees=True).as_quat(scalar_first=True)
+    write_bvh(path, Motion(quats, np.tile([0.0, 1, 0], (frames, 1)), 30.0, path.stem, LEG_M))
 
 
 def test_bvh_files_become_a_dance(tmp_path, monkeypatch):
     for name, degrees in (("teacher", 80.0), ("ann", 80.0), ("bob", 20.0)):
-        write_bvh(tmp_path / f"{name}.bvh", 20, degrees)
+        write_arm(tmp_path / f"{name}.bvh", 20, degrees)
     files = ("--teacher", tmp_path / "teacher.bvh", "--learners", tmp_path / "ann.bvh", tmp_path / "bob.bvh")
     convert(monkeypatch, "recordings", tmp_path / "out", "--dance", "t", *files)
     dance = KpopSet(tmp_path / "out").dance("t")

@@ -93,18 +93,6 @@ def test_one_cause_is_told_once(files, run, tmp_path):
     assert page.count("warning") == 1 and "mirror image" not in page
 
 
-def test_what_is_not_in_the_picture_is_told_by_part(files, run, tmp_path):
-    teacher, _, joints_m, _ = files
-    hidden_m = joints_m.copy()
-    hidden_m[120:270, [Joint.LEFT_ELBOW, Joint.LEFT_HAND, Joint.RIGHT_ELBOW, Joint.RIGHT_HAND]] = np.nan
-    np.savez(tmp_path / "armless.npz", joints_m=hidden_m, fps=30)
-    printed = run(teacher, tmp_path / "armless.npz", "--out", tmp_path / "out")
-    assert "arms out of the picture from 0:04 to 0:09" in printed and "left leg 100," in printed
-    assert re.search(r"left arm \d+ \(seen [56]\d%\)", printed)
-    page = (tmp_path / "out" / "score.html").read_text()
-    assert "arms out of the picture from 0:04 to 0:09" in page and "<th>seen</th>" in page
-
-
 def test_the_tempo_of_the_music_makes_phrases_and_an_estimators_noise_shows_the_ceiling(files, run, tmp_path, capsys):
     words = (*files[:2], "--out", tmp_path / "out")
     assert "0:00 to 0:06," in run(*words, "--bpm", 80) and "perfect dancing" not in run(*words)

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from damaged_files import HOSTILE_JSON, is_refused, survives_damage, survives_hostile_json
+from damaged_files import survives_damage, survives_hostile_json
 from recorded_points import FRAMES, coco, person
 
 from kpopnet.dance.joint_files.points import COCO_NAMES
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.errors import InputError
-from kpopnet.skeleton import JOINT_NAMES, Joint
+from kpopnet.skeleton import Joint
 
 TIMES_S = np.arange(FRAMES) / 25.0
 
@@ -123,10 +123,6 @@ def test_what_is_missing_is_named(tmp_path):
     unseen = kinect() | {"KneeLeft": np.full((FRAMES, 3), np.nan)}
     with pytest.raises(InputError, match=r"a\.csv: left_knee missing in every frame"):
         read_performance(write_csv(tmp_path / "a.csv", unseen))
-    joints_m = np.full((4, len(JOINT_NAMES), 3), np.nan)
-    np.savez(tmp_path / "a.npz", joints_m=joints_m, fps=30)
-    with pytest.raises(InputError, match=r"a\.npz: right_shoulder, left_shoulder, .*left_foot missing in every frame"):
-        read_performance(tmp_path / "a.npz")
     np.savez(tmp_path / "mm.npz", joints_m=1000 * read_performance(azure(tmp_path / "b.json", kinect())).joints_m, fps=30)
     with pytest.raises(InputError, match=r"mm\.npz: joints_m is in units of 0\.001 m"):
         read_performance(tmp_path / "mm.npz")
@@ -137,19 +133,11 @@ def test_what_is_missing_is_named(tmp_path):
     [
         ("a.txt", "", r"expected a file that ends with \.npz, \.bvh, \.csv, \.json"),
         ("a.csv", "", "line 1: expected columns NAME_x, NAME_y, NAME_z, found none"),
-        ("a.csv", "a,b\n1,2\n", "expected columns NAME_x, NAME_y, NAME_z, found a, b"),
         ("a.csv", "p_x,p_y,p_z\n1,2\n", "line 2: expected 3 cells as in the header, found 2"),
         ("a.csv", "p_x,p_y,p_z\n1,2,three\n", "line 2: expected a number, found 'three'"),
-        ("a.csv", "p_x,p_y,p_z\n", "expected a line of numbers"),
         ("a.json", "[]", "expected an object with keypoints3d or frames"),
-        ("a.json", '{"frames": []}', "expected frames, found none"),
         ("a.json", '{"frames": [{"joints": {"hip": [1, 2]}}]}', "frame 0, hip: expected 3 numbers"),
         ("a.json", '{"frames": [{"joints": {}, "time_s": 1}, {"joints": {}}]}', "time_s in all frames or in none"),
-        (
-            "a.json",
-            '{"frames": [{"bodies": [], "timestamp_usec": 1}], "joint_names": ["a"]}',
-            "a body in some frame",
-        ),
         ("a.json", '{"keypoints3d": [[1, 2]]}', "frame 0: expected a list of 17 points"),
     ],
 )
@@ -184,6 +172,3 @@ def test_damaged_files_are_refused_in_one_line(tmp_path):
         assert survives_damage(path, lambda path=path: read_performance(path), count=60) > 10
     (tmp_path / "f.json").write_text(json.dumps({"keypoints3d": coco()[:2].tolist(), "fps": 30}))
     survives_hostile_json(tmp_path / "f.json", lambda: read_performance(tmp_path / "f.json"))
-    for hostile in HOSTILE_JSON:
-        (tmp_path / "g.json").write_text('{"fps": 30, "frames": [{"joints": {"Head": @}}]}'.replace("@", hostile))
-        assert is_refused(lambda: read_performance(tmp_path / "g.json"))
