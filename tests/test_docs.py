@@ -117,8 +117,8 @@ def test_a_dance_is_scored_as_the_page_says() -> None:
 
 def test_people_are_tracked_as_the_page_says(capsys) -> None:
     program = next(program for page, program in fenced("python") if page == "trackers.md")
-    exec(program, {"depth": two_people_mm(frames=12)})
-    assert sorted(capsys.readouterr().out.splitlines()) == ["0 (12, 15, 3)", "1 (12, 15, 3)"]
+    exec(program, {"depth": two_people_mm(frames=6)})
+    assert sorted(capsys.readouterr().out.splitlines()) == ["0 (6, 15, 3)", "1 (6, 15, 3)"]
 
 
 def test_the_map_from_the_paper_leads_somewhere() -> None:
