@@ -135,6 +135,11 @@ def test_the_map_from_the_paper_leads_somewhere() -> None:
             assert importlib.util.find_spec(place), place
 
 
+@pytest.mark.parametrize("page", PAGES)
+def test_every_row_of_a_table_stands_on_a_line_of_its_own(page: str) -> None:
+    assert not re.search(r"\| \|---|\|--- ?\| \|", PAGES[page])
+
+
 def test_every_file_that_a_page_names_exists() -> None:
     for page, text in PAGES.items():
         if page == LEDGER:
