@@ -137,11 +137,8 @@ def test_invalid_files_are_named(tmp_path):
     assert "expected (240, 320, any)" in message()
     savemat(depth_file, {"other": np.zeros(3)})
     assert "expected a variable d_depth" in message()
-    write(tmp_path, name, depth_of(person), person)
-    depth_file.write_bytes(depth_file.read_bytes()[:1000])
-    assert str(depth_file) in message() and "not a complete MATLAB file" in message()
     depth_file.write_bytes(b"not MATLAB")
-    assert str(depth_file) in message()
+    assert str(depth_file) in message() and "not a complete MATLAB file" in message()
     with pytest.raises(InputError, match="expected Depth/"):
         benchmark(tmp_path / "nowhere")
     with pytest.raises(InputError, match=r"benchmark\.path=PATH"):

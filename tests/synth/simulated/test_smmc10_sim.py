@@ -11,12 +11,8 @@ from synth.body.asset import load_body
 from synth.body.markers import MARKERS, _segment_hits_mesh, tracked_markers
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
 from synth.simulated.smmc10_sim import (
-    CAMERA,
     FPS,
     JOINT_MARKERS,
-    KINDS,
-    SEQUENCES,
-    SUBJECTS,
     Smmc10Sim,
     Smmc10SimConfig,
     Smmc10SimSet,
@@ -38,15 +34,6 @@ def motions(maker: Smmc10Sim) -> dict[int, np.ndarray]:
 
 
 # Content ------------------------------
-
-
-def test_the_set_has_the_dimensions_of_the_real_one():
-    assert (SEQUENCES, FPS, CAMERA.width, CAMERA.height) == (28, 25.0, 144, 176)
-    assert Smmc10SimSet().frames == (100, 400) and Smmc10SimSet().sensor.name == "swissranger"
-    names = [Smmc10Sim.sequence_name(index) for index in range(SEQUENCES)]
-    assert [int(name.partition("_")[2]) for name in names] == list(range(1, 29))
-    assert {name.partition("_")[0] for name in names} == set(SUBJECTS)
-    assert KINDS[0] == ("arms",) and KINDS[-1] == ("kicks", "swings", "turns")
 
 
 def test_difficulty_increases(motions):
