@@ -14,6 +14,7 @@ from kpopnet.dance.performance import Performance
 from kpopnet.datasets.dances.writer import write_labels, write_learner, write_teacher
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import ArraySchema, check_budget, open_npy
+from kpopnet.runtime.untrusted import read_in_child
 
 IMPERIAL_FPS = 100.0
 
@@ -47,10 +48,10 @@ def convert_recordings(out: Path, dance: str, teacher: Path, learners: list[Path
     Raises:
         InputError: a file cannot be read, or there are fewer than two learners of different names.
     """
-    names = {path.stem: read_performance(path, fps) for path in learners}
+    names = {path.stem: read_in_child(read_performance, path, fps) for path in learners}
     if len(names) < max(len(learners), 2):
         raise InputError("--learners: give at least two files of different names, the best dancer's first")
-    write_dance(out, dance, read_performance(teacher, fps), names)
+    write_dance(out, dance, read_in_child(read_performance, teacher, fps), names)
 
 
 def convert_imperial(source: Path, out: Path) -> None:
