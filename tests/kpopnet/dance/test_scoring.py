@@ -194,6 +194,24 @@ def test_bad_input_is_refused_with_a_message(refused, message):
         refused()
 
 
+@settings(max_examples=8, deadline=None)
+@given(st.lists(st.floats(0, 1), min_size=2, max_size=2), st.booleans())
+def test_lower_confidence_never_scores_more(confidences, wrong):
+    joints_m = dance_joints_m(0)
+    learner_m, values = joints_m.copy(), np.ones(joints_m.shape[:2])
+    arm = [Joint.LEFT_ELBOW, Joint.LEFT_HAND]
+    if wrong:
+        learner_m[:, arm] = dance_joints_m(1)[:, arm]
+    less, more = sorted(confidences)
+    scores = []
+    for confidence in (less, more):
+        values[:, arm] = confidence
+        scores.append(
+            score_dance(performed(joints_m), Performance(learner_m, np.arange(len(joints_m)) / FPS, values)).similarity
+        )
+    assert scores[0] <= scores[1] + 0.5
+
+
 def test_unseen_is_never_better_than_seen_and_wrong():
     joints_m = dance_joints_m(0)
     for joints in ([Joint.LEFT_ELBOW, Joint.LEFT_HAND], [Joint.RIGHT_FOOT], list(Joint)):

@@ -113,6 +113,22 @@ def test_the_heading_is_unknown_in_the_top_view(tmp_path):
     assert "upright camera" in top.about and "upright" not in side.about
 
 
+def test_ids_may_be_strings_and_damaged_files_are_named(tmp_path):
+    write(tmp_path)
+    paths = [tmp_path / f"ITOP_side_test_{name}.h5" for name in ("depth_map", "labels")]
+    for path in paths:
+        with h5py.File(path, "a") as file:
+            del file["id"]
+            file["id"] = IDS  # of variable length
+    assert benchmark(tmp_path).sequence_names() == ["00_00007", "01_00000"]
+    for path in paths:
+        whole = path.read_bytes()
+        path.write_bytes(whole[: len(whole) // 2])
+        with pytest.raises(InputError, match=rf"{path.name}: .*cannot be read.*download it again"):
+            benchmark(tmp_path)
+        path.write_bytes(whole)
+
+
 def test_the_message_on_compressed_files_has_the_command_to_decompress(tmp_path):
     write(tmp_path)
     labels = tmp_path / "ITOP_side_test_labels.h5"
