@@ -1,6 +1,7 @@
 """An exported network gives what the network gives, describes itself, and needs no torch."""
 
 import json
+import pickle
 import subprocess
 import sys
 
@@ -58,6 +59,8 @@ def test_both_predict_the_same_joints_from_any_number_of_crops(exported):
         for expected, found in zip(torch_runs(crops), onnx_runs(crops), strict=True):
             assert found.shape == expected.shape and found.dtype == np.float32
             np.testing.assert_allclose(found, expected, atol=1e-5)
+    # Worker processes get a copy.
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(onnx_runs))(crops)[0], onnx_runs(crops)[0])
 
 
 def test_the_estimator_is_the_same_with_either(run):
