@@ -23,8 +23,8 @@ import kpopnet.weights
 from kpopnet.data.shards import ShardedSet
 from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
 from kpopnet.errors import InputError
+from kpopnet.networks import META, portable
 from kpopnet.networks.checkpoint import WEIGHTS, load_network
-from kpopnet.networks.description import META, portable
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.runtime.atomic_write import atomic_path
 

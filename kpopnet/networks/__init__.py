@@ -2,24 +2,39 @@
 
 crop (kpopnet.data.cube) -> encoder -> head -> joints in cube units, confidence
 
-`network` builds them with torch, `estimator` runs them; this module, the estimator and ONNX files need no torch.
+`network` builds them with torch, `checkpoint` stores them, `estimator` runs them. Here are their architecture and description:
+meta.json of a checkpoint, the metadata of an ONNX file. This module, `estimator` and `backend` need no torch.
 """
 
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from kpopnet.data.cube import INPUTS
 from kpopnet.errors import InputError
+from kpopnet.runtime.input_files import check_fields, read_json, settings_from
+from kpopnet.skeleton import NUM_JOINTS
 
 KINDS = ("holistic", "dense")
 
 STRIDES = (4, 8, 16)
 """Strides of the encoder's three outputs in crop pixels."""
 
-BATCH = 32
-"""Crops that a network is run on at once, in prediction."""
-
 MAX_CROP_PX, MAX_WIDTH = 256, 512
 """A checkpoint's description chooses these sizes: they bound the weights to 0.3 GB, and a batch's maps to a few."""
+
+META = "meta.json"
+FORMAT = "kpopnet-checkpoint"
+VERSION = 1
+
+META_SCHEMA = {"step": int, "model": dict, "config": dict, "metrics": dict, "mean_pose_m": list[list[float]]}
+CONFIG_PARTS = ("sensor", "extraction", "ridge", "training", "data")
+"""Names and types in a description, and groups of settings in its config, where they are there."""
+
+OF_THE_MACHINE = ("data", "device", "threads", "workers")
+"""Settings that say where a training ran, and not what it computed."""
 
 
 @dataclass
@@ -41,12 +56,9 @@ class ModelConfig:
     widths: list[int] = field(default_factory=lambda: [16, 32, 64, 128])
 
     def __post_init__(self) -> None:
-        for name, found, known in (
-            ("kind", self.kind, KINDS),
-            ("input", self.input, tuple(INPUTS)),
-        ):
-            if found not in known:
-                raise InputError(f"model.{name}={found}: expected one of {', '.join(known)}")
+        for name, known in (("kind", KINDS), ("input", INPUTS)):
+            if getattr(self, name) not in known:
+                raise InputError(f"model.{name}={getattr(self, name)}: expected one of {', '.join(known)}")
         if not 32 <= self.crop_px <= MAX_CROP_PX or self.crop_px % STRIDES[-1]:
             raise InputError(f"model.crop_px={self.crop_px}: expected a multiple of {STRIDES[-1]}, 32 to {MAX_CROP_PX}")
         if not 0.5 <= self.half_size_m <= 5:
@@ -61,3 +73,40 @@ class ModelConfig:
     def name(self) -> str:
         """Short name, for folders and tables."""
         return f"{self.kind}-{self.input}"
+
+
+def read_meta(folder: Path | str) -> dict:
+    """The contents of a checkpoint's meta.json.
+
+    Raises:
+        InputError: no checkpoint in the folder, one of another version, or a damaged one.
+    """
+    path = Path(folder) / META
+    if not path.is_file():
+        raise InputError(f"{folder}: no checkpoint there (no {META}); give a folder such as outputs/train/RUN/best")
+    return check_description(str(path), read_json(path, non_finite=True), FORMAT)
+
+
+def check_description(where: str, meta: Any, kind: str) -> dict:
+    """A description, checked; raises InputError for another format or version, or values of other types than META_SCHEMA."""
+    found = (meta.get("format"), meta.get("version")) if isinstance(meta, dict) else (None, None)
+    if found != (kind, VERSION):
+        raise InputError(f"{where}: expected a {kind} of version {VERSION}, found {found[0]!s:.40} of version {found[1]!s:.40}")
+    check_fields(where, meta, META_SCHEMA, optional=["mean_pose_m"])
+    settings_from(ModelConfig, meta["model"], f"{where}: model")
+    check_fields(f"{where}: config", meta["config"], dict.fromkeys(CONFIG_PARTS, dict), optional=CONFIG_PARTS)
+    pose_m = meta.get("mean_pose_m")
+    if pose_m is not None and ([len(joint) for joint in pose_m] != [3] * NUM_JOINTS or not np.isfinite(pose_m).all()):
+        raise InputError(f"{where}: mean_pose_m: expected {NUM_JOINTS} positions of three finite numbers")
+    return meta
+
+
+def portable(meta: dict) -> dict:
+    """A description for others: without the folders, checkpoints and numbers of threads of the machine that trained.
+
+    `data` still identifies the training sets: a hash and a number of samples for each.
+    """
+    config = {name: value for name, value in meta["config"].items() if name not in OF_THE_MACHINE}
+    if "training" in config:
+        config["training"] = {name: one for name, one in config["training"].items() if name not in ("start", "resume")}
+    return meta | {"config": config}

@@ -1,42 +1,43 @@
-"""What runs a network: torch, or ONNX Runtime; found by what the network is stored as."""
+"""What runs a network: torch, or ONNX Runtime, found by what the network is stored as. ONNX files need no torch."""
 
+from functools import cached_property
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
+from kpopnet.data.cube import INPUTS
 from kpopnet.errors import InputError
-from kpopnet.networks.description import read_meta
-from kpopnet.networks.onnx.session import OnnxBackend
+from kpopnet.networks import ModelConfig, check_description, read_meta
+from kpopnet.runtime.input_files import expect, parse_json, read_with
+from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.weights import shipped_network
 
 ONNX_SUFFIX = ".onnx"
 """Of the files of `kpopnet export`; another path is a checkpoint's folder."""
+
+KEY, ONNX_FORMAT = "kpopnet", "kpopnet-onnx"
+"""The metadata entry of an ONNX file that holds its description (kpopnet.networks), and its format."""
+
+INPUT, OUTPUTS = "crops", ("joints", "confidence")
 
 
 class Backend(Protocol):
     """Runs a network.
 
     Attributes:
-        meta: its checked description (kpopnet.networks.description).
+        meta: its checked description (kpopnet.networks).
     """
 
     meta: dict
 
     def __call__(self, crops: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Predicts.
-
-        Args:
-            crops: (N, C, S, S) float32, N >= 1 (kpopnet.data.cube.crop).
-
-        Returns:
-            (N, 15, 3) joints in cube units, and (N, 15) confidence.
-        """
+        """(N, 15, 3) joints in cube units and (N, 15) confidence from (N, C, S, S) float32 crops (kpopnet.data.cube.crop)."""
         ...
 
 
 def open_network(checkpoint: Path | str | None, device: str = "cpu") -> Backend:
-    """Opens a network, and loads only the library that runs it.
+    """Opens a checkpoint's folder, a file of `kpopnet export`, or None for the network that comes with the package.
 
     Raises:
         InputError: no network there, a damaged one, or no such device.
@@ -46,21 +47,59 @@ def open_network(checkpoint: Path | str | None, device: str = "cpu") -> Backend:
         if device != "cpu":
             raise InputError(f"device={device}: ONNX files run on the cpu")
         return OnnxBackend(place)
-    from kpopnet.networks.torch_backend import TorchBackend  # takes a second to import
+    from kpopnet.networks.checkpoint import TorchBackend  # takes a second to import
 
     return TorchBackend(place, device)
 
 
 def read_description(checkpoint: Path | str | None) -> dict:
-    """The description of a network.
-
-    Args:
-        checkpoint: a checkpoint's folder, a file of `kpopnet export`, or None for the network that comes with the package.
-
-    Raises:
-        InputError: no network there, one of another version, or a damaged one.
-    """
+    """The description of a network; arguments and errors as in `open_network`."""
     place = Path(shipped_network() if checkpoint is None else checkpoint)
-    if place.suffix == ONNX_SUFFIX:
-        return OnnxBackend(place).meta
-    return read_meta(place)
+    return OnnxBackend(place).meta if place.suffix == ONNX_SUFFIX else read_meta(place)
+
+
+class OnnxBackend:
+    """A file of `kpopnet export`, run by ONNX Runtime on the CPU; it can be pickled for worker processes.
+
+    It computes on one thread: for several sequences there are several processes. ONNX Runtime itself refuses weights in files
+    outside the working folder.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        """Raises InputError: missing, damaged, or another network; ONNX Runtime cannot run it, or is not installed."""
+        self.path = Path(path)
+        self.content: bytes = read_with(Path.read_bytes, self.path, "cannot be read")
+        session = self._session
+        described = session.get_modelmeta().custom_metadata_map.get(KEY)
+        if described is None:
+            raise InputError(f"{path}: not a network of kpopnet export (its metadata has no entry {KEY})")
+        self.meta = check_description(str(path), parse_json(described, f"{path}: metadata", non_finite=True), ONNX_FORMAT)
+        model = ModelConfig(**self.meta["model"])
+        size = INPUTS[model.input], model.crop_px, model.crop_px
+        wanted = {INPUT: size, OUTPUTS[0]: (NUM_JOINTS, 3), OUTPUTS[1]: (NUM_JOINTS,)}
+        found = {one.name: tuple(one.shape[1:]) for one in (*session.get_inputs(), *session.get_outputs())}
+        expect(found == wanted, str(path), f"values of the shapes {wanted} for each crop, found {found}")
+        read_with(lambda _: self(np.zeros((1, *size), np.float32)), self.path, "ONNX Runtime cannot run it")
+
+    def __call__(self, crops: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """See `Backend`."""
+        joints, confidence = self._session.run(list(OUTPUTS), {INPUT: crops})
+        return joints, confidence
+
+    def __getstate__(self) -> dict:
+        return {"path": self.path, "content": self.content, "meta": self.meta}
+
+    @cached_property
+    def _session(self) -> Any:
+        try:
+            import onnxruntime
+        except ImportError as error:
+            raise InputError("ONNX files need the package onnxruntime: pip install 'kpopnet[onnx]'") from error
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.log_severity_level = 3  # errors, which are raised too
+        return read_with(
+            lambda _: onnxruntime.InferenceSession(self.content, options, providers=["CPUExecutionProvider"]),
+            self.path,
+            "not an ONNX file, or a damaged one",
+        )

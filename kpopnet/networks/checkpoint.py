@@ -1,4 +1,4 @@
-"""Checkpoints: self-describing folders that are written atomically and cannot run code when loaded.
+"""Checkpoints: self-describing folders that are written atomically, and run no code when loaded. `TorchBackend` runs one.
 
 In the folder of a run:
 
@@ -22,14 +22,14 @@ from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 
+import numpy as np
 import safetensors.torch
 import torch
 from safetensors.torch import load_file
 from torch import Tensor
 
 from kpopnet.errors import InputError
-from kpopnet.networks import ModelConfig
-from kpopnet.networks.description import FORMAT, META, VERSION, read_meta
+from kpopnet.networks import FORMAT, META, VERSION, ModelConfig, read_meta
 from kpopnet.networks.network import PoseNetwork, build_network
 from kpopnet.runtime.input_files import check_fields, read_with
 from kpopnet.runtime.provenance import git_revision
@@ -45,14 +45,14 @@ STATE_SCHEMA = {
 
 
 def save_checkpoint(run: Path, network: PoseNetwork, state: dict, meta: dict, *, best: bool) -> Path:
-    """Writes a checkpoint below the run's folder, and moves the link `last`, and `best` if it is the best, to it.
+    """Writes a checkpoint below the folder of a run, and moves the link `last`, and `best` if it is the best so far, to it.
 
     Args:
         run: the run's folder.
-        network: the averaged weights.
+        network: with the averaged weights.
         state: tensors, numbers and containers of them (torch.load with weights_only reads only these).
         meta: step, config, metrics and mean_pose_m, JSON types only.
-        best: this checkpoint is the best of the run so far.
+        best: whether `best` moves.
 
     Returns:
         The link `last`.
@@ -99,7 +99,7 @@ def resumable(run: Path) -> Path | None:
 
 
 def complete_links(run: Path, checkpoint: Path) -> None:
-    """Makes those of `last` and `best` that a run killed during its first save has not made, to the checkpoint it resumes."""
+    """Makes the links `last` and `best` that a run killed during its first save lacks, to the checkpoint that it resumes."""
     if checkpoint.resolve().parent == (run / "checkpoints").resolve():
         for link in ("best", "last"):
             if not (run / link).exists():
@@ -111,7 +111,7 @@ def _linked(run: Path) -> set[Path]:
 
 
 def _free_name(run: Path, step: int) -> Path:
-    """The folder for a checkpoint. One of the same step that a link points to is not replaced: the links move, then it goes."""
+    """The folder for a checkpoint: a new one where a link points to one of the same step, which is removed afterwards."""
     name = run / "checkpoints" / f"step_{step:08d}"
     for folder in (name, *(name.with_name(f"{name.name}_{again}") for again in (2, 3))):
         if folder.resolve() not in _linked(run):
@@ -123,11 +123,11 @@ def _free_name(run: Path, step: int) -> Path:
 
 def _remove(folder: Path) -> None:
     """Removes a checkpoint that no link points to; if the process is killed, what is left of it is hidden."""
-    hidden = folder if folder.name.startswith(".") else folder.with_name(f".{folder.name}.removed")
-    if hidden != folder:
+    if not folder.name.startswith("."):
+        hidden = folder.with_name(f".{folder.name}.removed")
         shutil.rmtree(hidden, ignore_errors=True)
-        folder.rename(hidden)
-    shutil.rmtree(hidden, ignore_errors=True)
+        folder = folder.rename(hidden)
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _sync(path: Path) -> None:
@@ -147,11 +147,7 @@ def _move_link(link: Path, folder: Path) -> None:
 
 
 def load_network(folder: Path | str, device: str | torch.device = "cpu") -> tuple[PoseNetwork, dict]:
-    """Loads a checkpoint's network for inference, and its meta.json.
-
-    Raises:
-        InputError: no checkpoint in the folder, one of another version, or a damaged one.
-    """
+    """Loads a checkpoint's network for inference, and its meta.json; raises InputError as `read_meta` and `load_weights`."""
     meta = read_meta(folder)
     network = build_network(ModelConfig(**meta["model"]))
     load_weights(network, folder)
@@ -167,26 +163,49 @@ def load_weights(network: PoseNetwork, folder: Path | str) -> None:
     path = Path(folder) / WEIGHTS
     problem = f"missing, damaged, or not the weights that {META} describes"
     weights = read_with(load_file, path, problem)
-    for name, value in network.state_dict().items():
-        if name in weights and (weights[name].dtype, value.dtype) == (torch.float16, torch.float32):
+    expected = network.state_dict()
+    for name in weights.keys() & expected.keys():
+        if (weights[name].dtype, expected[name].dtype) == (torch.float16, torch.float32):
             weights[name] = weights[name].float()
-        if name in weights and weights[name].dtype != value.dtype:
+        if weights[name].dtype != expected[name].dtype:
             raise InputError(f"{path}: {problem} ({name} is {weights[name].dtype})")
-        if name in weights and value.is_floating_point() and not bool(torch.isfinite(weights[name]).all()):
+        if not bool(torch.isfinite(weights[name]).all()):
             raise InputError(f"{path}: damaged ({name} holds numbers that are not finite)")
     read_with(lambda _: network.load_state_dict(weights), path, problem)
 
 
 def load_state(folder: Path | str) -> dict[str, int | float | Tensor | dict]:
-    """Loads the state that `save_checkpoint` stored.
-
-    Raises:
-        InputError: the state is missing or damaged.
-    """
+    """Loads the state that `save_checkpoint` stored; raises InputError if it is missing or damaged."""
     path = Path(folder) / STATE
     problem = "missing, damaged or of another format; training cannot be resumed from it"
     state = read_with(lambda path: torch.load(path, map_location="cpu", weights_only=True), path, problem)
     return check_fields(str(path), state, STATE_SCHEMA, optional=STATE_SCHEMA)
+
+
+class TorchBackend:
+    """A checkpoint, run by torch; a `kpopnet.networks.backend.Backend`."""
+
+    def __init__(self, folder: Path | str, device: str = "cpu") -> None:
+        """Raises InputError: no checkpoint in the folder, a damaged one, or no such device."""
+        if device not in ("cpu", "cuda") or (device == "cuda" and not torch.cuda.is_available()):
+            raise InputError(f"device={device}: expected cpu, or cuda on a machine with a GPU")
+        self.network, self.meta = load_network(folder, device)
+        self.device = torch.device(device)
+
+    @torch.inference_mode()
+    def __call__(self, crops: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """See `Backend`."""
+        batch = torch.from_numpy(crops).to(self.device)
+        threads = torch.get_num_threads()
+        if len(crops) == 1:
+            # For one crop torch uses many small matrix products instead of oneDNN, and each waits for the other threads:
+            # one thread takes a third of the time of two.
+            torch.set_num_threads(1)
+        try:
+            prediction = self.network(batch)
+        finally:
+            torch.set_num_threads(threads)
+        return prediction.joints.cpu().numpy(), prediction.confidence.cpu().numpy()
 
 
 def run_folder(resume: str | None, fresh: str) -> str:

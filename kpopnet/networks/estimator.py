@@ -8,12 +8,15 @@ import numpy as np
 from kpopnet.camera import Camera, sequence_in_metres
 from kpopnet.data.cube import Cube, crop, person_cubes
 from kpopnet.estimator import Estimate
-from kpopnet.networks import BATCH, ModelConfig
+from kpopnet.networks import ModelConfig
 from kpopnet.networks.backend import open_network
 from kpopnet.ridge import RidgeConfig, ridge_probability
 from kpopnet.runtime.input_files import settings_from
 
 log = logging.getLogger(__name__)
+
+BATCH = 32
+"""Crops that a network is run on at once."""
 
 ROOM_FRACTION, ROOM_M2 = 0.6, 3.0
 """A frame shows more than one person if more than this fraction of its pixels is measured, and these pixels cover more than
@@ -21,30 +24,21 @@ this area seen from the front: a person's, with wide clothes and arms stretched 
 
 
 class NetworkEstimator:
-    """Implements kpopnet.estimator.Estimator.
+    """A `kpopnet.estimator.Estimator`.
 
     Frames are independent: the person's centre is the median of the frame's silhouette, as in training. The confidence is
     the network's estimate of the probability that the joint lies within 10 cm of the ground truth.
     """
 
     def __init__(self, checkpoint: Path | str | None = None, device: str = "cpu") -> None:
-        """Loads a network.
-
-        Args:
-            checkpoint: a checkpoint's folder, a file of `kpopnet export`, or None for the network that comes with the package.
-            device: cpu, or cuda for a checkpoint.
-
-        Raises:
-            InputError: no network there, or a damaged one; or no such device.
-        """
+        """Loads a network; arguments and errors as in `kpopnet.networks.backend.open_network`."""
         self.backend = open_network(checkpoint, device)
         self.meta = self.backend.meta
         self.model = ModelConfig(**self.meta["model"])
         self.name = self.model.name
         self._warned = False
-        self.ridge = None
-        if self.model.input == "depth_ridge":
-            self.ridge = settings_from(RidgeConfig, self.meta["config"].get("ridge", {}), f"{checkpoint}: its ridge settings")
+        takes_ridge, settings = self.model.input == "depth_ridge", self.meta["config"].get("ridge", {})
+        self.ridge = settings_from(RidgeConfig, settings, f"{checkpoint}: its ridge settings") if takes_ridge else None
 
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
         """See `kpopnet.estimator.Estimator`."""
@@ -73,7 +67,5 @@ class NetworkEstimator:
 
 def shows_a_room(depth_m: np.ndarray, camera: Camera) -> bool:
     """Whether (N, H, W) depth in metres shows much more than one person."""
-    measured = np.count_nonzero(depth_m)
-    if measured <= ROOM_FRACTION * depth_m.size or not measured:
-        return False
-    return float(np.square(depth_m, dtype=np.float64).sum()) / (camera.fx * camera.fy) > ROOM_M2 * len(depth_m)
+    area_m2 = float(np.square(depth_m, dtype=np.float64).sum()) / (camera.fx * camera.fy)
+    return np.count_nonzero(depth_m) > ROOM_FRACTION * depth_m.size and area_m2 > ROOM_M2 * len(depth_m)

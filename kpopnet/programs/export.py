@@ -12,7 +12,7 @@ names of the joints. It is checked and run once; the largest difference to torch
 from pathlib import Path
 
 from kpopnet.networks.checkpoint import load_network
-from kpopnet.networks.onnx.export import export_network
+from kpopnet.networks.onnx_export import export_network
 from kpopnet.programs.arguments import program_parser
 from kpopnet.runtime.endings import user_errors
 from kpopnet.weights import shipped_network

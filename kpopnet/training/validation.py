@@ -5,8 +5,7 @@ import torch
 
 from kpopnet.data.batches import Batch
 from kpopnet.data.cube import Cube
-from kpopnet.networks.losses import CONFIDENT_WITHIN_M
-from kpopnet.networks.network import PoseNetwork
+from kpopnet.networks.network import CONFIDENT_WITHIN_M, PoseNetwork
 from kpopnet.viz.drawing import ESTIMATED, TRUE, depth_rgb, draw_skeleton, enlarged, probability_rgb, sheet
 
 MAX_SAMPLES = 12

@@ -1,7 +1,7 @@
 """The network that comes with the package, a checkpoint without training state: `NetworkEstimator()` loads it.
 
     model.safetensors    its filters in float16, the rest in float32; all is computed with in float32
-    meta.json            its description, as in every checkpoint (kpopnet.networks.description)
+    meta.json            its description, as in every checkpoint (kpopnet.networks)
     MODEL_CARD.md        how it was trained, how good it is, and where it fails
 
 tools/ship_weights.py writes the folder from a checkpoint of a training.

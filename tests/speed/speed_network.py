@@ -9,7 +9,7 @@ import numpy as np
 
 from kpopnet.networks.checkpoint import load_network
 from kpopnet.networks.estimator import NetworkEstimator
-from kpopnet.networks.onnx.export import export_network
+from kpopnet.networks.onnx_export import export_network
 from kpopnet.pose import PoseEstimator
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
 from tests.speed.common import Figures, one_core, untrained

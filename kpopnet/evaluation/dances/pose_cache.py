@@ -20,7 +20,7 @@ from kpopnet.datasets.dances.dance_set import Dance, Learner
 from kpopnet.errors import InputError
 from kpopnet.evaluation.engine import Timed
 from kpopnet.evaluation.registry import build_estimators
-from kpopnet.networks.description import META
+from kpopnet.networks import META
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.input_files import ArraySchema, expect, read_npz
 from kpopnet.skeleton import NUM_JOINTS

@@ -6,8 +6,7 @@ import torch
 
 from kpopnet.errors import InputError
 from kpopnet.networks import ModelConfig
-from kpopnet.networks.losses import CONFIDENT_WITHIN_M, Prediction, confidence_loss
-from kpopnet.networks.network import build_network
+from kpopnet.networks.network import CONFIDENT_WITHIN_M, Prediction, build_network, confidence_loss
 
 KINDS = ["holistic", "dense"]
 SMALL = {"crop_px": 32, "widths": [8, 8, 16, 16]}

@@ -1,4 +1,4 @@
-"""Writes a checkpoint's network as an ONNX file, and compares the two."""
+"""Writes a checkpoint's network as an ONNX file, and compares the two (`kpopnet.networks.backend.OnnxBackend` runs it)."""
 
 import json
 import logging
@@ -14,9 +14,9 @@ from torch import Tensor, nn
 import kpopnet
 from kpopnet.data.cube import INPUTS
 from kpopnet.errors import InputError
-from kpopnet.networks.description import portable
+from kpopnet.networks import portable
+from kpopnet.networks.backend import INPUT, KEY, ONNX_FORMAT, ONNX_SUFFIX, OUTPUTS, OnnxBackend
 from kpopnet.networks.network import PoseNetwork
-from kpopnet.networks.onnx.session import FORMAT, INPUT, KEY, OUTPUTS, OnnxBackend
 from kpopnet.runtime.atomic_write import atomic_path
 
 OPSET = 18
@@ -43,20 +43,15 @@ class JointsAndConfidence(nn.Module):
 
 
 def export_network(network: PoseNetwork, meta: dict, path: Path) -> float:
-    """Writes an ONNX file and runs it.
-
-    Args:
-        network: in evaluation mode, on the CPU.
-        meta: its description, without what describes the machine that trained it (`portable`).
-        path: the file to write, which ends in .onnx.
+    """Writes the `portable` description and a network in evaluation mode, on the CPU, to an ONNX file, and runs that.
 
     Returns:
         The largest difference between the outputs of torch and of ONNX Runtime, in cube units and probabilities.
 
     Raises:
-        InputError: another suffix, or a library is missing.
+        InputError: the name ends in another suffix than .onnx, or a library is missing.
     """
-    if path.suffix != ".onnx":
+    if path.suffix != ONNX_SUFFIX:
         raise InputError(f"{path}: expected a name that ends in .onnx")
     onnx = _import_exporter()
     model = network.config
@@ -66,22 +61,18 @@ def export_network(network: PoseNetwork, meta: dict, path: Path) -> float:
     with torch.inference_mode():
         expected = [value.numpy() for value in JointsAndConfidence(network)(torch.from_numpy(crops))]
     content = _traced(network, torch.from_numpy(crops[:2]))
-    _forget_the_source(content.graph)
-    content.graph.name = content.producer_name = "kpopnet"
+    graph = content.graph
+    for part in (graph, *graph.node, *graph.initializer, *graph.value_info, *graph.input, *graph.output):
+        part.ClearField("metadata_props")  # names of source files and lines, which torch writes
+        part.ClearField("doc_string")
+    graph.name = content.producer_name = "kpopnet"
     content.producer_version, content.doc_string = kpopnet.__version__, ABOUT
-    onnx.helper.set_model_props(content, {KEY: json.dumps(portable(meta) | {"format": FORMAT})})
+    onnx.helper.set_model_props(content, {KEY: json.dumps(portable(meta) | {"format": ONNX_FORMAT})})
     onnx.checker.check_model(content, full_check=True)
     with atomic_path(path) as part:
         part.write_bytes(content.SerializeToString())
     found = OnnxBackend(path)(crops)
     return max(float(np.abs(one - other).max()) for one, other in zip(expected, found, strict=True))
-
-
-def _forget_the_source(graph: Any) -> None:
-    """Removes the names of source files and lines that torch writes to each part of the graph."""
-    for part in (graph, *graph.node, *graph.initializer, *graph.value_info, *graph.input, *graph.output):
-        part.ClearField("metadata_props")
-        part.ClearField("doc_string")
 
 
 def _import_exporter() -> ModuleType:

@@ -18,7 +18,7 @@ from kpopnet.networks.backend import read_description
 from kpopnet.networks.checkpoint import load_network, save_checkpoint
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.networks.network import build_network
-from kpopnet.networks.onnx.export import export_network
+from kpopnet.networks.onnx_export import export_network
 from kpopnet.skeleton import JOINT_NAMES
 
 
