@@ -18,10 +18,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
     """A name beside `path`, hidden and ending with .tmp, to write to: what lies there replaces `path` in the end.
 
     Where the writing fails nothing is left of it; a process that is killed leaves the hidden file. Several machines may
-    write into one folder.
-
-    Raises:
-        OSError: the file cannot be written: a full or read-only disk, a missing folder, a name that is too long.
+    write into one folder. Raises OSError: a full or read-only disk, a missing folder, a name that is too long.
     """
     part = path.with_name(hidden_name(path.name))
     with naming(path):
@@ -56,9 +53,6 @@ def atomic_hdf5(path: Path) -> Iterator["h5py.File"]:
     """An HDF5 file in memory, which replaces `path` in the end.
 
     A file on the disk that HDF5 cannot close, because the disk is full, lets the process crash when it ends.
-
-    Raises:
-        OSError: the file cannot be written.
     """
     import h5py
 

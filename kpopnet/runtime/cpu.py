@@ -20,7 +20,7 @@ def available_cores() -> int:
 
 
 def bounded_processes(asked: int, name: str = "processes") -> int:
-    """The number of processes to start: what was asked for, at most MOST_PER_CORE for each core; says so where it is less."""
+    """The number of processes to start: at most MOST_PER_CORE for each core, with a notice where more were asked for."""
     most = MOST_PER_CORE * available_cores()
     if asked > most:
         print(f"{name}={asked}: takes {most}, {MOST_PER_CORE} for each core of this machine", file=sys.stderr, flush=True)

@@ -24,7 +24,6 @@ def begin_imports() -> None:
     """Lets Ctrl-C end this process at once with exit code 130 and one line.
 
     As an exception it would go through the initialisation of numpy, torch or numba, which make tracebacks of it or swallow it.
-    Nothing has been written that would have to be tidied up.
     """
     signal.signal(signal.SIGINT, _stop)
 
@@ -40,10 +39,10 @@ def _stop(_number: int, _frame: FrameType | None) -> None:
 
 
 def user_errors(function: Callable[P, R]) -> Callable[P, R]:
-    """Decorates a program: where a user's mistake would end it with a traceback, it ends with one line and exit code 1.
+    """Decorates a program: a user's mistake ends it with one line and exit code 1, anything else with its traceback.
 
-    What is not a user's mistake keeps its traceback. Around `hydra.main` it catches unknown overrides and the like;
-    what the function inside raises must be caught inside, by this decorator again, before Hydra comments on it.
+    Around `hydra.main` it catches unknown overrides and the like; what the function inside raises must be caught inside, by
+    this decorator again, before Hydra comments on it.
     """
 
     @functools.wraps(function)
@@ -101,8 +100,7 @@ def _message(error: Exception) -> str | None:
 
 
 def _of_the_disk(error: OSError) -> str:
-    path = error.filename if error.filename is not None else "a file"
-    path = os.fsdecode(path) if isinstance(path, bytes) else str(path)
+    path = "a file" if error.filename is None else os.fsdecode(error.filename)
     path = path if len(path) <= 300 else f"{path[:150]}...{path[-100:]}"
     number = error.errno or errno.EIO
     return f"{path}: {REMEDIES.get(number, os.strerror(number).lower())}"

@@ -19,15 +19,9 @@ PATIENCE_S = 2.0
 
 @contextmanager
 def locked(folder: Path | str, name: str = LOCK_FILE) -> Iterator[None]:
-    """Keeps other processes from writing into a folder, which is made if it is missing. A process may take a lock twice.
+    """Keeps other processes from writing into a folder, which is made if it is missing, or raises InputError.
 
-    Args:
-        folder: the output folder.
-        name: of the lock: processes that write different files of one folder take different ones.
-
-    Raises:
-        InputError: another process writes there.
-        OSError: the folder cannot be made or written to.
+    A process may take a lock twice. Processes that write different files of one folder take locks of different names.
     """
     Path(folder).mkdir(parents=True, exist_ok=True)
     lock = FileLock(Path(folder).resolve() / name, timeout=PATIENCE_S, thread_local=False, is_singleton=True)

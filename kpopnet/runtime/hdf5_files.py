@@ -23,8 +23,7 @@ class Hdf5Schema:
     Attributes:
         name: of the format, for messages.
         arrays: by name; texts have kind "S".
-        attributes: types by name, as for `kpopnet.runtime.input_files.check_fields`.
-        optional: attributes that may be missing.
+        attributes: types by name, as for `kpopnet.runtime.input_files.check_fields`; `optional` ones may be missing.
         fixed: attributes with one valid value.
         remedy: what to do about a damaged file, for messages.
     """
@@ -39,11 +38,7 @@ class Hdf5Schema:
 
 @contextmanager
 def open_hdf5(path: Path, schema: Hdf5Schema, **options: Any) -> Iterator[h5py.File]:
-    """Opens a file for reading; `options` are those of h5py.File.
-
-    Raises:
-        InputError: the file is missing, damaged, or not as the schema says; also within, if reading fails.
-    """
+    """Opens a file for reading; `options` are those of h5py.File. What reading within raises is an InputError too."""
     with opened_hdf5(path, schema, **options) as file, readable(path, schema):
         yield file
 
@@ -74,11 +69,7 @@ def attributes_of(file: h5py.File) -> dict[str, Any]:
 
 
 def stored_array(file: h5py.File, name: str) -> h5py.Dataset:
-    """An array of a file, which is not read.
-
-    Raises:
-        InputError: there is none, or it lies in another file.
-    """
+    """An array of a file, not in memory and not a link to another file."""
     data = file.get(name)
     if not isinstance(data, h5py.Dataset) or data.shape is None:
         raise InputError(f"{file.filename}: expected an array {name}, found {names_in(file) or 'none'}")
@@ -88,11 +79,7 @@ def stored_array(file: h5py.File, name: str) -> h5py.Dataset:
 
 
 def read_array(file: h5py.File, name: str) -> np.ndarray:
-    """Reads a whole array, in native byte order.
-
-    Raises:
-        InputError: there is none, or it takes too much memory.
-    """
+    """Reads a whole array, in native byte order."""
     data = stored_array(file, name)
     check_budget(file.filename, data.size * data.dtype.itemsize, f"{name} {data.shape}")
     values = data[()]

@@ -13,6 +13,7 @@ import sys
 import textwrap
 import types
 import typing
+from collections import ChainMap
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -50,11 +51,8 @@ def entry_point(
     """Makes a program of a function that takes a configuration, an object of its schema.
 
     A user's mistake ends as `user_errors` says. Of several processes started by torchrun only rank 0 gets a folder and a log.
-
-    Args:
-        schemas: dataclasses of dataclasses by the names of their configurations, whose defaults lists start with `base_<name>`;
-            the first name is the default, --config-name chooses another.
-        folder: the configurations' folder below `configs_folder()`.
+    `schemas` are dataclasses by the names of their configurations in `folder` below `configs_folder()`, whose defaults lists
+    start with `base_<name>`; the first name is the default, --config-name chooses another.
     """
     for name, schema in schemas.items():
         ConfigStore.instance().store(f"base_{name}", overridable(schema))
@@ -75,9 +73,7 @@ def entry_point(
             if not {"-h", "--help"}.isdisjoint(given):
                 print(sys.modules[function.__module__].__doc__)
                 print("Settings (NAME=VALUE; --cfg job prints every value, --hydra-help Hydra's own options):\n")
-                print(
-                    as_text({name: text for texts in (settings(schema), *_group_help.values()) for name, text in texts.items()})
-                )
+                print(as_text(dict(ChainMap(*_group_help.values(), settings(schema)))))
                 return
             announce_compilation()
             if int(os.environ.get("RANK", "0")) > 0:
@@ -108,11 +104,7 @@ def _config_name(given: list[str], schemas: Mapping[str, Any]) -> str:
 
 
 def refuse_unknown(config: DictConfig, place: str = "") -> None:
-    """Refuses settings that an override with "+" added to a closed schema.
-
-    Raises:
-        InputError: there is one.
-    """
+    """Raises InputError for a setting that an override with "+" added to a closed schema."""
     schema = OmegaConf.get_type(config)
     known = {one.name for one in dataclasses.fields(schema)} if dataclasses.is_dataclass(schema) else None
     for name in config:
@@ -173,11 +165,7 @@ _group_help: dict[type, dict[str, str]] = {}
 def register_schemas(group: str, schemas: Mapping[str, Any], *, place: str | None = None, by_name: bool = False) -> None:
     """Makes dataclasses, or objects of them, known to `schema/NAME` in the defaults lists of a configuration group.
 
-    Args:
-        group: of the configurations.
-        schemas: by name.
-        place: of the settings in the whole configuration; None for the group's name.
-        by_name: whether each has a place of its own, PLACE.NAME; else one of them is chosen and stands at PLACE.
+    Their settings stand at `place` (the group's name by default) in the whole configuration; `by_name` at PLACE.NAME.
     """
     for name, schema in schemas.items():
         ConfigStore.instance().store(group=f"{group}/schema", name=name, node=overridable(schema))
@@ -195,10 +183,7 @@ def register_choices(group: str, names: Iterable[str]) -> None:
 
 
 def overridable(schema: Any) -> DictConfig:
-    """Converts a schema, a dataclass or an object of one, to a configuration that overrides can change.
-
-    OmegaConf makes configurations of frozen dataclasses read-only; this undoes it.
-    """
+    """The configuration of a dataclass or an object of one; of frozen ones too, which OmegaConf makes read-only."""
 
     def unlock(node: DictConfig) -> None:
         OmegaConf.set_readonly(node, None)
@@ -213,17 +198,13 @@ def overridable(schema: Any) -> DictConfig:
 
 
 def resumed_config(config: Config, saved: dict, *, may_change: tuple[str, ...]) -> Config:
-    """The configuration of a run that is taken up again: the saved one, and what the command line changes of it.
+    """The configuration of a run that is resumed: the saved one with what the command line changes.
 
     Args:
         config: as composed now.
         saved: as saved then, a dataclass made a dict. It is data: an interpolation in it, which could fetch a variable of the
             environment, is refused.
         may_change: what the command line may change: names, and groups of names with a final dot.
-
-    Raises:
-        InputError: the command line changes something else, or the saved configuration is of another version or holds an
-            interpolation.
     """
     given = command_line_settings()
     if foreign := [name for name in given if not name.startswith(may_change)]:
@@ -272,7 +253,7 @@ def _interpolation(value: Any) -> str | None:
 
 # --- what each setting means, from the docstrings of the dataclasses that hold it ------------------------------------------
 
-_ATTRIBUTE = re.compile(r"^(?P<names>\w+(?:, \w+)*): (?P<text>.+)$", re.DOTALL)
+_ATTRIBUTE = re.compile(r"^(\w+(?:, \w+)*): (.+(?:\n +.+)*)", re.MULTILINE)
 
 
 def described_fields(schema: type) -> dict[str, str]:
@@ -282,51 +263,31 @@ def described_fields(schema: type) -> dict[str, str]:
     """
     found: dict[str, str] = {}
     for one in reversed(schema.__mro__):
-        _, section, text = inspect.cleandoc(one.__dict__.get("__doc__") or "").partition("Attributes:")
-        if not section:
-            continue
-        lines = inspect.cleandoc("\n" + text.split("\n\n")[0]).splitlines()
-        entries: list[str] = []
-        for line in lines:
-            if line.startswith(" ") and entries:
-                entries[-1] += " " + line.strip()
-            else:
-                entries.append(line.strip())
-        for entry in entries:
-            if matched := _ATTRIBUTE.match(entry):
-                found |= dict.fromkeys(matched["names"].split(", "), matched["text"])
+        section = inspect.cleandoc(one.__dict__.get("__doc__") or "").partition("Attributes:")[2].split("\n\n")[0]
+        for names, text in _ATTRIBUTE.findall(inspect.cleandoc("\n" + section)):
+            found |= dict.fromkeys(names.split(", "), " ".join(text.split()))
     return found
 
 
 def settings(schema: type, prefix: str = "") -> dict[str, str]:
     """Every setting of a nested dataclass, by its dotted name, with what its docstring says; "" where it says nothing."""
-    texts, types_ = described_fields(schema), typing.get_type_hints(schema)
+    texts, hints = described_fields(schema), typing.get_type_hints(schema)
     found: dict[str, str] = {}
     for one in dataclasses.fields(schema):
-        name = f"{prefix}{one.name}"
+        name, hint = f"{prefix}{one.name}", hints[one.name]
         found[name] = texts.get(one.name, "")
-        if (nested := nested_schema(types_[one.name])) is not None:
-            found |= settings(nested, f"{name}.")
+        for option in typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,):
+            if isinstance(option, type) and dataclasses.is_dataclass(option):
+                found |= settings(option, f"{name}.")
     return found
-
-
-def nested_schema(annotation: Any) -> type | None:
-    """The dataclass that an annotation names, alone or as "X | None"."""
-    options = typing.get_args(annotation) if isinstance(annotation, types.UnionType) else (annotation,)
-    return next((one for one in options if isinstance(one, type) and dataclasses.is_dataclass(one)), None)
 
 
 def as_text(texts: dict[str, str]) -> str:
     """A paragraph for each setting: its name and its meaning, wrapped to the terminal."""
     width = min(max(map(len, texts)), 36) + 4
     columns = max(shutil.get_terminal_size((120, 24)).columns, width + 40)
-    lines = []
-    for name, text in texts.items():
-        first = f"  {name}".ljust(width)
-        lines.append(
-            textwrap.fill(text, columns, initial_indent=first, subsequent_indent=" " * width) if text else first.rstrip()
-        )
-    return "\n".join(lines)
+    wrapper = textwrap.TextWrapper(columns, subsequent_indent=" " * width)
+    return "\n".join(wrapper.fill(f"  {name}".ljust(width) + text).rstrip() for name, text in texts.items())
 
 
 def with_comments(yaml: str, texts: dict[str, str]) -> str:

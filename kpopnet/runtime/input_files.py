@@ -1,7 +1,7 @@
-"""The door for files that users give: JSON, npz, npy and files of libraries, checked against what a reader declares.
+"""Reads files that users give (JSON, npz, npy, files of libraries) and checks them against what a reader declares.
 
-What is read here is data: nothing in it is evaluated, interpolated or unpickled. What does not fit raises an `InputError` of
-one line that names file, place and expectation; sizes are limited before the content is allocated.
+Nothing in a file is evaluated, interpolated or unpickled. What does not fit raises an `InputError` of one line: file, place,
+what was expected. In the functions below `where` is file and place, for that line. Sizes are limited before memory is taken.
 """
 
 import json
@@ -10,7 +10,8 @@ import os
 import types
 import typing
 import zipfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import IO, Any, TypeVar
@@ -32,23 +33,12 @@ R = TypeVar("R")
 
 
 def check_budget(path: Path | str, declared_bytes: int, what: str) -> None:
-    """Refuses a file before its content is allocated.
-
-    Args:
-        path: the file.
-        declared_bytes: memory that the content takes, as the file declares it; at most 1 GB, or KPOPNET_FILE_BUDGET_GB.
-        what: the content, for the message: "depth_mm (300, 480, 640)".
-
-    Raises:
-        InputError: it takes more, or the environment variable is not a positive number.
-    """
+    """Refuses content that declares more memory than 1 GB, or KPOPNET_FILE_BUDGET_GB; `what`: "depth_mm (300, 480, 640)"."""
     given = os.environ.get(BUDGET_VARIABLE, str(DEFAULT_BUDGET_GB))
     try:
         budget_gb = float(given)
     except ValueError:
-        budget_gb = math.nan
-    if not 0 < budget_gb < 1e6:
-        raise InputError(f"{BUDGET_VARIABLE}={given}: expected a positive number of gigabytes")
+        raise InputError(f"{BUDGET_VARIABLE}={given}: expected a number of gigabytes") from None
     if declared_bytes > budget_gb * 1e9:
         raise InputError(
             f"{path}: {what} would take {declared_bytes / 1e9:.1f} GB of memory, more than {budget_gb:g} GB a file; "
@@ -56,24 +46,22 @@ def check_budget(path: Path | str, declared_bytes: int, what: str) -> None:
         )
 
 
-def read_with(reader: Callable[[Path], R], path: Path, problem: str) -> R:
-    """Reads a file with the parser of a library, whose exceptions are of many types.
-
-    Args:
-        reader: reads the file; it must not allocate more than the file's size.
-        path: the file.
-        problem: what to tell the user: "missing or damaged".
-
-    Raises:
-        InputError: the file is too large, or the parser raised an exception.
-    """
+@contextmanager
+def parsing(where: Path | str, problem: str) -> Iterator[None]:
+    """Turns what a library's parser raises for damaged bytes, which is of many types, into "WHERE: PROBLEM (reason)"."""
     try:
-        check_budget(path, Path(path).stat().st_size, "its content")
-        return reader(path)
+        yield
     except InputError:
         raise
     except Exception as error:
-        raise InputError(f"{path}: {problem} ({first_line(error)})") from error
+        raise InputError(f"{where}: {problem} ({first_line(error)})") from error
+
+
+def read_with(reader: Callable[[Path], R], path: Path, problem: str) -> R:
+    """Reads a file with the parser of a library, which must not take more memory than the file's size; see `parsing`."""
+    with parsing(path, problem):
+        check_budget(path, Path(path).stat().st_size, "its content")
+        return reader(path)
 
 
 def first_line(error: BaseException) -> str:
@@ -89,11 +77,8 @@ def expect(condition: bool, where: str, expectation: str) -> None:
 
 def check_names(where: str, names: Iterable[str]) -> None:
     """Raises InputError if the name of a file or folder is not UTF-8: figures and reports could not show it."""
-    for name in names:
-        if _has_surrogates(name):
-            raise InputError(
-                f"{where}: {name.encode('utf-8', 'backslashreplace').decode()}: a name that is not UTF-8; rename it"
-            )
+    for name in filter(_has_surrogates, names):
+        raise InputError(f"{where}: {name.encode('utf-8', 'backslashreplace').decode()}: a name that is not UTF-8; rename it")
 
 
 def names_in(names: Iterable[str]) -> str:
@@ -106,15 +91,10 @@ def names_in(names: Iterable[str]) -> str:
 
 
 def read_text(path: Path, max_bytes: int = MAX_JSON_BYTES) -> str:
-    """Reads a UTF-8 text file of at most `max_bytes`.
-
-    Raises:
-        InputError: the file is missing, unreadable, too large, or not UTF-8.
-    """
+    """Reads a UTF-8 text file."""
     try:
         size = path.stat().st_size
-        if size > max_bytes:
-            raise InputError(f"{path}: {size:,} bytes, expected at most {max_bytes:,}")
+        expect(size <= max_bytes, str(path), f"at most {max_bytes:,} bytes, found {size:,}")
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not UTF-8 text ({error.reason} at byte {error.start})") from error
@@ -123,20 +103,14 @@ def read_text(path: Path, max_bytes: int = MAX_JSON_BYTES) -> str:
 
 
 def read_json(path: Path, max_bytes: int = MAX_JSON_BYTES, *, non_finite: bool = False) -> Any:
-    """Reads a JSON file; raises InputError as `read_text` and `parse_json`."""
+    """Reads a JSON file, see `parse_json`."""
     return parse_json(read_text(Path(path), max_bytes), str(path), non_finite=non_finite)
 
 
 def parse_json(text: str | bytes, where: str, *, non_finite: bool = False) -> Any:
     """Parses JSON: numbers must be finite, integers of at most 64 bits, brackets nested at most MAX_JSON_DEPTH deep.
 
-    Args:
-        text: the JSON.
-        where: file and place, for messages.
-        non_finite: whether NaN, Infinity and -Infinity, which Python writes, are numbers too.
-
-    Raises:
-        InputError: it is not such JSON.
+    With `non_finite` NaN, Infinity and -Infinity, which Python writes, are numbers too.
     """
     try:
         value = json.loads(text, parse_constant=float if non_finite else _finite, parse_int=_int64, parse_float=_finite)
@@ -172,24 +146,13 @@ def _is_deeper(value: Any, levels: int) -> bool:
 
 def _has_surrogates(text: str) -> bool:
     """Whether a text cannot be written as UTF-8."""
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        return True
-    return False
+    return text.encode(errors="replace") != text.encode(errors="surrogatepass")
 
 
 def check_fields(where: str, value: Any, schema: Mapping[str, Any], optional: Iterable[str] = ()) -> dict[str, Any]:
     """Checks that a value of JSON is an object with the given names and types; it may have other names too.
 
-    Args:
-        where: file and place, for messages.
-        value: of JSON.
-        schema: types by name: bool, int, float (which an integer fits), str, dict, list[TYPE], TYPE | None.
-        optional: names that may be missing.
-
-    Raises:
-        InputError: it is not such an object.
+    Types are bool, int, float (which an integer fits), str, dict, list[TYPE] and TYPE | None; `optional` names may be missing.
     """
     expect(isinstance(value, dict), where, f"an object of {names_in(schema)}, found {_shown(value)}")
     if missing := [name for name in schema if name not in value and name not in optional]:
@@ -202,11 +165,7 @@ def check_fields(where: str, value: Any, schema: Mapping[str, Any], optional: It
 
 
 def settings_from(kind: type[Settings], value: Any, where: str) -> Settings:
-    """Makes an object of a flat dataclass from an object of JSON; the dataclass is the schema.
-
-    Raises:
-        InputError: an unknown or missing name, another type, or a value that the dataclass refuses.
-    """
+    """Makes an object of a flat dataclass, which is the schema, from an object of JSON without unknown names."""
     declared = fields(kind)  # pyright: ignore[reportArgumentType]
     optional = [one.name for one in declared if one.default is not MISSING or one.default_factory is not MISSING]
     check_fields(where, value, typing.get_type_hints(kind), optional)
@@ -243,7 +202,7 @@ class ArraySchema:
     Attributes:
         kinds: allowed numpy kinds: "f" floats, "u" and "i" integers, "b" bool, "S" and "U" text.
         shape: the length of each axis; None for any length, a name for a length that other arrays of the file share.
-        required: whether the file must have it.
+        required: whether the file must have the array.
     """
 
     kinds: str
@@ -256,15 +215,7 @@ def check_array(
 ) -> None:
     """Checks the shape and type of an array, which need not be in memory.
 
-    Args:
-        where: file and name of the array, for messages.
-        shape: of the array.
-        dtype: of the array.
-        schema: what is expected.
-        lengths: lengths by name, of the arrays checked before; completed by this one.
-
-    Raises:
-        InputError: shape or type differ.
+    `lengths` are the named lengths of the arrays that were checked before; this array's are added.
     """
     lengths = {} if lengths is None else lengths
     expected = ", ".join(
@@ -281,14 +232,7 @@ def check_array(
 
 
 def read_npz(path: Path, schemas: dict[str, ArraySchema]) -> dict[str, np.ndarray]:
-    """Reads the named arrays of an .npz file; other arrays of the file are not read.
-
-    Returns:
-        The arrays by name; those that are not required may be missing.
-
-    Raises:
-        InputError: the file is missing, damaged or too large, or an array is not as expected.
-    """
+    """Reads the named arrays of an .npz file and no others; those that are not required may be missing in the result."""
 
     def read(path: Path) -> dict[str, np.ndarray]:
         with zipfile.ZipFile(path) as archive:
@@ -308,34 +252,19 @@ def read_npz(path: Path, schemas: dict[str, ArraySchema]) -> dict[str, np.ndarra
 
 
 def read_npy_header(file: IO[bytes], where: str) -> tuple[tuple[int, ...], bool, np.dtype]:
-    """Shape, Fortran order and type that a .npy stream declares, for `where` in messages.
-
-    Raises:
-        InputError: not such a header, or one of an array of Python objects.
-    """
-    try:
+    """Shape, Fortran order and type, not of Python objects, that a .npy stream declares."""
+    with parsing(where, "not a readable .npy header"):
         version = np.lib.format.read_magic(file)
         reader = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         shape, fortran, dtype = reader(file, max_header_size=10_000)
-    except Exception as error:  # of the parser of Python's literals, among others tokenize.TokenError
-        raise InputError(f"{where}: not a readable .npy header ({first_line(error)})") from error
-    if dtype.hasobject or any(length < 0 for length in shape):
-        raise InputError(f"{where}: an array of {dtype} and shape {shape}; expected plain numbers")
+    expect(not dtype.hasobject and min(shape, default=0) >= 0, where, f"plain numbers, found {dtype} of shape {shape}")
     return shape, fortran, dtype
 
 
 def open_npy(path: Path, schema: ArraySchema) -> np.ndarray:
-    """Opens an .npy file as a read-only memory map.
-
-    Raises:
-        InputError: the file is missing, damaged or truncated, or its array is not as expected.
-    """
-    try:
+    """Opens an .npy file, whose array must not be empty, as a read-only memory map."""
+    with parsing(path, "not a readable .npy file"):
         array = np.load(path, mmap_mode="r", allow_pickle=False)
-        check_array(str(path), array.shape, array.dtype, schema)
-    except InputError:
-        raise
-    except Exception as error:  # of numpy's parsers
-        raise InputError(f"{path}: not a readable .npy file ({first_line(error)})") from error
+    check_array(str(path), array.shape, array.dtype, schema)
     expect(array.size > 0, str(path), f"an array that is not empty, found {array.shape}")
     return array

@@ -30,15 +30,10 @@ def in_processes(
 ) -> Iterator[tuple[int, Any]]:
     """Yields (index, work(items[index])) in the order in which the items are finished.
 
-    Every process holds a copy of `work`, which may keep state from item to item, and computes on one thread. With one
-    process, or one item, this process does the work. Worker processes end when this process ends, however it ends.
-
-    Args:
-        work: called with an item; with `on_progress` also with a function without arguments, which it calls after each
-            unit of work. Must be picklable if there are several processes.
-        items: what to call it with.
-        processes: how many.
-        on_progress: called in this process with the number of units done since its last call.
+    Every process holds a copy of `work`, which must be picklable and may keep state from item to item, and computes on one
+    thread. With one process, or one item, this process does the work. Worker processes end when this process ends, however
+    it ends. With `on_progress`, `work` gets a second argument, a function that it calls after each unit of work; `on_progress`
+    is called in this process with the number of units done since its last call.
 
     Raises:
         WorkerDiedError: a worker process ended by itself. What `work` raises goes through.

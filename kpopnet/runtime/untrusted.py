@@ -33,15 +33,11 @@ def read_in_child(
 ) -> R:
     """Returns reader(path, *args), computed in a child process.
 
-    Args:
-        reader: function of a module, whose result can be pickled. The child imports its module: about 0.2 s for numpy.
-        path: the file.
-        args: further arguments of the reader.
-        seconds: longest time of the reader.
-        memory_bytes: address space of the child.
+    `reader` is a function of a module, whose result can be pickled. The child imports its module: about 0.2 s for numpy.
 
     Raises:
-        InputError: that of the reader; or the reader raised another exception, crashed, or needed more time or memory.
+        InputError: that of the reader; or the reader raised another exception, crashed, or needed more than `seconds` or
+            `memory_bytes` of address space.
     """
     with closing(iterate_in_child(_once, path, reader, *args, seconds=seconds, memory_bytes=memory_bytes)) as results:
         return next(results)

@@ -1,28 +1,34 @@
-"""Depth from numpy's files: .npz, which is unpacked one image at a time, and .npy, which is mapped into memory."""
+"""Depth from arrays: .npz, unpacked image by image, HDF5, read chunk by chunk, and .npy, which is mapped into memory."""
 
 import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+import h5py
 import numpy as np
 
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
-from kpopnet.runtime.input_files import ArraySchema, expect, names_in, open_npy, read_npy_header, read_npz
-from kpopnet.sources.source import Recording, StoredImage, parsing
+from kpopnet.runtime.input_files import (
+    ArraySchema,
+    check_budget,
+    expect,
+    names_in,
+    open_npy,
+    parsing,
+    read_npy_header,
+    read_npz,
+)
+from kpopnet.sources.source import Recording, StoredImage
 
 NAMES = ("depth_mm", "depth_m", "depth")
 """Names by which depth is known among other arrays."""
 
-NOT_NPZ = "not a readable .npz file"
+NOT_NPZ, NOT_HDF5 = "not a readable .npz file", "not a readable HDF5 file"
 
 
-def chosen_array(where: str, shapes: Mapping[str, tuple[int, ...]], key: str | None) -> str:
-    """The name of the array that holds the depth: `key`, one of NAMES, or the only one of three axes.
-
-    Raises:
-        InputError: there is none, or several.
-    """
+def _chosen(where: str, shapes: Mapping[str, tuple[int, ...]], key: str | None) -> str:
+    """The name of the array that holds the depth: `key`, one of NAMES, or the only one of three axes."""
     listed = names_in(f"{name} {shape}" for name, shape in shapes.items()) or "none"
     if key is not None:
         if len(shapes.get(key, ())) != 3:
@@ -37,40 +43,44 @@ def chosen_array(where: str, shapes: Mapping[str, tuple[int, ...]], key: str | N
     return known[0]
 
 
-def rate_of(times_s: np.ndarray) -> float | None:
-    """Images per second by the median step of (T,) times; None of fewer than two."""
-    if len(times_s) < 2:
-        return None
+def _rate(times_s: np.ndarray | None, fps: float | None) -> float | None:
+    """Images per second by the median step of (T,) times, or else the stated one."""
+    if times_s is None or len(times_s) < 2:
+        return fps
     with np.errstate(divide="ignore", invalid="ignore"):
         return float(1 / np.median(np.diff(times_s)))
 
 
 def read_npz_depth(path: Path, key: str | None) -> Recording:
-    """An .npz file with an array of depth, and if known `camera` or `intrinsics`, `times_s` or `fps`.
-
-    Raises:
-        InputError: not a readable .npz file, or not such arrays.
+    """An .npz file with an array of depth, and if known `times_s` or `fps`, and `camera` (fx, fy, cx, cy, width, height) or
+    `intrinsics` (fx, fy, cx, cy, or a 3x3 matrix).
     """
     shapes = {}
-    with parsing(str(path), NOT_NPZ), zipfile.ZipFile(path) as archive:
+    with parsing(path, NOT_NPZ), zipfile.ZipFile(path) as archive:
         for info in archive.infolist():
             if info.filename.endswith(".npy") and not info.flag_bits & 1:
                 with archive.open(info) as member:
                     shapes[info.filename.removesuffix(".npy")] = read_npy_header(member, f"{path}: {info.filename}")[0]
-    name = chosen_array(str(path), shapes, key)
+    name = _chosen(str(path), shapes, key)
     frames, height, width = shapes[name]
     schemas = {
         "camera": ArraySchema("fiu", (6,), False), "intrinsics": ArraySchema("fiu", shapes.get("intrinsics", ()), False),
         "times_s": ArraySchema("fiu", (frames,), False), "fps": ArraySchema("fiu", (), False),
     }  # fmt: skip
     known = read_npz(path, schemas)
-    times_s = known.get("times_s")
-    fps = float(known["fps"]) if "fps" in known else None
-    if times_s is not None:
-        fps = rate_of(times_s) or fps
+    times_s, camera = known.get("times_s"), None
+    if "camera" in known:
+        camera = Camera.from_numbers(known["camera"].astype(float).tolist(), f"{path}: camera")
+    elif "intrinsics" in known:
+        given, where = known["intrinsics"].astype(float), f"{path}: intrinsics"
+        expect(given.shape in ((4,), (3, 3)), where, f"fx, fy, cx, cy or a 3x3 matrix, found shape {given.shape}")
+        if given.shape == (3, 3):
+            camera = Camera.from_intrinsics(given, width, height)
+        else:
+            camera = Camera.from_numbers([*given.tolist(), width, height], where)
 
     def images() -> Iterator[StoredImage]:
-        with parsing(str(path), NOT_NPZ), zipfile.ZipFile(path) as archive, archive.open(f"{name}.npy") as member:
+        with parsing(path, NOT_NPZ), zipfile.ZipFile(path) as archive, archive.open(f"{name}.npy") as member:
             _, fortran, dtype = read_npy_header(member, f"{path}: {name}")
             if fortran:
                 raise InputError(f"{path}: {name} is stored in Fortran order; save it again with numpy.ascontiguousarray")
@@ -81,28 +91,52 @@ def read_npz_depth(path: Path, key: str | None) -> Recording:
                 time_s = None if times_s is None else float(times_s[number])
                 yield StoredImage(np.frombuffer(packed, dtype).reshape(height, width), where, time_s)
 
-    return Recording(images, width, height, frames, fps, _camera(path, known, width, height))
+    fps = _rate(times_s, float(known["fps"]) if "fps" in known else None)
+    return Recording(images, width, height, frames, fps, camera)
 
 
-def _camera(path: Path, known: Mapping[str, np.ndarray], width: int, height: int) -> Camera | None:
-    """The camera of `camera` (fx, fy, cx, cy, width, height) or `intrinsics` (fx, fy, cx, cy, or a 3x3 matrix)."""
-    if "camera" in known:
-        return Camera.from_numbers(known["camera"].astype(float).tolist(), f"{path}: camera")
-    if "intrinsics" not in known:
+def read_hdf5(path: Path, key: str | None) -> Recording:
+    """An HDF5 file with an array of depth; if known, attributes `camera` and `fps` of the file, `times_s` beside the array."""
+    with parsing(path, NOT_HDF5), h5py.File(path, locking=False) as file:
+        arrays: dict[str, h5py.Dataset] = {}
+        # Links to other places are not followed.
+        file.visititems(lambda name, one: arrays.update({name: one}) if isinstance(one, h5py.Dataset) else None)
+        shapes = {one: array.shape for one, array in arrays.items() if array.shape and array.dtype.kind in "fiu"}
+        name = _chosen(str(path), shapes, key)
+        depth = arrays[name]
+        if depth.is_virtual or depth.external:
+            raise InputError(f"{path}: {name} lies in another file; expected it in this one")
+        frames, height, width = depth.shape
+        block = min((depth.chunks or (1,))[0], frames)  # a compressed chunk is unpacked once
+        check_budget(path, block * height * width * depth.dtype.itemsize, f"a chunk of {name}")
+        times = name.removesuffix(name.rpartition("/")[2]) + "times_s"
+        times_s = arrays[times][:] if shapes.get(times) == (frames,) else None
+        fps = _attribute(path, file, "fps", "a number")
+        camera = _attribute(path, file, "camera", "fx, fy, cx, cy, width, height")
+
+    def images() -> Iterator[StoredImage]:
+        with parsing(path, NOT_HDF5), h5py.File(path, locking=False) as file:
+            for start in range(0, frames, block):
+                for number, image in enumerate(file[name][start : start + block], start):
+                    time_s = None if times_s is None else float(times_s[number])
+                    yield StoredImage(image, f"{path}: {name}, frame {number}", time_s)
+
+    known = Camera.from_numbers(camera, f"{path}: camera") if camera else None
+    return Recording(images, width, height, frames, _rate(times_s, fps[0] if fps else None), known)
+
+
+def _attribute(path: Path, file: h5py.File, name: str, expected: str) -> list[float] | None:
+    """An attribute of as many finite numbers as `expected` names; None without one."""
+    if name not in file.attrs:
         return None
-    given = known["intrinsics"].astype(float)
-    expect(given.shape in ((4,), (3, 3)), f"{path}: intrinsics", f"fx, fy, cx, cy or a 3x3 matrix, found shape {given.shape}")
-    if given.shape == (3, 3):
-        return Camera.from_intrinsics(given, width, height)
-    return Camera.from_numbers([*given.tolist(), width, height], f"{path}: intrinsics")
+    stored, count = np.ravel(file.attrs[name]), len(expected.split(","))
+    fits = stored.dtype.kind in "fiu" and len(stored) == count and bool(np.isfinite(stored).all())
+    expect(fits, f"{path}: attribute {name}", expected)
+    return stored.astype(float).tolist()
 
 
 def read_npy(path: Path) -> Recording:
-    """An .npy file of (T, H, W) depth, or (H, W) for a single image.
-
-    Raises:
-        InputError: not a readable .npy file of such depth.
-    """
+    """An .npy file of (T, H, W) depth, or (H, W) for a single image."""
     with path.open("rb") as file:
         axes = len(read_npy_header(file, str(path))[0])
     stored = open_npy(path, ArraySchema("fiu", (None,) * (2 if axes == 2 else 3)))

@@ -34,15 +34,9 @@ narrow modes are a part of it, the wide ones all of it (Azure Kinect Sensor SDK,
 
 
 def read_camera(path: Path | str, width: int | None = None, height: int | None = None) -> Camera:
-    """The camera that a file describes, or a preset by its name.
+    """The camera of a JSON file of one of the kinds above, or a preset by its name in `kpopnet.camera.CAMERAS`.
 
-    Args:
-        path: a JSON file of one of the kinds above, or a name of `kpopnet.camera.CAMERAS`.
-        width: width of the recorded image in pixels, for an Azure Kinect's calibration.
-        height: its height.
-
-    Raises:
-        InputError: no such file or preset; a file of another kind; an Azure Kinect's file without the size of its image.
+    An Azure Kinect's calibration needs `width` and `height` of the recorded image in pixels.
     """
     if str(path) in CAMERAS:
         return CAMERAS[str(path)]
@@ -58,8 +52,7 @@ def read_camera(path: Path | str, width: int | None = None, height: int | None =
                 coefficients = found.get("coeffs", [])  # k1, k2, p1, p2, k3
                 if isinstance(coefficients, list):
                     _warn_of_distortion([*coefficients[:2], *coefficients[4:5]], str(path))
-                fx, fy, cx, cy, wide, high = (float(found[name]) for name in names)
-                return Camera.from_numbers((fx, fy, cx, cy, wide, high), str(path))
+                return Camera.from_numbers((float(found[name]) for name in names), str(path))
     raise InputError(
         f"{path}: no camera in it; expected JSON with numbers {', '.join(OURS)}, or RealSense's with ppx and ppy, or an Azure "
         "Kinect's CalibrationInformation"

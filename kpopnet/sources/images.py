@@ -9,8 +9,9 @@ import numpy as np
 from PIL import Image
 
 from kpopnet.errors import InputError
+from kpopnet.runtime.input_files import parsing
 from kpopnet.sources.camera_files import read_camera
-from kpopnet.sources.source import Recording, StoredImage, check_size, parsing
+from kpopnet.sources.source import Recording, StoredImage, check_size
 
 SUFFIXES = (".png", ".tif", ".tiff")
 CAMERA_FILE = "camera.json"
@@ -21,14 +22,9 @@ DEPTH_MODES = ("I;16", "I;16B", "I;16L", "I", "F")
 
 
 def read_folder(folder: Path, key: str | None) -> Recording:
-    """A folder of images in the natural order of their names: 2 before 10.
+    """A folder of images in the natural order of their names: 2 before 10. A file camera.json in it describes the camera.
 
-    Args:
-        folder: the folder; a file camera.json in it describes the camera.
-        key: a pattern of names; None takes all images.
-
-    Raises:
-        InputError: no image in it, or the first one is no depth.
+    `key` is a pattern of names; None takes all images.
     """
     pattern = "*" if key is None else key
     try:
@@ -41,11 +37,7 @@ def read_folder(folder: Path, key: str | None) -> Recording:
 
 
 def read_images(paths: Sequence[Path], camera_file: Path | None = None) -> Recording:
-    """Images of one size, and their camera if its file is there.
-
-    Raises:
-        InputError: the first one is no depth image.
-    """
+    """Images of one size, and their camera if its file is there."""
     height, width = _read(paths[0]).shape
     camera = read_camera(camera_file, width, height) if camera_file is not None and camera_file.is_file() else None
 
@@ -61,11 +53,7 @@ def _natural(path: Path) -> list[tuple[int, int | str]]:
 
 
 def _read(path: Path) -> np.ndarray:
-    """(H, W) uint16 millimetres or float metres.
-
-    Raises:
-        InputError: damaged, colour or 8 bits, or too large.
-    """
+    """(H, W) uint16 millimetres or float metres."""
     with (
         parsing(str(path), "not a PNG or TIFF image, or damaged"),
         warnings.catch_warnings(action="error"),

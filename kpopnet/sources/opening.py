@@ -7,7 +7,7 @@ from pathlib import Path
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
 from kpopnet.runtime.untrusted import MEMORY_BYTES, iterate_in_child, read_in_child
-from kpopnet.sources import arrays, hdf5, images, realsense, video
+from kpopnet.sources import arrays, images, realsense, video
 from kpopnet.sources.camera_files import read_camera
 from kpopnet.sources.source import DepthSource, Recording, StoredImage, check_size
 
@@ -16,7 +16,7 @@ DEFAULT_FPS = 30.0
 CameraOfSize = Callable[[int, int], Camera]
 """Makes a camera for images of a width and a height, as `functools.partial(Camera.from_fov, 58.0)` does."""
 
-WITH_NAMES = {".npz": arrays.read_npz_depth, ".h5": hdf5.read_hdf5, ".hdf5": hdf5.read_hdf5}
+WITH_NAMES = {".npz": arrays.read_npz_depth, ".h5": arrays.read_hdf5, ".hdf5": arrays.read_hdf5}
 """Readers of files that hold arrays by name."""
 
 READERS = {
@@ -31,18 +31,10 @@ READERS = {
 def chosen_camera(
     given: str | None = None, fov_deg: float | None = None, focal_px: float | None = None
 ) -> Camera | CameraOfSize | None:
-    """The camera that a command line names in one of three ways, for `open_depth`.
+    """The camera that a command line names, for `open_depth`; None where it names none.
 
-    Args:
-        given: a preset of `kpopnet.camera.CAMERAS`, or a file of intrinsics (`camera_files`).
-        fov_deg: horizontal field of view in degrees.
-        focal_px: focal length in pixels.
-
-    Returns:
-        None where it names none.
-
-    Raises:
-        InputError: it names more than one; a focal length that is not positive.
+    It is a preset of `kpopnet.camera.CAMERAS`, a file of intrinsics (`camera_files`), the horizontal field of view in degrees,
+    or the focal length in pixels.
     """
     if sum(one is not None for one in (given, fov_deg, focal_px)) > 1:
         raise InputError("the camera is given twice; give one of --camera, --fov and --focal")
@@ -69,9 +61,6 @@ def open_depth(
         key: name of the array in a file that holds several; of a folder, a pattern of names, such as "depth_*.png".
         in_child: whether a process with limits of time and memory reads it: damaged or hostile files of a stranger may crash
             the libraries that parse them. Its start takes half a second.
-
-    Raises:
-        InputError: the file is of no known kind, is missing or damaged, holds no depth, or does not state its camera.
     """
     path = Path(path)
     recording = _described(path, key, in_child)
@@ -79,8 +68,7 @@ def open_depth(
     stated = recording.fps if fps is None else fps
     if stated is not None and not 1 <= stated <= 1000:
         raise InputError(f"{path}: {stated:g} images a second; expected 1 to 1000")
-    if camera is None:
-        camera = recording.camera
+    camera = camera or recording.camera
     if camera is None:
         raise InputError(
             f"{path}: does not state its camera; give a preset ({', '.join(CAMERAS)}) or a file of intrinsics (--camera), "

@@ -10,8 +10,9 @@ import numpy as np
 
 from kpopnet.camera import MM_PER_METRE, Camera, depth_in_metres
 from kpopnet.errors import InputError
+from kpopnet.runtime.input_files import parsing
 from kpopnet.sources.live import CameraAwayError
-from kpopnet.sources.source import Recording, StoredImage, check_size, parsing
+from kpopnet.sources.source import Recording, StoredImage, check_size
 
 NAME = "RealSense camera"
 WAIT_MS, PATIENCE_MS = 200, 5000
@@ -25,11 +26,7 @@ SEARCH_EVERY_S = 0.3
 
 
 def library(where: str) -> Any:
-    """The module pyrealsense2.
-
-    Raises:
-        InputError: it is missing, or does not load.
-    """
+    """The module pyrealsense2; raises InputError where it does not load."""
     try:
         import pyrealsense2
     except ImportError as error:
@@ -54,11 +51,7 @@ def _depth_of(frame: Any) -> np.ndarray:
 
 
 def read_bag(path: Path) -> Recording:
-    """A recording of a RealSense camera: its depth, times and intrinsics.
-
-    Raises:
-        InputError: the library is missing, or the file is no such recording or has no depth.
-    """
+    """A recording of a RealSense camera: its depth, times and intrinsics."""
     with _playing(path) as (_, profile):
         depth = profile.get_stream(library(str(path)).stream.depth).as_video_stream_profile()
         camera, fps = _camera_of(depth, str(path)), float(depth.fps())
@@ -105,21 +98,10 @@ def connected_device() -> Any | None:
 
 
 class RealSenseCamera:
-    """A live camera, which may be unplugged and plugged in again; a `LiveCamera`.
-
-    Attributes:
-        camera: the intrinsics of its depth.
-    """
+    """A live camera, which may be unplugged and plugged in again; a `LiveCamera`."""
 
     def __init__(self, find: Callable[[], Any | None] = connected_device) -> None:
-        """Opens the camera.
-
-        Args:
-            find: finds the device, None where there is none.
-
-        Raises:
-            InputError: the library is missing, or no camera with depth is connected.
-        """
+        """Opens the camera whose device `find` returns, None where there is none: then InputError is raised."""
         self._library, self._find = library(NAME), find
         self._sensor: Any | None = None
         self.camera: Camera | None = None

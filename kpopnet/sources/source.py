@@ -1,7 +1,6 @@
 """A recording of depth, read one image at a time."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -29,15 +28,12 @@ class StoredImage(NamedTuple):
 
 
 class Recording(NamedTuple):
-    """What the reader of one kind of file finds.
+    """What the reader of one kind of file finds; None where the file does not state it.
 
     Attributes:
-        images: reads the images in order, each call from the first one on; raises InputError.
-        width: of the images in pixels.
-        height: of the images in pixels.
-        frames: number of images, None where it is known only after reading.
-        fps: images per second, None where the file does not state it.
-        camera: None where the file does not state it.
+        images: reads the images, `width` x `height` pixels, in order; each call begins with the first one.
+        frames: number of images.
+        fps: images per second.
     """
 
     images: Callable[[], Iterator[StoredImage]]
@@ -66,7 +62,6 @@ class DepthSource:
 
     Attributes:
         name: of the file or folder, for messages.
-        camera: of all images.
         fps: images per second.
         fps_is_known: whether the file or the user gave `fps`; else it is a default.
         frames: number of images, None where it is known only after reading.
@@ -108,24 +103,8 @@ class DepthSource:
 
 
 def check_size(where: str, width: int, height: int, frames: int | None = None) -> None:
-    """Refuses images, or a number of them, that no depth camera makes, before memory is taken for them.
-
-    Raises:
-        InputError: an image without pixels or of more than MAX_IMAGE_PIXELS, no image, or more than MAX_FRAMES.
-    """
+    """Raises InputError for images, or a number of them, that no depth camera makes, before memory is taken for them."""
     if not (width > 0 and height > 0 and width * height <= MAX_IMAGE_PIXELS):
         raise InputError(f"{where}: images of {width}x{height} pixels; expected 1 to {MAX_IMAGE_PIXELS:,} pixels")
     if frames is not None and not 0 < frames <= MAX_FRAMES:
         raise InputError(f"{where}: {frames:,} images; expected 1 to {MAX_FRAMES:,}")
-
-
-@contextmanager
-def parsing(where: str, problem: str) -> Iterator[None]:
-    """Turns what a library's parser raises for damaged bytes, which is of many types, into an InputError of one line."""
-    try:
-        yield
-    except InputError:
-        raise
-    except Exception as error:
-        reason = next(iter(str(error).splitlines()), type(error).__name__)[:200]
-        raise InputError(f"{where}: {problem} ({reason})") from error

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from kpopnet.errors import InputError
-from kpopnet.sources.source import Recording, StoredImage, parsing
+from kpopnet.runtime.input_files import expect, parsing
+from kpopnet.sources.source import Recording, StoredImage
 
 if TYPE_CHECKING:
     from av import Packet, VideoFrame
@@ -20,11 +21,7 @@ DEPTH_FORMATS = ("gray16le", "gray16be")
 
 
 def read_video(path: Path) -> Recording:
-    """A video with one stream of 16-bit grey images, millimetres.
-
-    Raises:
-        InputError: PyAV is missing, or the file is no such video.
-    """
+    """A video with one stream of 16-bit grey images, millimetres."""
     with _opened(path) as (_, stream):
         width, height = stream.codec_context.width, stream.codec_context.height
         fps = float(stream.average_rate) if stream.average_rate else None
@@ -36,15 +33,13 @@ def _images(path: Path) -> Iterator[StoredImage]:
     with _opened(path) as (container, stream):
         packets = container.demux(stream)
         while True:
-            where = f"{path}: frame {number}"
-            with parsing(where, "damaged"):
+            with parsing(f"{path}: frame {number}", "damaged"):
                 packet = next(packets, None)
-                frames = [] if packet is None else _decoded(packet)
-            if packet is None:
-                break
+                if packet is None:
+                    break
+                frames = _decoded(packet)
             for frame in frames:
-                if frame.format.name not in DEPTH_FORMATS:
-                    raise InputError(f"{where}: {frame.format.name}, expected 16-bit grey")
+                expect(frame.format.name in DEPTH_FORMATS, f"{path}: frame {number}", f"16-bit grey, found {frame.format.name}")
                 yield StoredImage(frame.to_ndarray(format="gray16le"), f"{path}: frame {number}", frame.time)
                 number += 1
     if not number:
@@ -52,11 +47,7 @@ def _images(path: Path) -> Iterator[StoredImage]:
 
 
 def _decoded(packet: "Packet") -> list["VideoFrame"]:
-    """The images of a packet. FFmpeg makes up the pixels of damaged parts, and says so in its log only.
-
-    Raises:
-        ValueError: a part is damaged.
-    """
+    """The images of a packet. FFmpeg makes up the pixels of damaged parts, and says so in its log only: a ValueError here."""
     import av
 
     level = av.logging.get_level()
