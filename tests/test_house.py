@@ -14,7 +14,6 @@ EXCEPTIONS = {
     "kpopnet/extraction/components.py:component_stats": "numba kernel: one pass over the pixels fills every statistic",
     "kpopnet/geometry/cones.py:cone_signed_distance": "numba kernel: a part's numbers as scalars, so that loops vectorise",
     "synth/scene/render.py:_triangle": "numba kernel: corners of a triangle as scalars, in registers",
-    "synth/sensor/kernel.py:measure_pixels": "numba kernel: one pass over the pixels of an image",
 }
 """Functions of more lines or arguments than the rule allows, and why."""
 

@@ -33,11 +33,7 @@ class FilmFrame(NamedTuple):
 
 @dataclass(frozen=True)
 class FilmNoise:
-    """The noise of a film, of which any frame can be drawn by itself.
-
-    Attributes:
-        seed: of the film; no other film has it, nor one that begins with it.
-    """
+    """The noise of a film, any frame of which can be drawn by itself. No other film's seed begins with its seed."""
 
     seed: tuple[int, ...]
 

@@ -1,8 +1,8 @@
 """The per-pixel part of the sensor model, in numba.
 
 Random numbers are hashes of a key and the pixel's number. The result of a pixel therefore does not depend on which other
-pixels are measured, or in what order. Arithmetic is float32 throughout: `np.float32` wraps every constant that would
-promote it to float64.
+pixels are measured, or in what order. Arithmetic is float32: `np.float32` wraps every constant that would promote it to
+float64. `t` is the record of terms that `model._terms` makes, in metres and image pixels.
 """
 
 import math
@@ -17,26 +17,9 @@ EDGE_M = 0.1
 INT_OFFSET_PX = 1024
 """Added to a shift in pixels before int() so that int() rounds down; math.floor would cost more than the rest."""
 
-TERMS = np.dtype(
-    [
-        (name, np.float32)
-        for name in (
-            "fx", "fy", "cx", "cy", "min_range", "max_range",
-            "axial_floor", "axial_quadratic", "axial_offset", "axial_grazing", "axial_radial",
-            "lateral", "lateral_grazing", "grain", "grain_layers", "flicker", "shadow", "steps", "step_noise",
-            "step_flicker", "rounded", "wiggle", "wiggle_frequency", "flying_pixels", "gain", "pixel_dropout", "edge_dropout",
-        )
-    ]
-)  # fmt: skip
-"""The terms of `model.SensorConfig` in metres and image pixels, as the record that the kernel reads fastest."""
-
-NODES = 1 << 40
-"""Hash counter of the lattice's nodes, beyond those of all pixels; LAYER apart for each layer of depth."""
-
-LAYER = 1 << 32
-
-FILM_PIXELS = 1 << 50
-"""Hash counter of the film's noise at single pixels."""
+NODES, LAYER, FILM_PIXELS = 1 << 40, 1 << 32, 1 << 50
+"""Hash counters beyond those of all pixels: of the lattice's nodes, LAYER apart for each layer of depth, and of the film's
+noise at single pixels."""
 
 NORMALS = ndtri((np.arange(4096) + 0.5) / 4096)
 NORMALS = (NORMALS / NORMALS.std()).astype(np.float32)
@@ -86,12 +69,9 @@ def _grain_cells(size, centre, grain):
 
 
 @njit(cache=True)
-def _node_pixels(num_nodes, first, centre, grain, size):
-    """The pixel of a row or column nearest to each node."""
-    pixels = np.empty(num_nodes, np.int64)
-    for i in range(num_nodes):
-        pixels[i] = min(max(int(centre + (first + i) * grain + 0.5), 0), size - 1)
-    return pixels
+def _node_pixel(node, centre, grain, size):
+    """The pixel of a row or column nearest to a node."""
+    return min(max(int(centre + node * grain + 0.5), 0), size - 1)
 
 
 @njit(cache=True)
@@ -105,8 +85,6 @@ def _noise_lattice(depth, cells, keys, t):
     (cell_y, first_y), (cell_x, first_x) = cells
     height, width = cell_y[-1] + 2, cell_x[-1] + 2
     lattice = np.empty((height, 3, width), np.float32)
-    rows = _node_pixels(height, first_y, t.cy, t.grain, depth.shape[0])
-    columns = _node_pixels(width, first_x, t.cx, t.grain, depth.shape[1])
     film, frame = np.float32(math.sqrt(1 - t.flicker)), np.float32(math.sqrt(t.flicker))
     for i in range(height):
         for j in range(width):
@@ -115,7 +93,8 @@ def _noise_lattice(depth, cells, keys, t):
             for k in range(3):
                 lattice[i, k, j] = frame * _normal(bits, 12 * k)
             if film > np.float32(0):
-                z = depth[rows[i], columns[j]]
+                row = _node_pixel(first_y + i, t.cy, t.grain, depth.shape[0])
+                z = depth[row, _node_pixel(first_x + j, t.cx, t.grain, depth.shape[1])]
                 position = t.grain_layers / max(z, np.float32(0.01))
                 layer = int(position)
                 after = position - np.float32(layer)
@@ -142,31 +121,23 @@ def _grained(grain, k, cell, w0, w1):
 
 
 @njit(cache=True)
-def _shadowed(row, shadow, lost):
-    """Marks the pixels of a row that the projector does not illuminate.
+def _shadows(depth, shadow):
+    """(h, w) bool: the pixels that the projector does not illuminate.
 
     In the view of a projector at x = baseline, pixel u of depth z lies at u - f baseline / z (`shadow` is f baseline).
     From the projector's side of the row to the other, these positions move monotonically except behind a nearer surface.
     """
-    width = len(row)
-    side = np.float32(1) if shadow > 0 else np.float32(-1)
-    lit = np.float32(np.inf)
-    for i in range(width):
-        u = width - 1 - i if shadow > 0 else i
-        lost[u] = False
-        if row[u] > 0:
-            position = side * (np.float32(u) - shadow / row[u])
-            lost[u] = position > lit + np.float32(0.5)
-            lit = min(lit, position)
-
-
-@njit(cache=True)
-def _shadows(depth, shadow):
-    """(h, w) bool: the pixels that the projector does not illuminate."""
+    height, width = depth.shape
     lost = np.zeros(depth.shape, np.bool_)
-    if shadow != np.float32(0):
-        for y in range(len(depth)):
-            _shadowed(depth[y], shadow, lost[y])
+    side = np.float32(1) if shadow > 0 else np.float32(-1)
+    for y in range(height if shadow != np.float32(0) else 0):
+        lit = np.float32(np.inf)
+        for i in range(width):
+            u = width - 1 - i if shadow > 0 else i
+            if depth[y, u] > 0:
+                position = side * (np.float32(u) - shadow / depth[y, u])
+                lost[y, u] = position > lit + np.float32(0.5)
+                lit = min(lit, position)
     return lost
 
 
@@ -198,8 +169,10 @@ def _labelled_spans(labels, reach):
 
 
 @njit(cache=True)
-def _grazing_noise(here, steep_x, steep_y, ray_x, ray_y, t):
+def _grazing_noise(here, beside, ray_x, ray_y, t):
     """Increase of the lateral shift and of sigma_z on a steep surface; theta is the angle between its normal and the ray."""
+    left, right, up, down = beside
+    steep_x, steep_y = _slope(left, here, right) * t.fx, _slope(up, here, down) * t.fy
     normal_z = here + steep_x * ray_x + steep_y * ray_y
     ray_squared = ray_x * ray_x + ray_y * ray_y
     lengths = (steep_x * steep_x + steep_y * steep_y + normal_z * normal_z) * (ray_squared + np.float32(1))
@@ -261,28 +234,19 @@ def _axial_error(z, grazing, noise_z, noise_steps, ray_squared, t):
 
 @njit(cache=True)
 def measure_pixels(depth, labels, keys, terms):
-    """Applies every term to every pixel that can show a labelled surface.
+    """(h, w) float32 measured depth in metres and (h, w) uint8 label of the measured surface; 0 where nothing is measured.
 
-    Args:
-        depth: (h, w) float32 clean depth, metres.
-        labels: (h, w) uint8 labels of the clean pixels; label 0 is not measured.
-        keys: (2,) uint64 keys of the film's noise, which stays, and of the frame's own.
-        terms: (1,) record of `TERMS`.
-
-    Returns:
-        (h, w) float32 measured depth in metres and (h, w) uint8 label of the measured surface; 0 where nothing is measured.
+    From (h, w) float32 clean depth in metres, (h, w) uint8 labels, of which 0 is not measured, (2,) uint64 keys of the film's
+    noise, which stays, and of the frame's own, and the (1,) record of terms.
     """
     t = terms[0]
-    height, width = depth.shape
+    (height, width), key = depth.shape, keys[1]
     zero, one = np.float32(0), np.float32(1)
-    measured = np.zeros((height, width), np.float32)
-    seen = np.zeros((height, width), np.uint8)
-
+    measured, seen = np.zeros((height, width), np.float32), np.zeros((height, width), np.uint8)
     # Correlated noise is interpolated from a lattice, white noise is drawn per pixel and frame.
-    grainy, key = t.grain > one, keys[1]
+    grainy, lattice = t.grain > one, np.empty((0, 3, 0), np.float32)
     cell_y, weight_y, first_y = _grain_cells(height, t.cy, t.grain)
     cell_x, weight_x, first_x = _grain_cells(width, t.cx, t.grain)
-    lattice = np.empty((0, 3, 0), np.float32)
     if grainy:
         lattice = _noise_lattice(depth, ((cell_y, first_y), (cell_x, first_x)), keys, t)
     grain = np.empty((3, lattice.shape[2]), np.float32)
@@ -302,14 +266,11 @@ def measure_pixels(depth, labels, keys, terms):
                 more_bits = _random_bits(key, (height + y) * width + x)
                 noise_z, noise_x, noise_y = _normal(more_bits, 0), _normal(more_bits, 12), _normal(more_bits, 24)
             ray_x = (np.float32(x) - t.cx) * (one / t.fx)
-            here = row[x]
-            left, right, up, down = row[max(x - 1, 0)], row[min(x + 1, width - 1)], above[x], below[x]
+            here, beside = row[x], (row[max(x - 1, 0)], row[min(x + 1, width - 1)], above[x], below[x])
             lateral, grazing = t.lateral, zero
             if uses_grazing and labels[y, x] and here > zero:
-                steep_x, steep_y = _slope(left, here, right) * t.fx, _slope(up, here, down) * t.fy
-                lateral_more, grazing = _grazing_noise(here, steep_x, steep_y, ray_x, ray_y, t)
+                lateral_more, grazing = _grazing_noise(here, beside, ray_x, ray_y, t)
                 lateral += lateral_more
-
             # Lateral noise: the pixel shows the surface of a nearby pixel.
             shown = np.uintp(y * width + x)
             if lateral > zero:
@@ -318,7 +279,7 @@ def measure_pixels(depth, labels, keys, terms):
             label, z = flat_labels[shown], flat_depth[shown]
             if label == 0 or flat_lost[shown] or not z > zero:
                 continue
-            z = _lost_or_flying(z, min(here, left, right, up, down), max(here, left, right, up, down), bits, t)
+            z = _lost_or_flying(z, min(here, min(beside)), max(here, max(beside)), bits, t)
             if z == zero:
                 continue
             if grainy:
@@ -328,8 +289,7 @@ def measure_pixels(depth, labels, keys, terms):
                 noise_steps = _film_steps(x - math.floor(t.cx), y - math.floor(t.cy), z, noise_steps, keys[0], t)
             z = _axial_error(z, grazing, noise_z, noise_steps, ray_x * ray_x + ray_y * ray_y, t)
             if t.min_range <= z <= t.max_range and z > zero:
-                measured[y, x] = z
-                seen[y, x] = label
+                measured[y, x], seen[y, x] = z, label
     return measured, seen
 
 

@@ -24,7 +24,7 @@ import numpy as np
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
 from synth.sensor.film_noise import FilmFrame
-from synth.sensor.kernel import TERMS, erase_ellipses, measure_pixels
+from synth.sensor.kernel import erase_ellipses, measure_pixels
 
 ELLIPSE_PX = (2.5, 5.0)
 """Range of the semi-axes of elliptic holes, native pixels."""
@@ -178,17 +178,6 @@ def resolved(config: SensorConfig) -> SensorConfig:
 SENSORS = {name: SensorConfig(name) for name in _PUBLISHED}
 
 
-def measure(
-    depth_m: np.ndarray,
-    camera: Camera,
-    config: SensorConfig,
-    rng: np.random.Generator,
-    limb_ends_camera_m: np.ndarray | None = None,
-) -> np.ndarray:
-    """(h, w) float32 measured depth of a whole image; see `measure_labelled`."""
-    return measure_labelled(depth_m, np.ones(depth_m.shape, np.uint8), camera, config, rng, limb_ends_camera_m)[0]
-
-
 def measure_labelled(
     depth_m: np.ndarray,
     labels: np.ndarray,
@@ -198,7 +187,7 @@ def measure_labelled(
     limb_ends_camera_m: np.ndarray | None = None,
     film: FilmFrame | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Measures the labelled surfaces of a clean depth image and returns the label of each measured pixel.
+    """Measures the labelled surfaces of a clean depth image.
 
     Lateral noise moves outlines, so a pixel may show the surface of a neighbouring clean pixel.
 
@@ -208,32 +197,18 @@ def measure_labelled(
         camera: the camera of these pixels; may be a cropped one.
         config: the sensor.
         rng: the only source of randomness.
-        limb_ends_camera_m: (K, 3) hands and feet in the camera frame, metres, one of whose ends may be lost; None: no
-            limb end is lost.
-        film: what the frame shares with others of its film; None: nothing, a single picture.
+        limb_ends_camera_m: (K, 3) hands and feet in the camera frame, metres, of which one may be lost.
+        film: what the frame shares with others of its film; None: a single picture.
 
     Returns:
-        (h, w) float32 metres, 0 where no labelled surface is measured, and (h, w) uint8 labels of the measured surfaces,
-        0 where the depth is 0.
-
-    Raises:
-        InputError: depth or labels have another size than the camera.
+        (h, w) float32 metres and (h, w) uint8 labels of the measured surfaces, both 0 where no labelled surface is measured.
     """
-    if depth_m.shape != (camera.height, camera.width) or labels.shape != depth_m.shape:
-        raise InputError(
-            f"sensor: depth is {depth_m.shape}, labels are {labels.shape}, "
-            f"the camera has (height, width) = ({camera.height}, {camera.width}); all must be equal"
-        )
+    assert depth_m.shape == labels.shape == (camera.height, camera.width), (depth_m.shape, labels.shape, camera)
     config = resolved(config)
     key, single = rng.integers(2**64, dtype=np.uint64), film is None
     film = film or FilmFrame(key, rng.standard_normal(), rng.random(), (rng,))
-    terms = _terms(config, camera, film, single)
-    measured, seen = measure_pixels(
-        np.ascontiguousarray(depth_m, dtype=np.float32),
-        np.ascontiguousarray(labels, dtype=np.uint8),
-        np.array([film.key, key]),
-        terms,
-    )
+    depth_m, labels = np.ascontiguousarray(depth_m, np.float32), np.ascontiguousarray(labels, np.uint8)
+    measured, seen = measure_pixels(depth_m, labels, np.array([film.key, key]), _terms(config, camera, film, single))
     ellipses = _holes(camera, config, film.holes, limb_ends_camera_m)
     if len(ellipses):
         erase_ellipses(measured, ellipses)
@@ -242,17 +217,14 @@ def measure_labelled(
 
 
 def _terms(config: SensorConfig, camera: Camera, film: FilmFrame, single: bool) -> np.ndarray:
-    """(1,) record of `TERMS`, in metres and image pixels; all noise of a single picture is its own."""
+    """(1,) record of the kernel's terms, in metres and image pixels; all noise of a single picture is its own."""
     scale = camera.fx / config.native_focal_px if config.native_focal_px else 0.0
     # The unit of disparity is the quantisation step, or a native pixel for noise without quantisation.
     unit = config.disparity_step_px or 1.0
     pattern_shift = abs(config.baseline_m) * config.native_focal_px  # disparity at 1 m, native pixels
     uses_disparity = config.disparity_step_px > 0 or config.disparity_noise_px > 0
     terms = {
-        "fx": camera.fx,
-        "fy": camera.fy,
-        "cx": camera.cx,
-        "cy": camera.cy,
+        **{name: getattr(camera, name) for name in ("fx", "fy", "cx", "cy")},
         "min_range": config.min_range_m,
         "max_range": config.max_range_m or math.inf,
         "axial_floor": config.axial_floor_m,
@@ -277,16 +249,13 @@ def _terms(config: SensorConfig, camera: Camera, film: FilmFrame, single: bool) 
         "pixel_dropout": config.pixel_dropout * film.dropout,
         "edge_dropout": config.edge_dropout,
     }
-    return np.array([tuple(terms[name] for name in TERMS.names)], TERMS)
+    return np.array([tuple(terms.values())], [(name, np.float32) for name in terms])
 
 
 def _holes(
     camera: Camera, config: SensorConfig, births: tuple[np.random.Generator, ...], limb_ends_camera_m: np.ndarray | None
 ) -> np.ndarray:
-    """(N, 7) float32 ellipses for `holes.erase_ellipses`: random holes, and possibly a hole at the end of a limb.
-
-    Each generator draws an equal share of them.
-    """
+    """(N, 7) float32 ellipses for `erase_ellipses`: random holes, an equal share from each generator, and a limb's end."""
     ellipses = [np.zeros((0, 7))]
     scale = camera.fx / config.native_focal_px if config.native_focal_px else 1.0
     native_megapixels = camera.width * camera.height / scale**2 / 1e6
@@ -307,16 +276,9 @@ def _holes(
 
 
 def spherical_hole(centre_camera_m: np.ndarray, radius_m: float, depth_reach_m: float, camera: Camera) -> np.ndarray:
-    """The hole around a point, for `kernel.erase_ellipses`.
+    """(1, 7) ellipse for `kernel.erase_ellipses` around a point (3,) in the camera frame; (0, 7) nearer than 5 cm, or NaN.
 
-    Args:
-        centre_camera_m: (3,) centre, camera frame.
-        radius_m: radius in the image plane at the centre's depth.
-        depth_reach_m: largest difference in depth from the centre that is erased.
-        camera: the camera of the image.
-
-    Returns:
-        (1, 7) ellipse; (0, 7) if the point is NaN, behind the camera or nearer than 5 cm.
+    The radius is that at the point's depth; depths that differ from the point's by at most `depth_reach_m` are erased.
     """
     u, v, z = camera.project(centre_camera_m)
     if not z > 0.05:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 
 import numpy as np
+from depth_sensors import measure
 from spheres import draw_spheres, row
 
 from kpopnet.camera import Camera
@@ -13,7 +14,7 @@ from synth.motion.poses.families import ProceduralPoses
 from synth.samples.placing import StageConfig
 from synth.samples.sampler import SampleConfig, Sampler
 from synth.scene.props import NO_PROPS
-from synth.sensor.model import SENSORS, measure
+from synth.sensor.model import SENSORS
 
 UPPER_ARM_M, LOWER_ARM_M, UPPER_LEG_M, LOWER_LEG_M = 0.27, 0.26, 0.40, 0.46
 TOES_M, CHIN_M = 0.14, 0.05
