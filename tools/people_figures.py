@@ -12,10 +12,8 @@ import numpy as np
 from kpopnet.camera import Camera
 from kpopnet.viz.drawing import TRUE, draw_skeleton, enlarged, save_png, sheet, with_captions
 from synth.body.asset import load_body
-from synth.body.clothes.attachments import unworn
-from synth.body.clothes.cloth import Figure
-from synth.body.clothes.garments import BOTTOMS, TOPS, hair, shoes
-from synth.body.clothes.outfit import ClothesConfig
+from synth.body.garments import BOTTOMS, TOPS, Figure, hair, shoes
+from synth.body.outfit import ClothesConfig, unworn
 from synth.body.shape import BodyConfig, Person, draw_person, dress, shape_person
 from synth.motion.poses.families import FAMILIES, ProceduralPoses
 from synth.motion.posture import angles, rotations

@@ -41,7 +41,6 @@ class BodyAsset:
     facts: np.ndarray
 
     def bone(self, name: str) -> int:
-        """Index of a bone."""
         return self.bone_names.index(name)
 
     def weight_of(self, *bones: str) -> np.ndarray:

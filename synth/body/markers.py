@@ -1,8 +1,7 @@
 """Simulated motion-capture markers: named vertices of the body's surface, and whether each one is tracked.
 
-The motion-capture system is a ring of eight cameras around the person, like those that recorded EVAL and SMMC-10. It is
-independent of the depth camera. A marker is tracked if at least two of the cameras see it. Folded arms, sitting on the
-floor or bending over occlude some markers.
+The motion-capture system is a ring of eight cameras around the person, like those that recorded EVAL and SMMC-10. Folded arms,
+sitting on the floor or bending over occlude some markers.
 """
 
 from functools import cache
@@ -16,7 +15,7 @@ from synth.body.asset import load_body
 
 RING_CAMERAS, RING_RADIUS_M, RING_HEIGHT_M = 8, 3.5, 2.4
 MIN_CAMERAS = 2
-"""Number of cameras that must see a marker for it to be tracked."""
+"""A marker is tracked if this many cameras see it."""
 
 MARKER_RADIUS_M = 0.01
 """A marker is a small ball on the skin; its centre lies this high above the skin."""
@@ -76,15 +75,7 @@ MARKERS: dict[str, int] = _marker_vertices()
 
 
 def tracked_markers(vertices_world_m: np.ndarray, place_m: np.ndarray) -> np.ndarray:
-    """Which of the M MARKERS on a posed body at least MIN_CAMERAS cameras of the ring see.
-
-    Args:
-        vertices_world_m: (V, 3) skin vertices, metres.
-        place_m: (3,) centre of the ring on the floor, metres.
-
-    Returns:
-        (M,) bool.
-    """
+    """(M,) bool: the MARKERS on a posed body with skin vertices (V, 3) that MIN_CAMERAS cameras of a ring about (3,) see."""
     angles = 2 * np.pi * np.arange(RING_CAMERAS) / RING_CAMERAS
     ring_m = np.stack([RING_RADIUS_M * np.cos(angles), RING_RADIUS_M * np.sin(angles), 0 * angles], axis=1)
     cameras_m = np.array([place_m[0], place_m[1], RING_HEIGHT_M]) + ring_m

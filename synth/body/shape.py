@@ -14,9 +14,8 @@ from numba import njit
 
 from kpopnet.errors import check_between
 from synth.body.asset import BodyAsset, load_body
-from synth.body.clothes.attachments import Skin, build_skin, unworn
-from synth.body.clothes.cloth import Figure
-from synth.body.clothes.outfit import ClothesConfig, put_on
+from synth.body.garments import Figure
+from synth.body.outfit import ClothesConfig, put_on, unworn
 
 
 @dataclass(frozen=True)
@@ -43,7 +42,7 @@ class Person:
     Attributes:
         bare_m: (V, 3) skin at rest, metres: what bodies collide with.
         vertices_m: (N, 3) what is seen at rest, metres: the body's V vertices on skin or cloth, then those of the pieces of
-            clothes (see `synth.body.clothes.attachments.Skin`).
+            clothes (see `synth.body.outfit.Skin`).
         heads_m: (B, 3) proximal end (head) of each bone at rest, metres.
         joints_m: (15, 3) labelled joints at rest, metres.
         t_pose: (B, 3, 3) world rotation of each bone from the rest pose to the T-pose.
@@ -87,12 +86,11 @@ def _adults(split: str) -> tuple[int, int]:
 
 
 def _draw_adult(rng: np.random.Generator, split: str) -> int:
-    """Number of a baked adult of the split."""
     return _adults(split)[0] + int(np.searchsorted(_thresholds(split), rng.random(), side="right"))
 
 
 def draw_person(rng: np.random.Generator, config: BodyConfig, split: str) -> Person:
-    """Draws a dressed person near one of the split's baked adults."""
+    """A dressed person near one of the split's baked adults."""
     adult, asset = _draw_adult(rng, split), load_body()
     coefficients = asset.people[adult]
     coefficients = coefficients + config.shape_jitter * rng.standard_normal(len(coefficients), np.float32)
@@ -104,7 +102,7 @@ UNSEEN_DISTANCE = 12.0
 
 
 def draw_unseen_person(rng: np.random.Generator, config: BodyConfig) -> Person:
-    """Draws a dressed person whose shape occurs in no split."""
+    """A dressed person whose shape occurs in no split."""
     coefficients, female = unseen_coefficients(rng, config)
     return dress(shape_person(coefficients), female, rng, config.clothes)
 
@@ -158,12 +156,6 @@ def dress(person: Person, female: bool, rng: np.random.Generator, config: Clothe
     """Puts an outfit on an unclothed person. Bones and joints do not move."""
     figure = Figure(load_body(), person.bare_m, person.heads_m, female)
     return replace(person, vertices_m=np.concatenate(put_on(figure, rng, config)))
-
-
-@cache
-def load_skin() -> Skin:
-    """The mesh of every dressed person."""
-    return build_skin(load_body())
 
 
 def _t_pose(heads: np.ndarray, asset: BodyAsset) -> np.ndarray:

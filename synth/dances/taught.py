@@ -9,7 +9,8 @@ import numpy as np
 
 from kpopnet.camera import CAMERAS
 from synth.body.asset import load_body
-from synth.body.shape import BodyConfig, Person, draw_person, load_skin
+from synth.body.outfit import load_skin
+from synth.body.shape import BodyConfig, Person, draw_person
 from synth.motion.choreography.composer import dance, tempo_bpm
 from synth.motion.skeleton import Motion
 from synth.simulated.configuration import is_faulty

@@ -14,7 +14,7 @@ import numpy as np
 from kpopnet.errors import check_between
 from kpopnet.skeleton import Joint
 from synth.scene.mesh import Box, Mesh, ball, boxes, joined, rod
-from synth.scene.room import overlaps_boxes
+from synth.scene.room import four_legs, overlaps_boxes
 
 PALM_M = 0.02
 """Distance of the palm's skin from the centre of the hand."""
@@ -43,8 +43,8 @@ class PropsConfig:
     attached: float = 0.5
 
     def __post_init__(self) -> None:
-        for name in ("seat", "held", "second_person", "attached"):
-            check_between(f"props.{name}", getattr(self, name), 0, 1)
+        for name, probability in vars(self).items():
+            check_between(f"props.{name}", probability, 0, 1)
 
 
 NO_PROPS = PropsConfig(seat=0, held=0, second_person=0, attached=0)
@@ -57,24 +57,20 @@ class Prop(NamedTuple):
     mesh: Mesh
 
 
-# --- seats ------------------------------------------------------------------------------------------------------------
-
-
-def _legs(half_x: float, half_y: float, top_m: float, thick_m: float = 0.02) -> list[Box]:
-    h = top_m / 2
-    return [((sx * (half_x - thick_m), sy * (half_y - thick_m), h), (thick_m, thick_m, h)) for sx in (-1, 1) for sy in (-1, 1)]
-
-
 def chair(rng: np.random.Generator, top_m: float) -> list[Box]:
     """A chair with a back and four legs."""
     w, d, back = rng.uniform(0.2, 0.26), rng.uniform(0.18, 0.22), rng.uniform(0.2, 0.3)
-    return [((0, 0, top_m - 0.02), (w, d, 0.02)), ((0, d, top_m + back), (w, 0.015, back)), *_legs(w, d, top_m - 0.04)]
+    return [
+        ((0, 0, top_m - 0.02), (w, d, 0.02)),
+        ((0, d, top_m + back), (w, 0.015, back)),
+        *four_legs(w - 0.02, d - 0.02, top_m - 0.04, 0.02),
+    ]
 
 
 def stool(rng: np.random.Generator, top_m: float) -> list[Box]:
     """A stool with four legs."""
     w = rng.uniform(0.14, 0.2)
-    return [((0, 0, top_m - 0.02), (w, w, 0.02)), *_legs(w, w, top_m - 0.04)]
+    return [((0, 0, top_m - 0.02), (w, w, 0.02)), *four_legs(w - 0.02, w - 0.02, top_m - 0.04, 0.02)]
 
 
 def crate(rng: np.random.Generator, top_m: float) -> list[Box]:
@@ -143,9 +139,6 @@ def _to_back(skin_m: np.ndarray, centre: np.ndarray, half: np.ndarray) -> float:
     before = (np.abs(skin_m[:, [0, 2]] - centre[[0, 2]]) < half[[0, 2]] + 0.02).all(axis=1)
     behind_m = skin_m[before, 1].max(initial=0.0) + half[1] + 0.01
     return min(float(behind_m - centre[1]), 0.12)
-
-
-# --- held objects -----------------------------------------------------------------------------------------------------
 
 
 def toy_ball(rng: np.random.Generator) -> Mesh:

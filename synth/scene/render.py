@@ -27,13 +27,10 @@ EDGE_TOLERANCE = 1e-9
 
 
 def make_renderer(name: str, scene: Scene) -> "CpuRenderer":
-    """Builds the renderer `auto`, `gl` or `cpu`.
+    """Builds the renderer `auto`, `gl` or `cpu`. Raises InputError for `gl` without a usable OpenGL.
 
     `auto` tries OpenGL only with MuJoCo's EGL backend (MUJOCO_GL=egl, which `synth` sets on a machine with an NVIDIA GPU
-    and an EGL library). Every other backend draws on the CPU, where the rasteriser is faster.
-
-    Raises:
-        InputError: unknown name, or `gl` without a usable OpenGL.
+    and an EGL library).
     """
     if name not in RENDERERS:
         raise InputError(f"renderer={name}: choose one of {', '.join(RENDERERS)}")
@@ -42,7 +39,7 @@ def make_renderer(name: str, scene: Scene) -> "CpuRenderer":
     if name == "gl":
         return GlRenderer(scene)
     reason = "no GPU with EGL"
-    if _backend_is_egl():
+    if os.environ.get("MUJOCO_GL", "").lower() == "egl":
         try:
             renderer = GlRenderer(scene)
         except InputError as error:
@@ -53,10 +50,6 @@ def make_renderer(name: str, scene: Scene) -> "CpuRenderer":
             renderer.close()
     log.info("renderer=auto: the CPU rasteriser draws (%s)", reason)
     return CpuRenderer(scene)
-
-
-def _backend_is_egl() -> bool:
-    return os.environ.get("MUJOCO_GL", "").lower() == "egl"
 
 
 def _options(*, skin: bool) -> mujoco.MjvOption:
@@ -116,11 +109,7 @@ class GlRenderer(CpuRenderer):
     name = "gl"
 
     def __init__(self, scene: Scene) -> None:
-        """Creates a GL context.
-
-        Raises:
-            InputError: no usable OpenGL, or a camera that MuJoCo cannot represent.
-        """
+        """Creates a GL context. Raises InputError without a usable OpenGL."""
         super().__init__(scene)
         camera = scene.camera
         centred = Camera.centred(camera.fy, camera.width, camera.height)
@@ -145,9 +134,7 @@ class GlRenderer(CpuRenderer):
         self._buffer = np.empty((camera.height, camera.width), np.float32)
 
     def on_gpu(self) -> bool:
-        """Whether a GPU draws: MuJoCo's backend is EGL and the GL renderer is not one of Mesa's software rasterisers."""
-        if not _backend_is_egl():
-            return False
+        """Whether EGL draws with a GPU, not with one of Mesa's software rasterisers."""
         from OpenGL import GL
 
         renderer = GL.glGetString(GL.GL_RENDERER).decode().lower()
@@ -195,10 +182,8 @@ def box_mesh(scene: Scene) -> Mesh:
 def rasterise(vertices_camera_m: np.ndarray, faces: np.ndarray, camera: Camera) -> np.ndarray:
     """(H, W) float32 depth in metres of a triangle mesh, 0 where no triangle covers the pixel centre.
 
-    Args:
-        vertices_camera_m: (V, 3) float32, camera frame.
-        faces: (F, 3) int32, counter-clockwise seen from outside; back faces are not drawn.
-        camera: the pinhole camera.
+    From vertices (V, 3) float32 in the camera frame and faces (F, 3) int32, counter-clockwise seen from outside; back faces are
+    not drawn.
     """
     inverse = np.zeros((camera.height, camera.width), np.float32)
     _rasterise(vertices_camera_m, faces, camera.fx, camera.fy, camera.cx, camera.cy, NEAR_M, inverse)

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from kpopnet.errors import check_between, check_range
+from synth.scene.mesh import Box
 
 MAX_BOXES = 24
 WALL_HALF_THICKNESS_M = 0.1
@@ -19,12 +20,11 @@ DEPTH_M = (3.6, 7.2)
 
 @dataclass(frozen=True)
 class ViewConfig:
-    """Ranges of the camera pose. Every value is drawn uniformly.
+    """Ranges from which a camera pose is drawn uniformly.
 
     Attributes:
-        height_m: range of the camera's height above the floor, metres.
-        aim_m: range of the height of the point, 2.7 m in front of the camera, that the optical axis passes through,
-            metres.
+        height_m: camera's height above the floor, metres.
+        aim_m: height of the point, 2.7 m in front of the camera, that the optical axis passes through, metres.
         roll_deg: largest roll to either side, degrees.
     """
 
@@ -80,7 +80,6 @@ class Room:
 
 
 def draw_view(rng: np.random.Generator, config: ViewConfig) -> View:
-    """Draws a camera pose."""
     height_m, aim_m = rng.uniform(*config.height_m), rng.uniform(*config.aim_m)
     pitch = np.arctan2(height_m - aim_m, AIM_DISTANCE_M)
     roll = np.radians(rng.uniform(-config.roll_deg, config.roll_deg))
@@ -96,11 +95,12 @@ def draw_view(rng: np.random.Generator, config: ViewConfig) -> View:
 def draw_room(rng: np.random.Generator) -> Room:
     """Draws a room: a floor, three walls, and up to six pieces of furniture along the walls."""
     half_width, depth_m = rng.uniform(1.8, 3.5), rng.uniform(*DEPTH_M)
+    thick = WALL_HALF_THICKNESS_M
     boxes = [
-        ((0, 2, -WALL_HALF_THICKNESS_M), (8, 8, WALL_HALF_THICKNESS_M), 0),
-        ((0, depth_m + WALL_HALF_THICKNESS_M, 1.5), (8, WALL_HALF_THICKNESS_M, 1.5), 0),
-        ((-half_width - WALL_HALF_THICKNESS_M, 2, 1.5), (WALL_HALF_THICKNESS_M, 8, 1.5), 0),
-        ((half_width + WALL_HALF_THICKNESS_M, 2, 1.5), (WALL_HALF_THICKNESS_M, 8, 1.5), 0),
+        ((0, 2, -thick), (8, 8, thick), 0),
+        ((0, depth_m + thick, 1.5), (8, thick, 1.5), 0),
+        ((-half_width - thick, 2, 1.5), (thick, 8, 1.5), 0),
+        ((half_width + thick, 2, 1.5), (thick, 8, 1.5), 0),
     ]
     for _ in range(rng.integers(0, 7)):
         piece = FURNITURE[rng.integers(len(FURNITURE))](rng)
@@ -122,7 +122,7 @@ def draw_room(rng: np.random.Generator) -> Room:
     return Room(np.array(centres, float), np.array(halves, float), np.array(yaws, float))
 
 
-def _extent(piece: list, turn: float) -> tuple[float, float]:
+def _extent(piece: list[Box], turn: float) -> tuple[float, float]:
     """Half the width and half the depth of a piece of furniture about its origin, turned by an angle in radians; metres."""
     wide = max(abs(centre[0]) + half[0] for centre, half in piece)
     deep = max(abs(centre[1]) + half[1] for centre, half in piece)
@@ -130,32 +130,32 @@ def _extent(piece: list, turn: float) -> tuple[float, float]:
     return cos * wide + sin * deep, sin * wide + cos * deep
 
 
-# Each piece of furniture is a list of boxes (centre, half sizes) in metres in its own frame. Its back faces +y.
-def _cupboard(rng: np.random.Generator) -> list:
+def four_legs(half_x: float, half_y: float, height_m: float, thick_m: float) -> list[Box]:
+    """The four legs of a piece: half the distances between their axes, height and half the thickness, metres."""
+    middle = height_m / 2
+    return [((sx * half_x, sy * half_y, middle), (thick_m, thick_m, middle)) for sx in (-1, 1) for sy in (-1, 1)]
+
+
+# Each piece of furniture is a list of boxes in its own frame. Its back faces +y.
+def _cupboard(rng: np.random.Generator) -> list[Box]:
     w, d, h = rng.uniform(0.3, 0.6), rng.uniform(0.15, 0.3), rng.uniform(0.4, 1.05)
     return [((0, 0, h), (w, d, h))]
 
 
-def _table(rng: np.random.Generator) -> list:
+def _table(rng: np.random.Generator) -> list[Box]:
     w, d, h = rng.uniform(0.3, 0.7), rng.uniform(0.25, 0.45), rng.uniform(0.45, 0.75)
-    legs = [((sx * (w - 0.03), sy * (d - 0.03), h / 2), (0.025, 0.025, h / 2)) for sx in (-1, 1) for sy in (-1, 1)]
-    return [((0, 0, h), (w, d, 0.02)), *legs]
+    return [((0, 0, h), (w, d, 0.02)), *four_legs(w - 0.03, d - 0.03, h, 0.025)]
 
 
-def _chair(rng: np.random.Generator) -> list:
+def _chair(rng: np.random.Generator) -> list[Box]:
     w, h = rng.uniform(0.2, 0.26), rng.uniform(0.42, 0.5)
-    legs = [((sx * (w - 0.02), sy * (w - 0.02), h / 2), (0.02, 0.02, h / 2)) for sx in (-1, 1) for sy in (-1, 1)]
-    return [((0, 0, h), (w, w, 0.025)), ((0, w, h + 0.25), (w, 0.02, 0.25)), *legs]
+    return [((0, 0, h), (w, w, 0.025)), ((0, w, h + 0.25), (w, 0.02, 0.25)), *four_legs(w - 0.02, w - 0.02, h, 0.02)]
 
 
-def _sofa(rng: np.random.Generator) -> list:
+def _sofa(rng: np.random.Generator) -> list[Box]:
     w, d = rng.uniform(0.6, 1.1), rng.uniform(0.38, 0.48)
-    return [
-        ((0, 0, 0.21), (w, d, 0.21)),
-        ((0, d - 0.1, 0.6), (w, 0.1, 0.2)),
-        ((-w, 0, 0.5), (0.1, d, 0.1)),
-        ((w, 0, 0.5), (0.1, d, 0.1)),
-    ]
+    arms = [((side * w, 0, 0.5), (0.1, d, 0.1)) for side in (-1, 1)]
+    return [((0, 0, 0.21), (w, d, 0.21)), ((0, d - 0.1, 0.6), (w, 0.1, 0.2)), *arms]
 
 
 FURNITURE = (_cupboard, _table, _chair, _sofa)
@@ -163,15 +163,9 @@ FURNITURE = (_cupboard, _table, _chair, _sofa)
 
 @njit(cache=True)
 def overlaps_boxes(vertices_m, place_m, centres_m, halves_m, yaws_rad, clearance_m):
-    """Whether any vertex lies in a box, or within a clearance of its sides.
+    """Whether any of a body's vertices (V, 3), moved by (3,), lies in a box that is larger by a clearance on every side.
 
-    Args:
-        vertices_m: (V, 3) body at the origin, world axes.
-        place_m: (3,) translation of the body.
-        centres_m: (K, 3) centres of the boxes, world frame.
-        halves_m: (K, 3) half sizes along each box's own axes.
-        yaws_rad: (K,) rotations of the boxes about the vertical.
-        clearance_m: by which each box is larger on every side.
+    The boxes have (K, 3) centres, (K, 3) half sizes along their own axes and (K,) rotations about the vertical, as in `Room`.
     """
     low, high = vertices_m[0].astype(np.float64), vertices_m[0].astype(np.float64)
     for i in range(len(vertices_m)):

@@ -14,8 +14,8 @@ import numpy as np
 from kpopnet.camera import Camera
 from synth.body.asset import BodyAsset, load_body
 from synth.body.capsules import Capsules
-from synth.body.clothes.attachments import Skin
-from synth.body.shape import Person, load_skin
+from synth.body.outfit import Skin, load_skin
+from synth.body.shape import Person
 from synth.scene.room import MAX_BOXES, Room, View
 
 SKIN_GROUP, ROOM_GROUP, CAPSULE_GROUP = 0, 1, 3  # MuJoCo renders groups 0-2 by default
@@ -93,12 +93,7 @@ class Scene:
         self.person = fitted.person
 
     def pose(self, quats: np.ndarray, root_m: np.ndarray) -> None:
-        """Poses the person and runs the forward kinematics.
-
-        Args:
-            quats: (B, 4) local rotations relative to the T-pose.
-            root_m: (3,) position of the hips in the world, metres.
-        """
+        """Poses the person: (B, 4) local rotations relative to the T-pose, hips at (3,) metres in the world."""
         self.data.qpos[:3] = root_m
         self.data.qpos[self._quat_address[:, None] + np.arange(4)] = quats
         mujoco.mj_kinematics(self.model, self.data)
@@ -129,7 +124,6 @@ class Scene:
         return self.data.xmat[self._bodies[self.asset.bone(name)]].reshape(3, 3)
 
     def set_view(self, view: View) -> None:
-        """Sets the camera pose."""
         self.model.cam_pos[0] = view.position_m
         # MuJoCo's cameras look along -z with y up.
         self.model.cam_quat[0] = _quaternions((view.rotation * np.array([1, -1, -1]))[None])[0]
@@ -138,7 +132,6 @@ class Scene:
         self.view = view
 
     def set_room(self, room: Room) -> None:
-        """Writes the boxes of a room into the model and runs the forward kinematics."""
         model = self.model
         model.geom_pos[self._box_geoms] = (0, 0, UNUSED_BOX_Z_M)
         used = self._box_geoms[: len(room.centres_m)]

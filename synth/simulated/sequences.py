@@ -15,8 +15,8 @@ import numpy as np
 from kpopnet.camera import Camera
 from kpopnet.datasets.simulated import StoredSequence
 from kpopnet.errors import InputError, check_between
-from synth.body.clothes.outfit import ClothesConfig
 from synth.body.markers import MARKERS
+from synth.body.outfit import ClothesConfig
 from synth.body.shape import BodyConfig, Person, draw_unseen_person
 from synth.motion import build_motion
 from synth.motion.choreography.programmes import START_S, start_pose

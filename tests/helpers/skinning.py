@@ -3,7 +3,8 @@
 import numpy as np
 
 from synth.body.asset import load_body
-from synth.body.shape import Person, load_skin
+from synth.body.outfit import load_skin
+from synth.body.shape import Person
 
 
 def skinned(person: Person, rotations: np.ndarray, root_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ from kpopnet.camera import CAMERAS
 from kpopnet.skeleton import Joint
 from synth.body.asset import load_body
 from synth.body.capsules import CAPSULES, TRUNK
-from synth.body.clothes.outfit import ClothesConfig
+from synth.body.outfit import ClothesConfig
 from synth.body.shape import SPLIT_RANGES, BodyConfig, _draw_adult, draw_person, shape_person
 from synth.motion import MotionConfig
 from synth.samples.sampler import SampleConfig, Sampler
