@@ -31,11 +31,9 @@ if __name__ == "__main__":
 
 import re
 import sys
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, fields
-from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
@@ -43,9 +41,7 @@ from kpopnet.ridge import RidgeConfig
 from kpopnet.runtime.cpu import available_cores, bounded_processes
 from kpopnet.runtime.folder_lock import LOCK_FILE, locked
 from kpopnet.runtime.hydra_app import entry_point, register_choices, register_schemas, user_errors
-from synth.dances import simulate
-from synth.dances import writer as dance_writer
-from synth.dances.simulate import KpopSimConfig, KpopSimSet
+from synth.dances.simulate import KpopSim
 from synth.motion import SPLITS, MotionConfig, build_motion
 from synth.samples.generate import finish, generate
 from synth.samples.observe import ExtractionConfig
@@ -54,10 +50,10 @@ from synth.samples.writer import FreezeConfig, SetConfig
 from synth.scene.render import RENDERERS, make_renderer
 from synth.scene.scene import Scene
 from synth.sensor.model import SENSORS, SensorConfig
-from synth.simulated import writer as sequence_writer
-from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
-from synth.simulated.smmc10_sim import Smmc10Sim, Smmc10SimConfig, Smmc10SimSet
-from synth.simulated.two_people import TwoPeople, TwoPeopleConfig, TwoPeopleSet
+from synth.simulated.eval_sim import EvalSim
+from synth.simulated.generator import SetGenerator
+from synth.simulated.smmc10_sim import Smmc10Sim
+from synth.simulated.two_people import TwoPeople
 
 
 def parse_range(text: str, num_shards: int) -> range:
@@ -210,46 +206,30 @@ class BenchmarkConfig:
             raise InputError(f"renderer={self.renderer}: choose one of {', '.join(RENDERERS)}")
 
 
-class Benchmark(NamedTuple):
-    """A benchmark that can be simulated.
-
-    Attributes:
-        settings: dataclass of the benchmark's settings.
-        camera: its depth camera.
-        describe: (settings, motion, renderer) to the complete configuration of the set.
-        write: (complete configuration, folder, processes) makes the missing files.
-    """
-
-    settings: type
-    camera: Camera
-    describe: Callable[[Any, MotionConfig, str], Any]
-    write: Callable[[Any, Path, int], dict]
-
-
-BENCHMARKS = {
-    "eval_sim": Benchmark(EvalSimConfig, EvalSim.camera, EvalSimSet, partial(sequence_writer.write_set, EvalSim)),
-    "smmc10_sim": Benchmark(Smmc10SimConfig, Smmc10Sim.camera, Smmc10SimSet, partial(sequence_writer.write_set, Smmc10Sim)),
-    "two_people": Benchmark(TwoPeopleConfig, TwoPeople.camera, TwoPeopleSet, partial(sequence_writer.write_set, TwoPeople)),
-    "kpop_sim": Benchmark(KpopSimConfig, simulate.CAMERA, KpopSimSet, dance_writer.write_set),
+BENCHMARKS: dict[str, type[SetGenerator]] = {
+    "eval_sim": EvalSim,
+    "smmc10_sim": Smmc10Sim,
+    "two_people": TwoPeople,
+    "kpop_sim": KpopSim,
 }
 """Each benchmark that can be simulated."""
 
 # A group of its own: evaluate.py has other settings for the same benchmarks.
-register_schemas("simulated", {name: one.settings for name, one in BENCHMARKS.items()}, place="benchmark")
+register_schemas("simulated", {name: one().benchmark for name, one in BENCHMARKS.items()}, place="benchmark")
 register_choices("sensor", SENSORS)
 
 
 @entry_point({"simulated_set": BenchmarkConfig}, "synth")
 def make_benchmark(config: BenchmarkConfig) -> None:
-    made, processes, folder = BENCHMARKS[config.benchmark.name], number_of_processes(config.processes), Path(config.out)
-    a_set = made.describe(config.benchmark, config.motion, resolved_renderer(config.renderer, made.camera))
+    processes, folder, kind = number_of_processes(config.processes), Path(config.out), BENCHMARKS[config.benchmark.name]
+    a_set = kind(config.benchmark, config.motion, resolved_renderer(config.renderer, kind.camera))
     settings = ", ".join(f"{name} {value}" for name, value in asdict(config.benchmark).items() if name != "name")
     print(
         f"{config.benchmark.name}, simulated, {settings}, motion {config.motion.source}, renderer {a_set.renderer}, "
         f"{processes} processes, into {folder}"
     )
     with locked(folder):
-        made.write(a_set, folder, processes)
+        a_set.write(folder, processes)
     print(f"{folder}: finished; look at {folder / 'contact_sheet.png'}")
 
 

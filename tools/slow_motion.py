@@ -14,16 +14,15 @@ from pathlib import Path
 import numpy as np
 
 from synth.motion.splice import resampled
-from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
+from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 from synth.simulated.film import Played, Take
-from synth.simulated.writer import write_set
 
 TIMES, FRAMES = 4, 480
 
 
 @dataclass(frozen=True)
-class SlowSet(EvalSimSet):
-    """Every setting of a slowed set.
+class SlowEvalSim(EvalSim):
+    """Films the motions of simulated EVAL in slow motion, each at the place that it has at full speed.
 
     Attributes:
         times: how many times as long each motion takes.
@@ -33,13 +32,9 @@ class SlowSet(EvalSimSet):
     times: int = TIMES
     filmed: int = FRAMES
 
-
-class SlowEvalSim(EvalSim):
-    """Films the motions of simulated EVAL in slow motion, each at the place that it has at full speed."""
-
     def take(self, index: int) -> Take:
         take = super().take(index)
-        return replace(take, played=slowed(take.played, self.config.times, self.config.filmed))
+        return replace(take, played=slowed(take.played, self.times, self.filmed))
 
 
 def slowed(played: Played, times: int, filmed: int) -> Played:
@@ -70,8 +65,7 @@ def main() -> None:
     parser.add_argument("--sequences", type=int, default=5, help="the set's first ones: %(default)s")
     parser.add_argument("--processes", type=int, default=1, help="working side by side: %(default)s")
     given = parser.parse_args()
-    config = SlowSet(EvalSimConfig(seed=given.seed, sequences=given.sequences))
-    write_set(SlowEvalSim, config, given.folder, given.processes)
+    SlowEvalSim(EvalSimConfig(seed=given.seed, sequences=given.sequences)).write(given.folder, given.processes)
 
 
 if __name__ == "__main__":

@@ -1,14 +1,7 @@
 """Simulated depth sequences of one person or of several: their files, and the reader of `eval_sim`, `smmc10_sim`, `two_people`.
 
-`python -m synth benchmark=NAME` writes manifest.json, which calls the set simulated, and an HDF5 file for each sequence:
-
-    depth      (T, H, W)        the whole scene, float32 metres or uint16 millimetres; 0: not measured
-    joints_m   (T, P, 15, 3)    float32 true joints of P people, metres in the camera frame; NaN: unknown
-    markers_m  (T, P, M, 3)     float32 markers on skin or clothes, metres in the camera frame; NaN: not tracked (optional)
-    alone_px   (T, P)           pixels inside the image that would show the person if the others were not there (several people)
-    seen_px    (T, P)           pixels that show the person (several people)
-
-with the attributes fps, camera (fx, fy, cx, cy, width, height), kind (of motion or scene), people and marker_names.
+`python -m synth benchmark=SET` writes manifest.json, which calls the set simulated, and an HDF5 file for each sequence:
+the arrays of `StoredSequence`, and the attributes fps, camera (fx, fy, cx, cy, width, height), kind, people and marker_names.
 """
 
 import logging
@@ -31,7 +24,6 @@ log = logging.getLogger(__name__)
 FORMAT, VERSION = "kpopnet sequence", 1
 MANIFEST = "manifest.json"
 MAX_COORDINATE_M = 100.0
-PIXELS = ("alone_px", "seen_px")
 
 SCHEMA = Hdf5Schema(
     name="a simulated sequence",
@@ -58,25 +50,41 @@ MANIFEST_SCHEMA = {
 
 @dataclass(frozen=True)
 class StoredSequence:
-    """The content of a file, as the module says; equal names of people in a set are the same person."""
+    """The content of a file: T frames of P people.
 
+    Attributes:
+        kind: of motion or scene.
+        people: equal names in a set are the same person.
+        depth: (T, H, W) the whole scene, float32 metres or uint16 millimetres; 0: not measured.
+        joints_m: (T, P, 15, 3) float32 true joints, metres in the camera frame; NaN: unknown.
+        markers_m: (T, P, M, 3) float32 markers on skin or clothes, metres in the camera frame; NaN: not tracked.
+        alone_px: (T, P) pixels inside the image that would show the person if the others were not there.
+        seen_px: (T, P) pixels that show the person.
+    """
+
+    name: str
+    kind: str
     fps: float
     camera: Camera
-    kind: str
     people: tuple[str, ...]
-    arrays: dict[str, np.ndarray]
+    depth: np.ndarray
+    joints_m: np.ndarray
+    markers_m: np.ndarray | None = None
     marker_names: tuple[str, ...] = ()
+    alone_px: np.ndarray | None = None
+    seen_px: np.ndarray | None = None
 
 
-def write_sequence(path: Path, sequence: StoredSequence) -> None:
-    """Writes a file, whole or not at all."""
-    with atomic_hdf5(path) as file:
+def write_sequence(folder: Path, sequence: StoredSequence) -> None:
+    """Writes NAME.h5, whole or not at all."""
+    with atomic_hdf5(folder / f"{sequence.name}.h5") as file:
         file.attrs["format"], file.attrs["version"], file.attrs["simulated"] = FORMAT, VERSION, True
         file.attrs["fps"], file.attrs["kind"] = sequence.fps, sequence.kind
         file.attrs["camera"] = astuple(sequence.camera)
         file.attrs["people"], file.attrs["marker_names"] = list(sequence.people), list(sequence.marker_names)
-        for name, array in sequence.arrays.items():
-            file.create_dataset(name, data=array, chunks=(1, *array.shape[1:]), compression=1, shuffle=True)
+        for name in SCHEMA.arrays:
+            if (array := getattr(sequence, name)) is not None:
+                file.create_dataset(name, data=array, chunks=(1, *array.shape[1:]), compression=1, shuffle=True)
 
 
 def read_sequence(path: Path) -> StoredSequence:
@@ -88,11 +96,11 @@ def read_sequence(path: Path) -> StoredSequence:
     expect(len(joints_m) > 0 and len(people) == joints_m.shape[1] > 0, str(path), "frames, and a name for each person")
     check_joints(f"{path}: joints_m", joints_m, MAX_COORDINATE_M)
     expect(len(attributes["camera"]) == 6, f"{path}: camera", "fx, fy, cx, cy, width, height")
-    camera = Camera.from_numbers(attributes["camera"], f"{path}: camera")
-    check_between(f"{path}: fps", attributes["fps"], 1, 1000)
+    camera, fps = Camera.from_numbers(attributes["camera"], f"{path}: camera"), float(attributes["fps"])
+    check_between(f"{path}: fps", fps, 1, 1000)
     expect(arrays["depth"].shape[1:] == (camera.height, camera.width), f"{path}: depth", "images of the camera's size")
     names = tuple(attributes.get("marker_names", ()))
-    return StoredSequence(float(attributes["fps"]), camera, attributes["kind"], people, arrays, names)
+    return StoredSequence(path.stem, attributes["kind"], fps, camera, people, marker_names=names, **arrays)
 
 
 @dataclass
@@ -156,13 +164,13 @@ class SimulatedBenchmark(SimulatedSet):
         path = self.path(name)
         stored = read_sequence(path)
         expect(len(stored.people) == 1, str(path), "one person")
-        joints_m = stored.arrays["joints_m"][:, 0].astype(np.float32)
+        joints_m = stored.joints_m[:, 0].astype(np.float32)
         return Sequence(
             name=name,
             identity=stored.people[0],
             fps=stored.fps,
             camera=stored.camera,
-            depth_m=depth_in_metres(stored.arrays["depth"], stored.camera, where=f"{path}: depth"),
+            depth_m=depth_in_metres(stored.depth, stored.camera, where=f"{path}: depth"),
             joints_camera_m=joints_m,
             visible=np.isfinite(joints_m).all(axis=-1),
             yaw_rad=heading_rad(joints_m),
@@ -170,39 +178,19 @@ class SimulatedBenchmark(SimulatedSet):
         )
 
 
-@dataclass(frozen=True)
-class PeopleSequence:
-    """A depth sequence of P people, with the arrays that the module describes.
-
-    Attributes:
-        depth_mm: (T, H, W) uint16 millimetres.
-        joints_camera_m: (T, P, 15, 3) float32 true joints, metres, also of people outside the image.
-    """
-
-    name: str
-    kind: str
-    fps: float
-    camera: Camera
-    depth_mm: np.ndarray
-    joints_camera_m: np.ndarray
-    alone_px: np.ndarray
-    seen_px: np.ndarray
-
-
 class PeopleSet(SimulatedSet):
-    """A set of sequences of several people: `two_people`."""
+    """A set of sequences of several people, in millimetres: `two_people`."""
 
-    def read(self, name: str) -> PeopleSequence:
-        """Reads one sequence; raises InputError as `read_sequence`."""
+    def read(self, name: str) -> StoredSequence:
+        """Reads one sequence; raises InputError as `read_sequence`, or if it lacks the pixels of each person."""
         path = self.path(name)
         stored = read_sequence(path)
-        arrays = stored.arrays
-        expect(set(PIXELS) <= set(arrays), str(path), "arrays alone_px and seen_px")
-        expect(arrays["depth"].dtype == np.uint16, f"{path}: depth", "uint16 millimetres")
-        in_order = (arrays["seen_px"] <= arrays["alone_px"]).all() and arrays["seen_px"].min() >= 0
+        expect(stored.depth.dtype == np.uint16, f"{path}: depth", "uint16 millimetres")
+        if stored.alone_px is None or stored.seen_px is None:
+            raise InputError(f"{path}: expected arrays alone_px and seen_px")
+        in_order = (stored.seen_px <= stored.alone_px).all() and stored.seen_px.min() >= 0
         expect(bool(in_order), f"{path}: seen_px", "at least 0 and at most alone_px")
-        joints_m, pixels = arrays["joints_m"].astype(np.float32), (arrays[one].astype(np.int64) for one in PIXELS)
-        return PeopleSequence(name, stored.kind, stored.fps, stored.camera, arrays["depth"], joints_m, *pixels)
+        return stored
 
 
 def read_manifest(folder: Path) -> dict:

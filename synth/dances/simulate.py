@@ -6,20 +6,24 @@ The teacher's motion is given as true joints, as from motion capture. Each learn
 of the scale (`synth.dances.ends`). Position and heading differ per learner, the room is empty, and the measured depth is
 segmented: only the person is kept. The labels are the levels.
 
-Learner k of dance d is a pure function of the configuration, d and k. No training set contains the benchmark's people and
+Learner k of dance d is a pure function of the settings, d and k. No training set contains the benchmark's people and
 dances; `split=train` gives other dances by other people, for calibration.
 """
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, lru_cache
-from typing import ClassVar
+from pathlib import Path
 
 import numpy as np
 from numba import njit
 
 from kpopnet.camera import CAMERAS
-from kpopnet.datasets.dances.writer import PackedDepth
+from kpopnet.dance.performance import Performance
+from kpopnet.datasets.dances.dance_set import LABELS, TEACHER, KpopSet
+from kpopnet.datasets.dances.writer import PackedDepth, write_labels, write_learner, write_teacher
 from kpopnet.errors import InputError, check_between
+from kpopnet.viz.drawing import TRUE, person_tile, sheet
 from synth.body.shape import BodyConfig, Person, draw_person, draw_unseen_person
 from synth.dances.ends import ENDS, end_motion
 from synth.dances.faults import draw_profile, with_faults
@@ -33,8 +37,8 @@ from synth.samples.observe import MARGIN_PX
 from synth.scene.room import ViewConfig
 from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS, SensorConfig
-from synth.simulated.configuration import SimulatedSet, is_faulty, random_excerpt
-from synth.simulated.film import LEVEL_VIEW, Studio, Take, measure_frame
+from synth.simulated.film import Studio, Take, measure_frame
+from synth.simulated.generator import SetGenerator, is_faulty, random_excerpt
 
 MAX_NEIGHBOUR_STEP_M = 0.1
 """Neighbouring pixels are connected if their depths differ by less."""
@@ -57,6 +61,8 @@ HEADING_STD_DEG = 5.0
 
 MAX_TRAVEL_M = 1.0
 """Dances whose horizontal range, along either axis, is larger are rejected: they do not fit in front of one camera."""
+
+SHEET_DANCES, TILES, TILE_PX = 3, 8, 160
 
 DANCE_TRIES, PERSON_TRIES, ROOM_TRIES = 100, 8, 16
 """Dances tried for each of the set, people tried for each learner (a tall one may not fit into the image), and rooms tried for
@@ -91,16 +97,42 @@ class KpopSimConfig:
                 raise InputError(f"benchmark.{name}={getattr(self, name)} is not one of {', '.join(known)}")
 
 
+LEARNERS = tuple("abcd")
+
+
+def dance_name(index: int) -> str:
+    """The name of a dance, which is also its folder's."""
+    return f"dance_{index:03d}"
+
+
 @dataclass(frozen=True)
-class KpopSimSet(SimulatedSet):
-    """Every setting that the dances depend on.
+class LearnerMotion:
+    """What a learner dances, without the body and the camera.
+
+    Attributes:
+        level: index into the levels of the family of faults, see `KpopSim.level_names`.
+        strengths: strength of each kind of error by its name.
+        mistakes: the wrong moves of the model of skill.
+    """
+
+    level: int
+    strengths: dict[str, float]
+    motion: Motion
+    mistakes: list[Mistake]
+
+
+@dataclass(frozen=True)
+class KpopSim(SetGenerator):
+    """Makes the dances; holds one compiled scene. Labels are written last: a dance that has labels is finished.
 
     Attributes:
         skill: differences between the levels, by default at the spacing of the family of faults; mixed uses the spacing alone.
         seconds: least and greatest length of a dance, seconds.
     """
 
-    counted: ClassVar[str] = "dances"
+    part, finished_files, unfinished_files = "dance", f"*/{LABELS}", "dance_*/.*.tmp"
+    camera = CAMERA
+
     benchmark: KpopSimConfig = field(default_factory=KpopSimConfig)
     sensor: SensorConfig = SENSORS["kinect_2"]
     skill: SkillConfig | None = None
@@ -112,56 +144,26 @@ class KpopSimSet(SimulatedSet):
             object.__setattr__(self, "skill", SkillConfig(SPACING[self.benchmark.faults]))
 
     @property
-    def levels(self) -> tuple[str, ...]:
-        """The names of the levels, the best first."""
+    def level_names(self) -> tuple[str, ...]:
+        """The best first."""
         return ENDS if self.benchmark.faults == "ends" else LEVELS
-
-
-def dance_name(index: int) -> str:
-    """The name of a dance, which is also its folder's."""
-    return f"dance_{index:03d}"
-
-
-LEARNERS = tuple("abcd")
-
-
-@dataclass(frozen=True)
-class LearnerTake:
-    """The plan of a learner's recording.
-
-    Attributes:
-        level: index into the levels of the family of faults, see `KpopSimSet.levels`.
-        strengths: strength of each kind of error by its name.
-        mistakes: the wrong moves of the model of skill.
-        take: the motion on the learner's body, in a room.
-        yaw_rad: heading in which the motion was played at the origin, radians.
-    """
-
-    level: int
-    strengths: dict[str, float]
-    mistakes: list[Mistake]
-    take: Take
-    yaw_rad: float
-
-
-class KpopSim:
-    """Makes the dances; holds one compiled scene."""
-
-    def __init__(self, config: KpopSimSet) -> None:
-        self.config = config
-        self.teacher_motion = lru_cache(maxsize=4)(self._teacher_motion)
 
     @cached_property
     def studio(self) -> Studio:
-        return Studio(CAMERA, self.config.renderer)
+        return Studio(CAMERA, self.renderer)
 
     @cached_property
     def _recordings(self):
-        return build_motion(self.config.motion, self.config.benchmark.split)
+        return build_motion(self.motion, self.benchmark.split)
+
+    @cached_property
+    def teacher_motion(self) -> Callable[[int], Motion]:
+        """The motion of the teacher of a dance, by the dance's number; as `_teacher_motion`."""
+        return lru_cache(maxsize=4)(self._teacher_motion)
 
     def _seed(self, kind: str, *numbers: int) -> tuple[int, ...]:
         """The seed of a part of a dance. Only this benchmark's seeds start with its name."""
-        benchmark = self.config.benchmark
+        benchmark = self.benchmark
         kinds = ("dance", "teacher", "learner", "skill", "place", "noise", "order", "profile", "faults")
         return *b"kpop_sim", benchmark.seed, SPLITS.index(benchmark.split), kinds.index(kind), *numbers
 
@@ -170,7 +172,7 @@ class KpopSim:
 
     def _person(self, rng: np.random.Generator) -> Person:
         """Draws a person; for the split test, one who is in no training set."""
-        split = self.config.benchmark.split
+        split = self.benchmark.split
         return draw_unseen_person(rng, BODY) if split == "test" else draw_person(rng, BODY, split)
 
     def levels(self, index: int) -> list[int]:
@@ -181,22 +183,22 @@ class KpopSim:
         """The teacher's motion; raises InputError if no recording is a dance that is long and stays within MAX_TRAVEL_M."""
         for attempt in range(DANCE_TRIES):
             rng = self._rng("dance", index, attempt)
-            seconds = rng.uniform(*self.config.seconds)
-            recorded = self.config.motion.source == "clips"
+            seconds = rng.uniform(*self.seconds)
+            recorded = self.motion.source == "clips"
             motion = self._recorded(rng, seconds) if recorded else dance(0, int(rng.integers(2**63)), seconds, FPS)
             offset_m = (motion.root_m - motion.root_m[0])[:, [0, 2]]
-            long_enough = len(motion) >= self.config.seconds[0] * FPS - 1
+            long_enough = len(motion) >= self.seconds[0] * FPS - 1
             if long_enough and np.ptp(offset_m, axis=0).max() < MAX_TRAVEL_M and not is_faulty(motion):
                 return motion
         raise InputError(
-            f"{dance_name(index)}: none of {DANCE_TRIES} recordings drawn lasts {self.config.seconds[0]:g} s, stays within "
+            f"{dance_name(index)}: none of {DANCE_TRIES} recordings drawn lasts {self.seconds[0]:g} s, stays within "
             f"{MAX_TRAVEL_M} m and has no jumps; give other recordings, or take motion=choreography"
         )
 
     def _recorded(self, rng: np.random.Generator, seconds: float) -> Motion:
         dances = self._recordings.clip_indices("dance")
         if not dances:
-            raise InputError(f"motion.path={self.config.motion.path}: no clip of category dance in its split")
+            raise InputError(f"motion.path={self.motion.path}: no clip of category dance in its split")
         return random_excerpt(rng, resampled(self._recordings.motion(int(rng.choice(dances))), FPS), round(seconds * FPS))
 
     def teacher_joints_m(self, index: int) -> np.ndarray:
@@ -205,34 +207,31 @@ class KpopSim:
 
     def level_camera_joints_m(self, person: Person, motion: Motion) -> np.ndarray:
         """(T, 15, 3) float32 joints, metres, in the frame of a level camera that a person who performs a motion faces."""
-        played = self.studio.play(person, motion, 0.0, np.zeros(2))
-        return LEVEL_VIEW.to_camera(self.studio.joints_world_m(person, played.local, played.hips_m)).astype(np.float32)
+        return self.studio.level_joints_m(self.studio.play(person, motion, 0.0, np.zeros(2)))
 
-    def skill(self, index: int, learner: int) -> tuple[int, dict[str, float], Motion, list[Mistake]]:
-        """Level, strengths, motion and mistakes of a learner, without the body and the camera."""
+    def learner(self, index: int, learner: int) -> LearnerMotion:
+        """What a learner of dance `index` dances."""
         level, teacher = self.levels(index)[learner], self.teacher_motion(index)
-        if self.config.benchmark.faults == "ends":
-            end, rng = ENDS[level], self._rng("faults", index, learner)
-            return level, {}, end_motion(end, teacher, self.teacher_motion(index + DANCES), rng), []
-        if self.config.benchmark.faults == "mixed":
-            severity = self.config.skill.severity(level)
+        if self.benchmark.faults == "ends":
+            rng, another = self._rng("faults", index, learner), self.teacher_motion(index + DANCES)
+            return LearnerMotion(level, {}, end_motion(ENDS[level], teacher, another, rng), [])
+        if self.benchmark.faults == "mixed":
+            severity = self.skill.severity(level)
             severities = {name: severity * share for name, share in draw_profile(self._rng("profile", index)).items()}
-            return level, severities, with_faults(teacher, severities, self._rng("faults", index, learner)), []
+            return LearnerMotion(level, severities, with_faults(teacher, severities, self._rng("faults", index, learner)), [])
         rng = self._rng("skill", index, learner)
-        strengths = draw_strengths(rng, level, self.config.skill)
-        motion, mistakes = learn(teacher, strengths, rng)
-        return level, asdict(strengths), motion, mistakes
+        strengths = draw_strengths(rng, level, self.skill)
+        return LearnerMotion(level, asdict(strengths), *learn(teacher, strengths, rng))
 
-    def take(self, index: int, learner: int) -> LearnerTake:
-        """Draws the skill, person, room and view; raises InputError if the whole dance is visible from no position."""
-        level, strengths, motion, mistakes = self.skill(index, learner)
+    def take(self, index: int, learner: int, motion: Motion) -> Take:
+        """Draws the person, room and view; raises InputError if the whole dance is visible from no position."""
         for attempt in range(PERSON_TRIES):
             person = self._person(self._rng("learner", index, learner, attempt))
             rng = self._rng("place", index, learner, attempt)
             yaw_rad, curls_rad = np.radians(HEADING_STD_DEG) * rng.normal(), rng.uniform(0.0, 1.5, 2)
             played = self.studio.play(person, motion, yaw_rad, curls_rad)
             if (take := self.studio.place_in_rooms(rng, played, VIEW, ROOM_TRIES, furnished=False)) is not None:
-                return LearnerTake(level, strengths, mistakes, take, yaw_rad)
+                return take
         raise InputError(f"{dance_name(index)}, learner {LEARNERS[learner]}: the dance does not fit into the image")
 
     def record(self, index: int, learner: int, take: Take, on_frame=lambda: None) -> tuple[PackedDepth, np.ndarray]:
@@ -245,11 +244,67 @@ class KpopSim:
             x0, y0, x1, y1 = silhouette_box(clean.person_m)
             x0, y0 = max(x0 - MARGIN_PX, 0), max(y0 - MARGIN_PX, 0)
             x1, y1 = min(x1 + MARGIN_PX, CAMERA.width), min(y1 + MARGIN_PX, CAMERA.height)
-            depth_m, person = measure_frame(clean, (x0, y0, x1, y1), CAMERA, self.config.sensor, noise)
+            depth_m, person = measure_frame(clean, (x0, y0, x1, y1), CAMERA, self.sensor, noise)
             packed.add(connected(np.where(person, depth_m, np.float32(0))), x0, y0)
             joints.append(clean.joints_camera_m)
             on_frame()
         return packed, np.array(joints)
+
+    def manifest_entries(self) -> dict:
+        benchmark = self.benchmark
+        about = (
+            f"SIMULATED teachers, learners and labels; not the paper's K-Pop set, and no real person: seed {benchmark.seed}, "
+            f"split {benchmark.split}, faults {benchmark.faults}, configuration {self.hash}."
+        )
+        return {"name": benchmark.name, "about": about, "split": benchmark.split, "fps": FPS, "levels": self.level_names}
+
+    def frames_per_part(self) -> float:
+        return sum(self.seconds) / 2 * FPS * len(LEARNERS)
+
+    def path(self, folder: Path, index: int) -> Path:
+        return folder / dance_name(index) / LABELS
+
+    def make(self, folder: Path, index: int, on_frame: Callable[[], None] = lambda: None) -> None:
+        """Makes the missing files of dance `index` and calls `on_frame` after each frame of a learner."""
+        place = folder / dance_name(index)
+        if not (place / TEACHER).exists():
+            joints_m = self.teacher_joints_m(index)
+            about = {"motion": self.teacher_motion(index).name}
+            write_teacher(place, Performance(joints_m, np.arange(len(joints_m)) / FPS), about)
+        for number, name in enumerate(LEARNERS):
+            if (place / f"{name}.h5").exists():
+                continue
+            learner = self.learner(index, number)
+            packed, joints_m = self.record(index, number, self.take(index, number, learner.motion), on_frame)
+            about = {
+                "level": self.level_names[learner.level],
+                "strengths": learner.strengths,
+                "mistakes": [asdict(mistake) for mistake in learner.mistakes],
+            }
+            write_learner(place, name, np.arange(len(joints_m)) / FPS, joints_m, packed, about)
+        write_labels(place, [LEARNERS[number] for number in np.argsort(self.levels(index))])
+
+    def contact_sheet(self, folder: Path, manifest: dict) -> np.ndarray:
+        """RGB image of the first SHEET_DANCES dances: a row for the teacher and each learner, columns at equal times."""
+        dances, rows = KpopSet(folder), []
+        nothing_m = np.zeros((CAMERA.height, CAMERA.width), np.float32)
+        for name in dances.names[:SHEET_DANCES]:
+            dance = dances.dance(name)
+            taught_m = dance.teacher().joints_m
+            chosen = np.linspace(0, len(taught_m) - 1, TILES + 2).astype(int)[1:-1].tolist()
+            tiles = [person_tile(nothing_m, CAMERA, ((taught_m[frame], TRUE),), TILE_PX, ("",)) for frame in chosen]
+            rows.append((f"{name}, teacher", tiles))
+            for learner in dance.learners:
+                clip, joints_m = learner.depth(), learner.joints().joints_m
+                tiles = [
+                    person_tile(
+                        clip.depth_m[frame], clip.camera, ((joints_m[frame], TRUE),), TILE_PX, (f"{frame / FPS:.1f} s",)
+                    )
+                    for frame in chosen
+                ]
+                strengths = "".join(f", {kind} {value:.2f}" for kind, value in learner.about["strengths"].items())
+                rows.append((f"{name}, learner {learner.name}: {learner.about['level']}{strengths}", tiles))
+        return sheet(rows, (TRUE,), f"{manifest['about']} Depth of the person alone, true joints")
 
 
 @njit(cache=True)

@@ -13,8 +13,8 @@ from synth.body.outfit import load_skin
 from synth.body.shape import BodyConfig, Person, draw_person
 from synth.motion.choreography.composer import dance, tempo_bpm
 from synth.motion.skeleton import Motion
-from synth.simulated.configuration import is_faulty
-from synth.simulated.film import LEVEL_VIEW, Studio
+from synth.simulated.film import Studio
+from synth.simulated.generator import is_faulty
 
 DANCES = 100
 FPS = 30.0
@@ -96,5 +96,4 @@ class Teacher:
     def dance(self, index: int) -> PlayedDance:
         motion, bpm = composed(index)
         played = self._studio.play(self._person, motion, 0.0, CURLS_RAD)
-        joints_m = LEVEL_VIEW.to_camera(self._studio.joints_world_m(self._person, played.local, played.hips_m))
-        return PlayedDance(dance_title(index), bpm, FPS, joints_m.astype(np.float32), played.local, played.hips_m)
+        return PlayedDance(dance_title(index), bpm, FPS, self._studio.level_joints_m(played), played.local, played.hips_m)

@@ -15,7 +15,7 @@ from synth.motion.choreography.programmes import show
 from synth.motion.skeleton import Motion
 from synth.scene.room import ViewConfig
 from synth.sensor.model import SENSORS, SensorConfig
-from synth.simulated.sequences import Selection, SequenceSet, StandIn
+from synth.simulated.sequences import Selection, StandIn
 
 SUBJECTS = ("a", "b", "c")
 SEQUENCES = 24
@@ -29,34 +29,29 @@ KINDS = ("dance", "crossed_punches", "kicks", "turns", "sitting", "handstand", "
 class EvalSimConfig(Selection):
     """Identity and size of the set. Its first eight sequences show one of each kind."""
 
-    whole: ClassVar[int] = SEQUENCES
     name: str = "eval_sim"
     sequences: int = SEQUENCES
 
 
 @dataclass(frozen=True)
-class EvalSimSet(SequenceSet):
-    """Every setting that the sequences depend on."""
+class EvalSim(StandIn):
+    """Makes the sequences of simulated EVAL."""
 
     generator: ClassVar[int] = 4
-    kinds = KINDS
     benchmark: EvalSimConfig = field(default_factory=EvalSimConfig)
     sensor: SensorConfig = SENSORS["kinect_v1"]
     frames: tuple[int, int] = (288, 488)
-
-
-class EvalSim(StandIn):
-    """Makes the sequences of simulated EVAL."""
 
     about = "SIMULATED people in rooms, the stand-in for EVAL; this is not EVAL itself."
     camera = CAMERA
     fps = FPS
     view = ViewConfig(height_m=(0.7, 1.7), aim_m=(0.85, 1.15))
     subjects = SUBJECTS
+    kinds = KINDS
 
     @classmethod
     def sequence_name(cls, index: int) -> str:
         return f"seq_{SUBJECTS[index % len(SUBJECTS)]}_{index // len(SUBJECTS)}"
 
     def compose(self, rng: np.random.Generator, index: int, seconds: float) -> Motion:
-        return show(rng, self.config.kind(index), seconds, FPS)
+        return show(rng, self.kind(index), seconds, FPS)

@@ -49,7 +49,6 @@ _OCCLUSION_STRIDE = 15
 ROOM, PERSON = 1, 2  # pixel labels
 
 LEVEL_VIEW = View(np.array([0, -CAMERA_DISTANCE_M, CAMERA_HEIGHT_M]), np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]))
-"""Of a level camera that a person at the world's origin faces."""
 
 
 @dataclass(frozen=True)
@@ -252,6 +251,10 @@ class Studio:
             self.scene.pose(quats, root_m)
             joints.append(self.scene.joints_world_m())
         return np.array(joints)
+
+    def level_joints_m(self, played: Played) -> np.ndarray:
+        """(T, 15, 3) float32 joints, metres, in the frame of a level camera that a person at the world's origin faces."""
+        return LEVEL_VIEW.to_camera(self.joints_world_m(played.person, played.local, played.hips_m)).astype(np.float32)
 
     def render(self, take: Take, frames: range) -> Iterator[CleanFrame]:
         """Renders frames of a take without noise. The scene keeps the pose of a frame until the next one is requested."""

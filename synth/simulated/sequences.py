@@ -1,20 +1,21 @@
 """Simulated sequences of unseen people; the motion of each set is defined in its own module (`eval_sim`, `smmc10_sim`).
 
-Sequence k is a pure function of the configuration and k. No person, motion, room or noise of a benchmark is in a training set:
-see `draw_unseen_person` and `SequenceMaker._rng`.
+No person, motion, room or noise of a benchmark is in a training set: see `draw_unseen_person` and `SequenceGenerator._rng`.
 """
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from functools import cached_property
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
-from kpopnet.camera import Camera
-from kpopnet.datasets.simulated import StoredSequence
+from kpopnet.camera import depth_in_metres
+from kpopnet.datasets.simulated import StoredSequence, read_sequence, write_sequence
 from kpopnet.errors import InputError, check_between
+from kpopnet.viz.drawing import TRUE, depth_rgb, draw_skeleton, enlarged, sheet, with_captions
 from synth.body.markers import MARKERS
 from synth.body.outfit import ClothesConfig
 from synth.body.shape import BodyConfig, Person, draw_unseen_person
@@ -24,8 +25,8 @@ from synth.motion.skeleton import Motion
 from synth.motion.splice import cut, follow, resampled
 from synth.scene.room import ViewConfig
 from synth.sensor.film_noise import FilmNoise
-from synth.simulated.configuration import SimulatedSet, is_faulty, random_excerpt
 from synth.simulated.film import Film, Played, Shot, Studio, Take
+from synth.simulated.generator import SetGenerator, is_faulty, random_excerpt
 
 BODY = BodyConfig(clothes=ClothesConfig(skirt=0.0, coat=0.0, hat=0.0, backpack=0.0, bag=0.0))
 """People as they come to a motion-capture session: markers are worn on trousers and tops. (The Y pose of a person in a skirt
@@ -42,10 +43,13 @@ penetrate their thighs, with clothes, by 6 cm, which is not visible."""
 MOTION_TRIES, ROOM_TRIES = 100, 8
 """Motions tried for a sequence, and rooms tried for each motion."""
 
+TILES = 10
+TILE_WIDTH_PX, TILE_PORTRAIT_PX = 240, 160
+
 
 @dataclass
 class Selection:
-    """Identity and size of a set.
+    """Identity and size of a set; each set has its name and its greatest size as defaults.
 
     Attributes:
         name: name of the benchmark.
@@ -53,7 +57,6 @@ class Selection:
         sequences: number of sequences to make; they are the first ones of the whole set.
     """
 
-    whole: ClassVar[int] = 1
     name: str = ""
     seed: int = 0
     sequences: int = 1
@@ -62,46 +65,31 @@ class Selection:
         if self.name != type(self).name:
             raise InputError(f"benchmark.name={self.name}: the set is called {type(self).name}")
         check_between("benchmark.seed", self.seed, 0, 2**32 - 1)
-        check_between("benchmark.sequences", self.sequences, 1, self.whole)
+        check_between("benchmark.sequences", self.sequences, 1, type(self).sequences)
 
 
 @dataclass(frozen=True)
-class SequenceSet(SimulatedSet):
-    """Every setting that the sequences depend on.
+class SequenceGenerator(SetGenerator):
+    """Makes the sequences of a set, of one person or of several.
 
     Attributes:
         frames: least and greatest length of a sequence, frames.
     """
 
-    counted: ClassVar[str] = "sequences"
+    part, finished_files, unfinished_files = "sequence", "*.h5", ".*.h5.*.tmp"
+
+    about: ClassVar[str]
+    """What the set is, and the origin of its true joints, for the reader of a report."""
+    truth: ClassVar[str] = "synthetic truth"
+
     kinds: ClassVar[tuple[str, ...]]
     """Sequence k shows kinds[k % len(kinds)]."""
 
-    frames: tuple[int, int] = (100, 400)
-
-    def kind(self, index: int) -> str:
-        """The kind of motion in sequence `index`."""
-        return "recorded" if self.motion.source == "clips" else self.kinds[index % len(self.kinds)]
-
-
-class SequenceMaker(ABC):
-    """Makes the sequences of a set, of one person or of several.
-
-    Attributes:
-        about: what the set is, for the reader of a report.
-        truth: origin of the true joints, for the reader of a report.
-        fps: frames per second.
-        view: distribution of the camera's pose.
-    """
-
-    about: ClassVar[str]
-    truth: ClassVar[str] = "synthetic truth"
-    camera: ClassVar[Camera]
     fps: ClassVar[float]
     view: ClassVar[ViewConfig]
+    """Distribution of the camera's pose."""
 
-    def __init__(self, config: SequenceSet) -> None:
-        self.config = config
+    frames: tuple[int, int] = (100, 400)
 
     @classmethod
     @abstractmethod
@@ -117,8 +105,12 @@ class SequenceMaker(ABC):
         """Renders and measures frames of sequence `index`; a frame is the same whichever others are made."""
 
     @abstractmethod
-    def sequence(self, index: int, on_frame: Callable[[], None] = lambda: None) -> StoredSequence:
+    def sequence(self, index: int, on_frame: Callable[[], None]) -> StoredSequence:
         """Makes sequence `index` and calls `on_frame` after each frame."""
+
+    def kind(self, index: int) -> str:
+        """The kind of motion in sequence `index`."""
+        return "recorded" if self.motion.source == "clips" else self.kinds[index % len(self.kinds)]
 
     def stacked(self, index: int, frames: int | None, on_frame: Callable[[], None]) -> dict[str, np.ndarray]:
         """The fields of the first shots of sequence `index`, by name, with a first axis of T frames."""
@@ -131,7 +123,7 @@ class SequenceMaker(ABC):
 
     def _seed(self, kind: str, *numbers: int) -> tuple[int, ...]:
         """The seed of a person, a sequence or its noise. Only this benchmark's seeds start with its name."""
-        selection = self.config.benchmark
+        selection = self.benchmark
         return *selection.name.encode(), selection.seed, ("person", "sequence", "noise").index(kind), *numbers
 
     def _rng(self, kind: str, *numbers: int) -> np.random.Generator:
@@ -140,6 +132,33 @@ class SequenceMaker(ABC):
     def person(self, subject: int) -> Person:
         return draw_unseen_person(self._rng("person", subject), BODY)
 
+    def manifest_entries(self) -> dict:
+        return {"benchmark": self.benchmark.name, "about": self.about, "truth": self.truth}
+
+    def frames_per_part(self) -> float:
+        return sum(self.frames) / 2
+
+    def path(self, folder: Path, index: int) -> Path:
+        return folder / f"{self.sequence_name(index)}.h5"
+
+    def make(self, folder: Path, index: int, on_frame: Callable[[], None] = lambda: None) -> None:
+        write_sequence(folder, self.sequence(index, on_frame))
+
+    def contact_sheet(self, folder: Path, manifest: dict) -> np.ndarray:
+        """RGB image: a row for each sequence, TILES frames at even distances, with the true skeletons."""
+        width_px, rows = TILE_WIDTH_PX if self.camera.width >= self.camera.height else TILE_PORTRAIT_PX, []
+        for path in (self.path(folder, index) for index in range(manifest["sequences"])):
+            if not path.exists():
+                continue
+            stored, tiles = read_sequence(path), []
+            for number in np.linspace(0, len(stored.depth) - 1, TILES).astype(int).tolist():
+                image = enlarged(depth_rgb(depth_in_metres(stored.depth[number])), width_px)
+                for person_m in stored.joints_m[number]:
+                    draw_skeleton(image, person_m, self.camera, TRUE)
+                tiles.append(with_captions(image, (f"frame {number}",)))
+            rows.append((f"{path.stem}: {stored.kind}, {len(stored.depth)} frames", tiles))
+        return sheet(rows, (TRUE,), f"SIMULATED, {manifest['benchmark']}, seed {manifest['seed']}: depth and true joints")
+
 
 def penetrates_itself(played: Played, standing_frames: int) -> bool:
     """Whether parts of the body penetrate each other more than while standing, in the first `standing_frames` frames."""
@@ -147,7 +166,7 @@ def penetrates_itself(played: Played, standing_frames: int) -> bool:
     return bool(played.penetration_m.max() > max(standing_m, STANDING_PENETRATION_M) + EXTRA_PENETRATION_M)
 
 
-class StandIn(SequenceMaker):
+class StandIn(SequenceGenerator):
     """Makes sequences of one person; holds one compiled scene.
 
     Attributes:
@@ -162,18 +181,18 @@ class StandIn(SequenceMaker):
 
     @cached_property
     def studio(self) -> Studio:
-        return Studio(self.camera, self.config.renderer)
+        return Studio(self.camera, self.renderer)
 
     @cached_property
     def _recordings(self):
-        return build_motion(self.config.motion, "test")
+        return build_motion(self.motion, "test")
 
     def take(self, index: int) -> Take:
         """Draws the person, motion, room and view; raises InputError if no motion of the source fits a room and the image."""
         person = self.person(index % len(self.subjects))
         for attempt in range(MOTION_TRIES):
             rng = self._rng("sequence", index, attempt)
-            motion = self._motion(rng, index, int(rng.integers(*self.config.frames, endpoint=True)))
+            motion = self._motion(rng, index, int(rng.integers(*self.frames, endpoint=True)))
             if is_faulty(motion):
                 continue
             yaw_rad, curls_rad = np.radians(HEADING_STD_DEG) * rng.normal(), rng.uniform(0.0, 1.5, 2)
@@ -188,7 +207,7 @@ class StandIn(SequenceMaker):
         )
 
     def _motion(self, rng: np.random.Generator, index: int, frames: int) -> Motion:
-        motion, recorded = start_pose(rng, self.fps), self.config.motion.source == "clips"
+        motion, recorded = start_pose(rng, self.fps), self.motion.source == "clips"
         while len(motion) < frames:
             left_s = (frames - len(motion)) / self.fps + 1
             motion = follow(motion, self._recorded(rng, left_s) if recorded else self.compose(rng, index, left_s))
@@ -200,19 +219,30 @@ class StandIn(SequenceMaker):
         return random_excerpt(rng, motion, int(seconds * self.fps))
 
     def shots(self, index: int, take: Take, frames: range) -> Iterator[Shot]:
-        return self.studio.shots(take, self.config.sensor, FilmNoise(self._seed("noise", index)), frames)
+        return self.studio.shots(take, self.sensor, FilmNoise(self._seed("noise", index)), frames)
 
     def film(self, index: int, frames: int | None = None, on_frame: Callable[[], None] = lambda: None) -> Film:
         """The first frames of sequence `index`, or all of them."""
         return Film(**self.stacked(index, frames, on_frame), camera=self.camera)
 
-    def truth_m(self, film: Film) -> np.ndarray:
-        """(T, 15, 3) float32 metres: what the set gives as true joints, NaN where they are unknown."""
+    def truth_m(self, film: Film, markers_m: np.ndarray) -> np.ndarray:
+        """(T, 15, 3) float32 metres: what the set gives as true joints, NaN where they are unknown.
+
+        The (T, M, 3) markers are NaN where they are not tracked.
+        """
         return film.joints_camera_m
 
-    def sequence(self, index: int, on_frame: Callable[[], None] = lambda: None) -> StoredSequence:
+    def sequence(self, index: int, on_frame: Callable[[], None]) -> StoredSequence:
         film = self.film(index, on_frame=on_frame)
         markers_m = np.where(film.markers_tracked[..., None], film.markers_camera_m, np.float32(np.nan))
-        arrays = {"depth": film.depth_m, "joints_m": self.truth_m(film)[:, None], "markers_m": markers_m[:, None]}
-        person = self.subjects[index % len(self.subjects)]
-        return StoredSequence(self.fps, self.camera, self.config.kind(index), (person,), arrays, tuple(MARKERS))
+        return StoredSequence(
+            self.sequence_name(index),
+            self.kind(index),
+            self.fps,
+            self.camera,
+            (self.subjects[index % len(self.subjects)],),
+            depth=film.depth_m,
+            joints_m=self.truth_m(film, markers_m)[:, None],
+            markers_m=markers_m[:, None],
+            marker_names=tuple(MARKERS),
+        )

@@ -9,7 +9,6 @@ system around the person (`synth.body.markers`).
 """
 
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from synth.motion.skeleton import Motion
 from synth.scene.room import ViewConfig
 from synth.sensor.model import SENSORS, SensorConfig
 from synth.simulated.film import Film
-from synth.simulated.sequences import Selection, SequenceSet, StandIn
+from synth.simulated.sequences import Selection, StandIn
 
 SUBJECTS = ("sim01", "sim02", "sim03", "sim04")
 FPS = 25.0
@@ -68,23 +67,17 @@ JOINT_MARKERS = {
 class Smmc10SimConfig(Selection):
     """Identity and size of the set. Its sequences become more difficult, so the first few are the easiest."""
 
-    whole: ClassVar[int] = SEQUENCES
     name: str = "smmc10_sim"
     sequences: int = SEQUENCES
 
 
 @dataclass(frozen=True)
-class Smmc10SimSet(SequenceSet):
-    """Every setting that the sequences depend on."""
+class Smmc10Sim(StandIn):
+    """Makes the sequences of simulated SMMC-10."""
 
-    kinds = tuple(map(", ".join, KINDS))
     benchmark: Smmc10SimConfig = field(default_factory=Smmc10SimConfig)
     sensor: SensorConfig = SENSORS["swissranger"]
     frames: tuple[int, int] = (100, 400)
-
-
-class Smmc10Sim(StandIn):
-    """Makes the sequences."""
 
     about = (
         "SIMULATED people in rooms, the stand-in for SMMC-10; this is not SMMC-10 itself. The true positions are markers on "
@@ -95,6 +88,7 @@ class Smmc10Sim(StandIn):
     fps = FPS
     view = ViewConfig(height_m=(0.8, 1.5), aim_m=(0.9, 1.1))
     subjects = SUBJECTS
+    kinds = tuple(map(", ".join, KINDS))
 
     @classmethod
     def sequence_name(cls, index: int) -> str:
@@ -104,8 +98,7 @@ class Smmc10Sim(StandIn):
         tempo = MIN_BPM + (MAX_BPM - MIN_BPM) * index / (SEQUENCES - 1)
         return drill(rng, KINDS[index], (tempo - BPM_HALF_RANGE, tempo + BPM_HALF_RANGE), seconds, FPS)
 
-    def truth_m(self, film: Film) -> np.ndarray:
+    def truth_m(self, film: Film, markers_m: np.ndarray) -> np.ndarray:
         """(T, 15, 3) float32 metres: the mean of each joint's markers; NaN where one of them is not tracked."""
-        markers_m = np.where(film.markers_tracked[..., None], film.markers_camera_m, np.float32(np.nan))
         by_name = dict(zip(MARKERS, markers_m.swapaxes(0, 1), strict=True))
         return np.stack([np.mean([by_name[name] for name in JOINT_MARKERS[joint]], axis=0) for joint in Joint], axis=1)

@@ -8,7 +8,6 @@ two sequences, or in a training set. It imitates no published set.
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 
@@ -21,14 +20,11 @@ from synth.scene.room import ViewConfig, draw_room, draw_view
 from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS, SensorConfig, measure_labelled
 from synth.simulated.film import ROOM, CleanFrame, Played, Studio, Take
-from synth.simulated.sequences import HEADING_STD_DEG, Selection, SequenceMaker, SequenceSet, penetrates_itself
+from synth.simulated.sequences import HEADING_STD_DEG, Selection, SequenceGenerator, penetrates_itself
 
 SEQUENCES = 24
 FPS = 30.0
 CAMERA = CAMERAS["eval"]
-KINDS = tuple(SCRIPTS)
-"""Sequence k shows KINDS[k % 6]."""
-
 APART_M = 0.15
 """Least distance between joints of the two, but for those who hug."""
 
@@ -43,24 +39,8 @@ STAGE_M = ((-0.25, 0.25), (2.3, 3.6))
 class TwoPeopleConfig(Selection):
     """Identity and size of the set. Its first six sequences show one scene of each kind."""
 
-    whole: ClassVar[int] = SEQUENCES
     name: str = "two_people"
     sequences: int = SEQUENCES
-
-
-@dataclass(frozen=True)
-class TwoPeopleSet(SequenceSet):
-    """Every setting that the sequences depend on."""
-
-    kinds = KINDS
-    benchmark: TwoPeopleConfig = field(default_factory=TwoPeopleConfig)
-    sensor: SensorConfig = SENSORS["kinect_v1"]
-    frames: tuple[int, int] = (260, 320)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.motion.source == "clips":
-            raise InputError("motion=clips: recordings know of no second person; take motion=choreography")
 
 
 @dataclass(frozen=True)
@@ -90,13 +70,24 @@ class DuetShot:
     seen_px: np.ndarray
 
 
-class TwoPeople(SequenceMaker):
+@dataclass(frozen=True)
+class TwoPeople(SequenceGenerator):
     """Makes the sequences; holds a compiled scene for each of the two."""
 
+    benchmark: TwoPeopleConfig = field(default_factory=TwoPeopleConfig)
+    sensor: SensorConfig = SENSORS["kinect_v1"]
+    frames: tuple[int, int] = (260, 320)
+
     about = "SIMULATED films of two people, no real person."
-    camera: ClassVar[Camera] = CAMERA
+    camera = CAMERA
     fps = FPS
     view = ViewConfig(height_m=(0.9, 1.7), aim_m=(0.85, 1.15))
+    kinds = tuple(SCRIPTS)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.motion.source == "clips":
+            raise InputError("motion=clips: recordings know of no second person; take motion=choreography")
 
     @classmethod
     def sequence_name(cls, index: int) -> str:
@@ -104,14 +95,14 @@ class TwoPeople(SequenceMaker):
 
     @cached_property
     def studios(self) -> tuple[Studio, Studio]:
-        return Studio(CAMERA, self.config.renderer), Studio(CAMERA, self.config.renderer)
+        return Studio(CAMERA, self.renderer), Studio(CAMERA, self.renderer)
 
     def take(self, index: int) -> Duet:
         """Draws the people, duet, room and view; raises InputError if none stays inside a room and the image."""
-        kind, people = self.config.kind(index), [self.person(2 * index + number) for number in (0, 1)]
+        kind, people = self.kind(index), [self.person(2 * index + number) for number in (0, 1)]
         for attempt in range(SCENE_TRIES):
             rng = self._rng("sequence", index, attempt)
-            roles = draw_duet(rng, kind, int(rng.integers(*self.config.frames, endpoint=True)), FPS)
+            roles = draw_duet(rng, kind, int(rng.integers(*self.frames, endpoint=True)), FPS)
             cast = []
             for studio, person, role in zip(self.studios, people, roles, strict=True):
                 yaw_rad, curls_rad = np.radians(HEADING_STD_DEG) * rng.normal(), rng.uniform(0.0, 1.5, 2)
@@ -154,18 +145,21 @@ class TwoPeople(SequenceMaker):
     def shots(self, index: int, take: Duet, frames: range) -> Iterator[DuetShot]:
         noise = FilmNoise(self._seed("noise", index))
         rendered = (studio.render(one, frames) for studio, one in zip(self.studios, take.takes, strict=True))
-        return (measure(pair, self.camera, self.config.sensor, noise) for pair in zip(*rendered, strict=True))
+        return (measure(pair, self.camera, self.sensor, noise) for pair in zip(*rendered, strict=True))
 
-    def sequence(self, index: int, on_frame: Callable[[], None] = lambda: None) -> StoredSequence:
+    def sequence(self, index: int, on_frame: Callable[[], None]) -> StoredSequence:
         shots = self.stacked(index, None, on_frame)
-        arrays = {
-            "depth": np.rint(shots["depth_m"] * MM_PER_METRE).astype(np.uint16),
-            "joints_m": shots["joints_camera_m"],
-            "alone_px": shots["alone_px"].astype(np.int32),
-            "seen_px": shots["seen_px"].astype(np.int32),
-        }
-        people = f"person {2 * index}", f"person {2 * index + 1}"
-        return StoredSequence(FPS, CAMERA, self.config.kind(index), people, arrays)
+        return StoredSequence(
+            self.sequence_name(index),
+            self.kind(index),
+            FPS,
+            CAMERA,
+            (f"person {2 * index}", f"person {2 * index + 1}"),
+            depth=np.rint(shots["depth_m"] * MM_PER_METRE).astype(np.uint16),
+            joints_m=shots["joints_camera_m"],
+            alone_px=shots["alone_px"].astype(np.int32),
+            seen_px=shots["seen_px"].astype(np.int32),
+        )
 
 
 def _on_stage(place_m: tuple[float, float], yaw_rad: float) -> np.ndarray:

@@ -1,6 +1,7 @@
 """Small simulated sets in the format of `kpopnet.datasets.simulated`."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 from kpopnet.datasets.simulated import StoredSequence, write_sequence
@@ -15,4 +16,4 @@ def write_simulated(folder: Path, benchmark: str, files: dict[str, StoredSequenc
     }  # fmt: skip
     (folder / "manifest.json").write_text(json.dumps(manifest | changes))
     for name, sequence in files.items():
-        write_sequence(folder / f"{name}.h5", sequence)
+        write_sequence(folder, replace(sequence, name=name))

@@ -36,5 +36,7 @@ def two_people_mm(frames: int) -> np.ndarray:
 def write_two_people(folder: Path, frames: int) -> None:
     """Writes one sequence of `draw_two_people`."""
     depth_mm, joints_m, pixels = draw_two_people(frames)
-    arrays = {"depth": depth_mm, "joints_m": joints_m, "alone_px": pixels, "seen_px": pixels}
-    write_simulated(folder, "two_people", {"pair_00": StoredSequence(30.0, CAMERA, "side_by_side", ("ann", "bob"), arrays)})
+    sequence = StoredSequence(
+        "pair_00", "side_by_side", 30.0, CAMERA, ("ann", "bob"), depth_mm, joints_m, alone_px=pixels, seen_px=pixels
+    )
+    write_simulated(folder, "two_people", {"pair_00": sequence})

@@ -21,7 +21,7 @@ from kpopnet.dance.online import OnlineScorer
 from kpopnet.dance.performance import Performance
 from kpopnet.extraction import HumanExtractor
 from kpopnet.tracker.tracker import Tracker
-from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
+from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 
 FPS = 30.0
 SOURCE_FRAMES = 300
@@ -44,7 +44,7 @@ def main() -> None:
     parser.add_argument("--fast", action="store_true", help="do not wait for real time")
     given = parser.parse_args()
 
-    film = EvalSim(EvalSimSet(EvalSimConfig(), renderer="cpu")).film(0, frames=SOURCE_FRAMES)
+    film = EvalSim(EvalSimConfig(), renderer="cpu").film(0, frames=SOURCE_FRAMES)
     forth_and_back = np.concatenate([np.arange(SOURCE_FRAMES), np.arange(SOURCE_FRAMES)[::-1]])
     frames = given.minutes * MINUTE
     order = np.resize(forth_and_back, frames)

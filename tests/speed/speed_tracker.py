@@ -7,7 +7,7 @@ import numpy as np
 
 from kpopnet.extraction import HumanExtractor
 from kpopnet.tracker.tracker import Tracker
-from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
+from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 from synth.simulated.film import Film
 from tests.speed.common import Figures, one_core
 
@@ -18,7 +18,7 @@ EXTRACTED, ROUNDS, SETTLED = 200, 7, 30
 
 def measure() -> Figures:
     """Frames of `eval_sim`."""
-    simulator = EvalSim(EvalSimSet(EvalSimConfig(seed=21)))
+    simulator = EvalSim(EvalSimConfig(seed=21))
     films = [simulator.film(index, FRAMES) for index in SEQUENCES]
     with one_core():
         _follow(films[0])  # compiles
@@ -51,7 +51,7 @@ def _follow(film: Film) -> list[tuple[float, float]]:
 
 def _extraction() -> Figures:
     """Finding a person in a furnished room, once the room has been learned."""
-    film = EvalSim(EvalSimSet(EvalSimConfig())).film(0, frames=EXTRACTED)
+    film = EvalSim(EvalSimConfig()).film(0, frames=EXTRACTED)
     frames_ms = np.empty((ROUNDS, EXTRACTED))
     for times_ms in frames_ms:
         extractor = HumanExtractor(film.camera, expect_person=True)

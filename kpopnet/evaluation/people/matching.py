@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from kpopnet.camera import Camera
-from kpopnet.datasets.simulated import PeopleSequence
+from kpopnet.datasets.simulated import StoredSequence
 from kpopnet.evaluation.poses.metrics import joint_errors_m
 from kpopnet.skeleton import NUM_JOINTS
 
@@ -79,9 +79,9 @@ class MatchedSequence:
         return int(counts[linear_sum_assignment(counts, maximize=True)].sum())
 
 
-def sight(sequence: PeopleSequence) -> tuple[np.ndarray, np.ndarray]:
+def sight(sequence: StoredSequence) -> tuple[np.ndarray, np.ndarray]:
     """(T, P) bool each: who is seen, and who is inside the image but hidden by others."""
-    inside = _share_inside(sequence.joints_camera_m, sequence.camera) >= LEAST_INSIDE
+    inside = _share_inside(sequence.joints_m, sequence.camera) >= LEAST_INSIDE
     inside &= sequence.alone_px > 0
     in_sight = sequence.seen_px >= LEAST_IN_SIGHT * sequence.alone_px
     return inside & in_sight, inside & ~in_sight
@@ -93,9 +93,9 @@ def _share_inside(joints_m: np.ndarray, camera: Camera) -> np.ndarray:
     return ((z > 0) & (u > -0.5) & (u < camera.width - 0.5) & (v > -0.5) & (v < camera.height - 0.5)).mean(axis=-1)
 
 
-def match(sequence: PeopleSequence, estimates_m: np.ndarray, identities: np.ndarray, seconds: float) -> MatchedSequence:
+def match(sequence: StoredSequence, estimates_m: np.ndarray, identities: np.ndarray, seconds: float) -> MatchedSequence:
     """Matches estimates, as `MatchedSequence` has them, to the people of a sequence."""
-    truth_m = sequence.joints_camera_m
+    truth_m = sequence.joints_m
     seen, hidden = sight(sequence)
     frames, people = seen.shape
     identity = np.full((frames, people), NOBODY)

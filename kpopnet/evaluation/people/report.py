@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from kpopnet.camera import MM_PER_METRE
-from kpopnet.datasets.simulated import PeopleSequence, PeopleSet
+from kpopnet.datasets.simulated import PeopleSet, StoredSequence
 from kpopnet.errors import InputError
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.people.matching import MatchedSequence
@@ -140,14 +140,14 @@ def _sequence_blocks(benchmark: PeopleSet, label: str, parts: list[MatchedSequen
     return blocks
 
 
-def frame_image(sequence: PeopleSequence, matched: MatchedSequence, frame: int, width_px: int) -> np.ndarray:
+def frame_image(sequence: StoredSequence, matched: MatchedSequence, frame: int, width_px: int) -> np.ndarray:
     """RGB image of one frame: a skeleton in a colour for each identity, the true ones thin, and who is how far off."""
-    image = enlarged(depth_rgb(sequence.depth_mm[frame] / np.float32(MM_PER_METRE)), width_px)
+    image = enlarged(depth_rgb(sequence.depth[frame] / np.float32(MM_PER_METRE)), width_px)
     for identity, joints_m in zip(matched.identities.tolist(), matched.estimates_m[:, frame], strict=True):
         colour = COLOURS[identity % len(COLOURS)]
         draw_skeleton(image, joints_m, sequence.camera, Style("", *[colour] * 3, width_px=2, filled=True))
     states = []
-    for person, person_m in enumerate(sequence.joints_camera_m[frame]):
+    for person, person_m in enumerate(sequence.joints_m[frame]):
         draw_skeleton(image, person_m, sequence.camera, TRUTH)
         errors_m, hidden = matched.errors_m[frame, person], matched.hidden[frame, person]
         found = errors_m[np.isfinite(errors_m)]
@@ -156,7 +156,7 @@ def frame_image(sequence: PeopleSequence, matched: MatchedSequence, frame: int, 
     return with_captions(image, (f"{sequence.name} frame {frame}: {'; '.join(states)}",))
 
 
-def film(sequence: PeopleSequence, matched: MatchedSequence) -> Iterator[np.ndarray]:
+def film(sequence: StoredSequence, matched: MatchedSequence) -> Iterator[np.ndarray]:
     """Every FILM_STEP-th frame as an RGB image of even width and height."""
     for frame in range(0, len(matched.seen), FILM_STEP):
         image = frame_image(sequence, matched, frame, FILM_WIDTH_PX)

@@ -61,9 +61,9 @@ class PeopleEstimation:
             with stage(label):
                 if label not in self._followers:
                     self._followers[label] = Timed(follower(label, settings))
-                people, seconds = self._followers[label](sequence.depth_mm, sequence.camera, fps=sequence.fps)
+                people, seconds = self._followers[label](sequence.depth, sequence.camera, fps=sequence.fps)
                 joints_m = [one.joints_camera_m for one in people]
-                estimates_m = np.array(joints_m).reshape(len(people), len(sequence.depth_mm), NUM_JOINTS, 3)
+                estimates_m = np.array(joints_m).reshape(len(people), len(sequence.depth), NUM_JOINTS, 3)
                 matched[label] = match(sequence, estimates_m, np.array([one.identity for one in people], int), seconds)
         return matched
 

@@ -2,7 +2,7 @@
 
 import json
 import logging
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import h5py
@@ -24,9 +24,7 @@ CAMERA = Camera(50.1, 50.2, 31.5, 23.5, 64, 48)
 DEPTH_M = np.stack([slope_m(frame, 48, 64) for frame in range(3)])
 JOINTS_M = np.stack([joints_m(frame) for frame in range(3)]).astype(np.float32)[:, None]
 MARKERS_M = np.full((3, 1, 2, 3), np.float32(0.1))
-SEQUENCE = StoredSequence(
-    25.0, CAMERA, "kicks", ("sim01",), {"depth": DEPTH_M, "joints_m": JOINTS_M, "markers_m": MARKERS_M}, ("LFHD", "RFHD")
-)
+SEQUENCE = StoredSequence("", "kicks", 25.0, CAMERA, ("sim01",), DEPTH_M, JOINTS_M, MARKERS_M, ("LFHD", "RFHD"))
 
 
 def benchmark(folder: Path) -> SimulatedBenchmark:
@@ -41,10 +39,10 @@ def folder(tmp_path: Path) -> Path:
 
 def test_a_written_sequence_is_read_again(folder):
     found = read_sequence(folder / "sim02_2.h5")
-    assert replace(found, arrays={}) == replace(SEQUENCE, arrays={})
-    for name, array in SEQUENCE.arrays.items():
-        np.testing.assert_array_equal(found.arrays[name], array)
-        assert found.arrays[name].dtype == array.dtype
+    for one in fields(StoredSequence):
+        before, after = getattr(SEQUENCE, one.name), getattr(found, one.name)
+        np.testing.assert_array_equal(after, "sim02_2" if one.name == "name" else before)
+        assert not isinstance(before, np.ndarray) or before.dtype == after.dtype
     assert (folder / "sim02_2.h5").read_bytes() == (folder / "sim01_1.h5").read_bytes()
 
 
@@ -53,7 +51,7 @@ def test_a_set_is_read_as_a_benchmark_that_calls_itself_simulated(folder, millim
     unknown = JOINTS_M.copy()
     unknown[1, 0, Joint.HEAD] = np.nan
     depth = np.rint(1000 * DEPTH_M).astype(np.uint16) if millimetres else DEPTH_M
-    changed = replace(SEQUENCE, arrays={"depth": depth, "joints_m": unknown})
+    changed = replace(SEQUENCE, depth=depth, joints_m=unknown)
     write_simulated(folder, "smmc10_sim", {"sim02_2": changed}, sequences=3)
     found = benchmark(folder)
     assert found.sequence_names() == ["sim01_1", "sim02_2", "sim01_10"]
@@ -71,8 +69,8 @@ def test_people_are_read_with_what_is_seen_of_them(tmp_path):
     a_set = PeopleSet(SimulatedConfig("two_people", str(tmp_path)))
     sequence, (depth_mm, true_m, pixels) = a_set.read("pair_00"), draw_two_people(3)
     assert a_set.names == ["pair_00"] and sequence.kind == "side_by_side" and sequence.camera == PEOPLE_CAMERA
-    np.testing.assert_array_equal(sequence.depth_mm, depth_mm)
-    np.testing.assert_array_equal(sequence.joints_camera_m, true_m)
+    np.testing.assert_array_equal(sequence.depth, depth_mm)
+    np.testing.assert_array_equal(sequence.joints_m, true_m)
     np.testing.assert_array_equal(sequence.seen_px, pixels)
 
 

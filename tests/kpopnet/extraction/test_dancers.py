@@ -7,7 +7,7 @@ from real_data import REAL, UTD_MHAD
 
 from kpopnet.camera import Camera
 from kpopnet.extraction import HumanExtractor, extract_person
-from synth.simulated.eval_sim import CAMERA, KINDS, EvalSim, EvalSimConfig, EvalSimSet
+from synth.simulated.eval_sim import CAMERA, KINDS, EvalSim, EvalSimConfig
 from synth.simulated.film import Shot, Take
 
 ITOP = REAL / "itop_side_test_3frames.npz"
@@ -17,7 +17,7 @@ FEET_HEIGHT_M = 0.12
 
 @pytest.fixture(scope="module")
 def maker() -> EvalSim:
-    return EvalSim(EvalSimSet(EvalSimConfig(seed=90210)))
+    return EvalSim(EvalSimConfig(seed=90210))
 
 
 def filmed(maker: EvalSim, kind: str) -> tuple[Take, list[Shot]]:

@@ -10,7 +10,7 @@ from kpopnet.errors import InputError
 from kpopnet.geometry.human_model import LIMB_PARENTS, HumanModel
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
 from kpopnet.y_pose.initial_pose import find_initial_pose
-from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
+from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 
 
 def pose() -> np.ndarray:
@@ -113,7 +113,7 @@ def test_regularised_lengths_are_symmetric_and_scale_with_the_person() -> None:
 
 def test_regularisation_reduces_the_length_error_in_the_y_pose() -> None:
     """Simulated people with another seed than those of the least squares, none of them in a benchmark."""
-    simulator = EvalSim(EvalSimSet(EvalSimConfig(seed=200)))
+    simulator = EvalSim(EvalSimConfig(seed=200))
     measured_error, regularised_error = [], []
     for index in range(3):
         film = simulator.film(index, 2)

@@ -12,7 +12,7 @@ from kpopnet.errors import InputError
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.paper_tracker.tracker import PaperTracker, PaperTrackerConfig, PaperTrackerEstimator
 from kpopnet.skeleton import NUM_JOINTS, Joint
-from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
+from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 
 CAMERA = CAMERAS["kinect_v1"]
 EMPTY = np.zeros((CAMERA.height, CAMERA.width), np.float32)
@@ -44,7 +44,7 @@ def dancer():
 @pytest.fixture(scope="module")
 def simulated():
     """60 frames of a simulated dance: depth of the person, true joints, camera. It starts in the Y pose."""
-    film = EvalSim(EvalSimSet(EvalSimConfig(seed=11), frames=(60, 60))).film(0)
+    film = EvalSim(EvalSimConfig(seed=11), frames=(60, 60)).film(0)
     return np.where(film.person, film.depth_m, np.float32(0)), film.joints_camera_m.astype(np.float64), film.camera
 
 

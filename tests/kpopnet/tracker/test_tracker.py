@@ -15,7 +15,7 @@ from kpopnet.geometry.depth_grid import build_depth_grid
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
 from kpopnet.tracker.tracker import FLIP_STRIDE, LOST_FRAMES, Tracker
-from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
+from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 
 CAMERA = CAMERAS["kinect_v1"]
 FRAMES = 10
@@ -57,7 +57,7 @@ def dancer():
 @pytest.fixture(scope="module")
 def simulated():
     """50 frames of a simulated dance: depth of the person, true joints, camera. It starts in the Y pose."""
-    film = EvalSim(EvalSimSet(EvalSimConfig(seed=11), frames=(60, 60))).film(0, frames=50)
+    film = EvalSim(EvalSimConfig(seed=11), frames=(60, 60)).film(0, frames=50)
     return np.where(film.person, film.depth_m, np.float32(0)), film.joints_camera_m.astype(np.float64), film.camera
 
 

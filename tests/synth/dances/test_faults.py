@@ -14,7 +14,7 @@ from synth.dances.faults import (
     replaced_moves,
     with_faults,
 )
-from synth.dances.simulate import SPACING, KpopSim, KpopSimConfig, KpopSimSet
+from synth.dances.simulate import SPACING, KpopSim, KpopSimConfig
 from synth.dances.skill import LEVELS, Strengths, learn
 from synth.motion.choreography.composer import dance
 from synth.motion.skeleton import Motion, height_above_floor
@@ -74,16 +74,17 @@ def test_learners_stay_on_the_floor_and_do_not_jump(teacher, family):
 
 
 def test_a_better_level_has_less_of_every_fault():
-    sets = [KpopSimSet(KpopSimConfig(seed=4, split="train", faults=one), seconds=(3.0, 3.5)) for one in ("mixed", "skill")]
+    sets = [KpopSim(KpopSimConfig(seed=4, split="train", faults=one), seconds=(3.0, 3.5)) for one in ("mixed", "skill")]
     assert [one.skill.spacing for one in sets] == [SPACING["mixed"], SPACING["skill"]] and sets[0].hash != sets[1].hash
-    maker, by_skill = map(KpopSim, sets)
+    maker, by_skill = sets
     distances = np.zeros((6, len(LEVELS)))
     for index in range(len(distances)):
         strengths = [None] * len(LEVELS)
         for learner in range(4):
-            level, strengths[level], motion, mistakes = maker.skill(index, learner)
-            distances[index, level] = distance_m(maker.teacher_motion(index), motion)
-            assert mistakes == [] and set(strengths[level]) == set(FAULTS)
+            danced = maker.learner(index, learner)
+            strengths[danced.level] = danced.strengths
+            distances[index, danced.level] = distance_m(maker.teacher_motion(index), danced.motion)
+            assert danced.mistakes == [] and set(danced.strengths) == set(FAULTS)
         assert all((np.diff([one[name] for one in strengths]) > 0).all() for name in FAULTS)
         assert maker.teacher_motion(index).name == by_skill.teacher_motion(index).name  # the families share the dances
     assert (np.diff(distances.mean(axis=0)) > 0).all()

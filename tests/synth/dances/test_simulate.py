@@ -8,26 +8,25 @@ import pytest
 from real_data import REAL
 from stand_ins import draw_presets, recorded_seeds
 
-import synth.dances.writer
+import synth.dances.simulate
 from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.datasets.protocol import Origin
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
-from synth.dances.simulate import CAMERA, FPS, LEARNERS, KpopSim, KpopSimConfig, KpopSimSet, connected, dance_name
+from synth.dances.simulate import CAMERA, FPS, LEARNERS, KpopSim, KpopSimConfig, connected, dance_name
 from synth.dances.skill import LEVELS
-from synth.dances.writer import write_set
 from synth.motion import SPLITS, MotionConfig
 from synth.motion.recorded.clips import open_clips
 from synth.sensor.film_noise import HOLE_FRAMES
 
-SHORT = KpopSimSet(KpopSimConfig(seed=4, dances=2), seconds=(1.2, 1.6))
+SHORT = KpopSim(KpopSimConfig(seed=4, dances=2), seconds=(1.2, 1.6))
 
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory) -> Path:
     """A set made by two processes; a single process has to make the same."""
     folder = tmp_path_factory.mktemp("kpop_sim")
-    write_set(SHORT, folder, processes=2)
+    SHORT.write(folder, processes=2)
     return folder
 
 
@@ -48,7 +47,7 @@ def test_a_set_has_the_format_and_a_manifest_that_calls_it_simulated(written):
 
 
 def test_names_do_not_reveal_levels():
-    maker = KpopSim(KpopSimSet())
+    maker = KpopSim()
     levels = np.array([maker.levels(index) for index in range(100)])
     assert (np.sort(levels, axis=1) == np.arange(4)).all()
     assert (np.abs(levels.mean(axis=0) - 1.5) < 0.4).all()
@@ -95,26 +94,26 @@ def test_isolated_pixels_are_removed():
 
 
 def test_learners_of_lower_levels_differ_more_from_the_teacher():
-    maker = KpopSim(KpopSimSet(KpopSimConfig(seed=4, split="train"), seconds=(4.0, 5.0)))
+    maker = KpopSim(KpopSimConfig(seed=4, split="train"), seconds=(4.0, 5.0))
     similarity = np.zeros(4)
     for index in range(8):
         teacher = maker.teacher_motion(index)
         for learner in range(4):
-            level, _, motion, _ = maker.skill(index, learner)
-            similarity[level] += np.abs((motion.quats * teacher.quats).sum(axis=-1)).clip(max=1).mean()
+            danced = maker.learner(index, learner)
+            similarity[danced.level] += np.abs((danced.motion.quats * teacher.quats).sum(axis=-1)).clip(max=1).mean()
     assert (np.diff(similarity) < 0).all(), similarity
 
 
 def test_missing_files_are_made_and_existing_files_are_kept(written, tmp_path, capsys):
     before = contents(written)
-    write_set(replace(SHORT, benchmark=KpopSimConfig(seed=4, dances=1)), tmp_path, processes=1)
+    replace(SHORT, benchmark=KpopSimConfig(seed=4, dances=1)).write(tmp_path, processes=1)
     assert set(contents(tmp_path)) == {name for name in before if name.startswith("dance_000")}
     # As after a run that was killed in the middle of the second dance.
     (tmp_path / "dance_001").mkdir()
     (tmp_path / "dance_001" / "a.h5").write_bytes(before["dance_001/a.h5"])
     stamp = (tmp_path / "dance_001" / "a.h5").stat().st_mtime_ns
     (tmp_path / "dance_001" / ".b.h5.elsewhere.1.tmp").write_bytes(b"half")
-    manifest = write_set(SHORT, tmp_path, processes=1)
+    manifest = SHORT.write(tmp_path, processes=1)
     assert contents(tmp_path) == before and manifest["dances"] == 2
     assert (tmp_path / "dance_001" / "a.h5").stat().st_mtime_ns == stamp
     assert not list(tmp_path.glob("**/.*"))
@@ -122,7 +121,7 @@ def test_missing_files_are_made_and_existing_files_are_kept(written, tmp_path, c
 
 
 def test_an_interrupted_run_leaves_no_labels_of_an_unfinished_dance(tmp_path, monkeypatch):
-    original, made = synth.dances.writer.write_learner, []
+    original, made = synth.dances.simulate.write_learner, []
 
     def dying(folder, name, *rest):
         made.append(name)
@@ -130,9 +129,9 @@ def test_an_interrupted_run_leaves_no_labels_of_an_unfinished_dance(tmp_path, mo
             raise KeyboardInterrupt
         original(folder, name, *rest)
 
-    monkeypatch.setattr(synth.dances.writer, "write_learner", dying)
+    monkeypatch.setattr(synth.dances.simulate, "write_learner", dying)
     with pytest.raises(KeyboardInterrupt):
-        write_set(replace(SHORT, benchmark=KpopSimConfig(seed=4, dances=1)), tmp_path, processes=1)
+        replace(SHORT, benchmark=KpopSimConfig(seed=4, dances=1)).write(tmp_path, processes=1)
     assert sorted(path.name for path in (tmp_path / "dance_000").iterdir()) == ["a.h5", "b.h5", "teacher.h5"]
     with pytest.raises(InputError, match="no dances in it"):
         KpopSet(tmp_path)
@@ -142,10 +141,14 @@ def test_an_interrupted_run_leaves_no_labels_of_an_unfinished_dance(tmp_path, mo
 
 
 def test_splits_share_no_dance_and_no_person():
-    makers = {split: KpopSim(replace(SHORT, benchmark=KpopSimConfig(seed=4, split=split))) for split in SPLITS}
+    makers = {split: replace(SHORT, benchmark=KpopSimConfig(seed=4, split=split)) for split in SPLITS}
     motions = [maker.teacher_motion(0) for maker in makers.values()]
     assert len({motion.name for motion in motions}) == 3
-    people = [maker.take(0, learner).take.played.person for maker in makers.values() for learner in range(2)]
+    people = [
+        maker.take(0, learner, maker.learner(0, learner).motion).played.person
+        for maker in makers.values()
+        for learner in range(2)
+    ]
     for number, person in enumerate(people):
         for another in people[:number]:
             assert np.abs(person.heads_m - another.heads_m).max() > 0.003
@@ -154,9 +157,9 @@ def test_splits_share_no_dance_and_no_person():
 
 def test_presets_use_no_generator_of_the_benchmark(monkeypatch):
     seeds = recorded_seeds(monkeypatch)
-    maker = KpopSim(SHORT)
+    maker = replace(SHORT)
     maker.teacher_joints_m(0)
-    take = maker.take(0, 1).take
+    take = maker.take(0, 1, maker.learner(0, 1).motion)
     maker.record(0, 1, take)
     name = tuple(b"kpop_sim")
     own = [seed for seed in seeds if seed[: len(name)] == name]
@@ -176,7 +179,7 @@ def test_invalid_settings_are_rejected():
             KpopSimConfig(**wrong)
     for motion in (MotionConfig(source="poses"), MotionConfig(source="choreography", seed=3)):
         with pytest.raises(InputError, match=r"either composed .* or recorded"):
-            KpopSimSet(motion=motion)
+            KpopSim(motion=motion)
     assert dance_name(7) == "dance_007"
 
 
@@ -190,7 +193,7 @@ def test_only_clips_of_category_dance_are_used(tmp_path):
     (tmp_path / "index.csv").write_text("\n".join(line.replace("category", "kind") for line in lines) + "\n")
     assert open_clips(tmp_path, "test").clip_indices("dance") == [0, 1]
     (tmp_path / "index.csv").write_text("\n".join(lines[:2]) + "\n")
-    maker = KpopSim(replace(SHORT, motion=MotionConfig(source="clips", path=str(tmp_path))))
+    maker = replace(SHORT, motion=MotionConfig(source="clips", path=str(tmp_path)))
     with pytest.raises(InputError, match="no clip of category dance"):
         maker.teacher_motion(0)
 
@@ -199,7 +202,7 @@ def test_a_dance_from_a_recording():
     pack = REAL.parent / "motion"
     if not (pack / "index.csv").is_file():
         pytest.skip("no motion pack beside the checkout")
-    maker = KpopSim(replace(SHORT, motion=MotionConfig(source="clips", path=str(pack))))
+    maker = replace(SHORT, motion=MotionConfig(source="clips", path=str(pack)))
     motions = [maker.teacher_motion(index) for index in range(3)]
     assert all(motion.name.startswith("clip:") and motion.fps == FPS for motion in motions)
     assert all(1.2 * FPS - 1 <= len(motion) <= 1.6 * FPS + 1 for motion in motions)

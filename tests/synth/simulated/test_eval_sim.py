@@ -11,16 +11,16 @@ from synth.body.asset import load_body
 from synth.body.markers import MARKERS
 from synth.body.shape import BodyConfig, unseen_coefficients
 from synth.motion.choreography.programmes import Y_POSE_S
-from synth.simulated.eval_sim import CAMERA, FPS, KINDS, SEQUENCES, SUBJECTS, EvalSim, EvalSimConfig, EvalSimSet
+from synth.simulated.eval_sim import CAMERA, FPS, KINDS, SEQUENCES, SUBJECTS, EvalSim, EvalSimConfig
 from synth.simulated.film import DISTANCE_RANGE_M, Take
-from synth.simulated.smmc10_sim import Smmc10Sim, Smmc10SimConfig, Smmc10SimSet
+from synth.simulated.smmc10_sim import Smmc10Sim, Smmc10SimConfig
 
-SHORT = EvalSimSet(EvalSimConfig(seed=3, sequences=2), frames=(24, 30))
+SHORT = EvalSim(EvalSimConfig(seed=3, sequences=2), frames=(24, 30))
 
 
 @pytest.fixture(scope="module")
 def maker() -> EvalSim:
-    return EvalSim(EvalSimSet(EvalSimConfig(seed=6)))
+    return EvalSim(EvalSimConfig(seed=6))
 
 
 @pytest.fixture(scope="module")
@@ -128,17 +128,16 @@ def test_no_preset_draws_a_person_similar_to_the_subjects():
         assert np.linalg.norm(people - coefficients, axis=1).min() > 1.1 * max_distance
 
 
-@pytest.mark.parametrize("maker", [EvalSim(SHORT), Smmc10Sim(Smmc10SimSet(Smmc10SimConfig(seed=3), frames=(50, 56)))])
+@pytest.mark.parametrize("maker", [SHORT, Smmc10Sim(Smmc10SimConfig(seed=3), frames=(50, 56))])
 def test_presets_use_no_generator_of_the_benchmark(maker, monkeypatch):
-    assert_own_seeds(maker, maker.config.benchmark.name.encode(), monkeypatch)
+    assert_own_seeds(maker, maker.benchmark.name.encode(), monkeypatch)
 
 
 # Films ------------------------------
 
 
 def test_a_film_contains_a_person_on_the_floor_of_a_room():
-    maker = EvalSim(SHORT)
-    film, floor = maker.film(0), maker.take(0).view.floor()
+    film, floor = SHORT.film(0), SHORT.take(0).view.floor()
     joints, depth, person = film.joints_camera_m, film.depth_m, film.person
     assert floor[1] < -0.7 and 0.5 < floor[3] < 2.0
     feet = joints[:, [Joint.LEFT_FOOT, Joint.RIGHT_FOOT]] @ floor[:3] + floor[3]

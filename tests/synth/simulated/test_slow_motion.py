@@ -15,8 +15,7 @@ SPEC.loader.exec_module(slow_motion)
 
 @pytest.fixture(scope="module")
 def takes():
-    config = slow_motion.SlowSet(EvalSimConfig(seed=11), frames=(60, 60), times=4, filmed=90)
-    maker = slow_motion.SlowEvalSim(config)
+    maker = slow_motion.SlowEvalSim(EvalSimConfig(seed=11), frames=(60, 60), times=4, filmed=90)
     return EvalSim.take(maker, 0), maker.take(0)
 
 
@@ -37,4 +36,4 @@ def test_rotations_between_are_rotations_and_steps_are_a_quarter(takes) -> None:
 
 
 def test_another_speed_is_another_set() -> None:
-    assert slow_motion.SlowSet().hash != slow_motion.SlowSet(times=2).hash
+    assert slow_motion.SlowEvalSim().hash != slow_motion.SlowEvalSim(times=2).hash

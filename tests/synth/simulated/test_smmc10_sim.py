@@ -9,21 +9,15 @@ from stand_ins import joints_world_m
 from kpopnet.skeleton import Joint
 from synth.body.asset import load_body
 from synth.body.markers import MARKERS, _segment_hits_mesh, tracked_markers
-from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
-from synth.simulated.smmc10_sim import (
-    FPS,
-    JOINT_MARKERS,
-    Smmc10Sim,
-    Smmc10SimConfig,
-    Smmc10SimSet,
-)
+from synth.simulated.eval_sim import EvalSim, EvalSimConfig
+from synth.simulated.smmc10_sim import FPS, JOINT_MARKERS, Smmc10Sim, Smmc10SimConfig
 
-SHORT = Smmc10SimSet(Smmc10SimConfig(seed=3, sequences=2), frames=(50, 56))
+SHORT = Smmc10Sim(Smmc10SimConfig(seed=3, sequences=2), frames=(50, 56))
 
 
 @pytest.fixture(scope="module")
 def maker() -> Smmc10Sim:
-    return Smmc10Sim(Smmc10SimSet(Smmc10SimConfig(seed=6)))
+    return Smmc10Sim(Smmc10SimConfig(seed=6))
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +51,7 @@ def test_difficulty_increases(motions):
 
 
 def test_the_markers_of_every_joint_are_near_it():
-    film = Smmc10Sim(SHORT).film(0)
+    film = SHORT.film(0)
     assert set(JOINT_MARKERS) == set(Joint)
     for joint, names in JOINT_MARKERS.items():
         positions = film.markers_camera_m[:, [list(MARKERS).index(name) for name in names]].mean(axis=1)
@@ -116,9 +110,9 @@ def test_a_segment_hits_the_mesh_where_it_hits_a_triangle(seed):
 def test_subjects_are_four_people_who_are_not_in_eval_sim(maker):
     everyone = [maker.person(subject) for subject in range(4)]
     for seed in (0, 6):
-        eval_sim = EvalSim(EvalSimSet(EvalSimConfig(seed=seed)))
+        eval_sim = EvalSim(EvalSimConfig(seed=seed))
         everyone += [eval_sim.person(subject) for subject in range(3)]
-    everyone += [Smmc10Sim(Smmc10SimSet(Smmc10SimConfig(seed=7))).person(subject) for subject in range(4)]
+    everyone += [Smmc10Sim(Smmc10SimConfig(seed=7)).person(subject) for subject in range(4)]
     for number, person in enumerate(everyone):
         for another in everyone[:number]:
             assert np.abs(person.heads_m - another.heads_m).max() > 0.005

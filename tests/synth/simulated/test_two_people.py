@@ -10,14 +10,12 @@ from synth.motion.choreography.stage import perform
 from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS
 from synth.simulated.film import CleanFrame
-from synth.simulated.two_people import CAMERA, KINDS, TwoPeople, TwoPeopleConfig, TwoPeopleSet, measure
-
-SHORT = TwoPeopleSet(TwoPeopleConfig(seed=3, sequences=1), frames=(12, 16))
+from synth.simulated.two_people import CAMERA, TwoPeople, TwoPeopleConfig, measure
 
 
 @pytest.fixture(scope="module")
 def maker() -> TwoPeople:
-    return TwoPeople(TwoPeopleSet(TwoPeopleConfig(seed=5)))
+    return TwoPeople(TwoPeopleConfig(seed=5))
 
 
 @pytest.mark.parametrize("distance_m", [1.6, 0.5, -0.6])
@@ -40,7 +38,7 @@ def middles_m(maker: TwoPeople, index: int) -> np.ndarray:
 
 def test_the_scenes_are_what_they_are_called(maker: TwoPeople) -> None:
     crossing, hug, leaving, entering = (
-        middles_m(maker, KINDS.index(kind)) for kind in ("crossing", "hug", "leaving", "entering")
+        middles_m(maker, TwoPeople.kinds.index(kind)) for kind in ("crossing", "hug", "leaving", "entering")
     )
     order = np.sign(crossing[0, :, 0] - crossing[1, :, 0])
     assert order[0] == -order[-1]
@@ -70,4 +68,4 @@ def test_the_nearer_of_two_people_hides_the_other() -> None:
 
 def test_recorded_motion_is_refused() -> None:
     with pytest.raises(InputError, match="second person"):
-        TwoPeopleSet(motion=MotionConfig(source="clips", path="somewhere"))
+        TwoPeople(motion=MotionConfig(source="clips", path="somewhere"))

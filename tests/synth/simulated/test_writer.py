@@ -16,23 +16,22 @@ from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 from synth.body.markers import MARKERS
 from synth.motion import MotionConfig
-from synth.simulated.eval_sim import EvalSim, EvalSimConfig, EvalSimSet
+from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 from synth.simulated.film import Studio
-from synth.simulated.smmc10_sim import CAMERA, JOINT_MARKERS, Smmc10Sim, Smmc10SimConfig, Smmc10SimSet
-from synth.simulated.two_people import TwoPeople, TwoPeopleConfig, TwoPeopleSet
-from synth.simulated.writer import write_set
+from synth.simulated.smmc10_sim import CAMERA, JOINT_MARKERS, Smmc10Sim, Smmc10SimConfig
+from synth.simulated.two_people import TwoPeople, TwoPeopleConfig
 
-EVAL = EvalSimSet(EvalSimConfig(seed=3, sequences=2), frames=(24, 30))
-SMMC10 = Smmc10SimSet(Smmc10SimConfig(seed=3, sequences=2), frames=(50, 56))
-PAIR = TwoPeopleSet(TwoPeopleConfig(seed=3, sequences=1), frames=(12, 16))
+EVAL = EvalSim(EvalSimConfig(seed=3, sequences=2), frames=(24, 30))
+SMMC10 = Smmc10Sim(Smmc10SimConfig(seed=3, sequences=2), frames=(50, 56))
+PAIR = TwoPeople(TwoPeopleConfig(seed=3, sequences=1), frames=(12, 16))
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     """A set of each kind."""
     folder = tmp_path_factory.mktemp("sets")
-    for maker, config in ((EvalSim, EVAL), (Smmc10Sim, SMMC10), (TwoPeople, PAIR)):
-        write_set(maker, config, folder / config.benchmark.name, processes=1)
+    for one in (EVAL, SMMC10, PAIR):
+        one.write(folder / one.benchmark.name, processes=1)
     return folder
 
 
@@ -43,22 +42,22 @@ def contents(folder: Path) -> dict[str, bytes]:
 def test_the_reader_returns_the_film(folder):
     benchmark = SimulatedBenchmark(SimulatedConfig("eval_sim", str(folder / "eval_sim")))
     assert benchmark.sequence_names() == ["seq_a_0", "seq_b_0"] and EVAL.hash in benchmark.about
-    sequence, film = benchmark.read("seq_b_0"), EvalSim(EVAL).film(1)
+    sequence, film = benchmark.read("seq_b_0"), EVAL.film(1)
     assert (sequence.identity, sequence.fps, sequence.camera) == ("b", 30.0, EvalSim.camera) and not sequence.is_segmented
     np.testing.assert_array_equal(sequence.depth_m, film.depth_m)
     np.testing.assert_array_equal(sequence.joints_camera_m, film.joints_camera_m)
     assert sequence.visible.all() and 24 <= len(film.depth_m) <= 30
-    assert benchmark.provenance == {"seed": 3, "version": EvalSimSet.generator, "config_hash": EVAL.hash}
+    assert benchmark.provenance == {"seed": 3, "version": EvalSim.generator, "config_hash": EVAL.hash}
 
 
 def test_the_truth_of_smmc10_sim_is_the_mean_of_markers(folder):
     benchmark = SimulatedBenchmark(SimulatedConfig("smmc10_sim", str(folder / "smmc10_sim")))
     assert benchmark.sequence_names() == ["sim01_1", "sim02_2"] and benchmark.truth == "simulated markers"
-    sequence, film, stored = benchmark.read("sim02_2"), Smmc10Sim(SMMC10).film(1), read_sequence(benchmark.path("sim02_2"))
+    sequence, film, stored = benchmark.read("sim02_2"), SMMC10.film(1), read_sequence(benchmark.path("sim02_2"))
     assert sequence.identity == "sim02" and stored.kind == "arms"
     assert sequence.depth_m.shape[1:] == (CAMERA.height, CAMERA.width)
     markers_m = np.where(film.markers_tracked[..., None], film.markers_camera_m, np.nan)
-    np.testing.assert_array_equal(stored.arrays["markers_m"][:, 0], markers_m)
+    np.testing.assert_array_equal(stored.markers_m[:, 0], markers_m)
     assert stored.marker_names == tuple(MARKERS)
     for joint in Joint:
         chosen = [list(MARKERS).index(name) for name in JOINT_MARKERS[joint]]
@@ -69,10 +68,10 @@ def test_the_truth_of_smmc10_sim_is_the_mean_of_markers(folder):
 
 def test_the_files_of_two_people_agree_with_the_true_joints(folder):
     sequence = PeopleSet(SimulatedConfig("two_people", str(folder / "two_people"))).read("pair_00")
-    assert 12 <= len(sequence.depth_mm) <= 16 and sequence.kind == "crossing"
-    for joints_m in sequence.joints_camera_m[0]:
+    assert 12 <= len(sequence.depth) <= 16 and sequence.kind == "crossing"
+    for joints_m in sequence.joints_m[0]:
         u, v, z = TwoPeople.camera.project(joints_m[Joint.TORSO])
-        assert 0 < z - sequence.depth_mm[0, round(v), round(u)] / 1000 < 0.3  # the torso lies behind its skin
+        assert 0 < z - sequence.depth[0, round(v), round(u)] / 1000 < 0.3  # the torso lies behind its skin
 
 
 @pytest.mark.parametrize("name", ["eval_sim", "smmc10_sim", "two_people"])
@@ -86,16 +85,16 @@ def test_every_set_calls_itself_simulated_and_has_a_contact_sheet(folder, name):
 def test_missing_files_are_made_by_any_number_of_processes_and_existing_files_are_kept(folder, tmp_path, capsys):
     before = contents(folder / "eval_sim")
     one = replace(EVAL, benchmark=EvalSimConfig(seed=3, sequences=1))
-    write_set(EvalSim, one, tmp_path, processes=1)
+    one.write(tmp_path, processes=1)
     assert contents(tmp_path) == {"seq_a_0.h5": before["seq_a_0.h5"]}
     stamp = (tmp_path / "seq_a_0.h5").stat().st_mtime_ns
     (tmp_path / ".seq_b_0.h5.elsewhere.1.tmp").write_bytes(b"half a frame")
-    manifest = write_set(EvalSim, EVAL, tmp_path, processes=2)
+    manifest = EVAL.write(tmp_path, processes=2)
     assert contents(tmp_path) == before and (tmp_path / "seq_a_0.h5").stat().st_mtime_ns == stamp
     assert not list(tmp_path.glob(".*")) and manifest["sequences"] == 2
     assert "1 of 2 sequences are there already" in capsys.readouterr().out
     # With a smaller size configured, it is still a set of two.
-    assert write_set(EvalSim, one, tmp_path, 1)["sequences"] == 2
+    assert one.write(tmp_path, 1)["sequences"] == 2
 
 
 def test_an_interrupted_run_leaves_no_partial_file_and_no_file_without_a_manifest(tmp_path, monkeypatch):
@@ -105,18 +104,18 @@ def test_an_interrupted_run_leaves_no_partial_file_and_no_file_without_a_manifes
 
     monkeypatch.setattr(Studio, "shots", dying)
     with pytest.raises(KeyboardInterrupt):
-        write_set(EvalSim, EVAL, tmp_path, processes=1)
+        EVAL.write(tmp_path, processes=1)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["manifest.json"]
 
 
 def test_a_folder_with_other_files_is_refused(folder, tmp_path):
     before = contents(folder / "eval_sim")
     with pytest.raises(InputError, match=r"holds another set.*choose another out="):
-        write_set(EvalSim, replace(EVAL, benchmark=EvalSimConfig(seed=4, sequences=2)), folder / "eval_sim", 1)
+        replace(EVAL, benchmark=EvalSimConfig(seed=4, sequences=2)).write(folder / "eval_sim", 1)
     assert contents(folder / "eval_sim") == before
     (tmp_path / "recording.h5").write_bytes(b"other data")
     with pytest.raises(InputError, match=r"recording\.h5: not made by this program"):
-        write_set(EvalSim, EVAL, tmp_path, 1)
+        EVAL.write(tmp_path, 1)
     assert (tmp_path / "recording.h5").read_bytes() == b"other data"
 
 
@@ -127,7 +126,7 @@ def test_the_hash_depends_on_everything_but_the_number_of_sequences():
         replace(EVAL, frames=(24, 31)),
         replace(EVAL, renderer="gl"),
         replace(EVAL, motion=MotionConfig(source="clips", path="somewhere")),
-        Smmc10SimSet(Smmc10SimConfig(seed=3, sequences=2), frames=(24, 30)),
+        Smmc10Sim(Smmc10SimConfig(seed=3, sequences=2), frames=(24, 30)),
     ]
     assert len({EVAL.hash, *(other.hash for other in others)}) == 6
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from two_people_files import CAMERA, write_two_people
 
-from kpopnet.datasets.simulated import PeopleSequence, SimulatedConfig
+from kpopnet.datasets.simulated import SimulatedConfig, StoredSequence
 from kpopnet.errors import InputError
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.people.matching import NOBODY, MatchedSequence, match
@@ -21,11 +21,12 @@ from kpopnet.tracker.estimator import TrackerEstimatorConfig
 FRAMES = 10
 
 
-def sequence(joints_m: np.ndarray, seen_px: int | np.ndarray = 100) -> PeopleSequence:
+def sequence(joints_m: np.ndarray, seen_px: int | np.ndarray = 100) -> StoredSequence:
     people = joints_m.shape[:2]
     depth_mm = np.zeros((len(joints_m), CAMERA.height, CAMERA.width), np.uint16)
     seen = np.broadcast_to(seen_px, people)
-    return PeopleSequence("a", "made up", 30.0, CAMERA, depth_mm, joints_m, np.full(people, 100), seen)
+    alone_px = np.full(people, 100)
+    return StoredSequence("a", "made up", 30.0, CAMERA, ("b", "c"), depth_mm, joints_m, alone_px=alone_px, seen_px=seen)
 
 
 @pytest.fixture

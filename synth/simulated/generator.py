@@ -1,0 +1,164 @@
+"""What all simulated benchmarks share: settings, the claim on a folder, the making of missing files, and checks of motions."""
+
+import hashlib
+import json
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from kpopnet.camera import Camera
+from kpopnet.errors import InputError
+from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.input_files import read_json
+from kpopnet.viz.drawing import save_png
+from synth.body.asset import ASSET
+from synth.motion import MotionConfig
+from synth.motion.skeleton import Motion
+from synth.motion.splice import cut
+from synth.resumable import make_missing, remove_unfinished
+from synth.sensor.model import SENSORS, SensorConfig
+
+MANIFEST = "manifest.json"
+MAX_HIP_ACCELERATION_M_S2 = 50.0
+"""A greater acceleration of the hips is not a dancer's jump but an error of the recording."""
+
+
+@dataclass(frozen=True)
+class SetGenerator(ABC):
+    """Makes a simulated set; its fields are every setting that the set depends on. Each benchmark adds its own.
+
+    A part is what is made and resumed alone: a sequence, or a dance with its learners. Part k is a pure function of the fields
+    and k, whatever the number of processes.
+
+    Attributes:
+        benchmark: identity and size of the set.
+        motion: `choreography` for composed motion, or `clips` for recordings of the pack's test subjects.
+        renderer: cpu or gl; auto must be resolved before.
+        sensor: sensor model.
+    """
+
+    generator: ClassVar[int] = 2
+    """Version of the generator: increased with every change that makes another set from the same settings."""
+
+    part: ClassVar[str]
+    """What a part is called. `benchmark` has the number of parts as PARTs: a smaller set is the beginning of a larger one."""
+
+    finished_files: ClassVar[str]
+    unfinished_files: ClassVar[str]
+    """Glob patterns of the files that finish a part, and of temporary files that killed processes left."""
+
+    camera: ClassVar[Camera]
+
+    benchmark: Any
+    motion: MotionConfig = field(default_factory=lambda: MotionConfig(source="choreography"))
+    renderer: str = "cpu"
+    sensor: SensorConfig = SENSORS["ideal"]
+
+    def __post_init__(self) -> None:
+        composed = MotionConfig(source="choreography")
+        if self.motion.source != "clips" and self.motion != composed:
+            raise InputError(
+                f"motion={self.motion.source} with other settings: a benchmark's motion is either composed "
+                "(motion=choreography, whose dances only benchmark.seed changes) or recorded (motion=clips motion.path=...)"
+            )
+
+    @abstractmethod
+    def manifest_entries(self) -> dict:
+        """What the manifest says of the set to the reader of a report."""
+
+    @abstractmethod
+    def frames_per_part(self) -> float:
+        """Expected number of frames of a part."""
+
+    @abstractmethod
+    def path(self, folder: Path, index: int) -> Path:
+        """The file that finishes part `index`."""
+
+    @abstractmethod
+    def make(self, folder: Path, index: int, on_frame: Callable[[], None] = lambda: None) -> None:
+        """Makes the files of part `index` and calls `on_frame` after each frame."""
+
+    @abstractmethod
+    def contact_sheet(self, folder: Path, manifest: dict) -> np.ndarray:
+        """RGB image of a few frames of the set with the true joints."""
+
+    def as_json(self) -> str:
+        """The settings as JSON, without the size of the set, with the generator's version and the body's digest."""
+        settings = asdict(self)
+        del settings["benchmark"][f"{self.part}s"]
+        body = hashlib.sha256(ASSET.read_bytes()).hexdigest()[:12]
+        return json.dumps(settings | {"generator": self.generator, "body_asset": body}, sort_keys=True)
+
+    @property
+    def hash(self) -> str:
+        """Twelve hexadecimal digits that identify the settings."""
+        return hashlib.sha256(self.as_json().encode()).hexdigest()[:12]
+
+    @property
+    def size(self) -> int:
+        """The number of parts."""
+        return getattr(self.benchmark, f"{self.part}s")
+
+    def write(self, folder: Path, processes: int) -> dict:
+        """Makes the parts that are missing, and a contact sheet; returns the manifest.
+
+        Raises:
+            InputError: the folder holds something else, or a worker process died; finished files stay.
+        """
+        manifest = self._claim(folder)
+        make_missing(
+            partial(replace(self).make, folder),  # a copy without compiled scenes, which cannot be sent to a process
+            range(self.size),
+            lambda index: self.path(folder, index).exists(),
+            folder,
+            self.part,
+            "frame",
+            lambda _: self.frames_per_part(),
+            processes,
+        )
+        remove_unfinished(folder, self.unfinished_files)
+        save_png(folder / "contact_sheet.png", self.contact_sheet(folder, manifest))
+        return manifest
+
+    def _claim(self, folder: Path) -> dict:
+        """Writes the manifest of a folder before its first file, so that no simulated file ever lies in a folder without one.
+
+        The size in the manifest is the configured one, or that of an earlier run if it was larger.
+
+        Raises:
+            InputError: the folder holds another set, or files without a manifest.
+        """
+        folder.mkdir(parents=True, exist_ok=True)
+        path, size = folder / MANIFEST, self.size
+        if path.exists():
+            found = read_json(path, non_finite=True)
+            if not isinstance(found, dict) or found.get("hash") != self.hash:
+                raise InputError(
+                    f"{folder}: holds another set, made with other settings than {self.hash}; choose another out=, or "
+                    "delete that folder"
+                )
+            size = max(size, found[f"{self.part}s"])
+        elif unknown := sorted(folder.glob(self.finished_files)):
+            raise InputError(f"{unknown[0]}: not made by this program; choose another out=")
+        identity = {"simulated": True, "seed": self.benchmark.seed, "hash": self.hash, f"{self.part}s": size}
+        manifest = identity | self.manifest_entries() | {"config": json.loads(self.as_json())}
+        with atomic_path(path) as temporary:
+            temporary.write_text(json.dumps(manifest, indent=1))
+        return manifest
+
+
+def is_faulty(motion: Motion) -> bool:
+    """Whether the hips accelerate more than MAX_HIP_ACCELERATION_M_S2 in any frame."""
+    acceleration_m_s2 = np.linalg.norm(np.diff(motion.root_m, n=2, axis=0), axis=1) * motion.fps**2
+    return bool(acceleration_m_s2.max() > MAX_HIP_ACCELERATION_M_S2)
+
+
+def random_excerpt(rng: np.random.Generator, motion: Motion, frames: int) -> Motion:
+    """A part of a motion with the given number of frames at a random position; the whole motion if it is shorter."""
+    start = int(rng.integers(max(len(motion) - frames, 0) + 1))
+    return cut(motion, start, start + frames)
