@@ -23,10 +23,76 @@ If you trust them, save them with
 """
 
 import argparse
+import re
 from pathlib import Path
 
-from kpopnet.datasets.dances.converters import convert_imperial, convert_recordings
+import numpy as np
+
+from kpopnet.dance.joint_files.points import IMPERIAL_NAMES, NamedPoints, named_performance
+from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.dance.performance import Performance
+from kpopnet.datasets.dances.writer import write_labels, write_learner, write_teacher
+from kpopnet.errors import InputError
 from kpopnet.runtime.endings import user_errors
+from kpopnet.runtime.input_files import ArraySchema, check_budget, open_npy
+from kpopnet.runtime.untrusted import read_in_child
+
+IMPERIAL_FPS = 100.0
+
+_IMPERIAL_FILE = re.compile(r"dance_level_([eib])_([a-z])_ch(\d+)\.npy")
+
+
+def read_imperial(path: Path) -> np.ndarray:
+    """Opens a file of ImperialDance as a (takes, T, 21, 3) array of points; raises InputError if it is not such an array."""
+    try:
+        data = open_npy(path, ArraySchema("fiu", (None, 3, None, len(IMPERIAL_NAMES))))
+        check_budget(path, 8 * data[0].size, "the float64 points of a take")
+    except InputError as error:
+        raise InputError(f"{path}: not a plain numpy array; expected (takes, 3, frames, 21) ({error})") from error
+    return data.transpose(0, 2, 3, 1)
+
+
+def write_dance(out: Path, name: str, teacher: Performance, learners: dict[str, Performance]) -> None:
+    """Writes a dance given as joints into the folder of a set; the learners from the best to the worst."""
+    write_teacher(out / name, teacher)
+    for learner, performance in learners.items():
+        write_learner(out / name, learner, performance.times_s, performance.joints_m)
+    write_labels(out / name, learners)
+    print(f"{out / name}: teacher and {len(learners)} learners, best first: {', '.join(learners)}")
+
+
+def convert_recordings(out: Path, dance: str, teacher: Path, learners: list[Path], fps: float | None) -> None:
+    """Writes a dance from files of joints, the learners from the best to the worst; `fps` is the true frame rate if given."""
+    names = {path.stem: read_in_child(read_performance, path, fps) for path in learners}
+    if len(names) < max(len(learners), 2):
+        raise InputError("--learners: give at least two files of different names, the best dancer's first")
+    write_dance(out, dance, read_in_child(read_performance, teacher, fps), names)
+
+
+def convert_imperial(source: Path, out: Path) -> None:
+    """Writes a dance for every choreography that is recorded at all three levels in a folder of dance_level_*.npy."""
+    files: dict[str, dict[str, Path]] = {}
+    for path in sorted(source.glob("*.npy")):
+        if match := _IMPERIAL_FILE.fullmatch(path.name):
+            level, genre, number = match.groups()
+            files.setdefault(f"{genre}_ch{number}", {})[level] = path
+    complete = {name: levels for name, levels in files.items() if set(levels) == set("eib")}
+    if not complete:
+        raise InputError(f"{source}: no choreography with files dance_level_[e|i|b]_GENRE_chN.npy of all three levels")
+    for name, levels in complete.items():
+        takes = {level: read_imperial(path) for level, path in levels.items()}
+        if len(takes["e"]) < 2:
+            raise InputError(f"{levels['e']}: one take; two experts are needed, a teacher and a learner")
+        chosen = {"expert": ("e", 1), "intermediate": ("i", 0), "beginner": ("b", 0)}
+        learners = {
+            learner: imperial_performance(takes[level][take], levels[level]) for learner, (level, take) in chosen.items()
+        }
+        write_dance(out, name, imperial_performance(takes["e"][0], levels["e"]), learners)
+
+
+def imperial_performance(points: np.ndarray, path: Path) -> Performance:
+    """The dance of (T, 21, 3) points of ImperialDance."""
+    return named_performance(NamedPoints(IMPERIAL_NAMES, np.array(points), fps=IMPERIAL_FPS), str(path))
 
 
 @user_errors

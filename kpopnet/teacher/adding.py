@@ -7,9 +7,8 @@ import numpy as np
 
 from kpopnet.dance.joint_files.reader import SUFFIXES as JOINT_SUFFIXES
 from kpopnet.dance.performance import Performance
-from kpopnet.datasets.dances.dance_set import KpopSet
-from kpopnet.datasets.dances.format import TEACHER
-from kpopnet.datasets.dances.format import read_performance as read_kpop
+from kpopnet.datasets.dances.dance_set import TEACHER, KpopSet
+from kpopnet.datasets.dances.dance_set import read_performance as read_kpop
 from kpopnet.errors import InputError
 from kpopnet.teacher.library import Library, taught_dance
 from kpopnet.teacher.posing import posed

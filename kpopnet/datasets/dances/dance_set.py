@@ -1,6 +1,12 @@
-"""Sets of dances, recorded or simulated: each dance has a teacher and ranked learners, read on demand."""
+"""Sets of dances, recorded or simulated, in the folder format of docs/kpop_format.md, read on demand.
+
+Joints have the order of `kpopnet.skeleton.Joint`, in metres in the frame of a camera that faces the dancer: x right, y down,
+z forward. `depth_mm` holds the pixels of the person's bounding box, frame by frame and row by row; `boxes` (T, 4) are x0, y0,
+x1, y1 in the image of `camera`, the last two exclusive, all 0 in a frame without a person.
+"""
 
 import csv
+import hashlib
 import io
 import math
 import re
@@ -8,30 +14,47 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import h5py
 import numpy as np
 
 from kpopnet.camera import MM_PER_METRE, Camera
 from kpopnet.dance.performance import Performance
-from kpopnet.datasets.dances.format import (
-    LABELS,
-    MANIFEST,
-    SCHEMA,
-    TEACHER,
-    depth_key,
-    is_learner_name,
-    read_performance,
-    read_stored_depth,
-    read_times,
-)
-from kpopnet.datasets.protocol import Origin
+from kpopnet.datasets.protocol import Origin, check_joints
 from kpopnet.errors import InputError
-from kpopnet.runtime.hdf5_files import attributes_of, open_hdf5
-from kpopnet.runtime.input_files import check_budget, check_names, expect, parse_json, read_json, read_text
+from kpopnet.runtime.hdf5_files import Hdf5Schema, attributes_of, open_hdf5, read_array, stored_array
+from kpopnet.runtime.input_files import (
+    ArraySchema,
+    check_budget,
+    check_fields,
+    check_names,
+    expect,
+    parse_json,
+    read_json,
+    read_text,
+)
+from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
+
+FORMAT, VERSION = "kpopnet dance", 1
+TEACHER, LABELS, MANIFEST = "teacher.h5", "labels.csv", "manifest.json"
+MAX_FRAMES = 200_000  # nearly two hours at 30 fps
+MAX_COORDINATE_M, MAX_NAME_BYTES, MAX_LABELS_BYTES = 1000.0, 200, 1_000_000
+
+SCHEMA = Hdf5Schema(
+    name="the file of a teacher or a learner",
+    attributes={"format": str, "version": int, "camera": list[float], "joint_names": list[str], "about": str},
+    optional=("camera", "joint_names", "about"),
+    fixed={"format": FORMAT, "version": VERSION, "joint_names": list(JOINT_NAMES)},
+    arrays={
+        "times_s": ArraySchema("f", ("T",)),
+        "joints_m": ArraySchema("f", ("T", NUM_JOINTS, 3), required=False),
+        "boxes": ArraySchema("iu", ("T", 4), required=False),
+        "depth_mm": ArraySchema("u", (None,), required=False),
+    },
+    remedy="copy or make it again",
+)
 
 MARGIN_PX = 8
 """Margin around the union of all boxes, to which a recording is cropped."""
-
-MAX_LABELS_BYTES = 1_000_000
 
 
 @dataclass
@@ -82,7 +105,7 @@ class Learner:
 
     @cached_property
     def depth_key(self) -> str | None:
-        """A digest of the depth recording, 16 hexadecimal digits; None if the file has no depth."""
+        """The `depth_key` of the recording; None if the file has no depth."""
         with open_hdf5(self.path, SCHEMA) as file:
             if "depth_mm" not in file:
                 return None
@@ -110,11 +133,7 @@ class Learner:
         return read_performance(self.path)
 
     def depth(self) -> DepthClip:
-        """Reads the depth recording.
-
-        Raises:
-            InputError: the file has no depth, or is damaged or invalid.
-        """
+        """Reads the depth recording; raises InputError if the file has none, or is damaged or invalid."""
         path = self.path
         with open_hdf5(path, SCHEMA) as file:
             expect("depth_mm" in file, str(path), "a recording depth_mm; only its true joints can be scored")
@@ -158,11 +177,7 @@ class KpopSet:
     """A folder of dances, read one dance at a time."""
 
     def __init__(self, folder: Path | str) -> None:
-        """Lists the dances.
-
-        Raises:
-            InputError: the folder does not exist or holds no dances, or its manifest is invalid.
-        """
+        """Lists the dances; raises InputError if the folder does not exist or holds none, or its manifest is invalid."""
         self.folder = Path(folder)
         if not self.folder.is_dir():
             raise InputError(f"{self.folder}: no such folder; `python -m synth benchmark=kpop_sim` makes a set of dances")
@@ -179,11 +194,7 @@ class KpopSet:
         return len(self.names)
 
     def dance(self, name: str) -> Dance:
-        """Reads the labels of one dance; its recordings are read on demand.
-
-        Raises:
-            InputError: the dance does not exist, its labels are empty or invalid, or the file of a learner is missing.
-        """
+        """Reads the labels of one dance; raises InputError if they are invalid, or the file of a learner is missing."""
         folder = self.folder / name
         if name not in self.names:
             first = ", ".join(self.names[:5])
@@ -206,11 +217,7 @@ def open_set(config: KpopConfig) -> KpopSet:
 
 
 def read_labels(path: Path) -> list[str]:
-    """Reads the names of the learners in the experts' order, the best first.
-
-    Raises:
-        InputError: the file is missing or empty, has other columns, or its ranks are not 1, 2, ...
-    """
+    """Reads the names of the learners, the best first; raises InputError unless their ranks are 1, 2, ..."""
     try:
         lines = csv.reader(io.StringIO(read_text(path, MAX_LABELS_BYTES), newline=""))
         rows = [[cell.strip() for cell in row] for row in lines if any(cell.strip() for cell in row)]
@@ -229,39 +236,86 @@ def read_labels(path: Path) -> list[str]:
 
 @dataclass(frozen=True)
 class Manifest:
-    """The description of a set.
+    """The description of a set for the reader of a report.
 
     Attributes:
-        name: of the set.
-        origin: real or simulated.
-        about: what a reader needs to interpret the results.
         dances: number of dances of the complete set; None if unknown.
-        hash: hash of the configuration of a simulated set; "" otherwise.
+        hash: of the settings of a simulated set; "" otherwise.
     """
 
     name: str
     origin: Origin
     about: str
-    dances: int | None
-    hash: str
+    dances: int | None = None
+    hash: str = ""
 
 
 def read_manifest(folder: Path) -> Manifest:
     """Reads the manifest of a folder. A folder without manifest counts as a real set without description."""
     path = folder / MANIFEST
     if not path.is_file():
-        return Manifest(folder.name, Origin.REAL, "A set without a manifest.json: its origin is not documented.", None, "")
+        return Manifest(folder.name, Origin.REAL, "A set without a manifest.json: its origin is not documented.")
+    known = {"simulated": bool, "name": str, "about": str, "dances": int | None, "hash": str}
     try:
-        manifest = read_json(path)
-        expect(isinstance(manifest, dict), str(path), "a JSON object")
-        dances = manifest.get("dances")
-        expect(dances is None or (type(dances) is int and dances >= 0), f"{path}: dances", "a whole number")
+        manifest = check_fields(str(path), read_json(path), known, optional=known)
     except InputError as error:
         raise InputError(f"{error}: not a manifest; delete it, or make the set again") from error
-    return Manifest(
-        name=str(manifest.get("name", folder.name)),
-        origin=Origin.SIMULATED if manifest.get("simulated") else Origin.REAL,
-        about=str(manifest.get("about", "")),
-        dances=dances,
-        hash=str(manifest.get("hash", "")),
-    )
+    origin = Origin.SIMULATED if manifest.get("simulated") else Origin.REAL
+    name, about = manifest.get("name", folder.name), manifest.get("about", "")
+    return Manifest(name, origin, about, manifest.get("dances"), manifest.get("hash", ""))
+
+
+def read_performance(path: Path) -> Performance | None:
+    """Reads the joints in the file of a teacher or a learner; None if it has none."""
+    with open_hdf5(path, SCHEMA) as file:
+        if "joints_m" not in file:
+            return None
+        times_s = read_times(path, file)
+        joints_m = read_array(file, "joints_m").astype(np.float32)
+    check_joints(f"{path}: joints_m", joints_m, MAX_COORDINATE_M)
+    return Performance(joints_m, times_s)
+
+
+def read_times(path: Path, file: h5py.File) -> np.ndarray:
+    """Reads the times of the frames: (T,) float64 seconds."""
+    times_s = read_array(file, "times_s").astype(np.float64)
+    check_times(path, times_s)
+    return times_s
+
+
+def read_stored_depth(path: Path, file: h5py.File) -> tuple[np.ndarray, np.ndarray, Camera]:
+    """Reads `depth_mm` (N,), `boxes` (T, 4) and the camera of the whole image, and checks that they are consistent."""
+    if "camera" not in file.attrs or "boxes" not in file:
+        raise InputError(f"{path}: expected an attribute camera and an array boxes beside depth_mm")
+    camera = Camera.from_numbers(attributes_of(file)["camera"], f"{path}: attribute camera")
+    boxes = read_array(file, "boxes").astype(np.int64)
+    x0, y0, x1, y1 = boxes.T
+    inside = (x0 >= 0) & (y0 >= 0) & (x1 > x0) & (y1 > y0) & (x1 <= camera.width) & (y1 <= camera.height)
+    valid = inside | (boxes == 0).all(axis=1)
+    if not valid.all():
+        frame, size = int(valid.argmin()), f"{camera.width}x{camera.height}"
+        raise InputError(f"{path}: the box {boxes[frame].tolist()} of frame {frame} is not within {size}")
+    pixels, (stored,) = int(((x1 - x0) * (y1 - y0)).sum()), stored_array(file, "depth_mm").shape
+    expect(stored == pixels, f"{path}: depth_mm", f"the {pixels} pixels that its boxes hold, found {stored}")
+    return read_array(file, "depth_mm"), boxes, camera
+
+
+def depth_key(depth_mm: np.ndarray, boxes: np.ndarray, camera: Camera) -> str:
+    """A digest, 16 hexadecimal digits, of (N,) uint16 pixels, (T, 4) boxes and the camera of the whole image."""
+    digest = hashlib.sha256(repr(camera).encode())
+    digest.update(np.ascontiguousarray(boxes, np.int64).data)
+    digest.update(np.ascontiguousarray(depth_mm, np.uint16).data)
+    return digest.hexdigest()[:16]
+
+
+def is_learner_name(name: str) -> bool:
+    """Whether a name is valid for a learner's file in the folder of the dance."""
+    plain = name == name.strip() and not name.startswith(".") and all(letter.isalnum() or letter in "-_. " for letter in name)
+    return bool(name) and plain and len(name.encode()) <= MAX_NAME_BYTES and f"{name}.h5" != TEACHER
+
+
+def check_times(path: Path, times_s: np.ndarray) -> None:
+    """Raises InputError unless (T,) times are finite, increase, and are at least one and at most MAX_FRAMES."""
+    increase = np.isfinite(times_s).all() and (np.diff(times_s) > 0).all()
+    expectation = f"1 to {MAX_FRAMES} finite times that increase from frame to frame, found {len(times_s)}"
+    expect(bool(increase and 0 < len(times_s) <= MAX_FRAMES), f"{path}: times_s", expectation)

@@ -1,4 +1,4 @@
-"""Writer of dances in the folder format of K-Pop sets (`kpopnet.datasets.dances.format`)."""
+"""Writer of dances in the folder format of docs/kpop_format.md."""
 
 import json
 from collections.abc import Iterable, Mapping
@@ -9,7 +9,7 @@ import numpy as np
 
 from kpopnet.camera import MM_PER_METRE, Camera, depth_in_metres
 from kpopnet.dance.performance import Performance
-from kpopnet.datasets.dances.format import (
+from kpopnet.datasets.dances.dance_set import (
     FORMAT,
     LABELS,
     MAX_COORDINATE_M,
@@ -45,9 +45,6 @@ class PackedDepth:
             depth_m: (h, w) depth of the segmented person, metres in floating point or uint16 millimetres; 0 elsewhere.
             x0: column of its first pixel in the whole image.
             y0: row of its first pixel in the whole image.
-
-        Raises:
-            InputError: type or shape is wrong, the box exceeds the whole image, or a depth is too large to be stored.
         """
         where = f"depth of frame {len(self)}"
         depth_m = depth_in_metres(depth_m, where=where)
@@ -83,11 +80,7 @@ class PackedDepth:
 
 
 def write_teacher(folder: Path, performance: Performance, about: Mapping | None = None) -> None:
-    """Writes DANCE/teacher.h5, and creates the folder DANCE if necessary; `about` holds notes to store as JSON.
-
-    Raises:
-        InputError: joints or times are invalid.
-    """
+    """Writes DANCE/teacher.h5, and creates the folder DANCE if necessary; `about` holds notes to store as JSON."""
     _write(folder / TEACHER, performance.times_s, performance.joints_m, None, about)
 
 
@@ -110,20 +103,15 @@ def write_learner(
         about: notes to store as JSON.
 
     Raises:
-        InputError: there are neither joints nor depth, the name is not a valid file name, or joints or times are invalid.
+        InputError: neither joints nor depth are given, or the name, joints or times are invalid.
     """
-    if joints_m is None and depth is None:
-        raise InputError(f"learner {name}: neither joints nor depth to write")
+    expect(joints_m is not None or depth is not None, f"learner {name}", "joints or depth to write")
     _check_name(name)
     _write(folder / f"{name}.h5", times_s, joints_m, depth, about)
 
 
 def write_labels(folder: Path, best_first: Iterable[str]) -> None:
-    """Writes DANCE/labels.csv, the names of the learners in the experts' order. A dance without it is incomplete.
-
-    Raises:
-        InputError: there are fewer than two learners, a name occurs twice, or a name is not a valid file name.
-    """
+    """Writes DANCE/labels.csv, the names of at least two learners in the experts' order. A dance without it is incomplete."""
     names = list(best_first)
     for name in names:
         _check_name(name)

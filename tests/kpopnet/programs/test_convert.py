@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bvh_files import write_bvh
+from damaged_files import survives_damage
 from recorded_points import FRAMES, coco, imperial
 from scipy.spatial.transform import Rotation
 
-import kpopnet.programs.convert
-from kpopnet.datasets.dances.converters import read_imperial
 from kpopnet.datasets.dances.dance_set import KpopSet
+from kpopnet.errors import InputError
+from kpopnet.programs.convert import imperial_performance, main, read_imperial
 from kpopnet.skeleton import Joint
 from synth.motion.skeleton import INDEX, LEG_M, NUM_JOINTS, Motion
 
@@ -41,7 +42,7 @@ def test_bvh_files_become_a_dance(tmp_path, monkeypatch):
 
 def convert(monkeypatch, *arguments: object) -> None:
     monkeypatch.setattr(sys, "argv", ["convert", *map(str, arguments)])
-    kpopnet.programs.convert.main()
+    main()
 
 
 def test_keypoints_become_a_dance(tmp_path, monkeypatch, capsys):
@@ -77,3 +78,12 @@ def test_imperial_dance_becomes_one_dance_per_choreography(tmp_path, monkeypatch
     with pytest.raises(SystemExit):
         convert(monkeypatch, "imperial", source, tmp_path / "other")
     assert "expected (takes, 3, frames, 21)" in capsys.readouterr().err
+
+
+def test_damaged_files_of_imperial_dance_are_refused_in_one_line(tmp_path):
+    path = tmp_path / "d.npy"
+    np.save(path, np.zeros((2, 3, 20, 21)))
+    survives_damage(path, lambda: imperial_performance(read_imperial(path)[0], path))
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(InputError, match=r"d\.npy: not a plain numpy array"):
+        read_imperial(path)

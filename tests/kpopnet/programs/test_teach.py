@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from kpopnet.camera import CAMERAS
-from kpopnet.datasets.dances.converters import write_dance
 from kpopnet.programs import teach
+from kpopnet.programs.convert import write_dance
 from kpopnet.skeleton import Joint
 from kpopnet.sources import open_depth
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
