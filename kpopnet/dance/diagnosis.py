@@ -38,7 +38,7 @@ class RecordingFault(NamedTuple):
     """A probable fault of a recording.
 
     Attributes:
-        text: what it is, its probable causes, and which option of `kpopnet score` corrects it.
+        text: the fault, its probable causes, and which option of `kpopnet score` corrects it.
         corrected: similarity of the dance with all probable faults corrected; None where the fault costs nothing.
         about: "mirror", "sides", "tempo", "delay" or "format"; `kpopnet.dance.feedback` leaves out hints about the same.
     """
@@ -97,7 +97,7 @@ def probable_faults(teacher: Performance, learner: Performance, scorer: Scorer) 
 
 
 def knees_bend_backwards(performance: Performance) -> bool:
-    """Whether knees bend to the back, as left and right tell it: their names are swapped, or the axes are left-handed."""
+    """Whether knees bend to the back: then the names of left and right are swapped, or the axes are left-handed."""
     joints_m = performance.joints_m
     hips_m = joints_m[:, [Joint.RIGHT_HIP, Joint.LEFT_HIP]]
     down = hips_m.mean(axis=1) - joints_m[:, [Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER]].mean(axis=1)
@@ -139,8 +139,6 @@ def _fit(teacher: Performance, learner: Performance, guess: _Guess, scorer: Scor
     teacher, learner = _after(teacher, learner, guess)
     grid, band = TimeGrid(teacher, scorer.feature, SEARCH_FPS), round(SEARCH_S * SEARCH_FPS)
     frames = grid.frames_of(learner)
-    if not frames:
-        return 0.0, np.inf
     features = grid.features(*grid.resampled(learner, frames))
     distances = banded_distances(features, grid.teacher, frames.start, band, scorer.outlier_rad)
     finite = np.isfinite(distances)
@@ -164,16 +162,19 @@ def _score(teacher: Performance, learner: Performance, guess: _Guess, scorer: Sc
 
 
 def _descriptions(guess: _Guess, teacher: Performance, learner: Performance) -> Iterator[tuple[str, str]]:
-    """What the faults of a guess are about, and they in words."""
+    """The faults of a guess: what each is about, and its text."""
     causes = {
-        "mirrored": "dances mirrored: a left-handed dancer, one who faces the teacher as a mirror, or a mirrored video",
-        "swapped": "has left and right swapped among the joints: the knees bend backwards",
-        "reflected": "has left-handed axes: the knees bend backwards",
+        "mirrored": (
+            "mirror",
+            "dances mirrored: a left-handed dancer, one who faces the teacher as a mirror, or a mirrored video",
+        ),
+        "swapped": ("sides", "has left and right swapped among the joints: the knees bend backwards"),
+        "reflected": ("sides", "has left-handed axes: the knees bend backwards"),
     }
     for name, correction in (("teacher", guess.teacher), ("learner", guess.learner)):
         if correction in causes:
-            about = "mirror" if correction == "mirrored" else "sides"
-            yield about, f"the {name} {causes[correction]}. To correct it: --correct-{name} {correction}"
+            about, cause = causes[correction]
+            yield about, f"the {name} {cause}. To correct it: --correct-{name} {correction}"
     if guess.rate != 1:
         yield (
             "tempo",

@@ -30,20 +30,18 @@ _START, _BOTH, _LEARNER, _TEACHER = 0, 1, 2, 3  # which of the two advances in t
 
 @njit(cache=True, fastmath=_REASSOCIATE)
 def banded_distances(learner, teacher, first, band, outlier):
-    """Distances between each of a learner's frames and the teacher's frames within the band around the same time.
+    """(T, 2 * band + 1) values of `frame_distance`, radians, between the learner's frames and the teacher's within the band.
+
+    They are infinite where the teacher has no such frame. Where too many angles of a pair are missing, the entry is the least
+    of the row, so that a teacher's frame that lacks joints neither attracts a path nor repels it; where the learner's frame is
+    the missing one, the whole row is the greatest possible distance.
 
     Args:
-        learner: (T, D) `Features`; row 0 corresponds to the teacher's frame `first`.
+        learner: (T, D) `Features`.
         teacher: (M, D) `Features`.
-        first: frame number; may be negative or beyond the teacher's end.
+        first: the teacher's frame of the learner's first one; may lie beyond both ends.
         band: half width of the band, frames.
         outlier: see `frame_distance`, radians.
-
-    Returns:
-        (T, 2 * band + 1) float64 values of `frame_distance`, radians; infinite where the teacher has no such frame. Where too
-        many angles of a pair are missing, the entry is the least of the row, so that a teacher's frame that lacks joints
-        neither attracts a path nor repels it; where the learner's frame is the missing one, the greatest possible distance
-        in the whole row.
     """
     frames, angles = learner.angles_rad.shape
     teacher_frames = len(teacher.angles_rad)
@@ -117,17 +115,14 @@ def constant_delay(distances, penalty):
 
 @njit(cache=True)
 def best_match(distances, slope, penalty, expected):
-    """Open-begin, open-end matching of a window.
+    """Open-begin, open-end matching of a window: (L, 2) rows and columns of `distances`; empty without finite distances.
 
     Args:
         distances: (n, 2 * band + 1) output of `banded_distances`, n >= 1, radians.
         slope: True for the step pattern `slope`, False for `free`.
         penalty: radians per frame. The begin and the end of the match each cost penalty * n / 2 per frame of distance from
-            the expected delay, so that of equally good matches the nearest is chosen. 0 switches the penalty off.
+            the expected delay, so that of equally good matches the nearest is chosen.
         expected: the column of the expected delay.
-
-    Returns:
-        (L, 2) int64 path from begin to end: rows and columns of `distances`. Empty if the teacher has no frames there.
     """
     n, columns = distances.shape
     endpoint_cost = penalty * n / 2 * np.abs(np.arange(columns) - expected)

@@ -1,7 +1,7 @@
 """Dance features: joint angles of a pose, independent of the person's size and position.
 
 There are two: the paper's 22-D feature (section 3.1) and the 19-D feature of its reference [17], Raptis, Kirovski and Hoppe
-2011, which the paper compares with. A new one is a function of joints to angles and an entry in `FEATURES`.
+2011. A new one is a function of joints to angles and an entry in `FEATURES`.
 
 Both are angles of limbs in a torso frame (u, r, t): u points down the body, r from the right to the left shoulder (hip), and
 t = u x r to the front. Assumptions where the two papers are silent:

@@ -5,10 +5,9 @@ body differs in one direction. Angles with a plain meaning get words; the others
 from a `DanceScore`, so that the words during the dance are those of afterwards.
 """
 
-import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -35,30 +34,32 @@ THROUGHOUT = 0.7
 UNSEEN_BELOW = 0.5
 """A part is unseen in windows in which less of it is shown."""
 
-_WORDS = {
-    "elbow_inclination": ("too low", "too high"),
-    "elbow_azimuth": ("too far out or back", "too far across the front"),
-    "hand_inclination": ("too straight", "too bent"),
-    "knee_inclination": ("too low", "too high"),
-    "foot_inclination": ("too straight", "too bent"),
-    "twist": ("twisted too far to the left", "twisted too far to the right"),
-    "lean": ("leaning too far to the right", "leaning too far to the left"),
-    "bend": ("bent too far back", "bent too far forward"),
-    "turn": ("turned too far to the left", "turned too far to the right"),
+_LIMB_WORDS = {
+    "elbow_inclination": ("shoulder", "too low", "too high"),
+    "elbow_azimuth": ("shoulder", "too far out or back", "too far across the front"),
+    "hand_inclination": ("elbow", "too straight", "too bent"),
+    "knee_inclination": ("hip", "too low", "too high"),
+    "foot_inclination": ("knee", "too straight", "too bent"),
 }
-"""End of an angle's name to the words for a learner's angle that is less than the teacher's, and for one that is greater."""
-
-_JOINTS = {"elbow": "shoulder", "hand": "elbow", "knee": "hip", "foot": "knee"}
-"""The joint at which the bone of an angle turns, by the joint at which it ends."""
+_WORDS = {
+    "twist": ("", "twisted too far to the left", "twisted too far to the right"),
+    "lean": ("", "leaning too far to the right", "leaning too far to the left"),
+    "bend": ("", "bent too far back", "bent too far forward"),
+    "turn": ("", "turned too far to the left", "turned too far to the right"),
+} | {
+    f"{side}_{angle}": (f"{side} {joint}", less, greater)
+    for side in ("left", "right")
+    for angle, (joint, less, greater) in _LIMB_WORDS.items()
+}
+_WORDS["right_elbow_azimuth"] = ("right shoulder", "too far across the front", "too far out or back")  # its sign is mirrored
+"""An angle's name to the joint that it bends, and the words for a learner's angle less and greater than the teacher's."""
 
 
 @dataclass(frozen=True)
 class Moment:
-    """A stretch of the dance in which something is wrong.
+    """A stretch of the dance in which something is wrong, in seconds on the teacher's clock.
 
     Attributes:
-        start_s: its start on the teacher's clock, seconds.
-        end_s: its end, seconds.
         part: one of `PARTS`, or "timing".
         joint: the joint that is wrong, such as "left elbow"; "" for torso, turning and timing.
         direction: such as "too low", "late".
@@ -110,17 +111,12 @@ class Feedback:
     faults: tuple[Fault, ...]
     hints: tuple[str, ...]
 
-    def as_json(self) -> str:
-        return json.dumps(asdict(self), ensure_ascii=False, indent=1)
-
 
 def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence[RecordingFault] = ()) -> Feedback:
     """The feedback on a dance, or on what has been danced so far (`OnlineScorer.score_so_far`).
 
-    Args:
-        score: of the dance.
-        beat_s: duration of a beat of the music, seconds; phrases then have eight beats, and delays are given in beats.
-        recording: what `kpopnet.dance.diagnosis.probable_faults` found; hints whose cause it gives are left out.
+    With `beat_s`, a beat of the music in seconds, phrases have eight beats, and delays are given in beats. Hints whose cause
+    is among the faults that `kpopnet.dance.diagnosis.probable_faults` found are left out.
     """
     moments = [*_posture_moments(score), *_timing_moments(score, beat_s)]
     first, middle = float(score.windows.start_s[0]), score.windows.middle_s
@@ -154,15 +150,13 @@ def _span(score: DanceScore, run: slice) -> tuple[float, float]:
 def _posture_moments(score: DanceScore) -> list[Moment]:
     """The moments of every part, by the angle of the part that costs most in each."""
     names, parts = FEATURES[score.scorer.feature].names, part_of_angles(score.scorer.feature)
-    told = np.array([_ending(name) in _WORDS for name in names])
+    has_words = np.array([name in _WORDS for name in names])
     error_deg = np.degrees(np.nan_to_num(score.windows.error_rad))
     weight = score.windows.error_weight
-    cost = np.where(told & (abs(error_deg) >= MIN_ERROR_DEG), weight * error_deg**2, 0.0)
+    cost = np.where(has_words & (abs(error_deg) >= MIN_ERROR_DEG), weight * error_deg**2, 0.0)
     found = []
-    for part in range(len(PARTS)):
+    for part in np.unique(parts):
         angles = np.flatnonzero(parts == part)
-        if not len(angles):
-            continue
         worst = angles[cost[:, angles].argmax(axis=1)]
         rows = np.arange(len(worst))
         # A run ends where another angle or direction becomes the worst one.
@@ -172,25 +166,13 @@ def _posture_moments(score: DanceScore) -> list[Moment]:
             for run in _runs(kind == one):
                 # What is most wrong says most about by how much: the edges of a fault lie within windows.
                 weights = weight[run, angle] * abs(error_deg[run, angle])
-                degrees = float(np.average(error_deg[run, angle], weights=weights))
-                found.append(_moment(score, run, PARTS[part], names[angle], degrees, float(cost[run, angle].sum())))
+                degrees, total = float(np.average(error_deg[run, angle], weights=weights)), float(cost[run, angle].sum())
+                joint, less, greater = _WORDS[names[angle]]
+                direction = greater if degrees > 0 else less
+                start_s, end_s = _span(score, run)
+                text = f"{_posture_text(PARTS[part], joint, degrees, direction)} {_at([start_s])}"
+                found.append(Moment(start_s, end_s, PARTS[part], joint, direction, degrees, 0.0, total, text))
     return found
-
-
-def _moment(score: DanceScore, run: slice, part: str, angle: str, degrees: float, cost: float) -> Moment:
-    side, *others = angle.split("_")
-    joint = f"{side} {_JOINTS[others[0]]}" if side in ("left", "right") else ""
-    opposite = angle == "right_elbow_azimuth"  # the sign of this angle changes its meaning with the side of the body
-    direction = _WORDS[_ending(angle)][(degrees > 0) != opposite]
-    start_s, end_s = _span(score, run)
-    text = f"{_posture_text(part, joint, degrees, direction)} {_at([start_s])}"
-    return Moment(start_s, end_s, part, joint, direction, degrees, 0.0, cost, text)
-
-
-def _ending(angle: str) -> str:
-    """An angle's name without the side of the body."""
-    side, _, rest = angle.partition("_")
-    return rest if side in ("left", "right") else angle
 
 
 def _posture_text(part: str, joint: str, degrees: float, direction: str) -> str:

@@ -24,8 +24,7 @@ class OnlineScore(NamedTuple):
 
     Attributes:
         time_s: end of the latest window, seconds.
-        parts: body part (see `PARTS`) to its posture in the window.
-        coverage: body part to the fraction in 0..1 of it that was seen in the window.
+        parts: posture by the name of one of `PARTS` that the teacher shows.
         so_far: score of the dance so far, S of Eq. (15).
         mirrored: whether the learner is compared as the teacher's mirror image.
     """
@@ -36,21 +35,15 @@ class OnlineScore(NamedTuple):
     posture: float
     similarity: float
     parts: dict[str, float]
-    coverage: dict[str, float]
     so_far: float
     mirrored: bool
 
 
 class OnlineScorer:
-    """Scores a learner against a teacher's dance during the dance.
-
-    Attributes:
-        scorer: ours with its settings, or the paper's.
-        lag_s: seconds after which a frame can be scored.
-    """
+    """Scores a learner against a teacher's dance during the dance; a frame can be scored after `lag_s` seconds."""
 
     def __init__(self, teacher: Performance, scorer: Scorer = OURS) -> None:
-        """Computes the teacher's features; raises InputError if the dance is shorter than a window."""
+        """Raises InputError if the teacher's dance is shorter than a window."""
         self.scorer, self.lag_s = scorer, KERNEL_RADIUS_S
         self._grid = TimeGrid(teacher, scorer.feature)
         prepared = scorer.teacher(self._grid.teacher)
@@ -62,18 +55,12 @@ class OnlineScorer:
         self._latest: OnlineScore | None = None
 
     def update(self, joints_m: np.ndarray, time_s: float, confidence: np.ndarray | None = None) -> OnlineScore | None:
-        """Adds a sample of the learner's joints.
+        """Adds a sample of the learner's joints; returns the latest scores, None before the first window is complete.
 
         Args:
             joints_m: (15, 3) in the camera frame, NaN where a joint is missing.
             time_s: seconds on the teacher's clock; later than the previous sample.
             confidence: (15,) in 0..1 of each joint; by default 1 for all.
-
-        Returns:
-            The latest scores; None before the first window is complete.
-
-        Raises:
-            InputError: Joints or confidence have another shape, or the time is not later than the previous one.
         """
         joints_m, time_s = np.array(joints_m, np.float64), time_s - self.scorer.latency_s
         if joints_m.shape != (NUM_JOINTS, 3):
@@ -90,16 +77,14 @@ class OnlineScorer:
         return self._latest
 
     def preview(self, end_s: float, least_s: float) -> OnlineScore | None:
-        """The score of the window that ends at a time, from the samples that have arrived; the dance's score stays as it is.
+        """The score of the window that ends at a time, from the samples that have arrived; None if there is no such window.
 
-        It is known before `lag_s` has passed, for the smoothing of the window's last frames does without the later samples.
+        It is known before `lag_s` has passed, for the smoothing of the window's last frames does without the later samples. The
+        dance's score stays as it is.
 
         Args:
             end_s: seconds on the teacher's clock, without the set-up's latency; not after the latest sample.
             least_s: at the dance's begin a window may be shorter than WINDOW_S, but not than this, seconds.
-
-        Returns:
-            The score; None if there is no such window.
         """
         stop = min(self._grid.frame_until(end_s) + 1, len(self._grid.frames))
         start = max(stop - WINDOW_FRAMES, 0)
@@ -150,10 +135,8 @@ class OnlineScorer:
         start = frame + 1 - WINDOW_FRAMES
         if start < 0:
             return
-        window = shown.window(start)
-        if shown.starts_window(start):
-            shown.keep(window)
-            other.keep(other.window(start))
+        other.keep_windows(frame + 1)
+        window = shown.kept[-1] if shown.keep_windows(frame + 1) else shown.window(start)
         self._latest = self._score(frame, shown, window)
 
     def _frame(self, frame: int) -> tuple[np.ndarray, np.ndarray]:
@@ -177,9 +160,6 @@ class OnlineScorer:
 
     def _score(self, frame: int, shown: Comparison, window: WindowScore) -> OnlineScore:
         """The score of a window that ends with a frame."""
-        parts, coverage = (
-            {name: float(value) for name, value in zip(PARTS, values, strict=True) if not math.isnan(value)}
-            for values in (window.parts, window.coverage)
-        )
+        parts = {name: float(value) for name, value in zip(PARTS, window.parts, strict=True) if not math.isnan(value)}
         whole = window.delay_s, window.timing, window.posture, window.similarity
-        return OnlineScore(float(self._grid.time_s(frame)), *whole, parts, coverage, shown.so_far, shown.mirrored)
+        return OnlineScore(float(self._grid.time_s(frame)), *whole, parts, shown.so_far, shown.mirrored)

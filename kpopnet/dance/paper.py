@@ -116,15 +116,8 @@ def algorithm_3(
     but late counts as on time. S_p is the exponential of a mean, where Eq. (14) is the mean of exponentials, and it divides by
     half the length.
 
-    Args:
-        learner: (n, D) features.
-        teacher: (m, D) features.
-        alpha: of Eq. (13).
-        beta: of Eq. (14), radians.
-        tau_frames: tau of Eq. (13), frames.
-
-    Returns:
-        S_t in 0..1, S_p in 0..1 and T_t in frames.
+    Takes (n, D) and (m, D) features, alpha of Eq. (13), beta of Eq. (14) in radians, and tau of Eq. (13) in frames; returns
+    S_t in 0..1, S_p in 0..1 and T_t in frames.
     """
     n, m = len(learner.angles_rad), len(teacher.angles_rad)
     distances = np.full((n + 1, m + 1), np.inf)

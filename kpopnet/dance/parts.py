@@ -205,13 +205,10 @@ class PartTeacher:
         return float(finite.mean()) if len(finite) else math.nan
 
     def window(self, distances: np.ndarray, learner: Features, start: int) -> WindowScore:
-        """Scores a window of n frames.
+        """Scores the window of (n, D) features whose first frame has the time of the teacher's frame `start`.
 
-        Args:
-            distances: (.., 2 BAND_FRAMES + 1) output of `banded_distances` up to the window's end: the constant delay is
-                estimated from the last CONTEXT_S, the window is matched in the last n rows.
-            learner: (n, D) features of the window.
-            start: the teacher's frame of the same time as the window's first.
+        `distances` are the (.., 2 BAND_FRAMES + 1) `banded_distances` up to the window's end: the constant delay is estimated
+        from the last CONTEXT_S, the window is matched in the last n rows.
         """
         if not learner.seen.any():
             return nothing_seen(self.features, self.parts, start)

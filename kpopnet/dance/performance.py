@@ -21,12 +21,7 @@ class Performance:
     """
 
     def __init__(self, joints_m: np.ndarray, times_s: np.ndarray, confidence: np.ndarray | None = None) -> None:
-        """Checks and copies the arrays; see `mask_missing_joints`.
-
-        Raises:
-            InputError: An array has another shape, times do not increase or exceed MAX_DURATION_S, or a confidence is not in
-                0..1.
-        """
+        """Checks and copies the arrays; see `mask_missing_joints`."""
         joints_m, times_s = np.array(joints_m, np.float64), np.array(times_s, np.float64)
         if joints_m.ndim != 3 or joints_m.shape[1:] != (NUM_JOINTS, 3) or not len(joints_m):
             raise InputError(f"joints of shape {joints_m.shape}: expected (frames, {NUM_JOINTS}, 3) and at least one frame")
@@ -48,10 +43,6 @@ class Performance:
     def __len__(self) -> int:
         return len(self.times_s)
 
-    def earlier(self, seconds: float) -> "Performance":
-        """The dance on a clock that reads less by a number of seconds."""
-        return Performance(self.joints_m, self.times_s - seconds, self.confidence) if seconds else self
-
     @property
     def is_observed(self) -> bool:
         """Whether any joint of any frame is known, with a confidence above 0."""
@@ -64,11 +55,7 @@ class Performance:
 
 
 def as_performance(dance: Performance | np.ndarray, fps: float | None, whose: str) -> Performance:
-    """A dance that may be given as (T, 15, 3) joints in metres in the camera frame, whose first frame is at time 0.
-
-    Raises:
-        InputError: an array without a frame rate, or as `Performance` refuses it.
-    """
+    """A dance that may be given as (T, 15, 3) joints in metres in the camera frame, whose first frame is at time 0."""
     if isinstance(dance, Performance):
         return dance
     if fps is None or not 0 < fps <= 1000:
@@ -83,9 +70,6 @@ def mask_missing_joints(joints_m: np.ndarray, confidence: np.ndarray | None) -> 
     """(..., 15, 3) joints with missing ones NaN, and (..., 15) float64 confidence in 0..1 with missing ones 0.
 
     A joint with a coordinate that is not finite, or of confidence 0, is missing; None is a confidence of 1 everywhere.
-
-    Raises:
-        InputError: the confidence has another shape, or is not in 0..1.
     """
     shape = joints_m.shape[:-1]
     values = np.ones(shape) if confidence is None else np.asarray(confidence, np.float64)

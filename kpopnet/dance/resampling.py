@@ -32,9 +32,8 @@ def resampled(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The (T, 15, 3) joints, NaN where missing, and their (T, 15) confidence at (G,) increasing times, all in seconds.
 
-    Returns:
-        (G, 15, 3) float64 joints, NaN before the first sample of a joint, after its last, and in gaps longer than MAX_GAP_S;
-        and (G, 15) float64 mean confidence, weighted by the Gaussian, 0 where no sample lies within KERNEL_RADIUS_S.
+    Joints are NaN before a joint's first sample, after its last, and in gaps longer than MAX_GAP_S. Confidence is the mean
+    weighted by the Gaussian, 0 where no sample lies within KERNEL_RADIUS_S.
     """
     arrays = (np.ascontiguousarray(one, np.float64) for one in (joints_m, confidence, times_s, at_s))
     return _resampled(*arrays)

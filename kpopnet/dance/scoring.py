@@ -43,8 +43,7 @@ class Windows(NamedTuple):
     Attributes:
         start_s: (N,) start of each window, seconds on the teacher's clock.
         weight: (N,) weight in 0..1 in the scores of the dance, see `kpopnet.dance.parts.PartTeacher.movement`.
-        parts: name of `PARTS` to (N,) posture of that part alone.
-        coverage: name of `PARTS` to (N,) fraction in 0..1 of the part in the teacher's frames that the learner shows.
+        parts, coverage: by the name of one of `PARTS`, (N,) each.
     """
 
     start_s: np.ndarray
@@ -74,13 +73,11 @@ class DanceScore(NamedTuple):
         parts: name of `PARTS` to the mean posture of that part alone, without regard to time and to the other parts; nothing is
             taken off for standing still. Parts that the teacher does not show are left out.
         scored: fraction of the windows that could be compared.
-        windows: the scores of each window, by part of the body.
         coverage: name of `PARTS` to the fraction in 0..1 of what the teacher dances with it that the learner shows.
         mirrored: whether the learner was compared as the teacher's mirror image.
         mirror_fits_better: whether the learner fits the teacher's mirror image clearly better than the teacher.
         tempo: the learner's tempo divided by the teacher's; NaN where unknown.
         ceiling: what perfect dancing scores on average through the estimator whose noise was set; 100 for true joints.
-        scorer: the scorer with its settings.
     """
 
     similarity: float
@@ -110,26 +107,20 @@ def score_dance(
     fps: float | None = None,
     unobserved_is_nan: bool = False,
 ) -> DanceScore:
-    """Scores a learner against a teacher.
+    """Scores a learner against a teacher whose clock is the same.
 
     Windows start at multiples of the scorer's `hop_s` from the teacher's first frame. Frames of the learner outside the
-    teacher's dance are not scored.
-
-    Args:
-        teacher: the reference dance, or its (T, 15, 3) joints in metres in the camera frame.
-        learner: the dance to score, on the same clock, or its joints.
-        scorer: ours with its settings, or the paper's.
-        fps: frames per second of dances that are given as joints.
-        unobserved_is_nan: a learner of whom no joint is known scores NaN, for evaluations that count such dances.
+    teacher's dance are not scored. Dances may be given as (T, 15, 3) joints in metres in the camera frame with their `fps`.
+    With `unobserved_is_nan` a learner of whom no joint is known scores NaN, for evaluations that count such dances.
 
     Raises:
-        InputError: The teacher's dance is shorter than a window, or the learner's recording covers no whole window of it; or
+        InputError: the teacher's dance is shorter than a window, or the learner's recording covers no whole window of it; or
             no joint is known in one of the dances; or joints are given without `fps`.
     """
     teacher, learner = as_performance(teacher, fps, "teacher"), as_performance(learner, fps, "learner")
     if not unobserved_is_nan:
         _check_observed(learner, "learner")
-    learner = learner.earlier(scorer.latency_s)
+    learner = Performance(learner.joints_m, learner.times_s - scorer.latency_s, learner.confidence)
     grid = TimeGrid(teacher, scorer.feature)
     grid.check_overlap(grid.frames_of(learner))
     joints, prepared, scores = grid.resampled(learner, grid.frames), scorer.teacher(grid.teacher), []
@@ -149,7 +140,7 @@ def _check_observed(dance: Performance, whose: str) -> None:
 
 
 class TimeGrid:
-    """The uniformly spaced times at which a teacher's and a learner's dance are resampled; frame 0 is the teacher's first.
+    """The uniformly spaced times at which two dances are resampled; frame 0 is the teacher's first.
 
     Attributes:
         frames: numbers of the frames within the teacher's dance.
@@ -211,17 +202,16 @@ class Comparison:
 
     Attributes:
         mirrored: whether the frames that are added are of the mirror image.
-        so_far: S of Eq. (15) of the windows that were kept, 0 to 100; NaN before the first one.
+        kept: the windows of the dance's score, which start at multiples of the scorer's `hop_s`.
     """
 
-    def __init__(self, grid: TimeGrid, teacher: PartTeacher | PaperTeacher, mirrored: bool = False) -> None:
-        """Starts without frames of the learner."""
+    def __init__(self, grid: TimeGrid, teacher: PartTeacher | PaperTeacher, mirrored: bool) -> None:
         self._grid, self._teacher, self.mirrored = grid, teacher, mirrored
         self._hop_frames = round(teacher.scorer.hop_s * FPS)
         self._learner = Features(*(np.full_like(array, np.nan) for array in teacher.features))
         # Filled, so that all memory is taken before the dance begins, not page by page while it is scored in real time.
         self._distances = np.full((len(grid.frames), 2 * BAND_FRAMES + 1), np.nan)
-        self._end, self._kept = 0, list[WindowScore]()
+        self._end, self.kept = 0, list[WindowScore]()
         self._sum, self._weight = 0.0, 0.0
 
     def add(self, features: Features) -> None:
@@ -246,32 +236,28 @@ class Comparison:
         learner = Features(*(array[start : start + frames] for array in self._learner))
         return self._teacher.window(self._distances[: start + frames], learner, start)
 
-    def keep(self, window: WindowScore) -> None:
-        """Adds the next window of the dance's score; windows start at multiples of the scorer's `hop_s`."""
-        weight = float(self._teacher.movement[len(self._kept)])
-        self._kept.append(window)
-        if not math.isnan(window.similarity):
-            self._sum, self._weight = self._sum + weight * window.similarity, self._weight + weight
-
-    def keep_windows(self, frames: int) -> None:
-        """Scores and keeps all windows within the first `frames` frames of the teacher's dance that are not kept yet."""
-        for start in range(len(self._kept) * self._hop_frames, frames - WINDOW_FRAMES + 1, self._hop_frames):
-            self.keep(self.window(start))
-
-    def starts_window(self, frame: int) -> bool:
-        return frame % self._hop_frames == 0
+    def keep_windows(self, frames: int) -> bool:
+        """Scores and keeps the windows within the teacher's first `frames` that are not kept yet; whether there were any."""
+        starts = range(len(self.kept) * self._hop_frames, frames - WINDOW_FRAMES + 1, self._hop_frames)
+        for start in starts:
+            window, weight = self.window(start), float(self._teacher.movement[len(self.kept)])
+            self.kept.append(window)
+            if not math.isnan(window.similarity):
+                self._sum, self._weight = self._sum + weight * window.similarity, self._weight + weight
+        return bool(starts)
 
     @property
     def so_far(self) -> float:
+        """S of Eq. (15) of the windows that were kept, 0 to 100; NaN before the first one."""
         return self._sum / self._weight if self._weight else math.nan
 
     def summary(self) -> DanceScore:
         """The score of the windows that were kept."""
-        count, scorer = len(self._kept), self._teacher.scorer
+        count, scorer = len(self.kept), self._teacher.scorer
         start_s = self._grid.time_s(range(0, count * self._hop_frames, self._hop_frames))
         weight = self._teacher.movement[:count]
         names = ("delay_s", "timing", "posture", "similarity", "parts", "coverage", "error_rad", "error_weight")
-        delay_s, timing, posture, similarity, *arrays = (np.array([getattr(one, name) for one in self._kept]) for name in names)
+        delay_s, timing, posture, similarity, *arrays = (np.array([getattr(one, name) for one in self.kept]) for name in names)
         parts, coverage = ({name: array[:, i] for i, name in enumerate(PARTS)} for array in arrays[:2])
         windows = Windows(start_s, delay_s, timing, posture, similarity, weight, parts, coverage, *arrays[2:])
         scored = float(np.isfinite(delay_s).mean())

@@ -1,4 +1,4 @@
-"""What the delays of the windows tell: the tempo of a learner, and the latency of a set-up."""
+"""The tempo of a learner and the latency of a set-up, from the delays of windows or from a metronome."""
 
 import math
 
@@ -7,10 +7,10 @@ import numpy as np
 from kpopnet.skeleton import Joint
 
 MIN_POSTURE = 50.0
-"""Windows of a lower posture score tell nothing about time: what they were matched with may be chance."""
+"""Windows of a lower posture score may be matched by chance, so their delays do not count."""
 
 MIN_WINDOWS = 6
-"""Fewer windows tell no tempo."""
+"""Windows that a tempo or a latency needs."""
 
 HARMONICS, BEAT_STEPS = 3, 400
 """Of the mean course of a hand over a beat: waves of its Fourier series, and samples."""
@@ -19,7 +19,7 @@ TOP_SHARE = 0.1
 """The hand is up where it misses its highest point by less than this share of its way."""
 
 MIN_BEAT_MOVEMENT_M, MIN_BEAT_SHARE, MIN_BEAT_SAMPLES = 0.15, 0.5, 60
-"""From which a latency is measured: path of the hand, share of its variance that repeats with the beat, number of images."""
+"""For a latency: least path of the hand, share of its variance that repeats with the beat, and number of images."""
 
 
 def tempo(start_s: np.ndarray, delay_s: np.ndarray, posture: np.ndarray) -> float:
@@ -27,14 +27,8 @@ def tempo(start_s: np.ndarray, delay_s: np.ndarray, posture: np.ndarray) -> floa
 
     A learner at r times the teacher's tempo shows at time t what the teacher shows at r t, so the delay grows by 1 - r a
     second. The slope is the median over pairs of windows (Theil 1950), so that windows matched in a wrong place do not count.
-
-    Args:
-        start_s: (N,) start of each window, seconds.
-        delay_s: (N,) delay, seconds; NaN where unknown.
-        posture: (N,) posture score, 0 to 100.
-
-    Returns:
-        1 for equal tempo; NaN with fewer than MIN_WINDOWS windows of a known delay and a posture of at least MIN_POSTURE.
+    The (N,) start and delay of the windows are seconds, the delay NaN where unknown. NaN with fewer than MIN_WINDOWS windows of
+    a known delay and a posture of at least MIN_POSTURE.
     """
     good = np.isfinite(delay_s) & (posture >= MIN_POSTURE)
     if good.sum() < MIN_WINDOWS:
@@ -58,15 +52,9 @@ def beat_latency_s(joints_m: np.ndarray, times_s: np.ndarray, beat_s: float) -> 
 
     The height of each hand and the nearness of the two repeat with the beat. Each is averaged over the beats, by a least
     squares fit of a Fourier series. The one that moves most on average counts, if enough of it repeats with the beat; its
-    highest point lies on the beat, but for the delay.
-
-    Args:
-        joints_m: (T, 15, 3) metres in a level camera's frame, NaN where missing.
-        times_s: (T,) seconds on the clock of the metronome, which ticks at multiples of `beat_s`.
-        beat_s: duration of a beat.
-
-    Returns:
-        Between minus and plus half a beat; NaN where no hand moves with the beat.
+    highest point lies on the beat, but for the delay. That is between minus and plus half a beat; NaN where no hand moves
+    with the beat. The (T, 15, 3) joints are in a level camera's frame, NaN where missing; the metronome ticks at multiples of
+    `beat_s` seconds on the clock of the (T,) times.
     """
     left, right = joints_m[:, Joint.LEFT_HAND], joints_m[:, Joint.RIGHT_HAND]
     trunk_m = joints_m[:, Joint.TORSO, 1]
@@ -83,10 +71,8 @@ def beat_latency_s(joints_m: np.ndarray, times_s: np.ndarray, beat_s: float) -> 
 
 
 def _mean_beat(signal: np.ndarray, beats: np.ndarray) -> tuple[np.ndarray, float, float]:
-    """The mean course of (T,) values over a beat, sampled BEAT_STEPS times, by (T,) times in beats.
-
-    Returns:
-        The course, its range, and the fraction of the signal's variance that repeats with the beat.
+    """The mean course over a beat, in BEAT_STEPS samples, of (T,) values at (T,) times in beats; its range; and the fraction
+    of the signal's variance that repeats with the beat.
     """
     known = np.isfinite(signal)
     if known.sum() < MIN_BEAT_SAMPLES:

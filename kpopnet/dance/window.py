@@ -94,7 +94,7 @@ def window_score(
     delay_s: float,
     timing: float,
 ) -> WindowScore:
-    """The score of a window from what the pairs of its path have in common.
+    """The score of a window from what the L pairs of its path have in common.
 
     Args:
         pairs: (L, 2 + P) of each pair: similarity of the body in 0..1, whether it could be compared, similarity of each part.

@@ -32,10 +32,9 @@ from kpopnet.programs.predict import estimated
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
 from kpopnet.runtime.untrusted import read_in_child
-from kpopnet.sources.live import LiveCamera
 from kpopnet.sources.realsense import RealSenseCamera
 from kpopnet.sources.realsense import library as realsense_library
-from kpopnet.sources.source import DepthSource, TimedDepth
+from kpopnet.sources.source import DepthSource, LiveCamera, TimedDepth
 from kpopnet.teacher.adding import add_performance, holds_depth, kpop_teachers, part_of
 from kpopnet.teacher.library import Library, TaughtDance, TeacherBody, taught_dance
 from kpopnet.teacher.live.joints import load_estimator

@@ -93,14 +93,10 @@ def entry_point(
 
 def _config_name(given: list[str], schemas: Mapping[str, Any]) -> str:
     """The schema that --config-name chooses, else the first."""
-    for place, word in enumerate(given):
-        option, equals, name = word.partition("=")
-        if option in ("--config-name", "-cn"):
-            name = name if equals else next(iter(given[place + 1 :]), "")
-            if name not in schemas:
-                raise InputError(f"--config-name {name}: expected one of {', '.join(schemas)}")
-            return name
-    return next(iter(schemas))
+    chosen = re.search(r"(?:^| )(?:--config-name|-cn)[ =](\S*)", " ".join(given))
+    if chosen and chosen[1] not in schemas:
+        raise InputError(f"--config-name {chosen[1]}: expected one of {', '.join(schemas)}")
+    return chosen[1] if chosen else next(iter(schemas))
 
 
 def refuse_unknown(config: DictConfig, place: str = "") -> None:

@@ -11,8 +11,7 @@ import numpy as np
 from kpopnet.camera import MM_PER_METRE, Camera, depth_in_metres
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import parsing
-from kpopnet.sources.live import CameraAwayError
-from kpopnet.sources.source import Recording, StoredImage, check_size
+from kpopnet.sources.source import CameraAwayError, Recording, StoredImage, check_size
 
 NAME = "RealSense camera"
 WAIT_MS, PATIENCE_MS = 200, 5000

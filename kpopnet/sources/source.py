@@ -1,8 +1,8 @@
-"""A recording of depth, read one image at a time."""
+"""Where depth comes from, image by image: a recording, or a live camera."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -108,3 +108,28 @@ def check_size(where: str, width: int, height: int, frames: int | None = None) -
         raise InputError(f"{where}: images of {width}x{height} pixels; expected 1 to {MAX_IMAGE_PIXELS:,} pixels")
     if frames is not None and not 0 < frames <= MAX_FRAMES:
         raise InputError(f"{where}: {frames:,} images; expected 1 to {MAX_FRAMES:,}")
+
+
+class CameraAwayError(Exception):
+    """The camera sends no images just now; a later call may find it again. The text says what to do."""
+
+
+class LiveCamera(Protocol):
+    """A depth camera, or what stands in for one."""
+
+    camera: Camera
+
+    def read(self) -> tuple[np.ndarray, float] | None:
+        """Waits for the next image; None after the last one of a recording.
+
+        Returns:
+            (H, W) float32 depth of the whole scene, metres, 0 where nothing was measured, and when it was taken, in seconds of
+            `time.monotonic`.
+
+        Raises:
+            CameraAwayError: no image came for a while; the next call looks for the camera again.
+            InputError: there will be no more images.
+        """
+
+    def close(self) -> None:
+        """Lets go of the camera."""

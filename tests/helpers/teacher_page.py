@@ -12,7 +12,7 @@ import numpy as np
 from aiohttp import web
 
 from kpopnet.programs.teach import open_source
-from kpopnet.sources.live import CameraAwayError, LiveCamera
+from kpopnet.sources.source import CameraAwayError, LiveCamera
 from kpopnet.teacher.library import TaughtDance
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from kpopnet.teacher.safety import LOOPBACK_NAMES

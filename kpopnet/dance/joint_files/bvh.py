@@ -21,10 +21,9 @@ _CHANNEL = re.compile(r"([XYZ])(position|rotation)", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class BvhFile:
-    """The contents of a BVH file.
+    """The contents of a BVH file of J joints, parents first.
 
     Attributes:
-        names: names of the J joints, parents first.
         parents: index of each joint's parent, -1 for the root.
         offsets: (J, 3) rest offset from the parent, in the file's unit.
         quats: (T, J, 4) local rotations, w, x, y, z.

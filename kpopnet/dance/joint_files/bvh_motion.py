@@ -59,10 +59,9 @@ class BvhMotion:
         parents: index of each joint's parent, -1 for the root.
         rest: (J, 3) positions of the joints in the rest pose, in the file's unit.
         rotated: (T, J, 4) world rotations relative to the rest pose, w, x, y, z.
-        root_m: (T, 3) position of the root, metres.
+        root_m: (T, 3) position of the root.
         t_pose: (J, 4) world rotations of the T-pose that the file opened with, if it did.
-        fps: frames per second.
-        leg_m: length from hip through knee to ankle, metres.
+        leg_m: length from hip through knee to ankle.
         metres: per unit of the file.
     """
 
@@ -78,23 +77,15 @@ class BvhMotion:
 
 
 def read_bvh_motion(path: Path, fps: float | None = None) -> BvhMotion:
-    """Reads a BVH file, finds its joints, its unit and its axes; `fps` is the true rate of a file that states a wrong one.
-
-    Raises:
-        InputError: the file is malformed, or a required joint is not found.
-    """
+    """Reads a BVH file, finds its joints, its unit and its axes; `fps` is the true rate of a file that states a wrong one."""
     bvh = read_bvh(path)
     found = _find_joints(bvh, path)
-    rest = np.zeros((len(bvh.names), 3))
-    for joint, parent in enumerate(bvh.parents):
-        if parent >= 0:
-            rest[joint] = rest[parent] + bvh.offsets[joint]
+    # World rotations relative to the file's rest pose; then both in canonical axes.
+    rest, rotated = np.zeros((len(bvh.names), 3)), bvh.quats.copy()
+    for joint, parent in enumerate(bvh.parents[1:], 1):
+        rest[joint] = rest[parent] + bvh.offsets[joint]
+        rotated[:, joint] = multiply(rotated[:, parent], bvh.quats[:, joint])
     to_canonical = _canonical_frame(rest, found, path)
-
-    # World rotations relative to the file's rest pose, in canonical axes.
-    rotated = np.empty_like(bvh.quats)
-    for joint, parent in enumerate(bvh.parents):
-        rotated[:, joint] = bvh.quats[:, joint] if parent < 0 else multiply(rotated[:, parent], bvh.quats[:, joint])
     rotated = multiply(multiply(to_canonical, rotated), conjugate(to_canonical))
     rest = rotate(to_canonical, rest)
 
@@ -134,13 +125,10 @@ def bvh_points(motion: BvhMotion) -> NamedPoints:
 
 def bvh_points_m(motion: BvhMotion) -> np.ndarray:
     """(T, J, 3) positions in metres of all joints of the recorded skeleton, by forward kinematics."""
-    points_m = np.empty((len(motion.rotated), len(motion.parents), 3))
-    for joint, parent in enumerate(motion.parents):
-        if parent < 0:
-            points_m[:, joint] = motion.root_m
-        else:
-            offset_m = motion.metres * (motion.rest[joint] - motion.rest[parent])
-            points_m[:, joint] = points_m[:, parent] + rotate(motion.rotated[:, parent], offset_m)
+    points_m = np.repeat(motion.root_m[:, None], len(motion.parents), axis=1)
+    for joint, parent in enumerate(motion.parents[1:], 1):
+        offset_m = motion.metres * (motion.rest[joint] - motion.rest[parent])
+        points_m[:, joint] = points_m[:, parent] + rotate(motion.rotated[:, parent], offset_m)
     return points_m
 
 
@@ -183,9 +171,7 @@ def _find_joints(bvh: BvhFile, path: Path) -> dict[str, int]:
         if (hand := by_name.get(f"{side.lower()}fingerbase")) is not None:
             found[f"{side}Hand"] = hand  # cgspeed's "hand" is the last third of the forearm
     needed = [side + part for side in ("Left", "Right") for part in _LIMB[1:-1]]
-    missing = [name for name in needed if name not in found]
-    if "head" not in by_name:
-        missing.append("Head")
+    missing = [name for name in needed if name not in found] + ([] if "head" in by_name else ["Head"])
     if missing:
         raise InputError(
             f"{path}: no joint for {', '.join(missing)}. "

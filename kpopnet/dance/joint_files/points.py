@@ -73,14 +73,12 @@ _TO_Y_UP = {
 
 
 class NamedPoints(NamedTuple):
-    """A recording of points.
+    """A recording of P named points.
 
     Attributes:
-        names: names of the P points.
         points: (T, P, 3) in metres, centimetres or millimetres, y or z up or down; NaN where missing.
-        times_s: (T,) seconds; None where the file states none.
+        times_s: (T,) seconds; None where the file states none, as `fps`.
         confidence: (T, P) in 0..1; None for 1.
-        fps: frames per second; None where the file states none.
     """
 
     names: Sequence[str]
@@ -93,13 +91,7 @@ class NamedPoints(NamedTuple):
 def named_performance(recorded: NamedPoints, source: str, fps: float | None = None) -> Performance:
     """The fifteen joints of a recording, in the frame of a level camera that the dancer faces at first.
 
-    Args:
-        recorded: the points.
-        source: name of the recording, for messages.
-        fps: the true frame rate of a recording that states none or a wrong one.
-
-    Raises:
-        InputError: a joint of a limb has no point, the points are no upright person, or times and rate are missing.
+    `source` names the recording in messages; `fps` is the true rate of one that states none or a wrong one.
     """
     places = _joint_places(recorded.names, source)
     joints = np.full((len(recorded.points), NUM_JOINTS, 3), np.nan)
@@ -148,11 +140,7 @@ def plain_name(name: str) -> str:
 def frame_times_s(
     frames: int, times_s: np.ndarray | None, stated_fps: float | None, fps: float | None, source: str
 ) -> np.ndarray:
-    """(T,) times of a recording's frames in seconds: those of the file, or of the true rate `fps`, or of the stated one.
-
-    Raises:
-        InputError: all three are None, or the rate is not 1 to 1000.
-    """
+    """(T,) times of a recording's frames in seconds: of the true rate `fps`, or those of the file, or of the stated rate."""
     if fps is None and times_s is not None:
         return times_s
     rate = stated_fps if fps is None else fps
@@ -164,11 +152,7 @@ def frame_times_s(
 
 
 def checked_performance(joints_m: np.ndarray, times_s: np.ndarray, confidence: np.ndarray | None, source: str) -> Performance:
-    """A performance all of whose joints, but for head and neck, which the paper's feature does not use, are seen somewhere.
-
-    Raises:
-        InputError: one is missing throughout, or arrays do not fit together; the message begins with the source.
-    """
+    """A performance each of whose joints, but for head and neck, which the paper's feature does not use, is seen somewhere."""
     try:
         performance = Performance(joints_m, times_s, confidence)
     except InputError as error:
@@ -180,11 +164,7 @@ def checked_performance(joints_m: np.ndarray, times_s: np.ndarray, confidence: n
 
 
 def unit_m(joints: np.ndarray, source: str) -> float:
-    """The unit in metres of (T, 15, 3) joints, by their trunks; 1 if no trunk is whole.
-
-    Raises:
-        InputError: the trunk's median length is not a person's in any of the units.
-    """
+    """The unit in metres of (T, 15, 3) joints, by the median length of their trunks; 1 if no trunk is whole."""
     trunk = _trunks(joints)
     lengths = np.linalg.norm(trunk[np.isfinite(trunk).all(axis=1)], axis=1)
     if not len(lengths):
@@ -208,9 +188,6 @@ def _before_level_camera_m(joints: np.ndarray, source: str) -> np.ndarray:
     """(T, 15, 3) float32 joints in metres before a level camera (x right, y down, z forward), with the paper's torso.
 
     The (T, 15, 3) given ones are in metres, centimetres or millimetres, in a right-handed frame whose y or z points up or down.
-
-    Raises:
-        InputError: no frame has a whole trunk, it is not upright, or a coordinate is farther from 0 than MAX_COORDINATE.
     """
     largest = np.max(np.abs(joints), initial=0, where=np.isfinite(joints))
     if not largest <= MAX_COORDINATE:

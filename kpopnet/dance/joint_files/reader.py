@@ -26,6 +26,7 @@ from kpopnet.runtime.input_files import (
     check_fields,
     expect,
     names_in,
+    parsing,
     read_json,
     read_npz,
     read_text,
@@ -55,15 +56,8 @@ def read_performance(path: Path | str, fps: float | None = None) -> Performance:
     """Reads a recording of joints; the ending of the file's name gives the format (docs/dance_scoring.md).
 
     Joints of .npz files of our own stay in their camera frame, those of all other files are turned to face a level camera (see
-    `kpopnet.dance.joint_files.points`). A stranger's file is read by
-    `kpopnet.runtime.untrusted.read_in_child(read_performance, path, fps)`.
-
-    Args:
-        path: an .npz, .bvh, .csv or .json file.
-        fps: the true frame rate of a file that states none or a wrong one.
-
-    Raises:
-        InputError: the file is not of a known format, is damaged, or lacks a joint throughout.
+    `kpopnet.dance.joint_files.points`). `fps` is the true frame rate of a file that states none or a wrong one. A stranger's
+    file is read by `kpopnet.runtime.untrusted.read_in_child(read_performance, path, fps)`.
     """
     path = Path(path)
     match path.suffix.lower():
@@ -76,10 +70,7 @@ def read_performance(path: Path | str, fps: float | None = None) -> Performance:
         case ".json":
             recorded = _read_json(path)
         case ".pkl" | ".pickle":
-            raise InputError(
-                f"{path}: a pickle can run code when it is opened, so it is not opened; if you trust it, save its arrays with "
-                "numpy.savez first (kpopnet convert --help says how)"
-            )
+            raise InputError(f"{path}: a pickle can run code when it is opened; save its arrays with numpy.savez first")
         case _:
             raise InputError(f"{path}: expected a file that ends with {', '.join(SUFFIXES)}")
     return named_performance(recorded, str(path), fps)
@@ -109,11 +100,9 @@ def _read_csv(path: Path) -> NamedPoints:
     """Columns NAME_x, NAME_y, NAME_z of each point, NAME_confidence and time_s if known; an empty cell is missing."""
     text = read_text(path).removeprefix("\ufeff")  # which spreadsheets write
     table = csv.reader(io.StringIO(text))
-    try:
+    with parsing(path, "not a CSV file"):
         header = [word.strip() for word in next(table, [])]
         rows = [(table.line_num, row) for row in table if row]
-    except csv.Error as error:
-        raise InputError(f"{path}: not a CSV file ({error})") from error
     columns: dict[str, dict[str, int]] = {}
     for number, word in enumerate(header):
         if match := _COLUMN.fullmatch(word):
@@ -194,10 +183,10 @@ def _joint_points(frames: list[dict], fps: float | None, where: str) -> NamedPoi
             if point is not None:
                 given = _numbers(point, (3, 4), f"{where}: frame {number}, {name[:40]}")
                 values[number, places[name], : len(given)] = given
-    timed = [TIME in frame for frame in frames]
-    expect(all(timed) or not any(timed), where, "time_s in all frames or in none")
-    times_s = np.array([frame[TIME] for frame in frames], float) if all(timed) else None
-    return NamedPoints(names, values[..., :3], times_s, np.nan_to_num(values[..., 3]), fps)
+    times_s = [frame[TIME] for frame in frames if TIME in frame]
+    expect(len(times_s) in (0, len(frames)), where, "time_s in all frames or in none")
+    given_s = np.array(times_s, float) if times_s else None
+    return NamedPoints(names, values[..., :3], given_s, np.nan_to_num(values[..., 3]), fps)
 
 
 def _azure_points(names: list[str], frames: list[dict], where: str) -> NamedPoints:

@@ -38,10 +38,6 @@ def write_performance(path: Path | str, performance: Performance) -> None:
     """Writes a recording; the ending of the file's name gives the format (docs/predicting.md).
 
     All formats but BVH keep the camera frame: metres, x right, y down, z forward.
-
-    Raises:
-        InputError: another ending; or BVH of joints that make no skeleton.
-        OSError: the file cannot be written.
     """
     path = Path(path)
     writers: dict[str, Callable[[Performance], str | bytes]] = dict(zip(SUFFIXES, (_npz, _json, _csv, _bvh), strict=True))
@@ -96,11 +92,7 @@ def _rounded(performance: Performance) -> tuple[list, list, list]:
 
 
 def _bvh(performance: Performance) -> str:
-    """Centimetres, y up, the camera's side in front, at the median frame rate: BVH knows one interval only.
-
-    Raises:
-        InputError: a joint of trunk or limbs is missing throughout, or hips or shoulders lie in one point.
-    """
+    """Centimetres, y up, the camera's side in front, at the median frame rate: BVH knows one interval only."""
     points_cm = _filled(performance) * [1, -1, -1] * CM_PER_METRE
     bones, root_cm = _skeleton({joint.name.lower(): points_cm[:, joint] for joint in Joint})
     names = list(bones)
@@ -111,9 +103,7 @@ def _bvh(performance: Performance) -> str:
     interval_s = float(np.median(np.diff(times_s))) if len(times_s) > 1 else 1 / 30
     even_s = times_s[0] + interval_s * np.arange(round((times_s[-1] - times_s[0]) / interval_s) + 1)
     nearest = np.rint(np.interp(even_s, times_s, np.arange(len(times_s)))).astype(int)
-    offsets_cm, ends_cm = (
-        np.array(column) for column in zip(*((one.offset_cm, one.end_cm) for one in bones.values()), strict=True)
-    )
+    offsets_cm, ends_cm = np.array([(bone.offset_cm, bone.end_cm) for bone in bones.values()]).swapaxes(0, 1)
     return bvh_text(BvhFile(names, parents, offsets_cm, local[nearest], root_cm[nearest], 1 / interval_s), ends_cm)
 
 

@@ -10,7 +10,7 @@ from kpopnet.dance.parts import NOISE
 from kpopnet.errors import InputError
 from kpopnet.pose import PersonPose, PoseEstimator
 from kpopnet.skeleton import Joint
-from kpopnet.sources.live import CameraAwayError, LiveCamera
+from kpopnet.sources.source import CameraAwayError, LiveCamera
 from kpopnet.teacher.library import TaughtDance
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 

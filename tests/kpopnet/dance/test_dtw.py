@@ -84,12 +84,6 @@ def test_a_window_is_found_at_its_delay():
         assert constant_delay(distances, 0.0) == 30 - delay
 
 
-def test_of_equally_good_matches_the_expected_time_is_chosen():
-    flat = np.full((20, 31), 0.5)
-    assert best_match(flat, True, 0.01, 15).tolist() == [[i, 15] for i in range(20)]
-    assert constant_delay(flat, 0.01) == 15
-
-
 def test_beyond_the_teachers_dance_distances_are_infinite():
     teacher, learner = plain(np.zeros((10, 3))), plain(np.zeros((4, 3)))
     distances = banded_distances(learner, teacher, 8, 2, math.inf)

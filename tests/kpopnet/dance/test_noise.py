@@ -9,7 +9,7 @@ from dance_people import dance_joints_m, noisy, performed
 from programs import tool
 
 from kpopnet.dance.features import FEATURES
-from kpopnet.dance.parts import NOISE, AngleNoise, angle_variance
+from kpopnet.dance.parts import NOISE, AngleNoise
 from kpopnet.dance.scoring import OURS, DanceScore, score_dance
 
 noise = tool("measure_noise")
@@ -55,9 +55,3 @@ def test_noise_is_measured_as_it_is():
     without, with_noise = noise.perfect_scores(learners)
     assert len(without) == len(with_noise) == 3 and min(with_noise) > 87 > max(without)
     assert all(a > b + 5 for a, b in zip(noise.scores_with(learners, "tracker"), without, strict=True))
-
-
-def test_the_table_has_every_angle_of_every_estimator():
-    assert not angle_variance("none").any() and not angle_variance("auto").any()
-    for name in ("realtime", "network", "fitted_network", "best", "tracker"):
-        assert angle_variance(name).min() > 0 and set(NOISE[name].std_rad) == set(NAMES)

@@ -39,14 +39,6 @@ def test_a_copy_scores_full_marks_for_any_position_size_and_heading_and_a_mirror
     assert similarity(joints_m, mirrored(joints_m), scorer) < 75
 
 
-@pytest.mark.parametrize("index", DANCES)
-def test_a_copy_one_second_late_scores_no_timing_and_full_posture(index):
-    joints_m = dance_joints_m(index)
-    score = score_dance(performed(joints_m), performed(joints_m, 1.0))
-    assert score.timing < 5 and score.posture > 88  # the first two of 21 windows lack half of the learner's frames or more
-    np.testing.assert_allclose(np.nanmedian(score.windows.delay_s), 1.0, atol=0.02)
-
-
 @EVERY
 @settings(max_examples=6, deadline=None)
 @given(st.sampled_from(DANCES), st.lists(st.floats(0, 0.12), min_size=2, max_size=2), st.integers(0, 99))
@@ -62,28 +54,6 @@ def test_more_delay_never_scores_more(index, delays_s):
     joints_m = dance_joints_m(index)
     less, more = (similarity(joints_m, joints_m, delay_s=d) for d in sorted(delays_s, key=abs))
     assert more <= less + 0.5
-
-
-def test_points_are_lost_in_the_part_and_window_of_the_fault():
-    teacher_m = dance_joints_m(0)
-    learner_m = teacher_m.copy()
-    arm = [Joint.LEFT_ELBOW, Joint.LEFT_HAND]
-    learner_m[180:240, arm] = learner_m[180:240, [Joint.LEFT_SHOULDER]] + [[0.0, 0.3, 0.0], [0.0, 0.55, 0.0]]
-    score = score_dance(performed(teacher_m), performed(learner_m))
-    assert score.parts["left arm"] < 90
-    assert min(score.parts[part] for part in PARTS if part != "left arm") > 99
-    faulty = (score.windows.start_s > 4.2) & (score.windows.start_s < 7.8)
-    assert score.windows.parts["left arm"][faulty].max() < score.windows.parts["left arm"][~faulty].min() - 1
-    assert tuple(score.parts) == tuple(score.windows.parts) == tuple(score.coverage) == PARTS
-
-
-def test_a_turn_of_the_whole_body_lowers_our_score_alone():
-    teacher_m = dance_joints_m(3)  # it never turns
-    turning_m = turned(teacher_m, [0, 1, 0], 2 * np.sin(np.arange(len(teacher_m)) / 20))
-    assert similarity(teacher_m, turning_m, SCORERS["paper"]) > 90
-    score = score_dance(performed(teacher_m), performed(turning_m))
-    assert score.similarity < 85 and score.parts["turning"] < 60
-    assert min(value for part, value in score.parts.items() if part != "turning") > 99
 
 
 def test_timing_similarity_is_eq_13():
@@ -109,10 +79,9 @@ def test_similarity_is_the_mean_of_the_windows_products():
 
 def test_algorithm_3_as_printed_does_not_find_a_late_copy():
     joints_m, printed = dance_joints_m(0), PaperScorer(as_printed=True)
-    assert score_dance(performed(joints_m), performed(joints_m, 1.0), printed).posture < 75
-    assert score_dance(performed(joints_m), performed(joints_m, 1.0), SCORERS["paper"]).posture > 90
-    copy = score_dance(performed(joints_m), performed(joints_m), printed)
+    late, copy = performed(joints_m, 1.0), score_dance(performed(joints_m), performed(joints_m), printed)
     assert copy.similarity > 95 and feedback(copy).hints == ()
+    assert [score_dance(performed(joints_m), late, one).posture > 80 for one in (printed, SCORERS["paper"])] == [False, True]
 
 
 def test_a_new_feature_is_scored_by_the_papers_scorer_under_its_name(monkeypatch):
@@ -178,13 +147,12 @@ LOST = performed(np.full_like(JOINTS_M, np.nan))
         (lambda: similarity(JOINTS_M[:50], JOINTS_M), r"dance lasts 1\.63 s, less than a window of 2\.0 s"),
         (lambda: similarity(JOINTS_M, JOINTS_M[:50]), r"recorded for 1\.63 s of a dance of 11\.97 s, in no whole window"),
         (lambda: score_dance(performed(JOINTS_M), LOST), "the learner's dance: no joint is known in any of its 360 frames"),
-        (lambda: OnlineScorer(LOST), "the teacher's dance: no joint is known"),
         (lambda: score_dance(JOINTS_M, JOINTS_M), "teacher's dance is an array without times and fps=None; give its frames"),
         (lambda: score_dance(JOINTS_M, JOINTS_M[:, :14], fps=FPS), r"the learner's dance: joints of shape \(360, 14, 3\)"),
         (lambda: Performance(JOINTS_M[:3], np.array([0, 0.2, 0.1])), r"frame 2 has time 0\.1: times must be finite and incr"),
-        (lambda: Performance(JOINTS_M[:3], np.array([0, 0.1, 3e6])), "are they seconds"),
         (lambda: Performance(JOINTS_M[:1], np.zeros(1), np.full((1, 15), np.nan)), "expected numbers from 0 to 1"),
-        (lambda: PartScorer(tau=0), "^tau=0 must be"),
+        (lambda: OnlineScorer(performed(JOINTS_M)).update(JOINTS_M[0, :14], 0.1), r"joints of shape \(14, 3\)"),
+        (lambda: OnlineScorer(performed(JOINTS_M)).finish(), "no whole window"),
         (lambda: PartScorer(noise="odd"), r"^noise=odd is not one of auto, none, .*tracker"),
         (lambda: PaperScorer(feature="odd"), "^feature=odd .*dance22, dance22_turn, raptis"),
     ],
@@ -212,16 +180,6 @@ def test_lower_confidence_never_scores_more(confidences, wrong):
     assert scores[0] <= scores[1] + 0.5
 
 
-def test_unseen_is_never_better_than_seen_and_wrong():
-    joints_m = dance_joints_m(0)
-    for joints in ([Joint.LEFT_ELBOW, Joint.LEFT_HAND], [Joint.RIGHT_FOOT], list(Joint)):
-        wrong_m, unseen_m = joints_m.copy(), joints_m.copy()
-        wrong_m[90:200, joints] = dance_joints_m(1)[90:200, joints]
-        unseen_m[90:200, joints] = np.nan
-        # A wrong limb disturbs the match in time a little, an unseen one does not.
-        assert similarity(joints_m, unseen_m) <= similarity(joints_m, wrong_m) + 1.5
-
-
 def test_what_the_teacher_does_not_show_costs_nothing():
     joints_m = dance_joints_m(0)
     teacher_m = joints_m.copy()
@@ -238,17 +196,6 @@ def test_a_learner_is_scored_only_within_the_teachers_dance():
     score = score_dance(teacher, performed(joints_m))
     assert score.similarity > 95
     assert score.windows.start_s[0] == 2.0 and score.windows.start_s[-1] <= 6.0
-
-
-def test_bad_input_to_the_online_scorer_is_refused_with_a_message():
-    scorer = OnlineScorer(performed(JOINTS_M))
-    scorer.update(JOINTS_M[0], 0.0)
-    with pytest.raises(InputError, match=r"joints of shape \(14, 3\)"):
-        scorer.update(JOINTS_M[0, :14], 0.1)
-    with pytest.raises(InputError, match=r"a frame at 0\.0 s"):
-        scorer.update(JOINTS_M[0], 0.0)
-    with pytest.raises(InputError, match="no whole window"):
-        scorer.finish()
 
 
 ONLINE = [*SCORERS.values(), PartScorer(mirrored="auto", latency_s=0.1), PartScorer(mirrored="true")]
@@ -270,6 +217,8 @@ def test_online_scores_equal_offline_scores(scorer):
     whole = score_dance(teacher, Performance(joints_m[kept], times_s, confidence[kept]), scorer)
     assert_equal(online.finish(), whole)
     assert latest[10] is None
+    with pytest.raises(InputError, match="times must be finite and increase"):
+        online.update(joints_m[0], times_s[-1])
     count = len(so_far.windows.start_s)
     assert len(whole.windows.start_s) - 2 <= count <= len(whole.windows.start_s)
     np.testing.assert_array_equal(so_far.windows.posture, whole.windows.posture[:count])
@@ -339,14 +288,6 @@ def test_a_known_latency_is_taken_out():
     latency_s = measured_latency_s(late.windows.delay_s, late.windows.posture)
     assert latency_s == pytest.approx(0.23, abs=0.01)
     assert similarity(joints_m, joints_m, replace(OURS, latency_s=latency_s), 0.23) > 96
-
-
-@pytest.mark.parametrize("rate", [0.9, 1.0, 1.1])
-def test_the_tempo_is_measured(rate):
-    joints_m = dance_joints_m(0, 20.0)
-    learner = Performance(noisy(joints_m, 0.02), np.arange(len(joints_m)) / FPS / rate)
-    assert score_dance(performed(joints_m), learner).tempo == pytest.approx(rate, abs=0.02)
-    assert math.isnan(score_dance(performed(joints_m), performed(np.repeat(joints_m[:1], len(joints_m), axis=0))).tempo)
 
 
 def test_the_score_is_a_smooth_function_of_the_delay():

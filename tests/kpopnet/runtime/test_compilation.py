@@ -26,8 +26,3 @@ def test_the_first_use_of_a_kernel_is_announced_once_with_its_name():
     notice, first, *rest = done.stderr.splitlines()
     assert notice.startswith("compiling kernels for this machine") and first.endswith("kernel 1: kernel")
     assert len(rest) <= 1  # a line a second at most, and none for what a kernel calls
-
-
-def test_nothing_is_said_where_nothing_is_compiled():
-    code = "from kpopnet.runtime.compilation import announce_compilation as a; a(); import kpopnet.ridge"
-    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, check=True).stderr == b""

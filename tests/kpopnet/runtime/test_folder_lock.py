@@ -36,7 +36,7 @@ def impatient(monkeypatch):
     monkeypatch.setattr(folder_lock, "PATIENCE_S", 0.3)
 
 
-def test_a_second_writer_is_refused_until_the_first_has_ended(tmp_path):
+def test_a_second_writer_is_refused_until_the_first_has_ended_or_was_killed(tmp_path):
     with another_process_holds(tmp_path / "out") as process:
         refused = pytest.raises(InputError, match=r"out: another process writes there \(it holds \.lock\); wait")
         with refused, locked(tmp_path / "out"):
@@ -44,27 +44,17 @@ def test_a_second_writer_is_refused_until_the_first_has_ended(tmp_path):
         with locked(tmp_path / "out", ".lock_3-5"):  # other files of the folder
             pass
         process.communicate("\n", timeout=10)
-        with locked(tmp_path / "out"), locked(tmp_path / "out"):
+    with locked(tmp_path / "out"):
+        with locked(tmp_path / "out"):
+            pass
+        with pytest.raises(AssertionError), another_process_holds(tmp_path / "out"):  # the first lock is still held
             pass
     assert not list((tmp_path / "out").iterdir())
-
-
-def test_the_lock_of_a_killed_process_is_free(tmp_path):
-    with another_process_holds(tmp_path) as process:
+    with another_process_holds(tmp_path / "out") as process:
         process.kill()
         process.wait()
-        with locked(tmp_path):
+        with locked(tmp_path / "out"):
             pass
-
-
-def test_a_process_that_takes_a_lock_twice_keeps_it_until_the_last_release(tmp_path):
-    with locked(tmp_path):
-        with locked(tmp_path):
-            pass
-        with pytest.raises(AssertionError), another_process_holds(tmp_path):
-            pass
-    with another_process_holds(tmp_path):
-        pass
 
 
 def test_no_two_of_many_processes_hold_the_lock_at_once(tmp_path):

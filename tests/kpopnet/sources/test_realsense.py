@@ -12,8 +12,8 @@ from depth_files import CAMERA, FPS, SoftwareCamera, depth_mm, write_bag
 
 from kpopnet.errors import InputError
 from kpopnet.sources import open_depth, realsense
-from kpopnet.sources.live import CameraAwayError
 from kpopnet.sources.realsense import RealSenseCamera
+from kpopnet.sources.source import CameraAwayError
 
 IMAGES = depth_mm(6)
 

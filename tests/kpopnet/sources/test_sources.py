@@ -4,7 +4,6 @@ import json
 import sys
 import tracemalloc
 import zipfile
-from functools import partial
 
 import h5py
 import numpy as np
@@ -199,19 +198,6 @@ def test_a_long_recording_is_never_in_memory_whole(kind, tmp_path):
     tracemalloc.stop()
 
 
-@pytest.mark.parametrize(("suffix", "count"), [(".npz", 40), (".npy", 40), (".png", 40), (".h5", 8)])
-def test_damaged_files_are_read_or_refused_in_one_line(suffix, count, tmp_path):
-    path = tmp_path / f"a{suffix}"
-    {
-        ".npz": partial(write_npz, images=MILLIMETRES[:2]),
-        ".npy": lambda path: np.save(path, MILLIMETRES[:2]),
-        ".h5": partial(write_hdf5, images=MILLIMETRES[:2]),
-        ".png": lambda path: Image.fromarray(MILLIMETRES[0]).save(path),
-    }[suffix](path)
-    in_child = suffix == ".h5"  # whose library may crash
-    assert survives_damage(path, lambda: list(open_depth(path, CAMERA, in_child=in_child)), count=count) > count // 4
-
-
 @pytest.mark.parametrize(
     ("name", "told"),
     [("missing.npz", "no such file or folder"), ("missing", "no such file or folder"), ("notes.txt", "expected a folder of")],
@@ -220,3 +206,8 @@ def test_a_path_of_no_known_kind_is_refused(name, told, tmp_path):
     (tmp_path / "notes.txt").write_text("notes")
     with pytest.raises(InputError, match=f"{name}: {told}"):
         open_depth(tmp_path / name, CAMERA)
+
+
+def test_a_damaged_hdf5_file_is_read_or_refused_in_one_line(tmp_path):
+    path = write_hdf5(tmp_path / "a.h5", MILLIMETRES[:2])
+    assert survives_damage(path, lambda: list(open_depth(path, CAMERA, in_child=True)), count=8) > 2  # its library may crash

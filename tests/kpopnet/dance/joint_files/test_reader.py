@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from damaged_files import survives_damage, survives_hostile_json
 from recorded_points import FRAMES, coco, person
 
 from kpopnet.dance.joint_files.points import COCO_NAMES
@@ -161,14 +160,3 @@ def test_nothing_in_a_file_is_run(tmp_path):
         with pytest.raises(InputError):
             read_performance(tmp_path / name)
     assert not (tmp_path / "ran").exists()
-
-
-def test_damaged_files_are_refused_in_one_line(tmp_path):
-    np.savez(tmp_path / "a.npz", keypoints3d=coco(), fps=30)
-    np.savez(tmp_path / "b.npz", joints_m=np.zeros((5, 15, 3)), fps=30)
-    write_csv(tmp_path / "c.csv", kinect())
-    azure(tmp_path / "d.json", kinect())
-    for path in sorted(tmp_path.iterdir()):
-        assert survives_damage(path, lambda path=path: read_performance(path), count=60) > 10
-    (tmp_path / "f.json").write_text(json.dumps({"keypoints3d": coco()[:2].tolist(), "fps": 30}))
-    survives_hostile_json(tmp_path / "f.json", lambda: read_performance(tmp_path / "f.json"))

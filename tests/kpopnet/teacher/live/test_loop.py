@@ -9,7 +9,7 @@ import pytest
 
 from kpopnet.camera import CAMERAS
 from kpopnet.pose import PersonPose
-from kpopnet.sources.live import CameraAwayError
+from kpopnet.sources.source import CameraAwayError
 from kpopnet.teacher.live import loop
 from kpopnet.teacher.live.joints import Learner, NewestImage
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
