@@ -96,7 +96,6 @@ FORMATS = {
     "joints_csv": Format(make_csv, ("*.csv",), read_dance),
     "camera": Format(make_camera, ("*.json",), lambda folder: read_camera(folder / "a.json", 640, 480)),
     "depth_png": Format(lambda folder: write_pngs(folder, depth_mm(2)), ("*.png",), read_depth),
-    "depth_npy": Format(lambda folder: np.save(folder / "a.npy", depth_mm(2)), ("*.npy",), read_depth),
     "depth_npz": Format(lambda folder: write_npz(folder / "a.npz", depth_mm(3), fps=25.0), ("*.npz",), read_depth),
     "depth_video": Format(lambda folder: write_video(folder / "a.mkv", depth_mm(3)), ("*.mkv",), read_depth),
 }

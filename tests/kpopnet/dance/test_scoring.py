@@ -215,7 +215,7 @@ def test_online_scores_equal_offline_scores(scorer):
         latest.append(online.update(joints_m[frame], time_s, confidence[frame]))
     so_far = online.score_so_far()
     whole = score_dance(teacher, Performance(joints_m[kept], times_s, confidence[kept]), scorer)
-    assert_equal(online.finish(), whole)
+    np.testing.assert_equal(online.finish(), whole)
     assert latest[10] is None
     with pytest.raises(InputError, match="times must be finite and increase"):
         online.update(joints_m[0], times_s[-1])
@@ -238,22 +238,8 @@ def test_a_learner_who_joins_late_and_leaves_early_scores_the_same_online(scorer
     for frame in frames:
         online.update(teacher_m[frame], frame / FPS)
     whole = score_dance(performed(teacher_m), Performance(teacher_m[frames], frames / FPS), scorer)
-    assert_equal(online.finish(), whole)
+    np.testing.assert_equal(online.finish(), whole)
     assert whole.scored < 0.7 and (whole.similarity < 60 or scorer is not OURS)
-
-
-def assert_equal(a, b):
-    """Two tuples, arrays and numbers are equal, NaN to NaN."""
-    if isinstance(a, tuple):
-        for one, other in zip(a, b, strict=True):
-            assert_equal(one, other)
-    elif isinstance(a, dict):
-        assert list(a) == list(b)
-        assert_equal(tuple(a.values()), tuple(b.values()))
-    elif isinstance(a, PartScorer | PaperScorer):
-        assert a == b
-    else:
-        np.testing.assert_array_equal(a, b)
 
 
 def test_a_preview_of_a_short_window_knows_the_delay_and_changes_nothing():
