@@ -5,7 +5,8 @@ is exact, and the number of worker processes does not change the results.
 """
 
 import os
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import NamedTuple, Protocol
 
@@ -30,13 +31,7 @@ MAX_EMPTY_IN_A_ROW = 100
 
 
 class CropSettings(Protocol):
-    """The input that a network expects.
-
-    Attributes:
-        input: a name of `kpopnet.data.cube.INPUTS`.
-        crop_px: side of the square crop in pixels.
-        half_size_m: half the edge of the cube around the person in metres.
-    """
+    """The input that a network expects: see `kpopnet.networks.ModelConfig`, which lies above this room."""
 
     input: str
     crop_px: int
@@ -108,26 +103,15 @@ class Batch(NamedTuple):
     skipped: int
 
 
-class Order(Protocol):
-    """Selects the samples of each batch."""
-
-    def __call__(self, step: int) -> list[tuple[int, int]]:
-        """The batch's (index, epoch) pairs."""
-        ...
+Order = Callable[[int], list[tuple[int, int]]]
+"""The (index, epoch) pairs of the samples of a step's batch."""
 
 
 @dataclass(frozen=True)
 class ShuffledOrder:
     """Visits all samples once per epoch, in a new permutation each; a batch may contain samples of two epochs.
 
-    Each of several processes takes an equal part of every batch.
-
-    Attributes:
-        num_samples: size of the set.
-        batch_size: samples per batch, over all processes.
-        seed: of the permutations.
-        rank: number of this process.
-        processes: number of processes.
+    Each of several processes takes an equal part of every batch; `batch_size` is the number of samples over all of them.
     """
 
     num_samples: int
@@ -145,13 +129,7 @@ class ShuffledOrder:
 
 @dataclass(frozen=True)
 class EvenOrder:
-    """A fixed selection of `count` evenly spaced samples of the set, as in epoch 0.
-
-    Attributes:
-        num_samples: size of the set.
-        batch_size: samples per batch; the last batch may have fewer.
-        count: number of samples selected.
-    """
+    """A fixed selection of `count` evenly spaced samples of the set, as in epoch 0; the last batch may be smaller."""
 
     num_samples: int
     batch_size: int
@@ -168,6 +146,7 @@ def permutation(seed: int, epoch: int, num_samples: int) -> np.ndarray:
     return np.random.default_rng([seed, ORDER_STREAM, epoch]).permutation(num_samples)
 
 
+@dataclass(eq=False)
 class CropBatches(Dataset):
     """`batches[step]` is the Batch of that step.
 
@@ -176,42 +155,30 @@ class CropBatches(Dataset):
 
     An observation with an empty silhouette (kpopnet.data.cube.MIN_SILHOUETTE_PX) is replaced by the next one that is not empty,
     and counted in `Batch.skipped`.
+
+    Attributes:
+        source: observations.
+        model: the input of the network.
+        order: the samples of each batch.
+        seed: of the augmentation.
+        augment: augmentation, None for plain crops (validation).
+        ridge: of the ridge image, where the model takes one.
+        small_crops: the first step whose crops have the model's size, and the side in pixels of the crops before it.
     """
 
-    def __init__(
-        self,
-        source: ObservationSource,
-        model: CropSettings,
-        order: Order,
-        seed: int,
-        augment: AugmentConfig | None,
-        ridge: RidgeConfig | None = None,
-        small_crops: tuple[int, int] = (0, 0),
-    ) -> None:
-        """Combines a source with the crops of a model.
-
-        Args:
-            source: observations.
-            model: the input of the network.
-            order: the samples of each batch.
-            seed: of the augmentation.
-            augment: augmentation, None for plain crops (validation).
-            ridge: of the ridge image, where the model takes one; None for the defaults.
-            small_crops: the first step whose crops have the model's size, and the side in pixels of the crops before it.
-        """
-        self.source = source
-        self.model = model
-        self.order = order
-        self.seed = seed
-        self.augment = augment
-        self.ridge = (ridge or RidgeConfig()) if model.input == "depth_ridge" else None
-        self.small_crops = small_crops
+    source: ObservationSource
+    model: CropSettings
+    order: Order
+    seed: int
+    augment: AugmentConfig | None
+    ridge: RidgeConfig = field(default_factory=RidgeConfig)
+    small_crops: tuple[int, int] = (0, 0)
 
     def __getitem__(self, step: int) -> Batch:
-        keys = self.order(step)
-        px = self.crop_px(step)
+        keys, px = self.order(step), self.crop_px(step)
+        channels = INPUTS[self.model.input]
         batch = Batch(
-            crop=np.empty((len(keys), INPUTS[self.model.input], px, px), np.float32),
+            crop=np.empty((len(keys), channels, px, px), np.float32),
             target=np.empty((len(keys), NUM_JOINTS, 3), np.float32),
             cube_m=np.empty((len(keys), 4), np.float32),
             offset_m=np.empty((len(keys), NUM_JOINTS, 3), np.float32),
@@ -225,7 +192,7 @@ class CropBatches(Dataset):
             cube, view = Cube(centre_m, self.model.half_size_m), PLAIN_VIEW
             if self.augment is not None:
                 cube, view = draw_view(np.random.default_rng([self.seed, AUGMENT_STREAM, epoch, index]), cube, self.augment)
-            ridge = None if self.ridge is None else ridge_probability(observation.depth_m, self.ridge)
+            ridge = ridge_probability(observation.depth_m, self.ridge) if channels > 1 else None
             batch.crop[row] = crop(observation.depth_m, observation.camera, cube, px, ridge, view)
             batch.target[row] = view.joints(cube.to_uvd(observation.joints_camera_m))
             batch.cube_m[row] = (*cube.centre_m, cube.half_size_m)
@@ -267,15 +234,9 @@ def draw_view(rng: np.random.Generator, cube: Cube, augment: AugmentConfig) -> t
 
 
 def occlude(rng: np.random.Generator, depth_m: np.ndarray, camera: Camera) -> np.ndarray:
-    """Removes an ellipse around a random pixel of the person, as human extraction does for a partly occluded person.
+    """(H, W) depth in metres without an ellipse around a random pixel of the person, as human extraction leaves it.
 
-    Args:
-        rng: the only source of randomness.
-        depth_m: (H, W) float32 metres, 0 outside the person.
-        camera: the camera of these pixels.
-
-    Returns:
-        A copy of the depth without the ellipse, whose half-axes are 5 to 15 cm at the depth of its centre.
+    The half-axes are 5 to 15 cm at the depth of the ellipse's centre.
     """
     body = np.flatnonzero(depth_m)
     if not len(body):

@@ -31,12 +31,7 @@ MEDIAN_POINTS = 2000
 
 @dataclass(frozen=True)
 class Cube:
-    """An axis-aligned cube in the camera frame.
-
-    Attributes:
-        centre_m: (3,) float32 centre, camera frame, metres.
-        half_size_m: half the edge length in metres.
-    """
+    """An axis-aligned cube: its (3,) float32 centre in the camera frame and half its edge, in metres."""
 
     centre_m: np.ndarray
     half_size_m: float
@@ -128,22 +123,17 @@ def silhouette_points(depth_m, fx, fy, cx, cy):
 
 
 def crop(
-    depth_m: np.ndarray,
-    camera: Camera,
-    cube: Cube,
-    crop_px: int,
-    ridge: np.ndarray | None = None,
-    view: View = PLAIN_VIEW,
+    depth_m: np.ndarray, camera: Camera, cube: Cube, crop_px: int, ridge: np.ndarray | None = None, view: View = PLAIN_VIEW
 ) -> np.ndarray:
     """Crops a cube from a depth image, as the input of a network.
 
     Args:
         depth_m: (H, W) float32 segmented depth of the person in metres, 0 elsewhere.
         camera: the camera of exactly these pixels.
-        cube: the cube around the person.
+        cube: around the person.
         crop_px: side of the crop in pixels.
         ridge: (H, W) float32 ridge probability in 0..1, or None for a crop of depth only.
-        view: the view of the cube; `view.joints` transforms joints accordingly.
+        view: of the cube; `view.joints` transforms joints accordingly.
 
     Returns:
         (1 or 2, crop_px, crop_px) float32. Channel 0 is d of the nearest pixel, clipped to -1..1, and 1 where nothing was

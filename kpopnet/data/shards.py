@@ -76,7 +76,7 @@ def shard_path(folder: Path, shard: int) -> Path:
 
 @dataclass(frozen=True)
 class Sample:
-    """One stored sample; the fields are described in the module docstring."""
+    """One stored sample: a row of the data sets in the module docstring."""
 
     depth_mm: np.ndarray
     box: tuple[int, int, int, int]
@@ -108,20 +108,12 @@ class ShardHeader:
 
 
 def open_shard(path: Path) -> h5py.File:
-    """Opens a shard for reading.
-
-    Raises:
-        InputError: the file is missing, damaged, or not a shard of this version as the module docstring describes it.
-    """
+    """Opens a shard for reading; raises InputError if it is missing, damaged, or not as the module docstring describes it."""
     return opened_hdf5(path, SCHEMA, **_NO_CHUNK_CACHE)
 
 
 def read_header(path: Path) -> ShardHeader:
-    """The attributes of a shard.
-
-    Raises:
-        InputError: as `open_shard`.
-    """
+    """The attributes of a shard; errors as in `open_shard`."""
     with open_hdf5(path, SCHEMA, **_NO_CHUNK_CACHE) as file:
         found = attributes_of(file)
         expect(found["kind"] in KINDS, f"{path}: attribute kind", f"{' or '.join(KINDS)}, found {found['kind'][:40]}")
@@ -160,11 +152,7 @@ class ShardedSet:
     """
 
     def __init__(self, folder: Path | str) -> None:
-        """Reads every shard's header.
-
-        Raises:
-            InputError: no shards in the folder, a truncated one, or shards of different configurations.
-        """
+        """Reads every shard's header; raises InputError for no shards, a damaged one, or shards of different sets."""
         self.folder = Path(folder)
         self.paths = sorted(self.folder.glob("shard_*.h5"))
         if not self.paths:
@@ -182,16 +170,8 @@ class ShardedSet:
                     "remain from a set of another size; run the command that generates the set again"
                 )
             end = header.stop
-            expect(
-                (header.camera, header.kind) == (self.header.camera, self.header.kind),
-                f"{path}: {header.kind}, {header.camera}",
-                f"{self.header.kind}, {self.header.camera} as in {self.paths[0].name}",
-            )
-            if (header.config_hash, header.split) != (self.header.config_hash, self.header.split):
-                raise InputError(
-                    f"{path}: generated with another configuration than {self.paths[0].name} "
-                    f"({header.split} {header.config_hash} against {self.header.split} {self.header.config_hash})"
-                )
+            found, expected = (f"{one.kind}, {one.camera}, {one.split} {one.config_hash}" for one in (header, self.header))
+            expect(found == expected, f"{path}: {found}", f"{expected} as in {self.paths[0].name}")
         self.camera = self.header.camera
         self.kind = self.header.kind
         self._ends = np.cumsum([len(header) for header in headers]).tolist()
@@ -229,7 +209,7 @@ class ShardedSet:
             )
 
     def room(self, index: int, room: int) -> tuple[np.ndarray, np.ndarray]:
-        """Row `room` (see `Sample.room`) of the rooms in the shard of sample `index`; up to ROOMS_KEPT rooms are cached.
+        """Row `room` (see `Sample.room`) of the rooms in the shard of sample `index`; up to ROOMS_KEPT of them are cached.
 
         Returns:
             (H, W) uint16 depth of the empty room in millimetres, and its (4,) float32 floor plane.

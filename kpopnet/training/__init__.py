@@ -1,1 +1,1 @@
-"""Training of the networks, and fitting of the body model's shape."""
+"""Training of the networks."""

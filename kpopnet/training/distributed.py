@@ -17,13 +17,7 @@ from kpopnet.runtime.cpu import available_cores, keep_freed_memory
 
 @dataclass(frozen=True)
 class Processes:
-    """This process among those of a data-parallel training.
-
-    Attributes:
-        device: the device of this process.
-        rank: number of this process, from 0.
-        count: number of processes.
-    """
+    """This process, number `rank` of `count` in a data-parallel training, and its device."""
 
     device: torch.device
     rank: int = 0
@@ -57,11 +51,8 @@ class Processes:
 def join_processes(device: str) -> Iterator[Processes]:
     """Joins the processes that torchrun started, if any: NCCL on GPUs, gloo on CPUs.
 
-    Args:
-        device: cpu, cuda, or auto for a GPU if available.
-
     Raises:
-        InputError: unknown device, or no GPU available.
+        InputError: the device is not cpu, cuda or auto (a GPU if available), or there is no GPU.
     """
     if device not in ("auto", "cpu", "cuda"):
         raise InputError(f"device={device}: expected auto, cpu or cuda")
@@ -84,16 +75,13 @@ def join_processes(device: str) -> Iterator[Processes]:
 
 
 def set_up_torch(threads: int, workers: int = 0) -> int:
-    """Makes torch deterministic on CPUs, sets its number of threads, and lets it use freed memory again.
+    """Makes torch deterministic on CPUs, sets and returns its number of threads, and lets it use freed memory again.
 
     Args:
-        threads: number of threads; 0 for all available cores, divided by the number of processes that torchrun started
-            on this machine, but for those that the workers need: threads of one sum wait for the slowest, and one that shares
-            its core with a worker holds all up (on two cores two threads train at 380 samples/s, one at 570).
+        threads: 0 for all available cores, divided by the number of processes that torchrun started on this machine, but for
+            those that the workers need: threads of one sum wait for the slowest, and one that shares its core with a worker
+            holds all up (on two cores two threads train at 380 samples/s, one at 570).
         workers: processes of each of these that prepare batches.
-
-    Returns:
-        The number of threads.
     """
     torch.use_deterministic_algorithms(True, warn_only=torch.cuda.is_available())
     # Filling only affects code that reads uninitialised memory, and takes a tenth of the time of a step.

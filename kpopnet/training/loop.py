@@ -164,7 +164,6 @@ class Run:
         self.offset_sum_m = torch.zeros(15, 3, dtype=torch.float64)
         self.offset_count = 0
         self.skipped = 0
-        self.resumed_meta: dict | None = None
         if config.resume is not None:
             self.load(Path(config.resume))
         self.data_parallel = processes.data_parallel(self.network)
@@ -176,15 +175,6 @@ class Run:
         """
         self.data_parallel = self.network
         gc.collect()
-
-    def describe(self) -> str:
-        """Model and schedule, for the log."""
-        config, model = self.config, self.network.config
-        parameters = sum(weight.numel() for weight in self.network.parameters())
-        return (
-            f"{model.name}: {parameters:,} parameters, crops of {model.crop_px} px; "
-            f"steps {self.step:,} to {config.steps:,} of {config.batch_size} samples, lr up to {config.lr:g}"
-        )
 
     def update(self, batch: Batch) -> dict[str, Tensor]:
         """Takes one optimiser step on one batch; returns scalars for TensorBoard.
@@ -238,12 +228,11 @@ class Run:
             else:
                 averaged.copy_(value)
 
-    def mean_pose_m(self) -> list[list[float]]:
-        """(15, 3) mean offset of each joint from the person's centre in metres, over the training samples of rank 0."""
-        return (self.offset_sum_m / max(1, self.offset_count)).tolist()
-
     def save(self, folder: Path, metrics: dict[str, float], described: dict) -> Path:
-        """Writes a checkpoint (kpopnet.networks.checkpoint) and returns its path."""
+        """Writes a checkpoint (kpopnet.networks.checkpoint) and returns its path.
+
+        mean_pose_m is the (15, 3) mean offset of each joint from the person's centre in metres, over the samples of rank 0.
+        """
         best = metrics["mean_error_cm"] < self.best_cm
         self.best_cm = min(self.best_cm, metrics["mean_error_cm"])
         state = {
@@ -255,26 +244,20 @@ class Run:
             "offset_count": self.offset_count,
             "skipped": self.skipped,
         }
-        meta = {"step": self.step, "metrics": metrics, "mean_pose_m": self.mean_pose_m(), **described}
+        mean_pose_m = (self.offset_sum_m / max(1, self.offset_count)).tolist()
+        meta = {"step": self.step, "metrics": metrics, "mean_pose_m": mean_pose_m, **described}
         return save_checkpoint(folder, self.average, state, meta, best=best)
 
     def load(self, folder: Path) -> None:
-        """Loads the state of a checkpoint.
-
-        Raises:
-            InputError: the checkpoint is missing, damaged, of another format or model, or of a finished run.
-        """
-        self.resumed_meta = read_meta(folder)
+        """Loads the state of a checkpoint; raises InputError if it is damaged, of another model, or of a finished run."""
         load_weights(self.average, folder)
         state = load_state(folder)
         try:
             self.network.load_state_dict(state["weights"])
             for name, optimiser in self.optimisers.items():
                 optimiser.load_state_dict(state["optimiser"][name])
-            self.step, self.best_cm = state["step"], state["best_cm"]
-            self.offset_sum_m, self.offset_count = state["offset_sum_m"], state["offset_count"]
-            self.skipped = state["skipped"]
-            self.offset_sum_m.expand(15, 3)
+            self.step, self.best_cm, self.skipped = state["step"], state["best_cm"], state["skipped"]
+            self.offset_sum_m, self.offset_count = state["offset_sum_m"].reshape(15, 3), state["offset_count"]
         except (KeyError, RuntimeError, ValueError, TypeError, AttributeError, IndexError) as error:
             first_line = next(iter(str(error).splitlines()), type(error).__name__)
             raise InputError(f"{folder}: its training state does not fit this model or version ({first_line})") from error
@@ -283,11 +266,7 @@ class Run:
 
 
 def refuse_other_run(folder: Path, resume: str | None) -> None:
-    """Refuses a folder that holds a run, unless it is the one that is resumed: its checkpoints would be removed.
-
-    Args:
-        folder: the run's folder.
-        resume: the checkpoint that is resumed.
+    """Refuses a folder that holds a run other than the one that is resumed: its checkpoints would be removed.
 
     Raises:
         InputError: the folder holds another run, or `resume` is no checkpoint.
@@ -301,11 +280,7 @@ def refuse_other_run(folder: Path, resume: str | None) -> None:
 
 
 def load_initial_weights(network: PoseNetwork, checkpoint: str) -> None:
-    """Loads the weights of a checkpoint, a folder such as outputs/train/RUN/best, into a new network.
-
-    Raises:
-        InputError: no checkpoint in the folder, or one of another model.
-    """
+    """Loads the weights of a checkpoint into a new network; raises InputError if it is of another model."""
     found, expected = read_meta(checkpoint)["model"], asdict(network.config)
     # The weights of a dense network fit crops of any size.
     free = ("crop_px",) if network.config.kind == "dense" else ()
@@ -319,13 +294,13 @@ def load_initial_weights(network: PoseNetwork, checkpoint: str) -> None:
 def train(
     config: RunConfig, source: ObservationSource, validation: ObservationSource, out: Path, data: dict | None = None
 ) -> Path:
-    """Trains a network and writes checkpoints to `out`.
+    """Trains a network and writes checkpoints, which store the configuration, to the folder `out`; only rank 0 writes there.
 
     Args:
-        config: of the run; stored in the checkpoints' meta.json.
+        config: of the run.
         source: training observations.
         validation: validation observations.
-        out: folder of the run. Only rank 0 writes to it.
+        out: folder of the run.
         data: identifies the data sets; a run is resumed only with the data that it began with.
 
     Returns:
@@ -336,29 +311,28 @@ def train(
             loss that is not finite.
     """
     training = config.training
+    if training.resume is not None and (begun_with := read_meta(training.resume).get("data")) != data:
+        raise InputError(f"{training.resume}: was trained on other data ({begun_with}) than the given data ({data})")
     with join_processes(config.device) as processes, locked(out) if processes.rank == 0 else nullcontext(), naming(out):
         if processes.rank == 0:
             refuse_other_run(out, training.resume)
-        if training.batch_size % processes.count:
-            raise InputError(
-                f"training.batch_size={training.batch_size} cannot be divided evenly among {processes.count} processes"
-            )
         workers = bounded_processes(config.workers, "workers")
         threads = set_up_torch(config.threads, workers)
+        batches = training_batches(config, source, processes)
         with closing(Run(training, config.model, config.seed, processes)) as run:
-            if run.resumed_meta is not None and (begun_with := run.resumed_meta.get("data")) != data:
-                raise InputError(f"{training.resume}: was trained on other data ({begun_with}) than the given data ({data})")
-            batches = training_batches(config, source, processes)
             loader = batch_loader(batches, run.step, training.steps, workers, pin_memory=processes.device.type == "cuda")
             if processes.rank > 0:
                 for batch in loader:
                     run.update(batch)
                 return out / "last"
+            model, parameters = config.model, sum(weight.numel() for weight in run.network.parameters())
             log.info(
                 f"seed {config.seed}, {workers} data worker(s) per process, on {processes.describe(threads)}\n"
                 f"{len(source):,} training and {len(validation):,} validation samples; "
                 f"{training.steps * training.batch_size / len(source):.1f} epochs\n"
-                f"{run.describe()}\ninto {out}; watch with: tensorboard --logdir {out}"
+                f"{model.name}: {parameters:,} parameters, crops of {model.crop_px} px; "
+                f"steps {run.step:,} to {training.steps:,} of {training.batch_size} samples, lr up to {training.lr:g}\n"
+                f"into {out}; watch with: tensorboard --logdir {out}"
             )
             if training.resume is not None:
                 complete_links(out, Path(training.resume))
@@ -372,6 +346,10 @@ def train(
 def training_batches(config: RunConfig, source: ObservationSource, processes: Processes) -> CropBatches:
     """This process's part of the batches of every step."""
     training = config.training
+    if training.batch_size % processes.count:
+        raise InputError(
+            f"training.batch_size={training.batch_size} cannot be divided evenly among {processes.count} processes"
+        )
     order = ShuffledOrder(len(source), training.batch_size, config.seed, processes.rank, processes.count)
     small = round(training.small_crops.share * training.steps), training.small_crops.crop_px
     return CropBatches(source, config.model, order, config.seed, training.augment, config.ridge, small)

@@ -13,8 +13,7 @@ from torch import Tensor, nn
 from torch.optim import AdamW, Optimizer
 
 OPTIMISERS = ("adamw", "muon")
-WEIGHT_DECAY = 0.01
-"""Of filters and matrices."""
+WEIGHT_DECAY = 0.01  # of filters and matrices
 
 COEFFICIENTS = (3.4445, -4.7750, 2.0315)
 """Of the quintic iteration X <- a X + b X X' X + c X X' X X' X (Jordan et al. 2024): steepest at 0, so singular values end up

@@ -13,12 +13,7 @@ MAX_SAMPLES = 12
 
 @torch.inference_mode()
 def validate(network: PoseNetwork, batches: list[Batch], device: torch.device) -> tuple[dict[str, float], np.ndarray]:
-    """Measures the errors of a network in metres.
-
-    Args:
-        network: the network.
-        batches: validation crops.
-        device: where the network is.
+    """Measures the errors of a network, which is on this device, on validation crops.
 
     Returns:
         mean_error_cm over all joints of all samples, within_10cm (the share of joints with an error below 10 cm), and
