@@ -19,17 +19,9 @@ MAX_IMAGE_PIXELS = 16_000_000
 
 @dataclass(frozen=True)
 class Camera:
-    """Pinhole intrinsics. Camera frame: x right, y down, z forward, metres.
+    """Focal lengths, principal point and image size in pixels. Camera frame: x right, y down, z forward, metres.
 
     Pixel centres lie at integer coordinates, so a centred camera has cx = (width-1)/2 and cy = (height-1)/2.
-
-    Attributes:
-        fx: horizontal focal length in pixels.
-        fy: vertical focal length in pixels.
-        cx: column of the principal point in pixels.
-        cy: row of the principal point in pixels.
-        width: image width in pixels.
-        height: image height in pixels.
     """
 
     fx: float
@@ -56,12 +48,9 @@ class Camera:
             InputError: they are no camera with an image of whole pixels, at most MAX_IMAGE_PIXELS.
         """
         fx, fy, cx, cy, width, height = numbers
-        if not (0 < width < np.inf and 0 < height < np.inf and width == int(width) and height == int(height)):
-            raise InputError(f"{where}: an image of {width} x {height} pixels, expected whole numbers of at least 1")
-        if width * height > MAX_IMAGE_PIXELS:
-            raise InputError(
-                f"{where}: an image of {width:g} x {height:g} pixels, expected at most {MAX_IMAGE_PIXELS:,} pixels"
-            )
+        if not (0 < width * height <= MAX_IMAGE_PIXELS and width > 0 and width == int(width) and height == int(height)):
+            expected = f"whole numbers of at least 1, and at most {MAX_IMAGE_PIXELS:,} pixels"
+            raise InputError(f"{where}: an image of {width} x {height} pixels, expected {expected}")
         try:
             return cls(fx, fy, cx, cy, int(width), int(height))
         except InputError as error:
@@ -74,11 +63,7 @@ class Camera:
 
     @classmethod
     def from_fov(cls, horizontal_deg: float, width: int, height: int) -> "Camera":
-        """A camera with square pixels whose image spans this angle from its left edge to its right, as data sheets state it.
-
-        Raises:
-            InputError: the angle is not between 1 and 179 degrees.
-        """
+        """A camera with square pixels whose image spans 1 to 179 degrees from its left edge to its right, as in data sheets."""
         if not 1 <= horizontal_deg <= 179:
             raise InputError(f"a field of view of {horizontal_deg} degrees: expected the horizontal angle, 1 to 179")
         return cls.centred(width / (2 * math.tan(math.radians(horizontal_deg) / 2)), width, height)
@@ -172,16 +157,7 @@ def depth_in_metres(depth: np.ndarray, camera: Camera | None = None, *, where: s
 
 
 def check_images(where: str, camera: Camera, *images: np.ndarray) -> None:
-    """Refuses images that a compiled function would read beyond their ends, for `where` in messages.
-
-    Args:
-        where: what the images are for.
-        camera: the camera of exactly these pixels.
-        images: (H, W) numbers.
-
-    Raises:
-        InputError: an image is not of the camera's size.
-    """
+    """Raises InputError if an (H, W) image, for `where`, has not the camera's size: compiled code would read beyond its end."""
     size = camera.height, camera.width
     for image in images:
         if image.shape != size:
@@ -189,11 +165,7 @@ def check_images(where: str, camera: Camera, *images: np.ndarray) -> None:
 
 
 def sequence_in_metres(depth: np.ndarray, camera: Camera) -> np.ndarray:
-    """`depth_in_metres` of a (T, H, W) sequence.
-
-    Raises:
-        InputError: wrong type, number of dimensions or size.
-    """
+    """`depth_in_metres` of a (T, H, W) sequence."""
     depth_m = depth_in_metres(depth, camera, where="depth sequence")
     if depth_m.ndim != 3:
         raise InputError(f"depth sequence: expected shape (T, H, W), got {depth_m.shape}; add a leading axis")

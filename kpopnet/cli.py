@@ -23,22 +23,14 @@ PROGRAMS = {
 
 def usage() -> str:
     """What --help prints."""
-    lines = [
-        "usage: kpopnet PROGRAM ...",
-        "",
-        "3D joints of a person from depth images, and a dance score from the joints.",
-        "",
-    ]
-    lines += [f"  kpopnet {name.ljust(10)} {text}" for name, (_, text) in PROGRAMS.items()]
-    lines += ["", "Each answers --help with its settings. kpopnet --version prints the version."]
-    return "\n".join(lines)
+    programs = "\n".join(f"  kpopnet {name.ljust(10)} {text}" for name, (_, text) in PROGRAMS.items())
+    about = "3D joints of a person from depth images, and a dance score from the joints."
+    hint = "Each answers --help with its settings. kpopnet --version prints the version."
+    return f"usage: kpopnet PROGRAM ...\n\n{about}\n\n{programs}\n\n{hint}"
 
 
 def main() -> None:
-    """Runs the program that the first argument names.
-
-    Exits with code 2 where it names none.
-    """
+    """Runs the program that the first argument names; exits with code 2 where it names none."""
     name = sys.argv[1] if len(sys.argv) > 1 else "--help"
     if name in ("-h", "--help"):
         print(usage())

@@ -27,23 +27,16 @@ class Estimate(NamedTuple):
 
 
 class Estimator(Protocol):
-    """Estimates the joints of one person from segmented depth (0 outside the person).
-
-    Attributes:
-        name: short name, for folders and tables.
-    """
+    """Estimates the joints of one person from segmented depth (0 outside the person); `name` is for folders and tables."""
 
     name: str
 
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
-        """Estimates the joints of the person in each frame.
+        """Estimates the joints of the person in each frame; NaN with confidence 0 in frames with an empty silhouette.
 
         Args:
             depth_m: (T, H, W) segmented depth of the person, 0 elsewhere; floating-point metres or uint16 millimetres.
             camera: the camera of these pixels.
-
-        Returns:
-            (T, 15, 3) joints and (T, 15) confidence; NaN and 0 in frames with an empty silhouette.
 
         Raises:
             InputError: the depth has another type or shape.
@@ -72,12 +65,7 @@ def start_pose(joints_camera_m: np.ndarray, where: str) -> np.ndarray:
 
 
 class Start(NamedTuple):
-    """A known pose from which tracking starts.
-
-    Attributes:
-        frame: index of the frame.
-        joints_camera_m: (15, 3) joints in that frame, camera frame, metres.
-    """
+    """A known pose from which tracking starts: the (15, 3) joints of a frame, camera frame, metres."""
 
     frame: int
     joints_camera_m: np.ndarray
@@ -107,11 +95,7 @@ def track_sequence(tracker: FrameTracker, depth_m: np.ndarray, start: Start | No
 
 
 def first_label(joints_camera_m: np.ndarray) -> Start:
-    """The first of (T, 15, 3) ground-truth poses with all joints.
-
-    Raises:
-        InputError: no frame has all joints.
-    """
+    """The first of (T, 15, 3) ground-truth poses with all joints; raises InputError if there is none."""
     complete = np.flatnonzero(np.isfinite(joints_camera_m).all(axis=(1, 2)))
     if not len(complete):
         raise InputError("start=label needs a frame with all fifteen joints, and there is none; use start=auto")

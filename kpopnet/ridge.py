@@ -55,14 +55,10 @@ class RidgeConfig:
     sharpness: float = 3.0
 
     def __post_init__(self) -> None:
-        if not 0 < self.epsilon_r < 1:
-            raise InputError(
-                f"ridge.epsilon_r must lie between 0 and 1 (the ratio on a plane slope of D_T is 1), not {self.epsilon_r}"
-            )
-        if not self.edge_threshold_m > 0:
-            raise InputError(f"ridge.edge_threshold_m must be a positive number of metres, not {self.edge_threshold_m}")
-        if not 0 < self.sharpness < math.inf:
-            raise InputError(f"ridge.sharpness must be a positive number, not {self.sharpness}")
+        # The ratio on a plane slope of D_T is 1.
+        for name, below in (("epsilon_r", 1), ("edge_threshold_m", math.inf), ("sharpness", math.inf)):
+            if not 0 < getattr(self, name) < below:
+                raise InputError(f"ridge.{name}={getattr(self, name)}: expected a number above 0 and below {below}")
 
 
 class RidgeStages(NamedTuple):
@@ -219,11 +215,9 @@ def _squared_distances(depth, threshold):
 
 @cache
 def _circles(max_radius_px: int) -> tuple[np.ndarray, np.ndarray]:
-    """Circles of radii 0, 1/4, 1/2, ... up to max_radius_px pixels.
+    """(K, 2) int32 offsets dy, dx of circles of radii 0, 1/4, 1/2, ... up to max_radius_px pixels, and `first`.
 
-    Returns:
-        (K, 2) int32 offsets dy, dx, and `first`: the circle of radius i / RADII_PER_PIXEL is
-        offsets[first[i] : first[i + 1]].
+    The circle of radius i / RADII_PER_PIXEL is offsets[first[i] : first[i + 1]].
     """
     angles = 2 * np.pi * np.arange(CIRCLE_POINTS) / CIRCLE_POINTS
     points = np.stack([np.sin(angles), np.cos(angles)], axis=1)

@@ -22,7 +22,6 @@ If you trust them, save them with
     numpy.savez("T.npz", keypoints3d=pickle.load(open("T.pkl", "rb"))["keypoints3d_optim"], fps=60)
 """
 
-import argparse
 import re
 from pathlib import Path
 
@@ -33,6 +32,7 @@ from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.dance.performance import Performance
 from kpopnet.datasets.dances.writer import write_labels, write_learner, write_teacher
 from kpopnet.errors import InputError
+from kpopnet.programs.arguments import program_parser
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.input_files import ArraySchema, check_budget, open_npy
 from kpopnet.runtime.untrusted import read_in_child
@@ -97,9 +97,7 @@ def imperial_performance(points: np.ndarray, path: Path) -> Performance:
 
 @user_errors
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        "kpopnet convert", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = program_parser("kpopnet convert", __doc__)
     kinds = parser.add_subparsers(dest="kind", required=True)
     recordings = kinds.add_parser("recordings")
     recordings.add_argument("out", type=Path, help="folder of the set, may be new")

@@ -52,7 +52,6 @@ SHEET_TILES = 12
 
 
 def parsed() -> argparse.Namespace:
-    """The command line."""
     parser = program_parser("kpopnet predict", __doc__)
     parser.add_argument("path", type=Path, help="folder of images, or file: .npz, .npy, .h5, .mkv, .bag, ...")
     parser.add_argument("--out", type=Path, default=Path("outputs/predict"), help="folder of the results: %(default)s")
@@ -135,16 +134,6 @@ def write_joints(people: Sequence[PersonPose], times_s: np.ndarray, out: Path, f
     return written
 
 
-def seen(people: Sequence[PersonPose]) -> list[str]:
-    """A line about each person."""
-    lines = []
-    for number, person in enumerate(people, 1):
-        known = (person.confidence > 0).any(axis=1)
-        mean = person.confidence[known].mean()
-        lines.append(f"person {number}: in {known.sum()} of {len(known)} images, mean confidence {mean:.2f}")
-    return lines
-
-
 @user_errors
 def main() -> None:
     given = parsed()
@@ -156,11 +145,15 @@ def main() -> None:
         pictures = draw(source, people, times_s, given.out, given.gif)
         if not people:
             hint = "" if given.segmented else ", or try --segmented if the depth shows one person only"
-            raise InputError(f"{given.path}: nobody was found; look at {given.out / 'overlay.png'}{hint}")
+            raise InputError(f"{given.path}: no person was found; look at {given.out / 'overlay.png'}{hint}")
         written = write_joints(people, times_s, given.out, given.format)
     if not source.fps_is_known:
         print(f"the recording states no frame rate: {source.fps:g} images a second assumed; give the true one with --fps")
-    print("\n".join([*seen(people), "wrote " + ", ".join(map(str, [*written, *pictures]))]))
+    for number, person in enumerate(people, 1):
+        known = (person.confidence > 0).any(axis=1)
+        mean = person.confidence[known].mean()
+        print(f"person {number}: in {known.sum()} of {len(known)} images, mean confidence {mean:.2f}")
+    print("wrote", ", ".join(map(str, [*written, *pictures])))
     print(f"look at {given.out / 'overlay.png'}, and open {given.out / 'view.html'} in a browser")
 
 

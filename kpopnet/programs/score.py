@@ -9,7 +9,6 @@ its figures, and score.json. It warns where a recording is probably faulty: side
 clock that is off. An earlier score in the same folder is replaced.
 """
 
-import argparse
 import json
 import math
 from dataclasses import replace
@@ -25,6 +24,7 @@ from kpopnet.dance.window import WINDOW_S
 from kpopnet.errors import InputError
 from kpopnet.evaluation.dances.score_page import score_json, score_page, score_text
 from kpopnet.evaluation.report import printable, writable
+from kpopnet.programs.arguments import program_parser
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
@@ -53,7 +53,7 @@ def read_observed(path: Path, fps: float | None, correction: str, scorer: str) -
 
 @user_errors
 def main() -> None:
-    parser = argparse.ArgumentParser("kpopnet score", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = program_parser("kpopnet score", __doc__)
     parser.add_argument("teacher", type=Path, help="file of the reference dance")
     parser.add_argument("learner", type=Path, help="file of the dance to score")
     parser.add_argument("--out", type=Path, default=Path("outputs/score"), help="folder of page and JSON: %(default)s")
@@ -83,18 +83,18 @@ def main() -> None:
     if math.isnan(score.similarity):
         raise InputError(f"{given.learner}: in no window of {WINDOW_S:g} s are enough joints known to compare the dances")
     faults = other_formats(given.teacher, given.learner) + probable_faults(teacher, learner, scorer)
-    told = feedback(score, beat_s, faults)
+    advice = feedback(score, beat_s, faults)
 
     title = f"{given.learner.name} after {given.teacher.name}: {score.similarity:.0f} of 100"
-    page = score_page(title, teacher, learner, score, told, faults)
+    page = score_page(title, teacher, learner, score, advice, faults)
     files = {"teacher": str(given.teacher), "learner": str(given.learner)}
-    content = score_json(score, told, faults)
+    content = score_json(score, advice, faults)
     content |= files | {"scorer": {"name": given.scorer, "feature": scorer.feature, **content["scorer"]}}
     with locked(given.out):
         for name, text in (("score.html", page), ("score.json", json.dumps(content, indent=1, allow_nan=False) + "\n")):
             with atomic_path(given.out / name) as part:
                 part.write_bytes(writable(text).encode())
-    print(printable("\n".join([*score_text(score, told, faults), f"look at {given.out / 'score.html'}"])))
+    print(printable("\n".join([*score_text(score, advice, faults), f"look at {given.out / 'score.html'}"])))
 
 
 if __name__ == "__main__":

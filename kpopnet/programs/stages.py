@@ -69,19 +69,7 @@ def stages_of(path: Path, frame: int, camera_name: str, start: str = "auto") -> 
 
 
 def draw_stages(paper_tracker: PaperTracker, tracker: Tracker, depth_m: np.ndarray) -> np.ndarray:
-    """Tracks one frame with both trackers and draws its stages.
-
-    The panels: depth edges, distance map, ridge data, candidates on the ridge before and after pruning, pose of Algorithm 2,
-    fitted pose.
-
-    Args:
-        paper_tracker: the paper's tracker, started; it is advanced by this frame.
-        tracker: the body tracker likewise.
-        depth_m: (H, W) float32 metres of the person, 0 elsewhere.
-
-    Returns:
-        (H', W', 3) uint8 RGB.
-    """
+    """Tracks the person in an (H, W) depth image in metres with both started trackers, and draws the stages, RGB."""
     camera, stages = tracker.camera, ridge_stages(depth_m, RidgeConfig())
     collected, valid = ridge_candidates(paper_tracker.frame(depth_m), paper_tracker.state, paper_tracker.plan())
     (joints, _), (fitted, _) = paper_tracker.track(depth_m), tracker.track(depth_m)
@@ -104,30 +92,18 @@ def draw_stages(paper_tracker: PaperTracker, tracker: Tracker, depth_m: np.ndarr
         image = enlarged(depth_rgb(view), TILE_PX)
         draw_skeleton(image, pose, view_camera, ESTIMATED)
         poses.append(image)
-    return sheet(
-        [
-            (
-                "Section 2.2",
-                [
-                    _tile(_mask_image(visible_edges), "depth edges"),
-                    _tile(probability_rgb(distance / max(distance.max(), 1)), "distance map"),
-                    _tile(_mask_image(stages.ridge[view_pixels] & person), "ridge data, Eq. 2"),
-                ],
-            ),
-            (
-                "Section 2.4",
-                [
-                    _tile(candidates_image, "on the ridge: pruned grey, valid green"),
-                    _tile(poses[0], "pose of Algorithm 2, repaired"),
-                    _tile(poses[1], "pose of the fitted body"),
-                ],
-            ),
-        ]
-    )
-
-
-def _tile(image: np.ndarray, caption: str) -> np.ndarray:
-    return with_captions(enlarged(image, TILE_PX), (caption,))
+    section_2_2 = [
+        (_mask_image(visible_edges), "depth edges"),
+        (probability_rgb(distance / max(distance.max(), 1)), "distance map"),
+        (_mask_image(stages.ridge[view_pixels] & person), "ridge data, Eq. 2"),
+    ]
+    section_2_4 = [
+        (candidates_image, "on the ridge: pruned grey, valid green"),
+        (poses[0], "pose of Algorithm 2, repaired"),
+        (poses[1], "pose of the fitted body"),
+    ]
+    rows = (("Section 2.2", section_2_2), ("Section 2.4", section_2_4))
+    return sheet([(title, [with_captions(enlarged(image, TILE_PX), (text,)) for image, text in row]) for title, row in rows])
 
 
 def _mask_image(mask: np.ndarray) -> np.ndarray:

@@ -44,8 +44,7 @@ FOLDER = Path("outputs/teach")
 PORT = 8471
 SIMULATED, RECORDING, REALSENSE = "simulated", "recording", "realsense"
 CAMERA_FPS = 30.0
-MOST_LETTERS = 60
-"""Of a title."""
+MOST_LETTERS = 60  # of a title
 
 
 class SimulatedCamera:
@@ -130,11 +129,7 @@ def made_library(folder: Path) -> Library:
 
 
 def own_dances(given: argparse.Namespace) -> dict[str, Performance]:
-    """The dances in what `kpopnet teach add` is given: their joints by title.
-
-    Raises:
-        InputError: a file cannot be read, or shows no person.
-    """
+    """The dances in what `kpopnet teach add` is given: their joints by title; raises InputError for a file without any."""
     path: Path = given.file
     if len(teachers := kpop_teachers(path)) > 1:
         return teachers
@@ -144,7 +139,7 @@ def own_dances(given: argparse.Namespace) -> dict[str, Performance]:
         source, estimator = opener(path, given, in_child=True)(), PoseEstimator.load(mode="best")
         people, times_s = estimated(source, estimator, given.segmented)
         if not people:
-            raise InputError(f"{path}: nobody was found; the camera must stand still, and see the dancer from head to feet")
+            raise InputError(f"{path}: no person was found; the camera must stand still, and see the dancer from head to feet")
         name, performance = path.stem, Performance(people[0].joints_camera_m, times_s, people[0].confidence)
     else:
         name, performance = path.stem, read_in_child(read_performance, path, given.fps)
@@ -205,7 +200,6 @@ def serve(given: argparse.Namespace, library: Library) -> None:
 
 
 def parsed() -> argparse.Namespace:
-    """The command line."""
     parser = program_parser("kpopnet teach", __doc__)
     parser.add_argument("--data", type=Path, default=FOLDER, help="folder of dances and tries: %(default)s")
     add_depth(parser)

@@ -84,11 +84,7 @@ class ObservationConfig:
             raise InputError(f"workers={self.workers} must be 0 or more")
 
     def sets(self) -> dict[str, ShardedSet]:
-        """Opens both sets of shards.
-
-        Raises:
-            InputError: a folder is missing, or holds no set of shards.
-        """
+        """Opens both sets of shards; raises InputError if a folder holds none."""
         log.info(f"reading {self.data.train} and {self.data.validation}")
         return {"train": ShardedSet(self.data.train), "validation": ShardedSet(self.data.validation)}
 
@@ -140,7 +136,6 @@ def model_to_start_from(config: NetworkTrainingConfig) -> ModelConfig:
 
 
 def run_network_training(config: NetworkTrainingConfig) -> None:
-    """Reads the shards, and starts or resumes the training of a network."""
     if config.training.resume is not None:
         saved = read_meta(config.training.resume)["config"]
         config = resumed_config(config, saved, may_change=("training.resume", "data.", "device", "workers", "threads"))
@@ -152,7 +147,6 @@ def run_network_training(config: NetworkTrainingConfig) -> None:
 
 
 def run_tree_walk_training(config: TreeWalkTrainingConfig) -> None:
-    """Reads the shards, trains the tree walk, and writes its model."""
     sets = config.sets()
     source, validation = (config.observer(shards) for shards in sets.values())
     with locked(config.out):  # another folder than Hydra's, if both are given

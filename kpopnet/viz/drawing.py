@@ -20,14 +20,9 @@ _SUBPIXEL_BITS = 4  # cv2 takes the end points of lines in sixteenths of a pixel
 
 @dataclass(frozen=True)
 class Style:
-    """Colours and line width of one skeleton.
+    """The name of a skeleton in the legend, the RGB colours of its sides and middle, and how it is drawn.
 
     Attributes:
-        name: name in the legend.
-        right: RGB colour of the person's right side.
-        left: RGB colour of the person's left side.
-        middle: RGB colour of joints and bones on neither side.
-        width_px: line width.
         filled: joints are discs, else circles.
     """
 
@@ -99,7 +94,7 @@ def person_view(
 
     Args:
         depth_m: (H, W) metres, 0 outside the silhouette.
-        camera: its camera.
+        camera: of the depth.
         joints_camera_m: (15, 3) joints in metres that the square must contain.
         margin: width added on each side, as a fraction of the side.
 
@@ -132,14 +127,9 @@ def person_tile(
     side_px: int = 288,
     captions: tuple[str, ...] = (),
 ) -> np.ndarray:
-    """Draws one person as a square image of depth with skeletons over it, the first lowest, and lines of text below.
+    """Draws one person as a square image of (H, W) depth in metres, skeletons over it, and lines of ASCII text below.
 
-    Args:
-        depth_m: (H, W) metres.
-        camera: its camera.
-        skeletons: (15, 3) joints in metres with the style to draw them in.
-        side_px: width of the square.
-        captions: lines of plain ASCII.
+    Each skeleton is (15, 3) joints in metres with its style; the first one is drawn lowest.
     """
     view, view_camera = person_view(depth_m, camera, tuple(joints for joints, _ in skeletons))
     image = enlarged(depth_rgb(view), side_px)
@@ -190,24 +180,17 @@ def legend(styles: tuple[Style, ...], width_px: int) -> np.ndarray:
 def sheet(
     rows: list[tuple[str, list[np.ndarray]]], styles: tuple[Style, ...] = (), title: str = "", gap_px: int = 6
 ) -> np.ndarray:
-    """Arranges images in titled rows, with a title and a legend above.
-
-    Args:
-        rows: the title (may be empty) and the images of each row; all images of a row have the same height.
-        styles: the styles in the legend.
-        title: title of the sheet.
-        gap_px: gap between images.
-    """
+    """Arranges images of one height in rows, each with a title, which may be empty; a title and a legend stand above."""
     bands = []
-    for row_title, tiles in rows:
+    for _, tiles in rows:
         spacer = np.full((tiles[0].shape[0], gap_px, 3), BACKGROUND, np.uint8)
-        band = np.concatenate([part for tile in tiles for part in (spacer, tile)] + [spacer], axis=1)
-        bands.append((row_title, band))
-    width = max(band.shape[1] for _, band in bands)
-    parts = [with_captions(np.empty((0, width, 3), np.uint8), (title,))] if title else []
+        bands.append(np.concatenate([part for tile in tiles for part in (spacer, tile)] + [spacer], axis=1))
+    width = max(band.shape[1] for band in bands)
+    no_image = np.empty((0, width, 3), np.uint8)
+    parts = [with_captions(no_image, (title,))] if title else []
     parts += [legend(styles, width)] if styles else []
-    for row_title, band in bands:
-        parts += [with_captions(np.empty((0, width, 3), np.uint8), (row_title,))] if row_title else []
+    for (row_title, _), band in zip(rows, bands, strict=True):
+        parts += [with_captions(no_image, (row_title,))] if row_title else []
         padded = np.full((band.shape[0] + gap_px, width, 3), BACKGROUND, np.uint8)
         padded[: band.shape[0], : band.shape[1]] = band
         parts.append(padded)
@@ -215,11 +198,7 @@ def sheet(
 
 
 def save_png(path: Path | str, image: np.ndarray) -> None:
-    """Writes an RGB image to a PNG file atomically; creates its folder.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Writes an RGB image to a PNG file atomically, and creates its folder; raises InputError if it cannot."""
     path = Path(path)
     _, encoded = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
     try:

@@ -22,16 +22,10 @@ LEAST_GIF_FRAME_MS = 20
 
 
 def overlay_image(depth_m: np.ndarray, camera: Camera, people_camera_m: Sequence[np.ndarray], width_px: int) -> np.ndarray:
-    """Draws the skeletons of people over a depth image.
-
-    Args:
-        depth_m: (H, W) metres.
-        camera: its camera.
-        people_camera_m: (15, 3) joints of each person in metres; NaN where missing.
-        width_px: least width of the drawing; the image is enlarged by a whole number.
+    """Draws the (15, 3) joints of people in metres, NaN where missing, over (H, W) depth in metres.
 
     Returns:
-        RGB whose width and height are even, as video codecs want them.
+        RGB, enlarged by the whole number that comes closest to `width_px`; even in width and height, as video codecs want.
     """
     image = enlarged(depth_rgb(depth_m), camera.width * max(1, round(width_px / camera.width)))
     for joints_m in people_camera_m:
@@ -95,13 +89,7 @@ def write_video(path: Path, images: Iterable[np.ndarray], fps: float) -> None:
 
 
 def save_gif(path: Path, images: Sequence[np.ndarray], frame_s: float) -> None:
-    """Writes (H, W, 3) uint8 RGB images of one size as a GIF that repeats.
-
-    Args:
-        path: of the file.
-        images: at least one.
-        frame_s: seconds that each is shown.
-    """
+    """Writes at least one (H, W, 3) uint8 RGB images of one size as a GIF that repeats and shows each for `frame_s` seconds."""
     colours = Image.fromarray(images[len(images) // 2]).quantize(255)
     frames = [Image.fromarray(image).quantize(palette=colours, dither=Image.Dither.NONE) for image in images]
     duration_ms = max(round(1000 * frame_s), LEAST_GIF_FRAME_MS)

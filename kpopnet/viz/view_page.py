@@ -48,12 +48,7 @@ class Shown(NamedTuple):
 
 
 class Cloud(NamedTuple):
-    """What the camera saw in one frame.
-
-    Attributes:
-        frame: its number.
-        points_camera_m: (N, 3) metres.
-    """
+    """What the camera saw in one frame: (N, 3) metres."""
 
     frame: int
     points_camera_m: np.ndarray
@@ -70,7 +65,7 @@ def sampled_cloud(frame: int, depth_m: np.ndarray, camera: Camera, people_camera
     Args:
         frame: its number, which seeds the choice.
         depth_m: (H, W) metres, 0 where nothing was measured.
-        camera: its camera.
+        camera: of the depth.
         people_camera_m: (15, 3) joints of each person, metres.
         clouds: number of clouds in the page, which share MOST_POINTS.
     """
@@ -92,14 +87,9 @@ def _some(indices: np.ndarray, most: int, rng: np.random.Generator) -> np.ndarra
 
 
 def view_page(title: str, camera: Camera, times_s: np.ndarray, people: Sequence[Shown], clouds: Sequence[Cloud]) -> str:
-    """The page as text. Of a long recording it holds every second, third, ... frame.
+    """The page as text, for frames at (T,) seconds, the main person first and clouds in the order of their frames.
 
-    Args:
-        title: of the page.
-        camera: that took the recording.
-        times_s: (T,) seconds.
-        people: the main person first.
-        clouds: in the order of their frames.
+    Of a long recording it holds every second, third, ... frame.
     """
     step = max(1, -(-len(times_s) * max(len(people), 1) * BYTES_PER_FRAME // MOST_JOINT_BYTES))
     kept = slice(None, None, step)

@@ -22,11 +22,7 @@ SHA256: dict[str, str] = {
 
 
 def shipped_network() -> Path:
-    """The folder of the network that comes with the package.
-
-    Raises:
-        InputError: there is none, or its files are not those that came with this version.
-    """
+    """The folder of the network that comes with the package; raises InputError if it holds none, or other files."""
     if not SHA256:
         raise InputError(
             f"{FOLDER}: this checkout holds no weights yet; train a network (python train.py) and name its checkpoint, such as "

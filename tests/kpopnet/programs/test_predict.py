@@ -113,7 +113,7 @@ def test_two_people_get_files_of_their_own(predict, tmp_path):
 def test_an_empty_room_is_told_and_shown(predict, tmp_path):
     np.save(tmp_path / "a.npy", np.rint(1000 * np.stack([room()] * 4)).astype(np.uint16))
     error = predict(tmp_path / "a.npy", *camera_words(), fails=True)
-    assert "a.npy: nobody was found" in error and "--segmented" in error
+    assert "a.npy: no person was found" in error and "--segmented" in error
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"overlay.png", "overlay.mp4", "view.html"}
 
 
