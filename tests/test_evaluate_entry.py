@@ -144,17 +144,7 @@ def test_without_a_checkpoint_the_network_of_the_package_is_evaluated(place, mon
     assert built["network"].meta["step"] == 1 and built["network"].backend.network.config.crop_px == 32
 
 
-@pytest.mark.parametrize(
-    ("overrides", "complaint"),
-    [
-        (["checkpoint=run/last", "benchmark.pathh=set"], "pathh"),
-        (
-            ["estimator=[tracker]", "benchmark.path=set", "estimator.tracker.start=somewhere"],
-            "estimator.tracker.start=somewhere",
-        ),
-    ],
-)
-def test_a_users_mistake_ends_with_one_line(place, overrides, complaint):
-    done = evaluate(place, *overrides, "hydra.run.dir=mistake")
-    assert done.returncode == 1
-    assert done.stderr.startswith("error: ") and done.stderr.count("\n") == 1 and complaint in done.stderr
+def test_a_users_mistake_ends_with_one_line(place):
+    done = evaluate(place, "estimator=[tracker]", "estimator.tracker.start=somewhere", "hydra.run.dir=mistake")
+    assert done.returncode == 1 and done.stderr.count("\n") == 1
+    assert done.stderr.startswith("error: ") and "estimator.tracker.start=somewhere" in done.stderr

@@ -28,7 +28,7 @@ SYNTH_MAY_IMPORT = {*LAYERS[0], "kpopnet.runtime", "kpopnet.viz", "kpopnet.data"
 
 WITHOUT_TORCH = (
     *("kpopnet.extraction", "kpopnet.dance.online", "kpopnet.tracker.estimator", "kpopnet.tracker.refine"),
-    *("kpopnet.networks.estimator", "kpopnet.pose"),
+    *("kpopnet.networks.estimator", "kpopnet.pose", "kpopnet.programs.predict"),
 )
 
 

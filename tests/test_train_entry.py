@@ -135,19 +135,6 @@ def test_a_torn_shard_in_the_middle_of_a_training_is_named(place):
     assert last.startswith("error: torn/shard_00001.h5") and "make it again" in last, done.stderr
 
 
-@pytest.mark.parametrize(
-    ("overrides", "message"),
-    [
-        (["training.stepz=3"], "stepz"),
-        (["data.train=nowhere"], "nowhere: no shards"),
-    ],
-)
-def test_a_users_mistake_ends_with_one_line(place, overrides, message):
-    done = run(place, *SHORT, *overrides, "hydra.run.dir=mistakes")
-    assert done.returncode == 1
-    assert done.stderr.startswith("error: ") and done.stderr.count("\n") == 1 and message in done.stderr, done.stderr
-
-
 def test_every_configuration_composes_to_real_objects():
     with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
         for group in ("model", "training"):

@@ -18,16 +18,11 @@ SHA256: dict[str, str] = {
     "model.safetensors": "ec9057252f8b867a9e7d6b2f3c61f642015564e2b6dbc879edfca928f3d87edc",
     "meta.json": "ad67a510a56c5129c4ea8b95ae5bc8c0eab404c6a39f26b61b2e7cc09f199ab3",
 }
-"""Of each file that is loaded, as tools/ship_weights.py wrote it; empty as long as there are none."""
+"""Of each file that is loaded, as tools/ship_weights.py wrote it."""
 
 
 def shipped_network() -> Path:
-    """The folder of the network that comes with the package; raises InputError if it holds none, or other files."""
-    if not SHA256:
-        raise InputError(
-            f"{FOLDER}: this checkout holds no weights yet; train a network (python train.py) and name its checkpoint, such as "
-            "outputs/train/RUN/best"
-        )
+    """The folder of the network that comes with the package; raises InputError for files of another version."""
     for name, expected in SHA256.items():
         file = FOLDER / name
         try:

@@ -31,8 +31,3 @@ def digests(folder: Path) -> dict[str, str]:
     spec.loader.exec_module(module)
     assert folder == module.FOLDER
     return module.SHA256
-
-
-def ship_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Lets the package be one without weights."""
-    monkeypatch.setattr(kpopnet.weights, "SHA256", {})

@@ -2,7 +2,6 @@
 
 import pickle
 from collections import Counter
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -123,24 +122,6 @@ def test_occluders_are_ellipses_of_5_to_15_cm_on_the_person():
         areas_cm2.append(1e4 * hole_m2)
     assert np.pi * 5 * 5 * 0.6 < np.median(areas_cm2) < np.pi * 15 * 15
     np.testing.assert_allclose(np.mean(areas_cm2), np.pi * 10 * 10, rtol=0.25)  # half-axes are independent, 10 cm on average
-
-
-def test_an_occluder_that_hides_the_whole_person_makes_an_empty_silhouette():
-    """Nothing is left to centre a crop on, at inference neither."""
-    people = CapsulePeople(6)
-    observe = people.observe
-
-    def far_away(index, epoch):
-        observation = observe(index, epoch)
-        if index % 2:
-            return observation
-        depth_m = np.zeros_like(observation.depth_m)
-        depth_m[50:55, 50:55] = 2.0
-        return replace(observation, depth_m=depth_m)
-
-    people.observe = far_away
-    batch = CropBatches(people, MODEL, EvenOrder(6, 6, 6), 0, AugmentConfig(occluder=1))[0]
-    assert batch.skipped == 3
 
 
 def test_an_empty_silhouette_is_replaced_by_the_next_observation_and_counted():

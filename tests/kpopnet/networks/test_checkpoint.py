@@ -46,18 +46,6 @@ def test_a_network_is_read_as_it_was_written(tmp_path):
     assert load_state(folder)["moments"].tolist() == [0, 1, 2]
 
 
-def test_only_last_and_best_are_kept(tmp_path):
-    save(tmp_path, 1, best=True)
-    save(tmp_path, 2, best=False)
-    save(tmp_path, 3, best=False)
-    assert read_meta(tmp_path / "last")["step"] == 3
-    assert read_meta(tmp_path / "best")["step"] == 1
-    assert sorted(path.name for path in (tmp_path / "checkpoints").iterdir()) == ["step_00000001", "step_00000003"]
-    save(tmp_path, 4, best=True)
-    assert [path.name for path in (tmp_path / "checkpoints").iterdir()] == ["step_00000004"]
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["best", "checkpoints", "last"]
-
-
 class Killed(BaseException):
     """Stands for a SIGKILL at a certain change of the file system."""
 
@@ -125,12 +113,6 @@ def test_wherever_a_run_is_killed_both_links_point_to_whole_checkpoints(tmp_path
         assert len(list((run / "checkpoints").iterdir())) == 1
         assert sorted(path.name for path in run.iterdir() if path.name[0] != ".") == ["best", "checkpoints", "last"]
     assert 4 <= killed < 100
-
-
-def test_a_run_folder_can_be_moved(tmp_path):
-    save(tmp_path / "here")
-    (tmp_path / "here").rename(tmp_path / "there")
-    assert read_meta(tmp_path / "there" / "best")["step"] == 5
 
 
 def test_a_resumed_run_writes_to_its_folder(tmp_path):
@@ -215,12 +197,6 @@ def test_another_description_is_refused(tmp_path, change, message):
         load_network(folder)
 
 
-def test_a_folder_without_a_checkpoint_is_refused(tmp_path):
-    for folder in (tmp_path, tmp_path / "nowhere"):
-        with pytest.raises(InputError, match="no checkpoint there"):
-            load_network(folder)
-
-
 @pytest.mark.parametrize("model", [MODEL, ModelConfig(input="depth_ridge", crop_px=32, widths=[8, 8, 16, 16])])
 def test_the_estimator_is_the_network_on_plain_crops(tmp_path, model):
     folder, network = save(tmp_path, model=model)
@@ -228,12 +204,9 @@ def test_the_estimator_is_the_network_on_plain_crops(tmp_path, model):
     depth = np.stack([draw_depth(draw_joints(np.random.default_rng(seed))) for seed in range(40)])
     depth[7] = 0
     estimate = estimator.estimate(depth, CAMERA)
-    assert estimate.joints_camera_m.shape == (40, 15, 3)
-    assert np.isnan(estimate.joints_camera_m[7]).all()
-    assert (estimate.confidence[7] == 0).all()
-    others = np.delete(np.arange(40), 7)
-    assert np.isfinite(estimate.joints_camera_m[others]).all()
-    assert ((estimate.confidence[others] > 0) & (estimate.confidence[others] < 1)).all()
+    shown = np.arange(40) != 7
+    np.testing.assert_array_equal(np.isfinite(estimate.joints_camera_m).all(axis=(1, 2)), shown)
+    np.testing.assert_array_equal((estimate.confidence > 0).all(axis=1), shown)
     if model.input == "depth":
         for frame in (0, 39):
             cube = Cube(person_centre(depth[frame], CAMERA), model.half_size_m)
@@ -261,22 +234,3 @@ def test_a_single_frame_is_estimated_as_in_a_sequence_and_the_number_of_threads_
     assert used == [1, 1, 1, 2]
     for i in range(3):
         np.testing.assert_allclose(single[i].joints_camera_m[0], together.joints_camera_m[i], atol=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("depth", "message"),
-    [
-        (np.zeros((120, 160), np.float32), r"expected shape \(T, H, W\)"),
-        (np.zeros((1, 60, 160), np.float32), "expected the camera.s 160x120 pixels, got 160x60"),
-        (np.zeros((1, 120, 160), np.int32), "got int32"),
-        ([[0.0]], "expected a numpy array"),
-    ],
-)
-def test_the_estimator_refuses_other_types_and_shapes_of_depth(tmp_path, depth, message):
-    with pytest.raises(InputError, match=message):
-        NetworkEstimator(save(tmp_path)[0]).estimate(depth, CAMERA)
-
-
-def test_the_estimator_refuses_an_unknown_device(tmp_path):
-    with pytest.raises(InputError, match="device=tpu"):
-        NetworkEstimator(save(tmp_path)[0], device="tpu")

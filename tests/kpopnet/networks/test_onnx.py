@@ -71,8 +71,6 @@ def test_the_estimator_is_the_same_with_either(run):
     expected, found = one.estimate(depth_m, CAMERA), other.estimate(depth_m, CAMERA)
     np.testing.assert_allclose(found.joints_camera_m, expected.joints_camera_m, atol=1e-4)  # 0.1 mm
     np.testing.assert_allclose(found.confidence, expected.confidence, atol=1e-4)
-    single = other.estimate(depth_m[:1], CAMERA)
-    np.testing.assert_allclose(single.joints_camera_m[0], found.joints_camera_m[0], atol=1e-5)
 
 
 def test_the_file_describes_itself_and_not_the_machine(run, kind):
@@ -140,10 +138,6 @@ def redescribed(content, **change):
     onnx.helper.set_model_props(content, {"kpopnet": json.dumps(meta | change)})
 
 
-def rename_output(model):
-    model.graph.output[0].name = next(iter(model.graph.node[-1].output))
-
-
 def lead_out(model):
     weight = model.graph.initializer[0]
     weight.ClearField("raw_data")
@@ -158,10 +152,9 @@ def lead_out(model):
         (lambda model: model.ClearField("metadata_props"), "no entry kpopnet"),
         (lambda model: redescribed(model, format="pudding"), "found pudding"),
         (lambda model: redescribed(model, model={"kind": "dense", "crop_px": 64}), "values of the shapes"),
-        (rename_output, "pose.onnx"),
         (lead_out, "not an ONNX file, or a damaged one .*External data path"),
     ],
-    ids=["cut", "undescribed", "format", "size", "output", "external"],
+    ids=["cut", "undescribed", "format", "size", "external"],
 )
 def test_other_files_are_refused_in_one_line(run, tmp_path, change, message):
     content = (run / "pose.onnx").read_bytes()

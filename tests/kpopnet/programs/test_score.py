@@ -84,16 +84,6 @@ def test_a_faulty_recording_is_told_and_the_option_that_is_named_corrects_it(fil
     assert "warning" not in again and int(re.search(r"similarity (\d+)", again)[1]) >= 95
 
 
-def test_one_cause_is_told_once(files, run, tmp_path):
-    teacher, _, joints_m, _ = files
-    dance = corrected(Performance(joints_m, np.arange(len(joints_m)) / 30), "mirrored")
-    np.savez(tmp_path / "wrong.npz", joints_m=dance.joints_m, fps=30)
-    printed = run(teacher, tmp_path / "wrong.npz", "--out", tmp_path / "out")
-    assert printed.count("warning") == 1 and "mirror image" not in printed
-    page = (tmp_path / "out" / "score.html").read_text()
-    assert page.count("warning") == 1 and "mirror image" not in page
-
-
 def test_the_tempo_of_the_music_makes_phrases_and_an_estimators_noise_shows_the_ceiling(files, run, tmp_path, capsys):
     words = (*files[:2], "--out", tmp_path / "out")
     assert "0:00 to 0:06," in run(*words, "--bpm", 80) and "perfect dancing" not in run(*words)

@@ -1,9 +1,7 @@
 """The training loop learns, resumes bit for bit, stops before a non-finite update, and gives the same on several processes."""
 
-import json
 import math
 import os
-import re
 import subprocess
 import sys
 from contextlib import nullcontext
@@ -178,24 +176,17 @@ def test_a_loss_that_is_not_finite_stops_before_the_update(field):
     run = Run(SHORT, MODEL, 0, Processes(torch.device("cpu")))
     batch = first_batch()
     run.update(batch)
-    before = (
-        flatten(run.network.head.state_dict()),
-        flatten({name: optimiser.state_dict() for name, optimiser in run.optimisers.items()}),
-        flatten(run.average.state_dict()),
-    )
+
+    def trained() -> tuple[dict, dict, dict]:
+        optimisers = {name: optimiser.state_dict() for name, optimiser in run.optimisers.items()}
+        return flatten(dict(run.network.head.named_parameters())), flatten(optimisers), flatten(run.average.state_dict())
+
+    before = trained()
     bad = getattr(batch, field).clone()
     bad.view(-1)[5] = math.nan
     with pytest.raises(InputError, match=r"step 1: loss nan.*before the update.*training\.lr"):
         run.update(batch._replace(**{field: bad}))
-    after = (
-        flatten(run.network.head.state_dict()),
-        flatten({name: optimiser.state_dict() for name, optimiser in run.optimisers.items()}),
-        flatten(run.average.state_dict()),
-    )
-    assert [part == other for part, other in zip(before, after, strict=True)][1:] == [True, True]
-    weights = {name for name, _ in run.network.head.named_parameters()}
-    assert all(before[0][name] == after[0][name] for name in weights)
-    assert run.step == 1
+    assert trained() == before and run.step == 1
 
 
 def test_the_learning_rate_cycles_once():
@@ -225,8 +216,6 @@ def test_the_average_starts_with_a_small_decay():
     ("change", "message"),
     [
         (lambda state: state["optimiser"].pop("adamw"), "does not fit"),
-        (lambda state: state["optimiser"]["adamw"]["param_groups"].pop(), "does not fit"),
-        (lambda state: state.pop("best_cm"), "does not fit"),
         (lambda state: state["weights"].popitem(), "does not fit"),
         (lambda state: state.update(offset_sum_m=torch.zeros(7)), "does not fit"),
         (lambda state: state.update(step="6"), "step is '6', expected int"),
@@ -253,20 +242,10 @@ def test_resuming_refuses_a_finished_run_and_another_model(tmp_path):
         run_short(tmp_path, replace(SHORT, resume=str(tmp_path / "nowhere")))
 
 
-@pytest.mark.parametrize(
-    ("wrong", "named"),
-    [
-        ({"steps": 0}, "training.steps=0"),
-        ({"lr": -1.0}, "training.lr"),
-        ({"validate_every": 0}, "training.validate_every=0"),
-    ],
-)
-def test_invalid_settings_are_refused_by_name(wrong, named):
-    with pytest.raises(InputError, match=named):
-        TrainingConfig(**wrong)
-
-
-def test_an_unknown_device_is_refused_by_name():
+def test_invalid_settings_are_refused_by_name():
+    for wrong, named in (({"steps": 0}, "training.steps=0"), ({"lr": -1.0}, "training.lr")):
+        with pytest.raises(InputError, match=named):
+            TrainingConfig(**wrong)
     with pytest.raises(InputError, match="device=tpu"), join_processes("tpu"):
         pass
 
@@ -340,33 +319,6 @@ def test_two_processes_compute_the_gradient_of_one(tmp_path):
     torch.testing.assert_close(one_process, two_processes, rtol=1e-4, atol=1e-6)
     torch.testing.assert_close(of_parts, two_processes_training, rtol=1e-4, atol=1e-6)
     assert (of_the_batch - two_processes_training).norm() > 0.01 * of_the_batch.norm()
-
-
-def test_the_log_reports_speed_and_the_time_left(tmp_path, caplog):
-    caplog.set_level("INFO", logger=loop.__name__)
-    run_short(tmp_path)
-    lines = [record.getMessage() for record in caplog.records if record.getMessage().startswith("step ")]
-    assert [line.partition(":")[0] for line in lines] == [f"step {step} of 6" for step in (2, 4, 6)]
-    assert all(re.search(r"mean error .* samples/s, about \d\d:\d\d left$", line) for line in lines)
-
-
-def test_only_rank_0_writes(tmp_path):
-    script = tmp_path / "short.py"
-    script.write_text(
-        "import os\n"
-        "from pathlib import Path\n"
-        "from capsule_people import CapsulePeople\n"
-        "from kpopnet.networks import ModelConfig\n"
-        "from kpopnet.training.loop import RunConfig, TrainingConfig, train\n"
-        "model = ModelConfig(crop_px=32, widths=[8, 8, 16, 16])\n"
-        "training = TrainingConfig(steps=4, batch_size=8, validate_every=2, validation_samples=8)\n"
-        "config = RunConfig(model, training, device='cpu', workers=0, threads=1)\n"
-        "out = Path('rank' + os.environ['RANK'])\n"
-        "train(config, CapsulePeople(20), CapsulePeople(8), out)\n"
-    )
-    torchrun(2, script, cwd=tmp_path)
-    assert not (tmp_path / "rank1").exists()
-    assert json.loads((tmp_path / "rank0" / "last" / "meta.json").read_text())["step"] == 4
 
 
 def test_a_batch_that_cannot_be_divided_evenly_is_refused(tmp_path, monkeypatch):

@@ -10,7 +10,7 @@ from PIL import Image
 
 from kpopnet.skeleton import Joint
 from kpopnet.viz.drawing import ESTIMATED
-from kpopnet.viz.overlay import overlay_image, overlay_sheet, resized, save_gif, write_video
+from kpopnet.viz.overlay import overlay_image, resized, save_gif, write_video
 
 
 def pictures(count=6):
@@ -70,9 +70,3 @@ def test_a_gif_shows_every_frame_for_its_time(tmp_path):
         assert (gif.n_frames, gif.size, gif.info["duration"], gif.info["loop"]) == (6, (320, 240), 100, 0)
         gif.seek(4)
         assert np.abs(np.asarray(gif.convert("RGB"), float) - resized(images[4], 320)).mean() < 6
-
-
-def test_a_sheet_holds_all_tiles(tmp_path):
-    _, images = pictures(5)
-    sheet = overlay_sheet([(f"image {number}", image) for number, image in enumerate(images)], "five")
-    assert sheet.shape[1] == 4 * (320 + 6) + 6 and sheet.shape[0] > 2 * 240

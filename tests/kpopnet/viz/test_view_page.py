@@ -136,16 +136,3 @@ def test_a_cloud_is_denser_on_people_and_bounded():
     on_person = (cloud.points_camera_m[:, 2] < 5).mean()
     assert on_person > 3 * (person_m > 0).mean() and (cloud.points_camera_m[:, 2] > 5).any()
     assert len(sampled_cloud(0, np.zeros_like(depth_m), CAMERA, [], 1).points_camera_m) == 0
-
-
-def test_a_reference_is_thin_and_has_a_legend():
-    times_s, (person,), clouds = recording()
-    page = view_page("a", CAMERA, times_s, [person, person._replace(label="true joints", reference=True)], clouds)
-    drawn = run(
-        page,
-        'elements.points.checked = false; calls.arc = []; key("Home");'
-        "console.log(JSON.stringify([calls.arc.map(one => one[2]), elements.reference.hidden]))",
-    )
-    radii, hidden = drawn
-    assert len(radii) == 30 and hidden is False
-    assert radii[15:] == pytest.approx([0.4 * radius for radius in radii[:15]])
