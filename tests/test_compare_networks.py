@@ -5,7 +5,6 @@ import pytest
 from pose_results import results_of_errors
 from programs import tool
 
-from kpopnet.errors import InputError
 from kpopnet.evaluation.poses.metrics import PoseResults
 from kpopnet.skeleton import JOINT_GROUPS
 
@@ -52,9 +51,3 @@ def test_a_joint_that_one_network_misses_is_a_miss_and_in_no_mean(four_networks)
     found = compare_networks.compare(networks, {"depth": ["d0"], "ridge": ["r0"]}, ["ridge-depth"])
     assert found["ridge"]["head"]["within_10cm"]["value"] == 0
     assert found["ridge-depth"]["head"]["mean_cm"]["value"] is None
-
-
-@pytest.mark.parametrize("pair", ["ridge", "ridge-flow", "ridge-depth-depth", "ridge+depth-depth"])
-def test_pairs_that_cannot_be_compared_are_named_at_once(pair: str) -> None:
-    with pytest.raises(InputError, match="--pair"):
-        compare_networks.check_pairs([pair], WAYS)

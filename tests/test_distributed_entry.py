@@ -9,14 +9,13 @@ from pathlib import Path
 
 import pytest
 from factories import write_shard
-from programs import ROOT
+from programs import ROOT, run_program, torchrun
 
 SETTINGS = (
     "data.train=train", "data.validation=validation", "model.crop_px=32", "model.widths=[8,8,16,16]", "training.steps=60",
     "training.batch_size=4", "training.validate_every=10", "training.validation_samples=4", "workers=0", "threads=1",
     "device=cpu",
 )  # fmt: skip
-ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1"}
 
 
 @pytest.fixture(scope="module")
@@ -27,34 +26,25 @@ def place(tmp_path_factory) -> Path:
     return folder
 
 
-def torchrun(processes: int, *settings: str) -> list[str]:
-    launcher = ["-m", "torch.distributed.run", "--standalone", f"--nproc-per-node={processes}"]
-    return [sys.executable, *launcher, str(ROOT / "train.py"), *settings]
-
-
-def complete(place: Path, processes: int, *settings: str) -> None:
-    done = subprocess.run(torchrun(processes, *settings), cwd=place, env=ENVIRONMENT, capture_output=True, text=True)
+def complete(place: Path, *settings: str) -> None:
+    done = run_program("train.py", place, *settings, processes=2)
     assert done.returncode == 0, done.stderr
-
-
-def children(parent: int) -> list[int]:
-    """Processes whose parent is `parent`."""
-    return [int(pid) for pid in Path(f"/proc/{parent}/task/{parent}/children").read_text().split()]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks for processes in /proc")
 def test_a_killed_process_ends_the_others_and_the_run_resumes_to_the_same_weights(place):
-    complete(place, 2, *SETTINGS, "hydra.run.dir=whole")
+    complete(place, *SETTINGS, "hydra.run.dir=whole")
 
     with subprocess.Popen(
-        torchrun(2, *SETTINGS, "hydra.run.dir=killed"), cwd=place, env=ENVIRONMENT,
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        [*torchrun(2), str(ROOT / "train.py"), *SETTINGS, "hydra.run.dir=killed"], cwd=place,
+        env=os.environ | {"OMP_NUM_THREADS": "1"}, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     ) as launcher:  # fmt: skip
         deadline = time.monotonic() + 120
         while not (place / "killed" / "last").exists():
             assert launcher.poll() is None and time.monotonic() < deadline
             time.sleep(0.02)
-        ranks = children(launcher.pid)
+        children = Path(f"/proc/{launcher.pid}/task/{launcher.pid}/children").read_text()
+        ranks = [int(rank) for rank in children.split()]
         os.kill(ranks[-1], signal.SIGKILL)
         assert launcher.wait(timeout=60) != 0
     deadline = time.monotonic() + 5
@@ -62,7 +52,7 @@ def test_a_killed_process_ends_the_others_and_the_run_resumes_to_the_same_weight
         time.sleep(0.05)
     assert not any(Path(f"/proc/{rank}").exists() for rank in ranks)
 
-    complete(place, 2, "training.resume=killed/last")
+    complete(place, "training.resume=killed/last")
     weights = [(place / run / "last" / "model.safetensors").read_bytes() for run in ("whole", "killed")]
     assert weights[0] == weights[1]
     assert (place / "whole" / "train.log").read_text().count("step 60 of 60") == 1  # the first process alone writes

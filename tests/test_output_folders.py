@@ -47,7 +47,7 @@ def run(*words: str, most_kb: int | None = None) -> tuple[int, str]:
 def refusal(*words: str, most_kb: int | None = None) -> str:
     """The one line with which a program ends, checked to be one."""
     code, errors = run(*words, most_kb=most_kb)
-    lines = [line for line in errors.replace("\r", "\n").splitlines() if line.strip() and "sample/s]" not in line]
+    lines = [line for line in errors.replace("\r", "\n").splitlines() if line.strip() and "/40 [" not in line]  # no progress
     assert code == 1 and lines[-1].startswith("error: ") and "Traceback" not in errors, errors
     assert len(lines) == 1 or all("compiling" in line or "kernel" in line for line in lines[:-1]), errors
     return lines[-1]
@@ -119,17 +119,10 @@ def test_a_folder_that_cannot_be_made_is_one_line(tmp_path, data):
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ((*TRAIN, "+foo=1"), "+foo: there is no such setting"),
-        ((*TRAIN, f"seed={2**64}"), f"seed={2**64} must be 0 or more, at most"),
-        ((*SYNTH, "splits.train=4", "view.aim_m=[nan,1]"), "view.aim_m=[nan, 1.0]"),
-    ],
-    ids=lambda value: value[-1] if isinstance(value, tuple) else "",
+    ("setting", "message"), [("+foo=1", "+foo: there is no such setting"), (f"seed={2**64}", "must be 0 or more, at most")]
 )
-def test_settings_that_cannot_work_are_refused_before_the_work(tmp_path, words, message):
-    out = "out" if "synth" in words else "hydra.run.dir"
-    assert message in refusal(*words, f"{out}={tmp_path / 'out'}")
+def test_settings_that_cannot_work_are_refused_before_the_work(tmp_path, setting, message):
+    assert message in refusal(*TRAIN, setting, f"hydra.run.dir={tmp_path / 'out'}")
 
 
 PAUSE_AT_IMPORT = """

@@ -87,21 +87,15 @@ def _import_exporter() -> ModuleType:
 
 def _traced(network: PoseNetwork, crops: Tensor) -> Any:
     """The network as onnx.ModelProto, for any number of crops."""
-    log = logging.getLogger("torch.onnx")
-    level = log.level
-    log.setLevel(logging.ERROR)  # it warns of torchvision, which is not needed
-    try:
-        with warnings.catch_warnings(action="ignore"):  # torch's exporter warns of its own code
-            program = torch.onnx.export(
-                JointsAndConfidence(network).eval(),
-                (crops,),
-                dynamo=True,
-                verbose=False,
-                opset_version=OPSET,
-                input_names=[INPUT],
-                output_names=list(OUTPUTS),
-                dynamic_shapes=({0: torch.export.Dim("batch")},),
-            )
-    finally:
-        log.setLevel(level)
-    return program.model_proto
+    logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it warns of torchvision, which is not needed
+    with warnings.catch_warnings(action="ignore"):  # torch's exporter warns of its own code
+        return torch.onnx.export(
+            JointsAndConfidence(network).eval(),
+            (crops,),
+            dynamo=True,
+            verbose=False,
+            opset_version=OPSET,
+            input_names=[INPUT],
+            output_names=list(OUTPUTS),
+            dynamic_shapes=({0: torch.export.Dim("batch")},),
+        ).model_proto

@@ -83,13 +83,15 @@ class ObservationConfig:
         if self.workers < 0:
             raise InputError(f"workers={self.workers} must be 0 or more")
 
-    def sets(self) -> dict[str, ShardedSet]:
-        """Opens both sets of shards; raises InputError if a folder holds none."""
+    def observed(self) -> tuple[Observer, Observer, dict[str, dict]]:
+        """Observations of both sets of shards, and what identifies the sets; raises InputError if a folder holds none."""
         log.info(f"reading {self.data.train} and {self.data.validation}")
-        return {"train": ShardedSet(self.data.train), "validation": ShardedSet(self.data.validation)}
-
-    def observer(self, shards: ShardedSet) -> Observer:
-        return Observer(shards, self.sensor, self.extraction, self.seed, self.other_sensors)
+        sets = {name: ShardedSet(folder) for name, folder in asdict(self.data).items()}
+        train_set, validation_set = (
+            Observer(shards, self.sensor, self.extraction, self.seed, self.other_sensors) for shards in sets.values()
+        )
+        known = {name: {"hash": shards.header.config_hash, "samples": len(shards)} for name, shards in sets.items()}
+        return train_set, validation_set, known
 
 
 @dataclass
@@ -121,11 +123,6 @@ class TrainingFolder(OutputFolder):
         refuse_other_run(folder, config.training.resume)
 
 
-def describe_sets(sets: dict[str, ShardedSet]) -> dict[str, dict]:
-    """What identifies a set of samples."""
-    return {name: {"hash": shards.header.config_hash, "samples": len(shards)} for name, shards in sets.items()}
-
-
 def model_to_start_from(config: NetworkTrainingConfig) -> ModelConfig:
     """The model of the checkpoint `training.start`, whose weights fit it, with what the command line says otherwise."""
     given = {
@@ -141,19 +138,17 @@ def run_network_training(config: NetworkTrainingConfig) -> None:
         config = resumed_config(config, saved, may_change=("training.resume", "data.", "device", "workers", "threads"))
     elif config.training.start is not None:
         config.model = model_to_start_from(config)
-    sets = config.sets()
-    source, validation = (config.observer(shards) for shards in sets.values())
-    train(config, source, validation, Path(HydraConfig.get().runtime.output_dir), describe_sets(sets))
+    source, validation, data = config.observed()
+    train(config, source, validation, Path(HydraConfig.get().runtime.output_dir), data)
 
 
 def run_tree_walk_training(config: TreeWalkTrainingConfig) -> None:
-    sets = config.sets()
-    source, validation = (config.observer(shards) for shards in sets.values())
+    source, validation, data = config.observed()
     with locked(config.out):  # another folder than Hydra's, if both are given
         model, metrics = train_tree_walk(
             config.tree_walk, source, validation, config.seed, bounded_processes(config.workers, "workers")
         )
-        model.save(Path(config.out), {"config": asdict(config), "data": describe_sets(sets), "metrics": metrics})
+        model.save(Path(config.out), {"config": asdict(config), "data": data, "metrics": metrics})
     log.info(
         f"{config.out}: mean error {metrics['mean_error_cm']:.2f} cm, {100 * metrics['within_10cm']:.1f} % within 10 cm "
         "on validation people"

@@ -10,14 +10,21 @@ from types import ModuleType
 ROOT = Path(__file__).parents[2]
 
 
-def run_program(script: str, place: Path, *overrides: str, launcher: tuple[str, ...] = ()) -> subprocess.CompletedProcess:
-    """Runs a script of the repository in the folder `place`, by python or what is launched by it."""
+def torchrun(processes: int) -> list[str]:
+    """What starts a script in several processes."""
+    return [sys.executable, "-m", "torch.distributed.run", "--standalone", f"--nproc-per-node={processes}"]
+
+
+def run_program(script: str | Path, place: Path, *words: object, processes: int = 0) -> subprocess.CompletedProcess:
+    """Runs a script, by default of the repository, in the folder `place`; it can import the tests' helpers."""
+    started = torchrun(processes) if processes else [sys.executable]
+    path = os.pathsep.join((str(ROOT), str(ROOT / "tests" / "helpers")))
     return subprocess.run(
-        [sys.executable, *launcher, str(ROOT / script), *overrides],
+        [*started, str(ROOT / script), *map(str, words)],
         cwd=place,
         capture_output=True,
         text=True,
-        env=os.environ | {"OMP_NUM_THREADS": "1"},
+        env=os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": path},
     )
 
 

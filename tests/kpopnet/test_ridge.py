@@ -5,14 +5,12 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from real_data import UTD_MHAD
 
 from kpopnet import ridge
 from kpopnet.errors import InputError
 from kpopnet.ridge import RidgeConfig, ridge_data, ridge_probability, ridge_stages
 
 CONFIG = RidgeConfig()
-REAL = UTD_MHAD / "Depth"
 
 
 def reference_edges(depth, threshold):
@@ -197,15 +195,3 @@ def test_nan_counts_as_not_measured_and_views_are_accepted():
 def test_invalid_parameters_are_refused_with_their_setting(field):
     with pytest.raises(InputError, match=f"ridge.{field}"):
         RidgeConfig(**{field: -0.1})
-
-
-@pytest.mark.skipif(not REAL.is_dir(), reason="the real depth data is not available")
-def test_real_people_have_lines_along_their_legs():
-    from scipy.io import loadmat
-
-    depth = loadmat(REAL / "a1_s1_t1_depth.mat")["d_depth"][:, :, 20].astype(np.float32) / 1000
-    rows = depth.any(1).nonzero()[0]
-    shins = slice(rows[-1] - 45, rows[-1] - 20)
-    share = {eps: ridge_data(depth, RidgeConfig(epsilon_r=eps))[shins].any(1).mean() for eps in (0.3, CONFIG.epsilon_r)}
-    assert share[CONFIG.epsilon_r] > 0.9
-    assert share[0.3] < 0.2

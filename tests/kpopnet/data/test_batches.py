@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from capsule_people import CapsulePeople
 
-from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, ShuffledOrder, batch_loader, occlude
+from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, ShuffledOrder, occlude
 from kpopnet.data.cube import Cube, person_centre
 from kpopnet.errors import InputError
 from kpopnet.networks import ModelConfig
@@ -62,14 +62,6 @@ def test_every_epoch_augments_every_sample_differently():
     )
     assert first.keys() == second.keys() == set(range(40))
     assert not any(np.array_equal(first[index], second[index]) for index in first)
-
-
-@pytest.mark.parametrize("workers", [0, 2])
-def test_workers_make_the_same_batches_in_order(workers):
-    data = batches(augment=AugmentConfig())
-    loaded = list(batch_loader(data, 2, 6, workers))
-    assert len(loaded) == 4
-    assert all(same(batch, data[step]) for step, batch in zip(range(2, 6), loaded, strict=True))
 
 
 def test_plain_crops_and_targets():

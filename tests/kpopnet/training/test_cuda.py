@@ -1,8 +1,5 @@
 """Tests that need a GPU: bfloat16 in the encoder, NCCL, batch normalisation over the whole batch."""
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 from capsule_people import CapsulePeople
-from programs import ROOT
+from programs import run_program
 
 from kpopnet.data.batches import AugmentConfig, CropBatches, ShuffledOrder
 from kpopnet.networks import ModelConfig
@@ -113,11 +110,7 @@ def a_step(folder: Path, processes: int, how: str) -> tuple[torch.Tensor, torch.
     """The gradient and the running statistics after one step with this number of processes."""
     script, out = folder / "step.py", folder / f"{processes}_{how}.pt"
     script.write_text(STEP)
-    command = [sys.executable, "-m", "torch.distributed.run", "--standalone", f"--nproc-per-node={processes}", str(script)]
-    path = os.pathsep.join((str(ROOT), str(ROOT / "tests" / "helpers")))
-    done = subprocess.run(
-        [*command, str(out), how], cwd=folder, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True
-    )
+    done = run_program(script, folder, out, how, processes=processes)
     assert done.returncode == 0, done.stderr
     return torch.load(out, weights_only=True)
 

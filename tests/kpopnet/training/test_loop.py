@@ -1,9 +1,6 @@
 """The training loop learns, resumes bit for bit, stops before a non-finite update, and gives the same on several processes."""
 
 import math
-import os
-import subprocess
-import sys
 from contextlib import nullcontext
 from dataclasses import replace
 
@@ -12,7 +9,7 @@ import pytest
 import torch
 from capsule_people import CapsulePeople
 from checkpoint_contents import contents, flatten
-from programs import ROOT
+from programs import run_program
 from safetensors.torch import load_file
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
@@ -289,18 +286,6 @@ with join_processes("cpu") as processes:
 """
 
 
-def torchrun(processes, script, *arguments, cwd):
-    command = [sys.executable, "-m", "torch.distributed.run", "--standalone", f"--nproc-per-node={processes}"]
-    environment = {
-        **os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "tests" / "helpers"))), "OMP_NUM_THREADS": "1",
-        "PYTHONWARNINGS": "default", "PYTHONFAULTHANDLER": "1",
-    }  # fmt: skip
-    done = subprocess.run(
-        [*command, str(script), *map(str, arguments)], cwd=cwd, env=environment, capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
-
-
 def test_two_processes_compute_the_gradient_of_one(tmp_path):
     """Gradients of two CPU processes, with and without running statistics in batch normalisation.
 
@@ -312,7 +297,8 @@ def test_two_processes_compute_the_gradient_of_one(tmp_path):
     script.write_text(GRADIENTS)
     found = []
     for processes in (1, 2):
-        torchrun(processes, script, tmp_path / f"{processes}.pt", cwd=tmp_path)
+        done = run_program(script, tmp_path, f"{processes}.pt", processes=processes)
+        assert done.returncode == 0, done.stderr
         found.append(torch.load(tmp_path / f"{processes}.pt", weights_only=True))
     (one_process, of_parts, of_the_batch), (two_processes, two_processes_training) = found
     assert min(one_process.norm(), of_parts.norm()) > 0.01
