@@ -27,6 +27,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numba import njit
 
@@ -130,39 +131,14 @@ def _ratio_in_box(depth_m: np.ndarray, config: RidgeConfig) -> tuple[tuple[slice
             f"ridge: expected one (H, W) depth image of floating-point metres, found {found}; "
             "kpopnet.camera.depth_in_metres converts millimetres"
         )
-    height, width = depth_m.shape
-    y0, y1, x0, x1 = _measured_bounds(depth_m)
-    box = slice(max(y0 - 2, 0), min(y1 + 2, height)), slice(max(x0 - 2, 0), min(x1 + 2, width))
+    x0, y0, width, height = cv2.boundingRect((depth_m > 0).view(np.uint8))
+    box = slice(max(y0 - 2, 0), y0 + height + 2), slice(max(x0 - 2, 0), x0 + width + 2)
     depth = np.ascontiguousarray(depth_m[box], dtype=np.float32)
     squared, largest = _squared_distances(depth, np.float32(config.edge_threshold_m))
     if largest in (0, NO_EDGE):
         return box, squared, np.ones(depth.shape, np.float32)
     max_radius_px = max(32, 1 << math.isqrt(largest).bit_length())
     return box, squared, _circle_ratios(squared, largest, *_circles(max_radius_px))
-
-
-@njit(cache=True)
-def _measured_bounds(depth):
-    """y0, y1, x0, x1 of the measured pixels, y1 and x1 exclusive; all 0 if there are none."""
-    height, width = depth.shape
-    y0, y1, columns = height, 0, np.zeros(width, np.bool_)
-    for y in range(height):
-        row = depth[y]
-        measured = False
-        for x in range(width):
-            measured |= row[x] > 0
-        if measured:
-            y0, y1 = min(y0, y), y + 1
-            for x in range(width):
-                columns[x] |= row[x] > 0
-    if not y1:
-        return 0, 0, 0, 0
-    x0, x1 = 0, width
-    while not columns[x0]:
-        x0 += 1
-    while not columns[x1 - 1]:
-        x1 -= 1
-    return y0, y1, x0, x1
 
 
 @njit(cache=True)

@@ -91,35 +91,19 @@ def person_centre(depth_m: np.ndarray, camera: Camera) -> np.ndarray | None:
         InputError: the (H, W) depth is not of the camera's size.
     """
     check_images("depth image", camera, depth_m)
-    points = silhouette_points(depth_m, camera.fx, camera.fy, camera.cx, camera.cy)
-    if points.shape[1] < MIN_SILHOUETTE_PX:
+    measured = np.flatnonzero(depth_m > 0)
+    if len(measured) < MIN_SILHOUETTE_PX:
         return None
-    return np.median(points, axis=1).astype(np.float32)
+    rows, columns = np.divmod(measured[:: max(1, len(measured) // MEDIAN_POINTS)], camera.width)
+    z = depth_m[rows, columns]
+    points = np.stack([(columns - camera.cx) * z / camera.fx, (rows - camera.cy) * z / camera.fy, z])
+    return np.median(points.astype(np.float32), axis=1)
 
 
 def person_cubes(depth_m: np.ndarray, camera: Camera, half_size_m: float) -> dict[int, Cube]:
     """The cube around the person, by frame index, for the (T, H, W) depth frames in metres that show a person."""
     centres_m = ((frame, person_centre(image, camera)) for frame, image in enumerate(depth_m))
     return {frame: Cube(centre_m, half_size_m) for frame, centre_m in centres_m if centre_m is not None}
-
-
-@njit(cache=True)
-def silhouette_points(depth_m, fx, fy, cx, cy):
-    """(3, N) X, Y, Z in metres of the measured pixels; of every n-th if there are at least twice MEDIAN_POINTS."""
-    every = max(1, np.count_nonzero(depth_m) // MEDIAN_POINTS)
-    points = np.empty((3, depth_m.size // every + 1), np.float32)
-    measured = kept = 0
-    for row in range(depth_m.shape[0]):
-        for column in range(depth_m.shape[1]):
-            z = depth_m[row, column]
-            if z > 0:
-                if measured % every == 0:
-                    points[0, kept] = (column - cx) * z / fx
-                    points[1, kept] = (row - cy) * z / fy
-                    points[2, kept] = z
-                    kept += 1
-                measured += 1
-    return points[:, :kept].copy()
 
 
 def crop(
