@@ -1,8 +1,7 @@
 """tools/fit_confidence.py: the weights of the confidence are fitted by maximum likelihood to labelled joints."""
 
 import numpy as np
-from cone_people import cone_body, cone_joints, draw_cones
-from fitted_people import moved
+from cone_people import cone_body, cone_joints, draw_cones, moved
 from programs import tool
 
 from kpopnet.camera import CAMERAS

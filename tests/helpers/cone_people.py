@@ -1,17 +1,25 @@
 """People of round cones: the bodies that the tracker fits, rendered independently of it."""
 
 import numpy as np
+import pytest
 from spheres import draw_spheres, row
 from y_people import y_joints
 
-from kpopnet.camera import Camera
+from kpopnet.camera import CAMERAS, Camera
 from kpopnet.geometry.body import PARTS, Body, body_from_model, neck_fraction
 from kpopnet.geometry.cones import extend_joints
+from kpopnet.geometry.depth_grid import DepthGrid, build_depth_grid
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.skeleton import Joint
 
+CAMERA = CAMERAS["kinect_v1"]
 SPHERES = 24
 PLACE_M = (0.0, 0.15, 3.2)
+POSES = {
+    "y": {},
+    "arms down": {"elevation_deg": -50, "abduction_deg": 8, "yaw_deg": 20},
+    "elbows bent": {"elevation_deg": 10, "elbow_deg": 70, "yaw_deg": -15},
+}
 
 
 def cone_joints(*args, place_m: tuple[float, float, float] = PLACE_M, **kwargs) -> np.ndarray:
@@ -32,3 +40,24 @@ def draw_cones(joints_camera_m: np.ndarray, body: Body, camera: Camera) -> np.nd
     rows = extend_joints(np.asarray(joints_camera_m, np.float64), body.trunk_offsets_m)
     parts = zip(PARTS, body.radii_m, strict=True)
     return draw_spheres((ball for (a, b), radii in parts for ball in row(rows[a], rows[b], *radii, SPHERES)), camera)
+
+
+def seen(joints: np.ndarray) -> tuple[Body, DepthGrid]:
+    """The body of a person with these joints, and the grid over its depth image."""
+    body = cone_body(joints)
+    return body, build_depth_grid(draw_cones(joints, body, CAMERA), CAMERA)
+
+
+@pytest.fixture(scope="module", params=POSES)
+def person(request):
+    """A person of round cones: true joints, body, depth grid."""
+    joints = cone_joints(**POSES[request.param])
+    return joints, *seen(joints)
+
+
+def moved(joints: np.ndarray, seed: int, least_m: float = 0.03, most_m: float = 0.05) -> np.ndarray:
+    """Displaces every joint in a random direction by a distance in the given range."""
+    rng = np.random.default_rng(seed)
+    direction = rng.normal(size=joints.shape)
+    distances_m = rng.uniform(least_m, most_m, (len(joints), 1))
+    return joints + direction / np.linalg.norm(direction, axis=1, keepdims=True) * distances_m

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from cone_people import cone_joints
-from fitted_people import moved, person  # noqa: F401
+from cone_people import cone_joints, moved, person  # noqa: F401
 
 from kpopnet.geometry.body import (
     LEFT_FINGERS,

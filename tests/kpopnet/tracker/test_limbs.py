@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from cone_people import cone_joints
-from seen_people import seen
+from cone_people import cone_joints, seen
 
 from kpopnet.geometry.body import LIMBS
 from kpopnet.skeleton import MIRROR, Joint

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from cone_people import cone_body, cone_joints
-from fitted_people import moved, person  # noqa: F401
+from cone_people import cone_body, cone_joints, moved, person  # noqa: F401
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from cone_people import cone_body, cone_joints, draw_cones
-from fitted_people import moved
+from cone_people import cone_body, cone_joints, draw_cones, moved
 
 from kpopnet.camera import CAMERAS
 from kpopnet.estimator import Estimate

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from cone_people import cone_joints
-from seen_people import CAMERA, seen
+from cone_people import CAMERA, cone_joints, seen
 
 from kpopnet.geometry.body import LIMBS
 from kpopnet.geometry.depth_grid import UNREACHABLE_M, build_depth_grid, geodesic_distances
