@@ -1,33 +1,22 @@
 """A network as if it came with the package."""
 
-import importlib.util
+import runpy
 import shutil
-import sys
 from pathlib import Path
 
 import pytest
-from programs import ROOT
+from programs import tool
 
 import kpopnet.weights
 
-sys.path.insert(0, str(ROOT / "tools"))
-import ship_weights as tool
+ship_weights = tool("ship_weights")
 
 
 def ship(checkpoint: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Writes a checkpoint into a folder as tools/ship_weights.py does, and lets the package take it for its own."""
     folder.mkdir()
-    shutil.copy(kpopnet.weights.__file__, folder)
-    tool.ship(checkpoint, folder)
+    module = Path(shutil.copy(kpopnet.weights.__file__, folder))
+    ship_weights.ship(checkpoint, folder)
     monkeypatch.setattr(kpopnet.weights, "FOLDER", folder)
-    monkeypatch.setattr(kpopnet.weights, "SHA256", digests(folder))
+    monkeypatch.setattr(kpopnet.weights, "SHA256", runpy.run_path(str(module))["SHA256"])
     return folder
-
-
-def digests(folder: Path) -> dict[str, str]:
-    """What the `__init__.py` of such a folder says."""
-    spec = importlib.util.spec_from_file_location("shipped", folder / "__init__.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    assert folder == module.FOLDER
-    return module.SHA256

@@ -8,7 +8,7 @@ import torch
 from capsule_people import CAMERA, draw_depth, draw_joints
 from safetensors.torch import load_file
 from shard_sets import write_shard
-from shipped_weights import ship, tool
+from shipped_weights import ship, ship_weights
 
 import kpopnet.weights
 from kpopnet.errors import InputError
@@ -89,9 +89,9 @@ def test_what_cannot_be_shipped_is_refused(tmp_path, shipped):
     with torch.no_grad():
         wide.head.maps.weight[3] = 1e5
     with pytest.raises(InputError, match=r"head\.maps\.weight does not fit into float16"):
-        tool.ship(save(tmp_path / "wide", wide), shipped)
+        ship_weights.ship(save(tmp_path / "wide", wide), shipped)
     with pytest.raises(InputError, match="looks like a path"):
-        tool.ship(save(tmp_path / "path", metrics={"page": "/home/me/report.html"}), shipped)
+        ship_weights.ship(save(tmp_path / "path", metrics={"page": "/home/me/report.html"}), shipped)
     NetworkEstimator()  # what was there is as it was
 
 
@@ -101,5 +101,5 @@ def test_the_tool_tells_how_far_two_networks_are_apart(tmp_path, shipped):
     with torch.no_grad():
         moved.head.maps.bias[30] += 0.1 / MODEL.half_size_m  # the depth of the first joint
     one, other = NetworkEstimator(tmp_path / "run/best"), NetworkEstimator(save(tmp_path / "moved", moved))
-    assert tool.changes_mm(one, one, tmp_path / "set", 3).max() == 0
-    assert 99 < tool.changes_mm(one, other, tmp_path / "set", 3).max() < 130  # u and v are in perspective: sideways too
+    assert ship_weights.changes_mm(one, one, tmp_path / "set", 3).max() == 0
+    assert 99 < ship_weights.changes_mm(one, other, tmp_path / "set", 3).max() < 130  # u and v are in perspective: sideways too
