@@ -3,7 +3,7 @@
     python examples/new_move.py dance.png --joints dance.npz
 
 Change `NEW_MOVE`. `synth/motion/choreography/moves.py` describes the language; the moves that dances are composed of stand in
-`synth/motion/choreography/vocabulary/`.
+`synth/motion/choreography/vocabulary.py`.
 """
 
 import argparse

@@ -77,10 +77,7 @@ class Capsules:
         return radius, np.maximum((length - radius) / 2, 0.005), centre, np.einsum("cij,cj->ci", to_bone, axis)
 
     def may_touch(self, asset: BodyAsset) -> np.ndarray:
-        """(C, C) bool: the pairs of capsules that may overlap.
-
-        These are body parts with at most two joints between them, and parts that are in contact in ordinary poses.
-        """
+        """(C, C) bool: pairs with at most two joints between them, and pairs that are in contact in ordinary poses."""
         parents = asset.bone_parents
         may = np.array([[_joints_between(a, b, parents) <= 2 for b in self.bones] for a in self.bones])
 

@@ -15,7 +15,7 @@ import numpy as np
 from kpopnet.errors import InputError, check_between, check_seed
 from synth.motion.choreography.composer import Choreography
 from synth.motion.poses.families import ProceduralPoses
-from synth.motion.recorded.clips import open_clips
+from synth.motion.recorded import open_clips
 from synth.motion.skeleton import Poses
 
 __all__ = ["SPLITS", "MixedPoses", "MotionConfig", "MotionSource", "Poses", "build_motion"]
@@ -59,15 +59,12 @@ class MotionConfig:
         if self.source not in _SOURCES:
             raise InputError(f"motion.source={self.source} is not one of {', '.join(_SOURCES)}")
         if self.source == "clips" and self.path is None:
-            raise InputError(
-                "motion.source=clips needs motion.path=<motion pack or BVH files>; motion=choreography needs no data"
-            )
-        if self.fps is not None and not 1 <= self.fps <= 1000:
-            raise InputError(f"motion.fps={self.fps} is not a frame rate; leave it out or choose 1 to 1000")
+            raise InputError("motion.source=clips needs motion.path=PACK_OR_BVH_FILES; motion=choreography needs no data")
+        if self.fps is not None:
+            check_between("motion.fps", self.fps, 1, 1000)
         check_seed("motion.seed", self.seed)
         check_between("motion.dances", self.dances, 1, 1e6)
-        if not 1 <= self.seconds <= 3600:
-            raise InputError(f"motion.seconds={self.seconds}: a dance lasts at least a second, at most an hour")
+        check_between("motion.seconds", self.seconds, 1, 3600)
         if self.source == "mix":
             known, weights = set(_SOURCES) - {"mix"}, self.weights.values()
             if not (set(self.weights) <= known and all(0 <= one < math.inf for one in weights) and 0 < sum(weights) < math.inf):
@@ -101,9 +98,8 @@ class MixedPoses:
 
 
 def _choreography(config: MotionConfig, split: str) -> MotionSource:
-    # Every split has its own seeds.
-    seed = len(SPLITS) * config.seed + SPLITS.index(split)
-    return Choreography(config.dances, seed, config.seconds, config.fps or 30.0)
+    own_seed = len(SPLITS) * config.seed + SPLITS.index(split)
+    return Choreography(config.dances, own_seed, config.seconds, config.fps or 30.0)
 
 
 def _mix(config: MotionConfig, split: str) -> MotionSource:
@@ -124,10 +120,7 @@ def build_motion(config: MotionConfig, split: str) -> MotionSource:
 
     Clips and choreography also give whole sequences: len(source) of them, by source.motion(index). Motion packs are split by
     their index, so that no subject is in two splits; a folder of BVH files is split by file, if it holds enough files;
-    dances are split by their seeds. Procedural poses are drawn freshly each time and have no split.
-
-    Raises:
-        InputError: an unknown split, or recordings that cannot be read.
+    dances are split by their seeds. Procedural poses have no split. Raises InputError if recordings cannot be read.
     """
     if split not in SPLITS:
         raise InputError(f"split={split} is not one of {', '.join(SPLITS)}")

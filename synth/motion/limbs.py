@@ -3,7 +3,7 @@
 Each function takes a random generator and returns the angles, in degrees, that differ from standing.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 Angles = dict[str, float]
 Item = TypeVar("Item")
 SIDES = ("left", "right")
+OTHER_SIDE = {"left": "right", "right": "left"}
 
 REACHES = {  # place: raise, plane, twist and elbow that bring the mean adult's hand there
     "head_top": (130, 5, 92, 132),
@@ -30,12 +31,10 @@ REACHES = {  # place: raise, plane, twist and elbow that bring the mean adult's 
 
 
 def uniform(generator: np.random.Generator, lowest: float, highest: float) -> float:
-    """A uniform random number."""
     return lowest + (highest - lowest) * generator.random()
 
 
 def choose(generator: np.random.Generator, items: Sequence[Item]) -> Item:
-    """A uniformly random item."""
     return items[int(generator.random() * len(items))]
 
 
@@ -49,13 +48,25 @@ def drawn(generator: np.random.Generator, side: str, **angles: float | tuple[flo
     return limb(side, **{name: uniform(generator, *one) if isinstance(one, tuple) else one for name, one in angles.items()})
 
 
+def mirrored(shape: Mapping[str, float]) -> Angles:
+    """Angles, or channels of a dance move's shape, with left and right swapped."""
+    swapped = {}
+    for channel, value in shape.items():
+        part, _, name = channel.partition("_")
+        if part in SIDES:
+            swapped[f"{OTHER_SIDE[part]}_{name}"] = value
+        else:
+            swapped[channel] = -value if name in ("x", "side", "twist", "roll", "yaw") else value
+    return swapped
+
+
 def arm_to(side: str, place: str) -> Angles:
     """An arm whose hand is at one of the places of `REACHES`."""
     return limb(side, **dict(zip(("raise", "plane", "twist", "elbow"), REACHES[place], strict=True)))
 
 
 def hanging_arm(generator: np.random.Generator, side: str) -> Angles:
-    """A relaxed arm that hangs down."""
+    """A relaxed arm."""
     a, b, c, d = generator.random(4)
     return limb(side, raise_=3 + 17 * a, plane=-40 + 100 * b, twist=-35 + 45 * c, elbow=4 + 35 * d * d)
 

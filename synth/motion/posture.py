@@ -50,6 +50,7 @@ LIMITS_DEG = (
 CHANNELS = {name: i for i, name in enumerate(LIMITS_DEG)}
 _LOWEST, _HIGHEST = np.array(list(LIMITS_DEG.values()), np.float64).T
 _ARM_COLUMNS = np.array([[CHANNELS[f"{side}_{name}"] for name in _ARM] for side in ("left", "right")])
+LEG_ANGLES = tuple(_LEG)
 LEG_COLUMNS = np.array([[CHANNELS[f"{side}_{name}"] for name in _LEG] for side in ("left", "right")])
 _RAISE, _PLANE = _ARM_COLUMNS[:, 0], _ARM_COLUMNS[:, 1]
 
@@ -113,16 +114,11 @@ def yaw_pitch_roll(yaw: np.ndarray, pitch: np.ndarray, roll: np.ndarray) -> np.n
     return multiply(multiply(about(1, yaw), about(0, pitch)), about(2, -roll))
 
 
-def arm_direction(raise_rad: np.ndarray, plane_rad: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """x, y, z of the unit vector along the left upper arm in the frame of the chest."""
-    level = np.sin(raise_rad)
-    return level * np.cos(plane_rad), -np.cos(raise_rad), level * np.sin(plane_rad)
-
-
 def _arms(arm: np.ndarray) -> dict[str, np.ndarray]:
     """Rotations of the arm's joints, (N, 2, 4) each, from angles (N, 2, 7) in radians."""
     lift, plane, twist, elbow, pronate, wrist, shrug = np.moveaxis(arm, -1, 0)
-    x, y, z = arm_direction(lift, plane)
+    # The unit vector along the left upper arm in the frame of the chest.
+    x, y, z = np.sin(lift) * np.cos(plane), -np.cos(lift), np.sin(lift) * np.sin(plane)
     elevation = shrug + _CLAVICLE_LIFT * np.maximum(lift - np.deg2rad(_CLAVICLE_FROM_DEG), 0.0)
     reach = _CLAVICLE_REACH * np.maximum(z, 0.0) * np.maximum(plane, 0.0)
     clavicle = multiply(about(2, elevation), about(1, -reach))

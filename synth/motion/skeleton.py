@@ -6,6 +6,7 @@ aligned with the world, the arms lie along +-X and the legs along -Y. A joint's 
 parent. The product down the chain is therefore the joint's world rotation relative to the T-pose, for any rig.
 """
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,14 +71,8 @@ CLEARANCE_M = np.array([_CLEARANCES_M[name.removeprefix("Left").removeprefix("Ri
 """(28,) height of each point above the floor when the body's surface around it touches the floor, metres."""
 
 
-def _counterpart(name: str) -> str:
-    """Name of the point on the other side of the body."""
-    if name.startswith("Left"):
-        return "Right" + name.removeprefix("Left")
-    return "Left" + name.removeprefix("Right") if name.startswith("Right") else name
-
-
-MIRROR = np.array([INDEX[_counterpart(name)] for name in POINT_NAMES])
+_OTHER = {"Left": "Right", "Right": "Left"}
+MIRROR = np.array([INDEX[re.sub("Left|Right", lambda side: _OTHER[side[0]], name)] for name in POINT_NAMES])
 """(28,) index of each point's counterpart on the other side of the body."""
 
 
@@ -152,10 +147,7 @@ def forward_kinematics(
 ) -> tuple[np.ndarray, np.ndarray]:
     """(N, 28, 3) float64 positions of the points in metres and (N, 23, 4) float64 world rotations of the joints.
 
-    Args:
-        quats: (N, 23, 4) local rotations.
-        root_m: (N, 3) position of Hips, metres.
-        offsets_m: (28, 3) rest offsets, metres.
+    From local rotations (N, 23, 4), positions of Hips (N, 3) and rest offsets (28, 3), metres.
     """
     quats = np.ascontiguousarray(quats, np.float64)
     rotated = np.empty_like(quats)

@@ -11,10 +11,10 @@ _BLEND_SPEED_RAD_S = 5.0
 _MIN_BLEND_S = 0.25
 _EASING_S = 0.4
 _PEAK_OVER_MEAN = 1.875  # ratio of peak to mean speed of the minimum-jerk curve
+_CONTACT_DECAY_M = 0.02  # height over which the contact weight of a point falls by a factor e
 
 
 def resampled(motion: Motion, fps: float) -> Motion:
-    """Resamples a motion to another frame rate."""
     if motion.fps == fps:
         return motion
     return at_times(motion, np.arange(int((len(motion) - 1) * fps / motion.fps + 1e-6) + 1) / fps, fps)
@@ -102,7 +102,7 @@ def heading(hips: np.ndarray) -> np.ndarray:
 
 
 def planted(quats: np.ndarray, fps: float, name: str, leg_m: float) -> Motion:
-    """Computes the root translation of rotations (T, 23, 4) so that the contacts with the floor do not slide.
+    """The motion of rotations (T, 23, 4) whose contacts with the floor do not slide.
 
     The lowest surface point is on the floor in every frame. Each point has a contact weight that decays exponentially with
     its height. The hips move so that the weighted mean horizontal displacement of the points is zero.
@@ -118,6 +118,3 @@ def planted(quats: np.ndarray, fps: float, name: str, leg_m: float) -> Motion:
     root_m[1:] = -np.cumsum(slide_m, axis=0)
     root_m[:, 1] = height_m
     return Motion(quats.astype(np.float32), root_m.astype(np.float32), fps, name, leg_m)
-
-
-_CONTACT_DECAY_M = 0.02  # height over which the contact weight of a point falls by a factor e

@@ -13,7 +13,7 @@ from real_data import REAL
 from scipy.spatial.transform import Rotation
 
 from kpopnet.skeleton import Joint
-from synth.motion.recorded.clips import open_clips
+from synth.motion.recorded import open_clips
 from synth.motion.splice import resampled
 
 DOWN = np.array([0.0, 1.0, 0.0])

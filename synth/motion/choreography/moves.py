@@ -20,23 +20,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
 
-from synth.motion.limbs import arm_to
-from synth.motion.posture import CHANNELS, STANDING
+from synth.motion.limbs import OTHER_SIDE, arm_to, mirrored
+from synth.motion.posture import CHANNELS, LEG_ANGLES, STANDING
 
 Shape = Mapping[str, float]
 
 LEG_CHANNELS = ("foot_x", "foot_z", "foot_y", "foot_yaw", "foot_pitch", "knee_out")
-RELAXED_LOWER: dict[str, float] = dict.fromkeys(
-    ("hips_x", "hips_z", "drop", "hips_pitch", "hips_roll", "hips_yaw", "air"), 0.0
-) | {
-    f"{side}_{channel}": {"foot_x": 0.12, "foot_yaw": 8.0}.get(channel, 0.0)
-    for side in ("left", "right")
-    for channel in LEG_CHANNELS
+RELAXED_LOWER = dict.fromkeys(("hips_x", "hips_z", "drop", "hips_pitch", "hips_roll", "hips_yaw", "air"), 0.0)
+RELAXED_LOWER |= {
+    f"{side}_{name}": {"foot_x": 0.12, "foot_yaw": 8.0}.get(name, 0.0) for side in ("left", "right") for name in LEG_CHANNELS
 }
 RELAXED_UPPER: dict[str, float] = {
     channel: float(STANDING[i])
     for channel, i in CHANNELS.items()
-    if not channel.startswith("hips") and not channel.endswith(("flex", "abduct", "rotate", "knee", "point", "invert", "toes"))
+    if not channel.startswith("hips") and not channel.endswith(LEG_ANGLES)
 }
 
 
@@ -77,15 +74,11 @@ class Move:
 
     @property
     def beats(self) -> float:
-        """Length of the move, beats."""
         return _beats(self.lower)
 
 
 def _beats(track: tuple[Key, ...]) -> float:
     return sum(key.beats for key in track)
-
-
-# Combinators ------------------------------
 
 
 def concat(*moves: Move) -> Move:
@@ -94,7 +87,6 @@ def concat(*moves: Move) -> Move:
 
 
 def repeat(move: Move, times: int) -> Move:
-    """The move repeated `times` times."""
     return concat(*[move] * times)
 
 
@@ -108,18 +100,8 @@ def mirror(move: Move) -> Move:
     return Move(tuple(_mirrored(key) for key in move.lower), tuple(_mirrored(key) for key in move.upper))
 
 
-_OTHER = {"left": "right", "right": "left", None: None}
-_SIDEWAYS = (
-    *("hips_x", "hips_roll", "hips_yaw", "waist_side", "waist_twist", "chest_side", "chest_twist", "head_side", "head_twist"),
-)
-
-
 def _mirrored(key: Key) -> Key:
-    shape = {}
-    for channel, value in key.shape.items():
-        side, _, rest = channel.partition("_")
-        shape[f"{_OTHER[side]}_{rest}" if side in _OTHER else channel] = -value if channel in _SIDEWAYS else value
-    return replace(key, shape=shape, anchor=_OTHER[key.anchor], turn=-key.turn)
+    return replace(key, shape=mirrored(key.shape), anchor=OTHER_SIDE.get(key.anchor), turn=-key.turn)
 
 
 def scale(move: Move, amplitude: float) -> Move:
@@ -145,8 +127,6 @@ def together(lower: Move, upper: Move) -> Move:
     return Move(lower.lower * round(times[0]), upper.upper * round(times[1]))
 
 
-# Named shapes ------------------------------
-
 _ARMS: dict[str, tuple[float, float, float, float]] = {  # raise, plane, twist, elbow
     "hang": (8, 0, 0, 12),
     "back": (38, -70, -10, 15),
@@ -167,7 +147,6 @@ _ARMS: dict[str, tuple[float, float, float, float]] = {  # raise, plane, twist, 
     "loaded": (42, -45, 10, 115),
     "pull": (70, -20, 0, 130),
 }
-
 
 _OF_BOTH_SIDES = (*LEG_CHANNELS, "raise", "plane", "twist", "elbow", "pronate", "wrist", "shrug")
 
@@ -201,9 +180,7 @@ def arms(left: Reach, right: Reach | None = None, **changes: float) -> dict[str,
     return _arm("left", left) | _arm("right", left if right is None else right) | _sided(changes)
 
 
-def feet(
-    left: tuple[float, float] | None = None, right: tuple[float, float] | None = None, **changes: float
-) -> dict[str, float]:
+def feet(left: Place | None = None, right: Place | None = None, **changes: float) -> dict[str, float]:
     """The places of the feet, with other channels of the lower body.
 
     A leg's channel that names no side is of both legs: `feet(foot_pitch=30)`.

@@ -29,16 +29,17 @@ HUG_M = (0.36, 0.46)
 
 _STEPS = together(LOWER["march"], upper(Key(1, arms("hang"))))
 _SPOT = repeat(_STEPS, 2)
+_LEFT, _RIGHT = turning(_STEPS, 90), turning(_STEPS, -90)
 _HUGGING = arms("front", plane=66, elbow=58, twist=10)
 _SWING = arms((20, -70, 0, 10), (26, 80, 0, 22))
 """Arms while the left foot is in front."""
 
 
 class Part(NamedTuple):
-    """What one of the two dances, and from where.
+    """What one of the two dances, from facing the camera.
 
     Attributes:
-        move: their moves, from facing the camera.
+        move: their moves.
         place_m: (x, z) of the start from the middle of the stage: x to the right in the image, z towards the camera, metres.
     """
 
@@ -63,11 +64,6 @@ def walk(distance_m: float) -> Move:
     return concat(*(mirror(step) if number % 2 else step for number in range(steps)), closing)
 
 
-def turn(degrees: float) -> Move:
-    """A turn on the spot to the left, in two steps."""
-    return turning(_STEPS, degrees)
-
-
 def _dance(generator: np.random.Generator, beats: float) -> Move:
     """Steps and arm moves on the spot, of at least as many beats."""
     parts = [_SPOT]
@@ -79,7 +75,7 @@ def _dance(generator: np.random.Generator, beats: float) -> Move:
 def _crossing(generator: np.random.Generator, beats: float) -> tuple[Part, Part]:
     """They change places, one before the other."""
     half_gap, half = uniform(generator, *CROSSING_GAP_M) / 2, uniform(generator, 0.65, 0.85)
-    way = concat(_SPOT, turn(90), walk(2 * half), turn(-90))
+    way = concat(_SPOT, _LEFT, walk(2 * half), _RIGHT)
     first, second = (concat(part, _dance(generator, beats - way.beats)) for part in (way, mirror(way)))
     return Part(first, (-half, half_gap)), Part(second, (half, -half_gap))
 
@@ -87,7 +83,7 @@ def _crossing(generator: np.random.Generator, beats: float) -> tuple[Part, Part]
 def _behind(generator: np.random.Generator, beats: float) -> tuple[Part, Part]:
     """One dances, the other walks past behind and back."""
     half_gap, half = uniform(generator, *CROSSING_GAP_M) / 2, uniform(generator, 0.65, 0.85)
-    way = concat(_SPOT, turn(90), walk(2 * half), turn(-90), _SPOT, turn(-90), walk(2 * half), turn(90))
+    way = concat(_SPOT, _LEFT, walk(2 * half), _RIGHT, _SPOT, _RIGHT, walk(2 * half), _LEFT)
     passing = concat(way, _dance(generator, beats - way.beats))
     return Part(_dance(generator, beats), (0.0, half_gap)), Part(passing, (-half, -half_gap))
 
@@ -96,14 +92,14 @@ def _hug(generator: np.random.Generator, beats: float) -> tuple[Part, Part]:
     """They walk up to each other, hug, and part."""
     half, close = uniform(generator, 0.75, 0.9), uniform(generator, *HUG_M) / 2
     embrace = upper(Key(2, _HUGGING), Key(4, _HUGGING), Key(2, arms("hang")))
-    way = concat(_SPOT, turn(90), walk(half - close), embrace, walk(close - half), turn(-90))
+    way = concat(_SPOT, _LEFT, walk(half - close), embrace, walk(close - half), _RIGHT)
     first, second = (concat(part, _dance(generator, beats - way.beats)) for part in (way, mirror(way)))
     return Part(first, (-half, 0.0)), Part(second, (half, 0.0))
 
 
 def _leaving(generator: np.random.Generator, beats: float) -> tuple[Part, Part]:
     """One dances, the other walks out of the image."""
-    going = concat(_SPOT, _SPOT, turn(90), walk(uniform(generator, 1.9, 2.1)))
+    going = concat(_SPOT, _SPOT, _LEFT, walk(uniform(generator, 1.9, 2.1)))
     depth_m = uniform(generator, -0.3, 0.3)
     return Part(_dance(generator, beats), (-0.45, 0.0)), Part(going, (0.4, depth_m))
 
@@ -111,7 +107,7 @@ def _leaving(generator: np.random.Generator, beats: float) -> tuple[Part, Part]:
 def _entering(generator: np.random.Generator, beats: float) -> tuple[Part, Part]:
     """One dances, the other walks into the image and dances too."""
     way_m = uniform(generator, 1.8, 2.0)
-    coming = concat(turn(-90), walk(way_m), turn(90))
+    coming = concat(_RIGHT, walk(way_m), _LEFT)
     coming = concat(coming, _dance(generator, beats - coming.beats))
     depth_m = uniform(generator, -0.3, 0.3)
     return Part(_dance(generator, beats), (-0.5, 0.0)), Part(coming, (0.5 + way_m, depth_m))

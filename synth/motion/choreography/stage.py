@@ -35,17 +35,13 @@ _MIN_STEP_M = 0.01
 # The lift of a stepping foot grows linearly with the length of the step, up to a maximum.
 _LIFT_BASE_M, _LIFT_PER_M, _MAX_LIFT_M = 0.025, 0.14, 0.11
 
-# Largest peak speed of a channel, degrees per second. A key that needs a higher speed is only partly reached.
+# Largest peak speed of a channel, degrees per second, else 400. A key that needs a higher speed is only partly reached.
 _SPEED_LIMITS_DEG_S = {
-    "raise": 480,
-    "plane": 560,
-    "twist": 480,
-    "elbow": 620,
-    "wrist": 500,
-    "head": 300,
-    "waist": 190,
-    "chest": 260,
-}
+    "raise": 480, "plane": 560, "twist": 480, "elbow": 620, "wrist": 500, "head": 300, "waist": 190, "chest": 260,
+}  # fmt: skip
+_LAGS = {"elbow": 1.5, "wrist": 2.0, "raise": 0.5, "plane": 0.5, "twist": 0.8, "pronate": 1.5, "head": 0.7}
+"""Delays of the channels behind the trunk, in units of `Style.lag_s`."""
+
 _PEAK_OVER_MEAN = 1.5  # ratio of peak to mean speed between two keys
 
 
@@ -70,18 +66,10 @@ class Style:
 
 
 def perform(move: Move, bpm: float, frames: int, fps: float, name: str, style: Style = Style()) -> Motion:
-    """The motion of a dancer who starts standing at the origin, facing +Z, and performs the move.
+    """The motion of a mean adult who starts standing at the origin, facing +Z, and performs a move at `bpm` beats per minute.
 
-    Args:
-        move: the move; its last shape is held if it ends before the last frame.
-        bpm: tempo, beats per minute.
-        frames: number of frames.
-        fps: frames per second.
-        name: name of the motion.
-        style: the dancer's style.
-
-    Returns:
-        A motion of the mean adult within the limits of `posture`, with no point below the floor.
+    The last shape is held if the move ends before the last frame. The postures are within the limits of `posture`, and no point
+    is below the floor.
     """
     seconds = np.arange(frames) / fps
     postures = np.tile(STANDING, (frames, 1))
@@ -117,9 +105,8 @@ def _key_times(track: Sequence[Key], beat_s: float, sharpness: float) -> tuple[n
     times, shown, now = [0.0], [-1], 0.0
     for i, key in enumerate(track):
         length = key.beats * beat_s
-        sharp = 1.0 if key.sharp >= 1.0 else min(max(key.sharp / sharpness, 0.25), 0.95)
-        if sharp < 1.0:
-            times.append(now + sharp * length)
+        if key.sharp < 1.0:
+            times.append(now + min(max(key.sharp / sharpness, 0.25), 0.95) * length)
             shown.append(i)
         now += length
         times.append(now)
@@ -140,10 +127,9 @@ def _upper_angles(track: Sequence[Key], bpm: float, seconds: np.ndarray, style: 
     curve = PchipInterpolator(times, values)
     waves = np.outer(seconds, (0.23, 0.31, 0.41, 0.53, 0.61)) + np.array(style.phases)
     sway = style.unsteadiness_deg * np.sin(2 * np.pi * waves)
-    lags = {"elbow": 1.5, "wrist": 2.0, "raise": 0.5, "plane": 0.5, "twist": 0.8, "pronate": 1.5, "head": 0.7}
     out = {}
     for i, channel in enumerate(RELAXED_UPPER):
-        lag = next((v for part, v in lags.items() if part in channel), 0.0) * style.lag_s
+        lag = next((v for part, v in _LAGS.items() if part in channel), 0.0) * style.lag_s
         at = np.clip(seconds - lag, 0.0, times[-1])
         out[channel] = PchipInterpolator(times, values[:, i])(at) if lag else curve(at)[:, i]
         out[channel] = out[channel] + sway[:, i % sway.shape[1]]
@@ -251,9 +237,8 @@ def _hips_position(origin_m, heading, track, drop_m, hips, feet_m) -> np.ndarray
         # A raised foot constrains the hips less: the inverse kinematics clips its position to the leg's reach.
         slack = 3.0 * np.maximum(feet_m[side][:, 1] - ANKLE_M - 0.12, 0.0)
         heights.append(feet_m[side][:, 1] + reach - hip[:, 1] + slack)
-    softness = 0.006
-    lowest = np.min(heights, axis=0)
-    root[:, 1] = lowest - softness * np.log(np.exp((lowest - np.array(heights)) / softness).sum(axis=0))
+    lowest, softness_m = np.min(heights, axis=0), 0.006
+    root[:, 1] = lowest - softness_m * np.log(np.exp((lowest - np.array(heights)) / softness_m).sum(axis=0))
     return root
 
 

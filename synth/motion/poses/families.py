@@ -11,6 +11,7 @@ import numpy as np
 
 from synth.motion.limbs import (
     CLOSED_LEGS,
+    OTHER_SIDE,
     REACHES,
     SIDES,
     Angles,
@@ -25,13 +26,14 @@ from synth.motion.limbs import (
     free_arm,
     hanging_arm,
     limb,
+    mirrored,
     neutral_trunk,
     stance,
     trunk,
     uniform,
 )
 from synth.motion.poses.floor_families import all_fours, handstand, kneel, lie, seat, sit
-from synth.motion.posture import CHANNELS, LIMITS_DEG, angles, limited, rotations
+from synth.motion.posture import CHANNELS, LEG_ANGLES, LIMITS_DEG, angles, limited, rotations
 from synth.motion.skeleton import LEG_M, Poses, height_above_floor
 
 
@@ -47,17 +49,13 @@ def standing(generator: np.random.Generator) -> Angles:
     first = choose(generator, SIDES)
     pose |= everyday_arm(generator, first)
     if draw < 0.3:  # the other arm is symmetric
-        other = "right" if first == "left" else "left"
-        pose |= {c.replace(first, other): v for c, v in pose.items() if c.startswith(first) and c in _ARM_CHANNELS}
+        pose |= mirrored({f"{first}_{angle}": pose[f"{first}_{angle}"] for angle in ("raise", "plane", "twist", "elbow")})
     elif draw < 0.53:
-        pose |= everyday_arm(generator, "right" if first == "left" else "left")
+        pose |= everyday_arm(generator, OTHER_SIDE[first])
     elif draw < 0.67:  # a leg is raised too
         side = choose(generator, SIDES)
         pose |= drawn(generator, side, flex=(-15, 70), knee=(0, 90), abduct=(0, 30))
     return pose
-
-
-_ARM_CHANNELS = frozenset(c for c in CHANNELS if c.endswith(("raise", "plane", "twist", "elbow")) and "_" in c)
 
 
 def _broad(generator: np.random.Generator, channel: str) -> float:
@@ -179,7 +177,7 @@ def touching(generator: np.random.Generator) -> Angles:
     if generator.random() < 0.25:
         pose |= _low_base(generator)
     pose |= arm_to("left", first) | (arm_to("right", second) if generator.random() < 0.8 else hanging_arm(generator, "right"))
-    return pose if generator.random() < 0.5 else _mirrored(pose)
+    return pose if generator.random() < 0.5 else mirrored(pose)
 
 
 def dancing(generator: np.random.Generator) -> Angles:
@@ -210,24 +208,7 @@ def dancing(generator: np.random.Generator) -> Angles:
 def _low_base(generator: np.random.Generator) -> Angles:
     """Legs and hips of a squat, lunge, kneeling or sitting pose, to be combined with other arms."""
     base = choose(generator, (squat, lunge, kneel, sit))(generator)
-    return {c: v for c, v in base.items() if c.startswith("hips") or c in _LEG_CHANNELS}
-
-
-_LEG_CHANNELS = frozenset(
-    f"{side}_{a}" for side in SIDES for a in ("flex", "abduct", "rotate", "knee", "point", "invert", "toes")
-)
-
-
-def _mirrored(pose: Angles) -> Angles:
-    """The pose with left and right swapped."""
-    swapped = {}
-    for channel, value in pose.items():
-        if channel.startswith(SIDES):
-            channel = channel.replace("left", "\0").replace("right", "left").replace("\0", "right")
-        elif channel.endswith(("side", "twist", "roll", "yaw")):
-            value = -value
-        swapped[channel] = value
-    return swapped
+    return {c: v for c, v in base.items() if c.startswith("hips") or c.endswith(LEG_ANGLES)}
 
 
 FAMILIES: dict[str, tuple[float, Callable[[np.random.Generator], Angles]]] = {

@@ -16,7 +16,7 @@ from kpopnet.skeleton import Joint
 from synth.dances.simulate import CAMERA, FPS, LEARNERS, KpopSim, KpopSimConfig, connected, dance_name
 from synth.dances.skill import LEVELS
 from synth.motion import SPLITS, MotionConfig
-from synth.motion.recorded.clips import open_clips
+from synth.motion.recorded import open_clips
 from synth.sensor.film_noise import HOLE_FRAMES
 
 SHORT = KpopSim(KpopSimConfig(seed=4, dances=2), seconds=(1.2, 1.6))

@@ -13,7 +13,7 @@ from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 from synth.motion.choreography.composer import dance
-from synth.motion.recorded.retargeting import bvh_motion
+from synth.motion.recorded import bvh_motion
 from synth.motion.skeleton import (
     INDEX,
     LEG_M,

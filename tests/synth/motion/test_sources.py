@@ -85,7 +85,7 @@ def test_bvh_files_are_clips_split_by_file(tmp_path):
 
 def test_clips_dropped_from_the_cache_are_read_again(pack, monkeypatch):
     whole = clips(pack).poses(generators(40))
-    monkeypatch.setattr("synth.motion.recorded.clips.CACHED_FRAMES", 1)
+    monkeypatch.setattr("synth.motion.recorded.CACHED_FRAMES", 1)
     source = clips(pack)
     again = source.poses(generators(40))
     np.testing.assert_array_equal(whole.quats, again.quats)

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from kpopnet.rotations import about, multiply
 from synth.motion.choreography.composer import dance
-from synth.motion.choreography.handstand import handstand
-from synth.motion.choreography.programmes import FEATURES, START_S, Y_POSE_S, show, start_pose
+from synth.motion.choreography.programmes import FEATURES, START_S, Y_POSE_S, handstand, show, start_pose
 from synth.motion.skeleton import INDEX, LEG_M, Motion, forward_kinematics, height_above_floor
 from synth.motion.splice import cut, eased, follow, heading, resampled
 

@@ -1,6 +1,7 @@
 """Recorded motion: a folder of clips in the motion pack's format, or the user's own BVH files.
 
-A motion pack is a folder with `index.csv` (one row per clip: clip_id, file, split, seconds, ...) and `clips/*.npz` with
+Of BVH files only the rotations and the path of the hips are used. Bone lengths come from the body that performs the motion. A
+motion pack is a folder with `index.csv` (one row per clip: clip_id, file, split, seconds, ...) and `clips/*.npz` with
 
     quat     int16 (T, 23, 4), local rotations w, x, y, z times 32767, relative to the T-pose
     root     float32 (T, 3), Hips in metres
@@ -13,16 +14,30 @@ The split is that of the index, in which no subject is in two of train, val and 
 
 import csv
 import io
+import itertools
 import logging
 from collections.abc import Callable, Sequence
 from pathlib import Path, PurePosixPath
 
 import numpy as np
 
+from kpopnet.dance.joint_files.bvh_motion import read_bvh_motion
 from kpopnet.errors import InputError
+from kpopnet.rotations import conjugate, multiply, rotate
 from kpopnet.runtime.input_files import ArraySchema, check_budget, expect, names_in, read_npz, read_text
-from synth.motion.recorded.retargeting import bvh_motion
-from synth.motion.skeleton import INDEX, NUM_JOINTS, NUM_POINTS, Motion, Poses, facing_front
+from synth.motion.skeleton import (
+    INDEX,
+    JOINT_NAMES,
+    LEG_M,
+    NUM_JOINTS,
+    NUM_POINTS,
+    PARENTS,
+    Motion,
+    Poses,
+    facing_front,
+    height_above_floor,
+)
+from synth.motion.splice import cut
 
 log = logging.getLogger(__name__)
 
@@ -55,12 +70,9 @@ class Recordings:
     def __init__(
         self, read: Callable[[int], Recording], categories: Sequence[str | None], seconds: Sequence[float] = ()
     ) -> None:
-        """Reads every recording once if their lengths are not given.
+        """Keeps a function from a recording's number to its content, their categories, such as "dance", and their lengths.
 
-        Args:
-            read: number of a recording to its content.
-            categories: of each recording, such as "dance"; None where it is unknown.
-            seconds: length of each recording.
+        Reads every recording once if their lengths are not given.
         """
         self._read, self._categories = read, categories
         self._loaded: dict[int, Recording] = {}
@@ -89,8 +101,7 @@ class Recordings:
         edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
         starts, stops = edges[::2], edges[1::2]
         longest = int((stops - starts).argmax())
-        part = slice(starts[longest], stops[longest])
-        return Motion(motion.quats[part], motion.root_m[part], motion.fps, motion.name, motion.leg_m)
+        return cut(motion, starts[longest], stops[longest])
 
     def poses(self, generators: Sequence[np.random.Generator]) -> Poses:
         """A random good frame per generator, rotated to face +Z. A recording is drawn in proportion to its length."""
@@ -109,15 +120,10 @@ class Recordings:
 
 
 def open_clips(path: str | Path, split: str, fps: float | None = None) -> Recordings:
-    """Opens the recordings at a path: a motion pack, a folder of BVH files or one BVH file.
+    """Opens the recordings of a split at a path: a motion pack, a folder of BVH files or one BVH file.
 
-    Args:
-        path: the folder or file.
-        split: train, validation or test.
-        fps: the true frame rate of BVH files that state a wrong one; None trusts the files.
-
-    Raises:
-        InputError: the path holds no recordings, or a recording is malformed.
+    `fps` is the true frame rate of BVH files that state a wrong one. Raises InputError if there are no recordings, or damaged
+    ones.
     """
     folder = Path(path)
     if (folder / "index.csv").is_file():
@@ -143,6 +149,66 @@ def _open_bvh(path: Path, files: list[Path], split: str, fps: float | None) -> R
         return motion, np.ones(len(motion), bool)
 
     return Recordings(read, [None] * len(files))
+
+
+def bvh_motion(path: Path, fps: float | None = None) -> Motion:
+    """Reads a BVH file as a motion of the canonical skeleton; `fps` as in `read_bvh_motion`.
+
+    The T-pose is computed from the file's rest offsets: upper arm, forearm and hand are rotated onto +-X, thigh and shin onto
+    -Y, each by the smallest rotation after that of the previous bone of the limb. The floor is at the 3rd percentile, over the
+    frames, of the height of the body's lowest point.
+    """
+    recorded = read_bvh_motion(path, fps)
+    found, rest, rotated = recorded.found, recorded.rest, recorded.rotated
+    world = np.empty((len(rotated), NUM_JOINTS, 4))
+    for j, name in enumerate(JOINT_NAMES):
+        if name in found:
+            world[:, j] = multiply(rotated[:, found[name]], conjugate(_alignment(name, found, rest, recorded.t_pose)))
+        else:
+            world[:, j] = world[:, PARENTS[j]]
+    local = world.copy()
+    local[:, 1:] = multiply(conjugate(world[:, PARENTS[1:NUM_JOINTS]]), world[:, 1:])
+
+    root_m = recorded.root_m.copy()
+    # The height of the floor differs between files. The lowest frames touch the floor; the percentile ignores outliers.
+    size = LEG_M / recorded.leg_m
+    root_m[:, 1] -= np.percentile(height_above_floor(local, root_m * size), 3) / size
+    return Motion(local.astype(np.float32), root_m.astype(np.float32), recorded.fps, f"bvh:{path.stem}", recorded.leg_m)
+
+
+def _alignment(name: str, found: dict[str, int], rest: np.ndarray, t_pose: np.ndarray | None) -> np.ndarray:
+    """The rotation of a bone from the file's rest pose to the T-pose.
+
+    The hand continues the forearm. Feet, toes and the trunk take their rotations of the T-pose in the file's first frame
+    (world rotations (J, 4)), if there is one; otherwise they keep their rest orientation.
+    """
+    rotation = np.array([1.0, 0.0, 0.0, 0.0])
+    side = "Left" if name.startswith("Left") else "Right"
+    part = name.removeprefix(side)
+    if part in ("Arm", "ForeArm", "Hand"):
+        limb, target = ("Arm", "ForeArm", "Hand"), np.array([1.0 if side == "Left" else -1.0, 0.0, 0.0])
+    elif part in ("UpLeg", "Leg"):
+        limb, target = ("UpLeg", "Leg", "Foot"), np.array([0.0, -1.0, 0.0])
+    else:
+        return rotation if t_pose is None else t_pose[found[name]]
+    for bone, end in itertools.pairwise(limb):
+        direction = rotate(rotation, rest[found[side + end]] - rest[found[side + bone]])
+        rotation = multiply(_smallest_rotation(direction, target), rotation)
+        if bone == part:
+            break
+    return rotation
+
+
+def _smallest_rotation(direction: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """The smallest rotation that aligns a direction with a unit vector; the identity for a direction of length 0."""
+    length = np.linalg.norm(direction)
+    if length < 1e-9:
+        return np.array([1.0, 0, 0, 0])
+    unit = direction / length
+    rotation = np.concatenate([[1.0 + unit @ target], np.cross(unit, target)])
+    size = np.linalg.norm(rotation)
+    # Opposite to the target any perpendicular axis is valid; the front axis keeps the direction of elbows and knees.
+    return rotation / size if size > 1e-6 else np.array([0.0, 0, 0, 1.0])
 
 
 def _open_pack(folder: Path, split: str) -> Recordings:

@@ -1,1 +1,0 @@
-"""Recorded motion from BVH files and motion packs."""
