@@ -37,8 +37,8 @@ from kpopnet.sources.realsense import library as realsense_library
 from kpopnet.sources.source import DepthSource, LiveCamera, TimedDepth
 from kpopnet.teacher.adding import add_performance, holds_depth, kpop_teachers, part_of
 from kpopnet.teacher.library import Library, TaughtDance, TeacherBody, taught_dance
-from kpopnet.teacher.live.joints import load_estimator
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
+from kpopnet.teacher.live.loop import load_estimator
 
 FOLDER = Path("outputs/teach")
 PORT = 8471

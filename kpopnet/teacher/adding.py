@@ -11,10 +11,10 @@ from kpopnet.datasets.dances.dance_set import TEACHER, KpopSet
 from kpopnet.datasets.dances.dance_set import read_performance as read_kpop
 from kpopnet.errors import InputError
 from kpopnet.teacher.library import Library, taught_dance
-from kpopnet.teacher.posing import posed
+from kpopnet.teacher.posing import MAX_S, at_rate, posed
 
 FPS = 30.0
-MIN_S, MAX_S = 5.0, 900.0
+MIN_S = 5.0
 
 JOINT_ARRAYS = ("joints_m.npy", "keypoints3d.npy", "points.npy")
 """Members of an .npz file that make it a recording of joints."""
@@ -24,20 +24,10 @@ NOT_DEPTH = (*JOINT_SUFFIXES, ".pkl", ".pickle")
 
 
 def add_performance(library: Library, performance: Performance, where: str, title: str, bpm: float = 120.0) -> str:
-    """Adds a dance known by its joints.
+    """Adds a dance known by its joints in the frame of a level camera, and returns its identity.
 
-    Args:
-        library: where to.
-        performance: in the frame of a level camera.
-        where: its file, for messages.
-        title: its name in the menu.
-        bpm: beats per minute; the first beat is at the recording's start.
-
-    Returns:
-        The dance's identity.
-
-    Raises:
-        InputError: it lasts less than MIN_S or more than MAX_S.
+    The first beat is at the recording's start. Raises InputError, which names the file `where`, if it lasts less than MIN_S or
+    more than MAX_S.
     """
     seconds = float(performance.times_s[-1] - performance.times_s[0])
     if not MIN_S <= seconds <= MAX_S:
@@ -50,27 +40,8 @@ def add_performance(library: Library, performance: Performance, where: str, titl
     return identity
 
 
-def at_rate(performance: Performance, fps: float) -> np.ndarray:
-    """(T, 15, 3) float32 joints of a performance at a constant rate from its first frame on: those of the nearest frames.
-
-    Raises:
-        InputError: it lasts more than MAX_S.
-    """
-    seconds = float(performance.times_s[-1] - performance.times_s[0])
-    if not seconds <= MAX_S:
-        raise InputError(f"a recording of {seconds:.3g} s; a dance lasts at most {MAX_S:g} s")
-    times_s = np.arange(performance.times_s[0], performance.times_s[-1], 1 / fps)
-    after = np.clip(np.searchsorted(performance.times_s, times_s), 1, len(performance) - 1)
-    before_is_nearer = times_s - performance.times_s[after - 1] < performance.times_s[after] - times_s
-    return performance.joints_m[after - before_is_nearer].astype(np.float32)
-
-
 def kpop_teachers(path: Path) -> dict[str, Performance]:
-    """The teachers of a set in the K-Pop format, or of one of its dances, by name; none where `path` is something else.
-
-    Raises:
-        InputError: a teacher's file is damaged, or has no joints.
-    """
+    """The teachers of a set in the K-Pop format, or of one of its dances, by name; none where `path` is something else."""
     if path.name == TEACHER:
         paths = {path.parent.name: path}
     elif (path / TEACHER).is_file():
@@ -100,11 +71,7 @@ def holds_depth(path: Path) -> bool:
 
 
 def part_of(performance: Performance, from_s: float, to_s: float | None, where: str) -> Performance:
-    """The part of a recording between two times from its first image on, on a clock that begins there.
-
-    Raises:
-        InputError: nothing is left.
-    """
+    """The part of a recording between two times from its first image on, on a clock that begins there."""
     since_s = performance.times_s - performance.times_s[0]
     inside = (since_s >= from_s) & (since_s <= (np.inf if to_s is None else to_s))
     if not inside.any():

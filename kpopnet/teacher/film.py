@@ -1,18 +1,27 @@
-"""A film of a try: the teacher's body and the learner's side by side, brighter where the learner does right."""
+"""A film of a try: the teacher's body and the learner's side by side, brighter where the learner does right.
 
-from collections.abc import Callable, Iterator
+Films are made in a process of their own, one at a time, for as long as their page waits for them.
+"""
+
+import asyncio
+import contextlib
+import multiprocessing
+import os
+import time
+from collections.abc import AsyncGenerator, Callable, Iterator
+from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import NamedTuple
 
 import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
-from kpopnet.teacher.adding import at_rate
-from kpopnet.teacher.library import TaughtDance, TeacherBody
-from kpopnet.teacher.posing import forward, posed
+from kpopnet.teacher.library import Library, TaughtDance, TeacherBody
+from kpopnet.teacher.posing import Movement, forward, learners_movement
+from kpopnet.teacher.tries import Tries
 from kpopnet.viz.overlay import write_video
 
 FPS = 15.0
@@ -26,24 +35,20 @@ PX_PER_M = 190.0
 MARGIN_M = 0.7
 """The camera follows a body that is farther than this from the middle."""
 
+TELL_EVERY_S = 0.5
+END_S = 5.0
+PATIENCE_S = 2.0
+"""A film that is asked for waits as long for one that is being cancelled."""
+
+NICENESS = 5
+"""Lessons go first."""
+
 GROUND, TEXT = (24, 24, 28), (235, 235, 235)
-COLOURS = {"teacher": (176, 91, 196), "learner": (224, 164, 58)}
+COLOURS = {"teacher": np.array([176.0, 91, 196]), "learner": np.array([224.0, 164, 58])}
 LIGHT = np.array([0.35, -0.8, 0.5]) / np.linalg.norm([0.35, -0.8, 0.5])
 AMBIENT = 0.35
 DARKEST = 0.35
 """Brightness of a body that does nothing right."""
-
-
-class Movement(NamedTuple):
-    """What a body does: (T, B, 4) rotations of the bones, w first, (T, 3) metres of the root, and the first frame's time."""
-
-    quats: np.ndarray
-    hips_m: np.ndarray
-    begin_s: float
-    fps: float
-
-    def frame(self, time_s: float) -> int:
-        return int(np.clip(round((time_s - self.begin_s) * self.fps), 0, len(self.quats) - 1))
 
 
 def write_film(
@@ -54,22 +59,14 @@ def write_film(
     result: dict,
     tell: Callable[[float], None] = lambda fraction: None,
 ) -> None:
-    """Writes an .mp4 file of FPS images a second, at the speed of the try.
+    """Writes an .mp4 file of FPS images a second, at the speed of the try whose joints and result (see `try_result`) are given.
 
-    Args:
-        path: of the file.
-        body: the teacher's, which the learner gets too.
-        dance: the teacher's dance.
-        learner: the joints of the try.
-        result: of the try, see `try_result`.
-        tell: is called before each image with the fraction in 0..1 that is done; where it raises an error nothing is written.
+    Before each image `tell` gets the fraction in 0..1 that is done; where it raises an error nothing is written.
 
     Raises:
         InputError: the try is damaged, or lasts longer than MOST_S; no encoder for videos is installed.
     """
-    quats, hips_m = posed(at_rate(learner, dance.fps), body)
-    learned = Movement(quats, hips_m, float(learner.times_s[0]), dance.fps)
-    taught = Movement(dance.quats, dance.hips_m, 0.0, dance.fps)
+    taught, learned = Movement(dance.quats, dance.hips_m, dance.fps), learners_movement(learner, dance.fps, body)
     begin_s, end_s, speed, scored_s, totals = _course(result, dance.about.seconds)
 
     def images() -> Iterator[np.ndarray]:
@@ -77,19 +74,13 @@ def write_film(
             tell((time_s - begin_s) / (end_s - begin_s))
             total = float(totals[abs(scored_s - time_s).argmin()])
             right = 1.0 if np.isnan(total) else DARKEST + (1 - DARKEST) * total / 100
-            image = np.concatenate(
-                [
-                    drawn(body, taught, time_s, COLOURS["teacher"]),
-                    drawn(body, learned, time_s, tuple(right * value for value in COLOURS["learner"])),
-                ],
-                axis=1,
+            halves = (
+                (f"teacher   {time_s:.1f} s", drawn(body, taught, time_s, COLOURS["teacher"])),
+                ("you" if np.isnan(total) else f"you   {total:.0f}", drawn(body, learned, time_s, right * COLOURS["learner"])),
             )
-            for text, x_px in (
-                (f"teacher   {time_s:.1f} s", 0),
-                ("you" if np.isnan(total) else f"you   {total:.0f}", PANEL_PX[0]),
-            ):
-                cv2.putText(image, text, (x_px + 14, 30), cv2.FONT_HERSHEY_SIMPLEX, 0.7, TEXT, 1, cv2.LINE_AA)
-            yield image
+            for text, half in halves:
+                cv2.putText(half, text, (14, 30), cv2.FONT_HERSHEY_SIMPLEX, 0.7, TEXT, 1, cv2.LINE_AA)
+            yield np.concatenate([half for _, half in halves], axis=1)
 
     write_video(path, images(), FPS)
 
@@ -109,8 +100,8 @@ def _course(result: dict, dance_s: float) -> tuple[float, float, float, np.ndarr
     return begin_s, end_s, speed, scored_s, totals
 
 
-def drawn(body: TeacherBody, movement: Movement, time_s: float, colour: tuple[float, float, float]) -> np.ndarray:
-    """One half of an image: the body from the front, (H, W, 3) uint8 RGB."""
+def drawn(body: TeacherBody, movement: Movement, time_s: float, colour: np.ndarray) -> np.ndarray:
+    """One half of an image: the body from the front in a colour (3,), (H, W, 3) uint8 RGB."""
     width, height = PANEL_PX
     image = np.full((height, width, 3), GROUND, np.uint8)
     cv2.ellipse(image, (width // 2, FLOOR_PX), (width // 2 - 20, 34), 0, 0, 360, (52, 50, 60), -1, cv2.LINE_AA)
@@ -146,3 +137,90 @@ def skinned(body: TeacherBody, quats: np.ndarray, hips_m: np.ndarray) -> np.ndar
         turned = np.einsum("nij,nj->ni", (world @ body.t_pose)[bones], body.vertices_m - body.heads_m[bones])
         moved += weights * (turned + heads_m[bones])
     return moved
+
+
+class Filming:
+    """Makes the films of tries."""
+
+    def __init__(self, library: Library, tries: Tries) -> None:
+        self._library, self._tries = library, tries
+        self._one, self._ended = asyncio.Lock(), False
+
+    async def make(self, dance: str, name: str) -> AsyncGenerator[float]:
+        """Makes the film of a try, if there is none yet, and yields how much is done, 0..1, every TELL_EVERY_S seconds or so.
+
+        Closing this generator ends the work, and nothing is left of it. Raises InputError: there is no such try, its film
+        cannot be made, another film is being made, or the server ends.
+        """
+        if self._tries.film_path(dance, name).is_file():
+            return
+        try:
+            await asyncio.wait_for(self._one.acquire(), PATIENCE_S)
+        except TimeoutError as error:
+            raise InputError("another film is being made; wait for it, or cancel it where it was begun") from error
+        context = multiprocessing.get_context("spawn")
+        connection, other = context.Pipe()
+        process = context.Process(
+            target=make_film, args=(other, self._library, self._tries, dance, name), daemon=True, name="film"
+        )
+        fraction = 0.0
+        try:
+            process.start()
+            other.close()
+            while fraction < 1:
+                if await asyncio.to_thread(connection.poll, TELL_EVERY_S):
+                    fraction, error = connection.recv()
+                    if error:
+                        raise InputError(error)
+                if self._ended:
+                    raise InputError("the program ends; make the film again")
+                yield fraction  # also where there is nothing new: writing to a page that has gone fails
+        except (EOFError, OSError) as error:
+            raise InputError("the film was not finished; make it again") from error
+        finally:
+            connection.close()
+            try:
+                if process.pid is not None:  # it was started
+                    await asyncio.to_thread(_end, process)
+            finally:
+                other.close()
+                self._one.release()
+
+    def end(self) -> None:
+        """Ends the film that is being made, if there is one, and makes no others."""
+        self._ended = True
+
+
+def _end(process: multiprocessing.process.BaseProcess) -> None:
+    process.join(END_S)
+    if process.is_alive():
+        process.terminate()
+        process.join(END_S)
+
+
+def make_film(connection: Connection, library: Library, tries: Tries, dance: str, name: str) -> None:
+    """Makes a film and sends (fraction that is done, what went wrong); ends when the other end is closed."""
+    with contextlib.suppress(AttributeError, OSError):  # where processes have no niceness
+        os.nice(NICENESS)
+    next_s = 0.0
+
+    def tell(fraction: float) -> None:
+        nonlocal next_s
+        if connection.poll():  # only the end of the connection can be there: the film is not wanted any more
+            raise BrokenPipeError
+        if time.monotonic() >= next_s:
+            connection.send((fraction, ""))
+            next_s = time.monotonic() + TELL_EVERY_S
+
+    with contextlib.suppress(BrokenPipeError, ConnectionResetError, KeyboardInterrupt):
+        try:
+            learner, result = read_performance(tries.path(dance, name, "npz")), tries.result(dance, name)
+            write_film(tries.film_path(dance, name), library.body, library.dance(dance), learner, result, tell)
+        except InputError as error:
+            connection.send((0.0, str(error)))
+        except (BrokenPipeError, ConnectionResetError):
+            raise
+        except OSError as error:
+            connection.send((0.0, f"the film could not be saved: {error.strerror}"))
+        else:
+            connection.send((1.0, ""))

@@ -52,7 +52,6 @@ class TeacherBody:
     weights: np.ndarray
 
     def bone(self, name: str) -> int:
-        """Number of a bone."""
         return self.bone_names.tolist().index(name)
 
     @property
@@ -155,11 +154,7 @@ class Library:
         return [path.stem for path in paths if IDENTITY.fullmatch(path.stem)]
 
     def path(self, identity: str) -> Path:
-        """The file of a dance.
-
-        Raises:
-            InputError: there is none; what is no plain name never becomes a path.
-        """
+        """The file of a dance; what is no plain name never becomes a path. Raises InputError if there is none."""
         path = self.folder / DANCES / f"{identity}.npz"
         if not IDENTITY.fullmatch(identity) or not path.is_file():
             raise InputError(f"there is no dance {identity[:64]!r}")
@@ -175,11 +170,7 @@ class Library:
         return self._abouts[identity][1]
 
     def dance(self, identity: str) -> TaughtDance:
-        """Reads a dance.
-
-        Raises:
-            InputError: it is missing or damaged.
-        """
+        """Reads a dance. Raises InputError if it is missing or damaged."""
         path = self.path(identity)
         stored = read_npz(path, _DANCE_SCHEMAS)
         expect(bool(len(stored["hips_m"])), str(path), "at least one frame")

@@ -4,11 +4,14 @@ Each bone is turned by the smallest rotation, after its parent, that gives it th
 fifteen joints do not show (the twist of a limb, hands, feet) stays as at rest.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kpopnet.dance.joint_files.bvh import BvhFile, bvh_text
-from kpopnet.dance.joint_files.points import CAMERA_HEIGHT_M
+from kpopnet.dance.performance import Performance
+from kpopnet.errors import InputError
 from kpopnet.rotations import conjugate, multiply
 from kpopnet.skeleton import Joint
 from kpopnet.teacher.library import TeacherBody
@@ -34,24 +37,22 @@ TO_Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 BVH_END_M = np.array([0, 0.08, 0])
 """Where a bone without children ends in BVH."""
 
+MAX_S = 900.0
+"""Longest dance."""
+
 FLOOR_PERCENTILE = 10
 """Of the lower foot's height over a dance: where the floor is."""
 
 
 def posed(joints_m: np.ndarray, body: TeacherBody) -> tuple[np.ndarray, np.ndarray]:
-    """Rotations and positions of the body's bones for a dance.
+    """(T, B, 4) float32 rotations of a body's bones and (T, 3) float32 positions of its root for a dance, as in `Movement`.
 
-    Args:
-        joints_m: (T, 15, 3) metres in a camera's frame, NaN where missing; a gap is bridged in time.
-        body: the body; its own proportions stay.
-
-    Returns:
-        (T, B, 4) float32 rotations relative to the parents, w first, and (T, 3) float32 positions of the root in metres, which
-        start above the origin.
+    From (T, 15, 3) joints in metres in a camera's frame, NaN where missing; a gap is bridged in time. The body's own
+    proportions stay; its root starts above the origin.
     """
     world_m = _without_gaps(np.asarray(joints_m, np.float64)) @ TO_WORLD
     rotations = _world_rotations(world_m, body)
-    quats = _quaternions(rotations)
+    quats = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_quat(scalar_first=True).reshape(*rotations.shape[:2], 4)
     local = quats.copy()
     for bone, parent in enumerate(body.bone_parents):
         if parent >= 0:
@@ -59,9 +60,44 @@ def posed(joints_m: np.ndarray, body: TeacherBody) -> tuple[np.ndarray, np.ndarr
     return _continuous(local).astype(np.float32), _root_m(world_m, rotations, body).astype(np.float32)
 
 
-def level_joints_m(world_m: np.ndarray) -> np.ndarray:
-    """(..., 3) points of the world in the frame of a level camera."""
-    return world_m @ TO_WORLD.T + [0, CAMERA_HEIGHT_M, 0]
+class Movement(NamedTuple):
+    """What a body does.
+
+    Attributes:
+        quats: (T, B, 4) rotations of the bones relative to their parents, w first.
+        hips_m: (T, 3) positions of the root, metres.
+        fps: frames per second.
+        begin_s: time of the first frame in the dance, seconds.
+    """
+
+    quats: np.ndarray
+    hips_m: np.ndarray
+    fps: float
+    begin_s: float = 0.0
+
+    def frame(self, time_s: float) -> int:
+        """The frame nearest to a time of the dance."""
+        return int(np.clip(round((time_s - self.begin_s) * self.fps), 0, len(self.quats) - 1))
+
+
+def learners_movement(learner: Performance, fps: float, body: TeacherBody) -> Movement:
+    """A learner's movement on the teacher's body, at a constant rate; raises as `at_rate`."""
+    return Movement(*posed(at_rate(learner, fps), body), fps, float(learner.times_s[0]))
+
+
+def at_rate(performance: Performance, fps: float) -> np.ndarray:
+    """(T, 15, 3) float32 joints of a performance at a constant rate from its first frame on: those of the nearest frames.
+
+    Raises:
+        InputError: it lasts more than MAX_S.
+    """
+    seconds = float(performance.times_s[-1] - performance.times_s[0])
+    if not seconds <= MAX_S:
+        raise InputError(f"a recording of {seconds:.3g} s; a dance lasts at most {MAX_S:g} s")
+    times_s = np.arange(performance.times_s[0], performance.times_s[-1], 1 / fps)
+    after = np.clip(np.searchsorted(performance.times_s, times_s), 1, len(performance) - 1)
+    before_is_nearer = times_s - performance.times_s[after - 1] < performance.times_s[after] - times_s
+    return performance.joints_m[after - before_is_nearer].astype(np.float32)
 
 
 def _without_gaps(joints_m: np.ndarray) -> np.ndarray:
@@ -128,18 +164,8 @@ def _swing(parent: np.ndarray, rest: np.ndarray, wanted: np.ndarray) -> np.ndarr
     skew[:, 0, 1], skew[:, 0, 2], skew[:, 1, 2] = -cross[:, 2], cross[:, 1], -cross[:, 0]
     skew -= skew.transpose(0, 2, 1)
     turn = np.eye(3) + skew + skew @ skew / np.maximum(1 + cosine, 1e-3)[:, None, None]
-    return _orthonormal(turn @ parent)
-
-
-def _orthonormal(rotations: np.ndarray) -> np.ndarray:
-    left, _, right = np.linalg.svd(rotations)
+    left, _, right = np.linalg.svd(turn @ parent)  # orthonormal again
     return left @ right
-
-
-def _quaternions(rotations: np.ndarray) -> np.ndarray:
-    """(..., 4) unit quaternions, w first, of (..., 3, 3) rotations."""
-    shape = rotations.shape[:-2]
-    return Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_quat(scalar_first=True).reshape(*shape, 4)
 
 
 def _continuous(quats: np.ndarray) -> np.ndarray:
@@ -173,14 +199,7 @@ def _root_m(joints_m: np.ndarray, rotations: np.ndarray, body: TeacherBody) -> n
 
 
 def as_bvh(body: TeacherBody, quats: np.ndarray, hips_m: np.ndarray, fps: float) -> str:
-    """The text of a BVH file of a dance, in metres, y up, which animation programs read.
-
-    Args:
-        body: the skeleton.
-        quats: (T, B, 4) rotations of the bones relative to their parents, w first.
-        hips_m: (T, 3) positions of the root.
-        fps: frames per second.
-    """
+    """The text of a BVH file of a movement, in metres, y up, which animation programs read; arguments as in `Movement`."""
     turned = quats[..., (0, 1, 3, 2)] * (1, 1, 1, -1)  # (x, y, z) -> (x, z, -y)
     names, parents = [str(name) for name in body.bone_names], body.bone_parents.tolist()
     written = BvhFile(names, parents, body.offsets_m @ TO_Y_UP, turned, hips_m @ TO_Y_UP, fps)

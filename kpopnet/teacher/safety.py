@@ -41,9 +41,8 @@ def _is_address(host: str) -> bool:
 def guard(hosts: tuple[str, ...], token: str | None):
     """Makes the middleware that refuses requests of strangers.
 
-    Args:
-        hosts: names and addresses, without port, that mean this server.
-        token: what a request must know, in its address once and then as a cookie; None for a server of this machine alone.
+    `hosts` are the names and addresses, without port, that mean this server. The token stands once in the address of a request
+    and then in a cookie; a server of this machine alone has none.
     """
 
     @web.middleware

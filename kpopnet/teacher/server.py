@@ -18,13 +18,12 @@ from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.errors import InputError, check_between
 from kpopnet.runtime.input_files import check_fields, parse_json, settings_from
 from kpopnet.runtime.untrusted import read_in_child
-from kpopnet.teacher.adding import add_performance, at_rate
-from kpopnet.teacher.filming import Filming
+from kpopnet.teacher.adding import add_performance
+from kpopnet.teacher.film import Filming
 from kpopnet.teacher.library import About, Library, preview_cm, stored_quats
-from kpopnet.teacher.live.joints import CameraOpener
-from kpopnet.teacher.live.lesson import Lesson
+from kpopnet.teacher.live.lesson import CameraOpener, Lesson
 from kpopnet.teacher.live.process import LessonProcess, LessonProcesses
-from kpopnet.teacher.posing import as_bvh, posed
+from kpopnet.teacher.posing import Movement, as_bvh, learners_movement
 from kpopnet.teacher.safety import HEADERS, guard
 from kpopnet.teacher.tries import Tries, as_csv
 
@@ -117,7 +116,7 @@ async def dances(request: web.Request) -> web.Response:
 async def dance(request: web.Request) -> web.Response:
     library, identity = request.app[TEACHING].library, request.match_info["identity"]
     found = await asyncio.to_thread(library.dance, identity)
-    return web.json_response(_shown(identity, found.about) | _movement(found.quats, found.hips_m, found.fps))
+    return web.json_response(_shown(identity, found.about) | _movement(Movement(found.quats, found.hips_m, found.fps)))
 
 
 def _shown(identity: str, about: About) -> dict:
@@ -181,8 +180,9 @@ async def session(request: web.Request) -> web.Response:
         return web.json_response(result, headers=attachment)
     if kind == "csv":
         return web.Response(text=as_csv(result), content_type="text/csv", headers=attachment)
-    quats, hips_m, fps, _ = await asyncio.to_thread(_learners_movement, teaching, dance, name)
-    return web.Response(text=as_bvh(teaching.library.body, quats, hips_m, fps), content_type="text/plain", headers=attachment)
+    moved = await asyncio.to_thread(_learners_movement, teaching, dance, name)
+    text = as_bvh(teaching.library.body, moved.quats, moved.hips_m, moved.fps)
+    return web.Response(text=text, content_type="text/plain", headers=attachment)
 
 
 @routes.post("/api/tries/{dance}/{name}/film")
@@ -220,21 +220,18 @@ async def film(request: web.Request) -> web.StreamResponse:
 @routes.get("/api/tries/{dance}/{name}/movement")
 async def movement(request: web.Request) -> web.Response:
     """The learner's movement in a try on the teacher's body, for the replay."""
-    places = request.match_info["dance"], request.match_info["name"]
-    quats, hips_m, fps, begin_s = await asyncio.to_thread(_learners_movement, request.app[TEACHING], *places)
-    return web.json_response(_movement(quats, hips_m, fps) | {"begin_s": begin_s})
+    dance, name = request.match_info["dance"], request.match_info["name"]
+    return web.json_response(_movement(await asyncio.to_thread(_learners_movement, request.app[TEACHING], dance, name)))
 
 
-def _learners_movement(teaching: Teaching, dance: str, name: str) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """Rotations of the bones, positions of the root, frames per second and start in seconds of a try."""
+def _learners_movement(teaching: Teaching, dance: str, name: str) -> Movement:
     learner = read_performance(teaching.tries.path(dance, name, "npz"))
-    fps = teaching.library.dance(dance).fps
-    quats, hips_m = posed(at_rate(learner, fps), teaching.library.body)
-    return quats, hips_m, fps, float(learner.times_s[0])
+    return learners_movement(learner, teaching.library.dance(dance).fps, teaching.library.body)
 
 
-def _movement(quats: np.ndarray, hips_m: np.ndarray, fps: float) -> dict:
-    return {"fps": fps, "quats": _packed(stored_quats(quats), np.int16), "hips_m": _packed(hips_m, np.float32)}
+def _movement(moved: Movement) -> dict:
+    quats, hips_m = _packed(stored_quats(moved.quats), np.int16), _packed(moved.hips_m, np.float32)
+    return {"fps": moved.fps, "begin_s": moved.begin_s, "quats": quats, "hips_m": hips_m}
 
 
 def _packed(array: np.ndarray, kind: type) -> str:
@@ -271,11 +268,7 @@ class PageLessons:
         self._forwarding: asyncio.Task | None = None
 
     def follow(self, message: Any) -> None:
-        """Does what the page asks.
-
-        Raises:
-            InputError: it asks for something else, or wrongly.
-        """
+        """Does what the page asks. Raises InputError if it asks wrongly."""
         what = check_fields("the page's message", message, {"do": str})["do"]
         if what == "prepare":
             self._prepare(settings_from(Lesson, message.get("lesson"), "the lesson"))

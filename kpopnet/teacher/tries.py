@@ -54,11 +54,7 @@ class Tries:
         return result
 
     def path(self, dance: str, name: str, suffix: str) -> Path:
-        """The file of a try; what are no plain names never become a path.
-
-        Raises:
-            InputError: there is none.
-        """
+        """The file of a try; what are no plain names never become a path. Raises InputError if there is none."""
         path = self.folder / dance / f"{name}.{suffix}"
         if not IDENTITY.fullmatch(dance) or not NAME.fullmatch(name) or not path.is_file():
             raise InputError("there is no such try")
@@ -74,11 +70,7 @@ def _name_of(now: float) -> str:
 
 
 def as_csv(result: dict) -> str:
-    """The course of a try as comma-separated values: a line for each window of the score.
-
-    Raises:
-        InputError: the result holds no course.
-    """
+    """The course of a try as comma-separated values: a line for each window of the score."""
     try:
         course = result["course"]
         columns = {name: values for name, values in course.items() if name != "parts"} | course["parts"]

@@ -2,10 +2,15 @@
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
 
 from kpopnet.errors import InputError, check_between
-from kpopnet.teacher.library import IDENTITY
+from kpopnet.sources.source import LiveCamera
+from kpopnet.teacher.library import IDENTITY, TaughtDance
 
 CALIBRATION_BEAT_S = 1.0
 MIN_EXCERPT_S = 2.5
@@ -52,11 +57,7 @@ class Lesson:
         check_between("seed", self.seed, 0, 2**31)
 
     def excerpt_s(self, dance_s: float) -> tuple[float, float]:
-        """Start and end of the excerpt of a dance of this length, seconds.
-
-        Raises:
-            InputError: it is too short to be scored.
-        """
+        """Start and end in seconds of the excerpt of a dance of this length. Raises InputError if it is too short to score."""
         end_s = min(self.to_s or dance_s, dance_s)
         if end_s - self.from_s < MIN_EXCERPT_S:
             raise InputError(f"from {self.from_s:g} to {end_s:g} s: choose at least {MIN_EXCERPT_S:g} s of the dance")
@@ -101,3 +102,14 @@ class DanceClock:
     def dance_s(self, moment: float) -> float:
         """Seconds of the dance at a moment of `time.monotonic`; before its start, less than the start of the excerpt."""
         return self._from_s + (moment - self._start) * self._speed if self.running else self._from_s
+
+
+class Image(NamedTuple):
+    """One image: (H, W) metres, and when it was taken, in seconds of `time.monotonic`."""
+
+    depth_m: np.ndarray
+    taken: float
+
+
+CameraOpener = Callable[[Lesson, TaughtDance, DanceClock], LiveCamera]
+"""Opens the source of depth that a lesson names. It is passed to other processes, so it must be a function of a module."""

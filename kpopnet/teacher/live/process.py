@@ -8,8 +8,7 @@ from typing import Any
 
 from kpopnet.errors import InputError
 from kpopnet.teacher.library import TaughtDance
-from kpopnet.teacher.live.joints import CameraOpener
-from kpopnet.teacher.live.lesson import Lesson
+from kpopnet.teacher.live.lesson import CameraOpener, Lesson
 from kpopnet.teacher.live.loop import serve_lessons
 
 MOST = 2

@@ -16,8 +16,7 @@ from kpopnet.dance.window import WINDOW_S
 from kpopnet.errors import InputError
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.teacher.library import TaughtDance
-from kpopnet.teacher.live.joints import Image
-from kpopnet.teacher.live.lesson import CALIBRATION_BEAT_S, DanceClock, Lesson
+from kpopnet.teacher.live.lesson import CALIBRATION_BEAT_S, DanceClock, Image, Lesson
 from kpopnet.teacher.live.words import latest_words, move_reason, rounded, try_result, where_to_stand
 
 COUNTS = 4
@@ -53,13 +52,7 @@ class DanceTry:
     """
 
     def __init__(self, lesson: Lesson, dance: TaughtDance, noise: str) -> None:
-        """Begins a try.
-
-        Args:
-            lesson: what is danced, and how.
-            dance: the teacher's.
-            noise: name in `kpopnet.dance.parts.NOISE` of the estimator's errors.
-        """
+        """Begins a try; `noise` is the name of the estimator's errors in `kpopnet.dance.parts.NOISE`."""
         self._lesson, self._about = lesson, dance.about
         self.begin_s, self.end_s = lesson.excerpt_s(len(dance.joints_m) / dance.fps)
         self._config = scorer_config(lesson, noise)
@@ -144,9 +137,8 @@ class DanceTry:
     def next_verdict(self, clock: DanceClock) -> dict | None:
         """The verdict on a move that has just ended, once.
 
-        Returns:
-            number of the move, from 1; end_s in the dance; total, 0 to 100 or None; the words why it is not more, "" for a good
-            one; after_ms, milliseconds from the end of the move to now.
+        It holds the number of the move, from 1; end_s in the dance; total, 0 to 100 or None; the words why it is not more, ""
+        for a good one; after_ms, milliseconds from the end of the move to now.
         """
         verdict, self._verdict = self._verdict, None
         if verdict is None:
@@ -180,8 +172,7 @@ class DanceTry:
     def finish(self, dropped: int) -> tuple[dict, dict[str, np.ndarray]]:
         """The result of the try, see `try_result`, and the learner's joints as `read_performance` reads them.
 
-        Args:
-            dropped: number of images that were not used.
+        `dropped` is the number of images that were not used.
         """
         try:
             score = self._scorer.finish()

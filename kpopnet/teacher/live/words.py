@@ -34,10 +34,7 @@ _FEET = [Joint.LEFT_FOOT, Joint.RIGHT_FOOT]
 def where_to_stand(joints_camera_m: np.ndarray | None, confidence: np.ndarray | None, camera: Camera) -> str:
     """What the learner should change so that the camera sees them, "" if nothing.
 
-    Args:
-        joints_camera_m: (15, 3) metres, or None if no person is seen.
-        confidence: (15,) in 0..1.
-        camera: the camera.
+    From their joints (15, 3) in metres and confidence (15,) in 0..1; None if no person is seen.
     """
     if joints_camera_m is None or confidence is None or not np.isfinite(joints_camera_m).all(axis=1).any():
         return "nobody there"
@@ -79,11 +76,7 @@ def _delay_words(delay_s: float) -> str:
 
 
 def latest_words(score: DanceScore) -> str:
-    """What is most wrong in the latest moments of a dance that goes on, "" if nothing is.
-
-    Args:
-        score: of `OnlineScorer.score_so_far`.
-    """
+    """What is most wrong in the latest moments of a dance that goes on, "" if nothing is, by `OnlineScorer.score_so_far`."""
     now_s = float(score.windows.middle_s[-1])
     moments = {one.text: one for phrase in feedback(score).phrases for one in phrase.moments if one.end_s >= now_s - RECENT_S}
     return in_words(max(moments.values(), key=lambda one: one.cost)) if moments else ""
@@ -104,11 +97,7 @@ def move_reason(latest: OnlineScore, so_far: DanceScore | None, start_s: float) 
 def try_result(score: DanceScore | None, lesson: Lesson, about: About, notes: dict) -> dict:
     """The result of a try as JSON of finite numbers and null: total, timing, posture, parts, phrases, worst moments, course.
 
-    Args:
-        score: None where no person was seen long enough.
-        lesson: what was asked for.
-        about: of the dance.
-        notes: more to keep: frames per second, dropped images.
+    The score is None where no person was seen long enough. The notes, such as frames per second, are kept with it.
     """
     head = {
         "dance": lesson.dance, "name": about.name, "source": lesson.source, "skill": lesson.skill, "fault": lesson.fault,

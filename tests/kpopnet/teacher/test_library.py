@@ -11,9 +11,9 @@ from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import score_dance
 from kpopnet.errors import InputError
 from kpopnet.skeleton import BONES, Joint
-from kpopnet.teacher.adding import add_performance, at_rate, holds_depth, kpop_teachers, part_of
+from kpopnet.teacher.adding import add_performance, holds_depth, kpop_teachers, part_of
 from kpopnet.teacher.library import DANCES, Library, difficulty, preview_cm
-from kpopnet.teacher.posing import as_bvh, level_joints_m, posed
+from kpopnet.teacher.posing import TO_WORLD, as_bvh, at_rate, posed
 from synth.dances.live import CAMERA
 from synth.dances.taught import teacher_person
 from synth.simulated.film import Studio
@@ -90,9 +90,7 @@ def test_the_limbs_point_where_the_dancers_do(library):
     dance, studio = library.dance("dance_001"), Studio(CAMERA, "cpu")
     quats, hips_m = posed(dance.joints_m, library.body)
     joints_m = studio.joints_world_m(teacher_person(), quats.astype(float), hips_m.astype(float))
-    angle_deg = np.degrees(
-        np.arccos(np.clip((directions(level_joints_m(joints_m)) * directions(dance.joints_m)).sum(-1), -1, 1))
-    )
+    angle_deg = np.degrees(np.arccos(np.clip((directions(joints_m @ TO_WORLD.T) * directions(dance.joints_m)).sum(-1), -1, 1)))
     assert np.median(angle_deg) < 5 and np.percentile(angle_deg, 99) < 20
 
 

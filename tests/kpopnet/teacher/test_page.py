@@ -16,8 +16,7 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import WebDriverWait
 from teacher_page import BROWSER, DRIVER, NARROW, chromium, open_unsteady, resize, served
 
-from kpopnet.teacher.live.joints import Image
-from kpopnet.teacher.live.lesson import DanceClock, Lesson
+from kpopnet.teacher.live.lesson import DanceClock, Image, Lesson
 from kpopnet.teacher.live.score import DanceTry
 
 if not (DRIVER and BROWSER):

@@ -11,8 +11,8 @@ from kpopnet.camera import CAMERAS
 from kpopnet.pose import PersonPose
 from kpopnet.sources.source import CameraAwayError
 from kpopnet.teacher.live import loop
-from kpopnet.teacher.live.joints import Learner, NewestImage
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
+from kpopnet.teacher.live.loop import Learner, NewestImage
 
 FPS = 60
 

@@ -17,10 +17,9 @@ from aiohttp.test_utils import TestClient, TestServer
 
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
-from kpopnet.teacher import filming
-from kpopnet.teacher.film import COLOURS, FPS, MOST_S, PANEL_PX, Movement, drawn, skinned, write_film
-from kpopnet.teacher.filming import Filming, make_film
-from kpopnet.teacher.posing import posed
+from kpopnet.teacher import film
+from kpopnet.teacher.film import COLOURS, FPS, MOST_S, PANEL_PX, Filming, drawn, make_film, skinned, write_film
+from kpopnet.teacher.posing import Movement, posed
 from kpopnet.teacher.safety import LOOPBACK_NAMES
 from kpopnet.teacher.server import make_app
 
@@ -57,7 +56,7 @@ def test_a_skinned_body_has_its_joints_where_the_dancer_has_and_stays_in_the_pic
         above_m.append(vertices_m[hand, 2] - vertices_m[torso, 2])
         wanted_m.append(dance.joints_m[frame, Joint.TORSO, 1] - dance.joints_m[frame, Joint.LEFT_HAND, 1])
     assert np.ptp(wanted_m) > 0.3 and np.abs(np.subtract(above_m, wanted_m)).max() < 0.15
-    far = Movement(dance.quats[:1], np.array([[4.0, 0.0, dance.hips_m[0, 2]]], np.float32), 0.0, 30.0)
+    far = Movement(dance.quats[:1], np.array([[4.0, 0.0, dance.hips_m[0, 2]]], np.float32), 30.0)
     assert len(seen(drawn(body, far, 0.0, COLOURS["teacher"]))) > 5000
 
 
@@ -172,14 +171,14 @@ def told(teaching, name: str) -> list[tuple[float, str]]:
 
 
 def test_what_goes_wrong_is_one_sentence(teaching, tried, monkeypatch):
-    monkeypatch.setattr(filming.os, "nice", lambda more: None)
+    monkeypatch.setattr(film.os, "nice", lambda more: None)
     ((_, sentence),) = told(teaching, tried(1.0, speed=5.0))
     assert "damaged" in sentence
 
     def full(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(filming, "write_film", full)
+    monkeypatch.setattr(film, "write_film", full)
     assert told(teaching, tried(1.0)) == [(0.0, "the film could not be saved: No space left on device")]
 
 
