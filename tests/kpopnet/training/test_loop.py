@@ -176,7 +176,8 @@ def test_a_loss_that_is_not_finite_stops_before_the_update(field):
 
     def trained() -> tuple[dict, dict, dict]:
         optimisers = {name: optimiser.state_dict() for name, optimiser in run.optimisers.items()}
-        return flatten(dict(run.network.head.named_parameters())), flatten(optimisers), flatten(run.average.state_dict())
+        weights = {name: weight.detach() for name, weight in run.network.head.named_parameters()}
+        return flatten(weights), flatten(optimisers), flatten(run.average.state_dict())
 
     before = trained()
     bad = getattr(batch, field).clone()
