@@ -44,8 +44,7 @@ class Camera:
     def from_numbers(cls, numbers: Iterable[float], where: str) -> "Camera":
         """A camera from fx, fy, cx, cy, width, height as a file stores them, for `where` in messages.
 
-        Raises:
-            InputError: they are no camera with an image of whole pixels, at most MAX_IMAGE_PIXELS.
+        Raises InputError if they are no camera with an image of whole pixels, at most MAX_IMAGE_PIXELS.
         """
         fx, fy, cx, cy, width, height = numbers
         if not (0 < width * height <= MAX_IMAGE_PIXELS and width > 0 and width == int(width) and height == int(height)):
@@ -72,8 +71,7 @@ class Camera:
     def from_intrinsics(cls, matrix: np.ndarray, width: int, height: int) -> "Camera":
         """A camera from its (3, 3) matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels, as OpenCV, ROS and ARKit write it.
 
-        Raises:
-            InputError: another matrix: of another shape, transposed, with skew, or in other units.
+        Raises InputError for a matrix of another shape, transposed, with skew, or in other units.
         """
         given = np.asarray(matrix, dtype=np.float64)
         if given.shape != (3, 3) or not np.allclose(given[[0, 1, 2, 2, 2], [1, 0, 0, 1, 2]], [0, 0, 0, 0, 1]):

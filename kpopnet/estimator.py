@@ -50,11 +50,7 @@ def base_estimator(estimator: Estimator) -> Estimator:
 
 
 def start_pose(joints_camera_m: np.ndarray, where: str) -> np.ndarray:
-    """A copy of a pose to track from, (15, 3) float64 joints in metres; `where` begins the message of an error.
-
-    Raises:
-        InputError: another shape, or joints are missing.
-    """
+    """A copy of a pose to track from, (15, 3) float64 joints in metres; raises InputError, at `where`, if one is missing."""
     joints_m = np.array(joints_camera_m, np.float64)
     if joints_m.shape != (NUM_JOINTS, 3):
         raise InputError(f"{where}: expected ({NUM_JOINTS}, 3) joints to start from, found {joints_m.shape}")
@@ -106,9 +102,8 @@ def first_label(joints_camera_m: np.ndarray) -> Start:
 class StartedEstimator(Estimator, Protocol):
     """An estimator that tracks, and can start from a given pose.
 
-    Attributes:
-        starts_from_label: it must be given a ground-truth pose; the evaluation passes one, does not score the estimator in that
-            frame, and reports both.
+    If `starts_from_label`, it must be given a ground-truth pose; the evaluation passes one, does not score the estimator in
+    that frame, and reports both.
     """
 
     starts_from_label: bool

@@ -85,10 +85,8 @@ PLAIN_VIEW = View()
 def person_centre(depth_m: np.ndarray, camera: Camera) -> np.ndarray | None:
     """(3,) float32 metres: the median of X, of Y and of Z over the silhouette's points; None for an empty silhouette.
 
-    A median is robust against outliers of an imperfect silhouette: a piece of floor, flying pixels.
-
-    Raises:
-        InputError: the (H, W) depth is not of the camera's size.
+    A median is robust against outliers of an imperfect silhouette: a piece of floor, flying pixels. Raises InputError if the
+    (H, W) depth is not of the camera's size.
     """
     check_images("depth image", camera, depth_m)
     measured = np.flatnonzero(depth_m > 0)

@@ -76,11 +76,7 @@ class ModelConfig:
 
 
 def read_meta(folder: Path | str) -> dict:
-    """The contents of a checkpoint's meta.json.
-
-    Raises:
-        InputError: no checkpoint in the folder, one of another version, or a damaged one.
-    """
+    """The contents of a checkpoint's meta.json; raises InputError if it is missing, damaged, or of another version."""
     path = Path(folder) / META
     if not path.is_file():
         raise InputError(f"{folder}: no checkpoint there (no {META}); give a folder such as outputs/train/RUN/best")

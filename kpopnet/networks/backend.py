@@ -23,11 +23,7 @@ INPUT, OUTPUTS = "crops", ("joints", "confidence")
 
 
 class Backend(Protocol):
-    """Runs a network.
-
-    Attributes:
-        meta: its checked description (kpopnet.networks).
-    """
+    """Runs a network; `meta` is its checked description (kpopnet.networks)."""
 
     meta: dict
 

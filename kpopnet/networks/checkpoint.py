@@ -45,17 +45,14 @@ STATE_SCHEMA = {
 
 
 def save_checkpoint(run: Path, network: PoseNetwork, state: dict, meta: dict, *, best: bool) -> Path:
-    """Writes a checkpoint below the folder of a run, and moves the link `last`, and `best` if it is the best so far, to it.
+    """Writes a checkpoint of the averaged weights below the folder of a run, and moves the link `last` to it, which it returns.
 
     Args:
         run: the run's folder.
         network: with the averaged weights.
         state: tensors, numbers and containers of them (torch.load with weights_only reads only these).
         meta: step, config, metrics and mean_pose_m, JSON types only.
-        best: whether `best` moves.
-
-    Returns:
-        The link `last`.
+        best: it is the best so far: the link `best` moves too.
     """
     folder = _free_name(run, meta["step"])
     partial = folder.with_name(f".{folder.name}.{os.getpid()}")
@@ -157,8 +154,7 @@ def load_network(folder: Path | str, device: str | torch.device = "cpu") -> tupl
 def load_weights(network: PoseNetwork, folder: Path | str) -> None:
     """Loads a checkpoint's averaged weights into a network; float16, half the size on disk, becomes float32.
 
-    Raises:
-        InputError: the weights are missing, damaged, or of another architecture.
+    Raises InputError if they are missing, damaged, or of another architecture.
     """
     path = Path(folder) / WEIGHTS
     problem = f"missing, damaged, or not the weights that {META} describes"

@@ -68,8 +68,7 @@ def parsed() -> argparse.Namespace:
 def estimated(source: DepthSource, estimator: PoseEstimator, segmented: bool) -> tuple[list[PersonPose], np.ndarray]:
     """The people of a recording, the main person first, and the (T,) times of its images in seconds.
 
-    Raises:
-        InputError: an image cannot be read or is no depth, or the recording is too long or empty.
+    Raises InputError if an image cannot be read or is no depth, or the recording is too long or empty.
     """
     if source.frames is not None and source.frames / source.fps > MAX_DURATION_S:
         raise InputError(f"{source.name}: {source.frames:,} images last more than {MAX_DURATION_S:g} s; cut it into parts")

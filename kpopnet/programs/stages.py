@@ -43,8 +43,7 @@ COLLECTED, VALID = (150, 150, 160), (90, 240, 130)
 def stages_of(path: Path, frame: int, camera_name: str, start: str = "auto") -> np.ndarray:
     """RGB image of every stage of a frame, tracked from the first frame of the recording on.
 
-    Raises:
-        InputError: not a recording of this camera, no such frame, or no person tracked before it.
+    Raises InputError if this is no recording of the camera, or no person is tracked before the frame.
     """
     try:
         recorded = open_npy(path, ArraySchema("uf", (None, None, None)))

@@ -179,8 +179,7 @@ class Run:
     def update(self, batch: Batch) -> dict[str, Tensor]:
         """Takes one optimiser step on one batch; returns scalars for TensorBoard.
 
-        Raises:
-            InputError: the loss or its gradient is not finite; the weights were not changed.
+        Raises InputError, before it changes a weight, if the loss or its gradient is not finite.
         """
         crop, target = batch.crop.to(self.processes.device), batch.target.to(self.processes.device)
         lr = lr_at(self.step, self.config)
@@ -266,11 +265,7 @@ class Run:
 
 
 def refuse_other_run(folder: Path, resume: str | None) -> None:
-    """Refuses a folder that holds a run other than the one that is resumed: its checkpoints would be removed.
-
-    Raises:
-        InputError: the folder holds another run, or `resume` is no checkpoint.
-    """
+    """Refuses a folder that holds a run other than the one that is resumed: its checkpoints would be removed."""
     if resume is not None:
         read_meta(resume)
     found = resumable(folder)
@@ -296,12 +291,7 @@ def train(
 ) -> Path:
     """Trains a network and writes checkpoints, which store the configuration, to the folder `out`; only rank 0 writes there.
 
-    Args:
-        config: of the run.
-        source: training observations.
-        validation: validation observations.
-        out: folder of the run.
-        data: identifies the data sets; a run is resumed only with the data that it began with.
+    `data` identifies the data sets: a run is resumed only with those that it began with.
 
     Returns:
         The folder of the last checkpoint.

@@ -20,11 +20,7 @@ _SUBPIXEL_BITS = 4  # cv2 takes the end points of lines in sixteenths of a pixel
 
 @dataclass(frozen=True)
 class Style:
-    """The name of a skeleton in the legend, the RGB colours of its sides and middle, and how it is drawn.
-
-    Attributes:
-        filled: joints are discs, else circles.
-    """
+    """The name of a skeleton in the legend, the RGB colours of its sides and middle; its joints are discs or circles."""
 
     name: str
     right: tuple[int, int, int]
@@ -90,13 +86,9 @@ def draw_skeleton(image: np.ndarray, joints_camera_m: np.ndarray, camera: Camera
 def person_view(
     depth_m: np.ndarray, camera: Camera, joints_camera_m: tuple[np.ndarray, ...] = (), margin: float = 0.06
 ) -> tuple[np.ndarray, Camera]:
-    """Crops a square around the silhouette and the joints; without either, around the whole image.
+    """Crops a square around the silhouette in (H, W) metres and the (15, 3) joints in metres; else around the whole image.
 
-    Args:
-        depth_m: (H, W) metres, 0 outside the silhouette.
-        camera: of the depth.
-        joints_camera_m: (15, 3) joints in metres that the square must contain.
-        margin: width added on each side, as a fraction of the side.
+    `margin` is the width added on each side, as a fraction of the side.
 
     Returns:
         (S, S) float32 metres, 0 outside the image, and the camera of these pixels.

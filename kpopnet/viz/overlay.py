@@ -49,13 +49,7 @@ def resized(image: np.ndarray, width_px: int) -> np.ndarray:
 def write_video(path: Path, images: Iterable[np.ndarray], fps: float) -> None:
     """Writes an .mp4 file: H.264 by PyAV where that is installed, else MPEG-4 by OpenCV. It appears whole when `images` end.
 
-    Args:
-        path: ends with .mp4.
-        images: at least one, (H, W, 3) uint8 RGB, all of one even width and height.
-        fps: frames per second.
-
-    Raises:
-        InputError: no encoder is installed.
+    These are at least one, (H, W, 3) uint8 RGB, all of one even width and height. Raises InputError without any encoder.
     """
     try:
         import av

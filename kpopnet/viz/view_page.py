@@ -60,14 +60,9 @@ def cloud_frames(frames: int) -> range:
 
 
 def sampled_cloud(frame: int, depth_m: np.ndarray, camera: Camera, people_camera_m: Sequence[np.ndarray], clouds: int) -> Cloud:
-    """Some points of a depth image, denser on people.
+    """Some points of an (H, W) depth image in metres, denser on people with (15, 3) joints in metres.
 
-    Args:
-        frame: its number, which seeds the choice.
-        depth_m: (H, W) metres, 0 where nothing was measured.
-        camera: of the depth.
-        people_camera_m: (15, 3) joints of each person, metres.
-        clouds: number of clouds in the page, which share MOST_POINTS.
+    The frame's number seeds the choice. All clouds of the page share MOST_POINTS.
     """
     most = min(MOST_CLOUD_POINTS, MOST_POINTS // clouds)
     points = camera.points(depth_m)[(depth_m > 0) & (depth_m < FARTHEST_M)]

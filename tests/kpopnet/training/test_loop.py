@@ -238,6 +238,8 @@ def test_resuming_refuses_a_finished_run_and_another_model(tmp_path):
         run_short(tmp_path, replace(SHORT, steps=8, resume=last), replace(MODEL, widths=[8, 8, 16, 24]))
     with pytest.raises(InputError, match="no checkpoint there"):
         run_short(tmp_path, replace(SHORT, resume=str(tmp_path / "nowhere")))
+    with pytest.raises(InputError, match=r"was trained on other data \(None\) than the given data \(.*b.*\)"):
+        train(short_run(replace(SHORT, steps=8, resume=last)), PEOPLE, OTHERS, tmp_path, {"train": "b"})
 
 
 def test_invalid_settings_are_refused_by_name():
