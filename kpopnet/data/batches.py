@@ -75,14 +75,8 @@ class AugmentConfig:
     occluder: float = 0.3
 
     def __post_init__(self) -> None:
-        for name in ("mirror", "occluder"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise InputError(f"training.augment.{name}={getattr(self, name)}: expected a probability, 0 to 1")
-        if not (0 <= self.rotation_deg <= 180 and 0 <= self.scale < 1 and 0 <= self.jitter_m <= 0.5):
-            raise InputError(
-                f"training.augment: expected rotation_deg in 0..180, scale in 0..1, jitter_m in 0..0.5, found "
-                f"{self.rotation_deg}, {self.scale}, {self.jitter_m}"
-            )
+        for name, high in {"mirror": 1, "rotation_deg": 180, "scale": 0.99, "jitter_m": 0.5, "occluder": 1}.items():
+            check_between(f"training.augment.{name}", getattr(self, name), 0, high)
 
 
 class Batch(NamedTuple):
