@@ -43,10 +43,9 @@ from kpopnet.runtime.folder_lock import LOCK_FILE, locked
 from kpopnet.runtime.hydra_app import entry_point, register_choices, register_schemas, user_errors
 from synth.dances.simulate import KpopSim
 from synth.motion import SPLITS, MotionConfig, build_motion
-from synth.samples.generate import finish, generate
-from synth.samples.observe import ExtractionConfig
+from synth.samples.observe import ExtractionConfig, FreezeConfig
 from synth.samples.sampler import SampleConfig
-from synth.samples.writer import FreezeConfig, SetConfig
+from synth.samples.writer import SetConfig, finish, generate
 from synth.scene.render import RENDERERS, make_renderer
 from synth.scene.scene import Scene
 from synth.sensor.model import SENSORS, SensorConfig

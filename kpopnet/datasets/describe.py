@@ -55,17 +55,12 @@ def recognised(path: Path) -> tuple[str, Path]:
 
 
 def describe(path: Path) -> Iterator[str]:
-    """Lines on the set in a folder, or in the folder that holds a file.
-
-    Raises:
-        InputError: there is none, its layout is unknown, or its files are missing or damaged.
-    """
+    """Lines on the set in a folder, or in the folder that holds a file; raises InputError as the set's reader."""
     name, folder = recognised(path)
     if name in POINT_CLOUDS:
         yield from _point_clouds(POINT_CLOUDS[name], folder)
     elif name == "ITOP":
-        parts = [(view, split) for view in VIEWS for split in SPLITS if any(folder.glob(f"ITOP_{view}_{split}_*"))]
-        for view, split in parts:
+        for view, split in ((view, split) for view in VIEWS for split in SPLITS if any(folder.glob(f"ITOP_{view}_{split}_*"))):
             arguments = f"benchmark.view={view} benchmark.split={split}"
             yield from _sequences(ItopBenchmark(ItopConfig(path=str(folder), view=view, split=split)), folder, arguments)
     elif name == "UTD-MHAD":
@@ -108,11 +103,7 @@ def _sequences(benchmark: Benchmark, folder: Path, arguments: str = "") -> Itera
 
 
 def id_figure(path: Path) -> np.ndarray:
-    """RGB image of the ids in the first measured frame of a sequence: the file at `path`, or the first one of the folder.
-
-    Raises:
-        InputError: the joints of the set have names, or the sequence cannot be read.
-    """
+    """RGB image of the ids in the first measured frame of a sequence: the file at `path`, or the first one of the folder."""
     name, folder = recognised(path)
     expect(
         name in POINT_CLOUDS, f"{folder}: --figure", f"EVAL or SMMC-10, whose joints have ids; the joints of {name} have names"

@@ -35,11 +35,8 @@ log = logging.getLogger(__name__)
 CAMERA = Camera(1 / 0.0035, 1 / 0.0035, 160.0, 120.0, 320, 240)
 """From the formula published with the set: X = (u - 160) Z 0.0035, Y = (120 - v) Z 0.0035."""
 
-VIEWS = ("side", "top")
-SPLITS = ("train", "test")
-MAX_SEQUENCE_FRAMES = 400
-"""Maximum number of frames of a sequence: 120 MB."""
-
+VIEWS, SPLITS = ("side", "top"), ("train", "test")
+MAX_SEQUENCE_FRAMES = 400  # 120 MB
 FROM_ITOP = np.array([1, -1, 1], np.float32)
 """Multiply a position in ITOP's axes (y up) by this for the camera frame (y down)."""
 
@@ -83,7 +80,6 @@ class ItopConfig:
 
 
 def _ids(stored: np.ndarray, path: Path) -> list[str]:
-    """The names of the frames, "PP_FFFFF"."""
     expect(len(stored) > 0, f"{path}: id", "at least one frame")
     ids = [one.decode(errors="replace") if isinstance(one, bytes) else str(one) for one in stored]
     for row, name in enumerate(ids):
@@ -93,11 +89,7 @@ def _ids(stored: np.ndarray, path: Path) -> list[str]:
 
 
 def split_into_sequences(ids: list[str]) -> dict[str, slice]:
-    """The rows of sequences of nearly equal length, each of one person, by the id of the first frame.
-
-    Raises:
-        InputError: two sequences begin with the same id.
-    """
+    """The rows of sequences of nearly equal length, each of one person, by the id of the first frame."""
     people = np.array([name.partition("_")[0] for name in ids])
     starts = np.flatnonzero(np.append(True, people[1:] != people[:-1]))
     rows = {}
@@ -125,11 +117,7 @@ class ItopBenchmark:
     truth = "manually checked labels"
 
     def __init__(self, config: ItopConfig) -> None:
-        """Reads the labels and lists the sequences.
-
-        Raises:
-            InputError: the folder does not hold the view and split, or their files are invalid.
-        """
+        """Reads the labels and lists the sequences; raises InputError if files are missing or invalid."""
         if config.path is None:
             raise InputError("benchmark=itop needs benchmark.path=PATH, the folder that holds ITOP_side_test_depth_map.h5")
         start = f"ITOP_{config.view}_{config.split}"
@@ -146,8 +134,7 @@ class ItopBenchmark:
             self.joints_camera_m: np.ndarray = joints_m.astype(np.float32) * FROM_ITOP
         with open_hdf5(self._depth, DEPTH) as file:
             expect(_ids(read_array(file, "id"), self._depth) == ids, f"{self._depth}: id", f"the ids of {labels.name}")
-        self._rows = split_into_sequences(ids)
-        self._from_above = config.view == "top"
+        self._rows, self._from_above = split_into_sequences(ids), config.view == "top"
         self.about = (
             f"Real depth of whole scenes, seen from {'above' if self._from_above else 'the side'}, split {config.split}: "
             f"{int(self.valid.sum())} of {len(ids)} frames have manually checked labels, and only they "

@@ -59,38 +59,22 @@ class PointRecording:
 
 
 class PointCloudBenchmark:
-    """Reads the published files of a set; each set adds their layout.
-
-    Attributes:
-        set_name: name of the set.
-        first_file: name of the first file, for messages.
-        name_pattern: regular expression of the name of a sequence, with groups `number` and, if it names the person, `subject`.
-        suffix: end of the file name, after the name of the sequence.
-        fps: frames per second.
-        layout: of the frames in an existing file.
-        are_valid: (T,) bool, whether the header of each frame is one of this set.
-        points_m: (H, W, 3) points of a frame, in the files' axes.
-        positions_m: (3,) positions of the visible joints or markers of a frame by id, in the files' axes.
-    """
+    """Reads the published files of a set; each set adds their layout."""
 
     name: ClassVar[str]
     origin = Origin.REAL
     set_name: ClassVar[str]
-    first_file: ClassVar[str]
-    name_pattern: ClassVar[re.Pattern]
-    suffix: ClassVar[str]
+    first_file: ClassVar[str]  # for messages
+    name_pattern: ClassVar[re.Pattern]  # of a sequence, with groups `number` and, if it names the person, `subject`
+    suffix: ClassVar[str]  # of a file, after the name of the sequence
     fps: ClassVar[float]
-    layout: ClassVar[Callable[[Path], np.dtype]]
-    are_valid: ClassVar[Callable[[np.ndarray], np.ndarray]]
-    points_m: ClassVar[Callable[[np.ndarray], np.ndarray]]
-    positions_m: ClassVar[Callable[[np.ndarray], dict[int, np.ndarray]]]
+    layout: ClassVar[Callable[[Path], np.dtype]]  # of the frames in an existing file
+    are_valid: ClassVar[Callable[[np.ndarray], np.ndarray]]  # (T,) bool, whether the header of each frame is one of this set
+    points_m: ClassVar[Callable[[np.ndarray], np.ndarray]]  # (H, W, 3) points of a frame, in the files' axes
+    positions_m: ClassVar[Callable[[np.ndarray], dict[int, np.ndarray]]]  # (3,) of visible joints or markers by id, likewise
 
     def __init__(self, config: PointCloudConfig) -> None:
-        """Lists the set's sequences.
-
-        Raises:
-            InputError: the folder holds no sequences or simulated ones, or the joint map is missing or invalid.
-        """
+        """Lists the sequences; raises InputError if there are none, or the joint map is missing or invalid."""
         needed = f"benchmark={self.name} needs benchmark."
         if config.path is None:
             raise InputError(f"{needed}path=PATH, the folder that holds {self.first_file} and the others")
@@ -106,7 +90,6 @@ class PointCloudBenchmark:
 
     @classmethod
     def path(cls, folder: Path, name: str) -> Path:
-        """The file of a sequence."""
         return folder / f"{name}{cls.suffix}"
 
     def sequence_names(self) -> list[str]:
@@ -167,11 +150,7 @@ class PointCloudBenchmark:
 
     @classmethod
     def recording(cls, path: Path) -> PointRecording:
-        """Reads a file, and warns of points that are left out.
-
-        Raises:
-            InputError: see `frames`; or no pinhole camera fits the points.
-        """
+        """Reads a file, and warns of points that are left out; raises InputError as `frames` and `fit_camera`."""
         frames = cls.frames(path)
         height, width = cls.points_m(frames[0]).shape[:2]
         check_budget(path, 4 * len(frames) * height * width, f"the depth of its {len(frames)} frames")
@@ -205,12 +184,8 @@ class PointCloudBenchmark:
 def fit_camera(points_m: np.ndarray, where: str) -> Camera:
     """Fits a pinhole camera to organised points by least squares: u = cx + fx X/(-Z), v = cy - fy Y/(-Z).
 
-    Args:
-        points_m: (H, W, 3) metres, in the files' axes; points that are not finite or not in front of the camera are left out.
-        where: name of the file, for messages.
-
-    Raises:
-        InputError: there are too few points, or no pinhole camera fits them.
+    The (H, W, 3) points are in the files' axes, metres; those that are not finite or not in front of the camera are left out.
+    Raises InputError, beginning with `where`, if they are too few, or if no camera fits them to MAX_FIT_RMS_PX.
     """
     height, width = points_m.shape[:2]
     v, u = np.mgrid[:height, :width]
@@ -234,11 +209,7 @@ def fit_camera(points_m: np.ndarray, where: str) -> Camera:
 
 
 def checked_map(joints: Mapping[str, Any]) -> dict[str, list[int]]:
-    """The ids of each joint in a map, which holds an id, a list of ids or None by the joint's name; without None.
-
-    Raises:
-        InputError: an unknown joint, an id that is not an integer, or two joints with the same ids.
-    """
+    """The ids of each joint in a map, which holds an id, a list of ids or None by the joint's name; without None."""
     ids: dict[str, list[int]] = {}
     for name, given in joints.items():
         expect(name in JOINT_NAMES, f"benchmark.joints: {name}", f"one of the joints {', '.join(JOINT_NAMES)}")

@@ -13,7 +13,7 @@ from kpopnet.skeleton import NUM_JOINTS, Joint
 
 
 class Origin(Enum):
-    """Origin of the depth of a benchmark: a sensor, or a simulation."""
+    """Of the depth of a benchmark: a sensor, or a simulation."""
 
     REAL = "real"
     SIMULATED = "simulated"
@@ -82,11 +82,7 @@ class Benchmark(Protocol):
         ...
 
     def read(self, name: str) -> Sequence:
-        """Reads one sequence.
-
-        Raises:
-            InputError: its files are missing, truncated or invalid.
-        """
+        """Reads one sequence; raises InputError if its files are missing, truncated or invalid."""
         ...
 
 
@@ -100,11 +96,8 @@ def heading_rad(joints_camera_m: np.ndarray) -> np.ndarray:
     """(T,) float32 heading in radians: 0 facing the camera, positive to the person's left; NaN if unknown.
 
     The front direction is the cross product of the right-to-left vectors of hips and shoulders with the vector from hips to
-    shoulders, projected on the x-z plane of the camera. Assumptions: the camera is upright; its tilt is unknown and
-    ignored, so the result is meaningless for a camera that looks down.
-
-    Args:
-        joints_camera_m: (T, 15, 3) metres in the camera frame.
+    shoulders of (T, 15, 3) joints, projected on the x-z plane of the camera. Assumptions: the camera is upright; its tilt is
+    unknown and ignored, so the result is meaningless for a camera that looks down.
     """
     joints = joints_camera_m.astype(np.float64)
     hips = joints[:, Joint.LEFT_HIP] + joints[:, Joint.RIGHT_HIP]

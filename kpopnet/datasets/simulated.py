@@ -122,11 +122,7 @@ class SimulatedSet:
     origin = Origin.SIMULATED
 
     def __init__(self, config: SimulatedConfig) -> None:
-        """Lists the sequences.
-
-        Raises:
-            InputError: the folder holds no sequences of this set, or its manifest is invalid.
-        """
+        """Lists the sequences; raises InputError if there are none of this set, or the manifest is invalid."""
         self.name, self.folder = config.name, Path(config.path)
         make = f"`python -m synth benchmark={config.name} out={self.folder}` makes the set"
         if not (self.folder / MANIFEST).exists():
@@ -150,7 +146,6 @@ class SimulatedSet:
         self.provenance = {"seed": manifest["seed"], "version": generator, "config_hash": manifest["hash"]}
 
     def path(self, name: str) -> Path:
-        """The file of a sequence."""
         return self.folder / f"{name}.h5"
 
     def sequence_names(self) -> list[str]:

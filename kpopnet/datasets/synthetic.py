@@ -1,7 +1,4 @@
-"""Benchmark `synthetic`: a frozen split of a set made by `synth`, with people that no training set contains.
-
-Its depth images have simulated sensor noise and imperfect silhouettes.
-"""
+"""Benchmark `synthetic`: a frozen split of a set made by `synth`, with people that no training set contains."""
 
 from dataclasses import dataclass
 
@@ -41,11 +38,7 @@ class SyntheticBenchmark:
     truth = "synthetic truth"
 
     def __init__(self, config: SyntheticConfig) -> None:
-        """Opens the set.
-
-        Raises:
-            InputError: the folder holds no shards, or they are not frozen.
-        """
+        """Opens the set; raises InputError if the folder holds no shards, or they are not frozen."""
         self.samples = ShardedSet(config.path)
         if self.samples.kind != "frozen":
             raise InputError(

@@ -86,15 +86,10 @@ class UtdMhadBenchmark:
     )
 
     def __init__(self, config: UtdMhadConfig) -> None:
-        """Lists the set's sequences.
-
-        Raises:
-            InputError: the folder does not hold the set.
-        """
+        """Lists the sequences; raises InputError if there are none."""
         if config.path is None:
             raise InputError("benchmark=utd_mhad needs benchmark.path=PATH, the folder that holds Depth/ and Skeleton/")
-        self.folder = Path(config.path)
-        self.lag = config.lag
+        self.folder, self.lag = Path(config.path), config.lag
         names = [path.name.removesuffix("_depth.mat") for path in self.folder.glob("Depth/*_depth.mat")]
         expect(bool(names), str(self.folder), "Depth/*_depth.mat in it, as in the folder of UTD-MHAD")
         check_names(str(self.folder), names)
@@ -141,11 +136,7 @@ class UtdMhadBenchmark:
 
 
 def read_variable(path: Path, variable: str, schema: ArraySchema) -> np.ndarray:
-    """One variable of a MATLAB file of version 5 to 7.
-
-    Raises:
-        InputError: the file is missing, is not a complete MATLAB file, or its variable is not as expected.
-    """
+    """One variable of a MATLAB file of version 5 to 7; raises InputError if the file or the variable is not as expected."""
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     problem = "not a complete MATLAB file; download it again"
@@ -171,11 +162,7 @@ def estimate_lag(depth_m: np.ndarray, skeleton_m: np.ndarray) -> int:
 
     Hands move fastest and are thin, so their distance from the surface depends most on the lag. All lags are compared on
     the same depth frames. In a sequence in which the hands hardly move, all lags fit nearly equally well, and the choice
-    has little effect.
-
-    Args:
-        depth_m: (T, H, W) metres, mirrored as stored.
-        skeleton_m: (S, 20, 3) metres in the same camera frame, NaN where absent.
+    has little effect. The (T, H, W) depth and the (S, 20, 3) skeleton, NaN where absent, are mirrored as stored, metres.
     """
     # (T, L, 4, 3)
     labels = np.stack([shift_labels(skeleton_m, lag, len(depth_m))[:, LAG_JOINTS] for lag in CANDIDATE_LAGS], axis=1)

@@ -13,7 +13,7 @@ def continuous(quats: np.ndarray) -> np.ndarray:
     return quats
 
 
-def towards(quats: np.ndarray, others: np.ndarray, weight: np.ndarray) -> np.ndarray:
+def towards(quats: np.ndarray, others: np.ndarray, weight: np.ndarray | float) -> np.ndarray:
     """Linear interpolation from (..., 4) rotations (weight 0) to others (weight 1), the shorter way; not normalised."""
     others = np.where((quats * others).sum(axis=-1, keepdims=True) < 0, -others, others)
     return quats + weight * (others - quats)

@@ -12,6 +12,7 @@ from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
 from synth.body.asset import load_body
 from synth.body.shape import BodyConfig, draw_person
+from synth.dances.changes import normalised, towards
 from synth.dances.ends import end_motion, on_the_floor
 from synth.dances.skill import LEVELS, SkillConfig, draw_strengths, learn
 from synth.motion.posture import CHANNELS, STANDING, rotations
@@ -29,8 +30,7 @@ ON_THE_BEAT = "an arm on every beat"
 SKILLS = ("perfect", *LEVELS, "waving", "still", "nobody")
 FAULTS = ("", "left arm", "right arm", "left leg", "right leg", "late", "hidden feet")
 LATE_S = 0.35
-FAULT_WEIGHT = 0.85
-"""How far a faulty limb hangs: 1 for as in standing still."""
+FAULT_WEIGHT = 0.85  # how far a faulty limb hangs: 1 for as in standing still
 
 CAMERA = CAMERAS["kinect_v1"]
 VIEW = ViewConfig(height_m=(1.0, 1.2), aim_m=(0.95, 1.05), roll_deg=0.5)
@@ -65,9 +65,6 @@ class LiveLearner:
             fault: one of FAULTS.
             seed: of the person, the room and the errors.
             camera: its noise is that of a Kinect v1.
-
-        Raises:
-            InputError: an unknown skill or fault, or another body.
         """
         if skill not in (*SKILLS, ON_THE_BEAT) or fault not in FAULTS:
             raise InputError(
@@ -165,8 +162,5 @@ def _hanging(motion: Motion, bones: list[int]) -> Motion:
     """The motion with these bones near those of a person who stands."""
     quats = motion.quats.astype(np.float64)
     rest = rotations(STANDING[None]).astype(np.float64)[0]
-    for bone in bones:
-        towards = np.where((quats[:, bone] @ rest[bone])[:, None] < 0, -rest[bone], rest[bone])
-        mixed = (1 - FAULT_WEIGHT) * quats[:, bone] + FAULT_WEIGHT * towards
-        quats[:, bone] = mixed / np.linalg.norm(mixed, axis=1, keepdims=True)
+    quats[:, bones] = normalised(towards(quats[:, bones], rest[bones], FAULT_WEIGHT))
     return replace(motion, quats=quats.astype(np.float32))

@@ -24,23 +24,12 @@ from synth.motion.splice import at_times
 LEVELS = ("best", "good", "bad", "worst")
 MISTAKES = ("forgotten", "swapped", "mirrored")
 
-MISTAKE_S = (1.0, 2.4)
-"""Range of the duration of a mistake: about one move."""
-
-TRANSITION_S = 0.4
-"""Duration of the transition into a mistake, and out of it."""
-
-DRIFT_PERIOD_S = (2.0, 7.0)
-"""Range of the periods of the delay's variation."""
-
-NOISE_CORRELATION_S = 0.35
-"""Standard deviation of the Gaussian that correlates a joint's error in time."""
-
-CONSTANT_FRACTION = 0.6
-"""Standard deviation of the constant part of a joint's error, as a fraction of that of the whole error."""
-
-GAIN_RANGE = (0.2, 1.35)
-"""Range of the factor of a joint's movement."""
+MISTAKE_S = (1.0, 2.4)  # duration of a mistake: about one move
+TRANSITION_S = 0.4  # into a mistake, and out of it
+DRIFT_PERIOD_S = (2.0, 7.0)  # of the delay's variation
+NOISE_CORRELATION_S = 0.35  # standard deviation of the Gaussian that correlates a joint's error in time
+CONSTANT_FRACTION = 0.6  # standard deviation of the constant part of a joint's error, of that of the whole error
+GAIN_RANGE = (0.2, 1.35)  # factor of a joint's movement
 
 _SHARES = {
     "Hips": 0.3, "LowerBack": 0.4, "Spine": 0.4, "Spine1": 0.4, "Neck": 0.3, "Neck1": 0.3, "Head": 0.4,
@@ -105,12 +94,9 @@ def draw_strengths(rng: np.random.Generator, level: int, config: SkillConfig) ->
 
 @dataclass(frozen=True)
 class Mistake:
-    """A wrong move.
+    """A wrong move, of a kind in MISTAKES.
 
     Attributes:
-        kind: one of MISTAKES.
-        start_s: start, seconds.
-        seconds: duration.
         shift_s: a swapped move shows the teacher's motion this many seconds later, or earlier if negative.
     """
 

@@ -12,20 +12,13 @@ from numba import njit
 from kpopnet.camera import MM_PER_METRE, Camera
 from kpopnet.skeleton import Joint
 
-SURFACE_OFFSET_M = {
-    # Largest distance along z by which the measured surface may lie in front of a joint that counts as visible. A nearer
-    # surface belongs to another body part. Read off dressed people seen from all sides.
-    "HEAD": 0.16,
-    "NECK": 0.16,
-    "TORSO": 0.22,
-    "SHOULDER": 0.15,
-    "HIP": 0.20,
-    "KNEE": 0.12,
-    "ELBOW": 0.09,
-    "HAND": 0.08,
-    "FOOT": 0.12,
-}
-_SURFACE_OFFSET_M = np.array([SURFACE_OFFSET_M[joint.name.rpartition("_")[2]] for joint in Joint])
+_OFFSETS_M = {
+    "HEAD": 0.16, "NECK": 0.16, "TORSO": 0.22, "SHOULDER": 0.15, "HIP": 0.20,
+    "KNEE": 0.12, "ELBOW": 0.09, "HAND": 0.08, "FOOT": 0.12,
+}  # fmt: skip
+SURFACE_OFFSET_M = np.array([_OFFSETS_M[joint.name.rpartition("_")[2]] for joint in Joint])
+"""(15,) largest distance along z by which the measured surface may lie in front of a joint that counts as visible. A nearer
+surface belongs to another body part. Read off dressed people seen from all sides."""
 
 Box = tuple[int, int, int, int]
 
@@ -146,4 +139,4 @@ def visible_joints(joints_camera_m: np.ndarray, own_mm: np.ndarray, camera: Came
     inside &= np.abs(v - (camera.height - 1) / 2) < camera.height / 2
     row, column = (np.where(inside, np.rint(w), 0).astype(int) for w in (v, u))
     seen_mm = own_mm[row, column]
-    return inside & (seen_mm > 0) & (seen_mm / MM_PER_METRE > z - _SURFACE_OFFSET_M)
+    return inside & (seen_mm > 0) & (seen_mm / MM_PER_METRE > z - SURFACE_OFFSET_M)

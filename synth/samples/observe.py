@@ -75,13 +75,13 @@ PERFECT = ExtractionConfig(feet_cut_m=0, erode=0, dilate=0, attached=0, hand_mis
 
 @dataclass(frozen=True)
 class OtherSensors:
-    """How often an image is measured by another sensor than the set's.
+    """Probabilities that an image is measured by another sensor than the set's.
 
     Attributes:
-        ideal: probability that nothing but the segmentation fails.
-        kinect_v1: probability of a Kinect v1.
-        kinect_2: probability of a Kinect 2.
-        swissranger: probability of a SwissRanger.
+        ideal: nothing but the segmentation fails.
+        kinect_v1: a Kinect v1.
+        kinect_2: a Kinect 2.
+        swissranger: a SwissRanger.
     """
 
     ideal: float = 0.0
@@ -92,6 +92,15 @@ class OtherSensors:
     def __post_init__(self) -> None:
         if min(asdict(self).values()) < 0 or not sum(asdict(self).values()) <= 1:
             raise InputError(f"other_sensors={asdict(self)}: expected probabilities whose sum is at most 1")
+
+
+@dataclass(frozen=True)
+class FreezeConfig:
+    """How the samples of a frozen set are measured and segmented before they are stored."""
+
+    sensor: SensorConfig
+    extraction: ExtractionConfig
+    ridge: RidgeConfig
 
 
 class Background(NamedTuple):
@@ -121,7 +130,6 @@ class Observer:
         seed: int,
         other_sensors: OtherSensors | None = None,
     ) -> None:
-        """Stores the settings, of which only the seed of the noise, at least 0, is not described elsewhere."""
         self.shards, self.sensor, self.extraction, self.seed = shards, sensor, extraction, seed
         self.other_sensors = other_sensors or OtherSensors()
 
@@ -154,11 +162,7 @@ def observe_sample(
     extraction: ExtractionConfig,
     rng: np.random.Generator,
 ) -> Observation:
-    """Measures and segments one clean sample, cropped to the person's surroundings; `rng` is the only source of randomness.
-
-    Raises:
-        InputError: sample and room are not of the camera's size, or the sample's box does not lie in the image.
-    """
+    """Measures and segments one clean sample, cropped to the person's surroundings; `rng` is the only source of randomness."""
     check_images("sample and room", camera, sample.depth_mm, room.depth_mm)
     # All random numbers but the sensor's are drawn at once, whether they are used or not.
     cut, outline, attached, missing, hand, size, kind, where = rng.random(8)
@@ -212,32 +216,26 @@ def freeze(
     sample: Sample,
     room: Background,
     camera: Camera,
-    sensor: SensorConfig,
-    extraction: ExtractionConfig,
-    ridge: RidgeConfig,
+    look: FreezeConfig,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The images of a frozen shard: the result of `observe_sample` (see there) and its ridge, pasted into the full image.
+    """The result of `observe_sample`, pasted into the full image, and its ridge.
 
     Returns:
         (H, W) uint16 depth in millimetres and (H, W) uint8 ridge probability times 255.
     """
-    seen = observe_sample(sample, room, camera, sensor, extraction, rng)
+    seen = observe_sample(sample, room, camera, look.sensor, look.extraction, rng)
     x0, y0 = round(camera.cx - seen.camera.cx), round(camera.cy - seen.camera.cy)
     part = slice(y0, y0 + seen.camera.height), slice(x0, x0 + seen.camera.width)
     depth_mm = np.zeros((camera.height, camera.width), np.uint16)
     depth_mm[part] = np.rint(seen.depth_m * MM_PER_METRE)
     ridge_255 = np.zeros((camera.height, camera.width), np.uint8)
-    ridge_255[part] = np.rint(ridge_probability(seen.depth_m, ridge) * 255)
+    ridge_255[part] = np.rint(ridge_probability(seen.depth_m, look.ridge) * 255)
     return depth_mm, ridge_255
 
 
 def as_stored(sample: Sample, camera: Camera) -> Observation:
-    """A frozen sample as an observation, cropped to its non-zero pixels plus a margin.
-
-    Raises:
-        InputError: its images are not of the camera's size.
-    """
+    """A frozen sample as an observation, cropped to its non-zero pixels plus a margin."""
     check_images("sample", camera, sample.depth_mm)
     box = silhouette_box(sample.depth_mm)
     x0, y0, x1, y1 = _widened(box, MARGIN_PX, camera) if any(box) else (0, 0, 1, 1)

@@ -28,8 +28,8 @@ from synth.scene.render import RENDERERS, draw_mesh_m, make_renderer
 from synth.scene.room import ViewConfig, draw_room, draw_view
 from synth.scene.scene import Scene
 
-BLOCK = 64
-"""Number of samples whose poses are drawn in one batch. No sample depends on it."""
+BLOCK = 64  # samples whose poses are drawn in one batch; no sample depends on it
+MAX_SIDE_PX = 4096  # of a camera's image
 
 _STREAMS = ("sample", "body", "room", "props")
 """What is drawn from a generator of its own, by number. The order is part of every sample."""
@@ -45,9 +45,6 @@ MAX_HIDDEN = 0.5
 
 FINGER_FLEXION = {"FingerBase": 0.2, "HandFinger1": 1.4}
 """Bones of the fingers, and by how much of the drawn angle each flexes: FingerBase lies in the palm, which hardly bends."""
-
-MAX_SIDE_PX = 4096
-"""Largest width and height of a camera's image."""
 
 
 @dataclass(frozen=True)
@@ -67,11 +64,7 @@ class CameraConfig:
     height: int = 240
 
     def build(self) -> Camera:
-        """The camera's intrinsics.
-
-        Raises:
-            InputError: an unknown preset, or a preset with other numbers than its own.
-        """
+        """The camera's intrinsics; raises InputError if the preset is unknown or has other numbers."""
         if self.name == "custom":
             for name in ("width", "height"):
                 check_between(f"camera.{name}", getattr(self, name), 1, MAX_SIDE_PX)
@@ -95,8 +88,8 @@ class SampleConfig:
         stage: where people stand and which poses are rejected.
         props: things and people that hide a person or are segmented with them.
         renderer: auto, gl or cpu.
-        samples_per_body: number of consecutive samples of the same person.
-        samples_per_room: number of consecutive samples in the same room with the same camera pose.
+        samples_per_body: consecutive samples of the same person.
+        samples_per_room: consecutive samples in the same room with the same camera pose.
     """
 
     body: BodyConfig = field(default_factory=BodyConfig)
@@ -120,13 +113,12 @@ class RenderedSample(NamedTuple):
     """A clean sample and the statistics of its rejection sampling.
 
     Attributes:
-        sample: the sample as it is stored, except that `room` is the room's number in the whole set.
-        rejected: number of poses drawn before this one and rejected.
-        refused_places: number of places drawn before this one and refused.
+        sample: as it is stored, except that `room` is the room's number in the whole set.
+        rejected: number of poses drawn before this one.
+        refused_places: number of places drawn before this one.
         forced: no pose without self-penetration, or no free place with enough visible pixels, was found within the allowed
             tries; the best one is taken.
         props: names of what is drawn around the person or in their hands.
-        around: its images.
     """
 
     sample: Sample
@@ -134,7 +126,6 @@ class RenderedSample(NamedTuple):
     refused_places: int
     forced: bool
     props: tuple[str, ...]
-    around: Around
 
 
 class RenderedRoom(NamedTuple):
@@ -178,13 +169,8 @@ class Sampler:
     """Draws the samples of one split. Holds one compiled scene and one renderer."""
 
     def __init__(self, config: SampleConfig, seed: int, split: str) -> None:
-        """Builds the motion source, the scene and the renderer.
-
-        Raises:
-            InputError: an unknown split, or a setting that cannot be built.
-        """
-        self.config = config
-        self.split = split
+        """Builds the motion source, the scene and the renderer; raises InputError if a setting cannot be built."""
+        self.config, self.split = config, split
         self.source: MotionSource = build_motion(config.motion, split)
         self.scene = Scene(config.camera.build())
         self.renderer = make_renderer(config.renderer, self.scene)
@@ -193,18 +179,15 @@ class Sampler:
         self._room: tuple[int, RenderedRoom] | None = None
 
     def close(self) -> None:
-        """Frees the renderer."""
         self.renderer.close()
 
     def _rng(self, kind: str, index: int) -> np.random.Generator:
         return np.random.default_rng((*self._seed, _STREAMS.index(kind), index))
 
     def person(self, number: int) -> Person:
-        """Person `number` of the split."""
         return draw_person(self._rng("body", number), self.config.body, self.split)
 
     def room(self, index: int) -> RenderedRoom:
-        """Room number `index`, drawn and rendered."""
         if self._room is None or self._room[0] != index:
             rng = self._rng("room", index)
             view, room = draw_view(rng, self.config.view), draw_room(rng)
@@ -311,7 +294,7 @@ class Sampler:
             ridge=None,
         )
         forced = forced or pose.penetration_m > self.config.stage.penetration_m
-        return RenderedSample(sample, pose.rejected, refused_places, forced, props, around)
+        return RenderedSample(sample, pose.rejected, refused_places, forced, props)
 
     def _draw_around(self, placed: _Placed, person_m: np.ndarray) -> tuple[Around, tuple[str, ...]]:
         """Draws seat, held object and second person of a placed person, and their names."""

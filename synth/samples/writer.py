@@ -1,8 +1,6 @@
-"""Writes sets of samples as HDF5 shards (layout: `kpopnet.data.shards`).
+"""Makes sets of samples: the missing HDF5 shards (layout: `kpopnet.data.shards`), then a summary and a contact sheet.
 
-Shards are independent: each can be written alone, in any order, on any machine. A shard is written to a temporary file
-and renamed when it is complete, so a file under the final name is never partial. A run that was killed continues by
-writing only the missing shards.
+Shards are independent: each can be written alone, in any order, on any machine.
 """
 
 import dataclasses
@@ -11,46 +9,32 @@ import importlib.metadata
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
-from kpopnet.camera import Camera
-from kpopnet.data.shards import FORMAT, VERSION, Sample, read_header, shard_path
+from kpopnet.camera import MM_PER_METRE, Camera
+from kpopnet.data.shards import FORMAT, VERSION, Sample, ShardedSet, open_shard, read_header, shard_path
 from kpopnet.errors import InputError, check_between, check_seed
-from kpopnet.ridge import RidgeConfig
-from kpopnet.runtime.atomic_write import atomic_hdf5
+from kpopnet.runtime.atomic_write import atomic_hdf5, atomic_path
 from kpopnet.skeleton import JOINT_NAMES
+from kpopnet.viz.drawing import TRUE, depth_rgb, draw_skeleton, enlarged, probability_rgb, save_png, sheet, with_captions
 from synth.body.asset import ASSET
+from synth.resumable import make_missing, remove_unfinished
 from synth.samples.layers import silhouette_box
-from synth.samples.observe import Background, ExtractionConfig, freeze
+from synth.samples.observe import Background, FreezeConfig, freeze
 from synth.samples.sampler import BLOCK, RenderedRoom, SampleConfig, Sampler
-from synth.sensor.model import SensorConfig
 
 GENERATOR = 2
 """Version of the generator. Increase it with every change after which the same configuration gives different samples."""
 
+TILE_PX = 240
 PACKAGES = ("kpopnet", "mujoco", "numba", "numpy", "h5py")
-
 MAX_SHARDS, MAX_SHARD_SIZE = 100_000, 100_000
 """Most shards in a set, whose names have five digits, and most samples in a shard, which is put together in memory."""
-
-
-@dataclass(frozen=True)
-class FreezeConfig:
-    """How the samples of a frozen set are measured and segmented before they are stored.
-
-    Attributes:
-        sensor: the depth-camera model.
-        extraction: the failures of the person segmentation.
-        ridge: parameters of the ridge image.
-    """
-
-    sensor: SensorConfig
-    extraction: ExtractionConfig
-    ridge: RidgeConfig
 
 
 @dataclass(frozen=True)
@@ -59,10 +43,6 @@ class SetConfig:
 
     Attributes:
         sample: everything that a sample depends on besides seed, split and index.
-        seed: seed of the set.
-        split: train, validation or test.
-        count: number of samples.
-        shard_size: samples per shard.
         freeze: how the stored images of a frozen set are measured; None stores clean renders.
     """
 
@@ -86,7 +66,6 @@ class SetConfig:
 
     @property
     def num_shards(self) -> int:
-        """Number of shards."""
         return -(-self.count // self.shard_size)
 
     def span(self, shard: int) -> tuple[int, int]:
@@ -105,12 +84,36 @@ class SetConfig:
         return hashlib.sha256(self.as_json().encode()).hexdigest()[:12]
 
 
-def is_finished(config: SetConfig, folder: Path, shard: int) -> bool:
-    """Whether the folder already holds this shard, complete.
+def generate(config: SetConfig, folder: Path, shards: range, processes: int) -> None:
+    """Makes missing shards; raises InputError if the folder holds another set, or a worker process died."""
+    make, finished = partial(write_shard, config, folder), partial(is_finished, config, folder)
+    make_missing(make, shards, finished, folder, "shard", "sample", lambda shard: len(range(*config.span(shard))), processes)
 
-    Raises:
-        InputError: the file belongs to another set.
+
+def finish(config: SetConfig, folder: Path, look: FreezeConfig) -> dict | None:
+    """Writes set.json and contact_sheet.png once every shard is finished, and returns the summary; else returns None.
+
+    The contact sheet shows a clean set through `look`.
     """
+    if not all(is_finished(config, folder, shard) for shard in range(config.num_shards)):
+        return None
+    remove_unfinished(folder, ".shard_*.tmp")
+    summary = {"samples": config.count, "shards": config.num_shards, "hash": config.hash}
+    totals = {"refused_poses": 0, "refused_places": 0, "forced_samples": 0}
+    for shard in range(config.num_shards):
+        with open_shard(shard_path(folder, shard)) as file:
+            for name in totals:
+                totals[name] += int(file.attrs[name])
+    summary |= totals | {"bytes": sum(path.stat().st_size for path in folder.glob("shard_*.h5"))}
+    # Jobs that end at the same time may both write: each replaces the whole file.
+    with atomic_path(folder / "set.json") as part:
+        part.write_text(json.dumps(summary | {"config": json.loads(config.as_json())}, indent=1))
+    save_png(folder / "contact_sheet.png", draw_contact_sheet(ShardedSet(folder), look, config.seed))
+    return summary
+
+
+def is_finished(config: SetConfig, folder: Path, shard: int) -> bool:
+    """Whether the folder already holds this shard, complete; raises InputError if it is one of another set."""
     path = shard_path(folder, shard)
     if not path.exists():
         return False
@@ -124,7 +127,7 @@ def is_finished(config: SetConfig, folder: Path, shard: int) -> bool:
 
 
 def write_shard(config: SetConfig, folder: Path, shard: int, on_sample: Callable[[], None] = lambda: None) -> None:
-    """Writes one shard. `on_sample` is called after every sample."""
+    """Writes one shard, whole or not at all; calls `on_sample` after each sample."""
     path = shard_path(folder, shard)
     path.parent.mkdir(parents=True, exist_ok=True)
     sampler = _sampler(config)
@@ -216,8 +219,32 @@ def _attributes(config: SetConfig, shard: int, camera: Camera) -> dict[str, Any]
 
 def _frozen(sample: Sample, room: RenderedRoom, camera: Camera, config: SetConfig, index: int) -> tuple[Sample, np.ndarray]:
     """The sample with its measured and segmented depth, and its ridge image (H, W) uint8."""
-    settings = config.freeze
     rng = np.random.default_rng([config.seed, *config.split.encode(), index])
-    background = Background(room.depth_mm, room.floor)
-    depth_mm, ridge = freeze(sample, background, camera, settings.sensor, settings.extraction, settings.ridge, rng)
+    depth_mm, ridge = freeze(sample, Background(room.depth_mm, room.floor), camera, config.freeze, rng)
     return dataclasses.replace(sample, depth_mm=depth_mm, box=silhouette_box(depth_mm)), ridge
+
+
+def draw_contact_sheet(shards: ShardedSet, look: FreezeConfig, seed: int, count: int = 12) -> np.ndarray:
+    """RGB contact sheet of `count` samples at even distances in the set.
+
+    Each row: the rendered depth, the person's depth after sensor and extraction, its ridge probability, and the skeleton.
+    """
+    camera, shown = shards.camera, []
+    for index in np.linspace(0, len(shards) - 1, min(count, len(shards))).astype(int).tolist():
+        sample = shards[index]
+        room = Background(*shards.room(index, sample.room))
+        noisy_mm, ridge = sample.depth_mm, sample.ridge
+        if shards.kind == "clean":
+            rng = np.random.default_rng([seed, index])
+            noisy_mm, ridge = freeze(sample, room, camera, look, rng)
+        whole_m = np.where(sample.depth_mm > 0, sample.depth_mm, room.depth_mm) / np.float32(MM_PER_METRE)
+        noisy_m = noisy_mm / np.float32(MM_PER_METRE)
+        skeleton = enlarged(depth_rgb(noisy_m), TILE_PX)
+        draw_skeleton(skeleton, sample.joints_camera_m, camera, TRUE)
+        images = depth_rgb(whole_m), depth_rgb(noisy_m), probability_rgb(ridge / np.float32(255))
+        tiles = [enlarged(image, TILE_PX) for image in images]
+        caption = f"sample {index}, person {sample.body}, {sample.motion}"
+        shown.append(with_captions(np.concatenate([*tiles, skeleton], axis=1), (caption,)))
+    rows = [("", shown[k : k + 2]) for k in range(0, len(shown), 2)]
+    title = f"simulated: depth, after {look.sensor.name}, ridge probability, true joints"
+    return sheet(rows, (TRUE,), title)

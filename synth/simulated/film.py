@@ -40,11 +40,8 @@ ROOM_BOXES = 4
 MAX_OCCLUDED_FRACTION = 0.02
 """Greatest fraction of the person's pixels that furniture may occlude in any of the tested frames."""
 
-_VERTEX_STRIDE, _FRAME_STRIDE = 7, 2
-"""Vertices and frames of which the skin is kept for collision tests."""
-
-_OCCLUSION_STRIDE = 15
-"""Frames that are tested for occlusion."""
+_VERTEX_STRIDE, _FRAME_STRIDE, _OCCLUSION_STRIDE = 7, 2, 15
+"""Vertices and frames of which the skin is kept for collision tests; frames that are tested for occlusion."""
 
 ROOM, PERSON = 1, 2  # pixel labels
 
@@ -99,10 +96,9 @@ class Take:
 
 @dataclass(frozen=True)
 class CleanFrame:
-    """A frame of a take without sensor noise.
+    """Frame `number` of a take without sensor noise.
 
     Attributes:
-        number: of the frame in the take.
         person_m: (H, W) float32 depth of the person without the room, metres, 0 elsewhere.
         room_m: (H, W) float32 depth of the room without the person, metres, 0 where it has no surface.
         joints_camera_m: (15, 3) float32 true joints, metres.
@@ -148,16 +144,11 @@ class Studio:
         self.renderer = make_renderer(renderer, self.scene)
 
     def play(self, person: Person, motion: Motion, yaw_rad: float, curls_rad: np.ndarray) -> Played:
-        """Applies a motion to a body.
+        """Applies a motion, on any skeleton and starting at any position, to a body.
 
         Translations are scaled by the ratio of the legs' lengths. In each frame the lowest vertex lies on the floor, or above
-        it by the scaled height that the motion's skeleton has above the floor.
-
-        Args:
-            person: the body.
-            motion: on any skeleton, starting at any position.
-            yaw_rad: rotation to the left, radians; at 0 the motion's +Z axis points towards the camera.
-            curls_rad: (2,) flexion of the left and right fingers, radians.
+        it by the scaled height that the motion's skeleton has above the floor. The body is turned to the left by `yaw_rad`; at
+        0 the motion's +Z axis points towards the camera. `curls_rad` (2,) is the flexion of the left and right fingers.
         """
         scene, scale = self.scene, person.leg_m / motion.leg_m
         self._set_person(person)

@@ -53,8 +53,7 @@ SCHEMA = Hdf5Schema(
     remedy="copy or make it again",
 )
 
-MARGIN_PX = 8
-"""Margin around the union of all boxes, to which a recording is cropped."""
+MARGIN_PX = 8  # around the union of all boxes, to which a recording is cropped
 
 
 @dataclass

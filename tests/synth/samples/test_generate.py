@@ -17,10 +17,9 @@ from kpopnet.errors import InputError
 from kpopnet.ridge import RidgeConfig, ridge_probability
 from synth.__main__ import parse_range
 from synth.motion import MotionConfig
-from synth.samples.generate import finish, generate
-from synth.samples.observe import ExtractionConfig
+from synth.samples.observe import ExtractionConfig, FreezeConfig
 from synth.samples.sampler import SampleConfig, Sampler
-from synth.samples.writer import FreezeConfig, SetConfig, is_finished, write_shard
+from synth.samples.writer import SetConfig, finish, generate, is_finished, write_shard
 from synth.sensor.model import SensorConfig
 
 FREEZE = FreezeConfig(SensorConfig(), ExtractionConfig(), RidgeConfig())

@@ -9,7 +9,16 @@ from kpopnet.data.shards import ShardedSet
 from kpopnet.errors import InputError
 from kpopnet.ridge import RidgeConfig, ridge_probability
 from kpopnet.skeleton import Joint
-from synth.samples.observe import PERFECT, Background, ExtractionConfig, Observer, OtherSensors, freeze, observe_sample
+from synth.samples.observe import (
+    PERFECT,
+    Background,
+    ExtractionConfig,
+    FreezeConfig,
+    Observer,
+    OtherSensors,
+    freeze,
+    observe_sample,
+)
 from synth.sensor.model import SENSORS
 
 IDEAL, KINECT = SENSORS["ideal"], SENSORS["kinect_v1"]
@@ -133,9 +142,8 @@ def test_a_missing_hand_is_removed_and_the_rest_remains(shards):
 def test_frozen_images_equal_the_observation(shards, sensor):
     sample = shards[1]
     room = Background(*shards.room(1, sample.room))
-    arguments = sample, room, shards.camera, sensor, ExtractionConfig()
-    depth_mm, ridge = freeze(*arguments, RIDGE, seeded(3))
-    seen = observe_sample(*arguments, seeded(3))
+    depth_mm, ridge = freeze(sample, room, shards.camera, FreezeConfig(sensor, ExtractionConfig(), RIDGE), seeded(3))
+    seen = observe_sample(sample, room, shards.camera, sensor, ExtractionConfig(), seeded(3))
     assert depth_mm.dtype == np.uint16
     assert ridge.dtype == np.uint8
     assert depth_mm.shape == ridge.shape == sample.depth_mm.shape
@@ -165,9 +173,8 @@ def test_a_room_smaller_than_the_frame_and_a_box_outside_it_are_refused(shards):
         (sample, small, r"sample and room: an image of shape \(20, 30\), expected .* \(240, 320\)"),
         (dataclasses.replace(sample, box=(0, 0, 321, 240)), room, "the box .* is not within 320x240"),
     ):
-        for observe, more in ((observe_sample, ()), (freeze, (RIDGE,))):
-            with pytest.raises(InputError, match=message):
-                observe(wrong_sample, wrong_room, camera, KINECT, PERFECT, *more, seeded())
+        with pytest.raises(InputError, match=message):
+            observe_sample(wrong_sample, wrong_room, camera, KINECT, PERFECT, seeded())
 
 
 def test_hair_that_returns_nothing_is_missing_in_all_images_of_a_person_and_above_the_face(shards):
