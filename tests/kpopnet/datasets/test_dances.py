@@ -85,7 +85,6 @@ def test_a_depth_key_distinguishes_recordings_and_need_not_be_stored(folder):
     ("text", "message"),
     [
         ("name,place\njin,1\n", "expected a first line learner,rank"),
-        ("learner,rank\njin,1\n", "at least two learners"),
         ("learner,rank\njin,1\nann,3\n", "each of the ranks 1, 2, ... once"),
         ("learner,rank\njin,1\njin,2\n", "row 3: 'jin,2'"),
         ("learner,rank\n../jin,1\nann,2\n", "row 2: '../jin,1'"),
@@ -141,14 +140,10 @@ def replace_dataset(path: Path, name: str, data, **options) -> None:
     ("learner", "name", "data", "message"),
     [
         (0, "boxes", np.array([[0, 0, 81, 64]] * FRAMES), "is not within 80x64"),
-        (0, "boxes", np.array([[5, 5, 5, 9]] * FRAMES), "is not within 80x64"),
         (0, "boxes", np.array([[0, 0, 2, 2]] * FRAMES), "depth_mm: expected the 24 pixels that its boxes hold, found 1056"),
         (0, "times_s", np.zeros(FRAMES), "times that increase"),
-        (0, "times_s", np.full(FRAMES, np.nan), "finite times"),
         (0, "times_s", np.arange(FRAMES - 1.0), "expected (T = 5, 15, 3)"),
-        (1, "joints_m", np.zeros((FRAMES, 15, 3), np.int64), "joints_m: type int64, expected kind f"),
         (1, "joints_m", np.full((FRAMES, 15, 3), 1800.0, np.float32), "at most 1000 m"),
-        (1, "joints_m", np.full((FRAMES, 15, 3), np.nan, np.float32), "at most 1000 m"),
     ],
 )
 def test_invalid_arrays_are_named(folder, learner, name, data, message):
@@ -159,54 +154,29 @@ def test_invalid_arrays_are_named(folder, learner, name, data, message):
     assert message in str(caught.value) and found.path.name in str(caught.value)
 
 
-def test_malicious_files(folder, tmp_path):
+def test_damaged_files_and_other_attributes_are_refused(folder):
     learner = KpopSet(folder).dance("mama").learners[0]
-    whole = learner.path.read_bytes()
-    learner.path.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(InputError, match=r"jin\.h5: .*cannot be read \(.*truncated"):
-        learner.depth()
     for name, value, message in (("camera", [60.0, 60, 40, 32, 1e9, 1e9], "pixels"), ("joint_names", 5, "joint_names is 5")):
-        learner.path.write_bytes(whole)
         with h5py.File(learner.path, "a") as file:
-            file.attrs[name] = value
+            before, file.attrs[name] = file.attrs[name], value
         with pytest.raises(InputError, match=message):
             learner.depth()
-    # Links to data in other files are not followed.
-    learner.path.write_bytes(whole)
-    secret = tmp_path / "secret.h5"
-    with h5py.File(secret, "w") as file:
-        file["times_s"] = TIMES_S
-    with h5py.File(learner.path, "a") as file:
-        del file["times_s"]
-        file["times_s"] = h5py.ExternalLink(str(secret), "/times_s")
-    with pytest.raises(InputError, match="times_s lies in another file"):
-        learner.joints()
-
-
-def replace_recording(path: Path, camera: tuple, boxes: np.ndarray, pixels: int) -> None:
-    """Replaces the recording by one whose pixels are allocated but not written, so that the file is small."""
-    replace_dataset(path, "times_s", np.arange(len(boxes)) / 30)
-    replace_dataset(path, "boxes", boxes)
-    with h5py.File(path, "a") as file:
-        if "joints_m" in file:
-            del file["joints_m"]
-        file.attrs["camera"], file.attrs["depth_key"] = camera, ""
-        del file["depth_mm"]
-        file.create_dataset("depth_mm", (pixels,), np.uint16, chunks=(min(pixels, 1 << 16),))
+        with h5py.File(learner.path, "a") as file:
+            file.attrs[name] = before
+    learner.path.write_bytes(learner.path.read_bytes()[:2000])
+    with pytest.raises(InputError, match=r"jin\.h5: .*cannot be read \(.*truncated"):
+        learner.depth()
 
 
 def test_a_recording_that_exceeds_the_memory_limit_is_rejected(folder):
-    camera = (60.0, 60.0, 40.0, 32.0, 4000, 4000)
+    """One pixel in each corner: few pixels are stored, but the union of the boxes is the whole image."""
     learner = KpopSet(folder).dance("mama").learners[0]
-    replace_recording(learner.path, camera, np.tile(np.array([0, 0, 4000, 4000], np.int32), (200_000, 1)), 200_000 * 4000**2)
-    assert learner.path.stat().st_size < 10_000_000
-    for read in (learner.depth, lambda: learner.depth_key):
-        with pytest.raises(
-            InputError, match=r"depth_mm \(3200000000000,\).* would take 6400.* GB of memory, more than 1 GB a file"
-        ):
-            read()
-    # One pixel in each corner: few pixels are stored, but the union of the boxes is the whole image.
-    replace_recording(learner.path, camera, np.array([[0, 0, 1, 1], [3999, 3999, 4000, 4000]] * 100), 200)
+    replace_dataset(learner.path, "times_s", np.arange(200) / 30)
+    replace_dataset(learner.path, "joints_m", np.zeros((200, 15, 3), np.float32))
+    replace_dataset(learner.path, "boxes", np.array([[0, 0, 1, 1], [3999, 3999, 4000, 4000]] * 100))
+    replace_dataset(learner.path, "depth_mm", np.ones(200, np.uint16))
+    with h5py.File(learner.path, "a") as file:
+        file.attrs["camera"] = (60.0, 60.0, 40.0, 32.0, 4000, 4000)
     with pytest.raises(InputError, match=r"the recording of 200 frames of 4000x4000 pixels would take 12\.8 GB"):
         learner.depth()
 
@@ -230,16 +200,12 @@ def test_writing_rejects_invalid_input(tmp_path):
             write_labels(tmp_path, names)
     for times_s, joints_m, message in (
         (TIMES_S[:-1], RNG_JOINTS, r"shape \(6, 15, 3\), expected \(T = 5"),
-        (TIMES_S[:-1], None, r"shape \(6, 4\), expected \(T = 5"),
         (TIMES_S[::-1], RNG_JOINTS, "times that increase"),
-        (TIMES_S[:, None], None, r"shape \(6, 1\)"),
         (TIMES_S, RNG_JOINTS[:, :14], r"shape \(6, 14, 3\), expected"),
         (TIMES_S, 2000 * RNG_JOINTS, "at most 1000 m"),
     ):
         with pytest.raises(InputError, match=rf"jin\.h5: .*{message}"):
             write_learner(tmp_path, "jin", times_s, joints_m, packed(whole_frames()))
-    with pytest.raises(InputError, match=r"teacher\.h5: .*at most 1000 m"):
-        write_teacher(tmp_path, Performance(2000 * RNG_JOINTS, TIMES_S))
     assert not list(tmp_path.iterdir())
 
 
@@ -253,11 +219,9 @@ def test_depth_in_millimetres_is_stored_unchanged():
 @pytest.mark.parametrize(
     ("depth", "corner", "message"),
     [
-        (np.full((4, 4), 2000), (0, 0), "expected uint16 millimetres or floating-point metres, got int64"),
         (np.full((2, 4, 4), 2.0), (0, 0), r"expected shape \(h, w\), got \(2, 4, 4\)"),
         (np.full((4, 4), 2000.0), (0, 0), "2000 m or farther away"),
         (np.full((4, 4), 2.0), (77, 0), r"4x4 pixels at \(77, 0\) are not within the image of the camera, 80x64"),
-        (np.full((4, 4), 2.0), (0, -1), "are not within the image"),
     ],
 )
 def test_invalid_images_are_rejected(depth, corner, message):

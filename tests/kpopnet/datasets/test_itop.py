@@ -11,7 +11,6 @@ from real_data import ITOP_FRAMES
 from kpopnet.datasets.itop import CAMERA, MAX_SEQUENCE_FRAMES, ItopBenchmark, ItopConfig, split_into_sequences
 from kpopnet.datasets.protocol import Origin
 from kpopnet.errors import InputError
-from kpopnet.evaluation.registry import BENCHMARKS
 from kpopnet.extraction import extract_person
 from kpopnet.skeleton import Joint
 
@@ -85,16 +84,15 @@ def test_long_recordings_are_split_evenly_and_completely(lengths):
         own = {one[:2] for one in ids[part]}
         assert name == ids[part.start] and own == {name[:2]}
         length = lengths[int(name[:2])]
-        assert (
-            part.stop - part.start <= MAX_SEQUENCE_FRAMES
-            and abs((part.stop - part.start) - length / -(-length // MAX_SEQUENCE_FRAMES)) <= 1
-        )
+        frames = part.stop - part.start
+        assert frames <= MAX_SEQUENCE_FRAMES and abs(frames - length / -(-length // MAX_SEQUENCE_FRAMES)) <= 1
 
 
 def test_view_and_split_are_selected_by_name(tmp_path):
     write(tmp_path, part="top_train")
     top = benchmark(tmp_path, view="top", split="train")
-    assert "from above" in top.about
+    assert "from above" in top.about and "upright camera" in top.about
+    assert top.read("00_00007").yaw_rad is None
     with pytest.raises(InputError, match=r"ITOP_side_test_labels\.h5: no such file"):
         benchmark(tmp_path)
     for wrong in ({"view": "front"}, {"split": "validation"}):
@@ -102,15 +100,6 @@ def test_view_and_split_are_selected_by_name(tmp_path):
             ItopConfig(**wrong)
     with pytest.raises(InputError, match=r"needs benchmark\.path"):
         ItopBenchmark(ItopConfig())
-    assert BENCHMARKS["itop"] == (ItopConfig, ItopBenchmark)
-
-
-def test_the_heading_is_unknown_in_the_top_view(tmp_path):
-    write(tmp_path)
-    write(tmp_path, part="top_test")
-    side, top = benchmark(tmp_path), benchmark(tmp_path, view="top")
-    assert np.isfinite(side.read("00_00007").yaw_rad).all() and top.read("00_00007").yaw_rad is None
-    assert "upright camera" in top.about and "upright" not in side.about
 
 
 def test_ids_may_be_strings_and_damaged_files_are_named(tmp_path):
@@ -141,7 +130,6 @@ def test_the_message_on_compressed_files_has_the_command_to_decompress(tmp_path)
     ("file", "name", "value", "message"),
     [
         ("labels", "is_valid", None, r"expected an array is_valid, found id, image_coordinates"),
-        ("labels", "real_world_coordinates", np.ones((5, 15, 2)), r"shape \(5, 15, 2\), expected \(N = 5, 15, 3\)"),
         ("labels", "id", np.array(["00_1", "00_2", "frame", "01_0", "01_1"], "S8"), r"id of row 2: .* found 'frame'"),
         ("depth_map", "data", np.ones((4, 240, 320), "f2"), r"data: shape \(4, 240, 320\), expected \(N = 5, 240, 320\)"),
         ("depth_map", "id", np.array([*IDS[:4], "01_00009"], "S8"), r"id: expected the ids of ITOP_side_test_labels"),
@@ -155,21 +143,6 @@ def test_invalid_contents_are_named(tmp_path, file, name, value, message):
             opened[name] = value
     with pytest.raises(InputError, match=message):
         benchmark(tmp_path)
-
-
-def test_damaged_depth_is_named_with_its_rows(tmp_path):
-    rng = np.random.default_rng(0)
-    write(tmp_path, depth_m=rng.uniform(1, 4, (5, 240, 320)))
-    itop = benchmark(tmp_path)
-    path = tmp_path / "ITOP_side_test_depth_map.h5"
-    with h5py.File(path) as file:
-        chunk = file["data"].id.get_chunk_info(4)
-    whole = bytearray(path.read_bytes())
-    whole[chunk.byte_offset : chunk.byte_offset + 200] = bytes(200)
-    path.write_bytes(whole)
-    assert itop.read("00_00007").depth_m.any()
-    with pytest.raises(InputError, match=r"depth_map\.h5: depth of ITOP cannot be read"):
-        itop.read("01_00000")
 
 
 def test_a_person_who_appears_again_has_the_same_identity(tmp_path):

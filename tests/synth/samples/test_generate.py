@@ -96,11 +96,11 @@ def test_a_set_grows_and_is_summarised_when_all_shards_are_there(whole: Path, tm
 
 def test_another_set_is_not_overwritten(whole: Path) -> None:
     other_bodies = replace(SAMPLE, samples_per_body=3)
+    before = all_contents(whole)
     for change in ({"seed": 4}, {"split": "test"}, {"freeze": FREEZE}, {"shard_size": 9}, {"sample": other_bodies}):
-        before = all_contents(whole)
         with pytest.raises(InputError, match=r"shard_00000\.h5: belongs to another set.*out="):
             generate(replace(CLEAN, **change), whole, range(1), processes=1)
-        assert all_contents(whole) == before
+    assert all_contents(whole) == before
 
 
 def test_a_shard_holds_every_room_of_its_samples(tmp_path: Path) -> None:
@@ -135,9 +135,8 @@ def test_a_frozen_set_holds_noisy_depth_and_its_ridge(whole: Path, tmp_path: Pat
         assert noisy.ridge.max() > 100
 
 
-@pytest.mark.parametrize(("text", "expected"), [("all", range(9)), ("2:5", range(2, 5)), ("7:100", range(7, 9))])
-def test_ranges_of_shards(text: str, expected: range) -> None:
-    assert parse_range(text, 9) == expected
+def test_ranges_of_shards() -> None:
+    assert [parse_range(text, 9) for text in ("all", "2:5", "7:100")] == [range(9), range(2, 5), range(7, 9)]
 
 
 def run(*overrides: str) -> subprocess.CompletedProcess:

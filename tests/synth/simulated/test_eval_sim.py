@@ -8,7 +8,6 @@ from stand_ins import assert_own_seeds, joints_world_m
 
 from kpopnet.skeleton import Joint
 from synth.body.asset import load_body
-from synth.body.markers import MARKERS
 from synth.body.shape import BodyConfig, unseen_coefficients
 from synth.motion.choreography.programmes import Y_POSE_S
 from synth.simulated.eval_sim import CAMERA, FPS, KINDS, SEQUENCES, SUBJECTS, EvalSim, EvalSimConfig
@@ -154,15 +153,3 @@ def test_a_film_contains_a_person_on_the_floor_of_a_room():
     assert sum(on_person) >= 14
     # The markers of a standing dancer are visible from all sides.
     assert film.markers_tracked.mean() > 0.95
-
-
-def test_markers_are_at_different_positions_on_the_body():
-    mean = load_body().mean.reshape(-1, 3)
-    places = mean[list(MARKERS.values())]
-    apart = np.linalg.norm(places[:, None] - places, axis=-1) + np.eye(len(places))
-    assert len(MARKERS) <= 32 and apart.min() > 0.03
-    for name, place in zip(MARKERS, places, strict=True):
-        if name[0] in "LR":
-            mirrored = mean[MARKERS[("R" if name[0] == "L" else "L") + name[1:]]] * [-1, 1, 1]
-            assert np.linalg.norm(place - mirrored) < 0.04
-            assert (place[0] > 0) == (name[0] == "L")

@@ -141,7 +141,6 @@ def test_invalid_settings_are_refused(wrong):
     ("given", "message"),
     [
         (["benchmark.sequences=30"], "error: benchmark.sequences=30: expected a number in 1..24"),
-        (["splits.train=5"], "splits"),
         (["benchmark=utd_mhad"], "error: benchmark=utd_mhad: the simulated benchmarks are eval_sim, smmc10_sim"),
     ],
 )
