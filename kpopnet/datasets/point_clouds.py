@@ -46,15 +46,11 @@ class PointCloudConfig:
 
 @dataclass(frozen=True)
 class PointRecording:
-    """The content of a file of T frames, with the pinhole camera fitted to its points.
-
-    Attributes:
-        depth_m: (T, H, W) float32 metres, 0 where nothing was measured.
-        positions_m: (T, 3) float32 metres of each joint or marker in the camera frame by its id, NaN where it is not visible.
-    """
+    """The content of a file of T frames, with the pinhole camera fitted to its points."""
 
     camera: Camera
-    depth_m: np.ndarray
+    depth_m: np.ndarray  # (T, H, W) float32 metres, 0 where nothing was measured
+    # (T, 3) float32 metres of each joint or marker in the camera frame by its id, NaN where it is not visible
     positions_m: dict[int, np.ndarray]
 
 

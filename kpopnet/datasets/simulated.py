@@ -50,29 +50,20 @@ MANIFEST_SCHEMA = {
 
 @dataclass(frozen=True)
 class StoredSequence:
-    """The content of a file: T frames of P people.
-
-    Attributes:
-        kind: of motion or scene.
-        people: equal names in a set are the same person.
-        depth: (T, H, W) the whole scene, float32 metres or uint16 millimetres; 0: not measured.
-        joints_m: (T, P, 15, 3) float32 true joints, metres in the camera frame; NaN: unknown.
-        markers_m: (T, P, M, 3) float32 markers on skin or clothes, metres in the camera frame; NaN: not tracked.
-        alone_px: (T, P) pixels inside the image that would show the person if the others were not there.
-        seen_px: (T, P) pixels that show the person.
-    """
+    """The content of a file: T frames of P people."""
 
     name: str
-    kind: str
+    kind: str  # of motion or scene
     fps: float
     camera: Camera
-    people: tuple[str, ...]
-    depth: np.ndarray
-    joints_m: np.ndarray
+    people: tuple[str, ...]  # equal names in a set are the same person
+    depth: np.ndarray  # (T, H, W) the whole scene, float32 metres or uint16 millimetres; 0: not measured
+    joints_m: np.ndarray  # (T, P, 15, 3) float32 true joints, metres in the camera frame; NaN: unknown
+    # (T, P, M, 3) float32 markers on skin or clothes, metres in the camera frame; NaN: not tracked
     markers_m: np.ndarray | None = None
     marker_names: tuple[str, ...] = ()
-    alone_px: np.ndarray | None = None
-    seen_px: np.ndarray | None = None
+    alone_px: np.ndarray | None = None  # (T, P) pixels inside the image that would show the person if the others were not there
+    seen_px: np.ndarray | None = None  # (T, P) pixels that show the person
 
 
 def write_sequence(folder: Path, sequence: StoredSequence) -> None:

@@ -107,18 +107,12 @@ def dance_name(index: int) -> str:
 
 @dataclass(frozen=True)
 class LearnerMotion:
-    """What a learner dances, without the body and the camera.
+    """What a learner dances, without the body and the camera."""
 
-    Attributes:
-        level: index into the levels of the family of faults, see `KpopSim.level_names`.
-        strengths: strength of each kind of error by its name.
-        mistakes: the wrong moves of the model of skill.
-    """
-
-    level: int
-    strengths: dict[str, float]
+    level: int  # index into the levels of the family of faults, see `KpopSim.level_names`
+    strengths: dict[str, float]  # strength of each kind of error by its name
     motion: Motion
-    mistakes: list[Mistake]
+    mistakes: list[Mistake]  # the wrong moves of the model of skill
 
 
 @dataclass(frozen=True)

@@ -41,23 +41,14 @@ SHARES = np.array([_SHARES[name.removeprefix("Left").removeprefix("Right")] for 
 
 @dataclass(frozen=True)
 class Strengths:
-    """Strengths of a learner's errors.
+    """Strengths of a learner's errors."""
 
-    Attributes:
-        lag_s: mean delay, seconds.
-        unevenness_s: standard deviation of the delay over time, seconds.
-        damping: fraction by which every movement is smaller than the teacher's.
-        distortion: standard deviation, over the joints, of the logarithm of a movement's factor.
-        noise_deg: standard deviation of the angular error of a joint whose factor in SHARES is 1, degrees.
-        mistakes_per_minute: rate of forgotten, swapped and mirrored moves.
-    """
-
-    lag_s: float
-    unevenness_s: float
-    damping: float
-    distortion: float
-    noise_deg: float
-    mistakes_per_minute: float
+    lag_s: float  # mean delay, seconds
+    unevenness_s: float  # standard deviation of the delay over time, seconds
+    damping: float  # fraction by which every movement is smaller than the teacher's
+    distortion: float  # standard deviation, over the joints, of the logarithm of a movement's factor
+    noise_deg: float  # standard deviation of the angular error of a joint whose factor in SHARES is 1, degrees
+    mistakes_per_minute: float  # rate of forgotten, swapped and mirrored moves
 
 
 MEAN_STRENGTHS = Strengths(lag_s=0.10, unevenness_s=0.08, damping=0.14, distortion=0.12, noise_deg=9.0, mistakes_per_minute=6.0)
@@ -94,16 +85,12 @@ def draw_strengths(rng: np.random.Generator, level: int, config: SkillConfig) ->
 
 @dataclass(frozen=True)
 class Mistake:
-    """A wrong move, of a kind in MISTAKES.
-
-    Attributes:
-        shift_s: a swapped move shows the teacher's motion this many seconds later, or earlier if negative.
-    """
+    """A wrong move, of a kind in MISTAKES."""
 
     kind: str
     start_s: float
     seconds: float
-    shift_s: float
+    shift_s: float  # a swapped move shows the teacher's motion this many seconds later, or earlier if negative
 
 
 def draw_mistakes(rng: np.random.Generator, seconds: float, per_minute: float) -> list[Mistake]:

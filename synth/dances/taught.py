@@ -32,21 +32,14 @@ _NOUNS = ("Step", "Parade", "Heart", "Rush", "Signal", "Mirror", "Wave", "Crown"
 
 @dataclass(frozen=True, eq=False)
 class PlayedDance:
-    """A dance on the teacher's body.
-
-    Attributes:
-        bpm: beats per minute; the first beat is at time 0.
-        joints_m: (T, 15, 3) float32 metres, in the frame of a level camera that the teacher faces.
-        quats: (T, B, 4) rotations of the bones relative to their parents and the T-pose.
-        hips_m: (T, 3) position of the hips in the world, metres, the floor at z = 0.
-    """
+    """A dance on the teacher's body."""
 
     name: str
-    bpm: float
+    bpm: float  # beats per minute; the first beat is at time 0
     fps: float
-    joints_m: np.ndarray
-    quats: np.ndarray
-    hips_m: np.ndarray
+    joints_m: np.ndarray  # (T, 15, 3) float32 metres, in the frame of a level camera that the teacher faces
+    quats: np.ndarray  # (T, B, 4) rotations of the bones relative to their parents and the T-pose
+    hips_m: np.ndarray  # (T, 3) position of the hips in the world, metres, the floor at z = 0
 
 
 def teacher_person() -> Person:

@@ -24,31 +24,20 @@ Box = tuple[int, int, int, int]
 
 
 class Around(NamedTuple):
-    """What else is drawn than person and room; (H, W) float32 depth in metres, 0 where there is none.
+    """What else is drawn than person and room; (H, W) float32 depth in metres, 0 where there is none."""
 
-    Attributes:
-        held_m: what the person holds, or None.
-        others_m: seats and other people.
-        attached_m: distance, metres, from the person within which the others are segmented as the person, for each of them.
-    """
-
-    held_m: np.ndarray | None = None
-    others_m: tuple[np.ndarray, ...] = ()
+    held_m: np.ndarray | None = None  # what the person holds, or None
+    others_m: tuple[np.ndarray, ...] = ()  # seats and other people
+    # distance, metres, from the person within which the others are segmented as the person, for each of them
     attached_m: tuple[float, ...] = ()
 
 
 class Composed(NamedTuple):
-    """The stored image of a person.
+    """The stored image of a person."""
 
-    Attributes:
-        depth_mm: (H, W) uint16 depth of what is segmented as the person, millimetres.
-        own_mm: (H, W) uint16 depth of the visible person alone.
-        box: x0, y0, x1, y1 of the pixels of depth_mm.
-    """
-
-    depth_mm: np.ndarray
-    own_mm: np.ndarray
-    box: Box
+    depth_mm: np.ndarray  # (H, W) uint16 depth of what is segmented as the person, millimetres
+    own_mm: np.ndarray  # (H, W) uint16 depth of the visible person alone
+    box: Box  # x0, y0, x1, y1 of the pixels of depth_mm
 
 
 def compose(person_m: np.ndarray, room_mm: np.ndarray, around: Around, camera: Camera) -> Composed:

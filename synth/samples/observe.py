@@ -104,15 +104,10 @@ class FreezeConfig:
 
 
 class Background(NamedTuple):
-    """The empty room behind a person, as it is rendered.
+    """The empty room behind a person, as it is rendered."""
 
-    Attributes:
-        depth_mm: (H, W) uint16 depth, millimetres.
-        floor: (4,) floor plane in the camera frame: upward unit normal n and offset d in metres, n.x + d = 0.
-    """
-
-    depth_mm: np.ndarray
-    floor: np.ndarray
+    depth_mm: np.ndarray  # (H, W) uint16 depth, millimetres
+    floor: np.ndarray  # (4,) floor plane in the camera frame: upward unit normal n and offset d in metres, n.x + d = 0
 
 
 class Observer:

@@ -67,21 +67,13 @@ class StageConfig:
 
 
 class Body(NamedTuple):
-    """A posed body with the hips at the world's origin.
+    """A posed body with the hips at the world's origin."""
 
-    Attributes:
-        vertices_m: (V, 3) float32 skin, metres.
-        low_m: (3,) least coordinates of the skin, metres.
-        high_m: (3,) greatest coordinates of the skin, metres.
-        torso_m: (3,) the torso joint, metres.
-        height_m: of the hips above the floor.
-    """
-
-    vertices_m: np.ndarray
-    low_m: np.ndarray
-    high_m: np.ndarray
-    torso_m: np.ndarray
-    height_m: float
+    vertices_m: np.ndarray  # (V, 3) float32 skin, metres
+    low_m: np.ndarray  # (3,) least coordinates of the skin, metres
+    high_m: np.ndarray  # (3,) greatest coordinates of the skin, metres
+    torso_m: np.ndarray  # (3,) the torso joint, metres
+    height_m: float  # of the hips above the floor
 
 
 class Site(NamedTuple):

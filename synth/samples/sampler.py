@@ -110,36 +110,23 @@ class SampleConfig:
 
 
 class RenderedSample(NamedTuple):
-    """A clean sample and the statistics of its rejection sampling.
+    """A clean sample and the statistics of its rejection sampling."""
 
-    Attributes:
-        sample: as it is stored, except that `room` is the room's number in the whole set.
-        rejected: number of poses drawn before this one.
-        refused_places: number of places drawn before this one.
-        forced: no pose without self-penetration, or no free place with enough visible pixels, was found within the allowed
-            tries; the best one is taken.
-        props: names of what is drawn around the person or in their hands.
-    """
-
-    sample: Sample
-    rejected: int
-    refused_places: int
+    sample: Sample  # as it is stored, except that `room` is the room's number in the whole set
+    rejected: int  # number of poses drawn before this one
+    refused_places: int  # number of places drawn before this one
+    # No pose without self-penetration, or no free place with enough visible pixels, was found within the allowed tries; the
+    # best one is taken.
     forced: bool
-    props: tuple[str, ...]
+    props: tuple[str, ...]  # names of what is drawn around the person or in their hands
 
 
 class RenderedRoom(NamedTuple):
-    """A rendered empty room.
+    """A rendered empty room."""
 
-    Attributes:
-        depth_mm: (H, W) uint16 depth, millimetres.
-        floor: (4,) float32 floor plane in the camera frame: upward unit normal n and offset d in metres, n.x + d = 0.
-        site: the boxes, the camera's pose and the camera.
-    """
-
-    depth_mm: np.ndarray
-    floor: np.ndarray
-    site: Site
+    depth_mm: np.ndarray  # (H, W) uint16 depth, millimetres
+    floor: np.ndarray  # (4,) float32 floor plane in the camera frame: upward unit normal n and offset d in metres, n.x + d = 0
+    site: Site  # the boxes, the camera's pose and the camera
 
 
 class _Pose(NamedTuple):

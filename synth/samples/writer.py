@@ -39,19 +39,14 @@ MAX_SHARDS, MAX_SHARD_SIZE = 100_000, 100_000
 
 @dataclass(frozen=True)
 class SetConfig:
-    """One set: `count` samples of a split. No sample depends on `count`, so a set can grow.
+    """One set: `count` samples of a split. No sample depends on `count`, so a set can grow."""
 
-    Attributes:
-        sample: everything that a sample depends on besides seed, split and index.
-        freeze: how the stored images of a frozen set are measured; None stores clean renders.
-    """
-
-    sample: SampleConfig
+    sample: SampleConfig  # everything that a sample depends on besides seed, split and index
     seed: int
     split: str
     count: int
     shard_size: int
-    freeze: FreezeConfig | None
+    freeze: FreezeConfig | None  # how the stored images of a frozen set are measured; None stores clean renders
 
     def __post_init__(self) -> None:
         check_between("shard_size", self.shard_size, 1, MAX_SHARD_SIZE)

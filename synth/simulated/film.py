@@ -50,23 +50,15 @@ LEVEL_VIEW = View(np.array([0, -CAMERA_DISTANCE_M, CAMERA_HEIGHT_M]), np.array([
 
 @dataclass(frozen=True)
 class Played:
-    """A motion applied to a body at the world's origin: T frames, B bones.
-
-    Attributes:
-        local: (T, B, 4) local rotations of the bones, unit quaternions.
-        hips_m: (T, 3) positions of the hips in the world, metres.
-        skin_m: (N, 3) a subset of the vertices in a subset of the frames, for collision tests, metres.
-        hull_m: (M, 3) the vertices of the convex hull of `skin_m`, metres.
-        penetration_m: (T,) greatest depth by which two parts of the body penetrate each other, metres.
-    """
+    """A motion applied to a body at the world's origin: T frames, B bones."""
 
     person: Person
     motion: Motion
-    local: np.ndarray
-    hips_m: np.ndarray
-    skin_m: np.ndarray
-    hull_m: np.ndarray
-    penetration_m: np.ndarray
+    local: np.ndarray  # (T, B, 4) local rotations of the bones, unit quaternions
+    hips_m: np.ndarray  # (T, 3) positions of the hips in the world, metres
+    skin_m: np.ndarray  # (N, 3) a subset of the vertices in a subset of the frames, for collision tests, metres
+    hull_m: np.ndarray  # (M, 3) the vertices of the convex hull of `skin_m`, metres
+    penetration_m: np.ndarray  # (T,) greatest depth by which two parts of the body penetrate each other, metres
 
     def __len__(self) -> int:
         return len(self.local)
@@ -96,37 +88,24 @@ class Take:
 
 @dataclass(frozen=True)
 class CleanFrame:
-    """Frame `number` of a take without sensor noise.
-
-    Attributes:
-        person_m: (H, W) float32 depth of the person without the room, metres, 0 elsewhere.
-        room_m: (H, W) float32 depth of the room without the person, metres, 0 where it has no surface.
-        joints_camera_m: (15, 3) float32 true joints, metres.
-    """
+    """Frame `number` of a take without sensor noise."""
 
     number: int
-    person_m: np.ndarray
-    room_m: np.ndarray
-    joints_camera_m: np.ndarray
+    person_m: np.ndarray  # (H, W) float32 depth of the person without the room, metres, 0 elsewhere
+    room_m: np.ndarray  # (H, W) float32 depth of the room without the person, metres, 0 where it has no surface
+    joints_camera_m: np.ndarray  # (15, 3) float32 true joints, metres
 
 
 @dataclass(frozen=True)
 class Shot:
-    """One measured frame of one person with ground truth.
+    """One measured frame of one person with ground truth."""
 
-    Attributes:
-        depth_m: (H, W) float32 depth of the whole scene, metres, 0 where nothing was measured.
-        person: (H, W) bool, pixels that show the person.
-        joints_camera_m: (15, 3) float32 true joints, metres.
-        markers_camera_m: (M, 3) float32 markers on skin or clothes, metres, in the order of `synth.body.markers.MARKERS`.
-        markers_tracked: (M,) bool, markers visible to a motion-capture system around the person.
-    """
-
-    depth_m: np.ndarray
-    person: np.ndarray
-    joints_camera_m: np.ndarray
+    depth_m: np.ndarray  # (H, W) float32 depth of the whole scene, metres, 0 where nothing was measured
+    person: np.ndarray  # (H, W) bool, pixels that show the person
+    joints_camera_m: np.ndarray  # (15, 3) float32 true joints, metres
+    # (M, 3) float32 markers on skin or clothes, metres, in the order of `synth.body.markers.MARKERS`
     markers_camera_m: np.ndarray
-    markers_tracked: np.ndarray
+    markers_tracked: np.ndarray  # (M,) bool, markers visible to a motion-capture system around the person
 
 
 @dataclass(frozen=True)

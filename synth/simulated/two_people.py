@@ -55,19 +55,12 @@ class Duet:
 
 @dataclass(frozen=True)
 class DuetShot:
-    """One measured frame of two people.
+    """One measured frame of two people."""
 
-    Attributes:
-        depth_m: (H, W) float32 depth of the whole scene, metres, 0 where nothing was measured.
-        joints_camera_m: (2, 15, 3) float32 true joints, metres.
-        alone_px: (2,) pixels inside the image that would show each person if the other were not there.
-        seen_px: (2,) pixels that show each person, before the sensor's noise.
-    """
-
-    depth_m: np.ndarray
-    joints_camera_m: np.ndarray
-    alone_px: np.ndarray
-    seen_px: np.ndarray
+    depth_m: np.ndarray  # (H, W) float32 depth of the whole scene, metres, 0 where nothing was measured
+    joints_camera_m: np.ndarray  # (2, 15, 3) float32 true joints, metres
+    alone_px: np.ndarray  # (2,) pixels inside the image that would show each person if the other were not there
+    seen_px: np.ndarray  # (2,) pixels that show each person, before the sensor's noise
 
 
 @dataclass(frozen=True)

@@ -82,17 +82,11 @@ class KpopConfig:
 
 @dataclass(frozen=True)
 class DepthClip:
-    """A depth recording of one segmented person, cropped to the union of the person's bounding boxes.
+    """A depth recording of one segmented person, cropped to the union of the person's bounding boxes."""
 
-    Attributes:
-        depth_m: (T, h, w) float32 metres, 0 where nothing of the person was measured.
-        camera: camera of the cropped images.
-        times_s: (T,) float64 seconds.
-    """
-
-    depth_m: np.ndarray
-    camera: Camera
-    times_s: np.ndarray
+    depth_m: np.ndarray  # (T, h, w) float32 metres, 0 where nothing of the person was measured
+    camera: Camera  # camera of the cropped images
+    times_s: np.ndarray  # (T,) float64 seconds
 
 
 @dataclass(frozen=True)
@@ -235,18 +229,13 @@ def read_labels(path: Path) -> list[str]:
 
 @dataclass(frozen=True)
 class Manifest:
-    """The description of a set for the reader of a report.
-
-    Attributes:
-        dances: number of dances of the complete set; None if unknown.
-        hash: of the settings of a simulated set; "" otherwise.
-    """
+    """The description of a set for the reader of a report."""
 
     name: str
     origin: Origin
     about: str
-    dances: int | None = None
-    hash: str = ""
+    dances: int | None = None  # number of dances of the complete set; None if unknown
+    hash: str = ""  # of the settings of a simulated set; "" otherwise
 
 
 def read_manifest(folder: Path) -> Manifest:
