@@ -99,13 +99,7 @@ def habit(motion: Motion, severity: float, rng: np.random.Generator) -> Motion:
 
 
 FAULTS: dict[str, Fault] = {
-    "time_warp": time_warp,
-    "lag": lag,
-    "replaced_moves": replaced_moves,
-    "low_pass": low_pass,
-    "amplitude": amplitude,
-    "habit": habit,
-    "joint_noise": joint_noise,
+    one.__name__: one for one in (time_warp, lag, replaced_moves, low_pass, amplitude, habit, joint_noise)
 }
 """In the order in which they are put on a motion."""
 

@@ -4,7 +4,7 @@ The person is composited into the empty room, and only the surroundings of the p
 label of a pixel (person or room) moves with the sensor's lateral noise, so outlines are as noisy as the depth.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -110,6 +110,7 @@ class Background(NamedTuple):
     floor: np.ndarray  # (4,) floor plane in the camera frame: upward unit normal n and offset d in metres, n.x + d = 0
 
 
+@dataclass(frozen=True)
 class Observer:
     """A set of shards as observations with fresh noise in every epoch; implements kpopnet's `ObservationSource`.
 
@@ -117,16 +118,11 @@ class Observer:
     returned as they are stored.
     """
 
-    def __init__(
-        self,
-        shards: ShardedSet,
-        sensor: SensorConfig,
-        extraction: ExtractionConfig,
-        seed: int,
-        other_sensors: OtherSensors | None = None,
-    ) -> None:
-        self.shards, self.sensor, self.extraction, self.seed = shards, sensor, extraction, seed
-        self.other_sensors = other_sensors or OtherSensors()
+    shards: ShardedSet
+    sensor: SensorConfig
+    extraction: ExtractionConfig
+    seed: int
+    other_sensors: OtherSensors = field(default_factory=OtherSensors)
 
     def __len__(self) -> int:
         return len(self.shards)

@@ -24,7 +24,7 @@ from synth.motion.skeleton import height_above_floor
 from synth.samples.layers import Around, compose, hidden_fraction, millimetres, visible_joints
 from synth.samples.placing import MISFRAMED, SOUND, UNSEEN, Body, Site, StageConfig, draw_place, draw_place_beside, faults
 from synth.scene.props import PropsConfig, held_by, is_sitting, seat_under
-from synth.scene.render import RENDERERS, draw_mesh_m, make_renderer
+from synth.scene.render import draw_mesh_m, make_renderer
 from synth.scene.room import ViewConfig, draw_room, draw_view
 from synth.scene.scene import Scene
 
@@ -103,8 +103,6 @@ class SampleConfig:
     samples_per_room: int = 25
 
     def __post_init__(self) -> None:
-        if self.renderer not in RENDERERS:
-            raise InputError(f"renderer={self.renderer}: choose one of {', '.join(RENDERERS)}")
         if self.samples_per_body < 1 or self.samples_per_room < 1:
             raise InputError("samples_per_body and samples_per_room must be at least 1")
 

@@ -17,20 +17,13 @@ from synth.scene.room import ViewConfig
 from synth.sensor.model import SENSORS, SensorConfig
 from synth.simulated.sequences import Selection, StandIn
 
-SUBJECTS = ("a", "b", "c")
-SEQUENCES = 24
-FPS = 30.0
-CAMERA = CAMERAS["eval"]
-KINDS = ("dance", "crossed_punches", "kicks", "turns", "sitting", "handstand", "dance", "mixture")
-"""Sequence k shows KINDS[k % 8]. The three people alternate, so each of them shows every kind once."""
-
 
 @dataclass
 class EvalSimConfig(Selection):
     """Identity and size of the set. Its first eight sequences show one of each kind."""
 
     name: str = "eval_sim"
-    sequences: int = SEQUENCES
+    sequences: int = 24
 
 
 @dataclass(frozen=True)
@@ -43,15 +36,15 @@ class EvalSim(StandIn):
     frames: tuple[int, int] = (288, 488)
 
     about = "SIMULATED people in rooms, the stand-in for EVAL; this is not EVAL itself."
-    camera = CAMERA
-    fps = FPS
+    camera, fps = CAMERAS["eval"], 30.0
     view = ViewConfig(height_m=(0.7, 1.7), aim_m=(0.85, 1.15))
-    subjects = SUBJECTS
-    kinds = KINDS
+    # People and kinds alternate, and 3 and 8 share no factor: each person shows every kind once.
+    subjects = ("a", "b", "c")
+    kinds = ("dance", "crossed_punches", "kicks", "turns", "sitting", "handstand", "dance", "mixture")
 
     @classmethod
     def sequence_name(cls, index: int) -> str:
-        return f"seq_{SUBJECTS[index % len(SUBJECTS)]}_{index // len(SUBJECTS)}"
+        return f"seq_{cls.subjects[index % 3]}_{index // 3}"
 
     def compose(self, rng: np.random.Generator, index: int, seconds: float) -> Motion:
-        return show(rng, self.kind(index), seconds, FPS)
+        return show(rng, self.kind(index), seconds, self.fps)

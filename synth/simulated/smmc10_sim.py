@@ -22,10 +22,6 @@ from synth.sensor.model import SENSORS, SensorConfig
 from synth.simulated.film import Film
 from synth.simulated.sequences import Selection, StandIn
 
-SUBJECTS = ("sim01", "sim02", "sim03", "sim04")
-FPS = 25.0
-CAMERA = CAMERAS["smmc10"]
-
 KINDS: tuple[tuple[str, ...], ...] = (
     *[("arms",)] * 6,
     *[("steps",)] * 6,
@@ -37,11 +33,13 @@ KINDS: tuple[tuple[str, ...], ...] = (
 )
 """The kinds of motion in sequence k."""
 
-SEQUENCES = len(KINDS)
 MIN_BPM, MAX_BPM, BPM_HALF_RANGE = 70.0, 140.0, 8.0
 """Tempo of the first and of the last sequence, beats per minute. The tempo of a sequence is drawn within BPM_HALF_RANGE of the
 linear interpolation between them."""
 
+_OF_BOTH_SIDES = {
+    "SHOULDER": ("SHO",), "ELBOW": ("ELB",), "HAND": ("WRI",), "HIP": ("ASI", "PSI"), "KNEE": ("KNE",), "FOOT": ("ANK",),
+}  # fmt: skip
 JOINT_MARKERS = {
     Joint.HEAD: ("LFHD", "RFHD", "LBHD", "RBHD"),
     Joint.NECK: ("C7", "CLAV"),
@@ -50,14 +48,7 @@ JOINT_MARKERS = {
     **{
         Joint[f"{side}_{joint}"]: tuple(f"{side[0]}{marker}" for marker in markers)
         for side in ("RIGHT", "LEFT")
-        for joint, markers in (
-            ("SHOULDER", ("SHO",)),
-            ("ELBOW", ("ELB",)),
-            ("HAND", ("WRI",)),
-            ("HIP", ("ASI", "PSI")),
-            ("KNEE", ("KNE",)),
-            ("FOOT", ("ANK",)),
-        )
+        for joint, markers in _OF_BOTH_SIDES.items()
     },
 }
 """Joint to the markers whose mean stands for it."""
@@ -68,7 +59,7 @@ class Smmc10SimConfig(Selection):
     """Identity and size of the set. Its sequences become more difficult, so the first few are the easiest."""
 
     name: str = "smmc10_sim"
-    sequences: int = SEQUENCES
+    sequences: int = len(KINDS)
 
 
 @dataclass(frozen=True)
@@ -84,19 +75,18 @@ class Smmc10Sim(StandIn):
         "the skin, as in the real set. Read the error after subtracting the constant offset of each joint beside the raw error."
     )
     truth = "simulated markers"
-    camera = CAMERA
-    fps = FPS
+    camera, fps = CAMERAS["smmc10"], 25.0
     view = ViewConfig(height_m=(0.8, 1.5), aim_m=(0.9, 1.1))
-    subjects = SUBJECTS
+    subjects = ("sim01", "sim02", "sim03", "sim04")
     kinds = tuple(map(", ".join, KINDS))
 
     @classmethod
     def sequence_name(cls, index: int) -> str:
-        return f"{SUBJECTS[index % len(SUBJECTS)]}_{index + 1}"
+        return f"{cls.subjects[index % 4]}_{index + 1}"
 
     def compose(self, rng: np.random.Generator, index: int, seconds: float) -> Motion:
-        tempo = MIN_BPM + (MAX_BPM - MIN_BPM) * index / (SEQUENCES - 1)
-        return drill(rng, KINDS[index], (tempo - BPM_HALF_RANGE, tempo + BPM_HALF_RANGE), seconds, FPS)
+        tempo = MIN_BPM + (MAX_BPM - MIN_BPM) * index / (len(KINDS) - 1)
+        return drill(rng, KINDS[index], (tempo - BPM_HALF_RANGE, tempo + BPM_HALF_RANGE), seconds, self.fps)
 
     def truth_m(self, film: Film, markers_m: np.ndarray) -> np.ndarray:
         """(T, 15, 3) float32 metres: the mean of each joint's markers; NaN where one of them is not tracked."""

@@ -22,7 +22,6 @@ from synth.sensor.model import SENSORS, SensorConfig, measure_labelled
 from synth.simulated.film import ROOM, CleanFrame, Played, Studio, Take
 from synth.simulated.sequences import HEADING_STD_DEG, Selection, SequenceGenerator, penetrates_itself
 
-SEQUENCES = 24
 FPS = 30.0
 CAMERA = CAMERAS["eval"]
 APART_M = 0.15
@@ -40,7 +39,7 @@ class TwoPeopleConfig(Selection):
     """Identity and size of the set. Its first six sequences show one scene of each kind."""
 
     name: str = "two_people"
-    sequences: int = SEQUENCES
+    sequences: int = 24
 
 
 @dataclass(frozen=True)
@@ -72,8 +71,7 @@ class TwoPeople(SequenceGenerator):
     frames: tuple[int, int] = (260, 320)
 
     about = "SIMULATED films of two people, no real person."
-    camera = CAMERA
-    fps = FPS
+    camera, fps = CAMERA, FPS
     view = ViewConfig(height_m=(0.9, 1.7), aim_m=(0.85, 1.15))
     kinds = tuple(SCRIPTS)
 

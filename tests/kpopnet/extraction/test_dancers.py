@@ -7,8 +7,10 @@ from real_data import REAL, UTD_MHAD
 
 from kpopnet.camera import Camera
 from kpopnet.extraction import HumanExtractor, extract_person
-from synth.simulated.eval_sim import CAMERA, KINDS, EvalSim, EvalSimConfig
+from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 from synth.simulated.film import Shot, Take
+
+CAMERA = EvalSim.camera
 
 ITOP = REAL / "itop_side_test_3frames.npz"
 FRAME_STEP = 3
@@ -22,7 +24,7 @@ def maker() -> EvalSim:
 
 def filmed(maker: EvalSim, kind: str) -> tuple[Take, list[Shot]]:
     """A whole sequence at a third of its frame rate."""
-    index = KINDS.index(kind)
+    index = maker.kinds.index(kind)
     take = maker.take(index)
     return take, list(maker.shots(index, take, range(0, len(take.played), FRAME_STEP)))
 

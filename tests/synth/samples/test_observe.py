@@ -196,7 +196,7 @@ def test_hair_that_returns_nothing_is_missing_in_all_images_of_a_person_and_abov
 def test_other_sensors_measure_their_share_and_only_that(shards):
     plain, some, other = (
         [Observer(shards, IDEAL, PERFECT, 3, others).observe(i, epoch).depth_m for epoch in range(8) for i in range(5)]
-        for others in (None, OtherSensors(kinect_v1=0.5), OtherSensors(kinect_v1=1.0))
+        for others in (OtherSensors(), OtherSensors(kinect_v1=0.5), OtherSensors(kinect_v1=1.0))
     )
     by_other = [not np.array_equal(found, expected) for found, expected in zip(some, plain, strict=True)]
     for found, expected, taken in zip(some, other, by_other, strict=True):

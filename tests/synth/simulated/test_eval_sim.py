@@ -10,10 +10,11 @@ from kpopnet.skeleton import Joint
 from synth.body.asset import load_body
 from synth.body.shape import BodyConfig, unseen_coefficients
 from synth.motion.choreography.programmes import Y_POSE_S
-from synth.simulated.eval_sim import CAMERA, FPS, KINDS, SEQUENCES, SUBJECTS, EvalSim, EvalSimConfig
+from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 from synth.simulated.film import DISTANCE_RANGE_M, Take
 from synth.simulated.smmc10_sim import Smmc10Sim, Smmc10SimConfig
 
+CAMERA, FPS, KINDS = EvalSim.camera, EvalSim.fps, EvalSim.kinds
 SHORT = EvalSim(EvalSimConfig(seed=3, sequences=2), frames=(24, 30))
 
 
@@ -36,11 +37,11 @@ def takes(maker: EvalSim) -> dict[str, tuple[Take, np.ndarray]]:
 
 
 def test_every_subject_shows_every_kind_once():
-    by_subject = {subject: Counter() for subject in SUBJECTS}
-    for index in range(SEQUENCES):
-        by_subject[EvalSim.sequence_name(index)[4]][KINDS[index % 8]] += 1
-    assert all(shown == Counter(KINDS) for shown in by_subject.values())
-    names = {EvalSim.sequence_name(index) for index in range(SEQUENCES)}
+    shown = {subject: Counter() for subject in EvalSim.subjects}
+    for index in range(24):
+        shown[EvalSim.sequence_name(index)[4]][KINDS[index % 8]] += 1
+    assert all(found == Counter(KINDS) for found in shown.values())
+    names = {EvalSim.sequence_name(index) for index in range(24)}
     assert names == {f"seq_{subject}_{number}" for subject in "abc" for number in range(8)}
 
 

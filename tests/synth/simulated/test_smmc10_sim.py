@@ -9,8 +9,7 @@ from stand_ins import joints_world_m
 from kpopnet.skeleton import Joint
 from synth.body.asset import load_body
 from synth.body.markers import MARKERS, _segment_hits_mesh, tracked_markers
-from synth.simulated.eval_sim import EvalSim, EvalSimConfig
-from synth.simulated.smmc10_sim import FPS, JOINT_MARKERS, Smmc10Sim, Smmc10SimConfig
+from synth.simulated.smmc10_sim import JOINT_MARKERS, Smmc10Sim, Smmc10SimConfig
 
 SHORT = Smmc10Sim(Smmc10SimConfig(seed=3, sequences=2), frames=(50, 56))
 
@@ -34,7 +33,7 @@ def test_difficulty_increases(motions):
     def speed(index: int, *joints: Joint) -> float:
         """The 98th percentile of the speed after the start, metres per second."""
         step = np.diff(motions[index][50:, joints], axis=0)
-        return float(np.quantile(np.linalg.norm(step, axis=-1).max(axis=1), 0.98)) * FPS
+        return float(np.quantile(np.linalg.norm(step, axis=-1).max(axis=1), 0.98)) * Smmc10Sim.fps
 
     feet, hands = (Joint.LEFT_FOOT, Joint.RIGHT_FOOT), (Joint.LEFT_HAND, Joint.RIGHT_HAND)
     for easy in (0, 1):
@@ -102,17 +101,3 @@ def test_a_segment_hits_the_mesh_where_it_hits_a_triangle(seed):
     assert _segment_hits_mesh(mean, faces, start, way) == met.any()
     for face in np.flatnonzero(met)[:3]:
         assert _segment_hits_mesh(mean, faces[face : face + 1], start, way)
-
-
-# Separation from training sets ------------------------------
-
-
-def test_subjects_are_four_people_who_are_not_in_eval_sim(maker):
-    everyone = [maker.person(subject) for subject in range(4)]
-    for seed in (0, 6):
-        eval_sim = EvalSim(EvalSimConfig(seed=seed))
-        everyone += [eval_sim.person(subject) for subject in range(3)]
-    everyone += [Smmc10Sim(Smmc10SimConfig(seed=7)).person(subject) for subject in range(4)]
-    for number, person in enumerate(everyone):
-        for another in everyone[:number]:
-            assert np.abs(person.heads_m - another.heads_m).max() > 0.005

@@ -18,7 +18,7 @@ from synth.body.markers import MARKERS
 from synth.motion import MotionConfig
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 from synth.simulated.film import Studio
-from synth.simulated.smmc10_sim import CAMERA, JOINT_MARKERS, Smmc10Sim, Smmc10SimConfig
+from synth.simulated.smmc10_sim import JOINT_MARKERS, Smmc10Sim, Smmc10SimConfig
 from synth.simulated.two_people import TwoPeople, TwoPeopleConfig
 
 EVAL = EvalSim(EvalSimConfig(seed=3, sequences=2), frames=(24, 30))
@@ -55,7 +55,7 @@ def test_the_truth_of_smmc10_sim_is_the_mean_of_markers(folder):
     assert benchmark.sequence_names() == ["sim01_1", "sim02_2"] and benchmark.truth == "simulated markers"
     sequence, film, stored = benchmark.read("sim02_2"), SMMC10.film(1), read_sequence(benchmark.path("sim02_2"))
     assert sequence.identity == "sim02" and stored.kind == "arms"
-    assert sequence.depth_m.shape[1:] == (CAMERA.height, CAMERA.width)
+    assert sequence.depth_m.shape[1:] == (176, 144)
     markers_m = np.where(film.markers_tracked[..., None], film.markers_camera_m, np.nan)
     np.testing.assert_array_equal(stored.markers_m[:, 0], markers_m)
     assert stored.marker_names == tuple(MARKERS)
@@ -140,12 +140,12 @@ def test_invalid_settings_are_refused(wrong):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        (["benchmark.sequences=30"], "error: benchmark.sequences=30: expected a number in 1..24"),
-        (["benchmark=utd_mhad"], "error: benchmark=utd_mhad: the simulated benchmarks are eval_sim, smmc10_sim"),
+        ("benchmark.sequences=30", "error: benchmark.sequences=30: expected a number in 1..24"),
+        ("benchmark=utd_mhad", "error: benchmark=utd_mhad: the simulated benchmarks are eval_sim, smmc10_sim"),
     ],
 )
 def test_user_errors_end_in_one_line(tmp_path, given, message):
-    command = [sys.executable, "-m", "synth", "benchmark=eval_sim", f"out={tmp_path / 'set'}", *given]
+    command = [sys.executable, "-m", "synth", "benchmark=eval_sim", f"out={tmp_path / 'set'}", given]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 1 and message in done.stderr and "Traceback" not in done.stderr
     assert not list(tmp_path.glob("set/seq_*"))
