@@ -105,11 +105,6 @@ class ItopBenchmark:
     """Reads the published files of one view and split: ids and labels are in memory, depth is read on demand.
 
     The official metric of the set is the fraction of the joints of all valid frames with an error strictly below 10 cm.
-
-    Attributes:
-        valid: (N,) bool, whether the labels of a frame were checked.
-        visible: (N, 15) bool.
-        joints_camera_m: (N, 15, 3) float32 labels, metres in the camera frame.
     """
 
     name = "itop"
@@ -127,8 +122,8 @@ class ItopBenchmark:
                 raise InputError(f"{path}: no such file; decompress {path.name}.gz: gunzip {path}.gz")
         with open_hdf5(labels, LABELS) as file:
             ids = _ids(read_array(file, "id"), labels)
-            self.valid: np.ndarray = read_array(file, "is_valid").astype(bool)
-            self.visible = np.equal(read_array(file, "visible_joints"), 1)
+            self.valid: np.ndarray = read_array(file, "is_valid").astype(bool)  # (N,)
+            self.visible = np.equal(read_array(file, "visible_joints"), 1)  # (N, 15)
             joints_m = read_array(file, "real_world_coordinates")
         with np.errstate(over="ignore", invalid="ignore"):
             self.joints_camera_m: np.ndarray = joints_m.astype(np.float32) * FROM_ITOP

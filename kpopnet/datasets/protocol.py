@@ -21,31 +21,20 @@ class Origin(Enum):
 
 @dataclass(frozen=True)
 class Sequence:
-    """A depth sequence of one person.
+    """A depth sequence of one person."""
 
-    Attributes:
-        name: unique in its benchmark.
-        identity: identity of the person; "" if unknown. Equal identities are the same person.
-        fps: frames per second; 0 where the frames are independent stills or the frame rate is not published.
-        camera: camera of the depth images.
-        depth_m: (T, H, W) float32 metres; 0 where nothing was measured.
-        joints_camera_m: (T, 15, 3) float32 true joints in metres in the camera frame; NaN where unknown.
-        visible: (T, 15) bool, whether the joint is visible in the image; false where its true position is unknown.
-        yaw_rad: (T,) float32 heading of the person, 0 facing the camera, positive to the person's left; None if unknown.
-        is_segmented: whether the depth shows only the person, with 0 elsewhere. Otherwise it shows the whole scene.
-        room: name of the room and camera that this sequence shares with other sequences of its benchmark; "" if it shares them
-            with none, or if that is unknown.
-    """
-
-    name: str
-    identity: str
-    fps: float
-    camera: Camera
-    depth_m: np.ndarray
-    joints_camera_m: np.ndarray
-    visible: np.ndarray
+    name: str  # unique in its benchmark
+    identity: str  # identity of the person; "" if unknown. Equal identities are the same person
+    fps: float  # frames per second; 0 where the frames are independent stills or the frame rate is not published
+    camera: Camera  # camera of the depth images
+    depth_m: np.ndarray  # (T, H, W) float32 metres; 0 where nothing was measured
+    joints_camera_m: np.ndarray  # (T, 15, 3) float32 true joints in metres in the camera frame; NaN where unknown
+    visible: np.ndarray  # (T, 15) bool, whether the joint is visible in the image; false where its true position is unknown
+    # (T,) float32 heading of the person, 0 facing the camera, positive to the person's left; None if unknown
     yaw_rad: np.ndarray | None = None
-    is_segmented: bool = True
+    is_segmented: bool = True  # whether the depth shows only the person, with 0 elsewhere. Otherwise it shows the whole scene
+    # name of the room and camera that this sequence shares with other sequences of its benchmark; "" if it shares them with
+    # none, or if that is unknown
     room: str = ""
 
     def __post_init__(self) -> None:
@@ -61,21 +50,15 @@ class Sequence:
 class Benchmark(Protocol):
     """A data set for the evaluation of estimators. Sequences are read one at a time, never the whole set.
 
-    Attributes:
-        name: as in the configuration.
-        origin: real or simulated depth.
-        truth: origin of the true joints, for the sentence "compared with ...": "Kinect SDK labels", "motion capture".
-        about: what a reader needs to interpret the results, in a sentence or two.
-
     A simulated set also has `provenance`, a dict with seed, version and config_hash that identifies it. A set of several people
     whose labels are other points of the body than ours has `label_definition`, the name of that definition ("Kinect SDK"):
     reports then also judge the estimates in it (`kpopnet.evaluation.poses.definition`).
     """
 
-    name: str
+    name: str  # as in the configuration
     origin: Origin
-    truth: str
-    about: str
+    truth: str  # origin of the true joints, for the sentence "compared with ...": "Kinect SDK labels", "motion capture"
+    about: str  # what a reader needs to interpret the results, in a sentence or two
 
     def sequence_names(self) -> list[str]:
         """Names of all sequences, always in the same order."""

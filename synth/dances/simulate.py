@@ -117,20 +117,16 @@ class LearnerMotion:
 
 @dataclass(frozen=True)
 class KpopSim(SetGenerator):
-    """Makes the dances; holds one compiled scene. Labels are written last: a dance that has labels is finished.
-
-    Attributes:
-        skill: differences between the levels, by default at the spacing of the family of faults; mixed uses the spacing alone.
-        seconds: least and greatest length of a dance, seconds.
-    """
+    """Makes the dances; holds one compiled scene. Labels are written last: a dance that has labels is finished."""
 
     part, finished_files, unfinished_files = "dance", f"*/{LABELS}", "dance_*/.*.tmp"
     camera = CAMERA
 
     benchmark: KpopSimConfig = field(default_factory=KpopSimConfig)
     sensor: SensorConfig = SENSORS["kinect_2"]
+    # differences between the levels, by default at the spacing of the family of faults; mixed uses the spacing alone
     skill: SkillConfig | None = None
-    seconds: tuple[float, float] = (15.0, 18.0)
+    seconds: tuple[float, float] = (15.0, 18.0)  # least and greatest length of a dance, seconds
 
     def __post_init__(self) -> None:
         super().__post_init__()

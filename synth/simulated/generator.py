@@ -34,12 +34,6 @@ class SetGenerator(ABC):
 
     A part is what is made and resumed alone: a sequence, or a dance with its learners. Part k is a pure function of the fields
     and k, whatever the number of processes.
-
-    Attributes:
-        benchmark: identity and size of the set.
-        motion: `choreography` for composed motion, or `clips` for recordings of the pack's test subjects.
-        renderer: cpu or gl; auto must be resolved before.
-        sensor: sensor model.
     """
 
     generator: ClassVar[int] = 2
@@ -54,10 +48,11 @@ class SetGenerator(ABC):
 
     camera: ClassVar[Camera]
 
-    benchmark: Any
+    benchmark: Any  # identity and size of the set
+    # `choreography` for composed motion, or `clips` for recordings of the pack's test subjects
     motion: MotionConfig = field(default_factory=lambda: MotionConfig(source="choreography"))
-    renderer: str = "cpu"
-    sensor: SensorConfig = SENSORS["ideal"]
+    renderer: str = "cpu"  # cpu or gl; auto must be resolved before
+    sensor: SensorConfig = SENSORS["ideal"]  # sensor model
 
     def __post_init__(self) -> None:
         composed = MotionConfig(source="choreography")

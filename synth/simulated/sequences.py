@@ -70,11 +70,7 @@ class Selection:
 
 @dataclass(frozen=True)
 class SequenceGenerator(SetGenerator):
-    """Makes the sequences of a set, of one person or of several.
-
-    Attributes:
-        frames: least and greatest length of a sequence, frames.
-    """
+    """Makes the sequences of a set, of one person or of several."""
 
     part, finished_files, unfinished_files = "sequence", "*.h5", ".*.h5.*.tmp"
 
@@ -89,7 +85,7 @@ class SequenceGenerator(SetGenerator):
     view: ClassVar[ViewConfig]
     """Distribution of the camera's pose."""
 
-    frames: tuple[int, int] = (100, 400)
+    frames: tuple[int, int] = (100, 400)  # least and greatest length of a sequence, frames
 
     @classmethod
     @abstractmethod
@@ -167,13 +163,9 @@ def penetrates_itself(played: Played, standing_frames: int) -> bool:
 
 
 class StandIn(SequenceGenerator):
-    """Makes sequences of one person; holds one compiled scene.
+    """Makes sequences of one person; holds one compiled scene."""
 
-    Attributes:
-        subjects: names of the people; they alternate, so the first few sequences show all of them.
-    """
-
-    subjects: ClassVar[tuple[str, ...]]
+    subjects: ClassVar[tuple[str, ...]]  # names of the people; they alternate, so the first few sequences show all of them
 
     @abstractmethod
     def compose(self, rng: np.random.Generator, index: int, seconds: float) -> Motion:
