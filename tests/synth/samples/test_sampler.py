@@ -1,6 +1,6 @@
 """Samples: what they depend on, where people stand, and the consistency of labels and depth image."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -8,8 +8,9 @@ import pytest
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 from synth.motion import MotionConfig, Poses
+from synth.motion.skeleton import INDEX
 from synth.samples.placing import StageConfig
-from synth.samples.sampler import CameraConfig, RenderedSample, SampleConfig, Sampler
+from synth.samples.sampler import CameraConfig, RenderedSample, SampleConfig, Sampler, heading_rad
 from synth.scene.props import NO_PROPS, PropsConfig
 
 CONFIG = SampleConfig(renderer="cpu", motion=MotionConfig(source="poses"), samples_per_body=4, samples_per_room=10)
@@ -21,12 +22,7 @@ def sampler() -> Sampler:
 
 
 def same(a: RenderedSample, b: RenderedSample) -> bool:
-    one, two = a.sample, b.sample
-    arrays = ("depth_mm", "joints_camera_m", "visible")
-    facts = ("box", "body", "motion", "yaw_rad", "room")
-    return all(np.array_equal(getattr(one, name), getattr(two, name)) for name in arrays) and all(
-        getattr(one, name) == getattr(two, name) for name in facts
-    )
+    return all(np.array_equal(getattr(a.sample, one.name), getattr(b.sample, one.name)) for one in fields(a.sample))
 
 
 @pytest.mark.parametrize("props", [NO_PROPS, PropsConfig(seat=1, held=0.5, second_person=0.5, attached=0.5)])
@@ -66,8 +62,6 @@ def test_yaw_is_the_heading_relative_to_the_camera(sampler: Sampler) -> None:
     scene = sampler.scene
     sampler.room(0)
     list(sampler.samples(0, 1))
-    from synth.samples.sampler import heading_rad
-
     straight = np.tile([1.0, 0, 0, 0], (len(scene.asset.bone_names), 1))
     for turn in (0.0, 0.7, -2.0):
         straight[0] = np.cos(turn / 2), 0, 0, np.sin(turn / 2)
@@ -84,8 +78,6 @@ class PenetratingPose:
 
     def poses(self, generators: list[np.random.Generator]) -> Poses:
         quats = np.tile(np.array([1, 0, 0, 0], np.float32), (len(generators), 23, 1))
-        from synth.motion.skeleton import INDEX
-
         for side, sign in (("Left", 1), ("Right", -1)):
             quats[:, INDEX[f"{side}Arm"]] = np.cos(0.7), 0, 0, -sign * np.sin(0.7)
             quats[:, INDEX[f"{side}ForeArm"]] = np.cos(0.75), 0, 0, -sign * np.sin(0.75)
