@@ -38,7 +38,7 @@ BVH_END_M = np.array([0, 0.08, 0])
 """Where a bone without children ends in BVH."""
 
 MAX_S = 900.0
-"""Longest dance."""
+"""Longest dance, seconds."""
 
 FLOOR_PERCENTILE = 10
 """Of the lower foot's height over a dance: where the floor is."""

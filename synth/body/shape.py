@@ -70,23 +70,19 @@ _BMI_BANDWIDTH = 0.08
 
 
 @cache
-def _thresholds(split: str) -> np.ndarray:
-    """Cumulative probabilities with which the adults of a split are drawn: their body mass index is BMI_MEDIAN's."""
-    first, end = _adults(split)
+def _adults(split: str) -> tuple[int, np.ndarray]:
+    """First of a split's baked adults, and their cumulative probabilities, which give them the body mass index of adults."""
+    first, end = (int(fraction * len(load_body().people)) for fraction in SPLIT_RANGES[split])
     log_bmi = np.log(load_body().facts[first:end, 3].astype(float))
     density = np.exp(-0.5 * ((log_bmi[:, None] - log_bmi) / _BMI_BANDWIDTH) ** 2).mean(axis=1)
     wanted = np.exp(-0.5 * ((log_bmi - np.log(BMI_MEDIAN)) / BMI_LOG_DEVIATION) ** 2)
     share = np.cumsum(np.minimum(wanted / density, 20 * np.median(wanted / density)))
-    return share / share[-1]
-
-
-def _adults(split: str) -> tuple[int, int]:
-    """First and last plus one of the baked adults of a split."""
-    return tuple(int(fraction * len(load_body().people)) for fraction in SPLIT_RANGES[split])
+    return first, share / share[-1]
 
 
 def _draw_adult(rng: np.random.Generator, split: str) -> int:
-    return _adults(split)[0] + int(np.searchsorted(_thresholds(split), rng.random(), side="right"))
+    first, thresholds = _adults(split)
+    return first + int(np.searchsorted(thresholds, rng.random(), side="right"))
 
 
 def draw_person(rng: np.random.Generator, config: BodyConfig, split: str) -> Person:

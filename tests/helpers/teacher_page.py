@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from aiohttp import web
+from aiohttp.test_utils import TestClient, TestServer
 
 from kpopnet.programs.teach import open_source
 from kpopnet.sources.source import CameraAwayError, LiveCamera
@@ -21,6 +22,18 @@ from kpopnet.teacher.server import Teaching, make_app
 DRIVER, BROWSER = shutil.which("chromedriver"), shutil.which("chromium") or shutil.which("google-chrome")
 FLAGS = ("headless=new", "no-sandbox", "disable-dev-shm-usage", "use-angle=swiftshader", "enable-unsafe-swiftshader")
 WIDE, NARROW = (1280, 900), (400, 860)
+PATIENCE_S = 480
+"""Where nothing is cached yet, kernels are compiled first, beside other tests."""
+
+
+def with_client(teaching: Teaching, work, token: str | None = None):
+    """Runs a coroutine function that gets a client of a server of its own."""
+
+    async def run():
+        async with TestClient(TestServer(make_app(teaching, LOOPBACK_NAMES, token))) as client:
+            return await asyncio.wait_for(work(client), PATIENCE_S)
+
+    return asyncio.run(run())
 
 
 @contextlib.contextmanager

@@ -14,6 +14,7 @@ import pytest
 pytest.importorskip("aiohttp", reason="the extra app is not installed")
 
 from aiohttp.test_utils import TestClient, TestServer
+from teacher_page import PATIENCE_S, with_client
 
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
@@ -23,7 +24,7 @@ from kpopnet.teacher.posing import Movement, posed
 from kpopnet.teacher.safety import LOOPBACK_NAMES
 from kpopnet.teacher.server import make_app
 
-PATIENCE_S, SOON_S = 240, 60
+SOON_S = 60
 RESULT = {"from_s": 1.0, "to_s": 3.0, "speed": 1.0, "course": {"time_s": [1.0, 2.0, 3.0], "total": [95.0, None, 5.0]}}
 
 
@@ -86,14 +87,6 @@ def films_at_work() -> list:
 def left_over(teaching) -> list[str]:
     """What lies beside the tries."""
     return [path.name for path in teaching.tries.folder.rglob("*") if path.is_file() and path.suffix not in (".json", ".npz")]
-
-
-def with_client(teaching, work):
-    async def run():
-        async with TestClient(TestServer(make_app(teaching, LOOPBACK_NAMES))) as client:
-            return await asyncio.wait_for(work(client), PATIENCE_S)
-
-    return asyncio.run(run())
 
 
 def test_a_film_tells_how_far_it_is_and_is_kept(teaching, tried):

@@ -1,6 +1,5 @@
 """The server over HTTP and WebSocket, with friends and strangers."""
 
-import asyncio
 import io
 import json
 import struct
@@ -11,26 +10,13 @@ import pytest
 
 aiohttp = pytest.importorskip("aiohttp", reason="the extra app is not installed")
 
-from aiohttp.test_utils import TestClient, TestServer  # noqa: E402
+from teacher_page import with_client  # noqa: E402
 from yarl import URL  # noqa: E402
 
 from kpopnet.dance.joint_files.reader import read_performance  # noqa: E402
 from kpopnet.teacher.library import Library  # noqa: E402
-from kpopnet.teacher.safety import LOOPBACK_NAMES, is_loopback  # noqa: E402
-from kpopnet.teacher.server import MAX_MESSAGE_BYTES, MAX_UPLOAD_BYTES, make_app  # noqa: E402
-
-PATIENCE_S = 480
-"""Where nothing is cached yet, kernels are compiled first, beside other tests."""
-
-
-def with_client(teaching, work, token=None):
-    """Runs a coroutine function that gets a client of a server of its own."""
-
-    async def run():
-        async with TestClient(TestServer(make_app(teaching, LOOPBACK_NAMES, token))) as client:
-            return await asyncio.wait_for(work(client), PATIENCE_S)
-
-    return asyncio.run(run())
+from kpopnet.teacher.safety import is_loopback  # noqa: E402
+from kpopnet.teacher.server import MAX_MESSAGE_BYTES, MAX_UPLOAD_BYTES  # noqa: E402
 
 
 def test_the_page_and_all_that_it_names_come_from_this_server(teaching):
@@ -126,16 +112,12 @@ def test_only_this_machine_is_loopback():
 PATHS = (
     "/page/..%2f..%2f..%2fpyproject.toml",
     "/page/%2e%2e/server.py",
-    "/page/server.py",
     "/page/vendor/../../server.py",
     "/api/dances/..%2f..%2f..%2fetc%2fpasswd",
-    "/api/dances/dance_001%00",
     "/api/history/..%2fdances",
     "/api/tries/dance_001/..%2f..%2fdances%2fdance_001.json",
-    "/api/tries/dance_001/..%2f..%2fdances%2fdance_001.mp4",
     "/api/tries/../body.npz/movement",
     "/api/tries/dance_001/20260101-000000-000.json",
-    "/api/tries/dance_001/20260101-000000-000/film",
     "/api/tries/dance_001/..%2f..%2fdances%2fdance_001/film",
 )
 

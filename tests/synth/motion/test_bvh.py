@@ -14,14 +14,7 @@ from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 from synth.motion.choreography.composer import dance
 from synth.motion.recorded import bvh_motion
-from synth.motion.skeleton import (
-    INDEX,
-    LEG_M,
-    NUM_JOINTS,
-    REST_OFFSETS_M,
-    Motion,
-    forward_kinematics,
-)
+from synth.motion.skeleton import INDEX, JOINT_NAMES, LEG_M, NUM_JOINTS, REST_OFFSETS_M, Motion, forward_kinematics
 
 DANCE = dance(2, seconds=2.0)
 STILL = Motion(np.tile(np.eye(4, dtype=np.float32)[0], (2, NUM_JOINTS, 1)), np.ones((2, 3), np.float32), 30.0, "x", LEG_M)
@@ -79,31 +72,25 @@ def test_a_rest_pose_with_the_arms_down_and_the_legs_apart_is_rotated_to_the_t_p
     assert_same_motion(bvh_motion(write_bvh(tmp_path / "a.bvh", DANCE, rest=rest)), DANCE)
 
 
+LIMBS = ("Shoulder", "Arm", "ForeArm", "Hand", "UpLeg", "Leg", "Foot", "ToeBase")
+JOINTS = dict(zip(LIMBS, ("Collar", "Shoulder", "Elbow", "Wrist", "Hip", "Knee", "Ankle", "Toe"), strict=True))
+UNREAL = dict(zip(LIMBS, ("clavicle", "upperarm", "lowerarm", "hand", "thigh", "calf", "foot", "ball"), strict=True))
+SIDES = ("Left", "Right")
+
+
 @pytest.mark.parametrize(
-    "rename",
+    "names",
     [
-        lambda name: "mixamorig:" + MIXAMO.get(name, name),
-        lambda name: name.replace("Left", "left_").replace("Right", "right_").upper(),
-        lambda name: {
-            "LeftShoulder": "LeftCollar", "LeftArm": "LeftShoulder", "LeftForeArm": "LeftElbow",
-            "LeftHand": "LeftWrist",
-            "LeftUpLeg": "LeftHip", "LeftLeg": "LeftKnee", "LeftFoot": "LeftAnkle", "LeftToeBase": "LeftToe",
-            "RightShoulder": "RightCollar", "RightArm": "RightShoulder", "RightForeArm": "RightElbow",
-            "RightHand": "RightWrist", "RightUpLeg": "RightHip", "RightLeg": "RightKnee", "RightFoot": "RightAnkle",
-            "RightToeBase": "RightToe", "LowerBack": "chest", "Spine": "chest2", "Spine1": "chest3",
-        }.get(name, name),
-        lambda name: {
-            "Hips": "pelvis", "LeftArm": "upperarm_l", "LeftForeArm": "lowerarm_l", "LeftHand": "hand_l",
-            "LeftUpLeg": "thigh_l", "LeftLeg": "calf_l", "LeftFoot": "foot_l", "LeftToeBase": "ball_l",
-            "LeftShoulder": "clavicle_l", "RightArm": "upperarm_r", "RightForeArm": "lowerarm_r", "RightHand": "hand_r",
-            "RightUpLeg": "thigh_r", "RightLeg": "calf_r", "RightFoot": "foot_r", "RightToeBase": "ball_r",
-            "RightShoulder": "clavicle_r",
-        }.get(name, name),
+        {f"{side}{limb}": f"{side}{joint}" for side in SIDES for limb, joint in JOINTS.items()}
+        | {"LowerBack": "chest", "Spine": "chest2", "Spine1": "chest3"},
+        {f"{side}{limb}": f"{bone}_{side[0].lower()}" for side in SIDES for limb, bone in UNREAL.items()} | {"Hips": "pelvis"},
+        {name: f"mixamorig:{MIXAMO.get(name, name)}" for name in JOINT_NAMES},
+        {name: name.replace("Left", "left_").replace("Right", "right_").upper() for name in JOINT_NAMES},
     ],
-    ids=["mixamo", "separators", "joints", "unreal"],
-)  # fmt: skip
-def test_other_naming_conventions_are_recognised(tmp_path, rename):
-    assert_same_motion(bvh_motion(write_bvh(tmp_path / "a.bvh", DANCE, rename=rename)), DANCE)
+    ids=["joints", "unreal", "mixamo", "separators"],
+)
+def test_other_naming_conventions_are_recognised(tmp_path, names):
+    assert_same_motion(bvh_motion(write_bvh(tmp_path / "a.bvh", DANCE, rename=lambda name: names.get(name, name))), DANCE)
 
 
 def with_a_lost_forearm(text: str) -> str:
