@@ -73,7 +73,7 @@ def entry_point(
             if not {"-h", "--help"}.isdisjoint(given):
                 print(sys.modules[function.__module__].__doc__)
                 print("Settings (NAME=VALUE; --cfg job prints every value, --hydra-help Hydra's own options):\n")
-                print(as_text(dict(ChainMap(*_group_help.values(), settings(schema)))))
+                print(as_text(dict(ChainMap(*reversed(_group_help.values()), settings(schema)))))
                 return
             announce_compilation()
             if int(os.environ.get("RANK", "0")) > 0:
