@@ -11,7 +11,7 @@ import numpy as np
 from kpopnet.camera import MM_PER_METRE, Camera, depth_in_metres
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import parsing
-from kpopnet.sources.source import CameraAwayError, Recording, StoredImage, check_size
+from kpopnet.sources.source import CameraAwayError, Recording, StoredImage
 
 NAME = "RealSense camera"
 WAIT_MS, PATIENCE_MS = 200, 5000
@@ -39,7 +39,6 @@ def library(where: str) -> Any:
 def _camera_of(profile: Any, where: str) -> Camera:
     """The camera of a profile of video."""
     lens = profile.get_intrinsics()
-    check_size(where, lens.width, lens.height)
     return Camera.from_numbers((lens.fx, lens.fy, lens.ppx, lens.ppy, lens.width, lens.height), f"{where}: intrinsics")
 
 

@@ -107,21 +107,19 @@ def _read_csv(path: Path) -> NamedPoints:
     for number, word in enumerate(header):
         if match := _COLUMN.fullmatch(word):
             columns.setdefault(match[1], {}).setdefault(match[2].lower(), number)
-    names = [name for name, axes in columns.items() if {"x", "y", "z"} <= axes.keys()]
-    expect(bool(names), f"{path}, line 1", f"columns NAME_x, NAME_y, NAME_z, found {names_in(header) or 'none'}")
+    parts = ("x", "y", "z", "confidence")
+    places = {
+        name: [own[part] for part in parts if part in own] for name, own in columns.items() if own.keys() >= {"x", "y", "z"}
+    }
+    expect(bool(places), f"{path}, line 1", f"columns NAME_x, NAME_y, NAME_z, found {names_in(header) or 'none'}")
     expect(bool(rows), str(path), "a line of numbers below the header")
-
-    def values(column: int) -> list[float]:
-        return [_number(row[column], f"{path}, line {line}") for line, row in rows]
-
+    frames = []
     for line, row in rows:
         expect(len(row) == len(header), f"{path}, line {line}", f"{len(header)} cells as in the header, found {len(row)}")
-    points = np.array([[values(columns[name][axis]) for axis in "xyz"] for name in names]).transpose(2, 0, 1)
-    confidence = np.ones(points.shape[:2])
-    for number, name in enumerate(names):
-        if (column := columns[name].get("confidence")) is not None:
-            confidence[:, number] = np.nan_to_num(values(column))
-    return NamedPoints(names, points, np.array(values(header.index(TIME))) if TIME in header else None, confidence)
+        joints = {name: [_number(row[place], f"{path}, line {line}") for place in own] for name, own in places.items()}
+        times = {TIME: _number(row[header.index(TIME)], f"{path}, line {line}")} if TIME in header else {}
+        frames.append({"joints": joints} | times)
+    return _joint_points(frames, None, str(path))
 
 
 def _number(cell: str, where: str) -> float:
