@@ -8,7 +8,7 @@ from kpopnet.camera import CAMERAS
 from kpopnet.estimator import Estimate
 from kpopnet.tracker.confidence import probability
 from kpopnet.tracker.estimator import TrackerEstimator
-from kpopnet.y_pose import checks
+from kpopnet.y_pose import initial_pose
 
 CAMERA = CAMERAS["kinect_v1"]
 fit = tool("fit_confidence")
@@ -48,7 +48,7 @@ def test_every_kind_of_estimate_gives_the_evidence_of_its_confidence(monkeypatch
     joints = np.stack([cone_joints(40 - 6 * t) for t in range(5)])
     body = cone_body(joints[0])
     depth_m = np.stack([draw_cones(pose, body, CAMERA) for pose in joints])
-    monkeypatch.setattr(checks, "MIN_FRONT_SCORE", 0.0)  # cones have no chin
+    monkeypatch.setattr(initial_pose, "MIN_FRONT_SCORE", 0.0)  # cones have no chin
     network = Fixed(np.stack([moved(pose, seed) for seed, pose in enumerate(joints)]))
     found = fit.labelled(depth_m, CAMERA, np.where(np.arange(15)[:, None] == 0, np.nan, joints), network)
     assert found.keys() == fit.SHIPPED.keys() and len(found["REFINED_WEIGHTS"][1]) == 70

@@ -11,14 +11,13 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from kpopnet.skeleton import Joint
+from kpopnet.skeleton import MIRROR, Joint
 
 SHOULDER_WIDTH_RATIO = 0.7
 """The torso begins at the first row from the top in which the silhouette has at least this fraction of its maximum width across
 the roots of both arms (1.4 to 3.6 waist widths). Narrower rows above are neck and head."""
 
-SHOULDER_ROW, MIDDLE_ROW, HIP_ROW = (-0.08, 0.13), (0.13, 0.72), (0.72, 0.92)
-SHOULDER_COLUMNS, HIP_COLUMNS = (0.17, 0.38), (0.07, 0.28)
+SHOULDER_ROW, HIP_ROW, SHOULDER_COLUMNS, HIP_COLUMNS = (-0.08, 0.13), (0.72, 0.92), (0.17, 0.38), (0.07, 0.28)
 """Limits of the sub-parts in heights of the torso's rectangle: rows down from its top, columns to either side of its middle.
 Assumptions: the paper does not define the division of the rectangle. On simulated people (split train) the height, from the
 shoulders to the crotch and 60 cm on average, predicts the joints better than the width, which is the waist's. The shoulders
@@ -34,9 +33,8 @@ HEAD_SEARCH_WIDTH = 0.25
 MEAN_SHIFT_STARTS, MEAN_SHIFT_STEPS, CONVERGED_PX = 100, 30, 0.05
 """Maximum number of mean shift's starts and iterations, and the shift in pixels below which it has converged."""
 
-HOUGH_STEP_RAD = np.radians(2.0)
-HOUGH_RANGE_RAD = np.radians(60.0)
-"""Lines are searched up to this angle from the limb's direction, so that no angle wraps around."""
+HOUGH_STEP_RAD, HOUGH_RANGE_RAD = np.radians(2.0), np.radians(60.0)
+"""Lines are searched in these steps up to this angle from the limb's direction, so that no angle wraps around."""
 
 MIN_VOTE_RATIO = 0.5
 """Lines with at least this fraction of the strongest line's votes go into the k-means. A lower fraction adds lines along
@@ -51,7 +49,6 @@ MIDDLE_RANGE = (0.3, 0.7)
 one line."""
 
 KMEANS_STEPS = 20
-"""Maximum number of k-means iterations."""
 
 
 class Box(NamedTuple):
@@ -64,26 +61,23 @@ class Box(NamedTuple):
 
     @property
     def pixels(self) -> tuple[slice, slice]:
-        """Slices of the rows and columns."""
         return slice(self.y0, self.y1), slice(self.x0, self.x1)
 
     @property
     def height(self) -> int:
-        """Number of rows."""
         return self.y1 - self.y0
 
     @property
     def middle_u(self) -> float:
-        """Column of the middle, in pixels."""
         return (self.x0 + self.x1 - 1) / 2
 
 
 def torso_rectangle(person: np.ndarray) -> Box:
     """The maximal rectangle of the torso without the head in an (H, W) bool silhouette; all 0 if that is empty.
 
-    The largest rectangle may include the head, if with its hair it is about as wide as the waist. Scanning the rows upwards
-    from the widest one across the arms' roots finds the upper edge of the shoulders. The result is the largest rectangle below
-    that row; it locates the shoulders' height with half the error of the largest rectangle of all.
+    The largest rectangle may include a head whose hair is as wide as the waist. Scanning the rows upwards from the widest one
+    across the arms' roots finds the upper edge of the shoulders. The result is the largest rectangle below that row; it locates
+    the shoulders' height with half the error of the largest rectangle of all.
     """
     largest = maximal_rectangle(person)
     if largest.height == 0:
@@ -98,16 +92,15 @@ def torso_rectangle(person: np.ndarray) -> Box:
 
 
 def maximal_rectangle(person: np.ndarray) -> Box:
-    """The largest rectangle inside an (H, W) bool silhouette; all 0 if that is empty.
-
-    Column-wise scanning counts the connected person pixels upwards from every pixel. Row-wise scanning finds for every row the
-    rectangle of the largest area that stands on it and fits below these counts.
-    """
+    """The largest rectangle inside an (H, W) bool silhouette; all 0 if that is empty."""
     return Box(*_maximal_rectangle(np.ascontiguousarray(person)))
 
 
 @njit(cache=True)
 def _maximal_rectangle(person):
+    """Column-wise scanning counts the connected person pixels upwards from every pixel. Row-wise scanning finds for every row
+    the rectangle of the largest area that stands on it and fits below these counts.
+    """
     height, width = person.shape
     column_run = np.zeros(width + 1, np.int32)  # the last entry stays 0 and closes every rectangle
     starts, heights = np.empty(width + 1, np.int32), np.empty(width + 1, np.int32)
@@ -138,24 +131,22 @@ def _run_through(row: np.ndarray, x: int) -> int:
     return int((gaps[k] if k < len(gaps) else len(row)) - (gaps[k - 1] + 1 if k else 0))
 
 
-TORSO_PARTS = {Joint.RIGHT_SHOULDER: 0, Joint.LEFT_SHOULDER: 1, Joint.RIGHT_HIP: 4, Joint.LEFT_HIP: 5}
-"""Index in `six_parts` of the part that is averaged for each joint of a person who faces the camera."""
-
-
-def six_parts(torso: Box) -> list[Box]:
-    """The rectangle's sub-parts in three rows from the top, in each row the one at smaller x first.
+def torso_parts(torso: Box) -> dict[Joint, Box]:
+    """Those of the rectangle's six sub-parts that are averaged for a joint of a person who faces the camera.
 
     The shoulder parts extend beyond the rectangle's sides. Both sides are rounded symmetrically: a mirrored rectangle has
     mirrored parts.
     """
-    rows = (SHOULDER_ROW, SHOULDER_COLUMNS), (MIDDLE_ROW, HIP_COLUMNS), (HIP_ROW, HIP_COLUMNS)
     left, right = int(np.floor(torso.middle_u)), int(np.ceil(torso.middle_u))
-    parts = []
-    for (top, bottom), (inner, outer) in rows:
+    parts = {}
+    for joint, (top, bottom), (inner, outer) in (
+        (Joint.RIGHT_SHOULDER, SHOULDER_ROW, SHOULDER_COLUMNS),
+        (Joint.RIGHT_HIP, HIP_ROW, HIP_COLUMNS),
+    ):
         y0, y1 = (max(torso.y0 + round(fraction * torso.height), 0) for fraction in (top, bottom))
         near, far = round(inner * torso.height), round(outer * torso.height)
-        parts.append(Box(max(left - far, 0), y0, max(left - near + 1, 0), y1))
-        parts.append(Box(right + near, y0, right + far + 1, y1))
+        parts[joint] = Box(max(left - far, 0), y0, max(left - near + 1, 0), y1)
+        parts[Joint(MIRROR[joint])] = Box(right + near, y0, right + far + 1, y1)
     return parts
 
 
@@ -166,12 +157,8 @@ def mean_pixel(mask: np.ndarray, part: Box) -> np.ndarray | None:
 
 
 def head_candidates(ridge: np.ndarray, torso: Box, radius_px: float) -> np.ndarray:
-    """(N, 2) u, v of the modes of mean shift over the ridge data above the torso; those with the most ridge data first.
-
-    Args:
-        ridge: (H, W) bool ridge data.
-        torso: the torso's rectangle.
-        radius_px: radius of the flat kernel in pixels.
+    """(N, 2) u, v of the modes of mean shift, with a flat kernel of this radius, over the (H, W) bool ridge data above the
+    torso; those with the most ridge data first.
     """
     v, u = np.nonzero(ridge[: torso.y0])
     above = np.abs(u - torso.middle_u) < HEAD_SEARCH_WIDTH * torso.height
@@ -197,18 +184,12 @@ class Limb(NamedTuple):
     """One arm or leg in the image.
 
     Attributes:
-        box: its bounding box.
-        origin: (2,) u, v from which the lines' offsets are measured.
-        dominant: (2, 2) angle and offset of the upper and of the lower dominant line.
-        crossed: whether they intersect where a limb can bend; if not, the limb counts as straight.
+        crossed: whether its dominant lines intersect where a limb can bend; if not, the limb counts as straight.
         middle: (2,) u, v of elbow or knee.
         end: (2,) u, v of hand or foot.
         tip: (2,) u, v of the silhouette's farthest pixel.
     """
 
-    box: Box
-    origin: np.ndarray
-    dominant: np.ndarray
     crossed: bool
     middle: np.ndarray
     end: np.ndarray
@@ -218,18 +199,11 @@ class Limb(NamedTuple):
 def find_limb(
     person: np.ndarray, ridge: np.ndarray, box: Box, root: np.ndarray, end_px: float, upper_fraction: float
 ) -> Limb | None:
-    """Finds middle and end of a limb; None if its box contains too little of it.
+    """Finds middle and end of a limb from its root, (2,) u, v of shoulder or hip; None if its box contains too little of it.
 
-    The lines of a straight limb are almost parallel and their intersection is ill-conditioned. Its middle is the mean of the
-    ridge data around the point at `upper_fraction` of the way from root to end.
-
-    Args:
-        person: (H, W) bool silhouette.
-        ridge: (H, W) bool ridge data.
-        box: the limb's bounding box.
-        root: (2,) u, v of shoulder or hip.
-        end_px: radius in pixels around the tip within which ridge data are averaged for the hand or foot.
-        upper_fraction: position of the middle of a straight limb from root (0) to end (1).
+    The end is the mean of the ridge data within `end_px` pixels of the tip. The lines of a straight limb are almost parallel
+    and their intersection is ill-conditioned: its middle is the mean of the ridge data around the point at `upper_fraction` of
+    the way from root to end.
     """
     silhouette, ridge_data = _pixels(person, box), _pixels(ridge, box)
     if not len(silhouette) or not len(ridge_data):
@@ -242,14 +216,10 @@ def find_limb(
         return None
     origin = (root + end) / 2
     lines, votes = hough_lines(ridge_data - origin, end - root)
-    upper, lower = dominant_lines(lines, votes, np.linalg.norm(end - root) / 2)
-    if _distance(upper, root - origin) + _distance(lower, end - origin) > _distance(lower, root - origin) + _distance(
-        upper, end - origin
-    ):
-        upper, lower = lower, upper
+    first, second = dominant_lines(lines, votes, np.linalg.norm(end - root) / 2)
     middle, crossed = root + upper_fraction * (end - root), False
-    if abs(upper[0] - lower[0]) > MIN_BEND_RAD:
-        crossing = intersection(upper, lower) + origin
+    if abs(first[0] - second[0]) > MIN_BEND_RAD:
+        crossing = intersection(first, second) + origin
         fraction = (crossing - root) @ (end - root) / ((end - root) @ (end - root))
         crossed = bool(MIDDLE_RANGE[0] < fraction < MIDDLE_RANGE[1])
     if crossed:
@@ -257,7 +227,7 @@ def find_limb(
     else:
         on_ridge = _mean_around(middle, ridge_data, end_px / 2)
         middle = middle if on_ridge is None else on_ridge
-    return Limb(box, origin, np.stack([upper, lower]), crossed, middle, end, tip)
+    return Limb(crossed, middle, end, tip)
 
 
 def hough_lines(points: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -300,11 +270,6 @@ def intersection(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """(2,) intersection of two non-parallel lines (angle, offset) with the same origin."""
     normals = np.array([[np.cos(a[0]), np.sin(a[0])], [np.cos(b[0]), np.sin(b[0])]])
     return np.linalg.solve(normals, [a[1], b[1]])
-
-
-def _distance(line: np.ndarray, point: np.ndarray) -> float:
-    """Distance in pixels of a (2,) point from a line."""
-    return abs(np.cos(line[0]) * point[0] + np.sin(line[0]) * point[1] - line[1])
 
 
 def _pixels(mask: np.ndarray, box: Box) -> np.ndarray:

@@ -1,6 +1,5 @@
 """The initial model: people with known joints in the Y pose, other poses, and images without a person."""
 
-import warnings
 from dataclasses import astuple
 
 import numpy as np
@@ -12,11 +11,9 @@ from real_data import UTD_MHAD
 from y_people import draw_y, family, simulated, y_angles, y_joints
 
 from kpopnet.camera import CAMERAS, Camera
-from kpopnet.errors import InputError
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.skeleton import JOINT_GROUPS, MIRROR, Joint
-from kpopnet.y_pose.checks import NotYPose, body_axes, require_y_pose
-from kpopnet.y_pose.initial_pose import find_initial_pose, initial_pose
+from kpopnet.y_pose.initial_pose import NotYPose, body_axes, find_initial_pose, initial_pose, require_y_pose
 from synth.motion import MotionConfig, build_motion
 from synth.motion.poses.families import FAMILIES
 
@@ -112,18 +109,11 @@ def test_other_poses_are_refused_with_the_reason(wrong: dict, reason: str) -> No
     assert find_initial_pose(depth, CAMERA) is None
 
 
-def test_a_back_is_refused() -> None:
-    depth = draw_y(y_joints(place_m=PLACE_M), CAMERA, back=True)
+def test_a_back_hands_at_the_edge_and_a_missing_hand_are_refused() -> None:
     with pytest.raises(NotYPose, match="back"):
-        initial_pose(depth, CAMERA)
-
-
-def test_hands_at_the_image_edge_are_refused() -> None:
+        initial_pose(draw_y(y_joints(place_m=PLACE_M), CAMERA, back=True), CAMERA)
     with pytest.raises(NotYPose, match="edge"):
         initial_pose(draw_y(y_joints(place_m=(0, 0.15, 2.45)), CAMERA), CAMERA)
-
-
-def test_a_missing_hand_is_refused() -> None:
     joints = y_joints(place_m=PLACE_M)
     depth = draw_y(joints, CAMERA)
     u, v, _ = CAMERA.project(joints[Joint.LEFT_HAND])
@@ -179,22 +169,7 @@ ODD = st.one_of(st.sampled_from([0.0, 0.0, 1.5, 2.0, 2.0, 2.02, np.nan, np.inf, 
 @settings(deadline=None, max_examples=60)
 def test_garbage_is_refused(depth: np.ndarray) -> None:
     camera = Camera.centred(40.0, depth.shape[1], depth.shape[0])
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        measured = depth[np.isfinite(depth) & (depth > 0)]
-        if measured.size and np.median(measured) > 50:
-            with pytest.raises(InputError, match="millimetres"):
-                find_initial_pose(depth, camera)
-        else:
-            assert find_initial_pose(depth, camera) is None
-
-
-@pytest.mark.parametrize(
-    "depth", [np.zeros((240, 321), np.float32), np.zeros((2, 240, 320), np.float32), np.zeros((240, 320), np.int64), None]
-)
-def test_invalid_depth_images_are_refused(depth) -> None:
-    with pytest.raises(InputError, match="initial pose"):
-        find_initial_pose(depth, CAMERA)
+    assert find_initial_pose(depth, camera) is None
 
 
 # --- simulated people ---------------------------------------------------------------------------------------------
@@ -219,16 +194,11 @@ def other_poses(generator: np.random.Generator) -> dict[str, float]:
     """Y poses with one error, and people who sit, kneel, bend, squat, lie or stand on their hands, from `synth`."""
     pose = y_angles(generator)
     kind = int(generator.random() * 8)
-    if kind == 0:
-        return y_angles(generator, elevation_deg=(-12, 5))
-    if kind == 1:
-        return y_angles(generator, elevation_deg=(-80, -20))
-    if kind == 2:
-        return y_angles(generator, elbow_deg=(60, 130))
-    if kind == 3:
-        return pose | {"left_raise": 12.0, "left_elbow": 10.0}
-    if kind == 4:
-        return pose | {"hips_yaw": 180.0}
+    if kind < 3:
+        wrong = ({"elevation_deg": (-12, 5)}, {"elevation_deg": (-80, -20)}, {"elbow_deg": (60, 130)})[kind]
+        return y_angles(generator, **wrong)
+    if kind < 5:
+        return pose | ({"left_raise": 12.0, "left_elbow": 10.0}, {"hips_yaw": 180.0})[kind - 3]
     name = ("sit", "kneel", "squat", "bend_forward", "lie", "handstand")[int(generator.random() * 6)]
     other = FAMILIES[name][1](generator)
     arms = ("raise", "plane", "elbow", "pronate")
