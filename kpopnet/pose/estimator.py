@@ -14,8 +14,7 @@ from kpopnet.errors import check_between
 from kpopnet.estimator import Estimator
 from kpopnet.extraction.extractor import HumanExtractor
 from kpopnet.networks.estimator import NetworkEstimator
-from kpopnet.pose.person import MODES, DetectedPerson, TrackedPerson, check_mode
-from kpopnet.pose.smoothing import smoothed
+from kpopnet.pose.person import MODES, DetectedPerson, TrackedPerson, check_mode, smoothed
 from kpopnet.skeleton import NUM_JOINTS
 
 log = logging.getLogger(__name__)
@@ -63,13 +62,8 @@ class PoseEstimator:
     def load(
         cls, checkpoint: Path | str | None = None, mode: str = "realtime", people: int = 1, device: str = "cpu"
     ) -> "PoseEstimator":
-        """Loads a network, where the mode needs one.
-
-        Args:
-            checkpoint: a checkpoint's folder or an exported network; None: the one that comes with the package.
-            mode: see `__init__`.
-            people: see `__init__`.
-            device: cpu or cuda.
+        """Loads a network, where the mode needs one: a checkpoint's folder or an exported network, by default the one that
+        comes with the package, on the device cpu or cuda.
 
         Raises:
             InputError: the network cannot be loaded, or a setting is wrong.

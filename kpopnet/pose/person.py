@@ -1,4 +1,5 @@
-"""The joints of one person, frame after frame: by the body tracker, or a network's, fitted to the depth, the mean of both.
+"""The joints of one person, frame after frame: by the body tracker, or a network's, fitted to the depth, the mean of both; and
+their smoothing over time.
 
 What each step is worth is measured in docs/results.md.
 """
@@ -6,12 +7,12 @@ What each step is worth is measured in docs/results.md.
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 
 from kpopnet.camera import Camera, sequence_in_metres
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate, Estimator
 from kpopnet.extraction import Human
-from kpopnet.pose.smoothing import smoothed
 from kpopnet.skeleton import MIRROR
 from kpopnet.tracker.body_estimate import BodyEstimate
 from kpopnet.tracker.confidence import REFINED_WEIGHTS, probability
@@ -61,14 +62,8 @@ class DetectedPerson:
         """The next image does not show the person."""
 
     def update(self, depth_m: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-        """The joints of the next frame.
-
-        Args:
-            depth_m: (H, W) float32 metres of this person, 0 elsewhere.
-            camera: the camera of these pixels.
-
-        Returns:
-            (15, 3) float32 joints in metres, NaN where missing, and (15,) float32 confidence.
+        """(15, 3) float32 joints in metres, NaN where missing, and (15,) float32 confidence in the next (H, W) image of this
+        person, metres, 0 elsewhere.
         """
         detected_m, confidence = self._detect(depth_m, camera)
         fitted_m, evidence = refine_frame(self._body, Estimate(detected_m, confidence), depth_m, camera)
@@ -117,12 +112,7 @@ class PersonEstimator:
     """Implements kpopnet.estimator.Estimator by a mode of MODES."""
 
     def __init__(self, network: Estimator, mode: str, fps: float = 30.0) -> None:
-        """Wraps a network.
-
-        Args:
-            network: estimates joints in single frames.
-            mode: a name of MODES.
-            fps: frames per second of the recordings, for their smoothing.
+        """Wraps a network that estimates joints in single frames of recordings with `fps` frames per second.
 
         Raises:
             InputError: an unknown mode.
@@ -139,3 +129,30 @@ class PersonEstimator:
         if not MODES[self.name].smoothed:
             return found
         return found._replace(joints_camera_m=smoothed(found.joints_camera_m, found.confidence, self.fps))
+
+
+SIGMA_S = 1 / 30
+"""Standard deviation of the Gaussian in time. A movement to and fro, twice a second, loses 8 % of its amplitude by it."""
+
+LEAST_WEIGHT = 0.05
+"""Weight of a joint of which the estimator is not sure at all: where all around it is unsure too, it counts."""
+
+
+def smoothed(joints_m: np.ndarray, confidence: np.ndarray, fps: float) -> np.ndarray:
+    """(T, J, 3) joints, each averaged over the frames around it by a Gaussian times its (T, J) confidence in 0..1.
+
+    Missing joints, NaN, stay missing; a joint after a gap does not know the one before it.
+    """
+    sigma = SIGMA_S * fps
+    present = np.isfinite(joints_m).all(axis=-1)
+    weights = np.where(present, np.maximum(confidence, LEAST_WEIGHT), 0.0)[..., None]
+    values = np.where(present[..., None], joints_m, 0.0).astype(np.float64)
+    out = np.full(joints_m.shape, np.nan, np.float32)
+    for joint in range(joints_m.shape[1]):
+        runs = np.flatnonzero(np.diff(present[:, joint], prepend=False, append=False)).reshape(-1, 2)
+        for part in (slice(*run) for run in runs):
+            weight, weighted = (
+                gaussian_filter1d(one[part, joint], sigma, axis=0, mode="nearest") for one in (weights, values * weights)
+            )
+            out[part, joint] = weighted / weight
+    return out

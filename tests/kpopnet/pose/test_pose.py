@@ -9,8 +9,7 @@ from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate
 from kpopnet.pose import PoseEstimator
-from kpopnet.pose.person import MODES, DetectedPerson, PersonEstimator
-from kpopnet.pose.smoothing import SIGMA_S, smoothed
+from kpopnet.pose.person import MODES, SIGMA_S, DetectedPerson, PersonEstimator, smoothed
 
 CAMERA = Camera.centred(100.0, 80, 60)
 POSE_M = np.random.default_rng(0).uniform(-0.5, 0.5, (15, 3)).astype(np.float32)
