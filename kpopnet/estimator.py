@@ -1,5 +1,6 @@
 """The protocol of all pose estimators: a depth sequence and a camera in, joints and confidence out."""
 
+import logging
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -7,6 +8,11 @@ import numpy as np
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
 from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
+
+log = logging.getLogger(__name__)
+
+REPORTED_FRAMES = 40
+"""From this number of frames without joints on, a warning says so: evaluations warm up with 30."""
 
 
 class Estimate(NamedTuple):
@@ -79,14 +85,26 @@ class FrameTracker(Protocol):
         ...
 
 
-def track_sequence(tracker: FrameTracker, depth_m: np.ndarray, start: Start | None) -> Estimate:
-    """The joints that a tracker finds in (T, H, W) images in metres; none before the frame of a given start."""
+def track_sequence(tracker: FrameTracker, depth_m: np.ndarray, start: Start | None, awaited: str) -> Estimate:
+    """The joints that a tracker finds in (T, H, W) images in metres; none before the frame of a given start.
+
+    Warns where many frames have no joints; `awaited` says what no person did in them that starts the tracker.
+    """
     found, first = Estimate.missing(len(depth_m)), 0
     if start is not None:
         first = start.frame
         tracker.start(start.joints_camera_m)
     for frame in range(first, len(depth_m)):
         found.joints_camera_m[frame], found.confidence[frame] = tracker.track(depth_m[frame])
+    missing_m = depth_m[first:][np.isnan(found.joints_camera_m[first:]).all(axis=(1, 2))]
+    if len(missing_m) >= REPORTED_FRAMES:
+        shown = int(missing_m.any(axis=(1, 2)).sum())
+        why = (
+            f"in {shown} of them, which show something, no person {awaited}"
+            if shown
+            else "they are empty; was a person extracted?"
+        )
+        log.warning("no joints in %d of %d frames: %s", len(missing_m), len(depth_m), why)
     return found
 
 
@@ -108,7 +126,9 @@ class StartedEstimator(Estimator, Protocol):
 
     starts_from_label: bool
 
-    def estimate(self, depth_m: np.ndarray, camera: Camera, start: Start | None = None) -> Estimate: ...
+    def estimate(self, depth_m: np.ndarray, camera: Camera, start: Start | None = None) -> Estimate:
+        """Frames before a given start have no joints. Raises InputError for a start with missing joints, too."""
+        ...
 
 
 def starts_from_label(estimator: Estimator) -> bool:

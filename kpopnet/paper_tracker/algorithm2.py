@@ -3,7 +3,7 @@
 Assumptions, where the paper is silent:
 
 - Candidates are pixels of the body's surface, joints lie inside. Each candidate is moved along its viewing ray into the
-  body, by the depth of the joint under the surface (`structure.Structure`), before any distance is measured.
+  body, by the depth of the joint under the surface (`Structure`), before any distance is measured.
 - r_j and epsilon_j are millimetres in Table 1; its best values are 110 and 50.
 - "Insufficient" is fewer than `MIN_CANDIDATES` valid candidates. If the raw depth does not give that many either, the joint
   moves with its parent (the torso's joints with the head), and its velocity in the next frame is zero. With only Eq. (3) a
@@ -21,21 +21,18 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from kpopnet.geometry.body import NECK_FRACTION
-from kpopnet.geometry.depth_grid import geodesic_distances
-from kpopnet.geometry.human_model import LIMB_PARENTS
-from kpopnet.paper_tracker.frame import Frame
-from kpopnet.paper_tracker.structure import (
-    HEAD,
-    LEFT_HIP,
-    LEFT_SHOULDER,
-    RIGHT_HIP,
-    RIGHT_SHOULDER,
-    TORSO,
-    TRUNK,
-    Structure,
-)
+from kpopnet.camera import Camera
+from kpopnet.geometry.body import NECK_FRACTION, PARTS, RIGHT_RIBS, body_from_model
+from kpopnet.geometry.depth_grid import cell_points, geodesic_distances, neighbour_graph
+from kpopnet.geometry.human_model import LIMB_PARENTS, HumanModel
 from kpopnet.skeleton import NUM_JOINTS, Joint
+
+HEAD, TORSO = int(Joint.HEAD), int(Joint.TORSO)
+RIGHT_SHOULDER, LEFT_SHOULDER = int(Joint.RIGHT_SHOULDER), int(Joint.LEFT_SHOULDER)
+RIGHT_HIP, LEFT_HIP = int(Joint.RIGHT_HIP), int(Joint.LEFT_HIP)
+
+TRUNK = (HEAD, RIGHT_SHOULDER, LEFT_SHOULDER, TORSO, RIGHT_HIP, LEFT_HIP)
+"""The joints of the head-shoulder-torso structure, and the hips."""
 
 JOINT_ORDER = np.array([*TRUNK, *LIMB_PARENTS])
 PARENTS = np.array([LIMB_PARENTS.get(joint, -1) for joint in Joint])
@@ -46,6 +43,48 @@ CARRIERS = np.where(PARENTS >= 0, PARENTS, HEAD)
 
 MIN_CANDIDATES = 3
 """Minimum number of valid candidates of a joint."""
+
+
+CELL_M = 0.02
+"""Raw depth is sampled once per cell of about this side at the person's depth, in metres: every second pixel of a Kinect v1. In
+cells of four pixels three to seven candidates of a joint are left, and their mean is noise."""
+
+MOST_CELLS, MOST_PX = 20_000, 16
+"""Greatest number of cells and greatest side in pixels. Cells grow where more would be measured: of noise and whole rooms."""
+
+
+class Frame(NamedTuple):
+    """One depth image of a person: the points that Algorithm 2 chooses from, on the surface, in the camera frame, in metres.
+
+    Attributes:
+        ridge_m: (R, 3) the ridge data, pixel by pixel.
+        ridge_cell: (R,) the number of each one's cell, -1 where its cell has no point.
+        raw_m: (N, 3) the raw depth: the point in the middle of each measured cell.
+        neighbours: (N, 8) neighbours of each cell, see `kpopnet.geometry.depth_grid.neighbour_graph`.
+        edges_m: (N, 8) lengths of the ways to them.
+    """
+
+    ridge_m: np.ndarray
+    ridge_cell: np.ndarray
+    raw_m: np.ndarray
+    neighbours: np.ndarray
+    edges_m: np.ndarray
+
+
+class Structure(NamedTuple):
+    """The initial human model (section 2.3) of one person as arrays.
+
+    Attributes:
+        distance_m: (15, 15) the model's distance between two joints in metres, 0 where it has none.
+        head_to_shoulder_line_m: l_H⊥S.
+        torso_to_hip_line_m: l_T⊥P.
+        depth_m: (15,) how deep each joint lies under the surface along the viewing ray, metres.
+    """
+
+    distance_m: np.ndarray
+    head_to_shoulder_line_m: float
+    torso_to_hip_line_m: float
+    depth_m: np.ndarray
 
 
 class State(NamedTuple):
@@ -98,16 +137,63 @@ class Collected(NamedTuple):
     valid: np.ndarray
 
 
+def frame_of(depth_m: np.ndarray, ridge: np.ndarray, camera: Camera) -> Frame:
+    """The points of an (H, W) float32 depth image of a person, metres, with its (H, W) bool ridge data."""
+    person_m = depth_m[depth_m > 0]
+    side_px = 1
+    if len(person_m):
+        side_px = max(CELL_M * camera.fx / float(np.median(person_m)), (len(person_m) / MOST_CELLS) ** 0.5)
+        side_px = max(1, round(min(side_px, MOST_PX)))
+    intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy, side_px])
+    raw_m, index = cell_points(depth_m, intrinsics)
+    ridge_m, ridge_cell = _ridge_points(*ridge.nonzero(), depth_m, intrinsics, index)
+    return Frame(ridge_m, ridge_cell, raw_m, *neighbour_graph(raw_m, index))
+
+
+@njit(cache=True)
+def _ridge_points(rows, columns, depth, intrinsics, index):
+    """(R, 3) surface points of pixels, and (R,) the numbers of their cells."""
+    fx, fy, cx, cy, side_px = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3], int(intrinsics[4])
+    points, cell = np.empty((len(rows), 3)), np.empty(len(rows), np.int64)
+    for i in range(len(rows)):
+        v, u = rows[i], columns[i]
+        z = float(depth[v, u])
+        points[i, 0], points[i, 1], points[i, 2] = (u - cx) * z / fx, (v - cy) * z / fy, z
+        cell[i] = index[v // side_px, u // side_px]
+    return points, cell
+
+
+def structure_of(model: HumanModel) -> Structure:
+    """The structure of a person with these lengths; its joints lie as deep as an average body of that size is thick."""
+    distance_m = np.zeros((NUM_JOINTS, NUM_JOINTS))
+    lengths = {(joint, LIMB_PARENTS[joint]): length_m for joint, length_m in model.limb_m.items()} | {
+        (HEAD, TORSO): model.head_to_torso_m,
+        (RIGHT_SHOULDER, LEFT_SHOULDER): model.shoulder_to_shoulder_m,
+        (RIGHT_SHOULDER, TORSO): model.right_shoulder_to_torso_m,
+        (LEFT_SHOULDER, TORSO): model.left_shoulder_to_torso_m,
+        (RIGHT_SHOULDER, RIGHT_HIP): model.right_shoulder_to_right_hip_m,
+        (RIGHT_SHOULDER, LEFT_HIP): model.right_shoulder_to_left_hip_m,
+        (LEFT_SHOULDER, RIGHT_HIP): model.left_shoulder_to_right_hip_m,
+        (LEFT_SHOULDER, LEFT_HIP): model.left_shoulder_to_left_hip_m,
+    }
+    for (a, b), length_m in lengths.items():
+        distance_m[a, b] = distance_m[b, a] = length_m
+    # The smallest radius of the parts that end at each joint, the ribs' for the torso
+    depth_m = np.full(NUM_JOINTS, np.inf)
+    for ends, radii in zip(PARTS, body_from_model(model).radii_m, strict=True):
+        for row, radius in zip(ends, radii, strict=True):
+            joint = TORSO if row == RIGHT_RIBS else row
+            if joint < NUM_JOINTS:
+                depth_m[joint] = min(depth_m[joint], radius)
+    return Structure(distance_m, model.head_to_shoulder_line_m, model.torso_to_hip_line_m, depth_m)
+
+
 @njit(cache=True)
 def collect(joint, points, geodesics_m, joints, plan):
     """Steps 2 and 3: the points within the search radius, moved into the body, and those that keep the joint's rule.
 
-    Args:
-        joint: the joint.
-        points: (N, 3) ridge data or raw depth, on the surface, metres.
-        geodesics_m: (N,) way to each of them from the joint's parent, metres.
-        joints: (15, 3) estimated or predicted joints.
-        plan: `Plan`.
+    Of (N, 3) ridge data or raw depth on the surface, with (N,) ways to them from the joint's parent, metres, and (15, 3)
+    estimated or predicted joints.
     """
     total, count, x = np.zeros(3), 0, np.empty(3)
     centre, radius_m = plan.predicted[joint], plan.radius_m[joint]
@@ -154,15 +240,8 @@ def _candidates(joint, frame, joints, plan):
 
 @njit(cache=True)
 def track_frame(frame, state, plan):
-    """Algorithm 2 for one frame.
-
-    Args:
-        frame: `Frame`.
-        state: `State` after the last frame.
-        plan: `Plan` of this frame.
-
-    Returns:
-        `State` after this frame, and (15,) the number of valid candidates of each joint: 0 where it moved with its parent.
+    """Algorithm 2 for one `Frame`: the `State` after it, and (15,) the number of valid candidates of each joint, 0 where it
+    moved with its parent.
     """
     joints, support = plan.predicted.copy(), np.zeros(NUM_JOINTS, np.int64)
     for joint in JOINT_ORDER:
@@ -183,10 +262,8 @@ def track_frame(frame, state, plan):
 
 
 def ridge_candidates(frame: Frame, state: State, plan: Plan) -> tuple[np.ndarray, np.ndarray]:
-    """What `track_frame` chooses from, for drawing.
-
-    Returns:
-        (N, 3) ridge data within the search radius of any joint, and (M, 3) those valid for any joint, as points on the surface.
+    """What `track_frame` chooses from, for drawing: (N, 3) ridge data within the search radius of any joint, and (M, 3) those
+    valid for any joint, as points on the surface.
     """
     after, _ = track_frame(frame, state, plan)
     near, valid = np.zeros(len(frame.ridge_m), bool), np.zeros(len(frame.ridge_m), bool)
@@ -270,12 +347,8 @@ def valid_limb(x, limb, geodesic_m, joints, plan):
 def is_valid(x, geodesic_m, joint, joints, plan):
     """Whether candidate x of a joint is valid: the switch of Algorithm 2.
 
-    Args:
-        x: (3,) the candidate, metres.
-        geodesic_m: D_G of Eq. (10) from the joint's parent to it, metres; any number for joints without a parent.
-        joint: its joint.
-        joints: (15, 3) estimated joints, predicted ones where none is estimated yet.
-        plan: `Plan`.
+    `geodesic_m` is D_G of Eq. (10) from the joint's parent to it, metres, any number for joints without a parent; `joints` are
+    (15, 3) estimated joints, predicted ones where none is estimated yet.
     """
     if joint == HEAD:
         # Eq. (5)

@@ -10,8 +10,7 @@ import numpy as np
 
 from kpopnet.geometry.body import body_from_model
 from kpopnet.geometry.human_model import HumanModel
-from kpopnet.paper_tracker.algorithm2 import Plan, State
-from kpopnet.paper_tracker.structure import (
+from kpopnet.paper_tracker.algorithm2 import (
     HEAD,
     LEFT_HIP,
     LEFT_SHOULDER,
@@ -19,12 +18,11 @@ from kpopnet.paper_tracker.structure import (
     RIGHT_SHOULDER,
     TORSO,
     TRUNK,
+    Plan,
+    State,
     Structure,
 )
 from kpopnet.skeleton import NUM_JOINTS, Joint
-
-UPPER_ARMS = ((Joint.RIGHT_SHOULDER, Joint.RIGHT_ELBOW), (Joint.LEFT_SHOULDER, Joint.LEFT_ELBOW))
-"""Shoulder and elbow, right arm before left."""
 
 NEAR_TRUNK = np.isin(np.arange(NUM_JOINTS), [*TRUNK, Joint.RIGHT_ELBOW, Joint.LEFT_ELBOW])
 """(15,) the joints whose candidates are taken from raw depth."""
@@ -74,11 +72,9 @@ def _with_arms_as_in(structure: Structure, model: HumanModel, joints_m: np.ndarr
     for (a, b), arm, gain_m in zip(body.pairs, body.elevating_arm, body.elevation_gain_m, strict=True):
         if arm < 0:
             continue
-        shoulder, elbow = UPPER_ARMS[arm]
-        upper_arm = joints_m[elbow] - joints_m[shoulder]
+        upper_arm = joints_m[Joint.RIGHT_ELBOW + arm] - joints_m[RIGHT_SHOULDER + arm]
         cosine = (upper_arm @ up) / math.sqrt((upper_arm @ upper_arm) * (up @ up) + 1e-12)
-        change_m = gain_m[0] * (cosine - model.arms_raised)
-        change_m += gain_m[1] * (cosine**2 - model.arms_raised**2)
+        change_m = gain_m[0] * (cosine - model.arms_raised) + gain_m[1] * (cosine**2 - model.arms_raised**2)
         if distance_m[a, b] > 0:
             distance_m[a, b] += change_m
             distance_m[b, a] += change_m

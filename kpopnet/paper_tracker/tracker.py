@@ -6,7 +6,6 @@
 Nothing depends on wall-clock time: equal input gives equal output.
 """
 
-import logging
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,22 +15,21 @@ from kpopnet.camera import Camera, sequence_in_metres
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate, Start, start_pose, track_sequence
 from kpopnet.geometry.human_model import HumanModel
-from kpopnet.paper_tracker.algorithm2 import Plan, State, track_frame
-from kpopnet.paper_tracker.frame import Frame, frame_of
+from kpopnet.paper_tracker.algorithm2 import Frame, Plan, State, Structure, frame_of, structure_of, track_frame
 from kpopnet.paper_tracker.repairs import repaired
-from kpopnet.paper_tracker.structure import Structure, structure_of
 from kpopnet.ridge import RidgeConfig, ridge_data
 from kpopnet.skeleton import NUM_JOINTS, PAPER_JOINTS
 from kpopnet.y_pose.initial_pose import find_initial_pose
 
-log = logging.getLogger(__name__)
-
 MIN_POINTS = 60
-"""Smallest number of cells (`kpopnet.paper_tracker.frame`) in which a person is seen: 0.024 square metres."""
+"""Smallest number of cells in which a person is seen: 0.024 square metres."""
 
-
-REPORTED_FRAMES = 40
-"""A sequence of fewer frames may well lack the Y pose; evaluations warm up with 30."""
+AWAITED = {
+    "y_pose": "took the Y pose (facing the camera, arms stretched obliquely upwards); start=label starts from true joints, and "
+    "estimator=tracker from other poses",
+    "label": "was given as a start; start=label needs the true joints of a frame",
+}
+"""What the tracker waits for: "no person ..."."""
 
 CONFIDENCE_WEIGHTS = (-6.460, 1.765, 5.822)
 """Weights of `evidence_of`, fitted to the repaired tracker on simulated people whom no benchmark shows
@@ -87,16 +85,8 @@ class PaperTracker:
     def __init__(
         self, camera: Camera, config: PaperTrackerConfig = PaperTrackerConfig(), model: HumanModel | None = None
     ) -> None:
-        """Prepares a tracker.
-
-        Args:
-            camera: the camera of the depth images.
-            config: settings.
-            model: the model of a known person, used instead of the one measured at the start.
-        """
-        self.camera = camera
-        self.config = config
-        self.model = model
+        """Prepares a tracker; the model of a known person is used instead of the one measured at the start."""
+        self.camera, self.config, self.model = camera, config, model
         self.structure: Structure | None = None
         self.state: State | None = None
         self.evidence: np.ndarray | None = None
@@ -107,10 +97,7 @@ class PaperTracker:
         return self.state is not None
 
     def start(self, joints_camera_m: np.ndarray) -> None:
-        """Starts from a known pose. Measures the model in this pose unless there is one.
-
-        Args:
-            joints_camera_m: (15, 3) joints in the camera frame in metres.
+        """Starts from a known pose, (15, 3) joints in the camera frame in metres; measures the model unless there is one.
 
         Raises:
             InputError: another shape, or joints are missing.
@@ -121,10 +108,7 @@ class PaperTracker:
         self.state = State(joints, np.zeros_like(joints), np.zeros(NUM_JOINTS, np.int64))
 
     def track(self, depth_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Tracks the person in the next frame.
-
-        Args:
-            depth_m: (H, W) float32 metres of the person, 0 elsewhere.
+        """Tracks the person in the next (H, W) float32 depth image, metres, 0 where the person is not.
 
         Returns:
             (15, 3) float64 joints in the camera frame in metres and (15,) confidence, the estimated probability of an error
@@ -178,26 +162,9 @@ class PaperTrackerEstimator:
         self.starts_from_label = config.start == "label"
 
     def estimate(self, depth_m: np.ndarray, camera: Camera, start: Start | None = None) -> Estimate:
-        """Estimates the joints of the one person in each frame.
-
-        Args:
-            depth_m: (T, H, W) depth that shows only the person, 0 elsewhere; floating-point metres or uint16 millimetres.
-            camera: the camera of these pixels.
-            start: a known pose and its frame; frames before it have no joints.
-
-        Raises:
-            InputError: depth of another type or shape; a start with missing joints.
-        """
-        depth_m = sequence_in_metres(depth_m, camera)
+        """See `kpopnet.estimator.StartedEstimator`."""
         tracker = PaperTracker(camera, self.config, self.model)
-        found = track_sequence(tracker, depth_m, start)
-        if not tracker.started and len(depth_m) >= REPORTED_FRAMES:
-            log.warning(
-                "paper tracker: all joints are missing: in %d frames nobody took the Y pose (facing the camera, arms stretched "
-                "obliquely upwards); start=label starts from true joints, and estimator=tracker from other poses",
-                len(depth_m),
-            )
-        return found
+        return track_sequence(tracker, sequence_in_metres(depth_m, camera), start, AWAITED[self.config.start])
 
 
 def evidence_of(support: np.ndarray) -> np.ndarray:

@@ -1,6 +1,5 @@
 """The tracker as an estimator of joints in depth sequences."""
 
-import logging
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,11 +10,6 @@ from kpopnet.estimator import Estimate, Estimator, Start, track_sequence
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.tracker.start import AWAITED, WAYS
 from kpopnet.tracker.tracker import Tracker
-
-log = logging.getLogger(__name__)
-
-REPORTED_FRAMES = 40
-"""As many frames without joints are reported. A sequence of fewer may well lack a start; evaluations warm up with 30."""
 
 
 @dataclass(frozen=True)
@@ -49,12 +43,7 @@ class TrackerEstimator:
     name = "tracker"
 
     def __init__(self, config: TrackerEstimatorConfig = TrackerEstimatorConfig(), detector: Estimator | None = None) -> None:
-        """Loads the human model if the settings name one.
-
-        Args:
-            config: settings.
-            detector: is queried at the start and where the pose cost is high; `NetworkEstimator(config.network)` if a network
-                is set.
+        """Loads the human model if the settings name one; if they name a network, `detector` is a NetworkEstimator of it.
 
         Raises:
             InputError: the model cannot be read, or a network is set without a detector.
@@ -67,30 +56,6 @@ class TrackerEstimator:
         self.starts_from_label = config.start == "label"
 
     def estimate(self, depth_m: np.ndarray, camera: Camera, start: Start | None = None) -> Estimate:
-        """Estimates the joints of the one person in each frame.
-
-        Args:
-            depth_m: (T, H, W) depth that shows only the person, 0 elsewhere; floating-point metres or uint16 millimetres.
-            camera: the camera of these pixels.
-            start: a known pose and its frame; frames before it have no joints.
-
-        Raises:
-            InputError: depth of another type or shape; a start with missing joints.
-        """
-        depth_m = sequence_in_metres(depth_m, camera)
+        """See `kpopnet.estimator.StartedEstimator`."""
         tracker = Tracker(camera, self.config.start, self.model, self.detector)
-        found = track_sequence(tracker, depth_m, start)
-        tracked = np.arange(len(depth_m)) >= (start.frame if start else 0)
-        missing = np.isnan(found.joints_camera_m).all(axis=(1, 2)) & tracked
-        if missing.sum() >= REPORTED_FRAMES:
-            log.warning("tracker: %s", _why_missing(depth_m[missing], len(depth_m), self.config.start))
-        return found
-
-
-def _why_missing(missing_m: np.ndarray, frames: int, start: str) -> str:
-    """Why all joints are missing in these images of a sequence, and which setting to change."""
-    shown = int(missing_m.any(axis=(1, 2)).sum())
-    which = "all joints are missing" if len(missing_m) == frames else f"no joints in {len(missing_m)} of {frames} frames"
-    if not shown:
-        return f"{which}: none of {len(missing_m)} frames has a measured pixel; was a person extracted?"
-    return f"{which}: in {shown} of {len(missing_m)} frames with measured pixels no person {AWAITED[start]}"
+        return track_sequence(tracker, sequence_in_metres(depth_m, camera), start, AWAITED[self.config.start])

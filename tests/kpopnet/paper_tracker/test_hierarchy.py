@@ -6,10 +6,8 @@ from cone_people import cone_body, cone_joints, draw_cones
 
 from kpopnet.camera import CAMERAS
 from kpopnet.geometry.human_model import HumanModel
-from kpopnet.paper_tracker.algorithm2 import MIN_CANDIDATES, State, track_frame
-from kpopnet.paper_tracker.frame import Frame, frame_of
+from kpopnet.paper_tracker.algorithm2 import MIN_CANDIDATES, TRUNK, Frame, State, frame_of, structure_of, track_frame
 from kpopnet.paper_tracker.repairs import LOST_FRAMES, WIDER
-from kpopnet.paper_tracker.structure import structure_of
 from kpopnet.paper_tracker.tracker import PaperTracker, PaperTrackerConfig
 from kpopnet.ridge import RidgeConfig, ridge_data
 from kpopnet.skeleton import NUM_JOINTS, PAPER_JOINTS, Joint
@@ -34,10 +32,6 @@ def track(frame: Frame, model_joints: np.ndarray, previous=None, velocity=None, 
     return state.joints, support
 
 
-def using(candidates: str, **parameters) -> PaperTrackerConfig:
-    return PaperTrackerConfig(candidates, **parameters)
-
-
 @pytest.fixture(scope="module")
 def person():
     joints = cone_joints(yaw_deg=8)
@@ -51,7 +45,7 @@ def error_m(found: np.ndarray, joints: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("candidates", SOURCES)
 def test_a_still_person_stays(person, candidates: str) -> None:
     joints, depth = person
-    frame, config = seen(depth), using(candidates)
+    frame, config = seen(depth), PaperTrackerConfig(candidates)
     first, support = track(frame, joints, config=config)
     assert (support[[joint for joint in PAPER_JOINTS if joint != Joint.TORSO]] >= MIN_CANDIDATES).mean() > 0.8
     found = first
@@ -83,7 +77,7 @@ def test_the_search_is_centred_at_the_extrapolated_joint(person) -> None:
 def test_candidates_beyond_r_are_ignored(person, candidates: str) -> None:
     """Eqs. (4) and (12)."""
     joints, depth = person
-    found, support = track(seen(depth), joints, config=using(candidates, r_m=0.06))
+    found, support = track(seen(depth), joints, config=PaperTrackerConfig(candidates, r_m=0.06))
     known = support > 0
     known[Joint.NECK] = False
     assert known.any() and (error_m(found, joints)[known] <= 0.06 + 1e-9).all()
@@ -112,7 +106,7 @@ def test_raw_depth_replaces_insufficient_ridge_data(person) -> None:
     head = np.linalg.norm(frame.ridge_m - joints[Joint.HEAD], axis=1) < 0.3
     assert head.sum() > MIN_CANDIDATES
     head[np.flatnonzero(head)[: MIN_CANDIDATES - 1]] = False  # too few are left
-    by_depth, depth_support = track(frame, joints, config=using("depth"))
+    by_depth, depth_support = track(frame, joints, config=PaperTrackerConfig("depth"))
     found, support = track(without_ridge(frame, head), joints)
     np.testing.assert_array_equal(found[Joint.HEAD], by_depth[Joint.HEAD])
     assert support[Joint.HEAD] == depth_support[Joint.HEAD] > MIN_CANDIDATES
@@ -121,18 +115,13 @@ def test_raw_depth_replaces_insufficient_ridge_data(person) -> None:
         np.testing.assert_array_equal(a, b)
 
 
-def test_the_trunk_may_be_taken_from_raw_depth_alone(person) -> None:
+def test_the_repaired_trunk_is_taken_from_raw_depth_alone(person) -> None:
     joints, depth = person
-    frame, config = seen(depth), REPAIRED
-    found, _ = track(frame, joints, config=config)
-    printed, _ = track(frame, joints)
-    by_depth, _ = track(frame, joints, config=PaperTrackerConfig("depth", repaired=True))
-    trunk = [Joint.HEAD, Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.TORSO, Joint.RIGHT_HIP, Joint.LEFT_HIP]
-    np.testing.assert_array_equal(found[trunk], by_depth[trunk])
-    assert not np.array_equal(printed[trunk], by_depth[trunk])
+    raw = PaperTrackerConfig("depth", repaired=True)
+    found, printed, by_depth = (track(seen(depth), joints, config=config)[0] for config in (REPAIRED, PRINTED, raw))
+    np.testing.assert_array_equal(found[list(TRUNK)], by_depth[list(TRUNK)])
+    assert not np.array_equal(printed[list(TRUNK)], by_depth[list(TRUNK)])
     legs = [Joint.RIGHT_KNEE, Joint.LEFT_KNEE, Joint.RIGHT_FOOT, Joint.LEFT_FOOT]
-    few = without_ridge(frame, np.zeros(len(frame.ridge_m), bool))
-    np.testing.assert_array_equal(track(few, joints, config=config)[0][legs], found[legs])
     assert not np.array_equal(found[legs], by_depth[legs]), "legs stay on the ridge"
 
 
@@ -157,8 +146,8 @@ def test_a_lost_joint_is_searched_farther_after_some_frames(person) -> None:
     before = joints.copy()
     before[Joint.LEFT_HAND] += np.array((0.0, 0.19, 0.0))  # beyond r_j and within twice r_j
     assert 0.11 + 0.05 < 0.19 < WIDER * 0.11
-    for lost, repairs, expected in ((LOST_FRAMES, config, 0), (LOST_FRAMES + 1, PaperTrackerConfig(), 0)):
-        assert track(frame, joints, before, lost=lost, config=repairs)[1][Joint.LEFT_HAND] <= expected + MIN_CANDIDATES
+    for lost, settings in ((LOST_FRAMES, config), (LOST_FRAMES + 1, PRINTED)):
+        assert track(frame, joints, before, lost=lost, config=settings)[1][Joint.LEFT_HAND] <= MIN_CANDIDATES
     found, support = track(frame, joints, before, lost=LOST_FRAMES + 1, config=config)
     assert support[Joint.LEFT_HAND] >= MIN_CANDIDATES
     assert error_m(found, joints)[Joint.LEFT_HAND] < 0.1

@@ -10,9 +10,15 @@ from y_people import y_joints
 
 from kpopnet.camera import CAMERAS
 from kpopnet.geometry.human_model import LIMB_PARENTS, HumanModel
-from kpopnet.paper_tracker.algorithm2 import Plan, farthest_geodesic_m, geodesics_to, is_valid, valid_limb
-from kpopnet.paper_tracker.frame import frame_of
-from kpopnet.paper_tracker.structure import HEAD, Structure
+from kpopnet.paper_tracker.algorithm2 import (
+    HEAD,
+    Plan,
+    farthest_geodesic_m,
+    frame_of,
+    geodesics_to,
+    is_valid,
+    valid_limb,
+)
 from kpopnet.paper_tracker.tracker import PaperTracker, PaperTrackerConfig
 from kpopnet.skeleton import NUM_JOINTS, PAPER_JOINTS, Joint
 
@@ -45,14 +51,11 @@ def test_true_joints_are_valid(joint: Joint, settings) -> None:
     assert valid(joint, JOINTS[joint], settings=settings)
 
 
-def test_head_rule_bounds_the_distance_to_the_torso() -> None:
-    torso, up = JOINTS[Joint.TORSO], np.array((0, -1, 0))
-    length = np.linalg.norm(JOINTS[Joint.HEAD] - torso)
-    # Any direction from the torso is valid.
-    for direction in ((0, -1, 0), (0.6, 0, 0.8), (0, 0, -1)):
-        assert valid(Joint.HEAD, torso + length * np.array(direction))
-    for by, expected in BOTH_WAYS:
-        assert valid(Joint.HEAD, torso + (length + by) * up) is expected
+def test_head_rule_bounds_the_distance_to_the_torso_in_any_direction() -> None:
+    torso, length = JOINTS[Joint.TORSO], np.linalg.norm(JOINTS[Joint.HEAD] - JOINTS[Joint.TORSO])
+    for direction in ((0, -1, 0), (0.6, 0, 0.8)):
+        for by, expected in BOTH_WAYS:
+            assert valid(Joint.HEAD, torso + (length + by) * np.array(direction)) is expected
 
 
 @pytest.mark.parametrize("joint", SHOULDERS)
@@ -89,30 +92,16 @@ def test_the_angles_give_the_distance_from_head_to_shoulder() -> None:
         assert STRUCTURE.distance_m[HEAD, joint] == pytest.approx(np.linalg.norm(JOINTS[HEAD] - JOINTS[joint]))
 
 
-def test_torso_rule_bounds_distances_to_head_and_shoulders() -> None:
-    # Each of three joints is moved, so that only one distance is wrong.
-    for other in (Joint.HEAD, *SHOULDERS):
-        direction = JOINTS[other] - JOINTS[Joint.TORSO]
-        direction /= np.linalg.norm(direction)
-        for by, expected in BOTH_WAYS:
-            joints = JOINTS.copy()
-            joints[other] += by * direction
-            assert valid(Joint.TORSO, JOINTS[Joint.TORSO], joints) is expected
-
-
-@pytest.mark.parametrize("joint", HIPS)
-def test_hip_rule_bounds_distances_to_shoulders_and_torso_perpendicular(joint: Joint) -> None:
-    for other in SHOULDERS:
-        direction = JOINTS[other] - JOINTS[joint]
-        direction /= np.linalg.norm(direction)
-        for by, expected in BOTH_WAYS:
-            joints = JOINTS.copy()
-            joints[other] += by * direction
-            assert valid(joint, JOINTS[joint], joints) is expected
-    # The torso's centre moved up or down: only its perpendicular to the line through the hips changes.
+@pytest.mark.parametrize(
+    ("joint", "other"),
+    [*((Joint.TORSO, other) for other in (Joint.HEAD, *SHOULDERS)), *itertools.product(HIPS, (*SHOULDERS, Joint.TORSO))],
+)
+def test_torso_and_hip_rules_bound_distances_to_other_joints(joint: Joint, other: Joint) -> None:
+    """Another joint moves so that one distance alone is wrong: a hip's to the torso is that to the line through the hips."""
+    direction = np.array((0, 1, 0)) if joint in HIPS and other == Joint.TORSO else JOINTS[other] - JOINTS[joint]
     for by, expected in BOTH_WAYS:
         joints = JOINTS.copy()
-        joints[Joint.TORSO, 1] += by
+        joints[other] += by * direction / np.linalg.norm(direction)
         assert valid(joint, JOINTS[joint], joints) is expected
 
 
@@ -125,8 +114,7 @@ def test_limb_rule_bounds_length_and_straightness(limb: Joint) -> None:
         assert valid(limb, parent + (length + by) * direction) is expected
     assert valid(limb, JOINTS[limb], geodesic_m=0.99 * length / STRAIGHTNESS)
     assert not valid(limb, JOINTS[limb], geodesic_m=1.01 * length / STRAIGHTNESS)
-    # Without a path no candidate is valid.
-    assert not valid(limb, JOINTS[limb], geodesic_m=1e9)
+    assert not valid(limb, JOINTS[limb], geodesic_m=1e9)  # without a path
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.01, 0.3), st.floats(0.0, 0.99))
@@ -143,29 +131,21 @@ def test_the_maximum_distance_rejects_no_valid_candidate(seed: int, epsilon: flo
             assert geodesic_m <= farthest_m
 
 
-# --- shoulders that rise with the arms ----------------------------------------------------------------------------
-
-
-def with_arms_as_in(joints_m: np.ndarray) -> Structure:
-    return plan(joints_m, repaired=True).structure
-
-
 def test_shoulders_of_hanging_arms_are_nearer_to_the_hips_and_farther_from_the_head() -> None:
     hanging = y_joints(elevation_deg=-80, place_m=(0.0, 0.0, 0.0))
-    low = with_arms_as_in(hanging)
+    low = plan(hanging, repaired=True).structure
     changed = low.distance_m - STRUCTURE.distance_m
     for shoulder in SHOULDERS:
         assert -0.1 < changed[shoulder, HIPS].max() < -0.02 and -0.1 < changed[shoulder, Joint.TORSO] < -0.01
         assert 0.01 < changed[HEAD, shoulder] < 0.06
     np.testing.assert_array_equal(changed, changed.T)
     assert 0.01 < low.head_to_shoulder_line_m - STRUCTURE.head_to_shoulder_line_m < 0.06
-    limbs = [(joint, parent) for joint, parent in LIMB_PARENTS.items()]
-    assert not any(changed[pair] for pair in limbs), "limbs keep their lengths"
+    assert not any(changed[pair] for pair in LIMB_PARENTS.items()), "limbs keep their lengths"
     # One arm moves its own shoulder alone.
     one = hanging.copy()
     left = [Joint.LEFT_ELBOW, Joint.LEFT_HAND]
     one[left] = JOINTS[left] - JOINTS[Joint.LEFT_SHOULDER] + hanging[Joint.LEFT_SHOULDER]
-    half = with_arms_as_in(one).distance_m - STRUCTURE.distance_m
+    half = plan(one, repaired=True).structure.distance_m - STRUCTURE.distance_m
     assert half[Joint.RIGHT_SHOULDER, Joint.TORSO] == pytest.approx(changed[Joint.RIGHT_SHOULDER, Joint.TORSO], abs=1e-3)
     assert abs(half[Joint.LEFT_SHOULDER, Joint.TORSO]) < 0.005
 
