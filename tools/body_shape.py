@@ -37,7 +37,7 @@ from kpopnet.geometry.depth_grid import MIN_POINTS, build_depth_grid
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.runtime.hydra_app import user_errors
 from kpopnet.skeleton import NUM_JOINTS, Joint
-from kpopnet.tracker.energy import ROBUST_SCALE_M
+from kpopnet.tracker.fit import ROBUST_SCALE_M
 
 MAX_PEOPLE, FRAMES_PER_PERSON = 300, 5
 """Number of people, evenly spaced in the set, and of images of each."""

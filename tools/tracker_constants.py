@@ -6,7 +6,7 @@
 
 `y_pose`: HAND_RADIUS_M, FOOT_RADIUS_M and the fractions of `kpopnet.y_pose.initial_pose`, and _REGULARISATION of
 `kpopnet.geometry.human_model` with the former as they are. `standing`: constants of `kpopnet.tracker.start`. `tips`:
-FINGERS_M of `kpopnet.geometry.cones`, where RADII_M are as they are, and END_TO_TIP_M of `kpopnet.tracker.tips`. The
+FINGERS_M of `kpopnet.geometry.cones`, where RADII_M are as they are, and END_TO_TIP_M of `kpopnet.tracker.limbs`. The
 radii and trunk points are printed by `tools/body_shape.py`, the weights of the confidence by
 `tools/fit_confidence.py`.
 """
@@ -22,10 +22,11 @@ from y_people import family, simulated, y_angles
 import kpopnet.y_pose.initial_pose as y_pose
 from kpopnet.camera import Camera
 from kpopnet.geometry.body import LIMBS, RADII_M, RIGHT_FINGERS, body_from_model
-from kpopnet.geometry.depth_grid import UNREACHABLE_M, build_depth_grid, geodesic_distances
+from kpopnet.geometry.cones import body_segments
+from kpopnet.geometry.depth_grid import UNREACHABLE_M, build_depth_grid, farthest_points, geodesic_distances
 from kpopnet.geometry.human_model import _REGULARISATION, HumanModel
 from kpopnet.skeleton import Joint
-from kpopnet.tracker.tips import END_RADIUS_M, limb_tips, move_inside, torso_points
+from kpopnet.tracker.limbs import END_RADIUS_M, move_inside, torso_points
 from synth.motion.limbs import hanging_arm, neutral_trunk, stance
 from synth.motion.poses.families import FAMILIES, Angles
 
@@ -157,9 +158,9 @@ def print_tips(people: list[Seen]) -> None:
 def _ways(depth_m: np.ndarray, camera: Camera, joints_m: np.ndarray) -> Iterator[tuple[int, float]]:
     """For each limb with a tip within 25 cm of its end: the way in metres from the tip to where the end is nearest."""
     grid, body = build_depth_grid(depth_m, camera), body_from_model(HumanModel.from_joints(joints_m))
-    source = torso_points(joints_m, grid.points_m, body)
+    source = torso_points(body_segments(joints_m, body), grid.points_m)
     geodesic, predecessor = geodesic_distances(grid.neighbours, grid.edge_lengths_m, source, UNREACHABLE_M)
-    tips = limb_tips(grid.points_m, grid.neighbours, grid.edge_lengths_m, geodesic)
+    tips = farthest_points(grid.points_m, grid.neighbours, grid.edge_lengths_m, geodesic)
     for limb, (_, _, end) in enumerate(LIMBS):
         away_m = np.linalg.norm(grid.points_m[tips] - joints_m[end], axis=1)
         if not len(tips) or away_m.min() > 0.25:

@@ -43,7 +43,7 @@ RADII_M = {
 true joints of 300 simulated people (split train), dressed but without bags, in five poses each; its docstring has the commands.
 The left parts mirror the right ones."""
 
-_MIRROR = np.array([*MIRROR, *(row + 1 - 2 * ((row - NUM_JOINTS) % 2) for row in range(NUM_JOINTS, LEFT_PELVIS + 1))])
+_MIRROR = np.array([*MIRROR, *(NUM_JOINTS + ((row - NUM_JOINTS) ^ 1) for row in range(NUM_JOINTS, LEFT_PELVIS + 1))])
 
 TRUNK_POINT_JOINTS = np.array([[joint, MIRROR[joint]] for joint, _ in TRUNK_OFFSETS_M.values()]).ravel()
 """(6,) the joint that each trunk point moves with, right before left."""
@@ -57,17 +57,11 @@ REFERENCE_SIZE_M = 2.09
 """`size_m` of the person with the radii and trunk offsets above. Those of other people scale with their `size_m`."""
 
 
-def _mirrored_parts() -> list[tuple[int, int, int]]:
-    """The two row numbers and the index in RADII_M of every part, mirror images included."""
-    parts = []
-    for kind, part in enumerate(RADII_M):
-        mirrored = tuple(_MIRROR[list(part)])
-        parts += [(*rows, kind) for rows in ([part] if set(mirrored) == set(part) else [part, mirrored])]
-    return parts
-
-
-PARTS = np.array([ends for *ends, _ in _mirrored_parts()])
-PART_KIND = np.array([kind for *_, kind in _mirrored_parts()])
+_MIRRORED_PARTS = [
+    (*rows, kind) for kind, part in enumerate(RADII_M) for rows in dict.fromkeys((part, tuple(_MIRROR[list(part)].tolist())))
+]
+PARTS = np.array([ends for *ends, _ in _MIRRORED_PARTS])
+PART_KIND = np.array([kind for *_, kind in _MIRRORED_PARTS])
 """`PARTS`: (P, 2) the rows at the two ends of each part. `PART_KIND`: (P,) its index in RADII_M, the same for a part and its
 mirror image."""
 
@@ -81,11 +75,10 @@ LIMBS = np.array(
 )
 """(4, 3) root, middle and end joint of each limb: right arm, left arm, right leg, left leg."""
 
-_EXTREMITIES = (RIGHT_FINGERS, LEFT_FINGERS, RIGHT_TOES, LEFT_TOES)
 LIMB_PARTS = np.array(
     [
         [np.flatnonzero((pair == PARTS).all(1))[0] for pair in ((root, middle), (middle, end), (end, beyond))]
-        for (root, middle, end), beyond in zip(LIMBS, _EXTREMITIES, strict=True)
+        for (root, middle, end), beyond in zip(LIMBS, (RIGHT_FINGERS, LEFT_FINGERS, RIGHT_TOES, LEFT_TOES), strict=True)
     ]
 )
 """(4, 3) the parts of each limb: upper, lower, and hand or foot."""
@@ -137,13 +130,10 @@ _ELEVATION_COEFFICIENTS = {
 the cosine between upper arm and up direction, in fractions of the distance from the hips to the neck. Least squares over 8
 simulated dancers."""
 
-_NECK_COEFFICIENTS = (0.347, -0.146, -0.095)
-"""Polynomial in the same cosine of the neck's position from the middle of the shoulders (0) to the head (1); same dancers."""
-
 
 def neck_fraction(arms_raised: float) -> float:
-    """Position of the neck from the middle of the shoulders (0) to the head (1), by the cosine between upper arms and up."""
-    return _NECK_COEFFICIENTS[0] + _NECK_COEFFICIENTS[1] * arms_raised + _NECK_COEFFICIENTS[2] * arms_raised**2
+    """Position of the neck from the middle of the shoulders (0) to the head (1), by the same cosine; same dancers."""
+    return 0.347 - 0.146 * arms_raised - 0.095 * arms_raised**2
 
 
 NECK_FRACTION = neck_fraction(-1.0)
@@ -178,28 +168,20 @@ def body_from_model(model: HumanModel) -> Body:
     """The body of a person with these lengths."""
     pose = planar_pose(model)
     height_m = np.linalg.norm(pose[Joint.NECK] - (pose[Joint.RIGHT_HIP] + pose[Joint.LEFT_HIP]) / 2)
-    pairs: dict[tuple[int, int], float] = {}
-    elevations: dict[tuple[int, int], tuple[int, tuple[float, float]]] = {}
+    pairs: dict[tuple[int, int], tuple] = {}  # ends to stiffness, elevating arm, elevation coefficients
     for ends, stiffness in _STIFFNESS.items():
-        for arm, (a, b) in enumerate((ends, MIRROR[list(ends)])):
-            pair = tuple(sorted((int(a), int(b))))
-            pairs[pair] = stiffness
-            if ends in _ELEVATION_COEFFICIENTS:
-                elevations[pair] = arm, _ELEVATION_COEFFICIENTS[ends]
-    ends = np.array(list(pairs))
-    arms = np.array([elevations[pair][0] if pair in elevations else -1 for pair in pairs])
-    elevation_gain_m = np.array([elevations[pair][1] if pair in elevations else (0.0, 0.0) for pair in pairs]) * height_m
+        for side, (a, b) in enumerate((ends, MIRROR[list(ends)])):
+            arm, coefficients = (side, _ELEVATION_COEFFICIENTS[ends]) if ends in _ELEVATION_COEFFICIENTS else (-1, (0.0, 0.0))
+            pairs[min(a, b), max(a, b)] = stiffness, arm, coefficients
+    ends, (stiffness, arms, coefficients) = np.array(list(pairs), int), map(np.array, zip(*pairs.values(), strict=True))
+    elevation_gain_m = coefficients * height_m
     lengths = np.linalg.norm(pose[ends[:, 0]] - pose[ends[:, 1]], axis=1)
     lengths -= elevation_gain_m @ (model.arms_raised, model.arms_raised**2)
-    limb = model.limb_m
-    limbs_m = np.array([[limb[Joint(middle)], limb[Joint(end)]] for _, middle, end in LIMBS])
+    limbs_m = np.array([[model.limb_m[Joint(joint)] for joint in limb] for limb in LIMBS[:, 1:]])
     scale = size_m(model) / REFERENCE_SIZE_M
     radii = np.array(list(RADII_M.values()))[PART_KIND] * scale
-    trunk_offsets_m = (
-        np.array([np.multiply(offset, mirror) for _, offset in TRUNK_OFFSETS_M.values() for mirror in ((1, 1, 1), (-1, 1, 1))])
-        * scale
-    )
-    return Body(radii, ends, np.array(list(pairs.values())), lengths, arms, elevation_gain_m, limbs_m, trunk_offsets_m)
+    offsets = [np.multiply(offset, (sign, 1, 1)) for _, offset in TRUNK_OFFSETS_M.values() for sign in (1, -1)]
+    return Body(radii, ends, stiffness, lengths, arms, elevation_gain_m, limbs_m, np.array(offsets) * scale)
 
 
 def size_m(model: HumanModel) -> float:

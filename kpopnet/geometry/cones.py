@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numba import njit
 
-from kpopnet.geometry.body import LIMBS, RIGHT_CHEST, RIGHT_FINGERS, RIGHT_TOES, TRUNK_POINT_JOINTS
+from kpopnet.geometry.body import LIMBS, PARTS, RIGHT_CHEST, RIGHT_FINGERS, RIGHT_TOES, TRUNK_POINT_JOINTS
 from kpopnet.skeleton import Joint
 
 NECK, RIGHT_SHOULDER, LEFT_SHOULDER = int(Joint.NECK), int(Joint.RIGHT_SHOULDER), int(Joint.LEFT_SHOULDER)
@@ -63,10 +63,7 @@ def _orthogonalise(vector, unit):
 
 @njit(cache=True)
 def extend_limb(joints, limb, forward):
-    """Writes the fingertips or toes of limb 0 to 3 into their row after the joints.
-
-    `forward` is the last row of `torso_frame`.
-    """
+    """Writes the fingertips or toes of limb 0 to 3 into their row after the joints; `forward` is the torso's front axis."""
     root, middle, end = LIMBS[limb, 0], LIMBS[limb, 1], LIMBS[limb, 2]
     distal, length = np.empty(3), 0.0
     for c in range(3):
@@ -101,24 +98,30 @@ def extend_joints(joints, trunk_offsets):
 
 
 @njit(cache=True)
-def part_segments(joints, parts, radii):
-    """(P, 9) for each part: first end, vector to the second end, inverse squared length, radius at the first end, change of the
-    radius to the second end.
+def body_segments(joints, body):
+    """The `part_segments` of a body in the pose of (15, 3) joints."""
+    return part_segments(extend_joints(joints, body.trunk_offsets_m), body.radii_m)
+
+
+@njit(cache=True)
+def part_segments(rows, radii):
+    """(P, 9) for each part, from the (25, 3) rows of `extend_joints` and (P, 2) radii: first end, vector to the second end,
+    inverse squared length, radius at the first end, change of the radius to the second end.
     """
-    segments = np.empty((len(parts), 9))
-    for k in range(len(parts)):
-        set_segment(segments, k, joints, parts, radii)
+    segments = np.empty((len(radii), 9))
+    for k in range(len(radii)):
+        set_segment(segments, k, rows, radii)
     return segments
 
 
 @njit(cache=True)
-def set_segment(segments, k, joints, parts, radii):
+def set_segment(segments, k, rows, radii):
     """Writes row k of `part_segments`."""
-    a, b = parts[k, 0], parts[k, 1]
+    a, b = PARTS[k, 0], PARTS[k, 1]
     length = 0.0
     for c in range(3):
-        segments[k, c] = joints[a, c]
-        segments[k, 3 + c] = joints[b, c] - joints[a, c]
+        segments[k, c] = rows[a, c]
+        segments[k, 3 + c] = rows[b, c] - rows[a, c]
         length += segments[k, 3 + c] ** 2
     segments[k, 6] = 1 / (length + 1e-9)
     segments[k, 7], segments[k, 8] = radii[k, 0], radii[k, 1] - radii[k, 0]
@@ -147,18 +150,14 @@ def cone_signed_distance(x0, y0, z0, dx, dy, dz, inverse_squared_length, radius,
 
 @njit(cache=True)
 def nearest_parts(segments, points, stride):
-    """Assigns every `stride`th point to the part with the smallest signed distance.
+    """The part with the smallest signed distance to every `stride`th point: (n,) int32 its number, (n,) float32 the distance to
+    its surface, metres, and (n,) float32 the position along its axis in 0..1.
 
-    The smallest signed distance, not the smallest absolute one, is the distance to the surface of the union of all parts. A
-    part's surface inside another part is not part of that surface. With absolute distances points would rest on it, and a
-    slightly displaced trunk would stay displaced.
+    The smallest signed distance, not the smallest absolute one, is that to the surface of the union of all parts. With absolute
+    ones points would rest on a part's surface inside another part, and a slightly displaced trunk would stay displaced.
 
     The outer loop runs over parts and the arithmetic is in single precision: the inner loop vectorises. Most of the time of
     fitting is spent here.
-
-    Returns:
-        (n,) int32 part, (n,) float32 signed distance to its surface in metres, and (n,) float32 position along its axis in
-        0..1.
     """
     count = (len(points) + stride - 1) // stride
     x, y, z = np.empty(count, np.float32), np.empty(count, np.float32), np.empty(count, np.float32)

@@ -33,11 +33,9 @@ MAX_NOISE_M = 0.025
 MEDIAN_DIFFERENCE = 0.6745 * np.sqrt(1.25)
 """Median absolute difference between a pixel and the mean of its four neighbours, for Gaussian noise of unit variance."""
 
-ROW_STRIDE = 4
-"""The noise is measured in every fourth row."""
-
-WINDOW = 5
-"""Side of the median filter's window, pixels: 3 finds hands better, 5 feet, 7 neither (docs/ledger.md)."""
+ROW_STRIDE, WINDOW = 4, 5
+"""The noise is measured in every fourth row. Side of the median filter's window, pixels: 3 finds hands better, 5 feet, 7
+neither (docs/ledger.md)."""
 
 DEPTH_JUMP_M = 0.08
 """Neighbouring cells whose depths differ by more than this, in metres, belong to parts that only appear connected."""
@@ -48,6 +46,10 @@ all around it stays reachable."""
 
 UNREACHABLE_M = 1e9
 """Distance of points without a path to a source, in metres."""
+
+MIN_TIP_SEPARATION_M, MIN_TIP_DISTANCE_M, MAX_TIPS = 0.15, 0.12, 12
+"""A tip is the maximum of the geodesic distance within `MIN_TIP_SEPARATION_M` metres, at least `MIN_TIP_DISTANCE_M` metres from
+the source; at most `MAX_TIPS` are used."""
 
 
 class DepthGrid(NamedTuple):
@@ -103,14 +105,8 @@ def _sampled_depth(depth):
 
 @njit(cache=True)
 def cell_points(depth, intrinsics):
-    """Back-projects the middle pixel of each cell.
-
-    Args:
-        depth: (H, W) metres, 0 where nothing was measured.
-        intrinsics: (5,) fx, fy, cx, cy and the side of a cell, in pixels.
-
-    Returns:
-        (N, 3) points in the camera frame in metres, and the (h, w) int32 number of each cell's point, -1 without one.
+    """Back-projects the middle pixel of each cell: (N, 3) points in the camera frame in metres, and the (h, w) int32 number of
+    each cell's point, -1 without one. `intrinsics` are those of `DepthGrid`.
     """
     fx, fy, cx, cy, cell_px = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3], int(intrinsics[4])
     height, width = (depth.shape[0] + cell_px - 1) // cell_px, (depth.shape[1] + cell_px - 1) // cell_px
@@ -153,9 +149,8 @@ def _nearest(index):
                     _take_nearer(nearest, y, x, step)
     for y in range(height):
         for x in range(width):
-            if not (top <= y <= bottom and left <= x <= right):
-                row, column = min(max(y, top), bottom), min(max(x, left), right)
-                nearest[y, x, 0], nearest[y, x, 1] = nearest[row, column, 0], nearest[row, column, 1]
+            row, column = min(max(y, top), bottom), min(max(x, left), right)
+            nearest[y, x, 0], nearest[y, x, 1] = nearest[row, column, 0], nearest[row, column, 1]
     return nearest
 
 
@@ -174,13 +169,8 @@ def _take_nearer(nearest, y, x, step):
 
 
 def denoised(depth_m: np.ndarray) -> np.ndarray:
-    """The depth of a person, each pixel replaced by the median of the measured ones around it where the sensor is noisy.
-
-    Args:
-        depth_m: (H, W) float32 metres, 0 where nothing was measured; not changed.
-
-    Returns:
-        (H, W) float32 metres, measured at the same pixels; `depth_m` itself where the noise is at most `MAX_NOISE_M`.
+    """The (H, W) depth of a person, metres: each measured pixel is the median of those around it where the sensor is noisy,
+    else the same array.
     """
     return _medians(depth_m) if _is_noisy(depth_m) else depth_m
 
@@ -228,14 +218,8 @@ def _medians(depth):
 
 @njit(cache=True)
 def neighbour_graph(points, index):
-    """Builds the 8-connected graph of the measured cells, for any number of calls of `geodesic_distances`.
-
-    Args:
-        points: (N, 3) points of the cells in metres, numbered row by row.
-        index: (h, w) point number of each cell, -1 for cells without a measurement.
-
-    Returns:
-        (N, 8) int32 point numbers of the neighbours, padded with -1, and (N, 8) lengths of the edges to them in metres.
+    """The 8-connected graph of the measured cells, from the (N, 3) points and the (h, w) numbers of `cell_points`: (N, 8) int32
+    numbers of the neighbours, padded with -1, and (N, 8) lengths of the edges to them in metres.
     """
     neighbours, edge_lengths = np.full((len(points), 8), -1, np.int32), np.empty((len(points), 8))
     for y in range(index.shape[0]):
@@ -260,16 +244,10 @@ def neighbour_graph(points, index):
 
 @njit(cache=True)
 def geodesic_distances(neighbours, edge_lengths, source, max_distance_m):
-    """Computes the geodesic distance of every point to its nearest source, up to `max_distance_m`.
+    """The geodesic distance of every point to the nearest of (N,) bool sources on a `neighbour_graph`, up to `max_distance_m`.
 
     Bellman-Ford algorithm with a queue: a point whose distance decreased is queued to update its neighbours. All sources
     start in the queue. Then hardly any point is queued twice, and with a small limit most points are never visited.
-
-    Args:
-        neighbours: (N, 8) from `neighbour_graph`.
-        edge_lengths: (N, 8) metres, from `neighbour_graph`.
-        source: (N,) bool.
-        max_distance_m: paths longer than this are not searched.
 
     Returns:
         (N,) distances in metres, `UNREACHABLE_M` where there is no path, and (N,) int32 the next point on the path to the
@@ -302,3 +280,28 @@ def geodesic_distances(neighbours, edge_lengths, source, max_distance_m):
                     queued[neighbour] = True
                     queue_length += 1
     return distance, predecessor
+
+
+@njit(cache=True)
+def farthest_points(points, neighbours, edge_lengths, geodesic):
+    """Indices of the tips of a silhouette: the local maxima of (N,) geodesic distances."""
+    tips = np.empty(MAX_TIPS, np.int32)
+    count = 0
+    for i in range(len(points)):
+        if not MIN_TIP_DISTANCE_M <= geodesic[i] < 1e8 or count == MAX_TIPS:
+            continue
+        is_maximum = True
+        for k in range(8):  # early rejection: most points have a neighbour with a larger distance
+            neighbour = neighbours[i, k]
+            if neighbour >= 0 and geodesic[i] < geodesic[neighbour] < 1e8 and edge_lengths[i, k] < MIN_TIP_SEPARATION_M:
+                is_maximum = False
+        for j in range(len(points) if is_maximum else 0):
+            if geodesic[j] < 1e8 and (geodesic[j] > geodesic[i] or (geodesic[j] == geodesic[i] and j < i)):
+                dx, dy, dz = points[i, 0] - points[j, 0], points[i, 1] - points[j, 1], points[i, 2] - points[j, 2]
+                if dx * dx + dy * dy + dz * dz < MIN_TIP_SEPARATION_M**2:
+                    is_maximum = False
+                    break
+        if is_maximum:
+            tips[count] = i
+            count += 1
+    return tips[:count]

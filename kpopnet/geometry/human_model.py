@@ -30,8 +30,8 @@ Y_POSE_ARMS_RAISED = 0.7
 class HumanModel:
     """The ten lengths and two angles of the head-shoulder-torso structure, and the eight lengths of the limbs.
 
-    The paper's notation is in brackets; all lengths are in metres. Assumptions: the paper does not define the vertex of the
-    two angles. Here it is the torso's centre, the one point that head and shoulders share in the structure.
+    The paper's notation is in brackets. Assumption: the paper does not define the vertex of the two angles; here it is the
+    torso's centre, the one point that head and shoulders share in the structure.
 
     Attributes:
         head_to_shoulder_line_m: from the head perpendicular to the line through the shoulders [l_H⊥S].
@@ -46,14 +46,7 @@ class HumanModel:
         right_shoulder_to_right_hip_m: from the right shoulder to the right hip [l_RS,RP].
         left_shoulder_angle_rad: between head and left shoulder at the torso's centre, radians [θ_LS].
         right_shoulder_angle_rad: between head and right shoulder at the torso's centre, radians [θ_RS].
-        right_upper_arm_m: from the right shoulder to the right elbow [l_RUA]; the other limbs likewise.
-        left_upper_arm_m: from the left shoulder to the left elbow.
-        right_lower_arm_m: from the right elbow to the right hand.
-        left_lower_arm_m: from the left elbow to the left hand.
-        right_upper_leg_m: from the right hip to the right knee.
-        left_upper_leg_m: from the left hip to the left knee.
-        right_lower_leg_m: from the right knee to the right foot.
-        left_lower_leg_m: from the left knee to the left foot.
+        right_upper_arm_m ... left_lower_leg_m: from each limb joint to its parent, in the order of `LIMB_PARENTS` [l_RUA ...].
         arms_raised: mean cosine between the upper arms and the up direction in the pose in which the lengths were measured.
             Shoulders rise with the arms, by about 5 cm from hanging arms to the Y pose. Not in the paper.
     """
@@ -93,10 +86,7 @@ class HumanModel:
 
     @classmethod
     def from_joints(cls, joints_m: np.ndarray) -> "HumanModel":
-        """Measures the model of a person with known joints, for instance those of a benchmark's first frame.
-
-        Args:
-            joints_m: (15, 3) metres in the order of `Joint`; the neck is not used.
+        """Measures the model of a person with known (15, 3) joints, metres; the neck is not used.
 
         Raises:
             InputError: another shape, or one of the fourteen joints is missing.
@@ -110,7 +100,6 @@ class HumanModel:
         head, torso = joints[Joint.HEAD], joints[Joint.TORSO]
         left_shoulder, right_shoulder = joints[Joint.LEFT_SHOULDER], joints[Joint.RIGHT_SHOULDER]
         left_hip, right_hip = joints[Joint.LEFT_HIP], joints[Joint.RIGHT_HIP]
-        limbs = [_distance(joints[child], joints[parent]) for child, parent in LIMB_PARENTS.items()]
         return cls(
             distance_to_line(head, left_shoulder, right_shoulder),
             _distance(left_shoulder, right_shoulder),
@@ -124,7 +113,7 @@ class HumanModel:
             _distance(right_shoulder, right_hip),
             _angle(head - torso, left_shoulder - torso),
             _angle(head - torso, right_shoulder - torso),
-            *limbs,
+            *(_distance(joints[child], joints[parent]) for child, parent in LIMB_PARENTS.items()),
             arms_raised=_arms_raised(joints),
         )
 
@@ -134,18 +123,21 @@ class HumanModel:
         The Y pose gives joints under flesh and clothes to 2 or 3 cm. Lengths of people of one size vary by less. Beyond the
         paper.
         """
-        measured = {names: sum(getattr(self, name) for name in names) / len(names) for names in _REGULARISATION}
+        measured = self._side_means()
         size_m = sum(measured.values())
-        lengths = {
-            names: own_weight * measured[names] + size_weight * size_m
-            for names, (own_weight, size_weight) in _REGULARISATION.items()
-        }
-        return replace(self, **{name: length for names, length in lengths.items() for name in names})
+        return self._with(
+            {names: own * measured[names] + of_size * size_m for names, (own, of_size) in _REGULARISATION.items()}
+        )
 
     def symmetric(self) -> "HumanModel":
         """The model with lengths equal on both sides, the mean of both."""
-        lengths = {names: sum(getattr(self, name) for name in names) / len(names) for names in _REGULARISATION}
-        return replace(self, **{name: length for names, length in lengths.items() for name in names})
+        return self._with(self._side_means())
+
+    def _side_means(self) -> dict[tuple[str, ...], float]:
+        return {names: sum(getattr(self, name) for name in names) / len(names) for names in _REGULARISATION}
+
+    def _with(self, lengths_m: dict[tuple[str, ...], float]) -> "HumanModel":
+        return replace(self, **{name: length_m for names, length_m in lengths_m.items() for name in names})
 
     def save(self, path: Path | str) -> None:
         """Writes the model as JSON, to be loaded for the same person later."""
@@ -153,11 +145,7 @@ class HumanModel:
 
     @classmethod
     def load(cls, path: Path | str) -> "HumanModel":
-        """Reads a file that `save` wrote.
-
-        Raises:
-            InputError: the file is missing, is not JSON, or does not have this model's lengths.
-        """
+        """Reads a file that `save` wrote. Raises InputError where it is missing or damaged."""
         return settings_from(cls, read_json(Path(path)), str(path))
 
 
@@ -200,7 +188,6 @@ def distance_to_line(point: np.ndarray, line_a: np.ndarray, line_b: np.ndarray) 
 
 
 def _distance(a: np.ndarray, b: np.ndarray) -> float:
-    """Euclidean distance of two (3,) points."""
     return float(np.linalg.norm(a - b))
 
 

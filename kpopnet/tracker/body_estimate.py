@@ -6,11 +6,11 @@ import numpy as np
 from numba import njit
 
 from kpopnet.errors import InputError
-from kpopnet.geometry.body import PART_KIND, PARTS, RADII_M, Body, body_from_model
+from kpopnet.geometry.body import PART_KIND, RADII_M, Body, body_from_model
 from kpopnet.geometry.cones import extend_joints, nearest_parts, part_segments
 from kpopnet.geometry.depth_grid import DepthGrid
 from kpopnet.geometry.human_model import HumanModel
-from kpopnet.tracker.solver import fit
+from kpopnet.tracker.fit import fit
 
 MAX_BODY_FRAMES, THICKNESS_STRIDE, REMEMBERED = 60, 6, 16
 """A detected person's lengths are medians over the frames so far, up to the first `MAX_BODY_FRAMES`; the thickness is the
@@ -26,12 +26,8 @@ DETECTION_PRIOR_WEIGHT = 0.1
 """Weight of the distance to detected joints in a fit, relative to 1 for all points together. Of 0.01, 0.05, 0.1, 0.15 and 0.4
 on 12 development sequences, 0.05 has the most joints within 10 cm and 0.15 the lowest mean error; all are close."""
 
-MAX_CORRECTION_M = 0.05
-"""Largest correction of a part's radius, in metres."""
-
-CORRECTION_ITERATIONS = 4
-MIN_PART_POINTS = 6
-"""Number of correction iterations, and the minimum number of points for which a part's radius is corrected."""
+MAX_CORRECTION_M, CORRECTION_ITERATIONS, MIN_PART_POINTS = 0.05, 4, 6
+"""Largest correction of a part's radius, in metres; number of iterations; minimum number of points for a correction."""
 
 NUM_KINDS = len(RADII_M)
 
@@ -52,12 +48,7 @@ class BodyEstimate:
         self._radii_m: deque[np.ndarray] = deque(maxlen=REMEMBERED)
 
     def update(self, joints_m: np.ndarray, grid: DepthGrid) -> Body | None:
-        """Adds a frame and returns the body.
-
-        Args:
-            joints_m: (15, 3) joints in the camera frame in metres: fitted ones if the lengths are known, else detected ones.
-            grid: the depth image.
-        """
+        """Adds a frame and returns the body; (15, 3) joints are fitted ones if the lengths are known, else detected ones."""
         if self._known is not None:
             self._update_thickness(self._known, joints_m, grid)
         elif self.frames < MAX_BODY_FRAMES:
@@ -89,15 +80,10 @@ class BodyEstimate:
 
 
 def fit_thickness(body: Body, joints_m: np.ndarray, grid: DepthGrid) -> Body:
-    """The body with its radii fitted to the person seen in a known pose.
+    """The body with its radii fitted to the person seen in the known pose of (15, 3) joints.
 
     Every part, together with its mirror image, grows or shrinks by the median signed distance of its points. This is iterated,
     since points change their nearest part. Parts with too few points keep their radii.
-
-    Args:
-        body: the body to correct.
-        joints_m: (15, 3) the pose in the camera frame in metres.
-        grid: the depth image.
     """
     return body._replace(radii_m=_fit_radii(joints_m, grid.points_m, body.radii_m, body.trunk_offsets_m))
 
@@ -107,22 +93,13 @@ def _fit_radii(joints, points, radii, trunk_offsets):
     """(P, 2) radii of `fit_thickness`, metres."""
     rows, fitted = extend_joints(joints, trunk_offsets), radii.copy()
     for _ in range(CORRECTION_ITERATIONS):
-        part, distance, _ = nearest_parts(part_segments(rows, PARTS, fitted), points, 1)
-        # The distances sorted by kind of part
-        count = np.zeros(NUM_KINDS + 1, np.int64)
-        for i in range(len(part)):
-            count[PART_KIND[part[i]] + 1] += 1
-        begin = np.cumsum(count)
-        by_kind, filled = np.empty(len(part)), begin.copy()
-        for i in range(len(part)):
-            kind = PART_KIND[part[i]]
-            by_kind[filled[kind]] = distance[i]
-            filled[kind] += 1
-        correction = np.zeros(NUM_KINDS)
+        part, distance, _ = nearest_parts(part_segments(rows, fitted), points, 1)
+        kinds, correction = PART_KIND[part], np.zeros(NUM_KINDS)
         for kind in range(NUM_KINDS):
-            if count[kind + 1] >= MIN_PART_POINTS:
-                correction[kind] = np.median(by_kind[begin[kind] : begin[kind + 1]])
-        for k in range(len(PARTS)):
+            of_kind = distance[kinds == kind].astype(np.float64)
+            if len(of_kind) >= MIN_PART_POINTS:
+                correction[kind] = np.median(of_kind)
+        for k in range(len(radii)):
             for c in range(2):
                 most, least = radii[k, c] + MAX_CORRECTION_M, max(radii[k, c] - MAX_CORRECTION_M, radii[k, c] / 2)
                 fitted[k, c] = min(max(fitted[k, c] + correction[PART_KIND[k]], least), most)

@@ -16,23 +16,17 @@ import numpy as np
 from numba import njit
 
 from kpopnet.geometry.body import PARTS, ROW_TO_JOINT, Body
-from kpopnet.geometry.cones import extend_joints, nearest_parts, part_segments
+from kpopnet.geometry.cones import body_segments, nearest_parts
 from kpopnet.geometry.depth_grid import DepthGrid
 
-TRACKED_WEIGHTS = (-4.085, 3.914, 4.726)
-"""Weights of `tracked_evidence`."""
-
-REFINED_WEIGHTS = (1.479, 1.087, 1.908, -0.183)
-"""Weights of `refined_evidence`."""
+TRACKED_WEIGHTS, REFINED_WEIGHTS = (-4.085, 3.914, 4.726), (1.479, 1.087, 1.908, -0.183)
+"""Weights of `tracked_evidence` and of `refined_evidence`."""
 
 FULL_SUPPORT_POINTS = 4
 """From this number of points on the parts that end at a joint, the number no longer limits its score."""
 
-HALF_SCORE_M = 0.06
-"""A mean residual of this many metres halves the score."""
-
-MAX_RESIDUAL_M = 0.12
-"""Larger residuals count as this many metres."""
+HALF_SCORE_M, MAX_RESIDUAL_M = 0.06, 0.12
+"""The mean residual that halves the score, and the largest residual; larger ones count as this, metres."""
 
 LEAST_PROBABILITY = 1e-4
 """Limits the logit of a given confidence."""
@@ -49,15 +43,8 @@ def tracked_evidence(score: np.ndarray) -> np.ndarray:
 
 
 def refined_evidence(detected: np.ndarray, score: np.ndarray, moved_m: np.ndarray) -> np.ndarray:
-    """Evidence of a detected pose that was refined by fitting the body.
-
-    Args:
-        detected: (15,) the detector's confidence, a probability.
-        score: (15,) `fit_score` of the refined pose.
-        moved_m: (15,) distance of each refined joint from the detected one, metres.
-
-    Returns:
-        (15, 4): 1, the logit of the detector's confidence, the score, the distance in centimetres.
+    """(15, 4) evidence of a detected pose that was refined by fitting the body: 1, the logit of the detector's (15,)
+    confidence, the (15,) `fit_score` of the refined pose, the (15,) distances between refined and detected joints, centimetres.
     """
     chance = np.clip(detected, LEAST_PROBABILITY, 1 - LEAST_PROBABILITY).astype(np.float64)
     return np.stack([np.ones_like(score), np.log(chance / (1 - chance)), score, 100 * moved_m], axis=-1)
@@ -65,19 +52,18 @@ def refined_evidence(detected: np.ndarray, score: np.ndarray, moved_m: np.ndarra
 
 def fit_score(joints_m: np.ndarray, grid: DepthGrid, body: Body) -> np.ndarray:
     """(15,) in 0..1: how well the points around each joint lie on the body's surface; 0 without any points."""
-    sums = _residuals(joints_m, grid.points_m, PARTS, body.radii_m, body.trunk_offsets_m)
+    sums = _residuals(joints_m, grid.points_m, body)
     residual_m = sums[:, 0] / np.maximum(sums[:, 1], 1)
     return np.minimum(sums[:, 1] / FULL_SUPPORT_POINTS, 1) / (1 + (residual_m / HALF_SCORE_M) ** 2)
 
 
 @njit(cache=True)
-def _residuals(joints, points, parts, radii, trunk_offsets):
+def _residuals(joints, points, body):
     """(15, 2) sum of absolute residuals and number of points; each point counts for the nearer end of its part."""
-    axes = part_segments(extend_joints(joints, trunk_offsets), parts, radii)
     sums = np.zeros((len(joints), 2))
-    part, distances, along = nearest_parts(axes, points, 1)
+    part, distances, along = nearest_parts(body_segments(joints, body), points, 1)
     for i in range(len(points)):
-        joint = ROW_TO_JOINT[parts[part[i], 0] if along[i] < 0.5 else parts[part[i], 1]]
+        joint = ROW_TO_JOINT[PARTS[part[i], 0] if along[i] < 0.5 else PARTS[part[i], 1]]
         sums[joint, 0] += min(abs(distances[i]), MAX_RESIDUAL_M)
         sums[joint, 1] += 1
     return sums

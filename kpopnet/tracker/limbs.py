@@ -1,6 +1,7 @@
 """Limbs refitted: along the silhouette to its tips, or in one of many poses, where that lowers the cost.
 
-Beyond the paper, which tracks one pose and cannot recover a lost limb.
+Beyond the paper, which tracks one pose and cannot recover a lost limb. The tips of hands and feet are maxima of the geodesic
+distance from the torso (Plagemann et al. 2010); the shortest path from a tip to the torso follows the limb.
 """
 
 import math
@@ -14,20 +15,23 @@ from kpopnet.geometry.cones import (
     cone_signed_distance,
     extend_joints,
     extend_limb,
+    nearest_parts,
     part_segments,
     set_segment,
     signed_distance,
     torso_frame,
 )
-from kpopnet.geometry.depth_grid import DepthGrid
-from kpopnet.tracker.energy import (
-    LIMB_JOINT_PRIORS,
-    MAX_RESIDUAL_M,
-    free_space_cost,
-    joint_prior,
-    penetration_cost,
-)
-from kpopnet.tracker.tips import distance, find_tips
+from kpopnet.geometry.depth_grid import UNREACHABLE_M, DepthGrid, farthest_points, geodesic_distances
+from kpopnet.tracker.fit import LIMB_JOINT_PRIORS, MAX_RESIDUAL_M, free_space_cost, joint_prior, penetration_cost
+
+TORSO_TOLERANCE_M = 0.05
+"""Points within this distance of the surface of torso or head, in metres, are sources of the geodesic distance."""
+
+END_TO_TIP_M = 0.08
+"""Distance in metres by which the silhouette extends beyond the hand's and the foot's joint: fingers and toes."""
+
+END_RADIUS_M, MIDDLE_RADIUS_M = 0.05, 0.06
+"""Distance in metres of the joint behind the surface of hand or foot, and at elbow or knee."""
 
 REACH_SLACK_M = 0.12
 """A tip may be farther from the limb's root than the limb is long, by this many metres: the root may be displaced."""
@@ -46,10 +50,8 @@ them."""
 
 
 def _limb_poses() -> tuple[np.ndarray, np.ndarray]:
-    """Samples directions of upper and lower limb in the torso's frame (right, down, front), for a right limb.
-
-    Returns:
-        (K, 2, 3) unit vectors, and (4, 2) first (inclusive) and last (exclusive) index for each limb.
+    """(K, 2, 3) directions of upper and lower limb in the torso's frame (right, down, front), for a right limb, and (4, 2)
+    first (inclusive) and last (exclusive) index for each limb.
     """
     directions = np.array([v for v in np.ndindex(3, 3, 3) if v != (1, 1, 1)]) - 1.0
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
@@ -73,27 +75,96 @@ def _limb_poses() -> tuple[np.ndarray, np.ndarray]:
 
 
 LIMB_POSES, LIMB_POSE_RANGES = _limb_poses()
-"""Directions of upper and lower limb, and each limb's index range, from `_limb_poses`."""
+
+
+class Tips(NamedTuple):
+    """Where each limb would end and bend if it had each tip of the silhouette.
+
+    Attributes:
+        ends_m: (4, T, 3) metres.
+        middles_m: (4, T, 3) metres.
+        used: (T,) whether a limb has this tip already.
+    """
+
+    ends_m: np.ndarray
+    middles_m: np.ndarray
+    used: np.ndarray
 
 
 class Context(NamedTuple):
-    """What the cost of a limb is computed from.
+    """What the cost of a limb is computed from. `rows`, `segments` and `part_distances` follow the limbs as they are refitted.
 
     Attributes:
         grid: the depth image.
         body: the person's body.
         previous: (15, 3) the pose of the last frame.
-        frame: (3, 3) from `kpopnet.geometry.cones.torso_frame`.
+        frame: (3, 3) from `torso_frame`.
+        rows: (25, 3) from `extend_joints`.
+        segments: (P, 9) from `part_segments`.
         points: (n, 3) the points that are used.
         part_distances: (P, n) their signed distances to all parts.
+        tips: of the silhouette.
     """
 
     grid: DepthGrid
     body: Body
     previous: np.ndarray
     frame: np.ndarray
+    rows: np.ndarray
+    segments: np.ndarray
     points: np.ndarray
     part_distances: np.ndarray
+    tips: Tips
+
+
+@njit(cache=True)
+def find_tips(segments, grid, body):
+    """The `Tips` of a silhouette, with limbs of the body's lengths, for a body whose torso is approximately correct."""
+    points, source = grid.points_m, torso_points(segments, grid.points_m)
+    geodesic, predecessor = geodesic_distances(grid.neighbours, grid.edge_lengths_m, source, UNREACHABLE_M)
+    tips = farthest_points(points, grid.neighbours, grid.edge_lengths_m, geodesic)
+    ends, middles = np.empty((len(LIMBS), len(tips), 3)), np.empty((len(LIMBS), len(tips), 3))
+    for limb in range(len(LIMBS)):
+        for k in range(len(tips)):
+            trace_limb(points, predecessor, tips[k], body.limbs_m[limb, 1], ends[limb, k], middles[limb, k])
+    return Tips(ends, middles, np.zeros(len(tips), np.bool_))
+
+
+@njit(cache=True)
+def torso_points(segments, points):
+    """(N,) whether a point lies on the torso or the head, and closer to it than to any limb."""
+    is_limb = np.zeros(len(PARTS), np.bool_)
+    is_limb[LIMB_PARTS.ravel()] = True
+    part, distances, _ = nearest_parts(segments, points, 1)
+    return ~is_limb[part] & (np.abs(distances) < TORSO_TOLERANCE_M)
+
+
+@njit(cache=True)
+def move_inside(points, index, radius, position):
+    """Writes the given surface point, moved along its viewing ray by the radius to the limb's axis, into `position`."""
+    x, y, z = points[index, 0], points[index, 1], points[index, 2]
+    factor = 1 + radius / math.sqrt(x**2 + y**2 + z**2)
+    position[0], position[1], position[2] = x * factor, y * factor, z * factor
+
+
+@njit(cache=True)
+def distance(a, b):
+    """Euclidean distance of two (3,) points."""
+    return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+
+
+@njit(cache=True)
+def trace_limb(points, predecessor, tip, lower_m, end, middle):
+    """Writes end and middle of a limb with this tip: the end `END_TO_TIP_M` along the path, the middle a lower limb on."""
+    point, travelled = tip, 0.0
+    while predecessor[point] >= 0 and travelled < END_TO_TIP_M:
+        travelled += distance(points[point], points[predecessor[point]])
+        point = predecessor[point]
+    move_inside(points, point, END_RADIUS_M, end)
+    move_inside(points, point, MIDDLE_RADIUS_M, middle)
+    while predecessor[point] >= 0 and distance(end, middle) < lower_m:
+        point = predecessor[point]
+        move_inside(points, point, MIDDLE_RADIUS_M, middle)
 
 
 @njit(cache=True)
@@ -114,59 +185,6 @@ def _enforce_lengths(root, middle, end, upper_m, lower_m):
 
 
 @njit(cache=True)
-def _continuity_cost(joints, previous, end):
-    """Continuity cost of the end of a limb, in square metres."""
-    dx, dy, dz = joints[end, 0] - previous[end, 0], joints[end, 1] - previous[end, 1], joints[end, 2] - previous[end, 2]
-    return CONTINUITY_WEIGHT * min(math.sqrt(dx * dx + dy * dy + dz * dz), MAX_END_STEP_M) ** 2
-
-
-@njit(cache=True)
-def _pose_cost(rows, segments, limb, previous, forward, radii, cost_limit):
-    """Cost of a limb's motion, its joint priors and its penetration of other parts, in square metres, aborted above the limit.
-
-    Writes the limb's fingertips or toes into `rows` and its parts into `segments`.
-    """
-    cost = _continuity_cost(rows, previous, LIMBS[limb, 2])
-    if cost >= cost_limit:
-        return cost
-    extend_limb(rows, limb, forward)
-    for k in LIMB_PARTS[limb]:
-        set_segment(segments, k, rows, PARTS, radii)
-    cost += joint_prior(rows, forward, LIMB_JOINT_PRIORS[limb, 0], LIMB_JOINT_PRIORS[limb, 1])
-    if cost < cost_limit:
-        cost += penetration_cost(segments, LIMB_COLLISIONS[limb, 0], LIMB_COLLISIONS[limb, 1], cost_limit - cost)
-    return cost
-
-
-@njit(cache=True)
-def _free_space_cost(segments, limb, depth, nearest, intrinsics, cost_limit):
-    """Cost of a limb's parts in free space, in square metres, aborted above the limit."""
-    cost = 0.0
-    for k in LIMB_PARTS[limb]:
-        if cost < cost_limit:
-            cost += free_space_cost(segments, k, depth, nearest, intrinsics)
-    return cost
-
-
-@njit(cache=True)
-def _points_cost(segments, limb, rest_points, rest_distances, num_points, cost_limit):
-    """Mean squared distance of all points to the surface, in square metres, aborted above the limit: a few points reject most
-    poses. Points outside the rest count 0.
-    """
-    total, limit = 0.0, cost_limit * num_points
-    for i in range(len(rest_points)):
-        if total > limit:
-            break
-        x, y, z = rest_points[i, 0], rest_points[i, 1], rest_points[i, 2]
-        nearest = rest_distances[i]
-        for k in LIMB_PARTS[limb]:
-            nearest = min(nearest, signed_distance(segments, k, x, y, z)[0])
-        nearest = max(nearest, -MAX_RESIDUAL_M)
-        total += nearest * nearest
-    return total / max(num_points, 1)
-
-
-@njit(cache=True)
 def _unexplained(context, limb):
     """(m, 3) the points farther than `EXPLAINED_M` from all parts but the limb's, and (m,) their distances to the nearest of
     those, clipped to `MAX_RESIDUAL_M`.
@@ -183,12 +201,11 @@ def _unexplained(context, limb):
 
 
 @njit(cache=True)
-def _measure_parts(rows, context, part_indices):
-    """Writes the signed distances of the points to the surfaces of the given parts into `context`."""
-    segments = part_segments(rows, PARTS, context.body.radii_m)
+def _measure_parts(context, part_indices):
+    """Updates the signed distances of the points to the surfaces of the given parts."""
     x, y, z = context.points[:, 0].copy(), context.points[:, 1].copy(), context.points[:, 2].copy()
     for k in part_indices:
-        x0, y0, z0, dx, dy, dz, inverse_squared_length, radius, radius_change = segments[k]
+        x0, y0, z0, dx, dy, dz, inverse_squared_length, radius, radius_change = context.segments[k]
         row = context.part_distances[k]
         for i in range(len(x)):
             row[i] = cone_signed_distance(
@@ -197,12 +214,64 @@ def _measure_parts(rows, context, part_indices):
 
 
 @njit(cache=True)
-def _candidates(limb, rows, context, tips):
+def _place(limb, ends, context):
+    """Moves middle and end of a limb, its fingertips or toes and its parts to (2, 3) middle and end."""
+    for k in range(2):
+        for c in range(3):
+            context.rows[LIMBS[limb, 1 + k], c] = ends[k, c]
+    extend_limb(context.rows, limb, context.frame[2])
+    for k in LIMB_PARTS[limb]:
+        set_segment(context.segments, k, context.rows, context.body.radii_m)
+
+
+@njit(cache=True)
+def _cost(limb, ends, context, points, distances, cost_limit):
+    """Cost in square metres of a limb, placed at (2, 3) middle and end, aborted above the limit: its motion since the last
+    frame, joint priors, penetration of other parts, free space, and the `_unexplained` points.
+    """
+    previous = context.previous[LIMBS[limb, 2]]
+    cost = CONTINUITY_WEIGHT * min(distance(ends[1], previous), MAX_END_STEP_M) ** 2
+    if cost < cost_limit:
+        _place(limb, ends, context)
+        cost += joint_prior(context.rows, context.frame[2], LIMB_JOINT_PRIORS[limb, 0], LIMB_JOINT_PRIORS[limb, 1])
+    if cost < cost_limit:
+        first, last = LIMB_COLLISIONS[limb]
+        cost += penetration_cost(context.segments, first, last, cost_limit - cost)
+    grid, in_free_space = context.grid, 0.0
+    for k in LIMB_PARTS[limb]:
+        if cost + in_free_space < cost_limit:
+            in_free_space += free_space_cost(context.segments, k, grid.depth_m, grid.nearest, grid.intrinsics)
+    cost += in_free_space
+    if cost < cost_limit:
+        cost += _points_cost(limb, context, points, distances, cost_limit - cost)
+    return cost
+
+
+@njit(cache=True)
+def _points_cost(limb, context, points, distances, cost_limit):
+    """Mean squared distance of all points to the surface, square metres, aborted above the limit: a few points reject most
+    poses. Points that other parts explain count 0.
+    """
+    count = len(context.points)
+    total, limit = 0.0, cost_limit * count
+    for i in range(len(points)):
+        if total > limit:
+            break
+        nearest = distances[i]
+        for k in LIMB_PARTS[limb]:
+            nearest = min(nearest, signed_distance(context.segments, k, points[i, 0], points[i, 1], points[i, 2])[0])
+        nearest = max(nearest, -MAX_RESIDUAL_M)
+        total += nearest * nearest
+    return total / max(count, 1)
+
+
+@njit(cache=True)
+def _candidates(limb, context):
     """(N, 2, 3) middle and end of a limb, and (N,) the tip that each is traced from, or -1.
 
     The first is the limb as it is; two for each free tip within reach follow; then the sampled poses, mirrored for left limbs.
     """
-    root, old = rows[LIMBS[limb, 0]], rows[LIMBS[limb, 1:]]
+    tips, root, old = context.tips, context.rows[LIMBS[limb, 0]], context.rows[LIMBS[limb, 1:]]
     upper_m, lower_m = context.body.limbs_m[limb]
     first, last = LIMB_POSE_RANGES[limb]
     ends, tip_of = np.empty((1 + 2 * len(tips.used) + last - first, 2, 3)), np.full(1 + 2 * len(tips.used) + last - first, -1)
@@ -231,73 +300,29 @@ def _candidates(limb, rows, context, tips):
 
 
 @njit(cache=True)
-def _best_candidate(limb, least_gain, rows, context, tips):
-    """The candidate of a limb that lowers the cost most, by more than `least_gain` square metres.
-
-    `rows` are the (25, 3) joints and what follows them; they are restored.
+def _best_candidate(limb, least_gain, context):
+    """The candidate of a limb that lowers the cost most, by more than `least_gain` square metres; the limb is put back.
 
     Returns:
         The gain, `least_gain` if the limb is better left as it is; (2, 3) middle and end; the tip they are traced from, or -1.
     """
-    middle, end = LIMBS[limb, 1], LIMBS[limb, 2]
-    radii, depth, nearest, intrinsics = (
-        context.body.radii_m,
-        context.grid.depth_m,
-        context.grid.nearest,
-        context.grid.intrinsics,
-    )
-    segments, (points, distances) = part_segments(rows, PARTS, radii), _unexplained(context, limb)
-    candidates, tip_of = _candidates(limb, rows, context, tips)
-    best, gain, own_cost = 0, least_gain, np.inf
-    for n in range(len(candidates)):
-        rows[middle], rows[end] = candidates[n, 0], candidates[n, 1]
-        limit = own_cost - gain
-        cost = _pose_cost(rows, segments, limb, context.previous, context.frame[2], radii, limit)
-        if cost < limit:
-            cost += _free_space_cost(segments, limb, depth, nearest, intrinsics, limit - cost)
-        if cost < limit:
-            cost += _points_cost(segments, limb, points, distances, len(context.points), limit - cost)
-        if n == 0:
-            own_cost = cost
-            if own_cost <= least_gain:
-                break  # the cost cannot decrease by more than its own value
-        elif own_cost - cost > gain:
-            best, gain = n, own_cost - cost
-    rows[middle], rows[end] = candidates[0, 0], candidates[0, 1]
-    extend_limb(rows, limb, context.frame[2])
+    points, distances = _unexplained(context, limb)
+    candidates, tip_of = _candidates(limb, context)
+    best, gain = 0, least_gain
+    own_cost = _cost(limb, candidates[0], context, points, distances, np.inf)
+    if own_cost > least_gain:  # the cost cannot decrease by more than its own value
+        for n in range(1, len(candidates)):
+            cost = _cost(limb, candidates[n], context, points, distances, own_cost - gain)
+            if own_cost - cost > gain:
+                best, gain = n, own_cost - cost
+    _place(limb, candidates[0], context)
     return gain, candidates[best], tip_of[best]
 
 
 @njit(cache=True)
-def _refit_limbs(joints, previous, grid, body, stride):
-    """`refit_limbs` as a kernel: repeatedly refits the limb with the largest decrease of the cost, each limb at most once."""
-    tips = find_tips(joints, grid, body)
-    rows, points = extend_joints(joints, body.trunk_offsets_m), grid.points_m[::stride].copy()
-    context = Context(grid, body, previous, torso_frame(joints), points, np.empty((len(PARTS), len(points))))
-    _measure_parts(rows, context, np.arange(len(PARTS)))
-    refitted = np.zeros(len(LIMBS), np.bool_)
-    while not refitted.all():
-        best_limb, best_gain, best_ends, best_tip = -1, MIN_GAIN_M2, rows[:2], -1
-        for limb in range(len(LIMBS)):
-            if not refitted[limb]:
-                gain, ends, tip = _best_candidate(limb, best_gain, rows, context, tips)
-                if gain > best_gain:
-                    best_limb, best_gain, best_ends, best_tip = limb, gain, ends, tip
-        if best_limb < 0:
-            break
-        rows[LIMBS[best_limb, 1]], rows[LIMBS[best_limb, 2]] = best_ends[0], best_ends[1]
-        extend_limb(rows, best_limb, context.frame[2])
-        refitted[best_limb] = True
-        if best_tip >= 0:
-            tips.used[best_tip] = True
-        _measure_parts(rows, context, LIMB_PARTS[best_limb])
-    return rows[: len(joints)], refitted.sum()
-
-
-def refit_limbs(
-    joints_m: np.ndarray, previous_m: np.ndarray, grid: DepthGrid, body: Body, stride: int = 1
-) -> tuple[np.ndarray, int]:
-    """Refits limbs along the silhouette to its tips where that lowers the cost, the largest decrease first.
+def refit_limbs(joints_m, previous_m, grid, body, stride=1):
+    """Refits limbs along the silhouette to its tips, or in a sampled pose, where that lowers the cost: each limb at most once,
+    the largest decrease first.
 
     Args:
         joints_m: (15, 3) a pose with an approximately correct torso.
@@ -309,16 +334,33 @@ def refit_limbs(
     Returns:
         (15, 3) the pose, and the number of refitted limbs.
     """
-    return _refit_limbs(joints_m, previous_m, grid, body, stride)
+    rows, frame, points = extend_joints(joints_m, body.trunk_offsets_m), torso_frame(joints_m), grid.points_m[::stride].copy()
+    segments, part_distances = part_segments(rows, body.radii_m), np.empty((len(PARTS), len(points)))
+    tips = find_tips(segments, grid, body)
+    context = Context(grid, body, previous_m, frame, rows, segments, points, part_distances, tips)
+    _measure_parts(context, np.arange(len(PARTS)))
+    refitted = np.zeros(len(LIMBS), np.bool_)
+    while not refitted.all():
+        best_limb, best_gain, best_ends, best_tip = -1, MIN_GAIN_M2, rows[:2], -1
+        for limb in range(len(LIMBS)):
+            if not refitted[limb]:
+                gain, ends, tip = _best_candidate(limb, best_gain, context)
+                if gain > best_gain:
+                    best_limb, best_gain, best_ends, best_tip = limb, gain, ends, tip
+        if best_limb < 0:
+            break
+        _place(best_limb, best_ends, context)
+        refitted[best_limb] = True
+        if best_tip >= 0:
+            tips.used[best_tip] = True
+        _measure_parts(context, LIMB_PARTS[best_limb])
+    return rows[: len(joints_m)], refitted.sum()
 
 
 def swap_crossed_limbs(joints_m: np.ndarray) -> list[np.ndarray]:
-    """Poses in which crossed arms or legs exchange their ends, or middles and ends; empty if no limbs cross.
+    """(15, 3) poses in which crossed arms or legs exchange their ends, or middles and ends; empty if no limbs cross.
 
     After a limb is lost it may attach to the silhouette of the other one, which then attaches to the remaining silhouette.
-
-    Args:
-        joints_m: (15, 3) joints in the camera frame in metres.
     """
     rightward = torso_frame(joints_m)[0]
     poses = []

@@ -11,7 +11,7 @@ from kpopnet.estimator import Estimate, Estimator
 from kpopnet.geometry.depth_grid import MIN_POINTS, build_depth_grid
 from kpopnet.tracker.body_estimate import DETECTION_PRIOR_WEIGHT, FIT_ITERATIONS, BodyEstimate
 from kpopnet.tracker.confidence import REFINED_WEIGHTS, fit_score, probability, refined_evidence
-from kpopnet.tracker.solver import fit
+from kpopnet.tracker.fit import fit
 
 
 class FittedEstimator:
@@ -24,26 +24,12 @@ class FittedEstimator:
     name = "fitted_network"
 
     def __init__(self, estimator: Estimator) -> None:
-        """Wraps an estimator.
-
-        Args:
-            estimator: detects the joints that are refined.
-        """
+        """Wraps the estimator whose joints are refined."""
         self.estimator = estimator
 
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
-        """Estimates the joints of the one person in each frame.
-
-        Args:
-            depth_m: (T, H, W) depth of the person, 0 elsewhere; floating-point metres or uint16 millimetres.
-            camera: the camera of these pixels.
-
-        Returns:
-            (T, 15, 3) joints and (T, 15) confidence. Joints that the estimator misses stay missing. Frames with missing joints
-            or with fewer than `MIN_POINTS` points are not refined, and keep the estimator's joints and confidence.
-
-        Raises:
-            InputError: depth of another type or shape.
+        """See `kpopnet.estimator.Estimator`. Frames with missing joints or with fewer than `MIN_POINTS` points are not refined,
+        and keep the estimator's joints and confidence.
         """
         depth_m = sequence_in_metres(depth_m, camera)
         detected = self.estimator.estimate(depth_m, camera)
@@ -54,17 +40,7 @@ class FittedEstimator:
 
 
 def refine(detected: Estimate, depth_m: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """Fits the body to the depth of each frame, with a prior at the detected joints.
-
-    Args:
-        detected: joints and confidence of T frames.
-        depth_m: (T, H, W) float32 metres of the person, 0 elsewhere.
-        camera: the camera of these pixels.
-
-    Returns:
-        (T, 15, 3) float32 refined joints in metres, and (T, 15, 4) their `refined_evidence`. In frames that are not refined
-        these are the detected joints and NaN.
-    """
+    """`refine_frame` of each of T frames: (T, 15, 3) float32 joints in metres, and (T, 15, 4) their `refined_evidence`."""
     body = BodyEstimate()
     joints_m = detected.joints_camera_m.copy()
     evidence = np.full((*joints_m.shape[:2], len(REFINED_WEIGHTS)), np.nan)

@@ -6,7 +6,6 @@ enough; the lengths of the person are known only roughly then.
 """
 
 from dataclasses import asdict
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,8 +16,8 @@ from kpopnet.geometry.body import body_from_model, planar_pose
 from kpopnet.geometry.depth_grid import DepthGrid
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.skeleton import Joint
+from kpopnet.tracker.fit import fit, pose_cost
 from kpopnet.tracker.limbs import refit_limbs
-from kpopnet.tracker.solver import fit, pose_cost
 from kpopnet.y_pose.initial_pose import find_initial_pose
 
 WAYS = {
@@ -85,33 +84,17 @@ MAX_COST_M2 = 1.2e-3
 1.0e-3."""
 
 
-class FoundStart(NamedTuple):
-    """A pose to track from.
-
-    Attributes:
-        joints_camera_m: (15, 3) joints in the camera frame in metres.
-        model: the person's lengths, as far as this way to start knows them.
-    """
-
-    joints_camera_m: np.ndarray
-    model: HumanModel
+FoundStart = tuple[np.ndarray, HumanModel]
+"""(15, 3) joints to track from, in the camera frame in metres, and the person's lengths, as far as that start knows them."""
 
 
 def find_start(
     depth_m: np.ndarray, grid: DepthGrid, camera: Camera, start: str, detector: Estimator | None = None
 ) -> FoundStart | None:
-    """A pose to start from in this frame, or None.
-
-    Args:
-        depth_m: (H, W) float32 metres of the person, 0 elsewhere.
-        grid: the same image on the grid.
-        camera: its camera.
-        start: a key of `WAYS`.
-        detector: a network, for instance.
-    """
+    """A pose to start from in an (H, W) float32 depth image of the person, metres, or None; `start` is a key of `WAYS`."""
     ways = WAYS[start]
     if "y_pose" in ways and (initial := find_initial_pose(depth_m, camera)) is not None:
-        return FoundStart(initial.joints_camera_m, HumanModel.from_joints(initial.joints_camera_m).regularised())
+        return initial.joints_camera_m, initial.model.regularised()
     if "detector" in ways and detector is not None and (found := _detected(depth_m, camera, detector)) is not None:
         return found
     return find_upright(grid, tuple(way for way in ways if way in ("standing", "sitting")))
@@ -123,26 +106,26 @@ def _detected(depth_m: np.ndarray, camera: Camera, detector: Estimator) -> Found
     if not np.isfinite(joints_m).all() or seen.confidence[0].mean() < MIN_DETECTED:
         return None
     try:
-        return FoundStart(joints_m, HumanModel.from_joints(joints_m).symmetric())
+        return joints_m, HumanModel.from_joints(joints_m).symmetric()
     except InputError:  # a length of zero
         return None
 
 
 def find_upright(grid: DepthGrid, postures: tuple[str, ...] = ("standing", "sitting")) -> FoundStart | None:
     """The person in the image in the posture and heading that fit best; None if none fits well enough."""
-    seen = _silhouette(grid)
-    if seen.top_width_m > MAX_TOP_WIDTH_M:
+    height_m, top_width_m, place_m = _silhouette(grid)
+    if top_width_m > MAX_TOP_WIDTH_M:
         return None
     stride = max(1, len(grid.points_m) // SUBSAMPLE_POINTS)
     best, least_m2 = None, MAX_COST_M2
-    for posture, model, pose_m in _people(seen.height_m):
+    for posture, model, pose_m in _people(height_m):
         for heading in HEADINGS_RAD if posture in postures else ():
             body = body_from_model(model)
-            joints_m = fit(pose_m @ _about_vertical(heading) + seen.place_m, grid, body, START_ITERATIONS, stride)
+            joints_m = fit(pose_m @ _about_vertical(heading) + place_m, grid, body, START_ITERATIONS, stride)
             joints_m, _ = refit_limbs(joints_m, joints_m, grid, body, stride)
             joints_m = fit(joints_m, grid, body, FINAL_ITERATIONS)
             if (cost_m2 := pose_cost(joints_m, grid, body)) < least_m2:
-                best, least_m2 = FoundStart(joints_m, model), cost_m2
+                best, least_m2 = (joints_m, model), cost_m2
     return best
 
 
@@ -179,21 +162,10 @@ def sitting_pose(model: HumanModel) -> np.ndarray:
     return pose
 
 
-class _Silhouette(NamedTuple):
-    """A silhouette by all its pixels; cells would lose some of its top and bottom.
-
-    Attributes:
-        height_m: from the lowest to the highest pixel, metres.
-        top_width_m: width of the uppermost `TOP_M`, metres.
-        place_m: (3,) x and z of the trunk's joints, and y of the highest pixel, camera frame, metres.
+def _silhouette(grid: DepthGrid) -> tuple[float, float, np.ndarray]:
+    """Height of the silhouette and width of its uppermost `TOP_M`, metres, and (3,) x and z of the trunk's joints and y of the
+    highest pixel, camera frame, metres. By all pixels: cells would lose some of top and bottom.
     """
-
-    height_m: float
-    top_width_m: float
-    place_m: np.ndarray
-
-
-def _silhouette(grid: DepthGrid) -> _Silhouette:
     fx, fy, cx, cy = grid.intrinsics[:4]
     v, u = np.nonzero(grid.depth_m > 0)
     z = grid.depth_m[v, u]
@@ -202,7 +174,7 @@ def _silhouette(grid: DepthGrid) -> _Silhouette:
     trunk = (y > top + TRUNK_BAND_M[0]) & (y < top + TRUNK_BAND_M[1])
     where = trunk if trunk.any() else np.ones(len(y), bool)
     place_m = np.array((np.median(x[where]), top, np.median(z[where]) + JOINT_DEPTH_OFFSET_M))
-    return _Silhouette(float(bottom - top), float(np.ptp(x[y < top + TOP_M])), place_m)
+    return float(bottom - top), float(np.ptp(x[y < top + TOP_M])), place_m
 
 
 def _about_vertical(angle_rad: float) -> np.ndarray:

@@ -16,8 +16,8 @@ from kpopnet.geometry.human_model import HumanModel
 from kpopnet.skeleton import MIRROR, NUM_JOINTS
 from kpopnet.tracker.body_estimate import DETECTION_PRIOR_WEIGHT, BodyEstimate
 from kpopnet.tracker.confidence import TRACKED_WEIGHTS, fit_score, probability, tracked_evidence
+from kpopnet.tracker.fit import fit, pose_cost
 from kpopnet.tracker.limbs import refit_limbs, swap_crossed_limbs
-from kpopnet.tracker.solver import fit, pose_cost
 from kpopnet.tracker.start import find_start
 
 VELOCITY_DAMPING, MAX_STEP_M = 0.5, 0.15
@@ -80,26 +80,21 @@ class State(NamedTuple):
 
 
 class Tracker:
-    """Tracks one person through consecutive frames. Without a given start pose it finds one.
+    """Tracks one person through consecutive frames; without a given start pose it finds one.
 
     Attributes:
         model: the person's lengths, None before the start unless given; `HumanModel.save` stores it for later recordings.
         state: what the last frame left, None before the start.
-        evidence: (15, 3) what the confidence of the last pose was computed from (kpopnet.tracker.confidence), None before the
-            start.
+        evidence: (15, 3) `tracked_evidence` of the last pose, None before the start.
     """
 
     def __init__(
-        self,
-        camera: Camera,
-        start: str = "auto",
-        model: HumanModel | None = None,
-        detector: Estimator | None = None,
+        self, camera: Camera, start: str = "auto", model: HumanModel | None = None, detector: Estimator | None = None
     ) -> None:
         """Prepares a tracker.
 
         Args:
-            camera: the camera of the depth images.
+            camera: of the depth images.
             start: how it starts, a key of `kpopnet.tracker.start.WAYS`.
             model: the model of a known person, used instead of the one measured at the start.
             detector: an estimator that is queried for the pose of a single frame at the start (`start=auto`) and when the cost
@@ -122,26 +117,23 @@ class Tracker:
         """The person's body as round cones; None before the start."""
         return self._person.body
 
-    def start(self, joints_camera_m: np.ndarray, model: HumanModel | None = None) -> None:
-        """Starts from a known pose.
-
-        Args:
-            joints_camera_m: (15, 3) joints in the camera frame in metres.
-            model: the person's lengths, by default those of this pose. A model that the tracker was given counts instead.
+    def start(self, joints_camera_m: np.ndarray) -> None:
+        """Starts from a known pose, (15, 3) joints in the camera frame in metres.
 
         Raises:
             InputError: another shape, or joints are missing.
         """
         joints_m = start_pose(joints_camera_m, "tracker")
-        self.model = self._known_model or model or HumanModel.from_joints(joints_m)
+        self._start(joints_m, HumanModel.from_joints(joints_m))
+
+    def _start(self, joints_m: np.ndarray, model: HumanModel) -> None:
+        """Starts from (15, 3) joints with the person's lengths; a model that the tracker was given counts instead."""
+        self.model = self._known_model or model
         self._person = BodyEstimate(self.model)
         self.state = State(joints_m, np.zeros_like(joints_m), baseline_cost_m2=BASELINE_COST_M2)
 
     def track(self, depth_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Tracks the person in the next frame.
-
-        Args:
-            depth_m: (H, W) float32 metres of the person, 0 elsewhere.
+        """Tracks the person in the next (H, W) float32 depth image, metres, 0 where the person is not.
 
         Returns:
             (15, 3) float64 joints in the camera frame in metres and (15,) confidence, the estimated probability of an error
@@ -185,17 +177,15 @@ class Tracker:
     def _find_start(self, depth_m: np.ndarray, grid: DepthGrid) -> bool:
         """Starts if the frame shows a pose to start from; returns whether the tracker has started."""
         found = find_start(depth_m, grid, self.camera, self.ways, self.detector)
-        if found is None:
-            return False
-        self.start(found.joints_camera_m, found.model)
-        # Fit before measuring the thickness: a displaced pose would give too thick or too thin parts.
-        self.state = self.state._replace(joints_m=fit(self.state.joints_m, grid, self.body, START_ITERATIONS))
-        return True
+        if found is not None:
+            joints_m, model = found
+            self._start(joints_m, model)
+            # Fit before measuring the thickness: a displaced pose would give too thick or too thin parts.
+            self.state = self.state._replace(joints_m=fit(joints_m, grid, self.body, START_ITERATIONS))
+        return self.started
 
     def _next_state(self, joints_m: np.ndarray, depth_m: np.ndarray, grid: DepthGrid) -> State:
-        """The state with these (15, 3) fitted joints, or with a detected or a mirrored pose if that explains the depth
-        better.
-        """
+        """The state with these fitted joints, or with a detected or a mirrored pose if that explains the depth better."""
         last, cost_m2 = self.state, pose_cost(joints_m, grid, self.body)
         baseline_m2, evidence = last.baseline_cost_m2, last.flip_evidence
         if cost_m2 < MAX_BASELINE_RATIO * baseline_m2:

@@ -18,9 +18,9 @@ from kpopnet.geometry.cones import (
     FINGERS_M,
     TOES_DOWN_M,
     TOES_M,
+    body_segments,
     extend_joints,
     nearest_parts,
-    part_segments,
     signed_distance,
     torso_frame,
 )
@@ -30,8 +30,7 @@ NOWHERE = np.zeros((6, 3))
 
 
 def test_distances_to_a_cone() -> None:
-    joints = np.array([(0.0, 0, 2), (0, 1, 2)])
-    segments = part_segments(joints, np.array([(0, 1)]), np.array([(0.1, 0.2)]))
+    segments = np.array([(0.0, 0, 2, 0, 1, 0, 1, 0.1, 0.1)])  # from (0, 0, 2) to (0, 1, 2), radii 0.1 and 0.2
     assert signed_distance(segments, 0, 0.5, 0.5, 2) == pytest.approx((0.5 - 0.15, 0.5, 0.5), abs=1e-8)
     assert signed_distance(segments, 0, 0, 0.25, 2) == pytest.approx((-0.125, 0.25, 0.0), abs=1e-8)
     assert signed_distance(segments, 0, 0, -0.3, 2.4) == pytest.approx((0.5 - 0.1, 0.0, 0.5), abs=1e-8)
@@ -41,7 +40,10 @@ def test_distances_to_a_cone() -> None:
 @pytest.mark.parametrize("stride", [1, 2, 7, 10**6])
 def test_nearest_parts_agree_with_brute_force(person, stride: int) -> None:  # noqa: F811
     joints, body, grid = person
-    segments = part_segments(extend_joints(moved(joints, 3), body.trunk_offsets_m), PARTS, body.radii_m)
+    rows = extend_joints(moved(joints, 3), body.trunk_offsets_m)
+    segments = body_segments(moved(joints, 3), body)
+    np.testing.assert_allclose(segments[:, :6], np.hstack([rows[PARTS[:, 0]], rows[PARTS[:, 1]] - rows[PARTS[:, 0]]]))
+    np.testing.assert_allclose(segments[:, 7:], np.diff(body.radii_m, prepend=0))
     part, off, along = nearest_parts(segments, grid.points_m, stride)
     points = grid.points_m[::stride]
     plain = np.array([[signed_distance(segments, k, *point)[:2] for k in range(len(segments))] for point in points])

@@ -1,13 +1,32 @@
-"""Depth images sampled on a grid."""
+"""Depth images sampled on a grid: its cells, the nearest cells, geodesic distances, and the smoothing of noisy depth."""
+
+import heapq
 
 import numpy as np
 import pytest
+from cone_people import cone_body, cone_joints, draw_cones, moved
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from y_people import draw_y, y_joints
 
 from kpopnet.camera import CAMERAS, Camera
-from kpopnet.geometry.depth_grid import CELL_M, LEAST_CELLS, MOST_CELLS, _nearest, build_depth_grid
+from kpopnet.geometry.depth_grid import (
+    CELL_M,
+    DEPTH_JUMP_M,
+    JUMP_FACTOR,
+    LEAST_CELLS,
+    MOST_CELLS,
+    UNREACHABLE_M,
+    WINDOW,
+    _medians,
+    _nearest,
+    build_depth_grid,
+    denoised,
+    geodesic_distances,
+    neighbour_graph,
+)
+from kpopnet.tracker.fit import fit
 
 CAMERA = CAMERAS["kinect_v1"]
 
@@ -60,3 +79,123 @@ def test_the_nearest_cell_is_within_one_cell_of_the_optimum(measured: np.ndarray
     brute = np.sqrt(((y[..., None] - rows) ** 2 + (x[..., None] - columns) ** 2).min(axis=-1))
     away = np.hypot(nearest[..., 0] - y, nearest[..., 1] - x)
     assert (away - brute <= 1).all() and (away == 0)[measured].all()
+
+
+# --- geodesic distances -------------------------------------------------------------------------------------------
+
+
+def dijkstra(points: np.ndarray, index: np.ndarray, source: np.ndarray) -> np.ndarray:
+    """The geodesic distances by Dijkstra's algorithm."""
+    length = np.where(source, 0.0, 1e9)
+    cell = {int(index[y, x]): (y, x) for y, x in np.argwhere(index >= 0)}
+    heap = [(0.0, int(k)) for k in np.flatnonzero(source)]
+    while heap:
+        distance, k = heapq.heappop(heap)
+        if distance > length[k]:
+            continue
+        y, x = cell[k]
+        for other in index[max(y - 1, 0) : y + 2, max(x - 1, 0) : x + 2].ravel():
+            if other < 0:
+                continue
+            step = np.linalg.norm(points[k] - points[other])
+            if abs(points[k, 2] - points[other, 2]) > DEPTH_JUMP_M:
+                step *= JUMP_FACTOR
+            if distance + step < length[other]:
+                length[other] = distance + step
+                heapq.heappush(heap, (distance + step, int(other)))
+    return length
+
+
+def grid_of_pixels(depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points and their numbers, one cell per pixel."""
+    index = np.full(depth.shape, -1, np.int32)
+    index[depth > 0] = np.arange((depth > 0).sum())
+    y, x = (depth > 0).nonzero()
+    z = depth[y, x].astype(float)
+    return np.stack([0.01 * x * z, 0.01 * y * z, z], axis=1), index
+
+
+@given(
+    arrays(np.float32, (9, 12), elements=st.sampled_from([0.0, 0.0, 2.0, 2.03, 2.07, 2.3])),
+    st.lists(st.integers(0, 107), min_size=1, max_size=3),
+)
+@settings(deadline=None)
+def test_geodesic_distances_agree_with_dijkstra(depth: np.ndarray, sources: list[int]) -> None:
+    points, index = grid_of_pixels(depth)
+    source = np.zeros(len(points), bool)
+    source[[k for k in sources if k < len(points)]] = True
+    length, predecessor = geodesic_distances(*neighbour_graph(points, index), source, UNREACHABLE_M)
+    np.testing.assert_allclose(length, dijkstra(points, index, source), atol=1e-6)
+    # Every path leads to a source with decreasing distance.
+    for k in range(len(points)):
+        if source[k] or length[k] > 1e8:
+            assert predecessor[k] == -1
+        else:
+            assert 0 <= predecessor[k] < len(points) and length[predecessor[k]] < length[k]
+
+
+def test_geodesic_distances_on_a_person_agree_with_dijkstra() -> None:
+    grid = build_depth_grid(draw_y(y_joints(20, elbow_deg=80), CAMERA), CAMERA)
+    source = np.linalg.norm(grid.points_m - grid.points_m.mean(0), axis=1) < 0.2
+    expected = dijkstra(grid.points_m, grid.index, source)
+    length, _ = geodesic_distances(grid.neighbours, grid.edge_lengths_m, source, UNREACHABLE_M)
+    np.testing.assert_allclose(length, expected, atol=1e-6)
+
+
+# --- noisy depth --------------------------------------------------------------------------------------------------
+
+
+def noisy_wall(deviation_m: float, seed: int = 0) -> np.ndarray:
+    """(60, 50) float32 metres: a wall at 3 m with unmeasured pixels and a border around it."""
+    rng = np.random.default_rng(seed)
+    depth_m = rng.normal(3.0, deviation_m, (60, 50)).astype(np.float32)
+    depth_m[rng.random(depth_m.shape) < 0.02] = 0
+    depth_m[:5], depth_m[:, :5] = 0, 0
+    return depth_m
+
+
+def reference(depth_m: np.ndarray) -> np.ndarray:
+    """The medians of the measured pixels around each measured pixel, window by window."""
+    reach, known = WINDOW // 2, np.where(depth_m > 0, depth_m, np.nan)
+    smooth = np.zeros_like(depth_m)
+    for y, x in np.argwhere(depth_m > 0):
+        smooth[y, x] = np.nanmedian(known[max(y - reach, 0) : y + reach + 1, max(x - reach, 0) : x + reach + 1])
+    return smooth
+
+
+@settings(deadline=None)
+@given(arrays(np.float32, st.tuples(st.integers(1, 8), st.integers(1, 8)), elements=st.sampled_from([0, 1, 1.5, 2.25, 3])))
+def test_the_kernel_equals_the_reference(depth_m: np.ndarray) -> None:
+    np.testing.assert_allclose(_medians(depth_m), reference(depth_m), rtol=1e-6)
+
+
+@pytest.mark.parametrize("deviation_m", [0.035, 0.06])
+def test_noise_of_a_time_of_flight_camera_is_smoothed(deviation_m: float) -> None:
+    depth_m = noisy_wall(deviation_m)
+    before = depth_m.copy()
+    smooth_m = denoised(depth_m)
+    assert np.array_equal(depth_m, before)
+    assert np.array_equal(smooth_m > 0, depth_m > 0) and smooth_m.dtype == np.float32
+    assert smooth_m[smooth_m > 0].std() < 0.35 * deviation_m
+
+
+@pytest.mark.parametrize("deviation_m", [0.0, 0.005, 0.015, 0.02])
+def test_depth_of_structured_light_is_returned_as_it_is(deviation_m: float) -> None:
+    depth_m = noisy_wall(deviation_m)
+    assert denoised(depth_m) is depth_m
+
+
+def test_a_fit_to_noisy_depth_is_better_for_it() -> None:
+    joints_m = cone_joints(20, yaw_deg=15)
+    body, camera = cone_body(joints_m), CAMERAS["smmc10"]
+    clean_m = draw_cones(joints_m, body, camera)
+    noise_m = np.random.default_rng(0).normal(0, 0.05, clean_m.shape)
+    noisy_m = np.where(clean_m > 0, clean_m + noise_m, 0).astype(np.float32)
+    grid = build_depth_grid(noisy_m, camera)
+    raw = grid._replace(points_m=camera.points(noisy_m)[noisy_m > 0].astype(np.float64), depth_m=noisy_m)
+    starts_m = [moved(joints_m, seed) for seed in range(6)]
+
+    def error_m(used: object) -> float:
+        return float(np.mean([np.linalg.norm(fit(start, used, body, 10) - joints_m, axis=1).mean() for start in starts_m]))
+
+    assert error_m(grid) < 0.9 * error_m(raw)

@@ -1,20 +1,23 @@
-"""Limbs laid anew along the silhouette."""
+"""Limbs refitted along the silhouette, and the silhouette's tips."""
 
 import numpy as np
 import pytest
-from cone_people import cone_joints, seen
+from cone_people import CAMERA, cone_joints, seen
 
 from kpopnet.geometry.body import LIMBS
-from kpopnet.skeleton import MIRROR, Joint
-from kpopnet.tracker.limbs import (
-    LIMB_POSE_RANGES,
-    LIMB_POSES,
-    refit_limbs,
-    swap_crossed_limbs,
+from kpopnet.geometry.cones import body_segments
+from kpopnet.geometry.depth_grid import (
+    MAX_TIPS,
+    MIN_TIP_DISTANCE_M,
+    MIN_TIP_SEPARATION_M,
+    UNREACHABLE_M,
+    build_depth_grid,
+    farthest_points,
+    geodesic_distances,
 )
-from kpopnet.tracker.solver import pose_cost
-
-ROUND_M = 1e-6
+from kpopnet.skeleton import MIRROR, Joint
+from kpopnet.tracker.fit import pose_cost
+from kpopnet.tracker.limbs import LIMB_POSE_RANGES, LIMB_POSES, refit_limbs, swap_crossed_limbs, torso_points
 
 
 def swung(joints: np.ndarray, limb: int, angle_deg: float) -> np.ndarray:
@@ -22,8 +25,7 @@ def swung(joints: np.ndarray, limb: int, angle_deg: float) -> np.ndarray:
     joints = joints.copy()
     root, *others = LIMBS[limb]
     cos, sin = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
-    turn = np.array([(cos, -sin, 0), (sin, cos, 0), (0, 0, 1)])
-    joints[others] = (joints[others] - joints[root]) @ turn.T + joints[root]
+    joints[others] = (joints[others] - joints[root]) @ np.array([(cos, sin, 0), (-sin, cos, 0), (0, 0, 1)]) + joints[root]
     return joints
 
 
@@ -33,12 +35,10 @@ def swung(joints: np.ndarray, limb: int, angle_deg: float) -> np.ndarray:
 def test_a_lost_arm_is_recovered(limb: int, elbow_deg: float, angle_deg: float) -> None:
     joints = cone_joints(elevation_deg=15, elbow_deg=elbow_deg)
     body, grid = seen(joints)
-    wrong = swung(joints, limb, angle_deg)
-    arm = LIMBS[limb, 1:]
+    wrong, arm = swung(joints, limb, angle_deg), LIMBS[limb, 1:]
     assert np.linalg.norm(wrong - joints, axis=1)[arm].min() > 0.2
     found, changes = refit_limbs(wrong, joints, grid, body)
-    assert changes >= 1
-    assert np.linalg.norm(found - joints, axis=1)[arm].max() < 0.1
+    assert changes >= 1 and np.linalg.norm(found - joints, axis=1)[arm].max() < 0.1
     assert pose_cost(found, grid, body) < pose_cost(wrong, grid, body)
 
 
@@ -46,21 +46,18 @@ def test_a_lost_arm_is_recovered(limb: int, elbow_deg: float, angle_deg: float) 
 def test_a_lost_leg_is_recovered(limb: int, angle_deg: float) -> None:
     joints = cone_joints(abduction_deg=12)
     body, grid = seen(joints)
-    wrong = swung(joints, limb, angle_deg)
-    found, changes = refit_limbs(wrong, joints, grid, body)
-    assert changes >= 1
+    found, changes = refit_limbs(swung(joints, limb, angle_deg), joints, grid, body)
     # Approximate: a silhouette hardly constrains the knee along the leg. The fit corrects it.
     knee, foot = np.linalg.norm(found - joints, axis=1)[LIMBS[limb, 1:]]
-    assert knee < 0.2 and foot < 0.12
+    assert changes >= 1 and knee < 0.2 and foot < 0.12
 
 
-def test_a_correct_pose_is_kept() -> None:
-    for pose in ({}, {"elevation_deg": 10, "elbow_deg": 60}, {"elevation_deg": -40, "yaw_deg": 25}):
-        joints = cone_joints(**pose)
-        body, grid = seen(joints)
-        found, changes = refit_limbs(joints, joints, grid, body)
-        assert changes == 0
-        np.testing.assert_array_equal(found, joints)
+@pytest.mark.parametrize("pose", [{}, {"elevation_deg": 10, "elbow_deg": 60}, {"elevation_deg": -40, "yaw_deg": 25}])
+def test_a_correct_pose_is_kept(pose: dict) -> None:
+    joints = cone_joints(**pose)
+    body, grid = seen(joints)
+    found, changes = refit_limbs(joints, joints, grid, body)
+    assert changes == 0 and np.array_equal(found, joints)
 
 
 def test_refitted_limbs_keep_lengths_and_roots() -> None:
@@ -68,28 +65,18 @@ def test_refitted_limbs_keep_lengths_and_roots() -> None:
     body, grid = seen(joints)
     wrong = swung(swung(joints, 0, -90), 1, 80)
     found, changes = refit_limbs(wrong, joints, grid, body)
-    assert changes >= 2
     torso = [joint for joint in Joint if joint not in LIMBS[:, 1:]]
-    np.testing.assert_array_equal(found[torso], wrong[torso])
-    for (root, middle, end), (upper_m, lower_m) in zip(LIMBS, body.limbs_m, strict=True):
-        assert np.linalg.norm(found[middle] - found[root]) == pytest.approx(upper_m, abs=ROUND_M)
-        assert np.linalg.norm(found[end] - found[middle]) == pytest.approx(lower_m, abs=ROUND_M)
+    assert changes >= 2 and np.array_equal(found[torso], wrong[torso])
+    lengths_m = np.linalg.norm(found[LIMBS[:, 1:]] - found[LIMBS[:, :2]], axis=-1)
+    np.testing.assert_allclose(lengths_m, body.limbs_m, atol=1e-6)
 
 
 def test_limb_poses_are_unit_vectors_and_knees_bend_backwards() -> None:
     np.testing.assert_allclose(np.linalg.norm(LIMB_POSES, axis=-1), 1, atol=1e-9)
-    assert (
-        LIMB_POSE_RANGES[0].tolist() == LIMB_POSE_RANGES[1].tolist()
-        and LIMB_POSE_RANGES[2].tolist() == LIMB_POSE_RANGES[3].tolist()
-    )
-    assert (
-        LIMB_POSE_RANGES[0, 0] == 0
-        and LIMB_POSE_RANGES[0, 1] == LIMB_POSE_RANGES[2, 0]
-        and LIMB_POSE_RANGES[2, 1] == len(LIMB_POSES)
-    )
-    upper, lower = np.moveaxis(LIMB_POSES[slice(*LIMB_POSE_RANGES[2])], 1, 0)
-    knee_before_line = (upper - lower)[:, 2] / 2
-    assert (knee_before_line[upper[:, 2] > -1e-9] > -1e-9).all()
+    arms, legs = LIMB_POSE_RANGES[0], LIMB_POSE_RANGES[2]
+    assert LIMB_POSE_RANGES.tolist() == [[0, arms[1]]] * 2 + [[arms[1], len(LIMB_POSES)]] * 2
+    upper, lower = np.moveaxis(LIMB_POSES[slice(*legs)], 1, 0)
+    assert ((upper - lower)[upper[:, 2] > -1e-9, 2] > -1e-9).all()
 
 
 @pytest.mark.parametrize("lower", [Joint.RIGHT_HAND, Joint.RIGHT_FOOT])
@@ -103,3 +90,44 @@ def test_crossed_limbs_exchange_ends_or_middles_and_ends(lower: Joint, whole: bo
     found = swap_crossed_limbs(crossed)
     assert len(found) == 2
     np.testing.assert_array_equal(found[whole], joints)
+
+
+# --- tips ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("rays", [3, 7])
+def test_a_star_has_a_tip_at_every_ray(rays: int) -> None:
+    v, u = np.mgrid[:240, :320]
+    star, ends = np.hypot(u - 160, v - 120) < 18, []
+    for angle in 0.3 + 2 * np.pi * np.arange(rays) / rays:
+        along = (u - 160) * np.cos(angle) + (v - 120) * np.sin(angle)
+        across = (v - 120) * np.cos(angle) - (u - 160) * np.sin(angle)
+        star |= (along > 0) & (along < 90) & (np.abs(across) < 6)
+        ends.append((160 + 90 * np.cos(angle), 120 + 90 * np.sin(angle), 2.5))
+    grid = build_depth_grid(np.where(star, np.float32(2.5), np.float32(0)), CAMERA)
+    source = np.linalg.norm(grid.points_m - CAMERA.back_project(np.array((160, 120, 2.5))), axis=1) < 0.1
+    length, _ = geodesic_distances(grid.neighbours, grid.edge_lengths_m, source, UNREACHABLE_M)
+    tips = grid.points_m[farthest_points(grid.points_m, grid.neighbours, grid.edge_lengths_m, length)]
+    away = np.linalg.norm(tips[:, None] - CAMERA.back_project(np.array(ends)), axis=-1)
+    assert sorted(away.argmin(1)) == list(range(rays)) and away.min(1).max() < 0.1
+
+
+@pytest.mark.parametrize("elevation_deg", [-40, 20, 50])
+def test_tips_are_the_points_farthest_from_torso_and_head(elevation_deg: float) -> None:
+    joints = cone_joints(elevation_deg=elevation_deg, yaw_deg=15)
+    body, grid = seen(joints)
+    source, points = torso_points(body_segments(joints, body), grid.points_m), grid.points_m
+    for joint in (Joint.HEAD, Joint.TORSO):
+        assert np.linalg.norm(CAMERA.project(points[source])[:, :2] - CAMERA.project(joints[joint])[:2], axis=1).min() < 4
+    for end in LIMBS[:, 1:].ravel():
+        assert np.linalg.norm(points[source] - joints[end], axis=1).min() > 0.07
+    length, _ = geodesic_distances(grid.neighbours, grid.edge_lengths_m, source, UNREACHABLE_M)
+    apart, reached = np.linalg.norm(points[:, None] - points[None], axis=-1), length < 1e8
+    expected = [
+        i
+        for i in np.flatnonzero(reached & (length >= MIN_TIP_DISTANCE_M))
+        if not ((apart[i] < MIN_TIP_SEPARATION_M) & reached & (length > length[i])).any()
+        and not ((apart[i] < MIN_TIP_SEPARATION_M) & (length == length[i]))[:i].any()
+    ]
+    assert len(expected) >= 3
+    np.testing.assert_array_equal(farthest_points(points, grid.neighbours, grid.edge_lengths_m, length), expected[:MAX_TIPS])

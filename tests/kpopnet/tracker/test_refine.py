@@ -1,13 +1,21 @@
-"""Joints detected by another estimator, refined by fitting the body."""
+"""Joints detected by another estimator, refined by fitting the body; its lengths and its thickness."""
 
 import numpy as np
 import pytest
-from cone_people import cone_body, cone_joints, draw_cones, moved
+from cone_people import cone_body, cone_joints, draw_cones, moved, seen
 
 from kpopnet.camera import CAMERAS
 from kpopnet.estimator import Estimate
-from kpopnet.geometry.depth_grid import build_depth_grid
-from kpopnet.tracker.body_estimate import BodyEstimate
+from kpopnet.geometry.body import PART_KIND, RADII_M, Body
+from kpopnet.geometry.cones import body_segments, nearest_parts
+from kpopnet.geometry.depth_grid import DepthGrid, build_depth_grid
+from kpopnet.tracker.body_estimate import (
+    CORRECTION_ITERATIONS,
+    MAX_CORRECTION_M,
+    MIN_PART_POINTS,
+    BodyEstimate,
+    fit_thickness,
+)
 from kpopnet.tracker.refine import FittedEstimator
 
 CAMERA = CAMERAS["kinect_v1"]
@@ -16,7 +24,7 @@ CAMERA = CAMERAS["kinect_v1"]
 class FixedEstimator:
     """An estimator that returns given joints."""
 
-    name = "saying"
+    name = "fixed"
 
     def __init__(self, joints_m: np.ndarray, confidence: float = 0.75) -> None:
         self.detected = Estimate(joints_m.astype(np.float32), np.full(joints_m.shape[:2], confidence, np.float32))
@@ -38,50 +46,59 @@ def error_m(found: np.ndarray, joints: np.ndarray) -> float:
     return float(np.linalg.norm(found - joints, axis=-1).mean())
 
 
-def test_refinement_reduces_the_error(film) -> None:
+def test_refinement_reduces_the_error_and_no_frame_depends_on_a_later_one(film) -> None:
     joints, depth_m, detected = film
-    found = FittedEstimator(FixedEstimator(detected)).estimate(depth_m, CAMERA)
-    assert error_m(found.joints_camera_m, joints) < 0.65 * error_m(detected, joints)
-    assert found.joints_camera_m.dtype == found.confidence.dtype == np.float32
-
-
-def test_lengths_are_medians_over_frames(film) -> None:
-    joints, depth_m, detected = film
-    truth = cone_body(joints[0])
-    person, grids = BodyEstimate(), [build_depth_grid(image, CAMERA) for image in depth_m]
-    bodies = [person.update(pose, grid) for pose, grid in zip(detected, grids, strict=True)]
-    off_one, *_, off = (np.abs(body.limbs_m - truth.limbs_m).mean() for body in bodies)
-    assert off < 0.02 < off_one
-    limbs_m = [cone_body(pose).limbs_m for pose in detected]
-    np.testing.assert_allclose(bodies[-1].limbs_m, np.median(limbs_m, axis=0))
-
-
-def test_a_pose_with_invalid_lengths_does_not_count(film) -> None:
-    joints, depth_m, _ = film
-    grid, person = build_depth_grid(depth_m[0], CAMERA), BodyEstimate()
-    assert person.update(np.full((15, 3), np.nan), grid) is None
-    body = person.update(joints[0], grid)
-    assert person.update(np.full((15, 3), np.nan), grid) is body
-
-
-def test_a_frame_depends_on_no_later_one(film) -> None:
-    _, depth_m, detected = film
     whole = FittedEstimator(FixedEstimator(detected)).estimate(depth_m, CAMERA)
-    for frames in (1, 5):
-        part = FittedEstimator(FixedEstimator(detected[:frames])).estimate(depth_m[:frames], CAMERA)
-        np.testing.assert_array_equal(part.joints_camera_m, whole.joints_camera_m[:frames])
-        np.testing.assert_array_equal(part.confidence, whole.confidence[:frames])
+    assert error_m(whole.joints_camera_m, joints) < 0.65 * error_m(detected, joints)
+    assert whole.joints_camera_m.dtype == whole.confidence.dtype == np.float32
+    part = FittedEstimator(FixedEstimator(detected[:5])).estimate(depth_m[:5], CAMERA)
+    np.testing.assert_array_equal(part.joints_camera_m, whole.joints_camera_m[:5])
+    np.testing.assert_array_equal(part.confidence, whole.confidence[:5])
 
 
 def test_frames_with_missing_joints_or_without_a_person_are_unchanged(film) -> None:
     _, depth_m, detected = film
     detected, depth_m = detected.astype(np.float32), depth_m.copy()
-    detected[2, 5], depth_m[4] = np.nan, 0
-    depth_m[6] = 0
+    detected[2, 5], depth_m[[4, 6]] = np.nan, 0
     depth_m[6, 100, 100] = 2.0
     found, confidence = FittedEstimator(FixedEstimator(detected)).estimate(depth_m, CAMERA)
-    for frame in (2, 4, 6):
-        np.testing.assert_array_equal(found[frame], detected[frame])
-        assert (confidence[frame] == 0.75).all()
-    assert (found[[0, 1, 3, 5, 7]] != detected[[0, 1, 3, 5, 7]]).all()
-    assert (confidence[[0, 1, 3, 5, 7]] != 0.75).all()
+    np.testing.assert_array_equal(found[[2, 4, 6]], detected[[2, 4, 6]])
+    assert (confidence[[2, 4, 6]] == 0.75).all()
+    assert (found[[0, 1, 3, 5, 7]] != detected[[0, 1, 3, 5, 7]]).all() and (confidence[[0, 1, 3, 5, 7]] != 0.75).all()
+
+
+def test_lengths_are_medians_over_frames_with_valid_lengths(film) -> None:
+    joints, depth_m, detected = film
+    truth, person, grids = cone_body(joints[0]), BodyEstimate(), [build_depth_grid(image, CAMERA) for image in depth_m]
+    assert person.update(np.full((15, 3), np.nan), grids[0]) is None
+    bodies = [person.update(pose, grid) for pose, grid in zip(detected, grids, strict=True)]
+    off_one, *_, off = (np.abs(body.limbs_m - truth.limbs_m).mean() for body in bodies)
+    assert off < 0.02 < off_one
+    np.testing.assert_allclose(bodies[-1].limbs_m, np.median([cone_body(pose).limbs_m for pose in detected], axis=0))
+    assert person.update(np.full((15, 3), np.nan), grids[0]) is bodies[-1]
+
+
+def slow_radii(body: Body, joints_m: np.ndarray, grid: DepthGrid) -> np.ndarray:
+    """(P, 2) the radii of `fit_thickness`, part kind by part kind."""
+    radii = body.radii_m.copy()
+    for _ in range(CORRECTION_ITERATIONS):
+        part, distance, _ = nearest_parts(body_segments(joints_m, body._replace(radii_m=radii)), grid.points_m, 1)
+        for kind in range(len(RADII_M)):
+            of_kind = distance[PART_KIND[part] == kind]
+            if len(of_kind) >= MIN_PART_POINTS:
+                radii[kind == PART_KIND] += np.median(of_kind)
+        radii = np.clip(radii, body.radii_m - MAX_CORRECTION_M, body.radii_m + MAX_CORRECTION_M)
+        radii = np.maximum(radii, body.radii_m / 2)
+    return radii
+
+
+@pytest.mark.parametrize("wrong", [0.3, 0.85, 1.0, 1.15, 2.5])
+def test_wrong_radii_are_corrected_as_by_the_slow_twin(wrong: float) -> None:
+    joints_m = cone_joints(20, yaw_deg=15)
+    body, grid = seen(joints_m)
+    given = body._replace(radii_m=body.radii_m * wrong)
+    found = fit_thickness(given, joints_m, grid)
+    np.testing.assert_allclose(found.radii_m, slow_radii(given, joints_m, grid), atol=1e-6)
+    assert np.array_equal(given.radii_m, body.radii_m * wrong)  # the given body is not changed
+    if abs(wrong - 1) == pytest.approx(0.15):
+        assert np.abs(found.radii_m - body.radii_m).mean() < 0.4 * np.abs(given.radii_m - body.radii_m).mean()

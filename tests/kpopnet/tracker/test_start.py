@@ -11,7 +11,7 @@ from kpopnet.camera import CAMERAS, Camera
 from kpopnet.geometry.body import body_from_model, planar_pose
 from kpopnet.geometry.depth_grid import build_depth_grid
 from kpopnet.geometry.human_model import HumanModel
-from kpopnet.tracker.start import AVERAGE_MODEL, find_upright, sitting_pose
+from kpopnet.tracker.start import AVERAGE_MODEL, find_start, find_upright, sitting_pose
 from synth.motion.limbs import hanging_arm, neutral_trunk, stance
 
 CAMERA = CAMERAS["kinect_v1"]
@@ -27,24 +27,27 @@ def found(joints_m: np.ndarray, size: float = 1.0, camera: Camera = CAMERA):
     return find_upright(build_depth_grid(draw_cones(joints_m, body, camera), camera))
 
 
-@pytest.mark.parametrize("size", [0.9, 1.0, 1.1])
-def test_a_standing_person_of_any_size(size: float) -> None:
-    joints = planar_pose(scaled(size)) + np.array((0.2, -0.5, 3.0))
-    upright = found(joints, size)
-    assert np.linalg.norm(upright.joints_camera_m - joints, axis=1).mean() < 0.06
+@pytest.mark.parametrize(
+    ("joints_m", "size"),
+    [(planar_pose(scaled(size)) + np.array((0.2, -0.5, 3.0)), size) for size in (0.9, 1.0, 1.1)]
+    + [(sitting_pose(AVERAGE_MODEL) + np.array((-0.3, -0.2, 2.7)), 1.0)],
+    ids=["small", "average", "tall", "sitting"],
+)
+def test_a_standing_person_of_any_size_and_one_who_sits(joints_m: np.ndarray, size: float) -> None:
+    upright_m, _ = found(joints_m, size)
+    assert np.linalg.norm(upright_m - joints_m, axis=1).mean() < 0.06
+
+
+def test_only_auto_starts_from_who_sits() -> None:
+    depth_m = draw_cones(sitting_pose(AVERAGE_MODEL) + np.array((0.1, -0.2, 2.8)), body_from_model(AVERAGE_MODEL), CAMERA)
+    grid = build_depth_grid(depth_m, CAMERA)
+    assert find_start(depth_m, grid, CAMERA, "standing") is None is not find_start(depth_m, grid, CAMERA, "auto")
 
 
 def test_the_size_does_not_depend_on_the_size_of_pixels() -> None:
-    coarse = Camera.from_fov(58, 176, 144)
     joints = planar_pose(AVERAGE_MODEL) + np.array((0, -0.5, 3.4))
-    sizes = [found(joints, camera=camera).model.left_upper_leg_m for camera in (CAMERA, coarse)]
-    assert sizes[0] == pytest.approx(sizes[1], rel=0.02)
-
-
-def test_a_sitting_person_is_not_a_small_standing_one() -> None:
-    joints = sitting_pose(AVERAGE_MODEL) + np.array((-0.3, -0.2, 2.7))
-    upright = found(joints)
-    assert np.linalg.norm(upright.joints_camera_m - joints, axis=1).mean() < 0.06
+    fine, coarse = (found(joints, camera=camera)[1].left_upper_leg_m for camera in (CAMERA, Camera.from_fov(58, 176, 144)))
+    assert fine == pytest.approx(coarse, rel=0.02)
 
 
 def test_raised_hands_a_lying_person_and_a_wall_are_refused() -> None:
@@ -52,8 +55,7 @@ def test_raised_hands_a_lying_person_and_a_wall_are_refused() -> None:
     assert find_upright(build_depth_grid(draw_cones(raised, cone_body(raised), CAMERA), CAMERA)) is None
     lying = (planar_pose(AVERAGE_MODEL) + np.array((0, -0.5, 0)))[:, [1, 0, 2]] + np.array((0, 0.5, 3.0))
     assert found(lying) is None
-    wall = np.full((CAMERA.height, CAMERA.width), 2.5, np.float32)
-    assert find_upright(build_depth_grid(wall, CAMERA)) is None
+    assert find_upright(build_depth_grid(np.full((CAMERA.height, CAMERA.width), 2.5, np.float32), CAMERA)) is None
 
 
 def test_simulated_people_are_found() -> None:
@@ -63,5 +65,5 @@ def test_simulated_people_are_found() -> None:
     errors = []
     for depth_m, camera, joints_m in simulated(family(hanging), 16, "train", 5):
         upright = find_upright(build_depth_grid(depth_m, camera))
-        errors.append(0.5 if upright is None else np.linalg.norm(upright.joints_camera_m - joints_m, axis=1).mean())
+        errors.append(0.5 if upright is None else np.linalg.norm(upright[0] - joints_m, axis=1).mean())
     assert len(errors) > 2 and np.median(errors) < 0.07

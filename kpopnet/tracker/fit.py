@@ -1,10 +1,11 @@
-"""The energy of a pose given a depth image, term by term: a residual, its cost and its linearisation.
+"""The fit of a body to the measured points: the energy of a pose, term by term, and its Gauss-Newton minimisation.
 
-The cost compares whole poses, the linearisation moves one (`kpopnet.tracker.solver`). Points and free space tie the body to the
-depth; lengths, penetration and joint priors hold it together. Lengths have no cost: all poses that are compared come from the
-solver, or have the body's lengths by construction. Points and joints are in the camera frame, in metres; `segments` are those
-of `kpopnet.geometry.cones.part_segments`. The `add_...` functions add a term to the normal equations of a step, (45, 45)
-`matrix` @ displacements of the joints = (45,) `rhs`.
+Beyond the paper. Points and free space tie the body to the depth; lengths, penetration and joint priors hold it together. A
+cost compares whole poses, a linearisation moves one: the `add_...` functions add a term to the normal equations of a step,
+(45, 45) `matrix` @ displacements of the joints = (45,) `rhs`. Lengths have no cost: all poses that are compared come from
+`fit`, or have the body's lengths by construction. The unknowns are joint positions, in which nearly all terms are linear: few
+iterations suffice, and a rotation of the body takes one. The fit is local: farther from the truth, `kpopnet.tracker.limbs`
+helps. Points and joints are in the camera frame, in metres; `segments` are those of `kpopnet.geometry.cones.part_segments`.
 """
 
 import math
@@ -12,9 +13,11 @@ import math
 import numpy as np
 from numba import njit
 
-from kpopnet.geometry.body import COLLISION_PAIRS, LIMBS, PARTS, ROW_TO_JOINT, TORSO_JOINTS
-from kpopnet.geometry.cones import signed_distance
+from kpopnet.geometry.body import COLLISION_PAIRS, LIMBS, PARTS, ROW_TO_JOINT, TORSO_JOINTS, Body
+from kpopnet.geometry.cones import body_segments, nearest_parts, signed_distance, torso_frame
+from kpopnet.geometry.depth_grid import DepthGrid
 from kpopnet.skeleton import NUM_JOINTS, Joint
+from kpopnet.tracker.solver import solve
 
 _ELIMINATION = [
     *(Joint.RIGHT_HAND, Joint.RIGHT_ELBOW, Joint.LEFT_HAND, Joint.LEFT_ELBOW),
@@ -140,15 +143,11 @@ MIN_Z_M = 0.2
 
 @njit(cache=True)
 def free_space_violation(segments, k, along, depth, nearest, intrinsics):
-    """How the point at position `along` (0..1) on the axis of part k contradicts the depth image.
+    """How the point at position `along` (0..1) on the axis of part k contradicts the depth image: dx, dy, dz, metres, and
+    whether the part is hidden there.
 
     Outside the silhouette: the vector to the nearest measured cell, at the point's depth. In front of the measured depth: the
-    vector away from the camera.
-
-    The arrays of the grid come one by one: a NamedTuple of them would double the time of a fit.
-
-    Returns:
-        The correction dx, dy, dz in metres, 0 without a contradiction, and whether the part is hidden there.
+    vector away from the camera. The arrays of the grid come one by one: a NamedTuple of them would double the time of a fit.
     """
     fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
     x, y, z = (
@@ -207,10 +206,7 @@ LENGTH_WEIGHT = 20.0
 
 @njit(cache=True)
 def add_lengths(matrix, rhs, joints, frame, body):
-    """Adds the deviations of the distances between joints; shoulder distances depend on the elevation of the arms.
-
-    `frame` is the `kpopnet.geometry.cones.torso_frame` of the joints.
-    """
+    """Adds the deviations of the distances between joints, given their `torso_frame`: shoulders rise with the arms."""
     elevation, pairs, lengths_m = _elevation(joints, frame[1]), body.pairs, body.lengths_m
     elevating_arm, gain_m, stiffness = body.elevating_arm, body.elevation_gain_m, body.stiffness
     for k in range(len(pairs)):
@@ -275,9 +271,8 @@ def penetration(segments, lower_part, other, along):
 
 @njit(cache=True)
 def penetration_cost(segments, first, last, cost_limit):
-    """Cost of limbs inside other parts, in square metres, over rows `first` to `last` - 1 of `COLLISION_PAIRS`.
-
-    The sum is aborted above `cost_limit`.
+    """Cost of limbs inside other parts, square metres, over rows `first` to `last` - 1 of `COLLISION_PAIRS`, aborted above
+    `cost_limit`.
     """
     total = 0.0
     for pair in range(first, last):
@@ -291,7 +286,7 @@ def penetration_cost(segments, first, last, cost_limit):
 
 @njit(cache=True)
 def add_penetration(matrix, rhs, segments):
-    """Adds the penetration of samples on forearms and shins into the parts of `COLLISION_PAIRS`."""
+    """Adds the penetration of samples on forearms and shins into other parts."""
     for pair in range(len(COLLISION_PAIRS)):
         lower_part, other = COLLISION_PAIRS[pair, 0], COLLISION_PAIRS[pair, 1]
         ends = PART_COLUMNS[lower_part, 0], PART_COLUMNS[lower_part, 1]
@@ -304,23 +299,20 @@ def add_penetration(matrix, rhs, segments):
 
 # Joint priors: impossible and unlikely positions of joints, which a depth image alone does not rule out.
 
-_HEAD_PRIOR = (Joint.HEAD, Joint.NECK, Joint.NECK, 0.04, 0.005)
-_ARM_PRIOR = (Joint.RIGHT_HAND, Joint.RIGHT_SHOULDER, Joint.RIGHT_SHOULDER, 0.0, 0.002)
-_LEG_PRIORS = (
+_PRIORS = (
+    (Joint.RIGHT_HAND, Joint.RIGHT_SHOULDER, Joint.RIGHT_SHOULDER, 0.0, 0.002),
+    (Joint.LEFT_HAND, Joint.LEFT_SHOULDER, Joint.LEFT_SHOULDER, 0.0, 0.002),
     (Joint.RIGHT_KNEE, Joint.RIGHT_HIP, Joint.RIGHT_FOOT, 0.0, 0.02),
     (Joint.RIGHT_KNEE, Joint.RIGHT_HIP, Joint.RIGHT_HIP, 0.0, 0.002),
+    (Joint.LEFT_KNEE, Joint.LEFT_HIP, Joint.LEFT_FOOT, 0.0, 0.02),
+    (Joint.LEFT_KNEE, Joint.LEFT_HIP, Joint.LEFT_HIP, 0.0, 0.002),
+    (Joint.HEAD, Joint.NECK, Joint.NECK, 0.04, 0.005),
 )
 """A joint, two reference joints, the minimum distance in metres by which the joint lies in front of the middle of the
-reference joints (along the torso's front axis), and the weight of the squared shortfall. The left joints mirror the right."""
+reference joints (along the torso's front axis), and the weight of the squared shortfall."""
 
-_ALL_PRIORS = [
-    (*(joint + side for joint in prior[:3]), *prior[3:])
-    for priors in ((_ARM_PRIOR,), _LEG_PRIORS)
-    for side in (0, 1)
-    for prior in priors
-] + [_HEAD_PRIOR]
-JOINT_PRIORS = np.array([prior[:3] for prior in _ALL_PRIORS])
-JOINT_PRIOR_MIN_M, JOINT_PRIOR_WEIGHT = np.array([prior[3:] for prior in _ALL_PRIORS]).T.copy()
+JOINT_PRIORS = np.array([prior[:3] for prior in _PRIORS])
+JOINT_PRIOR_MIN_M, JOINT_PRIOR_WEIGHT = np.array([prior[3:] for prior in _PRIORS]).T.copy()
 """Priors that disambiguate front and back, which look alike in a depth image: knees never bend backwards, the head is in front
 of the neck (by 6 +- 1 cm in simulated dancers), and thighs and hands are seldom behind hips and shoulders."""
 
@@ -340,9 +332,9 @@ def joint_prior_shortfall(joints, prior, forward):
 
 @njit(cache=True)
 def joint_prior(joints, forward, first, last):
-    """Cost of impossible or unlikely joint positions, in square metres, over priors `first` to `last` - 1.
+    """Cost of impossible or unlikely joint positions, square metres, over priors `first` to `last` - 1.
 
-    `forward` is the torso's front axis, the last row of `kpopnet.geometry.cones.torso_frame`.
+    `forward` is the torso's front axis, the last row of `torso_frame`.
     """
     total = 0.0
     for prior in range(first, last):
@@ -362,3 +354,83 @@ def add_joint_priors(matrix, rhs, joints, forward):
             coefficient = 0.5 if reference != other else 1.0
             ends = COLUMN[joint], COLUMN[other]
             add_residual(matrix, rhs, ends, (-1.0, coefficient), direction, shortfall, JOINT_PRIOR_WEIGHT[prior])
+
+
+# The whole energy.
+
+START_PRIOR_WEIGHT = 0.01
+"""Weight of the mean squared distance to the start pose, relative to 1 for all points together."""
+
+MAX_UPDATE_M, CONVERGED_UPDATE_M = 0.15, 0.002
+"""Largest update of a coordinate per iteration, and the update below which the fit has converged, in metres."""
+
+
+@njit(cache=True)
+def _surface(joints, points, body, stride):
+    """The segments of the body in a pose, the `nearest_parts` of every `stride`th point, and the torso's frame."""
+    segments = body_segments(joints, body)
+    return segments, nearest_parts(segments, points, stride), torso_frame(joints)
+
+
+@njit(cache=True)
+def pose_cost(joints_m, grid, body, stride=1):
+    """Cost of (15, 3) joints given the depth image, square metres: all terms but the lengths, with every `stride`th point."""
+    segments, nearest, frame = _surface(joints_m, grid.points_m, body, stride)
+    cost = points_cost(nearest[1])
+    for k in range(len(segments)):
+        cost += free_space_cost(segments, k, grid.depth_m, grid.nearest, grid.intrinsics)
+    cost += joint_prior(joints_m, frame[2], 0, len(JOINT_PRIORS))
+    return cost + penetration_cost(segments, 0, len(COLLISION_PAIRS), np.inf)
+
+
+def fit(
+    joints_m: np.ndarray,
+    grid: DepthGrid,
+    body: Body,
+    iterations: int,
+    stride: int = 1,
+    prior_weight: float = START_PRIOR_WEIGHT,
+) -> np.ndarray:
+    """Fits the body's joints to the depth image by at most so many Gauss-Newton iterations.
+
+    Args:
+        joints_m: (15, 3) the start pose.
+        grid: the depth image.
+        body: the person's body.
+        iterations: their maximum number.
+        stride: only every `stride`th point is used.
+        prior_weight: weight of the mean squared distance to the start pose, relative to 1 for all points together.
+
+    Returns:
+        (15, 3) float64 joints in the camera frame in metres.
+    """
+    return _fit(np.ascontiguousarray(joints_m, np.float64), grid, body, iterations, stride, prior_weight)
+
+
+@njit(cache=True)
+def _fit(start, grid, body, iterations, stride, start_weight):
+    """`fit` as a kernel."""
+    joints = start.copy()
+    size = 3 * len(joints)
+    matrix, rhs = np.empty((size, size)), np.empty(size)
+    for _ in range(iterations):
+        matrix[:], rhs[:] = 0.0, 0.0
+        segments, nearest, frame = _surface(joints, grid.points_m, body, stride)
+        add_points(matrix, rhs, segments, grid.points_m, nearest, stride)
+        add_free_space(matrix, rhs, segments, grid.depth_m, grid.nearest, grid.intrinsics)
+        add_lengths(matrix, rhs, joints, frame, body)
+        add_penetration(matrix, rhs, segments)
+        add_joint_priors(matrix, rhs, joints, frame[2])
+        for j in range(len(joints)):  # the distance to the start pose
+            for c in range(3):
+                matrix[COLUMN[j] + c, COLUMN[j] + c] += start_weight / len(joints)
+                rhs[COLUMN[j] + c] += start_weight / len(joints) * (start[j, c] - joints[j, c])
+        solve(matrix, rhs)
+        max_update = np.abs(rhs).max()
+        factor = min(1.0, MAX_UPDATE_M / (max_update + 1e-12))
+        for j in range(len(joints)):
+            for c in range(3):
+                joints[j, c] += rhs[COLUMN[j] + c] * factor
+        if max_update < CONVERGED_UPDATE_M:
+            break
+    return joints
