@@ -84,23 +84,12 @@ def build_depth_grid(depth_m: np.ndarray, camera: Camera) -> DepthGrid:
 
 def _cell_side_px(depth_m: np.ndarray, fx: float) -> int:
     """Side in pixels of a cell of `CELL_M` at the mean depth, within the limits that `LEAST_CELLS` and `MOST_CELLS` set."""
-    total_m, count = _sampled_depth(depth_m)
-    if not count:
+    sampled_m = depth_m[::SAMPLING_PX, ::SAMPLING_PX]
+    measured_m = sampled_m[sampled_m > 0]
+    if not len(measured_m):
         return SAMPLING_PX
-    least_px, most_px = (SAMPLING_PX * math.sqrt(count / cells) for cells in (MOST_CELLS, LEAST_CELLS))
-    return max(1, round(min(max(CELL_M * fx * count / total_m, least_px), most_px)))
-
-
-@njit(cache=True)
-def _sampled_depth(depth):
-    """Sum in metres and number of the measured pixels among those of `SAMPLING_PX`."""
-    total, count = 0.0, 0
-    for v in range(0, depth.shape[0], SAMPLING_PX):
-        for u in range(0, depth.shape[1], SAMPLING_PX):
-            if depth[v, u] > 0:
-                total += depth[v, u]
-                count += 1
-    return total, count
+    least_px, most_px = (SAMPLING_PX * math.sqrt(len(measured_m) / cells) for cells in (MOST_CELLS, LEAST_CELLS))
+    return max(1, round(min(max(CELL_M * fx / measured_m.mean(dtype=np.float64), least_px), most_px)))
 
 
 @njit(cache=True)

@@ -35,6 +35,16 @@ def cone_body(joints_m: np.ndarray) -> Body:
     return body_from_model(HumanModel.from_joints(joints_m))
 
 
+def error_m(found_m: np.ndarray, joints_m: np.ndarray) -> np.ndarray:
+    """(...) distances between (..., 3) joints."""
+    return np.linalg.norm(found_m - joints_m, axis=-1)
+
+
+def filmed(joints_m: np.ndarray, camera: Camera) -> np.ndarray:
+    """(T, H, W) float32 metres of a person with the lengths of the first of (T, 15, 3) poses."""
+    return np.stack([draw_cones(pose, cone_body(joints_m[0]), camera) for pose in joints_m])
+
+
 def draw_cones(joints_camera_m: np.ndarray, body: Body, camera: Camera) -> np.ndarray:
     """(H, W) float32 metres: closely spaced spheres along every part, 0 elsewhere."""
     rows = extend_joints(np.asarray(joints_camera_m, np.float64), body.trunk_offsets_m)

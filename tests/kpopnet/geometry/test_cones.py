@@ -57,16 +57,14 @@ def test_fingers_extend_the_forearm_and_toes_point_forwards() -> None:
     joints = cone_joints(abduction_deg=0)
     rows = extend_joints(joints, NOWHERE)
     np.testing.assert_array_equal(rows[:NUM_JOINTS], joints)
-    for hand, elbow, fingers in (
-        (Joint.RIGHT_HAND, Joint.RIGHT_ELBOW, RIGHT_FINGERS),
-        (Joint.LEFT_HAND, Joint.LEFT_ELBOW, LEFT_FINGERS),
-    ):
-        forearm = joints[hand] - joints[elbow]
-        np.testing.assert_allclose(rows[fingers] - joints[hand], FINGERS_M * forearm / np.linalg.norm(forearm), atol=1e-8)
-    for foot, toes in ((Joint.RIGHT_FOOT, RIGHT_TOES), (Joint.LEFT_FOOT, LEFT_TOES)):
-        # A person who faces the camera has toes at smaller z.
-        np.testing.assert_allclose(rows[toes] - joints[foot], (0, TOES_DOWN_M, -TOES_M), atol=0.015)
-    assert ROW_TO_JOINT[[RIGHT_TOES, LEFT_FINGERS]].tolist() == [Joint.RIGHT_FOOT, Joint.LEFT_HAND]
+    hands, fingers = [Joint.RIGHT_HAND, Joint.LEFT_HAND], [RIGHT_FINGERS, LEFT_FINGERS]
+    forearms = joints[hands] - joints[[Joint.RIGHT_ELBOW, Joint.LEFT_ELBOW]]
+    forearms /= np.linalg.norm(forearms, axis=1, keepdims=True)
+    np.testing.assert_allclose(rows[fingers] - joints[hands], FINGERS_M * forearms, atol=1e-8)
+    # A person who faces the camera has toes at smaller z.
+    feet, toes = [Joint.RIGHT_FOOT, Joint.LEFT_FOOT], [RIGHT_TOES, LEFT_TOES]
+    np.testing.assert_allclose(rows[toes] - joints[feet], [(0, TOES_DOWN_M, -TOES_M)] * 2, atol=0.015)
+    assert ROW_TO_JOINT[[*toes, *fingers]].tolist() == [*feet, *hands]
 
 
 def test_trunk_points_follow_the_torso_frame() -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from cone_people import cone_body, cone_joints, draw_cones
+from cone_people import cone_body, cone_joints, draw_cones, error_m
 
 from kpopnet.camera import CAMERAS
 from kpopnet.geometry.human_model import HumanModel
@@ -36,10 +36,6 @@ def track(frame: Frame, model_joints: np.ndarray, previous=None, velocity=None, 
 def person():
     joints = cone_joints(yaw_deg=8)
     return joints, draw_cones(joints, cone_body(joints), CAMERA)
-
-
-def error_m(found: np.ndarray, joints: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(found - joints, axis=1)
 
 
 @pytest.mark.parametrize("candidates", SOURCES)
@@ -129,9 +125,7 @@ def test_an_unseen_joint_moves_with_its_parent(person) -> None:
     joints, depth = person
     depth = depth.copy()
     u, v, _ = CAMERA.project(joints[Joint.LEFT_HAND])
-    # The left arm from the elbow on is not measured; it moves with its parent.
-    arm = CAMERA.points(depth)
-    depth[np.linalg.norm(arm - joints[Joint.LEFT_HAND], axis=-1) < 0.3] = 0
+    depth[np.linalg.norm(CAMERA.points(depth) - joints[Joint.LEFT_HAND], axis=-1) < 0.3] = 0  # from the elbow on
     assert depth[round(v), round(u)] == 0
     before = joints - (0.03, 0, 0)
     found, support = track(seen(depth), joints, before)

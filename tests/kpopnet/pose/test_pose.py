@@ -39,7 +39,7 @@ def person(column, distance_m=2.0, camera=CAMERA):
     return image
 
 
-def test_a_segmented_recording_needs_nobody_to_be_found():
+def test_in_a_segmented_recording_no_person_has_to_be_found():
     depth = np.stack([person(20), np.zeros((60, 80), np.float32), person(40)])
     (found,) = PoseEstimator(Blob()).estimate(depth, CAMERA, segmented=True)
     assert np.isfinite(found.joints_camera_m[[0, 2]]).all()
@@ -58,15 +58,16 @@ def test_wrong_settings_are_refused_by_name(wrong):
         PoseEstimator(Blob(), **wrong)
 
 
+def room(*people):
+    """A wall at 4 m, and boxes at a column and a distance."""
+    image = np.full((240, 320), 4.0, np.float32)
+    for column, distance_m in people:
+        image[40:200, column : column + 40] = distance_m
+    return image
+
+
 def test_two_people_of_a_room_are_followed_in_their_identities():
     camera = CAMERAS["kinect_v1"]
-
-    def room(*people):
-        image = np.full((240, 320), 4.0, np.float32)
-        for column, distance_m in people:
-            image[40:200, column : column + 40] = distance_m
-        return image
-
     frames = [room()] * 3 + [room((40 + 2 * t, 2.5), (220 - 2 * t, 2.0)) for t in range(30)]
     two = PoseEstimator(Blob(), people=2).estimate(frames, camera)
     assert len(two) == 2
@@ -75,18 +76,13 @@ def test_two_people_of_a_room_are_followed_in_their_identities():
     for one in two:
         seen = np.isfinite(one.joints_camera_m).all(axis=(1, 2))
         steps = np.linalg.norm(np.diff(one.joints_camera_m[seen].mean(axis=1), axis=0), axis=-1)
-        assert steps.max() < 0.1, "nobody jumps to the other's place"
+        assert steps.max() < 0.1, "no person jumps to the other's place"
     (main,) = PoseEstimator(Blob(), people=1).estimate(frames, camera)
     np.testing.assert_array_equal(main.joints_camera_m, two[0].joints_camera_m)
 
 
 def test_online_equals_a_recording_in_realtime_mode():
-    camera = CAMERAS["kinect_v1"]
-    frames = []
-    for t in range(12):
-        image = np.full((240, 320), 4.0, np.float32)
-        image[40:200, 100 + 3 * t : 140 + 3 * t] = 2.0
-        frames.append(image)
+    camera, frames = CAMERAS["kinect_v1"], [room((100 + 3 * t, 2.0)) for t in range(12)]
     online = PoseEstimator(Blob())
     poses = [online.update(frame, camera) for frame in frames]
     (whole,) = PoseEstimator(Blob()).estimate(np.stack(frames), camera)
@@ -95,7 +91,7 @@ def test_online_equals_a_recording_in_realtime_mode():
             np.testing.assert_array_equal(people[0].joints_camera_m, whole.joints_camera_m[frame])
 
 
-def test_nobody_is_an_empty_list_and_a_warning(caplog):
+def test_an_empty_room_gives_an_empty_list_and_a_warning(caplog):
     assert PoseEstimator(Blob()).estimate(np.full((3, 60, 80), 3.0, np.float32), CAMERA) == []
     assert "no person was found in 3 image(s)" in caplog.text
 
@@ -146,12 +142,8 @@ def test_smoothing_equals_its_plain_twin(seed, fps):
     np.testing.assert_allclose(smoothed(joints_m, confidence, fps), plainly_smoothed(joints_m, confidence, fps), atol=1e-5)
 
 
-def test_people_out_of_view_are_forgotten_before_they_fill_the_memory(monkeypatch):
-    camera, frames = CAMERAS["kinect_v1"], []
-    for t in range(6):
-        image = np.full((240, 320), 4.0, np.float32)
-        image[40:200, 100 + 3 * t : 140 + 3 * t] = 2.0
-        frames.append(image)
+def test_people_out_of_view_are_forgotten_before_they_fill_the_memory():
+    camera, frames = CAMERAS["kinect_v1"], [room((100 + 3 * t, 2.0)) for t in range(6)]
     estimator = PoseEstimator(Blob())
     for frame in frames:
         people = estimator.update(frame, camera)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from cone_people import CAMERA, cone_body, cone_joints, moved, person  # noqa: F401
+from cone_people import CAMERA, cone_body, cone_joints, error_m, moved, person  # noqa: F401
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -22,10 +22,6 @@ def turned(joints: np.ndarray, angle_deg: float) -> np.ndarray:
     """The pose rotated about the camera's vertical through its torso."""
     c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
     return joints[Joint.TORSO] + (joints - joints[Joint.TORSO]) @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
-
-
-def error_m(found: np.ndarray, joints: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(found - joints, axis=1)
 
 
 # --- the cost of whole poses --------------------------------------------------------------------------------------

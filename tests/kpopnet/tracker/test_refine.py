@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from cone_people import cone_body, cone_joints, draw_cones, moved, seen
+from cone_people import cone_body, cone_joints, error_m, filmed, moved, seen
 
 from kpopnet.camera import CAMERAS
 from kpopnet.estimator import Estimate
@@ -37,19 +37,13 @@ class FixedEstimator:
 def film():
     """(8, 15, 3) true joints, (8, H, W) metres of a person who lowers the arms and turns, and joints with 3 to 5 cm error."""
     joints = np.stack([cone_joints(30 - 8 * t, yaw_deg=6 * t) for t in range(8)])
-    body = cone_body(joints[0])
-    depth_m = np.stack([draw_cones(pose, body, CAMERA) for pose in joints])
-    return joints, depth_m, np.stack([moved(pose, seed) for seed, pose in enumerate(joints)])
-
-
-def error_m(found: np.ndarray, joints: np.ndarray) -> float:
-    return float(np.linalg.norm(found - joints, axis=-1).mean())
+    return joints, filmed(joints, CAMERA), np.stack([moved(pose, seed) for seed, pose in enumerate(joints)])
 
 
 def test_refinement_reduces_the_error_and_no_frame_depends_on_a_later_one(film) -> None:
     joints, depth_m, detected = film
     whole = FittedEstimator(FixedEstimator(detected)).estimate(depth_m, CAMERA)
-    assert error_m(whole.joints_camera_m, joints) < 0.65 * error_m(detected, joints)
+    assert error_m(whole.joints_camera_m, joints).mean() < 0.65 * error_m(detected, joints).mean()
     assert whole.joints_camera_m.dtype == whole.confidence.dtype == np.float32
     part = FittedEstimator(FixedEstimator(detected[:5])).estimate(depth_m[:5], CAMERA)
     np.testing.assert_array_equal(part.joints_camera_m, whole.joints_camera_m[:5])
