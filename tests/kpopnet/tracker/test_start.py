@@ -41,7 +41,8 @@ def test_a_standing_person_of_any_size_and_one_who_sits(joints_m: np.ndarray, si
 def test_only_auto_starts_from_who_sits() -> None:
     depth_m = draw_cones(sitting_pose(AVERAGE_MODEL) + np.array((0.1, -0.2, 2.8)), body_from_model(AVERAGE_MODEL), CAMERA)
     grid = build_depth_grid(depth_m, CAMERA)
-    assert find_start(depth_m, grid, CAMERA, "standing") is None is not find_start(depth_m, grid, CAMERA, "auto")
+    standing, auto = (find_start(depth_m, grid, CAMERA, start)[1] for start in ("standing", "auto"))
+    assert standing != AVERAGE_MODEL == auto, "a small person who stands, and one of average size who sits"
 
 
 def test_the_size_does_not_depend_on_the_size_of_pixels() -> None:
