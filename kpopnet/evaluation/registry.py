@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from kpopnet.baselines.mean_pose import MeanPoseEstimator
-from kpopnet.baselines.tree_walk.model import TreeWalkEstimator, TreeWalkEstimatorConfig
+from kpopnet.baselines.tree_walk.walking import TreeWalkEstimator, TreeWalkEstimatorConfig
 from kpopnet.datasets.dances.dance_set import KpopConfig, KpopSet, open_set
 from kpopnet.datasets.eval import EvalBenchmark
 from kpopnet.datasets.itop import ItopBenchmark, ItopConfig

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from kpopnet.baselines.tree_walk.walking import feature
+from kpopnet.baselines.tree_walk.walking import Trees, feature
 
 MAX_DEPTH = 20
 """Largest number of splits between the root and a leaf."""
@@ -21,16 +21,6 @@ PROBE_M = 0.8
 
 DIRECTIONS, KMEANS_ITERATIONS = 5, 10
 """Number of directions that a leaf stores, found by k-means, as Jung et al. do."""
-
-
-class Tree(NamedTuple):
-    """One joint's tree: the fields of `kpopnet.baselines.tree_walk.walking.Trees`, with nodes and leaves numbered from 0."""
-
-    child: np.ndarray
-    threshold: np.ndarray
-    probe: np.ndarray
-    direction: np.ndarray
-    share: np.ndarray
 
 
 class Samples(NamedTuple):
@@ -49,18 +39,12 @@ class Samples(NamedTuple):
     direction: np.ndarray
 
 
-def grow(samples: Samples, leaf_samples: int, num_features: int, px_per_m: float, seed: tuple[int, ...]) -> Tree:
-    """Grows a tree that predicts the direction at a position.
+def grow(samples: Samples, leaf_samples: int, num_features: int, px_per_m: float, seed: tuple[int, ...]) -> Trees:
+    """Grows a tree that predicts the direction at a position; nodes and leaves are numbered from 0.
 
-    The split of a node is the best of some random features and thresholds: it minimises the sum of squared deviations of
-    the directions from the mean of their side. A node with few samples, or without a valid split, becomes a leaf.
-
-    Args:
-        samples: training samples.
-        leaf_samples: smallest number of samples in a leaf.
-        num_features: number of random features tried at every node.
-        px_per_m: pixels per metre of the images.
-        seed: of the features.
+    The split of a node is the best of `num_features` random features and all thresholds: it minimises the sum of squared
+    deviations of the directions from the mean of their side. A node with fewer than twice `leaf_samples` samples, or without
+    a split that leaves as many on both sides, becomes a leaf. `seed` is of the features.
     """
     order = np.random.default_rng([*seed, 0]).permutation(len(samples.image))
     child, threshold, probe, direction, share = [0], [0], [np.zeros(5, np.int16)], [], []
@@ -87,7 +71,8 @@ def grow(samples: Samples, leaf_samples: int, num_features: int, px_per_m: float
             means, shares = cluster(samples.direction[members], DIRECTIONS)
             direction.append(means)
             share.append(np.cumsum(shares))
-    return Tree(
+    return Trees(
+        np.zeros(1, np.int32),
         np.array(child, np.int32),
         np.array(threshold, np.int32),
         np.stack(probe),
@@ -154,49 +139,45 @@ def best_split(samples, members, probes, bins, min_samples):
 
 
 @njit(cache=True)
-def cluster(directions, count):
-    """Spherical k-means of unit vectors.
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def cluster(directions: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Spherical k-means of (n, 3) unit vectors.
 
     The first mean is initialised with the first vector, every further mean with the vector farthest in angle from the
     means before it.
 
-    Args:
-        directions: (n, 3) float32.
-        count: number of means, K.
-
     Returns:
-        (K, 3) float64 unit vectors, and (K,) the share of the vectors nearest to each; 0 for a mean without vectors.
+        (count, 3) float64 unit vectors, and (count,) the share of the vectors nearest to each; 0 for a mean without vectors.
     """
-    number = len(directions)
+    directions = directions.astype(np.float64)
     means = np.zeros((count, 3))
-    similarity = np.full(number, -np.inf)
-    latest = 0
+    similarity, latest = np.full(len(directions), -np.inf), 0
     for k in range(count):
         means[k] = directions[latest]
-        for i in range(number):
-            similarity[i] = max(similarity[i], _dot(means[k], directions[i]))
-        latest = np.argmin(similarity)
-    chosen = np.zeros(number, np.int64)
+        similarity = np.maximum(similarity, _cosines(directions, means[k : k + 1])[:, 0])
+        latest = similarity.argmin()
     for _ in range(KMEANS_ITERATIONS):
-        sums = np.zeros((count, 3))
-        for i in range(number):
-            nearest = 0
-            for k in range(1, count):
-                if _dot(means[k], directions[i]) > _dot(means[nearest], directions[i]):
-                    nearest = k
-            chosen[i] = nearest
-            for axis in range(3):
-                sums[nearest, axis] += directions[i, axis]
-        for k in range(count):
-            length = np.sqrt(_dot(sums[k], sums[k]))
-            if length > 1e-9:
-                means[k] = sums[k] / length
-    shares = np.zeros(count)
-    for i in range(number):
-        shares[chosen[i]] += 1 / number
-    return means, shares
+        nearest = _cosines(directions, means).argmax(axis=1)
+        sums = np.stack([np.bincount(nearest, axis, count) for axis in directions.T], axis=1)
+        length = np.linalg.norm(sums, axis=1, keepdims=True)
+        means = np.where(length > 1e-9, sums / np.maximum(length, 1e-9), means)
+    return means, np.bincount(nearest, np.full(len(directions), 1 / len(directions)), count)
 
 
-@njit(cache=True)
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+def _cosines(directions: np.ndarray, means: np.ndarray) -> np.ndarray:
+    """(n, K) cosines of the angles between (n, 3) and (K, 3) unit vectors."""
+    return sum(directions[:, axis, None] * means[:, axis] for axis in range(3))
+
+
+def merge_trees(trees: list[Trees]) -> Trees:
+    """Concatenates the trees of all joints."""
+    nodes = np.cumsum([0, *(len(tree.child) for tree in trees)])
+    leaves = np.cumsum([0, *(len(tree.share) for tree in trees)])
+    child = [
+        np.where(tree.child >= 0, tree.child + nodes[joint], tree.child - leaves[joint]) for joint, tree in enumerate(trees)
+    ]
+    parts = (np.concatenate([getattr(tree, name) for tree in trees]) for name in Trees._fields[2:])
+    return Trees(nodes[:-1].astype(np.int32), np.concatenate(child).astype(np.int32), *parts)

@@ -1,15 +1,12 @@
 """Trains a random tree walk: images, positions in them, a tree for each joint, and the calibration of the confidence."""
 
-import logging
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 from tqdm import tqdm
 
-from kpopnet.baselines.tree_walk.growing import Samples, Tree, grow
-from kpopnet.baselines.tree_walk.model import TreeWalkModel
-from kpopnet.baselines.tree_walk.walking import UNITS, Trees, integer_image
+from kpopnet.baselines.tree_walk.growing import Samples, grow, merge_trees
+from kpopnet.baselines.tree_walk.walking import UNITS, TreeWalkModel, integer_image
 from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, ShuffledOrder, batch_loader
 from kpopnet.data.cube import Cube
 from kpopnet.data.observation import ObservationSource
@@ -28,8 +25,6 @@ HALF_SIZE_M = 1.15
 CONFIDENCE_BINS = 10
 POSITIONS_STREAM, GROWTH_STREAM = 0x91AC, 0x7EEE
 """Make these random draws independent of each other and of those of the observations, which have the same seed."""
-
-log = logging.getLogger(__name__)
 
 
 @dataclass
@@ -61,41 +56,21 @@ class TreeWalkConfig:
         ModelConfig(crop_px=self.crop_px)  # refuses invalid crops
 
 
-class CropImages(NamedTuple):
-    """Images of M people with their ground truth.
-
-    Attributes:
-        images: (M, S, S) int16 `integer_image`.
-        joints_uvd: (M, 15, 3) float32 ground-truth joints in the coordinates of the image's cube.
-        cubes_m: (M, 4) float32 the cube's centre in the camera frame and its half size, metres.
-    """
-
-    images: np.ndarray
-    joints_uvd: np.ndarray
-    cubes_m: np.ndarray
-
-
 def train(
     config: TreeWalkConfig, source: ObservationSource, validation: ObservationSource, seed: int, workers: int
 ) -> tuple[TreeWalkModel, dict]:
-    """Grows the trees of all joints and evaluates them.
+    """Grows the trees of all joints; returns the model and its metrics on the validation set.
 
-    Args:
-        config: how the model is trained.
-        source: training observations.
-        validation: validation observations.
-        seed: of sample order, augmentation, positions and features.
-        workers: processes that prepare images; 0 prepares them in this process.
-
-    Returns:
-        The model, and its metrics on the validation set by name.
+    `workers` processes prepare images, this one if it is 0.
     """
     order = ShuffledOrder(len(source), BATCH, seed)
     batches = CropBatches(source, ModelConfig(crop_px=config.crop_px, half_size_m=HALF_SIZE_M), order, seed, config.augment)
-    images = collect_images(batches, config.images, workers, "training images")
+    images, joints_uvd, _ = collect_images(batches, config.images, workers, "training images")
     trees = []
     for joint in tqdm(range(NUM_JOINTS), desc="trees", unit="joint"):
-        samples = draw_positions(images, joint, config.places, np.random.default_rng([seed, POSITIONS_STREAM, joint]))
+        samples = draw_positions(
+            images, joints_uvd[:, joint], config.places, np.random.default_rng([seed, POSITIONS_STREAM, joint])
+        )
         half_px = config.crop_px / 2 / HALF_SIZE_M
         trees.append(grow(samples, config.leaf_samples, config.features, half_px, (seed, GROWTH_STREAM, joint)))
     uncalibrated = np.zeros((NUM_JOINTS, 0), np.float32), np.ones((NUM_JOINTS, 1), np.float32)
@@ -103,47 +78,45 @@ def train(
     count = min(config.validation_images, len(validation))
     order = EvenOrder(len(validation), BATCH, count)
     batches = CropBatches(validation, ModelConfig(crop_px=config.crop_px, half_size_m=HALF_SIZE_M), order, seed, None)
-    return calibrate(model, collect_images(batches, count, workers, "validation images"))
+    return calibrate(model, *collect_images(batches, count, workers, "validation images"))
 
 
-def collect_images(batches: CropBatches, count: int, workers: int, what: str) -> CropImages:
-    """Collects the first `count` images of the batches, with a progress bar labelled `what`."""
+def collect_images(batches: CropBatches, count: int, workers: int, what: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Collects the first `count` images of the batches, with a progress bar labelled `what`.
+
+    Returns:
+        (M, S, S) int16 `integer_image` of M people, (M, 15, 3) float32 true joints in the coordinates of the image's cube, and
+        (M, 4) float32 the cube's centre in the camera frame and its half size, metres.
+    """
     side = batches.model.crop_px
-    images = CropImages(
-        np.empty((count, side, side), np.int16),
-        np.empty((count, NUM_JOINTS, 3), np.float32),
-        np.empty((count, 4), np.float32),
-    )
-    filled = skipped = 0
+    images = np.empty((count, side, side), np.int16)
+    joints_uvd, cubes_m = np.empty((count, NUM_JOINTS, 3), np.float32), np.empty((count, 4), np.float32)
+    filled = 0
     with tqdm(total=count, desc=what, unit="image") as bar:
         for batch in batch_loader(batches, 0, -(-count // BATCH), workers):
-            rows = slice(filled, min(filled + len(batch.crop), count))
-            added = rows.stop - rows.start
-            crops, targets, cubes_m = (np.asarray(part)[:added] for part in batch[:3])
-            images.images[rows], images.joints_uvd[rows], images.cubes_m[rows] = integer_image(crops[:, 0]), targets, cubes_m
+            added = min(len(batch.crop), count - filled)
+            crops, targets, cubes = (np.asarray(part)[:added] for part in batch[:3])
+            rows = slice(filled, filled + added)
+            images[rows], joints_uvd[rows], cubes_m[rows] = integer_image(crops[:, 0]), targets, cubes
             filled += added
-            skipped += batch.skipped
             bar.update(added)
-    if skipped:
-        log.info(f"{what}: {skipped} observations with an empty silhouette were replaced by the next one")
-    return images
+    return images, joints_uvd, cubes_m
 
 
-def draw_positions(crops: CropImages, joint: int, places: int, rng: np.random.Generator) -> Samples:
-    """Draws the positions from which the direction to a joint is learned, `places` in each image.
+def draw_positions(images: np.ndarray, joint_uvd: np.ndarray, places: int, rng: np.random.Generator) -> Samples:
+    """Draws the positions from which the direction to a joint, (M, 3), is learned, `places` in each of M images.
 
     The positions are isotropic around the joint, although walks come from its parent: an uncertain tree returns the most
     frequent direction of its samples. With positions along the way from the parent, walks drifted past the joint. The
     distance from the joint is uniform, so the density is highest at the joint, where walks take most steps.
     """
-    count = len(crops.images) * places
-    image = np.repeat(np.arange(len(crops.images), dtype=np.int32), places)
-    target = crops.joints_uvd[image, joint]
+    count = len(images) * places
+    image = np.repeat(np.arange(len(images), dtype=np.int32), places)
     offset = rng.normal(size=(count, 3)).astype(np.float32)
     offset *= AROUND_M / HALF_SIZE_M * rng.random((count, 1)) / np.linalg.norm(offset, axis=1, keepdims=True)
-    position = target + offset
     direction = -offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), 1e-9)
-    return Samples(crops.images, image, pixel_positions(position, crops.images.shape[1]), direction.astype(np.float32))
+    position = pixel_positions(joint_uvd[image] + offset, images.shape[1])
+    return Samples(images, image, position, direction.astype(np.float32))
 
 
 def pixel_positions(position_uvd: np.ndarray, side: int) -> np.ndarray:
@@ -153,26 +126,15 @@ def pixel_positions(position_uvd: np.ndarray, side: int) -> np.ndarray:
     return np.stack([np.floor((v + 1) * half), np.floor((u + 1) * half), np.rint(d * UNITS)], axis=1).astype(np.int32)
 
 
-def merge_trees(trees: list[Tree]) -> Trees:
-    """Concatenates the trees of all joints into one set of arrays."""
-    nodes = np.cumsum([0, *(len(tree.child) for tree in trees)])
-    leaves = np.cumsum([0, *(len(tree.share) for tree in trees)])
-    child = [
-        np.where(tree.child >= 0, tree.child + node, tree.child - leaf).astype(np.int32)
-        for tree, node, leaf in zip(trees, nodes[:-1], leaves[:-1], strict=True)
-    ]
-    parts = (np.concatenate([getattr(tree, name) for tree in trees]) for name in Tree._fields[1:])
-    return Trees(nodes[:-1].astype(np.int32), np.concatenate(child), *parts)
-
-
-def calibrate(model: TreeWalkModel, crops: CropImages) -> tuple[TreeWalkModel, dict]:
-    """Calibrates the confidence of a model on images; returns the model and its metrics on these images."""
-    errors_m = np.empty((len(crops.images), NUM_JOINTS))
-    deviations_m = np.empty((len(crops.images), NUM_JOINTS), np.float32)
-    for number, (image, truth, (*centre_m, half_size_m)) in enumerate(zip(*crops, strict=True)):
+def calibrate(
+    model: TreeWalkModel, images: np.ndarray, joints_uvd: np.ndarray, cubes_m: np.ndarray
+) -> tuple[TreeWalkModel, dict]:
+    """Calibrates the confidence of a model on `collect_images`; returns the model and its metrics on these images."""
+    errors_m, deviations_m = np.empty((len(images), NUM_JOINTS)), np.empty((len(images), NUM_JOINTS), np.float32)
+    for number, (image, true_uvd, (*centre_m, half_size_m)) in enumerate(zip(images, joints_uvd, cubes_m, strict=True)):
         uvd, deviations_m[number] = model.run_walks(image, number)
         cube = Cube(np.array(centre_m, np.float32), half_size_m)
-        errors_m[number] = np.linalg.norm(cube.to_metres(uvd) - cube.to_metres(truth), axis=-1)
+        errors_m[number] = np.linalg.norm(cube.to_metres(uvd) - cube.to_metres(true_uvd), axis=-1)
     within = errors_m < WITHIN_M
     bounds_m = np.quantile(deviations_m, np.arange(1, CONFIDENCE_BINS) / CONFIDENCE_BINS, axis=0).T.astype(np.float32)
     bin_of = (deviations_m[:, :, None] >= bounds_m).sum(axis=-1)

@@ -10,10 +10,21 @@ from damaged_files import survives_damage
 from safetensors.numpy import load_file, save_file
 
 from kpopnet.baselines.mean_pose import MeanPoseEstimator
-from kpopnet.baselines.tree_walk.growing import Samples, best_split, cluster, draw_probes, grow
-from kpopnet.baselines.tree_walk.model import META, TREES, TreeWalkEstimator, TreeWalkEstimatorConfig, TreeWalkModel
-from kpopnet.baselines.tree_walk.training import TreeWalkConfig, merge_trees, pixel_positions, train
-from kpopnet.baselines.tree_walk.walking import MAX_DIFFERENCE, UNITS, UNMEASURED, Trees, find_leaf, integer_image, walk
+from kpopnet.baselines.tree_walk.growing import Samples, best_split, draw_probes, grow
+from kpopnet.baselines.tree_walk.training import TreeWalkConfig, pixel_positions, train
+from kpopnet.baselines.tree_walk.walking import (
+    MAX_DIFFERENCE,
+    META,
+    TREES,
+    UNITS,
+    UNMEASURED,
+    Trees,
+    TreeWalkEstimator,
+    TreeWalkEstimatorConfig,
+    TreeWalkModel,
+    find_leaf,
+    walk,
+)  # fmt: skip
 from kpopnet.data.batches import AugmentConfig
 from kpopnet.data.cube import person_centre
 from kpopnet.errors import InputError
@@ -29,18 +40,6 @@ SMALL = TreeWalkConfig(
     augment=AugmentConfig(mirror=0, rotation_deg=0, occluder=0),
     validation_images=100,
 )
-
-
-def constant_trees(direction) -> Trees:
-    """Trees of one leaf, all with the same direction."""
-    return Trees(
-        root=np.arange(NUM_JOINTS, dtype=np.int32),
-        child=-1 - np.arange(NUM_JOINTS, dtype=np.int32),
-        threshold=np.zeros(NUM_JOINTS, np.int32),
-        probe=np.zeros((NUM_JOINTS, 5), np.int16),
-        direction=np.tile(np.float32(direction), (NUM_JOINTS, 1, 1)),
-        share=np.ones((NUM_JOINTS, 1), np.float32),
-    )
 
 
 def person_image(seed=0, side=SIDE):
@@ -115,20 +114,6 @@ def reference_walk(image, trees, steps, settling, step, key):
     return np.stack([mean[joint] for joint in Joint]), np.array([deviation[joint] for joint in Joint])
 
 
-def test_walks_follow_a_constant_direction():
-    mean, deviation = walk(person_image(), constant_trees((1, 0, 0)), 10, 4, 0.02, 0)
-    # The mean is over steps 5 to 10; every bone adds one walk.
-    one_walk = 0.02 * 7.5
-    bones_from_torso = {Joint.TORSO: 0, Joint.NECK: 1, Joint.RIGHT_HAND: 4, Joint.LEFT_FOOT: 3}
-    for joint, bones in bones_from_torso.items():
-        np.testing.assert_allclose(mean[joint], (one_walk * (bones + 1), 0, 0), atol=1e-6)
-    np.testing.assert_allclose(deviation, 0.02 * np.std(np.arange(6)), rtol=1e-3)
-    # Walks are clipped to the cube.
-    np.testing.assert_allclose(
-        walk(person_image(), constant_trees((0, 0, -1)), 100, 60, 0.1, 0)[0], [(0, 0, -1)] * 15, atol=1e-6
-    )
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_the_walk_equals_the_reference(seed):
     trees, image = random_trees(seed), person_image(seed)
@@ -137,12 +122,6 @@ def test_the_walk_equals_the_reference(seed):
     np.testing.assert_allclose(mean, expected_mean, atol=1e-5)
     np.testing.assert_allclose(deviation, expected_deviation, atol=1e-4)
     assert not np.allclose(mean, walk(image, trees, 20, 5, 0.07, 50 + seed)[0], atol=1e-3)
-
-
-def test_the_integer_image_has_unmeasured_pixels_behind_all_others():
-    crop = np.array([[-1, -0.5, 0.25, 0.99999, 1]], np.float32)
-    image = integer_image(crop)
-    assert image.dtype == np.int16 and image.tolist() == [[-UNITS, -UNITS // 2, UNITS // 4, UNITS, UNMEASURED]]
 
 
 def directed_samples(count=1500, seed=0):
@@ -188,29 +167,14 @@ def test_the_best_split_is_the_best_of_all_candidates():
 def test_a_tree_learns_the_feature_on_which_directions_depend():
     samples, near = directed_samples()
     tree = grow(samples, 30, 40, 10 / 0.8, (0,))
-    trees = merge_trees([tree] * NUM_JOINTS)
     predicted = np.zeros(len(samples.image))
     for i, (row, column, depth) in enumerate(samples.position):
-        u, v = (2 * np.array([column, row]) + 1) / SIDE - 1
-        leaf = find_leaf(trees, 7, samples.images[samples.image[i]], u, v, depth / UNITS)
-        predicted[i] = np.diff(trees.share[leaf], prepend=0) @ trees.direction[leaf, :, 1]
+        position = np.array([2 * (column + 0.5) / SIDE - 1, 2 * (row + 0.5) / SIDE - 1, depth / UNITS])
+        leaf = find_leaf(tree, 0, samples.images[samples.image[i]], position)
+        predicted[i] = np.diff(tree.share[leaf], prepend=0) @ tree.direction[leaf, :, 1]
     right = (predicted < 0) == near[samples.image]
     assert right.mean() > 0.9, right.mean()
     assert 1 < len(tree.share) <= 1500 / 30  # every leaf has at least the smallest number of samples
-
-
-def test_clusters_recover_the_directions():
-    rng = np.random.default_rng(0)
-    centres = np.array([[1, 0, 0], [0, -1, 0], [0, 0, 1.0]])
-    vectors = np.repeat(centres, (50, 30, 20), axis=0) + rng.normal(0, 0.05, (100, 3))
-    vectors = (vectors / np.linalg.norm(vectors, axis=1, keepdims=True)).astype(np.float32)
-    means, shares = cluster(rng.permutation(vectors), 3)
-    order = np.argsort(-shares)
-    np.testing.assert_allclose(shares[order], (0.5, 0.3, 0.2), atol=1e-9)
-    np.testing.assert_allclose(means[order], centres, atol=0.05)
-    means, shares = cluster(np.repeat(vectors[:1], 5, axis=0), 3)  # fewer directions than clusters
-    np.testing.assert_allclose(np.linalg.norm(means, axis=1), 1, atol=1e-6)
-    assert shares.sum() == pytest.approx(1) and shares.max() == pytest.approx(1)
 
 
 @pytest.fixture(scope="module")
@@ -270,45 +234,20 @@ def test_the_same_seed_makes_the_same_model_and_the_same_estimate(trained, peopl
     estimates = [TreeWalkEstimator(TreeWalkEstimatorConfig(str(folder))).estimate(people[0], CAMERA) for _ in range(2)]
     for one, other in zip(*estimates, strict=True):
         np.testing.assert_array_equal(one, other)
-    loaded = TreeWalkModel.load(folder)
-    assert (loaded.crop_px, loaded.half_size_m, loaded.steps, loaded.settling, loaded.step_m) == (48, 1.15, 128, 32, 0.05)
-    for name in Trees._fields:
-        np.testing.assert_array_equal(getattr(loaded.trees, name), getattr(model.trees, name))
 
 
 def test_frames_without_a_person_have_no_joints(trained, people):
     depth_m = people[0][:3].copy()
-    depth_m[1] = 0
-    depth_m[2] = 0
+    depth_m[1:] = 0
     depth_m[2, 5, 5:20] = 2  # too few pixels for a person
     estimate = TreeWalkEstimator(TreeWalkEstimatorConfig(str(trained[0]))).estimate(depth_m, CAMERA)
     assert np.isfinite(estimate.joints_camera_m[0]).all() and (estimate.confidence[0] > 0).all()
     assert np.isnan(estimate.joints_camera_m[1:]).all() and (estimate.confidence[1:] == 0).all()
-    millimetres = (depth_m * 1000).astype(np.uint16)
-    again = TreeWalkEstimator(TreeWalkEstimatorConfig(str(trained[0]))).estimate(millimetres, CAMERA)
-    # A difference of a millimetre changes individual walks.
-    assert np.median(np.abs(again.joints_camera_m[0] - estimate.joints_camera_m[0])) < 0.03
 
 
-def test_random_images_give_finite_joints(trained):
-    rng = np.random.default_rng(0)
-    noise = rng.uniform(0.1, 9, (4, CAMERA.height, CAMERA.width)).astype(np.float32)
-    noise[1][rng.random(noise[1].shape) < 0.9] = 0
-    noise[2] = 1
-    noise[3] = 0
-    noise[3, :5, :5] = 3
-    estimate = TreeWalkEstimator(TreeWalkEstimatorConfig(str(trained[0]))).estimate(noise, CAMERA)
-    assert np.isfinite(estimate.joints_camera_m).all()
-    assert ((estimate.confidence >= 0) & (estimate.confidence <= 1)).all()
-
-
-def cycle(arrays):
-    arrays["child"][5 if arrays["child"][5] >= 0 else 0] = 0
-
-
-def rewrite(name, value):
+def rewrite(name, value, index=-1):
     def change(arrays):
-        arrays[name].flat[-1] = value
+        arrays[name].flat[index] = value
 
     return change
 
@@ -316,13 +255,11 @@ def rewrite(name, value):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (cycle, "do not follow"),
-        (rewrite("child", -(10**8)), "leaf"),
-        (rewrite("root", -1), "root"),
-        (rewrite("direction", np.nan), "unit"),
-        (rewrite("share", 0.4), "add up"),
+        (rewrite("child", 0, index=0), "after their parent"),
+        (rewrite("child", -(10**8)), "leaves that exist"),
+        (rewrite("root", -1), "roots that are nodes"),
+        (rewrite("direction", np.nan), "finite"),
         (rewrite("within_10cm", 1.5), "confidences"),
-        (rewrite("spread_m", np.nan), "confidences"),
         (lambda arrays: arrays.pop("probe"), "probe"),
         (lambda arrays: arrays.update(probe=arrays["probe"][:, :4]), "probe"),
     ],
@@ -342,21 +279,18 @@ def test_folders_of_other_formats_are_refused(trained, tmp_path):
         TreeWalkModel.load(tmp_path)
     meta = json.loads((trained[0] / META).read_text())
     for changed, message in (
-        ("{", "not valid JSON"),
-        (json.dumps(meta | {"version": 2}), "of version 2"),
-        (json.dumps(meta | {"crop_px": 10**6}), "1000000 pixels"),
-        (json.dumps(meta | {"walk": {"steps": 3, "settling": 5, "step_m": 0.1}}), "settling < steps"),
-        (json.dumps(meta | {"walk": {"steps": 9.5, "settling": 5, "step_m": 0.1}}), "steps is 9.5, expected int"),
-        (json.dumps(meta), "missing, damaged or of another format"),
+        (meta | {"version": 2}, "of version 1"),
+        (meta | {"crop_px": 10**6}, "1000000 pixels"),
+        (meta | {"walk": {"steps": 3, "settling": 5, "step_m": 0.1}}, "settling < steps"),
+        (meta, "missing, damaged or of another format"),
     ):
-        (tmp_path / META).write_text(changed)
+        (tmp_path / META).write_text(json.dumps(changed))
         with pytest.raises(InputError, match=message):
             TreeWalkModel.load(tmp_path)
-    (tmp_path / TREES).write_bytes((trained[0] / TREES).read_bytes()[:-100])
-    with pytest.raises(InputError, match="missing, damaged or of another format"):
-        TreeWalkModel.load(tmp_path)
     with pytest.raises(InputError, match=r"estimator\.tree_walk\.path="):
         TreeWalkEstimator(TreeWalkEstimatorConfig())
+    with pytest.raises(InputError, match="images=0"):
+        replace(SMALL, images=0)
 
 
 def test_damaged_files_are_refused_in_one_line(trained, tmp_path):
@@ -364,9 +298,3 @@ def test_damaged_files_are_refused_in_one_line(trained, tmp_path):
         (tmp_path / name).write_bytes((trained[0] / name).read_bytes())
     for name in (META, TREES):
         assert survives_damage(tmp_path / name, lambda: TreeWalkModel.load(tmp_path)) > 50
-
-
-@pytest.mark.parametrize("wrong", [{"features": 0}, {"images": 0}, {"crop_px": 50}])
-def test_invalid_settings_are_refused(wrong):
-    with pytest.raises(InputError, match=next(f"{name}={value}" for name, value in wrong.items())):
-        replace(SMALL, **wrong)
