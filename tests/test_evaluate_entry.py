@@ -103,8 +103,8 @@ def test_every_command_in_the_help_is_one(settings):
     if config.sweep:
         sweep = sweep_of(config.sweep, config.estimator)
         # Table 1 of the paper, whose best, 110 mm and 50 mm, are the defaults.
-        assert config.sweep.columns.values == [0.08, 0.10, 0.11, 0.12, 0.14] and len(sweep.settings) == 24
-        assert config.sweep.rows.values == [0.040, 0.045, 0.050, 0.055, 0.060]
+        assert len(sweep.settings) == 24
+        assert config.sweep == {"epsilon_m": [0.040, 0.045, 0.050, 0.055, 0.060], "r_m": [0.08, 0.10, 0.11, 0.12, 0.14]}
 
 
 def test_the_scorers_of_the_documentation_can_be_given():

@@ -91,9 +91,9 @@ def joints(name: str, folder: Path, checkpoint: Path) -> dict[str, str]:
         "fitted_network": ESTIMATORS["fitted_network"][0](checkpoint=str(checkpoint)),
     }
     work = SequenceEstimation(benchmark, build_estimators(estimators), HumanExtractionConfig())
-    rows = engine.run(work, benchmark.sequence_names(), 1, name)
-    found = {f"joints/{name}/{sequence}": f"failed: {reason}" for sequence, reason in rows.failed.items()}
-    for sequence, outcome in rows.found.items():
+    estimated, failed = engine.run(work, benchmark.sequence_names(), 1, name)
+    found = {f"joints/{name}/{sequence}": f"failed: {reason}" for sequence, reason in failed.items()}
+    for sequence, outcome in estimated.items():
         for estimator, results in outcome.results.items():
             found[f"joints/{name}/{sequence}/truth"] = digest(results.truth_m)
             found[f"joints/{name}/{sequence}/{estimator}"] = digest(results.estimate_m)
@@ -114,8 +114,7 @@ def scores(folder: Path, checkpoint: Path) -> dict[str, list[float]]:
         f"score/{source}/{scorer}/{dance}/{learner.name}": [
             learner.score.similarity, learner.score.timing, learner.score.posture, *learner.score.windows.similarity.tolist()
         ]
-        for source, by_scorer in done.scores.items()
-        for scorer, by_dance in by_scorer.items()
+        for (source, scorer), by_dance in done.scores.items()
         for dance, learners in by_dance.items()
         for learner in learners
     }  # fmt: skip

@@ -9,36 +9,6 @@ from kpopnet.runtime.cpu import available_cores, bounded_processes
 
 
 @dataclass
-class AxisConfig:
-    """One axis of the sweep.
-
-    Attributes:
-        setting: path of the varied setting below the estimator's name, for instance r_m.
-        values: values of the setting, each once.
-    """
-
-    setting: str
-    values: list[Any]
-
-    def __post_init__(self) -> None:
-        if not self.values or len(set(self.values)) < len(self.values):
-            raise InputError(f"sweep: {self.setting} has values {self.values}; expected at least one value, each once")
-
-
-@dataclass
-class SweepConfig:
-    """The two varied settings.
-
-    Attributes:
-        rows: setting whose values are the rows of the table.
-        columns: setting whose values are the columns of the table.
-    """
-
-    rows: AxisConfig
-    columns: AxisConfig
-
-
-@dataclass
 class EvaluateConfig:
     """Which estimators and scorers are evaluated, and on which benchmark.
 
@@ -54,8 +24,8 @@ class EvaluateConfig:
         processes: number of sequences that are evaluated at the same time. 0 means all cores, or one process where an
             estimator uses a GPU.
         extraction: settings that segment the person in depth images of a whole scene.
-        sweep: evaluate the first estimator also at every combination of the values of two of its settings
-            (`kpopnet.evaluation.poses.sweep`).
+        sweep: evaluate the first estimator also at every combination of the values of two of its settings, the rows and the
+            columns of a table: sweep=table1, or +sweep.epsilon_m=[0.05,0.06] +sweep.r_m=[0.1,0.11].
         scorer: settings of each dance scorer by its name, for the benchmarks of dances.
     """
 
@@ -66,7 +36,7 @@ class EvaluateConfig:
     seed: int = 0
     processes: int = 0
     extraction: HumanExtractionConfig = field(default_factory=HumanExtractionConfig)
-    sweep: SweepConfig | None = None
+    sweep: dict[str, list[Any]] = field(default_factory=dict)
     scorer: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -5,8 +5,8 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from functools import partial
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import torch
@@ -24,34 +24,21 @@ Row = TypeVar("Row")
 WARM_UP_FRAMES = 30
 
 
-@dataclass(frozen=True)
-class Rows(Generic[Row]):
-    """What the work gave for each item, and why the others are left out; both by the item's name, in the order given."""
-
-    found: dict[str, Row]
-    failed: dict[str, str]
-
-
-@dataclass(frozen=True)
-class Failure:
+class Failure(NamedTuple):
     """Why an item is left out, in one line."""
 
     reason: str
 
 
-@dataclass(frozen=True)
-class _Guarded:
-    work: Callable[[str], Any]
-
-    def __call__(self, name: str) -> Any:
-        try:
-            return self.work(name)
-        except Exception as error:
-            text = str(error)
-            if not isinstance(error, InputError):
-                log.exception("%s failed", name)
-                text = f"{type(error).__name__}: {error}"
-            return Failure(": ".join([*reversed(getattr(error, "__notes__", [])), text]))
+def _guarded(work: Callable[[str], Row], name: str) -> Row | Failure:
+    try:
+        return work(name)
+    except Exception as error:
+        text = str(error)
+        if not isinstance(error, InputError):
+            log.exception("%s failed", name)
+            text = f"{type(error).__name__}: {error}"
+        return Failure(": ".join([*reversed(getattr(error, "__notes__", [])), text]))
 
 
 @contextmanager
@@ -64,7 +51,7 @@ def stage(label: str) -> Iterator[None]:
         raise
 
 
-def run(work: Callable[[str], Row], names: list[str], processes: int, where: str) -> Rows[Row]:
+def run(work: Callable[[str], Row], names: list[str], processes: int, where: str) -> tuple[dict[str, Row], dict[str, str]]:
     """Calls the work with every name; the results do not depend on the number of processes.
 
     Args:
@@ -74,22 +61,24 @@ def run(work: Callable[[str], Row], names: list[str], processes: int, where: str
         processes: how many, of one thread each.
         where: the benchmark, for the progress bar and messages.
 
+    Returns:
+        What the work gave for each name, and why the others are left out; both in the order given.
+
     Raises:
         InputError: every item failed, or a process died.
     """
-    outcomes: dict[int, Row | Failure] = {}
+    outcomes: dict[str, Row | Failure] = {}
     with tqdm(total=len(names), desc=where) as bar:
-        for index, outcome in in_processes(_Guarded(work), names, processes):
-            outcomes[index] = outcome
+        for index, outcome in in_processes(partial(_guarded, work), names, processes):
+            outcomes[names[index]] = outcome
             if isinstance(outcome, Failure):
                 bar.write(f"left out {names[index]}: {outcome.reason}", file=sys.stderr)
             bar.update()
-    ordered = [(name, outcomes[index]) for index, name in enumerate(names)]
-    failed = {name: one.reason for name, one in ordered if isinstance(one, Failure)}
+    failed = {name: one.reason for name in names if isinstance(one := outcomes[name], Failure)}
     if len(failed) == len(names):
         name, reason = next(iter(failed.items()))
         raise InputError(f"{where}: none of {len(names)} gave figures; {name}: {reason}")
-    return Rows({name: one for name, one in ordered if not isinstance(one, Failure)}, failed)
+    return {name: one for name in names if not isinstance(one := outcomes[name], Failure)}, failed
 
 
 class Timed:

@@ -7,8 +7,8 @@ r"""Evaluates estimators on a benchmark and writes a report.
     python evaluate.py checkpoint=outputs/train/RUN/best hydra.run.dir=outputs/my_evaluation
     python evaluate.py benchmark=eval_sim 'estimator=[tracker]' estimator.tracker.start=label
 
-The run's folder (outputs/evaluate/BENCHMARK-DATE_TIME) gets metrics.json, report.html, report.md, figures and a video of
-the worst sequence. The training set's mean pose is always judged beside a network, to show what the network is worth, but
+The run's folder (outputs/evaluate/BENCHMARK-DATE_TIME) gets metrics.json, report.html, report.md, figures and the
+worst sequences in 3D. The training set's mean pose is always judged beside a network, to show what the network is worth, but
 for dances, of which it knows nothing.
 processes=0 evaluates on all cores; sequences=4 is a quick test.
 

@@ -23,9 +23,8 @@ from kpopnet.dance.scoring import SCORERS, score_dance
 from kpopnet.dance.window import WINDOW_S
 from kpopnet.errors import InputError
 from kpopnet.evaluation.dances.score_page import score_json, score_page, score_text
-from kpopnet.evaluation.report import printable, writable
+from kpopnet.evaluation.report import printable, write_text
 from kpopnet.programs.arguments import program_parser
-from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
 from kpopnet.runtime.untrusted import read_in_child
@@ -92,8 +91,7 @@ def main() -> None:
     content |= files | {"scorer": {"name": given.scorer, "feature": scorer.feature, **content["scorer"]}}
     with locked(given.out):
         for name, text in (("score.html", page), ("score.json", json.dumps(content, indent=1, allow_nan=False) + "\n")):
-            with atomic_path(given.out / name) as part:
-                part.write_bytes(writable(text).encode())
+            write_text(given.out / name, text)
     print(printable("\n".join([*score_text(score, advice, faults), f"look at {given.out / 'score.html'}"])))
 
 

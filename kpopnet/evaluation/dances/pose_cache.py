@@ -10,7 +10,7 @@ import json
 import math
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -41,22 +41,11 @@ _WITHOUT_INFLUENCE = (
 """Rooms of kpopnet on which no estimated joint depends; on all others it may."""
 
 
-class Poses(NamedTuple):
-    """The estimated joints of one recording, and the time of the estimation in seconds."""
-
-    performance: Performance
-    seconds: float
-
-
 class PoseCache:
     """The poses of one estimator. It can be pickled; in a worker process the estimator is built when it is first needed."""
 
     def __init__(self, folder: Path, name: str, settings: Any) -> None:
-        """Builds the estimator with its settings; `folder` is that of the cached poses of all estimators.
-
-        Raises:
-            InputError: a file that the settings name is missing.
-        """
+        """Builds the estimator; `folder` is that of the cached poses of all. Raises InputError if a file of it is missing."""
         self.name, self.settings = name, settings
         self.folder = folder / f"{name}-{estimator_key(settings)}"
         self._estimate: Timed | None = self._build()
@@ -72,8 +61,8 @@ class PoseCache:
         """Path of the cached poses of a learner."""
         return self.folder / f"{dance.name}.{learner.name}.{learner.depth_key}.npz"
 
-    def poses(self, dance: Dance, learner: Learner) -> Poses:
-        """Reads the poses of a learner, after they have been estimated and written if they were not cached.
+    def poses(self, dance: Dance, learner: Learner) -> tuple[Performance, float]:
+        """The estimated joints of a learner and the time of their estimation in seconds; estimates them if not cached.
 
         Times are read from the learner's file, so that corrected times need no new estimation.
 
@@ -93,7 +82,7 @@ class PoseCache:
             raise InputError(f"{path}: damaged ({error}); delete it to estimate these poses again") from error
         times_s = learner.times_s()
         expect(len(joints_m) == len(times_s), str(learner.path), f"{len(joints_m)} frames as in {path}, found {len(times_s)}")
-        return Poses(Performance(joints_m, times_s, confidence), seconds)
+        return Performance(joints_m, times_s, confidence), seconds
 
     def _write(self, path: Path, learner: Learner) -> None:
         self._estimate, clip = self._estimate or self._build(), learner.depth()

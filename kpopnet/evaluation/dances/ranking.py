@@ -5,10 +5,11 @@ tie is a failure, and so is a learner without a score. Kendall's tau counts pair
 right order - pairs in the wrong order) / all pairs of the dance; tied pairs count 0.
 """
 
-import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from scipy.stats import binomtest
 
 from kpopnet.dance.scoring import DanceScore
 from kpopnet.evaluation.intervals import Bootstrap
@@ -17,15 +18,11 @@ TRUTH = "truth"
 """Name of the true joints as a source of joints, beside the names of estimators."""
 
 
-@dataclass(frozen=True)
-class LearnerScore:
+class LearnerScore(NamedTuple):
     """The score of one learner by one scorer on one source of joints.
 
-    Attributes:
-        name: of the learner.
-        score: result of the scorer.
-        error_m: mean distance of the found joints from the true joints in metres; None on true joints or where true joints
-            are unknown.
+    `error_m` is the mean distance of the found joints from the true joints in metres; None on true joints or where these are
+    unknown.
     """
 
     name: str
@@ -84,11 +81,8 @@ def agreement(scores: dict[str, np.ndarray], seed: int) -> Agreement:
 
 def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
     """Wilson's 95 % interval of a proportion, which a bootstrap's percentiles miss near 0 and 1 (Brown, Cai, DasGupta 2001)."""
-    z = 1.959964
-    share, spread = successes / trials, z * z / trials
-    middle = (share + spread / 2) / (1 + spread)
-    half = z / (1 + spread) * math.sqrt(share * (1 - share) / trials + spread / (4 * trials))
-    return max(middle - half, 0.0), min(middle + half, 1.0)
+    found = binomtest(successes, trials).proportion_ci(method="wilson")
+    return float(found.low), float(found.high)
 
 
 def paired_p_value(one: Agreement, other: Agreement) -> float:
@@ -97,6 +91,4 @@ def paired_p_value(one: Agreement, other: Agreement) -> float:
     Only dances that one of both orders count; under the hypothesis each is as likely to be the one's as the other's.
     """
     only_one, only_other = len(set(other.wrong) - set(one.wrong)), len(set(one.wrong) - set(other.wrong))
-    count = only_one + only_other
-    tail = sum(math.comb(count, k) for k in range(min(only_one, only_other) + 1)) / 2**count
-    return min(1.0, 2 * tail)
+    return float(binomtest(only_one, only_one + only_other).pvalue) if only_one + only_other else 1.0

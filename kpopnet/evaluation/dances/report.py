@@ -1,8 +1,7 @@
 """The report on dance scores: the paper's Table 2, and agreement with the experts."""
 
-import csv
 import math
-from itertools import combinations, zip_longest
+from itertools import combinations, product, zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +12,9 @@ from kpopnet.datasets.protocol import Origin
 from kpopnet.errors import InputError
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.dances.ranking import is_ordered, paired_p_value, similarities
-from kpopnet.evaluation.dances.run import DanceRun, run_dances
-from kpopnet.evaluation.report import Block, Report, save_plots
+from kpopnet.evaluation.dances.run import DanceRun, Method, run_dances
+from kpopnet.evaluation.report import Block, Report, save_plots, write_text
 from kpopnet.evaluation.values import Table, Value
-from kpopnet.runtime.atomic_write import atomic_path
 
 WRONG_ORDER_MARK = " ✗"
 RIGHT_ORDER, WRONG_ORDER = "0.75", "tab:red"
@@ -45,8 +43,8 @@ def evaluate_dances(config: EvaluateConfig, folder: Path) -> Report:
         InputError: a setting applies to benchmarks of joints only, the dance to be plotted is not among the scored ones, or
             see `run_dances`.
     """
-    if config.sweep is not None or config.sequences is not None:
-        given = "sweep" if config.sweep is not None else f"sequences={config.sequences}"
+    if config.sweep or config.sequences is not None:
+        given = "sweep" if config.sweep else f"sequences={config.sequences}"
         raise InputError(
             f"{given}: benchmark={config.benchmark.name} evaluates dances, not joints in sequences; for a quick test use "
             "benchmark.dances=10"
@@ -68,28 +66,23 @@ def dance_report(run: DanceRun, folder: Path, requested: str | None = None) -> R
     better one is plotted.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    scorer, plotted = run.main_scorer, requested
+    plotted = requested
     if plotted not in run.names:
-        scores = {name: similarities(learners) for name, learners in run.scores[run.main_source][scorer].items()}
+        scores = {name: similarities(learners) for name, learners in run.scores[run.main].items()}
         plotted = min(scores, key=lambda name: np.nan_to_num(-np.diff(scores[name]), nan=-np.inf).min())
-    save_plots(folder, {"score_by_rank": score_by_rank(run), "timelines": timelines(run, plotted, scorer)})
-    write_table_2(folder / "table_2.csv", run)
-    tables = [agreement_table(run), rank_table(run), paired_table(run)]
-    tables = [table for table in tables if table.rows]
+    save_plots(folder, {"score_by_rank": score_by_rank(run), "timelines": timelines(run, plotted)})
+    write_text(folder / "table_2.csv", learners_table(run).csv())
+    tables = [table for table in (agreement_table(run), rank_table(run), paired_table(run)) if table.rows]
+    by_scorer = f"by {run.main.scorer}"
     blocks: list[Block] = [
         *(("table", table) for table in tables),
         ("heading", "Scores by the experts' ranking"),
         ("figure", ("score_by_rank.png", "Scores over the experts' rank, one line per dance, red if in the wrong order")),
         ("heading", f"{plotted} over time"),
-    ]
-    blocks += [
         ("text", "Values per window of the learner's dance, over its start time. To plot another dance: benchmark.dance=NAME."),
-        ("figure", ("timelines.png", f"Similarity, posture and delay of each learner of {plotted} over time, by {scorer}")),
+        ("figure", ("timelines.png", f"Similarity, posture and delay of each learner of {plotted} over time, {by_scorer}")),
         ("heading", "Table 2"),
-        (
-            "text",
-            f"Scores from the experts' best learner to the worst;{WRONG_ORDER_MARK} marks the wrong order. All: table_2.csv.",
-        ),
+        ("text", f"Scores from the best learner to the worst;{WRONG_ORDER_MARK} marks the wrong order. All: table_2.csv."),
         ("table", table_2(run)),
     ]
     return Report(f"kpopnet on {run.dances.manifest.name}", remarks(run), blocks, tables, CLOCK, dance_metrics(run))
@@ -116,20 +109,20 @@ def remarks(run: DanceRun) -> list[str]:
 def agreement_table(run: DanceRun) -> Table:
     """Concordance, tau, joint error and speed by source of joints and scorer."""
     table = Table(["joints", "scorer", "concordance", "Kendall's tau", "joint error", "frames per second"], [])
-    for source, by_scorer in run.agreements.items():
+    for (source, scorer), one in run.agreements.items():
+        concordance = Value(one.concordance, "", one.interval["concordance"], digits=0)
+        tau = Value(one.kendall_tau, "", one.interval["kendall_tau"], digits=3)
         error_cm, fps = Value(mean_error_cm(run, source), "cm", digits=1), Value(run.fps.get(source), digits=0)
-        for scorer, one in by_scorer.items():
-            concordance = Value(one.concordance, "", one.interval["concordance"], digits=0)
-            tau = Value(one.kendall_tau, "", one.interval["kendall_tau"], digits=3)
-            table.rows.append([source, scorer, concordance, tau, error_cm, fps])
+        table.rows.append([source, scorer, concordance, tau, error_cm, fps])
     return table
 
 
 def rank_table(run: DanceRun) -> Table:
     """Mean score of the learners of each rank by the main scorer, and the lowest and highest."""
     rows: list = []
-    for source, by_scorer in run.scores.items():
-        by_rank = zip_longest(*map(similarities, by_scorer[run.main_scorer].values()), fillvalue=math.nan)
+    for source in run.sources:
+        by_dance = run.scores[Method(source, run.main.scorer)].values()
+        by_rank = zip_longest(*map(similarities, by_dance), fillvalue=math.nan)
         known = ([score for score in scores if math.isfinite(score)] for scores in by_rank)
         means = (Value(float(np.mean(one)), "", (min(one), max(one)), digits=0) if one else Value(None) for one in known)
         rows.append([source, *means])
@@ -139,57 +132,54 @@ def rank_table(run: DanceRun) -> Table:
 def paired_table(run: DanceRun) -> Table:
     """Pairs of scorers on the same joints: dances that only the one orders, and the p-value of their difference."""
     table = Table(["joints", "scorers", "dances in order by one of them only", "p"], [])
-    for source, by_scorer in run.agreements.items():
-        for (first, one), (second, other) in combinations(by_scorer.items(), 2):
-            only = [str(len(set(b.wrong) - set(a.wrong))) for a, b in ((one, other), (other, one))]
-            p = Value(paired_p_value(one, other), digits=3)
-            table.rows.append([source, f"{first}, {second}", " and ".join(only), p])
+    for source, (first, second) in product(run.sources, combinations(run.scorers, 2)):
+        one, other = (run.agreements[Method(source, scorer)] for scorer in (first, second))
+        only = f"{len(set(other.wrong) - set(one.wrong))} and {len(set(one.wrong) - set(other.wrong))}"
+        table.rows.append([source, f"{first}, {second}", only, Value(paired_p_value(one, other), digits=3)])
     return table
 
 
 def mean_error_cm(run: DanceRun, source: str) -> float | None:
     """Mean over learners of the mean distance of the found joints from the true joints, in cm; None if unknown."""
-    by_dance = next(iter(run.scores[source].values()))
-    errors_m = [one.error_m for learners in by_dance.values() for one in learners if one.error_m is not None]
+    by_dance = run.scores[Method(source, run.main.scorer)].values()
+    errors_m = [one.error_m for learners in by_dance for one in learners if one.error_m is not None]
     return 100 * (sum(errors_m) / len(errors_m)) if errors_m else None
 
 
 def table_2(run: DanceRun) -> Table:
     """The paper's Table 2: the scores of all learners of a dance by each method, marked if in the wrong order."""
-    columns = [(scorer, source) for scorer in run.scores[run.main_source] for source in run.scores]
-    table = Table(["dance", *(f"{scorer}, {source}" for scorer, source in columns)], [])
+    methods = [Method(source, scorer) for scorer, source in product(run.scorers, run.sources)]
+    table = Table(["dance", *(f"{scorer}, {source}" for source, scorer in methods)], [])
     for name in run.names:
-        scores = [similarities(run.scores[source][scorer][name]) for scorer, source in columns]
+        scores = [similarities(run.scores[method][name]) for method in methods]
         marks = ("" if is_ordered(one) else WRONG_ORDER_MARK for one in scores)
         table.rows.append([name, *("  ".join(f"{s:.1f}" for s in one) + mark for one, mark in zip(scores, marks, strict=True))])
     return table
 
 
-def write_table_2(path: Path, run: DanceRun) -> None:
-    """Writes similarity, timing and posture score of every learner, one line per learner, scorer and source of joints."""
-    with atomic_path(path) as part, part.open("w", newline="", encoding="utf-8", errors="backslashreplace") as file:
-        writer = csv.writer(file)
-        writer.writerow(["dance", "rank", "learner", "scorer", "joints", "similarity", "timing", "posture", "error_cm"])
-        for source, by_scorer in run.scores.items():
-            for scorer, by_dance in by_scorer.items():
-                for dance, learners in by_dance.items():
-                    for rank, one in enumerate(learners, 1):
-                        scores = (one.score.similarity, one.score.timing, one.score.posture)
-                        error = "" if one.error_m is None else f"{100 * one.error_m:.2f}"
-                        writer.writerow([dance, rank, one.name, scorer, source, *(f"{value:.4f}" for value in scores), error])
+def learners_table(run: DanceRun) -> Table:
+    """Similarity, timing and posture score of every learner, one line per learner, scorer and source of joints."""
+    table = Table(["dance", "rank", "learner", "scorer", "joints", "similarity", "timing", "posture", "error_cm"], [])
+    for (source, scorer), by_dance in run.scores.items():
+        for dance, learners in by_dance.items():
+            for rank, (name, score, error_m) in enumerate(learners, 1):
+                scores = (f"{value:.4f}" for value in (score.similarity, score.timing, score.posture))
+                error_cm = "" if error_m is None else f"{100 * error_m:.2f}"
+                table.rows.append([dance, rank, name, scorer, source, *scores, error_cm])
+    return table
 
 
 def dance_metrics(run: DanceRun) -> dict:
     """metrics.json: for each source of joints, the agreement by the main scorer and by every scorer; the main's on top."""
     manifest, sources = run.dances.manifest, {}
-    for source, by_scorer in run.agreements.items():
-        by_name = {name: dict(vars(one)) for name, one in by_scorer.items()}
+    for source in run.sources:
+        by_scorer = {scorer: dict(vars(run.agreements[Method(source, scorer)])) for scorer in run.scorers}
         speed = {"mean_error_cm": mean_error_cm(run, source), "fps": run.fps.get(source)}
-        sources[source] = by_name[run.main_scorer] | speed | {"scorers": by_name}
+        sources[source] = by_scorer[run.main.scorer] | speed | {"scorers": by_scorer}
     return {
-        "estimator": run.main_source,
-        "scorer": run.main_scorer,
-        **sources[run.main_source],
+        "estimator": run.main.source,
+        "scorer": run.main.scorer,
+        **sources[run.main.source],
         "benchmark": {
             "name": manifest.name,
             "origin": manifest.origin.value,
@@ -205,43 +195,42 @@ def dance_metrics(run: DanceRun) -> dict:
 
 def score_by_rank(run: DanceRun) -> Figure:
     """One panel per scorer and source of joints, with one line per dance over its learners, red in the wrong order."""
-    sources, scorers = list(run.scores), list(run.scores[run.main_source])
+    sources, scorers = run.sources, run.scorers
     figure = Figure(figsize=(3.6 * len(sources) + 0.6, 3.2 * len(scorers)), layout="constrained")
     panels = figure.subplots(len(scorers), len(sources), sharex=True, sharey="row", squeeze=False)
-    for row, scorer in zip(panels, scorers, strict=True):
-        for panel, source in zip(row, sources, strict=True):
-            by_dance = [similarities(one) for one in run.scores[source][scorer].values()]
-            for scores in sorted(by_dance, key=is_ordered, reverse=True):
-                right = is_ordered(scores)
-                style = {"color": RIGHT_ORDER, "alpha": 0.6} if right else {"color": WRONG_ORDER, "alpha": 0.9}
-                panel.plot(range(1, len(scores) + 1), scores, marker=".", linewidth=0.8, **style)
-            panel.set_title(f"{scorer}, {source}: {sum(map(is_ordered, by_dance))} of {len(by_dance)}", fontsize=10)
-            panel.grid(axis="y", alpha=0.3)
-            panel.set_xticks(range(1, max(map(len, by_dance)) + 1))
-        row[0].set_ylabel("score")
+    for panel, (scorer, source) in zip(panels.flat, product(scorers, sources), strict=True):
+        by_dance = [similarities(one) for one in run.scores[Method(source, scorer)].values()]
+        for scores in sorted(by_dance, key=is_ordered, reverse=True):
+            style = {"color": RIGHT_ORDER, "alpha": 0.6} if is_ordered(scores) else {"color": WRONG_ORDER, "alpha": 0.9}
+            panel.plot(range(1, len(scores) + 1), scores, marker=".", linewidth=0.8, **style)
+        panel.set_title(f"{scorer}, {source}: {sum(map(is_ordered, by_dance))} of {len(by_dance)}", fontsize=10)
+        panel.grid(axis="y", alpha=0.3)
+        panel.set_xticks(range(1, max(map(len, by_dance)) + 1))
+    for panel in panels[:, 0]:
+        panel.set_ylabel("score")
     for panel in panels[-1]:
         panel.set_xlabel("rank by the experts, 1 = best")
     return figure
 
 
-def timelines(run: DanceRun, dance: str, scorer: str) -> Figure:
+def timelines(run: DanceRun, dance: str) -> Figure:
     """Similarity, posture and delay of every learner of one dance in every window; one row per source of joints."""
-    figure = Figure(figsize=(12, 2.4 * len(run.scores) + 0.6), layout="constrained")
-    panels = figure.subplots(len(run.scores), 3, sharex=True, squeeze=False)
-    for row, (source, by_scorer) in zip(panels, run.scores.items(), strict=True):
-        for rank, learner in enumerate(by_scorer[scorer][dance], 1):
+    figure = Figure(figsize=(12, 2.4 * len(run.sources) + 0.6), layout="constrained")
+    panels = figure.subplots(len(run.sources), 3, sharex=True, squeeze=False)
+    for row, source in zip(panels, run.sources, strict=True):
+        for rank, learner in enumerate(run.scores[Method(source, run.main.scorer)][dance], 1):
             windows = learner.score.windows
-            colour = RANK_COLOURS[(rank - 1) % len(RANK_COLOURS)]
+            style = {"color": RANK_COLOURS[(rank - 1) % len(RANK_COLOURS)], "marker": ".", "markersize": 3, "linewidth": 1}
             label = f"{rank}: {learner.name}, {learner.score.similarity:.1f}"
             for panel, values in zip(row, (windows.similarity, windows.posture, windows.delay_s), strict=True):
-                panel.plot(windows.start_s, values, color=colour, marker=".", markersize=3, linewidth=1, label=label)
+                panel.plot(windows.start_s, values, label=label, **style)
         for panel, what in zip(row, ("similarity", "posture", "delay in s"), strict=True):
             panel.set_ylabel(what)
             panel.grid(alpha=0.3)
         row[0].set_ylim(0, 100)
         row[1].set_ylim(0, 100)
         row[2].axhline(0, color="black", linewidth=0.5)
-        row[0].set_title(f"{dance}, {source}, {scorer}", fontsize=10, loc="left")
+        row[0].set_title(f"{dance}, {source}, {run.main.scorer}", fontsize=10, loc="left")
         row[0].legend(fontsize=7, title="rank: learner, score", title_fontsize=7, loc="best", ncols=2)
     for panel in panels[-1]:
         panel.set_xlabel("start of the window, s")

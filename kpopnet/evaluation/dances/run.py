@@ -7,7 +7,7 @@ error of the pose estimator.
 import logging
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,15 +29,22 @@ log = logging.getLogger(__name__)
 MAIN_SCORER = "dance22"
 
 
+class Method(NamedTuple):
+    """A scorer on a source of joints: the true ones (TRUTH) or those of an estimator, by its name."""
+
+    source: str
+    scorer: str
+
+
 @dataclass(frozen=True)
 class DanceRun:
     """The results of one evaluation.
 
     Attributes:
         dances: the set.
-        scores: source of joints -> scorer -> dance -> scores of the learners, the best by the experts' ranking first. Sources
-            are the true joints (`truth`), where they are known, and every estimator, in the order of the report.
-        agreements: agreement with the experts by source of joints and scorer.
+        scores: by method, and by dance, the learners from the best by the experts' ranking on. True joints come first, where
+            they are known, then every estimator in the order of the report.
+        agreements: agreement with the experts, by method.
         fps: frames per second of the estimation, by the estimator's name.
         failed: the error message of each dance that was left out, by its name.
         assumptions: sentences for the report about changed settings and missing true joints.
@@ -45,42 +52,44 @@ class DanceRun:
     """
 
     dances: KpopSet
-    scores: dict[str, dict[str, dict[str, list[LearnerScore]]]]
-    agreements: dict[str, dict[str, Agreement]]
+    scores: dict[Method, dict[str, list[LearnerScore]]]
+    agreements: dict[Method, Agreement]
     fps: dict[str, float]
     failed: dict[str, str]
     assumptions: list[str]
     chosen: int
 
     @property
-    def main_source(self) -> str:
-        """The first estimator, or the true joints if there is no estimator."""
-        return next((source for source in self.scores if source != TRUTH), TRUTH)
+    def sources(self) -> list[str]:
+        return list(dict.fromkeys(method.source for method in self.scores))
 
     @property
-    def main_scorer(self) -> str:
-        """MAIN_SCORER if it was used, otherwise the first scorer."""
-        scorers = self.scores[self.main_source]
-        return MAIN_SCORER if MAIN_SCORER in scorers else next(iter(scorers))
+    def scorers(self) -> list[str]:
+        return list(dict.fromkeys(method.scorer for method in self.scores))
+
+    @property
+    def main(self) -> Method:
+        """MAIN_SCORER, or else the first one, on the first estimator's joints, or on the true ones without an estimator."""
+        source = next((source for source in self.sources if source != TRUTH), TRUTH)
+        return Method(source, MAIN_SCORER if MAIN_SCORER in self.scorers else self.scorers[0])
 
     @property
     def names(self) -> list[str]:
         """The scored dances."""
-        return list(self.scores[self.main_source][self.main_scorer])
+        return list(self.scores[self.main])
 
 
 @dataclass(frozen=True)
 class ScoredDance:
-    """The scores of all learners of one dance.
+    """The scores of one dance.
 
     Attributes:
-        scores: source of joints -> scorer -> scores of the learners, the best by the experts' ranking first; only sources of
-            joints of all learners.
+        scores: by method the learners, the best by the experts' ranking first; only from sources of joints of all learners.
         frames: number of frames of all learners.
         seconds: estimation time of all learners by the estimator's name.
     """
 
-    scores: dict[str, dict[str, list[LearnerScore]]]
+    scores: dict[Method, list[LearnerScore]]
     frames: int
     seconds: dict[str, float]
 
@@ -96,25 +105,24 @@ class DanceScoring:
     def __call__(self, name: str) -> ScoredDance:
         dance = self.dances.dance(name)
         teacher = dance.teacher()
-        scores: dict[str, dict[str, list[LearnerScore]]] = {}
+        scores: dict[Method, list[LearnerScore]] = {}
         seconds, frames = dict.fromkeys(self.caches, 0.0), 0
         for learner in dance.learners:
             truth = learner.joints()
-            performances: dict[str, tuple[Performance, float | None]] = {} if truth is None else {TRUTH: (truth, None)}
+            found = {} if truth is None else {TRUTH: truth}
             for estimator, cache in self.caches.items():
                 with stage(estimator):
-                    found, time_s = cache.poses(dance, learner)
-                performances[estimator] = found, _mean_error_m(found.joints_m, truth)
+                    found[estimator], time_s = cache.poses(dance, learner)
                 seconds[estimator] += time_s
-            frames += len(next(iter(performances.values()))[0].times_s) if performances else 0
-            for source, (performance, error_m) in performances.items():
+            frames += max((len(performance.times_s) for performance in found.values()), default=0)
+            for source, performance in found.items():
                 if not performance.is_observed:
                     log.warning("%s, %s: %s found no joint in any frame; not scored", dance.name, learner.name, source)
-                by_scorer = scores.setdefault(source, {scorer: [] for scorer in self.scorers})
+                error_m = None if source == TRUTH else _mean_error_m(performance.joints_m, truth)
                 for scorer, settings in self.scorers.items():
                     score = score_dance(teacher, performance, _with_noise_of(source, settings), unobserved_is_nan=True)
-                    by_scorer[scorer].append(LearnerScore(learner.name, score, error_m))
-        complete = {s: by for s, by in scores.items() if all(len(one) == len(dance.learners) for one in by.values())}
+                    scores.setdefault(Method(source, scorer), []).append(LearnerScore(learner.name, score, error_m))
+        complete = {method: learners for method, learners in scores.items() if len(learners) == len(dance.learners)}
         return ScoredDance(complete, frames, seconds)
 
 
@@ -153,31 +161,24 @@ def run_dances(
     """
     estimators, assumptions = _start_anywhere(estimators)
     caches = {name: PoseCache(poses, name, settings) for name, settings in estimators.items()}
-    work = DanceScoring(dances, caches, scorers or SCORERS)
-    names = dances.names[:count]
-    rows = engine.run(work, names, processes, str(dances.folder))
-    scored = rows.found
-    sources = [source for source in (TRUTH, *caches) if all(source in one.scores for one in scored.values())]
-    without = [name for name, one in scored.items() if TRUTH not in one.scores]
+    names, scorers = dances.names[:count], scorers or SCORERS
+    scored, failed = engine.run(DanceScoring(dances, caches, scorers), names, processes, str(dances.folder))
+    methods = [Method(source, scorer) for source in (TRUTH, *caches) for scorer in scorers]
+    methods = [method for method in methods if all(method in one.scores for one in scored.values())]
+    without = [name for name, one in scored.items() if all(method.source != TRUTH for method in one.scores)]
     if without:
         lacking = f"a learner of {without[0]} has no true joints ({len(without)} of {len(scored)} dances are incomplete)"
-        if not sources:
+        if not methods:
             raise InputError(f"{dances.folder}: {lacking}; give an estimator")
         assumptions.append(f"Scores on true joints are left out: {lacking}.")
-    scores = {
-        source: {scorer: {name: one.scores[source][scorer] for name, one in scored.items()} for scorer in work.scorers}
-        for source in sources
-    }
+    scores = {method: {name: one.scores[method] for name, one in scored.items()} for method in methods}
     agreements = {
-        source: {
-            scorer: agreement({name: similarities(learners) for name, learners in by_dance.items()}, seed)
-            for scorer, by_dance in by_scorer.items()
-        }
-        for source, by_scorer in scores.items()
+        method: agreement({name: similarities(learners) for name, learners in by_dance.items()}, seed)
+        for method, by_dance in scores.items()
     }
     frames = sum(one.frames for one in scored.values())
     fps = {name: frames / max(sum(one.seconds[name] for one in scored.values()), 1e-9) for name in caches}
-    return DanceRun(dances, scores, agreements, fps, rows.failed, assumptions, len(names))
+    return DanceRun(dances, scores, agreements, fps, failed, assumptions, len(names))
 
 
 def _start_anywhere(estimators: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
@@ -186,16 +187,15 @@ def _start_anywhere(estimators: dict[str, Any]) -> tuple[dict[str, Any], list[st
     Raises:
         InputError: an estimator knows no other start.
     """
-    changed, assumptions = {}, []
+    changed, assumptions = dict(estimators), []
     for name, settings in estimators.items():
         if isinstance(settings, PaperTrackerConfig):
             raise InputError(
                 f"{name}: Algorithm 2 starts from the Y pose, which learners do not show; take estimator=[tracker] or [network]"
             )
         if isinstance(settings, TrackerEstimatorConfig) and settings.start in ("y_pose", "label"):
-            settings = replace(settings, start="auto")
+            changed[name] = replace(settings, start="auto")
             assumptions.append(
                 f"Learners do not show the Y pose: {name} starts from the first person who stands or sits upright (start=auto)."
             )
-        changed[name] = settings
     return changed, assumptions

@@ -1,25 +1,35 @@
-"""The report on all people in films of several people: joints and identities by kind of scene, pictures and a film."""
+"""The report on all people in films of several people: joints and identities by kind of scene, and pictures.
 
-from collections.abc import Iterator
+People are found in the raw scene; no estimator is given their number.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from kpopnet.camera import MM_PER_METRE
+from kpopnet.camera import MM_PER_METRE, Camera
+from kpopnet.datasets.protocol import evenly_spaced
 from kpopnet.datasets.simulated import PeopleSet, StoredSequence
 from kpopnet.errors import InputError
+from kpopnet.evaluation import engine
 from kpopnet.evaluation.config import EvaluateConfig
-from kpopnet.evaluation.people.matching import MatchedSequence
-from kpopnet.evaluation.people.run import ALL, by_kind, figures, run_people
-from kpopnet.evaluation.report import SIMULATED, Block, Report, interval_remarks, save_video
+from kpopnet.evaluation.engine import Timed, stage
+from kpopnet.evaluation.people.metrics import ALL, MatchedSequence, by_kind, figures, match
+from kpopnet.evaluation.registry import BestConfig, RealtimeConfig
+from kpopnet.evaluation.report import SIMULATED, Block, Report, interval_remarks, save_view
 from kpopnet.evaluation.values import Table, Value
 from kpopnet.extraction import HumanExtractionConfig
+from kpopnet.pose.estimator import MAX_PEOPLE, PersonPose, PoseEstimator
+from kpopnet.skeleton import NUM_JOINTS
+from kpopnet.tracker.estimator import TrackerEstimatorConfig
 from kpopnet.viz.drawing import Style, depth_rgb, draw_skeleton, enlarged, save_png, sheet, with_captions
+from kpopnet.viz.view_page import Shown
 
 SHEET_ROWS, SHEET_COLUMNS = 6, 6
-TILE_WIDTH_PX, FILM_WIDTH_PX = 280, 640
-FILM_STEP = 2
-"""Every second frame of the worst sequence is in the film."""
+TILE_WIDTH_PX = 280
 
 TRUTH = Style("true joints", *[(255, 255, 255)] * 3, width_px=1, filled=False)
 COLOURS = ((235, 60, 60), (70, 130, 255), (60, 190, 80), (240, 170, 30), (190, 90, 230), (40, 200, 210))
@@ -53,51 +63,82 @@ IDENTITIES = (
 )
 SEQUENCE = (JOINTS[1], JOINTS[2], *IDENTITIES[1:4])
 
+Follow = Callable[[np.ndarray, Camera, float], list[PersonPose]]
+"""(T, H, W) depth of a whole scene, its camera and the frames per second to all people found."""
 
-def evaluate_people(config: EvaluateConfig, folder: Path) -> Report:
-    """Judges all people found in films of several people; writes pictures and a film into the folder.
+
+def follower(label: str, settings: Any) -> Follow:
+    """What finds and follows people with the settings of an estimator.
 
     Raises:
-        InputError: a setting is for other benchmarks, or see `run_people`.
+        InputError: these settings are of an estimator of one person, or cannot be used for several.
+    """
+    if isinstance(settings, TrackerEstimatorConfig):
+        if settings != TrackerEstimatorConfig():
+            raise InputError(f"estimator {label}: start, model and network are for one person; leave them out")
+        return PoseEstimator(None, "tracker", MAX_PEOPLE).estimate
+    if isinstance(settings, RealtimeConfig | BestConfig):
+        mode = "realtime" if isinstance(settings, RealtimeConfig) else "best"
+        return PoseEstimator.load(settings.checkpoint, mode, MAX_PEOPLE, settings.device).estimate
+    raise InputError(f"estimator {label}: estimates one person; for several take 'estimator=[tracker]', realtime or best")
+
+
+@dataclass
+class PeopleEstimation:
+    """Reads a sequence by its name and matches all people that each estimator finds in it; `settings` by estimator."""
+
+    benchmark: PeopleSet
+    settings: dict[str, Any]
+    _followers: dict[str, Timed] = field(default_factory=dict)
+
+    def __call__(self, name: str) -> dict[str, MatchedSequence]:
+        sequence, matched = self.benchmark.read(name), {}
+        for label, settings in self.settings.items():
+            with stage(label):
+                if label not in self._followers:
+                    self._followers[label] = Timed(follower(label, settings))
+                people, seconds = self._followers[label](sequence.depth, sequence.camera, fps=sequence.fps)
+                joints_m = [one.joints_camera_m for one in people]
+                estimates_m = np.array(joints_m).reshape(len(people), len(sequence.depth), NUM_JOINTS, 3)
+                matched[label] = match(sequence, estimates_m, np.array([one.identity for one in people], int), seconds)
+        return matched
+
+
+def evaluate_people(config: EvaluateConfig, folder: Path) -> Report:
+    """Judges all people found in films of several people; writes pictures into the folder.
+
+    Raises:
+        InputError: no estimator, one that finds one person only, a setting for other benchmarks, or no sequence gave figures.
     """
     name = config.benchmark.name
-    if config.scorer or config.sweep is not None:
+    if config.scorer or config.sweep:
         raise InputError(f"benchmark={name}: scorer and sweep are for other benchmarks; leave them out")
     if config.extraction != HumanExtractionConfig():
         raise InputError(f"benchmark={name}: extraction.* is not used by estimators of several people; leave it out")
+    if not config.estimator:
+        raise InputError("estimator: expected at least one, for instance 'estimator=[tracker]'")
+    for label, settings in config.estimator.items():
+        follower(label, settings)
     benchmark = PeopleSet(config.benchmark)
-    rows = run_people(benchmark, config.estimator, config.sequences, config.processes_at_work())
-    found = {label: by_kind([row[label] for row in rows.found.values()], config.seed) for label in config.estimator}
-    label, in_set = next(iter(found)), len(benchmark.names)
-    fewest = min(one["sequences"] for one in found[label].values())
-    blocks = _sequence_blocks(benchmark, label, [row[label] for row in rows.found.values()], folder)
-    count = len(rows.found)
+    work, names = PeopleEstimation(benchmark, config.estimator), evenly_spaced(benchmark.names, config.sequences)
+    matched, failed = engine.run(work, names, config.processes_at_work(), name)
+    found = {label: by_kind([one[label] for one in matched.values()], config.seed) for label in config.estimator}
+    main, count, in_set = next(iter(found)), len(matched), len(benchmark.names)
+    size = f"{count}{'' if count == in_set else f' of {in_set}'} sequences"
     remarks = [
-        f"two_people: SIMULATED depth, compared with synthetic truth; {count}{'' if count == in_set else f' of {in_set}'} "
-        "sequences.",
+        f"{name}: SIMULATED depth, compared with synthetic truth; {size}.",
         benchmark.about,
         SIMULATED,
-        *(f"Left out because of an error: {name}: {reason}" for name, reason in rows.failed.items()),
-        *interval_remarks("sequences", count, ", in a row its own", fewest),
+        *(f"Left out because of an error: {name}: {reason}" for name, reason in failed.items()),
+        *interval_remarks("sequences", count, ", in a row its own", min(one["sequences"] for one in found[main].values())),
     ]
-    joints, identities = _table(found, JOINTS), _table(found, IDENTITIES)
-    metrics = {
-        "estimator": label,
-        **found[label][ALL],
-        "benchmark": {
-            "name": name,
-            "depth": "simulated",
-            "about": benchmark.about,
-            **benchmark.provenance,
-            "sequences": count,
-            "sequences_in_set": in_set,
-            "failed_sequences": rows.failed,
-        },
-        "estimators": found,
-    }
-    main: list[Block] = [("heading", "Joints"), ("table", joints), ("heading", "Identities"), ("table", identities)]
-    blocks = [*main, ("text", DEFINITIONS), *blocks]
-    return Report("kpopnet on two_people", remarks, blocks, [joints, identities], CLOCK, metrics)
+    tables = [_table(found, JOINTS), _table(found, IDENTITIES)]
+    blocks: list[Block] = [("heading", "Joints"), ("table", tables[0]), ("heading", "Identities"), ("table", tables[1])]
+    blocks += [("text", DEFINITIONS), *_sequence_blocks(benchmark, main, [one[main] for one in matched.values()], folder)]
+    described = {"name": name, "depth": "simulated", "about": benchmark.about, **benchmark.provenance}
+    described |= {"sequences": count, "sequences_in_set": in_set, "failed_sequences": failed}
+    metrics = {"estimator": main, **found[main][ALL], "benchmark": described, "estimators": found}
+    return Report(f"kpopnet on {name}", remarks, blocks, tables, CLOCK, metrics)
 
 
 def _cells(one: dict, columns: tuple[tuple[str, str, str], ...]) -> list[Value]:
@@ -112,37 +153,40 @@ def _table(found: dict[str, dict[str, dict]], columns: tuple[tuple[str, str, str
 
 
 def _sequence_blocks(benchmark: PeopleSet, label: str, parts: list[MatchedSequence], folder: Path) -> list[Block]:
-    """The sequences by an estimator: frames of one of each kind and a film of the worst, which it draws, and their figures."""
+    """The sequences by an estimator: frames of one of each kind, figures, and the worst in 3D; draws and writes these."""
     folder.mkdir(parents=True, exist_ok=True)
     of_kinds = list({part.kind: part for part in reversed(parts)}.values())[::-1][:SHEET_ROWS]
     tiles = []
     for part in of_kinds:
         frames = np.linspace(0, len(part.seen) - 1, SHEET_COLUMNS + 1).round().astype(int)[1:].tolist()
         sequence = benchmark.read(part.name)
-        tiles.append((f"{part.name}: {part.kind}", [frame_image(sequence, part, frame, TILE_WIDTH_PX) for frame in frames]))
+        tiles.append((f"{part.name}: {part.kind}", [frame_image(sequence, part, frame) for frame in frames]))
     title = f"SIMULATED, two_people, {label}; white: true joints, a colour for each identity"
     save_png(folder / "people.png", sheet(tiles, (), title))
-    rows: list = []
-    within = {}
-    for part in parts:
-        one = figures([part], 0)
-        within[part.name] = 2.0 if one["within_10cm"] is None else one["within_10cm"]
-        rows.append([part.name, part.kind, *_cells(one, SEQUENCE)])
+    found = {part.name: figures([part], 0) for part in parts}
+    rows: list = [[part.name, part.kind, *_cells(found[part.name], SEQUENCE)] for part in parts]
+    within = {name: 2.0 if one["within_10cm"] is None else one["within_10cm"] for name, one in found.items()}
     worst = min(parts, key=lambda part: within[part.name])
     sequence = benchmark.read(worst.name)
-    blocks: list[Block] = [
+    people = [
+        Shown(joints_m, np.isfinite(joints_m).all(axis=-1), str(identity))
+        for identity, joints_m in zip(worst.identities.tolist(), worst.estimates_m, strict=True)
+    ]
+    true_m = sequence.joints_m.swapaxes(0, 1)
+    people += [Shown(joints_m, np.ones(joints_m.shape[:2]), "true joints", reference=True) for joints_m in true_m]
+    title = f"{worst.name}: {label} on simulated depth"
+    save_view(folder / "worst.html", title, sequence.camera, sequence.fps, sequence.depth, people)
+    return [
         ("heading", f"Sequences ({label})"),
         ("figure", ("people.png", "Frames of a sequence of each kind: depth, true joints in white, identities in colours")),
         ("table", Table(["sequence", "scene", *(title for title, _, _ in SEQUENCE)], rows)),
+        ("view", ("worst.html", f"The worst sequence, {worst.name}: {worst.kind}; true joints thin")),
     ]
-    if save_video(folder / "worst.mp4", film(sequence, worst), sequence.fps / FILM_STEP):
-        blocks.append(("video", ("worst.mp4", f"Film of the worst sequence, {worst.name}: {worst.kind}")))
-    return blocks
 
 
-def frame_image(sequence: StoredSequence, matched: MatchedSequence, frame: int, width_px: int) -> np.ndarray:
+def frame_image(sequence: StoredSequence, matched: MatchedSequence, frame: int) -> np.ndarray:
     """RGB image of one frame: a skeleton in a colour for each identity, the true ones thin, and who is how far off."""
-    image = enlarged(depth_rgb(sequence.depth[frame] / np.float32(MM_PER_METRE)), width_px)
+    image = enlarged(depth_rgb(sequence.depth[frame] / np.float32(MM_PER_METRE)), TILE_WIDTH_PX)
     for identity, joints_m in zip(matched.identities.tolist(), matched.estimates_m[:, frame], strict=True):
         colour = COLOURS[identity % len(COLOURS)]
         draw_skeleton(image, joints_m, sequence.camera, Style("", *[colour] * 3, width_px=2, filled=True))
@@ -154,10 +198,3 @@ def frame_image(sequence: StoredSequence, matched: MatchedSequence, frame: int, 
         error = f"{100 * found.mean():.0f} cm" if len(found) else "not found"
         states.append(("hidden, " if hidden else "") + error if matched.seen[frame, person] or hidden else "not in view")
     return with_captions(image, (f"{sequence.name} frame {frame}: {'; '.join(states)}",))
-
-
-def film(sequence: StoredSequence, matched: MatchedSequence) -> Iterator[np.ndarray]:
-    """Every FILM_STEP-th frame as an RGB image of even width and height."""
-    for frame in range(0, len(matched.seen), FILM_STEP):
-        image = frame_image(sequence, matched, frame, FILM_WIDTH_PX)
-        yield image[: len(image) // 2 * 2]

@@ -22,11 +22,7 @@ ALONG_RAY = 0.8
 
 
 def missed_by_cause(results: PoseResults) -> dict[str, float]:
-    """Fraction of all labelled joints that are missed, by cause: absent, hidden, other side, momentary, wrong depth, elsewhere.
-
-    Args:
-        results: true and estimated joints; frames that the estimator was given do not count.
-    """
+    """Fraction of all labelled joints that are missed, by cause; frames that the estimator was given do not count."""
     errors_m = results.errors_m()
     labelled = ~np.isnan(errors_m)
     missed = labelled & ~(errors_m < MISSED_M)

@@ -25,12 +25,7 @@ SHARES = (0.25, 0.5, 0.75, 0.9, 1.0)
 
 
 class Judged(NamedTuple):
-    """The N joints with a true position and an estimate.
-
-    Attributes:
-        error_m: (N,) distance from the true position, metres.
-        confidence: (N,) in 0..1.
-    """
+    """The N joints with a true position and an estimate: (N,) distance between the two in metres, and confidence in 0..1."""
 
     error_m: np.ndarray
     confidence: np.ndarray
@@ -74,25 +69,20 @@ def evaluate_confidence(results: PoseResults) -> dict:
         and the `bins` of the reliability diagram. None where there are no joints.
     """
     joints = judged(results)
-    if not len(joints.error_m):
+    count = len(joints.error_m)
+    if not count:
         none = dict.fromkeys(("mean", "within_10cm", "ece", "risk_cm", "risk_best_cm"))
         return {"confidence": {"joints": 0, **none, "error_cm": {}, "bins": []}}
     curve_m, best_m = risk_curve_m(joints), risk_curve_m(joints._replace(confidence=-joints.error_m))
-    return {
-        "confidence": {
-            "joints": len(joints.error_m),
-            "mean": float(joints.confidence.mean()),
-            "within_10cm": float((joints.error_m < WITHIN_M).mean()),
-            "ece": calibration_error(joints),
-            "risk_cm": 100 * float(curve_m.mean()),
-            "risk_best_cm": 100 * float(best_m.mean()),
-            "error_cm": {
-                f"{100 * share:.0f}%": 100 * float(curve_m[max(1, round(share * len(curve_m))) - 1]) for share in SHARES
-            },
-            "bins": [
-                {"joints": int(count), "mean": float(mean), "within_10cm": float(within)}
-                for count, mean, within in zip(*reliability(joints), strict=True)
-                if count
-            ],
-        }
+    bins = zip(*(column.tolist() for column in reliability(joints)), strict=True)
+    figures = {
+        "joints": count,
+        "mean": float(joints.confidence.mean()),
+        "within_10cm": float((joints.error_m < WITHIN_M).mean()),
+        "ece": calibration_error(joints),
+        "risk_cm": 100 * float(curve_m.mean()),
+        "risk_best_cm": 100 * float(best_m.mean()),
+        "error_cm": {f"{100 * share:.0f}%": 100 * float(curve_m[max(1, round(share * count)) - 1]) for share in SHARES},
+        "bins": [{"joints": number, "mean": mean, "within_10cm": within} for number, mean, within in bins if number],
     }
+    return {"confidence": figures}

@@ -35,13 +35,9 @@ MIN_ONE_PLUS_COSINE = 1e-6
 
 
 def joint_axes(joints_m: np.ndarray) -> np.ndarray:
-    """The axes in which a joint's offset is constant: rows outward, down and front of unit length.
+    """The axes in which each joint's offset is constant: rows outward, down and front of unit length.
 
-    Args:
-        joints_m: (N, 15, 3) estimated joints in metres in any right-handed frame, NaN where missing.
-
-    Returns:
-        (N, 15, 3, 3), NaN where a joint that defines the axes is missing.
+    (N, 15, 3, 3), NaN where a joint that defines them is missing, of (N, 15, 3) estimated joints in any right-handed frame.
     """
     joints_m = joints_m.astype(np.float64)
     axes = np.repeat(_torso_axes(joints_m)[:, None], NUM_JOINTS, axis=1)

@@ -6,8 +6,8 @@ from matplotlib.figure import Figure
 
 from kpopnet.evaluation.poses.confidence import judged, reliability, risk_curve_m
 from kpopnet.evaluation.poses.metrics import CURVE_END_M, THRESHOLDS_M, fraction_within
-from kpopnet.evaluation.poses.published import published_on
 from kpopnet.evaluation.poses.run import PoseRun
+from kpopnet.evaluation.poses.tables import published_on
 from kpopnet.skeleton import JOINT_NAMES
 
 CURVE_POINTS = 200

@@ -226,20 +226,19 @@ def difference(results: PoseResults, reference: PoseResults, seed: int = 0) -> d
         By metric a dict of `value` and `interval`: `within_10cm_points` (percentage points) and `mean_error_cm`; None where
         undefined.
     """
-    pair = [results.errors_m(), reference.errors_m()]
-    scored = ~np.isnan(pair).any(axis=0)
+    first, second = results.errors_m(), reference.errors_m()
+    scored = ~np.isnan(first) & ~np.isnan(second)
     kept = scored.any(axis=1)
-    first, second = (errors_m[kept] for errors_m in pair)
-    scored, bootstrap = scored[kept], Bootstrap(results.unit[kept], seed)
-    both = np.isfinite(first) & np.isfinite(second)
-    within = 100 * ((first < 0.10) & scored), 100 * ((second < 0.10) & scored)
-    distance_cm = 100 * np.where(both, first, 0), 100 * np.where(both, second, 0)
+    first, second, scored = first[kept], second[kept], scored[kept]
+    bootstrap, both = Bootstrap(results.unit[kept], seed), np.isfinite(first) & np.isfinite(second)
 
-    def paired(sums: tuple[np.ndarray, np.ndarray], counted: np.ndarray) -> dict:
-        change = sums[0].astype(float) - sums[1]
+    def paired(change: np.ndarray, counted: np.ndarray) -> dict:
+        change = np.where(counted, change, 0)
         values = bootstrap.ratios(change, counted)
         return {"value": _none_if_nan(_ratio(change.sum(), counted.sum())), "interval": bootstrap.interval(values)}
 
+    within = 100.0 * (first < 0.10) - 100.0 * (second < 0.10)
+    distance_cm = 100 * np.where(both, first, 0) - 100 * np.where(both, second, 0)
     return {"within_10cm_points": paired(within, scored), "mean_error_cm": paired(distance_cm, both)}
 
 

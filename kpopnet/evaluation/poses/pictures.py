@@ -1,33 +1,17 @@
-"""Pictures of the pose report: example frames (Fig. 11), and the worst sequences as a video and as pages in 3D."""
+"""Pictures of the pose report: example frames (Fig. 11), and the worst sequences in 3D."""
 
-from collections.abc import Iterable
+from pathlib import Path
 
 import numpy as np
 
-from kpopnet.camera import Camera
 from kpopnet.datasets.protocol import Sequence
 from kpopnet.evaluation.poses.run import PoseRun
-from kpopnet.viz.drawing import (
-    ESTIMATED,
-    TRUE,
-    depth_rgb,
-    draw_skeleton,
-    enlarged,
-    legend,
-    person_tile,
-    sheet,
-    with_captions,
-)
-from kpopnet.viz.view_page import Shown, cloud_frames, sampled_cloud, view_page
+from kpopnet.evaluation.report import save_view
+from kpopnet.viz.drawing import ESTIMATED, TRUE, person_tile, sheet
+from kpopnet.viz.view_page import Shown
 
 EXAMPLES_PER_ROW = 4
 CROP_MARGIN_M = 0.35
-VIDEO_HEIGHT_PX = 360
-VIEWS = 3
-"""Number of sequences that are shown in 3D; they share the points that one page may hold."""
-
-MIN_VIDEO_FPS = 8.0
-"""A video is subsampled to every n-th frame, with the largest n that keeps this rate, to save writing time."""
 
 
 def example_frames(run: PoseRun, seed: int) -> dict[str, list[int]]:
@@ -104,58 +88,15 @@ def worst_sequences(run: PoseRun) -> list[str]:
     return sorted(fractions, key=lambda name: 2.0 if fractions[name] is None else fractions[name])
 
 
-def render_video(run: PoseRun, name: str) -> tuple[float, Iterable[np.ndarray]]:
-    """Renders a sequence with true and estimated skeletons over the depth.
-
-    The images show the region that holds the person in any frame, without the room: its noise would take most of the
-    encoding time.
-
-    Returns:
-        Frames per second, 0 where the frames are independent stills; and the RGB images, all of one size.
-    """
-    results, sequence = run.results[run.main].of_sequence(name), run.benchmark.read(name)
-    errors_m = results.errors_m()
-    within, labelled = (errors_m < 0.1).sum(axis=1), (~np.isnan(errors_m)).sum(axis=1)
-    step = max(1, int(sequence.fps // MIN_VIDEO_FPS))
-    view, camera = _region_of_joints(sequence.camera, results.truth_m)
-
-    def images() -> Iterable[np.ndarray]:
-        width_px = round(VIDEO_HEIGHT_PX * camera.width / camera.height / 2) * 2
-        for frame in range(0, len(errors_m), step):
-            image = enlarged(depth_rgb(_person_depth_m(sequence, frame)[view]), width_px)
-            draw_skeleton(image, results.estimate_m[frame], camera, ESTIMATED)
-            draw_skeleton(image, results.truth_m[frame], camera, TRUE)
-            image = np.concatenate([image, legend((TRUE,), width_px), legend((ESTIMATED,), width_px)])
-            counted = f"{within[frame]} of {labelled[frame]} joints within 10 cm"
-            caption = f"{name} frame {frame}: {'label was given' if results.given[frame] else counted}"
-            image = with_captions(image, (f"{run.main} on {run.benchmark.origin.value} depth", caption))
-            yield image[: len(image) // 2 * 2]  # video codecs need an even height
-
-    return sequence.fps / step, images()
-
-
-def view_in_3d(run: PoseRun, name: str) -> str:
-    """A page that shows a sequence in 3D: the estimated joints in colours, the true ones thin, over the depth as points."""
-    results, sequence = run.results[run.main].of_sequence(name), run.benchmark.read(name)
-    truth_m, shown = results.truth_m, cloud_frames(len(results.truth_m))
-    clouds = [
-        sampled_cloud(frame, sequence.depth_m[frame], sequence.camera, [truth_m[frame]], VIEWS * len(shown)) for frame in shown
-    ]
-    people = [
-        Shown(results.estimate_m, np.nan_to_num(results.confidence), run.main),
-        Shown(truth_m, np.ones(truth_m.shape[:2]), "true joints", reference=True),
-    ]
-    times_s = np.arange(len(truth_m)) / (sequence.fps or 1.0)
-    return view_page(f"{name}: {run.main} on {run.benchmark.origin.value} depth", sequence.camera, times_s, people, clouds)
-
-
-def _region_of_joints(camera: Camera, joints_camera_m: np.ndarray) -> tuple[tuple[slice, slice], Camera]:
-    """The image region that holds all of (T, 15, 3) joints, as row and column slices, and the camera of it."""
-    known = joints_camera_m[np.isfinite(joints_camera_m).all(axis=-1)]
-    uv = camera.project(known)[:, :2]
-    size = np.array([camera.width, camera.height])
-    margin = 0.12 * size
-    low = np.clip(uv.min(axis=0) - margin, 0, size - 16).astype(int)
-    high = np.clip(uv.max(axis=0) + margin, low + 16, size).astype(int)
-    (x0, y0), (width, height) = low.tolist(), (high - low).tolist()
-    return (slice(y0, y0 + height), slice(x0, x0 + width)), camera.cropped(x0, y0, width, height)
+def save_views(run: PoseRun, names: list[str], folder: Path) -> dict[str, str]:
+    """Writes a page for each sequence, which shows it in 3D; the sequences by the pages' file names."""
+    views = {f"worst_{number}.html": name for number, name in enumerate(names, 1)}
+    for file, name in views.items():
+        results, sequence = run.results[run.main].of_sequence(name), run.benchmark.read(name)
+        people = [
+            Shown(results.estimate_m, np.nan_to_num(results.confidence), run.main),
+            Shown(results.truth_m, np.ones(results.truth_m.shape[:2]), "true joints", reference=True),
+        ]
+        title = f"{name}: {run.main} on {run.benchmark.origin.value} depth"
+        save_view(folder / file, title, sequence.camera, sequence.fps, sequence.depth_m, people, len(names))
+    return views

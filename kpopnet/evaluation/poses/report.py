@@ -1,6 +1,5 @@
 """The report of an evaluation of joints: figures, views of the worst sequences, tables and what they mean."""
 
-from dataclasses import asdict
 from pathlib import Path
 
 from kpopnet.datasets.protocol import Origin
@@ -9,16 +8,16 @@ from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.poses import tables
 from kpopnet.evaluation.poses.confidence import BINS
 from kpopnet.evaluation.poses.figures import confidence_figure, error_curve, joint_bars, sequence_bars
-from kpopnet.evaluation.poses.pictures import VIEWS, examples_sheet, render_video, view_in_3d, worst_sequences
-from kpopnet.evaluation.poses.published import published_on
+from kpopnet.evaluation.poses.pictures import examples_sheet, save_views, worst_sequences
 from kpopnet.evaluation.poses.run import PoseRun, run_benchmark
 from kpopnet.evaluation.poses.sweep import Sweep, sweep_of
 from kpopnet.evaluation.registry import build_benchmark, build_estimators
-from kpopnet.evaluation.report import SIMULATED, Block, Report, interval_remarks, save_plots, save_video
-from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.evaluation.report import SIMULATED, Block, Report, interval_remarks, save_plots
 from kpopnet.viz.drawing import save_png
 
 MAX_LISTED_SEQUENCES = 40
+VIEWS = 3
+"""Number of worst sequences that are shown in 3D."""
 
 DIFFERENCES = (
     "How much larger the figures are than those of {}: percentage points within 10 cm, and mean error over the joints that "
@@ -56,7 +55,7 @@ def evaluate_poses(config: EvaluateConfig, folder: Path) -> Report:
             f"scorer=[{','.join(config.scorer)}]: benchmark={config.benchmark.name} judges joints; scorers are for dances, "
             "benchmark=kpop or kpop_sim"
         )
-    sweep = config.sweep and sweep_of(config.sweep, config.estimator)
+    sweep = sweep_of(config.sweep, config.estimator) if config.sweep else None
     estimators = build_estimators(config.estimator | (sweep.settings if sweep else {}))
     benchmark = build_benchmark(config.benchmark)
     run = run_benchmark(benchmark, estimators, config.sequences, config.seed, config.processes_at_work(), config.extraction)
@@ -77,20 +76,15 @@ def pose_report(run: PoseRun, folder: Path, seed: int, sweep: Sweep | None = Non
         plots["per_sequence"] = sequence_bars(run, sorted(listed, key=list(run.metrics[run.main]["per_sequence"]).index))
     save_plots(folder, plots)
     save_png(folder / "examples.png", examples_sheet(run, seed))
-    fps, images = render_video(run, by_worst[0])
-    videos = ["worst.mp4"] if fps and save_video(folder / "worst.mp4", images, fps) else []
-    views = {f"worst_{number}.html": name for number, name in enumerate(by_worst[:VIEWS], 1)}
-    for file, name in views.items():
-        with atomic_path(folder / file) as part:
-            part.write_text(view_in_3d(run, name), encoding="utf-8", errors="backslashreplace")
-    pictures = ["examples.png", *(f"{name}.png" for name in plots), *videos]
-    blocks = [*_joint_blocks(run), *_sequence_blocks(run, listed, pictures, views)]
-    printed = [tables.headline_table(run.metrics), *([tables.difference_table(run)] if run.differences else [])]
+    pictures = ["examples.png", *(f"{name}.png" for name in plots)]
+    views = save_views(run, by_worst[:VIEWS], folder)
+    blocks = [*_joint_blocks(run), *_sequence_blocks(run, listed, views)]
+    printed = [tables.across("", run.metrics, tables.HEADLINE), *([tables.difference_table(run)] if run.differences else [])]
     printed += [*tables.group_tables(run.metrics), *tables.definition_tables(run.metrics)]
     if sweep:
-        printed.append(tables.sweep_table(all_metrics, sweep))
+        printed.append(sweep.table(all_metrics))
         blocks += [("heading", f"{sweep.estimator} at other settings (Table 1)"), ("table", printed[-1])]
-    metrics = pose_metrics(run) | {"pictures": pictures, "sweep": _sweep_metrics(all_metrics, sweep) if sweep else None}
+    metrics = pose_metrics(run) | {"pictures": pictures, "sweep": sweep.figures(all_metrics) if sweep else None}
     return Report(f"kpopnet on {run.benchmark.name}", remarks(run), blocks, printed, CLOCK, metrics)
 
 
@@ -158,18 +152,10 @@ def pose_metrics(run: PoseRun) -> dict:
     }
 
 
-def _sweep_metrics(metrics: dict[str, dict], sweep: Sweep) -> dict:
-    """Table 1: the axes, and for each metric a list of rows of columns."""
-    return {"estimator": sweep.estimator, **asdict(sweep.config)} | {
-        key: [[metrics[name][key] for name in names] for names in sweep.names]
-        for key in ("map_10cm", "mean_error_cm", "missing_joints", "fps")
-    }
-
-
 def _joint_blocks(run: PoseRun) -> list[Block]:
     """The figures over all sequences."""
-    published = published_on(run.benchmark)
-    blocks: list[Block] = [("table", tables.headline_table(run.metrics)), ("table", tables.threshold_table(run.metrics))]
+    published, headline = tables.published_on(run.benchmark), tables.across("", run.metrics, tables.HEADLINE)
+    blocks: list[Block] = [("table", headline), ("table", tables.threshold_table(run.metrics))]
     if published:
         blocks += [("text", "Published results beside ours, over the paper's fourteen joints.")]
         blocks += [("table", tables.published_table(run.metrics, published))]
@@ -198,24 +184,21 @@ def _joint_blocks(run: PoseRun) -> list[Block]:
     return blocks
 
 
-def _sequence_blocks(run: PoseRun, listed: list[str], pictures: list[str], views: dict[str, str]) -> list[Block]:
+def _sequence_blocks(run: PoseRun, listed: list[str], views: dict[str, str]) -> list[Block]:
     """Errors by sequence, the worst sequences, and errors by heading; `views` has the sequence of each page in 3D."""
     total = len(run.metrics[run.main]["per_sequence"])
-    of_all = f", the {len(listed)} worst of {total}" if len(listed) < total else ", worst first"
     blocks: list[Block] = [
-        ("heading", f"Sequences{of_all}"),
+        ("heading", "Sequences" + (f", the {len(listed)} worst of {total}" if len(listed) < total else ", worst first")),
         ("text", "Error of visible joints (Eq. 16): mean and standard deviation."),
         ("table", tables.sequence_table(run.metrics, listed)),
     ]
-    if "per_sequence.png" in pictures:
+    if len(listed) > 1:
         blocks.append(("figure", ("per_sequence.png", "Mean and standard deviation of the error in each sequence")))
     blocks += [
         ("heading", f"Worst sequences ({run.main})"),
         ("text", "Estimated joints in colours, true ones thin. Drag to turn, scroll or pinch to zoom, space to play."),
         *(("view", (file, name)) for file, name in views.items()),
     ]
-    if "worst.mp4" in pictures:
-        blocks.append(("video", ("worst.mp4", f"Video of the worst sequence, {listed[0]}")))
     if run.metrics[run.main]["by_yaw"]:
         blocks += [
             ("heading", "Heading of the person"),

@@ -24,8 +24,7 @@ class EstimatedSequence:
 
     Attributes:
         results: by the estimator's name.
-        identity: as in the sequence.
-        room: as in the sequence.
+        identity, room: as in the sequence.
         seconds: time of the estimation by the estimator's name.
         extraction_seconds: time of segmenting the person; None where the depth is segmented.
         images_without_person: number of frames without any depth, or in which no person was detected.
@@ -64,10 +63,9 @@ class SequenceEstimation:
             with stage(label):
                 start = {"start": first_label(truth_m)} if starts_from_label(estimator) else {}
                 (joints_m, confidence), seconds[label] = self._timed[label](depth_m, camera, **start)
-                assert joints_m.shape == truth_m.shape, label
-                given, zero = np.arange(frames) == (start["start"].frame if start else -1), np.zeros(frames, int)
-                found = joints_m, confidence, sequence.visible, zero, (name,), yaw_rad, zero, given
-                results[label] = PoseResults(truth_m, *found)
+            given, zero = np.arange(frames) == (start["start"].frame if start else -1), np.zeros(frames, int)
+            found = joints_m, confidence, sequence.visible, zero, (name,), yaw_rad, zero, given
+            results[label] = PoseResults(truth_m, *found)
         empty = int((~depth_m.any(axis=(1, 2))).sum())
         return EstimatedSequence(results, sequence.identity, sequence.room, seconds, extraction_seconds, empty)
 
@@ -136,7 +134,7 @@ def run_benchmark(
     processes: int = 1,
     extraction: HumanExtractionConfig | None = None,
 ) -> PoseRun:
-    """Runs every estimator on every sequence (`SequenceEstimation`) and computes the metrics.
+    """Runs every estimator on every sequence and computes the metrics.
 
     A sequence that cannot be read, or on which an estimator fails, is left out for all estimators. Each process has one
     thread, so the frames per second of an estimator (all frames divided by its total time) are those of one core.
@@ -147,10 +145,10 @@ def run_benchmark(
 
     Args:
         benchmark: the data set.
-        estimators: by name, the main estimator first.
+        estimators: by name, the main estimator first; pickled with more than one process.
         sequences: number of sequences to evaluate, evenly spaced over the set; None for all.
         seed: of the bootstrap.
-        processes: how many; with more than one, benchmark and estimators are pickled.
+        processes: how many.
         extraction: settings that segment the person where the depth shows a whole scene.
 
     Raises:
@@ -158,8 +156,8 @@ def run_benchmark(
     """
     names = benchmark.sequence_names()
     work = SequenceEstimation(benchmark, estimators, extraction or HumanExtractionConfig())
-    rows = engine.run(work, evenly_spaced(names, sequences), processes, benchmark.name)
-    parts = list(rows.found.values())
+    found, failed = engine.run(work, evenly_spaced(names, sequences), processes, benchmark.name)
+    parts = list(found.values())
     results = {label: concatenated([part.results[label] for part in parts]) for label in estimators}
     people, resampled = _people_and_units(parts, results)
     _check_scored(benchmark, results)
@@ -176,7 +174,7 @@ def run_benchmark(
         metrics=metrics,
         differences={label: difference(results[label], results[first], seed) for label in others},
         resampled=resampled,
-        failed=rows.failed,
+        failed=failed,
         sequences_in_set=len(names),
         images_without_person=sum(part.images_without_person for part in parts),
         started_from_label=[label for label, one in estimators.items() if starts_from_label(one)],

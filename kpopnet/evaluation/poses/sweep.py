@@ -12,7 +12,7 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from kpopnet.errors import InputError
-from kpopnet.evaluation.config import SweepConfig
+from kpopnet.evaluation.values import Table, Value
 from kpopnet.runtime.hydra_app import overridable
 
 
@@ -22,19 +22,37 @@ class Sweep:
 
     Attributes:
         estimator: name of the estimator whose settings are varied.
-        config: the two varied settings.
+        axes: the values of the rows' setting and of the columns' setting, by the setting's name.
         names: name of the estimator at each combination: rows of columns.
         settings: settings of each additional estimator by its name. The combination that equals the configured estimator
             is not among them.
     """
 
     estimator: str
-    config: SweepConfig
+    axes: dict[str, list[Any]]
     names: list[list[str]]
     settings: dict[str, Any]
 
+    def table(self, metrics: dict[str, dict]) -> Table:
+        """Table 1: fraction of joints within 10 cm and frames per second at every combination."""
+        (rows, row_values), (columns, column_values) = self.axes.items()
+        table = Table([f"{rows} / {columns}", *(f"{value}: {what}" for value in column_values for what in ("mAP", "fps"))], [])
+        for value, names in zip(row_values, self.names, strict=True):
+            found = [metrics[name] for name in names]
+            cells = [cell for one in found for cell in (Value(one["map_10cm"], digits=3), Value(one["fps"]))]
+            table.rows.append([str(value), *cells])
+        return table
 
-def sweep_of(config: SweepConfig, estimators: dict[str, Any]) -> Sweep:
+    def figures(self, metrics: dict[str, dict]) -> dict:
+        """For metrics.json: the axes, and for each metric a list of rows of columns."""
+        rows, columns = ({"setting": setting, "values": values} for setting, values in self.axes.items())
+        return {"estimator": self.estimator, "rows": rows, "columns": columns} | {
+            key: [[metrics[name][key] for name in names] for names in self.names]
+            for key in ("map_10cm", "mean_error_cm", "missing_joints", "fps")
+        }
+
+
+def sweep_of(axes: dict[str, list[Any]], estimators: dict[str, Any]) -> Sweep:
     """Makes the combinations for the first configured estimator.
 
     Raises:
@@ -42,29 +60,30 @@ def sweep_of(config: SweepConfig, estimators: dict[str, Any]) -> Sweep:
     """
     if not estimators:
         raise InputError("sweep: expected an estimator to vary, for instance 'estimator=[paper_tracker]'")
+    if len(axes) != 2 or not all(axes.values()):
+        raise InputError(f"sweep={axes}: expected two settings with at least one value each")
     estimator, base = next(iter(estimators.items()))
+    rows, columns = axes
     names: list[list[str]] = []
     settings: dict[str, Any] = {}
-    for row in config.rows.values:
+    for row in axes[rows]:
         names.append([])
-        for column in config.columns.values:
-            changes = {config.rows.setting: row, config.columns.setting: column}
-            changed = base
-            for setting, value in changes.items():
-                changed = _with_setting(changed, setting, value, f"estimator.{estimator}.{setting}")
-            name = estimator
+        for column in axes[columns]:
+            changes = {rows: row, columns: column}
+            changed, name = _with_settings(base, changes, f"sweep: estimator.{estimator}"), estimator
             if changed != base:
                 name = " ".join([estimator, *(f"{setting}={value}" for setting, value in changes.items())])
                 settings[name] = changed
             names[-1].append(name)
-    return Sweep(estimator, config, names, settings)
+    return Sweep(estimator, axes, names, settings)
 
 
-def _with_setting(settings: Any, path: str, value: Any, where: str) -> Any:
-    """A copy of the settings with one value replaced, validated like a value from the command line."""
+def _with_settings(settings: Any, changes: dict[str, Any], where: str) -> Any:
+    """A copy of the settings with some values replaced, validated like values from the command line."""
     copy = OmegaConf.merge(overridable(type(settings)), asdict(settings))
-    try:
-        OmegaConf.update(copy, path, value)
-        return OmegaConf.to_object(copy)
-    except OmegaConfBaseException as error:
-        raise InputError(f"sweep: {where}={value}: {str(error).splitlines()[0]}") from error
+    for name, value in changes.items():
+        try:
+            OmegaConf.update(copy, name, value)
+        except OmegaConfBaseException as error:
+            raise InputError(f"{where}.{name}={value}: {str(error).splitlines()[0]}") from error
+    return OmegaConf.to_object(copy)

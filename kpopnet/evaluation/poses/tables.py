@@ -1,10 +1,11 @@
-"""Tables of the pose report: a column for each estimator."""
+"""Tables of the pose report: a column for each estimator. Published results stand beside ours on real sets only."""
 
+from collections.abc import Callable, Iterable
 from functools import reduce
+from typing import NamedTuple
 
-from kpopnet.evaluation.poses.published import Published
+from kpopnet.datasets.protocol import Benchmark, Origin
 from kpopnet.evaluation.poses.run import PoseRun
-from kpopnet.evaluation.poses.sweep import Sweep
 from kpopnet.evaluation.values import Table, Value
 
 Metrics = dict[str, dict]
@@ -32,6 +33,39 @@ CONFIDENCE = (
 )
 
 
+class Published(NamedTuple):
+    """Published results over all joints of their method; None where a metric is not published.
+
+    Attributes:
+        method: authors, year and method.
+        map_10cm: fraction of joints within 10 cm, 0..1.
+        pose_error_cm: average pose error (Eq. 16) in cm.
+    """
+
+    method: str
+    map_10cm: float | None = None
+    pose_error_cm: float | None = None
+
+
+PUBLISHED = {
+    "eval": (
+        Published("Kim & Kim 2018, tracker", map_10cm=0.9358),
+        Published("Kim & Kim 2018, CNN, depth", map_10cm=0.9566),
+        Published("Kim & Kim 2018, CNN, depth + ridge", map_10cm=0.9667),
+    ),
+    "smmc10": (
+        Published("Kim & Kim 2018, tracker", pose_error_cm=3.88),
+        Published("Kim & Kim 2015", map_10cm=0.9671),
+    ),
+}
+"""By the name of the benchmark. Kim & Kim 2018 have fourteen joints, without the neck, as `map_14` of `metrics.evaluate`."""
+
+
+def published_on(benchmark: Benchmark) -> tuple[Published, ...]:
+    """The published results on a benchmark; none on a simulated one, whatever its name."""
+    return PUBLISHED.get(benchmark.name, ()) if benchmark.origin is Origin.REAL else ()
+
+
 def across(title: str, metrics: Metrics, rows: list[tuple[str, str, str]] | tuple[tuple[str, str, str], ...]) -> Table:
     """A table of rows (name, path, unit): the figure at the path PART/PART of every estimator's metrics, with its interval."""
     table = Table([title, *metrics], [])
@@ -41,11 +75,6 @@ def across(title: str, metrics: Metrics, rows: list[tuple[str, str, str]] | tupl
         ]
         table.rows.append([name, *(Value(figure, unit, interval) for figure, interval in found)])
     return table
-
-
-def headline_table(metrics: Metrics) -> Table:
-    """The main metrics with bootstrap intervals."""
-    return across("", metrics, HEADLINE)
 
 
 def threshold_table(metrics: Metrics) -> Table:
@@ -103,28 +132,33 @@ def difference_table(run: PoseRun) -> Table:
 
 def sequence_table(metrics: Metrics, names: list[str]) -> Table:
     """The values of Fig. 10: Eq. 16 with its standard deviation, and the percentage within 10 cm, of each sequence."""
-    first = next(iter(metrics.values()))["per_sequence"]
-    table = Table(["sequence", "images", *(f"{name}, {what}" for name in metrics for what in ("Eq. 16", "within 10 cm"))], [])
-    for name in names:
-        row: list = [name, first[name]["images"]]
-        for part in (one["per_sequence"][name] for one in metrics.values()):
-            row.append(Value(part["average_pose_error_cm"], "cm", deviation=part["pose_error_deviation_cm"]))
-            row.append(Value(part["map_10cm"], "%"))
-        table.rows.append(row)
-    return table
+
+    def cells(part: dict) -> list[Value]:
+        error_cm = Value(part["average_pose_error_cm"], "cm", deviation=part["pose_error_deviation_cm"])
+        return [error_cm, Value(part["map_10cm"], "%")]
+
+    return _by_part("sequence", metrics, "per_sequence", names, ("Eq. 16", "within 10 cm"), cells)
 
 
 def yaw_table(metrics: Metrics) -> Table:
     """Metrics by the heading of the person, in sectors of 45 degrees."""
-    first = next(iter(metrics.values()))["by_yaw"]
-    table = Table(
-        ["heading", "images", *(f"{name}, {what}" for name in metrics for what in ("within 10 cm", "mean error"))], []
-    )
-    for heading, part in first.items():
-        row: list = [heading, part["images"]]
-        for one in (one["by_yaw"][heading] for one in metrics.values()):
-            row += [Value(one["map_10cm"], "%"), Value(one["mean_error_cm"], "cm")]
-        table.rows.append(row)
+
+    def cells(part: dict) -> list[Value]:
+        return [Value(part["map_10cm"], "%"), Value(part["mean_error_cm"], "cm")]
+
+    sectors = next(iter(metrics.values()))["by_yaw"]
+    return _by_part("heading", metrics, "by_yaw", sectors, ("within 10 cm", "mean error"), cells)
+
+
+def _by_part(
+    title: str, metrics: Metrics, key: str, parts: Iterable[str], columns: tuple[str, ...], cells: Callable[[dict], list[Value]]
+) -> Table:
+    """A row for each part of the images with their number, and the `cells` of each estimator's metrics of the part."""
+    first, *_ = metrics.values()
+    table = Table([title, "images", *(f"{name}, {what}" for name in metrics for what in columns)], [])
+    for part in parts:
+        found = [cell for one in metrics.values() for cell in cells(one[key][part])]
+        table.rows.append([part, first[key][part]["images"], *found])
     return table
 
 
@@ -135,15 +169,3 @@ def published_table(metrics: Metrics, published: tuple[Published, ...]) -> Table
         figures.append(Published(f"here: {name}", one["map_14"], one["paper_joints"]["average_pose_error_cm"]))
     rows: list = [[one.method, Value(one.map_10cm, "%"), Value(one.pose_error_cm, "cm")] for one in figures]
     return Table(["fourteen joints", "within 10 cm (mAP)", "Eq. 16"], rows)
-
-
-def sweep_table(metrics: Metrics, sweep: Sweep) -> Table:
-    """Table 1: fraction of joints within 10 cm and frames per second at every combination."""
-    rows, columns = sweep.config.rows, sweep.config.columns
-    what = [f"{value}: {what}" for value in columns.values for what in ("mAP", "fps")]
-    table = Table([f"{rows.setting} / {columns.setting}", *what], [])
-    for value, names in zip(rows.values, sweep.names, strict=True):
-        found = [metrics[name] for name in names]
-        cells = [cell for one in found for cell in (Value(one["map_10cm"], digits=3), Value(one["fps"]))]
-        table.rows.append([str(value), *cells])
-    return table

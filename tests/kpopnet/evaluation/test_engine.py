@@ -19,10 +19,10 @@ def work(name: str) -> int:
 
 @pytest.mark.parametrize("processes", [1, 2])
 def test_rows_come_in_order_and_what_fails_is_named_and_left_out(processes, capfd):
-    rows = run(work, ["four", "damaged", "", "ab"], processes, "a set")
-    assert list(rows.found.items()) == [("four", 3), ("ab", 6)]
-    assert list(rows.failed) == ["damaged", ""] and rows.failed["damaged"] == "damaged.mat: not whole"
-    assert rows.failed[""].startswith("tracker: frame 3: ZeroDivisionError: ")
+    found, failed = run(work, ["four", "damaged", "", "ab"], processes, "a set")
+    assert list(found.items()) == [("four", 3), ("ab", 6)]
+    assert list(failed) == ["damaged", ""] and failed["damaged"] == "damaged.mat: not whole"
+    assert failed[""].startswith("tracker: frame 3: ZeroDivisionError: ")
     assert "left out damaged: damaged.mat: not whole" in capfd.readouterr().err
 
 

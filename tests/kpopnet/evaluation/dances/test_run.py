@@ -21,7 +21,7 @@ from kpopnet.datasets.dances.dance_set import KpopConfig, KpopSet
 from kpopnet.datasets.dances.writer import PackedDepth, write_labels, write_learner, write_teacher
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate
-from kpopnet.evaluation.config import AxisConfig, EvaluateConfig, SweepConfig
+from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.dances import pose_cache
 from kpopnet.evaluation.dances.pose_cache import PoseCache
 from kpopnet.evaluation.dances.report import evaluate_dances, rank_table
@@ -112,10 +112,10 @@ def run(folder: Path, estimators: dict, **changed):
 
 def test_scores_on_true_joints_follow_the_labels(folder):
     found = run(folder, {})
-    assert list(found.scores) == ["truth"] and list(found.scores["truth"]) == list(SCORERS)
-    agreed = found.agreements["truth"]["dance22"]
+    assert found.sources == ["truth"] and found.scorers == list(SCORERS)
+    agreed = found.agreements["truth", "dance22"]
     assert agreed.concordance == 50 and agreed.wrong == ("papa",) and agreed.kendall_tau == pytest.approx((1 + 4 / 6) / 2)
-    best = found.scores["truth"]["dance22"]["mama"][0]
+    best = found.scores["truth", "dance22"]["mama"][0]
     assert best.name == "ann" and best.score.similarity > 90 and best.error_m is None
     table = rank_table(found)
     means = [cell.value for cell in table.rows[0][1:]]
@@ -124,15 +124,16 @@ def test_scores_on_true_joints_follow_the_labels(folder):
 
 def test_an_estimator_is_scored_beside_the_truth_and_its_poses_are_cached(folder, fake):
     found = run(folder, {"fake": FakeConfig(0.1)})
-    assert list(found.scores) == ["truth", "fake"] and found.fps["fake"] > 0
+    assert found.sources == ["truth", "fake"] and found.fps["fake"] > 0
     # The same offset of all joints does not change the score.
-    one, other = (found.scores[source]["dance22"]["mama"] for source in ("truth", "fake"))
+    one, other = (found.scores[source, "dance22"]["mama"] for source in ("truth", "fake"))
     for a, b in zip(one, other, strict=True):
         assert b.score.similarity == pytest.approx(a.score.similarity, abs=0.5)
     assert other[2].error_m == pytest.approx(0.1 * np.sqrt(3), rel=1e-3)
     calls = fake.calls
+    write_dance(folder, "papa", (0.0, 0.09, 0.04, 0.2))  # the same depth, other true joints
     again = run(folder, {"fake": FakeConfig(0.1)}, scorers={"raptis": SCORERS["raptis"]})
-    assert fake.calls == calls and again.agreements["fake"]["raptis"] == found.agreements["fake"]["raptis"]
+    assert fake.calls == calls and again.agreements["fake", "raptis"] == found.agreements["fake", "raptis"]
     run(folder, {"fake": FakeConfig(0.2)})
     assert fake.calls > calls
 
@@ -140,16 +141,8 @@ def test_an_estimator_is_scored_beside_the_truth_and_its_poses_are_cached(folder
 def test_an_estimator_that_finds_no_joint_is_reported_and_not_scored(folder, fake, monkeypatch, caplog):
     monkeypatch.setattr(fake, "estimate", lambda self, depth_m, camera: Estimate.missing(len(depth_m)))
     found = run(folder, {"fake": FakeConfig()})
-    assert all(np.isnan(one.score.similarity) for one in found.scores["fake"]["dance22"]["mama"])
+    assert all(np.isnan(one.score.similarity) for one in found.scores["fake", "dance22"]["mama"])
     assert "mama, ann: fake found no joint in any frame; not scored" in caplog.text
-
-
-def test_equal_depth_is_not_estimated_again(folder, fake):
-    run(folder, {"fake": FakeConfig()})
-    calls = fake.calls
-    write_dance(folder, "papa", (0.0, 0.09, 0.04, 0.2))  # the same depth, other true joints
-    run(folder, {"fake": FakeConfig()})
-    assert fake.calls == calls
 
 
 def test_damaged_cached_poses_are_refused_in_one_line(folder, fake):
@@ -171,12 +164,12 @@ def test_damaged_cached_poses_are_refused_in_one_line(folder, fake):
 
 
 def test_corrected_times_need_no_new_estimation(folder, fake):
-    late = run(folder, {"fake": FakeConfig()}).scores["fake"]["dance22"]["mama"][0].score
+    late = run(folder, {"fake": FakeConfig()}).scores["fake", "dance22"]["mama"][0].score
     calls = fake.calls
     path = folder / "mama" / "ann.h5"
     with h5py.File(path, "a") as file:
         file["times_s"][:] = TIMES_S + 0.3
-    moved = run(folder, {"fake": FakeConfig()}).scores["fake"]["dance22"]["mama"][0].score
+    moved = run(folder, {"fake": FakeConfig()}).scores["fake", "dance22"]["mama"][0].score
     assert fake.calls == calls and moved.timing < late.timing - 10
     with h5py.File(path, "a") as file:
         del file["times_s"]
@@ -212,7 +205,7 @@ def test_the_cache_folder_depends_on_all_code_that_joints_may_depend_on(fake, tm
 def test_a_faulty_dance_does_not_affect_the_others(folder, fake):
     (folder / "mama" / "labels.csv").write_text("")
     found = run(folder, {"fake": FakeConfig()})
-    assert "labels.csv" in found.failed["mama"] and list(found.scores["fake"]["dance22"]) == ["papa"]
+    assert "labels.csv" in found.failed["mama"] and list(found.scores["fake", "dance22"]) == ["papa"]
     (folder / "papa" / "dee.h5").write_bytes(b"truncated")
     with pytest.raises(InputError, match=r"none of 2 gave figures; .*labels\.csv"):
         run(folder, {"fake": FakeConfig()})
@@ -264,34 +257,26 @@ def test_another_dance_is_plotted_if_the_requested_one_failed(folder, tmp_path):
     assert ("heading", "papa over time") in evaluate_dances(config, tmp_path / "out").blocks
 
 
-def test_the_dance_to_be_plotted_must_be_among_the_scored_ones(folder, fake, tmp_path):
-    for name, dances, message in (
-        ("gaga", None, "dance=gaga: not among the 2 dances to be scored"),
-        ("papa", 1, "dance=papa: not among the 1 dances to be scored"),
-    ):
-        config = EvaluateConfig(KpopConfig(path=str(folder), dance=name, dances=dances), {"fake": FakeConfig()}, processes=1)
-        with pytest.raises(InputError, match=message):
-            evaluate_dances(config, tmp_path / "out")
-    assert fake.calls == 0
-    with pytest.raises(InputError, match=r"benchmark\.dances=0"):
-        KpopConfig(dances=0)
-
-
-def test_settings_of_joint_benchmarks_are_rejected(folder, tmp_path):
-    axis = AxisConfig("r_m", [0.1, 0.2])
-    for given, message in (
-        ({"sequences": 4}, "sequences=4: .*benchmark.dances"),
-        ({"sweep": SweepConfig(axis, axis)}, "sweep: "),
-    ):
-        with pytest.raises(InputError, match=message):
-            evaluate_dances(EvaluateConfig(KpopConfig(path=str(folder)), {}, processes=1, **given), tmp_path / "out")
+@pytest.mark.parametrize(
+    ("benchmark", "settings", "message"),
+    [
+        ({"dance": "gaga"}, {}, "dance=gaga: not among the 2 dances to be scored"),
+        ({"dance": "papa", "dances": 1}, {}, "dance=papa: not among the 1 dances to be scored"),
+        ({}, {"sequences": 4}, "sequences=4: .*benchmark.dances"),
+        ({}, {"sweep": {"r_m": [0.1], "epsilon_m": [0.05]}}, "sweep: "),
+    ],
+)
+def test_settings_that_a_set_of_dances_cannot_have_are_refused(folder, tmp_path, benchmark, settings, message):
+    config = EvaluateConfig(KpopConfig(path=str(folder), **benchmark), {}, processes=1, **settings)
+    with pytest.raises(InputError, match=message):
+        evaluate_dances(config, tmp_path / "out")
 
 
 def test_a_learner_without_true_joints_is_reported(folder, fake):
     with h5py.File(folder / "papa" / "bob.h5", "a") as file:
         del file["joints_m"]
     found = run(folder, {"fake": FakeConfig()})
-    assert list(found.scores) == ["fake"]
+    assert found.sources == ["fake"]
     assert found.assumptions == [
         "Scores on true joints are left out: a learner of papa has no true joints (1 of 2 dances are incomplete)."
     ]

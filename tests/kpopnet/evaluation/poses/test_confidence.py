@@ -44,11 +44,6 @@ def test_the_calibration_error_equals_its_slow_twin() -> None:
     assert np.isnan(mean[5]) and np.isnan(within[5])
 
 
-def test_the_risk_curve_is_the_mean_error_of_the_most_confident() -> None:
-    joints = Judged(np.array([0.4, 0.1, 0.2]), np.array([0.1, 0.9, 0.5]))
-    np.testing.assert_allclose(risk_curve_m(joints), [0.1, 0.15, 0.7 / 3])
-
-
 def test_ties_count_with_their_mean_whatever_their_order() -> None:
     rng = np.random.default_rng(2)
     error_m, confidence = rng.random(60), rng.integers(0, 4, 60) / 4
@@ -78,8 +73,5 @@ def test_missing_joints_joints_without_label_and_given_frames_do_not_count() -> 
     one = results(more_m, more)
     one.given[40:] = True
     assert evaluate_confidence(one) == evaluate_confidence(results(error_m, confidence))
-
-
-def test_without_any_estimate_there_are_no_figures() -> None:
-    metrics = evaluate_confidence(results(np.full((3, 15), np.inf), np.zeros((3, 15))))
-    assert metrics["confidence"]["joints"] == 0 and metrics["confidence"]["ece"] is None
+    nothing = evaluate_confidence(results(np.full((3, 15), np.inf), np.zeros((3, 15))))["confidence"]
+    assert nothing["joints"] == 0 and nothing["ece"] is None

@@ -2,13 +2,11 @@
 
 import json
 import re
-from html.parser import HTMLParser
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
-from films import FRAMES, Films, Off
+from films import Films, Off
 from shard_sets import write_shard
 
 from kpopnet.baselines.mean_pose import MeanPoseEstimator
@@ -17,15 +15,14 @@ from kpopnet.datasets.protocol import Origin
 from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate
-from kpopnet.evaluation.config import AxisConfig, EvaluateConfig, SweepConfig
+from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.poses.figures import joint_bars, sequence_bars
-from kpopnet.evaluation.poses.pictures import example_frames, render_video, worst_sequences
-from kpopnet.evaluation.poses.published import published_on
+from kpopnet.evaluation.poses.pictures import example_frames, worst_sequences
 from kpopnet.evaluation.poses.report import pose_metrics, pose_report, remarks
 from kpopnet.evaluation.poses.run import PoseRun, run_benchmark
 from kpopnet.evaluation.poses.sweep import Sweep, sweep_of
-from kpopnet.evaluation.poses.tables import difference_table, published_table, sequence_table, sweep_table
-from kpopnet.evaluation.report import save_video, write
+from kpopnet.evaluation.poses.tables import difference_table, published_on, published_table, sequence_table
+from kpopnet.evaluation.report import write
 from kpopnet.paper_tracker.tracker import PaperTrackerConfig
 from kpopnet.skeleton import JOINT_NAMES
 
@@ -69,21 +66,6 @@ def written(run: PoseRun, folder: Path, sweep: Sweep | None = None) -> tuple[dic
     return json.loads((folder / "metrics.json").read_text()), report.text()
 
 
-class TagBalance(HTMLParser):
-    """Fails on a tag closed out of order; `open` lists the tags that were not closed."""
-
-    def __init__(self):
-        super().__init__()
-        self.open = []
-
-    def handle_starttag(self, tag, attrs):
-        if tag not in ("meta", "img"):
-            self.open.append(tag)
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-
 def test_metrics_json_describes_the_benchmark_and_holds_the_errors(stills, tmp_path):
     found, printed = written(stills, tmp_path / "report")
     assert found["images"] == 8 and found["estimator"] == "shifted"
@@ -107,10 +89,7 @@ def test_metrics_json_describes_the_benchmark_and_holds_the_errors(stills, tmp_p
     assert len(links) == 8 and all((tmp_path / "report" / link).is_file() for link in links)
     sources = re.findall(r'(?:src|href)="([^"]*)"', page)
     assert len(sources) == 5 and all(source.startswith("data:image/png;base64,") for source in sources)
-    assert page.count("<iframe sandbox=") == 3 and "<video" not in page and not (tmp_path / "report" / "worst.mp4").exists()
-    parser = TagBalance()
-    parser.feed(page)
-    assert not parser.open
+    assert page.count("<iframe sandbox=") == 3
 
 
 def test_examples_are_the_best_the_median_and_the_worst(stills):
@@ -149,7 +128,6 @@ def test_table_and_bars_show_mean_and_standard_deviation_of_each_sequence(films)
         ("eval", Origin.REAL, ["Kim & Kim 2018, tracker, 93.58", "CNN, depth, 95.66", "depth + ridge, 96.67"]),
         ("smmc10", Origin.REAL, ["Kim & Kim 2018, tracker, 3.88", "Kim & Kim 2015, 96.71"]),
         ("eval", Origin.SIMULATED, []),
-        ("utd_mhad", Origin.REAL, []),
     ],
 )
 def test_published_results_are_shown_on_real_sets_only(name, origin, lines):
@@ -164,45 +142,17 @@ def test_published_results_are_shown_on_real_sets_only(name, origin, lines):
     assert {pose_metrics(run)["benchmark"][key] for key in ("seed", "version", "config_hash")} == {None}
 
 
-def test_the_worst_sequence_has_the_fewest_joints_within_ten_centimetres_and_a_film(films, tmp_path):
-    assert worst_sequences(films.without(["near"]))[0] == "two"
-    fps, images = render_video(films, "two")
-    images = list(images)
-    assert fps == 10 and len(images) == FRAMES / 3
-    assert len({image.shape for image in images}) == 1 and all(size % 2 == 0 for size in images[0].shape[:2])
-    assert (images[0] != images[-1]).any()
-    path = tmp_path / "film.mp4"
-    if not save_video(path, images, fps):
-        assert not path.exists()
-        pytest.skip("this OpenCV writes no VP9")
-    reader = cv2.VideoCapture(str(path))
-    frames = [image for found, image in iter(reader.read, (False, None)) if found]
-    assert len(frames) == len(images) and frames[0].shape == images[0].shape
-    assert reader.get(cv2.CAP_PROP_FPS) == fps
-    assert np.abs(frames[-1][..., ::-1].astype(int) - images[-1]).mean() < 8
-
-
-def test_of_a_whole_scene_pictures_show_what_is_near_the_true_joints(monkeypatch):
-    run = run_benchmark(Films(is_segmented=False), {"off": Off()})
-    images, read = list(render_video(run, "two")[1]), run.benchmark.read
-
-    def before_a_wall(name):
-        sequence = read(name)
-        sequence.depth_m[sequence.depth_m == 0] = 4.0
-        return sequence
-
-    monkeypatch.setattr(run.benchmark, "read", before_a_wall)
-    np.testing.assert_array_equal(images[3], list(render_video(run, "two")[1])[3])
+def test_the_worst_sequence_has_the_fewest_joints_within_ten_centimetres(films):
+    assert worst_sequences(films.without(["near"])) == ["two", "one", "three"]
 
 
 def test_a_sweep_has_a_table_and_metrics_and_is_in_no_other_table(tmp_path):
-    rows, columns = AxisConfig("epsilon_m", [0.05, 0.06]), AxisConfig("r_m", [0.1, 0.11, 0.12])
-    sweep = sweep_of(SweepConfig(rows, columns), {"tracker": PaperTrackerConfig()})
+    sweep = sweep_of({"epsilon_m": [0.05, 0.06], "r_m": [0.1, 0.11, 0.12]}, {"tracker": PaperTrackerConfig()})
     factors = np.arange(1, 7).reshape(2, 3) / 3
     estimators = {name: Off(factors[r, c]) for r, names in enumerate(sweep.names) for c, name in enumerate(names)}
     run = run_benchmark(Films(), {"tracker": estimators["tracker"]} | estimators)
-    table = sweep_table(run.metrics, sweep)
-    assert table.header[1:] == [f"{value}: {what}" for value in columns.values for what in ("mAP", "fps")]
+    table = sweep.table(run.metrics)
+    assert table.header[1:] == [f"{value}: {what}" for value in (0.1, 0.11, 0.12) for what in ("mAP", "fps")]
     cells = table.cells()[1:]
     assert [row[0] for row in cells] == ["0.05", "0.06"]
     # Factor 1/3: all sequences are within 10 cm. Factor 1: all but the one with 12 cm. Factor 2: one sequence only.
@@ -214,14 +164,6 @@ def test_a_sweep_has_a_table_and_metrics_and_is_in_no_other_table(tmp_path):
     assert found["sweep"]["columns"] == {"setting": "r_m", "values": [0.1, 0.11, 0.12]}
     assert "Table 1" in (tmp_path / "report.md").read_text()
     assert "0.06  " in printed and "r_m=0.12" not in printed
-
-
-def test_an_unscored_sequence_stays_in_every_table():
-    films = Films()
-    films.single = ("one",)
-    run = run_benchmark(films, {"started": Off(starts_from_label=True), "plain": Off(0.5)})
-    row = sequence_table(run.metrics, ["one"]).cells()[1]
-    assert row[:4] == ["one", "0", "-", "-"] and row[5] == "100.0 %"
 
 
 def test_differences_from_the_first_estimator_are_in_every_report(films, tmp_path):

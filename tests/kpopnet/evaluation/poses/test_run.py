@@ -11,13 +11,11 @@ from kpopnet.errors import InputError
 from kpopnet.evaluation.poses import run as run_module
 from kpopnet.evaluation.poses.report import remarks
 from kpopnet.evaluation.poses.run import run_benchmark
-from kpopnet.evaluation.registry import build_estimators
 from kpopnet.extraction import HumanExtractionConfig
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import save_checkpoint
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.networks.network import build_network
-from kpopnet.paper_tracker.tracker import PaperTrackerConfig
 from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
 
 MEAN_POSE = MeanPoseEstimator(POSE_M - POSE_M.mean(axis=0))
@@ -102,12 +100,6 @@ def test_all_people_in_a_room_are_resampled_together(tmp_path):
     assert run.resampled == ("rooms", 2, 10) and len(run.results["mean_pose"].sequence_names) == 10
     assert run.results["mean_pose"].unit.tolist() == [0] * 5 + [1] * 5
     assert any("2 rooms are too few" in line for line in remarks(run))
-
-
-def test_one_kind_of_estimator_may_have_several_names_in_a_run():
-    configs = {"slow": PaperTrackerConfig(start="label"), "fast": PaperTrackerConfig()}
-    built = build_estimators(configs)
-    assert [one.starts_from_label for one in built.values()] == [True, False] and list(built) == list(configs)
 
 
 def test_in_whole_scenes_the_person_is_segmented_once_for_every_estimator(monkeypatch):
