@@ -17,11 +17,7 @@ class MeanPoseEstimator:
     name = "mean_pose"
 
     def __init__(self, mean_pose_m: np.ndarray) -> None:
-        """Stores the mean pose.
-
-        Args:
-            mean_pose_m: (15, 3) joints in metres relative to the person's centre (`person_centre`), along the camera's axes.
-        """
+        """`mean_pose_m`: (15, 3) metres relative to the person's centre (`person_centre`), along the camera's axes."""
         self.mean_pose_m = np.asarray(mean_pose_m, np.float32).reshape(NUM_JOINTS, 3)
 
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:

@@ -52,13 +52,13 @@ def stage(label: str) -> Iterator[None]:
 
 
 def run(work: Callable[[str], Row], names: list[str], processes: int, where: str) -> tuple[dict[str, Row], dict[str, str]]:
-    """Calls the work with every name; the results do not depend on the number of processes.
+    """Calls the work with every name, in processes of one thread each; the results do not depend on their number.
 
     Args:
-        work: picklable where there are several processes. It reads what the name stands for, runs every estimator on it and
-            returns what the metrics are computed from.
+        work: picklable. It reads the sequence or dance of a name, runs every estimator on it and returns what the metrics are
+            computed from.
         names: of sequences or dances.
-        processes: how many, of one thread each.
+        processes: how many.
         where: the benchmark, for the progress bar and messages.
 
     Returns:

@@ -205,7 +205,7 @@ def save_plots(folder: Path, plots: dict[str, Figure]) -> None:
 def save_view(
     path: Path, title: str, camera: Camera, fps: float, depth: np.ndarray, people: list[Shown], pages: int = 1
 ) -> None:
-    """Writes a page that shows a sequence in 3D: people, the true ones thin, over the depth as points.
+    """Writes a page that shows a sequence in 3D: people over the depth as points.
 
     Args:
         path: of the page.
@@ -213,7 +213,7 @@ def save_view(
         camera: of the depth.
         fps: frames per second; 0 for stills, which are shown a second each.
         depth: (T, H, W) metres or uint16 millimetres.
-        people: estimated ones, and as references true ones, around whom points are dense.
+        people: estimated ones, and as references true ones, drawn thin, around whom points are dense.
         pages: how many share the points that one page may hold.
     """
     shown, true = cloud_frames(len(depth)), [one.joints_camera_m for one in people if one.reference]

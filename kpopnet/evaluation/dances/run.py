@@ -81,12 +81,9 @@ class DanceRun:
 
 @dataclass(frozen=True)
 class ScoredDance:
-    """The scores of one dance.
+    """The scores of one dance: by method as in `DanceRun`, only from sources of joints of all learners.
 
-    Attributes:
-        scores: by method the learners, the best by the experts' ranking first; only from sources of joints of all learners.
-        frames: number of frames of all learners.
-        seconds: estimation time of all learners by the estimator's name.
+    `frames` are of all learners together, and so are the `seconds` of the estimation by the estimator's name.
     """
 
     scores: dict[Method, list[LearnerScore]]
@@ -182,11 +179,7 @@ def run_dances(
 
 
 def _start_anywhere(estimators: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Sets start=auto in trackers that would wait for the Y pose or a label, which learners do not show; settings and notes.
-
-    Raises:
-        InputError: an estimator knows no other start.
-    """
+    """Sets start=auto in trackers that would wait for the Y pose or a label, which learners do not show; settings and notes."""
     changed, assumptions = dict(estimators), []
     for name, settings in estimators.items():
         if isinstance(settings, PaperTrackerConfig):

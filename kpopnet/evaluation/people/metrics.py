@@ -110,13 +110,9 @@ def match(sequence: StoredSequence, estimates_m: np.ndarray, identities: np.ndar
 
 
 def _match_frame(truth_m: np.ndarray, estimates_m: np.ndarray, found: np.ndarray, before: dict[int, int]) -> dict[int, int]:
-    """Number of the estimate of each person who has one in a frame.
+    """Number of the estimate of each person who has one in a frame; `before` is the result for the frame before.
 
-    Args:
-        truth_m: (P, 15, 3) true joints.
-        estimates_m: (E, 15, 3) estimated joints.
-        found: (E,) bool, whether any of them is estimated in the frame.
-        before: the result for the frame before.
+    Joints are (P, 15, 3) true and (E, 15, 3) estimated ones; (E,) `found` says whether any of them is estimated.
     """
     cost = np.full((len(truth_m), len(estimates_m)), 1e3)
     distance_m = np.nanmean(np.linalg.norm(truth_m[:, None] - estimates_m[None, found], axis=-1), axis=-1)

@@ -68,11 +68,7 @@ Follow = Callable[[np.ndarray, Camera, float], list[PersonPose]]
 
 
 def follower(label: str, settings: Any) -> Follow:
-    """What finds and follows people with the settings of an estimator.
-
-    Raises:
-        InputError: these settings are of an estimator of one person, or cannot be used for several.
-    """
+    """What finds and follows people with an estimator's settings; raises InputError if these are for one person."""
     if isinstance(settings, TrackerEstimatorConfig):
         if settings != TrackerEstimatorConfig():
             raise InputError(f"estimator {label}: start, model and network are for one person; leave them out")

@@ -143,13 +143,8 @@ def run_benchmark(
     as if they were independent, so the intervals hold for other sequences of the same people. Resampling people would be the
     way to cover others, but most sets show too few for an interval to mean anything; reports state their number.
 
-    Args:
-        benchmark: the data set.
-        estimators: by name, the main estimator first; pickled with more than one process.
-        sequences: number of sequences to evaluate, evenly spaced over the set; None for all.
-        seed: of the bootstrap.
-        processes: how many.
-        extraction: settings that segment the person where the depth shows a whole scene.
+    The main estimator comes first. `sequences` are evenly spaced over the set, `seed` is the bootstrap's, and `extraction`
+    segments the person where the depth shows a whole scene.
 
     Raises:
         InputError: every sequence failed, no joint has a label, an estimator was given every label, or a process died.

@@ -34,13 +34,7 @@ CONFIDENCE = (
 
 
 class Published(NamedTuple):
-    """Published results over all joints of their method; None where a metric is not published.
-
-    Attributes:
-        method: authors, year and method.
-        map_10cm: fraction of joints within 10 cm, 0..1.
-        pose_error_cm: average pose error (Eq. 16) in cm.
-    """
+    """Published results over all joints of a method: the fraction within 10 cm, 0..1, and Eq. 16; None where not published."""
 
     method: str
     map_10cm: float | None = None

@@ -153,11 +153,8 @@ def test_damaged_cached_poses_are_refused_in_one_line(folder, fake):
     with np.load(path) as stored:
         arrays = dict(stored)
     assert survives_damage(path, lambda: cache.poses(dance, learner)) > 100
-    for changed in (
-        {"seconds": np.float64(np.nan)}, {"seconds": np.float64(-1)}, {"seconds": np.array([{}], object)},
-        {"joints_m": arrays["joints_m"][:, :14]}, {"joints_m": arrays["joints_m"][:0], "confidence": arrays["confidence"][:0]},
-        {"confidence": np.full_like(arrays["confidence"], np.nan)}, {"confidence": arrays["confidence"][1:]},
-    ):  # fmt: skip
+    none = {name: arrays[name][:0] for name in ("joints_m", "confidence")}
+    for changed in ({"seconds": np.float64(np.nan)}, none):
         np.savez(path, **(arrays | changed))
         with pytest.raises(InputError, match=r"damaged .*; delete it to estimate these poses again"):
             cache.poses(dance, learner)
