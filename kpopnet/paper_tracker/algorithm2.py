@@ -1,13 +1,11 @@
 """Hierarchical human pose estimation (section 2.4): Algorithm 2, from the head down to hands and feet.
 
-Assumptions, where the paper is silent:
+As printed, candidates are pixels of the body's surface, and so are the joints, their means. Choices where the paper is silent
+(docs/paper.md has what each is worth):
 
-- Candidates are pixels of the body's surface, joints lie inside. Each candidate is moved along its viewing ray into the
-  body, by the depth of the joint under the surface (`Structure`), before any distance is measured.
 - r_j and epsilon_j are millimetres in Table 1; its best values are 110 and 50.
-- "Insufficient" is fewer than `MIN_CANDIDATES` valid candidates. If the raw depth does not give that many either, the joint
-  moves with its parent (the torso's joints with the head), and its velocity in the next frame is zero. With only Eq. (3) a
-  lost joint would move away without bound.
+- "Insufficient" is fewer than `Plan.sufficient` valid candidates. The paper then repeats the step with raw depth, and does not
+  say what happens to a joint for which that is insufficient too: `Plan.lost`.
 - The geodesic distance of Eq. (10) is the shortest path over the silhouette's cells. An edge across a depth jump counts
   `kpopnet.geometry.depth_grid.JUMP_FACTOR` times its length.
 - Eqs. (6) and (8) need the distance from the head (the torso's centre) to the line through candidate and opposite shoulder
@@ -22,7 +20,7 @@ import numpy as np
 from numba import njit
 
 from kpopnet.camera import Camera
-from kpopnet.geometry.body import NECK_FRACTION, PARTS, RIGHT_RIBS, body_from_model
+from kpopnet.geometry.body import NECK_FRACTION
 from kpopnet.geometry.depth_grid import cell_points, geodesic_distances, neighbour_graph
 from kpopnet.geometry.human_model import LIMB_PARENTS, HumanModel
 from kpopnet.skeleton import NUM_JOINTS, Joint
@@ -39,15 +37,14 @@ PARENTS = np.array([LIMB_PARENTS.get(joint, -1) for joint in Joint])
 """(15,) J_p of the limb joints, -1 for the others."""
 
 CARRIERS = np.where(PARENTS >= 0, PARENTS, HEAD)
-"""(15,) the joint that a lost joint moves with."""
+"""(15,) the joint that a carried joint moves with."""
 
-MIN_CANDIDATES = 3
-"""Minimum number of valid candidates of a joint."""
-
+PREDICTED, STAYS, CARRIED = LOST = range(3)
+"""Where a joint without sufficient candidates is: at its prediction, where it was, or moved with its parent (`CARRIERS`)."""
 
 CELL_M = 0.02
-"""Raw depth is sampled once per cell of about this side at the person's depth, in metres: every second pixel of a Kinect v1. In
-cells of four pixels three to seven candidates of a joint are left, and their mean is noise."""
+"""Ways over the silhouette lead from cell to cell, of about this side at the person's depth, in metres: every second pixel of a
+Kinect v1."""
 
 MOST_CELLS, MOST_PX = 20_000, 16
 """Greatest number of cells and greatest side in pixels. Cells grow where more would be measured: of noise and whole rooms."""
@@ -59,7 +56,9 @@ class Frame(NamedTuple):
     Attributes:
         ridge_m: (R, 3) the ridge data, pixel by pixel.
         ridge_cell: (R,) the number of each one's cell, -1 where its cell has no point.
-        raw_m: (N, 3) the raw depth: the point in the middle of each measured cell.
+        raw_m: (P, 3) the raw depth.
+        raw_cell: (P,) likewise.
+        cells_m: (N, 3) the point in the middle of each measured cell.
         neighbours: (N, 8) neighbours of each cell, see `kpopnet.geometry.depth_grid.neighbour_graph`.
         edges_m: (N, 8) lengths of the ways to them.
     """
@@ -67,6 +66,8 @@ class Frame(NamedTuple):
     ridge_m: np.ndarray
     ridge_cell: np.ndarray
     raw_m: np.ndarray
+    raw_cell: np.ndarray
+    cells_m: np.ndarray
     neighbours: np.ndarray
     edges_m: np.ndarray
 
@@ -92,8 +93,8 @@ class State(NamedTuple):
 
     Attributes:
         joints: (15, 3) J^(t-1), metres.
-        velocity: (15, 3) Delta J^(t-1), metres a frame, 0 for joints without valid candidates.
-        lost: (15,) for how many frames each joint has had no valid candidates.
+        velocity: (15, 3) Delta J^(t-1), metres a frame.
+        lost: (15,) for how many frames each joint has had no sufficient candidates.
     """
 
     joints: np.ndarray
@@ -111,6 +112,8 @@ class Plan(NamedTuple):
         structure: lengths of the person.
         epsilon_m: epsilon_j of Eqs. (5) to (9).
         straightness: epsilon_L of Eq. (9).
+        sufficient: least number of valid candidates.
+        lost: where joints without them are, one of `LOST`.
     """
 
     predicted: np.ndarray
@@ -119,6 +122,8 @@ class Plan(NamedTuple):
     structure: Structure
     epsilon_m: float
     straightness: float
+    sufficient: int
+    lost: int
 
 
 class Collected(NamedTuple):
@@ -137,22 +142,28 @@ class Collected(NamedTuple):
     valid: np.ndarray
 
 
-def frame_of(depth_m: np.ndarray, ridge: np.ndarray, camera: Camera) -> Frame:
-    """The points of an (H, W) float32 depth image of a person, metres, with its (H, W) bool ridge data."""
+def frame_of(depth_m: np.ndarray, ridge: np.ndarray, camera: Camera, sampled: bool = False) -> Frame:
+    """The points of an (H, W) float32 depth image of a person, metres, with its (H, W) bool ridge data.
+
+    Raw depth is every pixel, or `sampled` once per cell.
+    """
     person_m = depth_m[depth_m > 0]
     side_px = 1
     if len(person_m):
         side_px = max(CELL_M * camera.fx / float(np.median(person_m)), (len(person_m) / MOST_CELLS) ** 0.5)
         side_px = max(1, round(min(side_px, MOST_PX)))
     intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy, side_px])
-    raw_m, index = cell_points(depth_m, intrinsics)
-    ridge_m, ridge_cell = _ridge_points(*ridge.nonzero(), depth_m, intrinsics, index)
-    return Frame(ridge_m, ridge_cell, raw_m, *neighbour_graph(raw_m, index))
+    cells_m, index = cell_points(depth_m, intrinsics)
+    raw = cells_m, np.arange(len(cells_m))
+    if not sampled:
+        raw = _pixel_points(*depth_m.nonzero(), depth_m, intrinsics, index)
+    ridge_points = _pixel_points(*ridge.nonzero(), depth_m, intrinsics, index)
+    return Frame(*ridge_points, *raw, cells_m, *neighbour_graph(cells_m, index))
 
 
 @njit(cache=True)
-def _ridge_points(rows, columns, depth, intrinsics, index):
-    """(R, 3) surface points of pixels, and (R,) the numbers of their cells."""
+def _pixel_points(rows, columns, depth, intrinsics, index):
+    """(P, 3) surface points of pixels, and (P,) the numbers of their cells."""
     fx, fy, cx, cy, side_px = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3], int(intrinsics[4])
     points, cell = np.empty((len(rows), 3)), np.empty(len(rows), np.int64)
     for i in range(len(rows)):
@@ -164,7 +175,7 @@ def _ridge_points(rows, columns, depth, intrinsics, index):
 
 
 def structure_of(model: HumanModel) -> Structure:
-    """The structure of a person with these lengths; its joints lie as deep as an average body of that size is thick."""
+    """The structure of a person with these lengths; its joints lie on the surface."""
     distance_m = np.zeros((NUM_JOINTS, NUM_JOINTS))
     lengths = {(joint, LIMB_PARENTS[joint]): length_m for joint, length_m in model.limb_m.items()} | {
         (HEAD, TORSO): model.head_to_torso_m,
@@ -178,22 +189,15 @@ def structure_of(model: HumanModel) -> Structure:
     }
     for (a, b), length_m in lengths.items():
         distance_m[a, b] = distance_m[b, a] = length_m
-    # The smallest radius of the parts that end at each joint, the ribs' for the torso
-    depth_m = np.full(NUM_JOINTS, np.inf)
-    for ends, radii in zip(PARTS, body_from_model(model).radii_m, strict=True):
-        for row, radius in zip(ends, radii, strict=True):
-            joint = TORSO if row == RIGHT_RIBS else row
-            if joint < NUM_JOINTS:
-                depth_m[joint] = min(depth_m[joint], radius)
-    return Structure(distance_m, model.head_to_shoulder_line_m, model.torso_to_hip_line_m, depth_m)
+    return Structure(distance_m, model.head_to_shoulder_line_m, model.torso_to_hip_line_m, np.zeros(NUM_JOINTS))
 
 
 @njit(cache=True)
-def collect(joint, points, geodesics_m, joints, plan):
-    """Steps 2 and 3: the points within the search radius, moved into the body, and those that keep the joint's rule.
+def collect(joint, points, cell, geodesics_m, joints, plan):
+    """Steps 2 and 3: the points within the search radius, `Structure.depth_m` inside, and those that keep the joint's rule.
 
-    Of (N, 3) ridge data or raw depth on the surface, with (N,) ways to them from the joint's parent, metres, and (15, 3)
-    estimated or predicted joints.
+    Of (P, 3) ridge data or raw depth on the surface in cells (P,), with (N,) ways to these from the joint's parent, metres, and
+    (15, 3) estimated or predicted joints.
     """
     total, count, x = np.zeros(3), 0, np.empty(3)
     centre, radius_m = plan.predicted[joint], plan.radius_m[joint]
@@ -203,12 +207,13 @@ def collect(joint, points, geodesics_m, joints, plan):
     for i in range(len(points)):
         surface_x, surface_y, surface_z = points[i, 0], points[i, 1], points[i, 2]
         if (surface_x - centre[0]) ** 2 + (surface_y - centre[1]) ** 2 + (surface_z - centre[2]) ** 2 > reach:
-            continue  # outside the search radius even after moving into the body
+            continue  # outside the search radius, inside the body too
         factor = 1 + depth_m / math.sqrt(surface_x**2 + surface_y**2 + surface_z**2)
         x[0], x[1], x[2] = surface_x * factor, surface_y * factor, surface_z * factor
-        # Eq. (4), and Eq. (12) for candidates of the raw depth
+        # Eq. (4)
         near[i] = distance(x, centre) <= radius_m
-        if near[i] and is_valid(x, geodesics_m[i], joint, joints, plan):
+        way_m = geodesics_m[cell[i]] if cell[i] >= 0 else 0.0
+        if near[i] and is_valid(x, way_m, joint, joints, plan):
             valid[i] = True
             total += x
             count += 1
@@ -216,49 +221,37 @@ def collect(joint, points, geodesics_m, joints, plan):
 
 
 @njit(cache=True)
-def ridge_geodesics(frame, geodesics_m):
-    """(R,) of the ridge data from (N,) of the cells; 0 where ridge data lie in no measured cell."""
-    found = np.zeros(len(frame.ridge_m))
-    for i in range(len(found)):
-        if frame.ridge_cell[i] >= 0:
-            found[i] = geodesics_m[frame.ridge_cell[i]]
-    return found
-
-
-@njit(cache=True)
-def _candidates(joint, frame, joints, plan):
-    """Steps 2 and 3 of one joint: from ridge data, from raw depth where they are insufficient."""
-    geodesics_m = np.zeros(len(frame.raw_m))
-    if PARENTS[joint] >= 0:
-        geodesics_m = geodesics_to(joint, frame, joints, plan)
+def candidates_of(joint, frame, joints, plan):
+    """Steps 2 and 3 of one joint: `Collected` from ridge data, from raw depth where they are insufficient."""
+    geodesics_m = geodesics_to(joint, frame, joints, plan)
     if plan.on_ridge[joint]:
-        found = collect(joint, frame.ridge_m, ridge_geodesics(frame, geodesics_m), joints, plan)
-        if found.count >= MIN_CANDIDATES:
+        found = collect(joint, frame.ridge_m, frame.ridge_cell, geodesics_m, joints, plan)
+        if found.count >= plan.sufficient:
             return found
-    return collect(joint, frame.raw_m, geodesics_m, joints, plan)
+    # Eq. (12)
+    return collect(joint, frame.raw_m, frame.raw_cell, geodesics_m, joints, plan)
 
 
 @njit(cache=True)
 def track_frame(frame, state, plan):
-    """Algorithm 2 for one `Frame`: the `State` after it, and (15,) the number of valid candidates of each joint, 0 where it
-    moved with its parent.
+    """Algorithm 2 for one `Frame`: the `State` after it, and (15,) the number of valid candidates of each joint, 0 where they
+    are insufficient.
     """
     joints, support = plan.predicted.copy(), np.zeros(NUM_JOINTS, np.int64)
     for joint in JOINT_ORDER:
-        found = _candidates(joint, frame, joints, plan)
-        if found.count >= MIN_CANDIDATES:
+        found = candidates_of(joint, frame, joints, plan)
+        if found.count >= plan.sufficient:
             # Eq. (11)
             joints[joint] = found.total / found.count
             support[joint] = found.count
-        else:
+        elif plan.lost != PREDICTED:
             joints[joint] = state.joints[joint]
-            if joint != HEAD:
+            if plan.lost == CARRIED and joint != HEAD:
                 joints[joint] += joints[CARRIERS[joint]] - state.joints[CARRIERS[joint]]
     shoulder_centre = (joints[RIGHT_SHOULDER] + joints[LEFT_SHOULDER]) / 2
     joints[1] = shoulder_centre + NECK_FRACTION * (joints[HEAD] - shoulder_centre)
     support[1] = min(support[RIGHT_SHOULDER], support[LEFT_SHOULDER], support[HEAD])
-    velocity = (joints - state.joints) * (support > 0).reshape(-1, 1)
-    return State(joints, velocity, np.where(support > 0, 0, state.lost + 1)), support
+    return State(joints, joints - state.joints, np.where(support > 0, 0, state.lost + 1)), support
 
 
 def ridge_candidates(frame: Frame, state: State, plan: Plan) -> tuple[np.ndarray, np.ndarray]:
@@ -268,10 +261,8 @@ def ridge_candidates(frame: Frame, state: State, plan: Plan) -> tuple[np.ndarray
     after, _ = track_frame(frame, state, plan)
     near, valid = np.zeros(len(frame.ridge_m), bool), np.zeros(len(frame.ridge_m), bool)
     for joint in JOINT_ORDER:
-        ways_m = np.zeros(len(frame.ridge_m))
-        if PARENTS[joint] >= 0:
-            ways_m = ridge_geodesics(frame, geodesics_to(joint, frame, after.joints, plan))
-        found = collect(joint, frame.ridge_m, ways_m, after.joints, plan)
+        ways_m = geodesics_to(joint, frame, after.joints, plan)
+        found = collect(joint, frame.ridge_m, frame.ridge_cell, ways_m, after.joints, plan)
         near |= found.near
         valid |= found.valid
     return frame.ridge_m[near], frame.ridge_m[valid]
@@ -364,15 +355,17 @@ def is_valid(x, geodesic_m, joint, joints, plan):
 
 @njit(cache=True)
 def geodesics_to(limb, frame, joints, plan):
-    """(N,) geodesic distances of all cells to a limb's parent in metres, as far as Eq. (9) can be kept.
+    """(N,) geodesic distances of all cells to a limb's parent in metres, as far as Eq. (9) can be kept; 0 without a parent.
 
-    They start at the cell nearest to the parent, which lies inside the body.
+    They start at the cell nearest to the parent, which may lie inside the body.
     """
+    if PARENTS[limb] < 0:
+        return np.zeros(len(frame.cells_m))
     parent = joints[PARENTS[limb]]
-    source = np.zeros(len(frame.raw_m), np.bool_)
+    source = np.zeros(len(frame.cells_m), np.bool_)
     nearest, least = -1, np.inf
-    for i in range(len(frame.raw_m)):
-        here = distance(frame.raw_m[i], parent)
+    for i in range(len(frame.cells_m)):
+        here = distance(frame.cells_m[i], parent)
         if here < least:
             nearest, least = i, here
     if nearest >= 0:

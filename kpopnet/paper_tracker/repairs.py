@@ -8,9 +8,10 @@ import math
 
 import numpy as np
 
-from kpopnet.geometry.body import body_from_model
+from kpopnet.geometry.body import PARTS, RIGHT_RIBS, Body, body_from_model
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.paper_tracker.algorithm2 import (
+    CARRIED,
     HEAD,
     LEFT_HIP,
     LEFT_SHOULDER,
@@ -31,8 +32,16 @@ LOST_FRAMES, WIDER = 5, 2.0
 """Joints lost for more than `LOST_FRAMES` frames are looked for `WIDER` times as far."""
 
 
+EPSILON_R = 0.55
+"""Largest circle ratio of ridge data, Eq. (2). With the paper's 0.3 almost no pixel is left (`kpopnet.ridge`)."""
+
+SUFFICIENT = 3
+"""Least number of valid candidates."""
+
+
 def repaired(printed: Plan, state: State, model: HumanModel) -> Plan:
-    """The plan with every repair, after `state`, for the person of the model."""
+    """The plan with every repair, after `state`, for the person of the model; raw depth is sampled once per cell."""
+    body, structure = body_from_model(model), _with_head_to_shoulders(printed.structure, model)
     return printed._replace(
         # No velocity in Eq. (3), which feeds the noise of every joint back undamped: 10 points.
         predicted=state.joints.copy(),
@@ -40,8 +49,23 @@ def repaired(printed: Plan, state: State, model: HumanModel) -> Plan:
         radius_m=printed.radius_m * np.where(state.lost > LOST_FRAMES, WIDER, 1.0),
         # Shoulders, hips and elbows have no ridge data of their own, and stray ones suffice: 11 points.
         on_ridge=printed.on_ridge & ~NEAR_TRUNK,
-        structure=_with_arms_as_in(_with_head_to_shoulders(printed.structure, model), model, state.joints),
+        # Joints lie inside the body, candidates on its surface: each is moved along its ray before any distance is measured.
+        structure=_with_arms_as_in(structure, model, body, state.joints)._replace(depth_m=joint_depth_m(body.radii_m)),
+        sufficient=SUFFICIENT,
+        # A joint without candidates moves with its parent, the trunk's joints with the head.
+        lost=CARRIED,
     )
+
+
+def joint_depth_m(radii_m: np.ndarray) -> np.ndarray:
+    """(15,) the smallest radius of the parts that end at each joint, the ribs' for the torso, from (P, 2) radii in metres."""
+    depth_m = np.full(NUM_JOINTS, np.inf)
+    for ends, radii in zip(PARTS, radii_m, strict=True):
+        for row, radius in zip(ends, radii, strict=True):
+            joint = TORSO if row == RIGHT_RIBS else row
+            if joint < NUM_JOINTS:
+                depth_m[joint] = min(depth_m[joint], radius)
+    return depth_m
 
 
 def _with_head_to_shoulders(structure: Structure, model: HumanModel) -> Structure:
@@ -60,7 +84,7 @@ def _with_head_to_shoulders(structure: Structure, model: HumanModel) -> Structur
     return structure._replace(distance_m=distance_m)
 
 
-def _with_arms_as_in(structure: Structure, model: HumanModel, joints_m: np.ndarray) -> Structure:
+def _with_arms_as_in(structure: Structure, model: HumanModel, body: Body, joints_m: np.ndarray) -> Structure:
     """The structure with its shoulders as high as the arms of (15, 3) joints are raised: 4 points.
 
     Arms lift the shoulders by 5 cm in the Y pose. The distances of the shoulders to torso and hips change as those of simulated
@@ -68,7 +92,6 @@ def _with_arms_as_in(structure: Structure, model: HumanModel, joints_m: np.ndarr
     """
     up = joints_m[RIGHT_SHOULDER] + joints_m[LEFT_SHOULDER] - joints_m[RIGHT_HIP] - joints_m[LEFT_HIP]
     distance_m, rise_m = structure.distance_m.copy(), np.zeros(2)
-    body = body_from_model(model)
     for (a, b), arm, gain_m in zip(body.pairs, body.elevating_arm, body.elevation_gain_m, strict=True):
         if arm < 0:
             continue

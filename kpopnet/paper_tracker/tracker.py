@@ -1,6 +1,6 @@
 """The paper's tracker: initial model from the Y pose (section 2.3), then Algorithm 2 frame by frame (section 2.4).
 
-    depth of the person -> ridge data -> initial model, once
+    depth of the person -> ridge data -> initial model on the surface, once
     depth of the person -> ridge data -> prediction, candidates, pruning, joints, in every frame
 
 Nothing depends on wall-clock time: equal input gives equal output.
@@ -16,10 +16,16 @@ from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate, Start, start_pose, track_sequence
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.paper_tracker.algorithm2 import Frame, Plan, State, Structure, frame_of, structure_of, track_frame
-from kpopnet.paper_tracker.repairs import repaired
+from kpopnet.paper_tracker.repairs import EPSILON_R, repaired
 from kpopnet.ridge import RidgeConfig, ridge_data
 from kpopnet.skeleton import NUM_JOINTS, PAPER_JOINTS
 from kpopnet.y_pose.initial_pose import find_initial_pose
+
+LOST = ("predicted", "stays", "carried")
+"""Values of `PaperTrackerConfig.lost`, in the order of `kpopnet.paper_tracker.algorithm2.LOST`."""
+
+SURFACE_PIXELS = 9
+"""A joint's depth on the surface is the median of this many pixels of the person nearest to it in the image."""
 
 MIN_POINTS = 60
 """Smallest number of cells in which a person is seen: 0.024 square metres."""
@@ -46,7 +52,12 @@ class PaperTrackerConfig:
         r_m: search radius of a joint in metres, r_j of Eqs. (4) and (12).
         epsilon_m: tolerance of lengths in metres, epsilon_j of Eqs. (5) to (9).
         straightness: minimum ratio of straight to geodesic distance, epsilon_L of Eq. (9).
-        repaired: with what the paper's text leaves insufficient mended (kpopnet.paper_tracker.repairs).
+        epsilon_r: largest circle ratio of ridge data, Eq. (2).
+        sufficient: least number of valid candidates of a joint (the paper gives none).
+        lost: where a joint is for which raw depth is insufficient too (the paper does not say): stays (where it was), predicted
+            (Eq. 3) or carried (with its parent).
+        repaired: with what the paper's text leaves insufficient mended; epsilon_r, sufficient and lost are then those of
+            kpopnet.paper_tracker.repairs.
         start: y_pose (waits for the paper's start pose) or label (the benchmark's true joints in the first frame that has all
             of them).
         model: path of a file that `HumanModel.save` wrote for this person; by default the model is measured at the start.
@@ -56,6 +67,9 @@ class PaperTrackerConfig:
     r_m: float = 0.11
     epsilon_m: float = 0.05
     straightness: float = 0.7
+    epsilon_r: float = 0.3
+    sufficient: int = 1
+    lost: str = "stays"
     repaired: bool = False
     start: str = "y_pose"
     model: str | None = None
@@ -63,13 +77,16 @@ class PaperTrackerConfig:
     def __post_init__(self) -> None:
         if self.candidates not in ("ridge", "depth"):
             raise InputError(f"paper_tracker: candidates={self.candidates}: expected ridge or depth")
+        if self.lost not in LOST:
+            raise InputError(f"paper_tracker: lost={self.lost}: expected one of {', '.join(LOST)}")
         if self.start not in ("y_pose", "label"):
             raise InputError(f"paper_tracker: start={self.start}: expected one of y_pose, label")
-        if not (0 < self.r_m <= 2 and 0 < self.epsilon_m <= 1 and 0 <= self.straightness < 1):
+        if not (0 < self.r_m <= 2 and 0 < self.epsilon_m <= 1 and 0 <= self.straightness < 1 and self.sufficient > 0):
             raise InputError(
-                "paper_tracker: expected r_m in 0..2 m, epsilon_m in 0..1 m and straightness in 0..1, found "
-                f"{self.r_m}, {self.epsilon_m} and {self.straightness}"
+                "paper_tracker: expected r_m in 0..2 m, epsilon_m in 0..1 m, straightness in 0..1 and sufficient above 0, "
+                f"found {self.r_m}, {self.epsilon_m}, {self.straightness} and {self.sufficient}"
             )
+        RidgeConfig(self.epsilon_r)
 
 
 class PaperTracker:
@@ -86,7 +103,7 @@ class PaperTracker:
         self, camera: Camera, config: PaperTrackerConfig = PaperTrackerConfig(), model: HumanModel | None = None
     ) -> None:
         """Prepares a tracker; the model of a known person is used instead of the one measured at the start."""
-        self.camera, self.config, self.model = camera, config, model
+        self.camera, self.config, self.model, self._known, self._inside = camera, config, model, model, False
         self.structure: Structure | None = None
         self.state: State | None = None
         self.evidence: np.ndarray | None = None
@@ -99,11 +116,16 @@ class PaperTracker:
     def start(self, joints_camera_m: np.ndarray) -> None:
         """Starts from a known pose, (15, 3) joints in the camera frame in metres; measures the model unless there is one.
 
+        As printed, the next image's depth then moves the joints to the surface.
+
         Raises:
             InputError: another shape, or joints are missing.
         """
-        joints = start_pose(joints_camera_m, "paper tracker")
-        self.model = self.model or HumanModel.from_joints(joints)
+        self._start(start_pose(joints_camera_m, "paper tracker"))
+        self._inside = not self.config.repaired
+
+    def _start(self, joints: np.ndarray) -> None:
+        self.model = self._known or HumanModel.from_joints(joints)
         self.structure = structure_of(self.model)
         self.state = State(joints, np.zeros_like(joints), np.zeros(NUM_JOINTS, np.int64))
 
@@ -115,15 +137,19 @@ class PaperTracker:
             below 10 cm; NaN and 0 before the start and in frames without a visible person.
         """
         frame = self.frame(depth_m)
-        if len(frame.raw_m) < MIN_POINTS or not (self.started or self._find_start(depth_m)):
+        if len(frame.cells_m) < MIN_POINTS or not (self.started or self._find_start(depth_m)):
             return np.full((NUM_JOINTS, 3), np.nan), np.zeros(NUM_JOINTS)
+        if self._inside:
+            self._start(on_surface(self.state.joints, depth_m, self.camera))
+            self._inside = False
         self.state, support = track_frame(frame, self.state, self.plan())
         self.evidence = evidence_of(support)
         return self.state.joints.copy(), expit(self.evidence @ np.array(CONFIDENCE_WEIGHTS))
 
     def frame(self, depth_m: np.ndarray) -> Frame:
         """The points of an (H, W) image in metres that Algorithm 2 chooses from."""
-        return frame_of(depth_m, ridge_data(depth_m, RidgeConfig()), self.camera)
+        epsilon_r = EPSILON_R if self.config.repaired else self.config.epsilon_r
+        return frame_of(depth_m, ridge_data(depth_m, RidgeConfig(epsilon_r)), self.camera, sampled=self.config.repaired)
 
     def plan(self) -> Plan:
         """What Algorithm 2 goes by in the next frame."""
@@ -135,6 +161,8 @@ class PaperTracker:
             structure=self.structure,
             epsilon_m=config.epsilon_m,
             straightness=config.straightness,
+            sufficient=config.sufficient,
+            lost=LOST.index(config.lost),
         )
         return repaired(printed, self.state, self.model) if config.repaired else printed
 
@@ -144,6 +172,18 @@ class PaperTracker:
         if initial is not None:
             self.start(initial.joints_camera_m)
         return self.started
+
+
+def on_surface(joints_m: np.ndarray, depth_m: np.ndarray, camera: Camera) -> np.ndarray:
+    """(15, 3) joints moved along their viewing rays to the surface that an (H, W) depth image of the person shows there.
+
+    The paper's joints are means of pixels. A joint before the surface stays where it is.
+    """
+    v, u = depth_m.nonzero()
+    at = camera.project(joints_m)[:, :2]
+    nearest = ((u - at[:, :1]) ** 2 + (v - at[:, 1:]) ** 2).argsort(axis=1)[:, :SURFACE_PIXELS]
+    surface_m = np.median(depth_m[v[nearest], u[nearest]], axis=1)
+    return joints_m * np.minimum(surface_m / joints_m[:, 2], 1)[:, None]
 
 
 class PaperTrackerEstimator:

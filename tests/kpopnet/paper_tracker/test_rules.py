@@ -170,8 +170,8 @@ def straightness(depth: np.ndarray, begin_px: tuple[int, int], end_m: np.ndarray
     joints = np.zeros((NUM_JOINTS, 3))
     joints[Joint.LEFT_ELBOW] = CAMERA.back_project(np.array((*begin_px, 2.5)))
     geodesics = geodesics_to(int(Joint.LEFT_HAND), frame, joints, plan(straightness=0.0))
-    k = np.linalg.norm(frame.raw_m - end_m, axis=1).argmin()
-    return np.linalg.norm(frame.raw_m[k] - joints[Joint.LEFT_ELBOW]) / geodesics[k]
+    k = np.linalg.norm(frame.cells_m - end_m, axis=1).argmin()
+    return np.linalg.norm(frame.cells_m[k] - joints[Joint.LEFT_ELBOW]) / geodesics[k]
 
 
 def at(u: int, v: int, z_m: float = 2.5) -> np.ndarray:

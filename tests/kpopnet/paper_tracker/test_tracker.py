@@ -7,7 +7,7 @@ from cone_people import cone_body, cone_joints, draw_cones, error_m
 from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
 from kpopnet.geometry.human_model import HumanModel
-from kpopnet.paper_tracker.tracker import PaperTracker, PaperTrackerConfig, PaperTrackerEstimator
+from kpopnet.paper_tracker.tracker import PaperTracker, PaperTrackerConfig, PaperTrackerEstimator, on_surface
 from kpopnet.skeleton import Joint
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 
@@ -25,14 +25,15 @@ def test_shoulders_that_slid_along_their_line_come_back_with_the_repairs_only(si
     """Both 8 cm aside in a still picture: nothing in Eq. (6) pulls them back."""
     depth, joints, camera = simulated
     shoulders, error = [Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER], {}
-    slid = joints[0].copy()
-    slid[shoulders, 0] += 0.08
     for config in (PRINTED, REPAIRED):
-        tracker = PaperTracker(camera, config, HumanModel.from_joints(joints[0]))
+        true_m = joints[0] if config.repaired else on_surface(joints[0], depth[0], camera)
+        slid = true_m.copy()
+        slid[shoulders, 0] += 0.08
+        tracker = PaperTracker(camera, config, HumanModel.from_joints(true_m))
         tracker.start(slid)
         for _ in range(30):
             found, _ = tracker.track(depth[0])
-        error[config] = error_m(found, joints[0])[shoulders]
+        error[config] = error_m(found, true_m)[shoulders]
     assert error[REPAIRED].max() < 0.1 < error[PRINTED].min()
 
 
@@ -69,7 +70,10 @@ def test_only_label_is_given_the_true_pose() -> None:
     [
         ({"candidates": "skin"}, "candidates=skin: expected ridge or depth"),
         ({"r_m": 110}, "r_m in 0..2 m"),
-        ({"r_m": 0}, "found 0, 0.05 and 0.7"),
+        ({"r_m": 0}, "found 0, 0.05, 0.7 and 1"),
+        ({"sufficient": 0}, "sufficient above 0"),
+        ({"epsilon_r": 30.0}, "epsilon_r must lie between 0 and 1"),
+        ({"lost": "found"}, "lost=found: expected one of predicted, stays, carried"),
         ({"epsilon_m": np.nan}, "epsilon_m"),
         ({"straightness": 1.0}, "straightness in 0..1"),
     ],
