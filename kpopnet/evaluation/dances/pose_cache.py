@@ -18,6 +18,7 @@ import kpopnet
 from kpopnet.dance.performance import Performance, mask_missing_joints
 from kpopnet.datasets.dances.dance_set import Dance, Learner
 from kpopnet.errors import InputError
+from kpopnet.estimator import Start, first_label
 from kpopnet.evaluation.engine import Timed
 from kpopnet.evaluation.registry import build_estimators
 from kpopnet.networks import META
@@ -86,10 +87,18 @@ class PoseCache:
 
     def _write(self, path: Path, learner: Learner) -> None:
         self._estimate, clip = self._estimate or self._build(), learner.depth()
-        (joints_m, confidence), seconds = self._estimate(clip.depth_m, clip.camera)
+        start = {"start": _first_pose(learner)} if getattr(self.settings, "start", None) == "label" else {}
+        (joints_m, confidence), seconds = self._estimate(clip.depth_m, clip.camera, **start)
         path.parent.mkdir(parents=True, exist_ok=True)
         with atomic_path(path) as part, part.open("wb") as file:
             np.savez(file, joints_m=joints_m, confidence=confidence, seconds=seconds)
+
+
+def _first_pose(learner: Learner) -> Start:
+    """The first true pose of a learner with all joints; raises InputError without one."""
+    truth = learner.joints()
+    expect(truth is not None, str(learner.path), "true joints, from which start=label starts")
+    return first_label(truth.joints_m)
 
 
 def estimator_key(settings: Any) -> str:

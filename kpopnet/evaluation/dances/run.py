@@ -153,8 +153,7 @@ def run_dances(
     estimated or scored is left out with all its learners. True joints are scored only if all learners of the others have them.
 
     Raises:
-        InputError: no dance could be scored, a true pose is missing and there is no estimator, or an estimator would wait for
-            the Y pose in vain.
+        InputError: no dance could be scored, or a true pose is missing and there is no estimator.
     """
     estimators, assumptions = _start_anywhere(estimators)
     caches = {name: PoseCache(poses, name, settings) for name, settings in estimators.items()}
@@ -179,13 +178,12 @@ def run_dances(
 
 
 def _start_anywhere(estimators: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Sets start=auto in trackers that would wait for the Y pose or a label, which learners do not show; settings and notes."""
+    """Another start for trackers that would wait for the Y pose or a label, which learners do not show; settings and notes."""
     changed, assumptions = dict(estimators), []
     for name, settings in estimators.items():
-        if isinstance(settings, PaperTrackerConfig):
-            raise InputError(
-                f"{name}: Algorithm 2 starts from the Y pose, which learners do not show; take estimator=[tracker] or [network]"
-            )
+        if isinstance(settings, PaperTrackerConfig) and settings.start == "y_pose":
+            changed[name] = replace(settings, start="label")
+            assumptions.append(f"Learners do not show the Y pose: {name} starts from the first true joints (start=label).")
         if isinstance(settings, TrackerEstimatorConfig) and settings.start in ("y_pose", "label"):
             changed[name] = replace(settings, start="auto")
             assumptions.append(

@@ -20,7 +20,7 @@ from kpopnet.dance.scoring import SCORERS
 from kpopnet.datasets.dances.dance_set import KpopConfig, KpopSet
 from kpopnet.datasets.dances.writer import PackedDepth, write_labels, write_learner, write_teacher
 from kpopnet.errors import InputError
-from kpopnet.estimator import Estimate
+from kpopnet.estimator import Estimate, Start
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.dances import pose_cache
 from kpopnet.evaluation.dances.pose_cache import PoseCache
@@ -219,8 +219,23 @@ def test_trackers_do_not_wait_for_the_y_pose(folder, monkeypatch):
     found = run(folder, {"tracker": TrackerEstimatorConfig(start="y_pose")}, count=1)
     assert all(config.start == "auto" for config in built)
     assert any("start=auto" in line for line in found.assumptions)
-    with pytest.raises(InputError, match=r"paper_tracker: .* starts from the Y pose, which learners do not show"):
-        run(folder, {"paper_tracker": PaperTrackerConfig()}, count=1)
+
+
+def test_the_papers_tracker_starts_from_the_first_true_pose(folder, monkeypatch):
+    starts = []
+
+    class Started(Fake):
+        def estimate(self, depth_m: np.ndarray, camera: Camera, start: Start) -> Estimate:
+            starts.append(start)
+            return super().estimate(depth_m, camera)
+
+    monkeypatch.setattr(pose_cache, "build_estimators", lambda configs: {name: Started(FakeConfig()) for name in configs})
+    found = run(folder, {"paper_tracker": PaperTrackerConfig()}, count=1)
+    assert any("paper_tracker starts from the first true joints" in line for line in found.assumptions)
+    assert [start.frame for start in starts] == [0] * len(LEARNERS)
+    learners = KpopSet(folder).dance("mama").learners
+    for start, learner in zip(starts, learners, strict=True):
+        np.testing.assert_array_equal(start.joints_camera_m, learner.joints().joints_m[0])
 
 
 def test_the_report_has_all_its_parts(folder, fake, tmp_path):
