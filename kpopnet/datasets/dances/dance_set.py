@@ -152,7 +152,7 @@ class Learner:
 
 @dataclass(frozen=True)
 class Dance:
-    """One dance; its learners are in the experts' order, the best first."""
+    """One dance; its learners are in the experts' order, the best first, or by name where ranks are not asked for."""
 
     name: str
     folder: Path
@@ -169,16 +169,21 @@ class Dance:
 class KpopSet:
     """A folder of dances, read one dance at a time."""
 
-    def __init__(self, folder: Path | str) -> None:
-        """Lists the dances; raises InputError if the folder does not exist or holds none, or its manifest is invalid."""
+    def __init__(self, folder: Path | str, ranked: bool = True) -> None:
+        """Lists the dances, or with ranked=False also those without labels.
+
+        Raises:
+            InputError: the folder does not exist or holds no dances, or its manifest is invalid.
+        """
         self.folder = Path(folder)
         if not self.folder.is_dir():
             raise InputError(f"{self.folder}: no such folder; `python -m synth benchmark=kpop_sim` makes a set of dances")
-        self.names = sorted(path.parent.name for path in self.folder.glob(f"*/{LABELS}"))
+        self._ranked, files = ranked, (TEACHER, LABELS)[: 1 + ranked]
+        self.names = sorted(path.parent.name for path in self.folder.glob(f"*/{files[-1]}"))
         check_names(str(self.folder), self.names)
         if not self.names:
             raise InputError(
-                f"{self.folder}: no dances in it; a dance is a folder with {TEACHER}, {LABELS} and a file for each learner "
+                f"{self.folder}: no dances in it; a dance is a folder with {', '.join(files)} and a file for each learner "
                 "(docs/kpop_format.md)"
             )
         self.manifest = read_manifest(self.folder)
@@ -187,19 +192,27 @@ class KpopSet:
         return len(self.names)
 
     def dance(self, name: str) -> Dance:
-        """Reads the labels of one dance; raises InputError if they are invalid, or the file of a learner is missing."""
+        """Reads the labels of one dance, if ranked; raises InputError if they are invalid, or a learner's file is missing."""
         folder = self.folder / name
         if name not in self.names:
             first = ", ".join(self.names[:5])
             raise InputError(f"dance={name}: not among the {len(self.names)} of {self.folder}: {first}, ...")
         learners = []
-        for learner in read_labels(folder / LABELS):
+        for learner in read_labels(folder / LABELS) if self._ranked else learners_in(folder):
             path = folder / f"{learner}.h5"
             if not path.is_file():
                 existing = sorted(file.stem for file in folder.glob("*.h5") if file.name != TEACHER)
                 raise InputError(f"{path}: missing, though {LABELS} ranks {learner}; there are {', '.join(existing) or 'none'}")
             learners.append(Learner(learner, path))
         return Dance(name, folder, tuple(learners))
+
+
+def learners_in(folder: Path) -> list[str]:
+    """Names of the learners of a dance by their files; raises InputError for fewer than two, or one that is not valid."""
+    names = sorted(path.stem for path in folder.glob("[!.]*.h5") if path.name != TEACHER)
+    check_names(str(folder), names)
+    expect(len(names) >= 2 and all(map(is_learner_name, names)), str(folder), f"files NAME.h5 of two learners, found {names}")
+    return names
 
 
 def open_set(config: KpopConfig) -> KpopSet:
