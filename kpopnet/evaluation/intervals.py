@@ -48,10 +48,14 @@ class Bootstrap:
         Returns:
             (DRAWS,); NaN where the resampled denominator is 0. Without values with fewer than two units.
         """
+        above, below = (self.sums(values.sum(axis=1, keepdims=True))[:, 0] for values in (numerator, denominator))
+        return np.divide(above, below, out=np.full(len(below), np.nan), where=below > 0)
+
+    def sums(self, values: np.ndarray) -> np.ndarray:
+        """(DRAWS, K) sums of (N, K) values in each resample; without rows with fewer than two units."""
         if self._draws is None:
-            return np.empty(0)
-        above, below = (self._draws @ self._sums(values) for values in (numerator, denominator))
-        return np.divide(above, below, out=np.full(DRAWS, np.nan), where=below > 0)
+            return np.empty((0, values.shape[1]))
+        return self._draws @ np.stack([np.bincount(self._row, column, self.units) for column in values.T], axis=1)
 
     def interval(self, values: np.ndarray) -> list[float] | None:
         """The LEVEL interval [low, high] of a figure from its values in all resamples; None without any value.
@@ -60,6 +64,3 @@ class Bootstrap:
         """
         defined = values[~np.isnan(values)]
         return np.percentile(defined, percentiles(self.units)).tolist() if defined.size else None
-
-    def _sums(self, values: np.ndarray) -> np.ndarray:
-        return np.bincount(self._row, values.sum(axis=1), self.units)
