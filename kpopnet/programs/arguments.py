@@ -1,17 +1,32 @@
 """Parts of command lines that several programs share."""
 
 import argparse
+import importlib.util
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 from kpopnet.camera import CAMERAS
+from kpopnet.errors import InputError
 from kpopnet.sources import DepthSource, chosen_camera, open_depth
 
 
 def program_parser(name: str, description: str | None) -> argparse.ArgumentParser:
     """A parser that shows a program's docstring as it stands."""
     return argparse.ArgumentParser(name, description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+
+
+def add_address(parser: argparse.ArgumentParser, port: int) -> None:
+    """Where a local server listens; see `kpopnet.teacher.hosting.host`."""
+    parser.add_argument("--host", default="127.0.0.1", help="address to listen on; any but this machine's own asks for a token")
+    parser.add_argument("--port", type=int, default=port, help="%(default)s")
+    parser.add_argument("--no-browser", action="store_true", help="only print the address")
+
+
+def check_server(program: str) -> None:
+    """Raises InputError where the library of local servers is missing."""
+    if importlib.util.find_spec("aiohttp") is None:
+        raise InputError(f"{program} needs aiohttp; install it: pip install 'kpopnet[app]'")
 
 
 def add_depth(parser: argparse.ArgumentParser) -> None:

@@ -11,11 +11,8 @@ The first start makes a hundred dances, in a quarter of a minute on two quiet co
 """
 
 import argparse
-import importlib.util
-import secrets
 import sys
 import time
-import webbrowser
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -27,7 +24,7 @@ from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
 from kpopnet.pose import PoseEstimator
-from kpopnet.programs.arguments import add_depth, opener, program_parser
+from kpopnet.programs.arguments import add_address, add_depth, check_server, opener, program_parser
 from kpopnet.programs.predict import estimated
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
@@ -158,9 +155,7 @@ def add_own(given: argparse.Namespace, library: Library) -> None:
 
 def serve(given: argparse.Namespace, library: Library) -> None:
     """Serves the page until the program is interrupted."""
-    from aiohttp import web
-
-    from kpopnet.teacher.safety import LOOPBACK_NAMES, is_loopback
+    from kpopnet.teacher.hosting import host
     from kpopnet.teacher.server import PROCESSES, Teaching, make_app
     from kpopnet.teacher.tries import Tries
     from synth.dances.live import FAULTS, SKILLS
@@ -178,25 +173,11 @@ def serve(given: argparse.Namespace, library: Library) -> None:
         load_estimator(given.checkpoint)
     open_camera = partial(open_source, open_recording)
     teaching = Teaching(library, Tries(given.data / "tries"), open_camera, given.checkpoint, sources, SKILLS, FAULTS)
-    token = None if is_loopback(given.host) else secrets.token_urlsafe(24)
-    app = make_app(teaching, (*LOOPBACK_NAMES, given.host.lower()), token)
-    shown_host = "127.0.0.1" if given.host in ("0.0.0.0", "::") else given.host
-    shown_host = f"[{shown_host}]" if ":" in shown_host else shown_host
 
-    async def announce(app: web.Application) -> None:
+    async def keep_ready(app) -> None:
         app[PROCESSES].keep_ready()
-        address = f"http://{shown_host}:{given.port}/" + (f"?token={token}" if token else "")
-        print(f"dance at {address}   (Ctrl+C ends)", flush=True)
-        if not given.no_browser:
-            webbrowser.open(address)
 
-    app.on_startup.append(announce)
-    try:
-        web.run_app(app, host=given.host, port=given.port, print=None, access_log=None, handle_signals=True)
-    except OSError as error:
-        raise InputError(
-            f"--port {given.port}: cannot listen on {given.host} ({error.strerror}); choose another port"
-        ) from error
+    host(partial(make_app, teaching), given, "dance at", keep_ready)
 
 
 def parsed() -> argparse.Namespace:
@@ -213,9 +194,7 @@ def parsed() -> argparse.Namespace:
         parser.add_argument("--segmented", action="store_true", help="the depth shows one person, and 0 elsewhere")
         return parser.parse_args()
     parser.set_defaults(add=None)
-    parser.add_argument("--host", default="127.0.0.1", help="address to listen on; any but this machine's own asks for a token")
-    parser.add_argument("--port", type=int, default=PORT, help="%(default)s")
-    parser.add_argument("--no-browser", action="store_true", help="only print the address")
+    add_address(parser, PORT)
     parser.add_argument("--live", choices=[REALSENSE], help="a camera that is plugged in (pip install 'kpopnet[realsense]')")
     parser.add_argument("--depth", type=Path, help="a recording of depth that stands in for a camera")
     parser.add_argument("--checkpoint", help="network that estimates the pose; tracker for the tracker without a network")
@@ -225,8 +204,8 @@ def parsed() -> argparse.Namespace:
 @user_errors
 def main() -> None:
     given = parsed()
-    if given.add is None and importlib.util.find_spec("aiohttp") is None:
-        raise InputError("kpopnet teach needs aiohttp; install it: pip install 'kpopnet[app]'")
+    if given.add is None:
+        check_server("kpopnet teach")
     with locked(given.data):
         library = made_library(given.data)
         if given.add is not None:

@@ -20,20 +20,19 @@ from kpopnet.runtime.input_files import check_fields, parse_json, settings_from
 from kpopnet.runtime.untrusted import read_in_child
 from kpopnet.teacher.adding import add_performance
 from kpopnet.teacher.film import Filming
+from kpopnet.teacher.hosting import page_app
 from kpopnet.teacher.library import About, Library, preview_cm, stored_quats
 from kpopnet.teacher.live.lesson import CameraOpener, Lesson
 from kpopnet.teacher.live.process import LessonProcess, LessonProcesses
 from kpopnet.teacher.posing import Movement, as_bvh, learners_movement
-from kpopnet.teacher.safety import HEADERS, guard
+from kpopnet.teacher.safety import HEADERS
 from kpopnet.teacher.tries import Tries, as_csv
 
-PAGE = Path(__file__).parent / "page"
 MAX_UPLOAD_BYTES, MAX_MESSAGE_BYTES = 32_000_000, 16_384
 PATIENCE_S = 30.0
 """Interval of the pings that show whether a page is still there, seconds."""
 
 UPLOADS = (".npz", ".bvh", ".csv", ".json")
-TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml", ".LICENSE": "text/plain"}
 
 
 @dataclass(frozen=True)
@@ -68,7 +67,7 @@ routes = web.RouteTableDef()
 
 def make_app(teaching: Teaching, hosts: tuple[str, ...], token: str | None = None) -> web.Application:
     """The server's application; `hosts` and `token` as in `safety.guard`."""
-    app = web.Application(middlewares=[guard(hosts, token), _errors], client_max_size=MAX_UPLOAD_BYTES)
+    app = page_app("index.html", hosts, token, MAX_UPLOAD_BYTES)
     app[TEACHING], app[SOCKETS] = teaching, weakref.WeakSet()
     app[FILMING] = Filming(teaching.library, teaching.tries)
     app[PROCESSES] = LessonProcesses(teaching.open_camera, teaching.checkpoint)
@@ -82,22 +81,6 @@ async def _end(app: web.Application) -> None:
     app[FILMING].end()
     await asyncio.gather(*(socket.close(code=WSCloseCode.GOING_AWAY) for socket in set(app[SOCKETS])))
     await asyncio.to_thread(app[PROCESSES].end)
-
-
-@web.middleware
-async def _errors(request: web.Request, handler) -> web.StreamResponse:
-    try:
-        return await handler(request)
-    except InputError as error:
-        return web.json_response({"error": str(error)}, status=400)
-
-
-@routes.get(r"/{name:|page/(?:vendor/)?[a-z_]+\.(?:js|css|svg|LICENSE)}")
-async def page(request: web.Request) -> web.Response:
-    path = PAGE.parent / (request.match_info["name"] or "page/index.html")
-    if not path.is_file():
-        raise web.HTTPNotFound(text="there is no such page\n")
-    return web.Response(body=path.read_bytes(), content_type=TYPES[path.suffix], charset="utf-8")
 
 
 @routes.get("/api/offer")
