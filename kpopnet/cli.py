@@ -16,6 +16,7 @@ PROGRAMS = {
     "describe": ("kpopnet.datasets.describe", "says what a folder of a data set holds"),
     "export": ("kpopnet.programs.export", "writes a network as an ONNX file"),
     "teach": ("kpopnet.programs.teach", "opens the dance teacher: a page that shows a dance and scores the learner"),
+    "rate": ("kpopnet.programs.rate", "collects people's judgements of learners in a set of dances, and says how they agree"),
     "stages": ("kpopnet.programs.stages", "draws how the tracker follows one frame, stage after stage"),
 }
 """The module of each program, whose `main()` runs it with sys.argv, and what it does."""

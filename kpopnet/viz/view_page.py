@@ -94,12 +94,12 @@ def view_page(title: str, camera: Camera, times_s: np.ndarray, people: Sequence[
         "joints": JOINT_NAMES,
         "bones": BONES,
         "camera": [camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height],
-        "times": _packed(np.asarray(times_s[kept] - times_s[0], "<f4")),
+        "times": packed(np.asarray(times_s[kept] - times_s[0], "<f4")),
         "start": float(times_s[0]),
         "people": [
             {
-                "joints": _packed(_millimetres(person.joints_camera_m[kept])),
-                "confidence": _packed(np.rint(255 * np.clip(person.confidence[kept], 0, 1)).astype(np.uint8)),
+                "joints": packed(millimetres(person.joints_camera_m[kept])),
+                "confidence": packed(np.rint(255 * np.clip(person.confidence[kept], 0, 1)).astype(np.uint8)),
                 "label": person.label,
                 "reference": person.reference,
             }
@@ -108,7 +108,7 @@ def view_page(title: str, camera: Camera, times_s: np.ndarray, people: Sequence[
         "clouds": {
             "frames": [cloud.frame // step for cloud in clouds],
             "ends": np.cumsum(sizes, dtype=int).tolist(),
-            "points": _packed(_millimetres(points)),
+            "points": packed(millimetres(points)),
         },
     }
     page = files("kpopnet.viz").joinpath("view_page.html").read_text(encoding="utf-8")
@@ -116,11 +116,12 @@ def view_page(title: str, camera: Camera, times_s: np.ndarray, people: Sequence[
     return page.replace('"DATA"', json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"))
 
 
-def _millimetres(points_m: np.ndarray) -> np.ndarray:
+def millimetres(points_m: np.ndarray) -> np.ndarray:
     """Little-endian 16-bit millimetres; MISSING where a coordinate is missing or too far."""
     usable = np.isfinite(points_m).all(axis=-1, keepdims=True) & (np.abs(points_m) < FARTHEST_M).all(axis=-1, keepdims=True)
     return np.where(usable, np.rint(np.where(usable, points_m, 0) * MM_PER_METRE), MISSING).astype("<i2")
 
 
-def _packed(numbers: np.ndarray) -> str:
+def packed(numbers: np.ndarray) -> str:
+    """The bytes of an array in base64."""
     return base64.b64encode(np.ascontiguousarray(numbers).tobytes()).decode()

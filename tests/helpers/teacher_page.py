@@ -1,4 +1,4 @@
-"""The dance teacher's server in a thread, and a real browser for its page."""
+"""The server of the dance teacher, or of raters, in a thread, and a real browser for its page."""
 
 import asyncio
 import contextlib
@@ -16,6 +16,7 @@ from kpopnet.programs.teach import open_source
 from kpopnet.sources.source import CameraAwayError, LiveCamera
 from kpopnet.teacher.library import TaughtDance
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
+from kpopnet.teacher.rating import Rating, make_rating_app
 from kpopnet.teacher.safety import LOOPBACK_NAMES
 from kpopnet.teacher.server import Teaching, make_app
 
@@ -26,23 +27,28 @@ PATIENCE_S = 480
 """Where nothing is cached yet, kernels are compiled first, beside other tests."""
 
 
-def with_client(teaching: Teaching, work, token: str | None = None):
+def app_of(shown: Teaching | Rating, token: str | None = None) -> web.Application:
+    """The application of the dance teacher, or of raters."""
+    return (make_app if isinstance(shown, Teaching) else make_rating_app)(shown, LOOPBACK_NAMES, token)
+
+
+def with_client(shown: Teaching | Rating, work, token: str | None = None):
     """Runs a coroutine function that gets a client of a server of its own."""
 
     async def run():
-        async with TestClient(TestServer(make_app(teaching, LOOPBACK_NAMES, token))) as client:
+        async with TestClient(TestServer(app_of(shown, token))) as client:
             return await asyncio.wait_for(work(client), PATIENCE_S)
 
     return asyncio.run(run())
 
 
 @contextlib.contextmanager
-def served(teaching: Teaching) -> Iterator[str]:
+def served(shown: Teaching | Rating) -> Iterator[str]:
     """A server in a thread of its own; its address."""
     loop, ready, port = asyncio.new_event_loop(), threading.Event(), []
 
     async def start() -> web.AppRunner:
-        runner = web.AppRunner(make_app(teaching, LOOPBACK_NAMES))
+        runner = web.AppRunner(app_of(shown))
         await runner.setup()
         await web.TCPSite(runner, "127.0.0.1", 0).start()
         port.append(runner.addresses[0][1])

@@ -2,7 +2,7 @@
 import { remembered, shade } from "./tools.js";
 
 const HEAD = 0, NECK = 1, TORSO = 8;
-const BONES = [
+export const BONES = [
   ["torso", HEAD, NECK], ["torso", NECK, TORSO], ["torso", NECK, 2], ["torso", NECK, 3], ["torso", TORSO, 9], ["torso", TORSO, 10],
   ["right arm", 2, 4], ["right arm", 4, 6], ["left arm", 3, 5], ["left arm", 5, 7],
   ["right leg", 9, 11], ["right leg", 11, 13], ["left leg", 10, 12], ["left leg", 12, 14],

@@ -1,0 +1,187 @@
+// Two learners beside their teacher, pair by pair: a rater says who dances better. Names, ranks and scores never come here.
+import { View } from "./body.js";
+import { BONES } from "./learner.js";
+import { ask, clamp, clock, el, unpacked } from "./tools.js";
+import { BufferAttribute, BufferGeometry, Group, Mesh, MeshStandardMaterial, Vector3 } from "./vendor/three.js";
+
+const MISSING = -32768, JOINTS = 15, HEAD = 0;
+const SIDES = { left: "left learner", teacher: "teacher", right: "right learner" };
+const CHOICES = { left: "← left is better", equal: "↓ equal, or unsure", right: "right is better →" };
+const COLOURS = { right: "#e07b2c", left: "#3d8fdc", torso: "#9a95a8" };
+const SPEEDS = [25, 50, 75, 100], UP = new Vector3(0, 1, 0);
+
+// A solid of rotation about y, from [y, radius] along it.
+function turnedSolid(profile, sides = 14) {
+  const points = [], faces = [];
+  profile.forEach(([y, radius], ring) => {
+    for (let side = 0; side < sides; side++) {
+      const angle = 2 * Math.PI * side / sides, next = ring * sides + (side + 1) % sides, here = ring * sides + side;
+      points.push(radius * Math.cos(angle), y, radius * Math.sin(angle));
+      if (ring) faces.push(here, next, here - sides, next, next - sides, here - sides);
+    }
+  });
+  const geometry = new BufferGeometry();
+  geometry.setAttribute("position", new BufferAttribute(new Float32Array(points), 3));
+  geometry.setIndex(faces);
+  geometry.computeVertexNormals();
+  return geometry;
+}
+const BONE = turnedSolid([[0, 0.7], [0.15, 1], [0.85, 1], [1, 0.7]]);
+const BALL = turnedSolid([...Array(9).keys()].map((k) => [-Math.cos(Math.PI * k / 8), Math.sin(Math.PI * k / 8)]));
+
+// A skeleton that a `View` draws: bones and joints of a movement, parts that are missing left out.
+class Figure {
+  constructor() {
+    this.group = new Group();
+    this.movement = null;
+    const solid = (shape, part) => {
+      const mesh = new Mesh(shape, new MeshStandardMaterial({ color: COLOURS[part.split(" ")[0]], roughness: 0.8 }));
+      this.group.add(mesh);
+      return mesh;
+    };
+    this.bones = BONES.map(([part]) => solid(BONE, part));
+    this.joints = Array.from({ length: JOINTS }, (_, joint) => solid(BALL, BONES.find(([, , to]) => to === joint)?.[0] ?? "torso"));
+    this.joints.forEach((ball, joint) => ball.scale.setScalar(joint === HEAD ? 0.11 : 0.045));
+  }
+
+  show(time_s) {
+    const { fps, begin_s, joints } = this.movement, last = joints.length / (3 * JOINTS) - 1;
+    const frame = clamp(Math.round((time_s - begin_s) * fps), 0, last);
+    const places = this.joints.map((ball, joint) => {
+      const [x, y, z] = joints.subarray(3 * (frame * JOINTS + joint));
+      ball.visible = x !== MISSING;
+      return ball.position.set(x / 1000, y / 1000, z / 1000);
+    });
+    this.bones.forEach((bone, k) => {
+      const [, from, to] = BONES[k], along = places[to].clone().sub(places[from]);
+      bone.visible = this.joints[from].visible && this.joints[to].visible;
+      bone.position.copy(places[from]);
+      bone.scale.set(0.04, Math.max(along.length(), 1e-3), 0.04);
+      bone.quaternion.setFromUnitVectors(UP, along.normalize());
+    });
+  }
+}
+
+function views(panels) {
+  const made = Object.entries(panels).map(([side, canvas]) => {
+    const view = new View(canvas), figure = new Figure();
+    view.stage.add(figure.group);
+    view.back(3.9);
+    return { side, view, figure };
+  });
+  for (const { view } of made) { // who turns one turns all
+    view.controls.addEventListener("change", () => {
+      for (const other of made) {
+        other.view.camera.position.copy(view.camera.position);
+        other.view.camera.quaternion.copy(view.camera.quaternion);
+        other.view.changed = true;
+      }
+    });
+  }
+  return made;
+}
+
+function rating(main, rater) {
+  const panels = Object.fromEntries(Object.keys(SIDES).map((side) => [side, el("canvas", { "aria-label": `${SIDES[side]}, in 3D` })]));
+  const answers = Object.fromEntries(Object.entries(CHOICES).map(([choice, text]) =>
+    [choice, el("button", { type: "button", id: choice, class: choice === "equal" ? "" : "main", onclick: () => say(choice) }, text)]));
+  const undo = el("button", { type: "button", id: "undo", onclick: () => say("") }, "Take the last answer back");
+  const play = el("button", { type: "button", id: "play", onclick: () => toggle() }, "Play");
+  const again = el("button", { type: "button", id: "again", onclick: () => begin() }, "From the start");
+  const speed = el("select", { id: "speed" }, ...SPEEDS.map((one) => el("option", { value: one, selected: one === 100 }, `${one} %`)));
+  const slider = el("input", { type: "range", id: "scrub", step: 0.02, "aria-label": "time", oninput: () => { state.playing = false; state.time_s = Number(slider.value); } });
+  const told = el("p", { id: "told", role: "status" }), error = el("p", { class: "error", id: "error", role: "alert" });
+  const bar = el("progress", { max: 1, value: 0, "aria-label": "pairs done" }), time = el("span", { class: "quiet" });
+  const stage = el("div", {},
+    el("div", { class: "floor trio" }, ...Object.entries(panels).map(([side, canvas]) =>
+      el("div", { class: `panel ${side}` }, canvas, el("span", { class: "tag" }, SIDES[side])))),
+    el("div", { class: "controls answers" }, ...Object.values(answers)),
+    el("div", { class: "controls" }, play, again, el("label", {}, "speed", speed), slider, time),
+    el("p", { class: "quiet" }, "Orange is the dancer's right, blue the left. Drag or use the keys a and d to turn all three, scroll to zoom. ",
+      "Keys: ← left is better, → right is better, ↓ equal or unsure, space plays and pauses, r from the start, backspace takes the last answer back."));
+  const state = { time_s: 0, from_s: 0, to_s: 0, done: 0, playing: false, busy: true, last: 0 };
+  main.replaceChildren(el("h1", {}, "Which learner dances more like the teacher?"), told, bar, error, stage,
+    el("p", { class: "controls" }, undo, el("a", { href: "#" }, `Not ${rater}?`)));
+  const shown = views(panels);
+  document.addEventListener("keydown", onKey);
+  load();
+  requestAnimationFrame(animate);
+
+  async function load() {
+    state.busy = true;
+    try {
+      const found = await ask(`/api/pair?rater=${encodeURIComponent(rater)}`);
+      const over = found.done === found.of;
+      Object.assign(state, { done: found.done, busy: false });
+      [stage.hidden, undo.disabled, bar.value] = [over, found.done === 0, found.done / Math.max(found.of, 1)];
+      told.textContent = over ? `All ${found.of} pairs are rated. Thank you, ${rater}.` : `Pair ${found.done + 1} of ${found.of}. Every answer is kept: you may stop at any time.`;
+      if (over) return;
+      for (const { side, view, figure } of shown) {
+        const { fps, begin_s, joints_mm } = found[side];
+        figure.movement = { fps, begin_s, joints: unpacked(joints_mm, Int16Array) };
+        if (!view.dancers.length) view.dancers.push(figure);
+        view.changed = true;
+      }
+      Object.assign(state, { from_s: found.from_s, to_s: found.to_s });
+      Object.assign(slider, { min: found.from_s, max: found.to_s });
+      begin();
+      state.playing = !matchMedia("(prefers-reduced-motion: reduce)").matches;
+    } catch (problem) {
+      error.textContent = problem.message;
+    }
+  }
+
+  async function say(choice) {
+    if (state.busy || (choice === "" && state.done === 0) || (choice !== "" && stage.hidden)) return;
+    state.busy = true;
+    error.textContent = "";
+    try {
+      await ask("/api/answer", { method: "POST", body: JSON.stringify({ rater, done: state.done, choice }) });
+    } catch (problem) {
+      error.textContent = problem.message;
+    }
+    load();
+  }
+
+  function begin() {
+    Object.assign(state, { time_s: state.from_s, playing: true });
+  }
+
+  function toggle() {
+    if (state.time_s >= state.to_s) begin();
+    else state.playing = !state.playing;
+  }
+
+  function onKey(event) {
+    const keys = { ArrowLeft: () => say("left"), ArrowRight: () => say("right"), ArrowDown: () => say("equal"), Backspace: () => say(""),
+      " ": toggle, r: begin, a: () => shown[0].view.turn(-0.2), d: () => shown[0].view.turn(0.2) };
+    const typing = event.target.closest("input, select") || (event.key === " " && event.target.closest("button"));
+    if (typing || event.ctrlKey || event.metaKey || event.altKey || !keys[event.key]) return;
+    event.preventDefault();
+    if (!event.repeat || "ad".includes(event.key)) keys[event.key]();
+  }
+
+  function animate(now) {
+    if (state.playing) state.time_s += Math.max(now - state.last, 0) / 1000 * Number(speed.value) / 100;
+    if (state.time_s >= state.to_s) Object.assign(state, { time_s: state.to_s, playing: false });
+    state.last = now;
+    slider.value = state.time_s;
+    time.textContent = `${clock(state.time_s - state.from_s)} of ${clock(state.to_s - state.from_s)}`;
+    play.textContent = state.playing ? "Pause" : "Play";
+    if (!stage.hidden) for (const { view } of shown) view.draw(state.time_s);
+    requestAnimationFrame(animate);
+  }
+}
+
+// The rater's name or code stands in the address, so that a reload goes on.
+const main = document.getElementById("main"), named = decodeURIComponent(location.hash.slice(1));
+addEventListener("hashchange", () => location.reload());
+if (named) rating(main, named);
+else {
+  const name = el("input", { id: "name", required: true, maxLength: 60, autocomplete: "off" });
+  main.append(el("h1", {}, "Who dances better?"),
+    el("p", {}, "You will see pairs of learners beside their teacher, as skeletons. Say which of the two dances more like the teacher. ",
+      "Your answers are kept one by one: give the same name or code again to go on later."),
+    el("form", { class: "controls", onsubmit: (event) => { event.preventDefault(); location.hash = encodeURIComponent(name.value.trim()); } },
+      el("label", {}, "your name or code", name), el("button", { class: "main", id: "begin" }, "Begin")));
+}

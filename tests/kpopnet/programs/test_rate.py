@@ -1,0 +1,100 @@
+"""The program `kpopnet rate`: killed while it serves, its report, and ranks from ratings."""
+
+import json
+import signal
+import socket
+import subprocess
+import sys
+import urllib.request
+
+import pytest
+from programs import ROOT
+from rated_sets import SKILLS_M as SKILLS
+from rated_sets import answered, write_set
+
+import kpopnet.programs.rate
+from kpopnet.datasets.dances.dance_set import LABELS, KpopSet
+from kpopnet.datasets.dances.ratings import all_pairs, ratings_path, read_ratings, write_ratings
+from kpopnet.runtime.folder_lock import locked
+
+DANCES = {f"dance_{index}": sorted(SKILLS) for index in range(5)}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    return write_set(tmp_path_factory.mktemp("set"), 5)
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    def program(*words: object) -> str:
+        monkeypatch.setattr(sys, "argv", ["kpopnet rate", *map(str, words)])
+        kpopnet.programs.rate.main()
+        return capsys.readouterr().out
+
+    return program
+
+
+def by_skill(pair) -> bool:
+    return SKILLS[pair.left] < SKILLS[pair.right]
+
+
+def test_the_report_and_the_ranks(made, run, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(kpopnet.programs.rate, "available_cores", lambda: 1)
+    with pytest.raises(SystemExit):
+        run(made, "--report")
+    assert "no ratings yet" in capsys.readouterr().err
+    for rater in ("eve", "fay"):
+        write_ratings(ratings_path(made, rater), answered(DANCES, rater, by_skill))
+    by_side = answered(DANCES, "gil", lambda pair: pair.dance == "dance_0" or by_skill(pair))
+    write_ratings(ratings_path(made, "gil"), by_side)
+    told = run(made, "--write-labels")
+    assert told.count("labelled: cyril, anna, boris") == 5
+    ranked = KpopSet(made)
+    assert all([one.name for one in ranked.dance(name).learners] == list(SKILLS) for name in ranked.names)
+    text = run(made, "--report", "--out", tmp_path / "out")
+    figures = json.loads((tmp_path / "out" / "ratings.json").read_text())
+    assert figures["agreement"]["Kendall's W"]["dances"] == 5 and figures["joints"] == "truth"
+    assert figures["raters"]["eve"]["same"]["value"] == 1 and figures["raters"]["gil"]["same"]["value"] < 1
+    assert set(figures["scorers"]) == {"dance22", "paper", "raptis", LABELS} and figures["scorers"][LABELS]["tau"]["value"] == 1
+    assert figures["scorers"]["dance22"]["pairs"]["value"] > 0.8
+    page = (tmp_path / "out" / "ratings.html").read_text()
+    assert all(word in text and word in page for word in ("Krippendorff", "eve", "dance22"))
+    before = {name: (made / name / LABELS).read_bytes() for name in DANCES}
+    write_ratings(ratings_path(made, "gil"), answered(DANCES, "gil", lambda pair: not by_skill(pair)))
+    assert run(made, "--write-labels").count("which stays") == len(before)
+    assert before == {name: (made / name / LABELS).read_bytes() for name in before}
+
+
+def test_a_hostile_file_ends_the_report_with_one_line(made, run, tmp_path, capsys):
+    (tmp_path / "dance_0").symlink_to(made / "dance_0")
+    (tmp_path / "ratings").mkdir()
+    (tmp_path / "ratings" / "mallory.json").write_text(
+        '{"format": "kpopnet ratings", "version": 1, "rater": "mallory", "answers": [0]}'
+    )
+    with pytest.raises(SystemExit):
+        run(tmp_path, "--report", "--out", tmp_path / "out")
+    told = capsys.readouterr().err
+    assert told.startswith("error: ") and "mallory.json, answer 0" in told and told.count("\n") == 1
+
+
+def test_what_was_answered_before_a_kill_is_kept(made, tmp_path):
+    pytest.importorskip("aiohttp", reason="the extra app is not installed")
+    for name in DANCES:
+        (tmp_path / name).symlink_to(made / name)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    command = [sys.executable, "-m", "kpopnet.programs.rate", str(tmp_path), "--no-browser", "--port", str(port)]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
+        assert "rate at http://127.0.0.1" in process.stdout.readline()
+        for done in range(3):
+            content = json.dumps({"rater": "eve", "done": done, "choice": "left"}).encode()
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}/api/answer", content, timeout=60) as answer:
+                assert answer.status == 200
+        process.send_signal(signal.SIGKILL)
+    path = ratings_path(tmp_path, "eve")
+    kept = read_ratings(path, DANCES)
+    assert [one.pair for one in kept] == [one.pair for one in all_pairs(DANCES, "eve", 0)[:3]]
+    with locked(path.parent):  # another server may go on
+        assert len(list(path.parent.glob("*.json"))) == 1

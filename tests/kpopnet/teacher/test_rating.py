@@ -1,0 +1,187 @@
+"""The server of `kpopnet rate` over HTTP: blind, in each rater's own order, every answer on the disk at once."""
+
+import base64
+import json
+
+import numpy as np
+import pytest
+
+pytest.importorskip("aiohttp", reason="the extra app is not installed")
+
+from rated_sets import SKILLS_M, write_set
+from teacher_page import with_client
+
+from kpopnet.datasets.dances.dance_set import KpopSet
+from kpopnet.datasets.dances.ratings import all_pairs, ratings_path, read_ratings
+from kpopnet.skeleton import NUM_JOINTS, Joint
+from kpopnet.teacher.rating import Rating, figure
+
+PAIRS = 2 * 3 + 2
+"""Of two dances with three learners, each with one pair that is shown again."""
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    return write_set(tmp_path_factory.mktemp("set"), labels=True)
+
+
+@pytest.fixture
+def rating(made, tmp_path):
+    """What is rated, in a folder of its own: what the set holds, and no ratings."""
+    for place in made.iterdir():
+        (tmp_path / place.name).symlink_to(place)
+    return Rating(KpopSet(tmp_path, ranked=False), 0, lambda dance, learner: learner.joints())
+
+
+async def asked(client, rater):
+    answer = await client.get("/api/pair", params={"rater": rater})
+    assert answer.status == 200, await answer.text()
+    return await answer.json()
+
+
+async def said(client, rater, done, choice):
+    return await client.post("/api/answer", data=json.dumps({"rater": rater, "done": done, "choice": choice}))
+
+
+def stored(rating, rater):
+    return read_ratings(ratings_path(rating.dances.folder, rater), rating.learners)
+
+
+def test_the_page_and_its_files_are_served_to_this_machine_only(rating):
+    async def work(client):
+        page = await client.get("/")
+        assert (
+            page.status == 200
+            and "rate.js" in await page.text()
+            and "script-src 'self'" in page.headers["Content-Security-Policy"]
+        )
+        for path in (
+            "/page/rate.js",
+            "/page/body.js",
+            "/page/learner.js",
+            "/page/tools.js",
+            "/page/vendor/three.js",
+            "/page/style.css",
+        ):
+            assert (await client.get(path)).status == 200, path
+        for path in ("/page/rate.html", "/page/../rating.py", "/page/..%2f..%2frating.py"):
+            assert (await client.get(path)).status == 404, path
+        for headers in ({"Host": "evil.example"}, {"Origin": "http://evil.example"}, {"Sec-Fetch-Site": "cross-site"}):
+            assert (await client.get("/api/pair?rater=eve", headers=headers)).status == 403
+            assert (await client.post("/api/answer", data=b"{}", headers=headers)).status == 403
+
+    with_client(rating, work)
+
+
+def test_a_pair_is_blind(rating):
+    """What the page gets for all pairs: numbers and joints, no name of a learner or a dance, no rank, no score."""
+
+    async def work(client):
+        texts = []
+        for done in range(PAIRS):
+            answer = await client.get("/api/pair", params={"rater": "eve"})
+            texts.append(str(answer.headers) + await answer.text())
+            await said(client, "eve", done, "left")
+        return texts
+
+    for text in with_client(rating, work):
+        content = json.loads(text[text.index('{"done"') :])
+        assert set(content) == {"done", "of", "from_s", "to_s", "teacher", "left", "right"}
+        sides = [content[side] for side in ("teacher", "left", "right")]
+        assert [set(one) for one in sides] == [{"fps", "begin_s", "joints_mm"}] * 3
+        assert all(one["fps"] == 30 and one["begin_s"] == 0 for one in sides)
+        for side in sides:  # base64, which holds any three letters
+            text = text.replace(side["joints_mm"], "")
+        assert not any(word in text for word in (*SKILLS_M, "dance_", "rank", "score", "repeat"))
+
+
+def test_an_answer_names_the_learners_as_they_were_shown(rating):
+    async def work(client):
+        shown = await asked(client, "eve")
+        await said(client, "eve", 0, "right")
+        return shown
+
+    shown, (answer,) = with_client(rating, work), stored(rating, "eve")
+    learners = {one.name: one for one in rating.dances.dance(answer.dance).learners}
+    assert all(shown[side] == figure(learners[getattr(answer, side)].joints()) for side in ("left", "right"))
+    assert answer.choice == "right" and answer.pair == all_pairs(rating.learners, "eve", 0)[0].pair
+
+
+def test_a_figure_stands_upright_on_the_floor_and_misses_what_is_missing(rating):
+    performance = rating.dances.dance("dance_0").teacher()
+    performance.joints_m[:, Joint.LEFT_HAND] = np.nan
+    joints_mm = np.frombuffer(base64.b64decode(figure(performance)["joints_mm"]), "<i2").reshape(-1, NUM_JOINTS, 3)
+    assert (joints_mm[:, Joint.LEFT_HAND] == -32768).all()
+    head, feet = joints_mm[:, Joint.HEAD], joints_mm[:, [Joint.LEFT_FOOT, Joint.RIGHT_FOOT]]
+    assert (head[:, 1] > 1000).all() and -150 < feet[..., 1].min() < 50
+    assert abs(np.median(joints_mm[:, Joint.TORSO, [0, 2]])) < 100
+    right_m = performance.joints_m[0, Joint.RIGHT_SHOULDER, 0] - performance.joints_m[0, Joint.LEFT_SHOULDER, 0]
+    shown = joints_mm[0, Joint.RIGHT_SHOULDER, 0] - joints_mm[0, Joint.LEFT_SHOULDER, 0]
+    assert shown == pytest.approx(1000 * right_m, abs=2)  # as the camera saw it, not its mirror image
+
+
+def test_two_raters_go_on_where_they_stopped_on_another_server(rating):
+    async def first(client):
+        for done, choice in enumerate(("left", "right", "equal")):
+            assert (await said(client, "eve", done, choice)).status == 200
+        assert (await said(client, "fay 2", 0, "right")).status == 200
+
+    async def second(client):
+        one, other = await asked(client, "eve"), await asked(client, "fay 2")
+        assert [(found["done"], found["of"]) for found in (one, other)] == [(3, PAIRS), (1, PAIRS)]
+        for done in range(3, PAIRS):
+            await said(client, "eve", done, "left")
+        assert await asked(client, "eve") == {"done": PAIRS, "of": PAIRS}
+        assert (await said(client, "eve", PAIRS, "left")).status == 400
+
+    with_client(rating, first)
+    with_client(rating, second)
+    eve, fay = stored(rating, "eve"), stored(rating, "fay 2")
+    assert [one.choice for one in eve[:3]] == ["left", "right", "equal"] and [one.choice for one in fay] == ["right"]
+    assert [one.pair for one in eve] == [one.pair for one in all_pairs(rating.learners, "eve", 0)]
+
+
+def test_an_answer_counts_once_and_may_be_taken_back(rating):
+    async def work(client):
+        before = await asked(client, "eve")
+        assert (await said(client, "eve", 0, "left")).status == 200
+        again = await said(client, "eve", 0, "right")  # a second tab, or a key pressed twice
+        assert again.status == 400 and "answered already" in (await again.json())["error"]
+        assert [one.choice for one in stored(rating, "eve")] == ["left"]
+        assert (await said(client, "eve", 1, "")).status == 200
+        assert await asked(client, "eve") == before and stored(rating, "eve") == []
+
+    with_client(rating, work)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "not valid JSON"),
+        (b"[]", "expected an object"),
+        (b'{"rater": "eve", "done": 0}', "lacks choice"),
+        (b'{"rater": "eve", "done": true, "choice": "left"}', "done is True"),
+        (b'{"rater": "eve", "done": 0, "choice": "best"}', "unknown"),
+        (b'{"rater": "../eve", "done": 0, "choice": "left"}', "a rater's name"),
+    ],
+)
+def test_wrong_messages_get_one_clear_sentence_and_write_nothing(rating, content, message):
+    async def work(client):
+        answer = await client.post("/api/answer", data=content)
+        assert answer.status == 400 and message in (await answer.json())["error"]
+
+    with_client(rating, work)
+    assert not list(rating.dances.folder.rglob("*eve*"))
+
+
+def test_a_damaged_file_of_a_rater_is_told_and_kept(rating):
+    path = ratings_path(rating.dances.folder, "eve")
+    path.parent.mkdir()
+    path.write_text('{"answers": [')
+
+    async def work(client):
+        for answer in (await client.get("/api/pair?rater=eve"), await said(client, "eve", 0, "left")):
+            assert answer.status == 400 and "eve.json" in (await answer.json())["error"]
+
+    with_client(rating, work)
+    assert path.read_text() == '{"answers": ['
