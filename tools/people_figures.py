@@ -12,7 +12,7 @@ import numpy as np
 from kpopnet.camera import Camera
 from kpopnet.viz.drawing import TRUE, draw_skeleton, enlarged, save_png, sheet, with_captions
 from synth.body.asset import load_body
-from synth.body.garments import BOTTOMS, TOPS, Figure, hair, shoes
+from synth.body.garments import HELD_BACK, ORDINARY, Figure, hair, shoes
 from synth.body.outfit import ClothesConfig, unworn
 from synth.body.shape import BodyConfig, Person, draw_person, dress, shape_person
 from synth.motion.poses.families import FAMILIES, ProceduralPoses
@@ -69,7 +69,8 @@ def clothes(photographer: Photographer) -> np.ndarray:
     upright = rotations(angles(left_raise=18, right_raise=18, left_abduct=-2, right_abduct=-2)[None])[0]
     picture = partial(photographer.picture, quats=upright, joints=False)
     tiles = [picture(bare, yaw_deg=25, caption="unclothed")]
-    garments = {name: garment for name, (_, garment) in (TOPS | BOTTOMS).items()} | {"shoes": shoes, "hair": hair}
+    worn = ORDINARY.tops | ORDINARY.bottoms | HELD_BACK.tops | HELD_BACK.bottoms
+    garments = {name: garment for name, (_, garment) in worn.items()} | {"shoes": shoes, "hair": hair}
     for name, garment in garments.items():
         worn = [bare.bare_m + garment(figure, rng), *unworn(figure).values()]
         tiles.append(picture(replace(bare, vertices_m=np.concatenate(worn)), yaw_deg=25, caption=name))

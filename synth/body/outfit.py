@@ -17,7 +17,7 @@ import numpy as np
 
 from kpopnet.errors import check_between
 from synth.body.asset import load_body
-from synth.body.garments import BOTTOMS, TOPS, Figure, Garment, folds, hair, jacket, leggings, outermost, shoes
+from synth.body.garments import ORDINARY, Figure, Garment, Wardrobe, folds, hair, jacket, leggings, outermost, shoes
 
 FOLD_DEPTH = 0.25
 """Folds take up to this fraction of the distance from skin to cloth."""
@@ -186,7 +186,7 @@ def ellipsoid(centre_m: np.ndarray, half_m: tuple[float, float, float], boxy: fl
     return centre_m + np.stack([x, y, z], axis=-1).reshape(-1, 3) * half_m
 
 
-def put_on(figure: Figure, rng: np.random.Generator, config: ClothesConfig) -> list[np.ndarray]:
+def put_on(figure: Figure, rng: np.random.Generator, config: ClothesConfig, wardrobe: Wardrobe = ORDINARY) -> list[np.ndarray]:
     """Rest positions of a dressed body, metres: (V, 3) of its vertices on skin or cloth, then those of every piece.
 
     Every part of the outfit draws from a generator of its own, so that one choice does not shift the others.
@@ -196,11 +196,11 @@ def put_on(figure: Figure, rng: np.random.Generator, config: ClothesConfig) -> l
     skirted = wearing.random() < config.skirt * (1.0 if figure.female else 0.1)
     coated, topped, trousered, shod = wearing.random(4) < (config.coat, config.dressed, config.dressed, config.shod)
     if topped:
-        layers.append(_drawn(TOPS, top)(figure, top))
+        layers.append(_drawn(wardrobe.tops, top)(figure, top))
     if coated:
         layers.append(jacket(figure, top))
     if trousered:
-        layers.append((leggings if skirted else _drawn(BOTTOMS, bottom))(figure, bottom))
+        layers.append((leggings if skirted else _drawn(wardrobe.bottoms, bottom))(figure, bottom))
     if shod:
         layers.append(shoes(figure, feet))
     moved = outermost(*layers) * (1 - FOLD_DEPTH * (0.5 + 0.5 * folds(figure.vertices_m, rng)))[:, None]

@@ -14,7 +14,7 @@ from numba import njit
 
 from kpopnet.errors import check_between
 from synth.body.asset import BodyAsset, load_body
-from synth.body.garments import Figure
+from synth.body.garments import HELD_BACK, ORDINARY, Figure, Wardrobe
 from synth.body.outfit import ClothesConfig, put_on, unworn
 
 
@@ -59,8 +59,9 @@ class Person:
     leg_m: float
 
 
-SPLIT_RANGES = {"train": (0.0, 0.8), "validation": (0.8, 0.9), "test": (0.9, 1.0)}
-"""Range of the baked adults, as fractions of all, near which the people of each split are drawn. The splits share none."""
+SPLIT_RANGES = {"train": (0.0, 0.8), "validation": (0.8, 0.9), "test": (0.9, 1.0), "benchmark": (0.9, 1.0)}
+"""Range of the baked adults, as fractions of all, near which the people of each split are drawn. Training and validation share
+none with another split. The people of the benchmarks are near adults of `test`, in garments that no other split has."""
 
 BMI_MEDIAN, BMI_LOG_DEVIATION = 24.5, 0.17
 """Body mass index of adults, kg/m², as a log-normal distribution: a tenth below 19.7, a tenth above 30.5 (WHO, NCD-RisC 2016,
@@ -86,36 +87,12 @@ def _draw_adult(rng: np.random.Generator, split: str) -> int:
 
 
 def draw_person(rng: np.random.Generator, config: BodyConfig, split: str) -> Person:
-    """A dressed person near one of the split's baked adults."""
+    """A dressed person near one of the split's baked adults; of the split `benchmark`, in HELD_BACK garments."""
     adult, asset = _draw_adult(rng, split), load_body()
     coefficients = asset.people[adult]
     coefficients = coefficients + config.shape_jitter * rng.standard_normal(len(coefficients), np.float32)
-    return dress(shape_person(coefficients), bool(asset.facts[adult, 0] > 0.5), rng, config.clothes)
-
-
-UNSEEN_DISTANCE = 12.0
-"""In units of the shape jitter: a drawn person is farther than this from their baked adult with probability 10^-11."""
-
-
-def draw_unseen_person(rng: np.random.Generator, config: BodyConfig) -> Person:
-    """A dressed person whose shape occurs in no split."""
-    coefficients, female = unseen_coefficients(rng, config)
-    return dress(shape_person(coefficients), female, rng, config.clothes)
-
-
-def unseen_coefficients(rng: np.random.Generator, config: BodyConfig) -> tuple[np.ndarray, bool]:
-    """(K,) shape coefficients half-way between two adults of the same sex of the split `test`, and whether they are women.
-
-    Their distance from every baked adult exceeds UNSEEN_DISTANCE, so `draw_person` draws no such person in any split.
-    """
-    asset = load_body()
-    while True:
-        one, other = _draw_adult(rng, "test"), _draw_adult(rng, "test")
-        female = asset.facts[[one, other], 0] > 0.5
-        coefficients = (asset.people[one] + asset.people[other]) / 2
-        far = np.linalg.norm(asset.people - coefficients, axis=1).min() > UNSEEN_DISTANCE * config.shape_jitter
-        if female[0] == female[1] and far:
-            return coefficients, bool(female[0])
+    wardrobe = HELD_BACK if split == "benchmark" else ORDINARY
+    return dress(shape_person(coefficients), bool(asset.facts[adult, 0] > 0.5), rng, config.clothes, wardrobe)
 
 
 def shape_person(coefficients: np.ndarray) -> Person:
@@ -148,10 +125,12 @@ def _blend(mean, basis, coefficients):
     return blended
 
 
-def dress(person: Person, female: bool, rng: np.random.Generator, config: ClothesConfig) -> Person:
+def dress(
+    person: Person, female: bool, rng: np.random.Generator, config: ClothesConfig, wardrobe: Wardrobe = ORDINARY
+) -> Person:
     """Puts an outfit on an unclothed person. Bones and joints do not move."""
     figure = Figure(load_body(), person.bare_m, person.heads_m, female)
-    return replace(person, vertices_m=np.concatenate(put_on(figure, rng, config)))
+    return replace(person, vertices_m=np.concatenate(put_on(figure, rng, config, wardrobe)))
 
 
 def _t_pose(heads: np.ndarray, asset: BodyAsset) -> np.ndarray:

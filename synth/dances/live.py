@@ -22,7 +22,7 @@ from synth.motion.splice import at_times
 from synth.scene.room import Room, View, ViewConfig, draw_room, draw_view
 from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS
-from synth.simulated.film import CleanFrame, Played, Studio, Take, measure_frame, unfurnished
+from synth.simulated.film import CleanFrame, Played, Studio, Take, measure_frame
 
 ON_THE_BEAT = "an arm on every beat"
 """The skill of a person who raises the left arm highest at every second, to measure a latency by."""
@@ -104,11 +104,11 @@ class LiveLearner:
         for share in STEPS:
             played = self._studio.play(person, _with_steps(motion, share), 0.0, np.array([0.3, 0.3]))
             if fault == "hidden feet":
-                return _alone(played, draw_view(rng, VIEW), draw_room(rng), NEAR_M)
-            take = self._studio.place_in_rooms(rng, played, VIEW, PLACE_TRIES, furnished=False)
+                return _alone(played, draw_view(rng, VIEW), draw_room(rng, ()), NEAR_M)
+            take = self._studio.place_in_rooms(rng, played, VIEW, PLACE_TRIES, furniture=())
             if take is not None:
                 return take
-        return _alone(played, draw_view(rng, VIEW), draw_room(rng), FAR_M)
+        return _alone(played, draw_view(rng, VIEW), draw_room(rng, ()), FAR_M)
 
 
 def _with_steps(motion: Motion, share: float) -> Motion:
@@ -119,7 +119,7 @@ def _with_steps(motion: Motion, share: float) -> Motion:
 
 
 def _alone(played: Played, view: View, room: Room, distance_m: float) -> Take:
-    return Take(played, unfurnished(room), view, np.array([0.0, distance_m, 0.0]))
+    return Take(played, room, view, np.array([0.0, distance_m, 0.0]))
 
 
 def motion_of(quats: np.ndarray, hips_m: np.ndarray, fps: float) -> Motion:

@@ -24,7 +24,7 @@ from kpopnet.datasets.dances.dance_set import LABELS, TEACHER, KpopSet
 from kpopnet.datasets.dances.writer import PackedDepth, write_labels, write_learner, write_teacher
 from kpopnet.errors import InputError, check_between
 from kpopnet.viz.drawing import TRUE, person_tile, sheet
-from synth.body.shape import BodyConfig, Person, draw_person, draw_unseen_person
+from synth.body.shape import BodyConfig, Person, draw_person
 from synth.dances.ends import ENDS, end_motion
 from synth.dances.faults import draw_profile, with_faults
 from synth.dances.skill import LEVELS, Mistake, SkillConfig, draw_strengths, learn
@@ -161,9 +161,9 @@ class KpopSim(SetGenerator):
         return np.random.default_rng(self._seed(kind, *numbers))
 
     def _person(self, rng: np.random.Generator) -> Person:
-        """Draws a person; for the split test, one who is in no training set."""
+        """Draws a person; in the split test, one of the benchmarks' people."""
         split = self.benchmark.split
-        return draw_unseen_person(rng, BODY) if split == "test" else draw_person(rng, BODY, split)
+        return draw_person(rng, BODY, "benchmark" if split == "test" else split)
 
     def levels(self, index: int) -> list[int]:
         """The level of each of LEARNERS in dance `index`. Levels are permuted, so a name does not reveal the level."""
@@ -220,7 +220,7 @@ class KpopSim(SetGenerator):
             rng = self._rng("place", index, learner, attempt)
             yaw_rad, curls_rad = np.radians(HEADING_STD_DEG) * rng.normal(), rng.uniform(0.0, 1.5, 2)
             played = self.studio.play(person, motion, yaw_rad, curls_rad)
-            if (take := self.studio.place_in_rooms(rng, played, VIEW, ROOM_TRIES, furnished=False)) is not None:
+            if (take := self.studio.place_in_rooms(rng, played, VIEW, ROOM_TRIES, furniture=())) is not None:
                 return take
         raise InputError(f"{dance_name(index)}, learner {LEARNERS[learner]}: the dance does not fit into the image")
 

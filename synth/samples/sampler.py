@@ -25,7 +25,7 @@ from synth.samples.layers import Around, compose, hidden_fraction, millimetres, 
 from synth.samples.placing import MISFRAMED, SOUND, UNSEEN, Body, Site, StageConfig, draw_place, draw_place_beside, faults
 from synth.scene.props import PropsConfig, held_by, is_sitting, seat_under
 from synth.scene.render import draw_mesh_m, make_renderer
-from synth.scene.room import ViewConfig, draw_room, draw_view
+from synth.scene.room import LIVING_ROOM, ViewConfig, draw_room, draw_view
 from synth.scene.scene import Scene
 
 BLOCK = 64  # samples whose poses are drawn in one batch; no sample depends on it
@@ -175,7 +175,7 @@ class Sampler:
     def room(self, index: int) -> RenderedRoom:
         if self._room is None or self._room[0] != index:
             rng = self._rng("room", index)
-            view, room = draw_view(rng, self.config.view), draw_room(rng)
+            view, room = draw_view(rng, self.config.view), draw_room(rng, LIVING_ROOM)
             self.scene.set_view(view)
             self.scene.set_room(room)
             depth_mm, floor = millimetres(self.renderer.room_m()), view.floor().astype(np.float32)

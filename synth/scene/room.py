@@ -3,6 +3,7 @@
 World frame: z up, floor at z = 0, the camera above the origin looking along +y, people in front of it.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,6 +80,10 @@ class Room:
         return back[1] - WALL_HALF_THICKNESS_M, left[0] + WALL_HALF_THICKNESS_M, right[0] - WALL_HALF_THICKNESS_M
 
 
+Furniture = Callable[[np.random.Generator], list[Box]]
+"""Returns a piece of furniture as boxes in its own frame. Its back faces +y."""
+
+
 def draw_view(rng: np.random.Generator, config: ViewConfig) -> View:
     height_m, aim_m = rng.uniform(*config.height_m), rng.uniform(*config.aim_m)
     pitch = np.arctan2(height_m - aim_m, AIM_DISTANCE_M)
@@ -92,8 +97,8 @@ def draw_view(rng: np.random.Generator, config: ViewConfig) -> View:
     return View(np.array([0, 0, height_m]), rotation)
 
 
-def draw_room(rng: np.random.Generator) -> Room:
-    """Draws a room: a floor, three walls, and up to six pieces of furniture along the walls."""
+def draw_room(rng: np.random.Generator, furniture: tuple[Furniture, ...]) -> Room:
+    """Draws a room: a floor, three walls, and along these up to six pieces of furniture of the given kinds."""
     half_width, depth_m = rng.uniform(1.8, 3.5), rng.uniform(*DEPTH_M)
     thick = WALL_HALF_THICKNESS_M
     boxes = [
@@ -102,8 +107,8 @@ def draw_room(rng: np.random.Generator) -> Room:
         ((-half_width - thick, 2, 1.5), (thick, 8, 1.5), 0),
         ((half_width + thick, 2, 1.5), (thick, 8, 1.5), 0),
     ]
-    for _ in range(rng.integers(0, 7)):
-        piece = FURNITURE[rng.integers(len(FURNITURE))](rng)
+    for _ in range(rng.integers(0, 7) if furniture else 0):
+        piece = furniture[rng.integers(len(furniture))](rng)
         side = rng.integers(3)
         askew = rng.uniform(-0.2, 0.2)
         wide, deep = _extent(piece, askew)
@@ -136,7 +141,6 @@ def four_legs(half_x: float, half_y: float, height_m: float, thick_m: float) -> 
     return [((sx * half_x, sy * half_y, middle), (thick_m, thick_m, middle)) for sx in (-1, 1) for sy in (-1, 1)]
 
 
-# Each piece of furniture is a list of boxes in its own frame. Its back faces +y.
 def _cupboard(rng: np.random.Generator) -> list[Box]:
     w, d, h = rng.uniform(0.3, 0.6), rng.uniform(0.15, 0.3), rng.uniform(0.4, 1.05)
     return [((0, 0, h), (w, d, h))]
@@ -158,7 +162,49 @@ def _sofa(rng: np.random.Generator) -> list[Box]:
     return [((0, 0, 0.21), (w, d, 0.21)), ((0, d - 0.1, 0.6), (w, 0.1, 0.2)), *arms]
 
 
-FURNITURE = (_cupboard, _table, _chair, _sofa)
+LIVING_ROOM = (_cupboard, _table, _chair, _sofa)
+
+
+# Held back from training: the rooms of simulated benchmarks have only these.
+def _pillar(rng: np.random.Generator) -> list[Box]:
+    w, d = rng.uniform(0.1, 0.3), rng.uniform(0.1, 0.25)
+    return [((0, 0, 1.5), (w, d, 1.5))]
+
+
+def _wall_bars(rng: np.random.Generator) -> list[Box]:
+    w, h = rng.uniform(0.4, 0.6), rng.uniform(1.0, 1.3)
+    rails = [((0, 0, height), (w, 0.02, 0.02)) for height in np.linspace(0.3, 2 * h - 0.1, 6)]
+    return [((side * w, 0.03, h), (0.03, 0.05, h)) for side in (-1, 1)] + rails
+
+
+def _steps(rng: np.random.Generator) -> list[Box]:
+    w, depth, rise = rng.uniform(0.5, 1.0), rng.uniform(0.14, 0.2), rng.uniform(0.12, 0.2)
+    return [((0, (2 * k - 2) * depth, (k + 1) * rise / 2), (w, depth, (k + 1) * rise / 2)) for k in range(3)]
+
+
+def _upright_piano(rng: np.random.Generator) -> list[Box]:
+    w, h = rng.uniform(0.65, 0.78), rng.uniform(0.5, 0.65)
+    return [((0, 0.12, h), (w, 0.18, h)), ((0, -0.15, 0.68), (w, 0.12, 0.05))]
+
+
+def _speaker_on_stand(rng: np.random.Generator) -> list[Box]:
+    w, h, stand = rng.uniform(0.12, 0.22), rng.uniform(0.2, 0.35), rng.uniform(0.5, 1.1)
+    return [((0, 0, stand + h), (w, 0.8 * w, h)), ((0, 0, stand / 2), (0.02, 0.02, stand / 2)), ((0, 0, 0.02), (w, w, 0.02))]
+
+
+def _ballet_barre(rng: np.random.Generator) -> list[Box]:
+    w, h = rng.uniform(0.6, 1.1), rng.uniform(0.8, 1.1)
+    posts = [((side * (w - 0.1), 0, h / 2), (0.025, 0.025, h / 2)) for side in (-1, 1)]
+    return [((0, 0, h), (w, 0.02, 0.02)), ((0, 0, 0.7 * h), (w, 0.02, 0.02)), *posts]
+
+
+def _curtain(rng: np.random.Generator) -> list[Box]:
+    w, slats = rng.uniform(0.4, 0.8), 8
+    x = np.linspace(-w, w, slats)
+    return [((float(x[k]), 0.08 * (k % 2) + rng.uniform(0, 0.04), 1.3), (w / slats, 0.02, 1.3)) for k in range(slats)]
+
+
+DANCE_HALL = (_pillar, _wall_bars, _steps, _upright_piano, _speaker_on_stand, _ballet_barre, _curtain)
 
 
 @njit(cache=True)

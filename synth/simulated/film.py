@@ -20,7 +20,7 @@ from synth.motion.skeleton import Motion, height_above_floor
 from synth.samples.observe import LIMB_ENDS
 from synth.samples.sampler import body_rotations
 from synth.scene.render import make_renderer
-from synth.scene.room import Room, View, ViewConfig, draw_room, draw_view
+from synth.scene.room import Furniture, Room, View, ViewConfig, draw_room, draw_view
 from synth.scene.scene import Scene
 from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SensorConfig, measure_labelled
@@ -182,12 +182,12 @@ class Studio:
         return not _collides(take.room, take.played.skin_m + take.place_m) and not self._is_occluded(take, room_m)
 
     def place_in_rooms(
-        self, rng: np.random.Generator, played: Played, view_config: ViewConfig, rooms: int, furnished: bool = True
+        self, rng: np.random.Generator, played: Played, view_config: ViewConfig, rooms: int, furniture: tuple[Furniture, ...]
     ) -> Take | None:
         """Draws rooms and views until `place` finds a position; None if none of `rooms` rooms has one."""
         for _ in range(rooms):
-            view, room = draw_view(rng, view_config), draw_room(rng)
-            if (take := self.place(rng, played, room if furnished else unfurnished(room), view)) is not None:
+            view, room = draw_view(rng, view_config), draw_room(rng, furniture)
+            if (take := self.place(rng, played, room, view)) is not None:
                 return take
         return None
 
@@ -291,11 +291,6 @@ def standing_room_m(room: Room) -> tuple[np.ndarray, np.ndarray]:
     first = np.array([left + WALL_CLEARANCE_M, DISTANCE_RANGE_M[0]])
     last = np.array([right - WALL_CLEARANCE_M, min(back - WALL_CLEARANCE_M, DISTANCE_RANGE_M[1])])
     return first, last
-
-
-def unfurnished(room: Room) -> Room:
-    """The same floor and walls without furniture."""
-    return Room(room.centres_m[:ROOM_BOXES], room.halves_m[:ROOM_BOXES], room.yaws_rad[:ROOM_BOXES])
 
 
 def _collides(room: Room, points_world_m: np.ndarray) -> bool:

@@ -36,7 +36,7 @@ class SetGenerator(ABC):
     and k, whatever the number of processes.
     """
 
-    generator: ClassVar[int] = 2
+    generator: ClassVar[int] = 3
     """Version of the generator: increased with every change that makes another set from the same settings."""
 
     part: ClassVar[str]

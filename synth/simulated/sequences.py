@@ -1,6 +1,7 @@
 """Simulated sequences of unseen people; the motion of each set is defined in its own module (`eval_sim`, `smmc10_sim`).
 
-No person, motion, room or noise of a benchmark is in a training set: see `draw_unseen_person` and `SequenceGenerator._rng`.
+No person, motion, room or noise of a benchmark is in a training set: its seeds are its own (`SequenceGenerator._rng`), its
+people are near other adults and wear other kinds of garments (`draw_person`), its rooms have other furniture (`DANCE_HALL`).
 """
 
 from abc import abstractmethod
@@ -18,12 +19,12 @@ from kpopnet.errors import InputError, check_between
 from kpopnet.viz.drawing import TRUE, depth_rgb, draw_skeleton, enlarged, sheet, with_captions
 from synth.body.markers import MARKERS
 from synth.body.outfit import ClothesConfig
-from synth.body.shape import BodyConfig, Person, draw_unseen_person
+from synth.body.shape import BodyConfig, Person, draw_person
 from synth.motion import build_motion
 from synth.motion.choreography.programmes import START_S, start_pose
 from synth.motion.skeleton import Motion
 from synth.motion.splice import cut, follow, resampled
-from synth.scene.room import ViewConfig
+from synth.scene.room import DANCE_HALL, ViewConfig
 from synth.sensor.film_noise import FilmNoise
 from synth.simulated.film import Film, Played, Shot, Studio, Take
 from synth.simulated.generator import SetGenerator, is_faulty, random_excerpt
@@ -126,7 +127,7 @@ class SequenceGenerator(SetGenerator):
         return np.random.default_rng(self._seed(kind, *numbers))
 
     def person(self, subject: int) -> Person:
-        return draw_unseen_person(self._rng("person", subject), BODY)
+        return draw_person(self._rng("person", subject), BODY, "benchmark")
 
     def manifest_entries(self) -> dict:
         return {"benchmark": self.benchmark.name, "about": self.about, "truth": self.truth}
@@ -163,9 +164,7 @@ def penetrates_itself(played: Played, standing_frames: int) -> bool:
 
 
 class StandIn(SequenceGenerator):
-    """Makes sequences of one person; holds one compiled scene."""
-
-    subjects: ClassVar[tuple[str, ...]]  # names of the people; they alternate, so the first few sequences show all of them
+    """Makes sequences of one person each, every sequence of another; holds one compiled scene."""
 
     @abstractmethod
     def compose(self, rng: np.random.Generator, index: int, seconds: float) -> Motion:
@@ -181,7 +180,7 @@ class StandIn(SequenceGenerator):
 
     def take(self, index: int) -> Take:
         """Draws the person, motion, room and view; raises InputError if no motion of the source fits a room and the image."""
-        person = self.person(index % len(self.subjects))
+        person = self.person(index)
         for attempt in range(MOTION_TRIES):
             rng = self._rng("sequence", index, attempt)
             motion = self._motion(rng, index, int(rng.integers(*self.frames, endpoint=True)))
@@ -191,7 +190,7 @@ class StandIn(SequenceGenerator):
             played = self.studio.play(person, motion, yaw_rad, curls_rad)
             if penetrates_itself(played, round(START_S * self.fps)):
                 continue
-            if (take := self.studio.place_in_rooms(rng, played, self.view, ROOM_TRIES)) is not None:
+            if (take := self.studio.place_in_rooms(rng, played, self.view, ROOM_TRIES, DANCE_HALL)) is not None:
                 return take
         raise InputError(
             f"{self.sequence_name(index)}: none of {MOTION_TRIES} motions stays inside the image and clear of walls and "
@@ -232,7 +231,7 @@ class StandIn(SequenceGenerator):
             self.kind(index),
             self.fps,
             self.camera,
-            (self.subjects[index % len(self.subjects)],),
+            (f"person {index}",),
             depth=film.depth_m,
             joints_m=self.truth_m(film, markers_m)[:, None],
             markers_m=markers_m[:, None],

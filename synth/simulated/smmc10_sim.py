@@ -1,6 +1,6 @@
 """`smmc10_sim`, the stand-in for SMMC-10: simulated sequences of increasing difficulty.
 
-28 sequences of 100 to 400 frames at 25 fps, 144 x 176 pixels in portrait orientation. Four people, sim01 to sim04, alternate.
+28 sequences of 100 to 400 frames at 25 fps, 144 x 176 pixels in portrait orientation, each of another person.
 In the first sequences only the arms move, slowly. Then people step, cross their arms in front of the body, swing as with a
 racket, kick and turn, faster and faster. The last sequences mix fast kicks, swings and full turns. The rooms are furnished; the
 sensor is a SwissRanger. Assumptions: our sources do not describe the background of the real set, so the stand-in uses the
@@ -77,12 +77,11 @@ class Smmc10Sim(StandIn):
     truth = "simulated markers"
     camera, fps = CAMERAS["smmc10"], 25.0
     view = ViewConfig(height_m=(0.8, 1.5), aim_m=(0.9, 1.1))
-    subjects = ("sim01", "sim02", "sim03", "sim04")
     kinds = tuple(map(", ".join, KINDS))
 
     @classmethod
     def sequence_name(cls, index: int) -> str:
-        return f"{cls.subjects[index % 4]}_{index + 1}"
+        return f"sim_{index + 1:02d}"
 
     def compose(self, rng: np.random.Generator, index: int, seconds: float) -> Motion:
         tempo = MIN_BPM + (MAX_BPM - MIN_BPM) * index / (len(KINDS) - 1)

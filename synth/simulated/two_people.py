@@ -16,7 +16,7 @@ from kpopnet.datasets.simulated import StoredSequence
 from kpopnet.errors import InputError
 from synth.motion.choreography.pairs import LEAVES_IMAGE, SCRIPTS, Role, draw_duet
 from synth.samples.observe import LIMB_ENDS
-from synth.scene.room import ViewConfig, draw_room, draw_view
+from synth.scene.room import DANCE_HALL, ViewConfig, draw_room, draw_view
 from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS, SensorConfig, measure_labelled
 from synth.simulated.film import ROOM, CleanFrame, Played, Studio, Take
@@ -117,7 +117,7 @@ class TwoPeople(SequenceGenerator):
     def _place(self, rng: np.random.Generator, cast: list[Played], roles: tuple[Role, Role], leaves: bool) -> Duet | None:
         """Searches a place in a room where both are seen whole, but for the second where they leave the image."""
         for _ in range(ROOM_TRIES):
-            view, room = draw_view(rng, self.view), draw_room(rng)
+            view, room = draw_view(rng, self.view), draw_room(rng, DANCE_HALL)
             rooms_m = [studio.furnish(room, view) for studio in self.studios]
             for _ in range(PLACES):
                 x_m, y_m = (rng.uniform(*bounds) for bounds in STAGE_M)

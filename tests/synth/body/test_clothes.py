@@ -8,7 +8,7 @@ import trimesh
 
 from kpopnet.camera import CAMERAS
 from synth.body.asset import load_body
-from synth.body.garments import BOTTOMS, TOPS, Figure, hair, shoes
+from synth.body.garments import HELD_BACK, ORDINARY, Figure, hair, shoes
 from synth.body.outfit import PIECES, RING_FACES, ClothesConfig, ellipsoid, load_skin, put_on, unworn
 from synth.body.shape import dress, shape_person
 from synth.scene.scene import Scene
@@ -19,7 +19,8 @@ ASSET = load_body()
 NUM_VERTICES = len(ASSET.weights)
 BARE = shape_person(np.zeros(len(ASSET.basis), np.float32))
 FIGURE = Figure(ASSET, BARE.bare_m, BARE.heads_m, female=True)
-GARMENTS = {name: garment for name, (_, garment) in (TOPS | BOTTOMS).items()} | {"shoes": shoes, "hair": hair}
+WORN = ORDINARY.tops | ORDINARY.bottoms | HELD_BACK.tops | HELD_BACK.bottoms
+GARMENTS = {name: garment for name, (_, garment) in WORN.items()} | {"shoes": shoes, "hair": hair}
 
 
 @pytest.mark.parametrize("name", GARMENTS)

@@ -12,7 +12,7 @@ from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
 from synth.body.shape import BodyConfig, draw_person
 from synth.scene.render import NEAR_M, CpuRenderer, GlRenderer, box_mesh, make_renderer, rasterise
-from synth.scene.room import Room, View, ViewConfig, draw_room, draw_view
+from synth.scene.room import LIVING_ROOM, Room, View, ViewConfig, draw_room, draw_view
 from synth.scene.scene import Scene
 
 CAMERA = CAMERAS["kinect_v1"]
@@ -80,7 +80,7 @@ def compared_scene(scene: Scene, k: int) -> None:
     rng = np.random.default_rng(k)
     scene.set_person(scene.fit(draw_person(rng, BodyConfig(), "train")))
     scene.set_view(draw_view(rng, ViewConfig()))
-    scene.set_room(draw_room(rng))
+    scene.set_room(draw_room(rng, LIVING_ROOM))
     quats = np.array([1.0, 0, 0, 0]) + 0.15 * rng.normal(size=(len(scene.asset.bone_names), 4))
     distance_m = 0.05 if k == COMPARED_SCENES - 1 else rng.uniform(1.2, 3.5)
     scene.pose(quats / np.linalg.norm(quats, axis=1, keepdims=True), np.array([0.2, distance_m, 0.9]))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from synth.scene.room import draw_room, overlaps_boxes
+from synth.scene.room import LIVING_ROOM, draw_room, overlaps_boxes
 
 
 def overlaps_plainly(vertices_m, place_m, centres_m, halves_m, yaws_rad, clearance_m) -> bool:
@@ -18,7 +18,7 @@ def overlaps_plainly(vertices_m, place_m, centres_m, halves_m, yaws_rad, clearan
 @pytest.mark.parametrize("seed", range(40))
 def test_the_compiled_test_equals_a_plain_one(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    room = draw_room(rng)
+    room = draw_room(rng, LIVING_ROOM)
     boxes = room.centres_m[1:], room.halves_m[1:], room.yaws_rad[1:]
     body = (rng.normal(size=(60, 3)) * (0.15, 0.15, 0.3)).astype(np.float32)
     found = []

@@ -41,9 +41,13 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 def test_the_reader_returns_the_film(folder):
     benchmark = SimulatedBenchmark(SimulatedConfig("eval_sim", str(folder / "eval_sim")))
-    assert benchmark.sequence_names() == ["seq_a_0", "seq_b_0"] and EVAL.hash in benchmark.about
-    sequence, film = benchmark.read("seq_b_0"), EVAL.film(1)
-    assert (sequence.identity, sequence.fps, sequence.camera) == ("b", 30.0, EvalSim.camera) and not sequence.is_segmented
+    assert benchmark.sequence_names() == ["seq_00", "seq_01"] and EVAL.hash in benchmark.about
+    sequence, film = benchmark.read("seq_01"), EVAL.film(1)
+    assert (sequence.identity, sequence.fps, sequence.camera) == (
+        "person 1",
+        30.0,
+        EvalSim.camera,
+    ) and not sequence.is_segmented
     np.testing.assert_array_equal(sequence.depth_m, film.depth_m)
     np.testing.assert_array_equal(sequence.joints_camera_m, film.joints_camera_m)
     assert sequence.visible.all() and 24 <= len(film.depth_m) <= 30
@@ -52,9 +56,9 @@ def test_the_reader_returns_the_film(folder):
 
 def test_the_truth_of_smmc10_sim_is_the_mean_of_markers(folder):
     benchmark = SimulatedBenchmark(SimulatedConfig("smmc10_sim", str(folder / "smmc10_sim")))
-    assert benchmark.sequence_names() == ["sim01_1", "sim02_2"] and benchmark.truth == "simulated markers"
-    sequence, film, stored = benchmark.read("sim02_2"), SMMC10.film(1), read_sequence(benchmark.path("sim02_2"))
-    assert sequence.identity == "sim02" and stored.kind == "arms"
+    assert benchmark.sequence_names() == ["sim_01", "sim_02"] and benchmark.truth == "simulated markers"
+    sequence, film, stored = benchmark.read("sim_02"), SMMC10.film(1), read_sequence(benchmark.path("sim_02"))
+    assert sequence.identity == "person 1" and stored.kind == "arms"
     assert sequence.depth_m.shape[1:] == (176, 144)
     markers_m = np.where(film.markers_tracked[..., None], film.markers_camera_m, np.nan)
     np.testing.assert_array_equal(stored.markers_m[:, 0], markers_m)
@@ -86,11 +90,11 @@ def test_missing_files_are_made_by_any_number_of_processes_and_existing_files_ar
     before = contents(folder / "eval_sim")
     one = replace(EVAL, benchmark=EvalSimConfig(seed=3, sequences=1))
     one.write(tmp_path, processes=1)
-    assert contents(tmp_path) == {"seq_a_0.h5": before["seq_a_0.h5"]}
-    stamp = (tmp_path / "seq_a_0.h5").stat().st_mtime_ns
-    (tmp_path / ".seq_b_0.h5.elsewhere.1.tmp").write_bytes(b"half a frame")
+    assert contents(tmp_path) == {"seq_00.h5": before["seq_00.h5"]}
+    stamp = (tmp_path / "seq_00.h5").stat().st_mtime_ns
+    (tmp_path / ".seq_01.h5.elsewhere.1.tmp").write_bytes(b"half a frame")
     manifest = EVAL.write(tmp_path, processes=2)
-    assert contents(tmp_path) == before and (tmp_path / "seq_a_0.h5").stat().st_mtime_ns == stamp
+    assert contents(tmp_path) == before and (tmp_path / "seq_00.h5").stat().st_mtime_ns == stamp
     assert not list(tmp_path.glob(".*")) and manifest["sequences"] == 2
     assert "1 of 2 sequences are there already" in capsys.readouterr().out
     # With a smaller size configured, it is still a set of two.

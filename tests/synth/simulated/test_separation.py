@@ -1,0 +1,94 @@
+"""Benchmarks show other people, garments and furniture than training sets, and people who differ as adults do."""
+
+import numpy as np
+import pytest
+
+from synth.body.asset import load_body
+from synth.body.garments import HELD_BACK, ORDINARY
+from synth.body.shape import BodyConfig, Person, draw_person
+from synth.dances.simulate import KpopSim, KpopSimConfig
+from synth.samples.sampler import SampleConfig, Sampler
+from synth.scene import room as rooms
+from synth.simulated.eval_sim import EvalSim, EvalSimConfig
+from synth.simulated.smmc10_sim import Smmc10Sim
+from synth.simulated.two_people import TwoPeople
+
+PEOPLE = 12
+
+
+def of_training(split: str) -> list[Person]:
+    sampler = Sampler(SampleConfig(renderer="cpu"), 0, split)
+    return [sampler.person(number) for number in range(PEOPLE)]
+
+
+def of_benchmarks() -> list[Person]:
+    makers = EvalSim(EvalSimConfig(seed=5)), Smmc10Sim(), TwoPeople()
+    dances = KpopSim(KpopSimConfig(seed=5))
+    people = [maker.person(number) for maker in makers for number in range(PEOPLE // 3)]
+    return [*people, dances.take(0, 0, dances.learner(0, 0).motion).played.person]
+
+
+def nearest_adult(person: Person) -> float:
+    """Place among the baked adults, 0 to 1, of the one whose shape is nearest to that of the unclothed person."""
+    asset, size = load_body(), person.bare_m.size
+    shape, *_ = np.linalg.lstsq(asset.basis[:, :size].T, person.bare_m.ravel() - asset.mean.ravel()[:size], rcond=None)
+    return float(np.linalg.norm(asset.people - shape, axis=1).argmin() / len(asset.people))
+
+
+@pytest.mark.parametrize(("split", "low", "high"), [("train", 0.0, 0.8), ("validation", 0.8, 0.9), ("test", 0.9, 1.0)])
+def test_people_of_a_split_are_near_its_own_adults(split: str, low: float, high: float) -> None:
+    places = [nearest_adult(person) for person in of_training(split)]
+    assert all(low <= place < high for place in places), places
+
+
+def test_people_of_benchmarks_are_near_adults_who_are_in_no_training() -> None:
+    assert all(nearest_adult(person) >= 0.9 for person in of_benchmarks())
+
+
+def test_people_of_benchmarks_differ_as_much_as_adults_do() -> None:
+    """Women and men of the US Army, ANSUR II (2012): stature 162.8 ± 6.4 and 175.6 ± 6.9 cm; all adults differ more."""
+    stature_cm = [100 * draw_person(np.random.default_rng([1, n]), BodyConfig(), "benchmark").stature_m for n in range(150)]
+    assert 165 < np.mean(stature_cm) < 175 and 9.5 < np.std(stature_cm) < 12.5
+
+
+def refuse(monkeypatch, wardrobe) -> None:
+    """Makes every garment of a wardrobe fail when it is put on."""
+
+    def forbidden(*_):
+        raise AssertionError("a garment of the other wardrobe")
+
+    for garments in wardrobe:
+        for name in list(garments):
+            monkeypatch.setitem(garments, name, (1.0, forbidden))
+
+
+def test_people_of_benchmarks_wear_garments_that_training_never_has(monkeypatch) -> None:
+    kinds = [{garment for garments in wardrobe for _, garment in garments.values()} for wardrobe in (ORDINARY, HELD_BACK)]
+    assert not kinds[0] & kinds[1]
+    with monkeypatch.context() as patched:
+        refuse(patched, ORDINARY)
+        of_benchmarks()
+        with pytest.raises(AssertionError, match="wardrobe"):
+            of_training("train")
+    refuse(monkeypatch, HELD_BACK)
+    for split in ("train", "validation", "test"):
+        of_training(split)
+
+
+def test_rooms_of_benchmarks_have_furniture_that_training_never_has(monkeypatch) -> None:
+    drawn = []
+
+    def recorded(rng, furniture):
+        drawn.append(furniture)
+        return original(rng, furniture)
+
+    original = rooms.draw_room
+    for module in ("synth.simulated.film", "synth.simulated.two_people", "synth.samples.sampler"):
+        monkeypatch.setattr(f"{module}.draw_room", recorded)
+    EvalSim(EvalSimConfig(seed=5), frames=(20, 20)).take(0)
+    TwoPeople(frames=(20, 20)).take(0)
+    of_benchmark = {kind for furniture in drawn for kind in furniture}
+    drawn.clear()
+    Sampler(SampleConfig(renderer="cpu"), 0, "train").room(0)
+    of_training_set = {kind for furniture in drawn for kind in furniture}
+    assert of_benchmark and of_training_set and not of_benchmark & of_training_set
