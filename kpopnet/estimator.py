@@ -33,7 +33,10 @@ class Estimate(NamedTuple):
 
 
 class Estimator(Protocol):
-    """Estimates the joints of one person from segmented depth (0 outside the person); `name` is for folders and tables."""
+    """Estimates the joints of one person from segmented depth (0 outside the person); `name` is for folders and tables.
+
+    One whose joints depend on later images has `sees_future`, true, which reports tell.
+    """
 
     name: str
 

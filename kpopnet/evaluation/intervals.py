@@ -1,8 +1,8 @@
 """Bootstrap intervals of pooled figures, by resampling whole units of correlated frames, and paired comparisons.
 
-Frames of one unit (a sequence, or all stills of one room before one camera) share what makes them easy or hard, so they count
-as one draw from the population: whole units are resampled with replacement. Frames that are resampled one by one pretend to be
-independent, and give an interval that is several times too narrow.
+Frames of one unit (a person, a sequence, or all stills of one room before one camera) share what makes them easy or hard, so
+they count as one draw from the population: whole units are resampled with replacement. Frames that are resampled one by one
+pretend to be independent, and give an interval that is several times too narrow.
 
 All figures are ratios of sums over frames, as joints within 10 cm to labelled joints; a resample weights the sums of units.
 """
@@ -13,7 +13,7 @@ from scipy.special import ndtr, stdtrit
 DRAWS = 4000
 LEVEL = 0.95
 FEWEST_UNITS = 5
-"""With fewer units an interval cannot be trusted: what it covers depends on the unknown shape of their distribution."""
+"""With fewer units there is no interval: what it would cover depends on the unknown shape of their distribution."""
 
 
 def percentiles(units: int) -> tuple[float, float]:
@@ -40,13 +40,14 @@ class Bootstrap:
         _, self._row = np.unique(unit, return_inverse=True)
         self.units = int(self._row.max(initial=-1)) + 1
         shares = np.full(self.units, 1 / max(self.units, 1))
-        self._draws = np.random.default_rng(seed).multinomial(self.units, shares, size=DRAWS) if self.units > 1 else None
+        enough = self.units >= FEWEST_UNITS
+        self._draws = np.random.default_rng(seed).multinomial(self.units, shares, size=DRAWS) if enough else None
 
     def ratios(self, numerator: np.ndarray, denominator: np.ndarray) -> np.ndarray:
         """The ratio of the sums of two (N, K) arrays in each resample.
 
         Returns:
-            (DRAWS,); NaN where the resampled denominator is 0. Without values with fewer than two units.
+            (DRAWS,); NaN where the resampled denominator is 0. Without values with fewer than FEWEST_UNITS units.
         """
         above, below = (self.sums(values.sum(axis=1, keepdims=True))[:, 0] for values in (numerator, denominator))
         return np.divide(above, below, out=np.full(len(below), np.nan), where=below > 0)

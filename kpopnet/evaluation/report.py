@@ -81,13 +81,11 @@ def interval_remarks(units: str, number: int, note: str = "", fewest: int | None
 
     `fewest` is the number of units of the row that has the fewest, where rows differ.
     """
-    if number < 2:
-        return [f"No intervals: they would resample {units}, and there is only {number}."]
-    lines = [f"Ranges in parentheses: 95 % bootstrap intervals; {number} {units} were resampled{note}."]
     if number < FEWEST_UNITS:
-        lines.append(f"The intervals cannot be trusted: {number} {units} are too few to know how much they vary.")
-    elif fewest is not None and fewest < FEWEST_UNITS:
-        lines.append(f"Intervals of fewer than {FEWEST_UNITS} {units} cannot be trusted; some rows have {fewest}.")
+        return [f"No intervals: they would resample {units}, and {number} are too few to know how much they vary."]
+    lines = [f"Ranges in parentheses: 95 % bootstrap intervals; {number} {units} were resampled{note}."]
+    if fewest is not None and fewest < FEWEST_UNITS:
+        lines.append(f"Rows of fewer than {FEWEST_UNITS} {units} have no interval.")
     return lines
 
 

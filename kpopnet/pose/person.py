@@ -119,6 +119,7 @@ class PersonEstimator:
         """
         check_mode(mode)
         self.estimator, self.name, self.fps = network, mode, fps
+        self.sees_future = MODES[mode].smoothed
 
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
         """See `kpopnet.estimator.Estimator`."""

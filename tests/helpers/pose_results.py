@@ -17,6 +17,7 @@ def pose_results(truth_m: np.ndarray, estimate_m: np.ndarray, **given) -> PoseRe
         "yaw_rad": np.full(frames, np.nan),
         "unit": sequence,
         "given": np.zeros(frames, bool),
+        "person": np.full(frames, ""),
     }
     return PoseResults(truth_m, estimate_m, **(usual | given))
 

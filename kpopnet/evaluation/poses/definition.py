@@ -40,7 +40,7 @@ def joint_axes(joints_m: np.ndarray) -> np.ndarray:
     (N, 15, 3, 3), NaN where a joint that defines them is missing, of (N, 15, 3) estimated joints in any right-handed frame.
     """
     joints_m = joints_m.astype(np.float64)
-    axes = np.repeat(_torso_axes(joints_m)[:, None], NUM_JOINTS, axis=1)
+    axes = np.repeat(torso_axes(joints_m)[:, None], NUM_JOINTS, axis=1)
     axes[:, [joint for joint in Joint if joint.name.startswith("LEFT_")], 0] *= -1
     for right_end, right_start in BONE_ENDS.items():
         rest = ARM_REST if right_end in (Joint.RIGHT_ELBOW, Joint.RIGHT_HAND) else LEG_REST
@@ -50,7 +50,7 @@ def joint_axes(joints_m: np.ndarray) -> np.ndarray:
     return axes
 
 
-def _torso_axes(joints_m: np.ndarray) -> np.ndarray:
+def torso_axes(joints_m: np.ndarray) -> np.ndarray:
     """(N, 3, 3) rows: the torso's right, down and front."""
     down = _unit((joints_m[:, Joint.RIGHT_HIP] + joints_m[:, Joint.LEFT_HIP]) / 2 - joints_m[:, Joint.NECK])
     right = joints_m[:, [Joint.RIGHT_SHOULDER, Joint.RIGHT_HIP]] - joints_m[:, [Joint.LEFT_SHOULDER, Joint.LEFT_HIP]]

@@ -19,10 +19,13 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from kpopnet.evaluation.intervals import Bootstrap
-from kpopnet.skeleton import JOINT_GROUPS, JOINT_NAMES, PAPER_JOINTS
+from kpopnet.evaluation.poses.definition import torso_axes
+from kpopnet.skeleton import JOINT_GROUPS, JOINT_NAMES, PAPER_JOINTS, Joint
 
 THRESHOLDS_M = (0.05, 0.10, 0.15, 0.20)
 CURVE_END_M = 0.20
+MOVING_M = 0.20
+"""A joint is moving where it is farther than this from where the person's rest pose has it."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +40,9 @@ class PoseResults:
         sequence: (N,) int, index into sequence_names.
         sequence_names: names of the sequences.
         yaw_rad: (N,) heading of the person, NaN where unknown.
-        unit: (N,) int, number of the sequence or room that the bootstrap resamples as a whole.
+        unit: (N,) int, number of the person, room or sequence that the bootstrap resamples as a whole.
         given: (N,) bool, whether the estimator was given the true joints of this frame; it is not scored there.
+        person: (N,) text, the identity of the person; "" if unknown.
     """
 
     truth_m: np.ndarray
@@ -50,6 +54,7 @@ class PoseResults:
     yaw_rad: np.ndarray
     unit: np.ndarray
     given: np.ndarray
+    person: np.ndarray
 
     def errors_m(self) -> np.ndarray:
         """(N, 15) `errors_m`, as the module defines it."""
@@ -131,6 +136,22 @@ def without_offsets(results: PoseResults) -> np.ndarray:
     return joint_errors_m(results.truth_m, results.estimate_m - offset_m)
 
 
+def moving_joints(truth_m: np.ndarray, person: np.ndarray) -> np.ndarray:
+    """(N, 15) bool, joints farther than MOVING_M from where the rest pose of the person (N,) has them; false where unknown.
+
+    The rest pose is the median of the person's true joints over all frames, in the axes of the torso and from its centre: an
+    estimator that always answers a mean pose has most other joints right.
+    """
+    own_m = np.einsum("nab,njb->nja", torso_axes(truth_m.astype(np.float64)), truth_m - truth_m[:, [Joint.TORSO]])
+    moving = np.zeros(own_m.shape[:2], bool)
+    for one in np.unique(person):
+        rows = person == one
+        known = own_m[rows][np.isfinite(own_m[rows]).all(axis=(1, 2))]
+        if len(known):
+            moving[rows] = np.linalg.norm(own_m[rows] - np.median(known, axis=0), axis=-1) > MOVING_M
+    return moving
+
+
 def summary(errors_m: np.ndarray, visible: np.ndarray) -> dict:
     """The main metrics of (N, K) errors of K joints: lengths in cm, fractions in 0..1, None where undefined.
 
@@ -167,28 +188,43 @@ def evaluate(results: PoseResults, seed: int = 0) -> dict:
     def of_frames(rows: np.ndarray) -> dict:
         return summary(errors_m[rows], visible[rows])
 
+    moving = moving_joints(results.truth_m, results.person)
+
+    def of_moving(rows: np.ndarray | slice) -> dict:
+        errors = np.where(moving[rows], errors_m[rows], np.nan)
+        return {"moving_10cm": _none_if_nan(fraction_within(errors, 0.10)), "moving_joints": int((~np.isnan(errors)).sum())}
+
     whole, fourteen = summary(errors_m, visible), of_joints(list(PAPER_JOINTS))
-    return whole | {
-        "map_14": fourteen["map_10cm"],
-        "paper_joints": fourteen,
-        "average_pose_error_no_offset_cm": _none_if_nan(100 * average_pose_error_m(without_offsets(results), visible)),
-        "pck": {f"{100 * limit:.0f}cm": _none_if_nan(fraction_within(errors_m, limit)) for limit in THRESHOLDS_M},
-        "pck_area_20cm": _none_if_nan(area_under_curve(errors_m)),
-        "interval": intervals(errors_m, visible, Bootstrap(results.unit, seed)),
-        "missing": {
-            "joints": whole["missing_joints"],
-            "of_labelled_joints": whole["labelled_joints"],
-            "images_without_estimate": int(np.isnan(results.estimate_m).all(axis=(1, 2)).sum()),
-        },
-        "per_joint": {name: of_joints([joint]) for joint, name in enumerate(JOINT_NAMES)},
-        "per_group": {name: of_joints([int(joint) for joint in joints]) for name, joints in JOINT_GROUPS.items()},
-        "per_sequence": {
-            name: of_frames(results.sequence == index)
-            for index, name in enumerate(results.sequence_names)
-            if (labelled.sequence == index).any()  # the same names for every estimator, whichever frames it was given
-        },
-        "by_yaw": {name: of_frames(rows[scored]) for name, rows in yaw_octants(labelled.yaw_rad).items() if rows.any()},
-    }
+    return (
+        whole
+        | of_moving(slice(None))
+        | {
+            "map_14": fourteen["map_10cm"],
+            "paper_joints": fourteen,
+            "average_pose_error_no_offset_cm": _none_if_nan(100 * average_pose_error_m(without_offsets(results), visible)),
+            "pck": {f"{100 * limit:.0f}cm": _none_if_nan(fraction_within(errors_m, limit)) for limit in THRESHOLDS_M},
+            "pck_area_20cm": _none_if_nan(area_under_curve(errors_m)),
+            "interval": intervals(errors_m, visible, moving, Bootstrap(results.unit, seed)),
+            "missing": {
+                "joints": whole["missing_joints"],
+                "of_labelled_joints": whole["labelled_joints"],
+                "images_without_estimate": int(np.isnan(results.estimate_m).all(axis=(1, 2)).sum()),
+            },
+            "per_joint": {name: of_joints([joint]) for joint, name in enumerate(JOINT_NAMES)},
+            "per_group": {name: of_joints([int(joint) for joint in joints]) for name, joints in JOINT_GROUPS.items()},
+            "per_sequence": {
+                name: of_frames(results.sequence == index)
+                for index, name in enumerate(results.sequence_names)
+                if (labelled.sequence == index).any()  # the same names for every estimator, whichever frames it was given
+            },
+            "per_person": {
+                name: of_frames(results.person == name) | of_moving(results.person == name)
+                for name in np.unique(labelled.person).tolist()
+                if name
+            },
+            "by_yaw": {name: of_frames(rows[scored]) for name, rows in yaw_octants(labelled.yaw_rad).items() if rows.any()},
+        }
+    )
 
 
 def yaw_octants(yaw_rad: np.ndarray) -> dict[str, np.ndarray]:
@@ -201,13 +237,16 @@ def yaw_octants(yaw_rad: np.ndarray) -> dict[str, np.ndarray]:
     return {str((45 * k + 179) % 360 - 179): known & (octant == k) for k in (5, 6, 7, 0, 1, 2, 3, 4)}
 
 
-def intervals(errors_m: np.ndarray, visible: np.ndarray, bootstrap: Bootstrap) -> dict[str, list[float] | None]:
-    """95 % intervals [low, high] of the main metrics of (N, 15) errors; None with fewer than two units."""
+def intervals(
+    errors_m: np.ndarray, visible: np.ndarray, moving: np.ndarray, bootstrap: Bootstrap
+) -> dict[str, list[float] | None]:
+    """95 % intervals [low, high] of the main metrics of (N, 15) errors; None with too few units."""
     labelled, found = ~np.isnan(errors_m), np.isfinite(errors_m)
     seen, fourteen = found & visible, list(PAPER_JOINTS)
     distance_cm = 100 * np.where(found, errors_m, 0)
     ratios = {
         "map_10cm": (errors_m < 0.10, labelled),
+        "moving_10cm": ((errors_m < 0.10) & moving, labelled & moving),
         "map_14": (errors_m[:, fourteen] < 0.10, labelled[:, fourteen]),
         "mean_error_cm": (distance_cm, found),
         "average_pose_error_cm": (distance_cm * seen, seen),

@@ -112,12 +112,12 @@ def remarks(run: PoseRun) -> list[str]:
     if run.images_without_person:
         lines.append(f"{run.images_without_person} images show no person; their joints count as missing.")
     lines += [f"Left out because of an error: {name}: {reason}" for name, reason in run.failed.items()]
+    if later := [name for name, one in run.metrics.items() if one["sees_future"]]:
+        lines.append(f"{', '.join(later)}: uses images after the one it answers for; the other estimators do not.")
     units, count, people = run.resampled
-    note = ""
-    if units == "rooms":
-        note = "; all stills in one room, from one camera, are one unit"
-    elif people is not None and people < count:
-        note = f"; they show {people} {'people' if people > 1 else 'person'}, so the intervals do not cover other people"
+    note = "; all stills in one room, from one camera, are one unit" if units == "rooms" else ""
+    if people is not None:
+        note += f"; the set shows {people} {'people' if people > 1 else 'person'}"
     return [*lines, *interval_remarks(units, count, note)]
 
 
@@ -199,6 +199,9 @@ def _sequence_blocks(run: PoseRun, listed: list[str], views: dict[str, str]) -> 
         ("text", "Estimated joints in colours, true ones thin. Drag to turn, scroll or pinch to zoom, space to play."),
         *(("view", (file, name)) for file, name in views.items()),
     ]
+    people = list(run.metrics[run.main]["per_person"])
+    if 1 < len(people) <= MAX_LISTED_SEQUENCES:
+        blocks += [("heading", "People"), ("table", tables.person_table(run.metrics, people))]
     if run.metrics[run.main]["by_yaw"]:
         blocks += [
             ("heading", "Heading of the person"),

@@ -64,7 +64,8 @@ class SequenceEstimation:
                 start = {"start": first_label(truth_m)} if starts_from_label(estimator) else {}
                 (joints_m, confidence), seconds[label] = self._timed[label](depth_m, camera, **start)
             given, zero = np.arange(frames) == (start["start"].frame if start else -1), np.zeros(frames, int)
-            found = joints_m, confidence, sequence.visible, zero, (name,), yaw_rad, zero, given
+            person = np.full(frames, sequence.identity)
+            found = joints_m, confidence, sequence.visible, zero, (name,), yaw_rad, zero, given, person
             results[label] = PoseResults(truth_m, *found)
         empty = int((~depth_m.any(axis=(1, 2))).sum())
         return EstimatedSequence(results, sequence.identity, sequence.room, seconds, extraction_seconds, empty)
@@ -74,7 +75,7 @@ class Resampled(NamedTuple):
     """What the bootstrap intervals of a run resample.
 
     Attributes:
-        units: "rooms" where sequences share rooms and cameras, else "sequences".
+        units: "rooms" where sequences share rooms and cameras, else "people", or "sequences" where some people are unknown.
         count: number of units.
         people: number of different people; None where some are unknown.
     """
@@ -91,8 +92,8 @@ class PoseRun:
     Attributes:
         benchmark: the data set.
         results: joints of all N frames by the estimator's name, in the order of the report.
-        metrics: by the estimator's name: the figures of `metrics.evaluate` and `evaluate_confidence`, `missed_by_cause`, and
-            `fps`, frames per second of the estimation without the extraction.
+        metrics: by the estimator's name: the figures of `metrics.evaluate` and `evaluate_confidence`, `missed_by_cause`,
+            `fps`, frames per second of the estimation without the extraction, and `sees_future`, whether it uses later images.
         differences: `metrics.difference` of every estimator but the first from the first one, by the estimator's name.
         resampled: what the intervals resample.
         failed: the error message of each sequence without results, by the sequence's name.
@@ -139,9 +140,8 @@ def run_benchmark(
     A sequence that cannot be read, or on which an estimator fails, is left out for all estimators. Each process has one
     thread, so the frames per second of an estimator (all frames divided by its total time) are those of one core.
 
-    Intervals resample sequences, or the rooms that sequences share. One person may dance several sequences: these are resampled
-    as if they were independent, so the intervals hold for other sequences of the same people. Resampling people would be the
-    way to cover others, but most sets show too few for an interval to mean anything; reports state their number.
+    Intervals resample people, with all of their sequences, so they hold for other people; rooms, where stills of several people
+    share them; sequences, where people are unknown. With too few of them there is no interval.
 
     The main estimator comes first. `sequences` are evenly spaced over the set, `seed` is the bootstrap's, and `extraction`
     segments the person where the depth shows a whole scene.
@@ -161,7 +161,8 @@ def run_benchmark(
     for label, one in results.items():
         metrics[label] = evaluate(one, seed) | evaluate_confidence(one) | _in_label_definition(benchmark, one, people, seed)
         fps = len(one.truth_m) / max(sum(part.seconds[label] for part in parts), 1e-9)
-        metrics[label] |= {"missed_by_cause": missed_by_cause(one), "fps": fps}
+        sees_future = getattr(estimators[label], "sees_future", False)
+        metrics[label] |= {"missed_by_cause": missed_by_cause(one), "fps": fps, "sees_future": sees_future}
     first, *others = results
     return PoseRun(
         benchmark=benchmark,
@@ -182,14 +183,17 @@ def _people_and_units(parts: list[EstimatedSequence], results: dict[str, PoseRes
 
     A unit without a label is in no figure.
     """
-    names = [part.room if part.room else f"sequence {number}" for number, part in enumerate(parts)]
+    people, rooms = np.array([part.identity for part in parts]), [part.room for part in parts]
+    units, names = "sequences", [str(number) for number in range(len(parts))]
+    if any(rooms):
+        units, names = "rooms", [room or f"sequence {number}" for number, room in enumerate(rooms)]
+    elif all(people):
+        units, names = "people", people
     _, numbers = np.unique(names, return_inverse=True)
     main = next(iter(results.values()))
     for one in results.values():
         one.unit[:] = numbers[one.sequence]
     labelled = np.isfinite(main.truth_m).all(axis=-1).any(axis=1)
-    people = np.array([part.identity for part in parts])
-    units = "rooms" if any(part.room for part in parts) else "sequences"
     resampled = Resampled(units, len(np.unique(main.unit[labelled])), None if "" in people else len(set(people)))
     return people[main.sequence], resampled
 

@@ -7,9 +7,9 @@ import pytest
 from real_data import UTD_MHAD
 from scipy.io import savemat
 
+from kpopnet.camera import Camera
 from kpopnet.datasets.utd_mhad import (
     KINECT_JOINTS,
-    STORED_CAMERA,
     UtdMhadBenchmark,
     UtdMhadConfig,
     estimate_lag,
@@ -21,6 +21,8 @@ from kpopnet.skeleton import Joint
 
 REAL = UTD_MHAD
 FRAMES = 24
+MEASURED_CAMERA = Camera(285.63, 285.63, 158.3, 120.0, 320, 240)
+"""Projects the labels onto the stored images, in which both people stand 1.7 columns left of the nominal centre."""
 
 
 def kinect_person(frames: int) -> np.ndarray:
@@ -48,7 +50,7 @@ def depth_of(skeleton: np.ndarray) -> np.ndarray:
     """(T, 240, 320) uint16 mm: a square of pixels around every joint."""
     depth = np.zeros((len(skeleton), 240, 320), np.uint16)
     for frame, joints in enumerate(skeleton * [1, -1, 1]):
-        for u, v, z in STORED_CAMERA.project(joints):
+        for u, v, z in MEASURED_CAMERA.project(joints):
             row, column = round(v), round(u)
             depth[frame, row - 2 : row + 3, column - 2 : column + 3] = round(1000 * z)
     return depth

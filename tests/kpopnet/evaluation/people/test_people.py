@@ -91,8 +91,8 @@ def test_nobody_found_is_everybody_missed(truth_m: np.ndarray) -> None:
     assert (found.identity == NOBODY).all() and found.identified() == 0
     one = figures([found], 0)
     assert one["missed"] == 1 and one["within_10cm"] == 0 and one["mean_error_cm"] is None and one["idf1"] == 0
-    pair = by_kind([found, matched(truth_m, truth_m)], 0)["all"]["interval"]["within_10cm"]
-    assert pair == [0, 1] and one["interval"]["within_10cm"] is None
+    pair = by_kind([found, matched(truth_m, truth_m)] * 3, 0)["all"]["interval"]["within_10cm"]
+    assert pair[0] < 0.2 and pair[1] > 0.8 and one["interval"]["within_10cm"] is None
 
 
 def test_estimators_of_one_person_are_refused() -> None:

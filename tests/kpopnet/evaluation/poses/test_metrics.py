@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from capsule_people import draw_joints
 from pose_results import pose_results
 from real_data import ITOP_SKELETONS
 
@@ -11,6 +12,7 @@ from kpopnet.evaluation.poses.metrics import (
     fraction_within,
     joint_errors_m,
     mean_error_m,
+    moving_joints,
     without_offsets,
     yaw_octants,
 )
@@ -111,13 +113,35 @@ def test_yaw_sectors_are_centred_on_their_names(degrees, octant):
     assert not any(rows[1] for rows in octants.values()) and len(octants) == 8
 
 
-def test_intervals_contain_their_metrics_and_need_two_units():
+def test_intervals_contain_their_metrics_and_need_five_units():
     rng = np.random.default_rng(5)
     truth, estimate = displaced(rng, rng.uniform(0, 0.2, (60, 15)))
     result = evaluate(pose_results(truth, estimate, unit=np.repeat(np.arange(12), 5)), seed=7)
-    assert set(result["interval"]) == {"map_10cm", "map_14", "mean_error_cm", "average_pose_error_cm"}
+    assert set(result["interval"]) == {"map_10cm", "moving_10cm", "map_14", "mean_error_cm", "average_pose_error_cm"}
     assert all(low < result[name] < high for name, (low, high) in result["interval"].items())
-    assert set(evaluate(pose_results(truth, estimate))["interval"].values()) == {None}
+    assert set(evaluate(pose_results(truth, estimate, unit=np.repeat(np.arange(4), 15)))["interval"].values()) == {None}
+
+
+def test_moving_joints_are_those_far_from_where_the_rest_pose_of_the_person_has_them():
+    """Two people who turn and walk; one raises a hand in a fifth of the frames, the other holds it up in all but a fifth."""
+    rest = draw_joints(np.random.default_rng(2)).astype(float)
+    rest -= rest[Joint.TORSO]
+    turns = np.linspace(0, 2 * np.pi, 20)
+    poses = np.repeat(rest[None], 20, axis=0)
+    poses[::5, Joint.LEFT_HAND] += (0.0, -0.5, 0.0)
+    other = np.repeat(rest[None], 20, axis=0)
+    other[np.arange(20) % 5 > 0, Joint.LEFT_HAND] += (0.0, -0.5, 0.0)
+    cos, sin, zero = np.cos(turns), np.sin(turns), np.zeros(20)
+    turn = np.stack([cos, zero, sin, zero, zero + 1, zero, -sin, zero, cos], axis=-1).reshape(20, 3, 3)
+    way_m = np.linspace(0, 2, 20)[:, None, None] * (1.0, 0.0, 1.0)
+    truth = np.concatenate([np.einsum("tij,tkj->tki", turn, one) + way_m for one in (poses, other)])
+    found = moving_joints(truth, np.repeat(["a", "b"], 20))
+    expected = np.zeros((40, 15), bool)
+    expected[np.arange(0, 40, 5), Joint.LEFT_HAND] = True
+    np.testing.assert_array_equal(found, expected)
+    result = evaluate(pose_results(truth, truth + (0.0, 0.0, 0.11) * found[..., None], person=np.repeat(["a", "b"], 20)))
+    assert (result["moving_10cm"], result["moving_joints"]) == (0, 8) and result["map_10cm"] == 1 - 8 / 600
+    assert {name: one["moving_joints"] for name, one in result["per_person"].items()} == {"a": 4, "b": 4}
 
 
 def test_fourteen_joints_are_all_but_the_neck():

@@ -80,8 +80,7 @@ def test_metrics_json_describes_the_benchmark_and_holds_the_errors(stills, tmp_p
     assert set(found["per_joint"]) == set(JOINT_NAMES) and len(found["per_sequence"]) == 3 and found["by_yaw"]
     assert found["fps"] > 0 and "git" in found and found["config"]["benchmark"] == {"name": "set"}
     assert all((tmp_path / "report" / name).stat().st_size > 1000 for name in found["pictures"])
-    low, high = found["interval"]["mean_error_cm"]
-    assert low < found["mean_error_cm"] < high
+    assert set(found["interval"].values()) == {None} and len(found["per_person"]) == 3  # three rooms are too few
     page, text = (tmp_path / "report" / "report.html").read_text(), (tmp_path / "report" / "report.md").read_text()
     for report in (page, text, printed):
         assert "synthetic: SIMULATED depth, compared with synthetic truth; 8 images in 3 sequences." in report
@@ -174,7 +173,7 @@ def test_differences_from_the_first_estimator_are_in_every_report(films, tmp_pat
     assert figures["mean_error_cm"]["value"] == pytest.approx(np.mean([1, 6, 3]), abs=0.05)
     assert figures["within_10cm_points"]["value"] == pytest.approx(-100 / 3)
     row = difference_table(films).cells()[1]
-    assert row[0] == "far" and "-33.33 points (" in row[1] and "+3.33 cm (" in row[2]
+    assert row[0] == "far" and row[1:] == ["-33.33 points", "+3.33 cm"]
     for text in ((tmp_path / "report.md").read_text(), (tmp_path / "report.html").read_text(), printed):
         assert "difference from near" in text and row[1] in text
-    assert films.without(["far"]).differences == {} and "Ranges in parentheses" in remarks(films)[-2]
+    assert films.without(["far"]).differences == {} and "3 are too few" in remarks(films)[-1]

@@ -1,11 +1,14 @@
 """One evaluation: sequences in several processes, estimators that fail, labels to start from, and what is resampled."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from films import FRAMES, POSE_M, Films, Off
 from shard_sets import write_shard
 
 from kpopnet.baselines.mean_pose import MeanPoseEstimator
+from kpopnet.datasets.protocol import Sequence
 from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
 from kpopnet.errors import InputError
 from kpopnet.evaluation.poses import run as run_module
@@ -99,7 +102,40 @@ def test_all_people_in_a_room_are_resampled_together(tmp_path):
     run = run_benchmark(SyntheticBenchmark(SyntheticConfig(path=str(tmp_path))), {"mean_pose": MEAN_POSE})
     assert run.resampled == ("rooms", 2, 10) and len(run.results["mean_pose"].sequence_names) == 10
     assert run.results["mean_pose"].unit.tolist() == [0] * 5 + [1] * 5
-    assert any("2 rooms are too few" in line for line in remarks(run))
+    assert any("2 are too few" in line for line in remarks(run))
+
+
+class Troupe(Films):
+    """Six people of two films each; the error depends on the person alone."""
+
+    def sequence_names(self) -> list[str]:
+        return [
+            f"{name} {person} {film}" for person in range(2) for name in super(Troupe, self).sequence_names() for film in "ab"
+        ]
+
+    def read(self, name: str) -> Sequence:
+        kind, person, _ = name.split()
+        return replace(super().read(kind), name=name, identity=f"{kind} {person}")
+
+
+def test_all_films_of_a_person_are_resampled_together():
+    """Twice as many films of the same people say nothing more about other people: the interval is that of one film each."""
+    twice = run_benchmark(Troupe(), {"off": Off()})
+    assert twice.resampled == ("people", 6, 6) and list(twice.metrics["off"]["per_person"]) == sorted(
+        {name.rsplit(" ", 1)[0] for name in Troupe().sequence_names()}
+    )
+    once = run_benchmark(Troupe(), {"off": Off()}, sequences=6)
+    assert once.resampled == ("people", 6, 6)
+    found = [run.metrics["off"]["interval"]["mean_error_cm"] for run in (twice, once)]
+    np.testing.assert_allclose(*found, rtol=1e-3)
+    assert found[0][1] - found[0][0] > 3 and any("6 people were resampled" in line for line in remarks(twice))
+
+
+def test_an_estimator_that_sees_the_future_is_named():
+    smoothed = Off()
+    smoothed.sees_future = True
+    found = remarks(run_benchmark(Films(), {"smoothed": smoothed, "off": Off()}))
+    assert "smoothed: uses images after the one it answers for; the other estimators do not." in found
 
 
 def test_in_whole_scenes_the_person_is_segmented_once_for_every_estimator(monkeypatch):
