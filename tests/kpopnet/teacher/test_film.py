@@ -59,6 +59,7 @@ def test_a_skinned_body_has_its_joints_where_the_dancer_has_and_stays_in_the_pic
     assert np.ptp(wanted_m) > 0.3 and np.abs(np.subtract(above_m, wanted_m)).max() < 0.15
     far = Movement(dance.quats[:1], np.array([[4.0, 0.0, dance.hips_m[0, 2]]], np.float32), 30.0)
     assert len(seen(drawn(body, far, 0.0, COLOURS["teacher"]))) > 5000
+    assert [Movement(quats, hips_m, 30.0, 1.0).frame(time_s) for time_s in (0.0, 1.5, 99.0)] == [0, 15, 89]
 
 
 @pytest.mark.parametrize(

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -46,6 +48,13 @@ def test_every_move_of_the_feet_ends_in_the_home_shape(name):
     across = rotate(conjugate(turned[0, 0]), left - right)
     assert 0.15 < across[0] < 0.65 and abs(across[2]) < 0.1
     assert points[0, INDEX["Head"], 1] > 1.2
+
+
+def test_a_sharper_dancer_reaches_the_shape_of_a_hit_earlier():
+    styles = [replace(STEADY, sharpness=sharpness) for sharpness in (1.0, 1.5)]
+    motions = [perform(UPPER["hands_up"], 60.0, 30, 30.0, "hit", style) for style in styles]
+    soft, sharp = (np.abs(motion.quats[15] - motion.quats[29]).max() for motion in motions)
+    assert sharp < 0.9 * soft
 
 
 def test_a_full_turn_rotates_the_heading_by_360_degrees():
