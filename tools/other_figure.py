@@ -119,10 +119,8 @@ def joints(at: dict[str, np.ndarray], head_m: np.ndarray) -> dict[Joint, tuple[s
 def score() -> dict:
     """The figures of single images and films of the dances of SEEDS."""
     network = NetworkEstimator()
-    single = {"network": network}
-    whole = (
-        single | {name: PersonEstimator(network, name, FPS) for name in ("realtime", "best")} | {"tracker": TrackerEstimator()}
-    )
+    people = {name: PersonEstimator(network, name, FPS) for name in ("realtime", "best")}
+    whole = {"network": network, **people, "tracker": TrackerEstimator()}
     stills = [still(seed, index) for seed in SEEDS for index in range(STILLS)]
     films = [dancing(seed, index, FRAMES) for seed in SEEDS for index in range(FILMS)]
     return {
@@ -140,9 +138,8 @@ def figures(estimator: Estimator, films: list) -> dict:
     """By joint group: percent of joints within 10 cm, mean error in cm of joints that were found, and percent missing."""
     found = []
     for film in tqdm(films, estimator.name):
-        found.append(
-            np.linalg.norm(estimator.estimate(film.depth_m, film.camera).joints_camera_m - film.joints_camera_m, axis=-1)
-        )
+        joints_m = estimator.estimate(film.depth_m, film.camera).joints_camera_m
+        found.append(np.linalg.norm(joints_m - film.joints_camera_m, axis=-1))
     errors_m = np.array(found)  # (films, frames, 15)
     table = {}
     for group, members in {"all": tuple(Joint), **JOINT_GROUPS}.items():
