@@ -72,7 +72,7 @@ def test_only_label_is_given_the_true_pose() -> None:
         ({"r_m": 110}, "r_m in 0..2 m"),
         ({"r_m": 0}, "found 0, 0.05, 0.7 and 1"),
         ({"sufficient": 0}, "sufficient above 0"),
-        ({"epsilon_r": 30.0}, "epsilon_r must lie between 0 and 1"),
+        ({"epsilon_r": 30.0}, r"epsilon_r=30\.0: expected a number above 0 and below 1"),
         ({"lost": "found"}, "lost=found: expected one of predicted, stays, carried"),
         ({"epsilon_m": np.nan}, "epsilon_m"),
         ({"straightness": 1.0}, "straightness in 0..1"),

