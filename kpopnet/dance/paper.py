@@ -1,7 +1,16 @@
 """The paper's scorer: Eqs. (13) to (15) with the plain norm, matched with the paper's steps wherever a window fits best.
 
-What is missing is left out, as the paper does not speak of it: missing angles count as the others on average, and a window in
-which less than half of the matched frames could be compared is excluded.
+What it adds to the equations, which leave it open (docs/dance_scoring.md says what each addition is worth):
+
+- joints are smoothed over 0.08 s as they are resampled by their time stamps (`kpopnet.dance.resampling`);
+- each squared difference of Eq. (14) is weighted by how well both poses determine the angle: an azimuth by the sine of its
+  inclination, without which the azimuth of a hanging arm is noise; differences are wrapped to -pi..pi;
+- the path stays within BAND_S of the same time;
+- "the dot product between the upper and lower base axes" is read as three signed angles between axes that are perpendicular in
+  a straight posture, and second-degree azimuths are measured in a frame that moves along with the limb
+  (`kpopnet.dance.features`);
+- what is missing is left out: missing angles count as the others on average, and a window in which less than half of the
+  matched frames could be compared is excluded.
 """
 
 import math
@@ -21,6 +30,7 @@ from kpopnet.dance.window import (
     WINDOW_FRAMES,
     WINDOW_S,
     WindowScore,
+    check_settings,
     nothing_seen,
     or_nan,
     part_of_angles,
@@ -28,9 +38,6 @@ from kpopnet.dance.window import (
     window_score,
 )
 from kpopnet.errors import InputError
-
-ALPHA, BETA_RAD, TAU_S = 0.3, 1.8, 0.6
-"""Of Eqs. (13) and (14). The paper does not give them; these were taken before any scorer was calibrated."""
 
 
 @dataclass(frozen=True)
@@ -41,10 +48,17 @@ class PaperScorer:
         feature: dance22, the paper's 22-D feature; raptis, the 19-D feature of its reference [17]; or another dance feature.
         as_printed: Algorithm 3 exactly as printed, with its faults, instead of the search for the best subsequence that the
             paper's text describes.
+        alpha: slope of the timing similarity, Eq. (13).
+        beta: distance of two poses at which their similarity has fallen to 1/e, Eq. (14), radians.
+        tau: delay at which the timing similarity reaches 0, Eq. (13), seconds.
     """
 
     feature: str = "dance22"
     as_printed: bool = False
+    # Chosen by tools/calibrate_scorers.py; the paper gives none.
+    alpha: float = 0.31
+    beta: float = 0.4
+    tau: float = 0.5
 
     hop_s: ClassVar[float] = WINDOW_S  # the paper's windows do not overlap
     mirrored: ClassVar[str] = "false"
@@ -53,6 +67,7 @@ class PaperScorer:
     outlier_rad: ClassVar[float] = math.inf
 
     def __post_init__(self) -> None:
+        check_settings(self.alpha, self.beta, self.tau)
         if self.feature not in FEATURES:
             raise InputError(f"feature={self.feature} is not one of {', '.join(FEATURES)}")
 
@@ -88,18 +103,18 @@ class PaperTeacher:
         of_body = squared.sum(axis=1) * angles / or_nan(present.sum(axis=1))
         of_body[2 * present.sum(axis=1) < angles] = np.nan
         # The summand of Eq. (14), of the body and of each part, whose distance is scaled to be comparable with the body's.
-        body, of_parts = (np.exp(-np.sqrt(one) / BETA_RAD) for one in (of_body, squared * angles / or_nan(present)))
+        body, of_parts = (np.exp(-np.sqrt(one) / self.scorer.beta) for one in (of_body, squared * angles / or_nan(present)))
         pairs = np.column_stack([body, np.isfinite(body), of_parts])
         # T_l - T_t of Eq. (13): between the middles of the window and of the matched stretch.
         delay_s = (BAND_FRAMES + (frames - 1 - path[0].sum() - path[-1].sum()) / 2) / FPS
-        timing = 100 * timing_similarity(delay_s, ALPHA, TAU_S)
+        timing = 100 * timing_similarity(delay_s, self.scorer.alpha, self.scorer.tau)
         score = window_score(pairs, on_path, path, parts, WINDOW_FRAMES, delay_s, timing)
         return score._replace(posture=math.nan) if math.isnan(score.delay_s) else score
 
     def _as_printed(self, learner: Features, start: int) -> WindowScore:
         """The score of a window by Algorithm 3 as printed, which has no parts."""
         ahead = Features(*(array[start : start + WINDOW_FRAMES + BAND_FRAMES] for array in self.features))
-        timing, posture, half_length = algorithm_3(learner, ahead, ALPHA, BETA_RAD, TAU_S * FPS)
+        timing, posture, half_length = algorithm_3(learner, ahead, self.scorer.alpha, self.scorer.beta, self.scorer.tau * FPS)
         delay_s = (len(learner.angles_rad) / 2 - half_length) / FPS
         unknown, angles = np.full(len(PARTS), np.nan), learner.angles_rad.shape[1]
         return WindowScore(delay_s, 100 * timing, 100 * posture, unknown, unknown, np.full(angles, np.nan), np.zeros(angles))

@@ -34,6 +34,7 @@ from kpopnet.dance.window import (
     PARTS,
     WINDOW_FRAMES,
     WindowScore,
+    check_settings,
     nothing_seen,
     or_nan,
     part_of_angles,
@@ -125,9 +126,9 @@ class PartScorer:
     mirrored: str = "false"
     latency_s: float = 0.0
     noise: str = "auto"
-    # alpha and tau: chosen on 70 dances of kpop_sim's split train (docs/ledger.md, Dance score). beta: of 0.3, 0.4 and 0.5 the
-    # one with which the fewest learners with one fault each, made of ten recorded dances of the split train, score outside
-    # what a teacher would say (the intervals of tests/kpopnet/dance/test_learners.py): 6, 5 and 6 of 210.
+    # Chosen by tools/calibrate_scorers.py. Of beta 0.3, 0.4 and 0.5 it is 0.4 with which the fewest learners with one fault,
+    # made of ten recorded dances of the split train, score outside what a teacher would say (the intervals of
+    # tests/kpopnet/dance/test_learners.py): 6, 5 and 6 of 210.
     alpha: float = 0.31
     beta: float = 0.4
     tau: float = 0.4
@@ -138,9 +139,7 @@ class PartScorer:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "mirrored", str(self.mirrored).lower())  # Hydra reads true and false as bool
-        for name in ("alpha", "beta", "tau"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise InputError(f"{name}={getattr(self, name)} must be a positive number")
+        check_settings(self.alpha, self.beta, self.tau)
         if not abs(self.latency_s) <= 5:
             raise InputError(f"latency_s={self.latency_s}: expected -5 to 5 seconds")
         for name, known in (("mirrored", MIRRORINGS), ("noise", ("auto", *NOISE))):

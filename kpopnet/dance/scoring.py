@@ -29,7 +29,10 @@ OURS = PartScorer()
 SCORERS: dict[str, Scorer] = {"dance22": OURS, "paper": PaperScorer()} | {
     name: PaperScorer(name) for name in FEATURES if name not in ("dance22", FEATURE)
 }
-"""By name: ours; the paper's with its own feature; the paper's with each other feature, such as `raptis`, that of [17]."""
+SCORERS["raptis"] = PaperScorer("raptis", alpha=0.2, beta=0.6, tau=0.4)
+"""By name: ours; the paper's with its own feature; the paper's with each other feature, such as `raptis`, that of [17].
+
+Settings of these three were chosen by one rule on the same dances (tools/calibrate_scorers.py)."""
 
 MIRROR_MARGIN = 10.0
 """Points by which the mirrored comparison has to be better before it is preferred, or hinted at."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from kpopnet.dance.dtw import PathDistances
 from kpopnet.dance.features import FEATURES, Features
+from kpopnet.errors import InputError
 
 FPS = 30.0
 """Frame rate to which both dances are resampled by their time stamps: that of the paper's Kinect."""
@@ -69,6 +70,13 @@ def part_of_angles(feature: str) -> np.ndarray:
         return PARTS.index("turning" if name == "turn" else "torso")
 
     return np.array([part(name) for name in FEATURES[feature].names])
+
+
+def check_settings(alpha: float, beta: float, tau: float) -> None:
+    """Raises InputError unless the settings of Eqs. (13) and (14) are positive numbers."""
+    for name, value in {"alpha": alpha, "beta": beta, "tau": tau}.items():
+        if not 0 < value < math.inf:
+            raise InputError(f"{name}={value} must be a positive number")
 
 
 def timing_similarity(delay_s: float, alpha: float, tau_s: float) -> float:

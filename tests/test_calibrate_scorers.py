@@ -1,0 +1,84 @@
+"""The rule by which the dance scorers' settings are chosen, and the intervals by which they are compared."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dance_people import dance_joints_m, noisy, performed
+from programs import ROOT, tool
+
+from kpopnet.dance.scoring import SCORERS, score_dance
+from synth.dances.simulate import KpopSim, KpopSimConfig
+from synth.motion import MotionConfig
+
+calibrate = tool("calibrate_scorers")
+
+
+@pytest.mark.parametrize("name", ["dance22", "paper", "raptis"])
+def test_scores_of_kept_windows_are_those_of_the_scorer(name, tmp_path, monkeypatch):
+    scorer = replace(SCORERS[name], beta=0.7)
+    monkeypatch.setattr(calibrate, "BETAS", (0.7,))
+    teacher_m = dance_joints_m(0)
+    learners_m = [noisy(teacher_m, deviation_m) for deviation_m in (0.02, 0.05, 0.08, 0.2)]
+    learners_m[1] = np.concatenate([teacher_m[:1].repeat(9, axis=0), learners_m[1][:-9]])  # late
+    dance = calibrate.Dance(teacher_m, np.array(learners_m), "composed")
+    for _ in range(2):  # made, then read
+        found = calibrate.windows(tmp_path / "0.npz", dance, name)
+    scores = calibrate.scores(found, scorer.alpha, scorer.tau, name == "dance22")[0]
+    expected = [score_dance(performed(teacher_m), performed(one), scorer).similarity for one in [*learners_m, teacher_m]]
+    np.testing.assert_allclose(scores, expected, atol=1e-9)
+
+
+def made_up(distances_rad: list[float]) -> np.ndarray:
+    """(4, B, 5, 3, 2) windows of learners on time at distances from the teacher, by every beta; the fifth is the teacher."""
+    posture = 100 * np.exp(-np.array([*distances_rad, 0.0]) / np.array(calibrate.BETAS)[:, None])
+    one = np.stack([np.zeros_like(posture), posture, np.ones_like(posture)], axis=-1)
+    return np.broadcast_to(one[..., None], (4, *one.shape, 2))
+
+
+def test_the_rule_takes_what_orders_most_and_separates_best_within_the_bounds():
+    learners = made_up([0.1, 0.2, 0.4, 0.8])
+    found = calibrate.chosen({"skill": learners, "mixed": learners, "ends": made_up([0.0, 2.0, 2.0, 2.0])}, "paper")
+    on = found["chosen on"]
+    assert on == {key: found["checked on"][key] for key in on} and on["excess"] == 0 and on["pairs"] == 100
+    assert found["settings"] == {"alpha": 0.2, "beta": 0.3, "tau": 0.4}  # sharper ones put a late copy outside LATE
+    for delay_s, (least, most) in calibrate.LATE.items():
+        assert least <= on["bounded"][f"a copy {delay_s} s late"] <= most
+
+
+def test_a_scorer_that_cannot_keep_the_bounds_gets_the_settings_that_exceed_them_least():
+    learners = made_up([0.1, 0.2, 0.4, 0.8])
+    found = calibrate.chosen({"skill": learners, "mixed": learners, "ends": made_up([0.0, 0.0, 2.0, 0.5])}, "paper")
+    assert found["keep the bounds"].startswith("0 of") and 65 < found["chosen on"]["excess"] < 71
+
+
+def test_units_of_several_dances_are_resampled_whole_and_too_few_have_no_interval():
+    right, wrong = [4.0, 3.0, 2.0, 1.0], [4.0, 2.0, 3.0, 1.0]
+    scores = {"one": np.array([right] * 20), "other": np.array([right] * 14 + [wrong] * 6)}
+    alone = calibrate.agreement(scores, [str(number) for number in range(20)])
+    assert alone["pairs of scorers"]["one, other"] == {"only the first": 6, "only the second": 0, "p": 0.03125}
+    assert alone["scorers"]["other"]["in order, dance by dance"] == "1" * 14 + "0" * 6
+    recordings = calibrate.agreement(scores, [str(number // 2) for number in range(20)])
+    narrow, wide = (one["scorers"]["other"]["interval"] for one in (alone, recordings))
+    assert recordings["units"] == 10 and wide[1] - wide[0] > narrow[1] - narrow[0]
+    assert recordings["pairs of scorers"]["one, other"]["difference, points"][0] > 0
+    few = calibrate.agreement(scores, [str(number // 5) for number in range(20)])
+    assert few["units"] == 4 and few["scorers"]["other"]["interval"] is None
+
+
+def test_drawn_dances_hold_the_teacher_and_the_learners_from_the_best_on():
+    config = KpopSimConfig(split="train", faults="ends", seed=1)
+    sim = KpopSim(motion=MotionConfig("choreography"), benchmark=config, seconds=(4.0, 5.0))
+    one = calibrate.dance(sim, 0)
+    perfect, another, waving, standing = (
+        run.so_far for run in calibrate.compared(one, [SCORERS["dance22"]], one.learners_m)[0]
+    )
+    assert perfect > 95 > 50 > max(another, waving, standing)
+    np.testing.assert_array_equal(one.learners_m, calibrate.dance(sim, 0).learners_m)
+
+
+def test_the_committed_choice_is_what_ships():
+    chosen = json.loads((ROOT / "results/scorers_chosen.json").read_text())["results"]
+    for name, scorer in SCORERS.items():
+        assert chosen[name]["settings"] == {"alpha": scorer.alpha, "beta": scorer.beta, "tau": scorer.tau}
