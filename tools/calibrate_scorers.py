@@ -267,24 +267,27 @@ def agreement(found: dict[str, np.ndarray], unit: list[str]) -> dict[str, Any]:
     """Dances in the right order by each scorer, from its (D, 4) scores, the best learner first, and the unit of each dance.
 
     Dances of different units are independent of each other. Where every dance is one, intervals are Wilson's and tests
-    McNemar's; where a unit has several, both are intervals of a bootstrap over units, and none below FEWEST_UNITS.
+    McNemar's; where a unit has several, both are intervals of a bootstrap over units: none below FEWEST_UNITS, nor where all
+    dances agree, of which resamples say nothing; if all are in order, Wilson's with a unit as a trial.
     """
     number = {name: row for row, name in enumerate(dict.fromkeys(unit))}
     bootstrap, alone = Bootstrap(np.array([number[one] for one in unit]), 0), len(number) == len(unit)
     right = {name: np.array([is_ordered(one) for one in scores]) for name, scores in found.items()}
 
     def interval(values: np.ndarray) -> list[float] | None:
-        resampled = bootstrap.ratios(values[:, None], np.ones((len(values), 1)))
-        return bootstrap.interval(100 * resampled) if len(number) >= FEWEST_UNITS else None
+        if len(number) < FEWEST_UNITS or np.ptp(values) == 0:
+            return None
+        return bootstrap.interval(100 * bootstrap.ratios(values[:, None], np.ones((len(values), 1))))
 
     scorers, pairs = {}, {}
     for name, flags in right.items():
-        wilson = [100 * end for end in wilson_interval(int(flags.sum()), len(flags))]
+        trials = (int(flags.sum()), len(flags)) if alone else (len(number), len(number))
+        wilson = [100 * end for end in wilson_interval(*trials)] if len(number) >= FEWEST_UNITS else None
         in_order = np.mean([found[name][:, a] > found[name][:, b] for a, b in combinations(range(4), 2)])
         scorers[name] = {
             "dances in order": int(flags.sum()),
             "percent": 100 * float(flags.mean()),
-            "interval": wilson if alone else interval(flags.astype(float)),
+            "interval": wilson if alone or flags.all() else interval(flags.astype(float)),
             "pairs of learners in order, percent": 100 * float(in_order),
             "in order, dance by dance": "".join("01"[int(flag)] for flag in flags),
         }
