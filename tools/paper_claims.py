@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from datetime import date
 from functools import cache
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from slow_motion import slowed
@@ -60,8 +60,6 @@ PRINTED, JOINTS = PaperTrackerConfig(), list(PAPER_JOINTS)
 
 class TrainEvalSim(EvalSim):
     """The motions of `eval_sim` by people of the training split, another one in each film."""
-
-    subjects: ClassVar = tuple(map(str, range(FILMS)))
 
     def person(self, subject: int) -> Person:
         return draw_person(self._rng("person", subject), BODY, "train")
