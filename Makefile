@@ -6,6 +6,7 @@
 # make kill    install, then kill synth, train and evaluate 50 times each and compare what they make
 # make soak    install, then run the online path for an hour
 # make lint    install, then check style, format and types
+# make results ROW=eval_sim_31   install, then measure a row of results/ again: results/eval_sim_31.json
 # make wheel   install, then build dist/*.whl
 # make clean   remove the environment and caches; what was generated and trained stays
 
@@ -14,7 +15,7 @@ BIN := .venv/bin
 READY := .venv/installed
 DEMO := outputs/demo
 
-.PHONY: demo teach test speed fuzz kill soak lint wheel clean
+.PHONY: demo teach test speed fuzz kill soak lint results wheel clean
 
 $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -56,6 +57,9 @@ lint: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
 	@if command -v eslint >/dev/null; then eslint; else echo "the page's modules are not linted: npm install --global eslint"; fi
+
+results: $(READY)
+	$(BIN)/python tools/results.py make $(ROW)
 
 wheel: $(READY)
 	$(BIN)/python -m pip wheel --disable-pip-version-check --no-deps --wheel-dir dist .

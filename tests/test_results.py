@@ -1,0 +1,60 @@
+"""The figures of the pages are those of results/, and results/ says how each was made."""
+
+import json
+import re
+
+import pytest
+from programs import tool
+
+results = tool("results")
+ROWS = results.rows()
+FILES = sorted(results.RESULTS.glob("**/*.json"))
+
+
+def test_every_row_says_how_when_and_where_it_was_made():
+    assert {path.stem for path in FILES} >= ROWS.keys()
+    for name, row in ROWS.items():
+        made = results.load(name)
+        assert made["commands"] == row["commands"] and f"outputs/results/{name}" in made["commands"][-1]
+        assert re.fullmatch(r"[0-9a-f]{12}", made["commit"]) and re.fullmatch(r"\d{4}-\d\d-\d\d", made["date"])
+        assert made["machine"] and made["benchmark"]["depth"] in ("real", "simulated")
+        assert made["benchmark"]["failed_sequences"] == {}
+        if made["benchmark"]["depth"] == "simulated":
+            assert f"benchmark.seed={made['benchmark']['seed']} " in made["commands"][0]
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_every_file_names_its_commit_and_commands(path):
+    made = json.loads(path.read_text())
+    code, commands = made.get("commit") or made["code"], made.get("commands") or made["command"]
+    assert code and commands and made["date"], path
+
+
+@pytest.mark.parametrize("page", results.PAGES, ids=lambda path: path.name)
+def test_the_tables_of_a_page_are_those_of_the_files(page):
+    text = page.read_text()
+    assert results.filled(text) == text, f"{page}: run `python tools/results.py pages`"
+
+
+@pytest.mark.parametrize("page", results.REFERENCED, ids=lambda path: path.name)
+def test_every_figure_of_a_page_is_in_a_file(page):
+    for shown, reference in results.referenced(page.read_text()):
+        assert reference, f"{page.name}: {shown} names no file of results/"
+        assert results.states(shown, results.figure(reference)), f"{page.name}: {shown} is not {reference}"
+
+
+def test_a_figure_is_held_to_its_digits():
+    assert results.states("98.8", 0.98751) and results.states("2.46", 2.4649) and results.states("97", 0.9691)
+    assert not results.states("98.8", 0.98749) and not results.states("2.46", 2.4651) and not results.states("0.97", 97)
+
+
+def test_people_are_resampled_over_all_rows():
+    """Two rows of six people; a person of many joints counts more, and a seed is no unit."""
+    people = {
+        f"person {k}": {"map_10cm": k / 5, "labelled_joints": 100 * (k + 1), "missing_joints": 0, "moving_joints": 0}
+        for k in range(6)
+    }
+    value = results.pooled([{"per_person": people}, {"per_person": people}])
+    assert value.value == pytest.approx(sum(k / 5 * (k + 1) for k in range(6)) / 21)
+    assert value.interval[0] < value.value < value.interval[1] and value.interval[1] - value.interval[0] > 0.15
+    assert results.pooled([{"per_person": dict(list(people.items())[:4])}]).interval is None

@@ -1,0 +1,205 @@
+"""The documented figures: makes the rows of results/ and writes the tables of the pages from them.
+
+    python tools/results.py make eval_sim_31    # runs the row's commands, writes results/eval_sim_31.json
+    python tools/results.py pages               # writes the tables of results/tables.toml into the pages
+
+A row is one evaluation: its commands stand in results/rows.toml; its file has what the program measured, the commit, the
+date and the machine. A table stands between <!-- results: NAME --> and <!-- end -->. It pools the rows of several seeds of a
+set: the intervals are over all their people, the seeds stand beside.
+"""
+
+import argparse
+import json
+import platform
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from kpopnet.errors import InputError
+from kpopnet.evaluation.intervals import FEWEST_UNITS, Bootstrap
+from kpopnet.evaluation.values import Table, Value
+from kpopnet.runtime.atomic_write import atomic_path
+
+ROOT = Path(__file__).parents[1]
+RESULTS = ROOT / "results"
+PAGES = tuple(ROOT / name for name in ("README.md", "docs/results.md", "kpopnet/weights/MODEL_CARD.md"))
+REFERENCED = PAGES[:2]
+"""Pages of which every figure outside the tables names its file, up to the comment UNREFERENCED."""
+
+UNREFERENCED = "<!-- Below, "
+BLOCK = re.compile(r"(<!-- results: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+KEPT = (
+    "map_10cm",
+    "map_14",
+    "mean_error_cm",
+    "average_pose_error_no_offset_cm",
+    "labelled_joints",
+    "missing_joints",
+    "sees_future",
+)
+"""Figures of an estimator that a row's file keeps, beside those by person, by group of joints, of moving joints and in the
+labels' definition."""
+
+
+def rows() -> dict[str, dict]:
+    """results/rows.toml: by name, `commands` in the order in which they run; the last one reports to outputs/results/NAME."""
+    return tomllib.loads((RESULTS / "rows.toml").read_text())
+
+
+def make(name: str) -> None:
+    """Runs the commands of a row and writes its file."""
+    known = rows()
+    if name not in known:
+        raise InputError(f"{name}: no row of {RESULTS / 'rows.toml'}, which has {', '.join(known)}")
+    code = ["git", "status", "--porcelain", "kpopnet", "synth", "configs"]
+    if subprocess.run(code, cwd=ROOT, check=True, capture_output=True).stdout:
+        raise InputError(f"{ROOT}: kpopnet, synth or configs have changes that are not committed: no commit names this code")
+    for command in known[name]["commands"]:
+        words = shlex.split(command)
+        print("$", command, flush=True)
+        subprocess.run([sys.executable, *words[1:]] if words[0] == "python" else words, cwd=ROOT, check=True)
+    metrics = json.loads((ROOT / "outputs/results" / name / "metrics.json").read_text())
+    commit = subprocess.run(["git", "rev-parse", "--short=12", "HEAD"], cwd=ROOT, check=True, capture_output=True, text=True)
+    found = {
+        "row": name,
+        "commands": known[name]["commands"],
+        "commit": commit.stdout.strip(),
+        "date": datetime.now(UTC).date().isoformat(),
+        "machine": _machine(),
+        "benchmark": metrics["benchmark"],
+        "estimators": {label: _kept(one) for label, one in metrics["estimators"].items()},
+    }
+    with atomic_path(RESULTS / f"{name}.json") as path:
+        path.write_text(json.dumps(found, indent=1) + "\n")
+
+
+def _machine() -> str:
+    cpu = re.search(r"model name\s*:\s*(.*)", Path("/proc/cpuinfo").read_text()) if Path("/proc/cpuinfo").exists() else None
+    return cpu[1] if cpu else platform.processor()
+
+
+def _kept(metrics: dict) -> dict:
+    small = ("map_10cm", "mean_error_cm", "labelled_joints", "missing_joints", "moving_10cm", "moving_joints")
+    kept = {name: metrics[name] for name in KEPT if name in metrics}
+    kept["per_group"] = {name: {key: one[key] for key in small[:2]} for name, one in metrics["per_group"].items()}
+    kept["per_person"] = {name: {key: one[key] for key in small} for name, one in metrics["per_person"].items()}
+    kept["calibration_error"] = metrics["confidence"].get("ece")
+    kept["missed_by_cause"] = metrics.get("missed_by_cause")
+    if "in_label_definition" in metrics:
+        kept["in_label_definition"] = _kept(metrics["in_label_definition"])
+    return kept
+
+
+def load(name: str) -> dict:
+    """A row's file; raises an InputError if it was not made yet."""
+    path = RESULTS / f"{name}.json"
+    if not path.exists():
+        raise InputError(f"{path}: not there; make it by `make results ROW={name}`")
+    return json.loads(path.read_text())
+
+
+def pooled(parts: list[dict], what: str = "map_10cm") -> Value:
+    """A figure of one estimator over all its rows, with its interval over people; without one for fewer than FEWEST_UNITS.
+
+    Args:
+        parts: of the estimator in each row, as `_kept` has them.
+        what: map_10cm, moving_10cm or mean_error_cm.
+    """
+    people = [one for part in parts for one in part["per_person"].values()]
+    labelled, missing, moving = (
+        np.array([one[name] for one in people], float) for name in ("labelled_joints", "missing_joints", "moving_joints")
+    )
+    below = {"map_10cm": labelled, "moving_10cm": moving, "mean_error_cm": labelled - missing}[what][:, None]
+    above = below * np.array([[one[what] or 0.0] for one in people])
+    if not below.sum():
+        return Value(None)
+    bootstrap = Bootstrap(np.arange(len(people)), 0)
+    interval = bootstrap.interval(bootstrap.ratios(above, below)) if len(people) >= FEWEST_UNITS else None
+    return Value(float(above.sum() / below.sum()), "cm" if what == "mean_error_cm" else "%", interval)
+
+
+def _single(parts: list[dict]) -> str:
+    """The figure of each row, or of each person where there is one row of few people."""
+    found = parts if len(parts) > 1 else list(parts[0]["per_person"].values())
+    if len(parts) == 1 and len(found) >= FEWEST_UNITS:
+        return ""
+    return ", ".join(f"{100 * one['map_10cm']:.1f}" for one in found)
+
+
+def joints_table(chosen: list[dict]) -> Table:
+    """Groups of rows: `set` names them, `rows` are pooled, `estimators` maps their names to what the table calls them."""
+    table = Table(["benchmark", "estimator", "within 10 cm", "single seeds or people", "moving joints", "mean error"], [])
+    for group in chosen:
+        files = [load(name) for name in group["rows"]]
+        for number, (label, shown) in enumerate(group["estimators"].items()):
+            name, _, definition = label.partition("/")
+            parts = [file["estimators"][name] for file in files]
+            parts = [part["in_label_definition"] for part in parts] if definition else parts
+            figures = [pooled(parts, what) for what in ("map_10cm", "moving_10cm", "mean_error_cm")]
+            table.rows.append([group["set"] if not number else "", shown, figures[0], _single(parts), *figures[1:]])
+    return table
+
+
+def filled(page: str) -> str:
+    """The text of a page with its tables made anew."""
+    tables = tomllib.loads((RESULTS / "tables.toml").read_text())
+
+    def block(found: re.Match) -> str:
+        return found[1] + joints_table(tables[found[2]]).markdown() + "\n" + found[3]
+
+    return BLOCK.sub(block, page)
+
+
+def referenced(page: str) -> Iterator[tuple[str, str]]:
+    """Every percentage, length and difference outside the tables and the code, and what the comment behind it refers to.
+
+    The comment is `<!-- NAME:key/key -->`; "" without one. Limits (within 10 cm) and levels (95 % intervals) are no figures.
+    """
+    text = re.sub(r"```.*?```|`[^`\n]*`", "", BLOCK.sub("", page.partition(UNREFERENCED)[0]), flags=re.DOTALL)
+    figure = r"(?<!ithin )(?<!below )(?<!than )\b(\d+(?:\.\d+)?) (?:%|cm|points)(?! (?:bootstrap|interval))"
+    pattern = figure + r"(?:<!-- ([\w./:, ]+) -->)?"
+    for found in re.finditer(pattern, text):
+        yield found[1], found[2] or ""
+
+
+def figure(reference: str) -> float:
+    """The number that NAME:key/key stands for: in results/NAME.json, by keys and places in lists."""
+    name, _, keys = reference.partition(":")
+    found = load(name)
+    for key in keys.split("/"):
+        found = found[int(key)] if isinstance(found, list) else found[key]
+    return found
+
+
+def states(shown: str, number: float) -> bool:
+    """Whether a figure of a page is the number, or the fraction in percent, rounded to its digits."""
+    digits = len(shown.partition(".")[2])
+    return shown in (f"{number:.{digits}f}", f"{100 * number:.{digits}f}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    commands = parser.add_subparsers(dest="command", required=True)
+    commands.add_parser("make", help="runs the commands of rows, writes their files").add_argument("rows", nargs="+")
+    commands.add_parser("pages", help="writes the tables into the pages")
+    given = parser.parse_args()
+    try:
+        if given.command == "make":
+            for name in given.rows:
+                make(name)
+        else:
+            for path in PAGES:
+                path.write_text(filled(path.read_text()))
+    except InputError as error:
+        sys.exit(f"{error}")
+
+
+if __name__ == "__main__":
+    main()
