@@ -111,7 +111,8 @@ def test_the_scorers_of_the_documentation_can_be_given():
     given = re.findall(r"`([^`\n]*scorer[.=][^`\n]*)`", (ROOT / "docs" / "dance_scoring.md").read_text())
     with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
         scorers = [OmegaConf.to_object(compose("evaluate", ["estimator=[]", *shlex.split(one)])).scorer for one in given]
-    assert scorers == [{"raptis": SCORERS["raptis"]}, {"dance22": replace(SCORERS["dance22"], beta=2)}]
+    expected = [{"paper": replace(SCORERS["paper"], beta=1)}, {"raptis": SCORERS["raptis"]}]
+    assert scorers == [*expected, {"dance22": replace(SCORERS["dance22"], beta=2)}]
 
 
 def test_the_number_of_processes_is_the_cores_but_one_for_a_gpu():

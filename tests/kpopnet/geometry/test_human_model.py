@@ -108,10 +108,14 @@ def test_regularisation_reduces_the_length_error_in_the_y_pose() -> None:
     """Simulated people with another seed than those of the least squares, none of them in a benchmark."""
     simulator = EvalSim(EvalSimConfig(seed=200))
     measured_error, regularised_error = [], []
-    for index in range(3):
+    for index in range(6):
         film = simulator.film(index, 2)
         truth = HumanModel.from_joints(film.joints_camera_m[0].astype(float))
-        model = HumanModel.from_joints(find_initial_pose(film.depth_m[0] * film.person[0], film.camera).joints_camera_m)
+        found = find_initial_pose(film.depth_m[0] * film.person[0], film.camera)
+        if found is None:  # as of wide garments, in which arms or legs cannot be told apart
+            continue
+        model = HumanModel.from_joints(found.joints_camera_m)
         for found, off in ((model, measured_error), (model.regularised(), regularised_error)):
             off.append([getattr(found, name) - getattr(truth, name) for name in LENGTHS])
+    assert len(measured_error) >= 3
     assert np.square(regularised_error).mean() < 0.6 * np.square(measured_error).mean()
