@@ -36,7 +36,7 @@ def test_the_tables_of_a_page_are_those_of_the_files(page):
     assert results.filled(text) == text, f"{page}: run `python tools/results.py pages`"
 
 
-@pytest.mark.parametrize("page", results.REFERENCED, ids=lambda path: path.name)
+@pytest.mark.parametrize("page", results.PAGES, ids=lambda path: path.name)
 def test_every_figure_of_a_page_is_in_a_file(page):
     for shown, reference in results.referenced(page.read_text()):
         assert reference, f"{page.name}: {shown} names no file of results/"

@@ -30,8 +30,7 @@ from kpopnet.runtime.atomic_write import atomic_path
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "results"
 PAGES = tuple(ROOT / name for name in ("README.md", "docs/results.md", "kpopnet/weights/MODEL_CARD.md"))
-REFERENCED = PAGES[:2]
-"""Pages of which every figure outside the tables names its file, up to the comment UNREFERENCED."""
+"""Their tables are made from the files; every figure outside the tables, up to the comment UNREFERENCED, names its file."""
 
 UNREFERENCED = "<!-- Below, "
 BLOCK = re.compile(r"(<!-- results: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)

@@ -251,10 +251,10 @@ def _unseen(score: DanceScore) -> list[str]:
     coverage = {name: score.windows.coverage[name] for name in (*LIMBS, "torso")}
     missing = {name: values < UNSEEN_BELOW for name, values in coverage.items()}  # false for NaN
     shown = [missing[name] for name, values in coverage.items() if np.isfinite(values).any()]
-    nobody = np.all(shown, axis=0) if shown else missing["torso"]  # Algorithm 3 as printed has no parts
-    subjects = {"nobody in": nobody}
+    absent = np.all(shown, axis=0) if shown else missing["torso"]  # Algorithm 3 as printed has no parts
+    subjects = {"no person in": absent}
     for kind in ("arm", "leg"):
-        left, right = (missing[f"{side} {kind}"] & ~nobody for side in ("left", "right"))
+        left, right = (missing[f"{side} {kind}"] & ~absent for side in ("left", "right"))
         subjects |= {f"{kind}s out of": left & right}
         subjects |= {f"left {kind} out of": left & ~right, f"right {kind} out of": right & ~left}
     return [f"{who} the picture {_from_to(*_span(score, run))}" for who, flags in subjects.items() for run in _runs(flags)]

@@ -37,7 +37,7 @@ def where_to_stand(joints_camera_m: np.ndarray | None, confidence: np.ndarray | 
     From their joints (15, 3) in metres and confidence (15,) in 0..1; None if no person is seen.
     """
     if joints_camera_m is None or confidence is None or not np.isfinite(joints_camera_m).all(axis=1).any():
-        return "nobody there"
+        return "no person seen"
     u, v, z = camera.project(joints_camera_m).T
     torso_m = float(np.nanmedian(z))
     if torso_m > FAR_M:
@@ -91,7 +91,7 @@ def move_reason(latest: OnlineScore, so_far: DanceScore | None, start_s: float) 
     if during:
         return in_words(max(during, key=lambda one: one.cost))
     worst = min(latest.parts, key=lambda part: latest.parts[part], default="")
-    return f"{_body_part(worst)} not as shown" if worst else "nobody there"
+    return f"{_body_part(worst)} not as shown" if worst else "no person seen"
 
 
 def try_result(score: DanceScore | None, lesson: Lesson, about: About, notes: dict) -> dict:
@@ -104,7 +104,7 @@ def try_result(score: DanceScore | None, lesson: Lesson, about: About, notes: di
         "speed": lesson.speed, "from_s": lesson.from_s, "to_s": lesson.to_s, "mirrored": lesson.mirrored, "notes": notes,
     }  # fmt: skip
     if score is None or math.isnan(score.similarity):
-        return head | {"total": None, "hints": ["nobody was seen dancing; stand in the picture from head to feet"]}
+        return head | {"total": None, "hints": ["no person was seen dancing; stand in the picture from head to feet"]}
     found, windows = feedback(score, 60 / about.bpm), score.windows
     slow = f"only {notes['fps']:.0f} images a second were scored, which costs points: this machine is busy with other things"
     # A moment that lasts over two phrases is listed once.

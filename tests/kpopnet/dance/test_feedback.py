@@ -105,7 +105,7 @@ def test_the_set_ups_faults_are_hinted_at():
 
     assert "mirror image" in hints(mirrored(teacher_m))[0]
     assert any("10% too fast" in hint for hint in hints(teacher_m, 1.1))
-    assert hints(hidden(teacher_m, 5, 9)) == ("nobody in the picture from 0:05 to 0:09",)
+    assert hints(hidden(teacher_m, 5, 9)) == ("no person in the picture from 0:05 to 0:09",)
     arms = [joint for arm in ARMS.values() for joint in arm[1:]]
     assert hints(hidden(teacher_m, 5, 9, arms)) == ("arms out of the picture from 0:05 to 0:09",)
     assert hints(hidden(teacher_m, 0, 16, [Joint.LEFT_FOOT])) == ("left leg out of the picture from 0:01 to 0:15",)

@@ -48,7 +48,7 @@ def test_a_perfect_learner_scores_full_at_any_speed(dance):
 def test_a_slow_machine_costs_little_and_is_told(dance, fps, least):
     result = danced(dance, fps, Lesson("dance_001", to_s=8.0))
     assert result["total"] > least and f"only {fps:.0f} images a second" in result["hints"][0]
-    assert not any("nobody" in hint for hint in result["hints"])
+    assert not any("no person" in hint for hint in result["hints"])
 
 
 def test_a_constant_delay_is_measured_and_taken_off(dance):
@@ -58,17 +58,17 @@ def test_a_constant_delay_is_measured_and_taken_off(dance):
     assert mended["timing"] > 97 and mended["total"] > late["total"]
 
 
-def test_nobody_has_no_score_and_a_long_gap_stays_one(dance):
+def test_no_person_has_no_score_and_a_long_gap_stays_one(dance):
     one = DanceTry(Lesson("dance_001", to_s=8.0), dance, "none")
     shown = one.shown(AtOnce(), Image(DEPTH_M, 1.0), None, None, CAMERA)
-    assert shown["guidance"] == "nobody there" and shown["joints"] is None
+    assert shown["guidance"] == "no person seen" and shown["joints"] is None
     result, recorded = one.finish(0)
-    assert result["total"] is None and "nobody" in result["hints"][0] and recorded["joints_m"].shape == (0, 15, 3)
+    assert result["total"] is None and "no person" in result["hints"][0] and recorded["joints_m"].shape == (0, 15, 3)
     clock = AtOnce()
     for taken in (*np.arange(0, 3, 1 / 30), *np.arange(6, 8, 1 / 30)):
         one.score(clock, Image(DEPTH_M, float(taken)), dance.joints_m[round(taken * 30)], np.ones(15))
     result, _ = one.finish(0)
-    assert any("nobody in the picture" in hint for hint in result["hints"]) and result["total"] < 85
+    assert any("no person in the picture" in hint for hint in result["hints"]) and result["total"] < 85
 
 
 def test_missing_joints_are_shown_as_missing(dance):

@@ -31,8 +31,8 @@ def standing(z_m: float, x_m: float = 0.0) -> np.ndarray:
     ("joints_m", "confidence", "told"),
     [
         (standing(2.5), SURE, ""),
-        (None, None, "nobody there"),
-        (np.full((15, 3), np.nan), 0 * SURE, "nobody there"),
+        (None, None, "no person seen"),
+        (np.full((15, 3), np.nan), 0 * SURE, "no person seen"),
         (standing(1.0), SURE, "step back"),
         (standing(1.7), SURE, "step back"),
         (standing(5.0), SURE, "come closer"),
