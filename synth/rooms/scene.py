@@ -1,0 +1,326 @@
+"""Scenes of zero to six people among clutter, before any camera.
+
+Scene i is a pure function of (seed, split, i). World frame: z up, floor at z = 0, the camera above the origin, looking towards
++y, up or down, and rolled. What is drawn:
+
+- *camera*: an image of any format whose longer field of view is 40 to 120 degrees; 0.3 to 3 m high, pitched by up to 50
+  degrees, mostly upright, sometimes rolled by up to 30, by 90 or by 180 degrees;
+- *surroundings*: a floor, walls and a ceiling, or outdoors a floor alone; each may return nothing; or nothing but the people,
+  as in recordings whose background was removed;
+- *clutter*: furniture and things of `clutter`, anywhere;
+- *people*: in any pose, some close together or in contact, some raised on a bed or a stage, some on a seat, some with a thing
+  in their hands, which counts as theirs. The border of the image, clutter and other people may hide any part of them.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from kpopnet.camera import Camera
+from kpopnet.skeleton import NUM_JOINTS, Joint
+from synth.rooms.clutter import CLUTTER, Clutter
+from synth.samples.placing import Body
+from synth.samples.sampler import SampleConfig, Sampler
+from synth.scene.mesh import Mesh, boxes
+from synth.scene.props import held_by, is_sitting, seat_under
+from synth.scene.render import draw_mesh_m
+from synth.scene.room import View, overlaps_boxes
+
+MOST_PEOPLE = 6
+SHARES_OF_COUNTS = (0.12, 0.36, 0.24, 0.13, 0.08, 0.04, 0.03)
+"""How many scenes show none, one, ..., six people."""
+
+FORMATS = ((4, 3), (4, 3), (4, 3), (16, 9), (1, 1), (10, 9), (6, 5), (3, 4), (9, 11))
+"""Width and height of images, in any unit."""
+
+FIELD_OF_VIEW_DEG = (40.0, 120.0)
+HEIGHT_M, MOST_PITCH_DEG = (0.3, 3.0), 50.0
+DISTANCE_M = (0.5, 7.0)
+NEAREST_M = 0.35
+"""Least distance from the camera to anything that is drawn."""
+
+PLACE_TRIES, CLUTTER_TRIES = 12, 3
+MOST_CLUTTER = 8
+CLOSE, CLOSE_M = 0.35, (0.25, 0.8)
+"""Share of the people who stand close to another one, and their distance."""
+
+MOST_SHARED = 0.02
+"""People are apart if at most this share of a body's surface lies in a cell of CELL_M that another's has too."""
+
+CELL_M = 0.05
+LOW_M, RAISED, RAISED_M = 0.9, 0.3, (0.1, 0.6)
+"""Of the people whose highest point is lower, this share lies or sits on a bed or a stage of such a height."""
+
+SEATED, HOLDS = 0.6, 0.08
+OUTDOORS, ALONE = 0.15, 0.08
+"""Shares of the scenes without walls, and of those that show nothing but people."""
+
+LOST = {"floor": 0.15, "back": 0.12, "left": 0.08, "right": 0.08, "ceiling": 0.3}
+"""Share of the scenes in which a surface returns nothing, because it is dark, shines, is made of glass or is too far away."""
+
+
+class ClearScene(NamedTuple):
+    """One scene without sensor noise, of P people.
+
+    Attributes:
+        depth_m: (H, W) float32 depth, 0 where nothing returns.
+        labels: (H, W) uint8: 0 for the surroundings, 1..P for a person.
+        joints_camera_m: (P, 15, 3) float32 true joints.
+        whole_px: (P,) pixels that the whole person would have, if the image had no border and nothing else were there.
+        camera: of these pixels.
+        view: the camera's pose in the world.
+    """
+
+    depth_m: np.ndarray
+    labels: np.ndarray
+    joints_camera_m: np.ndarray
+    whole_px: np.ndarray
+    camera: Camera
+    view: View
+
+
+class Surroundings(NamedTuple):
+    """What is drawn besides people; world frame, metres.
+
+    Attributes:
+        meshes: surfaces that return something.
+        centres_m: (K, 3) centres of the boxes, yaw 0, that people keep clear of.
+        halves_m: (K, 3) half sizes of these.
+        walls: left, right and back wall's distances and the room's turn, of a room.
+    """
+
+    meshes: list[Mesh]
+    centres_m: np.ndarray
+    halves_m: np.ndarray
+    walls: tuple[float, float, float, float] | None
+
+
+NOTHING = Surroundings([], np.zeros((0, 3)), np.zeros((0, 3)), None)
+
+
+class _Standing(NamedTuple):
+    """A person at a place: the posed body, where the hips are in the world, and the cells that its surface fills."""
+
+    body: Body
+    place_m: np.ndarray
+    cells: np.ndarray
+
+
+class RoomScenes(Sampler):
+    """Draws the scenes of one split, whose images have at most `most_px` (width, height) pixels."""
+
+    def __init__(
+        self, config: SampleConfig, seed: int, split: str, most_px: tuple[int, int], clutter: tuple[Clutter, ...] = CLUTTER
+    ) -> None:
+        super().__init__(config, seed, split)
+        self._most_px, self._clutter = most_px, clutter
+
+    def scenes(self, start: int, stop: int) -> Iterator[ClearScene]:
+        """Yields scenes start..stop-1 in order."""
+        return (self.draw_scene(index) for index in range(start, stop))
+
+    def draw_scene(self, index: int) -> ClearScene:
+        rng, scene = self._rng("room", index), self.scene
+        scene.camera = draw_camera(rng, self._most_px)
+        view = draw_view(rng)
+        scene.set_view(view)
+        alone = rng.random() < ALONE
+        around = NOTHING if alone else self._draw_surroundings(rng, view)
+        count = int(rng.choice(MOST_PEOPLE + 1, p=SHARES_OF_COUNTS)) if not alone else int(rng.integers(1, 4))
+        nearest_m = _nearest([draw_mesh_m(scene, mesh) for mesh in around.meshes], scene.camera)
+        labels = np.zeros(nearest_m.shape, np.uint8)
+        standing: list[_Standing] = []
+        joints_m, whole_px = [], []
+        # Eight scenes in a row show the same people: to dress one takes longer than to draw one.
+        numbers = [index // 8 * MOST_PEOPLE + slot for slot in range(count)]
+        generators = [self._rng("sample", index * MOST_PEOPLE + slot) for slot in range(count)]
+        for pose, own in zip(self._draw_poses(numbers, generators) if count else [], generators, strict=True):
+            body = self._posed_body(pose)
+            raised_m = 0.0
+            if np.ptp(body.vertices_m[:, 2]) < LOW_M and own.random() < RAISED:
+                raised_m = own.uniform(*RAISED_M)
+            place_m = self._place(own, body, raised_m, standing, around)
+            if place_m is None:
+                continue
+            scene.pose(pose.local, place_m)
+            person_m = self.renderer.person_m()
+            joints_world_m = scene.joints_world_m()
+            joints_m.append(view.to_camera(joints_world_m))
+            alone_px = np.count_nonzero(person_m)
+            whole_px.append(alone_px / max(self._share_inside(body, place_m), 1e-3) if alone_px else 0.0)
+            things_m = []
+            if raised_m and not alone:
+                things_m.append(draw_mesh_m(scene, _stage(own, body, place_m, raised_m)))
+            elif is_sitting(joints_world_m) and own.random() < SEATED:
+                seat = seat_under(own, joints_world_m, body.vertices_m + place_m, scene.facing_world())
+                if seat is not None:
+                    things_m.append(draw_mesh_m(scene, seat.mesh))
+            if own.random() < HOLDS:
+                left = own.random() < 0.5
+                hand = joints_world_m[Joint.LEFT_HAND if left else Joint.RIGHT_HAND]
+                held = held_by(own, hand, scene.bone_rotation("LeftHand" if left else "RightHand"), left)
+                person_m = _nearest([person_m, draw_mesh_m(scene, held.mesh)], scene.camera)
+            standing.append(_Standing(body, place_m, _cells(body, place_m)))
+            for thing_m in things_m:
+                _put(nearest_m, labels, thing_m, 0)
+            _put(nearest_m, labels, person_m, len(standing))
+        joints_camera_m = np.array(joints_m, np.float32).reshape(-1, NUM_JOINTS, 3)
+        return ClearScene(nearest_m, labels, joints_camera_m, np.array(whole_px, np.float32), scene.camera, view)
+
+    def _draw_surroundings(self, rng: np.random.Generator, view: View) -> Surroundings:
+        width, far = rng.uniform(1.5, 5.0), rng.uniform(2.0, 9.0)
+        high = max(rng.uniform(2.2, 3.6), view.position_m[2] + 0.2)
+        planes = {
+            "floor": ((0, 4, -0.1), (12, 14, 0.1)),
+            "back": ((0, far + 0.1, 3), (12, 0.1, 3)),
+            "left": ((-width - 0.1, 4, 3), (0.1, 14, 3)),
+            "right": ((width + 0.1, 4, 3), (0.1, 14, 3)),
+            "ceiling": ((0, 4, high + 0.1), (12, 14, 0.1)),
+        }
+        if rng.random() < OUTDOORS:
+            planes = {"floor": planes["floor"]}
+        meshes = [boxes([box]) for name, box in planes.items() if rng.random() >= LOST[name]]
+        turn = rng.uniform(-0.4, 0.4)  # the room, about the camera's wall
+        rotation = _about_z(turn)
+        meshes = [mesh.moved(rotation, np.zeros(3)) for mesh in meshes]
+        walls = (-width, width, far, turn) if "back" in planes else None
+        centres_m, halves_m = [], []
+        for _ in range(rng.integers(0, MOST_CLUTTER + 1)):
+            thing = self._clutter[rng.integers(len(self._clutter))](rng)
+            yaw = rng.uniform(-np.pi, np.pi)
+            thing = thing.moved(_about_z(yaw), np.zeros(3))
+            low, high_m = thing.vertices_m.min(axis=0), thing.vertices_m.max(axis=0)
+            for _ in range(CLUTTER_TRIES):
+                y_m = rng.uniform(*DISTANCE_M)
+                place_m = np.array([rng.uniform(-1, 1) * (0.5 + 0.9 * y_m), y_m, 0.0])
+                centre, half = place_m + (low + high_m) / 2, (high_m - low) / 2
+                if _outside(centre, walls) or _gap_m(view.position_m, centre, half) < NEAREST_M:
+                    continue
+                meshes.append(thing.moved(np.eye(3), place_m))
+                centres_m.append(centre)
+                halves_m.append(half)
+                break
+        return Surroundings(meshes, np.reshape(centres_m, (-1, 3)), np.reshape(halves_m, (-1, 3)), walls)
+
+    def _place(
+        self, rng: np.random.Generator, body: Body, raised_m: float, standing: list[_Standing], around: Surroundings
+    ) -> np.ndarray | None:
+        """Draws where the hips are, (3,) metres in the world: in view, and clear of walls, things and other people."""
+        scene, camera = self.scene, self.scene.camera
+        yaws_rad = np.zeros(len(around.centres_m))
+        close = bool(standing) and rng.random() < CLOSE
+        for _ in range(PLACE_TRIES):
+            if close:
+                angle, beside = rng.uniform(-np.pi, np.pi), standing[rng.integers(len(standing))].place_m
+                place_m = beside + rng.uniform(*CLOSE_M) * np.array([np.cos(angle), np.sin(angle), 0])
+            else:
+                y_m = rng.uniform(*DISTANCE_M)
+                place_m = np.array([rng.uniform(-1.1, 1.1) * y_m * camera.width / (2 * camera.fx), y_m, 0.0])
+            place_m[2] = body.height_m + raised_m
+            u, v, z = camera.project(scene.view.to_camera(place_m + body.torso_m))
+            if not (z > NEAREST_M and -0.1 < u / camera.width < 1.1 and -0.1 < v / camera.height < 1.1):
+                continue
+            if _outside(place_m, around.walls):
+                continue
+            near_m = np.linalg.norm(body.vertices_m[::9] + (place_m - scene.view.position_m), axis=1).min()
+            if near_m < NEAREST_M:
+                continue
+            if overlaps_boxes(body.vertices_m, place_m, around.centres_m, around.halves_m, yaws_rad, 0.0):
+                continue
+            cells = _cells(body, place_m)
+            if all(np.isin(cells, other.cells).mean() <= MOST_SHARED for other in standing):
+                return place_m
+        return None
+
+    def _share_inside(self, body: Body, place_m: np.ndarray) -> float:
+        """The share of the body's vertices inside the image."""
+        camera = self.scene.camera
+        u, v, z = camera.project(self.scene.view.to_camera(body.vertices_m[::5] + place_m)).T
+        inside = (z > 0.1) & (u > -0.5) & (u < camera.width - 0.5) & (v > -0.5) & (v < camera.height - 0.5)
+        return float(inside.mean())
+
+
+def draw_camera(rng: np.random.Generator, most_px: tuple[int, int]) -> Camera:
+    """A camera with square pixels whose image fits into (width, height) pixels."""
+    wide, high = FORMATS[rng.integers(len(FORMATS))]
+    scale = min(most_px[0] / wide, most_px[1] / high)
+    width, height = round(wide * scale), round(high * scale)
+    focal_px = max(width, height) / (2 * np.tan(np.radians(rng.triangular(FIELD_OF_VIEW_DEG[0], 60, FIELD_OF_VIEW_DEG[1])) / 2))
+    off = rng.uniform(-0.02, 0.02, 2) * (width, height)
+    return Camera(float(focal_px), float(focal_px), (width - 1) / 2 + off[0], (height - 1) / 2 + off[1], width, height)
+
+
+def draw_view(rng: np.random.Generator) -> View:
+    """A camera pose: most cameras aim at where people are, as those do that somebody mounted; the others look anywhere."""
+    height_m = rng.uniform(*HEIGHT_M)
+    if rng.random() < 0.6:
+        pitch = np.arctan2(height_m - rng.uniform(0.4, 1.4), rng.uniform(1.5, 4.0))
+    else:
+        pitch = np.radians(rng.uniform(-MOST_PITCH_DEG, MOST_PITCH_DEG))
+    pitch = np.clip(pitch, *np.radians((-MOST_PITCH_DEG, MOST_PITCH_DEG)))
+    mounted = rng.random()
+    if mounted < 0.75:
+        roll = np.radians(3) * rng.normal()
+    elif mounted < 0.88:
+        roll = np.radians(rng.uniform(-30, 30))
+    else:
+        roll = np.radians(rng.choice((90, -90, 180)) + 5 * rng.normal())
+    return posed_view(np.array([0, 0, height_m]), pitch, roll)
+
+
+def posed_view(position_m: np.ndarray, pitch_rad: float, roll_rad: float, yaw_rad: float = 0.0) -> View:
+    """A camera at a place (3,) of the world that looks towards +y, down by the pitch, to the left by the yaw, and is rolled."""
+    forward = np.array([0, np.cos(pitch_rad), -np.sin(pitch_rad)])
+    down, right = np.array([0, -np.sin(pitch_rad), -np.cos(pitch_rad)]), np.array([1.0, 0, 0])
+    cos, sin = np.cos(roll_rad), np.sin(roll_rad)
+    rotation = np.stack([cos * right + sin * down, cos * down - sin * right, forward], axis=1)
+    return View(position_m, _about_z(yaw_rad) @ rotation)
+
+
+def _about_z(angle_rad: float) -> np.ndarray:
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]])
+
+
+def _outside(point_m: np.ndarray, walls: tuple[float, float, float, float] | None) -> bool:
+    """Whether a point lies behind a wall, or nearer than 25 cm to it."""
+    if walls is None:
+        return False
+    left, right, far, turn = walls
+    x, y, _ = _about_z(-turn) @ point_m
+    return not (left + 0.25 < x < right - 0.25 and y < far - 0.25)
+
+
+def _gap_m(point_m: np.ndarray, centre_m: np.ndarray, half_m: np.ndarray) -> float:
+    """Distance of a point from a box."""
+    return float(np.linalg.norm(np.maximum(np.abs(point_m - centre_m) - half_m, 0)))
+
+
+def _stage(rng: np.random.Generator, body: Body, place_m: np.ndarray, height_m: float) -> Mesh:
+    """A bed, a mat or a stage beneath a low person."""
+    low, high = body.low_m[:2] + place_m[:2], body.high_m[:2] + place_m[:2]
+    margin = rng.uniform(0.0, 0.4, 2)
+    centre, half = (low + high) / 2, (high - low) / 2 + margin
+    return boxes([((*centre, height_m / 2 - 0.01), (*half, height_m / 2 - 0.01))])
+
+
+def _cells(body: Body, place_m: np.ndarray) -> np.ndarray:
+    """The numbers of the cells of CELL_M that a body's surface touches, one for every third vertex."""
+    cells = np.floor((body.vertices_m[::3] + place_m) / CELL_M).astype(np.int64) + 1000
+    return (cells[:, 0] << 42) + (cells[:, 1] << 21) + cells[:, 2]
+
+
+def _nearest(depths_m: list[np.ndarray], camera: Camera) -> np.ndarray:
+    """(H, W) the nearest of several depth images, in which 0 is nothing."""
+    nearest = np.zeros((camera.height, camera.width), np.float32)
+    for depth_m in depths_m:
+        closer = (depth_m > 0) & ((nearest == 0) | (depth_m < nearest))
+        nearest[closer] = depth_m[closer]
+    return nearest
+
+
+def _put(nearest_m: np.ndarray, labels: np.ndarray, depth_m: np.ndarray, label: int) -> None:
+    """Draws a thing into a scene, in place."""
+    closer = (depth_m > 0) & ((nearest_m == 0) | (depth_m < nearest_m))
+    nearest_m[closer], labels[closer] = depth_m[closer], label
