@@ -1,27 +1,30 @@
-r"""Compares ways to train a network on one benchmark, each by networks of several seeds, joint group by joint group.
+r"""Compares ways to train a network on one benchmark, each by several trainings, joint group by joint group.
 
-    python tools/compare_networks.py eval_sim data/eval_sim --out outputs/comparison \
-        --way dense=RUN_0,RUN_1 --way dense_ridge=RUN_2,RUN_3 --way holistic=RUN_4,RUN_5 --way holistic_ridge=RUN_6,RUN_7 \
-        --pair dense_ridge-dense --pair dense_ridge+holistic_ridge-dense+holistic
+    python tools/compare_networks.py eval_sim data/eval_sim --result results/trainings_eval_sim.json \
+        --way dense=RUN_0,RUN_1,RUN_2,RUN_3,RUN_4 --way ridge=RUN_5,RUN_6,RUN_7,RUN_8,RUN_9 --pair ridge-dense
 
-Run from the root of a checkout with `PYTHONPATH=.`. The figures of a way are those of all frames of all its networks. `--pair
-A-B` prints how much larger the figures of A are than those of B, and A+C are the networks of both ways. Sequences are resampled
-for the intervals (`kpopnet.evaluation.intervals`), the same ones for both; networks are not, so an interval tells what other
-sequences would do, and the differences of single seeds beside it tell what other trainings would. Where the labels of a
-benchmark have a definition of their own (UTD-MHAD), the same tables follow in it, fitted on the other people. Writes
-comparison.json.
+Run from the root of a checkout with `PYTHONPATH=.`. The figure of a way is the mean of those of its trainings. `--pair A-B` is
+the figure of A less that of B, training by training in the order given: trainings of one seed stand at one place. Each figure
+has two intervals: of other trainings, judged by the same people (Student's); and of other trainings judged by other people (or
+whatever unit the benchmark has), where there are enough of both (`kpopnet.evaluation.intervals.crossed_interval`). Where the
+labels of a benchmark have a definition of their own (UTD-MHAD), the same tables follow in it, fitted on the other people.
 """
 
 import argparse
 import json
+import sys
 from dataclasses import replace
+from datetime import date
+from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from kpopnet.datasets.protocol import Benchmark
 from kpopnet.errors import InputError
-from kpopnet.evaluation.intervals import Bootstrap
+from kpopnet.estimator import Estimator
+from kpopnet.evaluation.intervals import Bootstrap, crossed_interval, mean_interval
 from kpopnet.evaluation.poses.definition import in_label_definition
 from kpopnet.evaluation.poses.metrics import PoseResults
 from kpopnet.evaluation.poses.run import run_benchmark
@@ -29,6 +32,7 @@ from kpopnet.evaluation.registry import BENCHMARKS, build_benchmark
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.programs.evaluate import EVALUATIONS
 from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.provenance import git_revision
 from kpopnet.skeleton import JOINT_GROUPS, NUM_JOINTS
 
 GROUPS = {"all": tuple(range(NUM_JOINTS)), **{name: tuple(map(int, joints)) for name, joints in JOINT_GROUPS.items()}}
@@ -37,43 +41,42 @@ GROUPS = {"all": tuple(range(NUM_JOINTS)), **{name: tuple(map(int, joints)) for 
 def way(text: str) -> tuple[str, list[str]]:
     """NAME=RUN,RUN as the way's name and its runs."""
     name, _, runs = text.partition("=")
-    if not name or not runs or set(name) & set("+-"):
-        raise argparse.ArgumentTypeError(f"{text}: expected NAME=RUN,RUN with a name without + and -")
+    if not name or not runs or "-" in name:
+        raise argparse.ArgumentTypeError(f"{text}: expected NAME=RUN,RUN with a name without -")
     return name, runs.split(",")
 
 
 def check_pairs(pairs: list[str], ways: dict[str, list[str]]) -> None:
-    """Raises an InputError for pairs of unknown ways, or of unequal numbers of networks."""
+    """Raises an InputError for pairs of unknown ways, or of unequal numbers of trainings."""
     for pair in pairs:
-        sides = [side.split("+") for side in pair.split("-")]
-        if len(sides) != 2 or not {name for side in sides for name in side} <= ways.keys():
-            raise InputError(f"--pair {pair}: expected A-B or A+C-B+D of the ways {', '.join(ways)}")
-        counts = [sum(len(ways[name]) for name in side) for side in sides]
-        if counts[0] != counts[1]:
-            raise InputError(f"--pair {pair}: compares network by network, found {counts[0]} and {counts[1]} networks")
+        sides = pair.split("-")
+        if len(sides) != 2 or not set(sides) <= ways.keys():
+            raise InputError(f"--pair {pair}: expected A-B of the ways {', '.join(ways)}")
+        first, second = (len(ways[name]) for name in sides)
+        if first != second:
+            raise InputError(f"--pair {pair}: compares training by training, found {first} and {second} trainings")
 
 
 def errors_m(results: list[PoseResults], joints: tuple[int, ...]) -> np.ndarray:
-    """(N, S, K) errors of S networks in N frames; NaN without a label, infinite where a joint is missing."""
+    """(N, S, K) errors of S trainings in N frames; NaN without a label, infinite where a joint is missing."""
     return np.stack([one.errors_m()[:, list(joints)] for one in results], axis=1)
 
 
 def figures(results: list[PoseResults], seed: int) -> dict[str, dict]:
-    """By joint group: percent within 10 cm and mean error in cm over all networks, each with its interval and by network."""
+    """By joint group: percent within 10 cm and mean error in cm, as `_over_trainings` has them."""
     found = {}
     for group, joints in GROUPS.items():
         errors = errors_m(results, joints)
-        labelled, bootstrap = ~np.isnan(errors), Bootstrap(results[0].unit, seed)
         near, distance_cm = 100 * (errors < 0.10), 100 * np.where(np.isfinite(errors), errors, 0)
         found[group] = {
-            "within_10cm": _pooled(near, labelled, bootstrap),
-            "mean_cm": _pooled(distance_cm, np.isfinite(errors), bootstrap),
+            "within_10cm": _over_trainings(near, ~np.isnan(errors), results[0].unit, seed),
+            "mean_cm": _over_trainings(distance_cm, np.isfinite(errors), results[0].unit, seed),
         }
     return found
 
 
 def differences(first: list[PoseResults], second: list[PoseResults], seed: int) -> dict[str, dict]:
-    """By joint group: the same figures of the first networks less those of the second, network by network in the order given.
+    """By joint group: the same figures of the first trainings less those of the second, training by training.
 
     Mean errors are compared over the joints that both networks found, as in `kpopnet.evaluation.poses.metrics.difference`.
     """
@@ -81,25 +84,33 @@ def differences(first: list[PoseResults], second: list[PoseResults], seed: int) 
     for group, joints in GROUPS.items():
         one, other = errors_m(first, joints), errors_m(second, joints)
         labelled, both = ~np.isnan(one), np.isfinite(one) & np.isfinite(other)
-        bootstrap = Bootstrap(first[0].unit, seed)
         near = 100 * ((one < 0.10) & labelled).astype(float) - 100 * ((other < 0.10) & labelled)
         nearer_cm = np.where(both, 100 * (np.where(both, one, 0) - np.where(both, other, 0)), 0)
-        found[group] = {"within_10cm": _pooled(near, labelled, bootstrap), "mean_cm": _pooled(nearer_cm, both, bootstrap)}
+        found[group] = {
+            "within_10cm": _over_trainings(near, labelled, first[0].unit, seed),
+            "mean_cm": _over_trainings(nearer_cm, both, first[0].unit, seed),
+        }
     return found
 
 
-def _pooled(values: np.ndarray, counted: np.ndarray, bootstrap: Bootstrap) -> dict:
-    """The ratio of the sums of two (N, S, K) arrays, its interval, and the same by network (S)."""
-    flat = values.reshape(len(values), -1) * 1.0, counted.reshape(len(counted), -1)
+def _over_trainings(values: np.ndarray, counted: np.ndarray, unit: np.ndarray, seed: int) -> dict:
+    """The mean over S trainings of the ratio of the sums of two (N, S, K) arrays, its intervals, and the ratios.
+
+    Everything is None where a training has nothing that counts.
+    """
+    above, below = values.sum(axis=2, dtype=float), counted.sum(axis=2, dtype=float)
+    if not below.sum(axis=0).all():
+        return dict.fromkeys(("value", "other_trainings", "other_trainings_and_units", "by_training"))
+    by_training = above.sum(axis=0) / below.sum(axis=0)
+    units, trainings = Bootstrap(unit, seed), Bootstrap(np.arange(len(by_training)), seed + 1)
+    sums = units.sums(above), units.sums(below)
+    drawn = np.divide(*sums, out=np.full_like(sums[0], np.nan), where=sums[1] > 0)
     return {
-        "value": _ratio(values.sum(), counted.sum()),
-        "interval": bootstrap.interval(bootstrap.ratios(*flat)),
-        "by_network": [_ratio(*sums) for sums in zip(values.sum(axis=(0, 2)), counted.sum(axis=(0, 2)), strict=True)],
+        "value": float(by_training.mean()),
+        "other_trainings": mean_interval(by_training),
+        "other_trainings_and_units": crossed_interval(drawn, trainings, units),
+        "by_training": by_training.tolist(),
     }
-
-
-def _ratio(total: float, count: float) -> float | None:
-    return float(total / count) if count else None
 
 
 def in_the_labels_definition(benchmark: Benchmark, results: dict[str, PoseResults]) -> dict[str, PoseResults]:
@@ -114,17 +125,17 @@ def in_the_labels_definition(benchmark: Benchmark, results: dict[str, PoseResult
 
 def compare(results: dict[str, PoseResults], ways: dict[str, list[str]], pairs: list[str], seed: int = 0) -> dict[str, dict]:
     """The figures of every way, then the differences of every pair, by name."""
-
-    def of(names: str) -> list[PoseResults]:
-        return [results[run] for name in names.split("+") for run in ways[name]]
-
-    single = {name: figures(of(name), seed) for name in ways}
-    return single | {pair: differences(*map(of, pair.split("-")), seed) for pair in pairs}
+    of = {name: [results[run] for run in runs] for name, runs in ways.items()}
+    found = {name: figures(of[name], seed) for name in ways}
+    for pair in pairs:
+        first, second = pair.split("-")
+        found[pair] = differences(of[first], of[second], seed)
+    return found
 
 
 def print_tables(title: str, found: dict[str, dict]) -> None:
     """A table in Markdown for each way and pair."""
-    print(f"\n{title}, [95 % interval over other sequences], by seed")
+    print(f"\n{title}, (95 % interval of other trainings) [of other trainings and people], by training")
     for name, groups in found.items():
         print(f"\n| {name} | within 10 cm | | mean error, cm | |\n|---|---|---|---|---|")
         for group, one in groups.items():
@@ -132,24 +143,32 @@ def print_tables(title: str, found: dict[str, dict]) -> None:
 
 
 def _cells(figure: dict, digits: int) -> str:
-    def text(value: float | None) -> str:
-        return "-" if value is None else f"{value:.{digits}f}"
+    if figure["value"] is None:
+        return "- | -"
+    intervals = (figure[name] or (np.nan, np.nan) for name in ("other_trainings", "other_trainings_and_units"))
+    between = "({:.{d}f} to {:.{d}f}) [{:.{d}f} to {:.{d}f}]".format(*chain.from_iterable(intervals), d=digits)
+    return f"{figure['value']:.{digits}f} {between} | {', '.join(f'{one:.{digits}f}' for one in figure['by_training'])}"
 
-    low, high = figure["interval"] or (None, None)
-    return f"{text(figure['value'])} [{text(low)}, {text(high)}] | {', '.join(map(text, figure['by_network']))}"
 
-
-def measured(arguments: argparse.Namespace, ways: dict[str, list[str]]) -> dict[str, dict]:
+def measured(benchmark: Benchmark, ways: dict[str, list[str]], pairs: list[str], processes: int) -> dict[str, Any]:
     """Runs all networks on the benchmark: `compare` of the raw joints, and in the labels' definition where there is one."""
-    schema, _ = BENCHMARKS[arguments.benchmark]
-    benchmark = build_benchmark(schema(name=arguments.benchmark, path=arguments.path))
-    networks = {run: NetworkEstimator(run) for runs in ways.values() for run in runs}
-    results = run_benchmark(benchmark, networks, processes=arguments.processes).results
-    found = {"raw": compare(results, ways, arguments.pair)}
+    networks: dict[str, Estimator] = {run: NetworkEstimator(run) for runs in ways.values() for run in runs}
+    run = run_benchmark(benchmark, networks, processes=processes)
+    if run.failed:
+        raise InputError(f"{benchmark.name}: {', '.join(run.failed)} failed")
+    found = {"unit": run.resampled.units, "units": run.resampled.count, "raw": compare(run.results, ways, pairs)}
     if hasattr(benchmark, "label_definition"):
-        moved = in_the_labels_definition(benchmark, results)
-        found["in the labels' definition"] = compare(moved, ways, arguments.pair)
+        found["in_label_definition"] = compare(in_the_labels_definition(benchmark, run.results), ways, pairs)
     return found
+
+
+def rounded(found: Any) -> Any:
+    """The same with numbers of four digits after the point."""
+    if isinstance(found, dict):
+        return {name: rounded(one) for name, one in found.items()}
+    if isinstance(found, list):
+        return [rounded(one) for one in found]
+    return round(found, 4) if isinstance(found, float) else found
 
 
 def program() -> None:
@@ -157,24 +176,27 @@ def program() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("benchmark", choices=sorted(BENCHMARKS.keys() - EVALUATIONS.keys()), help="name of the benchmark")
     parser.add_argument("path", help="folder of its data")
-    parser.add_argument("--way", type=way, action="append", required=True, help="NAME=RUN,RUN: networks of several seeds")
-    parser.add_argument("--pair", action="append", default=[], help="A-B or A+C-B+D: the difference of ways")
+    parser.add_argument("--way", type=way, action="append", required=True, help="NAME=RUN,RUN: trainings of several seeds")
+    parser.add_argument("--pair", action="append", default=[], help="A-B: the difference of two ways")
     parser.add_argument("--processes", type=int, default=1, help="sequences worked on at once")
-    parser.add_argument("--out", type=Path, required=True, help="folder for comparison.json")
+    parser.add_argument("--result", type=Path, required=True, help="the JSON file that is written")
     arguments = parser.parse_args()
     ways = dict(arguments.way)
     if len(ways) < len(arguments.way):
         parser.error("--way: give every way a name of its own")
     try:
         check_pairs(arguments.pair, ways)
-        found = measured(arguments, ways)
+        schema, _ = BENCHMARKS[arguments.benchmark]
+        benchmark = build_benchmark(schema(name=arguments.benchmark, path=arguments.path))
+        found = measured(benchmark, ways, arguments.pair, arguments.processes)
     except InputError as error:
         parser.error(str(error))
-    for title, tables in found.items():
-        print_tables(f"{arguments.benchmark}, {title}", tables)
-    arguments.out.mkdir(parents=True, exist_ok=True)
-    with atomic_path(arguments.out / "comparison.json") as path:
-        path.write_text(json.dumps({"ways": ways, **found}, indent=1, allow_nan=False) + "\n")
+    for name in ("raw", "in_label_definition"):
+        if name in found:
+            print_tables(f"{arguments.benchmark}, {name}", found[name])
+    made = {"command": " ".join(["python", *sys.argv]), "code": git_revision(), "date": date.today().isoformat()}
+    with atomic_path(arguments.result) as path:
+        path.write_text(json.dumps(made | {"ways": ways} | rounded(found), indent=1, allow_nan=False) + "\n")
 
 
 if __name__ == "__main__":
