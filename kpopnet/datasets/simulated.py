@@ -1,4 +1,5 @@
-"""Simulated depth sequences of one person or of several: their files, and the reader of `eval_sim`, `smmc10_sim`, `two_people`.
+"""Simulated depth sequences of any number of people: their files, and the readers of `eval_sim`, `smmc10_sim`, `two_people` and
+`rooms`.
 
 `python -m synth benchmark=SET` writes manifest.json, which calls the set simulated, and an HDF5 file for each sequence:
 the arrays of `StoredSequence`, and the attributes fps, camera (fx, fy, cx, cy, width, height), kind, people and marker_names.
@@ -38,6 +39,7 @@ SCHEMA = Hdf5Schema(
         "joints_m": ArraySchema("f", ("T", "P", NUM_JOINTS, 3)),
         "markers_m": ArraySchema("f", ("T", "P", None, 3), required=False),
         "alone_px": ArraySchema("iu", ("T", "P"), required=False),
+        "whole_px": ArraySchema("iu", ("T", "P"), required=False),
         "seen_px": ArraySchema("iu", ("T", "P"), required=False),
     },
     remedy="make it again",
@@ -63,6 +65,8 @@ class StoredSequence:
     markers_m: np.ndarray | None = None
     marker_names: tuple[str, ...] = ()
     alone_px: np.ndarray | None = None  # (T, P) pixels inside the image that would show the person if the others were not there
+    # (T, P) pixels that the whole person would have if the image had no border and nothing else were there
+    whole_px: np.ndarray | None = None
     seen_px: np.ndarray | None = None  # (T, P) pixels that show the person
 
 
@@ -75,7 +79,8 @@ def write_sequence(folder: Path, sequence: StoredSequence) -> None:
         file.attrs["people"], file.attrs["marker_names"] = list(sequence.people), list(sequence.marker_names)
         for name in SCHEMA.arrays:
             if (array := getattr(sequence, name)) is not None:
-                file.create_dataset(name, data=array, chunks=(1, *array.shape[1:]), compression=1, shuffle=True)
+                packing = {"chunks": (1, *array.shape[1:]), "compression": 1, "shuffle": True} if array.size else {}
+                file.create_dataset(name, data=array, **packing)
 
 
 def read_sequence(path: Path) -> StoredSequence:
@@ -84,8 +89,9 @@ def read_sequence(path: Path) -> StoredSequence:
         attributes = attributes_of(file)
         arrays = {name: read_array(file, name) for name in SCHEMA.arrays if name in file}
     joints_m, people = arrays["joints_m"], tuple(attributes["people"])
-    expect(len(joints_m) > 0 and len(people) == joints_m.shape[1] > 0, str(path), "frames, and a name for each person")
-    check_joints(f"{path}: joints_m", joints_m, MAX_COORDINATE_M)
+    expect(len(joints_m) > 0 and len(people) == joints_m.shape[1], str(path), "frames, and a name for each person")
+    if people:
+        check_joints(f"{path}: joints_m", joints_m, MAX_COORDINATE_M)
     expect(len(attributes["camera"]) == 6, f"{path}: camera", "fx, fy, cx, cy, width, height")
     camera, fps = Camera.from_numbers(attributes["camera"], f"{path}: camera"), float(attributes["fps"])
     check_between(f"{path}: fps", fps, 1, 1000)
@@ -165,17 +171,18 @@ class SimulatedBenchmark(SimulatedSet):
 
 
 class PeopleSet(SimulatedSet):
-    """A set of sequences of several people, in millimetres: `two_people`."""
+    """A set of sequences of any number of people, in millimetres: `two_people` (with `alone_px`), `rooms` (with `whole_px`)."""
 
     def read(self, name: str) -> StoredSequence:
         """Reads one sequence; raises InputError as `read_sequence`, or if it lacks the pixels of each person."""
         path = self.path(name)
         stored = read_sequence(path)
         expect(stored.depth.dtype == np.uint16, f"{path}: depth", "uint16 millimetres")
-        if stored.alone_px is None or stored.seen_px is None:
-            raise InputError(f"{path}: expected arrays alone_px and seen_px")
-        in_order = (stored.seen_px <= stored.alone_px).all() and stored.seen_px.min() >= 0
-        expect(bool(in_order), f"{path}: seen_px", "at least 0 and at most alone_px")
+        full_px = stored.alone_px if stored.whole_px is None else stored.whole_px
+        if full_px is None or stored.seen_px is None:
+            raise InputError(f"{path}: expected arrays seen_px, and alone_px or whole_px")
+        in_order = bool(((stored.seen_px >= 0) & (stored.seen_px <= full_px)).all())
+        expect(in_order, f"{path}: seen_px", "at least 0 and at most alone_px or whole_px")
         return stored
 
 

@@ -172,11 +172,15 @@ def legend(styles: tuple[Style, ...], width_px: int) -> np.ndarray:
 def sheet(
     rows: list[tuple[str, list[np.ndarray]]], styles: tuple[Style, ...] = (), title: str = "", gap_px: int = 6
 ) -> np.ndarray:
-    """Arranges images of one height in rows, each with a title, which may be empty; a title and a legend stand above."""
+    """Arranges images in rows, each with a title, which may be empty; a title and a legend stand above."""
     bands = []
     for _, tiles in rows:
-        spacer = np.full((tiles[0].shape[0], gap_px, 3), BACKGROUND, np.uint8)
-        bands.append(np.concatenate([part for tile in tiles for part in (spacer, tile)] + [spacer], axis=1))
+        height, width = max(tile.shape[0] for tile in tiles), gap_px + sum(gap_px + tile.shape[1] for tile in tiles)
+        band, left = np.full((height, width, 3), BACKGROUND, np.uint8), gap_px
+        for tile in tiles:
+            band[: tile.shape[0], left : left + tile.shape[1]] = tile
+            left += tile.shape[1] + gap_px
+        bands.append(band)
     width = max(band.shape[1] for band in bands)
     no_image = np.empty((0, width, 3), np.uint8)
     parts = [with_captions(no_image, (title,))] if title else []

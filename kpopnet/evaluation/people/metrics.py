@@ -1,12 +1,15 @@
 """Which estimated person is which true one, frame by frame, and the figures that follow from it.
 
-The counts are those of CLEAR MOT (Bernardin & Stiefelhagen, "Evaluating Multiple Object Tracking Performance", EURASIP Journal
-on Image and Video Processing 2008): people who are missed, people who are not there, and identity switches. A person keeps the
-identity of the frame before as long as it is within REACH_M; the others are matched such that the sum of distances is least. A
-person is judged where nearly the whole body is inside the image and at least half of it in sight; an estimate of a person who
-is hidden or cut by the border counts as neither right nor wrong.
+An estimate is taken for a person whose centre is within CENTRE_M of its own, one for one; the centre is the mean of the joints
+that were found. A person keeps the identity of the frame before as long as it is that near; the others are matched such that
+the sum of distances is least. A person is judged where at least half of the body shows (`sight`). Estimates within NEAR_M of
+other people, of whom less shows, count as neither right nor wrong.
+
+Identities are counted as CLEAR MOT does (Bernardin & Stiefelhagen, "Evaluating Multiple Object Tracking Performance", EURASIP
+Journal on Image and Video Processing 2008): people who are missed, people who are not there, and identity switches.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,20 +20,23 @@ from kpopnet.evaluation.intervals import Bootstrap
 from kpopnet.evaluation.poses.metrics import joint_errors_m
 from kpopnet.skeleton import NUM_JOINTS
 
-REACH_M = 0.5
-"""Greatest mean distance between the joints of a person and of the estimate that is taken for this person."""
-
-LEAST_INSIDE = 0.8
-"""Least share of the joints inside the image, of a person who is judged."""
+CENTRE_M, NEAR_M = 0.3, 0.5
+"""Greatest distance of the centres: of a judged person and the estimate taken for them, of another person and theirs."""
 
 LEAST_IN_SIGHT = 0.5
-"""Least share of the person's pixels that no one else hides, of a person who is seen."""
+"""Least share of a person's pixels that show, of a person who is judged."""
+
+LEAST_INSIDE = 0.8
+"""Least share of the joints inside the image, of a person who is judged where the pixels of the whole body are not known."""
 
 NOBODY = -1
 ALL = "all"
 """The row of all kinds of scenes."""
 
 WITHIN_M = 0.10
+
+DIVIDED_JOINTS = 3
+"""An estimate is of two people as one if this many of its joints or more are nearest to each of them."""
 
 
 @dataclass(frozen=True)
@@ -41,10 +47,11 @@ class MatchedSequence:
         name: of the sequence.
         kind: of scene.
         seen: (T, P) bool, whether the person is judged.
-        hidden: (T, P) bool, whether the person is inside the image and hidden by others.
+        hidden: (T, P) bool, whether the person is in view, but less than half of the body shows.
+        empty: (T,) bool, whether the image shows no part of any person.
         identity: (T, P) int, identity of the matched estimate, NOBODY where there is none.
         errors_m: (T, P, 15) distances of its joints from the true ones, infinite where missing.
-        false: (T,) number of estimates that were matched to no person.
+        false: (T,) number of estimates that were taken for no person.
         estimates_m: (E, T, 15, 3) joints of all people found, metres, NaN where missing.
         identities: (E,) their identities.
         seconds: processor time of the estimation.
@@ -54,6 +61,7 @@ class MatchedSequence:
     kind: str
     seen: np.ndarray
     hidden: np.ndarray
+    empty: np.ndarray
     identity: np.ndarray
     errors_m: np.ndarray
     false: np.ndarray
@@ -82,11 +90,21 @@ class MatchedSequence:
 
 
 def sight(sequence: StoredSequence) -> tuple[np.ndarray, np.ndarray]:
-    """(T, P) bool each: who is seen, and who is inside the image but hidden by others."""
+    """(T, P) bool each: who is judged, and who is in view, but not enough of them shows.
+
+    With `whole_px` a person is judged where at least half of these pixels show them. Without it, where nearly all joints are
+    inside the image and others hide at most half of the person.
+    """
+    seen_px, alone_px, whole_px = sequence.seen_px, sequence.alone_px, sequence.whole_px
+    assert seen_px is not None, sequence.name
+    if whole_px is not None:
+        judged = (seen_px > 0) & (seen_px >= LEAST_IN_SIGHT * whole_px)
+        return judged, (seen_px > 0) & ~judged
+    assert alone_px is not None, sequence.name
     camera, (u, v, z) = sequence.camera, np.moveaxis(sequence.camera.project(sequence.joints_m), -1, 0)
     joint_inside = (z > 0) & (u > -0.5) & (u < camera.width - 0.5) & (v > -0.5) & (v < camera.height - 0.5)
-    inside = (joint_inside.mean(axis=-1) >= LEAST_INSIDE) & (sequence.alone_px > 0)
-    in_sight = sequence.seen_px >= LEAST_IN_SIGHT * sequence.alone_px
+    inside = (joint_inside.mean(axis=-1) >= LEAST_INSIDE) & (alone_px > 0)
+    in_sight = seen_px >= LEAST_IN_SIGHT * alone_px
     return inside & in_sight, inside & ~in_sight
 
 
@@ -99,29 +117,61 @@ def match(sequence: StoredSequence, estimates_m: np.ndarray, identities: np.ndar
     matched: dict[int, int] = {}
     for frame in range(len(seen)):
         found = np.isfinite(estimates_m[:, frame]).any(axis=(1, 2))
-        matched = _match_frame(truth_m[frame], estimates_m[:, frame], found, matched)
+        matched = _match_frame(truth_m[frame], seen[frame], estimates_m[:, frame], found, matched)
         for person, one in matched.items():
             identity[frame, person] = identities[one]
             errors_m[frame, person] = joint_errors_m(truth_m[frame, person], estimates_m[one, frame])
         false[frame] = found.sum() - len(matched)
-    return MatchedSequence(
-        sequence.name, sequence.kind, seen, hidden, identity, errors_m, false, estimates_m, identities, seconds
-    )
+    empty = (np.asarray(sequence.seen_px) == 0).all(axis=1)
+    name, kind = sequence.name, sequence.kind
+    return MatchedSequence(name, kind, seen, hidden, empty, identity, errors_m, false, estimates_m, identities, seconds)
 
 
-def _match_frame(truth_m: np.ndarray, estimates_m: np.ndarray, found: np.ndarray, before: dict[int, int]) -> dict[int, int]:
+def _match_frame(
+    truth_m: np.ndarray, seen: np.ndarray, estimates_m: np.ndarray, found: np.ndarray, before: dict[int, int]
+) -> dict[int, int]:
     """Number of the estimate of each person who has one in a frame; `before` is the result for the frame before.
 
-    Joints are (P, 15, 3) true and (E, 15, 3) estimated ones; (E,) `found` says whether any of them is estimated.
+    Joints are (P, 15, 3) true and (E, 15, 3) estimated ones; (P,) `seen` says who is judged and chooses first, (E,) `found`
+    which estimates have a joint.
     """
-    cost = np.full((len(truth_m), len(estimates_m)), 1e3)
-    distance_m = np.nanmean(np.linalg.norm(truth_m[:, None] - estimates_m[None, found], axis=-1), axis=-1)
-    cost[:, found] = np.where(distance_m < REACH_M, distance_m, 1e3)
-    for person, one in before.items():
-        if cost[person, one] < REACH_M:
-            cost[person, one] = -1e6  # kept whatever it costs the others
-    pairs = zip(*linear_sum_assignment(cost), strict=True)
-    return {int(person): int(one) for person, one in pairs if cost[person, one] < REACH_M}
+    apart_m = np.full((len(truth_m), len(estimates_m)), np.inf)
+    apart_m[:, found] = np.linalg.norm(np.nanmean(truth_m[:, None] - estimates_m[None, found], axis=2), axis=-1)
+    matched: dict[int, int] = {}
+    for people, reach_m in ((seen, CENTRE_M), (~seen, NEAR_M)):
+        free = np.isin(np.arange(len(estimates_m)), list(matched.values()), invert=True)
+        cost = np.where(people[:, None] & free & (apart_m < reach_m), apart_m, 1e3)
+        for person, one in before.items():
+            if cost[person, one] < reach_m:
+                cost[person, one] = -1e6  # kept whatever it costs the others
+        pairs = zip(*linear_sum_assignment(cost), strict=True)
+        matched |= {int(person): int(one) for person, one in pairs if cost[person, one] < reach_m}
+    return matched
+
+
+def wrong_joints(part: MatchedSequence) -> np.ndarray:
+    """(T,) joints beyond WITHIN_M or missing, of judged people and of estimates of no person."""
+    return ((part.errors_m >= WITHIN_M) & part.seen[..., None]).sum(axis=(1, 2)) + NUM_JOINTS * part.false
+
+
+def causes(truth_m: np.ndarray, part: MatchedSequence, frame: int) -> dict[str, int]:
+    """What is wrong in a frame with (P, 15, 3) true joints: a number of people by cause, and the wrong joints of those found.
+
+    Two people are estimated as one if a judged person is not found, and an estimate has DIVIDED_JOINTS joints or more that are
+    nearer to this person than to any other, and as many that are nearest to one other.
+    """
+    seen, found, estimates_m = part.seen[frame], part.identity[frame] != NOBODY, part.estimates_m[:, frame]
+    apart_m = np.linalg.norm(truth_m[:, None] - estimates_m[None], axis=-1)  # (P, E, 15), NaN where missing
+    nearest = (apart_m == apart_m.min(axis=0)).sum(axis=2) if len(truth_m) else np.zeros(apart_m.shape[:2])  # (P, E)
+    divided = (nearest >= DIVIDED_JOINTS) & ((nearest >= DIVIDED_JOINTS).sum(axis=0) > 1)
+    as_one = seen & ~found & divided.any(axis=1)
+    counts = {
+        "two as one": as_one.sum(),
+        "not found": (seen & ~found & ~as_one).sum(),
+        "false person": part.false[frame],
+        "wrong joints": (part.errors_m[frame, seen & found] >= WITHIN_M).sum(),
+    }
+    return {cause: int(number) for cause, number in counts.items() if number}
 
 
 def by_kind(parts: list[MatchedSequence], seed: int) -> dict[str, dict]:
@@ -135,44 +185,59 @@ def figures(parts: list[MatchedSequence], seed: int) -> dict:
     """The figures of some sequences, pooled over frames and people; None where undefined. `seed` is the bootstrap's.
 
     Returns:
-        `seen`, `hidden`: people in frames that are judged, and that others hide; `within_10cm`, `mean_error_cm`: of the seen,
-        where a missed person counts as fifteen joints beyond 10 cm and is left out of the mean; the same with `hidden_`;
-        `missed`: share of the seen who were not found; `false`: estimates of no person; `switches`: of identities; `mota`:
-        1 - (missed + false + switches) / seen (CLEAR MOT); `idf1` (Ristani et al. 2016, over the same
-        matches); `interval`: 95 % intervals over sequences; `fps`: images a second of one core, all stages.
+        `seen`, `hidden`: people in frames who are judged, and of whom less than half shows; `people_recall`: share of the
+        judged who were found; `people_precision`: share of the estimates that are of a judged person, without those of other
+        people; `map_10cm`, `mean_error_cm`: of the joints of the judged, where a person who was not found counts as fifteen
+        joints beyond 10 cm and is left out of the mean; the same with `hidden_`; `false`: estimates of no person; `switches`:
+        of identities; `mota`: 1 - (missed + false + switches) / judged (CLEAR MOT); `idf1` (Ristani et al. 2016, over the
+        same matches); `empty_images`: images without a person, `empty_images_with_people`: those of them in which one was
+        found, `empty_share`: their share; `interval`: 95 % intervals over sequences; `fps`: images a second of one core, all
+        stages.
     """
-    seen, hidden, identity = (
-        np.concatenate([getattr(part, name).ravel() for part in parts]) for name in ("seen", "hidden", "identity")
-    )
-    errors_m = np.concatenate([part.errors_m.reshape(-1, NUM_JOINTS) for part in parts])
-    finite, lost = np.isfinite(errors_m), seen & (identity == NOBODY)
-    bootstrap = Bootstrap(np.repeat(np.arange(len(parts)), [part.seen.size for part in parts]), seed)
+    sums = [_sums(part) for part in parts]
+    above, below = (np.array([[pair[end] for pair in one.values()] for one in sums]) for end in (0, 1))
+    bootstrap = Bootstrap(np.arange(len(parts)), seed)
+    columns = {name: (above[:, k : k + 1], below[:, k : k + 1]) for k, name in enumerate(sums[0])}
 
-    def of_joints(people: np.ndarray) -> dict:
-        judged = np.tile(people[:, None], NUM_JOINTS)
-        found = judged & finite
-        return {
-            "within_10cm": (judged & (errors_m < WITHIN_M), judged),
-            "mean_error_cm": (100 * np.where(found, errors_m, 0), found),
-        }
+    def total(count: Callable[[MatchedSequence], int]) -> int:
+        return int(sum(count(part) for part in parts))
 
-    sums = of_joints(seen) | {"missed": (lost[:, None], seen[:, None])}
-    all_sums = sums | {f"hidden_{name}": pair for name, pair in of_joints(hidden).items()}
-    false, switches, identified = (
-        sum(int(count) for count in counts)
-        for counts in zip(*((part.false.sum(), part.switches().sum(), part.identified()) for part in parts), strict=True)
-    )
     return {
         "sequences": len(parts),
-        "seen": int(seen.sum()),
-        "hidden": int(hidden.sum()),
-        **{name: _ratio(above.sum(), below.sum()) for name, (above, below) in all_sums.items()},
-        "false": false,
-        "switches": switches,
-        "mota": _ratio(seen.sum() - lost.sum() - false - switches, seen.sum()),
-        "idf1": _ratio(2 * identified, 2 * seen.sum() - lost.sum() + false),
-        "interval": {name: bootstrap.interval(bootstrap.ratios(*pair)) for name, pair in sums.items()},
-        "fps": _ratio(sum(len(part.seen) for part in parts), max(sum(part.seconds for part in parts), 1e-9)),
+        "images": total(lambda part: len(part.seen)),
+        "seen": total(lambda part: part.seen.sum()),
+        "hidden": total(lambda part: part.hidden.sum()),
+        **{name: _ratio(one.sum(), other.sum()) for name, (one, other) in columns.items()},
+        "false": total(lambda part: part.false.sum()),
+        "switches": total(lambda part: part.switches().sum()),
+        "empty_images": total(lambda part: part.empty.sum()),
+        "empty_images_with_people": total(lambda part: (part.false[part.empty] > 0).sum()),
+        "interval": {name: bootstrap.interval(bootstrap.ratios(*pair)) for name, pair in columns.items()},
+        "fps": _ratio(total(lambda part: len(part.seen)), max(sum(part.seconds for part in parts), 1e-9)),
+    }
+
+
+def _sums(part: MatchedSequence) -> dict[str, tuple[float, float]]:
+    """Numerator and denominator of every figure of `figures` that is a ratio."""
+    seen, false = int(part.seen.sum()), int(part.false.sum())
+    right = int((part.seen & (part.identity != NOBODY)).sum())
+
+    def of_joints(people: np.ndarray) -> dict[str, tuple[float, float]]:
+        errors_m = part.errors_m[people]
+        found = errors_m[np.isfinite(errors_m)]
+        return {
+            "map_10cm": ((errors_m < WITHIN_M).sum(), errors_m.size),
+            "mean_error_cm": (100 * found.sum(), found.size),
+        }
+
+    return {
+        "people_recall": (right, seen),
+        "people_precision": (right, right + false),
+        **of_joints(part.seen),
+        "mota": (right - false - part.switches().sum(), seen),
+        "idf1": (2 * part.identified(), seen + right + false),
+        **{f"hidden_{name}": pair for name, pair in of_joints(part.hidden).items()},
+        "empty_share": ((part.false[part.empty] > 0).sum(), part.empty.sum()),
     }
 
 

@@ -1,4 +1,4 @@
-"""The report on all people in films of several people: joints and identities by kind of scene, and pictures.
+"""The report on all people in films and images of any number of people: who is found, joints and identities, pictures.
 
 People are found in the raw scene; no estimator is given their number.
 """
@@ -17,7 +17,7 @@ from kpopnet.errors import InputError
 from kpopnet.evaluation import engine
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.engine import Timed, stage
-from kpopnet.evaluation.people.metrics import ALL, MatchedSequence, by_kind, figures, match
+from kpopnet.evaluation.people.metrics import ALL, MatchedSequence, by_kind, causes, figures, match, wrong_joints
 from kpopnet.evaluation.registry import BestConfig, RealtimeConfig
 from kpopnet.evaluation.report import SIMULATED, Block, Report, interval_remarks, save_view
 from kpopnet.evaluation.values import Table, Value
@@ -28,7 +28,7 @@ from kpopnet.tracker.estimator import TrackerEstimatorConfig
 from kpopnet.viz.drawing import Style, depth_rgb, draw_skeleton, enlarged, save_png, sheet, with_captions
 from kpopnet.viz.view_page import Shown
 
-SHEET_ROWS, SHEET_COLUMNS = 6, 6
+SHEET_COLUMNS, WORST_COLUMNS, WORST_IMAGES = 6, 5, 10
 TILE_WIDTH_PX = 280
 
 TRUTH = Style("true joints", *[(255, 255, 255)] * 3, width_px=1, filled=False)
@@ -36,32 +36,43 @@ COLOURS = ((235, 60, 60), (70, 130, 255), (60, 190, 80), (240, 170, 30), (190, 9
 """RGB of identities, over again after six."""
 
 DEFINITIONS = (
-    "Joints: share within 10 cm of all joints of people who are seen, where a person who is not found counts as fifteen missed "
-    "joints; mean error of those found. Hidden: the same for people of whom others hide more than half; they count in nothing "
-    "else, nor do people whom the border cuts. Missed: share of the people seen who were not found. False: estimates, image by "
-    "image, that match no person. Switches: people who get another identity. MOTA, and how people and estimates are matched: "
-    "CLEAR MOT (Bernardin & Stiefelhagen 2008), within a mean joint distance of 50 cm. IDF1 (Ristani et al. 2016) is "
-    "taken over the same matches."
+    "An estimate is taken for the person whose centre, the mean of the joints found, is within 30 cm, one for one. People are "
+    "judged where at least half of the body shows; of the others an estimate within 50 cm counts as neither right nor wrong. "
+    "Recall: share of the people judged who were found. Precision: share of the estimates, image by image, that are of one of "
+    "them; false: those of no person. Joints: share within 10 cm of all joints of people judged, where a person who is not "
+    "found counts as fifteen missed joints; mean error of those found. Hidden: the same for people in view of whom less than "
+    "half shows. Empty images show no part of a person. Switches: people who get another identity. MOTA: CLEAR MOT (Bernardin "
+    "& Stiefelhagen 2008); IDF1: Ristani et al. 2016; both over the same matches."
 )
+WHEN_JUDGED = {
+    "rooms": "Half of the body is half of the pixels that it would have without a border and with nothing before it.",
+    "two_people": "Half of the body: 80 % of the joints inside the image, and half of the pixels not hidden by the other.",
+}
+"""What counts as at least half of the body, by benchmark."""
+
 CLOCK = "Images a second are those of one core, with the extraction and all people in view, after an untimed warm-up."
 
-JOINTS = (
+PEOPLE = (
     ("sequences", "sequences", ""),
-    ("within 10 cm", "within_10cm", "%"),
-    ("mean error", "mean_error_cm", "cm"),
-    ("hidden: within 10 cm", "hidden_within_10cm", "%"),
-    ("hidden: mean error", "hidden_mean_error_cm", "cm"),
-)
-IDENTITIES = (
-    ("people seen", "seen", ""),
-    ("missed", "missed", "%"),
+    ("images", "images", ""),
+    ("people judged", "seen", ""),
+    ("recall", "people_recall", "%"),
+    ("precision", "people_precision", "%"),
     ("false", "false", ""),
+    ("empty images", "empty_images", ""),
+    ("with people found", "empty_images_with_people", ""),
+    ("images a second", "fps", ""),
+)
+JOINTS = (
+    ("within 10 cm", "map_10cm", "%"),
+    ("mean error", "mean_error_cm", "cm"),
+    ("hidden: within 10 cm", "hidden_map_10cm", "%"),
+    ("hidden: mean error", "hidden_mean_error_cm", "cm"),
     ("switches", "switches", ""),
     ("MOTA", "mota", "%"),
     ("IDF1", "idf1", "%"),
-    ("images a second", "fps", ""),
 )
-SEQUENCE = (JOINTS[1], JOINTS[2], *IDENTITIES[1:4])
+SEQUENCE = (PEOPLE[3], PEOPLE[4], JOINTS[0], JOINTS[1], JOINTS[4])
 
 Follow = Callable[[np.ndarray, Camera, float], list[PersonPose]]
 """(T, H, W) depth of a whole scene, its camera and the frames per second to all people found."""
@@ -128,9 +139,11 @@ def evaluate_people(config: EvaluateConfig, folder: Path) -> Report:
         *(f"Left out because of an error: {name}: {reason}" for name, reason in failed.items()),
         *interval_remarks("sequences", count, ", in a row its own", min(one["sequences"] for one in found[main].values())),
     ]
-    tables = [_table(found, JOINTS), _table(found, IDENTITIES)]
-    blocks: list[Block] = [("heading", "Joints"), ("table", tables[0]), ("heading", "Identities"), ("table", tables[1])]
-    blocks += [("text", DEFINITIONS), *_sequence_blocks(benchmark, main, [one[main] for one in matched.values()], folder)]
+    tables = [_table(found, PEOPLE), _table(found, JOINTS)]
+    blocks: list[Block] = [("heading", "People"), ("table", tables[0])]
+    blocks += [("heading", "Joints and identities"), ("table", tables[1])]
+    blocks += [("text", DEFINITIONS), ("text", WHEN_JUDGED[name])]
+    blocks += _sequence_blocks(benchmark, main, [one[main] for one in matched.values()], folder)
     described = {"name": name, "depth": "simulated", "about": benchmark.about, **benchmark.provenance}
     described |= {"sequences": count, "sequences_in_set": in_set, "failed_sequences": failed}
     metrics = {"estimator": main, **found[main][ALL], "benchmark": described, "estimators": found}
@@ -149,39 +162,71 @@ def _table(found: dict[str, dict[str, dict]], columns: tuple[tuple[str, str, str
 
 
 def _sequence_blocks(benchmark: PeopleSet, label: str, parts: list[MatchedSequence], folder: Path) -> list[Block]:
-    """The sequences by an estimator: frames of one of each kind, figures, and the worst in 3D; draws and writes these."""
+    """The sequences by an estimator: frames of each kind, the worst images, figures, a film in 3D; draws and writes these."""
     folder.mkdir(parents=True, exist_ok=True)
-    of_kinds = list({part.kind: part for part in reversed(parts)}.values())[::-1][:SHEET_ROWS]
-    tiles = []
-    for part in of_kinds:
-        frames = np.linspace(0, len(part.seen) - 1, SHEET_COLUMNS + 1).round().astype(int)[1:].tolist()
-        sequence = benchmark.read(part.name)
-        tiles.append((f"{part.name}: {part.kind}", [frame_image(sequence, part, frame) for frame in frames]))
-    title = f"SIMULATED, two_people, {label}; white: true joints, a colour for each identity"
-    save_png(folder / "people.png", sheet(tiles, (), title))
-    found = {part.name: figures([part], 0) for part in parts}
-    rows: list = [[part.name, part.kind, *_cells(found[part.name], SEQUENCE)] for part in parts]
-    within = {name: 2.0 if one["within_10cm"] is None else one["within_10cm"] for name, one in found.items()}
-    worst = min(parts, key=lambda part: within[part.name])
-    sequence = benchmark.read(worst.name)
+    title = f"SIMULATED, {benchmark.name}, {label}; white: true joints, a colour for each identity"
+    save_png(folder / "people.png", sheet(_kind_rows(benchmark, parts), (), title))
+    worst = sorted(parts, key=lambda part: -wrong_joints(part).max())[:WORST_IMAGES]
+    tiles = [_worst_image(benchmark.read(part.name), part) for part in worst]
+    rows = [(f"rank {first + 1} to {first + len(some)}", some) for first, some in _in_rows(tiles, WORST_COLUMNS)]
+    save_png(folder / "worst.png", sheet(rows, (), title))
+    films = [part for part in parts if len(part.seen) > 1]
+    blocks: list[Block] = [
+        ("heading", f"Sequences ({label})"),
+        ("figure", ("people.png", "Frames of a sequence of each kind: depth, true joints in white, identities in colours")),
+        ("figure", ("worst.png", "The images with the most wrong joints, one of a sequence, and why they are wrong")),
+    ]
+    if not films:
+        return blocks
+    found = {part.name: figures([part], 0) for part in films}
+    table = [[part.name, part.kind, *_cells(found[part.name], SEQUENCE)] for part in films]
+    last = max(films, key=lambda part: wrong_joints(part).mean())
+    sequence = benchmark.read(last.name)
     people = [
         Shown(joints_m, np.isfinite(joints_m).all(axis=-1), str(identity))
-        for identity, joints_m in zip(worst.identities.tolist(), worst.estimates_m, strict=True)
+        for identity, joints_m in zip(last.identities.tolist(), last.estimates_m, strict=True)
     ]
     true_m = sequence.joints_m.swapaxes(0, 1)
     people += [Shown(joints_m, np.ones(joints_m.shape[:2]), "true joints", reference=True) for joints_m in true_m]
-    title = f"{worst.name}: {label} on simulated depth"
+    title = f"{last.name}: {label} on simulated depth"
     save_view(folder / "worst.html", title, sequence.camera, sequence.fps, sequence.depth, people)
     return [
-        ("heading", f"Sequences ({label})"),
-        ("figure", ("people.png", "Frames of a sequence of each kind: depth, true joints in white, identities in colours")),
-        ("table", Table(["sequence", "scene", *(title for title, _, _ in SEQUENCE)], rows)),
-        ("view", ("worst.html", f"The worst sequence, {worst.name}: {worst.kind}; true joints thin")),
+        *blocks,
+        ("table", Table(["film", "scene", *(title for title, _, _ in SEQUENCE)], table)),
+        ("view", ("worst.html", f"The worst film, {last.name}: {last.kind}; true joints thin")),
     ]
 
 
-def frame_image(sequence: StoredSequence, matched: MatchedSequence, frame: int) -> np.ndarray:
-    """RGB image of one frame: a skeleton in a colour for each identity, the true ones thin, and who is how far off."""
+def _kind_rows(benchmark: PeopleSet, parts: list[MatchedSequence]) -> list[tuple[str, list[np.ndarray]]]:
+    """A row for each kind of scene: frames of its first sequence, or the first sequences where these are single images."""
+    rows = []
+    for kind in dict.fromkeys(part.kind for part in parts):
+        some = [part for part in parts if part.kind == kind]
+        first = some[0]
+        if len(first.seen) > 1:
+            frames = np.linspace(0, len(first.seen) - 1, SHEET_COLUMNS + 1).round().astype(int)[1:].tolist()
+            shown = [(first, frame) for frame in frames]
+        else:
+            shown = [(part, 0) for part in some[:SHEET_COLUMNS]]
+        rows.append((kind, [frame_image(benchmark.read(part.name), part, frame) for part, frame in shown]))
+    return rows
+
+
+def _in_rows(tiles: list[np.ndarray], columns: int) -> list[tuple[int, list[np.ndarray]]]:
+    """Tiles in rows, and the number of the first of each row."""
+    return [(first, tiles[first : first + columns]) for first in range(0, len(tiles), columns)]
+
+
+def _worst_image(sequence: StoredSequence, part: MatchedSequence) -> np.ndarray:
+    """The image of a sequence with the most wrong joints, named by what is wrong."""
+    frame = int(wrong_joints(part).argmax())
+    found = causes(sequence.joints_m[frame], part, frame)
+    why = ", ".join(f"{number} {cause}" for cause, number in found.items()) or "nothing wrong"
+    return frame_image(sequence, part, frame, f"{part.kind}: {why}")
+
+
+def frame_image(sequence: StoredSequence, matched: MatchedSequence, frame: int, remark: str | None = None) -> np.ndarray:
+    """RGB image of one frame: a skeleton in a colour for each identity, the true ones thin, with a remark, or how far off."""
     image = enlarged(depth_rgb(sequence.depth[frame] / np.float32(MM_PER_METRE)), TILE_WIDTH_PX)
     for identity, joints_m in zip(matched.identities.tolist(), matched.estimates_m[:, frame], strict=True):
         colour = COLOURS[identity % len(COLOURS)]
@@ -193,4 +238,4 @@ def frame_image(sequence: StoredSequence, matched: MatchedSequence, frame: int) 
         found = errors_m[np.isfinite(errors_m)]
         error = f"{100 * found.mean():.0f} cm" if len(found) else "not found"
         states.append(("hidden, " if hidden else "") + error if matched.seen[frame, person] or hidden else "not in view")
-    return with_captions(image, (f"{sequence.name} frame {frame}: {'; '.join(states)}",))
+    return with_captions(image, (f"{sequence.name} frame {frame}", remark or "; ".join(states) or "no person"))

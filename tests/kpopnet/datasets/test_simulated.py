@@ -103,7 +103,7 @@ def test_what_people_lack_is_refused(tmp_path):
     write_two_people(tmp_path, frames=2)
     with h5py.File(tmp_path / "pair_00.h5", "a") as file:
         file["seen_px"][...] = 10**6
-    with pytest.raises(InputError, match=r"pair_00\.h5: seen_px: expected at least 0 and at most alone_px"):
+    with pytest.raises(InputError, match=r"pair_00\.h5: seen_px: expected at least 0 and at most alone_px or whole_px"):
         PeopleSet(SimulatedConfig("two_people", str(tmp_path))).read("pair_00")
 
 
