@@ -8,7 +8,7 @@ from programs import ROOT
 
 MOST_FILES, MOST_LINES, MOST_ARGUMENTS = 12, 60, 8
 
-ROOT_NOUNS = {"__init__", "errors", "skeleton", "camera", "ridge", "estimator", "rotations", "cli"}
+ROOT_NOUNS = {"__init__", "errors", "skeleton", "camera", "ridge", "estimator", "human", "rotations", "cli"}
 
 EXCEPTIONS = {
     "kpopnet/extraction/components.py:component_stats": "numba kernel: one pass over the pixels fills every statistic",

@@ -9,13 +9,16 @@ import pytest
 from programs import ROOT
 
 LAYERS = (
-    ("kpopnet", *(f"kpopnet.{name}" for name in ("errors", "skeleton", "camera", "ridge", "estimator", "rotations"))),
+    ("kpopnet", *(f"kpopnet.{name}" for name in ("errors", "skeleton", "camera", "ridge", "estimator", "human", "rotations"))),
     ("kpopnet.runtime",),
     ("kpopnet.viz", "kpopnet.weights"),
     ("kpopnet.data",),
     ("kpopnet.geometry", "kpopnet.sources"),
     ("kpopnet.y_pose",),
-    ("kpopnet.extraction", "kpopnet.dance", "kpopnet.networks", "kpopnet.paper_tracker", "kpopnet.tracker"),
+    (
+        *("kpopnet.extraction", "kpopnet.paper_extraction", "kpopnet.dance", "kpopnet.networks", "kpopnet.paper_tracker"),
+        "kpopnet.tracker",
+    ),
     ("kpopnet.training", "kpopnet.baselines", "kpopnet.pose"),
     ("kpopnet.datasets",),
     ("kpopnet.evaluation", "kpopnet.teacher"),
@@ -27,7 +30,8 @@ nouns, which are modules, import each other."""
 SYNTH_MAY_IMPORT = {*LAYERS[0], "kpopnet.runtime", "kpopnet.viz", "kpopnet.data", "kpopnet.datasets", "kpopnet.dance"}
 
 WITHOUT_TORCH = (
-    *("kpopnet.extraction", "kpopnet.dance.online", "kpopnet.tracker.estimator", "kpopnet.tracker.refine"),
+    *("kpopnet.extraction", "kpopnet.paper_extraction", "kpopnet.dance.online", "kpopnet.tracker.estimator"),
+    "kpopnet.tracker.refine",
     *("kpopnet.networks.estimator", "kpopnet.pose", "kpopnet.programs.predict"),
 )
 

@@ -8,7 +8,7 @@ moved), `components` (which pixels form one object), `association` and `assignme
 `stationary` (a person who has not moved yet).
 """
 
-from kpopnet.extraction.extractor import Human, HumanExtractionConfig, HumanExtractor
+from kpopnet.extraction.extractor import HumanExtractionConfig, HumanExtractor
 from kpopnet.extraction.sequence import extract_person
 
-__all__ = ["Human", "HumanExtractionConfig", "HumanExtractor", "extract_person"]
+__all__ = ["HumanExtractionConfig", "HumanExtractor", "extract_person"]

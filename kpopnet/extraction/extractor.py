@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.errors import InputError
@@ -34,6 +33,7 @@ from kpopnet.extraction.background import (
 from kpopnet.extraction.components import LABEL, component_stats, label_image, label_runs
 from kpopnet.extraction.floor import Floor, find_floor, refit_floor
 from kpopnet.extraction.stationary import find_stationary_person, stands_out
+from kpopnet.human import Human
 
 MAX_STEP_M = np.float32(0.1)
 """A body's surface moves less than this along the optical axis from one image to the next."""
@@ -43,9 +43,6 @@ MIN_COMPONENT_PX = 6
 
 SAME_PLACE_M = 0.3
 """A person found standing, whose track a moving person replaced, gets the identity back within this distance, in metres."""
-
-MARGIN_PX = 2
-"""Empty pixels around a human in their box: the ridge needs them."""
 
 FLOOR_SEARCH_INTERVAL = 30
 """Images from one search for the floor to the next, while no floor is known."""
@@ -88,36 +85,6 @@ class HumanExtractionConfig:
             value = getattr(self, name)
             if not 0 <= value < math.inf:
                 raise InputError(f"extraction.{name} must be a finite number of at least 0, not {value}")
-
-
-@dataclass(frozen=True)
-class Human:
-    """One human in one image.
-
-    Attributes:
-        identity: the same number for the same human in all images.
-        box: x0, y0, x1, y1 in pixels, the last two exclusive; it includes two empty pixels around the human, except at
-            the image border.
-        depth_m: (y1 - y0, x1 - x0) float32 metres, the depth of this human only, 0 elsewhere.
-        centre_m: (3,) float32 mean of the visible surface points, camera frame, metres.
-    """
-
-    identity: int
-    box: tuple[int, int, int, int]
-    depth_m: np.ndarray
-    centre_m: np.ndarray
-
-    def whole(self, camera: Camera) -> np.ndarray:
-        """(H, W) float32 metres: the full image with the depth of this human only, 0 elsewhere."""
-        x0, y0, x1, y1 = self.box
-        depth_m = np.zeros((camera.height, camera.width), np.float32)
-        depth_m[y0:y1, x0:x1] = self.depth_m
-        return depth_m
-
-    def cropped(self, camera: Camera) -> Camera:
-        """The camera of `depth_m`, given the camera of the full image."""
-        x0, y0, x1, y1 = self.box
-        return camera.cropped(x0, y0, x1 - x0, y1 - y0)
 
 
 class Frame(NamedTuple):
@@ -337,18 +304,5 @@ class HumanExtractor:
             remove_person(self._background, depth, person, self.camera.fx)
 
     def _human(self, number: int, track: Track, silhouette: np.void) -> Human:
-        x0, y0, x1, y1 = silhouette["box"].tolist()
-        x0, y0 = max(x0 - MARGIN_PX, 0), max(y0 - MARGIN_PX, 0)
-        x1, y1 = min(x1 + MARGIN_PX, self.camera.width), min(y1 + MARGIN_PX, self.camera.height)
-        depth_m = _depth_of_person(self._now.depth, self._now.owner, number, x0, y0, x1, y1)
-        return Human(track.identity, (x0, y0, x1, y1), depth_m, silhouette["centre_m"].copy())
-
-
-@njit(cache=True)
-def _depth_of_person(depth, owner, number, x0, y0, x1, y1):
-    person = np.empty((y1 - y0, x1 - x0), np.float32)
-    for y in range(y0, y1):
-        row, owner_row, out = depth[y], owner[y], person[y - y0]
-        for x in range(x0, x1):
-            out[x - x0] = row[x] if owner_row[x] == number else np.float32(0)
-    return person
+        box, centre_m = silhouette["box"], silhouette["centre_m"]
+        return Human.cut_out(track.identity, self._now.depth, self._now.owner, number, box, centre_m)

@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter1d
 from kpopnet.camera import Camera, sequence_in_metres
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate, Estimator
-from kpopnet.extraction import Human
+from kpopnet.human import Human
 from kpopnet.skeleton import MIRROR
 from kpopnet.tracker.body_estimate import BodyEstimate
 from kpopnet.tracker.confidence import REFINED_WEIGHTS, probability

@@ -22,6 +22,7 @@ LIMITS = {  # what the project promises: at least, at most
     "ridge.vs_distance_transform": (None, 4),
     "tracker.fps": (500, None),
     "extraction.frame_ms": (None, 0.6),
+    "paper_extraction.frame_ms": (None, 3.3),
     "network.path_fps": (100, None),
     "dance.online_ms_p95": (None, 2),
     "synth.cpu_vs_gl": (1, None),

@@ -3,7 +3,8 @@ import pytest
 from extraction_scenes import CAMERA, compose, iou, noisy, room, shifted, standing
 
 from kpopnet.errors import InputError
-from kpopnet.extraction import Human, HumanExtractionConfig, HumanExtractor, extract_person
+from kpopnet.extraction import HumanExtractionConfig, HumanExtractor, extract_person
+from kpopnet.human import Human
 
 EMPTY_ROOM = room((4, 40, 34, 100, 3.4), (110, 50, 140, 98, 3.5))
 

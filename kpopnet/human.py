@@ -1,0 +1,61 @@
+"""A person found in a depth image: what every way of finding people answers."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kpopnet.camera import Camera
+
+MARGIN_PX = 2
+"""Empty pixels around a human in their box: the ridge needs them."""
+
+
+@dataclass(frozen=True)
+class Human:
+    """One human in one image.
+
+    Attributes:
+        identity: the same number for the same human in all images.
+        box: x0, y0, x1, y1 in pixels, the last two exclusive; it includes MARGIN_PX empty pixels around the human, except at
+            the image border.
+        depth_m: (y1 - y0, x1 - x0) float32 metres, the depth of this human only, 0 elsewhere.
+        centre_m: (3,) float32 mean of the visible surface points, camera frame, metres.
+    """
+
+    identity: int
+    box: tuple[int, int, int, int]
+    depth_m: np.ndarray
+    centre_m: np.ndarray
+
+    @classmethod
+    def cut_out(
+        cls, identity: int, depth_m: np.ndarray, labels: np.ndarray, label: int, box: np.ndarray, centre_m: np.ndarray
+    ) -> "Human":
+        """The human whose pixels have a label.
+
+        Args:
+            identity: see the attributes.
+            depth_m: (H, W) float32 metres, the whole image.
+            labels: (H, W) integers, the label of every pixel.
+            label: that of the human.
+            box: (4,) x0, y0, x1, y1 of these pixels, without a margin.
+            centre_m: see the attributes.
+        """
+        height, width = depth_m.shape
+        x0, y0 = np.maximum(box[:2] - MARGIN_PX, 0).tolist()
+        x1, y1 = np.minimum(box[2:] + MARGIN_PX, (width, height)).tolist()
+        inside = np.s_[y0:y1, x0:x1]
+        person_m = np.where(labels[inside] == label, depth_m[inside], np.float32(0))
+        return cls(identity, (x0, y0, x1, y1), person_m, centre_m.copy())
+
+    def whole(self, camera: Camera) -> np.ndarray:
+        """(H, W) float32 metres: the full image with the depth of this human only, 0 elsewhere."""
+        x0, y0, x1, y1 = self.box
+        depth_m = np.zeros((camera.height, camera.width), np.float32)
+        depth_m[y0:y1, x0:x1] = self.depth_m
+        return depth_m
+
+    def cropped(self, camera: Camera) -> Camera:
+        """The camera of `depth_m`, given the camera of the full image."""
+        x0, y0, x1, y1 = self.box
+        return camera.cropped(x0, y0, x1 - x0, y1 - y0)

@@ -1,0 +1,116 @@
+"""Human extraction as the paper describes it (section 2.1, Algorithm 1), one image at a time.
+
+Its limits: the camera does not move, a person is found when they move, and people and furniture that touch are one object.
+
+Choices where the paper is silent or wrong; `floor` has those of the floor:
+
+- The box ends with the labels of the objects: what it calls human identification is the second pass of the labelling. Human
+  detection and identification are in the text alone.
+- The text sums depth differences in the bounding box of an object. A wall, in whose box people move, would be human, and
+  approach and retreat cancel. Here only an object's own pixels count, where they are nearer than in the image before.
+- A sum of differences grows with the distance of the wall behind. Here every such pixel counts with its area on the object.
+- The text finds humans in each image anew, so one who stops is lost. Here the nearest object stays that human.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from kpopnet.camera import Camera, depth_in_metres
+from kpopnet.errors import InputError
+from kpopnet.human import Human
+from kpopnet.paper_extraction.floor import find_floor, remove_floor
+from kpopnet.paper_extraction.objects import label_components, measure_objects
+
+MAX_STEP_M = 0.3
+"""The centre of a human moves less than this from one image to the next."""
+
+
+@dataclass(frozen=True)
+class PaperExtractionConfig:
+    """Thresholds of Algorithm 1; the paper gives no numbers.
+
+    Attributes:
+        delta_f_m: points less than this above the floor are floor, in metres.
+        epsilon_z_m: neighbouring pixels belong to one object if their depths differ by less than this, in metres; it grows with
+            the squared depth (`objects.EPSILON_Z_PER_M2`).
+        epsilon_m_m2: an object is human if more than this area of it has moved, in square metres; smaller objects are noise.
+    """
+
+    delta_f_m: float = 0.03
+    epsilon_z_m: float = 0.03
+    epsilon_m_m2: float = 0.02
+
+    def __post_init__(self) -> None:
+        for name in ("delta_f_m", "epsilon_z_m", "epsilon_m_m2"):
+            if not 0 <= (value := getattr(self, name)) < math.inf:
+                raise InputError(f"extraction.{name} must be a finite number of at least 0, not {value}")
+
+
+class PaperExtractor:
+    """Finds people in the depth images of a camera that does not move: each image once, in order."""
+
+    def __init__(self, camera: Camera, config: PaperExtractionConfig = PaperExtractionConfig()) -> None:
+        self.camera, self.config = camera, config
+        self._intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
+        self._before_m = np.zeros((camera.height, camera.width), np.float32)
+        self._floor: np.ndarray | None = None
+        self._centres_m: dict[int, np.ndarray] = {}
+        self._num_identities = 0
+
+    def extract(self, depth_m: np.ndarray) -> list[Human]:
+        """Algorithm 1: the people in the next image.
+
+        Args:
+            depth_m: (H, W) float metres or uint16 millimetres, 0 where nothing was measured; neither changed nor kept.
+
+        Returns:
+            The visible people, in the order in which they were first found; none in the first image or an empty one.
+
+        Raises:
+            InputError: not one depth image of the camera's size.
+        """
+        depth_m = depth_in_metres(depth_m, self.camera)
+        if depth_m.ndim != 2:
+            raise InputError(f"depth image: expected shape (H, W), got {depth_m.shape}; pass one image per call")
+        if not depth_m.any():
+            return []
+        config = self.config
+        # Floor removal
+        self._floor = find_floor(depth_m, self.camera, config.delta_f_m, self._floor)
+        objects_m = depth_m if self._floor is None else remove_floor(depth_m, self.camera, self._floor, config.delta_f_m)
+        # 3D connected components labelling
+        labels, count = label_components(objects_m, config.epsilon_z_m)
+        # Human detection
+        objects = measure_objects(labels, count, depth_m, self._before_m, self._intrinsics, config.epsilon_z_m)
+        is_human = objects["moved_m2"] > config.epsilon_m_m2
+        # Human identification
+        humans = self._identify(objects, is_human)
+        self._before_m = depth_m
+        self._centres_m = {identity: objects["centre_m"][label] for identity, label in humans.items()}
+        return [
+            Human.cut_out(identity, depth_m, labels, label, objects["box"][label], objects["centre_m"][label])
+            for identity, label in sorted(humans.items())
+        ]
+
+    def _identify(self, objects: np.ndarray, is_human: np.ndarray) -> dict[int, int]:
+        """The label of each human by identity: that of the nearest human in the image before, or a new one.
+
+        Objects that moved come first, and among them those nearest to a human; an object that did not move is no new human.
+        """
+        pairs = []
+        for label in np.flatnonzero(objects["area_m2"] > self.config.epsilon_m_m2).tolist():
+            for identity, centre_m in self._centres_m.items():
+                distance_m = float(np.linalg.norm(objects["centre_m"][label] - centre_m))
+                if distance_m < MAX_STEP_M:
+                    pairs.append((not is_human[label], distance_m, identity, label))
+        humans: dict[int, int] = {}
+        for _, _, identity, label in sorted(pairs):
+            if identity not in humans and label not in humans.values():
+                humans[identity] = label
+        for label in np.flatnonzero(is_human).tolist():
+            if label not in humans.values():
+                humans[self._num_identities] = label
+                self._num_identities += 1
+        return humans

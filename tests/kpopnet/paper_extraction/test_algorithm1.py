@@ -1,0 +1,158 @@
+"""Algorithm 1 on scenes of which every pixel's owner is known."""
+
+import numpy as np
+import pytest
+from extraction_scenes import CAMERA, compose, iou, noisy, room, shifted, standing
+
+from kpopnet.camera import Camera
+from kpopnet.errors import InputError
+from kpopnet.human import Human
+from kpopnet.paper_extraction import PaperExtractionConfig, PaperExtractor
+
+EMPTY_ROOM = room((4, 40, 34, 100, 3.4), (110, 50, 140, 98, 3.5))
+WALK = list(range(-30, 12, 2))
+
+
+def extract_all(frames, camera: Camera = CAMERA) -> list[list[Human]]:
+    extractor = PaperExtractor(camera)
+    return [extractor.extract(frame) for frame in frames]
+
+
+def mask(human: Human) -> np.ndarray:
+    return human.whole(CAMERA) > 0
+
+
+def walking() -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Noisy images of a person who walks through a furnished room, and the person alone."""
+    people = [shifted(standing(), column) for column in WALK]
+    return [noisy(compose(EMPTY_ROOM, person), seed) for seed, person in enumerate(people)], people
+
+
+def test_a_noisy_empty_room_shows_no_person():
+    assert not any(extract_all(noisy(EMPTY_ROOM, seed) for seed in range(60)))
+
+
+def test_a_person_is_found_when_they_move_and_kept_when_they_stop():
+    columns = [-20] * 10 + list(range(-20, 10, 2)) + [10] * 30
+    people = [shifted(standing(), column) for column in columns]
+    found = extract_all(noisy(compose(EMPTY_ROOM, person), seed) for seed, person in enumerate(people))
+    assert not any(found[:10])
+    for humans, person in zip(found[12:], people[12:], strict=True):
+        (human,) = humans
+        assert human.identity == 0 and iou(mask(human), person > 0) > 0.95
+
+
+def test_two_who_walk_keep_their_identities():
+    near = [shifted(standing(2.5), -20 - 2 * step) for step in range(14)]
+    far = [shifted(standing(3.2, arms_deg=-30.0), 20 + 2 * step) for step in range(14)]
+    found = extract_all(noisy(compose(room(), *pair), seed) for seed, pair in enumerate(zip(near, far, strict=True)))
+    owners = set()
+    for humans, pair in zip(found[2:], zip(near[2:], far[2:], strict=True), strict=True):
+        assert len(humans) == 2
+        owners.add(tuple(max(humans, key=lambda human: iou(mask(human), person > 0)).identity for person in pair))
+    assert owners in ({(0, 1)}, {(1, 0)})
+
+
+def test_people_who_touch_are_one_object_and_one_human():
+    left = [shifted(standing(arms_deg=0.0), -column) for column in range(50, 20, -2)]
+    right = [shifted(standing(arms_deg=0.0), column) for column in range(50, 20, -2)]
+    found = extract_all(compose(room(), a, b) for a, b in zip(left, right, strict=True))
+    apart = [not ((a > 0) & (b > 0)).any() for a, b in zip(left, right, strict=True)]
+    assert len(found[2]) == 2 and apart[2] and not apart[-1]
+    (human,) = found[-1]
+    assert iou(mask(human), (left[-1] > 0) | (right[-1] > 0)) > 0.95
+
+
+def test_a_human_who_leaves_and_another_who_comes_are_two():
+    columns = [*range(20, 120, 3), *[200] * 3, *range(-120, -20, 3)]
+    found = extract_all(compose(room(), shifted(standing(), column)) for column in columns)
+    away = columns.index(200)
+    assert {human.identity for humans in found[:away] for human in humans} == {0} and not any(found[away : away + 3])
+    assert [human.identity for human in found[-1]] == [1]
+
+
+def test_a_human_is_their_depth():
+    frames, people = walking()
+    human, person = extract_all(frames)[-1][0], people[-1]
+    inside = mask(human)
+    assert np.array_equal(human.whole(CAMERA)[inside], frames[-1][inside])
+    assert human.centre_m == pytest.approx(CAMERA.points(human.whole(CAMERA))[inside].mean(axis=0), abs=1e-3)
+    x0, y0, x1, y1 = human.box
+    rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
+    assert (x0, y0, x1, y1) == (columns[0] - 2, rows[0] - 2, columns[-1] + 3, rows[-1] + 3)
+    assert np.flatnonzero((person > 0).any(axis=1))[-1] - rows[-1] <= 2  # 3 cm of the feet are floor; a pixel is 2 cm
+
+
+def test_mirrored_images_give_mirrored_people():
+    frames, _ = walking()
+    mirrored = extract_all([frame[:, ::-1] for frame in frames], CAMERA.mirrored())
+    for humans, others in zip(extract_all(frames), mirrored, strict=True):
+        assert len(humans) == len(others)
+        assert all(iou(mask(a)[:, ::-1], mask(b)) > 0.99 for a, b in zip(humans, others, strict=True))
+
+
+def test_metres_and_millimetres_give_the_same_people_and_images_are_neither_kept_nor_changed():
+    millimetres = [np.rint(1000 * frame).astype(np.uint16) for frame in walking()[0]]
+    from_millimetres = extract_all(millimetres)
+    extractor, buffer = PaperExtractor(CAMERA), np.zeros(EMPTY_ROOM.shape)
+    for image_mm, humans in zip(millimetres, from_millimetres, strict=True):
+        buffer[:] = image_mm.astype(np.float32) / np.float32(1000)
+        given = buffer.copy()
+        same = extractor.extract(buffer)
+        assert np.array_equal(buffer, given)
+        buffer[:] = 1.0  # the camera writes its next image to the same memory
+        assert len(same) == len(humans)
+        for one, other in zip(same, humans, strict=True):
+            assert one.identity == other.identity and np.array_equal(one.whole(CAMERA), other.whole(CAMERA))
+    assert from_millimetres[-1]
+
+
+def test_an_empty_image_shows_no_person_and_leaves_the_next_its_identities():
+    frames, people = walking()
+    frames[12:14] = np.zeros_like(frames[0]), np.full_like(frames[0], np.nan)
+    found = extract_all(frames)
+    assert not found[12] and not found[13]
+    assert {human.identity for humans in found for human in humans} == {0}
+    assert iou(mask(found[-1][0]), people[-1] > 0) > 0.95
+
+
+def test_pixels_that_are_not_finite_count_as_not_measured():
+    frames, _ = walking()
+    holes = [np.random.default_rng(seed).random(frame.shape) < 0.02 for seed, frame in enumerate(frames)]
+    with_zeros = extract_all(np.where(hole, np.float32(0), frame) for frame, hole in zip(frames, holes, strict=True))
+    with_nan = extract_all(np.where(hole, np.float32(np.nan), frame) for frame, hole in zip(frames, holes, strict=True))
+    assert with_zeros[-1]
+    for humans, others in zip(with_zeros, with_nan, strict=True):
+        assert [human.depth_m.tobytes() for human in humans] == [human.depth_m.tobytes() for human in others]
+
+
+def test_a_camera_of_one_pixel_sees_nobody():
+    images = [np.full((1, 1), z, np.float32) for z in (3, 1, 0, 2)]
+    assert not any(extract_all(images, Camera.centred(100.0, 1, 1)))
+
+
+def test_an_image_of_noise_is_processed():
+    rng = np.random.default_rng(0)
+    frames = [rng.integers(0, 10_000, EMPTY_ROOM.shape).astype(np.uint16) for _ in range(4)]
+    assert not any(extract_all(frames))
+
+
+@pytest.mark.parametrize(
+    ("depth", "message"),
+    [
+        (np.zeros((120, 161), np.float32), "161x120"),
+        (np.zeros((2, 120, 160), np.float32), "one image per call"),
+        (np.zeros((120, 160), np.int8), "int8"),
+        ([[1.0]], "numpy array"),
+    ],
+)
+def test_input_that_is_no_depth_image_is_refused(depth, message):
+    with pytest.raises(InputError, match=message):
+        PaperExtractor(CAMERA).extract(depth)
+
+
+@pytest.mark.parametrize("name", ["delta_f_m", "epsilon_z_m", "epsilon_m_m2"])
+@pytest.mark.parametrize("value", [-0.1, float("nan"), float("inf")])
+def test_invalid_thresholds_are_refused_with_their_setting(name, value):
+    with pytest.raises(InputError, match=f"extraction.{name}"):
+        PaperExtractionConfig(**{name: value})
