@@ -59,6 +59,12 @@ def test_knees_tell_left_from_right():
         dance = performed(dance_joints_m(index))
         assert not knees_bend_backwards(dance) and not knees_bend_backwards(corrected(dance, "mirrored"))
         assert knees_bend_backwards(corrected(dance, "swapped")) and knees_bend_backwards(corrected(dance, "reflected"))
+    sideways = dance.joints_m.copy()  # knees that bend to neither front nor back say nothing
+    sideways[:, [Joint.RIGHT_HIP, Joint.LEFT_HIP]] = [[-0.1, 0, 3], [0.1, 0, 3]]
+    sideways[:, [Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER]] = [[-0.2, -0.5, 3], [0.2, -0.5, 3]]
+    sideways[:, [Joint.RIGHT_KNEE, Joint.LEFT_KNEE]] = [[-0.3, 0.4, 3], [0.3, 0.4, 3]]
+    sideways[:, [Joint.RIGHT_FOOT, Joint.LEFT_FOOT]] = [[-0.1, 0.8, 3], [0.1, 0.8, 3]]
+    assert not knees_bend_backwards(Performance(sideways, dance.times_s))
     unknown = dance.joints_m.copy()
     unknown[:, [Joint.LEFT_KNEE, Joint.RIGHT_KNEE]] = np.nan
     assert not knees_bend_backwards(Performance(unknown, dance.times_s))

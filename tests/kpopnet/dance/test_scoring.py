@@ -231,6 +231,15 @@ def test_online_scores_equal_offline_scores(scorer):
     assert posture == {end: windows[end].posture for end in posture}
 
 
+def test_copying_a_teacher_who_stands_still_earns_nothing_online_either():
+    """The teacher stands for four seconds, then dances; the learner stands throughout."""
+    teacher_m = np.concatenate([np.repeat(dance_joints_m(1)[:1], 120, axis=0), dance_joints_m(1)[:240]])
+    online = OnlineScorer(performed(teacher_m), OURS)
+    latest = [online.update(teacher_m[0], frame / FPS) for frame in range(len(teacher_m))][-1]
+    assert latest.so_far == pytest.approx(online.score_so_far().similarity)
+    assert latest.so_far < 5 and online.score_so_far().windows.similarity[0] > 99
+
+
 @EVERY
 def test_a_learner_who_joins_late_and_leaves_early_scores_the_same_online(scorer):
     teacher_m, frames = dance_joints_m(1), np.arange(100, 260)

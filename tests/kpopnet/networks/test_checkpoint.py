@@ -103,6 +103,8 @@ def test_wherever_a_run_is_killed_both_links_point_to_whole_checkpoints(tmp_path
             meta = load_network(run / link)[1]
             assert meta["step"] in (step, 3), (change, done)
             assert load_state(run / link)["step"] == meta["step"]
+        for visible in (run / "checkpoints").glob("step_*"):  # what is left of a removed one is hidden
+            assert load_network(visible) and load_state(visible), (change, done)
         found = resumable(run)
         assert found is not None or not steps
         if found:

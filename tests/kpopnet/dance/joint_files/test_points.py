@@ -54,6 +54,9 @@ def test_joints_face_the_camera_in_metres_for_any_unit_and_axes(made):
         {"heading_rad": -1.0, "z_up": True},
     ):
         np.testing.assert_allclose(joints_m(made(**options)), plain, atol=1e-4)
+    down = made() * [1, -1, -1], made()[..., [0, 2, 1]] * [1, 1, -1]  # y down, z down, both right-handed
+    for points in down:
+        np.testing.assert_allclose(joints_m(points), plain, atol=1e-4)
 
 
 def test_points_that_are_not_an_upright_person_are_rejected():
