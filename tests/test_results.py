@@ -48,6 +48,11 @@ def test_a_figure_is_held_to_its_digits():
     assert not results.states("98.8", 0.98749) and not results.states("2.46", 2.4651) and not results.states("0.97", 97)
 
 
+def test_every_figure_is_found_with_what_it_refers_to():
+    page = "12.3 % of 4.5 cm<!-- a:b/2 -->, 7<!-- c:d e/f-g -->; 60 dances, within 10 cm, 95 % intervals, `3 cm`"
+    assert list(results.referenced(page)) == [("12.3", ""), ("4.5", "a:b/2"), ("7", "c:d e/f-g")]
+
+
 def test_people_are_resampled_over_all_rows():
     """Two rows of six people; a person of many joints counts more, and a seed is no unit."""
     people = {

@@ -30,9 +30,8 @@ from kpopnet.runtime.atomic_write import atomic_path
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "results"
 PAGES = tuple(ROOT / name for name in ("README.md", "docs/results.md", "kpopnet/weights/MODEL_CARD.md"))
-"""Their tables are made from the files; every figure outside the tables, up to the comment UNREFERENCED, names its file."""
+"""Their tables are made from the files; every figure outside the tables names its file."""
 
-UNREFERENCED = "<!-- Below, "
 BLOCK = re.compile(r"(<!-- results: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 KEPT = (
     "map_10cm",
@@ -159,13 +158,13 @@ def filled(page: str) -> str:
 def referenced(page: str) -> Iterator[tuple[str, str]]:
     """Every percentage, length and difference outside the tables and the code, and what the comment behind it refers to.
 
-    The comment is `<!-- NAME:key/key -->`; "" without one. Limits (within 10 cm) and levels (95 % intervals) are no figures.
+    The comment is `<!-- NAME:key/key -->`; "" without one. It may stand behind a number without a unit too. Limits (within 10
+    cm) and levels (95 % intervals) are no figures.
     """
-    text = re.sub(r"```.*?```|`[^`\n]*`", "", BLOCK.sub("", page.partition(UNREFERENCED)[0]), flags=re.DOTALL)
-    figure = r"(?<!ithin )(?<!below )(?<!than )\b(\d+(?:\.\d+)?) (?:%|cm|points)(?! (?:bootstrap|interval))"
-    pattern = figure + r"(?:<!-- ([\w./:, ]+) -->)?"
-    for found in re.finditer(pattern, text):
-        yield found[1], found[2] or ""
+    text = re.sub(r"```.*?```|`[^`\n]*`", "", BLOCK.sub("", page), flags=re.DOTALL)
+    unit, comment = r" (?:%|cm|points)(?! (?:bootstrap|interval))", r"<!-- ([\w./:, -]+) -->"
+    for found in re.finditer(rf"(?<!ithin )(?<!below )(?<!than )\b(\d+(?:\.\d+)?)(?:{unit}(?:{comment})?|{comment})", text):
+        yield found[1], found[2] or found[3] or ""
 
 
 def figure(reference: str) -> float:
