@@ -20,7 +20,7 @@ def test_every_row_says_how_when_and_where_it_was_made():
         assert made["machine"] and made["benchmark"]["depth"] in ("real", "simulated")
         assert made["benchmark"]["failed_sequences"] == {}
         if made["benchmark"]["depth"] == "simulated":
-            assert f"benchmark.seed={made['benchmark']['seed']} " in made["commands"][0]
+            assert f"seed={made['benchmark']['seed']} " in made["commands"][0]
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
@@ -41,6 +41,21 @@ def test_every_figure_of_a_page_is_in_a_file(page):
     for shown, reference in results.referenced(page.read_text()):
         assert reference, f"{page.name}: {shown} names no file of results/"
         assert results.states(shown, results.figure(reference)), f"{page.name}: {shown} is not {reference}"
+
+
+def leaves(found, keys=()):
+    """The paths of all numbers in nested dicts and lists, as a reference writes them."""
+    if isinstance(found, dict | list):
+        for key, one in found.items() if isinstance(found, dict) else enumerate(found):
+            yield from leaves(one, (*keys, str(key)))
+    else:
+        yield "/".join(keys)
+
+
+def test_earlier_figures_are_kept_only_where_a_page_shows_them():
+    shown = {reference for page in results.PAGES for _, reference in results.referenced(page.read_text())}
+    kept = {name: one for name, one in results.load("earlier").items() if name not in ("commit", "date", "commands")}
+    assert {f"earlier:{path}" for path in leaves(kept)} <= shown
 
 
 def test_a_figure_is_held_to_its_digits():

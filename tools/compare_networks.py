@@ -15,7 +15,6 @@ import json
 import sys
 from dataclasses import replace
 from datetime import date
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -135,7 +134,7 @@ def compare(results: dict[str, PoseResults], ways: dict[str, list[str]], pairs: 
 
 def print_tables(title: str, found: dict[str, dict]) -> None:
     """A table in Markdown for each way and pair."""
-    print(f"\n{title}, (95 % interval of other trainings) [of other trainings and people], by training")
+    print(f"\n{title}, (95 % interval of other trainings) [of other trainings and units], by training")
     for name, groups in found.items():
         print(f"\n| {name} | within 10 cm | | mean error, cm | |\n|---|---|---|---|---|")
         for group, one in groups.items():
@@ -145,9 +144,11 @@ def print_tables(title: str, found: dict[str, dict]) -> None:
 def _cells(figure: dict, digits: int) -> str:
     if figure["value"] is None:
         return "- | -"
-    intervals = (figure[name] or (np.nan, np.nan) for name in ("other_trainings", "other_trainings_and_units"))
-    between = "({:.{d}f} to {:.{d}f}) [{:.{d}f} to {:.{d}f}]".format(*chain.from_iterable(intervals), d=digits)
-    return f"{figure['value']:.{digits}f} {between} | {', '.join(f'{one:.{digits}f}' for one in figure['by_training'])}"
+    trainings, units = figure["other_trainings"], figure["other_trainings_and_units"]
+    value = f"{figure['value']:.{digits}f}"
+    value += " ({:.{d}f} to {:.{d}f})".format(*trainings, d=digits) if trainings else ""
+    value += " [{:.{d}f} to {:.{d}f}]".format(*units, d=digits) if units else ""
+    return f"{value} | {', '.join(f'{one:.{digits}f}' for one in figure['by_training'])}"
 
 
 def measured(benchmark: Benchmark, ways: dict[str, list[str]], pairs: list[str], processes: int) -> dict[str, Any]:

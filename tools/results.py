@@ -19,6 +19,7 @@ import tomllib
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -41,9 +42,10 @@ KEPT = (
     "labelled_joints",
     "missing_joints",
     "sees_future",
+    "interval",
 )
-"""Figures of an estimator that a row's file keeps, beside those by person, by group of joints, of moving joints and in the
-labels' definition."""
+"""Figures of an estimator that a row's file keeps, beside those by group of joints, in the labels' definition and, where people
+are the unit, by person."""
 
 
 def rows() -> dict[str, dict]:
@@ -65,6 +67,7 @@ def make(name: str) -> None:
         subprocess.run([sys.executable, *words[1:]] if words[0] == "python" else words, cwd=ROOT, check=True)
     metrics = json.loads((ROOT / "outputs/results" / name / "metrics.json").read_text())
     commit = subprocess.run(["git", "rev-parse", "--short=12", "HEAD"], cwd=ROOT, check=True, capture_output=True, text=True)
+    by_person = metrics["benchmark"]["resampled"]["units"] == "people"
     found = {
         "row": name,
         "commands": known[name]["commands"],
@@ -72,7 +75,7 @@ def make(name: str) -> None:
         "date": datetime.now(UTC).date().isoformat(),
         "machine": _machine(),
         "benchmark": metrics["benchmark"],
-        "estimators": {label: _kept(one) for label, one in metrics["estimators"].items()},
+        "estimators": {label: _kept(one, by_person) for label, one in metrics["estimators"].items()},
     }
     with atomic_path(RESULTS / f"{name}.json") as path:
         path.write_text(json.dumps(found, indent=1) + "\n")
@@ -83,15 +86,16 @@ def _machine() -> str:
     return cpu[1] if cpu else platform.processor()
 
 
-def _kept(metrics: dict) -> dict:
+def _kept(metrics: dict, by_person: bool) -> dict:
     small = ("map_10cm", "mean_error_cm", "labelled_joints", "missing_joints", "moving_10cm", "moving_joints")
     kept = {name: metrics[name] for name in KEPT if name in metrics}
     kept["per_group"] = {name: {key: one[key] for key in small[:2]} for name, one in metrics["per_group"].items()}
-    kept["per_person"] = {name: {key: one[key] for key in small} for name, one in metrics["per_person"].items()}
+    if by_person:
+        kept["per_person"] = {name: {key: one[key] for key in small} for name, one in metrics["per_person"].items()}
     kept["calibration_error"] = metrics["confidence"].get("ece")
     kept["missed_by_cause"] = metrics.get("missed_by_cause")
     if "in_label_definition" in metrics:
-        kept["in_label_definition"] = _kept(metrics["in_label_definition"])
+        kept["in_label_definition"] = _kept(metrics["in_label_definition"], by_person)
     return kept
 
 
@@ -170,7 +174,7 @@ def referenced(page: str) -> Iterator[tuple[str, str]]:
 def figure(reference: str) -> float:
     """The number that NAME:key/key stands for: in results/NAME.json, by keys and places in lists."""
     name, _, keys = reference.partition(":")
-    found = load(name)
+    found: Any = load(name)
     for key in keys.split("/"):
         found = found[int(key)] if isinstance(found, list) else found[key]
     return found
