@@ -23,6 +23,7 @@ from kpopnet.evaluation.registry import BENCHMARKS, ESTIMATORS, MeanPoseConfig, 
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import save_checkpoint
 from kpopnet.networks.network import build_network
+from kpopnet.pose.extraction import extraction_name
 from kpopnet.programs.evaluate import EVALUATIONS
 from kpopnet.runtime.cpu import available_cores
 
@@ -97,6 +98,7 @@ def test_every_command_in_the_help_is_one(settings):
     assert EVALUATIONS.keys() < BENCHMARKS.keys() and config.benchmark.name in BENCHMARKS
     assert config.estimator or "kpop" in config.benchmark.name  # whose scores on true joints need none
     assert {type(one) for one in config.estimator.values()} <= kinds
+    assert extraction_name(config.extraction) == ("paper" if "extraction=paper" in settings else "current")
     if "+estimator/schema@estimator.straight=paper_tracker" in settings:
         found = {name: one.straightness for name, one in config.estimator.items()}
         assert found == {"paper_tracker": 0.7, "straight": 0.9}

@@ -20,9 +20,9 @@ from kpopnet.datasets.simulated import SimulatedBenchmark, SimulatedConfig
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator
 from kpopnet.evaluation.poses.confidence import WITHIN_M, Judged, calibration_error
-from kpopnet.extraction import extract_person
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.paper_tracker.tracker import CONFIDENCE_WEIGHTS, PaperTracker, PaperTrackerConfig
+from kpopnet.pose.extraction import extract_person
 from kpopnet.runtime.hydra_app import user_errors
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.tracker.confidence import REFINED_WEIGHTS, TRACKED_WEIGHTS, probability

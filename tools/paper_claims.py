@@ -26,9 +26,9 @@ import numpy as np
 from slow_motion import slowed
 
 from kpopnet.camera import CAMERAS
-from kpopnet.extraction.sequence import extract_person
 from kpopnet.paper_tracker.algorithm2 import Frame, State, candidates_of, track_frame
 from kpopnet.paper_tracker.tracker import PaperTracker, PaperTrackerConfig, on_surface
+from kpopnet.pose.extraction import extract_person
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.provenance import git_revision
 from kpopnet.skeleton import JOINT_GROUPS, JOINT_NAMES, NUM_JOINTS, PAPER_JOINTS, Joint

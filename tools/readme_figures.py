@@ -17,8 +17,8 @@ from kpopnet.dance.scoring import SCORERS, score_dance
 from kpopnet.datasets.dances.dance_set import open_set
 from kpopnet.datasets.protocol import evenly_spaced
 from kpopnet.evaluation.registry import BENCHMARKS
-from kpopnet.extraction import extract_person
 from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.pose.extraction import extract_person
 from kpopnet.pose.person import PersonEstimator
 from kpopnet.viz.drawing import ESTIMATED, TRUE, person_tile, save_png, sheet
 

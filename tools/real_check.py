@@ -25,8 +25,8 @@ from kpopnet.datasets.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
 from kpopnet.estimator import Estimator
 from kpopnet.evaluation.poses.definition import in_label_definition
 from kpopnet.evaluation.poses.metrics import fraction_within, joint_errors_m, mean_error_m
-from kpopnet.extraction import extract_person
 from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.pose.extraction import extract_person
 from kpopnet.skeleton import JOINT_GROUPS, NUM_JOINTS
 
 GROUPS = {"all": tuple(range(NUM_JOINTS)), **JOINT_GROUPS}

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from kpopnet.errors import InputError, check_seed
-from kpopnet.extraction import HumanExtractionConfig
+from kpopnet.pose.extraction import DEFAULT_EXTRACTION
 from kpopnet.runtime.cpu import available_cores, bounded_processes
 
 
@@ -23,7 +23,7 @@ class EvaluateConfig:
         seed: of the bootstrap and of the random example frames.
         processes: number of sequences that are evaluated at the same time. 0 means all cores, or one process where an
             estimator uses a GPU.
-        extraction: settings that segment the person in depth images of a whole scene.
+        extraction: settings of what finds people in depth images of whole scenes: extraction=paper is Algorithm 1.
         sweep: evaluate the first estimator also at every combination of the values of two of its settings, the rows and the
             columns of a table: sweep=table1, or +sweep.epsilon_m=[0.05,0.06] +sweep.r_m=[0.1,0.11].
         scorer: settings of each dance scorer by its name, for the benchmarks of dances.
@@ -35,11 +35,12 @@ class EvaluateConfig:
     sequences: int | None = None
     seed: int = 0
     processes: int = 0
-    extraction: HumanExtractionConfig = field(default_factory=HumanExtractionConfig)
+    extraction: Any = None
     sweep: dict[str, list[Any]] = field(default_factory=dict)
     scorer: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        self.extraction = self.extraction or DEFAULT_EXTRACTION
         if self.processes < 0:
             raise InputError(f"processes={self.processes}: expected 1 or more, or 0 for all cores")
         check_seed("seed", self.seed)

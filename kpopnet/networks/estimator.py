@@ -47,7 +47,7 @@ class NetworkEstimator:
             self._warned = True
             log.warning(
                 "%s: the depth shows a whole room, and a network expects one person and 0 elsewhere: its joints will be wrong; "
-                "extract the person first (kpopnet.extraction.extract_person)",
+                "extract the person first (kpopnet.pose.extraction.extract_person)",
                 self.name,
             )
         result = Estimate.missing(len(depth_m))

@@ -33,8 +33,8 @@ class PaperExtractionConfig:
 
     Attributes:
         delta_f_m: points less than this above the floor are floor, in metres.
-        epsilon_z_m: neighbouring pixels belong to one object if their depths differ by less than this, in metres; it grows with
-            the squared depth (`objects.EPSILON_Z_PER_M2`).
+        epsilon_z_m: neighbouring pixels belong to one object if their depths differ by less than this, in metres; the limit
+            grows with the squared depth.
         epsilon_m_m2: an object is human if more than this area of it has moved, in square metres; smaller objects are noise.
     """
 

@@ -5,15 +5,15 @@ from collections import Counter
 from collections.abc import Iterable
 from itertools import islice
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.errors import check_between
 from kpopnet.estimator import Estimator
-from kpopnet.extraction.extractor import HumanExtractor
 from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.pose.extraction import DEFAULT_EXTRACTION, Extractor, build_extractor
 from kpopnet.pose.person import MODES, DetectedPerson, TrackedPerson, check_mode, smoothed
 from kpopnet.skeleton import NUM_JOINTS
 
@@ -41,7 +41,9 @@ class PersonPose(NamedTuple):
 class PoseEstimator:
     """Estimates the joints of people in depth images of a camera that does not move."""
 
-    def __init__(self, network: Estimator | None, mode: str = "realtime", people: int = 1) -> None:
+    def __init__(
+        self, network: Estimator | None, mode: str = "realtime", people: int = 1, extraction: Any = DEFAULT_EXTRACTION
+    ) -> None:
         """Makes an estimator around a network; `load` is the short way.
 
         Args:
@@ -49,18 +51,24 @@ class PoseEstimator:
             mode: realtime; best: the network sees each frame in a mirror too, and `estimate` smooths over time; or tracker: the
                 body tracker, without a network.
             people: largest number of people to follow.
+            extraction: settings of what finds the people, of a type in `kpopnet.pose.extraction.EXTRACTIONS`.
 
         Raises:
             InputError: an unknown mode, or fewer than one person or more than MAX_PEOPLE.
         """
         check_mode(mode)
         check_between("people", people, 1, MAX_PEOPLE)
-        self.network, self.mode, self.people = network, mode, people
+        self.network, self.mode, self.people, self.extraction = network, mode, people, extraction
         self.reset()
 
     @classmethod
     def load(
-        cls, checkpoint: Path | str | None = None, mode: str = "realtime", people: int = 1, device: str = "cpu"
+        cls,
+        checkpoint: Path | str | None = None,
+        mode: str = "realtime",
+        people: int = 1,
+        device: str = "cpu",
+        extraction: Any = DEFAULT_EXTRACTION,
     ) -> "PoseEstimator":
         """Loads a network, where the mode needs one: a checkpoint's folder or an exported network, by default the one that
         comes with the package, on the device cpu or cuda.
@@ -69,11 +77,12 @@ class PoseEstimator:
             InputError: the network cannot be loaded, or a setting is wrong.
         """
         check_mode(mode)
-        return cls(NetworkEstimator(checkpoint, device=device) if MODES[mode].network else None, mode, people)
+        network = NetworkEstimator(checkpoint, device=device) if MODES[mode].network else None
+        return cls(network, mode, people, extraction)
 
     def reset(self) -> None:
         """Forgets the room and the people: the next image is the first of another recording."""
-        self._extractor: HumanExtractor | None = None
+        self._extractor: Extractor | None = None
         self._people: dict[int, DetectedPerson | TrackedPerson] = {}
 
     def update(self, depth: np.ndarray, camera: Camera) -> list[PersonPose]:
@@ -130,7 +139,7 @@ class PoseEstimator:
     def _found(self, depth: np.ndarray, camera: Camera, most: int) -> list[PersonPose]:
         if self._extractor is None or camera != self._extractor.camera:
             self.reset()
-            self._extractor = HumanExtractor(camera, expect_person=True)
+            self._extractor = build_extractor(camera, self.extraction)
         humans = {human.identity: human for human in self._extractor.extract(depth_in_metres(depth, camera))}
         for identity, person in self._people.items():
             if identity not in humans:

@@ -12,6 +12,10 @@ worst sequences in 3D. The training set's mean pose is always judged beside a ne
 for dances, of which it knows nothing.
 processes=0 evaluates on all cores; sequences=4 is a quick test.
 
+Who finds the people in raw rooms:
+
+    python evaluate.py benchmark=eval_sim extraction=paper                                          # Algorithm 1
+
 The paper's figures and Table 1, on simulated EVAL:
 
     python evaluate.py benchmark=eval_sim 'estimator=[tracker,network,tree_walk]' checkpoint=outputs/train/RUN/best \
@@ -53,12 +57,14 @@ from kpopnet.evaluation.people.report import evaluate_people
 from kpopnet.evaluation.poses.report import evaluate_poses
 from kpopnet.evaluation.registry import BENCHMARKS, ESTIMATORS
 from kpopnet.evaluation.report import Report, write
+from kpopnet.pose.extraction import EXTRACTIONS
 from kpopnet.runtime.atomic_write import naming
 from kpopnet.runtime.hydra_app import entry_point, register_schemas
 
 register_schemas("benchmark", {name: schema for name, (schema, _) in BENCHMARKS.items()})
 register_schemas("estimator", {name: schema for name, (schema, _) in ESTIMATORS.items()}, by_name=True)
 register_schemas("scorer", SCORERS, by_name=True)
+register_schemas("extraction", {name: schema for name, (schema, _) in EXTRACTIONS.items()})
 
 EVALUATIONS: dict[str, Callable[[EvaluateConfig, Path], Report]] = {
     "kpop": evaluate_dances,

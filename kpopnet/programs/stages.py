@@ -14,9 +14,9 @@ from tqdm import tqdm
 
 from kpopnet.camera import CAMERAS, sequence_in_metres
 from kpopnet.errors import InputError
-from kpopnet.extraction import extract_person
 from kpopnet.paper_tracker.algorithm2 import ridge_candidates
 from kpopnet.paper_tracker.tracker import PaperTracker, PaperTrackerConfig
+from kpopnet.pose.extraction import extract_person
 from kpopnet.programs.arguments import program_parser
 from kpopnet.ridge import RidgeConfig, ridge_stages
 from kpopnet.runtime.endings import user_errors

@@ -21,8 +21,8 @@ from kpopnet.evaluation.people.metrics import ALL, MatchedSequence, by_kind, cau
 from kpopnet.evaluation.registry import BestConfig, RealtimeConfig
 from kpopnet.evaluation.report import SIMULATED, Block, Report, interval_remarks, save_view
 from kpopnet.evaluation.values import Table, Value
-from kpopnet.extraction import HumanExtractionConfig
 from kpopnet.pose.estimator import MAX_PEOPLE, PersonPose, PoseEstimator
+from kpopnet.pose.extraction import DEFAULT_EXTRACTION, extraction_name
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
 from kpopnet.viz.drawing import Style, depth_rgb, draw_skeleton, enlarged, save_png, sheet, with_captions
@@ -78,15 +78,15 @@ Follow = Callable[[np.ndarray, Camera, float], list[PersonPose]]
 """(T, H, W) depth of a whole scene, its camera and the frames per second to all people found."""
 
 
-def follower(label: str, settings: Any) -> Follow:
+def follower(label: str, settings: Any, extraction: Any = DEFAULT_EXTRACTION) -> Follow:
     """What finds and follows people with an estimator's settings; raises InputError if these are for one person."""
     if isinstance(settings, TrackerEstimatorConfig):
         if settings != TrackerEstimatorConfig():
             raise InputError(f"estimator {label}: start, model and network are for one person; leave them out")
-        return PoseEstimator(None, "tracker", MAX_PEOPLE).estimate
+        return PoseEstimator(None, "tracker", MAX_PEOPLE, extraction).estimate
     if isinstance(settings, RealtimeConfig | BestConfig):
         mode = "realtime" if isinstance(settings, RealtimeConfig) else "best"
-        return PoseEstimator.load(settings.checkpoint, mode, MAX_PEOPLE, settings.device).estimate
+        return PoseEstimator.load(settings.checkpoint, mode, MAX_PEOPLE, settings.device, extraction).estimate
     raise InputError(f"estimator {label}: estimates one person; for several take 'estimator=[tracker]', realtime or best")
 
 
@@ -96,6 +96,7 @@ class PeopleEstimation:
 
     benchmark: PeopleSet
     settings: dict[str, Any]
+    extraction: Any
     _followers: dict[str, Timed] = field(default_factory=dict)
 
     def __call__(self, name: str) -> dict[str, MatchedSequence]:
@@ -103,7 +104,7 @@ class PeopleEstimation:
         for label, settings in self.settings.items():
             with stage(label):
                 if label not in self._followers:
-                    self._followers[label] = Timed(follower(label, settings))
+                    self._followers[label] = Timed(follower(label, settings, self.extraction))
                 people, seconds = self._followers[label](sequence.depth, sequence.camera, fps=sequence.fps)
                 joints_m = [one.joints_camera_m for one in people]
                 estimates_m = np.array(joints_m).reshape(len(people), len(sequence.depth), NUM_JOINTS, 3)
@@ -120,22 +121,23 @@ def evaluate_people(config: EvaluateConfig, folder: Path) -> Report:
     name = config.benchmark.name
     if config.scorer or config.sweep:
         raise InputError(f"benchmark={name}: scorer and sweep are for other benchmarks; leave them out")
-    if config.extraction != HumanExtractionConfig():
-        raise InputError(f"benchmark={name}: extraction.* is not used by estimators of several people; leave it out")
     if not config.estimator:
         raise InputError("estimator: expected at least one, for instance 'estimator=[tracker]'")
     for label, settings in config.estimator.items():
         follower(label, settings)
     benchmark = PeopleSet(config.benchmark)
-    work, names = PeopleEstimation(benchmark, config.estimator), evenly_spaced(benchmark.names, config.sequences)
+    work = PeopleEstimation(benchmark, config.estimator, config.extraction)
+    names = evenly_spaced(benchmark.names, config.sequences)
     matched, failed = engine.run(work, names, config.processes_at_work(), name)
     found = {label: by_kind([one[label] for one in matched.values()], config.seed) for label in config.estimator}
     main, count, in_set = next(iter(found)), len(matched), len(benchmark.names)
+    extraction = extraction_name(config.extraction)
     size = f"{count}{'' if count == in_set else f' of {in_set}'} sequences"
     remarks = [
         f"{name}: SIMULATED depth, compared with synthetic truth; {size}.",
         benchmark.about,
         SIMULATED,
+        f"The depth shows whole scenes: extraction={extraction} finds the people.",
         *(f"Left out because of an error: {name}: {reason}" for name, reason in failed.items()),
         *interval_remarks("sequences", count, ", in a row its own", min(one["sequences"] for one in found[main].values())),
     ]
@@ -145,7 +147,7 @@ def evaluate_people(config: EvaluateConfig, folder: Path) -> Report:
     blocks += [("text", DEFINITIONS), ("text", WHEN_JUDGED[name])]
     blocks += _sequence_blocks(benchmark, main, [one[main] for one in matched.values()], folder)
     described = {"name": name, "depth": "simulated", "about": benchmark.about, **benchmark.provenance}
-    described |= {"sequences": count, "sequences_in_set": in_set, "failed_sequences": failed}
+    described |= {"extraction": extraction, "sequences": count, "sequences_in_set": in_set, "failed_sequences": failed}
     metrics = {"estimator": main, **found[main][ALL], "benchmark": described, "estimators": found}
     return Report(f"kpopnet on {name}", remarks, blocks, tables, CLOCK, metrics)
 

@@ -104,8 +104,8 @@ def remarks(run: PoseRun) -> list[str]:
         lines.append(f"Partial evaluation: {chosen} of {in_set} sequences, evenly spaced; not a result on the whole set.")
     if run.extraction_fps is not None:
         lines.append(
-            f"The depth shows whole scenes: the person was segmented first, at {run.extraction_fps:.1f} frames per second. The "
-            "frames per second of the estimators exclude this step."
+            f"The depth shows whole scenes: extraction={run.extraction} segmented the person first, at "
+            f"{run.extraction_fps:.1f} frames per second. The frames per second of the estimators exclude this step."
         )
     for name in run.started_from_label:
         lines.append(f"{name} was given the first true pose of every sequence (start=label); it is not scored in that frame.")
@@ -144,6 +144,7 @@ def pose_metrics(run: PoseRun) -> dict:
             "failed_sequences": run.failed,
             "images_without_person": run.images_without_person,
             "started_from_label": run.started_from_label,
+            "extraction": run.extraction,
             "extraction_fps": run.extraction_fps,
             "resampled": run.resampled._asdict(),
         },

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from kpopnet.evaluation.poses.causes import missed_by_cause
 from kpopnet.evaluation.poses.confidence import evaluate_confidence
 from kpopnet.evaluation.poses.definition import in_label_definition
 from kpopnet.evaluation.poses.metrics import PoseResults, concatenated, difference, evaluate
-from kpopnet.extraction import HumanExtractionConfig, extract_person
+from kpopnet.pose.extraction import DEFAULT_EXTRACTION, extract_person, extraction_name
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class SequenceEstimation:
 
     benchmark: Benchmark
     estimators: dict[str, Estimator]
-    extraction: HumanExtractionConfig
+    extraction: Any = DEFAULT_EXTRACTION
     _timed: dict[str, Timed] = field(default_factory=dict)
 
     def __call__(self, name: str) -> EstimatedSequence:
@@ -55,7 +55,7 @@ class SequenceEstimation:
         depth_m, camera, truth_m = sequence.depth_m, sequence.camera, sequence.joints_camera_m
         if not sequence.is_segmented:
             with stage("extraction"):
-                depth_m, extraction_seconds = self._timed["extraction"](depth_m, camera, config=self.extraction)
+                depth_m, extraction_seconds = self._timed["extraction"](depth_m, camera, settings=self.extraction)
         frames = len(depth_m)
         yaw_rad = np.full(frames, np.nan, np.float32) if sequence.yaw_rad is None else sequence.yaw_rad
         results, seconds = {}, {}
@@ -100,8 +100,9 @@ class PoseRun:
         sequences_in_set: number of sequences of the benchmark, evaluated or not.
         images_without_person: number of frames without any depth, or in which no person was detected.
         started_from_label: names of the estimators that were given the first true pose of each sequence.
-        extraction_fps: frames per second of segmenting the person in whole scenes, done once for all estimators; None where
-            the depth of the set is segmented.
+        extraction: name of what segmented the person in whole scenes, once for all estimators; None where the depth of the set
+            is segmented.
+        extraction_fps: frames per second of that; None likewise.
     """
 
     benchmark: Benchmark
@@ -113,6 +114,7 @@ class PoseRun:
     sequences_in_set: int
     images_without_person: int
     started_from_label: list[str]
+    extraction: str | None = None
     extraction_fps: float | None = None
 
     @property
@@ -133,7 +135,7 @@ def run_benchmark(
     sequences: int | None = None,
     seed: int = 0,
     processes: int = 1,
-    extraction: HumanExtractionConfig | None = None,
+    extraction: Any = DEFAULT_EXTRACTION,
 ) -> PoseRun:
     """Runs every estimator on every sequence and computes the metrics.
 
@@ -143,14 +145,14 @@ def run_benchmark(
     Intervals resample people, with all of their sequences, so they hold for other people; rooms, where stills of several people
     share them; sequences, where people are unknown. With too few of them there is no interval.
 
-    The main estimator comes first. `sequences` are evenly spaced over the set, `seed` is the bootstrap's, and `extraction`
-    segments the person where the depth shows a whole scene.
+    The main estimator comes first. `sequences` are evenly spaced over the set, `seed` is the bootstrap's, and `extraction` are
+    the settings of what segments the person where the depth shows a whole scene.
 
     Raises:
         InputError: every sequence failed, no joint has a label, an estimator was given every label, or a process died.
     """
     names = benchmark.sequence_names()
-    work = SequenceEstimation(benchmark, estimators, extraction or HumanExtractionConfig())
+    work = SequenceEstimation(benchmark, estimators, extraction)
     found, failed = engine.run(work, evenly_spaced(names, sequences), processes, benchmark.name)
     parts = list(found.values())
     results = {label: concatenated([part.results[label] for part in parts]) for label in estimators}
@@ -174,6 +176,7 @@ def run_benchmark(
         sequences_in_set=len(names),
         images_without_person=sum(part.images_without_person for part in parts),
         started_from_label=[label for label, one in estimators.items() if starts_from_label(one)],
+        extraction=extraction_name(extraction) if extracted else None,
         extraction_fps=len(people) / max(sum(extracted), 1e-9) if extracted else None,
     )
 

@@ -11,7 +11,7 @@ from real_data import ITOP_FRAMES
 from kpopnet.datasets.itop import CAMERA, MAX_SEQUENCE_FRAMES, ItopBenchmark, ItopConfig, split_into_sequences
 from kpopnet.datasets.protocol import Origin
 from kpopnet.errors import InputError
-from kpopnet.extraction import extract_person
+from kpopnet.pose.extraction import extract_person
 from kpopnet.skeleton import Joint
 
 IDS = ["00_00007", "00_00008", "00_00009", "01_00000", "01_00001"]

@@ -6,7 +6,8 @@ from extraction_scenes import iou
 from real_data import REAL, UTD_MHAD
 
 from kpopnet.camera import Camera
-from kpopnet.extraction import HumanExtractor, extract_person
+from kpopnet.extraction import HumanExtractor
+from kpopnet.pose.extraction import extract_person
 from synth.scene.room import LIVING_ROOM
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 from synth.simulated.film import Shot, Take

@@ -3,7 +3,7 @@ import pytest
 from extraction_scenes import CAMERA, compose, iou, noisy, room, shifted, standing
 
 from kpopnet.errors import InputError
-from kpopnet.extraction import HumanExtractionConfig, HumanExtractor, extract_person
+from kpopnet.extraction import HumanExtractionConfig, HumanExtractor
 from kpopnet.human import Human
 
 EMPTY_ROOM = room((4, 40, 34, 100, 3.4), (110, 50, 140, 98, 3.5))
@@ -244,23 +244,3 @@ def test_input_that_is_no_depth_image_is_refused(depth, message):
 def test_invalid_thresholds_are_refused_with_their_setting(name, value):
     with pytest.raises(InputError, match=f"extraction.{name}"):
         HumanExtractionConfig(**{name: value})
-
-
-# A whole recording ------------------------------
-
-
-def test_the_person_of_a_recording_is_extracted_from_all_images():
-    frames, people = dance()
-    extracted = extract_person(np.array(frames), CAMERA, HumanExtractionConfig())
-    assert extracted.shape == (40, 120, 160) and extracted.dtype == np.float32
-    assert min(iou(a > 0, person > 0) for a, person in zip(extracted, people, strict=True)) > 0.85
-    measured = np.array(frames)
-    assert np.array_equal(extracted[extracted > 0], measured[extracted > 0])
-
-
-def test_of_two_people_the_one_present_longer_is_extracted():
-    columns = [200] * 15 + walk(75, 45) + [45] * 5 + walk(45, 80) + [200] * 5
-    stays = [shifted(standing(2.6), round(-40 + 8 * np.sin(0.3 * t))) for t in range(len(columns))]
-    frames = [compose(room(), a, shifted(standing(3.2), column)) for a, column in zip(stays, columns, strict=True)]
-    extracted = extract_person(np.array(frames), CAMERA)
-    assert min(iou(a > 0, person > 0) for a, person in zip(extracted, stays, strict=True)) > 0.9

@@ -17,7 +17,7 @@ from kpopnet.evaluation.people.metrics import NOBODY, MatchedSequence, by_kind, 
 from kpopnet.evaluation.people.report import evaluate_people, follower
 from kpopnet.evaluation.registry import MeanPoseConfig
 from kpopnet.evaluation.report import write
-from kpopnet.extraction import HumanExtractionConfig
+from kpopnet.paper_extraction import PaperExtractionConfig
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
 
 FRAMES = 10
@@ -187,9 +187,18 @@ def test_the_report_of_a_film_has_tables_pictures_and_figures(tmp_path: Path) ->
     assert "CLEAR MOT" in (tmp_path / "out" / "report.md").read_text()
     assert (tmp_path / "out" / "people.png").exists() and (tmp_path / "out" / "worst.png").exists()
     assert 'srcdoc="&lt;!doctype html' in (tmp_path / "out" / "report.html").read_text()
-    for given in ({"scorer": {"paper": None}}, {"extraction": HumanExtractionConfig(epsilon_z_m=0.05)}):
-        with pytest.raises(InputError, match="leave"):
-            evaluate_people(EvaluateConfig(benchmark, **given), tmp_path / "other")
+    assert metrics["benchmark"]["extraction"] == "current" and "extraction=current finds the people" in report.text()
+    with pytest.raises(InputError, match="leave"):
+        evaluate_people(EvaluateConfig(benchmark, scorer={"paper": None}), tmp_path / "other")
+
+
+def test_the_extraction_that_is_asked_for_finds_the_people(tmp_path: Path) -> None:
+    """In the first image nobody has moved, so Algorithm 1 finds nobody."""
+    write_two_people(tmp_path / "set", frames=1)
+    benchmark, estimator = SimulatedConfig("two_people", str(tmp_path / "set")), {"tracker": TrackerEstimatorConfig()}
+    config = EvaluateConfig(benchmark, estimator, processes=1, extraction=PaperExtractionConfig())
+    metrics = evaluate_people(config, tmp_path / "out").metrics
+    assert metrics["benchmark"]["extraction"] == "paper" and metrics["people_recall"] == 0 and metrics["false"] == 0
 
 
 def test_images_of_any_number_of_people_before_any_camera_are_reported(tmp_path: Path) -> None:

@@ -12,13 +12,13 @@ from kpopnet.datasets.protocol import Sequence
 from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
 from kpopnet.errors import InputError
 from kpopnet.evaluation.poses import run as run_module
-from kpopnet.evaluation.poses.report import remarks
+from kpopnet.evaluation.poses.report import pose_metrics, remarks
 from kpopnet.evaluation.poses.run import run_benchmark
-from kpopnet.extraction import HumanExtractionConfig
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import save_checkpoint
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.networks.network import build_network
+from kpopnet.paper_extraction import PaperExtractionConfig
 from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
 
 MEAN_POSE = MeanPoseEstimator(POSE_M - POSE_M.mean(axis=0))
@@ -139,13 +139,13 @@ def test_an_estimator_that_sees_the_future_is_named():
 
 
 def test_in_whole_scenes_the_person_is_segmented_once_for_every_estimator(monkeypatch):
-    def all_but_two_frames(depth_m, camera, config):
+    def all_but_two_frames(depth_m, camera, settings):
         calls.append(len(depth_m))
-        assert config is extraction
+        assert settings is extraction
         return np.where(np.arange(len(depth_m))[:, None, None] < FRAMES - 2, depth_m + 0, 0)
 
     calls: list[int] = []
-    extraction = HumanExtractionConfig(epsilon_z_m=0.05)
+    extraction = PaperExtractionConfig(epsilon_z_m=0.05)
     monkeypatch.setattr(run_module, "extract_person", all_but_two_frames)
     one, other = Off(), Off()
     run = run_benchmark(Films(is_segmented=False), {"one": one, "other": other}, extraction=extraction)
@@ -154,4 +154,12 @@ def test_in_whole_scenes_the_person_is_segmented_once_for_every_estimator(monkey
         assert [len(depth_m) for depth_m in estimator.given] == calls
         assert estimator.given[1][:-2].any() and not estimator.given[1][-2:].any()
     assert run.images_without_person == 6 and run.extraction_fps > 0
-    assert any("whole scenes: the person was segmented first" in line for line in remarks(run))
+    assert any("whole scenes: extraction=paper segmented the person first" in line for line in remarks(run))
+    assert pose_metrics(run)["benchmark"]["extraction"] == "paper"
+
+
+def test_segmented_depth_names_no_extraction():
+    run = run_benchmark(Films(), {"off": Off()}, extraction=PaperExtractionConfig())
+    described = pose_metrics(run)["benchmark"]
+    assert described["extraction"] is None and described["extraction_fps"] is None
+    assert not any("extraction" in line for line in remarks(run))

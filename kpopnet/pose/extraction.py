@@ -1,0 +1,76 @@
+"""The ways to find people in raw depth, by name, and the depth of the one person of a recording.
+
+A new one is a line of `EXTRACTIONS` and a file in configs/extraction/, whose `schema/NAME` stands for the settings.
+"""
+
+from collections import Counter
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Protocol
+
+import numpy as np
+
+from kpopnet.camera import Camera, sequence_in_metres
+from kpopnet.extraction import HumanExtractionConfig, HumanExtractor
+from kpopnet.human import Human
+from kpopnet.paper_extraction import PaperExtractionConfig, PaperExtractor
+
+
+class Extractor(Protocol):
+    """Finds people in the images of its camera: each image once, in order."""
+
+    camera: Camera
+
+    def extract(self, depth_m: np.ndarray) -> list[Human]:
+        """The people in the next (H, W) image in metres, in the order in which they were first found.
+
+        Raises InputError for anything but one depth image of the camera's size.
+        """
+        ...
+
+
+EXTRACTIONS: dict[str, tuple[type, Callable[[Camera, Any], Extractor]]] = {
+    "current": (HumanExtractionConfig, partial(HumanExtractor, expect_person=True)),
+    "paper": (PaperExtractionConfig, PaperExtractor),
+}
+"""Settings and builder of each. Each has a dataclass of its own, by which its builder is found."""
+
+DEFAULT_EXTRACTION = HumanExtractionConfig()
+
+
+def extraction_name(settings: Any) -> str:
+    """The name in `EXTRACTIONS` of these settings."""
+    return next(name for name, (schema, _) in EXTRACTIONS.items() if type(settings) is schema)
+
+
+def build_extractor(camera: Camera, settings: Any) -> Extractor:
+    """What finds people in the images of a camera, with these settings, of a type in `EXTRACTIONS`."""
+    _, builder = EXTRACTIONS[extraction_name(settings)]
+    return builder(camera, settings)
+
+
+def extract_person(depth_m: np.ndarray, camera: Camera, settings: Any = DEFAULT_EXTRACTION) -> np.ndarray:
+    """The depth of the one person of a recording.
+
+    Args:
+        depth_m: (T, H, W) float32 metres, 0 where nothing was measured.
+        camera: its camera.
+        settings: of a type in `EXTRACTIONS`, which chooses how the person is found.
+
+    Returns:
+        (T, H, W) float32 metres: the depth of that person only, 0 elsewhere. If several people are found, it is the one
+        found in most images; of equals, the one found first.
+
+    Raises:
+        InputError: not a sequence of depth images of the camera's size.
+    """
+    extractor = build_extractor(camera, settings)
+    found = [{human.identity: human for human in extractor.extract(image)} for image in sequence_in_metres(depth_m, camera)]
+    num_images = Counter(identity for humans in found for identity in humans)
+    person_m = np.zeros(depth_m.shape, np.float32)
+    if num_images:
+        person = min(num_images, key=lambda identity: (-num_images[identity], identity))
+        for image, humans in zip(person_m, found, strict=True):
+            if person in humans:
+                image[:] = humans[person].whole(camera)
+    return person_m
