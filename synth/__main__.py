@@ -13,6 +13,7 @@ or a simulated benchmark:
     python -m synth benchmark=eval_sim motion=clips motion.path=PACK out=data/eval_sim_clips
     python -m synth benchmark=smmc10_sim                            28 sequences, 0.3 GB, into data/smmc10_sim
     python -m synth benchmark=two_people                            24 sequences of two people, 0.2 GB, into data/two_people
+    python -m synth benchmark=rooms                                 65 films and 400 images of any room, into data/rooms
     python -m synth benchmark=kpop_sim                              100 dances, 400 learners, 3 GB, into data/kpop_sim
     python -m synth benchmark=kpop_sim benchmark.split=train out=data/kpop_train    other dances by other people
 
@@ -51,6 +52,7 @@ from synth.scene.scene import Scene
 from synth.sensor.model import SENSORS, SensorConfig
 from synth.simulated.eval_sim import EvalSim
 from synth.simulated.generator import SetGenerator
+from synth.simulated.rooms import Rooms
 from synth.simulated.smmc10_sim import Smmc10Sim
 from synth.simulated.two_people import TwoPeople
 
@@ -205,6 +207,7 @@ BENCHMARKS: dict[str, type[SetGenerator]] = {
     "eval_sim": EvalSim,
     "smmc10_sim": Smmc10Sim,
     "two_people": TwoPeople,
+    "rooms": Rooms,
     "kpop_sim": KpopSim,
 }
 """Each benchmark that can be simulated."""

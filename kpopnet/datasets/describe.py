@@ -72,8 +72,8 @@ def describe(path: Path) -> Iterator[str]:
         yield f"  python evaluate.py benchmark=kpop benchmark.path={folder}"
     else:
         config = SimulatedConfig(read_manifest(folder)["benchmark"], str(folder))
-        if config.name == "two_people":
-            yield from (PeopleSet(config).about, f"  python evaluate.py benchmark=two_people benchmark.path={folder}")
+        if config.name in ("two_people", "rooms"):
+            yield from (PeopleSet(config).about, f"  python evaluate.py benchmark={config.name} benchmark.path={folder}")
         else:
             yield from _sequences(SimulatedBenchmark(config), folder)
 

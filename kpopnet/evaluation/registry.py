@@ -102,6 +102,7 @@ BENCHMARKS: dict[str, tuple[type, Callable[[Any], Benchmark | KpopSet | PeopleSe
     "smmc10_sim": (SimulatedConfig, SimulatedBenchmark),
     "itop": (ItopConfig, ItopBenchmark),
     "two_people": (SimulatedConfig, PeopleSet),
+    "rooms": (SimulatedConfig, PeopleSet),
     "kpop": (KpopConfig, open_set),
     "kpop_sim": (KpopConfig, open_set),
 }

@@ -32,9 +32,10 @@ Its Table 2, dance scores against experts' order, on simulated dances (docs/danc
     python evaluate.py benchmark=kpop_sim 'estimator=[]' benchmark.dances=10 benchmark.dance=dance_007 'scorer=[raptis]'
     python evaluate.py benchmark=kpop benchmark.path=PATH 'estimator=[]'                            # docs/kpop_format.md
 
-People in films of two people:
+Everybody in films of two people, and in films and single images of any number of people in any room:
 
     python evaluate.py benchmark=two_people 'estimator=[tracker,realtime]'
+    python evaluate.py benchmark=rooms 'estimator=[realtime,best]'
 
 One kind of estimator may stand in a run under several names: configs/estimator/paper_tracker_depth.yaml is one; for another,
 write such a file, or give a name on the command line to settings that start from the defaults of their kind (it comes after
@@ -70,6 +71,7 @@ EVALUATIONS: dict[str, Callable[[EvaluateConfig, Path], Report]] = {
     "kpop": evaluate_dances,
     "kpop_sim": evaluate_dances,
     "two_people": evaluate_people,
+    "rooms": evaluate_people,
 }
 """What evaluates a benchmark, by its name, where it is not the joints of one person that are judged."""
 

@@ -24,7 +24,7 @@ from synth.samples.placing import Body
 from synth.samples.sampler import SampleConfig, Sampler
 from synth.scene.mesh import Mesh, boxes
 from synth.scene.props import held_by, is_sitting, seat_under
-from synth.scene.render import draw_mesh_m
+from synth.scene.render import draw_mesh_m, whole_px
 from synth.scene.room import View, overlaps_boxes
 
 MOST_PEOPLE = 6
@@ -131,7 +131,7 @@ class RoomScenes(Sampler):
         nearest_m = _nearest([draw_mesh_m(scene, mesh) for mesh in around.meshes], scene.camera)
         labels = np.zeros(nearest_m.shape, np.uint8)
         standing: list[_Standing] = []
-        joints_m, whole_px = [], []
+        joints_m, pixels = [], []
         # Eight scenes in a row show the same people: to dress one takes longer than to draw one.
         numbers = [index // 8 * MOST_PEOPLE + slot for slot in range(count)]
         generators = [self._rng("sample", index * MOST_PEOPLE + slot) for slot in range(count)]
@@ -147,8 +147,7 @@ class RoomScenes(Sampler):
             person_m = self.renderer.person_m()
             joints_world_m = scene.joints_world_m()
             joints_m.append(view.to_camera(joints_world_m))
-            alone_px = np.count_nonzero(person_m)
-            whole_px.append(alone_px / max(self._share_inside(body, place_m), 1e-3) if alone_px else 0.0)
+            pixels.append(whole_px(scene, Mesh(self.renderer.vertices_world_m(), scene.skin.faces)))
             things_m = []
             if raised_m and not alone:
                 things_m.append(draw_mesh_m(scene, _stage(own, body, place_m, raised_m)))
@@ -166,7 +165,7 @@ class RoomScenes(Sampler):
                 _put(nearest_m, labels, thing_m, 0)
             _put(nearest_m, labels, person_m, len(standing))
         joints_camera_m = np.array(joints_m, np.float32).reshape(-1, NUM_JOINTS, 3)
-        return ClearScene(nearest_m, labels, joints_camera_m, np.array(whole_px, np.float32), scene.camera, view)
+        return ClearScene(nearest_m, labels, joints_camera_m, np.array(pixels, np.float32), scene.camera, view)
 
     def _draw_surroundings(self, rng: np.random.Generator, view: View) -> Surroundings:
         width, far = rng.uniform(1.5, 5.0), rng.uniform(2.0, 9.0)
@@ -232,13 +231,6 @@ class RoomScenes(Sampler):
             if all(np.isin(cells, other.cells).mean() <= MOST_SHARED for other in standing):
                 return place_m
         return None
-
-    def _share_inside(self, body: Body, place_m: np.ndarray) -> float:
-        """The share of the body's vertices inside the image."""
-        camera = self.scene.camera
-        u, v, z = camera.project(self.scene.view.to_camera(body.vertices_m[::5] + place_m)).T
-        inside = (z > 0.1) & (u > -0.5) & (u < camera.width - 0.5) & (v > -0.5) & (v < camera.height - 0.5)
-        return float(inside.mean())
 
 
 def draw_camera(rng: np.random.Generator, most_px: tuple[int, int]) -> Camera:

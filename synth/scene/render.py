@@ -22,6 +22,9 @@ from synth.scene.scene import FAR_M, NEAR_M, ROOM_GROUP, Scene
 log = logging.getLogger(__name__)
 
 RENDERERS = ("auto", "gl", "cpu")
+MOST_BEYOND = 2
+"""`whole_px` counts pixels up to this many times the image's width and height beyond its borders."""
+
 EDGE_TOLERANCE = 1e-9
 """Slack of the barycentric inside test. A pixel centre on the common edge of two triangles belongs to one of them."""
 
@@ -167,6 +170,20 @@ def draw_mesh_m(scene: Scene, mesh: Mesh) -> np.ndarray:
     """(H, W) depth of a mesh in the world, as the scene's camera sees it, by the rasteriser. It needs no OpenGL."""
     points = _to_camera(mesh.vertices_m, scene.view.position_m, scene.view.rotation)
     return rasterise(points, mesh.faces, scene.camera)
+
+
+def whole_px(scene: Scene, mesh: Mesh) -> int:
+    """Pixels that a mesh in the world would have if the image reached MOST_BEYOND times its size beyond every border."""
+    camera = scene.camera
+    points = _to_camera(mesh.vertices_m, scene.view.position_m, scene.view.rotation)
+    size = np.array([camera.width, camera.height])
+    low, high = -MOST_BEYOND * size, (MOST_BEYOND + 1) * size  # the second one exclusive
+    if points[:, 2].min() > NEAR_M:  # what is behind the camera has no place in the image
+        uv = camera.project(points)[:, :2]
+        low = np.clip(np.floor(uv.min(axis=0)).astype(int), low, high - 1)
+        high = np.clip(np.ceil(uv.max(axis=0)).astype(int) + 1, low + 1, high)
+    around = camera.cropped(*low.tolist(), *(high - low).tolist())
+    return int(np.count_nonzero(rasterise(points, mesh.faces, around)))
 
 
 def box_mesh(scene: Scene) -> Mesh:

@@ -5,7 +5,7 @@ between the walls and clear of the furniture. So the motion is first applied to 
 position in a room is searched for afterwards (`Studio.place`).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -179,7 +179,7 @@ class Studio:
         (first, last), hull_m = standing_room_m(take.room), take.played.hull_m[:, :2] + take.place_m[:2]
         if (hull_m < first).any() or (hull_m > last).any():
             return False
-        return not _collides(take.room, take.played.skin_m + take.place_m) and not self._is_occluded(take, room_m)
+        return not collides(take.room, take.played.skin_m + take.place_m) and not self._is_occluded(take, room_m)
 
     def place_in_rooms(
         self, rng: np.random.Generator, played: Played, view_config: ViewConfig, rooms: int, furniture: tuple[Furniture, ...]
@@ -202,10 +202,8 @@ class Studio:
 
     def _is_occluded(self, take: Take, room_m: np.ndarray) -> bool:
         """Whether furniture occludes the person in any of the tested frames."""
-        played = take.played
-        self._set_person(played.person)
-        for frame in range(0, len(played), _OCCLUSION_STRIDE):
-            self.scene.pose(played.local[frame], played.hips_m[frame] + take.place_m)
+        for frame in range(0, len(take), _OCCLUSION_STRIDE):
+            self.pose(take.played, frame, take.place_m)
             person_m = self.renderer.person_m()
             occluded = (person_m > 0) & (room_m > 0) & (room_m < person_m)
             # The floor under the feet is not furniture: by rounding, it may occlude the last millimetre of a sole.
@@ -228,13 +226,10 @@ class Studio:
 
     def render(self, take: Take, frames: range) -> Iterator[CleanFrame]:
         """Renders frames of a take without noise. The scene keeps the pose of a frame until the next one is requested."""
-        scene, played = self.scene, take.played
-        self._set_person(played.person)
-        scene.set_view(take.view)
-        scene.set_room(take.room)
-        room_m = self.renderer.room_m()
+        scene = self.scene
+        room_m = self.furnish(take.room, take.view)
         for number in frames:
-            scene.pose(played.local[number], played.hips_m[number] + take.place_m)
+            self.pose(take.played, number, take.place_m)
             joints_m = take.view.to_camera(scene.joints_world_m()).astype(np.float32)
             yield CleanFrame(number, self.renderer.person_m(), room_m, joints_m)
 
@@ -251,6 +246,11 @@ class Studio:
                 markers_camera_m=take.view.to_camera(skin_m[list(MARKERS.values())]).astype(np.float32),
                 markers_tracked=tracked_markers(skin_m, take.place_m),
             )
+
+    def pose(self, played: Played, number: int, place_m: np.ndarray) -> None:
+        """Poses the person of a motion as in frame `number`, moved by (3,) metres in the world."""
+        self._set_person(played.person)
+        self.scene.pose(played.local[number], played.hips_m[number] + place_m)
 
     def _set_person(self, person: Person) -> None:
         if self.scene.person is not person:
@@ -285,6 +285,24 @@ def measure_frame(
     return depth_m, labels == PERSON
 
 
+def nearest_surfaces(room_m: np.ndarray, people_m: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """(H, W) depth of what is nearest, metres, and (H, W) uint8 labels: ROOM, or for person k PERSON + k.
+
+    From (H, W) depths of the room and of each person alone, metres, 0 without a surface.
+    """
+    depth_m, labels = room_m.copy(), np.full(room_m.shape, ROOM, np.uint8)
+    for label, person_m in enumerate(people_m, PERSON):
+        nearer = (person_m > 0) & ((depth_m == 0) | (person_m <= depth_m))
+        depth_m[nearer], labels[nearer] = person_m[nearer], label
+    return depth_m, labels
+
+
+def on_stage(place_m: tuple[float, float], yaw_rad: float) -> np.ndarray:
+    """(3,) position from the middle of a stage turned to the left, world frame, metres: z of the place faces the camera."""
+    (x, z), cos, sin = place_m, np.cos(yaw_rad), np.sin(yaw_rad)
+    return np.array([cos * x + sin * z, sin * x - cos * z, 0.0])
+
+
 def standing_room_m(room: Room) -> tuple[np.ndarray, np.ndarray]:
     """The corners (2,) x and y of the floor on which people may be: clear of walls and within DISTANCE_RANGE_M, metres."""
     back, left, right = room.clear_m()
@@ -293,7 +311,7 @@ def standing_room_m(room: Room) -> tuple[np.ndarray, np.ndarray]:
     return first, last
 
 
-def _collides(room: Room, points_world_m: np.ndarray) -> bool:
+def collides(room: Room, points_world_m: np.ndarray) -> bool:
     """Whether any of (N, 3) points lies inside a piece of furniture or within FURNITURE_CLEARANCE_M of it."""
     furniture = (array[ROOM_BOXES:] for array in (room.centres_m, room.halves_m, room.yaws_rad))
     for centre, half, yaw in zip(*furniture, strict=True):

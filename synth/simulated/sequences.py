@@ -109,9 +109,8 @@ class SequenceGenerator(SetGenerator):
         """The kind of motion in sequence `index`."""
         return "recorded" if self.motion.source == "clips" else self.kinds[index % len(self.kinds)]
 
-    def stacked(self, index: int, frames: int | None, on_frame: Callable[[], None]) -> dict[str, np.ndarray]:
-        """The fields of the first shots of sequence `index`, by name, with a first axis of T frames."""
-        take = self.take(index)
+    def stacked(self, index: int, take: Any, frames: int | None, on_frame: Callable[[], None]) -> dict[str, np.ndarray]:
+        """The fields of the first shots of sequence `index`, or of all, by name, with a first axis of T frames."""
         shots = []
         for shot in self.shots(index, take, range(len(take) if frames is None else min(frames, len(take)))):
             shots.append(shot)
@@ -143,18 +142,25 @@ class SequenceGenerator(SetGenerator):
 
     def contact_sheet(self, folder: Path, manifest: dict) -> np.ndarray:
         """RGB image: a row for each sequence, TILES frames at even distances, with the true skeletons."""
-        width_px, rows = TILE_WIDTH_PX if self.camera.width >= self.camera.height else TILE_PORTRAIT_PX, []
+        rows = []
         for path in (self.path(folder, index) for index in range(manifest["sequences"])):
             if not path.exists():
                 continue
-            stored, tiles = read_sequence(path), []
-            for number in np.linspace(0, len(stored.depth) - 1, TILES).astype(int).tolist():
-                image = enlarged(depth_rgb(depth_in_metres(stored.depth[number])), width_px)
-                for person_m in stored.joints_m[number]:
-                    draw_skeleton(image, person_m, self.camera, TRUE)
-                tiles.append(with_captions(image, (f"frame {number}",)))
+            stored = read_sequence(path)
+            numbers = np.linspace(0, len(stored.depth) - 1, TILES).astype(int).tolist()
+            tiles = [frame_tile(stored, number, f"frame {number}") for number in numbers]
             rows.append((f"{path.stem}: {stored.kind}, {len(stored.depth)} frames", tiles))
         return sheet(rows, (TRUE,), f"SIMULATED, {manifest['benchmark']}, seed {manifest['seed']}: depth and true joints")
+
+
+def frame_tile(stored: StoredSequence, number: int, caption: str) -> np.ndarray:
+    """RGB image of one frame with the true skeletons and a caption."""
+    camera = stored.camera
+    width_px = TILE_WIDTH_PX if camera.width >= camera.height else TILE_PORTRAIT_PX
+    image = enlarged(depth_rgb(depth_in_metres(stored.depth[number])), width_px)
+    for person_m in stored.joints_m[number]:
+        draw_skeleton(image, person_m, camera, TRUE)
+    return with_captions(image, (caption,))
 
 
 def penetrates_itself(played: Played, standing_frames: int) -> bool:
@@ -214,7 +220,7 @@ class StandIn(SequenceGenerator):
 
     def film(self, index: int, frames: int | None = None, on_frame: Callable[[], None] = lambda: None) -> Film:
         """The first frames of sequence `index`, or all of them."""
-        return Film(**self.stacked(index, frames, on_frame), camera=self.camera)
+        return Film(**self.stacked(index, self.take(index), frames, on_frame), camera=self.camera)
 
     def truth_m(self, film: Film, markers_m: np.ndarray) -> np.ndarray:
         """(T, 15, 3) float32 metres: what the set gives as true joints, NaN where they are unknown.

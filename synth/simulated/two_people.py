@@ -19,7 +19,7 @@ from synth.samples.observe import LIMB_ENDS
 from synth.scene.room import DANCE_HALL, ViewConfig, draw_room, draw_view
 from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS, SensorConfig, measure_labelled
-from synth.simulated.film import ROOM, CleanFrame, Played, Studio, Take
+from synth.simulated.film import PERSON, CleanFrame, Played, Studio, Take, nearest_surfaces, on_stage
 from synth.simulated.sequences import HEADING_STD_DEG, Selection, SequenceGenerator, penetrates_itself
 
 FPS = 30.0
@@ -109,7 +109,7 @@ class TwoPeople(SequenceGenerator):
     def _nearest_m(self, cast: list[Played], roles: tuple[Role, Role]) -> float:
         """The least distance between a joint of the one and a joint of the other in the same frame, metres."""
         first, second = (
-            studio.joints_world_m(played.person, played.local, played.hips_m + _on_stage(role.place_m, 0.0))
+            studio.joints_world_m(played.person, played.local, played.hips_m + on_stage(role.place_m, 0.0))
             for studio, played, role in zip(self.studios, cast, roles, strict=True)
         )
         return float(np.linalg.norm(first[:, :, None] - second[:, None], axis=-1).min())
@@ -123,7 +123,7 @@ class TwoPeople(SequenceGenerator):
                 x_m, y_m = (rng.uniform(*bounds) for bounds in STAGE_M)
                 yaw_rad = -np.arctan2(x_m, y_m)  # what was played towards the camera still faces it
                 takes = [
-                    Take(played.turned(yaw_rad), room, view, _on_stage(role.place_m, yaw_rad) + np.array((x_m, y_m, 0.0)))
+                    Take(played.turned(yaw_rad), room, view, on_stage(role.place_m, yaw_rad) + np.array((x_m, y_m, 0.0)))
                     for played, role in zip(cast, roles, strict=True)
                 ]
                 shown = zip(self.studios, takes, (True, not leaves), strict=True)
@@ -139,7 +139,7 @@ class TwoPeople(SequenceGenerator):
         return (measure(pair, self.camera, self.sensor, noise) for pair in zip(*rendered, strict=True))
 
     def sequence(self, index: int, on_frame: Callable[[], None]) -> StoredSequence:
-        shots = self.stacked(index, None, on_frame)
+        shots = self.stacked(index, self.take(index), None, on_frame)
         return StoredSequence(
             self.sequence_name(index),
             self.kind(index),
@@ -153,35 +153,16 @@ class TwoPeople(SequenceGenerator):
         )
 
 
-def _on_stage(place_m: tuple[float, float], yaw_rad: float) -> np.ndarray:
-    """(3,) position from the middle of a stage turned to the left, world frame, metres: z of the place faces the camera."""
-    (x, z), cos, sin = place_m, np.cos(yaw_rad), np.sin(yaw_rad)
-    return np.array([cos * x + sin * z, sin * x - cos * z, 0.0])
-
-
 def measure(pair: tuple[CleanFrame, CleanFrame], camera: Camera, sensor: SensorConfig, noise: FilmNoise) -> DuetShot:
     """Puts two people, each rendered alone in the same room, into one image, and applies the sensor model."""
-    surfaces = np.stack([pair[0].room_m, *(clean.person_m for clean in pair)])
-    surfaces[surfaces == 0] = np.inf
-    nearest_m = surfaces.min(axis=0)
-    in_sight = [(one <= surfaces[0]) & np.isfinite(one) for one in surfaces[1:]]
-    label = np.full(nearest_m.shape, ROOM, np.uint8)
-    for number, (one, visible) in enumerate(zip(surfaces[1:], in_sight, strict=True), ROOM + 1):
-        label[visible & (one == nearest_m)] = number
-    joints_m = np.stack([clean.joints_camera_m for clean in pair])
+    room_m, joints_m = pair[0].room_m, np.stack([clean.joints_camera_m for clean in pair])
+    nearest_m, labels = nearest_surfaces(room_m, [clean.person_m for clean in pair])
     rng, shared = noise.frame(pair[0].number)
-    depth_m, _ = measure_labelled(
-        np.where(np.isfinite(nearest_m), nearest_m, np.float32(0)),
-        label,
-        camera,
-        sensor,
-        rng,
-        joints_m[:, LIMB_ENDS].reshape(-1, 3),
-        shared,
-    )
+    ends_m = joints_m[:, LIMB_ENDS].reshape(-1, 3)
+    depth_m, _ = measure_labelled(nearest_m, labels, camera, sensor, rng, ends_m, shared)
     return DuetShot(
         depth_m=depth_m,
         joints_camera_m=joints_m,
-        alone_px=np.array([np.count_nonzero(one) for one in in_sight]),
-        seen_px=np.array([np.count_nonzero(label == ROOM + 1 + number) for number in range(len(pair))]),
+        alone_px=np.array([np.count_nonzero(nearest_surfaces(room_m, [clean.person_m])[1] == PERSON) for clean in pair]),
+        seen_px=np.array([np.count_nonzero(labels == PERSON + number) for number in range(len(pair))]),
     )

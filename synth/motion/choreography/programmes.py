@@ -13,7 +13,7 @@ from synth.motion.choreography.moves import Key, Move, arms, both_sides, concat,
 from synth.motion.choreography.stage import Style, perform
 from synth.motion.choreography.vocabulary import LOWER, UPPER, WHOLE
 from synth.motion.limbs import SIDES, Angles, choose, limb, uniform
-from synth.motion.posture import angles, limited, rotations
+from synth.motion.posture import CHANNELS, angles, limited, rotations
 from synth.motion.skeleton import LEG_M, Motion
 from synth.motion.splice import cut, follow, planted
 
@@ -225,3 +225,20 @@ def _legs(generator: np.random.Generator, leading: str, other: str) -> Angles:
     if shape == "bent":
         return _TOGETHER | {f"{side}_knee": uniform(generator, 40, 100) for side in SIDES}
     return _TOGETHER
+
+
+def held(generator: np.random.Generator, pose: Angles, frames: int, fps: float, unrest_deg: float) -> Motion:
+    """A pose that is held, while the angles of head and arms wander with a standard deviation of `unrest_deg` degrees."""
+    times = np.arange(0, frames / fps + 2 * _UNREST_S, _UNREST_S)
+    keys = np.tile(angles(**pose), (len(times), 1))
+    keys[:, _RESTLESS] += unrest_deg * generator.standard_normal((len(times), len(_RESTLESS)))
+    postures = PchipInterpolator(times, keys)(np.arange(frames) / fps)
+    return planted(rotations(limited(postures)), fps, "held", LEG_M)
+
+
+_UNREST_S = 0.8
+_RESTLESS = [
+    number
+    for name, number in CHANNELS.items()
+    if name.startswith("head") or name.endswith(("_raise", "_plane", "_elbow", "left_twist", "right_twist"))
+]

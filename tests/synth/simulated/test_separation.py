@@ -7,9 +7,12 @@ from synth.body.asset import load_body
 from synth.body.garments import HELD_BACK, ORDINARY
 from synth.body.shape import BodyConfig, Person, draw_person
 from synth.dances.simulate import KpopSim, KpopSimConfig
+from synth.rooms.clutter import CLUTTER
+from synth.rooms.held_back import BARRIERS, BENCHMARK_CLUTTER
 from synth.samples.sampler import SampleConfig, Sampler
 from synth.scene import room as rooms
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig
+from synth.simulated.rooms import Rooms
 from synth.simulated.smmc10_sim import Smmc10Sim
 from synth.simulated.two_people import TwoPeople
 
@@ -22,9 +25,9 @@ def of_training(split: str) -> list[Person]:
 
 
 def of_benchmarks() -> list[Person]:
-    makers = EvalSim(EvalSimConfig(seed=5)), Smmc10Sim(), TwoPeople()
+    makers = EvalSim(EvalSimConfig(seed=5)), Smmc10Sim(), TwoPeople(), Rooms()
     dances = KpopSim(KpopSimConfig(seed=5))
-    people = [maker.person(number) for maker in makers for number in range(PEOPLE // 3)]
+    people = [maker.person(number) for maker in makers for number in range(PEOPLE // 4)]
     return [*people, dances.take(0, 0, dances.learner(0, 0).motion).played.person]
 
 
@@ -92,3 +95,9 @@ def test_rooms_of_benchmarks_have_furniture_that_training_never_has(monkeypatch)
     Sampler(SampleConfig(renderer="cpu"), 0, "train").room(0)
     of_training_set = {kind for furniture in drawn for kind in furniture}
     assert of_benchmark and of_training_set and not of_benchmark & of_training_set
+
+
+def test_clutter_of_benchmarks_is_of_kinds_that_training_never_has() -> None:
+    kinds = [{thing.__name__ for thing in things} - {"<lambda>"} for things in (CLUTTER, BENCHMARK_CLUTTER + BARRIERS)]
+    assert all(len(names) >= 10 for names in kinds) and not kinds[0] & kinds[1]
+    assert not set(rooms.LIVING_ROOM) & set(rooms.DANCE_HALL)

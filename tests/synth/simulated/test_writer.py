@@ -18,19 +18,21 @@ from synth.body.markers import MARKERS
 from synth.motion import MotionConfig
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 from synth.simulated.film import Studio
+from synth.simulated.rooms import Rooms, RoomsConfig
 from synth.simulated.smmc10_sim import JOINT_MARKERS, Smmc10Sim, Smmc10SimConfig
 from synth.simulated.two_people import TwoPeople, TwoPeopleConfig
 
 EVAL = EvalSim(EvalSimConfig(seed=3, sequences=2), frames=(24, 30))
 SMMC10 = Smmc10Sim(Smmc10SimConfig(seed=3, sequences=2), frames=(50, 56))
 PAIR = TwoPeople(TwoPeopleConfig(seed=3, sequences=1), frames=(12, 16))
+ROOMS = Rooms(RoomsConfig(seed=3, sequences=3, kinds=["crowd", "empty_room", "single_image"]), frames=(12, 16))
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     """A set of each kind."""
     folder = tmp_path_factory.mktemp("sets")
-    for one in (EVAL, SMMC10, PAIR):
+    for one in (EVAL, SMMC10, PAIR, ROOMS):
         one.write(folder / one.benchmark.name, processes=1)
     return folder
 
@@ -78,7 +80,16 @@ def test_the_files_of_two_people_agree_with_the_true_joints(folder):
         assert 0 < z - sequence.depth[0, round(v), round(u)] / 1000 < 0.3  # the torso lies behind its skin
 
 
-@pytest.mark.parametrize("name", ["eval_sim", "smmc10_sim", "two_people"])
+def test_the_files_of_rooms_hold_any_number_of_people_before_any_camera(folder):
+    benchmark = PeopleSet(SimulatedConfig("rooms", str(folder / "rooms")))
+    crowd, empty, image = (benchmark.read(name) for name in benchmark.names)
+    assert [one.kind for one in (crowd, empty, image)] == ["crowd", "empty_room", "single_image"]
+    assert len(crowd.people) >= 3 and empty.people == () and empty.joints_m.shape[1] == 0 and len(image.depth) == 1
+    for one in (crowd, empty, image):
+        assert one.depth.shape[1:] == (one.camera.height, one.camera.width) and one.depth.max() > 0
+
+
+@pytest.mark.parametrize("name", ["eval_sim", "smmc10_sim", "two_people", "rooms"])
 def test_every_set_calls_itself_simulated_and_has_a_contact_sheet(folder, name):
     manifest = json.loads((folder / name / "manifest.json").read_text())
     assert manifest["simulated"] is True and "SIMULATED" in manifest["about"] and manifest["benchmark"] == name

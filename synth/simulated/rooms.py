@@ -1,0 +1,205 @@
+"""`rooms`: simulated films and single images of any number of people in any room, before any camera.
+
+465 sequences in five rounds: a film of every kind of scene (`synth.simulated.casts`), of 60 to 120 frames at 30 fps, and 80
+single images (`synth.rooms.scene`) in each. Rooms have the furniture and clutter of benchmarks; surfaces may return nothing;
+cameras differ in size, field of view, height, pitch and roll, and some move. Every sequence shows people of its own, in clothes
+of every kind. The set imitates no published one.
+
+`whole_px` are the pixels that a whole person would have without a border and with nothing before them, `seen_px` those that
+show the person after the sensor.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import cache, cached_property
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from kpopnet.camera import CAMERAS, MM_PER_METRE, Camera
+from kpopnet.datasets.simulated import StoredSequence, read_sequence
+from kpopnet.errors import InputError
+from kpopnet.viz.drawing import TRUE, sheet
+from synth.body.shape import BodyConfig, Person, draw_person
+from synth.rooms.held_back import BENCHMARK_CLUTTER
+from synth.rooms.scene import MOST_PEOPLE, RoomScenes
+from synth.samples.observe import LIMB_ENDS
+from synth.samples.sampler import SampleConfig
+from synth.sensor.film_noise import FilmNoise
+from synth.sensor.model import SENSORS, measure_labelled
+from synth.simulated.casts import CASTS, FPS
+from synth.simulated.film import ROOM
+from synth.simulated.room_films import FILM_PX, SENSOR_OF_CAMERA, ClearFrame, RoomTake, draw_take, render
+from synth.simulated.sequences import TILES, Selection, SequenceGenerator, frame_tile
+
+SINGLE = "single_image"
+ROUNDS, SINGLES_A_ROUND = 5, 80
+KINDS = (*CASTS, *[SINGLE] * SINGLES_A_ROUND)
+
+IMAGE_PX = (*FILM_PX, (512, 424), (1024, 1024))
+"""Most (width, height) of the cameras of single images, pixels."""
+
+IMAGE_ROWS = 4
+"""Rows of single images in the contact sheet."""
+
+TRIES = 60
+"""Casts drawn for a film."""
+
+
+@dataclass
+class RoomsConfig(Selection):
+    """Identity and size of the set. The first 13 sequences are a film of each kind.
+
+    Attributes:
+        kinds: of scenes to show, in turn.
+    """
+
+    name: str = "rooms"
+    sequences: int = ROUNDS * len(KINDS)
+    kinds: list[str] = field(default_factory=lambda: list(dict.fromkeys(KINDS)))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.kinds or not set(self.kinds) <= set(KINDS):
+            raise InputError(f"benchmark.kinds={self.kinds}: expected some of {', '.join(dict.fromkeys(KINDS))}")
+
+
+@dataclass(frozen=True)
+class RoomShot:
+    """One measured frame of P people."""
+
+    depth_mm: np.ndarray  # (H, W) uint16 depth of the whole scene, millimetres, 0 where nothing was measured
+    joints_camera_m: np.ndarray  # (P, 15, 3) float32 true joints, metres
+    whole_px: np.ndarray  # (P,) int32
+    seen_px: np.ndarray  # (P,) int32
+
+
+@dataclass(frozen=True)
+class Rooms(SequenceGenerator):
+    """Makes the films and images."""
+
+    benchmark: RoomsConfig = field(default_factory=RoomsConfig)
+    frames: tuple[int, int] = (60, 120)
+
+    about = "SIMULATED films and images of any number of people in rooms, no real person."
+    camera, fps = CAMERAS["eval"], FPS  # the camera of some; each sequence has its own
+    kinds: ClassVar[tuple[str, ...]] = KINDS
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.motion.source == "clips":
+            raise InputError("motion=clips: recordings know of no second person; take motion=choreography")
+        object.__setattr__(self, "renderer", "cpu")  # images differ in size, which OpenGL's window does not
+
+    @classmethod
+    def sequence_name(cls, index: int) -> str:
+        return f"room_{index:03d}"
+
+    def kind(self, index: int) -> str:
+        kinds = [kind for kind in KINDS if kind in self.benchmark.kinds]
+        return kinds[index % len(kinds)]
+
+    def frames_per_part(self) -> float:
+        kinds = [self.kind(index) for index in range(self.size)]
+        return float(np.mean([1.0 if kind == SINGLE else sum(self.frames) / 2 for kind in kinds]))
+
+    def scene_rng(self, stream: str, number: int) -> np.random.Generator:
+        """The generator of a stream of single images; the streams of films are numbered by attempts."""
+        return self._rng("sequence", number, TRIES, *stream.encode())
+
+    def person(self, subject: int) -> Person:
+        return draw_person(self._rng("person", subject), BodyConfig(), "benchmark")
+
+    def take(self, index: int) -> RoomTake:
+        """Draws people, motions, camera and room of a film; raises InputError if none of TRIES casts is in view and clear."""
+        people = cache(lambda number: self.person(index * MOST_PEOPLE + number))
+        for attempt in range(TRIES):
+            rng = self._rng("sequence", index, attempt)
+            if (take := draw_take(rng, self.kind(index), people, int(rng.integers(*self.frames, endpoint=True)))) is not None:
+                return take
+        raise InputError(f"{self.sequence_name(index)}: none of {TRIES} casts is in view and clear of the room")
+
+    def shots(self, index: int, take: RoomTake, frames: range) -> Iterator[RoomShot]:
+        noise = FilmNoise(self._seed("noise", index))
+        for clear in render(take, frames):
+            rng, shared = noise.frame(clear.number)
+            ends_m = clear.joints_camera_m[:, LIMB_ENDS].reshape(-1, 3)
+            depth_m, labels = measure_labelled(clear.depth_m, clear.labels, take.camera, take.sensor, rng, ends_m, shared)
+            seen_px = clear.seen_px(labels)
+            yield RoomShot(millimetres(depth_m), clear.joints_camera_m, np.maximum(clear.whole_px, seen_px), seen_px)
+
+    def sequence(self, index: int, on_frame: Callable[[], None]) -> StoredSequence:
+        if self.kind(index) == SINGLE:
+            camera, shots = self._single_image(index)
+            on_frame()
+        else:
+            take = self.take(index)
+            camera, shots = take.camera, self.stacked(index, take, None, on_frame)
+        people = tuple(f"person {index * MOST_PEOPLE + number}" for number in range(shots["joints_camera_m"].shape[1]))
+        return StoredSequence(
+            self.sequence_name(index),
+            self.kind(index),
+            FPS,
+            camera,
+            people,
+            depth=shots["depth_mm"],
+            joints_m=shots["joints_camera_m"],
+            whole_px=shots["whole_px"],
+            seen_px=shots["seen_px"],
+        )
+
+    def _single_image(self, index: int) -> tuple[Camera, dict[str, np.ndarray]]:
+        """The camera of a single image, and the fields of `RoomShot` with a first axis of one frame."""
+        rng = self._rng("sequence", index)
+        clear = self._scenes[int(rng.integers(len(IMAGE_PX)))].draw_scene(8 * index)  # eight scenes show the same people
+        sensor = SENSORS[SENSOR_OF_CAMERA[rng.choice(list(SENSOR_OF_CAMERA))]]
+        labels = clear.labels + np.uint8(ROOM)
+        ends_m = clear.joints_camera_m[:, LIMB_ENDS].reshape(-1, 3)
+        depth_m, labels = measure_labelled(clear.depth_m, labels, clear.camera, sensor, rng, ends_m)
+        whole = np.rint(clear.whole_px).astype(np.int32)
+        frame = ClearFrame(0, clear.depth_m, labels, clear.joints_camera_m, whole)
+        seen_px = frame.seen_px(labels)
+        shot = RoomShot(millimetres(depth_m), clear.joints_camera_m, np.maximum(whole, seen_px), seen_px)
+        return clear.camera, {name: getattr(shot, name)[None] for name in vars(shot)}
+
+    @cached_property
+    def _scenes(self) -> list["BenchmarkScenes"]:
+        return [BenchmarkScenes(self, most_px) for most_px in IMAGE_PX]
+
+    def contact_sheet(self, folder: Path, manifest: dict) -> np.ndarray:
+        """RGB image: a row for each of the first films of a kind, and rows of single images, with the true skeletons."""
+        rows, images, shown = [], [], set()
+        for index in range(manifest["sequences"]):
+            path, kind = self.path(folder, index), self.kind(index)
+            if not path.exists() or kind in shown:
+                continue
+            stored = read_sequence(path)
+            if kind == SINGLE:
+                images.append(frame_tile(stored, 0, path.stem))
+                shown |= {SINGLE} if len(images) == IMAGE_ROWS * TILES else set()
+                continue
+            numbers = np.linspace(0, len(stored.depth) - 1, TILES).astype(int).tolist()
+            rows.append((f"{path.stem}: {kind}", [frame_tile(stored, number, f"frame {number}") for number in numbers]))
+            shown.add(kind)
+        rows += [("single images", images[first : first + TILES]) for first in range(0, len(images), TILES)]
+        return sheet(rows, (TRUE,), f"SIMULATED, {manifest['benchmark']}, seed {manifest['seed']}: depth and true joints")
+
+
+class BenchmarkScenes(RoomScenes):
+    """The scenes of single images: people, clutter and seeds are the benchmark's."""
+
+    def __init__(self, maker: Rooms, most_px: tuple[int, int]) -> None:
+        super().__init__(SampleConfig(renderer="cpu"), maker.benchmark.seed, "test", most_px, BENCHMARK_CLUTTER)
+        self._maker = maker
+
+    def person(self, number: int) -> Person:
+        return self._maker.person(number)
+
+    def _rng(self, kind: str, index: int) -> np.random.Generator:
+        return self._maker.scene_rng(kind, index)
+
+
+def millimetres(depth_m: np.ndarray) -> np.ndarray:
+    """uint16 depth."""
+    return np.rint(depth_m * MM_PER_METRE).astype(np.uint16)

@@ -1,0 +1,163 @@
+"""Films and images of rooms: scenes are what they are called, labels are true, and a sequence depends on its index alone."""
+
+import numpy as np
+import pytest
+
+from kpopnet.errors import InputError
+from kpopnet.skeleton import Joint
+from synth.motion import MotionConfig
+from synth.scene.mesh import boxes
+from synth.scene.render import draw_mesh_m, whole_px
+from synth.scene.scene import Scene
+from synth.simulated import room_films
+from synth.simulated.film import PERSON
+from synth.simulated.room_films import RoomTake, render
+from synth.simulated.rooms import KINDS, SINGLE, Rooms, RoomsConfig
+
+
+@pytest.fixture(scope="module")
+def maker() -> Rooms:
+    return Rooms(RoomsConfig(seed=5), frames=(40, 50))
+
+
+@pytest.fixture(scope="module")
+def takes(maker: Rooms) -> dict[str, RoomTake]:
+    """The first film of each kind."""
+    return {kind: maker.take(KINDS.index(kind)) for kind in dict.fromkeys(KINDS) if kind != SINGLE}
+
+
+def world_m(take: RoomTake) -> np.ndarray:
+    """(T, P, 15, 3) true joints in the world."""
+    frames = ((clear.joints_camera_m, take.view(clear.number)) for clear in film(take))
+    return np.array([joints_m @ view.rotation.T + view.position_m for joints_m, view in frames])
+
+
+def film(take: RoomTake) -> list:
+    return list(render(take, range(len(take))))
+
+
+def test_the_scenes_are_what_they_are_called(takes: dict[str, RoomTake]) -> None:
+    joints_m = {kind: world_m(take) for kind, take in takes.items() if take.actors}
+    assert not takes["empty_room"].actors and len(takes["crowd"].actors) >= 3
+    steps_m = {kind: np.linalg.norm(np.diff(one, axis=0), axis=-1).max() for kind, one in joints_m.items()}
+    assert steps_m["alone_still"] < 0.02 < steps_m["alone_moving"]
+    assert np.ptp(joints_m["lying"][:, 0, :, 2], axis=1).max() < 0.9 < np.ptp(joints_m["alone_still"][:, 0, :, 2], axis=1).min()
+    assert joints_m["sitting"][:, :, [Joint.LEFT_HIP, Joint.RIGHT_HIP], 2].max() < 0.7
+    assert np.linalg.norm(np.diff(joints_m["hug"][:, :, Joint.TORSO], axis=1), axis=-1).min() < 0.55
+    side = joints_m["side_view_arms_up"][:, 0]
+    assert (side[:, [Joint.LEFT_ELBOW, Joint.RIGHT_ELBOW], 2] > side[:, [Joint.LEFT_SHOULDER, Joint.RIGHT_SHOULDER], 2]).all()
+    across, away = (one[:, :2] for one in (side[:, Joint.LEFT_SHOULDER] - side[:, Joint.RIGHT_SHOULDER], side[:, Joint.TORSO]))
+    along, beside = np.abs((across * away).sum(axis=1)), np.abs((across * away[:, ::-1] * (1, -1)).sum(axis=1))
+    assert (along > beside).all()
+    for kind in ("crossing", "one_behind_the_other"):
+        take = takes[kind]
+        clear = film(take)
+        columns = np.array([take.camera.project(one.joints_camera_m[:, Joint.TORSO])[:, 0] for one in clear])
+        assert len(np.unique(np.sign(columns[:, 0] - columns[:, 1]))) > 1
+
+
+def test_cameras_hang_and_move_as_they_are_called(takes: dict[str, RoomTake]) -> None:
+    assert takes["ceiling_camera"].view(0).position_m[2] >= 2.4
+    forward = takes["ceiling_camera"].view(0).rotation[:, 2]
+    assert forward[2] < -0.5
+    moving = takes["moving_camera"]
+    place_m = np.array([view.position_m for view in moving.views])
+    turn = np.array([view.rotation for view in moving.views])
+    assert len(moving.views) == len(moving) and np.ptp(place_m, axis=0).max() > 0.05
+    assert np.linalg.norm(np.diff(place_m, axis=0), axis=1).max() < 0.08
+    assert np.abs(np.diff(turn, axis=0)).max() < 0.06
+
+
+def test_people_touch_the_floor_or_their_bed_and_nothing_else(takes: dict[str, RoomTake]) -> None:
+    for kind, take in takes.items():
+        for actor in take.actors:
+            skin_m = actor.played.skin_m + actor.place_m
+            assert abs(skin_m[:, 2].min() - actor.place_m[2]) < 0.02, kind  # every seventh vertex
+            assert np.linalg.norm(skin_m - take.view(0).position_m, axis=1).min() > 0.3, kind
+
+
+def test_furniture_hides_a_part_of_those_behind_it(takes: dict[str, RoomTake]) -> None:
+    take = takes["behind_furniture"]
+    clear = film(take)[len(take) // 2]
+    share = clear.seen_px(clear.labels) / clear.whole_px
+    assert share.max() >= 0.5 and share.min() <= 0.85
+
+
+def test_the_true_joints_lie_behind_the_skin_of_those_who_are_labelled(takes: dict[str, RoomTake]) -> None:
+    tested = 0
+    for kind, take in takes.items():
+        for clear in film(take)[::10] if kind != "lying" else []:  # those who lie may show their legs before the trunk
+            for person, joints_m in enumerate(clear.joints_camera_m):
+                u, v, z = take.camera.project(joints_m[Joint.TORSO])
+                if not (0 <= u < take.camera.width - 0.5 and 0 <= v < take.camera.height - 0.5):
+                    continue
+                if clear.labels[round(v), round(u)] == PERSON + person:
+                    assert -0.02 < z - clear.depth_m[round(v), round(u)] < 0.35, kind
+                    tested += 1
+    assert tested > 30
+
+
+def test_frames_and_images_depend_on_their_numbers_alone(maker: Rooms) -> None:
+    index = KINDS.index("moving_camera")
+    take = maker.take(index)
+    [last] = maker.shots(index, take, range(7, 8))
+    *_, again = maker.shots(index, Rooms(maker.benchmark, frames=maker.frames).take(index), range(5, 8))
+    for name in vars(last):
+        np.testing.assert_array_equal(getattr(last, name), getattr(again, name))
+    first = KINDS.index(SINGLE)
+    images = [maker.sequence(number, lambda: None) for number in range(first, first + 3)]
+    other = Rooms(maker.benchmark).sequence(first + 2, lambda: None)
+    np.testing.assert_array_equal(images[2].depth, other.depth)
+    np.testing.assert_array_equal(images[2].joints_m, other.joints_m)
+    assert all(len(image.depth) == 1 for image in images)
+    names = [name for image in images for name in image.people]
+    assert len(names) == len(set(names)) > 0
+
+
+def test_no_more_shows_than_there_is_of_a_person(maker: Rooms) -> None:
+    first = KINDS.index(SINGLE)
+    for number in (KINDS.index("crowd"), *range(first, first + 6)):
+        stored = maker.sequence(number, lambda: None)
+        assert (stored.seen_px <= stored.whole_px).all() and stored.depth.dtype == np.uint16
+        assert stored.seen_px.shape == stored.joints_m.shape[:2] == (len(stored.depth), len(stored.people))
+
+
+def test_the_whole_of_a_plate_is_counted_beyond_the_border(takes: dict[str, RoomTake]) -> None:
+    take = takes["alone_still"]
+    scene = Scene(take.camera)
+    scene.set_view(room_films.posed_view(np.zeros(3), 0.0, 0.0))
+    half_px = take.camera.fx * 0.5 / 2.0
+    pixels = []
+    for x_m in (0.0, take.camera.width / take.camera.fx):  # in the middle, and half of it beyond the border
+        plate = boxes([((x_m, 2.5, 0), (0.5, 0.5, 0.5))])  # its front is at 2 m
+        pixels.append((whole_px(scene, plate), np.count_nonzero(draw_mesh_m(scene, plate))))
+    (middle, shown), (cut, shown_cut) = pixels
+    assert middle == shown == pytest.approx((2 * half_px) ** 2, rel=0.03)
+    assert cut > 1.3 * shown_cut and middle <= cut < 1.8 * middle  # it shows a side, too
+
+
+@pytest.mark.parametrize("module", ["room_films", "rooms"])
+def test_clutter_is_that_of_benchmarks(maker: Rooms, monkeypatch: pytest.MonkeyPatch, module: str) -> None:
+    def forbidden(rng: np.random.Generator) -> None:
+        raise AssertionError("a thing of the benchmark")
+
+    monkeypatch.setattr(f"synth.simulated.{module}.BENCHMARK_CLUTTER", (forbidden,))
+    fresh, first = Rooms(maker.benchmark, frames=(12, 12)), KINDS.index(SINGLE if module == "rooms" else "empty_room")
+    with pytest.raises(AssertionError, match="of the benchmark"):
+        _ = [fresh.sequence(number, lambda: None) for number in range(first, first + 12)]
+
+
+@pytest.mark.parametrize("kinds", [[], ["alone_still", "asleep"]])
+def test_unknown_kinds_are_refused(kinds: list[str]) -> None:
+    with pytest.raises(InputError, match=r"benchmark.kinds=.*expected some of alone_still"):
+        RoomsConfig(kinds=kinds)
+
+
+def test_some_kinds_are_shown_in_turn() -> None:
+    some = Rooms(RoomsConfig(kinds=["empty_room", "hug"], sequences=4))
+    assert [some.kind(index) for index in range(4)] == ["hug", "empty_room"] * 2
+
+
+def test_recorded_motion_is_refused() -> None:
+    with pytest.raises(InputError, match="second person"):
+        Rooms(motion=MotionConfig(source="clips", path="somewhere"))
