@@ -1,6 +1,7 @@
 """Human extraction as the paper describes it (section 2.1, Algorithm 1), one image at a time.
 
-Its limits: the camera does not move, a person is found when they move, and people and furniture that touch are one object.
+Its limits: the camera does not move; a person is found when they move; people and furniture that touch are one object, and what
+was human stays human; a body that the image shows in parts is several objects.
 
 Choices where the paper is silent or wrong; `floor` has those of the floor:
 
@@ -9,7 +10,8 @@ Choices where the paper is silent or wrong; `floor` has those of the floor:
 - The text sums depth differences in the bounding box of an object. A wall, in whose box people move, would be human, and
   approach and retreat cancel. Here only an object's own pixels count, where they are nearer than in the image before.
 - A sum of differences grows with the distance of the wall behind. Here every such pixel counts with its area on the object.
-- The text finds humans in each image anew, so one who stops is lost. Here the nearest object stays that human.
+- The text finds humans in each image anew, so one who stops is lost. Here the object that has most of the pixels of a human of
+  the image before is human, too.
 """
 
 import math
@@ -23,8 +25,8 @@ from kpopnet.human import Human
 from kpopnet.paper_extraction.floor import find_floor, remove_floor
 from kpopnet.paper_extraction.objects import label_components, measure_objects
 
-MAX_STEP_M = 0.3
-"""The centre of a human moves less than this from one image to the next."""
+MAX_STEP_M = 0.1
+"""The surface of a human moves less than this along the optical axis from one image to the next."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ class PaperExtractor:
         self._intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
         self._before_m = np.zeros((camera.height, camera.width), np.float32)
         self._floor: np.ndarray | None = None
-        self._centres_m: dict[int, np.ndarray] = {}
+        self._humans: list[Human] = []
         self._num_identities = 0
 
     def extract(self, depth_m: np.ndarray) -> list[Human]:
@@ -85,32 +87,38 @@ class PaperExtractor:
         # Human detection
         objects = measure_objects(labels, count, depth_m, self._before_m, self._intrinsics, config.epsilon_z_m)
         is_human = objects["moved_m2"] > config.epsilon_m_m2
+        is_human[[self._object_of(human, labels, depth_m) for human in self._humans]] = True
+        is_human &= objects["area_m2"] > config.epsilon_m_m2
         # Human identification
-        humans = self._identify(objects, is_human)
+        identities = self._identify({label: objects["centre_m"][label] for label in np.flatnonzero(is_human).tolist()})
         self._before_m = depth_m
-        self._centres_m = {identity: objects["centre_m"][label] for identity, label in humans.items()}
-        return [
+        self._humans = [
             Human.cut_out(identity, depth_m, labels, label, objects["box"][label], objects["centre_m"][label])
-            for identity, label in sorted(humans.items())
+            for identity, label in sorted(identities.items())
         ]
+        return self._humans.copy()
 
-    def _identify(self, objects: np.ndarray, is_human: np.ndarray) -> dict[int, int]:
-        """The label of each human by identity: that of the nearest human in the image before, or a new one.
+    def _object_of(self, human: Human, labels: np.ndarray, depth_m: np.ndarray) -> int:
+        """The label with most of the pixels of a human of the image before, 0 if there is none."""
+        x0, y0, x1, y1 = human.box
+        before_m, now_m = human.depth_m, depth_m[y0:y1, x0:x1]
+        stayed = (before_m > 0) & (np.abs(now_m - before_m) < MAX_STEP_M)
+        pixels = np.bincount(labels[y0:y1, x0:x1][stayed], minlength=1)
+        pixels[0] = 0  # the floor
+        return int(pixels.argmax())
 
-        Objects that moved come first, and among them those nearest to a human; an object that did not move is no new human.
-        """
-        pairs = []
-        for label in np.flatnonzero(objects["area_m2"] > self.config.epsilon_m_m2).tolist():
-            for identity, centre_m in self._centres_m.items():
-                distance_m = float(np.linalg.norm(objects["centre_m"][label] - centre_m))
-                if distance_m < MAX_STEP_M:
-                    pairs.append((not is_human[label], distance_m, identity, label))
-        humans: dict[int, int] = {}
-        for _, _, identity, label in sorted(pairs):
-            if identity not in humans and label not in humans.values():
-                humans[identity] = label
-        for label in np.flatnonzero(is_human).tolist():
-            if label not in humans.values():
-                humans[self._num_identities] = label
-                self._num_identities += 1
-        return humans
+    def _identify(self, centres_m: dict[int, np.ndarray]) -> dict[int, int]:
+        """The label of each human by identity, from centres by label: that of the nearest human before, or a new one."""
+        distances = [
+            (float(np.linalg.norm(centre_m - human.centre_m)), human.identity, label)
+            for label, centre_m in centres_m.items()
+            for human in self._humans
+        ]
+        identities: dict[int, int] = {}
+        for _, identity, label in sorted(distances):
+            if identity not in identities and label not in identities.values():
+                identities[identity] = label
+        for label in sorted(centres_m.keys() - identities.values()):
+            identities[self._num_identities] = label
+            self._num_identities += 1
+        return identities
