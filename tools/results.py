@@ -44,8 +44,8 @@ KEPT = (
     "sees_future",
     "interval",
 )
-"""Figures of an estimator that a row's file keeps, beside those by group of joints, in the labels' definition and, where people
-are the unit, by person."""
+"""Figures of an estimator that a row's file keeps, beside those by group of joints, by heading, in the labels' definition and,
+where people are the unit, by person."""
 
 
 def rows() -> dict[str, dict]:
@@ -92,6 +92,7 @@ def _kept(metrics: dict, by_person: bool) -> dict:
     kept["per_group"] = {name: {key: one[key] for key in small[:2]} for name, one in metrics["per_group"].items()}
     if by_person:
         kept["per_person"] = {name: {key: one[key] for key in small} for name, one in metrics["per_person"].items()}
+    kept["by_yaw"] = {name: {"map_10cm": one["map_10cm"]} for name, one in metrics["by_yaw"].items()}
     kept["calibration_error"] = metrics["confidence"].get("ece")
     kept["missed_by_cause"] = metrics.get("missed_by_cause")
     if "in_label_definition" in metrics:
