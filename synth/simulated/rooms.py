@@ -10,7 +10,7 @@ show the person after the sensor.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import ClassVar
@@ -53,11 +53,14 @@ class RoomsConfig(Selection):
 
     Attributes:
         kinds: of scenes to show, in turn.
+        still_cameras: cameras that would move keep the pose that they have in the middle of the film: the same films otherwise,
+            to compare with.
     """
 
     name: str = "rooms"
     sequences: int = ROUNDS * len(KINDS)
     kinds: list[str] = field(default_factory=lambda: list(dict.fromkeys(KINDS)))
+    still_cameras: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -116,8 +119,9 @@ class Rooms(SequenceGenerator):
         people = cache(lambda number: self.person(index * MOST_PEOPLE + number))
         for attempt in range(TRIES):
             rng = self._rng("sequence", index, attempt)
-            if (take := draw_take(rng, self.kind(index), people, int(rng.integers(*self.frames, endpoint=True)))) is not None:
-                return take
+            take = draw_take(rng, self.kind(index), people, int(rng.integers(*self.frames, endpoint=True)))
+            if take is not None:
+                return replace(take, views=(take.view(len(take) // 2),)) if self.benchmark.still_cameras else take
         raise InputError(f"{self.sequence_name(index)}: none of {TRIES} casts is in view and clear of the room")
 
     def shots(self, index: int, take: RoomTake, frames: range) -> Iterator[RoomShot]:

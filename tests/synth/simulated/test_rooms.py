@@ -1,5 +1,7 @@
 """Films and images of rooms: scenes are what they are called, labels are true, and a sequence depends on its index alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -66,6 +68,14 @@ def test_cameras_hang_and_move_as_they_are_called(takes: dict[str, RoomTake]) ->
     assert len(moving.views) == len(moving) and np.ptp(place_m, axis=0).max() > 0.05
     assert np.linalg.norm(np.diff(place_m, axis=0), axis=1).max() < 0.08
     assert np.abs(np.diff(turn, axis=0)).max() < 0.06
+
+
+def test_a_still_camera_shows_the_same_film(maker: Rooms, takes: dict[str, RoomTake]) -> None:
+    still = Rooms(replace(maker.benchmark, still_cameras=True), frames=maker.frames).take(KINDS.index("moving_camera"))
+    assert len(still.views) == 1
+    np.testing.assert_allclose(world_m(still), world_m(takes["moving_camera"]), atol=1e-5)
+    *_, (number, depth_m, *_) = film(still)[: len(still) // 2 + 1]
+    np.testing.assert_array_equal(depth_m, film(takes["moving_camera"])[number].depth_m)
 
 
 def test_people_touch_the_floor_or_their_bed_and_nothing_else(takes: dict[str, RoomTake]) -> None:
