@@ -99,13 +99,11 @@ class PaperExtractor:
         return self._humans.copy()
 
     def _object_of(self, human: Human, labels: np.ndarray, depth_m: np.ndarray) -> int:
-        """The label with most of the pixels of a human of the image before, 0 if there is none."""
+        """The label with most of the pixels of a human of the image before, 0 if they are nothing's."""
         x0, y0, x1, y1 = human.box
         before_m, now_m = human.depth_m, depth_m[y0:y1, x0:x1]
         stayed = (before_m > 0) & (np.abs(now_m - before_m) < MAX_STEP_M)
-        pixels = np.bincount(labels[y0:y1, x0:x1][stayed], minlength=1)
-        pixels[0] = 0  # the floor
-        return int(pixels.argmax())
+        return int(np.bincount(labels[y0:y1, x0:x1][stayed], minlength=1).argmax())
 
     def _identify(self, centres_m: dict[int, np.ndarray]) -> dict[int, int]:
         """The label of each human by identity, from centres by label: that of the nearest human before, or a new one."""

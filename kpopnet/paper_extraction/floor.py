@@ -7,16 +7,13 @@ Choices where the paper is silent or wrong:
 - Each row is divided by its depth: a triangulating camera measures 1/z equally well at all distances.
 - "Until X_f is changed" must read "until X_f no longer changes".
 - X_f takes everything below the plane, wrong measurements too. The fit uses the points within delta_f on both sides of it.
-- A_0 and d_0 are the plane of the image before. Without one, A_0 is the upward direction of a camera of each of `PITCHES_RAD`
-  and d_0 the height of its lowest points; the plane with the most points on it and hardly any below is the floor.
+- A_0 and d_0 are the plane of the image before. Without one, steps (1) and (2) of the text give them: the image's upward axis
+  and the height of the lowest points. The first fit has a wider band: a tilted camera sees few points at that height.
 """
 
 import numpy as np
 
 from kpopnet.camera import Camera
-
-PITCHES_RAD = np.radians(np.arange(-30.0, 61.0, 15.0))
-"""Tried pitches of the camera, positive downwards."""
 
 SAMPLES = 1000
 """Approximate number of pixels in a fit, on a regular grid."""
@@ -26,13 +23,11 @@ FIRST_BAND_M = 0.1
 
 MAX_ITERATIONS = 20
 
-MIN_SHARE, MAX_SHARE_BELOW = 0.02, 0.02
-"""Smallest share of the sampled pixels on the floor, and largest share of the measured ones below it."""
+MIN_SHARE = 0.02
+"""Smallest share of the sampled pixels that lie on the floor."""
 
 MIN_UP = 0.5
 """Smallest component of the floor's normal along the image's upward axis: 60 degrees."""
-
-MIN_CAMERA_HEIGHT_M = 0.2
 
 
 def find_floor(depth_m: np.ndarray, camera: Camera, delta_f_m: float, before: np.ndarray | None) -> np.ndarray | None:
@@ -54,16 +49,12 @@ def find_floor(depth_m: np.ndarray, camera: Camera, delta_f_m: float, before: np
     points = camera.back_project(np.stack([u, v, z], axis=-1)[measured])
     if len(points) < MIN_SHARE * z.size:
         return None
-    if before is not None and _num_on_floor(fitted := fit_floor(points, before, delta_f_m), points, delta_f_m, z.size):
+    if _is_floor(fitted := fit_floor(points, before, delta_f_m), points, delta_f_m, z.size):
         return fitted
-    planes = []
-    for pitch in PITCHES_RAD:
-        normal = np.array([0.0, -np.cos(pitch), -np.sin(pitch)])
-        # "the depth data that have the smallest y"; the lowest 1 % are skipped as wrong measurements
-        lowest = np.append(normal, -np.quantile(points @ normal, 0.01))
-        planes.append(fit_floor(points, fit_floor(points, lowest, FIRST_BAND_M), delta_f_m))
-    counts = [_num_on_floor(plane, points, delta_f_m, z.size) for plane in planes]
-    return planes[int(np.argmax(counts))] if any(counts) else None
+    # "the depth data that have the smallest y"; the lowest 1 % are skipped as wrong measurements
+    lowest = np.array([0.0, -1.0, 0.0, np.quantile(points[:, 1], 0.99)])
+    fitted = fit_floor(points, fit_floor(points, lowest, FIRST_BAND_M), delta_f_m)
+    return fitted if _is_floor(fitted, points, delta_f_m, z.size) else None
 
 
 def fit_floor(points: np.ndarray, plane: np.ndarray | None, delta_f_m: float) -> np.ndarray | None:
@@ -103,11 +94,9 @@ def remove_floor(depth_m: np.ndarray, camera: Camera, plane: np.ndarray, delta_f
     return np.where(depth_m * slope + d < delta_f_m, np.float32(0), depth_m)
 
 
-def _num_on_floor(plane: np.ndarray | None, points: np.ndarray, delta_f_m: float, num_samples: int) -> int:
-    """Number of points on a plane; 0 if it cannot be the floor."""
-    if plane is None or not (-plane[1] > MIN_UP and plane[3] > MIN_CAMERA_HEIGHT_M):
-        return 0
-    height_m = points @ plane[:3] + plane[3]
-    on_floor = int(np.count_nonzero(np.abs(height_m) < delta_f_m))
-    below = np.count_nonzero(height_m < -2 * delta_f_m)
-    return on_floor if on_floor > MIN_SHARE * num_samples and below <= MAX_SHARE_BELOW * len(points) else 0
+def _is_floor(plane: np.ndarray | None, points: np.ndarray, delta_f_m: float, num_samples: int) -> bool:
+    """Whether a plane lies below the camera, not before it, and enough of it is in view."""
+    if plane is None or -plane[1] < MIN_UP:
+        return False
+    on_floor = np.abs(points @ plane[:3] + plane[3]) < delta_f_m
+    return bool(on_floor.sum() > MIN_SHARE * num_samples)
