@@ -5,7 +5,7 @@ import pytest
 from extraction_scenes import CAMERA, compose, noisy, room, standing
 
 from kpopnet.camera import CAMERAS, Camera
-from kpopnet.paper_extraction.floor import find_floor, remove_floor
+from kpopnet.paper_extraction.floor import find_floor, fit_floor, remove_floor
 
 DELTA_F_M = 0.03
 
@@ -57,6 +57,21 @@ def test_the_floor_of_the_image_before_is_the_start_of_the_next_one():
     measured_m = noisy(depth_m, 0)
     for before in (plane(10.5, 0.5, 1.21), plane(70, 0, 1)):  # of the floor, and of a wall: it is searched for again
         assert error_m(find_floor(measured_m, CAMERA, DELTA_F_M, before), depth_m, true) < DELTA_F_M
+
+
+def test_a_few_wrong_measurements_below_the_floor_do_not_move_it():
+    true = plane(20, 0, 1.8)
+    depth_m = floor_and_wall(true, CAMERA)
+    measured_m = noisy(depth_m, 0)
+    on_floor = np.abs(CAMERA.points(depth_m) @ true[:3] + true[3]) < 1e-3
+    wrong = on_floor & (np.random.default_rng(0).random(depth_m.shape) < 0.02)
+    measured_m[wrong] *= 2  # as of a mirror image
+    assert error_m(find_floor(measured_m, CAMERA, DELTA_F_M, None), depth_m, true) < DELTA_F_M
+
+
+def test_points_on_a_line_have_no_plane():
+    line_m = CAMERA.back_project(np.stack([np.arange(60.0), np.full(60, 119.0), np.full(60, 2.0)], axis=-1))
+    assert fit_floor(line_m, plane(0, 0, line_m[0, 1]), DELTA_F_M) is None
 
 
 @pytest.mark.parametrize("depth_m", [np.full((120, 160), 3, np.float32), np.zeros((120, 160), np.float32)])
