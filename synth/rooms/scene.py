@@ -12,7 +12,6 @@ Scene i is a pure function of (seed, split, i). World frame: z up, floor at z = 
   in their hands, which counts as theirs. The border of the image, clutter and other people may hide any part of them.
 """
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +36,10 @@ FORMATS = ((4, 3), (4, 3), (4, 3), (16, 9), (1, 1), (10, 9), (6, 5), (3, 4), (9,
 FIELD_OF_VIEW_DEG = (40.0, 120.0)
 HEIGHT_M, MOST_PITCH_DEG = (0.3, 3.0), 50.0
 DISTANCE_M = (0.5, 7.0)
+FRAMED, FRAMED_DISTANCE_M, FRAMED_MARGIN, CUT_MARGIN = 0.5, (1.6, 5.5), 0.2, -0.1
+"""In this share of the scenes people stand at such a distance, and their middle lies this share of the image from its border,
+as before a camera that somebody set up; in the others they may be anywhere, half outside the image."""
+
 NEAREST_M = 0.35
 """Least distance from the camera to anything that is drawn."""
 
@@ -116,9 +119,9 @@ class RoomScenes(Sampler):
         super().__init__(config, seed, split)
         self._most_px, self._clutter = most_px, clutter
 
-    def scenes(self, start: int, stop: int) -> Iterator[ClearScene]:
-        """Yields scenes start..stop-1 in order."""
-        return (self.draw_scene(index) for index in range(start, stop))
+    def sensor_rng(self, index: int) -> np.random.Generator:
+        """The generator of what a sensor does to scene `index`."""
+        return self._rng("props", index)
 
     def draw_scene(self, index: int) -> ClearScene:
         rng, scene = self._rng("room", index), self.scene
@@ -127,6 +130,7 @@ class RoomScenes(Sampler):
         scene.set_view(view)
         alone = rng.random() < ALONE
         around = NOTHING if alone else self._draw_surroundings(rng, view)
+        framed = rng.random() < FRAMED
         count = int(rng.choice(MOST_PEOPLE + 1, p=SHARES_OF_COUNTS)) if not alone else int(rng.integers(1, 4))
         nearest_m = _nearest([draw_mesh_m(scene, mesh) for mesh in around.meshes], scene.camera)
         labels = np.zeros(nearest_m.shape, np.uint8)
@@ -140,7 +144,7 @@ class RoomScenes(Sampler):
             raised_m = 0.0
             if np.ptp(body.vertices_m[:, 2]) < LOW_M and own.random() < RAISED:
                 raised_m = own.uniform(*RAISED_M)
-            place_m = self._place(own, body, raised_m, standing, around)
+            place_m = self._place(own, body, raised_m, standing, around, framed)
             if place_m is None:
                 continue
             scene.pose(pose.local, place_m)
@@ -203,22 +207,29 @@ class RoomScenes(Sampler):
         return Surroundings(meshes, np.reshape(centres_m, (-1, 3)), np.reshape(halves_m, (-1, 3)), walls)
 
     def _place(
-        self, rng: np.random.Generator, body: Body, raised_m: float, standing: list[_Standing], around: Surroundings
+        self,
+        rng: np.random.Generator,
+        body: Body,
+        raised_m: float,
+        standing: list[_Standing],
+        around: Surroundings,
+        framed: bool,
     ) -> np.ndarray | None:
         """Draws where the hips are, (3,) metres in the world: in view, and clear of walls, things and other people."""
         scene, camera = self.scene, self.scene.camera
         yaws_rad = np.zeros(len(around.centres_m))
+        distance_m, margin = (FRAMED_DISTANCE_M, FRAMED_MARGIN) if framed else (DISTANCE_M, CUT_MARGIN)
         close = bool(standing) and rng.random() < CLOSE
         for _ in range(PLACE_TRIES):
             if close:
                 angle, beside = rng.uniform(-np.pi, np.pi), standing[rng.integers(len(standing))].place_m
                 place_m = beside + rng.uniform(*CLOSE_M) * np.array([np.cos(angle), np.sin(angle), 0])
             else:
-                y_m = rng.uniform(*DISTANCE_M)
+                y_m = rng.uniform(*distance_m)
                 place_m = np.array([rng.uniform(-1.1, 1.1) * y_m * camera.width / (2 * camera.fx), y_m, 0.0])
             place_m[2] = body.height_m + raised_m
             u, v, z = camera.project(scene.view.to_camera(place_m + body.torso_m))
-            if not (z > NEAREST_M and -0.1 < u / camera.width < 1.1 and -0.1 < v / camera.height < 1.1):
+            if not (z > NEAREST_M and margin < u / camera.width < 1 - margin and margin < v / camera.height < 1 - margin):
                 continue
             if _outside(place_m, around.walls):
                 continue
