@@ -18,12 +18,10 @@ import numpy as np
 
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
+from kpopnet.finder.canvas import CANVAS
 from kpopnet.runtime.hdf5_files import Hdf5Schema, open_hdf5, read_array
 from kpopnet.runtime.input_files import ArraySchema
 from kpopnet.skeleton import NUM_JOINTS
-
-CANVAS = (160, 128)
-"""Width and height in pixels of what the finder sees: whole images are reduced until they fit."""
 
 MOST_PEOPLE = 6
 FORMAT, VERSION = "kpopnet room images", 1

@@ -1,0 +1,1 @@
+"""Finds everybody in one depth image, learnt from simulated scenes."""

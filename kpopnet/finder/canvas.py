@@ -1,0 +1,53 @@
+"""What the finder sees of an image of any size: its pixels, reduced until they fit into CANVAS."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from kpopnet.camera import Camera
+
+CANVAS = (160, 128)
+"""Width and height in pixels."""
+
+STRIDE = 2
+"""Pixels of the canvas from one cell, of which the finder's network says something, to the next."""
+
+
+class Reduced(NamedTuple):
+    """An image in the upper left corner of a canvas.
+
+    Attributes:
+        depth_m: (128, 160) float32 depth in metres, 0 where nothing was measured and outside the image.
+        intrinsics: (4,) float32 fx, fy, cx, cy of the canvas.
+        reduction: pixels of the image to one of the canvas; below 1 for small images.
+    """
+
+    depth_m: np.ndarray
+    intrinsics: np.ndarray
+    reduction: float
+
+
+def reduced(depth_m: np.ndarray, camera: Camera) -> Reduced:
+    """Takes the pixels of a (H, W) image, float32 metres, that are nearest to those of the canvas."""
+    reduction = max(camera.width / CANVAS[0], camera.height / CANVAS[1])
+    out = np.zeros((CANVAS[1], CANVAS[0]), np.float32)
+    _take(depth_m, reduction, out)
+    intrinsics = camera.fx, camera.fy, camera.cx + 0.5, camera.cy + 0.5
+    return Reduced(
+        out, np.array(intrinsics, np.float32) / np.float32(reduction) - np.array((0, 0, 0.5, 0.5), np.float32), reduction
+    )
+
+
+@njit(cache=True)
+def _take(depth_m, reduction, out):
+    height, width = depth_m.shape
+    for y in range(out.shape[0]):
+        row = int((y + 0.5) * reduction)
+        if row >= height:
+            break
+        for x in range(out.shape[1]):
+            column = int((x + 0.5) * reduction)
+            if column >= width:
+                break
+            out[y, x] = depth_m[row, column]

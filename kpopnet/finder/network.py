@@ -1,0 +1,125 @@
+"""The finder's network: for every second pixel of a depth image, whether it shows a person, where this person's torso is, and
+how much of their body shows.
+
+It sees metric depth and the rays of a pinhole camera, no statistics of a data set, and one image without history.
+"""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from kpopnet.finder.canvas import STRIDE
+from kpopnet.networks.network import Encoder, convolution
+
+INPUT_CHANNELS = 5
+OUTPUTS = 5
+WIDTHS = (16, 32, 64, 96)
+FINE_CHANNELS = 40
+
+
+class Seen(NamedTuple):
+    """What the network says of the cells of B images.
+
+    Attributes:
+        person_logit: (B, h, w) its sigmoid is the probability that the cell's pixel shows a person.
+        vote_m: (B, 3, h, w) the person's torso joint relative to the cell's point, camera frame, metres.
+        shown_logit: (B, h, w) its sigmoid is the share of the person's body that shows.
+    """
+
+    person_logit: Tensor
+    vote_m: Tensor
+    shown_logit: Tensor
+
+
+class FinderNetwork(nn.Module):
+    """Encoder and decoder with a skip from every level; the output has half the resolution of the canvas."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        stem, *widths = WIDTHS
+        self.encoder = Encoder(INPUT_CHANNELS, WIDTHS)
+        self.laterals = nn.ModuleList(nn.Conv2d(width, FINE_CHANNELS, 1) for width in widths)
+        self.up = nn.Upsample(scale_factor=2, mode="nearest")
+        self.smooth = nn.Sequential(convolution(FINE_CHANNELS, FINE_CHANNELS, 3), nn.ReLU(inplace=True))
+        self.from_coarse, self.from_stem = nn.Conv2d(FINE_CHANNELS, stem, 1), nn.Conv2d(stem, stem, 1)
+        self.last = nn.Sequential(
+            nn.ReLU(), convolution(stem, 2 * stem, 3), nn.ReLU(inplace=True), nn.Conv2d(2 * stem, OUTPUTS, 1)
+        )
+
+    def forward(self, image: Tensor) -> Seen:
+        """From the (B, 5, H, W) of `observed`, H and W multiples of 16."""
+        stem = self.encoder.stem(image)
+        fine = self.encoder.fine(stem)
+        middle = self.encoder.middle(fine)
+        coarse = self.encoder.coarse(middle)
+        fine, middle, coarse = (lateral(x) for lateral, x in zip(self.laterals, (fine, middle, coarse), strict=True))
+        joined = self.smooth(fine + self.up(middle + self.up(coarse)))
+        out = self.last(self.up(self.from_coarse(joined)) + self.from_stem(stem)).float()
+        return Seen(out[:, 0], out[:, 1:4], out[:, 4])
+
+
+def observed(depth_m: Tensor, intrinsics: Tensor) -> Tensor:
+    """The network's input: of each pixel, whether it was measured, the logarithms of its depth and of its size, and its ray.
+
+    Args:
+        depth_m: (B, H, W) depth in metres, 0 where nothing was measured.
+        intrinsics: (B, 4) fx, fy, cx, cy in pixels.
+
+    Returns:
+        (B, 5, H, W); of pixels that were not measured only the ray, X / Z and Y / Z.
+    """
+    measured = depth_m > 0
+    z = torch.where(measured, depth_m, 1.0)
+    fx, fy, cx, cy = (value[:, None, None] for value in intrinsics.unbind(1))
+    _, height, width = depth_m.shape
+    u = torch.arange(width, device=depth_m.device)
+    v = torch.arange(height, device=depth_m.device)[:, None]
+    x, y = ((u - cx) / fx).expand_as(z), ((v - cy) / fy).expand_as(z)
+    zero = torch.zeros(())
+    log_size = torch.log(z * 50 / fx)  # about 0 at 2 m before a wide camera
+    return torch.stack(
+        [measured.float(), torch.where(measured, torch.log(z / 2.5), zero), torch.where(measured, log_size, zero), x, y], 1
+    )
+
+
+def cell_points_m(depth_m: Tensor, intrinsics: Tensor) -> Tensor:
+    """(B, 3, h, w) points of the cells in the camera frame, metres; (0, 0, 0) where nothing was measured."""
+    z = depth_m[:, ::STRIDE, ::STRIDE]
+    fx, fy, cx, cy = (value[:, None, None] for value in intrinsics.unbind(1))
+    u = STRIDE * torch.arange(z.shape[2], device=z.device)
+    v = STRIDE * torch.arange(z.shape[1], device=z.device)[:, None]
+    return torch.stack([(u - cx) / fx * z, (v - cy) / fy * z, z], 1)
+
+
+VOTE_BETA_M = 0.1
+LOSS_WEIGHTS = {"person": 1.0, "vote": 1.0, "shown": 0.2}
+
+
+def loss(seen: Seen, target: "Target") -> dict[str, Tensor]:
+    """The terms of the loss by name; the loss is their sum. People count by the square root of their area."""
+    person = target.weight * (target.person > 0)
+    total = person.sum().clamp(min=1.0)
+    binary = functional.binary_cross_entropy_with_logits
+    mask = binary(seen.person_logit, target.person, weight=target.weight, reduction="sum") / target.weight.sum()
+    vote = functional.smooth_l1_loss(seen.vote_m, target.vote_m, beta=VOTE_BETA_M, reduction="none").sum(1)
+    shown = binary(seen.shown_logit, target.shown, weight=person, reduction="sum")
+    terms = {"person": mask, "vote": (vote * person).sum() / total, "shown": shown / total}
+    return {name: LOSS_WEIGHTS[name] * term for name, term in terms.items()}
+
+
+class Target(NamedTuple):
+    """What the network should say of the cells of B images.
+
+    Attributes:
+        person: (B, h, w) 1 where the cell's pixel shows a person, else 0.
+        vote_m: (B, 3, h, w) as in `Seen`.
+        shown: (B, h, w) as the sigmoid in `Seen`.
+        weight: (B, h, w) weight of the cell, 0 where nothing was measured.
+    """
+
+    person: Tensor
+    vote_m: Tensor
+    shown: Tensor
+    weight: Tensor

@@ -1,0 +1,242 @@
+"""Trains the finder of people on room images.
+
+Each step depends only on the seed and its number, so a run that was stopped and resumed equals an uninterrupted one, bit for
+bit on a CPU with the same number of threads.
+"""
+
+import json
+import logging
+import math
+import sys
+from copy import deepcopy
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import safetensors.torch
+import torch
+from torch import Tensor, nn
+from tqdm import tqdm
+
+from kpopnet.camera import MM_PER_METRE
+from kpopnet.data.batches import permutation
+from kpopnet.data.room_images import MOST_PEOPLE, RoomImages
+from kpopnet.errors import InputError, check_between
+from kpopnet.finder.canvas import CANVAS, STRIDE
+from kpopnet.finder.network import FinderNetwork, Target, cell_points_m, loss, observed
+from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.input_files import read_with
+from kpopnet.skeleton import Joint
+from kpopnet.training.loop import LINE_EVERY_S, decay_at, lr_at
+from kpopnet.training.optimisers import build_optimisers
+
+log = logging.getLogger(__name__)
+
+WEIGHTS, STATE, META = "finder.safetensors", "finder_state.pt", "finder.json"
+CLIP_NORM = 1.0
+MIRROR_STREAM = 0x3166
+AREA_CELLS = 150.0
+"""A person of this many cells has weight 1 in each; others have the square root of the ratio, so that small people count."""
+
+MOST_WEIGHT = 4.0
+
+
+@dataclass
+class FinderTraining:
+    """How the finder is trained.
+
+    Attributes:
+        steps: number of steps; the learning rate's cycle spans them.
+        batch_size: images a step.
+        lr: peak learning rate.
+        validate_every: steps between validations, each followed by a checkpoint.
+        resume: whether to go on with the run in the folder.
+    """
+
+    steps: int = 8000
+    batch_size: int = 32
+    lr: float = 4e-3
+    validate_every: int = 500
+    resume: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("steps", "batch_size", "validate_every"):
+            check_between(f"training.{name}", getattr(self, name), 1, 1e9)
+        if not 0 < self.lr < math.inf:
+            raise InputError(f"training.lr={self.lr}: expected a positive number")
+
+
+class LoadedImages:
+    """All room images of a folder in memory: 61 kB each."""
+
+    def __init__(self, folder: str) -> None:
+        images = RoomImages(folder)
+        count = len(images)
+        self.depth_mm = np.empty((count, CANVAS[1], CANVAS[0]), np.uint16)
+        self.labels = np.empty((count, CANVAS[1], CANVAS[0]), np.uint8)
+        self.intrinsics = np.empty((count, 4), np.float32)
+        self.torsos_m = np.empty((count, MOST_PEOPLE, 3), np.float32)
+        self.shown = np.zeros((count, MOST_PEOPLE), np.float32)
+        start = 0
+        for number in tqdm(range(len(images.paths)), desc=f"reading {folder}", disable=not sys.stderr.isatty()):
+            arrays = images.file(number)
+            rows = slice(start, start + len(arrays["depth_mm"]))
+            self.depth_mm[rows], self.labels[rows] = arrays["depth_mm"], arrays["labels"]
+            self.intrinsics[rows], self.torsos_m[rows] = arrays["cameras"][:, :4], arrays["joints_m"][:, :, Joint.TORSO]
+            seen_px = np.stack([(arrays["labels"] == person).sum((1, 2)) for person in range(1, MOST_PEOPLE + 1)], 1)
+            self.shown[rows] = np.minimum(seen_px / np.maximum(arrays["whole_px"], 1), 1)
+            start = rows.stop
+
+    def __len__(self) -> int:
+        return len(self.depth_mm)
+
+    def batch(self, rows: np.ndarray, mirrored: np.ndarray) -> tuple[Tensor, Target]:
+        """The input and the target of some images, each mirrored or not."""
+        depth_mm, labels = self.depth_mm[rows].astype(np.int32), self.labels[rows]
+        intrinsics, torsos_m = self.intrinsics[rows].copy(), np.nan_to_num(self.torsos_m[rows])
+        depth_mm[mirrored], labels[mirrored] = depth_mm[mirrored, :, ::-1], labels[mirrored, :, ::-1]
+        intrinsics[mirrored, 2] = CANVAS[0] - 1 - intrinsics[mirrored, 2]
+        torsos_m[mirrored, :, 0] *= -1
+        depth_m = torch.from_numpy(depth_mm).float() / MM_PER_METRE
+        of_cells = torch.from_numpy(np.ascontiguousarray(labels[:, ::STRIDE, ::STRIDE])).long()
+        return self._target(depth_m, of_cells, torch.from_numpy(intrinsics), torch.from_numpy(torsos_m), self.shown[rows])
+
+    def _target(
+        self, depth_m: Tensor, of_cells: Tensor, intrinsics: Tensor, torsos_m: Tensor, shown: np.ndarray
+    ) -> tuple[Tensor, Target]:
+        image = observed(depth_m, intrinsics).contiguous(memory_format=torch.channels_last)
+        points_m = cell_points_m(depth_m, intrinsics)
+        one_hot = nn.functional.one_hot(of_cells, MOST_PEOPLE + 1)  # (B, h, w, 7)
+        areas = one_hot.sum((1, 2)).float()
+        weights = (AREA_CELLS / areas.clamp(min=1.0)).sqrt().clamp(max=MOST_WEIGHT)
+        weights[:, 0] = 1.0
+        rows = torch.arange(len(of_cells))[:, None, None]
+        padded_m = torch.cat([torch.zeros(len(of_cells), 1, 3), torsos_m], 1)
+        padded_shown = torch.cat([torch.zeros(len(of_cells), 1), torch.from_numpy(shown)], 1)
+        measured = points_m[:, 2] > 0
+        return image, Target(
+            person=(of_cells > 0).float(),
+            vote_m=padded_m[rows, of_cells].permute(0, 3, 1, 2) - points_m,
+            shown=padded_shown[rows, of_cells],
+            weight=weights[rows, of_cells] * measured,
+        )
+
+
+class FinderRun:
+    """The state of a training."""
+
+    def __init__(self, config: FinderTraining, seed: int, folder: Path) -> None:
+        self.config, self.seed, self.folder = config, seed, folder
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            self.network = FinderNetwork().to(memory_format=torch.channels_last)
+        self.average = deepcopy(self.network).eval().requires_grad_(False)
+        self.optimisers = build_optimisers(self.network, "muon", config.lr)
+        self.step = 0
+        if config.resume:
+            self.load()
+
+    def update(self, image: Tensor, target: Target) -> dict[str, float]:
+        """Takes one step; returns the terms of the loss."""
+        lr = lr_at(self.step, self.config)
+        self.network.train()
+        terms = loss(self.network(image), target)
+        total = sum(terms.values())
+        self.network.zero_grad()
+        total.backward()
+        norm = nn.utils.clip_grad_norm_(self.network.parameters(), CLIP_NORM)
+        if not math.isfinite(float(total.detach() + norm)):
+            raise InputError(f"step {self.step}: the loss is not finite; a training.lr below {self.config.lr:g} may help")
+        for optimiser in self.optimisers.values():
+            for group in optimiser.param_groups:
+                group["lr"] = lr
+            optimiser.step()
+        weight = 1 - decay_at(self.step)
+        for averaged, value in zip(self.average.state_dict().values(), self.network.state_dict().values(), strict=True):
+            if averaged.is_floating_point():
+                averaged.lerp_(value, weight)
+            else:
+                averaged.copy_(value)
+        self.step += 1
+        return {name: float(term.detach()) for name, term in terms.items()}
+
+    def save(self, described: dict) -> None:
+        """Writes weights, state and description, each whole or not at all."""
+        weights = {name: value.contiguous() for name, value in self.average.state_dict().items()}
+        state = {
+            "step": self.step,
+            "weights": self.network.state_dict(),
+            "average": weights,
+            "optimiser": {name: one.state_dict() for name, one in self.optimisers.items()},
+        }
+        with atomic_path(self.folder / STATE) as part:
+            torch.save(state, part)
+        with atomic_path(self.folder / WEIGHTS) as part:
+            part.write_bytes(safetensors.torch.save(weights))
+        with atomic_path(self.folder / META) as part:
+            part.write_text(json.dumps({"step": self.step, **described}, indent=1) + "\n")
+
+    def load(self) -> None:
+        """Goes on from the state in the folder; raises InputError if it is missing or damaged."""
+        path = self.folder / STATE
+        state = read_with(lambda path: torch.load(path, weights_only=True), path, "missing or damaged; cannot be resumed")
+        try:
+            self.network.load_state_dict(state["weights"])
+            self.average.load_state_dict(state["average"])
+            for name, optimiser in self.optimisers.items():
+                optimiser.load_state_dict(state["optimiser"][name])
+            self.step = int(state["step"])
+        except (KeyError, RuntimeError, ValueError, TypeError) as error:
+            raise InputError(f"{path}: not of this version ({str(error).splitlines()[0]})") from error
+
+
+@torch.inference_mode()
+def validate(network: FinderNetwork, images: LoadedImages, batch_size: int) -> dict[str, float]:
+    """Share of person cells found and of found cells that are right, at probability 0.5; median error of votes, metres."""
+    found = right = wanted = 0.0
+    errors, terms = [], []
+    for start in range(0, len(images), batch_size):
+        rows = np.arange(start, min(start + batch_size, len(images)))
+        image, target = images.batch(rows, np.zeros(len(rows), bool))
+        seen = network(image)
+        person, said = (target.person > 0) & (target.weight > 0), (seen.person_logit > 0) & (target.weight > 0)
+        found, right, wanted = found + float(said.sum()), right + float((said & person).sum()), wanted + float(person.sum())
+        errors.append((seen.vote_m - target.vote_m).norm(dim=1)[person].numpy())
+        terms.append(float(sum(loss(seen, target).values())))
+    return {
+        "recall": right / max(wanted, 1),
+        "precision": right / max(found, 1),
+        "vote_error_cm": 100 * float(np.median(np.concatenate(errors))),
+        "loss": float(np.mean(terms)),
+    }
+
+
+def train_finder(config: FinderTraining, seed: int, train_folder: str, validation_folder: str, out: Path, threads: int) -> None:
+    """Trains a finder; writes its weights to `out`."""
+    if threads:
+        torch.set_num_threads(threads)
+    out.mkdir(parents=True, exist_ok=True)
+    run = FinderRun(config, seed, out)
+    images, validation = LoadedImages(train_folder), LoadedImages(validation_folder)
+    size = config.batch_size
+    log.info(
+        f"{len(images):,} training and {len(validation):,} validation images, {config.steps * size / len(images):.1f} epochs"
+    )
+    bar = tqdm(total=config.steps, initial=run.step, desc="training", unit="step")
+    bar.mininterval = 0.2 if sys.stderr.isatty() else LINE_EVERY_S
+    with bar:
+        while run.step < config.steps:
+            positions = np.arange(run.step * size, (run.step + 1) * size)
+            rows = np.array([permutation(seed, int(p // len(images)), len(images))[p % len(images)] for p in positions])
+            mirrored = np.random.default_rng([seed, MIRROR_STREAM, run.step]).random(size) < 0.5
+            terms = run.update(*images.batch(rows, mirrored))
+            bar.update()
+            bar.set_postfix({name: f"{value:.3f}" for name, value in terms.items()}, refresh=False)
+            if run.step % config.validate_every == 0 or run.step == config.steps:
+                metrics = validate(run.average, validation, size)
+                run.save({"metrics": metrics, "config": asdict(config), "seed": seed, "images": len(images)})
+                log.info(
+                    f"step {run.step:,} of {config.steps:,}: of the people's cells {100 * metrics['recall']:.1f} % found, of "
+                    f"those found {100 * metrics['precision']:.1f} % right, votes {metrics['vote_error_cm']:.1f} cm off, "
+                    f"loss {metrics['loss']:.4f}"
+                )
