@@ -8,19 +8,16 @@ from safetensors.torch import load_file
 
 from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.errors import InputError
-from kpopnet.extraction.extractor import Human
 from kpopnet.finder.canvas import STRIDE, Reduced, reduced
 from kpopnet.finder.following import Followed
 from kpopnet.finder.network import FinderNetwork, observed
 from kpopnet.finder.people import gather_people, pixel_owners
+from kpopnet.human import Human
 from kpopnet.runtime.input_files import read_with
 
 LEAST_PROBABILITY, LEAST_M2, LEAST_CELLS = 0.5, 0.03, 8
 LEAST_SCORE, LEAST_SHOWN = 0.75, 0.15
 """A person is reported whose cells show a person with this mean probability, and of whose body this share shows."""
-
-MARGIN_PX = 2
-"""Empty pixels around a person in their box: the ridge needs them."""
 
 
 class PersonFinder:
@@ -59,8 +56,8 @@ class PersonFinder:
         owners, boxes = pixel_owners(depth_m, cell_depth_m, probability, owner, canvas.reduction, len(centres_m))
         identities = self._followed.identify(centres_m)
         humans = [
-            self._human(identity, depth_m, owners, number, box, centre_m)
-            for number, (identity, box, centre_m) in enumerate(zip(identities, boxes.tolist(), centres_m, strict=True), 1)
+            Human.cut_out(identity, depth_m, owners, number, box, centre_m)
+            for number, (identity, box, centre_m) in enumerate(zip(identities, boxes, centres_m, strict=True), 1)
             if box[2] > box[0]
         ]
         return sorted(humans, key=lambda human: human.identity)
@@ -82,15 +79,6 @@ class PersonFinder:
         points_m = np.stack([x * z, y * z, z], axis=-1).astype(np.float32)
         votes_m = seen.vote_m[0].permute(1, 2, 0).numpy() + points_m
         return torch.sigmoid(seen.person_logit[0]).numpy(), votes_m, torch.sigmoid(seen.shown_logit[0]).numpy()
-
-    def _human(
-        self, identity: int, depth_m: np.ndarray, owners: np.ndarray, number: int, box: list[int], centre_m: np.ndarray
-    ) -> Human:
-        x0, y0, x1, y1 = box
-        x0, y0 = max(x0 - MARGIN_PX, 0), max(y0 - MARGIN_PX, 0)
-        x1, y1 = min(x1 + MARGIN_PX, self.camera.width), min(y1 + MARGIN_PX, self.camera.height)
-        own = np.where(owners[y0:y1, x0:x1] == number, depth_m[y0:y1, x0:x1], np.float32(0))
-        return Human(identity, (x0, y0, x1, y1), own, centre_m)
 
 
 def load_finder(path: Path | str) -> FinderNetwork:

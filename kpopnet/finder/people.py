@@ -53,60 +53,55 @@ def gather_people(probability, votes_m, shown, cell_m2, least_probability, least
         least_m2: least visible surface of a person.
         least_cells: least number of a person's cells.
     """
-    height, width = probability.shape
-    rows, columns = np.empty(height * width, np.int32), np.empty(height * width, np.int32)
-    count = 0
-    for y in range(height):
-        for x in range(width):
-            if cell_m2[y, x] > 0 and probability[y, x] >= least_probability:
-                rows[count], columns[count] = y, x
-                count += 1
-    points, weights, free = np.empty((count, 3), np.float32), np.empty(count, np.float32), np.ones(count, np.bool_)
-    for k in range(count):
+    rows, columns = np.nonzero((cell_m2 > 0) & (probability >= least_probability))
+    points, weights = np.empty((len(rows), 3), np.float32), np.empty(len(rows), np.float32)
+    for k in range(len(rows)):
         y, x = rows[k], columns[k]
         points[k], weights[k] = votes_m[y, x], cell_m2[y, x] * probability[y, x]
-    centres = np.zeros((MOST_PEOPLE, 3), np.float32)
-    found = 0
+    centres = _agreed(points, weights, 0.5 * least_m2)
+    owner, cells = np.zeros(probability.shape, np.uint8), np.zeros(len(centres), np.int64)
+    sums = np.zeros((len(centres), 3))
+    for k in range(len(rows)):
+        person, y, x = _nearest(points[k], centres), rows[k], columns[k]
+        if person >= 0:
+            owner[y, x] = person + 1
+            cells[person] += 1
+            sums[person] += np.array((probability[y, x], shown[y, x], cell_m2[y, x]))
+    kept = np.nonzero((cells >= least_cells) & (sums[:, 2] >= least_m2))[0]
+    number = np.zeros(len(centres) + 1, np.uint8)
+    for new, person in enumerate(kept):
+        number[person + 1] = new + 1
+    for k in range(len(rows)):
+        owner[rows[k], columns[k]] = number[owner[rows[k], columns[k]]]
+    means = (sums[kept] / np.expand_dims(cells[kept], 1)).astype(np.float32)
+    return centres[kept], means[:, 0], means[:, 1], sums[kept, 2].astype(np.float32), owner
+
+
+@njit(cache=True)
+def _agreed(points, weights, least):
+    """(P, 3) the centres on which more than the least weight of votes agrees, one after another, each without those before."""
+    free, centres, found = np.ones(len(points), np.bool_), np.zeros((MOST_PEOPLE, 3), np.float32), 0
     while found < MOST_PEOPLE:
         centre, weight = _densest(points, weights, free)
-        if weight < 0.5 * least_m2:
+        if weight < least:
             break
-        for k in range(count):
+        for k in range(len(points)):
             if free[k] and _squared(points[k], centre) < TAKEN_M**2:
                 free[k] = False
         centres[found] = centre
         found += 1
+    return centres[:found]
 
-    owner = np.zeros((height, width), np.uint8)
-    sums, cells = np.zeros((found, 4), np.float64), np.zeros(found, np.int64)
-    for k in range(count):
-        best, nearest = -1, REACH_M**2
-        for person in range(found):
-            distance = _squared(points[k], centres[person])
-            if distance < nearest:
-                best, nearest = person, distance
-        if best >= 0:
-            y, x = rows[k], columns[k]
-            owner[y, x] = best + 1
-            cells[best] += 1
-            sums[best, 0] += probability[y, x]
-            sums[best, 1] += shown[y, x]
-            sums[best, 2] += cell_m2[y, x]
-    number = np.zeros(found + 1, np.uint8)
-    kept = 0
-    for person in range(found):
-        if cells[person] >= least_cells and sums[person, 2] >= least_m2:
-            centres[kept] = centres[person]
-            sums[kept], cells[kept] = sums[person], cells[person]
-            kept += 1
-            number[person + 1] = kept
-    for k in range(count):
-        owner[rows[k], columns[k]] = number[owner[rows[k], columns[k]]]
-    score, seen, area = np.empty(kept, np.float32), np.empty(kept, np.float32), np.empty(kept, np.float32)
-    for person in range(kept):
-        score[person], seen[person] = sums[person, 0] / cells[person], sums[person, 1] / cells[person]
-        area[person] = sums[person, 2]
-    return centres[:kept], score, seen, area, owner
+
+@njit(cache=True)
+def _nearest(point, centres):
+    """The number of the centre nearest to a point, -1 if none is within REACH_M."""
+    best, nearest = -1, REACH_M**2
+    for person in range(len(centres)):
+        distance = _squared(point, centres[person])
+        if distance < nearest:
+            best, nearest = person, distance
+    return best
 
 
 @njit(cache=True)

@@ -15,7 +15,14 @@ Writes `best` and `last`, a log and TensorBoard's files to outputs/train/<model>
     python train.py --config-name tree_walk                       # the random tree walk; minutes on one core
     python train.py --config-name tree_walk tree_walk.images=20000 out=outputs/tree_walk/mine
 
-Writes a model to outputs/tree_walk/<date-time>, or out=PATH. Installed from a wheel, the program is `kpopnet train`.
+Writes a model to outputs/tree_walk/<date-time>, or out=PATH.
+
+    python -m synth benchmark=room_images benchmark.shards=100 out=data/rooms/train
+    python -m synth benchmark=room_images benchmark.shards=4 benchmark.split=validation out=data/rooms/validation
+    python train.py --config-name finder                          # the finder of people; an hour on one core
+    python train.py --config-name finder out=outputs/finder/RUN training.resume=true
+
+Writes the finder's weights to outputs/finder/<date-time>, or out=PATH. Installed from a wheel, the program is `kpopnet train`.
 """
 
 import logging
@@ -34,6 +41,7 @@ from kpopnet.networks.checkpoint import read_meta, run_folder
 from kpopnet.runtime.cpu import bounded_processes
 from kpopnet.runtime.folder_lock import locked
 from kpopnet.runtime.hydra_app import OutputFolder, command_line_settings, entry_point, register_choices, resumed_config
+from kpopnet.training.finder import FinderTraining, train_finder
 from kpopnet.training.loop import RunConfig, refuse_other_run, train
 from synth.samples.observe import ExtractionConfig, Observer, OtherSensors
 from synth.sensor.model import SENSORS, SensorConfig
@@ -116,6 +124,30 @@ class TreeWalkTrainingConfig(ObservationConfig):
     tree_walk: TreeWalkConfig = field(default_factory=TreeWalkConfig)
 
 
+@dataclass
+class FinderTrainingConfig:
+    """Training of the finder of people.
+
+    Attributes:
+        out: folder for the weights.
+        data: where the room images are.
+        training: how the finder is trained.
+        seed: of weights, order and mirroring.
+        threads: of torch; 0 takes all cores.
+    """
+
+    out: str = "outputs/finder"
+    data: DataConfig = field(default_factory=lambda: DataConfig("data/rooms/train", "data/rooms/validation"))
+    training: FinderTraining = field(default_factory=FinderTraining)
+    seed: int = 0
+    threads: int = 0
+
+    def __post_init__(self) -> None:
+        check_seed("seed", self.seed)
+        if self.threads < 0:
+            raise InputError(f"threads={self.threads} must be 0 or more")
+
+
 class TrainingFolder(OutputFolder):
     """Locks a run's folder, and refuses one that holds another run."""
 
@@ -155,10 +187,15 @@ def run_tree_walk_training(config: TreeWalkTrainingConfig) -> None:
     )
 
 
-@entry_point({"train": NetworkTrainingConfig, "tree_walk": TreeWalkTrainingConfig})
-def main(config: NetworkTrainingConfig | TreeWalkTrainingConfig) -> None:
+@entry_point({"train": NetworkTrainingConfig, "tree_walk": TreeWalkTrainingConfig, "finder": FinderTrainingConfig})
+def main(config: NetworkTrainingConfig | TreeWalkTrainingConfig | FinderTrainingConfig) -> None:
     """Trains what --config-name chose, by default a network."""
     if isinstance(config, TreeWalkTrainingConfig):
         run_tree_walk_training(config)
+    elif isinstance(config, FinderTrainingConfig):
+        with locked(config.out):
+            train_finder(
+                config.training, config.seed, config.data.train, config.data.validation, Path(config.out), config.threads
+            )
     else:
         run_network_training(config)

@@ -135,13 +135,15 @@ class FinderRun:
         self.step = 0
         if config.resume:
             self.load()
+        elif (folder / STATE).exists():
+            raise InputError(f"{folder}: holds a run; go on with it (training.resume=true), or give another folder (out=...)")
 
     def update(self, image: Tensor, target: Target) -> dict[str, float]:
         """Takes one step; returns the terms of the loss."""
-        lr = lr_at(self.step, self.config)
+        lr = lr_at(self.step, self.config.lr, self.config.steps)
         self.network.train()
         terms = loss(self.network(image), target)
-        total = sum(terms.values())
+        total = torch.stack(list(terms.values())).sum()
         self.network.zero_grad()
         total.backward()
         norm = nn.utils.clip_grad_norm_(self.network.parameters(), CLIP_NORM)
@@ -211,13 +213,17 @@ def validate(network: FinderNetwork, images: LoadedImages, batch_size: int) -> d
     }
 
 
-def train_finder(config: FinderTraining, seed: int, train_folder: str, validation_folder: str, out: Path, threads: int) -> None:
-    """Trains a finder; writes its weights to `out`."""
+def train_finder(config: FinderTraining, seed: int, data: dict[str, str], out: Path, threads: int) -> None:
+    """Trains a finder on the room images in the folders `train` and `validation` of `data`; writes its weights to `out`.
+
+    Raises:
+        InputError: no room images, another run in the folder, or a loss that is not finite.
+    """
     if threads:
         torch.set_num_threads(threads)
     out.mkdir(parents=True, exist_ok=True)
     run = FinderRun(config, seed, out)
-    images, validation = LoadedImages(train_folder), LoadedImages(validation_folder)
+    images, validation = LoadedImages(data["train"]), LoadedImages(data["validation"])
     size = config.batch_size
     log.info(
         f"{len(images):,} training and {len(validation):,} validation images, {config.steps * size / len(images):.1f} epochs"

@@ -132,14 +132,14 @@ class RunConfig:
             raise InputError(f"training.small_crops: a {self.model.kind} network takes crops of one size; set its share to 0")
 
 
-def lr_at(step: int, config: TrainingConfig) -> float:
-    """Learning rate of one cycle (Smith 2018): half a cosine from lr/25 up to lr, then one down to lr/10,000."""
-    rising = WARMUP * config.steps
+def lr_at(step: int, peak: float, steps: int) -> float:
+    """Learning rate of one cycle (Smith 2018): half a cosine from peak/25 up to the peak, then one down to peak/10,000."""
+    rising = WARMUP * steps
     if step < rising:
-        low, fraction = config.lr / 25, step / rising
-        return low + (config.lr - low) * (1 - math.cos(math.pi * fraction)) / 2
-    low, fraction = config.lr / 1e4, (step - rising) / max(1, config.steps - rising)
-    return low + (config.lr - low) * (1 + math.cos(math.pi * fraction)) / 2
+        low, fraction = peak / 25, step / rising
+        return low + (peak - low) * (1 - math.cos(math.pi * fraction)) / 2
+    low, fraction = peak / 1e4, (step - rising) / max(1, steps - rising)
+    return low + (peak - low) * (1 + math.cos(math.pi * fraction)) / 2
 
 
 def decay_at(step: int) -> float:
@@ -182,7 +182,7 @@ class Run:
         Raises InputError, before it changes a weight, if the loss or its gradient is not finite.
         """
         crop, target = batch.crop.to(self.processes.device), batch.target.to(self.processes.device)
-        lr = lr_at(self.step, self.config)
+        lr = lr_at(self.step, self.config.lr, self.config.steps)
 
         # Gradient
         self.network.train()

@@ -24,7 +24,7 @@ def pole(radius_m: float, low_m: float, high_m: float, x_m: float = 0.0, y_m: fl
 def leaning(radius_m: float, low_m: np.ndarray, high_m: np.ndarray) -> Mesh:
     """A rod between two points (3,)."""
     along = high_m - low_m
-    length = np.linalg.norm(along)
+    length = float(np.linalg.norm(along))
     y = along / length
     x = np.cross(y, (0.3, 0.2, 1.0) if abs(y[2]) < 0.9 else (1.0, 0, 0))
     x /= np.linalg.norm(x)

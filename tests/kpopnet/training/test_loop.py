@@ -189,7 +189,7 @@ def test_a_loss_that_is_not_finite_stops_before_the_update(field):
 
 def test_the_learning_rate_cycles_once():
     config = TrainingConfig(steps=1000, lr=1e-3)
-    rates = [lr_at(step, config) for step in range(1001)]
+    rates = [lr_at(step, config.lr, config.steps) for step in range(1001)]
     assert rates[0] == pytest.approx(1e-3 / 25)
     assert max(rates) == rates[70] == pytest.approx(1e-3)
     assert rates[535] == pytest.approx((1e-3 + 1e-7) / 2)

@@ -1,0 +1,56 @@
+"""From cells that vote to people and their pixels, in arrangements whose answer is known."""
+
+import numpy as np
+
+from kpopnet.finder.people import gather_people, pixel_owners
+
+H, W = 64, 80
+LIMITS = 0.5, 0.03, 8
+
+
+def cells(*parts):
+    """Probability, votes, share and area of the cells: each part is (rows, columns, torso)."""
+    probability, votes_m = np.full((H, W), 0.02, np.float32), np.zeros((H, W, 3), np.float32)
+    for rows, columns, torso_m in parts:
+        probability[rows, columns], votes_m[rows, columns] = 0.95, torso_m
+    rng = np.random.default_rng(0)
+    votes_m += 0.03 * rng.standard_normal(votes_m.shape).astype(np.float32)
+    return probability, votes_m, np.full((H, W), 0.8, np.float32), np.full((H, W), 0.001, np.float32)
+
+
+def test_votes_that_agree_are_one_person_however_the_body_is_divided():
+    upper, lower = (np.s_[10:20], np.s_[10:20], (0, 0, 2)), (np.s_[40:50], np.s_[12:18], (0, 0, 2))
+    beside = np.s_[10:40], np.s_[22:30], (0.7, 0, 2)
+    centres_m, score, shown, area_m2, owner = gather_people(*cells(upper, lower, beside), *LIMITS)
+    assert len(centres_m) == 2
+    first = owner[15, 15]
+    assert (owner[10:20, 10:20] == first).all() and (owner[40:50, 12:18] == first).all()
+    assert (owner[10:40, 22:30] == 3 - first).all() and (owner > 0).sum() == 100 + 60 + 240
+    assert np.allclose(centres_m[first - 1], (0, 0, 2), atol=0.02) and np.allclose(score, 0.95) and np.allclose(shown, 0.8)
+    assert np.allclose(sorted(area_m2), [0.16, 0.24])
+
+
+def test_people_one_behind_the_other_are_two():
+    front, behind = (np.s_[10:40], np.s_[10:20], (0, 0, 2)), (np.s_[10:40], np.s_[20:23], (0.1, 0, 2.6))
+    centres_m, *_, owner = gather_people(*cells(front, behind), *LIMITS)
+    assert len(centres_m) == 2 and len(np.unique(owner[10:40, 10:20])) == len(np.unique(owner[10:40, 20:23])) == 1
+
+
+def test_specks_and_unmeasured_cells_are_not_people():
+    probability, votes_m, shown, area_m2 = cells((np.s_[5:7], np.s_[5:7], (0, 0, 2)), (np.s_[20:40], np.s_[20:30], (1, 0, 2)))
+    area_m2[20:40, 20:30] = 0
+    centres_m, *_, owner = gather_people(probability, votes_m, shown, area_m2, *LIMITS)
+    assert not len(centres_m) and not owner.any()
+
+
+def test_pixels_take_the_person_beside_them_at_their_depth():
+    owner, probability = np.zeros((H, W), np.uint8), np.full((H, W), 0.02, np.float32)
+    cell_depth_m = np.full((H, W), 4.0, np.float32)
+    owner[20:30, 20:30], probability[20:30, 20:30], cell_depth_m[20:30, 20:30] = 1, 0.9, 2.0
+    owner[20:30, 30:40], probability[20:30, 30:40], cell_depth_m[20:30, 30:40] = 2, 0.9, 3.0
+    reduction = 2.0  # four pixels of the image a cell
+    depth_m = np.kron(cell_depth_m, np.ones((4, 4), np.float32))
+    depth_m[100:104, 100:104] = 0
+    owners, boxes = pixel_owners(depth_m, cell_depth_m, probability, owner, reduction, 2)
+    assert (owners == np.select([depth_m == 2, depth_m == 3], [1, 2], 0)).all()
+    assert boxes.tolist() == [[80, 80, 120, 120], [120, 80, 160, 120]]

@@ -1,0 +1,86 @@
+"""The finder's training: exact resuming, and a network that learns what a few images show."""
+
+import numpy as np
+import pytest
+import torch
+
+from kpopnet.camera import Camera
+from kpopnet.data.room_images import MOST_PEOPLE, SCHEMA
+from kpopnet.errors import InputError
+from kpopnet.finder.canvas import CANVAS
+from kpopnet.runtime.atomic_write import atomic_hdf5
+from kpopnet.training.finder import META, STATE, WEIGHTS, FinderRun, FinderTraining, LoadedImages, train_finder, validate
+
+CAMERA = Camera.centred(120.0, 160, 120)
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    """Eight images of a box-like person at different places before a wall."""
+    folder = tmp_path_factory.mktemp("images")
+    count = 8
+    arrays = {
+        "depth_mm": np.zeros((count, CANVAS[1], CANVAS[0]), np.uint16),
+        "labels": np.zeros((count, CANVAS[1], CANVAS[0]), np.uint8),
+        "cameras": np.tile(np.array([CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy, CAMERA.width, CAMERA.height]), (count, 1)),
+        "joints_m": np.full((count, MOST_PEOPLE, 15, 3), np.nan, np.float32),
+        "whole_px": np.zeros((count, MOST_PEOPLE), np.float32),
+    }
+    arrays["depth_mm"][:, :120] = 4000
+    for k in range(count):
+        left = 20 + 12 * k
+        arrays["depth_mm"][k, 20:100, left : left + 28] = 2000
+        arrays["labels"][k, 20:100, left : left + 28] = 1
+        arrays["joints_m"][k, 0] = CAMERA.back_project(np.array([left + 13.5, 59.5, 2.0]))
+        arrays["whole_px"][k, 0] = 80 * 28
+    with atomic_hdf5(folder / "images_00000.h5") as file:
+        file.attrs["format"], file.attrs["version"] = SCHEMA.fixed["format"], SCHEMA.fixed["version"]
+        for name, array in arrays.items():
+            file.create_dataset(name, data=array)
+    return {"train": str(folder), "validation": str(folder)}
+
+
+def test_the_targets_are_the_persons_cells_and_torso(data):
+    images = LoadedImages(data["train"])
+    for mirrored in (False, True):
+        _, target = images.batch(np.array([3]), np.array([mirrored]))
+        person = target.person[0] > 0
+        assert person.sum() == 40 * 14 and (target.weight[0][60:] == 0).all()
+        votes_m = target.vote_m[0][:, person]
+        assert torch.allclose(votes_m.mean(1), torch.zeros(3), atol=0.02) and float(target.shown[0][person].min()) == 1
+        columns = torch.nonzero(person)[:, 1].float().mean() * 2
+        assert abs(float(columns) - (69.5 if not mirrored else 159 - 69.5)) < 1.5
+
+
+def test_a_resumed_run_equals_an_uninterrupted_one(data, tmp_path):
+    def settings(steps, resume=False):
+        return FinderTraining(steps=steps, batch_size=2, validate_every=2, resume=resume)
+
+    train_finder(settings(4), 0, data, tmp_path / "whole", threads=1)
+    whole = (tmp_path / "whole" / WEIGHTS).read_bytes()
+    run = tmp_path / "halves"
+    # The learning rate spans all steps, so half a run is one of as many steps that was stopped.
+    stopped = settings(4)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(FinderRun, "save", _save_and_stop)
+        with pytest.raises(KeyboardInterrupt):
+            train_finder(stopped, 0, data, run, threads=1)
+    with pytest.raises(InputError, match="holds a run"):
+        train_finder(stopped, 0, data, run, threads=1)
+    train_finder(settings(4, resume=True), 0, data, run, threads=1)
+    assert (run / WEIGHTS).read_bytes() == whole and (run / META).exists() and (run / STATE).exists()
+
+
+def _save_and_stop(run, described, save=FinderRun.save):
+    save(run, described)
+    raise KeyboardInterrupt
+
+
+def test_it_learns_which_cells_show_a_person_and_where_the_torso_is(data, tmp_path):
+    images, run = LoadedImages(data["train"]), FinderRun(FinderTraining(steps=40, lr=5e-3), 0, tmp_path)
+    first = validate(run.network, images, 8)
+    for step in range(40):
+        run.update(*images.batch(np.arange(step % 2, 8, 2), np.zeros(4, bool)))
+    run.network.eval()
+    last = validate(run.network, images, 8)
+    assert last["loss"] < 0.5 * first["loss"] and last["vote_error_cm"] < min(20, first["vote_error_cm"])
