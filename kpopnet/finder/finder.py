@@ -8,7 +8,7 @@ from safetensors.torch import load_file
 
 from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.errors import InputError
-from kpopnet.finder.canvas import STRIDE, Reduced, reduced
+from kpopnet.data.canvas import STRIDE, Reduced, reduced
 from kpopnet.finder.following import Followed
 from kpopnet.finder.network import FinderNetwork, observed
 from kpopnet.finder.people import gather_people, pixel_owners

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from kpopnet.finder.canvas import STRIDE
+from kpopnet.data.canvas import STRIDE
 from kpopnet.networks.network import Encoder, convolution
 
 INPUT_CHANNELS = 5

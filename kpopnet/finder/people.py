@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from kpopnet.finder.canvas import STRIDE
+from kpopnet.data.canvas import STRIDE
 
 MOST_PEOPLE = 20
 NO_PERSON = 0
@@ -17,6 +17,9 @@ NO_PERSON = 0
 AGREE_M, TAKEN_M, REACH_M = 0.22, 0.35, 0.8
 """Votes this near to each other agree; a person takes those this near to their centre; a cell belongs to the nearest
 person whose centre is this near to its vote."""
+
+PART_M, PART_SHARE = 0.7, 0.4
+"""Of two centres this near to each other, one with less than this share of the other's surface is a part of the same person."""
 
 SEEDS = 160
 """The centre is sought among this many votes, at even distances in the list."""
@@ -58,7 +61,7 @@ def gather_people(probability, votes_m, shown, cell_m2, least_probability, least
     for k in range(len(rows)):
         y, x = rows[k], columns[k]
         points[k], weights[k] = votes_m[y, x], cell_m2[y, x] * probability[y, x]
-    centres = _agreed(points, weights, 0.5 * least_m2)
+    centres = _without_parts(points, weights, _agreed(points, weights, 0.5 * least_m2))
     owner, cells = np.zeros(probability.shape, np.uint8), np.zeros(len(centres), np.int64)
     sums = np.zeros((len(centres), 3))
     for k in range(len(rows)):
@@ -91,6 +94,25 @@ def _agreed(points, weights, least):
         centres[found] = centre
         found += 1
     return centres[:found]
+
+
+@njit(cache=True)
+def _without_parts(points, weights, centres):
+    """The centres without those on which a small part of a nearby person's votes agrees: a hand's, a foot's."""
+    weight = np.zeros(len(centres))
+    for k in range(len(points)):
+        person = _nearest(points[k], centres)
+        if person >= 0:
+            weight[person] += weights[k]
+    kept = np.zeros(len(centres), np.bool_)
+    for person in np.argsort(-weight):
+        kept[person] = True
+        for other in range(len(centres)):
+            near = kept[other] and other != person and _squared(centres[person], centres[other]) < PART_M**2
+            if near and weight[person] < PART_SHARE * weight[other]:
+                kept[person] = False
+                break
+    return centres[kept]
 
 
 @njit(cache=True)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kpopnet.finder.canvas import CANVAS
+from kpopnet.data.canvas import CANVAS
 from kpopnet.skeleton import Joint
 from synth.rooms.images import measure_scene
 from synth.rooms.scene import RoomScenes

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kpopnet.camera import Camera
-from kpopnet.finder.canvas import CANVAS, reduced
+from kpopnet.data.canvas import CANVAS, reduced
 
 
 @pytest.mark.parametrize(
