@@ -19,6 +19,7 @@ LAYERS = (
         *("kpopnet.extraction", "kpopnet.paper_extraction", "kpopnet.dance", "kpopnet.networks", "kpopnet.paper_tracker"),
         "kpopnet.tracker",
     ),
+    ("kpopnet.finder",),
     ("kpopnet.training", "kpopnet.baselines", "kpopnet.pose"),
     ("kpopnet.datasets",),
     ("kpopnet.evaluation", "kpopnet.teacher"),

@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.camera import Camera
-from kpopnet.errors import InputError
 from kpopnet.data.canvas import CANVAS
+from kpopnet.errors import InputError
 from kpopnet.runtime.hdf5_files import Hdf5Schema, open_hdf5, read_array
 from kpopnet.runtime.input_files import ArraySchema
 from kpopnet.skeleton import NUM_JOINTS

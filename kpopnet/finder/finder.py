@@ -1,33 +1,48 @@
 """The finder: everybody in one depth image of any scene before any camera, and who is who in films."""
 
-from pathlib import Path
+from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
-import torch
-from safetensors.torch import load_file
 
 from kpopnet.camera import Camera, depth_in_metres
-from kpopnet.errors import InputError
-from kpopnet.data.canvas import STRIDE, Reduced, reduced
+from kpopnet.data.canvas import Reduced, reduced
+from kpopnet.errors import InputError, check_between
 from kpopnet.finder.following import Followed
-from kpopnet.finder.network import FinderNetwork, observed
-from kpopnet.finder.people import gather_people, pixel_owners
+from kpopnet.finder.people import Cells, gather_people, pixel_owners
 from kpopnet.human import Human
-from kpopnet.runtime.input_files import read_with
+from kpopnet.weights import shipped_finder
 
 LEAST_PROBABILITY, LEAST_M2, LEAST_CELLS = 0.5, 0.03, 8
-LEAST_SCORE, LEAST_SHOWN = 0.75, 0.15
-"""A person is reported whose cells show a person with this mean probability, and of whose body this share shows."""
+"""Of the cells of a person; the least surface that shows of a person, and the least number of their cells."""
+
+
+@dataclass(frozen=True)
+class FinderConfig:
+    """Which finder finds people, and how sure it has to be.
+
+    Attributes:
+        weights: a file of `train.py --config-name finder`; None: the finder that comes with the package.
+        least_score: a person is reported whose pixels show a person with at least this mean probability.
+    """
+
+    weights: str | None = None
+    least_score: float = 0.8
+
+    def __post_init__(self) -> None:
+        check_between("extraction.least_score", self.least_score, 0, 1)
 
 
 class PersonFinder:
     """Finds the people in the images of one camera, which may move, and follows them from image to image."""
 
-    def __init__(self, camera: Camera, network: FinderNetwork) -> None:
-        self.camera, self._network, self._followed = camera, network, Followed()
+    def __init__(self, camera: Camera, config: FinderConfig = FinderConfig()) -> None:
+        """Raises InputError if the weights are missing, damaged or of another version."""
+        self.camera, self.config, self._followed = camera, config, Followed()
+        self._network = _network(config.weights or str(shipped_finder()))
 
     def extract(self, depth_m: np.ndarray) -> list[Human]:
-        """The people in the next image.
+        """The people in the next image, in the order in which they were first found.
 
         Args:
             depth_m: (H, W) float32 metres, 0 where nothing was measured.
@@ -39,53 +54,30 @@ class PersonFinder:
         if depth_m.ndim != 2:
             raise InputError(f"depth image: expected shape (H, W), got {depth_m.shape}; pass one image per call")
         canvas = reduced(depth_m, self.camera)
-        if not canvas.depth_m.any():
-            self._followed.identify(np.zeros((0, 3), np.float32))
-            return []
-        probability, votes_m, shown = self._seen(canvas)
-        cell_depth_m = np.ascontiguousarray(canvas.depth_m[::STRIDE, ::STRIDE])
-        fx, fy = canvas.intrinsics[:2]
-        cell_m2 = cell_depth_m**2 * np.float32(STRIDE**2 / (fx * fy))
-        centres_m, score, share, _, owner = gather_people(
-            probability, votes_m, shown, cell_m2, LEAST_PROBABILITY, LEAST_M2, LEAST_CELLS
-        )
-        sure = (score >= LEAST_SCORE) & (share >= LEAST_SHOWN)
-        numbers = np.zeros(len(score) + 1, np.uint8)
-        numbers[1:][sure] = np.arange(1, sure.sum() + 1)
-        owner, centres_m = numbers[owner], centres_m[sure]
-        owners, boxes = pixel_owners(depth_m, cell_depth_m, probability, owner, canvas.reduction, len(centres_m))
-        identities = self._followed.identify(centres_m)
+        cells = self._cells(canvas)
+        people = gather_people(cells, LEAST_PROBABILITY, LEAST_M2, LEAST_CELLS)
+        sure = people.score >= self.config.least_score
+        numbers = np.append(0, np.where(sure, np.cumsum(sure), 0)).astype(np.uint8)
+        centres_m, owner = people.centres_m[sure], numbers[people.owner]
+        owners, boxes = pixel_owners(depth_m, cells.depth_m, cells.probability, owner, canvas.reduction, len(centres_m))
         humans = [
             Human.cut_out(identity, depth_m, owners, number, box, centre_m)
-            for number, (identity, box, centre_m) in enumerate(zip(identities, boxes, centres_m, strict=True), 1)
+            for number, (identity, box, centre_m) in enumerate(
+                zip(self._followed.identify(centres_m), boxes, centres_m, strict=True), 1
+            )
             if box[2] > box[0]
         ]
         return sorted(humans, key=lambda human: human.identity)
 
-    @torch.inference_mode()
-    def _seen(self, canvas: Reduced) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(h, w) probability of a person, (h, w, 3) votes in metres and (h, w) share of the body that shows."""
-        threads = torch.get_num_threads()
-        torch.set_num_threads(1)
-        try:
-            image = observed(torch.from_numpy(canvas.depth_m)[None], torch.from_numpy(canvas.intrinsics)[None])
-            seen = self._network(image.contiguous(memory_format=torch.channels_last))
-        finally:
-            torch.set_num_threads(threads)
-        height, width = seen.person_logit.shape[1:]
-        z = canvas.depth_m[::STRIDE, ::STRIDE]
-        fx, fy, cx, cy = canvas.intrinsics
-        x, y = (STRIDE * np.arange(width) - cx) / fx, (STRIDE * np.arange(height)[:, None] - cy) / fy
-        points_m = np.stack([x * z, y * z, z], axis=-1).astype(np.float32)
-        votes_m = seen.vote_m[0].permute(1, 2, 0).numpy() + points_m
-        return torch.sigmoid(seen.person_logit[0]).numpy(), votes_m, torch.sigmoid(seen.shown_logit[0]).numpy()
+    def _cells(self, canvas: Reduced) -> Cells:
+        from kpopnet.finder.network import cells_of  # takes a second to import
+
+        return cells_of(self._network, canvas)
 
 
-def load_finder(path: Path | str) -> FinderNetwork:
-    """Loads a trained finder; raises InputError if the file is missing, damaged, or of another architecture."""
-    network = FinderNetwork().to(memory_format=torch.channels_last).eval().requires_grad_(False)
-    problem = "missing, damaged, or not a finder of this version"
-    weights = read_with(load_file, Path(path), problem)
-    as_floats = {name: value.float() if value.dtype == torch.float16 else value for name, value in weights.items()}
-    read_with(lambda _: network.load_state_dict(as_floats), Path(path), problem)
-    return network
+@cache
+def _network(path: str):
+    """The network of a file, loaded once."""
+    from kpopnet.finder.network import load_network
+
+    return load_network(path)

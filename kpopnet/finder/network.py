@@ -4,14 +4,19 @@ how much of their body shows.
 It sees metric depth and the rays of a pinhole camera, no statistics of a data set, and one image without history.
 """
 
+from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import torch
+from safetensors.torch import load_file
 from torch import Tensor, nn
 from torch.nn import functional
 
-from kpopnet.data.canvas import STRIDE
+from kpopnet.data.canvas import STRIDE, Reduced
+from kpopnet.finder.people import Cells
 from kpopnet.networks.network import Encoder, convolution
+from kpopnet.runtime.input_files import read_with
 
 INPUT_CHANNELS = 5
 OUTPUTS = 5
@@ -123,3 +128,30 @@ class Target(NamedTuple):
     vote_m: Tensor
     shown: Tensor
     weight: Tensor
+
+
+def load_network(path: Path | str) -> FinderNetwork:
+    """Loads a trained finder; raises InputError if the file is missing, damaged, or of another architecture."""
+    network = FinderNetwork().to(memory_format=torch.channels_last).eval().requires_grad_(False)
+    problem = "missing, damaged, or not a finder of this version"
+    weights = read_with(load_file, Path(path), problem)
+    as_floats = {name: value.float() if value.dtype == torch.float16 else value for name, value in weights.items()}
+    read_with(lambda _: network.load_state_dict(as_floats), Path(path), problem)
+    return network
+
+
+@torch.inference_mode()
+def cells_of(network: FinderNetwork, canvas: Reduced) -> Cells:
+    """What a network says of the cells of an image, on one thread: more would wait for each other."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        depth_m, intrinsics = torch.from_numpy(canvas.depth_m)[None], torch.from_numpy(canvas.intrinsics)[None]
+        seen = network(observed(depth_m, intrinsics).contiguous(memory_format=torch.channels_last))
+        torso_m = (cell_points_m(depth_m, intrinsics) + seen.vote_m)[0].permute(1, 2, 0)
+        probability, shown = torch.sigmoid(seen.person_logit[0]), torch.sigmoid(seen.shown_logit[0])
+    finally:
+        torch.set_num_threads(threads)
+    depth_m = np.ascontiguousarray(canvas.depth_m[::STRIDE, ::STRIDE])
+    area_m2 = depth_m**2 * np.float32(STRIDE**2 / (canvas.intrinsics[0] * canvas.intrinsics[1]))
+    return Cells(depth_m, area_m2, probability.numpy(), torso_m.contiguous().numpy(), shown.numpy())

@@ -25,6 +25,24 @@ SEEDS = 160
 """The centre is sought among this many votes, at even distances in the list."""
 
 
+class Cells(NamedTuple):
+    """What is known of the h x w cells of an image.
+
+    Attributes:
+        depth_m: (h, w) float32 metres, 0 where nothing was measured.
+        area_m2: (h, w) float32 area that a cell sees, 0 where nothing was measured.
+        probability: (h, w) float32 that the cell shows a person.
+        torso_m: (h, w, 3) float32 where this person's torso joint is, camera frame, metres.
+        shown: (h, w) float32 share of this person's body that shows.
+    """
+
+    depth_m: np.ndarray
+    area_m2: np.ndarray
+    probability: np.ndarray
+    torso_m: np.ndarray
+    shown: np.ndarray
+
+
 class People(NamedTuple):
     """The P people of one image.
 
@@ -43,19 +61,20 @@ class People(NamedTuple):
     owner: np.ndarray
 
 
-@njit(cache=True)
-def gather_people(probability, votes_m, shown, cell_m2, least_probability, least_m2, least_cells):
-    """`People` of an image, in the order of the surface that agrees on them.
+def gather_people(cells: Cells, least_probability: float, least_m2: float, least_cells: int) -> People:
+    """The people of an image, by decreasing surface that agrees on them.
 
     Args:
-        probability: (h, w) float32 that a cell shows a person.
-        votes_m: (h, w, 3) float32 where its torso is, camera frame.
-        shown: (h, w) float32 share of the body that shows.
-        cell_m2: (h, w) float32 area that a cell sees, 0 where nothing was measured.
+        cells: what is known of the image.
         least_probability: of cells that vote.
         least_m2: least visible surface of a person.
         least_cells: least number of a person's cells.
     """
+    return People(*_gather(*cells[1:], least_probability, least_m2, least_cells))
+
+
+@njit(cache=True)
+def _gather(cell_m2, probability, votes_m, shown, least_probability, least_m2, least_cells):
     rows, columns = np.nonzero((cell_m2 > 0) & (probability >= least_probability))
     points, weights = np.empty((len(rows), 3), np.float32), np.empty(len(rows), np.float32)
     for k in range(len(rows)):

@@ -12,6 +12,7 @@ import numpy as np
 
 from kpopnet.camera import Camera, sequence_in_metres
 from kpopnet.extraction import HumanExtractionConfig, HumanExtractor
+from kpopnet.finder.finder import FinderConfig, PersonFinder
 from kpopnet.human import Human
 from kpopnet.paper_extraction import PaperExtractionConfig, PaperExtractor
 
@@ -30,6 +31,7 @@ class Extractor(Protocol):
 
 
 EXTRACTIONS: dict[str, tuple[type, Callable[[Camera, Any], Extractor]]] = {
+    "finder": (FinderConfig, PersonFinder),
     "current": (HumanExtractionConfig, partial(HumanExtractor, expect_person=True)),
     "paper": (PaperExtractionConfig, PaperExtractor),
 }

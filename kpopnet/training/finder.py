@@ -20,9 +20,9 @@ from tqdm import tqdm
 
 from kpopnet.camera import MM_PER_METRE
 from kpopnet.data.batches import permutation
+from kpopnet.data.canvas import CANVAS, STRIDE
 from kpopnet.data.room_images import MOST_PEOPLE, RoomImages
 from kpopnet.errors import InputError, check_between
-from kpopnet.data.canvas import CANVAS, STRIDE
 from kpopnet.finder.network import FinderNetwork, Target, cell_points_m, loss, observed
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.input_files import read_with

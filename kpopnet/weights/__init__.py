@@ -20,10 +20,26 @@ SHA256: dict[str, str] = {
 }
 """Of each file that is loaded, as tools/ship_weights.py wrote it."""
 
+FINDER_SHA256: dict[str, str] = {
+    "finder.safetensors": "",
+}
+"""Of the finder of people (kpopnet.finder), as tools/ship_weights.py wrote it."""
+
 
 def shipped_network() -> Path:
     """The folder of the network that comes with the package; raises InputError for files of another version."""
-    for name, expected in SHA256.items():
+    _check(SHA256)
+    return FOLDER
+
+
+def shipped_finder() -> Path:
+    """The file of the finder that comes with the package; raises InputError for one of another version."""
+    _check(FINDER_SHA256)
+    return FOLDER / next(iter(FINDER_SHA256))
+
+
+def _check(digests: dict[str, str]) -> None:
+    for name, expected in digests.items():
         file = FOLDER / name
         try:
             found = hashlib.sha256(file.read_bytes()).hexdigest()
@@ -31,4 +47,3 @@ def shipped_network() -> Path:
             raise InputError(f"{file}: cannot be read ({error.strerror}); install kpopnet again") from error
         if found != expected:
             raise InputError(f"{file}: not the file that came with this version of kpopnet; install kpopnet again")
-    return FOLDER

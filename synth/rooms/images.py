@@ -14,9 +14,9 @@ import cv2
 import numpy as np
 
 from kpopnet.camera import MM_PER_METRE, Camera
+from kpopnet.data.canvas import CANVAS
 from kpopnet.data.room_images import FILES, FORMAT, MOST_PEOPLE, VERSION, RoomImages
 from kpopnet.errors import InputError, check_between, check_seed
-from kpopnet.data.canvas import CANVAS
 from kpopnet.runtime.atomic_write import atomic_hdf5
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.viz.drawing import depth_rgb, enlarged, sheet

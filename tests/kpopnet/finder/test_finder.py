@@ -6,7 +6,8 @@ import torch
 
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
-from kpopnet.finder.finder import PersonFinder, load_finder
+from kpopnet.finder import finder as finder_module
+from kpopnet.finder.finder import FinderConfig, PersonFinder
 from kpopnet.finder.network import FinderNetwork, Seen
 
 CAMERA = Camera.centred(500.0, 640, 480)
@@ -33,41 +34,47 @@ class Knowing(torch.nn.Module):
         return Seen(logit, votes, torch.full_like(logit, 3.0))
 
 
-def test_a_person_is_cut_out_of_the_first_image_and_followed():
-    finder = PersonFinder(CAMERA, Knowing())
+@pytest.fixture
+def knowing(monkeypatch):
+    """A finder of images of CAMERA around a network that knows the answer."""
+    monkeypatch.setattr(finder_module, "_network", lambda _: Knowing())
+    return PersonFinder(CAMERA, FinderConfig("known"))
+
+
+def test_a_person_is_cut_out_of_the_first_image_and_followed(knowing):
     for k in range(0, 60, 10):
         depth_m = scene(280 + k, 360 + k)
-        (human,) = finder.extract(depth_m)
+        (human,) = knowing.extract(depth_m)
         assert human.identity == 0 and (human.whole(CAMERA) == np.where(depth_m == 2, depth_m, 0)).mean() > 0.9995
         assert np.allclose(human.centre_m, (k / 500 * 2, 0, 2), atol=0.02)
 
 
-def test_millimetres_are_taken_too():
-    assert len(PersonFinder(CAMERA, Knowing()).extract((1000 * scene()).astype(np.uint16))) == 1
+def test_millimetres_are_taken_too(knowing):
+    assert len(knowing.extract((1000 * scene()).astype(np.uint16))) == 1
 
 
 @pytest.mark.parametrize("depth_m", [np.zeros((480, 640), np.float32), np.full((480, 640), np.nan, np.float32), scene(0, 0)])
-def test_where_there_is_no_person_none_is_found(depth_m):
-    assert PersonFinder(CAMERA, Knowing()).extract(depth_m) == []
+def test_where_there_is_no_person_none_is_found(knowing, depth_m):
+    assert knowing.extract(depth_m) == []
 
 
-@pytest.mark.parametrize(
-    "depth_m", [np.zeros((240, 320), np.float32), np.zeros((2, 480, 640), np.float32), np.zeros((480, 640), bool)]
-)
-def test_other_images_are_refused(depth_m):
+@pytest.mark.parametrize(("shape", "dtype"), [((240, 320), np.float32), ((2, 480, 640), np.float32), ((480, 640), bool)])
+def test_other_images_are_refused(knowing, shape, dtype):
     with pytest.raises(InputError, match="depth"):
-        PersonFinder(CAMERA, Knowing()).extract(depth_m)
+        knowing.extract(np.zeros(shape, dtype))
 
 
 def test_weights_of_something_else_are_refused(tmp_path):
     (tmp_path / "finder.safetensors").write_bytes(b"nothing")
     with pytest.raises(InputError, match=r"finder\.safetensors: missing, damaged"):
-        load_finder(tmp_path / "finder.safetensors")
+        PersonFinder(CAMERA, FinderConfig(str(tmp_path / "finder.safetensors")))
 
 
-def test_an_untrained_network_answers_for_any_image_without_error():
+def test_an_untrained_network_answers_for_any_image_without_error(monkeypatch):
     torch.manual_seed(0)
-    finder = PersonFinder(CAMERA, FinderNetwork().eval())
+    network = FinderNetwork().eval()
+    monkeypatch.setattr(finder_module, "_network", lambda _: network)
+    finder = PersonFinder(CAMERA, FinderConfig("random", least_score=0))
     for depth_m in (scene(), np.random.default_rng(0).uniform(0, 9, (480, 640)).astype(np.float32)):
         for human in finder.extract(depth_m):
             assert human.depth_m.any() and np.isfinite(human.centre_m).all()

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kpopnet.finder.people import gather_people, pixel_owners
+from kpopnet.finder.people import Cells, gather_people, pixel_owners
 
 H, W = 64, 80
 LIMITS = 0.5, 0.03, 8
@@ -15,13 +15,14 @@ def cells(*parts):
         probability[rows, columns], votes_m[rows, columns] = 0.95, torso_m
     rng = np.random.default_rng(0)
     votes_m += 0.03 * rng.standard_normal(votes_m.shape).astype(np.float32)
-    return probability, votes_m, np.full((H, W), 0.8, np.float32), np.full((H, W), 0.001, np.float32)
+    area_m2 = np.full((H, W), 0.001, np.float32)
+    return Cells(np.ones((H, W), np.float32), area_m2, probability, votes_m, np.full((H, W), 0.8, np.float32))
 
 
 def test_votes_that_agree_are_one_person_however_the_body_is_divided():
     upper, lower = (np.s_[10:20], np.s_[10:20], (0, 0, 2)), (np.s_[40:50], np.s_[12:18], (0, 0, 2))
     beside = np.s_[10:40], np.s_[22:30], (0.7, 0, 2)
-    centres_m, score, shown, area_m2, owner = gather_people(*cells(upper, lower, beside), *LIMITS)
+    centres_m, score, shown, area_m2, owner = gather_people(cells(upper, lower, beside), *LIMITS)
     assert len(centres_m) == 2
     first = owner[15, 15]
     assert (owner[10:20, 10:20] == first).all() and (owner[40:50, 12:18] == first).all()
@@ -31,15 +32,15 @@ def test_votes_that_agree_are_one_person_however_the_body_is_divided():
 
 
 def test_people_one_behind_the_other_are_two():
-    front, behind = (np.s_[10:40], np.s_[10:20], (0, 0, 2)), (np.s_[10:40], np.s_[20:23], (0.1, 0, 2.6))
-    centres_m, *_, owner = gather_people(*cells(front, behind), *LIMITS)
+    front, behind = (np.s_[10:40], np.s_[10:20], (0, 0, 2)), (np.s_[10:40], np.s_[20:23], (0.1, 0, 2.9))
+    centres_m, *_, owner = gather_people(cells(front, behind), *LIMITS)
     assert len(centres_m) == 2 and len(np.unique(owner[10:40, 10:20])) == len(np.unique(owner[10:40, 20:23])) == 1
 
 
 def test_specks_and_unmeasured_cells_are_not_people():
-    probability, votes_m, shown, area_m2 = cells((np.s_[5:7], np.s_[5:7], (0, 0, 2)), (np.s_[20:40], np.s_[20:30], (1, 0, 2)))
-    area_m2[20:40, 20:30] = 0
-    centres_m, *_, owner = gather_people(probability, votes_m, shown, area_m2, *LIMITS)
+    given = cells((np.s_[5:7], np.s_[5:7], (0, 0, 2)), (np.s_[20:40], np.s_[20:30], (1, 0, 2)))
+    given.area_m2[20:40, 20:30] = 0
+    centres_m, *_, owner = gather_people(given, *LIMITS)
     assert not len(centres_m) and not owner.any()
 
 
@@ -54,3 +55,9 @@ def test_pixels_take_the_person_beside_them_at_their_depth():
     owners, boxes = pixel_owners(depth_m, cell_depth_m, probability, owner, reduction, 2)
     assert (owners == np.select([depth_m == 2, depth_m == 3], [1, 2], 0)).all()
     assert boxes.tolist() == [[80, 80, 120, 120], [120, 80, 160, 120]]
+
+
+def test_a_hand_that_votes_elsewhere_stays_with_its_person():
+    body, hand = (np.s_[10:40], np.s_[10:22], (0, 0, 2)), (np.s_[10:17], np.s_[30:37], (0.5, 0, 2))
+    centres_m, *_, owner = gather_people(cells(body, hand), *LIMITS)
+    assert len(centres_m) == 1 and owner[12, 32] == owner[20, 15] == 1

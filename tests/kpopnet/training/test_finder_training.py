@@ -5,9 +5,9 @@ import pytest
 import torch
 
 from kpopnet.camera import Camera
+from kpopnet.data.canvas import CANVAS
 from kpopnet.data.room_images import MOST_PEOPLE, SCHEMA
 from kpopnet.errors import InputError
-from kpopnet.data.canvas import CANVAS
 from kpopnet.runtime.atomic_write import atomic_hdf5
 from kpopnet.training.finder import META, STATE, WEIGHTS, FinderRun, FinderTraining, LoadedImages, train_finder, validate
 
