@@ -3,7 +3,7 @@
     python examples/camera_to_joints.py recording.npy --fov 58.6
     python examples/camera_to_joints.py recording.npy --fov 58.6 --people 2 --checkpoint outputs/train/RUN/best
 
-recording.npy stands for the camera here: (T, H, W) depth of a camera that does not move, uint16 millimetres or float metres, 0
+recording.npy stands for the camera here: (T, H, W) depth, uint16 millimetres or float metres, 0
 where nothing was measured; any other recording of docs/predicting.md will do. Prints where each person's hands are.
 """
 

@@ -60,7 +60,7 @@ def settings_of_commands() -> list[tuple[str, str, str, list[str]]]:
                 if "--config-name" in rest:
                     config = rest[rest.index("--config-name") + 1]
                 found.append((module, config, folder, settings))
-    known = {"generate", "simulated_set", "train", "tree_walk", "evaluate"}
+    known = {"generate", "simulated_set", "train", "tree_walk", "finder", "evaluate"}
     assert {config for _, config, _, _ in found} == known and len(found) > 25
     return found
 

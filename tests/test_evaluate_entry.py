@@ -98,7 +98,7 @@ def test_every_command_in_the_help_is_one(settings):
     assert EVALUATIONS.keys() < BENCHMARKS.keys() and config.benchmark.name in BENCHMARKS
     assert config.estimator or "kpop" in config.benchmark.name  # whose scores on true joints need none
     assert {type(one) for one in config.estimator.values()} <= kinds
-    assert extraction_name(config.extraction) == ("paper" if "extraction=paper" in settings else "current")
+    assert extraction_name(config.extraction) == ("paper" if "extraction=paper" in settings else "finder")
     if "+estimator/schema@estimator.straight=paper_tracker" in settings:
         found = {name: one.straightness for name, one in config.estimator.items()}
         assert found == {"paper_tracker": 0.7, "straight": 0.9}

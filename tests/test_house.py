@@ -11,7 +11,6 @@ MOST_FILES, MOST_LINES, MOST_ARGUMENTS = 12, 60, 8
 ROOT_NOUNS = {"__init__", "errors", "skeleton", "camera", "ridge", "estimator", "human", "rotations", "cli"}
 
 EXCEPTIONS = {
-    "kpopnet/extraction/components.py:component_stats": "numba kernel: one pass over the pixels fills every statistic",
     "kpopnet/geometry/cones.py:cone_signed_distance": "numba kernel: a part's numbers as scalars, so that loops vectorise",
     "synth/scene/render.py:_triangle": "numba kernel: corners of a triangle as scalars, in registers",
 }

@@ -16,7 +16,7 @@ LAYERS = (
     ("kpopnet.geometry", "kpopnet.sources"),
     ("kpopnet.y_pose",),
     (
-        *("kpopnet.extraction", "kpopnet.paper_extraction", "kpopnet.dance", "kpopnet.networks", "kpopnet.paper_tracker"),
+        *("kpopnet.paper_extraction", "kpopnet.dance", "kpopnet.networks", "kpopnet.paper_tracker"),
         "kpopnet.tracker",
     ),
     ("kpopnet.finder",),
@@ -31,7 +31,7 @@ nouns, which are modules, import each other."""
 SYNTH_MAY_IMPORT = {*LAYERS[0], "kpopnet.runtime", "kpopnet.viz", "kpopnet.data", "kpopnet.datasets", "kpopnet.dance"}
 
 WITHOUT_TORCH = (
-    *("kpopnet.extraction", "kpopnet.paper_extraction", "kpopnet.dance.online", "kpopnet.tracker.estimator"),
+    *("kpopnet.finder.finder", "kpopnet.paper_extraction", "kpopnet.dance.online", "kpopnet.tracker.estimator"),
     "kpopnet.tracker.refine",
     *("kpopnet.networks.estimator", "kpopnet.pose", "kpopnet.programs.predict"),
 )

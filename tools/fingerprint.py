@@ -23,7 +23,7 @@ from kpopnet.evaluation import engine
 from kpopnet.evaluation.dances.run import run_dances
 from kpopnet.evaluation.poses.run import SequenceEstimation
 from kpopnet.evaluation.registry import BENCHMARKS, ESTIMATORS, build_estimators
-from kpopnet.extraction import HumanExtractionConfig
+from kpopnet.finder.finder import FinderConfig
 
 SEQUENCES = 4
 DANCES = 5
@@ -90,7 +90,7 @@ def joints(name: str, folder: Path, checkpoint: Path) -> dict[str, str]:
         "network": ESTIMATORS["network"][0](checkpoint=str(checkpoint)),
         "fitted_network": ESTIMATORS["fitted_network"][0](checkpoint=str(checkpoint)),
     }
-    work = SequenceEstimation(benchmark, build_estimators(estimators), HumanExtractionConfig())
+    work = SequenceEstimation(benchmark, build_estimators(estimators), FinderConfig())
     estimated, failed = engine.run(work, benchmark.sequence_names(), 1, name)
     found = {f"joints/{name}/{sequence}": f"failed: {reason}" for sequence, reason in failed.items()}
     for sequence, outcome in estimated.items():

@@ -1,6 +1,7 @@
-"""Makes a checkpoint the network that comes with the package: writes kpopnet/weights/.
+"""Makes a checkpoint the network that comes with the package, or a finder its finder of people: writes kpopnet/weights/.
 
     python tools/ship_weights.py outputs/train/RUN/best --set data/small/test
+    python tools/ship_weights.py outputs/finder/RUN/finder.safetensors
 
 Filters are stored in float16, statistics and biases, which are few and may be large, in float32. The description
 loses what tells of the machine that trained. MODEL_CARD.md is written by hand.
@@ -18,17 +19,18 @@ from typing import Any
 
 import numpy as np
 import safetensors.torch
+import torch
 
 import kpopnet.weights
 from kpopnet.data.shards import ShardedSet
 from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
 from kpopnet.errors import InputError
+from kpopnet.finder.network import load_network as load_finder
 from kpopnet.networks import META, portable
 from kpopnet.networks.checkpoint import WEIGHTS, load_network
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.runtime.atomic_write import atomic_path
-
-DIGESTS = re.compile(r"^SHA256: dict\[str, str\] = \{.*?\}$", re.DOTALL | re.MULTILINE)
+from kpopnet.training.finder import WEIGHTS as FINDER_WEIGHTS
 
 
 def ship(checkpoint: Path, folder: Path) -> None:
@@ -38,24 +40,36 @@ def ship(checkpoint: Path, folder: Path) -> None:
         InputError: no checkpoint; weights too large for float16; a description that names a path.
     """
     network, meta = load_network(checkpoint)
-    weights = {name: (value.half() if value.ndim > 1 else value).contiguous() for name, value in network.state_dict().items()}
-    for name, value in weights.items():
-        if value.is_floating_point() and not value.isfinite().all():
-            raise InputError(f"{checkpoint}: {name} does not fit into float16")
     meta = portable(meta)
     if paths := [text for text in texts_in(meta) if "/" in text or "\\" in text]:
         raise InputError(f"{checkpoint}: its description holds {paths[0]!r}, which looks like a path")
-    digests = {}
-    for name, content in (
-        (WEIGHTS, safetensors.torch.save(weights)),
-        (META, (json.dumps(meta, indent=1) + "\n").encode()),
-    ):
-        digests[name] = hashlib.sha256(content).hexdigest()
+    described = (json.dumps(meta, indent=1) + "\n").encode()
+    _write(folder, "SHA256", {WEIGHTS: _halved(network, checkpoint), META: described})
+
+
+def ship_finder(weights: Path, folder: Path) -> None:
+    """Writes a finder's weights and digest into such a folder; errors as in `ship`."""
+    _write(folder, "FINDER_SHA256", {FINDER_WEIGHTS: _halved(load_finder(weights), weights)})
+
+
+def _halved(network: torch.nn.Module, source: Path) -> bytes:
+    """The weights as a file, filters in float16."""
+    weights = {name: (value.half() if value.ndim > 1 else value).contiguous() for name, value in network.state_dict().items()}
+    for name, value in weights.items():
+        if value.is_floating_point() and not value.isfinite().all():
+            raise InputError(f"{source}: {name} does not fit into float16")
+    return safetensors.torch.save(weights)
+
+
+def _write(folder: Path, constant: str, files: dict[str, bytes]) -> None:
+    """Writes files, and their digests into the constant of the folder's module."""
+    for name, content in files.items():
         with atomic_path(folder / name) as part:
             part.write_bytes(content)
     module = folder / "__init__.py"
-    rows = "".join(f'    "{name}": "{digest}",\n' for name, digest in digests.items())
-    text, found = DIGESTS.subn(f"SHA256: dict[str, str] = {{\n{rows}}}", module.read_text())
+    rows = "".join(f'    "{name}": "{hashlib.sha256(content).hexdigest()}",\n' for name, content in files.items())
+    pattern = re.compile(rf"^{constant}: dict\[str, str\] = \{{.*?\}}$", re.DOTALL | re.MULTILINE)
+    text, found = pattern.subn(f"{constant}: dict[str, str] = {{\n{rows}}}", module.read_text())
     assert found == 1, module
     with atomic_path(module) as part:
         part.write_text(text)
@@ -86,11 +100,17 @@ def changes_mm(one: NetworkEstimator, other: NetworkEstimator, path: Path, image
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("checkpoint", type=Path, help="folder of a trained network")
-    parser.add_argument("--set", type=Path, required=True, help="folder of a frozen set, on which the two are compared")
+    parser.add_argument("checkpoint", type=Path, help="folder of a trained network, or a finder's .safetensors file")
+    parser.add_argument("--set", type=Path, help="folder of a frozen set, on which a network is compared with its float16 copy")
     parser.add_argument("--images", type=int, default=500, help="how many images of it: %(default)s")
     parser.add_argument("--out", type=Path, default=kpopnet.weights.FOLDER, help="the folder to write: %(default)s")
     given = parser.parse_args()
+    if given.checkpoint.suffix == ".safetensors":
+        ship_finder(given.checkpoint, given.out)
+        print(f"{FINDER_WEIGHTS}: {(given.out / FINDER_WEIGHTS).stat().st_size:,} bytes")
+        return
+    if given.set is None:
+        parser.error("a network needs --set")
     ShardedSet(given.set)  # refused before anything is written
     ship(given.checkpoint, given.out)
     sizes = {name: (given.out / name).stat().st_size for name in (WEIGHTS, META)}

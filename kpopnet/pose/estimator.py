@@ -39,7 +39,7 @@ class PersonPose(NamedTuple):
 
 
 class PoseEstimator:
-    """Estimates the joints of people in depth images of a camera that does not move."""
+    """Estimates the joints of people in depth images."""
 
     def __init__(
         self, network: Estimator | None, mode: str = "realtime", people: int = 1, extraction: Any = DEFAULT_EXTRACTION
@@ -87,8 +87,6 @@ class PoseEstimator:
 
     def update(self, depth: np.ndarray, camera: Camera) -> list[PersonPose]:
         """The people in the next image, online: each image once, in order.
-
-        A person is found when they move, or at once where they stand in view in the first image.
 
         Args:
             depth: (H, W) depth of the whole scene, 0 where nothing was measured; uint16 millimetres or float metres.
@@ -172,6 +170,6 @@ class PoseEstimator:
 
 
 WHY_NOBODY = (
-    "a person is found when they move, or stand upright and whole in view in the first image; is the camera still, and are its "
-    "intrinsics right? For depth that shows nothing but the person: segmented=True"
+    "does it show at least half of somebody, within about 7 m, and are the camera's intrinsics right? For depth that shows "
+    "nothing but one person: segmented=True"
 )

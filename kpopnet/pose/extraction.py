@@ -5,13 +5,11 @@ A new one is a line of `EXTRACTIONS` and a file in configs/extraction/, whose `s
 
 from collections import Counter
 from collections.abc import Callable
-from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
 
 from kpopnet.camera import Camera, sequence_in_metres
-from kpopnet.extraction import HumanExtractionConfig, HumanExtractor
 from kpopnet.finder.finder import FinderConfig, PersonFinder
 from kpopnet.human import Human
 from kpopnet.paper_extraction import PaperExtractionConfig, PaperExtractor
@@ -32,12 +30,11 @@ class Extractor(Protocol):
 
 EXTRACTIONS: dict[str, tuple[type, Callable[[Camera, Any], Extractor]]] = {
     "finder": (FinderConfig, PersonFinder),
-    "current": (HumanExtractionConfig, partial(HumanExtractor, expect_person=True)),
     "paper": (PaperExtractionConfig, PaperExtractor),
 }
 """Settings and builder of each. Each has a dataclass of its own, by which its builder is found."""
 
-DEFAULT_EXTRACTION = HumanExtractionConfig()
+DEFAULT_EXTRACTION = FinderConfig()
 
 
 def extraction_name(settings: Any) -> str:

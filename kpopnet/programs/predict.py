@@ -6,7 +6,7 @@
     kpopnet predict dance.mkv --camera intrinsics.json --mode realtime    # FFV1; needs kpopnet[video]
     kpopnet predict dance.bag --gif                                       # RealSense; needs kpopnet[realsense]
 
-The camera must stand still. People are found by themselves: where they move, or where one stands upright in the first image.
+Everybody in view is found in every single image; the camera may move.
 The folder then holds
 
     joints.npz, joints.json ...   the main person's joints, times and confidence; joints_2.npz ... of others (--people)

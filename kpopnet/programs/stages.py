@@ -3,7 +3,7 @@
     kpopnet stages DEPTH.npy 60 stages.png                      frame 60 of a recording that begins in the Y pose
     kpopnet stages DEPTH.npy 60 stages.png --start y_pose       of one that is tracked from the Y pose only
 
-DEPTH.npy holds (T, H, W) depth, uint16 millimetres or floating-point metres, of a camera that does not move.
+DEPTH.npy holds (T, H, W) depth, uint16 millimetres or floating-point metres.
 """
 
 from pathlib import Path

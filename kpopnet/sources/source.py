@@ -58,7 +58,7 @@ class TimedDepth(NamedTuple):
 
 @dataclass(frozen=True)
 class DepthSource:
-    """Depth images of one camera that does not move; they may be iterated several times, and need not fit into memory.
+    """Depth images of one camera; they may be iterated several times, and need not fit into memory.
 
     Attributes:
         name: of the file or folder, for messages.

@@ -53,9 +53,9 @@ class FinderTraining:
         resume: whether to go on with the run in the folder.
     """
 
-    steps: int = 8000
+    steps: int = 7000
     batch_size: int = 32
-    lr: float = 4e-3
+    lr: float = 3e-3
     validate_every: int = 500
     resume: bool = False
 

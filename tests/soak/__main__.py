@@ -19,7 +19,7 @@ import numpy as np
 import kpopnet  # noqa: F401  before torch: it sets how OpenMP's threads wait
 from kpopnet.dance.online import OnlineScorer
 from kpopnet.dance.performance import Performance
-from kpopnet.extraction import HumanExtractor
+from kpopnet.finder.finder import PersonFinder
 from kpopnet.tracker.tracker import Tracker
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 
@@ -49,7 +49,7 @@ def main() -> None:
     frames = given.minutes * MINUTE
     order = np.resize(forth_and_back, frames)
     scorer = OnlineScorer(Performance(film.joints_camera_m[order], np.arange(frames) / FPS))
-    extractor, tracker = HumanExtractor(film.camera, expect_person=True), Tracker(film.camera)
+    extractor, tracker = PersonFinder(film.camera), Tracker(film.camera)
 
     latency_ms, memory_mb, medians_ms, latest, found = np.zeros(MINUTE), [], [], None, 0
     began = time.perf_counter()

@@ -5,7 +5,7 @@ import time
 import cv2
 import numpy as np
 
-from kpopnet.extraction import HumanExtractor
+from kpopnet.finder.finder import PersonFinder
 from kpopnet.paper_extraction import PaperExtractor
 from kpopnet.tracker.tracker import Tracker
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig
@@ -36,7 +36,7 @@ def measure() -> Figures:
 
 def _follow(film: Film) -> list[tuple[float, float]]:
     """Milliseconds of every frame, from the raw image to the joints, and of a distance transform of it."""
-    extractor, person, times_ms = HumanExtractor(film.camera, expect_person=True), Tracker(film.camera), []
+    extractor, person, times_ms = PersonFinder(film.camera), Tracker(film.camera), []
     person.start(film.joints_camera_m[0])
     for depth_m in film.depth_m:
         measured = (depth_m > 0).astype(np.uint8)
@@ -51,13 +51,13 @@ def _follow(film: Film) -> list[tuple[float, float]]:
 
 
 def _extraction() -> Figures:
-    """Finding a person in a furnished room, once the room has been learned; and by Algorithm 1, which learns nothing."""
+    """Finding a person in a furnished room: by the finder and by Algorithm 1."""
     film = EvalSim(EvalSimConfig()).film(0, frames=EXTRACTED)
     figures: Figures = {}
-    for name in ("extraction", "paper_extraction"):
+    for name in ("finder", "paper_extraction"):
         frames_ms = np.empty((ROUNDS, EXTRACTED))
         for times_ms in frames_ms:
-            extractor = HumanExtractor(film.camera, expect_person=True) if name == "extraction" else PaperExtractor(film.camera)
+            extractor = PersonFinder(film.camera) if name == "finder" else PaperExtractor(film.camera)
             for t, depth_m in enumerate(film.depth_m):
                 started = time.perf_counter()
                 extractor.extract(depth_m)

@@ -71,4 +71,4 @@ def test_poses_are_those_of_the_people_whom_the_extraction_finds():
         name: PoseEstimator(None, "tracker", extraction=schema()).estimate(depth_m, CAMERA)
         for name, (schema, _) in EXTRACTIONS.items()
     }
-    assert len(found["current"]) == 1 and not found["paper"]
+    assert len(found["finder"]) == 1 and not found["paper"]

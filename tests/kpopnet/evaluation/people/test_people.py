@@ -187,7 +187,7 @@ def test_the_report_of_a_film_has_tables_pictures_and_figures(tmp_path: Path) ->
     assert "CLEAR MOT" in (tmp_path / "out" / "report.md").read_text()
     assert (tmp_path / "out" / "people.png").exists() and (tmp_path / "out" / "worst.png").exists()
     assert 'srcdoc="&lt;!doctype html' in (tmp_path / "out" / "report.html").read_text()
-    assert metrics["benchmark"]["extraction"] == "current" and "extraction=current finds the people" in report.text()
+    assert metrics["benchmark"]["extraction"] == "finder" and "extraction=finder finds the people" in report.text()
     with pytest.raises(InputError, match="leave"):
         evaluate_people(EvaluateConfig(benchmark, scorer={"paper": None}), tmp_path / "other")
 
