@@ -9,7 +9,7 @@ from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.data.canvas import Reduced, reduced
 from kpopnet.errors import InputError, check_between
 from kpopnet.finder.following import Followed
-from kpopnet.finder.people import Cells, gather_people, pixel_owners
+from kpopnet.finder.people import Cells, certainty, gather_people, pixel_owners
 from kpopnet.human import Human
 from kpopnet.weights import shipped_finder
 
@@ -23,14 +23,14 @@ class FinderConfig:
 
     Attributes:
         weights: a file of `train.py --config-name finder`; None: the finder that comes with the package.
-        least_score: a person is reported whose pixels show a person with at least this mean probability.
+        least_certainty: a person is reported who is one with at least this probability.
     """
 
     weights: str | None = None
-    least_score: float = 0.8
+    least_certainty: float = 0.5
 
     def __post_init__(self) -> None:
-        check_between("extraction.least_score", self.least_score, 0, 1)
+        check_between("extraction.least_certainty", self.least_certainty, 0, 1)
 
 
 class PersonFinder:
@@ -56,7 +56,7 @@ class PersonFinder:
         canvas = reduced(depth_m, self.camera)
         cells = self._cells(canvas)
         people = gather_people(cells, LEAST_PROBABILITY, LEAST_M2, LEAST_CELLS)
-        sure = people.score >= self.config.least_score
+        sure = certainty(people) >= self.config.least_certainty
         numbers = np.append(0, np.where(sure, np.cumsum(sure), 0)).astype(np.uint8)
         centres_m, owner = people.centres_m[sure], numbers[people.owner]
         owners, boxes = pixel_owners(depth_m, cells.depth_m, cells.probability, owner, canvas.reduction, len(centres_m))

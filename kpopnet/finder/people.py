@@ -14,7 +14,7 @@ from kpopnet.data.canvas import STRIDE
 MOST_PEOPLE = 20
 NO_PERSON = 0
 
-AGREE_M, TAKEN_M, REACH_M = 0.22, 0.35, 0.8
+AGREE_M, TAKEN_M, REACH_M = 0.22, 0.28, 0.8
 """Votes this near to each other agree; a person takes those this near to their centre; a cell belongs to the nearest
 person whose centre is this near to its vote."""
 
@@ -179,6 +179,21 @@ def _densest(points, weights, free):
 @njit(cache=True)
 def _squared(a, b):
     return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
+
+
+SURE = (1.15, 1.43, 2.13)
+"""Constant and weights of `certainty_features`, fitted by tools/fit_finder.py on validation images."""
+
+
+def certainty_features(people: People) -> np.ndarray:
+    """(P, 2) the logarithms of the odds of the mean probability, and of the visible surface in square metres."""
+    score = np.clip(people.score, 1e-3, 1 - 1e-3)
+    return np.stack([np.log(score / (1 - score)), np.log(people.area_m2)], axis=1)
+
+
+def certainty(people: People) -> np.ndarray:
+    """(P,) probability that each is a person whose centre is within 30 cm of the torso, in scenes full of clutter."""
+    return 1 / (1 + np.exp(-(SURE[0] + certainty_features(people) @ SURE[1:])))
 
 
 BESIDE_M, BESIDE_PER_M = 0.08, 0.02

@@ -74,7 +74,7 @@ def test_an_untrained_network_answers_for_any_image_without_error(monkeypatch):
     torch.manual_seed(0)
     network = FinderNetwork().eval()
     monkeypatch.setattr(finder_module, "_network", lambda _: network)
-    finder = PersonFinder(CAMERA, FinderConfig("random", least_score=0))
+    finder = PersonFinder(CAMERA, FinderConfig("random", least_certainty=0))
     for depth_m in (scene(), np.random.default_rng(0).uniform(0, 9, (480, 640)).astype(np.float32)):
         for human in finder.extract(depth_m):
             assert human.depth_m.any() and np.isfinite(human.centre_m).all()

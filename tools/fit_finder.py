@@ -1,0 +1,89 @@
+"""Fits how sure the finder may be of a person (SURE in kpopnet/finder/people.py), on validation images of simulated rooms.
+
+    python tools/fit_finder.py data/rooms/validation                                  the finder that comes with the package
+    python tools/fit_finder.py data/rooms/validation --weights outputs/finder/RUN/finder.safetensors
+
+Run from the root of a checkout with `PYTHONPATH=.`. An estimate is right if its centre is within 30 cm of the torso of a person
+of whom at least half shows; of people of whom less shows it counts as neither. Prints the fit, and recall and precision by
+threshold.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+from tqdm import tqdm
+
+from kpopnet.camera import MM_PER_METRE
+from kpopnet.data.canvas import reduced
+from kpopnet.data.room_images import RoomImage, RoomImages
+from kpopnet.finder.finder import LEAST_CELLS, LEAST_M2, LEAST_PROBABILITY
+from kpopnet.finder.network import FinderNetwork, cells_of, load_network
+from kpopnet.finder.people import People, certainty_features, gather_people
+from kpopnet.skeleton import Joint
+from kpopnet.weights import shipped_finder
+
+NEAR_M, LEAST_SHOWN = 0.3, 0.5
+THRESHOLDS = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+
+
+def people_of(network: FinderNetwork, image: RoomImage) -> People:
+    """All people that the finder may report of an image."""
+    camera = image.camera
+    depth_m = image.depth_mm[: camera.height, : camera.width] / np.float32(MM_PER_METRE)
+    return gather_people(cells_of(network, reduced(depth_m, camera)), LEAST_PROBABILITY, LEAST_M2, LEAST_CELLS)
+
+
+def judged(image: RoomImage, people: People) -> tuple[np.ndarray, np.ndarray, int]:
+    """(P,) whether each estimate is right, (P,) whether it counts, and the number of people who should be found."""
+    present = np.flatnonzero(image.whole_px > 0)
+    seen_px = np.array([np.count_nonzero(image.labels == number + 1) for number in present])
+    wanted = seen_px >= LEAST_SHOWN * image.whole_px[present]
+    torsos_m = image.joints_m[present, Joint.TORSO].reshape(-1, 3)
+    distance_m = np.linalg.norm(people.centres_m[:, None] - torsos_m[None], axis=-1)
+    right, counts = np.zeros(len(people.score), bool), np.ones(len(people.score), bool)
+    for one, person in zip(*linear_sum_assignment(np.minimum(distance_m, NEAR_M)), strict=True):
+        if distance_m[one, person] < NEAR_M:
+            right[one] = counts[one] = wanted[person]
+    return right, counts, int(wanted.sum())
+
+
+def logistic(features: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """(K + 1,) weights of a logistic regression on (N, K) features by Newton's method, the constant first."""
+    inputs = np.column_stack([np.ones(len(features)), features])
+    weights = np.zeros(inputs.shape[1])
+    for _ in range(30):
+        probability = 1 / (1 + np.exp(-inputs @ weights))
+        curvature = (inputs * (probability * (1 - probability))[:, None]).T @ inputs + 1e-3 * np.eye(len(weights))
+        weights += np.linalg.solve(curvature, inputs.T @ (right - probability) - 1e-3 * weights)
+    return weights
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("images", type=Path, help="folder of validation room images")
+    parser.add_argument("--weights", type=Path, help="a finder's weights; otherwise those that come with the package")
+    given = parser.parse_args()
+    network, images = load_network(given.weights or shipped_finder()), RoomImages(given.images)
+    features, right, wanted = [], [], 0
+    for number in tqdm(range(len(images)), "images", disable=None):
+        people = people_of(network, images[number])
+        is_right, counts, present = judged(images[number], people)
+        features.append(certainty_features(people)[counts])
+        right.append(is_right[counts])
+        wanted += present
+    all_features, all_right = np.concatenate(features), np.concatenate(right)
+    weights = logistic(all_features, all_right)
+    print(f"SURE = ({', '.join(f'{value:.2f}' for value in weights)})")
+    probability = 1 / (1 + np.exp(-(weights[0] + all_features @ weights[1:])))
+    print(f"{wanted} people of whom half shows, in {len(images)} images")
+    for threshold in THRESHOLDS:
+        reported = probability >= threshold
+        found = np.count_nonzero(reported & all_right)
+        recall, precision = found / max(wanted, 1), found / max(np.count_nonzero(reported), 1)
+        print(f"at {threshold}: recall {100 * recall:.1f} %, precision {100 * precision:.1f} %")
+
+
+if __name__ == "__main__":
+    main()
