@@ -27,7 +27,7 @@ class FinderConfig:
     """
 
     weights: str | None = None
-    least_certainty: float = 0.5
+    least_certainty: float = 0.6
 
     def __post_init__(self) -> None:
         check_between("extraction.least_certainty", self.least_certainty, 0, 1)
