@@ -1,7 +1,7 @@
 """Human extraction as the paper describes it (section 2.1, Algorithm 1), one image at a time.
 
-Its limits: the camera does not move; a person is found when they move; people and furniture that touch are one object, and what
-was human stays human; a body that the image shows in parts is several objects.
+Its limits: the camera does not move; a person is found when they move; people and furniture that touch are one object;
+a body that the image shows in parts is several.
 
 Choices where the paper is silent or wrong; `floor` has those of the floor:
 
@@ -27,6 +27,9 @@ from kpopnet.paper_extraction.objects import label_components, measure_objects
 
 MAX_STEP_M = 0.1
 """The surface of a human moves less than this along the optical axis from one image to the next."""
+
+NOT_MOVED_M2 = 1e-6
+"""Added to the area that moved, so that pixels count where nothing moved, square metres: less than a pixel's."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,7 @@ class PaperExtractor:
         # Human detection
         objects = measure_objects(labels, count, depth_m, self._before_m, self._intrinsics, config.epsilon_z_m)
         is_human = objects["moved_m2"] > config.epsilon_m_m2
-        is_human[[self._object_of(human, labels, depth_m) for human in self._humans]] = True
+        is_human[[self._object_of(human, labels, depth_m, objects["moved_m2"]) for human in self._humans]] = True
         is_human &= objects["area_m2"] > config.epsilon_m_m2
         # Human identification
         identities = self._identify({label: objects["centre_m"][label] for label in np.flatnonzero(is_human).tolist()})
@@ -98,12 +101,16 @@ class PaperExtractor:
         ]
         return self._humans.copy()
 
-    def _object_of(self, human: Human, labels: np.ndarray, depth_m: np.ndarray) -> int:
-        """The label with most of the pixels of a human of the image before, 0 if they are nothing's."""
+    def _object_of(self, human: Human, labels: np.ndarray, depth_m: np.ndarray, moved_m2: np.ndarray) -> int:
+        """The label with most of the pixels of a human of the image before, 0 if they are nothing's.
+
+        Pixels count by how much of their object moved, `moved_m2` by label: of a person and furniture that touched, the person.
+        """
         x0, y0, x1, y1 = human.box
         before_m, now_m = human.depth_m, depth_m[y0:y1, x0:x1]
         stayed = (before_m > 0) & (np.abs(now_m - before_m) < MAX_STEP_M)
-        return int(np.bincount(labels[y0:y1, x0:x1][stayed], minlength=1).argmax())
+        pixels = np.bincount(labels[y0:y1, x0:x1][stayed], minlength=len(moved_m2))
+        return int((pixels * (moved_m2 + NOT_MOVED_M2)).argmax())
 
     def _identify(self, centres_m: dict[int, np.ndarray]) -> dict[int, int]:
         """The label of each human by identity, from centres by label: that of the nearest human before, or a new one."""

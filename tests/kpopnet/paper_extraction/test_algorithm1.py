@@ -84,6 +84,16 @@ def test_people_who_touch_are_one_object_and_one_human():
     assert iou(mask(human), (left[-1] > 0) | (right[-1] > 0)) > 0.95
 
 
+def test_furniture_that_a_person_touched_is_not_human_when_they_have_gone():
+    x0, y0, x1, y1, _ = box = (104, 25, 150, 100, 2.75)
+    columns = [*range(-25, 12), *range(12, -25, -1)]
+    people = [shifted(standing(arms_deg=0.0), column) for column in columns]
+    found = extract_all(noisy(compose(room(box), person), seed) for seed, person in enumerate(people))
+    assert mask(found[37][0])[y0:y1, x0:x1].mean() > 0.9
+    (human,) = found[-1]
+    assert human.identity == 0 and iou(mask(human), people[-1] > 0) > 0.95
+
+
 def test_a_human_who_leaves_and_another_who_comes_are_two():
     columns = [*range(20, 120, 3), *[200] * 3, *range(-120, -20, 3)]
     found = extract_all(compose(room(), shifted(standing(), column)) for column in columns)
