@@ -28,6 +28,7 @@ from kpopnet.evaluation.poses.definition import in_label_definition
 from kpopnet.evaluation.poses.metrics import PoseResults
 from kpopnet.evaluation.poses.run import run_benchmark
 from kpopnet.evaluation.registry import BENCHMARKS, build_benchmark
+from kpopnet.networks.checkpoint import read_meta
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.programs.evaluate import EVALUATIONS
 from kpopnet.runtime.atomic_write import atomic_path
@@ -163,6 +164,15 @@ def measured(benchmark: Benchmark, ways: dict[str, list[str]], pairs: list[str],
     return found
 
 
+def trained(run: str) -> dict[str, Any]:
+    """How a training was made: its code, seed, network, samples and learning rate, of its checkpoint."""
+    meta = read_meta(Path(run))
+    config = meta["config"]
+    network = {name: config["model"][name] for name in ("kind", "input", "crop_px")}
+    samples = meta["step"] * config["training"]["batch_size"]
+    return {"code": meta["git"], "seed": config["seed"], **network, "samples": samples, "lr": config["training"]["lr"]}
+
+
 def rounded(found: Any) -> Any:
     """The same with numbers of four digits after the point."""
     if isinstance(found, dict):
@@ -187,6 +197,7 @@ def program() -> None:
         parser.error("--way: give every way a name of its own")
     try:
         check_pairs(arguments.pair, ways)
+        trainings = {run: trained(run) for runs in ways.values() for run in runs}
         schema, _ = BENCHMARKS[arguments.benchmark]
         benchmark = build_benchmark(schema(name=arguments.benchmark, path=arguments.path))
         found = measured(benchmark, ways, arguments.pair, arguments.processes)
@@ -197,7 +208,9 @@ def program() -> None:
             print_tables(f"{arguments.benchmark}, {name}", found[name])
     made = {"command": " ".join(["python", *sys.argv]), "code": git_revision(), "date": date.today().isoformat()}
     with atomic_path(arguments.result) as path:
-        path.write_text(json.dumps(made | {"ways": ways} | rounded(found), indent=1, allow_nan=False) + "\n")
+        path.write_text(
+            json.dumps(made | {"ways": ways, "trainings": trainings} | rounded(found), indent=1, allow_nan=False) + "\n"
+        )
 
 
 if __name__ == "__main__":
