@@ -1,7 +1,7 @@
 """Fits how sure the finder may be of a person (SURE in kpopnet/finder/people.py), on validation images of simulated rooms.
 
-    python tools/fit_finder.py data/rooms/validation                                  the finder that comes with the package
-    python tools/fit_finder.py data/rooms/validation --weights outputs/finder/RUN/finder.safetensors
+    python tools/fit_finder.py data/room_images/validation                           the finder that comes with the package
+    python tools/fit_finder.py data/room_images/validation --weights outputs/finder/RUN/finder.safetensors
 
 Run from the root of a checkout with `PYTHONPATH=.`. An estimate is right if its centre is within 30 cm of the torso of a person
 of whom at least half shows; of people of whom less shows it counts as neither. Prints the fit, and recall and precision by

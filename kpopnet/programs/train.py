@@ -17,8 +17,8 @@ Writes `best` and `last`, a log and TensorBoard's files to outputs/train/<model>
 
 Writes a model to outputs/tree_walk/<date-time>, or out=PATH.
 
-    python -m synth benchmark=room_images benchmark.shards=100 out=data/rooms/train
-    python -m synth benchmark=room_images benchmark.shards=4 benchmark.split=validation out=data/rooms/validation
+    python -m synth benchmark=room_images benchmark.shards=100 out=data/room_images/train
+    python -m synth benchmark=room_images benchmark.shards=4 benchmark.split=validation out=data/room_images/validation
     python train.py --config-name finder                          # the finder of people; an hour on one core
     python train.py --config-name finder out=outputs/finder/RUN training.resume=true
 
@@ -137,7 +137,7 @@ class FinderTrainingConfig:
     """
 
     out: str = "outputs/finder"
-    data: DataConfig = field(default_factory=lambda: DataConfig("data/rooms/train", "data/rooms/validation"))
+    data: DataConfig = field(default_factory=lambda: DataConfig("data/room_images/train", "data/room_images/validation"))
     training: FinderTraining = field(default_factory=FinderTraining)
     seed: int = 0
     threads: int = 0

@@ -68,9 +68,9 @@ class MeasuredScene(NamedTuple):
     labels: np.ndarray
 
 
-def measure_scene(rng: np.random.Generator, clear: ClearScene) -> MeasuredScene:
-    """What a sensor of one's own drawing measures of a scene."""
-    sensor = SENSORS[rng.choice(list(SENSOR_SHARES), p=list(SENSOR_SHARES.values()))]
+def measure_scene(rng: np.random.Generator, clear: ClearScene, shares: dict[str, float] = SENSOR_SHARES) -> MeasuredScene:
+    """What one of several sensors, with such shares, measures of a scene."""
+    sensor = SENSORS[rng.choice(list(shares), p=list(shares.values()))]
     ends_m = clear.joints_camera_m[:, LIMB_ENDS].reshape(-1, 3)
     depth_m, seen = measure_labelled(clear.depth_m, clear.labels + np.uint8(1), clear.camera, sensor, rng, ends_m)
     depth_m, labels = depth_m.copy(), np.where(seen > 0, seen - np.uint8(1), np.uint8(0)).astype(np.uint8)

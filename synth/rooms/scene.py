@@ -132,7 +132,7 @@ class RoomScenes(Sampler):
         around = NOTHING if alone else self._draw_surroundings(rng, view)
         framed = rng.random() < FRAMED
         count = int(rng.choice(MOST_PEOPLE + 1, p=SHARES_OF_COUNTS)) if not alone else int(rng.integers(1, 4))
-        nearest_m = _nearest([draw_mesh_m(scene, mesh) for mesh in around.meshes], scene.camera)
+        nearest_m = nearest_depth_m([draw_mesh_m(scene, mesh) for mesh in around.meshes], scene.camera)
         labels = np.zeros(nearest_m.shape, np.uint8)
         standing: list[_Standing] = []
         joints_m, pixels = [], []
@@ -163,7 +163,7 @@ class RoomScenes(Sampler):
                 left = own.random() < 0.5
                 hand = joints_world_m[Joint.LEFT_HAND if left else Joint.RIGHT_HAND]
                 held = held_by(own, hand, scene.bone_rotation("LeftHand" if left else "RightHand"), left)
-                person_m = _nearest([person_m, draw_mesh_m(scene, held.mesh)], scene.camera)
+                person_m = nearest_depth_m([person_m, draw_mesh_m(scene, held.mesh)], scene.camera)
             standing.append(_Standing(body, place_m, _cells(body, place_m)))
             for thing_m in things_m:
                 _put(nearest_m, labels, thing_m, 0)
@@ -185,14 +185,14 @@ class RoomScenes(Sampler):
             planes = {"floor": planes["floor"]}
         meshes = [boxes([box]) for name, box in planes.items() if rng.random() >= LOST[name]]
         turn = rng.uniform(-0.4, 0.4)  # the room, about the camera's wall
-        rotation = _about_z(turn)
+        rotation = about_z(turn)
         meshes = [mesh.moved(rotation, np.zeros(3)) for mesh in meshes]
         walls = (-width, width, far, turn) if "back" in planes else None
         centres_m, halves_m = [], []
         for _ in range(rng.integers(0, MOST_CLUTTER + 1)):
             thing = self._clutter[rng.integers(len(self._clutter))](rng)
             yaw = rng.uniform(-np.pi, np.pi)
-            thing = thing.moved(_about_z(yaw), np.zeros(3))
+            thing = thing.moved(about_z(yaw), np.zeros(3))
             low, high_m = thing.vertices_m.min(axis=0), thing.vertices_m.max(axis=0)
             for _ in range(CLUTTER_TRIES):
                 y_m = rng.uniform(*DISTANCE_M)
@@ -278,10 +278,11 @@ def posed_view(position_m: np.ndarray, pitch_rad: float, roll_rad: float, yaw_ra
     down, right = np.array([0, -np.sin(pitch_rad), -np.cos(pitch_rad)]), np.array([1.0, 0, 0])
     cos, sin = np.cos(roll_rad), np.sin(roll_rad)
     rotation = np.stack([cos * right + sin * down, cos * down - sin * right, forward], axis=1)
-    return View(position_m, _about_z(yaw_rad) @ rotation)
+    return View(position_m, about_z(yaw_rad) @ rotation)
 
 
-def _about_z(angle_rad: float) -> np.ndarray:
+def about_z(angle_rad: float) -> np.ndarray:
+    """(3, 3) rotation to the left about the vertical."""
     cos, sin = np.cos(angle_rad), np.sin(angle_rad)
     return np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]])
 
@@ -291,7 +292,7 @@ def _outside(point_m: np.ndarray, walls: tuple[float, float, float, float] | Non
     if walls is None:
         return False
     left, right, far, turn = walls
-    x, y, _ = _about_z(-turn) @ point_m
+    x, y, _ = about_z(-turn) @ point_m
     return not (left + 0.25 < x < right - 0.25 and y < far - 0.25)
 
 
@@ -314,7 +315,7 @@ def _cells(body: Body, place_m: np.ndarray) -> np.ndarray:
     return (cells[:, 0] << 42) + (cells[:, 1] << 21) + cells[:, 2]
 
 
-def _nearest(depths_m: list[np.ndarray], camera: Camera) -> np.ndarray:
+def nearest_depth_m(depths_m: list[np.ndarray], camera: Camera) -> np.ndarray:
     """(H, W) the nearest of several depth images, in which 0 is nothing."""
     nearest = np.zeros((camera.height, camera.width), np.float32)
     for depth_m in depths_m:

@@ -14,7 +14,7 @@ from kpopnet.camera import CAMERAS, Camera
 from kpopnet.skeleton import NUM_JOINTS, Joint
 from synth.body.shape import Person
 from synth.rooms.held_back import BARRIERS, BENCHMARK_CLUTTER
-from synth.rooms.scene import HEIGHT_M, LOST, OUTDOORS, draw_camera, draw_view, posed_view
+from synth.rooms.scene import HEIGHT_M, LOST, OUTDOORS, about_z, draw_camera, draw_view, nearest_depth_m, posed_view
 from synth.scene.mesh import Mesh, boxes
 from synth.scene.props import seat_under
 from synth.scene.render import draw_mesh_m, whole_px
@@ -108,9 +108,7 @@ def draw_take(rng: np.random.Generator, kind: str, people: Callable[[int], Perso
             Actor(one.turned(yaw_rad), on_stage(part.place_m, yaw_rad) + centre_m + (0, 0, part.raised_m))
             for one, part in zip(cast, parts, strict=True)
         )
-        torsos_m = [
-            (j[:, Joint.TORSO] @ _about_z(yaw_rad).T) + actor.place_m for j, actor in zip(joints_m, actors, strict=True)
-        ]
+        torsos_m = [(j[:, Joint.TORSO] @ about_z(yaw_rad).T) + actor.place_m for j, actor in zip(joints_m, actors, strict=True)]
         if not all(_is_in_view(camera, views, torso_m) for torso_m in torsos_m):
             continue
         things = _things(rng, studio, parts, actors)
@@ -178,7 +176,7 @@ def draw_surroundings(
     shown = [rng.random() >= LOST[name] for name in ("floor", "back", "left", "right")]
     shown += [indoors] * (len(room.centres_m) - len(shown))
     meshes = [
-        boxes([((0, 0, 0), half)]).moved(_about_z(yaw), centre)
+        boxes([((0, 0, 0), half)]).moved(about_z(yaw), centre)
         for centre, half, yaw, keep in zip(room.centres_m, room.halves_m.tolist(), room.yaws_rad.tolist(), shown, strict=True)
         if keep
     ]
@@ -192,7 +190,7 @@ def draw_surroundings(
         front_m = (skin_m[:, :2] @ along).min() - rng.uniform(0.03, 0.3) - piece.vertices_m[:, 1].max()
         if front_m + piece.vertices_m[:, 1].min() < NEAREST_M:
             return None
-        meshes.append(piece.moved(_about_z(-np.arctan2(*along)), np.append(front_m * along, 0.0)))
+        meshes.append(piece.moved(about_z(-np.arctan2(*along)), np.append(front_m * along, 0.0)))
     for _ in range(rng.integers(0 if actors else LEAST_CLUTTER, MOST_CLUTTER + 1)):
         thing = BENCHMARK_CLUTTER[rng.integers(len(BENCHMARK_CLUTTER))](rng)
         low_m, high_m = thing.vertices_m.min(axis=0), thing.vertices_m.max(axis=0)
@@ -200,12 +198,12 @@ def draw_surroundings(
         y_m = rng.uniform(NEAREST_M, back)
         place_m = np.array([rng.uniform(max(left, -0.5 - 0.7 * y_m), min(right, 0.5 + 0.7 * y_m)), y_m, 0.0])
         reach_m = np.hypot(*half[:2])
-        middle_m = place_m + _about_z(yaw) @ centre
+        middle_m = place_m + about_z(yaw) @ centre
         inside = left + reach_m < middle_m[0] < right - reach_m and middle_m[1] < back - reach_m
         far = np.linalg.norm(camera_m[:, :2] - middle_m[:2], axis=1).min() > NEAREST_M + reach_m
         box = middle_m[None], half[None], np.array([yaw])
         if inside and far and not overlaps_boxes(skin_m, np.zeros(3), *box, CLUTTER_GAP_M):
-            meshes.append(thing.moved(_about_z(yaw), place_m))
+            meshes.append(thing.moved(about_z(yaw), place_m))
     return meshes
 
 
@@ -235,7 +233,7 @@ def render(take: RoomTake, numbers: range) -> Iterator[ClearFrame]:
         if room_m is None or len(take.views) > 1:
             for studio in studios:
                 studio.scene.set_view(view)
-            room_m = _nearest([draw_mesh_m(studios[0].scene, mesh) for mesh in take.surroundings], take.camera)
+            room_m = nearest_depth_m([draw_mesh_m(studios[0].scene, mesh) for mesh in take.surroundings], take.camera)
         for studio, actor in zip(studios, take.actors, strict=False):
             studio.pose(actor.played, number, actor.place_m)
             mesh = Mesh(studio.renderer.vertices_world_m(), studio.scene.skin.faces)
@@ -245,13 +243,6 @@ def render(take: RoomTake, numbers: range) -> Iterator[ClearFrame]:
         depth_m, labels = nearest_surfaces(room_m, people_m)
         joints_camera_m = np.array(joints_m, np.float32).reshape(-1, NUM_JOINTS, 3)
         yield ClearFrame(number, depth_m, labels, joints_camera_m, np.array(pixels, np.int32))
-
-
-def _nearest(depths_m: list[np.ndarray], camera: Camera) -> np.ndarray:
-    """(H, W) float32 the nearest of depth images in which 0 is nothing."""
-    far = [np.full((camera.height, camera.width), np.inf, np.float32), *(np.where(one > 0, one, np.inf) for one in depths_m)]
-    nearest = np.min(far, axis=0)
-    return np.where(np.isfinite(nearest), nearest, 0).astype(np.float32)
 
 
 def _shows(kind: str, take: RoomTake) -> bool:
@@ -276,8 +267,3 @@ def _is_in_view(camera: Camera, views: tuple[View, ...], points_m: np.ndarray) -
     u, v, z = camera.project(points).T
     inside = (z > NEAREST_M) & (u > 0) & (u < camera.width - 1) & (v > 0) & (v < camera.height - 1)
     return bool(inside.mean() >= LEAST_FRAMES_IN_VIEW)
-
-
-def _about_z(angle_rad: float) -> np.ndarray:
-    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
-    return np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]])

@@ -23,14 +23,14 @@ from kpopnet.errors import InputError
 from kpopnet.viz.drawing import TRUE, sheet
 from synth.body.shape import BodyConfig, Person, draw_person
 from synth.rooms.held_back import BENCHMARK_CLUTTER
+from synth.rooms.images import measure_scene
 from synth.rooms.scene import MOST_PEOPLE, RoomScenes
 from synth.samples.observe import LIMB_ENDS
 from synth.samples.sampler import SampleConfig
 from synth.sensor.film_noise import FilmNoise
-from synth.sensor.model import SENSORS, measure_labelled
+from synth.sensor.model import measure_labelled
 from synth.simulated.casts import CASTS, FPS
-from synth.simulated.film import ROOM
-from synth.simulated.room_films import FILM_PX, SENSOR_OF_CAMERA, ClearFrame, RoomTake, draw_take, render
+from synth.simulated.room_films import FILM_PX, RoomTake, draw_take, render
 from synth.simulated.sequences import TILES, Selection, SequenceGenerator, frame_tile
 
 SINGLE = "single_image"
@@ -39,6 +39,9 @@ KINDS = (*CASTS, *[SINGLE] * SINGLES_A_ROUND)
 
 IMAGE_PX = (*FILM_PX, (512, 424), (1024, 1024))
 """Most (width, height) of the cameras of single images, pixels."""
+
+SENSOR_SHARES = {"kinect_v1": 0.5, "kinect_2": 0.35, "swissranger": 0.15}
+"""How many single images each sensor measures."""
 
 IMAGE_ROWS = 4
 """Rows of single images in the contact sheet."""
@@ -82,6 +85,7 @@ class RoomShot:
 class Rooms(SequenceGenerator):
     """Makes the films and images."""
 
+    generator: ClassVar[int] = 4
     benchmark: RoomsConfig = field(default_factory=RoomsConfig)
     frames: tuple[int, int] = (60, 120)
 
@@ -157,14 +161,11 @@ class Rooms(SequenceGenerator):
         """The camera of a single image, and the fields of `RoomShot` with a first axis of one frame."""
         rng = self._rng("sequence", index)
         clear = self._scenes[int(rng.integers(len(IMAGE_PX)))].draw_scene(8 * index)  # eight scenes show the same people
-        sensor = SENSORS[SENSOR_OF_CAMERA[rng.choice(list(SENSOR_OF_CAMERA))]]
-        labels = clear.labels + np.uint8(ROOM)
-        ends_m = clear.joints_camera_m[:, LIMB_ENDS].reshape(-1, 3)
-        depth_m, labels = measure_labelled(clear.depth_m, labels, clear.camera, sensor, rng, ends_m)
-        whole = np.rint(clear.whole_px).astype(np.int32)
-        frame = ClearFrame(0, clear.depth_m, labels, clear.joints_camera_m, whole)
-        seen_px = frame.seen_px(labels)
-        shot = RoomShot(millimetres(depth_m), clear.joints_camera_m, np.maximum(whole, seen_px), seen_px)
+        depth_mm, labels = measure_scene(rng, clear, SENSOR_SHARES)
+        people = range(1, len(clear.joints_camera_m) + 1)
+        seen_px = np.array([np.count_nonzero(labels == person) for person in people], np.int32)
+        pixels = np.maximum(np.rint(clear.whole_px).astype(np.int32), seen_px)
+        shot = RoomShot(depth_mm, clear.joints_camera_m, pixels, seen_px)
         return clear.camera, {name: getattr(shot, name)[None] for name in vars(shot)}
 
     @cached_property
