@@ -1,17 +1,21 @@
 """The network that comes with the package is checked when it is loaded, and is written from a checkpoint in float16."""
 
+import hashlib
 import json
+import runpy
 
 import numpy as np
 import pytest
 import torch
 from capsule_people import CAMERA, draw_depth, draw_joints
 from safetensors.torch import load_file
+from safetensors.torch import save as save_weights
 from shard_sets import write_shard
 from shipped_weights import ship, ship_weights
 
 import kpopnet.weights
 from kpopnet.errors import InputError
+from kpopnet.finder.network import FinderNetwork, load_network
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import save_checkpoint
 from kpopnet.networks.estimator import NetworkEstimator
@@ -79,9 +83,22 @@ def test_what_this_checkout_ships_can_be_loaded():
     assert sum(file.stat().st_size for file in kpopnet.weights.FOLDER.glob("*.*")) < 10e6
     card = (kpopnet.weights.FOLDER / "MODEL_CARD.md").read_text()
     assert kpopnet.weights.SHA256["model.safetensors"] in card
+    assert kpopnet.weights.FINDER_SHA256["finder.safetensors"] in card
     assert "/" not in json.dumps(estimator.meta)
     estimate = estimator.estimate(draw_depth(draw_joints(np.random.default_rng(0)))[None], CAMERA)
     assert np.isfinite(estimate.joints_camera_m).all()
+
+
+def test_a_finder_is_shipped_beside_the_network(tmp_path, shipped):
+    network = FinderNetwork()
+    (tmp_path / "finder.safetensors").write_bytes(save_weights(network.state_dict()))
+    ship_weights.ship_finder(tmp_path / "finder.safetensors", shipped)
+    digests = runpy.run_path(str(shipped / "__init__.py"))
+    content = (shipped / "finder.safetensors").read_bytes()
+    assert digests["FINDER_SHA256"] == {"finder.safetensors": hashlib.sha256(content).hexdigest()}
+    assert digests["SHA256"] == kpopnet.weights.SHA256 and len(content) < 1.6e6
+    for name, value in load_network(shipped / "finder.safetensors").state_dict().items():
+        torch.testing.assert_close(value, network.state_dict()[name], atol=1e-3, rtol=1e-3)
 
 
 def test_what_cannot_be_shipped_is_refused(tmp_path, shipped):
