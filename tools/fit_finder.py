@@ -9,6 +9,10 @@ threshold.
 """
 
 import argparse
+import json
+import shlex
+import sys
+from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +25,8 @@ from kpopnet.data.room_images import RoomImage, RoomImages
 from kpopnet.finder.finder import LEAST_CELLS, LEAST_M2, LEAST_PROBABILITY
 from kpopnet.finder.network import FinderNetwork, cells_of, load_network
 from kpopnet.finder.people import People, certainty_features, gather_people
+from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.provenance import git_revision
 from kpopnet.skeleton import Joint
 from kpopnet.weights import shipped_finder
 
@@ -64,6 +70,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("images", type=Path, help="folder of validation room images")
     parser.add_argument("--weights", type=Path, help="a finder's weights; otherwise those that come with the package")
+    parser.add_argument("--out", type=Path, help="a JSON file for the figures, as those of results/")
     given = parser.parse_args()
     network, images = load_network(given.weights or shipped_finder()), RoomImages(given.images)
     features, right, wanted = [], [], 0
@@ -78,11 +85,23 @@ def main() -> None:
     print(f"SURE = ({', '.join(f'{value:.2f}' for value in weights)})")
     probability = 1 / (1 + np.exp(-(weights[0] + all_features @ weights[1:])))
     print(f"{wanted} people of whom half shows, in {len(images)} images")
+    figures = {}
     for threshold in THRESHOLDS:
         reported = probability >= threshold
         found = np.count_nonzero(reported & all_right)
         recall, precision = found / max(wanted, 1), found / max(np.count_nonzero(reported), 1)
+        figures[str(threshold)] = {"recall": float(recall), "precision": float(precision)}
         print(f"at {threshold}: recall {100 * recall:.1f} %, precision {100 * precision:.1f} %")
+    if given.out:
+        made = {"code": git_revision(), "command": shlex.join(["python", *sys.argv]), "date": f"{date.today()}"}
+        about = {
+            "what": "SIMULATED rooms, images of validation",
+            "images": len(images),
+            "people": wanted,
+            "sure": weights.tolist(),
+        }
+        with atomic_path(given.out) as part:
+            part.write_text(json.dumps(about | made | {"at": figures}, indent=1) + "\n")
 
 
 if __name__ == "__main__":

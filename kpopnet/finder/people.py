@@ -182,7 +182,8 @@ def _squared(a, b):
 
 
 SURE = (1.23, 1.27, 2.09)
-"""Constant and weights of `certainty_features`, fitted by tools/fit_finder.py on validation images."""
+"""Constant and weights of `certainty_features`, fitted by tools/fit_finder.py on validation images, before
+the weights were rounded to float16."""
 
 
 def certainty_features(people: People) -> np.ndarray:
