@@ -223,8 +223,9 @@ def _worst_image(sequence: StoredSequence, part: MatchedSequence) -> np.ndarray:
     """The image of a sequence with the most wrong joints, named by what is wrong."""
     frame = int(wrong_joints(part).argmax())
     found = causes(sequence.joints_m[frame], part, frame)
-    why = ", ".join(f"{number} {cause}" for cause, number in found.items()) or "nothing wrong"
-    return frame_image(sequence, part, frame, f"{part.kind}: {why}")
+    return frame_image(
+        sequence, part, frame, ", ".join(f"{number} {cause}" for cause, number in found.items()) or "nothing wrong"
+    )
 
 
 def frame_image(sequence: StoredSequence, matched: MatchedSequence, frame: int, remark: str | None = None) -> np.ndarray:
@@ -240,4 +241,4 @@ def frame_image(sequence: StoredSequence, matched: MatchedSequence, frame: int, 
         found = errors_m[np.isfinite(errors_m)]
         error = f"{100 * found.mean():.0f} cm" if len(found) else "not found"
         states.append(("hidden, " if hidden else "") + error if matched.seen[frame, person] or hidden else "not in view")
-    return with_captions(image, (f"{sequence.name} frame {frame}", remark or "; ".join(states) or "no person"))
+    return with_captions(image, (f"{sequence.name} frame {frame}, {sequence.kind}", remark or "; ".join(states) or "no person"))
