@@ -8,7 +8,7 @@ import numpy as np
 from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.data.canvas import Reduced, reduced
 from kpopnet.errors import InputError, check_between
-from kpopnet.finder.following import Followed
+from kpopnet.finder.following import UNKNOWN, Followed
 from kpopnet.finder.people import Cells, certainty, gather_people, pixel_owners
 from kpopnet.human import Human
 from kpopnet.weights import shipped_finder
@@ -17,13 +17,18 @@ LEAST_PROBABILITY, LEAST_M2, LEAST_CELLS = 0.5, 0.03, 8
 """Of the cells of a person; the least surface that shows of a person, and the least number of their cells."""
 
 
+FOLLOWED_CERTAINTY = 0.2
+"""A person who is being followed is reported with at least this certainty, where they are expected: what is found with little
+certainty counts for tracks and not for new ones, as in ByteTrack (Zhang et al. 2022)."""
+
+
 @dataclass(frozen=True)
 class FinderConfig:
     """Which finder finds people, and how sure it has to be.
 
     Attributes:
         weights: a file of `train.py --config-name finder`; None: the finder that comes with the package.
-        least_certainty: a person is reported who is one with at least this probability.
+        least_certainty: somebody new is reported who is a person with at least this probability.
     """
 
     weights: str | None = None
@@ -56,16 +61,17 @@ class PersonFinder:
         canvas = reduced(depth_m, self.camera)
         cells = self._cells(canvas)
         people = gather_people(cells, LEAST_PROBABILITY, LEAST_M2, LEAST_CELLS)
-        sure = certainty(people) >= self.config.least_certainty
+        probability = certainty(people)
+        sure = probability >= min(FOLLOWED_CERTAINTY, self.config.least_certainty)
         numbers = np.append(0, np.where(sure, np.cumsum(sure), 0)).astype(np.uint8)
         centres_m, owner = people.centres_m[sure], numbers[people.owner]
+        identities = self._followed.identify(centres_m, probability[sure] >= self.config.least_certainty)
         owners, boxes = pixel_owners(depth_m, cells.depth_m, cells.probability, owner, canvas.reduction, len(centres_m))
+        found = enumerate(zip(identities, boxes, centres_m, strict=True), 1)
         humans = [
             Human.cut_out(identity, depth_m, owners, number, box, centre_m)
-            for number, (identity, box, centre_m) in enumerate(
-                zip(self._followed.identify(centres_m), boxes, centres_m, strict=True), 1
-            )
-            if box[2] > box[0]
+            for number, (identity, box, centre_m) in found
+            if identity != UNKNOWN and box[2] > box[0]
         ]
         return sorted(humans, key=lambda human: human.identity)
 

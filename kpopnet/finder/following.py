@@ -19,6 +19,9 @@ MOST_MISSING = 64
 """People who are remembered while they are out of view."""
 
 
+UNKNOWN = -1
+
+
 @dataclass
 class _Track:
     identity: int
@@ -43,9 +46,13 @@ class Followed:
         self._tracks: list[_Track] = []
         self._count = 0
 
-    def identify(self, centres_m: np.ndarray) -> list[int]:
-        """The identities of the people whose (P, 3) centres were found in the next image, metres."""
-        identities = [-1] * len(centres_m)
+    def identify(self, centres_m: np.ndarray, certain: np.ndarray) -> list[int]:
+        """The identities of the people whose (P, 3) centres were found in the next image, metres.
+
+        Who is expected near a place needs no other evidence; where nobody is expected, only (P,) `certain` ones are people, the
+        others get the identity UNKNOWN.
+        """
+        identities = [UNKNOWN] * len(centres_m)
         if self._tracks and len(centres_m):
             expected_m = np.array([track.expected_m() for track in self._tracks])
             distance_m = np.linalg.norm(expected_m[:, None] - centres_m[None], axis=-1)
@@ -56,7 +63,7 @@ class Followed:
                 if cost[row, column] < 100.0:
                     identities[column] = self._tracks[row].identity
         for column in range(len(centres_m)):
-            if identities[column] < 0:
+            if identities[column] == UNKNOWN and certain[column]:
                 identities[column] = self._returned(identities)
         known = {track.identity: track for track in self._tracks}
         for track in self._tracks:
@@ -67,7 +74,7 @@ class Followed:
         self._tracks += [
             _Track(identity, centre_m)
             for identity, centre_m in zip(identities, centres_m, strict=True)
-            if identity not in known
+            if identity not in known and identity != UNKNOWN
         ]
         missing = sorted((track for track in self._tracks if track.missed), key=lambda track: track.missed)
         self._tracks = [track for track in self._tracks if not track.missed] + missing[:MOST_MISSING]

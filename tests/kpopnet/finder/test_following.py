@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kpopnet.finder.following import FORGOTTEN, Followed
+from kpopnet.finder.following import FORGOTTEN, UNKNOWN, Followed
 
 
 def walk(*paths):
@@ -11,7 +11,7 @@ def walk(*paths):
     for places in zip(*paths, strict=True):
         present = [k for k, place in enumerate(places) if place is not None]
         centres_m = np.array([places[k] for k in present], np.float32).reshape(-1, 3)
-        found.append(dict(zip(present, followed.identify(centres_m), strict=True)))
+        found.append(dict(zip(present, followed.identify(centres_m, np.ones(len(present), bool)), strict=True)))
     return found
 
 
@@ -42,3 +42,11 @@ def test_a_camera_that_turns_does_not_confuse_people():
     paths = [[(x + 0.03 * k, 0, 3) for k in range(40)] for x in (-1.0, 0.0, 1.0)]
     found = walk(*paths)
     assert all(one == found[0] for one in found)
+
+
+def test_who_is_followed_needs_less_certainty_than_who_is_new():
+    followed, place = Followed(), np.array([[0, 0, 3]], np.float32)
+    assert followed.identify(place, np.array([False])) == [UNKNOWN]
+    (identity,) = followed.identify(place, np.array([True]))
+    two = np.array([[1.5, 0, 3], [0.02, 0, 3]], np.float32)
+    assert followed.identify(two, np.array([False, False])) == [UNKNOWN, identity]
