@@ -67,7 +67,10 @@ def make(name: str) -> None:
         subprocess.run([sys.executable, *words[1:]] if words[0] == "python" else words, cwd=ROOT, check=True)
     metrics = json.loads((ROOT / "outputs/results" / name / "metrics.json").read_text())
     commit = subprocess.run(["git", "rev-parse", "--short=12", "HEAD"], cwd=ROOT, check=True, capture_output=True, text=True)
-    by_person = metrics["benchmark"]["resampled"]["units"] == "people"
+    # Films of several people have figures by kind of scene, which are few: all are kept.
+    resampled, estimators = metrics["benchmark"].get("resampled"), metrics["estimators"]
+    if resampled is not None:
+        estimators = {label: _kept(one, resampled["units"] == "people") for label, one in estimators.items()}
     found = {
         "row": name,
         "commands": known[name]["commands"],
@@ -75,7 +78,7 @@ def make(name: str) -> None:
         "date": datetime.now(UTC).date().isoformat(),
         "machine": _machine(),
         "benchmark": metrics["benchmark"],
-        "estimators": {label: _kept(one, by_person) for label, one in metrics["estimators"].items()},
+        "estimators": estimators,
     }
     with atomic_path(RESULTS / f"{name}.json") as path:
         path.write_text(json.dumps(found, indent=1) + "\n")
