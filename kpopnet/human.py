@@ -19,7 +19,8 @@ class Human:
         box: x0, y0, x1, y1 in pixels, the last two exclusive; it includes MARGIN_PX empty pixels around the human, except at
             the image border.
         depth_m: (y1 - y0, x1 - x0) float32 metres, the depth of this human only, 0 elsewhere.
-        centre_m: (3,) float32 mean of the visible surface points, camera frame, metres.
+        centre_m: (3,) float32 the human's middle, camera frame, metres: of the visible surface by Algorithm 1, the torso joint
+            as the finder estimates it.
     """
 
     identity: int
