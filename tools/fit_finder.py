@@ -22,8 +22,8 @@ from tqdm import tqdm
 from kpopnet.camera import MM_PER_METRE
 from kpopnet.data.canvas import reduced
 from kpopnet.data.room_images import RoomImage, RoomImages
+from kpopnet.finder.backend import Network, cells_of, open_finder
 from kpopnet.finder.finder import LEAST_CELLS, LEAST_M2, LEAST_PROBABILITY
-from kpopnet.finder.network import FinderNetwork, cells_of, load_network
 from kpopnet.finder.people import People, certainty_features, gather_people
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.provenance import git_revision
@@ -34,7 +34,7 @@ NEAR_M, LEAST_SHOWN = 0.3, 0.5
 THRESHOLDS = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 
 
-def people_of(network: FinderNetwork, image: RoomImage) -> People:
+def people_of(network: Network, image: RoomImage) -> People:
     """All people that the finder may report of an image."""
     camera = image.camera
     depth_m = image.depth_mm[: camera.height, : camera.width] / np.float32(MM_PER_METRE)
@@ -72,7 +72,7 @@ def main() -> None:
     parser.add_argument("--weights", type=Path, help="a finder's weights; otherwise those that come with the package")
     parser.add_argument("--out", type=Path, help="a JSON file for the figures, as those of results/")
     given = parser.parse_args()
-    network, images = load_network(given.weights or shipped_finder()), RoomImages(given.images)
+    network, images = open_finder(str(given.weights or shipped_finder())), RoomImages(given.images)
     features, right, wanted = [], [], 0
     for number in tqdm(range(len(images)), "images", disable=None):
         people = people_of(network, images[number])

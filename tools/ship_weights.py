@@ -25,12 +25,14 @@ import kpopnet.weights
 from kpopnet.data.shards import ShardedSet
 from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
 from kpopnet.errors import InputError
+from kpopnet.finder.network import export_finder
 from kpopnet.finder.network import load_network as load_finder
 from kpopnet.networks import META, portable
 from kpopnet.networks.checkpoint import WEIGHTS, load_network
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.runtime.atomic_write import atomic_path
-from kpopnet.training.finder import WEIGHTS as FINDER_WEIGHTS
+
+FINDER = "finder.onnx"
 
 
 def ship(checkpoint: Path, folder: Path) -> None:
@@ -48,8 +50,8 @@ def ship(checkpoint: Path, folder: Path) -> None:
 
 
 def ship_finder(weights: Path, folder: Path) -> None:
-    """Writes a finder's weights and digest into such a folder; errors as in `ship`."""
-    _write(folder, "FINDER_SHA256", {FINDER_WEIGHTS: _halved(load_finder(weights), weights)})
+    """Writes a finder as an ONNX file, and its digest, into such a folder; raises InputError for damaged weights."""
+    _write(folder, "FINDER_SHA256", {FINDER: export_finder(load_finder(weights))})
 
 
 def _halved(network: torch.nn.Module, source: Path) -> bytes:
@@ -107,7 +109,7 @@ def main() -> None:
     given = parser.parse_args()
     if given.checkpoint.suffix == ".safetensors":
         ship_finder(given.checkpoint, given.out)
-        print(f"{FINDER_WEIGHTS}: {(given.out / FINDER_WEIGHTS).stat().st_size:,} bytes")
+        print(f"{FINDER}: {(given.out / FINDER).stat().st_size:,} bytes")
         return
     if given.set is None:
         parser.error("a network needs --set")

@@ -1,15 +1,15 @@
 """The finder: everybody in one depth image of any scene before any camera, and who is who in films."""
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
 from kpopnet.camera import Camera, depth_in_metres
-from kpopnet.data.canvas import Reduced, reduced
+from kpopnet.data.canvas import reduced
 from kpopnet.errors import InputError, check_between
+from kpopnet.finder.backend import cells_of, open_finder
 from kpopnet.finder.following import UNKNOWN, Followed
-from kpopnet.finder.people import Cells, certainty, gather_people, pixel_owners
+from kpopnet.finder.people import certainty, gather_people, pixel_owners
 from kpopnet.human import Human
 from kpopnet.weights import shipped_finder
 
@@ -44,7 +44,7 @@ class PersonFinder:
     def __init__(self, camera: Camera, config: FinderConfig = FinderConfig()) -> None:
         """Raises InputError if the weights are missing, damaged or of another version."""
         self.camera, self.config, self._followed = camera, config, Followed()
-        self._network = _network(config.weights or str(shipped_finder()))
+        self._network = open_finder(config.weights or str(shipped_finder()))
 
     def extract(self, depth_m: np.ndarray) -> list[Human]:
         """The people in the next image, in the order in which they were first found.
@@ -59,7 +59,7 @@ class PersonFinder:
         if depth_m.ndim != 2:
             raise InputError(f"depth image: expected shape (H, W), got {depth_m.shape}; pass one image per call")
         canvas = reduced(depth_m, self.camera)
-        cells = self._cells(canvas)
+        cells = cells_of(self._network, canvas)
         people = gather_people(cells, LEAST_PROBABILITY, LEAST_M2, LEAST_CELLS)
         probability = certainty(people)
         sure = probability >= min(FOLLOWED_CERTAINTY, self.config.least_certainty)
@@ -74,16 +74,3 @@ class PersonFinder:
             if identity != UNKNOWN and box[2] > box[0]
         ]
         return sorted(humans, key=lambda human: human.identity)
-
-    def _cells(self, canvas: Reduced) -> Cells:
-        from kpopnet.finder.network import cells_of  # takes a second to import
-
-        return cells_of(self._network, canvas)
-
-
-@cache
-def _network(path: str):
-    """The network of a file, loaded once."""
-    from kpopnet.finder.network import load_network
-
-    return load_network(path)

@@ -4,6 +4,7 @@ how much of their body shows.
 It sees metric depth and the rays of a pinhole camera, no statistics of a data set, and one image without history.
 """
 
+import warnings
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,8 +14,8 @@ from safetensors.torch import load_file
 from torch import Tensor, nn
 from torch.nn import functional
 
-from kpopnet.data.canvas import STRIDE, Reduced
-from kpopnet.finder.people import Cells
+from kpopnet.data.canvas import CANVAS, STRIDE
+from kpopnet.finder.people import INPUTS, OUTPUT_NAMES, PROBLEM, Network
 from kpopnet.networks.network import Encoder, convolution
 from kpopnet.runtime.input_files import read_with
 
@@ -133,25 +134,56 @@ class Target(NamedTuple):
 def load_network(path: Path | str) -> FinderNetwork:
     """Loads a trained finder; raises InputError if the file is missing, damaged, or of another architecture."""
     network = FinderNetwork().to(memory_format=torch.channels_last).eval().requires_grad_(False)
-    problem = "missing, damaged, or not a finder of this version"
-    weights = read_with(load_file, Path(path), problem)
+    weights = read_with(load_file, Path(path), PROBLEM)
     as_floats = {name: value.float() if value.dtype == torch.float16 else value for name, value in weights.items()}
-    read_with(lambda _: network.load_state_dict(as_floats), Path(path), problem)
+    read_with(lambda _: network.load_state_dict(as_floats), Path(path), PROBLEM)
     return network
 
 
-@torch.inference_mode()
-def cells_of(network: FinderNetwork, canvas: Reduced) -> Cells:
-    """What a network says of the cells of an image, on one thread: more would wait for each other."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        depth_m, intrinsics = torch.from_numpy(canvas.depth_m)[None], torch.from_numpy(canvas.intrinsics)[None]
-        seen = network(observed(depth_m, intrinsics).contiguous(memory_format=torch.channels_last))
+class CellsOfImage(nn.Module):
+    """What a finder says of the cells of one image, from its depth and intrinsics: what is exported."""
+
+    def __init__(self, network: FinderNetwork) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, depth_m: Tensor, intrinsics: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """(h, w) probability of a person, (h, w, 3) torso in metres and (h, w) share of the body, of (1, H, W) and (1, 4)."""
+        seen = self.network(observed(depth_m, intrinsics))
         torso_m = (cell_points_m(depth_m, intrinsics) + seen.vote_m)[0].permute(1, 2, 0)
-        probability, shown = torch.sigmoid(seen.person_logit[0]), torch.sigmoid(seen.shown_logit[0])
-    finally:
-        torch.set_num_threads(threads)
-    depth_m = np.ascontiguousarray(canvas.depth_m[::STRIDE, ::STRIDE])
-    area_m2 = depth_m**2 * np.float32(STRIDE**2 / (canvas.intrinsics[0] * canvas.intrinsics[1]))
-    return Cells(depth_m, area_m2, probability.numpy(), torso_m.contiguous().numpy(), shown.numpy())
+        return torch.sigmoid(seen.person_logit[0]), torso_m, torch.sigmoid(seen.shown_logit[0])
+
+
+def torch_finder(path: Path | str) -> Network:
+    """The finder of a file of weights, run by torch; more threads than one would wait for each other."""
+    finder = CellsOfImage(load_network(path))
+
+    @torch.inference_mode()
+    def run(depth_m: np.ndarray, intrinsics: np.ndarray) -> tuple[np.ndarray, ...]:
+        threads = torch.get_num_threads()
+        torch.set_num_threads(1)
+        try:
+            found = finder(torch.from_numpy(depth_m), torch.from_numpy(intrinsics))
+        finally:
+            torch.set_num_threads(threads)
+        return tuple(one.contiguous().numpy() for one in found)
+
+    return run
+
+
+def export_finder(network: FinderNetwork) -> bytes:
+    """A finder as an ONNX file."""
+    width, height = CANVAS
+    example = torch.rand(1, height, width) + 1, torch.tensor([[100.0, 100.0, 80.0, 60.0]])
+    with warnings.catch_warnings(action="ignore"):  # torch's exporter warns of its own code
+        program = torch.onnx.export(
+            CellsOfImage(network).eval(), example, dynamo=True, verbose=False, input_names=list(INPUTS),
+            output_names=list(OUTPUT_NAMES),
+        )  # fmt: skip
+    content = program.model_proto
+    graph = content.graph
+    for part in (graph, *graph.node, *graph.initializer, *graph.value_info, *graph.input, *graph.output):
+        part.ClearField("metadata_props")  # names of source files and lines, which torch writes
+        part.ClearField("doc_string")
+    graph.name = content.producer_name = "kpopnet finder"
+    return content.SerializeToString()

@@ -4,6 +4,7 @@ Every cell that shows a person votes for where this person's torso is. Votes tha
 divided in the image; each pixel belongs to the person whose cells are beside it at its depth.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -41,6 +42,13 @@ class Cells(NamedTuple):
     probability: np.ndarray
     torso_m: np.ndarray
     shown: np.ndarray
+
+
+INPUTS, OUTPUT_NAMES = ("depth_m", "intrinsics"), ("probability", "torso_m", "shown")
+Network = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, ...]]
+"""From (1, 128, 160) depth in metres and (1, 4) intrinsics to OUTPUT_NAMES, as `Cells` has them."""
+
+PROBLEM = "missing, damaged, or not a finder of this version"
 
 
 class People(NamedTuple):

@@ -21,7 +21,7 @@ SHA256: dict[str, str] = {
 """Of each file that is loaded, as tools/ship_weights.py wrote it."""
 
 FINDER_SHA256: dict[str, str] = {
-    "finder.safetensors": "fa37da03c567604f9223dbaedbddb1d2dc13e9044aaea63da1a0a785e4b382c8",
+    "finder.onnx": "2b993ee3c31ca1fbd6dc3f16d448cf10ac50616fe9df2b96df802d019ecf7051",
 }
 """Of the finder of people (kpopnet.finder), as tools/ship_weights.py wrote it."""
 

@@ -21,7 +21,7 @@ LIMITS = {  # what the project promises: at least, at most
     "train.data_loss_percent": (None, 10),
     "ridge.vs_distance_transform": (None, 4),
     "tracker.fps": (500, None),
-    "extraction.frame_ms": (None, 0.6),
+    "finder.frame_ms": (None, 4),
     "paper_extraction.frame_ms": (None, 3.3),
     "network.path_fps": (100, None),
     "dance.online_ms_p95": (None, 2),

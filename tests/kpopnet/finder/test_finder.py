@@ -8,7 +8,7 @@ from kpopnet.camera import Camera
 from kpopnet.errors import InputError
 from kpopnet.finder import finder as finder_module
 from kpopnet.finder.finder import FinderConfig, PersonFinder
-from kpopnet.finder.network import FinderNetwork, Seen
+from kpopnet.finder.network import CellsOfImage, FinderNetwork, Seen
 
 CAMERA = Camera.centred(500.0, 640, 480)
 TORSO_M = np.array((0.0, 0.0, 2.0), np.float32)
@@ -34,10 +34,16 @@ class Knowing(torch.nn.Module):
         return Seen(logit, votes, torch.full_like(logit, 3.0))
 
 
+def run_by_torch(network):
+    finder = CellsOfImage(network)
+    with torch.inference_mode():
+        return lambda *given: tuple(one.detach().numpy() for one in finder(*map(torch.from_numpy, given)))
+
+
 @pytest.fixture
 def knowing(monkeypatch):
     """A finder of images of CAMERA around a network that knows the answer."""
-    monkeypatch.setattr(finder_module, "_network", lambda _: Knowing())
+    monkeypatch.setattr(finder_module, "open_finder", lambda _: run_by_torch(Knowing()))
     return PersonFinder(CAMERA, FinderConfig("known"))
 
 
@@ -64,16 +70,17 @@ def test_other_images_are_refused(knowing, shape, dtype):
         knowing.extract(np.zeros(shape, dtype))
 
 
-def test_weights_of_something_else_are_refused(tmp_path):
-    (tmp_path / "finder.safetensors").write_bytes(b"nothing")
-    with pytest.raises(InputError, match=r"finder\.safetensors: missing, damaged"):
-        PersonFinder(CAMERA, FinderConfig(str(tmp_path / "finder.safetensors")))
+@pytest.mark.parametrize("name", ["finder.safetensors", "finder.onnx"])
+def test_weights_of_something_else_are_refused(tmp_path, name):
+    (tmp_path / name).write_bytes(b"nothing")
+    with pytest.raises(InputError, match=f"{name}: missing, damaged"):
+        PersonFinder(CAMERA, FinderConfig(str(tmp_path / name)))
 
 
 def test_an_untrained_network_answers_for_any_image_without_error(monkeypatch):
     torch.manual_seed(0)
     network = FinderNetwork().eval()
-    monkeypatch.setattr(finder_module, "_network", lambda _: network)
+    monkeypatch.setattr(finder_module, "open_finder", lambda _: run_by_torch(network))
     finder = PersonFinder(CAMERA, FinderConfig("random", least_certainty=0))
     for depth_m in (scene(), np.random.default_rng(0).uniform(0, 9, (480, 640)).astype(np.float32)):
         for human in finder.extract(depth_m):

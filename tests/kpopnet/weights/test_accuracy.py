@@ -17,8 +17,8 @@ from kpopnet.data.room_images import RoomImage
 from kpopnet.datasets.protocol import Benchmark
 from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
 from kpopnet.datasets.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
+from kpopnet.finder.backend import open_finder
 from kpopnet.finder.finder import FinderConfig, PersonFinder
-from kpopnet.finder.network import load_network
 from kpopnet.finder.people import certainty
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.weights import shipped_finder
@@ -59,7 +59,7 @@ def test_on_real_people():
 
 def test_people_are_found_among_clutter():
     drawn = RoomScenes(SampleConfig(renderer="cpu"), 11, "test", CANVAS)
-    network = load_network(shipped_finder())
+    network = open_finder(str(shipped_finder()))
     found = wanted = false = 0
     for index in range(120):
         clear = drawn.draw_scene(index)

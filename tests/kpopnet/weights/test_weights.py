@@ -15,7 +15,8 @@ from shipped_weights import ship, ship_weights
 
 import kpopnet.weights
 from kpopnet.errors import InputError
-from kpopnet.finder.network import FinderNetwork, load_network
+from kpopnet.finder.backend import open_finder
+from kpopnet.finder.network import FinderNetwork
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import save_checkpoint
 from kpopnet.networks.estimator import NetworkEstimator
@@ -83,7 +84,7 @@ def test_what_this_checkout_ships_can_be_loaded():
     assert sum(file.stat().st_size for file in kpopnet.weights.FOLDER.glob("*.*")) < 10e6
     card = (kpopnet.weights.FOLDER / "MODEL_CARD.md").read_text()
     assert kpopnet.weights.SHA256["model.safetensors"] in card
-    assert kpopnet.weights.FINDER_SHA256["finder.safetensors"] in card
+    assert kpopnet.weights.FINDER_SHA256["finder.onnx"] in card
     assert "/" not in json.dumps(estimator.meta)
     estimate = estimator.estimate(draw_depth(draw_joints(np.random.default_rng(0)))[None], CAMERA)
     assert np.isfinite(estimate.joints_camera_m).all()
@@ -94,11 +95,16 @@ def test_a_finder_is_shipped_beside_the_network(tmp_path, shipped):
     (tmp_path / "finder.safetensors").write_bytes(save_weights(network.state_dict()))
     ship_weights.ship_finder(tmp_path / "finder.safetensors", shipped)
     digests = runpy.run_path(str(shipped / "__init__.py"))
-    content = (shipped / "finder.safetensors").read_bytes()
-    assert digests["FINDER_SHA256"] == {"finder.safetensors": hashlib.sha256(content).hexdigest()}
-    assert digests["SHA256"] == kpopnet.weights.SHA256 and len(content) < 1.6e6
-    for name, value in load_network(shipped / "finder.safetensors").state_dict().items():
-        torch.testing.assert_close(value, network.state_dict()[name], atol=1e-3, rtol=1e-3)
+    content = (shipped / "finder.onnx").read_bytes()
+    assert digests["FINDER_SHA256"] == {"finder.onnx": hashlib.sha256(content).hexdigest()}
+    assert digests["SHA256"] == kpopnet.weights.SHA256 and len(content) < 3.2e6
+    depth_m = np.random.default_rng(0).uniform(0.5, 6, (1, 128, 160)).astype(np.float32)
+    intrinsics = np.array([[120, 120, 79.5, 59.5]], np.float32)
+    by_onnx, by_torch = (
+        open_finder(str(path))(depth_m, intrinsics) for path in (shipped / "finder.onnx", tmp_path / "finder.safetensors")
+    )
+    for one, other in zip(by_onnx, by_torch, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-3)
 
 
 def test_what_cannot_be_shipped_is_refused(tmp_path, shipped):
