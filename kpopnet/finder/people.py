@@ -210,6 +210,29 @@ BESIDE_M, BESIDE_PER_M = 0.08, 0.02
 
 
 @njit(cache=True)
+def _near_people(owner):
+    """(h, w) bool: cells of people, and those beside them."""
+    h, w = owner.shape
+    near = np.zeros((h, w), np.bool_)
+    for y in range(h):
+        for x in range(w):
+            if owner[y, x] != NO_PERSON:
+                near[max(y - 1, 0) : y + 2, max(x - 1, 0) : x + 2] = True
+    return near
+
+
+@njit(cache=True)
+def _rectangle(near, per_cell, height, width):
+    """First and last row and column, the last exclusive, of the pixels around the cells: most images are mostly empty."""
+    rows, columns = np.nonzero(near)
+    if len(rows) == 0:
+        return 0, 0, 0, 0
+    first_row, last_row = int((rows.min() - 1) * per_cell), int((rows.max() + 2) * per_cell) + 1
+    first_column, last_column = int((columns.min() - 1) * per_cell), int((columns.max() + 2) * per_cell) + 1
+    return max(first_row, 0), min(last_row, height), max(first_column, 0), min(last_column, width)
+
+
+@njit(cache=True)
 def pixel_owners(depth_m, cell_depth_m, probability, owner, reduction, people):
     """Gives every pixel of a whole image to a person.
 
@@ -231,18 +254,13 @@ def pixel_owners(depth_m, cell_depth_m, probability, owner, reduction, people):
     owners = np.zeros((height, width), np.uint8)
     boxes = np.zeros((people, 4), np.int32)
     boxes[:, 0], boxes[:, 1] = width, height
-    near = np.zeros((h, w), np.bool_)
-    for y in range(h):
-        for x in range(w):
-            if owner[y, x] != NO_PERSON:
-                for row in range(max(y - 1, 0), min(y + 2, h)):
-                    for column in range(max(x - 1, 0), min(x + 2, w)):
-                        near[row, column] = True
+    near = _near_people(owner)
     opinion = np.zeros(people + 1, np.float32)
-    for y in range(height):
+    first_row, last_row, first_column, last_column = _rectangle(near, STRIDE * reduction, height, width)
+    for y in range(first_row, last_row):
         at_y = ((y + 0.5) / reduction - 0.5) / STRIDE
         row_0 = max(min(int(at_y + 0.5), h - 1), 0)
-        for x in range(width):
+        for x in range(first_column, last_column):
             z = depth_m[y, x]
             at_x = ((x + 0.5) / reduction - 0.5) / STRIDE
             column_0 = max(min(int(at_x + 0.5), w - 1), 0)
