@@ -16,7 +16,6 @@ from kpopnet.weights import shipped_finder
 LEAST_PROBABILITY, LEAST_M2, LEAST_CELLS = 0.5, 0.03, 8
 """Of the cells of a person; the least surface that shows of a person, and the least number of their cells."""
 
-
 FOLLOWED_CERTAINTY = 0.2
 """A person who is being followed is reported with at least this certainty, where they are expected: what is found with little
 certainty counts for tracks and not for new ones, as in ByteTrack (Zhang et al. 2022)."""

@@ -1,7 +1,7 @@
 """`room_images`: single images of scenes with the person that each pixel shows, on which the finder of people is trained.
 
-Every image has a sensor of its own, and what real cameras lose besides: clothes and hair that return nothing, patches that
-shine, sunlight.
+Every image has a sensor of its own, and what real cameras lose besides: parts of dark clothes, patches that return nothing, and
+surfaces that return noise.
 """
 
 from collections.abc import Callable
