@@ -25,9 +25,9 @@ from kpopnet.data.room_images import MOST_PEOPLE, RoomImages
 from kpopnet.errors import InputError, check_between
 from kpopnet.finder.network import FinderNetwork, Target, cell_points_m, loss, observed
 from kpopnet.runtime.atomic_write import atomic_path
-from kpopnet.runtime.input_files import read_with
+from kpopnet.runtime.input_files import read_json, read_with
 from kpopnet.skeleton import Joint
-from kpopnet.training.loop import LINE_EVERY_S, decay_at, lr_at
+from kpopnet.training.loop import LINE_EVERY_S, lr_at, update_average
 from kpopnet.training.optimisers import build_optimisers
 
 log = logging.getLogger(__name__)
@@ -153,14 +153,16 @@ class FinderRun:
             for group in optimiser.param_groups:
                 group["lr"] = lr
             optimiser.step()
-        weight = 1 - decay_at(self.step)
-        for averaged, value in zip(self.average.state_dict().values(), self.network.state_dict().values(), strict=True):
-            if averaged.is_floating_point():
-                averaged.lerp_(value, weight)
-            else:
-                averaged.copy_(value)
+        update_average(self.average, self.network, self.step)
         self.step += 1
         return {name: float(term.detach()) for name, term in terms.items()}
+
+    def check_same(self, described: dict) -> None:
+        """Raises InputError where a run that is resumed was begun with other settings or images: it would not go on exactly."""
+        begun = read_json(self.folder / META)
+        for name, value in described.items():
+            if begun.get(name) != value:
+                raise InputError(f"{self.folder}: was begun with {name}={begun.get(name)}, not {value}; give it the same again")
 
     def save(self, described: dict) -> None:
         """Writes weights, state and description, each whole or not at all."""
@@ -224,7 +226,11 @@ def train_finder(config: FinderTraining, seed: int, data: dict[str, str], out: P
     out.mkdir(parents=True, exist_ok=True)
     run = FinderRun(config, seed, out)
     images, validation = LoadedImages(data["train"]), LoadedImages(data["validation"])
-    size = config.batch_size
+    size, settings = config.batch_size, asdict(config)
+    del settings["resume"]
+    described = {"config": settings, "seed": seed, "images": len(images)}
+    if config.resume:
+        run.check_same(described)
     log.info(
         f"{len(images):,} training and {len(validation):,} validation images, {config.steps * size / len(images):.1f} epochs"
     )
@@ -240,7 +246,7 @@ def train_finder(config: FinderTraining, seed: int, data: dict[str, str], out: P
             bar.set_postfix({name: f"{value:.3f}" for name, value in terms.items()}, refresh=False)
             if run.step % config.validate_every == 0 or run.step == config.steps:
                 metrics = validate(run.average, validation, size)
-                run.save({"metrics": metrics, "config": asdict(config), "seed": seed, "images": len(images)})
+                run.save({"metrics": metrics, **described})
                 log.info(
                     f"step {run.step:,} of {config.steps:,}: of the people's cells {100 * metrics['recall']:.1f} % found, of "
                     f"those found {100 * metrics['precision']:.1f} % right, votes {metrics['vote_error_cm']:.1f} cm off, "

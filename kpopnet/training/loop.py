@@ -147,6 +147,16 @@ def decay_at(step: int) -> float:
     return min(AVERAGE, (1 + step) / (10 + step))
 
 
+def update_average(average: nn.Module, network: nn.Module, step: int) -> None:
+    """Moves the averaged weights towards those of the network after a step; counts are copied."""
+    weight = 1 - decay_at(step)
+    for averaged, value in zip(average.state_dict().values(), network.state_dict().values(), strict=True):
+        if averaged.is_floating_point():
+            averaged.lerp_(value, weight)
+        else:
+            averaged.copy_(value)
+
+
 class Run:
     """The state of a training: weights, their average, optimiser, step, lowest error, mean pose."""
 
@@ -203,7 +213,7 @@ class Run:
             for group in optimiser.param_groups:
                 group["lr"] = lr
             optimiser.step()
-        self._update_average()
+        update_average(self.average, self.network, self.step)
 
         # Statistics
         self.offset_sum_m += batch.offset_m.double().sum(0)
@@ -218,14 +228,6 @@ class Run:
             "gradient_norm": norm,
             "lr": torch.tensor(lr),
         }
-
-    def _update_average(self) -> None:
-        weight = 1 - decay_at(self.step)
-        for averaged, value in zip(self.average.state_dict().values(), self.network.state_dict().values(), strict=True):
-            if averaged.is_floating_point():
-                averaged.lerp_(value, weight)
-            else:
-                averaged.copy_(value)
 
     def save(self, folder: Path, metrics: dict[str, float], described: dict) -> Path:
         """Writes a checkpoint (kpopnet.networks.checkpoint) and returns its path.

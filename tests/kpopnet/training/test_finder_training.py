@@ -67,6 +67,8 @@ def test_a_resumed_run_equals_an_uninterrupted_one(data, tmp_path):
             train_finder(stopped, 0, data, run, threads=1)
     with pytest.raises(InputError, match="holds a run"):
         train_finder(stopped, 0, data, run, threads=1)
+    with pytest.raises(InputError, match=r"was begun with config=.*give it the same again"):
+        train_finder(settings(8, resume=True), 0, data, run, threads=1)
     train_finder(settings(4, resume=True), 0, data, run, threads=1)
     assert (run / WEIGHTS).read_bytes() == whole and (run / META).exists() and (run / STATE).exists()
 
