@@ -93,13 +93,8 @@ def _count() -> None:
 
 def end_with_parent() -> None:
     """Ends this worker process as soon as its parent process has ended; without it, a worker would wait for ever."""
-    threading.Thread(target=_exit_after_parent, daemon=True).start()
-
-
-def _exit_after_parent() -> None:
     if parent := multiprocessing.parent_process():
-        parent.join()
-    os._exit(1)
+        threading.Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
 
 
 def _set_threads(of_torch: int, of_opencv: int) -> None:

@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
+from kpopnet.runtime.parallel import end_with_parent
 from kpopnet.teacher.library import Library, TaughtDance, TeacherBody
 from kpopnet.teacher.posing import Movement, forward, learners_movement
 from kpopnet.teacher.tries import Tries
@@ -36,7 +37,8 @@ MARGIN_M = 0.7
 """The camera follows a body that is farther than this from the middle."""
 
 TELL_EVERY_S = 0.5
-END_S = 5.0
+END_S = 1.0
+"""How long a film that is not wanted any more has to remove what it has written, seconds."""
 PATIENCE_S = 2.0
 """A film that is asked for waits as long for one that is being cancelled."""
 
@@ -193,13 +195,13 @@ class Filming:
 
 def _end(process: multiprocessing.process.BaseProcess) -> None:
     process.join(END_S)
-    if process.is_alive():
-        process.terminate()
-        process.join(END_S)
+    process.kill()  # also one that is frozen
+    process.join()
 
 
 def make_film(connection: Connection, library: Library, tries: Tries, dance: str, name: str) -> None:
     """Makes a film and sends (fraction that is done, what went wrong); ends when the other end is closed."""
+    end_with_parent()
     with contextlib.suppress(AttributeError, OSError):  # where processes have no niceness
         os.nice(NICENESS)
     next_s = 0.0

@@ -16,6 +16,7 @@ from numba.core import event
 from kpopnet.dance.parts import NOISE
 from kpopnet.errors import InputError
 from kpopnet.pose import PersonPose, PoseEstimator
+from kpopnet.runtime.parallel import end_with_parent
 from kpopnet.skeleton import Joint
 from kpopnet.sources.source import CameraAwayError, LiveCamera
 from kpopnet.teacher.library import TaughtDance
@@ -153,6 +154,7 @@ class _CompiledKernels(event.Listener):
 
 def serve_lessons(connection: Connection, open_camera: CameraOpener, checkpoint: str | None) -> None:
     """Holds one lesson after another until the other end says so, or closes; the estimator stays warm."""
+    end_with_parent()
     with contextlib.suppress(EOFError, BrokenPipeError, KeyboardInterrupt):
         kernels, estimator = _CompiledKernels(), load_estimator(checkpoint)
         while (message := connection.recv())[0] != "quit":

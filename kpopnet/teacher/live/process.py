@@ -3,7 +3,9 @@
 import asyncio
 import contextlib
 import multiprocessing
+import queue
 import threading
+import time
 from typing import Any
 
 from kpopnet.errors import InputError
@@ -14,7 +16,11 @@ from kpopnet.teacher.live.loop import serve_lessons
 MOST = 2
 """Lessons at a time: each takes about a core."""
 
-END_S = 5.0
+MOST_UNSENT = 100
+"""Messages that wait for a process which takes none."""
+
+END_S = 1.0
+"""How long the processes have to end by themselves, seconds."""
 
 
 class LessonProcess:
@@ -31,7 +37,9 @@ class LessonProcess:
         self._kept: list[tuple] = []
         self._loop = asyncio.get_running_loop()
         self._arrived = asyncio.Event()
-        threading.Thread(target=self._listen, daemon=True, name="lesson listener").start()
+        self._unsent: queue.Queue[tuple] = queue.Queue(MOST_UNSENT)
+        for work in (self._listen, self._pass_on):
+            threading.Thread(target=work, daemon=True, name=f"lesson {work.__name__}").start()
 
     @property
     def alive(self) -> bool:
@@ -44,9 +52,11 @@ class LessonProcess:
         self.send("prepare", self._number, lesson, dance)
 
     def send(self, *message: Any) -> None:
-        """Sends a message of `loop`, such as ("go", 2.0)."""
-        with contextlib.suppress(OSError):  # the listener notices that the process has ended
-            self._connection.send(message)
+        """Sends a message of `loop`, such as ("go", 2.0), without waiting. Raises InputError if the process takes none."""
+        try:
+            self._unsent.put_nowait(message)
+        except queue.Full as error:
+            raise InputError("the process that watches you does not answer; close this page and open it again") from error
 
     async def next(self) -> tuple[str, dict, Any]:
         """The next message: kind, content, and a picture or the learner's arrays."""
@@ -55,13 +65,16 @@ class LessonProcess:
             await self._arrived.wait()
         return self._kept.pop(0)
 
-    def end(self) -> None:
-        """Ends the process."""
-        self.send("quit")
-        self._process.join(END_S)
-        if self._process.is_alive():
-            self._process.terminate()
-            self._process.join(END_S)
+    def end(self, by_s: float) -> None:
+        """Ends the process, which was told "quit", at a moment of `time.monotonic` at the latest."""
+        self._process.join(max(by_s - time.monotonic(), 0))
+        self._process.kill()  # also one that is frozen
+        self._process.join()
+
+    def _pass_on(self) -> None:
+        with contextlib.suppress(OSError):  # the listener notices that the process has ended
+            while True:
+                self._connection.send(self._unsent.get())
 
     def _listen(self) -> None:
         try:
@@ -110,11 +123,19 @@ class LessonProcesses:
         return process
 
     def give_back(self, process: LessonProcess) -> None:
-        process.send("stop")
         self._busy.discard(process)
+        try:
+            process.send("stop")
+        except InputError:
+            process.end(time.monotonic())
         if process.alive:
             self._idle.append(process)
 
     def end(self) -> None:
-        for process in [*self._idle, *self._busy]:
-            process.end()
+        """Ends all processes within END_S."""
+        processes, by_s = [*self._idle, *self._busy], time.monotonic() + END_S
+        for process in processes:
+            with contextlib.suppress(InputError):
+                process.send("quit")
+        for process in processes:
+            process.end(by_s)
