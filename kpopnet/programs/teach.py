@@ -116,7 +116,8 @@ def made_library(folder: Path) -> Library:
     from synth.dances.taught import DANCES, Teacher, teacher_arrays
 
     library = Library(folder, TeacherBody(**teacher_arrays()))
-    missing = sorted(set(range(DANCES)) - {int(one[6:]) for one in library.identities() if one.startswith("dance_")})
+    made = set(library.identities())
+    missing = [index for index in range(DANCES) if f"dance_{index:03d}" not in made]
     if missing:
         teacher = Teacher()
         for index in tqdm(missing, "making dances, once", unit="dance", disable=None):
@@ -205,7 +206,7 @@ def parsed() -> argparse.Namespace:
 def main() -> None:
     given = parsed()
     if given.add is None:
-        check_server("kpopnet teach")
+        check_server("kpopnet teach", given.port)
     with locked(given.data):
         library = made_library(given.data)
         if given.add is not None:

@@ -1,5 +1,6 @@
 """Files that are there whole or not at all."""
 
+import itertools
 import os
 import socket
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ if TYPE_CHECKING:
     import h5py
 
 MAX_NAME_BYTES = 255
+_NUMBERS = itertools.count()
 
 
 @contextmanager
@@ -31,6 +33,15 @@ def atomic_path(path: Path) -> Iterator[Path]:
             part.unlink(missing_ok=True)
 
 
+def claim(path: Path) -> bool:
+    """Makes an empty file, and whether this call made it: the file system gives a name to one writer alone."""
+    try:
+        path.touch(exist_ok=False)
+    except FileExistsError:
+        return False
+    return True
+
+
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
     """Gives errors of the file system that name no file, as those of a full disk, this one's name."""
@@ -43,8 +54,8 @@ def naming(path: Path) -> Iterator[None]:
 
 
 def hidden_name(name: str) -> str:
-    """The temporary name of a file, of at most 255 bytes if the file's own name has no more."""
-    end = f".{socket.gethostname()}.{os.getpid()}.tmp"
+    """A temporary name for a file, another one each time, of at most 255 bytes if the file's own name has no more."""
+    end = f".{socket.gethostname()}.{os.getpid()}-{next(_NUMBERS)}.tmp"
     return "." + os.fsdecode(os.fsencode(name)[: MAX_NAME_BYTES - 1 - len(os.fsencode(end))]) + end
 
 

@@ -33,11 +33,7 @@ def add_performance(library: Library, performance: Performance, where: str, titl
     if not MIN_S <= seconds <= MAX_S:
         raise InputError(f"{where}: lasts {seconds:.1f} s; a dance lasts {MIN_S:g} to {MAX_S:g} s")
     joints_m = at_rate(performance, FPS)
-    number = 1
-    while (identity := f"own_{number:03d}") in library.identities():
-        number += 1
-    library.write(identity, taught_dance(title, FPS, bpm, joints_m, *posed(joints_m, library.body), own=True))
-    return identity
+    return library.add(taught_dance(title, FPS, bpm, joints_m, *posed(joints_m, library.body), own=True))
 
 
 def kpop_teachers(path: Path) -> dict[str, Performance]:

@@ -13,8 +13,8 @@ import numpy as np
 
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
-from kpopnet.runtime.atomic_write import atomic_path
-from kpopnet.runtime.input_files import ArraySchema, expect, parse_json, read_npz, settings_from
+from kpopnet.runtime.atomic_write import atomic_path, claim
+from kpopnet.runtime.input_files import ArraySchema, check_names, expect, parse_json, read_npz, settings_from
 from kpopnet.skeleton import NUM_JOINTS, Joint
 
 DANCES = "dances"
@@ -81,6 +81,9 @@ class About:
     bpm: float
     difficulty: int
     own: bool = False
+
+    def __post_init__(self) -> None:
+        check_names("title", [self.name])
 
     @property
     def phrase_s(self) -> float:
@@ -151,7 +154,7 @@ class Library:
     def identities(self) -> list[str]:
         """The dances' names of files, in order."""
         paths = sorted((self.folder / DANCES).glob("*.npz"))
-        return [path.stem for path in paths if IDENTITY.fullmatch(path.stem)]
+        return [path.stem for path in paths if IDENTITY.fullmatch(path.stem) and path.stat().st_size]  # 0: only claimed
 
     def path(self, identity: str) -> Path:
         """The file of a dance; what is no plain name never becomes a path. Raises InputError if there is none."""
@@ -180,6 +183,19 @@ class Library:
         quats = stored["quats"].astype(np.float32) / QUAT_SCALE
         about = _about(stored["about"], path)
         return TaughtDance(about, float(stored["fps"]), stored["joints_m"], quats, stored["hips_m"])
+
+    def add(self, dance: TaughtDance) -> str:
+        """Writes a dance of the user's own, and returns its identity."""
+        folder, number = self.folder / DANCES, 1
+        folder.mkdir(parents=True, exist_ok=True)
+        while not claim(path := folder / f"own_{number:03d}.npz"):
+            number += 1
+        try:
+            self.write(path.stem, dance)
+        except BaseException:
+            path.unlink()
+            raise
+        return path.stem
 
     def write(self, identity: str, dance: TaughtDance) -> None:
         """Writes a dance; one of that name is replaced."""

@@ -6,7 +6,6 @@ import contextlib
 import json
 import struct
 import tempfile
-import weakref
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -25,12 +24,18 @@ from kpopnet.teacher.library import About, Library, preview_cm, stored_quats
 from kpopnet.teacher.live.lesson import CameraOpener, Lesson
 from kpopnet.teacher.live.process import LessonProcess, LessonProcesses
 from kpopnet.teacher.posing import Movement, as_bvh, learners_movement
-from kpopnet.teacher.safety import HEADERS
+from kpopnet.teacher.safety import Keys
 from kpopnet.teacher.tries import Tries, as_csv
 
 MAX_UPLOAD_BYTES, MAX_MESSAGE_BYTES = 32_000_000, 16_384
 PATIENCE_S = 30.0
 """Interval of the pings that show whether a page is still there, seconds."""
+
+UPLOAD_S = 60.0
+"""Longest time that a file may take to arrive."""
+
+MOST_PAGES = 16
+"""WebSockets at a time: other connections must be left for what the pages ask for."""
 
 UPLOADS = (".npz", ".bvh", ".csv", ".json")
 
@@ -61,14 +66,14 @@ class Teaching:
 TEACHING: web.AppKey[Teaching] = web.AppKey("teaching", Teaching)
 PROCESSES: web.AppKey[LessonProcesses] = web.AppKey("processes", LessonProcesses)
 FILMING: web.AppKey[Filming] = web.AppKey("filming", Filming)
-SOCKETS: web.AppKey[weakref.WeakSet] = web.AppKey("sockets", weakref.WeakSet)
+SOCKETS: web.AppKey[set] = web.AppKey("sockets", set)
 routes = web.RouteTableDef()
 
 
-def make_app(teaching: Teaching, hosts: tuple[str, ...], token: str | None = None) -> web.Application:
-    """The server's application; `hosts` and `token` as in `safety.guard`."""
-    app = page_app("index.html", hosts, token, MAX_UPLOAD_BYTES)
-    app[TEACHING], app[SOCKETS] = teaching, weakref.WeakSet()
+def make_app(teaching: Teaching, hosts: tuple[str, ...], keys: Keys | None = None) -> web.Application:
+    """The server's application; `hosts` and `keys` as in `safety.guard`."""
+    app = page_app("index.html", hosts, keys, MAX_UPLOAD_BYTES)
+    app[TEACHING], app[SOCKETS] = teaching, set()
     app[FILMING] = Filming(teaching.library, teaching.tries)
     app[PROCESSES] = LessonProcesses(teaching.open_camera, teaching.checkpoint)
     app.on_shutdown.append(_end)
@@ -91,8 +96,14 @@ async def offer(request: web.Request) -> web.Response:
 
 @routes.get("/api/dances")
 async def dances(request: web.Request) -> web.Response:
-    library = request.app[TEACHING].library
-    return web.json_response([_shown(identity, library.about(identity)) for identity in library.identities()])
+    """What the menu shows; of a damaged dance, why it cannot be danced."""
+    library, shown = request.app[TEACHING].library, []
+    for identity in library.identities():
+        try:
+            shown.append(_shown(identity, library.about(identity)))
+        except InputError as error:
+            shown.append({"identity": identity, "name": identity, "broken": str(error)})
+    return web.json_response(shown)
 
 
 @routes.get("/api/dances/{identity}")
@@ -119,7 +130,11 @@ async def upload(request: web.Request) -> web.Response:
     if suffix not in UPLOADS:
         raise InputError(f"a dance is a file that ends with {', '.join(UPLOADS)}")
     title = request.query.get("title", "").strip()[:60] or "My dance"
-    content, library = await request.read(), request.app[TEACHING].library
+    try:
+        content = await asyncio.wait_for(request.read(), UPLOAD_S)
+    except TimeoutError as error:
+        raise web.HTTPRequestTimeout(text="the file did not arrive\n") from error
+    library = request.app[TEACHING].library
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"dance{suffix}"
         path.write_bytes(content)
@@ -173,7 +188,7 @@ async def make_film(request: web.Request) -> web.StreamResponse:
     """Makes the film of a try while the page listens: lines of JSON, how much is done or what went wrong."""
     dance, name = request.match_info["dance"], request.match_info["name"]
     request.app[TEACHING].tries.film_path(dance, name)
-    response = web.StreamResponse(headers=HEADERS | {"Content-Type": "application/x-ndjson"})
+    response = web.StreamResponse(headers={"Content-Type": "application/x-ndjson"})
     await response.prepare(request)
 
     async def tell(message: dict) -> None:
@@ -225,6 +240,8 @@ def _packed(array: np.ndarray, kind: type) -> str:
 @routes.get("/live")
 async def live(request: web.Request) -> web.WebSocketResponse:
     """A page's lessons, one after another; docs/teaching.md lists the messages."""
+    if len(request.app[SOCKETS]) >= MOST_PAGES:
+        raise web.HTTPServiceUnavailable(text=f"{MOST_PAGES} windows are open; close one of them\n")
     socket = web.WebSocketResponse(max_msg_size=MAX_MESSAGE_BYTES, heartbeat=PATIENCE_S)
     await socket.prepare(request)
     request.app[SOCKETS].add(socket)
@@ -238,6 +255,7 @@ async def live(request: web.Request) -> web.WebSocketResponse:
             except InputError as error:
                 await lessons.tell({"kind": "error", "text": str(error)})
     finally:
+        request.app[SOCKETS].discard(socket)
         lessons.leave()
     return socket
 

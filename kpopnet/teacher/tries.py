@@ -1,5 +1,6 @@
 """Tries of dances on the disk: a JSON file with the result and an .npz file with the learner's joints for each."""
 
+import contextlib
 import csv
 import io
 import json
@@ -10,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from kpopnet.errors import InputError
-from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.atomic_write import atomic_path, claim
 from kpopnet.runtime.input_files import expect, read_json
 from kpopnet.teacher.library import IDENTITY
 
@@ -28,7 +29,7 @@ class Tries:
         """Writes a try and returns its name. The result is written last: a try that is listed is complete."""
         place = self.folder / result["dance"]
         place.mkdir(parents=True, exist_ok=True)
-        while (place / f"{(name := _name_of(time.time()))}.json").exists():
+        while not claim(place / f"{(name := _name_of(time.time()))}.npz"):
             time.sleep(0.002)
         with atomic_path(place / f"{name}.npz") as part, part.open("wb") as file:
             np.savez_compressed(file, **arrays)
@@ -41,10 +42,12 @@ class Tries:
         if not IDENTITY.fullmatch(dance):
             raise InputError("there is no such dance")
         paths = sorted((path for path in (self.folder / dance).glob("*.json") if NAME.fullmatch(path.stem)), reverse=True)
-        shown = ("session", "total", "speed", "from_s", "to_s", "source", "skill")
-        return [
-            {key: one.get(key) for key in shown} for one in map(read_json, paths[:MOST_IN_HISTORY]) if isinstance(one, dict)
-        ]
+        keys, shown = ("session", "total", "speed", "from_s", "to_s", "source", "skill"), []
+        for path in paths[:MOST_IN_HISTORY]:
+            with contextlib.suppress(InputError):  # a damaged one is left out
+                one = self.result(dance, path.stem)
+                shown.append({key: one.get(key) for key in keys})
+        return shown
 
     def result(self, dance: str, name: str) -> dict:
         """The result of a try; raises as `path`."""

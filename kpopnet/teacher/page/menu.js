@@ -34,9 +34,12 @@ export async function menu(main) {
     const words = search.value.toLowerCase().split(/\s+/);
     const found = dances.filter((one) => words.every((word) => one.name.toLowerCase().includes(word))
       && (!level.value || one.difficulty === Number(level.value)));
-    found.sort((a, b) => Number(b.own) - Number(a.own) || ORDERS[order.value](a, b));
+    found.sort((a, b) => Boolean(a.broken) - Boolean(b.broken) || Number(b.own) - Number(a.own) || ORDERS[order.value](a, b));
     told.textContent = `${found.length} of ${dances.length} dances`;
     cards.replaceChildren(...found.map((one) => {
+      if (one.broken) {
+        return el("p", { class: "card", "data-dance": one.identity }, el("b", {}, one.name), el("small", {}, `damaged: ${one.broken}`));
+      }
       const canvas = el("canvas", { width: 160, height: 120, "aria-hidden": "true" });
       thumbs.watch(canvas, one.identity);
       return el("a", { class: "card", href: `#/dance/${one.identity}`, "data-dance": one.identity }, canvas,
