@@ -19,12 +19,14 @@ def program_parser(name: str, description: str | None) -> argparse.ArgumentParse
 def add_address(parser: argparse.ArgumentParser, port: int) -> None:
     """Where a local server listens; see `kpopnet.teacher.hosting.host`."""
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on; any but this machine's own asks for a token")
-    parser.add_argument("--port", type=int, default=port, help="%(default)s")
+    parser.add_argument("--port", type=int, default=port, help="%(default)s; 0: one that is free")
     parser.add_argument("--no-browser", action="store_true", help="only print the address")
 
 
-def check_server(program: str) -> None:
-    """Raises InputError where the library of local servers is missing."""
+def check_server(program: str, port: int) -> None:
+    """Raises InputError where the library of local servers is missing, or for a port that cannot be."""
+    if not 0 <= port <= 65535:
+        raise InputError(f"--port {port}: expected 1 to 65535, or 0 for one that is free")
     if importlib.util.find_spec("aiohttp") is None:
         raise InputError(f"{program} needs aiohttp; install it: pip install 'kpopnet[app]'")
 

@@ -9,7 +9,7 @@ import sys
 import threading
 from collections.abc import Callable
 from types import FrameType
-from typing import ParamSpec, TypeVar
+from typing import ParamSpec, TypeGuard, TypeVar
 
 from kpopnet.errors import InputError
 
@@ -82,7 +82,7 @@ REMEDIES = {
 DISK_ERRORS = {*REMEDIES, errno.EPERM, errno.ENOENT, errno.EISDIR, errno.ELOOP, errno.EIO, errno.ESTALE}
 
 
-def is_of_the_disk(error: BaseException | None) -> bool:
+def is_of_the_disk(error: BaseException | None) -> TypeGuard[OSError]:
     """Whether an error comes from the file system or its limits, and not from a mistake in the program."""
     return isinstance(error, OSError) and error.errno in DISK_ERRORS
 
@@ -91,15 +91,16 @@ def _message(error: Exception) -> str | None:
     """The line about a user's mistake, or what the user's disk or cluster did; None for other errors."""
     if isinstance(error, InputError) or _is_a(error, HYDRA, OMEGACONF):  # first: some of Hydra's are OSErrors too
         return one_line(error)
-    if isinstance(error, OSError) and is_of_the_disk(error):
-        return _of_the_disk(error)
+    if is_of_the_disk(error):
+        return of_the_disk(error)
     if type(error).__module__.startswith("submitit."):
         job = str(error).splitlines()[0]
         return f"{job} did not finish; what is finished stays: run the same command again"
     return None
 
 
-def _of_the_disk(error: OSError) -> str:
+def of_the_disk(error: OSError) -> str:
+    """What happened to a file, and what the user can do about it."""
     path = "a file" if error.filename is None else os.fsdecode(error.filename)
     path = path if len(path) <= 300 else f"{path[:150]}...{path[-100:]}"
     number = error.errno or errno.EIO

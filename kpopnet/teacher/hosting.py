@@ -1,27 +1,48 @@
 """What the local servers share: the files of their pages, a user's mistakes as JSON, and where they listen."""
 
 import argparse
-import secrets
+import asyncio
+import contextlib
+import logging
+import os
+import shutil
+import signal
+import tempfile
+import threading
 import webbrowser
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 
 from aiohttp import web
+from aiohttp.http_exceptions import HttpProcessingError
 
 from kpopnet.errors import InputError
-from kpopnet.teacher.safety import LOOPBACK_NAMES, guard, is_loopback
+from kpopnet.runtime.endings import is_of_the_disk, of_the_disk
+from kpopnet.teacher.safety import LOOPBACK_NAMES, Keys, add_headers, forward_to, guard, is_loopback
 
 PAGE = Path(__file__).parent / "page"
 TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml", ".LICENSE": "text/plain"}
 
+MOST_CONNECTIONS = 64
+"""At a time, or a quarter of the files that this process may open; a browser opens up to seven for each page."""
 
-def page_app(index: str, hosts: tuple[str, ...], token: str | None, max_bytes: int) -> web.Application:
+BACKLOG = 24
+"""Connections that are accepted at once: a few times as many more than MOST_CONNECTIONS may be open for a moment."""
+
+IDLE_S, REFUSAL_S = 15.0, 1.0
+"""How long a connection may say nothing, and how long one that was refused has to read why."""
+
+END_S = 2.5
+"""Longest time from Ctrl-C to the program's end."""
+
+
+def page_app(index: str, hosts: tuple[str, ...], keys: Keys | None, max_bytes: int) -> web.Application:
     """An application that serves a page and the files of all pages.
 
     Args:
         index: file of the page.
         hosts: as in `safety.guard`.
-        token: as in `safety.guard`.
+        keys: as in `safety.guard`.
         max_bytes: of a request.
     """
 
@@ -31,7 +52,8 @@ def page_app(index: str, hosts: tuple[str, ...], token: str | None, max_bytes: i
             raise web.HTTPNotFound(text="there is no such page\n")
         return web.Response(body=path.read_bytes(), content_type=TYPES[path.suffix], charset="utf-8")
 
-    app = web.Application(middlewares=[guard(hosts, token), _errors], client_max_size=max_bytes)
+    app = web.Application(middlewares=[guard(hosts, keys), _errors], client_max_size=max_bytes)
+    app.on_response_prepare.append(add_headers)
     app.router.add_get("/", page)
     app.router.add_get(r"/page/{name:(?:vendor/)?[a-z_]+\.(?:js|css|svg|LICENSE)}", page)
     return app
@@ -43,18 +65,22 @@ async def _errors(request: web.Request, handler) -> web.StreamResponse:
         return await handler(request)
     except InputError as error:
         return web.json_response({"error": str(error)}, status=400)
+    except OSError as error:
+        if not is_of_the_disk(error):
+            raise
+        return web.json_response({"error": of_the_disk(error)}, status=507)
 
 
 def host(
-    make: Callable[[tuple[str, ...], str | None], web.Application],
+    make: Callable[[tuple[str, ...], Keys | None], web.Application],
     given: argparse.Namespace,
     greeting: str,
     *at_start: Callable[[web.Application], Awaitable[None]],
 ) -> None:
-    """Serves an application until the program is interrupted.
+    """Serves an application until the program is interrupted, and then ends within END_S.
 
     Args:
-        make: from names of this server and a token, as in `safety.guard`.
+        make: from names of this server and keys, as in `safety.guard`.
         given: the command line with the words of `kpopnet.programs.arguments.add_address`.
         greeting: printed before the address.
         at_start: awaited before.
@@ -62,20 +88,102 @@ def host(
     Raises:
         InputError: the port is taken.
     """
-    token = None if is_loopback(given.host) else secrets.token_urlsafe(24)
-    app = make((*LOOPBACK_NAMES, given.host.lower()), token)
-    shown = "127.0.0.1" if given.host in ("0.0.0.0", "::") else given.host
-    shown = f"[{shown}]" if ":" in shown else shown
-
-    async def announce(app: web.Application) -> None:
-        address = f"http://{shown}:{given.port}/" + (f"?token={token}" if token else "")
-        print(f"{greeting} {address}   (Ctrl+C ends)", flush=True)
-        if not given.no_browser:
-            webbrowser.open(address)
-
-    app.on_startup.extend([*at_start, announce])
+    keys = None if is_loopback(given.host) else Keys()
+    app = make((*LOOPBACK_NAMES, given.host.lower()), keys)
+    app.on_startup.extend(at_start)
+    late = threading.Timer(END_S, os._exit, (0,))  # a thread that reads what somebody sent would be waited for
+    late.daemon = True
     try:
-        web.run_app(app, host=given.host, port=given.port, print=None, access_log=None, handle_signals=True)
-    except OSError as error:
-        place = f"--port {given.port}: cannot listen on {given.host}"
-        raise InputError(f"{place} ({error.strerror}); choose another port") from error
+        asyncio.run(_serve(app, given, greeting, keys, late.start))
+    finally:
+        late.cancel()
+
+
+async def _serve(app: web.Application, given: argparse.Namespace, greeting: str, keys: Keys | None, ends: Callable) -> None:
+    loop, interrupted = asyncio.get_running_loop(), asyncio.Event()
+    logger = logging.getLogger(__name__)
+    logger.addFilter(_Once())
+    loop.set_exception_handler(lambda _, told: logger.error(told["message"], exc_info=told.get("exception")))
+    for number in (signal.SIGINT, signal.SIGTERM):
+        with contextlib.suppress(NotImplementedError):  # not on every system; there Ctrl-C cancels this task
+            loop.add_signal_handler(number, interrupted.set)
+    runner = web.AppRunner(app, access_log=None, logger=logger, keepalive_timeout=IDLE_S, shutdown_timeout=END_S / 5)
+    await runner.setup()
+    folder = tempfile.mkdtemp(prefix="kpopnet-")  # which only this user can read
+    try:
+        try:
+            server = await loop.create_server(_Limited(runner.server), given.host, given.port, backlog=BACKLOG)
+        except OSError as error:
+            place = f"--port {given.port}: cannot listen on {given.host}"
+            raise InputError(f"{place} ({error.strerror}); choose another port") from error
+        address = _address(given.host, server.sockets[0].getsockname()[1])
+        print(f"{greeting} {address}{f'?token={keys.token}' if keys else ''}   (Ctrl+C ends)", flush=True)
+        if not given.no_browser:
+            webbrowser.open(address if keys is None else _private_page(Path(folder), f"{address}?token={keys.once}"))
+        try:
+            await interrupted.wait()
+        finally:
+            ends()
+            server.close()
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+        await runner.cleanup()
+
+
+def _address(host: str, port: int) -> str:
+    shown = "127.0.0.1" if host in ("0.0.0.0", "::") else host
+    return f"http://{f'[{shown}]' if ':' in shown else shown}:{port}/"
+
+
+def _private_page(folder: Path, address: str) -> str:
+    """The address of a file that leads to an address with a secret: every user of the machine sees what a browser is given."""
+    path = folder / "open.html"
+    path.write_text(forward_to(address), encoding="utf-8")
+    return path.as_uri()
+
+
+class _Once(logging.Filter):
+    """Lets each error through once, so that no stranger fills a disk, and none about a request that is no HTTP."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._told: set[str] = set()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        error = record.exc_info[1] if record.exc_info else None
+        text = f"{record.msg} {type(error).__name__}"
+        new = text not in self._told and not isinstance(error, HttpProcessingError)
+        self._told.add(text)
+        return new
+
+
+class _Limited:
+    """Answers each new connection: by the server, or beyond the limit by a line that says so."""
+
+    def __init__(self, server: web.Server) -> None:
+        self._server, self._refused, self._most = server, set(), MOST_CONNECTIONS
+        with contextlib.suppress(ImportError):  # not on every system
+            import resource
+
+            self._most = min(MOST_CONNECTIONS, resource.getrlimit(resource.RLIMIT_NOFILE)[0] // 4)
+
+    def __call__(self) -> asyncio.BaseProtocol:
+        return self._server() if len(self._server.connections) < self._most else _Refusal(self._refused)
+
+
+class _Refusal(asyncio.Protocol):
+    def __init__(self, refused: set) -> None:
+        self._refused = refused
+
+    def connection_made(self, transport: asyncio.Transport) -> None:
+        if len(self._refused) >= BACKLOG:
+            transport.abort()
+            return
+        self._refused.add(self)
+        text = b"too many connections; close other windows of this page, and load it again\n"
+        head = f"HTTP/1.1 503 Service Unavailable\r\nContent-Type: text/plain\r\nContent-Length: {len(text)}\r\n"
+        transport.write(head.encode() + b"Retry-After: 5\r\nConnection: close\r\n\r\n" + text)
+        asyncio.get_running_loop().call_later(REFUSAL_S, transport.abort)  # closed at once, the line might not arrive
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._refused.discard(self)

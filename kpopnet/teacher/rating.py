@@ -20,6 +20,7 @@ from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import check_fields, expect, parse_json
 from kpopnet.teacher.hosting import page_app
 from kpopnet.teacher.posing import at_rate
+from kpopnet.teacher.safety import Keys
 from kpopnet.viz.view_page import millimetres, packed
 
 FPS = 30.0
@@ -79,9 +80,9 @@ RATING: web.AppKey[Rating] = web.AppKey("rating", Rating)
 routes = web.RouteTableDef()
 
 
-def make_rating_app(rating: Rating, hosts: tuple[str, ...], token: str | None = None) -> web.Application:
-    """The server's application; `hosts` and `token` as in `safety.guard`."""
-    app = page_app("rate.html", hosts, token, MAX_BYTES)
+def make_rating_app(rating: Rating, hosts: tuple[str, ...], keys: Keys | None = None) -> web.Application:
+    """The server's application; `hosts` and `keys` as in `safety.guard`."""
+    app = page_app("rate.html", hosts, keys, MAX_BYTES)
     app[RATING] = rating
     app.add_routes(routes)
     return app

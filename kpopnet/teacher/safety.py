@@ -6,11 +6,11 @@ So a request must name this server as its host and, if it says where it comes fr
 
 import hmac
 import ipaddress
+import secrets
 from urllib.parse import urlsplit
 
 from aiohttp import web
 
-COOKIE = "kpopnet_token"
 HEADERS = {
     "Content-Security-Policy": (
         "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; media-src blob:; "
@@ -21,8 +21,34 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cache-Control": "no-cache",
+    "Server": "kpopnet",
 }
 LOOPBACK_NAMES = ("127.0.0.1", "localhost", "::1")
+
+
+class Keys:
+    """The secrets of a server that other machines reach.
+
+    Attributes:
+        token: stands in the printed address. Whoever opens that gets the cookie.
+        once: does the same, one time: for the file that this machine's browser opens.
+        cookie: its name, which servers on other ports of this machine do not share, and its value.
+    """
+
+    def __init__(self) -> None:
+        self.token, self.once, value = (secrets.token_urlsafe(24) for _ in range(3))
+        self.cookie = f"kpopnet_{secrets.token_hex(4)}", value
+
+    def admit(self, token: str) -> bool:
+        """Whether a token gets the cookie."""
+        if _same(token, self.once):
+            self.once = secrets.token_urlsafe(24)
+            return True
+        return _same(token, self.token)
+
+
+def _same(given: str, secret: str) -> bool:
+    return hmac.compare_digest(given.encode(errors="surrogateescape"), secret.encode())
 
 
 def is_loopback(host: str) -> bool:
@@ -38,47 +64,72 @@ def _is_address(host: str) -> bool:
     return True
 
 
-def guard(hosts: tuple[str, ...], token: str | None):
+async def add_headers(_request: web.BaseRequest, response: web.StreamResponse) -> None:
+    """For an application's `on_response_prepare`: errors, files and WebSockets get the headers too."""
+    response.headers.update(HEADERS)
+
+
+def guard(hosts: tuple[str, ...], keys: Keys | None):
     """Makes the middleware that refuses requests of strangers.
 
-    `hosts` are the names and addresses, without port, that mean this server. The token stands once in the address of a request
-    and then in a cookie; a server of this machine alone has none.
+    `hosts` are the names and addresses, without port, that mean this server; a server of this machine alone has no keys.
     """
 
     @web.middleware
     async def middleware(request: web.Request, handler) -> web.StreamResponse:
-        if refusal := _refusal(request, hosts, token):
-            raise web.HTTPForbidden(text=f"{refusal}\n", headers=HEADERS)
-        try:
-            response = await handler(request)
-        except web.HTTPException as error:
-            error.headers.update(HEADERS)
-            raise
-        if not response.prepared:
-            response.headers.update(HEADERS)
-            if token is not None and "token" in request.query:
-                response.set_cookie(COOKIE, token, httponly=True, samesite="Strict")
-        return response
+        if refusal := _wrong_host(request, hosts, keys):
+            raise web.HTTPForbidden(text=f"{refusal}\n")
+        if keys is not None and request.path == "/" and "token" in request.query:
+            return _entrance(keys, request.query["token"])
+        if refusal := _wrong_origin(request) or _no_cookie(request, keys):
+            raise web.HTTPForbidden(text=f"{refusal}\n")
+        return await handler(request)
 
     return middleware
 
 
-def _refusal(request: web.Request, hosts: tuple[str, ...], token: str | None) -> str:
-    """Why a request is refused, "" if it is not."""
-    host = request.headers.get("Host", "")
+NO_TOKEN = "open the address that the program printed, with its token"
+
+
+def _entrance(keys: Keys, token: str) -> web.Response:
+    """Exchanges a token for the cookie.
+
+    A browser sends a strict cookie with what this server's own page opens only, not where a file or another site led it here:
+    so this is a page, which goes on to the real one, and not a redirection.
+    """
+    if not keys.admit(token):
+        raise web.HTTPForbidden(text=f"{NO_TOKEN}\n")
+    response = web.Response(text=forward_to("/"), content_type="text/html")
+    response.set_cookie(*keys.cookie, httponly=True, samesite="Strict")
+    return response
+
+
+def forward_to(address: str) -> str:
+    """A page that opens an address, which holds no quotes, in its place."""
+    return f'<!doctype html><meta charset="utf-8"><meta http-equiv="refresh" content="0;url={address}"><title>kpopnet</title>\n'
+
+
+def _wrong_host(request: web.Request, hosts: tuple[str, ...], keys: Keys | None) -> str:
+    """Why a request is refused that does not name this server, "" if it does."""
     try:
-        name = (urlsplit(f"//{host}").hostname or "").lower()
+        name = (urlsplit(f"//{request.headers.get('Host', '')}").hostname or "").lower()
     except ValueError:
         name = ""
-    # With a token, any address of this machine will do: only names can be made to point here.
-    if name not in hosts and not (token is not None and _is_address(name)):
-        return "this server is not known by that name"
-    origin, own = request.headers.get("Origin"), f"{request.scheme}://{host}".lower()
-    if origin is not None and origin.lower() != own:
+    # With keys, any address of this machine will do: only names can be made to point here.
+    known = name in hosts or (keys is not None and _is_address(name))
+    return "" if known else "this server is not known by that name"
+
+
+def _wrong_origin(request: web.Request) -> str:
+    origin, own = request.headers.get("Origin"), f"{request.scheme}://{request.headers.get('Host', '')}".lower()
+    foreign = origin is not None and origin.lower() != own
+    if foreign or request.headers.get("Sec-Fetch-Site", "same-origin") not in ("same-origin", "none"):
         return "a page of another site asks"
-    if request.headers.get("Sec-Fetch-Site", "same-origin") not in ("same-origin", "none"):
-        return "a page of another site asks"
-    given = request.query.get("token", request.cookies.get(COOKIE, ""))
-    if token is not None and not hmac.compare_digest(given.encode(), token.encode()):
-        return "open the address that the program printed, with its token"
     return ""
+
+
+def _no_cookie(request: web.Request, keys: Keys | None) -> str:
+    if keys is None:
+        return ""
+    name, value = keys.cookie
+    return "" if _same(request.cookies.get(name, ""), value) else NO_TOKEN

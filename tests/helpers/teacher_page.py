@@ -17,7 +17,7 @@ from kpopnet.sources.source import CameraAwayError, LiveCamera
 from kpopnet.teacher.library import TaughtDance
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from kpopnet.teacher.rating import Rating, make_rating_app
-from kpopnet.teacher.safety import LOOPBACK_NAMES
+from kpopnet.teacher.safety import LOOPBACK_NAMES, Keys
 from kpopnet.teacher.server import Teaching, make_app
 
 DRIVER, BROWSER = shutil.which("chromedriver"), shutil.which("chromium") or shutil.which("google-chrome")
@@ -27,16 +27,16 @@ PATIENCE_S = 480
 """Where nothing is cached yet, kernels are compiled first, beside other tests."""
 
 
-def app_of(shown: Teaching | Rating, token: str | None = None) -> web.Application:
+def app_of(shown: Teaching | Rating, keys: Keys | None = None) -> web.Application:
     """The application of the dance teacher, or of raters."""
-    return (make_app if isinstance(shown, Teaching) else make_rating_app)(shown, LOOPBACK_NAMES, token)
+    return (make_app if isinstance(shown, Teaching) else make_rating_app)(shown, LOOPBACK_NAMES, keys)
 
 
-def with_client(shown: Teaching | Rating, work, token: str | None = None):
+def with_client(shown: Teaching | Rating, work, keys: Keys | None = None):
     """Runs a coroutine function that gets a client of a server of its own."""
 
     async def run():
-        async with TestClient(TestServer(app_of(shown, token))) as client:
+        async with TestClient(TestServer(app_of(shown, keys))) as client:
             return await asyncio.wait_for(work(client), PATIENCE_S)
 
     return asyncio.run(run())

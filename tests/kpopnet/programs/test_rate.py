@@ -2,10 +2,8 @@
 
 import json
 import signal
-import socket
 import subprocess
 import sys
-import time
 import urllib.request
 
 import pytest
@@ -79,32 +77,17 @@ def test_a_hostile_file_ends_the_report_with_one_line(made, run, tmp_path, capsy
     assert told.startswith("error: ") and "mallory.json, answer 0" in told and told.count("\n") == 1
 
 
-def _wait_until_it_listens(port):
-    """The address is printed a moment before the server listens."""
-    for _ in range(600):
-        try:
-            socket.create_connection(("127.0.0.1", port), timeout=1).close()
-        except ConnectionRefusedError:
-            time.sleep(0.1)
-        else:
-            return
-
-
 def test_what_was_answered_before_a_kill_is_kept(made, tmp_path):
     pytest.importorskip("aiohttp", reason="the extra app is not installed")
     for name in DANCES:
         (tmp_path / name).symlink_to(made / name)
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    command = [sys.executable, "-m", "kpopnet.programs.rate", str(tmp_path), "--no-browser", "--port", str(port)]
+    command = [sys.executable, "-m", "kpopnet.programs.rate", str(tmp_path), "--no-browser", "--port", "0"]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
         try:
-            assert "rate at http://127.0.0.1" in process.stdout.readline()
-            _wait_until_it_listens(port)
+            address = process.stdout.readline().removeprefix("rate at ").split()[0]
             for done in range(3):
                 content = json.dumps({"rater": "eve", "done": done, "choice": "left"}).encode()
-                with urllib.request.urlopen(f"http://127.0.0.1:{port}/api/answer", content, timeout=60) as answer:
+                with urllib.request.urlopen(f"{address}api/answer", content, timeout=60) as answer:
                     assert answer.status == 200
         finally:
             process.send_signal(signal.SIGKILL)  # else the end of this block would wait for a server that goes on

@@ -1,5 +1,6 @@
 """The server over HTTP and WebSocket, with friends and strangers."""
 
+import asyncio
 import io
 import json
 import struct
@@ -14,9 +15,10 @@ from teacher_page import with_client  # noqa: E402
 from yarl import URL  # noqa: E402
 
 from kpopnet.dance.joint_files.reader import read_performance  # noqa: E402
+from kpopnet.errors import InputError  # noqa: E402
 from kpopnet.teacher.library import Library  # noqa: E402
-from kpopnet.teacher.safety import is_loopback  # noqa: E402
-from kpopnet.teacher.server import MAX_MESSAGE_BYTES, MAX_UPLOAD_BYTES  # noqa: E402
+from kpopnet.teacher.safety import Keys, is_loopback  # noqa: E402
+from kpopnet.teacher.server import MAX_MESSAGE_BYTES, MAX_UPLOAD_BYTES, MOST_PAGES  # noqa: E402
 
 
 def test_the_page_and_all_that_it_names_come_from_this_server(teaching):
@@ -91,17 +93,37 @@ def test_its_own_page_is_no_stranger(teaching):
 
 
 def test_other_machines_need_the_token(teaching):
-    async def work(client):
-        for path in ("/", "/api/dances", "/live", "/?token=wrong", "/?token=%C3%A4"):
-            assert (await client.get(path)).status == 403
-        assert (await client.get("/?token=secret", headers={"Host": "192.168.0.9:8471"})).status == 200
-        assert (await client.get("/?token=secret", headers={"Host": "evil.example"})).status == 403
-        answer = await client.get("/?token=secret")
-        cookie = answer.headers["Set-Cookie"]
-        assert answer.status == 200 and "HttpOnly" in cookie and "SameSite=Strict" in cookie
-        assert (await client.get("/api/dances", cookies={"kpopnet_token": "secret"})).status == 200
+    keys = Keys()
+    name, value = keys.cookie
 
-    with_client(teaching, work, token="secret")
+    async def work(client):
+        for path in ("/", "/api/dances", "/live", "/?token=wrong", "/?token=%C3%A4", f"/api/dances?token={keys.token}"):
+            assert (await client.get(path)).status == 403
+        for cookie in (f"{name}=wrong", f"{name}=\udcff\udcfe", f"{name}={keys.token}", f'{name}="\\303'):
+            assert (await client.get("/", headers={"Cookie": cookie})).status == 403, ascii(cookie)
+        assert (await client.get(f"/?token={keys.token}", headers={"Host": "192.168.0.9:8471"})).status == 200
+        assert (await client.get(f"/?token={keys.token}", headers={"Host": "evil.example"})).status == 403
+        answer = await client.get(f"/?token={keys.token}")
+        cookie = answer.headers["Set-Cookie"]
+        assert answer.status == 200 and "HttpOnly" in cookie and "SameSite=Strict" in cookie and keys.token not in cookie
+        assert 'content="0;url=/"' in await answer.text()  # and so the token leaves the address
+        assert (await client.get("/api/dances", cookies={name: value})).status == 200
+
+    with_client(teaching, work, keys)
+
+
+def test_the_token_of_the_file_that_a_browser_opens_counts_once(teaching):
+    keys = Keys()
+    once = keys.once
+
+    async def work(client):
+        from_a_file = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate"}
+        first = await client.get(f"/?token={once}", headers=from_a_file)
+        assert first.status == 200 and first.cookies[keys.cookie[0]].value == keys.cookie[1]
+        client.session.cookie_jar.clear()
+        assert (await client.get(f"/?token={once}", headers=from_a_file)).status == 403
+
+    with_client(teaching, work, keys)
 
 
 def test_only_this_machine_is_loopback():
@@ -165,6 +187,59 @@ def test_a_dance_of_ones_own_is_uploaded(teaching, library, tmp_path):
         assert dance["name"] == "Mine" and dance["own"]
 
     with_client(replace(teaching, library=mine), work)
+
+
+def test_dances_that_are_added_at_once_get_names_of_their_own(teaching, library, tmp_path):
+    mine = Library(tmp_path / "mine", library.body)
+    content, performance = io.BytesIO(), library.dance("dance_001").performance
+    np.savez(content, joints_m=performance.joints_m.astype(np.float32), times_s=performance.times_s)
+
+    async def work(client):
+        asked = [client.post("/api/dances?file=my.npz&title=Mine", data=content.getvalue()) for _ in range(4)]
+        answers = await asyncio.gather(*asked)
+        assert [answer.status for answer in answers] == [200] * 4
+        assert {(await answer.json())["identity"] for answer in answers} == {f"own_00{number}" for number in (1, 2, 3, 4)}
+        assert len(await (await client.get("/api/dances")).json()) == 4
+
+    with_client(replace(teaching, library=mine), work)
+
+
+def test_a_broken_dance_is_shown_as_broken_and_leaves_the_others_alone(teaching, library, tmp_path):
+    mine, dance = Library(tmp_path / "mine", library.body), library.dance("dance_001")
+    mine.write("whole", dance)
+    stored = dict(np.load(mine.path("whole")))
+    np.savez(
+        mine.folder / "dances" / "half.npz", **stored | {"about": np.array(str(stored["about"]).replace("name", "n\ud800"))}
+    )
+    (mine.folder / "dances" / "cut.npz").write_bytes(mine.path("whole").read_bytes()[:1000])
+
+    async def work(client):
+        cut, half, whole = await (await client.get("/api/dances")).json()
+        assert "half of a surrogate pair" in half["broken"] and "not a readable .npz" in cut["broken"]
+        assert "broken" not in whole and whole["seconds"] == pytest.approx(dance.about.seconds)
+        assert (await client.get("/api/dances/half")).status == 400 and (await client.get("/api/dances/whole")).status == 200
+
+    with_client(replace(teaching, library=mine), work)
+    with pytest.raises(InputError, match=r"title: caf\\udce9: a name that is not UTF-8"):
+        replace(dance.about, name="caf\udce9")
+
+
+def test_a_broken_try_is_left_out_of_the_history(teaching, tried):
+    name, broken = tried(1.0), tried(1.0)
+    teaching.tries.path("dance_001", broken, "json").write_text("{")
+    assert [one["session"] for one in teaching.tries.history("dance_001")] == [name]
+
+
+def test_windows_beyond_the_limit_are_told_so(teaching):
+    async def work(client):
+        sockets = [await client.ws_connect("/live") for _ in range(MOST_PAGES)]
+        answer = await client.get("/live")
+        assert answer.status == 503 and "close one of them" in await answer.text()
+        assert (await client.get("/api/dances")).status == 200
+        await sockets[0].close()
+        await (await client.ws_connect("/live")).close()
+
+    with_client(teaching, work)
 
 
 MESSAGES = (

@@ -1,0 +1,166 @@
+"""Where the local servers listen, how they open a browser, how many they let in, and how they end."""
+
+import contextlib
+import os
+import re
+import signal
+import socket
+import stat
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import pytest
+from programs import ROOT
+
+from kpopnet.programs import rate, teach
+
+pytest.importorskip("aiohttp", reason="the extra app is not installed")
+
+SERVER = """
+import argparse, asyncio, json, os, resource, sys, time
+from kpopnet.teacher.hosting import host, page_app
+host_name, files, opened = sys.argv[1], int(sys.argv[2]), sys.argv[3]
+resource.setrlimit(resource.RLIMIT_NOFILE, (files, files))
+import webbrowser
+webbrowser.open = lambda address: open(opened, "w").write(address)
+def make(hosts, keys):
+    app = page_app("rate.html", hosts, keys, 1000)
+    async def long(request):
+        await asyncio.to_thread(time.sleep, 60)
+    app.router.add_get("/long", long)
+    return app
+host(make, argparse.Namespace(host=host_name, port=0, no_browser=False), "look at")
+"""
+
+
+@contextlib.contextmanager
+def hosting(opened: Path, host: str = "127.0.0.1", files: int = 128) -> Iterator[tuple[subprocess.Popen, str]]:
+    """A server of a page in a process of its own, which may open so many files; the process and its address."""
+    command = [sys.executable, "-c", SERVER, host, str(files), str(opened)]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            address = process.stdout.readline().split()[2]
+            get(address)  # which it answers when it has opened the browser
+            yield process, address
+        finally:
+            process.kill()
+
+
+def get(address: str, cookie: str = "") -> tuple[int, str, str]:
+    """Status, text and cookie of an answer."""
+    try:
+        with urllib.request.urlopen(urllib.request.Request(address, headers={"Cookie": cookie}), timeout=30) as answer:
+            return answer.status, answer.read().decode(), answer.headers.get("Set-Cookie", "")
+    except urllib.error.HTTPError as error:
+        with error:
+            return error.code, error.read().decode(), ""
+
+
+@pytest.mark.parametrize("port", [-1, 70000])
+@pytest.mark.parametrize("program", [rate, teach])
+def test_a_port_that_cannot_be_is_one_line(monkeypatch, capsys, tmp_path, program, port):
+    words = ["kpopnet", "--port", str(port), "--no-browser"] + ([str(tmp_path)] if program is rate else [])
+    monkeypatch.setattr(sys, "argv", words)
+    monkeypatch.setattr(rate, "KpopSet", lambda folder, ranked: type("", (), {"names": []}))
+    with pytest.raises(SystemExit):
+        program.main()
+    assert capsys.readouterr().err == f"error: --port {port}: expected 1 to 65535, or 0 for one that is free\n"
+
+
+def test_a_free_port_is_chosen_printed_and_opened(tmp_path):
+    with hosting(tmp_path / "opened") as (_, address):
+        assert urlsplit(address).port and get(address)[0] == 200
+        assert (tmp_path / "opened").read_text() == address
+
+
+def test_a_secret_reaches_the_browser_in_a_file_that_only_its_user_reads(tmp_path):
+    with hosting(tmp_path / "opened", host="0.0.0.0") as (process, address):
+        given = (tmp_path / "opened").read_text()
+        assert given.startswith("file:///")
+        page = Path(unquote(urlsplit(given).path))
+        assert stat.S_IMODE(page.parent.stat().st_mode) == 0o700
+        inside = re.search(r"url=(http://\S+)\"", page.read_text()).group(1)
+        token = urlsplit(inside).query.removeprefix("token=")
+        assert token and token not in given and token not in address
+        assert get(address.partition("?")[0])[0] == 403
+        status, _, cookie = get(inside)
+        assert status == 200 and get(address.partition("?")[0], cookie.partition(";")[0])[0] == 200
+        assert get(inside)[0] == 403 and get(address)[0] == 200  # the printed one is for other machines
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(30) == 0 and not page.parent.exists()
+
+
+def test_too_many_connections_are_told_so_and_fill_no_log(tmp_path):
+    with hosting(tmp_path / "opened") as (process, address):
+        place = "127.0.0.1", urlsplit(address).port
+        with contextlib.ExitStack() as stack:
+            for _ in range(120):
+                stack.enter_context(contextlib.closing(socket.create_connection(place)))
+            status = 0
+            while not status:  # in the throng itself some are cut off
+                with contextlib.suppress(ConnectionResetError):
+                    status, told, _ = get(address)
+            assert status == 503 and "close other windows" in told
+        while get(address)[0] != 200:
+            time.sleep(0.1)
+        process.send_signal(signal.SIGTERM)
+        assert process.stderr.read() == ""
+
+
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+def test_it_ends_whatever_its_threads_do(tmp_path, ending):
+    with hosting(tmp_path / "opened") as (process, address):
+        place = urlsplit(address)
+        with socket.create_connection((place.hostname, place.port)) as waiting:
+            waiting.sendall(b"GET /long HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+            process.send_signal(ending)
+            assert process.wait(30) == 0 and process.stderr.read() == ""
+
+
+LESSONS = """
+import asyncio, os, sys
+from kpopnet.teacher.live import process
+async def main():
+    one = process.LessonProcesses(None, "tracker")
+    one.keep_ready()
+    print(one._idle[0]._process.pid, flush=True)
+    await asyncio.to_thread(sys.stdin.readline)
+    await asyncio.to_thread(one.end)
+if __name__ == "__main__":
+    asyncio.run(main())
+"""
+
+
+def is_alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
+@pytest.mark.parametrize("how", ["frozen", "killed"])
+def test_no_process_of_a_lesson_stays(tmp_path, how):
+    (tmp_path / "lessons.py").write_text(LESSONS)
+    command = [sys.executable, str(tmp_path / "lessons.py")]
+    with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        child = int(process.stdout.readline())
+        if how == "frozen":
+            os.kill(child, signal.SIGSTOP)
+            process.stdin.write("end\n")
+            process.stdin.flush()
+            process.wait(30)
+        else:
+            process.kill()
+    for _ in range(120):
+        if not is_alive(child):
+            return
+        time.sleep(0.1)
+    os.kill(child, signal.SIGKILL)
+    pytest.fail("it lives on")
