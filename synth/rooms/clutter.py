@@ -127,6 +127,65 @@ def chair_on_wheels(rng: np.random.Generator) -> Mesh:
     return joined([*feet, pole(0.03, 0.05, seat), boxes([((0, 0, seat), (w, w, 0.04)), *arms]), back])
 
 
+def drape(rng: np.random.Generator) -> Mesh:
+    """A curtain, a towel or a sheet that hangs in folds, as wide as a person or a window."""
+    half, high, long = rng.uniform(0.2, 1.2), rng.uniform(1.2, 2.6), rng.uniform(0.6, 2.4)
+    low, fold, folds = max(high - long, 0.02), rng.uniform(0.01, 0.08), rng.uniform(2, 8)
+    x = np.linspace(-half, half, 40)
+    y = fold * np.sin(np.pi * folds * x / half + rng.uniform(0, 2 * np.pi)) + 0.3 * fold * rng.standard_normal(len(x))
+    gather = rng.uniform(0.4, 1.0)  # width at the bottom; a curtain that is tied back is narrow there
+    upper, lower = np.stack([x, y, np.full(len(x), high)], 1), np.stack([gather * x, y, np.full(len(x), low)], 1)
+    k = np.arange(len(x) - 1)
+    one, other = np.stack([k, k + 1, k + 41], 1), np.stack([k, k + 41, k + 40], 1)
+    front = np.concatenate([one, other])
+    return Mesh(np.concatenate([upper, lower]), np.concatenate([front, front[:, ::-1]]).astype(np.int32))
+
+
+def part(rng: np.random.Generator, reach_m: float) -> Mesh:
+    """A solid about the origin: a box, a ball, a rod or a board, of half sizes up to the reach, turned in any way or upright."""
+    half = np.exp(rng.uniform(np.log(0.02), np.log(reach_m), 3))
+    kind = rng.integers(3)
+    solid = stretched((boxes([((0, 0, 0), (1, 1, 1))]), ball(1.0), rod(1.0, 1.0))[kind], tuple(half), (0, 0, 0))
+    if rng.random() < 0.5:
+        return solid
+    turns, _ = np.linalg.qr(rng.standard_normal((3, 3)))
+    return solid.moved(turns * np.linalg.det(turns), np.zeros(3))
+
+
+def assembly(rng: np.random.Generator) -> Mesh:
+    """Up to a dozen solids that touch: a thing of no known kind, as large as a stool, a person or a wardrobe."""
+    high, wide = rng.uniform(0.4, 2.2), rng.uniform(0.1, 0.6)
+    spine = rng.uniform(-1, 1, 2) * 0.3 * wide
+    parts = [part(rng, 0.35).moved(np.eye(3), np.array([*spine, rng.uniform(0.1, high)]))]
+    for _ in range(rng.integers(1, 12)):
+        other = parts[rng.integers(len(parts))].vertices_m
+        at = other[rng.integers(len(other))]
+        inside = np.clip(at, (-wide, -wide, 0.0), (wide, wide, high))
+        parts.append(part(rng, rng.choice((0.12, 0.35))).moved(np.eye(3), inside))
+    mesh = joined(parts)
+    return mesh.moved(np.eye(3), np.array([0, 0, -min(mesh.vertices_m[:, 2].min(), rng.uniform(0, 0.5))]))
+
+
+def row_of_parts(rng: np.random.Generator) -> Mesh:
+    """A solid again and again, side by side or above each other: bars of a fence, boards of a shelf, ribs of a radiator."""
+    upright, half = rng.random() < 0.6, rng.uniform(0.2, 0.9)
+    thin, deep, count = rng.uniform(0.01, 0.06), rng.uniform(0.01, 0.2), int(rng.integers(3, 14))
+    low, high = rng.uniform(0.0, 0.3), rng.uniform(0.6, 2.2)
+    if upright:
+        middle, tall = (low + high) / 2, (high - low) / 2
+        bars = [((float(x), 0.0, middle), (thin, deep, tall)) for x in np.linspace(-half, half, count)]
+        ends = [((0.0, 0.0, z), (half, 0.7 * deep, thin)) for z in (low, high)]
+    else:
+        bars = [((0.0, 0.0, float(z)), (half, deep, thin)) for z in np.linspace(low, high, count)]
+        ends = [((x, 0.0, (low + high) / 2), (thin, deep, (high - low) / 2)) for x in (-half, half)]
+    shown = bars if rng.random() < 0.3 else [*bars, *ends]
+    mesh = joined([boxes(shown), *(part(rng, 0.2).moved(np.eye(3), np.array(bars[k][0])) for k in rng.integers(count, size=2))])
+    lean = np.radians(rng.choice((0.0, rng.uniform(0, 25))))
+    cos, sin = np.cos(lean), np.sin(lean)
+    leant = mesh.moved(np.array([[1, 0, 0], [0, cos, -sin], [0, sin, cos]]), np.zeros(3))
+    return leant.moved(np.eye(3), np.array([0, 0, max(-leant.vertices_m[:, 2].min(), 0.0)]))
+
+
 def of_boxes(furniture: Callable[[np.random.Generator], list[Box]]) -> Clutter:
     """Furniture as clutter."""
     return lambda rng: boxes(furniture(rng))
@@ -135,5 +194,7 @@ def of_boxes(furniture: Callable[[np.random.Generator], list[Box]]) -> Clutter:
 CLUTTER: tuple[Clutter, ...] = (
     *(of_boxes(furniture) for furniture in LIVING_ROOM),
     tripod, floor_lamp, coat_stand, wall_coat, plant, animal, ball_or_cushion, pile, pillar, chair_on_wheels,
+    drape, row_of_parts, row_of_parts, assembly, assembly, assembly,
 )  # fmt: skip
-"""What rooms of training have."""
+"""What rooms of training have: known things, and things of no known kind, from which the finder learns that what has no human
+shape is nobody, whatever it is."""

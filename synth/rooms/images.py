@@ -20,7 +20,8 @@ from kpopnet.errors import InputError, check_between, check_seed
 from kpopnet.runtime.atomic_write import atomic_hdf5
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.viz.drawing import depth_rgb, enlarged, sheet
-from synth.motion import SPLITS, MotionConfig
+from synth.motion import SPLITS, MixedPoses, MotionConfig
+from synth.motion.poses.families import FAMILIES, ProceduralPoses
 from synth.rooms.scene import ClearScene, RoomScenes
 from synth.samples.observe import LIMB_ENDS
 from synth.samples.sampler import SampleConfig
@@ -36,6 +37,8 @@ DARK, PATCHED, NOISY = 0.1, 0.2, 0.1
 what returns nothing is filled with noise."""
 
 MOTION = MotionConfig(weights={"poses": 0.6, "choreography": 0.4}, dances=2000)
+LOW, LOW_FAMILIES = 0.12, ("lie", "lie", "handstand", "sit", "all_fours")
+"""Share of the people whose poses are of these families besides: people who lie look least like the others."""
 
 
 @dataclass
@@ -118,7 +121,10 @@ class RoomImagesSet(SetGenerator):
 
     @cached_property
     def _scenes(self) -> RoomScenes:
-        return RoomScenes(SampleConfig(motion=MOTION, renderer="cpu"), self.benchmark.seed, self.benchmark.split, CANVAS)
+        scenes = RoomScenes(SampleConfig(motion=MOTION, renderer="cpu"), self.benchmark.seed, self.benchmark.split, CANVAS)
+        low = ProceduralPoses({name: (float(LOW_FAMILIES.count(name)), FAMILIES[name][1]) for name in LOW_FAMILIES})
+        scenes.source = MixedPoses([scenes.source, low], [1 - LOW, LOW])
+        return scenes
 
     def manifest_entries(self) -> dict:
         return {"about": "SIMULATED depth images of rooms with people.", "images_per_shard": SHARD}

@@ -45,7 +45,7 @@ NEAREST_M = 0.35
 
 PLACE_TRIES, CLUTTER_TRIES = 12, 3
 MOST_CLUTTER = 8
-CLOSE, CLOSE_M = 0.35, (0.25, 0.8)
+CLOSE, CLOSE_M = 0.45, (0.2, 0.8)
 """Share of the people who stand close to another one, and their distance."""
 
 MOST_SHARED = 0.02

@@ -85,7 +85,7 @@ class RoomShot:
 class Rooms(SequenceGenerator):
     """Makes the films and images."""
 
-    generator: ClassVar[int] = 4
+    generator: ClassVar[int] = 5
     benchmark: RoomsConfig = field(default_factory=RoomsConfig)
     frames: tuple[int, int] = (60, 120)
 
