@@ -14,10 +14,10 @@ ONNX_SUFFIX = ".onnx"
 
 def cells_of(network: Network, canvas: Reduced) -> Cells:
     """What a network says of the cells of an image."""
-    probability, torso_m, shown = network(canvas.depth_m[None], canvas.intrinsics[None])
+    probability, torso_m = network(canvas.depth_m[None], canvas.intrinsics[None])
     depth_m = np.ascontiguousarray(canvas.depth_m[::STRIDE, ::STRIDE])
     area_m2 = depth_m**2 * np.float32(STRIDE**2 / (canvas.intrinsics[0] * canvas.intrinsics[1]))
-    return Cells(depth_m, area_m2, probability, torso_m, shown)
+    return Cells(depth_m, area_m2, probability, torso_m)
 
 
 @cache

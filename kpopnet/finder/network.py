@@ -1,5 +1,5 @@
-"""The finder's network: for every second pixel of a depth image, whether it shows a person, where this person's torso is, and
-how much of their body shows.
+"""The finder's network: for every second pixel of a depth image, whether it shows a person, and where this person's torso
+is.
 
 It sees metric depth and the rays of a pinhole camera, no statistics of a data set, and one image without history.
 """
@@ -20,7 +20,7 @@ from kpopnet.networks.network import Encoder, convolution
 from kpopnet.runtime.input_files import read_with
 
 INPUT_CHANNELS = 5
-OUTPUTS = 5
+OUTPUTS = 4
 WIDTHS = (16, 32, 64, 96)
 FINE_CHANNELS = 40
 
@@ -31,12 +31,10 @@ class Seen(NamedTuple):
     Attributes:
         person_logit: (B, h, w) its sigmoid is the probability that the cell's pixel shows a person.
         vote_m: (B, 3, h, w) the person's torso joint relative to the cell's point, camera frame, metres.
-        shown_logit: (B, h, w) its sigmoid is the share of the person's body that shows.
     """
 
     person_logit: Tensor
     vote_m: Tensor
-    shown_logit: Tensor
 
 
 class FinderNetwork(nn.Module):
@@ -63,7 +61,7 @@ class FinderNetwork(nn.Module):
         fine, middle, coarse = (lateral(x) for lateral, x in zip(self.laterals, (fine, middle, coarse), strict=True))
         joined = self.smooth(fine + self.up(middle + self.up(coarse)))
         out = self.last(self.up(self.from_coarse(joined)) + self.from_stem(stem)).float()
-        return Seen(out[:, 0], out[:, 1:4], out[:, 4])
+        return Seen(out[:, 0], out[:, 1:])
 
 
 def observed(depth_m: Tensor, intrinsics: Tensor) -> Tensor:
@@ -100,19 +98,15 @@ def cell_points_m(depth_m: Tensor, intrinsics: Tensor) -> Tensor:
 
 
 VOTE_BETA_M = 0.1
-LOSS_WEIGHTS = {"person": 1.0, "vote": 1.0, "shown": 0.2}
 
 
 def loss(seen: Seen, target: "Target") -> dict[str, Tensor]:
     """The terms of the loss by name; the loss is their sum. People count by the square root of their area."""
     person = target.weight * (target.person > 0)
-    total = person.sum().clamp(min=1.0)
     binary = functional.binary_cross_entropy_with_logits
     mask = binary(seen.person_logit, target.person, weight=target.weight, reduction="sum") / target.weight.sum()
     vote = functional.smooth_l1_loss(seen.vote_m, target.vote_m, beta=VOTE_BETA_M, reduction="none").sum(1)
-    shown = binary(seen.shown_logit, target.shown, weight=person, reduction="sum")
-    terms = {"person": mask, "vote": (vote * person).sum() / total, "shown": shown / total}
-    return {name: LOSS_WEIGHTS[name] * term for name, term in terms.items()}
+    return {"person": mask, "vote": (vote * person).sum() / person.sum().clamp(min=1.0)}
 
 
 class Target(NamedTuple):
@@ -121,13 +115,11 @@ class Target(NamedTuple):
     Attributes:
         person: (B, h, w) 1 where the cell's pixel shows a person, else 0.
         vote_m: (B, 3, h, w) as in `Seen`.
-        shown: (B, h, w) as the sigmoid in `Seen`.
         weight: (B, h, w) weight of the cell, 0 where nothing was measured.
     """
 
     person: Tensor
     vote_m: Tensor
-    shown: Tensor
     weight: Tensor
 
 
@@ -147,11 +139,11 @@ class CellsOfImage(nn.Module):
         super().__init__()
         self.network = network
 
-    def forward(self, depth_m: Tensor, intrinsics: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """(h, w) probability of a person, (h, w, 3) torso in metres and (h, w) share of the body, of (1, H, W) and (1, 4)."""
+    def forward(self, depth_m: Tensor, intrinsics: Tensor) -> tuple[Tensor, Tensor]:
+        """(h, w) probability of a person and (h, w, 3) torso in metres, of (1, H, W) and (1, 4)."""
         seen = self.network(observed(depth_m, intrinsics))
         torso_m = (cell_points_m(depth_m, intrinsics) + seen.vote_m)[0].permute(1, 2, 0)
-        return torch.sigmoid(seen.person_logit[0]), torso_m, torch.sigmoid(seen.shown_logit[0])
+        return torch.sigmoid(seen.person_logit[0]), torso_m
 
 
 def torch_finder(path: Path | str) -> Network:

@@ -34,17 +34,15 @@ class Cells(NamedTuple):
         area_m2: (h, w) float32 area that a cell sees, 0 where nothing was measured.
         probability: (h, w) float32 that the cell shows a person.
         torso_m: (h, w, 3) float32 where this person's torso joint is, camera frame, metres.
-        shown: (h, w) float32 share of this person's body that shows.
     """
 
     depth_m: np.ndarray
     area_m2: np.ndarray
     probability: np.ndarray
     torso_m: np.ndarray
-    shown: np.ndarray
 
 
-INPUTS, OUTPUT_NAMES = ("depth_m", "intrinsics"), ("probability", "torso_m", "shown")
+INPUTS, OUTPUT_NAMES = ("depth_m", "intrinsics"), ("probability", "torso_m")
 Network = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, ...]]
 """From (1, 128, 160) depth in metres and (1, 4) intrinsics to OUTPUT_NAMES, as `Cells` has them."""
 
@@ -57,14 +55,12 @@ class People(NamedTuple):
     Attributes:
         centres_m: (P, 3) float32 torso joints as voted, camera frame, metres.
         score: (P,) float32 mean probability of their cells.
-        shown: (P,) float32 estimated share of the body that shows.
         area_m2: (P,) float32 visible surface, seen from the camera.
         owner: (h, w) uint8 person of each cell, 1..P, or NO_PERSON.
     """
 
     centres_m: np.ndarray
     score: np.ndarray
-    shown: np.ndarray
     area_m2: np.ndarray
     owner: np.ndarray
 
@@ -82,7 +78,7 @@ def gather_people(cells: Cells, least_probability: float, least_m2: float, least
 
 
 @njit(cache=True)
-def _gather(cell_m2, probability, votes_m, shown, least_probability, least_m2, least_cells):
+def _gather(cell_m2, probability, votes_m, least_probability, least_m2, least_cells):
     rows, columns = np.nonzero((cell_m2 > 0) & (probability >= least_probability))
     points, weights = np.empty((len(rows), 3), np.float32), np.empty(len(rows), np.float32)
     for k in range(len(rows)):
@@ -90,21 +86,21 @@ def _gather(cell_m2, probability, votes_m, shown, least_probability, least_m2, l
         points[k], weights[k] = votes_m[y, x], cell_m2[y, x] * probability[y, x]
     centres = _without_parts(points, weights, _agreed(points, weights, 0.5 * least_m2))
     owner, cells = np.zeros(probability.shape, np.uint8), np.zeros(len(centres), np.int64)
-    sums = np.zeros((len(centres), 3))
+    sums = np.zeros((len(centres), 2))
     for k in range(len(rows)):
         person, y, x = _nearest(points[k], centres), rows[k], columns[k]
         if person >= 0:
             owner[y, x] = person + 1
             cells[person] += 1
-            sums[person] += np.array((probability[y, x], shown[y, x], cell_m2[y, x]))
-    kept = np.nonzero((cells >= least_cells) & (sums[:, 2] >= least_m2))[0]
+            sums[person] += np.array((probability[y, x], cell_m2[y, x]))
+    kept = np.nonzero((cells >= least_cells) & (sums[:, 1] >= least_m2))[0]
     number = np.zeros(len(centres) + 1, np.uint8)
     for new, person in enumerate(kept):
         number[person + 1] = new + 1
     for k in range(len(rows)):
         owner[rows[k], columns[k]] = number[owner[rows[k], columns[k]]]
-    means = (sums[kept] / np.expand_dims(cells[kept], 1)).astype(np.float32)
-    return centres[kept], means[:, 0], means[:, 1], sums[kept, 2].astype(np.float32), owner
+    score = (sums[kept, 0] / cells[kept]).astype(np.float32)
+    return centres[kept], score, sums[kept, 1].astype(np.float32), owner
 
 
 @njit(cache=True)

@@ -23,7 +23,7 @@ from kpopnet.data.batches import permutation
 from kpopnet.data.canvas import CANVAS, STRIDE
 from kpopnet.data.room_images import MOST_PEOPLE, RoomImages
 from kpopnet.errors import InputError, check_between
-from kpopnet.finder.network import FinderNetwork, Target, cell_points_m, loss, observed
+from kpopnet.finder.network import FinderNetwork, Target, cell_points_m, load_network, loss, observed
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.input_files import read_json, read_with
 from kpopnet.skeleton import Joint
@@ -50,6 +50,7 @@ class FinderTraining:
         batch_size: images a step.
         lr: peak learning rate.
         validate_every: steps between validations, each followed by a checkpoint.
+        start: a file of weights to begin with, such as another run's finder.safetensors; None: random ones.
         resume: whether to go on with the run in the folder.
     """
 
@@ -57,6 +58,7 @@ class FinderTraining:
     batch_size: int = 32
     lr: float = 3e-3
     validate_every: int = 500
+    start: str | None = None
     resume: bool = False
 
     def __post_init__(self) -> None:
@@ -76,15 +78,12 @@ class LoadedImages:
         self.labels = np.empty((count, CANVAS[1], CANVAS[0]), np.uint8)
         self.intrinsics = np.empty((count, 4), np.float32)
         self.torsos_m = np.empty((count, MOST_PEOPLE, 3), np.float32)
-        self.shown = np.zeros((count, MOST_PEOPLE), np.float32)
         start = 0
         for number in tqdm(range(len(images.paths)), desc=f"reading {folder}", disable=not sys.stderr.isatty()):
             arrays = images.file(number)
             rows = slice(start, start + len(arrays["depth_mm"]))
             self.depth_mm[rows], self.labels[rows] = arrays["depth_mm"], arrays["labels"]
             self.intrinsics[rows], self.torsos_m[rows] = arrays["cameras"][:, :4], arrays["joints_m"][:, :, Joint.TORSO]
-            seen_px = np.stack([(arrays["labels"] == person).sum((1, 2)) for person in range(1, MOST_PEOPLE + 1)], 1)
-            self.shown[rows] = np.minimum(seen_px / np.maximum(arrays["whole_px"], 1), 1)
             start = rows.stop
 
     def __len__(self) -> int:
@@ -99,11 +98,9 @@ class LoadedImages:
         torsos_m[mirrored, :, 0] *= -1
         depth_m = torch.from_numpy(depth_mm).float() / MM_PER_METRE
         of_cells = torch.from_numpy(np.ascontiguousarray(labels[:, ::STRIDE, ::STRIDE])).long()
-        return self._target(depth_m, of_cells, torch.from_numpy(intrinsics), torch.from_numpy(torsos_m), self.shown[rows])
+        return self._target(depth_m, of_cells, torch.from_numpy(intrinsics), torch.from_numpy(torsos_m))
 
-    def _target(
-        self, depth_m: Tensor, of_cells: Tensor, intrinsics: Tensor, torsos_m: Tensor, shown: np.ndarray
-    ) -> tuple[Tensor, Target]:
+    def _target(self, depth_m: Tensor, of_cells: Tensor, intrinsics: Tensor, torsos_m: Tensor) -> tuple[Tensor, Target]:
         image = observed(depth_m, intrinsics).contiguous(memory_format=torch.channels_last)
         points_m = cell_points_m(depth_m, intrinsics)
         one_hot = nn.functional.one_hot(of_cells, MOST_PEOPLE + 1)  # (B, h, w, 7)
@@ -112,12 +109,10 @@ class LoadedImages:
         weights[:, 0] = 1.0
         rows = torch.arange(len(of_cells))[:, None, None]
         padded_m = torch.cat([torch.zeros(len(of_cells), 1, 3), torsos_m], 1)
-        padded_shown = torch.cat([torch.zeros(len(of_cells), 1), torch.from_numpy(shown)], 1)
         measured = points_m[:, 2] > 0
         return image, Target(
             person=(of_cells > 0).float(),
             vote_m=padded_m[rows, of_cells].permute(0, 3, 1, 2) - points_m,
-            shown=padded_shown[rows, of_cells],
             weight=weights[rows, of_cells] * measured,
         )
 
@@ -130,6 +125,8 @@ class FinderRun:
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
             self.network = FinderNetwork().to(memory_format=torch.channels_last)
+        if config.start is not None and not config.resume:
+            self.network.load_state_dict(load_network(config.start).state_dict())
         self.average = deepcopy(self.network).eval().requires_grad_(False)
         self.optimisers = build_optimisers(self.network, "muon", config.lr)
         self.step = 0

@@ -47,7 +47,7 @@ def test_the_targets_are_the_persons_cells_and_torso(data):
         person = target.person[0] > 0
         assert person.sum() == 40 * 14 and (target.weight[0][60:] == 0).all()
         votes_m = target.vote_m[0][:, person]
-        assert torch.allclose(votes_m.mean(1), torch.zeros(3), atol=0.02) and float(target.shown[0][person].min()) == 1
+        assert torch.allclose(votes_m.mean(1), torch.zeros(3), atol=0.02)
         columns = torch.nonzero(person)[:, 1].float().mean() * 2
         assert abs(float(columns) - (69.5 if not mirrored else 159 - 69.5)) < 1.5
 
