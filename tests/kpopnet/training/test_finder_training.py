@@ -86,3 +86,7 @@ def test_it_learns_which_cells_show_a_person_and_where_the_torso_is(data, tmp_pa
     run.network.eval()
     last = validate(run.network, images, 8)
     assert last["loss"] < 0.5 * first["loss"] and last["vote_error_cm"] < min(20, first["vote_error_cm"])
+    run.save({})
+    further = FinderRun(FinderTraining(start=str(tmp_path / WEIGHTS)), 1, tmp_path / "further")
+    for name, value in further.network.state_dict().items():
+        assert torch.equal(value, run.average.state_dict()[name])
