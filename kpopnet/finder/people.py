@@ -218,6 +218,35 @@ def _near_people(owner):
 
 
 @njit(cache=True)
+def _around(owner, cell_depth_m):
+    """What the 4 x 4 cells are around the pixels between each cell and the next, so that few pixels need to look at all.
+
+    Returns:
+        (h, w) uint8 their only person, NO_PERSON where there is none or several; and (h, w, 4) float32 least and largest
+        depth of people's cells, then of the others, infinite and -infinite where there are none.
+    """
+    h, w = owner.shape
+    only = np.zeros((h, w), np.uint8)
+    spans = np.empty((h, w, 4), np.float32)
+    spans[:, :, 0::2], spans[:, :, 1::2] = np.inf, -np.inf
+    for y in range(h):
+        for x in range(w):
+            several = False
+            for row in range(max(y - 1, 0), min(y + 3, h)):
+                for column in range(max(x - 1, 0), min(x + 3, w)):
+                    person, z = owner[row, column], cell_depth_m[row, column]
+                    if z == 0:
+                        continue
+                    span = spans[y, x, :2] if person else spans[y, x, 2:]
+                    span[0], span[1] = min(span[0], z), max(span[1], z)
+                    several |= person > 0 and only[y, x] > 0 and person != only[y, x]
+                    only[y, x] = max(only[y, x], person)
+            if several:
+                only[y, x] = NO_PERSON
+    return only, spans
+
+
+@njit(cache=True)
 def _rectangle(near, per_cell, height, width):
     """First and last row and column, the last exclusive, of the pixels around the cells: most images are mostly empty."""
     rows, columns = np.nonzero(near)
@@ -250,7 +279,7 @@ def pixel_owners(depth_m, cell_depth_m, probability, owner, reduction, people):
     owners = np.zeros((height, width), np.uint8)
     boxes = np.zeros((people, 4), np.int32)
     boxes[:, 0], boxes[:, 1] = width, height
-    near = _near_people(owner)
+    near, (only, spans) = _near_people(owner), _around(owner, cell_depth_m)
     opinion = np.zeros(people + 1, np.float32)
     first_row, last_row, first_column, last_column = _rectangle(near, STRIDE * reduction, height, width)
     for y in range(first_row, last_row):
@@ -264,6 +293,13 @@ def pixel_owners(depth_m, cell_depth_m, probability, owner, reduction, people):
                 continue
             opinion[:] = 0
             reach = np.float32(BESIDE_M + BESIDE_PER_M * z)
+            span = spans[int(at_y), int(at_x)]
+            if z < span[0] - reach or z > span[1] + reach:
+                continue
+            best, others_have_no_say = only[int(at_y), int(at_x)], z < span[2] - reach or z > span[3] + reach
+            if best and others_have_no_say and owner[row_0, column_0] and abs(cell_depth_m[row_0, column_0] - z) < reach:
+                _own(owners, boxes, best, x, y)
+                continue
             for row in range(max(int(at_y) - 1, 0), min(int(at_y) + 3, h)):
                 for column in range(max(int(at_x) - 1, 0), min(int(at_x) + 3, w)):
                     apart = abs(cell_depth_m[row, column] - z) / reach
@@ -275,8 +311,13 @@ def pixel_owners(depth_m, cell_depth_m, probability, owner, reduction, people):
                     opinion[owner[row, column]] += weight * (p if owner[row, column] else 1 - p)
             best = np.argmax(opinion)
             if best:
-                owners[y, x] = best
-                box = boxes[best - 1]
-                box[0], box[1] = min(box[0], x), min(box[1], y)
-                box[2], box[3] = max(box[2], x + 1), max(box[3], y + 1)
+                _own(owners, boxes, best, x, y)
     return owners, boxes
+
+
+@njit(cache=True)
+def _own(owners, boxes, person, x, y):
+    owners[y, x] = person
+    box = boxes[person - 1]
+    box[0], box[1] = min(box[0], x), min(box[1], y)
+    box[2], box[3] = max(box[2], x + 1), max(box[3], y + 1)

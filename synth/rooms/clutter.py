@@ -142,7 +142,7 @@ def drape(rng: np.random.Generator) -> Mesh:
 
 
 def part(rng: np.random.Generator, reach_m: float) -> Mesh:
-    """A solid about the origin: a box, a ball, a rod or a board, of half sizes up to the reach, turned in any way or upright."""
+    """A solid about the origin: a box, a ball, a rod or a board, of half sizes up to the reach, upright or turned."""
     half = np.exp(rng.uniform(np.log(0.02), np.log(reach_m), 3))
     kind = rng.integers(3)
     solid = stretched((boxes([((0, 0, 0), (1, 1, 1))]), ball(1.0), rod(1.0, 1.0))[kind], tuple(half), (0, 0, 0))

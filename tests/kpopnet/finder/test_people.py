@@ -2,14 +2,15 @@
 
 import numpy as np
 
-from kpopnet.finder.people import Cells, gather_people, pixel_owners
+from kpopnet.data.canvas import STRIDE
+from kpopnet.finder.people import BESIDE_M, BESIDE_PER_M, Cells, gather_people, pixel_owners
 
 H, W = 64, 80
 LIMITS = 0.5, 0.03, 8
 
 
 def cells(*parts):
-    """Probability, votes, share and area of the cells: each part is (rows, columns, torso)."""
+    """Depth, area, probability and votes of the cells: each part is (rows, columns, torso)."""
     probability, votes_m = np.full((H, W), 0.02, np.float32), np.zeros((H, W, 3), np.float32)
     for rows, columns, torso_m in parts:
         probability[rows, columns], votes_m[rows, columns] = 0.95, torso_m
@@ -61,3 +62,34 @@ def test_a_hand_that_votes_elsewhere_stays_with_its_person():
     body, hand = (np.s_[10:40], np.s_[10:22], (0, 0, 2)), (np.s_[10:17], np.s_[30:37], (0.5, 0, 2))
     centres_m, *_, owner = gather_people(cells(body, hand), *LIMITS)
     assert len(centres_m) == 1 and owner[12, 32] == owner[20, 15] == 1
+
+
+def test_pixels_equal_the_rule_written_plainly():
+    """What is skipped changes nothing: the owner has the greatest sum of weights among the 4 x 4 cells around a pixel."""
+    for seed in range(12):
+        rng, h, w, reduction = np.random.default_rng(seed), 8, 10, (1.0, 1.7)[seed % 2]
+        owner = np.kron(rng.integers(0, 3, (2, 2)), np.ones((4, 5), int)).astype(np.uint8)
+        owner[rng.random((h, w)) < 0.15] = 0
+        cell_depth_m = np.choose(owner, (2.6, 2.0, 2.1)).astype(np.float32) + rng.normal(0, 0.03, (h, w)).astype(np.float32)
+        cell_depth_m[rng.random((h, w)) < 0.1] = 0
+        owner[cell_depth_m == 0] = 0
+        probability = np.where(owner, 0.8, 0.2).astype(np.float32)
+        height, width = int(h * STRIDE * reduction), int(w * STRIDE * reduction)
+        depth_m = rng.choice((0, 2.0, 2.05, 2.12, 2.6, 2.4), (height, width)).astype(np.float32)
+        owners, _ = pixel_owners(depth_m, cell_depth_m, probability, owner, reduction, 2)
+        for y in range(height):
+            for x in range(width):
+                at_y, at_x = (((one + 0.5) / reduction - 0.5) / STRIDE for one in (y, x))
+                near_y, near_x = min(int(at_y + 0.5), h - 1), min(int(at_x + 0.5), w - 1)
+                beside_a_person = owner[max(near_y - 1, 0) : near_y + 2, max(near_x - 1, 0) : near_x + 2].any()
+                opinion, z = np.zeros(3), depth_m[y, x]
+                for row in range(max(int(at_y) - 1, 0), min(int(at_y) + 3, h)):
+                    for column in range(max(int(at_x) - 1, 0), min(int(at_x) + 3, w)):
+                        apart = abs(cell_depth_m[row, column] - z) / (BESIDE_M + BESIDE_PER_M * z)
+                        if z and cell_depth_m[row, column] and apart < 1 and beside_a_person:
+                            p, person = probability[row, column], owner[row, column]
+                            weight = (1 - apart) / (0.2 + (row - at_y) ** 2 + (column - at_x) ** 2)
+                            opinion[person] += weight * (p if person else 1 - p)
+                first, second = np.sort(opinion)[[-1, -2]]
+                if first - second > 1e-4 * first or not first:  # the two sums round otherwise
+                    assert owners[y, x] == np.argmax(opinion), (seed, y, x)
