@@ -70,12 +70,12 @@ def test_pixels_equal_the_rule_written_plainly():
         rng, h, w, reduction = np.random.default_rng(seed), 8, 10, (1.0, 1.7)[seed % 2]
         owner = np.kron(rng.integers(0, 3, (2, 2)), np.ones((4, 5), int)).astype(np.uint8)
         owner[rng.random((h, w)) < 0.15] = 0
-        cell_depth_m = np.choose(owner, (2.6, 2.0, 2.1)).astype(np.float32) + rng.normal(0, 0.03, (h, w)).astype(np.float32)
+        cell_depth_m = np.choose(owner, (2.16, 2.0, 2.1)).astype(np.float32) + rng.normal(0, 0.03, (h, w)).astype(np.float32)
         cell_depth_m[rng.random((h, w)) < 0.1] = 0
         owner[cell_depth_m == 0] = 0
         probability = np.where(owner, 0.8, 0.2).astype(np.float32)
         height, width = int(h * STRIDE * reduction), int(w * STRIDE * reduction)
-        depth_m = rng.choice((0, 2.0, 2.05, 2.12, 2.6, 2.4), (height, width)).astype(np.float32)
+        depth_m = rng.choice((0, 2.0, 2.05, 2.12, 2.2, 2.4), (height, width)).astype(np.float32)
         owners, _ = pixel_owners(depth_m, cell_depth_m, probability, owner, reduction, 2)
         for y in range(height):
             for x in range(width):
