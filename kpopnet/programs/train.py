@@ -194,8 +194,6 @@ def main(config: NetworkTrainingConfig | TreeWalkTrainingConfig | FinderTraining
         run_tree_walk_training(config)
     elif isinstance(config, FinderTrainingConfig):
         with locked(config.out):
-            train_finder(
-                config.training, config.seed, config.data.train, config.data.validation, Path(config.out), config.threads
-            )
+            train_finder(config.training, config.seed, asdict(config.data), Path(config.out), config.threads)
     else:
         run_network_training(config)
