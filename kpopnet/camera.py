@@ -1,20 +1,30 @@
 """Pinhole camera without distortion, and conversion of depth images to metres."""
 
 import math
+import numbers
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from kpopnet.errors import InputError
+from kpopnet.errors import InputError, check_between
 
 MM_PER_METRE = 1000.0
 
 MAX_MEDIAN_DEPTH_M = 50.0
 """No depth camera measures most of its pixels farther away; a person at 0.05 m is nearer than any measures in millimetres."""
 
+MIN_FARTHEST_M, FEW_PIXELS = 0.05, 20
+"""An image of more than a few pixels, all of them nearer, was no measurement in millimetres."""
+
 MAX_IMAGE_PIXELS = 16_000_000
 """Cameras in files may have images of at most 16 megapixels."""
+
+MOST_PIXELS, MOST_SIDE = 1280 * 720, 2048
+"""Poses are estimated from every second pixel, or fewer, of larger images: networks and fits look at no more."""
+
+MIN_FOCAL_PX, MAX_FOCAL_PX, MAX_CENTRE_PX = 1e-2, 1e6, 1e8
+"""Others leave the range of float32 with what is computed from them; no depth camera comes near."""
 
 
 @dataclass(frozen=True)
@@ -32,13 +42,12 @@ class Camera:
     height: int
 
     def __post_init__(self) -> None:
-        if not (self.width > 0 and self.height > 0):
+        if not all(isinstance(side, numbers.Integral) and side > 0 for side in (self.width, self.height)):
             raise InputError(f"a camera's image must have at least one pixel, not {self.width}x{self.height}")
-        if not (np.isfinite([self.fx, self.fy, self.cx, self.cy]).all() and self.fx > 0 and self.fy > 0):
-            raise InputError(
-                f"a camera needs finite intrinsics with positive focal lengths, not fx={self.fx}, fy={self.fy}, "
-                f"cx={self.cx}, cy={self.cy}"
-            )
+        for name in ("fx", "fy"):
+            check_between(f"a camera's {name}", getattr(self, name), MIN_FOCAL_PX, MAX_FOCAL_PX)
+        for name in ("cx", "cy"):
+            check_between(f"a camera's {name}", getattr(self, name), -MAX_CENTRE_PX, MAX_CENTRE_PX)
 
     @classmethod
     def from_numbers(cls, numbers: Iterable[float], where: str) -> "Camera":
@@ -73,9 +82,12 @@ class Camera:
 
         Raises InputError for a matrix of another shape, transposed, with skew, or in other units.
         """
-        given = np.asarray(matrix, dtype=np.float64)
+        try:
+            given = np.asarray(matrix, dtype=np.float64)
+        except (TypeError, ValueError):
+            given = np.empty(0)
         if given.shape != (3, 3) or not np.allclose(given[[0, 1, 2, 2, 2], [1, 0, 0, 1, 2]], [0, 0, 0, 0, 1]):
-            raise InputError(f"camera matrix {given.tolist()!s:.120}: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels")
+            raise InputError(f"camera matrix {matrix!s:.120}: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels")
         fx, fy, cx, cy = given[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
         return cls(fx, fy, cx, cy, width, height)
 
@@ -125,14 +137,23 @@ def depth_in_metres(depth: np.ndarray, camera: Camera | None = None, *, where: s
         where: name of the depth in error messages (a file, a frame).
 
     Raises:
-        InputError: wrong type, number of dimensions or size; or floating-point numbers that look like millimetres.
+        InputError: wrong type, number of dimensions or size; no camera; or numbers that look like those of the other unit.
     """
+    if camera is not None:
+        check_camera(camera)
+    if isinstance(depth, np.ma.MaskedArray):
+        raise InputError(f"{where}: a masked array; give 0 where nothing was measured, as depth.filled(0) does")
     if not isinstance(depth, np.ndarray):
         raise InputError(f"{where}: expected a numpy array, got {type(depth).__name__}")
     if depth.ndim not in (2, 3):
         raise InputError(f"{where}: expected shape (H, W) or (T, H, W), got {depth.shape}")
     if depth.dtype.kind == "u" and depth.dtype.itemsize > 1:
         depth_m = depth.astype(np.float32) / np.float32(MM_PER_METRE)
+        if 0 < (farthest_m := depth_m.max(initial=0)) < MIN_FARTHEST_M and np.count_nonzero(depth_m) > FEW_PIXELS:
+            raise InputError(
+                f"{where}: nothing is farther away than {1000 * farthest_m:.0f} mm: these look like metres; integers are "
+                "millimetres, so multiply by 1000, or convert it with .astype(np.float32)"
+            )
     elif depth.dtype.kind == "f":
         with np.errstate(over="ignore"):  # infinite as float32: not measured
             depth_m = depth.astype(np.float32)
@@ -154,6 +175,12 @@ def depth_in_metres(depth: np.ndarray, camera: Camera | None = None, *, where: s
     return depth_m
 
 
+def check_camera(camera: object) -> None:
+    """Raises InputError for anything but a camera."""
+    if not isinstance(camera, Camera):
+        raise InputError(f"camera: expected a kpopnet.camera.Camera, got {type(camera).__name__}")
+
+
 def check_images(where: str, camera: Camera, *images: np.ndarray) -> None:
     """Raises InputError if an (H, W) image, for `where`, has not the camera's size: compiled code would read beyond its end."""
     size = camera.height, camera.width
@@ -162,8 +189,24 @@ def check_images(where: str, camera: Camera, *images: np.ndarray) -> None:
             raise InputError(f"{where}: an image of shape {image.shape}, expected the camera's (height, width) = {size}")
 
 
+def needed(depth_m: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera]:
+    """(..., H, W) depth as it is estimated from: of images that are larger than MOST_PIXELS, the middle pixel of every square.
+
+    Returns:
+        The same array and camera, or fewer pixels and their camera.
+    """
+    apart = math.ceil(max(math.sqrt(camera.width * camera.height / MOST_PIXELS), *(np.array(depth_m.shape[-2:]) / MOST_SIDE)))
+    if apart == 1:
+        return depth_m, camera
+    y, x = min(apart // 2, camera.height - 1), min(apart // 2, camera.width - 1)
+    fewer_m = np.ascontiguousarray(depth_m[..., y::apart, x::apart])
+    middle = (camera.cx - x) / apart, (camera.cy - y) / apart
+    return fewer_m, Camera(camera.fx / apart, camera.fy / apart, *middle, fewer_m.shape[-1], fewer_m.shape[-2])
+
+
 def sequence_in_metres(depth: np.ndarray, camera: Camera) -> np.ndarray:
     """`depth_in_metres` of a (T, H, W) sequence."""
+    check_camera(camera)
     depth_m = depth_in_metres(depth, camera, where="depth sequence")
     if depth_m.ndim != 3:
         raise InputError(f"depth sequence: expected shape (T, H, W), got {depth_m.shape}; add a leading axis")

@@ -1,5 +1,7 @@
 """The exception for invalid input of a user, and the checks that settings share."""
 
+import numbers
+
 MAX_SEED = 2**64 - 1
 
 
@@ -21,8 +23,8 @@ def check_seed(name: str, seed: int) -> None:
 
 
 def check_between(name: str, value: float, low: float, high: float) -> None:
-    """Raises InputError unless low <= value <= high; NaN is refused."""
-    if not low <= value <= high:
+    """Raises InputError unless low <= value <= high; NaN, and what is no number, is refused."""
+    if not isinstance(value, numbers.Real) or not low <= value <= high:
         raise InputError(f"{name}={value}: expected a number in {low:g}..{high:g}")
 
 

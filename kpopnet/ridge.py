@@ -38,6 +38,9 @@ RADII_PER_PIXEL = 4
 NO_EDGE = 2**30
 """Squared distance of all pixels of an image without an edge."""
 
+FARTHEST_PX = 256
+"""Largest D_T; the images that are estimated from show no limb that is twice as wide (`kpopnet.camera.MOST_PIXELS`)."""
+
 
 @dataclass(frozen=True)
 class RidgeConfig:
@@ -145,11 +148,11 @@ def _ratio_in_box(depth_m: np.ndarray, config: RidgeConfig) -> tuple[tuple[slice
 def _squared_distances(depth, threshold):
     """(H, W) int32 squared distance to the nearest edge in pixels, and its maximum: along columns first, then along rows.
 
-    Computed in float32, which vectorises and is exact while height + width < 4096.
+    Computed in float32, which vectorises and is exact; distances end at `FARTHEST_PX`, so that no image takes seconds.
     """
     zero, one = np.float32(0), np.float32(1)
     height, width = depth.shape
-    far = np.float32(height + width)
+    far = np.float32(min(height + width, FARTHEST_PX))
     column = np.full((height, width), far)
     for y in range(height):
         row, above, below = depth[y], depth[max(y - 1, 0)], depth[min(y + 1, height - 1)]
@@ -168,7 +171,7 @@ def _squared_distances(depth, threshold):
             distance[x] = min(distance[x], before[x] + one)
 
     squared = np.zeros((height, width), np.int32)
-    largest = 0
+    largest, edges = 0, False
     padded = np.full(3 * width, far * far)
     for y in range(height):
         distance = column[y]
@@ -178,14 +181,18 @@ def _squared_distances(depth, threshold):
             middle = width + x
             best = padded[middle]
             if best == zero:
+                edges = True
                 continue
             step, step_squared = 1, one
             while step_squared < best and step <= width:
                 best = min(best, min(padded[middle - step], padded[middle + step]) + step_squared)
                 step += 1
                 step_squared = np.float32(step) * np.float32(step)
-            squared[y, x] = np.int32(best) if best < far * far else NO_EDGE
+            squared[y, x] = np.int32(best)
             largest = max(largest, squared[y, x])
+    if not edges:
+        squared[:] = NO_EDGE
+        largest = NO_EDGE
     return squared, largest
 
 

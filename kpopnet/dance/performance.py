@@ -22,7 +22,10 @@ class Performance:
 
     def __init__(self, joints_m: np.ndarray, times_s: np.ndarray, confidence: np.ndarray | None = None) -> None:
         """Checks and copies the arrays; see `mask_missing_joints`."""
-        joints_m, times_s = np.array(joints_m, np.float64), np.array(times_s, np.float64)
+        try:
+            joints_m, times_s = np.array(joints_m, np.float64), np.array(times_s, np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"joints and times: expected arrays of numbers ({error})") from error
         if joints_m.ndim != 3 or joints_m.shape[1:] != (NUM_JOINTS, 3) or not len(joints_m):
             raise InputError(f"joints of shape {joints_m.shape}: expected (frames, {NUM_JOINTS}, 3) and at least one frame")
         if times_s.shape != joints_m.shape[:1]:

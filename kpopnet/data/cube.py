@@ -29,6 +29,10 @@ MEDIAN_POINTS = 2000
 """The median over a silhouette uses at least this many points, if it has them; more change it by millimetres."""
 
 
+MOST_SIDE = 64
+"""Most samples along the side of a crop's pixel: as many as a person half a metre before a camera of 1280 pixels has."""
+
+
 @dataclass(frozen=True)
 class Cube:
     """An axis-aligned cube: its (3,) float32 centre in the camera frame and half its edge, in metres."""
@@ -159,9 +163,13 @@ def warp_depth(depth_m, step, first, centre_z, per_half_size, out):
 
 @njit(cache=True)
 def warp_mean(image, step, first, out):
-    """Fills `out` (S, S) with the mean of `image` over each crop pixel's square, sampled about once per image pixel."""
+    """Fills `out` (S, S) with the mean of `image` over each crop pixel's square, sampled about once per image pixel.
+
+    Squares of more than MOST_SIDE pixels, which only a wrong unit or camera makes, are sampled less often.
+    """
     height, width = image.shape
-    side = max(1, int(np.ceil(np.sqrt(abs(step[0, 0] * step[1, 1] - step[0, 1] * step[1, 0])))))
+    side = max(1.0, np.ceil(np.sqrt(abs(step[0, 0] * step[1, 1] - step[0, 1] * step[1, 0]))))
+    side = int(min(side, MOST_SIDE))
     right_x, right_y = step[0, 0] / side, step[1, 0] / side
     down_x, down_y = step[0, 1] / side, step[1, 1] / side
     corner = (1 - side) / 2

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kpopnet.camera import Camera, depth_in_metres
+from kpopnet.camera import Camera, check_camera, depth_in_metres
 from kpopnet.data.canvas import reduced
 from kpopnet.errors import InputError, check_between
 from kpopnet.finder.backend import cells_of, open_finder
@@ -42,6 +42,7 @@ class PersonFinder:
 
     def __init__(self, camera: Camera, config: FinderConfig = FinderConfig()) -> None:
         """Raises InputError if the weights are missing, damaged or of another version."""
+        check_camera(camera)
         self.camera, self.config, self._followed = camera, config, Followed()
         self._network = open_finder(config.weights or str(shipped_finder()))
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kpopnet.camera import Camera, depth_in_metres
+from kpopnet.camera import Camera, check_camera, depth_in_metres
 from kpopnet.errors import InputError
 from kpopnet.human import Human
 from kpopnet.paper_extraction.floor import find_floor, remove_floor
@@ -57,6 +57,7 @@ class PaperExtractor:
     """Finds people in the depth images of a camera that does not move: each image once, in order."""
 
     def __init__(self, camera: Camera, config: PaperExtractionConfig = PaperExtractionConfig()) -> None:
+        check_camera(camera)
         self.camera, self.config = camera, config
         self._intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
         self._before_m = np.zeros((camera.height, camera.width), np.float32)

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kpopnet.camera import Camera, depth_in_metres
-from kpopnet.errors import check_between
+from kpopnet.camera import Camera, check_camera, depth_in_metres, needed
+from kpopnet.errors import InputError, check_between
 from kpopnet.estimator import Estimator
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.pose.extraction import DEFAULT_EXTRACTION, Extractor, build_extractor
@@ -120,8 +120,11 @@ class PoseEstimator:
             InputError: as `update`; or fps is not positive.
         """
         check_between("fps", fps, 1, 1000)
+        check_camera(camera)
         if isinstance(depth, np.ndarray) and depth.ndim == 2:
             depth = depth[None]
+        if not isinstance(depth, Iterable) or (isinstance(depth, np.ndarray) and not depth.ndim):
+            raise InputError(f"depth: expected an array or images one after another, got {type(depth).__name__}")
         self.reset()
         frames, images = [], 0
         for image in depth:
@@ -135,10 +138,11 @@ class PoseEstimator:
         return [self._over_time(identity, frames, fps) for identity in chosen]
 
     def _found(self, depth: np.ndarray, camera: Camera, most: int) -> list[PersonPose]:
+        depth_m, camera = _needed_image(depth, camera)
         if self._extractor is None or camera != self._extractor.camera:
             self.reset()
             self._extractor = build_extractor(camera, self.extraction)
-        humans = {human.identity: human for human in self._extractor.extract(depth_in_metres(depth, camera))}
+        humans = {human.identity: human for human in self._extractor.extract(depth_m)}
         for identity, person in self._people.items():
             if identity not in humans:
                 person.miss()
@@ -148,7 +152,8 @@ class PoseEstimator:
         return [PersonPose(identity, *pose) for identity, pose in poses if pose is not None]
 
     def _segmented(self, image: np.ndarray, camera: Camera) -> list[PersonPose]:
-        pose = PersonPose(0, *self._person(0, camera).update(depth_in_metres(image, camera), camera))
+        depth_m, camera = _needed_image(image, camera)
+        pose = PersonPose(0, *self._person(0, camera).update(depth_m, camera))
         return [pose] if np.isfinite(pose.joints_camera_m).any() else []
 
     def _person(self, identity: int, camera: Camera) -> DetectedPerson | TrackedPerson:
@@ -167,6 +172,14 @@ class PoseEstimator:
         if MODES[self.mode].smoothed:
             joints_m = smoothed(joints_m, confidence, fps)
         return PersonPose(identity, joints_m, confidence)
+
+
+def _needed_image(depth: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera]:
+    check_camera(camera)
+    depth_m = depth_in_metres(depth, camera)
+    if depth_m.ndim != 2:
+        raise InputError(f"depth image: expected shape (H, W), got {depth_m.shape}")
+    return needed(depth_m, camera)
 
 
 WHY_NOBODY = (

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kpopnet.camera import CAMERAS, Camera, depth_in_metres, sequence_in_metres
+from kpopnet.camera import CAMERAS, MOST_PIXELS, MOST_SIDE, Camera, depth_in_metres, needed, sequence_in_metres
 from kpopnet.errors import InputError
 
 
@@ -33,6 +33,37 @@ def test_single_pixels_far_away_are_no_millimetres():
     np.testing.assert_array_equal(depth_in_metres(depth), depth)
 
 
+def test_metres_as_integers_are_refused():
+    with pytest.raises(InputError, match=r"farther away than 3 mm: these look like metres.*multiply by 1000"):
+        depth_in_metres(person(3, np.uint16))
+    few = np.zeros((240, 320), np.uint16)
+    few[0, :20] = 3  # a covered lens has hot pixels
+    assert depth_in_metres(few).max() == np.float32(0.003)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [(None, 1, 0, 0, 2, 2), ("1", 1, 0, 0, 2, 2), (1, 1e-300, 0, 0, 2, 2), (1e300, 1, 0, 0, 2, 2), (1, 1, None, 0, 2, 2),
+     (1, 1, 0, np.nan, 2, 2), (1, 1, 0, 0, 2.5, 2), (1, 1, 0, 0, "2", 2), (1, 1, 0, 0, 2, 0), (1, 1, 0, 0, 2, None)],
+)  # fmt: skip
+def test_what_is_no_camera_is_refused(wrong):
+    with pytest.raises(InputError, match="a camera's"):
+        Camera(*wrong)
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 720), (4096, 4096), (5000, 3), (1, 100_000)])
+def test_large_images_lose_pixels_and_none_moves(width, height):
+    camera = Camera(800.0, 810.0, 0.4 * width, 0.6 * height, width, height)
+    depth_m = np.random.default_rng(0).uniform(1, 4, (height, width)).astype(np.float32)
+    fewer_m, theirs = needed(depth_m, camera)
+    assert fewer_m.shape == (theirs.height, theirs.width) and fewer_m.size <= MOST_PIXELS and max(fewer_m.shape) <= MOST_SIDE
+    assert (fewer_m is depth_m) == (width == 1280)
+    row, column = theirs.height // 2, theirs.width // 3
+    point_m = theirs.back_project([column, row, fewer_m[row, column]])
+    u, v, z = camera.project(point_m)
+    assert depth_m[round(v), round(u)] == np.float32(z) and abs(u - round(u)) < 1e-3 > abs(v - round(v))
+
+
 def test_what_is_no_depth_is_not_measured():
     depth = person(2.5, np.float64)
     depth[0, 0, :5] = np.nan, np.inf, -np.inf, -1, 1e300
@@ -52,6 +83,6 @@ def test_a_field_of_view_spans_the_image_from_edge_to_edge():
 def test_a_matrix_of_intrinsics_is_read_and_a_foreign_one_refused():
     matrix = np.array([[500, 0, 320], [0, 510, 240], [0, 0, 1.0]])
     assert Camera.from_intrinsics(matrix, 640, 480) == Camera(500, 510, 320, 240, 640, 480)
-    for wrong in (matrix.T, matrix[:2], matrix + np.array([[0, 5, 0], [0, 0, 0], [0, 0, 0]]), matrix * 2):
+    for wrong in (None, {}, "1", matrix.T, matrix[:2], matrix + np.array([[0, 5, 0], [0, 0, 0], [0, 0, 0]]), matrix * 2):
         with pytest.raises(InputError, match="camera matrix"):
             Camera.from_intrinsics(wrong, 640, 480)

@@ -162,6 +162,17 @@ def test_a_box_has_the_ridge_of_the_whole_image(depth, top, bottom, left, right)
     assert np.array_equal(ridge_probability(whole, CONFIG)[part], ridge_probability(box, CONFIG))
 
 
+def test_distances_end_where_no_limb_is_as_wide():
+    """In wide flat images, which take seconds otherwise; an image without any edge has none."""
+    depth = np.full((5, 3 * ridge.FARTHEST_PX), 2.0, np.float32)
+    assert np.isinf(ridge_stages(depth, CONFIG).distance_px).all()
+    depth[:, 0] = 0
+    distance_px = ridge_stages(depth, CONFIG).distance_px
+    np.testing.assert_array_equal(
+        distance_px, np.broadcast_to(np.minimum(np.arange(depth.shape[1]), ridge.FARTHEST_PX), depth.shape)
+    )
+
+
 def test_transposing_and_mirroring_the_image_transforms_the_ridge_and_an_empty_one_has_none():
     depth, _ = limb(5, 25)
     depth[60:, 50:] = 0

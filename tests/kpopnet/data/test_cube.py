@@ -138,6 +138,13 @@ def test_thin_ridges_are_preserved_with_their_mass():
         np.testing.assert_allclose(channel.sum() * per_crop_px, ridge.sum(), rtol=0.2)
 
 
+def test_a_crop_of_millions_of_pixels_is_sampled():
+    """A focal length or a unit that is wrong by a thousand: sampled about once per pixel it would take hours."""
+    camera, depth = Camera.centred(1e6, 64, 48), np.full((48, 64), 2.0, np.float32)
+    cropped = crop(depth, camera, Cube(np.array([0, 0, 2], np.float32), 1.15), 96, ridge=np.ones_like(depth))
+    assert cropped.shape == (2, 96, 96) and np.isfinite(cropped).all()
+
+
 def test_the_centre_is_the_median_of_the_points():
     _, depth, _ = person(2)
     points = CAMERA.points(depth)[depth > 0]

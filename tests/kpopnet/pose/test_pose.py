@@ -7,11 +7,17 @@ from extraction_scenes import compose, lying, room, shifted, standing
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kpopnet.camera import Camera
+from kpopnet.camera import MOST_PIXELS, Camera
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate
+from kpopnet.finder.finder import PersonFinder
+from kpopnet.paper_extraction import PaperExtractor
+from kpopnet.paper_tracker.tracker import PaperTrackerEstimator
 from kpopnet.pose import PoseEstimator
+from kpopnet.pose.extraction import extract_person
 from kpopnet.pose.person import MODES, SIGMA_S, DetectedPerson, PersonEstimator, smoothed
+from kpopnet.tracker.estimator import TrackerEstimator
+from kpopnet.tracker.refine import FittedEstimator
 
 CAMERA = Camera.centred(100.0, 80, 60)
 POSE_M = np.random.default_rng(0).uniform(-0.5, 0.5, (15, 3)).astype(np.float32)
@@ -52,6 +58,45 @@ def test_in_a_segmented_recording_no_person_has_to_be_found():
 def test_float_millimetres_are_refused_with_the_likely_reason():
     with pytest.raises(InputError, match="look like millimetres"):
         PoseEstimator(Blob()).estimate(person(20)[None] * 1000, CAMERA)
+
+
+DOORS = {
+    "update": lambda depth, camera: PoseEstimator(Blob()).update(depth, camera),
+    "estimate": lambda depth, camera: PoseEstimator(Blob()).estimate(depth, camera),
+    "segmented": lambda depth, camera: PoseEstimator(Blob()).estimate(depth, camera, segmented=True),
+    "PersonEstimator": lambda depth, camera: PersonEstimator(Blob(), "best").estimate(depth, camera),
+    "FittedEstimator": lambda depth, camera: FittedEstimator(Blob()).estimate(depth, camera),
+    "TrackerEstimator": lambda depth, camera: TrackerEstimator().estimate(depth, camera),
+    "PaperTrackerEstimator": lambda depth, camera: PaperTrackerEstimator().estimate(depth, camera),
+    "PersonFinder": lambda depth, camera: PersonFinder(camera).extract(depth),
+    "PaperExtractor": lambda depth, camera: PaperExtractor(camera).extract(depth),
+    "extract_person": extract_person,
+}
+DEPTH = np.full((1, 60, 80), 2.0, np.float32)
+
+
+@pytest.mark.parametrize("door", DOORS)
+def test_wrong_types_are_one_line_at_every_door(door):
+    for camera in (None, "kinect_v1", {"fx": 1}, (100.0, 100.0)):
+        with pytest.raises(InputError, match="camera"):
+            DOORS[door](DEPTH, camera)
+    masked = np.ma.masked_equal(DEPTH, 2.0)
+    for depth in (None, "depth", {}, 3, np.array(2.0), DEPTH[0, 0], DEPTH[None], masked, DEPTH.astype(object), DEPTH > 0):
+        if not (door in ("update", "estimate", "segmented") and isinstance(depth, dict)):  # images one after another, none
+            with pytest.raises(InputError) as refused:
+                DOORS[door](depth, CAMERA)
+            assert "\n" not in str(refused.value)
+
+
+def test_large_images_are_reduced_before_anything_looks_at_them():
+    network, camera = Blob(), Camera.centred(3500.0, 4096, 4096)
+    depth = np.zeros((4096, 4096), np.float32)
+    depth[800:3400, 1600:2400] = 2.0
+    PoseEstimator(network, "best").estimate(depth, camera, segmented=True)
+    (seen, theirs), (in_mirror, _) = network.asked
+    assert seen.size <= MOST_PIXELS >= in_mirror.size
+    middle_m = camera.back_project([(1600 + 2399) / 2, (800 + 3399) / 2, 2.0])
+    assert np.allclose(theirs.points(seen[0])[seen[0] > 0].mean(axis=0), middle_m, atol=0.002)
 
 
 @pytest.mark.parametrize("wrong", [{"mode": "fast"}, {"people": 0}, {"people": 17}])

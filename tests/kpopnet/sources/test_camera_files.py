@@ -66,7 +66,7 @@ def test_visible_distortion_is_reported_and_a_small_one_is_not(tmp_path, caplog)
     [
         ([], (), "no camera in it"),
         (OURS | {"width": 512.5}, (), "whole numbers"),
-        (OURS | {"fx": -1}, (), "positive focal"),
+        (OURS | {"fx": -1}, (), "fx=-1"),
         (azure(AZURE), (), "give the depth image's size"),
         (azure(["a"] * 14), (640, 576), "ModelParameters"),
         ({"CalibrationInformation": {"Cameras": [4]}}, (640, 576), "ModelParameters"),
