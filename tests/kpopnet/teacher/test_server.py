@@ -3,7 +3,9 @@
 import asyncio
 import io
 import json
+import random
 import struct
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +13,7 @@ import pytest
 
 aiohttp = pytest.importorskip("aiohttp", reason="the extra app is not installed")
 
+from random_requests import SERVER_ERRORS, random_request, status_of  # noqa: E402
 from teacher_page import with_client  # noqa: E402
 from yarl import URL  # noqa: E402
 
@@ -326,5 +329,21 @@ def test_lessons_are_held_watched_and_saved(teaching):
         saved = await (await client.get(f"/api/tries/dance_001/{faulty['session']}.json")).json()
         assert saved["total"] == faulty["total"] and saved["fault"] == "left arm"
         await socket.close()
+
+    with_client(teaching, work)
+
+
+def test_no_random_request_is_an_error_of_the_server(teaching, tried):
+    """`python -m tests.soak.teacher --attack` sends more of them."""
+    tried(1.0)
+
+    async def work(client):
+        rng, statuses = random.Random(0), Counter()
+        for _ in range(20):
+            sent = [random_request(rng) for _ in range(25)]
+            answered = await asyncio.gather(*(status_of(client.port, raw) for raw in sent))
+            assert not [(raw, status) for raw, status in zip(sent, answered, strict=True) if status in SERVER_ERRORS]
+            statuses.update(answered)
+        assert len(statuses) > 5 and (await client.get("/api/dances")).status == 200
 
     with_client(teaching, work)
