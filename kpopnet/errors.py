@@ -9,11 +9,11 @@ class InputError(ValueError):
     """A file, an array or a setting is invalid.
 
     The message names the file, frame or setting, what was found there, what was expected, and what to do. It is one line that
-    can be printed: what is quoted from a file may hold line breaks and half characters, which are escaped.
+    can be printed: what is quoted from a file may hold line breaks, half characters or commands to a terminal; they are escaped.
     """
 
     def __init__(self, message: str) -> None:
-        super().__init__(message.replace("\r", "\\r").replace("\n", "\\n").encode(errors="backslashreplace").decode())
+        super().__init__("".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in message))
 
 
 def check_seed(name: str, seed: int) -> None:

@@ -7,6 +7,7 @@ from kpopnet.errors import InputError
 
 def test_a_message_is_one_line_that_can_be_printed() -> None:
     assert str(InputError("a.csv: column 'x\ny\r' and \ud800")) == "a.csv: column 'x\\ny\\r' and \\ud800"
+    assert str(InputError("a.csv: \x1b[31m\x9b2J \u202e\u2028, 카이")) == "a.csv: \\x1b[31m\\x9b2J \\u202e\\u2028, 카이"
 
 
 def test_an_error_of_a_worker_process_reaches_its_parent() -> None:
