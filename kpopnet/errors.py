@@ -9,7 +9,7 @@ class InputError(ValueError):
     """A file, an array or a setting is invalid.
 
     The message names the file, frame or setting, what was found there, what was expected, and what to do. It is one line that
-    can be printed: what is quoted from a file may hold line breaks, half characters or commands to a terminal; they are escaped.
+    can be printed: line breaks, half characters and commands to a terminal, which what is quoted may hold, are escaped.
     """
 
     def __init__(self, message: str) -> None:
