@@ -3,6 +3,7 @@
 import re
 import warnings
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -54,18 +55,22 @@ def _natural(path: Path) -> list[tuple[int, int | str]]:
 
 def _read(path: Path) -> np.ndarray:
     """(H, W) uint16 millimetres or float metres."""
-    with (
-        parsing(str(path), "not a PNG or TIFF image, or damaged"),
-        warnings.catch_warnings(action="error"),
-        Image.open(path, formats=("PNG", "TIFF")) as image,
-    ):
-        check_size(str(path), *image.size)
-        if image.mode not in DEPTH_MODES:
-            raise InputError(
-                f"{path}: an image of Pillow's mode {image.mode}; expected depth of one channel: 16-bit millimetres, or "
-                "floating-point metres (TIFF). Colour and 8-bit images do not hold depth"
-            )
-        stored = np.array(image)
+    opened = partial(Image.open, path, formats=("PNG", "TIFF"))
+    with parsing(str(path), "not a PNG or TIFF image, or damaged"), warnings.catch_warnings(action="error"):
+        with opened() as image:
+            image.verify()  # Pillow does not compare the checksums of PNG when it unpacks the pixels
+        with opened() as image:
+            return _unpacked(path, image)
+
+
+def _unpacked(path: Path, image: Image.Image) -> np.ndarray:
+    check_size(str(path), *image.size)
+    if image.mode not in DEPTH_MODES:
+        raise InputError(
+            f"{path}: an image of Pillow's mode {image.mode}; expected depth of one channel: 16-bit millimetres, or "
+            "floating-point metres (TIFF). Colour and 8-bit images do not hold depth"
+        )
+    stored = np.array(image)
     if stored.dtype.kind == "i" and stored.min() >= 0 and stored.max() <= np.iinfo(np.uint16).max:
         return stored.astype(np.uint16)  # Pillow before 11 opens 16-bit PNG as 32 bits
     return stored

@@ -159,9 +159,11 @@ def test_images_that_are_no_depth_are_refused_and_a_pattern_leaves_them_out(tmp_
     with pytest.raises(InputError, match=r"depth5\.png: expected the camera's 64x48 pixels, got 64x40"):
         list(open_depth(folder, CAMERA, key="depth*.png"))
     whole = (folder / "depth7.png").read_bytes()
-    (folder / "depth5.png").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(InputError, match=r"depth5\.png: not a PNG or TIFF image, or damaged"):
-        list(open_depth(folder, CAMERA, key="depth*.png"))
+    end = whole.index(b"IEND") - 8  # of the pixels: their checksums follow, zlib's and that of PNG
+    for damaged in (whole[: len(whole) // 2], whole[: end - 8] + bytes([whole[end - 8] ^ 1]) + whole[end - 7 :]):
+        (folder / "depth5.png").write_bytes(damaged)
+        with pytest.raises(InputError, match=r"depth5\.png: not a PNG or TIFF image, or damaged"):
+            list(open_depth(folder, CAMERA, key="depth*.png"))
     write_pngs(tmp_path / "tiffs", MILLIMETRES.astype(np.float32), ".tif")
     with pytest.raises(InputError, match=r"depth0\.tif: half of the measured pixels.*look like millimetres"):
         list(open_depth(tmp_path / "tiffs", CAMERA))
