@@ -31,6 +31,7 @@ from torch import Tensor
 from kpopnet.errors import InputError
 from kpopnet.networks import FORMAT, META, VERSION, ModelConfig, read_meta
 from kpopnet.networks.network import PoseNetwork, build_network
+from kpopnet.runtime.atomic_write import sync
 from kpopnet.runtime.input_files import check_fields, read_with
 from kpopnet.runtime.provenance import git_revision
 from kpopnet.skeleton import JOINT_NAMES
@@ -75,13 +76,13 @@ def save_checkpoint(run: Path, network: PoseNetwork, state: dict, meta: dict, *,
     }
     (partial / META).write_text(json.dumps(described, indent=2) + "\n")
     for file in partial.iterdir():
-        _sync(file)
+        sync(file)
     partial.rename(folder)
-    _sync(folder.parent)
+    sync(folder.parent)
     # A run killed in between resumes from `last`, reaches the best step again and moves the link then.
     for link in ("best", "last") if best else ("last",):
         _move_link(run / link, folder)
-    _sync(run)
+    sync(run)
     kept = _linked(run)
     for other in (*folder.parent.glob("step_*"), *folder.parent.glob(".step_*")):
         if other.resolve() not in kept:
@@ -125,14 +126,6 @@ def _remove(folder: Path) -> None:
         shutil.rmtree(hidden, ignore_errors=True)
         folder = folder.rename(hidden)
     shutil.rmtree(folder, ignore_errors=True)
-
-
-def _sync(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 def _move_link(link: Path, folder: Path) -> None:

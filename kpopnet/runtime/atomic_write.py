@@ -26,9 +26,9 @@ def atomic_path(path: Path) -> Iterator[Path]:
     with naming(path):
         try:
             yield part
-            with part.open("rb") as written:
-                os.fsync(written.fileno())
+            sync(part)
             part.replace(path)
+            sync(path.parent)
         finally:
             part.unlink(missing_ok=True)
 
@@ -40,6 +40,15 @@ def claim(path: Path) -> bool:
     except FileExistsError:
         return False
     return True
+
+
+def sync(path: Path) -> None:
+    """Waits until a file's content, or the names in a folder, are on the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 @contextmanager
