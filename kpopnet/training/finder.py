@@ -162,7 +162,7 @@ class FinderRun:
                 raise InputError(f"{self.folder}: was begun with {name}={begun.get(name)}, not {value}; give it the same again")
 
     def save(self, described: dict) -> None:
-        """Writes weights, state and description, each whole or not at all."""
+        """Writes weights, description and state, each whole or not at all; the state last: before it a killed run goes back."""
         weights = {name: value.contiguous() for name, value in self.average.state_dict().items()}
         state = {
             "step": self.step,
@@ -170,12 +170,12 @@ class FinderRun:
             "average": weights,
             "optimiser": {name: one.state_dict() for name, one in self.optimisers.items()},
         }
-        with atomic_path(self.folder / STATE) as part:
-            torch.save(state, part)
         with atomic_path(self.folder / WEIGHTS) as part:
             part.write_bytes(safetensors.torch.save(weights))
         with atomic_path(self.folder / META) as part:
             part.write_text(json.dumps({"step": self.step, **described}, indent=1) + "\n")
+        with atomic_path(self.folder / STATE) as part:
+            torch.save(state, part)
 
     def load(self) -> None:
         """Goes on from the state in the folder; raises InputError if it is missing or damaged."""

@@ -4,41 +4,16 @@ import numpy as np
 import pytest
 import torch
 from programs import run_program
+from room_image_files import write_room_images
 
-from kpopnet.camera import Camera
-from kpopnet.data.canvas import CANVAS
-from kpopnet.data.room_images import MOST_PEOPLE, SCHEMA
 from kpopnet.errors import InputError
-from kpopnet.runtime.atomic_write import atomic_hdf5
 from kpopnet.training.finder import META, STATE, WEIGHTS, FinderRun, FinderTraining, LoadedImages, train_finder, validate
-
-CAMERA = Camera.centred(120.0, 160, 120)
 
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):
-    """Eight images of a box-like person at different places before a wall."""
-    folder = tmp_path_factory.mktemp("images")
-    count = 8
-    arrays = {
-        "depth_mm": np.zeros((count, CANVAS[1], CANVAS[0]), np.uint16),
-        "labels": np.zeros((count, CANVAS[1], CANVAS[0]), np.uint8),
-        "cameras": np.tile(np.array([CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy, CAMERA.width, CAMERA.height]), (count, 1)),
-        "joints_m": np.full((count, MOST_PEOPLE, 15, 3), np.nan, np.float32),
-        "whole_px": np.zeros((count, MOST_PEOPLE), np.float32),
-    }
-    arrays["depth_mm"][:, :120] = 4000
-    for k in range(count):
-        left = 20 + 12 * k
-        arrays["depth_mm"][k, 20:100, left : left + 28] = 2000
-        arrays["labels"][k, 20:100, left : left + 28] = 1
-        arrays["joints_m"][k, 0] = CAMERA.back_project(np.array([left + 13.5, 59.5, 2.0]))
-        arrays["whole_px"][k, 0] = 80 * 28
-    with atomic_hdf5(folder / "images_00000.h5") as file:
-        file.attrs["format"], file.attrs["version"] = SCHEMA.fixed["format"], SCHEMA.fixed["version"]
-        for name, array in arrays.items():
-            file.create_dataset(name, data=array)
-    return {"train": str(folder), "validation": str(folder)}
+    folder = str(write_room_images(tmp_path_factory.mktemp("images")))
+    return {"train": folder, "validation": folder}
 
 
 def test_the_targets_are_the_persons_cells_and_torso(data):
