@@ -4,6 +4,7 @@ The body is a skin on bones; a dance is what its bones do, and the fifteen joint
 has z up; a body in its T-pose faces -y with its left hand at +x, and the rotation of a bone is relative to the T-pose.
 """
 
+import itertools
 import json
 import re
 from dataclasses import asdict, dataclass
@@ -186,16 +187,19 @@ class Library:
 
     def add(self, dance: TaughtDance) -> str:
         """Writes a dance of the user's own, and returns its identity."""
-        folder, number = self.folder / DANCES, 1
+        folder = self.folder / DANCES
         folder.mkdir(parents=True, exist_ok=True)
-        while not claim(path := folder / f"own_{number:03d}.npz"):
-            number += 1
-        try:
-            self.write(path.stem, dance)
-        except BaseException:
-            path.unlink()
-            raise
-        return path.stem
+        for number in itertools.count(1):
+            path, taken = folder / f"own_{number:03d}.npz", folder / f".own_{number:03d}"  # which a killed process leaves
+            if path.exists() or not claim(taken):
+                continue
+            try:
+                if not path.exists():  # another writer may have been done in between
+                    self.write(path.stem, dance)
+                    return path.stem
+            finally:
+                taken.unlink()
+        raise AssertionError("there is always another number")
 
     def write(self, identity: str, dance: TaughtDance) -> None:
         """Writes a dance; one of that name is replaced."""
