@@ -2,8 +2,8 @@
 # make teach   install, then open the dance teacher in the browser
 # make test    install, then run the tests
 # make speed   install, then measure speeds: outputs/speed.json
-# make fuzz    install, then read 2,000 mutations of every file format that strangers send
-# make kill    install, then kill synth, train and evaluate 50 times each and compare what they make
+# make fuzz    install, then find planted faults, and read 2,000 mutations of every file format that strangers send
+# make kill    install, then find planted faults, and kill each program 50 times, or its power, and compare what it makes
 # make soak    install, then run the online path for an hour
 # make lint    install, then check style, format and types
 # make results ROW=eval_sim_31   install, then measure a row of results/ again: results/eval_sim_31.json
@@ -44,9 +44,11 @@ speed: $(READY)
 	$(BIN)/python -m tests.speed
 
 fuzz: $(READY)
+	$(BIN)/python -m tests.fuzz --planted
 	$(BIN)/python -m tests.fuzz
 
 kill: $(READY)
+	$(BIN)/python -m tests.kill --planted
 	$(BIN)/python -m tests.kill
 
 soak: $(READY)

@@ -1,4 +1,4 @@
-"""One kill of each program at a random time; `python -m tests.kill` does as many as wanted."""
+"""One kill of some programs; `python -m tests.kill` does as many as wanted, and looks for planted faults first."""
 
 import subprocess
 import sys
@@ -7,8 +7,8 @@ import pytest
 from programs import ROOT
 
 
-@pytest.mark.parametrize("program", ["synth", "train", "evaluate"])
-def test_a_killed_program_gets_done_with_the_same_result_and_leaves_no_process(program):
-    command = [sys.executable, "-m", "tests.kill", "--program", program, "--kills", "1", "--seed", "7"]
+@pytest.mark.parametrize(("program", "kind"), [("synth", "deaths"), ("train", "failures"), ("teacher", "failures")])
+def test_a_killed_program_gets_done_with_the_same_result_and_leaves_no_process(program, kind):
+    command = [sys.executable, "-m", "tests.kill", "--program", program, "--kind", kind, "--kills", "1", "--seed", "7"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -1,6 +1,7 @@
 """A small valid example of every file format that strangers send, and how a program reads it whole."""
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -8,14 +9,24 @@ from typing import NamedTuple
 import numpy as np
 from bvh_files import write_bvh
 from depth_files import CAMERA as DEPTH_CAMERA
-from depth_files import depth_mm, write_npz, write_pngs, write_video
+from depth_files import depth_mm, write_hdf5, write_npz, write_pngs, write_video
 from recorded_points import FRAMES, coco
+from shard_sets import write_shard
 from y_people import y_joints
 
+from fuzz.deeds import DEED_BYTES, perform
+from fuzz.traps import SECRET
 from kpopnet.dance.joint_files.points import COCO_NAMES
 from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.dance.performance import Performance
+from kpopnet.data.shards import ShardedSet
+from kpopnet.datasets.dances.dance_set import KpopSet
+from kpopnet.datasets.dances.writer import PackedDepth, write_labels, write_learner, write_teacher
+from kpopnet.runtime.untrusted import read_in_child
 from kpopnet.sources import open_depth
 from kpopnet.sources.camera_files import read_camera
+from kpopnet.teacher.library import Library, taught_dance
+from kpopnet.teacher.tries import Tries
 from synth.motion.skeleton import LEG_M, NUM_JOINTS, Motion
 
 
@@ -25,12 +36,19 @@ class Format(NamedTuple):
     Attributes:
         make: writes a valid example into an empty folder.
         files: patterns of the files to mutate, below the folder.
-        read: reads the example as a program does; raises InputError where it is invalid.
+        read: reads the example as a program does, and gives what it holds; raises InputError where it is invalid.
+        modules: that read it, for the report of coverage.
+        every: of how many cases one is run, where a case is expensive.
+        is_own: whether only its owner has it on the disk, and it is read in the program's own process: bytes in the structures
+            of HDF5 are not changed, because its library crashes on some.
     """
 
     make: Callable[[Path], object]
     files: tuple[str, ...]
-    read: Callable[[Path], object]
+    read: Callable[[Path], list[np.ndarray]]
+    modules: tuple[str, ...]
+    every: int = 1
+    is_own: bool = False
 
 
 def joints(frames: int) -> np.ndarray:
@@ -43,16 +61,20 @@ def make_bvh(folder: Path) -> None:
     write_bvh(folder / "a.bvh", Motion(quats, np.ones((40, 3), np.float32), 30.0, "still", LEG_M))
 
 
-def read_dance(folder: Path) -> None:
-    for path in sorted(folder.iterdir()):
-        read_performance(path)
+def read_dance(folder: Path) -> list[np.ndarray]:
+    return [part for path in sorted(folder.iterdir()) for part in parts(read_performance(path))]
 
 
-def read_depth(folder: Path) -> None:
+def parts(performance: Performance) -> list[np.ndarray]:
+    return [performance.joints_m, performance.times_s, performance.confidence]
+
+
+def read_depth(folder: Path) -> list[np.ndarray]:
     files = sorted(folder.iterdir())
-    for path in [folder] if files[0].suffix in (".png", ".tif") else files:
-        for _ in open_depth(path, DEPTH_CAMERA).timed():
-            pass
+    paths = [folder] if files[0].suffix in (".png", ".tif", ".json") else files
+    return [
+        part for path in paths for one in open_depth(path, DEPTH_CAMERA).timed() for part in (one.depth_m, np.array(one.time_s))
+    ]
 
 
 def make_csv(folder: Path) -> None:
@@ -79,23 +101,168 @@ def make_points(folder: Path) -> None:
 
 
 def make_camera(folder: Path) -> None:
-    camera = {"fx": 570, "fy": 570, "cx": 320, "cy": 240, "width": 640, "height": 480}
-    (folder / "a.json").write_text(json.dumps(camera))
+    write_json(folder, {"fx": 570, "fy": 570, "cx": 320, "cy": 240, "width": 640, "height": 480})
 
+
+def make_realsense_camera(folder: Path) -> None:
+    camera = {"width": 640, "height": 480, "ppx": 321.2, "ppy": 238.9, "fx": 387.1, "fy": 387.1, "coeffs": [0.1, 0, 0, 0, 0]}
+    write_json(folder, {"depth_intrinsics": camera})
+
+
+def make_azure_camera(folder: Path) -> None:
+    lens = {"ModelParameters": [0.5, 0.5, 0.49, 0.49, *[0.0] * 10]}
+    depth = {"Purpose": "CALIBRATION_CameraPurposeDepth", "Intrinsics": lens}
+    write_json(folder, {"CalibrationInformation": {"Cameras": [depth]}})
+
+
+def write_json(folder: Path, content: object, name: str = "a.json") -> None:
+    (folder / name).write_text(json.dumps(content))
+
+
+def read_a_camera(folder: Path) -> list[np.ndarray]:
+    camera = read_camera(folder / "a.json", 640, 576)
+    return [np.array([camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height], float)]
+
+
+def make_set(folder: Path) -> None:
+    """Shards on one's own disk."""
+    write_shard(folder, [1, 1, 2])
+    write_shard(folder, [2, 3], shard=1, start=3, rooms=[0, 1])
+
+
+def read_set(folder: Path) -> list[np.ndarray]:
+    samples = ShardedSet(folder)
+    found = [samples.column("body"), samples.room_numbers().astype(float)]
+    for index in range(len(samples)):
+        one = samples[index]
+        found += [one.depth_mm / 1000, one.joints_camera_m, np.array(one.yaw_rad), samples.room(index, one.room)[0] / 1000]
+    return found
+
+
+def make_dances(folder: Path) -> None:
+    """A set in the K-Pop format."""
+    recording = PackedDepth(DEPTH_CAMERA)
+    for image in depth_mm(5):
+        recording.add(image[:20, :20], 3, 4)
+    write_teacher(folder / "mama", Performance(joints(5), np.arange(5) / 30))
+    write_learner(folder / "mama", "jin", np.arange(5) / 30, joints(5), recording, {"level": "best"})
+    write_learner(folder / "mama", "ann", np.arange(5) / 30, joints(5))
+    write_labels(folder / "mama", ["jin", "ann"])
+    write_json(folder, {"simulated": True, "name": "a", "about": "b", "dances": 1, "hash": "c"}, "manifest.json")
+
+
+def read_dances(folder: Path) -> list[np.ndarray]:
+    dances, found = KpopSet(folder), []
+    for dance in map(dances.dance, dances.names):
+        found += parts(dance.teacher())
+        for learner in dance.learners:
+            found += [*parts(learner.joints() or dance.teacher()), np.array(sorted(learner.about))]
+            if learner.depth_key is not None:
+                found.append(learner.depth().depth_m)
+    return found
+
+
+def make_taught(folder: Path) -> None:
+    """A dance of the teacher's library."""
+    quats = np.tile(np.float32([1, 0, 0, 0]), (40, 5, 1))
+    dance = taught_dance("title", 30.0, 120.0, np.tile(joints(10), (4, 1, 1)), quats, np.ones((40, 3)))
+    Library(folder, body=None).write("own_001", dance)  # type: ignore[arg-type]
+
+
+def read_taught(folder: Path) -> list[np.ndarray]:
+    library = Library(folder, body=None)  # type: ignore[arg-type]
+    dance, about = library.dance("own_001"), library.about("own_001")
+    return [dance.joints_m, dance.quats, dance.hips_m, np.array([dance.fps, about.bpm, about.seconds])]
+
+
+def make_names(folder: Path) -> None:
+    """A try of a dance, its names as a request of the page gives them, and the same outside of the folder."""
+    write_json(folder, {"dance": "own_001", "name": TRY}, "names.json")
+    for place, total in ((folder / "tries" / "own_001", 80.0), (folder.parent / "outside", SECRET)):
+        place.mkdir(parents=True, exist_ok=True)
+        write_json(place, {"total": total}, f"{TRY}.json")
+
+
+def read_names(folder: Path) -> list[np.ndarray]:
+    names = json.loads((folder / "names.json").read_text())
+    return [np.array(Tries(folder / "tries").result(names["dance"], names["name"])["total"])]
+
+
+def make_checkpoint(folder: Path) -> None:
+    from kpopnet.networks import ModelConfig
+    from kpopnet.networks.checkpoint import save_checkpoint
+    from kpopnet.networks.network import build_network
+
+    network = build_network(ModelConfig(crop_px=32, widths=[8, 8, 8, 8]))
+    meta = {"step": 1, "config": {}, "metrics": {}, "mean_pose_m": [[0.0] * 3] * 15}
+    state = {"step": 1, "weights": network.state_dict(), "best_cm": 3.0}
+    saved = save_checkpoint(folder / "run", network, state, meta, best=True)
+    for file in saved.iterdir():
+        file.rename(folder / file.name)
+    shutil.rmtree(folder / "run")
+
+
+def read_checkpoint(folder: Path) -> list[np.ndarray]:
+    from kpopnet.networks.checkpoint import load_network, load_state
+
+    network, meta = load_network(folder)
+    return [
+        *(one.numpy() for one in network.state_dict().values()),
+        np.array([meta["step"], load_state(folder).get("step", 0)]),
+    ]
+
+
+def read_deed(folder: Path) -> list[np.ndarray]:
+    return [np.array(read_in_child(perform, folder / "deed.json", seconds=2, memory_bytes=DEED_BYTES))]
+
+
+TRY = "20260101-120000-000"
+
+JOINTS = ("kpopnet.dance.joint_files.reader", "kpopnet.dance.joint_files.points")
+DEPTH = ("kpopnet.sources.opening", "kpopnet.sources.source")
+CAMERA = ("kpopnet.sources.camera_files",)
+ARRAYS, HDF5 = ("kpopnet.runtime.input_files",), ("kpopnet.runtime.hdf5_files",)
+IMAGES, STORED = ("kpopnet.sources.images",), ("kpopnet.sources.arrays",)
 
 FORMATS = {
-    "bvh": Format(make_bvh, ("*.bvh",), read_dance),
+    "bvh": Format(make_bvh, ("*.bvh",), read_dance, ("kpopnet.dance.joint_files.bvh", "kpopnet.dance.joint_files.bvh_motion")),
     "joints_npz": Format(
         lambda folder: np.savez(folder / "a.npz", joints_m=joints(5), times_s=np.arange(5) / 30, confidence=np.ones((5, 15))),
         ("*.npz",),
         read_dance,
+        (*JOINTS, *ARRAYS),
     ),
-    "points_npz": Format(make_points, ("*.npz",), read_dance),
-    "named_json": Format(make_named_json, ("*.json",), read_dance),
-    "azure_json": Format(make_azure_json, ("*.json",), read_dance),
-    "joints_csv": Format(make_csv, ("*.csv",), read_dance),
-    "camera": Format(make_camera, ("*.json",), lambda folder: read_camera(folder / "a.json", 640, 480)),
-    "depth_png": Format(lambda folder: write_pngs(folder, depth_mm(2)), ("*.png",), read_depth),
-    "depth_npz": Format(lambda folder: write_npz(folder / "a.npz", depth_mm(3), fps=25.0), ("*.npz",), read_depth),
-    "depth_video": Format(lambda folder: write_video(folder / "a.mkv", depth_mm(3)), ("*.mkv",), read_depth),
+    "points_npz": Format(make_points, ("*.npz",), read_dance, JOINTS),
+    "named_json": Format(make_named_json, ("*.json",), read_dance, (*JOINTS, *ARRAYS)),
+    "azure_json": Format(make_azure_json, ("*.json",), read_dance, JOINTS),
+    "joints_csv": Format(make_csv, ("*.csv",), read_dance, JOINTS),
+    "camera": Format(make_camera, ("*.json",), read_a_camera, CAMERA),
+    "realsense_camera": Format(make_realsense_camera, ("*.json",), read_a_camera, CAMERA),
+    "azure_camera": Format(make_azure_camera, ("*.json",), read_a_camera, CAMERA),
+    "depth_png": Format(lambda folder: write_pngs(folder, depth_mm(2)), ("*.png",), read_depth, IMAGES),
+    "depth_tif": Format(lambda folder: write_pngs(folder, depth_mm(2), ".tif"), ("*.tif",), read_depth, IMAGES),
+    "depth_npz": Format(
+        lambda folder: write_npz(folder / "a.npz", depth_mm(3), fps=25.0), ("*.npz",), read_depth, (*DEPTH, *STORED)
+    ),
+    "depth_npy": Format(lambda folder: np.save(folder / "a.npy", depth_mm(3)), ("*.npy",), read_depth, STORED),
+    "depth_hdf5": Format(lambda folder: write_hdf5(folder / "a.h5", depth_mm(6), chunk=2), ("*.h5",), read_depth, STORED),
+    "depth_video": Format(
+        lambda folder: write_video(folder / "a.mkv", depth_mm(3)), ("*.mkv",), read_depth, ("kpopnet.sources.video",)
+    ),
+    "shards": Format(make_set, ("*.h5",), read_set, (*HDF5, "kpopnet.data.shards"), is_own=True),
+    "kpop_set": Format(
+        make_dances, ("*/*.h5", "*/*.csv", "*.json"), read_dances, (*HDF5, "kpopnet.datasets.dances.dance_set"), is_own=True
+    ),
+    "library": Format(make_taught, ("*/*.npz",), read_taught, ("kpopnet.teacher.library",)),
+    "names": Format(make_names, ("names.json",), read_names, ("kpopnet.teacher.tries",), every=5),
+    "checkpoint": Format(make_checkpoint, ("*",), read_checkpoint, ("kpopnet.networks", "kpopnet.networks.checkpoint")),
+    "child": Format(
+        lambda folder: write_json(folder, {"do": "answer"}, "deed.json"),
+        ("deed.json",),
+        read_deed,
+        ("kpopnet.runtime.untrusted",),
+        every=50,
+    ),
 }
+"""What strangers send, to `depth_video`; then what lies on one's own disk, or comes as a request. `child` is no format: its
+files say what a parser does to the process that reads for us (`fuzz.deeds`)."""

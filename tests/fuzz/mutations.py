@@ -1,22 +1,22 @@
 """Seeded mutations of a file: of its bytes, of its text, of its JSON."""
 
 import contextlib
-import io
 import json
-import zipfile
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from fuzz.traps import EXPRESSION
+
 HOSTILE_TEXTS = (
     "[" * 5000, "9" * 5000, "1e999", "-1e999", "NaN", "Infinity", "\x00", "\u0661\u0662", "\ud800", "../../x", "${oc.env:HOME}",
     "-1", "0", "1e30", "null", "true", "{}", "[]", '""', "a" * 10000, "1000000000", "%s%n", "\n", ",", '"', "\u202e",
+    EXPRESSION, "\x1b[31mred", "\x1b]0;title\x07", "\x9b2J", "\x7f\x08", "-" * 20000, "\r", "\u2028",
 )  # fmt: skip
 
 HOSTILE_VALUES: tuple[Any, ...] = (
     None, True, -1, 0, 2**63, 10**30, 1e308, -1e-320, 3.5, "", "x", "\u0661", "../x", "${oc.env:HOME}", [], {}, [[]], [None],
-    {"a": 1}, [1] * 1000, "a" * 5000, 100_000,
+    {"a": 1}, [1] * 1000, "a" * 5000, 100_000, EXPRESSION, "\x1b[31mred\n", "\ud800",
 )  # fmt: skip
 
 
@@ -84,36 +84,3 @@ def _places(value: Any):
     for key in list(keys)[:200]:
         yield value, key
         yield from _places(value[key])
-
-
-def mutate_file(path: Path, rng: np.random.Generator) -> None:
-    """Mutates a file in place; half of the time npz files are changed in their own terms."""
-    if path.suffix == ".npz" and rng.random() < 0.5:
-        mutate_npz(path, rng)
-    else:
-        path.write_bytes(mutate(path.read_bytes(), rng))
-
-
-def mutate_npz(path: Path, rng: np.random.Generator) -> None:
-    """Replaces one array of a valid npz file by one of another type or shape, or by a header that declares terabytes."""
-    with zipfile.ZipFile(path) as archive:
-        members = {name: archive.read(name) for name in archive.namelist()}
-    name = sorted(members)[int(rng.integers(len(members)))]
-    hostile = (
-        np.zeros(0), np.float64(np.nan), np.full((3, 3), np.inf), np.array(["x"]), np.zeros((1, 2, 3, 4, 5)), np.int8(-1),
-        np.array([{"a": 1}], object), np.zeros((2, 0, 4)), np.full(50, -1), np.float64(1e300),
-    )  # fmt: skip
-    choice = int(rng.integers(len(hostile) + 2))
-    stream = io.BytesIO()
-    if choice < len(hostile):
-        np.lib.format.write_array(stream, np.asanyarray(hostile[choice]), allow_pickle=True)
-    else:
-        shape = (2**40, 3) if choice == len(hostile) else (2**20, 2**10, 4)
-        header = {"descr": "<f8", "fortran_order": False, "shape": shape}
-        np.lib.format.write_array_header_1_0(stream, header)
-    members[name] = stream.getvalue()
-    if rng.random() < 0.1:
-        members[name.replace(".npy", "_.npy")] = members.pop(name)
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for member, content in members.items():
-            archive.writestr(zipfile.ZipInfo(member), content)

@@ -1,72 +1,65 @@
-"""Runs mutated files through their readers, in a child process with limits of memory and time."""
+"""Runs mutated files through their readers, in a child process that judges them and that they may take down."""
 
-import shutil
+import json
+import os
+import signal
+import subprocess
+import sys
 import tempfile
-import warnings
-import zlib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-import numpy as np
+from fuzz.formats import FORMATS
 
-from kpopnet.errors import InputError
-from kpopnet.runtime.untrusted import iterate_in_child
-
-TIME_LIMIT_S = 30.0
 ACCEPTED, REFUSED = "accepted", "refused"
+CHILD = Path(__file__).with_name("child.py")
+
+Faults = list[tuple[int, str]]
+"""Cases and what happened that should not happen."""
 
 
-def fuzz(name: str, cases: range, seed: int) -> tuple[Counter, list[tuple[int, str]]]:
-    """Reads mutated files of one format: number of cases by outcome, and (case, what happened) of what should not happen.
+def fuzz(
+    names: Iterable[str], cases: range, seed: int, coverage: Path | None = None, stop_at_first: bool = False
+) -> dict[str, tuple[Counter, Faults]]:
+    """Reads mutated files of some formats: by format the number of cases by outcome, and the faults.
 
-    Case k is a function of the format's name, the seed and k, so that a fault can be repeated alone.
+    Case k of a format is a function of the format's name, the seed and k, so that a fault can be repeated alone. With
+    `coverage` the branches that were taken are stored in that file.
     """
-    outcomes, faults, left = Counter(), [], list(cases)
+    found: dict[str, tuple[Counter, Faults]] = {name: (Counter(), []) for name in names}
+    left = [(name, case) for name in found for case in cases if case % FORMATS[name].every == 0]
     while left:
+        for name, case, outcome, message in _answers(left, seed, coverage):
+            left.remove((name, case))
+            found[name][0][outcome] += 1
+            if outcome not in (ACCEPTED, REFUSED):
+                found[name][1].append((case, f"{outcome}: {message}"))
+                if stop_at_first:
+                    return found
+        if left:  # the child hung or died; the next one begins with the next case
+            name, case = left.pop(0)
+            found[name][0]["hang or crash"] += 1
+            found[name][1].append((case, "hang or crash: the process that read it ended"))
+            if stop_at_first:
+                return found
+    return found
+
+
+def _answers(cases: list[tuple[str, int]], seed: int, coverage: Path | None) -> Iterator[tuple[str, int, str, str]]:
+    """What a child answers to cases until it ends: format, number, outcome and message of each."""
+    with tempfile.TemporaryDirectory(prefix="fuzz_") as place:
+        child = subprocess.Popen(
+            [sys.executable, str(CHILD), str(seed), place, str(coverage or "")],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+            env=os.environ | {"OMP_NUM_THREADS": "1"}, start_new_session=True,
+        )  # fmt: skip
+        assert child.stdin is not None and child.stdout is not None
         try:
-            for outcome, message in iterate_in_child(read_cases, name, left, seed, seconds=TIME_LIMIT_S):
-                case = left.pop(0)
-                outcomes[outcome] += 1
-                if outcome not in (ACCEPTED, REFUSED):
-                    faults.append((case, f"{outcome}: {message}"))
-        except InputError as error:  # the child hung or died; the next one begins with the next case
-            outcomes["hang or crash"] += 1
-            faults.append((left.pop(0), str(error)))
-    return outcomes, faults
-
-
-def read_cases(name: Path, cases: list[int], seed: int) -> Iterator[tuple[str, str]]:
-    """Yields (outcome, message) of each case. In the child."""
-    from fuzz.formats import FORMATS
-    from fuzz.mutations import mutate_file
-
-    warnings.simplefilter("ignore")  # files may be read with warnings
-    form = FORMATS[str(name)]
-    with tempfile.TemporaryDirectory() as temporary:
-        valid, mutated = Path(temporary) / "valid", Path(temporary) / "mutated"
-        valid.mkdir()
-        form.make(valid)
-        form.read(valid)
-        for case in cases:
-            rng = np.random.default_rng([zlib.crc32(str(name).encode()), seed, case])
-            shutil.rmtree(mutated, ignore_errors=True)
-            shutil.copytree(valid, mutated)
-            targets = sorted({path for pattern in form.files for path in mutated.glob(pattern)})
-            mutate_file(targets[int(rng.integers(len(targets)))], rng)
-            yield _outcome(form, mutated)
-
-
-def _outcome(form, folder: Path) -> tuple[str, str]:
-    try:
-        form.read(folder)
-    except InputError as error:
-        message = str(error)
-        if "\n" in message:
-            return "message of several lines", message
-        if any("\ud800" <= character <= "\udfff" for character in message):
-            return "message that cannot be printed", repr(message)
-        return REFUSED, message
-    except Exception as error:
-        return type(error).__name__, " ".join(str(error).split())[:300]
-    return ACCEPTED, ""
+            with child.stdin:
+                json.dump(cases, child.stdin)
+            yield from map(json.loads, child.stdout)
+        finally:
+            os.killpg(child.pid, signal.SIGKILL)  # with what a reader may have left
+            child.stdout.close()
+            child.wait()

@@ -1,13 +1,15 @@
-"""Kills a program again and again at random times, starts it again until it is done, and compares the result.
+"""Kills a program again and again, starts it again until it is done, and compares the result.
 
     python -m tests.kill --program synth --kills 50 --seed 0
+    python -m tests.kill --planted                              # first: does the harness find each planted fault?
     python -m tests.kill                                        # all programs
 
-Each start of the program is killed by SIGKILL after a time drawn from 0 to the length of an undisturbed run; only its first
-process is killed, as a user or a scheduler does. After each kill every other process of it must end within 5 s. A run that
-gets done is compared with an undisturbed one: files byte for byte, trained weights bit for bit; then the next one begins, until
-there were as many kills as wanted. Prints a line for each program, and ends with exit code 1 where anything differed, stayed
-alive or failed.
+There are two kinds of kills, which alternate. A death: SIGKILL after a time drawn from 0 to the length of an undisturbed run;
+only the first process is killed, as a user or a scheduler does, and every other process must end within 5 s. A failure of the
+power: all processes are killed at once before a drawn operation on files, and what was written and not synced is lost
+(`tests.kill.disk`). A run that gets done loses power once more, and is compared with an undisturbed one: files byte for byte,
+trained weights bit for bit; then the next one begins, until there were as many kills as wanted. Prints a line for each program,
+and ends with exit code 1 where anything differed, stayed alive or failed.
 """
 
 import argparse
@@ -22,49 +24,105 @@ import time
 from pathlib import Path
 from typing import Any
 
+from tests.kill.disk import Disk
 from tests.kill.programs import PROGRAMS, ROOT, Program
+from tests.planted import find_all
 
 LATEST_END_S = 5.0
-"""Within this time after a kill every process of the program must have ended."""
+"""Within this time after a death every process of the program must have ended."""
 
 MOST_SECONDS = 300.0
 
-
-def start(program: Program, folder: Path) -> subprocess.Popen:
-    """Starts a program as the leader of a session of its own; its output goes to FOLDER.log."""
-    with folder.with_suffix(".log").open("ab") as log:
-        return subprocess.Popen(
-            program.command(folder), cwd=ROOT, stdout=log, stderr=log, stdin=subprocess.DEVNULL, start_new_session=True,
-            env=os.environ | {"OMP_NUM_THREADS": "1"},
-        )  # fmt: skip
+KINDS = FAILURES, DEATHS = ["failures", "deaths"]
 
 
-def finish(program: Program, folder: Path) -> Any:
-    """Runs a program to its end, and gives its result."""
-    if code := start(program, folder).wait(timeout=MOST_SECONDS):
+class Runs:
+    """The runs of one program, and what was seen of them.
+
+    Attributes:
+        expected: the result of an undisturbed run.
+    """
+
+    def __init__(self, program: Program, folder: Path, rng: random.Random, kinds: list[str]) -> None:
+        self._program, self._rng = program, rng
+        self._kinds = {kind: {DEATHS: self.die, FAILURES: self.lose_power}[kind] for kind in kinds}
+        self.counts = dict.fromkeys((*kinds, "of resumed runs", "finished runs"), 0)
+        began = time.monotonic()
+        self.expected = self.finish(folder / "whole")
+        if shared := self.expected.get("rooms of both splits"):
+            raise RuntimeError(f"rooms of both splits: {shared}")
+        self._whole_s, self._operations = time.monotonic() - began, Disk(folder / "whole").operations
+
+    @property
+    def kills(self) -> int:
+        return sum(self.counts[kind] for kind in self._kinds)
+
+    def start(self, folder: Path, cut: int = 0) -> subprocess.Popen:
+        """Starts the program as the leader of a session of its own; its output goes to FOLDER.log."""
+        with folder.with_suffix(".log").open("ab") as log:
+            return subprocess.Popen(
+                self._program.command(folder), cwd=ROOT, stdout=log, stderr=log, stdin=subprocess.DEVNULL,
+                start_new_session=True, env=os.environ | {"OMP_NUM_THREADS": "1"} | Disk(folder).begin(cut),
+            )  # fmt: skip
+
+    def finish(self, folder: Path) -> Any:
+        """Runs the program to its end, and gives its result."""
+        ended(self.start(folder).wait(timeout=MOST_SECONDS), folder)
+        try:
+            return self._program.result(folder)
+        except (ValueError, OSError) as error:
+            raise RuntimeError(f"the result cannot be read: {error}") from error
+
+    def die(self, folder: Path) -> bool:
+        """Starts the program and kills its first process after some seconds; False if it was done before that."""
+        process = self.start(folder)
+        try:
+            ended(process.wait(timeout=self._rng.uniform(0, self._whole_s)), folder)
+            return False
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        began = time.monotonic()
+        while left := alive_in(process.pid):
+            if time.monotonic() - began > LATEST_END_S:
+                os.killpg(process.pid, signal.SIGKILL)
+                raise RuntimeError(f"processes alive after {LATEST_END_S:g} s: {left}")
+            time.sleep(0.02)
+        return True
+
+    def lose_power(self, folder: Path) -> bool:
+        """Starts the program, and the power fails before one of its operations; False if it was done before that."""
+        process = self.start(folder, self._rng.randint(1, self._operations))
+        code = process.wait(timeout=MOST_SECONDS)
+        if failed := code == -signal.SIGKILL:
+            while alive_in(process.pid):
+                time.sleep(0.02)
+        else:
+            ended(code, folder)
+        Disk(folder).fail(self._rng)
+        return failed
+
+    def kill_until_done(self, folder: Path, most: int) -> None:
+        """Kills one run, at most so many times, until it is done."""
+        starts = 0
+        while self.kills < most:
+            kind = min(self._kinds, key=lambda one: self.counts[one])
+            if not self._kinds[kind](folder):
+                break
+            starts += 1
+            self.counts[kind] += 1
+            self.counts["of resumed runs"] += starts > 1
+        self.finish(folder)
+        Disk(folder).fail(self._rng)
+        if (found := self.finish(folder)) != self.expected:
+            raise RuntimeError(f"after {starts} kills the result differs: {differences(found, self.expected)}")
+        self.counts["finished runs"] += 1
+
+
+def ended(code: int, folder: Path) -> None:
+    """Raises RuntimeError unless a program has ended well."""
+    if code:
         raise RuntimeError(f"exit code {code}: {folder.with_suffix('.log').read_text(errors='replace')[-2000:]}")
-    return program.result(folder)
-
-
-def killed(program: Program, folder: Path, after_s: float) -> bool:
-    """Starts a program and kills it after some seconds; False if it was done before that."""
-    process = start(program, folder)
-    try:
-        if code := process.wait(timeout=after_s):
-            raise RuntimeError(f"exit code {code}: {folder.with_suffix('.log').read_text(errors='replace')[-2000:]}")
-        return False
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
-    began = time.monotonic()
-    while left := alive_in(process.pid):
-        if time.monotonic() - began > LATEST_END_S:
-            for one in left:
-                with contextlib.suppress(ProcessLookupError):
-                    os.kill(one, signal.SIGKILL)
-            raise RuntimeError(f"processes alive after {LATEST_END_S:g} s: {left}")
-        time.sleep(0.02)
-    return True
 
 
 def alive_in(session: int) -> list[int]:
@@ -86,21 +144,12 @@ def differences(found: Any, expected: Any) -> str:
     return f"{str(found)[:60]} against {str(expected)[:60]}"
 
 
-def judge(name: str, kills: int, seed: int, folder: Path) -> str:
+def judge(name: str, kinds: list[str], kills: int, seed: int, folder: Path) -> str:
     """Kills one program that many times in runs below `folder`; what was seen."""
-    program, rng = PROGRAMS[name](folder), random.Random(f"{seed} {name}")
-    began = time.monotonic()
-    expected, whole_s = finish(program, folder / "whole"), time.monotonic() - began
-    count = resumed = runs = 0
-    while count < kills:
-        run, starts = folder / f"run_{runs}", 0
-        while count < kills and killed(program, run, rng.uniform(0, whole_s)):
-            count, starts = count + 1, starts + 1
-            resumed += starts > 1
-        if (found := finish(program, run)) != expected:
-            raise RuntimeError(f"after {starts} kills the result differs: {differences(found, expected)}")
-        runs += 1
-    return f"{name}: {kills} kills, {resumed} of them of resumed runs; {runs} finished runs, all equal"
+    runs = Runs(PROGRAMS[name](folder), folder, random.Random(f"{seed} {name}"), kinds)
+    while runs.kills < kills:
+        runs.kill_until_done(folder / f"run_{runs.counts['finished runs']}", kills)
+    return f"{name}: " + ", ".join(f"{count} {what}" for what, count in runs.counts.items()) + ", all equal"
 
 
 def main() -> None:
@@ -108,13 +157,17 @@ def main() -> None:
     parser = argparse.ArgumentParser("python -m tests.kill", description=__doc__, formatter_class=form)
     parser.add_argument("--program", choices=sorted(PROGRAMS), action="append", help="one program; may be given again")
     parser.add_argument("--kills", type=int, default=50, help="of each program: %(default)s")
-    parser.add_argument("--seed", type=int, default=0, help="of the times: %(default)s")
+    parser.add_argument("--kind", choices=KINDS, nargs="+", default=KINDS, help="of kills; both by default")
+    parser.add_argument("--seed", type=int, default=0, help="of the times and operations: %(default)s")
+    parser.add_argument("--planted", nargs="*", metavar="NAME", help="look for planted faults instead, all by default")
     given = parser.parse_args()
+    if given.planted is not None:
+        sys.exit(not find_all(Path(__file__).with_name("planted"), "tests.kill", given.planted))
     failed = False
     for name in given.program or PROGRAMS:
         with tempfile.TemporaryDirectory(prefix="kpopnet_kill_") as folder:
             try:
-                print(judge(name, given.kills, given.seed, Path(folder)))
+                print(judge(name, given.kind, given.kills, given.seed, Path(folder)), flush=True)
             except RuntimeError as error:
                 failed = True
                 print(f"{name}: {error}", file=sys.stderr)

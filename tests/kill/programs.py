@@ -1,4 +1,7 @@
-"""The programs that are killed, each with settings so small that a run takes seconds, most of them imports."""
+"""The programs that are killed, each with settings so small that a run takes seconds, most of them imports.
+
+Each function imports what its program needs: a run of one should not wait for the libraries of all.
+"""
 
 import json
 import sys
@@ -10,18 +13,15 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
-import factories
-import shard_sets
-from checkpoint_contents import contents
-
-from kpopnet.networks import ModelConfig
-from kpopnet.networks.checkpoint import resumable, save_checkpoint
-from kpopnet.networks.network import build_network
 from kpopnet.runtime.folder_lock import LOCK_FILE
+from kpopnet.runtime.input_files import ArraySchema, read_npz
 
 ROOT = Path(__file__).parents[2]
 CHANGING = ("git", "packages", "files", "seconds", "fps", "made")
 """Parts of metrics.json that are about the run and not about its result."""
+
+
+LEARNER = {"joints_m": ArraySchema("f", ("T", 15, 3))}
 
 
 class Program(NamedTuple):
@@ -43,14 +43,29 @@ def files_in(folder: Path) -> dict[str, bytes]:
 
 
 def synth(_: Path) -> Program:
-    """The generator with 2 processes: 12 shards of frozen samples, and the summary."""
-    settings = ["renderer=cpu", "motion=poses", "splits.train=48", "splits.validation=0", "splits.test=0", "shard_size=4"]
-    settings += ["frozen=[train]", "processes=2", "seed=5"]
-    return Program(lambda run: [sys.executable, "-m", "synth", f"out={run}", *settings], files_in)
+    """The generator with 2 processes: 10 shards of frozen samples of two splits, which share no room, and their summaries."""
+    from kpopnet.data.shards import ShardedSet
+
+    settings = ["renderer=cpu", "motion=poses", "splits.train=32", "splits.validation=8", "splits.test=0", "shard_size=4"]
+    settings += ["frozen=[train,validation]", "processes=2", "seed=5"]
+
+    def result(run: Path) -> dict[str, Any]:
+        rooms: list[set[bytes]] = []
+        for split in ("train", "validation"):
+            shards = ShardedSet(run / split)
+            rooms.append({shards.room(index, shards[index].room)[0].tobytes() for index in range(len(shards))})
+        return files_in(run) | {"rooms of both splits": len(rooms[0] & rooms[1])}
+
+    return Program(lambda run: [sys.executable, "-m", "synth", f"out={run}", *settings], result)
 
 
 def train(folder: Path) -> Program:
     """Training of a small network with a data worker: 24 steps with a checkpoint after every second one."""
+    import factories
+    from checkpoint_contents import contents
+
+    from kpopnet.networks.checkpoint import resumable
+
     for shard in (0, 1):
         factories.write_shard(folder / "train", shard, 6)
     factories.write_shard(folder / "validation", 0, 4)
@@ -80,6 +95,12 @@ def train(folder: Path) -> Program:
 
 def evaluate(folder: Path) -> Program:
     """The evaluation of an untrained network and the mean pose with 2 processes."""
+    import shard_sets
+
+    from kpopnet.networks import ModelConfig
+    from kpopnet.networks.checkpoint import save_checkpoint
+    from kpopnet.networks.network import build_network
+
     shard_sets.write_shard(folder / "set", [1, 1, 2, 2, 3, 3, 4, 4], empty=(1,))
     pose = np.stack([np.zeros(15), np.linspace(-0.6, 0.6, 15), np.full(15, 0.1)], axis=-1)
     meta = {"step": 1, "config": {}, "metrics": {}, "mean_pose_m": pose.tolist()}
@@ -100,6 +121,60 @@ def evaluate(folder: Path) -> Program:
     return Program(command, result)
 
 
+def finder(folder: Path) -> Program:
+    """Training of the finder of people: 6 steps with its files written after every second one."""
+    import torch
+    from room_image_files import write_room_images
+
+    from kpopnet.training.finder import META, STATE, WEIGHTS
+
+    images = write_room_images(folder / "images")
+    settings = [f"data.train={images}", f"data.validation={images}", "threads=1", "training.batch_size=2"]
+    settings += ["training.steps=6", "training.validate_every=2"]
+
+    def command(run: Path) -> list[str]:
+        resume = str((run / STATE).exists()).lower()
+        return [sys.executable, "train.py", "--config-name", "finder", f"out={run}", *settings, f"training.resume={resume}"]
+
+    def result(run: Path) -> dict[str, Any]:
+        state = torch.load(run / STATE, weights_only=True)
+        return {
+            "weights": (run / WEIGHTS).read_bytes(),
+            "described": json.loads((run / META).read_text()),
+            "state": repr(state),
+        }
+
+    return Program(command, result)
+
+
+def teacher(folder: Path) -> Program:
+    """The dance teacher adds 5 dances and saves 5 tries; what it said to have kept must be there, and all that is listed
+    whole."""
+    from kpopnet.teacher.library import Library
+    from kpopnet.teacher.tries import Tries
+    from synth.dances.taught import teacher_arrays
+    from tests.kill.lessons import DANCE
+
+    np.savez(folder / "body.npz", **teacher_arrays())
+
+    def command(run: Path) -> list[str]:
+        return [sys.executable, "-m", "tests.kill.lessons", str(run), str(folder / "body.npz"), "5"]
+
+    def result(run: Path) -> dict[str, Any]:
+        library, tries = Library(run, body=None), Tries(run / "tries")  # pyright: ignore[reportArgumentType]
+        names = [one["session"] for one in tries.history(DANCE)]
+        dances, kept = library.identities(), run.with_suffix(".log").read_text().split()
+        learners = [read_npz(tries.path(DANCE, name, "npz"), LEARNER)["joints_m"].tobytes() for name in names]
+        return {
+            "lost": sorted(set(kept) - {*dances, *names}),
+            "titles": sorted(library.dance(one).about.name for one in dances),
+            "tries": [{**tries.result(DANCE, name), "session": ""} for name in names],
+            "learners": sorted(set(learners)),
+        }
+
+    return Program(command, result)
+
+
 def without_changing(value: Any) -> Any:
     """Nested dicts and lists without the entries named in CHANGING."""
     if isinstance(value, dict):
@@ -107,5 +182,7 @@ def without_changing(value: Any) -> Any:
     return [without_changing(part) for part in value] if isinstance(value, list) else value
 
 
-PROGRAMS: dict[str, Callable[[Path], Program]] = {"synth": synth, "train": train, "evaluate": evaluate}
+PROGRAMS: dict[str, Callable[[Path], Program]] = {
+    "synth": synth, "train": train, "evaluate": evaluate, "finder": finder, "teacher": teacher,
+}  # fmt: skip
 """Each program by its name: made in a folder where its data may lie."""

@@ -1,0 +1,1 @@
+"""Kills of programs and failures of power: `make kill`, or `python -m tests.kill --help`."""
