@@ -21,8 +21,10 @@ def test_mutated_files_are_read_or_refused_in_one_line() -> None:
 @pytest.mark.parametrize("harness", ["fuzz", "kill"])
 def test_planted_faults_fit_the_checkout(harness: str) -> None:
     faults = planted(ROOT / "tests" / harness / "planted")
+    page = (ROOT / "docs" / "reliability.md").read_text()
     assert len(faults) >= 12
     for name, fault in faults.items():
+        assert f" {name}" in page, f"docs/reliability.md lists all planted faults, but not {name}"
         for edit in fault["edits"]:
             text = Path(ROOT / edit["file"]).read_text()
             assert text.count(edit["old"]) == 1, f"{name}: {edit['file']}"

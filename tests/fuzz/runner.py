@@ -1,5 +1,6 @@
 """Runs mutated files through their readers, in a child process that judges them and that they may take down."""
 
+import contextlib
 import json
 import os
 import signal
@@ -48,10 +49,10 @@ def fuzz(
 
 def _answers(cases: list[tuple[str, int]], seed: int, coverage: Path | None) -> Iterator[tuple[str, int, str, str]]:
     """What a child answers to cases until it ends: format, number, outcome and message of each."""
-    with tempfile.TemporaryDirectory(prefix="fuzz_") as place:
+    with tempfile.TemporaryDirectory(prefix="fuzz_") as place, tempfile.TemporaryFile("w+") as complaints:
         child = subprocess.Popen(
             [sys.executable, str(CHILD), str(seed), place, str(coverage or "")],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=complaints, text=True,
             env=os.environ | {"OMP_NUM_THREADS": "1"}, start_new_session=True,
         )  # fmt: skip
         assert child.stdin is not None and child.stdout is not None
@@ -59,7 +60,11 @@ def _answers(cases: list[tuple[str, int]], seed: int, coverage: Path | None) -> 
             with child.stdin:
                 json.dump(cases, child.stdin)
             yield from map(json.loads, child.stdout)
+            if child.wait() == 1:  # an exception of its own, and no fault of a reader
+                complaints.seek(0)
+                raise RuntimeError(complaints.read()[-2000:])
         finally:
-            os.killpg(child.pid, signal.SIGKILL)  # with what a reader may have left
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(child.pid, signal.SIGKILL)  # with what a reader may have left
             child.stdout.close()
             child.wait()

@@ -59,9 +59,13 @@ class Runs:
 
     def start(self, folder: Path, cut: int = 0) -> subprocess.Popen:
         """Starts the program as the leader of a session of its own; its output goes to FOLDER.log."""
+        try:
+            command = self._program.command(folder)
+        except (ValueError, OSError) as error:
+            raise RuntimeError(f"what is left cannot be taken up again: {error}") from error
         with folder.with_suffix(".log").open("ab") as log:
             return subprocess.Popen(
-                self._program.command(folder), cwd=ROOT, stdout=log, stderr=log, stdin=subprocess.DEVNULL,
+                command, cwd=ROOT, stdout=log, stderr=log, stdin=subprocess.DEVNULL,
                 start_new_session=True, env=os.environ | {"OMP_NUM_THREADS": "1"} | Disk(folder).begin(cut),
             )  # fmt: skip
 

@@ -4,6 +4,7 @@ Each function imports what its program needs: a run of one should not wait for t
 """
 
 import json
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -60,7 +61,10 @@ def synth(_: Path) -> Program:
 
 
 def train(folder: Path) -> Program:
-    """Training of a small network with a data worker: 24 steps with a checkpoint after every second one."""
+    """Training of a small network with a data worker: 12 steps with a checkpoint after every second one.
+
+    A resumed run must go on from the last checkpoint that the log tells of, or a later one.
+    """
     import factories
     from checkpoint_contents import contents
 
@@ -70,13 +74,17 @@ def train(folder: Path) -> Program:
         factories.write_shard(folder / "train", shard, 6)
     factories.write_shard(folder / "validation", 0, 4)
     settings = [f"data.train={folder / 'train'}", f"data.validation={folder / 'validation'}", "model.crop_px=32"]
-    settings += ["model.widths=[8,8,16,16]", "training.batch_size=4", "training.validate_every=2", "training.steps=24"]
+    settings += ["model.widths=[8,8,16,16]", "training.batch_size=4", "training.validate_every=2", "training.steps=12"]
     settings += ["training.validation_samples=4", "workers=1", "threads=1", "device=cpu"]
 
     def command(run: Path) -> list[str]:
-        checkpoint = resumable(run)
-        if checkpoint is not None:
-            if json.loads((checkpoint / "meta.json").read_text())["step"] == 24:  # killed after its last checkpoint
+        checkpoint, log = resumable(run), run.with_suffix(".log")
+        step = json.loads((checkpoint / "meta.json").read_text())["step"] if checkpoint else 0
+        told = re.findall(r"step (\d+) of 12: mean error", log.read_text()) if log.exists() else []
+        if step < max(map(int, told), default=0):
+            raise RuntimeError(f"the checkpoint of step {told[-1]} was lost: {checkpoint} is of step {step}")
+        if checkpoint:
+            if step == 12:  # killed after its last checkpoint
                 return [sys.executable, "-c", ""]
             return [sys.executable, "train.py", f"training.resume={checkpoint}"]
         return [sys.executable, "train.py", *settings, f"hydra.run.dir={run}"]

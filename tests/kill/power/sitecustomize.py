@@ -1,4 +1,4 @@
-"""Loses power: Python loads this module in every process of a program that the harness kills (`tests.kill.power`).
+"""Loses power: Python loads this module in every process of a program that the harness kills (`tests.kill.disk`).
 
 Below the folder `POWER_FOLDER` it counts the operations that change files: opening to write, rename, remove, link, mkdir,
 rmdir, truncate (Python's audit events), and fsync. Before the operation of number `POWER_CUT` it kills all processes of the
