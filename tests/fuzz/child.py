@@ -116,7 +116,9 @@ def judge(read, mutated: Path, outside: Path, demand: str, expected: str) -> tup
         return "time", f"{taken_s:.1f} s, {message[:100]}"
     if content is None:
         return (REFUSED, message) if message.isprintable() else ("message that is no plain line", repr(message))
-    if any(one.dtype.kind == "f" and one.size and np.isclose(one, SECRET, rtol=0, atol=1e-6).mean() > 0.5 for one in content):
+    numbers = [one for one in content if one.dtype.kind == "f" and one.size]
+    secret = any(np.isclose(one, SECRET, rtol=0, atol=1e-6).mean() > 0.5 for one in numbers)
+    if secret and demand != WILD:
         return "content of another file", "what lies outside was read"
     if demand == NEVER or (demand == TELLS and digest(content) != expected):
         return "damage accepted", "another content than that of the valid file"

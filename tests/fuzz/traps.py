@@ -12,7 +12,7 @@ BOMB_PX = 9_400
 
 ANY, TELLS, NEVER, WILD = "any", "tells", "never", "wild"
 """What a mutation demands: nothing; that its content is refused or has not changed, because the format's checksums tell; that
-it is refused; nothing, and not even that a library in whose structures it has changed bytes takes little memory."""
+it is refused; nothing, and not even that a library whose structures were changed takes little memory, or gives none of it."""
 
 
 CANARY = "canary"
