@@ -52,9 +52,3 @@ def make_missing(
         except WorkerDiedError as error:
             raise InputError(f"{folder}: {error}; finished {noun}s are kept: run the same command again") from error
         bar.total = bar.n
-
-
-def remove_unfinished(folder: Path, pattern: str) -> None:
-    """Removes the hidden files that killed processes left, once everything is finished."""
-    for unfinished in folder.glob(pattern):
-        unfinished.unlink(missing_ok=True)

@@ -59,6 +59,17 @@ class Value:
         return f"{scale * number:{'+' if self.signed else ''}.{digits}f}"
 
 
+def _as_text(cell: str) -> str:
+    """A cell that no spreadsheet runs as a formula: a name may begin as one does."""
+    if not cell.startswith(("=", "+", "-", "@", "\t", "\r")):
+        return cell
+    try:
+        float(cell)
+    except ValueError:
+        return f"'{cell}"
+    return cell
+
+
 @dataclass(frozen=True)
 class Table:
     """Rows with as many cells as the header; a cell is text, a whole number or a Value."""
@@ -116,5 +127,5 @@ class Table:
                 if not what or any(number is not None for number in numbers):
                     columns.append([title + what, *("" if number is None else f"{number:.6g}" for number in numbers)])
         stream = io.StringIO(newline="")
-        csv.writer(stream).writerows(zip(*columns, strict=True))
+        csv.writer(stream).writerows([_as_text(cell) for cell in row] for row in zip(*columns, strict=True))
         return stream.getvalue()

@@ -28,14 +28,13 @@ from pathlib import Path
 import numpy as np
 
 from kpopnet.dance.joint_files.points import IMPERIAL_NAMES, NamedPoints, named_performance
-from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.dance.joint_files.reader import read_strangers_performance
 from kpopnet.dance.performance import Performance
 from kpopnet.datasets.dances.writer import write_labels, write_learner, write_teacher
 from kpopnet.errors import InputError
 from kpopnet.programs.arguments import program_parser
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.input_files import ArraySchema, check_budget, open_npy
-from kpopnet.runtime.untrusted import read_in_child
 
 IMPERIAL_FPS = 100.0
 
@@ -63,10 +62,10 @@ def write_dance(out: Path, name: str, teacher: Performance, learners: dict[str, 
 
 def convert_recordings(out: Path, dance: str, teacher: Path, learners: list[Path], fps: float | None) -> None:
     """Writes a dance from files of joints, the learners from the best to the worst; `fps` is the true frame rate if given."""
-    names = {path.stem: read_in_child(read_performance, path, fps) for path in learners}
+    names = {path.stem: read_strangers_performance(path, fps) for path in learners}
     if len(names) < max(len(learners), 2):
         raise InputError("--learners: give at least two files of different names, the best dancer's first")
-    write_dance(out, dance, read_in_child(read_performance, teacher, fps), names)
+    write_dance(out, dance, read_strangers_performance(teacher, fps), names)
 
 
 def convert_imperial(source: Path, out: Path) -> None:

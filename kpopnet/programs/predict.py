@@ -29,7 +29,7 @@ from kpopnet.dance.performance import MAX_DURATION_S, Performance
 from kpopnet.errors import InputError
 from kpopnet.pose import PersonPose, PoseEstimator
 from kpopnet.programs.arguments import add_depth, opener, program_parser
-from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.atomic_write import atomic_path, remove_unfinished
 from kpopnet.runtime.compilation import announce_compilation
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
@@ -140,6 +140,8 @@ def main() -> None:
     estimator = PoseEstimator.load(given.checkpoint, given.mode, given.people)
     announce_compilation()
     with locked(given.out):
+        for name in ("joints", "overlay", "view"):  # of a run that was killed
+            remove_unfinished(given.out, f".{name}*.tmp")
         people, times_s = estimated(source, estimator, given.segmented)
         pictures = draw(source, people, times_s, given.out, given.gif)
         if not people:

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from kpopnet.dance.diagnosis import CORRECTIONS, RecordingFault, corrected, delayed, probable_faults
 from kpopnet.dance.feedback import feedback
-from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.dance.joint_files.reader import read_strangers_performance
 from kpopnet.dance.parts import NOISE, PartScorer
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import SCORERS, score_dance
@@ -27,7 +27,6 @@ from kpopnet.evaluation.report import printable, write_text
 from kpopnet.programs.arguments import program_parser
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
-from kpopnet.runtime.untrusted import read_in_child
 from kpopnet.skeleton import Joint
 
 
@@ -44,7 +43,7 @@ def other_formats(teacher: Path, learner: Path) -> list[RecordingFault]:
 
 def read_observed(path: Path, fps: float | None, correction: str, scorer: str) -> Performance:
     """Reads one dance; raises InputError as `read_performance`, or if a joint that the scorer needs is missing throughout."""
-    performance = corrected(read_in_child(read_performance, path, fps), correction)
+    performance = corrected(read_strangers_performance(path, fps), correction)
     if SCORERS[scorer].feature == "raptis" and Joint.NECK in performance.unseen_joints:
         raise InputError(f"{path}: neck missing in every frame; scorer {scorer} needs it, dance22 does not")
     return performance

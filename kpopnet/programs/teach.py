@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.dance.joint_files.reader import read_strangers_performance
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
 from kpopnet.pose import PoseEstimator
@@ -28,7 +28,6 @@ from kpopnet.programs.arguments import add_address, add_depth, check_server, ope
 from kpopnet.programs.predict import estimated
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
-from kpopnet.runtime.untrusted import read_in_child
 from kpopnet.sources.realsense import RealSenseCamera
 from kpopnet.sources.realsense import library as realsense_library
 from kpopnet.sources.source import DepthSource, LiveCamera, TimedDepth
@@ -140,7 +139,7 @@ def own_dances(given: argparse.Namespace) -> dict[str, Performance]:
             raise InputError(f"{path}: no person was found; the camera must stand still, and see the dancer from head to feet")
         name, performance = path.stem, Performance(people[0].joints_camera_m, times_s, people[0].confidence)
     else:
-        name, performance = path.stem, read_in_child(read_performance, path, given.fps)
+        name, performance = path.stem, read_strangers_performance(path, given.fps)
     return {given.title or name: performance}
 
 

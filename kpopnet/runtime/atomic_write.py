@@ -33,6 +33,12 @@ def atomic_path(path: Path) -> Iterator[Path]:
             part.unlink(missing_ok=True)
 
 
+def remove_unfinished(folder: Path, pattern: str) -> None:
+    """Removes the hidden files that killed processes left, where nobody else writes just now."""
+    for unfinished in folder.glob(pattern):
+        unfinished.unlink(missing_ok=True)
+
+
 def claim(path: Path) -> bool:
     """Makes an empty file, and whether this call made it: the file system gives a name to one writer alone."""
     try:

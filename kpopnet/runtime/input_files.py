@@ -7,6 +7,7 @@ what was expected. In the functions below `where` is file and place, for that li
 import json
 import math
 import os
+import re
 import types
 import typing
 import zipfile
@@ -24,6 +25,11 @@ BUDGET_VARIABLE = "KPOPNET_FILE_BUDGET_GB"
 DEFAULT_BUDGET_GB = 1.0
 MAX_JSON_BYTES = 64_000_000
 MAX_JSON_DEPTH = 64
+MAX_JSON_VALUES = 8_000_000
+"""Values separated by commas, and a quarter as many lists and objects: 1 GB. 64 MB of text may hold several times as many."""
+
+_LARGE_NUMBER = re.compile(r"[0-9]{19}|[0-9][eE]")
+_HALF = re.compile(r"\\u[dD][89a-fA-F]|[\ud800-\udfff]")
 
 Settings = TypeVar("Settings")
 R = TypeVar("R")
@@ -112,15 +118,24 @@ def parse_json(text: str | bytes, where: str, *, non_finite: bool = False) -> An
 
     With `non_finite` NaN, Infinity and -Infinity, which Python writes, are numbers too.
     """
+    if isinstance(text, bytes):
+        try:
+            text = text.decode()
+        except UnicodeDecodeError as error:
+            raise InputError(f"{where}: not UTF-8 text ({error.reason} at byte {error.start})") from error
+    most_lists = MAX_JSON_VALUES // 4
+    if text.count(",") > MAX_JSON_VALUES or text.count("[") + text.count("{") > most_lists:
+        raise InputError(f"{where}: expected at most {MAX_JSON_VALUES:,} values, and {most_lists:,} lists and objects")
+    checked = {"parse_int": _int64, "parse_float": _finite} if _LARGE_NUMBER.search(text) else {}  # ten times slower
     try:
-        value = json.loads(text, parse_constant=float if non_finite else _finite, parse_int=_int64, parse_float=_finite)
+        value = json.loads(text, parse_constant=float if non_finite else _finite, **checked)
         if _is_deeper(value, MAX_JSON_DEPTH):
             raise RecursionError
     except RecursionError as error:
         raise InputError(f"{where}: brackets are nested too deeply; expected at most {MAX_JSON_DEPTH} levels") from error
     except (ValueError, TypeError) as error:
         raise InputError(f"{where}: not valid JSON ({error})") from error
-    if _has_surrogates(json.dumps(value, ensure_ascii=False)):
+    if _HALF.search(text) and _has_surrogates(json.dumps(value, ensure_ascii=False)):
         raise InputError(f"{where}: a text has half of a surrogate pair, which is no character")
     return value
 

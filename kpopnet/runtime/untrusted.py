@@ -1,9 +1,11 @@
-"""Reads a stranger's file in a child process with limits of time and memory.
+"""Reads a stranger's file in a child process with limits of time, memory and open files.
 
 On damaged or hostile bytes a parser may crash, take all memory or never end. Then only the child ends, and the caller gets an
-`InputError`. What a parser raises becomes one too. The limits are no sandbox: they stop accidents, not code that runs.
+`InputError`. What a parser raises becomes one too. Text, numbers and arrays cross to the parent, which unpickles nothing. The
+limits are no sandbox: they stop accidents, not code that runs.
 """
 
+import json
 import math
 import os
 import pickle
@@ -14,7 +16,9 @@ import threading
 from collections.abc import Callable, Generator, Iterator
 from contextlib import closing, suppress
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import IO, Any, TypeVar
+
+import numpy as np
 
 from kpopnet.errors import InputError
 from kpopnet.runtime.cpu import ONE_THREAD
@@ -27,13 +31,18 @@ START_S = 60.0
 SECONDS, MEMORY_BYTES = 60.0, 4_000_000_000
 """Default limits: 64 MB of BVH take ten seconds; interpreter and libraries take 1 GB of address space."""
 
+OPEN_FILES = 128
+MAX_TEXT_BYTES = 64_000_000
+"""Most text of one result."""
+
 
 def read_in_child(
     reader: Callable[..., R], path: Path | str, *args: Any, seconds: float = SECONDS, memory_bytes: int = MEMORY_BYTES
 ) -> R:
     """Returns reader(path, *args), computed in a child process.
 
-    `reader` is a function of a module, whose result can be pickled. The child imports its module: about 0.2 s for numpy.
+    `reader` is a function of a module, which the child imports: about 0.2 s for numpy. Its result is made of None, bool, int,
+    float, str, arrays of numbers or text, and of lists, tuples and dictionaries by name of these; lists come back as tuples.
 
     Raises:
         InputError: that of the reader; or the reader raised another exception, crashed, or needed more than `seconds` or
@@ -65,8 +74,9 @@ def iterate_in_child(
     )
     assert child.stdin is not None and child.stdout is not None
     try:
-        with suppress(BrokenPipeError), child.stdin:
+        with suppress(BrokenPipeError):  # and stays open: the child ends where this process does
             pickle.dump((reader, path, args, seconds, memory_bytes), child.stdin)
+            child.stdin.flush()
         _answer(child, path, START_S)
         while True:
             kind, value = _answer(child, path, seconds)
@@ -78,6 +88,8 @@ def iterate_in_child(
     finally:
         child.kill()
         child.stdout.close()
+        with suppress(BrokenPipeError):
+            child.stdin.close()
         child.wait()
 
 
@@ -88,12 +100,68 @@ def _answer(child: subprocess.Popen, path: Path, seconds: float) -> tuple[str, A
     timer.start()
     try:
         assert child.stdout is not None
-        return pickle.load(child.stdout)
-    except (EOFError, pickle.UnpicklingError):
+        kind, value = received(child.stdout)
+        return str(kind), value
+    except (EOFError, ValueError, TypeError, KeyError, RecursionError, MemoryError):
         reason = f"its reader took longer than {seconds:g} s" if late.is_set() else "its reader crashed"
         raise InputError(f"{path}: cannot be read ({reason}); expected a file that is not damaged") from None
     finally:
         timer.cancel()
+
+
+def send(value: Any, to: IO[bytes]) -> None:
+    """Writes a value as a line of JSON, in which numbers stand for the arrays, and the bytes of these."""
+    arrays: list[np.ndarray] = []
+
+    def tree(value: Any) -> Any:
+        if isinstance(value, np.ndarray | np.generic):
+            arrays.append(np.ascontiguousarray(value).reshape(np.shape(value)))
+            return {"array": arrays[-1].dtype.str, "shape": arrays[-1].shape}
+        if isinstance(value, dict):
+            return {"names": list(value), "values": [tree(one) for one in value.values()]}
+        if isinstance(value, list | tuple):
+            return [tree(one) for one in value]
+        return value
+
+    text = json.dumps(tree(value)).encode()
+    to.write(len(text).to_bytes(8, "little") + text)
+    for array in arrays:
+        if array.dtype.kind not in KINDS:
+            raise TypeError(f"an array of {array.dtype}")
+        to.write(array.tobytes())
+    to.flush()
+
+
+KINDS = "biufSU"
+"""Kinds of arrays that cross, as numpy calls them: no Python objects."""
+
+
+def received(source: IO[bytes]) -> Any:
+    """Reads what `send` has written; ValueError, KeyError or TypeError for anything else, EOFError at the end."""
+
+    def exactly(count: int) -> bytes:
+        content = source.read(count)
+        if len(content) < count:
+            raise EOFError
+        return content
+
+    def value(tree: Any) -> Any:
+        if isinstance(tree, list):
+            return tuple(value(one) for one in tree)
+        if not isinstance(tree, dict):
+            return tree
+        if "names" in tree:
+            return dict(zip(map(str, tree["names"]), map(value, tree["values"]), strict=True))
+        dtype, shape = np.dtype(str(tree["array"])), tuple(map(int, tree["shape"]))
+        if dtype.kind not in KINDS or min(shape, default=0) < 0:
+            raise ValueError
+        array = np.frombuffer(bytearray(exactly(math.prod(shape) * dtype.itemsize)), dtype).reshape(shape)
+        return array if shape else array[()]
+
+    length = int.from_bytes(exactly(8), "little")
+    if length > MAX_TEXT_BYTES:
+        raise ValueError
+    return value(json.loads(exactly(length)))
 
 
 def serve() -> None:
@@ -101,12 +169,12 @@ def serve() -> None:
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a library prints is no answer
     reader, path, args, seconds, memory_bytes = pickle.load(sys.stdin.buffer)
-    _limit_memory(memory_bytes)
+    _limit(memory_bytes)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
 
     def answer(kind: str, value: Any = None) -> None:
         _end_after(0)
-        pickle.dump((kind, value), answers, protocol=pickle.HIGHEST_PROTOCOL)
-        answers.flush()
+        send((kind, value), answers)
         _end_after(seconds)
 
     answer("ready")
@@ -123,11 +191,18 @@ def serve() -> None:
         answer("error", f"{path}: cannot be read ({type(error).__name__}: {reason})")
 
 
-def _limit_memory(most_bytes: int) -> None:
+def _end_with_parent() -> None:
+    while os.read(0, 1):
+        pass
+    os._exit(1)
+
+
+def _limit(most_bytes: int) -> None:
     with suppress(ImportError, OSError, ValueError):  # not on every system
         import resource
 
-        for which, most in ((resource.RLIMIT_AS, most_bytes), (resource.RLIMIT_CORE, 0)):
+        limits = (resource.RLIMIT_AS, most_bytes), (resource.RLIMIT_CORE, 0), (resource.RLIMIT_NOFILE, OPEN_FILES)
+        for which, most in limits:
             _, hard = resource.getrlimit(which)
             resource.setrlimit(which, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
 

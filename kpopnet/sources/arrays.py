@@ -1,8 +1,9 @@
-"""Depth from arrays: .npz, unpacked image by image, HDF5, read chunk by chunk, and .npy, which is mapped into memory."""
+"""Depth from arrays: .npz, unpacked image by image, HDF5, read chunk by chunk, and .npy."""
 
 import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import IO
 
 import h5py
 import numpy as np
@@ -11,10 +12,10 @@ from kpopnet.camera import Camera
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import (
     ArraySchema,
+    check_array,
     check_budget,
     expect,
     names_in,
-    open_npy,
     parsing,
     read_npy_header,
     read_npz,
@@ -81,15 +82,8 @@ def read_npz_depth(path: Path, key: str | None) -> Recording:
 
     def images() -> Iterator[StoredImage]:
         with parsing(path, NOT_NPZ), zipfile.ZipFile(path) as archive, archive.open(f"{name}.npy") as member:
-            _, fortran, dtype = read_npy_header(member, f"{path}: {name}")
-            if fortran:
-                raise InputError(f"{path}: {name} is stored in Fortran order; save it again with numpy.ascontiguousarray")
-            needed = height * width * dtype.itemsize
-            for number in range(frames):
-                where, packed = f"{path}: {name}, frame {number}", member.read(needed)
-                expect(len(packed) == needed, where, f"{needed:,} bytes, found {len(packed):,}: truncated")
-                time_s = None if times_s is None else float(times_s[number])
-                yield StoredImage(np.frombuffer(packed, dtype).reshape(height, width), where, time_s)
+            for number, depth in enumerate(_stored_images(member, f"{path}: {name}")):
+                yield StoredImage(depth, f"{path}: {name}, frame {number}", None if times_s is None else float(times_s[number]))
 
     fps = _rate(times_s, float(known["fps"]) if "fps" in known else None)
     return Recording(images, width, height, frames, fps, camera)
@@ -138,11 +132,27 @@ def _attribute(path: Path, file: h5py.File, name: str, expected: str) -> list[fl
 def read_npy(path: Path) -> Recording:
     """An .npy file of (T, H, W) depth, or (H, W) for a single image."""
     with path.open("rb") as file:
-        axes = len(read_npy_header(file, str(path))[0])
-    stored = open_npy(path, ArraySchema("fiu", (None,) * (2 if axes == 2 else 3)))
-    sequence = stored.reshape(-1, *stored.shape[-2:])
+        shape, _, dtype = read_npy_header(file, str(path))
+    schema = ArraySchema("fiu", (None,) * (2 if len(shape) == 2 else 3))
+    check_array(str(path), shape, dtype, schema)
+    frames, height, width = (1, *shape)[-3:]
 
     def images() -> Iterator[StoredImage]:
-        return (StoredImage(np.asarray(depth), f"{path}: frame {number}") for number, depth in enumerate(sequence))
+        with path.open("rb") as file:
+            for number, depth in enumerate(_stored_images(file, str(path))):
+                yield StoredImage(depth, f"{path}: frame {number}")
 
-    return Recording(images, sequence.shape[2], sequence.shape[1], len(sequence))
+    return Recording(images, width, height, frames)
+
+
+def _stored_images(file: IO[bytes], where: str) -> Iterator[np.ndarray]:
+    """The (H, W) images of an .npy stream, one after another."""
+    shape, fortran, dtype = read_npy_header(file, where)
+    frames, height, width = (1, *shape)[-3:]
+    if fortran and frames * height * width > max(shape, default=0):
+        raise InputError(f"{where}: stored in Fortran order; save it again with numpy.ascontiguousarray")
+    needed = height * width * dtype.itemsize
+    for number in range(frames):
+        packed = file.read(needed)
+        expect(len(packed) == needed, f"{where}, frame {number}", f"{needed:,} bytes, found {len(packed):,}: truncated")
+        yield np.frombuffer(packed, dtype).reshape(height, width)

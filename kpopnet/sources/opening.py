@@ -1,12 +1,13 @@
 """Opens a recording of depth of any known kind."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import astuple
 from functools import partial
 from pathlib import Path
 
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
-from kpopnet.runtime.untrusted import MEMORY_BYTES, iterate_in_child, read_in_child
+from kpopnet.runtime.untrusted import iterate_in_child, read_in_child
 from kpopnet.sources import arrays, images, realsense, video
 from kpopnet.sources.camera_files import read_camera
 from kpopnet.sources.source import DepthSource, Recording, StoredImage, check_size
@@ -84,14 +85,18 @@ def open_depth(
 def _described(path: Path, key: str | None, in_child: bool) -> Recording:
     if not in_child:
         return _read(path, key)
-    mapped_bytes = path.stat().st_size if path.is_file() else 0  # .npy files are mapped into memory
-    limits = {"memory_bytes": MEMORY_BYTES + mapped_bytes}
-    images = partial(iterate_in_child, _images, path, key, **limits)
-    return read_in_child(_without_images, path, key, **limits)._replace(images=images)
+    stated = read_in_child(_without_images, path, key)
+    camera = None if stated["camera"] is None else Camera.from_numbers(stated["camera"], f"{path}: camera")
+
+    def images() -> Iterator[StoredImage]:
+        return (StoredImage(*image) for image in iterate_in_child(_images, path, key))
+
+    return Recording(**stated | {"images": images, "camera": camera})
 
 
-def _without_images(path: Path, key: str | None) -> Recording:
-    return _read(path, key)._replace(images=tuple)
+def _without_images(path: Path, key: str | None) -> dict:
+    found = _read(path, key)
+    return found._asdict() | {"images": None, "camera": None if found.camera is None else astuple(found.camera)}
 
 
 def _images(path: Path, key: str | None) -> Iterator[StoredImage]:

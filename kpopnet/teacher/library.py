@@ -85,6 +85,7 @@ class About:
 
     def __post_init__(self) -> None:
         check_names("title", [self.name])
+        expect(self.name.isprintable(), f"title {self.name}", "letters that can be printed")
 
     @property
     def phrase_s(self) -> float:

@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 from aiohttp import WSCloseCode, WSMsgType, web
 
-from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.dance.joint_files.reader import read_performance, read_strangers_performance
 from kpopnet.errors import InputError, check_between
 from kpopnet.runtime.input_files import check_fields, parse_json, settings_from
-from kpopnet.runtime.untrusted import read_in_child
 from kpopnet.teacher.adding import add_performance
 from kpopnet.teacher.film import Filming
 from kpopnet.teacher.hosting import page_app
@@ -139,7 +138,7 @@ async def upload(request: web.Request) -> web.Response:
         path = Path(folder) / f"dance{suffix}"
         path.write_bytes(content)
         try:
-            performance = await asyncio.to_thread(read_in_child, read_performance, path)
+            performance = await asyncio.to_thread(read_strangers_performance, path)
         except InputError as error:
             raise InputError(str(error).replace(str(path), "the file")) from error
     return web.json_response({"identity": await asyncio.to_thread(add_performance, library, performance, "the file", title)})

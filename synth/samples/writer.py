@@ -19,11 +19,11 @@ import numpy as np
 from kpopnet.camera import MM_PER_METRE, Camera
 from kpopnet.data.shards import FORMAT, VERSION, Sample, ShardedSet, open_shard, read_header, shard_path
 from kpopnet.errors import InputError, check_between, check_seed
-from kpopnet.runtime.atomic_write import atomic_hdf5, atomic_path
+from kpopnet.runtime.atomic_write import atomic_hdf5, atomic_path, remove_unfinished
 from kpopnet.skeleton import JOINT_NAMES
 from kpopnet.viz.drawing import TRUE, depth_rgb, draw_skeleton, enlarged, probability_rgb, save_png, sheet, with_captions
 from synth.body.asset import ASSET
-from synth.resumable import make_missing, remove_unfinished
+from synth.resumable import make_missing
 from synth.samples.layers import silhouette_box
 from synth.samples.observe import Background, FreezeConfig, freeze
 from synth.samples.sampler import BLOCK, RenderedRoom, SampleConfig, Sampler

@@ -13,14 +13,14 @@ import numpy as np
 
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
-from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.atomic_write import atomic_path, remove_unfinished
 from kpopnet.runtime.input_files import read_json
 from kpopnet.viz.drawing import save_png
 from synth.body.asset import ASSET
 from synth.motion import MotionConfig
 from synth.motion.skeleton import Motion
 from synth.motion.splice import cut
-from synth.resumable import make_missing, remove_unfinished
+from synth.resumable import make_missing
 from synth.sensor.model import SENSORS, SensorConfig
 
 MANIFEST = "manifest.json"

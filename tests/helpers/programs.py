@@ -2,8 +2,10 @@
 
 import importlib.util
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from types import ModuleType
 
@@ -26,6 +28,20 @@ def run_program(script: str | Path, place: Path, *words: object, processes: int 
         text=True,
         env=os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": path},
     )
+
+
+def ended(process: int) -> bool:
+    """Whether a process ends within half a minute; one that does not is killed."""
+    for _ in range(600):
+        try:
+            os.kill(process, 0)
+            if Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z":  # nobody waits for it
+                return True
+        except (ProcessLookupError, FileNotFoundError):
+            return True
+        time.sleep(0.05)
+    os.kill(process, signal.SIGKILL)
+    return False
 
 
 def tool(name: str) -> ModuleType:

@@ -31,6 +31,7 @@ from kpopnet.runtime.input_files import (
     read_npz,
     read_text,
 )
+from kpopnet.runtime.untrusted import read_in_child
 from kpopnet.skeleton import NUM_JOINTS
 
 SUFFIXES = (".npz", ".bvh", ".csv", ".json")
@@ -57,7 +58,7 @@ def read_performance(path: Path | str, fps: float | None = None) -> Performance:
 
     Joints of .npz files of our own stay in their camera frame, those of all other files are turned to face a level camera (see
     `kpopnet.dance.joint_files.points`). `fps` is the true frame rate of a file that states none or a wrong one. A stranger's
-    file is read by `kpopnet.runtime.untrusted.read_in_child(read_performance, path, fps)`.
+    file is read by `read_strangers_performance`.
     """
     path = Path(path)
     match path.suffix.lower():
@@ -74,6 +75,16 @@ def read_performance(path: Path | str, fps: float | None = None) -> Performance:
         case _:
             raise InputError(f"{path}: expected a file that ends with {', '.join(SUFFIXES)}")
     return named_performance(recorded, str(path), fps)
+
+
+def read_strangers_performance(path: Path | str, fps: float | None = None) -> Performance:
+    """`read_performance` in a process with limits of time and memory, which a hostile file may harm."""
+    return Performance(**read_in_child(_arrays, path, fps))
+
+
+def _arrays(path: Path, fps: float | None) -> dict[str, np.ndarray]:
+    found = read_performance(path, fps)
+    return {"joints_m": found.joints_m, "times_s": found.times_s, "confidence": found.confidence}
 
 
 def _read_npz(path: Path, fps: float | None) -> Performance:

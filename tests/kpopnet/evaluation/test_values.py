@@ -53,6 +53,13 @@ def test_csv_holds_numbers_with_their_units():
     ]
 
 
+def test_no_cell_of_csv_is_a_formula():
+    names = ["=HYPERLINK(1)", "+1+2", "-2+3", "@SUM(1)", "\t=1", "-3.5", "a=b", "dance"]
+    table = Table(["=name", "error"], [[name, Value(-1.5, "cm")] for name in names])
+    found = rows(table)
+    assert [row[0] for row in found] == ["'=name", *(f"'{name}" for name in names[:5]), *names[5:]] and found[1][1] == "-1.5"
+
+
 def test_latex_and_html_escape_what_they_would_read_as_commands():
     latex = MIXED.latex()
     assert latex.startswith("\\begin{tabular}{lrr}\n\\toprule\n & a \\& b & c \\\\\n\\midrule\n")

@@ -60,6 +60,8 @@ def camera_words(camera=CAMERA):
 
 def test_joints_in_every_format_pictures_and_a_page(predict, tmp_path):
     np.save(tmp_path / "a.npy", recording())
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / ".overlay.mp4.elsewhere.1-0.tmp").write_bytes(b"of a run that was killed")
     printed = predict(tmp_path / "a.npy", *camera_words(), "--format", "npz", "json", "csv", "bvh", "--gif", "--fps", 25)
     out = tmp_path / "out"
     names = {"joints.npz", "joints.json", "joints.csv", "joints.bvh", "overlay.png", "overlay.mp4", "overlay.gif", "view.html"}

@@ -2,6 +2,7 @@
 
 import json
 import math
+import tracemalloc
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -83,3 +84,12 @@ def test_exceptions_of_a_library_become_input_errors(tmp_path, monkeypatch):
     monkeypatch.setenv("KPOPNET_FILE_BUDGET_GB", "1e-8")
     with pytest.raises(InputError, match="would take"):
         read_with(lambda _: None, path, "damaged")
+
+
+@pytest.mark.parametrize("text", ["[" + "0," * 31_000_000 + "0]", "[" + "[]," * 3_000_000 + "0]"], ids=["values", "lists"])
+def test_more_values_than_memory_holds_are_refused_before_they_are_made(text):
+    tracemalloc.start()
+    with pytest.raises(InputError, match="expected at most 8,000,000 values"):
+        parse_json(text, "a.json")
+    assert tracemalloc.get_traced_memory()[1] < 1_000_000
+    tracemalloc.stop()

@@ -1,6 +1,7 @@
 """Recordings of every kind give the same metres, in bounded memory, and what is no depth is refused in one line."""
 
 import json
+import os
 import sys
 import tracemalloc
 import zipfile
@@ -167,6 +168,16 @@ def test_images_that_are_no_depth_are_refused_and_a_pattern_leaves_them_out(tmp_
     write_pngs(tmp_path / "tiffs", MILLIMETRES.astype(np.float32), ".tif")
     with pytest.raises(InputError, match=r"depth0\.tif: half of the measured pixels.*look like millimetres"):
         list(open_depth(tmp_path / "tiffs", CAMERA))
+
+
+def test_a_file_that_is_cut_while_it_is_read_is_refused(tmp_path):
+    """A memory map of it would end the whole process."""
+    np.save(tmp_path / "a.npy", np.full((9, *MILLIMETRES.shape[1:]), 2000, np.uint16))
+    images = iter(open_depth(tmp_path / "a.npy", CAMERA))
+    next(images)
+    os.truncate(tmp_path / "a.npy", 3 * MILLIMETRES[0].nbytes)
+    with pytest.raises(InputError, match=r"a\.npy, frame 2: expected .* truncated"):
+        list(images)
 
 
 def test_an_image_or_an_array_that_claims_too_much_is_refused_before_memory_is_taken(tmp_path):
