@@ -5,6 +5,7 @@
 # make fuzz    install, then find planted faults, and read 2,000 mutations of every file format that strangers send
 # make kill    install, then find planted faults, and kill each program 50 times, or its power, and compare what it makes
 # make soak    install, then run the online path for an hour
+# make dependencies   run some tests with the lowest and with the newest allowed version of each dependency
 # make lint    install, then check style, format and types
 # make results ROW=eval_sim_31   install, then measure a row of results/ again: results/eval_sim_31.json
 # make wheel   install, then build dist/*.whl
@@ -15,7 +16,7 @@ BIN := .venv/bin
 READY := .venv/installed
 DEMO := outputs/demo
 
-.PHONY: demo teach test speed fuzz kill soak lint results wheel clean
+.PHONY: demo teach test speed fuzz kill soak dependencies lint results wheel clean
 
 $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -53,6 +54,9 @@ kill: $(READY)
 
 soak: $(READY)
 	$(BIN)/python -m tests.soak
+
+dependencies:
+	$(PYTHON) tools/check_dependencies.py lowest newest
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -1,0 +1,21 @@
+"""What the package takes from others: the bill of materials names each vendored file with its digest."""
+
+import hashlib
+import json
+import tomllib
+
+from programs import ROOT
+
+SBOM = "kpopnet.cdx.json"
+
+
+def test_vendored_files_are_those_of_the_bill_of_materials() -> None:
+    bill = json.loads((ROOT / SBOM).read_text())
+    listed = {one["properties"][0]["value"]: one["hashes"][0]["content"] for one in bill["components"]}
+    vendored = [*(ROOT / "kpopnet/teacher/page/vendor").glob("*.js"), *(ROOT / "synth/assets").glob("*.npz")]
+    assert listed == {path.relative_to(ROOT).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in vendored}
+
+
+def test_the_wheel_carries_the_bill_of_materials() -> None:
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    assert settings["tool"]["hatch"]["build"]["targets"]["wheel"]["sbom-files"] == [SBOM]
