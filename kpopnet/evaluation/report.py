@@ -196,8 +196,9 @@ def _element(kind: str, content: Any, folder: Path | None) -> str:
 def save_plots(folder: Path, plots: dict[str, Figure]) -> None:
     """Writes every plot as NAME.png, for the page, and NAME.svg, for papers."""
     for name, plot in plots.items():
-        plot.savefig(folder / f"{name}.png", dpi=110)
-        plot.savefig(folder / f"{name}.svg")
+        for kind, settings in (("png", {"dpi": 110}), ("svg", {})):
+            with atomic_path(folder / f"{name}.{kind}") as part:
+                plot.savefig(part, format=kind, **settings)
 
 
 def save_view(
