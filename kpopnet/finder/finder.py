@@ -13,7 +13,7 @@ from kpopnet.finder.people import certainty, gather_people, pixel_owners
 from kpopnet.human import Human
 from kpopnet.weights import shipped_finder
 
-LEAST_PROBABILITY, LEAST_M2, LEAST_CELLS = 0.5, 0.03, 8
+LEAST_PROBABILITY, LEAST_M2, LEAST_CELLS = 0.4, 0.03, 8
 """Of the cells of a person; the least surface that shows of a person, and the least number of their cells."""
 
 FOLLOWED_CERTAINTY = 0.2
