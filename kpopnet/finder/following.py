@@ -33,9 +33,11 @@ class _Track:
         # Somebody hidden does not go on for ever: the expectation stops after some images.
         return self.centre_m + self.step_m * min(self.missed + 1, 5)
 
-    def see(self, centre_m: np.ndarray) -> None:
-        moved_m = (centre_m - self.centre_m) / (self.missed + 1)
-        self.step_m = MOMENTUM * self.step_m + (1 - MOMENTUM) * moved_m if self.missed == 0 else np.zeros(3, np.float32)
+    def see(self, centre_m: np.ndarray, certain: bool) -> None:
+        if self.missed:
+            self.step_m = np.zeros(3, np.float32)
+        elif certain:  # the centre of somebody who is nearly hidden slides to what is left of them: that is no speed
+            self.step_m = MOMENTUM * self.step_m + (1 - MOMENTUM) * (centre_m - self.centre_m)
         self.centre_m, self.missed = centre_m, 0
 
 
@@ -68,7 +70,8 @@ class Followed:
         known = {track.identity: track for track in self._tracks}
         for track in self._tracks:
             if track.identity in identities:
-                track.see(centres_m[identities.index(track.identity)])
+                column = identities.index(track.identity)
+                track.see(centres_m[column], bool(certain[column]))
             else:
                 track.missed += 1
         self._tracks += [

@@ -7,7 +7,7 @@ from capsule_people import standing as standing_joints
 from factories import draw_person, draw_room
 
 from kpopnet.camera import Camera
-from kpopnet.skeleton import NUM_JOINTS, Joint
+from kpopnet.skeleton import Joint
 
 CAMERA = Camera.centred(140.0, 160, 120)
 LOWERED_M = 0.02  # lowers the standing body onto the floor
@@ -32,18 +32,6 @@ def standing(z_m: float = 2.8, arms_deg: float = -60.0, turned: bool = False) ->
         body[Joint[f"{side}_ELBOW"]] = shoulder + 0.28 * direction
         body[Joint[f"{side}_HAND"]] = shoulder + 0.54 * direction
     return draw_person((body + np.array([0, LOWERED_M, z_m])).astype(np.float32), CAMERA)
-
-
-@cache
-def lying(z_m: float = 2.8) -> np.ndarray:
-    """(H, W) float32 metres: a person lying on the floor across the image."""
-    body, upright = np.zeros((NUM_JOINTS, 3)), standing_joints()
-    for side, sign in (("RIGHT", -1), ("LEFT", 1)):
-        upright[Joint[f"{side}_ELBOW"]] = sign * 0.22, -0.15, 0
-        upright[Joint[f"{side}_HAND"]] = sign * 0.24, 0.1, 0
-    body[:, 0], body[:, 2] = upright[:, 1], upright[:, 0]
-    body[:, 1] = 0.95 - 0.12
-    return draw_person((body + np.array([0, 0, z_m])).astype(np.float32), CAMERA)
 
 
 def shifted(person: np.ndarray, shift_px: int) -> np.ndarray:
