@@ -44,6 +44,7 @@ from kpopnet.runtime.folder_lock import LOCK_FILE, locked
 from kpopnet.runtime.hydra_app import entry_point, register_choices, register_schemas, user_errors
 from synth.dances.simulate import KpopSim
 from synth.motion import SPLITS, MotionConfig, build_motion
+from synth.rooms.crops import PersonCropsSet
 from synth.rooms.images import RoomImagesSet
 from synth.samples.observe import ExtractionConfig, FreezeConfig
 from synth.samples.sampler import SampleConfig
@@ -211,6 +212,7 @@ BENCHMARKS: dict[str, type[SetGenerator]] = {
     "rooms": Rooms,
     "kpop_sim": KpopSim,
     "room_images": RoomImagesSet,
+    "person_crops": PersonCropsSet,
 }
 """Each benchmark that can be simulated."""
 

@@ -86,7 +86,8 @@ def test_a_module_imports_only_its_own_package_and_the_layers_below(module: str)
 @pytest.mark.parametrize("module", [name for name in IMPORTS if room(name) == "synth"])
 def test_synth_imports_little_of_kpopnet(module: str) -> None:
     foreign = {one for one in IMPORTS[module] if room(one) != "synth"} - {"kpopnet"}
-    assert all(room(one) in SYNTH_MAY_IMPORT for one in foreign), (module, foreign)
+    finder = {"kpopnet.finder", "kpopnet.weights"} if module == "synth.rooms.crops" else set()  # makes what the finder cuts out
+    assert all(room(one) in SYNTH_MAY_IMPORT | finder for one in foreign), (module, foreign)
 
 
 def test_no_imports_go_round_in_a_circle() -> None:

@@ -35,3 +35,20 @@ class ObservationSource(Protocol):
     def __len__(self) -> int: ...
 
     def observe(self, index: int, epoch: int) -> Observation: ...
+
+
+@dataclass(frozen=True)
+class JoinedSources:
+    """The observations of several sources, one source after another."""
+
+    sources: tuple[ObservationSource, ...]
+
+    def __len__(self) -> int:
+        return sum(len(source) for source in self.sources)
+
+    def observe(self, index: int, epoch: int) -> Observation:
+        for source in self.sources:
+            if index < len(source):
+                return source.observe(index, epoch)
+            index -= len(source)
+        raise IndexError("observation beyond the last")

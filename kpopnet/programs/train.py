@@ -34,6 +34,8 @@ from omegaconf import DictConfig, OmegaConf
 
 from kpopnet.baselines.tree_walk.training import TreeWalkConfig
 from kpopnet.baselines.tree_walk.training import train as train_tree_walk
+from kpopnet.data.observation import JoinedSources, ObservationSource
+from kpopnet.data.person_crops import PersonCrops
 from kpopnet.data.shards import ShardedSet
 from kpopnet.errors import InputError, check_seed
 from kpopnet.networks import ModelConfig
@@ -75,6 +77,7 @@ class ObservationConfig:
         other_sensors: probability, for each image, that another sensor measures it instead.
         extraction: errors of the silhouettes, drawn again in every epoch.
         data: where the samples are.
+        crops: folder with person crops in train/ and validation/ (`kpopnet.data.person_crops`), which are added to the samples.
         seed: of everything random.
         workers: processes that prepare batches.
     """
@@ -83,6 +86,7 @@ class ObservationConfig:
     other_sensors: OtherSensors = field(default_factory=OtherSensors)
     extraction: ExtractionConfig = field(default_factory=ExtractionConfig)
     data: DataConfig = field(default_factory=DataConfig)
+    crops: str | None = None
     seed: int = 0
     workers: int = 1
 
@@ -91,15 +95,20 @@ class ObservationConfig:
         if self.workers < 0:
             raise InputError(f"workers={self.workers} must be 0 or more")
 
-    def observed(self) -> tuple[Observer, Observer, dict[str, dict]]:
-        """Observations of both sets of shards, and what identifies the sets; raises InputError if a folder holds none."""
+    def observed(self) -> tuple[ObservationSource, ObservationSource, dict[str, dict]]:
+        """What to learn from and to validate with, and what identifies the sets; raises InputError if a folder holds none."""
         log.info(f"reading {self.data.train} and {self.data.validation}")
         sets = {name: ShardedSet(folder) for name, folder in asdict(self.data).items()}
-        train_set, validation_set = (
-            Observer(shards, self.sensor, self.extraction, self.seed, self.other_sensors) for shards in sets.values()
-        )
+        sources: dict[str, ObservationSource] = {
+            name: Observer(shards, self.sensor, self.extraction, self.seed, self.other_sensors) for name, shards in sets.items()
+        }
         known = {name: {"hash": shards.header.config_hash, "samples": len(shards)} for name, shards in sets.items()}
-        return train_set, validation_set, known
+        if self.crops is not None:
+            for name, source in sources.items():
+                crops = PersonCrops(Path(self.crops) / name)
+                sources[name] = JoinedSources((source, crops))
+                known[f"crops/{name}"] = {"hash": crops.hash, "samples": len(crops)}
+        return sources["train"], sources["validation"], known
 
 
 @dataclass

@@ -1,0 +1,153 @@
+"""`person_crops`: what the finder cuts out of measured scenes, with the true joints, on which networks are trained.
+
+A network that is trained on clean cut-outs alone loses on the finder's a seventh of the joints that it has right on true masks:
+hands are missing, and parts of other people and of things are there.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from kpopnet.camera import MM_PER_METRE, Camera
+from kpopnet.data.observation import Observation
+from kpopnet.data.person_crops import FILES, FORMAT, VERSION, PersonCrops
+from kpopnet.errors import InputError, check_between, check_seed
+from kpopnet.finder.finder import FinderConfig, PersonFinder
+from kpopnet.runtime.atomic_write import atomic_hdf5
+from kpopnet.skeleton import Joint
+from kpopnet.viz.drawing import TRUE, depth_rgb, draw_skeleton, enlarged, sheet
+from kpopnet.weights import FINDER_SHA256
+from synth.motion import SPLITS
+from synth.rooms.images import MOTION, measure_scene
+from synth.rooms.scene import RoomScenes
+from synth.samples.sampler import SampleConfig
+from synth.simulated.generator import SetGenerator
+
+IMAGE_PX = (320, 240)
+"""Most width and height of the scenes' images."""
+
+SCENES = 500
+"""Scenes in a file."""
+
+FINDER = FinderConfig(least_certainty=0.3)
+"""Less sure than where it is used: those whom it hardly finds are the hard ones."""
+
+NEAR_M, LEAST_PX = 0.3, 100
+"""A crop is of the person whose torso is this near to the finder's, and shows at least so many pixels."""
+
+
+@dataclass
+class PersonCropsConfig:
+    """Identity and size of the set.
+
+    Attributes:
+        name: person_crops.
+        seed: of everything random.
+        split: train, validation or test: they share no person.
+        shards: number of files of 500 scenes.
+    """
+
+    name: str = "person_crops"
+    seed: int = 0
+    split: str = "train"
+    shards: int = 40
+
+    def __post_init__(self) -> None:
+        check_seed("benchmark.seed", self.seed)
+        check_between("benchmark.shards", self.shards, 1, 1e5)
+        if self.split not in SPLITS:
+            raise InputError(f"benchmark.split={self.split}: expected one of {', '.join(SPLITS)}")
+
+
+@dataclass(frozen=True)
+class PersonCropsSet(SetGenerator):
+    """Makes the files; a file is a pure function of the seed, the split, its number and the finder."""
+
+    part: ClassVar[str] = "shard"
+    finished_files: ClassVar[str] = FILES
+    unfinished_files: ClassVar[str] = ".crops_*"
+
+    camera: ClassVar[Camera] = Camera.centred(200, *IMAGE_PX)  # each scene has its own
+
+    benchmark: PersonCropsConfig = field(default_factory=PersonCropsConfig)
+    finder: Any = field(default_factory=lambda: FINDER_SHA256 | asdict(FINDER))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.motion.source == "clips":
+            raise InputError("motion=clips: person crops show poses of all kinds; leave motion out")
+
+    @cached_property
+    def _scenes(self) -> RoomScenes:
+        return RoomScenes(SampleConfig(motion=MOTION, renderer="cpu"), self.benchmark.seed, self.benchmark.split, IMAGE_PX)
+
+    def manifest_entries(self) -> dict:
+        return {"about": "SIMULATED people, cut out of depth images of rooms by the finder.", "scenes_per_shard": SCENES}
+
+    def frames_per_part(self) -> float:
+        return SCENES
+
+    def path(self, folder: Path, index: int) -> Path:
+        return folder / FILES.replace("*", f"{index:05d}")
+
+    def make(self, folder: Path, index: int, on_frame: Callable[[], None] = lambda: None) -> None:
+        crops: list[Observation] = []
+        for number in range(index * SCENES, (index + 1) * SCENES):
+            crops += self._crops_of(number)
+            on_frame()
+        pixels = [np.rint(crop.depth_m * MM_PER_METRE).astype(np.uint16).ravel() for crop in crops]
+        arrays = {
+            "pixels_mm": np.concatenate(pixels),
+            "starts": np.append(0, np.cumsum([len(one) for one in pixels])),
+            "cameras": np.array([[getattr(crop.camera, name) for name in CAMERA] for crop in crops], float),
+            "joints_m": np.stack([crop.joints_camera_m for crop in crops]).astype(np.float32),
+            "visible": np.stack([crop.visible for crop in crops]),
+        }
+        with atomic_hdf5(self.path(folder, index)) as file:
+            file.attrs["format"], file.attrs["version"], file.attrs["simulated"] = FORMAT, VERSION, True
+            for name, array in arrays.items():
+                packing = {"chunks": (8192,), "compression": 1, "shuffle": True} if name == "pixels_mm" else {}
+                file.create_dataset(name, data=array, **packing)
+
+    def _crops_of(self, number: int) -> Iterator[Observation]:
+        """The people of one scene whom the finder finds."""
+        clear = self._scenes.draw_scene(number)
+        depth_mm, labels = measure_scene(self._scenes.sensor_rng(number), clear)
+        camera, joints_m = clear.camera, clear.joints_camera_m
+        if not len(joints_m):
+            return
+        humans = PersonFinder(camera, FINDER).extract(depth_mm / np.float32(MM_PER_METRE))
+        centres_m = np.reshape([human.centre_m for human in humans], (-1, 1, 3))
+        apart_m = np.linalg.norm(joints_m[None, :, Joint.TORSO] - centres_m, axis=-1)
+        for row, person in zip(*linear_sum_assignment(np.minimum(apart_m, NEAR_M)), strict=True):
+            human = humans[row]
+            if apart_m[row, person] < NEAR_M and np.count_nonzero(human.depth_m) >= LEAST_PX:
+                visible = shows(labels, person + 1, camera, joints_m[person])
+                yield Observation(human.depth_m, human.cropped(camera), joints_m[person], visible)
+
+    def contact_sheet(self, folder: Path, manifest: dict) -> np.ndarray:
+        crops, tiles = PersonCrops(folder), []
+        for k in np.linspace(0, len(crops) - 1, 40).astype(int).tolist():
+            crop = crops.observe(k, 0)
+            image = enlarged(depth_rgb(crop.depth_m), round(TILE_PX * min(1, crop.camera.width / crop.camera.height)))
+            draw_skeleton(image, crop.joints_camera_m, crop.camera, TRUE)
+            tiles.append(image)
+        rows = [("", tiles[k : k + 8]) for k in range(0, len(tiles), 8)]
+        return sheet(rows, (TRUE,), f"SIMULATED, cut out by the finder, {self.benchmark.split}, seed {manifest['seed']}")
+
+
+TILE_PX = 240
+CAMERA = ("fx", "fy", "cx", "cy", "width", "height")
+
+
+def shows(labels: np.ndarray, label: int, camera: Camera, joints_m: np.ndarray) -> np.ndarray:
+    """(15,) bool: of each joint (15, 3), whether its pixel shows the person with a label."""
+    column, row, z = np.moveaxis(camera.project(joints_m), -1, 0)
+    column, row = (np.rint(one.clip(-1, most)).astype(int) for one, most in ((column, camera.width), (row, camera.height)))
+    inside = (z > 0) & (column >= 0) & (row >= 0) & (column < camera.width) & (row < camera.height)
+    return inside & (labels[row.clip(0, camera.height - 1), column.clip(0, camera.width - 1)] == label)
