@@ -158,6 +158,8 @@ def load_weights(network: PoseNetwork, folder: Path | str) -> None:
             weights[name] = weights[name].float()
         if weights[name].dtype != expected[name].dtype:
             raise InputError(f"{path}: {problem} ({name} is {weights[name].dtype})")
+        if weights[name].ndim != expected[name].ndim:  # torch's functions end on more than 64 dimensions
+            raise InputError(f"{path}: {problem} ({name} has {weights[name].ndim} dimensions)")
         if not bool(torch.isfinite(weights[name]).all()):
             raise InputError(f"{path}: damaged ({name} holds numbers that are not finite)")
     read_with(lambda _: network.load_state_dict(weights), path, problem)

@@ -8,6 +8,7 @@ import json
 import math
 import os
 import re
+import reprlib
 import types
 import typing
 import zipfile
@@ -169,7 +170,8 @@ def check_fields(where: str, value: Any, schema: Mapping[str, Any], optional: It
 
     Types are bool, int, float (which an integer fits), str, dict, list[TYPE] and TYPE | None; `optional` names may be missing.
     """
-    expect(isinstance(value, dict), where, f"an object of {names_in(schema)}, found {_shown(value)}")
+    if not isinstance(value, dict):
+        raise InputError(f"{where}: expected an object of {names_in(schema)}, found {_shown(value)}")
     if missing := [name for name in schema if name not in value and name not in optional]:
         raise InputError(f"{where}: lacks {names_in(missing)}")
     for name, hint in schema.items():
@@ -202,8 +204,15 @@ def _is_of(value: Any, hint: Any) -> bool:
     return isinstance(value, hint)
 
 
+class _Short(reprlib.Repr):
+    """Shortens while it goes; of a library's object, such as a damaged tensor whose text never ends, it shows the type."""
+
+    def repr_instance(self, x: Any, level: int) -> str:
+        return repr(x) if isinstance(x, bool | float | types.NoneType) else type(x).__name__
+
+
 def _shown(value: Any) -> str:
-    text = repr(value)
+    text = _Short().repr(value)
     return text if len(text) <= 40 else f"{text[:40]}..."
 
 

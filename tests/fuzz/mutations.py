@@ -28,7 +28,8 @@ def mutate(data: bytes, rng: np.random.Generator) -> bytes:
             kinds += [insert_hostile_text] * 3
     with contextlib.suppress(ValueError):
         value = json.loads(data)
-        kinds += [lambda content, generator: mutate_json(value, generator)] * 6
+        if any(_places(value)):
+            kinds += [lambda content, generator: mutate_json(value, generator)] * 6
     return kinds[int(rng.integers(len(kinds)))](data, rng)
 
 

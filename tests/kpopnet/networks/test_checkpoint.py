@@ -163,6 +163,7 @@ def test_weights_that_are_not_finite_or_of_another_type_are_refused(tmp_path):
         (name, torch.full_like(weights[name], torch.inf).half(), "not finite"),
         (name, weights[name].double(), "float64"),
         (count, weights[count].half(), "float16"),
+        (count, weights[count].reshape((1,) * 70), "70 dimensions"),
     ):
         save_file({**weights, key: value}, folder / "model.safetensors")
         with pytest.raises(InputError, match=message):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from kpopnet.errors import InputError
-from kpopnet.runtime.input_files import ArraySchema, open_npy, parse_json, read_with, settings_from
+from kpopnet.runtime.input_files import ArraySchema, check_fields, open_npy, parse_json, read_with, settings_from
 
 
 @dataclass
@@ -93,3 +93,14 @@ def test_more_values_than_memory_holds_are_refused_before_they_are_made(text):
         parse_json(text, "a.json")
     assert tracemalloc.get_traced_memory()[1] < 1_000_000
     tracemalloc.stop()
+
+
+def test_an_object_of_a_library_is_named_by_its_type_in_a_message():
+    class Endless:
+        def __repr__(self) -> str:
+            raise AssertionError("a damaged tensor's text may take for ever")
+
+    with pytest.raises(InputError, match=r"file: step is Endless, expected int"):
+        check_fields("file", {"step": Endless()}, {"step": int})
+    with pytest.raises(InputError, match=r"found \[Endless, None, 1\.5\]"):
+        check_fields("file", [Endless(), None, 1.5], {"step": int})
