@@ -156,7 +156,7 @@ class Library:
     def identities(self) -> list[str]:
         """The dances' names of files, in order."""
         paths = sorted((self.folder / DANCES).glob("*.npz"))
-        return [path.stem for path in paths if IDENTITY.fullmatch(path.stem) and path.stat().st_size]  # 0: only claimed
+        return [path.stem for path in paths if IDENTITY.fullmatch(path.stem)]
 
     def path(self, identity: str) -> Path:
         """The file of a dance; what is no plain name never becomes a path. Raises InputError if there is none."""
