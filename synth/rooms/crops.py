@@ -16,14 +16,13 @@ from scipy.optimize import linear_sum_assignment
 from kpopnet.camera import MM_PER_METRE, Camera
 from kpopnet.data.observation import Observation
 from kpopnet.data.person_crops import FILES, FORMAT, VERSION, PersonCrops
-from kpopnet.errors import InputError, check_between, check_seed
+from kpopnet.errors import InputError
 from kpopnet.finder.finder import FinderConfig, PersonFinder
 from kpopnet.runtime.atomic_write import atomic_hdf5
 from kpopnet.skeleton import Joint
 from kpopnet.viz.drawing import TRUE, depth_rgb, draw_skeleton, enlarged, sheet
 from kpopnet.weights import FINDER_SHA256
-from synth.motion import SPLITS
-from synth.rooms.images import MOTION, measure_scene
+from synth.rooms.images import MOTION, RoomImagesConfig, measure_scene
 from synth.rooms.scene import RoomScenes
 from synth.samples.sampler import SampleConfig
 from synth.simulated.generator import SetGenerator
@@ -42,26 +41,16 @@ NEAR_M, LEAST_PX = 0.3, 100
 
 
 @dataclass
-class PersonCropsConfig:
+class PersonCropsConfig(RoomImagesConfig):
     """Identity and size of the set.
 
     Attributes:
         name: person_crops.
-        seed: of everything random.
-        split: train, validation or test: they share no person.
         shards: number of files of 500 scenes.
     """
 
     name: str = "person_crops"
-    seed: int = 0
-    split: str = "train"
     shards: int = 40
-
-    def __post_init__(self) -> None:
-        check_seed("benchmark.seed", self.seed)
-        check_between("benchmark.shards", self.shards, 1, 1e5)
-        if self.split not in SPLITS:
-            raise InputError(f"benchmark.split={self.split}: expected one of {', '.join(SPLITS)}")
 
 
 @dataclass(frozen=True)
