@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 STEP_M, STEP_PER_IMAGE_M, MOST_STEP_M = 0.45, 0.08, 1.5
-"""Largest distance between where somebody is expected and where they are found; it grows with every image in which they were
+"""Largest distance between where a person is expected and where they are found; it grows with every image in which they were
 not found, up to MOST_STEP_M."""
 
 MOMENTUM = 0.6
@@ -36,7 +36,7 @@ class _Track:
     def see(self, centre_m: np.ndarray, certain: bool) -> None:
         if self.missed:
             self.step_m = np.zeros(3, np.float32)
-        elif certain:  # the centre of somebody who is nearly hidden slides to what is left of them: that is no speed
+        elif certain:  # the centre of a nearly hidden person slides to what is left of them: that is no speed
             self.step_m = MOMENTUM * self.step_m + (1 - MOMENTUM) * (centre_m - self.centre_m)
         self.centre_m, self.missed = centre_m, 0
 
@@ -51,8 +51,8 @@ class Followed:
     def identify(self, centres_m: np.ndarray, certain: np.ndarray) -> list[int]:
         """The identities of the people whose (P, 3) centres were found in the next image, metres.
 
-        Who is expected near a place needs no other evidence; where nobody is expected, only (P,) `certain` ones are people, the
-        others get the identity UNKNOWN.
+        A person who is expected near a place needs no other evidence; where no person is expected, only (P,) `certain` ones are
+        people, the others get the identity UNKNOWN.
         """
         identities = [UNKNOWN] * len(centres_m)
         if self._tracks and len(centres_m):
