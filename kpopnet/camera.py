@@ -189,7 +189,7 @@ def check_images(where: str, camera: Camera, *images: np.ndarray) -> None:
             raise InputError(f"{where}: an image of shape {image.shape}, expected the camera's (height, width) = {size}")
 
 
-def needed(depth_m: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera]:
+def subsampled(depth_m: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera]:
     """(..., H, W) depth as it is estimated from: of images that are larger than MOST_PIXELS, the middle pixel of every square.
 
     Returns:

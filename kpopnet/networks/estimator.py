@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kpopnet.camera import Camera, needed, sequence_in_metres
+from kpopnet.camera import Camera, sequence_in_metres, subsampled
 from kpopnet.data.cube import Cube, crop, person_cubes
 from kpopnet.estimator import Estimate
 from kpopnet.networks import ModelConfig
@@ -42,7 +42,7 @@ class NetworkEstimator:
 
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
         """See `kpopnet.estimator.Estimator`."""
-        depth_m, camera = needed(sequence_in_metres(depth_m, camera), camera)
+        depth_m, camera = subsampled(sequence_in_metres(depth_m, camera), camera)
         if not self._warned and shows_a_room(depth_m[len(depth_m) // 2 :][:1], camera):
             self._warned = True
             log.warning(

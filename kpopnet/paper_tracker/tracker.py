@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit
 
-from kpopnet.camera import Camera, needed, sequence_in_metres
+from kpopnet.camera import Camera, sequence_in_metres, subsampled
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate, Start, start_pose, track_sequence
 from kpopnet.geometry.human_model import HumanModel
@@ -203,7 +203,7 @@ class PaperTrackerEstimator:
 
     def estimate(self, depth_m: np.ndarray, camera: Camera, start: Start | None = None) -> Estimate:
         """See `kpopnet.estimator.StartedEstimator`."""
-        depth_m, camera = needed(sequence_in_metres(depth_m, camera), camera)
+        depth_m, camera = subsampled(sequence_in_metres(depth_m, camera), camera)
         tracker = PaperTracker(camera, self.config, self.model)
         return track_sequence(tracker, depth_m, start, AWAITED[self.config.start])
 

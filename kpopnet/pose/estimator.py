@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kpopnet.camera import Camera, check_camera, depth_in_metres, needed
+from kpopnet.camera import Camera, check_camera, depth_in_metres, subsampled
 from kpopnet.errors import InputError, check_between
 from kpopnet.estimator import Estimator
 from kpopnet.networks.estimator import NetworkEstimator
@@ -179,7 +179,7 @@ def _needed_image(depth: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera
     depth_m = depth_in_metres(depth, camera)
     if depth_m.ndim != 2:
         raise InputError(f"depth image: expected shape (H, W), got {depth_m.shape}")
-    return needed(depth_m, camera)
+    return subsampled(depth_m, camera)
 
 
 WHY_NOBODY = (

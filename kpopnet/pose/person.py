@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from kpopnet.camera import Camera, needed, sequence_in_metres
+from kpopnet.camera import Camera, sequence_in_metres, subsampled
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate, Estimator
 from kpopnet.human import Human
@@ -123,7 +123,7 @@ class PersonEstimator:
 
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
         """See `kpopnet.estimator.Estimator`."""
-        depth_m, camera = needed(sequence_in_metres(depth_m, camera), camera)
+        depth_m, camera = subsampled(sequence_in_metres(depth_m, camera), camera)
         person, found = DetectedPerson(camera, self.estimator, MODES[self.name]), Estimate.missing(len(depth_m))
         for frame, image_m in enumerate(depth_m):
             found.joints_camera_m[frame], found.confidence[frame] = person.update(image_m, camera)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kpopnet.camera import Camera, needed, sequence_in_metres
+from kpopnet.camera import Camera, sequence_in_metres, subsampled
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate, Estimator, Start, track_sequence
 from kpopnet.geometry.human_model import HumanModel
@@ -57,6 +57,6 @@ class TrackerEstimator:
 
     def estimate(self, depth_m: np.ndarray, camera: Camera, start: Start | None = None) -> Estimate:
         """See `kpopnet.estimator.StartedEstimator`."""
-        depth_m, camera = needed(sequence_in_metres(depth_m, camera), camera)
+        depth_m, camera = subsampled(sequence_in_metres(depth_m, camera), camera)
         tracker = Tracker(camera, self.config.start, self.model, self.detector)
         return track_sequence(tracker, depth_m, start, AWAITED[self.config.start])

@@ -6,7 +6,7 @@ The fit locates the surface to a centimetre, but diverges from a distant start.
 
 import numpy as np
 
-from kpopnet.camera import Camera, needed, sequence_in_metres
+from kpopnet.camera import Camera, sequence_in_metres, subsampled
 from kpopnet.estimator import Estimate, Estimator
 from kpopnet.geometry.depth_grid import MIN_POINTS, build_depth_grid
 from kpopnet.tracker.body_estimate import DETECTION_PRIOR_WEIGHT, FIT_ITERATIONS, BodyEstimate
@@ -31,7 +31,7 @@ class FittedEstimator:
         """See `kpopnet.estimator.Estimator`. Frames with missing joints or with fewer than `MIN_POINTS` points are not refined,
         and keep the estimator's joints and confidence.
         """
-        depth_m, camera = needed(sequence_in_metres(depth_m, camera), camera)
+        depth_m, camera = subsampled(sequence_in_metres(depth_m, camera), camera)
         detected = self.estimator.estimate(depth_m, camera)
         joints_m, evidence = refine(detected, depth_m, camera)
         refined = np.isfinite(evidence).all(axis=-1)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kpopnet.camera import CAMERAS, MOST_PIXELS, MOST_SIDE, Camera, depth_in_metres, needed, sequence_in_metres
+from kpopnet.camera import CAMERAS, MOST_PIXELS, MOST_SIDE, Camera, depth_in_metres, sequence_in_metres, subsampled
 from kpopnet.errors import InputError
 
 
@@ -55,7 +55,7 @@ def test_what_is_no_camera_is_refused(wrong):
 def test_large_images_lose_pixels_and_none_moves(width, height):
     camera = Camera(800.0, 810.0, 0.4 * width, 0.6 * height, width, height)
     depth_m = np.random.default_rng(0).uniform(1, 4, (height, width)).astype(np.float32)
-    fewer_m, theirs = needed(depth_m, camera)
+    fewer_m, theirs = subsampled(depth_m, camera)
     assert fewer_m.shape == (theirs.height, theirs.width) and fewer_m.size <= MOST_PIXELS and max(fewer_m.shape) <= MOST_SIDE
     assert (fewer_m is depth_m) == (width == 1280)
     row, column = theirs.height // 2, theirs.width // 3
