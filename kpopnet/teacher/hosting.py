@@ -18,7 +18,7 @@ from aiohttp.http_exceptions import HttpProcessingError
 
 from kpopnet.errors import InputError
 from kpopnet.runtime.endings import is_of_the_disk, of_the_disk
-from kpopnet.teacher.safety import LOOPBACK_NAMES, Keys, add_headers, forward_to, guard, is_loopback
+from kpopnet.teacher.safety import HEADERS, LOOPBACK_NAMES, Keys, add_headers, forward_to, guard, is_loopback
 
 PAGE = Path(__file__).parent / "page"
 TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml", ".LICENSE": "text/plain"}
@@ -109,6 +109,7 @@ async def _serve(app: web.Application, given: argparse.Namespace, greeting: str,
             loop.add_signal_handler(number, interrupted.set)
     runner = web.AppRunner(app, access_log=None, logger=logger, keepalive_timeout=IDLE_S, shutdown_timeout=END_S / 5)
     await runner.setup()
+    runner.server.request_handler = _refusing_expectations(runner.server.request_handler)
     folder = tempfile.mkdtemp(prefix="kpopnet-")  # which only this user can read
     try:
         try:
@@ -128,6 +129,17 @@ async def _serve(app: web.Application, given: argparse.Namespace, greeting: str,
     finally:
         shutil.rmtree(folder, ignore_errors=True)
         await runner.cleanup()
+
+
+def _refusing_expectations(handler: Callable) -> Callable:
+    """Answers 417 to an `Expect` that is not HTTP's; aiohttp repeats it in its answer and fails where it is no text (a 500)."""
+
+    async def handle(request: web.Request) -> web.StreamResponse:
+        if request.headers.get("Expect", "100-continue").lower() != "100-continue":
+            return web.Response(status=417, text="Expect: only 100-continue is known\n", headers=HEADERS)
+        return await handler(request)
+
+    return handle
 
 
 def _address(host: str, port: int) -> str:

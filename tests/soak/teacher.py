@@ -61,14 +61,23 @@ async def hold(client: aiohttp.ClientSession, socket: aiohttp.ClientWebSocketRes
         if content["kind"] == "done" and "session" in content:
             base = f"/api/tries/{dance}/{content['session']}"
             for path in (f"{base}.json", f"{base}/movement", f"/api/dances/{dance}", f"/api/history/{dance}"):
-                async with client.get(path) as answer:
-                    answer.raise_for_status()
-                    await answer.read()
+                await fetch(client, path)
         if tries == 2:
             return content
         if content["kind"] in ("ready", "done"):
             await socket.send_json({"do": "go", "in_s": 1.0})
     raise RuntimeError("the server closed the lesson")
+
+
+async def fetch(client: aiohttp.ClientSession, path: str) -> None:
+    """Reads an address, again where the server has too many connections: whoever looks at the page would load it again."""
+    for patience in (*itertools.repeat(1.0, 10), 0.0):
+        async with client.get(path) as answer:
+            if answer.status != 503 or not patience:
+                answer.raise_for_status()
+                await answer.read()
+                return
+        await asyncio.sleep(patience)
 
 
 MOST_LOG_BYTES = 1_000_000

@@ -113,6 +113,15 @@ def test_too_many_connections_are_told_so_and_fill_no_log(tmp_path):
         assert process.stderr.read() == ""
 
 
+def test_an_expectation_that_is_no_text_is_refused(tmp_path):
+    with hosting(tmp_path / "opened") as (process, address):
+        with contextlib.closing(socket.create_connection(("127.0.0.1", urlsplit(address).port))) as stranger:
+            stranger.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nExpect: \xff\r\n\r\n")
+            assert stranger.recv(4096).startswith(b"HTTP/1.1 417 ")
+        process.send_signal(signal.SIGTERM)
+        assert process.stderr.read() == ""
+
+
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
 def test_it_ends_whatever_its_threads_do(tmp_path, ending):
     with hosting(tmp_path / "opened") as (process, address):
