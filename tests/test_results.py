@@ -64,8 +64,8 @@ def test_a_figure_is_held_to_its_digits():
 
 
 def test_every_figure_is_found_with_what_it_refers_to():
-    page = "12.3 % of 4.5 cm<!-- a:b/2 -->, 7<!-- c:d e/f-g -->; 60 dances, within 10 cm, 95 % intervals, `3 cm`"
-    assert list(results.referenced(page)) == [("12.3", ""), ("4.5", "a:b/2"), ("7", "c:d e/f-g")]
+    page = "12.3 % of 4.5 cm<!-- a:b/2 -->, 7<!-- c:d e/f-g --> (-2.1<!-- c:h -->); 60 dances, within 10 cm, 95 % intervals, `3 cm`"
+    assert list(results.referenced(page)) == [("12.3", ""), ("4.5", "a:b/2"), ("7", "c:d e/f-g"), ("-2.1", "c:h")]
 
 
 def test_people_are_resampled_over_all_rows():
