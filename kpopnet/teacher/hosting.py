@@ -3,6 +3,7 @@
 import argparse
 import asyncio
 import contextlib
+import errno
 import logging
 import os
 import shutil
@@ -68,7 +69,8 @@ async def _errors(request: web.Request, handler) -> web.StreamResponse:
     except OSError as error:
         if not is_of_the_disk(error):
             raise
-        return web.json_response({"error": of_the_disk(error)}, status=507)
+        # The names of requests are a stranger's, the disk is this user's.
+        return web.json_response({"error": of_the_disk(error)}, status=400 if error.errno == errno.ENAMETOOLONG else 507)
 
 
 def host(

@@ -144,10 +144,12 @@ PATHS = (
     "/api/tries/../body.npz/movement",
     "/api/tries/dance_001/20260101-000000-000.json",
     "/api/tries/dance_001/..%2f..%2fdances%2fdance_001/film",
+    f"/api/dances/{'a' * 300}",
+    f"/page/{'a' * 300}.js",
 )
 
 
-def test_paths_stay_in_their_folders(teaching):
+def test_paths_stay_in_their_folders_and_names_are_no_longer_than_files_have(teaching):
     async def work(client):
         for path in PATHS:
             ask = client.session.post if path.endswith("/film") else client.session.get
