@@ -171,7 +171,8 @@ def referenced(page: str) -> Iterator[tuple[str, str]]:
     """
     text = re.sub(r"```.*?```|`[^`\n]*`", "", BLOCK.sub("", page), flags=re.DOTALL)
     unit, comment = r" (?:%|cm|points)(?! (?:bootstrap|interval))", r"<!-- ([\w./:, -]+) -->"
-    for found in re.finditer(rf"(?<!ithin )(?<!below )(?<!than )((?:(?<=[\s(\[])-)?\b\d+(?:\.\d+)?)(?:{unit}(?:{comment})?|{comment})", text):
+    number = r"(?<!ithin )(?<!below )(?<!than )((?:(?<=[\s(\[])-)?\b\d+(?:\.\d+)?)"
+    for found in re.finditer(rf"{number}(?:{unit}(?:{comment})?|{comment})", text):
         yield found[1], found[2] or found[3] or ""
 
 
