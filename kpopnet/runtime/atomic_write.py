@@ -2,6 +2,7 @@
 
 import itertools
 import os
+import re
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -34,9 +35,17 @@ def atomic_path(path: Path) -> Iterator[Path]:
 
 
 def remove_unfinished(folder: Path, pattern: str) -> None:
-    """Removes the hidden files that killed processes left, where nobody else writes just now."""
-    for unfinished in folder.glob(pattern):
-        unfinished.unlink(missing_ok=True)
+    """Removes hidden files that killed processes left: those of a pattern, to which nobody writes just now, and whatever else
+    processes of this machine left in the folder that have ended, where /proc tells.
+    """
+    unfinished = set(folder.glob(pattern))
+    if Path("/proc/self").exists():
+        of_this_machine = re.compile(rf"\..*\.{re.escape(socket.gethostname())}\.(\d+)-\d+\.tmp")
+        for path in folder.glob(".*.tmp"):
+            if (found := of_this_machine.fullmatch(path.name)) and not Path("/proc", found[1]).exists():
+                unfinished.add(path)
+    for path in unfinished:
+        path.unlink(missing_ok=True)
 
 
 def claim(path: Path) -> bool:

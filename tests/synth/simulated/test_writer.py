@@ -1,6 +1,8 @@
 """Files of simulated sequences: what was filmed, whole or not at all, the same again from any number of processes."""
 
 import json
+import os
+import socket
 import subprocess
 import sys
 from dataclasses import replace
@@ -104,9 +106,14 @@ def test_missing_files_are_made_by_any_number_of_processes_and_existing_files_ar
     assert contents(tmp_path) == {"seq_00.h5": before["seq_00.h5"]}
     stamp = (tmp_path / "seq_00.h5").stat().st_mtime_ns
     (tmp_path / ".seq_01.h5.elsewhere.1.tmp").write_bytes(b"half a frame")
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    killed, writing = (tmp_path / f".manifest.json.{socket.gethostname()}.{one}-0.tmp" for one in (ended.pid, os.getpid()))
+    killed.touch()
+    writing.touch()
     manifest = EVAL.write(tmp_path, processes=2)
     assert contents(tmp_path) == before and (tmp_path / "seq_00.h5").stat().st_mtime_ns == stamp
-    assert not list(tmp_path.glob(".*")) and manifest["sequences"] == 2
+    assert list(tmp_path.glob(".*")) == [writing] and manifest["sequences"] == 2
     assert "1 of 2 sequences are there already" in capsys.readouterr().out
     # With a smaller size configured, it is still a set of two.
     assert one.write(tmp_path, 1)["sequences"] == 2
