@@ -111,7 +111,7 @@ async def _serve(app: web.Application, given: argparse.Namespace, greeting: str,
             loop.add_signal_handler(number, interrupted.set)
     runner = web.AppRunner(app, access_log=None, logger=logger, keepalive_timeout=IDLE_S, shutdown_timeout=END_S / 5)
     await runner.setup()
-    runner.server.request_handler = _refusing_expectations(runner.server.request_handler)
+    runner.server.request_handler = _refusing_headers(runner.server.request_handler)
     folder = tempfile.mkdtemp(prefix="kpopnet-")  # which only this user can read
     try:
         try:
@@ -133,10 +133,15 @@ async def _serve(app: web.Application, given: argparse.Namespace, greeting: str,
         await runner.cleanup()
 
 
-def _refusing_expectations(handler: Callable) -> Callable:
-    """Answers 417 to an `Expect` that is not HTTP's; aiohttp repeats it in its answer and fails where it is no text (a 500)."""
+def _refusing_headers(handler: Callable) -> Callable:
+    """Answers 400 to headers that are no text and 417 to an `Expect` that is not HTTP's.
+
+    aiohttp repeats some of them in its own answers, and fails where they are no text: a 500.
+    """
 
     async def handle(request: web.Request) -> web.StreamResponse:
+        if any("\udc80" <= letter <= "\udcff" for value in request.headers.values() for letter in value):
+            return web.Response(status=400, text="a header is no text\n", headers=HEADERS)
         if request.headers.get("Expect", "100-continue").lower() != "100-continue":
             return web.Response(status=417, text="Expect: only 100-continue is known\n", headers=HEADERS)
         return await handler(request)

@@ -28,8 +28,9 @@ from tests.kill.disk import Disk
 from tests.kill.programs import PROGRAMS, ROOT, Program
 from tests.planted import find_all
 
-LATEST_END_S = 5.0
-"""Within this time after a death every process of the program must have ended."""
+LATEST_END_S = 30.0
+"""Within this time after a death every process of the program must have ended; a worker that is loading libraries ends after it
+(some 3 s of an idle machine)."""
 
 MOST_SECONDS = 300.0
 

@@ -113,11 +113,15 @@ def test_too_many_connections_are_told_so_and_fill_no_log(tmp_path):
         assert process.stderr.read() == ""
 
 
-def test_an_expectation_that_is_no_text_is_refused(tmp_path):
+@pytest.mark.parametrize(
+    ("status", "headers"),
+    [(417, b"Expect: more\r\n"), (400, b"Expect: \xff\r\n"), (400, b"Connection: \xff\r\nUpgrade: websocket\r\n")],
+)
+def test_a_header_that_would_be_repeated_is_refused(tmp_path, status, headers):
     with hosting(tmp_path / "opened") as (process, address):
         with contextlib.closing(socket.create_connection(("127.0.0.1", urlsplit(address).port))) as stranger:
-            stranger.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nExpect: \xff\r\n\r\n")
-            assert stranger.recv(4096).startswith(b"HTTP/1.1 417 ")
+            stranger.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n" + headers + b"\r\n")
+            assert stranger.recv(4096).startswith(b"HTTP/1.1 %d " % status)
         process.send_signal(signal.SIGTERM)
         assert process.stderr.read() == ""
 
