@@ -63,6 +63,7 @@ class AugmentConfig:
     Attributes:
         mirror: probability of mirroring, with left and right swapped.
         rotation_deg: largest rotation about the optical axis in degrees, in either direction.
+        any_rotation: probability of a rotation by any angle instead: people who lie, cameras that hang.
         scale: largest change of the cube's half size, as a fraction of it.
         jitter_m: largest shift of the cube's centre along each axis in metres.
         occluder: probability of a simulated occluder: an elliptic hole in the depth with half-axes of 5 to 15 cm.
@@ -70,12 +71,14 @@ class AugmentConfig:
 
     mirror: float = 0.5
     rotation_deg: float = 30.0
+    any_rotation: float = 0.0
     scale: float = 0.1
     jitter_m: float = 0.05
     occluder: float = 0.3
 
     def __post_init__(self) -> None:
-        for name, high in {"mirror": 1, "rotation_deg": 180, "scale": 0.99, "jitter_m": 0.5, "occluder": 1}.items():
+        highest = {"mirror": 1, "rotation_deg": 180, "any_rotation": 1, "scale": 0.99, "jitter_m": 0.5, "occluder": 1}
+        for name, high in highest.items():
             check_between(f"training.augment.{name}", getattr(self, name), 0, high)
 
 
@@ -224,6 +227,8 @@ def draw_view(rng: np.random.Generator, cube: Cube, augment: AugmentConfig) -> t
     scale = 1 + rng.uniform(-augment.scale, augment.scale)
     rotation = np.deg2rad(rng.uniform(-augment.rotation_deg, augment.rotation_deg))
     mirrored = bool(rng.random() < augment.mirror)
+    if augment.any_rotation and rng.random() < augment.any_rotation:
+        rotation = rng.uniform(-np.pi, np.pi)
     return Cube(cube.centre_m + shift, cube.half_size_m * scale), View(rotation, mirrored)
 
 

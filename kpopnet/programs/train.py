@@ -78,6 +78,7 @@ class ObservationConfig:
         extraction: errors of the silhouettes, drawn again in every epoch.
         data: where the samples are.
         crops: folder with person crops in train/ and validation/ (`kpopnet.data.person_crops`), which are added to the samples.
+        crops_repeated: how often an epoch has each of the training crops.
         seed: of everything random.
         workers: processes that prepare batches.
     """
@@ -87,6 +88,7 @@ class ObservationConfig:
     extraction: ExtractionConfig = field(default_factory=ExtractionConfig)
     data: DataConfig = field(default_factory=DataConfig)
     crops: str | None = None
+    crops_repeated: int = 1
     seed: int = 0
     workers: int = 1
 
@@ -94,6 +96,8 @@ class ObservationConfig:
         check_seed("seed", self.seed)
         if self.workers < 0:
             raise InputError(f"workers={self.workers} must be 0 or more")
+        if self.crops_repeated < 1:
+            raise InputError(f"crops_repeated={self.crops_repeated} must be 1 or more")
 
     def observed(self) -> tuple[ObservationSource, ObservationSource, dict[str, dict]]:
         """What to learn from and to validate with, and what identifies the sets; raises InputError if a folder holds none."""
@@ -106,8 +110,9 @@ class ObservationConfig:
         if self.crops is not None:
             for name, source in sources.items():
                 crops = PersonCrops(Path(self.crops) / name)
-                sources[name] = JoinedSources((source, crops))
-                known[f"crops/{name}"] = {"hash": crops.hash, "samples": len(crops)}
+                repeated = self.crops_repeated if name == "train" else 1
+                sources[name] = JoinedSources((source, *[crops] * repeated))
+                known[f"crops/{name}"] = {"hash": crops.hash, "samples": len(crops), "repeated": repeated}
         return sources["train"], sources["validation"], known
 
 

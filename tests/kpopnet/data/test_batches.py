@@ -2,6 +2,7 @@
 
 import pickle
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, Shuffled
 from kpopnet.data.cube import Cube, person_centre
 from kpopnet.errors import InputError
 from kpopnet.networks import ModelConfig
+from kpopnet.skeleton import Joint
 
 MODEL = ModelConfig(crop_px=32, widths=[8, 8, 16, 16])
 
@@ -93,6 +95,18 @@ def test_augmentation_moves_crop_and_target_together():
     plain = batches(model=ModelConfig(), batch_size=32)[0]
     assert np.abs(batch.target - plain.target).max() > 0.3  # rotation and mirror do happen
     np.testing.assert_array_equal(batch.offset_m, plain.offset_m)
+
+
+def test_any_rotation_turns_its_share_of_people_by_any_angle():
+    still = AugmentConfig(mirror=0, rotation_deg=10, scale=0, jitter_m=0, occluder=0)
+
+    def trunks(augment):
+        targets = np.asarray(batches(count=200, augment=augment, batch_size=200)[0].target)
+        return (targets[:, Joint.NECK] - targets[:, Joint.TORSO])[:, :2] @ [1, 1j]
+
+    for share in (0.0, 0.5):
+        turned_deg = np.angle(trunks(replace(still, any_rotation=share)) / trunks(None), deg=True)
+        assert abs(np.mean(np.abs(turned_deg) > 10.01) - share * 170 / 180) < 0.1
 
 
 def test_occluders_are_ellipses_of_5_to_15_cm_on_the_person():

@@ -69,8 +69,12 @@ def test_a_training_sees_them_after_its_samples(folder, tmp_path):
     own = PersonCrops(folder / "train")
     assert len(source) == 6 + len(own) and len(validation) > 4 and known["crops/train"]["samples"] == len(own)
     np.testing.assert_array_equal(source.observe(6, 3).depth_m, own.observe(0, 0).depth_m)
+    often, once, _ = NetworkTrainingConfig(data=data, crops=str(folder), crops_repeated=3).observed()
+    assert len(often) == 6 + 3 * len(own) and len(once) == len(validation)
     with pytest.raises(InputError, match="no person crops"):
         NetworkTrainingConfig(data=data, crops=str(tmp_path)).observed()
+    with pytest.raises(InputError, match="crops_repeated=0"):
+        NetworkTrainingConfig(crops_repeated=0)
 
 
 def test_a_joint_shows_where_its_pixel_is_the_persons():
