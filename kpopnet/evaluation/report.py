@@ -20,7 +20,7 @@ from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.intervals import FEWEST_UNITS
 from kpopnet.evaluation.values import Table
-from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.atomic_write import atomic_path, remove_unfinished
 from kpopnet.runtime.provenance import git_revision
 from kpopnet.viz.view_page import Shown, cloud_frames, sampled_cloud, view_page
 
@@ -123,6 +123,8 @@ def write(report: Report, config: EvaluateConfig, folder: Path) -> None:
         (folder / "tables").mkdir(exist_ok=True)
         write_text(folder / "tables" / f"{name}.csv", table.csv())
         write_text(folder / "tables" / f"{name}.tex", table.latex())
+    for place in (folder, folder / "tables"):
+        remove_unfinished(place, ".*.tmp")  # of this report's evaluations, which were killed
     write_text(folder / "metrics.json", json.dumps(report.metrics | made, indent=2, allow_nan=False) + "\n")
 
 

@@ -146,6 +146,8 @@ def differences(found: Any, expected: Any) -> str:
     if isinstance(found, dict) and isinstance(expected, dict):
         names = sorted(name for name in found.keys() | expected.keys() if found.get(name) != expected.get(name))
         return ", ".join(f"{name}: {differences(found.get(name), expected.get(name))}" for name in names)
+    if isinstance(found, list) and isinstance(expected, list) and {*found} != {*expected}:
+        return f"too many: {sorted({*found} - {*expected})}, missing: {sorted({*expected} - {*found})}"
     return f"{str(found)[:60]} against {str(expected)[:60]}"
 
 

@@ -74,6 +74,14 @@ class Reads:
     model: str | None = None
 
 
+def test_hidden_files_of_a_killed_evaluation_do_not_stay(tmp_path):
+    (tmp_path / "tables").mkdir()
+    for place in (tmp_path, tmp_path / "tables"):
+        (place / ".left.png.host.1-0.tmp").touch()
+    write(report("new"), CONFIG, tmp_path)
+    assert not list(tmp_path.rglob(".*"))
+
+
 def test_a_report_lists_the_files_of_each_estimator(tmp_path):
     settings = {"ridge": Reads("runs/ridge/best"), "tracker": Reads(None, "runs/best", "me.json"), "plain": Reads()}
     write(report(), EvaluateConfig({}, settings, checkpoint="of/none"), tmp_path)
