@@ -11,7 +11,7 @@ from fuzz.traps import EXPRESSION
 HOSTILE_TEXTS = (
     "[" * 5000, "9" * 5000, "1e999", "-1e999", "NaN", "Infinity", "\x00", "\u0661\u0662", "\ud800", "../../x", "${oc.env:HOME}",
     "-1", "0", "1e30", "null", "true", "{}", "[]", '""', "a" * 10000, "1000000000", "%s%n", "\n", ",", '"', "\u202e",
-    EXPRESSION, "\x1b[31mred", "\x1b]0;title\x07", "\x9b2J", "\x7f\x08", "-" * 20000, "\r", "\u2028",
+    EXPRESSION, "\x1b[31mred", "\x1b]0;title\x07", "\x9b2J", "\x7f\x08", "-" * 100_000, "\r", "\u2028",
 )  # fmt: skip
 
 HOSTILE_VALUES: tuple[Any, ...] = (
