@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from kpopnet.errors import InputError
+from kpopnet.evaluation.dances.ranking import in_order_by_one, mcnemar_p_value, wilson_interval
 from kpopnet.evaluation.intervals import FEWEST_UNITS, Bootstrap
 from kpopnet.evaluation.values import Table, Value
 from kpopnet.runtime.atomic_write import atomic_path
@@ -153,12 +154,48 @@ def joints_table(chosen: list[dict]) -> Table:
     return table
 
 
+SCORERS = {"dance22": "ours", "paper": "paper", "raptis": "[17]"}
+
+
+def dances_table(chosen: list[dict]) -> Table:
+    """Dances whose learners' scores are in order; groups as those of `joints_table`.
+
+    Where `independent` is false (dances that are excerpts of few recordings) there are no intervals and tests by dance.
+    """
+    pairs = [("dance22", "paper"), ("dance22", "raptis")]
+    heads = (f"only {SCORERS[one]}, only {SCORERS[other]} in order" for one, other in pairs)
+    table = Table(["dances", "joints of", "mean error", *SCORERS.values(), *heads], [])
+    for group in chosen:
+        files = [load(name) for name in group["rows"]]
+        dances = sum(file["benchmark"]["dances"] for file in files)
+        for number, (label, shown) in enumerate(group["estimators"].items()):
+            parts = [file["estimators"][label] for file in files]
+            wrong = {
+                scorer: [(k, dance) for k, part in enumerate(parts) for dance in part["scorers"][scorer]["wrong"]]
+                for scorer in SCORERS
+            }
+            figures = []
+            for count in (dances - len(those) for those in wrong.values()):
+                interval = wilson_interval(count, dances) if group["independent"] else None
+                figures.append(Value(count / dances, "%", interval, digits=0))
+            compared = []
+            for one, other in pairs:
+                alone = in_order_by_one(wrong[one], wrong[other])
+                p = mcnemar_p_value(*alone)
+                tested = f" (p {f'{p:.3f}' if p >= 0.001 else '< 0.001'})" if group["independent"] else ""
+                compared.append("{}, {}".format(*alone) + tested)
+            error = None if parts[0]["mean_error_cm"] is None else float(np.mean([part["mean_error_cm"] for part in parts]))
+            table.rows.append([group["set"] if not number else "", shown, Value(error, "cm", digits=1), *figures, *compared])
+    return table
+
+
 def filled(page: str) -> str:
     """The text of a page with its tables made anew."""
     tables = tomllib.loads((RESULTS / "tables.toml").read_text())
 
     def block(found: re.Match) -> str:
-        return found[1] + joints_table(tables[found[2]]).markdown() + "\n" + found[3]
+        table = (dances_table if found[2] == "dances" else joints_table)(tables[found[2]])
+        return found[1] + table.markdown() + "\n" + found[3]
 
     return BLOCK.sub(block, page)
 

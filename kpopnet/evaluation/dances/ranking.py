@@ -5,6 +5,7 @@ tie is a failure, and so is a learner without a score. Kendall's tau counts pair
 right order - pairs in the wrong order) / all pairs of the dance; tied pairs count 0.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -85,10 +86,15 @@ def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
     return float(found.low), float(found.high)
 
 
-def paired_p_value(one: Agreement, other: Agreement) -> float:
+def in_order_by_one(wrong_by_one: Iterable, wrong_by_other: Iterable) -> tuple[int, int]:
+    """How many dances are in order by one scorer alone, and by the other alone; given those that each has in a wrong order."""
+    one, other = set(wrong_by_one), set(wrong_by_other)
+    return len(other - one), len(one - other)
+
+
+def mcnemar_p_value(only_one: int, only_other: int) -> float:
     """The exact two-sided p-value of McNemar's test: do two scorers order equally many of the same dances?
 
     Only dances that one of both orders count; under the hypothesis each is as likely to be the one's as the other's.
     """
-    only_one, only_other = len(set(other.wrong) - set(one.wrong)), len(set(one.wrong) - set(other.wrong))
     return float(binomtest(only_one, only_one + only_other).pvalue) if only_one + only_other else 1.0

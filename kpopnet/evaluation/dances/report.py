@@ -11,7 +11,7 @@ from kpopnet.datasets.dances.dance_set import open_set
 from kpopnet.datasets.protocol import Origin
 from kpopnet.errors import InputError
 from kpopnet.evaluation.config import EvaluateConfig
-from kpopnet.evaluation.dances.ranking import is_ordered, paired_p_value, similarities
+from kpopnet.evaluation.dances.ranking import in_order_by_one, is_ordered, mcnemar_p_value, similarities
 from kpopnet.evaluation.dances.run import DanceRun, Method, run_dances
 from kpopnet.evaluation.report import Block, Report, save_plots, write_text
 from kpopnet.evaluation.values import Table, Value
@@ -133,9 +133,9 @@ def paired_table(run: DanceRun) -> Table:
     """Pairs of scorers on the same joints: dances that only the one orders, and the p-value of their difference."""
     table = Table(["joints", "scorers", "dances in order by one of them only", "p"], [])
     for source, (first, second) in product(run.sources, combinations(run.scorers, 2)):
-        one, other = (run.agreements[Method(source, scorer)] for scorer in (first, second))
-        only = f"{len(set(other.wrong) - set(one.wrong))} and {len(set(one.wrong) - set(other.wrong))}"
-        table.rows.append([source, f"{first}, {second}", only, Value(paired_p_value(one, other), digits=3)])
+        alone = in_order_by_one(*(run.agreements[Method(source, scorer)].wrong for scorer in (first, second)))
+        p = Value(mcnemar_p_value(*alone), digits=3)
+        table.rows.append([source, f"{first}, {second}", "{} and {}".format(*alone), p])
     return table
 
 
