@@ -71,7 +71,7 @@ def limb(half_width_px, angle_deg, shift=0.0, size=120):
 DEPTHS = arrays(
     np.float32,
     st.tuples(st.integers(1, 24), st.integers(1, 24)),
-    elements=st.sampled_from([0, 0, 2, 2, 2, 2, 2.05, 2.3]),
+    elements=st.sampled_from([0, 0, 2, 2, 2, 2, 2.0625, 2.3125]),
 )
 
 
