@@ -117,14 +117,14 @@ def write(report: Report, config: EvaluateConfig, folder: Path) -> None:
     )
     blocks: list[Block] = [("title", report.title), *(("text", line) for line in report.remarks), *report.blocks]
     blocks += [("heading", "How this report was made"), ("text", how)]
+    for place in (folder, folder / "tables"):
+        remove_unfinished(place, ".*.tmp")  # of this report's evaluations, which were killed
     write_text(folder / "report.md", as_markdown(blocks))
     write_text(folder / "report.html", as_html(blocks, folder))
     for name, table in _named_tables(blocks).items():
         (folder / "tables").mkdir(exist_ok=True)
         write_text(folder / "tables" / f"{name}.csv", table.csv())
         write_text(folder / "tables" / f"{name}.tex", table.latex())
-    for place in (folder, folder / "tables"):
-        remove_unfinished(place, ".*.tmp")  # of this report's evaluations, which were killed
     write_text(folder / "metrics.json", json.dumps(report.metrics | made, indent=2, allow_nan=False) + "\n")
 
 
