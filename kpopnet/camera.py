@@ -117,6 +117,10 @@ class Camera:
         """The camera of the image flipped left to right."""
         return Camera(self.fx, self.fy, self.width - 1 - self.cx, self.cy, self.width, self.height)
 
+    def turned(self) -> "Camera":
+        """The camera of the image turned clockwise by a right angle."""
+        return Camera(self.fy, self.fx, self.height - 1 - self.cy, self.cx, self.height, self.width)
+
 
 CAMERAS = {
     "eval": Camera.centred(285.7, 320, 240),

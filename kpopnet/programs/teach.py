@@ -28,6 +28,7 @@ from kpopnet.programs.arguments import add_address, add_depth, check_server, ope
 from kpopnet.programs.predict import estimated
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
+from kpopnet.sources.lenses import View
 from kpopnet.sources.realsense import RealSenseCamera
 from kpopnet.sources.realsense import library as realsense_library
 from kpopnet.sources.source import DepthSource, LiveCamera, TimedDepth
@@ -93,6 +94,22 @@ class RecordedCamera:
         pass
 
 
+class TurnedCamera:
+    """A camera that is mounted on its side or head; a `LiveCamera`."""
+
+    def __init__(self, camera: LiveCamera, clockwise_deg: int) -> None:
+        self._mounted, self._view = camera, View(camera.camera).rotated(clockwise_deg)
+        self.camera = self._view.camera
+
+    def read(self) -> tuple[np.ndarray, float]:
+        """See `LiveCamera.read`."""
+        depth_m, taken = self._mounted.read()
+        return self._view.image(depth_m), taken
+
+    def close(self) -> None:
+        self._mounted.close()
+
+
 def wait_until(moment: float) -> float:
     """Waits until a moment of `time.monotonic`; returns when the next image is due."""
     time.sleep(max(moment - time.monotonic(), 0))
@@ -100,11 +117,15 @@ def wait_until(moment: float) -> float:
 
 
 def open_source(
-    open_recording: Callable[[], DepthSource] | None, lesson: Lesson, dance: TaughtDance, clock: DanceClock
+    open_recording: Callable[[], DepthSource] | None,
+    lesson: Lesson,
+    dance: TaughtDance,
+    clock: DanceClock,
+    rotate_deg: int = 0,
 ) -> LiveCamera:
-    """Opens the source of depth that a lesson names."""
+    """Opens the source of depth that a lesson names; a live camera's images are turned."""
     if lesson.source == REALSENSE:
-        return RealSenseCamera()
+        return TurnedCamera(RealSenseCamera(), rotate_deg)
     if lesson.source == SIMULATED or open_recording is None:
         return SimulatedCamera(lesson, dance, clock)
     return RecordedCamera(open_recording(), clock)
@@ -171,7 +192,7 @@ def serve(given: argparse.Namespace, library: Library) -> None:
         sources = {REALSENSE: "a RealSense camera"} | sources
     if given.checkpoint is not None:
         load_estimator(given.checkpoint)
-    open_camera = partial(open_source, open_recording)
+    open_camera = partial(open_source, open_recording, rotate_deg=given.rotate)
     teaching = Teaching(library, Tries(given.data / "tries"), open_camera, given.checkpoint, sources, SKILLS, FAULTS)
 
     async def keep_ready(app) -> None:

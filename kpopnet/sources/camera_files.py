@@ -6,7 +6,8 @@ RealSense:     {"width": 640, "height": 480, "ppx": 321.2, "ppy": 238.9, "fx": 3
 Azure Kinect:  the calibration that a recording holds: {"CalibrationInformation": {"Cameras": [...]}}, whose intrinsics are
                relative to the size of the sensor's full image; the mode that was recorded is given with the file
 
-Lens distortion is not modelled; a camera whose distortion shows is read with a warning.
+`coeffs` are those of Brown-Conrady's model, k1, k2, p1, p2, k3 to k6; with "model": "kannala_brandt4", of a fisheye lens, k1 to
+k4.
 """
 
 import logging
@@ -15,12 +16,10 @@ from typing import Any
 
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
-from kpopnet.runtime.input_files import read_json
+from kpopnet.runtime.input_files import expect, read_json
+from kpopnet.sources.lenses import Lens, Optics
 
 log = logging.getLogger(__name__)
-
-INNER_R2, VISIBLE_DISTORTION = 0.25, 0.02
-"""A lens that moves points at a distance of half the focal length from the centre by more than this share of it is reported."""
 
 OURS = ("fx", "fy", "cx", "cy", "width", "height")
 REALSENSE = ("fx", "fy", "ppx", "ppy", "width", "height")
@@ -33,33 +32,51 @@ AZURE_MODES = {(320, 288): (0.5, 192, 180), (640, 576): (1.0, 192, 180), (512, 5
 narrow modes are a part of it, the wide ones all of it (Azure Kinect Sensor SDK, MIT)."""
 
 
-def read_camera(path: Path | str, width: int | None = None, height: int | None = None) -> Camera:
-    """The camera of a JSON file of one of the kinds above, or a preset by its name in `kpopnet.camera.CAMERAS`.
+AZURE_LENSES = ("CALIBRATION_LensDistortionModelBrownConrady", "CALIBRATION_LensDistortionModelRational6KT")
+"""The second, of early devices, differs by a factor of 2 in a term of p1 and p2, which moves no pixel visibly."""
+
+
+def read_optics(path: Path | str, width: int | None = None, height: int | None = None) -> Optics:
+    """The camera and lens of a JSON file of one of the kinds above, or a preset by its name in `kpopnet.camera.CAMERAS`.
 
     An Azure Kinect's calibration needs `width` and `height` of the recorded image in pixels.
     """
     if str(path) in CAMERAS:
-        return CAMERAS[str(path)]
+        return Optics(CAMERAS[str(path)])
     if not Path(path).is_file():
         raise InputError(f"{path}: no such file, and no preset; there are {', '.join(CAMERAS)}")
     content = read_json(Path(path))
     if isinstance(content, dict) and "CalibrationInformation" in content:
-        return _azure_kinect(content, str(path), width, height)
+        return azure_kinect(content, str(path), width, height)
     candidates = [content] + [content[name] for name in NESTED if isinstance(content, dict) and name in content]
     for found in candidates:
         for names in (OURS, REALSENSE):
             if isinstance(found, dict) and all(isinstance(found.get(name), int | float) for name in names):
-                coefficients = found.get("coeffs", [])  # k1, k2, p1, p2, k3
-                if isinstance(coefficients, list):
-                    _warn_of_distortion([*coefficients[:2], *coefficients[4:5]], str(path))
-                return Camera.from_numbers((float(found[name]) for name in names), str(path))
+                camera = Camera.from_numbers((float(found[name]) for name in names), str(path))
+                return optics(camera, found.get("coeffs", []), str(found.get("model", "")), str(path))
     raise InputError(
         f"{path}: no camera in it; expected JSON with numbers {', '.join(OURS)}, or RealSense's with ppx and ppy, or an Azure "
         "Kinect's CalibrationInformation"
     )
 
 
-def _azure_kinect(content: dict[str, Any], where: str, width: int | None, height: int | None) -> Camera:
+def optics(camera: Camera, coefficients: Any, model: str, where: str) -> Optics:
+    """A camera with the lens of these coefficients in OpenCV's order; `model` is the name that RealSense or ROS give it."""
+    is_fisheye = any(one in model.lower() for one in ("kannala", "equidistant", "fisheye"))
+    most = 4 if is_fisheye else 8
+    fits = isinstance(coefficients, list) and all(isinstance(one, int | float) for one in coefficients)
+    expect(fits and not any(coefficients[most:]), where, f"at most {most} lens coefficients that are not 0")
+    lens = Lens(tuple(map(float, coefficients[:most])), is_fisheye)
+    if not any(lens.coefficients):
+        return Optics(camera)
+    if any(one in model.lower() for one in ("inverse", "ftheta")):
+        log.warning("%s: the lens model %s is not known: joints away from the image's centre may be off", where, model)
+        return Optics(camera)
+    return Optics(camera, lens)
+
+
+def azure_kinect(content: Any, where: str, width: int | None, height: int | None) -> Optics:
+    """The depth camera of an Azure Kinect's calibration in the mode of this image size."""
     if (width, height) not in AZURE_MODES:
         modes = ", ".join(f"{wide}x{high}" for wide, high in AZURE_MODES)
         raise InputError(
@@ -68,24 +85,18 @@ def _azure_kinect(content: dict[str, Any], where: str, width: int | None, height
     try:
         cameras = content["CalibrationInformation"]["Cameras"]
         depth = next(one for one in cameras if one["Purpose"] == "CALIBRATION_CameraPurposeDepth")
-        numbers = [float(one) for one in depth["Intrinsics"]["ModelParameters"][:10]]
+        numbers = [float(one) for one in depth["Intrinsics"]["ModelParameters"]]
+        model = depth["Intrinsics"].get("ModelType", AZURE_LENSES[0])
         cx, cy, fx, fy = (number * AZURE_SENSOR_PX for number in numbers[:4])
-    except (KeyError, TypeError, ValueError, StopIteration) as error:
+        k1, k2, k3, k4, k5, k6, _, _, p2, p1 = numbers[4:14]
+    except (KeyError, TypeError, ValueError, AttributeError, StopIteration) as error:
         raise InputError(
-            f"{where}: expected a camera of purpose CALIBRATION_CameraPurposeDepth with Intrinsics.ModelParameters"
+            f"{where}: expected a camera of purpose CALIBRATION_CameraPurposeDepth with 14 numbers Intrinsics.ModelParameters"
         ) from error
-    _warn_of_distortion(numbers[4:10], where)
+    expect(model in AZURE_LENSES, f"{where}: ModelType", f"one of {', '.join(AZURE_LENSES)}, found {model!s:.60}")
     scale, left, top = AZURE_MODES[width, height]
-    # ModelParameters: cx, cy, fx, fy, k1, ... as fractions of the sensor's full image, whose pixel edges lie at whole numbers.
-    return Camera.from_numbers(
+    # The numbers are fractions of the sensor's full image, whose pixel edges lie at whole numbers.
+    camera = Camera.from_numbers(
         (fx * scale, fy * scale, (cx - left) * scale - 0.5, (cy - top) * scale - 0.5, width, height), where
     )
-
-
-def _warn_of_distortion(radial: list[Any], where: str) -> None:
-    """Warns where the radial coefficients k1, k2, k3 and, of a rational model, k4, k5, k6 move points visibly."""
-    k = [float(one) if isinstance(one, int | float) else 0.0 for one in radial] + [0.0] * 6
-    above = 1 + k[0] * INNER_R2 + k[1] * INNER_R2**2 + k[2] * INNER_R2**3
-    below = 1 + k[3] * INNER_R2 + k[4] * INNER_R2**2 + k[5] * INNER_R2**3
-    if abs(above / below - 1 if below else 1.0) > VISIBLE_DISTORTION:
-        log.warning("%s: its lens distortion is not modelled: joints away from the image's centre will be off", where)
+    return Optics(camera, Lens((k1, k2, p1, p2, k3, k4, k5, k6)))

@@ -11,7 +11,7 @@ from PIL import Image
 
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import parsing
-from kpopnet.sources.camera_files import read_camera
+from kpopnet.sources.camera_files import read_optics
 from kpopnet.sources.source import Recording, StoredImage, check_size
 
 SUFFIXES = (".png", ".tif", ".tiff")
@@ -40,12 +40,13 @@ def read_folder(folder: Path, key: str | None) -> Recording:
 def read_images(paths: Sequence[Path], camera_file: Path | None = None) -> Recording:
     """Images of one size, and their camera if its file is there."""
     height, width = _read(paths[0]).shape
-    camera = read_camera(camera_file, width, height) if camera_file is not None and camera_file.is_file() else None
+    known = camera_file is not None and camera_file.is_file()
+    camera, lens = read_optics(camera_file, width, height) if known else (None, None)
 
     def images() -> Iterator[StoredImage]:
         return (StoredImage(_read(path), str(path)) for path in paths)
 
-    return Recording(images, width, height, len(paths), camera=camera)
+    return Recording(images, width, height, len(paths), camera=camera, lens=lens)
 
 
 def _natural(path: Path) -> list[tuple[int, int | str]]:

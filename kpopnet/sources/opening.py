@@ -9,12 +9,13 @@ from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
 from kpopnet.runtime.untrusted import iterate_in_child, read_in_child
 from kpopnet.sources import arrays, images, realsense, video
-from kpopnet.sources.camera_files import read_camera
+from kpopnet.sources.camera_files import read_optics
+from kpopnet.sources.lenses import Lens, Optics
 from kpopnet.sources.source import DepthSource, Recording, StoredImage, check_size
 
 DEFAULT_FPS = 30.0
 
-CameraOfSize = Callable[[int, int], Camera]
+CameraOfSize = Callable[[int, int], Camera | Optics]
 """Makes a camera for images of a width and a height, as `functools.partial(Camera.from_fov, 58.0)` does."""
 
 WITH_NAMES = {".npz": arrays.read_npz_depth, ".h5": arrays.read_hdf5, ".hdf5": arrays.read_hdf5}
@@ -40,7 +41,7 @@ def chosen_camera(
     if sum(one is not None for one in (given, fov_deg, focal_px)) > 1:
         raise InputError("the camera is given twice; give one of --camera, --fov and --focal")
     if given is not None:
-        return CAMERAS.get(given) or partial(read_camera, given)
+        return CAMERAS.get(given) or partial(read_optics, given)
     if fov_deg is not None:
         return partial(Camera.from_fov, fov_deg)
     return None if focal_px is None else partial(Camera.centred, focal_px)
@@ -52,6 +53,7 @@ def open_depth(
     fps: float | None = None,
     key: str | None = None,
     in_child: bool = False,
+    rotate_deg: int = 0,
 ) -> DepthSource:
     """Opens a recording of depth; docs/predicting.md says what each kind of file holds.
 
@@ -62,6 +64,7 @@ def open_depth(
         key: name of the array in a file that holds several; of a folder, a pattern of names, such as "depth_*.png".
         in_child: whether a process with limits of time and memory reads it: damaged or hostile files of a stranger may crash
             the libraries that parse them. Its start takes half a second.
+        rotate_deg: by how much the images are turned clockwise to be upright: 0, 90, 180 or 270.
     """
     path = Path(path)
     recording = _described(path, key, in_child)
@@ -69,17 +72,18 @@ def open_depth(
     stated = recording.fps if fps is None else fps
     if stated is not None and not 1 <= stated <= 1000:
         raise InputError(f"{path}: {stated:g} images a second; expected 1 to 1000")
-    camera = camera or recording.camera
+    camera = camera or (recording.camera and Optics(recording.camera, recording.lens))
     if camera is None:
         raise InputError(
             f"{path}: does not state its camera; give a preset ({', '.join(CAMERAS)}) or a file of intrinsics (--camera), "
             "the horizontal field of view in degrees (--fov), or the focal length in pixels (--focal)"
         )
-    if not isinstance(camera, Camera):
+    if callable(camera):
         camera = camera(recording.width, recording.height)
-    return DepthSource(
-        str(path), camera, stated or DEFAULT_FPS, stated is not None, recording.frames, recording.images, file_times=fps is None
-    )
+    known = camera if isinstance(camera, Optics) else Optics(camera)
+    view = known.view().rotated(rotate_deg)
+    given = stated or DEFAULT_FPS, stated is not None, recording.frames, recording.images
+    return DepthSource(str(path), known.camera, view, *given, file_times=fps is None)
 
 
 def _described(path: Path, key: str | None, in_child: bool) -> Recording:
@@ -87,11 +91,12 @@ def _described(path: Path, key: str | None, in_child: bool) -> Recording:
         return _read(path, key)
     stated = read_in_child(_without_images, path, key)
     camera = None if stated["camera"] is None else Camera.from_numbers(stated["camera"], f"{path}: camera")
+    lens = None if stated["lens"] is None else Lens(*stated["lens"])
 
     def images() -> Iterator[StoredImage]:
         return (StoredImage(*image) for image in iterate_in_child(_images, path, key))
 
-    return Recording(**stated | {"images": images, "camera": camera})
+    return Recording(**stated | {"images": images, "camera": camera, "lens": lens})
 
 
 def _without_images(path: Path, key: str | None) -> dict:

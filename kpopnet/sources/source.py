@@ -8,6 +8,7 @@ import numpy as np
 
 from kpopnet.camera import MAX_IMAGE_PIXELS, Camera, depth_in_metres
 from kpopnet.errors import InputError
+from kpopnet.sources.lenses import Lens, View
 
 MAX_FRAMES = 1_000_000
 """Longest recording in images, nine hours at 30 a second: it bounds the memory that joints take."""
@@ -34,6 +35,7 @@ class Recording(NamedTuple):
         images: reads the images, `width` x `height` pixels, in order; each call begins with the first one.
         frames: number of images.
         fps: images per second.
+        lens: of the camera; None for a pinhole.
     """
 
     images: Callable[[], Iterator[StoredImage]]
@@ -42,6 +44,7 @@ class Recording(NamedTuple):
     frames: int | None = None
     fps: float | None = None
     camera: Camera | None = None
+    lens: Lens | None = None
 
 
 class TimedDepth(NamedTuple):
@@ -62,6 +65,8 @@ class DepthSource:
 
     Attributes:
         name: of the file or folder, for messages.
+        stored: the camera of the images as the file holds them.
+        view: the pinhole camera of the images that are given, without the lens's distortion, and upright.
         fps: images per second.
         fps_is_known: whether the file or the user gave `fps`; else it is a default.
         frames: number of images, None where it is known only after reading.
@@ -70,12 +75,18 @@ class DepthSource:
     """
 
     name: str
-    camera: Camera
+    stored: Camera
+    view: View
     fps: float
     fps_is_known: bool
     frames: int | None
     images: Callable[[], Iterator[StoredImage]]
     file_times: bool = True
+
+    @property
+    def camera(self) -> Camera:
+        """The camera of the images that are given."""
+        return self.view.camera
 
     def __iter__(self) -> Iterator[np.ndarray]:
         """The images, (H, W) float32 metres; raises as `timed`."""
@@ -91,7 +102,7 @@ class DepthSource:
         for number, image in enumerate(self.images()):
             if number >= MAX_FRAMES:
                 raise InputError(f"{self.name}: more than {MAX_FRAMES:,} images; cut it into parts")
-            depth_m = depth_in_metres(image.depth, self.camera, where=image.where)
+            depth_m = self.view.image(depth_in_metres(image.depth, self.stored, where=image.where))
             time_s = image.time_s if self.file_times and image.time_s is not None else number / self.fps
             if not before_s < time_s < np.inf:
                 raise InputError(

@@ -1,4 +1,9 @@
-"""Depth from videos of 16-bit grey images, as lossless FFV1 in Matroska; needs PyAV, the extra `video`."""
+"""Depth from videos of 16-bit grey images; needs PyAV, the extra `video`.
+
+They are lossless, as FFV1 in Matroska, or what an Azure Kinect or its successor Femto records: a Matroska file with a track for
+depth, one for infrared, which looks the same, and the camera's calibration as an attachment
+(https://learn.microsoft.com/previous-versions/azure/kinect-dk/record-file-format).
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -6,7 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from kpopnet.errors import InputError
-from kpopnet.runtime.input_files import expect, parsing
+from kpopnet.runtime.input_files import expect, parse_json, parsing
+from kpopnet.sources.camera_files import azure_kinect
+from kpopnet.sources.lenses import Optics
 from kpopnet.sources.source import Recording, StoredImage
 
 if TYPE_CHECKING:
@@ -20,12 +27,32 @@ CONTAINERS = {".mkv": "matroska", ".avi": "avi"}
 DEPTH_FORMATS = ("gray16le", "gray16be")
 
 
+DEPTH_TITLES, INFRARED_TITLES = ("DEPTH",), ("IR", "DEPTH_IR")
+DEPTH_TAG, INFRARED_TAG = "K4A_DEPTH_MODE", "K4A_IR_MODE"
+"""How an Azure Kinect marks its tracks."""
+
+CALIBRATION = "calibration.json"
+"""Name of the attachment, if the tag K4A_CALIBRATION_FILE names no other."""
+
+
 def read_video(path: Path) -> Recording:
-    """A video with one stream of 16-bit grey images, millimetres."""
-    with _opened(path) as (_, stream):
+    """A video whose images are millimetres."""
+    with _opened(path) as (container, stream):
         width, height = stream.codec_context.width, stream.codec_context.height
         fps = float(stream.average_rate) if stream.average_rate else None
-        return Recording(lambda: _images(path), width, height, stream.frames if stream.frames > 0 else None, fps)
+        optics = _calibrated(path, container, width, height)
+        frames = stream.frames if stream.frames > 0 else None
+        return Recording(lambda: _images(path), width, height, frames, fps, *optics)
+
+
+def _calibrated(path: Path, container: "InputContainer", width: int, height: int) -> Optics | tuple[None, None]:
+    """The camera and lens of the attachment, None where there is none."""
+    name = container.metadata.get("K4A_CALIBRATION_FILE", CALIBRATION)
+    for attachment in container.streams.attachments:
+        if attachment.name == name:
+            content = bytes(attachment.data or b"").rstrip(b"\0")
+            return azure_kinect(parse_json(content, f"{path}: {name}"), f"{path}: {name}", width, height)
+    return None, None
 
 
 def _images(path: Path) -> Iterator[StoredImage]:
@@ -34,10 +61,9 @@ def _images(path: Path) -> Iterator[StoredImage]:
         packets = container.demux(stream)
         while True:
             with parsing(f"{path}: frame {number}", "damaged"):
-                packet = next(packets, None)
-                if packet is None:
+                frames = _next(packets)
+                if frames is None:
                     break
-                frames = _decoded(packet)
             for frame in frames:
                 expect(frame.format.name in DEPTH_FORMATS, f"{path}: frame {number}", f"16-bit grey, found {frame.format.name}")
                 yield StoredImage(frame.to_ndarray(format="gray16le"), f"{path}: frame {number}", frame.time)
@@ -46,41 +72,65 @@ def _images(path: Path) -> Iterator[StoredImage]:
         raise InputError(f"{path}: no image in it")
 
 
-def _decoded(packet: "Packet") -> list["VideoFrame"]:
-    """The images of a packet. FFmpeg makes up the pixels of damaged parts, and says so in its log only: a ValueError here."""
+@contextmanager
+def _heard(sign: str = "") -> Iterator[None]:
+    """Makes a ValueError of an error with this sign in FFmpeg's log, where alone it tells of cut files and made up pixels."""
     import av
 
     level = av.logging.get_level()
     av.logging.set_level(av.logging.ERROR)
     try:
         with av.logging.Capture() as complaints:
-            frames = packet.decode()
+            yield
     finally:
         av.logging.set_level(level)
-    if complaints:
-        raise ValueError(complaints[0][2].strip())
-    return cast("list[VideoFrame]", frames)
+    told = [text.strip() for _, _, text in complaints if sign in text]
+    if told:
+        raise ValueError(told[0])
+
+
+def _next(packets: Iterator["Packet"]) -> list["VideoFrame"] | None:
+    """The images of the next packet, None after the last."""
+    with _heard():
+        packet = next(packets, None)
+        return None if packet is None else cast("list[VideoFrame]", packet.decode())
 
 
 @contextmanager
 def _opened(path: Path) -> Iterator[tuple["InputContainer", "VideoStream"]]:
-    """A video and its first stream of 16-bit grey images."""
+    """A video and its stream of depth."""
     try:
         import av
     except ImportError as error:
         raise InputError(
             f"{path}: videos are read by PyAV, which is missing; install it: pip install 'kpopnet[video]'"
         ) from error
-    with parsing(str(path), "not a readable video"):
+    with parsing(str(path), "not a readable video"), _heard("prematurely"):  # others may be about tracks that are not read
         container = av.open(str(path), format=CONTAINERS[path.suffix.lower()], options={"protocol_whitelist": "file"})
     with container:
-        formats = [getattr(stream, "pix_fmt", None) or "of an unknown kind" for stream in container.streams.video]
-        found = next((number for number, name in enumerate(formats) if name in DEPTH_FORMATS), None)
-        if found is None:
-            raise InputError(
-                f"{path}: its images are {', '.join(formats) or 'none'}; expected 16-bit grey (gray16le) in millimetres: "
-                "colour and 8-bit video do not hold depth"
-            )
-        stream = container.streams.video[found]
+        stream = _depth_stream(path, container)
         stream.codec_context.thread_count = 1  # a thread's complaints would not be heard
         yield container, stream
+
+
+def _depth_stream(path: Path, container: "InputContainer") -> "VideoStream":
+    """The track that is called depth, or the only one of 16-bit grey that is not called infrared."""
+    formats = [getattr(stream, "pix_fmt", None) or "of an unknown kind" for stream in container.streams.video]
+    grey = [one for one, name in zip(container.streams.video, formats, strict=True) if name in DEPTH_FORMATS]
+    if not grey:
+        raise InputError(
+            f"{path}: its images are {', '.join(formats) or 'none'}; expected 16-bit grey (gray16le) in millimetres: "
+            "colour and 8-bit video do not hold depth"
+        )
+
+    def marked(stream: "VideoStream", titles: tuple[str, ...], tag: str) -> bool:
+        return stream.metadata.get("title", "").upper() in titles or tag in stream.metadata
+
+    chosen = [one for one in grey if marked(one, DEPTH_TITLES, DEPTH_TAG)]
+    chosen = chosen or [one for one in grey if not marked(one, INFRARED_TITLES, INFRARED_TAG)]
+    if len(chosen) != 1:
+        raise InputError(
+            f"{path}: {len(chosen) or 'none'} of its {len(grey)} tracks of 16-bit grey can be depth; expected one, or the "
+            "title DEPTH; an Azure Kinect's passive infrared mode records no depth"
+        )
+    return chosen[0]

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from azure_kinect_files import write_azure_kinect
 from bvh_files import write_bvh
 from depth_files import CAMERA as DEPTH_CAMERA
 from depth_files import depth_mm, write_hdf5, write_npz, write_pngs, write_video
@@ -24,7 +25,7 @@ from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.datasets.dances.writer import PackedDepth, write_labels, write_learner, write_teacher
 from kpopnet.runtime.untrusted import read_in_child
 from kpopnet.sources import open_depth
-from kpopnet.sources.camera_files import read_camera
+from kpopnet.sources.camera_files import read_optics
 from kpopnet.teacher.library import Library, taught_dance
 from kpopnet.teacher.tries import Tries
 from synth.motion.skeleton import LEG_M, NUM_JOINTS, Motion
@@ -77,6 +78,14 @@ def read_depth(folder: Path) -> list[np.ndarray]:
     ]
 
 
+def make_azure_recording(folder: Path) -> None:
+    write_azure_kinect(folder / "a.mkv", np.tile(depth_mm(2), (1, 6, 5)), ("IR", "DEPTH"))
+
+
+def read_recording(folder: Path) -> list[np.ndarray]:
+    return [part for one in open_depth(folder / "a.mkv").timed() for part in (one.depth_m, np.array(one.time_s))]
+
+
 def make_csv(folder: Path) -> None:
     header = ["time_s", *(f"{name}_{axis}" for name in COCO_NAMES for axis in ("x", "y", "z", "confidence"))]
     rows = [[k / 30, *np.append(frame, np.ones((17, 1)), axis=1).round(3).ravel()] for k, frame in enumerate(coco()[:5])]
@@ -120,7 +129,7 @@ def write_json(folder: Path, content: object, name: str = "a.json") -> None:
 
 
 def read_a_camera(folder: Path) -> list[np.ndarray]:
-    camera = read_camera(folder / "a.json", 640, 576)
+    camera = read_optics(folder / "a.json", 640, 576).view().camera
     return [np.array([camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height], float)]
 
 
@@ -249,6 +258,9 @@ FORMATS = {
     "depth_video": Format(
         lambda folder: write_video(folder / "a.mkv", depth_mm(3)), ("*.mkv",), read_depth, ("kpopnet.sources.video",)
     ),
+    "azure_recording": Format(
+        make_azure_recording, ("*.mkv",), read_recording, ("kpopnet.sources.video", "kpopnet.sources.camera_files")
+    ),
     "shards": Format(make_set, ("*.h5",), read_set, (*HDF5, "kpopnet.data.shards"), is_own=True),
     "kpop_set": Format(
         make_dances, ("*/*.h5", "*/*.csv", "*.json"), read_dances, (*HDF5, "kpopnet.datasets.dances.dance_set"), is_own=True
@@ -264,5 +276,5 @@ FORMATS = {
         every=50,
     ),
 }
-"""What strangers send, to `depth_video`; then what lies on one's own disk, or comes as a request. `child` is no format: its
+"""What strangers send, to `azure_recording`; then what lies on one's own disk, or comes as a request. `child` is no format: its
 files say what a parser does to the process that reads for us (`fuzz.deeds`)."""

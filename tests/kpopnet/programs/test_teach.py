@@ -108,6 +108,27 @@ def recording(tmp_path):
     return functools.partial(open_depth, tmp_path / "depth.npz", CAMERAS["kinect_v1"], 30.0)
 
 
+class Mounted:
+    """A camera on its side: the top of the person is the left of the image."""
+
+    camera = CAMERAS["kinect_v1"]
+
+    def read(self):
+        return np.repeat(np.linspace(1, 3, 320, dtype=np.float32)[None], 240, axis=0), 12.5
+
+    def close(self):
+        self.closed = True
+
+
+def test_a_live_camera_on_its_side_is_turned(monkeypatch):
+    monkeypatch.setattr(teach, "RealSenseCamera", Mounted)
+    camera = teach.open_source(None, Lesson("d", source="realsense"), None, DanceClock(0.0, 1.0), rotate_deg=90)
+    depth_m, taken = camera.read()
+    assert (camera.camera.width, camera.camera.height) == depth_m.shape[::-1] == (240, 320) and taken == 12.5
+    assert (np.diff(depth_m, axis=0) > 0).all()  # what was left is on top
+    camera.close()
+
+
 def test_a_recording_waits_for_the_dance_and_runs_with_it(recording):
     clock = DanceClock(0.0, 1.0)
     camera = teach.open_source(recording, Lesson("d", source="recording"), None, clock)

@@ -7,7 +7,8 @@ import pytest
 
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
-from kpopnet.sources.camera_files import read_camera
+from kpopnet.sources.camera_files import read_optics
+from kpopnet.sources.lenses import Lens
 
 OURS = {"fx": 365.0, "fy": 366.0, "cx": 255.5, "cy": 211.5, "width": 512, "height": 424}
 REALSENSE = {
@@ -31,17 +32,19 @@ def written(tmp_path, content):
 
 def test_our_own_realsense_and_presets(tmp_path):
     for content in (REALSENSE, {"depth": REALSENSE, "color": {"fx": 1}}, {"depth_intrinsics": REALSENSE}):
-        assert read_camera(written(tmp_path, content)) == Camera(387.1, 387.5, 321.2, 238.9, 640, 480)
-    assert read_camera(written(tmp_path, OURS)) == Camera(365.0, 366.0, 255.5, 211.5, 512, 424)
-    assert read_camera("kinect_2") == CAMERAS["kinect_2"]
+        assert read_optics(written(tmp_path, content)) == (Camera(387.1, 387.5, 321.2, 238.9, 640, 480), None)
+    assert read_optics(written(tmp_path, OURS)) == (Camera(365.0, 366.0, 255.5, 211.5, 512, 424), None)
+    assert read_optics("kinect_2").camera == CAMERAS["kinect_2"]
     with pytest.raises(InputError, match=r"no such file, and no preset; there are .*kinect_2"):
-        read_camera("kinect_3")
+        read_optics("kinect_3")
 
 
 def test_the_modes_of_an_azure_kinect_see_the_same_rays(tmp_path):
     """A ray hits the narrow image, its binned half and the wide image at the same place of the sensor."""
     path = written(tmp_path, azure(AZURE))
-    full, binned, narrow, half = (read_camera(path, *size) for size in ((1024, 1024), (512, 512), (640, 576), (320, 288)))
+    full, binned, narrow, half = (
+        read_optics(path, *size).camera for size in ((1024, 1024), (512, 512), (640, 576), (320, 288))
+    )
     ray = np.array([0.1, -0.2, 1.0])
     u, v, _ = full.project(ray)
     np.testing.assert_allclose(narrow.project(ray)[:2], (u - 192, v - 180))
@@ -51,20 +54,24 @@ def test_the_modes_of_an_azure_kinect_see_the_same_rays(tmp_path):
     assert (narrow.width, narrow.height) == (640, 576)
 
 
-def test_visible_distortion_is_reported_and_a_small_one_is_not(tmp_path, caplog):
-    read_camera(written(tmp_path, REALSENSE))
-    read_camera(written(tmp_path, azure([*AZURE[:4], 5.5, 5.0, 0.2, 5.48, 5.05, 0.2])), 640, 576)  # k1 and k4 cancel
+def test_the_lens_is_what_the_file_states_and_an_unknown_model_is_told(tmp_path, caplog):
+    for content, expected in (
+        (REALSENSE | {"coeffs": [0.2, 0.1, 0.01, 0.02, 0.3]}, Lens((0.2, 0.1, 0.01, 0.02, 0.3))),
+        (OURS | {"coeffs": [0.2, 0.1, 0, 0], "model": "distortion.kannala_brandt4"}, Lens((0.2, 0.1, 0.0, 0.0), True)),
+        (azure(AZURE), Lens((5.25, 3.5, -0.0001, 0.0001, 0.18, 5.58, 5.13, 0.95))),
+    ):
+        assert read_optics(written(tmp_path, content), 640, 576).lens == expected
     assert not caplog.text
-    for content in (REALSENSE | {"coeffs": [0.2, 0.1, 0, 0, 0]}, azure(AZURE)):
-        caplog.clear()
-        read_camera(written(tmp_path, content), 640, 576)
-        assert "distortion is not modelled" in caplog.text
+    unknown = REALSENSE | {"coeffs": [0.2, 0.1, 0, 0, 0], "model": "distortion.inverse_brown_conrady"}
+    assert read_optics(written(tmp_path, unknown)).lens is None and "inverse_brown_conrady is not known" in caplog.text
 
 
 @pytest.mark.parametrize(
     ("content", "size", "message"),
     [
         ([], (), "no camera in it"),
+        (OURS | {"coeffs": "none"}, (), "lens coefficients"),
+        (OURS | {"coeffs": [0.1] * 14}, (), "at most 8 lens coefficients"),
         (OURS | {"width": 512.5}, (), "whole numbers"),
         (OURS | {"fx": -1}, (), "fx=-1"),
         (azure(AZURE), (), "give the depth image's size"),
@@ -74,4 +81,4 @@ def test_visible_distortion_is_reported_and_a_small_one_is_not(tmp_path, caplog)
 )
 def test_what_is_no_camera_is_refused(tmp_path, content, size, message):
     with pytest.raises(InputError, match=message):
-        read_camera(written(tmp_path, content), *size)
+        read_optics(written(tmp_path, content), *size)
