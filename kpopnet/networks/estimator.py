@@ -68,4 +68,4 @@ class NetworkEstimator:
 def shows_a_room(depth_m: np.ndarray, camera: Camera) -> bool:
     """Whether (N, H, W) depth in metres shows much more than one person."""
     area_m2 = float(np.square(depth_m, dtype=np.float64).sum()) / (camera.fx * camera.fy)
-    return np.count_nonzero(depth_m) > ROOM_FRACTION * depth_m.size and area_m2 > ROOM_M2 * len(depth_m)
+    return bool(np.count_nonzero(depth_m) > ROOM_FRACTION * depth_m.size and area_m2 > ROOM_M2 * len(depth_m))

@@ -72,15 +72,14 @@ def open_depth(
     stated = recording.fps if fps is None else fps
     if stated is not None and not 1 <= stated <= 1000:
         raise InputError(f"{path}: {stated:g} images a second; expected 1 to 1000")
-    camera = camera or (recording.camera and Optics(recording.camera, recording.lens))
-    if camera is None:
+    chosen = camera or (recording.camera and Optics(recording.camera, recording.lens))
+    if chosen is None:
         raise InputError(
             f"{path}: does not state its camera; give a preset ({', '.join(CAMERAS)}) or a file of intrinsics (--camera), "
             "the horizontal field of view in degrees (--fov), or the focal length in pixels (--focal)"
         )
-    if callable(camera):
-        camera = camera(recording.width, recording.height)
-    known = camera if isinstance(camera, Optics) else Optics(camera)
+    found = chosen(recording.width, recording.height) if callable(chosen) else chosen
+    known = found if isinstance(found, Optics) else Optics(found)
     view = known.view().rotated(rotate_deg)
     given = stated or DEFAULT_FPS, stated is not None, recording.frames, recording.images
     return DepthSource(str(path), known.camera, view, *given, file_times=fps is None)
