@@ -31,7 +31,7 @@ from kpopnet.runtime.atomic_write import atomic_path
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "results"
-PAGES = tuple(ROOT / name for name in ("README.md", "docs/results.md", "kpopnet/weights/MODEL_CARD.md"))
+PAGES = tuple(ROOT / name for name in ("README.md", "docs/results.md", "docs/compare.md", "kpopnet/weights/MODEL_CARD.md"))
 """Their tables are made from the files; every figure outside the tables names its file."""
 
 BLOCK = re.compile(r"(<!-- results: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
