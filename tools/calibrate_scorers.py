@@ -130,12 +130,12 @@ def performed(joints_m: np.ndarray) -> Performance:
 def compared(one: Dance, scorers: Sequence[Scorer], learners_m: Sequence[np.ndarray]) -> list[list[Comparison]]:
     """The windows of each learner of a dance by each of some scorers with the same feature."""
     grid, found = TimeGrid(performed(one.teacher_m), scorers[0].feature), []
-    features = [grid.features(*grid.resampled(performed(joints_m), grid.frames)) for joints_m in learners_m]
+    learners = [grid.resampled(performed(joints_m), grid.frames) for joints_m in learners_m]
     for scorer in scorers:
         teacher = scorer.teacher(grid.teacher)
-        found.append([Comparison(grid, teacher, False) for _ in features])
-        for comparison, of_learner in zip(found[-1], features, strict=True):
-            comparison.add(of_learner)
+        found.append([Comparison(grid, teacher, False) for _ in learners])
+        for comparison, joints in zip(found[-1], learners, strict=True):
+            comparison.add(*joints, len(grid.frames))
             comparison.keep_windows(len(grid.frames))
     return found
 

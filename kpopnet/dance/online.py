@@ -10,9 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kpopnet.dance.features import FEATURES, Features
-from kpopnet.dance.performance import Performance, mask_missing_joints
-from kpopnet.dance.resampling import KERNEL_RADIUS_S, resampled
+from kpopnet.dance.features import FEATURES
+from kpopnet.dance.performance import KERNEL_RADIUS_S, Performance, mask_missing_joints, resampled
 from kpopnet.dance.scoring import MIRROR_MARGIN, OURS, Comparison, DanceScore, Scorer, TimeGrid, preferred
 from kpopnet.dance.window import FPS, PARTS, WINDOW_FRAMES, WindowScore
 from kpopnet.errors import InputError
@@ -148,8 +147,7 @@ class OnlineScorer:
     def _add(self, frames: list[tuple[np.ndarray, np.ndarray]], comparison: Comparison, new: int) -> None:
         """Adds the last `new` of successive frames of joints and confidence to a comparison."""
         joints_m, confidence = (np.array(column) for column in zip(*frames, strict=True))
-        features = self._grid.features(joints_m, confidence, comparison.mirrored)
-        comparison.add(Features(*(array[-new:] for array in features)))
+        comparison.add(joints_m, confidence, new)
 
     def _preferred(self) -> tuple[Comparison, Comparison]:
         """The comparison that is shown, and the other one."""

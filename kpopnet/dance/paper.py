@@ -2,7 +2,7 @@
 
 What it adds to the equations, which leave it open (docs/dance_scoring.md says what each addition is worth):
 
-- joints are smoothed over 0.08 s as they are resampled by their time stamps (`kpopnet.dance.resampling`);
+- joints are smoothed over 0.08 s as they are resampled by their time stamps (`kpopnet.dance.performance`);
 - each squared difference of Eq. (14) is weighted by how well both poses determine the angle: an azimuth by the sine of its
   inclination, without which the azimuth of a hanging arm is noise; differences are wrapped to -pi..pi;
 - the path stays within BAND_S of the same time;

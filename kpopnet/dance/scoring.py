@@ -16,9 +16,9 @@ from kpopnet.dance.dtw import banded_distances
 from kpopnet.dance.features import FEATURES, Features, dance_features
 from kpopnet.dance.paper import PaperScorer, PaperTeacher
 from kpopnet.dance.parts import FEATURE, PartScorer, PartTeacher, known_noise
-from kpopnet.dance.performance import Performance, as_performance
-from kpopnet.dance.resampling import resampled
-from kpopnet.dance.timing import tempo
+from kpopnet.dance.performance import Performance, as_performance, resampled
+from kpopnet.dance.stage import StageScore, stage_score
+from kpopnet.dance.timing import MIN_POSTURE, tempo
 from kpopnet.dance.window import BAND_FRAMES, FPS, PARTS, WINDOW_FRAMES, WINDOW_S, WindowScore
 from kpopnet.errors import InputError
 from kpopnet.skeleton import MIRROR
@@ -81,6 +81,7 @@ class DanceScore(NamedTuple):
         mirror_fits_better: whether the learner fits the teacher's mirror image clearly better than the teacher.
         tempo: the learner's tempo divided by the teacher's; NaN where unknown.
         ceiling: what perfect dancing scores on average through the estimator whose noise was set; 100 for true joints.
+        teacher_m, learner_m: (T, 15, 3) joints at the uniform frames that were compared, FPS a second, metres.
     """
 
     similarity: float
@@ -95,6 +96,17 @@ class DanceScore(NamedTuple):
     tempo: float
     ceiling: float
     scorer: Scorer
+    teacher_m: np.ndarray
+    learner_m: np.ndarray
+
+    @property
+    def stage(self) -> StageScore:
+        """Place, height, lean and facing, which similarity, timing and posture do not contain; computed anew at each call."""
+        known, frames = self.windows.posture >= MIN_POSTURE, np.arange(len(self.learner_m))
+        known &= np.isfinite(self.windows.delay_s)
+        middle = (self.windows.middle_s - self.windows.start_s[0]) * FPS
+        delay_s = np.interp(frames, middle[known], self.windows.delay_s[known]) if known.any() else np.zeros(len(frames))
+        return stage_score(self.teacher_m[: len(frames)], self.learner_m, delay_s)
 
     @property
     def completeness(self) -> float:
@@ -129,7 +141,7 @@ def score_dance(
     joints, prepared, scores = grid.resampled(learner, grid.frames), scorer.teacher(grid.teacher), []
     for mirrored in (False, True):
         comparison = Comparison(grid, prepared, mirrored)
-        comparison.add(grid.features(*joints, mirrored))
+        comparison.add(*joints, len(grid.frames))
         comparison.keep_windows(len(grid.frames))
         scores.append(comparison.summary())
     return preferred(*scores)
@@ -148,6 +160,7 @@ class TimeGrid:
     Attributes:
         frames: numbers of the frames within the teacher's dance.
         teacher: the teacher's features at these frames.
+        teacher_m: (T, 15, 3) the teacher's joints at these frames, metres.
     """
 
     def __init__(self, teacher: Performance, feature: str, fps: float = FPS) -> None:
@@ -159,7 +172,8 @@ class TimeGrid:
                 f"the teacher's dance lasts {teacher.times_s[-1] - teacher.times_s[0]:.2f} s, less than a window of "
                 f"{WINDOW_S} s; give a longer dance"
             )
-        self.teacher = self.features(*self.resampled(teacher, self.frames))
+        joints = self.resampled(teacher, self.frames)
+        self.teacher_m, self.teacher = joints[0], self.features(*joints)
 
     def frames_of(self, performance: Performance) -> range:
         """The frames between a performance's first sample and its last."""
@@ -181,10 +195,8 @@ class TimeGrid:
         """(G, 15, 3) joints and (G, 15) confidence of a performance at these frames; missing outside the recording."""
         return resampled(performance.joints_m, performance.confidence, performance.times_s, self.time_s(frames))
 
-    def features(self, joints_m: np.ndarray, confidence: np.ndarray, mirrored: bool = False) -> Features:
-        """Features of (T, 15, 3) joints at uniform frames with (T, 15) confidence, or of their mirror image."""
-        if mirrored:
-            joints_m, confidence = joints_m[:, MIRROR] * [-1.0, 1.0, 1.0], confidence[:, MIRROR]
+    def features(self, joints_m: np.ndarray, confidence: np.ndarray) -> Features:
+        """Features of (T, 15, 3) joints at uniform frames with (T, 15) confidence."""
         return dance_features(joints_m, self._feature, self._fps, confidence)
 
     def check_overlap(self, learner: range) -> None:
@@ -204,7 +216,7 @@ class Comparison:
     The result is the same for frames that are added at once or one by one.
 
     Attributes:
-        mirrored: whether the frames that are added are of the mirror image.
+        mirrored: whether the mirror image of the learner is compared.
         kept: the windows of the dance's score, which start at multiples of the scorer's `hop_s`.
     """
 
@@ -212,23 +224,34 @@ class Comparison:
         self._grid, self._teacher, self.mirrored = grid, teacher, mirrored
         self._hop_frames = round(teacher.scorer.hop_s * FPS)
         self._learner = Features(*(np.full_like(array, np.nan) for array in teacher.features))
+        self._learner_m = np.full_like(grid.teacher_m, np.nan)
         # Filled, so that all memory is taken before the dance begins, not page by page while it is scored in real time.
         self._distances = np.full((len(grid.frames), 2 * BAND_FRAMES + 1), np.nan)
         self._end, self.kept = 0, list[WindowScore]()
         self._sum, self._weight = 0.0, 0.0
 
-    def add(self, features: Features) -> None:
-        """Adds the learner's next frames; the first is the teacher's frame 0."""
+    def add(self, joints_m: np.ndarray, confidence: np.ndarray, new: int) -> None:
+        """Adds the learner's next frames, the last `new` of (T, 15, 3) joints; the first of all is the teacher's frame 0.
+
+        The frames before are those that the features of the new ones look back on.
+        """
+        if self.mirrored:
+            joints_m, confidence = joints_m[:, MIRROR] * [-1.0, 1.0, 1.0], confidence[:, MIRROR]
+        features = Features(*(array[-new:] for array in self._grid.features(joints_m, confidence)))
+        self._learner_m[self._end : self._end + new] = joints_m[-new:]
+        self._add(features)
+
+    def _add(self, features: Features) -> None:
         begin, self._end = self._end, self._end + len(features.angles_rad)
-        for stored, new in zip(self._learner, features, strict=True):
-            stored[begin : self._end] = new
+        for stored, one in zip(self._learner, features, strict=True):
+            stored[begin : self._end] = one
         teacher = self._teacher.features, begin, BAND_FRAMES, self._teacher.scorer.outlier_rad
         self._distances[begin : self._end] = banded_distances(features, *teacher)
 
     def add_missing(self, frames: int) -> None:
         """Adds frames in which no person was seen."""
         missing = np.full((frames, self._learner.angles_rad.shape[1]), np.nan)
-        self.add(Features(missing, missing, np.zeros_like(missing)))
+        self._add(Features(missing, missing, np.zeros_like(missing)))
 
     def remove(self, frames: int) -> None:
         """Removes the last frames."""
@@ -278,6 +301,8 @@ class Comparison:
             tempo=tempo(start_s, np.where(weight > 0, delay_s, math.nan), posture),
             ceiling=known_noise(scorer.noise).ceiling,
             scorer=scorer,
+            teacher_m=self._grid.teacher_m,
+            learner_m=self._learner_m[: self._end],
         )
 
 

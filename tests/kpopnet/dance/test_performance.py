@@ -1,14 +1,14 @@
 import numpy as np
 from dance_people import dance_joints_m
 
-from kpopnet.dance import resampling
+from kpopnet.dance import performance
 
 JOINTS_M = dance_joints_m(0, 4.0)
 TIMES_S = np.arange(len(JOINTS_M)) / 30
 
 
 def resampled(joints_m, times_s, at_s):
-    return resampling.resampled(joints_m, np.ones(joints_m.shape[:2]), times_s, at_s)[0]
+    return performance.resampled(joints_m, np.ones(joints_m.shape[:2]), times_s, at_s)[0]
 
 
 def test_linear_motion_is_preserved_for_any_times():
@@ -48,7 +48,7 @@ def test_short_gaps_are_closed_and_long_gaps_stay():
 def test_confidence_is_a_weighted_mean_of_the_samples_around():
     confidence = np.random.default_rng(0).uniform(size=(len(TIMES_S), 15))
     at_s = np.array([0.5, 1.234, TIMES_S[-1] + 2])
-    _, result = resampling.resampled(JOINTS_M, confidence, TIMES_S, at_s)
+    _, result = performance.resampled(JOINTS_M, confidence, TIMES_S, at_s)
     weights = np.exp(-0.5 * ((TIMES_S - at_s[:2, None]) / 0.08) ** 2) * (np.abs(TIMES_S - at_s[:2, None]) <= 0.25)
     np.testing.assert_allclose(result[:2], weights @ confidence / weights.sum(axis=1, keepdims=True))
     assert not result[2].any()  # no sample is near

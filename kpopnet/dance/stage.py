@@ -1,0 +1,218 @@
+"""Where the body is and how it stands in the room: place, height, lean and facing.
+
+The paper's features are angles of the body about itself (section 3.1): dancing on the spot, leaving out the jumps and lying on
+the floor score as if they were right. Compared here are, at the frames that the windows matched in time:
+
+- place: of the hips on the floor, in lengths of the body, so that a child's steps may be shorter;
+- height: of the hips, likewise: jumps, level changes, lying down;
+- lean: the direction from the hips to the neck, against gravity;
+- facing: the heading of hips and shoulders.
+
+Where the two cameras stand is not known. So the learner's stage is laid onto the teacher's where the dance begins: place,
+height and heading agree on average over the first START_S in which both are seen. A camera's tilt is not known either: the
+vertical of a dance is the median direction from feet to neck, if that lies within MAX_TILT of the camera's. A lean that lasts
+for most of a dance is therefore taken for the camera's.
+
+A figure is the skill score of `kpopnet.dance.parts`: the mean of exp(-(error / scale)^2) above that of somebody who stays as
+the teacher is on average. The similarity of the dance does not contain it. Head and feet are not graded: the head is one joint,
+and a foot is a point without a direction.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from kpopnet.dance.window import FPS
+from kpopnet.skeleton import Joint
+
+START_S = 2.0
+"""What both stages have in common, seconds from the begin: a window."""
+
+MAX_TILT = math.radians(60)
+"""Of a camera: they are mounted at up to 50 degrees (`synth.rooms`), and a body that lies is at 90."""
+
+MAX_STAYING = 0.5
+"""Greatest score of staying that is taken off. Where the teacher stays, a learner who is 20 cm off loses 60 points of place."""
+
+LEAST_KNOWN = 0.1
+"""Fraction of the teacher's frames that has to be compared."""
+
+LEAST_LEVEL = 0.5
+"""Fraction of the width of hips and shoulders that has to be level: a body on its side has no heading."""
+
+LEAST_S = 0.3
+"""Shorter errors are not mentioned, seconds; a jump takes longer."""
+
+
+class Dimension(NamedTuple):
+    """What is graded.
+
+    Attributes:
+        scale: error at which the similarity has fallen to 1/e: lengths of the body, of an adult 1.35 m, or radians.
+        mentioned: smaller errors are not mentioned.
+        words: of each component of the error, where it is negative and where it is positive.
+        is_direction: whether it is a unit direction instead of a place.
+    """
+
+    scale: float
+    mentioned: float
+    words: tuple[tuple[str, str], ...]
+    is_direction: bool = False
+
+    def error(self, danced: np.ndarray, goal: np.ndarray) -> np.ndarray:
+        """(T, C) differences of (T, .) places or directions; those of directions are angles."""
+        if not self.is_direction:
+            return danced - goal
+        between = np.arctan2(np.linalg.norm(danced - goal, axis=1), np.linalg.norm(danced + goal, axis=1)) * 2
+        if len(self.words) == 1:
+            side = goal[:, 0] * danced[:, 1] - goal[:, 1] * danced[:, 0]
+            return np.copysign(between, side)[:, None]
+        level = (danced - goal)[:, [0, 2]]
+        return level * (between / np.maximum(np.linalg.norm(level, axis=1), 1e-9))[:, None]
+
+    def mean(self, values: np.ndarray) -> np.ndarray:
+        """The mean of (T, .) places or directions."""
+        mean = np.nanmean(values, axis=0)
+        return mean / max(np.linalg.norm(mean), 1e-9) if self.is_direction else mean
+
+    def similarity(self, error: np.ndarray) -> np.ndarray:
+        """(K,) similarities in 0..1 of the known ones of (T, C) errors."""
+        squared = (error**2).sum(axis=1)
+        return np.exp(-squared[np.isfinite(squared)] / self.scale**2)
+
+
+DIMENSIONS = {
+    "place": Dimension(0.25, 0.25, (("too far right", "too far left"), ("too far back", "too far forward"))),
+    "height": Dimension(0.08, 0.08, (("too low", "too high"),)),
+    "lean": Dimension(
+        math.radians(35),
+        math.radians(20),
+        (("leaning too far to the right", "leaning too far to the left"), ("leaning too far back", "leaning too far forward")),
+        True,
+    ),
+    "facing": Dimension(math.radians(60), math.radians(40), (("facing too far right", "facing too far left"),), True),
+}
+
+
+class Stance(NamedTuple):
+    """How a dancer stands, frame by frame; NaN where joints are missing.
+
+    Attributes:
+        hips_m: (T, 3) middle of the hips: right, down and away of a level camera.
+        trunk: (T, 3) unit direction from the hips to the neck: to the dancer's left, up, to the front.
+        heading: (T,) angle about the vertical, radians; it grows when the dancer turns left.
+        length_m: median of the body's length from neck to feet.
+    """
+
+    hips_m: np.ndarray
+    trunk: np.ndarray
+    heading: np.ndarray
+    length_m: float
+
+    @property
+    def known(self) -> np.ndarray:
+        """(T,) whether place and heading are known."""
+        return np.isfinite(self.hips_m[:, 0]) & np.isfinite(self.heading)
+
+    def on_stage(self, begin: np.ndarray) -> dict[str, np.ndarray]:
+        """(T, C) by dimension, where the stage's middle and front are the mean place and heading at the frames `begin`.
+
+        Place to the left and forward, height up, in lengths of the body; lean and facing as unit directions.
+        """
+        front = math.atan2(np.sin(self.heading[begin]).mean(), np.cos(self.heading[begin]).mean())
+        moved = (self.hips_m - self.hips_m[begin].mean(axis=0)) / self.length_m
+        place = np.stack(_left_and_front(moved, np.full(len(moved), front)), axis=1)
+        facing = np.stack([np.cos(self.heading - front), np.sin(self.heading - front)], axis=1)
+        return {"place": place, "height": -moved[:, 1:2], "lean": self.trunk, "facing": facing}
+
+
+class StageScore(NamedTuple):
+    """How a learner moves on the stage.
+
+    Attributes:
+        figures: by the name of one of `DIMENSIONS`, 0 to 100; without those of which too little is known.
+        errors: by dimension, (T, C) learner minus teacher at the learner's frames, in the units of `Dimension.scale`; NaN where
+            unknown. Empty where nothing is known.
+        length_m: of the learner's body, from neck to feet.
+    """
+
+    figures: dict[str, float]
+    errors: dict[str, np.ndarray]
+    length_m: float
+
+
+def stage_score(teacher_m: np.ndarray, learner_m: np.ndarray, delay_s: np.ndarray) -> StageScore:
+    """Grades a learner on the stage.
+
+    Args:
+        teacher_m: (T, 15, 3) joints in metres in the camera frame, FPS frames a second, NaN where missing.
+        learner_m: (T, 15, 3) likewise, on the same clock.
+        delay_s: (T,) the learner's delay at each frame, as the windows matched it.
+    """
+    teacher, learner = stance(teacher_m), stance(learner_m)
+    frames = np.arange(len(delay_s))
+    matched = np.clip(np.rint(frames - delay_s * FPS).astype(int), 0, len(frames) - 1)
+    begin = np.flatnonzero(teacher.known[matched] & learner.known)[: round(START_S * FPS)]
+    if not len(begin):
+        return StageScore({}, {}, learner.length_m)
+    taught, danced = teacher.on_stage(matched[begin]), learner.on_stage(begin)
+    figures, errors = {}, {}
+    for name, dimension in DIMENSIONS.items():
+        goal = taught[name][matched]
+        errors[name] = dimension.error(danced[name], goal)
+        compared = dimension.similarity(errors[name])
+        staying = dimension.similarity(dimension.error(np.broadcast_to(dimension.mean(goal), goal.shape), goal))
+        if len(compared) > LEAST_KNOWN * len(staying):
+            lost = min(float(staying.mean()), MAX_STAYING)
+            figures[name] = 100 * max((float(compared.mean()) - lost) / (1 - lost), 0.0)
+    return StageScore(figures, errors, learner.length_m)
+
+
+def stance(joints_m: np.ndarray) -> Stance:
+    """The stance of (T, 15, 3) joints in metres in the camera frame."""
+    hips_m, feet_m = (joints_m[:, pair].mean(axis=1) for pair in (_HIPS, _FEET))
+    neck_m = joints_m[:, Joint.NECK]
+    across_m = joints_m[:, [Joint.LEFT_HIP, Joint.LEFT_SHOULDER]] - joints_m[:, [Joint.RIGHT_HIP, Joint.RIGHT_SHOULDER]]
+    level = _levelling(neck_m - feet_m)
+    hips_m, trunk_m, left_m = hips_m @ level.T, (neck_m - hips_m) @ level.T, across_m.mean(axis=1) @ level.T
+    is_level = np.hypot(left_m[:, 0], left_m[:, 2]) > LEAST_LEVEL * np.linalg.norm(left_m, axis=1)
+    heading = np.where(is_level, np.arctan2(left_m[:, 2], left_m[:, 0]), np.nan)
+    to_left, to_front = _left_and_front(trunk_m, _held(heading))
+    trunk = np.stack([to_left, -trunk_m[:, 1], to_front], axis=1) / np.linalg.norm(trunk_m, axis=1, keepdims=True)
+    bones_m = [np.linalg.norm(joints_m[:, end] - joints_m[:, begin], axis=2).mean(axis=1) for begin, end in _LEGS]
+    return Stance(hips_m, trunk, heading, sum(_median(one) for one in (np.linalg.norm(trunk_m, axis=1), *bones_m)))
+
+
+_HIPS, _FEET = [Joint.LEFT_HIP, Joint.RIGHT_HIP], [Joint.LEFT_FOOT, Joint.RIGHT_FOOT]
+_KNEES = [Joint.LEFT_KNEE, Joint.RIGHT_KNEE]
+_LEGS = (_HIPS, _KNEES), (_KNEES, _FEET)
+
+
+def _median(values: np.ndarray) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else math.nan
+
+
+def _levelling(up_m: np.ndarray) -> np.ndarray:
+    """(3, 3) rotation of the camera frame after which the median of (T, 3) directions points up, if it did nearly before."""
+    up_m = up_m[np.isfinite(up_m).all(axis=1)]
+    up = np.median(up_m / np.linalg.norm(up_m, axis=1, keepdims=True), axis=0) if len(up_m) else np.zeros(3)
+    if -up[1] <= math.cos(MAX_TILT) * np.linalg.norm(up):
+        return np.eye(3)
+    x, y, z = up / np.linalg.norm(up)
+    # The smallest rotation from (x, y, z) to (0, -1, 0).
+    skew = np.array([[0, x, 0], [-x, 0, -z], [0, z, 0]])
+    return np.eye(3) + skew + skew @ skew / (1 - y)
+
+
+def _left_and_front(vectors: np.ndarray, heading: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(T,) components of (T, 3) vectors to the left and to the front of (T,) headings."""
+    (x, _, z), cosine, sine = vectors.T, np.cos(heading), np.sin(heading)
+    return x * cosine + z * sine, x * sine - z * cosine
+
+
+def _held(heading: np.ndarray) -> np.ndarray:
+    """(T,) headings whose gaps are closed; a body on its side keeps the heading that it had."""
+    known = np.flatnonzero(np.isfinite(heading))
+    return np.interp(np.arange(len(heading)), known, np.unwrap(heading[known])) if len(known) else heading
