@@ -11,7 +11,7 @@ the floor score as if they were right. Compared here are, at the frames that the
 Where the two cameras stand is not known. So the learner's stage is laid onto the teacher's where the dance begins: place,
 height and heading agree on average over the first START_S in which both are seen. A camera's tilt is not known either: the
 vertical of a dance is the median direction from feet to neck, if that lies within MAX_TILT of the camera's. A lean that lasts
-for most of a dance is therefore taken for the camera's.
+for most of a dance is therefore taken for the camera's, and a leg that is lifted for most of it tilts the vertical a little.
 
 A figure is the skill score of `kpopnet.dance.parts`: the mean of exp(-(error / scale)^2) above that of somebody who stays as
 the teacher is on average. The similarity of the dance does not contain it. Head and feet are not graded: the head is one joint,
