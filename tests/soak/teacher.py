@@ -91,7 +91,7 @@ async def attack(port: int, rate: float, answered: Counter) -> None:
     while True:
         raw = random_request(rng)
         task = asyncio.create_task(status_of(port, raw))
-        task.add_done_callback(lambda done, raw=raw: _count(done.result(), raw, answered))
+        task.add_done_callback(lambda done, raw=raw: done.cancelled() or _count(done.result(), raw, answered))
         sending.add(task)
         task.add_done_callback(sending.discard)
         await asyncio.sleep(1 / rate)
