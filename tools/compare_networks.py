@@ -113,12 +113,10 @@ def _over_trainings(values: np.ndarray, counted: np.ndarray, unit: np.ndarray, s
     }
 
 
-def in_the_labels_definition(benchmark: Benchmark, results: dict[str, PoseResults]) -> dict[str, PoseResults]:
+def in_the_labels_definition(results: dict[str, PoseResults]) -> dict[str, PoseResults]:
     """The results with every estimate moved to the joints that the labels define, fitted on the other people."""
-    names = next(iter(results.values())).sequence_names
-    people = np.array([benchmark.read(name).identity for name in names])
     return {
-        run: replace(one, estimate_m=in_label_definition(one.truth_m, one.estimate_m, people[one.sequence]))
+        run: replace(one, estimate_m=in_label_definition(one.truth_m, one.estimate_m, one.person))
         for run, one in results.items()
     }
 
@@ -160,7 +158,7 @@ def measured(benchmark: Benchmark, ways: dict[str, list[str]], pairs: list[str],
         raise InputError(f"{benchmark.name}: {', '.join(run.failed)} failed")
     found = {"unit": run.resampled.units, "units": run.resampled.count, "raw": compare(run.results, ways, pairs)}
     if hasattr(benchmark, "label_definition"):
-        found["in_label_definition"] = compare(in_the_labels_definition(benchmark, run.results), ways, pairs)
+        found["in_label_definition"] = compare(in_the_labels_definition(run.results), ways, pairs)
     return found
 
 

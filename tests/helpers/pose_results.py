@@ -8,12 +8,11 @@ from kpopnet.evaluation.poses.metrics import PoseResults
 def pose_results(truth_m: np.ndarray, estimate_m: np.ndarray, **given) -> PoseResults:
     """Frames of one sequence in which every joint is visible and every estimate sure, but for what is given."""
     frames = len(truth_m)
-    sequence = np.asarray(given.pop("sequence", np.zeros(frames, int)))
+    sequence = np.array([f"s{number}" for number in given.pop("sequence", np.zeros(frames, int))])
     usual = {
         "confidence": np.isfinite(estimate_m).all(-1).astype(np.float32),
         "visible": np.isfinite(truth_m).all(-1),
         "sequence": sequence,
-        "sequence_names": tuple(f"s{k}" for k in range(sequence.max() + 1)),
         "yaw_rad": np.full(frames, np.nan),
         "unit": sequence,
         "given": np.zeros(frames, bool),

@@ -48,8 +48,8 @@ def missed_by_cause(results: PoseResults) -> dict[str, float]:
 def _found_around(found: np.ndarray, results: PoseResults) -> np.ndarray:
     """(N, 15) whether a joint is found within NEIGHBOURS frames before and within NEIGHBOURS frames after, in films."""
     around = np.zeros_like(found)
-    for index in range(len(results.sequence_names)):
-        rows = np.flatnonzero(results.sequence == index)
+    for name in results.sequence_names:
+        rows = np.flatnonzero(results.sequence == name)
         steps_m = np.linalg.norm(np.diff(results.truth_m[rows], axis=0), axis=-1)
         if not np.isfinite(steps_m).any() or np.nanmedian(steps_m) > FILM_STEP_M:
             continue

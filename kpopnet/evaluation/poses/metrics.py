@@ -14,7 +14,7 @@ Names with 14 are over the paper's fourteen joints (`kpopnet.skeleton.PAPER_JOIN
 paper are compared with these. All others are over fifteen.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -37,24 +37,26 @@ class PoseResults:
         estimate_m: (N, 15, 3) estimated joints likewise, NaN where missing.
         confidence: (N, 15) confidence of the estimates in 0..1.
         visible: (N, 15) bool, whether the joint is visible in the depth image.
-        sequence: (N,) int, index into sequence_names.
-        sequence_names: names of the sequences.
         yaw_rad: (N,) heading of the person, NaN where unknown.
-        unit: (N,) int, number of the person, room or sequence that the bootstrap resamples as a whole.
         given: (N,) bool, whether the estimator was given the true joints of this frame; it is not scored there.
-        person: (N,) text, the identity of the person; "" if unknown.
+        sequence: (N,) its name.
+        person: (N,) identity; "" if unknown.
+        unit: (N,) name of the person, room or sequence that the bootstrap resamples as a whole.
     """
 
     truth_m: np.ndarray
     estimate_m: np.ndarray
     confidence: np.ndarray
     visible: np.ndarray
-    sequence: np.ndarray
-    sequence_names: tuple[str, ...]
     yaw_rad: np.ndarray
-    unit: np.ndarray
     given: np.ndarray
+    sequence: np.ndarray
     person: np.ndarray
+    unit: np.ndarray
+
+    @property
+    def sequence_names(self) -> list[str]:
+        return list(dict.fromkeys(self.sequence.tolist()))
 
     def errors_m(self) -> np.ndarray:
         """(N, 15) `errors_m`, as the module defines it."""
@@ -64,22 +66,12 @@ class PoseResults:
 
     def select_frames(self, rows: np.ndarray) -> "PoseResults":
         """The frames of an index or boolean mask."""
-        return replace(self, **{name: getattr(self, name)[rows] for name in PER_FRAME})
-
-    def of_sequence(self, name: str) -> "PoseResults":
-        """The frames of one sequence."""
-        return self.select_frames(np.flatnonzero(self.sequence == self.sequence_names.index(name)))
-
-
-PER_FRAME = tuple(one.name for one in fields(PoseResults) if one.name != "sequence_names")
+        return PoseResults(*(getattr(self, one.name)[rows] for one in fields(self)))
 
 
 def concatenated(parts: list[PoseResults]) -> PoseResults:
-    """The frames of several sequences, of one each."""
-    names = tuple(name for part in parts for name in part.sequence_names)
-    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in PER_FRAME}
-    sequence = np.repeat(np.arange(len(parts)), [len(part.truth_m) for part in parts])
-    return PoseResults(**joined | {"sequence": sequence, "sequence_names": names})
+    """The frames of several sequences."""
+    return PoseResults(*(np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(PoseResults)))
 
 
 def joint_errors_m(truth_m: np.ndarray, estimate_m: np.ndarray) -> np.ndarray:
@@ -213,9 +205,8 @@ def evaluate(results: PoseResults, seed: int = 0) -> dict:
             "per_joint": {name: of_joints([joint]) for joint, name in enumerate(JOINT_NAMES)},
             "per_group": {name: of_joints([int(joint) for joint in joints]) for name, joints in JOINT_GROUPS.items()},
             "per_sequence": {
-                name: of_frames(results.sequence == index)
-                for index, name in enumerate(results.sequence_names)
-                if (labelled.sequence == index).any()  # the same names for every estimator, whichever frames it was given
+                name: of_frames(results.sequence == name)
+                for name in labelled.sequence_names  # the same names for every estimator, whichever frames it was given
             },
             "per_person": {
                 name: of_frames(results.person == name) | of_moving(results.person == name)

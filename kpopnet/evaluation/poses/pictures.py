@@ -45,10 +45,10 @@ def examples_sheet(run: PoseRun, seed: int) -> np.ndarray:
     tiles: dict[int, np.ndarray] = {}
     sequence = None
     for row in sorted({frame for frames in examples.values() for frame in frames}):  # each sequence is read once
-        number = results.sequence[row]
-        if sequence is None or sequence.name != results.sequence_names[number]:
-            sequence = run.benchmark.read(results.sequence_names[number])
-        tiles[row] = _tile(run, sequence, row, row - int(np.argmax(results.sequence == number)))
+        name = str(results.sequence[row])
+        if sequence is None or sequence.name != name:
+            sequence = run.benchmark.read(name)
+        tiles[row] = _tile(run, sequence, row, row - int(np.argmax(results.sequence == name)))
     rows = [(f"{kind} frames", [tiles[frame] for frame in frames]) for kind, frames in examples.items()]
     title = f"{run.main} on {run.benchmark.name} ({run.benchmark.origin.value} depth), true = {run.benchmark.truth}"
     return sheet(rows, (TRUE, ESTIMATED), title)
@@ -92,7 +92,8 @@ def save_views(run: PoseRun, names: list[str], folder: Path) -> dict[str, str]:
     """Writes a page for each sequence, which shows it in 3D; the sequences by the pages' file names."""
     views = {f"worst_{number}.html": name for number, name in enumerate(names, 1)}
     for file, name in views.items():
-        results, sequence = run.results[run.main].of_sequence(name), run.benchmark.read(name)
+        results, sequence = run.results[run.main], run.benchmark.read(name)
+        results = results.select_frames(results.sequence == name)
         people = [
             Shown(results.estimate_m, np.nan_to_num(results.confidence), run.main),
             Shown(results.truth_m, np.ones(results.truth_m.shape[:2]), "true joints", reference=True),

@@ -23,16 +23,13 @@ class EstimatedSequence:
     """What every estimator found in one sequence.
 
     Attributes:
-        results: by the estimator's name.
-        identity, room: as in the sequence.
+        results: by the estimator's name; its `unit` is the room.
         seconds: time of the estimation by the estimator's name.
         extraction_seconds: time of segmenting the person; None where the depth is segmented.
         images_without_person: number of frames without any depth, or in which no person was detected.
     """
 
     results: dict[str, PoseResults]
-    identity: str
-    room: str
     seconds: dict[str, float]
     extraction_seconds: float | None
     images_without_person: int
@@ -58,17 +55,15 @@ class SequenceEstimation:
                 depth_m, extraction_seconds = self._timed["extraction"](depth_m, camera, settings=self.extraction)
         frames = len(depth_m)
         yaw_rad = np.full(frames, np.nan, np.float32) if sequence.yaw_rad is None else sequence.yaw_rad
+        names = [np.full(frames, one) for one in (name, sequence.identity, sequence.room)]
         results, seconds = {}, {}
         for label, estimator in self.estimators.items():
             with stage(label):
                 start = {"start": first_label(truth_m)} if starts_from_label(estimator) else {}
                 (joints_m, confidence), seconds[label] = self._timed[label](depth_m, camera, **start)
-            given, zero = np.arange(frames) == (start["start"].frame if start else -1), np.zeros(frames, int)
-            person = np.full(frames, sequence.identity)
-            found = joints_m, confidence, sequence.visible, zero, (name,), yaw_rad, zero, given, person
-            results[label] = PoseResults(truth_m, *found)
-        empty = int((~depth_m.any(axis=(1, 2))).sum())
-        return EstimatedSequence(results, sequence.identity, sequence.room, seconds, extraction_seconds, empty)
+            given = np.arange(frames) == (start["start"].frame if start else -1)
+            results[label] = PoseResults(truth_m, joints_m, confidence, sequence.visible, yaw_rad, given, *names)
+        return EstimatedSequence(results, seconds, extraction_seconds, int((~depth_m.any(axis=(1, 2))).sum()))
 
 
 class Resampled(NamedTuple):
@@ -156,12 +151,13 @@ def run_benchmark(
     found, failed = engine.run(work, evenly_spaced(names, sequences), processes, benchmark.name)
     parts = list(found.values())
     results = {label: concatenated([part.results[label] for part in parts]) for label in estimators}
-    people, resampled = _people_and_units(parts, results)
+    resampled, unit = _resampled(next(iter(results.values())))
+    results = {label: replace(one, unit=unit) for label, one in results.items()}
     _check_scored(benchmark, results)
     extracted = [part.extraction_seconds for part in parts if part.extraction_seconds is not None]
     metrics = {}
     for label, one in results.items():
-        metrics[label] = evaluate(one, seed) | evaluate_confidence(one) | _in_label_definition(benchmark, one, people, seed)
+        metrics[label] = evaluate(one, seed) | evaluate_confidence(one) | _in_label_definition(benchmark, one, seed)
         fps = len(one.truth_m) / max(sum(part.seconds[label] for part in parts), 1e-9)
         sees_future = getattr(estimators[label], "sees_future", False)
         metrics[label] |= {"missed_by_cause": missed_by_cause(one), "fps": fps, "sees_future": sees_future}
@@ -177,28 +173,23 @@ def run_benchmark(
         images_without_person=sum(part.images_without_person for part in parts),
         started_from_label=[label for label, one in estimators.items() if starts_from_label(one)],
         extraction=extraction_name(extraction) if extracted else None,
-        extraction_fps=len(people) / max(sum(extracted), 1e-9) if extracted else None,
+        extraction_fps=len(unit) / max(sum(extracted), 1e-9) if extracted else None,
     )
 
 
-def _people_and_units(parts: list[EstimatedSequence], results: dict[str, PoseResults]) -> tuple[np.ndarray, Resampled]:
-    """The (N,) person in each frame, and what the bootstrap resamples, whose number becomes `unit` of the results.
+def _resampled(results: PoseResults) -> tuple[Resampled, np.ndarray]:
+    """What the bootstrap resamples, and the unit of each frame (N,); the `unit` of the results is the room.
 
     A unit without a label is in no figure.
     """
-    people, rooms = np.array([part.identity for part in parts]), [part.room for part in parts]
-    units, names = "sequences", [str(number) for number in range(len(parts))]
-    if any(rooms):
-        units, names = "rooms", [room or f"sequence {number}" for number, room in enumerate(rooms)]
-    elif all(people):
-        units, names = "people", people
-    _, numbers = np.unique(names, return_inverse=True)
-    main = next(iter(results.values()))
-    for one in results.values():
-        one.unit[:] = numbers[one.sequence]
-    labelled = np.isfinite(main.truth_m).all(axis=-1).any(axis=1)
-    resampled = Resampled(units, len(np.unique(main.unit[labelled])), None if "" in people else len(set(people)))
-    return people[main.sequence], resampled
+    room, people = results.unit, set(results.person.tolist())
+    units, unit = "sequences", results.sequence
+    if (room != "").any():
+        units, unit = "rooms", np.where(room == "", results.sequence, room)
+    elif "" not in people:
+        units, unit = "people", results.person
+    labelled = np.isfinite(results.truth_m).all(axis=-1).any(axis=1)
+    return Resampled(units, len(np.unique(unit[labelled])), None if "" in people else len(people)), unit
 
 
 def _check_scored(benchmark: Benchmark, results: dict[str, PoseResults]) -> None:
@@ -211,14 +202,14 @@ def _check_scored(benchmark: Benchmark, results: dict[str, PoseResults]) -> None
             raise InputError(f"{benchmark.name}: {label} was given every true pose (start=label); no frame is left to score")
 
 
-def _in_label_definition(benchmark: Benchmark, results: PoseResults, people: np.ndarray, seed: int) -> dict:
+def _in_label_definition(benchmark: Benchmark, results: PoseResults, seed: int) -> dict:
     """The figures of an estimator in the definition of the labels, fitted on the other people, as `in_label_definition`.
 
     Empty where the labels have no definition of their own, a person's identity is unknown, or only one person is seen.
     """
     definition = getattr(benchmark, "label_definition", None)
-    if definition is None or "" in people or len(set(people)) < 2:
+    if definition is None or "" in results.person or len(np.unique(results.person)) < 2:
         return {}
     labels_m = np.where(results.given[:, None, None], np.nan, results.truth_m)
-    defined = replace(results, estimate_m=in_label_definition(labels_m, results.estimate_m, people))
+    defined = replace(results, estimate_m=in_label_definition(labels_m, results.estimate_m, results.person))
     return {"in_label_definition": {"definition": definition} | evaluate(defined, seed) | evaluate_confidence(defined)}

@@ -47,7 +47,7 @@ class Failing(Off):
 def test_an_estimator_that_fails_on_a_sequence_excludes_only_that_sequence(error, reason):
     run = run_benchmark(Films(), {"off": Off(), "failing": Failing(error)})
     assert run.failed == {"two": reason}
-    assert all(one.sequence_names == ("one", "three") for one in run.results.values())
+    assert all(one.sequence_names == ["one", "three"] for one in run.results.values())
     assert all(list(metrics["per_sequence"]) == ["one", "three"] for metrics in run.metrics.values())
     assert f"Left out because of an error: two: {reason}" in remarks(run)
 
@@ -101,7 +101,7 @@ def test_all_people_in_a_room_are_resampled_together(tmp_path):
     write_shard(tmp_path, list(range(10)), rooms=[0] * 5 + [1] * 5)
     run = run_benchmark(SyntheticBenchmark(SyntheticConfig(path=str(tmp_path))), {"mean_pose": MEAN_POSE})
     assert run.resampled == ("rooms", 2, 10) and len(run.results["mean_pose"].sequence_names) == 10
-    assert run.results["mean_pose"].unit.tolist() == [0] * 5 + [1] * 5
+    assert run.results["mean_pose"].unit.tolist() == ["room 0"] * 5 + ["room 1"] * 5
     assert any("2 are too few" in line for line in remarks(run))
 
 
