@@ -15,24 +15,20 @@ Which id is which joint is not published:
 """
 
 import re
-from pathlib import Path
 
 import numpy as np
 
 from kpopnet.datasets.point_clouds import PointCloudBenchmark
 
-LIST_CAPACITY = 32
-MARKER = np.dtype([("name", "S256"), ("pos", "<f4", 3)])
-JOINT = np.dtype([("id", "<i4"), ("pos", "<f4", 3)])
 FRAME = np.dtype(
     [
         ("magic", "<i4"),
         ("frame", "<i4"),
-        ("xyz", "<f4", (240, 320, 3)),
+        ("points", "<f4", (240, 320, 3)),
         ("nmarkers", "<i4"),
-        ("markers", MARKER, LIST_CAPACITY),
+        ("markers", [("name", "S256"), ("pos", "<f4", 3)], 32),
         ("njoints", "<i4"),
-        ("joints", JOINT, LIST_CAPACITY),
+        ("joints", [("id", "<i4"), ("pos", "<f4", 3)], 32),
     ]
 )
 
@@ -48,22 +44,12 @@ class EvalBenchmark(PointCloudBenchmark):
     )
     set_name, first_file, suffix, fps = "EVAL", "seq_a_0.bin", ".bin", 30.0
     name_pattern = re.compile(r"seq_(?P<subject>[a-z]+)_(?P<number>\d+)")
-
-    @staticmethod
-    def layout(path: Path) -> np.dtype:
-        return FRAME
-
-    @staticmethod
-    def are_valid(frames: np.ndarray) -> np.ndarray:
-        counts = np.stack([frames["nmarkers"], frames["njoints"]])
-        return (frames["magic"] == frames["magic"][0]) & ((counts >= 0) & (counts <= LIST_CAPACITY)).all(axis=0)
+    layouts, lists = (FRAME,), ("markers", "joints")
 
     @staticmethod
     def points_m(frame: np.ndarray) -> np.ndarray:
-        return frame["xyz"]
+        return frame["points"]
 
     @staticmethod
-    def positions_m(frame: np.ndarray) -> dict[int, np.ndarray]:
-        joints = frame["joints"][: frame["njoints"]]
-        joints = joints[np.isfinite(joints["pos"]).all(axis=1) & (joints["pos"][:, 2] != 0)]
-        return dict(zip(joints["id"].tolist(), joints["pos"], strict=True))
+    def is_visible(joints: np.ndarray) -> np.ndarray:
+        return joints["pos"][:, 2] != 0

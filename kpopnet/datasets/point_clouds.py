@@ -64,10 +64,11 @@ class PointCloudBenchmark:
     name_pattern: ClassVar[re.Pattern]  # of a sequence, with groups `number` and, if it names the person, `subject`
     suffix: ClassVar[str]  # of a file, after the name of the sequence
     fps: ClassVar[float]
-    layout: ClassVar[Callable[[Path], np.dtype]]  # of the frames in an existing file
-    are_valid: ClassVar[Callable[[np.ndarray], np.ndarray]]  # (T,) bool, whether the header of each frame is one of this set
+    layouts: ClassVar[tuple[np.dtype, ...]]  # of a frame; a file has frames of one of them
+    magic: ClassVar[int | None] = None  # of every frame; None for any, which is equal in all frames of a file
+    lists: ClassVar[tuple[str, ...]]  # fields with as many entries as n<field> says; the last one has `id` and `pos`
     points_m: ClassVar[Callable[[np.ndarray], np.ndarray]]  # (H, W, 3) points of a frame, in the files' axes
-    positions_m: ClassVar[Callable[[np.ndarray], dict[int, np.ndarray]]]  # (3,) of visible joints or markers by id, likewise
+    is_visible: ClassVar[Callable[[np.ndarray], np.ndarray]]  # (M,) bool, which of the M joints or markers of a frame
 
     def __init__(self, config: PointCloudConfig) -> None:
         """Lists the sequences; raises InputError if there are none, or the joint map is missing or invalid."""
@@ -134,15 +135,32 @@ class PointCloudBenchmark:
         """(T,) frames of a file, mapped into memory; raises InputError if it is missing, truncated, or not of this set."""
         if not path.is_file():
             raise InputError(f"{path}: no such file")
-        layout = cls.layout(path)
-        count, rest = divmod(path.stat().st_size, layout.itemsize)
+        size = path.stat().st_size
+        with path.open("rb") as file:
+            start = file.read(max(layout.itemsize for layout in cls.layouts) + 4)
+
+        def fits(layout: np.dtype) -> bool:  # one frame, or a second one that begins with the magic of the first
+            return size == layout.itemsize or start[:4] == start[layout.itemsize : layout.itemsize + 4]
+
+        layout = next(filter(fits, cls.layouts), cls.layouts[0])
+        count, rest = divmod(size, layout.itemsize)
         if rest or not count:
             whole = f"a frame of {cls.set_name} has {layout.itemsize} bytes"
             raise InputError(f"{path}: truncated {rest} bytes into frame {count}; {whole}: download it again")
         frames = np.memmap(path, layout, "r")
-        if not (valid := cls.are_valid(frames)).all():
+        valid = frames["magic"] == (frames["magic"][0] if cls.magic is None else cls.magic)
+        for name in cls.lists:
+            valid &= (frames[f"n{name}"] >= 0) & (frames[f"n{name}"] <= layout[name].shape[0])
+        if not valid.all():
             raise InputError(f"{path}: frame {int(valid.argmin())} is damaged, or this is not a sequence of {cls.set_name}")
         return frames
+
+    @classmethod
+    def positions_m(cls, frame: np.ndarray) -> dict[int, np.ndarray]:
+        """(3,) position of each visible joint or marker of a frame in the files' axes, by its id."""
+        found = frame[cls.lists[-1]][: frame[f"n{cls.lists[-1]}"]]
+        found = found[np.isfinite(found["pos"]).all(axis=1) & cls.is_visible(found)]
+        return dict(zip(found["id"].tolist(), found["pos"], strict=True))
 
     @classmethod
     def recording(cls, path: Path) -> PointRecording:

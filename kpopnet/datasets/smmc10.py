@@ -21,28 +21,21 @@ hands (which also has 35 and 37 on the left lower leg, 43 and 41 on the right). 
 """
 
 import re
-from pathlib import Path
 
 import numpy as np
 
 from kpopnet.datasets.point_clouds import PointCloudBenchmark
-from kpopnet.errors import InputError
 
-WIDTH, HEIGHT, LIST_CAPACITY = 144, 176, 64
-PIXELS = WIDTH * HEIGHT
-MAGIC = -1982
-MAGIC_BYTES = MAGIC.to_bytes(4, "little", signed=True)
-MARKER = np.dtype([("id", "<i4"), ("frame", "<i4"), ("pos", "<f4", 3), ("cond", "<f4"), ("flag", "<u4")])
 FIELDS = [
     ("magic", "<i4"),
     ("frame", "<i4"),
     ("timestamp", "<i8"),
-    ("points", "<f4", (PIXELS, 3)),
-    ("dist", "<u2", PIXELS),
-    ("amp", "<u2", PIXELS),
-    ("conf", "<u2", PIXELS),
+    ("points", "<f4", (144, 176, 3)),
+    ("dist", "<u2", 25344),
+    ("amp", "<u2", 25344),
+    ("conf", "<u2", 25344),
     ("nmarkers", "<i4"),
-    ("markers", MARKER, LIST_CAPACITY),
+    ("markers", [("id", "<i4"), ("frame", "<i4"), ("pos", "<f4", 3), ("cond", "<f4"), ("flag", "<u4")], 64),
 ]
 PACKED = np.dtype(FIELDS)
 PADDED = np.dtype(FIELDS, align=True)
@@ -60,32 +53,12 @@ class Smmc10Benchmark(PointCloudBenchmark):
     )
     set_name, first_file, suffix, fps = "SMMC-10", "real01_1.cal.bin", ".cal.bin", 25.0
     name_pattern = re.compile(r"real\d+_(?P<number>\d+)")  # who is recorded is not published
-
-    @staticmethod
-    def layout(path: Path) -> np.dtype:
-        """PACKED or PADDED: by the place of the second magic, or by the length of one frame; InputError if it is neither."""
-        size = path.stat().st_size
-        with path.open("rb") as file:
-            start = file.read(PADDED.itemsize + 4)
-        for layout in (PACKED, PADDED):
-            first, second = (start[place : place + 4] for place in (0, layout.itemsize))
-            if first == MAGIC_BYTES and (size == layout.itemsize or second == MAGIC_BYTES):
-                return layout
-        raise InputError(
-            f"{path}: {size} bytes, in which no frames of {PACKED.itemsize} or {PADDED.itemsize} bytes begin with {MAGIC}: not "
-            "a sequence of SMMC-10, or truncated: download it again"
-        )
-
-    @staticmethod
-    def are_valid(frames: np.ndarray) -> np.ndarray:
-        return (frames["magic"] == MAGIC) & (frames["nmarkers"] >= 0) & (frames["nmarkers"] <= LIST_CAPACITY)
+    layouts, magic, lists = (PACKED, PADDED), -1982, ("markers",)
 
     @staticmethod
     def points_m(frame: np.ndarray) -> np.ndarray:
-        return frame["points"].reshape(WIDTH, HEIGHT, 3).swapaxes(0, 1)
+        return frame["points"].swapaxes(0, 1)
 
     @staticmethod
-    def positions_m(frame: np.ndarray) -> dict[int, np.ndarray]:
-        markers = frame["markers"][: frame["nmarkers"]]
-        markers = markers[(markers["cond"] > 0) & np.isfinite(markers["pos"]).all(axis=1)]
-        return dict(zip(markers["id"].tolist(), markers["pos"], strict=True))
+    def is_visible(markers: np.ndarray) -> np.ndarray:
+        return markers["cond"] > 0
