@@ -155,8 +155,11 @@ def pose_metrics(run: PoseRun) -> dict:
 
 def _joint_blocks(run: PoseRun) -> list[Block]:
     """The figures over all sequences."""
+    main = run.metrics[run.main]
     published, headline = tables.published_on(run.benchmark), tables.across("", run.metrics, tables.HEADLINE)
-    blocks: list[Block] = [("table", headline), ("table", tables.threshold_table(run.metrics))]
+    limits = [(f"within {name.removesuffix('cm')} cm", f"pck/{name}", "%") for name in main["pck"]]
+    causes = [(cause, f"missed_by_cause/{cause}", "%") for cause in main["missed_by_cause"]]
+    blocks: list[Block] = [("table", headline), ("table", tables.across("", run.metrics, limits))]
     if published:
         blocks += [("text", "Published results beside ours, over the paper's fourteen joints.")]
         blocks += [("table", tables.published_table(run.metrics, published))]
@@ -176,7 +179,7 @@ def _joint_blocks(run: PoseRun) -> list[Block]:
         ("figure", ("error_curve.png", "Percentage of joints within a distance of the true position")),
         ("heading", "Why joints are missed"),
         ("text", CAUSES),
-        ("table", tables.causes_table(run.metrics)),
+        ("table", tables.across("missed, by cause", run.metrics, causes)),
         ("heading", "Confidence"),
         ("text", CONFIDENCE),
         ("table", tables.confidence_table(run.metrics)),
@@ -191,7 +194,7 @@ def _sequence_blocks(run: PoseRun, listed: list[str], views: dict[str, str]) -> 
     blocks: list[Block] = [
         ("heading", "Sequences" + (f", the {len(listed)} worst of {total}" if len(listed) < total else ", worst first")),
         ("text", "Error of visible joints (Eq. 16): mean and standard deviation."),
-        ("table", tables.sequence_table(run.metrics, listed)),
+        ("table", tables.by_part("per_sequence", run.metrics, listed)),
     ]
     if len(listed) > 1:
         blocks.append(("figure", ("per_sequence.png", "Mean and standard deviation of the error in each sequence")))
@@ -202,11 +205,11 @@ def _sequence_blocks(run: PoseRun, listed: list[str], views: dict[str, str]) -> 
     ]
     people = list(run.metrics[run.main]["per_person"])
     if 1 < len(people) <= MAX_LISTED_SEQUENCES:
-        blocks += [("heading", "People"), ("table", tables.person_table(run.metrics, people))]
-    if run.metrics[run.main]["by_yaw"]:
+        blocks += [("heading", "People"), ("table", tables.by_part("per_person", run.metrics, people))]
+    if sectors := run.metrics[run.main]["by_yaw"]:
         blocks += [
             ("heading", "Heading of the person"),
             ("text", "Centres of sectors of 45 degrees: 0 faces the camera, positive angles turn to the person's left."),
-            ("table", tables.yaw_table(run.metrics)),
+            ("table", tables.by_part("by_yaw", run.metrics, sectors)),
         ]
     return blocks

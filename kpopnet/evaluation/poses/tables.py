@@ -1,6 +1,6 @@
 """Tables of the pose report: a column for each estimator. Published results stand beside ours on real sets only."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import reduce
 from typing import NamedTuple
 
@@ -32,6 +32,13 @@ CONFIDENCE = (
     ("area", "risk_cm", "cm"),
     ("best area", "risk_best_cm", "cm"),
 )
+WITHIN, ERROR = ("within 10 cm", "map_10cm", "%"), ("mean error", "mean_error_cm", "cm")
+PARTS = {
+    "per_sequence": ("sequence", (("Eq. 16", "average_pose_error_cm", "cm"), WITHIN)),
+    "per_person": ("person", (WITHIN, ("moving joints", "moving_10cm", "%"), ERROR)),
+    "by_yaw": ("heading", (WITHIN, ERROR)),
+}
+"""Parts of the images: the key of their metrics, the name of one, and the figures that tables show of it."""
 
 
 class Published(NamedTuple):
@@ -61,21 +68,13 @@ def published_on(benchmark: Benchmark) -> tuple[Published, ...]:
     return PUBLISHED.get(benchmark.name, ()) if benchmark.origin is Origin.REAL else ()
 
 
-def across(title: str, metrics: Metrics, rows: list[tuple[str, str, str]] | tuple[tuple[str, str, str], ...]) -> Table:
+def across(title: str, metrics: Metrics, rows: Iterable[tuple[str, str, str]]) -> Table:
     """A table of rows (name, path, unit): the figure at the path PART/PART of every estimator's metrics, with its interval."""
     table = Table([title, *metrics], [])
     for name, path, unit in rows:
-        found = [
-            (reduce(dict.__getitem__, path.split("/"), one), one.get("interval", {}).get(path)) for one in metrics.values()
-        ]
-        table.rows.append([name, *(Value(figure, unit, interval) for figure, interval in found)])
+        figures = ((reduce(dict.__getitem__, path.split("/"), one), one.get("interval", {})) for one in metrics.values())
+        table.rows.append([name, *(Value(figure, unit, intervals.get(path)) for figure, intervals in figures)])
     return table
-
-
-def threshold_table(metrics: Metrics) -> Table:
-    """Percentage of joints within each distance threshold."""
-    limits = next(iter(metrics.values()))["pck"]
-    return across("", metrics, [(f"within {limit.removesuffix('cm')} cm", f"pck/{limit}", "%") for limit in limits])
 
 
 def group_tables(metrics: Metrics, title: str = "") -> list[Table]:
@@ -83,14 +82,8 @@ def group_tables(metrics: Metrics, title: str = "") -> list[Table]:
     groups = next(iter(metrics.values()))["per_group"]
     return [
         across(title + what, metrics, [(group, f"per_group/{group}/{key}", unit) for group in groups])
-        for what, key, unit in (("within 10 cm", "map_10cm", "%"), ("mean error", "mean_error_cm", "cm"))
+        for what, key, unit in (WITHIN, ERROR)
     ]
-
-
-def causes_table(metrics: Metrics) -> Table:
-    """Percentage of all joints that are missed for each cause."""
-    causes = next(iter(metrics.values()))["missed_by_cause"]
-    return across("missed, by cause", metrics, [(cause, f"missed_by_cause/{cause}", "%") for cause in causes])
 
 
 def definition_tables(metrics: Metrics) -> list[Table]:
@@ -125,44 +118,21 @@ def difference_table(run: PoseRun) -> Table:
     return table
 
 
-def sequence_table(metrics: Metrics, names: list[str]) -> Table:
-    """The values of Fig. 10: Eq. 16 with its standard deviation, and the percentage within 10 cm, of each sequence."""
+def by_part(key: str, metrics: Metrics, parts: Iterable[str]) -> Table:
+    """A row for each part of the images, as PARTS has them: their number, and figures of every estimator.
 
-    def cells(part: dict) -> list[Value]:
-        error_cm = Value(part["average_pose_error_cm"], "cm", deviation=part["pose_error_deviation_cm"])
-        return [error_cm, Value(part["map_10cm"], "%")]
-
-    return _by_part("sequence", metrics, "per_sequence", names, ("Eq. 16", "within 10 cm"), cells)
-
-
-def person_table(metrics: Metrics, people: list[str]) -> Table:
-    """Metrics of each person."""
-
-    def cells(part: dict) -> list[Value]:
-        return [Value(part["map_10cm"], "%"), Value(part["moving_10cm"], "%"), Value(part["mean_error_cm"], "cm")]
-
-    return _by_part("person", metrics, "per_person", people, ("within 10 cm", "moving joints", "mean error"), cells)
-
-
-def yaw_table(metrics: Metrics) -> Table:
-    """Metrics by the heading of the person, in sectors of 45 degrees."""
-
-    def cells(part: dict) -> list[Value]:
-        return [Value(part["map_10cm"], "%"), Value(part["mean_error_cm"], "cm")]
-
-    sectors = next(iter(metrics.values()))["by_yaw"]
-    return _by_part("heading", metrics, "by_yaw", sectors, ("within 10 cm", "mean error"), cells)
-
-
-def _by_part(
-    title: str, metrics: Metrics, key: str, parts: Iterable[str], columns: tuple[str, ...], cells: Callable[[dict], list[Value]]
-) -> Table:
-    """A row for each part of the images with their number, and the `cells` of each estimator's metrics of the part."""
-    first, *_ = metrics.values()
-    table = Table([title, "images", *(f"{name}, {what}" for name in metrics for what in columns)], [])
+    Eq. 16 stands with its standard deviation: the values of Fig. 10.
+    """
+    title, columns = PARTS[key]
+    table = Table([title, "images", *(f"{name}, {what}" for name in metrics for what, _, _ in columns)], [])
     for part in parts:
-        found = [cell for one in metrics.values() for cell in cells(one[key][part])]
-        table.rows.append([part, first[key][part]["images"], *found])
+        found = [one[key][part] for one in metrics.values()]
+        cells = [
+            Value(one[figure], unit, deviation=one["pose_error_deviation_cm"] if what == "Eq. 16" else None)
+            for one in found
+            for what, figure, unit in columns
+        ]
+        table.rows.append([part, found[0]["images"], *cells])
     return table
 
 

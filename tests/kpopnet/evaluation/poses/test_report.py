@@ -21,7 +21,7 @@ from kpopnet.evaluation.poses.pictures import example_frames, worst_sequences
 from kpopnet.evaluation.poses.report import pose_metrics, pose_report, remarks
 from kpopnet.evaluation.poses.run import PoseRun, run_benchmark
 from kpopnet.evaluation.poses.sweep import Sweep, sweep_of
-from kpopnet.evaluation.poses.tables import difference_table, published_on, published_table, sequence_table
+from kpopnet.evaluation.poses.tables import by_part, difference_table, published_on, published_table
 from kpopnet.evaluation.report import write
 from kpopnet.paper_tracker.tracker import PaperTrackerConfig
 from kpopnet.skeleton import JOINT_NAMES
@@ -109,7 +109,7 @@ def test_partial_evaluations_and_failed_sequences_are_named(tmp_path):
 
 
 def test_table_and_bars_show_mean_and_standard_deviation_of_each_sequence(films):
-    table = sequence_table(films.metrics, ["two", "one"])
+    table = by_part("per_sequence", films.metrics, ["two", "one"])
     assert table.header == ["sequence", "images", "near, Eq. 16", "near, within 10 cm", "far, Eq. 16", "far, within 10 cm"]
     # Without the unlabelled frame 5, 17 frames have an error 1 cm larger and 18 frames 1 cm smaller.
     expected = [f"{mean - 1 / 35:.2f} ± {np.sqrt(1 - (1 / 35) ** 2):.2f} cm" for mean in (6, 12)]
