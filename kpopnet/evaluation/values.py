@@ -4,7 +4,10 @@ import csv
 import html
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, is_dataclass
+from typing import Any
+
+import numpy as np
 
 NO_VALUE = "-"
 DIGITS = {"%": 1, "cm": 2, "points": 2, "": 1}
@@ -57,6 +60,21 @@ class Value:
         scale = 100 if self.unit == "%" else 1
         digits = DIGITS[self.unit] if self.digits is None else self.digits
         return f"{scale * number:{'+' if self.signed else ''}.{digits}f}"
+
+
+def plain(value: Any) -> Any:
+    """Nested named tuples, dataclasses, dicts and arrays as JSON has them; what is not finite becomes None."""
+    if hasattr(value, "_asdict"):
+        return plain(value._asdict())
+    if is_dataclass(value) and not isinstance(value, type):
+        return plain(asdict(value))
+    if isinstance(value, dict):
+        return {name: plain(one) for name, one in value.items()}
+    if isinstance(value, list | tuple | np.ndarray):
+        return [plain(one) for one in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value
 
 
 def _as_text(cell: str) -> str:

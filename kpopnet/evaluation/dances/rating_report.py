@@ -14,7 +14,7 @@ from kpopnet.evaluation.dances.run import run_dances
 from kpopnet.evaluation.intervals import FEWEST_UNITS
 from kpopnet.evaluation.registry import BestConfig
 from kpopnet.evaluation.report import Block
-from kpopnet.evaluation.values import Table, Value
+from kpopnet.evaluation.values import Table, Value, plain
 from kpopnet.runtime.provenance import git_revision
 
 DEFINITIONS = (
@@ -64,7 +64,7 @@ def rating_report(dances: KpopSet, ratings: dict[str, list[Answer]], seed: int, 
         blocks.append(("table", table))
     made = {"git": git_revision(), "made": datetime.now(UTC).isoformat(timespec="seconds"), "seed": seed}
     figures = {"agreement": agreement, "raters": raters, "scorers": scorers}
-    return blocks, _plain({"set": name, "origin": origin.value, "joints": source, **figures, **made})
+    return blocks, plain({"set": name, "origin": origin.value, "joints": source, **figures, **made})
 
 
 COMPARED = ("pairs in agreement", "Kendall's tau", "dances")
@@ -76,13 +76,6 @@ def _compared(one: dict[str, Estimate]) -> list[Value | int]:
 
 def _value(one: Estimate, unit: str) -> Value:
     return Value(one.value, unit, one.interval, digits=None if unit else 2)
-
-
-def _plain(value: object) -> object:
-    """For JSON: estimates as objects with the names of their fields."""
-    if isinstance(value, Estimate):
-        return value._asdict()
-    return {name: _plain(one) for name, one in value.items()} if isinstance(value, dict) else value
 
 
 def scorers_signs(dances: KpopSet, seed: int, processes: int) -> tuple[str, dict[str, dict[str, np.ndarray]]]:

@@ -2,7 +2,6 @@
 
 import base64
 import io
-from dataclasses import asdict, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import DanceScore, Windows
 from kpopnet.dance.window import WINDOW_S
 from kpopnet.evaluation.report import Block, as_html
-from kpopnet.evaluation.values import Table
+from kpopnet.evaluation.values import Table, plain
 from kpopnet.skeleton import BONES, Joint
 
 MAX_FAULTS = 8
@@ -62,22 +61,7 @@ def fault_text(fault: RecordingFault) -> str:
 def score_json(score: DanceScore, told: Feedback, faults: list[RecordingFault]) -> dict[str, Any]:
     """The score for programs: numbers, null where nothing could be compared, with feedback, warnings and settings."""
     content = score._asdict()
-    return _plain({"score": content, "feedback": told, "warnings": faults, "scorer": content.pop("scorer")})
-
-
-def _plain(value: Any) -> Any:
-    """Nested named tuples, dataclasses, dicts and arrays as JSON; what is not finite becomes null."""
-    if hasattr(value, "_asdict"):
-        return _plain(value._asdict())
-    if is_dataclass(value) and not isinstance(value, type):
-        return _plain(asdict(value))
-    if isinstance(value, dict):
-        return {name: _plain(one) for name, one in value.items()}
-    if isinstance(value, list | tuple | np.ndarray):
-        return [_plain(one) for one in value]
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return value
+    return plain({"score": content, "feedback": told, "warnings": faults, "scorer": content.pop("scorer")})
 
 
 def score_page(

@@ -20,6 +20,7 @@ import numpy as np
 
 from kpopnet.evaluation.intervals import Bootstrap
 from kpopnet.evaluation.poses.definition import torso_axes
+from kpopnet.evaluation.values import plain
 from kpopnet.skeleton import JOINT_GROUPS, JOINT_NAMES, PAPER_JOINTS, Joint
 
 THRESHOLDS_M = (0.05, 0.10, 0.15, 0.20)
@@ -145,7 +146,7 @@ def moving_joints(truth_m: np.ndarray, person: np.ndarray) -> np.ndarray:
 
 
 def summary(errors_m: np.ndarray, visible: np.ndarray) -> dict:
-    """The main metrics of (N, K) errors of K joints: lengths in cm, fractions in 0..1, None where undefined.
+    """The main metrics of (N, K) errors of K joints: lengths in cm, fractions in 0..1, NaN where undefined.
 
     `pose_error_deviation_cm`: the standard deviation of the errors whose mean is `average_pose_error_cm`, the error bars of
     Fig. 10. Assumptions: the paper does not say over which set it is taken; here over all frames and visible joints together.
@@ -154,11 +155,11 @@ def summary(errors_m: np.ndarray, visible: np.ndarray) -> dict:
     seen = errors_m[visible & np.isfinite(errors_m)]
     return {
         "images": len(errors_m),
-        "map_10cm": _none_if_nan(fraction_within(errors_m, 0.10)),
-        "mean_error_cm": _none_if_nan(100 * mean_error_m(errors_m)),
-        "median_error_cm": 100 * float(np.median(found)) if found.size else None,
-        "average_pose_error_cm": _none_if_nan(100 * average_pose_error_m(errors_m, visible)),
-        "pose_error_deviation_cm": 100 * float(np.std(seen)) if seen.size else None,
+        "map_10cm": fraction_within(errors_m, 0.10),
+        "mean_error_cm": 100 * mean_error_m(errors_m),
+        "median_error_cm": 100 * float(np.median(found)) if found.size else np.nan,
+        "average_pose_error_cm": 100 * average_pose_error_m(errors_m, visible),
+        "pose_error_deviation_cm": 100 * float(np.std(seen)) if seen.size else np.nan,
         "labelled_joints": int((~np.isnan(errors_m)).sum()),
         "missing_joints": int(np.isinf(errors_m).sum()),
     }
@@ -167,7 +168,8 @@ def summary(errors_m: np.ndarray, visible: np.ndarray) -> dict:
 def evaluate(results: PoseResults, seed: int = 0) -> dict:
     """All metrics of one estimator: `summary` over all frames, then by threshold, joint, joint group, sequence and yaw.
 
-    Frames without any true joint, and those whose label the estimator was given, are left out. `seed` is the bootstrap's.
+    Frames without any true joint, and those whose label the estimator was given, are left out. What is undefined is None.
+    `seed` is the bootstrap's.
     """
     labelled = results.select_frames(np.isfinite(results.truth_m).all(axis=-1).any(axis=1))
     scored = ~labelled.given
@@ -184,18 +186,18 @@ def evaluate(results: PoseResults, seed: int = 0) -> dict:
 
     def of_moving(rows: np.ndarray | slice) -> dict:
         errors = np.where(moving[rows], errors_m[rows], np.nan)
-        return {"moving_10cm": _none_if_nan(fraction_within(errors, 0.10)), "moving_joints": int((~np.isnan(errors)).sum())}
+        return {"moving_10cm": fraction_within(errors, 0.10), "moving_joints": int((~np.isnan(errors)).sum())}
 
     whole, fourteen = summary(errors_m, visible), of_joints(list(PAPER_JOINTS))
-    return (
+    return plain(
         whole
         | of_moving(slice(None))
         | {
             "map_14": fourteen["map_10cm"],
             "paper_joints": fourteen,
-            "average_pose_error_no_offset_cm": _none_if_nan(100 * average_pose_error_m(without_offsets(results), visible)),
-            "pck": {f"{100 * limit:.0f}cm": _none_if_nan(fraction_within(errors_m, limit)) for limit in THRESHOLDS_M},
-            "pck_area_20cm": _none_if_nan(area_under_curve(errors_m)),
+            "average_pose_error_no_offset_cm": 100 * average_pose_error_m(without_offsets(results), visible),
+            "pck": {f"{100 * limit:.0f}cm": fraction_within(errors_m, limit) for limit in THRESHOLDS_M},
+            "pck_area_20cm": area_under_curve(errors_m),
             "interval": intervals(errors_m, visible, moving, Bootstrap(results.unit, seed)),
             "missing": {
                 "joints": whole["missing_joints"],
@@ -264,17 +266,15 @@ def difference(results: PoseResults, reference: PoseResults, seed: int = 0) -> d
 
     def paired(change: np.ndarray, counted: np.ndarray) -> dict:
         change = np.where(counted, change, 0)
-        values = bootstrap.ratios(change, counted)
-        return {"value": _none_if_nan(_ratio(change.sum(), counted.sum())), "interval": bootstrap.interval(values)}
+        return {
+            "value": _ratio(change.sum(), counted.sum()),
+            "interval": bootstrap.interval(bootstrap.ratios(change, counted)),
+        }
 
     within = 100.0 * (first < 0.10) - 100.0 * (second < 0.10)
     distance_cm = 100 * np.where(both, first, 0) - 100 * np.where(both, second, 0)
-    return {"within_10cm_points": paired(within, scored), "mean_error_cm": paired(distance_cm, both)}
+    return plain({"within_10cm_points": paired(within, scored), "mean_error_cm": paired(distance_cm, both)})
 
 
 def _ratio(numerator: float, denominator: float) -> float:
     return float(numerator / denominator) if denominator else float("nan")
-
-
-def _none_if_nan(value: float) -> float | None:
-    return None if np.isnan(value) else float(value)
