@@ -37,7 +37,10 @@ CLOCK = "Frames per second are those of one core for the estimation of the joint
 
 
 def evaluate_dances(config: EvaluateConfig, folder: Path) -> Report:
-    """Scores the learners of a set of dances; writes the plots and table_2.csv into the folder.
+    """Scores the learners of a set of dances; writes the plots and table_2.csv into the folder, created if it does not exist.
+
+    Without a requested dance, or where it failed, the one in which a worse learner is farthest above, or least below, the next
+    better one is plotted.
 
     Raises:
         InputError: a setting applies to benchmarks of joints only, the dance to be plotted is not among the scored ones, or
@@ -56,17 +59,8 @@ def evaluate_dances(config: EvaluateConfig, folder: Path) -> Report:
             f"benchmark.dance={config.benchmark.dance}: not among the {len(dances.names[:count])} dances to be scored"
         )
     run = run_dances(dances, config.estimator, config.scorer, poses, count, config.seed, config.processes_at_work())
-    return dance_report(run, folder, config.benchmark.dance)
-
-
-def dance_report(run: DanceRun, folder: Path, requested: str | None = None) -> Report:
-    """The report of a run, whose plots and table_2.csv it writes into the folder, created if it does not exist.
-
-    Without a requested dance, or where it failed, the one in which a worse learner is farthest above, or least below, the next
-    better one is plotted.
-    """
     folder.mkdir(parents=True, exist_ok=True)
-    plotted = requested
+    plotted = config.benchmark.dance
     if plotted not in run.names:
         scores = {name: similarities(learners) for name, learners in run.scores[run.main].items()}
         plotted = min(scores, key=lambda name: np.nan_to_num(-np.diff(scores[name]), nan=-np.inf).min())

@@ -20,7 +20,8 @@ from kpopnet.evaluation import engine
 from kpopnet.evaluation.dances.pose_cache import PoseCache
 from kpopnet.evaluation.dances.ranking import TRUTH, Agreement, LearnerScore, agreement, similarities
 from kpopnet.evaluation.engine import stage
-from kpopnet.evaluation.poses.metrics import joint_errors_m
+from kpopnet.evaluation.poses.metrics import joint_errors_m, mean_error_m
+from kpopnet.evaluation.values import plain
 from kpopnet.paper_tracker.tracker import PaperTrackerConfig
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
 
@@ -79,12 +80,8 @@ class DanceRun:
         return list(self.scores[self.main])
 
 
-@dataclass(frozen=True)
-class ScoredDance:
-    """The scores of one dance: by method as in `DanceRun`, only from sources of joints of all learners.
-
-    `frames` are of all learners together, and so are the `seconds` of the estimation by the estimator's name.
-    """
+class ScoredDance(NamedTuple):
+    """Scores of one dance by method, from sources of joints of all learners; frames and seconds of all, by estimator."""
 
     scores: dict[Method, list[LearnerScore]]
     frames: int
@@ -117,25 +114,19 @@ class DanceScoring:
                     log.warning("%s, %s: %s found no joint in any frame; not scored", dance.name, learner.name, source)
                 error_m = None if source == TRUTH else _mean_error_m(performance.joints_m, truth)
                 for scorer, settings in self.scorers.items():
-                    score = score_dance(teacher, performance, _with_noise_of(source, settings), unobserved_is_nan=True)
+                    if isinstance(settings, PartScorer) and settings.noise == "auto" and source in NOISE:
+                        settings = replace(settings, noise=source)
+                    score = score_dance(teacher, performance, settings, unobserved_is_nan=True)
                     scores.setdefault(Method(source, scorer), []).append(LearnerScore(learner.name, score, error_m))
         complete = {method: learners for method, learners in scores.items() if len(learners) == len(dance.learners)}
         return ScoredDance(complete, frames, seconds)
-
-
-def _with_noise_of(source: str, scorer: Scorer) -> Scorer:
-    """The scorer with `noise=auto` replaced by the noise of a source of joints, where that is known."""
-    known = isinstance(scorer, PartScorer) and scorer.noise == "auto" and source in NOISE
-    return replace(scorer, noise=source) if known else scorer
 
 
 def _mean_error_m(joints_m: np.ndarray, truth: Performance | None) -> float | None:
     """Mean distance over the joints that were found; None without true joints of the same frames."""
     if truth is None or len(truth.joints_m) != len(joints_m):
         return None
-    errors_m = joint_errors_m(truth.joints_m, joints_m)
-    found = np.isfinite(errors_m)
-    return float(errors_m[found].mean()) if found.any() else None
+    return plain(mean_error_m(joint_errors_m(truth.joints_m, joints_m)))
 
 
 def run_dances(
@@ -179,14 +170,14 @@ def run_dances(
 
 def _start_anywhere(estimators: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
     """Another start for trackers that would wait for the Y pose or a label, which learners do not show; settings and notes."""
+    starts = {
+        PaperTrackerConfig: (("y_pose",), "label", "first true joints"),
+        TrackerEstimatorConfig: (("y_pose", "label"), "auto", "first person who stands or sits upright"),
+    }
     changed, assumptions = dict(estimators), []
     for name, settings in estimators.items():
-        if isinstance(settings, PaperTrackerConfig) and settings.start == "y_pose":
-            changed[name] = replace(settings, start="label")
-            assumptions.append(f"Learners do not show the Y pose: {name} starts from the first true joints (start=label).")
-        if isinstance(settings, TrackerEstimatorConfig) and settings.start in ("y_pose", "label"):
-            changed[name] = replace(settings, start="auto")
-            assumptions.append(
-                f"Learners do not show the Y pose: {name} starts from the first person who stands or sits upright (start=auto)."
-            )
+        waits, start, first = starts.get(type(settings), ((), "", ""))
+        if waits and settings.start in waits:
+            changed[name] = replace(settings, start=start)
+            assumptions.append(f"Learners do not show the Y pose: {name} starts from the {first} (start={start}).")
     return changed, assumptions
