@@ -45,6 +45,12 @@ class EvaluateConfig:
             raise InputError(f"processes={self.processes}: expected 1 or more, or 0 for all cores")
         check_seed("seed", self.seed)
 
+    def refuse(self, *names: str, instead: str = "leave it out") -> None:
+        """Raises InputError if one of the settings is given: it is for other benchmarks."""
+        for name in names:
+            if getattr(self, name) not in (None, {}):
+                raise InputError(f"{name}: is for other benchmarks than {self.benchmark.name}; {instead}")
+
     def processes_at_work(self) -> int:
         """The number of processes, with 0 replaced by the number that it stands for."""
         on_gpu = any(getattr(settings, "device", "cpu") != "cpu" for settings in self.estimator.values())

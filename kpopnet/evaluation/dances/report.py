@@ -46,21 +46,13 @@ def evaluate_dances(config: EvaluateConfig, folder: Path) -> Report:
         InputError: a setting applies to benchmarks of joints only, the dance to be plotted is not among the scored ones, or
             see `run_dances`.
     """
-    if config.sweep or config.sequences is not None:
-        given = "sweep" if config.sweep else f"sequences={config.sequences}"
-        raise InputError(
-            f"{given}: benchmark={config.benchmark.name} evaluates dances, not joints in sequences; for a quick test use "
-            "benchmark.dances=10"
-        )
-    dances = open_set(config.benchmark)
-    poses, count = Path(config.benchmark.poses or dances.folder / "poses"), config.benchmark.dances
-    if config.benchmark.dance not in (None, *dances.names[:count]):
-        raise InputError(
-            f"benchmark.dance={config.benchmark.dance}: not among the {len(dances.names[:count])} dances to be scored"
-        )
+    config.refuse("sweep", "sequences", instead="benchmark.dances=10 makes a quick test")
+    dances, plotted, count = open_set(config.benchmark), config.benchmark.dance, config.benchmark.dances
+    poses = Path(config.benchmark.poses or dances.folder / "poses")
+    if plotted not in (None, *dances.names[:count]):
+        raise InputError(f"benchmark.dance={plotted}: not among the {len(dances.names[:count])} dances to be scored")
     run = run_dances(dances, config.estimator, config.scorer, poses, count, config.seed, config.processes_at_work())
     folder.mkdir(parents=True, exist_ok=True)
-    plotted = config.benchmark.dance
     if plotted not in run.names:
         scores = {name: similarities(learners) for name, learners in run.scores[run.main].items()}
         plotted = min(scores, key=lambda name: np.nan_to_num(-np.diff(scores[name]), nan=-np.inf).min())

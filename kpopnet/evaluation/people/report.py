@@ -119,8 +119,7 @@ def evaluate_people(config: EvaluateConfig, folder: Path) -> Report:
         InputError: no estimator, one that finds one person only, a setting for other benchmarks, or no sequence gave figures.
     """
     name = config.benchmark.name
-    if config.scorer or config.sweep:
-        raise InputError(f"benchmark={name}: scorer and sweep are for other benchmarks; leave them out")
+    config.refuse("scorer", "sweep")
     if not config.estimator:
         raise InputError("estimator: expected at least one, for instance 'estimator=[tracker]'")
     for label, settings in config.estimator.items():
@@ -169,8 +168,10 @@ def _sequence_blocks(benchmark: PeopleSet, label: str, parts: list[MatchedSequen
     title = f"SIMULATED, {benchmark.name}, {label}; white: true joints, a colour for each identity"
     save_png(folder / "people.png", sheet(_kind_rows(benchmark, parts), (), title))
     worst = sorted(parts, key=lambda part: -wrong_joints(part).max())[:WORST_IMAGES]
-    tiles = [_worst_image(benchmark.read(part.name), part) for part in worst]
-    rows = [(f"rank {first + 1} to {first + len(some)}", some) for first, some in _in_rows(tiles, WORST_COLUMNS)]
+    rows = []
+    for first in range(0, len(worst), WORST_COLUMNS):
+        some = worst[first : first + WORST_COLUMNS]
+        rows.append((f"rank {first + 1} to {first + len(some)}", [_worst_image(benchmark.read(one.name), one) for one in some]))
     save_png(folder / "worst.png", sheet(rows, (), title))
     films = [part for part in parts if len(part.seen) > 1]
     blocks: list[Block] = [
@@ -204,28 +205,18 @@ def _kind_rows(benchmark: PeopleSet, parts: list[MatchedSequence]) -> list[tuple
     rows = []
     for kind in dict.fromkeys(part.kind for part in parts):
         some = [part for part in parts if part.kind == kind]
-        first = some[0]
-        if len(first.seen) > 1:
-            frames = np.linspace(0, len(first.seen) - 1, SHEET_COLUMNS + 1).round().astype(int)[1:].tolist()
-            shown = [(first, frame) for frame in frames]
-        else:
-            shown = [(part, 0) for part in some[:SHEET_COLUMNS]]
+        shown, last = [(part, 0) for part in some[:SHEET_COLUMNS]], len(some[0].seen) - 1
+        if last > 0:
+            shown = [(some[0], frame) for frame in np.linspace(0, last, SHEET_COLUMNS + 1).round().astype(int)[1:].tolist()]
         rows.append((kind, [frame_image(benchmark.read(part.name), part, frame) for part, frame in shown]))
     return rows
-
-
-def _in_rows(tiles: list[np.ndarray], columns: int) -> list[tuple[int, list[np.ndarray]]]:
-    """Tiles in rows, and the number of the first of each row."""
-    return [(first, tiles[first : first + columns]) for first in range(0, len(tiles), columns)]
 
 
 def _worst_image(sequence: StoredSequence, part: MatchedSequence) -> np.ndarray:
     """The image of a sequence with the most wrong joints, named by what is wrong."""
     frame = int(wrong_joints(part).argmax())
-    found = causes(sequence.joints_m[frame], part, frame)
-    return frame_image(
-        sequence, part, frame, ", ".join(f"{number} {cause}" for cause, number in found.items()) or "nothing wrong"
-    )
+    found = [f"{number} {cause}" for cause, number in causes(sequence.joints_m[frame], part, frame).items()]
+    return frame_image(sequence, part, frame, ", ".join(found) or "nothing wrong")
 
 
 def frame_image(sequence: StoredSequence, matched: MatchedSequence, frame: int, remark: str | None = None) -> np.ndarray:

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from kpopnet.datasets.protocol import Origin
-from kpopnet.errors import InputError
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.poses import tables
 from kpopnet.evaluation.poses.confidence import BINS
@@ -50,11 +49,7 @@ def evaluate_poses(config: EvaluateConfig, folder: Path) -> Report:
     Raises:
         InputError: scorers are named, which judge dances, or see `run_benchmark`.
     """
-    if config.scorer:
-        raise InputError(
-            f"scorer=[{','.join(config.scorer)}]: benchmark={config.benchmark.name} judges joints; scorers are for dances, "
-            "benchmark=kpop or kpop_sim"
-        )
+    config.refuse("scorer")
     sweep = sweep_of(config.sweep, config.estimator) if config.sweep else None
     estimators = build_estimators(config.estimator | (sweep.settings if sweep else {}))
     benchmark = build_benchmark(config.benchmark)

@@ -274,7 +274,7 @@ def test_another_dance_is_plotted_if_the_requested_one_failed(folder, tmp_path):
     [
         ({"dance": "gaga"}, {}, "dance=gaga: not among the 2 dances to be scored"),
         ({"dance": "papa", "dances": 1}, {}, "dance=papa: not among the 1 dances to be scored"),
-        ({}, {"sequences": 4}, "sequences=4: .*benchmark.dances"),
+        ({}, {"sequences": 4}, "sequences: .*benchmark.dances"),
         ({}, {"sweep": {"r_m": [0.1], "epsilon_m": [0.05]}}, "sweep: "),
     ],
 )
