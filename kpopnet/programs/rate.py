@@ -51,7 +51,7 @@ def estimated(folder: Path) -> "PoseCache":
 def shown_joints(dance: Dance, learner: Learner) -> Performance:
     """The joints of a learner that raters see: the true ones, or those of the network."""
     truth = learner.joints()
-    return estimated(dance.folder.parent).poses(dance, learner).performance if truth is None else truth
+    return estimated(dance.folder.parent).poses(dance, learner)[0] if truth is None else truth
 
 
 def serve(given: argparse.Namespace, dances: KpopSet) -> None:

@@ -6,14 +6,18 @@ import subprocess
 import sys
 import urllib.request
 
+import numpy as np
 import pytest
+from dance_people import dance_joints_m, performed
 from programs import ROOT
 from rated_sets import SKILLS_M as SKILLS
 from rated_sets import answered, write_set
 
 import kpopnet.programs.rate
+from kpopnet.camera import CAMERAS
 from kpopnet.datasets.dances.dance_set import LABELS, KpopSet
 from kpopnet.datasets.dances.ratings import all_pairs, ratings_path, read_ratings, write_ratings
+from kpopnet.datasets.dances.writer import PackedDepth, write_learner, write_teacher
 from kpopnet.runtime.folder_lock import locked
 
 DANCES = {f"dance_{index}": sorted(SKILLS) for index in range(5)}
@@ -63,6 +67,17 @@ def test_the_report_and_the_ranks(made, run, tmp_path, monkeypatch, capsys):
     write_ratings(ratings_path(made, "gil"), answered(DANCES, "gil", lambda pair: not by_skill(pair)))
     assert run(made, "--write-labels").count("which stays") == len(before)
     assert before == {name: (made / name / LABELS).read_bytes() for name in before}
+
+
+def test_learners_without_true_joints_are_shown_with_joints_by_the_network(tmp_path):
+    joints_m, depth = dance_joints_m(0, seconds=0.1), PackedDepth(CAMERAS["kinect_v1"])
+    for _ in joints_m:
+        depth.add(np.full((80, 30), 2.5), 140, 60)
+    write_teacher(tmp_path / "mama", performed(joints_m))
+    for name in ("ann", "bo"):
+        write_learner(tmp_path / "mama", name, np.arange(len(joints_m)) / 30, depth=depth)
+    dance = KpopSet(tmp_path, ranked=False).dance("mama")
+    assert kpopnet.programs.rate.shown_joints(dance, dance.learners[0]).joints_m.shape == joints_m.shape
 
 
 def test_a_hostile_file_ends_the_report_with_one_line(made, run, tmp_path, capsys):
