@@ -18,7 +18,7 @@ import kpopnet
 from kpopnet.dance.performance import Performance, mask_missing_joints
 from kpopnet.datasets.dances.dance_set import Dance, Learner
 from kpopnet.errors import InputError
-from kpopnet.estimator import Start, first_label
+from kpopnet.estimator import first_label
 from kpopnet.evaluation.engine import Timed
 from kpopnet.evaluation.registry import build_estimators
 from kpopnet.networks import META
@@ -43,20 +43,13 @@ _WITHOUT_INFLUENCE = (
 
 
 class PoseCache:
-    """The poses of one estimator. It can be pickled; in a worker process the estimator is built when it is first needed."""
+    """The poses of one estimator."""
 
     def __init__(self, folder: Path, name: str, settings: Any) -> None:
         """Builds the estimator; `folder` is that of the cached poses of all. Raises InputError if a file of it is missing."""
-        self.name, self.settings = name, settings
-        self.folder = folder / f"{name}-{estimator_key(settings)}"
-        self._estimate: Timed | None = self._build()
-
-    def __getstate__(self) -> dict:
-        return self.__dict__ | {"_estimate": None}
-
-    def _build(self) -> Timed:
-        estimator = build_estimators({self.name: self.settings})[self.name]
-        return Timed(estimator.estimate, estimator)
+        self.settings, self.folder = settings, folder / f"{name}-{estimator_key(settings)}"
+        estimator = build_estimators({name: settings})[name]
+        self._estimate = Timed(estimator.estimate, estimator)
 
     def path(self, dance: Dance, learner: Learner) -> Path:
         """Path of the cached poses of a learner."""
@@ -86,19 +79,15 @@ class PoseCache:
         return Performance(joints_m, times_s, confidence), seconds
 
     def _write(self, path: Path, learner: Learner) -> None:
-        self._estimate, clip = self._estimate or self._build(), learner.depth()
-        start = {"start": _first_pose(learner)} if getattr(self.settings, "start", None) == "label" else {}
+        clip, start = learner.depth(), {}
+        if getattr(self.settings, "start", None) == "label":
+            truth = learner.joints()
+            expect(truth is not None, str(learner.path), "true joints, from which start=label starts")
+            start = {"start": first_label(truth.joints_m)}
         (joints_m, confidence), seconds = self._estimate(clip.depth_m, clip.camera, **start)
         path.parent.mkdir(parents=True, exist_ok=True)
         with atomic_path(path) as part, part.open("wb") as file:
             np.savez(file, joints_m=joints_m, confidence=confidence, seconds=seconds)
-
-
-def _first_pose(learner: Learner) -> Start:
-    """The first true pose of a learner with all joints; raises InputError without one."""
-    truth = learner.joints()
-    expect(truth is not None, str(learner.path), "true joints, from which start=label starts")
-    return first_label(truth.joints_m)
 
 
 def estimator_key(settings: Any) -> str:

@@ -4,7 +4,7 @@ People are found in the raw scene; no estimator is given their number.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -92,20 +92,16 @@ def follower(label: str, settings: Any, extraction: Any = DEFAULT_EXTRACTION) ->
 
 @dataclass
 class PeopleEstimation:
-    """Reads a sequence by its name and matches all people that each estimator finds in it; `settings` by estimator."""
+    """Reads a sequence by its name and matches all people that each follower, by estimator, finds in it."""
 
     benchmark: PeopleSet
-    settings: dict[str, Any]
-    extraction: Any
-    _followers: dict[str, Timed] = field(default_factory=dict)
+    followers: dict[str, Timed]
 
     def __call__(self, name: str) -> dict[str, MatchedSequence]:
         sequence, matched = self.benchmark.read(name), {}
-        for label, settings in self.settings.items():
+        for label, follow in self.followers.items():
             with stage(label):
-                if label not in self._followers:
-                    self._followers[label] = Timed(follower(label, settings, self.extraction))
-                people, seconds = self._followers[label](sequence.depth, sequence.camera, fps=sequence.fps)
+                people, seconds = follow(sequence.depth, sequence.camera, fps=sequence.fps)
                 joints_m = [one.joints_camera_m for one in people]
                 estimates_m = np.array(joints_m).reshape(len(people), len(sequence.depth), NUM_JOINTS, 3)
                 matched[label] = match(sequence, estimates_m, np.array([one.identity for one in people], int), seconds)
@@ -122,10 +118,9 @@ def evaluate_people(config: EvaluateConfig, folder: Path) -> Report:
     config.refuse("scorer", "sweep")
     if not config.estimator:
         raise InputError("estimator: expected at least one, for instance 'estimator=[tracker]'")
-    for label, settings in config.estimator.items():
-        follower(label, settings)
+    followers = {label: Timed(follower(label, one, config.extraction)) for label, one in config.estimator.items()}
     benchmark = PeopleSet(config.benchmark)
-    work = PeopleEstimation(benchmark, config.estimator, config.extraction)
+    work = PeopleEstimation(benchmark, followers)
     names = evenly_spaced(benchmark.names, config.sequences)
     matched, failed = engine.run(work, names, config.processes_at_work(), name)
     found = {label: by_kind([one[label] for one in matched.values()], config.seed) for label in config.estimator}
