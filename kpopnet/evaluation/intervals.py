@@ -5,7 +5,6 @@ they count as one draw from the population: whole units are resampled with repla
 pretend to be independent, and give an interval that is several times too narrow.
 
 All figures are ratios of sums over frames, as joints within 10 cm to labelled joints; a resample weights the sums of units.
-Where several trainings of a network are judged by the same units, `crossed_interval` resamples both.
 """
 
 import numpy as np

@@ -6,7 +6,6 @@ right order - pairs in the wrong order) / all pairs of the dance; tied pairs cou
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -20,15 +19,11 @@ TRUTH = "truth"
 
 
 class LearnerScore(NamedTuple):
-    """The score of one learner by one scorer on one source of joints.
-
-    `error_m` is the mean distance of the found joints from the true joints in metres; None on true joints or where these are
-    unknown.
-    """
+    """The score of one learner by one scorer on one source of joints."""
 
     name: str
     score: DanceScore
-    error_m: float | None = None
+    error_m: float | None = None  # mean distance of the found joints from the true ones; None on these, or if unknown
 
 
 def similarities(learners: list[LearnerScore]) -> np.ndarray:
@@ -48,22 +43,13 @@ def kendall_tau(scores: np.ndarray) -> float:
     return float(np.sign(difference).mean())
 
 
-@dataclass(frozen=True)
-class Agreement:
-    """Agreement of scores with the experts.
+class Agreement(NamedTuple):
+    """Agreement of scores with the experts, with 95 % intervals of both figures."""
 
-    Attributes:
-        concordance: percentage of dances in the right order.
-        kendall_tau: mean over dances.
-        interval: 95 % intervals of both: Wilson's of the concordance, which is a proportion, and a bootstrap's over dances,
-            which a single dance does not have.
-        wrong: names of the dances that are not in the right order.
-    """
-
-    concordance: float
-    kendall_tau: float
+    concordance: float  # percentage of dances in the right order; Wilson's interval of a proportion
+    kendall_tau: float  # mean over dances; interval of a bootstrap over dances
     interval: dict[str, list[float] | None]
-    wrong: tuple[str, ...]
+    wrong: tuple[str, ...]  # names of the dances that are not in the right order
 
 
 def agreement(scores: dict[str, np.ndarray], seed: int) -> Agreement:

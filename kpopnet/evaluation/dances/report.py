@@ -159,7 +159,7 @@ def dance_metrics(run: DanceRun) -> dict:
     """metrics.json: for each source of joints, the agreement by the main scorer and by every scorer; the main's on top."""
     manifest, sources = run.dances.manifest, {}
     for source in run.sources:
-        by_scorer = {scorer: dict(vars(run.agreements[Method(source, scorer)])) for scorer in run.scorers}
+        by_scorer = {scorer: run.agreements[Method(source, scorer)]._asdict() for scorer in run.scorers}
         speed = {"mean_error_cm": mean_error_cm(run, source), "fps": run.fps.get(source)}
         sources[source] = by_scorer[run.main.scorer] | speed | {"scorers": by_scorer}
     return {

@@ -1,14 +1,13 @@
 """Judges the confidence of an estimator: is it the probability that a joint is within 10 cm of the truth?
 
 Only joints with a true position and an estimate count. A missing joint has confidence 0 by definition, and would count as a
-success of the confidence. Two questions are asked:
+success of the confidence.
 
-- Calibration. The joints are divided into `BINS` bins of equal width by their confidence. The reliability diagram has the share
-  of joints within 10 cm in each bin over their mean confidence. The expected calibration error (Guo et al. 2017) is the mean
-  distance between the two, weighted by the number of joints.
-- Ranking. The risk-coverage curve (Geifman & El-Yaniv 2017) has the mean error of the most confident share of the joints. The
-  area below it is its mean over all shares: at worst about the mean error of all joints, at best that of a confidence that
-  orders joints by their true error. Joints of equal confidence count with their mean error.
+- Calibration: the reliability diagram, and the expected calibration error (Guo et al. 2017), the mean distance between the two
+  axes of the diagram, weighted by the number of joints.
+- Ranking: the risk-coverage curve (Geifman & El-Yaniv 2017). The area below it is its mean over all shares: at worst about the
+  mean error of all joints, at best that of a confidence that orders joints by their true error. Joints of equal confidence
+  count with their mean error.
 
 A data set that defines a joint elsewhere than the estimator does lowers the calibration: the confidence cannot know the offset.
 """

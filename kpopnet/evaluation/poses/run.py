@@ -18,21 +18,13 @@ from kpopnet.evaluation.poses.metrics import PoseResults, concatenated, differen
 from kpopnet.pose.extraction import DEFAULT_EXTRACTION, extract_person, extraction_name
 
 
-@dataclass(frozen=True)
-class EstimatedSequence:
-    """What every estimator found in one sequence.
+class EstimatedSequence(NamedTuple):
+    """What every estimator found in one sequence, by the estimator's name."""
 
-    Attributes:
-        results: by the estimator's name; its `unit` is the room.
-        seconds: time of the estimation by the estimator's name.
-        extraction_seconds: time of segmenting the person; None where the depth is segmented.
-        images_without_person: number of frames without any depth, or in which no person was detected.
-    """
-
-    results: dict[str, PoseResults]
-    seconds: dict[str, float]
-    extraction_seconds: float | None
-    images_without_person: int
+    results: dict[str, PoseResults]  # whose `unit` is the room
+    seconds: dict[str, float]  # of the estimation
+    extraction_seconds: float | None  # of segmenting the person; None where the depth is segmented
+    images_without_person: int  # without any depth, or in which no person was detected
 
 
 @dataclass
@@ -67,17 +59,11 @@ class SequenceEstimation:
 
 
 class Resampled(NamedTuple):
-    """What the bootstrap intervals of a run resample.
+    """What the bootstrap intervals of a run resample."""
 
-    Attributes:
-        units: "rooms" where sequences share rooms and cameras, else "people", or "sequences" where some people are unknown.
-        count: number of units.
-        people: number of different people; None where some are unknown.
-    """
-
-    units: str
+    units: str  # "rooms" where sequences share rooms and cameras, else "people", or "sequences" where some people are unknown
     count: int
-    people: int | None
+    people: int | None  # number of different people; None where some are unknown
 
 
 @dataclass(frozen=True)
@@ -95,9 +81,8 @@ class PoseRun:
         sequences_in_set: number of sequences of the benchmark, evaluated or not.
         images_without_person: number of frames without any depth, or in which no person was detected.
         started_from_label: names of the estimators that were given the first true pose of each sequence.
-        extraction: name of what segmented the person in whole scenes, once for all estimators; None where the depth of the set
-            is segmented.
-        extraction_fps: frames per second of that; None likewise.
+        extraction, extraction_fps: name of what segmented the person in whole scenes, once for all estimators, and its frames
+            per second; None where the depth of the set is segmented.
     """
 
     benchmark: Benchmark
@@ -136,9 +121,6 @@ def run_benchmark(
 
     A sequence that cannot be read, or on which an estimator fails, is left out for all estimators. Each process has one
     thread, so the frames per second of an estimator (all frames divided by its total time) are those of one core.
-
-    Intervals resample people, with all of their sequences, so they hold for other people; rooms, where stills of several people
-    share them; sequences, where people are unknown. With too few of them there is no interval.
 
     The main estimator comes first. `sequences` are evenly spaced over the set, `seed` is the bootstrap's, and `extraction` are
     the settings of what segments the person where the depth shows a whole scene.
