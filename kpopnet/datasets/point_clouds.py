@@ -2,7 +2,7 @@
 
 A file is one sequence of C structs, one a frame. A frame has one point for each pixel (metres, x right, y up, z negative in
 front of the camera) and the positions of joints or markers, which have ids instead of names. The map from our joints to ids is
-not published in full, so it is a setting; without it, the error lists the ids in the files.
+not published in full, so it is a setting; `kpopnet.datasets.describe` lists the ids in the files.
 """
 
 import logging
@@ -27,6 +27,8 @@ FROM_OPENGL = np.array([1, -1, -1], np.float32)
 
 MAX_FIT_RMS_PX = 0.5
 """Largest accepted root-mean-square reprojection error of the fitted pinhole camera, in pixels."""
+
+LISTING = "`python -m kpopnet.datasets.describe"
 
 
 @dataclass
@@ -82,7 +84,7 @@ class PointCloudBenchmark:
         if not self._ids:
             raise InputError(
                 f"{needed}joints, the map from joints to ids in the files, for instance 'benchmark.joints="
-                f"{{head: [1, 3], left_hand: 24}}'. {self.ids_in(self.path(self.folder, self._names[0]))}"
+                f"{{head: [1, 3], left_hand: 24}}'; {LISTING} {self.folder}` lists them"
             )
 
     @classmethod
@@ -100,7 +102,7 @@ class PointCloudBenchmark:
             if set(ids) <= set(found.positions_m):
                 joints_m[:, JOINT_NAMES.index(joint)] = np.mean([found.positions_m[number] for number in ids], axis=0)
         if np.isnan(joints_m).all():
-            raise InputError(f"{path}: no frame holds the joints of the map {self._ids}. {self.ids_in(path)}")
+            raise InputError(f"{path}: no frame holds the joints of the map {self._ids}; {LISTING} {path}` lists its ids")
         mapped = {number for ids in self._ids.values() for number in ids}
         if set(found.positions_m) != mapped:
             log.warning(
@@ -186,13 +188,6 @@ class PointCloudBenchmark:
         if invalid:
             log.warning("%s: left out %d points that are not finite or lie behind the camera", path, invalid)
         return PointRecording(camera, depth_m, positions_m)
-
-    @classmethod
-    def ids_in(cls, path: Path) -> str:
-        """Lists the ids in frame 0 of a file."""
-        positions_m = {number: at * FROM_OPENGL for number, at in cls.positions_m(cls.frames(path)[0]).items()}
-        listed = [f"{number} at ({x:.2f}, {y:.2f}, {z:.2f})" for number, (x, y, z) in sorted(positions_m.items())]
-        return f"Frame 0 of {path} holds ids {', '.join(listed) or 'none'} (metres right, down, forward of the camera)"
 
 
 def fit_camera(points_m: np.ndarray, where: str) -> Camera:

@@ -3,8 +3,6 @@
 import base64
 import csv
 import json
-import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -294,14 +292,3 @@ def test_a_learner_without_true_joints_is_reported(folder, fake):
     ]
     with pytest.raises(InputError, match=r"a learner of papa has no true joints .*; give an estimator"):
         run(folder, {})
-
-
-def test_evaluate_py_evaluates_a_set(folder, tmp_path):
-    command = [sys.executable, "evaluate.py", "benchmark=kpop", f"benchmark.path={folder}", "estimator=[]", "processes=1"]
-    command += ["scorer=[raptis]", f"hydra.run.dir={tmp_path}/out"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert ["truth", "raptis"] in [line.split()[:2] for line in done.stdout.splitlines()]
-    assert (tmp_path / "out" / "report.html").is_file()
-    metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
-    assert list(metrics["estimators"]) == ["truth"] and list(metrics["estimators"]["truth"]["scorers"]) == ["raptis"]
