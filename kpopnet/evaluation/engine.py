@@ -54,12 +54,8 @@ def stage(label: str) -> Iterator[None]:
 def run(work: Callable[[str], Row], names: list[str], processes: int, where: str) -> tuple[dict[str, Row], dict[str, str]]:
     """Calls the work with every name, in processes of one thread each; the results do not depend on their number.
 
-    Args:
-        work: picklable. It reads the sequence or dance of a name, runs every estimator on it and returns what the metrics are
-            computed from.
-        names: of sequences or dances.
-        processes: how many.
-        where: the benchmark, for the progress bar and messages.
+    The work, which is pickled, reads the sequence or dance of a name, runs every estimator on it and returns what the metrics
+    are computed from. `where` is the benchmark, for the progress bar and messages.
 
     Returns:
         What the work gave for each name, and why the others are left out; both in the order given.

@@ -53,23 +53,14 @@ iframe {{ width: 100%; height: 32rem; border: 1px solid var(--line); border-radi
 
 @dataclass
 class Report:
-    """What a benchmark says of its estimators.
-
-    Attributes:
-        title: of the report.
-        remarks: what is needed to interpret the figures; the first names benchmark, origin of the depth and of the truth.
-        blocks: the rest.
-        printed: the tables that are printed too.
-        clock: how the speed was measured.
-        metrics: contents of metrics.json, to which `write` adds files, settings, revision and date.
-    """
+    """What a benchmark says of its estimators."""
 
     title: str
-    remarks: list[str]
-    blocks: list[Block]
-    printed: list[Table]
-    clock: str
-    metrics: dict
+    remarks: list[str]  # needed to interpret the figures; the first names the benchmark and the origin of depth and truth
+    blocks: list[Block]  # the rest
+    printed: list[Table]  # those that are printed too
+    clock: str  # how the speed was measured
+    metrics: dict  # contents of metrics.json, to which `write` adds files, settings, revision and date
 
     def text(self) -> str:
         """For a terminal."""
@@ -206,16 +197,10 @@ def save_plots(folder: Path, plots: dict[str, Figure]) -> None:
 def save_view(
     path: Path, title: str, camera: Camera, fps: float, depth: np.ndarray, people: list[Shown], pages: int = 1
 ) -> None:
-    """Writes a page that shows a sequence in 3D: people over the depth as points.
+    """Writes a page that shows a sequence in 3D: people over the (T, H, W) depth, metres or uint16 millimetres, as points.
 
-    Args:
-        path: of the page.
-        title: of the page.
-        camera: of the depth.
-        fps: frames per second; 0 for stills, which are shown a second each.
-        depth: (T, H, W) metres or uint16 millimetres.
-        people: estimated ones, and as references true ones, drawn thin, around whom points are dense.
-        pages: how many share the points that one page may hold.
+    True people are references: drawn thin, with dense points around them. Stills, of 0 `fps`, are shown a second each. `pages`
+    share the points that one page may hold.
     """
     shown, true = cloud_frames(len(depth)), [one.joints_camera_m for one in people if one.reference]
     clouds = [

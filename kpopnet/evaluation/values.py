@@ -22,23 +22,14 @@ LATEX = {
 
 @dataclass(frozen=True)
 class Value:
-    """A figure of a table.
+    """A figure of a table."""
 
-    Attributes:
-        value: in its unit, but a fraction in 0..1 where the unit is %; None where it is undefined.
-        unit: %, cm, points (percentage points) or nothing.
-        interval: the ends of its interval, likewise.
-        deviation: its standard deviation, likewise.
-        digits: after the point; None for those of the unit. A whole number has none.
-        signed: whether a positive number gets a plus sign.
-    """
-
-    value: float | None
-    unit: str = ""
-    interval: Sequence[float] | None = None
-    deviation: float | None = None
-    digits: int | None = None
-    signed: bool = False
+    value: float | None  # in its unit, but a fraction in 0..1 where the unit is %; None where it is undefined
+    unit: str = ""  # %, cm, points (percentage points) or nothing
+    interval: Sequence[float] | None = None  # its ends, likewise
+    deviation: float | None = None  # standard deviation, likewise
+    digits: int | None = None  # after the point; None for those of the unit. A whole number has none
+    signed: bool = False  # whether a positive number gets a plus sign
 
     def __str__(self) -> str:
         if self.value is None:

@@ -21,21 +21,13 @@ CHOICES = {"left": 1, "equal": 0, "right": -1}
 
 @dataclass(frozen=True)
 class Answer:
-    """A pair of learners of a dance, and what a rater answered.
-
-    Attributes:
-        dance: its name.
-        left: the learner who was shown on the left.
-        right: the other one.
-        repeat: whether the rater saw this pair before; it then shows how consistent the rater is, and does not count elsewhere.
-        choice: one of CHOICES; "" in a pair that is not answered yet.
-    """
+    """A pair of learners of a dance, as they were shown, and what a rater answered."""
 
     dance: str
     left: str
     right: str
-    repeat: bool = False
-    choice: str = ""
+    repeat: bool = False  # whether the rater saw this pair before; it then shows how consistent the rater is, and no more
+    choice: str = ""  # one of CHOICES; "" in a pair that is not answered yet
 
     @property
     def pair(self) -> tuple[str, frozenset[str], bool]:
@@ -47,12 +39,8 @@ def all_pairs(dances: dict[str, list[str]], rater: str, seed: int) -> list[Answe
     """Every pair that a rater is shown, in the rater's own order, which the seed and the rater's name determine.
 
     Dances come one after the other, so that whoever stops early has completed some. One pair of each dance is shown again, with
-    sides swapped, after the next dance, when the rater does not remember the first answer.
-
-    Args:
-        dances: names of the learners by dance.
-        rater: name or code.
-        seed: of the set's raters.
+    sides swapped, after the next dance, when the rater does not remember the first answer. `dances` has the names of the
+    learners by dance.
     """
     rng = np.random.default_rng([seed, *rater.encode()])
     shown, again = [], []

@@ -19,29 +19,20 @@ from kpopnet.evaluation.intervals import FEWEST_UNITS, Bootstrap
 
 
 class Estimate(NamedTuple):
-    """A figure, its 95 % interval and the number of dances that it rests on.
+    """A figure, its 95 % interval and the number of dances that it rests on."""
 
-    The figure is None where nothing defines it, the interval with fewer dances than FEWEST_UNITS and where no resample differs.
-    """
-
-    value: float | None
-    interval: list[float] | None
+    value: float | None  # None where nothing defines it
+    interval: list[float] | None  # None with fewer dances than FEWEST_UNITS and where no resample differs
     dances: int
 
 
 @dataclass(frozen=True)
 class Votes:
-    """A dance with the raters who compared all of its pairs.
-
-    Attributes:
-        learners: their L names.
-        raters: their m names.
-        signs: (m, L, L) 1 where a rater prefers the row's learner to the column's, -1 the other way round, 0 for equal.
-    """
+    """A dance with the m raters who compared all pairs of its L learners."""
 
     learners: tuple[str, ...]
     raters: tuple[str, ...]
-    signs: np.ndarray
+    signs: np.ndarray  # (m, L, L) 1 where a rater prefers the row's learner to the column's, -1 the reverse, 0 for equal
 
     @property
     def pooled(self) -> np.ndarray:

@@ -39,26 +39,17 @@ class Method(NamedTuple):
 
 @dataclass(frozen=True)
 class DanceRun:
-    """The results of one evaluation.
-
-    Attributes:
-        dances: the set.
-        scores: by method, and by dance, the learners from the best by the experts' ranking on. True joints come first, where
-            they are known, then every estimator in the order of the report.
-        agreements: agreement with the experts, by method.
-        fps: frames per second of the estimation, by the estimator's name.
-        failed: the error message of each dance that was left out, by its name.
-        assumptions: sentences for the report about changed settings and missing true joints.
-        chosen: number of dances that were to be scored, including the failed ones.
-    """
+    """The results of one evaluation."""
 
     dances: KpopSet
+    # By method and dance, the learners from the best by the experts' ranking on. True joints come first, where they are known,
+    # then every estimator in the order of the report.
     scores: dict[Method, dict[str, list[LearnerScore]]]
-    agreements: dict[Method, Agreement]
-    fps: dict[str, float]
-    failed: dict[str, str]
-    assumptions: list[str]
-    chosen: int
+    agreements: dict[Method, Agreement]  # with the experts
+    fps: dict[str, float]  # of the estimation, by the estimator's name
+    failed: dict[str, str]  # the error message of each dance that was left out, by its name
+    assumptions: list[str]  # sentences for the report about changed settings and missing true joints
+    chosen: int  # number of dances that were to be scored, including the failed ones
 
     @property
     def sources(self) -> list[str]:

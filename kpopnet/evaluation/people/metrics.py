@@ -41,33 +41,19 @@ DIVIDED_JOINTS = 3
 
 @dataclass(frozen=True)
 class MatchedSequence:
-    """One sequence of T frames and P people with the estimates that were matched to them.
-
-    Attributes:
-        name: of the sequence.
-        kind: of scene.
-        seen: (T, P) bool, whether the person is judged.
-        hidden: (T, P) bool, whether the person is in view, but less than half of the body shows.
-        empty: (T,) bool, whether the image shows no part of any person.
-        identity: (T, P) int, identity of the matched estimate, NOBODY where there is none.
-        errors_m: (T, P, 15) distances of its joints from the true ones, infinite where missing.
-        false: (T,) number of estimates that were taken for no person.
-        estimates_m: (E, T, 15, 3) joints of all people found, metres, NaN where missing.
-        identities: (E,) their identities.
-        seconds: processor time of the estimation.
-    """
+    """One sequence of T frames and P people with the estimates that were matched to them."""
 
     name: str
-    kind: str
-    seen: np.ndarray
-    hidden: np.ndarray
-    empty: np.ndarray
-    identity: np.ndarray
-    errors_m: np.ndarray
-    false: np.ndarray
-    estimates_m: np.ndarray
-    identities: np.ndarray
-    seconds: float
+    kind: str  # of scene
+    seen: np.ndarray  # (T, P) bool, whether the person is judged
+    hidden: np.ndarray  # (T, P) bool, whether the person is in view, but less than half of the body shows
+    empty: np.ndarray  # (T,) bool, whether the image shows no part of any person
+    identity: np.ndarray  # (T, P) int, identity of the matched estimate, NOBODY where there is none
+    errors_m: np.ndarray  # (T, P, 15) distances of its joints from the true ones, infinite where missing
+    false: np.ndarray  # (T,) number of estimates that were taken for no person
+    estimates_m: np.ndarray  # (E, T, 15, 3) joints of all people found, metres, NaN where missing
+    identities: np.ndarray  # (E,) their identities
+    seconds: float  # processor time of the estimation
 
     def switches(self) -> np.ndarray:
         """(T, P) bool: frames in which a seen person has another identity than when it was last found and seen."""

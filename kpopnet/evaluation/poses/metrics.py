@@ -31,29 +31,17 @@ MOVING_M = 0.20
 
 @dataclass(frozen=True)
 class PoseResults:
-    """True joints, and the joints that one estimator found, in the N frames of an evaluation.
+    """True joints, and the joints that one estimator found, in the N frames of an evaluation."""
 
-    Attributes:
-        truth_m: (N, 15, 3) true joints in metres in the camera frame, NaN where they are unknown.
-        estimate_m: (N, 15, 3) estimated joints likewise, NaN where missing.
-        confidence: (N, 15) confidence of the estimates in 0..1.
-        visible: (N, 15) bool, whether the joint is visible in the depth image.
-        yaw_rad: (N,) heading of the person, NaN where unknown.
-        given: (N,) bool, whether the estimator was given the true joints of this frame; it is not scored there.
-        sequence: (N,) its name.
-        person: (N,) identity; "" if unknown.
-        unit: (N,) name of the person, room or sequence that the bootstrap resamples as a whole.
-    """
-
-    truth_m: np.ndarray
-    estimate_m: np.ndarray
-    confidence: np.ndarray
-    visible: np.ndarray
-    yaw_rad: np.ndarray
-    given: np.ndarray
-    sequence: np.ndarray
-    person: np.ndarray
-    unit: np.ndarray
+    truth_m: np.ndarray  # (N, 15, 3) true joints in metres in the camera frame, NaN where they are unknown
+    estimate_m: np.ndarray  # (N, 15, 3) estimated joints likewise, NaN where missing
+    confidence: np.ndarray  # (N, 15) of the estimates, 0..1
+    visible: np.ndarray  # (N, 15) bool, whether the joint is visible in the depth image
+    yaw_rad: np.ndarray  # (N,) heading of the person, NaN where unknown
+    given: np.ndarray  # (N,) bool, whether the estimator was given the true joints of this frame; it is not scored there
+    sequence: np.ndarray  # (N,) its name
+    person: np.ndarray  # (N,) identity; "" if unknown
+    unit: np.ndarray  # (N,) name of the person, room or sequence that the bootstrap resamples as a whole
 
     @property
     def sequence_names(self) -> list[str]:

@@ -68,34 +68,21 @@ class Resampled(NamedTuple):
 
 @dataclass(frozen=True)
 class PoseRun:
-    """The results of one evaluation.
-
-    Attributes:
-        benchmark: the data set.
-        results: joints of all N frames by the estimator's name, in the order of the report.
-        metrics: by the estimator's name: the figures of `metrics.evaluate` and `evaluate_confidence`, `missed_by_cause`,
-            `fps`, frames per second of the estimation without the extraction, and `sees_future`, whether it uses later images.
-        differences: `metrics.difference` of every estimator but the first from the first one, by the estimator's name.
-        resampled: what the intervals resample.
-        failed: the error message of each sequence without results, by the sequence's name.
-        sequences_in_set: number of sequences of the benchmark, evaluated or not.
-        images_without_person: number of frames without any depth, or in which no person was detected.
-        started_from_label: names of the estimators that were given the first true pose of each sequence.
-        extraction, extraction_fps: name of what segmented the person in whole scenes, once for all estimators, and its frames
-            per second; None where the depth of the set is segmented.
-    """
+    """The results of one evaluation; dicts are by the estimator's name, in the order of the report."""
 
     benchmark: Benchmark
-    results: dict[str, PoseResults]
+    results: dict[str, PoseResults]  # all N frames
+    # Figures of `evaluate`, `evaluate_confidence` and `missed_by_cause`; `fps` of the estimation alone; `sees_future`: whether
+    # it uses later images.
     metrics: dict[str, dict]
-    differences: dict[str, dict]
+    differences: dict[str, dict]  # `metrics.difference` of every estimator but the first from the first one
     resampled: Resampled
-    failed: dict[str, str]
-    sequences_in_set: int
-    images_without_person: int
-    started_from_label: list[str]
-    extraction: str | None = None
-    extraction_fps: float | None = None
+    failed: dict[str, str]  # the error message of each sequence without results, by the sequence's name
+    sequences_in_set: int  # evaluated or not
+    images_without_person: int  # frames without any depth, or in which no person was detected
+    started_from_label: list[str]  # the estimators that were given the first true pose of each sequence
+    extraction: str | None = None  # what segmented the person, once for all; None where the depth of the set is segmented
+    extraction_fps: float | None = None  # its frames per second; None likewise
 
     @property
     def main(self) -> str:

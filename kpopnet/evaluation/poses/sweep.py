@@ -18,20 +18,12 @@ from kpopnet.runtime.hydra_app import overridable
 
 @dataclass(frozen=True)
 class Sweep:
-    """The estimators of a sweep, as a table.
+    """The estimators of a sweep, as a table."""
 
-    Attributes:
-        estimator: name of the estimator whose settings are varied.
-        axes: the values of the rows' setting and of the columns' setting, by the setting's name.
-        names: name of the estimator at each combination: rows of columns.
-        settings: settings of each additional estimator by its name. The combination that equals the configured estimator
-            is not among them.
-    """
-
-    estimator: str
-    axes: dict[str, list[Any]]
-    names: list[list[str]]
-    settings: dict[str, Any]
+    estimator: str  # whose settings are varied
+    axes: dict[str, list[Any]]  # the values of the rows' setting and of the columns' setting, by the setting's name
+    names: list[list[str]]  # of the estimator at each combination: rows of columns
+    settings: dict[str, Any]  # of each additional estimator by its name; a combination that equals the configured one is none
 
     def table(self, metrics: dict[str, dict]) -> Table:
         """Table 1: fraction of joints within 10 cm and frames per second at every combination."""
