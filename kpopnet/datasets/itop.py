@@ -10,9 +10,8 @@ Each view and split has two HDF5 files, which are read as published (decompresse
                                                   real_world_coordinates (N, 15, 3) metres, x right, y up, z forward
 
 Its fifteen joints have the order of `kpopnet.skeleton.Joint`; right is the person's right. Unchecked labels are not used as
-true joints, but their frames stay in the sequence, so that a tracker gets all frames. The set does not fit into memory:
-sequences are read one at a time and hold at most MAX_SEQUENCE_FRAMES frames, so the recording of one person is split into
-several sequences.
+true joints, but their frames stay in the sequence, so that a tracker gets all frames. The recording of one person does not fit
+into memory: it is split into sequences of at most MAX_SEQUENCE_FRAMES frames.
 """
 
 import logging

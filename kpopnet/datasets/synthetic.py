@@ -26,11 +26,10 @@ class SyntheticConfig:
 class SyntheticBenchmark:
     """Reads frozen shards; consecutive samples of one person in one room are one sequence of independent frames (stills).
 
-    The generator puts several people into a room before one camera, and the last of them may go on in the next room. Rooms, not
-    people, are the largest groups that share something, and intervals resample them (`Sequence.room`). Neighbouring rooms that
-    share a person are still resampled as if they were independent: that is a small part of their samples.
+    The generator puts several people into a room before one camera, and the last of them may go on in the next room. Intervals
+    resample rooms as if they were independent: the people whom neighbouring rooms share are a small part of their samples.
 
-    Every joint has a true position, including those that are not visible in the image; `visible` marks the visible ones.
+    Joints that are not visible in the image have a true position too.
     """
 
     name = "synthetic"

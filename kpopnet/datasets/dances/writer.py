@@ -92,15 +92,9 @@ def write_learner(
     depth: PackedDepth | None = None,
     about: Mapping | None = None,
 ) -> None:
-    """Writes DANCE/NAME.h5, and creates the folder DANCE if necessary.
+    """Writes DANCE/NAME.h5, and creates the folder DANCE if necessary; `about` holds notes to store as JSON.
 
-    Args:
-        folder: of the dance.
-        name: of the learner.
-        times_s: (T,) times of the frames in seconds.
-        joints_m: (T, 15, 3) true joints in metres in the camera frame.
-        depth: the depth recording.
-        about: notes to store as JSON.
+    Times of the frames (T,) are in seconds, (T, 15, 3) true joints in metres in the camera frame.
 
     Raises:
         InputError: neither joints nor depth are given, or the name, joints or times are invalid.

@@ -1,12 +1,12 @@
 """Which estimated person is which true one, frame by frame, and the figures that follow from it.
 
-An estimate is taken for a person whose centre is within CENTRE_M of its own, one for one; the centre is the mean of the joints
-that were found. A person keeps the identity of the frame before as long as it is that near; the others are matched such that
-the sum of distances is least. A person is judged where at least half of the body shows (`sight`). Estimates within NEAR_M of
-other people, of whom less shows, count as neither right nor wrong.
+An estimate is taken for a person whose centre, the mean of the joints found, is within CENTRE_M of its own, one for one. A
+person keeps the identity of the frame before as long as it is that near; the others are matched such that the sum of distances
+is least. A person is judged where at least half of the body shows (`sight`). Estimates within NEAR_M of other people, of whom
+less shows, count as neither right nor wrong.
 
-Identities are counted as CLEAR MOT does (Bernardin & Stiefelhagen, "Evaluating Multiple Object Tracking Performance", EURASIP
-Journal on Image and Video Processing 2008): people who are missed, people who are not there, and identity switches.
+MOTA is that of CLEAR MOT: Bernardin & Stiefelhagen, "Evaluating Multiple Object Tracking Performance", EURASIP Journal on Image
+and Video Processing 2008.
 """
 
 from collections.abc import Callable
@@ -23,11 +23,8 @@ from kpopnet.skeleton import NUM_JOINTS
 CENTRE_M, NEAR_M = 0.3, 0.5
 """Greatest distance of the centres: of a judged person and the estimate taken for them, of another person and theirs."""
 
-LEAST_IN_SIGHT = 0.5
-"""Least share of a person's pixels that show, of a person who is judged."""
-
-LEAST_INSIDE = 0.8
-"""Least share of the joints inside the image, of a person who is judged where the pixels of the whole body are not known."""
+LEAST_IN_SIGHT, LEAST_INSIDE = 0.5, 0.8
+"""Least share of the pixels of a judged person that show, and of the joints inside the image where `whole_px` is unknown."""
 
 NOBODY = -1
 ALL = "all"
@@ -76,11 +73,7 @@ class MatchedSequence:
 
 
 def sight(sequence: StoredSequence) -> tuple[np.ndarray, np.ndarray]:
-    """(T, P) bool each: who is judged, and who is in view, but not enough of them shows.
-
-    With `whole_px` a person is judged where at least half of these pixels show them. Without it, where nearly all joints are
-    inside the image and others hide at most half of the person.
-    """
+    """(T, P) bool each: who is judged, and who is in view, but not enough of them shows."""
     seen_px, alone_px, whole_px = sequence.seen_px, sequence.alone_px, sequence.whole_px
     assert seen_px is not None, sequence.name
     if whole_px is not None:
@@ -118,8 +111,8 @@ def _match_frame(
 ) -> dict[int, int]:
     """Number of the estimate of each person who has one in a frame; `before` is the result for the frame before.
 
-    Joints are (P, 15, 3) true and (E, 15, 3) estimated ones; (P,) `seen` says who is judged and chooses first, (E,) `found`
-    which estimates have a joint.
+    Of the (P, 15, 3) true joints (P,) `seen` says who is judged and chooses first, of the (E, 15, 3) estimates (E,) `found`
+    which have a joint.
     """
     apart_m = np.full((len(truth_m), len(estimates_m)), np.inf)
     apart_m[:, found] = np.linalg.norm(np.nanmean(truth_m[:, None] - estimates_m[None, found], axis=2), axis=-1)

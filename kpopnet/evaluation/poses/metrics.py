@@ -10,8 +10,7 @@ true position but no estimate (a missing joint). Therefore
 - metrics over several frames and joints are pooled: every joint of every frame has the same weight;
 - a frame whose true pose the estimator was given (start=label) is not scored, as if it had no true joints.
 
-Names with 14 are over the paper's fourteen joints (`kpopnet.skeleton.PAPER_JOINTS`: all but the neck); published figures of the
-paper are compared with these. All others are over fifteen.
+Names with 14 are over the paper's fourteen joints, all but the neck, as published figures are. All others are over fifteen.
 """
 
 from dataclasses import dataclass, fields
