@@ -16,7 +16,8 @@ import numpy as np
 from tqdm import tqdm
 
 from kpopnet.camera import Camera
-from kpopnet.datasets.simulated import SimulatedBenchmark, SimulatedConfig
+from kpopnet.datasets.protocol import BenchmarkConfig
+from kpopnet.datasets.simulated import SimulatedBenchmark
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator
 from kpopnet.evaluation.poses.confidence import WITHIN_M, Judged, calibration_error
@@ -112,7 +113,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     network, parts = NetworkEstimator(options.checkpoint), []
     for folder in options.folders:
-        benchmark = SimulatedBenchmark(SimulatedConfig("eval_sim", folder))
+        benchmark = SimulatedBenchmark(BenchmarkConfig("eval_sim", folder))
         for name in tqdm(benchmark.sequence_names(), folder, unit="sequence"):
             sequence = benchmark.read(name)
             person_m = extract_person(sequence.depth_m, sequence.camera)

@@ -6,7 +6,8 @@ python tools/rooms_figure.py data/rooms docs/figures/rooms.png
 import sys
 from pathlib import Path
 
-from kpopnet.datasets.simulated import PeopleSet, SimulatedConfig
+from kpopnet.datasets.protocol import BenchmarkConfig
+from kpopnet.datasets.simulated import PeopleSet
 from kpopnet.viz.drawing import TRUE, save_png, sheet
 from synth.simulated.rooms import SINGLE
 from synth.simulated.sequences import frame_tile
@@ -14,7 +15,7 @@ from synth.simulated.sequences import frame_tile
 COLUMNS, IMAGES = 5, 12
 
 if __name__ == "__main__":
-    rooms, tiles, kinds = PeopleSet(SimulatedConfig("rooms", sys.argv[1])), [], []
+    rooms, tiles, kinds = PeopleSet(BenchmarkConfig("rooms", sys.argv[1])), [], []
     for name in rooms.names:
         stored = rooms.read(name)
         if kinds.count(stored.kind) < (IMAGES if stored.kind == SINGLE else 1):

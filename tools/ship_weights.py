@@ -23,7 +23,8 @@ import torch
 
 import kpopnet.weights
 from kpopnet.data.shards import ShardedSet
-from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
+from kpopnet.datasets.protocol import BenchmarkConfig
+from kpopnet.datasets.synthetic import SyntheticBenchmark
 from kpopnet.errors import InputError
 from kpopnet.finder.network import export_finder
 from kpopnet.finder.network import load_network as load_finder
@@ -88,7 +89,7 @@ def texts_in(value: Any) -> Iterator[str]:
 
 def changes_mm(one: NetworkEstimator, other: NetworkEstimator, path: Path, images: int) -> np.ndarray:
     """Distances in mm between the joints by two networks, in about so many images of a frozen set."""
-    benchmark, changes, seen = SyntheticBenchmark(SyntheticConfig(path=str(path))), [], 0
+    benchmark, changes, seen = SyntheticBenchmark(BenchmarkConfig("synthetic", str(path))), [], 0
     for name in benchmark.sequence_names():
         sequence = benchmark.read(name)
         first, second = (network.estimate(sequence.depth_m, sequence.camera).joints_camera_m for network in (one, other))

@@ -16,8 +16,8 @@ from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.datasets.eval import EvalBenchmark
 from kpopnet.datasets.itop import SPLITS, VIEWS, ItopBenchmark, ItopConfig
 from kpopnet.datasets.point_clouds import PointCloudBenchmark
-from kpopnet.datasets.protocol import Benchmark
-from kpopnet.datasets.simulated import MANIFEST, PeopleSet, SimulatedBenchmark, SimulatedConfig, read_manifest
+from kpopnet.datasets.protocol import Benchmark, BenchmarkConfig
+from kpopnet.datasets.simulated import MANIFEST, PeopleSet, SimulatedBenchmark, read_manifest
 from kpopnet.datasets.smmc10 import Smmc10Benchmark
 from kpopnet.datasets.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
 from kpopnet.errors import InputError
@@ -71,7 +71,7 @@ def describe(path: Path) -> Iterator[str]:
         yield f"{len(dances)} dances; {dances.names[0]} has {len(dances.dance(dances.names[0]).learners)} learners"
         yield f"  python evaluate.py benchmark=kpop benchmark.path={folder}"
     else:
-        config = SimulatedConfig(read_manifest(folder)["benchmark"], str(folder))
+        config = BenchmarkConfig(read_manifest(folder)["benchmark"], str(folder))
         if config.name in ("two_people", "rooms"):
             yield from (PeopleSet(config).about, f"  python evaluate.py benchmark={config.name} benchmark.path={folder}")
         else:

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from kpopnet.camera import Camera, depth_in_metres
-from kpopnet.datasets.protocol import Origin, Sequence, heading_rad
+from kpopnet.datasets.protocol import BenchmarkConfig, Origin, Sequence, heading_rad
 from kpopnet.errors import InputError
 from kpopnet.runtime.hdf5_files import Hdf5Schema, open_hdf5, read_array, stored_array
 from kpopnet.runtime.input_files import ArraySchema, expect
@@ -57,18 +57,15 @@ DEPTH = Hdf5Schema(
 
 
 @dataclass
-class ItopConfig:
+class ItopConfig(BenchmarkConfig):
     """Settings of the benchmark `itop`.
 
     Attributes:
-        name: of the benchmark.
-        path: folder that holds ITOP_side_test_depth_map.h5 and the other files.
         view: side or top.
         split: test or train.
     """
 
     name: str = "itop"
-    path: str | None = None
     view: str = "side"
     split: str = "test"
 
@@ -112,10 +109,9 @@ class ItopBenchmark:
 
     def __init__(self, config: ItopConfig) -> None:
         """Reads the labels and lists the sequences; raises InputError if files are missing or invalid."""
-        if config.path is None:
-            raise InputError("benchmark=itop needs benchmark.path=PATH, the folder that holds ITOP_side_test_depth_map.h5")
+        folder = config.folder("the folder that holds ITOP_side_test_depth_map.h5")
         start = f"ITOP_{config.view}_{config.split}"
-        labels, self._depth = (Path(config.path) / f"{start}_{kind}.h5" for kind in ("labels", "depth_map"))
+        labels, self._depth = (folder / f"{start}_{kind}.h5" for kind in ("labels", "depth_map"))
         for path in (labels, self._depth):
             if not path.is_file() and path.with_name(f"{path.name}.gz").is_file():
                 raise InputError(f"{path}: no such file; decompress {path.name}.gz: gunzip {path}.gz")

@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from kpopnet.camera import Camera
-from kpopnet.datasets.protocol import Origin, Sequence, heading_rad
+from kpopnet.datasets.protocol import BenchmarkConfig, Origin, Sequence, heading_rad
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import check_budget, expect
 from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
@@ -32,17 +32,13 @@ LISTING = "`python -m kpopnet.datasets.describe"
 
 
 @dataclass
-class PointCloudConfig:
+class PointCloudConfig(BenchmarkConfig):
     """Settings of EVAL and SMMC-10.
 
     Attributes:
-        name: of the benchmark.
-        path: folder of the files.
         joints: id, or list of ids, of each joint by its name; None where no id is known. The mean of several ids is used.
     """
 
-    name: str
-    path: str | None = None
     joints: dict[str, Any] = field(default_factory=lambda: dict.fromkeys(JOINT_NAMES))
 
 
@@ -74,17 +70,14 @@ class PointCloudBenchmark:
 
     def __init__(self, config: PointCloudConfig) -> None:
         """Lists the sequences; raises InputError if there are none, or the joint map is missing or invalid."""
-        needed = f"benchmark={self.name} needs benchmark."
-        if config.path is None:
-            raise InputError(f"{needed}path=PATH, the folder that holds {self.first_file} and the others")
-        self.folder = Path(config.path)
+        self.folder = config.folder(f"the folder that holds {self.first_file} and the others")
         if (self.folder / "manifest.json").exists():  # of a set that `synth` wrote
             raise InputError(f"{self.folder}: simulated according to its manifest.json, and not {self.set_name}")
         self._names, self._ids = self.names_in(self.folder), checked_map(config.joints)
         if not self._ids:
             raise InputError(
-                f"{needed}joints, the map from joints to ids in the files, for instance 'benchmark.joints="
-                f"{{head: [1, 3], left_hand: 24}}'; {LISTING} {self.folder}` lists them"
+                f"benchmark={self.name} needs benchmark.joints, the map from joints to ids in the files, for instance "
+                f"'benchmark.joints={{head: [1, 3], left_hand: 24}}'; {LISTING} {self.folder}` lists them"
             )
 
     @classmethod

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import Enum
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -17,6 +18,25 @@ class Origin(Enum):
 
     REAL = "real"
     SIMULATED = "simulated"
+
+
+@dataclass
+class BenchmarkConfig:
+    """Settings of a benchmark.
+
+    Attributes:
+        name: of the benchmark.
+        path: folder of the set, as published or as `python -m synth` wrote it.
+    """
+
+    name: str
+    path: str | None = None
+
+    def folder(self, what: str) -> Path:
+        """The folder of the set; raises InputError, which says what it is, if none is given."""
+        if self.path is None:
+            raise InputError(f"benchmark={self.name} needs benchmark.path=PATH, {what}")
+        return Path(self.path)
 
 
 @dataclass(frozen=True)

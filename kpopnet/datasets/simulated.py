@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from kpopnet.camera import Camera, depth_in_metres
-from kpopnet.datasets.protocol import Origin, Sequence, check_joints, heading_rad
+from kpopnet.datasets.protocol import BenchmarkConfig, Origin, Sequence, check_joints, heading_rad
 from kpopnet.errors import InputError, check_between
 from kpopnet.runtime.atomic_write import atomic_hdf5
 from kpopnet.runtime.hdf5_files import Hdf5Schema, attributes_of, open_hdf5, read_array
@@ -100,27 +100,14 @@ def read_sequence(path: Path) -> StoredSequence:
     return StoredSequence(path.stem, attributes["kind"], fps, camera, people, marker_names=names, **arrays)
 
 
-@dataclass
-class SimulatedConfig:
-    """Settings of a simulated benchmark.
-
-    Attributes:
-        name: of the benchmark.
-        path: folder that `python -m synth benchmark=NAME` wrote.
-    """
-
-    name: str
-    path: str
-
-
 class SimulatedSet:
     """A folder of simulated sequences, read one at a time, ordered by number, with the attributes of a `Benchmark`."""
 
     origin = Origin.SIMULATED
 
-    def __init__(self, config: SimulatedConfig) -> None:
+    def __init__(self, config: BenchmarkConfig) -> None:
         """Lists the sequences; raises InputError if there are none of this set, or the manifest is invalid."""
-        self.name, self.folder = config.name, Path(config.path)
+        self.name, self.folder = config.name, config.folder(f"the folder that `python -m synth benchmark={config.name}` wrote")
         make = f"`python -m synth benchmark={config.name} out={self.folder}` makes the set"
         if not (self.folder / MANIFEST).exists():
             raise InputError(f"{self.folder}: no {MANIFEST} in it; {make}")

@@ -1,26 +1,11 @@
 """Benchmark `synthetic`: a frozen split of a set made by `synth`, with people that no training set contains."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from kpopnet.camera import depth_in_metres
 from kpopnet.data.shards import ShardedSet
-from kpopnet.datasets.protocol import Origin, Sequence
+from kpopnet.datasets.protocol import BenchmarkConfig, Origin, Sequence
 from kpopnet.errors import InputError
-
-
-@dataclass
-class SyntheticConfig:
-    """Settings of the benchmark `synthetic`.
-
-    Attributes:
-        name: of the benchmark.
-        path: folder of frozen shards.
-    """
-
-    name: str = "synthetic"
-    path: str = "data/small/test"
 
 
 class SyntheticBenchmark:
@@ -36,9 +21,9 @@ class SyntheticBenchmark:
     origin = Origin.SIMULATED
     truth = "synthetic truth"
 
-    def __init__(self, config: SyntheticConfig) -> None:
+    def __init__(self, config: BenchmarkConfig) -> None:
         """Opens the set; raises InputError if the folder holds no shards, or they are not frozen."""
-        self.samples = ShardedSet(config.path)
+        self.samples = ShardedSet(config.folder("a folder of frozen shards"))
         if self.samples.kind != "frozen":
             raise InputError(
                 f"{config.path}: a {self.samples.kind} set without sensor noise; expected a frozen set: "

@@ -17,7 +17,7 @@ from scipy.io import loadmat
 from scipy.spatial import cKDTree
 
 from kpopnet.camera import Camera, depth_in_metres
-from kpopnet.datasets.protocol import Origin, Sequence
+from kpopnet.datasets.protocol import BenchmarkConfig, Origin, Sequence
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import ArraySchema, check_array, check_names, expect, read_with
 from kpopnet.skeleton import Joint
@@ -59,17 +59,14 @@ LAG_JOINTS = [KINECT_JOINTS.index(f"{side}_{part}") for side in ("left", "right"
 
 
 @dataclass
-class UtdMhadConfig:
+class UtdMhadConfig(BenchmarkConfig):
     """Settings of the benchmark `utd_mhad`.
 
     Attributes:
-        name: of the benchmark.
-        path: folder that holds Depth/ and Skeleton/.
         lag: row t + lag of the skeleton belongs to depth frame t, in frames. Estimated for each sequence by default.
     """
 
     name: str = "utd_mhad"
-    path: str | None = None
     lag: int | None = None
 
 
@@ -87,9 +84,7 @@ class UtdMhadBenchmark:
 
     def __init__(self, config: UtdMhadConfig) -> None:
         """Lists the sequences; raises InputError if there are none."""
-        if config.path is None:
-            raise InputError("benchmark=utd_mhad needs benchmark.path=PATH, the folder that holds Depth/ and Skeleton/")
-        self.folder, self.lag = Path(config.path), config.lag
+        self.folder, self.lag = config.folder("the folder that holds Depth/ and Skeleton/"), config.lag
         names = [path.name.removesuffix("_depth.mat") for path in self.folder.glob("Depth/*_depth.mat")]
         expect(bool(names), str(self.folder), "Depth/*_depth.mat in it, as in the folder of UTD-MHAD")
         check_names(str(self.folder), names)

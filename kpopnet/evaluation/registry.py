@@ -16,10 +16,10 @@ from kpopnet.datasets.dances.dance_set import KpopConfig, KpopSet, open_set
 from kpopnet.datasets.eval import EvalBenchmark
 from kpopnet.datasets.itop import ItopBenchmark, ItopConfig
 from kpopnet.datasets.point_clouds import PointCloudConfig
-from kpopnet.datasets.protocol import Benchmark
-from kpopnet.datasets.simulated import PeopleSet, SimulatedBenchmark, SimulatedConfig
+from kpopnet.datasets.protocol import Benchmark, BenchmarkConfig
+from kpopnet.datasets.simulated import PeopleSet, SimulatedBenchmark
 from kpopnet.datasets.smmc10 import Smmc10Benchmark
-from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
+from kpopnet.datasets.synthetic import SyntheticBenchmark
 from kpopnet.datasets.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator
@@ -94,15 +94,15 @@ def _mean_pose(config: MeanPoseConfig) -> Estimator:
 
 
 BENCHMARKS: dict[str, tuple[type, Callable[[Any], Benchmark | KpopSet | PeopleSet]]] = {
-    "synthetic": (SyntheticConfig, SyntheticBenchmark),
+    "synthetic": (BenchmarkConfig, SyntheticBenchmark),
     "utd_mhad": (UtdMhadConfig, UtdMhadBenchmark),
     "eval": (PointCloudConfig, EvalBenchmark),
-    "eval_sim": (SimulatedConfig, SimulatedBenchmark),
+    "eval_sim": (BenchmarkConfig, SimulatedBenchmark),
     "smmc10": (PointCloudConfig, Smmc10Benchmark),
-    "smmc10_sim": (SimulatedConfig, SimulatedBenchmark),
+    "smmc10_sim": (BenchmarkConfig, SimulatedBenchmark),
     "itop": (ItopConfig, ItopBenchmark),
-    "two_people": (SimulatedConfig, PeopleSet),
-    "rooms": (SimulatedConfig, PeopleSet),
+    "two_people": (BenchmarkConfig, PeopleSet),
+    "rooms": (BenchmarkConfig, PeopleSet),
     "kpop": (KpopConfig, open_set),
     "kpop_sim": (KpopConfig, open_set),
 }

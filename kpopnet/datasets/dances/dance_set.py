@@ -19,7 +19,7 @@ import numpy as np
 
 from kpopnet.camera import MM_PER_METRE, Camera
 from kpopnet.dance.performance import Performance
-from kpopnet.datasets.protocol import Origin, check_joints
+from kpopnet.datasets.protocol import BenchmarkConfig, Origin, check_joints
 from kpopnet.errors import InputError
 from kpopnet.runtime.hdf5_files import Hdf5Schema, attributes_of, open_hdf5, read_array, stored_array
 from kpopnet.runtime.input_files import (
@@ -57,12 +57,10 @@ MARGIN_PX = 8  # around the union of all boxes, to which a recording is cropped
 
 
 @dataclass
-class KpopConfig:
+class KpopConfig(BenchmarkConfig):
     """Settings of a set of dances on disk.
 
     Attributes:
-        name: of the benchmark.
-        path: folder of the set.
         dances: number of dances to evaluate, the first ones of the set, for a quick test; all by default.
         dance: name of the dance whose scores over time are plotted; by default the dance in which the score of a worse
             learner is farthest above, or least below, that of the next better learner.
@@ -70,7 +68,6 @@ class KpopConfig:
     """
 
     name: str = "kpop"
-    path: str | None = None
     dances: int | None = None
     dance: str | None = None
     poses: str | None = None
@@ -217,9 +214,7 @@ def learners_in(folder: Path) -> list[str]:
 
 def open_set(config: KpopConfig) -> KpopSet:
     """Opens the set of dances in a configuration; raises InputError if no folder is configured, or as `KpopSet`."""
-    if config.path is None:
-        raise InputError(f"benchmark={config.name} needs benchmark.path=PATH, a folder of dances (docs/kpop_format.md)")
-    return KpopSet(config.path)
+    return KpopSet(config.folder("a folder of dances (docs/kpop_format.md)"))
 
 
 def read_labels(path: Path) -> list[str]:

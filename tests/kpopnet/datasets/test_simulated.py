@@ -15,8 +15,8 @@ from two_people_files import CAMERA as PEOPLE_CAMERA
 from two_people_files import draw_two_people, write_two_people
 
 from kpopnet.camera import Camera
-from kpopnet.datasets.protocol import Origin
-from kpopnet.datasets.simulated import PeopleSet, SimulatedBenchmark, SimulatedConfig, StoredSequence, read_sequence
+from kpopnet.datasets.protocol import BenchmarkConfig, Origin
+from kpopnet.datasets.simulated import PeopleSet, SimulatedBenchmark, StoredSequence, read_sequence
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 
@@ -28,7 +28,7 @@ SEQUENCE = StoredSequence("", "kicks", 25.0, CAMERA, ("sim01",), DEPTH_M, JOINTS
 
 
 def benchmark(folder: Path) -> SimulatedBenchmark:
-    return SimulatedBenchmark(SimulatedConfig("smmc10_sim", str(folder)))
+    return SimulatedBenchmark(BenchmarkConfig("smmc10_sim", str(folder)))
 
 
 @pytest.fixture
@@ -66,7 +66,7 @@ def test_a_set_is_read_as_a_benchmark_that_calls_itself_simulated(folder, millim
 
 def test_people_are_read_with_what_is_seen_of_them(tmp_path):
     write_two_people(tmp_path, frames=3)
-    a_set = PeopleSet(SimulatedConfig("two_people", str(tmp_path)))
+    a_set = PeopleSet(BenchmarkConfig("two_people", str(tmp_path)))
     sequence, (depth_mm, true_m, pixels) = a_set.read("pair_00"), draw_two_people(3)
     assert a_set.names == ["pair_00"] and sequence.kind == "side_by_side" and sequence.camera == PEOPLE_CAMERA
     np.testing.assert_array_equal(sequence.depth, depth_mm)
@@ -104,7 +104,7 @@ def test_what_people_lack_is_refused(tmp_path):
     with h5py.File(tmp_path / "pair_00.h5", "a") as file:
         file["seen_px"][...] = 10**6
     with pytest.raises(InputError, match=r"pair_00\.h5: seen_px: expected at least 0 and at most alone_px or whole_px"):
-        PeopleSet(SimulatedConfig("two_people", str(tmp_path))).read("pair_00")
+        PeopleSet(BenchmarkConfig("two_people", str(tmp_path))).read("pair_00")
 
 
 def test_an_unreadable_manifest_or_another_set_is_refused(folder, tmp_path_factory):

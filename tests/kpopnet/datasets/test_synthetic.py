@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 from shard_sets import write_shard
 
-from kpopnet.datasets.protocol import Origin
-from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
+from kpopnet.datasets.protocol import BenchmarkConfig, Origin
+from kpopnet.datasets.synthetic import SyntheticBenchmark
 from kpopnet.errors import InputError
 
 
 def benchmark(folder) -> SyntheticBenchmark:
-    return SyntheticBenchmark(SyntheticConfig(path=str(folder)))
+    return SyntheticBenchmark(BenchmarkConfig("synthetic", str(folder)))
 
 
 def test_consecutive_samples_of_a_person_are_a_sequence_even_across_shards(tmp_path):

@@ -14,8 +14,8 @@ from real_data import UTD_MHAD
 
 from kpopnet.data.canvas import CANVAS
 from kpopnet.data.room_images import RoomImage
-from kpopnet.datasets.protocol import Benchmark
-from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
+from kpopnet.datasets.protocol import Benchmark, BenchmarkConfig
+from kpopnet.datasets.synthetic import SyntheticBenchmark
 from kpopnet.datasets.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
 from kpopnet.finder.backend import open_finder
 from kpopnet.finder.finder import FinderConfig, PersonFinder
@@ -42,7 +42,7 @@ def errors_m(benchmark: Benchmark, names: list[str], every: int) -> np.ndarray:
 def test_on_single_images_of_other_people(tmp_path):
     settings = ["splits={train: 0, validation: 0, test: 300}", "seed=7", "processes=1", f"out={tmp_path}"]
     subprocess.run([sys.executable, "-m", "synth", *settings], cwd=ROOT, check=True, capture_output=True)
-    benchmark = SyntheticBenchmark(SyntheticConfig(path=str(tmp_path / "test")))
+    benchmark = SyntheticBenchmark(BenchmarkConfig("synthetic", str(tmp_path / "test")))
     error_m = errors_m(benchmark, benchmark.sequence_names(), 1)
     assert len(error_m) == 300 * 15
     assert (error_m < 0.1).mean() > 0.86 and error_m.mean() < 0.065

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from programs import ROOT
 
-from kpopnet.datasets.simulated import PeopleSet, SimulatedBenchmark, SimulatedConfig, read_sequence
+from kpopnet.datasets.protocol import BenchmarkConfig
+from kpopnet.datasets.simulated import PeopleSet, SimulatedBenchmark, read_sequence
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 from synth.body.markers import MARKERS
@@ -44,7 +45,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 def test_the_reader_returns_the_film(folder):
-    benchmark = SimulatedBenchmark(SimulatedConfig("eval_sim", str(folder / "eval_sim")))
+    benchmark = SimulatedBenchmark(BenchmarkConfig("eval_sim", str(folder / "eval_sim")))
     assert benchmark.sequence_names() == ["seq_00", "seq_01"] and EVAL.hash in benchmark.about
     sequence, film = benchmark.read("seq_01"), EVAL.film(1)
     assert (sequence.identity, sequence.fps, sequence.camera) == (
@@ -59,7 +60,7 @@ def test_the_reader_returns_the_film(folder):
 
 
 def test_the_truth_of_smmc10_sim_is_the_mean_of_markers(folder):
-    benchmark = SimulatedBenchmark(SimulatedConfig("smmc10_sim", str(folder / "smmc10_sim")))
+    benchmark = SimulatedBenchmark(BenchmarkConfig("smmc10_sim", str(folder / "smmc10_sim")))
     assert benchmark.sequence_names() == ["sim_01", "sim_02"] and benchmark.truth == "simulated markers"
     sequence, film, stored = benchmark.read("sim_02"), SMMC10.film(1), read_sequence(benchmark.path("sim_02"))
     assert sequence.identity == "person 1" and stored.kind == "arms"
@@ -75,7 +76,7 @@ def test_the_truth_of_smmc10_sim_is_the_mean_of_markers(folder):
 
 
 def test_the_files_of_two_people_agree_with_the_true_joints(folder):
-    sequence = PeopleSet(SimulatedConfig("two_people", str(folder / "two_people"))).read("pair_00")
+    sequence = PeopleSet(BenchmarkConfig("two_people", str(folder / "two_people"))).read("pair_00")
     assert 12 <= len(sequence.depth) <= 16 and sequence.kind == "crossing"
     for joints_m in sequence.joints_m[0]:
         u, v, z = TwoPeople.camera.project(joints_m[Joint.TORSO])
@@ -83,7 +84,7 @@ def test_the_files_of_two_people_agree_with_the_true_joints(folder):
 
 
 def test_the_files_of_rooms_hold_any_number_of_people_before_any_camera(folder):
-    benchmark = PeopleSet(SimulatedConfig("rooms", str(folder / "rooms")))
+    benchmark = PeopleSet(BenchmarkConfig("rooms", str(folder / "rooms")))
     crowd, empty, image = (benchmark.read(name) for name in benchmark.names)
     assert [one.kind for one in (crowd, empty, image)] == ["crowd", "empty_room", "single_image"]
     assert len(crowd.people) >= 3 and empty.people == () and empty.joints_m.shape[1] == 0 and len(image.depth) == 1

@@ -10,7 +10,8 @@ from simulated_files import write_simulated
 from two_people_files import CAMERA, draw_two_people, write_two_people
 
 from kpopnet.camera import Camera
-from kpopnet.datasets.simulated import SimulatedConfig, StoredSequence
+from kpopnet.datasets.protocol import BenchmarkConfig
+from kpopnet.datasets.simulated import StoredSequence
 from kpopnet.errors import InputError
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.people.metrics import NOBODY, MatchedSequence, by_kind, causes, figures, match, wrong_joints
@@ -175,7 +176,7 @@ def test_estimators_of_one_person_are_refused() -> None:
 
 def test_the_report_of_a_film_has_tables_pictures_and_figures(tmp_path: Path) -> None:
     write_two_people(tmp_path / "set", frames=30)
-    benchmark = SimulatedConfig("two_people", str(tmp_path / "set"))
+    benchmark = BenchmarkConfig("two_people", str(tmp_path / "set"))
     config = EvaluateConfig(benchmark, {"tracker": TrackerEstimatorConfig()}, processes=1)
     report = evaluate_people(config, tmp_path / "out")
     write(report, config, tmp_path / "out")
@@ -195,7 +196,7 @@ def test_the_report_of_a_film_has_tables_pictures_and_figures(tmp_path: Path) ->
 def test_the_extraction_that_is_asked_for_finds_the_people(tmp_path: Path) -> None:
     """In the first image nobody has moved, so Algorithm 1 finds nobody."""
     write_two_people(tmp_path / "set", frames=1)
-    benchmark, estimator = SimulatedConfig("two_people", str(tmp_path / "set")), {"tracker": TrackerEstimatorConfig()}
+    benchmark, estimator = BenchmarkConfig("two_people", str(tmp_path / "set")), {"tracker": TrackerEstimatorConfig()}
     config = EvaluateConfig(benchmark, estimator, processes=1, extraction=PaperExtractionConfig())
     metrics = evaluate_people(config, tmp_path / "out").metrics
     assert metrics["benchmark"]["extraction"] == "paper" and metrics["people_recall"] == 0 and metrics["false"] == 0
@@ -209,7 +210,7 @@ def test_images_of_any_number_of_people_before_any_camera_are_reported(tmp_path:
     portrait = Camera.centred(300.0, 120, 200)
     nobody = replace(nobody, kind="empty room", camera=portrait, depth=np.full((1, 200, 120), 3000, np.uint16))
     write_simulated(tmp_path / "set", "rooms", {"room_0": both, "room_1": nobody, "room_2": both})
-    benchmark = SimulatedConfig("rooms", str(tmp_path / "set"))
+    benchmark = BenchmarkConfig("rooms", str(tmp_path / "set"))
     report = evaluate_people(EvaluateConfig(benchmark, {"tracker": TrackerEstimatorConfig()}, processes=1), tmp_path / "out")
     figures_of = report.metrics["estimators"]["tracker"]
     assert figures_of["single image"]["seen"] == 4 and figures_of["single image"]["people_recall"] in (0, 0.5, 1)

@@ -11,8 +11,8 @@ from shard_sets import write_shard
 
 from kpopnet.baselines.mean_pose import MeanPoseEstimator
 from kpopnet.data.cube import person_centre
-from kpopnet.datasets.protocol import Origin
-from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
+from kpopnet.datasets.protocol import BenchmarkConfig, Origin
+from kpopnet.datasets.synthetic import SyntheticBenchmark
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate
 from kpopnet.evaluation.config import EvaluateConfig
@@ -48,7 +48,7 @@ def stills(tmp_path_factory) -> PoseRun:
     """Errors of 0, 6, 12 cm in the first and last sequence; 0 cm and one frame without a person in the middle one."""
     folder = tmp_path_factory.mktemp("stills")
     write_shard(folder, [1, 1, 1, 2, 2, 3, 3, 3], empty=(4,), rooms=[0, 0, 0, 1, 1, 2, 2, 2])
-    benchmark = SyntheticBenchmark(SyntheticConfig(path=str(folder)))
+    benchmark = SyntheticBenchmark(BenchmarkConfig("synthetic", str(folder)))
     sequence = benchmark.read(benchmark.sequence_names()[0])
     pose_m = sequence.joints_camera_m[0] - person_centre(sequence.depth_m[0], sequence.camera)
     return run_benchmark(benchmark, {"shifted": Shifted(pose_m, 0.06), "mean_pose": MeanPoseEstimator(pose_m)})

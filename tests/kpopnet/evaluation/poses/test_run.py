@@ -8,8 +8,8 @@ from films import FRAMES, POSE_M, Films, Off
 from shard_sets import write_shard
 
 from kpopnet.baselines.mean_pose import MeanPoseEstimator
-from kpopnet.datasets.protocol import Sequence
-from kpopnet.datasets.synthetic import SyntheticBenchmark, SyntheticConfig
+from kpopnet.datasets.protocol import BenchmarkConfig, Sequence
+from kpopnet.datasets.synthetic import SyntheticBenchmark
 from kpopnet.errors import InputError
 from kpopnet.evaluation.poses import run as run_module
 from kpopnet.evaluation.poses.report import pose_metrics, remarks
@@ -54,7 +54,7 @@ def test_an_estimator_that_fails_on_a_sequence_excludes_only_that_sequence(error
 
 def test_estimates_do_not_depend_on_the_number_of_processes(tmp_path):
     write_shard(tmp_path / "set", [1, 1, 1, 2, 2, 3, 3, 3], empty=(4,))
-    benchmark = SyntheticBenchmark(SyntheticConfig(path=str(tmp_path / "set")))
+    benchmark = SyntheticBenchmark(BenchmarkConfig("synthetic", str(tmp_path / "set")))
     network = build_network(ModelConfig(crop_px=32, widths=[8, 8, 8, 8]))
     meta = {"step": 1, "config": {}, "metrics": {}, "mean_pose_m": np.zeros((15, 3)).tolist()}
     estimators = {
@@ -99,7 +99,7 @@ def test_labels_that_are_missing_are_reported():
 def test_all_people_in_a_room_are_resampled_together(tmp_path):
     """Errors that differ between two rooms only, with five people in each: resampling people would pretend ten units."""
     write_shard(tmp_path, list(range(10)), rooms=[0] * 5 + [1] * 5)
-    run = run_benchmark(SyntheticBenchmark(SyntheticConfig(path=str(tmp_path))), {"mean_pose": MEAN_POSE})
+    run = run_benchmark(SyntheticBenchmark(BenchmarkConfig("synthetic", str(tmp_path))), {"mean_pose": MEAN_POSE})
     assert run.resampled == ("rooms", 2, 10) and len(run.results["mean_pose"].sequence_names) == 10
     assert run.results["mean_pose"].unit.tolist() == ["room 0"] * 5 + ["room 1"] * 5
     assert any("2 are too few" in line for line in remarks(run))
