@@ -6,6 +6,7 @@ error of the pose estimator.
 
 import logging
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -79,38 +80,31 @@ class ScoredDance(NamedTuple):
     seconds: dict[str, float]
 
 
-@dataclass(frozen=True)
-class DanceScoring:
+def score_learners(dances: KpopSet, caches: dict[str, PoseCache], scorers: dict[str, Scorer], name: str) -> ScoredDance:
     """Reads a dance by its name, and scores its learners by every scorer on every source of joints."""
-
-    dances: KpopSet
-    caches: dict[str, PoseCache]
-    scorers: dict[str, Scorer]
-
-    def __call__(self, name: str) -> ScoredDance:
-        dance = self.dances.dance(name)
-        teacher = dance.teacher()
-        scores: dict[Method, list[LearnerScore]] = {}
-        seconds, frames = dict.fromkeys(self.caches, 0.0), 0
-        for learner in dance.learners:
-            truth = learner.joints()
-            found = {} if truth is None else {TRUTH: truth}
-            for estimator, cache in self.caches.items():
-                with stage(estimator):
-                    found[estimator], time_s = cache.poses(dance, learner)
-                seconds[estimator] += time_s
-            frames += max((len(performance.times_s) for performance in found.values()), default=0)
-            for source, performance in found.items():
-                if not performance.is_observed:
-                    log.warning("%s, %s: %s found no joint in any frame; not scored", dance.name, learner.name, source)
-                error_m = None if source == TRUTH else _mean_error_m(performance.joints_m, truth)
-                for scorer, settings in self.scorers.items():
-                    if isinstance(settings, PartScorer) and settings.noise == "auto" and source in NOISE:
-                        settings = replace(settings, noise=source)
-                    score = score_dance(teacher, performance, settings, unobserved_is_nan=True)
-                    scores.setdefault(Method(source, scorer), []).append(LearnerScore(learner.name, score, error_m))
-        complete = {method: learners for method, learners in scores.items() if len(learners) == len(dance.learners)}
-        return ScoredDance(complete, frames, seconds)
+    dance = dances.dance(name)
+    teacher = dance.teacher()
+    scores: dict[Method, list[LearnerScore]] = {}
+    seconds, frames = dict.fromkeys(caches, 0.0), 0
+    for learner in dance.learners:
+        truth = learner.joints()
+        found = {} if truth is None else {TRUTH: truth}
+        for estimator, cache in caches.items():
+            with stage(estimator):
+                found[estimator], time_s = cache.poses(dance, learner)
+            seconds[estimator] += time_s
+        frames += max((len(performance.times_s) for performance in found.values()), default=0)
+        for source, performance in found.items():
+            if not performance.is_observed:
+                log.warning("%s, %s: %s found no joint in any frame; not scored", dance.name, learner.name, source)
+            error_m = None if source == TRUTH else _mean_error_m(performance.joints_m, truth)
+            for scorer, settings in scorers.items():
+                if isinstance(settings, PartScorer) and settings.noise == "auto" and source in NOISE:
+                    settings = replace(settings, noise=source)
+                score = score_dance(teacher, performance, settings, unobserved_is_nan=True)
+                scores.setdefault(Method(source, scorer), []).append(LearnerScore(learner.name, score, error_m))
+    complete = {method: learners for method, learners in scores.items() if len(learners) == len(dance.learners)}
+    return ScoredDance(complete, frames, seconds)
 
 
 def _mean_error_m(joints_m: np.ndarray, truth: Performance | None) -> float | None:
@@ -140,7 +134,7 @@ def run_dances(
     estimators, assumptions = _start_anywhere(estimators)
     caches = {name: PoseCache(poses, name, settings) for name, settings in estimators.items()}
     names, scorers = dances.names[:count], scorers or SCORERS
-    scored, failed = engine.run(DanceScoring(dances, caches, scorers), names, processes, str(dances.folder))
+    scored, failed = engine.run(partial(score_learners, dances, caches, scorers), names, processes, str(dances.folder))
     methods = [Method(source, scorer) for source in (TRUTH, *caches) for scorer in scorers]
     methods = [method for method in methods if all(method in one.scores for one in scored.values())]
     without = [name for name, one in scored.items() if all(method.source != TRUTH for method in one.scores)]

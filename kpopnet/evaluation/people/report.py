@@ -4,7 +4,7 @@ People are found in the raw scene; no estimator is given their number.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -90,22 +90,16 @@ def follower(label: str, settings: Any, extraction: Any = DEFAULT_EXTRACTION) ->
     raise InputError(f"estimator {label}: estimates one person; for several take 'estimator=[tracker]', realtime or best")
 
 
-@dataclass
-class PeopleEstimation:
+def matched_people(benchmark: PeopleSet, followers: dict[str, Timed], name: str) -> dict[str, MatchedSequence]:
     """Reads a sequence by its name and matches all people that each follower, by estimator, finds in it."""
-
-    benchmark: PeopleSet
-    followers: dict[str, Timed]
-
-    def __call__(self, name: str) -> dict[str, MatchedSequence]:
-        sequence, matched = self.benchmark.read(name), {}
-        for label, follow in self.followers.items():
-            with stage(label):
-                people, seconds = follow(sequence.depth, sequence.camera, fps=sequence.fps)
-                joints_m = [one.joints_camera_m for one in people]
-                estimates_m = np.array(joints_m).reshape(len(people), len(sequence.depth), NUM_JOINTS, 3)
-                matched[label] = match(sequence, estimates_m, np.array([one.identity for one in people], int), seconds)
-        return matched
+    sequence, matched = benchmark.read(name), {}
+    for label, follow in followers.items():
+        with stage(label):
+            people, seconds = follow(sequence.depth, sequence.camera, fps=sequence.fps)
+            joints_m = [one.joints_camera_m for one in people]
+            estimates_m = np.array(joints_m).reshape(len(people), len(sequence.depth), NUM_JOINTS, 3)
+            matched[label] = match(sequence, estimates_m, np.array([one.identity for one in people], int), seconds)
+    return matched
 
 
 def evaluate_people(config: EvaluateConfig, folder: Path) -> Report:
@@ -120,9 +114,8 @@ def evaluate_people(config: EvaluateConfig, folder: Path) -> Report:
         raise InputError("estimator: expected at least one, for instance 'estimator=[tracker]'")
     followers = {label: Timed(follower(label, one, config.extraction)) for label, one in config.estimator.items()}
     benchmark = PeopleSet(config.benchmark)
-    work = PeopleEstimation(benchmark, followers)
     names = evenly_spaced(benchmark.names, config.sequences)
-    matched, failed = engine.run(work, names, config.processes_at_work(), name)
+    matched, failed = engine.run(partial(matched_people, benchmark, followers), names, config.processes_at_work(), name)
     found = {label: by_kind([one[label] for one in matched.values()], config.seed) for label in config.estimator}
     main, count, in_set = next(iter(found)), len(matched), len(benchmark.names)
     extraction = extraction_name(config.extraction)
