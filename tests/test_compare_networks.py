@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from pose_results import results_of_errors
 from programs import tool
+from scipy.stats import ttest_1samp
 
 from kpopnet.errors import InputError
+from kpopnet.evaluation.intervals import Bootstrap
 from kpopnet.evaluation.poses.metrics import PoseResults
 from kpopnet.skeleton import JOINT_GROUPS
 
@@ -75,3 +77,35 @@ def test_pairs_are_of_known_ways_with_equally_many_trainings() -> None:
     for pair, says in (("ridge-flat", "expected A-B"), ("ridge", "expected A-B"), ("ridge-depth", "found 5 and 4")):
         with pytest.raises(InputError, match=says):
             compare_networks.check_pairs([pair], WAYS | {"depth": WAYS["depth"][:4]})
+
+
+def test_an_interval_is_given_from_five_units_on():
+    """Four units or trainings print no interval, five do, in every kind of interval."""
+    rng = np.random.default_rng(8)
+    for count in (2, 3, 4, 5):
+        values = rng.normal(size=(count, 1))
+        few, many = Bootstrap(np.arange(count), 0), Bootstrap(np.arange(9), 1)
+        given = [few.interval(few.ratios(values, np.ones_like(values))), compare_networks.mean_interval(values[:, 0])]
+        given += [compare_networks.crossed_interval(many.sums(rng.normal(size=(9, count))), few, many)]
+        given += [compare_networks.crossed_interval(few.sums(rng.normal(size=(count, 9))), many, few)]
+        assert [one is not None for one in given] == [count >= 5] * 4
+
+
+def test_the_interval_of_a_mean_is_students():
+    values = np.random.default_rng(3).normal(2, 5, 7)
+    assert compare_networks.mean_interval(values) == pytest.approx(list(ttest_1samp(values, 0).confidence_interval(0.95)))
+
+
+@pytest.mark.parametrize(("of_training", "of_person"), [(1.0, 1.0), (1.0, 0.2), (0.1, 1.0)])
+def test_a_crossed_interval_contains_the_truth_of_other_trainings_and_other_people(of_training, of_person):
+    """Five trainings judged by twenty people: whichever of both differs more, and never too narrow."""
+    hits, trials = 0, 150
+    for trial in range(trials):
+        rng = np.random.default_rng([11, trial])
+        shared = of_training * rng.normal(size=5) + of_person * rng.normal(size=(20, 1))
+        units, trainings = Bootstrap(np.arange(20), trial), Bootstrap(np.arange(5), trial + 1)
+        low, high = compare_networks.crossed_interval(
+            units.sums(shared + 0.3 * rng.normal(size=(20, 5))) / 20, trainings, units
+        )
+        hits += low <= 0 <= high
+    assert hits / trials >= 0.92  # 150 evaluations: a standard error of 1.8 percent

@@ -6,7 +6,7 @@ r"""Compares ways to train a network on one benchmark, each by several trainings
 Run from the root of a checkout with `PYTHONPATH=.`. The figure of a way is the mean of those of its trainings. `--pair A-B` is
 the figure of A less that of B, training by training in the order given: trainings of one seed stand at one place. Each figure
 has two intervals: of other trainings, judged by the same people (Student's); and of other trainings judged by other people (or
-whatever unit the benchmark has), where there are enough of both (`kpopnet.evaluation.intervals.crossed_interval`). Where the
+whatever unit the benchmark has), where there are enough of both (`crossed_interval`). Where the
 labels of a benchmark have a definition of their own (UTD-MHAD), the same tables follow in it, fitted on the other people.
 """
 
@@ -19,11 +19,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.special import stdtrit
 
 from kpopnet.datasets.protocol import Benchmark
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator
-from kpopnet.evaluation.intervals import Bootstrap, crossed_interval, mean_interval
+from kpopnet.evaluation.intervals import FEWEST_UNITS, LEVEL, Bootstrap
 from kpopnet.evaluation.poses.definition import in_label_definition
 from kpopnet.evaluation.poses.metrics import PoseResults
 from kpopnet.evaluation.poses.run import run_benchmark
@@ -111,6 +112,31 @@ def _over_trainings(values: np.ndarray, counted: np.ndarray, unit: np.ndarray, s
         "other_trainings_and_units": crossed_interval(drawn, trainings, units),
         "by_training": by_training.tolist(),
     }
+
+
+def mean_interval(values: np.ndarray) -> list[float] | None:
+    """Student's LEVEL interval [low, high] of the mean of (S,) independent values; None for fewer than FEWEST_UNITS."""
+    if len(values) < FEWEST_UNITS:
+        return None
+    reach = stdtrit(len(values) - 1, (1 + LEVEL) / 2) * np.std(values, ddof=1) / np.sqrt(len(values))
+    return [float(np.mean(values) - reach), float(np.mean(values) + reach)]
+
+
+def crossed_interval(values: np.ndarray, trainings: Bootstrap, units: Bootstrap) -> list[float] | None:
+    """The LEVEL interval of a mean over S trainings, each of which was judged by the same units; None where either are too few.
+
+    Trainings and units are resampled independently: Owen, "The pigeonhole bootstrap", Annals of Applied Statistics 1(2), 2007,
+    which is never too narrow in the mean. The ends are the percentiles of the fewer of both.
+
+    Args:
+        values: (DRAWS, S) the figure of each training in the resamples of the units.
+        trainings: of the S trainings, with other random numbers than `units`.
+        units: that gave the values.
+    """
+    if min(trainings.units, units.units) < FEWEST_UNITS:
+        return None
+    times = trainings.sums(np.eye(trainings.units))
+    return min(trainings, units, key=lambda one: one.units).interval((times * values).sum(axis=1) / trainings.units)
 
 
 def in_the_labels_definition(results: dict[str, PoseResults]) -> dict[str, PoseResults]:

@@ -65,28 +65,3 @@ class Bootstrap:
         """
         defined = values[~np.isnan(values)]
         return np.percentile(defined, percentiles(self.units)).tolist() if defined.size else None
-
-
-def mean_interval(values: np.ndarray) -> list[float] | None:
-    """Student's LEVEL interval [low, high] of the mean of (S,) independent values; None for fewer than FEWEST_UNITS."""
-    if len(values) < FEWEST_UNITS:
-        return None
-    reach = stdtrit(len(values) - 1, (1 + LEVEL) / 2) * np.std(values, ddof=1) / np.sqrt(len(values))
-    return [float(np.mean(values) - reach), float(np.mean(values) + reach)]
-
-
-def crossed_interval(values: np.ndarray, trainings: Bootstrap, units: Bootstrap) -> list[float] | None:
-    """The LEVEL interval of a mean over S trainings, each of which was judged by the same units; None where either are too few.
-
-    Trainings and units are resampled independently: Owen, "The pigeonhole bootstrap", Annals of Applied Statistics 1(2), 2007,
-    which is never too narrow in the mean. The ends are the percentiles of the fewer of both.
-
-    Args:
-        values: (DRAWS, S) the figure of each training in the resamples of the units.
-        trainings: of the S trainings, with other random numbers than `units`.
-        units: that gave the values.
-    """
-    if min(trainings.units, units.units) < FEWEST_UNITS:
-        return None
-    times = trainings.sums(np.eye(trainings.units))
-    return min(trainings, units, key=lambda one: one.units).interval((times * values).sum(axis=1) / trainings.units)

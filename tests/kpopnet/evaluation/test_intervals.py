@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
-from scipy.stats import ttest_1samp
 
-from kpopnet.evaluation.intervals import DRAWS, Bootstrap, crossed_interval, mean_interval, percentiles
+from kpopnet.evaluation.intervals import DRAWS, Bootstrap, percentiles
 
 
 def rooms(rng, count: int, frames: int, spread: float) -> tuple[np.ndarray, np.ndarray]:
@@ -66,33 +65,3 @@ def test_one_unit_or_nothing_to_count_gives_no_interval():
         values = np.ones((len(unit), 3))
         bootstrap = Bootstrap(unit, 0)
         assert bootstrap.interval(bootstrap.ratios(values, counted * values)) is None
-
-
-def test_an_interval_is_given_from_five_units_on():
-    """Four units or trainings print no interval, five do, in every kind of interval."""
-    rng = np.random.default_rng(8)
-    for count in (2, 3, 4, 5):
-        values = rng.normal(size=(count, 1))
-        few, many = Bootstrap(np.arange(count), 0), Bootstrap(np.arange(9), 1)
-        given = [few.interval(few.ratios(values, np.ones_like(values))), mean_interval(values[:, 0])]
-        given += [crossed_interval(many.sums(rng.normal(size=(9, count))), few, many)]
-        given += [crossed_interval(few.sums(rng.normal(size=(count, 9))), many, few)]
-        assert [one is not None for one in given] == [count >= 5] * 4
-
-
-def test_the_interval_of_a_mean_is_students():
-    values = np.random.default_rng(3).normal(2, 5, 7)
-    assert mean_interval(values) == pytest.approx(list(ttest_1samp(values, 0).confidence_interval(0.95)))
-
-
-@pytest.mark.parametrize(("of_training", "of_person"), [(1.0, 1.0), (1.0, 0.2), (0.1, 1.0)])
-def test_a_crossed_interval_contains_the_truth_of_other_trainings_and_other_people(of_training, of_person):
-    """Five trainings judged by twenty people: whichever of both differs more, and never too narrow."""
-    hits, trials = 0, 150
-    for trial in range(trials):
-        rng = np.random.default_rng([11, trial])
-        shared = of_training * rng.normal(size=5) + of_person * rng.normal(size=(20, 1))
-        units, trainings = Bootstrap(np.arange(20), trial), Bootstrap(np.arange(5), trial + 1)
-        low, high = crossed_interval(units.sums(shared + 0.3 * rng.normal(size=(20, 5))) / 20, trainings, units)
-        hits += low <= 0 <= high
-    assert hits / trials >= 0.92  # 150 evaluations: a standard error of 1.8 percent
