@@ -28,8 +28,6 @@ FROM_OPENGL = np.array([1, -1, -1], np.float32)
 MAX_FIT_RMS_PX = 0.5
 """Largest accepted root-mean-square reprojection error of the fitted pinhole camera, in pixels."""
 
-LISTING = "`python -m kpopnet.datasets.describe"
-
 
 @dataclass
 class PointCloudConfig(BenchmarkConfig):
@@ -77,7 +75,7 @@ class PointCloudBenchmark:
         if not self._ids:
             raise InputError(
                 f"benchmark={self.name} needs benchmark.joints, the map from joints to ids in the files, for instance "
-                f"'benchmark.joints={{head: [1, 3], left_hand: 24}}'; {LISTING} {self.folder}` lists them"
+                f"'benchmark.joints={{head: [1, 3], left_hand: 24}}'; {listing(self.folder)}"
             )
 
     @classmethod
@@ -95,7 +93,7 @@ class PointCloudBenchmark:
             if set(ids) <= set(found.positions_m):
                 joints_m[:, JOINT_NAMES.index(joint)] = np.mean([found.positions_m[number] for number in ids], axis=0)
         if np.isnan(joints_m).all():
-            raise InputError(f"{path}: no frame holds the joints of the map {self._ids}; {LISTING} {path}` lists its ids")
+            raise InputError(f"{path}: no frame holds the joints of the map {self._ids}; {listing(path)}")
         mapped = {number for ids in self._ids.values() for number in ids}
         if set(found.positions_m) != mapped:
             log.warning(
@@ -181,6 +179,11 @@ class PointCloudBenchmark:
         if invalid:
             log.warning("%s: left out %d points that are not finite or lie behind the camera", path, invalid)
         return PointRecording(camera, depth_m, positions_m)
+
+
+def listing(path: Path) -> str:
+    """What lists the ids in a file, or in the first file of a folder."""
+    return f"`python -m kpopnet.datasets.describe {path}` lists the ids"
 
 
 def fit_camera(points_m: np.ndarray, where: str) -> Camera:
