@@ -38,10 +38,13 @@ def add_depth(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--focal", type=float, help="instead: focal length in pixels, of a centred camera")
     parser.add_argument("--fps", type=float, help="true images per second of a recording that states none or wrong ones")
     parser.add_argument("--rotate", type=int, choices=(0, 90, 180, 270), default=0, help="turns images clockwise: %(default)s")
+    parser.add_argument(
+        "--depth-scale", type=float, help="stored units per metre: 5000 for TUM's images; default: 1000 for integers"
+    )
     parser.add_argument("--key", help="name of the array in a file that has several; of a folder, a pattern: 'depth_*.png'")
 
 
 def opener(path: Path, given: argparse.Namespace, in_child: bool) -> Callable[[], DepthSource]:
     """Opens the recording at a path, with the words of `add_depth`; for other processes too. `in_child`: see `open_depth`."""
     camera = chosen_camera(given.camera, given.fov, given.focal)
-    return partial(open_depth, path, camera, given.fps, given.key, in_child, given.rotate)
+    return partial(open_depth, path, camera, given.fps, given.key, in_child, given.rotate, given.depth_scale)

@@ -20,7 +20,7 @@ from kpopnet.runtime.input_files import (
     read_npy_header,
     read_npz,
 )
-from kpopnet.sources.source import Recording, StoredImage
+from kpopnet.sources.source import Recording, StoredImage, rate
 
 NAMES = ("depth_mm", "depth_m", "depth")
 """Names by which depth is known among other arrays."""
@@ -42,14 +42,6 @@ def _chosen(where: str, shapes: Mapping[str, tuple[int, ...]], key: str | None) 
     if len(known) > 1 and known[0] not in NAMES:
         raise InputError(f"{where}: several arrays could be depth, say which (--key): it holds {listed}")
     return known[0]
-
-
-def _rate(times_s: np.ndarray | None, fps: float | None) -> float | None:
-    """Images per second by the median step of (T,) times, or else the stated one."""
-    if times_s is None or len(times_s) < 2:
-        return fps
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return float(1 / np.median(np.diff(times_s)))
 
 
 def read_npz_depth(path: Path, key: str | None) -> Recording:
@@ -85,7 +77,7 @@ def read_npz_depth(path: Path, key: str | None) -> Recording:
             for number, depth in enumerate(_stored_images(member, f"{path}: {name}")):
                 yield StoredImage(depth, f"{path}: {name}, frame {number}", None if times_s is None else float(times_s[number]))
 
-    fps = _rate(times_s, float(known["fps"]) if "fps" in known else None)
+    fps = rate(times_s) or (float(known["fps"]) if "fps" in known else None)
     return Recording(images, width, height, frames, fps, camera)
 
 
@@ -116,7 +108,7 @@ def read_hdf5(path: Path, key: str | None) -> Recording:
                     yield StoredImage(image, f"{path}: {name}, frame {number}", time_s)
 
     known = Camera.from_numbers(camera, f"{path}: camera") if camera else None
-    return Recording(images, width, height, frames, _rate(times_s, fps[0] if fps else None), known)
+    return Recording(images, width, height, frames, rate(times_s) or (fps[0] if fps else None), known)
 
 
 def _attribute(path: Path, file: h5py.File, name: str, expected: str) -> list[float] | None:

@@ -1,20 +1,21 @@
-"""Depth from images: 16-bit PNG and TIFF, one file a frame."""
+"""Depth from images: 16-bit PNG, TIFF and PGM, one file a frame."""
 
+import io
 import re
 import warnings
 from collections.abc import Iterator, Sequence
-from functools import partial
+from itertools import repeat
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
 from kpopnet.errors import InputError
-from kpopnet.runtime.input_files import parsing
+from kpopnet.runtime.input_files import names_in, parsing
 from kpopnet.sources.camera_files import read_optics
-from kpopnet.sources.source import Recording, StoredImage, check_size
+from kpopnet.sources.source import Recording, StoredImage, check_size, rate
 
-SUFFIXES = (".png", ".tif", ".tiff")
+SUFFIXES = (".png", ".tif", ".tiff", ".pgm")
 CAMERA_FILE = "camera.json"
 """Name of the camera's file in a folder of images."""
 
@@ -25,50 +26,65 @@ DEPTH_MODES = ("I;16", "I;16B", "I;16L", "I", "F")
 def read_folder(folder: Path, key: str | None) -> Recording:
     """A folder of images in the natural order of their names: 2 before 10. A file camera.json in it describes the camera.
 
-    `key` is a pattern of names; None takes all images.
+    `key` is a pattern of names; None takes all images, whose names must then differ in their numbers alone.
     """
-    pattern = "*" if key is None else key
+    paths = images_in(folder, "*" if key is None else key)
+    if not paths:
+        inner = names_in(sorted(one.name for one in folder.iterdir() if one.is_dir()))
+        raise InputError(
+            f"{folder}: no image named {key or '*'} in it; expected 16-bit PNG, TIFF or PGM files of depth"
+            + (f", perhaps in its folder {inner}" if inner else "")
+        )
+    series = dict.fromkeys(re.sub(r"[0-9]+", "#", path.stem) for path in paths)
+    if key is None and len(series) > 1:
+        raise InputError(
+            f"{folder}: images of {len(series)} kinds of names ({names_in(series)}; # is a number), not of one recording; "
+            "choose one by a pattern (--key 'depth_*.png'), or all (--key '*')"
+        )
+    return read_images(paths, folder / CAMERA_FILE)
+
+
+def images_in(folder: Path, pattern: str) -> list[Path]:
+    """The images of a folder whose names fit a pattern, in natural order."""
     try:
         paths = [path for path in folder.glob(pattern) if path.suffix.lower() in SUFFIXES and not path.name.startswith(".")]
     except (OSError, ValueError, NotImplementedError) as error:
         raise InputError(f"{folder}: images named {pattern} cannot be listed ({error})") from error
-    if not paths:
-        raise InputError(f"{folder}: no image named {pattern} in it; expected 16-bit PNG or TIFF files of depth")
-    return read_images(sorted(paths, key=_natural), folder / CAMERA_FILE)
+    return sorted(paths, key=natural)
 
 
-def read_images(paths: Sequence[Path], camera_file: Path | None = None) -> Recording:
-    """Images of one size, and their camera if its file is there."""
-    height, width = _read(paths[0]).shape
+def read_images(paths: Sequence[Path], camera_file: Path | None = None, times_s: Sequence[float] | None = None) -> Recording:
+    """Images of one size, their camera if its file is there, and their times."""
+    height, width = read_image(paths[0]).shape
     known = camera_file is not None and camera_file.is_file()
     camera, lens = read_optics(camera_file, width, height) if known else (None, None)
 
     def images() -> Iterator[StoredImage]:
-        return (StoredImage(_read(path), str(path)) for path in paths)
+        return (StoredImage(read_image(path), str(path), at) for path, at in zip(paths, times_s or repeat(None), strict=False))
 
-    return Recording(images, width, height, len(paths), camera=camera, lens=lens)
+    return Recording(images, width, height, len(paths), rate(times_s), camera, lens)
 
 
-def _natural(path: Path) -> list[tuple[int, int | str]]:
+def natural(path: Path) -> list[tuple[int, int | str]]:
     """A key that orders names by the numbers in them."""
     return [(0, int(part)) if part.isdecimal() else (1, part) for part in re.split(r"([0-9]+)", path.name)]
 
 
-def _read(path: Path) -> np.ndarray:
-    """(H, W) uint16 millimetres or float metres."""
-    opened = partial(Image.open, path, formats=("PNG", "TIFF"))
-    with parsing(str(path), "not a PNG or TIFF image, or damaged"), warnings.catch_warnings(action="error"):
-        with opened() as image:
+def read_image(source: Path | io.BytesIO, where: str = "", modes: Sequence[str] = DEPTH_MODES) -> np.ndarray:
+    """(H, W) numbers of an image of one channel; `where` stands in messages for the path."""
+    where = where or str(source)
+    with parsing(where, "not a PNG, TIFF or PGM image, or damaged"), warnings.catch_warnings(action="error"):
+        with Image.open(source, formats=("PNG", "TIFF", "PPM")) as image:
             image.verify()  # Pillow does not compare the checksums of PNG when it unpacks the pixels
-        with opened() as image:
-            return _unpacked(path, image)
+        with Image.open(source, formats=("PNG", "TIFF", "PPM")) as image:
+            return _unpacked(where, image, modes)
 
 
-def _unpacked(path: Path, image: Image.Image) -> np.ndarray:
-    check_size(str(path), *image.size)
-    if image.mode not in DEPTH_MODES:
+def _unpacked(where: str, image: Image.Image, modes: Sequence[str]) -> np.ndarray:
+    check_size(where, *image.size)
+    if image.mode not in modes:
         raise InputError(
-            f"{path}: an image of Pillow's mode {image.mode}; expected depth of one channel: 16-bit millimetres, or "
+            f"{where}: an image of Pillow's mode {image.mode}; expected depth of one channel: 16-bit millimetres, or "
             "floating-point metres (TIFF). Colour and 8-bit images do not hold depth"
         )
     stored = np.array(image)

@@ -1,5 +1,6 @@
 """Opens a recording of depth of any known kind."""
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import astuple
 from functools import partial
@@ -8,7 +9,7 @@ from pathlib import Path
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
 from kpopnet.runtime.untrusted import iterate_in_child, read_in_child
-from kpopnet.sources import arrays, images, realsense, video
+from kpopnet.sources import arrays, images, ros, video
 from kpopnet.sources.camera_files import read_optics
 from kpopnet.sources.lenses import Lens, Optics
 from kpopnet.sources.source import DepthSource, Recording, StoredImage, check_size
@@ -18,14 +19,17 @@ DEFAULT_FPS = 30.0
 CameraOfSize = Callable[[int, int], Camera | Optics]
 """Makes a camera for images of a width and a height, as `functools.partial(Camera.from_fov, 58.0)` does."""
 
-WITH_NAMES = {".npz": arrays.read_npz_depth, ".h5": arrays.read_hdf5, ".hdf5": arrays.read_hdf5}
-"""Readers of files that hold arrays by name."""
+WITH_NAMES = {
+    ".npz": arrays.read_npz_depth,
+    **dict.fromkeys((".h5", ".hdf5"), arrays.read_hdf5),
+    **dict.fromkeys(ros.SUFFIXES, ros.read_bag),
+}
+"""Readers of files that hold several things by name."""
 
 READERS = {
     **dict.fromkeys(images.SUFFIXES, lambda path: images.read_images([path])),
     ".npy": arrays.read_npy,
     **dict.fromkeys(video.CONTAINERS, video.read_video),
-    **dict.fromkeys((".bag", ".db3"), realsense.read_bag),
 }
 """Readers of files that hold one recording of depth."""
 
@@ -54,6 +58,7 @@ def open_depth(
     key: str | None = None,
     in_child: bool = False,
     rotate_deg: int = 0,
+    depth_scale: float | None = None,
 ) -> DepthSource:
     """Opens a recording of depth; docs/predicting.md says what each kind of file holds.
 
@@ -65,6 +70,8 @@ def open_depth(
         in_child: whether a process with limits of time and memory reads it: damaged or hostile files of a stranger may crash
             the libraries that parse them. Its start takes half a second.
         rotate_deg: by how much the images are turned clockwise to be upright: 0, 90, 180 or 270.
+        depth_scale: how many of the stored numbers make a metre, as 5000 in the TUM data set; None takes what the recording
+            states, else 1000 for integers and 1 for floating-point numbers.
     """
     path = Path(path)
     recording = _described(path, key, in_child)
@@ -72,6 +79,8 @@ def open_depth(
     stated = recording.fps if fps is None else fps
     if stated is not None and not 1 <= stated <= 1000:
         raise InputError(f"{path}: {stated:g} images a second; expected 1 to 1000")
+    if depth_scale is not None and not 0 < depth_scale < math.inf:
+        raise InputError(f"{path}: {depth_scale:g} units a metre; expected a positive number, such as 1000 for millimetres")
     chosen = camera or (recording.camera and Optics(recording.camera, recording.lens))
     if chosen is None:
         raise InputError(
@@ -82,7 +91,8 @@ def open_depth(
     known = found if isinstance(found, Optics) else Optics(found)
     view = known.view().rotated(rotate_deg)
     given = stated or DEFAULT_FPS, stated is not None, recording.frames, recording.images
-    return DepthSource(str(path), known.camera, view, *given, file_times=fps is None)
+    units = recording.units_per_m if depth_scale is None else depth_scale
+    return DepthSource(str(path), known.camera, view, *given, file_times=fps is None, units_per_m=units)
 
 
 def _described(path: Path, key: str | None, in_child: bool) -> Recording:
@@ -111,6 +121,8 @@ def _read(path: Path, key: str | None) -> Recording:
     suffix = path.suffix.lower()
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
+    if path.is_dir() and (path / ros.METADATA).is_file():
+        return ros.read_bag(path, key)
     if path.is_dir():
         return images.read_folder(path, key)
     if suffix in WITH_NAMES:

@@ -1,6 +1,6 @@
 """Where depth comes from, image by image: a recording, or a live camera."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -18,7 +18,7 @@ class StoredImage(NamedTuple):
     """One image as a file holds it.
 
     Attributes:
-        depth: (H, W) uint16 millimetres or float metres.
+        depth: (H, W) uint16 millimetres or float metres; numbers of another unit where the recording states it.
         where: file and frame, for messages.
         time_s: when it was taken, in seconds; None where the file does not state it.
     """
@@ -36,6 +36,7 @@ class Recording(NamedTuple):
         frames: number of images.
         fps: images per second.
         lens: of the camera; None for a pinhole.
+        units_per_m: how many of the stored numbers make a metre; None for millimetres of integers and metres of floats.
     """
 
     images: Callable[[], Iterator[StoredImage]]
@@ -45,6 +46,7 @@ class Recording(NamedTuple):
     fps: float | None = None
     camera: Camera | None = None
     lens: Lens | None = None
+    units_per_m: float | None = None
 
 
 class TimedDepth(NamedTuple):
@@ -72,6 +74,7 @@ class DepthSource:
         frames: number of images, None where it is known only after reading.
         images: reads the images as the file holds them.
         file_times: whether times are the file's; else they follow from `fps`.
+        units_per_m: see `Recording`.
     """
 
     name: str
@@ -82,6 +85,7 @@ class DepthSource:
     frames: int | None
     images: Callable[[], Iterator[StoredImage]]
     file_times: bool = True
+    units_per_m: float | None = None
 
     @property
     def camera(self) -> Camera:
@@ -102,7 +106,8 @@ class DepthSource:
         for number, image in enumerate(self.images()):
             if number >= MAX_FRAMES:
                 raise InputError(f"{self.name}: more than {MAX_FRAMES:,} images; cut it into parts")
-            depth_m = self.view.image(depth_in_metres(image.depth, self.stored, where=image.where))
+            depth = image.depth if self.units_per_m is None else image.depth.astype(np.float32) / np.float32(self.units_per_m)
+            depth_m = self.view.image(depth_in_metres(depth, self.stored, where=image.where))
             time_s = image.time_s if self.file_times and image.time_s is not None else number / self.fps
             if not before_s < time_s < np.inf:
                 raise InputError(
@@ -119,6 +124,14 @@ def check_size(where: str, width: int, height: int, frames: int | None = None) -
         raise InputError(f"{where}: images of {width}x{height} pixels; expected 1 to {MAX_IMAGE_PIXELS:,} pixels")
     if frames is not None and not 0 < frames <= MAX_FRAMES:
         raise InputError(f"{where}: {frames:,} images; expected 1 to {MAX_FRAMES:,}")
+
+
+def rate(times_s: Sequence[float] | np.ndarray | None) -> float | None:
+    """Images per second by the median step of (T,) times; None for fewer than two."""
+    if times_s is None or len(times_s) < 2:
+        return None
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float(1 / np.median(np.diff(times_s)))
 
 
 class CameraAwayError(Exception):

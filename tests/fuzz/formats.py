@@ -12,6 +12,7 @@ from bvh_files import write_bvh
 from depth_files import CAMERA as DEPTH_CAMERA
 from depth_files import depth_mm, write_hdf5, write_npz, write_pngs, write_video
 from recorded_points import FRAMES, coco
+from ros_files import TOPIC, write_ros
 from shard_sets import write_shard
 from y_people import y_joints
 
@@ -83,7 +84,9 @@ def make_azure_recording(folder: Path) -> None:
 
 
 def read_recording(folder: Path) -> list[np.ndarray]:
-    return [part for one in open_depth(folder / "a.mkv").timed() for part in (one.depth_m, np.array(one.time_s))]
+    """With the camera that the recording states."""
+    path = next(folder.glob("a.*"), folder)
+    return [part for one in open_depth(path).timed() for part in (one.depth_m, np.array(one.time_s))]
 
 
 def make_csv(folder: Path) -> None:
@@ -231,6 +234,7 @@ JOINTS = ("kpopnet.dance.joint_files.reader", "kpopnet.dance.joint_files.points"
 DEPTH = ("kpopnet.sources.opening", "kpopnet.sources.source")
 CAMERA = ("kpopnet.sources.camera_files",)
 ARRAYS, HDF5 = ("kpopnet.runtime.input_files",), ("kpopnet.runtime.hdf5_files",)
+ROS = ("kpopnet.sources.ros",)
 IMAGES, STORED = ("kpopnet.sources.images",), ("kpopnet.sources.arrays",)
 
 FORMATS = {
@@ -261,6 +265,15 @@ FORMATS = {
     "azure_recording": Format(
         make_azure_recording, ("*.mkv",), read_recording, ("kpopnet.sources.video", "kpopnet.sources.camera_files")
     ),
+    "ros1_bag": Format(lambda folder: write_ros(folder / "a.bag", depth_mm(3)), ("*.bag",), read_recording, ROS),
+    "ros1_compressed": Format(
+        lambda folder: write_ros(folder / "a.bag", depth_mm(3), {f"{TOPIC}/compressedDepth": "32FC1; compressedDepth png"}),
+        ("*.bag",),
+        read_recording,
+        ROS,
+    ),
+    "ros2_db3": Format(lambda folder: write_ros(folder / "a.db3", depth_mm(3)), ("*.db3",), read_recording, ROS),
+    "ros2_mcap": Format(lambda folder: write_ros(folder / "a.mcap", depth_mm(3)), ("*.mcap",), read_recording, ROS),
     "shards": Format(make_set, ("*.h5",), read_set, (*HDF5, "kpopnet.data.shards"), is_own=True),
     "kpop_set": Format(
         make_dances, ("*/*.h5", "*/*.csv", "*.json"), read_dances, (*HDF5, "kpopnet.datasets.dances.dance_set"), is_own=True
@@ -276,5 +289,5 @@ FORMATS = {
         every=50,
     ),
 }
-"""What strangers send, to `azure_recording`; then what lies on one's own disk, or comes as a request. `child` is no format: its
+"""What strangers send, to `ros2_mcap`; then what lies on one's own disk, or comes as a request. `child` is no format: its
 files say what a parser does to the process that reads for us (`fuzz.deeds`)."""
