@@ -113,6 +113,11 @@ class Camera:
         """The camera of the sub-image of this size whose first pixel is (x0, y0)."""
         return Camera(self.fx, self.fy, self.cx - x0, self.cy - y0, width, height)
 
+    def resized(self, width: int, height: int) -> "Camera":
+        """The camera of the image resized: the edges of its pixels stay edges."""
+        x, y = width / self.width, height / self.height
+        return Camera(self.fx * x, self.fy * y, (self.cx + 0.5) * x - 0.5, (self.cy + 0.5) * y - 0.5, width, height)
+
     def mirrored(self) -> "Camera":
         """The camera of the image flipped left to right."""
         return Camera(self.fx, self.fy, self.width - 1 - self.cx, self.cy, self.width, self.height)

@@ -165,6 +165,14 @@ def _has_surrogates(text: str) -> bool:
     return text.encode(errors="replace") != text.encode(errors="surrogatepass")
 
 
+def parse_numbers(text: str, where: str, count: int) -> list[float]:
+    """Finite numbers between blanks or commas."""
+    with parsing(where, f"expected {count} numbers"):
+        numbers = [float(word) for word in text.replace(",", " ").split()]
+    expect(len(numbers) == count and all(map(math.isfinite, numbers)), where, f"{count} finite numbers, found {len(numbers)}")
+    return numbers
+
+
 def check_fields(where: str, value: Any, schema: Mapping[str, Any], optional: Iterable[str] = ()) -> dict[str, Any]:
     """Checks that a value of JSON is an object with the given names and types; it may have other names too.
 

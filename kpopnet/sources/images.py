@@ -56,8 +56,7 @@ def images_in(folder: Path, pattern: str) -> list[Path]:
 def read_images(paths: Sequence[Path], camera_file: Path | None = None, times_s: Sequence[float] | None = None) -> Recording:
     """Images of one size, their camera if its file is there, and their times."""
     height, width = read_image(paths[0]).shape
-    known = camera_file is not None and camera_file.is_file()
-    camera, lens = read_optics(camera_file, width, height) if known else (None, None)
+    camera, lens = read_optics(camera_file, width, height) if camera_file and camera_file.is_file() else (None, None)
 
     def images() -> Iterator[StoredImage]:
         return (StoredImage(read_image(path), str(path), at) for path, at in zip(paths, times_s or repeat(None), strict=False))

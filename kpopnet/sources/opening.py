@@ -9,7 +9,7 @@ from pathlib import Path
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
 from kpopnet.runtime.untrusted import iterate_in_child, read_in_child
-from kpopnet.sources import arrays, images, ros, video
+from kpopnet.sources import arrays, folders, images, phones, ros, video
 from kpopnet.sources.camera_files import read_optics
 from kpopnet.sources.lenses import Lens, Optics
 from kpopnet.sources.source import DepthSource, Recording, StoredImage, check_size
@@ -30,8 +30,18 @@ READERS = {
     **dict.fromkeys(images.SUFFIXES, lambda path: images.read_images([path])),
     ".npy": arrays.read_npy,
     **dict.fromkeys(video.CONTAINERS, video.read_video),
+    ".r3d": phones.read_record3d,
 }
 """Readers of files that hold one recording of depth."""
+
+ZED = "the ZED SDK exports it (https://github.com/stereolabs/zed-sdk/tree/master/recording/export/svo)"
+CONVERTERS = {
+    ".oni": "pyonitool --extractdepth FOLDER (https://pypi.org/project/pyoni)",
+    ".xef": "open the clip in Kinect2Viewer on Windows (https://github.com/UnaNancyOwen/Kinect2Viewer)",
+    ".svo": ZED,
+    ".svo2": ZED,
+}
+"""What makes images of recordings that only their makers' libraries read."""
 
 
 def chosen_camera(
@@ -63,10 +73,11 @@ def open_depth(
     """Opens a recording of depth; docs/predicting.md says what each kind of file holds.
 
     Args:
-        path: a folder of 16-bit PNG or TIFF images, or a file: .png, .tif, .npz, .npy, .h5, .mkv, .avi, .bag, .db3.
+        path: a folder of images, in the layout of a known data set or app or in none, or a file: .png, .tif, .npz, .npy, .h5,
+            .mkv, .avi, .bag, .db3, .mcap, .r3d.
         camera: of the images, or a function of their width and height; None takes the file's.
         fps: the true number of images per second; None takes the file's times or rate, else DEFAULT_FPS.
-        key: name of the array in a file that holds several; of a folder, a pattern of names, such as "depth_*.png".
+        key: name of the array or topic in a file that holds several; of a folder, a pattern of names, such as "depth_*.png".
         in_child: whether a process with limits of time and memory reads it: damaged or hostile files of a stranger may crash
             the libraries that parse them. Its start takes half a second.
         rotate_deg: by how much the images are turned clockwise to be upright: 0, 90, 180 or 270.
@@ -121,10 +132,10 @@ def _read(path: Path, key: str | None) -> Recording:
     suffix = path.suffix.lower()
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
-    if path.is_dir() and (path / ros.METADATA).is_file():
-        return ros.read_bag(path, key)
     if path.is_dir():
-        return images.read_folder(path, key)
+        return folders.read_folder(path, key)
+    if suffix in CONVERTERS:
+        raise InputError(f"{path}: recordings of this kind are not read; convert it to 16-bit PNG: {CONVERTERS[suffix]}")
     if suffix in WITH_NAMES:
         return WITH_NAMES[suffix](path, key)
     if suffix not in READERS:

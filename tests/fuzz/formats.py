@@ -10,7 +10,8 @@ import numpy as np
 from azure_kinect_files import write_azure_kinect
 from bvh_files import write_bvh
 from depth_files import CAMERA as DEPTH_CAMERA
-from depth_files import depth_mm, write_hdf5, write_npz, write_pngs, write_video
+from depth_files import depth_mm, write_hdf5, write_npz, write_pngs, write_scannet, write_tum, write_video
+from phone_files import write_record3d, write_stray
 from recorded_points import FRAMES, coco
 from ros_files import TOPIC, write_ros
 from shard_sets import write_shard
@@ -87,6 +88,14 @@ def read_recording(folder: Path) -> list[np.ndarray]:
     """With the camera that the recording states."""
     path = next(folder.glob("a.*"), folder)
     return [part for one in open_depth(path).timed() for part in (one.depth_m, np.array(one.time_s))]
+
+
+def make_tum(folder: Path) -> None:
+    (write_tum(folder, depth_mm(2)) / "camera.json").write_text(json.dumps(vars(DEPTH_CAMERA)))
+
+
+def make_scannet(folder: Path) -> None:
+    write_scannet(folder, depth_mm(2))
 
 
 def make_csv(folder: Path) -> None:
@@ -234,7 +243,7 @@ JOINTS = ("kpopnet.dance.joint_files.reader", "kpopnet.dance.joint_files.points"
 DEPTH = ("kpopnet.sources.opening", "kpopnet.sources.source")
 CAMERA = ("kpopnet.sources.camera_files",)
 ARRAYS, HDF5 = ("kpopnet.runtime.input_files",), ("kpopnet.runtime.hdf5_files",)
-ROS = ("kpopnet.sources.ros",)
+ROS, FOLDERS = ("kpopnet.sources.ros",), ("kpopnet.sources.folders", "kpopnet.sources.images")
 IMAGES, STORED = ("kpopnet.sources.images",), ("kpopnet.sources.arrays",)
 
 FORMATS = {
@@ -274,6 +283,17 @@ FORMATS = {
     ),
     "ros2_db3": Format(lambda folder: write_ros(folder / "a.db3", depth_mm(3)), ("*.db3",), read_recording, ROS),
     "ros2_mcap": Format(lambda folder: write_ros(folder / "a.mcap", depth_mm(3)), ("*.mcap",), read_recording, ROS),
+    "stray_scanner": Format(
+        lambda folder: write_stray(folder, depth_mm(2)),
+        ("*.csv", "*/*.png"),
+        read_recording,
+        ("kpopnet.sources.phones", *IMAGES),
+    ),
+    "record3d": Format(
+        lambda folder: write_record3d(folder / "a.r3d", depth_mm(2)), ("*.r3d",), read_recording, ("kpopnet.sources.phones",)
+    ),
+    "tum": Format(make_tum, ("*.txt", "depth/*.png"), read_recording, FOLDERS),
+    "scannet": Format(make_scannet, ("*.txt", "*.pgm"), read_recording, FOLDERS),
     "shards": Format(make_set, ("*.h5",), read_set, (*HDF5, "kpopnet.data.shards"), is_own=True),
     "kpop_set": Format(
         make_dances, ("*/*.h5", "*/*.csv", "*.json"), read_dances, (*HDF5, "kpopnet.datasets.dances.dance_set"), is_own=True
@@ -289,5 +309,5 @@ FORMATS = {
         every=50,
     ),
 }
-"""What strangers send, to `ros2_mcap`; then what lies on one's own disk, or comes as a request. `child` is no format: its
+"""What strangers send, to `scannet`; then what lies on one's own disk, or comes as a request. `child` is no format: its
 files say what a parser does to the process that reads for us (`fuzz.deeds`)."""

@@ -88,6 +88,29 @@ def mutate_npz(path: Path, rng: np.random.Generator, outside: Path) -> str:
     return ANY
 
 
+def mutate_r3d(path: Path, rng: np.random.Generator, outside: Path) -> str:
+    """A member of the archive changed before it is packed, its images in what LZFSE packs; or exchanged; or missing."""
+    import lzfse
+
+    with zipfile.ZipFile(path) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    name, action = pick(rng, sorted(members)), rng.random()
+    if action < 0.2:
+        del members[name]
+    elif action < 0.3:
+        members[name] = members[pick(rng, sorted(members))]
+    elif action < 0.35:
+        members[name] = lzfse.compress(bytes(BOMB_PX**2))
+    elif action < 0.6 and name.startswith("rgbd"):
+        members[name] = lzfse.compress(mutate(lzfse.decompress(members[name]), rng))
+    else:
+        members[name] = mutate(members[name] or b"x", rng)
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in members.items():
+            archive.writestr(zipfile.ZipInfo(name), content)
+    return ANY
+
+
 @functools.cache
 def _npz_bomb(name: str) -> bytes:
     """An archive of 400 KB whose array takes 400 MB."""
@@ -299,7 +322,8 @@ def mutate_deeds(path: Path, rng: np.random.Generator, outside: Path) -> str:
 
 
 STRUCTURED: dict[str, Callable[[Path, np.random.Generator, Path], str]] = {
-    ".bvh": mutate_bvh, ".npy": mutate_npy, ".npz": mutate_npz, ".png": mutate_png, ".mkv": mutate_video, ".h5": mutate_hdf5,
+    ".bvh": mutate_bvh, ".npy": mutate_npy, ".npz": mutate_npz, ".r3d": mutate_r3d, ".png": mutate_png,
+    ".mkv": mutate_video, ".h5": mutate_hdf5,
     ".safetensors": mutate_safetensors, ".pt": mutate_state, "names.json": mutate_names, "deed.json": mutate_deeds,
 }  # fmt: skip
 """By the ending of a file's name, or its whole name."""

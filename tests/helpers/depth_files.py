@@ -27,9 +27,33 @@ def camera_numbers(camera: Camera = CAMERA) -> list[float]:
 
 def write_pngs(folder: Path, images: np.ndarray, suffix: str = ".png") -> Path:
     """Names without leading zeros: their natural order is not that of their letters."""
+    return save_images(folder, f"depth{{}}{suffix}", images)
+
+
+def save_images(folder: Path, name: str, images: np.ndarray) -> Path:
+    """Saves images under a name with their number."""
     folder.mkdir(parents=True, exist_ok=True)
     for number, image in enumerate(images):
-        Image.fromarray(image).save(folder / f"depth{number}{suffix}")
+        Image.fromarray(image).save(folder / name.format(number))
+    return folder
+
+
+def write_tum(folder: Path, images: np.ndarray) -> Path:
+    """The layout of the TUM RGB-D data set, which lists images with their times."""
+    save_images(folder / "depth", "{}.png", images)
+    lines = [f"{1305031102 + number / FPS:.6f} depth/{number}.png" for number in range(len(images))]
+    (folder / "depth.txt").write_text("\n".join(["# depth maps", "# timestamp filename", *lines, ""]))
+    return folder
+
+
+SCANNET_MATRIX = f"{CAMERA.fx} 0 {CAMERA.cx} 0 0 {CAMERA.fy} {CAMERA.cy} 0 0 0 1 0 0 0 0 1"
+
+
+def write_scannet(folder: Path, images: np.ndarray, units_per_m: int = 1000) -> Path:
+    """What ScanNet's reader of .sens writes."""
+    save_images(folder, "frame-{:06d}.depth.pgm", images)
+    lines = ("m_versionNumber = 4", f"m_depthShift = {units_per_m}", f"m_calibrationDepthIntrinsic = {SCANNET_MATRIX} ", "")
+    (folder / "_info.txt").write_text("\n".join(lines))
     return folder
 
 

@@ -1,0 +1,96 @@
+"""Folders in the layouts of data sets state their scale and, where the data set does, their camera."""
+
+import numpy as np
+import pytest
+from depth_files import CAMERA, FPS, SCANNET_MATRIX, depth_mm, save_images, write_npz, write_pngs, write_scannet, write_tum
+
+from kpopnet.camera import CAMERAS
+from kpopnet.errors import InputError
+from kpopnet.sources import open_depth
+from kpopnet.sources.folders import TUM_CAMERA
+
+IMAGES = depth_mm(4)
+
+
+@pytest.mark.parametrize("in_child", [False, True])
+def test_tum(in_child, tmp_path):
+    source = open_depth(write_tum(tmp_path / "mine", IMAGES), CAMERA, in_child=in_child)
+    images = list(source.timed())
+    np.testing.assert_allclose([image.depth_m for image in images], IMAGES / 5000, rtol=1e-6)
+    np.testing.assert_allclose([image.time_s for image in images], np.arange(4) / FPS, atol=1e-5)
+    np.testing.assert_allclose(list(open_depth(tmp_path / "mine", CAMERA, depth_scale=1000)), IMAGES / 1000, rtol=1e-6)
+    with pytest.raises(InputError, match="does not state its camera"):
+        open_depth(tmp_path / "mine")
+    vga = np.tile(IMAGES, (1, 10, 10))
+    assert open_depth(write_tum(tmp_path / "rgbd_dataset_freiburg3_sitting_static", vga)).camera == TUM_CAMERA
+
+
+@pytest.mark.parametrize(
+    "line", ["", "x depth/0.png", "nan depth/0.png", "1.0", "1.0 ../depth/0.png", "1.0 /etc/0.png", "1.0 depth/9.png"]
+)
+def test_a_damaged_index_of_tum_is_refused(line, tmp_path):
+    folder = write_tum(tmp_path / "mine", IMAGES)
+    (folder / "depth.txt").write_text(line)
+    with pytest.raises(InputError, match=r"depth\.txt: |9\.png: "):
+        open_depth(folder, CAMERA)
+
+
+def test_scannet(tmp_path):
+    exported = save_images(tmp_path / "a" / "depth", "{}.png", IMAGES).parent
+    (exported / "intrinsic").mkdir()
+    (exported / "intrinsic" / "intrinsic_depth.txt").write_text(SCANNET_MATRIX)
+    sensor = write_scannet(tmp_path / "b", IMAGES, units_per_m=2000)
+    save_images(sensor, "frame-{:06d}.color.png", np.zeros((4, 48, 64, 3), np.uint8))
+    info = (sensor / "_info.txt").read_text()
+    for folder, units in ((exported, 1000), (sensor, 2000)):
+        source = open_depth(folder)
+        np.testing.assert_allclose(list(source), IMAGES / units, rtol=1e-6)
+        assert source.camera == CAMERA
+    for damaged, told in (
+        (info.replace(SCANNET_MATRIX, "1 2 3"), "expected 16 finite numbers, found 3"),
+        (info.replace(SCANNET_MATRIX, "x"), "expected 16 numbers"),
+        (info.replace("2000", "0"), "a positive m_depthShift"),
+        ("", "does not state its camera"),
+    ):
+        (sensor / "_info.txt").write_text(damaged)
+        with pytest.raises(InputError, match=told):
+            open_depth(sensor)
+
+
+def test_ntu(tmp_path):
+    images = np.tile(IMAGES, (1, 9, 8))[:, :424]
+    source = open_depth(save_images(tmp_path / "S001C001P001R001A001", "MDepth-{:08d}.png", images))
+    assert source.camera == CAMERAS["kinect_2"] and source.fps == 30
+    np.testing.assert_allclose(next(iter(source)), images[0] / 1000, rtol=1e-6)
+    save_images(tmp_path / "S001C001P001R001A001", "Depth-{:08d}.png", images)
+    with pytest.raises(InputError, match=r"2 kinds of names \(Depth-#, MDepth-#"):
+        open_depth(tmp_path / "S001C001P001R001A001")
+    assert open_depth(tmp_path / "S001C001P001R001A001", key="Depth*").camera == CAMERAS["kinect_2"]
+
+
+def test_loose_images_and_folders_of_folders_are_refused_with_what_is_there(tmp_path):
+    for name in ("ann", "bob"):
+        save_images(tmp_path / "loose", f"{name}{{}}.png", IMAGES[:1])
+    with pytest.raises(InputError, match=r"loose: images of 2 kinds of names \(ann#, bob#; .*--key"):
+        open_depth(tmp_path / "loose", CAMERA)
+    write_pngs(tmp_path / "outer" / "depth", IMAGES)
+    with pytest.raises(InputError, match=r"no image named \* in it; .*perhaps in its folder depth"):
+        open_depth(tmp_path / "outer", CAMERA)
+
+
+def test_the_scale_of_any_file_may_be_given(tmp_path):
+    np.save(tmp_path / "a.npy", IMAGES.astype(np.float32))
+    for path in (write_npz(tmp_path / "b.npz", IMAGES), tmp_path / "a.npy"):
+        np.testing.assert_allclose(list(open_depth(path, CAMERA, depth_scale=4000)), IMAGES / 4000, rtol=1e-6)
+    for scale in (0, -1, float("nan"), float("inf")):
+        with pytest.raises(InputError, match="units a metre; expected a positive number"):
+            open_depth(tmp_path / "a.npy", CAMERA, depth_scale=scale)
+
+
+@pytest.mark.parametrize(
+    ("name", "told"), [("a.oni", "pyoni"), ("a.xef", "Kinect2Viewer"), ("a.svo", "zed"), ("a.SVO2", "zed")]
+)
+def test_recordings_that_others_convert_name_the_converter(name, told, tmp_path):
+    (tmp_path / name).write_bytes(b"x")
+    with pytest.raises(InputError, match=rf"{name}: .* convert it to 16-bit PNG: .*{told}"):
+        open_depth(tmp_path / name)
