@@ -41,7 +41,7 @@ def add_depth(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--depth-scale", type=float, help="stored units per metre: 5000 for TUM's images; default: 1000 for integers"
     )
-    parser.add_argument("--key", help="name of the array in a file that has several; of a folder, a pattern: 'depth_*.png'")
+    parser.add_argument("--key", help="the array or topic, in a file that has several; of a folder, a pattern: 'depth_*.png'")
 
 
 def opener(path: Path, given: argparse.Namespace, in_child: bool) -> Callable[[], DepthSource]:

@@ -4,7 +4,8 @@
     kpopnet predict dance.npz --people 2 --format npz bvh csv             # the file states its camera
     kpopnet predict dance.h5 --key depth --fov 70.6 --fps 30
     kpopnet predict dance.mkv --camera intrinsics.json --mode realtime    # FFV1; needs kpopnet[video]
-    kpopnet predict dance.bag --gif                                       # RealSense; needs kpopnet[realsense]
+    kpopnet predict dance.bag --gif                                       # ROS or RealSense; needs kpopnet[ros] or [realsense]
+    kpopnet predict 71de12f9/ --rotate 90                                 # Stray Scanner on an iPhone held upright
 
 Everybody in view is found in every single image; the camera may move.
 The folder then holds
@@ -53,7 +54,7 @@ SHEET_TILES = 12
 
 def parsed() -> argparse.Namespace:
     parser = program_parser("kpopnet predict", __doc__)
-    parser.add_argument("path", type=Path, help="folder of images, or file: .npz, .npy, .h5, .mkv, .bag, ...")
+    parser.add_argument("path", type=Path, help="folder of images, or file: .npz, .npy, .h5, .mkv, .bag, .mcap, .r3d, ...")
     parser.add_argument("--out", type=Path, default=Path("outputs/predict"), help="folder of the results: %(default)s")
     parser.add_argument("--format", nargs="+", choices=FORMATS, default=["npz", "json"], help="of the joints: %(default)s")
     add_depth(parser)

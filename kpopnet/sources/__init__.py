@@ -1,4 +1,4 @@
-"""Depth from files: folders of images, npz, npy, HDF5, video, RealSense recordings; one image at a time, in metres."""
+"""Depth from files: folders of images, arrays, videos, bags of ROS, recordings of phones; one image at a time, in metres."""
 
 from kpopnet.sources.opening import chosen_camera, open_depth
 from kpopnet.sources.source import DepthSource

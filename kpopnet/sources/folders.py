@@ -37,12 +37,8 @@ def read_folder(folder: Path, key: str | None) -> Recording:
             if (found := layout(folder)) is not None:
                 return found
     found = read_image_folder(folder, key)
-    if NTU_NAME.match(images_in(folder, key or "*")[0].name) and (found.width, found.height) == (
-        NTU_CAMERA.width,
-        NTU_CAMERA.height,
-    ):
-        return found._replace(camera=found.camera or NTU_CAMERA, fps=NTU_FPS)
-    return found
+    is_ntu = NTU_NAME.match(images_in(folder, key or "*")[0].name) and found.width == NTU_CAMERA.width
+    return found._replace(camera=found.camera or NTU_CAMERA, fps=NTU_FPS) if is_ntu else found
 
 
 def _tum(folder: Path) -> Recording | None:
@@ -53,8 +49,8 @@ def _tum(folder: Path) -> Recording | None:
     for number, line in enumerate(read_text(index).splitlines(), 1):
         if not line.strip() or line.startswith("#"):
             continue
-        time, _, name = line.strip().partition(" ")
-        where, place = f"{index}: line {number}", PurePosixPath(name)
+        time, name = (*line.split(maxsplit=1), "")[:2]
+        where, place = f"{index}: line {number}", PurePosixPath(name.strip())
         with parsing(where, "expected a time in seconds and the path of an image"):
             times_s.append(float(time))
         expect(math.isfinite(times_s[-1]), where, "a finite time in seconds")

@@ -33,7 +33,7 @@ def read_folder(folder: Path, key: str | None) -> Recording:
         inner = names_in(sorted(one.name for one in folder.iterdir() if one.is_dir()))
         raise InputError(
             f"{folder}: no image named {key or '*'} in it; expected 16-bit PNG, TIFF or PGM files of depth"
-            + (f", perhaps in its folder {inner}" if inner else "")
+            + (f"; perhaps a folder in it is meant: {inner}" if inner else "")
         )
     series = dict.fromkeys(re.sub(r"[0-9]+", "#", path.stem) for path in paths)
     if key is None and len(series) > 1:

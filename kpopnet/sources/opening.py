@@ -140,8 +140,7 @@ def _read(path: Path, key: str | None) -> Recording:
         return WITH_NAMES[suffix](path, key)
     if suffix not in READERS:
         raise InputError(
-            f"{path}: expected a folder of 16-bit PNG or TIFF images, or a file that ends with "
-            f"{', '.join([*READERS, *WITH_NAMES])}"
+            f"{path}: expected a folder of 16-bit images, or a file that ends with {', '.join([*READERS, *WITH_NAMES])}"
         )
     if key is not None:
         raise InputError(f"{path}: holds one recording of depth, and no arrays by name such as {key}")

@@ -3,8 +3,7 @@
 Stray Scanner  a folder: depth/*.png in millimetres, confidence/*.png, odometry.csv with times, and camera_matrix.csv of the
                colour image (https://docs.strayrobots.io/apps/scanner/format.html)
 Record3D       an archive .r3d: rgbd/N.depth, float32 metres packed by LZFSE, N.conf, and metadata in JSON with the matrix K of
-               the colour image, column by column (https://github.com/marek-simonik/record3d/issues/7, 30); needs the extra
-               `record3d`
+               the colour image, column by column (https://github.com/marek-simonik/record3d); the extra `record3d`
 
 Pixels of the lowest of three confidences count as not measured.
 """

@@ -70,7 +70,7 @@ class Bag(NamedTuple):
                     expect(packed[:4] != ZSTD, self.where, "messages that are not compressed one by one; run ros2 bag convert")
                     try:
                         message = self.decode(packed, connection.msgtype)
-                    except (SerdeError, AssertionError):  # the second before rosbags 0.11.9
+                    except SerdeError:
                         if not _is_realsense(topic):
                             raise
                         message = self.decode(packed[:-UNIT_BYTES], connection.msgtype)
@@ -86,10 +86,9 @@ def read_bag(path: Path, key: str | None) -> Recording:
         if with_library and key is None and any(map(_is_realsense, bag.topics())):
             return realsense.read_bag(path)
         topic = _depth_topic(bag, key)
-        first = list(islice(_images(bag, topic), TIMED))
-        expect(bool(first), f"{path}: {topic}", "images, found none")
-        height, width = first[0].depth.shape
-        fps, frames = rate([image.time_s or 0.0 for image in first]), bag.count(topic)
+        height, width = next(_images(bag, topic)).depth.shape
+        fps = rate([image.time_s or 0.0 for image in islice(_images(bag, topic), TIMED)])
+        frames = bag.count(topic)
         found, units_per_m = _optics(bag, topic), _units_per_m(bag, topic)
 
     def images() -> Iterator[StoredImage]:

@@ -37,7 +37,7 @@ def write_stray(folder: Path, images: np.ndarray, fps: float = FPS) -> Path:
 
 
 def write_record3d(path: Path, images: np.ndarray, fps: float = FPS, with_confidence: bool = True, **changed: object) -> Path:
-    """Writes (T, H, W) uint16 millimetres; `changed` replaces names of the metadata."""
+    """Writes (T, H, W) uint16 millimetres; `changed` replaces names of the metadata, or removes them."""
     import lzfse
 
     c = RECORD3D_COLOUR
@@ -47,7 +47,9 @@ def write_record3d(path: Path, images: np.ndarray, fps: float = FPS, with_confid
         "frameTimestamps": [7000 + number / fps for number in range(len(images))],
     }  # fmt: skip
     with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("metadata", json.dumps(about | changed))
+        archive.writestr(
+            "metadata", json.dumps({name: value for name, value in (about | changed).items() if value is not None})
+        )
         archive.writestr("icon", b"jpg")
         for number, image in enumerate(images):
             archive.writestr(f"rgbd/{number}.depth", lzfse.compress((image.astype("<f4") / 1000).tobytes()))

@@ -74,7 +74,7 @@ def test_loose_images_and_folders_of_folders_are_refused_with_what_is_there(tmp_
     with pytest.raises(InputError, match=r"loose: images of 2 kinds of names \(ann#, bob#; .*--key"):
         open_depth(tmp_path / "loose", CAMERA)
     write_pngs(tmp_path / "outer" / "depth", IMAGES)
-    with pytest.raises(InputError, match=r"no image named \* in it; .*perhaps in its folder depth"):
+    with pytest.raises(InputError, match=r"no image named \* in it; .*a folder in it is meant: depth"):
         open_depth(tmp_path / "outer", CAMERA)
 
 

@@ -83,9 +83,12 @@ def test_what_is_wrong_in_a_stray_folder_is_told_in_one_line(tmp_path):
 def test_what_is_wrong_in_an_r3d_is_told_in_one_line(tmp_path, monkeypatch):
     path = written("record3d", tmp_path)
     np.testing.assert_allclose(next(iter(open_depth(written("record3d", tmp_path, with_confidence=False)))), IMAGES[0] / 1000)
+    one_size = written("record3d", tmp_path, w=64, h=48, dw=None, dh=None, frameTimestamps=None)
+    assert open_depth(one_size).camera.fx == RECORD3D_COLOUR.fx and open_depth(one_size).fps == FPS
     for changed, told in (
         ({"K": [1.0] * 8}, "K: expected 9 numbers"),
-        ({"K": None}, "K is None"),
+        ({"K": None}, "lacks K"),
+        ({"K": "x"}, "K is 'x'"),
         ({"K": [0.0] * 9}, "fx"),
         ({"dw": 65}, "expected .* bytes for 65x48 pixels"),
         ({"dw": 10**9}, "expected 1 to 16,000,000 pixels"),

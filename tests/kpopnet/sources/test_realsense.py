@@ -38,7 +38,7 @@ def test_a_recording_tells_camera_times_and_unit(tmp_path):
     for name in ("fx", "fy", "cx", "cy", "width", "height"):
         assert getattr(source.camera, name) == pytest.approx(getattr(CAMERA, name))
     (tmp_path / "b.bag").write_bytes(b"#ROSBAG V2.0\n" + bytes(5000))
-    with pytest.raises(InputError, match=r"b\.bag: not a RealSense recording"):
+    with pytest.raises(InputError, match=r"b\.bag: not a (RealSense recording|readable bag)"):
         open_depth(tmp_path / "b.bag")
 
 
