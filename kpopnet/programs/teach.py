@@ -28,9 +28,7 @@ from kpopnet.programs.arguments import add_address, add_depth, check_server, ope
 from kpopnet.programs.predict import estimated
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
-from kpopnet.sources.lenses import View
-from kpopnet.sources.realsense import RealSenseCamera
-from kpopnet.sources.realsense import library as realsense_library
+from kpopnet.sources.live import LIVE_CAMERAS, check_live, open_live
 from kpopnet.sources.source import DepthSource, LiveCamera, TimedDepth
 from kpopnet.teacher.adding import add_performance, holds_depth, kpop_teachers, part_of
 from kpopnet.teacher.library import Library, TaughtDance, TeacherBody, taught_dance
@@ -39,7 +37,7 @@ from kpopnet.teacher.live.loop import load_estimator
 
 FOLDER = Path("outputs/teach")
 PORT = 8471
-SIMULATED, RECORDING, REALSENSE = "simulated", "recording", "realsense"
+SIMULATED, RECORDING = "simulated", "recording"
 CAMERA_FPS = 30.0
 MOST_LETTERS = 60  # of a title
 
@@ -94,22 +92,6 @@ class RecordedCamera:
         pass
 
 
-class TurnedCamera:
-    """A camera that is mounted on its side or head; a `LiveCamera`."""
-
-    def __init__(self, camera: LiveCamera, clockwise_deg: int) -> None:
-        self._mounted, self._view = camera, View(camera.camera).rotated(clockwise_deg)
-        self.camera = self._view.camera
-
-    def read(self) -> tuple[np.ndarray, float]:
-        """See `LiveCamera.read`."""
-        depth_m, taken = self._mounted.read()
-        return self._view.image(depth_m), taken
-
-    def close(self) -> None:
-        self._mounted.close()
-
-
 def wait_until(moment: float) -> float:
     """Waits until a moment of `time.monotonic`; returns when the next image is due."""
     time.sleep(max(moment - time.monotonic(), 0))
@@ -124,8 +106,8 @@ def open_source(
     rotate_deg: int = 0,
 ) -> LiveCamera:
     """Opens the source of depth that a lesson names; a live camera's images are turned."""
-    if lesson.source == REALSENSE:
-        return TurnedCamera(RealSenseCamera(), rotate_deg)
+    if lesson.source in LIVE_CAMERAS:
+        return open_live(lesson.source, rotate_deg)
     if lesson.source == SIMULATED or open_recording is None:
         return SimulatedCamera(lesson, dance, clock)
     return RecordedCamera(open_recording(), clock)
@@ -188,8 +170,8 @@ def serve(given: argparse.Namespace, library: Library) -> None:
         open_recording()
         sources = {RECORDING: f"the recording {given.depth.name}"} | sources
     if given.live is not None:
-        realsense_library("--live")
-        sources = {REALSENSE: "a RealSense camera"} | sources
+        check_live(given.live, "--live")
+        sources = {given.live: LIVE_CAMERAS[given.live].partition(" (")[0]} | sources
     if given.checkpoint is not None:
         load_estimator(given.checkpoint)
     open_camera = partial(open_source, open_recording, rotate_deg=given.rotate)
@@ -216,7 +198,7 @@ def parsed() -> argparse.Namespace:
         return parser.parse_args()
     parser.set_defaults(add=None)
     add_address(parser, PORT)
-    parser.add_argument("--live", choices=[REALSENSE], help="a camera that is plugged in (pip install 'kpopnet[realsense]')")
+    parser.add_argument("--live", choices=LIVE_CAMERAS, help=f"a camera that is plugged in: {', '.join(LIVE_CAMERAS.values())}")
     parser.add_argument("--depth", type=Path, help="a recording of depth that stands in for a camera")
     parser.add_argument("--checkpoint", help="network that estimates the pose; tracker for the tracker without a network")
     return parser.parse_args()

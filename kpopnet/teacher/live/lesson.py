@@ -4,9 +4,6 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
-
-import numpy as np
 
 from kpopnet.errors import InputError, check_between
 from kpopnet.sources.source import LiveCamera
@@ -102,13 +99,6 @@ class DanceClock:
     def dance_s(self, moment: float) -> float:
         """Seconds of the dance at a moment of `time.monotonic`; before its start, less than the start of the excerpt."""
         return self._from_s + (moment - self._start) * self._speed if self.running else self._from_s
-
-
-class Image(NamedTuple):
-    """One image: (H, W) metres, and when it was taken, in seconds of `time.monotonic`."""
-
-    depth_m: np.ndarray
-    taken: float
 
 
 CameraOpener = Callable[[Lesson, TaughtDance, DanceClock], LiveCamera]

@@ -5,7 +5,6 @@ number of the lesson, a kind, its content as JSON, and a picture, the learner's 
 """
 
 import contextlib
-import threading
 import time
 from collections.abc import Callable
 from multiprocessing.connection import Connection
@@ -18,9 +17,9 @@ from kpopnet.errors import InputError
 from kpopnet.pose import PersonPose, PoseEstimator
 from kpopnet.runtime.parallel import end_with_parent
 from kpopnet.skeleton import Joint
-from kpopnet.sources.source import CameraAwayError, LiveCamera
+from kpopnet.sources.live import NewestImage
 from kpopnet.teacher.library import TaughtDance
-from kpopnet.teacher.live.lesson import CameraOpener, DanceClock, Image, Lesson
+from kpopnet.teacher.live.lesson import CameraOpener, DanceClock, Lesson
 from kpopnet.teacher.live.score import Calibration, DanceTry
 
 PICTURE_WIDTH = 160
@@ -42,59 +41,6 @@ LOST_S = 3.0
 
 PEOPLE = 2
 """People whose joints are estimated: the learner, and one who walks by."""
-
-
-class NewestImage:
-    """Reads a camera in a thread of its own and keeps the newest image: what is not fetched in time is dropped.
-
-    Attributes:
-        dropped: number of images that were not fetched.
-        away: what to do about a camera that sends nothing just now, "" while images come.
-        error: why reading ended, None while it goes on.
-    """
-
-    def __init__(self, camera: LiveCamera) -> None:
-        self.dropped, self.away, self.error = 0, "", None
-        self._camera, self._image, self._ended = camera, None, False
-        self._changed = threading.Condition()
-        self._thread = threading.Thread(target=self._read, daemon=True, name="camera")
-        self._thread.start()
-
-    def fetch(self, timeout_s: float) -> Image | None:
-        """The newest image that was not fetched before; None if none comes in time."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._image is not None or self._ended, timeout_s)
-            image, self._image = self._image, None
-            return image
-
-    @property
-    def ended(self) -> bool:
-        return self._ended and self._image is None
-
-    def close(self) -> None:
-        self._ended = True
-        self._thread.join(timeout=5)
-        self._camera.close()
-
-    def _read(self) -> None:
-        try:
-            while not self._ended:
-                try:
-                    read = self._camera.read()
-                except CameraAwayError as error:
-                    self.away = str(error)
-                    continue
-                if read is None:
-                    break
-                with self._changed:
-                    self.dropped += self._image is not None
-                    self._image, self.away = Image(*read), ""
-                    self._changed.notify()
-        except Exception as error:
-            self.error = f"the camera stopped: {error}"
-        with self._changed:
-            self._ended = True
-            self._changed.notify()
 
 
 def load_estimator(checkpoint: str | None) -> PoseEstimator:

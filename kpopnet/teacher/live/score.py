@@ -15,8 +15,9 @@ from kpopnet.dance.timing import beat_latency_s
 from kpopnet.dance.window import WINDOW_S
 from kpopnet.errors import InputError
 from kpopnet.skeleton import NUM_JOINTS
+from kpopnet.sources.live import Image
 from kpopnet.teacher.library import TaughtDance
-from kpopnet.teacher.live.lesson import CALIBRATION_BEAT_S, DanceClock, Image, Lesson
+from kpopnet.teacher.live.lesson import CALIBRATION_BEAT_S, DanceClock, Lesson
 from kpopnet.teacher.live.words import latest_words, move_reason, rounded, try_result, where_to_stand
 
 COUNTS = 4

@@ -10,7 +10,7 @@ from kpopnet.camera import CAMERAS
 from kpopnet.programs import teach
 from kpopnet.programs.convert import write_dance
 from kpopnet.skeleton import Joint
-from kpopnet.sources import open_depth
+from kpopnet.sources import live, open_depth
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from synth.dances import taught
 from synth.dances.live import LiveLearner
@@ -121,7 +121,7 @@ class Mounted:
 
 
 def test_a_live_camera_on_its_side_is_turned(monkeypatch):
-    monkeypatch.setattr(teach, "RealSenseCamera", Mounted)
+    monkeypatch.setitem(live._KINDS, "realsense", (str, Mounted))
     camera = teach.open_source(None, Lesson("d", source="realsense"), None, DanceClock(0.0, 1.0), rotate_deg=90)
     depth_m, taken = camera.read()
     assert (camera.camera.width, camera.camera.height) == depth_m.shape[::-1] == (240, 320) and taken == 12.5

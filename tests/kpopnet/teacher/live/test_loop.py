@@ -9,10 +9,11 @@ import pytest
 
 from kpopnet.camera import CAMERAS
 from kpopnet.pose import PersonPose
+from kpopnet.sources.live import NewestImage
 from kpopnet.sources.source import CameraAwayError
 from kpopnet.teacher.live import loop
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
-from kpopnet.teacher.live.loop import Learner, NewestImage
+from kpopnet.teacher.live.loop import Learner
 
 FPS = 60
 

@@ -1,0 +1,158 @@
+"""Live depth: cameras by their names, how they are mounted, and the newest image of one."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from kpopnet.errors import InputError
+from kpopnet.sources import realsense
+from kpopnet.sources.lenses import View
+from kpopnet.sources.source import CameraAwayError, DepthSource, LiveCamera, TimedDepth
+
+LIVE_CAMERAS = {"realsense": "a RealSense camera (pip install 'kpopnet[realsense]')"}
+"""The live cameras: name to what it is."""
+
+_KINDS: dict[str, tuple[Callable[[str], Any], Callable[[], Any]]] = {
+    "realsense": (realsense.library, realsense.RealSenseCamera),
+}
+"""Of each, what checks that its library is installed, given a place for messages, and what opens it."""
+
+
+def check_live(name: str, where: str) -> None:
+    """Raises InputError, which names the place `where`, for an unknown camera or one whose library is missing."""
+    if name not in _KINDS:
+        raise InputError(f"{where}: no live camera {name}; there are {', '.join(LIVE_CAMERAS)}")
+    _KINDS[name][0](where)
+
+
+def open_live(name: str, rotate_deg: int = 0) -> LiveCamera:
+    """Opens the live camera of a name in LIVE_CAMERAS; its images are turned clockwise by 0, 90, 180 or 270 degrees.
+
+    Raises InputError: there is no such camera, its library is missing, or none is connected.
+    """
+    check_live(name, name)
+    camera = _KINDS[name][1]()
+    return TurnedCamera(camera, rotate_deg) if rotate_deg else camera
+
+
+class TurnedCamera:
+    """A camera that is mounted on its side or head; a `LiveCamera`."""
+
+    def __init__(self, camera: LiveCamera, clockwise_deg: int) -> None:
+        self._mounted, self._view = camera, View(camera.camera).rotated(clockwise_deg)
+        self.camera = self._view.camera
+
+    def read(self) -> tuple[np.ndarray, float] | None:
+        """See `LiveCamera.read`."""
+        if (read := self._mounted.read()) is None:
+            return None
+        depth_m, taken = read
+        return self._view.image(depth_m), taken
+
+    def close(self) -> None:
+        self._mounted.close()
+
+
+class PlayedRecording:
+    """A recording that is played in its own time, once or again and again; a `LiveCamera`.
+
+    Where nobody reads in time, or while it is paused, it stands still: no image is left out.
+
+    Attributes:
+        paused: whether it stands still.
+    """
+
+    def __init__(self, source: DepthSource, loop: bool = False) -> None:
+        self.camera, self.paused = source.camera, False
+        self._source, self._loop, self._closed = source, loop, False
+        self._images: Iterator[TimedDepth] = source.timed()
+        self._start: float | None = None
+
+    def read(self) -> tuple[np.ndarray, float] | None:
+        """See `LiveCamera.read`."""
+        image = next(self._images, None)
+        if image is None and self._loop:
+            self._images, self._start = self._source.timed(), None
+            image = next(self._images, None)
+        if image is None:
+            return None
+        while not self._closed and (self.paused or (self._start is not None and time.monotonic() < self._start + image.time_s)):
+            time.sleep(0.002)
+        now = time.monotonic()
+        if self._start is None or now - (self._start + image.time_s) > LATE_S:
+            self._start = now - image.time_s
+        return None if self._closed else (image.depth_m, now)
+
+    def close(self) -> None:
+        """See `LiveCamera.close`."""
+        self._closed = True
+
+
+LATE_S = 0.1
+"""A recording that is read later than this has stood still, and goes on from where it was."""
+
+
+class Image(NamedTuple):
+    """One image: (H, W) metres, and when it was taken, in seconds of `time.monotonic`."""
+
+    depth_m: np.ndarray
+    taken: float
+
+
+class NewestImage:
+    """Reads a camera in a thread of its own and keeps the newest image: what is not fetched in time is dropped.
+
+    Attributes:
+        dropped: number of images that were not fetched.
+        away: what to do about a camera that sends nothing just now, "" while images come.
+        error: why reading ended, None while it goes on.
+    """
+
+    def __init__(self, camera: LiveCamera, keep: Callable[[Image], None] = lambda image: None) -> None:
+        """Begins to read; `keep` gets every image, after it was offered."""
+        self.dropped, self.away, self.error = 0, "", None
+        self._camera, self._keep, self._image, self._ended = camera, keep, None, False
+        self._changed = threading.Condition()
+        self._thread = threading.Thread(target=self._read, daemon=True, name="camera")
+        self._thread.start()
+
+    def fetch(self, timeout_s: float) -> Image | None:
+        """The newest image that was not fetched before; None if none comes in time."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._image is not None or self._ended, timeout_s)
+            image, self._image = self._image, None
+            return image
+
+    @property
+    def ended(self) -> bool:
+        return self._ended and self._image is None
+
+    def close(self) -> None:
+        self._ended = True
+        self._thread.join(timeout=5)
+        self._camera.close()
+
+    def _read(self) -> None:
+        try:
+            while not self._ended:
+                try:
+                    read = self._camera.read()
+                except CameraAwayError as error:
+                    self.away = str(error)
+                    continue
+                if read is None:
+                    break
+                image = Image(*read)
+                with self._changed:
+                    self.dropped += self._image is not None
+                    self._image, self.away = image, ""
+                    self._changed.notify()
+                self._keep(image)
+        except Exception as error:
+            self.error = f"the camera stopped: {error}"
+        with self._changed:
+            self._ended = True
+            self._changed.notify()
