@@ -16,6 +16,7 @@ PROGRAMS = {
     "describe": ("kpopnet.datasets.describe", "says what a folder of a data set holds"),
     "export": ("kpopnet.programs.export", "writes a network as an ONNX file"),
     "teach": ("kpopnet.programs.teach", "opens the dance teacher: a page that shows a dance and scores the learner"),
+    "live": ("kpopnet.programs.live", "shows everybody before a depth camera, live; streams joints, records"),
     "rate": ("kpopnet.programs.rate", "collects people's judgements of learners in a set of dances, and says how they agree"),
     "stages": ("kpopnet.programs.stages", "draws how the tracker follows one frame, stage after stage"),
 }

@@ -23,6 +23,7 @@ LAYERS = (
     ("kpopnet.training", "kpopnet.baselines", "kpopnet.pose"),
     ("kpopnet.datasets",),
     ("kpopnet.evaluation", "kpopnet.teacher"),
+    ("kpopnet.live",),
     ("kpopnet.programs", "kpopnet.cli"),
 )
 """From the lowest on. A package imports itself and the layers below, not its neighbours in its own layer; only the root's

@@ -1,14 +1,19 @@
-"""Depth from arrays: .npz, unpacked image by image, HDF5, read chunk by chunk, and .npy."""
+"""Depth from arrays: .npz, unpacked image by image, HDF5, read chunk by chunk, and .npy; recordings of our own, HDF5."""
 
+import errno
+import os
+import shutil
 import zipfile
+import zlib
 from collections.abc import Iterator, Mapping
+from dataclasses import astuple
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import h5py
 import numpy as np
 
-from kpopnet.camera import Camera
+from kpopnet.camera import MM_PER_METRE, Camera
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import (
     ArraySchema,
@@ -24,6 +29,10 @@ from kpopnet.sources.source import Recording, StoredImage, rate
 
 NAMES = ("depth_mm", "depth_m", "depth")
 """Names by which depth is known among other arrays."""
+
+GZIP_LEVEL, MAX_DEPTH_MM = 1, 65535
+LEAST_FREE_BYTES = 200_000_000
+"""A recording ends where less is free on the disk."""
 
 NOT_NPZ, NOT_HDF5 = "not a readable .npz file", "not a readable HDF5 file"
 
@@ -83,7 +92,7 @@ def read_npz_depth(path: Path, key: str | None) -> Recording:
 
 def read_hdf5(path: Path, key: str | None) -> Recording:
     """An HDF5 file with an array of depth; if known, attributes `camera` and `fps` of the file, `times_s` beside the array."""
-    with parsing(path, NOT_HDF5), h5py.File(path, locking=False) as file:
+    with parsing(path, NOT_HDF5), _opened(path) as file:
         arrays: dict[str, h5py.Dataset] = {}
         # Links to other places are not followed.
         file.visititems(lambda name, one: arrays.update({name: one}) if isinstance(one, h5py.Dataset) else None)
@@ -96,19 +105,74 @@ def read_hdf5(path: Path, key: str | None) -> Recording:
         block = min((depth.chunks or (1,))[0], frames)  # a compressed chunk is unpacked once
         check_budget(path, block * height * width * depth.dtype.itemsize, f"a chunk of {name}")
         times = name.removesuffix(name.rpartition("/")[2]) + "times_s"
-        times_s = arrays[times][:] if shapes.get(times) == (frames,) else None
+        # A writer that was killed may have written one time more.
+        known = len(shapes.get(times, ())) == 1 and frames <= shapes[times][0] <= frames + 1
+        times_s = arrays[times][:frames] if known else None
         fps = _attribute(path, file, "fps", "a number")
         camera = _attribute(path, file, "camera", "fx, fy, cx, cy, width, height")
 
     def images() -> Iterator[StoredImage]:
-        with parsing(path, NOT_HDF5), h5py.File(path, locking=False) as file:
+        with parsing(path, NOT_HDF5), _opened(path) as file:
             for start in range(0, frames, block):
                 for number, image in enumerate(file[name][start : start + block], start):
                     time_s = None if times_s is None else float(times_s[number])
                     yield StoredImage(image, f"{path}: {name}, frame {number}", time_s)
 
-    known = Camera.from_numbers(camera, f"{path}: camera") if camera else None
-    return Recording(images, width, height, frames, rate(times_s) or (fps[0] if fps else None), known)
+    stated = Camera.from_numbers(camera, f"{path}: camera") if camera else None
+    return Recording(images, width, height, frames, rate(times_s) or (fps[0] if fps else None), stated)
+
+
+def _opened(path: Path) -> h5py.File:
+    """A file for reading, also one to which `DepthWriter` writes just now, or wrote when it was killed."""
+    try:
+        return h5py.File(path, locking=False)
+    except OSError as error:
+        if "already open for write" not in str(error):
+            raise
+        return h5py.File(path, locking=False, swmr=True)
+
+
+class DepthWriter:
+    """Writes depth images to an HDF5 file that `read_hdf5` opens, with camera and times.
+
+    HDF5's mode for a single writer and many readers orders what is written, so that the images so far can be read at any
+    moment, also after a kill.
+
+    Attributes:
+        images: number of images so far.
+    """
+
+    def __init__(self, path: Path, camera: Camera) -> None:
+        shape = camera.height, camera.width
+        self.path, self._file = path, h5py.File(path, "w", libver="latest")
+        self._file.attrs["camera"] = astuple(camera)
+        packed: dict[str, Any] = {"chunks": (1, *shape), "compression": "gzip", "compression_opts": GZIP_LEVEL, "shuffle": True}
+        self._depth = self._file.create_dataset("depth_mm", (0, *shape), "<u2", maxshape=(None, *shape), **packed)
+        self._times = self._file.create_dataset("times_s", (0,), "<f8", maxshape=(None,), chunks=(1024,))
+        self._file.swmr_mode = True
+        self.images = 0
+
+    def add(self, depth_m: np.ndarray, time_s: float) -> None:
+        """Adds (H, W) float metres, rounded to millimetres; beyond 65.5 m they are not measured, 0.
+
+        Raises OSError: less than LEAST_FREE_BYTES are free; HDF5 cannot close a file on a full disk.
+        """
+        if shutil.disk_usage(self.path.parent).free < LEAST_FREE_BYTES:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self.path))
+        number, depth_mm = self.images, np.rint(depth_m * MM_PER_METRE)
+        stored = np.where(depth_mm > MAX_DEPTH_MM, 0, depth_mm).astype("<u2")
+        shuffled = stored.reshape(-1, 1).view(np.uint8).T.tobytes()
+        self._times.resize(number + 1, 0)
+        self._times[number] = time_s
+        self._times.flush()
+        self._depth.resize(number + 1, 0)
+        # Packed here, as HDF5 would, because HDF5 stops all other threads meanwhile.
+        self._depth.id.write_direct_chunk((number, 0, 0), zlib.compress(shuffled, GZIP_LEVEL))
+        self._depth.flush()
+        self.images += 1
+
+    def close(self) -> None:
+        self._file.close()
 
 
 def _attribute(path: Path, file: h5py.File, name: str, expected: str) -> list[float] | None:

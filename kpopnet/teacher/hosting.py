@@ -12,7 +12,9 @@ import tempfile
 import threading
 import webbrowser
 from collections.abc import Awaitable, Callable
+from functools import partial
 from pathlib import Path
+from typing import TextIO
 
 from aiohttp import web
 from aiohttp.http_exceptions import HttpProcessingError
@@ -78,6 +80,7 @@ def host(
     given: argparse.Namespace,
     greeting: str,
     *at_start: Callable[[web.Application], Awaitable[None]],
+    out: TextIO | None = None,
 ) -> None:
     """Serves an application until the program is interrupted, and then ends within END_S.
 
@@ -86,6 +89,7 @@ def host(
         given: the command line with the words of `kpopnet.programs.arguments.add_address`.
         greeting: printed before the address.
         at_start: awaited before.
+        out: where the address is printed; None is the standard output.
 
     Raises:
         InputError: the port is taken.
@@ -96,12 +100,12 @@ def host(
     late = threading.Timer(END_S, os._exit, (0,))  # a thread that reads what somebody sent would be waited for
     late.daemon = True
     try:
-        asyncio.run(_serve(app, given, greeting, keys, late.start))
+        asyncio.run(_serve(app, given, partial(print, greeting, file=out, flush=True), keys, late.start))
     finally:
         late.cancel()
 
 
-async def _serve(app: web.Application, given: argparse.Namespace, greeting: str, keys: Keys | None, ends: Callable) -> None:
+async def _serve(app: web.Application, given: argparse.Namespace, greet: Callable, keys: Keys | None, ends: Callable) -> None:
     loop, interrupted = asyncio.get_running_loop(), asyncio.Event()
     logger = logging.getLogger(__name__)
     logger.addFilter(_Once())
@@ -120,7 +124,7 @@ async def _serve(app: web.Application, given: argparse.Namespace, greeting: str,
             place = f"--port {given.port}: cannot listen on {given.host}"
             raise InputError(f"{place} ({error.strerror}); choose another port") from error
         address = _address(given.host, server.sockets[0].getsockname()[1])
-        print(f"{greeting} {address}{f'?token={keys.token}' if keys else ''}   (Ctrl+C ends)", flush=True)
+        greet(f"{address}{f'?token={keys.token}' if keys else ''}   (Ctrl+C ends)")
         if not given.no_browser:
             webbrowser.open(address if keys is None else _private_page(Path(folder), f"{address}?token={keys.once}"))
         try:

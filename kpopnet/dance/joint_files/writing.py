@@ -8,7 +8,7 @@ little as possible from its parent. BVH knows no missing joints: one that is mis
 import csv
 import io
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -61,24 +61,36 @@ def _npz(performance: Performance) -> bytes:
 
 
 def _json(performance: Performance) -> str:
-    """One line a frame; of each joint x, y, z and confidence, null where it is missing."""
-    lines = []
-    for time_s, joints, confidence in zip(*_rounded(performance), strict=True):
-        named = {name: None if c == 0 else [*point, c] for name, point, c in zip(JOINT_NAMES, joints, confidence, strict=True)}
-        lines.append(json.dumps({"time_s": time_s, "joints": named}, allow_nan=False))
+    """One line a frame."""
+    lines = [json.dumps(frame, allow_nan=False) for frame in json_frames(performance)]
     frame = "camera: x right, y down, z forward"
     return '{"unit": "metre", "frame": "%s", "frames": [\n%s\n]}\n' % (frame, ",\n".join(lines))  # noqa: UP031 - of braces
 
 
+def json_frames(performance: Performance) -> Iterator[dict]:
+    """The frames for JSON: of each joint x, y, z and confidence, null where it is missing."""
+    for time_s, joints, confidence in zip(*_rounded(performance), strict=True):
+        named = {name: None if c == 0 else [*point, c] for name, point, c in zip(JOINT_NAMES, joints, confidence, strict=True)}
+        yield {"time_s": time_s, "joints": named}
+
+
+CSV_COLUMNS = ("time_s", *(f"{name}_{part}" for name in JOINT_NAMES for part in ("x", "y", "z", "confidence")))
+
+
 def _csv(performance: Performance) -> str:
-    """A header, then one line a frame; empty cells where a joint is missing."""
+    """A header, then one line a frame."""
     stream = io.StringIO()
     rows = csv.writer(stream, lineterminator="\n")
-    rows.writerow(["time_s", *(f"{name}_{part}" for name in JOINT_NAMES for part in ("x", "y", "z", "confidence"))])
+    rows.writerow(CSV_COLUMNS)
+    rows.writerows(csv_rows(performance))
+    return stream.getvalue()
+
+
+def csv_rows(performance: Performance) -> Iterator[list]:
+    """The cells of CSV_COLUMNS of each frame, empty where a joint is missing."""
     for time_s, joints, confidence in zip(*_rounded(performance), strict=True):
         cells = [["", "", "", 0.0] if c == 0 else [*point, c] for point, c in zip(joints, confidence, strict=True)]
-        rows.writerow([time_s, *(cell for four in cells for cell in four)])
-    return stream.getvalue()
+        yield [time_s, *(cell for four in cells for cell in four)]
 
 
 def _rounded(performance: Performance) -> tuple[list, list, list]:
@@ -94,7 +106,7 @@ def _rounded(performance: Performance) -> tuple[list, list, list]:
 def _bvh(performance: Performance) -> str:
     """Centimetres, y up, the camera's side in front, at the median frame rate: BVH knows one interval only."""
     points_cm = _filled(performance) * [1, -1, -1] * CM_PER_METRE
-    bones, root_cm = _skeleton({joint.name.lower(): points_cm[:, joint] for joint in Joint})
+    bones, root_cm = skeleton(points_cm)
     names = list(bones)
     parents = [names.index(bone.parent) if bone.parent else -1 for bone in bones.values()]
     worlds = np.stack([bone.world for bone in bones.values()], axis=1)
@@ -119,8 +131,8 @@ def _filled(performance: Performance) -> np.ndarray:
     return filled
 
 
-class _Bone(NamedTuple):
-    """A joint of the BVH file: parent's name, (3,) offset from it, (T, 4) world rotations, (3,) end if no joint follows."""
+class PosedBone(NamedTuple):
+    """A bone over T frames: parent's name, (3,) offset from it, (T, 4) world rotations, (3,) end if no joint follows."""
 
     parent: str
     offset_cm: np.ndarray
@@ -128,8 +140,13 @@ class _Bone(NamedTuple):
     end_cm: np.ndarray = CROWN_CM * UP
 
 
-def _skeleton(at: Mapping[str, np.ndarray]) -> tuple[dict[str, _Bone], np.ndarray]:
-    """The bones by name, parents before children, and (T, 3) places of the root, of (T, 3) points in centimetres by joint."""
+def skeleton(points_cm: np.ndarray) -> tuple[dict[str, PosedBone], np.ndarray]:
+    """The bones by name, parents before children, and (T, 3) places of the root, in centimetres.
+
+    From (T, 15, 3) points in centimetres, none missing, in the axes of BVH files: x right in the image, y up, z to the camera.
+    Raises InputError for points that lie in one place.
+    """
+    at: Mapping[str, np.ndarray] = {joint.name.lower(): points_cm[:, joint] for joint in Joint}
     hips, chest = (at["left_hip"] + at["right_hip"]) / 2, (at["left_shoulder"] + at["right_shoulder"]) / 2
     pelvis = _facing(at["left_hip"] - at["right_hip"], chest - hips)
     thorax = _facing(at["left_shoulder"] - at["right_shoulder"], chest - hips)
@@ -138,11 +155,11 @@ def _skeleton(at: Mapping[str, np.ndarray]) -> tuple[dict[str, _Bone], np.ndarra
     neck_at = chest + rotate(thorax, neck_cm)
     neck = _turned(thorax, UP, at["head"] - neck_at)
     bones = {
-        "Hips": _Bone("", np.zeros(3), pelvis),
-        "Spine": _Bone("Hips", np.zeros(3), _turned(pelvis, UP, chest - hips)),
-        "Spine1": _Bone("Spine", UP * _length(chest - hips), thorax),
-        "Neck": _Bone("Spine1", neck_cm, neck),
-        "Head": _Bone("Neck", UP * _length(at["head"] - neck_at), neck),
+        "Hips": PosedBone("", np.zeros(3), pelvis),
+        "Spine": PosedBone("Hips", np.zeros(3), _turned(pelvis, UP, chest - hips)),
+        "Spine1": PosedBone("Spine", UP * _length(chest - hips), thorax),
+        "Neck": PosedBone("Spine1", neck_cm, neck),
+        "Head": PosedBone("Neck", UP * _length(at["head"] - neck_at), neck),
     }
     limbs = (
         (("shoulder", "elbow", "hand"), ("Arm", "ForeArm", "Hand"), "Spine1", thorax, HAND_CM),
@@ -155,9 +172,9 @@ def _skeleton(at: Mapping[str, np.ndarray]) -> tuple[dict[str, _Bone], np.ndarra
             rest = sign * LEFT if parent == "Spine1" else DOWN  # direction of the limb in the rest pose
             upper = _turned(base, rest, second - first)
             lower = _turned(upper, rest, third - second)
-            bones[side + names[0]] = _Bone(parent, sign * half_cm * LEFT, upper)
-            bones[side + names[1]] = _Bone(side + names[0], rest * _length(second - first), lower)
-            bones[side + names[2]] = _Bone(side + names[1], rest * _length(third - second), lower, end_cm * rest)
+            bones[side + names[0]] = PosedBone(parent, sign * half_cm * LEFT, upper)
+            bones[side + names[1]] = PosedBone(side + names[0], rest * _length(second - first), lower)
+            bones[side + names[2]] = PosedBone(side + names[1], rest * _length(third - second), lower, end_cm * rest)
     return bones, hips
 
 

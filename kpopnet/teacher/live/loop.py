@@ -43,18 +43,18 @@ PEOPLE = 2
 """People whose joints are estimated: the learner, and one who walks by."""
 
 
-def load_estimator(checkpoint: str | None) -> PoseEstimator:
+def load_estimator(checkpoint: str | None, people: int = PEOPLE) -> PoseEstimator:
     """The estimator of a checkpoint: None is the package's network, or the tracker without one; "tracker" the tracker.
 
     Raises InputError if the checkpoint cannot be loaded.
     """
     if checkpoint != "tracker":
         try:
-            return PoseEstimator.load(checkpoint, people=PEOPLE)
+            return PoseEstimator.load(checkpoint, people=people)
         except InputError:
             if checkpoint is not None:
                 raise
-    return PoseEstimator(None, "tracker", PEOPLE)
+    return PoseEstimator(None, "tracker", people)
 
 
 def noise_of(estimator: PoseEstimator) -> str:
@@ -207,9 +207,9 @@ class RunningLesson:
         self._away = away
 
 
-def picture(depth_m: np.ndarray) -> bytes:
+def picture(depth_m: np.ndarray, most_wide: int = PICTURE_WIDTH) -> bytes:
     """A small picture of (H, W) depth: width and height as two uint16, then a byte a pixel, 0 not measured, 1 near, 255 far."""
-    stride = max(1, round(depth_m.shape[1] / PICTURE_WIDTH))
+    stride = max(1, round(depth_m.shape[1] / most_wide))
     small = depth_m[::stride, ::stride]
     shade = 1 + np.clip((small - NEAR_M) / (FAR_M - NEAR_M), 0, 1) * 254
     pixels = np.where(small > 0, shade, 0).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""The processes of lessons, as the server sees them: it talks to them without waiting."""
+"""The processes that watch, as a server sees them: it talks to them without waiting."""
 
 import asyncio
 import contextlib
@@ -6,6 +6,7 @@ import multiprocessing
 import queue
 import threading
 import time
+from collections.abc import Callable
 from typing import Any
 
 from kpopnet.errors import InputError
@@ -23,33 +24,30 @@ END_S = 1.0
 """How long the processes have to end by themselves, seconds."""
 
 
-class LessonProcess:
+class Process:
     """One process and its messages: ("frame", ...) are replaced by newer ones, all others are kept in order."""
 
-    def __init__(self, open_camera: CameraOpener, checkpoint: str | None) -> None:
+    def __init__(self, work: Callable[..., None], given: tuple, name: str) -> None:
+        """Starts a function of a module with one end of a pipe and what it is `given`.
+
+        It sends (number, kind, content, attached); those of another than the current number are dropped.
+        """
         context = multiprocessing.get_context("spawn")
         self._connection, other = context.Pipe()
-        given = other, open_camera, checkpoint
-        self._process = context.Process(target=serve_lessons, args=given, daemon=True, name="lesson")
+        self._process = context.Process(target=work, args=(other, *given), daemon=True, name=name)
         self._process.start()
         other.close()
-        self._number = 0
+        self._name, self._number = name, 0
         self._kept: list[tuple] = []
         self._loop = asyncio.get_running_loop()
         self._arrived = asyncio.Event()
         self._unsent: queue.Queue[tuple] = queue.Queue(MOST_UNSENT)
-        for work in (self._listen, self._pass_on):
-            threading.Thread(target=work, daemon=True, name=f"lesson {work.__name__}").start()
+        for passed_on in (self._listen, self._pass_on):
+            threading.Thread(target=passed_on, daemon=True, name=f"{name} {passed_on.__name__}").start()
 
     @property
     def alive(self) -> bool:
         return self._process.is_alive()
-
-    def prepare(self, lesson: Lesson, dance: TaughtDance) -> None:
-        """Begins another lesson; messages of the one before are dropped."""
-        self._number += 1
-        self._kept.clear()
-        self.send("prepare", self._number, lesson, dance)
 
     def send(self, *message: Any) -> None:
         """Sends a message of `loop`, such as ("go", 2.0), without waiting. Raises InputError if the process takes none."""
@@ -81,7 +79,7 @@ class LessonProcess:
             while True:
                 self._hand_over(*self._connection.recv())
         except (EOFError, OSError):
-            text = "the process that watches you has ended; start the dance again"
+            text = f"the process that watches you has ended; start the {self._name} again"
             self._hand_over(self._number, "error", {"text": text}, None)
 
     def _hand_over(self, number: int, *message: Any) -> None:
@@ -95,6 +93,19 @@ class LessonProcess:
             self._kept = [one for one in self._kept if one[0] != "frame"]
         self._kept.append(message)
         self._arrived.set()
+
+
+class LessonProcess(Process):
+    """The process of one lesson after another."""
+
+    def __init__(self, open_camera: CameraOpener, checkpoint: str | None) -> None:
+        super().__init__(serve_lessons, (open_camera, checkpoint), "dance")
+
+    def prepare(self, lesson: Lesson, dance: TaughtDance) -> None:
+        """Begins another lesson; messages of the one before are dropped."""
+        self._number += 1
+        self._kept.clear()
+        self.send("prepare", self._number, lesson, dance)
 
 
 class LessonProcesses:

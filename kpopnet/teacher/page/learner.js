@@ -19,7 +19,8 @@ export class LearnerView {
 
   show(picture, frame, mirrored) {
     const [width, height] = new Uint16Array(picture.buffer.slice(picture.byteOffset, picture.byteOffset + 4));
-    this.drawDepth(picture.subarray(4), width, height, frame.joints ? frame.joints[TORSO][2] : null);
+    const people = (frame.people || [frame]).filter(({ joints }) => joints);
+    this.drawDepth(picture.subarray(4), width, height, people.map(({ joints }) => joints[TORSO][2]).filter((z) => z !== null));
     const scale = Math.min(devicePixelRatio, 2);
     const canvas = this.canvas, draw = canvas.getContext("2d");
     const [wide, high] = [canvas.clientWidth * scale, canvas.clientHeight * scale];
@@ -32,16 +33,16 @@ export class LearnerView {
     draw.translate((canvas.width - zoom * width) / 2, (canvas.height - zoom * height) / 2);
     if (mirrored) draw.transform(-1, 0, 0, 1, zoom * width, 0);
     draw.drawImage(this.small, 0, 0, zoom * width, zoom * height);
-    if (frame.joints) this.drawSkeleton(draw, frame, zoom * width, zoom * height);
+    for (const person of people) this.drawSkeleton(draw, person, zoom * width, zoom * height);
   }
 
-  drawDepth(pixels, width, height, torso_m) {
+  drawDepth(pixels, width, height, torsos_m) {
     [this.small.width, this.small.height] = [width, height];
     const draw = this.small.getContext("2d"), image = draw.createImageData(width, height);
     for (let i = 0; i < pixels.length; i++) {
       if (pixels[i] === 0) continue;
       const depth_m = NEAR_M + (pixels[i] - 1) / 254 * (FAR_M - NEAR_M);
-      const near = torso_m !== null && Math.abs(depth_m - torso_m) < BODY_M;
+      const near = torsos_m.some((torso_m) => Math.abs(depth_m - torso_m) < BODY_M);
       const grey = 150 - 25 * depth_m;
       image.data[4 * i] = near ? grey + 10 : grey * 0.55;
       image.data[4 * i + 1] = near ? grey + 14 : grey * 0.55;
@@ -51,15 +52,16 @@ export class LearnerView {
     draw.putImageData(image, 0, 0);
   }
 
-  drawSkeleton(draw, frame, width, height) {
+  // person: joints, and the similarities of the parts or one colour.
+  drawSkeleton(draw, person, width, height) {
     const safe = remembered("palette", "brightness") === "safe";
     draw.lineCap = "round";
     for (const [part, from, to] of BONES) {
-      const a = frame.joints[from], b = frame.joints[to];
+      const a = person.joints[from], b = person.joints[to];
       if ([a[0], a[1], b[0], b[1]].some((value) => value === null)) continue;
-      const value = frame.parts[part];
+      const value = person.parts?.[part];
       draw.globalAlpha = Math.min(a[3], b[3]) < UNSURE ? 0.45 : 1;
-      for (const [colour, thickness] of [["#0009", 0.030], [shade(value), 0.020]]) {
+      for (const [colour, thickness] of [["#0009", 0.030], [person.colour || shade(value), 0.020]]) {
         draw.strokeStyle = colour;
         // In the other palette what is wrong is thicker too: it does not rest on colour alone.
         draw.lineWidth = height * (thickness + (safe && value < 50 ? 0.012 : 0));
@@ -70,9 +72,9 @@ export class LearnerView {
       }
     }
     draw.globalAlpha = 1;
-    const head = frame.joints[HEAD];
+    const head = person.joints[HEAD];
     if (head[0] !== null) {
-      draw.fillStyle = shade(frame.parts.torso);
+      draw.fillStyle = person.colour || shade(person.parts.torso);
       draw.beginPath();
       draw.arc(head[0] * width, head[1] * height, 0.03 * height, 0, 7);
       draw.fill();

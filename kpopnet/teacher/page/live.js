@@ -1,4 +1,4 @@
-// The connection to the process that watches the learner.
+// The connection to the process that watches.
 
 export class Live {
   constructor(on) {
@@ -8,19 +8,20 @@ export class Live {
 
   send(message) {
     const text = JSON.stringify(message);
-    if (this.socket && this.socket.readyState === WebSocket.OPEN) return this.socket.send(text);
-    if (this.socket && this.socket.readyState === WebSocket.CONNECTING) {
-      return this.socket.addEventListener("open", () => this.socket.send(text), { once: true });
-    }
+    this.connect();
+    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(text);
+    else this.socket.addEventListener("open", () => this.socket.send(text), { once: true });
+  }
+
+  connect() {
+    if (this.socket) return;
     this.socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
     this.socket.binaryType = "arraybuffer";
-    this.socket.addEventListener("open", () => this.socket.send(text), { once: true });
     this.socket.addEventListener("message", ({ data }) => this.receive(data));
     this.socket.addEventListener("close", () => {
       this.socket = null;
       this.on.lost();
     });
-    return undefined;
   }
 
   receive(data) {
@@ -35,7 +36,7 @@ export class Live {
 
   close() {
     if (this.socket) {
-      this.on = { lost() {}, frame() {}, preparing() {}, ready() {}, verdict() {}, away() {}, back() {}, done() {}, error() {} };
+      this.on = new Proxy({}, { get: () => () => {} });
       this.socket.close();
     }
   }

@@ -1,70 +1,34 @@
 // Two learners beside their teacher, pair by pair: a rater says who dances better. Names, ranks and scores never come here.
 import { View } from "./body.js";
-import { BONES } from "./learner.js";
+import { Figure, JOINTS } from "./figure.js";
 import { ask, clamp, clock, el, unpacked } from "./tools.js";
-import { BufferAttribute, BufferGeometry, Group, Mesh, MeshStandardMaterial, Vector3 } from "./vendor/three.js";
 
-const MISSING = -32768, JOINTS = 15, HEAD = 0;
+const MISSING = -32768;
 const SIDES = { left: "left learner", teacher: "teacher", right: "right learner" };
 const CHOICES = { left: "← left is better", equal: "↓ equal, or unsure", right: "right is better →" };
 const COLOURS = { right: "#e07b2c", left: "#3d8fdc", torso: "#9a95a8" };
-const SPEEDS = [25, 50, 75, 100], UP = new Vector3(0, 1, 0);
+const SPEEDS = [25, 50, 75, 100];
 
-// A solid of rotation about y, from [y, radius] along it.
-function turnedSolid(profile, sides = 14) {
-  const points = [], faces = [];
-  profile.forEach(([y, radius], ring) => {
-    for (let side = 0; side < sides; side++) {
-      const angle = 2 * Math.PI * side / sides, next = ring * sides + (side + 1) % sides, here = ring * sides + side;
-      points.push(radius * Math.cos(angle), y, radius * Math.sin(angle));
-      if (ring) faces.push(here, next, here - sides, next, next - sides, here - sides);
-    }
-  });
-  const geometry = new BufferGeometry();
-  geometry.setAttribute("position", new BufferAttribute(new Float32Array(points), 3));
-  geometry.setIndex(faces);
-  geometry.computeVertexNormals();
-  return geometry;
-}
-const BONE = turnedSolid([[0, 0.7], [0.15, 1], [0.85, 1], [1, 0.7]]);
-const BALL = turnedSolid([...Array(9).keys()].map((k) => [-Math.cos(Math.PI * k / 8), Math.sin(Math.PI * k / 8)]));
-
-// A skeleton that a `View` draws: bones and joints of a movement, parts that are missing left out.
-class Figure {
+// The figure of a dance, whose right limbs are orange and left ones blue; parts that are missing are left out.
+class Dance extends Figure {
   constructor() {
-    this.group = new Group();
+    super((part) => COLOURS[part.split(" ")[0]]);
     this.movement = null;
-    const solid = (shape, part) => {
-      const mesh = new Mesh(shape, new MeshStandardMaterial({ color: COLOURS[part.split(" ")[0]], roughness: 0.8 }));
-      this.group.add(mesh);
-      return mesh;
-    };
-    this.bones = BONES.map(([part]) => solid(BONE, part));
-    this.joints = Array.from({ length: JOINTS }, (_, joint) => solid(BALL, BONES.find(([, , to]) => to === joint)?.[0] ?? "torso"));
-    this.joints.forEach((ball, joint) => ball.scale.setScalar(joint === HEAD ? 0.11 : 0.045));
   }
 
   show(time_s) {
     const { fps, begin_s, joints } = this.movement, last = joints.length / (3 * JOINTS) - 1;
     const frame = clamp(Math.round((time_s - begin_s) * fps), 0, last);
-    const places = this.joints.map((ball, joint) => {
+    this.place(Array.from({ length: JOINTS }, (_, joint) => {
       const [x, y, z] = joints.subarray(3 * (frame * JOINTS + joint));
-      ball.visible = x !== MISSING;
-      return ball.position.set(x / 1000, y / 1000, z / 1000);
-    });
-    this.bones.forEach((bone, k) => {
-      const [, from, to] = BONES[k], along = places[to].clone().sub(places[from]);
-      bone.visible = this.joints[from].visible && this.joints[to].visible;
-      bone.position.copy(places[from]);
-      bone.scale.set(0.04, Math.max(along.length(), 1e-3), 0.04);
-      bone.quaternion.setFromUnitVectors(UP, along.normalize());
-    });
+      return x === MISSING ? null : [x / 1000, y / 1000, z / 1000];
+    }));
   }
 }
 
 function views(panels) {
   const made = Object.entries(panels).map(([side, canvas]) => {
-    const view = new View(canvas), figure = new Figure();
+    const view = new View(canvas), figure = new Dance();
     view.stage.add(figure.group);
     view.back(3.9);
     return { side, view, figure };

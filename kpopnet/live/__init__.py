@@ -1,0 +1,1 @@
+"""Everybody before a depth camera, live: on a page, as a stream of joints, as recordings."""

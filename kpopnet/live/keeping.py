@@ -1,0 +1,145 @@
+"""What is kept of what is seen: recordings of depth and files of joints, in one folder."""
+
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+
+from kpopnet.camera import Camera
+from kpopnet.dance.joint_files.writing import write_performance
+from kpopnet.dance.performance import Performance
+from kpopnet.live.streams import Seen
+from kpopnet.runtime.atomic_write import claim
+from kpopnet.runtime.endings import of_the_disk
+from kpopnet.skeleton import NUM_JOINTS
+from kpopnet.sources.arrays import DepthWriter
+from kpopnet.sources.live import Image
+
+MOST_JOINTS_S = 3600.0
+"""Joints are kept in memory until they are written: after this time they are."""
+
+
+def free_path(folder: Path, kind: str, suffix: str) -> Path:
+    """A new file of the folder, named after its kind and now: depth-20261124-101500.h5."""
+    folder.mkdir(parents=True, exist_ok=True)
+    name, number = f"{kind}-{time.strftime('%Y%m%d-%H%M%S')}", 1
+    while not claim(path := folder / f"{name}{'' if number == 1 else f'-{number}'}{suffix}"):
+        number += 1
+    return path
+
+
+class DepthRecorder:
+    """Writes every image of the camera while it is told to; its thread is the camera's, orders come from another."""
+
+    def __init__(self, folder: Path, camera: Camera) -> None:
+        self._folder, self._camera = folder, camera
+        self._lock = threading.Lock()
+        self._writer: DepthWriter | None = None
+        self._first = self._last = 0.0
+        self._told = ""
+
+    @property
+    def state(self) -> dict | None:
+        """Images and seconds so far; None while nothing is recorded."""
+        writer, seconds = self._writer, self._last - self._first
+        return None if writer is None else {"images": writer.images, "seconds": round(seconds, 1)}
+
+    def start(self) -> None:
+        """Begins a recording, unless one goes on. Raises OSError where the folder cannot be written."""
+        with self._lock:
+            if self._writer is None:
+                self._writer = DepthWriter(free_path(self._folder, "depth", ".h5"), self._camera)
+
+    def add(self, image: Image) -> None:
+        """Writes an image, if a recording goes on; one that cannot go on ends."""
+        with self._lock:
+            if self._writer is None:
+                return
+            if not self._writer.images:
+                self._first = self._last = image.taken
+            elif image.taken <= self._last:
+                return
+            try:
+                self._writer.add(image.depth_m, image.taken - self._first)
+                self._last = image.taken
+            except OSError as error:
+                self._end(f"; it ended early: {of_the_disk(error)}")
+
+    def stop(self) -> None:
+        """Ends the recording, if one goes on."""
+        with self._lock:
+            if self._writer is not None:
+                self._end("")
+
+    def news(self) -> str:
+        """What became of the last recording that has ended, once; else ""."""
+        with self._lock:
+            told, self._told = self._told, ""
+            return told
+
+    def _end(self, why: str) -> None:
+        writer, self._writer = self._writer, None
+        assert writer is not None
+        try:
+            writer.close()
+        except OSError as error:
+            why = why or f"; it is not complete: {of_the_disk(error)}"
+        if not writer.images:
+            writer.path.unlink(missing_ok=True)
+            self._told = f"no image came: nothing was recorded{why}"
+        else:
+            seconds = self._last - self._first
+            self._told = f"{writer.images} depth images of {seconds:.1f} s are in {writer.path}{why}"
+
+
+class JointKeeper:
+    """Keeps the joints of everybody until they are written."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._kept: list[Seen] | None = None
+
+    @property
+    def state(self) -> dict | None:
+        """Images and seconds so far; None while nothing is kept."""
+        return None if self._kept is None else {"images": len(self._kept), "seconds": round(self._seconds, 1)}
+
+    @property
+    def _seconds(self) -> float:
+        return self._kept[-1].time_s - self._kept[0].time_s if self._kept else 0.0
+
+    def start(self) -> None:
+        """Begins to keep joints, unless they are kept already."""
+        self._kept = self._kept if self._kept is not None else []
+
+    def add(self, seen: Seen) -> bool:
+        """Keeps the joints of an image; whether it is time to write them."""
+        if self._kept is None:
+            return False
+        self._kept.append(seen)
+        return self._seconds >= MOST_JOINTS_S
+
+    def write(self) -> str:
+        """Writes a file for each person, which `kpopnet score` reads, and forgets the joints; what was written, "" for nothing.
+
+        Times begin with 0 at the first image. Raises OSError.
+        """
+        kept, self._kept = self._kept, None
+        if kept is None:
+            return ""
+        identities = sorted({person.identity for seen in kept for person in seen.people})
+        if not identities:
+            return "nobody was in view: no joints were saved"
+        times_s = np.array([seen.time_s - kept[0].time_s for seen in kept])
+        joints_m = {one: np.full((len(kept), NUM_JOINTS, 3), np.nan, np.float32) for one in identities}
+        confidence = {one: np.zeros((len(kept), NUM_JOINTS), np.float32) for one in identities}
+        for frame, seen in enumerate(kept):
+            for person in seen.people:
+                joints_m[person.identity][frame] = person.joints_camera_m
+                confidence[person.identity][frame] = person.confidence
+        paths = []
+        for one in identities:
+            paths.append(free_path(self._folder, f"joints-person{one}", ".npz"))
+            write_performance(paths[-1], Performance(joints_m[one], times_s, confidence[one]))
+        return f"the joints of {len(kept)} images are in {', '.join(map(str, paths))}"

@@ -1,0 +1,241 @@
+"""Watches a camera: newest image, everybody's joints, streams and recordings; in a process of its own where a page looks on.
+
+The server sends ("record", on), ("joints", on), ("pause", on), ("watched", on) and ("quit",). It gets a kind, its content as
+JSON, and a picture of the depth or None.
+"""
+
+import contextlib
+import signal
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import astuple, dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import numpy as np
+
+from kpopnet.errors import InputError
+from kpopnet.live.keeping import DepthRecorder, JointKeeper
+from kpopnet.live.streams import ReaderGoneError, Seen, open_stream
+from kpopnet.runtime.endings import of_the_disk
+from kpopnet.runtime.parallel import end_with_parent
+from kpopnet.sources.live import Image, NewestImage, PlayedRecording
+from kpopnet.sources.source import CameraAwayError, LiveCamera
+from kpopnet.teacher.live.loop import load_estimator, picture
+from kpopnet.teacher.live.words import rounded
+
+PICTURE_WIDTH = 320
+STEADY_IMAGES, STEADY_S = 5, 0.15
+"""The estimator is warm when it took less than STEADY_S seconds for each of STEADY_IMAGES successive images with people."""
+
+NOBODY_S = 3.0
+"""After this time it is taken to be warm although nobody is in view."""
+
+ASK_EVERY_S = 0.1
+RATE_IMAGES = 30
+"""Images over which their number a second is measured."""
+
+
+@dataclass(frozen=True)
+class Watching:
+    """What is watched and how; it travels to another process.
+
+    Attributes:
+        name: of the source.
+        open_camera: opens it; a function of a module.
+        folder: of recordings and joints.
+        checkpoint: of `load_estimator`.
+        people: largest number of people.
+        stream: a kind of `open_stream`, None for none.
+        port: of the stream, None for the usual one.
+    """
+
+    name: str
+    open_camera: Callable[[], LiveCamera]
+    folder: Path
+    checkpoint: str | None = None
+    people: int = 16
+    stream: str | None = None
+    port: int | None = None
+
+
+Tell = Callable[..., None]
+Orders = Callable[[], Iterator[tuple]]
+
+
+class Watcher:
+    """Estimates everybody's joints in the newest image until the source ends or somebody quits."""
+
+    def __init__(self, watching: Watching, tell: Tell, orders: Orders) -> None:
+        """Opens source and stream.
+
+        Args:
+            watching: what is watched.
+            tell: takes what the page shows: a kind, its content, and a picture.
+            orders: gives what the page asks for, since it was last called.
+        """
+        self._estimator = load_estimator(watching.checkpoint, watching.people)
+        self._stream = open_stream(watching.stream, watching.port) if watching.stream else None
+        self._camera = watching.open_camera()
+        self._name, self._tell, self._orders = watching.name, tell, orders
+        self._depth, self._joints = DepthRecorder(watching.folder, self._camera.camera), JointKeeper(watching.folder)
+        self._away, self._paused, self._watched, self._quit = "", False, False, False
+        self._first: float | None = None
+        self._number, self._dropped = 0, 0
+        self._done: deque[float] = deque(maxlen=RATE_IMAGES)
+
+    def run(self) -> None:
+        """Watches. Raises InputError where the source fails, ReaderGoneError where nobody reads the stream any more."""
+        self._tell("opened", {"name": self._name, "camera": astuple(self._camera.camera)})
+        try:
+            if self._warm():
+                self._go_on()
+        finally:
+            self._order(("record", False))
+            self._order(("joints", False))
+            self._follow_news()
+            self._camera.close()
+
+    def _warm(self) -> bool:
+        """Handles each image in turn until joints come in real time: what is compiled first takes a while; False at the end."""
+        steady, began = 0, time.monotonic()
+        while steady < STEADY_IMAGES and time.monotonic() - began < NOBODY_S:
+            self._follow()
+            try:
+                read = self._camera.read()
+            except CameraAwayError as error:
+                self._follow_away(str(error))
+                began = time.monotonic()
+                continue
+            if read is None or self._quit:
+                return False
+            before, image = time.monotonic(), Image(*read)
+            self._depth.add(image)
+            people = self._see(image)
+            took_s = time.monotonic() - before
+            steady = steady + 1 if people and took_s < STEADY_S else 0
+            began += max(took_s - STEADY_S, 0)  # what is compiled is no reason to go on
+        return True
+
+    def _go_on(self) -> None:
+        images = NewestImage(self._camera, self._keep)
+        with contextlib.closing(images):
+            while not self._quit and not images.ended:
+                self._follow()
+                image = images.fetch(ASK_EVERY_S)
+                self._follow_away(images.away)
+                self._dropped = images.dropped
+                if image is not None and not self._paused:
+                    self._see(image)
+        if images.error:
+            raise InputError(images.error)
+
+    def _keep(self, image: Image) -> None:
+        if not self._paused:
+            self._depth.add(image)
+
+    def _see(self, image: Image) -> int:
+        """One image: joints, stream, and what the page shows; the number of people."""
+        self._follow_away("")
+        people = self._estimator.update(image.depth_m, self._camera.camera)
+        now = time.monotonic()
+        self._first = image.taken if self._first is None else self._first
+        seen = Seen(self._number, image.taken - self._first, 1000 * (now - image.taken), people)
+        self._number += 1
+        self._done.append(now)
+        if self._stream is not None:
+            try:
+                self._stream(seen)
+            except BrokenPipeError as error:
+                raise ReaderGoneError("nobody reads the stream any more") from error
+        if self._joints.add(seen):
+            self._order(("joints", False))
+        if self._watched:
+            self._tell("frame", self._shown(seen), picture(image.depth_m, PICTURE_WIDTH))
+        return len(people)
+
+    def _shown(self, seen: Seen) -> dict:
+        seconds = self._done[-1] - self._done[0]
+        people = [
+            {
+                "identity": one.identity,
+                "joints": [[rounded(v, 3) for v in row] for row in np.column_stack([one.joints_camera_m, one.confidence])],
+            }
+            for one in seen.people
+        ]
+        return {
+            "time_s": rounded(seen.time_s, 2), "delay_ms": rounded(seen.delay_ms), "dropped": self._dropped,
+            "fps": rounded((len(self._done) - 1) / seconds) if seconds > 0 else None,
+            "depth": self._depth.state, "joints": self._joints.state, "people": people,
+        }  # fmt: skip
+
+    def _follow(self) -> None:
+        """Does what the page asks."""
+        for order in self._orders():
+            self._order(order)
+            self._tell("state", self.state)
+        self._follow_news()
+
+    def _follow_news(self) -> None:
+        if news := self._depth.news():
+            self._tell("said", {"text": news})
+            self._tell("state", self.state)
+
+    def _order(self, order: tuple) -> None:
+        what, *on = order
+        try:
+            match what, on:
+                case "record", [True]:
+                    self._depth.start()
+                case "record", _:
+                    self._depth.stop()
+                case "joints", [True]:
+                    self._joints.start()
+                case "joints", _:
+                    if text := self._joints.write():
+                        self._tell("said", {"text": text})
+                case "pause", [paused]:
+                    self._paused = paused
+                    if isinstance(self._camera, PlayedRecording):
+                        self._camera.paused = paused
+                case "watched", [watched]:
+                    self._watched = watched
+                case "quit", _:
+                    self._quit = True
+        except OSError as error:
+            self._tell("said", {"text": f"not saved: {of_the_disk(error)}"})
+
+    @property
+    def state(self) -> dict:
+        """What goes on, and what is the matter with the camera, "" for nothing."""
+        recording, keeping = self._depth.state is not None, self._joints.state is not None
+        return {"paused": self._paused, "recording": recording, "keeping": keeping, "text": self._away, "ended": False}
+
+    def _follow_away(self, away: str) -> None:
+        if away != self._away:
+            self._away = away
+            self._tell("state", self.state)
+
+
+def serve_watching(connection: Connection, watching: Watching) -> None:
+    """Watches until the other end of the connection says so, or closes; a source that has ended, or fails, is told."""
+    end_with_parent()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the server too, which asks to end: joints are saved then
+
+    def tell(kind: str, content: dict, attached: bytes | None = None) -> None:
+        connection.send((0, kind, content, attached))
+
+    def orders() -> Iterator[tuple]:
+        while connection.poll():
+            yield connection.recv()
+
+    with contextlib.suppress(EOFError, BrokenPipeError):
+        text = f"{watching.name} has ended"
+        try:
+            Watcher(watching, tell, orders).run()
+        except InputError as error:
+            text = str(error)
+        tell("state", {"paused": False, "recording": False, "keeping": False, "text": text, "ended": True})
+        while connection.recv()[0] != "quit":
+            pass

@@ -1,0 +1,203 @@
+"""The joints of every image for other programs: JSON or CSV lines on the standard output, OSC or VMC messages by UDP.
+
+JSON and CSV hold what `kpopnet predict` writes, with the number of the person; OSC and VMC go to ports of this machine.
+Open Sound Control 1.0: https://opensoundcontrol.stanford.edu/spec-1_0.html. VMC protocol: https://protocol.vmc.info/english.
+"""
+
+import csv
+import json
+import socket
+import struct
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from kpopnet.dance.joint_files.writing import CM_PER_METRE, CSV_COLUMNS, csv_rows, json_frames, skeleton
+from kpopnet.dance.performance import Performance
+from kpopnet.errors import InputError
+from kpopnet.pose import PersonPose
+from kpopnet.rotations import conjugate, multiply
+from kpopnet.skeleton import JOINT_NAMES, Joint
+
+
+class Seen(NamedTuple):
+    """Everybody in one image.
+
+    Attributes:
+        number: of the image, from 0.
+        time_s: seconds since the first one.
+        delay_ms: from the image to its joints.
+        people: those in view.
+    """
+
+    number: int
+    time_s: float
+    delay_ms: float
+    people: Sequence[PersonPose]
+
+
+Stream = Callable[[Seen], None]
+"""Sends the joints of one image; raises BrokenPipeError where nobody reads them any more."""
+
+
+class ReaderGoneError(InputError):
+    """Nobody reads the stream any more."""
+
+
+PORTS = {"osc": 9000, "vmc": 39539}
+"""The usual UDP ports of programs that receive."""
+
+STREAMS = ("json", "csv", *PORTS)
+TO_STDOUT = ("json", "csv")
+LOOPBACK = "127.0.0.1"
+FORGOTTEN_S = 5.0
+"""A person who was away for this long leaves the port to others."""
+
+
+def open_stream(kind: str, port: int | None = None) -> Stream:
+    """A stream of a kind in STREAMS; OSC goes to a UDP port of this machine, VMC to it and those that follow."""
+    if kind in TO_STDOUT:
+        return _write_json if kind == "json" else _csv_writer()
+    udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+
+    def send(packet: bytes, number: int = 0) -> None:
+        udp.sendto(packet, (LOOPBACK, (port or PORTS[kind]) + number))
+
+    return _osc_sender(send) if kind == "osc" else VmcPerformers(send).send
+
+
+def _one(seen: Seen, person: PersonPose) -> Performance:
+    return Performance(person.joints_camera_m[None], np.array([seen.time_s]), person.confidence[None])
+
+
+def _write_json(seen: Seen) -> None:
+    """One line an image: its number, time_s, delay_ms, and of everybody in view the identity and the joints."""
+    people = [{"identity": one.identity, "joints": next(json_frames(_one(seen, one)))["joints"]} for one in seen.people]
+    head = {"image": seen.number, "time_s": round(seen.time_s, 6), "delay_ms": round(seen.delay_ms, 1)}
+    print(json.dumps(head | {"people": people}, allow_nan=False), flush=True)
+
+
+def _csv_writer() -> Stream:
+    """A header, then a line for everybody in each image; an image without anybody has none."""
+    rows = csv.writer(sys.stdout, lineterminator="\n")
+    rows.writerow(("image", "identity", "delay_ms", *CSV_COLUMNS))
+    sys.stdout.flush()
+
+    def write(seen: Seen) -> None:
+        for one in seen.people:
+            rows.writerow([seen.number, one.identity, round(seen.delay_ms, 1), *next(csv_rows(_one(seen, one)))])
+        sys.stdout.flush()
+
+    return write
+
+
+# --- Open Sound Control
+
+
+def _padded(content: bytes) -> bytes:
+    return content + b"\0" * (4 - len(content) % 4)  # text ends with one to four zeros
+
+
+def message(address: str, *values: str | int | float) -> bytes:
+    """An OSC message of texts, int32 and float32."""
+    kinds = "".join("s" if isinstance(one, str) else "i" if isinstance(one, int) else "f" for one in values)
+    packed = [
+        _padded(one.encode()) if kind == "s" else struct.pack(f">{kind}", one) for kind, one in zip(kinds, values, strict=True)
+    ]
+    return _padded(address.encode()) + _padded(f",{kinds}".encode()) + b"".join(packed)
+
+
+def bundle(messages: Sequence[bytes]) -> bytes:
+    """OSC messages that belong to one moment: now."""
+    return _padded(b"#bundle") + struct.pack(">Q", 1) + b"".join(struct.pack(">i", len(one)) + one for one in messages)
+
+
+def _osc_sender(send: Callable[[bytes], None]) -> Stream:
+    """Of each image /kpopnet/image, then for everybody a bundle of /kpopnet/person/IDENTITY/JOINT."""
+
+    def stream(seen: Seen) -> None:
+        send(message("/kpopnet/image", seen.number, float(seen.time_s), float(seen.delay_ms), len(seen.people)))
+        for person in seen.people:
+            joints = zip(JOINT_NAMES, person.joints_camera_m, person.confidence, strict=True)
+            told = [
+                message(f"/kpopnet/person/{person.identity}/{name}", *map(float, (*joint_m, confidence)))
+                for name, joint_m, confidence in joints
+                if confidence > 0
+            ]
+            send(bundle(told))
+
+    return stream
+
+
+# --- Virtual Motion Capture
+
+BONES = {
+    "Hips": "Hips", "Spine": "Spine", "Spine1": "Chest", "Neck": "Neck", "Head": "Head",
+    **{side + ours: side + theirs for side in ("Left", "Right") for ours, theirs in (
+        ("Arm", "UpperArm"), ("ForeArm", "LowerArm"), ("Hand", "Hand"),
+        ("UpLeg", "UpperLeg"), ("Leg", "LowerLeg"), ("Foot", "Foot"),
+    )},
+}  # fmt: skip
+"""Bones of `skeleton` to Unity's HumanBodyBones. In both rest poses the arms are stretched sideways, the legs down."""
+
+
+class VmcPerformers:
+    """Sends everybody as bone rotations. The protocol knows one performer a port: each gets one of its own."""
+
+    def __init__(self, send: Callable[[bytes, int], None]) -> None:
+        """`send` sends a packet to the performer of a number, from 0."""
+        self._send = send
+        self._numbers: dict[int, int] = {}
+        self._seen_s: dict[int, float] = {}
+        self._last_m: dict[int, np.ndarray] = {}
+        self._origins_cm: dict[int, np.ndarray] = {}
+
+    def send(self, seen: Seen) -> None:
+        """Sends the bones of everybody in view whose joints have all been seen."""
+        for identity in [one for one, time_s in self._seen_s.items() if seen.time_s - time_s > FORGOTTEN_S]:
+            for known in (self._numbers, self._seen_s, self._last_m, self._origins_cm):
+                known.pop(identity, None)
+        for person in seen.people:
+            free = (number for number in range(len(self._numbers) + 1) if number not in self._numbers.values())
+            number = self._numbers.setdefault(person.identity, next(free))
+            self._seen_s[person.identity] = seen.time_s
+            bones = list(self._bones(person))
+            if bones:
+                root = message("/VMC/Ext/Root/Pos", "root", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+                told = [message("/VMC/Ext/OK", 1), message("/VMC/Ext/T", float(seen.time_s)), root, *bones]
+                self._send(bundle(told), number)
+
+    def _bones(self, person: PersonPose) -> Iterator[bytes]:
+        """The messages of the bones, none while a joint has never been seen.
+
+        The hips stand as high as they are above the lower foot, and are where they were first seen at first.
+        """
+        joints_m = self._without_gaps(person)
+        if not np.isfinite(joints_m).all():
+            return
+        points_cm = joints_m * [1, -1, -1] * CM_PER_METRE
+        try:
+            bones, root_cm = skeleton(points_cm[None])
+        except InputError:  # joints that lie in one point have no direction
+            return
+        hips_cm = root_cm[0] - self._origins_cm.setdefault(person.identity, root_cm[0])
+        hips_cm[1] = root_cm[0, 1] - points_cm[[Joint.LEFT_FOOT, Joint.RIGHT_FOOT], 1].min()
+        for name, bone in bones.items():
+            turned = multiply(conjugate(bones[bone.parent].world), bone.world) if bone.parent else bone.world
+            place_cm = bone.offset_cm if bone.parent else hips_cm
+            # Unity's axes are those of a mirror: x to the person's right.
+            w, x, y, z = turned[0]
+            place_m = place_cm * [-1, 1, 1] / CM_PER_METRE
+            yield message("/VMC/Ext/Bone/Pos", BONES[name], *map(float, (*place_m, x, -y, -z, w)))
+
+    def _without_gaps(self, person: PersonPose) -> np.ndarray:
+        """(15, 3) joints; one that is missing stays where it was last, relative to the torso."""
+        joints_m = person.joints_camera_m.astype(float)
+        last_m = self._last_m.get(person.identity, np.full_like(joints_m, np.nan))
+        held_m = last_m - last_m[Joint.TORSO] + joints_m[Joint.TORSO]
+        joints_m = np.where(np.isfinite(joints_m), joints_m, held_m)
+        if np.isfinite(joints_m[Joint.TORSO]).all():
+            self._last_m[person.identity] = joints_m
+        return joints_m
