@@ -98,8 +98,8 @@ class Watcher:
             self._camera.close()
 
     def _warm(self) -> bool:
-        """Handles each image in turn until joints come in real time: what is compiled first takes a while; False at the end."""
-        steady, began = 0, time.monotonic()
+        """Handles each image in turn until joints come in real time; False at the end of a recording, which waits for this."""
+        steady, began, compiled = 0, time.monotonic(), False
         while steady < STEADY_IMAGES and time.monotonic() - began < NOBODY_S:
             self._follow()
             try:
@@ -110,12 +110,17 @@ class Watcher:
                 continue
             if read is None or self._quit:
                 return False
-            before, image = time.monotonic(), Image(*read)
+            image, before = Image(*read), time.monotonic()
+            if not compiled:  # the first time on a machine this takes up to a minute
+                self._estimator.update(image.depth_m, self._camera.camera)
+                self._estimator.reset()
+                compiled, began = True, time.monotonic()
+                if not isinstance(self._camera, PlayedRecording):
+                    continue  # its image is old by now
+                image, before = image._replace(taken=began), began
             self._depth.add(image)
             people = self._see(image)
-            took_s = time.monotonic() - before
-            steady = steady + 1 if people and took_s < STEADY_S else 0
-            began += max(took_s - STEADY_S, 0)  # what is compiled is no reason to go on
+            steady = steady + 1 if people and time.monotonic() - before < STEADY_S else 0
         return True
 
     def _go_on(self) -> None:
@@ -138,7 +143,8 @@ class Watcher:
     def _see(self, image: Image) -> int:
         """One image: joints, stream, and what the page shows; the number of people."""
         self._follow_away("")
-        people = self._estimator.update(image.depth_m, self._camera.camera)
+        found = self._estimator.update(image.depth_m, self._camera.camera)
+        people = [one._replace(identity=one.identity + 1) for one in found]
         now = time.monotonic()
         self._first = image.taken if self._first is None else self._first
         seen = Seen(self._number, image.taken - self._first, 1000 * (now - image.taken), people)

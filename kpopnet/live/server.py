@@ -89,9 +89,9 @@ class Watch:
             kind, content, attached = await self._process.next()
             if kind == "frame":
                 text = json.dumps({"kind": kind} | content, allow_nan=False).encode()
-                self._frame = struct.pack("<I", len(text)) + text + attached
+                self._frame = frame = struct.pack("<I", len(text)) + text + attached
                 for page in self.pages:
-                    page.offer(self._frame)
+                    page.offer(frame)
             else:
                 self._tell("state" if kind == "error" else kind, {"paused": False, "ended": True} | content)
 

@@ -29,7 +29,7 @@ class Seen(NamedTuple):
         number: of the image, from 0.
         time_s: seconds since the first one.
         delay_ms: from the image to its joints.
-        people: those in view.
+        people: those in view; identities from 1.
     """
 
     number: int
@@ -102,11 +102,11 @@ def _padded(content: bytes) -> bytes:
 
 def message(address: str, *values: str | int | float) -> bytes:
     """An OSC message of texts, int32 and float32."""
-    kinds = "".join("s" if isinstance(one, str) else "i" if isinstance(one, int) else "f" for one in values)
-    packed = [
-        _padded(one.encode()) if kind == "s" else struct.pack(f">{kind}", one) for kind, one in zip(kinds, values, strict=True)
-    ]
-    return _padded(address.encode()) + _padded(f",{kinds}".encode()) + b"".join(packed)
+    kinds, packed = ",", b""
+    for one in values:
+        kinds += "s" if isinstance(one, str) else "i" if isinstance(one, int) else "f"
+        packed += _padded(one.encode()) if isinstance(one, str) else struct.pack(f">{kinds[-1]}", one)
+    return _padded(address.encode()) + _padded(kinds.encode()) + packed
 
 
 def bundle(messages: Sequence[bytes]) -> bytes:

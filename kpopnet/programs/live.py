@@ -5,8 +5,8 @@
     kpopnet live realsense --stream json | my_program     and a line of JSON for each image, or csv, on standard output
     kpopnet live realsense --stream vmc --no-page         no page: bone rotations for an avatar by UDP; osc: joints
 
-R writes every depth image of the camera to DATA/depth-TIME.h5, which `kpopnet predict` opens; J writes the joints of each person to
-DATA/joints-personN-TIME.npz, which `kpopnet score` reads. docs/live.md describes page and streams.
+R writes every depth image of the camera to DATA/depth-TIME.h5, which `kpopnet predict` opens; J writes the joints of each
+person to DATA/joints-personN-TIME.npz, which `kpopnet score` reads. docs/live.md describes page and streams.
 """
 
 import argparse
