@@ -68,7 +68,7 @@ class Watcher:
     """Estimates everybody's joints in the newest image until the source ends or somebody quits."""
 
     def __init__(self, watching: Watching, tell: Tell, orders: Orders) -> None:
-        """Opens source and stream.
+        """Opens the source.
 
         Args:
             watching: what is watched.
@@ -76,7 +76,7 @@ class Watcher:
             orders: gives what the page asks for, since it was last called.
         """
         self._estimator = load_estimator(watching.checkpoint, watching.people)
-        self._stream = open_stream(watching.stream, watching.port) if watching.stream else None
+        self._stream_to, self._stream = (watching.stream, watching.port), None
         self._camera = watching.open_camera()
         self._name, self._tell, self._orders = watching.name, tell, orders
         self._depth, self._joints = DepthRecorder(watching.folder, self._camera.camera), JointKeeper(watching.folder)
@@ -89,8 +89,9 @@ class Watcher:
         """Watches. Raises InputError where the source fails, ReaderGoneError where nobody reads the stream any more."""
         self._tell("opened", {"name": self._name, "camera": astuple(self._camera.camera)})
         try:
-            if self._warm():
-                self._go_on()
+            with open_stream(*self._stream_to) as self._stream:
+                if self._warm():
+                    self._go_on()
         finally:
             self._order(("record", False))
             self._order(("joints", False))

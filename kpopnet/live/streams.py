@@ -4,12 +4,14 @@ JSON and CSV hold what `kpopnet predict` writes, with the number of the person; 
 Open Sound Control 1.0: https://opensoundcontrol.stanford.edu/spec-1_0.html. VMC protocol: https://protocol.vmc.info/english.
 """
 
+import contextlib
 import csv
 import json
 import socket
 import struct
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import NamedTuple
 
 import numpy as np
@@ -56,16 +58,19 @@ FORGOTTEN_S = 5.0
 """A person who was away for this long leaves the port to others."""
 
 
-def open_stream(kind: str, port: int | None = None) -> Stream:
-    """A stream of a kind in STREAMS; OSC goes to a UDP port of this machine, VMC to it and those that follow."""
-    if kind in TO_STDOUT:
-        return _write_json if kind == "json" else _csv_writer()
-    udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+@contextmanager
+def open_stream(kind: str | None, port: int | None = None) -> Iterator[Stream | None]:
+    """A stream of a kind in STREAMS; OSC goes to a UDP port of this machine, VMC to it and those that follow; None: none."""
+    if kind not in PORTS:
+        yield {None: lambda: None, "json": lambda: _write_json, "csv": _csv_writer}[kind]()
+        return
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
 
-    def send(packet: bytes, number: int = 0) -> None:
-        udp.sendto(packet, (LOOPBACK, (port or PORTS[kind]) + number))
+        def send(packet: bytes, number: int = 0) -> None:
+            with contextlib.suppress(ConnectionRefusedError):  # nobody listens yet
+                udp.sendto(packet, (LOOPBACK, (port or PORTS[kind]) + number))
 
-    return _osc_sender(send) if kind == "osc" else VmcPerformers(send).send
+        yield _osc_sender(send) if kind == "osc" else VmcPerformers(send).send
 
 
 def _one(seen: Seen, person: PersonPose) -> Performance:

@@ -1,0 +1,182 @@
+"""The streams: their bytes, decoded here by the words of the protocols alone."""
+
+import io
+import json
+import socket
+import struct
+import sys
+
+import numpy as np
+import pytest
+from cone_people import cone_joints
+from scipy.spatial.transform import Rotation
+
+from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.live.streams import Seen, open_stream
+from kpopnet.pose import PersonPose
+from kpopnet.skeleton import JOINT_NAMES, Joint
+
+
+def person(identity: int, *missing: Joint, x_m: float = 0.0) -> PersonPose:
+    joints_m = cone_joints(place_m=(x_m, 0.1, 3.0)).astype(np.float32)
+    confidence = np.full(15, 0.9, np.float32)
+    joints_m[list(missing)], confidence[list(missing)] = np.nan, 0
+    return PersonPose(identity, joints_m, confidence)
+
+
+SEEN = Seen(7, 0.5, 12.5, [person(1), person(3, Joint.LEFT_FOOT, x_m=1.0)])
+
+
+def text(data: bytes, at: int) -> tuple[str, int]:
+    """A text that ends with zeros up to a multiple of four bytes, and where it ends."""
+    end = data.index(b"\0", at)
+    after = end + 4 - end % 4
+    assert not any(data[end:after])
+    return data[at:end].decode(), after
+
+
+def decoded(packet: bytes) -> list[tuple]:
+    """The messages of an OSC packet: address and values."""
+    if packet.startswith(b"#bundle\0"):
+        found, at = [], 16
+        while at < len(packet):
+            (size,) = struct.unpack_from(">i", packet, at)
+            assert size % 4 == 0
+            found += decoded(packet[at + 4 : at + 4 + size])
+            at += 4 + size
+        return found
+    address, at = text(packet, 0)
+    kinds, at = text(packet, at)
+    values = []
+    for kind in kinds.removeprefix(","):
+        if kind == "s":
+            value, at = text(packet, at)
+        else:
+            (value,), at = struct.unpack_from(f">{kind}", packet, at), at + 4
+        values.append(value)
+    assert at == len(packet)
+    return [(address, *values)]
+
+
+@pytest.fixture
+def listen():
+    """Opens UDP sockets on successive ports, and returns the first port and them."""
+    opened = []
+
+    def bind(count: int) -> tuple[int, list[socket.socket]]:
+        for first in range(40_000, 60_000, 7):
+            opened[:] = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(count)]
+            try:
+                for number, one in enumerate(opened):
+                    one.bind(("127.0.0.1", first + number))
+                    one.settimeout(10)
+            except OSError:
+                for one in opened:
+                    one.close()
+            else:
+                return first, opened
+        raise AssertionError("no free ports")
+
+    yield bind
+    for one in opened:
+        one.close()
+
+
+def test_json_is_one_line_an_image(capsys):
+    with open_stream("json") as stream:
+        stream(SEEN)
+        stream(Seen(8, 0.6, 11.0, []))
+    first, second = map(json.loads, capsys.readouterr().out.splitlines())
+    assert (first["image"], first["time_s"], first["delay_ms"]) == (7, 0.5, 12.5) and second["people"] == []
+    one, other = first["people"]
+    assert (one["identity"], other["identity"]) == (1, 3) and list(one["joints"]) == list(JOINT_NAMES)
+    head_m = SEEN.people[0].joints_camera_m[Joint.HEAD]
+    assert one["joints"]["head"] == pytest.approx([*head_m, 0.9], abs=1e-4)
+    assert other["joints"]["left_foot"] is None
+
+
+def test_csv_of_one_person_is_what_the_scorer_reads(monkeypatch, tmp_path):
+    written = io.StringIO()
+    monkeypatch.setattr(sys, "stdout", written)
+    with open_stream("csv") as stream:
+        for number in range(4):
+            stream(Seen(number, number / 30, 10.0, [person(2, x_m=0.1 * number)]))
+    lines = written.getvalue().splitlines()
+    assert lines[0].startswith("image,identity,delay_ms,time_s,head_x,head_y,head_z,head_confidence,") and len(lines) == 5
+    (tmp_path / "joints.csv").write_text(written.getvalue())
+    read = read_performance(tmp_path / "joints.csv")
+    np.testing.assert_allclose(read.times_s, np.arange(4) / 30, atol=1e-6)
+    read_m, true_m = (joints_m - joints_m[Joint.TORSO] for joints_m in (read.joints_m[3], person(2).joints_camera_m))
+    np.testing.assert_allclose(read_m, true_m, atol=2e-4)
+
+
+def test_osc_names_people_and_joints(listen):
+    port, (heard,) = listen(1)
+    with open_stream("osc", port) as stream:
+        stream(SEEN)
+    ((address, *image),) = decoded(heard.recv(65536))
+    assert address == "/kpopnet/image" and image == [7, 0.5, 12.5, 2]
+    one, other = (decoded(heard.recv(65536)) for _ in range(2))
+    assert [address for address, *_ in one] == [f"/kpopnet/person/1/{name}" for name in JOINT_NAMES]
+    np.testing.assert_allclose([values[:3] for _, *values in one], SEEN.people[0].joints_camera_m, atol=1e-6)
+    assert "/kpopnet/person/3/left_foot" not in [address for address, *_ in other] and len(other) == 14
+
+
+BONES = (
+    ("LeftUpperArm", "LeftLowerArm", Joint.LEFT_SHOULDER, Joint.LEFT_ELBOW),
+    ("RightUpperLeg", "RightLowerLeg", Joint.RIGHT_HIP, Joint.RIGHT_KNEE),
+    ("RightLowerLeg", "RightFoot", Joint.RIGHT_KNEE, Joint.RIGHT_FOOT),
+)
+PARENTS = {
+    "Spine": "Hips", "Chest": "Spine", "LeftUpperArm": "Chest", "LeftLowerArm": "LeftUpperArm", "RightUpperLeg": "Hips",
+    "RightLowerLeg": "RightUpperLeg", "RightFoot": "RightLowerLeg",
+}  # fmt: skip
+"""Of Unity's humanoid."""
+
+
+def placed(bones: dict[str, list[float]], name: str) -> tuple[np.ndarray, Rotation]:
+    """Where a bone begins and how it is turned in the room, by its parents, in Unity's axes."""
+    place, turned = np.array(bones[name][:3]), Rotation.from_quat(bones[name][3:])
+    if name not in PARENTS:
+        return place, turned
+    parent_place, parent_turned = placed(bones, PARENTS[name])
+    return parent_place + parent_turned.apply(place), parent_turned * turned
+
+
+def heard_bones(packet: bytes) -> dict[str, list[float]]:
+    messages = decoded(packet)
+    assert ("/VMC/Ext/OK", 1) in messages and messages[2][:2] == ("/VMC/Ext/Root/Pos", "root")
+    return {values[0]: values[1:] for address, *values in messages if address == "/VMC/Ext/Bone/Pos"}
+
+
+def test_vmc_bones_point_where_the_joints_do_and_everybody_has_a_port(listen):
+    port, heard = listen(2)
+    with open_stream("vmc", port) as stream:
+        stream(Seen(0, 0.0, 10.0, [person(1), person(3, x_m=1.0)]))
+    for socket_, x_m in zip(heard, (0.0, 1.0), strict=True):
+        bones, joints_m = heard_bones(socket_.recv(65536)), person(1, x_m=x_m).joints_camera_m
+        assert len(bones) == 17
+        for name, end, first, second in BONES:
+            along = placed(bones, end)[0] - placed(bones, name)[0]
+            # In Unity a person faces z, y is up and x to their right: of a person before the camera all three are opposed.
+            true = (joints_m[second] - joints_m[first]) * [-1, -1, -1]
+            np.testing.assert_allclose(along / np.linalg.norm(along), true / np.linalg.norm(true), atol=0.02)
+        np.testing.assert_allclose(bones["Hips"][0::2][:2], 0, atol=1e-5)  # where they were first seen
+        assert 0.6 < bones["Hips"][1] < 1.2
+
+
+def test_vmc_holds_a_limb_that_is_hidden_and_keeps_ports(listen):
+    port, heard = listen(2)
+    with open_stream("vmc", port) as stream:
+        stream(Seen(0, 0.0, 10.0, [person(4, Joint.LEFT_HAND)]))  # one that was never seen has no direction
+        stream(Seen(1, 0.1, 10.0, [person(4), person(5)]))
+        before = heard_bones(heard[0].recv(65536))
+        stream(Seen(2, 0.2, 10.0, [person(4, Joint.LEFT_HAND, Joint.RIGHT_FOOT, x_m=0.5)]))
+        held = heard_bones(heard[0].recv(65536))
+        for name, values in before.items():
+            np.testing.assert_allclose(held[name][3:], values[3:], atol=1e-5)
+        assert held["Hips"][0] == pytest.approx(-0.5, abs=1e-5)
+        heard[1].recv(65536)
+        stream(Seen(3, 9.0, 10.0, [person(5)]))  # who came second stays second for as long as the first may come back
+        stream(Seen(4, 20.0, 10.0, [person(6)]))  # and now nobody is known
+        assert heard_bones(heard[0].recv(65536))
