@@ -1,0 +1,110 @@
+"""Live cameras by name, recordings that are played as cameras, and recordings of cameras, also after a kill."""
+
+import errno
+import os
+import signal
+import subprocess
+import sys
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from depth_files import CAMERA, depth_mm, write_npz
+from programs import ROOT
+
+from kpopnet.errors import InputError
+from kpopnet.sources import arrays, open_depth
+from kpopnet.sources.arrays import DepthWriter
+from kpopnet.sources.live import LIVE_CAMERAS, PlayedRecording, open_live
+
+MILLIMETRES = depth_mm(6)
+METRES = MILLIMETRES.astype(np.float32) / 1000
+FPS = 50.0
+
+
+def test_an_unknown_camera_is_told_with_those_there_are():
+    with pytest.raises(InputError, match=f"webcam: no live camera webcam; there are {', '.join(LIVE_CAMERAS)}"):
+        open_live("webcam")
+
+
+def recording(folder):
+    return open_depth(write_npz(folder / "a.npz", MILLIMETRES, fps=FPS))
+
+
+def test_a_recording_is_played_in_its_own_time_to_its_end(tmp_path):
+    camera, began = PlayedRecording(recording(tmp_path)), time.monotonic()
+    read = [camera.read() for _ in range(len(METRES))]
+    assert time.monotonic() - began >= (len(METRES) - 1) / FPS - 0.01 and camera.camera == CAMERA
+    np.testing.assert_array_equal([depth_m for depth_m, _ in read], METRES)
+    assert (np.diff([taken for _, taken in read]) > 0).all()
+    assert camera.read() is None
+
+
+def test_a_recording_in_a_loop_stands_still_while_it_is_not_read(tmp_path):
+    camera = PlayedRecording(recording(tmp_path), loop=True)
+    camera.read()
+    time.sleep(0.5)  # longer than the recording
+    shown = [camera.read()[0] for _ in range(len(METRES))]
+    np.testing.assert_array_equal(shown, METRES[[1, 2, 3, 4, 5, 0]])
+    camera.close()
+    assert camera.read() is None
+
+
+def test_a_recording_of_a_camera_opens_with_equal_depth(tmp_path):
+    times_s = np.array([0, 0.03, 0.07, 0.1, 0.13, 0.17])
+    writer = DepthWriter(tmp_path / "depth.h5", CAMERA)
+    for image_m, time_s in zip(METRES, times_s, strict=True):
+        writer.add(image_m, time_s)
+        source = open_depth(tmp_path / "depth.h5", in_child=True)  # while it is written, too
+        np.testing.assert_array_equal(list(source), METRES[: writer.images])
+    writer.close()
+    source = open_depth(tmp_path / "depth.h5")
+    np.testing.assert_array_equal([image.time_s for image in source.timed()], times_s)
+    assert source.camera == CAMERA and source.fps == pytest.approx(1 / 0.03)
+
+
+def test_what_is_too_far_for_a_file_is_not_measured(tmp_path):
+    writer = DepthWriter(tmp_path / "depth.h5", CAMERA)
+    writer.add(np.where(METRES[0] > 2, np.float32(70), METRES[0]), 0.0)
+    writer.close()
+    (read,) = open_depth(tmp_path / "depth.h5")
+    np.testing.assert_array_equal(read, np.where(METRES[0] > 2, 0, METRES[0]))
+
+
+def test_a_recording_ends_before_the_disk_is_full(tmp_path, monkeypatch):
+    writer = DepthWriter(tmp_path / "depth.h5", CAMERA)
+    writer.add(METRES[0], 0.0)
+    monkeypatch.setattr(arrays.shutil, "disk_usage", lambda _: SimpleNamespace(free=1000))
+    with pytest.raises(OSError) as full:
+        writer.add(METRES[1], 0.1)
+    assert full.value.errno == errno.ENOSPC
+    writer.close()
+    assert len(list(open_depth(tmp_path / "depth.h5"))) == 1
+
+
+WRITER = """
+import sys
+from pathlib import Path
+import numpy as np
+from kpopnet.camera import Camera
+from kpopnet.sources.arrays import DepthWriter
+writer = DepthWriter(Path(sys.argv[1]), Camera.from_fov(60, 320, 240))
+rng = np.random.default_rng(0)
+for number in range(10**6):
+    writer.add(np.full((240, 320), number % 4096 + 1, np.float32) / 1000 + (rng.random((240, 320)) < 0.1), number / 30)
+    print(number, flush=True)
+"""
+
+
+@pytest.mark.parametrize("images", [1, 7, 40])
+def test_a_kill_leaves_a_recording_that_opens(tmp_path, images):
+    path = tmp_path / "depth.h5"
+    with subprocess.Popen([sys.executable, "-c", WRITER, str(path)], cwd=ROOT, stdout=subprocess.PIPE, text=True) as program:
+        for _ in range(images):
+            program.stdout.readline()
+        os.kill(program.pid, signal.SIGKILL)
+    read = list(open_depth(path, in_child=True).timed())
+    assert len(read) >= images
+    for number, image in enumerate(read):
+        assert image.time_s == number / 30 and image.depth_m.min() == np.float32((number + 1) / 1000)
