@@ -1,4 +1,4 @@
-"""The server of the dance teacher, or of raters, in a thread, and a real browser for its page."""
+"""The server of the dance teacher, of raters, or of a live camera, in a thread, and a real browser for its page."""
 
 import asyncio
 import contextlib
@@ -12,6 +12,8 @@ import numpy as np
 from aiohttp import web
 from aiohttp.test_utils import TestClient, TestServer
 
+from kpopnet.live.loop import Watching
+from kpopnet.live.server import make_watch_app
 from kpopnet.programs.teach import open_source
 from kpopnet.sources.source import CameraAwayError, LiveCamera
 from kpopnet.teacher.library import TaughtDance
@@ -27,12 +29,16 @@ PATIENCE_S = 480
 """Where nothing is cached yet, kernels are compiled first, beside other tests."""
 
 
-def app_of(shown: Teaching | Rating, keys: Keys | None = None) -> web.Application:
-    """The application of the dance teacher, or of raters."""
-    return (make_app if isinstance(shown, Teaching) else make_rating_app)(shown, LOOPBACK_NAMES, keys)
+MAKERS = {Teaching: make_app, Rating: make_rating_app, Watching: make_watch_app}
+Shown = Teaching | Rating | Watching
 
 
-def with_client(shown: Teaching | Rating, work, keys: Keys | None = None):
+def app_of(shown: Shown, keys: Keys | None = None) -> web.Application:
+    """The application that serves it."""
+    return MAKERS[type(shown)](shown, LOOPBACK_NAMES, keys)
+
+
+def with_client(shown: Shown, work, keys: Keys | None = None):
     """Runs a coroutine function that gets a client of a server of its own."""
 
     async def run():
@@ -43,7 +49,7 @@ def with_client(shown: Teaching | Rating, work, keys: Keys | None = None):
 
 
 @contextlib.contextmanager
-def served(shown: Teaching | Rating) -> Iterator[str]:
+def served(shown: Shown) -> Iterator[str]:
     """A server in a thread of its own; its address."""
     loop, ready, port = asyncio.new_event_loop(), threading.Event(), []
 
@@ -99,7 +105,7 @@ def resize(driver, size: tuple[int, int]) -> None:
 
 
 class UnsteadyCamera:
-    """The simulated learner's camera, which is unplugged while a file exists; a `LiveCamera`."""
+    """A camera that is unplugged while a file exists; a `LiveCamera`."""
 
     def __init__(self, unplugged: Path, camera: LiveCamera) -> None:
         self.camera, self._unplugged, self._source = camera.camera, unplugged, camera

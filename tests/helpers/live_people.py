@@ -1,0 +1,34 @@
+"""Two people of cones before a live camera."""
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from teacher_page import UnsteadyCamera
+from two_people_files import CAMERA, two_people_mm
+
+from kpopnet.live.loop import Watching
+from kpopnet.programs.live import open_recording
+from kpopnet.sources import open_depth
+from kpopnet.sources.source import LiveCamera
+
+FRAMES, FPS = 24, 15.0
+
+
+def write_recording(folder: Path) -> np.ndarray:
+    """Writes folder/two.npz; its (T, H, W) uint16 millimetres."""
+    images = two_people_mm(FRAMES)
+    camera = [CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy, CAMERA.width, CAMERA.height]
+    np.savez(folder / "two.npz", depth_mm=images, camera=camera, fps=FPS)
+    return images
+
+
+def open_unsteady_recording(folder: Path) -> LiveCamera:
+    """The recording, again and again, as a camera that is unplugged while folder/unplugged exists."""
+    return UnsteadyCamera(folder / "unplugged", open_recording(partial(open_depth, folder / "two.npz"), loop=True))
+
+
+def watched(folder: Path, loop: bool = True, **others: object) -> Watching:
+    """The recording of a folder in its own time."""
+    opened = partial(open_recording, partial(open_depth, folder / "two.npz"), loop)
+    return Watching("two.npz", **{"open_camera": opened, "folder": folder / "kept"} | others)
