@@ -70,12 +70,12 @@ def served(shown: Shown) -> Iterator[str]:
 
     thread = threading.Thread(target=run)
     thread.start()
-    assert ready.wait(20)
+    assert ready.wait(PATIENCE_S)
     try:
         yield f"http://127.0.0.1:{port[0]}/"
     finally:
         loop.call_soon_threadsafe(loop.stop)
-        thread.join(30)
+        thread.join(PATIENCE_S)
 
 
 @contextlib.contextmanager

@@ -1,0 +1,95 @@
+"""The page of a live camera in a real browser: two people, by keys and buttons, unplugged, on a narrow screen, at the end."""
+
+import cv2
+import numpy as np
+import pytest
+
+pytest.importorskip("aiohttp", reason="the extra app is not installed")
+pytest.importorskip("selenium", reason="selenium is not installed")
+
+from functools import partial
+
+from live_people import open_unsteady_recording, watched, write_recording
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.by import By
+from selenium.webdriver.support.ui import WebDriverWait
+from teacher_page import BROWSER, DRIVER, NARROW, chromium, resize, served
+
+from kpopnet.sources import open_depth
+
+if not (DRIVER and BROWSER):
+    pytest.skip("no Chromium with its chromedriver on this machine", allow_module_level=True)
+
+PATIENCE_S = 120
+PINK, YELLOW = (238, 102, 119), (204, 187, 68)
+
+
+def share_of(canvas, colour: tuple[int, int, int]) -> float:
+    """The part of a canvas that has about the hue of a colour."""
+    image = cv2.imdecode(np.frombuffer(canvas.screenshot_as_png, np.uint8), cv2.IMREAD_COLOR)
+    hues = cv2.cvtColor(image, cv2.COLOR_BGR2HSV).astype(int)
+    hue = int(cv2.cvtColor(np.uint8([[colour[::-1]]]), cv2.COLOR_BGR2HSV)[0, 0, 0])
+    away = np.abs(hues[..., 0] - hue)
+    return float(((np.minimum(away, 180 - away) < 8) & (hues[..., 1] > 90)).mean())
+
+
+def test_two_people_are_seen_recorded_paused_and_lost(tmp_path):
+    write_recording(tmp_path)
+    watching = watched(tmp_path, open_camera=partial(open_unsteady_recording, tmp_path))
+    with served(watching) as address, chromium() as driver:
+
+        def until(condition):
+            return WebDriverWait(driver, PATIENCE_S, 0.1).until(condition)
+
+        def text(identity: str) -> str:
+            return driver.find_element(By.ID, identity).text
+
+        def press(key: str) -> None:
+            ActionChains(driver).send_keys(key).perform()
+
+        driver.get(address)
+        until(lambda _: len(driver.find_elements(By.CSS_SELECTOR, "#people li")) == 2)
+        assert (
+            "person 1: " in text("people") and "person 2: " in text("people") and "ms from image to joints" in text("numbers")
+        )
+        for canvas in ("depth", "room"):
+            for colour in (PINK, YELLOW):
+                until(lambda _, canvas=canvas, colour=colour: share_of(driver.find_element(By.ID, canvas), colour) > 0.002)
+
+        press("r")
+        until(lambda _: text("record").startswith("Stop recording (0:0"))
+        driver.find_element(By.ID, "joints").click()
+        until(lambda _: text("joints").startswith("Save joints (0:01"))
+        driver.find_element(By.ID, "record").click()
+        press("j")
+        until(lambda _: len(driver.find_elements(By.CSS_SELECTOR, "#said li")) == 2)
+        assert "depth images of" in text("said") and "joints of" in text("said")
+        (recording,) = (tmp_path / "kept").glob("*.h5")
+        assert len(list(open_depth(recording))) > 5 and len(list((tmp_path / "kept").glob("*.npz"))) == 2
+
+        press(" ")
+        until(lambda _: text("pause") == "Go on" and text("told") == "paused")
+        press(" ")
+        until(lambda _: text("pause") == "Pause" and not text("told"))
+
+        (tmp_path / "unplugged").touch()
+        until(lambda _: text("told") == "plug the camera in")
+        (tmp_path / "unplugged").unlink()
+        until(lambda _: not text("told"))
+
+        resize(driver, NARROW)
+        until(lambda _: driver.execute_script("return document.documentElement.clientWidth") == NARROW[0])
+        assert driver.execute_script("return document.documentElement.scrollWidth") <= NARROW[0]
+        severe = [line["message"] for line in driver.get_log("browser") if line["level"] == "SEVERE"]
+        assert severe == []
+
+
+def test_the_end_of_a_recording_and_of_the_program_are_told(tmp_path):
+    write_recording(tmp_path)
+    with chromium() as driver:
+        with served(watched(tmp_path, loop=False)) as address:
+            driver.get(address)
+            until = WebDriverWait(driver, PATIENCE_S, 0.1).until
+            until(lambda one: one.find_element(By.ID, "told").text == "two.npz has ended")
+            assert not driver.find_element(By.ID, "record").is_enabled()
+        until(lambda one: "does not answer" in one.find_element(By.ID, "told").text)

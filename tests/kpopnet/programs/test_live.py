@@ -1,0 +1,74 @@
+"""The program of live cameras, without its page, and a user's mistakes."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from live_people import FRAMES, write_recording
+from programs import ROOT
+
+from kpopnet.programs import live
+
+
+@pytest.fixture
+def run(monkeypatch, tmp_path):
+    def main(*words: object) -> None:
+        monkeypatch.setattr("sys.argv", ["kpopnet live", *map(str, words), "--data", str(tmp_path / "kept")])
+        live.main()
+
+    return main
+
+
+def test_a_recording_is_streamed_to_its_end_without_a_page(run, tmp_path, capfd):
+    write_recording(tmp_path)
+    run(tmp_path / "two.npz", "--no-page", "--stream", "json")
+    images = [json.loads(line) for line in capfd.readouterr().out.splitlines()]
+    assert 2 <= len(images) <= FRAMES and [one["image"] for one in images] == list(range(len(images)))
+    assert (np.diff([one["time_s"] for one in images]) > 0).all() and images[0]["time_s"] == 0
+    both = [one for one in images if len(one["people"]) == 2]
+    assert len(both) > len(images) / 2
+    assert all(len(person["joints"]) == 15 for one in both for person in one["people"])
+
+
+def test_a_reader_that_ends_ends_the_stream_in_silence(tmp_path):
+    write_recording(tmp_path)
+    words = ["live", tmp_path / "two.npz", "--loop", "--no-page", "--stream", "csv", "--data", tmp_path]
+    command = [sys.executable, "-m", "kpopnet.cli", *map(str, words)]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as program:
+        assert program.stdout.readline().startswith("image,identity")
+        program.stdout.close()
+        told = program.stderr.read()
+        assert program.wait(120) == 0 and "Traceback" not in told and "Broken" not in told, told
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ((), "no source; give a recording of depth, or a camera: realsense"),
+        (("nothing.npz",), "nothing.npz: no such recording, and no camera; there are realsense"),
+        (("nothing.npz", "--no-page"), "add --stream json, csv, osc or vmc"),
+        (
+            ("nothing.npz", "--stream", "json", "--port-out", "9000"),
+            "--port-out 9000: expected 1 to 65535, with --stream osc or vmc",
+        ),
+        (("nothing.npz", "--stream", "osc", "--port-out", "0"), "--port-out 0: expected 1 to 65535"),
+        (("nothing.npz", "--port", "-1"), "--port -1"),
+    ],
+)
+def test_a_mistake_is_one_line(run, capsys, words, told):
+    with pytest.raises(SystemExit) as ended:
+        run(*words)
+    error = capsys.readouterr().err
+    assert ended.value.code == 1 and error.startswith("error: ") and told in error and error.count("\n") == 1
+
+
+def test_a_page_needs_its_server_library_and_a_stream_alone_does_not(run, capsys, monkeypatch, tmp_path):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(SystemExit):
+        run(tmp_path)
+    assert "pip install 'kpopnet[app]'" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        run(tmp_path / "nothing.npz", "--no-page", "--stream", "osc")
+    assert "no such recording" in capsys.readouterr().err
