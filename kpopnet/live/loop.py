@@ -80,7 +80,7 @@ class Watcher:
         self._camera = watching.open_camera()
         self._name, self._tell, self._orders = watching.name, tell, orders
         self._depth, self._joints = DepthRecorder(watching.folder, self._camera.camera), JointKeeper(watching.folder)
-        self._away, self._paused, self._watched, self._quit = "", False, False, False
+        self._away, self._paused, self._watched, self._quit, self._is_warm = "", False, False, False, False
         self._first: float | None = None
         self._number, self._dropped = 0, 0
         self._done: deque[float] = deque(maxlen=RATE_IMAGES)
@@ -126,6 +126,8 @@ class Watcher:
 
     def _go_on(self) -> None:
         images = NewestImage(self._camera, self._keep)
+        self._is_warm = True
+        self._hold(self._paused)
         with contextlib.closing(images):
             while not self._quit and not images.ended:
                 self._follow()
@@ -203,15 +205,19 @@ class Watcher:
                     if text := self._joints.write():
                         self._tell("said", {"text": text})
                 case "pause", [paused]:
-                    self._paused = paused
-                    if isinstance(self._camera, PlayedRecording):
-                        self._camera.paused = paused
+                    self._hold(paused)
                 case "watched", [watched]:
                     self._watched = watched
                 case "quit", _:
                     self._quit = True
+                    self._hold(False)  # a recording that stands still would be waited for
         except OSError as error:
             self._tell("said", {"text": f"not saved: {of_the_disk(error)}"})
+
+    def _hold(self, paused: bool) -> None:
+        self._paused = paused
+        if isinstance(self._camera, PlayedRecording):
+            self._camera.paused = paused and self._is_warm  # before, this thread itself reads it
 
     @property
     def state(self) -> dict:
