@@ -45,17 +45,21 @@ def read_optics(path: Path | str, width: int | None = None, height: int | None =
         return Optics(CAMERAS[str(path)])
     if not Path(path).is_file():
         raise InputError(f"{path}: no such file, and no preset; there are {', '.join(CAMERAS)}")
-    content = read_json(Path(path))
+    return optics_in(read_json(Path(path)), str(path), width, height)
+
+
+def optics_in(content: Any, where: str, width: int | None = None, height: int | None = None) -> Optics:
+    """The camera and lens in what such a file holds; see `read_optics`."""
     if isinstance(content, dict) and "CalibrationInformation" in content:
-        return azure_kinect(content, str(path), width, height)
+        return azure_kinect(content, where, width, height)
     candidates = [content] + [content[name] for name in NESTED if isinstance(content, dict) and name in content]
     for found in candidates:
         for names in (OURS, REALSENSE):
             if isinstance(found, dict) and all(isinstance(found.get(name), int | float) for name in names):
-                camera = Camera.from_numbers((float(found[name]) for name in names), str(path))
-                return optics(camera, found.get("coeffs", []), str(found.get("model", "")), str(path))
+                camera = Camera.from_numbers((float(found[name]) for name in names), where)
+                return optics(camera, found.get("coeffs", []), str(found.get("model", "")), where)
     raise InputError(
-        f"{path}: no camera in it; expected JSON with numbers {', '.join(OURS)}, or RealSense's with ppx and ppy, or an Azure "
+        f"{where}: no camera in it; expected JSON with numbers {', '.join(OURS)}, or RealSense's with ppx and ppy, or an Azure "
         "Kinect's CalibrationInformation"
     )
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
 from kpopnet.runtime.untrusted import iterate_in_child, read_in_child
-from kpopnet.sources import arrays, folders, images, phones, ros, video
+from kpopnet.sources import arrays, folders, images, phones, ros, stream, video
 from kpopnet.sources.camera_files import read_optics
 from kpopnet.sources.lenses import Lens, Optics
 from kpopnet.sources.source import DepthSource, Recording, StoredImage, check_size
@@ -31,6 +31,7 @@ READERS = {
     ".npy": arrays.read_npy,
     **dict.fromkeys(video.CONTAINERS, video.read_video),
     ".r3d": phones.read_record3d,
+    ".depth": stream.read_recording,
 }
 """Readers of files that hold one recording of depth."""
 

@@ -1,5 +1,7 @@
 """The same few depth images in files of every kind that `kpopnet.sources` reads, with the camera where the kind can tell it."""
 
+import json
+import struct
 import time
 from pathlib import Path
 
@@ -127,4 +129,19 @@ def write_bag(path: Path, images: np.ndarray, unit_m: float = 0.001, camera: Cam
         time.sleep(0.02)  # the recorder takes frames from a thread of its own
     recorded.stop()
     recorded.close()
+    return path
+
+
+def sent_line(**others: object) -> bytes:
+    """The first line of what a sender of `kpopnet.sources.stream` sends."""
+    camera = dict(zip(("fx", "fy", "cx", "cy", "width", "height"), camera_numbers(), strict=True))
+    return json.dumps(camera | {"dtype": "uint16", "unit_m": 0.001} | others).encode() + b"\n"
+
+
+def sent_image(image: np.ndarray, time_s: float = float("nan")) -> bytes:
+    return struct.pack("<dQ", time_s, image.nbytes) + image.tobytes()
+
+
+def write_sent(path: Path, images: np.ndarray, **others: object) -> Path:
+    path.write_bytes(sent_line(**others) + b"".join(sent_image(image, k / FPS) for k, image in enumerate(images)))
     return path

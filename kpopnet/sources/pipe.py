@@ -1,0 +1,205 @@
+"""Depth that another program sends while it measures, through standard input or a socket of this machine (see `stream`)."""
+
+import contextlib
+import socket
+import sys
+import tempfile
+import threading
+import time
+from typing import BinaryIO
+
+import numpy as np
+
+from kpopnet.camera import Camera, depth_in_metres
+from kpopnet.errors import InputError
+from kpopnet.sources.lenses import View
+from kpopnet.sources.source import CameraAwayError, StoredImage
+from kpopnet.sources.stream import HEAD, LINE_BYTES, parsed_header
+
+START_S = 10.0
+"""How long a sender may take for its first line: it may have to start a camera."""
+
+SILENCE_S = 1.0
+"""A sender that sends nothing for this time is away; a time that lies farther back is one of another clock."""
+
+SEARCH_EVERY_S = 0.3
+
+STDIN, TCP, UNIX = "stdin:", "tcp:", "unix:"
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+
+
+def check_address(address: str) -> str:
+    """Returns the address of a sender: tcp:127.0.0.1:PORT or unix:PATH. Raises InputError for another, or another machine's."""
+    if address.startswith(TCP):
+        host, _, port = address.removeprefix(TCP).rpartition(":")
+        if host.strip("[]") in LOOPBACK and port.isdecimal() and 0 < int(port) < 65536:
+            return address
+    elif address.startswith((UNIX, STDIN)) and address.partition(":")[2]:
+        return address
+    raise InputError(f"{address}: expected tcp:127.0.0.1:PORT, a port of this machine, or unix:PATH, a socket")
+
+
+def _connected(address: str) -> socket.socket:
+    """The connection to a sender; raises OSError where there is none."""
+    kind, _, place = address.partition(":")
+    if kind == "tcp":
+        host, _, port = place.rpartition(":")
+        return socket.create_connection((host.strip("[]"), int(port)), timeout=START_S)
+    connection = socket.socket(socket.AF_UNIX)
+    connection.settimeout(START_S)
+    try:
+        connection.connect(place)
+    except OSError:
+        connection.close()
+        raise
+    return connection
+
+
+class PipeCamera:
+    """The newest image of a sender, which may end and come back; a `LiveCamera`.
+
+    A time that the sender states is one of `time.monotonic`, which all programs of a machine share (CLOCK_MONOTONIC,
+    std::chrono::steady_clock on Linux); instead of any other the time of the arrival counts.
+    """
+
+    def __init__(self, address: str) -> None:
+        """Connects to a sender, see `check_address`. Raises InputError without one, or if it sends something else."""
+        self._address, self._closed = check_address(address), False
+        self._name = "standard input" if address.startswith(STDIN) else address
+        self._changed = threading.Condition()
+        self._view: View | None = None
+        self._image: tuple[StoredImage, float] | None = None
+        self._away, self._error = "", ""
+        self._connection: socket.socket | None = None
+        threading.Thread(target=self._receive, daemon=True, name="pipe").start()
+        with self._changed:
+            self._changed.wait_for(lambda: self._view is not None or self._away or self._error)
+        if self._view is None:
+            self.close()
+            raise InputError(self._error or self._away)
+
+    @property
+    def camera(self) -> Camera:
+        """Of the images, without the lens's distortion."""
+        assert self._view is not None
+        return self._view.camera
+
+    def read(self) -> tuple[np.ndarray, float]:
+        """See `LiveCamera.read`."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._image is not None or self._error, SILENCE_S)
+            arrived, self._image = self._image, None
+        if arrived is None and self._error:
+            raise InputError(self._error)
+        if arrived is None or self._view is None:
+            raise CameraAwayError(self._away or f"{self._name} sends no images; look at the camera behind it")
+        image, now = arrived
+        taken = image.time_s if image.time_s is not None and 0 <= now - image.time_s < SILENCE_S else now
+        return self._view.image(depth_in_metres(image.depth, where=image.where)), taken
+
+    def close(self) -> None:
+        """See `LiveCamera.close`."""
+        self._closed = True
+        if self._connection is not None:
+            with contextlib.suppress(OSError):  # it has ended
+                self._connection.shutdown(socket.SHUT_RDWR)
+
+    def _receive(self) -> None:
+        """Keeps the newest image, and looks for the sender again where it has ended, until the camera is closed."""
+        while not self._closed and not self._error:
+            away = error = ""
+            try:
+                with _connected(self._address) as self._connection, self._connection.makefile("rb") as file:
+                    self._follow(self._connection, file)
+                away = f"{self._name} has ended; start the program that sends depth again"
+            except TimeoutError:
+                away = f"{self._name} sends nothing; look at the program and the camera behind it"
+            except OSError as failed:
+                away = f"no program sends depth through {self._name} ({failed.strerror}); start it"
+            except InputError as failed:
+                error = str(failed)
+            if self._address.startswith(STDIN):  # it does not come back
+                error = error or "standard input has ended; start this program again, and the one that sends depth"
+            with self._changed:
+                self._away, self._error = away, error
+                self._changed.notify_all()
+            time.sleep(SEARCH_EVERY_S)
+
+    def _follow(self, connection: socket.socket, file: BinaryIO) -> None:
+        """Takes what a sender sends until it ends."""
+        if not (line := file.readline(LINE_BYTES)):
+            return
+        connection.settimeout(None)
+        header = parsed_header(line, self._name)
+        view = header.optics.view()
+        with self._changed:
+            if self._view is not None and self._view.camera != view.camera:
+                raise InputError(f"{self._name}: another camera sends now; start the dance again")
+            self._view = view
+            self._changed.notify_all()
+        while (image := header.read(file, self._name)) is not None and not self._closed:
+            with self._changed:
+                self._image, self._away = (image, time.monotonic()), ""
+                self._changed.notify_all()
+
+
+class Relay:
+    """Passes what standard input brings to the cameras of other processes, through a socket of this user alone.
+
+    Attributes:
+        address: for `PipeCamera`.
+    """
+
+    def __init__(self, file: BinaryIO | None = None) -> None:
+        """Waits for the first line. Raises InputError if it is no header."""
+        self._file = file or sys.stdin.buffer
+        if self._file.isatty():
+            raise InputError("standard input is a terminal: send depth to it, as in `python send.py | kpopnet teach --live -`")
+        self._line = self._file.readline(LINE_BYTES)
+        self._size = HEAD.size + parsed_header(self._line, "standard input").depth_bytes
+        self._changed = threading.Condition()
+        self._frame, self._number, self._ended = b"", 0, False
+        self._folder = tempfile.TemporaryDirectory(prefix="kpopnet-")
+        self.address = f"{STDIN}{self._folder.name}/depth"
+        self._listener = socket.socket(socket.AF_UNIX)
+        self._listener.bind(self.address.removeprefix(STDIN))
+        self._listener.listen()
+        for work in (self._read, self._accept):
+            threading.Thread(target=work, daemon=True, name=f"relay {work.__name__}").start()
+
+    def close(self) -> None:
+        """Ends the connections."""
+        self._end()
+        with contextlib.suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+        self._folder.cleanup()
+
+    def _end(self) -> None:
+        with self._changed:
+            self._ended = True
+            self._changed.notify_all()
+
+    def _read(self) -> None:
+        while len(frame := self._file.read(self._size)) == self._size and not self._ended:
+            with self._changed:
+                self._frame, self._number = frame, self._number + 1
+                self._changed.notify_all()
+        self._end()
+
+    def _accept(self) -> None:
+        with contextlib.suppress(OSError):  # it is closed
+            while True:
+                threading.Thread(target=self._serve, args=self._listener.accept()[:1], daemon=True, name="relay").start()
+
+    def _serve(self, connection: socket.socket) -> None:
+        with connection, contextlib.suppress(OSError):  # the camera was closed
+            connection.sendall(self._line)
+            sent = self._number
+            while True:
+                with self._changed:
+                    self._changed.wait_for(lambda: self._ended or self._number > sent)
+                    if self._ended:
+                        return
+                    frame, sent = self._frame, self._number
+                connection.sendall(frame)

@@ -1,0 +1,245 @@
+"""Depth that another program sends: in a file, through sockets and through standard input; it ends, comes back, and lies."""
+
+import contextlib
+import os
+import socket
+import struct
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from depth_files import CAMERA, FPS, depth_mm, sent_image, sent_line, write_sent
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from kpopnet.errors import InputError
+from kpopnet.sources import open_depth, pipe
+from kpopnet.sources.lenses import Lens, Optics
+from kpopnet.sources.pipe import PipeCamera, Relay
+from kpopnet.sources.source import CameraAwayError
+from kpopnet.sources.stream import parsed_header
+
+IMAGES = depth_mm(6)
+
+
+class Sender:
+    """A program that sends depth where `PipeCamera` looks for it: once, or after it has ended again."""
+
+    def __init__(self, address):
+        self._is_tcp, self._place = address.startswith("tcp:"), address.partition(":")[2]
+        self._port, self.address = 0, address
+
+    def begin(self):
+        if self._is_tcp:
+            self._listener = socket.create_server(("127.0.0.1", self._port))
+            self._port = self._listener.getsockname()[1]
+            self.address = f"tcp:127.0.0.1:{self._port}"
+        else:
+            self._listener = socket.socket(socket.AF_UNIX)
+            self._listener.bind(self._place)
+            self._listener.listen()
+
+    def accept(self, line):
+        self._connection, _ = self._listener.accept()
+        self._connection.sendall(line)
+
+    def camera(self, line):
+        """A camera that has just been connected."""
+        self.begin()
+        accepting = threading.Thread(target=self.accept, args=(line,))
+        accepting.start()
+        try:
+            return PipeCamera(self.address)
+        finally:
+            accepting.join()
+
+    def send(self, *images):
+        for one in images:
+            self._connection.sendall(one)
+
+    def end(self):
+        self._connection.close()
+        self._listener.close()
+        if not self._is_tcp:
+            Path(self._place).unlink()
+
+
+def next_image(camera):
+    """The next image of a camera that may still be away."""
+    for _ in range(30):
+        with contextlib.suppress(CameraAwayError):
+            return camera.read()
+    raise AssertionError("no image came")
+
+
+@pytest.fixture(autouse=True)
+def _soon(monkeypatch):
+    monkeypatch.setattr(pipe, "SILENCE_S", 0.3)
+    monkeypatch.setattr(pipe, "SEARCH_EVERY_S", 0.01)
+
+
+@pytest.fixture(params=["tcp", "unix"])
+def sender(request, tmp_path):
+    return Sender("tcp:" if request.param == "tcp" else f"unix:{tmp_path / 'depth'}")
+
+
+@pytest.mark.parametrize("in_child", [False, True])
+def test_a_file_gives_what_was_sent(tmp_path, in_child):
+    path = write_sent(tmp_path / "a.depth", IMAGES)
+    path.write_bytes(path.read_bytes()[:-10])  # the sender was killed
+    source = open_depth(path, in_child=in_child)
+    images = list(source.timed())
+    np.testing.assert_array_equal([one.depth_m for one in images], IMAGES[:5].astype(np.float32) / 1000)
+    assert [one.time_s for one in images] == [k / FPS for k in range(5)]
+    assert source.camera == CAMERA and source.fps == pytest.approx(FPS) and source.frames == 5
+    write_sent(tmp_path / "b.depth", IMAGES.astype(np.float32) / 4, dtype="float32", unit_m=0.004)
+    for one, expected in zip(open_depth(tmp_path / "b.depth"), IMAGES, strict=True):
+        np.testing.assert_allclose(one, expected / 1000, rtol=1e-6)
+
+
+def test_images_arrive_bit_for_bit_with_their_times(sender):
+    camera = sender.camera(sent_line())
+    assert camera.camera == CAMERA
+    for image in IMAGES:
+        measured = time.monotonic()
+        sender.send(sent_image(image, measured))
+        depth_m, taken = next_image(camera)
+        np.testing.assert_array_equal(depth_m, image.astype(np.float32) / 1000)
+        assert depth_m.dtype == np.float32 and taken == measured
+    for unknown in (float("nan"), float("-inf"), 0.0, time.monotonic() + 100, 1.7e9):
+        before = time.monotonic()
+        sender.send(sent_image(IMAGES[0], unknown))
+        assert before <= next_image(camera)[1] <= time.monotonic()
+    camera.close()
+    sender.end()
+
+
+def test_of_images_that_wait_the_newest_is_given(sender):
+    camera = sender.camera(sent_line())
+    sender.send(*map(sent_image, IMAGES))
+    time.sleep(0.2)
+    np.testing.assert_array_equal(camera.read()[0], IMAGES[-1].astype(np.float32) / 1000)
+    with pytest.raises(CameraAwayError, match="sends no images"):
+        camera.read()
+    camera.close()
+    sender.end()
+
+
+def test_a_sender_ends_and_comes_back(sender):
+    camera = sender.camera(sent_line())
+    sender.send(sent_image(IMAGES[0]))
+    next_image(camera)
+    sender.send(sent_image(IMAGES[1])[:1000])  # it is killed within an image
+    sender.end()
+    for _ in range(3):
+        with pytest.raises(CameraAwayError, match=r"has ended; start|no program sends depth .*; start it"):
+            camera.read()
+    sender.begin()
+    sender.accept(sent_line())
+    sender.send(sent_image(IMAGES[2]))
+    np.testing.assert_array_equal(next_image(camera)[0], IMAGES[2].astype(np.float32) / 1000)
+    sender.end()
+    sender.begin()
+    sender.accept(sent_line(fx=99.0))
+    with pytest.raises(InputError, match="another camera"):
+        next_image(camera)
+    camera.close()
+    sender.end()
+
+
+def test_the_lens_is_undone(sender):
+    coefficients = [-0.3, 0.1, 0.0, 0.0, 0.0]
+    camera = sender.camera(sent_line(coeffs=coefficients))
+    view = Optics(CAMERA, Lens(tuple(coefficients))).view()
+    sender.send(sent_image(IMAGES[0]))
+    np.testing.assert_array_equal(next_image(camera)[0], view.image(IMAGES[0].astype(np.float32) / 1000))
+    assert camera.camera == view.camera != CAMERA
+    camera.close()
+    sender.end()
+
+
+def test_standard_input_reaches_several_cameras_and_ends(monkeypatch):
+    receiving, sending = os.pipe()
+    with os.fdopen(receiving, "rb") as file, os.fdopen(sending, "wb", buffering=0) as pipe_in:
+        pipe_in.write(sent_line())
+        with contextlib.closing(Relay(file)) as relay:
+            cameras = [PipeCamera(relay.address) for _ in range(2)]
+            for image in IMAGES:
+                measured = time.monotonic()
+                pipe_in.write(sent_image(image, measured))
+                for camera in cameras:
+                    depth_m, taken = next_image(camera)
+                    np.testing.assert_array_equal(depth_m, image.astype(np.float32) / 1000)
+                    assert taken == measured
+            pipe_in.close()
+            for camera in (*cameras, PipeCamera(relay.address)):
+                with pytest.raises(InputError, match="standard input has ended; start this program again"):
+                    next_image(camera)
+                camera.close()
+        assert not Path(relay.address.partition(":")[2]).parent.exists()
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        (b"\n", "not valid JSON"),
+        (b"P5 640 480 65535\n", "not valid JSON"),
+        (b"[]\n", "no camera in it"),
+        (b" " * 5000, "first line of at most 4,096 bytes"),
+        (sent_line()[:-1], "ends with a newline"),
+        (sent_line(width=0), "pixels"),
+        (sent_line(width=10**6, height=10**6), "at most 16,000,000 pixels"),
+        (sent_line(width=1e308, height=1e308), "pixels"),
+        (sent_line(fx=-1.0), "fx"),
+        (sent_line(cx=float("nan")), "NaN"),
+        (sent_line(dtype="uint8"), "uint16, float32"),
+        (sent_line(dtype=["uint16"]), "uint16, float32"),
+        (sent_line(unit_m=0), "unit_m"),
+        (sent_line(unit_m="mm"), "unit_m"),
+        (sent_line(unit_m=1000), "unit_m"),
+        (sent_line(coeffs="round"), "lens coefficients"),
+    ],
+)
+def test_a_wrong_first_line_is_one_line(tmp_path, line, told):
+    sender = Sender("tcp:")
+    if line.endswith(b"\n"):
+        with pytest.raises(InputError, match=told) as error:
+            sender.camera(line)
+        assert "\n" not in str(error.value)
+        sender.end()
+    (tmp_path / "a.depth").write_bytes(line)
+    with pytest.raises(InputError, match=told):
+        next(iter(open_depth(tmp_path / "a.depth")))
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.binary(max_size=200) | st.dictionaries(st.sampled_from(["width", "height", "fx", "fy", "cx", "cy", "dtype", "unit_m",
+    "coeffs", "model"]), st.none() | st.booleans() | st.integers() | st.floats() | st.text() | st.lists(st.floats())).map(
+        lambda one: sent_line(**one)))  # fmt: skip
+def test_any_first_line_is_a_header_or_refused(line):
+    with contextlib.suppress(InputError):
+        assert 0 < parsed_header(line, "sent").depth_bytes <= 4 * 16_000_000
+
+
+def test_an_image_of_another_size_is_refused(sender):
+    camera = sender.camera(sent_line())
+    sender.send(struct.pack("<dQ", 0.0, 2**63))
+    with pytest.raises(InputError, match=r"expected 6,144 bytes of depth, found 9,223,372,036,854,775,808 stated"):
+        next_image(camera)
+    camera.close()
+    sender.end()
+
+
+@pytest.mark.parametrize(
+    "address", ["tcp:192.168.1.2:5005", "tcp:0.0.0.0:5005", "tcp:127.0.0.1", "tcp:127.0.0.1:0", "unix:", "x"]
+)
+def test_only_places_of_this_machine_are_addresses(address):
+    with pytest.raises(InputError, match="port of this machine, or unix:PATH"):
+        PipeCamera(address)
+
+
+def test_without_a_sender_it_says_to_start_one(tmp_path):
+    with pytest.raises(InputError, match=r"no program sends depth through unix:.* \(No such file or directory\); start it"):
+        PipeCamera(f"unix:{tmp_path / 'depth'}")
