@@ -13,16 +13,11 @@ import numpy as np
 from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.errors import InputError
 from kpopnet.sources.lenses import View
-from kpopnet.sources.source import CameraAwayError, StoredImage
+from kpopnet.sources.source import SEARCH_EVERY_S, SILENCE_S, CameraAwayError, StoredImage, moment
 from kpopnet.sources.stream import HEAD, LINE_BYTES, parsed_header
 
 START_S = 10.0
 """How long a sender may take for its first line: it may have to start a camera."""
-
-SILENCE_S = 1.0
-"""A sender that sends nothing for this time is away; a time that lies farther back is one of another clock."""
-
-SEARCH_EVERY_S = 0.3
 
 STDIN, TCP, UNIX = "stdin:", "tcp:", "unix:"
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -94,8 +89,7 @@ class PipeCamera:
         if arrived is None or self._view is None:
             raise CameraAwayError(self._away or f"{self._name} sends no images; look at the camera behind it")
         image, now = arrived
-        taken = image.time_s if image.time_s is not None and 0 <= now - image.time_s < SILENCE_S else now
-        return self._view.image(depth_in_metres(image.depth, where=image.where)), taken
+        return self._view.image(depth_in_metres(image.depth, where=image.where)), moment(image.time_s, now)
 
     def close(self) -> None:
         """See `LiveCamera.close`."""
@@ -198,7 +192,8 @@ class Relay:
             sent = self._number
             while True:
                 with self._changed:
-                    self._changed.wait_for(lambda: self._ended or self._number > sent)
+                    while self._number == sent and not self._ended:
+                        self._changed.wait()
                     if self._ended:
                         return
                     frame, sent = self._frame, self._number

@@ -11,17 +11,13 @@ import numpy as np
 from kpopnet.camera import MM_PER_METRE, Camera, depth_in_metres
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import parsing
-from kpopnet.sources.source import CameraAwayError, Recording, StoredImage
+from kpopnet.sources.source import SEARCH_EVERY_S, SILENCE_S, CameraAwayError, Recording, StoredImage
 
 NAME = "RealSense camera"
 WAIT_MS, PATIENCE_MS = 200, 5000
 """How often to ask whether the recording has ended, and how long the library may take for one image."""
 
 USUAL_FPS, USUAL_WIDTH = 30, 640
-SILENCE_MS = 1000
-"""A camera that sends nothing for this time has gone."""
-
-SEARCH_EVERY_S = 0.3
 
 
 def library(where: str) -> Any:
@@ -114,7 +110,7 @@ class RealSenseCamera:
             time.sleep(SEARCH_EVERY_S)
             self._connect()
         try:
-            found, frame = self._queue.try_wait_for_frame(SILENCE_MS)
+            found, frame = self._queue.try_wait_for_frame(round(1000 * SILENCE_S))
         except RuntimeError:  # it is torn out while it is asked
             found = False
         taken = time.monotonic()

@@ -138,6 +138,18 @@ class CameraAwayError(Exception):
     """The camera sends no images just now; a later call may find it again. The text says what to do."""
 
 
+SILENCE_S = 1.0
+"""A live camera that sends nothing for this time is away; a time that lies farther back is one of another clock."""
+
+SEARCH_EVERY_S = 0.3
+"""How often a camera that is away is looked for."""
+
+
+def moment(stated_s: float | None, arrived_s: float) -> float:
+    """When an image was taken: what its camera states, if that is a time of `time.monotonic`; else when it arrived, seconds."""
+    return stated_s if stated_s is not None and 0 <= arrived_s - stated_s < SILENCE_S else arrived_s
+
+
 class LiveCamera(Protocol):
     """A depth camera, or what stands in for one."""
 

@@ -214,10 +214,12 @@ def test_a_wrong_first_line_is_one_line(tmp_path, line, told):
         next(iter(open_depth(tmp_path / "a.depth")))
 
 
+NAMES = st.sampled_from(["width", "height", "fx", "fy", "cx", "cy", "dtype", "unit_m", "coeffs", "model"])
+VALUES = st.none() | st.booleans() | st.integers() | st.floats() | st.text() | st.lists(st.floats())
+
+
 @settings(max_examples=150, deadline=None)
-@given(st.binary(max_size=200) | st.dictionaries(st.sampled_from(["width", "height", "fx", "fy", "cx", "cy", "dtype", "unit_m",
-    "coeffs", "model"]), st.none() | st.booleans() | st.integers() | st.floats() | st.text() | st.lists(st.floats())).map(
-        lambda one: sent_line(**one)))  # fmt: skip
+@given(st.binary(max_size=200) | st.dictionaries(NAMES, VALUES).map(lambda others: sent_line(**others)))
 def test_any_first_line_is_a_header_or_refused(line):
     with contextlib.suppress(InputError):
         assert 0 < parsed_header(line, "sent").depth_bytes <= 4 * 16_000_000

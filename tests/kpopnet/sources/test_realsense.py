@@ -21,7 +21,7 @@ IMAGES = depth_mm(6)
 @pytest.fixture
 def plugged(monkeypatch):
     """The software camera that is plugged in, to be changed; a silent camera is given up soon."""
-    monkeypatch.setattr(realsense, "SILENCE_MS", 100)
+    monkeypatch.setattr(realsense, "SILENCE_S", 0.1)
     monkeypatch.setattr(realsense, "SEARCH_EVERY_S", 0.01)
     return [SoftwareCamera()]
 

@@ -1,0 +1,108 @@
+"""Depth of Luxonis' OAK cameras, live, by the maker's library; the extra `oak`."""
+
+import contextlib
+import time
+from collections.abc import Callable
+from datetime import timedelta
+from typing import Any
+
+import numpy as np
+
+from kpopnet.camera import Camera, depth_in_metres
+from kpopnet.errors import InputError
+from kpopnet.sources.camera_files import optics
+from kpopnet.sources.lenses import View
+from kpopnet.sources.source import SEARCH_EVERY_S, SILENCE_S, CameraAwayError, moment
+
+NAME = "OAK camera"
+SIZE, FPS = (640, 400), 30.0
+
+START_S = 10.0
+"""How long a camera may take for its first image: it is sent its program first."""
+
+
+def library(where: str) -> Any:
+    """The module depthai; raises InputError where it does not load."""
+    try:
+        import depthai
+    except ImportError as error:
+        raise InputError(
+            f"{where}: needs depthai, which does not load ({error}); install it: pip install 'kpopnet[oak]'"
+        ) from error
+    return depthai
+
+
+def stereo_pipeline() -> tuple[Any, Any]:
+    """A pipeline of the library for the first connected camera, and its output of depth in millimetres."""
+    found = library(NAME)
+    pipeline = found.Pipeline()
+    return pipeline, pipeline.create(found.node.StereoDepth).build(True, size=SIZE, fps=FPS).depth
+
+
+class OakCamera:
+    """A live camera, which may be unplugged and plugged in again; a `LiveCamera`."""
+
+    def __init__(self, build: Callable[[], tuple[Any, Any]] = stereo_pipeline) -> None:
+        """Opens the camera of a pipeline. Raises InputError where there is none."""
+        self._closed_queue = library(NAME).MessageQueue.QueueException
+        self._build, self._pipeline = build, None
+        self._view: View | None = None
+        try:
+            self._connect()
+        except CameraAwayError as error:
+            raise InputError(str(error)) from error
+
+    @property
+    def camera(self) -> Camera:
+        """Of the images, without the lens's distortion."""
+        assert self._view is not None
+        return self._view.camera
+
+    def read(self) -> tuple[np.ndarray, float]:
+        """See `LiveCamera.read`."""
+        if self._pipeline is None:
+            time.sleep(SEARCH_EVERY_S)
+            self._connect()
+        frame = self._next(SILENCE_S)
+        now = time.monotonic()
+        assert self._view is not None
+        depth_m = depth_in_metres(frame.getFrame(), where=NAME)
+        return self._view.image(depth_m), moment(frame.getTimestamp().total_seconds(), now)
+
+    def close(self) -> None:
+        """See `LiveCamera.close`."""
+        pipeline, self._pipeline = self._pipeline, None
+        if pipeline is not None:
+            with contextlib.suppress(RuntimeError):  # of a camera that has gone
+                pipeline.stop()
+                pipeline.wait()
+
+    def _next(self, patience_s: float) -> Any:
+        """The next frame; of several that wait, the queue of one keeps the newest."""
+        try:
+            frame = self._queue.get(timedelta(seconds=patience_s))
+        except (RuntimeError, self._closed_queue):  # it is torn out while it is asked
+            frame = None
+        if frame is None:
+            self.close()
+            raise CameraAwayError("the camera sends no images; look at its cable")
+        return frame
+
+    def _connect(self) -> None:
+        """Starts the depth of the camera; its first image tells the intrinsics and what is left of the lens's distortion."""
+        try:
+            self._pipeline, output = self._build()
+            self._queue = output.createOutputQueue(maxSize=1, blocking=False)
+            self._pipeline.start()
+        except RuntimeError as error:
+            self.close()
+            reason = next(iter(str(error).splitlines()), "")[:200]
+            raise CameraAwayError(f"no OAK camera starts ({reason}); plug it in") from error
+        frame = self._next(START_S)
+        seen = frame.getTransformation()
+        (fx, _, cx), (_, fy, cy), _ = seen.getIntrinsicMatrix()
+        camera = Camera.from_numbers((fx, fy, cx, cy, frame.getWidth(), frame.getHeight()), f"{NAME}: intrinsics")
+        view = optics(camera, seen.getDistortionCoefficients(), str(seen.getDistortionModel()), NAME).view()
+        if self._view is not None and self._view.camera != view.camera:
+            raise InputError("another camera was plugged in; start the dance again")
+        self._view = view
