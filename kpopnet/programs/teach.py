@@ -2,6 +2,8 @@
 
     kpopnet teach                                 opens the page; without a camera a simulated learner dances
     kpopnet teach --live realsense                a RealSense camera watches you (pip install 'kpopnet[realsense]')
+    kpopnet teach --live oak                      an OAK camera (pip install 'kpopnet[oak]')
+    python feed.py | kpopnet teach --live -       any other camera, whose depth a program of yours sends
     kpopnet teach --depth recording --camera kinect_v1     a recording of depth instead of a camera
     kpopnet teach add mama.bvh --title Mama --bpm 128      adds a dance of one's own: .bvh, .npz, .csv or .json of joints,
     kpopnet teach add dance.bag --from 4 --to 64           a recording of depth: the network of the package finds the joints,
@@ -28,7 +30,7 @@ from kpopnet.programs.arguments import add_address, add_depth, check_server, ope
 from kpopnet.programs.predict import estimated
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
-from kpopnet.sources.live import LIVE_CAMERAS, check_live, open_live
+from kpopnet.sources.live import LIVE_CAMERAS, check_live, open_live, shared_live
 from kpopnet.sources.source import DepthSource, LiveCamera, TimedDepth
 from kpopnet.teacher.adding import add_performance, holds_depth, kpop_teachers, part_of
 from kpopnet.teacher.library import Library, TaughtDance, TeacherBody, taught_dance
@@ -103,11 +105,12 @@ def open_source(
     lesson: Lesson,
     dance: TaughtDance,
     clock: DanceClock,
+    live: str | None = None,
     rotate_deg: int = 0,
 ) -> LiveCamera:
-    """Opens the source of depth that a lesson names; a live camera's images are turned."""
-    if lesson.source in LIVE_CAMERAS:
-        return open_live(lesson.source, rotate_deg)
+    """Opens the source of depth that a lesson names: of live cameras only `live`, whose images are turned."""
+    if lesson.source == live:
+        return open_live(live, rotate_deg)
     if lesson.source == SIMULATED or open_recording is None:
         return SimulatedCamera(lesson, dance, clock)
     return RecordedCamera(open_recording(), clock)
@@ -170,11 +173,10 @@ def serve(given: argparse.Namespace, library: Library) -> None:
         open_recording()
         sources = {RECORDING: f"the recording {given.depth.name}"} | sources
     if given.live is not None:
-        check_live(given.live, "--live")
-        sources = {given.live: LIVE_CAMERAS[given.live].partition(" (")[0]} | sources
+        sources = {given.live: check_live(given.live, "--live")} | sources
     if given.checkpoint is not None:
         load_estimator(given.checkpoint)
-    open_camera = partial(open_source, open_recording, rotate_deg=given.rotate)
+    open_camera = partial(open_source, open_recording, live=given.live, rotate_deg=given.rotate)
     teaching = Teaching(library, Tries(given.data / "tries"), open_camera, given.checkpoint, sources, SKILLS, FAULTS)
 
     async def keep_ready(app) -> None:
@@ -198,7 +200,8 @@ def parsed() -> argparse.Namespace:
         return parser.parse_args()
     parser.set_defaults(add=None)
     add_address(parser, PORT)
-    parser.add_argument("--live", choices=LIVE_CAMERAS, help=f"a camera that is plugged in: {', '.join(LIVE_CAMERAS.values())}")
+    cameras = "; ".join(f"{name}: {told}" for name, told in LIVE_CAMERAS.items())
+    parser.add_argument("--live", metavar="CAMERA", help=f"a camera that watches you. {cameras}")
     parser.add_argument("--depth", type=Path, help="a recording of depth that stands in for a camera")
     parser.add_argument("--checkpoint", help="network that estimates the pose; tracker for the tracker without a network")
     return parser.parse_args()
@@ -214,7 +217,8 @@ def main() -> None:
         if given.add is not None:
             add_own(given, library)
             return
-    serve(given, library)
+    with shared_live(given.live) as given.live:
+        serve(given, library)
 
 
 if __name__ == "__main__":

@@ -3,29 +3,43 @@
 import threading
 import time
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from contextlib import closing, contextmanager
+from typing import NamedTuple
 
 import numpy as np
 
 from kpopnet.errors import InputError
-from kpopnet.sources import realsense
+from kpopnet.sources import oak, pipe, realsense
 from kpopnet.sources.lenses import View
 from kpopnet.sources.source import CameraAwayError, DepthSource, LiveCamera, TimedDepth
 
-LIVE_CAMERAS = {"realsense": "a RealSense camera (pip install 'kpopnet[realsense]')"}
+LIVE_CAMERAS = {
+    "realsense": "a RealSense camera (pip install 'kpopnet[realsense]')",
+    "oak": "an OAK camera (pip install 'kpopnet[oak]')",
+    "-": "depth that another program sends to standard input",
+    "tcp:127.0.0.1:PORT": "depth that another program offers at a port of this machine",
+    "unix:PATH": "depth that another program offers at a socket",
+}
 """The live cameras: name to what it is."""
 
-_KINDS: dict[str, tuple[Callable[[str], Any], Callable[[], Any]]] = {
-    "realsense": (realsense.library, realsense.RealSenseCamera),
-}
-"""Of each, what checks that its library is installed, given a place for messages, and what opens it."""
+_LIBRARIES = {"realsense": (realsense.library, realsense.RealSenseCamera), "oak": (oak.library, oak.OakCamera)}
+"""Of cameras that need one: what checks that it is installed, given a place for messages, and what opens the camera."""
 
 
-def check_live(name: str, where: str) -> None:
-    """Raises InputError, which names the place `where`, for an unknown camera or one whose library is missing."""
-    if name not in _KINDS:
+def check_live(name: str, where: str) -> str:
+    """Returns what the live camera of a name is.
+
+    Raises InputError, which names the place `where`, for an unknown camera or one whose library is missing.
+    """
+    if name in _LIBRARIES:
+        _LIBRARIES[name][0](where)
+    elif name.startswith(pipe.STDIN):
+        name = "-"
+    elif name.startswith(pipe.SCHEMES):
+        return f"depth from {pipe.check_address(name)}"
+    elif name not in LIVE_CAMERAS:
         raise InputError(f"{where}: no live camera {name}; there are {', '.join(LIVE_CAMERAS)}")
-    _KINDS[name][0](where)
+    return LIVE_CAMERAS[name].partition(" (")[0]
 
 
 def open_live(name: str, rotate_deg: int = 0) -> LiveCamera:
@@ -34,8 +48,18 @@ def open_live(name: str, rotate_deg: int = 0) -> LiveCamera:
     Raises InputError: there is no such camera, its library is missing, or none is connected.
     """
     check_live(name, name)
-    camera = _KINDS[name][1]()
+    camera = _LIBRARIES[name][1]() if name in _LIBRARIES else pipe.PipeCamera(name)
     return TurnedCamera(camera, rotate_deg) if rotate_deg else camera
+
+
+@contextmanager
+def shared_live(name: str | None) -> Iterator[str | None]:
+    """The name by which other processes open a live camera: standard input reaches them through a socket of this user."""
+    if name != "-":
+        yield name
+        return
+    with closing(pipe.Relay()) as relay:
+        yield relay.address
 
 
 class TurnedCamera:

@@ -2,7 +2,6 @@
 
 import contextlib
 import socket
-import sys
 import tempfile
 import threading
 import time
@@ -19,7 +18,7 @@ from kpopnet.sources.stream import HEAD, LINE_BYTES, parsed_header
 START_S = 10.0
 """How long a sender may take for its first line: it may have to start a camera."""
 
-STDIN, TCP, UNIX = "stdin:", "tcp:", "unix:"
+SCHEMES = STDIN, TCP, UNIX = "stdin:", "tcp:", "unix:"
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
@@ -58,7 +57,12 @@ class PipeCamera:
     """
 
     def __init__(self, address: str) -> None:
-        """Connects to a sender, see `check_address`. Raises InputError without one, or if it sends something else."""
+        """Connects to a sender, see `check_address`, or reads standard input: "-".
+
+        Raises InputError without a sender, or if it sends something else.
+        """
+        self._relay = Relay() if address == "-" else None
+        address = address if self._relay is None else self._relay.address
         self._address, self._closed = check_address(address), False
         self._name = "standard input" if address.startswith(STDIN) else address
         self._changed = threading.Condition()
@@ -97,6 +101,8 @@ class PipeCamera:
         if self._connection is not None:
             with contextlib.suppress(OSError):  # it has ended
                 self._connection.shutdown(socket.SHUT_RDWR)
+        if self._relay is not None:
+            self._relay.close()
 
     def _receive(self) -> None:
         """Keeps the newest image, and looks for the sender again where it has ended, until the camera is closed."""
@@ -146,7 +152,7 @@ class Relay:
 
     def __init__(self, file: BinaryIO | None = None) -> None:
         """Waits for the first line. Raises InputError if it is no header."""
-        self._file = file or sys.stdin.buffer
+        self._file = file or open(0, "rb", closefd=False)  # noqa: SIM115 Python's own file is locked at exit by who reads it
         if self._file.isatty():
             raise InputError("standard input is a terminal: send depth to it, as in `python send.py | kpopnet teach --live -`")
         self._line = self._file.readline(LINE_BYTES)

@@ -85,6 +85,11 @@ def test_a_dance_before_a_depth_camera_is_added(run, tmp_path, danced):
         (("add", "missing.bvh", "--bpm", "1e9"), "20 to 400"),
         (("--depth", "missing.npz", "--no-browser"), "missing.npz: no such file"),
         (("--checkpoint", "missing", "--no-browser"), "missing"),
+        (
+            ("--live", "kinect", "--no-browser"),
+            "--live: no live camera kinect; there are realsense, oak, -, tcp:127.0.0.1:PORT",
+        ),
+        (("--live", "tcp:10.0.0.1:5005", "--no-browser"), "a port of this machine"),
     ],
 )
 def test_a_mistake_is_one_line(run, capsys, words, told):
@@ -121,8 +126,9 @@ class Mounted:
 
 
 def test_a_live_camera_on_its_side_is_turned(monkeypatch):
-    monkeypatch.setitem(live._KINDS, "realsense", (str, Mounted))
-    camera = teach.open_source(None, Lesson("d", source="realsense"), None, DanceClock(0.0, 1.0), rotate_deg=90)
+    monkeypatch.setitem(live._LIBRARIES, "realsense", (str, Mounted))
+    given = {"live": "realsense", "rotate_deg": 90}
+    camera = teach.open_source(None, Lesson("d", source="realsense"), None, DanceClock(0.0, 1.0), **given)
     depth_m, taken = camera.read()
     assert (camera.camera.width, camera.camera.height) == depth_m.shape[::-1] == (240, 320) and taken == 12.5
     assert (np.diff(depth_m, axis=0) > 0).all()  # what was left is on top
