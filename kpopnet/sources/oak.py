@@ -46,17 +46,12 @@ class OakCamera:
         """Opens the camera of a pipeline. Raises InputError where there is none."""
         self._closed_queue = library(NAME).MessageQueue.QueueException
         self._build, self._pipeline = build, None
+        self.camera: Camera | None = None
         self._view: View | None = None
         try:
             self._connect()
         except CameraAwayError as error:
             raise InputError(str(error)) from error
-
-    @property
-    def camera(self) -> Camera:
-        """Of the images, without the lens's distortion."""
-        assert self._view is not None
-        return self._view.camera
 
     def read(self) -> tuple[np.ndarray, float]:
         """See `LiveCamera.read`."""
@@ -65,7 +60,6 @@ class OakCamera:
             self._connect()
         frame = self._next(SILENCE_S)
         now = time.monotonic()
-        assert self._view is not None
         depth_m = depth_in_metres(frame.getFrame(), where=NAME)
         return self._view.image(depth_m), moment(frame.getTimestamp().total_seconds(), now)
 
@@ -103,6 +97,6 @@ class OakCamera:
         (fx, _, cx), (_, fy, cy), _ = seen.getIntrinsicMatrix()
         camera = Camera.from_numbers((fx, fy, cx, cy, frame.getWidth(), frame.getHeight()), f"{NAME}: intrinsics")
         view = optics(camera, seen.getDistortionCoefficients(), str(seen.getDistortionModel()), NAME).view()
-        if self._view is not None and self._view.camera != view.camera:
+        if self.camera not in (None, view.camera):
             raise InputError("another camera was plugged in; start the dance again")
-        self._view = view
+        self._view, self.camera = view, view.camera

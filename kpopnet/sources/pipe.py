@@ -66,6 +66,7 @@ class PipeCamera:
         self._address, self._closed = check_address(address), False
         self._name = "standard input" if address.startswith(STDIN) else address
         self._changed = threading.Condition()
+        self.camera: Camera | None = None
         self._view: View | None = None
         self._image: tuple[StoredImage, float] | None = None
         self._away, self._error = "", ""
@@ -77,12 +78,6 @@ class PipeCamera:
             self.close()
             raise InputError(self._error or self._away)
 
-    @property
-    def camera(self) -> Camera:
-        """Of the images, without the lens's distortion."""
-        assert self._view is not None
-        return self._view.camera
-
     def read(self) -> tuple[np.ndarray, float]:
         """See `LiveCamera.read`."""
         with self._changed:
@@ -90,7 +85,7 @@ class PipeCamera:
             arrived, self._image = self._image, None
         if arrived is None and self._error:
             raise InputError(self._error)
-        if arrived is None or self._view is None:
+        if arrived is None:
             raise CameraAwayError(self._away or f"{self._name} sends no images; look at the camera behind it")
         image, now = arrived
         return self._view.image(depth_in_metres(image.depth, where=image.where)), moment(image.time_s, now)
@@ -133,9 +128,9 @@ class PipeCamera:
         header = parsed_header(line, self._name)
         view = header.optics.view()
         with self._changed:
-            if self._view is not None and self._view.camera != view.camera:
+            if self.camera not in (None, view.camera):
                 raise InputError(f"{self._name}: another camera sends now; start the dance again")
-            self._view = view
+            self._view, self.camera = view, view.camera
             self._changed.notify_all()
         while (image := header.read(file, self._name)) is not None and not self._closed:
             with self._changed:
