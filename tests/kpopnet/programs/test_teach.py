@@ -1,10 +1,21 @@
 """The program of the dance teacher, without its page."""
 
+import asyncio
 import functools
+import json
+import os
+import re
+import subprocess
+import sys
+import threading
 import time
+from dataclasses import asdict
 
 import numpy as np
 import pytest
+from cone_people import cone_body, cone_joints, draw_cones
+from depth_files import sent_image, sent_line
+from programs import ROOT
 
 from kpopnet.camera import CAMERAS
 from kpopnet.programs import teach
@@ -150,3 +161,59 @@ def test_a_recording_waits_for_the_dance_and_runs_with_it(recording):
         assert camera.read()[0][0, 0] == 3.0  # somebody who stands there
         clock.stop()
         assert camera.read()[0][0, 0] == 0.5
+
+
+def test_a_person_before_another_programs_camera_is_seen_until_it_ends(tmp_path):
+    """Standard input of the program, through the lesson's process, to a page."""
+    aiohttp = pytest.importorskip("aiohttp", reason="the extra app is not installed")
+    camera, joints_m = CAMERAS["kinect_v1"], cone_joints(-75, 4)
+    depth_mm = (1000 * draw_cones(joints_m, cone_body(joints_m), camera)).astype(np.uint16)
+    begin = "from synth.dances import taught; taught.DANCES = 1; from kpopnet.programs.teach import main; main()"
+    words = ["--live", "-", "--rotate", "180", "--no-browser", "--port", "0", "--checkpoint", "tracker", "--data", tmp_path]
+    with subprocess.Popen(
+        [sys.executable, "-c", begin, *map(str, words)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+    ) as program:
+        ended = threading.Event()
+
+        def send():
+            program.stdin.write(sent_line(**asdict(camera)))
+            while not ended.wait(0.03):
+                program.stdin.write(sent_image(depth_mm[::-1, ::-1], time.monotonic()))
+                program.stdin.flush()
+            program.stdin.close()
+
+        async def learn(address):
+            async with aiohttp.ClientSession(address) as client, client.ws_connect("/live", max_msg_size=0) as page:
+                (source, told), *_ = (await (await client.get("/api/offer")).json())["sources"].items()
+                assert told == "depth that another program sends to standard input"
+                await page.send_json({"do": "prepare", "lesson": {"dance": "dance_000", "source": source}})
+                pictures = 0
+                while True:
+                    message = await page.receive()
+                    if message.type is aiohttp.WSMsgType.BINARY:
+                        pictures += 1
+                        seen = json.loads(message.data[4 : 4 + int.from_bytes(message.data[:4], "little")])
+                        if pictures > 10:
+                            ended.set()
+                    else:
+                        content = json.loads(message.data)
+                        if content["kind"] == "ready":
+                            assert (content["width"], content["height"]) == (320, 240)
+                        if content["kind"] == "error":
+                            return seen, content["text"]
+
+        sending = threading.Thread(target=send)
+        sending.start()
+        try:
+            address = re.search(rb"http://\S+", program.stdout.readline())[0].decode()
+            seen, told = asyncio.run(asyncio.wait_for(learn(address), 240))
+        finally:
+            ended.set()
+            sending.join()
+            program.terminate()
+    _, head_v, _, confidence = seen["joints"][Joint.HEAD]
+    assert 0.2 < head_v < 0.4 and confidence > 0.5  # from the top, of an image that was turned
+    assert "standard input has ended; start this program again" in told
