@@ -22,7 +22,7 @@ LIVE_CAMERAS = {
 }
 """The live cameras: name to what it is."""
 
-_LIBRARIES = {"realsense": (realsense.library, realsense.RealSenseCamera), "oak": (oak.library, oak.OakCamera)}
+_KINDS = {"realsense": (realsense.library, realsense.RealSenseCamera), "oak": (oak.library, oak.OakCamera)}
 """Of cameras that need one: what checks that it is installed, given a place for messages, and what opens the camera."""
 
 
@@ -31,8 +31,8 @@ def check_live(name: str, where: str) -> str:
 
     Raises InputError, which names the place `where`, for an unknown camera or one whose library is missing.
     """
-    if name in _LIBRARIES:
-        _LIBRARIES[name][0](where)
+    if name in _KINDS:
+        _KINDS[name][0](where)
     elif name.startswith(pipe.STDIN):
         name = "-"
     elif name.startswith(pipe.SCHEMES):
@@ -42,13 +42,18 @@ def check_live(name: str, where: str) -> str:
     return LIVE_CAMERAS[name].partition(" (")[0]
 
 
+def is_live(name: str) -> bool:
+    """Whether a name is meant for a live camera, and not for a file."""
+    return name in LIVE_CAMERAS or name.startswith(pipe.SCHEMES)
+
+
 def open_live(name: str, rotate_deg: int = 0) -> LiveCamera:
     """Opens the live camera of a name in LIVE_CAMERAS; its images are turned clockwise by 0, 90, 180 or 270 degrees.
 
     Raises InputError: there is no such camera, its library is missing, or none is connected.
     """
     check_live(name, name)
-    camera = _LIBRARIES[name][1]() if name in _LIBRARIES else pipe.PipeCamera(name)
+    camera = _KINDS[name][1]() if name in _KINDS else pipe.PipeCamera(name)
     return TurnedCamera(camera, rotate_deg) if rotate_deg else camera
 
 

@@ -75,7 +75,7 @@ def open_depth(
 
     Args:
         path: a folder of images, in the layout of a known data set or app or in none, or a file: .png, .tif, .npz, .npy, .h5,
-            .mkv, .avi, .bag, .db3, .mcap, .r3d.
+            .mkv, .avi, .bag, .db3, .mcap, .r3d, .depth.
         camera: of the images, or a function of their width and height; None takes the file's.
         fps: the true number of images per second; None takes the file's times or rate, else DEFAULT_FPS.
         key: name of the array or topic in a file that holds several; of a folder, a pattern of names, such as "depth_*.png".

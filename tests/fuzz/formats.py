@@ -10,7 +10,7 @@ import numpy as np
 from azure_kinect_files import write_azure_kinect
 from bvh_files import write_bvh
 from depth_files import CAMERA as DEPTH_CAMERA
-from depth_files import depth_mm, write_hdf5, write_npz, write_pngs, write_scannet, write_tum, write_video
+from depth_files import depth_mm, write_hdf5, write_npz, write_pngs, write_scannet, write_sent, write_tum, write_video
 from phone_files import write_record3d, write_stray
 from recorded_points import FRAMES, coco
 from ros_files import TOPIC, write_ros
@@ -270,6 +270,9 @@ FORMATS = {
     "depth_hdf5": Format(lambda folder: write_hdf5(folder / "a.h5", depth_mm(6), chunk=2), ("*.h5",), read_depth, STORED),
     "depth_video": Format(
         lambda folder: write_video(folder / "a.mkv", depth_mm(3)), ("*.mkv",), read_depth, ("kpopnet.sources.video",)
+    ),
+    "depth_sent": Format(
+        lambda folder: write_sent(folder / "a.depth", depth_mm(3)), ("*.depth",), read_depth, ("kpopnet.sources.stream",)
     ),
     "azure_recording": Format(
         make_azure_recording, ("*.mkv",), read_recording, ("kpopnet.sources.video", "kpopnet.sources.camera_files")

@@ -137,7 +137,7 @@ class Mounted:
 
 
 def test_a_live_camera_on_its_side_is_turned(monkeypatch):
-    monkeypatch.setitem(live._LIBRARIES, "realsense", (str, Mounted))
+    monkeypatch.setitem(live._KINDS, "realsense", (str, Mounted))
     given = {"live": "realsense", "rotate_deg": 90}
     camera = teach.open_source(None, Lesson("d", source="realsense"), None, DanceClock(0.0, 1.0), **given)
     depth_m, taken = camera.read()
