@@ -11,6 +11,7 @@ import numpy as np
 
 from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.errors import InputError
+from kpopnet.runtime.input_files import parsing
 from kpopnet.sources.lenses import View
 from kpopnet.sources.source import SEARCH_EVERY_S, SILENCE_S, CameraAwayError, StoredImage, moment
 from kpopnet.sources.stream import HEAD, LINE_BYTES, parsed_header
@@ -19,6 +20,7 @@ START_S = 10.0
 """How long a sender may take for its first line: it may have to start a camera."""
 
 SCHEMES = STDIN, TCP, UNIX = "stdin:", "tcp:", "unix:"
+SILENT = "{} sends nothing; look at the program and the camera behind it"
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
@@ -67,28 +69,27 @@ class PipeCamera:
         self._name = "standard input" if address.startswith(STDIN) else address
         self._changed = threading.Condition()
         self.camera: Camera | None = None
-        self._view: View | None = None
-        self._image: tuple[StoredImage, float] | None = None
+        self._newest: tuple[View, StoredImage, float] | None = None
         self._away, self._error = "", ""
         self._connection: socket.socket | None = None
         threading.Thread(target=self._receive, daemon=True, name="pipe").start()
         with self._changed:
-            self._changed.wait_for(lambda: self._view is not None or self._away or self._error)
-        if self._view is None:
+            self._changed.wait_for(lambda: self.camera or self._away or self._error, START_S)
+        if self.camera is None:
             self.close()
-            raise InputError(self._error or self._away)
+            raise InputError(self._error or self._away or SILENT.format(self._name))
 
     def read(self) -> tuple[np.ndarray, float]:
         """See `LiveCamera.read`."""
         with self._changed:
-            self._changed.wait_for(lambda: self._image is not None or self._error, SILENCE_S)
-            arrived, self._image = self._image, None
-        if arrived is None and self._error:
+            self._changed.wait_for(lambda: self._newest is not None or self._error, SILENCE_S)
+            newest, self._newest = self._newest, None
+        if newest is None and self._error:
             raise InputError(self._error)
-        if arrived is None:
-            raise CameraAwayError(self._away or f"{self._name} sends no images; look at the camera behind it")
-        image, now = arrived
-        return self._view.image(depth_in_metres(image.depth, where=image.where)), moment(image.time_s, now)
+        if newest is None:
+            raise CameraAwayError(self._away or SILENT.format(self._name))
+        view, image, arrived = newest
+        return view.image(depth_in_metres(image.depth, where=image.where)), moment(image.time_s, arrived)
 
     def close(self) -> None:
         """See `LiveCamera.close`."""
@@ -108,9 +109,9 @@ class PipeCamera:
                     self._follow(self._connection, file)
                 away = f"{self._name} has ended; start the program that sends depth again"
             except TimeoutError:
-                away = f"{self._name} sends nothing; look at the program and the camera behind it"
+                away = SILENT.format(self._name)
             except OSError as failed:
-                away = f"no program sends depth through {self._name} ({failed.strerror}); start it"
+                away = f"no program sends depth through {self._name} ({failed.strerror or failed}); start it"
             except InputError as failed:
                 error = str(failed)
             if self._address.startswith(STDIN):  # it does not come back
@@ -125,16 +126,17 @@ class PipeCamera:
         if not (line := file.readline(LINE_BYTES)):
             return
         connection.settimeout(None)
-        header = parsed_header(line, self._name)
-        view = header.optics.view()
+        with parsing(self._name, "no depth"):
+            header = parsed_header(line, self._name)
+            view = header.optics.view()
         with self._changed:
             if self.camera not in (None, view.camera):
-                raise InputError(f"{self._name}: another camera sends now; start the dance again")
-            self._view, self.camera = view, view.camera
+                raise InputError(f"{self._name}: another camera sends now; start again")
+            self.camera, self._away = view.camera, ""
             self._changed.notify_all()
         while (image := header.read(file, self._name)) is not None and not self._closed:
             with self._changed:
-                self._image, self._away = (image, time.monotonic()), ""
+                self._newest, self._away = (view, image, time.monotonic()), ""
                 self._changed.notify_all()
 
 

@@ -121,7 +121,7 @@ def test_of_images_that_wait_the_newest_is_given(sender):
     sender.send(*map(sent_image, IMAGES))
     time.sleep(0.2)
     np.testing.assert_array_equal(camera.read()[0], IMAGES[-1].astype(np.float32) / 1000)
-    with pytest.raises(CameraAwayError, match="sends no images"):
+    with pytest.raises(CameraAwayError, match="sends nothing; look at the program"):
         camera.read()
     camera.close()
     sender.end()
