@@ -1,6 +1,7 @@
 """Shows everybody before a depth camera, live: depth and skeletons in the browser, joints for other programs, recordings.
 
     kpopnet live realsense                                opens the page; the keys R, J and space record and pause
+    python feed.py | kpopnet live -                       depth that another program sends, of any other camera
     kpopnet live dance.mkv --camera kinect_v1 --loop      a recording instead of a camera, played in its own time
     kpopnet live realsense --stream json | my_program     and a line of JSON for each image, or csv, on standard output
     kpopnet live realsense --stream vmc --no-page         no page: bone rotations for an avatar by UDP; osc: joints
@@ -24,7 +25,7 @@ from kpopnet.programs.arguments import add_address, add_depth, check_server, ope
 from kpopnet.runtime.compilation import announce_compilation
 from kpopnet.runtime.endings import user_errors
 from kpopnet.sources import DepthSource
-from kpopnet.sources.live import LIVE_CAMERAS, PlayedRecording, check_live, open_live
+from kpopnet.sources.live import LIVE_CAMERAS, PlayedRecording, check_live, is_live, open_live, shared_live
 from kpopnet.sources.source import LiveCamera
 
 PORT = 8473
@@ -61,9 +62,9 @@ def watching(given: argparse.Namespace) -> Watching:
         raise InputError("--no-page: nothing would be seen; add --stream json, csv, osc or vmc")
     if given.port_out is not None and (given.stream not in PORTS or not 1 <= given.port_out <= 65535):
         raise InputError(f"--port-out {given.port_out}: expected 1 to 65535, with --stream {' or '.join(PORTS)}")
-    if given.source in LIVE_CAMERAS:
-        check_live(given.source, "kpopnet live")
-        open_camera, name = partial(open_live, given.source, given.rotate), given.source
+    if is_live(given.source):
+        name = check_live(given.source, "kpopnet live")
+        open_camera = partial(open_live, given.source, given.rotate)
     else:
         path = Path(given.source)
         if not path.exists():
@@ -93,14 +94,15 @@ def main() -> None:
     given = parsed()
     if not given.no_page:
         check_server("kpopnet live", given.port)
-    asked = watching(given)
-    if given.no_page:
-        watch_alone(asked)
-        return
-    from kpopnet.live.server import make_watch_app
-    from kpopnet.teacher.hosting import host
+    with shared_live(given.source) as given.source:
+        asked = watching(given)
+        if given.no_page:
+            watch_alone(asked)
+            return
+        from kpopnet.live.server import make_watch_app
+        from kpopnet.teacher.hosting import host
 
-    host(partial(make_watch_app, asked), given, "live at", out=sys.stderr if given.stream in TO_STDOUT else sys.stdout)
+        host(partial(make_watch_app, asked), given, "live at", out=sys.stderr if given.stream in TO_STDOUT else sys.stdout)
 
 
 if __name__ == "__main__":

@@ -70,7 +70,7 @@ class PipeCamera:
         self._changed = threading.Condition()
         self.camera: Camera | None = None
         self._newest: tuple[View, StoredImage, float] | None = None
-        self._away, self._error = "", ""
+        self._away, self._error, self._ended = "", "", False
         self._connection: socket.socket | None = None
         threading.Thread(target=self._receive, daemon=True, name="pipe").start()
         with self._changed:
@@ -79,13 +79,15 @@ class PipeCamera:
             self.close()
             raise InputError(self._error or self._away or SILENT.format(self._name))
 
-    def read(self) -> tuple[np.ndarray, float]:
-        """See `LiveCamera.read`."""
+    def read(self) -> tuple[np.ndarray, float] | None:
+        """See `LiveCamera.read`; None after the end of standard input."""
         with self._changed:
-            self._changed.wait_for(lambda: self._newest is not None or self._error, SILENCE_S)
+            self._changed.wait_for(lambda: self._newest or self._error or self._ended, SILENCE_S)
             newest, self._newest = self._newest, None
         if newest is None and self._error:
             raise InputError(self._error)
+        if newest is None and self._ended:
+            return None
         if newest is None:
             raise CameraAwayError(self._away or SILENT.format(self._name))
         view, image, arrived = newest
@@ -102,7 +104,7 @@ class PipeCamera:
 
     def _receive(self) -> None:
         """Keeps the newest image, and looks for the sender again where it has ended, until the camera is closed."""
-        while not self._closed and not self._error:
+        while not (self._closed or self._error or self._ended):
             away = error = ""
             try:
                 with _connected(self._address) as self._connection, self._connection.makefile("rb") as file:
@@ -114,10 +116,9 @@ class PipeCamera:
                 away = f"no program sends depth through {self._name} ({failed.strerror or failed}); start it"
             except InputError as failed:
                 error = str(failed)
-            if self._address.startswith(STDIN):  # it does not come back
-                error = error or "standard input has ended; start this program again, and the one that sends depth"
             with self._changed:
                 self._away, self._error = away, error
+                self._ended = self._address.startswith(STDIN)  # it does not come back
                 self._changed.notify_all()
             time.sleep(SEARCH_EVERY_S)
 
