@@ -9,10 +9,10 @@ fy, cx, cy, width, height) and `fps`. What is sent: docs/predicting.md.
 """
 
 import argparse
+import contextlib
 import json
 import socket
 import struct
-import sys
 import time
 from collections.abc import Iterator
 from typing import BinaryIO
@@ -43,16 +43,14 @@ def main() -> None:
     given = parser.parse_args()
     recording = dict(np.load(given.recording))
     if given.port is None:
-        send(recording, sys.stdout.buffer)
+        with contextlib.suppress(BrokenPipeError), open(1, "wb", closefd=False) as file:  # until kpopnet ends
+            send(recording, file)
         return
     with socket.create_server(("127.0.0.1", given.port)) as server:
-        while True:  # kpopnet connects when a lesson begins, and again after each interruption
+        while True:  # kpopnet connects when it needs images, and again after each interruption
             connection, _ = server.accept()
-            try:
-                with connection, connection.makefile("wb") as file:
-                    send(recording, file)
-            except ConnectionError:
-                print("kpopnet has gone; it may connect again", file=sys.stderr)
+            with contextlib.suppress(ConnectionError), connection, connection.makefile("wb") as file:
+                send(recording, file)
 
 
 if __name__ == "__main__":
