@@ -15,9 +15,10 @@ The first start makes a hundred dances, in a quarter of a minute on two quiet co
 import argparse
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from tqdm import tqdm
@@ -105,12 +106,12 @@ def open_source(
     lesson: Lesson,
     dance: TaughtDance,
     clock: DanceClock,
-    live: str | None = None,
+    live: Mapping[str, str] = MappingProxyType({}),
     rotate_deg: int = 0,
 ) -> LiveCamera:
-    """Opens the source of depth that a lesson names: of live cameras only `live`, whose images are turned."""
-    if lesson.source == live:
-        return open_live(live, rotate_deg)
+    """Opens the source of depth that a lesson names; `live` says which live cameras it may be, whose images are turned."""
+    if lesson.source in live:
+        return open_live(live[lesson.source], rotate_deg)
     if lesson.source == SIMULATED or open_recording is None:
         return SimulatedCamera(lesson, dance, clock)
     return RecordedCamera(open_recording(), clock)
@@ -159,8 +160,8 @@ def add_own(given: argparse.Namespace, library: Library) -> None:
         print(f"added {title} as {identity}; kpopnet teach shows it")
 
 
-def serve(given: argparse.Namespace, library: Library) -> None:
-    """Serves the page until the program is interrupted."""
+def serve(given: argparse.Namespace, library: Library, opened: str | None) -> None:
+    """Serves the page until the program is interrupted; `opened` is by what name lessons open the live camera."""
     from kpopnet.teacher.hosting import host
     from kpopnet.teacher.server import PROCESSES, Teaching, make_app
     from kpopnet.teacher.tries import Tries
@@ -176,7 +177,8 @@ def serve(given: argparse.Namespace, library: Library) -> None:
         sources = {given.live: check_live(given.live, "--live")} | sources
     if given.checkpoint is not None:
         load_estimator(given.checkpoint)
-    open_camera = partial(open_source, open_recording, live=given.live, rotate_deg=given.rotate)
+    live = {given.live: opened} if opened else {}
+    open_camera = partial(open_source, open_recording, live=live, rotate_deg=given.rotate)
     teaching = Teaching(library, Tries(given.data / "tries"), open_camera, given.checkpoint, sources, SKILLS, FAULTS)
 
     async def keep_ready(app) -> None:
@@ -217,8 +219,8 @@ def main() -> None:
         if given.add is not None:
             add_own(given, library)
             return
-    with shared_live(given.live) as given.live:
-        serve(given, library)
+    with shared_live(given.live) as opened:
+        serve(given, library, opened)
 
 
 if __name__ == "__main__":

@@ -35,6 +35,8 @@ def library(where: str) -> Any:
 def stereo_pipeline() -> tuple[Any, Any]:
     """A pipeline of the library for the first connected camera, and its output of depth in millimetres."""
     found = library(NAME)
+    if not found.Device.getAllAvailableDevices():  # a pipeline would look for one for ten seconds
+        raise CameraAwayError("no OAK camera is connected; plug it in")
     pipeline = found.Pipeline()
     return pipeline, pipeline.create(found.node.StereoDepth).build(True, size=SIZE, fps=FPS).depth
 

@@ -138,8 +138,8 @@ class Mounted:
 
 def test_a_live_camera_on_its_side_is_turned(monkeypatch):
     monkeypatch.setitem(live._KINDS, "realsense", (str, Mounted))
-    given = {"live": "realsense", "rotate_deg": 90}
-    camera = teach.open_source(None, Lesson("d", source="realsense"), None, DanceClock(0.0, 1.0), **given)
+    given = {"live": {"mine": "realsense"}, "rotate_deg": 90}
+    camera = teach.open_source(None, Lesson("d", source="mine"), None, DanceClock(0.0, 1.0), **given)
     depth_m, taken = camera.read()
     assert (camera.camera.width, camera.camera.height) == depth_m.shape[::-1] == (240, 320) and taken == 12.5
     assert (np.diff(depth_m, axis=0) > 0).all()  # what was left is on top
