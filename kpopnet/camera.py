@@ -132,8 +132,11 @@ CAMERAS = {
     "kinect_v1": Camera.centred(285.63, 320, 240),
     "smmc10": Camera.centred(204.795, 144, 176),
     "kinect_2": Camera.centred(365.0, 512, 424),
+    "azure_kinect": Camera.centred(504.0, 640, 576),
+    "realsense": Camera.centred(433.0, 848, 480),
 }
-"""Presets with nominal intrinsics: EVAL and Kinect v1 (320x240), SMMC-10's SwissRanger in portrait orientation, Kinect 2."""
+"""Presets with nominal intrinsics: EVAL and Kinect v1 (320x240), SMMC-10's SwissRanger in portrait orientation, Kinect 2, Azure
+Kinect (narrow field of view, not binned) and RealSense D435 (58 degrees of height, from its data sheet)."""
 
 
 def depth_in_metres(depth: np.ndarray, camera: Camera | None = None, *, where: str = "depth image") -> np.ndarray:

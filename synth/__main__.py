@@ -14,6 +14,7 @@ or a simulated benchmark:
     python -m synth benchmark=smmc10_sim                            28 sequences, 0.3 GB, into data/smmc10_sim
     python -m synth benchmark=two_people                            24 sequences of two people, 0.2 GB, into data/two_people
     python -m synth benchmark=rooms                                 65 films and 400 images of any room, 0.6 GB, into data/rooms
+    python -m synth benchmark=check_sim                             30 films of the script of `kpopnet check`, X GB, into data/check_sim
     python -m synth benchmark=kpop_sim                              100 dances, 400 learners, 3 GB, into data/kpop_sim
     python -m synth benchmark=kpop_sim benchmark.split=train out=data/kpop_train    other dances by other people
 
@@ -52,6 +53,7 @@ from synth.samples.writer import SetConfig, finish, generate
 from synth.scene.render import make_renderer
 from synth.scene.scene import Scene
 from synth.sensor.model import SENSORS, SensorConfig
+from synth.simulated.check_sim import CheckSim
 from synth.simulated.eval_sim import EvalSim
 from synth.simulated.generator import SetGenerator
 from synth.simulated.rooms import Rooms
@@ -210,6 +212,7 @@ BENCHMARKS: dict[str, type[SetGenerator]] = {
     "smmc10_sim": Smmc10Sim,
     "two_people": TwoPeople,
     "rooms": Rooms,
+    "check_sim": CheckSim,
     "kpop_sim": KpopSim,
     "room_images": RoomImagesSet,
     "person_crops": PersonCropsSet,

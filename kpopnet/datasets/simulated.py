@@ -7,6 +7,7 @@ the arrays of `StoredSequence`, and the attributes fps, camera (fx, fy, cx, cy, 
 
 import logging
 import re
+from collections.abc import Sequence as Several
 from dataclasses import astuple, dataclass
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.datasets.protocol import BenchmarkConfig, Origin, Sequence, check_joints, heading_rad
 from kpopnet.errors import InputError, check_between
 from kpopnet.runtime.atomic_write import atomic_hdf5
-from kpopnet.runtime.hdf5_files import Hdf5Schema, attributes_of, open_hdf5, read_array
+from kpopnet.runtime.hdf5_files import Hdf5Schema, attributes_of, open_hdf5, read_array, stored_array
 from kpopnet.runtime.input_files import ArraySchema, check_fields, check_names, expect, read_json
 from kpopnet.skeleton import NUM_JOINTS
 
@@ -83,11 +84,17 @@ def write_sequence(folder: Path, sequence: StoredSequence) -> None:
                 file.create_dataset(name, data=array, **packing)
 
 
-def read_sequence(path: Path) -> StoredSequence:
-    """Reads a file; raises InputError if it is missing, damaged, larger than the budget, or inconsistent."""
+def read_sequence(path: Path, images: Several[int] | None = None) -> StoredSequence:
+    """Reads a file: all of its depth images, or those with the given ascending numbers, and every other array whole.
+
+    Raises InputError if it is missing, damaged, larger than the budget, or inconsistent.
+    """
     with open_hdf5(path, SCHEMA) as file:
         attributes = attributes_of(file)
-        arrays = {name: read_array(file, name) for name in SCHEMA.arrays if name in file}
+        names = [name for name in SCHEMA.arrays if name in file and (images is None or name != "depth")]
+        arrays = {name: read_array(file, name) for name in names}
+        if images is not None:
+            arrays["depth"] = stored_array(file, "depth")[list(images)]
     joints_m, people = arrays["joints_m"], tuple(attributes["people"])
     expect(len(joints_m) > 0 and len(people) == joints_m.shape[1], str(path), "frames, and a name for each person")
     if people:

@@ -15,11 +15,14 @@ from kpopnet.skeleton import NUM_JOINTS, Joint
 from synth.body.shape import Person
 from synth.rooms.held_back import BARRIERS, BENCHMARK_CLUTTER
 from synth.rooms.scene import HEIGHT_M, LOST, OUTDOORS, about_z, draw_camera, draw_view, nearest_depth_m, posed_view
+from synth.samples.layers import millimetres
+from synth.samples.observe import LIMB_ENDS
 from synth.scene.mesh import Mesh, boxes
 from synth.scene.props import seat_under
 from synth.scene.render import draw_mesh_m, whole_px
-from synth.scene.room import DANCE_HALL, View, draw_room, overlaps_boxes
-from synth.sensor.model import SENSORS, SensorConfig
+from synth.scene.room import DANCE_HALL, Room, View, draw_room, overlaps_boxes
+from synth.sensor.film_noise import FilmNoise
+from synth.sensor.model import SENSORS, SensorConfig, measure_labelled
 from synth.simulated.casts import CASTS, FPS, Part
 from synth.simulated.film import PERSON, Played, Studio, collides, nearest_surfaces, on_stage
 
@@ -85,6 +88,16 @@ class ClearFrame(NamedTuple):
     def seen_px(self, labels: np.ndarray) -> np.ndarray:
         """(P,) pixels of (H, W) labels that show each person."""
         return np.array([np.count_nonzero(labels == PERSON + person) for person in range(len(self.whole_px))], np.int32)
+
+
+@dataclass(frozen=True)
+class RoomShot:
+    """One measured frame of P people."""
+
+    depth_mm: np.ndarray  # (H, W) uint16 depth of the whole scene, millimetres, 0 where nothing was measured
+    joints_camera_m: np.ndarray  # (P, 15, 3) float32 true joints, metres
+    whole_px: np.ndarray  # (P,) int32
+    seen_px: np.ndarray  # (P,) int32
 
 
 def draw_take(rng: np.random.Generator, kind: str, people: Callable[[int], Person], frames: int) -> RoomTake | None:
@@ -175,11 +188,7 @@ def draw_surroundings(
         return None
     shown = [rng.random() >= LOST[name] for name in ("floor", "back", "left", "right")]
     shown += [indoors] * (len(room.centres_m) - len(shown))
-    meshes = [
-        boxes([((0, 0, 0), half)]).moved(about_z(yaw), centre)
-        for centre, half, yaw, keep in zip(room.centres_m, room.halves_m.tolist(), room.yaws_rad.tolist(), shown, strict=True)
-        if keep
-    ]
+    meshes = [mesh for mesh, keep in zip(room_meshes(room), shown, strict=True) if keep]
     if not indoors:
         meshes = meshes[: shown[0]]
     elif rng.random() >= LOST["ceiling"]:
@@ -205,6 +214,12 @@ def draw_surroundings(
         if inside and far and not overlaps_boxes(skin_m, np.zeros(3), *box, CLUTTER_GAP_M):
             meshes.append(thing.moved(about_z(yaw), place_m))
     return meshes
+
+
+def room_meshes(room: Room) -> list[Mesh]:
+    """The boxes of a room."""
+    boxes_of = zip(room.centres_m, room.halves_m.tolist(), room.yaws_rad.tolist(), strict=True)
+    return [boxes([((0, 0, 0), half)]).moved(about_z(yaw), centre) for centre, half, yaw in boxes_of]
 
 
 def _things(rng: np.random.Generator, studio: Studio, parts: list[Part], actors: tuple[Actor, ...]) -> list[Mesh] | None:
@@ -243,6 +258,16 @@ def render(take: RoomTake, numbers: range) -> Iterator[ClearFrame]:
         depth_m, labels = nearest_surfaces(room_m, people_m)
         joints_camera_m = np.array(joints_m, np.float32).reshape(-1, NUM_JOINTS, 3)
         yield ClearFrame(number, depth_m, labels, joints_camera_m, np.array(pixels, np.int32))
+
+
+def measured(take: RoomTake, frames: range, noise: FilmNoise) -> Iterator[RoomShot]:
+    """Renders and measures frames of a film; a frame is the same whichever others are made."""
+    for clear in render(take, frames):
+        rng, shared = noise.frame(clear.number)
+        ends_m = clear.joints_camera_m[:, LIMB_ENDS].reshape(-1, 3)
+        depth_m, labels = measure_labelled(clear.depth_m, clear.labels, take.camera, take.sensor, rng, ends_m, shared)
+        seen_px = clear.seen_px(labels)
+        yield RoomShot(millimetres(depth_m), clear.joints_camera_m, np.maximum(clear.whole_px, seen_px), seen_px)
 
 
 def _shows(kind: str, take: RoomTake) -> bool:

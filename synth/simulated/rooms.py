@@ -17,7 +17,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from kpopnet.camera import CAMERAS, MM_PER_METRE, Camera
+from kpopnet.camera import CAMERAS, Camera
 from kpopnet.datasets.simulated import StoredSequence, read_sequence
 from kpopnet.errors import InputError
 from kpopnet.viz.drawing import TRUE, sheet
@@ -25,12 +25,10 @@ from synth.body.shape import BodyConfig, Person, draw_person
 from synth.rooms.held_back import BENCHMARK_CLUTTER
 from synth.rooms.images import measure_scene
 from synth.rooms.scene import MOST_PEOPLE, RoomScenes
-from synth.samples.observe import LIMB_ENDS
 from synth.samples.sampler import SampleConfig
 from synth.sensor.film_noise import FilmNoise
-from synth.sensor.model import measure_labelled
 from synth.simulated.casts import CASTS, FPS
-from synth.simulated.room_films import FILM_PX, RoomTake, draw_take, render
+from synth.simulated.room_films import FILM_PX, RoomShot, RoomTake, draw_take, measured
 from synth.simulated.sequences import TILES, Selection, SequenceGenerator, frame_tile
 
 SINGLE = "single_image"
@@ -69,16 +67,6 @@ class RoomsConfig(Selection):
         super().__post_init__()
         if not self.kinds or not set(self.kinds) <= set(KINDS):
             raise InputError(f"benchmark.kinds={self.kinds}: expected some of {', '.join(dict.fromkeys(KINDS))}")
-
-
-@dataclass(frozen=True)
-class RoomShot:
-    """One measured frame of P people."""
-
-    depth_mm: np.ndarray  # (H, W) uint16 depth of the whole scene, millimetres, 0 where nothing was measured
-    joints_camera_m: np.ndarray  # (P, 15, 3) float32 true joints, metres
-    whole_px: np.ndarray  # (P,) int32
-    seen_px: np.ndarray  # (P,) int32
 
 
 @dataclass(frozen=True)
@@ -129,13 +117,7 @@ class Rooms(SequenceGenerator):
         raise InputError(f"{self.sequence_name(index)}: none of {TRIES} casts is in view and clear of the room")
 
     def shots(self, index: int, take: RoomTake, frames: range) -> Iterator[RoomShot]:
-        noise = FilmNoise(self._seed("noise", index))
-        for clear in render(take, frames):
-            rng, shared = noise.frame(clear.number)
-            ends_m = clear.joints_camera_m[:, LIMB_ENDS].reshape(-1, 3)
-            depth_m, labels = measure_labelled(clear.depth_m, clear.labels, take.camera, take.sensor, rng, ends_m, shared)
-            seen_px = clear.seen_px(labels)
-            yield RoomShot(millimetres(depth_m), clear.joints_camera_m, np.maximum(clear.whole_px, seen_px), seen_px)
+        return measured(take, frames, FilmNoise(self._seed("noise", index)))
 
     def sequence(self, index: int, on_frame: Callable[[], None]) -> StoredSequence:
         if self.kind(index) == SINGLE:
@@ -203,8 +185,3 @@ class BenchmarkScenes(RoomScenes):
 
     def _rng(self, kind: str, index: int) -> np.random.Generator:
         return self._maker.scene_rng(kind, index)
-
-
-def millimetres(depth_m: np.ndarray) -> np.ndarray:
-    """uint16 depth."""
-    return np.rint(depth_m * MM_PER_METRE).astype(np.uint16)

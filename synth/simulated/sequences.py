@@ -6,7 +6,7 @@ people are near other adults and wear other kinds of garments (`draw_person`), i
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -86,6 +86,9 @@ class SequenceGenerator(SetGenerator):
     view: ClassVar[ViewConfig]
     """Distribution of the camera's pose."""
 
+    tiles: ClassVar[int] = TILES
+    """Frames of a sequence in the contact sheet."""
+
     frames: tuple[int, int] = (100, 400)  # least and greatest length of a sequence, frames
 
     @classmethod
@@ -111,11 +114,14 @@ class SequenceGenerator(SetGenerator):
 
     def stacked(self, index: int, take: Any, frames: int | None, on_frame: Callable[[], None]) -> dict[str, np.ndarray]:
         """The fields of the first shots of sequence `index`, or of all, by name, with a first axis of T frames."""
-        shots = []
-        for shot in self.shots(index, take, range(len(take) if frames is None else min(frames, len(take)))):
-            shots.append(shot)
+        arrays: dict[str, np.ndarray] = {}
+        count = len(take) if frames is None else min(frames, len(take))
+        for number, shot in enumerate(self.shots(index, take, range(count))):
+            for name in (one.name for one in fields(shot)):
+                value = np.asarray(getattr(shot, name))
+                arrays.setdefault(name, np.empty((count, *value.shape), value.dtype))[number] = value
             on_frame()
-        return {one.name: np.stack([getattr(shot, one.name) for shot in shots]) for one in fields(shots[0])}
+        return arrays
 
     def _seed(self, kind: str, *numbers: int) -> tuple[int, ...]:
         """The seed of a person, a sequence or its noise. Only this benchmark's seeds start with its name."""
@@ -141,15 +147,17 @@ class SequenceGenerator(SetGenerator):
         write_sequence(folder, self.sequence(index, on_frame))
 
     def contact_sheet(self, folder: Path, manifest: dict) -> np.ndarray:
-        """RGB image: a row for each sequence, TILES frames at even distances, with the true skeletons."""
+        """RGB image: a row for each sequence, frames at even distances, with the true skeletons."""
         rows = []
         for path in (self.path(folder, index) for index in range(manifest["sequences"])):
             if not path.exists():
                 continue
-            stored = read_sequence(path)
-            numbers = np.linspace(0, len(stored.depth) - 1, TILES).astype(int).tolist()
-            tiles = [frame_tile(stored, number, f"frame {number}") for number in numbers]
-            rows.append((f"{path.stem}: {stored.kind}, {len(stored.depth)} frames", tiles))
+            frames = len(read_sequence(path, ()).joints_m)
+            numbers = np.unique(np.linspace(0, frames - 1, self.tiles).astype(int)).tolist()
+            stored = read_sequence(path, numbers)
+            stored = replace(stored, joints_m=stored.joints_m[numbers])
+            tiles = [frame_tile(stored, at, f"frame {number}") for at, number in enumerate(numbers)]
+            rows.append((f"{path.stem}: {stored.kind}, {frames} frames", tiles))
         return sheet(rows, (TRUE,), f"SIMULATED, {manifest['benchmark']}, seed {manifest['seed']}: depth and true joints")
 
 

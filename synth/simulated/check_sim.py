@@ -1,0 +1,150 @@
+"""`check_sim`: simulated films of the script of `kpopnet check` (`kpopnet.datasets.check_script`), before every camera.
+
+A film lasts a minute, at 30 frames per second. Five people, three rooms: sequence k shows person k // C % 5 in room k // C % 3
+before camera k % C of C. A person comes in from the side, stands still, turns once around, raises both hands, sits down on a
+seat that stands there, leaves, and comes back. `whole_px` and `seen_px` are as in `rooms`.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from kpopnet.camera import CAMERAS
+from kpopnet.datasets.check_script import END_S
+from kpopnet.datasets.simulated import StoredSequence
+from kpopnet.errors import InputError
+from synth.motion.choreography.check_minute import BPM, SAT_S, check_minute
+from synth.motion.choreography.stage import Style, perform
+from synth.motion.skeleton import LEG_M
+from synth.scene.props import seat_under
+from synth.scene.room import DANCE_HALL, Room, View, ViewConfig, draw_room, draw_view
+from synth.sensor.film_noise import FilmNoise
+from synth.sensor.model import SENSORS
+from synth.simulated.film import ROOM_BOXES, Studio, collides
+from synth.simulated.room_films import Actor, RoomShot, RoomTake, measured, room_meshes
+from synth.simulated.sequences import Selection, SequenceGenerator
+
+PEOPLE, ROOMS, FPS = 5, 3, 30.0
+SENSOR_OF_CAMERA = {
+    "eval": "kinect_v1", "kinect_v1": "kinect_v1", "smmc10": "swissranger", "kinect_2": "kinect_2",
+    "azure_kinect": "kinect_2", "realsense": "kinect_v1",
+}  # fmt: skip
+"""The sensor model of each preset: its own, or that of the same principle (time of flight, or triangulation)."""
+
+NEAREST_M, HALF_HEIGHT_M = 2.4, 1.38
+"""Least distance of the place to stand from the camera, and half the height that the image shows there, raised hands and all."""
+
+BESIDE_M = 0.65
+"""How far outside the image the person waits."""
+
+STAGE_M, SEAT_M = ((-3.4, 3.4), (2.0, 3.7)), ((-0.4, 0.4), (3.7, 4.4))
+"""Ranges of x and y that walls and furniture leave free: where people walk, and where their seat is; metres."""
+
+LEAST_BOXES, ROOM_TRIES = 4, 20000
+"""Of furniture in a room; rooms tried."""
+
+VIEW = ViewConfig(height_m=(0.9, 1.3), aim_m=(0.95, 1.1), roll_deg=1.0)
+SWAY_DEG = 0.2
+"""Amplitude of the sway of somebody who stands still."""
+
+
+@dataclass
+class CheckSimConfig(Selection):
+    """Identity and size of the set.
+
+    Attributes:
+        cameras: presets, before which the films are made in turn.
+    """
+
+    name: str = "check_sim"
+    sequences: int = PEOPLE * len(SENSOR_OF_CAMERA)
+    cameras: list[str] = field(default_factory=lambda: list(SENSOR_OF_CAMERA))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.cameras or not set(self.cameras) <= set(SENSOR_OF_CAMERA):
+            raise InputError(f"benchmark.cameras={self.cameras}: expected some of {', '.join(SENSOR_OF_CAMERA)}")
+
+
+@dataclass(frozen=True)
+class CheckSim(SequenceGenerator):
+    """Makes the films."""
+
+    benchmark: CheckSimConfig = field(default_factory=CheckSimConfig)
+    frames: tuple[int, int] = (round(END_S * FPS), round(END_S * FPS))
+
+    about = "SIMULATED films of the script of `kpopnet check`, no real person."
+    camera, fps = CAMERAS["kinect_v1"], FPS  # the camera of some
+    kinds: ClassVar[tuple[str, ...]] = tuple(SENSOR_OF_CAMERA)
+    tiles = 20
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.motion.source == "clips":
+            raise InputError("motion=clips: no recording follows the script; take motion=choreography")
+        object.__setattr__(self, "renderer", "cpu")  # images differ in size, which OpenGL's window does not
+
+    @classmethod
+    def sequence_name(cls, index: int) -> str:
+        return f"check_{index:02d}"
+
+    def kind(self, index: int) -> str:
+        return self.benchmark.cameras[index % len(self.benchmark.cameras)]
+
+    def _round(self, index: int) -> int:
+        return index // len(self.benchmark.cameras)
+
+    def take(self, index: int) -> RoomTake:
+        """Puts the person of sequence `index`, their seat and the room before the camera."""
+        name, number = self.kind(index), self._round(index) % PEOPLE
+        camera, rng = CAMERAS[name], self._rng("sequence", number)
+        studio, person, (room, view) = Studio(camera, "cpu"), self.person(number), self._room(number % ROOMS)
+        y_m = max(NEAREST_M, HALF_HEIGHT_M * 2 * camera.fy / camera.height)
+        style = Style(bounce_m=0.0, lag_s=0.04, unsteadiness_deg=SWAY_DEG, phases=tuple(rng.random(5)))
+        from_left = bool(rng.random() < 0.5)
+        start_m = y_m * camera.width / (2 * camera.fx) + BESIDE_M
+        way_m = start_m * LEG_M / person.leg_m  # of the mean adult, whose steps become the person's
+        motion = perform(check_minute(way_m, from_left), BPM, self.frames[0], FPS, name, style)
+        played = studio.play(person, motion, 0.0, rng.uniform(0.0, 1.0, 2))
+        place_m = np.array([-start_m if from_left else start_m, y_m, 0.0])
+        sat = round(sum(SAT_S) / 2 * FPS)
+        studio.pose(played, sat, place_m)
+        scene, skin_m = studio.scene, studio.renderer.vertices_world_m()
+        seat = seat_under(rng, scene.joints_world_m(), skin_m, scene.facing_world())
+        if seat is None:
+            raise InputError(f"{self.sequence_name(index)}: no seat fits under the person")
+        surroundings = (*room_meshes(room), seat.mesh)
+        return RoomTake(len(played), camera, SENSORS[SENSOR_OF_CAMERA[name]], (view,), surroundings, (Actor(played, place_m),))
+
+    def _room(self, number: int) -> tuple[Room, View]:
+        """One of the rooms, with the pose of its camera: wide enough to wait beside any camera's view."""
+        rng = self._rng("sequence", PEOPLE + number)
+        view, (left_m, right_m), far_m = draw_view(rng, VIEW), STAGE_M[0], SEAT_M[1][1]
+        grids = [np.meshgrid(*(np.arange(*one, 0.1) for one in part), (0.1, 1.0)) for part in (STAGE_M, SEAT_M)]
+        free_m = np.concatenate([np.stack(grid, axis=-1).reshape(-1, 3) for grid in grids])
+        for _ in range(ROOM_TRIES):
+            room = draw_room(rng, DANCE_HALL)
+            back, left, right = room.clear_m()
+            furnished = len(room.centres_m) >= ROOM_BOXES + LEAST_BOXES
+            if furnished and left < left_m and right > right_m and back > far_m and not collides(room, free_m):
+                return room, view
+        raise InputError(f"{self.benchmark.name}: none of {ROOM_TRIES} rooms has a free stage; choose another seed")
+
+    def shots(self, index: int, take: RoomTake, frames: range) -> Iterator[RoomShot]:
+        return measured(take, frames, FilmNoise(self._seed("noise", index)))
+
+    def sequence(self, index: int, on_frame: Callable[[], None]) -> StoredSequence:
+        shots = self.stacked(index, self.take(index), None, on_frame)
+        return StoredSequence(
+            self.sequence_name(index),
+            self.kind(index),
+            FPS,
+            CAMERAS[self.kind(index)],
+            (f"person {self._round(index) % PEOPLE}",),
+            depth=shots["depth_mm"],
+            joints_m=shots["joints_camera_m"],
+            whole_px=shots["whole_px"],
+            seen_px=shots["seen_px"],
+        )
