@@ -11,6 +11,7 @@ PROGRAMS = {
     "train": ("kpopnet.programs.train", "trains a network or the random tree walk (python train.py)"),
     "evaluate": ("kpopnet.programs.evaluate", "evaluates estimators and dance scores (python evaluate.py)"),
     "predict": ("kpopnet.programs.predict", "estimates the joints of people in a recording of depth, and shows them"),
+    "check": ("kpopnet.programs.check", "runs a scripted minute before a camera and prints the acceptance sheet"),
     "score": ("kpopnet.programs.score", "scores a learner's dance against a teacher's, from two files of joints"),
     "convert": ("kpopnet.programs.convert", "makes a set of dances from files of joints"),
     "describe": ("kpopnet.datasets.describe", "says what a folder of a data set holds"),

@@ -14,7 +14,7 @@ or a simulated benchmark:
     python -m synth benchmark=smmc10_sim                            28 sequences, 0.3 GB, into data/smmc10_sim
     python -m synth benchmark=two_people                            24 sequences of two people, 0.2 GB, into data/two_people
     python -m synth benchmark=rooms                                 65 films and 400 images of any room, 0.6 GB, into data/rooms
-    python -m synth benchmark=check_sim                             30 films of the script of `kpopnet check`, X GB, into data/check_sim
+    python -m synth benchmark=check_sim                             30 films for `kpopnet check`, 7 GB, into data/check_sim
     python -m synth benchmark=kpop_sim                              100 dances, 400 learners, 3 GB, into data/kpop_sim
     python -m synth benchmark=kpop_sim benchmark.split=train out=data/kpop_train    other dances by other people
 

@@ -34,7 +34,7 @@ SENSOR_OF_CAMERA = {
 """The sensor model of each preset: its own, or that of the same principle (time of flight, or triangulation)."""
 
 NEAREST_M, HALF_HEIGHT_M = 2.4, 1.38
-"""Least distance of the place to stand from the camera, and half the height that the image shows there, raised hands and all."""
+"""Least distance of the place to stand from the camera, and least half of the height that the image shows there."""
 
 BESIDE_M = 0.65
 """How far outside the image the person waits."""

@@ -34,7 +34,7 @@ def _sitting(beats: float) -> Move:
 
 
 def check_minute(way_m: float, from_left: bool) -> Move:
-    """The script, danced at BPM; the person comes from `way_m` metres to the right or left in the image, and goes back there."""
+    """The script, danced at BPM; the person comes from `way_m` metres to the right or left, and goes back there."""
     ways = concat(_RIGHT, walk(way_m), _LEFT), concat(_LEFT, walk(way_m), _ABOUT)
     raised = upper(Key(2, arms("up")), Key(3, arms("up")), Key(2, arms("hang")))
     parts = {

@@ -1,0 +1,185 @@
+"""The acceptance sheet as a table, as Markdown, as JSON and in pictures: figures held against two gates each."""
+
+import json
+import math
+import os
+import platform
+from collections.abc import Callable
+from datetime import UTC, datetime
+from operator import ge, le
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from kpopnet.camera import MM_PER_METRE
+from kpopnet.evaluation.acceptance.figures import exchanges, false_people, gaps, present
+from kpopnet.evaluation.acceptance.watched import Watched
+from kpopnet.evaluation.poses.metrics import joint_errors_m
+from kpopnet.evaluation.report import Block, as_markdown, write_text
+from kpopnet.evaluation.values import Table, Value
+from kpopnet.runtime.cpu import available_cores
+from kpopnet.runtime.provenance import git_revision
+from kpopnet.viz.drawing import ESTIMATED, TRUE, depth_rgb, draw_skeleton, enlarged, save_png, sheet, with_captions
+
+EMPTY_S = 600.0
+"""For how long no person may be seen in the empty room."""
+
+TILE_WIDTH_PX, TILES_PER_ROW, MOST_TILES = 320, 4, 24
+BOTH, USERS, MISSED, NOT_SHOWN = "met both", "met, ours missed", "missed", "not shown"
+
+
+class Line(NamedTuple):
+    """A line of the sheet.
+
+    Attributes:
+        key: of its figure.
+        title: what a reader calls it.
+        unit: of the figure.
+        compare: with which the figure meets a gate; None without gates.
+        gate: of an independent user of depth joints in a dance game.
+        ours: as half of what the user tolerates.
+    """
+
+    key: str
+    title: str
+    unit: str
+    compare: Callable[[float, float], bool] | None = None
+    gate: float = 0
+    ours: float = 0
+
+
+LINES = (
+    Line("images_in_s", "images a second from the camera", ""),
+    Line("images_out_s", "images a second with an answer", "", ge, 29, 29.5),
+    Line("delay_p50_ms", "delay from image to joints, median", "ms"),
+    Line("delay_p95_ms", "delay, 95th percentile", "ms", le, 50, 25),
+    Line("delay_p99_ms", "delay, 99th percentile", "ms"),
+    Line("delay_longest_ms", "delay, longest", "ms", le, 150, 75),
+    Line("stale_images", "images older than 150 ms when their joints were there", ""),
+    Line("availability", "time in view with joints", "%", ge, 0.99, 0.995),
+    Line("false_people", "people seen in the empty room", "", le, 0, 0),
+    Line("empty_s", "time for which the room was empty", "s"),
+    Line("found_first_ms", "until found after coming in", "ms"),
+    Line("found_again_ms", "until found again after coming back", "ms", le, 750, 375),
+    Line("longest_gap_ms", "longest gap", "ms"),
+    Line("exchanges", "exchanges of left and right", "", le, 0, 0),
+    Line("jitter_core_mm", "jitter at rest, trunk and head", "mm", le, 20, 10),
+    Line("jitter_ends_mm", "jitter at rest, hands and feet", "mm", le, 35, 17.5),
+    Line("mean_error_mm", "mean error of all joints", "mm", le, 80, 40),
+    Line("ends_error_mm", "mean error of hands and feet", "mm", le, 100, 50),
+)
+
+Figures = dict[str, float | int | None]
+
+
+def verdict(line: Line, found: Figures) -> str:
+    """How a figure stands to the gates of its line, "" for a line without gates."""
+    value = found[line.key]
+    if line.compare is None:
+        return ""
+    if value is None or (line.key == "false_people" and value == 0 and found["empty_s"] < EMPTY_S):
+        return NOT_SHOWN
+    if line.compare(value, line.ours):
+        return BOTH
+    return USERS if line.compare(value, line.gate) else MISSED
+
+
+def table(found: dict[str, Figures]) -> Table:
+    """The sheet; a column for each entry, with the verdict where a line has gates."""
+    rows: list[list] = []
+    for line in LINES:
+        sign = {ge: "≥ ", le: "≤ ", None: ""}[line.compare]
+        gates = [f"{sign}{_value(line, one)}" if line.compare else "" for one in (line.gate, line.ours)]
+        cells = (", ".join(filter(None, (str(_value(line, one[line.key])), verdict(line, one)))) for one in found.values())
+        rows.append([line.title, *gates, *cells])
+    return Table(["", "users' gate", "our gate", *found], rows)
+
+
+def _value(line: Line, value: float | int | None) -> Value | str:
+    if value is not None and math.isinf(value):
+        return "never"
+    return Value(value, line.unit, digits=1)
+
+
+def blocks(source: str, is_simulated: bool, found: dict[str, Figures], remarks: list[str]) -> list[Block]:
+    """The sheet with what is needed to read it."""
+    origin = ["SIMULATED depth of simulated people: no real sensor and no real person."] if is_simulated else []
+    texts: list[Block] = [("text", line) for line in (*origin, *remarks)]
+    return [("title", f"Acceptance sheet: {source}"), *texts, ("table", table(found)), ("text", MEANING)]
+
+
+MEANING = (
+    f'"{BOTH}": the users\' gate and ours. "{NOT_SHOWN}": not measured, or nobody was seen, but the room was not empty for ten '
+    "minutes (--empty 10). What each line means: docs/check.md."
+)
+
+
+def machine() -> dict:
+    """What the delays depend on."""
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0  # not known on this system
+    return {"processor": _processor(), "cores": os.cpu_count(), "usable_cores": available_cores(), "load": load}
+
+
+def _processor() -> str:
+    try:
+        names = [
+            line.partition(":")[2].strip() for line in Path("/proc/cpuinfo").read_text().splitlines() if "model name" in line
+        ]
+    except OSError:
+        names = []
+    return names[0] if names else platform.processor() or platform.machine()
+
+
+def write(folder: Path, shown: list[Block], found: dict[str, Figures], runs: list[Watched], about: dict) -> list[Path]:
+    """Writes check.md, check.json and, where something was missed, check.png into a folder; returns their paths.
+
+    `about` are other entries of the JSON file. A time that is infinite, because nobody was found, is "never" there.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    entries = {
+        name: {
+            line.key: {
+                "value": "never" if isinstance(one[line.key], float) and math.isinf(one[line.key]) else one[line.key],
+                **({"users_gate": line.gate, "our_gate": line.ours, "verdict": verdict(line, one)} if line.compare else {}),
+            }
+            for line in LINES
+        }
+        for name, one in found.items()
+    }
+    made = {"git": git_revision(), "made": datetime.now(UTC).isoformat(timespec="seconds")}
+    write_text(folder / "check.json", json.dumps(about | {"sheet": entries} | made, indent=1, allow_nan=False) + "\n")
+    written = [folder / "check.md", folder / "check.json"]
+    tiles = [tile(run, number, caption) for run in runs for number, caption in moments(run) if number in run.images]
+    tiles = tiles[:MOST_TILES]
+    if tiles:
+        rows = [("", tiles[first : first + TILES_PER_ROW]) for first in range(0, len(tiles), TILES_PER_ROW)]
+        styles = (ESTIMATED, TRUE) if any(run.truth_m is not None for run in runs) else (ESTIMATED,)
+        save_png(folder / "check.png", sheet(rows, styles, shown[0][1]))
+        shown = [*shown, ("figure", ("check.png", "Images in which something was missed"))]
+        written.append(folder / "check.png")
+    write_text(folder / "check.md", as_markdown(shown))
+    return written
+
+
+def moments(run: Watched) -> list[tuple[int, str]]:
+    """The images of a run that a reader should look at, and why."""
+    shown = [(number, "nobody is there") for number in false_people(run)]
+    shown += [(number, "sides exchanged, or back") for number in exchanges(run)]
+    shown += [((first + last) // 2, f"no joints in {last - first} images") for first, last in gaps(run)]
+    if run.truth_m is not None and (scored := run.in_view & present(run)).any():
+        numbers, errors_m = np.flatnonzero(scored), joint_errors_m(run.truth_m[scored], run.joints_m[scored])
+        means_m = np.nanmean(np.where(np.isfinite(errors_m), errors_m, np.nan), axis=1)
+        shown.append((int(numbers[means_m.argmax()]), f"largest mean error, {1000 * means_m.max():.0f} mm"))
+    return shown
+
+
+def tile(run: Watched, number: int, caption: str) -> np.ndarray:
+    """RGB image of one image of a run with the joints found, and the true ones where they are known."""
+    depth_mm, camera = run.images[number]
+    image = enlarged(depth_rgb(depth_mm / np.float32(MM_PER_METRE)), TILE_WIDTH_PX)
+    for joints_m in run.people_m[number]:
+        draw_skeleton(image, joints_m, camera, ESTIMATED)
+    if run.truth_m is not None and not run.empty[number]:
+        draw_skeleton(image, run.truth_m[number], camera, TRUE)
+    return with_captions(image, (f"{run.name}, {run.kind}, {run.times_s[number]:.2f} s", caption))
