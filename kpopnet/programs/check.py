@@ -244,9 +244,10 @@ def check_live(given: argparse.Namespace, estimator: PoseEstimator) -> Watched:
         stream = answers(images, camera.camera, estimator)
         print("put a chair about 3 m before the camera, and stand before it until you are found", flush=True)
         steady, began = 0, time.monotonic()
-        while steady < STEADY_FRAMES and time.monotonic() - began < NOBODY_PATIENCE_S:
-            answer = next(stream)
+        for answer in stream:
             steady = steady + 1 if answer.people and answer.delay_s < STEADY_S else 0
+            if steady == STEADY_FRAMES or time.monotonic() - began > NOBODY_PATIENCE_S:
+                break
         print(f"{'you are found' if steady else 'nobody was found'}; leave the camera's view within {READY_S:g} s", flush=True)
         longer_s = max(60 * given.empty - step_s("come in")[0], 0.0)
         start, dropped = time.monotonic() + READY_S + longer_s, images.dropped

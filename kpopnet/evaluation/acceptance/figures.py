@@ -142,7 +142,7 @@ def exchanges(run: Watched) -> list[int]:
     found = np.flatnonzero(run.in_view & present(run))
     for group in (ARMS, LEGS):
         is_exchanged = False
-        for before, now in zip([-1, *found[:-1].tolist()], found.tolist(), strict=True):
+        for before, now in zip([-1, *found.tolist()], found.tolist(), strict=False):
             if run.truth_m is not None:
                 reference_m = run.truth_m[now]
             elif before >= 0 and run.times_s[now] - run.times_s[before] <= MEMORY_S:

@@ -156,7 +156,7 @@ def write(folder: Path, shown: list[Block], found: dict[str, Figures], runs: lis
         rows = [("", tiles[first : first + TILES_PER_ROW]) for first in range(0, len(tiles), TILES_PER_ROW)]
         styles = (ESTIMATED, TRUE) if any(run.truth_m is not None for run in runs) else (ESTIMATED,)
         save_png(folder / "check.png", sheet(rows, styles, shown[0][1]))
-        shown = [*shown, ("figure", ("check.png", "Images in which something was missed"))]
+        shown = [*shown, ("figure", ("check.png", "Images to look at: what was missed, and the largest error"))]
         written.append(folder / "check.png")
     write_text(folder / "check.md", as_markdown(shown))
     return written

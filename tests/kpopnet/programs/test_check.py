@@ -1,0 +1,181 @@
+"""The program `kpopnet check`: a simulated film, recordings that are damaged or too short, and a live camera."""
+
+import json
+import sys
+import time
+
+import numpy as np
+import pytest
+from cone_people import cone_joints
+from depth_files import depth_mm, write_npz
+from simulated_files import write_simulated
+
+import kpopnet.programs.check
+from kpopnet.camera import CAMERAS, Camera
+from kpopnet.datasets import check_script
+from kpopnet.datasets.check_script import Step
+from kpopnet.datasets.simulated import StoredSequence
+from kpopnet.pose import PersonPose
+from synth.simulated.check_sim import CheckSim, CheckSimConfig
+
+FPS, EVERY = 3.0, 10
+SHORTER = 20
+"""The script takes so many times less time where images come at their own times."""
+
+
+@pytest.fixture
+def check(monkeypatch, capsys):
+    def program(*words: object) -> str:
+        monkeypatch.setattr(sys, "argv", ["kpopnet check", *map(str, words)])
+        kpopnet.programs.check.main()
+        return capsys.readouterr().out
+
+    return program
+
+
+def fails(check, capsys, *words: object) -> str:
+    with pytest.raises(SystemExit) as ended:
+        check(*words)
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
+    assert ended.value.code == 1 and len(lines) == 1
+    return lines[0]
+
+
+@pytest.fixture(scope="module")
+def film() -> StoredSequence:
+    """Every tenth image of a film of `check_sim`."""
+    maker = CheckSim(CheckSimConfig(seed=5, cameras=["kinect_v1"], sequences=5))
+    take = maker.take(0)
+    shots = list(maker.shots(0, take, range(0, len(take), EVERY)))
+    arrays = {name: np.stack([getattr(shot, name) for shot in shots]) for name in vars(shots[0])}
+    depth, joints_m = arrays.pop("depth_mm"), arrays.pop("joints_camera_m")
+    return StoredSequence("any", "kinect_v1", FPS, take.camera, ("person 0",), depth=depth, joints_m=joints_m, **arrays)
+
+
+def rows(text: str) -> dict[str, str]:
+    """The measured column by the title of its line."""
+    return {line[:54].strip(): line.rsplit("  ", 1)[-1].strip() for line in text.splitlines() if "  " in line}
+
+
+def test_the_estimator_of_the_package_on_simulated_films(check, film, tmp_path):
+    write_simulated(tmp_path / "set", "check_sim", {"check_00": film})
+    printed = check(tmp_path / "set", "--as-fast", "--out", tmp_path / "out")
+    assert "film 1 of 1" in printed and "SIMULATED" in printed and "no delays" in printed
+    stored = json.loads((tmp_path / "out" / "check.json").read_text())
+    found = {name: line["value"] for name, line in stored["sheet"]["kinect_v1"].items()}
+    assert stored["simulated"] and found["delay_p95_ms"] is None
+    assert found["availability"] > 0.9 and found["false_people"] == 0 and 15 < found["empty_s"] < 18
+    assert 5 < found["mean_error_mm"] < 80 and found["jitter_core_mm"] < 30 and found["found_again_ms"] <= 1000
+    assert (tmp_path / "out" / "check.png").stat().st_size > 5000
+
+    # The same film as a recording without truth: in view is who stands before the empty room.
+    recording = tmp_path / "minute.npz"
+    numbers = [getattr(film.camera, name) for name in ("fx", "fy", "cx", "cy", "width", "height")]
+    np.savez_compressed(recording, depth_mm=film.depth, camera=numbers, fps=FPS)
+    unknown = rows(check(recording, "--as-fast"))
+    assert unknown["mean error of all joints"] == "-, not shown"
+    assert float(unknown["time in view with joints"].split()[0]) > 90
+    assert float(unknown["time for which the room was empty"].split()[0]) == pytest.approx(found["empty_s"], abs=1)
+
+
+def test_recordings_that_cannot_be_checked_are_one_line(check, capsys, film, tmp_path):
+    short = write_npz(tmp_path / "short.npz", depth_mm(90), fps=30)
+    assert "short.npz: 90 images of 3.0 s; the script takes 60 s" in fails(check, capsys, short)
+    write_simulated(tmp_path / "set", "check_sim", {"check_00": film})
+    damaged = tmp_path / "set" / "check_00.h5"
+    content = damaged.read_bytes()
+    damaged.write_bytes(content[: len(content) // 2])
+    assert "check_00.h5: not a readable HDF5 file" in fails(check, capsys, damaged)
+    assert "check_00.h5: not a readable HDF5 file" in fails(check, capsys, tmp_path / "set")
+    write_simulated(tmp_path / "other", "rooms", {"room_000": film})
+    assert "holds rooms, not check_sim" in fails(check, capsys, tmp_path / "other")
+    assert "missing.npz: no such file" in fails(check, capsys, tmp_path / "missing.npz")
+    assert "--empty for live cameras" in fails(check, capsys, short, "--empty", 10)
+    assert "--as-fast is for recordings" in fails(check, capsys, "realsense", "--as-fast")
+
+
+class Estimator:
+    """Finds the person of `cone_people` wherever something is nearer than the wall."""
+
+    def reset(self) -> None:
+        pass
+
+    def update(self, depth_m: np.ndarray, camera: Camera) -> list[PersonPose]:
+        near = (depth_m > 0) & (depth_m < 3)
+        return [PersonPose(0, cone_joints().astype(np.float32), np.ones(15, np.float32))] if near.any() else []
+
+
+@pytest.fixture
+def shorter(monkeypatch):
+    """The script in three seconds, and an estimator that costs nothing."""
+    steps = tuple(Step(one.name, one.start_s / SHORTER, one.told) for one in check_script.SCRIPT)
+    for module in (check_script, kpopnet.programs.check):
+        monkeypatch.setattr(module, "SCRIPT", steps)
+        monkeypatch.setattr(module, "END_S", 60 / SHORTER)
+    monkeypatch.setattr("kpopnet.evaluation.acceptance.figures.AWAY_S", 1 / SHORTER)
+    monkeypatch.setattr("kpopnet.programs.check.TOLERANCE_S", 0.1)
+    monkeypatch.setattr("kpopnet.programs.check.load_estimator", lambda checkpoint: Estimator())
+
+
+def seen(time_s: float) -> np.ndarray:
+    """(240, 320) metres: a wall, and from 0.5 s to 2.2 s and from 2.6 s on somebody before it."""
+    image_m = np.full((240, 320), 4, np.float32)
+    if 0.5 <= time_s < 2.2 or time_s >= 2.6:
+        image_m[40:220, 130:190] = 2
+    return image_m
+
+
+def test_a_recording_is_fed_at_its_own_times(check, shorter, tmp_path):
+    images = np.stack([seen(number / 30) for number in range(90)])
+    path = tmp_path / "minute.npz"
+    np.savez(path, depth=images, fps=30.0, camera=[285.0, 285.0, 159.5, 119.5, 320, 240])
+    began = time.monotonic()
+    found = rows(check(path))
+    assert time.monotonic() - began > 2.9
+    assert 5 < float(found["images a second from the camera"]) < 31
+    assert float(found["time in view with joints"].split()[0]) == 100 and found["exchanges of left and right"].startswith("0")
+    assert 0 <= float(found["delay from image to joints, median"].split()[0]) < 1000
+
+
+class Live:
+    """A camera before which somebody follows the script, 30 images a second."""
+
+    camera = CAMERAS["kinect_v1"]
+
+    def __init__(self, name: str, rotate_deg: int) -> None:
+        self._began = self._due = time.monotonic()
+        self.closed = False
+
+    def read(self) -> tuple[np.ndarray, float]:
+        self._due += 1 / 30
+        time.sleep(max(self._due - time.monotonic(), 0))
+        now = time.monotonic()
+        # In view until found, then away for the time to leave and the first step of the script.
+        script_s = now - self._began - Live.READY_S - 0.3
+        return seen(1.0 if script_s < -Live.READY_S else script_s), now
+
+    def close(self) -> None:
+        self.closed = True
+
+    READY_S = 0.4
+
+
+def test_a_person_before_a_live_camera_is_told_what_to_do(check, shorter, monkeypatch):
+    monkeypatch.setattr("kpopnet.programs.check.open_camera", Live)
+    monkeypatch.setattr("kpopnet.programs.check.READY_S", Live.READY_S)
+    printed = check("realsense")
+    told = [printed.index(step.told) for step in check_script.SCRIPT]
+    assert told == sorted(told) and printed.index("you are found") < told[0]
+    found = rows(printed)
+    assert float(found["time for which the room was empty"].split()[0]) > 0.3
+    assert float(found["time in view with joints"].split()[0]) == 100
+    assert "SIMULATED" not in printed
+
+
+def test_a_camera_that_fails_is_one_line(check, capsys, shorter, monkeypatch):
+    class Failing(Live):
+        def read(self):
+            raise OSError("the cable is broken")
+
+    monkeypatch.setattr("kpopnet.programs.check.open_camera", Failing)
+    assert "the camera stopped: the cable is broken" in fails(check, capsys, "realsense")

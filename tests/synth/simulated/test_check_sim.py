@@ -1,0 +1,99 @@
+"""Films of the script of `kpopnet check`: the person does what the script says, on the floor, on the seat and out of view."""
+
+import numpy as np
+import pytest
+
+from kpopnet.camera import CAMERAS
+from kpopnet.datasets.check_script import END_S, SCRIPT, step_s
+from kpopnet.errors import InputError
+from kpopnet.skeleton import Joint
+from synth.motion.choreography.check_minute import SAT_S
+from synth.simulated.check_sim import FPS, CheckSim, CheckSimConfig
+from synth.simulated.film import Studio
+from synth.simulated.room_films import RoomTake
+
+HIPS, FEET, HANDS = ([Joint[f"{side}_{one}"] for side in ("LEFT", "RIGHT")] for one in ("HIP", "FOOT", "HAND"))
+
+
+@pytest.fixture(scope="module")
+def maker() -> CheckSim:
+    return CheckSim(CheckSimConfig(seed=5))
+
+
+@pytest.fixture(scope="module", params=[1, 8])
+def take(maker: CheckSim, request) -> RoomTake:
+    return maker.take(request.param)
+
+
+@pytest.fixture(scope="module")
+def joints_m(take: RoomTake) -> np.ndarray:
+    """(T, 15, 3) in the world, metres."""
+    (actor,) = take.actors
+    played = actor.played
+    return Studio(take.camera, "cpu").joints_world_m(played.person, played.local, played.hips_m + actor.place_m)
+
+
+def during(step: str, margin_s: float = 0.0) -> slice:
+    start_s, end_s = step_s(step)
+    return slice(round((start_s + margin_s) * FPS), round((end_s - margin_s) * FPS))
+
+
+def test_the_steps_follow_each_other() -> None:
+    assert step_s("come back")[1] == END_S
+    assert [step_s(one.name)[0] for one in SCRIPT] == sorted(one.start_s for one in SCRIPT)
+
+
+def test_the_person_does_what_the_script_says(joints_m: np.ndarray) -> None:
+    assert len(joints_m) == END_S * FPS
+    assert np.ptp(joints_m[during("stand still")], axis=0).max() < 0.05
+    assert np.ptp(joints_m[during("turn"), Joint.TORSO], axis=0).max() < 0.25
+    across = joints_m[:, Joint.LEFT_SHOULDER, :2] - joints_m[:, Joint.RIGHT_SHOULDER, :2]
+    heading = np.unwrap(np.arctan2(across[:, 1], across[:, 0]))[during("turn")]
+    assert abs(heading[-1] - heading[0]) == pytest.approx(2 * np.pi, abs=0.1)
+    highest = joints_m[during("raise hands"), :, 2].max(axis=0)
+    assert (highest[HANDS] > highest[Joint.HEAD] + 0.3).all()
+    sat = joints_m[round(SAT_S[0] * FPS) : round(SAT_S[1] * FPS)]
+    assert ((sat[:, HIPS, 2] > 0.35) & (sat[:, HIPS, 2] < 0.65)).all() and np.ptp(sat[:, HIPS], axis=0).max() < 0.05
+
+
+def test_nothing_jumps_and_feet_are_on_the_floor(take: RoomTake, joints_m: np.ndarray) -> None:
+    assert np.linalg.norm(np.diff(joints_m, axis=0), axis=-1).max() * FPS < 6
+    assert joints_m[:, FEET, 2].min(axis=1).max() < 0.13
+    standing = joints_m[during("stand still")]
+    assert np.ptp(standing[:, FEET], axis=0).max() < 0.01
+    assert np.abs(take.actors[0].played.skin_m[:, 2].min()) < 0.01
+
+
+def test_the_seat_stands_there_and_carries_the_person(take: RoomTake, joints_m: np.ndarray) -> None:
+    seat_m, sat = take.surroundings[-1].vertices_m, joints_m[round(sum(SAT_S) / 2 * FPS)]
+    assert seat_m[:, 2].min() == pytest.approx(0, abs=0.01)
+    hips_m = sat[HIPS].mean(axis=0)
+    assert (seat_m[:, :2].min(axis=0) < hips_m[:2]).all() and (seat_m[:, :2].max(axis=0) > hips_m[:2]).all()
+    top_m = np.sort(np.unique(seat_m[:, 2].round(3)))
+    assert ((hips_m[2] - top_m > 0.02) & (hips_m[2] - top_m < 0.2)).any()
+
+
+def test_the_room_is_empty_when_it_should_be_and_the_person_whole_when_they_stand(maker: CheckSim, take: RoomTake) -> None:
+    index = 1 if take.camera == CAMERAS["kinect_v1"] else 8
+    numbers = [0, *(round(one * FPS) for one in (7.9, 17.0, 30.0, 37.0, 50.0, 59.0))]
+    shots = [next(maker.shots(index, take, range(number, number + 1))) for number in numbers]
+    assert [shot.seen_px[0] == 0 for shot in shots] == [True, True, False, False, False, True, False]
+    for shot in (shots[2], shots[4], shots[6]):
+        assert shot.seen_px[0] > 0.95 * shot.whole_px[0]
+
+
+def test_people_rooms_and_cameras_take_turns() -> None:
+    maker = CheckSim(CheckSimConfig(seed=5, cameras=["kinect_2", "realsense"], sequences=10))
+    assert [maker.kind(index) for index in range(3)] == ["kinect_2", "realsense", "kinect_2"]
+    takes = [maker.take(index) for index in (0, 1, 2, 6)]
+    legs_m, rooms = (
+        [f(one) for one in takes] for f in (lambda one: one.actors[0].played.person.leg_m, lambda one: one.views[0])
+    )
+    assert legs_m[0] == legs_m[1] != legs_m[2]
+    positions = [one.position_m[2] for one in rooms]
+    assert positions[0] == positions[1] == positions[3] != positions[2]
+
+
+def test_unknown_cameras_are_refused() -> None:
+    with pytest.raises(InputError, match=r"benchmark\.cameras.*kinect_v1"):
+        CheckSimConfig(cameras=["phone"])
