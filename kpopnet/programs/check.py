@@ -5,7 +5,7 @@
     kpopnet check minute.h5 --camera kinect_2        a recording of the script, fed image by image at its own times
     kpopnet check minute.h5 --as-fast                without waiting, and without delays: the same figures of the joints
     kpopnet check data/check_sim                     simulated films: python -m synth benchmark=check_sim
-    kpopnet check realsense --out outputs/check      writes check.md, check.json and pictures of what was missed
+    kpopnet check realsense --out outputs/check      writes check.md, check.json and pictures of what went wrong
 
 The script: 0 s the room is empty, 8 s come in, 14 s stand still, 21 s turn once around, 28 s raise both hands, 33 s sit down on
 a chair, 42 s leave, 52 s come back, 60 s end. A recording begins with it. The camera stands still. One person takes part.
@@ -94,7 +94,7 @@ class PlayedCamera:
         return image.depth_m, taken
 
     def close(self) -> None:
-        self._images.close()
+        self._images = iter(())  # the process that reads the file ends
 
 
 class Answer(NamedTuple):

@@ -78,10 +78,10 @@ def durations_s(run: Watched) -> np.ndarray:
 
 def present(run: Watched) -> np.ndarray:
     """(T,) bool: whether the core joints of the person are there; those of something else do not count where that is known."""
-    found = np.isfinite(run.joints_m[:, CORE]).all(axis=(1, 2))
+    found = np.asarray(np.isfinite(run.joints_m[:, CORE]).all(axis=(1, 2)))
     if run.truth_m is not None:
         centres_m = np.nanmean(np.where(found[:, None, None], run.joints_m, 0), axis=1)
-        found &= np.linalg.norm(centres_m - run.truth_m.mean(axis=1), axis=-1) <= CENTRE_M
+        return found & (np.linalg.norm(centres_m - run.truth_m.mean(axis=1), axis=-1) <= CENTRE_M)
     return found
 
 

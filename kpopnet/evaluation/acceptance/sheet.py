@@ -78,7 +78,7 @@ def verdict(line: Line, found: Figures) -> str:
     value = found[line.key]
     if line.compare is None:
         return ""
-    if value is None or (line.key == "false_people" and value == 0 and found["empty_s"] < EMPTY_S):
+    if value is None or (line.key == "false_people" and value == 0 and (found["empty_s"] or 0) < EMPTY_S):
         return NOT_SHOWN
     if line.compare(value, line.ours):
         return BOTH
@@ -97,9 +97,13 @@ def table(found: dict[str, Figures]) -> Table:
 
 
 def _value(line: Line, value: float | int | None) -> Value | str:
-    if value is not None and math.isinf(value):
-        return "never"
-    return Value(value, line.unit, digits=1)
+    stated = _stated(value)
+    return stated if isinstance(stated, str) else Value(stated, line.unit, digits=1)
+
+
+def _stated(value: float | int | None) -> float | int | str | None:
+    """A figure, or the word for a time that is infinite."""
+    return "never" if value is not None and math.isinf(value) else value
 
 
 def blocks(source: str, is_simulated: bool, found: dict[str, Figures], remarks: list[str]) -> list[Block]:
@@ -132,15 +136,15 @@ def _processor() -> str:
 
 
 def write(folder: Path, shown: list[Block], found: dict[str, Figures], runs: list[Watched], about: dict) -> list[Path]:
-    """Writes check.md, check.json and, where something was missed, check.png into a folder; returns their paths.
+    """Writes check.md, check.json and, where there are `moments`, check.png into a folder; returns their paths.
 
-    `about` are other entries of the JSON file. A time that is infinite, because nobody was found, is "never" there.
+    `about` are other entries of the JSON file.
     """
     folder.mkdir(parents=True, exist_ok=True)
     entries = {
         name: {
             line.key: {
-                "value": "never" if isinstance(one[line.key], float) and math.isinf(one[line.key]) else one[line.key],
+                "value": _stated(one[line.key]),
                 **({"users_gate": line.gate, "our_gate": line.ours, "verdict": verdict(line, one)} if line.compare else {}),
             }
             for line in LINES
