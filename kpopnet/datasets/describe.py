@@ -17,7 +17,7 @@ from kpopnet.datasets.eval import EvalBenchmark
 from kpopnet.datasets.itop import SPLITS, VIEWS, ItopBenchmark, ItopConfig
 from kpopnet.datasets.point_clouds import PointCloudBenchmark
 from kpopnet.datasets.protocol import Benchmark, BenchmarkConfig
-from kpopnet.datasets.simulated import MANIFEST, PeopleSet, SimulatedBenchmark, read_manifest
+from kpopnet.datasets.simulated import MANIFEST, PeopleSet, SimulatedBenchmark, SimulatedSet, read_manifest
 from kpopnet.datasets.smmc10 import Smmc10Benchmark
 from kpopnet.datasets.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
 from kpopnet.errors import InputError
@@ -74,6 +74,8 @@ def describe(path: Path) -> Iterator[str]:
         config = BenchmarkConfig(read_manifest(folder)["benchmark"], str(folder))
         if config.name in ("two_people", "rooms"):
             yield from (PeopleSet(config).about, f"  python evaluate.py benchmark={config.name} benchmark.path={folder}")
+        elif config.name == "check_sim":
+            yield from (SimulatedSet(config).about, f"  kpopnet check {folder}")
         else:
             yield from _sequences(SimulatedBenchmark(config), folder)
 

@@ -103,6 +103,7 @@ class Answer(NamedTuple):
     Attributes:
         time_s: when the image was taken.
         delay_s: from then until the answer; NaN where images did not come in real time.
+        processor_s: processor time of this process for the answer.
         depth_m: the image, (H, W) metres.
         people: everybody who was found.
         learner: the main person, None if nobody is.
@@ -110,6 +111,7 @@ class Answer(NamedTuple):
 
     time_s: float
     delay_s: float
+    processor_s: float
     depth_m: np.ndarray
     people: list[PersonPose]
     learner: PersonPose | None
@@ -127,9 +129,10 @@ def answers(images: NewestImage, camera: Camera, estimator: PoseEstimator) -> It
             away = images.away
             print(away or "the camera is back", flush=True)
         if image is not None:
+            before_s = time.process_time()
             people = estimator.update(image.depth_m, camera)
-            delay_s = time.monotonic() - image.taken
-            yield Answer(image.taken, delay_s, image.depth_m, people, learner.choose(people, image.taken))
+            delay_s, processor_s = time.monotonic() - image.taken, time.process_time() - before_s
+            yield Answer(image.taken, delay_s, processor_s, image.depth_m, people, learner.choose(people, image.taken))
         elif images.ended:
             if images.error:
                 raise InputError(images.error)
@@ -140,9 +143,10 @@ def answers_as_fast(source: DepthSource, estimator: PoseEstimator) -> Iterator[A
     """The answers to every image of a recording, without waiting; times are since the first one."""
     learner, first_s = Learner(), None
     for time_s, depth_m in source.timed():
-        first_s = time_s if first_s is None else first_s
+        first_s, before_s = time_s if first_s is None else first_s, time.process_time()
         people = estimator.update(depth_m, source.camera)
-        yield Answer(time_s - first_s, np.nan, depth_m, people, learner.choose(people, time_s))
+        processor_s = time.process_time() - before_s
+        yield Answer(time_s - first_s, np.nan, processor_s, depth_m, people, learner.choose(people, time_s))
 
 
 class Collected:
@@ -150,7 +154,7 @@ class Collected:
 
     def __init__(self, camera: Camera) -> None:
         self._camera, self._images, self._people = camera, {}, []
-        self._times, self._delays, self._joints = [], [], []
+        self._times, self._delays, self._processor, self._joints = [], [], [], []
 
     def __len__(self) -> int:
         return len(self._times)
@@ -162,6 +166,7 @@ class Collected:
         missing_m = np.full((NUM_JOINTS, 3), np.nan, np.float32)
         self._times.append(script_s)
         self._delays.append(answer.delay_s)
+        self._processor.append(answer.processor_s)
         self._people.append([one.joints_camera_m for one in answer.people])
         self._joints.append(missing_m if answer.learner is None else answer.learner.joints_camera_m)
 
@@ -186,6 +191,7 @@ class Collected:
             kind=MEASURED if truth is None else truth.kind,
             times_s=times_s,
             delays_s=np.array(self._delays),
+            processor_s=np.array(self._processor),
             received=len(self) + dropped,
             joints_m=np.array(self._joints),
             people_m=self._people,

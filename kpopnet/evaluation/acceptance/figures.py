@@ -55,6 +55,7 @@ def figures(runs: list[Watched]) -> dict[str, float | int | None]:
         "delay_p95_ms": p95,
         "delay_p99_ms": p99,
         "delay_longest_ms": float(delays_ms.max()) if live else None,
+        "processor_p95_ms": 1000 * float(np.percentile(np.concatenate([run.processor_s for run in runs]), 95)),
         "stale_images": int((delays_ms > 1000 * STALE_S).sum()) if live else None,
         "false_people": sum(len(false_people(run)) for run in runs),
         "empty_s": float(sum(durations_s(run)[run.empty].sum() for run in runs)),

@@ -56,6 +56,7 @@ LINES = (
     Line("delay_p95_ms", "delay, 95th percentile", "ms", le, 50, 25),
     Line("delay_p99_ms", "delay, 99th percentile", "ms"),
     Line("delay_longest_ms", "delay, longest", "ms", le, 150, 75),
+    Line("processor_p95_ms", "processor time of an answer, 95th percentile", "ms"),
     Line("stale_images", "images older than 150 ms when their joints were there", ""),
     Line("availability", "time in view with joints", "%", ge, 0.99, 0.995),
     Line("false_people", "people seen in the empty room", "", le, 0, 0),

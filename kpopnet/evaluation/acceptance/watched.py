@@ -64,6 +64,7 @@ class Watched:
         kind: of the runs that are put together in a sheet.
         times_s: (T,) when each image was taken, in seconds of the script; negative where the empty room was watched longer.
         delays_s: (T,) from then until its joints were there; NaN where images were not fed in real time.
+        processor_s: (T,) processor time that the process took for each answer, on all of its threads.
         received: number of images that the camera sent, those that were dropped among them.
         joints_m: (T, 15, 3) joints of the main person in the camera frame, metres, NaN where missing.
         people_m: by number of the image, the (15, 3) joints of everybody found.
@@ -76,6 +77,7 @@ class Watched:
     kind: str
     times_s: np.ndarray
     delays_s: np.ndarray
+    processor_s: np.ndarray
     received: int
     joints_m: np.ndarray
     people_m: list[list[np.ndarray]]

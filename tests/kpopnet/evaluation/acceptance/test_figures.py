@@ -28,7 +28,8 @@ def run() -> Watched:
     joints_m = np.where(in_view[:, None, None], PERSON_M, np.float32(np.nan))
     people_m = [[PERSON_M] if one else [] for one in in_view]
     delays_s = np.full(len(times_s), 0.02)
-    return Watched("minute", "any", times_s, delays_s, len(times_s), joints_m, people_m, in_view, ~in_view, {}, joints_m.copy())
+    known = joints_m, people_m, in_view, ~in_view, {}, joints_m.copy()
+    return Watched("minute", "any", times_s, delays_s, delays_s / 2, len(times_s), *known)
 
 
 def missing(run: Watched, *spans_s: tuple[float, float]) -> Watched:
@@ -43,6 +44,7 @@ def test_a_faultless_minute(run: Watched) -> None:
     found = figures([run])
     assert found["images_in_s"] == pytest.approx(FPS) and found["images_out_s"] == pytest.approx(FPS)
     assert [found[f"delay_{one}_ms"] for one in ("p50", "p95", "p99", "longest")] == pytest.approx([20] * 4)
+    assert found["processor_p95_ms"] == pytest.approx(10)
     assert found["empty_s"] == pytest.approx(17) and found["availability"] == 1
     for key in ("stale_images", "false_people", "found_first_ms", "found_again_ms", "longest_gap_ms", "exchanges"):
         assert found[key] == 0
@@ -80,7 +82,7 @@ def test_dropped_images_weigh_as_long_as_the_answer_before_them_was_the_newest(r
     run = missing(run, (20.0, 20.0 + 1 / FPS))
     kept = np.ones(len(run.times_s), bool)
     kept[at(20.0) + 1 : at(21.0)] = False
-    arrays = {name: getattr(run, name)[kept] for name in ("times_s", "delays_s", "joints_m", "in_view", "empty", "truth_m")}
+    arrays = {name: getattr(run, name)[kept] for name in ("times_s", "joints_m", "in_view", "empty", "truth_m")}
     people_m = [one for one, keep in zip(run.people_m, kept, strict=True) if keep]
     found = figures([replace(run, people_m=people_m, **arrays)])
     assert found["availability"] == pytest.approx(1 - 1 / 43) and found["longest_gap_ms"] == pytest.approx(1000)

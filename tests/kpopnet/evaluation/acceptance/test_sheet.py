@@ -46,7 +46,18 @@ def test_the_files_and_pictures(tmp_path) -> None:
     flags = np.array([False, True])
     everybody = np.stack([np.full_like(joints_m, np.nan)] * 2)
     run = Watched(
-        "minute", "any", np.arange(2.0), np.full(2, np.nan), 2, everybody, [[joints_m], []], flags, ~flags, kept, everybody
+        "minute",
+        "any",
+        np.arange(2.0),
+        np.full(2, np.nan),
+        np.ones(2),
+        2,
+        everybody,
+        [[joints_m], []],
+        flags,
+        ~flags,
+        kept,
+        everybody,
     )
     found = {"any": FAULTLESS | {"found_again_ms": np.inf, "false_people": 1}}
     shown = blocks("minute.h5", True, found, ["How it was fed."])
