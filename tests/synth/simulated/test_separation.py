@@ -11,6 +11,7 @@ from synth.rooms.clutter import CLUTTER
 from synth.rooms.held_back import BARRIERS, BENCHMARK_CLUTTER
 from synth.samples.sampler import SampleConfig, Sampler
 from synth.scene import room as rooms
+from synth.simulated.check_sim import CheckSim
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 from synth.simulated.rooms import Rooms
 from synth.simulated.smmc10_sim import Smmc10Sim
@@ -25,7 +26,7 @@ def of_training(split: str) -> list[Person]:
 
 
 def of_benchmarks() -> list[Person]:
-    makers = EvalSim(EvalSimConfig(seed=5)), Smmc10Sim(), TwoPeople(), Rooms()
+    makers = EvalSim(EvalSimConfig(seed=5)), Smmc10Sim(), TwoPeople(), Rooms(), CheckSim()
     dances = KpopSim(KpopSimConfig(seed=5))
     people = [maker.person(number) for maker in makers for number in range(PEOPLE // 4)]
     return [*people, dances.take(0, 0, dances.learner(0, 0).motion).played.person]
