@@ -171,7 +171,9 @@ def moments(run: Watched) -> list[tuple[int, str]]:
     """The images of a run that a reader should look at, and why."""
     shown = [(number, "nobody is there") for number in false_people(run)]
     shown += [(number, "sides exchanged, or back") for number in exchanges(run)]
-    shown += [((first + last) // 2, f"no joints in {last - first} images") for first, last in gaps(run)]
+    for first, last in gaps(run):
+        why = "taken for somebody else" if run.people_m[(first + last) // 2] else "not found"
+        shown.append(((first + last) // 2, f"{why} in {last - first} images"))
     if run.truth_m is not None and (scored := run.in_view & present(run)).any():
         numbers, errors_m = np.flatnonzero(scored), joint_errors_m(run.truth_m[scored], run.joints_m[scored])
         means_m = np.nanmean(np.where(np.isfinite(errors_m), errors_m, np.nan), axis=1)
