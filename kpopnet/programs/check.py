@@ -25,7 +25,8 @@ import numpy as np
 
 from kpopnet.camera import Camera
 from kpopnet.datasets.check_script import END_S, SCRIPT, step_s
-from kpopnet.datasets.simulated import MANIFEST, SimulatedConfig, SimulatedSet
+from kpopnet.datasets.protocol import BenchmarkConfig
+from kpopnet.datasets.simulated import MANIFEST, SimulatedSet
 from kpopnet.errors import InputError, check_between
 from kpopnet.evaluation.acceptance.figures import figures
 from kpopnet.evaluation.acceptance.sheet import blocks, machine, moments, write
@@ -280,7 +281,7 @@ def checked(given: argparse.Namespace, estimator: PoseEstimator) -> tuple[list[W
     if not (path / MANIFEST).exists():
         run = check_recording(path, given, estimator)
         return [run], run.truth_m is not None
-    films, runs = SimulatedSet(SimulatedConfig(SIMULATED_SET, str(path))), []
+    films, runs = SimulatedSet(BenchmarkConfig(SIMULATED_SET, str(path))), []
     for number, name in enumerate(films.names, 1):
         print(f"film {number} of {len(films.names)}: {name}", flush=True)
         runs.append(check_recording(films.path(name), given, estimator))
