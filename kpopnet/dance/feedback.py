@@ -7,7 +7,7 @@ from a `DanceScore`, so that the words during the dance are those of afterwards.
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,6 +30,9 @@ MIN_DELAY_S = 0.12
 MIN_TEMPO_DIFFERENCE = 0.03
 THROUGHOUT = 0.7
 """Fraction of the dance from which on a fault is called constant."""
+
+EDGE_S = 0.5
+"""Whatever begins or ends this near to the start or end of a phrase is said to last up to there."""
 
 UNSEEN_BELOW = 0.5
 """A part is unseen in windows in which less of it is shown."""
@@ -66,7 +69,8 @@ class Moment:
         degrees: mean signed difference, learner minus teacher, degrees; 0 for timing.
         delay_s: mean delay, seconds, negative when early; 0 for posture.
         cost: how much is wrong, for comparison with other moments.
-        text: the moment in words, such as "left arm 25° too low at 0:12".
+        fault: what is wrong in words, such as "left arm 25° too low".
+        text: with the time, such as "left arm 25° too low at 0:12".
     """
 
     start_s: float
@@ -77,16 +81,24 @@ class Moment:
     degrees: float
     delay_s: float
     cost: float
+    fault: str
     text: str
 
 
 @dataclass(frozen=True)
 class Phrase:
-    """A phrase of the dance, with its worst moments, the worst one first."""
+    """A phrase of the dance.
+
+    Attributes:
+        similarity: of its windows, None where nothing could be compared.
+        unseen: who or what was not in the picture, in words.
+        moments: the worst ones, the worst first; what their `text` says of the time is about the phrase alone.
+    """
 
     start_s: float
     end_s: float
     similarity: float | None
+    unseen: tuple[str, ...]
     moments: tuple[Moment, ...]
 
 
@@ -105,9 +117,10 @@ class Fault:
 
 @dataclass(frozen=True)
 class Feedback:
-    """Phrases in order of time, faults with the costliest first, and hints in words."""
+    """Phrases in order of time, all moments and all faults, each with the costliest first, and hints in words."""
 
     phrases: tuple[Phrase, ...]
+    moments: tuple[Moment, ...]
     faults: tuple[Fault, ...]
     hints: tuple[str, ...]
 
@@ -118,7 +131,8 @@ def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence
     With `beat_s`, a beat of the music in seconds, phrases have eight beats, and delays are given in beats. Hints whose cause
     is among the faults that `kpopnet.dance.diagnosis.probable_faults` found are left out.
     """
-    moments = [*_posture_moments(score), *_timing_moments(score, beat_s)]
+    moments = sorted([*_posture_moments(score), *_timing_moments(score, beat_s)], key=lambda one: -one.cost)
+    unseen = list(_unseen(score))
     first, middle = float(score.windows.start_s[0]), score.windows.middle_s
     phrase_s = 8 * beat_s if beat_s else PHRASE_S
     phrases = []
@@ -126,13 +140,16 @@ def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence
         start_s, end_s = first + number * phrase_s, first + (number + 1) * phrase_s
         inside = score.windows.similarity[(middle >= start_s) & (middle < end_s)]
         similarity = float(np.nanmean(inside)) if np.isfinite(inside).any() else None
+        # Windows show a phrase's ends less than its middle: the first begins half a window after the dance.
+        shown_s = max(start_s, _span(score, slice(None))[0]), min(end_s, _span(score, slice(None))[1])
         common_s = [(min(one.end_s, end_s) - max(one.start_s, start_s), one) for one in moments]
         within = [one for common, one in common_s if common >= min(phrase_s, one.end_s - one.start_s) / 2]
-        worst = sorted(within, key=lambda one: -one.cost)[:MOMENTS_PER_PHRASE]
-        phrases.append(Phrase(start_s, end_s, similarity, tuple(worst)))
+        worst = (replace(one, text=f"{one.fault} {_when(one.start_s, one.end_s, *shown_s)}") for one in within)
+        hidden = (f"{who} {_when(*span_s, *shown_s)}" for who, *span_s in unseen if min(span_s[1], end_s) > max(span_s[0], start_s))
+        phrases.append(Phrase(start_s, end_s, similarity, tuple(hidden), tuple(worst)[:MOMENTS_PER_PHRASE]))
     known = {one.about for one in recording}
     hints = tuple(text for about, text in _hints(score) if about not in known)
-    return Feedback(tuple(phrases), _gathered(moments, len(middle) * score.scorer.hop_s, beat_s), hints)
+    return Feedback(tuple(phrases), tuple(moments), _gathered(moments, len(middle) * score.scorer.hop_s, beat_s), hints)
 
 
 def _runs(flags: np.ndarray) -> list[slice]:
@@ -170,8 +187,9 @@ def _posture_moments(score: DanceScore) -> list[Moment]:
                 joint, less, greater = _WORDS[names[angle]]
                 direction = greater if degrees > 0 else less
                 start_s, end_s = _span(score, run)
-                text = f"{_posture_text(PARTS[part], joint, degrees, direction)} {_at([start_s])}"
-                found.append(Moment(start_s, end_s, PARTS[part], joint, direction, degrees, 0.0, total, text))
+                fault = _posture_text(PARTS[part], joint, degrees, direction)
+                text = f"{fault} {_at([start_s])}"
+                found.append(Moment(start_s, end_s, PARTS[part], joint, direction, degrees, 0.0, total, fault, text))
     return found
 
 
@@ -190,8 +208,9 @@ def _timing_moments(score: DanceScore, beat_s: float | None) -> list[Moment]:
             mean_s, word = float(delay_s[run].mean()), "late" if sign > 0 else "early"
             # Comparable with posture: what is lost in percent, per window, of a full score.
             cost = float(np.nansum(100 - score.windows.timing[run])) * MIN_ERROR_DEG
-            text = f"{_lateness(mean_s, beat_s)} {_from_to(start_s, end_s)}"
-            found.append(Moment(start_s, end_s, "timing", "", word, 0.0, mean_s, cost, text))
+            fault = _lateness(mean_s, beat_s)
+            text = f"{fault} {_from_to(start_s, end_s)}"
+            found.append(Moment(start_s, end_s, "timing", "", word, 0.0, mean_s, cost, fault, text))
     return found
 
 
@@ -219,6 +238,16 @@ def _from_to(start_s: float, end_s: float) -> str:
     return f"from {clock(start_s)} to {clock(end_s)}"
 
 
+def _when(start_s: float, end_s: float, phrase_start_s: float, phrase_end_s: float) -> str:
+    """Which part of a phrase a stretch of the dance takes."""
+    before, after = start_s <= phrase_start_s + EDGE_S, end_s >= phrase_end_s - EDGE_S
+    if before and after:
+        return "throughout"
+    if before:
+        return f"until {clock(end_s)}"
+    return f"from {clock(start_s)} on" if after else _from_to(start_s, end_s)
+
+
 def _gathered(moments: list[Moment], dance_s: float, beat_s: float | None) -> tuple[Fault, ...]:
     """The moments of equal part, joint and direction as one fault each, the costliest first."""
     by_kind: dict[tuple[str, str, str], list[Moment]] = {}
@@ -243,11 +272,11 @@ def _hints(score: DanceScore) -> Iterator[tuple[str, str]]:
         yield "mirror", "the mirror image fits much better: score with mirrored=true if the teacher was mirrored"
     if abs(score.tempo - 1) >= MIN_TEMPO_DIFFERENCE:
         yield "tempo", f"{abs(score.tempo - 1):.0%} too {'fast' if score.tempo > 1 else 'slow'} throughout"
-    yield from (("coverage", text) for text in _unseen(score))
+    yield from (("coverage", f"{who} {_from_to(start_s, end_s)}") for who, start_s, end_s in _unseen(score))
 
 
-def _unseen(score: DanceScore) -> list[str]:
-    """Sentences about who or what is not in the picture, and when."""
+def _unseen(score: DanceScore) -> Iterator[tuple[str, float, float]]:
+    """Who or what is not in the picture, and from when to when, in seconds."""
     coverage = {name: score.windows.coverage[name] for name in (*LIMBS, "torso")}
     missing = {name: values < UNSEEN_BELOW for name, values in coverage.items()}  # false for NaN
     shown = [missing[name] for name, values in coverage.items() if np.isfinite(values).any()]
@@ -257,4 +286,4 @@ def _unseen(score: DanceScore) -> list[str]:
         left, right = (missing[f"{side} {kind}"] & ~absent for side in ("left", "right"))
         subjects |= {f"{kind}s out of": left & right}
         subjects |= {f"left {kind} out of": left & ~right, f"right {kind} out of": right & ~left}
-    return [f"{who} the picture {_from_to(*_span(score, run))}" for who, flags in subjects.items() for run in _runs(flags)]
+    return ((f"{who} the picture", *_span(score, run)) for who, flags in subjects.items() for run in _runs(flags))

@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import json
-import struct
 import time
 from collections.abc import AsyncIterator
 
@@ -12,7 +11,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from kpopnet.errors import InputError
 from kpopnet.live.loop import Watching, serve_watching
 from kpopnet.runtime.input_files import check_fields, parse_json
-from kpopnet.teacher.hosting import page_app
+from kpopnet.teacher.hosting import now_ms, packed_frame, page_app
 from kpopnet.teacher.live.process import Process
 from kpopnet.teacher.safety import Keys
 
@@ -27,19 +26,30 @@ END_S = 2.0
 ORDERS = ("record", "joints", "pause")
 
 
+Frame = tuple[dict, bytes]
+"""What a page shows of an image, and the picture of its depth."""
+
+
 class Page:
-    """What one page has yet to see: of the frames the newest only."""
+    """What one page has yet to see: of the frames the newest only, when it has drawn the one before."""
 
     def __init__(self) -> None:
         self._kept: list[dict] = []
-        self._frame: bytes | None = None
+        self._frame: Frame | None = None
+        self._wanted = True
+        self._heard_ms: tuple[float, float] | None = None
         self._arrived = asyncio.Event()
 
-    def offer(self, message: dict | bytes) -> None:
-        if isinstance(message, bytes):
+    def offer(self, message: dict | Frame) -> None:
+        if isinstance(message, tuple):
             self._frame = message
         else:
             self._kept.append(message)
+        self._arrived.set()
+
+    def drawn(self, page_ms: float) -> None:
+        """The page has drawn the last frame, at a time of its own clock."""
+        self._heard_ms, self._wanted = (page_ms, now_ms()), True
         self._arrived.set()
 
     async def send_to(self, socket: web.WebSocketResponse) -> None:
@@ -50,9 +60,9 @@ class Page:
                 self._arrived.clear()
                 while self._kept:
                     await socket.send_str(json.dumps(self._kept.pop(0), allow_nan=False))
-                frame, self._frame = self._frame, None
-                if frame is not None:
-                    await socket.send_bytes(frame)
+                if self._frame is not None and self._wanted:
+                    (content, attached), self._frame, self._wanted = self._frame, None, False
+                    await socket.send_bytes(packed_frame(content, self._heard_ms, attached))
 
 
 class Watch:
@@ -61,7 +71,7 @@ class Watch:
     def __init__(self, watching: Watching) -> None:
         self._watching = watching
         self._latest: dict[str, dict] = {}
-        self._frame: bytes | None = None
+        self._frame: Frame | None = None
         self.pages: dict[Page, web.WebSocketResponse] = {}
 
     async def running(self, _app: web.Application) -> AsyncIterator[None]:
@@ -88,10 +98,10 @@ class Watch:
         while True:
             kind, content, attached = await self._process.next()
             if kind == "frame":
-                text = json.dumps({"kind": kind} | content, allow_nan=False).encode()
-                self._frame = frame = struct.pack("<I", len(text)) + text + attached
+                self._process.want_frame()
+                self._frame = content, attached
                 for page in self.pages:
-                    page.offer(frame)
+                    page.offer(self._frame)
             else:
                 self._tell("state" if kind == "error" else kind, {"paused": False, "ended": True} | content)
 
@@ -119,13 +129,16 @@ class Watch:
             with contextlib.suppress(InputError):
                 self._process.send("watched", False)
 
-    def follow(self, text: str) -> None:
-        """Gives a page's order to the process; raises InputError for what is none."""
+    def follow(self, page: Page, text: str) -> None:
+        """Does what a page asks; raises InputError if it asks wrongly."""
         where = "the page's message"
-        order = check_fields(where, parse_json(text, where), {"do": str, "on": bool})
+        message = parse_json(text, where)
+        if isinstance(message, dict) and message.get("do") == "drawn":
+            return page.drawn(check_fields(where, message, {"do": str, "page_ms": float})["page_ms"])
+        order = check_fields(where, message, {"do": str, "on": bool})
         if order["do"] not in ORDERS:
             raise InputError("the page asks for something unknown; reload it")
-        self._process.send(order["do"], order["on"])
+        return self._process.send(order["do"], order["on"])
 
 
 WATCH: web.AppKey[Watch] = web.AppKey("watch", Watch)
@@ -157,7 +170,7 @@ async def live(request: web.Request) -> web.WebSocketResponse:
             if message.type is not WSMsgType.TEXT:
                 break
             try:
-                watch.follow(message.data)
+                watch.follow(page, message.data)
             except InputError as error:
                 page.offer({"kind": "said", "text": str(error)})
     finally:

@@ -4,12 +4,15 @@ import argparse
 import asyncio
 import contextlib
 import errno
+import json
 import logging
 import os
 import shutil
 import signal
+import struct
 import tempfile
 import threading
+import time
 import webbrowser
 from collections.abc import Awaitable, Callable
 from functools import partial
@@ -60,6 +63,17 @@ def page_app(index: str, hosts: tuple[str, ...], keys: Keys | None, max_bytes: i
     app.router.add_get("/", page)
     app.router.add_get(r"/page/{name:(?:vendor/)?[a-z_]+\.(?:js|css|svg|LICENSE)}", page)
     return app
+
+
+def now_ms() -> float:
+    """The wall clock, as the page's, in milliseconds."""
+    return round(1000 * time.time(), 1)
+
+
+def packed_frame(content: dict, heard_ms: tuple[float, float] | None, picture: bytes) -> bytes:
+    """What a page draws of an image, with two times of one moment, the page's and ours, from which it knows our clock."""
+    text = json.dumps({"kind": "frame"} | content | {"sent_ms": now_ms(), "heard_ms": heard_ms}, allow_nan=False).encode()
+    return struct.pack("<I", len(text)) + text + picture
 
 
 @web.middleware

@@ -4,7 +4,6 @@ import asyncio
 import base64
 import contextlib
 import json
-import struct
 import tempfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -18,7 +17,7 @@ from kpopnet.errors import InputError, check_between
 from kpopnet.runtime.input_files import check_fields, parse_json, settings_from
 from kpopnet.teacher.adding import add_performance
 from kpopnet.teacher.film import Filming
-from kpopnet.teacher.hosting import page_app
+from kpopnet.teacher.hosting import now_ms, packed_frame, page_app
 from kpopnet.teacher.library import About, Library, preview_cm, stored_quats
 from kpopnet.teacher.live.lesson import CameraOpener, Lesson
 from kpopnet.teacher.live.process import LessonProcess, LessonProcesses
@@ -266,6 +265,7 @@ class PageLessons:
         self._socket, self._teaching, self._processes = socket, teaching, processes
         self._process: LessonProcess | None = None
         self._forwarding: asyncio.Task | None = None
+        self._heard_ms: tuple[float, float] | None = None
 
     def follow(self, message: Any) -> None:
         """Does what the page asks. Raises InputError if it asks wrongly."""
@@ -276,6 +276,10 @@ class PageLessons:
             in_s = check_fields(what, message, {"in_s": float})["in_s"]
             check_between("in_s", in_s, 0, 60)
             self._process.send(what, in_s)
+        elif what == "drawn":
+            self._heard_ms = check_fields(what, message, {"page_ms": float})["page_ms"], now_ms()
+            if self._process is not None:
+                self._process.want_frame()
         elif what == "stop":
             self.leave()
         else:
@@ -311,9 +315,8 @@ class PageLessons:
             kind, content, attached = await process.next()
             message = {"kind": kind} | content
             if kind == "frame":
-                text = json.dumps(message, allow_nan=False).encode()
                 with contextlib.suppress(ConnectionError):
-                    await self._socket.send_bytes(struct.pack("<I", len(text)) + text + attached)
+                    await self._socket.send_bytes(packed_frame(message, self._heard_ms, attached))
                 continue
             if kind == "done" and content.get("total") is not None:  # a person was seen
                 try:

@@ -121,6 +121,34 @@ class UnsteadyCamera:
         self._source.close()
 
 
+STAMP_BITS, STAMP_PX = 16, 16
+
+
+class StampedCamera:
+    """The simulated learner's camera; squares along the top of an image are its wall clock's ms, the least bit on the left."""
+
+    def __init__(self, camera: LiveCamera) -> None:
+        self.camera, self._source = camera.camera, camera
+
+    def read(self) -> tuple[np.ndarray, float] | None:
+        """See `LiveCamera.read`."""
+        if (read := self._source.read()) is None:
+            return None
+        depth_m, taken = read[0].copy(), read[1]
+        wall_ms = round(1000 * (time.time() + taken - time.monotonic()))
+        for bit in range(STAMP_BITS):
+            depth_m[:STAMP_PX, bit * STAMP_PX : (bit + 1) * STAMP_PX] = 0.6 if wall_ms >> bit & 1 else 0.0
+        return depth_m, taken
+
+    def close(self) -> None:
+        self._source.close()
+
+
+def open_stamped(lesson: Lesson, dance: TaughtDance, clock: DanceClock) -> LiveCamera:
+    """A `CameraOpener` of such cameras."""
+    return StampedCamera(open_source(None, lesson, dance, clock))
+
+
 def open_unsteady(unplugged: Path, lesson: Lesson, dance: TaughtDance, clock: DanceClock) -> LiveCamera:
     """A `CameraOpener` of such cameras."""
     return UnsteadyCamera(unplugged, open_source(None, lesson, dance, clock))

@@ -46,9 +46,9 @@ def _ceiling(score: DanceScore) -> list[str]:
 
 
 def _phrase_text(phrase: Phrase) -> str:
-    """A phrase with its worst moments, the worst first."""
+    """A phrase with what was not seen and its worst moments, the worst first."""
     number = "not compared" if phrase.similarity is None else f"{phrase.similarity:.0f}"
-    moments = "; ".join(moment.text for moment in phrase.moments) or "no fault stands out"
+    moments = "; ".join([*phrase.unseen, *(moment.text for moment in phrase.moments)]) or "no fault stands out"
     return f"{clock(phrase.start_s)} to {clock(phrase.end_s)}, {number}: {moments}"
 
 

@@ -25,7 +25,7 @@ END_S = 1.0
 
 
 class Process:
-    """One process and its messages: ("frame", ...) are replaced by newer ones, all others are kept in order."""
+    """One process and its messages, in order; of the images ("frame", ...) only the newest is kept, until the page wants it."""
 
     def __init__(self, work: Callable[..., None], given: tuple, name: str) -> None:
         """Starts a function of a module with one end of a pipe and what it is `given`.
@@ -39,6 +39,7 @@ class Process:
         other.close()
         self._name, self._number = name, 0
         self._kept: list[tuple] = []
+        self._frame_wanted = True
         self._loop = asyncio.get_running_loop()
         self._arrived = asyncio.Event()
         self._unsent: queue.Queue[tuple] = queue.Queue(MOST_UNSENT)
@@ -57,11 +58,19 @@ class Process:
             raise InputError("the process that watches you does not answer; close this page and open it again") from error
 
     async def next(self) -> tuple[str, dict, Any]:
-        """The next message: kind, content, and a picture or the learner's arrays."""
-        while not self._kept:
+        """The next message: kind, content, and a picture or the learner's arrays. After a frame none until `want_frame`."""
+        while True:
+            for place, (kind, *_) in enumerate(self._kept):
+                if kind != "frame" or self._frame_wanted:
+                    self._frame_wanted &= kind != "frame"
+                    return self._kept.pop(place)
             self._arrived.clear()
             await self._arrived.wait()
-        return self._kept.pop(0)
+
+    def want_frame(self) -> None:
+        """The page has drawn the last frame: the newest may follow, so that none waits at a page that draws slowly."""
+        self._frame_wanted = True
+        self._arrived.set()
 
     def end(self, by_s: float) -> None:
         """Ends the process, which was told "quit", at a moment of `time.monotonic` at the latest."""
@@ -89,7 +98,7 @@ class Process:
     def _keep(self, number: int, message: tuple) -> None:
         if number != self._number:
             return
-        if message[0] == "frame":
+        if message[0] != "verdict":  # a newer frame, or a message after which an older one says what no longer holds
             self._kept = [one for one in self._kept if one[0] != "frame"]
         self._kept.append(message)
         self._arrived.set()
@@ -105,6 +114,7 @@ class LessonProcess(Process):
         """Begins another lesson; messages of the one before are dropped."""
         self._number += 1
         self._kept.clear()
+        self._frame_wanted = True
         self.send("prepare", self._number, lesson, dance)
 
 

@@ -151,13 +151,14 @@ class DanceTry:
     def shown(
         self, clock: DanceClock, image: Image, joints_m: np.ndarray | None, confidence: np.ndarray | None, camera: Camera
     ) -> dict:
-        """What the page shows of an image: joints in fractions of the picture, scores, words, its age in milliseconds."""
+        """What the page shows of an image: joints in fractions of the picture, scores, words, and the time it was taken."""
         points = None
         if joints_m is not None and confidence is not None:
             uvz = camera.project(joints_m) / [camera.width, camera.height, 1.0]
             points = [[rounded(value, 3) for value in point] for point in np.column_stack([uvz, confidence])]
         latest = self._latest if clock.running else None
-        self._ages_ms.append(round(1000 * (time.monotonic() - image.taken)))
+        age_s = time.monotonic() - image.taken
+        self._ages_ms.append(round(1000 * age_s))
         return {
             "time_s": rounded(clock.dance_s(image.taken), 3) if clock.running else None,
             "joints": points,
@@ -167,7 +168,7 @@ class DanceTry:
             "so_far": rounded(latest.so_far, 3) if latest else None,
             "delay_s": rounded(latest.delay_s, 3) if latest else None,
             "parts": {name: rounded(value, 3) for name, value in latest.parts.items()} if latest else {},
-            "age_ms": self._ages_ms[-1],
+            "taken_ms": round(1000 * (time.time() - age_s), 1),  # of the wall clock, as the page's
         }
 
     def finish(self, dropped: int) -> tuple[dict, dict[str, np.ndarray]]:

@@ -78,18 +78,17 @@ def _delay_words(delay_s: float) -> str:
 def latest_words(score: DanceScore) -> str:
     """What is most wrong in the latest moments of a dance that goes on, "" if nothing is, by `OnlineScorer.score_so_far`."""
     now_s = float(score.windows.middle_s[-1])
-    moments = {one.text: one for phrase in feedback(score).phrases for one in phrase.moments if one.end_s >= now_s - RECENT_S}
-    return in_words(max(moments.values(), key=lambda one: one.cost)) if moments else ""
+    return next((in_words(one) for one in feedback(score).moments if one.end_s >= now_s - RECENT_S), "")
 
 
 def move_reason(latest: OnlineScore, so_far: DanceScore | None, start_s: float) -> str:
     """What cost most in a move that began at `start_s`: the delay, a moment of `kpopnet.dance.feedback`, or else a part."""
     if abs(latest.delay_s) >= MIN_DELAY_S and latest.timing < latest.posture:
         return _delay_words(latest.delay_s)
-    moments = [one for phrase in feedback(so_far).phrases for one in phrase.moments] if so_far is not None else []
+    moments = feedback(so_far).moments if so_far is not None else ()
     during = [one for one in moments if one.end_s > start_s and one.part in latest.parts]
     if during:
-        return in_words(max(during, key=lambda one: one.cost))
+        return in_words(during[0])
     worst = min(latest.parts, key=lambda part: latest.parts[part], default="")
     return f"{_body_part(worst)} not as shown" if worst else "no person seen"
 
@@ -107,8 +106,6 @@ def try_result(score: DanceScore | None, lesson: Lesson, about: About, notes: di
         return head | {"total": None, "hints": ["no person was seen dancing; stand in the picture from head to feet"]}
     found, windows = feedback(score, 60 / about.bpm), score.windows
     slow = f"only {notes['fps']:.0f} images a second were scored, which costs points: this machine is busy with other things"
-    # A moment that lasts over two phrases is listed once.
-    moments = {(one.start_s, one.part, one.direction): one for phrase in found.phrases for one in phrase.moments}
     return head | {
         "total": rounded(score.similarity),
         "timing": rounded(score.timing),
@@ -119,7 +116,7 @@ def try_result(score: DanceScore | None, lesson: Lesson, about: About, notes: di
              "moments": [_moment(moment) for moment in one.moments]}
             for one in found.phrases
         ],
-        "worst": [_moment(moment) for moment in sorted(moments.values(), key=lambda one: -one.cost)[:WORST]],
+        "worst": [_moment(moment) for moment in found.moments[:WORST]],
         "faults": [one.text for one in found.faults[:5]],
         "hints": [*([slow] if notes["fps"] < MIN_FPS else []), *found.hints],
         "latency_s": rounded(measured_latency_s(windows.delay_s, windows.posture), 3),

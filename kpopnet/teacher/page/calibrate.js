@@ -30,7 +30,7 @@ export async function calibrate(main) {
     el("p", {}, el("a", { href: "#/" }, "To the dances")),
   );
   const learner = new LearnerView(canvas);
-  const live = new Live({ preparing, ready, frame, verdict() {}, away, back: () => stop("the camera was away; start again"), done,
+  const live = new Live({ preparing, ready, frame, drawn() {}, verdict() {}, away, back: () => stop("the camera was away; start again"), done,
     error: ({ text }) => stop(text), lost: () => state.running && stop("the teacher's program does not answer; is it still running?") });
   showKept();
   requestAnimationFrame(animate);
@@ -100,6 +100,7 @@ export async function calibrate(main) {
     const beats = state.start ? (now - state.start) / 1000 / BEAT_S : -COUNTS - 1;
     const number = Math.floor(beats) + 1;
     beat.textContent = beats >= -COUNTS && number <= BEATS ? String(number > 0 ? number : number + COUNTS) : "";
+    live.draw();
     requestAnimationFrame(animate);
   }
 }

@@ -20,7 +20,7 @@ export async function stage(main, identity, wanted) {
   const teacher = view.add(body, "teacher", 0);
   teacher.movement = movementOf(dance);
   view.mirror(parts.mirrored.checked);
-  const live = new Live({ preparing, ready, frame, verdict, away, back, done, error, lost });
+  const live = new Live({ preparing, ready, frame, drawn, verdict, away, back, done, error, lost });
 
   parts.start.addEventListener("click", () => (state.running ? stop("") : start()));
   parts.mirrored.addEventListener("change", () => view.mirror(parts.mirrored.checked));
@@ -97,7 +97,7 @@ export async function stage(main, identity, wanted) {
   function begin(what = "go", from_s = state.from_s) {
     const in_s = COUNTS * beat_s / state.speed + 0.3;
     state.ready = true;
-    Object.assign(state, { start: performance.now() + 1000 * in_s, start_s: from_s });
+    Object.assign(state, { start: performance.now() + 1000 * in_s, start_s: from_s, reason: "" });
     shown.words.textContent = shown.verdict.textContent = "";
     live.send({ do: what, in_s });
     sound.play({
@@ -109,11 +109,14 @@ export async function stage(main, identity, wanted) {
   function frame(content, picture) {
     learner.show(picture, content, parts.mirrored.checked);
     shown.guide.textContent = content.guidance;
-    shown.age.textContent = `${content.age_ms} ms`;
     if (content.time_s === null) return;
     shown.score.textContent = content.so_far === null ? "–" : Math.round(content.so_far);
-    shown.words.textContent = content.words;
+    shown.words.textContent = content.words === state.reason ? "" : content.words; // the verdict says it already
     shown.bars.show(content.parts);
+  }
+
+  function drawn(age_ms) {
+    shown.age.textContent = `${Math.round(age_ms)} ms ago`;
   }
 
   function done(result) {
@@ -135,6 +138,8 @@ export async function stage(main, identity, wanted) {
     const after_ms = performance.now() - state.start - 1000 * (end_s - state.start_s) / state.speed;
     shown.verdict.dataset.afterMs = Math.round(after_ms);
     shown.verdict.textContent = [`move ${number}: ${praise(total)}`, words].filter((text) => text).join(", ");
+    state.reason = words;
+    if (shown.words.textContent === words) shown.words.textContent = "";
   }
 
   // The camera sends nothing: the dance stands still, and goes on when it is back.
@@ -170,6 +175,7 @@ export async function stage(main, identity, wanted) {
       shown.time.textContent = `${clock(Math.min(time_s, state.to_s))} of ${clock(dance.seconds)}`;
     }
     view.draw(Math.min(time_s, state.to_s));
+    live.draw();
     requestAnimationFrame(animate);
   }
 }

@@ -37,7 +37,7 @@ main.append(title,
 
 const picture = new LearnerView(depth), view = new View(room), figures = new Map(), middle = { x: 0, z: 0, floor: null };
 view.back(4.2);
-const live = new Live({ opened, state: changed, frame, said: say, error: changed, lost });
+const live = new Live({ opened, state: changed, frame, drawn, said: say, error: changed, lost });
 live.connect();
 
 document.addEventListener("keydown", (event) => {
@@ -73,7 +73,7 @@ function frame(content, image) {
   picture.show(image, content, false);
   place(content.people);
   const rate = content.fps === null ? "–" : content.fps.toFixed(1);
-  numbers.textContent = `${rate} images a second · ${Math.round(content.delay_ms)} ms from image to joints · ${content.dropped} images left out`;
+  state.told = `${rate} images a second · ${Math.round(content.delay_ms)} ms from image to joints · ${content.dropped} images left out`;
   people.replaceChildren(...content.people.map((one) => {
     const sure = one.joints.reduce((sum, joint) => sum + joint[3], 0) / one.joints.length;
     const swatch = el("i", { class: "swatch" });
@@ -81,6 +81,10 @@ function frame(content, image) {
     const away = one.metres === null ? "" : `, ${one.metres.toFixed(1)} m away`;
     return el("li", {}, swatch, `person ${one.identity}: ${Math.round(100 * sure)} %${away}`);
   }));
+}
+
+function drawn(age_ms) {
+  numbers.textContent = `${state.told} · drawn ${Math.round(age_ms)} ms after the image`;
 }
 
 // Everybody over the floor: in the middle of the view, which follows them slowly.
@@ -129,6 +133,7 @@ function animate(now) {
     button.className = on ? "main" : "";
     button.disabled = gone || ended;
   }
+  live.draw();
   view.draw(0);
   requestAnimationFrame(animate);
 }

@@ -5,6 +5,7 @@ import io
 import json
 import random
 import struct
+import time
 from collections import Counter
 from dataclasses import replace
 
@@ -295,8 +296,8 @@ def test_saved_tries_are_listed_and_given_as_files(teaching, tried, tmp_path):
     with_client(teaching, work)
 
 
-async def hold(socket, lesson: dict) -> tuple[dict, list[dict]]:
-    """Holds a lesson to its end; its result and frames."""
+async def hold(socket, lesson: dict, draws: bool = True) -> tuple[dict, list[dict], list[str]]:
+    """Holds a lesson to its end, for a page that draws the frames, or that is stuck; its result, frames, and kinds of texts."""
     await socket.send_json({"do": "prepare", "lesson": lesson})
     frames, kinds = [], []
     while True:
@@ -306,6 +307,8 @@ async def hold(socket, lesson: dict) -> tuple[dict, list[dict]]:
             frames.append(json.loads(message.data[4 : 4 + length]))
             width, height = struct.unpack_from("<HH", message.data, 4 + length)
             assert len(message.data) == 4 + length + 4 + width * height
+            if draws:
+                await socket.send_json({"do": "drawn", "page_ms": 1000 * time.time()})
             continue
         content = json.loads(message.data)
         kinds.append(content["kind"])
@@ -313,7 +316,7 @@ async def hold(socket, lesson: dict) -> tuple[dict, list[dict]]:
             await socket.send_json({"do": "go", "in_s": 0.2})
         elif content["kind"] in ("done", "error"):
             assert kinds[0] == "preparing" and content["kind"] == "done", (kinds, content)
-            return content, frames
+            return content, frames, kinds
 
 
 def test_lessons_are_held_watched_and_saved(teaching):
@@ -322,12 +325,16 @@ def test_lessons_are_held_watched_and_saved(teaching):
 
     async def work(client):
         socket = await client.ws_connect("/live")
-        faulty, frames = await hold(socket, lesson | {"fault": "left arm"})
+        faulty, frames, _ = await hold(socket, lesson | {"fault": "left arm"})
         assert faulty["parts"]["left arm"] < 40 < min(faulty["parts"]["left leg"], faulty["parts"]["right leg"])
         assert faulty["worst"][0]["part"] == "left arm"
         assert any("left arm" in frame["words"] for frame in frames) and len(frames[-1]["joints"]) == 15
-        still, _ = await hold(socket, lesson | {"skill": "still"})
-        assert still["total"] < 20
+        still, frames, kinds = await hold(socket, lesson | {"skill": "still"}, draws=False)
+        assert still["total"] < 20 and 1 <= len(frames) <= 2 and kinds.count("verdict") >= 1
+        await socket.send_json({"do": "drawn", "page_ms": 7.0})
+        (length,) = struct.unpack_from("<I", late := await socket.receive_bytes())
+        late = json.loads(late[4 : 4 + length])
+        assert late["heard_ms"][0] == 7 and late["heard_ms"][1] <= late["sent_ms"] < late["taken_ms"] + 3000
         saved = await (await client.get(f"/api/tries/dance_001/{faulty['session']}.json")).json()
         assert saved["total"] == faulty["total"] and saved["fault"] == "left arm"
         await socket.close()

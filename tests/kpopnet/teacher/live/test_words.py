@@ -56,7 +56,7 @@ def test_where_to_stand(joints_m, confidence, told):
     ],
 )
 def test_moments_in_words(part, direction, delay_s, words):
-    assert in_words(Moment(0, 1, part, "", direction, 20.0, delay_s, 1.0, "")) == words
+    assert in_words(Moment(0, 1, part, "", direction, 20.0, delay_s, 1.0, "", "")) == words
 
 
 def test_a_hanging_arm_is_named_and_a_perfect_dance_has_no_worst_moments(library):

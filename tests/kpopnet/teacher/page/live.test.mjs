@@ -31,7 +31,7 @@ class Socket {
 }
 globalThis.WebSocket = Socket;
 globalThis.location = { protocol: "http:", host: "127.0.0.1:1" };
-const { Live } = await import("../../../../kpopnet/teacher/page/live.js");
+const { Live, ServerClock } = await import("../../../../kpopnet/teacher/page/live.js");
 
 let said;
 const listen = () => new Live(new Proxy({}, { get: (_, kind) => (...content) => said.push([kind, ...content]) }));
@@ -52,17 +52,52 @@ test("what is said before the connection stands is sent in order", () => {
   assert.deepEqual(Socket.made[0].sent.map((one) => one.do), ["prepare", "go", "stop"]);
 });
 
-test("texts and frames reach who listens to their kind", () => {
-  const live = listen(), text = new TextEncoder().encode(JSON.stringify({ kind: "frame", age_ms: 9 }));
-  live.receive(JSON.stringify({ kind: "away", text: "plug it in" }));
-  const message = new Uint8Array(4 + text.length + 6);
+function frameOf(content) {
+  const text = new TextEncoder().encode(JSON.stringify({ kind: "frame", ...content })), message = new Uint8Array(4 + text.length + 6);
   new DataView(message.buffer).setUint32(0, text.length, true);
   message.set(text, 4);
   message.set([2, 0, 1, 0, 7, 8], 4 + text.length);
-  live.receive(message.buffer);
-  assert.deepEqual(said[0], ["away", { kind: "away", text: "plug it in" }]);
-  assert.equal(said[1][1].age_ms, 9);
-  assert.deepEqual([...said[1][2]], [2, 0, 1, 0, 7, 8]);
+  return message.buffer;
+}
+
+test("of the images that have come the newest alone is drawn, and the server hears of it", () => {
+  const live = listen();
+  live.send({ do: "prepare" });
+  Socket.made[0].happen("open");
+  const ahead_ms = 5000, now_ms = Date.now();
+  live.receive(frameOf({ taken_ms: 0, sent_ms: ahead_ms + now_ms - 20, heard_ms: null }));
+  live.receive(frameOf({ taken_ms: ahead_ms + now_ms - 40, sent_ms: ahead_ms + now_ms, heard_ms: [now_ms - 9, ahead_ms + now_ms - 9] }));
+  assert.deepEqual(said, []);
+  live.draw();
+  live.draw();
+  assert.deepEqual(said.map(([kind]) => kind), ["frame", "drawn"]);
+  assert.deepEqual([...said[0][2]], [2, 0, 1, 0, 7, 8]);
+  assert.ok(said[1][1] >= 40 - 1 && said[1][1] < 1000, said[1][1]);
+  const [, drawn, ...others] = Socket.made[0].sent;
+  assert.equal(drawn.do, "drawn");
+  assert.ok(drawn.page_ms >= now_ms && others.length === 0);
+});
+
+test("a text is followed after the image that came before it", () => {
+  const live = listen();
+  live.send({ do: "prepare" });
+  Socket.made[0].happen("open");
+  live.receive(frameOf({ taken_ms: 0, sent_ms: 1, heard_ms: null }));
+  live.receive(JSON.stringify({ kind: "away", text: "plug it in" }));
+  assert.deepEqual(said.map(([kind]) => kind), ["frame", "drawn", "away"]);
+  assert.deepEqual(said[2][1], { kind: "away", text: "plug it in" });
+});
+
+test("the clocks are compared by the quickest messages", () => {
+  const clock = new ServerClock(), ahead_ms = 1234;
+  assert.equal(clock.since(60, 100), 40);
+  for (const [sent_ms, took_ms] of [[0, 300], [100, 4], [200, 90]]) clock.heard([sent_ms, sent_ms + took_ms + ahead_ms]);
+  for (const [sent_ms, took_ms] of [[10, 700], [110, 6], [210, 50]]) clock.arrived(sent_ms + ahead_ms, sent_ms + took_ms);
+  assert.ok(Math.abs(clock.since(ahead_ms + 100, 180) - 80) <= 6);
+  const same = new ServerClock();
+  same.heard([0, 300]);
+  same.arrived(10, 710);
+  assert.equal(same.since(60, 100), 40); // late messages do not move clocks that agree
 });
 
 test("a lost connection is told, and the next message makes another one", () => {
