@@ -1,7 +1,7 @@
 """Says why a recording may be unfit for its score: sides swapped, axes left-handed, a mirrored dance, a clock that is off.
 
 Each supposed fault is corrected and the dance is scored again. A fault is reported only if its correction gains a lot: a poor
-dancer gains nothing from any of them.
+dancer gains nothing from any of them. It is corrected only if the gain is larger still and no dancer could have made it.
 """
 
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ import numpy as np
 
 from kpopnet.dance.dtw import banded_distances
 from kpopnet.dance.performance import Performance
-from kpopnet.dance.scoring import Scorer, TimeGrid, score_dance
+from kpopnet.dance.scoring import DanceScore, Scorer, TimeGrid, score_dance
 from kpopnet.dance.window import WINDOW_S
 from kpopnet.errors import InputError
 from kpopnet.skeleton import MIRROR, Joint
@@ -20,8 +20,13 @@ CORRECTIONS = ("as_recorded", "mirrored", "swapped", "reflected")
 """What can be done to the joints of a recording. `swapped` exchanges the names of left and right, `reflected` turns left-handed
 axes into right-handed ones, and `mirrored`, both together, makes the dance of a person in a mirror."""
 
-MIN_GAIN, MIN_CORRECTED = 15.0, 50.0
+MIN_GAIN, MIN_CORRECTED = 15.0, 40.0
 """A fault is reported if its correction raises the similarity by at least the first, in points, to at least the second."""
+
+SURE_GAIN, LOSING, SURE_DELAY_S, SURE_RATE = 30.0, 0.1, 1.0, 1.15
+"""It is corrected if that gains at least so many points, and at most this fraction of the windows loses: who mirrors a part of
+the dance makes a mistake. A shorter delay may be the dancer's, who is late or early; a rate that is nearer to 1 too, who dances
+too fast or too slowly."""
 
 SEARCH_FPS, SEARCH_S = 5.0, 30.0
 """Frame rate of the search for the best clock, and the greatest delay that it looks at."""
@@ -48,13 +53,58 @@ class RecordingFault(NamedTuple):
     about: str
 
 
-class _Guess(NamedTuple):
-    """Supposed faults: corrections of the joints, and what the learner's times are multiplied by and then lessened by."""
+class Correction(NamedTuple):
+    """Corrections of both dancers' joints, of CORRECTIONS, and what the learner's times are multiplied by, then lessened by."""
 
     teacher: str = "as_recorded"
     learner: str = "as_recorded"
     rate: float = 1.0
     late_s: float = 0.0
+
+    @property
+    def sure(self) -> "Correction":
+        """What of it corrects a recording, and not a dancer."""
+        rate = self.rate if max(self.rate, 1 / self.rate) >= SURE_RATE else 1.0
+        return self._replace(rate=rate, late_s=self.late_s if abs(self.late_s) >= SURE_DELAY_S else 0.0)
+
+    @property
+    def rest(self) -> "Correction":
+        """What of it may be the dancer's."""
+        return Correction(rate=self.rate / self.sure.rate, late_s=self.late_s - self.sure.late_s)
+
+    def __str__(self) -> str:
+        done = [
+            f"the {name} {one}" for name, one in (("teacher", self.teacher), ("learner", self.learner)) if one != "as_recorded"
+        ]
+        done += [f"the learner's times multiplied by {self.rate:.3g}"] if self.rate != 1 else []
+        done += (
+            [f"the learner's clock {abs(self.late_s):.2f} s {'earlier' if self.late_s > 0 else 'later'}"] if self.late_s else []
+        )
+        return ", ".join(done)
+
+
+class Diagnosis(NamedTuple):
+    """Two recorded dances, corrected where their faults were sure.
+
+    Attributes:
+        correction: what was corrected; None for nothing.
+        as_recorded, corrected: the similarity before and after it, 0 to 100.
+        faults: those that are left.
+    """
+
+    teacher: Performance
+    learner: Performance
+    faults: list[RecordingFault]
+    correction: Correction | None = None
+    as_recorded: float = 0.0
+    corrected: float = 0.0
+
+    def __str__(self) -> str:
+        """What was corrected, with both scores, "" if nothing was."""
+        if self.correction is None:
+            return ""
+        scores = f"as it stands {self.as_recorded:.0f}, with {self.correction} {self.corrected:.0f}"
+        return f"{scores}: scored so; --as-is keeps it"
 
 
 def corrected(performance: Performance, correction: str) -> Performance:
@@ -74,26 +124,55 @@ def delayed(performance: Performance, late_s: float, rate: float = 1.0) -> Perfo
     return Performance(performance.joints_m, times_s, performance.confidence)
 
 
-def probable_faults(teacher: Performance, learner: Performance, scorer: Scorer) -> list[RecordingFault]:
-    """What is probably wrong with the recordings of two dances that `score_dance` can compare."""
+def diagnose(teacher: Performance, learner: Performance, scorer: Scorer, as_is: bool = False) -> Diagnosis:
+    """What is probably wrong with the recordings of two dances, and the dances without what is surely wrong, unless `as_is`."""
     wrong = {name: knees_bend_backwards(one) for name, one in (("teacher", teacher), ("learner", learner))}
     if all(wrong.values()):
         text = (
             "the knees of both dancers bend backwards: left and right are swapped in both files, or their axes are left-"
             "handed; the score is that of two dances in a mirror"
         )
-        return [RecordingFault(text, None, "sides")]
-    plain = score_dance(teacher, learner, scorer).similarity
+        return Diagnosis(teacher, learner, [RecordingFault(text, None, "sides")])
+    plain = _score(teacher, learner, Correction(), scorer)
     best = min(_guesses(wrong, teacher, learner), key=lambda one: _fit(teacher, learner, one, scorer)[1])
-    best = best._replace(late_s=_fit(teacher, learner, best, scorer)[0])
-    best = best._replace(late_s=best.late_s + _score(teacher, learner, best, scorer)[1])
+    best = best._replace(late_s=best.late_s + _fit(teacher, learner, best, scorer)[0])
+    best = best._replace(late_s=best.late_s + _delay_s(_score(teacher, learner, best, scorer)))
     if abs(best.late_s) < MIN_DELAY_S:
         best = best._replace(late_s=0.0)
-    similarity, _ = _score(teacher, learner, best, scorer)
-    if not (similarity >= MIN_CORRECTED and similarity >= np.nan_to_num(plain) + MIN_GAIN):
+    fitted = _score(teacher, learner, best, scorer)
+    if not _gains(plain, fitted, MIN_GAIN):
         text = "the {0}'s knees bend backwards: left and right are swapped in the file, or its axes are left-handed"
-        return [RecordingFault(text.format(name), None, "sides") for name, backwards in wrong.items() if backwards]
-    return [RecordingFault(text, similarity, about) for about, text in _descriptions(best, teacher, learner)]
+        faults = [RecordingFault(text.format(name), None, "sides") for name, backwards in wrong.items() if backwards]
+        return Diagnosis(teacher, learner, faults)
+    without_sure = _score(teacher, learner, best.sure, scorer)
+    corrects = not as_is and _gains(plain, without_sure, SURE_GAIN) and _losing(plain, without_sure) <= LOSING
+    rest, now = (best.rest, without_sure) if corrects else (best, plain)
+    told = _descriptions(rest, teacher, learner) if _gains(now, fitted, MIN_GAIN) else ()
+    faults = [RecordingFault(text, _similarity(fitted), about) for about, text in told]
+    if not corrects:
+        return Diagnosis(teacher, learner, faults)
+    return Diagnosis(*_after(teacher, learner, best.sure), faults, best.sure, _similarity(plain), _similarity(now))
+
+
+def _similarity(score: DanceScore | None) -> float:
+    return 0.0 if score is None else float(np.nan_to_num(score.similarity))
+
+
+def _delay_s(score: DanceScore | None) -> float:
+    """The learner's median delay in seconds; 0 if unknown."""
+    delay_s = np.array([]) if score is None else score.windows.delay_s[np.isfinite(score.windows.delay_s)]
+    return float(np.median(delay_s)) if len(delay_s) else 0.0
+
+
+def _gains(before: DanceScore | None, after: DanceScore | None, points: float) -> bool:
+    return _similarity(after) >= max(MIN_CORRECTED, _similarity(before) + points)
+
+
+def _losing(before: DanceScore | None, after: DanceScore | None) -> float:
+    """The fraction of the windows that score MIN_GAIN less after a correction."""
+    if before is None or after is None:
+        return 0.0
+    return float(np.mean(np.nan_to_num(before.windows.similarity) >= np.nan_to_num(after.windows.similarity) + MIN_GAIN))
 
 
 def knees_bend_backwards(performance: Performance) -> bool:
@@ -110,18 +189,23 @@ def knees_bend_backwards(performance: Performance) -> bool:
     return bool(forward_m[known].sum() < BACKWARD_KNEES * size_m[known].sum())
 
 
-def _guesses(wrong: dict[str, bool], teacher: Performance, learner: Performance) -> Iterator[_Guess]:
-    """What may be wrong, the simplest first: nothing but a delay; the joints; the learner's or the teacher's frame rate."""
-    yield _Guess()
+def _guesses(wrong: dict[str, bool], teacher: Performance, learner: Performance) -> Iterator[Correction]:
+    """What may be wrong, the simplest first: nothing but a delay; the joints; the learner's or the teacher's frame rate.
+
+    Dances of clocks that have no time in common are supposed to begin together.
+    """
+    apart = learner.times_s[0] > teacher.times_s[-1] - WINDOW_S or learner.times_s[-1] < teacher.times_s[0] + WINDOW_S
+    plain = Correction(late_s=float(learner.times_s[0] - teacher.times_s[0]) if apart else 0.0)
+    yield plain
     if wrong["teacher"]:
-        yield from (_Guess(teacher=one) for one in ("swapped", "reflected"))
+        yield from (plain._replace(teacher=one) for one in ("swapped", "reflected"))
     elif wrong["learner"]:
-        yield from (_Guess(learner=one) for one in ("swapped", "reflected"))
+        yield from (plain._replace(learner=one) for one in ("swapped", "reflected"))
     else:
-        yield _Guess(learner="mirrored")
+        yield plain._replace(learner="mirrored")
     learner_fps, teacher_fps = _fps(learner), _fps(teacher)
     rates = {round(learner_fps / fps, 3) for fps in COMMON_FPS} | {round(fps / teacher_fps, 3) for fps in COMMON_FPS}
-    yield from (_Guess(rate=rate) for rate in sorted(rates) if 0.2 <= rate <= 5 and abs(rate - 1) > 0.01)
+    yield from (plain._replace(rate=rate) for rate in sorted(rates) if 0.2 <= rate <= 5 and abs(rate - 1) > 0.01)
 
 
 def _fps(performance: Performance) -> float:
@@ -129,12 +213,12 @@ def _fps(performance: Performance) -> float:
     return 1 / float(np.median(np.diff(performance.times_s))) if len(performance) > 1 else 1.0
 
 
-def _after(teacher: Performance, learner: Performance, guess: _Guess) -> tuple[Performance, Performance]:
+def _after(teacher: Performance, learner: Performance, guess: Correction) -> tuple[Performance, Performance]:
     """Both performances without the supposed faults."""
     return corrected(teacher, guess.teacher), delayed(corrected(learner, guess.learner), guess.late_s, guess.rate)
 
 
-def _fit(teacher: Performance, learner: Performance, guess: _Guess, scorer: Scorer) -> tuple[float, float]:
+def _fit(teacher: Performance, learner: Performance, guess: Correction, scorer: Scorer) -> tuple[float, float]:
     """The delay in seconds at which the learner's frames are nearest to the teacher's, and their mean distance there."""
     teacher, learner = _after(teacher, learner, guess)
     grid, band = TimeGrid(teacher, scorer.feature, SEARCH_FPS), round(SEARCH_S * SEARCH_FPS)
@@ -151,17 +235,15 @@ def _fit(teacher: Performance, learner: Performance, guess: _Guess, scorer: Scor
     return (band - column) / SEARCH_FPS, float(mean[column])
 
 
-def _score(teacher: Performance, learner: Performance, guess: _Guess, scorer: Scorer) -> tuple[float, float]:
-    """The similarity without the supposed faults, and the learner's median delay that is left, in seconds; 0 if unknown."""
+def _score(teacher: Performance, learner: Performance, guess: Correction, scorer: Scorer) -> DanceScore | None:
+    """The score without the supposed faults; None if no window is covered."""
     try:
-        score = score_dance(*_after(teacher, learner, guess), scorer)
-    except InputError:  # so much corrected that no window is covered
-        return 0.0, 0.0
-    delay_s = score.windows.delay_s[np.isfinite(score.windows.delay_s)]
-    return score.similarity, float(np.median(delay_s)) if len(delay_s) else 0.0
+        return score_dance(*_after(teacher, learner, guess), scorer)
+    except InputError:
+        return None
 
 
-def _descriptions(guess: _Guess, teacher: Performance, learner: Performance) -> Iterator[tuple[str, str]]:
+def _descriptions(guess: Correction, teacher: Performance, learner: Performance) -> Iterator[tuple[str, str]]:
     """The faults of a guess: what each is about, and its text."""
     causes = {
         "mirrored": (

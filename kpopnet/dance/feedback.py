@@ -129,7 +129,7 @@ def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence
     """The feedback on a dance, or on what has been danced so far (`OnlineScorer.score_so_far`).
 
     With `beat_s`, a beat of the music in seconds, phrases have eight beats, and delays are given in beats. Hints whose cause
-    is among the faults that `kpopnet.dance.diagnosis.probable_faults` found are left out.
+    is among the faults that `kpopnet.dance.diagnosis.diagnose` found are left out.
     """
     moments = sorted([*_posture_moments(score), *_timing_moments(score, beat_s)], key=lambda one: -one.cost)
     unseen = list(_unseen(score))
@@ -145,7 +145,9 @@ def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence
         common_s = [(min(one.end_s, end_s) - max(one.start_s, start_s), one) for one in moments]
         within = [one for common, one in common_s if common >= min(phrase_s, one.end_s - one.start_s) / 2]
         worst = (replace(one, text=f"{one.fault} {_when(one.start_s, one.end_s, *shown_s)}") for one in within)
-        hidden = (f"{who} {_when(*span_s, *shown_s)}" for who, *span_s in unseen if min(span_s[1], end_s) > max(span_s[0], start_s))
+        hidden = (
+            f"{who} {_when(*span_s, *shown_s)}" for who, *span_s in unseen if min(span_s[1], end_s) > max(span_s[0], start_s)
+        )
         phrases.append(Phrase(start_s, end_s, similarity, tuple(hidden), tuple(worst)[:MOMENTS_PER_PHRASE]))
     known = {one.about for one in recording}
     hints = tuple(text for about, text in _hints(score) if about not in known)
@@ -235,7 +237,8 @@ def _at(starts_s: list[float]) -> str:
 
 
 def _from_to(start_s: float, end_s: float) -> str:
-    return f"from {clock(start_s)} to {clock(end_s)}"
+    start, end = clock(start_s), clock(end_s)
+    return f"at {start}" if start == end else f"from {start} to {end}"
 
 
 def _when(start_s: float, end_s: float, phrase_start_s: float, phrase_end_s: float) -> str:
@@ -269,7 +272,7 @@ def _gathered(moments: list[Moment], dance_s: float, beat_s: float | None) -> tu
 def _hints(score: DanceScore) -> Iterator[tuple[str, str]]:
     """What concerns the whole dance: what it is about, as `kpopnet.dance.diagnosis.RecordingFault`, and it in words."""
     if score.mirror_fits_better and not score.mirrored:
-        yield "mirror", "the mirror image fits much better: score with mirrored=true if the teacher was mirrored"
+        yield "mirror", "the mirror image fits much better: did the learner mirror the teacher?"
     if abs(score.tempo - 1) >= MIN_TEMPO_DIFFERENCE:
         yield "tempo", f"{abs(score.tempo - 1):.0%} too {'fast' if score.tempo > 1 else 'slow'} throughout"
     yield from (("coverage", f"{who} {_from_to(start_s, end_s)}") for who, start_s, end_s in _unseen(score))

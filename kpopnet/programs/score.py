@@ -3,10 +3,11 @@
     kpopnet score teacher.bvh learner.bvh
     kpopnet score teacher.csv learner.csv --learner-fps 30 --out outputs/score/ann
 
-Files are .npz, .bvh, .csv or .json; docs/dance_scoring.md describes what they hold. Both must be on one clock: time zero is the
-same instant of the music. The program prints the score and what to mend, phrase by phrase, and writes score.html, one page with
-its figures, and score.json. It warns where a recording is probably faulty: sides swapped, left-handed axes, a mirrored dance, a
-clock that is off. An earlier score in the same folder is replaced.
+Files are .npz, .bvh, .csv or .json; docs/dance_scoring.md describes what they hold. Time zero is the same instant of the music
+in both. A mirrored dance, swapped sides, left-handed axes, a clock that is a second or more off and a wrong frame rate are
+corrected where that gains 30 points or more, and both scores are told; what may be the dancer's own fault, such as being 0.3 s
+late, never is. The program prints the score and what to mend, phrase by phrase, and writes score.json and score.html: one page
+with a replay of both dancers in 3D, which needs no other file. An earlier score in the same folder is replaced.
 """
 
 import json
@@ -14,7 +15,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
-from kpopnet.dance.diagnosis import CORRECTIONS, RecordingFault, corrected, delayed, probable_faults
+from kpopnet.dance.diagnosis import CORRECTIONS, RecordingFault, corrected, delayed, diagnose
 from kpopnet.dance.feedback import feedback
 from kpopnet.dance.joint_files.reader import read_strangers_performance
 from kpopnet.dance.parts import NOISE, PartScorer
@@ -22,12 +23,14 @@ from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import SCORERS, score_dance
 from kpopnet.dance.window import WINDOW_S
 from kpopnet.errors import InputError
-from kpopnet.evaluation.dances.score_page import score_json, score_page, score_text
+from kpopnet.evaluation.dances.score_text import score_json, score_notes, score_text
 from kpopnet.evaluation.report import printable, write_text
 from kpopnet.programs.arguments import program_parser
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
 from kpopnet.skeleton import Joint
+from kpopnet.teacher.library import TeacherBody
+from kpopnet.teacher.result_page import result_page
 
 
 def other_formats(teacher: Path, learner: Path) -> list[RecordingFault]:
@@ -62,6 +65,7 @@ def main() -> None:
         parser.add_argument(f"--{name}-fps", type=float, help=rate)
         parser.add_argument(f"--correct-{name}", choices=CORRECTIONS, default="as_recorded", help=f"{joints}: %(default)s")
     parser.add_argument("--late", type=float, default=0.0, help="seconds by which the learner's clock is late: %(default)s")
+    parser.add_argument("--as-is", action="store_true", help="correct nothing by itself; probable faults are told")
     noise = "estimator of the learner's joints, whose known errors are not counted: %(default)s for true joints"
     parser.add_argument("--noise", choices=NOISE, default="none", help=noise)
     parser.add_argument("--bpm", type=float, help="tempo of the music: phrases of eight beats instead of 4 s, delays in beats")
@@ -77,21 +81,24 @@ def main() -> None:
         raise InputError(f"--noise {given.noise}: scorer {given.scorer} knows no noise; dance22 does")
     teacher = read_observed(given.teacher, given.teacher_fps, given.correct_teacher, given.scorer)
     learner = delayed(read_observed(given.learner, given.learner_fps, given.correct_learner, given.scorer), given.late)
+    diagnosis = diagnose(teacher, learner, scorer, given.as_is)
+    diagnosis.faults[:0] = other_formats(given.teacher, given.learner)
+    teacher, learner = diagnosis.teacher, diagnosis.learner
     score = score_dance(teacher, learner, scorer)
     if math.isnan(score.similarity):
         raise InputError(f"{given.learner}: in no window of {WINDOW_S:g} s are enough joints known to compare the dances")
-    faults = other_formats(given.teacher, given.learner) + probable_faults(teacher, learner, scorer)
-    advice = feedback(score, beat_s, faults)
+    from synth.dances.taught import teacher_arrays
 
-    title = f"{given.learner.name} after {given.teacher.name}: {score.similarity:.0f} of 100"
-    page = score_page(title, teacher, learner, score, advice, faults)
+    advice, notes = feedback(score, beat_s, diagnosis.faults), score_notes(score, diagnosis)
+    title = f"{given.learner.name} after {given.teacher.name}"
+    page = result_page(title, TeacherBody(**teacher_arrays()), (teacher, learner), score, advice, notes)
     files = {"teacher": str(given.teacher), "learner": str(given.learner)}
-    content = score_json(score, advice, faults)
+    content = score_json(score, advice, diagnosis)
     content |= files | {"scorer": {"name": given.scorer, "feature": scorer.feature, **content["scorer"]}}
     with locked(given.out):
         for name, text in (("score.html", page), ("score.json", json.dumps(content, indent=1, allow_nan=False) + "\n")):
             write_text(given.out / name, text)
-    print(printable("\n".join([*score_text(score, advice, faults), f"look at {given.out / 'score.html'}"])))
+    print(printable("\n".join([*score_text(score, advice, notes), f"look at {given.out / 'score.html'}"])))
 
 
 if __name__ == "__main__":

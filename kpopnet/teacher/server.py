@@ -1,7 +1,6 @@
 """The local server: the page, the dances, the tries, and a WebSocket for each lesson."""
 
 import asyncio
-import base64
 import contextlib
 import json
 import tempfile
@@ -9,7 +8,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from kpopnet.dance.joint_files.reader import read_performance, read_strangers_performance
@@ -18,10 +16,11 @@ from kpopnet.runtime.input_files import check_fields, parse_json, settings_from
 from kpopnet.teacher.adding import add_performance
 from kpopnet.teacher.film import Filming
 from kpopnet.teacher.hosting import now_ms, packed_frame, page_app
-from kpopnet.teacher.library import About, Library, preview_cm, stored_quats
+from kpopnet.teacher.library import About, Library, preview_cm
 from kpopnet.teacher.live.lesson import CameraOpener, Lesson
 from kpopnet.teacher.live.process import LessonProcess, LessonProcesses
 from kpopnet.teacher.posing import Movement, as_bvh, learners_movement
+from kpopnet.teacher.result_page import packed_body, packed_movement
 from kpopnet.teacher.safety import Keys
 from kpopnet.teacher.tries import Tries, as_csv
 
@@ -108,7 +107,7 @@ async def dances(request: web.Request) -> web.Response:
 async def dance(request: web.Request) -> web.Response:
     library, identity = request.app[TEACHING].library, request.match_info["identity"]
     found = await asyncio.to_thread(library.dance, identity)
-    return web.json_response(_shown(identity, found.about) | _movement(Movement(found.quats, found.hips_m, found.fps)))
+    return web.json_response(_shown(identity, found.about) | packed_movement(Movement(found.quats, found.hips_m, found.fps)))
 
 
 def _shown(identity: str, about: About) -> dict:
@@ -145,19 +144,7 @@ async def upload(request: web.Request) -> web.Response:
 
 @routes.get("/api/body")
 async def body(request: web.Request) -> web.Response:
-    found = request.app[TEACHING].library.body
-    return web.json_response(
-        {
-            "names": found.bone_names.tolist(),
-            "parents": found.bone_parents.tolist(),
-            "heads_m": found.heads_m.round(5).tolist(),
-            "t_pose": found.t_pose.round(6).tolist(),
-            "vertices_m": _packed(found.vertices_m, np.float32),
-            "faces": _packed(found.faces, np.uint16),
-            "weight_bones": _packed(found.weight_bones, np.uint8),
-            "weights": _packed(found.weights, np.float32),
-        }
-    )
+    return web.json_response(packed_body(request.app[TEACHING].library.body))
 
 
 @routes.get("/api/history/{dance}")
@@ -217,22 +204,12 @@ async def film(request: web.Request) -> web.StreamResponse:
 async def movement(request: web.Request) -> web.Response:
     """The learner's movement in a try on the teacher's body, for the replay."""
     dance, name = request.match_info["dance"], request.match_info["name"]
-    return web.json_response(_movement(await asyncio.to_thread(_learners_movement, request.app[TEACHING], dance, name)))
+    return web.json_response(packed_movement(await asyncio.to_thread(_learners_movement, request.app[TEACHING], dance, name)))
 
 
 def _learners_movement(teaching: Teaching, dance: str, name: str) -> Movement:
     learner = read_performance(teaching.tries.path(dance, name, "npz"))
     return learners_movement(learner, teaching.library.dance(dance).fps, teaching.library.body)
-
-
-def _movement(moved: Movement) -> dict:
-    quats, hips_m = _packed(stored_quats(moved.quats), np.int16), _packed(moved.hips_m, np.float32)
-    return {"fps": moved.fps, "begin_s": moved.begin_s, "quats": quats, "hips_m": hips_m}
-
-
-def _packed(array: np.ndarray, kind: type) -> str:
-    """The bytes of an array, little-endian, in base64."""
-    return base64.b64encode(np.ascontiguousarray(array, np.dtype(kind).newbyteorder("<")).tobytes()).decode()
 
 
 @routes.get("/live")

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from kpopnet.camera import Camera
-from kpopnet.dance.feedback import MIN_DELAY_S, Moment, feedback
+from kpopnet.dance.feedback import MIN_DELAY_S, Feedback, Moment, feedback
 from kpopnet.dance.online import OnlineScore
 from kpopnet.dance.scoring import DanceScore
 from kpopnet.dance.timing import measured_latency_s
@@ -104,21 +104,28 @@ def try_result(score: DanceScore | None, lesson: Lesson, about: About, notes: di
     }  # fmt: skip
     if score is None or math.isnan(score.similarity):
         return head | {"total": None, "hints": ["no person was seen dancing; stand in the picture from head to feet"]}
-    found, windows = feedback(score, 60 / about.bpm), score.windows
     slow = f"only {notes['fps']:.0f} images a second were scored, which costs points: this machine is busy with other things"
-    return head | {
+    told = score_result(score, feedback(score, 60 / about.bpm))
+    return head | told | {"hints": [*([slow] if notes["fps"] < MIN_FPS else []), *told["hints"]]}
+
+
+def score_result(score: DanceScore, found: Feedback) -> dict:
+    """What the page of a result shows of a score, as JSON of finite numbers and null."""
+    windows = score.windows
+    return {
         "total": rounded(score.similarity),
         "timing": rounded(score.timing),
         "posture": rounded(score.posture),
         "parts": {name: rounded(value) for name, value in score.parts.items()},
+        "coverage": {name: rounded(value, 3) for name, value in score.coverage.items()},
         "phrases": [
             {"start_s": rounded(one.start_s), "end_s": rounded(one.end_s), "total": rounded(one.similarity),
-             "moments": [_moment(moment) for moment in one.moments]}
+             "unseen": list(one.unseen), "moments": [_moment(moment) for moment in one.moments]}
             for one in found.phrases
         ],
         "worst": [_moment(moment) for moment in found.moments[:WORST]],
         "faults": [one.text for one in found.faults[:5]],
-        "hints": [*([slow] if notes["fps"] < MIN_FPS else []), *found.hints],
+        "hints": list(found.hints),
         "latency_s": rounded(measured_latency_s(windows.delay_s, windows.posture), 3),
         "course": {
             "time_s": _column(windows.start_s + WINDOW_S / 2), "total": _column(windows.similarity),

@@ -9,16 +9,19 @@ let body = null;
 
 export async function loadBody() {
   if (body === null) {
-    const found = await ask("/api/body");
-    body = {
-      ...found,
-      vertices: unpacked(found.vertices_m, Float32Array),
-      faces: unpacked(found.faces, Uint16Array),
-      bones: Uint16Array.from(unpacked(found.weight_bones, Uint8Array)),
-      weights: unpacked(found.weights, Float32Array),
-    };
+    body = bodyOf(await ask("/api/body"));
   }
   return body;
+}
+
+export function bodyOf(found) {
+  return {
+    ...found,
+    vertices: unpacked(found.vertices_m, Float32Array),
+    faces: unpacked(found.faces, Uint16Array),
+    bones: Uint16Array.from(unpacked(found.weight_bones, Uint8Array)),
+    weights: unpacked(found.weights, Float32Array),
+  };
 }
 
 // A movement of the server: rotations of the bones and positions of the hips.
@@ -100,6 +103,36 @@ export class Dancer {
 }
 const other = new Quaternion();
 
+// How much a machine can draw. Drawings that it has not finished would queue, and hold up everything that the page shows: the next
+// one waits until the one before is finished, and then as long again. Where that takes long, as without a graphics card, pictures
+// get coarser.
+const SLOW_MS = 60, FAST_MS = 15, COARSEST = 0.35;
+
+export class DrawingLoad {
+  constructor(gl) {
+    Object.assign(this, { gl, scale: 1, fence: null, begun: 0, next: 0 });
+  }
+
+  allows(now) {
+    if (this.fence !== null) {
+      if (this.gl.getSyncParameter(this.fence, this.gl.SYNC_STATUS) === this.gl.UNSIGNALED) return false;
+      this.gl.deleteSync(this.fence);
+      this.fence = null;
+      const took_ms = now - this.begun;
+      if (took_ms > SLOW_MS) this.scale = Math.max(0.7 * this.scale, COARSEST);
+      else if (took_ms < FAST_MS) this.scale = Math.min(this.scale / 0.7, 1);
+      this.next = now + took_ms - 20; // at 60 drawings a second none is skipped
+    }
+    return now >= this.next;
+  }
+
+  drawn(now) {
+    this.begun = now;
+    this.fence = this.gl.fenceSync(this.gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    this.gl.flush();
+  }
+}
+
 export class View {
   constructor(canvas) {
     this.canvas = canvas;
@@ -124,6 +157,7 @@ export class View {
     this.scene.add(this.stage, sun, new HemisphereLight("#ffffff", "#666077", 1.6), floor, new GridHelper(3.6, 6, "#55506a", "#66617a"));
     this.dancers = [];
     this.changed = true;
+    this.load = new DrawingLoad(this.renderer.getContext());
   }
 
   add(found, kind, x) {
@@ -151,11 +185,11 @@ export class View {
   }
 
   draw(time_s) {
-    const { clientWidth, clientHeight } = this.canvas;
-    if (!clientWidth || (time_s === this.shown && !this.changed && clientWidth === this.width && clientHeight === this.height)) return;
-    if (clientWidth !== this.width || clientHeight !== this.height) {
-      [this.width, this.height] = [clientWidth, clientHeight];
-      this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    const { clientWidth, clientHeight } = this.canvas, now = performance.now();
+    if (!clientWidth || !this.load.allows(now) || (time_s === this.shown && !this.changed && clientWidth === this.width && clientHeight === this.height)) return;
+    if (clientWidth !== this.width || clientHeight !== this.height || this.load.scale !== this.scale) {
+      [this.width, this.height, this.scale] = [clientWidth, clientHeight, this.load.scale];
+      this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2) * this.scale);
       this.renderer.setSize(clientWidth, clientHeight, false);
       this.camera.aspect = clientWidth / clientHeight;
       this.camera.updateProjectionMatrix();
@@ -163,6 +197,7 @@ export class View {
     [this.shown, this.changed] = [time_s, false];
     for (const dancer of this.dancers) if (dancer.movement) dancer.show(time_s);
     this.renderer.render(this.scene, this.camera);
+    this.load.drawn(now);
   }
 
   close() {

@@ -1,14 +1,34 @@
 // After a dance: the score, its course, the worst moments with a replay side by side, what to practise, history and files.
 import { View, loadBody, movementOf } from "./body.js";
-import { ask, clamp, clock, el, followed, keepLatency, latencyOf, milliseconds, partBars } from "./tools.js";
+import { PARTS, ask, clamp, clock, el, followed, heat, keepLatency, latencyOf, milliseconds, partBars } from "./tools.js";
 
 const BEFORE_S = 1;
+const LATE_S = 0.3; // the least range of the delay's course
+const HIGH = 150; // of a course, in its own units
 
 export async function result(main, identity, name) {
   const base = `/api/tries/${identity}/${name}`;
   const [found, dance, body, movement, history] = await Promise.all([
     ask(`${base}.json`), ask(`/api/dances/${identity}`), loadBody(), ask(`${base}/movement`), ask(`/api/history/${identity}`),
   ]);
+  const filming = film(base, `${identity}-${name}.mp4`);
+  const leave = showResult(main, { found, dance, body, movement }, (phrase) =>
+    `#/dance/${identity}?phrase=${phrase}&speed=50&loop&go&skill=${found.skill}&fault=${encodeURIComponent(found.fault)}`);
+  main.append(
+    ...latency(found),
+    el("h2", {}, "Your tries"), historyTable(history, identity, name),
+    el("p", {}, "Save as ", ...["json", "csv", "bvh"].flatMap((kind) => [el("a", { href: `${base}.${kind}`, download: "" }, kind.toUpperCase()), " "]),
+      ...filming.nodes),
+    el("p", {}, el("a", { href: `#/dance/${identity}` }, "Dance again")),
+  );
+  return () => {
+    filming.stop();
+    leave();
+  };
+}
+
+// A result with the movements of both, and, where it can be practised, the address for each phrase; returns what ends it.
+export function showResult(main, { found, dance, body, movement }, practiseAt = null) {
   const end_s = found.to_s || dance.seconds;
   const state = { time_s: found.from_s, until_s: end_s, playing: false, closed: false, last: 0 };
   const canvas = el("canvas", { id: "replay", "aria-label": "the teacher on the left, you on the right" });
@@ -17,25 +37,21 @@ export async function result(main, identity, name) {
   const play = el("button", { type: "button", id: "play", onclick: () => toggle() }, "Play");
   const time = el("span", { class: "quiet" });
   const course = courseOf(found, dance, end_s, (time_s) => watch(time_s - BEFORE_S, time_s + 2 * BEFORE_S));
-  const bars = partBars(), filming = film(base, `${identity}-${name}.mp4`);
+  const bars = partBars();
   main.append(
     el("h1", {}, `${found.name}: ${Math.round(found.total)} of 100`),
     el("div", { class: "numbers" }, number("total", found.total, "total"), number("timing", found.timing, "timing"),
-      number("posture", found.posture, "posture"), number("speed", 100 * found.speed, "speed, %")),
+      number("posture", found.posture, "posture"), found.speed ? number("speed", 100 * found.speed, "speed, %") : null),
     bars.list,
     ...found.hints.map((hint) => el("p", { class: "error" }, hint)),
-    el("h2", {}, "Course of the dance"), course.picture,
     el("h2", {}, "Worst moments"), momentList(found, watch),
     el("div", { class: "replay" }, el("div", { class: "panel" }, canvas, el("span", { class: "tag" }, "teacher left, you right")),
       el("div", { class: "controls" }, play, slider, time)),
-    el("h2", {}, "Practise"), practise(found, dance, identity),
-    ...latency(found),
-    el("h2", {}, "Your tries"), historyTable(history, identity, name),
-    el("p", {}, "Save as ", ...["json", "csv", "bvh"].flatMap((kind) => [el("a", { href: `${base}.${kind}`, download: "" }, kind.toUpperCase()), " "]),
-      ...filming.nodes),
-    el("p", {}, el("a", { href: `#/dance/${identity}` }, "Dance again")),
+    el("h2", {}, "Course of the dance"), course.picture, ...moreCourses(found, end_s),
+    ...(found.faults.length ? [el("h2", {}, "What to mend, the costliest first"), el("ol", {}, ...found.faults.map((text) => el("li", {}, text)))] : []),
+    el("h2", {}, "Phrase by phrase"), phraseTable(found, dance, watch, practiseAt),
   );
-  bars.show(found.parts);
+  bars.show(found.parts, found.coverage);
   const view = new View(canvas);
   view.add(body, "teacher", -0.7).movement = movementOf(dance);
   view.add(body, "learner", 0.7).movement = movementOf(movement);
@@ -43,7 +59,6 @@ export async function result(main, identity, name) {
   requestAnimationFrame(animate);
   return () => {
     state.closed = true;
-    filming.stop();
     view.close();
   };
 
@@ -88,21 +103,29 @@ function momentList(found, watch) {
     el("button", { type: "button", "data-part": one.part, onclick: () => watch(one.start_s - BEFORE_S, one.end_s + BEFORE_S) }, one.text))));
 }
 
+function part(tag, attributes, ...children) {
+  const node = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
+  node.append(...children);
+  return node;
+}
+
+// A line through the known values of a course; `x` and `y` place times and values.
+function line(times_s, values, x, y) {
+  const points = times_s.map((time_s, i) => [time_s, values[i]]).filter(([, value]) => value !== null);
+  return part("polyline", { class: "line", points: points.map(([time_s, value]) => `${x(time_s)},${y(value)}`).join(" ") });
+}
+
+const placed = (found, end_s) => (time_s) => 1000 * (time_s - found.from_s) / (end_s - found.from_s);
+
 // The score over the dance as a picture; phrases are marked, the worst moments shaded, a click chooses a time.
 function courseOf(found, dance, end_s, choose) {
-  const name = "http://www.w3.org/2000/svg", span_s = end_s - found.from_s;
-  const x = (time_s) => 1000 * (time_s - found.from_s) / span_s, y = (value) => 145 - 1.4 * value;
-  const part = (tag, attributes) => {
-    const node = document.createElementNS(name, tag);
-    for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
-    return node;
-  };
+  const span_s = end_s - found.from_s, x = placed(found, end_s), y = (value) => 145 - 1.4 * value;
   const picture = part("svg", { class: "course", id: "course", viewBox: "0 0 1000 150", preserveAspectRatio: "none", role: "img",
     "aria-label": "score over the dance, 0 at the bottom, 100 at the top" });
   for (const one of found.worst) picture.append(part("rect", { class: "bad", x: x(one.start_s), y: 0, width: Math.max(x(one.end_s) - x(one.start_s), 4), height: 150 }));
   for (const one of found.phrases) picture.append(part("line", { class: "phrase", x1: x(one.start_s), x2: x(one.start_s), y1: 0, y2: 150 }));
-  const points = found.course.time_s.map((time_s, i) => [time_s, found.course.total[i]]).filter(([, value]) => value !== null);
-  picture.append(part("polyline", { class: "line", points: points.map(([time_s, value]) => `${x(time_s)},${y(value)}`).join(" ") }));
+  picture.append(line(found.course.time_s, found.course.total, x, y));
   const now = part("line", { class: "now", x1: 0, x2: 0, y1: 0, y2: 150 });
   picture.append(now);
   picture.addEventListener("click", (event) => {
@@ -112,15 +135,33 @@ function courseOf(found, dance, end_s, choose) {
   return { picture, mark: (time_s) => { now.setAttribute("x1", x(time_s)); now.setAttribute("x2", x(time_s)); } };
 }
 
-function practise(found, dance, identity) {
-  const rows = found.phrases.filter((one) => one.total !== null).map((one) => {
+// The delay over the dance, and the posture of each part: what is wrong is orange, what is right blue.
+function moreCourses(found, end_s) {
+  const { time_s: times_s, delay_s, parts } = found.course, x = placed(found, end_s);
+  const most_s = Math.max(LATE_S, ...delay_s.map((value) => Math.abs(value || 0))), middle = HIGH / 2;
+  const frame = (text, ...nodes) => part("svg", { class: "course", viewBox: `0 0 1000 ${HIGH}`, preserveAspectRatio: "none", role: "img", "aria-label": text }, ...nodes);
+  const wide = Math.max(x(times_s[1] || end_s) - x(times_s[0]), 2);
+  const rows = PARTS.filter((name) => parts[name]).map((name) => el("div", { class: "row" }, el("span", {}, name),
+    frame(`posture of ${name}`, ...times_s.map((time_s, i) => part("rect", { x: x(time_s) - wide / 2, y: 0, width: wide + 1, height: HIGH,
+      fill: parts[name][i] === null ? "#8a8694" : heat(parts[name][i]) })))));
+  return [
+    el("p", { class: "quiet" }, `Late (above) and early (below), up to ${most_s.toFixed(1)} s`),
+    frame("delay over the dance", part("line", { class: "phrase", x1: 0, x2: 1000, y1: middle, y2: middle }),
+      line(times_s, delay_s, x, (value) => middle - 0.95 * middle * value / most_s)),
+    el("p", { class: "quiet" }, "Parts of the body: orange is wrong, blue is right"), el("div", { class: "rows" }, ...rows),
+  ];
+}
+
+function phraseTable(found, dance, watch, practiseAt) {
+  const rows = found.phrases.map((one) => {
     const phrase = Math.max(Math.round((one.start_s) / dance.phrase_s), 0);
-    const address = `#/dance/${identity}?phrase=${phrase}&speed=50&loop&go&skill=${found.skill}&fault=${encodeURIComponent(found.fault)}`;
-    return el("tr", {}, el("td", {}, `phrase ${phrase + 1}`), el("td", {}, clock(one.start_s)), el("td", {}, String(Math.round(one.total))),
-      el("td", {}, one.moments.length ? one.moments[0].words : ""),
-      el("td", {}, el("a", { class: "practise", href: address }, "practise slowed and looped")));
+    const words = [...(one.unseen || []), ...one.moments.map(({ text }) => text)].join("; ");
+    return el("tr", {}, el("td", {}, el("button", { type: "button", onclick: () => watch(one.start_s, one.end_s) }, `phrase ${phrase + 1}, ${clock(one.start_s)}`)),
+      el("td", {}, one.total === null ? "–" : String(Math.round(one.total))),
+      el("td", {}, words || (one.total === null ? "not compared" : "no fault stands out")),
+      practiseAt && one.total !== null ? el("td", {}, el("a", { class: "practise", href: practiseAt(phrase) }, "practise slowed and looped")) : null);
   });
-  return el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ...["phrase", "at", "score", "worst", ""].map((text) => el("th", {}, text)))),
+  return el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ...["phrase", "score", "what to mend"].map((text) => el("th", {}, text)))),
     el("tbody", {}, ...rows)));
 }
 

@@ -76,14 +76,19 @@ export const milliseconds = (seconds) => `${Math.round(1000 * seconds)} ms`;
 
 export const PARTS = ["left arm", "right arm", "left leg", "right leg", "torso", "turning"];
 
+const orangeToBlue = () => remembered("palette", "brightness") === "safe";
+
+// From orange, 0, to blue, 100, which nobody mixes up.
+export function heat(similarity) {
+  const part = clamp(similarity / 100, 0, 1), from = [230, 97, 0], to = [64, 150, 255];
+  return `rgb(${from.map((value, i) => Math.round(value + part * (to[i] - value))).join(" ")})`;
+}
+
 // The colour of a similarity from 0 to 100: brightness as in the paper, or orange to blue, which nobody mixes up.
 export function shade(similarity) {
   if (similarity === undefined || similarity === null) return "#8a8694";
   const part = clamp(similarity / 100, 0, 1);
-  if (remembered("palette", "brightness") === "safe") {
-    const from = [230, 97, 0], to = [64, 150, 255];
-    return `rgb(${from.map((value, i) => Math.round(value + part * (to[i] - value))).join(" ")})`;
-  }
+  if (orangeToBlue()) return heat(similarity);
   const level = Math.round(60 + 195 * part);
   return `rgb(${level} ${level} ${Math.round(level * 0.92)})`;
 }
@@ -96,13 +101,13 @@ export function partBars() {
     rows.set(part, { bar, number });
     list.append(el("li", { "data-part": part }, `${part} `, number, el("div", { class: "track" }, bar)));
   }
-  const show = (parts) => {
+  const show = (parts, coverage = {}) => {
     for (const [part, { bar, number }] of rows) {
       const value = parts[part];
       const known = value !== undefined && value !== null;
       bar.style.width = known ? `${value}%` : "0";
-      bar.style.background = shade(value);
-      number.textContent = known ? Math.round(value) : "";
+      bar.style.background = orangeToBlue() ? heat(value) : ""; // bright as in the picture, it would vanish on a light page
+      number.textContent = known ? `${Math.round(value)}${coverage[part] < 0.99 ? `, seen ${Math.round(100 * coverage[part])} %` : ""}` : "";
       bar.closest("li").dataset.value = known ? value : "";
     }
   };

@@ -1,13 +1,16 @@
-"""Faults of recordings are found and named; good recordings and poor dancers get no warning."""
+"""Faults of recordings are found, named and corrected; good recordings and poor dancers are left as they are."""
 
+import dance_learners as made
 import numpy as np
 import pytest
-from dance_people import dance_joints_m, noisy, performed
+from dance_people import dance_joints_m, joints_of, mirrored, noisy, performed
 
-from kpopnet.dance.diagnosis import corrected, delayed, knees_bend_backwards, probable_faults
+from kpopnet.dance.diagnosis import corrected, delayed, diagnose, knees_bend_backwards
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import SCORERS, score_dance
 from kpopnet.skeleton import Joint
+from synth.dances.faults import FAULTS as DANCERS_FAULTS
+from synth.motion.choreography.composer import dance
 
 CONFIG = SCORERS["dance22"]
 TEACHER = performed(dance_joints_m(0, 16.0))
@@ -22,6 +25,10 @@ FAULTS = {
 }
 
 
+def probable_faults(teacher, learner, config):
+    return diagnose(teacher, learner, config, as_is=True).faults
+
+
 @pytest.mark.parametrize("fault", FAULTS)
 def test_the_fault_is_named_and_its_correction_brings_the_score_back(fault):
     correction, rate, late_s, named = FAULTS[fault]
@@ -30,6 +37,65 @@ def test_the_fault_is_named_and_its_correction_brings_the_score_back(fault):
     (found,) = probable_faults(TEACHER, delayed(corrected(learner, correction), -late_s, rate), CONFIG)
     assert named in found.text and "\n" not in found.text
     assert found.corrected == pytest.approx(whole, abs=4)
+    assert probable_faults(TEACHER, learner, CONFIG) == []
+
+
+RECORDED_WRONGLY = {
+    "mirrored": (lambda one: corrected(one, "mirrored"), "the learner mirrored"),
+    "swapped": (lambda one: corrected(one, "swapped"), "the learner swapped"),
+    "reflected": (lambda one: corrected(one, "reflected"), "the learner reflected"),
+    "4 s late": (lambda one: delayed(one, -4.0), "the learner's clock 4.0"),
+    "clocks apart": (lambda one: delayed(one, -500.0), "the learner's clock 500."),
+    "begun 3 s into the dance": (
+        lambda one: Performance(one.joints_m[90:], one.times_s[:-90]),
+        "the learner's clock 3.",
+    ),
+    "half the rate": (lambda one: delayed(one, 0.0, 0.5), "the learner's times multiplied by 2"),
+    "twice the rate": (lambda one: delayed(one, 0.0, 2.0), "the learner's times multiplied by 0.5"),
+    "25 as 30 frames a second": (lambda one: delayed(one, 0.0, 25 / 30), "the learner's times multiplied by 1.2"),
+    "mirrored and early": (
+        lambda one: delayed(corrected(one, "mirrored"), 3.0),
+        "the learner mirrored, the learner's clock 3.0",
+    ),
+}
+"""How a dance is recorded, and what corrects it."""
+
+
+@pytest.mark.parametrize("wrongly", RECORDED_WRONGLY)
+def test_what_no_dancer_does_is_corrected_and_both_scores_are_told(wrongly):
+    record, named = RECORDED_WRONGLY[wrongly]
+    learner = Performance(noisy(TEACHER.joints_m, 0.02, 5), TEACHER.times_s)
+    found = diagnose(TEACHER, record(learner), CONFIG)
+    whole = score_dance(TEACHER, learner, CONFIG).similarity
+    score = score_dance(found.teacher, found.learner, CONFIG).similarity
+    assert found.faults == [] and score == pytest.approx(found.corrected) and found.as_recorded <= score - 30
+    assert score == pytest.approx(whole, abs=4) or (wrongly.startswith("begun") and score > 60), score
+    assert str(found).startswith(f"as it stands {found.as_recorded:.0f}, with ") and named in str(found)
+    as_is = diagnose(TEACHER, record(learner), CONFIG, as_is=True)
+    assert as_is.correction is None and str(as_is) == "" and as_is.faults
+
+
+def test_no_fault_of_a_dancer_is_corrected():
+    learners = {
+        f"{name} {severity}": performed(joints_of(fault(dance(0, 41, 16.0, 30.0), severity, np.random.default_rng(7))))
+        for name, fault in DANCERS_FAULTS.items()
+        for severity in (1.0, 3.0)
+    }
+    alone = (made.legs_only, made.arms_only, made.standing, made.mean_pose, made.waving, made.never_turning, made.other_build)
+    learners |= {make.__name__: performed(make(TEACHER.joints_m)) for make in alone}
+    stretches = (made.held, made.hidden)
+    learners |= {f"{make.__name__} for 5 s": performed(make(TEACHER.joints_m, 6, 11)) for make in stretches}
+    more = ((made.smaller, 0.5), (made.hunched, 30), (made.arms_lowered, 40), (made.elbows_bent, 45))
+    learners |= {f"{make.__name__} {size}": performed(make(TEACHER.joints_m, size)) for make, size in more}
+    learners |= {f"late {late_s}": delayed(TEACHER, -late_s) for late_s in (-0.5, -0.3, 0.1, 0.2, 0.3, 0.5, 0.8)}
+    learners |= {f"tempo {tempo}": delayed(TEACHER, 0.0, tempo) for tempo in (0.9, 0.95, 24 / 25, 25 / 24, 1.05, 1.1)}
+    for begin in (0, 120, 240):
+        phrase_m = TEACHER.joints_m.copy()
+        phrase_m[begin : begin + 240] = mirrored(phrase_m)[begin : begin + 240]
+        learners[f"mirrors from frame {begin} on"] = performed(phrase_m)
+    for name, learner in learners.items():
+        found = diagnose(TEACHER, learner, CONFIG)
+        assert found.correction is None and found.learner is learner, (name, str(found))
 
 
 def test_two_faults_at_once_are_both_named():

@@ -1,0 +1,69 @@
+"""The score of one dance as lines of text and as JSON."""
+
+from dataclasses import asdict, is_dataclass
+from typing import Any
+
+import numpy as np
+
+from kpopnet.dance.diagnosis import Diagnosis, RecordingFault
+from kpopnet.dance.feedback import Feedback, Phrase, clock
+from kpopnet.dance.scoring import DanceScore
+
+MAX_FAULTS = 8
+"""Largest number of faults in the text, the costliest first; the JSON has all."""
+
+
+def score_text(score: DanceScore, told: Feedback, notes: list[str]) -> list[str]:
+    """The score in lines for a terminal, with notes on it."""
+    seen = {name: "" if coverage > 0.99 else f" (seen {coverage:.0%})" for name, coverage in score.coverage.items()}
+    return [
+        f"similarity {score.similarity:.0f}, timing {score.timing:.0f}, posture {score.posture:.0f} of 100",
+        "parts: " + ", ".join(f"{name} {value:.0f}{seen[name]}" for name, value in score.parts.items()),
+        *notes,
+        *told.hints,
+        *(fault.text for fault in told.faults[:MAX_FAULTS]),
+        *map(_phrase_text, told.phrases),
+    ]
+
+
+def score_notes(score: DanceScore, diagnosis: Diagnosis) -> list[str]:
+    """What was corrected in the recordings, what is probably wrong with them, and what perfect dancing scores if below 100."""
+    through = f"perfect dancing seen through the estimator {score.scorer.noise} scores {score.ceiling:.0f} on average"
+    notes = [str(diagnosis), *map(_fault_text, diagnosis.faults), through if score.ceiling < 100 else ""]
+    return [note for note in notes if note]
+
+
+def _phrase_text(phrase: Phrase) -> str:
+    """A phrase with what was not seen and its worst moments, the worst first."""
+    number = "not compared" if phrase.similarity is None else f"{phrase.similarity:.0f}"
+    moments = "; ".join([*phrase.unseen, *(moment.text for moment in phrase.moments)]) or "no fault stands out"
+    return f"{clock(phrase.start_s)} to {clock(phrase.end_s)}, {number}: {moments}"
+
+
+def _fault_text(fault: RecordingFault) -> str:
+    """A probable fault as a warning."""
+    gain = "" if fault.corrected is None else f" (the similarity would be {fault.corrected:.0f})"
+    return f"warning: {fault.text}{gain}"
+
+
+def score_json(score: DanceScore, told: Feedback, diagnosis: Diagnosis) -> dict[str, Any]:
+    """The score for programs: numbers, null where nothing could be compared, with feedback, warnings and settings."""
+    content, found = score._asdict(), diagnosis.correction
+    done = None if found is None else found._asdict() | {"as_recorded": diagnosis.as_recorded, "corrected": diagnosis.corrected}
+    about = {"feedback": told, "corrections": done, "warnings": diagnosis.faults, "scorer": content.pop("scorer")}
+    return _plain({"score": content} | about)
+
+
+def _plain(value: Any) -> Any:
+    """Nested named tuples, dataclasses, dicts and arrays as JSON; what is not finite becomes null."""
+    if hasattr(value, "_asdict"):
+        return _plain(value._asdict())
+    if is_dataclass(value) and not isinstance(value, type):
+        return _plain(asdict(value))
+    if isinstance(value, dict):
+        return {name: _plain(one) for name, one in value.items()}
+    if isinstance(value, list | tuple | np.ndarray):
+        return [_plain(one) for one in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value

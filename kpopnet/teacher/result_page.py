@@ -1,0 +1,80 @@
+"""What the pages of results draw, packed; and the page of `kpopnet score`: one file that needs no network and no server."""
+
+import base64
+import html
+import json
+import re
+from importlib.resources import files
+
+import numpy as np
+
+from kpopnet.dance.feedback import PHRASE_S, Feedback
+from kpopnet.dance.performance import Performance
+from kpopnet.dance.scoring import DanceScore
+from kpopnet.teacher.library import TeacherBody, stored_quats
+from kpopnet.teacher.live.words import score_result
+from kpopnet.teacher.posing import MAX_S, Movement, learners_movement
+
+FPS = 30.0
+MODULES = {name: f"{'vendor/' if name == 'three' else ''}{name}.js" for name in ("three", "tools", "body", "result", "score")}
+"""The modules of the page by their names in it."""
+
+_IMPORT = re.compile(r'from "\./(?:vendor/)?(\w+)\.js"')
+
+
+def packed_body(body: TeacherBody) -> dict:
+    """The body, as JSON."""
+    return {
+        "names": body.bone_names.tolist(),
+        "parents": body.bone_parents.tolist(),
+        "heads_m": body.heads_m.round(5).tolist(),
+        "t_pose": body.t_pose.round(6).tolist(),
+        "vertices_m": _packed(body.vertices_m, np.float32),
+        "faces": _packed(body.faces, np.uint16),
+        "weight_bones": _packed(body.weight_bones, np.uint8),
+        "weights": _packed(body.weights, np.float32),
+    }
+
+
+def packed_movement(moved: Movement) -> dict:
+    """A movement, as JSON."""
+    quats, hips_m = _packed(stored_quats(moved.quats), np.int16), _packed(moved.hips_m, np.float32)
+    return {"fps": moved.fps, "begin_s": moved.begin_s, "quats": quats, "hips_m": hips_m}
+
+
+def _packed(array: np.ndarray, kind: type) -> str:
+    """The bytes of an array, little-endian, in base64."""
+    return base64.b64encode(np.ascontiguousarray(array, np.dtype(kind).newbyteorder("<")).tobytes()).decode()
+
+
+def result_page(
+    title: str, body: TeacherBody, dances: tuple[Performance, Performance], score: DanceScore, told: Feedback, notes: list[str]
+) -> str:
+    """The result of a score as the teacher's page shows it, with notes. `dances` are the teacher's and the learner's, whose
+    replay ends after MAX_S.
+    """
+    from_s, to_s = float(dances[0].times_s[0]), float(dances[0].times_s[-1])
+    teacher, learner = (_replayed(one, from_s, body) for one in dances)
+    result = score_result(score, told)
+    found = {"name": title, "from_s": from_s, "to_s": to_s, **result, "hints": notes + result["hints"]}
+    phrase_s = told.phrases[0].end_s - told.phrases[0].start_s if told.phrases else PHRASE_S
+    dance = {"seconds": to_s - from_s, "phrase_s": phrase_s, **teacher}
+    given = json.dumps({"found": found, "dance": dance, "movement": learner, "body": packed_body(body)}, allow_nan=False)
+    page = files("kpopnet.teacher") / "page"
+    sources = {name: _IMPORT.sub(r'from "\1"', (page / path).read_text(encoding="utf-8")) for name, path in MODULES.items()}
+    packed = {name: base64.b64encode(text.encode()).decode() for name, text in sources.items()}
+    parts = {
+        "title": html.escape(title),
+        "style": (page / "style.css").read_text(encoding="utf-8"),
+        "modules": json.dumps({"imports": {name: f"data:text/javascript;base64,{text}" for name, text in packed.items()}}),
+        "given": given.replace("<", "\\u003c"),
+    }
+    shell = (page / "score.html").read_text(encoding="utf-8")
+    return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], shell)
+
+
+def _replayed(dance: Performance, from_s: float, body: TeacherBody) -> dict:
+    """The movement of a dance on the teacher's body, as JSON."""
+    kept = (dance.times_s >= from_s) & (dance.times_s <= from_s + MAX_S)
+    shown = Performance(dance.joints_m[kept], dance.times_s[kept], dance.confidence[kept])
+    return packed_movement(learners_movement(shown, FPS, body))
