@@ -132,7 +132,7 @@ def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence
     is among the faults that `kpopnet.dance.diagnosis.diagnose` found are left out.
     """
     moments = sorted([*_posture_moments(score), *_timing_moments(score, beat_s)], key=lambda one: -one.cost)
-    unseen = list(_unseen(score))
+    unseen, danced_s = list(_unseen(score)), _span(score, slice(None))
     first, middle = float(score.windows.start_s[0]), score.windows.middle_s
     phrase_s = 8 * beat_s if beat_s else PHRASE_S
     phrases = []
@@ -141,12 +141,14 @@ def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence
         inside = score.windows.similarity[(middle >= start_s) & (middle < end_s)]
         similarity = float(np.nanmean(inside)) if np.isfinite(inside).any() else None
         # Windows show a phrase's ends less than its middle: the first begins half a window after the dance.
-        shown_s = max(start_s, _span(score, slice(None))[0]), min(end_s, _span(score, slice(None))[1])
+        shown_s = max(start_s, danced_s[0]), min(end_s, danced_s[1])
         common_s = [(min(one.end_s, end_s) - max(one.start_s, start_s), one) for one in moments]
         within = [one for common, one in common_s if common >= min(phrase_s, one.end_s - one.start_s) / 2]
-        worst = (replace(one, text=f"{one.fault} {_when(one.start_s, one.end_s, *shown_s)}") for one in within)
+        worst = (replace(one, text=f"{one.fault} {_when((one.start_s, one.end_s), shown_s)}") for one in within)
         hidden = (
-            f"{who} {_when(*span_s, *shown_s)}" for who, *span_s in unseen if min(span_s[1], end_s) > max(span_s[0], start_s)
+            f"{who} {_when((begin_s, stop_s), shown_s)}"
+            for who, begin_s, stop_s in unseen
+            if begin_s < end_s and stop_s > start_s
         )
         phrases.append(Phrase(start_s, end_s, similarity, tuple(hidden), tuple(worst)[:MOMENTS_PER_PHRASE]))
     known = {one.about for one in recording}
@@ -241,9 +243,10 @@ def _from_to(start_s: float, end_s: float) -> str:
     return f"at {start}" if start == end else f"from {start} to {end}"
 
 
-def _when(start_s: float, end_s: float, phrase_start_s: float, phrase_end_s: float) -> str:
-    """Which part of a phrase a stretch of the dance takes."""
-    before, after = start_s <= phrase_start_s + EDGE_S, end_s >= phrase_end_s - EDGE_S
+def _when(span_s: tuple[float, float], phrase_s: tuple[float, float]) -> str:
+    """Which part of a phrase a stretch of the dance takes; each has a start and an end, in seconds."""
+    start_s, end_s = span_s
+    before, after = start_s <= phrase_s[0] + EDGE_S, end_s >= phrase_s[1] - EDGE_S
     if before and after:
         return "throughout"
     if before:

@@ -14,7 +14,7 @@ pytest.importorskip("selenium", reason="selenium is not installed")
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import WebDriverWait
-from teacher_page import BROWSER, DRIVER, NARROW, chromium, open_unsteady, resize, served
+from teacher_page import BROWSER, DRIVER, NARROW, STAMP_BITS, STAMP_PX, chromium, open_stamped, open_unsteady, resize, served
 
 from kpopnet.teacher.live.lesson import DanceClock, Image, Lesson
 from kpopnet.teacher.live.score import DanceTry
@@ -160,6 +160,39 @@ def test_a_camera_that_is_unplugged_interrupts_the_dance_until_it_is_back(teachi
         unplugged.unlink()
         until(browser, lambda one: find(one, "#guide").text != "plug the camera in")
         assert total_of(browser) > 80
+
+
+NOTE_AGES = f"""
+window.ages = [];
+new MutationObserver(() => {{
+  const now = Date.now(), canvas = document.getElementById("learner"), zoom = Math.min(canvas.width / 160, canvas.height / 120);
+  const left = (canvas.width - zoom * 160) / 2, top = (canvas.height - zoom * 120) / 2, square = zoom * {STAMP_PX // 2};
+  const row = canvas.getContext("2d").getImageData(0, Math.round(top + square / 2), canvas.width, 1).data;
+  let stamp = 0;
+  for (let bit = 0; bit < {STAMP_BITS}; bit++) {{
+    if (row[4 * Math.round(left + zoom * 160 - (bit + 0.5) * square)] > 40) stamp |= 1 << bit;
+  }}
+  const age = ((now - stamp) % {1 << STAMP_BITS} + {1 << STAMP_BITS}) % {1 << STAMP_BITS};
+  ages.push([now, age, parseFloat(document.getElementById("age").textContent)]);
+}}).observe(document.getElementById("age"), {{ childList: true, characterData: true, subtree: true }});
+"""
+"""Notes whenever an image is drawn: the time, how old it is by its stamp, and what the page says; all in milliseconds.
+
+The picture is 160 pixels wide, half of the image, and mirrored.
+"""
+
+
+def test_a_slow_page_draws_the_newest_image_and_says_how_old_it_is(teaching, browser):
+    browser.execute_cdp_cmd("Emulation.setCPUThrottlingRate", {"rate": 8})
+    with served(replace(teaching, open_camera=open_stamped)) as address:
+        browser.get(f"{address}#/dance/dance_001?go&loop&skill=perfect")
+        until(browser, lambda one: find(one, "#age").text)
+        browser.execute_script(NOTE_AGES)
+        ages = until(browser, lambda one: len(found := one.execute_script("return ages")) >= 60 and found)
+    now_ms, age_ms, said_ms = np.array(ages, float).T
+    assert np.quantile(abs(said_ms - age_ms), 0.9) < 50
+    # An image waits for one drawing at most, however many come in between; it also takes the time of its pose.
+    assert np.median(age_ms[-20:]) < np.median(age_ms[:20]) + 2 * np.diff(now_ms).max()
 
 
 def said_of(driver) -> float:
