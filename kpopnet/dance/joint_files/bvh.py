@@ -77,9 +77,7 @@ class _Lines:
 
     def __init__(self, path: Path) -> None:
         self.path, self.number = path, 0
-        self._lines = read_with(
-            lambda path: path.read_text(encoding="utf-8", errors="replace"), path, "cannot be read"
-        ).splitlines()
+        self._lines = _decoded(read_with(Path.read_bytes, path, "cannot be read")).splitlines()
 
     @property
     def left(self) -> int:
@@ -105,6 +103,14 @@ class _Lines:
         if len(values) != count or not all(abs(value) <= MAX_NUMBER for value in values):
             raise self.fail(f"{count} numbers up to {MAX_NUMBER:g} ({what})")
         return values
+
+
+def _decoded(content: bytes) -> str:
+    """UTF-8, or Shift JIS, as MikuMikuDance's tools write."""
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("cp932", errors="replace")
 
 
 def _read_hierarchy(lines: _Lines) -> tuple[list[str], list[int], list[list[float]], list[list[tuple[int, str]]]]:

@@ -11,6 +11,7 @@ Three defects of the popular cgspeed conversion of the CMU recordings are correc
 
 import logging
 import re
+import unicodedata
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,6 +35,7 @@ _LIMB_NAMES = (
     "clavicle{} upperarm{} lowerarm{} hand{} thigh{} calf{} foot{} ball{}",  # Unreal
     "{}shoulder {}upperarm {}lowerarm {}hand {}upperleg {}lowerleg {}foot {}toes",  # Unity, VRM
     "shoulder{} upperarm{} forearm{} hand{} thigh{} shin{} foot{} toe{}",  # Rigify
+    "shoulder{} arm{} elbow{} wrist{} leg{} knee{} ankle{} toe{}",  # MikuMikuDance
 )
 """Names of the joints of one side: clavicle, upper arm, forearm, hand, thigh, shin, foot, toes. They are compared without case,
 separators and namespace; {} is left or right, or its first letter."""
@@ -41,7 +43,13 @@ separators and namespace; {} is left or right, or its first letter."""
 _LIMB = ("Shoulder", "Arm", "ForeArm", "Hand", "UpLeg", "Leg", "Foot", "ToeBase")
 """MotionBuilder's names of the same joints, the first and the last of which a file may lack."""
 
-_HIPS, _DOWN = ("hips", "hip", "pelvis", "root"), (0.0, -1.0, 0.0)
+_JAPANESE = {
+    "足首": "ankle", "手首": "wrist", "つま先": "toe", "ひざ": "knee", "膝": "knee", "ひじ": "elbow", "肘": "elbow",
+    "肩": "shoulder", "腕": "arm", "足": "leg", "頭": "head", "首": "neck", "センター": "hips",
+}  # fmt: skip
+"""MikuMikuDance's names of joints, in the order in which they are sought; 左 and 右, left and right, stand in front."""
+
+_HIPS, _DOWN = ("hips", "hip", "pelvis", "center", "root"), (0.0, -1.0, 0.0)
 
 _UNITS_M = {"metres": 1.0, "inches": 0.0254, "centimetres": 0.01, "millimetres": 0.001, "CMU's 5.64 cm": 0.0254 / 0.45}
 """Metres per unit for the units that occur in files. The leg lengths of adults in these units do not overlap."""
@@ -145,8 +153,13 @@ def _unit(leg: float, path: Path) -> float:
 
 
 def _plain(name: str) -> str:
-    """A joint name without case, separators, namespace and the prefixes of Biped and Mixamo."""
-    return re.sub(r"[^a-z0-9]", "", re.sub(r"^bip\d*|^mixamorig\d*", "", name.rsplit(":", maxsplit=1)[-1].lower().strip()))
+    """A joint name in English, without case, separators, namespace and the prefixes of Biped, Mixamo and VRoid."""
+    name = unicodedata.normalize("NFKC", name)
+    if match := re.fullmatch(f"(左|右)?({'|'.join(_JAPANESE)})", name.strip()):
+        return _JAPANESE[match[2]] + {"左": "left", "右": "right", None: ""}[match[1]]
+    return re.sub(
+        r"[^a-z0-9]", "", re.sub(r"^j_bip_(c_)?|^bip\d*|^mixamorig\d*", "", name.rsplit(":", maxsplit=1)[-1].lower().strip())
+    )
 
 
 def _find_joints(bvh: BvhFile, path: Path) -> dict[str, int]:

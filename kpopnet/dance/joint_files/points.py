@@ -25,6 +25,15 @@ COCO_NAMES = (
 )  # fmt: skip
 """The keypoints in COCO's order."""
 
+MEDIAPIPE_NAMES = (
+    "nose", "left_eye_inner", "left_eye", "left_eye_outer", "right_eye_inner", "right_eye", "right_eye_outer", "left_ear",
+    "right_ear", "mouth_left", "mouth_right", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_wrist",
+    "right_wrist", "left_pinky", "right_pinky", "left_index", "right_index", "left_thumb", "right_thumb", "left_hip",
+    "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle", "left_heel", "right_heel", "left_foot_index",
+    "right_foot_index",
+)  # fmt: skip
+"""MediaPipe's pose landmarks in their order."""
+
 IMPERIAL_NAMES = (
     "right_knee", "right_toe", "right_hip", "left_hip", "left_foot", "right_clavicle", "left_hand", "right_hand", "left_elbow",
     "left_clavicle", "right_foot", "neck", "left_knee", "chest", "head", "left_toe", "abdomen", "right_shoulder",
@@ -145,7 +154,10 @@ def frame_times_s(
         return times_s
     rate = stated_fps if fps is None else fps
     if rate is None:
-        raise InputError(f"{source}: states neither times nor a frame rate; give its frames per second")
+        raise InputError(
+            f"{source}: states neither times nor a frame rate; give its frames per second (--teacher-fps or --learner-fps of "
+            "kpopnet score, --fps of kpopnet convert)"
+        )
     if not 1 <= rate <= 1000:
         raise InputError(f"{source}: {rate:g} frames a second; expected 1 to 1000")
     return np.arange(frames) / rate

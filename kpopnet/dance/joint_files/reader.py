@@ -1,8 +1,5 @@
 """Reads a recording of joints from a file of any of the known formats: a reader for each kind of file."""
 
-import csv
-import io
-import re
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -10,14 +7,17 @@ from typing import Any
 import numpy as np
 
 from kpopnet.dance.joint_files.bvh_motion import bvh_points, read_bvh_motion
+from kpopnet.dance.joint_files.frames import TIMES, joint_points, numbers_in
 from kpopnet.dance.joint_files.points import (
     COCO_NAMES,
+    MEDIAPIPE_NAMES,
     NamedPoints,
     checked_performance,
     frame_times_s,
     named_performance,
     unit_m,
 )
+from kpopnet.dance.joint_files.tables import read_csv
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import (
@@ -25,11 +25,8 @@ from kpopnet.runtime.input_files import (
     check_array,
     check_fields,
     expect,
-    names_in,
-    parsing,
     read_json,
     read_npz,
-    read_text,
 )
 from kpopnet.runtime.untrusted import read_in_child
 from kpopnet.skeleton import NUM_JOINTS
@@ -49,8 +46,7 @@ NPZ_SCHEMA = {
 """joints_m in metres in the camera frame, or keypoints3d in COCO's order, or points and their names; then times_s or fps, and
 the confidence of each joint or point."""
 
-TIME = "time_s"
-_COLUMN = re.compile(r"(.+?)[ _.:-]?(x|y|z|confidence)", re.IGNORECASE)
+_WORLD_LANDMARKS = ("pose_world_landmarks", "world_landmarks", "poseWorldLandmarks", "worldLandmarks")
 
 
 def read_performance(path: Path | str, fps: float | None = None) -> Performance:
@@ -67,7 +63,7 @@ def read_performance(path: Path | str, fps: float | None = None) -> Performance:
         case ".bvh":
             recorded = bvh_points(read_bvh_motion(path, fps))
         case ".csv":
-            recorded = _read_csv(path)
+            recorded = read_csv(path)
         case ".json":
             recorded = _read_json(path)
         case ".pkl" | ".pickle":
@@ -107,50 +103,19 @@ def _read_npz(path: Path, fps: float | None) -> Performance:
     return named_performance(NamedPoints(names, points.astype(np.float64), times_s, confidence, stated_fps), source, fps)
 
 
-def _read_csv(path: Path) -> NamedPoints:
-    """Columns NAME_x, NAME_y, NAME_z of each point, NAME_confidence and time_s if known; an empty cell is missing."""
-    text = read_text(path).removeprefix("\ufeff")  # which spreadsheets write
-    table = csv.reader(io.StringIO(text))
-    with parsing(path, "not a CSV file"):
-        header = [word.strip() for word in next(table, [])]
-        rows = [(table.line_num, row) for row in table if row]
-    columns: dict[str, dict[str, int]] = {}
-    for number, word in enumerate(header):
-        if match := _COLUMN.fullmatch(word):
-            columns.setdefault(match[1], {}).setdefault(match[2].lower(), number)
-    parts = ("x", "y", "z", "confidence")
-    places = {
-        name: [own[part] for part in parts if part in own] for name, own in columns.items() if own.keys() >= {"x", "y", "z"}
-    }
-    expect(bool(places), f"{path}, line 1", f"columns NAME_x, NAME_y, NAME_z, found {names_in(header) or 'none'}")
-    expect(bool(rows), str(path), "a line of numbers below the header")
-    frames = []
-    for line, row in rows:
-        expect(len(row) == len(header), f"{path}, line {line}", f"{len(header)} cells as in the header, found {len(row)}")
-        joints = {name: [_number(row[place], f"{path}, line {line}") for place in own] for name, own in places.items()}
-        times = {TIME: _number(row[header.index(TIME)], f"{path}, line {line}")} if TIME in header else {}
-        frames.append({"joints": joints} | times)
-    return _joint_points(frames, None, str(path))
-
-
-def _number(cell: str, where: str) -> float:
-    """The number in a cell; NaN for an empty one."""
-    try:
-        return float(cell) if cell.strip() else np.nan
-    except ValueError:
-        raise InputError(f"{where}: expected a number, found {cell[:40]!r}") from None
-
-
 def _read_json(path: Path) -> NamedPoints:
-    """One of three kinds of JSON.
+    """One of four kinds of JSON.
 
     - {"keypoints3d": [[[x, y, z], 17 times], ...], "fps": 60}: COCO's order; keypoints3d_optim is preferred.
     - {"fps": 30, "frames": [{"joints": {"WristLeft": [x, y, z], ...}}, ...]}: names of COCO, of a Kinect or our own; a fourth
       number is the confidence, null or a name left out a missing point. Frames may state time_s instead of fps.
     - {"joint_names": [...], "frames": [{"timestamp_usec": 0, "bodies": [{"body_id": 1, "joint_positions": [...]}]}]}: of Azure
       Kinect's offline processor; see `_azure_points`.
+    - {"frames": [{"timestamp_ms": 0, "pose_world_landmarks": [{"x": 0, "y": 0, "z": 0, "visibility": 1}, 33 times]}]}: of
+      MediaPipe.
     """
     content, where = read_json(path, non_finite=True), str(path)
+    _refuse_2d(content, where)
     expect(isinstance(content, dict), where, "an object with keypoints3d or frames")
     check_fields(where, content, {"fps": float}, ["fps"])
     fps = float(content["fps"]) if "fps" in content else None
@@ -161,41 +126,39 @@ def _read_json(path: Path) -> NamedPoints:
         return NamedPoints(COCO_NAMES, np.array(points), fps=fps)
     check_fields(where, content, {"frames": list[dict], "joint_names": list[str]}, ["joint_names"])
     expect(len(content["frames"]) > 0, where, "frames, found none")
+    if (key := next((key for key in _WORLD_LANDMARKS if any(key in frame for frame in content["frames"])), None)) is not None:
+        return joint_points([_mediapipe_frame(frame, key, where) for frame in content["frames"]], fps, where)
     if "joint_names" in content:
         return _azure_points(content["joint_names"], content["frames"], where)
-    return _joint_points(content["frames"], fps, where)
+    return joint_points(content["frames"], fps, where)
+
+
+def _refuse_2d(content: Any, where: str) -> None:
+    """Raises InputError for the 2D keypoints of OpenPose and of COCO."""
+    first = content[0] if isinstance(content, list) and content else content
+    if isinstance(first, dict) and any(key in first for key in ("people", "annotations", "keypoints", "pose_keypoints_2d")):
+        raise InputError(
+            f"{where}: 2D keypoints, as of OpenPose or COCO; a score needs 3D joints, from depth or motion capture"
+        )
+
+
+def _mediapipe_frame(frame: dict, key: str, where: str) -> dict:
+    """A frame of MediaPipe's with "joints" by name; one without a person has none."""
+    landmarks = frame.get(key) or []
+    if landmarks and isinstance(landmarks[0], list):  # a list for each person
+        landmarks = landmarks[0]
+    expect(not landmarks or len(landmarks) == len(MEDIAPIPE_NAMES), f"{where}: {key}", f"{len(MEDIAPIPE_NAMES)} landmarks")
+    joints = {}
+    for name, one in zip(MEDIAPIPE_NAMES, landmarks, strict=False):
+        check_fields(f"{where}: {key}, {name}", one, {"x": float, "y": float, "z": float, "visibility": float}, ["visibility"])
+        joints[name] = [one["x"], one["y"], one["z"], one.get("visibility", 1.0)]
+    return {"joints": joints} | {time: frame[time] for time in TIMES if time in frame}
 
 
 def _points(value: Any, count: int, where: str) -> list[list[float]]:
     """A list of `count` points of three numbers or nulls."""
     expect(isinstance(value, list) and len(value) == count, where, f"a list of {count} points")
-    return [_numbers(point, (3,), where) for point in value]
-
-
-def _numbers(value: Any, lengths: tuple[int, ...], where: str) -> list[float]:
-    """A list of numbers or nulls, which are NaN, of one of some lengths."""
-    fits = isinstance(value, list) and len(value) in lengths and all(one is None or type(one) in (int, float) for one in value)
-    expect(fits, where, f"{lengths[0]} numbers in each point")
-    return [np.nan if one is None else float(one) for one in value]
-
-
-def _joint_points(frames: list[dict], fps: float | None, where: str) -> NamedPoints:
-    """A recording of frames with "joints" by name."""
-    for number, frame in enumerate(frames):
-        check_fields(f"{where}: frame {number}", frame, {"joints": dict, TIME: float}, [TIME])
-    names = list(dict.fromkeys(name for frame in frames for name in frame["joints"]))
-    values = np.full((len(frames), len(names), 4), np.nan)
-    values[..., 3] = 1.0
-    places = {name: number for number, name in enumerate(names)}
-    for number, frame in enumerate(frames):
-        for name, point in frame["joints"].items():
-            if point is not None:
-                given = _numbers(point, (3, 4), f"{where}: frame {number}, {name[:40]}")
-                values[number, places[name], : len(given)] = given
-    times_s = [frame[TIME] for frame in frames if TIME in frame]
-    expect(len(times_s) in (0, len(frames)), where, "time_s in all frames or in none")
-    given_s = np.array(times_s, float) if times_s else None
-    return NamedPoints(names, values[..., :3], given_s, np.nan_to_num(values[..., 3]), fps)
+    return [numbers_in(point, (3,), where) for point in value]
 
 
 def _azure_points(names: list[str], frames: list[dict], where: str) -> NamedPoints:

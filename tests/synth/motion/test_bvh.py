@@ -75,6 +75,8 @@ def test_a_rest_pose_with_the_arms_down_and_the_legs_apart_is_rotated_to_the_t_p
 LIMBS = ("Shoulder", "Arm", "ForeArm", "Hand", "UpLeg", "Leg", "Foot", "ToeBase")
 JOINTS = dict(zip(LIMBS, ("Collar", "Shoulder", "Elbow", "Wrist", "Hip", "Knee", "Ankle", "Toe"), strict=True))
 UNREAL = dict(zip(LIMBS, ("clavicle", "upperarm", "lowerarm", "hand", "thigh", "calf", "foot", "ball"), strict=True))
+VROID = dict(zip(LIMBS, ("Shoulder", "UpperArm", "LowerArm", "Hand", "UpperLeg", "LowerLeg", "Foot", "ToeBase"), strict=True))
+MMD = dict(zip(LIMBS, ("肩", "腕", "ひじ", "手首", "足", "ひざ", "足首", "つま先"), strict=True))
 SIDES = ("Left", "Right")
 
 
@@ -84,10 +86,14 @@ SIDES = ("Left", "Right")
         {f"{side}{limb}": f"{side}{joint}" for side in SIDES for limb, joint in JOINTS.items()}
         | {"LowerBack": "chest", "Spine": "chest2", "Spine1": "chest3"},
         {f"{side}{limb}": f"{bone}_{side[0].lower()}" for side in SIDES for limb, bone in UNREAL.items()} | {"Hips": "pelvis"},
+        {name: f"J_Bip_C_{name}" for name in ("Hips", "Head", "Neck")}
+        | {f"{side}{limb}": f"J_Bip_{side[0]}_{bone}" for side in SIDES for limb, bone in VROID.items()},
+        {"Hips": "センター", "Head": "頭", "Neck": "首", "Spine": "上半身"}
+        | {f"{side}{limb}": f"{'左右'[side == 'Right']}{bone}" for side in SIDES for limb, bone in MMD.items()},
         {name: f"mixamorig:{MIXAMO.get(name, name)}" for name in JOINT_NAMES},
         {name: name.replace("Left", "left_").replace("Right", "right_").upper() for name in JOINT_NAMES},
     ],
-    ids=["joints", "unreal", "mixamo", "separators"],
+    ids=["joints", "unreal", "vroid", "mikumikudance", "mixamo", "separators"],
 )
 def test_other_naming_conventions_are_recognised(tmp_path, names):
     assert_same_motion(bvh_motion(write_bvh(tmp_path / "a.bvh", DANCE, rename=lambda name: names.get(name, name))), DANCE)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from recorded_points import FRAMES, coco, person
 
-from kpopnet.dance.joint_files.points import COCO_NAMES
+from kpopnet.dance.joint_files.points import COCO_NAMES, MEDIAPIPE_NAMES
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
@@ -104,11 +104,36 @@ def test_missing_points_are_missing_joints_and_confidence_is_the_least_of_the_po
     assert np.isnan(read.joints_m[2, Joint.LEFT_HAND]).all() and read.confidence[3, Joint.LEFT_HAND] == 0.5
 
 
+def mediapipe() -> np.ndarray:
+    """(T, 33, 3) MediaPipe's world landmarks of the person of `coco`, y down, with those that COCO lacks at the nose."""
+    points = coco() * [1, -1, -1]
+    return np.stack([points[:, COCO_NAMES.index(name) if name in COCO_NAMES else 0] for name in MEDIAPIPE_NAMES], axis=1)
+
+
+def test_mediapipes_landmarks_as_json_and_as_a_line_for_each_point(tmp_path):
+    np.savez(tmp_path / "coco.npz", keypoints3d=coco(), fps=25)
+    expected = read_performance(tmp_path / "coco.npz").joints_m
+    frames, lines = [], ["timestamp_ms,landmark,x,y,z,visibility"]
+    for number, points in enumerate(mediapipe().tolist()):
+        people = [[dict(zip("xyz", point, strict=True)) | {"visibility": 0.8} for point in points]]
+        frames.append({"timestamp_ms": 40 * number, "pose_world_landmarks": people})
+        lines += [f"{40 * number},{index},{x},{y},{z},0.8" for index, (x, y, z) in enumerate(points)]
+    frames[3]["pose_world_landmarks"] = []
+    (tmp_path / "a.json").write_text(json.dumps({"frames": frames}))
+    (tmp_path / "b.csv").write_text("\n".join(lines))
+    for name in ("a.json", "b.csv"):
+        read = read_performance(tmp_path / name)
+        seen = np.isfinite(read.joints_m).all(axis=(1, 2))
+        assert np.flatnonzero(~seen).tolist() == ([3] if name == "a.json" else [])
+        np.testing.assert_allclose(read.joints_m[seen], expected[seen], atol=1e-5)
+        assert read.times_s[2] == pytest.approx(0.08) and read.confidence[2, Joint.LEFT_KNEE] == 0.8
+
+
 def test_a_given_frame_rate_overrides_the_files(tmp_path):
     path = write_csv(tmp_path / "a.csv", kinect())
     assert read_performance(path, 50.0).times_s[-1] == pytest.approx((FRAMES - 1) / 50)
     np.savez(tmp_path / "b.npz", keypoints3d=coco())
-    with pytest.raises(InputError, match=r"b\.npz: states neither times nor a frame rate"):
+    with pytest.raises(InputError, match=r"b\.npz: states neither .* \(--teacher-fps or --learner-fps of"):
         read_performance(tmp_path / "b.npz")
     with pytest.raises(InputError, match=r"0 frames a second; expected 1 to 1000"):
         read_performance(tmp_path / "b.npz", 0.0)
@@ -138,6 +163,9 @@ def test_what_is_missing_is_named(tmp_path):
         ("a.json", '{"frames": [{"joints": {"hip": [1, 2]}}]}', "frame 0, hip: expected 3 numbers"),
         ("a.json", '{"frames": [{"joints": {}, "time_s": 1}, {"joints": {}}]}', "time_s in all frames or in none"),
         ("a.json", '{"keypoints3d": [[1, 2]]}', "frame 0: expected a list of 17 points"),
+        ("a.json", '{"version": 1.3, "people": [{"pose_keypoints_2d": []}]}', "2D keypoints, as of OpenPose or COCO"),
+        ("a.json", '[{"image_id": 1, "keypoints": [1, 2, 2], "score": 0.9}]', "2D keypoints, as of OpenPose or COCO"),
+        ("a.json", '{"frames": [{"world_landmarks": [{"x": 1, "y": 1, "z": 1}]}]}', "world_landmarks: expected 33 landmarks"),
     ],
 )
 def test_other_contents_are_refused(tmp_path, name, text, message):

@@ -1,0 +1,86 @@
+"""Reads a recording of joints from a CSV file: a line for each frame, or for each point of a frame."""
+
+import csv
+import io
+import re
+from pathlib import Path
+
+import numpy as np
+
+from kpopnet.dance.joint_files.frames import TIMES, joint_points
+from kpopnet.dance.joint_files.points import MEDIAPIPE_NAMES, NamedPoints
+from kpopnet.errors import InputError
+from kpopnet.runtime.input_files import expect, names_in, parsing, read_text
+
+_COLUMN = re.compile(r"(.+?)[ _.:-]?(x|y|z|confidence|visibility)", re.IGNORECASE)
+
+
+def read_csv(path: Path) -> NamedPoints:
+    """Columns NAME_x, NAME_y, NAME_z of each point, NAME_confidence or NAME_visibility and a time of TIMES if known.
+
+    Or a line for each point: columns x, y, z, the point's name, its frame and the rest. An empty cell is missing.
+    """
+    text = read_text(path).removeprefix("\ufeff")  # which spreadsheets write
+    table = csv.reader(io.StringIO(text))
+    with parsing(path, "not a CSV file"):
+        header = [word.strip() for word in next(table, [])]
+        rows = [(table.line_num, row) for row in table if row]
+    columns: dict[str, dict[str, int]] = {}
+    for number, word in enumerate(header):
+        if match := _COLUMN.fullmatch(word):
+            columns.setdefault(match[1], {}).setdefault(match[2].lower().replace("visibility", "confidence"), number)
+    parts = ("x", "y", "z", "confidence")
+    places = {
+        name: [own[part] for part in parts if part in own] for name, own in columns.items() if own.keys() >= {"x", "y", "z"}
+    }
+    if (long := _long_places(header)) is not None:
+        return _long_points(rows, long, len(header), path)
+    expect(bool(places), f"{path}, line 1", f"columns NAME_x, NAME_y, NAME_z, found {names_in(header) or 'none'}")
+    expect(bool(rows), str(path), "a line of numbers below the header")
+    frames = []
+    for line, row in rows:
+        expect(len(row) == len(header), f"{path}, line {line}", f"{len(header)} cells as in the header, found {len(row)}")
+        joints = {name: [_number(row[place], f"{path}, line {line}") for place in own] for name, own in places.items()}
+        times = {time: _number(row[header.index(time)], f"{path}, line {line}") for time in TIMES if time in header}
+        frames.append({"joints": joints} | times)
+    return joint_points(frames, None, str(path))
+
+
+_LONG = {"name": ("name", "landmark", "landmark_name", "joint", "keypoint"), "frame": ("frame", "frame_index", *TIMES)} | {
+    axis: (axis, f"world_{axis}") for axis in "xyz"
+}
+"""Columns of a CSV file with a line for each point, by the names that they have."""
+
+
+def _long_places(header: list[str]) -> dict[str, int] | None:
+    """Where such a file's columns are; None if it is another one."""
+    lower = [word.lower() for word in header]
+    places = {part: lower.index(word) for part, words in _LONG.items() for word in words[::-1] if word in lower}
+    if places.keys() < _LONG.keys():
+        return None
+    extra = {name: lower.index(name) for name in (*TIMES, "visibility", "confidence") if name in lower}
+    return places | extra
+
+
+def _long_points(rows: list[tuple[int, list[str]]], places: dict[str, int], width: int, path: Path) -> NamedPoints:
+    """The points of a file with a line for each; those of a frame follow each other."""
+    frames: dict[str, dict] = {}
+    for line, row in rows:
+        where = f"{path}, line {line}"
+        expect(len(row) == width, where, f"{width} cells as in the header, found {len(row)}")
+        times = {time: _number(row[places[time]], where) for time in TIMES if time in places}
+        frame = frames.setdefault(row[places["frame"]].strip(), {"joints": {}} | times)
+        parts = [part for part in ("x", "y", "z", "confidence", "visibility") if part in places][:4]
+        name = row[places["name"]].strip()
+        name = MEDIAPIPE_NAMES[int(name)] if name.isdecimal() and int(name) < len(MEDIAPIPE_NAMES) else name
+        frame["joints"][name] = [_number(row[places[part]], where) for part in parts]
+    expect(bool(frames), str(path), "a line of numbers below the header")
+    return joint_points(list(frames.values()), None, str(path))
+
+
+def _number(cell: str, where: str) -> float:
+    """The number in a cell; NaN for an empty one."""
+    try:
+        return float(cell) if cell.strip() else np.nan
+    except ValueError:
+        raise InputError(f"{where}: expected a number, found {cell[:40]!r}") from None
