@@ -52,6 +52,8 @@ async def hold(client: aiohttp.ClientSession, socket: aiohttp.ClientWebSocketRes
     await socket.send_json({"do": "prepare", "lesson": lesson})
     tries = 0
     async for message in socket:
+        if message.type is aiohttp.WSMsgType.BINARY:
+            await socket.send_json({"do": "drawn", "page_ms": 1000 * time.time()})
         if message.type is not aiohttp.WSMsgType.TEXT:
             continue
         content, dance = json.loads(message.data), lesson["dance"]

@@ -106,7 +106,7 @@ const other = new Quaternion();
 // How much a machine can draw. Drawings that it has not finished would queue, and hold up everything that the page shows: the next
 // one waits until the one before is finished, and then as long again. Where that takes long, as without a graphics card, pictures
 // get coarser.
-const SLOW_MS = 60, FAST_MS = 15, COARSEST = 0.35;
+const SLOW_MS = 60, FAST_MS = 15, COARSEST = 0.5;
 
 export class DrawingLoad {
   constructor(gl) {

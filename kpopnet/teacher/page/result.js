@@ -158,8 +158,8 @@ function phraseTable(found, dance, watch, practiseAt) {
     const words = [...(one.unseen || []), ...one.moments.map(({ text }) => text)].join("; ");
     return el("tr", {}, el("td", {}, el("button", { type: "button", onclick: () => watch(one.start_s, one.end_s) }, `phrase ${phrase + 1}, ${clock(one.start_s)}`)),
       el("td", {}, one.total === null ? "–" : String(Math.round(one.total))),
-      el("td", {}, words || (one.total === null ? "not compared" : "no fault stands out")),
-      practiseAt && one.total !== null ? el("td", {}, el("a", { class: "practise", href: practiseAt(phrase) }, "practise slowed and looped")) : null);
+      el("td", {}, el("div", {}, words || (one.total === null ? "not compared" : "no fault stands out")),
+        practiseAt && one.total !== null ? el("a", { class: "practise", href: practiseAt(phrase) }, "practise slowed and looped") : null));
   });
   return el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ...["phrase", "score", "what to mend"].map((text) => el("th", {}, text)))),
     el("tbody", {}, ...rows)));

@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from dance_learners import arm_lowered
 
 pytest.importorskip("aiohttp", reason="the extra app is not installed")
 pytest.importorskip("selenium", reason="selenium is not installed")
@@ -16,8 +17,12 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import WebDriverWait
 from teacher_page import BROWSER, DRIVER, NARROW, STAMP_BITS, STAMP_PX, chromium, open_stamped, open_unsteady, resize, served
 
+from kpopnet.dance.feedback import feedback
+from kpopnet.dance.performance import Performance
+from kpopnet.dance.scoring import score_dance
 from kpopnet.teacher.live.lesson import DanceClock, Image, Lesson
 from kpopnet.teacher.live.score import DanceTry
+from kpopnet.teacher.result_page import result_page
 
 if not (DRIVER and BROWSER):
     pytest.skip("no Chromium with its chromedriver on this machine", allow_module_level=True)
@@ -241,6 +246,26 @@ def test_a_film_is_followed_cancelled_and_made(teaching, address, browser):
     until(browser, lambda one: "is saved" in one.find_element(By.ID, "film-told").text or asked_again(one))
     (film,) = teaching.tries.folder.rglob("*.mp4")
     assert film.read_bytes()[4:8] == b"ftyp"
+
+
+def test_the_page_of_a_score_replays_it_without_a_server(library, browser, tmp_path):
+    teacher = library.dance("dance_001").performance
+    learner = Performance(arm_lowered(teacher.joints_m, "left", 50), teacher.times_s + 0.1)
+    score = score_dance(teacher, learner)
+    page = tmp_path / "score.html"
+    page.write_text(
+        result_page("a <b>", library.body, (teacher, learner), score, feedback(score), ["a note"]), encoding="utf-8"
+    )
+    resize(browser, NARROW)
+    browser.get(page.as_uri())
+    worst = find(browser, "#worst button")
+    assert worst.get_attribute("data-part") == "left arm" and overflow_px(browser) <= 0
+    assert find(browser, "h1").text == f"a <b>: {score.similarity:.0f} of 100"
+    assert "a note" in find(browser, "#main").text and browser.find_elements(By.CSS_SELECTOR, "a") == []
+    worst.send_keys(Keys.ENTER)
+    until(browser, lambda one: float(find(one, "#scrub").get_attribute("value")) > 0)
+    loaded = browser.execute_script("return performance.getEntriesByType('resource').map((one) => one.name)")
+    assert [name for name in loaded if not name.startswith("data:")] == []
 
 
 def asked_again(driver) -> bool:
