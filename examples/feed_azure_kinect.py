@@ -15,7 +15,7 @@ import struct
 def main() -> None:
     output = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what the library prints goes to standard error, not into the depth
-    from pyk4a import CalibrationType, ColorResolution, Config, DepthMode, PyK4A
+    from pyk4a import CalibrationType, ColorResolution, Config, DepthMode, PyK4A  # pyright: ignore[reportMissingImports]
 
     mode = {"color_resolution": ColorResolution.OFF, "depth_mode": DepthMode.NFOV_UNBINNED}
     kinect = PyK4A(Config(**mode, synchronized_images_only=False))

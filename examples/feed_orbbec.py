@@ -17,7 +17,7 @@ COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 def main() -> None:
     output = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what the library prints goes to standard error, not into the depth
-    from pyorbbecsdk import Config, OBSensorType, Pipeline
+    from pyorbbecsdk import Config, OBSensorType, Pipeline  # pyright: ignore[reportMissingImports]
 
     pipeline, config = Pipeline(), Config()
     profile = pipeline.get_stream_profile_list(OBSensorType.DEPTH_SENSOR).get_default_video_stream_profile()

@@ -20,7 +20,7 @@ from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 from kpopnet.sources import open_depth
-from kpopnet.sources.pipe import PipeCamera
+from kpopnet.sources.live.pipe import PipeCamera
 from kpopnet.sources.source import CameraAwayError
 
 

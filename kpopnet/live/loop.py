@@ -165,7 +165,7 @@ class Watcher:
         return len(people)
 
     def _shown(self, seen: Seen) -> dict:
-        seconds, taken_ms = self._done[-1] - self._done[0], 1000 * (time.time() - time.monotonic() + self._done[-1]) - seen.delay_ms
+        seconds, clock_s = self._done[-1] - self._done[0], time.time() - time.monotonic()
         people = [
             {
                 "identity": one.identity,
@@ -174,7 +174,8 @@ class Watcher:
             for one in seen.people
         ]
         return {
-            "time_s": rounded(seen.time_s, 2), "taken_ms": rounded(taken_ms), "delay_ms": rounded(seen.delay_ms), "dropped": self._dropped,
+            "time_s": rounded(seen.time_s, 2), "taken_ms": rounded(1000 * (clock_s + self._done[-1]) - seen.delay_ms),
+            "delay_ms": rounded(seen.delay_ms), "dropped": self._dropped,
             "fps": rounded((len(self._done) - 1) / seconds) if seconds > 0 else None,
             "depth": self._depth.state, "joints": self._joints.state, "people": people,
         }  # fmt: skip

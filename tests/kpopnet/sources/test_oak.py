@@ -12,9 +12,9 @@ import depthai
 from depth_files import CAMERA, depth_mm
 
 from kpopnet.errors import InputError
-from kpopnet.sources import oak
 from kpopnet.sources.lenses import Lens, Optics
-from kpopnet.sources.oak import OakCamera
+from kpopnet.sources.live import oak
+from kpopnet.sources.live.oak import OakCamera
 from kpopnet.sources.source import CameraAwayError
 
 IMAGES = depth_mm(6)

@@ -15,9 +15,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kpopnet.errors import InputError
-from kpopnet.sources import open_depth, pipe
+from kpopnet.sources import open_depth
 from kpopnet.sources.lenses import Lens, Optics
-from kpopnet.sources.pipe import PipeCamera, Relay
+from kpopnet.sources.live import pipe
+from kpopnet.sources.live.pipe import PipeCamera, Relay
 from kpopnet.sources.source import CameraAwayError
 from kpopnet.sources.stream import parsed_header
 

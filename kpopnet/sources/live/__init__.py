@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.errors import InputError
-from kpopnet.sources import oak, pipe, realsense
+from kpopnet.sources import realsense
 from kpopnet.sources.lenses import View
+from kpopnet.sources.live import oak, pipe
 from kpopnet.sources.source import CameraAwayError, DepthSource, LiveCamera, TimedDepth
 
 LIVE_CAMERAS = {
