@@ -86,12 +86,6 @@ def test_both_shoulders_may_slide_along_their_line_unless_the_head_holds_them() 
             assert not valid(joint, slid[joint], slid, settings=BARRED)
 
 
-def test_the_angles_give_the_distance_from_head_to_shoulder() -> None:
-    """Section 2.3's theta_LS and theta_RS, which no equation of the paper uses, with their two sides."""
-    for joint in SHOULDERS:
-        assert STRUCTURE.distance_m[HEAD, joint] == pytest.approx(np.linalg.norm(JOINTS[HEAD] - JOINTS[joint]))
-
-
 @pytest.mark.parametrize(
     ("joint", "other"),
     [*((Joint.TORSO, other) for other in (Joint.HEAD, *SHOULDERS)), *itertools.product(HIPS, (*SHOULDERS, Joint.TORSO))],

@@ -29,11 +29,6 @@ def test_the_score_falls_with_distance_with_a_misplaced_hand_and_without_points(
     assert fit_score(behind, grid, body)[Joint.LEFT_HAND] == 0
 
 
-def test_the_probability_is_a_logistic_regression() -> None:
-    evidence = np.array([[1.0, 0.0, 2.0], [1.0, 1.0, 0.0]])
-    np.testing.assert_allclose(probability(evidence, (0.0, np.log(3), 0.0)), [0.5, 0.75])
-
-
 def test_better_evidence_gives_more_confidence() -> None:
     """In the score of the joint, of the others, the detector's confidence, and the distance from its joint."""
     low, high = np.full(15, 0.3), np.full(15, 0.9)

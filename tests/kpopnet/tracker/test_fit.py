@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from kpopnet.geometry.body import COLLISION_PAIRS, LIMB_COLLISIONS, LIMBS, PARTS, ROW_TO_JOINT, TORSO_JOINTS
 from kpopnet.geometry.cones import body_segments, extend_joints, nearest_parts, part_segments, signed_distance, torso_frame
 from kpopnet.geometry.depth_grid import build_depth_grid
-from kpopnet.geometry.human_model import LIMB_PARENTS, HumanModel
-from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
+from kpopnet.geometry.human_model import HumanModel
+from kpopnet.skeleton import NUM_JOINTS, Joint
 from kpopnet.tracker import fit as terms
 from kpopnet.tracker.fit import COLUMN, JOINT_PRIOR_WEIGHT, JOINT_PRIORS, fit, joint_prior, penetration_cost, pose_cost
 from kpopnet.tracker.solver import solve
@@ -76,10 +76,6 @@ def test_plausible_poses_have_no_prior_cost_at_any_heading(knees, head, thighs, 
 def test_prior_cost_is_the_weighted_squared_shortfall(joints, joint: Joint, short_m: float, both: bool) -> None:
     weight = JOINT_PRIOR_WEIGHT[np.flatnonzero(JOINT_PRIORS[:, 0] == joint)[0]]
     assert prior_cost(joints) == pytest.approx((2 if both else 1) * weight * short_m**2, rel=0.05)
-
-
-def test_a_mirrored_pose_has_a_higher_prior_cost() -> None:
-    assert prior_cost(facing(0.1, 0.06, 0.1, 0.2)) < 1e-9 < 1e-4 < prior_cost(facing(0.1, 0.06, 0.1, 0.2)[MIRROR])
 
 
 @pytest.mark.parametrize("elevation_deg", [-75, 0, 60])
@@ -273,15 +269,6 @@ def test_a_rotation_of_the_whole_body_is_recovered(person, angle_deg: float) -> 
     assert away.mean() < 0.025 < 0.06 < error_m(start, joints)[LIMBS[:2, 2]].min()
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_limbs_keep_their_lengths(person, seed: int) -> None:  # noqa: F811
-    joints, body, grid = person
-    found = fit(moved(joints, seed, 0.05, 0.15), grid, body, iterations=15)
-    for child, parent in LIMB_PARENTS.items():
-        true = np.linalg.norm(joints[child] - joints[parent])
-        assert np.linalg.norm(found[child] - found[parent]) == pytest.approx(true, abs=0.02)
-
-
 def test_bodies_outside_the_view_are_no_error(person) -> None:  # noqa: F811
     joints, body, grid = person
     places = [joints + offset for offset in ((9, 0, 0), (0, -9, 0), (0, 0, -3.2), (0, 0, -9), (0, 0, 90))]
@@ -302,9 +289,3 @@ def test_shoulders_sink_with_the_arms() -> None:
     for shoulder, hip in ((Joint.RIGHT_SHOULDER, Joint.RIGHT_HIP), (Joint.LEFT_SHOULDER, Joint.LEFT_HIP)):
         shorter = np.linalg.norm(hanging[shoulder] - hanging[hip]) - np.linalg.norm(found[shoulder] - found[hip])
         assert 0.02 < shorter < 0.08
-
-
-def test_a_forearm_in_the_trunk_is_pushed_out() -> None:
-    wrong, body = cone_joints(elevation_deg=-60), cone_body(cone_joints(elevation_deg=-60))
-    wrong[Joint.RIGHT_HAND] = wrong[Joint.TORSO] + (-0.05, 0.05, 0)
-    assert pose_cost(fit(wrong, NOTHING, body, iterations=30), NOTHING, body) < 0.3 * pose_cost(wrong, NOTHING, body)

@@ -11,13 +11,12 @@ from kpopnet.geometry.depth_grid import (
     MIN_TIP_DISTANCE_M,
     MIN_TIP_SEPARATION_M,
     UNREACHABLE_M,
-    build_depth_grid,
     farthest_points,
     geodesic_distances,
 )
 from kpopnet.skeleton import MIRROR, Joint
 from kpopnet.tracker.fit import pose_cost
-from kpopnet.tracker.limbs import LIMB_POSE_RANGES, LIMB_POSES, refit_limbs, swap_crossed_limbs, torso_points
+from kpopnet.tracker.limbs import refit_limbs, swap_crossed_limbs, torso_points
 
 
 def swung(joints: np.ndarray, limb: int, angle_deg: float) -> np.ndarray:
@@ -71,14 +70,6 @@ def test_refitted_limbs_keep_lengths_and_roots() -> None:
     np.testing.assert_allclose(lengths_m, body.limbs_m, atol=1e-6)
 
 
-def test_limb_poses_are_unit_vectors_and_knees_bend_backwards() -> None:
-    np.testing.assert_allclose(np.linalg.norm(LIMB_POSES, axis=-1), 1, atol=1e-9)
-    arms, legs = LIMB_POSE_RANGES[0], LIMB_POSE_RANGES[2]
-    assert LIMB_POSE_RANGES.tolist() == [[0, arms[1]]] * 2 + [[arms[1], len(LIMB_POSES)]] * 2
-    upper, lower = np.moveaxis(LIMB_POSES[slice(*legs)], 1, 0)
-    assert ((upper - lower)[upper[:, 2] > -1e-9, 2] > -1e-9).all()
-
-
 @pytest.mark.parametrize("lower", [Joint.RIGHT_HAND, Joint.RIGHT_FOOT])
 @pytest.mark.parametrize("whole", [False, True])
 def test_crossed_limbs_exchange_ends_or_middles_and_ends(lower: Joint, whole: bool) -> None:
@@ -93,23 +84,6 @@ def test_crossed_limbs_exchange_ends_or_middles_and_ends(lower: Joint, whole: bo
 
 
 # --- tips ---------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("rays", [3, 7])
-def test_a_star_has_a_tip_at_every_ray(rays: int) -> None:
-    v, u = np.mgrid[:240, :320]
-    star, ends = np.hypot(u - 160, v - 120) < 18, []
-    for angle in 0.3 + 2 * np.pi * np.arange(rays) / rays:
-        along = (u - 160) * np.cos(angle) + (v - 120) * np.sin(angle)
-        across = (v - 120) * np.cos(angle) - (u - 160) * np.sin(angle)
-        star |= (along > 0) & (along < 90) & (np.abs(across) < 6)
-        ends.append((160 + 90 * np.cos(angle), 120 + 90 * np.sin(angle), 2.5))
-    grid = build_depth_grid(np.where(star, np.float32(2.5), np.float32(0)), CAMERA)
-    source = np.linalg.norm(grid.points_m - CAMERA.back_project(np.array((160, 120, 2.5))), axis=1) < 0.1
-    length, _ = geodesic_distances(grid.neighbours, grid.edge_lengths_m, source, UNREACHABLE_M)
-    tips = grid.points_m[farthest_points(grid.points_m, grid.neighbours, grid.edge_lengths_m, length)]
-    away = np.linalg.norm(tips[:, None] - CAMERA.back_project(np.array(ends)), axis=-1)
-    assert sorted(away.argmin(1)) == list(range(rays)) and away.min(1).max() < 0.1
 
 
 @pytest.mark.parametrize("elevation_deg", [-40, 20, 50])

@@ -46,13 +46,6 @@ def simulated():
     return np.where(film.person, film.depth_m, np.float32(0)), film.joints_camera_m.astype(np.float64), film.camera
 
 
-def test_a_person_of_cones_is_tracked(dancer) -> None:
-    joints, depth = dancer
-    found, confidence = tracked(depth, joints[0])
-    error = error_m(found, joints)
-    assert error.mean() < 0.03 and (error < 0.1).mean() > 0.97 and confidence.mean() > 0.6
-
-
 def test_a_simulated_person_is_tracked(simulated) -> None:
     depth, joints, camera = simulated
     found, _ = tracked(depth, joints[0], camera)
