@@ -10,15 +10,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from kpopnet.ridge import RidgeConfig, ridge_data
-from kpopnet.skeleton import MIRROR, Joint
 from kpopnet.y_pose.image import (
     Box,
-    dominant_lines,
     find_limb,
-    head_candidates,
-    hough_lines,
     maximal_rectangle,
-    torso_parts,
     torso_rectangle,
 )
 
@@ -71,30 +66,6 @@ def test_the_torso_excludes_a_head_of_any_width(head_half_width: int) -> None:
         assert maximal_rectangle(person).y0 < 40  # without the rule the head is included
 
 
-@pytest.mark.parametrize("x1", [120, 121])
-def test_parts_lie_to_either_side_of_the_middle_and_mirror(x1: int) -> None:
-    width, torso = 200, Box(80, 60, x1, 130)
-    parts, mirrored = torso_parts(torso), torso_parts(Box(width - x1, 60, width - 80, 130))
-    for joint, part in parts.items():
-        other = parts[MIRROR[joint]]
-        assert (part.y0, part.y1) == (other.y0, other.y1)
-        assert mirrored[joint] == Box(width - other.x1, other.y0, width - other.x0, other.y1)
-    assert parts[Joint.RIGHT_HIP].x1 <= torso.middle_u + 0.5 and parts[Joint.LEFT_HIP].x0 >= torso.middle_u - 0.5
-    assert parts[Joint.RIGHT_SHOULDER].y1 < parts[Joint.RIGHT_HIP].y0
-
-
-def test_mean_shift_returns_the_larger_mode_first() -> None:
-    ridge = np.zeros((80, 100), bool)
-    ridge[18:23, 48:53] = True  # a head
-    ridge[40, 44:47] = True  # something at the collar
-    ridge[20:25, 5:30] = True  # an arm, outside the search width
-    ridge[60:75, 50] = True  # the torso itself
-    found = head_candidates(ridge, Box(40, 50, 61, 110), radius_px=8)
-    assert found[0] == pytest.approx([50, 20], abs=0.1)
-    assert found[1] == pytest.approx([45, 40], abs=0.1)
-    assert len(found) == 2
-
-
 def draw_limb(*points: tuple[float, float], thickness: int = 11) -> tuple[np.ndarray, np.ndarray]:
     """Silhouette and ridge data of a limb through these points."""
     person = np.zeros((160, 160), np.uint8)
@@ -105,29 +76,6 @@ def draw_limb(*points: tuple[float, float], thickness: int = 11) -> tuple[np.nda
 
 def along(start: np.ndarray, angle_deg: float, length: float) -> np.ndarray:
     return start + length * np.array([np.cos(np.radians(angle_deg)), -np.sin(np.radians(angle_deg))])
-
-
-# The votes of a line halfway between two offset bins are split.
-@given(st.floats(-170, 170), st.floats(-10, 10).filter(lambda offset: abs(offset % 1 - 0.5) > 0.01))
-@settings(deadline=None, max_examples=40)
-def test_the_strongest_line_passes_through_the_points(angle_deg: float, offset: float) -> None:
-    direction = np.array([np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))])
-    normal = np.array([-direction[1], direction[0]])
-    points = np.arange(-30, 31)[:, None] * direction + offset * normal
-    lines, votes = hough_lines(points, direction)
-    best = lines[np.argmax(votes)]
-    assert votes.max() == 61
-    # The same line: angle within one step, offset within one pixel.
-    assert np.array([np.cos(best[0]), np.sin(best[0])]) @ normal > np.cos(np.radians(2))
-    assert best[1] == pytest.approx(offset, abs=1)
-
-
-def test_two_clusters_of_lines_are_separated_and_weighted_by_votes() -> None:
-    lines = np.array([[0.0, 1.0], [0.1, 2.0], [0.8, -3.0], [0.9, -4.0]])
-    dominant = dominant_lines(lines, np.array([1, 3, 2, 2]), half_length_px=30)
-    assert dominant == pytest.approx(np.array([[0.075, 1.75], [0.85, -3.5]]))
-    single = dominant_lines(lines[:1], np.array([5]), half_length_px=30)
-    assert single == pytest.approx(np.array([[0, 1], [0, 1]]))
 
 
 @pytest.mark.parametrize("angle_deg", [10, 35, 60, 120, 160, -100, -70])
