@@ -9,15 +9,8 @@ from hypothesis import strategies as st
 from y_people import y_joints
 
 from kpopnet.geometry.body import (
-    LIMB_PARTS,
-    LIMBS,
-    PART_KIND,
-    PARTS,
-    RADII_M,
-    ROW_TO_JOINT,
     body_from_model,
     planar_pose,
-    size_m,
 )
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
@@ -67,21 +60,3 @@ def test_body_lengths_are_the_models_lengths() -> None:
     assert body.limbs_m[3] == pytest.approx([MODEL.left_upper_leg_m, MODEL.left_lower_leg_m])
     for pair in lengths:
         assert tuple(sorted(int(MIRROR[joint]) for joint in pair)) in lengths
-
-
-def test_every_part_has_a_mirror_image_with_equal_radii() -> None:
-    radii = body_from_model(MODEL).radii_m
-    for pair in (np.flatnonzero(kind == PART_KIND) for kind in range(len(RADII_M))):
-        assert len(pair) in (1, 2)
-        first, last = PARTS[pair[0]], PARTS[pair[-1]]
-        assert {*MIRROR[ROW_TO_JOINT[first]].tolist()} == {*ROW_TO_JOINT[last].tolist()}
-        np.testing.assert_array_equal(radii[pair[0]], radii[pair[-1]])
-    for limb, (upper, lower, beyond) in zip(LIMBS, LIMB_PARTS, strict=True):
-        assert PARTS[upper].tolist() == limb[:2].tolist() and PARTS[lower].tolist() == limb[1:].tolist()
-        assert PARTS[beyond, 0] == limb[2] == ROW_TO_JOINT[PARTS[beyond, 1]] and PARTS[beyond, 1] >= NUM_JOINTS
-
-
-def test_radii_scale_with_the_person() -> None:
-    large = HumanModel.from_joints(1.2 * y_joints(place_m=(0, 0, 0)))
-    assert size_m(large) == pytest.approx(1.2 * size_m(MODEL))
-    np.testing.assert_allclose(body_from_model(large).radii_m, 1.2 * body_from_model(MODEL).radii_m)

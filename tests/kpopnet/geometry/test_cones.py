@@ -22,9 +22,8 @@ from kpopnet.geometry.cones import (
     extend_joints,
     nearest_parts,
     signed_distance,
-    torso_frame,
 )
-from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
+from kpopnet.skeleton import NUM_JOINTS, Joint
 
 NOWHERE = np.zeros((6, 3))
 
@@ -76,9 +75,3 @@ def test_trunk_points_follow_the_torso_frame() -> None:
     quarter = np.array([(0.0, 0, -1), (0, 1, 0), (1, 0, 0)])
     np.testing.assert_allclose(extend_joints(joints @ quarter.T, offsets)[RIGHT_CHEST:], rows @ quarter.T, atol=1e-7)
     assert ROW_TO_JOINT[RIGHT_CHEST:].tolist() == TRUNK_POINT_JOINTS.tolist()
-
-
-def test_torso_frame_rotates_with_the_person_and_mirroring_flips_the_front() -> None:
-    joints = cone_joints(abduction_deg=0)
-    np.testing.assert_allclose(torso_frame(joints), ((-1, 0, 0), (0, 1, 0), (0, 0, -1)), atol=1e-6)
-    np.testing.assert_allclose(torso_frame(joints[MIRROR]), ((1, 0, 0), (0, 1, 0), (0, 0, 1)), atol=1e-6)

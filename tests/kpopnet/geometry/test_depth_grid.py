@@ -8,7 +8,6 @@ from cone_people import cone_body, cone_joints, draw_cones, moved
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from y_people import draw_y, y_joints
 
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.geometry.depth_grid import (
@@ -132,14 +131,6 @@ def test_geodesic_distances_agree_with_dijkstra(depth: np.ndarray, sources: list
             assert predecessor[k] == -1
         else:
             assert 0 <= predecessor[k] < len(points) and length[predecessor[k]] < length[k]
-
-
-def test_geodesic_distances_on_a_person_agree_with_dijkstra() -> None:
-    grid = build_depth_grid(draw_y(y_joints(20, elbow_deg=80), CAMERA), CAMERA)
-    source = np.linalg.norm(grid.points_m - grid.points_m.mean(0), axis=1) < 0.2
-    expected = dijkstra(grid.points_m, grid.index, source)
-    length, _ = geodesic_distances(grid.neighbours, grid.edge_lengths_m, source, UNREACHABLE_M)
-    np.testing.assert_allclose(length, expected, atol=1e-6)
 
 
 # --- noisy depth --------------------------------------------------------------------------------------------------

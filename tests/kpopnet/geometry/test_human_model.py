@@ -8,7 +8,7 @@ from damaged_files import survives_damage, survives_hostile_json
 
 from kpopnet.errors import InputError
 from kpopnet.geometry.human_model import HumanModel
-from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
+from kpopnet.skeleton import NUM_JOINTS, Joint
 from kpopnet.y_pose.initial_pose import find_initial_pose
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 
@@ -55,14 +55,6 @@ def test_lengths_of_a_constructed_pose() -> None:
     }
     assert asdict(model) == pytest.approx(expected)
     assert model.limb_m[Joint.LEFT_HAND] == pytest.approx(0.26) and model.limb_m[Joint.RIGHT_FOOT] == pytest.approx(0.42)
-
-
-def test_mirroring_swaps_left_and_right() -> None:
-    model = asdict(HumanModel.from_joints(pose()))
-    mirrored = asdict(HumanModel.from_joints((pose() * (-1, 1, 1))[MIRROR]))
-    swap = {"left": "right", "right": "left"}
-    swapped = {"_".join(swap.get(word, word) for word in name.split("_")): value for name, value in mirrored.items()}
-    assert model == pytest.approx(swapped)
 
 
 def test_joints_of_another_shape_or_with_gaps_are_refused() -> None:
