@@ -53,19 +53,6 @@ def test_a_batch_depends_only_on_seed_and_step():
     assert not same(batches(augment=augment)[7], batches(augment=augment, seed=4)[7])
 
 
-def test_every_epoch_augments_every_sample_differently():
-    """The observations are the same in both epochs, so only the augmentation differs."""
-    data = batches(augment=AugmentConfig())
-    observe = data.source.observe
-    data.source.observe = lambda index, epoch: observe(index, 0)
-    first, second = (
-        {index: crop for step in steps for (index, _), crop in zip(data.order(step), data[step].crop, strict=True)}
-        for steps in (range(5), range(5, 10))  # 5 batches an epoch
-    )
-    assert first.keys() == second.keys() == set(range(40))
-    assert not any(np.array_equal(first[index], second[index]) for index in first)
-
-
 def test_plain_crops_and_targets():
     data = batches()
     batch = data[0]

@@ -1,6 +1,5 @@
 """The door of shards: what does not fit their description is refused in one line."""
 
-import json
 from pathlib import Path
 
 import h5py
@@ -9,7 +8,7 @@ import pytest
 from factories import write_shard
 
 from kpopnet.camera import Camera
-from kpopnet.data.shards import ShardedSet, shard_path
+from kpopnet.data.shards import ShardedSet
 from kpopnet.errors import InputError
 from synth.samples.observe import PERFECT, Observer
 from synth.sensor.model import SENSORS
@@ -37,18 +36,6 @@ def replace(path: Path, name: str, values: np.ndarray | None, **options) -> None
         del file[name]
         if values is not None:
             file.create_dataset(name, data=stored if values is ... else values, **options)
-
-
-def test_valid_shards_are_read_as_hdf5_reads_them(shard):
-    read_everything(shard)
-    shards = ShardedSet(shard.parent)
-    with h5py.File(shard, locking=False) as file:
-        for row in range(COUNT):
-            sample = shards[row]
-            np.testing.assert_array_equal(sample.depth_mm, file["depth_mm"][row])
-            np.testing.assert_array_equal(sample.ridge, file["ridge"][row])
-            np.testing.assert_array_equal(sample.joints_camera_m, file["joints_m"][row])
-        np.testing.assert_array_equal(shards.room(0, 0)[0], file["room_mm"][0])
 
 
 @pytest.mark.parametrize(
@@ -115,11 +102,3 @@ def test_a_shard_that_changes_after_it_was_checked_is_checked_again(tmp_path):
     observer = Observer(shards, SENSORS["kinect_v1"], PERFECT, 0)
     with pytest.raises(InputError, match="room_mm: shape"):
         observer.observe(0, 0)
-
-
-def test_the_configuration_is_kept_as_it_is(tmp_path):
-    path = write_shard(tmp_path, camera=CAMERA)
-    with h5py.File(path, "a") as file:
-        file.attrs["config"] = json.dumps({"path": "${oc.env:HOME}"})
-    assert ShardedSet(tmp_path).header.config == {"path": "${oc.env:HOME}"}
-    assert shard_path(tmp_path, 0) == path
