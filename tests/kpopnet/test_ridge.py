@@ -131,18 +131,6 @@ def test_the_default_marks_the_axes_of_limbs_and_the_papers_value_does_not(half_
     assert not (ridge_here[inner] & (off[inner] > max(1.5, 0.6 * half_width))).any()
 
 
-def test_a_nearer_part_keeps_its_width_in_front_of_a_farther_one():
-    depth = np.zeros((60, 60), np.float32)
-    depth[5:55, 5:55] = 2.5
-    depth[5:55, 26:33] = 2.3
-    edges = ridge_stages(depth, CONFIG).edges
-    assert not edges[10:50, 26:33].any()
-    assert edges[10:50, 25].all()
-    assert edges[10:50, 33].all()
-    assert ridge_data(depth, CONFIG)[10:50, 29].all()
-    assert not ridge_stages(depth, RidgeConfig(edge_threshold_m=0.25)).edges[10:50, 20:40].any()
-
-
 def test_the_image_border_is_no_edge():
     stages = ridge_stages(np.full((20, 30), 2.0, np.float32), CONFIG)
     assert not stages.edges.any()

@@ -11,7 +11,6 @@ from kpopnet.finder.finder import FinderConfig, PersonFinder
 from kpopnet.finder.network import CellsOfImage, FinderNetwork, Seen
 
 CAMERA = Camera.centred(500.0, 640, 480)
-TORSO_M = np.array((0.0, 0.0, 2.0), np.float32)
 
 
 def scene(x0=280, x1=360):
@@ -53,10 +52,6 @@ def test_a_person_is_cut_out_of_the_first_image_and_followed(knowing):
         (human,) = knowing.extract(depth_m)
         assert human.identity == 0 and (human.whole(CAMERA) == np.where(depth_m == 2, depth_m, 0)).mean() > 0.9995
         assert np.allclose(human.centre_m, (k / 500 * 2, 0, 2), atol=0.02)
-
-
-def test_millimetres_are_taken_too(knowing):
-    assert len(knowing.extract((1000 * scene()).astype(np.uint16))) == 1
 
 
 @pytest.mark.parametrize("depth_m", [np.zeros((480, 640), np.float32), np.full((480, 640), np.nan, np.float32), scene(0, 0)])

@@ -9,10 +9,8 @@ from kpopnet.skeleton import Joint
 from kpopnet.viz.drawing import (
     BACKGROUND,
     ESTIMATED,
-    TRUE,
     depth_rgb,
     draw_skeleton,
-    person_tile,
     person_view,
     save_png,
 )
@@ -55,15 +53,6 @@ def test_near_depth_is_lighter_than_far_and_missing_depth_is_background():
     greys = depth_rgb(depth)
     assert tuple(greys[0, 0]) == BACKGROUND
     assert (np.diff(greys[1, 1:5, 0].astype(int)) < 0).all() and greys[1, 4, 0] > BACKGROUND[0]
-
-
-def test_tiles_have_one_size_whatever_they_contain():
-    joints = np.tile([0.0, 0, 2], (15, 1))
-    shapes = {
-        person_tile(depth, CAMERA, ((joints, TRUE), (joints * np.nan, ESTIMATED)), 96, ("a", "b" * 80)).shape
-        for depth in (np.zeros((60, 80), np.float32), np.full((60, 80), 2, np.float32))
-    }
-    assert shapes == {(96 + 36, 96, 3)}
 
 
 def test_person_view_has_a_consistent_camera_even_across_the_image_border():
