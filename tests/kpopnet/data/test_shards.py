@@ -95,6 +95,13 @@ def test_shards_of_one_set_have_one_camera_and_kind(tmp_path):
         ShardedSet(tmp_path)
 
 
+def test_a_missing_shard_is_noticed(tmp_path):
+    for number in (0, 2):
+        write_shard(tmp_path, number, camera=CAMERA)
+    with pytest.raises(InputError, match=r"shard_00002\.h5: starts with sample 8, but those before end at 4"):
+        ShardedSet(tmp_path)
+
+
 def test_a_shard_that_changes_after_it_was_checked_is_checked_again(tmp_path):
     path = write_shard(tmp_path, camera=CAMERA)
     shards = ShardedSet(tmp_path)
