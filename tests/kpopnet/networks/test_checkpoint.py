@@ -17,9 +17,9 @@ from kpopnet.networks.checkpoint import (
     complete_links,
     load_network,
     load_state,
+    load_weights,
     read_meta,
     resumable,
-    run_folder,
     save_checkpoint,
 )
 from kpopnet.networks.estimator import NetworkEstimator
@@ -28,22 +28,34 @@ from kpopnet.networks.network import build_network
 MODEL = ModelConfig(crop_px=32, widths=[8, 8, 16, 16])
 
 
-def save(run, step=5, best=True, model=MODEL, seed=1, config=None):
-    network = build_network(model, seed)
-    meta = {"step": step, "config": config or {}, "metrics": {}, "mean_pose_m": np.zeros((15, 3)).tolist()}
-    return save_checkpoint(run, network, {"step": step, "moments": torch.arange(3.0)}, meta, best=best), network
+NETWORK, OTHER = build_network(MODEL, 1), build_network(MODEL, 2)
+
+
+def save(run, step=5, best=True, network=NETWORK):
+    meta = {"step": step, "config": {}, "metrics": {}, "mean_pose_m": np.zeros((15, 3)).tolist()}
+    return save_checkpoint(run, network, {"step": step, "moments": torch.arange(3.0)}, meta, best=best)
+
+
+def whole(folder):
+    """The step of a checkpoint all files of which are whole."""
+    load_weights(OTHER, folder)
+    assert load_state(folder)["step"] == read_meta(folder)["step"]
+    return read_meta(folder)["step"]
 
 
 def test_a_network_is_read_as_it_was_written(tmp_path):
-    folder, network = save(tmp_path)
+    folder = save(tmp_path)
     loaded, meta = load_network(folder)
-    assert not loaded.training
-    assert loaded.config == MODEL
-    for name, value in network.state_dict().items():
+    assert not loaded.training and loaded.config == MODEL and meta["step"] == 5
+    for name, value in NETWORK.state_dict().items():
         assert torch.equal(value, loaded.state_dict()[name])
-    assert meta["step"] == 5
-    assert np.shape(meta["mean_pose_m"]) == (15, 3)
     assert load_state(folder)["moments"].tolist() == [0, 1, 2]
+
+
+def test_the_best_stays_the_best_until_a_better_one_comes(tmp_path):
+    for step, best, expected in ((1, True, 1), (2, False, 1), (3, False, 1), (4, True, 4)):
+        save(tmp_path, step, best)
+        assert (whole(tmp_path / "last"), whole(tmp_path / "best")) == (step, expected)
 
 
 class Killed(BaseException):
@@ -99,35 +111,24 @@ def test_wherever_a_run_is_killed_both_links_point_to_whole_checkpoints(tmp_path
                 killed += 1
             else:
                 break
-        for link, step in steps.items():
-            meta = load_network(run / link)[1]
-            assert meta["step"] in (step, 3), (change, done)
-            assert load_state(run / link)["step"] == meta["step"]
-        for visible in (run / "checkpoints").glob("step_*"):  # what is left of a removed one is hidden
-            assert load_network(visible) and load_state(visible), (change, done)
+        assert all(whole(run / link) in (step, 3) for link, step in steps.items()), (change, done)
+        assert all(map(whole, (run / "checkpoints").glob("step_*"))), (change, done)  # what is left of a removed one is hidden
         found = resumable(run)
         assert found is not None or not steps
         if found:
             complete_links(run, found)
-            assert load_network(run / "best")[1] and load_network(run / "last")[1]
+            assert whole(run / "best") and whole(run / "last")
         save(run, 3, True)
-        assert load_network(run / "last")[1]["step"] == load_network(run / "best")[1]["step"] == 3
+        assert whole(run / "last") == whole(run / "best") == 3
         assert len(list((run / "checkpoints").iterdir())) == 1
         assert sorted(path.name for path in run.iterdir() if path.name[0] != ".") == ["best", "checkpoints", "last"]
     assert 4 <= killed < 100
 
 
-def test_a_resumed_run_writes_to_its_folder(tmp_path):
-    save(tmp_path / "run")
-    assert run_folder(None, "fresh") == "fresh"
-    assert run_folder(str(tmp_path / "run" / "last"), "fresh") == str((tmp_path / "run").resolve())
-    assert run_folder(str(tmp_path / "copied"), "fresh") == "fresh"
-
-
 @pytest.mark.parametrize("content", [None, 100, b"\x80\x04K\x01." + bytes(200)], ids=["missing", "truncated", "garbage"])
 @pytest.mark.parametrize("name", ["model.safetensors", "meta.json", "state.pt"])
 def test_a_damaged_checkpoint_is_refused_in_one_line(tmp_path, name, content):
-    folder, _ = save(tmp_path)
+    folder = save(tmp_path)
     file = folder / name
     whole = file.read_bytes()
     file.unlink()
@@ -148,7 +149,7 @@ class RunsCode:
 @pytest.mark.parametrize("value", [RunsCode(), [1, 2], {"step": None}])
 def test_a_state_of_other_objects_is_refused_and_runs_nothing(tmp_path, monkeypatch, value):
     monkeypatch.chdir(tmp_path)
-    folder, _ = save(tmp_path / "run")
+    folder = save(tmp_path / "run")
     torch.save(value, folder / "state.pt")
     with pytest.raises(InputError, match=r"state\.pt"):
         load_state(folder)
@@ -156,8 +157,8 @@ def test_a_state_of_other_objects_is_refused_and_runs_nothing(tmp_path, monkeypa
 
 
 def test_weights_that_are_not_finite_or_of_another_type_are_refused(tmp_path):
-    folder, network = save(tmp_path)
-    weights = {name: value.contiguous() for name, value in network.state_dict().items()}
+    folder = save(tmp_path)
+    weights = {name: value.contiguous() for name, value in NETWORK.state_dict().items()}
     name, count = next(iter(weights)), next(name for name in weights if name.endswith("num_batches_tracked"))
     for key, value, message in (
         (name, torch.full_like(weights[name], torch.inf).half(), "not finite"),
@@ -168,16 +169,6 @@ def test_weights_that_are_not_finite_or_of_another_type_are_refused(tmp_path):
         save_file({**weights, key: value}, folder / "model.safetensors")
         with pytest.raises(InputError, match=message):
             load_network(folder)
-
-
-def test_weights_in_float16_become_float32(tmp_path):
-    folder, network = save(tmp_path)
-    weights = {name: value.contiguous() for name, value in network.state_dict().items()}
-    halves = {name: value.half() if value.is_floating_point() else value for name, value in weights.items()}
-    save_file(halves, folder / "model.safetensors")
-    loaded = load_network(folder)[0].state_dict()
-    assert all(loaded[name].dtype == weights[name].dtype for name in weights)
-    assert all(torch.equal(loaded[name], halves[name].to(loaded[name].dtype)) for name in weights)
 
 
 @pytest.mark.parametrize(
@@ -193,7 +184,7 @@ def test_weights_in_float16_become_float32(tmp_path):
     ],
 )
 def test_another_description_is_refused(tmp_path, change, message):
-    folder, _ = save(tmp_path)
+    folder = save(tmp_path)
     meta = read_meta(folder)
     (folder / "meta.json").write_text(json.dumps({**meta, **change}))
     with pytest.raises(InputError, match=message):
@@ -202,8 +193,8 @@ def test_another_description_is_refused(tmp_path, change, message):
 
 @pytest.mark.parametrize("model", [MODEL, ModelConfig(input="depth_ridge", crop_px=32, widths=[8, 8, 16, 16])])
 def test_the_estimator_is_the_network_on_plain_crops(tmp_path, model):
-    folder, network = save(tmp_path, model=model)
-    estimator = NetworkEstimator(folder)
+    network = build_network(model, 1)
+    estimator = NetworkEstimator(save(tmp_path, network=network))
     depth = np.stack([draw_depth(draw_joints(np.random.default_rng(seed))) for seed in range(40)])
     depth[7] = 0
     estimate = estimator.estimate(depth, CAMERA)
@@ -222,7 +213,7 @@ def test_the_estimator_is_the_network_on_plain_crops(tmp_path, model):
 
 
 def test_a_single_frame_is_estimated_as_in_a_sequence_and_the_number_of_threads_is_restored(tmp_path):
-    estimator = NetworkEstimator(save(tmp_path)[0])
+    estimator = NetworkEstimator(save(tmp_path))
     depth = np.stack([draw_depth(draw_joints(np.random.default_rng(seed))) for seed in range(3)])
     together = estimator.estimate(depth, CAMERA)
     used, before = [], torch.get_num_threads()

@@ -87,6 +87,7 @@ def test_the_file_describes_itself_and_not_the_machine(run, kind):
     assert b"/home" not in content and str(ROOT).encode() not in content and b".py" not in content
 
 
+@pytest.mark.parametrize("kind", ["dense"], indirect=True)
 def test_prediction_with_a_file_loads_no_torch(run):
     code = f"""
 import sys
