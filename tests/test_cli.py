@@ -4,15 +4,14 @@ import os
 import shutil
 import subprocess
 import sys
+from functools import partial
 
 import pytest
-from programs import ROOT
+from programs import ROOT, run_program
 
 from kpopnet.cli import PROGRAMS
 
-
-def kpopnet(*words: str) -> subprocess.CompletedProcess:
-    return subprocess.run([sys.executable, "-m", "kpopnet.cli", *words], cwd=ROOT, capture_output=True, text=True)
+kpopnet = partial(run_program, "-m", ROOT, "kpopnet.cli")
 
 
 def test_help_names_every_program():
@@ -29,11 +28,6 @@ def test_every_program_answers_help_and_describes_its_settings(name):
     done = kpopnet(name, "--help")
     assert done.returncode == 0 and len(done.stdout) > 300 and "Traceback" not in done.stderr, done.stderr
     assert SETTINGS.get(name, "") in done.stdout
-
-
-def test_the_printed_configuration_describes_the_settings():
-    printed = kpopnet("train", "--cfg", "job", "training.steps=7").stdout
-    assert "  steps: 7  # " in printed and "hydra:" not in printed
 
 
 @pytest.mark.parametrize(
@@ -59,7 +53,7 @@ def test_the_programs_work_from_an_installed_package(tmp_path):
     shutil.copytree(ROOT / "configs", tmp_path / "site" / "kpopnet" / "configs")
     environment = os.environ | {"PYTHONPATH": str(tmp_path / "site")}
     for words, expected in (
-        (("train", "--cfg", "job"), "batch_size"),
+        (("train", "--cfg", "job", "training.steps=7"), "  steps: 7  # "),
         (("generate", "benchmark=kpop_sim", "--cfg", "job"), "dances: 100"),
     ):
         command = [sys.executable, "-P", "-m", "kpopnet.cli", *words]

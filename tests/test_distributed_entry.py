@@ -13,7 +13,7 @@ from programs import ROOT, run_program, torchrun
 
 SETTINGS = (
     "data.train=train", "data.validation=validation", "model.crop_px=32", "model.widths=[8,8,16,16]", "training.steps=60",
-    "training.batch_size=4", "training.validate_every=10", "training.validation_samples=4", "workers=0", "threads=1",
+    "training.batch_size=4", "training.validate_every=20", "training.validation_samples=4", "workers=0", "threads=1",
     "device=cpu",
 )  # fmt: skip
 

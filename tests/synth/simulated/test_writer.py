@@ -11,7 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from programs import ROOT
+from programs import ROOT, run_program
 
 from kpopnet.datasets.protocol import BenchmarkConfig
 from kpopnet.datasets.simulated import PeopleSet, SimulatedBenchmark, read_sequence
@@ -168,7 +168,6 @@ def test_invalid_settings_are_refused(wrong):
     ],
 )
 def test_user_errors_end_in_one_line(tmp_path, given, message):
-    command = [sys.executable, "-m", "synth", "benchmark=eval_sim", f"out={tmp_path / 'set'}", given]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    done = run_program("-m", ROOT, "synth", "benchmark=eval_sim", f"out={tmp_path / 'set'}", given)
     assert done.returncode == 1 and message in done.stderr and "Traceback" not in done.stderr
     assert not list(tmp_path.glob("set/seq_*"))
