@@ -7,8 +7,6 @@ from motions import distance_m, points_m
 from synth.dances.faults import (
     FAULTS,
     NOISE_DEG,
-    PROFILE_RANGE,
-    draw_profile,
     habit,
     joint_noise,
     replaced_moves,
@@ -88,9 +86,3 @@ def test_a_better_level_has_less_of_every_fault():
         assert all((np.diff([one[name] for one in strengths]) > 0).all() for name in FAULTS)
         assert maker.teacher_motion(index).name == by_skill.teacher_motion(index).name  # the families share the dances
     assert (np.diff(distances.mean(axis=0)) > 0).all()
-
-
-def test_profiles_differ_between_dances_and_are_limited():
-    profiles = [list(draw_profile(np.random.default_rng(seed)).values()) for seed in range(300)]
-    assert np.min(profiles) >= PROFILE_RANGE[0] and np.max(profiles) <= PROFILE_RANGE[1]
-    assert np.exp(np.mean(np.log(profiles))) == pytest.approx(1, rel=0.05) and np.std(np.log(profiles)) > 0.25

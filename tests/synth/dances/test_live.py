@@ -5,11 +5,9 @@ import pytest
 
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
-from synth.body.asset import load_body
 from synth.dances.live import CAMERA, LATE_S, LiveLearner, learned, motion_of
 from synth.dances.taught import DANCES, MAX_TRAVEL_M, Teacher, composed, dance_title
 from synth.motion.skeleton import INDEX
-from synth.samples.sampler import body_rotations
 
 
 @pytest.fixture(scope="module")
@@ -31,15 +29,6 @@ def test_the_teacher_stands_on_the_floor_and_faces_the_camera(taught):
     assert first[Joint.RIGHT_SHOULDER, 0] < first[Joint.LEFT_SHOULDER, 0]  # a person who faces the camera
     feet_m = taught.joints_m[:, [Joint.LEFT_FOOT, Joint.RIGHT_FOOT], 1].max(axis=1)
     assert np.median(1.0 - feet_m) < 0.15  # the camera is 1 m above the floor
-
-
-def test_bones_are_turned_back_into_a_motion(taught):
-    motion, _ = composed(4)
-    local = body_rotations(load_body(), motion.quats, 0.0, np.zeros(2))
-    hips_m = np.random.default_rng(0).normal(size=(len(local), 3))
-    back = motion_of(local, hips_m, 30.0)
-    assert np.abs(back.quats - motion.quats).max() < 1e-6
-    assert np.allclose(back.root_m, hips_m[:, [0, 2, 1]] * [1, 1, -1])
 
 
 def test_a_fault_is_in_its_limb_alone(taught):

@@ -13,7 +13,7 @@ from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.datasets.protocol import Origin
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
-from synth.dances.simulate import CAMERA, FPS, LEARNERS, KpopSim, KpopSimConfig, connected, dance_name
+from synth.dances.simulate import CAMERA, FPS, LEARNERS, KpopSim, KpopSimConfig, dance_name
 from synth.dances.skill import LEVELS
 from synth.motion import SPLITS, MotionConfig
 from synth.motion.recorded import open_clips
@@ -81,16 +81,6 @@ def test_a_learners_depth_agrees_with_the_true_joints(written):
             # The wall and the floor are removed, except for a few flying pixels.
             measured_m = image[image > 0]
             assert np.mean(np.abs(measured_m - np.median(z)) > 1.3) < 0.002 and 1500 < len(measured_m) < 40_000
-
-
-def test_isolated_pixels_are_removed():
-    depth_m = np.zeros((12, 16), np.float32)
-    depth_m[2:9, 3:9] = 2.0
-    depth_m[2:9, 9] = 2.4 + 0.2 * np.arange(7)  # flying pixels towards the wall
-    depth_m[11, 15] = 2.0  # isolated
-    kept = connected(depth_m)
-    np.testing.assert_array_equal(kept[2:9, 3:9], 2.0)
-    assert np.count_nonzero(kept) == 42
 
 
 def test_learners_of_lower_levels_differ_more_from_the_teacher():

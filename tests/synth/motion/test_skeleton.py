@@ -5,14 +5,12 @@ from scipy.spatial.transform import Rotation
 from kpopnet.rotations import about, conjugate, multiply, rotate
 from synth.motion.skeleton import (
     LEG_M,
-    MIRROR,
     NUM_JOINTS,
     PARENTS,
     REST_OFFSETS_M,
     facing_front,
     forward_kinematics,
     height_above_floor,
-    mirrored,
 )
 
 
@@ -52,14 +50,6 @@ def test_quaternion_algebra_agrees_with_scipy():
     np.testing.assert_allclose(rotate(conjugate(a), rotate(a, vectors)), vectors, atol=1e-12)
     angle = np.array(0.7)
     np.testing.assert_allclose(about(1, angle), Rotation.from_euler("Y", 0.7).as_quat(scalar_first=True), atol=1e-12)
-
-
-def test_mirroring_reflects_every_point():
-    quats = random_quats(4, seed=5)
-    points, _ = forward_kinematics(quats, np.zeros((4, 3)))
-    reflected, _ = forward_kinematics(mirrored(quats), np.zeros((4, 3)))
-    np.testing.assert_allclose(reflected, points[:, MIRROR] * [-1, 1, 1], atol=1e-12)
-    np.testing.assert_array_equal(mirrored(mirrored(quats)), quats)
 
 
 def test_facing_front_removes_the_heading_only():

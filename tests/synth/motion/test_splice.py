@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from kpopnet.rotations import about, multiply
 from synth.motion.choreography.composer import dance
-from synth.motion.choreography.programmes import FEATURES, START_S, Y_POSE_S, handstand, show, start_pose
+from synth.motion.choreography.programmes import FEATURES, handstand, show
 from synth.motion.skeleton import INDEX, LEG_M, Motion, forward_kinematics, height_above_floor
 from synth.motion.splice import cut, eased, follow, heading, resampled
 
@@ -92,23 +92,6 @@ def test_a_handstand_stands_on_the_hands_and_they_do_not_slide(seed):
     assert speeds(motion).max() < 9.0
     for end in (0, -1):
         assert world[end, INDEX["Head"], 1] > 1.5 and world[end, [INDEX["LeftFoot"], INDEX["RightFoot"]], 1].max() < 0.1
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_the_start_is_a_y_pose_at_rest(seed):
-    motion = start_pose(np.random.default_rng(seed), FPS)
-    world = points(motion)
-    assert len(motion) == pytest.approx(START_S * FPS, abs=1)
-    held = slice(0, round(Y_POSE_S * FPS) + 1)
-    assert speeds(motion)[held][:-1].max() < 0.15
-    for side, sign in (("Left", 1), ("Right", -1)):
-        upper = world[held, INDEX[f"{side}Hand"]] - world[held, INDEX[f"{side}Arm"]]
-        rise = np.degrees(np.arctan2(upper[:, 1], sign * upper[:, 0]))
-        assert (rise > 25).all() and (rise < 70).all()
-        assert (np.abs(upper[:, 2]) < 0.25).all()
-        assert (sign * world[held, INDEX[f"{side}Foot"], 0] > 0.15).all()
-    # Then the arms are lowered.
-    assert world[-1, INDEX["LeftHand"], 1] < world[-1, INDEX["LeftArm"], 1] - 0.3
 
 
 @pytest.mark.parametrize("kind", [*FEATURES, "dance", "mixture", "handstand"])
