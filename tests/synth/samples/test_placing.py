@@ -8,52 +8,12 @@ import pytest
 from kpopnet.data.cube import Cube, person_centre
 from kpopnet.skeleton import Joint
 from synth.motion import MotionConfig
-from synth.samples.placing import BLOCKED, MISFRAMED, NEAREST_M, SOUND, Body, Site, StageConfig, faults
+from synth.samples.placing import NEAREST_M, StageConfig
 from synth.samples.sampler import RenderedSample, SampleConfig, Sampler
 from synth.scene.props import NO_PROPS, PropsConfig
-from synth.scene.room import Room, View
 
 CONFIG = SampleConfig(renderer="cpu", motion=MotionConfig(source="poses"))
 BUSY = replace(CONFIG, props=PropsConfig(seat=1, held=0.5, second_person=0.5, attached=0.5), samples_per_room=3)
-
-
-def empty_room(*furniture: tuple) -> Room:
-    boxes = [
-        ((0, 2, -0.1), (8, 8, 0.1), 0),
-        ((0, 5.1, 1.5), (8, 0.1, 1.5), 0),
-        ((-2.1, 2, 1.5), (0.1, 8, 1.5), 0),
-        ((2.1, 2, 1.5), (0.1, 8, 1.5), 0),
-        *furniture,
-    ]
-    centres, halves, yaws = zip(*boxes, strict=True)
-    return Room(np.array(centres, float), np.array(halves, float), np.array(yaws, float))
-
-
-def block(half_m: tuple[float, float, float]) -> Body:
-    """A body of the eight corners of a block whose hips are in its middle."""
-    corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float32) * np.float32(half_m)
-    return Body(corners, corners.min(0).astype(float), corners.max(0).astype(float), np.zeros(3), half_m[2])
-
-
-VIEW = View(np.array([0, 0, 1.0]), np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]))
-
-
-@pytest.mark.parametrize(
-    ("place_m", "cut", "expected"),
-    [
-        ((0, 3.0, 0.5), False, SOUND),
-        ((0, 3.0, 0.5), True, MISFRAMED),  # whole, where it is to be cut
-        ((1.55, 3.0, 0.5), False, MISFRAMED),
-        ((1.55, 3.0, 0.5), True, SOUND),
-        ((1.85, 3.0, 0.5), True, BLOCKED),  # in the right wall
-        ((0, 4.85, 0.5), False, BLOCKED),  # in the back wall
-        ((0.9, 4.0, 0.5), False, BLOCKED),  # in the cupboard, though the hips are beside it
-        ((0, 0.5, 1.0), True, MISFRAMED),  # in the blind zone
-    ],
-)
-def test_a_place_is_refused_in_walls_and_furniture_or_where_the_border_is_wrong(place_m, cut: bool, expected: int) -> None:
-    site = Site(empty_room(((1.3, 4.0, 0.5), (0.25, 0.25, 0.5), 0.0)), VIEW, CONFIG.camera.build())
-    assert faults(block((0.2, 0.2, 0.5)), np.array(place_m, float), site, cut) == expected
 
 
 @pytest.fixture(scope="module")

@@ -94,14 +94,6 @@ def test_self_penetration_is_rejected_and_the_number_of_tries_is_limited() -> No
     assert sampler.scene.penetration_m() > 0.02
 
 
-@pytest.mark.parametrize("name", ["eval", "smmc10", "kinect_2", "custom"])
-def test_every_camera_preset_renders(name: str) -> None:
-    sampler = Sampler(replace(CONFIG, camera=CameraConfig(name)), 1, "train")
-    (rendered,) = sampler.samples(0, 1)
-    assert rendered.sample.depth_mm.shape == (sampler.scene.camera.height, sampler.scene.camera.width)
-    assert np.count_nonzero(rendered.sample.depth_mm) >= CONFIG.stage.least_pixels
-
-
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [

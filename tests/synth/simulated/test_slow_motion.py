@@ -26,14 +26,3 @@ def test_every_fourth_frame_is_one_of_the_dance(takes) -> None:
     same = (slow.played.local[::4] * usual.played.local[:23]).sum(axis=-1)
     np.testing.assert_allclose(np.abs(same), 1, atol=1e-6)
     np.testing.assert_array_equal(slow.place_m, usual.place_m)
-
-
-def test_rotations_between_are_rotations_and_steps_are_a_quarter(takes) -> None:
-    usual, slow = takes
-    np.testing.assert_allclose(np.linalg.norm(slow.played.local, axis=-1), 1, atol=1e-9)
-    steps_m = [np.linalg.norm(np.diff(one.played.hips_m, axis=0), axis=1).max() for one in (usual, slow)]
-    assert 0 < steps_m[1] <= steps_m[0] / 4 + 1e-9
-
-
-def test_another_speed_is_another_set() -> None:
-    assert slow_motion.SlowEvalSim().hash != slow_motion.SlowEvalSim(times=2).hash

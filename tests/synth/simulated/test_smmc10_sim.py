@@ -2,13 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from stand_ins import joints_world_m
 
 from kpopnet.skeleton import Joint
-from synth.body.asset import load_body
-from synth.body.markers import MARKERS, _segment_hits_mesh, tracked_markers
+from synth.body.markers import MARKERS, tracked_markers
 from synth.simulated.smmc10_sim import JOINT_MARKERS, Smmc10Sim, Smmc10SimConfig
 
 SHORT = Smmc10Sim(Smmc10SimConfig(seed=3, sequences=2), frames=(50, 56))
@@ -83,21 +80,3 @@ def test_the_trunk_occludes_its_back_from_cameras_in_front(maker):
     assert visible(offset_m) == [True, True, False, False]
     assert visible(-offset_m) == [False, False, True, True]
     assert visible(np.zeros(3)) == [True, True, True, True]
-
-
-@given(seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=5, deadline=None)
-def test_a_segment_hits_the_mesh_where_it_hits_a_triangle(seed):
-    """Compares with a slow reference that intersects the segment with every triangle."""
-    rng = np.random.default_rng(seed)
-    mean = load_body().mean.reshape(-1, 3)[: len(load_body().weights)].astype(np.float64)
-    faces = load_body().faces[::7]
-    start = mean.mean(axis=0) + rng.normal(size=3)
-    way = 1.5 * (mean[rng.integers(len(mean))] + 0.02 * rng.normal(size=3) - start)
-    a, b, c = mean[faces.T]
-    solved = np.linalg.solve(np.stack([b - a, c - a, np.broadcast_to(-way, a.shape)], axis=-1), (start - a)[..., None])[..., 0]
-    u, v, along = solved.T
-    met = (u >= 0) & (v >= 0) & (u + v <= 1) & (along > 0) & (along < 1)
-    assert _segment_hits_mesh(mean, faces, start, way) == met.any()
-    for face in np.flatnonzero(met)[:3]:
-        assert _segment_hits_mesh(mean, faces[face : face + 1], start, way)

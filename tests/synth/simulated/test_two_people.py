@@ -5,7 +5,7 @@ import pytest
 
 from kpopnet.errors import InputError
 from synth.motion import MotionConfig
-from synth.motion.choreography.pairs import SCRIPTS, draw_duet, walk
+from synth.motion.choreography.pairs import walk
 from synth.motion.choreography.stage import perform
 from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS
@@ -23,12 +23,6 @@ def test_a_walk_goes_as_far_as_it_is_told(distance_m: float) -> None:
     motion = perform(walk(distance_m), 100.0, 200, 30.0, "walk")
     x, _, z = (motion.root_m[-1] - motion.root_m[0]).tolist()
     assert z == pytest.approx(distance_m, abs=0.03) and abs(x) < 0.1
-
-
-@pytest.mark.parametrize("kind", SCRIPTS)
-def test_both_play_the_same_number_of_frames(kind: str) -> None:
-    roles = draw_duet(np.random.default_rng(1), kind, 200, 30.0)
-    assert [len(role.motion) for role in roles] == [200, 200]
 
 
 def middles_m(maker: TwoPeople, index: int) -> np.ndarray:
