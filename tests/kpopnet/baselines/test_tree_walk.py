@@ -236,15 +236,6 @@ def test_the_same_seed_makes_the_same_model_and_the_same_estimate(trained, peopl
         np.testing.assert_array_equal(one, other)
 
 
-def test_frames_without_a_person_have_no_joints(trained, people):
-    depth_m = people[0][:3].copy()
-    depth_m[1:] = 0
-    depth_m[2, 5, 5:20] = 2  # too few pixels for a person
-    estimate = TreeWalkEstimator(TreeWalkEstimatorConfig(str(trained[0]))).estimate(depth_m, CAMERA)
-    assert np.isfinite(estimate.joints_camera_m[0]).all() and (estimate.confidence[0] > 0).all()
-    assert np.isnan(estimate.joints_camera_m[1:]).all() and (estimate.confidence[1:] == 0).all()
-
-
 def rewrite(name, value, index=-1):
     def change(arrays):
         arrays[name].flat[index] = value
