@@ -29,7 +29,7 @@ def folder(tmp_path_factory):
 def test_crops_show_the_person_whose_joints_they_have(folder):
     found = PersonCrops(folder / "train")
     assert len(found) >= 6 and (folder / "train" / "contact_sheet.png").exists()
-    near = []
+    near, shown = [], []
     for index in range(len(found)):
         crop = found.observe(index, 0)
         assert crop.depth_m.shape == (crop.camera.height, crop.camera.width) and crop.visible.dtype == bool
@@ -37,7 +37,9 @@ def test_crops_show_the_person_whose_joints_they_have(folder):
         distance_m = np.linalg.norm(points_m[:, None] - crop.joints_camera_m[crop.visible], axis=-1)
         near.append(np.median(distance_m.min(axis=0)) if crop.visible.any() else 0.0)
         assert np.linalg.norm(points_m - crop.joints_camera_m[Joint.TORSO], axis=-1).min() < 1.5
+        shown.append(crop.visible.mean())
     assert np.median(near) < 0.15  # joints lie inside the body
+    assert np.median(shown) > 0.6, "most joints of those who are found are visible"
 
 
 def test_a_file_is_made_again_alike(folder, tmp_path):
