@@ -109,20 +109,24 @@ class PlayedRecording:
             image = next(self._images, None)
         if image is None:
             return None
-        while not self._closed and (self.paused or (self._start is not None and time.monotonic() < self._start + image.time_s)):
-            time.sleep(0.002)
+        while not self._closed and (self.paused or self._early_s(image) > 0):
+            time.sleep(WAIT_S if self.paused else min(max(self._early_s(image), 0), WAIT_S))
         now = time.monotonic()
-        if self._start is None or now - (self._start + image.time_s) > LATE_S:
+        if self._start is None or self._early_s(image) < -LATE_S:
             self._start = now - image.time_s
         return None if self._closed else (image.depth_m, now)
+
+    def _early_s(self, image: TimedDepth) -> float:
+        """Seconds until an image is due."""
+        return 0.0 if self._start is None else self._start + image.time_s - time.monotonic()
 
     def close(self) -> None:
         """See `LiveCamera.close`."""
         self._closed = True
 
 
-LATE_S = 0.1
-"""A recording that is read later than this has stood still, and goes on from where it was."""
+WAIT_S, LATE_S = 0.05, 0.1
+"""Longest wait without a look at orders; a recording that is read later than the second has stood still, and goes on there."""
 
 
 class Image(NamedTuple):
