@@ -12,12 +12,17 @@ from kpopnet.programs.live import open_recording
 from kpopnet.sources import open_depth
 from kpopnet.sources.source import LiveCamera
 
-FRAMES, FPS = 24, 15.0
+FRAMES, FPS = 46, 15.0
 
 
 def write_recording(folder: Path) -> np.ndarray:
-    """Writes folder/two.npz; its (T, H, W) uint16 millimetres."""
-    images = two_people_mm(FRAMES)
+    """Writes folder/two.npz; its (T, H, W) uint16 millimetres.
+
+    Everybody ends where they began, so that in a loop they stay who they are; each image has a first pixel of its own.
+    """
+    way = two_people_mm(FRAMES // 2 + 1)
+    images = np.concatenate([way, way[-2:0:-1]])
+    images[:, 0, 0] = 1000 + np.arange(FRAMES)
     camera = [CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy, CAMERA.width, CAMERA.height]
     np.savez(folder / "two.npz", depth_mm=images, camera=camera, fps=FPS)
     return images

@@ -92,7 +92,7 @@ def test_people_are_shown_recorded_and_saved_and_a_pause_holds_them(tmp_path):
     (recording,) = (tmp_path / "kept").glob("depth-*.h5")
     recorded = open_depth(recording, in_child=True)
     assert recorded.camera == CAMERA
-    numbers = [int(np.abs(images / np.float32(1000) - image).sum(axis=(1, 2)).argmin()) for image in recorded]
+    numbers = [round(1000 * float(image[0, 0])) - 1000 for image in recorded]
     assert len(numbers) >= 8 and (np.diff(numbers) % len(images) == 1).all()  # none is left out
     for number, image in zip(numbers, recorded, strict=True):
         np.testing.assert_array_equal(image, images[number].astype(np.float32) / 1000)
