@@ -34,26 +34,22 @@ from kpopnet.evaluation.acceptance.watched import EMPTY_M2, IN_VIEW_M2, Kept, Tr
 from kpopnet.evaluation.report import printable
 from kpopnet.pose import PersonPose, PoseEstimator
 from kpopnet.programs.arguments import add_depth, opener, program_parser
-from kpopnet.programs.teach import TurnedCamera
 from kpopnet.runtime.compilation import announce_compilation
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
 from kpopnet.runtime.untrusted import read_in_child
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.sources import DepthSource
-from kpopnet.sources.realsense import RealSenseCamera
-from kpopnet.sources.source import LiveCamera
+from kpopnet.sources.live import LIVE_CAMERAS, NewestImage, is_live, open_live, shared_live
 from kpopnet.teacher.live.loop import (
     FRAME_PATIENCE_S,
     NOBODY_PATIENCE_S,
     STEADY_FRAMES,
     STEADY_S,
     Learner,
-    NewestImage,
     load_estimator,
 )
 
-LIVE = ("realsense",)
 SIMULATED_SET, MEASURED = "check_sim", "measured"
 READY_S = 8.0
 """Time to leave the camera's view before the script."""
@@ -64,11 +60,6 @@ MOST_WARM = 90
 MOST_EMPTY_MIN = 120.0
 TOLERANCE_S = 1.0
 """A recording may be so much shorter than the script."""
-
-
-def open_camera(name: str, rotate_deg: int) -> LiveCamera:
-    """Opens a live camera by its name in LIVE; raises InputError where it is not connected."""
-    return {"realsense": lambda: TurnedCamera(RealSenseCamera(), rotate_deg)}[name]()
 
 
 class PlayedCamera:
@@ -245,7 +236,7 @@ def check_recording(path: Path, given: argparse.Namespace, estimator: PoseEstima
 
 def check_live(given: argparse.Namespace, estimator: PoseEstimator) -> Watched:
     """Tells a person what to do before a live camera, and watches. Raises InputError if the camera fails."""
-    camera = open_camera(given.source, given.rotate)
+    camera = open_live(given.source, given.rotate)
     collected, untold = Collected(camera.camera), list(SCRIPT)
     with closing(NewestImage(camera)) as images:
         stream = answers(images, camera.camera, estimator)
@@ -275,7 +266,7 @@ def check_live(given: argparse.Namespace, estimator: PoseEstimator) -> Watched:
 
 def checked(given: argparse.Namespace, estimator: PoseEstimator) -> tuple[list[Watched], bool]:
     """The runs of a live camera, a recording or a simulated set, and whether they are simulated."""
-    if given.source in LIVE:
+    if is_live(given.source):
         return [check_live(given, estimator)], False
     path = Path(given.source)
     if not (path / MANIFEST).exists():
@@ -290,9 +281,8 @@ def checked(given: argparse.Namespace, estimator: PoseEstimator) -> tuple[list[W
 
 def parsed() -> argparse.Namespace:
     parser = program_parser("kpopnet check", __doc__)
-    parser.add_argument(
-        "source", help=f"a live camera ({', '.join(LIVE)}), a recording of depth, or a folder of simulated films"
-    )
+    cameras = ", ".join(LIVE_CAMERAS)
+    parser.add_argument("source", help=f"a live camera ({cameras}), a recording of depth, or a folder of simulated films")
     parser.add_argument("--out", type=Path, help="folder for check.md, check.json and check.png")
     parser.add_argument("--as-fast", action="store_true", help="feed a recording without waiting: no delays are measured")
     parser.add_argument("--empty", type=float, default=0.0, help="minutes for which a live camera watches the empty room first")
@@ -304,12 +294,13 @@ def parsed() -> argparse.Namespace:
 def main() -> None:
     given = parsed()
     check_between("--empty", given.empty, 0, MOST_EMPTY_MIN)
-    is_live = given.source in LIVE
-    if (given.as_fast and is_live) or (given.empty and not is_live):
+    live = is_live(given.source)
+    if (given.as_fast and live) or (given.empty and not live):
         raise InputError("--as-fast is for recordings, --empty for live cameras")
     estimator, machine_before = load_estimator(None), machine()
     announce_compilation()
-    runs, is_simulated = checked(given, estimator)
+    with shared_live(given.source) as given.source:
+        runs, is_simulated = checked(given, estimator)
     kinds = list(dict.fromkeys(run.kind for run in runs))
     found = {kind: figures([run for run in runs if run.kind == kind]) for kind in kinds}
     fed = "as fast as they are read: no delays" if given.as_fast else "in real time"

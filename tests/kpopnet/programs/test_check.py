@@ -163,7 +163,7 @@ class Live:
 
 
 def test_a_person_before_a_live_camera_is_told_what_to_do(check, shorter, monkeypatch):
-    monkeypatch.setattr("kpopnet.programs.check.open_camera", Live)
+    monkeypatch.setattr("kpopnet.programs.check.open_live", Live)
     monkeypatch.setattr("kpopnet.programs.check.READY_S", Live.READY_S)
     printed = check("realsense")
     told = [printed.index(step.told) for step in check_script.SCRIPT]
@@ -179,5 +179,5 @@ def test_a_camera_that_fails_is_one_line(check, capsys, shorter, monkeypatch):
         def read(self):
             raise OSError("the cable is broken")
 
-    monkeypatch.setattr("kpopnet.programs.check.open_camera", Failing)
+    monkeypatch.setattr("kpopnet.programs.check.open_live", Failing)
     assert "the camera stopped: the cable is broken" in fails(check, capsys, "realsense")
