@@ -108,6 +108,10 @@ class DanceScore(NamedTuple):
         delay_s = np.interp(frames, middle[known], self.windows.delay_s[known]) if known.any() else np.zeros(len(frames))
         return stage_score(self.teacher_m[: len(frames)], self.learner_m, delay_s)
 
+    def stage_remarks(self) -> list[tuple[float, str]]:
+        """What is most wrong on the stage, in words, with the time at which it begins, seconds on the teacher's clock."""
+        return [(float(self.windows.start_s[0]) + at_s, text) for at_s, text in self.stage.remarks()]
+
     @property
     def completeness(self) -> float:
         """Fraction in 0..1 of what the teacher dances that the learner shows, the mean over the parts."""

@@ -19,6 +19,7 @@ and a foot is a point without a direction.
 """
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -72,8 +73,9 @@ class Dimension(NamedTuple):
         return level * (between / np.maximum(np.linalg.norm(level, axis=1), 1e-9))[:, None]
 
     def mean(self, values: np.ndarray) -> np.ndarray:
-        """The mean of (T, .) places or directions."""
-        mean = np.nanmean(values, axis=0)
+        """The mean of the known ones of (T, .) places or directions, NaN if there are none."""
+        known = values[np.isfinite(values).all(axis=1)]
+        mean = known.sum(axis=0) / (len(known) or math.nan)
         return mean / max(np.linalg.norm(mean), 1e-9) if self.is_direction else mean
 
     def similarity(self, error: np.ndarray) -> np.ndarray:
@@ -88,10 +90,10 @@ DIMENSIONS = {
     "lean": Dimension(
         math.radians(35),
         math.radians(20),
-        (("leaning too far to the right", "leaning too far to the left"), ("leaning too far back", "leaning too far forward")),
+        (("leaning to the right", "leaning to the left"), ("leaning back", "leaning forward")),
         True,
     ),
-    "facing": Dimension(math.radians(60), math.radians(40), (("facing too far right", "facing too far left"),), True),
+    "facing": Dimension(math.radians(60), math.radians(40), (("turned to the right", "turned to the left"),), True),
 }
 
 
@@ -140,6 +142,22 @@ class StageScore(NamedTuple):
     figures: dict[str, float]
     errors: dict[str, np.ndarray]
     length_m: float
+
+    def remarks(self) -> Iterator[tuple[float, str]]:
+        """The greatest error of each dimension, if worth words: seconds after the first frame, "0.8 m too far left"."""
+        for name, errors in self.errors.items():
+            dimension = DIMENSIONS[name]
+            size = np.nan_to_num(np.linalg.norm(errors, axis=1))
+            edges = np.flatnonzero(np.diff(np.concatenate([[0], size >= dimension.mentioned, [0]])))
+            runs = [slice(*run) for run in edges.reshape(-1, 2).tolist() if run[1] - run[0] >= LEAST_S * FPS]
+            if runs:
+                run = max(runs, key=lambda one: size[one].sum())
+                typical = np.median(errors[run], axis=0)
+                component = int(abs(typical).argmax())
+                words = dimension.words[component][int(typical[component] > 0)]
+                amount = float(np.linalg.norm(typical))
+                shown = f"{math.degrees(amount):.0f}°" if dimension.is_direction else f"{amount * self.length_m:.1f} m"
+                yield run.start / FPS, f"{shown} {words}"
 
 
 def stage_score(teacher_m: np.ndarray, learner_m: np.ndarray, delay_s: np.ndarray) -> StageScore:

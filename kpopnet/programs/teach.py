@@ -143,7 +143,7 @@ def own_dances(given: argparse.Namespace) -> dict[str, Performance]:
         source, estimator = opener(path, given, in_child=True)(), PoseEstimator.load(mode="best")
         people, times_s = estimated(source, estimator, given.segmented)
         if not people:
-            raise InputError(f"{path}: no person was found; the camera must stand still, and see the dancer from head to feet")
+            raise InputError(f"{path}: no person was found; the camera must see the dancer from head to feet")
         name, performance = path.stem, Performance(people[0].joints_camera_m, times_s, people[0].confidence)
     else:
         name, performance = path.stem, read_strangers_performance(path, given.fps)

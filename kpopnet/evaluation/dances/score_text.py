@@ -22,8 +22,16 @@ def score_text(score: DanceScore, told: Feedback, notes: list[str]) -> list[str]
         *notes,
         *told.hints,
         *(fault.text for fault in told.faults[:MAX_FAULTS]),
+        *_stage_text(score),
         *map(_phrase_text, told.phrases),
     ]
+
+
+def _stage_text(score: DanceScore) -> list[str]:
+    """What similarity, timing and posture do not contain."""
+    figures = ", ".join(f"{name} {value:.0f}" for name, value in score.stage.figures.items())
+    remarks = [f"{text} at {clock(at_s)}" for at_s, text in score.stage_remarks()]
+    return [f"on the stage, not counted: {'; '.join([figures, *remarks])}"] if figures else []
 
 
 def score_notes(score: DanceScore, diagnosis: Diagnosis) -> list[str]:
@@ -48,7 +56,8 @@ def _fault_text(fault: RecordingFault) -> str:
 
 def score_json(score: DanceScore, told: Feedback, diagnosis: Diagnosis) -> dict[str, Any]:
     """The score for programs: numbers, null where nothing could be compared, with feedback, warnings and settings."""
-    content, found = score._asdict(), diagnosis.correction
+    content, found = score._asdict() | {"stage": score.stage.figures}, diagnosis.correction
+    del content["teacher_m"], content["learner_m"]
     done = None if found is None else found._asdict() | {"as_recorded": diagnosis.as_recorded, "corrected": diagnosis.corrected}
     about = {"feedback": told, "corrections": done, "warnings": diagnosis.faults, "scorer": content.pop("scorer")}
     return _plain({"score": content} | about)

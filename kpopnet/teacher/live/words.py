@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from kpopnet.camera import Camera
-from kpopnet.dance.feedback import MIN_DELAY_S, Feedback, Moment, feedback
+from kpopnet.dance.feedback import MIN_DELAY_S, Feedback, Moment, clock, feedback
 from kpopnet.dance.online import OnlineScore
 from kpopnet.dance.scoring import DanceScore
 from kpopnet.dance.timing import measured_latency_s
@@ -126,6 +126,8 @@ def score_result(score: DanceScore, found: Feedback) -> dict:
         "worst": [_moment(moment) for moment in found.moments[:WORST]],
         "faults": [one.text for one in found.faults[:5]],
         "hints": list(found.hints),
+        "stage": {name: rounded(value) for name, value in score.stage.figures.items()},
+        "on_stage": [f"{text} at {clock(at_s)}" for at_s, text in score.stage_remarks()],
         "latency_s": rounded(measured_latency_s(windows.delay_s, windows.posture), 3),
         "course": {
             "time_s": _column(windows.start_s + WINDOW_S / 2), "total": _column(windows.similarity),

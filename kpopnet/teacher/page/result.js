@@ -27,6 +27,13 @@ export async function result(main, identity, name) {
   };
 }
 
+// Place, height, lean and facing, which the total does not contain; tries of before have none.
+function stageOf({ stage = {}, on_stage = [] }) {
+  const figures = Object.entries(stage).map(([name, value]) => `${name} ${Math.round(value)}`);
+  if (!figures.length) return "";
+  return el("p", { class: "quiet", id: "on-stage" }, `On the stage, not counted: ${figures.join(", ")}${on_stage.map((text) => `; ${text}`).join("")}.`);
+}
+
 // A result with the movements of both, and, where it can be practised, the address for each phrase; returns what ends it.
 export function showResult(main, { found, dance, body, movement }, practiseAt = null) {
   const end_s = found.to_s || dance.seconds;
@@ -43,6 +50,7 @@ export function showResult(main, { found, dance, body, movement }, practiseAt = 
     el("div", { class: "numbers" }, number("total", found.total, "total"), number("timing", found.timing, "timing"),
       number("posture", found.posture, "posture"), found.speed ? number("speed", 100 * found.speed, "speed, %") : null),
     bars.list,
+    stageOf(found),
     ...found.hints.map((hint) => el("p", { class: "error" }, hint)),
     el("h2", {}, "Worst moments"), momentList(found, watch),
     el("div", { class: "replay" }, el("div", { class: "panel" }, canvas, el("span", { class: "tag" }, "teacher left, you right")),

@@ -132,5 +132,17 @@ def test_what_is_not_seen_has_no_figure():
     seated_m = joints_m.copy()
     seated_m[:, [Joint.LEFT_KNEE, Joint.RIGHT_KNEE, Joint.LEFT_FOOT, Joint.RIGHT_FOOT]] = np.nan
     assert set(stage(joints_m, seated_m).figures) == {"lean", "facing"}  # steps have no measure without the body's length
+    headless_m = joints_m.copy()
+    headless_m[:, [Joint.NECK, Joint.HEAD]] = np.nan
+    assert "lean" not in stage(headless_m, headless_m).figures
     hidden_m = made.hidden(joints_m, 8.0, 16.0)
     assert min(stage(joints_m, hidden_m).figures.values()) > 99
+
+
+def test_what_is_most_wrong_is_said_in_words():
+    joints_m = dance_joints_m(0, SECONDS)
+    learner_m = facing(elsewhere(joints_m, 0.8), -90)
+    remarks = dict(reversed(one) for one in score_dance(performed(joints_m), performed(learner_m)).stage_remarks())
+    assert set(remarks) == {"0.8 m too far left", "90° turned to the right"} and all(
+        abs(at_s - FAULT_S[0]) < 0.3 for at_s in remarks.values()
+    )

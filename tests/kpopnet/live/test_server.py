@@ -37,6 +37,7 @@ class Looking:
                 length = int.from_bytes(message.data[:4], "little")
                 told = json.loads(message.data[4 : 4 + length])
                 told["picture"] = message.data[4 + length :]
+                await self._socket.send_json({"do": "drawn", "page_ms": 0.0})
             else:
                 told = json.loads(message.data)
             self.seen[told["kind"]] = told

@@ -196,6 +196,7 @@ def test_a_person_before_another_programs_camera_is_seen_until_it_ends(tmp_path)
                     if message.type is aiohttp.WSMsgType.BINARY:
                         pictures += 1
                         seen = json.loads(message.data[4 : 4 + int.from_bytes(message.data[:4], "little")])
+                        await page.send_json({"do": "drawn", "page_ms": 0.0})
                         if pictures > 10:
                             ended.set()
                     else:

@@ -7,7 +7,8 @@ from kpopnet.camera import CAMERAS
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import SCORERS
 from kpopnet.skeleton import Joint
-from kpopnet.teacher.live.lesson import DanceClock, Image, Lesson
+from kpopnet.sources.live import Image
+from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from kpopnet.teacher.live.score import COUNTS, LEAST_S, WAIT_S, Calibration, DanceTry, excerpt, scorer_config
 from synth.dances.live import ON_THE_BEAT, LiveLearner
 
