@@ -88,6 +88,14 @@ def mutate_npz(path: Path, rng: np.random.Generator, outside: Path) -> str:
     return ANY
 
 
+@functools.cache
+def _lzfse_bomb() -> bytes:
+    """Zeros that LZFSE takes 8 s to pack."""
+    import lzfse
+
+    return lzfse.compress(bytes(BOMB_PX**2))
+
+
 def mutate_r3d(path: Path, rng: np.random.Generator, outside: Path) -> str:
     """A member of the archive changed before it is packed, its images in what LZFSE packs; or exchanged; or missing."""
     import lzfse
@@ -100,7 +108,7 @@ def mutate_r3d(path: Path, rng: np.random.Generator, outside: Path) -> str:
     elif action < 0.3:
         members[name] = members[pick(rng, sorted(members))]
     elif action < 0.35:
-        members[name] = lzfse.compress(bytes(BOMB_PX**2))
+        members[name] = _lzfse_bomb()
     elif action < 0.6 and name.startswith("rgbd"):
         members[name] = lzfse.compress(mutate(lzfse.decompress(members[name]), rng))
     else:

@@ -20,7 +20,8 @@ from teacher_page import BROWSER, DRIVER, NARROW, STAMP_BITS, STAMP_PX, chromium
 from kpopnet.dance.feedback import feedback
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import score_dance
-from kpopnet.teacher.live.lesson import DanceClock, Image, Lesson
+from kpopnet.sources.live import Image
+from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from kpopnet.teacher.live.score import DanceTry
 from kpopnet.teacher.result_page import result_page
 
