@@ -19,7 +19,10 @@ const ORDERS = {
   pause: { is: "paused", key: " ", words: ["Pause", "Go on"] },
 };
 for (const [name, order] of Object.entries(ORDERS)) {
-  order.button = el("button", { type: "button", id: name, onclick: () => live.send({ do: name, on: !state[order.is] }) });
+  order.button = el("button", { type: "button", id: name, onclick: ({ detail }) => {
+    live.send({ do: name, on: !state[order.is] });
+    if (detail) order.button.blur(); // after the mouse, space pauses; after the keyboard it presses the button again
+  } });
 }
 const depth = el("canvas", { id: "depth", "aria-label": "depth with everybody's skeleton" });
 const room = el("canvas", { id: "room", "aria-label": "everybody's skeleton in 3D; the left and right keys turn the view" });

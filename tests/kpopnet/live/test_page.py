@@ -82,8 +82,8 @@ def test_two_people_are_seen_recorded_paused_and_lost(tmp_path):
         until(lambda _: not text("told"))
 
         resize(driver, NARROW)
-        until(lambda _: driver.execute_script("return document.documentElement.clientWidth") == NARROW[0])
-        assert driver.execute_script("return document.documentElement.scrollWidth") <= NARROW[0]
+        until(lambda _: driver.execute_script("return window.innerWidth") == NARROW[0])
+        assert driver.execute_script("return document.documentElement.scrollWidth - document.documentElement.clientWidth") <= 0
         severe = [line["message"] for line in driver.get_log("browser") if line["level"] == "SEVERE"]
         assert severe == []
 
