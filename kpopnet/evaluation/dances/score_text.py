@@ -1,13 +1,11 @@
 """The score of one dance as lines of text and as JSON."""
 
-from dataclasses import asdict, is_dataclass
 from typing import Any
-
-import numpy as np
 
 from kpopnet.dance.diagnosis import Diagnosis, RecordingFault
 from kpopnet.dance.feedback import Feedback, Phrase, clock
 from kpopnet.dance.scoring import DanceScore
+from kpopnet.evaluation.values import plain
 
 MAX_FAULTS = 8
 """Largest number of faults in the text, the costliest first; the JSON has all."""
@@ -60,19 +58,4 @@ def score_json(score: DanceScore, told: Feedback, diagnosis: Diagnosis) -> dict[
     del content["teacher_m"], content["learner_m"]
     done = None if found is None else found._asdict() | {"as_recorded": diagnosis.as_recorded, "corrected": diagnosis.corrected}
     about = {"feedback": told, "corrections": done, "warnings": diagnosis.faults, "scorer": content.pop("scorer")}
-    return _plain({"score": content} | about)
-
-
-def _plain(value: Any) -> Any:
-    """Nested named tuples, dataclasses, dicts and arrays as JSON; what is not finite becomes null."""
-    if hasattr(value, "_asdict"):
-        return _plain(value._asdict())
-    if is_dataclass(value) and not isinstance(value, type):
-        return _plain(asdict(value))
-    if isinstance(value, dict):
-        return {name: _plain(one) for name, one in value.items()}
-    if isinstance(value, list | tuple | np.ndarray):
-        return [_plain(one) for one in value]
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return value
+    return plain({"score": content} | about)
