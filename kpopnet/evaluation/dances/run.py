@@ -24,9 +24,12 @@ from kpopnet.evaluation.engine import stage
 from kpopnet.evaluation.poses.metrics import joint_errors_m, mean_error_m
 from kpopnet.evaluation.values import plain
 from kpopnet.paper_tracker.tracker import PaperTrackerConfig
+from kpopnet.skeleton import Joint
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
 
 log = logging.getLogger(__name__)
+
+NO_JOINTS_M = np.zeros((0, len(Joint), 3))
 
 MAIN_SCORER = "dance22"
 
@@ -102,6 +105,7 @@ def score_learners(dances: KpopSet, caches: dict[str, PoseCache], scorers: dict[
                 if isinstance(settings, PartScorer) and settings.noise == "auto" and source in NOISE:
                     settings = replace(settings, noise=source)
                 score = score_dance(teacher, performance, settings, unobserved_is_nan=True)
+                score = score._replace(teacher_m=NO_JOINTS_M, learner_m=NO_JOINTS_M)  # thousands of scores are kept
                 scores.setdefault(Method(source, scorer), []).append(LearnerScore(learner.name, score, error_m))
     complete = {method: learners for method, learners in scores.items() if len(learners) == len(dance.learners)}
     return ScoredDance(complete, frames, seconds)
