@@ -28,8 +28,8 @@ def main() -> None:
 
     source = open_depth(given.recording, chosen_camera(fov_deg=given.fov))
     estimator = PoseEstimator.load(given.checkpoint, people=given.people)
-    for number, depth_m in enumerate(source):
-        for person in estimator.update(depth_m, source.camera):
+    for number, (time_s, depth_m) in enumerate(source.timed()):
+        for person in estimator.update(depth_m, source.camera, time_s):
             for joint in (Joint.RIGHT_HAND, Joint.LEFT_HAND):
                 if person.confidence[joint] > SURE:
                     x, y, z = person.joints_camera_m[joint]

@@ -8,7 +8,7 @@ from kpopnet.camera import Camera, check_camera, depth_in_metres
 from kpopnet.data.canvas import reduced
 from kpopnet.errors import InputError, check_between
 from kpopnet.finder.backend import cells_of, open_finder
-from kpopnet.finder.following import UNKNOWN, Followed
+from kpopnet.finder.following import FRAME_S, UNKNOWN, Followed
 from kpopnet.finder.people import certainty, gather_people, pixel_owners
 from kpopnet.human import Human
 from kpopnet.weights import shipped_finder
@@ -43,14 +43,15 @@ class PersonFinder:
     def __init__(self, camera: Camera, config: FinderConfig = FinderConfig()) -> None:
         """Raises InputError if the weights are missing, damaged or of another version."""
         check_camera(camera)
-        self.camera, self.config, self._followed = camera, config, Followed()
+        self.camera, self.config, self._followed, self._time_s = camera, config, Followed(), 0.0
         self._network = open_finder(config.weights or str(shipped_finder()))
 
-    def extract(self, depth_m: np.ndarray) -> list[Human]:
+    def extract(self, depth_m: np.ndarray, time_s: float | None = None) -> list[Human]:
         """The people in the next image, in the order in which they were first found.
 
         Args:
             depth_m: (H, W) float32 metres, 0 where nothing was measured.
+            time_s: when it was taken, in seconds of any clock; None: FRAME_S after the image before.
 
         Raises:
             InputError: not one depth image of the camera's size.
@@ -65,7 +66,8 @@ class PersonFinder:
         sure = probability >= min(FOLLOWED_CERTAINTY, self.config.least_certainty)
         numbers = np.append(0, np.where(sure, np.cumsum(sure), 0)).astype(np.uint8)
         centres_m, owner = people.centres_m[sure], numbers[people.owner]
-        identities = self._followed.identify(centres_m, probability[sure] >= self.config.least_certainty)
+        self._time_s = self._time_s + FRAME_S if time_s is None else time_s
+        identities = self._followed.identify(centres_m, probability[sure] >= self.config.least_certainty, self._time_s)
         owners, boxes = pixel_owners(depth_m, cells.depth_m, cells.probability, owner, canvas.reduction, len(centres_m))
         found = enumerate(zip(identities, boxes, centres_m, strict=True), 1)
         humans = [

@@ -1,23 +1,32 @@
 """Who is who from image to image, by the found people's places alone: no background, so the camera may move."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-STEP_M, STEP_PER_IMAGE_M, MOST_STEP_M = 0.45, 0.08, 1.5
-"""Largest distance between where a person is expected and where they are found; it grows with every image in which they were
-not found, up to MOST_STEP_M."""
+STEP_M, STEP_M_PER_S, MOST_STEP_M = 0.37, 2.4, 1.5
+"""Largest distance between where a person is expected and where they are found; it grows with the time since they were last
+found, up to MOST_STEP_M."""
+
+FRAME_S = 1 / 30
+"""From one image to the next, seconds, where their times are unknown."""
 
 MOMENTUM = 0.6
-"""Share of the speed of before in that of now."""
+"""Share of the speed of before in that of now, after FRAME_S; its power after other times."""
 
-FORGOTTEN = 10
-"""After so many images without them, a person who is found anywhere may be the one who was missing longest."""
+COASTING_S = 1 / 6
+"""A person is expected to keep their speed for so many seconds: somebody hidden does not go on for ever."""
+
+FORGOTTEN_S = 0.35
+"""After so many seconds without them, a person who is found anywhere may be the one who was missing longest."""
+
+DOUBTED_S = 2.0
+"""A person is followed by little certainty for so many seconds after they were certain last: a chair is not, for ever."""
 
 MOST_MISSING = 64
 """People who are remembered while they are out of view."""
-
 
 UNKNOWN = -1
 
@@ -26,19 +35,26 @@ UNKNOWN = -1
 class _Track:
     identity: int
     centre_m: np.ndarray
-    step_m: np.ndarray = field(default_factory=lambda: np.zeros(3, np.float32))
-    missed: int = 0
+    seen_s: float
+    certain_s: float
+    speed_m_per_s: np.ndarray = field(default_factory=lambda: np.zeros(3, np.float32))
+    hidden: bool = False
 
-    def expected_m(self) -> np.ndarray:
-        # Somebody hidden does not go on for ever: the expectation stops after some images.
-        return self.centre_m + self.step_m * min(self.missed + 1, 5)
+    def expected_m(self, time_s: float) -> np.ndarray:
+        return self.centre_m + self.speed_m_per_s * min(time_s - self.seen_s, COASTING_S)
 
-    def see(self, centre_m: np.ndarray, certain: bool) -> None:
-        if self.missed:
-            self.step_m = np.zeros(3, np.float32)
-        elif certain:  # the centre of a nearly hidden person slides to what is left of them: that is no speed
-            self.step_m = MOMENTUM * self.step_m + (1 - MOMENTUM) * (centre_m - self.centre_m)
-        self.centre_m, self.missed = centre_m, 0
+    def reach_m(self, time_s: float) -> float:
+        return min(STEP_M + STEP_M_PER_S * (time_s - self.seen_s), MOST_STEP_M)
+
+    def see(self, centre_m: np.ndarray, certain: bool, time_s: float) -> None:
+        elapsed_s = time_s - self.seen_s
+        if self.hidden:
+            self.speed_m_per_s = np.zeros(3, np.float32)
+        elif certain and elapsed_s > 0:  # the centre of a nearly hidden person slides to what is left of them: that is no speed
+            kept = MOMENTUM ** (elapsed_s / FRAME_S)
+            self.speed_m_per_s = kept * self.speed_m_per_s + (1 - kept) * (centre_m - self.centre_m) / elapsed_s
+        self.centre_m, self.seen_s, self.hidden = centre_m, time_s, False
+        self.certain_s = time_s if certain else self.certain_s
 
 
 class Followed:
@@ -48,45 +64,44 @@ class Followed:
         self._tracks: list[_Track] = []
         self._count = 0
 
-    def identify(self, centres_m: np.ndarray, certain: np.ndarray) -> list[int]:
-        """The identities of the people whose (P, 3) centres were found in the next image, metres.
+    def identify(self, centres_m: np.ndarray, certain: np.ndarray, time_s: float) -> list[int]:
+        """The identities of the people whose (P, 3) centres were found in the next image, metres, taken at `time_s` seconds.
 
-        A person who is expected near a place needs no other evidence; where no person is expected, only (P,) `certain` ones are
-        people, the others get the identity UNKNOWN.
+        Where a person is expected who was certain less than DOUBTED_S ago, no other evidence is needed; anywhere else only (P,)
+        `certain` ones are people, the others get the identity UNKNOWN.
         """
-        identities = [UNKNOWN] * len(centres_m)
-        if self._tracks and len(centres_m):
-            expected_m = np.array([track.expected_m() for track in self._tracks])
-            distance_m = np.linalg.norm(expected_m[:, None] - centres_m[None], axis=-1)
-            reach_m = np.minimum([STEP_M + STEP_PER_IMAGE_M * track.missed for track in self._tracks], MOST_STEP_M)
-            # Beyond the reach all pairs cost the same: they are not pairs.
-            cost = np.where(distance_m < reach_m[:, None], distance_m, 100.0)
-            for row, column in zip(*linear_sum_assignment(cost), strict=True):
-                if cost[row, column] < 100.0:
-                    identities[column] = self._tracks[row].identity
-        for column in range(len(centres_m)):
-            if identities[column] == UNKNOWN and certain[column]:
-                identities[column] = self._returned(identities)
-        known = {track.identity: track for track in self._tracks}
+        trusted = [track for track in self._tracks if time_s - track.certain_s < DOUBTED_S]
+        doubted = [track for track in self._tracks if time_s - track.certain_s >= DOUBTED_S]
+        found = _paired(trusted, centres_m, range(len(centres_m)), time_s)
+        certain_left = [column for column in np.flatnonzero(certain).tolist() if column not in found]
+        found |= _paired(doubted, centres_m, certain_left, time_s)
+        for column in certain_left:
+            if column not in found:
+                found[column] = self._returned(centres_m[column], time_s, found)
         for track in self._tracks:
-            if track.identity in identities:
-                column = identities.index(track.identity)
-                track.see(centres_m[column], bool(certain[column]))
-            else:
-                track.missed += 1
-        self._tracks += [
-            _Track(identity, centre_m)
-            for identity, centre_m in zip(identities, centres_m, strict=True)
-            if identity not in known and identity != UNKNOWN
-        ]
-        missing = sorted((track for track in self._tracks if track.missed), key=lambda track: track.missed)
-        self._tracks = [track for track in self._tracks if not track.missed] + missing[:MOST_MISSING]
-        return identities
+            track.hidden = True
+        for column, track in found.items():
+            track.see(centres_m[column], bool(certain[column]), time_s)
+        self._tracks = sorted(self._tracks, key=lambda track: -track.seen_s)[: len(found) + MOST_MISSING]
+        return [found[column].identity if column in found else UNKNOWN for column in range(len(centres_m))]
 
-    def _returned(self, present: list[int]) -> int:
-        """The identity of a person who was found where nobody was expected: of the one missing longest, or a new one."""
-        missing = [track for track in self._tracks if track.missed >= FORGOTTEN and track.identity not in present]
+    def _returned(self, centre_m: np.ndarray, time_s: float, found: dict[int, _Track]) -> _Track:
+        """Who was found where no person was expected: the person missing longest, or a new one."""
+        present = {track.identity for track in found.values()}
+        missing = [one for one in self._tracks if time_s - one.seen_s > FORGOTTEN_S and one.identity not in present]
         if missing:
-            return max(missing, key=lambda track: track.missed).identity
+            return min(missing, key=lambda track: track.seen_s)
+        self._tracks.append(_Track(self._count, centre_m, time_s, time_s))
         self._count += 1
-        return self._count - 1
+        return self._tracks[-1]
+
+
+def _paired(tracks: list[_Track], centres_m: np.ndarray, columns: Sequence[int], time_s: float) -> dict[int, _Track]:
+    """Who was found where they are expected, by the number, one of `columns`, of their (3,) centre."""
+    if not tracks or not columns:
+        return {}
+    expected_m = np.array([track.expected_m(time_s) for track in tracks])
+    distance_m = np.linalg.norm(expected_m[:, None] - centres_m[None, list(columns)], axis=-1)
+    # Beyond the reach all pairs cost the same: they are not pairs.
+    cost = np.where(distance_m < np.array([[track.reach_m(time_s)] for track in tracks]), distance_m, 100.0)
+    return {columns[one]: tracks[row] for row, one in zip(*linear_sum_assignment(cost), strict=True) if cost[row, one] < 100.0}

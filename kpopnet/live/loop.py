@@ -146,7 +146,7 @@ class Watcher:
     def _see(self, image: Image) -> int:
         """One image: joints, stream, and what the page shows; the number of people."""
         self._follow_away("")
-        found = self._estimator.update(image.depth_m, self._camera.camera)
+        found = self._estimator.update(image.depth_m, self._camera.camera, image.taken)
         people = [one._replace(identity=one.identity + 1) for one in found]
         now = time.monotonic()
         self._first = image.taken if self._first is None else self._first

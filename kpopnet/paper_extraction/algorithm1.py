@@ -65,11 +65,12 @@ class PaperExtractor:
         self._humans: list[Human] = []
         self._num_identities = 0
 
-    def extract(self, depth_m: np.ndarray) -> list[Human]:
+    def extract(self, depth_m: np.ndarray, time_s: float | None = None) -> list[Human]:
         """Algorithm 1: the people in the next image.
 
         Args:
             depth_m: (H, W) float metres or uint16 millimetres, 0 where nothing was measured; neither changed nor kept.
+            time_s: not used: the paper counts images.
 
         Returns:
             The visible people, in the order in which they were first found; none in the first image or an empty one.

@@ -16,6 +16,7 @@ from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.pose.extraction import DEFAULT_EXTRACTION, Extractor, build_extractor
 from kpopnet.pose.person import MODES, DetectedPerson, TrackedPerson, check_mode, smoothed
 from kpopnet.skeleton import NUM_JOINTS
+from kpopnet.sources.source import TimedDepth
 
 log = logging.getLogger(__name__)
 
@@ -85,12 +86,14 @@ class PoseEstimator:
         self._extractor: Extractor | None = None
         self._people: dict[int, DetectedPerson | TrackedPerson] = {}
 
-    def update(self, depth: np.ndarray, camera: Camera) -> list[PersonPose]:
+    def update(self, depth: np.ndarray, camera: Camera, time_s: float | None = None) -> list[PersonPose]:
         """The people in the next image, online: each image once, in order.
 
         Args:
             depth: (H, W) depth of the whole scene, 0 where nothing was measured; uint16 millimetres or float metres.
             camera: its camera, the same for all images; with another one the estimator starts again.
+            time_s: when the image was taken, in seconds of any clock: people may move farther in a longer time. None: a
+                thirtieth of a second after the image before.
 
         Returns:
             The visible people, at most `people`, in the order in which they were first found.
@@ -98,18 +101,18 @@ class PoseEstimator:
         Raises:
             InputError: depth of another type or size; floats that look like millimetres.
         """
-        return self._found(depth, camera, self.people)
+        return self._found(depth, camera, self.people, time_s)
 
     def estimate(
-        self, depth: np.ndarray | Iterable[np.ndarray], camera: Camera, fps: float = 30.0, segmented: bool = False
+        self, depth: np.ndarray | Iterable[np.ndarray | TimedDepth], camera: Camera, fps: float = 30.0, segmented: bool = False
     ) -> list[PersonPose]:
         """The people in a recording, or in one image.
 
         Args:
-            depth: (T, H, W) depth of a whole scene, or its (H, W) images one after another, or a single image, whose person
-                must stand in view; uint16 millimetres or float metres, 0 where nothing was measured.
+            depth: (T, H, W) depth of a whole scene, or its (H, W) images one after another, with their times or without, or a
+                single image, whose person must stand in view; uint16 millimetres or float metres, 0 where nothing was measured.
             camera: its camera.
-            fps: frames per second, for smoothing.
+            fps: frames per second, for smoothing, and for images without times.
             segmented: the depth shows one person, and 0 elsewhere: no person has to be found.
 
         Returns:
@@ -126,23 +129,23 @@ class PoseEstimator:
         if not isinstance(depth, Iterable) or (isinstance(depth, np.ndarray) and not depth.ndim):
             raise InputError(f"depth: expected an array or images one after another, got {type(depth).__name__}")
         self.reset()
-        frames, images = [], 0
-        for image in depth:
-            images += 1
-            frames.append(self._segmented(image, camera) if segmented else self._found(image, camera, MAX_PEOPLE))
+        frames: list[list[PersonPose]] = []
+        for one in depth:
+            time_s, image = one if isinstance(one, TimedDepth) else (len(frames) / fps, one)
+            frames.append(self._segmented(image, camera) if segmented else self._found(image, camera, MAX_PEOPLE, time_s))
         self.reset()
         seen = Counter(pose.identity for people in frames for pose in people)
         if not seen:
-            log.warning("no person was found in %d image(s): %s", images, WHY_NOBODY)
+            log.warning("no person was found in %d image(s): %s", len(frames), WHY_NOBODY)
         chosen = sorted(seen, key=lambda identity: (-seen[identity], identity))[: self.people]
         return [self._over_time(identity, frames, fps) for identity in chosen]
 
-    def _found(self, depth: np.ndarray, camera: Camera, most: int) -> list[PersonPose]:
+    def _found(self, depth: np.ndarray, camera: Camera, most: int, time_s: float | None) -> list[PersonPose]:
         depth_m, camera = _needed_image(depth, camera)
         if self._extractor is None or camera != self._extractor.camera:
             self.reset()
             self._extractor = build_extractor(camera, self.extraction)
-        humans = {human.identity: human for human in self._extractor.extract(depth_m)}
+        humans = {human.identity: human for human in self._extractor.extract(depth_m, time_s)}
         for identity, person in self._people.items():
             if identity not in humans:
                 person.miss()

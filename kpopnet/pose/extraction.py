@@ -20,8 +20,9 @@ class Extractor(Protocol):
 
     camera: Camera
 
-    def extract(self, depth_m: np.ndarray) -> list[Human]:
-        """The people in the next (H, W) image in metres, in the order in which they were first found.
+    def extract(self, depth_m: np.ndarray, time_s: float | None = None) -> list[Human]:
+        """The people in the next (H, W) image in metres, in the order in which they were first found; `time_s` is when it was
+        taken, in seconds of any clock, None for one thirtieth of a second after the image before.
 
         Raises InputError for anything but one depth image of the camera's size.
         """
@@ -48,13 +49,14 @@ def build_extractor(camera: Camera, settings: Any) -> Extractor:
     return builder(camera, settings)
 
 
-def extract_person(depth_m: np.ndarray, camera: Camera, settings: Any = DEFAULT_EXTRACTION) -> np.ndarray:
+def extract_person(depth_m: np.ndarray, camera: Camera, settings: Any = DEFAULT_EXTRACTION, fps: float = 30.0) -> np.ndarray:
     """The depth of the one person of a recording.
 
     Args:
         depth_m: (T, H, W) float32 metres, 0 where nothing was measured.
         camera: its camera.
         settings: of a type in `EXTRACTIONS`, which chooses how the person is found.
+        fps: frames per second.
 
     Returns:
         (T, H, W) float32 metres: the depth of that person only, 0 elsewhere. If several people are found, it is the one
@@ -64,7 +66,8 @@ def extract_person(depth_m: np.ndarray, camera: Camera, settings: Any = DEFAULT_
         InputError: not a sequence of depth images of the camera's size.
     """
     extractor = build_extractor(camera, settings)
-    found = [{human.identity: human for human in extractor.extract(image)} for image in sequence_in_metres(depth_m, camera)]
+    images = enumerate(sequence_in_metres(depth_m, camera))
+    found = [{human.identity: human for human in extractor.extract(image, number / fps)} for number, image in images]
     num_images = Counter(identity for humans in found for identity in humans)
     person_m = np.zeros(depth_m.shape, np.float32)
     if num_images:

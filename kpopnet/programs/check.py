@@ -122,7 +122,7 @@ def answers(images: NewestImage, camera: Camera, estimator: PoseEstimator) -> It
             print(away or "the camera is back", flush=True)
         if image is not None:
             before_s = time.process_time()
-            people = estimator.update(image.depth_m, camera)
+            people = estimator.update(image.depth_m, camera, image.taken)
             delay_s, processor_s = time.monotonic() - image.taken, time.process_time() - before_s
             yield Answer(image.taken, delay_s, processor_s, image.depth_m, people, learner.choose(people, image.taken))
         elif images.ended:
@@ -136,7 +136,7 @@ def answers_as_fast(source: DepthSource, estimator: PoseEstimator) -> Iterator[A
     learner, first_s = Learner(), None
     for time_s, depth_m in source.timed():
         first_s, before_s = time_s if first_s is None else first_s, time.process_time()
-        people = estimator.update(depth_m, source.camera)
+        people = estimator.update(depth_m, source.camera, time_s)
         processor_s = time.process_time() - before_s
         yield Answer(time_s - first_s, np.nan, processor_s, depth_m, people, learner.choose(people, time_s))
 
@@ -203,9 +203,9 @@ def warm_up(source: DepthSource, estimator: PoseEstimator) -> None:
     """Compiles what the estimator needs, with images of somebody who stands still, and has it forget them."""
     steady, begin_s = 0, step_s("stand still")[0]
     seen = itertools.dropwhile(lambda image: image.time_s < begin_s, source.timed())
-    for _, depth_m in itertools.islice(seen, MOST_WARM):
+    for time_s, depth_m in itertools.islice(seen, MOST_WARM):
         before = time.monotonic()
-        people = estimator.update(depth_m, source.camera)
+        people = estimator.update(depth_m, source.camera, time_s)
         steady = steady + 1 if people and time.monotonic() - before < STEADY_S else 0
         if steady == STEADY_FRAMES:
             break

@@ -35,6 +35,7 @@ from kpopnet.runtime.compilation import announce_compilation
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
 from kpopnet.sources import DepthSource
+from kpopnet.sources.source import TimedDepth
 from kpopnet.viz.drawing import save_png
 from kpopnet.viz.overlay import (
     GIF_WIDTH_PX,
@@ -75,10 +76,10 @@ def estimated(source: DepthSource, estimator: PoseEstimator, segmented: bool) ->
         raise InputError(f"{source.name}: {source.frames:,} images last more than {MAX_DURATION_S:g} s; cut it into parts")
     times_s = []
 
-    def images() -> Iterator[np.ndarray]:
+    def images() -> Iterator[TimedDepth]:
         for image in tqdm(source.timed(), "joints", source.frames, unit=" images", disable=None):
             times_s.append(image.time_s)
-            yield image.depth_m
+            yield image
 
     people = estimator.estimate(images(), source.camera, source.fps, segmented=segmented)
     if not times_s:

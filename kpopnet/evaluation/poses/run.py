@@ -44,7 +44,9 @@ class SequenceEstimation:
         depth_m, camera, truth_m = sequence.depth_m, sequence.camera, sequence.joints_camera_m
         if not sequence.is_segmented:
             with stage("extraction"):
-                depth_m, extraction_seconds = self._timed["extraction"](depth_m, camera, settings=self.extraction)
+                depth_m, extraction_seconds = self._timed["extraction"](
+                    depth_m, camera, settings=self.extraction, fps=sequence.fps
+                )
         frames = len(depth_m)
         yaw_rad = np.full(frames, np.nan, np.float32) if sequence.yaw_rad is None else sequence.yaw_rad
         names = [np.full(frames, one) for one in (name, sequence.identity, sequence.room)]

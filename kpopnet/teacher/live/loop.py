@@ -156,7 +156,7 @@ class RunningLesson:
                     self._tell("preparing", {"fraction": 0.0, "text": self.images.away})
                 continue
             before = time.monotonic()
-            people = self._estimator.update(image.depth_m, self._camera)
+            people = self._estimator.update(image.depth_m, self._camera, image.taken)
             steady = steady + 1 if people and time.monotonic() - before < STEADY_S else 0
             text = "preparing the scorer for this machine, once" if kernels.count else "looking for you"
             self._tell("preparing", {"fraction": min(kernels.count / KERNELS, 0.9), "text": text})
@@ -183,7 +183,7 @@ class RunningLesson:
         image = images.fetch(FRAME_PATIENCE_S)
         self._follow_away(images.away)
         if image is not None:
-            person = self._learner.choose(self._estimator.update(image.depth_m, self._camera), image.taken)
+            person = self._learner.choose(self._estimator.update(image.depth_m, self._camera, image.taken), image.taken)
             joints_m, confidence = (None, None) if person is None else person[1:]
             self._try.score(clock, image, joints_m, confidence)
             shown = self._try.shown(clock, image, joints_m, confidence, self._camera)

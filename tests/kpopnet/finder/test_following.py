@@ -1,8 +1,9 @@
 """Who is who, from places alone."""
 
 import numpy as np
+import pytest
 
-from kpopnet.finder.following import FORGOTTEN, UNKNOWN, Followed
+from kpopnet.finder.following import DOUBTED_S, FORGOTTEN_S, UNKNOWN, Followed
 
 
 def walk(*paths):
@@ -11,7 +12,9 @@ def walk(*paths):
     for places in zip(*paths, strict=True):
         present = [k for k, place in enumerate(places) if place is not None]
         centres_m = np.array([places[k] for k in present], np.float32).reshape(-1, 3)
-        found.append(dict(zip(present, followed.identify(centres_m, np.ones(len(present), bool)), strict=True)))
+        found.append(
+            dict(zip(present, followed.identify(centres_m, np.ones(len(present), bool), len(found) / 30), strict=True))
+        )
     return found
 
 
@@ -31,7 +34,7 @@ def test_somebody_hidden_for_a_while_is_still_the_same():
 
 
 def test_who_returns_after_a_while_has_the_old_identity_and_who_comes_has_a_new_one():
-    away = [None] * (FORGOTTEN + 5)
+    away = [None] * (round(30 * FORGOTTEN_S) + 5)
     found = walk([(-1.5, 0, 3)] * 5 + away + [(1.5, 0, 2)] * 5, [(0, 0, 3)] * (10 + len(away)))
     assert found[-1] == found[0]
     found = walk([(-1.5, 0, 3)] * 10, [None] * 5 + [(1.5, 0, 3)] * 5)
@@ -46,7 +49,41 @@ def test_a_camera_that_turns_does_not_confuse_people():
 
 def test_who_is_followed_needs_less_certainty_than_who_is_new():
     followed, place = Followed(), np.array([[0, 0, 3]], np.float32)
-    assert followed.identify(place, np.array([False])) == [UNKNOWN]
-    (identity,) = followed.identify(place, np.array([True]))
+    assert followed.identify(place, np.array([False]), 0.0) == [UNKNOWN]
+    (identity,) = followed.identify(place, np.array([True]), 0.1)
     two = np.array([[1.5, 0, 3], [0.02, 0, 3]], np.float32)
-    assert followed.identify(two, np.array([False, False])) == [UNKNOWN, identity]
+    assert followed.identify(two, np.array([False, False]), 0.2) == [UNKNOWN, identity]
+
+
+CERTAIN, DOUBTFUL = np.array([True]), np.array([False])
+
+
+def test_an_empty_chair_does_not_stay_a_person_for_ever():
+    followed, chair = Followed(), np.array([[0, 0, 3]], np.float32)
+    identities = [followed.identify(chair, CERTAIN if number == 0 else DOUBTFUL, number / 30)[0] for number in range(120)]
+    times_s = np.flatnonzero(np.array(identities) != UNKNOWN) / 30
+    assert np.diff(times_s).max() < 0.05 and times_s[-1] == pytest.approx(DOUBTED_S, abs=0.05)
+    assert followed.identify(chair, CERTAIN, 4.1) == [0]  # somebody sits down on it
+
+
+def test_a_chair_that_is_no_longer_trusted_does_not_take_the_identity_of_who_stands_beside_it():
+    followed = Followed()
+    both = np.array([[0, 0, 3], [0.25, 0, 3]], np.float32)
+    found = [followed.identify(both, np.array([True, number == 0]), number / 30) for number in range(120)]
+    assert found[0] == [0, 1] and found[-1] == [0, UNKNOWN]
+
+
+@pytest.mark.parametrize("fps", [5, 15, 30, 90])
+def test_people_who_walk_keep_their_identities_at_any_rate_of_images(fps):
+    followed, images = Followed(), 2 * fps
+    paths_m = np.array([line((-1.5, 0, 3), (1.5, 0, 3), images), line((1.5, 0, 3.6), (-1.5, 0, 3.6), images)], np.float32)
+    found = [followed.identify(paths_m[:, number], np.ones(2, bool), number / fps) for number in range(images)]
+    assert found == [[0, 1]] * images
+
+
+def test_people_who_move_while_the_images_stall_are_still_the_same():
+    followed, certain = Followed(), np.ones(2, bool)
+    places_m = np.array([[0, 0, 3], [2, 0, 4]], np.float32)
+    assert [followed.identify(places_m, certain, time_s) for time_s in (0.0, 0.03)] == [[0, 1]] * 2
+    moved_m = places_m + np.array([[0.3, 0.5, 0.5], [-0.5, 0, 0.3]], np.float32)
+    assert followed.identify(moved_m[::-1], certain, 1.63) == [1, 0]

@@ -42,7 +42,7 @@ def test_the_person_is_the_one_found_in_most_images_and_of_equals_the_first(monk
 
         camera = CAMERA
 
-        def extract(self, depth_m):
+        def extract(self, depth_m, time_s=None):
             at = {identity: (identity, 0, identity + 1, 1) for identity in next(identities)}
             return [Human(one, box, np.full((1, 1), one, np.float32), np.zeros(3)) for one, box in at.items()]
 

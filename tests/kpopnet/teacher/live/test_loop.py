@@ -104,7 +104,7 @@ class Knowing:
     def reset(self) -> None:
         pass
 
-    def update(self, depth_m, camera):
+    def update(self, depth_m, camera, time_s=None):
         frame = min(round(float(depth_m[0, 0]) * self.dance.fps), len(self.dance.joints_m) - 1)
         return [PersonPose(1, self.dance.joints_m[frame], np.ones(15, np.float32))]
 
