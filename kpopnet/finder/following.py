@@ -78,10 +78,10 @@ class Followed:
         for column in certain_left:
             if column not in found:
                 found[column] = self._returned(centres_m[column], time_s, found)
-        for track in self._tracks:
-            track.hidden = True
         for column, track in found.items():
             track.see(centres_m[column], bool(certain[column]), time_s)
+        for track in self._tracks:
+            track.hidden = track.seen_s < time_s
         self._tracks = sorted(self._tracks, key=lambda track: -track.seen_s)[: len(found) + MOST_MISSING]
         return [found[column].identity if column in found else UNKNOWN for column in range(len(centres_m))]
 

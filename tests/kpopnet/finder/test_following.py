@@ -76,7 +76,7 @@ def test_a_chair_that_is_no_longer_trusted_does_not_take_the_identity_of_who_sta
 @pytest.mark.parametrize("fps", [5, 15, 30, 90])
 def test_people_who_walk_keep_their_identities_at_any_rate_of_images(fps):
     followed, images = Followed(), 2 * fps
-    paths_m = np.array([line((-1.5, 0, 3), (1.5, 0, 3), images), line((1.5, 0, 3.6), (-1.5, 0, 3.6), images)], np.float32)
+    paths_m = np.array([line((-1.5, 0, 3), (1.5, 0, 3), images), line((1.5, 0, 3.3), (-1.5, 0, 3.3), images)], np.float32)
     found = [followed.identify(paths_m[:, number], np.ones(2, bool), number / fps) for number in range(images)]
     assert found == [[0, 1]] * images
 
