@@ -5,7 +5,7 @@ before camera k % C of C. A person comes in from the side, stands still, turns o
 seat that stands there, leaves, and comes back. `whole_px` and `seen_px` are as in `rooms`.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -13,7 +13,6 @@ import numpy as np
 
 from kpopnet.camera import CAMERAS
 from kpopnet.datasets.check_script import END_S
-from kpopnet.datasets.simulated import StoredSequence
 from kpopnet.errors import InputError
 from synth.motion.choreography.check_minute import BPM, SAT_S, check_minute
 from synth.motion.choreography.stage import Style, perform
@@ -76,29 +75,22 @@ class CheckSim(SequenceGenerator):
     frames: tuple[int, int] = (round(END_S * FPS), round(END_S * FPS))
 
     about = "SIMULATED films of the script of `kpopnet check`, no real person."
+    names = "check_{:02d}"
+    composed_only = "no recording follows the script; take motion=choreography"
+    images_differ = True
     camera, fps = CAMERAS["kinect_v1"], FPS  # the camera of some
     kinds: ClassVar[tuple[str, ...]] = tuple(SENSOR_OF_CAMERA)
     tiles = 20
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.motion.source == "clips":
-            raise InputError("motion=clips: no recording follows the script; take motion=choreography")
-        object.__setattr__(self, "renderer", "cpu")  # images differ in size, which OpenGL's window does not
-
-    @classmethod
-    def sequence_name(cls, index: int) -> str:
-        return f"check_{index:02d}"
-
     def kind(self, index: int) -> str:
         return self.benchmark.cameras[index % len(self.benchmark.cameras)]
 
-    def _round(self, index: int) -> int:
-        return index // len(self.benchmark.cameras)
+    def first_person(self, index: int) -> int:
+        return index // len(self.benchmark.cameras) % PEOPLE
 
     def take(self, index: int) -> RoomTake:
         """Puts the person of sequence `index`, their seat and the room before the camera."""
-        name, number = self.kind(index), self._round(index) % PEOPLE
+        name, number = self.kind(index), self.first_person(index)
         camera, rng = CAMERAS[name], self._rng("sequence", number)
         studio, person, (room, view) = Studio(camera, "cpu"), self.person(number), self._room(number % ROOMS)
         y_m = max(NEAREST_M, HALF_HEIGHT_M * 2 * camera.fy / camera.height)
@@ -134,17 +126,3 @@ class CheckSim(SequenceGenerator):
 
     def shots(self, index: int, take: RoomTake, frames: range) -> Iterator[RoomShot]:
         return measured(take, frames, FilmNoise(self._seed("noise", index)))
-
-    def sequence(self, index: int, on_frame: Callable[[], None]) -> StoredSequence:
-        shots = self.stacked(index, self.take(index), None, on_frame)
-        return StoredSequence(
-            self.sequence_name(index),
-            self.kind(index),
-            FPS,
-            CAMERAS[self.kind(index)],
-            (f"person {self._round(index) % PEOPLE}",),
-            depth=shots["depth_mm"],
-            joints_m=shots["joints_camera_m"],
-            whole_px=shots["whole_px"],
-            seen_px=shots["seen_px"],
-        )

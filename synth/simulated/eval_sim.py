@@ -36,13 +36,10 @@ class EvalSim(StandIn):
     frames: tuple[int, int] = (288, 488)
 
     about = "SIMULATED people in rooms, the stand-in for EVAL; this is not EVAL itself."
+    names = "seq_{:02d}"
     camera, fps = CAMERAS["eval"], 30.0
     view = ViewConfig(height_m=(0.7, 1.7), aim_m=(0.85, 1.15))
     kinds = ("dance", "crossed_punches", "kicks", "turns", "sitting", "handstand", "dance", "mixture")
-
-    @classmethod
-    def sequence_name(cls, index: int) -> str:
-        return f"seq_{index:02d}"
 
     def compose(self, rng: np.random.Generator, index: int, seconds: float) -> Motion:
         return show(rng, self.kind(index), seconds, self.fps)

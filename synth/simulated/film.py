@@ -297,6 +297,11 @@ def nearest_surfaces(room_m: np.ndarray, people_m: Sequence[np.ndarray]) -> tupl
     return depth_m, labels
 
 
+def pixels_of_people(labels: np.ndarray, people: int) -> np.ndarray:
+    """(P,) int32 pixels of (H, W) labels of `nearest_surfaces` that show each person."""
+    return np.array([np.count_nonzero(labels == PERSON + person) for person in range(people)], np.int32)
+
+
 def on_stage(place_m: tuple[float, float], yaw_rad: float) -> np.ndarray:
     """(3,) position from the middle of a stage turned to the left, world frame, metres: z of the place faces the camera."""
     (x, z), cos, sin = place_m, np.cos(yaw_rad), np.sin(yaw_rad)

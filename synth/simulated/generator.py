@@ -48,6 +48,12 @@ class SetGenerator(ABC):
 
     camera: ClassVar[Camera]
 
+    composed_only: ClassVar[str] = ""
+    """Why recorded motion is refused; empty where it is not."""
+
+    images_differ: ClassVar[bool] = False
+    """Whether images differ in size, which OpenGL's window does not: the CPU draws."""
+
     benchmark: Any  # identity and size of the set
     # `choreography` for composed motion, or `clips` for recordings of the pack's test subjects
     motion: MotionConfig = field(default_factory=lambda: MotionConfig(source="choreography"))
@@ -61,6 +67,10 @@ class SetGenerator(ABC):
                 f"motion={self.motion.source} with other settings: a benchmark's motion is either composed "
                 "(motion=choreography, whose dances only benchmark.seed changes) or recorded (motion=clips motion.path=...)"
             )
+        if self.composed_only and self.motion != composed:
+            raise InputError(f"motion=clips: {self.composed_only}")
+        if self.images_differ:
+            object.__setattr__(self, "renderer", "cpu")
 
     @abstractmethod
     def manifest_entries(self) -> dict:

@@ -24,7 +24,7 @@ from synth.scene.room import DANCE_HALL, Room, View, draw_room, overlaps_boxes
 from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS, SensorConfig, measure_labelled
 from synth.simulated.casts import CASTS, FPS, Part
-from synth.simulated.film import PERSON, Played, Studio, collides, nearest_surfaces, on_stage
+from synth.simulated.film import Played, Studio, collides, nearest_surfaces, on_stage, pixels_of_people
 
 SENSOR_OF_CAMERA = {"eval": "kinect_v1", "kinect_v1": "kinect_v1", "kinect_2": "kinect_2", "smmc10": "swissranger"}
 FILM_PX = ((160, 120), (320, 240), (640, 576), (848, 480))
@@ -84,10 +84,6 @@ class ClearFrame(NamedTuple):
     labels: np.ndarray  # (H, W) uint8
     joints_camera_m: np.ndarray  # (P, 15, 3) float32
     whole_px: np.ndarray  # (P,) int
-
-    def seen_px(self, labels: np.ndarray) -> np.ndarray:
-        """(P,) pixels of (H, W) labels that show each person."""
-        return np.array([np.count_nonzero(labels == PERSON + person) for person in range(len(self.whole_px))], np.int32)
 
 
 @dataclass(frozen=True)
@@ -266,14 +262,14 @@ def measured(take: RoomTake, frames: range, noise: FilmNoise) -> Iterator[RoomSh
         rng, shared = noise.frame(clear.number)
         ends_m = clear.joints_camera_m[:, LIMB_ENDS].reshape(-1, 3)
         depth_m, labels = measure_labelled(clear.depth_m, clear.labels, take.camera, take.sensor, rng, ends_m, shared)
-        seen_px = clear.seen_px(labels)
+        seen_px = pixels_of_people(labels, len(clear.whole_px))
         yield RoomShot(millimetres(depth_m), clear.joints_camera_m, np.maximum(clear.whole_px, seen_px), seen_px)
 
 
 def _shows(kind: str, take: RoomTake) -> bool:
     """Whether at least half of somebody shows in the middle of the film, and whether furniture hides a part where it should."""
     clear = next(render(take, range(len(take) // 2, len(take) // 2 + 1)))
-    share = clear.seen_px(clear.labels) / np.maximum(clear.whole_px, 1)
+    share = pixels_of_people(clear.labels, len(clear.whole_px)) / np.maximum(clear.whole_px, 1)
     return bool(share.max() >= 0.5 and (kind != "behind_furniture" or share.min() <= 1 - HIDDEN_BEHIND))
 
 

@@ -17,10 +17,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from kpopnet.camera import CAMERAS, Camera
+from kpopnet.camera import CAMERAS
 from kpopnet.datasets.simulated import StoredSequence, read_sequence
 from kpopnet.errors import InputError
-from kpopnet.viz.drawing import TRUE, sheet
 from synth.body.shape import BodyConfig, Person, draw_person
 from synth.rooms.held_back import BENCHMARK_CLUTTER
 from synth.rooms.images import measure_scene
@@ -28,6 +27,7 @@ from synth.rooms.scene import MOST_PEOPLE, RoomScenes
 from synth.samples.sampler import SampleConfig
 from synth.sensor.film_noise import FilmNoise
 from synth.simulated.casts import CASTS, FPS
+from synth.simulated.film import pixels_of_people
 from synth.simulated.room_films import FILM_PX, RoomShot, RoomTake, draw_take, measured
 from synth.simulated.sequences import TILES, Selection, SequenceGenerator, frame_tile
 
@@ -78,18 +78,14 @@ class Rooms(SequenceGenerator):
     frames: tuple[int, int] = (60, 120)
 
     about = "SIMULATED films and images of any number of people in rooms, no real person."
+    names = "room_{:03d}"
+    composed_only = "recordings know of no second person; take motion=choreography"
+    images_differ = True
     camera, fps = CAMERAS["eval"], FPS  # the camera of some; each sequence has its own
     kinds: ClassVar[tuple[str, ...]] = KINDS
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.motion.source == "clips":
-            raise InputError("motion=clips: recordings know of no second person; take motion=choreography")
-        object.__setattr__(self, "renderer", "cpu")  # images differ in size, which OpenGL's window does not
-
-    @classmethod
-    def sequence_name(cls, index: int) -> str:
-        return f"room_{index:03d}"
+    def first_person(self, index: int) -> int:
+        return index * MOST_PEOPLE
 
     def kind(self, index: int) -> str:
         kinds = [kind for kind in KINDS if kind in self.benchmark.kinds]
@@ -108,7 +104,7 @@ class Rooms(SequenceGenerator):
 
     def take(self, index: int) -> RoomTake:
         """Draws people, motions, camera and room of a film; raises InputError if none of TRIES casts is in view and clear."""
-        people = cache(lambda number: self.person(index * MOST_PEOPLE + number))
+        people = cache(lambda number: self.person(self.first_person(index) + number))
         for attempt in range(TRIES):
             rng = self._rng("sequence", index, attempt)
             take = draw_take(rng, self.kind(index), people, int(rng.integers(*self.frames, endpoint=True)))
@@ -120,57 +116,30 @@ class Rooms(SequenceGenerator):
         return measured(take, frames, FilmNoise(self._seed("noise", index)))
 
     def sequence(self, index: int, on_frame: Callable[[], None]) -> StoredSequence:
-        if self.kind(index) == SINGLE:
-            camera, shots = self._single_image(index)
-            on_frame()
-        else:
-            take = self.take(index)
-            camera, shots = take.camera, self.stacked(index, take, None, on_frame)
-        people = tuple(f"person {index * MOST_PEOPLE + number}" for number in range(shots["joints_camera_m"].shape[1]))
-        return StoredSequence(
-            self.sequence_name(index),
-            self.kind(index),
-            FPS,
-            camera,
-            people,
-            depth=shots["depth_mm"],
-            joints_m=shots["joints_camera_m"],
-            whole_px=shots["whole_px"],
-            seen_px=shots["seen_px"],
-        )
-
-    def _single_image(self, index: int) -> tuple[Camera, dict[str, np.ndarray]]:
-        """The camera of a single image, and the fields of `RoomShot` with a first axis of one frame."""
+        if self.kind(index) != SINGLE:
+            return super().sequence(index, on_frame)
         rng = self._rng("sequence", index)
         clear = self._scenes[int(rng.integers(len(IMAGE_PX)))].draw_scene(8 * index)  # eight scenes show the same people
         depth_mm, labels = measure_scene(rng, clear, SENSOR_SHARES)
-        people = range(1, len(clear.joints_camera_m) + 1)
-        seen_px = np.array([np.count_nonzero(labels == person) for person in people], np.int32)
-        pixels = np.maximum(np.rint(clear.whole_px).astype(np.int32), seen_px)
-        shot = RoomShot(depth_mm, clear.joints_camera_m, pixels, seen_px)
-        return clear.camera, {name: getattr(shot, name)[None] for name in vars(shot)}
+        seen_px = pixels_of_people(labels + np.uint8(1), len(clear.joints_camera_m))  # of films, the first person is 2
+        whole_px = np.maximum(np.rint(clear.whole_px).astype(np.int32), seen_px)
+        on_frame()
+        shot = {"depth_mm": depth_mm, "joints_camera_m": clear.joints_camera_m, "whole_px": whole_px, "seen_px": seen_px}
+        return self.stored(index, clear.camera, {name: array[None] for name, array in shot.items()})
 
     @cached_property
     def _scenes(self) -> list["BenchmarkScenes"]:
         return [BenchmarkScenes(self, most_px) for most_px in IMAGE_PX]
 
-    def contact_sheet(self, folder: Path, manifest: dict) -> np.ndarray:
-        """RGB image: a row for each of the first films of a kind, and rows of single images, with the true skeletons."""
-        rows, images, shown = [], [], set()
-        for index in range(manifest["sequences"]):
-            path, kind = self.path(folder, index), self.kind(index)
-            if not path.exists() or kind in shown:
-                continue
-            stored = read_sequence(path)
-            if kind == SINGLE:
-                images.append(frame_tile(stored, 0, path.stem))
-                shown |= {SINGLE} if len(images) == IMAGE_ROWS * TILES else set()
-                continue
-            numbers = np.linspace(0, len(stored.depth) - 1, TILES).astype(int).tolist()
-            rows.append((f"{path.stem}: {kind}", [frame_tile(stored, number, f"frame {number}") for number in numbers]))
-            shown.add(kind)
-        rows += [("single images", images[first : first + TILES]) for first in range(0, len(images), TILES)]
-        return sheet(rows, (TRUE,), f"SIMULATED, {manifest['benchmark']}, seed {manifest['seed']}: depth and true joints")
+    def sheet_rows(self, paths: list[Path]) -> list[tuple[str, list[np.ndarray]]]:
+        """A row for each of the first films of a kind, and rows of single images."""
+        of_kind: dict[str, list[Path]] = {}
+        for path in paths:
+            of_kind.setdefault(self.kind(int(path.stem.removeprefix("room_"))), []).append(path)
+        singles = of_kind.pop(SINGLE, [])[: IMAGE_ROWS * TILES]
+        images = [frame_tile(read_sequence(path), 0, path.stem) for path in singles]
+        rows = [self.sheet_row(films[0]) for films in of_kind.values()]
+        return rows + [("single images", images[first : first + TILES]) for first in range(0, len(images), TILES)]
 
 
 class BenchmarkScenes(RoomScenes):

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from kpopnet.camera import depth_in_metres
+from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.datasets.simulated import StoredSequence, read_sequence, write_sequence
 from kpopnet.errors import InputError, check_between
 from kpopnet.viz.drawing import TRUE, depth_rgb, draw_skeleton, enlarged, sheet, with_captions
@@ -89,24 +89,42 @@ class SequenceGenerator(SetGenerator):
     tiles: ClassVar[int] = TILES
     """Frames of a sequence in the contact sheet."""
 
+    names: ClassVar[str]
+    """Format of the name of a sequence, by its number."""
+
     frames: tuple[int, int] = (100, 400)  # least and greatest length of a sequence, frames
 
     @classmethod
-    @abstractmethod
     def sequence_name(cls, index: int) -> str:
         """The name of sequence `index`, and of its file without the suffix."""
+        return cls.names.format(index)
 
     @abstractmethod
     def take(self, index: int) -> Any:
-        """Draws people, motion, room and view of sequence `index`; its length is the number of frames."""
+        """Draws people, motion, room and view of sequence `index`; its length is the number of frames.
+
+        It has a `camera` where that is not the set's.
+        """
 
     @abstractmethod
     def shots(self, index: int, take: Any, frames: range) -> Iterator[Any]:
         """Renders and measures frames of sequence `index`; a frame is the same whichever others are made."""
 
-    @abstractmethod
+    def first_person(self, index: int) -> int:
+        """The number of the first person of sequence `index`; the others follow."""
+        return index
+
     def sequence(self, index: int, on_frame: Callable[[], None]) -> StoredSequence:
         """Makes sequence `index` and calls `on_frame` after each frame."""
+        take = self.take(index)
+        return self.stored(index, getattr(take, "camera", self.camera), self.stacked(index, take, None, on_frame))
+
+    def stored(self, index: int, camera: Camera, arrays: dict[str, np.ndarray]) -> StoredSequence:
+        """Sequence `index` from the fields of its shots by name: depth_mm, joints_camera_m, and those of `StoredSequence`."""
+        depth, joints_m = arrays.pop("depth_mm"), arrays.pop("joints_camera_m")
+        people = tuple(f"person {self.first_person(index) + number}" for number in range(joints_m.shape[1]))
+        name, kind = self.sequence_name(index), self.kind(index)
+        return StoredSequence(name, kind, self.fps, camera, people, depth, joints_m, **arrays)
 
     def kind(self, index: int) -> str:
         """The kind of motion in sequence `index`."""
@@ -148,17 +166,22 @@ class SequenceGenerator(SetGenerator):
 
     def contact_sheet(self, folder: Path, manifest: dict) -> np.ndarray:
         """RGB image: a row for each sequence, frames at even distances, with the true skeletons."""
-        rows = []
-        for path in (self.path(folder, index) for index in range(manifest["sequences"])):
-            if not path.exists():
-                continue
-            frames = len(read_sequence(path, ()).joints_m)
-            numbers = np.unique(np.linspace(0, frames - 1, self.tiles).astype(int)).tolist()
-            stored = read_sequence(path, numbers)
-            stored = replace(stored, joints_m=stored.joints_m[numbers])
-            tiles = [frame_tile(stored, at, f"frame {number}") for at, number in enumerate(numbers)]
-            rows.append((f"{path.stem}: {stored.kind}, {frames} frames", tiles))
+        paths = [self.path(folder, index) for index in range(manifest["sequences"])]
+        rows = self.sheet_rows([path for path in paths if path.exists()])
         return sheet(rows, (TRUE,), f"SIMULATED, {manifest['benchmark']}, seed {manifest['seed']}: depth and true joints")
+
+    def sheet_rows(self, paths: list[Path]) -> list[tuple[str, list[np.ndarray]]]:
+        """The rows of the contact sheet, from the files of the set."""
+        return [self.sheet_row(path) for path in paths]
+
+    def sheet_row(self, path: Path) -> tuple[str, list[np.ndarray]]:
+        """The caption and the tiles of one file."""
+        frames = len(read_sequence(path, ()).joints_m)
+        numbers = np.unique(np.linspace(0, frames - 1, self.tiles).astype(int)).tolist()
+        stored = read_sequence(path, numbers)
+        stored = replace(stored, joints_m=stored.joints_m[numbers])
+        tiles = [frame_tile(stored, at, f"frame {number}") for at, number in enumerate(numbers)]
+        return f"{path.stem}: {stored.kind}, {frames} frames", tiles
 
 
 def frame_tile(stored: StoredSequence, number: int, caption: str) -> np.ndarray:
@@ -240,14 +263,5 @@ class StandIn(SequenceGenerator):
     def sequence(self, index: int, on_frame: Callable[[], None]) -> StoredSequence:
         film = self.film(index, on_frame=on_frame)
         markers_m = np.where(film.markers_tracked[..., None], film.markers_camera_m, np.float32(np.nan))
-        return StoredSequence(
-            self.sequence_name(index),
-            self.kind(index),
-            self.fps,
-            self.camera,
-            (f"person {index}",),
-            depth=film.depth_m,
-            joints_m=self.truth_m(film, markers_m)[:, None],
-            markers_m=markers_m[:, None],
-            marker_names=tuple(MARKERS),
-        )
+        arrays = {"depth_mm": film.depth_m, "joints_camera_m": self.truth_m(film, markers_m)[:, None]}
+        return replace(self.stored(index, self.camera, arrays), markers_m=markers_m[:, None], marker_names=tuple(MARKERS))

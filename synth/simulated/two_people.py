@@ -5,21 +5,21 @@ hug, one leaves the image, one enters it, they dance side by side (`synth.motion
 two sequences, or in a training set. It imitates no published set.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
-from kpopnet.camera import CAMERAS, MM_PER_METRE, Camera
-from kpopnet.datasets.simulated import StoredSequence
+from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
 from synth.motion.choreography.pairs import LEAVES_IMAGE, SCRIPTS, Role, draw_duet
+from synth.samples.layers import millimetres
 from synth.samples.observe import LIMB_ENDS
 from synth.scene.room import DANCE_HALL, ViewConfig, draw_room, draw_view
 from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS, SensorConfig, measure_labelled
-from synth.simulated.film import PERSON, CleanFrame, Played, Studio, Take, nearest_surfaces, on_stage
+from synth.simulated.film import CleanFrame, Played, Studio, Take, nearest_surfaces, on_stage, pixels_of_people
 from synth.simulated.sequences import HEADING_STD_DEG, Selection, SequenceGenerator, penetrates_itself
 
 FPS = 30.0
@@ -56,10 +56,10 @@ class Duet:
 class DuetShot:
     """One measured frame of two people."""
 
-    depth_m: np.ndarray  # (H, W) float32 depth of the whole scene, metres, 0 where nothing was measured
+    depth_mm: np.ndarray  # (H, W) uint16 depth of the whole scene, millimetres, 0 where nothing was measured
     joints_camera_m: np.ndarray  # (2, 15, 3) float32 true joints, metres
-    alone_px: np.ndarray  # (2,) pixels inside the image that would show each person if the other were not there
-    seen_px: np.ndarray  # (2,) pixels that show each person, before the sensor's noise
+    alone_px: np.ndarray  # (2,) int32 pixels inside the image that would show each person if the other were not there
+    seen_px: np.ndarray  # (2,) int32 pixels that show each person, before the sensor's noise
 
 
 @dataclass(frozen=True)
@@ -71,18 +71,14 @@ class TwoPeople(SequenceGenerator):
     frames: tuple[int, int] = (260, 320)
 
     about = "SIMULATED films of two people, no real person."
+    names = "pair_{:02d}"
+    composed_only = "recordings know of no second person; take motion=choreography"
     camera, fps = CAMERA, FPS
     view = ViewConfig(height_m=(0.9, 1.7), aim_m=(0.85, 1.15))
     kinds = tuple(SCRIPTS)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.motion.source == "clips":
-            raise InputError("motion=clips: recordings know of no second person; take motion=choreography")
-
-    @classmethod
-    def sequence_name(cls, index: int) -> str:
-        return f"pair_{index:02d}"
+    def first_person(self, index: int) -> int:
+        return 2 * index
 
     @cached_property
     def studios(self) -> tuple[Studio, Studio]:
@@ -90,7 +86,7 @@ class TwoPeople(SequenceGenerator):
 
     def take(self, index: int) -> Duet:
         """Draws the people, duet, room and view; raises InputError if none stays inside a room and the image."""
-        kind, people = self.kind(index), [self.person(2 * index + number) for number in (0, 1)]
+        kind, people = self.kind(index), [self.person(self.first_person(index) + number) for number in (0, 1)]
         for attempt in range(SCENE_TRIES):
             rng = self._rng("sequence", index, attempt)
             roles = draw_duet(rng, kind, int(rng.integers(*self.frames, endpoint=True)), FPS)
@@ -138,20 +134,6 @@ class TwoPeople(SequenceGenerator):
         rendered = (studio.render(one, frames) for studio, one in zip(self.studios, take.takes, strict=True))
         return (measure(pair, self.camera, self.sensor, noise) for pair in zip(*rendered, strict=True))
 
-    def sequence(self, index: int, on_frame: Callable[[], None]) -> StoredSequence:
-        shots = self.stacked(index, self.take(index), None, on_frame)
-        return StoredSequence(
-            self.sequence_name(index),
-            self.kind(index),
-            FPS,
-            CAMERA,
-            (f"person {2 * index}", f"person {2 * index + 1}"),
-            depth=np.rint(shots["depth_m"] * MM_PER_METRE).astype(np.uint16),
-            joints_m=shots["joints_camera_m"],
-            alone_px=shots["alone_px"].astype(np.int32),
-            seen_px=shots["seen_px"].astype(np.int32),
-        )
-
 
 def measure(pair: tuple[CleanFrame, CleanFrame], camera: Camera, sensor: SensorConfig, noise: FilmNoise) -> DuetShot:
     """Puts two people, each rendered alone in the same room, into one image, and applies the sensor model."""
@@ -160,9 +142,6 @@ def measure(pair: tuple[CleanFrame, CleanFrame], camera: Camera, sensor: SensorC
     rng, shared = noise.frame(pair[0].number)
     ends_m = joints_m[:, LIMB_ENDS].reshape(-1, 3)
     depth_m, _ = measure_labelled(nearest_m, labels, camera, sensor, rng, ends_m, shared)
-    return DuetShot(
-        depth_m=depth_m,
-        joints_camera_m=joints_m,
-        alone_px=np.array([np.count_nonzero(nearest_surfaces(room_m, [clean.person_m])[1] == PERSON) for clean in pair]),
-        seen_px=np.array([np.count_nonzero(labels == PERSON + number) for number in range(len(pair))]),
-    )
+    alone = [nearest_surfaces(room_m, [clean.person_m])[1] for clean in pair]
+    alone_px = np.concatenate([pixels_of_people(one, 1) for one in alone])
+    return DuetShot(millimetres(depth_m), joints_m, alone_px, pixels_of_people(labels, len(pair)))

@@ -56,8 +56,8 @@ def test_the_nearer_of_two_people_hides_the_other() -> None:
         shot = measure(pair, CAMERA, SENSORS["ideal"], FilmNoise((1,)))
         assert shot.alone_px[::turned].tolist() == [100 * 240, 100 * 240]
         assert shot.seen_px[::turned].tolist() == [100 * 240, 50 * 240]
-        assert (shot.depth_m[:, :100] == 2).all() and (shot.depth_m[:, 100:150] == 3).all()
-        assert (shot.depth_m[1:, 150:] == 4).all() and (shot.depth_m[0, 150:] == 0).all()
+        assert (shot.depth_mm[:, :100] == 2000).all() and (shot.depth_mm[:, 100:150] == 3000).all()
+        assert (shot.depth_mm[1:, 150:] == 4000).all() and (shot.depth_mm[0, 150:] == 0).all()
 
 
 def test_recorded_motion_is_refused() -> None:
