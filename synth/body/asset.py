@@ -14,31 +14,18 @@ ASSET = Path(__file__).parents[1] / "assets" / "body.npz"
 
 @dataclass(frozen=True, eq=False)
 class BodyAsset:
-    """The body model that `tools/bake_body.py` stored: V vertices, F triangles, B bones, K shape components, P adults.
+    """The body model that `tools/bake_body.py` stored: V vertices, F triangles, B bones, K shape components, P adults."""
 
-    Attributes:
-        bone_names: names of the B bones, parents first.
-        bone_parents: (B,) int parent of each bone, -1 for the root.
-        joint_bones: (15,) int bone that each joint is attached to.
-        faces: (F, 3) int32, counter-clockwise seen from outside.
-        weight_bones: (V, 4) int bones of the skinning weights.
-        weights: (V, 4) float32 skinning weights; rows sum to 1.
-        mean: ((V + B + 15) * 3,) float32 mean vertices, bone heads and joints at rest, metres.
-        basis: (K, (V + B + 15) * 3) float32 displacement per standard deviation of each component, metres.
-        people: (P, K) float32 shape coefficients of the sampled adults.
-        facts: (P, 4) float32: sex (0 male, 1 female), age in years, weight 0..1, body mass index in kg/m².
-    """
-
-    bone_names: tuple[str, ...]
-    bone_parents: np.ndarray
-    joint_bones: np.ndarray
-    faces: np.ndarray
-    weight_bones: np.ndarray
-    weights: np.ndarray
-    mean: np.ndarray
-    basis: np.ndarray
-    people: np.ndarray
-    facts: np.ndarray
+    bone_names: tuple[str, ...]  # names of the B bones, parents first
+    bone_parents: np.ndarray  # (B,) int parent of each bone, -1 for the root
+    joint_bones: np.ndarray  # (15,) int bone that each joint is attached to
+    faces: np.ndarray  # (F, 3) int32, counter-clockwise seen from outside
+    weight_bones: np.ndarray  # (V, 4) int bones of the skinning weights
+    weights: np.ndarray  # (V, 4) float32 skinning weights; rows sum to 1
+    mean: np.ndarray  # ((V + B + 15) * 3,) float32 mean vertices, bone heads and joints at rest, metres
+    basis: np.ndarray  # (K, (V + B + 15) * 3) float32 displacement per standard deviation of each component, metres
+    people: np.ndarray  # (P, K) float32 shape coefficients of the sampled adults
+    facts: np.ndarray  # (P, 4) float32: sex (0 male, 1 female), age in years, weight 0..1, body mass index in kg/m²
 
     def bone(self, name: str) -> int:
         return self.bone_names.index(name)

@@ -28,19 +28,12 @@ AZIMUTHS, LEVEL_M = 24, 0.03
 
 @dataclass(frozen=True)
 class Figure:
-    """An unclothed body at rest, with what garments need to know of it. z is up, the body faces -y, its left is +x.
+    """An unclothed body at rest, with what garments need to know of it. z is up, the body faces -y, its left is +x."""
 
-    Attributes:
-        asset: the body model.
-        vertices_m: (V, 3) skin at rest, metres.
-        heads_m: (B, 3) proximal ends of the bones at rest, metres.
-        female: whether the person is more female than male.
-    """
-
-    asset: BodyAsset
-    vertices_m: np.ndarray
-    heads_m: np.ndarray
-    female: bool
+    asset: BodyAsset  # the body model
+    vertices_m: np.ndarray  # (V, 3) skin at rest, metres
+    heads_m: np.ndarray  # (B, 3) proximal ends of the bones at rest, metres
+    female: bool  # whether the person is more female than male
 
     @cached_property
     def normals(self) -> np.ndarray:

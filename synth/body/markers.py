@@ -93,23 +93,14 @@ def tracked_markers(vertices_world_m: np.ndarray, place_m: np.ndarray) -> np.nda
 
 
 class _Skin(NamedTuple):
-    """The body's triangles, grouped by the bone with the largest skinning weight (a part), and those around the markers.
+    """The body's triangles, grouped by the bone with the largest skinning weight (a part), and those around the markers."""
 
-    Attributes:
-        faces: (F, 3) triangles, ordered by part.
-        face_starts: (P,) index of the first triangle of each part.
-        part_corners: (C,) vertices of each part's triangles.
-        corner_starts: (P,) index of the first vertex of each part.
-        marker_faces: (N, 3) triangles around each marker.
-        marker_starts: (M,) index of the first triangle of each marker.
-    """
-
-    faces: np.ndarray
-    face_starts: np.ndarray
-    part_corners: np.ndarray
-    corner_starts: np.ndarray
-    marker_faces: np.ndarray
-    marker_starts: np.ndarray
+    faces: np.ndarray  # (F, 3) triangles, ordered by part
+    face_starts: np.ndarray  # (P,) index of the first triangle of each part
+    part_corners: np.ndarray  # (C,) vertices of each part's triangles
+    corner_starts: np.ndarray  # (P,) index of the first vertex of each part
+    marker_faces: np.ndarray  # (N, 3) triangles around each marker
+    marker_starts: np.ndarray  # (M,) index of the first triangle of each marker
 
 
 @cache

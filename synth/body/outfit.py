@@ -61,15 +61,10 @@ SKIRT_EASE_M = 0.015
 
 
 class Piece(NamedTuple):
-    """A piece of N vertices, in RINGS rings that run anticlockwise seen from above, the highest first.
+    """A piece of N vertices, in RINGS rings that run anticlockwise seen from above, the highest first."""
 
-    Attributes:
-        bones: the bones that hold the piece.
-        weights: (N, len(bones)) skinning weights; rows sum to 1.
-    """
-
-    bones: tuple[str, ...]
-    weights: np.ndarray
+    bones: tuple[str, ...]  # the bones that hold the piece
+    weights: np.ndarray  # (N, len(bones)) skinning weights; rows sum to 1
 
 
 def _ring_faces() -> np.ndarray:
@@ -110,19 +105,12 @@ PIECES: dict[str, Piece] = {
 
 
 class Skin(NamedTuple):
-    """The mesh of every dressed person: the body's V vertices, then those of the pieces.
+    """The mesh of every dressed person: the body's V vertices, then those of the pieces."""
 
-    Attributes:
-        faces: (F, 3) int32.
-        weight_bones: (N, 4) int bones of the skinning weights.
-        weights: (N, 4) float32 skinning weights; rows sum to 1.
-        starts: index of the first vertex of each piece, by name.
-    """
-
-    faces: np.ndarray
-    weight_bones: np.ndarray
-    weights: np.ndarray
-    starts: dict[str, int]
+    faces: np.ndarray  # (F, 3) int32
+    weight_bones: np.ndarray  # (N, 4) int bones of the skinning weights
+    weights: np.ndarray  # (N, 4) float32 skinning weights; rows sum to 1
+    starts: dict[str, int]  # index of the first vertex of each piece, by name
 
 
 @cache

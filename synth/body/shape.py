@@ -37,26 +37,17 @@ class BodyConfig:
 
 @dataclass(frozen=True)
 class Person:
-    """One body at rest (Anny's A-pose).
+    """One body at rest (Anny's A-pose)."""
 
-    Attributes:
-        bare_m: (V, 3) skin at rest, metres: what bodies collide with.
-        vertices_m: (N, 3) what is seen at rest, metres: the body's V vertices on skin or cloth, then those of the pieces of
-            clothes (see `synth.body.outfit.Skin`).
-        heads_m: (B, 3) proximal end (head) of each bone at rest, metres.
-        joints_m: (15, 3) labelled joints at rest, metres.
-        t_pose: (B, 3, 3) world rotation of each bone from the rest pose to the T-pose.
-        stature_m: height of the body without clothes and hair, metres.
-        leg_m: length from hip through knee to ankle, metres.
-    """
-
-    bare_m: np.ndarray
+    bare_m: np.ndarray  # (V, 3) skin at rest, metres: what bodies collide with
+    # (N, 3) what is seen at rest, metres: the body's V vertices on skin or cloth, then those of the pieces of clothes (see
+    # `synth.body.outfit.Skin`)
     vertices_m: np.ndarray
-    heads_m: np.ndarray
-    joints_m: np.ndarray
-    t_pose: np.ndarray
-    stature_m: float
-    leg_m: float
+    heads_m: np.ndarray  # (B, 3) proximal end (head) of each bone at rest, metres
+    joints_m: np.ndarray  # (15, 3) labelled joints at rest, metres
+    t_pose: np.ndarray  # (B, 3, 3) world rotation of each bone from the rest pose to the T-pose
+    stature_m: float  # height of the body without clothes and hair, metres
+    leg_m: float  # length from hip through knee to ankle, metres
 
 
 SPLIT_RANGES = {"train": (0.0, 0.8), "validation": (0.8, 0.9), "test": (0.9, 1.0), "benchmark": (0.9, 1.0)}

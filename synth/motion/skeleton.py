@@ -78,21 +78,14 @@ MIRROR = np.array([INDEX[re.sub("Left|Right", lambda side: _OTHER[side[0]], name
 
 @dataclass(frozen=True)
 class Motion:
-    """A motion of one person.
+    """A motion of one person."""
 
-    Attributes:
-        quats: (T, 23, 4) float32, local rotations w, x, y, z relative to the T-pose.
-        root_m: (T, 3) float32, position of Hips, metres.
-        fps: frames per second.
-        name: source of the motion; stored with every sample.
-        leg_m: leg length, hip through knee to ankle, of the skeleton that `root_m` belongs to, metres. For another body
-            the root is scaled by the ratio of the leg lengths.
-    """
-
-    quats: np.ndarray
-    root_m: np.ndarray
-    fps: float
-    name: str
+    quats: np.ndarray  # (T, 23, 4) float32, local rotations w, x, y, z relative to the T-pose
+    root_m: np.ndarray  # (T, 3) float32, position of Hips, metres
+    fps: float  # frames per second
+    name: str  # source of the motion; stored with every sample
+    # leg length, hip through knee to ankle, of the skeleton that `root_m` belongs to, metres; for another body the root is
+    # scaled by the ratio of the leg lengths
     leg_m: float
 
     def __len__(self) -> int:
@@ -101,19 +94,12 @@ class Motion:
 
 @dataclass(frozen=True)
 class Poses:
-    """Independent single poses, each facing +Z at x = z = 0.
+    """Independent single poses, each facing +Z at x = z = 0."""
 
-    Attributes:
-        quats: (N, 23, 4) float32, local rotations w, x, y, z relative to the T-pose.
-        root_m: (N, 3) float32, position of Hips, metres.
-        leg_m: (N,) float32, leg length of the skeleton that each root belongs to, metres.
-        names: names of the N sources.
-    """
-
-    quats: np.ndarray
-    root_m: np.ndarray
-    leg_m: np.ndarray
-    names: list[str]
+    quats: np.ndarray  # (N, 23, 4) float32, local rotations w, x, y, z relative to the T-pose
+    root_m: np.ndarray  # (N, 3) float32, position of Hips, metres
+    leg_m: np.ndarray  # (N,) float32, leg length of the skeleton that each root belongs to, metres
+    names: list[str]  # names of the N sources
 
     def __len__(self) -> int:
         return len(self.quats)

@@ -64,39 +64,23 @@ LOST = {"floor": 0.15, "back": 0.12, "left": 0.08, "right": 0.08, "ceiling": 0.3
 
 
 class ClearScene(NamedTuple):
-    """One scene without sensor noise, of P people.
+    """One scene without sensor noise, of P people."""
 
-    Attributes:
-        depth_m: (H, W) float32 depth, 0 where nothing returns.
-        labels: (H, W) uint8: 0 for the surroundings, 1..P for a person.
-        joints_camera_m: (P, 15, 3) float32 true joints.
-        whole_px: (P,) pixels that the whole person would have, if the image had no border and nothing else were there.
-        camera: of these pixels.
-        view: the camera's pose in the world.
-    """
-
-    depth_m: np.ndarray
-    labels: np.ndarray
-    joints_camera_m: np.ndarray
-    whole_px: np.ndarray
-    camera: Camera
-    view: View
+    depth_m: np.ndarray  # (H, W) float32 depth, 0 where nothing returns
+    labels: np.ndarray  # (H, W) uint8: 0 for the surroundings, 1..P for a person
+    joints_camera_m: np.ndarray  # (P, 15, 3) float32 true joints
+    whole_px: np.ndarray  # (P,) pixels that the whole person would have, if the image had no border and nothing else were there
+    camera: Camera  # of these pixels
+    view: View  # the camera's pose in the world
 
 
 class Surroundings(NamedTuple):
-    """What is drawn besides people; world frame, metres.
+    """What is drawn besides people; world frame, metres."""
 
-    Attributes:
-        meshes: surfaces that return something.
-        centres_m: (K, 3) centres of the boxes, yaw 0, that people keep clear of.
-        halves_m: (K, 3) half sizes of these.
-        walls: left, right and back wall's distances and the room's turn, of a room.
-    """
-
-    meshes: list[Mesh]
-    centres_m: np.ndarray
-    halves_m: np.ndarray
-    walls: tuple[float, float, float, float] | None
+    meshes: list[Mesh]  # surfaces that return something
+    centres_m: np.ndarray  # (K, 3) centres of the boxes, yaw 0, that people keep clear of
+    halves_m: np.ndarray  # (K, 3) half sizes of these
+    walls: tuple[float, float, float, float] | None  # left, right and back wall's distances and the room's turn, of a room
 
 
 NOTHING = Surroundings([], np.zeros((0, 3)), np.zeros((0, 3)), None)

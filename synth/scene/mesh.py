@@ -19,15 +19,10 @@ Box = tuple[Triple, Triple]
 
 
 class Mesh(NamedTuple):
-    """A triangle mesh.
+    """A triangle mesh."""
 
-    Attributes:
-        vertices_m: (V, 3) float64, metres.
-        faces: (F, 3) int32, counter-clockwise seen from outside.
-    """
-
-    vertices_m: np.ndarray
-    faces: np.ndarray
+    vertices_m: np.ndarray  # (V, 3) float64, metres
+    faces: np.ndarray  # (F, 3) int32, counter-clockwise seen from outside
 
     def moved(self, rotation: np.ndarray, position_m: np.ndarray) -> "Mesh":
         """The mesh in another frame: rotated by (3, 3) about its origin, then moved by (3,) metres."""

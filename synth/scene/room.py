@@ -41,15 +41,10 @@ class ViewConfig:
 
 @dataclass(frozen=True)
 class View:
-    """A camera pose.
+    """A camera pose."""
 
-    Attributes:
-        position_m: (3,) position in the world, metres.
-        rotation: (3, 3) rotation from the camera frame (x right, y down, z forward) to the world frame.
-    """
-
-    position_m: np.ndarray
-    rotation: np.ndarray
+    position_m: np.ndarray  # (3,) position in the world, metres
+    rotation: np.ndarray  # (3, 3) rotation from the camera frame (x right, y down, z forward) to the world frame
 
     def to_camera(self, points_world_m: np.ndarray) -> np.ndarray:
         """Transforms points (..., 3) from the world frame to the camera frame, metres."""
@@ -62,17 +57,11 @@ class View:
 
 @dataclass(frozen=True)
 class Room:
-    """K boxes. The first four are the floor and the back, left and right walls.
+    """K boxes. The first four are the floor and the back, left and right walls."""
 
-    Attributes:
-        centres_m: (K, 3) box centres in the world, metres.
-        halves_m: (K, 3) half sizes along the box's own axes, metres.
-        yaws_rad: (K,) rotations about the vertical, radians.
-    """
-
-    centres_m: np.ndarray
-    halves_m: np.ndarray
-    yaws_rad: np.ndarray
+    centres_m: np.ndarray  # (K, 3) box centres in the world, metres
+    halves_m: np.ndarray  # (K, 3) half sizes along the box's own axes, metres
+    yaws_rad: np.ndarray  # (K,) rotations about the vertical, radians
 
     def clear_m(self) -> tuple[float, float, float]:
         """Inner faces of the walls, metres: y of the back wall, x of the left wall, x of the right wall."""

@@ -25,23 +25,14 @@ UNUSED_BOX_Z_M = -100.0  # boxes that a room does not use are placed far below t
 
 
 class FittedPerson(NamedTuple):
-    """The values of the model's arrays for one person with B bones and C capsules (see `Scene.fit`).
+    """The values of the model's arrays for one person with B bones and C capsules (see `Scene.fit`)."""
 
-    Attributes:
-        person: the person.
-        body_pos: (B - 1, 3) offset of each bone but the root from its parent, metres.
-        bind_quat: (B, 4) bind rotations of the skin.
-        capsule_size: (C, 2) radius and half length, metres.
-        capsule_pos: (C, 3) centre in the bone's frame, metres.
-        capsule_quat: (C, 4) orientation in the bone's frame.
-    """
-
-    person: Person
-    body_pos: np.ndarray
-    bind_quat: np.ndarray
-    capsule_size: np.ndarray
-    capsule_pos: np.ndarray
-    capsule_quat: np.ndarray
+    person: Person  # the person
+    body_pos: np.ndarray  # (B - 1, 3) offset of each bone but the root from its parent, metres
+    bind_quat: np.ndarray  # (B, 4) bind rotations of the skin
+    capsule_size: np.ndarray  # (C, 2) radius and half length, metres
+    capsule_pos: np.ndarray  # (C, 3) centre in the bone's frame, metres
+    capsule_quat: np.ndarray  # (C, 4) orientation in the bone's frame
 
 
 class Scene:

@@ -16,19 +16,12 @@ HOLE_FRAMES = 2
 
 
 class FilmFrame(NamedTuple):
-    """What a frame shares with other frames of its film.
+    """What a frame shares with other frames of its film."""
 
-    Attributes:
-        key: uint64 key of the film's grain.
-        gain: standard normal deviate of the gain.
-        dropout: uniform deviate of the fraction of lost pixels.
-        holes: generators of the holes that the frame shows, each of an equal share.
-    """
-
-    key: np.uint64
-    gain: float
-    dropout: float
-    holes: tuple[np.random.Generator, ...]
+    key: np.uint64  # uint64 key of the film's grain
+    gain: float  # standard normal deviate of the gain
+    dropout: float  # uniform deviate of the fraction of lost pixels
+    holes: tuple[np.random.Generator, ...]  # generators of the holes that the frame shows, each of an equal share
 
 
 @dataclass(frozen=True)

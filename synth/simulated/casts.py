@@ -28,21 +28,14 @@ DUET_FRAMES, CLOSEST_M = 300, 0.05
 
 
 class Part(NamedTuple):
-    """One person of a film.
+    """One person of a film."""
 
-    Attributes:
-        motion: theirs.
-        place_m: (x, z) of the start from the middle of the stage: x to the right in the image, z towards the camera, metres.
-        turn_rad: their turn to the left from facing the camera.
-        raised_m: height of what they lie on.
-        seated: whether they sit on a seat.
-    """
-
-    motion: Motion
+    motion: Motion  # theirs
+    # (x, z) of the start from the middle of the stage: x to the right in the image, z towards the camera, metres
     place_m: tuple[float, float] = (0.0, 0.0)
-    turn_rad: float = 0.0
-    raised_m: float = 0.0
-    seated: bool = False
+    turn_rad: float = 0.0  # their turn to the left from facing the camera
+    raised_m: float = 0.0  # height of what they lie on
+    seated: bool = False  # whether they sit on a seat
 
 
 def _any_turn(rng: np.random.Generator) -> float:

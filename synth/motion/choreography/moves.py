@@ -39,35 +39,22 @@ RELAXED_UPPER: dict[str, float] = {
 
 @dataclass(frozen=True)
 class Key:
-    """A keyframe: a target shape.
+    """A keyframe: a target shape."""
 
-    Attributes:
-        beats: beats after the previous key.
-        shape: channels that differ from standing relaxed.
-        sharp: fraction of the beats in which the movement takes place; the shape is held for the rest. A small value is a
-            hard hit.
-        anchor: foot that keeps its position on the floor while the dancer's frame moves: left, right or None.
-        turn: rotation of the dancer's frame to the left during the key, degrees.
-    """
-
-    beats: float
-    shape: Shape
+    beats: float  # beats after the previous key
+    shape: Shape  # channels that differ from standing relaxed
+    # fraction of the beats in which the movement takes place; the shape is held for the rest. A small value is a hard hit.
     sharp: float = 1.0
-    anchor: str | None = None
-    turn: float = 0.0
+    anchor: str | None = None  # foot that keeps its position on the floor while the dancer's frame moves: left, right or None
+    turn: float = 0.0  # rotation of the dancer's frame to the left during the key, degrees
 
 
 @dataclass(frozen=True)
 class Move:
-    """Two parallel tracks of equal length in beats.
+    """Two parallel tracks of equal length in beats."""
 
-    Attributes:
-        lower: keys of hips and feet.
-        upper: keys of trunk, head and arms.
-    """
-
-    lower: tuple[Key, ...]
-    upper: tuple[Key, ...]
+    lower: tuple[Key, ...]  # keys of hips and feet
+    upper: tuple[Key, ...]  # keys of trunk, head and arms
 
     def __post_init__(self) -> None:
         assert abs(_beats(self.lower) - _beats(self.upper)) < 1e-9, (_beats(self.lower), _beats(self.upper))

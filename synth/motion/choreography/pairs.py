@@ -36,14 +36,10 @@ _SWING = arms((20, -70, 0, 10), (26, 80, 0, 22))
 
 
 class Part(NamedTuple):
-    """What one of the two dances, from facing the camera.
+    """What one of the two dances, from facing the camera."""
 
-    Attributes:
-        move: their moves.
-        place_m: (x, z) of the start from the middle of the stage: x to the right in the image, z towards the camera, metres.
-    """
-
-    move: Move
+    move: Move  # their moves
+    # (x, z) of the start from the middle of the stage: x to the right in the image, z towards the camera, metres
     place_m: tuple[float, float]
 
 

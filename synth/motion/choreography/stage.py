@@ -47,22 +47,14 @@ _PEAK_OVER_MEAN = 1.5  # ratio of peak to mean speed between two keys
 
 @dataclass(frozen=True)
 class Style:
-    """The movement style of a dancer.
+    """The movement style of a dancer."""
 
-    Attributes:
-        sharpness: divides the time in which a hit reaches its key; above 1 is a harder hit.
-        bounce_m: depth of the bounce of the hips on every beat, metres.
-        lag_s: delay of the forearm relative to the upper arm, seconds; the upper arm's delay relative to the trunk is half
-            of it.
-        unsteadiness_deg: amplitude of the slow sway of every upper channel, degrees.
-        phases: phases, in 0..1, of the five sine waves of the sway.
-    """
-
-    sharpness: float = 1.0
-    bounce_m: float = 0.02
+    sharpness: float = 1.0  # divides the time in which a hit reaches its key; above 1 is a harder hit
+    bounce_m: float = 0.02  # depth of the bounce of the hips on every beat, metres
+    # delay of the forearm relative to the upper arm, seconds; the upper arm's delay relative to the trunk is half of it
     lag_s: float = 0.04
-    unsteadiness_deg: float = 1.0
-    phases: tuple[float, ...] = (0.1, 0.3, 0.5, 0.7, 0.9)
+    unsteadiness_deg: float = 1.0  # amplitude of the slow sway of every upper channel, degrees
+    phases: tuple[float, ...] = (0.1, 0.3, 0.5, 0.7, 0.9)  # phases, in 0..1, of the five sine waves of the sway
 
 
 def perform(move: Move, bpm: float, frames: int, fps: float, name: str, style: Style = Style()) -> Motion:
