@@ -132,7 +132,7 @@ def seen(path: Path, view: View) -> Film:
     if not view.ideal:
         noise, box = FilmNoise((SEED, int(path.stem))), (0, 0, CAMERA.width, CAMERA.height)
         clean = (CleanFrame(t, one, stored["room_m"], joints_m[t]) for t, one in enumerate(depth_m))
-        measured = [measure_frame(one, box, CAMERA, SENSORS["kinect_v1"], noise) for one in clean]
+        measured = [measure_frame(one, CAMERA, SENSORS["kinect_v1"], noise, box) for one in clean]
         if view.true_mask:
             depth_m = np.array([np.where(mask, image, np.float32(0)) for image, mask in measured])
         else:

@@ -19,10 +19,10 @@ from synth.motion.posture import CHANNELS, STANDING, rotations
 from synth.motion.skeleton import INDEX, LEG_M, Motion
 from synth.motion.skeleton import JOINT_NAMES as MOTION_BONES
 from synth.motion.splice import at_times
-from synth.scene.room import Room, View, ViewConfig, draw_room, draw_view
+from synth.scene.room import ViewConfig, draw_room, draw_view
 from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS
-from synth.simulated.film import CleanFrame, Played, Studio, Take, measure_frame
+from synth.simulated.film import Studio, Take, measure_frame
 
 ON_THE_BEAT = "an arm on every beat"
 """The skill of a person who raises the left arm highest at every second, to measure a latency by."""
@@ -39,6 +39,8 @@ STEPS = (1.0, 0.5, 0.0)
 """A learner for whom the camera's view is too small takes smaller steps, in the end none: the pose is what is scored."""
 NEAR_M, FAR_M = 1.3, 2.6
 """Distances from the camera of a learner whose feet it does not see, and of one who finds no place, metres."""
+AWAY_M = np.array([50.0, 50.0, 0.0])
+"""Where somebody is whom the camera does not see."""
 LIMBS = {"arm": ("Shoulder", "Arm", "ForeArm", "Hand"), "leg": ("UpLeg", "Leg", "Foot")}
 
 
@@ -85,17 +87,12 @@ class LiveLearner:
 
         Before the start and after the end the learner stands.
         """
-        scene, played = self._studio.scene, self._take.played
-        number = int(np.clip(round(dance_s * self._fps), 0, len(played) - 1))
-        away_m = np.array([50.0, 50.0, 0.0]) if self._empty else 0.0
-        scene.pose(played.local[number], played.hips_m[number] + self._take.place_m + away_m)
-        renderer = self._studio.renderer
-        joints_m = self._take.view.to_camera(scene.joints_world_m()).astype(np.float32)
-        clean = CleanFrame(self._shown, renderer.person_m(), self._room_m, joints_m)
+        take = self._take
+        number = int(np.clip(round(dance_s * self._fps), 0, len(take) - 1))
+        self._studio.pose(take.played, number, take.place_m + (AWAY_M if self._empty else 0.0))
+        clean = self._studio.clean_frame(self._shown, self._room_m)
         self._shown += 1
-        box, sensor = (0, 0, self.camera.width, self.camera.height), SENSORS["kinect_v1"]
-        depth_m, _ = measure_frame(clean, box, self.camera, sensor, self._noise)
-        return depth_m
+        return measure_frame(clean, self.camera, SENSORS["kinect_v1"], self._noise)[0]
 
     def _placed(self, motion: Motion, fault: str, seed: int) -> Take:
         """The learner in an empty room, the whole dance in view where there is such a place; with hidden feet, too near."""
@@ -104,11 +101,13 @@ class LiveLearner:
         for share in STEPS:
             played = self._studio.play(person, _with_steps(motion, share), 0.0, np.array([0.3, 0.3]))
             if fault == "hidden feet":
-                return _alone(played, draw_view(rng, VIEW), draw_room(rng, ()), NEAR_M)
+                break
             take = self._studio.place_in_rooms(rng, played, VIEW, PLACE_TRIES, furniture=())
             if take is not None:
                 return take
-        return _alone(played, draw_view(rng, VIEW), draw_room(rng, ()), FAR_M)
+        distance_m = NEAR_M if fault == "hidden feet" else FAR_M
+        view, room = draw_view(rng, VIEW), draw_room(rng, ())
+        return Take(played, room, view, np.array([0.0, distance_m, 0.0]))
 
 
 def _with_steps(motion: Motion, share: float) -> Motion:
@@ -116,10 +115,6 @@ def _with_steps(motion: Motion, share: float) -> Motion:
     root_m = motion.root_m.copy()
     root_m[:, (0, 2)] = root_m[0, (0, 2)] + share * (root_m[:, (0, 2)] - root_m[0, (0, 2)])
     return replace(motion, root_m=root_m)
-
-
-def _alone(played: Played, view: View, room: Room, distance_m: float) -> Take:
-    return Take(played, room, view, np.array([0.0, distance_m, 0.0]))
 
 
 def motion_of(quats: np.ndarray, hips_m: np.ndarray, fps: float) -> Motion:

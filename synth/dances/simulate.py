@@ -234,7 +234,7 @@ class KpopSim(SetGenerator):
             x0, y0, x1, y1 = silhouette_box(clean.person_m)
             x0, y0 = max(x0 - MARGIN_PX, 0), max(y0 - MARGIN_PX, 0)
             x1, y1 = min(x1 + MARGIN_PX, CAMERA.width), min(y1 + MARGIN_PX, CAMERA.height)
-            depth_m, person = measure_frame(clean, (x0, y0, x1, y1), CAMERA, self.sensor, noise)
+            depth_m, person = measure_frame(clean, CAMERA, self.sensor, noise, (x0, y0, x1, y1))
             packed.add(connected(np.where(person, depth_m, np.float32(0))), x0, y0)
             joints.append(clean.joints_camera_m)
             on_frame()

@@ -6,7 +6,6 @@ hands are missing, and parts of other people and of things are there.
 
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
-from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -16,22 +15,16 @@ from scipy.optimize import linear_sum_assignment
 from kpopnet.camera import MM_PER_METRE, Camera
 from kpopnet.data.observation import Observation
 from kpopnet.data.person_crops import FILES, FORMAT, VERSION, PersonCrops
-from kpopnet.errors import InputError
 from kpopnet.finder.finder import FinderConfig, PersonFinder
 from kpopnet.runtime.atomic_write import atomic_hdf5
 from kpopnet.skeleton import Joint
 from kpopnet.viz.drawing import TRUE, depth_rgb, draw_skeleton, enlarged, sheet
 from kpopnet.weights import FINDER_SHA256
-from synth.rooms.images import MOTION, RoomImagesConfig, measure_scene
-from synth.rooms.scene import RoomScenes
-from synth.samples.sampler import SampleConfig
-from synth.simulated.generator import SetGenerator
+from synth.rooms.images import MeasuredScene, RoomImagesConfig, SceneShards
+from synth.rooms.scene import ClearScene
 
 IMAGE_PX = (320, 240)
 """Most width and height of the scenes' images."""
-
-SCENES = 500
-"""Scenes in a file."""
 
 FINDER = FinderConfig(least_certainty=0.3)
 """Less sure than where it is used: those whom it hardly finds are the hard ones."""
@@ -54,41 +47,23 @@ class PersonCropsConfig(RoomImagesConfig):
 
 
 @dataclass(frozen=True)
-class PersonCropsSet(SetGenerator):
-    """Makes the files; a file is a pure function of the seed, the split, its number and the finder."""
+class PersonCropsSet(SceneShards):
+    """Makes the files of `person_crops`, which depend on the finder too."""
 
-    part: ClassVar[str] = "shard"
     finished_files: ClassVar[str] = FILES
     unfinished_files: ClassVar[str] = ".crops_*"
-
     camera: ClassVar[Camera] = Camera.centred(200, *IMAGE_PX)  # each scene has its own
+    most_px = IMAGE_PX
 
     benchmark: PersonCropsConfig = field(default_factory=PersonCropsConfig)
     finder: Any = field(default_factory=lambda: FINDER_SHA256 | asdict(FINDER))
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.motion.source == "clips":
-            raise InputError("motion=clips: person crops show poses of all kinds; leave motion out")
-
-    @cached_property
-    def _scenes(self) -> RoomScenes:
-        return RoomScenes(SampleConfig(motion=MOTION, renderer="cpu"), self.benchmark.seed, self.benchmark.split, IMAGE_PX)
-
     def manifest_entries(self) -> dict:
-        return {"about": "SIMULATED people, cut out of depth images of rooms by the finder.", "scenes_per_shard": SCENES}
-
-    def frames_per_part(self) -> float:
-        return SCENES
-
-    def path(self, folder: Path, index: int) -> Path:
-        return folder / FILES.replace("*", f"{index:05d}")
+        about = "SIMULATED people, cut out of depth images of rooms by the finder."
+        return {"about": about, "scenes_per_shard": self.per_shard}
 
     def make(self, folder: Path, index: int, on_frame: Callable[[], None] = lambda: None) -> None:
-        crops: list[Observation] = []
-        for number in range(index * SCENES, (index + 1) * SCENES):
-            crops += self._crops_of(number)
-            on_frame()
+        crops = [crop for scene in self.measured(index, on_frame) for crop in crops_of(*scene)]
         pixels = [np.rint(crop.depth_m * MM_PER_METRE).astype(np.uint16).ravel() for crop in crops]
         arrays = {
             "pixels_mm": np.concatenate(pixels),
@@ -103,22 +78,6 @@ class PersonCropsSet(SetGenerator):
                 packing = {"chunks": (8192,), "compression": 1, "shuffle": True} if name == "pixels_mm" else {}
                 file.create_dataset(name, data=array, **packing)
 
-    def _crops_of(self, number: int) -> Iterator[Observation]:
-        """The people of one scene whom the finder finds."""
-        clear = self._scenes.draw_scene(number)
-        depth_mm, labels = measure_scene(self._scenes.sensor_rng(number), clear)
-        camera, joints_m = clear.camera, clear.joints_camera_m
-        if not len(joints_m):
-            return
-        humans = PersonFinder(camera, FINDER).extract(depth_mm / np.float32(MM_PER_METRE))
-        centres_m = np.reshape([human.centre_m for human in humans], (-1, 1, 3))
-        apart_m = np.linalg.norm(joints_m[None, :, Joint.TORSO] - centres_m, axis=-1)
-        for row, person in zip(*linear_sum_assignment(np.minimum(apart_m, NEAR_M)), strict=True):
-            human = humans[row]
-            if apart_m[row, person] < NEAR_M and np.count_nonzero(human.depth_m) >= LEAST_PX:
-                visible = shows(labels, person + 1, camera, joints_m[person])
-                yield Observation(human.depth_m, human.cropped(camera), joints_m[person], visible)
-
     def contact_sheet(self, folder: Path, manifest: dict) -> np.ndarray:
         crops, tiles = PersonCrops(folder), []
         for k in np.linspace(0, len(crops) - 1, 40).astype(int).tolist():
@@ -128,6 +87,21 @@ class PersonCropsSet(SetGenerator):
             tiles.append(image)
         rows = [("", tiles[k : k + 8]) for k in range(0, len(tiles), 8)]
         return sheet(rows, (TRUE,), f"SIMULATED, cut out by the finder, {self.benchmark.split}, seed {manifest['seed']}")
+
+
+def crops_of(clear: ClearScene, measured: MeasuredScene) -> Iterator[Observation]:
+    """The people of one scene whom the finder finds."""
+    camera, joints_m = clear.camera, clear.joints_camera_m
+    if not len(joints_m):
+        return
+    humans = PersonFinder(camera, FINDER).extract(measured.depth_mm / np.float32(MM_PER_METRE))
+    centres_m = np.reshape([human.centre_m for human in humans], (-1, 1, 3))
+    apart_m = np.linalg.norm(joints_m[None, :, Joint.TORSO] - centres_m, axis=-1)
+    for row, person in zip(*linear_sum_assignment(np.minimum(apart_m, NEAR_M)), strict=True):
+        human = humans[row]
+        if apart_m[row, person] < NEAR_M and np.count_nonzero(human.depth_m) >= LEAST_PX:
+            visible = shows(measured.labels, person + 1, camera, joints_m[person])
+            yield Observation(human.depth_m, human.cropped(camera), joints_m[person], visible)
 
 
 TILE_PX = 240

@@ -4,7 +4,7 @@ Every image has a sensor of its own, and what real cameras lose besides: parts o
 surfaces that return noise.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -29,9 +29,6 @@ from synth.sensor.model import SENSORS, measure_labelled
 from synth.simulated.generator import SetGenerator
 
 SENSOR_SHARES = {"kinect_v1": 0.4, "kinect_2": 0.25, "swissranger": 0.1, "ideal": 0.25}
-SHARD = 500
-"""Images in a file."""
-
 DARK, PATCHED, NOISY = 0.1, 0.2, 0.1
 """Shares of the people whose clothes return little, of the images with patches that return nothing, and of the images in which
 what returns nothing is filled with noise."""
@@ -103,56 +100,72 @@ def _clouds(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class RoomImagesSet(SetGenerator):
-    """Makes the files; a file is a pure function of the seed, the split and its number."""
+class SceneShards(SetGenerator):
+    """Makes files of single scenes; a file is a pure function of the seed, the split and its number."""
 
     part: ClassVar[str] = "shard"
+    per_shard: ClassVar[int] = 500
+    """Scenes in a file."""
+
+    composed_only = "people are in poses of all kinds; leave motion out"
+    most_px: ClassVar[tuple[int, int]]
+    """Most width and height of an image."""
+
+    @cached_property
+    def scenes(self) -> RoomScenes:
+        sample = SampleConfig(motion=MOTION, renderer="cpu")
+        return RoomScenes(sample, self.benchmark.seed, self.benchmark.split, self.most_px)
+
+    def measured(self, index: int, on_frame: Callable[[], None]) -> Iterator[tuple[ClearScene, MeasuredScene]]:
+        """The scenes of file `index`, as they are drawn and as a sensor measures them."""
+        for number in range(index * self.per_shard, (index + 1) * self.per_shard):
+            clear = self.scenes.draw_scene(number)
+            yield clear, measure_scene(self.scenes.sensor_rng(number), clear)
+            on_frame()
+
+    def frames_per_part(self) -> float:
+        return self.per_shard
+
+    def path(self, folder: Path, index: int) -> Path:
+        return folder / self.finished_files.replace("*", f"{index:05d}")
+
+
+@dataclass(frozen=True)
+class RoomImagesSet(SceneShards):
+    """Makes the files of `room_images`."""
+
     finished_files: ClassVar[str] = FILES
     unfinished_files: ClassVar[str] = ".images_*"
-
     camera: ClassVar[Camera] = Camera.centred(100, *CANVAS)  # each image has its own
+    most_px = CANVAS
 
     benchmark: RoomImagesConfig = field(default_factory=RoomImagesConfig)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.motion.source == "clips":
-            raise InputError("motion=clips: room images show poses of all kinds; leave motion out")
-
     @cached_property
-    def _scenes(self) -> RoomScenes:
-        scenes = RoomScenes(SampleConfig(motion=MOTION, renderer="cpu"), self.benchmark.seed, self.benchmark.split, CANVAS)
+    def scenes(self) -> RoomScenes:
+        scenes = super().scenes
         low = ProceduralPoses({name: (float(LOW_FAMILIES.count(name)), FAMILIES[name][1]) for name in LOW_FAMILIES})
         scenes.source = MixedPoses([scenes.source, low], [1 - LOW, LOW])
         return scenes
 
     def manifest_entries(self) -> dict:
-        return {"about": "SIMULATED depth images of rooms with people.", "images_per_shard": SHARD}
-
-    def frames_per_part(self) -> float:
-        return SHARD
-
-    def path(self, folder: Path, index: int) -> Path:
-        return folder / FILES.replace("*", f"{index:05d}")
+        return {"about": "SIMULATED depth images of rooms with people.", "images_per_shard": self.per_shard}
 
     def make(self, folder: Path, index: int, on_frame: Callable[[], None] = lambda: None) -> None:
-        size = (SHARD, CANVAS[1], CANVAS[0])
+        count, size = self.per_shard, (self.per_shard, CANVAS[1], CANVAS[0])
         arrays = {
             "depth_mm": np.zeros(size, np.uint16),
             "labels": np.zeros(size, np.uint8),
-            "cameras": np.zeros((SHARD, 6)),
-            "joints_m": np.full((SHARD, MOST_PEOPLE, NUM_JOINTS, 3), np.nan, np.float32),
-            "whole_px": np.zeros((SHARD, MOST_PEOPLE), np.float32),
+            "cameras": np.zeros((count, 6)),
+            "joints_m": np.full((count, MOST_PEOPLE, NUM_JOINTS, 3), np.nan, np.float32),
+            "whole_px": np.zeros((count, MOST_PEOPLE), np.float32),
         }
-        for row, number in enumerate(range(index * SHARD, (index + 1) * SHARD)):
-            clear = self._scenes.draw_scene(number)
-            measured = measure_scene(self._scenes.sensor_rng(number), clear)
+        for row, (clear, measured) in enumerate(self.measured(index, on_frame)):
             camera, people = clear.camera, len(clear.joints_camera_m)
             arrays["depth_mm"][row, : camera.height, : camera.width] = measured.depth_mm
             arrays["labels"][row, : camera.height, : camera.width] = measured.labels
             arrays["cameras"][row] = camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height
             arrays["joints_m"][row, :people], arrays["whole_px"][row, :people] = clear.joints_camera_m, clear.whole_px
-            on_frame()
         with atomic_hdf5(self.path(folder, index)) as file:
             file.attrs["format"], file.attrs["version"], file.attrs["simulated"] = FORMAT, VERSION, True
             for name, array in arrays.items():

@@ -226,18 +226,20 @@ class Studio:
 
     def render(self, take: Take, frames: range) -> Iterator[CleanFrame]:
         """Renders frames of a take without noise. The scene keeps the pose of a frame until the next one is requested."""
-        scene = self.scene
         room_m = self.furnish(take.room, take.view)
         for number in frames:
             self.pose(take.played, number, take.place_m)
-            joints_m = take.view.to_camera(scene.joints_world_m()).astype(np.float32)
-            yield CleanFrame(number, self.renderer.person_m(), room_m, joints_m)
+            yield self.clean_frame(number, room_m)
+
+    def clean_frame(self, number: int, room_m: np.ndarray) -> CleanFrame:
+        """The posed person in the room of the last `furnish`, whose result is `room_m`, as frame `number`."""
+        joints_m = self.scene.view.to_camera(self.scene.joints_world_m()).astype(np.float32)
+        return CleanFrame(number, self.renderer.person_m(), room_m, joints_m)
 
     def shots(self, take: Take, sensor: SensorConfig, noise: FilmNoise, frames: range) -> Iterator[Shot]:
         """Renders and measures frames of a take; a frame is the same whichever others are made."""
-        camera = self.scene.camera
         for clean in self.render(take, frames):
-            depth_m, person = measure_frame(clean, (0, 0, camera.width, camera.height), camera, sensor, noise)
+            depth_m, person = measure_frame(clean, self.scene.camera, sensor, noise)
             skin_m = self.renderer.vertices_world_m()
             yield Shot(
                 depth_m=depth_m,
@@ -258,31 +260,36 @@ class Studio:
 
 
 def measure_frame(
-    clean: CleanFrame,
-    box: tuple[int, int, int, int],
-    camera: Camera,
-    sensor: SensorConfig,
-    noise: FilmNoise,
+    clean: CleanFrame, camera: Camera, sensor: SensorConfig, noise: FilmNoise, box: tuple[int, int, int, int] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Applies the sensor model to a part of a clean frame: x0, y0, x1, y1 of the box, pixels, the ends exclusive.
+    """Applies the sensor model to a clean frame, or to a part: x0, y0, x1, y1 of the box, pixels, the ends exclusive.
 
     Returns:
         (y1 - y0, x1 - x0) float32 depth in metres, 0 where nothing was measured, and bool, pixels that show the person.
     """
-    x0, y0, x1, y1 = box
-    person_m, room_m = clean.person_m[y0:y1, x0:x1], clean.room_m[y0:y1, x0:x1]
-    is_person = (person_m > 0) & ((room_m == 0) | (person_m <= room_m))
-    rng, shared = noise.frame(clean.number)
-    depth_m, labels = measure_labelled(
-        np.where(is_person, person_m, room_m),
-        np.where(is_person, np.uint8(PERSON), np.uint8(ROOM)),
-        camera.cropped(x0, y0, x1 - x0, y1 - y0),
-        sensor,
-        rng,
-        clean.joints_camera_m[LIMB_ENDS],
-        shared,
-    )
+    x0, y0, x1, y1 = box or (0, 0, camera.width, camera.height)
+    surfaces = nearest_surfaces(clean.room_m[y0:y1, x0:x1], [clean.person_m[y0:y1, x0:x1]])
+    cropped = camera.cropped(x0, y0, x1 - x0, y1 - y0)
+    depth_m, labels = measure_surfaces(surfaces, clean.number, clean.joints_camera_m, cropped, sensor, noise)
     return depth_m, labels == PERSON
+
+
+def measure_surfaces(
+    surfaces: tuple[np.ndarray, np.ndarray],
+    number: int,
+    joints_camera_m: np.ndarray,
+    camera: Camera,
+    sensor: SensorConfig,
+    noise: FilmNoise,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Applies the sensor model to frame `number`: the result of `nearest_surfaces`, and (..., 15, 3) joints of all, metres.
+
+    Returns:
+        (H, W) float32 depth in metres, 0 where nothing was measured, and (H, W) uint8 labels of what was measured.
+    """
+    rng, shared = noise.frame(number)
+    ends_m = joints_camera_m[..., LIMB_ENDS, :].reshape(-1, 3)
+    return measure_labelled(*surfaces, camera, sensor, rng, ends_m, shared)
 
 
 def nearest_surfaces(room_m: np.ndarray, people_m: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

@@ -16,15 +16,14 @@ from synth.body.shape import Person
 from synth.rooms.held_back import BARRIERS, BENCHMARK_CLUTTER
 from synth.rooms.scene import HEIGHT_M, LOST, OUTDOORS, about_z, draw_camera, draw_view, nearest_depth_m, posed_view
 from synth.samples.layers import millimetres
-from synth.samples.observe import LIMB_ENDS
 from synth.scene.mesh import Mesh, boxes
 from synth.scene.props import seat_under
 from synth.scene.render import draw_mesh_m, whole_px
 from synth.scene.room import DANCE_HALL, Room, View, draw_room, overlaps_boxes
 from synth.sensor.film_noise import FilmNoise
-from synth.sensor.model import SENSORS, SensorConfig, measure_labelled
+from synth.sensor.model import SENSORS, SensorConfig
 from synth.simulated.casts import CASTS, FPS, Part
-from synth.simulated.film import Played, Studio, collides, nearest_surfaces, on_stage, pixels_of_people
+from synth.simulated.film import Played, Studio, collides, measure_surfaces, nearest_surfaces, on_stage, pixels_of_people
 
 SENSOR_OF_CAMERA = {"eval": "kinect_v1", "kinect_v1": "kinect_v1", "kinect_2": "kinect_2", "smmc10": "swissranger"}
 FILM_PX = ((160, 120), (320, 240), (640, 576), (848, 480))
@@ -259,9 +258,8 @@ def render(take: RoomTake, numbers: range) -> Iterator[ClearFrame]:
 def measured(take: RoomTake, frames: range, noise: FilmNoise) -> Iterator[RoomShot]:
     """Renders and measures frames of a film; a frame is the same whichever others are made."""
     for clear in render(take, frames):
-        rng, shared = noise.frame(clear.number)
-        ends_m = clear.joints_camera_m[:, LIMB_ENDS].reshape(-1, 3)
-        depth_m, labels = measure_labelled(clear.depth_m, clear.labels, take.camera, take.sensor, rng, ends_m, shared)
+        surfaces = clear.depth_m, clear.labels
+        depth_m, labels = measure_surfaces(surfaces, clear.number, clear.joints_camera_m, take.camera, take.sensor, noise)
         seen_px = pixels_of_people(labels, len(clear.whole_px))
         yield RoomShot(millimetres(depth_m), clear.joints_camera_m, np.maximum(clear.whole_px, seen_px), seen_px)
 

@@ -15,11 +15,19 @@ from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
 from synth.motion.choreography.pairs import LEAVES_IMAGE, SCRIPTS, Role, draw_duet
 from synth.samples.layers import millimetres
-from synth.samples.observe import LIMB_ENDS
 from synth.scene.room import DANCE_HALL, ViewConfig, draw_room, draw_view
 from synth.sensor.film_noise import FilmNoise
-from synth.sensor.model import SENSORS, SensorConfig, measure_labelled
-from synth.simulated.film import CleanFrame, Played, Studio, Take, nearest_surfaces, on_stage, pixels_of_people
+from synth.sensor.model import SENSORS, SensorConfig
+from synth.simulated.film import (
+    CleanFrame,
+    Played,
+    Studio,
+    Take,
+    measure_surfaces,
+    nearest_surfaces,
+    on_stage,
+    pixels_of_people,
+)
 from synth.simulated.sequences import HEADING_STD_DEG, Selection, SequenceGenerator, penetrates_itself
 
 FPS = 30.0
@@ -138,10 +146,8 @@ class TwoPeople(SequenceGenerator):
 def measure(pair: tuple[CleanFrame, CleanFrame], camera: Camera, sensor: SensorConfig, noise: FilmNoise) -> DuetShot:
     """Puts two people, each rendered alone in the same room, into one image, and applies the sensor model."""
     room_m, joints_m = pair[0].room_m, np.stack([clean.joints_camera_m for clean in pair])
-    nearest_m, labels = nearest_surfaces(room_m, [clean.person_m for clean in pair])
-    rng, shared = noise.frame(pair[0].number)
-    ends_m = joints_m[:, LIMB_ENDS].reshape(-1, 3)
-    depth_m, _ = measure_labelled(nearest_m, labels, camera, sensor, rng, ends_m, shared)
+    surfaces = nearest_surfaces(room_m, [clean.person_m for clean in pair])
+    depth_m, _ = measure_surfaces(surfaces, pair[0].number, joints_m, camera, sensor, noise)
     alone = [nearest_surfaces(room_m, [clean.person_m])[1] for clean in pair]
-    alone_px = np.concatenate([pixels_of_people(one, 1) for one in alone])
-    return DuetShot(millimetres(depth_m), joints_m, alone_px, pixels_of_people(labels, len(pair)))
+    alone_px = np.concatenate([pixels_of_people(labels, 1) for labels in alone])
+    return DuetShot(millimetres(depth_m), joints_m, alone_px, pixels_of_people(surfaces[1], len(pair)))

@@ -122,7 +122,7 @@ def film(motion: Motion, frames: Iterable[int], *seed: int) -> Film:
     depth_m, joints_m, noise = [], points_m[:, -NUM_JOINTS:], FilmNoise(seed)
     for number, (surface_m, true_m) in enumerate(zip(points_m[:, :-NUM_JOINTS], joints_m, strict=True)):
         clean = CleanFrame(number, rasterise(surface_m, figure().faces, CAMERA), room_m, true_m)
-        measured_m, person = measure_frame(clean, (0, 0, CAMERA.width, CAMERA.height), CAMERA, SENSORS["kinect_v1"], noise)
+        measured_m, person = measure_frame(clean, CAMERA, SENSORS["kinect_v1"], noise)
         depth_m.append(np.where(person, measured_m, 0))
     return Film(np.array(depth_m, np.float32), joints_m, CAMERA)
 

@@ -9,21 +9,19 @@ from kpopnet.data.person_crops import PersonCrops
 from kpopnet.errors import InputError
 from kpopnet.programs.train import DataConfig, NetworkTrainingConfig
 from kpopnet.skeleton import Joint
-from synth.rooms import crops
 from synth.rooms.crops import PersonCropsConfig, PersonCropsSet, shows
+
+
+class FewCrops(PersonCropsSet):
+    per_shard = 8
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    whole = crops.SCENES
-    crops.SCENES = 8
-    try:
-        folder = tmp_path_factory.mktemp("crops")
-        for split in ("train", "validation"):
-            PersonCropsSet(PersonCropsConfig(shards=2, split=split)).write(folder / split, processes=1)
-        yield folder
-    finally:
-        crops.SCENES = whole
+    folder = tmp_path_factory.mktemp("crops")
+    for split in ("train", "validation"):
+        FewCrops(PersonCropsConfig(shards=2, split=split)).write(folder / split, processes=1)
+    return folder
 
 
 def test_crops_show_the_person_whose_joints_they_have(folder):
@@ -43,7 +41,7 @@ def test_crops_show_the_person_whose_joints_they_have(folder):
 
 
 def test_a_file_is_made_again_alike(folder, tmp_path):
-    PersonCropsSet(PersonCropsConfig(shards=2, split="train")).make(tmp_path, 1)
+    FewCrops(PersonCropsConfig(shards=2, split="train")).make(tmp_path, 1)
     with h5py.File(folder / "train" / "crops_00001.h5") as one, h5py.File(tmp_path / "crops_00001.h5") as other:
         for name in one:
             assert np.array_equal(one[name][()], other[name][()]), name

@@ -6,20 +6,21 @@ import pytest
 
 from kpopnet.data.room_images import RoomImages
 from kpopnet.errors import InputError
-from synth.rooms import images
 from synth.rooms.images import RoomImagesConfig, RoomImagesSet
+
+
+class FewImages(RoomImagesSet):
+    per_shard = 12
+
+
+SET = FewImages(RoomImagesConfig(shards=2, split="validation"))
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    whole = images.SHARD
-    images.SHARD = 12
-    try:
-        folder = tmp_path_factory.mktemp("rooms")
-        RoomImagesSet(RoomImagesConfig(shards=2, split="validation")).write(folder, processes=1)
-        yield folder
-    finally:
-        images.SHARD = whole
+    folder = tmp_path_factory.mktemp("rooms")
+    SET.write(folder, processes=1)
+    return folder
 
 
 def test_images_are_read_back(folder):
@@ -36,7 +37,7 @@ def test_images_are_read_back(folder):
 
 
 def test_a_file_is_made_again_alike(folder, tmp_path):
-    RoomImagesSet(RoomImagesConfig(shards=2, split="validation")).make(tmp_path, 1)
+    SET.make(tmp_path, 1)
     with h5py.File(folder / "images_00001.h5") as one, h5py.File(tmp_path / "images_00001.h5") as other:
         for name in one:
             assert np.array_equal(one[name][()], other[name][()], equal_nan=name == "joints_m"), name
