@@ -207,16 +207,14 @@ def _legs(figure: Figure, thigh_m: float, knee_m: float, hem_m: float, length: f
     return outermost(*pieces) * np.minimum(above(figure, hip_z + length * 1.04 * (ankle_z - hip_z)), 1)[:, None]
 
 
-def trousers(figure: Figure, rng: np.random.Generator) -> np.ndarray:
-    """Straight trousers or jeans."""
-    thigh_m, knee_m, hem_m = rng.uniform((0.085, 0.07, 0.065), (0.105, 0.095, 0.1))
-    return _legs(figure, thigh_m, knee_m, hem_m, 1.0)
+def _trousers(least_m: tuple[float, float, float], greatest_m: tuple[float, float, float]) -> Garment:
+    """Trousers to the ankle, with ranges of the radii at the hip, the knee and the ankle."""
+    return lambda figure, rng: _legs(figure, *rng.uniform(least_m, greatest_m), 1.0)
 
 
-def wide_trousers(figure: Figure, rng: np.random.Generator) -> np.ndarray:
-    """Baggy, flared or sweat trousers."""
-    thigh_m, knee_m, hem_m = rng.uniform((0.1, 0.085, 0.08), (0.125, 0.12, 0.14))
-    return _legs(figure, thigh_m, knee_m, hem_m, 1.0)
+trousers = _trousers((0.085, 0.07, 0.065), (0.105, 0.095, 0.1))
+wide_trousers = _trousers((0.1, 0.085, 0.08), (0.125, 0.12, 0.14))
+"""Baggy, flared or sweat trousers."""
 
 
 def leggings(figure: Figure, rng: np.random.Generator) -> np.ndarray:
@@ -290,10 +288,8 @@ def joggers(figure: Figure, rng: np.random.Generator) -> np.ndarray:
     return _legs(figure, thigh_m, knee_m, hem_m, length)
 
 
-def flared_trousers(figure: Figure, rng: np.random.Generator) -> np.ndarray:
-    """Close at the thigh and the knee, wide at the hem."""
-    thigh_m, knee_m, hem_m = rng.uniform((0.07, 0.055, 0.12), (0.09, 0.07, 0.17))
-    return _legs(figure, thigh_m, knee_m, hem_m, 1.0)
+flared_trousers = _trousers((0.07, 0.055, 0.12), (0.09, 0.07, 0.17))
+"""Close at the thigh and the knee, wide at the hem."""
 
 
 def leg_warmers(figure: Figure, rng: np.random.Generator) -> np.ndarray:

@@ -32,13 +32,14 @@ from synth.motion import SPLITS, build_motion
 from synth.motion.choreography.composer import dance
 from synth.motion.skeleton import Motion
 from synth.motion.splice import resampled
-from synth.samples.layers import silhouette_box
+from synth.samples.layers import silhouette_box, widened
 from synth.samples.observe import MARGIN_PX
 from synth.scene.room import ViewConfig
 from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS, SensorConfig
 from synth.simulated.film import Studio, Take, measure_frame
 from synth.simulated.generator import SetGenerator, is_faulty, random_excerpt
+from synth.simulated.sequences import HEADING_STD_DEG
 
 MAX_NEIGHBOUR_STEP_M = 0.1
 """Neighbouring pixels are connected if their depths differ by less."""
@@ -56,8 +57,6 @@ FPS = 30.0
 CAMERA = CAMERAS["kinect_2"]
 VIEW = ViewConfig(height_m=(0.8, 1.4), aim_m=(0.9, 1.1), roll_deg=1.0)
 BODY = BodyConfig()
-HEADING_STD_DEG = 5.0
-"""Standard deviation of a learner's heading relative to the camera, as in `eval_sim`."""
 
 MAX_TRAVEL_M = 1.0
 """Dances whose horizontal range, along either axis, is larger are rejected: they do not fit in front of one camera."""
@@ -231,11 +230,9 @@ class KpopSim(SetGenerator):
         """
         packed, joints, noise = PackedDepth(CAMERA), [], FilmNoise(self._seed("noise", index, learner))
         for clean in self.studio.render(take, range(len(take.played))):
-            x0, y0, x1, y1 = silhouette_box(clean.person_m)
-            x0, y0 = max(x0 - MARGIN_PX, 0), max(y0 - MARGIN_PX, 0)
-            x1, y1 = min(x1 + MARGIN_PX, CAMERA.width), min(y1 + MARGIN_PX, CAMERA.height)
-            depth_m, person = measure_frame(clean, CAMERA, self.sensor, noise, (x0, y0, x1, y1))
-            packed.add(connected(np.where(person, depth_m, np.float32(0))), x0, y0)
+            box = widened(silhouette_box(clean.person_m), MARGIN_PX, CAMERA)
+            depth_m, person = measure_frame(clean, CAMERA, self.sensor, noise, box)
+            packed.add(connected(np.where(person, depth_m, np.float32(0))), *box[:2])
             joints.append(clean.joints_camera_m)
             on_frame()
         return packed, np.array(joints)

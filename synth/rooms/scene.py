@@ -21,10 +21,10 @@ from kpopnet.skeleton import NUM_JOINTS, Joint
 from synth.rooms.clutter import CLUTTER, Clutter
 from synth.samples.placing import Body
 from synth.samples.sampler import SampleConfig, Sampler
-from synth.scene.mesh import Mesh, boxes
+from synth.scene.mesh import Mesh, about_z, boxes
 from synth.scene.props import held_by, is_sitting, seat_under
 from synth.scene.render import draw_mesh_m, whole_px
-from synth.scene.room import View, overlaps_boxes
+from synth.scene.room import View, looking, overlaps_boxes
 
 MOST_PEOPLE = 6
 SHARES_OF_COUNTS = (0.12, 0.36, 0.24, 0.13, 0.08, 0.04, 0.03)
@@ -150,8 +150,8 @@ class RoomScenes(Sampler):
                 person_m = nearest_depth_m([person_m, draw_mesh_m(scene, held.mesh)], scene.camera)
             standing.append(_Standing(body, place_m, _cells(body, place_m)))
             for thing_m in things_m:
-                _put(nearest_m, labels, thing_m, 0)
-            _put(nearest_m, labels, person_m, len(standing))
+                labels[_put(nearest_m, thing_m)] = 0
+            labels[_put(nearest_m, person_m)] = len(standing)
         joints_camera_m = np.array(joints_m, np.float32).reshape(-1, NUM_JOINTS, 3)
         return ClearScene(nearest_m, labels, joints_camera_m, np.array(pixels, np.float32), scene.camera, view)
 
@@ -258,17 +258,7 @@ def draw_view(rng: np.random.Generator) -> View:
 
 def posed_view(position_m: np.ndarray, pitch_rad: float, roll_rad: float, yaw_rad: float = 0.0) -> View:
     """A camera at a place (3,) of the world that looks towards +y, down by the pitch, to the left by the yaw, and is rolled."""
-    forward = np.array([0, np.cos(pitch_rad), -np.sin(pitch_rad)])
-    down, right = np.array([0, -np.sin(pitch_rad), -np.cos(pitch_rad)]), np.array([1.0, 0, 0])
-    cos, sin = np.cos(roll_rad), np.sin(roll_rad)
-    rotation = np.stack([cos * right + sin * down, cos * down - sin * right, forward], axis=1)
-    return View(position_m, about_z(yaw_rad) @ rotation)
-
-
-def about_z(angle_rad: float) -> np.ndarray:
-    """(3, 3) rotation to the left about the vertical."""
-    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
-    return np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]])
+    return View(position_m, about_z(yaw_rad) @ looking(pitch_rad, roll_rad))
 
 
 def _outside(point_m: np.ndarray, walls: tuple[float, float, float, float] | None) -> bool:
@@ -301,14 +291,14 @@ def _cells(body: Body, place_m: np.ndarray) -> np.ndarray:
 
 def nearest_depth_m(depths_m: list[np.ndarray], camera: Camera) -> np.ndarray:
     """(H, W) the nearest of several depth images, in which 0 is nothing."""
-    nearest = np.zeros((camera.height, camera.width), np.float32)
+    nearest_m = np.zeros((camera.height, camera.width), np.float32)
     for depth_m in depths_m:
-        closer = (depth_m > 0) & ((nearest == 0) | (depth_m < nearest))
-        nearest[closer] = depth_m[closer]
-    return nearest
+        _put(nearest_m, depth_m)
+    return nearest_m
 
 
-def _put(nearest_m: np.ndarray, labels: np.ndarray, depth_m: np.ndarray, label: int) -> None:
-    """Draws a thing into a scene, in place."""
+def _put(nearest_m: np.ndarray, depth_m: np.ndarray) -> np.ndarray:
+    """Draws a thing into a depth image, in place; returns (H, W) bool, the pixels where it is the nearest."""
     closer = (depth_m > 0) & ((nearest_m == 0) | (depth_m < nearest_m))
-    nearest_m[closer], labels[closer] = depth_m[closer], label
+    nearest_m[closer] = depth_m[closer]
+    return closer

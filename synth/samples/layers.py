@@ -80,6 +80,12 @@ def silhouette_box(depth_mm: np.ndarray) -> Box:
     return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
 
 
+def widened(box: Box, margin_px: int, camera: Camera) -> Box:
+    """A box with a margin around it, within the image."""
+    x0, y0, x1, y1 = box
+    return max(x0 - margin_px, 0), max(y0 - margin_px, 0), min(x1 + margin_px, camera.width), min(y1 + margin_px, camera.height)
+
+
 def _nearest(one_mm: np.ndarray, other_mm: np.ndarray) -> np.ndarray:
     """The nearer of two depth images, in which 0 is nothing."""
     return np.where((one_mm == 0) | ((other_mm > 0) & (other_mm < one_mm)), other_mm, one_mm)

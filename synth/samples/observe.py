@@ -16,7 +16,7 @@ from kpopnet.data.shards import Sample, ShardedSet
 from kpopnet.errors import InputError, check_between
 from kpopnet.ridge import RidgeConfig, ridge_probability
 from kpopnet.skeleton import Joint
-from synth.samples.layers import Box, silhouette_box
+from synth.samples.layers import Box, silhouette_box, widened
 from synth.sensor.kernel import erase_ellipses
 from synth.sensor.model import SENSORS, SensorConfig, measure_labelled, spherical_hole
 
@@ -194,13 +194,7 @@ def _surroundings(sample: Sample, camera: Camera, with_attached: bool) -> Box:
     if with_attached and x1 > x0:
         nearest_m = sample.depth_mm[y0:y1, x0:x1].max(initial=1) / MM_PER_METRE
         margin += int(ATTACHED_RADIUS_M[1] * camera.fx / nearest_m)
-    return _widened(sample.box, margin, camera)
-
-
-def _widened(box: Box, margin: int, camera: Camera) -> Box:
-    """x0, y0, x1, y1 of a box with a margin in pixels, within the image."""
-    x0, y0, x1, y1 = box
-    return max(x0 - margin, 0), max(y0 - margin, 0), min(x1 + margin, camera.width), min(y1 + margin, camera.height)
+    return widened(sample.box, margin, camera)
 
 
 def freeze(
@@ -229,7 +223,7 @@ def as_stored(sample: Sample, camera: Camera) -> Observation:
     """A frozen sample as an observation, cropped to its non-zero pixels plus a margin."""
     check_images("sample", camera, sample.depth_mm)
     box = silhouette_box(sample.depth_mm)
-    x0, y0, x1, y1 = _widened(box, MARGIN_PX, camera) if any(box) else (0, 0, 1, 1)
+    x0, y0, x1, y1 = widened(box, MARGIN_PX, camera) if any(box) else (0, 0, 1, 1)
     return Observation(
         sample.depth_mm[y0:y1, x0:x1].astype(np.float32) / np.float32(MM_PER_METRE),
         camera.cropped(x0, y0, x1 - x0, y1 - y0),

@@ -32,6 +32,7 @@ GENERATOR = 2
 """Version of the generator. Increase it with every change after which the same configuration gives different samples."""
 
 TILE_PX = 240
+TOTALS = ("refused_poses", "refused_places", "forced_samples")
 PACKAGES = ("kpopnet", "mujoco", "numba", "numpy", "h5py")
 MAX_SHARDS, MAX_SHARD_SIZE = 100_000, 100_000
 """Most shards in a set, whose names have five digits, and most samples in a shard, which is put together in memory."""
@@ -94,7 +95,7 @@ def finish(config: SetConfig, folder: Path, look: FreezeConfig) -> dict | None:
         return None
     remove_unfinished(folder, ".shard_*.tmp")
     summary = {"samples": config.count, "shards": config.num_shards, "hash": config.hash}
-    totals = {"refused_poses": 0, "refused_places": 0, "forced_samples": 0}
+    totals = dict.fromkeys(TOTALS, 0)
     for shard in range(config.num_shards):
         with open_shard(shard_path(folder, shard)) as file:
             for name in totals:
@@ -165,7 +166,7 @@ def _fill(file: h5py.File, config: SetConfig, shard: int, sampler: Sampler, on_s
     ridge = file.create_dataset("ridge", (count, *size), "u1", **image) if config.freeze else None
     labels: dict[str, list] = {name: [] for name in COLUMNS}
     rooms: dict[int, RenderedRoom] = {}
-    totals = {"refused_poses": 0, "refused_places": 0, "forced_samples": 0}
+    totals = dict.fromkeys(TOTALS, 0)
     images, ridges = [], []  # written in blocks: the cost of a write hardly depends on its size
     for row, rendered in enumerate(sampler.samples(start, stop)):
         room = rooms.setdefault(rendered.sample.room, sampler.room(rendered.sample.room))

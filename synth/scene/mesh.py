@@ -29,6 +29,12 @@ class Mesh(NamedTuple):
         return Mesh(self.vertices_m @ rotation.T + position_m, self.faces)
 
 
+def about_z(angle_rad: float) -> np.ndarray:
+    """(3, 3) rotation to the left about the vertical."""
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]])
+
+
 def joined(meshes: Iterable[Mesh]) -> Mesh:
     """All meshes as one."""
     meshes = list(meshes)

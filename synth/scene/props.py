@@ -13,7 +13,7 @@ import numpy as np
 
 from kpopnet.errors import check_between
 from kpopnet.skeleton import Joint
-from synth.scene.mesh import Box, Mesh, ball, boxes, joined, rod
+from synth.scene.mesh import Box, Mesh, about_z, ball, boxes, joined, rod
 from synth.scene.room import four_legs, overlaps_boxes
 
 PALM_M = 0.02
@@ -113,9 +113,7 @@ def seat_under(rng: np.random.Generator, joints_m: np.ndarray, skin_m: np.ndarra
     The joints (15, 3) and the skin (V, 3) of the sitting person and (3,) where the hips face are in the world frame.
     """
     hips_m = joints_m[[Joint.LEFT_HIP, Joint.RIGHT_HIP]].mean(axis=0)
-    yaw = np.arctan2(facing[0], -facing[1])
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    rotation = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
+    rotation = about_z(np.arctan2(facing[0], -facing[1]))
     own = (skin_m - (*hips_m[:2], 0)) @ rotation  # x to the person's left, y backwards, z above the floor
     beneath = (np.hypot(own[:, 0], own[:, 1] - 0.05) < 0.13) & (np.abs(own[:, 2] - hips_m[2]) < 0.2)
     if not beneath.any():
@@ -191,6 +189,5 @@ def held_by(rng: np.random.Generator, hand_m: np.ndarray, rotation: np.ndarray, 
     make = (*IN_PALM, *HANGING)[rng.integers(len(IN_PALM) + len(HANGING))]
     frame = rotation if left else rotation * (-1, -1, 1)  # the right hand points along -x in the T-pose
     if make in HANGING:
-        yaw = rng.uniform(-np.pi, np.pi)
-        frame = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
+        frame = about_z(rng.uniform(-np.pi, np.pi))
     return Prop(make.__name__, make(rng).moved(frame, hand_m))

@@ -77,13 +77,15 @@ def draw_view(rng: np.random.Generator, config: ViewConfig) -> View:
     height_m, aim_m = rng.uniform(*config.height_m), rng.uniform(*config.aim_m)
     pitch = np.arctan2(height_m - aim_m, AIM_DISTANCE_M)
     roll = np.radians(rng.uniform(-config.roll_deg, config.roll_deg))
-    forward = np.array([0, np.cos(pitch), -np.sin(pitch)])
-    down = np.array([0, -np.sin(pitch), -np.cos(pitch)])
-    right = np.array([1.0, 0, 0])
-    rotation = np.stack(
-        [np.cos(roll) * right + np.sin(roll) * down, -np.sin(roll) * right + np.cos(roll) * down, forward], axis=1
-    )
-    return View(np.array([0, 0, height_m]), rotation)
+    return View(np.array([0, 0, height_m]), looking(pitch, roll))
+
+
+def looking(pitch_rad: float, roll_rad: float) -> np.ndarray:
+    """(3, 3) rotation of a camera that looks towards +y, down by the pitch, and is rolled."""
+    forward = np.array([0, np.cos(pitch_rad), -np.sin(pitch_rad)])
+    down, right = np.array([0, -np.sin(pitch_rad), -np.cos(pitch_rad)]), np.array([1.0, 0, 0])
+    cos, sin = np.cos(roll_rad), np.sin(roll_rad)
+    return np.stack([cos * right + sin * down, cos * down - sin * right, forward], axis=1)
 
 
 def draw_room(rng: np.random.Generator, furniture: tuple[Furniture, ...]) -> Room:

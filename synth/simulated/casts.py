@@ -59,14 +59,6 @@ def _on_the_spot(rng: np.random.Generator, frames: int) -> Motion:
     return random_excerpt(rng, drill(rng, ("arms", "steps"), BPM, 2 * frames / FPS, FPS), frames)
 
 
-def _alone_still(rng: np.random.Generator, frames: int) -> list[Part]:
-    return [Part(_still(rng, frames), turn_rad=_any_turn(rng))]
-
-
-def _alone_moving(rng: np.random.Generator, frames: int) -> list[Part]:
-    return [Part(_dancing(rng, frames), turn_rad=_near_front(rng))]
-
-
 def _sitting(rng: np.random.Generator, frames: int) -> list[Part]:
     """On the floor or on a seat, alone or two beside each other."""
     parts = []
@@ -128,8 +120,8 @@ def _one_or_two(rng: np.random.Generator, frames: int) -> list[Part]:
 
 
 CASTS: dict[str, Callable[[np.random.Generator, int], list[Part]]] = {
-    "alone_still": _alone_still,
-    "alone_moving": _alone_moving,
+    "alone_still": lambda rng, frames: [Part(_still(rng, frames), turn_rad=_any_turn(rng))],
+    "alone_moving": lambda rng, frames: [Part(_dancing(rng, frames), turn_rad=_near_front(rng))],
     "sitting": _sitting,
     "lying": _lying,
     "behind_furniture": _behind_furniture,

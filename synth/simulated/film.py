@@ -2,7 +2,7 @@
 
 A sample (`synth.samples.sampler`) is a single frame. In a film the whole motion has to stay on the floor, inside the image,
 between the walls and clear of the furniture. So the motion is first applied to the body without a camera (`Studio.play`), and a
-position in a room is searched for afterwards (`Studio.place`).
+position in a room is searched for afterwards (`Studio.place_in_rooms`).
 """
 
 from collections.abc import Iterator, Sequence
@@ -42,6 +42,9 @@ MAX_OCCLUDED_FRACTION = 0.02
 
 _VERTEX_STRIDE, _FRAME_STRIDE, _OCCLUSION_STRIDE = 7, 2, 15
 """Vertices and frames of which the skin is kept for collision tests; frames that are tested for occlusion."""
+
+APART_M = 0.15
+"""Least distance between joints of two people who do not hug."""
 
 ROOM, PERSON = 1, 2  # pixel labels
 
@@ -148,7 +151,7 @@ class Studio:
         skin_m = np.concatenate(skin_m)
         return Played(person, motion, local, hips_m, skin_m, skin_m[ConvexHull(skin_m).vertices], np.array(penetration_m))
 
-    def place(self, rng: np.random.Generator, played: Played, room: Room, view: View) -> Take | None:
+    def _place(self, rng: np.random.Generator, played: Played, room: Room, view: View) -> Take | None:
         """Searches a position in the room where the whole motion is visible and collides with nothing; None if PLACES do not.
 
         At every position the motion is rotated, so that what was played towards the camera still faces it.
@@ -184,10 +187,10 @@ class Studio:
     def place_in_rooms(
         self, rng: np.random.Generator, played: Played, view_config: ViewConfig, rooms: int, furniture: tuple[Furniture, ...]
     ) -> Take | None:
-        """Draws rooms and views until `place` finds a position; None if none of `rooms` rooms has one."""
+        """Draws rooms and views until one has a position for the motion; None if none of `rooms` rooms has one."""
         for _ in range(rooms):
             view, room = draw_view(rng, view_config), draw_room(rng, furniture)
-            if (take := self.place(rng, played, room, view)) is not None:
+            if (take := self._place(rng, played, room, view)) is not None:
                 return take
         return None
 
@@ -307,6 +310,12 @@ def nearest_surfaces(room_m: np.ndarray, people_m: Sequence[np.ndarray]) -> tupl
 def pixels_of_people(labels: np.ndarray, people: int) -> np.ndarray:
     """(P,) int32 pixels of (H, W) labels of `nearest_surfaces` that show each person."""
     return np.array([np.count_nonzero(labels == PERSON + person) for person in range(people)], np.int32)
+
+
+def are_apart(joints_m: list[np.ndarray]) -> bool:
+    """Whether the joints (T, 15, 3) of any two people stay APART_M from each other."""
+    pairs = ((one, other) for number, one in enumerate(joints_m) for other in joints_m[:number])
+    return all(np.linalg.norm(one[:, :, None] - other[:, None], axis=-1).min() >= APART_M for one, other in pairs)
 
 
 def on_stage(place_m: tuple[float, float], yaw_rad: float) -> np.ndarray:

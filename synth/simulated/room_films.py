@@ -14,16 +14,25 @@ from kpopnet.camera import CAMERAS, Camera
 from kpopnet.skeleton import NUM_JOINTS, Joint
 from synth.body.shape import Person
 from synth.rooms.held_back import BARRIERS, BENCHMARK_CLUTTER
-from synth.rooms.scene import HEIGHT_M, LOST, OUTDOORS, about_z, draw_camera, draw_view, nearest_depth_m, posed_view
+from synth.rooms.scene import HEIGHT_M, LOST, OUTDOORS, draw_camera, draw_view, nearest_depth_m, posed_view
 from synth.samples.layers import millimetres
-from synth.scene.mesh import Mesh, boxes
+from synth.scene.mesh import Mesh, about_z, boxes
 from synth.scene.props import seat_under
 from synth.scene.render import draw_mesh_m, whole_px
 from synth.scene.room import DANCE_HALL, Room, View, draw_room, overlaps_boxes
 from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS, SensorConfig
 from synth.simulated.casts import CASTS, FPS, Part
-from synth.simulated.film import Played, Studio, collides, measure_surfaces, nearest_surfaces, on_stage, pixels_of_people
+from synth.simulated.film import (
+    Played,
+    Studio,
+    are_apart,
+    collides,
+    measure_surfaces,
+    nearest_surfaces,
+    on_stage,
+    pixels_of_people,
+)
 
 SENSOR_OF_CAMERA = {"eval": "kinect_v1", "kinect_v1": "kinect_v1", "kinect_2": "kinect_2", "smmc10": "swissranger"}
 FILM_PX = ((160, 120), (320, 240), (640, 576), (848, 480))
@@ -36,8 +45,8 @@ DISTANCE_M, CEILING_DISTANCE_M = (1.2, 5.0), (0.6, 3.5)
 """Ranges of the distance of the middle of the stage from the camera, along the floor."""
 
 CEILING_HEIGHT_M, CEILING_PITCH_DEG = (2.4, 2.9), (35.0, 50.0)
-NEAREST_M, WALL_GAP_M, APART_M = 0.5, 0.1, 0.15
-"""Least distances: of people and clutter from the camera, of people from walls, of the joints of two who do not hug."""
+NEAREST_M, WALL_GAP_M = 0.5, 0.1
+"""Least distances: of people and clutter from the camera, of people from walls."""
 
 LEAST_FRAMES_IN_VIEW = 0.6
 """Least share of a film's frames in which each person's torso is inside the image."""
@@ -105,7 +114,7 @@ def draw_take(rng: np.random.Generator, kind: str, people: Callable[[int], Perso
         if cast[-1].penetration_m.max() > MOST_PENETRATION_M:
             return None
     joints_m = [studio.joints_world_m(one.person, one.local, one.hips_m) for one in cast]
-    if kind != "hug" and not _are_apart([j + on_stage(part.place_m, 0.0) for j, part in zip(joints_m, parts, strict=True)]):
+    if kind != "hug" and not are_apart([j + on_stage(part.place_m, 0.0) for j, part in zip(joints_m, parts, strict=True)]):
         return None
     for _ in range(PLACES):
         views = draw_views(rng, kind, frames)
@@ -269,12 +278,6 @@ def _shows(kind: str, take: RoomTake) -> bool:
     clear = next(render(take, range(len(take) // 2, len(take) // 2 + 1)))
     share = pixels_of_people(clear.labels, len(clear.whole_px)) / np.maximum(clear.whole_px, 1)
     return bool(share.max() >= 0.5 and (kind != "behind_furniture" or share.min() <= 1 - HIDDEN_BEHIND))
-
-
-def _are_apart(joints_m: list[np.ndarray]) -> bool:
-    """Whether the joints (T, 15, 3) of any two people stay APART_M from each other."""
-    pairs = ((one, other) for number, one in enumerate(joints_m) for other in joints_m[:number])
-    return all(np.linalg.norm(one[:, :, None] - other[:, None], axis=-1).min() >= APART_M for one, other in pairs)
 
 
 def _is_in_view(camera: Camera, views: tuple[View, ...], points_m: np.ndarray) -> bool:

@@ -23,6 +23,7 @@ from synth.simulated.film import (
     Played,
     Studio,
     Take,
+    are_apart,
     measure_surfaces,
     nearest_surfaces,
     on_stage,
@@ -32,8 +33,6 @@ from synth.simulated.sequences import HEADING_STD_DEG, Selection, SequenceGenera
 
 FPS = 30.0
 CAMERA = CAMERAS["eval"]
-APART_M = 0.15
-"""Least distance between joints of the two, but for those who hug."""
 
 SCENE_TRIES, ROOM_TRIES, PLACES = 100, 16, 12
 """Scenes tried for a sequence, rooms tried for each, and places in each room."""
@@ -104,19 +103,15 @@ class TwoPeople(SequenceGenerator):
                 cast.append(studio.play(person, role.motion, 0.0 if kind == "hug" else yaw_rad, curls_rad))
             if any(penetrates_itself(played, round(FPS)) for played in cast):
                 continue
-            if kind != "hug" and self._nearest_m(cast, roles) < APART_M:
+            joints_m = [
+                studio.joints_world_m(played.person, played.local, played.hips_m + on_stage(role.place_m, 0.0))
+                for studio, played, role in zip(self.studios, cast, roles, strict=True)
+            ]
+            if kind != "hug" and not are_apart(joints_m):
                 continue
             if (placed := self._place(rng, cast, roles, kind in LEAVES_IMAGE)) is not None:
                 return placed
         raise InputError(f"{self.sequence_name(index)}: none of {SCENE_TRIES} scenes stays inside a room and the image")
-
-    def _nearest_m(self, cast: list[Played], roles: tuple[Role, Role]) -> float:
-        """The least distance between a joint of the one and a joint of the other in the same frame, metres."""
-        first, second = (
-            studio.joints_world_m(played.person, played.local, played.hips_m + on_stage(role.place_m, 0.0))
-            for studio, played, role in zip(self.studios, cast, roles, strict=True)
-        )
-        return float(np.linalg.norm(first[:, :, None] - second[:, None], axis=-1).min())
 
     def _place(self, rng: np.random.Generator, cast: list[Played], roles: tuple[Role, Role], leaves: bool) -> Duet | None:
         """Searches a place in a room where both are seen whole, but for the second where they leave the image."""

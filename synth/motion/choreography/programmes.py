@@ -123,7 +123,7 @@ def show(generator: np.random.Generator, kind: str, seconds: float, fps: float) 
     bpm, style, amplitude = uniform(generator, *BPM), draw_style(generator), uniform(generator, 0.8, 1.1)
     if kind == "handstand":
         steps = turning(filled(_STEP, COUNTS / 2), choose(generator, (0.0, 0.0, -1.0, 1.0)) * uniform(generator, 50.0, 100.0))
-        opening = perform(steps, bpm, round(steps.beats * 60 / bpm * fps) + 1, fps, "steps", style)
+        opening = _to_the_end(steps, bpm, fps, "steps", style)
         opening = follow(opening, handstand(generator, uniform(generator, 6.0, 7.5), fps))
         rest_s = seconds - len(opening) / fps
         return follow(opening, show(generator, "dance", rest_s, fps)) if rest_s > 0 else opening
@@ -139,8 +139,7 @@ def show(generator: np.random.Generator, kind: str, seconds: float, fps: float) 
         featured = name in FEATURES and len(parts) % 3 != 2
         part = FEATURES[name](generator) if featured else phrase(generator, amplitude)
         parts.append(mirror(part) if generator.random() < 0.5 else part)
-    frames = round(sum(part.beats for part in parts) * 60 / bpm * fps) + 1
-    return perform(concat(*parts), bpm, frames, fps, kind, style)
+    return _to_the_end(concat(*parts), bpm, fps, kind, style)
 
 
 def drill(
@@ -155,8 +154,12 @@ def drill(
     while sum(part.beats for part in parts) < seconds * tempo / 60:
         part = DRILLS[choose(generator, kinds)](generator)
         parts.append(mirror(part) if generator.random() < 0.5 else part)
-    frames = round(sum(part.beats for part in parts) * 60 / tempo * fps) + 1
-    return perform(concat(*parts), tempo, frames, fps, "-".join(kinds), style)
+    return _to_the_end(concat(*parts), tempo, fps, "-".join(kinds), style)
+
+
+def _to_the_end(move: Move, bpm: float, fps: float, name: str, style: Style) -> Motion:
+    """The whole of a move, at a tempo in beats per minute."""
+    return perform(move, bpm, round(move.beats * 60 / bpm * fps) + 1, fps, name, style)
 
 
 def handstand(generator: np.random.Generator, seconds: float, fps: float) -> Motion:

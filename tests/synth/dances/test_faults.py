@@ -6,9 +6,11 @@ from motions import distance_m, points_m
 
 from synth.dances.faults import (
     FAULTS,
+    LAG_S,
     NOISE_DEG,
     habit,
     joint_noise,
+    lag,
     replaced_moves,
     with_faults,
 )
@@ -38,6 +40,12 @@ def turned_deg(teacher: Motion, learner: Motion) -> np.ndarray:
     """(T, 23) angle between both rotations of each joint, degrees."""
     cosine = np.abs((teacher.quats.astype(float) * learner.quats).sum(axis=-1))
     return np.degrees(2 * np.arccos(np.clip(cosine, 0, 1)))
+
+
+def test_a_lag_is_a_delay(teacher):
+    frames = 6
+    late = lag(teacher, frames / FPS / LAG_S, np.random.default_rng(0))
+    np.testing.assert_allclose(points_m(late)[frames:], points_m(teacher)[:-frames], atol=1e-3)
 
 
 def test_noise_has_its_size_and_is_shared_with_the_parent(teacher):

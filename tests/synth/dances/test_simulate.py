@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from real_data import REAL
-from stand_ins import draw_presets, recorded_seeds
 
 import synth.dances.simulate
 from kpopnet.datasets.dances.dance_set import KpopSet
@@ -17,7 +16,6 @@ from synth.dances.simulate import CAMERA, FPS, LEARNERS, KpopSim, KpopSimConfig,
 from synth.dances.skill import LEVELS
 from synth.motion import SPLITS, MotionConfig
 from synth.motion.recorded import open_clips
-from synth.sensor.film_noise import HOLE_FRAMES
 
 SHORT = KpopSim(KpopSimConfig(seed=4, dances=2), seconds=(1.2, 1.6))
 
@@ -145,31 +143,10 @@ def test_splits_share_no_dance_and_no_person():
     assert len({replace(SHORT, benchmark=KpopSimConfig(seed=4, split=split)).hash for split in SPLITS}) == 3
 
 
-def test_presets_use_no_generator_of_the_benchmark(monkeypatch):
-    seeds = recorded_seeds(monkeypatch)
-    maker = replace(SHORT)
-    maker.teacher_joints_m(0)
-    take = maker.take(0, 1, maker.learner(0, 1).motion)
-    maker.record(0, 1, take)
-    name = tuple(b"kpop_sim")
-    own = [seed for seed in seeds if seed[: len(name)] == name]
-    others = [seed for seed in seeds if seed[: len(name)] != name]
-    # Frames that follow each other share holes.
-    assert len(own) > 30 and len(own) - len(set(own)) == (HOLE_FRAMES - 1) * (len(take.played) - 1)
-    # Dances are composed from 63-bit seeds, while training seeds count from 0.
-    assert others and all(len(seed) == 2 and seed[0] > 2**40 for seed in others)
-    seeds.clear()
-    draw_presets(("train",))
-    assert seeds and all(max(seed) < 2**40 and seed[2:4] != name[2:4] for seed in seeds)
-
-
 def test_invalid_settings_are_rejected():
     for wrong in ({"dances": 101}, {"seed": -1}, {"split": "exam"}, {"faults": "mix"}):
         with pytest.raises(InputError, match=f"benchmark.{next(iter(wrong))}="):
             KpopSimConfig(**wrong)
-    for motion in (MotionConfig(source="poses"), MotionConfig(source="choreography", seed=3)):
-        with pytest.raises(InputError, match=r"either composed .* or recorded"):
-            KpopSim(motion=motion)
     assert dance_name(7) == "dance_007"
 
 

@@ -4,13 +4,12 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from stand_ins import assert_own_seeds, joints_world_m
+from stand_ins import joints_world_m
 
 from kpopnet.skeleton import Joint
 from synth.motion.choreography.programmes import Y_POSE_S
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 from synth.simulated.film import DISTANCE_RANGE_M, Take
-from synth.simulated.smmc10_sim import Smmc10Sim, Smmc10SimConfig
 
 CAMERA, FPS, KINDS = EvalSim.camera, EvalSim.fps, EvalSim.kinds
 SHORT = EvalSim(EvalSimConfig(seed=3, sequences=2), frames=(24, 30))
@@ -99,14 +98,6 @@ def test_each_kind_shows_its_motion(takes):
     across = joints[:, Joint.LEFT_HIP, :2] - joints[:, Joint.RIGHT_HIP, :2]
     headings = np.degrees(np.arctan2(across[:, 1], across[:, 0]))
     assert len(set((headings // 45).astype(int).tolist())) == 8
-
-
-# Separation from training sets ------------------------------
-
-
-@pytest.mark.parametrize("maker", [SHORT, Smmc10Sim(Smmc10SimConfig(seed=3), frames=(50, 56))])
-def test_presets_use_no_generator_of_the_benchmark(maker, monkeypatch):
-    assert_own_seeds(maker, maker.benchmark.name.encode(), monkeypatch)
 
 
 # Films ------------------------------

@@ -7,7 +7,6 @@ import pytest
 
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
-from synth.motion import MotionConfig
 from synth.scene.mesh import boxes
 from synth.scene.render import draw_mesh_m, whole_px
 from synth.scene.scene import Scene
@@ -166,8 +165,3 @@ def test_unknown_kinds_are_refused(kinds: list[str]) -> None:
 def test_some_kinds_are_shown_in_turn() -> None:
     some = Rooms(RoomsConfig(kinds=["empty_room", "hug"], sequences=4))
     assert [some.kind(index) for index in range(4)] == ["hug", "empty_room"] * 2
-
-
-def test_recorded_motion_is_refused() -> None:
-    with pytest.raises(InputError, match="second person"):
-        Rooms(motion=MotionConfig(source="clips", path="somewhere"))

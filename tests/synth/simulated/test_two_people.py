@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-from kpopnet.errors import InputError
-from synth.motion import MotionConfig
 from synth.motion.choreography.pairs import walk
 from synth.motion.choreography.stage import perform
 from synth.sensor.film_noise import FilmNoise
@@ -58,8 +56,3 @@ def test_the_nearer_of_two_people_hides_the_other() -> None:
         assert shot.seen_px[::turned].tolist() == [100 * 240, 50 * 240]
         assert (shot.depth_mm[:, :100] == 2000).all() and (shot.depth_mm[:, 100:150] == 3000).all()
         assert (shot.depth_mm[1:, 150:] == 4000).all() and (shot.depth_mm[0, 150:] == 0).all()
-
-
-def test_recorded_motion_is_refused() -> None:
-    with pytest.raises(InputError, match="second person"):
-        TwoPeople(motion=MotionConfig(source="clips", path="somewhere"))
