@@ -1,12 +1,12 @@
-"""Trains a random tree walk: images, positions in them, a tree for each joint, and the calibration of the confidence."""
+"""Trains a random tree walk: images, positions in them and a tree for each joint; judges it on other images."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from tqdm import tqdm
 
 from kpopnet.baselines.tree_walk.growing import Samples, grow, merge_trees
-from kpopnet.baselines.tree_walk.walking import UNITS, TreeWalkModel, integer_image
+from kpopnet.baselines.tree_walk.walking import HALF_SIZE_M, UNITS, TreeWalkModel, integer_image
 from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, ShuffledOrder, batch_loader
 from kpopnet.data.cube import Cube
 from kpopnet.data.observation import ObservationSource
@@ -19,10 +19,6 @@ WITHIN_M = 0.1
 AROUND_M = 0.3
 """Largest distance from the joint of the positions from which the direction to it is learned."""
 
-HALF_SIZE_M = 1.15
-"""Half the cube's edge, that of the networks."""
-
-CONFIDENCE_BINS = 10
 POSITIONS_STREAM, GROWTH_STREAM = 0x91AC, 0x7EEE
 """Make these random draws independent of each other and of those of the observations, which have the same seed."""
 
@@ -38,7 +34,7 @@ class TreeWalkConfig:
         leaf_samples: smallest number of samples in a leaf.
         features: number of random features tried at every node.
         augment: augmentation of the training images.
-        validation_images: number of images of the validation set that evaluate the model and calibrate its confidence.
+        validation_images: number of images of the validation set that judge the model.
     """
 
     images: int = 80_000
@@ -73,12 +69,11 @@ def train(
         )
         half_px = config.crop_px / 2 / HALF_SIZE_M
         trees.append(grow(samples, config.leaf_samples, config.features, half_px, (seed, GROWTH_STREAM, joint)))
-    uncalibrated = np.zeros((NUM_JOINTS, 0), np.float32), np.ones((NUM_JOINTS, 1), np.float32)
-    model = TreeWalkModel(config.crop_px, HALF_SIZE_M, merge_trees(trees), *uncalibrated)
+    model = TreeWalkModel(config.crop_px, merge_trees(trees))
     count = min(config.validation_images, len(validation))
     order = EvenOrder(len(validation), BATCH, count)
     batches = CropBatches(validation, ModelConfig(crop_px=config.crop_px, half_size_m=HALF_SIZE_M), order, seed, None)
-    return calibrate(model, *collect_images(batches, count, workers, "validation images"))
+    return model, judge(model, *collect_images(batches, count, workers, "validation images"))
 
 
 def collect_images(batches: CropBatches, count: int, workers: int, what: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -126,25 +121,16 @@ def pixel_positions(position_uvd: np.ndarray, side: int) -> np.ndarray:
     return np.stack([np.floor((v + 1) * half), np.floor((u + 1) * half), np.rint(d * UNITS)], axis=1).astype(np.int32)
 
 
-def calibrate(
-    model: TreeWalkModel, images: np.ndarray, joints_uvd: np.ndarray, cubes_m: np.ndarray
-) -> tuple[TreeWalkModel, dict]:
-    """Calibrates the confidence of a model on `collect_images`; returns the model and its metrics on these images."""
-    errors_m, deviations_m = np.empty((len(images), NUM_JOINTS)), np.empty((len(images), NUM_JOINTS), np.float32)
+def judge(model: TreeWalkModel, images: np.ndarray, joints_uvd: np.ndarray, cubes_m: np.ndarray) -> dict:
+    """The metrics of a model on `collect_images`."""
+    errors_m = np.empty((len(images), NUM_JOINTS))
     for number, (image, true_uvd, (*centre_m, half_size_m)) in enumerate(zip(images, joints_uvd, cubes_m, strict=True)):
-        uvd, deviations_m[number] = model.run_walks(image, number)
         cube = Cube(np.array(centre_m, np.float32), half_size_m)
-        errors_m[number] = np.linalg.norm(cube.to_metres(uvd) - cube.to_metres(true_uvd), axis=-1)
+        found_m = cube.to_metres(model.joints_uvd(image, number))
+        errors_m[number] = np.linalg.norm(found_m - cube.to_metres(true_uvd), axis=-1)
     within = errors_m < WITHIN_M
-    bounds_m = np.quantile(deviations_m, np.arange(1, CONFIDENCE_BINS) / CONFIDENCE_BINS, axis=0).T.astype(np.float32)
-    bin_of = (deviations_m[:, :, None] >= bounds_m).sum(axis=-1)
-    shares = np.empty((NUM_JOINTS, CONFIDENCE_BINS), np.float32)
-    for joint, k in np.ndindex(shares.shape):
-        in_bin = within[bin_of[:, joint] == k, joint]
-        shares[joint, k] = in_bin.mean() if len(in_bin) else within[:, joint].mean()
-    metrics = {
+    return {
         "mean_error_cm": 100 * float(errors_m.mean()),
         "within_10cm": float(within.mean()),
         "within_10cm_per_joint": dict(zip(JOINT_NAMES, within.mean(axis=0).tolist(), strict=True)),
     }
-    return replace(model, deviation_bounds_m=bounds_m, within_10cm=shares), metrics

@@ -39,6 +39,12 @@ UNITS = 10_000
 UNMEASURED = np.int16(32_767)
 """Value of pixels without a measurement: behind everything else."""
 
+HALF_SIZE_M = 1.15
+"""Half the cube's edge, that of the networks."""
+
+STEPS, SETTLING, STEP_M = 128, 32, 0.05
+"""Steps of each joint's walk, the first ones that are left out of the mean, and the length of a step in metres."""
+
 MAX_DIFFERENCE = 4_000
 """Depth differences are clipped to this, about 45 cm in front of and behind the position. Pixels farther behind and pixels
 without a measurement give the same value."""
@@ -127,17 +133,14 @@ def find_leaf(trees, joint, image, position):
 
 @njit(cache=True)
 def walk(image, trees, steps, settling, step, key):
-    """Walks of all joints through one (S, S) `integer_image`, clipped to the cube: outside it trees give no direction back.
+    """(15, 3) float32 mean (u, v, d) of the walks of all joints through one (S, S) `integer_image`.
 
-    `step` is the length of a step in cube units, `key` the seed; the others are as in `TreeWalkModel`.
-
-    Returns:
-        (15, 3) float32 mean position in (u, v, d), and (15,) float32 root mean square distance from it, in cube units.
+    Walks are clipped to the cube: outside it trees give no direction back. The first `settling` of the `steps` are left out of
+    the mean, `step` is the length of a step in cube units, `key` the seed.
     """
-    mean, deviation = np.zeros((NUM_JOINTS, 3), np.float32), np.zeros(NUM_JOINTS, np.float32)
-    counted = steps - settling
+    mean = np.zeros((NUM_JOINTS, 3), np.float32)
     for joint in ORDER:
-        position, total, squares = np.zeros(3), np.zeros(3), 0.0
+        position, total = np.zeros(3), np.zeros(3)
         if START[joint] >= 0:
             position[:] = mean[START[joint]]
         for number in range(steps):
@@ -150,15 +153,8 @@ def walk(image, trees, steps, settling, step, key):
                 position[axis] = min(max(position[axis] + step * trees.direction[leaf, chosen, axis], -1.0), 1.0)
             if number >= settling:
                 total += position
-                squares += _square(position)
-        mean[joint] = total / counted
-        deviation[joint] = np.sqrt(max(squares / counted - _square(total) / (counted * counted), 0.0))
-    return mean, deviation
-
-
-@njit(cache=True)
-def _square(vector):
-    return vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2]
+        mean[joint] = total / (steps - settling)
+    return mean
 
 
 _SCHEMA = {
@@ -168,68 +164,27 @@ _SCHEMA = {
     "probe": ArraySchema("i", ("nodes", 5)),
     "direction": ArraySchema("f", ("leaves", "directions", 3)),
     "share": ArraySchema("f", ("leaves", "directions")),
-    "spread_m": ArraySchema("f", (NUM_JOINTS, "bounds")),
-    "within_10cm": ArraySchema("f", (NUM_JOINTS, "bins")),
 }
 
 
 @dataclass(frozen=True)
 class TreeWalkModel:
-    """A trained model.
-
-    Attributes:
-        crop_px: side of the image of the cube in pixels.
-        half_size_m: half the cube's edge in metres.
-        trees: the trees of all joints.
-        deviation_bounds_m: (15, B - 1) float32, ascending bounds in metres that divide the walks of each joint into B bins
-            by the root mean square distance of their positions from the mean.
-        within_10cm: (15, B) float32, the share of joints within 10 cm of the ground truth, per bin.
-        steps: number of steps of each joint's walk.
-        settling: number of steps at the start of a walk that are excluded from the mean.
-        step_m: length of a step in metres.
-    """
+    """A trained model: the trees of all joints, and the side in pixels of the cube's image that they read."""
 
     crop_px: int
-    half_size_m: float
     trees: Trees
-    deviation_bounds_m: np.ndarray
-    within_10cm: np.ndarray
-    steps: int = 128
-    settling: int = 32
-    step_m: float = 0.05
 
-    def run_walks(self, image: np.ndarray, number: int) -> tuple[np.ndarray, np.ndarray]:
-        """Runs the walks of all joints through a (crop_px, crop_px) `integer_image`; `number` seeds its random numbers.
-
-        Returns:
-            (15, 3) float32 joints in cube coordinates, and (15,) float32 root mean square distance of each walk's positions
-            from its joint, in metres.
-        """
-        mean, deviation = walk(image, self.trees, self.steps, self.settling, self.step_m / self.half_size_m, number)
-        return mean, deviation * np.float32(self.half_size_m)
-
-    def confidence(self, deviation_m: np.ndarray) -> np.ndarray:
-        """(15,) float32 probability that each joint lies within 10 cm of the ground truth, given its walk's deviation."""
-        bins = (deviation_m[:, None] >= self.deviation_bounds_m).sum(axis=1)
-        return self.within_10cm[np.arange(NUM_JOINTS), bins]
+    def joints_uvd(self, image: np.ndarray, number: int) -> np.ndarray:
+        """(15, 3) float32 joints in cube coordinates from a (crop_px, crop_px) `integer_image`; `number` seeds the walks."""
+        return walk(image, self.trees, STEPS, SETTLING, STEP_M / HALF_SIZE_M, number)
 
     def save(self, folder: Path, described: dict) -> None:
         """Writes trees.safetensors and meta.json, with configuration, data and metrics (`described`, JSON types)."""
         folder.mkdir(parents=True, exist_ok=True)
-        arrays = self.trees._asdict() | {"spread_m": self.deviation_bounds_m, "within_10cm": self.within_10cm}
-        save_file({name: np.ascontiguousarray(array) for name, array in arrays.items()}, folder / TREES)
-        meta = {
-            "format": FORMAT,
-            "version": VERSION,
-            "crop_px": self.crop_px,
-            "half_size_m": self.half_size_m,
-            "walk": {"steps": self.steps, "settling": self.settling, "step_m": self.step_m},
-            **described,
-            "joint_names": JOINT_NAMES,
-            "git": git_revision(),
-            "packages": {name: version(name) for name in ("numba", "numpy", "safetensors")},
-        }
-        (folder / META).write_text(json.dumps(meta, indent=2) + "\n")
+        save_file({name: np.ascontiguousarray(array) for name, array in self.trees._asdict().items()}, folder / TREES)
+        made = {"git": git_revision(), "packages": {name: version(name) for name in ("numba", "numpy", "safetensors")}}
+        kind = {"format": FORMAT, "version": VERSION, "crop_px": self.crop_px, "half_size_m": HALF_SIZE_M}
+        (folder / META).write_text(json.dumps(kind | described | {"joint_names": JOINT_NAMES} | made, indent=2) + "\n")
 
     @classmethod
     def load(cls, folder: Path | str) -> "TreeWalkModel":
@@ -237,41 +192,34 @@ class TreeWalkModel:
         path = Path(folder) / META
         if not path.is_file():
             raise InputError(f"{folder}: no tree walk model there (no {META}); {TRAIN_ONE}")
-        kind = {"format": str, "version": int, "walk": dict, "crop_px": int, "half_size_m": float}
+        kind = {"format": str, "version": int, "crop_px": int, "half_size_m": float}
         meta = check_fields(str(path), read_json(path, non_finite=True), kind)
         expect((meta["format"], meta["version"]) == (FORMAT, VERSION), str(path), f"a {FORMAT} of version {VERSION}")
-        side, half_m, steps = meta["crop_px"], float(meta["half_size_m"]), meta["walk"]
-        check_fields(f"{path}: walk", steps, {"steps": int, "settling": int, "step_m": float})
-        expect(32 <= side <= 512 and 0.5 <= half_m <= 5, str(path), f"a possible cube, found {side} pixels and {half_m} m")
-        possible = 0 <= steps["settling"] < steps["steps"] <= 10_000 and 0 < steps["step_m"] <= 0.5
-        expect(possible, f"{path}: walk", f"0 <= settling < steps <= 10000, 0 < step_m <= 0.5, found {steps}")
-        trees, bounds_m, within = _read_trees(Path(folder) / TREES)
-        return cls(side, half_m, trees, bounds_m, within, steps["steps"], steps["settling"], steps["step_m"])
+        cube = meta["crop_px"], meta["half_size_m"]
+        possible = 32 <= cube[0] <= 512 and cube[1] == HALF_SIZE_M
+        expect(possible, str(path), f"a possible cube, found {cube[0]} pixels and {cube[1]} m")
+        return cls(meta["crop_px"], _read_trees(Path(folder) / TREES))
 
 
-def _read_trees(path: Path) -> tuple[Trees, np.ndarray, np.ndarray]:
-    """The trees, `deviation_bounds_m` and `within_10cm`, checked so that every walk ends and stays within the arrays."""
+def _read_trees(path: Path) -> Trees:
+    """The trees, checked so that every walk ends and stays within the arrays."""
     arrays = read_with(load_file, path, "missing, damaged or of another format")
     lengths: dict[str, int] = {}
     for name, schema in _SCHEMA.items():
         expect(name in arrays, str(path), f"an array {name}")
         check_array(f"{path}: {name}", arrays[name].shape, arrays[name].dtype, schema, lengths)
-    trees, bounds_m, within = Trees(*(arrays[name] for name in Trees._fields)), arrays["spread_m"], arrays["within_10cm"]
+    trees = Trees(*(arrays[name] for name in Trees._fields))
     parents = np.flatnonzero(trees.child >= 0)
     after = (trees.child[parents] > parents) & (trees.child[parents] < lengths["nodes"] - 1)
     for right, expectation in (
-        (
-            trees.share.size > 0 and lengths["bins"] == lengths["bounds"] + 1,
-            "a direction in each leaf and a bound between bins",
-        ),
+        (trees.share.size > 0, "a direction in each leaf"),
         ((trees.root >= 0) & (trees.root < lengths["nodes"]), "roots that are nodes"),
         (after, "children that are nodes after their parent"),
         (trees.child >= -lengths["leaves"], "leaves that exist"),
-        ([np.isfinite(arrays[name]).all() for name in ("direction", "share", "spread_m", "within_10cm")], "finite numbers"),
-        ((within >= 0) & (within <= 1), "confidences in 0..1"),
+        ([np.isfinite(arrays[name]).all() for name in ("direction", "share")], "finite numbers"),
     ):
         expect(bool(np.all(right)), str(path), expectation)
-    return trees, bounds_m, within
+    return trees
 
 
 @dataclass(frozen=True)
@@ -289,8 +237,7 @@ class TreeWalkEstimator:
     """Implements kpopnet.estimator.Estimator.
 
     Frames are independent: the walks of a frame start at the median of its silhouette, and are seeded with its index in the
-    sequence. The confidence is the share of joints within 10 cm of the ground truth among validation walks with a similar
-    deviation.
+    sequence. The confidence is 1 in every frame with a person: a walk does not judge itself.
     """
 
     name = "tree_walk"
@@ -307,9 +254,8 @@ class TreeWalkEstimator:
         """See `kpopnet.estimator.Estimator`."""
         depth_m = sequence_in_metres(depth_m, camera)
         result = Estimate.missing(len(depth_m))
-        for frame, cube in person_cubes(depth_m, camera, self.model.half_size_m).items():
+        for frame, cube in person_cubes(depth_m, camera, HALF_SIZE_M).items():
             image = integer_image(crop(depth_m[frame], camera, cube, self.model.crop_px)[0])
-            uvd, deviation_m = self.model.run_walks(image, frame)
-            result.joints_camera_m[frame] = cube.to_metres(uvd)
-            result.confidence[frame] = self.model.confidence(deviation_m)
+            result.joints_camera_m[frame] = cube.to_metres(self.model.joints_uvd(image, frame))
+            result.confidence[frame] = 1
         return result

@@ -35,7 +35,7 @@ CONFIDENCE = (
     "The confidence is meant as the probability that a joint is within 10 cm of its true position. Calibration error: mean "
     f"distance between the confidence and the share within 10 cm, in {BINS} bins. Area: mean error of the most confident "
     "share of the joints, averaged over all shares; the best one orders joints by their true error. Missing joints are "
-    "left out. The mean pose has confidence 1 throughout."
+    "left out. The mean pose and the tree walk have confidence 1 throughout."
 )
 CLOCK = (
     "Definitions of the metrics: kpopnet/evaluation/poses/metrics.py. Frames per second are those of one core: the number of "
