@@ -14,7 +14,7 @@ PROGRAMS = {
     "check": ("kpopnet.programs.check", "runs a scripted minute before a camera and prints the acceptance sheet"),
     "score": ("kpopnet.programs.score", "scores a learner's dance against a teacher's, from two files of joints"),
     "convert": ("kpopnet.programs.convert", "makes a set of dances from files of joints"),
-    "describe": ("kpopnet.datasets.describe", "says what a folder of a data set holds"),
+    "describe": ("kpopnet.datasets.describe", "lists the ids of EVAL's joints or SMMC-10's markers"),
     "export": ("kpopnet.programs.export", "writes a network as an ONNX file"),
     "teach": ("kpopnet.programs.teach", "opens the dance teacher: a page that shows a dance and scores the learner"),
     "live": ("kpopnet.programs.live", "shows everybody before a depth camera, live; streams joints, records"),
