@@ -1,7 +1,7 @@
 """Sends the depth of an Orbbec camera (Femto, Gemini, Astra 2) to kpopnet.
 
 Written from the maker's documentation and never run with a camera: say so if yours does not work. Orbbec's library cannot share
-an environment with kpopnet[video]; it needs one of its own:
+an environment with kpopnet's extra video; it needs one of its own:
 
     python -m venv orbbec && orbbec/bin/pip install pyorbbecsdk2
     orbbec/bin/python examples/feed_orbbec.py | kpopnet teach --live -

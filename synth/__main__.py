@@ -19,7 +19,7 @@ or a simulated benchmark:
     python -m synth benchmark=kpop_sim benchmark.split=train out=data/kpop_train    other dances by other people
 
 A command that was stopped makes only what is missing when it runs again. Several machines may share one folder: give each
-its own range, shards=0:100, shards=100:200, ...; under SLURM (pip install 'kpopnet[cluster]'):
+its own range, shards=0:100, shards=100:200, ...; under SLURM (pip install -e '.[cluster]'):
 
     python -m synth -m hydra/launcher=submitit_slurm preset=paper out=/big/paper shards=0:100,100:200,200:300
 

@@ -10,6 +10,7 @@ from kpopnet.data.cube import INPUTS
 from kpopnet.errors import InputError
 from kpopnet.networks import ModelConfig, check_description, read_meta
 from kpopnet.runtime.input_files import expect, parse_json, read_with
+from kpopnet.runtime.provenance import optional_library
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.weights import shipped_network
 
@@ -87,10 +88,8 @@ class OnnxBackend:
 
     @cached_property
     def _session(self) -> Any:
-        try:
+        with optional_library(str(self.path), "onnxruntime", "onnx"):
             import onnxruntime
-        except ImportError as error:
-            raise InputError("ONNX files need the package onnxruntime: pip install 'kpopnet[onnx]'") from error
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 3  # errors, which are raised too

@@ -18,6 +18,7 @@ from kpopnet.networks import portable
 from kpopnet.networks.backend import INPUT, KEY, ONNX_FORMAT, ONNX_SUFFIX, OUTPUTS, OnnxBackend
 from kpopnet.networks.network import PoseNetwork
 from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.provenance import optional_library
 
 OPSET = 18
 
@@ -76,12 +77,10 @@ def export_network(network: PoseNetwork, meta: dict, path: Path) -> float:
 
 
 def _import_exporter() -> ModuleType:
-    try:
+    with optional_library("exporting", "onnx, onnxruntime and onnxscript", "export"):
         import onnx
         import onnxruntime  # noqa: F401
         import onnxscript  # noqa: F401
-    except ImportError as error:
-        raise InputError(f"exporting needs the package {error.name}: pip install 'kpopnet[export]'") from error
     return onnx
 
 

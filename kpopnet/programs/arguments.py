@@ -1,13 +1,13 @@
 """Parts of command lines that several programs share."""
 
 import argparse
-import importlib.util
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
+from kpopnet.runtime.provenance import optional_library
 from kpopnet.sources import DepthSource, chosen_camera, open_depth
 
 
@@ -27,8 +27,8 @@ def check_server(program: str, port: int) -> None:
     """Raises InputError where the library of local servers is missing, or for a port that cannot be."""
     if not 0 <= port <= 65535:
         raise InputError(f"--port {port}: expected 1 to 65535, or 0 for one that is free")
-    if importlib.util.find_spec("aiohttp") is None:
-        raise InputError(f"{program} needs aiohttp; install it: pip install 'kpopnet[app]'")
+    with optional_library(program, "aiohttp", "app"):
+        import aiohttp  # noqa: F401
 
 
 def add_depth(parser: argparse.ArgumentParser) -> None:

@@ -1,6 +1,6 @@
 """The acceptance sheet: a scripted minute before a depth camera, and what a user of the joints would get from it.
 
-    kpopnet check realsense                          tells you what to do, step by step, and watches (kpopnet[realsense])
+    kpopnet check realsense                          tells you what to do, step by step, and watches (the extra realsense)
     kpopnet check realsense --empty 10               watches the empty room for ten minutes first
     kpopnet check minute.h5 --camera kinect_2        a recording of the script, fed image by image at its own times
     kpopnet check minute.h5 --as-fast                without waiting, and without delays: the same figures of the joints

@@ -3,8 +3,8 @@
     kpopnet predict depth/ --camera kinect_v1 --out outputs/ann           # a folder of 16-bit PNG or TIFF images
     kpopnet predict dance.npz --people 2 --format npz bvh csv             # the file states its camera
     kpopnet predict dance.h5 --key depth --fov 70.6 --fps 30
-    kpopnet predict dance.mkv --camera intrinsics.json --mode realtime    # FFV1; needs kpopnet[video]
-    kpopnet predict dance.bag --gif                                       # ROS or RealSense; needs kpopnet[ros] or [realsense]
+    kpopnet predict dance.mkv --camera intrinsics.json --mode realtime    # FFV1; needs the extra video
+    kpopnet predict dance.bag --gif                                       # ROS or RealSense; needs the extra ros or realsense
     kpopnet predict 71de12f9/ --rotate 90                                 # Stray Scanner on an iPhone held upright
 
 Everybody in view is found in every single image; the camera may move.

@@ -1,8 +1,8 @@
 """The dance teacher: a page on this machine that shows a dance, watches you through a depth camera and says how it goes.
 
     kpopnet teach                                 opens the page; without a camera a simulated learner dances
-    kpopnet teach --live realsense                a RealSense camera watches you (pip install 'kpopnet[realsense]')
-    kpopnet teach --live oak                      an OAK camera (pip install 'kpopnet[oak]')
+    kpopnet teach --live realsense                a RealSense camera watches you (the extra realsense)
+    kpopnet teach --live oak                      an OAK camera (the extra oak)
     python feed.py | kpopnet teach --live -       any other camera, whose depth a program of yours sends
     kpopnet teach --depth recording --camera kinect_v1     a recording of depth instead of a camera
     kpopnet teach add mama.bvh --title Mama --bpm 128      adds a dance of one's own: .bvh, .npz, .csv or .json of joints,

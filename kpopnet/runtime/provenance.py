@@ -1,7 +1,13 @@
-"""Which code made a file."""
+"""Which code this is: its revision, and how its optional libraries are installed."""
 
+import json
 import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
+
+from kpopnet.errors import InputError
 
 
 def git_revision() -> dict[str, str | bool] | None:
@@ -15,3 +21,28 @@ def git_revision() -> dict[str, str | bool] | None:
     except (OSError, subprocess.CalledProcessError):
         return None
     return {"revision": revision, "dirty": bool(changes)}
+
+
+def install_command(extra: str) -> str:
+    """The command that installs an extra from where this code came: its checkout, or the wheel. No package index has it."""
+    checkout = Path(__file__).parents[2]
+    if (checkout / "pyproject.toml").is_file():
+        return f"pip install -e '{checkout}[{extra}]'"
+    try:
+        installed = distribution("kpopnet")
+    except PackageNotFoundError:
+        return f"pip install 'WHEEL[{extra}]' with the path of kpopnet's wheel"
+    origin = json.loads(installed.read_text("direct_url.json") or "{}")  # PEP 610
+    place = origin.get("url", f"file:///PATH/kpopnet-{installed.version}-py3-none-any.whl")
+    return f"pip install 'kpopnet[{extra}] @ {place}'"
+
+
+@contextmanager
+def optional_library(where: str, package: str, extra: str, note: str = "") -> Iterator[None]:
+    """Around the import of a library of an extra: makes an InputError of the ImportError, which says what to install."""
+    try:
+        yield
+    except ImportError as error:
+        raise InputError(
+            f"{where}: needs {package}, which does not load ({error}); install it: {install_command(extra)}{note}"
+        ) from error

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from kpopnet.camera import Camera
-from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import check_fields, expect, parse_json, parse_numbers, parsing, read_text
+from kpopnet.runtime.provenance import optional_library
 from kpopnet.sources.images import CAMERA_FILE, images_in, read_image, read_images
 from kpopnet.sources.source import Recording, StoredImage, check_size, rate
 
@@ -131,10 +131,6 @@ def _archive(path: Path) -> Iterator[zipfile.ZipFile]:
 
 
 def _lzfse(path: Path) -> Callable[[bytes], bytes]:
-    try:
+    with optional_library(str(path), "lzfse", "record3d"):
         import lzfse
-    except ImportError as error:
-        raise InputError(
-            f"{path}: Record3D's images are unpacked by lzfse, which is missing; install it: pip install 'kpopnet[record3d]'"
-        ) from error
     return lzfse.decompress

@@ -11,6 +11,7 @@ import numpy as np
 from kpopnet.camera import MM_PER_METRE, Camera, depth_in_metres
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import parsing
+from kpopnet.runtime.provenance import optional_library
 from kpopnet.sources.source import SEARCH_EVERY_S, SILENCE_S, CameraAwayError, Recording, StoredImage
 
 NAME = "RealSense camera"
@@ -22,13 +23,8 @@ USUAL_FPS, USUAL_WIDTH = 30, 640
 
 def library(where: str) -> Any:
     """The module pyrealsense2; raises InputError where it does not load."""
-    try:
+    with optional_library(where, "pyrealsense2", "realsense", " (on Linux it needs libusb, the package libusb-1.0-0)"):
         import pyrealsense2
-    except ImportError as error:
-        raise InputError(
-            f"{where}: needs pyrealsense2, which does not load ({error}); install it: pip install "
-            "'kpopnet[realsense]' (on Linux it needs libusb, the package libusb-1.0-0)"
-        ) from error
     return pyrealsense2
 
 

@@ -22,6 +22,7 @@ import numpy as np
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import expect, names_in, parsing
+from kpopnet.runtime.provenance import optional_library
 from kpopnet.sources import realsense
 from kpopnet.sources.camera_files import optics
 from kpopnet.sources.images import natural, read_image
@@ -100,14 +101,10 @@ def read_bag(path: Path, key: str | None) -> Recording:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Bag]:
-    try:
+    also = "" if path.suffix == ".mcap" else "; the extra realsense reads what a RealSense camera's own tools recorded"
+    with optional_library(str(path), "rosbags", "ros", also):
         from rosbags import rosbag1, rosbag2
         from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
-        also = "" if path.suffix == ".mcap" else ", or 'kpopnet[realsense]' if a RealSense camera's own tool recorded it"
-        raise InputError(
-            f"{path}: bags of ROS are read by rosbags, which is missing; install it: pip install 'kpopnet[ros]'{also}"
-        ) from error
     files = [path] if path.is_file() else sorted((one for one in path.iterdir() if one.suffix in SUFFIXES[1:]), key=natural)
     expect(bool(files), str(path), "a file .db3 or .mcap beside metadata.yaml; unpack .zstd files first: zstd -d FILE")
     for file in files:  # SQLite would take these for parts of an address
@@ -216,7 +213,5 @@ def _units_per_m(bag: Bag, topic: str) -> float | None:
     named = [f"{sensor}/{one}" for one in REALSENSE_UNITS if f"{sensor}/{one}" in topics]
     unit = next(bag.messages(named[0]), None) if named else None
     unit_m = float(getattr(unit, "data", 0))
-    expect(
-        0 < unit_m < 1, bag.where, "the unit of depth, as RealSense's tools store it; pip install 'kpopnet[realsense]' reads it"
-    )
+    expect(0 < unit_m < 1, bag.where, "the unit of depth, as RealSense's tools store it; the extra realsense reads it")
     return 1 / unit_m

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, cast
 
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import expect, parse_json, parsing
+from kpopnet.runtime.provenance import optional_library
 from kpopnet.sources.camera_files import azure_kinect
 from kpopnet.sources.lenses import Optics
 from kpopnet.sources.source import Recording, StoredImage
@@ -99,12 +100,8 @@ def _next(packets: Iterator["Packet"]) -> list["VideoFrame"] | None:
 @contextmanager
 def _opened(path: Path) -> Iterator[tuple["InputContainer", "VideoStream"]]:
     """A video and its stream of depth."""
-    try:
+    with optional_library(str(path), "PyAV", "video"):
         import av
-    except ImportError as error:
-        raise InputError(
-            f"{path}: videos are read by PyAV, which is missing; install it: pip install 'kpopnet[video]'"
-        ) from error
     with parsing(str(path), "not a readable video"), _heard("prematurely"):  # others may be about tracks that are not read
         container = av.open(str(path), format=CONTAINERS[path.suffix.lower()], options={"protocol_whitelist": "file"})
     with container:

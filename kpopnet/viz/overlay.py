@@ -12,6 +12,7 @@ from PIL import Image
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
 from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.provenance import install_command
 from kpopnet.viz.drawing import ESTIMATED, depth_rgb, draw_skeleton, enlarged, sheet, with_captions
 
 VIDEO_WIDTH_PX, GIF_WIDTH_PX, TILE_WIDTH_PX = 640, 400, 320
@@ -72,7 +73,7 @@ def write_video(path: Path, images: Iterable[np.ndarray], fps: float) -> None:
         writer = cv2.VideoWriter(str(named), cv2.VideoWriter.fourcc(*"mp4v"), fps, (width_px, height_px))
         try:
             if not writer.isOpened():
-                raise InputError("no encoder for videos: install PyAV, pip install 'kpopnet[video]'")
+                raise InputError(f"no encoder for videos; install PyAV: {install_command('video')}")
             for image in chain([first], images):
                 writer.write(cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
             writer.release()

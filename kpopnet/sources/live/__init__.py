@@ -15,8 +15,8 @@ from kpopnet.sources.live import oak, pipe
 from kpopnet.sources.source import CameraAwayError, DepthSource, LiveCamera, TimedDepth
 
 LIVE_CAMERAS = {
-    "realsense": "a RealSense camera (pip install 'kpopnet[realsense]')",
-    "oak": "an OAK camera (pip install 'kpopnet[oak]')",
+    "realsense": "a RealSense camera (the extra realsense)",
+    "oak": "an OAK camera (the extra oak)",
     "-": "depth that another program sends to standard input",
     "tcp:127.0.0.1:PORT": "depth that another program offers at a port of this machine",
     "unix:PATH": "depth that another program offers at a socket",

@@ -10,6 +10,7 @@ import numpy as np
 
 from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.errors import InputError
+from kpopnet.runtime.provenance import optional_library
 from kpopnet.sources.camera_files import optics
 from kpopnet.sources.lenses import View
 from kpopnet.sources.source import SEARCH_EVERY_S, SILENCE_S, CameraAwayError, moment
@@ -23,12 +24,8 @@ START_S = 10.0
 
 def library(where: str) -> Any:
     """The module depthai; raises InputError where it does not load."""
-    try:
+    with optional_library(where, "depthai", "oak"):
         import depthai
-    except ImportError as error:
-        raise InputError(
-            f"{where}: needs depthai, which does not load ({error}); install it: pip install 'kpopnet[oak]'"
-        ) from error
     return depthai
 
 
