@@ -20,7 +20,7 @@ from kpopnet.skeleton import NUM_JOINTS, Joint
 
 DANCES = "dances"
 IDENTITY = re.compile("[a-z0-9][a-z0-9_-]{0,63}")
-PHRASE_COUNTS = 8
+PHRASE_COUNTS, MOVE_COUNTS = 8, 4
 QUAT_SCALE = 32767
 MAX_PLACE_M = 1000.0
 PREVIEW_FPS, PREVIEW_S = 10, 4.0
@@ -225,8 +225,23 @@ def preview_cm(dance: TaughtDance) -> list[list[int]]:
     """The first seconds of a dance for a thumbnail: by frame the x (right) and y (up) of the fifteen joints, centimetres."""
     stride = max(round(dance.fps / PREVIEW_FPS), 1)
     joints_m = np.nan_to_num(dance.joints_m[: round(PREVIEW_S * dance.fps) : stride, :, :2])
-    centred_cm = np.round((joints_m - joints_m.mean(axis=(0, 1))) * [100, -100]).astype(int)
-    return centred_cm.reshape(len(centred_cm), -1).tolist()
+    return _flat_cm(joints_m - joints_m.mean(axis=(0, 1)))
+
+
+def moves_cm(dance: TaughtDance) -> list[dict]:
+    """For each move of four counts its pose that differs most from the dance's mean pose: at_s, seconds of the dance, and
+    points_cm, the joints as in `preview_cm`.
+    """
+    relative_m = np.nan_to_num(dance.joints_m - np.nanmean(dance.joints_m, axis=1, keepdims=True))
+    unlike_m = np.linalg.norm(relative_m - relative_m.mean(axis=0), axis=-1).sum(axis=1)
+    bounds = np.arange(0, len(unlike_m), MOVE_COUNTS * 60 / dance.about.bpm * dance.fps).round().astype(int).tolist()
+    frames = [begin + int(unlike_m[begin:end].argmax()) for begin, end in itertools.pairwise([*bounds, len(unlike_m)])]
+    return [{"at_s": frame / dance.fps, "points_cm": _flat_cm(relative_m[[frame], :, :2])[0]} for frame in frames]
+
+
+def _flat_cm(centred_m: np.ndarray) -> list[list[int]]:
+    """(T, 15, 2) metres, y down, as centimetres, y up, by frame."""
+    return np.round(centred_m * [100, -100]).astype(int).reshape(len(centred_m), -1).tolist()
 
 
 def _about(text: np.ndarray, path: Path) -> About:

@@ -16,7 +16,7 @@ from kpopnet.teacher.live.words import score_result
 from kpopnet.teacher.posing import MAX_S, Movement, learners_movement
 
 FPS = 30.0
-MODULES = {name: f"{'vendor/' if name == 'three' else ''}{name}.js" for name in ("three", "tools", "body", "result", "score")}
+MODULES = {"three": "vendor/three.js"} | {name: f"{name}.js" for name in ("tools", "body", "practice", "result", "score")}
 """The modules of the page by their names in it."""
 
 _IMPORT = re.compile(r'from "\./(?:vendor/)?(\w+)\.js"')

@@ -16,7 +16,7 @@ from kpopnet.runtime.input_files import check_fields, parse_json, settings_from
 from kpopnet.teacher.adding import add_performance
 from kpopnet.teacher.film import Filming
 from kpopnet.teacher.hosting import now_ms, packed_frame, page_app
-from kpopnet.teacher.library import About, Library, preview_cm
+from kpopnet.teacher.library import About, Library, moves_cm, preview_cm
 from kpopnet.teacher.live.lesson import CameraOpener, Lesson
 from kpopnet.teacher.live.process import LessonProcess, LessonProcesses
 from kpopnet.teacher.posing import Movement, as_bvh, learners_movement
@@ -107,7 +107,8 @@ async def dances(request: web.Request) -> web.Response:
 async def dance(request: web.Request) -> web.Response:
     library, identity = request.app[TEACHING].library, request.match_info["identity"]
     found = await asyncio.to_thread(library.dance, identity)
-    return web.json_response(_shown(identity, found.about) | packed_movement(Movement(found.quats, found.hips_m, found.fps)))
+    shown = _shown(identity, found.about) | {"moves": moves_cm(found)}
+    return web.json_response(shown | packed_movement(Movement(found.quats, found.hips_m, found.fps)))
 
 
 def _shown(identity: str, about: About) -> dict:

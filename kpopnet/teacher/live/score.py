@@ -16,12 +16,9 @@ from kpopnet.dance.window import WINDOW_S
 from kpopnet.errors import InputError
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.sources.live import Image
-from kpopnet.teacher.library import TaughtDance
+from kpopnet.teacher.library import MOVE_COUNTS, TaughtDance
 from kpopnet.teacher.live.lesson import CALIBRATION_BEAT_S, DanceClock, Lesson
 from kpopnet.teacher.live.words import latest_words, move_reason, rounded, try_result, where_to_stand
-
-COUNTS = 4
-"""Counts of a move."""
 
 WAIT_S = 0.05
 """Seconds of real time from a move's end to the image with which it is scored: smoothing needs a few images after the end."""
@@ -121,7 +118,7 @@ class DanceTry:
     def _score_move(self) -> None:
         """Scores the move that has just ended, once; between two ends there is no verdict."""
         self._verdict = None
-        move_s = COUNTS * 60 / self._about.bpm
+        move_s = MOVE_COUNTS * 60 / self._about.bpm
         ended_s = self._times_s[-1] - WAIT_S * self._lesson.speed
         number = max(self._next_move, math.floor((ended_s - self.begin_s) / move_s))
         end_s = self.begin_s + number * move_s

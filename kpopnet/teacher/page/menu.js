@@ -1,7 +1,7 @@
 // The menu: all dances with moving thumbnails, search, order, and one's own dances.
+import { sketch } from "./sketch.js";
 import { ask, clock, el, remember, remembered } from "./tools.js";
 
-const LIMBS = [[0, 1], [1, 8], [1, 2], [1, 3], [2, 4], [4, 6], [3, 5], [5, 7], [8, 9], [8, 10], [9, 11], [11, 13], [10, 12], [12, 14]];
 const ORDERS = {
   name: (a, b) => a.name.localeCompare(b.name),
   difficulty: (a, b) => a.difficulty - b.difficulty,
@@ -98,19 +98,6 @@ function thumbnails() {
 
 function draw(canvas, points, ink) {
   const pen = canvas.getContext("2d");
-  const at = (joint) => [80 - points[2 * joint] * 0.52, 62 - points[2 * joint + 1] * 0.52]; // as in a mirror
   pen.clearRect(0, 0, 160, 120);
-  pen.strokeStyle = ink;
-  pen.lineWidth = 3;
-  pen.lineCap = "round";
-  pen.beginPath();
-  for (const [from, to] of LIMBS) {
-    pen.moveTo(...at(from));
-    pen.lineTo(...at(to));
-  }
-  pen.stroke();
-  pen.fillStyle = ink;
-  pen.beginPath();
-  pen.arc(...at(0), 5, 0, 7);
-  pen.fill();
+  sketch(pen, points, { x: 80, y: 62, scale: 0.52, ink, mirrored: true });
 }

@@ -1,5 +1,6 @@
 // After a dance: the score, its course, the worst moments with a replay side by side, what to practise, history and files.
 import { View, loadBody, movementOf } from "./body.js";
+import { GOAL, practiseAddress, worstPhrase } from "./practice.js";
 import { PARTS, ask, clamp, clock, el, followed, heat, keepLatency, latencyOf, milliseconds, partBars } from "./tools.js";
 
 const BEFORE_S = 1;
@@ -13,7 +14,7 @@ export async function result(main, identity, name) {
   ]);
   const filming = film(base, `${identity}-${name}.mp4`);
   const leave = showResult(main, { found, dance, body, movement }, (phrase) =>
-    `#/dance/${identity}?phrase=${phrase}&speed=50&loop&go&skill=${found.skill}&fault=${encodeURIComponent(found.fault)}`);
+    practiseAddress(identity, phrase, `&skill=${found.skill}&fault=${encodeURIComponent(found.fault)}`));
   main.append(
     ...latency(found),
     el("h2", {}, "Your tries"), historyTable(history, identity, name),
@@ -51,6 +52,7 @@ export function showResult(main, { found, dance, body, movement }, practiseAt = 
       number("posture", found.posture, "posture"), found.speed ? number("speed", 100 * found.speed, "speed, %") : null),
     bars.list,
     stageOf(found),
+    practiseAt ? worstLink(found, dance, practiseAt) : "",
     ...found.hints.map((hint) => el("p", { class: "error" }, hint)),
     el("h2", {}, "Worst moments"), momentList(found, watch),
     el("div", { class: "replay" }, el("div", { class: "panel" }, canvas, el("span", { class: "tag" }, "teacher left, you right")),
@@ -103,6 +105,13 @@ export function showResult(main, { found, dance, body, movement }, practiseAt = 
 
 function number(id, value, text) {
   return el("div", { id: `result-${id}` }, el("b", {}, value === null ? "–" : String(Math.round(value))), text);
+}
+
+function worstLink(found, dance, practiseAt) {
+  const worst = worstPhrase(found.phrases, dance.phrase_s);
+  if (!worst || worst.total >= GOAL) return "";
+  return el("p", {}, el("a", { class: "button", id: "practise-worst", href: practiseAt(worst.phrase) },
+    `Practise phrase ${worst.phrase + 1}, which went worst (${Math.round(worst.total)}), until ${GOAL}`));
 }
 
 function momentList(found, watch) {
@@ -167,7 +176,7 @@ function phraseTable(found, dance, watch, practiseAt) {
     return el("tr", {}, el("td", {}, el("button", { type: "button", onclick: () => watch(one.start_s, one.end_s) }, `phrase ${phrase + 1}, ${clock(one.start_s)}`)),
       el("td", {}, one.total === null ? "–" : String(Math.round(one.total))),
       el("td", {}, el("div", {}, words || (one.total === null ? "not compared" : "no fault stands out")),
-        practiseAt && one.total !== null ? el("a", { class: "practise", href: practiseAt(phrase) }, "practise slowed and looped") : null));
+        practiseAt && one.total !== null ? el("a", { class: "practise", href: practiseAt(phrase) }, "practise, slowed first") : null));
   });
   return el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ...["phrase", "score", "what to mend"].map((text) => el("th", {}, text)))),
     el("tbody", {}, ...rows)));

@@ -96,7 +96,7 @@ def test_a_dance_from_the_menu_to_practice(address, browser):
     assert len(browser.find_elements(By.CSS_SELECTOR, "#history tr")) == 1
     find(browser, "a.practise").send_keys(Keys.ENTER)
     until(browser, lambda one: one.find_element(By.ID, "start").text == "Stop")
-    assert find(browser, "#loop").is_selected() and find(browser, "#speed").get_attribute("value") == "50"
+    assert find(browser, "#practise").get_attribute("value") == "80" and find(browser, "#speed").get_attribute("value") == "75"
     browser.refresh()
     until(browser, lambda one: one.find_element(By.ID, "start").text == "Stop")
     find(browser, "#start").send_keys(Keys.ENTER)

@@ -8,8 +8,9 @@ from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import SCORERS
 from kpopnet.skeleton import Joint
 from kpopnet.sources.live import Image
+from kpopnet.teacher.library import MOVE_COUNTS
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
-from kpopnet.teacher.live.score import COUNTS, LEAST_S, WAIT_S, Calibration, DanceTry, excerpt, scorer_config
+from kpopnet.teacher.live.score import LEAST_S, WAIT_S, Calibration, DanceTry, excerpt, scorer_config
 from synth.dances.live import ON_THE_BEAT, LiveLearner
 
 CAMERA, DEPTH_M = CAMERAS["kinect_v1"], np.zeros((240, 320), np.float32)
@@ -98,7 +99,7 @@ def verdicts(dance, learner: Performance, seconds: float = 10.0) -> list[tuple[f
 
 def test_each_move_is_scored_once_soon_after_its_end(dance):
     found = verdicts(dance, excerpt(dance.performance, 0.0, 10.4))
-    move_s = COUNTS * 60 / dance.about.bpm
+    move_s = MOVE_COUNTS * 60 / dance.about.bpm
     assert [one["number"] for _, one in found] == list(range(1, int(10.01 / move_s) + 1))
     for time_s, one in found:
         assert one["end_s"] == pytest.approx(one["number"] * move_s)
@@ -108,7 +109,7 @@ def test_each_move_is_scored_once_soon_after_its_end(dance):
 
 def test_the_reason_is_the_limb_that_hangs_and_only_while_it_hangs(dance):
     whole = excerpt(dance.performance, 0.0, 10.4)
-    joints_m, move_s = whole.joints_m.copy(), COUNTS * 60 / dance.about.bpm
+    joints_m, move_s = whole.joints_m.copy(), MOVE_COUNTS * 60 / dance.about.bpm
     hanging = whole.times_s > 2 * move_s
     for joint, down_m in ((Joint.LEFT_ELBOW, 0.28), (Joint.LEFT_HAND, 0.53)):
         joints_m[hanging, joint] = joints_m[hanging, Joint.LEFT_SHOULDER] + [0, down_m, 0.02]
@@ -121,7 +122,7 @@ def test_the_reason_is_the_limb_that_hangs_and_only_while_it_hangs(dance):
 
 
 def test_after_a_gap_the_next_move_is_scored_and_those_in_it_are_not(dance):
-    whole, move_s = excerpt(dance.performance, 0.0, 10.4), COUNTS * 60 / dance.about.bpm
+    whole, move_s = excerpt(dance.performance, 0.0, 10.4), MOVE_COUNTS * 60 / dance.about.bpm
     seen = (whole.times_s < 0.9 * move_s) | (whole.times_s > 2.2 * move_s)
     found = [one for _, one in verdicts(dance, Performance(whole.joints_m[seen], whole.times_s[seen]))]
     numbers = [one["number"] for one in found]
@@ -134,7 +135,7 @@ def test_moves_too_short_to_be_scored_begin_with_the_first_that_can_be(dance):
 
     bpm = 360.0
     fast = replace(dance, about=replace(dance.about, bpm=bpm))
-    found, move_s = verdicts(fast, excerpt(dance.performance, 0.0, 4.4), 4.0), COUNTS * 60 / bpm
+    found, move_s = verdicts(fast, excerpt(dance.performance, 0.0, 4.4), 4.0), MOVE_COUNTS * 60 / bpm
     assert found[0][1]["end_s"] == pytest.approx(move_s) and found[0][0] == pytest.approx(LEAST_S + WAIT_S, abs=0.04)
     assert [one["number"] for _, one in found] == list(range(1, round(4.0 / move_s) + 1))
 

@@ -1,0 +1,81 @@
+// What stands on the page of a dance: its controls, the pictures, and the words.
+import { stars } from "./menu.js";
+import { GOALS } from "./practice.js";
+import { clock, el, latencyOf, milliseconds, partBars, remembered } from "./tools.js";
+
+const SPEEDS = [25, 40, 50, 60, 75, 90, 100];
+
+function choice(id, options, value) {
+  const select = el("select", { id }, ...options.map(([key, text]) => el("option", { value: key }, text)));
+  if (options.some(([key]) => String(key) === String(value))) select.value = value;
+  return select;
+}
+
+export function controls(dance, offer, wanted) {
+  const phrases = [["", "whole dance"]];
+  for (let k = 0; (k + 1) * dance.phrase_s <= dance.seconds + 0.05; k++) phrases.push([k, `phrase ${k + 1}, ${clock(k * dance.phrase_s)}`]);
+  return {
+    start: el("button", { class: "main", id: "start", type: "button" }, "Start"),
+    speed: choice("speed", SPEEDS.map((one) => [one, `${one} %`]), wanted.get("speed") || remembered("speed", 100)),
+    phrase: choice("phrase", phrases, wanted.get("phrase") ?? ""),
+    practise: choice("practise", [["", "off"], ...GOALS.map((one) => [one, `until ${one}`])], wanted.get("practise") ?? ""),
+    full: el("button", { type: "button", id: "full" }, "Full screen"),
+    loop: el("input", { type: "checkbox", id: "loop", checked: wanted.has("loop") }),
+    mirrored: el("input", { type: "checkbox", id: "mirrored", checked: true }),
+    metronome: el("input", { type: "checkbox", id: "metronome", checked: true }),
+    music: el("input", { type: "file", accept: "audio/*", id: "music" }),
+    offset: el("input", { type: "number", id: "offset", step: "0.01", value: "0", size: 5 }),
+    source: choice("source", Object.entries(offer.sources), remembered("source", Object.keys(offer.sources)[0])),
+    skill: choice("skill", offer.skills.map((one) => [one, one]), wanted.get("skill") || "good"),
+    fault: choice("fault", offer.faults.map((one) => [one, one || "none"]), wanted.get("fault") || ""),
+    seed: el("input", { type: "number", id: "seed", min: 0, max: 9999, value: wanted.get("seed") || "0" }),
+  };
+}
+
+export function panels(main, dance, parts) {
+  const shown = {
+    teacher: el("canvas", { id: "teacher", "aria-label": "the teacher, in 3D; the left and right keys turn the view" }),
+    learner: el("canvas", { id: "learner", "aria-label": "your picture with your skeleton" }),
+    count: el("div", { class: "count", "aria-hidden": "true" }),
+    guide: el("div", { class: "guide", id: "guide", role: "status" }),
+    score: el("div", { class: "score", id: "so-far", "aria-label": "score so far" }, "–"),
+    words: el("div", { class: "words", id: "words" }),
+    verdict: el("div", { class: "verdict", id: "verdict", role: "status" }),
+    lane: el("canvas", { id: "lane", role: "img", "aria-label": "the coming moves" }),
+    stars: el("div", { id: "stars", "aria-label": "stars so far" }), streak: el("div", { id: "streak" }),
+    beginNow: el("button", { type: "button", id: "begin", hidden: true }, "Begin now"),
+    practice: el("p", { id: "practice", role: "status" }),
+    time: el("span", {}), age: el("span", { id: "age" }),
+    error: el("p", { class: "error", id: "error", role: "alert" }),
+    bar: el("progress", { max: 1, value: 0 }), preparingText: el("span", {}),
+    bars: partBars(),
+  };
+  shown.preparing = el("div", { id: "preparing", hidden: true }, shown.preparingText, shown.bar);
+  shown.stage = el("div", { class: "stage", id: "stage" },
+    el("div", { class: "floor" },
+      el("div", { class: "panel" }, shown.teacher, el("span", { class: "tag" }, "teacher ", shown.time), shown.count),
+      el("div", { class: "panel seen" }, shown.learner, el("span", { class: "tag" }, "you ", shown.age), shown.guide)),
+    shown.lane,
+    el("div", { class: "told" }, el("div", {}, shown.score, shown.stars, shown.streak), el("div", {}, shown.verdict, shown.words, shown.practice)));
+  const latency_s = latencyOf(parts.source.value);
+  const simulated = el("details", { id: "simulated" }, el("summary", {}, "Simulated learner"),
+    el("div", { class: "controls" }, el("label", {}, "skill", parts.skill), el("label", {}, "fault", parts.fault),
+      el("label", {}, "person", parts.seed)));
+  main.append(
+    el("h1", {}, dance.name, el("small", { class: "quiet" }, `${stars(dance.difficulty)} · ${Math.round(dance.bpm)} bpm · ${clock(dance.seconds)}`)),
+    el("div", { class: "controls" }, parts.start, el("label", {}, "speed", parts.speed), el("label", {}, "dance", parts.phrase),
+      el("label", {}, "practise", parts.practise), el("label", {}, parts.loop, "loop"), el("label", {}, parts.mirrored, "as in a mirror"),
+      el("label", {}, parts.metronome, "metronome"), el("label", {}, "who dances", parts.source), parts.full, shown.beginNow),
+    shown.preparing, shown.error,
+    shown.stage,
+    shown.bars.list,
+    el("details", {}, el("summary", {}, "Music"), el("div", { class: "controls" },
+      el("label", {}, "your own audio file (it stays in this browser)", parts.music),
+      el("label", {}, "the dance begins at second", parts.offset))),
+    simulated,
+    el("p", { class: "quiet", id: "latency" }, latency_s === null ? "Latency not measured. " : `${milliseconds(latency_s)} latency are taken off. `,
+      el("a", { href: "#/calibrate" }, latency_s === null ? "Measure it" : "Measure it again")),
+    el("p", { class: "quiet" }, "Keys: space starts and stops, left and right turn the teacher, m mirrors, f is full screen."),
+  );
+  return shown;
+}

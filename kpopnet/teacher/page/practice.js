@@ -1,0 +1,40 @@
+// Practising one phrase: slowed down, faster each time that it reaches the goal, slower again where it fails by far.
+export const STEPS = [75, 90, 100], GOALS = [60, 70, 80, 90], GOAL = 80;
+const FAR = 25;
+
+export class Practice {
+  constructor(goal) {
+    Object.assign(this, { goal, step: 0, done: false });
+  }
+
+  // Percent of the dance's tempo.
+  get speed() {
+    return STEPS[this.step];
+  }
+
+  // What follows from the score of a round, in words.
+  after(total) {
+    const said = `${Math.round(total)} of 100 at ${this.speed} %`;
+    if (Math.round(total) >= this.goal) {
+      this.done = this.step === STEPS.length - 1;
+      if (this.done) return `${said}: you reached your goal of ${this.goal}`;
+      this.step++;
+      return `${said}, goal reached: now ${this.speed} %`;
+    }
+    if (total < this.goal - FAR && this.step > 0) {
+      this.step--;
+      return `${said}: slower again, ${this.speed} %`;
+    }
+    return `${said}: once more, ${this.goal} is the goal`;
+  }
+}
+
+export const practiseAddress = (dance, phrase, more = "") => `#/dance/${dance}?phrase=${phrase}&practise=${GOAL}&go${more}`;
+
+// The phrase that went worst, or null: its number from 0, and its score.
+export function worstPhrase(phrases, phrase_s) {
+  const known = phrases.filter(({ total }) => total !== null);
+  if (!known.length) return null;
+  const worst = known.reduce((a, b) => (b.total < a.total ? b : a));
+  return { phrase: Math.max(Math.round(worst.start_s / phrase_s), 0), total: worst.total };
+}

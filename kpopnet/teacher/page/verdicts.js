@@ -1,0 +1,31 @@
+// What is made of the scores of the moves while dancing: words, stars and the streak; and whether somebody is in place to begin.
+
+const PRAISE = [[90, "perfect"], [75, "great"], [55, "good"], [30, "keep going"], [-Infinity, "watch the teacher"]];
+const STARS_FROM = [30, 50, 65, 80, 90];
+const STREAK_FROM = 75;
+const STEADY_MS = 1000, HINTED_MS = 8000;
+
+export function praise(total) {
+  return total === null ? "not seen" : PRAISE.find(([from]) => total >= from)[1];
+}
+
+export function starsOf(total) {
+  const count = STARS_FROM.filter((from) => total >= from).length;
+  return "★".repeat(count) + "☆".repeat(STARS_FROM.length - count);
+}
+
+// How many moves in a row were great, by the score of the latest.
+export const streakAfter = (streak, total) => (total !== null && total >= STREAK_FROM ? streak + 1 : 0);
+
+// In place is who is seen for a second without a word of where to stand, or for eight in spite of one: a room may allow no better.
+export class InPlace {
+  constructor() {
+    this.seen_ms = this.good_ms = null;
+  }
+
+  see({ joints, guidance }, now_ms) {
+    this.seen_ms = joints ? this.seen_ms ?? now_ms : null;
+    this.good_ms = joints && !guidance ? this.good_ms ?? now_ms : null;
+    return (this.good_ms !== null && now_ms - this.good_ms >= STEADY_MS) || (this.seen_ms !== null && now_ms - this.seen_ms >= HINTED_MS);
+  }
+}

@@ -1,0 +1,37 @@
+// The loop of a lesson: praise, stars and streaks; who is in place; the lane; practising a phrase.
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { laneX } from "../../../../kpopnet/teacher/page/lane.js";
+import { Practice, worstPhrase } from "../../../../kpopnet/teacher/page/practice.js";
+import { InPlace, praise, starsOf, streakAfter } from "../../../../kpopnet/teacher/page/verdicts.js";
+
+test("better scores earn more, and who is not seen ends a streak", () => {
+  assert.deepEqual([null, 0, 30, 55, 75, 90].map(praise), ["not seen", "watch the teacher", "keep going", "good", "great", "perfect"]);
+  assert.deepEqual([null, 29, 65, 100].map(starsOf), ["☆☆☆☆☆", "☆☆☆☆☆", "★★★☆☆", "★★★★★"]);
+  assert.deepEqual([80, 75, 74, 99, null].reduce((all, one) => [...all, streakAfter(all.at(-1), one)], [0]), [0, 1, 2, 0, 1, 0]);
+});
+
+test("the dance waits for a second in place, longer where the camera sees the feet badly, for ever where nobody is", () => {
+  const place = new InPlace(), good = { joints: [], guidance: "" }, hinted = { joints: [], guidance: "your feet are hidden" };
+  const nobody = { joints: null, guidance: "no person seen" };
+  assert.ok(!place.see(nobody, 0) && !place.see(nobody, 60000) && !place.see(good, 60100) && !place.see(nobody, 60900));
+  assert.ok(!place.see(good, 61000) && !place.see(good, 61900) && place.see(good, 62000));
+  const hidden = new InPlace();
+  assert.ok(!hidden.see(hinted, 0) && !hidden.see(hinted, 7900) && hidden.see(hinted, 8000));
+});
+
+test("a card meets the line at its own time and moves a beat's width a beat", () => {
+  assert.equal(laneX(3, 3, 0.5, 1000), 120);
+  assert.equal(laneX(3, 2, 0.5, 1000) - laneX(3, 2.5, 0.5, 1000), laneX(3, 2.5, 0.5, 1000) - 120);
+});
+
+test("practising speeds up at the goal, slows down far below it, and ends at full speed", () => {
+  const practice = new Practice(80), speeds = [79.4, 79.6, 60, 40, 85, 80, 92].map((total) => [practice.after(total), practice.speed][1]);
+  assert.deepEqual(speeds, [75, 90, 90, 75, 90, 100, 100]);
+  assert.ok(practice.done && practice.after(92).endsWith("your goal of 80"));
+});
+
+test("the worst phrase is the one of the least score; phrases that were not seen do not count", () => {
+  const phrases = [[0, 50], [4, null], [8.01, 30]].map(([start_s, total]) => ({ start_s, total }));
+  assert.deepEqual([worstPhrase(phrases, 4), worstPhrase(phrases.slice(1, 2), 4)], [{ phrase: 2, total: 30 }, null]);
+});
