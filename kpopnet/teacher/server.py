@@ -13,6 +13,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from kpopnet.dance.joint_files.reader import read_performance, read_strangers_performance
 from kpopnet.errors import InputError, check_between
 from kpopnet.runtime.input_files import check_fields, parse_json, settings_from
+from kpopnet.teacher import profiles
 from kpopnet.teacher.adding import add_performance
 from kpopnet.teacher.film import Filming
 from kpopnet.teacher.hosting import now_ms, packed_frame, page_app
@@ -74,7 +75,8 @@ def make_app(teaching: Teaching, hosts: tuple[str, ...], keys: Keys | None = Non
     app[FILMING] = Filming(teaching.library, teaching.tries)
     app[PROCESSES] = LessonProcesses(teaching.open_camera, teaching.checkpoint)
     app.on_shutdown.append(_end)
-    app.add_routes(routes)
+    app[profiles.PROFILES] = profiles.Profiles(teaching.tries.folder.parent / "profiles", teaching.tries)
+    app.add_routes([*profiles.routes, *routes])
     return app
 
 
@@ -150,7 +152,22 @@ async def body(request: web.Request) -> web.Response:
 
 @routes.get("/api/history/{dance}")
 async def history(request: web.Request) -> web.Response:
-    return web.json_response(request.app[TEACHING].tries.history(request.match_info["dance"]))
+    """The tries of a dance by the profile `who`, or by nobody's."""
+    tries, who = request.app[TEACHING].tries, request.query.get("who", "")
+    return web.json_response(await asyncio.to_thread(tries.history, request.match_info["dance"], who))
+
+
+@routes.get("/api/profiles/{who}")
+async def profile(request: web.Request) -> web.Response:
+    """A profile's name, and its tries by dance, with what the menu shows of each dance that is still there."""
+    teaching, who = request.app[TEACHING], request.match_info["who"]
+    shown = {"name": request.app[profiles.PROFILES].profile(who).name, "dances": []}
+    for dance in teaching.tries.dances():
+        with contextlib.suppress(InputError):  # the dance is gone
+            about = _shown(dance, teaching.library.about(dance))
+            if tries := await asyncio.to_thread(teaching.tries.history, dance, who):
+                shown["dances"].append(about | {"tries": tries})
+    return web.json_response(shown)
 
 
 @routes.get(r"/api/tries/{dance}/{name}.{kind:json|csv|bvh}")
@@ -221,7 +238,7 @@ async def live(request: web.Request) -> web.WebSocketResponse:
     socket = web.WebSocketResponse(max_msg_size=MAX_MESSAGE_BYTES, heartbeat=PATIENCE_S)
     await socket.prepare(request)
     request.app[SOCKETS].add(socket)
-    lessons = PageLessons(socket, request.app[TEACHING], request.app[PROCESSES])
+    lessons = PageLessons(socket, request.app)
     try:
         async for message in socket:
             if message.type is not WSMsgType.TEXT:
@@ -239,8 +256,13 @@ async def live(request: web.Request) -> web.WebSocketResponse:
 class PageLessons:
     """The lessons of one page: its messages go to a process, and the process's to the page."""
 
-    def __init__(self, socket: web.WebSocketResponse, teaching: Teaching, processes: LessonProcesses) -> None:
-        self._socket, self._teaching, self._processes = socket, teaching, processes
+    def __init__(self, socket: web.WebSocketResponse, app: web.Application) -> None:
+        self._socket, self._teaching, self._processes, self._profiles = (
+            socket,
+            app[TEACHING],
+            app[PROCESSES],
+            app[profiles.PROFILES],
+        )
         self._process: LessonProcess | None = None
         self._forwarding: asyncio.Task | None = None
         self._heard_ms: tuple[float, float] | None = None
@@ -266,6 +288,8 @@ class PageLessons:
     def _prepare(self, lesson: Lesson) -> None:
         if lesson.source not in self._teaching.sources:
             raise InputError("there is no such source of depth")
+        if lesson.who:
+            self._profiles.profile(lesson.who)
         dance = self._teaching.library.dance(lesson.dance)
         lesson.excerpt_s(dance.about.seconds)
         if self._process is None or not self._process.alive:
@@ -298,7 +322,11 @@ class PageLessons:
                 continue
             if kind == "done" and content.get("total") is not None:  # a person was seen
                 try:
+                    if content["who"]:
+                        self._profiles.profile(content["who"])
                     message["session"] = await asyncio.to_thread(self._teaching.tries.save, content, attached)
+                except InputError as error:  # the profile was deleted meanwhile
+                    message["not_saved"] = f"this try was not saved: {error}"
                 except OSError as error:
                     message["not_saved"] = f"this try could not be saved: {error.strerror}"
             await self.tell(message)

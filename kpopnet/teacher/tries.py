@@ -3,9 +3,11 @@
 import contextlib
 import csv
 import io
+import itertools
 import json
 import re
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -37,17 +39,35 @@ class Tries:
             part.write_text(json.dumps(result | {"session": name}, allow_nan=False, ensure_ascii=False), encoding="utf-8")
         return name
 
-    def history(self, dance: str) -> list[dict]:
-        """The latest tries of a dance, the newest first: name, total, speed, excerpt and source."""
+    def history(self, dance: str, who: str = "") -> list[dict]:
+        """The latest tries of a dance by a profile, "" for those of none, the newest first: their dance, name, total, speed,
+        excerpt, source and the totals of their phrases.
+        """
         if not IDENTITY.fullmatch(dance):
             raise InputError("there is no such dance")
-        paths = sorted((path for path in (self.folder / dance).glob("*.json") if NAME.fullmatch(path.stem)), reverse=True)
-        keys, shown = ("session", "total", "speed", "from_s", "to_s", "source", "skill"), []
-        for path in paths[:MOST_IN_HISTORY]:
-            with contextlib.suppress(InputError):  # a damaged one is left out
-                one = self.result(dance, path.stem)
-                shown.append({key: one.get(key) for key in keys})
+        keys = ("dance", "session", "total", "speed", "from_s", "to_s", "source", "skill")
+        shown = []
+        for one in itertools.islice(self._results(dance, who), MOST_IN_HISTORY):
+            phrases = [{key: phrase.get(key) for key in ("start_s", "total")} for phrase in one.get("phrases", [])]
+            shown.append({key: one.get(key) for key in keys} | {"phrases": phrases})
         return shown
+
+    def dances(self) -> list[str]:
+        """The dances that were tried."""
+        return sorted(path.name for path in self.folder.glob("*") if IDENTITY.fullmatch(path.name))
+
+    def files(self, who: str) -> Iterator[Path]:
+        """Every file of the tries of a profile; a try's result, which says whose it is, after its other files."""
+        for dance in self.dances():
+            for one in self._results(dance, who):
+                result = self.path(dance, one["session"], "json")
+                yield from (path for path in map(result.with_suffix, (".npz", ".mp4", ".json")) if path.is_file())
+
+    def _results(self, dance: str, who: str) -> Iterator[dict]:
+        for path in sorted((self.folder / dance).glob("*.json"), reverse=True):
+            with contextlib.suppress(InputError):  # a damaged one is left out
+                if NAME.fullmatch(path.stem) and (one := self.result(dance, path.stem)).get("who", "") == who:
+                    yield one | {"dance": dance, "session": path.stem}
 
     def result(self, dance: str, name: str) -> dict:
         """The result of a try; raises as `path`."""

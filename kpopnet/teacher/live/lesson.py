@@ -30,6 +30,7 @@ class Lesson:
         mirrored: whether the teacher is shown as in a mirror: the learner's left is the teacher's left.
         latency_s: delay of camera, sound and display, taken off the learner's times, seconds.
         calibrate: whether that delay is measured: the learner raises an arm every CALIBRATION_BEAT_S, and nothing is scored.
+        who: the profile whose try it is, "" for none.
     """
 
     dance: str
@@ -43,6 +44,7 @@ class Lesson:
     mirrored: bool = True
     latency_s: float = 0.0
     calibrate: bool = False
+    who: str = ""
 
     def __post_init__(self) -> None:
         if not IDENTITY.fullmatch(self.dance):

@@ -1,6 +1,7 @@
 // The views by the address after #: the menu, a dance, a try.
 import { calibrate } from "./calibrate.js";
 import { menu } from "./menu.js";
+import { profilePage } from "./mine.js";
 import { result } from "./result.js";
 import { stage } from "./stage.js";
 import { el, remember, remembered } from "./tools.js";
@@ -19,6 +20,7 @@ async function show() {
   try {
     let end;
     if (kind === "dance" && name) end = await result(place, identity, name);
+    else if (kind === "me") end = await profilePage(place);
     else if (kind === "calibrate") end = await calibrate(place);
     else if (kind === "dance") end = await stage(place, identity, new URLSearchParams(query));
     else end = await menu(place);

@@ -1,4 +1,5 @@
 // The menu: all dances with moving thumbnails, search, order, and one's own dances.
+import { greeting, myself } from "./mine.js";
 import { sketch } from "./sketch.js";
 import { ask, clock, el, remember, remembered } from "./tools.js";
 
@@ -10,7 +11,7 @@ const ORDERS = {
 };
 
 export async function menu(main) {
-  const dances = await ask("/api/dances");
+  const [dances, told_of] = await Promise.all([ask("/api/dances"), myself()]);
   const search = el("input", { type: "search", id: "search", placeholder: "search", oninput: show });
   const level = el("select", { id: "level", onchange: show }, el("option", { value: "" }, "any difficulty"));
   for (let one = 1; one <= 5; one++) level.append(el("option", { value: one }, stars(one)));
@@ -22,7 +23,7 @@ export async function menu(main) {
   const thumbs = thumbnails();
   const file = el("input", { type: "file", accept: ".bvh,.npz,.csv,.json", onchange: () => add(file.files[0]) });
   main.append(
-    el("h1", {}, "Choose a dance"),
+    ...greeting(told_of), el("h1", {}, "Choose a dance"),
     el("div", { class: "controls" }, el("label", {}, "Search", search), level, order,
       el("label", {}, "Add your own (.bvh, .npz, .csv, .json)", file)),
     told, cards,

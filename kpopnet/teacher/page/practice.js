@@ -38,3 +38,23 @@ export function worstPhrase(phrases, phrase_s) {
   const worst = known.reduce((a, b) => (b.total < a.total ? b : a));
   return { phrase: Math.max(Math.round(worst.start_s / phrase_s), 0), total: worst.total };
 }
+
+const RECENT_DAYS = 28, PLANNED = 3, DAY_MS = 86400000;
+const day = (session) => Date.UTC(session.slice(0, 4), session.slice(4, 6) - 1, session.slice(6, 8));
+
+// What to practise this week: of the dances of the last four weeks the phrases whose latest score is least and below the goal.
+export function weekPlan(dances, now) {
+  const latest = new Map(), today = Date.UTC(now.getFullYear(), now.getMonth(), now.getDate());
+  for (const { identity, name, phrase_s, tries } of dances) {
+    for (const { session, phrases } of tries) { // the newest first
+      if (today - day(session) > RECENT_DAYS * DAY_MS) continue;
+      for (const { start_s, total } of phrases) {
+        const phrase = Math.max(Math.round(start_s / phrase_s), 0), key = `${identity}/${phrase}`;
+        if (total !== null && !latest.has(key)) latest.set(key, { identity, name, phrase, total });
+      }
+    }
+  }
+  const weak = [...latest.values()].filter(({ total }) => total < GOAL).sort((a, b) => a.total - b.total).slice(0, PLANNED);
+  return weak.map(({ identity, name, phrase, total }) =>
+    ({ text: `${name}, phrase ${phrase + 1} (${Math.round(total)} of 100)`, href: practiseAddress(identity, phrase) }));
+}

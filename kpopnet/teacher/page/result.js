@@ -9,9 +9,10 @@ const HIGH = 150; // of a course, in its own units
 
 export async function result(main, identity, name) {
   const base = `/api/tries/${identity}/${name}`;
-  const [found, dance, body, movement, history] = await Promise.all([
-    ask(`${base}.json`), ask(`/api/dances/${identity}`), loadBody(), ask(`${base}/movement`), ask(`/api/history/${identity}`),
+  const [found, dance, body, movement] = await Promise.all([
+    ask(`${base}.json`), ask(`/api/dances/${identity}`), loadBody(), ask(`${base}/movement`),
   ]);
+  const history = await ask(`/api/history/${identity}?who=${found.who || ""}`);
   const filming = film(base, `${identity}-${name}.mp4`);
   const leave = showResult(main, { found, dance, body, movement }, (phrase) =>
     practiseAddress(identity, phrase, `&skill=${found.skill}&fault=${encodeURIComponent(found.fault)}`));
@@ -120,7 +121,7 @@ function momentList(found, watch) {
     el("button", { type: "button", "data-part": one.part, onclick: () => watch(one.start_s - BEFORE_S, one.end_s + BEFORE_S) }, one.text))));
 }
 
-function part(tag, attributes, ...children) {
+export function part(tag, attributes, ...children) {
   const node = document.createElementNS("http://www.w3.org/2000/svg", tag);
   for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
   node.append(...children);
@@ -128,7 +129,7 @@ function part(tag, attributes, ...children) {
 }
 
 // A line through the known values of a course; `x` and `y` place times and values.
-function line(times_s, values, x, y) {
+export function line(times_s, values, x, y) {
   const points = times_s.map((time_s, i) => [time_s, values[i]]).filter(([, value]) => value !== null);
   return part("polyline", { class: "line", points: points.map(([time_s, value]) => `${x(time_s)},${y(value)}`).join(" ") });
 }
@@ -224,4 +225,4 @@ function historyTable(history, identity, name) {
     el("td", {}, one.source === "simulated" ? `simulated, ${one.skill}` : one.source))))));
 }
 
-const when = (name) => `${name.slice(0, 4)}-${name.slice(4, 6)}-${name.slice(6, 8)} ${name.slice(9, 11)}:${name.slice(11, 13)}`;
+export const when = (name) => `${name.slice(0, 4)}-${name.slice(4, 6)}-${name.slice(6, 8)} ${name.slice(9, 11)}:${name.slice(11, 13)}`;

@@ -6,7 +6,7 @@ import { Live } from "./live.js";
 import { controls, panels } from "./panels.js";
 import { Practice } from "./practice.js";
 import { Sound } from "./sound.js";
-import { ask, clock, el, latencyOf, remember } from "./tools.js";
+import { ask, clock, el, latencyOf, remember, remembered } from "./tools.js";
 import { InPlace, praise, starsOf, streakAfter } from "./verdicts.js";
 
 const COUNTS = 4;
@@ -98,7 +98,7 @@ export async function stage(main, identity, wanted) {
       lesson: {
         dance: identity, source: parts.source.value, skill: parts.skill.value, fault: parts.fault.value, seed: Number(parts.seed.value) || 0,
         speed: state.speed, from_s: state.from_s, to_s: state.to_s, mirrored: parts.mirrored.checked,
-        latency_s: latencyOf(parts.source.value) || 0,
+        latency_s: latencyOf(parts.source.value) || 0, who: remembered("who", ""),
       },
     });
   }

@@ -1,0 +1,106 @@
+// Who dances: names on this machine, a curve for each dance, what to practise this week, and one's data to take along or delete.
+import { practiseAddress, weekPlan } from "./practice.js";
+import { line, part, when } from "./result.js";
+import { ask, el, remember, remembered } from "./tools.js";
+
+const WIDE = 1000, HIGH = 150;
+
+// The profile that dances in this browser, with its tries; null for a guest.
+export async function myself() {
+  const who = remembered("who", ""), label = document.getElementById("me");
+  let found = null;
+  if (who) {
+    const names = await ask("/api/profiles");
+    if (names[who]) found = { who, ...(await ask(`/api/profiles/${who}`)) };
+    else remember("who", ""); // deleted in another window
+  }
+  label.textContent = found ? found.name : "Who dances?";
+  return found;
+}
+
+export function greeting(found) {
+  if (!found) return [];
+  const tries = found.dances.flatMap((dance) => dance.tries.map((one) => ({ ...one, name: dance.name })));
+  if (!tries.length) return [el("p", { id: "greeting" }, `Hello ${found.name}! What you dance now is kept under your name.`)];
+  const last = tries.reduce((a, b) => (b.session > a.session ? b : a)), plan = weekPlan(found.dances, new Date());
+  return [el("p", { id: "greeting" }, el("b", {}, `Welcome back, ${found.name}! `), `Last: ${last.name}, ${Math.round(last.total)} of 100. `,
+    plan.length ? el("a", { href: plan[0].href }, `Practise ${plan[0].text}`) : "")];
+}
+
+export async function profilePage(main) {
+  const [found, names] = [await myself(), await ask("/api/profiles")];
+  const told = el("p", { class: "error", role: "alert", id: "error" });
+  const name = el("input", { id: "name", maxLength: 40, required: true, autocomplete: "off" });
+  const form = el("form", { class: "controls", onsubmit: add }, el("label", {}, "new name", name), el("button", { id: "add", type: "submit" }, "Add"));
+  main.append(
+    el("h1", {}, found ? found.name : "Who dances?"),
+    el("div", { class: "controls", id: "names" }, ...Object.entries({ "": "a guest", ...names }).map(([who, text]) =>
+      el("button", { type: "button", "aria-pressed": String(who === (found?.who ?? "")), onclick: () => choose(who) }, text))),
+    form, told,
+    el("p", { class: "quiet" }, "Names and dances stay on this machine. Whoever uses it sees them; there is no password."),
+  );
+  if (found) main.append(...about(found, told));
+  main.append(el("p", {}, el("a", { href: "#/" }, "To the dances")));
+  return () => {};
+
+  function choose(who) {
+    remember("who", who);
+    location.hash = "#/";
+  }
+
+  async function add(event) {
+    event.preventDefault();
+    try {
+      choose((await ask("/api/profiles", { method: "POST", body: JSON.stringify({ name: name.value.trim() }) })).who);
+    } catch (error) {
+      told.textContent = error.message;
+    }
+  }
+}
+
+function about(found, told) {
+  const plan = weekPlan(found.dances, new Date());
+  return [
+    el("h2", {}, "To practise this week"),
+    plan.length ? el("ol", { id: "plan" }, ...plan.map(({ text, href }) => el("li", {}, el("a", { href }, text))))
+      : el("p", {}, "Nothing yet: dance a dance to its end."),
+    ...found.dances.flatMap(curve),
+    el("h2", {}, "Your data"),
+    el("div", { class: "controls" }, el("a", { class: "button", id: "export", href: `/api/profiles/${found.who}.zip`, download: "" }, "Save it all (.zip)"), deletion(found, told)),
+  ];
+}
+
+// The scores of the tries of a dance, the newest on the right; of the whole dance, if it was danced.
+function curve(dance) {
+  const seen = dance.tries.filter(({ total }) => total !== null), whole = seen.filter(({ from_s, to_s }) => from_s === 0 && Math.abs(to_s - dance.seconds) < 1);
+  const shown = (whole.length ? whole : seen).toReversed();
+  if (!shown.length) return [];
+  const x = (k) => (shown.length > 1 ? 20 + (WIDE - 40) * k / (shown.length - 1) : WIDE / 2), y = (value) => HIGH - 8 - (HIGH - 16) * value / 100;
+  const totals = shown.map(({ total }) => total), best = Math.round(Math.max(...totals)), last = shown.at(-1);
+  const text = `${shown.length} ${shown.length > 1 ? "tries" : "try"}${whole.length ? "" : " of phrases"}, best ${best}, last ${Math.round(last.total)} on ${when(last.session)}`;
+  return [el("h2", {}, el("a", { href: `#/dance/${dance.identity}` }, dance.name)), el("p", { class: "quiet" }, text),
+    part("svg", { class: "course curve", viewBox: `0 0 ${WIDE} ${HIGH}`, preserveAspectRatio: "none", role: "img", "aria-label": `${dance.name}: ${text}` },
+      ...[25, 50, 75].map((value) => part("line", { class: "phrase", x1: 0, x2: WIDE, y1: y(value), y2: y(value) })),
+      line(totals.map((_, k) => k), totals, x, y),
+      ...totals.map((total, k) => part("line", { class: "dot", x1: x(k), x2: x(k), y1: y(total), y2: y(total) })))];
+}
+
+// Deleting asks once more.
+function deletion(found, told) {
+  let sure = false;
+  const button = el("button", { type: "button", id: "delete", onclick: async () => {
+    if (!sure) {
+      sure = true;
+      button.textContent = `Delete ${found.name} and all tries for good?`;
+      return;
+    }
+    try {
+      await ask(`/api/profiles/${found.who}`, { method: "DELETE" });
+      remember("who", "");
+      location.hash = "#/";
+    } catch (error) {
+      told.textContent = error.message;
+    }
+  } }, "Delete it all");
+  return button;
+}

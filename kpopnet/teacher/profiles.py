@@ -1,0 +1,115 @@
+"""Profiles: names of those who dance on this machine, and which tries are theirs to see, to take along and to delete."""
+
+import asyncio
+import contextlib
+import io
+import json
+import re
+import secrets
+import zipfile
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from aiohttp import web
+
+from kpopnet.errors import InputError
+from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.input_files import check_names, expect, parse_json, read_json, settings_from
+from kpopnet.teacher.tries import Tries
+
+WHO = re.compile("p_[0-9a-f]{8}")
+MAX_LETTERS = 40
+
+
+@dataclass(frozen=True)
+class Profile:
+    """What is kept of somebody beside their tries.
+
+    Attributes:
+        name: as they are greeted, 1 to MAX_LETTERS letters.
+    """
+
+    name: str
+
+    def __post_init__(self) -> None:
+        check_names("name", [self.name])
+        known = self.name.isprintable() and self.name == self.name.strip() and 1 <= len(self.name) <= MAX_LETTERS
+        expect(known, "name", f"1 to {MAX_LETTERS} letters that can be printed, without spaces around them")
+
+
+class Profiles:
+    """The folder of the profiles: WHO.json for each, where WHO is drawn at random and never a name; their tries name WHO."""
+
+    def __init__(self, folder: Path, tries: Tries) -> None:
+        self.folder, self._tries = Path(folder), tries
+
+    def names(self) -> dict[str, str]:
+        """Each profile's name, in the order of the names; a damaged one is left out."""
+        found = {}
+        for path in self.folder.glob("*.json"):
+            with contextlib.suppress(InputError):
+                found[path.stem] = self.profile(path.stem).name
+        return dict(sorted(found.items(), key=lambda item: item[1].casefold()))
+
+    def profile(self, who: str) -> Profile:
+        """Raises InputError if there is none."""
+        path = self.folder / f"{who}.json"
+        if not WHO.fullmatch(who) or not path.is_file():
+            raise InputError("there is no such profile")
+        return settings_from(Profile, read_json(path), str(path))
+
+    def add(self, profile: Profile) -> str:
+        """Writes a new profile and returns its WHO. Raises InputError if the name is taken."""
+        if profile.name.casefold() in map(str.casefold, self.names().values()):
+            raise InputError(f"{profile.name} dances here already; choose another name")
+        self.folder.mkdir(parents=True, exist_ok=True)
+        who = f"p_{secrets.token_hex(4)}"  # random: the tries of a deleted profile never become another's
+        with atomic_path(self.folder / f"{who}.json") as part:
+            part.write_text(json.dumps(asdict(profile), ensure_ascii=False), encoding="utf-8")
+        return who
+
+    def export(self, who: str) -> bytes:
+        """The profile and all its tries as a zip archive; films are left out, they can be made again."""
+        content = io.BytesIO()
+        with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr("profile.json", json.dumps(asdict(self.profile(who)), ensure_ascii=False))
+            for path in self._tries.files(who):
+                if path.suffix != ".mp4":
+                    archive.write(path, f"tries/{path.parent.name}/{path.name}")
+        return content.getvalue()
+
+    def delete(self, who: str) -> None:
+        """Deletes the profile, then all its tries and their films."""
+        self.profile(who)
+        (self.folder / f"{who}.json").unlink()  # first: a dance that ends meanwhile is not kept
+        for path in self._tries.files(who):
+            path.unlink(missing_ok=True)
+
+
+PROFILES: web.AppKey[Profiles] = web.AppKey("profiles", Profiles)
+routes = web.RouteTableDef()
+
+
+@routes.get("/api/profiles")
+async def names(request: web.Request) -> web.Response:
+    return web.json_response(request.app[PROFILES].names())
+
+
+@routes.post("/api/profiles")
+async def add(request: web.Request) -> web.Response:
+    """Adds a profile; the body is the JSON of a `Profile`."""
+    profile = settings_from(Profile, parse_json(await request.text(), "the page's message"), "the profile")
+    return web.json_response({"who": request.app[PROFILES].add(profile)})
+
+
+@routes.get(r"/api/profiles/{who}.zip")
+async def export(request: web.Request) -> web.Response:
+    content = await asyncio.to_thread(request.app[PROFILES].export, request.match_info["who"])
+    attachment = {"Content-Disposition": 'attachment; filename="my-dances.zip"'}
+    return web.Response(body=content, content_type="application/zip", headers=attachment)
+
+
+@routes.delete("/api/profiles/{who}")
+async def delete(request: web.Request) -> web.Response:
+    await asyncio.to_thread(request.app[PROFILES].delete, request.match_info["who"])
+    return web.json_response({})
