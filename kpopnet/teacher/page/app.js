@@ -1,7 +1,7 @@
 // The views by the address after #: the menu, a dance, a try.
 import { calibrate } from "./calibrate.js";
 import { menu } from "./menu.js";
-import { profilePage } from "./mine.js";
+import { myself, profilePage } from "./mine.js";
 import { result } from "./result.js";
 import { stage } from "./stage.js";
 import { el, remember, remembered } from "./tools.js";
@@ -46,4 +46,5 @@ for (const [id, otherwise] of [["theme", "auto"], ["palette", "brightness"]]) {
   apply();
 }
 addEventListener("hashchange", show);
+myself().catch(() => {}); // whose name the header shows
 show();

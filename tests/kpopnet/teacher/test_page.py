@@ -154,6 +154,22 @@ def test_learners_come_in_the_right_order(address, browser):
     assert totals["waving"] < 20 and totals["still"] < 20, totals
 
 
+def test_the_second_visit_greets_by_name_and_a_profile_is_deleted_after_a_second_word(teaching, tried, address, browser):
+    browser.get(f"{address}#/me")
+    find(browser, "#name").send_keys("Mina", Keys.ENTER)
+    assert find(browser, "#greeting").text.startswith("Hello Mina!")
+    tried(20.0, who=browser.execute_script("return JSON.parse(localStorage['teach.who'])"))
+    browser.refresh()
+    assert "Welcome back, Mina!" in find(browser, "#greeting").text
+    browser.get(f"{address}#/me")
+    assert find(browser, "svg.curve") and overflow_px(browser) <= 0
+    find(browser, "#delete").send_keys(Keys.ENTER)
+    assert list(teaching.tries.folder.rglob("*.json"))
+    find(browser, "#delete").send_keys(Keys.ENTER)
+    find(browser, "#cards")
+    assert not list(teaching.tries.folder.rglob("*.*"))
+
+
 def test_a_camera_that_is_unplugged_interrupts_the_dance_until_it_is_back(teaching, browser, tmp_path):
     unplugged = tmp_path / "unplugged"
     unsteady = replace(teaching, open_camera=partial(open_unsteady, unplugged))
