@@ -28,17 +28,16 @@ from synth.body.shape import BodyConfig, Person, draw_person
 from synth.dances.ends import ENDS, end_motion
 from synth.dances.faults import draw_profile, with_faults
 from synth.dances.skill import LEVELS, Mistake, SkillConfig, draw_strengths, learn
-from synth.motion import SPLITS, build_motion
+from synth.motion import SPLITS
 from synth.motion.choreography.composer import dance
 from synth.motion.skeleton import Motion
-from synth.motion.splice import resampled
 from synth.samples.layers import silhouette_box, widened
 from synth.samples.observe import MARGIN_PX
 from synth.scene.room import ViewConfig
 from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS, SensorConfig
 from synth.simulated.film import Studio, Take, measure_frame
-from synth.simulated.generator import SetGenerator, is_faulty, random_excerpt
+from synth.simulated.generator import SetGenerator, is_faulty
 from synth.simulated.sequences import HEADING_STD_DEG
 
 MAX_NEIGHBOUR_STEP_M = 0.1
@@ -142,10 +141,6 @@ class KpopSim(SetGenerator):
         return Studio(CAMERA, self.renderer)
 
     @cached_property
-    def _recordings(self):
-        return build_motion(self.motion, self.benchmark.split)
-
-    @cached_property
     def teacher_motion(self) -> Callable[[int], Motion]:
         """The motion of the teacher of a dance, by the dance's number; as `_teacher_motion`."""
         return lru_cache(maxsize=4)(self._teacher_motion)
@@ -185,10 +180,10 @@ class KpopSim(SetGenerator):
         )
 
     def _recorded(self, rng: np.random.Generator, seconds: float) -> Motion:
-        dances = self._recordings.clip_indices("dance")
+        dances = self.recordings.clip_indices("dance")
         if not dances:
             raise InputError(f"motion.path={self.motion.path}: no clip of category dance in its split")
-        return random_excerpt(rng, resampled(self._recordings.motion(int(rng.choice(dances))), FPS), round(seconds * FPS))
+        return self.excerpt(rng, int(rng.choice(dances)), FPS, round(seconds * FPS))
 
     def teacher_joints_m(self, index: int) -> np.ndarray:
         """(T, 15, 3) float32 joints of the teacher of dance `index`, metres, in the frame of a level camera that they face."""

@@ -5,7 +5,6 @@ before camera k % C of C. A person comes in from the side, stands still, turns o
 seat that stands there, leaves, and comes back. `whole_px` and `seen_px` are as in `rooms`.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -19,11 +18,10 @@ from synth.motion.choreography.stage import Style, perform
 from synth.motion.skeleton import LEG_M
 from synth.scene.props import seat_under
 from synth.scene.room import DANCE_HALL, Room, View, ViewConfig, draw_room, draw_view
-from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS
 from synth.simulated.film import ROOM_BOXES, Studio, collides
-from synth.simulated.room_films import Actor, RoomShot, RoomTake, measured, room_meshes
-from synth.simulated.sequences import Selection, SequenceGenerator
+from synth.simulated.room_films import Actor, RoomFilms, RoomTake, room_meshes
+from synth.simulated.sequences import Selection
 
 PEOPLE, ROOMS, FPS = 5, 3, 30.0
 SENSOR_OF_CAMERA = {
@@ -68,7 +66,7 @@ class CheckSimConfig(Selection):
 
 
 @dataclass(frozen=True)
-class CheckSim(SequenceGenerator):
+class CheckSim(RoomFilms):
     """Makes the films."""
 
     benchmark: CheckSimConfig = field(default_factory=CheckSimConfig)
@@ -77,7 +75,6 @@ class CheckSim(SequenceGenerator):
     about = "SIMULATED films of the script of `kpopnet check`, no real person."
     names = "check_{:02d}"
     composed_only = "no recording follows the script; take motion=choreography"
-    images_differ = True
     camera, fps = CAMERAS["kinect_v1"], FPS  # the camera of some
     kinds: ClassVar[tuple[str, ...]] = tuple(SENSOR_OF_CAMERA)
     tiles = 20
@@ -123,6 +120,3 @@ class CheckSim(SequenceGenerator):
             if furnished and left < left_m and right > right_m and back > far_m and not collides(room, free_m):
                 return room, view
         raise InputError(f"{self.benchmark.name}: none of {ROOM_TRIES} rooms has a free stage; choose another seed")
-
-    def shots(self, index: int, take: RoomTake, frames: range) -> Iterator[RoomShot]:
-        return measured(take, frames, FilmNoise(self._seed("noise", index)))

@@ -5,7 +5,7 @@ import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -17,9 +17,9 @@ from kpopnet.runtime.atomic_write import atomic_path, remove_unfinished
 from kpopnet.runtime.input_files import read_json
 from kpopnet.viz.drawing import save_png
 from synth.body.asset import ASSET
-from synth.motion import MotionConfig
+from synth.motion import MotionConfig, build_motion
 from synth.motion.skeleton import Motion
-from synth.motion.splice import cut
+from synth.motion.splice import cut, resampled
 from synth.resumable import make_missing
 from synth.sensor.model import SENSORS, SensorConfig
 
@@ -71,6 +71,15 @@ class SetGenerator(ABC):
             raise InputError(f"motion=clips: {self.composed_only}")
         if self.images_differ:
             object.__setattr__(self, "renderer", "cpu")
+
+    @cached_property
+    def recordings(self) -> Any:
+        """The recordings of the set's split, of motion=clips."""
+        return build_motion(self.motion, getattr(self.benchmark, "split", "test"))
+
+    def excerpt(self, rng: np.random.Generator, clip: int, fps: float, frames: int) -> Motion:
+        """A random part of a recording, of at most this many frames at a frame rate."""
+        return random_excerpt(rng, resampled(self.recordings.motion(clip), fps), frames)
 
     @abstractmethod
     def manifest_entries(self) -> dict:

@@ -20,7 +20,6 @@ from synth.scene.mesh import Mesh, about_z, boxes
 from synth.scene.props import seat_under
 from synth.scene.render import draw_mesh_m, whole_px
 from synth.scene.room import DANCE_HALL, Room, View, draw_room, overlaps_boxes
-from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS, SensorConfig
 from synth.simulated.casts import CASTS, FPS, Part
 from synth.simulated.film import (
@@ -33,6 +32,7 @@ from synth.simulated.film import (
     on_stage,
     pixels_of_people,
 )
+from synth.simulated.sequences import SequenceGenerator
 
 SENSOR_OF_CAMERA = {"eval": "kinect_v1", "kinect_v1": "kinect_v1", "kinect_2": "kinect_2", "smmc10": "swissranger"}
 FILM_PX = ((160, 120), (320, 240), (640, 576), (848, 480))
@@ -264,13 +264,18 @@ def render(take: RoomTake, numbers: range) -> Iterator[ClearFrame]:
         yield ClearFrame(number, depth_m, labels, joints_camera_m, np.array(pixels, np.int32))
 
 
-def measured(take: RoomTake, frames: range, noise: FilmNoise) -> Iterator[RoomShot]:
-    """Renders and measures frames of a film; a frame is the same whichever others are made."""
-    for clear in render(take, frames):
-        surfaces = clear.depth_m, clear.labels
-        depth_m, labels = measure_surfaces(surfaces, clear.number, clear.joints_camera_m, take.camera, take.sensor, noise)
-        seen_px = pixels_of_people(labels, len(clear.whole_px))
-        yield RoomShot(millimetres(depth_m), clear.joints_camera_m, np.maximum(clear.whole_px, seen_px), seen_px)
+class RoomFilms(SequenceGenerator):
+    """Makes films of rooms, each before its own camera."""
+
+    images_differ = True
+
+    def shots(self, index: int, take: RoomTake, frames: range) -> Iterator[RoomShot]:
+        noise = self.noise(index)
+        for clear in render(take, frames):
+            surfaces, joints_m = (clear.depth_m, clear.labels), clear.joints_camera_m
+            depth_m, labels = measure_surfaces(surfaces, clear.number, joints_m, take.camera, take.sensor, noise)
+            seen_px = pixels_of_people(labels, len(clear.whole_px))
+            yield RoomShot(millimetres(depth_m), joints_m, np.maximum(clear.whole_px, seen_px), seen_px)
 
 
 def _shows(kind: str, take: RoomTake) -> bool:

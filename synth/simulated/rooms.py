@@ -9,7 +9,7 @@ of every kind. The set imitates no published one.
 show the person after the sensor.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -25,11 +25,10 @@ from synth.rooms.held_back import BENCHMARK_CLUTTER
 from synth.rooms.images import measure_scene
 from synth.rooms.scene import MOST_PEOPLE, RoomScenes
 from synth.samples.sampler import SampleConfig
-from synth.sensor.film_noise import FilmNoise
 from synth.simulated.casts import CASTS, FPS
 from synth.simulated.film import pixels_of_people
-from synth.simulated.room_films import FILM_PX, RoomShot, RoomTake, draw_take, measured
-from synth.simulated.sequences import TILES, Selection, SequenceGenerator, frame_tile
+from synth.simulated.room_films import FILM_PX, RoomFilms, RoomTake, draw_take
+from synth.simulated.sequences import TILES, Selection, frame_tile
 
 SINGLE = "single_image"
 ROUNDS, SINGLES_A_ROUND = 5, 80
@@ -70,7 +69,7 @@ class RoomsConfig(Selection):
 
 
 @dataclass(frozen=True)
-class Rooms(SequenceGenerator):
+class Rooms(RoomFilms):
     """Makes the films and images."""
 
     generator: ClassVar[int] = 5
@@ -80,7 +79,6 @@ class Rooms(SequenceGenerator):
     about = "SIMULATED films and images of any number of people in rooms, no real person."
     names = "room_{:03d}"
     composed_only = "recordings know of no second person; take motion=choreography"
-    images_differ = True
     camera, fps = CAMERAS["eval"], FPS  # the camera of some; each sequence has its own
     kinds: ClassVar[tuple[str, ...]] = KINDS
 
@@ -111,9 +109,6 @@ class Rooms(SequenceGenerator):
             if take is not None:
                 return replace(take, views=(take.view(len(take) // 2),)) if self.benchmark.still_cameras else take
         raise InputError(f"{self.sequence_name(index)}: none of {TRIES} casts is in view and clear of the room")
-
-    def shots(self, index: int, take: RoomTake, frames: range) -> Iterator[RoomShot]:
-        return measured(take, frames, FilmNoise(self._seed("noise", index)))
 
     def sequence(self, index: int, on_frame: Callable[[], None]) -> StoredSequence:
         if self.kind(index) != SINGLE:

@@ -20,14 +20,13 @@ from kpopnet.viz.drawing import TRUE, depth_rgb, draw_skeleton, enlarged, sheet,
 from synth.body.markers import MARKERS
 from synth.body.outfit import ClothesConfig
 from synth.body.shape import BodyConfig, Person, draw_person
-from synth.motion import build_motion
 from synth.motion.choreography.programmes import START_S, start_pose
 from synth.motion.skeleton import Motion
-from synth.motion.splice import cut, follow, resampled
+from synth.motion.splice import cut, follow
 from synth.scene.room import DANCE_HALL, ViewConfig
 from synth.sensor.film_noise import FilmNoise
 from synth.simulated.film import Film, Played, Shot, Studio, Take
-from synth.simulated.generator import SetGenerator, is_faulty, random_excerpt
+from synth.simulated.generator import SetGenerator, is_faulty
 
 BODY = BodyConfig(clothes=ClothesConfig(skirt=0.0, coat=0.0, hat=0.0, backpack=0.0, bag=0.0))
 """People as they come to a motion-capture session: markers are worn on trousers and tops. (The Y pose of a person in a skirt
@@ -149,6 +148,10 @@ class SequenceGenerator(SetGenerator):
     def _rng(self, kind: str, *numbers: int) -> np.random.Generator:
         return np.random.default_rng(self._seed(kind, *numbers))
 
+    def noise(self, index: int) -> FilmNoise:
+        """The sensor's noise in sequence `index`."""
+        return FilmNoise(self._seed("noise", index))
+
     def person(self, subject: int) -> Person:
         return draw_person(self._rng("person", subject), BODY, "benchmark")
 
@@ -211,10 +214,6 @@ class StandIn(SequenceGenerator):
     def studio(self) -> Studio:
         return Studio(self.camera, self.renderer)
 
-    @cached_property
-    def _recordings(self):
-        return build_motion(self.motion, "test")
-
     def take(self, index: int) -> Take:
         """Draws the person, motion, room and view; raises InputError if no motion of the source fits a room and the image."""
         person = self.person(index)
@@ -243,11 +242,10 @@ class StandIn(SequenceGenerator):
 
     def _recorded(self, rng: np.random.Generator, seconds: float) -> Motion:
         """A random excerpt of a recording, at most the given number of seconds long."""
-        motion = resampled(self._recordings.motion(int(rng.integers(len(self._recordings)))), self.fps)
-        return random_excerpt(rng, motion, int(seconds * self.fps))
+        return self.excerpt(rng, int(rng.integers(len(self.recordings))), self.fps, int(seconds * self.fps))
 
     def shots(self, index: int, take: Take, frames: range) -> Iterator[Shot]:
-        return self.studio.shots(take, self.sensor, FilmNoise(self._seed("noise", index)), frames)
+        return self.studio.shots(take, self.sensor, self.noise(index), frames)
 
     def film(self, index: int, frames: int | None = None, on_frame: Callable[[], None] = lambda: None) -> Film:
         """The first frames of sequence `index`, or all of them."""

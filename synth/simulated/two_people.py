@@ -133,7 +133,7 @@ class TwoPeople(SequenceGenerator):
         return None
 
     def shots(self, index: int, take: Duet, frames: range) -> Iterator[DuetShot]:
-        noise = FilmNoise(self._seed("noise", index))
+        noise = self.noise(index)
         rendered = (studio.render(one, frames) for studio, one in zip(self.studios, take.takes, strict=True))
         return (measure(pair, self.camera, self.sensor, noise) for pair in zip(*rendered, strict=True))
 
