@@ -103,11 +103,11 @@ class TwoPeople(SequenceGenerator):
                 cast.append(studio.play(person, role.motion, 0.0 if kind == "hug" else yaw_rad, curls_rad))
             if any(penetrates_itself(played, round(FPS)) for played in cast):
                 continue
-            joints_m = [
+            joints_m = (
                 studio.joints_world_m(played.person, played.local, played.hips_m + on_stage(role.place_m, 0.0))
                 for studio, played, role in zip(self.studios, cast, roles, strict=True)
-            ]
-            if kind != "hug" and not are_apart(joints_m):
+            )
+            if kind != "hug" and not are_apart([*joints_m]):
                 continue
             if (placed := self._place(rng, cast, roles, kind in LEAVES_IMAGE)) is not None:
                 return placed
