@@ -121,11 +121,8 @@ def test_a_folder_that_cannot_be_made_is_one_line(tmp_path, data):
     assert "the name is too long" in refusal(*SYNTH, "splits.train=4", f"out={tmp_path / ('x' * 300)}")
 
 
-@pytest.mark.parametrize(
-    ("setting", "message"), [("+foo=1", "+foo: there is no such setting"), (f"seed={2**64}", "must be 0 or more, at most")]
-)
-def test_settings_that_cannot_work_are_refused_before_the_work(tmp_path, setting, message):
-    assert message in refusal(*TRAIN, setting, f"hydra.run.dir={tmp_path / 'out'}")
+def test_a_setting_that_is_none_is_refused_before_the_work(tmp_path):
+    assert "+foo: there is no such setting" in refusal(*TRAIN, "+foo=1", f"hydra.run.dir={tmp_path / 'out'}")
 
 
 PAUSE_AT_IMPORT = """

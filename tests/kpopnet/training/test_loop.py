@@ -230,8 +230,12 @@ def test_a_damaged_state_is_refused_before_a_step_is_taken(tmp_path, change, mes
     assert "\n" not in str(refusal.value)
 
 
-def test_resuming_refuses_a_finished_run_and_another_model(tmp_path):
+def test_a_folder_keeps_its_run_and_resuming_refuses_a_finished_one_and_another_model(tmp_path):
     last = str(run_short(tmp_path))
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    with pytest.raises(InputError, match=rf"holds a run; resume it \(training\.resume={last}\)"):
+        run_short(tmp_path, seed=3)
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
     with pytest.raises(InputError, match="finished already, 6 of 6 steps"):
         run_short(tmp_path, replace(SHORT, resume=last))
     with pytest.raises(InputError, match="not the weights"):
