@@ -17,7 +17,7 @@ from scipy.optimize import linear_sum_assignment
 
 from kpopnet.datasets.simulated import StoredSequence
 from kpopnet.evaluation.intervals import Bootstrap
-from kpopnet.evaluation.poses.metrics import joint_errors_m
+from kpopnet.evaluation.poses.metrics import WITHIN_M, joint_errors_m
 from kpopnet.skeleton import NUM_JOINTS
 
 CENTRE_M, NEAR_M = 0.3, 0.5
@@ -29,8 +29,6 @@ LEAST_IN_SIGHT, LEAST_INSIDE = 0.5, 0.8
 NOBODY = -1
 ALL = "all"
 """The row of all kinds of scenes."""
-
-WITHIN_M = 0.10
 
 DIVIDED_JOINTS = 3
 """An estimate is of two people as one if this many of its joints or more are nearest to each of them."""

@@ -6,10 +6,8 @@ cause shows what would help: several frames for what is hidden or momentary, sid
 
 import numpy as np
 
-from kpopnet.evaluation.poses.metrics import PoseResults
+from kpopnet.evaluation.poses.metrics import WITHIN_M, PoseResults
 from kpopnet.skeleton import MIRROR
-
-MISSED_M = 0.10
 
 NEIGHBOURS = 7
 """A miss is momentary if the joint is found within this many frames before and after: a quarter of a second at 30 a second."""
@@ -25,7 +23,7 @@ def missed_by_cause(results: PoseResults) -> dict[str, float]:
     """Fraction of all labelled joints that are missed, by cause; frames that the estimator was given do not count."""
     errors_m = results.errors_m()
     labelled = ~np.isnan(errors_m)
-    missed = labelled & ~(errors_m < MISSED_M)
+    missed = labelled & ~(errors_m < WITHIN_M)
     truth_m, estimate_m = results.truth_m.astype(np.float64), results.estimate_m.astype(np.float64)
     ray = truth_m / np.linalg.norm(truth_m, axis=-1, keepdims=True)
     along_m = np.abs(((estimate_m - truth_m) * ray).sum(axis=-1))
@@ -33,8 +31,8 @@ def missed_by_cause(results: PoseResults) -> dict[str, float]:
     causes = {
         "absent": np.isinf(errors_m),
         "hidden": ~results.visible,
-        "other side": (np.arange(len(MIRROR)) != MIRROR) & (other_side_m < MISSED_M),
-        "momentary": _found_around(errors_m < MISSED_M, results),
+        "other side": (np.arange(len(MIRROR)) != MIRROR) & (other_side_m < WITHIN_M),
+        "momentary": _found_around(errors_m < WITHIN_M, results),
         "wrong depth": along_m > ALONG_RAY * errors_m,
         "elsewhere": np.ones_like(missed),
     }

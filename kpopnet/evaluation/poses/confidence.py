@@ -16,9 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kpopnet.evaluation.poses.metrics import PoseResults
+from kpopnet.evaluation.poses.metrics import WITHIN_M, PoseResults
 
-WITHIN_M = 0.10
 BINS = 10
 SHARES = (0.25, 0.5, 0.75, 0.9, 1.0)
 

@@ -22,7 +22,10 @@ from kpopnet.evaluation.poses.definition import torso_axes
 from kpopnet.evaluation.values import plain
 from kpopnet.skeleton import JOINT_GROUPS, JOINT_NAMES, PAPER_JOINTS, Joint
 
-THRESHOLDS_M = (0.05, 0.10, 0.15, 0.20)
+WITHIN_M = 0.10
+"""An error below this is that of a correct joint (paper, section 4.1)."""
+
+THRESHOLDS_M = (0.05, WITHIN_M, 0.15, 0.20)
 CURVE_END_M = 0.20
 MOVING_M = 0.20
 """A joint is moving where it is farther than this from where the person's rest pose has it."""
@@ -142,7 +145,7 @@ def summary(errors_m: np.ndarray, visible: np.ndarray) -> dict:
     seen = errors_m[visible & np.isfinite(errors_m)]
     return {
         "images": len(errors_m),
-        "map_10cm": fraction_within(errors_m, 0.10),
+        "map_10cm": fraction_within(errors_m, WITHIN_M),
         "mean_error_cm": 100 * mean_error_m(errors_m),
         "median_error_cm": 100 * float(np.median(found)) if found.size else np.nan,
         "average_pose_error_cm": 100 * average_pose_error_m(errors_m, visible),
@@ -173,7 +176,7 @@ def evaluate(results: PoseResults, seed: int = 0) -> dict:
 
     def of_moving(rows: np.ndarray | slice) -> dict:
         errors = np.where(moving[rows], errors_m[rows], np.nan)
-        return {"moving_10cm": fraction_within(errors, 0.10), "moving_joints": int((~np.isnan(errors)).sum())}
+        return {"moving_10cm": fraction_within(errors, WITHIN_M), "moving_joints": int((~np.isnan(errors)).sum())}
 
     whole, fourteen = summary(errors_m, visible), of_joints(list(PAPER_JOINTS))
     return plain(
@@ -225,9 +228,9 @@ def intervals(
     seen, fourteen = found & visible, list(PAPER_JOINTS)
     distance_cm = 100 * np.where(found, errors_m, 0)
     ratios = {
-        "map_10cm": (errors_m < 0.10, labelled),
-        "moving_10cm": ((errors_m < 0.10) & moving, labelled & moving),
-        "map_14": (errors_m[:, fourteen] < 0.10, labelled[:, fourteen]),
+        "map_10cm": (errors_m < WITHIN_M, labelled),
+        "moving_10cm": ((errors_m < WITHIN_M) & moving, labelled & moving),
+        "map_14": (errors_m[:, fourteen] < WITHIN_M, labelled[:, fourteen]),
         "mean_error_cm": (distance_cm, found),
         "average_pose_error_cm": (distance_cm * seen, seen),
     }
@@ -258,7 +261,7 @@ def difference(results: PoseResults, reference: PoseResults, seed: int = 0) -> d
             "interval": bootstrap.interval(bootstrap.ratios(change, counted)),
         }
 
-    within = 100.0 * (first < 0.10) - 100.0 * (second < 0.10)
+    within = 100.0 * (first < WITHIN_M) - 100.0 * (second < WITHIN_M)
     distance_cm = 100 * np.where(both, first, 0) - 100 * np.where(both, second, 0)
     return plain({"within_10cm_points": paired(within, scored), "mean_error_cm": paired(distance_cm, both)})
 
