@@ -56,11 +56,8 @@ def test_delays_and_dropped_images(run: Watched) -> None:
     delays_s = np.full(len(run.times_s), 0.02)
     delays_s[:36] = 0.16  # 2 % of 1800
     found = figures([replace(run, delays_s=delays_s, received=2 * len(run.times_s))])
-    assert (
-        found["stale_images"] == 36
-        and found["delay_p99_ms"] == pytest.approx(160)
-        and found["delay_p95_ms"] == pytest.approx(20)
-    )
+    assert found["stale_images"] == 36
+    assert [found[f"delay_{one}_ms"] for one in ("p99", "p95")] == pytest.approx([160, 20])
     assert found["images_in_s"] == pytest.approx(2 * FPS, rel=1e-3) and found["images_out_s"] == pytest.approx(FPS)
     fast = figures([replace(run, delays_s=np.full(len(run.times_s), np.nan))])
     assert fast["delay_p95_ms"] is fast["images_out_s"] is fast["stale_images"] is None and fast["availability"] == 1
@@ -75,6 +72,11 @@ def test_gaps_and_times_until_found(run: Watched) -> None:
     assert never["found_again_ms"] == np.inf and never["longest_gap_ms"] == 0  # it is no gap, nobody was found before
     alone = figures([replace(run, in_view=run.in_view & (run.times_s < 50))])
     assert alone["found_again_ms"] is None and alone["found_first_ms"] == 0
+
+
+def test_a_moment_out_of_view_is_no_return(run: Watched) -> None:
+    away = ((run.times_s >= 20.0) & (run.times_s < 20.5)) | (run.times_s >= 50)
+    assert figures([replace(run, in_view=run.in_view & ~away)])["found_again_ms"] is None
 
 
 def test_dropped_images_weigh_as_long_as_the_answer_before_them_was_the_newest(run: Watched) -> None:
