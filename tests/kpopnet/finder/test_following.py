@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from kpopnet.finder.following import DOUBTED_S, FORGOTTEN_S, UNKNOWN, Followed
+from kpopnet.pose import PersonPose
+from kpopnet.teacher.live.loop import Learner
 
 
 def walk(*paths):
@@ -64,6 +66,20 @@ def test_an_empty_chair_does_not_stay_a_person_for_ever():
     times_s = np.flatnonzero(np.array(identities) != UNKNOWN) / 30
     assert np.diff(times_s).max() < 0.05 and times_s[-1] == pytest.approx(DOUBTED_S, abs=0.05)
     assert followed.identify(chair, CERTAIN, 4.1) == [0]  # somebody sits down on it
+
+
+def test_an_empty_chair_that_was_taken_for_a_person_does_not_become_the_learner():
+    followed, learner, chosen = Followed(), Learner(), []
+    person_m, chair_m, images = (0, 0, 3), (1, 0.3, 3), 300
+    for number in range(images):
+        # The chair is certain once; the person leaves after two seconds and is back after nine.
+        away = 60 <= number < 270
+        centres_m = np.array([chair_m] if away else [chair_m, person_m], np.float32)
+        identities = followed.identify(centres_m, np.array([number == 59, True])[: len(centres_m)], number / 30)
+        people = [PersonPose(identity, np.zeros((15, 3)), np.ones(15)) for identity in identities if identity != UNKNOWN]
+        one = learner.choose(people, number / 30)
+        chosen.append(UNKNOWN if one is None else one.identity)
+    assert chosen == [0] * 60 + [UNKNOWN] * 210 + [0] * 30
 
 
 def test_a_chair_that_is_no_longer_trusted_does_not_take_the_identity_of_who_stands_beside_it():
