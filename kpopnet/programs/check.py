@@ -96,7 +96,7 @@ class Answer(NamedTuple):
         time_s: when the image was taken.
         delay_s: from then until the answer; NaN where images did not come in real time.
         processor_s: processor time of this process for the answer.
-        depth_m: the image, (H, W) metres.
+        depth_m: the image, (H, W) metres; None once it is collected.
         people: everybody who was found.
         learner: the main person, None if nobody is.
     """
@@ -104,7 +104,7 @@ class Answer(NamedTuple):
     time_s: float
     delay_s: float
     processor_s: float
-    depth_m: np.ndarray
+    depth_m: np.ndarray | None
     people: list[PersonPose]
     learner: PersonPose | None
 
@@ -145,48 +145,40 @@ class Collected:
     """The answers to the images of the script."""
 
     def __init__(self, camera: Camera) -> None:
-        self._camera, self._images, self._people = camera, {}, []
-        self._times, self._delays, self._processor, self._joints = [], [], [], []
-
-    def __len__(self) -> int:
-        return len(self._times)
+        self._camera, self._answers, self._images = camera, [], {}
 
     def add(self, answer: Answer, script_s: float) -> None:
         """Adds the answer to an image that was taken at a time of the script."""
         if script_s >= 0 or answer.people:
-            self._images[len(self)] = Kept.of(answer.depth_m, self._camera)
-        missing_m = np.full((NUM_JOINTS, 3), np.nan, np.float32)
-        self._times.append(script_s)
-        self._delays.append(answer.delay_s)
-        self._processor.append(answer.processor_s)
-        self._people.append([one.joints_camera_m for one in answer.people])
-        self._joints.append(missing_m if answer.learner is None else answer.learner.joints_camera_m)
+            self._images[len(self._answers)] = Kept.of(answer.depth_m, self._camera)
+        self._answers.append(answer._replace(time_s=script_s, depth_m=None))
 
     def watched(self, name: str, dropped: int, truth: Truth | None = None, fps: float = 0.0) -> Watched:
         """The run, once the script is over, with the truth of images at so many a second.
 
         Raises InputError where the images end before the script.
         """
-        times_s = np.array(self._times)
-        if len(self) < 2 or times_s[-1] < END_S - TOLERANCE_S:
-            raise too_short(name, f"{len(self)} images of {max(self._times, default=0):.1f} s")
+        count, times_s = len(self._answers), np.array([one.time_s for one in self._answers])
+        if count < 2 or times_s[-1] < END_S - TOLERANCE_S:
+            raise too_short(name, f"{count} images of {times_s.max(initial=0):.1f} s")
         if truth is None:
             numbers = np.flatnonzero(times_s >= 0).tolist()
-            surface_m2 = np.zeros(len(self))
+            surface_m2 = np.zeros(count)
             surface_m2[numbers] = surfaces_m2([self._images[one] for one in numbers], times_s[numbers] < step_s("come in")[0])
             in_view, empty, truth_m = surface_m2 >= IN_VIEW_M2, surface_m2 < EMPTY_M2, None
         else:
             rows = np.rint(times_s * fps).astype(int).clip(max=len(truth.in_view) - 1)
             in_view, empty, truth_m = truth.in_view[rows], truth.empty[rows], truth.joints_m[rows]
+        missing_m = np.full((NUM_JOINTS, 3), np.nan, np.float32)
         run = Watched(
             name=name,
             kind=MEASURED if truth is None else truth.kind,
             times_s=times_s,
-            delays_s=np.array(self._delays),
-            processor_s=np.array(self._processor),
-            received=len(self) + dropped,
-            joints_m=np.array(self._joints),
-            people_m=self._people,
+            delays_s=np.array([one.delay_s for one in self._answers]),
+            processor_s=np.array([one.processor_s for one in self._answers]),
+            received=count + dropped,
+            joints_m=np.array([missing_m if one.learner is None else one.learner.joints_camera_m for one in self._answers]),
+            people_m=[[person.joints_camera_m for person in one.people] for one in self._answers],
             in_view=in_view,
             empty=empty,
             images=self._images,
