@@ -17,8 +17,8 @@ from kpopnet.pose import PersonPose
 from kpopnet.skeleton import JOINT_NAMES, Joint
 
 
-def person(identity: int, *missing: Joint, x_m: float = 0.0) -> PersonPose:
-    joints_m = cone_joints(place_m=(x_m, 0.1, 3.0)).astype(np.float32)
+def person(identity: int, *missing: Joint, x_m: float = 0.0, yaw_deg: float = 0.0) -> PersonPose:
+    joints_m = cone_joints(yaw_deg=yaw_deg, place_m=(x_m, 0.1, 3.0)).astype(np.float32)
     confidence = np.full(15, 0.9, np.float32)
     joints_m[list(missing)], confidence[list(missing)] = np.nan, 0
     return PersonPose(identity, joints_m, confidence)
@@ -152,9 +152,9 @@ def heard_bones(packet: bytes) -> dict[str, list[float]]:
 def test_vmc_bones_point_where_the_joints_do_and_everybody_has_a_port(listen):
     port, heard = listen(2)
     with open_stream("vmc", port) as stream:
-        stream(Seen(0, 0.0, 10.0, [person(1), person(3, x_m=1.0)]))
+        stream(Seen(0, 0.0, 10.0, [person(1, yaw_deg=25), person(3, x_m=1.0, yaw_deg=25)]))
     for socket_, x_m in zip(heard, (0.0, 1.0), strict=True):
-        bones, joints_m = heard_bones(socket_.recv(65536)), person(1, x_m=x_m).joints_camera_m
+        bones, joints_m = heard_bones(socket_.recv(65536)), person(1, x_m=x_m, yaw_deg=25).joints_camera_m
         assert len(bones) == 17
         for name, end, first, second in BONES:
             along = placed(bones, end)[0] - placed(bones, name)[0]
