@@ -22,13 +22,10 @@ from kpopnet.runtime.endings import of_the_disk
 from kpopnet.runtime.parallel import end_with_parent
 from kpopnet.sources.live import Image, NewestImage, PlayedRecording
 from kpopnet.sources.source import CameraAwayError, LiveCamera
-from kpopnet.teacher.live.loop import load_estimator, picture
+from kpopnet.teacher.live.loop import STEADY_FRAMES, STEADY_S, load_estimator, picture
 from kpopnet.teacher.live.words import rounded
 
 PICTURE_WIDTH = 320
-STEADY_IMAGES, STEADY_S = 5, 0.15
-"""The estimator is warm when it took less than STEADY_S seconds for each of STEADY_IMAGES successive images with people."""
-
 NOBODY_S = 3.0
 """After this time it is taken to be warm although nobody is in view."""
 
@@ -101,7 +98,7 @@ class Watcher:
     def _warm(self) -> bool:
         """Handles each image in turn until joints come in real time; False at the end of a recording, which waits for this."""
         steady, began, compiled = 0, time.monotonic(), False
-        while steady < STEADY_IMAGES and time.monotonic() - began < NOBODY_S:
+        while steady < STEADY_FRAMES and time.monotonic() - began < NOBODY_S:
             self._follow()
             try:
                 read = self._camera.read()
