@@ -45,7 +45,7 @@ class SequenceEstimation:
         if not sequence.is_segmented:
             with stage("extraction"):
                 depth_m, extraction_seconds = self._timed["extraction"](
-                    depth_m, camera, settings=self.extraction, fps=sequence.fps
+                    depth_m, camera, settings=self.extraction, fps=sequence.fps or 30.0
                 )
         frames = len(depth_m)
         yaw_rad = np.full(frames, np.nan, np.float32) if sequence.yaw_rad is None else sequence.yaw_rad
