@@ -1,0 +1,203 @@
+"""Joints over time: a small network that weighs what the frames before, and those after, say of each joint.
+
+A frame's joints are those measured in it, plus weighted differences: to exponential averages of several time constants, to
+the usual bone lengths, and to the fit. One network for all joints reads the lengths of these differences and gives weights and
+a confidence. Positions are relative to the trunk's centre, in the camera's axes; the centre is filtered likewise. Any rate.
+
+Not used by a mode of `kpopnet.pose` yet: tools/over_time.py trains and measures it (docs/ledger.md).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from kpopnet.skeleton import BONES, MIRROR, NUM_JOINTS, Joint
+
+TRUNK = (Joint.NECK, Joint.TORSO, Joint.RIGHT_HIP, Joint.LEFT_HIP)
+PARENTS, CHILDREN = (np.array([int(bone[end]) for bone in BONES]) for end in (0, 1))
+
+TIME_CONSTANTS_S = np.array([0.04, 0.12, 0.4, 1.2])
+EXTRAPOLATED = 2
+"""The first so many averages are also given extrapolated to the frame (Brown's double exponential average)."""
+
+SURE_S, LENGTH_S = 0.3, 3.0
+"""Time constants of the averages that are weighted by confidence: of positions and of bone lengths."""
+
+FORGET_S = 0.5
+"""After a longer gap a person starts again."""
+
+POINTS = NUM_JOINTS + 1
+BASES = len(TIME_CONSTANTS_S) + EXTRAPOLATED + 3
+OWNERS = np.arange(NUM_JOINTS)
+OWNERS[CHILDREN] = PARENTS
+"""The joint that each hangs on; the torso's is itself."""
+
+KINDS = np.eye(POINTS)[:, np.unique(np.append(np.minimum(np.arange(NUM_JOINTS), MIRROR), NUM_JOINTS))]
+KINDS[:NUM_JOINTS] = np.maximum(KINDS[:NUM_JOINTS], KINDS[MIRROR])
+"""(16, 10) one-hot kinds of points: left and right are one kind."""
+
+SLOWEST_M_S, SHORTEST_S, SHORTEST_M = 0.02, 0.01, 0.001
+"""Least speed, time between frames and length of a bone that are divided by."""
+
+FEATURES = 2 * BASES + 1 + 6 + 2 + KINDS.shape[1]
+
+
+class Measured(NamedTuple):
+    """What single frames say of people: arrays with the same leading axes.
+
+    Attributes:
+        detected_m: (..., 15, 3) the image network's joints, camera frame, metres.
+        fitted_m: (..., 15, 3) those after the fit to the depth.
+        detected: (..., 15) the network's confidence.
+        fitted: (..., 15) the fit's.
+    """
+
+    detected_m: np.ndarray
+    fitted_m: np.ndarray
+    detected: np.ndarray
+    fitted: np.ndarray
+
+
+class Averages:
+    """Averages over the frames so far of a batch of people."""
+
+    def __init__(self, shape: tuple[int, ...] = ()) -> None:
+        self._single = np.zeros((*shape, len(TIME_CONSTANTS_S), POINTS, 3))
+        self._double, self._last_m = self._single.copy(), np.zeros((*shape, POINTS, 3))
+        self._sure, self._sure_weight = np.zeros((*shape, POINTS, 3)), np.zeros((*shape, POINTS, 1))
+        self._length, self._length_weight = (np.zeros((*shape, len(BONES), 1)) for _ in range(2))
+        self._fresh = np.ones(shape, bool)
+
+    def add(self, measured: Measured, step_s: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Adds a frame `step_s` seconds after the one before, (...).
+
+        Returns:
+            (..., 16, 3) points: the joints relative to the trunk's centre, and that centre; (..., BASES, 16, 3) differences to
+            them, metres; and (..., 16, FEATURES) float32 what the network reads.
+        """
+        step_s = np.broadcast_to(np.asarray(step_s, float), self._fresh.shape)
+        fresh = (self._fresh | (step_s > FORGET_S))[..., None, None]
+        self._fresh = np.zeros_like(self._fresh)
+        joints_m = (measured.detected_m + measured.fitted_m) / 2.0
+        centre_m = joints_m[..., TRUNK, :].mean(axis=-2, keepdims=True)
+        points_m = np.concatenate([joints_m - centre_m, centre_m], axis=-2)
+        differences_m = np.concatenate(
+            [
+                self._averaged(points_m, step_s, fresh),
+                self._confident(points_m, measured.fitted, step_s, fresh)[..., None, :, :],
+                self._along_bones(joints_m, measured.fitted, step_s)[..., None, :, :],
+                _by_fit(measured, centre_m)[..., None, :, :],
+            ],
+            axis=-3,
+        )
+        moved_m = np.where(fresh, 0, points_m - self._last_m)
+        self._last_m = points_m
+        seen = _seen(
+            differences_m, moved_m / np.maximum(step_s, SHORTEST_S)[..., None, None], measured, step_s, fresh[..., 0, 0]
+        )
+        return points_m, differences_m, seen.astype(np.float32)
+
+    def _averaged(self, points_m: np.ndarray, step_s: np.ndarray, fresh: np.ndarray) -> np.ndarray:
+        here, start = points_m[..., None, :, :], fresh[..., None]
+        gain = (1 - np.exp(-step_s[..., None] / TIME_CONSTANTS_S))[..., None, None]
+        self._single, self._double = (np.where(start, here, old) for old in (self._single, self._double))
+        self._single = self._single + gain * (here - self._single)
+        self._double = self._double + gain * (self._single - self._double)
+        # A ramp's single average lags behind it as the double one lags behind the single one.
+        ahead = 2 * self._single[..., :EXTRAPOLATED, :, :] - self._double[..., :EXTRAPOLATED, :, :]
+        return np.concatenate([self._single, ahead], axis=-3) - here
+
+    def _confident(self, points_m: np.ndarray, chance: np.ndarray, step_s: np.ndarray, fresh: np.ndarray) -> np.ndarray:
+        weight = np.concatenate([chance, chance.mean(axis=-1, keepdims=True)], axis=-1)[..., None] ** 4 + 1e-3
+        kept = np.where(fresh, 0, np.exp(-step_s / SURE_S)[..., None, None])
+        self._sure, self._sure_weight = kept * self._sure + weight * points_m, kept * self._sure_weight + weight
+        return self._sure / self._sure_weight - points_m
+
+    def _along_bones(self, joints_m: np.ndarray, chance: np.ndarray, step_s: np.ndarray) -> np.ndarray:
+        bones_m = joints_m[..., CHILDREN, :] - joints_m[..., PARENTS, :]
+        lengths_m = np.maximum(np.linalg.norm(bones_m, axis=-1, keepdims=True), SHORTEST_M)
+        weight = (chance[..., CHILDREN] * chance[..., PARENTS])[..., None] ** 4 + 1e-3
+        kept = np.exp(-np.minimum(step_s, FORGET_S) / LENGTH_S)[..., None, None]
+        self._length = kept * self._length + weight * lengths_m
+        self._length_weight = kept * self._length_weight + weight
+        found = np.zeros((*joints_m.shape[:-2], POINTS, 3))
+        found[..., CHILDREN, :] = bones_m * (self._length / self._length_weight / lengths_m - 1)
+        return found
+
+
+def _by_fit(measured: Measured, centre_m: np.ndarray) -> np.ndarray:
+    """(..., 16, 3) differences of the fit to the mean of both estimates, metres."""
+    half_m = (measured.fitted_m - measured.detected_m) / 2.0
+    trunk_m = half_m[..., TRUNK, :].mean(axis=-2, keepdims=True)
+    return np.concatenate([half_m - trunk_m, trunk_m], axis=-2)
+
+
+def _seen(
+    differences_m: np.ndarray, speed_m_s: np.ndarray, measured: Measured, step_s: np.ndarray, fresh: np.ndarray
+) -> np.ndarray:
+    """(..., 16, FEATURES) what the network reads of each point: nothing in it depends on the direction of the axes."""
+    speed = np.linalg.norm(speed_m_s, axis=-1, keepdims=True)
+    along_m = (differences_m * (speed_m_s / np.maximum(speed, SLOWEST_M_S))[..., None, :, :]).sum(axis=-1)
+    chances = _logit(np.stack([measured.detected, measured.fitted], axis=-1))
+    mean = np.broadcast_to(chances.mean(axis=-2, keepdims=True), chances.shape)
+    chances = np.concatenate([chances, chances[..., OWNERS, :], mean], axis=-1)
+    chances = np.concatenate([chances, chances.mean(axis=-2, keepdims=True)], axis=-2)
+    both = np.stack([30 * np.minimum(step_s, FORGET_S) - 1, fresh], axis=-1)[..., None, :]
+    parts = (
+        np.log1p(50 * np.linalg.norm(differences_m, axis=-1)).swapaxes(-1, -2),
+        np.clip(10 * along_m, -4, 4).swapaxes(-1, -2),
+        np.log1p(2 * speed),
+        chances,
+        np.broadcast_to(both, (*speed.shape[:-1], 2)),
+        np.broadcast_to(KINDS, (*speed.shape[:-1], KINDS.shape[1])),
+    )
+    return np.concatenate(parts, axis=-1)
+
+
+def _logit(chance: np.ndarray) -> np.ndarray:
+    chance = np.clip(chance, 0.01, 0.99)
+    return np.log(chance / (1 - chance)) / 2
+
+
+class OverTime:
+    """The network, from its arrays by name: those of torch's Sequential of linear layers with rectifiers between them."""
+
+    def __init__(self, arrays: dict[str, np.ndarray]) -> None:
+        self._layers = [(arrays[f"{2 * k}.weight"].T, arrays[f"{2 * k}.bias"]) for k in range(len(arrays) // 2)]
+        self.future = self._layers[0][0].shape[0] == 2 * FEATURES
+
+    def __call__(self, points_m: np.ndarray, differences_m: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(..., 15, 3) joints in metres and (..., 15) confidence from the results of `Averages.add` or `read`."""
+        out = seen
+        for number, (weight, bias) in enumerate(self._layers):
+            out = (np.maximum(out, 0) if number else out) @ weight + bias
+        moved_m = points_m + (out[..., :-1].swapaxes(-1, -2)[..., None] * differences_m).sum(axis=-3)
+        return (moved_m[..., :-1, :] + moved_m[..., -1:, :]).astype(np.float32), 1 / (1 + np.exp(-out[..., :-1, -1]))
+
+
+class Live:
+    """The causal form: one person's joints, frame after frame."""
+
+    def __init__(self, network: OverTime) -> None:
+        self._network, self._averages = network, Averages()
+
+    def update(self, measured: Measured, step_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """(15, 3) joints, metres, and (15,) confidence in a frame `step_s` seconds after the one before."""
+        return self._network(*self._averages.add(measured, step_s))
+
+
+def read(measured: Measured, times_s: np.ndarray, future: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The results of `Averages.add` for (T, ..., 15, 3) frames at (T, ...) times, from the past or from past and future."""
+    gap_s = np.full_like(times_s[:1], 2 * FORGET_S)
+    points_m, differences_m, seen = _one_way(measured, np.concatenate([gap_s, np.diff(times_s, axis=0)]))
+    if not future:
+        return points_m, differences_m, seen
+    reverse = Measured(*(one[::-1] for one in measured))
+    _, later_m, seen_later = _one_way(reverse, np.concatenate([gap_s, np.diff(times_s, axis=0)[::-1]]))
+    return points_m, np.concatenate([differences_m, later_m[::-1]], axis=-3), np.concatenate([seen, seen_later[::-1]], axis=-1)
+
+
+def _one_way(measured: Measured, steps_s: np.ndarray) -> list[np.ndarray]:
+    averages = Averages(steps_s.shape[1:])
+    found = [averages.add(Measured(*frame), step_s) for *frame, step_s in zip(*measured, steps_s, strict=True)]
+    return [np.stack(part) for part in zip(*found, strict=True)]

@@ -1,0 +1,119 @@
+"""The network over time: the past alone where it must be, any rate and any gap, and a training that learns to smooth."""
+
+import numpy as np
+import pytest
+
+from kpopnet.networks.over_time import BASES, FEATURES, FORGET_S, KINDS, Averages, Live, Measured, OverTime, read
+from kpopnet.skeleton import MIRROR
+from kpopnet.training.over_time import OverTimeTraining, train_over_time
+
+POSE_M = np.random.default_rng(1).uniform(-0.5, 0.5, (15, 3)) + np.array([0, 0, 3])
+
+
+def film(seed, frames=96, noise_m=0.03):
+    """A still pose that moves as a whole, measured with noise."""
+    rng, times_s = np.random.default_rng(seed), np.arange(frames) / 30
+    true_m = POSE_M + 0.1 * np.sin(2 * times_s)[:, None, None]
+    measured = (true_m + noise_m * rng.standard_normal(true_m.shape) for _ in range(2))
+    chances = (rng.uniform(0.6, 1.0, (frames, 15)) for _ in range(2))
+    return dict(zip(Measured._fields, (*measured, *chances), strict=True)) | {"true_m": true_m, "times_s": times_s}
+
+
+def measured_in(one):
+    return Measured(*(one[name] for name in Measured._fields))
+
+
+def frame(measured, number):
+    return Measured(*(array[number] for array in measured))
+
+
+def drawn(future=False, seed=0):
+    """A network with random weights."""
+    rng, ways = np.random.default_rng(seed), 2 if future else 1
+    sizes = [ways * FEATURES, 12, 12, ways * BASES + 1]
+    layers = zip(sizes[1:], sizes[:-1], strict=True)
+    return OverTime(
+        {
+            name: array
+            for number, (rows, columns) in enumerate(layers)
+            for name, array in (
+                (f"{2 * number}.weight", 0.2 * rng.standard_normal((rows, columns))),
+                (f"{2 * number}.bias", 0.1 * rng.standard_normal(rows)),
+            )
+        }
+    )
+
+
+def test_the_causal_form_does_not_see_the_future_and_the_other_does():
+    one, changed = measured_in(film(0)), measured_in(film(0))
+    changed.detected_m[60:] += 0.2
+    times_s = np.arange(96) / 30
+    for future in (False, True):
+        network = drawn(future)
+        first, second = (network(*read(measured, times_s, future))[0] for measured in (one, changed))
+        assert np.array_equal(first[:60], second[:60]) is not future
+        assert not np.allclose(first[60:], second[60:])
+
+
+@pytest.mark.parametrize("fps", [15, 30, 60])
+def test_live_equals_a_recording_with_drop_outs_at_any_rate(fps):
+    times_s = np.arange(96) / fps
+    kept = np.ones(96, bool)
+    kept[[10, 11, 40]] = kept[60:95] = False
+    measured, times_s = Measured(*(array[kept] for array in measured_in(film(0)))), times_s[kept]
+    joints_m, confidence = drawn()(*read(measured, times_s, future=False))
+    live, before_s = Live(drawn()), -np.inf
+    for number, time_s in enumerate(times_s):
+        found_m, sure = live.update(frame(measured, number), time_s - before_s)
+        np.testing.assert_allclose(found_m, joints_m[number], atol=1e-5)
+        np.testing.assert_allclose(sure, confidence[number], atol=1e-5)
+        before_s = time_s
+
+
+def test_averages_take_the_same_time_at_every_rate():
+    """After a step of the pose, 0.4 s later, the difference to the average of 0.4 s has fallen to 1/e."""
+    for fps in (15, 30, 60):
+        averages, moved_m = Averages(), POSE_M + np.eye(15, 3) * 0.1
+        chance = np.full(15, 0.9)
+        averages.add(Measured(POSE_M, POSE_M, chance, chance), np.inf)
+        for _ in range(round(0.4 * fps)):
+            _, differences_m, _ = averages.add(Measured(moved_m, moved_m, chance, chance), 1 / fps)
+        start_m, _, _ = Averages().add(Measured(POSE_M, POSE_M, chance, chance), np.inf)
+        end_m, _, _ = Averages().add(Measured(moved_m, moved_m, chance, chance), np.inf)
+        np.testing.assert_allclose(differences_m[2], (start_m - end_m) / np.e, atol=1e-9)
+
+
+def test_after_a_long_gap_nothing_stays_of_the_positions_before():
+    one, other = (measured_in(film(seed)) for seed in (0, 1))
+    other.detected_m[:50] += 0.3
+    for measured in (one, other):
+        for array in measured:
+            array[50:] = film(2)[Measured._fields[0]][50:] if array.shape[-1] == 3 else 0.9
+    times_s = np.arange(96) / 30 + (np.arange(96) >= 50) * 2 * FORGET_S
+    averages = [read(measured, times_s, future=False)[1][50:, :6] for measured in (one, other)]
+    np.testing.assert_allclose(*averages, atol=1e-9)
+
+
+def test_turned_and_mirrored_people_get_turned_and_mirrored_joints():
+    measured, times_s, network = measured_in(film(3)), np.arange(96) / 30, drawn()
+    turn = np.array([[0.8, 0, -0.6], [0, 1, 0], [0.6, 0, 0.8]]) * [[-1], [1], [1]]
+    turned = Measured(*(one[:, MIRROR] @ turn for one in measured[:2]), *(one[:, MIRROR] for one in measured[2:]))
+    plain_m, _ = network(*read(measured, times_s, future=False))
+    found_m, _ = network(*read(turned, times_s, future=False))
+    np.testing.assert_allclose(found_m, plain_m[:, MIRROR] @ turn, atol=1e-4)
+    assert (KINDS.sum(axis=1) == 1).all()
+
+
+@pytest.mark.parametrize("future", [False, True])
+def test_a_training_repeats_and_learns_to_smooth(future):
+    config = OverTimeTraining(epochs=12, hidden=16, future=future)
+    films = [film(seed) for seed in range(6)]
+    first, second = (train_over_time(config, films) for _ in range(2))
+    assert all(np.array_equal(first[name], second[name]) for name in first)
+    network, unseen = OverTime(first), film(99)
+    assert network.future is future
+    joints_m, confidence = network(*read(measured_in(unseen), unseen["times_s"], future))
+    mean_m = (unseen["detected_m"] + unseen["fitted_m"]) / 2
+    error_m, before_m = (np.linalg.norm(one - unseen["true_m"], axis=-1)[5:].mean() for one in (joints_m, mean_m))
+    assert error_m < 0.85 * before_m
+    assert ((confidence > 0) & (confidence < 1)).all()

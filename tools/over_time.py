@@ -1,0 +1,135 @@
+"""Trains the network that reads joints over time, and measures it beside the modes there are (docs/ledger.md).
+
+    python tools/over_time_films.py data/over_time/train --split train --films 400
+    python tools/over_time_films.py data/over_time/fresh --split benchmark --films 40
+    python tools/over_time.py data/over_time/train --fresh data/over_time/fresh --out data/over_time/live.safetensors
+    python tools/over_time.py data/over_time/train --fresh data/over_time/fresh --out data/over_time/best.safetensors --future
+
+The causal form takes what mode realtime has of each image, the other what mode best has; each is printed beside that mode, with
+paired 95 % intervals over films. SIMULATED depth.
+"""
+
+import argparse
+import logging
+from pathlib import Path
+
+import numpy as np
+import safetensors.numpy
+
+from kpopnet.errors import InputError
+from kpopnet.networks.over_time import CHILDREN, PARENTS, Measured, OverTime, read
+from kpopnet.pose.person import smoothed
+from kpopnet.skeleton import NUM_JOINTS, Joint
+from kpopnet.training.over_time import OverTimeTraining, train_over_time
+
+ENDS = [Joint.RIGHT_HAND, Joint.LEFT_HAND, Joint.RIGHT_FOOT, Joint.LEFT_FOOT]
+HANDS, CORE = ENDS[:2], [joint for joint in range(NUM_JOINTS) if joint not in ENDS]
+FPS, REST_FRAMES, REST_M, FAST_M_S, RESAMPLES = 30.0, 10, 0.006, (1.5, 2.5), 1000
+
+
+def films_in(folder: Path, mirrored: bool) -> list[dict[str, np.ndarray]]:
+    """The films of a folder as `kpopnet.training.over_time.varied` takes them, of plain images or with their mirror images."""
+    films, prefix = [], "mirror_" if mirrored else ""
+    for path in sorted(folder.glob("film_*.npz")):
+        with np.load(path) as file:
+            film = {name: file[name] for name in ("true_m", "times_s", "hidden")}
+            films.append(film | {name: file[prefix + name] for name in Measured._fields})
+    if not films:
+        raise InputError(f"{folder}: no film_*.npz; tools/over_time_films.py makes them")
+    return films
+
+
+def figures(joints_m: np.ndarray, film: dict[str, np.ndarray]) -> dict[str, tuple[float, float]]:
+    """Name to sum and count of (T, 15, 3) joints in metres: of squares for what is at rest, whose mean's root is reported."""
+    true_m, times_s = film["true_m"], film["times_s"]
+    error_m, steps_s = np.linalg.norm(joints_m - true_m, axis=-1), np.diff(times_s)
+    near = steps_s < 1.5 / FPS
+    speed_m_s = np.linalg.norm(np.diff(joints_m - true_m, axis=0), axis=-1) / steps_s[:, None]
+    hand_m_s = np.gradient(true_m[:, HANDS], times_s, axis=0)
+    fast = np.linalg.norm(hand_m_s, axis=-1)
+    moving = (fast > FAST_M_S[0]) & (fast < FAST_M_S[1]) & (error_m[:, HANDS] < 0.25)
+    behind_s = -((joints_m - true_m)[:, HANDS] * hand_m_s).sum(axis=-1) / np.maximum(fast, FAST_M_S[0]) ** 2
+    bones, true_bones = (one[:, CHILDREN] - one[:, PARENTS] for one in (joints_m, true_m))
+    cosine = (bones * true_bones).sum(-1) / np.linalg.norm(bones, axis=-1) / np.linalg.norm(true_bones, axis=-1)
+    at_rest, jitter_mm2 = rest(joints_m, film, near)
+
+    def mean_of(values: np.ndarray) -> tuple[float, float]:
+        return float(values.sum()), values.size
+
+    return {
+        "within 10 cm, %": mean_of(100.0 * (error_m < 0.1)),
+        "error, cm": mean_of(100 * error_m),
+        "hidden, cm": mean_of(100 * error_m[film["hidden"]]),
+        "hands, cm": mean_of(100 * error_m[:, HANDS]),
+        "velocity, cm/s": mean_of(100 * speed_m_s[near]),
+        "core at rest, mm RMS": mean_of(jitter_mm2[:, CORE][at_rest[:, CORE]]),
+        "hands and feet at rest, mm RMS": mean_of(jitter_mm2[:, ENDS][at_rest[:, ENDS]]),
+        "hands at 2 m/s, ms behind": mean_of(1000 * behind_s[moving]),
+        "bones, degrees": mean_of(np.degrees(np.arccos(np.clip(cosine, -1, 1)))),
+        "spread of bone lengths, cm": mean_of(100 * np.linalg.norm(bones, axis=-1).std(axis=0)),
+    }
+
+
+def rest(joints_m: np.ndarray, film: dict[str, np.ndarray], near: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(N, 15) whether the true joint stays within REST_M of its mean for REST_FRAMES frames, and the error's variance, mm²."""
+    starts = [
+        start for start in range(0, len(joints_m) - REST_FRAMES, REST_FRAMES // 2) if near[start:][: REST_FRAMES - 1].all()
+    ]
+    if not starts:
+        return np.zeros((0, NUM_JOINTS), bool), np.zeros((0, NUM_JOINTS))
+    true_m, found_m = (np.stack([one[start : start + REST_FRAMES] for start in starts]) for one in (film["true_m"], joints_m))
+    error_m, from_mean_m = found_m - true_m, true_m - true_m.mean(axis=1, keepdims=True)
+    still = np.linalg.norm(from_mean_m, axis=-1).max(axis=1) < REST_M
+    return still, 1e6 * ((error_m - error_m.mean(axis=1, keepdims=True)) ** 2).sum(axis=-1).mean(axis=1)
+
+
+def report(by_name: dict[str, list[dict[str, tuple[float, float]]]], new: str, old: str) -> None:
+    """Prints every figure of all, then the differences new - old."""
+    rng, films = np.random.default_rng(0), len(by_name[new])
+    rows = [np.arange(films), *(rng.integers(films, size=films) for _ in range(RESAMPLES))]
+
+    def values(name: str, key: str) -> np.ndarray:
+        sums = np.array([film[key] for film in by_name[name]])
+        total, count = np.array([sums[row].sum(axis=0) for row in rows]).T
+        mean = total / np.maximum(count, 1)
+        return np.sqrt(mean) if "RMS" in key else mean
+
+    print(f"{films} films, SIMULATED; the difference is {new} - {old}")
+    for key in by_name[new][0]:
+        change = values(new, key) - values(old, key)
+        low, high = np.percentile(change[1:], (2.5, 97.5))
+        each = ", ".join(f"{name} {values(name, key)[0]:.2f}" for name in by_name)
+        print(f"{key}: {each}; difference {change[0]:+.2f} ({low:+.2f} to {high:+.2f})")
+
+
+def measure(network: OverTime, films: list[dict[str, np.ndarray]]) -> None:
+    """Prints the figures of a network beside the mean of detection and fit, and that mean smoothed."""
+    found: dict[str, list] = {"mean of both": [], "smoothed": [], "over time": []}
+    for film in films:
+        measured = Measured(*(film[name] for name in Measured._fields))
+        mean_m = (measured.detected_m + measured.fitted_m) / 2
+        joints_m, _ = network(*read(measured, film["times_s"], network.future))
+        for name, one in zip(found, (mean_m, smoothed(mean_m, measured.fitted, FPS), joints_m), strict=True):
+            found[name].append(figures(one, film))
+    report(found, "over time", "smoothed" if network.future else "mean of both")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("films", type=Path, help="folder of films to learn from")
+    parser.add_argument("--fresh", type=Path, required=True, help="folder of films of other people, to measure on")
+    parser.add_argument("--out", type=Path, required=True, help="file of the weights; one that exists is measured only")
+    parser.add_argument("--future", action="store_true", help="the form that also reads the frames that follow")
+    parser.add_argument("--epochs", type=int, default=OverTimeTraining.epochs, help="%(default)s")
+    given = parser.parse_args()
+    logging.basicConfig(level=logging.INFO, format="%(message)s")
+    if not given.out.exists():
+        config = OverTimeTraining(epochs=given.epochs, future=given.future)
+        arrays = train_over_time(config, films_in(given.films, given.future))
+        safetensors.numpy.save_file(arrays, given.out)
+    network = OverTime(safetensors.numpy.load_file(given.out))
+    measure(network, films_in(given.fresh, network.future))
+
+
+if __name__ == "__main__":
+    main()

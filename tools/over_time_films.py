@@ -1,0 +1,164 @@
+"""Makes what a network and the fit say of SIMULATED films, for tools/over_time.py: joints and confidences, no depth.
+
+    python tools/over_time_films.py data/over_time/train --split train --films 400 --clips PACK
+    python tools/over_time_films.py data/over_time/fresh --split benchmark --films 40 --clips PACK
+
+Films of seven seconds, each of another person: a rest and a composed dance, or a recording (every third film, given
+--clips). In a third of the training films a part of the person is hidden for a while. Finished films stay when it is run again.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from kpopnet.camera import CAMERAS
+from kpopnet.estimator import Estimate
+from kpopnet.human import Human
+from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.skeleton import MIRROR
+from kpopnet.tracker.body_estimate import BodyEstimate
+from kpopnet.tracker.confidence import REFINED_WEIGHTS, probability
+from kpopnet.tracker.refine import refine_frame
+from synth.body.shape import draw_person
+from synth.motion import MotionConfig, build_motion
+from synth.motion.choreography.programmes import held, show
+from synth.motion.limbs import choose
+from synth.motion.poses.families import squat, standing
+from synth.motion.poses.floor_families import kneel
+from synth.motion.skeleton import Motion
+from synth.motion.splice import cut, follow, resampled
+from synth.scene.room import DANCE_HALL
+from synth.sensor.film_noise import FilmNoise
+from synth.sensor.model import SENSORS
+from synth.simulated.eval_sim import EvalSim
+from synth.simulated.film import Studio, Take
+from synth.simulated.generator import is_faulty, random_excerpt
+from synth.simulated.sequences import BODY, penetrates_itself
+
+FPS, FRAMES, RECORDED_EVERY = 30.0, 210, 3
+KINDS = ("dance", "dance", "dance", "mixture", "crossed_punches", "kicks", "turns", "sitting")
+TRIES, ROOMS, HIDDEN_FILMS = 40, 4, 1 / 3
+
+
+class Films:
+    """Makes film k from the seed, the split and k."""
+
+    def __init__(self, seed: int, split: str, clips: str | None, checkpoint: Path | None) -> None:
+        self.seed, self.split = (0x46696C6D, seed, ("train", "benchmark").index(split)), split
+        source = None if clips is None else MotionConfig(source="clips", path=clips)
+        self.recordings = source and build_motion(source, "train" if split == "train" else "validation")
+        self.studio, self.network = Studio(CAMERAS["eval"], "cpu"), NetworkEstimator(checkpoint)
+
+    def _rng(self, *numbers: int) -> np.random.Generator:
+        return np.random.default_rng([*self.seed, *numbers])
+
+    def _motion(self, rng: np.random.Generator, index: int) -> Motion:
+        if self.recordings is not None and index % RECORDED_EVERY == RECORDED_EVERY - 1:
+            recording = self.recordings.motion(int(rng.integers(len(self.recordings))))
+            return random_excerpt(rng, resampled(recording, FPS), FRAMES)
+        rest = held(rng, choose(rng, (standing, standing, squat, kneel))(rng), int(rng.integers(36, 60)), FPS, 0.5)
+        dance = random_excerpt(rng, show(rng, choose(rng, KINDS), 2 * FRAMES / FPS, FPS), FRAMES)
+        return cut(follow(rest, dance), 0, FRAMES)
+
+    def _take(self, index: int) -> Take | None:
+        person = draw_person(self._rng(index, 0), BODY, self.split)
+        for attempt in range(TRIES):
+            rng = self._rng(index, 1, attempt)
+            motion = self._motion(rng, index)
+            if len(motion) < FRAMES // 3 or is_faulty(motion):
+                continue
+            turn_rad = float(rng.choice([0.3 * rng.standard_normal(), rng.uniform(-np.pi, np.pi)]))
+            played = self.studio.play(person, motion, turn_rad, rng.uniform(0, 1.5, 2))
+            if penetrates_itself(played, min(20, len(motion))):
+                continue
+            if (take := self.studio.place_in_rooms(rng, played, EvalSim.view, ROOMS, DANCE_HALL)) is not None:
+                return take
+        return None
+
+    def film(self, index: int) -> dict[str, np.ndarray] | None:
+        """(T, ...) arrays of film `index`; None if no motion fits a room."""
+        take = self._take(index)
+        if take is None:
+            return None
+        camera, bodies, rows = CAMERAS["eval"], (BodyEstimate(), BodyEstimate()), []
+        covered = _covered(self._rng(index, 2), len(take), self.split == "train")
+        noise = FilmNoise((*self.seed, index, 3))
+        for number, shot in enumerate(self.studio.shots(take, SENSORS["kinect_v1"], noise, range(len(take)))):
+            mask = shot.person.copy()
+            ys, xs = np.nonzero(mask)
+            if not len(ys):
+                continue
+            box = np.array([xs.min(), ys.min(), xs.max() + 1, ys.max() + 1])
+            if covered is not None and number in covered[0]:
+                first, last = (box[1] + part * (box[3] - box[1]) for part in covered[1])
+                mask[int(first) : int(last)] = False
+            human = Human.cut_out(0, shot.depth_m, mask.astype(np.int32), 1, box, np.zeros(3, np.float32))
+            row = self._estimates(human, camera, bodies)
+            if row is not None:
+                hidden = _hidden(np.where(mask, shot.depth_m, 0), camera, shot.joints_camera_m)
+                rows.append(row | {"true_m": shot.joints_camera_m, "hidden": hidden, "times_s": number / FPS})
+        return {name: np.array([row[name] for row in rows]) for name in rows[0]} if rows else None
+
+    def _estimates(self, human: Human, camera, bodies) -> dict[str, np.ndarray] | None:
+        crop, crop_m = human.cropped(camera), human.depth_m
+        one = self.network.estimate(crop_m[None], crop)
+        two = self.network.estimate(np.ascontiguousarray(crop_m[None, :, ::-1]), crop.mirrored())
+        mirrored_m = two.joints_camera_m[0, MIRROR] * np.array([-1, 1, 1], np.float32)
+        both = (one.joints_camera_m[0] + mirrored_m) / 2, (one.confidence[0] + two.confidence[0, MIRROR]) / 2
+        row = {}
+        for name, body, seen in zip(("", "mirror_"), bodies, ((one.joints_camera_m[0], one.confidence[0]), both), strict=True):
+            fitted_m, evidence = refine_frame(body, Estimate(*seen), crop_m, crop)
+            if not np.isfinite(evidence).all():
+                return None
+            values = (*seen, fitted_m, probability(evidence, REFINED_WEIGHTS))
+            row |= {
+                name + key: value for key, value in zip(("detected_m", "detected", "fitted_m", "fitted"), values, strict=True)
+            }
+        return row
+
+
+def _covered(rng: np.random.Generator, frames: int, wanted: bool) -> tuple[range, tuple[float, float]] | None:
+    """Frames of which a part of the silhouette's height is hidden, and that part."""
+    if not wanted or rng.random() > HIDDEN_FILMS:
+        return None
+    first, start = int(rng.integers(frames)), rng.uniform(0.0, 0.8)
+    return range(first, first + int(rng.integers(10, 60))), (start, min(start + rng.uniform(0.15, 0.45), 1.0))
+
+
+def _hidden(person_m: np.ndarray, camera, joints_m: np.ndarray) -> np.ndarray:
+    """(15,) whether no pixel of the person beside the joint's pixel lies from 17 cm before to 8 cm behind the joint."""
+    hidden = np.ones(len(joints_m), bool)
+    for joint, (u, v, z) in enumerate(camera.project(joints_m)):
+        x, y = max(round(u) - 1, 0), max(round(v) - 1, 0)
+        near_m = person_m[y : y + 3, x : x + 3]
+        hidden[joint] = not ((near_m > z - 0.17) & (near_m < z + 0.08)).any()
+    return hidden
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--split", choices=("train", "benchmark"), default="train", help="people and clothes: %(default)s")
+    parser.add_argument("--films", type=int, default=40, help="how many: %(default)s")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--clips", help="a motion pack, of which the train or the validation split is taken")
+    parser.add_argument("--checkpoint", type=Path, help="another network than the one that comes with the package")
+    given = parser.parse_args()
+    given.out.mkdir(parents=True, exist_ok=True)
+    films = Films(given.seed, given.split, given.clips, given.checkpoint)
+    for index in range(given.films):
+        path = given.out / f"film_{index:05d}.npz"
+        if path.exists():
+            continue
+        if (film := films.film(index)) is None:
+            print(f"film {index}: no motion fits a room", flush=True)
+            continue
+        with atomic_path(path) as part, part.open("wb") as file:
+            np.savez(file, **film)
+        print(f"film {index}: {len(film['times_s'])} images", flush=True)
+
+
+if __name__ == "__main__":
+    main()
