@@ -146,23 +146,33 @@ def _angles_seen(angles_rad: np.ndarray, confidence: np.ndarray, names: tuple[st
 
 def dance22_features(joints_m: np.ndarray, turn_frames: int | None = None) -> Angles:
     """The paper's 22-D feature of (T, 15, 3) joints; with a 23rd angle, the turn of the body within `turn_frames`, if given."""
-    torso_m = joints_m[:, Joint.TORSO]
-    right_shoulder_m, left_shoulder_m = joints_m[:, Joint.RIGHT_SHOULDER], joints_m[:, Joint.LEFT_SHOULDER]
-    right_hip_m, left_hip_m = joints_m[:, Joint.RIGHT_HIP], joints_m[:, Joint.LEFT_HIP]
-    upper = _plane_frame(torso_m - (right_shoulder_m + left_shoulder_m) / 2, left_shoulder_m - right_shoulder_m)
-    lower = _plane_frame((right_hip_m + left_hip_m) / 2 - torso_m, left_hip_m - right_hip_m)
+    upper, lower = _torso_frames(joints_m)
     between = upper @ lower.swapaxes(1, 2)  # (T, 3, 3), upper axis by lower axis
     tilt = np.arcsin(np.clip(np.stack([between[:, 1, 2], between[:, 1, 0], between[:, 2, 0]], axis=1), -1, 1))
     change = np.full_like(tilt, np.nan)
     change[1:] = tilt[1:] - tilt[:-1]
     torso = Angles(np.concatenate([tilt, change], axis=1), np.ones((len(tilt), 6)))
 
-    frames = np.stack([upper, upper, lower, lower], axis=1)
-    parent, child = _limbs_in(frames, joints_m)
+    parent, child = _limbs_in(np.stack([upper, upper, lower, lower], axis=1), joints_m)
     parts = [torso, _inclination_and_azimuth(parent), _child_angles(parent, child)]
     if turn_frames is not None:
         parts.append(_heading_change(lower, turn_frames))
     return _concatenate(parts)
+
+
+def limb_directions(joints_m: np.ndarray) -> np.ndarray:
+    """(T, 4, 6) unit directions of upper and lower limb in the torso's frames: right arm, left arm, right leg, left leg."""
+    upper, lower = _torso_frames(joints_m)
+    return np.concatenate(_limbs_in(np.stack([upper, upper, lower, lower], axis=1), joints_m), axis=2)
+
+
+def _torso_frames(joints_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(T, 3, 3) frames of the planes through the torso's centre and the shoulders, and through it and the hips."""
+    torso_m = joints_m[:, Joint.TORSO]
+    right_shoulder_m, left_shoulder_m = joints_m[:, Joint.RIGHT_SHOULDER], joints_m[:, Joint.LEFT_SHOULDER]
+    right_hip_m, left_hip_m = joints_m[:, Joint.RIGHT_HIP], joints_m[:, Joint.LEFT_HIP]
+    upper = _plane_frame(torso_m - (right_shoulder_m + left_shoulder_m) / 2, left_shoulder_m - right_shoulder_m)
+    return upper, _plane_frame((right_hip_m + left_hip_m) / 2 - torso_m, left_hip_m - right_hip_m)
 
 
 def raptis_features(joints_m: np.ndarray) -> Angles:

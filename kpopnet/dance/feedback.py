@@ -1,8 +1,7 @@
-"""What a dancer can use of a score: per phrase the three worst moments with part, signed degrees and words, and what repeats.
+"""What a dancer can use of a score: per phrase the cause, or else the worst moments; what repeats; what is right.
 
-Each window has the mean signed difference of every angle in its middle. A moment is a run of windows in which one part of the
-body differs in one direction. Angles with a plain meaning get words; the others only count in the score. Everything is computed
-from a `DanceScore`, so that the words during the dance are those of afterwards.
+A phrase with a cause (`kpopnet.dance.words.causes`) is not told in degrees of joints. Everything is ranked by the points that
+it costs, and computed from a `DanceScore`, so that the words during the dance are those of afterwards.
 """
 
 import math
@@ -12,20 +11,27 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kpopnet.dance.diagnosis import RecordingFault
-from kpopnet.dance.features import FEATURES
 from kpopnet.dance.scoring import DanceScore
-from kpopnet.dance.window import LIMBS, PARTS, part_of_angles
-
-PHRASE_S = 4.0
-"""Length of a phrase without a given beat: eight counts at 120 a minute."""
+from kpopnet.dance.window import LIMBS
+from kpopnet.dance.words.causes import CAUSES, causes
+from kpopnet.dance.words.moments import (
+    MIN_DELAY_S,
+    MIN_POINTS,
+    PHRASE_S,
+    Losses,
+    Moment,
+    at,
+    clock,
+    from_to,
+    lateness,
+    posture_moments,
+    posture_text,
+    runs,
+    span,
+    timing_moments,
+)
 
 MOMENTS_PER_PHRASE = 3
-
-MIN_ERROR_DEG = 10.0
-"""Smaller differences are no faults: teachers differ by as much from themselves."""
-
-MIN_DELAY_S = 0.12
-"""Smaller delays are not mentioned."""
 
 MIN_TEMPO_DIFFERENCE = 0.03
 THROUGHOUT = 0.7
@@ -37,52 +43,8 @@ EDGE_S = 0.5
 UNSEEN_BELOW = 0.5
 """A part is unseen in windows in which less of it is shown."""
 
-_LIMB_WORDS = {
-    "elbow_inclination": ("shoulder", "too low", "too high"),
-    "elbow_azimuth": ("shoulder", "too far out or back", "too far across the front"),
-    "hand_inclination": ("elbow", "too straight", "too bent"),
-    "knee_inclination": ("hip", "too low", "too high"),
-    "foot_inclination": ("knee", "too straight", "too bent"),
-}
-_WORDS = {
-    "twist": ("", "twisted too far to the left", "twisted too far to the right"),
-    "lean": ("", "leaning too far to the right", "leaning too far to the left"),
-    "bend": ("", "bent too far back", "bent too far forward"),
-    "turn": ("", "turned too far to the left", "turned too far to the right"),
-} | {
-    f"{side}_{angle}": (f"{side} {joint}", less, greater)
-    for side in ("left", "right")
-    for angle, (joint, less, greater) in _LIMB_WORDS.items()
-}
-_WORDS["right_elbow_azimuth"] = ("right shoulder", "too far across the front", "too far out or back")  # its sign is mirrored
-"""An angle's name to the joint that it bends, and the words for a learner's angle less and greater than the teacher's."""
-
-
-@dataclass(frozen=True)
-class Moment:
-    """A stretch of the dance in which something is wrong, in seconds on the teacher's clock.
-
-    Attributes:
-        part: one of `PARTS`, or "timing".
-        joint: the joint that is wrong, such as "left elbow"; "" for torso, turning and timing.
-        direction: such as "too low", "late".
-        degrees: mean signed difference, learner minus teacher, degrees; 0 for timing.
-        delay_s: mean delay, seconds, negative when early; 0 for posture.
-        cost: how much is wrong, for comparison with other moments.
-        fault: what is wrong in words, such as "left arm 25° too low".
-        text: with the time, such as "left arm 25° too low at 0:12".
-    """
-
-    start_s: float
-    end_s: float
-    part: str
-    joint: str
-    direction: str
-    degrees: float
-    delay_s: float
-    cost: float
-    fault: str
-    text: str
+RIGHT, RIGHT_WINDOWS = 90.0, 0.8
+"""A part, or the timing, that scores this much in this share of the windows is praised."""
 
 
 @dataclass(frozen=True)
@@ -117,12 +79,13 @@ class Fault:
 
 @dataclass(frozen=True)
 class Feedback:
-    """Phrases in order of time, all moments and all faults, each with the costliest first, and hints in words."""
+    """Phrases in order of time, all moments and all faults, each with the costliest first, and hints and praise in words."""
 
     phrases: tuple[Phrase, ...]
     moments: tuple[Moment, ...]
     faults: tuple[Fault, ...]
     hints: tuple[str, ...]
+    praise: tuple[str, ...]
 
 
 def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence[RecordingFault] = ()) -> Feedback:
@@ -131,13 +94,13 @@ def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence
     With `beat_s`, a beat of the music in seconds, phrases have eight beats, and delays are given in beats. Hints whose cause
     is among the faults that `kpopnet.dance.diagnosis.diagnose` found are left out.
     """
-    moments = sorted([*_posture_moments(score), *_timing_moments(score, beat_s)], key=lambda one: -one.cost)
-    unseen, danced_s = list(_unseen(score)), _span(score, slice(None))
+    unseen, danced_s = list(_unseen(score)), span(score, slice(None))
     first, middle = float(score.windows.start_s[0]), score.windows.middle_s
     phrase_s = 8 * beat_s if beat_s else PHRASE_S
-    phrases = []
-    for number in range(math.ceil((middle[-1] + score.scorer.hop_s / 2 - first) / phrase_s)):
-        start_s, end_s = first + number * phrase_s, first + (number + 1) * phrase_s
+    count = math.ceil((middle[-1] + score.scorer.hop_s / 2 - first) / phrase_s)
+    phrases_s = [(first + number * phrase_s, first + (number + 1) * phrase_s) for number in range(count)]
+    moments, phrases = _moments(score, phrases_s, beat_s), []
+    for start_s, end_s in phrases_s:
         inside = score.windows.similarity[(middle >= start_s) & (middle < end_s)]
         similarity = float(np.nanmean(inside)) if np.isfinite(inside).any() else None
         # Windows show a phrase's ends less than its middle: the first begins half a window after the dance.
@@ -153,94 +116,22 @@ def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence
         phrases.append(Phrase(start_s, end_s, similarity, tuple(hidden), tuple(worst)[:MOMENTS_PER_PHRASE]))
     known = {one.about for one in recording}
     hints = tuple(text for about, text in _hints(score) if about not in known)
-    return Feedback(tuple(phrases), tuple(moments), _gathered(moments, len(middle) * score.scorer.hop_s, beat_s), hints)
+    faults = _gathered(moments, len(middle) * score.scorer.hop_s, beat_s)
+    return Feedback(tuple(phrases), tuple(moments), faults, hints, tuple(_praise(score)))
 
 
-def _runs(flags: np.ndarray) -> list[slice]:
-    """The runs of true values of (N,) flags."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
-    return [slice(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
-
-
-def _span(score: DanceScore, run: slice) -> tuple[float, float]:
-    """Start and end in seconds of the windows' middles in a run."""
-    middle, half_s = score.windows.middle_s[run], score.scorer.hop_s / 2
-    return float(middle[0] - half_s), float(middle[-1] + half_s)
-
-
-def _posture_moments(score: DanceScore) -> list[Moment]:
-    """The moments of every part, by the angle of the part that costs most in each."""
-    names, parts = FEATURES[score.scorer.feature].names, part_of_angles(score.scorer.feature)
-    has_words = np.array([name in _WORDS for name in names])
-    error_deg = np.degrees(np.nan_to_num(score.windows.error_rad))
-    weight = score.windows.error_weight
-    cost = np.where(has_words & (abs(error_deg) >= MIN_ERROR_DEG), weight * error_deg**2, 0.0)
-    found = []
-    for part in np.unique(parts):
-        angles = np.flatnonzero(parts == part)
-        worst = angles[cost[:, angles].argmax(axis=1)]
-        rows = np.arange(len(worst))
-        # A run ends where another angle or direction becomes the worst one.
-        kind = np.where(cost[rows, worst] > 0, (2 * worst + (error_deg[rows, worst] > 0)) + 1, 0)
-        for one in np.unique(kind[kind > 0]):
-            angle = (one - 1) // 2
-            for run in _runs(kind == one):
-                # What is most wrong says most about by how much: the edges of a fault lie within windows.
-                weights = weight[run, angle] * abs(error_deg[run, angle])
-                degrees, total = float(np.average(error_deg[run, angle], weights=weights)), float(cost[run, angle].sum())
-                joint, less, greater = _WORDS[names[angle]]
-                direction = greater if degrees > 0 else less
-                start_s, end_s = _span(score, run)
-                fault = _posture_text(PARTS[part], joint, degrees, direction)
-                text = f"{fault} {_at([start_s])}"
-                found.append(Moment(start_s, end_s, PARTS[part], joint, direction, degrees, 0.0, total, fault, text))
-    return found
-
-
-def _posture_text(part: str, joint: str, degrees: float, direction: str) -> str:
-    """A difference in words, such as "left arm 25° too low"."""
-    subject = joint if joint.endswith(("elbow", "knee")) else "body" if part == "turning" else part
-    return f"{subject} {abs(degrees):.0f}° {direction}"
-
-
-def _timing_moments(score: DanceScore, beat_s: float | None) -> list[Moment]:
-    """The moments in which the learner is late or early."""
-    delay_s, found = np.nan_to_num(score.windows.delay_s), []
-    for sign in (1, -1):
-        for run in _runs(sign * delay_s >= MIN_DELAY_S):
-            start_s, end_s = _span(score, run)
-            mean_s, word = float(delay_s[run].mean()), "late" if sign > 0 else "early"
-            # Comparable with posture: what is lost in percent, per window, of a full score.
-            cost = float(np.nansum(100 - score.windows.timing[run])) * MIN_ERROR_DEG
-            fault = _lateness(mean_s, beat_s)
-            text = f"{fault} {_from_to(start_s, end_s)}"
-            found.append(Moment(start_s, end_s, "timing", "", word, 0.0, mean_s, cost, fault, text))
-    return found
-
-
-def _lateness(delay_s: float, beat_s: float | None) -> str:
-    word = "late" if delay_s > 0 else "early"
-    if not beat_s:
-        return f"{abs(delay_s):.1f} s {word}"
-    quarters = round(4 * abs(delay_s) / beat_s)
-    fractions = {0: "slightly", 1: "a quarter of a beat", 2: "half a beat", 3: "three quarters of a beat", 4: "a beat"}
-    return f"{fractions.get(quarters, f'{quarters / 4:g} beats')} {word}"
-
-
-def clock(seconds: float) -> str:
-    """A time as minutes and seconds, such as 1:05."""
-    whole = max(math.floor(seconds + 0.5), 0)
-    return f"{whole // 60}:{whole % 60:02d}"
-
-
-def _at(starts_s: list[float]) -> str:
-    *others, last = dict.fromkeys(clock(start_s) for start_s in starts_s)
-    return f"at {', '.join(others)} and {last}" if others else f"at {last}"
-
-
-def _from_to(start_s: float, end_s: float) -> str:
-    start, end = clock(start_s), clock(end_s)
-    return f"at {start}" if start == end else f"from {start} to {end}"
+def _moments(score: DanceScore, phrases_s: list[tuple[float, float]], beat_s: float | None) -> list[Moment]:
+    """Causes, and what they do not explain, the costliest first."""
+    losses, middle, found = Losses(score), score.windows.middle_s, []
+    untimed = unposed = np.zeros(len(middle), bool)
+    for cause in causes(score, phrases_s):
+        inside = (middle >= cause.start_s) & (middle < cause.end_s)
+        points = float((losses.total if cause.explains_timing else losses.posture)[inside].sum())
+        unposed, untimed = unposed | inside, untimed | (inside & cause.explains_timing)
+        text = f"{cause.text} {from_to(cause.start_s, cause.end_s)}"
+        found.append(Moment(cause.start_s, cause.end_s, "phrase", "", cause.name, 0.0, 0.0, points, cause.text, text))
+    found += [*posture_moments(score, losses, unposed), *timing_moments(score, losses, untimed, beat_s)]
+    return sorted((one for one in found if one.points >= MIN_POINTS), key=lambda one: -one.points)
 
 
 def _when(span_s: tuple[float, float], phrase_s: tuple[float, float]) -> str:
@@ -251,7 +142,7 @@ def _when(span_s: tuple[float, float], phrase_s: tuple[float, float]) -> str:
         return "throughout"
     if before:
         return f"until {clock(end_s)}"
-    return f"from {clock(start_s)} on" if after else _from_to(start_s, end_s)
+    return f"from {clock(start_s)} on" if after else from_to(start_s, end_s)
 
 
 def _gathered(moments: list[Moment], dance_s: float, beat_s: float | None) -> tuple[Fault, ...]:
@@ -265,11 +156,28 @@ def _gathered(moments: list[Moment], dance_s: float, beat_s: float | None) -> tu
         degrees = float(np.average([one.degrees for one in ones], weights=lengths))
         delay_s = float(np.average([one.delay_s for one in ones], weights=lengths))
         starts_s = [one.start_s for one in ones]
-        when = "throughout" if lengths.sum() >= THROUGHOUT * dance_s else _at(starts_s)
-        what = _lateness(delay_s, beat_s) if part == "timing" else _posture_text(part, joint, degrees, direction)
+        when = "throughout" if lengths.sum() >= THROUGHOUT * dance_s else at(starts_s)
+        what = lateness(delay_s, beat_s) if part == "timing" else posture_text(part, joint, degrees, direction)
+        what = CAUSES[direction] if part == "phrase" else what
         fault = Fault(part, joint, direction, degrees, delay_s, tuple(starts_s), f"{what} {when}")
-        faults.append((sum(one.cost for one in ones), fault))
+        faults.append((sum(one.points for one in ones), fault))
     return tuple(fault for _, fault in sorted(faults, key=lambda pair: -pair[0]))
+
+
+def _praise(score: DanceScore) -> Iterator[str]:
+    """What is right nearly throughout: the limbs that the teacher moves, and the timing."""
+    windows, moved = score.windows, score.dynamics.ratios
+    right = [name for name in LIMBS if name in moved and _mostly(windows.parts[name] >= RIGHT, windows.parts[name])]
+    if right:
+        yield f"right nearly throughout: {', '.join(right)}"
+    if score.timing >= RIGHT and _mostly(abs(windows.delay_s) < MIN_DELAY_S, windows.delay_s):
+        yield "on time nearly throughout"
+
+
+def _mostly(good: np.ndarray, values: np.ndarray) -> bool:
+    """Whether (N,) flags hold in RIGHT_WINDOWS of the windows, of which half have known values."""
+    known = np.isfinite(values)
+    return bool(known.mean() >= 0.5 and good[known].mean() >= RIGHT_WINDOWS)
 
 
 def _hints(score: DanceScore) -> Iterator[tuple[str, str]]:
@@ -278,7 +186,7 @@ def _hints(score: DanceScore) -> Iterator[tuple[str, str]]:
         yield "mirror", "the mirror image fits much better: did the learner mirror the teacher?"
     if abs(score.tempo - 1) >= MIN_TEMPO_DIFFERENCE:
         yield "tempo", f"{abs(score.tempo - 1):.0%} too {'fast' if score.tempo > 1 else 'slow'} throughout"
-    yield from (("coverage", f"{who} {_from_to(start_s, end_s)}") for who, start_s, end_s in _unseen(score))
+    yield from (("coverage", f"{who} {from_to(start_s, end_s)}") for who, start_s, end_s in _unseen(score))
 
 
 def _unseen(score: DanceScore) -> Iterator[tuple[str, float, float]]:
@@ -292,4 +200,4 @@ def _unseen(score: DanceScore) -> Iterator[tuple[str, float, float]]:
         left, right = (missing[f"{side} {kind}"] & ~absent for side in ("left", "right"))
         subjects |= {f"{kind}s out of": left & right}
         subjects |= {f"left {kind} out of": left & ~right, f"right {kind} out of": right & ~left}
-    return ((f"{who} the picture", *_span(score, run)) for who, flags in subjects.items() for run in _runs(flags))
+    return ((f"{who} the picture", *span(score, run)) for who, flags in subjects.items() for run in runs(flags))

@@ -12,12 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kpopnet.dance.dimensions.movement import Dynamics, Rhythm, dynamics, rhythm
+from kpopnet.dance.dimensions.stage import StageScore, stage_score
 from kpopnet.dance.dtw import banded_distances
 from kpopnet.dance.features import FEATURES, Features, dance_features
 from kpopnet.dance.paper import PaperScorer, PaperTeacher
 from kpopnet.dance.parts import FEATURE, PartScorer, PartTeacher, known_noise
 from kpopnet.dance.performance import Performance, as_performance, resampled
-from kpopnet.dance.stage import StageScore, stage_score
 from kpopnet.dance.timing import MIN_POSTURE, tempo
 from kpopnet.dance.window import BAND_FRAMES, FPS, PARTS, WINDOW_FRAMES, WINDOW_S, WindowScore
 from kpopnet.errors import InputError
@@ -100,13 +101,27 @@ class DanceScore(NamedTuple):
     learner_m: np.ndarray
 
     @property
-    def stage(self) -> StageScore:
-        """Place, height, lean and facing, which similarity, timing and posture do not contain; computed anew at each call."""
+    def _delays_s(self) -> np.ndarray:
+        """(T,) the learner's delay at each frame, seconds, between the windows of a posture that is no chance match."""
         known, frames = self.windows.posture >= MIN_POSTURE, np.arange(len(self.learner_m))
         known &= np.isfinite(self.windows.delay_s)
         middle = (self.windows.middle_s - self.windows.start_s[0]) * FPS
-        delay_s = np.interp(frames, middle[known], self.windows.delay_s[known]) if known.any() else np.zeros(len(frames))
-        return stage_score(self.teacher_m[: len(frames)], self.learner_m, delay_s)
+        return np.interp(frames, middle[known], self.windows.delay_s[known]) if known.any() else np.zeros(len(frames))
+
+    @property
+    def stage(self) -> StageScore:
+        """Place, height, lean and facing, which similarity, timing and posture do not contain; computed anew at each call."""
+        return stage_score(self.teacher_m[: len(self.learner_m)], self.learner_m, self._delays_s)
+
+    @property
+    def dynamics(self) -> Dynamics:
+        """Amplitude, energy and sharpness of the limbs' movements, likewise."""
+        matched = np.rint(np.arange(len(self.learner_m)) - self._delays_s * FPS).astype(int)
+        return dynamics(self.teacher_m[: len(self.learner_m)], self.learner_m, matched)
+
+    def rhythm(self, beats_s: np.ndarray) -> Rhythm | None:
+        """The learner's accents against beats at (B,) seconds on the teacher's clock, likewise; None where there is none."""
+        return rhythm(self.teacher_m[: len(self.learner_m)], self.learner_m, np.asarray(beats_s) - self.windows.start_s[0])
 
     def stage_remarks(self) -> list[tuple[float, str]]:
         """What is most wrong on the stage, in words, with the time at which it begins, seconds on the teacher's clock."""

@@ -93,12 +93,12 @@ def main() -> None:
     title = f"{given.learner.name} after {given.teacher.name}"
     page = result_page(title, TeacherBody(**teacher_arrays()), (teacher, learner), score, advice, notes)
     files = {"teacher": str(given.teacher), "learner": str(given.learner)}
-    content = score_json(score, advice, diagnosis)
+    content = score_json(score, advice, diagnosis, beat_s)
     content |= files | {"scorer": {"name": given.scorer, "feature": scorer.feature, **content["scorer"]}}
     with locked(given.out):
         for name, text in (("score.html", page), ("score.json", json.dumps(content, indent=1, allow_nan=False) + "\n")):
             write_text(given.out / name, text)
-    print(printable("\n".join([*score_text(score, advice, notes), f"look at {given.out / 'score.html'}"])))
+    print(printable("\n".join([*score_text(score, advice, notes, beat_s), f"look at {given.out / 'score.html'}"])))
 
 
 if __name__ == "__main__":

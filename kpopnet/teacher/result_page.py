@@ -8,9 +8,10 @@ from importlib.resources import files
 
 import numpy as np
 
-from kpopnet.dance.feedback import PHRASE_S, Feedback
+from kpopnet.dance.feedback import Feedback
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import DanceScore
+from kpopnet.dance.words.moments import PHRASE_S
 from kpopnet.teacher.library import TeacherBody, stored_quats
 from kpopnet.teacher.live.words import score_result
 from kpopnet.teacher.posing import MAX_S, Movement, learners_movement

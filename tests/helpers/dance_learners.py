@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 from dance_people import FPS, joints_of
 from real_data import REAL
+from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from kpopnet.skeleton import Joint
@@ -205,3 +206,33 @@ def clip_joints_m(split: str, name: str, seconds: float = 20.0) -> np.ndarray:
     joints_m = headed(joints_m, np.full(len(joints_m), -heading_rad(joints_m)[0]))
     joints_m.setflags(write=False)
     return joints_m
+
+
+def good(joints_m, seed, degrees=4.0, delay_s=0.03):
+    """A good dancer: every bone wanders by `degrees` and the time by `delay_s` (standard deviations), over about 2 s."""
+    rng, frames = np.random.default_rng(seed), len(joints_m)
+
+    def wandering(*shape):
+        noise = gaussian_filter1d(rng.normal(size=(frames, *shape)), FPS, axis=0, mode="wrap")
+        return noise / noise.std()
+
+    result = joints_m.copy()
+    for begin, end in BONES:
+        bone_m, turn = joints_m[:, end] - joints_m[:, begin], np.radians(degrees) / np.sqrt(2) * wandering(3)
+        result[:, end] = result[:, begin] + Rotation.from_rotvec(turn).apply(bone_m)
+    times = np.clip(np.arange(frames) - delay_s * FPS * wandering(), 0, frames - 1)
+    before = np.minimum(times.astype(int), frames - 2)
+    share = (times - before)[:, None, None]
+    return (1 - share) * result[before] + share * result[before + 1]
+
+
+def softened(joints_m, seconds):
+    """Smoothed over a standard deviation of time, with movements as large as before: no accents."""
+    smooth_m = gaussian_filter1d(joints_m, seconds * FPS, axis=0, mode="nearest")
+    result = joints_m.copy()
+    for begin, end in BONES:
+        smooth, taught = (unit(one[:, end] - one[:, begin]) for one in (smooth_m, joints_m))
+        mean, length = smooth.mean(axis=0), np.linalg.norm(joints_m[:, end] - joints_m[:, begin], axis=1, keepdims=True)
+        size = np.sqrt(taught.var(axis=0).sum() / max(smooth.var(axis=0).sum(), 1e-12))
+        result[:, end] = result[:, begin] + length * unit(mean + size * (smooth - mean))
+    return result

@@ -2,17 +2,26 @@
 
 from typing import Any
 
+import numpy as np
+
 from kpopnet.dance.diagnosis import Diagnosis, RecordingFault
-from kpopnet.dance.feedback import Feedback, Phrase, clock
+from kpopnet.dance.dimensions.movement import Rhythm
+from kpopnet.dance.feedback import Feedback, Phrase
 from kpopnet.dance.scoring import DanceScore
+from kpopnet.dance.words.moments import clock
 from kpopnet.evaluation.values import plain
 
-MAX_FAULTS = 8
+MAX_FAULTS = 3
 """Largest number of faults in the text, the costliest first; the JSON has all."""
 
 
-def score_text(score: DanceScore, told: Feedback, notes: list[str]) -> list[str]:
-    """The score in lines for a terminal, with notes on it."""
+def rhythm_to(score: DanceScore, beat_s: float | None) -> Rhythm | None:
+    """The learner's rhythm to a beat in seconds; None without one, or where it cannot be told."""
+    return score.rhythm(np.arange(0, score.windows.middle_s[-1] + 4 * beat_s, beat_s)) if beat_s else None
+
+
+def score_text(score: DanceScore, told: Feedback, notes: list[str], beat_s: float | None = None) -> list[str]:
+    """The score in lines for a terminal, with notes on it; with a beat in seconds also the rhythm."""
     seen = {name: "" if coverage > 0.99 else f" (seen {coverage:.0%})" for name, coverage in score.coverage.items()}
     return [
         f"similarity {score.similarity:.0f}, timing {score.timing:.0f}, posture {score.posture:.0f} of 100",
@@ -20,7 +29,9 @@ def score_text(score: DanceScore, told: Feedback, notes: list[str]) -> list[str]
         *notes,
         *told.hints,
         *(fault.text for fault in told.faults[:MAX_FAULTS]),
+        *told.praise,
         *_stage_text(score),
+        *_movement_text(score, beat_s),
         *map(_phrase_text, told.phrases),
     ]
 
@@ -30,6 +41,12 @@ def _stage_text(score: DanceScore) -> list[str]:
     figures = ", ".join(f"{name} {value:.0f}" for name, value in score.stage.figures.items())
     remarks = [f"{text} at {clock(at_s)}" for at_s, text in score.stage_remarks()]
     return [f"on the stage, not counted: {'; '.join([figures, *remarks])}"] if figures else []
+
+
+def _movement_text(score: DanceScore, beat_s: float | None) -> list[str]:
+    figures, rhythm = [f"{name} {value:.0f}" for name, value in score.dynamics.figures.items()], rhythm_to(score, beat_s)
+    figures += [f"rhythm {rhythm.figure:.0f}, {rhythm}"] if rhythm else []
+    return [f"movement, not counted: {', '.join(figures)}"] if figures else []
 
 
 def score_notes(score: DanceScore, diagnosis: Diagnosis) -> list[str]:
@@ -52,9 +69,12 @@ def _fault_text(fault: RecordingFault) -> str:
     return f"warning: {fault.text}{gain}"
 
 
-def score_json(score: DanceScore, told: Feedback, diagnosis: Diagnosis) -> dict[str, Any]:
+def score_json(score: DanceScore, told: Feedback, diagnosis: Diagnosis, beat_s: float | None = None) -> dict[str, Any]:
     """The score for programs: numbers, null where nothing could be compared, with feedback, warnings and settings."""
-    content, found = score._asdict() | {"stage": score.stage.figures}, diagnosis.correction
+    content, found, rhythm = score._asdict(), diagnosis.correction, rhythm_to(score, beat_s)
+    moved = score.dynamics
+    content |= {"stage": score.stage.figures, "dynamics": {"figures": moved.figures, "ratios": moved.ratios}}
+    content |= {"rhythm": rhythm._asdict() if rhythm else None}
     del content["teacher_m"], content["learner_m"]
     done = None if found is None else found._asdict() | {"as_recorded": diagnosis.as_recorded, "corrected": diagnosis.corrected}
     about = {"feedback": told, "corrections": done, "warnings": diagnosis.faults, "scorer": content.pop("scorer")}

@@ -5,11 +5,13 @@ import math
 import numpy as np
 
 from kpopnet.camera import Camera
-from kpopnet.dance.feedback import MIN_DELAY_S, Feedback, Moment, clock, feedback
+from kpopnet.dance.feedback import Feedback, feedback
 from kpopnet.dance.online import OnlineScore
 from kpopnet.dance.scoring import DanceScore
 from kpopnet.dance.timing import measured_latency_s
 from kpopnet.dance.window import WINDOW_S
+from kpopnet.dance.words.causes import CAUSES
+from kpopnet.dance.words.moments import MIN_DELAY_S, Moment, clock
 from kpopnet.skeleton import Joint
 from kpopnet.teacher.library import About
 from kpopnet.teacher.live.lesson import Lesson
@@ -23,7 +25,7 @@ RECENT_S = 1.2
 """Age up to which a moment is shown during the dance, beyond the score's own."""
 
 WORST = 3
-"""Moments in a result."""
+"""Moments and faults in a result."""
 
 MIN_FPS = 10.0
 """Fewer images a second leave gaps between the samples of the score."""
@@ -62,6 +64,8 @@ def in_words(moment: Moment) -> str:
     """A moment in few words: "left arm too low", "a little late"."""
     if moment.part == "timing":
         return _delay_words(moment.delay_s)
+    if moment.part == "phrase":
+        return CAUSES[moment.direction]
     return f"{_body_part(moment.part)} {moment.direction}"
 
 
@@ -86,7 +90,7 @@ def move_reason(latest: OnlineScore, so_far: DanceScore | None, start_s: float) 
     if abs(latest.delay_s) >= MIN_DELAY_S and latest.timing < latest.posture:
         return _delay_words(latest.delay_s)
     moments = feedback(so_far).moments if so_far is not None else ()
-    during = [one for one in moments if one.end_s > start_s and one.part in latest.parts]
+    during = [one for one in moments if one.end_s > start_s and (one.part in latest.parts or one.part == "phrase")]
     if during:
         return in_words(during[0])
     worst = min(latest.parts, key=lambda part: latest.parts[part], default="")
@@ -125,8 +129,9 @@ def score_result(score: DanceScore, found: Feedback) -> dict:
             for one in found.phrases
         ],
         "worst": [_moment(moment) for moment in found.moments[:WORST]],
-        "faults": [one.text for one in found.faults[:5]],
+        "faults": [one.text for one in found.faults[:WORST]],
         "hints": list(found.hints),
+        "praise": list(found.praise),
         "stage": {name: rounded(value) for name, value in score.stage.figures.items()},
         "on_stage": [f"{text} at {clock(at_s)}" for at_s, text in score.stage_remarks()],
         "latency_s": rounded(measured_latency_s(windows.delay_s, windows.posture), 3),

@@ -75,7 +75,7 @@ def test_each_phrase_has_its_worst_moments():
     found = feedback(scored(teacher_m, noisy(teacher_m, 0.12)))
     assert [phrase.start_s for phrase in found.phrases] == [0, 4, 8, 12]
     for phrase in found.phrases:
-        costs = [one.cost for one in phrase.moments]
+        costs = [one.points for one in phrase.moments]
         assert 1 <= len(costs) <= MOMENTS_PER_PHRASE and costs == sorted(costs, reverse=True)
         assert 0 <= phrase.similarity <= 100
         assert all(one.end_s > phrase.start_s and one.start_s < phrase.end_s for one in phrase.moments)

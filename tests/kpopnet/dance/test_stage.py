@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from kpopnet.dance.dimensions.stage import DIMENSIONS
 from kpopnet.dance.online import OnlineScorer
 from kpopnet.dance.scoring import score_dance
-from kpopnet.dance.stage import DIMENSIONS
 from kpopnet.skeleton import Joint
 
 SECONDS = 16.0

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from kpopnet.camera import CAMERAS
-from kpopnet.dance.feedback import Moment
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import score_dance
+from kpopnet.dance.words.moments import Moment
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 from kpopnet.teacher.live.lesson import DanceClock, Lesson

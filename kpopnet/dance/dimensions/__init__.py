@@ -1,0 +1,1 @@
+"""What the similarity of a dance does not contain: the stage, dynamics, rhythm."""

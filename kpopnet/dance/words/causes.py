@@ -1,0 +1,161 @@
+"""Why a phrase is wrong: what a teacher says before any joint is named.
+
+- late entry, stood still: the learner's limbs rest where the teacher's move.
+- mirrored, another phrase, something else: the phrase fits the teacher's mirror image, another place of the dance, or no place
+  better than any.
+- too small, too soft: amplitude, or sharpness, of most limbs is less than the teacher's (`kpopnet.dance.dimensions.movement`).
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+
+from kpopnet.dance.dimensions.movement import Dynamics, spread_rad
+from kpopnet.dance.dtw import banded_distances
+from kpopnet.dance.features import Features, dance_features
+from kpopnet.dance.parts import OUTLIER_RAD
+from kpopnet.dance.scoring import DanceScore
+from kpopnet.dance.window import BAND_S, FPS
+from kpopnet.dance.words.moments import clock, runs
+from kpopnet.skeleton import MIRROR
+
+STILL, MOVING, SPREAD_S, MIN_STILL_S = 0.3, 0.4, 1.0, 1.5
+"""The learner rests where the limbs spread, within the third, less than the first, and the teacher's more than the second, of
+the teacher's mean spread over the dance, most of the time; a shorter rest is not mentioned."""
+
+MAX_POSTURE, MAX_ELSE = 85.0, 40.0
+"""A phrase of a greater posture is the teacher's; of a smaller one than the second it may be none of the dance."""
+
+FITS_BETTER, NO_BETTER = 0.6, 0.85
+"""Distance of two poses, beside that of the same time, at which another fit is the cause; and beside that of any time, from
+which on the fit of the same time is none."""
+
+STRIDE = 3
+"""Of the frames that are compared one in so many is taken: 10 a second."""
+
+SMALL, SOFT, REDUCED_LIMBS = 0.8, 0.9, 0.75
+"""Ratio to the teacher's below which amplitude is too small, and sharpness too soft, and least share of the limbs in which it
+is: who dances well keeps 0.97 of the sharpness, who smooths all movements over 0.3 s (standard deviation) 0.6 to 0.9."""
+
+CAUSES = {
+    "late entry": "began late",
+    "stood still": "stood still",
+    "mirrored": "mirrored",
+    "another phrase": "danced another phrase",
+    "something else": "danced something else",
+    "too small": "movements too small",
+    "too soft": "movements too soft",
+}
+"""By name, in words wherever it occurs."""
+
+MIN_LOSS = 3.0
+"""Points of posture that a phrase has to lose for its dynamics to be the cause."""
+
+
+class Cause(NamedTuple):
+    """Why a stretch of the dance is wrong, in seconds on the teacher's clock.
+
+    Attributes:
+        name: one of `CAUSES`.
+        text: it in words, without the time.
+    """
+
+    start_s: float
+    end_s: float
+    name: str
+    text: str
+
+    @property
+    def explains_timing(self) -> bool:
+        """Whether delays mean nothing meanwhile."""
+        return self.name not in ("too small", "too soft")
+
+
+def causes(score: DanceScore, phrases_s: list[tuple[float, float]]) -> Iterator[Cause]:
+    """The causes of a dance of phrases that begin and end at given seconds on the teacher's clock."""
+    first_s, moved = float(score.windows.start_s[0]), score.dynamics
+    rests = list(_rests(score, first_s))
+    yield from rests
+    for start_s, end_s in phrases_s:
+        inside = (score.windows.middle_s >= start_s) & (score.windows.middle_s < end_s) & (score.windows.weight > 0)
+        rested_s = sum(max(min(one.end_s, end_s) - max(one.start_s, start_s), 0) for one in rests)
+        if not np.isfinite(score.windows.timing[inside]).any() or 2 * rested_s > end_s - start_s:
+            continue
+        rows = slice(round((start_s - first_s) * FPS), round((end_s - first_s) * FPS))
+        posture = float(np.nanmean(score.windows.posture[inside]))
+        found = _elsewhere(score, rows, posture) if posture <= MAX_POSTURE else None
+        found = found or (_reduced(moved, start_s - first_s, end_s - first_s) if posture <= 100 - MIN_LOSS else None)
+        if found:
+            yield Cause(start_s, end_s, *found)
+
+
+def _rests(score: DanceScore, first_s: float) -> Iterator[Cause]:
+    """Where the learner rests and the teacher moves."""
+    frames = round(SPREAD_S * FPS)
+    taught, danced = (spread_rad(joints_m, frames) for joints_m in (score.teacher_m, score.learner_m))
+    mean = np.nanmean(taught) if np.isfinite(taught).any() else 0.0
+    moving = taught[: len(danced)] >= MOVING * mean
+    begin = int(np.argmax(moving)) if moving.any() else 0
+    still, half = danced < STILL * mean, frames // 2
+    for run in runs(maximum_filter1d(still.astype(np.int8), frames) > 0):
+        moves = run.start + np.flatnonzero((moving & still)[run])
+        if not len(moves) or 2 * len(moves) < moves[-1] - moves[0]:
+            continue
+        # Around the middle of a still second all of it is still.
+        run = slice(max(int(moves[0]) - half, 0), min(int(moves[-1]) + half, len(danced)))
+        seconds = (run.stop - run.start) / FPS
+        if seconds >= MIN_STILL_S:
+            late = run.start <= begin + frames
+            text = f"began {seconds:.0f} s late" if late else f"stood still for {seconds:.0f} s"
+            yield Cause(first_s + run.start / FPS, first_s + run.stop / FPS, "late entry" if late else "stood still", text)
+
+
+def _elsewhere(score: DanceScore, rows: slice, posture: float) -> tuple[str, str] | None:
+    """Which other part of the dance, or its mirror image, a phrase of frames fits: name and text; None if it fits neither."""
+    feature, teacher_m = score.scorer.feature, score.teacher_m
+    learner = _features(score.learner_m, feature, rows)
+    teacher, mirror = (_features(joints_m, feature) for joints_m in (teacher_m, teacher_m[:, MIRROR] * [-1.0, 1.0, 1.0]))
+    first, band, middle = rows.start // STRIDE, round(BAND_S * FPS / STRIDE), len(teacher.angles_rad)
+    if not len(learner.angles_rad):
+        return None
+    everywhere = _mean_distances(learner, teacher, first, middle)
+    near = float(everywhere[max(middle - band, 0) : middle + band + 1].min())
+    if not np.isfinite(near):
+        return None
+    if _mean_distances(learner, mirror, first, band).min() < FITS_BETTER * near:
+        return "mirrored", CAUSES["mirrored"]
+    best = int(everywhere.argmin())
+    if everywhere[best] < FITS_BETTER * near:
+        at_s = float(score.windows.start_s[0]) + (first + best - middle) * STRIDE / FPS
+        return "another phrase", f"danced what belongs at {clock(at_s)}"
+    if posture <= MAX_ELSE and near > NO_BETTER * np.median(everywhere[np.isfinite(everywhere)]):
+        return "something else", CAUSES["something else"]
+    return None
+
+
+def _features(joints_m: np.ndarray, feature: str, rows: slice = slice(None)) -> Features:
+    return Features(*(np.ascontiguousarray(array[rows][::STRIDE]) for array in dance_features(joints_m, feature, FPS)))
+
+
+def _mean_distances(learner: Features, teacher: Features, first: int, band: int) -> np.ndarray:
+    """(2 band + 1,) mean distance at each delay; infinite where the teacher's dance has not half of the frames."""
+    distances = banded_distances(learner, teacher, first, band, OUTLIER_RAD)
+    finite = np.isfinite(distances)
+    count = finite.sum(axis=0)
+    mean = np.where(finite, distances, 0).sum(axis=0) / np.maximum(count, 1)
+    return np.where(2 * count >= len(distances), mean, np.inf)
+
+
+def _reduced(moved: Dynamics, start_s: float, end_s: float) -> tuple[str, str] | None:
+    """Whether most limbs move too little, or too softly, from one to another second after the first frame."""
+    inside = (moved.start_s >= start_s) & (moved.start_s + 1 < end_s)
+    for name, ratios, least in (("too small", moved.amplitude, SMALL), ("too soft", moved.sharpness, SOFT)):
+        logs = np.log(ratios[inside])
+        shown = np.isfinite(logs).any(axis=0)
+        of_limbs = np.exp(np.nanmean(logs[:, shown], axis=0))
+        if len(of_limbs) > 1 and np.mean(of_limbs < least) >= REDUCED_LIMBS:
+            share = float(np.exp(np.log(of_limbs).mean()))
+            return name, f"{CAUSES[name]}, {share:.0%} of the teacher's"
+    return None
