@@ -12,7 +12,9 @@ SBOM = "kpopnet.cdx.json"
 def test_vendored_files_are_those_of_the_bill_of_materials() -> None:
     bill = json.loads((ROOT / SBOM).read_text())
     listed = {one["properties"][0]["value"]: one["hashes"][0]["content"] for one in bill["components"]}
-    vendored = [*(ROOT / "kpopnet/teacher/page/vendor").glob("*.js"), *(ROOT / "synth/assets").glob("*.npz")]
+    page = (ROOT / "kpopnet/teacher/page/vendor").rglob("*")
+    vendored = [path for path in page if path.is_file() and path.suffix not in (".LICENSE", ".md")]
+    vendored += (ROOT / "synth/assets").glob("*.npz")
     assert listed == {path.relative_to(ROOT).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in vendored}
 
 

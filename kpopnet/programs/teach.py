@@ -37,6 +37,7 @@ from kpopnet.teacher.adding import add_performance, holds_depth, kpop_teachers, 
 from kpopnet.teacher.library import Library, TaughtDance, TeacherBody, taught_dance
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from kpopnet.teacher.live.loop import load_estimator
+from kpopnet.teacher.live.webcam import DESCRIPTION, WEBCAM
 
 FOLDER = Path("outputs/teach")
 PORT = 8471
@@ -167,7 +168,7 @@ def serve(given: argparse.Namespace, library: Library, opened: str | None) -> No
     from kpopnet.teacher.tries import Tries
     from synth.dances.live import FAULTS, SKILLS
 
-    sources, open_recording = {SIMULATED: "a simulated learner"}, None
+    sources, open_recording = {SIMULATED: "a simulated learner", WEBCAM: DESCRIPTION}, None
     # Mistakes are reported here, not in the page.
     if given.depth is not None:
         open_recording = opener(given.depth, given, in_child=False)  # it must begin at once

@@ -28,6 +28,8 @@ from kpopnet.teacher.safety import HEADERS, LOOPBACK_NAMES, Keys, add_headers, f
 
 PAGE = Path(__file__).parent / "page"
 TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml", ".LICENSE": "text/plain"}
+BINARY = "application/octet-stream"
+BINARY_TYPES = {".wasm": "application/wasm", ".data": BINARY, ".tflite": BINARY, ".binarypb": BINARY}
 
 MOST_CONNECTIONS = 64
 """At a time, or a quarter of the files that this process may open; a browser opens up to seven for each page."""
@@ -52,16 +54,20 @@ def page_app(index: str, hosts: tuple[str, ...], keys: Keys | None, max_bytes: i
         max_bytes: of a request.
     """
 
-    async def page(request: web.Request) -> web.Response:
+    async def page(request: web.Request) -> web.StreamResponse:
         path = PAGE / (request.match_info.get("name", index))
         if not path.is_file():
             raise web.HTTPNotFound(text="there is no such page\n")
+        if path.suffix in BINARY_TYPES:
+            return web.FileResponse(path, headers={"Content-Type": BINARY_TYPES[path.suffix]})
         return web.Response(body=path.read_bytes(), content_type=TYPES[path.suffix], charset="utf-8")
 
     app = web.Application(middlewares=[guard(hosts, keys), _errors], client_max_size=max_bytes)
     app.on_response_prepare.append(add_headers)
     app.router.add_get("/", page)
-    app.router.add_get(r"/page/{name:(?:vendor/)?[a-z_]+\.(?:js|css|svg|LICENSE)}", page)
+    app.router.add_get(
+        r"/page/{name:(?:vendor/(?:mediapipe/)?)?[a-z_]+\.(?:js|css|svg|LICENSE|wasm|data|tflite|binarypb)}", page
+    )
     return app
 
 

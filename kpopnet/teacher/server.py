@@ -20,6 +20,7 @@ from kpopnet.teacher.hosting import now_ms, packed_frame, page_app
 from kpopnet.teacher.library import About, Library, moves_cm, preview_cm
 from kpopnet.teacher.live.lesson import CameraOpener, Lesson
 from kpopnet.teacher.live.process import LessonProcess, LessonProcesses
+from kpopnet.teacher.live.webcam import read_seen
 from kpopnet.teacher.posing import Movement, as_bvh, learners_movement
 from kpopnet.teacher.result_page import packed_body, packed_movement
 from kpopnet.teacher.safety import Keys
@@ -276,6 +277,8 @@ class PageLessons:
             in_s = check_fields(what, message, {"in_s": float})["in_s"]
             check_between("in_s", in_s, 0, 60)
             self._process.send(what, in_s)
+        elif what == "see" and self._process is not None:
+            self._process.see(read_seen(message))
         elif what == "drawn":
             self._heard_ms = check_fields(what, message, {"page_ms": float})["page_ms"], now_ms()
             if self._process is not None:

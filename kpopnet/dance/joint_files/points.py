@@ -102,20 +102,31 @@ def named_performance(recorded: NamedPoints, source: str, fps: float | None = No
 
     `source` names the recording in messages; `fps` is the true rate of one that states none or a wrong one.
     """
+    joints, confidence = named_joints(recorded, source)
+    times_s = frame_times_s(len(joints), recorded.times_s, recorded.fps, fps, source)
+    return checked_performance(_before_level_camera_m(joints, source), times_s, confidence, source)
+
+
+def named_joints(recorded: NamedPoints, source: str) -> tuple[np.ndarray, np.ndarray]:
+    """The (T, 15, 3) joints of a recording, in its unit and frame, and their (T, 15) confidence, that of the least sure point.
+
+    Raises InputError, which names the recording as `source`, where a joint has no point.
+    """
     places = _joint_places(recorded.names, source)
-    joints = np.full((len(recorded.points), NUM_JOINTS, 3), np.nan)
-    confidence = np.ones((len(recorded.points), NUM_JOINTS))
+    points = np.where(np.isfinite(recorded.points), recorded.points, np.nan)
+    joints = np.full((len(points), NUM_JOINTS, 3), np.nan)
+    confidence = np.ones((len(points), NUM_JOINTS))
     for joint, columns in places.items():
-        joints[:, joint] = recorded.points[:, columns].mean(axis=1)
+        joints[:, joint] = points[:, columns].mean(axis=1)
         if recorded.confidence is not None:
             confidence[:, joint] = recorded.confidence[:, columns].min(axis=1)
     if Joint.NECK not in places:
         middle = joints[:, _SHOULDERS].mean(axis=1)
         joints[:, Joint.NECK] = middle + NECK_FRACTION_TO_EARS * (joints[:, Joint.HEAD] - middle)
         confidence[:, Joint.NECK] = confidence[:, [*_SHOULDERS, Joint.HEAD]].min(axis=1)
+    joints[:, Joint.TORSO] = joints[:, _SHOULDERS + _HIPS].mean(axis=1)
     confidence[:, Joint.TORSO] = confidence[:, _SHOULDERS + _HIPS].min(axis=1)
-    times_s = frame_times_s(len(joints), recorded.times_s, recorded.fps, fps, source)
-    return checked_performance(_before_level_camera_m(joints, source), times_s, confidence, source)
+    return joints, confidence
 
 
 def _joint_places(names: Sequence[str], source: str) -> dict[Joint, list[int]]:
@@ -204,8 +215,6 @@ def _before_level_camera_m(joints: np.ndarray, source: str) -> np.ndarray:
     largest = np.max(np.abs(joints), initial=0, where=np.isfinite(joints))
     if not largest <= MAX_COORDINATE:
         raise InputError(f"{source}: a coordinate of {largest:g}; expected at most {MAX_COORDINATE:g} millimetres")
-    joints = np.where(np.isfinite(joints), joints, np.nan).astype(np.float64)
-    joints[:, Joint.TORSO] = joints[:, _SHOULDERS + _HIPS].mean(axis=1)
     trunk = _trunks(joints)
     valid = np.isfinite(trunk.sum(axis=1))
     if not valid.any():

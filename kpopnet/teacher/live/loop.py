@@ -1,7 +1,7 @@
 """The process of a lesson: newest image, joints, score and messages, in real time and away from the server.
 
-The server sends ("prepare", number, lesson, dance), ("go", seconds), ("resume", seconds), ("stop",) and ("quit",). It gets the
-number of the lesson, a kind, its content as JSON, and a picture, the learner's joints or None.
+The server sends ("prepare", number, lesson, dance), ("go", seconds), ("resume", seconds), ("see", what a webcam saw),
+("stop",) and ("quit",). It gets the number of the lesson, a kind, its content as JSON, and a picture, the learner's joints or None.
 """
 
 import contextlib
@@ -21,6 +21,7 @@ from kpopnet.sources.live import NewestImage
 from kpopnet.teacher.library import TaughtDance
 from kpopnet.teacher.live.lesson import CameraOpener, DanceClock, Lesson
 from kpopnet.teacher.live.score import Calibration, DanceTry
+from kpopnet.teacher.live.webcam import NO_DEPTH_M, WEBCAM, WebcamCamera, WebcamEstimator
 
 PICTURE_WIDTH = 160
 NEAR_M, FAR_M = 0.5, 5.5
@@ -115,8 +116,8 @@ def serve_lessons(connection: Connection, open_camera: CameraOpener, checkpoint:
                 tell("preparing", {"fraction": 0.0, "text": "opening the camera"})
                 running = RunningLesson(lesson, dance, open_camera, estimator, tell)
                 with contextlib.closing(running.images):
-                    running.warm(kernels)
-                    running.hold(connection)
+                    if running.warm(kernels, connection):
+                        running.hold(connection)
             except InputError as error:
                 tell("error", {"text": str(error)})
 
@@ -132,21 +133,28 @@ class RunningLesson:
         estimator: PoseEstimator,
         tell: Callable[..., None],
     ) -> None:
-        self._lesson, self._dance, self._estimator, self._tell = lesson, dance, estimator, tell
+        self._webcam = WebcamCamera() if lesson.source == WEBCAM else None
+        self._lesson, self._dance, self._tell = lesson, dance, tell
+        self._estimator = WebcamEstimator() if self._webcam else estimator
         self._try = self._new_try()
         self._clock, self._learner, self._away = DanceClock(lesson.from_s, lesson.speed), Learner(), ""
-        camera = open_camera(lesson, dance, self._clock)
+        camera = self._webcam or open_camera(lesson, dance, self._clock)
         self._camera, self.images = camera.camera, NewestImage(camera)
-        estimator.reset()
+        self._estimator.reset()
 
     def _new_try(self) -> DanceTry:
         return (Calibration if self._lesson.calibrate else DanceTry)(self._lesson, self._dance, noise_of(self._estimator))
 
-    def warm(self, kernels: _CompiledKernels) -> None:
-        """Compiles everything that the lesson needs, with progress, until poses come in real time."""
+    def warm(self, kernels: _CompiledKernels, connection: Connection) -> bool:
+        """Compiles everything that the lesson needs, with progress, until poses come in real time.
+
+        Returns whether the lesson goes on.
+        """
         self._new_try().compile()
         steady, began = 0, time.monotonic()
         while steady < STEADY_FRAMES and time.monotonic() - began < NOBODY_PATIENCE_S + kernels.count:
+            if not self._follow(connection):
+                return False
             image = self.images.fetch(FRAME_PATIENCE_S)
             if image is None:
                 if self.images.ended:
@@ -160,22 +168,29 @@ class RunningLesson:
             steady = steady + 1 if people and time.monotonic() - before < STEADY_S else 0
             text = "preparing the scorer for this machine, once" if kernels.count else "looking for you"
             self._tell("preparing", {"fraction": min(kernels.count / KERNELS, 0.9), "text": text})
+        return True
 
     def hold(self, connection: Connection) -> None:
         """Follows the server's messages until the lesson ends, and handles each image."""
         size = {"width": self._camera.width, "height": self._camera.height}
         self._tell("ready", size | {"from_s": self._try.begin_s, "to_s": self._try.end_s})
-        while True:
-            while connection.poll():
-                kind, *words = connection.recv()
-                if kind == "go":
-                    self._try = self._new_try()
-                    self._clock.start(*words)
-                elif kind == "resume":
-                    self._clock.resume(*words)
-                elif kind in ("stop", "quit"):
-                    return
+        while self._follow(connection):
             self._step()
+
+    def _follow(self, connection: Connection) -> bool:
+        """Does what the server has sent; returns whether the lesson goes on."""
+        while connection.poll():
+            kind, *words = connection.recv()
+            if kind == "go":
+                self._try = self._new_try()
+                self._clock.start(*words)
+            elif kind == "resume":
+                self._clock.resume(*words)
+            elif kind == "see" and self._webcam:
+                self._webcam.keep(*words)
+            elif kind in ("stop", "quit"):
+                return False
+        return True
 
     def _step(self) -> None:
         """One image: pose, score, and what the page shows of it."""
@@ -187,7 +202,7 @@ class RunningLesson:
             joints_m, confidence = (None, None) if person is None else person[1:]
             self._try.score(clock, image, joints_m, confidence)
             shown = self._try.shown(clock, image, joints_m, confidence, self._camera)
-            self._tell("frame", shown | {"dropped": images.dropped}, picture(image.depth_m))
+            self._tell("frame", shown | {"dropped": images.dropped}, picture(NO_DEPTH_M if self._webcam else image.depth_m))
         if (verdict := self._try.next_verdict(clock)) is not None:
             self._tell("verdict", verdict)
         if clock.running and (self._try.is_over(clock) or images.ended):

@@ -13,6 +13,7 @@ from kpopnet.errors import InputError
 from kpopnet.teacher.library import TaughtDance
 from kpopnet.teacher.live.lesson import CameraOpener, Lesson
 from kpopnet.teacher.live.loop import serve_lessons
+from kpopnet.teacher.live.webcam import Seen
 
 MOST = 2
 """Lessons at a time: each takes about a core."""
@@ -116,6 +117,11 @@ class LessonProcess(Process):
         self._kept.clear()
         self._frame_wanted = True
         self.send("prepare", self._number, lesson, dance)
+
+    def see(self, seen: Seen) -> None:
+        """Passes on what a webcam saw; drops it where the process is busy, as while it compiles."""
+        if self._unsent.empty():
+            self.send("see", seen)
 
 
 class LessonProcesses:

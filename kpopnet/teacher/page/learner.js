@@ -1,4 +1,4 @@
-// The learner's picture: depth in greys, and the skeleton whose parts are as bright as they are right.
+// The learner's picture: depth in greys or a webcam's canvas, and the skeleton whose parts are as bright as they are right.
 import { remembered, shade } from "./tools.js";
 
 const HEAD = 0, NECK = 1, TORSO = 8;
@@ -18,9 +18,8 @@ export class LearnerView {
   }
 
   show(picture, frame, mirrored) {
-    const [width, height] = new Uint16Array(picture.buffer.slice(picture.byteOffset, picture.byteOffset + 4));
     const people = (frame.people || [frame]).filter(({ joints }) => joints);
-    this.drawDepth(picture.subarray(4), width, height, people.map(({ joints }) => joints[TORSO][2]).filter((z) => z !== null));
+    const image = picture instanceof HTMLCanvasElement ? picture : this.depthImage(picture, people), { width, height } = image;
     const scale = Math.min(devicePixelRatio, 2);
     const canvas = this.canvas, draw = canvas.getContext("2d");
     const [wide, high] = [canvas.clientWidth * scale, canvas.clientHeight * scale];
@@ -32,11 +31,13 @@ export class LearnerView {
     draw.clearRect(0, 0, canvas.width, canvas.height);
     draw.translate((canvas.width - zoom * width) / 2, (canvas.height - zoom * height) / 2);
     if (mirrored) draw.transform(-1, 0, 0, 1, zoom * width, 0);
-    draw.drawImage(this.small, 0, 0, zoom * width, zoom * height);
+    draw.drawImage(image, 0, 0, zoom * width, zoom * height);
     for (const person of people) this.drawSkeleton(draw, person, zoom * width, zoom * height);
   }
 
-  drawDepth(pixels, width, height, torsos_m) {
+  depthImage(picture, people) {
+    const [width, height] = new Uint16Array(picture.buffer.slice(picture.byteOffset, picture.byteOffset + 4));
+    const pixels = picture.subarray(4), torsos_m = people.map(({ joints }) => joints[TORSO][2]).filter((z) => z !== null);
     [this.small.width, this.small.height] = [width, height];
     const draw = this.small.getContext("2d"), image = draw.createImageData(width, height);
     for (let i = 0; i < pixels.length; i++) {
@@ -50,6 +51,7 @@ export class LearnerView {
       image.data[4 * i + 3] = 255;
     }
     draw.putImageData(image, 0, 0);
+    return this.small;
   }
 
   // person: joints, and the similarities of the parts or one colour.

@@ -1,5 +1,6 @@
 // The connection to the process that watches.
 import { clamp } from "./tools.js";
+import { WEBCAM, Webcam } from "./webcam.js";
 
 // How far the server's clock is ahead of this page's, in milliseconds: not at all, as on one machine, unless messages show
 // otherwise. One of the page is heard after it was sent, and one of the server arrives after it was sent: two bounds.
@@ -25,14 +26,21 @@ export class ServerClock {
 export class Live {
   constructor(on) {
     this.on = on;
-    this.socket = this.newest = null;
+    this.socket = this.newest = this.webcam = null;
   }
 
   send(message) {
+    if (message.do === "prepare" || message.do === "stop") this.watch(message.lesson?.source === WEBCAM);
     const text = JSON.stringify(message);
     this.connect();
     if (this.socket.readyState === WebSocket.OPEN) this.socket.send(text);
     else this.socket.addEventListener("open", () => this.socket.send(text), { once: true });
+  }
+
+  // Opens this browser's webcam for a lesson whose source it is, and closes it at its end.
+  watch(wanted) {
+    this.webcam?.close();
+    this.webcam = wanted ? new Webcam((points, age_ms) => this.send({ do: "see", points, age_ms }), (text) => this.on.error({ text })) : null;
   }
 
   connect() {
@@ -43,6 +51,7 @@ export class Live {
     this.socket.addEventListener("message", ({ data }) => this.receive(data));
     this.socket.addEventListener("close", () => {
       this.socket = this.newest = null;
+      this.watch(false);
       this.on.lost();
     });
   }
@@ -66,13 +75,14 @@ export class Live {
     if (!this.newest) return;
     const [frame, picture] = this.newest;
     this.newest = null;
-    this.on.frame(frame, picture);
+    this.on.frame(frame, this.webcam?.picture || picture);
     const page_ms = Date.now();
     this.on.drawn(this.clock.since(frame.taken_ms, page_ms));
     if (this.socket) this.send({ do: "drawn", page_ms });
   }
 
   close() {
+    this.watch(false);
     if (this.socket) {
       this.on = new Proxy({}, { get: () => () => {} });
       this.socket.close();

@@ -2,6 +2,7 @@
 import { stars } from "./menu.js";
 import { GOALS } from "./practice.js";
 import { clock, el, latencyOf, milliseconds, partBars, remembered } from "./tools.js";
+import { withoutDepth } from "./webcam.js";
 
 const SPEEDS = [25, 40, 50, 60, 75, 90, 100];
 
@@ -66,7 +67,7 @@ export function panels(main, dance, parts) {
     el("div", { class: "controls" }, parts.start, el("label", {}, "speed", parts.speed), el("label", {}, "dance", parts.phrase),
       el("label", {}, "practise", parts.practise), el("label", {}, parts.loop, "loop"), el("label", {}, parts.mirrored, "as in a mirror"),
       el("label", {}, parts.metronome, "metronome"), el("label", {}, "who dances", parts.source), parts.full, shown.beginNow),
-    shown.preparing, shown.error,
+    withoutDepth(parts.source), shown.preparing, shown.error,
     shown.stage,
     shown.bars.list,
     el("details", {}, el("summary", {}, "Music"), el("div", { class: "controls" },

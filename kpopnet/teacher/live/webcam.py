@@ -1,0 +1,125 @@
+"""A webcam as a learner's eye: points that MediaPipe found in the browser, as the fifteen joints of one person.
+
+MediaPipe's world landmarks are metres about the middle of the hips, x right, y down, z forward, as large as its network takes
+the person for. The same points in the picture then say where the person stands before a webcam of a usual field of view.
+"""
+
+import queue
+import time
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from kpopnet.camera import Camera
+from kpopnet.dance.joint_files.frames import numbers_in
+from kpopnet.dance.joint_files.points import MEDIAPIPE_NAMES, NamedPoints, named_joints
+from kpopnet.pose import PersonPose
+from kpopnet.runtime.input_files import check_fields, expect
+from kpopnet.sources.source import SILENCE_S, CameraAwayError
+
+WEBCAM = "webcam"
+DESCRIPTION = "the webcam of this browser"
+
+CAMERA = Camera.from_fov(60.0, 640, 480)
+"""The picture that the page makes of any webcam's; webcams see 55 to 78 degrees across."""
+
+LEAST_POINTS = 8
+"""Points within the picture from which the person's place follows."""
+
+NO_DEPTH_M = np.zeros((CAMERA.height // 160, CAMERA.width // 160), np.float32)
+"""What a page is sent for the picture, which it has itself."""
+
+
+class Landmarks(NamedTuple):
+    """The 33 points of a person in one picture, in the order of `MEDIAPIPE_NAMES`.
+
+    Attributes:
+        world_m: (33, 3) metres about the middle of the hips.
+        image_px: (33, 2) in the picture of `CAMERA`.
+        visibility: (33,) in 0..1, 0 outside the picture.
+    """
+
+    world_m: np.ndarray
+    image_px: np.ndarray
+    visibility: np.ndarray
+
+
+class Seen(NamedTuple):
+    """What the page saw in one picture: a person or nobody, and when it was taken, seconds of `time.monotonic`."""
+
+    person: Landmarks | None
+    taken: float
+
+
+def read_seen(message: Any) -> Seen:
+    """Reads a message of `page/webcam.js` that arrives now; raises InputError for any other."""
+    where = "the webcam's points"
+    check_fields(where, message, {"points": list, "age_ms": float})
+    expect(0 <= message["age_ms"] < 60_000, where, "age_ms of 0 to 60000")
+    taken = time.monotonic() - message["age_ms"] / 1000
+    if not message["points"]:
+        return Seen(None, taken)
+    expect(len(message["points"]) == len(MEDIAPIPE_NAMES), where, f"{len(MEDIAPIPE_NAMES)} points")
+    points = np.array([numbers_in(point, (6,), where) for point in message["points"]])
+    expect(bool((np.abs(points) < 100).all()), where, "numbers below 100")
+    image_px = points[:, 3:5] * [CAMERA.width, CAMERA.height] - 0.5
+    return Seen(Landmarks(points[:, :3], image_px, np.clip(points[:, 5], 0, 1)), taken)
+
+
+class WebcamCamera:
+    """The webcam as the lesson sees it: a `LiveCamera` whose images are `Landmarks` or None.
+
+    Attributes:
+        keep: is told what the page saw.
+    """
+
+    camera = CAMERA
+
+    def __init__(self) -> None:
+        self._seen: queue.SimpleQueue[Seen] = queue.SimpleQueue()
+        self.keep = self._seen.put
+
+    def read(self) -> Seen:
+        """See `LiveCamera.read`."""
+        try:
+            return self._seen.get(timeout=SILENCE_S)
+        except queue.Empty:
+            raise CameraAwayError("waiting for the webcam: allow it in the browser, and keep this page in view") from None
+
+    def close(self) -> None:
+        pass
+
+
+class WebcamEstimator:
+    """The joints of the person whom a webcam sees; stands in for a `PoseEstimator`."""
+
+    name = WEBCAM
+
+    def reset(self) -> None:
+        pass
+
+    def update(self, person: Landmarks | None, camera: Camera) -> list[PersonPose]:
+        """The person with joints (15, 3) in metres before the camera, or none; see `PoseEstimator.update`."""
+        if person is None or (place_m := place_of(person, camera)) is None:
+            return []
+        recorded = NamedPoints(MEDIAPIPE_NAMES, person.world_m[None], confidence=person.visibility[None])
+        joints_m, visibility = named_joints(recorded, WEBCAM)
+        # Whom the picture cuts is guessed as a whole, also the joints in it.
+        confidence = visibility[0] * np.mean(visibility[0] > 0) ** 2
+        return [PersonPose(1, (joints_m[0] + place_m).astype(np.float32), confidence.astype(np.float32))]
+
+
+def place_of(person: Landmarks, camera: Camera) -> np.ndarray | None:
+    """(3,) metres from the camera to the origin of the world landmarks; None where it cannot be told.
+
+    Linear least squares, weighted by visibility: (x + X) = u (z + Z) and (y + Y) = v (z + Z) for each point at (u, v) of the
+    image at 1 m.
+    """
+    if np.count_nonzero(person.visibility) < LEAST_POINTS:
+        return None
+    (x, y, z), (u, v) = person.world_m.T, ((person.image_px - [camera.cx, camera.cy]) / [camera.fx, camera.fy]).T
+    one, zero = np.ones_like(u), np.zeros_like(u)
+    rows = np.concatenate([np.column_stack([one, zero, -u]), np.column_stack([zero, one, -v])])
+    weights = np.tile(np.sqrt(person.visibility), 2)
+    place_m, *_ = np.linalg.lstsq(rows * weights[:, None], np.concatenate([u * z - x, v * z - y]) * weights, rcond=None)
+    return place_m if place_m[2] + z.min() > 0 else None

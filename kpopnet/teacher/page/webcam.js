@@ -1,0 +1,102 @@
+// The webcam of this browser as a learner's eye. MediaPipe's pose finds points of the body here; the points alone are sent.
+import { el } from "./tools.js";
+
+export const WEBCAM = "webcam";
+const WITHOUT_DEPTH = "A webcam sees no depth: a depth camera adds places in metres, limbs in front of or behind the body, "
+  + "and works in any light. The picture stays in this browser.";
+
+const VENDOR = "/page/vendor/mediapipe/", WIDTH = 640, HEIGHT = 480;
+const REFUSALS = {
+  NotAllowedError: "the browser may not use the webcam; allow it beside the address of this page, then press Start",
+  NotFoundError: "no webcam was found; plug one in, or choose another source",
+  NotReadableError: "the webcam is used by another program; close that one, then press Start",
+};
+const DIGITS = 4;
+
+// The line that says what depth would add, as long as a webcam is chosen in a select of sources.
+export function withoutDepth(source) {
+  const line = el("p", { class: "quiet", id: "without-depth" }, WITHOUT_DEPTH);
+  const show = () => { line.hidden = source.value !== WEBCAM; };
+  source.addEventListener("change", show);
+  show();
+  return line;
+}
+
+// What the server is told of one picture: for each of MediaPipe's 33 points x, y, z in metres about the hips, its place in the
+// picture from 0 to 1, and how visible it is, 0 outside the picture; [] without a person. `bars` is the share of the letterboxed
+// picture's width and height that is no picture.
+export function pointsOf({ poseLandmarks, poseWorldLandmarks }, bars = [0, 0]) {
+  if (!poseLandmarks || !poseWorldLandmarks) return [];
+  return poseWorldLandmarks.map(({ x, y, z }, k) => {
+    const { x: u, y: v, visibility } = poseLandmarks[k];
+    const inside = [u, v].every((place, axis) => place >= bars[axis] / 2 && place <= 1 - bars[axis] / 2);
+    return [x, y, z, u, v, inside ? visibility : 0].map((value) => Number(value.toFixed(DIGITS)));
+  });
+}
+
+export class Webcam {
+  // seen(points, age_ms) is told of each picture, age_ms after it was taken; failed(text) why there are none.
+  constructor(seen, failed) {
+    Object.assign(this, { seen, failed, closed: false, found: {} });
+    this.picture = Object.assign(document.createElement("canvas"), { width: WIDTH, height: HEIGHT });
+    this.video = Object.assign(document.createElement("video"), { muted: true, playsInline: true });
+    this.watch().catch((error) => this.closed || failed(REFUSALS[error.name] || `the webcam failed: ${error.message}`));
+  }
+
+  async watch() {
+    if (!navigator.mediaDevices) throw new Error("browsers give it to pages of their own machine alone; open http://127.0.0.1 there");
+    const wanted = { width: { ideal: WIDTH }, height: { ideal: HEIGHT }, frameRate: { ideal: 30 } };
+    this.stream = await navigator.mediaDevices.getUserMedia({ video: wanted, audio: false });
+    if (this.closed) return this.close();
+    for (const track of this.stream.getTracks()) track.addEventListener("ended", () => this.closed || this.failed(REFUSALS.NotFoundError));
+    this.video.srcObject = this.stream;
+    const [pose] = await Promise.all([loadPose(), this.video.play()]);
+    pose.reset();
+    pose.onResults((found) => { this.found = found; });
+    while (!this.closed) {
+      const taken = await nextPicture(this.video);
+      const bars = this.draw();
+      await pose.send({ image: this.picture });
+      if (!this.closed) this.seen(pointsOf(this.found, bars), performance.now() - taken);
+    }
+    return undefined;
+  }
+
+  // The whole of the video in the middle of the picture; returns the share of the picture's width and height beside it.
+  draw() {
+    const { videoWidth, videoHeight } = this.video, zoom = Math.min(WIDTH / videoWidth, HEIGHT / videoHeight);
+    const [wide, high] = [zoom * videoWidth, zoom * videoHeight];
+    this.picture.getContext("2d").drawImage(this.video, (WIDTH - wide) / 2, (HEIGHT - high) / 2, wide, high);
+    return [1 - wide / WIDTH, 1 - high / HEIGHT];
+  }
+
+  close() {
+    this.closed = true;
+    for (const track of this.stream?.getTracks() || []) track.stop();
+  }
+}
+
+// Waits for the next picture of a video; returns when it was taken, in milliseconds of `performance.now`.
+function nextPicture(video) {
+  return new Promise((take) => {
+    video.requestVideoFrameCallback((now, { captureTime }) => take(captureTime ?? now));
+  });
+}
+
+let loaded = null;
+
+// MediaPipe's pose with its small network; one for the page, as it frees no memory.
+function loadPose() {
+  loaded ||= new Promise((take, fail) => {
+    const script = Object.assign(document.createElement("script"), { src: `${VENDOR}pose.js` });
+    script.addEventListener("error", () => fail(new Error("the teacher's program does not answer; is it still running?")));
+    script.addEventListener("load", async () => {
+      const pose = new globalThis.Pose({ locateFile: (name) => VENDOR + name });
+      // Its smoothing over time would delay the points; the scorer has its own.
+      pose.setOptions({ modelComplexity: 0, smoothLandmarks: false, useCpuInference: true });
+      await pose.initialize().then(() => take(pose), fail);
+    });
+    document.head.append(script);
+  });
+  return loaded;
+}
