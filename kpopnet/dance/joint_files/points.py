@@ -49,10 +49,10 @@ _POINTS = {
     for part, alternatives in {
         "SHOULDER": (("shoulder",),),
         "ELBOW": (("elbow",),),
-        "HAND": (("hand",), ("wrist",)),
+        "HAND": (("hand",), ("wrist", "index", "pinky"), ("wrist",)),
         "HIP": (("hip",),),
         "KNEE": (("knee",),),
-        "FOOT": (("ankle", "foot"), ("ankle",), ("foot",)),
+        "FOOT": (("ankle", "foot"), ("ankle", "footindex"), ("ankle",), ("foot",)),
     }.items()
     for side in ("right", "left")
 }

@@ -1,7 +1,8 @@
 """The process of a lesson: newest image, joints, score and messages, in real time and away from the server.
 
 The server sends ("prepare", number, lesson, dance), ("go", seconds), ("resume", seconds), ("see", what a webcam saw),
-("stop",) and ("quit",). It gets the number of the lesson, a kind, its content as JSON, and a picture, the learner's joints or None.
+("stop",) and ("quit",). It gets the number of the lesson, a kind, its content as JSON, and a picture, the learner's joints or
+None.
 """
 
 import contextlib

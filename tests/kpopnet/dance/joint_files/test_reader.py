@@ -105,9 +105,17 @@ def test_missing_points_are_missing_joints_and_confidence_is_the_least_of_the_po
 
 
 def mediapipe() -> np.ndarray:
-    """(T, 33, 3) MediaPipe's world landmarks of the person of `coco`, y down, with those that COCO lacks at the nose."""
-    points = coco() * [1, -1, -1]
-    return np.stack([points[:, COCO_NAMES.index(name) if name in COCO_NAMES else 0] for name in MEDIAPIPE_NAMES], axis=1)
+    """(T, 33, 3) MediaPipe's world landmarks of the person of `coco`, y down.
+
+    Fingers lie at the wrist and toes at the ankle; others that COCO lacks at the nose.
+    """
+    points, ends = coco() * [1, -1, -1], {"pinky": "wrist", "index": "wrist", "foot_index": "ankle"}
+    found = []
+    for name in MEDIAPIPE_NAMES:
+        side, _, part = name.partition("_")
+        known = f"{side}_{ends.get(part, part)}"
+        found.append(points[:, COCO_NAMES.index(known) if known in COCO_NAMES else 0])
+    return np.stack(found, axis=1)
 
 
 def test_mediapipes_landmarks_as_json_and_as_a_line_for_each_point(tmp_path):
