@@ -24,6 +24,7 @@ from kpopnet.teacher.server import Teaching, make_app
 
 DRIVER, BROWSER = shutil.which("chromedriver"), shutil.which("chromium") or shutil.which("google-chrome")
 FLAGS = ("headless=new", "no-sandbox", "disable-dev-shm-usage", "use-angle=swiftshader", "enable-unsafe-swiftshader")
+FAKE_WEBCAM = ("use-fake-device-for-media-stream", "use-fake-ui-for-media-stream")
 WIDE, NARROW = (1280, 900), (400, 860)
 PATIENCE_S = 480
 """Where nothing is cached yet, kernels are compiled first, beside other tests."""
@@ -79,14 +80,18 @@ def served(shown: Shown) -> Iterator[str]:
 
 
 @contextlib.contextmanager
-def chromium(size: tuple[int, int] = WIDE):
-    """A headless Chromium with a window of this width and height in pixels; needs selenium, `DRIVER` and `BROWSER`."""
+def chromium(size: tuple[int, int] = WIDE, webcam: Path | None = None):
+    """A headless Chromium with a window of this width and height in pixels; needs selenium, `DRIVER` and `BROWSER`.
+
+    A film `webcam` (.mjpeg or .y4m) is played, again and again, as its webcam, which every page may use.
+    """
     from selenium import webdriver
     from selenium.webdriver.chrome.service import Service
 
     options = webdriver.ChromeOptions()
     options.binary_location = BROWSER
-    for flag in FLAGS:
+    film = () if webcam is None else (*FAKE_WEBCAM, f"use-file-for-fake-video-capture={webcam}")
+    for flag in (*FLAGS, *film):
         options.add_argument(f"--{flag}")
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     driver = webdriver.Chrome(options=options, service=Service(DRIVER))

@@ -117,12 +117,15 @@ def stamped(bgr: np.ndarray, number: int) -> np.ndarray:
     return bgr
 
 
-def write_film(path: Path, learner: FilmedLearner, frames: range) -> np.ndarray:
-    """Writes frames of a dance as a film of motion JPEG; returns their (T, 15, 3) true joints, metres, camera frame."""
+def write_film(path: Path, learner: FilmedLearner, frames: range, repeated: int = 1) -> np.ndarray:
+    """Writes frames of a dance as a film of motion JPEG, each `repeated` times.
+
+    Returns their (T, 15, 3) true joints, metres, camera frame.
+    """
     joints_m = []
     with path.open("wb") as file:
         for number in frames:
             bgr, true_m = learner.picture(number)
             joints_m.append(true_m)
-            file.write(cv2.imencode(".jpg", stamped(bgr, number), [cv2.IMWRITE_JPEG_QUALITY, 90])[1].tobytes())
+            file.write(repeated * cv2.imencode(".jpg", stamped(bgr, number), [cv2.IMWRITE_JPEG_QUALITY, 90])[1].tobytes())
     return np.array(joints_m)

@@ -15,13 +15,16 @@ from kpopnet.dance.joint_files.frames import numbers_in
 from kpopnet.dance.joint_files.points import MEDIAPIPE_NAMES, NamedPoints, named_joints
 from kpopnet.pose import PersonPose
 from kpopnet.runtime.input_files import check_fields, expect
-from kpopnet.sources.source import SILENCE_S, CameraAwayError
+from kpopnet.sources.source import CameraAwayError
 
 WEBCAM = "webcam"
 DESCRIPTION = "the webcam of this browser"
 
 CAMERA = Camera.from_fov(60.0, 640, 480)
 """The picture that the page makes of any webcam's; webcams see 55 to 78 degrees across."""
+
+SILENCE_S = 4.0
+"""A webcam from which nothing comes for this time is away: on a busy machine without graphics card a page needs seconds."""
 
 LEAST_POINTS = 8
 """Points within the picture from which the person's place follows."""

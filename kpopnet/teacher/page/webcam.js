@@ -57,7 +57,7 @@ export class Webcam {
       const taken = await nextPicture(this.video);
       const bars = this.draw();
       await pose.send({ image: this.picture });
-      if (!this.closed) this.seen(pointsOf(this.found, bars), performance.now() - taken);
+      if (!this.closed) this.seen(pointsOf(this.found, bars), Math.max(performance.now() - taken, 0));
     }
     return undefined;
   }

@@ -1,0 +1,114 @@
+"""A webcam as a learner's eye in a real browser: a film of a SIMULATED learner is its camera, and joints reach the scorer."""
+
+import time
+
+import numpy as np
+import pytest
+
+pytest.importorskip("aiohttp", reason="the extra app is not installed")
+pytest.importorskip("selenium", reason="selenium is not installed")
+
+from selenium.webdriver.common.by import By
+from selenium.webdriver.support.ui import WebDriverWait
+from teacher_page import BROWSER, DRIVER, chromium, served
+from webcam_films import STAMP_BITS, STAMP_PX, FilmedLearner, write_film
+
+from kpopnet.skeleton import Joint
+from kpopnet.teacher.live.webcam import CAMERA, DESCRIPTION, WEBCAM, WebcamEstimator, read_seen
+
+if not (DRIVER and BROWSER):
+    pytest.skip("no Chromium with its chromedriver on this machine", allow_module_level=True)
+
+PATIENCE_S = 300
+FRAMES, REPEATED = 45, 4
+"""Frames of the film, and how often each is shown: slow machines drop fewer of them."""
+
+NOTE_STAMPS = f"""
+window.stamps = [];
+let stamp = -1;
+const draw = CanvasRenderingContext2D.prototype.drawImage, send = WebSocket.prototype.send;
+CanvasRenderingContext2D.prototype.drawImage = function (image, ...rest) {{
+  draw.call(this, image, ...rest);
+  if (!(image instanceof HTMLVideoElement)) return;
+  const row = this.getImageData(0, {STAMP_PX // 2}, {STAMP_BITS * STAMP_PX}, 1).data;
+  stamp = 0;
+  for (let bit = 0; bit < {STAMP_BITS}; bit++) if (row[4 * ({STAMP_PX} * bit + {STAMP_PX // 2})] > 128) stamp |= 1 << bit;
+}};
+WebSocket.prototype.send = function (text) {{
+  if (JSON.parse(text).do === "see") stamps.push(stamp);
+  return send.call(this, text);
+}};
+"""
+"""Notes the number of the film's frame from which the points of each message were found."""
+
+
+@pytest.fixture
+def offering(teaching):
+    teaching.sources[WEBCAM] = DESCRIPTION
+    with served(teaching) as address:
+        yield address
+
+
+def until(driver, condition):
+    return WebDriverWait(driver, PATIENCE_S, 0.2).until(condition)
+
+
+def open_dance(driver, address) -> None:
+    """Opens the page of a dance with the webcam chosen."""
+    driver.get(address)
+    driver.execute_script("localStorage.setItem('teach.source', JSON.stringify('webcam'))")
+    driver.get(f"{address}#/dance/dance_001?speed=25")
+    until(driver, lambda one: one.find_elements(By.ID, "start"))
+
+
+def test_a_learner_before_a_webcam_is_scored_by_joints_near_the_true_ones(library, offering, tmp_path, monkeypatch):
+    dance, heard = library.dance("dance_001"), []
+    true_m = write_film(
+        tmp_path / "film.mjpeg",
+        FilmedLearner(dance.quats, dance.hips_m, dance.fps, "perfect", seed=61),
+        range(FRAMES),
+        REPEATED,
+    )
+
+    def note(message):
+        heard.append(read_seen(message))
+        return heard[-1]
+
+    monkeypatch.setattr("kpopnet.teacher.server.read_seen", note)
+    with chromium(webcam=tmp_path / "film.mjpeg") as browser:
+        open_dance(browser, offering)
+        assert "depth camera adds" in browser.find_element(By.ID, "without-depth").text
+        browser.execute_script(NOTE_STAMPS)
+        browser.find_element(By.ID, "start").click()
+        until(browser, lambda one: one.find_element(By.ID, "so-far").text.isdigit())
+        stamps = browser.execute_script("return stamps")
+        loaded = browser.execute_script("return performance.getEntriesByType('resource').map((one) => one.name)")
+        browser.find_element(By.ID, "start").click()
+        asked_after = len(heard)
+        time.sleep(1)
+        assert len(heard) <= asked_after + 1  # a lesson that ends lets go of the webcam
+        assert browser.find_element(By.ID, "error").text == ""
+    assert any(name.endswith(".wasm") for name in loaded) and all(name.startswith(offering) for name in loaded)
+    errors_m = []
+    for stamp, seen in zip(stamps, heard, strict=False):
+        for person in WebcamEstimator().update(seen.person, CAMERA):
+            # A webcam knows how far away somebody is only by how large people are: about the torso.
+            found_m, expected_m = person.joints_camera_m, true_m[stamp]
+            errors_m.append(np.linalg.norm(found_m - found_m[Joint.TORSO] - expected_m + expected_m[Joint.TORSO], axis=1))
+    assert len(errors_m) >= 10 and len(set(stamps)) >= 5
+    assert np.mean(errors_m) < 0.1 and np.mean(np.array(errors_m) < 0.1) > 0.6
+
+
+@pytest.mark.parametrize(("allowed", "text"), [(False, "allow it beside the address"), (True, "no webcam was found")])
+def test_a_webcam_that_is_refused_or_missing_is_told(offering, allowed, text):
+    with chromium() as browser:
+        grant = {
+            "permission": {"name": "camera"},
+            "setting": "granted" if allowed else "denied",
+            "origin": offering.rstrip("/"),
+        }
+        browser.execute_cdp_cmd("Browser.setPermission", grant)
+        open_dance(browser, offering)
+        browser.find_element(By.ID, "start").click()
+        until(browser, lambda one: text in one.find_element(By.ID, "error").text)
+        assert browser.find_element(By.ID, "start").text == "Start"
