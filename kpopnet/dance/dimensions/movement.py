@@ -114,7 +114,7 @@ def dynamics(teacher_m: np.ndarray, learner_m: np.ndarray, matched: np.ndarray) 
     return Dynamics(figures, ratios, starts / FPS, ratio[:, 0], ratio[:, 2])
 
 
-FIGURES = ("amplitude", "energy", "sharpness")
+FIGURES: tuple[str, ...] = ("amplitude", "energy", "sharpness")
 _FLOORS = np.array([[FLOOR_RAD], [FLOOR_RAD_S]])
 
 
