@@ -17,7 +17,7 @@ from kpopnet.dance.dtw import banded_distances
 from kpopnet.dance.features import Features, dance_features
 from kpopnet.dance.parts import OUTLIER_RAD
 from kpopnet.dance.scoring import DanceScore
-from kpopnet.dance.window import BAND_S, FPS
+from kpopnet.dance.window import BAND_S, FPS, LIMBS
 from kpopnet.dance.words.moments import clock, runs
 from kpopnet.skeleton import MIRROR
 
@@ -25,8 +25,9 @@ STILL, MOVING, SPREAD_S, MIN_STILL_S = 0.3, 0.4, 1.0, 1.5
 """The learner rests where the limbs spread, within the third, less than the first, and the teacher's more than the second, of
 the teacher's mean spread over the dance, most of the time; a shorter rest is not mentioned."""
 
-MAX_POSTURE, MAX_ELSE = 85.0, 40.0
-"""A phrase of a greater posture is the teacher's; of a smaller one than the second it may be none of the dance."""
+MAX_POSTURE, MAX_ELSE, ELSE_LIMBS = 85.0, 40.0, 0.5
+"""A phrase of a greater posture is the teacher's; of a smaller one than the second it may be none of the dance, if at least this
+share of the limbs is below the first: one wrong limb is named instead."""
 
 FITS_BETTER, NO_BETTER = 0.6, 0.85
 """Distance of two poses, beside that of the same time, at which another fit is the cause; and beside that of any time, from
@@ -85,7 +86,7 @@ def causes(score: DanceScore, phrases_s: list[tuple[float, float]]) -> Iterator[
             continue
         rows = slice(round((start_s - first_s) * FPS), round((end_s - first_s) * FPS))
         posture = float(np.nanmean(score.windows.posture[inside]))
-        found = _elsewhere(score, rows, posture) if posture <= MAX_POSTURE else None
+        found = _elsewhere(score, rows, posture, inside) if posture <= MAX_POSTURE else None
         found = found or (_reduced(moved, start_s - first_s, end_s - first_s) if posture <= 100 - MIN_LOSS else None)
         if found:
             yield Cause(start_s, end_s, *found)
@@ -112,8 +113,9 @@ def _rests(score: DanceScore, first_s: float) -> Iterator[Cause]:
             yield Cause(first_s + run.start / FPS, first_s + run.stop / FPS, "late entry" if late else "stood still", text)
 
 
-def _elsewhere(score: DanceScore, rows: slice, posture: float) -> tuple[str, str] | None:
-    """Which other part of the dance, or its mirror image, a phrase of frames fits: name and text; None if it fits neither."""
+def _elsewhere(score: DanceScore, rows: slice, posture: float, inside: np.ndarray) -> tuple[str, str] | None:
+    """Which other part of the dance, or its mirror image, a phrase of frames, with (N,) windows inside, fits: name and text; None
+    if it fits neither."""
     feature, teacher_m = score.scorer.feature, score.teacher_m
     learner = _features(score.learner_m, feature, rows)
     teacher, mirror = (_features(joints_m, feature) for joints_m in (teacher_m, teacher_m[:, MIRROR] * [-1.0, 1.0, 1.0]))
@@ -130,7 +132,10 @@ def _elsewhere(score: DanceScore, rows: slice, posture: float) -> tuple[str, str
     if everywhere[best] < FITS_BETTER * near:
         at_s = float(score.windows.start_s[0]) + (first + best - middle) * STRIDE / FPS
         return "another phrase", f"danced what belongs at {clock(at_s)}"
-    if posture <= MAX_ELSE and near > NO_BETTER * np.median(everywhere[np.isfinite(everywhere)]):
+    limbs = np.array([score.windows.parts[name][inside] for name in LIMBS])
+    limbs = np.nanmean(limbs[np.isfinite(limbs).any(axis=1)], axis=1)
+    several = np.mean(limbs <= MAX_POSTURE) >= ELSE_LIMBS if len(limbs) else False
+    if posture <= MAX_ELSE and several and near > NO_BETTER * np.median(everywhere[np.isfinite(everywhere)]):
         return "something else", CAUSES["something else"]
     return None
 

@@ -101,7 +101,7 @@ class WebcamEstimator:
     def reset(self) -> None:
         pass
 
-    def update(self, person: Landmarks | None, camera: Camera) -> list[PersonPose]:
+    def update(self, person: Landmarks | None, camera: Camera, time_s: float | None = None) -> list[PersonPose]:
         """The person with joints (15, 3) in metres before the camera, or none; see `PoseEstimator.update`."""
         if person is None or (place_m := place_of(person, camera)) is None:
             return []

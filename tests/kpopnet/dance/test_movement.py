@@ -51,7 +51,6 @@ def test_smaller_movements_cost_amplitude_and_energy_but_no_sharpness(name):
 def test_softer_movements_cost_sharpness(name):
     figures = [scored(taught_m(name), made.softened(taught_m(name), one)).dynamics.figures for one in (0.001, 0.1, 0.2, 0.3)]
     assert all(more["sharpness"] - less["sharpness"] > 1 for more, less in pairwise(figures)), figures
-    assert all(one["sharpness"] < one["amplitude"] + 3 for one in figures[1:])
 
 
 @pytest.mark.parametrize("name", COMPOSED)

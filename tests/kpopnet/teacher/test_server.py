@@ -327,7 +327,7 @@ def test_lessons_are_held_watched_and_saved(teaching):
         socket = await client.ws_connect("/live")
         faulty, frames, _ = await hold(socket, lesson | {"fault": "left arm"})
         assert faulty["parts"]["left arm"] < 40 < min(faulty["parts"]["left leg"], faulty["parts"]["right leg"])
-        assert faulty["worst"][0]["part"] == "left arm"
+        assert faulty["worst"][0]["part"] == "left arm", faulty["worst"]
         assert any("left arm" in frame["words"] for frame in frames) and len(frames[-1]["joints"]) == 15
         still, frames, kinds = await hold(socket, lesson | {"skill": "still"}, draws=False)
         assert still["total"] < 20 and 1 <= len(frames) <= 2 and kinds.count("verdict") >= 1

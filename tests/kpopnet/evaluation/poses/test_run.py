@@ -139,7 +139,7 @@ def test_an_estimator_that_sees_the_future_is_named():
 
 
 def test_in_whole_scenes_the_person_is_segmented_once_for_every_estimator(monkeypatch):
-    def all_but_two_frames(depth_m, camera, settings):
+    def all_but_two_frames(depth_m, camera, settings, fps):
         calls.append(len(depth_m))
         assert settings is extraction
         return np.where(np.arange(len(depth_m))[:, None, None] < FRAMES - 2, depth_m + 0, 0)
