@@ -26,8 +26,8 @@ STILL, MOVING, SPREAD_S, MIN_STILL_S = 0.3, 0.4, 1.0, 1.5
 the teacher's mean spread over the dance, most of the time; a shorter rest is not mentioned."""
 
 MAX_POSTURE, MAX_ELSE, ELSE_LIMBS = 85.0, 40.0, 0.5
-"""A phrase of a greater posture is the teacher's; of a smaller one than the second it may be none of the dance, if at least this
-share of the limbs is below the first: one wrong limb is named instead."""
+"""A phrase of a greater posture is the teacher's; of a smaller one than the second it may be none of the dance, if at least
+this share of the limbs is below the first: one wrong limb is named instead."""
 
 FITS_BETTER, NO_BETTER = 0.6, 0.85
 """Distance of two poses, beside that of the same time, at which another fit is the cause; and beside that of any time, from
@@ -114,8 +114,10 @@ def _rests(score: DanceScore, first_s: float) -> Iterator[Cause]:
 
 
 def _elsewhere(score: DanceScore, rows: slice, posture: float, inside: np.ndarray) -> tuple[str, str] | None:
-    """Which other part of the dance, or its mirror image, a phrase of frames, with (N,) windows inside, fits: name and text; None
-    if it fits neither."""
+    """Which other part of the dance, or its mirror image, a phrase of frames with (N,) windows inside fits: name and text.
+
+    None if it fits neither.
+    """
     feature, teacher_m = score.scorer.feature, score.teacher_m
     learner = _features(score.learner_m, feature, rows)
     teacher, mirror = (_features(joints_m, feature) for joints_m in (teacher_m, teacher_m[:, MIRROR] * [-1.0, 1.0, 1.0]))
