@@ -2,11 +2,11 @@
 
     python tools/over_time_films.py data/over_time/train --split train --films 400
     python tools/over_time_films.py data/over_time/fresh --split benchmark --films 40
-    python tools/over_time.py data/over_time/train --fresh data/over_time/fresh --out data/over_time/live.safetensors
-    python tools/over_time.py data/over_time/train --fresh data/over_time/fresh --out data/over_time/best.safetensors --future
+    python tools/over_time.py data/over_time/train --fresh data/over_time/fresh --out data/over_time/causal.safetensors
+    python tools/over_time.py data/over_time/train --fresh data/over_time/fresh --out data/over_time/future.safetensors --future
 
-The causal form takes what mode realtime has of each image, the other what mode best has; each is printed beside that mode, with
-paired 95 % intervals over films. SIMULATED depth.
+The causal form, of mode realtime, takes what the network and the fit say of each image; the other, of mode best, what they say
+of it and of its mirror image. Each is printed beside the mean of both, with paired 95 % intervals over films. SIMULATED depth.
 """
 
 import argparse
@@ -18,7 +18,6 @@ import safetensors.numpy
 
 from kpopnet.errors import InputError
 from kpopnet.networks.over_time import CHILDREN, PARENTS, Measured, OverTime, read
-from kpopnet.pose.person import smoothed
 from kpopnet.skeleton import NUM_JOINTS, Joint
 from kpopnet.training.over_time import OverTimeTraining, train_over_time
 
@@ -103,15 +102,15 @@ def report(by_name: dict[str, list[dict[str, tuple[float, float]]]], new: str, o
 
 
 def measure(network: OverTime, films: list[dict[str, np.ndarray]]) -> None:
-    """Prints the figures of a network beside the mean of detection and fit, and that mean smoothed."""
-    found: dict[str, list] = {"mean of both": [], "smoothed": [], "over time": []}
+    """Prints the figures of a network beside the mean of detection and fit."""
+    found: dict[str, list] = {"mean of both": [], "over time": []}
     for film in films:
         measured = Measured(*(film[name] for name in Measured._fields))
         mean_m = (measured.detected_m + measured.fitted_m) / 2
         joints_m, _ = network(*read(measured, film["times_s"], network.future))
-        for name, one in zip(found, (mean_m, smoothed(mean_m, measured.fitted, FPS), joints_m), strict=True):
+        for name, one in zip(found, (mean_m, joints_m), strict=True):
             found[name].append(figures(one, film))
-    report(found, "over time", "smoothed" if network.future else "mean of both")
+    report(found, "over time", "mean of both")
 
 
 def main() -> None:

@@ -39,6 +39,9 @@ from synth.simulated.sequences import BODY, penetrates_itself
 
 FPS, FRAMES, RECORDED_EVERY = 30.0, 210, 3
 KINDS = ("dance", "dance", "dance", "mixture", "crossed_punches", "kicks", "turns", "sitting")
+FILMED_BY = (*5 * ("kinect_v1",), *3 * ("kinect_2",), "swissranger", "ideal")
+"""Sensors in the shares of the image network's training."""
+
 TRIES, ROOMS, HIDDEN_FILMS = 40, 4, 1 / 3
 
 
@@ -84,8 +87,8 @@ class Films:
             return None
         camera, bodies, rows = CAMERAS["eval"], (BodyEstimate(), BodyEstimate()), []
         covered = _covered(self._rng(index, 2), len(take), self.split == "train")
-        noise = FilmNoise((*self.seed, index, 3))
-        for number, shot in enumerate(self.studio.shots(take, SENSORS["kinect_v1"], noise, range(len(take)))):
+        noise, sensor = FilmNoise((*self.seed, index, 3)), SENSORS[choose(self._rng(index, 4), FILMED_BY)]
+        for number, shot in enumerate(self.studio.shots(take, sensor, noise, range(len(take)))):
             mask = shot.person.copy()
             ys, xs = np.nonzero(mask)
             if not len(ys):

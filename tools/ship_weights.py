@@ -1,7 +1,9 @@
-"""Makes a checkpoint the network that comes with the package, or a finder its finder of people: writes kpopnet/weights/.
+"""Makes a checkpoint the network that comes with the package, a finder its finder of people, or two networks over time those of
+its modes: writes kpopnet/weights/.
 
     python tools/ship_weights.py outputs/train/RUN/best --set data/small/test
     python tools/ship_weights.py outputs/finder/RUN/finder.safetensors
+    python tools/ship_weights.py data/over_time/causal.safetensors --future data/over_time/future.safetensors
 
 Filters are stored in float16, statistics and biases, which are few and may be large, in float32. The description
 loses what tells of the machine that trained. MODEL_CARD.md is written by hand.
@@ -31,9 +33,11 @@ from kpopnet.finder.network import load_network as load_finder
 from kpopnet.networks import META, portable
 from kpopnet.networks.checkpoint import WEIGHTS, load_network
 from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.networks.over_time import OverTime
 from kpopnet.runtime.atomic_write import atomic_path
 
 FINDER = "finder.onnx"
+OVER_TIME = "over_time_causal.safetensors", "over_time_future.safetensors"
 
 
 def ship(checkpoint: Path, folder: Path) -> None:
@@ -53,6 +57,14 @@ def ship(checkpoint: Path, folder: Path) -> None:
 def ship_finder(weights: Path, folder: Path) -> None:
     """Writes a finder as an ONNX file, and its digest, into such a folder; raises InputError for damaged weights."""
     _write(folder, "FINDER_SHA256", {FINDER: export_finder(load_finder(weights))})
+
+
+def ship_over_time(causal: Path, future: Path, folder: Path) -> None:
+    """Writes both networks over time, as tools/over_time.py made them; raises InputError if one is of the other form."""
+    for path, expected in ((causal, False), (future, True)):
+        if OverTime.load(path).future is not expected:
+            raise InputError(f"{path}: expected a network that {'looks at' if expected else 'does not know'} later frames")
+    _write(folder, "OVER_TIME_SHA256", dict(zip(OVER_TIME, (causal.read_bytes(), future.read_bytes()), strict=True)))
 
 
 def _halved(network: torch.nn.Module, source: Path) -> bytes:
@@ -103,11 +115,15 @@ def changes_mm(one: NetworkEstimator, other: NetworkEstimator, path: Path, image
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("checkpoint", type=Path, help="folder of a trained network, or a finder's .safetensors file")
+    parser.add_argument("checkpoint", type=Path, help="folder of a trained network, or a .safetensors file")
+    parser.add_argument("--future", type=Path, help="the other network over time, which looks at later frames")
     parser.add_argument("--set", type=Path, help="folder of a frozen set, on which a network is compared with its float16 copy")
     parser.add_argument("--images", type=int, default=500, help="how many images of it: %(default)s")
     parser.add_argument("--out", type=Path, default=kpopnet.weights.FOLDER, help="the folder to write: %(default)s")
     given = parser.parse_args()
+    if given.future is not None:
+        ship_over_time(given.checkpoint, given.future, given.out)
+        return
     if given.checkpoint.suffix == ".safetensors":
         ship_finder(given.checkpoint, given.out)
         print(f"{FINDER}: {(given.out / FINDER).stat().st_size:,} bytes")

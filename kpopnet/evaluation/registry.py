@@ -53,18 +53,18 @@ class FittedNetworkConfig(NetworkEstimatorConfig):
 
 @dataclass
 class RealtimeConfig(NetworkEstimatorConfig):
-    """A trained network, and the mean of its joints and of those fitted to the depth (kpopnet.pose): joints as they come."""
-
-
-@dataclass
-class BestConfig(NetworkEstimatorConfig):
-    """The same, looked at in a mirror too and smoothed over time (kpopnet.pose): joints of whole recordings.
+    """A trained network's joints and those fitted to the depth, weighed over the frames so far (kpopnet.pose): as they come.
 
     Attributes:
-        fps: frames per second of the sequences, for smoothing.
+        fps: frames per second of the sequences.
     """
 
     fps: float = 30.0
+
+
+@dataclass
+class BestConfig(RealtimeConfig):
+    """The same, looked at in a mirror too and with the frames that follow (kpopnet.pose): joints of whole recordings."""
 
 
 @dataclass
@@ -113,7 +113,7 @@ ESTIMATORS: dict[str, tuple[type, Callable[[Any], Estimator]]] = {
     "paper_tracker": (PaperTrackerConfig, PaperTrackerEstimator),
     "network": (NetworkEstimatorConfig, _network),
     "fitted_network": (FittedNetworkConfig, lambda config: FittedEstimator(_network(config))),
-    "realtime": (RealtimeConfig, lambda config: PersonEstimator(_network(config), "realtime")),
+    "realtime": (RealtimeConfig, lambda config: PersonEstimator(_network(config), "realtime", config.fps)),
     "best": (BestConfig, lambda config: PersonEstimator(_network(config), "best", config.fps)),
     "tree_walk": (TreeWalkEstimatorConfig, TreeWalkEstimator),
     "mean_pose": (MeanPoseConfig, _mean_pose),

@@ -4,12 +4,14 @@ A frame's joints are those measured in it, plus weighted differences: to exponen
 the usual bone lengths, and to the fit. One network for all joints reads the lengths of these differences and gives weights and
 a confidence. Positions are relative to the trunk's centre, in the camera's axes; the centre is filtered likewise. Any rate.
 
-Not used by a mode of `kpopnet.pose` yet: tools/over_time.py trains and measures it (docs/ledger.md).
+Both forms come with the package, for the modes of `kpopnet.pose`; tools/over_time.py trains and measures them.
 """
 
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import safetensors.numpy
 
 from kpopnet.skeleton import BONES, MIRROR, NUM_JOINTS, Joint
 
@@ -166,34 +168,48 @@ class OverTime:
         self._layers = [(arrays[f"{2 * k}.weight"].T, arrays[f"{2 * k}.bias"]) for k in range(len(arrays) // 2)]
         self.future = self._layers[0][0].shape[0] == 2 * FEATURES
 
+    @classmethod
+    def load(cls, path: Path) -> "OverTime":
+        """The network of a safetensors file."""
+        return cls(safetensors.numpy.load_file(path))
+
     def __call__(self, points_m: np.ndarray, differences_m: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(..., 15, 3) joints in metres and (..., 15) confidence from the results of `Averages.add` or `read`."""
         out = seen
         for number, (weight, bias) in enumerate(self._layers):
             out = (np.maximum(out, 0) if number else out) @ weight + bias
         moved_m = points_m + (out[..., :-1].swapaxes(-1, -2)[..., None] * differences_m).sum(axis=-3)
-        return (moved_m[..., :-1, :] + moved_m[..., -1:, :]).astype(np.float32), 1 / (1 + np.exp(-out[..., :-1, -1]))
+        confidence = 1 / (1 + np.exp(-out[..., :-1, -1]))
+        return (moved_m[..., :-1, :] + moved_m[..., -1:, :]).astype(np.float32), confidence.astype(np.float32)
 
 
 class Live:
     """The causal form: one person's joints, frame after frame."""
 
     def __init__(self, network: OverTime) -> None:
-        self._network, self._averages = network, Averages()
+        self._network, self._averages, self._before_s = network, Averages(), -np.inf
 
-    def update(self, measured: Measured, step_s: float) -> tuple[np.ndarray, np.ndarray]:
-        """(15, 3) joints, metres, and (15,) confidence in a frame `step_s` seconds after the one before."""
+    def update(self, measured: Measured, time_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """(15, 3) float32 joints, metres, and (15,) float32 confidence in the next frame, taken at `time_s` seconds of any
+        clock; after a time that is before the last one the person starts again.
+        """
+        step_s = time_s - self._before_s if time_s >= self._before_s else np.inf
+        self._before_s = time_s
         return self._network(*self._averages.add(measured, step_s))
 
 
 def read(measured: Measured, times_s: np.ndarray, future: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The results of `Averages.add` for (T, ..., 15, 3) frames at (T, ...) times, from the past or from past and future."""
-    gap_s = np.full_like(times_s[:1], 2 * FORGET_S)
-    points_m, differences_m, seen = _one_way(measured, np.concatenate([gap_s, np.diff(times_s, axis=0)]))
+    """The results of `Averages.add` for (T, ..., 15, 3) frames at (T, ...) times, from the past or from past and future.
+
+    Before a time that is before the one before it, people start again.
+    """
+    gap_s, steps_s = np.full_like(times_s[:1], 2 * FORGET_S), np.diff(times_s, axis=0)
+    steps_s = np.where(steps_s < 0, gap_s, steps_s)
+    points_m, differences_m, seen = _one_way(measured, np.concatenate([gap_s, steps_s]))
     if not future:
         return points_m, differences_m, seen
     reverse = Measured(*(one[::-1] for one in measured))
-    _, later_m, seen_later = _one_way(reverse, np.concatenate([gap_s, np.diff(times_s, axis=0)[::-1]]))
+    _, later_m, seen_later = _one_way(reverse, np.concatenate([gap_s, steps_s[::-1]]))
     return points_m, np.concatenate([differences_m, later_m[::-1]], axis=-3), np.concatenate([seen, seen_later[::-1]], axis=-1)
 
 

@@ -12,10 +12,10 @@ import numpy as np
 from kpopnet.camera import Camera, check_camera, depth_in_metres, subsampled
 from kpopnet.errors import InputError, check_between
 from kpopnet.estimator import Estimator
+from kpopnet.finder.following import FRAME_S
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.pose.extraction import DEFAULT_EXTRACTION, Extractor, build_extractor
-from kpopnet.pose.person import MODES, DetectedPerson, TrackedPerson, check_mode, smoothed
-from kpopnet.skeleton import NUM_JOINTS
+from kpopnet.pose.person import MODES, DetectedPerson, Pose, TrackedPerson, check_mode, joined
 from kpopnet.sources.source import TimedDepth
 
 log = logging.getLogger(__name__)
@@ -49,8 +49,8 @@ class PoseEstimator:
 
         Args:
             network: estimates the joints of one person in single frames; None where the mode needs none.
-            mode: realtime; best: the network sees each frame in a mirror too, and `estimate` smooths over time; or tracker: the
-                body tracker, without a network.
+            mode: realtime; best: the network sees each frame in a mirror too, and `estimate` looks at the frames that follow;
+                or tracker: the body tracker, without a network.
             people: largest number of people to follow.
             extraction: settings of what finds the people, of a type in `kpopnet.pose.extraction.EXTRACTIONS`.
 
@@ -85,6 +85,7 @@ class PoseEstimator:
         """Forgets the room and the people: the next image is the first of another recording."""
         self._extractor: Extractor | None = None
         self._people: dict[int, DetectedPerson | TrackedPerson] = {}
+        self._time_s = 0.0
 
     def update(self, depth: np.ndarray, camera: Camera, time_s: float | None = None) -> list[PersonPose]:
         """The people in the next image, online: each image once, in order.
@@ -101,7 +102,8 @@ class PoseEstimator:
         Raises:
             InputError: depth of another type or size; floats that look like millimetres.
         """
-        return self._found(depth, camera, self.people, time_s)
+        found = self._found(depth, camera, self.people, time_s)
+        return [PersonPose(identity, pose.joints_camera_m, pose.confidence) for identity, pose in found.items()]
 
     def estimate(
         self, depth: np.ndarray | Iterable[np.ndarray | TimedDepth], camera: Camera, fps: float = 30.0, segmented: bool = False
@@ -112,7 +114,7 @@ class PoseEstimator:
             depth: (T, H, W) depth of a whole scene, or its (H, W) images one after another, with their times or without, or a
                 single image, whose person must stand in view; uint16 millimetres or float metres, 0 where nothing was measured.
             camera: its camera.
-            fps: frames per second, for smoothing, and for images without times.
+            fps: frames per second of images without times.
             segmented: the depth shows one person, and 0 elsewhere: no person has to be found.
 
         Returns:
@@ -129,52 +131,53 @@ class PoseEstimator:
         if not isinstance(depth, Iterable) or (isinstance(depth, np.ndarray) and not depth.ndim):
             raise InputError(f"depth: expected an array or images one after another, got {type(depth).__name__}")
         self.reset()
-        frames: list[list[PersonPose]] = []
+        frames: list[dict[int, Pose]] = []
+        times_s: list[float] = []
         for one in depth:
             time_s, image = one if isinstance(one, TimedDepth) else (len(frames) / fps, one)
-            frames.append(self._segmented(image, camera) if segmented else self._found(image, camera, MAX_PEOPLE, time_s))
+            times_s.append(time_s)
+            frames.append(
+                self._segmented(image, camera, time_s) if segmented else self._found(image, camera, MAX_PEOPLE, time_s)
+            )
         self.reset()
-        seen = Counter(pose.identity for people in frames for pose in people)
+        seen = Counter(identity for people in frames for identity in people)
         if not seen:
             log.warning("no person was found in %d image(s): %s", len(frames), WHY_NOBODY)
         chosen = sorted(seen, key=lambda identity: (-seen[identity], identity))[: self.people]
-        return [self._over_time(identity, frames, fps) for identity in chosen]
+        sees_future = MODES[self.mode].sees_future
+        return [
+            PersonPose(identity, *joined([people.get(identity) for people in frames], np.array(times_s), sees_future))
+            for identity in chosen
+        ]
 
-    def _found(self, depth: np.ndarray, camera: Camera, most: int, time_s: float | None) -> list[PersonPose]:
+    def _found(self, depth: np.ndarray, camera: Camera, most: int, time_s: float | None) -> dict[int, Pose]:
         depth_m, camera = _needed_image(depth, camera)
         if self._extractor is None or camera != self._extractor.camera:
             self.reset()
             self._extractor = build_extractor(camera, self.extraction)
-        humans = {human.identity: human for human in self._extractor.extract(depth_m, time_s)}
+        self._time_s = self._time_s + FRAME_S if time_s is None else time_s
+        humans = {human.identity: human for human in self._extractor.extract(depth_m, self._time_s)}
         for identity, person in self._people.items():
             if identity not in humans:
                 person.miss()
         if len(self._people) > MAX_REMEMBERED:
             self._people = {identity: person for identity, person in self._people.items() if identity in humans}
-        poses = [(identity, self._person(identity, camera).see(human)) for identity, human in islice(humans.items(), most)]
-        return [PersonPose(identity, *pose) for identity, pose in poses if pose is not None]
+        poses = {
+            identity: self._person(identity, camera).see(human, self._time_s)
+            for identity, human in islice(humans.items(), most)
+        }
+        return {identity: pose for identity, pose in poses.items() if pose is not None}
 
-    def _segmented(self, image: np.ndarray, camera: Camera) -> list[PersonPose]:
+    def _segmented(self, image: np.ndarray, camera: Camera, time_s: float) -> dict[int, Pose]:
         depth_m, camera = _needed_image(image, camera)
-        pose = PersonPose(0, *self._person(0, camera).update(depth_m, camera))
-        return [pose] if np.isfinite(pose.joints_camera_m).any() else []
+        pose = self._person(0, camera).update(depth_m, camera, time_s)
+        return {0: pose} if np.isfinite(pose.joints_camera_m).any() else {}
 
     def _person(self, identity: int, camera: Camera) -> DetectedPerson | TrackedPerson:
         if identity not in self._people:
             mode = MODES[self.mode]
             self._people[identity] = DetectedPerson(camera, self.network, mode) if mode.network else TrackedPerson(camera)
         return self._people[identity]
-
-    def _over_time(self, identity: int, frames: list[list[PersonPose]], fps: float) -> PersonPose:
-        joints_m = np.full((len(frames), NUM_JOINTS, 3), np.nan, np.float32)
-        confidence = np.zeros((len(frames), NUM_JOINTS), np.float32)
-        for frame, people in enumerate(frames):
-            for pose in people:
-                if pose.identity == identity:
-                    joints_m[frame], confidence[frame] = pose.joints_camera_m, pose.confidence
-        if MODES[self.mode].smoothed:
-            joints_m = smoothed(joints_m, confidence, fps)
-        return PersonPose(identity, joints_m, confidence)
 
 
 def _needed_image(depth: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera]:

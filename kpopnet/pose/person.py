@@ -1,23 +1,27 @@
-"""The joints of one person, frame after frame: by the body tracker, or a network's, fitted to the depth, the mean of both; and
-their smoothing over time.
+"""The joints of one person, frame after frame: by the body tracker; or a network's and those fitted to the depth, which
+another network weighs over time.
 
 What each step is worth is measured in docs/results.md.
 """
 
+from collections.abc import Sequence
+from functools import cache
+from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
 from kpopnet.camera import Camera, sequence_in_metres, subsampled
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate, Estimator
 from kpopnet.human import Human
+from kpopnet.networks.over_time import Live, Measured, OverTime, read
 from kpopnet.skeleton import MIRROR
 from kpopnet.tracker.body_estimate import BodyEstimate
 from kpopnet.tracker.confidence import REFINED_WEIGHTS, probability
 from kpopnet.tracker.refine import refine_frame
 from kpopnet.tracker.tracker import Tracker
+from kpopnet.weights import shipped_over_time
 
 
 class Mode(NamedTuple):
@@ -26,19 +30,38 @@ class Mode(NamedTuple):
     Attributes:
         network: a network estimates the joints; else the body tracker.
         mirrored: the network also sees the frame in a mirror, and its two answers are averaged.
-        smoothed: joints of a whole recording are smoothed over time, with a look at the frames that follow.
+        sees_future: joints of a whole recording are estimated with a look at the frames that follow.
     """
 
     network: bool
     mirrored: bool
-    smoothed: bool
+    sees_future: bool
 
 
 MODES = {
-    "realtime": Mode(network=True, mirrored=False, smoothed=False),
-    "best": Mode(network=True, mirrored=True, smoothed=True),
-    "tracker": Mode(network=False, mirrored=False, smoothed=False),
+    "realtime": Mode(network=True, mirrored=False, sees_future=False),
+    "best": Mode(network=True, mirrored=True, sees_future=True),
+    "tracker": Mode(network=False, mirrored=False, sees_future=False),
 }
+
+
+class Pose(NamedTuple):
+    """One person in one image.
+
+    Attributes:
+        joints_camera_m: (15, 3) float32 joints, metres, NaN where missing.
+        confidence: (15,) float32, 0 where missing.
+        measured: what the network over time was given; None where it was not asked.
+    """
+
+    joints_camera_m: np.ndarray
+    confidence: np.ndarray
+    measured: Measured | None = None
+
+
+@cache
+def _over_time(sees_future: bool) -> OverTime:
+    return OverTime.load(shipped_over_time(sees_future))
 
 
 def check_mode(name: str) -> None:
@@ -52,25 +75,24 @@ class DetectedPerson:
 
     def __init__(self, camera: Camera, network: Estimator, mode: Mode) -> None:
         self.camera, self.network, self.mode = camera, network, mode
-        self._body = BodyEstimate()
+        self._body, self._live = BodyEstimate(), Live(_over_time(sees_future=False))
 
-    def see(self, human: Human) -> tuple[np.ndarray, np.ndarray] | None:
-        """(15, 3) joints and (15,) confidence of the extracted person in the next image; None where they are not known."""
-        return self.update(human.depth_m, human.cropped(self.camera))
+    def see(self, human: Human, time_s: float) -> Pose | None:
+        """The pose of the extracted person in the next image, taken at `time_s`; None where it is not known."""
+        return self.update(human.depth_m, human.cropped(self.camera), time_s)
 
     def miss(self) -> None:
         """The next image does not show the person."""
 
-    def update(self, depth_m: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-        """(15, 3) float32 joints in metres, NaN where missing, and (15,) float32 confidence in the next (H, W) image of this
-        person, metres, 0 elsewhere.
-        """
+    def update(self, depth_m: np.ndarray, camera: Camera, time_s: float) -> Pose:
+        """The pose in the next (H, W) image of this person, in metres, 0 elsewhere, taken at `time_s` seconds of any clock."""
         detected_m, confidence = self._detect(depth_m, camera)
         fitted_m, evidence = refine_frame(self._body, Estimate(detected_m, confidence), depth_m, camera)
-        if np.isfinite(evidence).all():
-            confidence = probability(evidence, REFINED_WEIGHTS).astype(np.float32)
-        # The network's errors and the fit's are partly independent: the mean of both is better than either.
-        return ((detected_m + fitted_m) / 2).astype(np.float32), confidence
+        if not np.isfinite(detected_m).all():
+            return Pose(detected_m.astype(np.float32), confidence)
+        fitted = probability(evidence, REFINED_WEIGHTS) if np.isfinite(evidence).all() else confidence
+        measured = Measured(detected_m, fitted_m, confidence, fitted)
+        return Pose(*self._live.update(measured, time_s), measured)
 
     def _detect(self, depth_m: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
         seen = self.network.estimate(depth_m[None], camera)
@@ -87,18 +109,18 @@ class TrackedPerson:
     def __init__(self, camera: Camera) -> None:
         self.camera, self._tracker = camera, Tracker(camera)
 
-    def see(self, human: Human) -> tuple[np.ndarray, np.ndarray] | None:
+    def see(self, human: Human, time_s: float) -> Pose | None:
         if not self._tracker.started and is_entering(human, self.camera):
             return None
-        joints_m, confidence = self.update(human.whole(self.camera), self.camera)
-        return (joints_m, confidence) if np.isfinite(joints_m).any() else None
+        pose = self.update(human.whole(self.camera), self.camera, time_s)
+        return pose if np.isfinite(pose.joints_camera_m).any() else None
 
     def miss(self) -> None:
         self._tracker.miss()
 
-    def update(self, depth_m: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    def update(self, depth_m: np.ndarray, camera: Camera, time_s: float) -> Pose:
         joints_m, confidence = self._tracker.track(depth_m)
-        return joints_m.astype(np.float32), confidence.astype(np.float32)
+        return Pose(joints_m.astype(np.float32), confidence.astype(np.float32))
 
 
 def is_entering(human: Human, camera: Camera) -> bool:
@@ -119,41 +141,24 @@ class PersonEstimator:
         """
         check_mode(mode)
         self.estimator, self.name, self.fps = network, mode, fps
-        self.sees_future = MODES[mode].smoothed
+        self.sees_future = MODES[mode].sees_future
 
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
         """See `kpopnet.estimator.Estimator`."""
         depth_m, camera = subsampled(sequence_in_metres(depth_m, camera), camera)
-        person, found = DetectedPerson(camera, self.estimator, MODES[self.name]), Estimate.missing(len(depth_m))
-        for frame, image_m in enumerate(depth_m):
-            found.joints_camera_m[frame], found.confidence[frame] = person.update(image_m, camera)
-        if not MODES[self.name].smoothed:
-            return found
-        return found._replace(joints_camera_m=smoothed(found.joints_camera_m, found.confidence, self.fps))
+        person, times_s = DetectedPerson(camera, self.estimator, MODES[self.name]), np.arange(len(depth_m)) / self.fps
+        return joined([person.update(*frame) for frame in zip(depth_m, repeat(camera), times_s)], times_s, self.sees_future)
 
 
-SIGMA_S = 1 / 30
-"""Standard deviation of the Gaussian in time. A movement to and fro, twice a second, loses 8 % of its amplitude by it."""
-
-LEAST_WEIGHT = 0.05
-"""Weight of a joint of which the estimator is not sure at all: where all around it is unsure too, it counts."""
-
-
-def smoothed(joints_m: np.ndarray, confidence: np.ndarray, fps: float) -> np.ndarray:
-    """(T, J, 3) joints, each averaged over the frames around it by a Gaussian times its (T, J) confidence in 0..1.
-
-    Missing joints, NaN, stay missing; a joint after a gap does not know the one before it.
-    """
-    sigma = SIGMA_S * fps
-    present = np.isfinite(joints_m).all(axis=-1)
-    weights = np.where(present, np.maximum(confidence, LEAST_WEIGHT), 0.0)[..., None]
-    values = np.where(present[..., None], joints_m, 0.0).astype(np.float64)
-    out = np.full(joints_m.shape, np.nan, np.float32)
-    for joint in range(joints_m.shape[1]):
-        runs = np.flatnonzero(np.diff(present[:, joint], prepend=False, append=False)).reshape(-1, 2)
-        for part in (slice(*run) for run in runs):
-            weight, weighted = (
-                gaussian_filter1d(one[part, joint], sigma, axis=0, mode="nearest") for one in (weights, values * weights)
-            )
-            out[part, joint] = weighted / weight
-    return out
+def joined(poses: Sequence[Pose | None], times_s: np.ndarray, sees_future: bool) -> Estimate:
+    """One person's joints over T images, taken at (T,) times in seconds; with a look at the future where that is wanted."""
+    found = Estimate.missing(len(poses))
+    for frame, pose in enumerate(poses):
+        if pose is not None:
+            found.joints_camera_m[frame], found.confidence[frame] = pose.joints_camera_m, pose.confidence
+    measured = {} if not sees_future else {k: pose.measured for k, pose in enumerate(poses) if pose and pose.measured}
+    if measured:
+        frames = list(measured)
+        whole = Measured(*map(np.stack, zip(*measured.values(), strict=True)))
+        found.joints_camera_m[frames], found.confidence[frames] = _over_time(True)(*read(whole, times_s[frames], future=True))
+    return found

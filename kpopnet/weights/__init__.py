@@ -1,8 +1,10 @@
-"""The network that comes with the package, a checkpoint without training state: `NetworkEstimator()` loads it.
+"""The networks that come with the package. `NetworkEstimator()` loads the one of joints, a checkpoint without training state.
 
-    model.safetensors    its filters in float16, the rest in float32; all is computed with in float32
-    meta.json            its description, as in every checkpoint (kpopnet.networks)
-    MODEL_CARD.md        how it was trained, how good it is, and where it fails
+    model.safetensors              its filters in float16, the rest in float32; all is computed with in float32
+    meta.json                      its description, as in every checkpoint (kpopnet.networks)
+    finder.onnx                    the finder of people
+    over_time_*.safetensors        joints over time: causal, and with the frames that follow
+    MODEL_CARD.md                  how they were trained, how good they are, and where they fail
 
 tools/ship_weights.py writes the folder from a checkpoint of a training.
 """
@@ -25,6 +27,12 @@ FINDER_SHA256: dict[str, str] = {
 }
 """Of the finder of people (kpopnet.finder), as tools/ship_weights.py wrote it."""
 
+OVER_TIME_SHA256: dict[str, str] = {
+    "over_time_causal.safetensors": "382af8c42269a5529425b6808d746ea48c14c187f463d9bb5de95ee4af7f6c37",
+    "over_time_future.safetensors": "1c1d0d08d4c26bb19bd59bf199a89dc27247dad012099a3b5b7025e1e704e268",
+}
+"""Of the networks over time (kpopnet.networks.over_time), as tools/ship_weights.py wrote them: the causal one first."""
+
 
 def shipped_network() -> Path:
     """The folder of the network that comes with the package; raises InputError for files of another version."""
@@ -36,6 +44,14 @@ def shipped_finder() -> Path:
     """The file of the finder that comes with the package; raises InputError for one of another version."""
     _check(FINDER_SHA256)
     return FOLDER / next(iter(FINDER_SHA256))
+
+
+def shipped_over_time(future: bool) -> Path:
+    """The file of a network over time that comes with the package: the causal one, or the one that looks at later frames;
+    raises InputError for files of another version.
+    """
+    _check(OVER_TIME_SHA256)
+    return FOLDER / list(OVER_TIME_SHA256)[future]
 
 
 def _check(digests: dict[str, str]) -> None:

@@ -17,6 +17,8 @@ def ship(checkpoint: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Pat
     folder.mkdir()
     module = Path(shutil.copy(kpopnet.weights.__file__, folder))
     ship_weights.ship(checkpoint, folder)
+    for name in kpopnet.weights.OVER_TIME_SHA256:
+        shutil.copy(kpopnet.weights.FOLDER / name, folder)
     monkeypatch.setattr(kpopnet.weights, "FOLDER", folder)
     monkeypatch.setattr(kpopnet.weights, "SHA256", runpy.run_path(str(module))["SHA256"])
     return folder

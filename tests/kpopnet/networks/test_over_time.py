@@ -62,12 +62,15 @@ def test_live_equals_a_recording_with_drop_outs_at_any_rate(fps):
     kept[[10, 11, 40]] = kept[60:95] = False
     measured, times_s = Measured(*(array[kept] for array in measured_in(film(0)))), times_s[kept]
     joints_m, confidence = drawn()(*read(measured, times_s, future=False))
-    live, before_s = Live(drawn()), -np.inf
+    live, other = Live(drawn()), Live(drawn())
     for number, time_s in enumerate(times_s):
-        found_m, sure = live.update(frame(measured, number), time_s - before_s)
+        found_m, sure = live.update(frame(measured, number), time_s)
         np.testing.assert_allclose(found_m, joints_m[number], atol=1e-5)
         np.testing.assert_allclose(sure, confidence[number], atol=1e-5)
-        before_s = time_s
+        other.update(frame(measured, number), time_s)
+    # A clock that goes back is a start, like a long gap.
+    back_m, later_m = (one.update(frame(measured, 0), time_s)[0] for one, time_s in ((live, 0.0), (other, 1e3)))
+    np.testing.assert_array_equal(back_m, later_m)
 
 
 def test_averages_take_the_same_time_at_every_rate():

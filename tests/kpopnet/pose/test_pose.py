@@ -1,11 +1,9 @@
-"""The pose estimator finds people, follows them, averages the network and the fit, and smooths."""
+"""The pose estimator finds people, follows them, and weighs the network and the fit over time."""
 
 import numpy as np
 import pytest
 from extraction_scenes import CAMERA as ROOM_CAMERA
 from extraction_scenes import compose, room, shifted, standing
-from hypothesis import given
-from hypothesis import strategies as st
 
 from kpopnet.camera import MOST_PIXELS, Camera
 from kpopnet.errors import InputError
@@ -15,7 +13,7 @@ from kpopnet.paper_extraction import PaperExtractor
 from kpopnet.paper_tracker.tracker import PaperTrackerEstimator
 from kpopnet.pose import PoseEstimator
 from kpopnet.pose.extraction import extract_person
-from kpopnet.pose.person import MODES, SIGMA_S, DetectedPerson, PersonEstimator, smoothed
+from kpopnet.pose.person import MODES, DetectedPerson, PersonEstimator
 from kpopnet.skeleton import MIRROR
 from kpopnet.tracker.estimator import TrackerEstimator
 from kpopnet.tracker.refine import FittedEstimator
@@ -144,7 +142,7 @@ def test_an_empty_room_gives_an_empty_list_and_a_warning(caplog):
 def test_the_mirror_shows_the_mirrored_person():
     """A detector that answers a pose of the plain image and its mirror image in the mirror agrees with itself."""
     network = Blob()
-    DetectedPerson(CAMERA, network, MODES["best"]).update(person(20), CAMERA)
+    DetectedPerson(CAMERA, network, MODES["best"]).update(person(20), CAMERA, 0.0)
     (plain, _), (mirrored, camera) = network.asked
     np.testing.assert_array_equal(plain[0], mirrored[0, :, ::-1])
     points, reflected = CAMERA.points(plain[0]), camera.points(mirrored[0])[:, ::-1]
@@ -156,8 +154,8 @@ def test_the_answers_to_an_image_and_its_mirror_image_are_averaged_side_by_side(
     speck[30, 40] = 2  # nothing that a body could be fitted to
     answers = iter((pose_m + np.float32(0.1), (pose_m * np.float32((-1, 1, 1)))[MIRROR]))
     monkeypatch.setattr(network, "estimate", lambda *_: Estimate(next(answers)[None], np.full((1, 15), 0.5, np.float32)))
-    joints_m, _ = DetectedPerson(CAMERA, network, MODES["best"]).update(speck, CAMERA)
-    np.testing.assert_allclose(joints_m, pose_m + 0.05, atol=1e-6)
+    pose = DetectedPerson(CAMERA, network, MODES["best"]).update(speck, CAMERA, 0.0)
+    np.testing.assert_allclose(pose.joints_camera_m, pose_m + 0.05, atol=1e-6)
 
 
 def test_an_estimator_by_mode_is_an_estimator():
@@ -168,32 +166,33 @@ def test_an_estimator_by_mode_is_an_estimator():
         PersonEstimator(Blob(), "slow")
 
 
-def plainly_smoothed(joints_m, confidence, fps):
-    """Each joint of each frame by itself."""
-    out = np.full_like(joints_m, np.nan)
-    radius = int(4 * SIGMA_S * fps + 0.5)  # scipy's
-    for j in range(joints_m.shape[1]):
-        for t in range(len(joints_m)):
-            if np.isnan(joints_m[t, j]).any():
-                continue
-            first = last = t
-            while first > 0 and np.isfinite(joints_m[first - 1, j]).all():
-                first -= 1
-            while last + 1 < len(joints_m) and np.isfinite(joints_m[last + 1, j]).all():
-                last += 1
-            near = [min(max(t + k, first), last) for k in range(-radius, radius + 1)]
-            weight = np.array([np.exp(-((k / (SIGMA_S * fps)) ** 2) / 2) for k in range(-radius, radius + 1)])
-            weight *= np.maximum(confidence[near, j], 0.05)
-            out[t, j] = (weight[:, None] * joints_m[near, j]).sum(axis=0) / weight.sum()
-    return out
+class Jittery(Blob):
+    """A detector with a new error of 2 cm in every image."""
+
+    def estimate(self, depth_m, camera):
+        found = super().estimate(depth_m, camera)
+        error_m = 0.02 * np.random.default_rng(len(self.asked)).standard_normal(found.joints_camera_m.shape)
+        return found._replace(joints_camera_m=found.joints_camera_m + error_m.astype(np.float32))
 
 
-@given(st.integers(0, 2**32 - 1), st.sampled_from([15.0, 30.0, 60.0]))
-def test_smoothing_equals_its_plain_twin(seed, fps):
-    rng = np.random.default_rng(seed)
-    joints_m, confidence = rng.normal(size=(9, 2, 3)).astype(np.float32), rng.random((9, 2)).astype(np.float32)
-    joints_m[rng.random((9, 2)) < 0.2] = np.nan
-    np.testing.assert_allclose(smoothed(joints_m, confidence, fps), plainly_smoothed(joints_m, confidence, fps), atol=1e-5)
+def test_the_frames_before_steady_a_person_at_rest_and_those_after_more_so():
+    depth, spread_m = np.stack([person(20)] * 40), {}
+    for mode in ("network", "realtime", "best"):
+        network = Jittery()
+        estimator = network if mode == "network" else PersonEstimator(network, mode)
+        spread_m[mode] = estimator.estimate(depth, CAMERA).joints_camera_m[10:].std(axis=0).mean()
+    assert spread_m["best"] < spread_m["realtime"] < 0.7 * spread_m["network"]
+
+
+def test_only_best_sees_the_future_and_both_take_the_times_of_the_images():
+    depth = np.stack([person(20 + t) for t in range(12)])
+    for mode in ("realtime", "best"):
+        whole, start = (PersonEstimator(Jittery(), mode).estimate(one, CAMERA).joints_camera_m for one in (depth, depth[:8]))
+        assert np.array_equal(whole[:8], start) is (mode == "realtime")
+        slow, quick = (
+            PoseEstimator(Jittery(), mode).estimate(depth, CAMERA, fps, segmented=True)[0].joints_camera_m for fps in (10, 60)
+        )
+        assert not np.allclose(slow, quick)
 
 
 def test_people_out_of_view_are_forgotten_before_they_fill_the_memory():

@@ -85,6 +85,7 @@ def test_what_this_checkout_ships_can_be_loaded():
     card = (kpopnet.weights.FOLDER / "MODEL_CARD.md").read_text()
     assert kpopnet.weights.SHA256["model.safetensors"] in card
     assert kpopnet.weights.FINDER_SHA256["finder.onnx"] in card
+    assert all(digest in card for digest in kpopnet.weights.OVER_TIME_SHA256.values())
     assert "/" not in json.dumps(estimator.meta)
     estimate = estimator.estimate(draw_depth(draw_joints(np.random.default_rng(0)))[None], CAMERA)
     assert np.isfinite(estimate.joints_camera_m).all()
@@ -105,6 +106,17 @@ def test_a_finder_is_shipped_beside_the_network(tmp_path, shipped):
     )
     for one, other in zip(by_onnx, by_torch, strict=True):
         np.testing.assert_allclose(one, other, atol=1e-3)
+
+
+def test_both_networks_over_time_are_shipped_in_their_order(tmp_path, shipped):
+    files = [kpopnet.weights.shipped_over_time(future) for future in (False, True)]
+    copies = [tmp_path / f"{number}.safetensors" for number in range(2)]
+    for file, copy in zip(files, copies, strict=True):
+        copy.write_bytes(file.read_bytes())
+    ship_weights.ship_over_time(*copies, shipped)
+    assert runpy.run_path(str(shipped / "__init__.py"))["OVER_TIME_SHA256"] == kpopnet.weights.OVER_TIME_SHA256
+    with pytest.raises(InputError, match=r"1\.safetensors: expected a network that does not know later frames"):
+        ship_weights.ship_over_time(copies[1], copies[0], shipped)
 
 
 def test_what_cannot_be_shipped_is_refused(tmp_path, shipped):
