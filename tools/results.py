@@ -98,7 +98,7 @@ def _kept(metrics: dict, by_person: bool) -> dict:
         kept["per_person"] = {name: {key: one[key] for key in small} for name, one in metrics["per_person"].items()}
     kept["by_yaw"] = {name: {"map_10cm": one["map_10cm"]} for name, one in metrics["by_yaw"].items()}
     kept["calibration_error"] = metrics["confidence"].get("ece")
-    kept["missed_by_cause"] = metrics.get("missed_by_cause")
+    kept |= {name: metrics.get(name) for name in ("missed_by_cause", "label_free")}
     if "in_label_definition" in metrics:
         kept["in_label_definition"] = _kept(metrics["in_label_definition"], by_person)
     return kept

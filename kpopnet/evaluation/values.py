@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 NO_VALUE = "-"
-DIGITS = {"%": 1, "cm": 2, "points": 2, "": 1}
+DIGITS = {"%": 1, "mm": 1, "cm": 2, "points": 2, "": 1}
 """Digits after the point, by unit."""
 
 LATEX = {
@@ -25,7 +25,7 @@ class Value:
     """A figure of a table."""
 
     value: float | None  # in its unit, but a fraction in 0..1 where the unit is %; None where it is undefined
-    unit: str = ""  # %, cm, points (percentage points) or nothing
+    unit: str = ""  # %, mm, cm, points (percentage points) or nothing
     interval: Sequence[float] | None = None  # its ends, likewise
     deviation: float | None = None  # standard deviation, likewise
     digits: int | None = None  # after the point; None for those of the unit. A whole number has none

@@ -37,6 +37,12 @@ CONFIDENCE = (
     "share of the joints, averaged over all shares; the best one orders joints by their true error. Missing joints are "
     "left out. The mean pose and the tree walk have confidence 1 throughout."
 )
+LABEL_FREE = (
+    "How well the joints agree with each other over time and with the depth, whatever the labels say: standard deviation of "
+    "bone lengths, jitter (root mean square) of joints that stay within 2 cm for 0.4 s, impossible accelerations, and the "
+    "distance of the person's points to the body that the joints pose. Less is better, beside small errors: a pose that never "
+    "moves is steady."
+)
 CLOCK = (
     "Definitions of the metrics: kpopnet/evaluation/poses/metrics.py. Frames per second are those of one core: the number of "
     "frames divided by the processor time of the estimator, or by wall-clock time on a GPU, after an untimed warm-up."
@@ -155,6 +161,8 @@ def _joint_blocks(run: PoseRun) -> list[Block]:
     limits = [(f"within {name.removesuffix('cm')} cm", f"pck/{name}", "%") for name in main["pck"]]
     causes = [(cause, f"missed_by_cause/{cause}", "%") for cause in main["missed_by_cause"]]
     blocks: list[Block] = [("table", headline), ("table", tables.across("", run.metrics, limits))]
+    if without_labels := tables.label_free_table(run.metrics):
+        blocks += [("heading", "Without labels"), ("text", LABEL_FREE), ("table", without_labels)]
     if published:
         blocks += [("text", "Published results beside ours, over the paper's fourteen joints.")]
         blocks += [("table", tables.published_table(run.metrics, published))]

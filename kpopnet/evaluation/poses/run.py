@@ -14,7 +14,9 @@ from kpopnet.evaluation.engine import Timed, stage
 from kpopnet.evaluation.poses.causes import missed_by_cause
 from kpopnet.evaluation.poses.confidence import evaluate_confidence
 from kpopnet.evaluation.poses.definition import in_label_definition
+from kpopnet.evaluation.poses.label_free import label_free, pooled
 from kpopnet.evaluation.poses.metrics import PoseResults, concatenated, difference, evaluate
+from kpopnet.evaluation.values import plain
 from kpopnet.pose.extraction import DEFAULT_EXTRACTION, extract_person, extraction_name
 
 
@@ -23,6 +25,7 @@ class EstimatedSequence(NamedTuple):
 
     results: dict[str, PoseResults]  # whose `unit` is the room
     seconds: dict[str, float]  # of the estimation
+    label_free: dict[str, np.ndarray]  # sums and counts, see there; empty for stills
     extraction_seconds: float | None  # of segmenting the person; None where the depth is segmented
     images_without_person: int  # without any depth, or in which no person was detected
 
@@ -50,14 +53,16 @@ class SequenceEstimation:
         frames = len(depth_m)
         yaw_rad = np.full(frames, np.nan, np.float32) if sequence.yaw_rad is None else sequence.yaw_rad
         names = [np.full(frames, one) for one in (name, sequence.identity, sequence.room)]
-        results, seconds = {}, {}
+        results, seconds, without_labels = {}, {}, {}
         for label, estimator in self.estimators.items():
             with stage(label):
                 start = {"start": first_label(truth_m)} if starts_from_label(estimator) else {}
                 (joints_m, confidence), seconds[label] = self._timed[label](depth_m, camera, **start)
             given = np.arange(frames) == (start["start"].frame if start else -1)
+            if sequence.fps:
+                without_labels[label] = label_free(joints_m, depth_m, camera, sequence.fps)
             results[label] = PoseResults(truth_m, joints_m, confidence, sequence.visible, yaw_rad, given, *names)
-        return EstimatedSequence(results, seconds, extraction_seconds, int((~depth_m.any(axis=(1, 2))).sum()))
+        return EstimatedSequence(results, seconds, without_labels, extraction_seconds, int((~depth_m.any(axis=(1, 2))).sum()))
 
 
 class Resampled(NamedTuple):
@@ -74,8 +79,8 @@ class PoseRun:
 
     benchmark: Benchmark
     results: dict[str, PoseResults]  # all N frames
-    # Figures of `evaluate`, `evaluate_confidence` and `missed_by_cause`; `fps` of the estimation alone; `sees_future`: whether
-    # it uses later images.
+    # Figures of `evaluate`, `evaluate_confidence`, `missed_by_cause`, `label_free` (None for stills); `fps` of the estimation
+    # alone; `sees_future`: whether it uses later images.
     metrics: dict[str, dict]
     differences: dict[str, dict]  # `metrics.difference` of every estimator but the first from the first one
     resampled: Resampled
@@ -132,6 +137,8 @@ def run_benchmark(
         fps = len(one.truth_m) / max(sum(part.seconds[label] for part in parts), 1e-9)
         sees_future = getattr(estimators[label], "sees_future", False)
         metrics[label] |= {"missed_by_cause": missed_by_cause(one), "fps": fps, "sees_future": sees_future}
+        films = [part.label_free[label] for part in parts if part.label_free]
+        metrics[label]["label_free"] = plain(pooled(films)) if films else None
     first, *others = results
     return PoseRun(
         benchmark=benchmark,

@@ -5,6 +5,7 @@ from functools import reduce
 from typing import NamedTuple
 
 from kpopnet.datasets.protocol import Benchmark, Origin
+from kpopnet.evaluation.poses.label_free import FIGURES
 from kpopnet.evaluation.poses.run import PoseRun
 from kpopnet.evaluation.values import Table, Value
 
@@ -106,6 +107,13 @@ def confidence_table(metrics: Metrics) -> Table:
     found = {name: one for name, one in found.items() if one["joints"]}
     shares = next(iter(found.values()))["error_cm"] if found else ()
     return across("", found, [*CONFIDENCE, *((f"error of {share}", f"error_cm/{share}", "cm") for share in shares)])
+
+
+def label_free_table(metrics: Metrics) -> Table | None:
+    """What needs no label, of films; None for stills."""
+    if any(one["label_free"] is None for one in metrics.values()):
+        return None
+    return across("", metrics, [(name, f"label_free/{key}", unit) for key, (name, unit) in FIGURES.items()])
 
 
 def difference_table(run: PoseRun) -> Table:
