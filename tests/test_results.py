@@ -81,3 +81,13 @@ def test_people_are_resampled_over_all_rows():
     assert value.value == pytest.approx(sum(k / 5 * (k + 1) for k in range(6)) / 21)
     assert value.interval[0] < value.value < value.interval[1] and value.interval[1] - value.interval[0] > 0.15
     assert results.pooled([{"per_person": dict(list(people.items())[:4])}]).interval is None
+
+
+def test_figures_that_name_their_file_are_renewed_in_their_digits_and_units(monkeypatch):
+    numbers = {"a:within": 0.98765, "a:error": 2.3456, "a:low": -0.0412, "a:false": 71}
+    monkeypatch.setitem(results.filled.__globals__, "figure", numbers.__getitem__)
+    old = "12.3 %<!-- a:within --> of 4.56 cm<!-- a:error --> (-3.1<!-- a:low --> to 5), 9<!-- a:false -->"
+    assert (
+        results.filled(old)
+        == "98.8 %<!-- a:within --> of 2.35 cm<!-- a:error --> (-4.1<!-- a:low --> to 5), 71<!-- a:false -->"
+    )

@@ -1,7 +1,7 @@
 """The documented figures: makes the rows of results/ and writes the tables of the pages from them.
 
     python tools/results.py make eval_sim_31    # runs the row's commands, writes results/eval_sim_31.json
-    python tools/results.py pages               # writes the tables of results/tables.toml into the pages
+    python tools/results.py pages               # writes tables and figures into the pages
 
 A row is one evaluation: its commands stand in results/rows.toml; its file has what the program measured, the commit, the
 date and the machine. A table stands between <!-- results: NAME --> and <!-- end -->. It pools the rows of several seeds of a
@@ -35,6 +35,9 @@ PAGES = tuple(ROOT / name for name in ("README.md", "docs/results.md", "docs/com
 """Their tables are made from the files; every figure outside the tables names its file."""
 
 BLOCK = re.compile(r"(<!-- results: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+REFERENCE = re.compile(r"((?:(?<=[\s(\[])-)?\b\d+(?:\.\d+)?)((?: (?:%|cm|points))?)<!-- ([\w./:, -]+:[\w./:, -]+) -->")
+"""A figure, its unit, and the number of a file that it shows."""
+
 KEPT = (
     "map_10cm",
     "map_14",
@@ -190,14 +193,21 @@ def dances_table(chosen: list[dict]) -> Table:
 
 
 def filled(page: str) -> str:
-    """The text of a page with its tables made anew."""
+    """The text of a page with its tables made anew, and the figures that name their file renewed."""
     tables = tomllib.loads((RESULTS / "tables.toml").read_text())
 
     def block(found: re.Match) -> str:
         table = (dances_table if found[2] == "dances" else joints_table)(tables[found[2]])
         return found[1] + table.markdown() + "\n" + found[3]
 
-    return BLOCK.sub(block, page)
+    def renewed(found: re.Match) -> str:
+        shown, unit, reference = found.groups()
+        number = figure(reference)
+        # Without a unit a fraction stands in percent or as it is: as what is nearer to what stood there.
+        percent = abs(number) <= 1 if unit == " %" else abs(100 * number - float(shown)) < abs(number - float(shown))
+        return f"{100 * number if percent else number:.{len(shown.partition('.')[2])}f}{unit}<!-- {reference} -->"
+
+    return REFERENCE.sub(renewed, BLOCK.sub(block, page))
 
 
 def referenced(page: str) -> Iterator[tuple[str, str]]:
@@ -232,7 +242,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
     commands.add_parser("make", help="runs the commands of rows, writes their files").add_argument("rows", nargs="+")
-    commands.add_parser("pages", help="writes the tables into the pages")
+    commands.add_parser("pages", help="writes tables and figures into the pages")
     given = parser.parse_args()
     try:
         if given.command == "make":
