@@ -62,15 +62,10 @@ class Cube:
 
 
 class View(NamedTuple):
-    """An augmented view of the cube: first mirrored left to right, then rotated about the camera's optical axis.
+    """An augmented view of the cube: first mirrored left to right, then rotated about the camera's optical axis."""
 
-    Attributes:
-        rotation_rad: positive rotates the image clockwise (x towards y).
-        mirrored: the image is mirrored, which swaps the person's left and right.
-    """
-
-    rotation_rad: float = 0.0
-    mirrored: bool = False
+    rotation_rad: float = 0.0  # positive rotates the image clockwise (x towards y)
+    mirrored: bool = False  # the image is mirrored, which swaps the person's left and right
 
     def matrix(self) -> np.ndarray:
         """(2, 2) float64 matrix from u, v of the plain view to u, v of this view."""

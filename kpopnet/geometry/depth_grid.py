@@ -53,25 +53,15 @@ the source; at most `MAX_TIPS` are used."""
 
 
 class DepthGrid(NamedTuple):
-    """A depth image sampled once per cell of about `CELL_M` x `CELL_M` at the person's depth.
+    """A depth image sampled once per cell of about `CELL_M` x `CELL_M` at the person's depth."""
 
-    Attributes:
-        points_m: (N, 3) float64, the point at the middle pixel of each measured cell, in the camera frame in metres.
-        index: (h, w) int32 number of each cell's point in points_m, or -1.
-        neighbours: (N, 8) int32 neighbours of each point, see `kpopnet.geometry.depth_grid.neighbour_graph`.
-        edge_lengths_m: (N, 8) float64 lengths of the edges to the neighbours in metres.
-        nearest: (h, w, 2) int32 row and column of the nearest measured cell; negative if no cell is measured.
-        depth_m: (H, W) float32 the depth image in metres, `denoised`.
-        intrinsics: (5,) fx, fy, cx, cy and the side of a cell, in pixels.
-    """
-
-    points_m: np.ndarray
-    index: np.ndarray
-    neighbours: np.ndarray
-    edge_lengths_m: np.ndarray
-    nearest: np.ndarray
-    depth_m: np.ndarray
-    intrinsics: np.ndarray
+    points_m: np.ndarray  # (N, 3) float64, the point at the middle pixel of each measured cell, in the camera frame in metres
+    index: np.ndarray  # (h, w) int32 number of each cell's point in points_m, or -1
+    neighbours: np.ndarray  # (N, 8) int32 neighbours of each point, see `kpopnet.geometry.depth_grid.neighbour_graph`
+    edge_lengths_m: np.ndarray  # (N, 8) float64 lengths of the edges to the neighbours in metres
+    nearest: np.ndarray  # (h, w, 2) int32 row and column of the nearest measured cell; negative if no cell is measured
+    depth_m: np.ndarray  # (H, W) float32 the depth image in metres, `denoised`
+    intrinsics: np.ndarray  # (5,) fx, fy, cx, cy and the side of a cell, in pixels
 
 
 def build_depth_grid(depth_m: np.ndarray, camera: Camera) -> DepthGrid:

@@ -50,17 +50,11 @@ class NotYPose(Exception):  # noqa: N818 - not an error: most frames show anothe
 
 
 class InitialPose(NamedTuple):
-    """A person in the Y pose.
+    """A person in the Y pose."""
 
-    Attributes:
-        joints_camera_m: (15, 3) float64 metres in the camera frame.
-        model: their lengths and angles.
-        limbs: arms and legs by the joint at their end.
-    """
-
-    joints_camera_m: np.ndarray
-    model: HumanModel
-    limbs: dict[Joint, Limb]
+    joints_camera_m: np.ndarray  # (15, 3) float64 metres in the camera frame
+    model: HumanModel  # their lengths and angles
+    limbs: dict[Joint, Limb]  # arms and legs by the joint at their end
 
 
 def find_initial_pose(depth_m: np.ndarray, camera: Camera) -> InitialPose | None:

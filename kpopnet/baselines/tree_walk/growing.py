@@ -24,19 +24,12 @@ DIRECTIONS, KMEANS_ITERATIONS = 5, 10
 
 
 class Samples(NamedTuple):
-    """Training samples: positions in images, and the directions from there to the joint.
+    """Training samples: positions in images, and the directions from there to the joint."""
 
-    Attributes:
-        images: (M, S, S) int16 `integer_image`.
-        image: (N,) int32 index of each sample's image.
-        position: (N, 3) int32 row, column and depth (`kpopnet.baselines.tree_walk.walking.feature`).
-        direction: (N, 3) float32 unit vectors from the position to the joint.
-    """
-
-    images: np.ndarray
-    image: np.ndarray
-    position: np.ndarray
-    direction: np.ndarray
+    images: np.ndarray  # (M, S, S) int16 `integer_image`
+    image: np.ndarray  # (N,) int32 index of each sample's image
+    position: np.ndarray  # (N, 3) int32 row, column and depth (`kpopnet.baselines.tree_walk.walking.feature`)
+    direction: np.ndarray  # (N, 3) float32 unit vectors from the position to the joint
 
 
 def grow(samples: Samples, leaf_samples: int, num_features: int, px_per_m: float, seed: tuple[int, ...]) -> Trees:

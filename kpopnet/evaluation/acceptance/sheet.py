@@ -30,23 +30,14 @@ BOTH, USERS, MISSED, NOT_SHOWN = "met both", "met, ours missed", "missed", "not 
 
 
 class Line(NamedTuple):
-    """A line of the sheet.
+    """A line of the sheet."""
 
-    Attributes:
-        key: of its figure.
-        title: what a reader calls it.
-        unit: of the figure.
-        compare: with which the figure meets a gate; None without gates.
-        gate: of an independent user of depth joints in a dance game.
-        ours: as half of what the user tolerates.
-    """
-
-    key: str
-    title: str
-    unit: str
-    compare: Callable[[float, float], bool] | None = None
-    gate: float = 0
-    ours: float = 0
+    key: str  # of its figure
+    title: str  # what a reader calls it
+    unit: str  # of the figure
+    compare: Callable[[float, float], bool] | None = None  # with which the figure meets a gate; None without gates
+    gate: float = 0  # of an independent user of depth joints in a dance game
+    ours: float = 0  # as half of what the user tolerates
 
 
 LINES = (
