@@ -116,10 +116,8 @@ class PaperTracker:
     def start(self, joints_camera_m: np.ndarray) -> None:
         """Starts from a known pose, (15, 3) joints in the camera frame in metres; measures the model unless there is one.
 
-        As printed, the next image's depth then moves the joints to the surface.
-
-        Raises:
-            InputError: another shape, or joints are missing.
+        As printed, the next image's depth then moves the joints to the surface. Raises InputError for another shape, or if
+        joints are missing.
         """
         self._start(start_pose(joints_camera_m, "paper tracker"))
         self._inside = not self.config.repaired
@@ -192,11 +190,7 @@ class PaperTrackerEstimator:
     name = "paper_tracker"
 
     def __init__(self, config: PaperTrackerConfig = PaperTrackerConfig()) -> None:
-        """Loads the human model if the settings name one.
-
-        Raises:
-            InputError: the model cannot be read.
-        """
+        """Loads the human model if the settings name one. Raises InputError if the model cannot be read."""
         self.config = config
         self.model = None if config.model is None else HumanModel.load(config.model)
         self.starts_from_label = config.start == "label"

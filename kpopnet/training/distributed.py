@@ -51,8 +51,7 @@ class Processes:
 def join_processes(device: str) -> Iterator[Processes]:
     """Joins the processes that torchrun started, if any: NCCL on GPUs, gloo on CPUs.
 
-    Raises:
-        InputError: the device is not cpu, cuda or auto (a GPU if available), or there is no GPU.
+    Raises InputError if the device is not cpu, cuda or auto (a GPU if available), or there is no GPU.
     """
     if device not in ("auto", "cpu", "cuda"):
         raise InputError(f"device={device}: expected auto, cpu or cuda")

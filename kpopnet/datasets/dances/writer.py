@@ -94,10 +94,8 @@ def write_learner(
 ) -> None:
     """Writes DANCE/NAME.h5, and creates the folder DANCE if necessary; `about` holds notes to store as JSON.
 
-    Times of the frames (T,) are in seconds, (T, 15, 3) true joints in metres in the camera frame.
-
-    Raises:
-        InputError: neither joints nor depth are given, or the name, joints or times are invalid.
+    Times of the frames (T,) are in seconds, (T, 15, 3) true joints in metres in the camera frame. Raises InputError if neither
+    joints nor depth are given, or the name, joints or times are invalid.
     """
     expect(joints_m is not None or depth is not None, f"learner {name}", "joints or depth to write")
     _check_name(name)

@@ -105,8 +105,8 @@ def matched_people(benchmark: PeopleSet, followers: dict[str, Timed], name: str)
 def evaluate_people(config: EvaluateConfig, folder: Path) -> Report:
     """Judges all people found in films of several people; writes pictures into the folder.
 
-    Raises:
-        InputError: no estimator, one that finds one person only, a setting for other benchmarks, or no sequence gave figures.
+    Raises InputError if there is no estimator, one finds one person only, a setting is for other benchmarks, or no sequence
+    gave figures.
     """
     name = config.benchmark.name
     config.refuse("scorer", "sweep")
