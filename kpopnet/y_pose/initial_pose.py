@@ -66,14 +66,8 @@ def find_initial_pose(depth_m: np.ndarray, camera: Camera) -> InitialPose | None
 
 
 def initial_pose(depth_m: np.ndarray, camera: Camera) -> InitialPose:
-    """Estimates the initial pose of a person in the Y pose.
-
-    Args:
-        depth_m: (H, W) float32 metres of one person, 0 elsewhere; may be cropped around the person.
-        camera: the camera of exactly these pixels.
-
-    Raises:
-        NotYPose: the frame does not show the pose; the message gives the reason.
+    """Estimates the initial pose of a person in the Y pose from (H, W) float32 metres of them alone, 0 elsewhere, which may be
+    cropped around them, and the camera of exactly these pixels. Raises NotYPose, with the reason, for any other pose.
     """
     person_m, person = person_silhouette(depth_m, camera.fx)
     torso = torso_rectangle(person)

@@ -39,12 +39,8 @@ class PackedDepth:
         self._boxes: list[tuple[int, int, int, int]] = []
 
     def add(self, depth_m: np.ndarray, x0: int = 0, y0: int = 0) -> None:
-        """Adds the next frame.
-
-        Args:
-            depth_m: (h, w) depth of the segmented person, metres in floating point or uint16 millimetres; 0 elsewhere.
-            x0: column of its first pixel in the whole image.
-            y0: row of its first pixel in the whole image.
+        """Adds the next frame: (h, w) depth of the segmented person, metres in floating point or uint16 millimetres, 0
+        elsewhere; and the column and the row of its first pixel in the whole image.
         """
         where = f"depth of frame {len(self)}"
         depth_m = depth_in_metres(depth_m, where=where)
