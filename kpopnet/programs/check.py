@@ -295,7 +295,3 @@ def main() -> None:
         with locked(given.out):
             written = write(given.out, shown, found, runs, about | {"machine": machine_before})
         print("wrote", ", ".join(map(str, written)))
-
-
-if __name__ == "__main__":
-    main()

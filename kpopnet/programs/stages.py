@@ -120,7 +120,3 @@ def main() -> None:
     given = parser.parse_args()
     save_png(given.figure, stages_of(given.depth, given.frame, given.camera, given.start))
     print(f"stages of frame {given.frame}: {given.figure}")
-
-
-if __name__ == "__main__":
-    main()
