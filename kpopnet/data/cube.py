@@ -119,10 +119,8 @@ def crop(
     Returns:
         (1 or 2, crop_px, crop_px) float32. Channel 0 is d of the nearest pixel, clipped to -1..1, and 1 where nothing was
         measured. (Interpolation would create points between a limb and the surface behind it.) Channel 1 is the mean
-        ridge probability over the crop pixel's square, so that lines thinner than a crop pixel are preserved.
-
-    Raises:
-        InputError: depth or ridge are not of the camera's size.
+        ridge probability over the crop pixel's square, so that lines thinner than a crop pixel are preserved. Raises
+        InputError if depth or ridge are not of the camera's size.
     """
     check_images("depth and ridge image", camera, depth_m, *(() if ridge is None else (ridge,)))
     cx, cy, cz = (float(value) for value in cube.centre_m)

@@ -225,12 +225,10 @@ def neighbour_graph(points, index):
 def geodesic_distances(neighbours, edge_lengths, source, max_distance_m):
     """The geodesic distance of every point to the nearest of (N,) bool sources on a `neighbour_graph`, up to `max_distance_m`.
 
-    Bellman-Ford algorithm with a queue: a point whose distance decreased is queued to update its neighbours. All sources
-    start in the queue. Then hardly any point is queued twice, and with a small limit most points are never visited.
-
-    Returns:
-        (N,) distances in metres, `UNREACHABLE_M` where there is no path, and (N,) int32 the next point on the path to the
-        source, -1 at sources and where there is no path.
+    (N,) distances in metres, `UNREACHABLE_M` where there is no path, and (N,) int32 the next point on the path to the source,
+    -1 at sources and where there is no path. Bellman-Ford algorithm with a queue: a point whose distance decreased is queued to
+    update its neighbours. All sources start in the queue. Then hardly any point is queued twice, and with a small limit most
+    points are never visited.
     """
     size = len(source)
     distance, predecessor = np.full(size, UNREACHABLE_M), np.full(size, -1, np.int32)

@@ -128,11 +128,9 @@ class PaperTracker:
         self.state = State(joints, np.zeros_like(joints), np.zeros(NUM_JOINTS, np.int64))
 
     def track(self, depth_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Tracks the person in the next (H, W) float32 depth image, metres, 0 where the person is not.
-
-        Returns:
-            (15, 3) float64 joints in the camera frame in metres and (15,) confidence, the estimated probability of an error
-            below 10 cm; NaN and 0 before the start and in frames without a visible person.
+        """(15, 3) float64 joints in the camera frame in metres, and (15,) confidence, the estimated probability of an error
+        below 10 cm, in the next (H, W) float32 depth image of the person, metres, 0 elsewhere; NaN and 0 before the start and
+        in frames without a visible person.
         """
         frame = self.frame(depth_m)
         if len(frame.cells_m) < MIN_POINTS or not (self.started or self._find_start(depth_m)):

@@ -137,13 +137,11 @@ def _dot(a, b):
 
 
 def cluster(directions: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Spherical k-means of (n, 3) unit vectors.
+    """Spherical k-means of (n, 3) unit vectors: (count, 3) float64 means, and (count,) the share of the vectors nearest to
+    each.
 
     The first mean is initialised with the first vector, every further mean with the vector farthest in angle from the
     means before it.
-
-    Returns:
-        (count, 3) float64 unit vectors, and (count,) the share of the vectors nearest to each; 0 for a mean without vectors.
     """
     directions = directions.astype(np.float64)
     means = np.zeros((count, 3))
