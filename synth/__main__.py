@@ -62,11 +62,7 @@ from synth.simulated.two_people import TwoPeople
 
 
 def parse_range(text: str, num_shards: int) -> range:
-    """Shard numbers from "all" or "first:end".
-
-    Raises:
-        InputError: anything else.
-    """
+    """Shard numbers from "all" or "first:end". Raises InputError for anything else."""
     if text == "all":
         return range(num_shards)
     if not re.fullmatch(r"[0-9]{1,9}:[0-9]{1,9}", text):
@@ -151,11 +147,7 @@ def resolved_renderer(renderer: str, camera: Camera) -> str:
 
 
 def number_of_processes(given: int) -> int:
-    """The number of worker processes, of which 0 stands for one on every core.
-
-    Raises:
-        InputError: a negative number.
-    """
+    """The number of worker processes, of which 0 stands for one on every core. Raises InputError for a negative number."""
     if given < 0:
         raise InputError(f"processes={given} must be 0 (every core) or more")
     return bounded_processes(given) or available_cores()

@@ -23,20 +23,11 @@ def make_missing(
     per_item: Callable[[int], float],
     processes: int,
 ) -> None:
-    """Makes the items that are not finished.
+    """Makes the items of some numbers that are not finished, into a folder, which is made if it is missing.
 
-    Args:
-        make: called with an item's number and a function to call after each unit; picklable if there are several processes.
-        numbers: of the wanted items.
-        is_finished: whether an item lies in the folder.
-        folder: for messages; made if it is missing.
-        noun: what an item is called, such as "shard".
-        unit: what the progress bar counts, such as "frame".
-        per_item: expected units of each item.
-        processes: how many.
-
-    Raises:
-        InputError: a worker process died; finished items stay.
+    `make`, picklable if there are several processes, is called with an item's number and a function to call after each unit. An
+    item is called a `noun`, such as "shard"; the progress bar counts a `unit`, such as "frame", of which `per_item` are
+    expected of each item. Raises InputError if a worker process died; finished items stay.
     """
     folder.mkdir(parents=True, exist_ok=True)
     missing = [number for number in numbers if not is_finished(number)]

@@ -31,7 +31,7 @@ def main() -> None:
     parser.add_argument("--size", type=int, nargs=2, default=(1280, 860), help="of the window in pixels: %(default)s")
     parser.add_argument("--dark", action="store_true", help="in the dark theme")
     given = parser.parse_args()
-    command = [sys.executable, "-m", "kpopnet.programs.live", given.source, "--loop", "--no-browser", "--port", "0"]
+    command = [sys.executable, "-m", "kpopnet.cli", "live", given.source, "--loop", "--no-browser", "--port", "0"]
     program = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     try:
         address = re.search(r"http://\S+", program.stdout.readline() if program.stdout else "")

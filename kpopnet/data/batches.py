@@ -83,21 +83,14 @@ class AugmentConfig:
 
 
 class Batch(NamedTuple):
-    """B crops of C x S x S, float32, as arrays or tensors.
+    """B crops of C x S x S, float32, as arrays or tensors."""
 
-    Attributes:
-        crop: (B, C, S, S).
-        target: (B, 15, 3) joints in cube units, in the crop's view.
-        cube_m: (B, 4) the cube's centre in the camera frame and its half size, metres.
-        offset_m: (B, 15, 3) ground-truth joints minus the centre of the silhouette, metres, without augmentation of the view.
-        skipped: number of observations with an empty silhouette, which were replaced.
-    """
-
-    crop: torch.Tensor
-    target: torch.Tensor
-    cube_m: torch.Tensor
+    crop: torch.Tensor  # (B, C, S, S)
+    target: torch.Tensor  # (B, 15, 3) joints in cube units, in the crop's view
+    cube_m: torch.Tensor  # (B, 4) the cube's centre in the camera frame and its half size, metres
+    # (B, 15, 3) ground-truth joints minus the centre of the silhouette, metres, without augmentation of the view
     offset_m: torch.Tensor
-    skipped: int
+    skipped: int  # number of observations with an empty silhouette, which were replaced
 
 
 Order = Callable[[int], list[tuple[int, int]]]
@@ -152,23 +145,15 @@ class CropBatches(Dataset):
 
     An observation with an empty silhouette (kpopnet.data.cube.MIN_SILHOUETTE_PX) is replaced by the next one that is not empty,
     and counted in `Batch.skipped`.
-
-    Attributes:
-        source: observations.
-        model: the input of the network.
-        order: the samples of each batch.
-        seed: of the augmentation.
-        augment: augmentation, None for plain crops (validation).
-        ridge: of the ridge image, where the model takes one.
-        small_crops: the first step whose crops have the model's size, and the side in pixels of the crops before it.
     """
 
-    source: ObservationSource
-    model: CropSettings
-    order: Order
-    seed: int
-    augment: AugmentConfig | None
-    ridge: RidgeConfig = field(default_factory=RidgeConfig)
+    source: ObservationSource  # observations
+    model: CropSettings  # the input of the network
+    order: Order  # the samples of each batch
+    seed: int  # of the augmentation
+    augment: AugmentConfig | None  # augmentation, None for plain crops (validation)
+    ridge: RidgeConfig = field(default_factory=RidgeConfig)  # of the ridge image, where the model takes one
+    # the first step whose crops have the model's size, and the side in pixels of the crops before it
     small_crops: tuple[int, int] = (0, 0)
 
     def __getitem__(self, step: int) -> Batch:

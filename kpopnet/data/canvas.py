@@ -15,17 +15,11 @@ STRIDE = 2
 
 
 class Reduced(NamedTuple):
-    """An image in the upper left corner of a canvas.
+    """An image in the upper left corner of a canvas."""
 
-    Attributes:
-        depth_m: (128, 160) float32 depth in metres, 0 where nothing was measured and outside the image.
-        intrinsics: (4,) float32 fx, fy, cx, cy of the canvas.
-        reduction: pixels of the image to one of the canvas; below 1 for small images.
-    """
-
-    depth_m: np.ndarray
-    intrinsics: np.ndarray
-    reduction: float
+    depth_m: np.ndarray  # (128, 160) float32 depth in metres, 0 where nothing was measured and outside the image
+    intrinsics: np.ndarray  # (4,) float32 fx, fy, cx, cy of the canvas
+    reduction: float  # pixels of the image to one of the canvas; below 1 for small images
 
 
 def reduced(depth_m: np.ndarray, camera: Camera) -> Reduced:

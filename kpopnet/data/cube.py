@@ -62,15 +62,10 @@ class Cube:
 
 
 class View(NamedTuple):
-    """An augmented view of the cube: first mirrored left to right, then rotated about the camera's optical axis.
+    """An augmented view of the cube: first mirrored left to right, then rotated about the camera's optical axis."""
 
-    Attributes:
-        rotation_rad: positive rotates the image clockwise (x towards y).
-        mirrored: the image is mirrored, which swaps the person's left and right.
-    """
-
-    rotation_rad: float = 0.0
-    mirrored: bool = False
+    rotation_rad: float = 0.0  # positive rotates the image clockwise (x towards y)
+    mirrored: bool = False  # the image is mirrored, which swaps the person's left and right
 
     def matrix(self) -> np.ndarray:
         """(2, 2) float64 matrix from u, v of the plain view to u, v of this view."""
@@ -124,10 +119,8 @@ def crop(
     Returns:
         (1 or 2, crop_px, crop_px) float32. Channel 0 is d of the nearest pixel, clipped to -1..1, and 1 where nothing was
         measured. (Interpolation would create points between a limb and the surface behind it.) Channel 1 is the mean
-        ridge probability over the crop pixel's square, so that lines thinner than a crop pixel are preserved.
-
-    Raises:
-        InputError: depth or ridge are not of the camera's size.
+        ridge probability over the crop pixel's square, so that lines thinner than a crop pixel are preserved. Raises
+        InputError if depth or ridge are not of the camera's size.
     """
     check_images("depth and ridge image", camera, depth_m, *(() if ridge is None else (ridge,)))
     cx, cy, cz = (float(value) for value in cube.centre_m)

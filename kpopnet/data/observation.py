@@ -10,20 +10,14 @@ from kpopnet.camera import Camera
 
 @dataclass(frozen=True)
 class Observation:
-    """One segmented person in one depth image.
+    """One segmented person in one depth image."""
 
-    Attributes:
-        depth_m: (h, w) float32 metres, the person's depth after sensor noise and human extraction, 0 elsewhere. May be a
-            part of the image around the person.
-        camera: the camera of exactly these pixels.
-        joints_camera_m: (15, 3) float32 ground-truth joints, camera frame, metres.
-        visible: (15,) bool, the joint is in the image and not occluded.
-    """
-
+    # (h, w) float32 metres, the person's depth after sensor noise and human extraction, 0 elsewhere. May be a part of the image
+    # around the person.
     depth_m: np.ndarray
-    camera: Camera
-    joints_camera_m: np.ndarray
-    visible: np.ndarray
+    camera: Camera  # the camera of exactly these pixels
+    joints_camera_m: np.ndarray  # (15, 3) float32 ground-truth joints, camera frame, metres
+    visible: np.ndarray  # (15,) bool, the joint is in the image and not occluded
 
 
 class ObservationSource(Protocol):

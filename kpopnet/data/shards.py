@@ -211,8 +211,7 @@ class ShardedSet:
     def room(self, index: int, room: int) -> tuple[np.ndarray, np.ndarray]:
         """Row `room` (see `Sample.room`) of the rooms in the shard of sample `index`; up to ROOMS_KEPT of them are cached.
 
-        Returns:
-            (H, W) uint16 depth of the empty room in millimetres, and its (4,) float32 floor plane.
+        (H, W) uint16 depth of the empty room in millimetres, and its (4,) float32 floor plane.
         """
         shard, _ = self._locate(index)
         key = shard.path, room

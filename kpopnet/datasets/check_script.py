@@ -4,17 +4,11 @@ from typing import NamedTuple
 
 
 class Step(NamedTuple):
-    """A part of the minute.
+    """A part of the minute."""
 
-    Attributes:
-        name: of the step.
-        start_s: its start, in seconds from that of the script.
-        told: what the person is told to do.
-    """
-
-    name: str
-    start_s: float
-    told: str
+    name: str  # of the step
+    start_s: float  # its start, in seconds from that of the script
+    told: str  # what the person is told to do
 
 
 SCRIPT = (

@@ -55,13 +55,8 @@ def run(work: Callable[[str], Row], names: list[str], processes: int, where: str
     """Calls the work with every name, in processes of one thread each; the results do not depend on their number.
 
     The work, which is pickled, reads the sequence or dance of a name, runs every estimator on it and returns what the metrics
-    are computed from. `where` is the benchmark, for the progress bar and messages.
-
-    Returns:
-        What the work gave for each name, and why the others are left out; both in the order given.
-
-    Raises:
-        InputError: every item failed, or a process died.
+    are computed from. `where` is the benchmark, for the progress bar and messages. The results are what it gave for each name,
+    and why the others are left out, both in the order given. Raises InputError if every item failed, or a process died.
     """
     outcomes: dict[str, Row | Failure] = {}
     with tqdm(total=len(names), desc=where) as bar:

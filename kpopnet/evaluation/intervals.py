@@ -44,11 +44,7 @@ class Bootstrap:
         self._draws = np.random.default_rng(seed).multinomial(self.units, shares, size=DRAWS) if enough else None
 
     def ratios(self, numerator: np.ndarray, denominator: np.ndarray) -> np.ndarray:
-        """The ratio of the sums of two (N, K) arrays in each resample.
-
-        Returns:
-            (DRAWS,); NaN where the resampled denominator is 0. Without values with fewer than FEWEST_UNITS units.
-        """
+        """(DRAWS,) ratios of the sums of two (N, K) arrays, NaN where the lower sum is 0; (0,) below FEWEST_UNITS units."""
         above, below = (self.sums(values.sum(axis=1, keepdims=True))[:, 0] for values in (numerator, denominator))
         return np.divide(above, below, out=np.full(len(below), np.nan), where=below > 0)
 

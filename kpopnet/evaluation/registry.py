@@ -129,10 +129,8 @@ def build_benchmark(config: Any) -> Benchmark:
 def build_estimators(configs: dict[str, Any]) -> dict[str, Estimator]:
     """Builds the configured estimators, by name; the class of the settings determines the kind.
 
-    Where a checkpoint holds a mean pose, that baseline is added as the last estimator, for comparison with the network.
-
-    Raises:
-        InputError: no estimator is configured, or a file that one needs is missing.
+    Where a checkpoint holds a mean pose, that baseline is added as the last estimator, for comparison with the network. Raises
+    InputError if no estimator is configured, or a file that one needs is missing.
     """
     if not configs:
         raise InputError("estimator: expected at least one, for instance estimator=network checkpoint=...")

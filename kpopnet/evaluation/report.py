@@ -83,11 +83,9 @@ def interval_remarks(units: str, number: int, note: str = "", fewest: int | None
 def write(report: Report, config: EvaluateConfig, folder: Path) -> None:
     """Writes the report into the folder, which holds its figures and views. Each file appears whole or not at all.
 
-    report.html contains figures and views, but for large ones, so it can be passed on alone. A half of a surrogate
-    pair, which stands in the name of a file for a byte that is no UTF-8, becomes a backslash escape.
-
-    Raises:
-        ValueError: a metric is NaN or infinite; all but metrics.json is written all the same.
+    report.html contains figures and views, but for large ones, so it can be passed on alone. A half of a surrogate pair, which
+    stands in the name of a file for a byte that is no UTF-8, becomes a backslash escape. Raises ValueError if a metric is NaN
+    or infinite; all but metrics.json is written all the same.
     """
     settings, git = asdict(config), git_revision()
     made = {

@@ -141,26 +141,17 @@ NECK_FRACTION = neck_fraction(-1.0)
 
 
 class Body(NamedTuple):
-    """One person's body as arrays for the numba kernels.
+    """One person's body as arrays for the numba kernels."""
 
-    Attributes:
-        radii_m: (P, 2) radii at both ends of the parts, metres.
-        pairs: (C, 2) joints with a constrained distance.
-        stiffness: (C,) relative weight of each distance, 0..1.
-        lengths_m: (C,) the distances with horizontal upper arms, metres.
-        elevating_arm: (C,) the arm, 0 right or 1 left, whose elevation changes the distance, or -1.
-        elevation_gain_m: (C, 2) linear and quadratic change of the distance in metres, by the cosine between upper arm and up.
-        limbs_m: (4, 2) lengths of the upper and lower part of each limb, metres.
-        trunk_offsets_m: (6, 3) offset of each trunk point from its joint in metres: to the torso's right, down and front.
-    """
-
-    radii_m: np.ndarray
-    pairs: np.ndarray
-    stiffness: np.ndarray
-    lengths_m: np.ndarray
-    elevating_arm: np.ndarray
+    radii_m: np.ndarray  # (P, 2) radii at both ends of the parts, metres
+    pairs: np.ndarray  # (C, 2) joints with a constrained distance
+    stiffness: np.ndarray  # (C,) relative weight of each distance, 0..1
+    lengths_m: np.ndarray  # (C,) the distances with horizontal upper arms, metres
+    elevating_arm: np.ndarray  # (C,) the arm, 0 right or 1 left, whose elevation changes the distance, or -1
+    # (C, 2) linear and quadratic change of the distance in metres, by the cosine between upper arm and up
     elevation_gain_m: np.ndarray
-    limbs_m: np.ndarray
+    limbs_m: np.ndarray  # (4, 2) lengths of the upper and lower part of each limb, metres
+    # (6, 3) offset of each trunk point from its joint in metres: to the torso's right, down and front
     trunk_offsets_m: np.ndarray
 
 

@@ -53,25 +53,15 @@ the source; at most `MAX_TIPS` are used."""
 
 
 class DepthGrid(NamedTuple):
-    """A depth image sampled once per cell of about `CELL_M` x `CELL_M` at the person's depth.
+    """A depth image sampled once per cell of about `CELL_M` x `CELL_M` at the person's depth."""
 
-    Attributes:
-        points_m: (N, 3) float64, the point at the middle pixel of each measured cell, in the camera frame in metres.
-        index: (h, w) int32 number of each cell's point in points_m, or -1.
-        neighbours: (N, 8) int32 neighbours of each point, see `kpopnet.geometry.depth_grid.neighbour_graph`.
-        edge_lengths_m: (N, 8) float64 lengths of the edges to the neighbours in metres.
-        nearest: (h, w, 2) int32 row and column of the nearest measured cell; negative if no cell is measured.
-        depth_m: (H, W) float32 the depth image in metres, `denoised`.
-        intrinsics: (5,) fx, fy, cx, cy and the side of a cell, in pixels.
-    """
-
-    points_m: np.ndarray
-    index: np.ndarray
-    neighbours: np.ndarray
-    edge_lengths_m: np.ndarray
-    nearest: np.ndarray
-    depth_m: np.ndarray
-    intrinsics: np.ndarray
+    points_m: np.ndarray  # (N, 3) float64, the point at the middle pixel of each measured cell, in the camera frame in metres
+    index: np.ndarray  # (h, w) int32 number of each cell's point in points_m, or -1
+    neighbours: np.ndarray  # (N, 8) int32 neighbours of each point, see `kpopnet.geometry.depth_grid.neighbour_graph`
+    edge_lengths_m: np.ndarray  # (N, 8) float64 lengths of the edges to the neighbours in metres
+    nearest: np.ndarray  # (h, w, 2) int32 row and column of the nearest measured cell; negative if no cell is measured
+    depth_m: np.ndarray  # (H, W) float32 the depth image in metres, `denoised`
+    intrinsics: np.ndarray  # (5,) fx, fy, cx, cy and the side of a cell, in pixels
 
 
 def build_depth_grid(depth_m: np.ndarray, camera: Camera) -> DepthGrid:
@@ -235,12 +225,10 @@ def neighbour_graph(points, index):
 def geodesic_distances(neighbours, edge_lengths, source, max_distance_m):
     """The geodesic distance of every point to the nearest of (N,) bool sources on a `neighbour_graph`, up to `max_distance_m`.
 
-    Bellman-Ford algorithm with a queue: a point whose distance decreased is queued to update its neighbours. All sources
-    start in the queue. Then hardly any point is queued twice, and with a small limit most points are never visited.
-
-    Returns:
-        (N,) distances in metres, `UNREACHABLE_M` where there is no path, and (N,) int32 the next point on the path to the
-        source, -1 at sources and where there is no path.
+    (N,) distances in metres, `UNREACHABLE_M` where there is no path, and (N,) int32 the next point on the path to the source,
+    -1 at sources and where there is no path. Bellman-Ford algorithm with a queue: a point whose distance decreased is queued to
+    update its neighbours. All sources start in the queue. Then hardly any point is queued twice, and with a small limit most
+    points are never visited.
     """
     size = len(source)
     distance, predecessor = np.full(size, UNREACHABLE_M), np.full(size, -1, np.int32)

@@ -88,8 +88,7 @@ class HumanModel:
     def from_joints(cls, joints_m: np.ndarray) -> "HumanModel":
         """Measures the model of a person with known (15, 3) joints, metres; the neck is not used.
 
-        Raises:
-            InputError: another shape, or one of the fourteen joints is missing.
+        Raises InputError for another shape, or if one of the fourteen joints is missing.
         """
         joints = np.asarray(joints_m, np.float64)
         if joints.shape != (NUM_JOINTS, 3):

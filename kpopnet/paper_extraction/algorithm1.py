@@ -66,17 +66,10 @@ class PaperExtractor:
         self._num_identities = 0
 
     def extract(self, depth_m: np.ndarray, time_s: float | None = None) -> list[Human]:
-        """Algorithm 1: the people in the next image.
+        """Algorithm 1: the people in the next image, in the order in which they were first found; none in the first image.
 
-        Args:
-            depth_m: (H, W) float metres or uint16 millimetres, 0 where nothing was measured; neither changed nor kept.
-            time_s: not used: the paper counts images.
-
-        Returns:
-            The visible people, in the order in which they were first found; none in the first image or an empty one.
-
-        Raises:
-            InputError: not one depth image of the camera's size.
+        It is (H, W) float metres or uint16 millimetres, 0 where nothing was measured, and neither changed nor kept. Its time is
+        not used: the paper counts images. Raises InputError unless it is one depth image of the camera's size.
         """
         depth_m = depth_in_metres(depth_m, self.camera)
         if depth_m.ndim != 2:

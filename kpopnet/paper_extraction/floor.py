@@ -31,16 +31,10 @@ MIN_UP = 0.5
 
 
 def find_floor(depth_m: np.ndarray, camera: Camera, delta_f_m: float, before: np.ndarray | None) -> np.ndarray | None:
-    """The floor in an (H, W) image in metres.
+    """(4,) unit normal n, upwards, and d with n.x + d = 0 on the floor, camera frame, metres; None if no floor is in view.
 
-    Args:
-        depth_m: the image, 0 where nothing was measured.
-        camera: its camera.
-        delta_f_m: points less than this above the floor are floor, metres.
-        before: the floor in the image before, None if there is none.
-
-    Returns:
-        (4,) unit normal n, upwards, and d with n.x + d = 0 on the floor, camera frame, metres; None if no floor is in view.
+    From an (H, W) image in metres, 0 where nothing was measured. Points less than `delta_f_m` above the floor are floor;
+    `before` is the floor in the image before, None if there is none.
     """
     stride = max(1, round((depth_m.size / SAMPLES) ** 0.5))
     v, u = np.mgrid[0 : camera.height : stride, 0 : camera.width : stride]
@@ -60,13 +54,8 @@ def find_floor(depth_m: np.ndarray, camera: Camera, delta_f_m: float, before: np
 def fit_floor(points: np.ndarray, plane: np.ndarray | None, delta_f_m: float) -> np.ndarray | None:
     """The loop of Algorithm 1: least squares over the points near the plane, until these no longer change.
 
-    Args:
-        points: (N, 3) metres, camera frame, in front of the camera.
-        plane: (4,) A_0, d_0 as `find_floor` returns them, or None.
-        delta_f_m: see `find_floor`.
-
-    Returns:
-        (4,) the fitted plane; None if the points near it lie on a line.
+    From (N, 3) points, metres, in front of the camera, and (4,) A_0, d_0 or None, as `find_floor` returns them. None if the
+    points near the plane lie on a line.
     """
     floor = None
     for _ in range(MAX_ITERATIONS):

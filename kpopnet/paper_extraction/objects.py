@@ -21,14 +21,10 @@ OBJECT = np.dtype(
 
 @njit(cache=True)
 def label_components(depth_m, epsilon_z_m):
-    """Labels the pixels of each object.
+    """(H, W) int32 labels, from 1 in the order of the objects' first pixels, 0 where nothing is; and the number of objects.
 
-    Args:
-        depth_m: (H, W) float32 metres, 0 where nothing is.
-        epsilon_z_m: greatest difference in depth of neighbours of one object, at the camera (`EPSILON_Z_PER_M2`).
-
-    Returns:
-        (H, W) int32 labels, from 1 in the order of the objects' first pixels, 0 where nothing is; and the number of objects.
+    Of (H, W) float32 metres, 0 where nothing is. `epsilon_z_m` is the greatest difference in depth of neighbours of one object,
+    at the camera (`EPSILON_Z_PER_M2`).
     """
     height, width = depth_m.shape
     labels, linked = np.zeros((height, width), np.int32), np.zeros(height * width + 1, np.int32)
@@ -65,15 +61,8 @@ def label_components(depth_m, epsilon_z_m):
 
 @njit(cache=True)
 def measure_objects(labels, count, depth_m, before_m, intrinsics, epsilon_z_m):
-    """(count + 1,) OBJECT by label, 0 where nothing is.
-
-    Args:
-        labels: see `label_components`.
-        count: see `label_components`.
-        depth_m: (H, W) float32 metres.
-        before_m: (H, W) float32 metres of the image before, 0 where nothing was measured.
-        intrinsics: (4,) float32 fx, fy, cx, cy.
-        epsilon_z_m: see `label_components`.
+    """(count + 1,) OBJECT by label, 0 where nothing is, from (H, W) float32 metres of the image and of the one before, 0 where
+    nothing was measured, and (4,) float32 fx, fy, cx, cy; the others as in `label_components`.
     """
     fx, fy, cx, cy = intrinsics
     objects = np.zeros(count + 1, OBJECT)

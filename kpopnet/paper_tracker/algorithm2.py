@@ -51,95 +51,54 @@ MOST_CELLS, MOST_PX = 20_000, 16
 
 
 class Frame(NamedTuple):
-    """One depth image of a person: the points that Algorithm 2 chooses from, on the surface, in the camera frame, in metres.
+    """One depth image of a person: the points that Algorithm 2 chooses from, on the surface, in the camera frame, in metres."""
 
-    Attributes:
-        ridge_m: (R, 3) the ridge data, pixel by pixel.
-        ridge_cell: (R,) the number of each one's cell, -1 where its cell has no point.
-        raw_m: (P, 3) the raw depth.
-        raw_cell: (P,) likewise.
-        cells_m: (N, 3) the point in the middle of each measured cell.
-        neighbours: (N, 8) neighbours of each cell, see `kpopnet.geometry.depth_grid.neighbour_graph`.
-        edges_m: (N, 8) lengths of the ways to them.
-    """
-
-    ridge_m: np.ndarray
-    ridge_cell: np.ndarray
-    raw_m: np.ndarray
-    raw_cell: np.ndarray
-    cells_m: np.ndarray
-    neighbours: np.ndarray
-    edges_m: np.ndarray
+    ridge_m: np.ndarray  # (R, 3) the ridge data, pixel by pixel
+    ridge_cell: np.ndarray  # (R,) the number of each one's cell, -1 where its cell has no point
+    raw_m: np.ndarray  # (P, 3) the raw depth
+    raw_cell: np.ndarray  # (P,) likewise
+    cells_m: np.ndarray  # (N, 3) the point in the middle of each measured cell
+    neighbours: np.ndarray  # (N, 8) neighbours of each cell, see `kpopnet.geometry.depth_grid.neighbour_graph`
+    edges_m: np.ndarray  # (N, 8) lengths of the ways to them
 
 
 class Structure(NamedTuple):
-    """The initial human model (section 2.3) of one person as arrays.
+    """The initial human model (section 2.3) of one person as arrays."""
 
-    Attributes:
-        distance_m: (15, 15) the model's distance between two joints in metres, 0 where it has none.
-        head_to_shoulder_line_m: l_H⊥S.
-        torso_to_hip_line_m: l_T⊥P.
-        depth_m: (15,) how deep each joint lies under the surface along the viewing ray, metres.
-    """
-
-    distance_m: np.ndarray
-    head_to_shoulder_line_m: float
-    torso_to_hip_line_m: float
-    depth_m: np.ndarray
+    distance_m: np.ndarray  # (15, 15) the model's distance between two joints in metres, 0 where it has none
+    head_to_shoulder_line_m: float  # l_H⊥S
+    torso_to_hip_line_m: float  # l_T⊥P
+    depth_m: np.ndarray  # (15,) how deep each joint lies under the surface along the viewing ray, metres
 
 
 class State(NamedTuple):
-    """What one frame leaves to the next.
+    """What one frame leaves to the next."""
 
-    Attributes:
-        joints: (15, 3) J^(t-1), metres.
-        velocity: (15, 3) Delta J^(t-1), metres a frame.
-        lost: (15,) for how many frames each joint has had no sufficient candidates.
-    """
-
-    joints: np.ndarray
-    velocity: np.ndarray
-    lost: np.ndarray
+    joints: np.ndarray  # (15, 3) J^(t-1), metres
+    velocity: np.ndarray  # (15, 3) Delta J^(t-1), metres a frame
+    lost: np.ndarray  # (15,) for how many frames each joint has had no sufficient candidates
 
 
 class Plan(NamedTuple):
-    """What Algorithm 2 goes by in one frame; `kpopnet.paper_tracker.repairs` changes it.
+    """What Algorithm 2 goes by in one frame; `kpopnet.paper_tracker.repairs` changes it."""
 
-    Attributes:
-        predicted: (15, 3) where the joints are expected, metres.
-        radius_m: (15,) r_j of Eqs. (4) and (12).
-        on_ridge: (15,) whether a joint's candidates are ridge data, and raw depth only where these are insufficient.
-        structure: lengths of the person.
-        epsilon_m: epsilon_j of Eqs. (5) to (9).
-        straightness: epsilon_L of Eq. (9).
-        sufficient: least number of valid candidates.
-        lost: where joints without them are, one of `LOST`.
-    """
-
-    predicted: np.ndarray
-    radius_m: np.ndarray
-    on_ridge: np.ndarray
-    structure: Structure
-    epsilon_m: float
-    straightness: float
-    sufficient: int
-    lost: int
+    predicted: np.ndarray  # (15, 3) where the joints are expected, metres
+    radius_m: np.ndarray  # (15,) r_j of Eqs. (4) and (12)
+    on_ridge: np.ndarray  # (15,) whether a joint's candidates are ridge data, and raw depth only where these are insufficient
+    structure: Structure  # lengths of the person
+    epsilon_m: float  # epsilon_j of Eqs. (5) to (9)
+    straightness: float  # epsilon_L of Eq. (9)
+    sufficient: int  # least number of valid candidates
+    lost: int  # where joints without them are, one of `LOST`
 
 
 class Collected(NamedTuple):
-    """The candidates of one joint.
+    """The candidates of one joint."""
 
-    Attributes:
-        total: (3,) sum of the valid ones in metres.
-        count: their number.
-        near: (N,) whether each point lies within the search radius.
-        valid: (N,) whether it is valid too.
-    """
-
-    total: np.ndarray
-    count: int
-    near: np.ndarray
-    valid: np.ndarray
+    total: np.ndarray  # (3,) sum of the valid ones in metres
+    count: int  # their number
+    near: np.ndarray  # (N,) whether each point lies within the search radius
+    valid: np.ndarray  # (N,) whether it is valid too
 
 
 def frame_of(depth_m: np.ndarray, ridge: np.ndarray, camera: Camera, sampled: bool = False) -> Frame:

@@ -116,10 +116,8 @@ class PaperTracker:
     def start(self, joints_camera_m: np.ndarray) -> None:
         """Starts from a known pose, (15, 3) joints in the camera frame in metres; measures the model unless there is one.
 
-        As printed, the next image's depth then moves the joints to the surface.
-
-        Raises:
-            InputError: another shape, or joints are missing.
+        As printed, the next image's depth then moves the joints to the surface. Raises InputError for another shape, or if
+        joints are missing.
         """
         self._start(start_pose(joints_camera_m, "paper tracker"))
         self._inside = not self.config.repaired
@@ -130,11 +128,9 @@ class PaperTracker:
         self.state = State(joints, np.zeros_like(joints), np.zeros(NUM_JOINTS, np.int64))
 
     def track(self, depth_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Tracks the person in the next (H, W) float32 depth image, metres, 0 where the person is not.
-
-        Returns:
-            (15, 3) float64 joints in the camera frame in metres and (15,) confidence, the estimated probability of an error
-            below 10 cm; NaN and 0 before the start and in frames without a visible person.
+        """(15, 3) float64 joints in the camera frame in metres, and (15,) confidence, the estimated probability of an error
+        below 10 cm, in the next (H, W) float32 depth image of the person, metres, 0 elsewhere; NaN and 0 before the start and
+        in frames without a visible person.
         """
         frame = self.frame(depth_m)
         if len(frame.cells_m) < MIN_POINTS or not (self.started or self._find_start(depth_m)):
@@ -192,11 +188,7 @@ class PaperTrackerEstimator:
     name = "paper_tracker"
 
     def __init__(self, config: PaperTrackerConfig = PaperTrackerConfig()) -> None:
-        """Loads the human model if the settings name one.
-
-        Raises:
-            InputError: the model cannot be read.
-        """
+        """Loads the human model if the settings name one. Raises InputError if the model cannot be read."""
         self.config = config
         self.model = None if config.model is None else HumanModel.load(config.model)
         self.starts_from_label = config.start == "label"

@@ -90,23 +90,14 @@ class PlayedCamera:
 
 
 class Answer(NamedTuple):
-    """What the estimator answered to an image.
+    """What the estimator answered to an image."""
 
-    Attributes:
-        time_s: when the image was taken.
-        delay_s: from then until the answer; NaN where images did not come in real time.
-        processor_s: processor time of this process for the answer.
-        depth_m: the image, (H, W) metres; None once it is collected.
-        people: everybody who was found.
-        learner: the main person, None if nobody is.
-    """
-
-    time_s: float
-    delay_s: float
-    processor_s: float
-    depth_m: np.ndarray | None
-    people: list[PersonPose]
-    learner: PersonPose | None
+    time_s: float  # when the image was taken
+    delay_s: float  # from then until the answer; NaN where images did not come in real time
+    processor_s: float  # processor time of this process for the answer
+    depth_m: np.ndarray | None  # the image, (H, W) metres; None once it is collected
+    people: list[PersonPose]  # everybody who was found
+    learner: PersonPose | None  # the main person, None if nobody is
 
 
 def answers(images: NewestImage, camera: Camera, estimator: PoseEstimator) -> Iterator[Answer]:
@@ -304,7 +295,3 @@ def main() -> None:
         with locked(given.out):
             written = write(given.out, shown, found, runs, about | {"machine": machine_before})
         print("wrote", ", ".join(map(str, written)))
-
-
-if __name__ == "__main__":
-    main()

@@ -112,7 +112,3 @@ def main() -> None:
         convert_imperial(given.source, given.out)
     else:
         convert_recordings(given.out, given.dance, given.teacher, given.learners, given.fps)
-
-
-if __name__ == "__main__":
-    main()

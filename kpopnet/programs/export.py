@@ -27,7 +27,3 @@ def main() -> None:
     network, meta = load_network(given.checkpoint or shipped_network())
     difference = export_network(network, meta, given.file)
     print(f"{given.file}: {given.file.stat().st_size:,} bytes; differs from torch by {difference:.1e} at most, in cube units")
-
-
-if __name__ == "__main__":
-    main()

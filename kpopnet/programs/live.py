@@ -103,7 +103,3 @@ def main() -> None:
         from kpopnet.teacher.hosting import host
 
         host(partial(make_watch_app, asked), given, "live at", out=sys.stderr if given.stream in TO_STDOUT else sys.stdout)
-
-
-if __name__ == "__main__":
-    main()

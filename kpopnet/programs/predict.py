@@ -158,7 +158,3 @@ def main() -> None:
         print(f"person {number}: in {known.sum()} of {len(known)} images, mean confidence {mean:.2f}")
     print("wrote", ", ".join(map(str, [*written, *pictures])))
     print(f"look at {given.out / 'overlay.png'}, and open {given.out / 'view.html'} in a browser")
-
-
-if __name__ == "__main__":
-    main()

@@ -117,7 +117,3 @@ def main() -> None:
         label(dances, learners)
     else:
         serve(given, dances)
-
-
-if __name__ == "__main__":
-    main()

@@ -99,7 +99,3 @@ def main() -> None:
         for name, text in (("score.html", page), ("score.json", json.dumps(content, indent=1, allow_nan=False) + "\n")):
             write_text(given.out / name, text)
     print(printable("\n".join([*score_text(score, advice, notes, beat_s), f"look at {given.out / 'score.html'}"])))
-
-
-if __name__ == "__main__":
-    main()

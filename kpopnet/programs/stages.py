@@ -27,11 +27,11 @@ from kpopnet.viz.drawing import (
     BACKGROUND,
     ESTIMATED,
     depth_rgb,
-    draw_skeleton,
     enlarged,
     person_view,
     probability_rgb,
     save_png,
+    scene_tile,
     sheet,
     with_captions,
 )
@@ -86,11 +86,7 @@ def draw_stages(paper_tracker: PaperTracker, tracker: Tracker, depth_m: np.ndarr
         uv = view_camera.project(surface_points)[:, :2] if len(surface_points) else np.empty((0, 2))
         for u, v in np.rint((uv + 0.5) * scale - 0.5).astype(int).tolist():
             cv2.circle(candidates_image, (u, v), 2, colour, -1, cv2.LINE_AA)
-    poses = []
-    for pose in (joints, fitted):
-        image = enlarged(depth_rgb(view), TILE_PX)
-        draw_skeleton(image, pose, view_camera, ESTIMATED)
-        poses.append(image)
+    poses = [scene_tile(view, view_camera, ((pose, ESTIMATED),), TILE_PX) for pose in (joints, fitted)]
     section_2_2 = [
         (_mask_image(visible_edges), "depth edges"),
         (probability_rgb(distance / max(distance.max(), 1)), "distance map"),
@@ -124,7 +120,3 @@ def main() -> None:
     given = parser.parse_args()
     save_png(given.figure, stages_of(given.depth, given.frame, given.camera, given.start))
     print(f"stages of frame {given.frame}: {given.figure}")
-
-
-if __name__ == "__main__":
-    main()

@@ -18,22 +18,15 @@ from kpopnet.runtime.input_files import ArraySchema, check_array, check_budget, 
 
 @dataclass(frozen=True)
 class Hdf5Schema:
-    """What the HDF5 files of one format hold at their root; whatever else they hold is not read.
+    """What the HDF5 files of one format hold at their root; whatever else they hold is not read."""
 
-    Attributes:
-        name: of the format, for messages.
-        arrays: by name; texts have kind "S".
-        attributes: types by name, as for `kpopnet.runtime.input_files.check_fields`; `optional` ones may be missing.
-        fixed: attributes with one valid value.
-        remedy: what to do about a damaged file, for messages.
-    """
-
-    name: str
-    arrays: Mapping[str, ArraySchema]
+    name: str  # of the format, for messages
+    arrays: Mapping[str, ArraySchema]  # by name; texts have kind "S"
+    # types by name, as for `kpopnet.runtime.input_files.check_fields`
     attributes: Mapping[str, Any] = field(default_factory=dict)
-    optional: tuple[str, ...] = ()
-    fixed: Mapping[str, Any] = field(default_factory=dict)
-    remedy: str = "copy it again"
+    optional: tuple[str, ...] = ()  # attributes that may be missing
+    fixed: Mapping[str, Any] = field(default_factory=dict)  # attributes with one valid value
+    remedy: str = "copy it again"  # what to do about a damaged file, for messages
 
 
 @contextmanager

@@ -194,13 +194,10 @@ def overridable(schema: Any) -> DictConfig:
 
 
 def resumed_config(config: Config, saved: dict, *, may_change: tuple[str, ...]) -> Config:
-    """The configuration of a run that is resumed: the saved one with what the command line changes.
+    """The configuration of a run that is resumed: the saved one, a dataclass made a dict, with what the command line changes.
 
-    Args:
-        config: as composed now.
-        saved: as saved then, a dataclass made a dict. It is data: an interpolation in it, which could fetch a variable of the
-            environment, is refused.
-        may_change: what the command line may change: names, and groups of names with a final dot.
+    `config` is as composed now. What was saved is data: an interpolation in it, which could fetch a variable of the
+    environment, is refused. The command line `may_change` names, and groups of names with a final dot.
     """
     given = command_line_settings()
     if foreign := [name for name in given if not name.startswith(may_change)]:

@@ -229,17 +229,12 @@ def _shown(value: Any) -> str:
 
 @dataclass(frozen=True)
 class ArraySchema:
-    """What an array in a file must be.
+    """What an array in a file must be."""
 
-    Attributes:
-        kinds: allowed numpy kinds: "f" floats, "u" and "i" integers, "b" bool, "S" and "U" text.
-        shape: the length of each axis; None for any length, a name for a length that other arrays of the file share.
-        required: whether the file must have the array.
-    """
-
-    kinds: str
+    kinds: str  # allowed numpy kinds: "f" floats, "u" and "i" integers, "b" bool, "S" and "U" text
+    # the length of each axis; None for any length, a name for a length that other arrays of the file share
     shape: tuple[int | str | None, ...]
-    required: bool = True
+    required: bool = True  # whether the file must have the array
 
 
 def check_array(

@@ -31,12 +31,10 @@ def in_processes(
     """Yields (index, work(items[index])) in the order in which the items are finished.
 
     Every process holds a copy of `work`, which must be picklable and may keep state from item to item, and computes on one
-    thread. With one process, or one item, this process does the work. Worker processes end when this process ends, however
-    it ends. With `on_progress`, `work` gets a second argument, a function that it calls after each unit of work; `on_progress`
-    is called in this process with the number of units done since its last call.
-
-    Raises:
-        WorkerDiedError: a worker process ended by itself. What `work` raises goes through.
+    thread. With one process, or one item, this process does the work. Worker processes end when this process ends, however it
+    ends. With `on_progress`, `work` gets a second argument, a function that it calls after each unit of work; `on_progress` is
+    called in this process with the number of units done since its last call. Raises WorkerDiedError if a worker process ended
+    by itself; what `work` raises goes through.
     """
     processes = min(bounded_processes(processes), len(items))
     if processes <= 1:

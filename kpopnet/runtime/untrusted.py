@@ -43,10 +43,8 @@ def read_in_child(
 
     `reader` is a function of a module, which the child imports: about 0.2 s for numpy. Its result is made of None, bool, int,
     float, str, arrays of numbers or text, and of lists, tuples and dictionaries by name of these; lists come back as tuples.
-
-    Raises:
-        InputError: that of the reader; or the reader raised another exception, crashed, or needed more than `seconds` or
-            `memory_bytes` of address space.
+    Raises InputError as the reader does, or if the reader raised another exception, crashed, or needed more than `seconds` or
+    `memory_bytes` of address space.
     """
     with closing(iterate_in_child(_once, path, reader, *args, seconds=seconds, memory_bytes=memory_bytes)) as results:
         return next(results)

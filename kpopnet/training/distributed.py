@@ -51,8 +51,7 @@ class Processes:
 def join_processes(device: str) -> Iterator[Processes]:
     """Joins the processes that torchrun started, if any: NCCL on GPUs, gloo on CPUs.
 
-    Raises:
-        InputError: the device is not cpu, cuda or auto (a GPU if available), or there is no GPU.
+    Raises InputError if the device is not cpu, cuda or auto (a GPU if available), or there is no GPU.
     """
     if device not in ("auto", "cpu", "cuda"):
         raise InputError(f"device={device}: expected auto, cpu or cuda")
@@ -77,11 +76,9 @@ def join_processes(device: str) -> Iterator[Processes]:
 def set_up_torch(threads: int, workers: int = 0) -> int:
     """Makes torch deterministic on CPUs, sets and returns its number of threads, and lets it use freed memory again.
 
-    Args:
-        threads: 0 for all available cores, divided by the number of processes that torchrun started on this machine, but for
-            those that the workers need: threads of one sum wait for the slowest, and one that shares its core with a worker
-            holds all up (on two cores two threads train at 380 samples/s, one at 570).
-        workers: processes of each of these that prepare batches.
+    0 threads stand for all available cores, divided by the number of processes that torchrun started on this machine, but for
+    those that the workers, which prepare the batches of each, need: threads of one sum wait for the slowest, and one that
+    shares its core with a worker holds all up (on two cores two threads train at 380 samples/s, one at 570).
     """
     torch.use_deterministic_algorithms(True, warn_only=torch.cuda.is_available())
     # Filling only affects code that reads uninitialised memory, and takes a tenth of the time of a step.

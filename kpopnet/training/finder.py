@@ -215,8 +215,7 @@ def validate(network: FinderNetwork, images: LoadedImages, batch_size: int) -> d
 def train_finder(config: FinderTraining, seed: int, data: dict[str, str], out: Path, threads: int) -> None:
     """Trains a finder on the room images in the folders `train` and `validation` of `data`; writes its weights to `out`.
 
-    Raises:
-        InputError: no room images, another run in the folder, or a loss that is not finite.
+    Raises InputError for no room images, another run in the folder, or a loss that is not finite.
     """
     if threads:
         torch.set_num_threads(threads)

@@ -6,7 +6,7 @@ import torch
 from kpopnet.data.batches import Batch
 from kpopnet.data.cube import Cube
 from kpopnet.networks.network import CONFIDENT_WITHIN_M, PoseNetwork
-from kpopnet.viz.drawing import ESTIMATED, TRUE, depth_rgb, draw_skeleton, enlarged, probability_rgb, sheet
+from kpopnet.viz.drawing import ESTIMATED, TRUE, enlarged, probability_rgb, scene_tile, sheet
 
 MAX_SAMPLES = 12
 
@@ -47,10 +47,8 @@ def validation_sheet(batches: list[Batch], estimates: np.ndarray) -> np.ndarray:
         *centre_m, half_size_m = cubes[row].tolist()
         cube = Cube(np.array(centre_m), half_size_m)
         d = crops[row, 0]
-        camera = cube.camera(len(d))
-        image = enlarged(depth_rgb(np.where(d < 1, d * cube.half_size_m + cube.centre_m[2], 0)), 288)
-        for uvd, style in ((targets[row], TRUE), (estimates[row], ESTIMATED)):
-            draw_skeleton(image, cube.to_metres(uvd), camera, style)
-        tiles.append(image)
+        depth_m = np.where(d < 1, d * cube.half_size_m + cube.centre_m[2], 0)
+        skeletons = (cube.to_metres(targets[row]), TRUE), (cube.to_metres(estimates[row]), ESTIMATED)
+        tiles.append(scene_tile(depth_m, cube.camera(len(d)), skeletons, 288))
         tiles += [enlarged(probability_rgb(ridge), 288) for ridge in crops[row, 1:]]
     return sheet([("", tiles[i : i + 4]) for i in range(0, len(tiles), 4)], styles=(TRUE, ESTIMATED))

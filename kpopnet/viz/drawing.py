@@ -1,5 +1,6 @@
 """Draws depth and skeletons for reports, training logs and contact sheets. All output images are (H, W, 3) uint8 RGB."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -123,10 +124,20 @@ def person_tile(
 
     Each skeleton is (15, 3) joints in metres with its style; the first one is drawn lowest.
     """
-    view, view_camera = person_view(depth_m, camera, tuple(joints for joints, _ in skeletons))
-    image = enlarged(depth_rgb(view), side_px)
+    return scene_tile(*person_view(depth_m, camera, tuple(joints for joints, _ in skeletons)), skeletons, side_px, captions)
+
+
+def scene_tile(
+    depth_m: np.ndarray,
+    camera: Camera,
+    skeletons: Iterable[tuple[np.ndarray, Style]],
+    width_px: int,
+    captions: tuple[str, ...] = (),
+) -> np.ndarray:
+    """The same of a whole image, which need not be square."""
+    image = enlarged(depth_rgb(depth_m), width_px)
     for joints, style in skeletons:
-        draw_skeleton(image, joints, view_camera, style)
+        draw_skeleton(image, joints, camera, style)
     return with_captions(image, captions)
 
 

@@ -13,7 +13,7 @@ from kpopnet.camera import Camera
 from kpopnet.errors import InputError
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.provenance import install_command
-from kpopnet.viz.drawing import ESTIMATED, depth_rgb, draw_skeleton, enlarged, sheet, with_captions
+from kpopnet.viz.drawing import ESTIMATED, scene_tile, sheet, with_captions
 
 VIDEO_WIDTH_PX, GIF_WIDTH_PX, TILE_WIDTH_PX = 640, 400, 320
 TILES_PER_ROW = 4
@@ -28,9 +28,8 @@ def overlay_image(depth_m: np.ndarray, camera: Camera, people_camera_m: Sequence
     Returns:
         RGB, enlarged by the whole number that comes closest to `width_px`; even in width and height, as video codecs want.
     """
-    image = enlarged(depth_rgb(depth_m), camera.width * max(1, round(width_px / camera.width)))
-    for joints_m in people_camera_m:
-        draw_skeleton(image, joints_m, camera, ESTIMATED)
+    width_px = camera.width * max(1, round(width_px / camera.width))
+    image = scene_tile(depth_m, camera, ((joints_m, ESTIMATED) for joints_m in people_camera_m), width_px)
     return np.pad(image, ((0, image.shape[0] % 2), (0, image.shape[1] % 2), (0, 0)), mode="edge")
 
 

@@ -32,19 +32,12 @@ BYTES_PER_FRAME = len(JOINT_NAMES) * 7 + 4
 
 
 class Shown(NamedTuple):
-    """One person of the page.
+    """One person of the page."""
 
-    Attributes:
-        joints_camera_m: (T, 15, 3) metres, NaN where missing.
-        confidence: (T, 15) in 0..1.
-        label: what is written above the head, and in the legend for a reference.
-        reference: drawn thin and in a colour of its own, as true joints beside estimated ones.
-    """
-
-    joints_camera_m: np.ndarray
-    confidence: np.ndarray
-    label: str = ""
-    reference: bool = False
+    joints_camera_m: np.ndarray  # (T, 15, 3) metres, NaN where missing
+    confidence: np.ndarray  # (T, 15) in 0..1
+    label: str = ""  # what is written above the head, and in the legend for a reference
+    reference: bool = False  # drawn thin and in a colour of its own, as true joints beside estimated ones
 
 
 class Cloud(NamedTuple):

@@ -181,19 +181,12 @@ def _within(centres: np.ndarray, points: np.ndarray, radius_px: float) -> np.nda
 
 
 class Limb(NamedTuple):
-    """One arm or leg in the image.
+    """One arm or leg in the image."""
 
-    Attributes:
-        crossed: whether its dominant lines intersect where a limb can bend; if not, the limb counts as straight.
-        middle: (2,) u, v of elbow or knee.
-        end: (2,) u, v of hand or foot.
-        tip: (2,) u, v of the silhouette's farthest pixel.
-    """
-
-    crossed: bool
-    middle: np.ndarray
-    end: np.ndarray
-    tip: np.ndarray
+    crossed: bool  # whether its dominant lines intersect where a limb can bend; if not, the limb counts as straight
+    middle: np.ndarray  # (2,) u, v of elbow or knee
+    end: np.ndarray  # (2,) u, v of hand or foot
+    tip: np.ndarray  # (2,) u, v of the silhouette's farthest pixel
 
 
 def find_limb(

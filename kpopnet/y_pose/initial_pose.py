@@ -50,17 +50,11 @@ class NotYPose(Exception):  # noqa: N818 - not an error: most frames show anothe
 
 
 class InitialPose(NamedTuple):
-    """A person in the Y pose.
+    """A person in the Y pose."""
 
-    Attributes:
-        joints_camera_m: (15, 3) float64 metres in the camera frame.
-        model: their lengths and angles.
-        limbs: arms and legs by the joint at their end.
-    """
-
-    joints_camera_m: np.ndarray
-    model: HumanModel
-    limbs: dict[Joint, Limb]
+    joints_camera_m: np.ndarray  # (15, 3) float64 metres in the camera frame
+    model: HumanModel  # their lengths and angles
+    limbs: dict[Joint, Limb]  # arms and legs by the joint at their end
 
 
 def find_initial_pose(depth_m: np.ndarray, camera: Camera) -> InitialPose | None:
@@ -72,14 +66,8 @@ def find_initial_pose(depth_m: np.ndarray, camera: Camera) -> InitialPose | None
 
 
 def initial_pose(depth_m: np.ndarray, camera: Camera) -> InitialPose:
-    """Estimates the initial pose of a person in the Y pose.
-
-    Args:
-        depth_m: (H, W) float32 metres of one person, 0 elsewhere; may be cropped around the person.
-        camera: the camera of exactly these pixels.
-
-    Raises:
-        NotYPose: the frame does not show the pose; the message gives the reason.
+    """Estimates the initial pose of a person in the Y pose from (H, W) float32 metres of them alone, 0 elsewhere, which may be
+    cropped around them, and the camera of exactly these pixels. Raises NotYPose, with the reason, for any other pose.
     """
     person_m, person = person_silhouette(depth_m, camera.fx)
     torso = torso_rectangle(person)

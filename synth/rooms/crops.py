@@ -18,7 +18,7 @@ from kpopnet.data.person_crops import FILES, FORMAT, VERSION, PersonCrops
 from kpopnet.finder.finder import FinderConfig, PersonFinder
 from kpopnet.runtime.atomic_write import atomic_hdf5
 from kpopnet.skeleton import Joint
-from kpopnet.viz.drawing import TRUE, depth_rgb, draw_skeleton, enlarged, sheet
+from kpopnet.viz.drawing import TRUE, scene_tile, sheet
 from kpopnet.weights import FINDER_SHA256
 from synth.rooms.images import MeasuredScene, RoomImagesConfig, SceneShards
 from synth.rooms.scene import ClearScene
@@ -82,9 +82,8 @@ class PersonCropsSet(SceneShards):
         crops, tiles = PersonCrops(folder), []
         for k in np.linspace(0, len(crops) - 1, 40).astype(int).tolist():
             crop = crops.observe(k, 0)
-            image = enlarged(depth_rgb(crop.depth_m), round(TILE_PX * min(1, crop.camera.width / crop.camera.height)))
-            draw_skeleton(image, crop.joints_camera_m, crop.camera, TRUE)
-            tiles.append(image)
+            width_px = round(TILE_PX * min(1, crop.camera.width / crop.camera.height))
+            tiles.append(scene_tile(crop.depth_m, crop.camera, ((crop.joints_camera_m, TRUE),), width_px))
         rows = [("", tiles[k : k + 8]) for k in range(0, len(tiles), 8)]
         return sheet(rows, (TRUE,), f"SIMULATED, cut out by the finder, {self.benchmark.split}, seed {manifest['seed']}")
 

@@ -204,10 +204,8 @@ def freeze(
     look: FreezeConfig,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The result of `observe_sample`, pasted into the full image, and its ridge.
-
-    Returns:
-        (H, W) uint16 depth in millimetres and (H, W) uint8 ridge probability times 255.
+    """The result of `observe_sample`, pasted into the full image, (H, W) uint16 depth in millimetres, and its ridge, (H, W)
+    uint8 probability times 255.
     """
     seen = observe_sample(sample, room, camera, look.sensor, look.extraction, rng)
     x0, y0 = round(camera.cx - seen.camera.cx), round(camera.cy - seen.camera.cy)

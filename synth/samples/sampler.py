@@ -327,16 +327,10 @@ class Sampler:
 
 
 def body_rotations(asset: BodyAsset, quats: np.ndarray, yaw_rad: float, curls_rad: np.ndarray) -> np.ndarray:
-    """Retargets the rotations of a motion to the bones of the body.
+    """Retargets (..., 23, 4) local rotations of a motion's joints, w, x, y, z, to the body: (..., B, 4), relative to the
+    T-pose.
 
-    Args:
-        asset: the body.
-        quats: (..., 23, 4) local rotations of the motion's joints, w, x, y, z.
-        yaw_rad: rotation of the whole person to the left, radians.
-        curls_rad: (2,) flexion of the fingers of the left and the right hand, radians.
-
-    Returns:
-        (..., B, 4) local rotations relative to the T-pose.
+    The whole person is rotated to the left by `yaw_rad`; `curls_rad` (2,) is the flexion of the left and the right fingers.
     """
     local = np.zeros((*quats.shape[:-2], len(asset.bone_names), 4))
     local[..., 0] = 1

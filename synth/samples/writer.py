@@ -21,7 +21,7 @@ from kpopnet.data.shards import FORMAT, VERSION, Sample, ShardedSet, open_shard,
 from kpopnet.errors import InputError, check_between, check_seed
 from kpopnet.runtime.atomic_write import atomic_hdf5, atomic_path, remove_unfinished
 from kpopnet.skeleton import JOINT_NAMES
-from kpopnet.viz.drawing import TRUE, depth_rgb, draw_skeleton, enlarged, probability_rgb, save_png, sheet, with_captions
+from kpopnet.viz.drawing import TRUE, depth_rgb, enlarged, probability_rgb, save_png, scene_tile, sheet, with_captions
 from synth.body.asset import ASSET
 from synth.resumable import make_missing
 from synth.samples.layers import silhouette_box
@@ -235,8 +235,7 @@ def draw_contact_sheet(shards: ShardedSet, look: FreezeConfig, seed: int, count:
             noisy_mm, ridge = freeze(sample, room, camera, look, rng)
         whole_m = np.where(sample.depth_mm > 0, sample.depth_mm, room.depth_mm) / np.float32(MM_PER_METRE)
         noisy_m = noisy_mm / np.float32(MM_PER_METRE)
-        skeleton = enlarged(depth_rgb(noisy_m), TILE_PX)
-        draw_skeleton(skeleton, sample.joints_camera_m, camera, TRUE)
+        skeleton = scene_tile(noisy_m, camera, ((sample.joints_camera_m, TRUE),), TILE_PX)
         images = depth_rgb(whole_m), depth_rgb(noisy_m), probability_rgb(ridge / np.float32(255))
         tiles = [enlarged(image, TILE_PX) for image in images]
         caption = f"sample {index}, person {sample.body}, {sample.motion}"

@@ -295,12 +295,8 @@ def measure_pixels(depth, labels, keys, terms):
 
 @njit(cache=True)
 def erase_ellipses(depth, ellipses):
-    """Sets depth to 0, in place, inside ellipses.
-
-    Args:
-        depth: (h, w) float32 metres.
-        ellipses: (N, 7) float32: centre u, v and the two semi-axes in pixels, the angle of the first axis in radians,
-            nearest and farthest depth in metres that is erased.
+    """Sets (h, w) float32 depth in metres to 0, in place, inside (N, 7) float32 ellipses: centre u, v and the two semi-axes in
+    pixels, the angle of the first axis in radians, nearest and farthest depth in metres that is erased.
     """
     height, width = depth.shape
     for u, v, a, b, angle, near, far in ellipses:

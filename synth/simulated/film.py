@@ -267,8 +267,7 @@ def measure_frame(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Applies the sensor model to a clean frame, or to a part: x0, y0, x1, y1 of the box, pixels, the ends exclusive.
 
-    Returns:
-        (y1 - y0, x1 - x0) float32 depth in metres, 0 where nothing was measured, and bool, pixels that show the person.
+    (y1 - y0, x1 - x0) float32 depth in metres, 0 where nothing was measured, and bool, pixels that show the person.
     """
     x0, y0, x1, y1 = box or (0, 0, camera.width, camera.height)
     surfaces = nearest_surfaces(clean.room_m[y0:y1, x0:x1], [clean.person_m[y0:y1, x0:x1]])
@@ -287,8 +286,7 @@ def measure_surfaces(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Applies the sensor model to frame `number`: the result of `nearest_surfaces`, and (..., 15, 3) joints of all, metres.
 
-    Returns:
-        (H, W) float32 depth in metres, 0 where nothing was measured, and (H, W) uint8 labels of what was measured.
+    (H, W) float32 depth in metres, 0 where nothing was measured, and (H, W) uint8 labels of what was measured.
     """
     rng, shared = noise.frame(number)
     ends_m = joints_camera_m[..., LIMB_ENDS, :].reshape(-1, 3)

@@ -121,8 +121,7 @@ class SetGenerator(ABC):
     def write(self, folder: Path, processes: int) -> dict:
         """Makes the parts that are missing, and a contact sheet; returns the manifest.
 
-        Raises:
-            InputError: the folder holds something else, or a worker process died; finished files stay.
+        Raises InputError if the folder holds something else, or a worker process died; finished files stay.
         """
         manifest = self._claim(folder)
         make_missing(
@@ -142,10 +141,8 @@ class SetGenerator(ABC):
     def _claim(self, folder: Path) -> dict:
         """Writes the manifest of a folder before its first file, so that no simulated file ever lies in a folder without one.
 
-        The size in the manifest is the configured one, or that of an earlier run if it was larger.
-
-        Raises:
-            InputError: the folder holds another set, or files without a manifest.
+        The size in the manifest is the configured one, or that of an earlier run if it was larger. Raises InputError if the
+        folder holds another set, or files without a manifest.
         """
         folder.mkdir(parents=True, exist_ok=True)
         path, size = folder / MANIFEST, self.size

@@ -16,7 +16,7 @@ import numpy as np
 from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.datasets.simulated import StoredSequence, read_sequence, write_sequence
 from kpopnet.errors import InputError, check_between
-from kpopnet.viz.drawing import TRUE, depth_rgb, draw_skeleton, enlarged, sheet, with_captions
+from kpopnet.viz.drawing import TRUE, scene_tile, sheet
 from synth.body.markers import MARKERS
 from synth.body.outfit import ClothesConfig
 from synth.body.shape import BodyConfig, Person, draw_person
@@ -191,10 +191,8 @@ def frame_tile(stored: StoredSequence, number: int, caption: str) -> np.ndarray:
     """RGB image of one frame with the true skeletons and a caption."""
     camera = stored.camera
     width_px = TILE_WIDTH_PX if camera.width >= camera.height else TILE_PORTRAIT_PX
-    image = enlarged(depth_rgb(depth_in_metres(stored.depth[number])), width_px)
-    for person_m in stored.joints_m[number]:
-        draw_skeleton(image, person_m, camera, TRUE)
-    return with_captions(image, (caption,))
+    skeletons = ((person_m, TRUE) for person_m in stored.joints_m[number])
+    return scene_tile(depth_in_metres(stored.depth[number]), camera, skeletons, width_px, (caption,))
 
 
 def penetrates_itself(played: Played, standing_frames: int) -> bool:

@@ -24,19 +24,12 @@ DIRECTIONS, KMEANS_ITERATIONS = 5, 10
 
 
 class Samples(NamedTuple):
-    """Training samples: positions in images, and the directions from there to the joint.
+    """Training samples: positions in images, and the directions from there to the joint."""
 
-    Attributes:
-        images: (M, S, S) int16 `integer_image`.
-        image: (N,) int32 index of each sample's image.
-        position: (N, 3) int32 row, column and depth (`kpopnet.baselines.tree_walk.walking.feature`).
-        direction: (N, 3) float32 unit vectors from the position to the joint.
-    """
-
-    images: np.ndarray
-    image: np.ndarray
-    position: np.ndarray
-    direction: np.ndarray
+    images: np.ndarray  # (M, S, S) int16 `integer_image`
+    image: np.ndarray  # (N,) int32 index of each sample's image
+    position: np.ndarray  # (N, 3) int32 row, column and depth (`kpopnet.baselines.tree_walk.walking.feature`)
+    direction: np.ndarray  # (N, 3) float32 unit vectors from the position to the joint
 
 
 def grow(samples: Samples, leaf_samples: int, num_features: int, px_per_m: float, seed: tuple[int, ...]) -> Trees:
@@ -144,13 +137,11 @@ def _dot(a, b):
 
 
 def cluster(directions: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Spherical k-means of (n, 3) unit vectors.
+    """Spherical k-means of (n, 3) unit vectors: (count, 3) float64 means, and (count,) the share of the vectors nearest to
+    each.
 
     The first mean is initialised with the first vector, every further mean with the vector farthest in angle from the
     means before it.
-
-    Returns:
-        (count, 3) float64 unit vectors, and (count,) the share of the vectors nearest to each; 0 for a mean without vectors.
     """
     directions = directions.astype(np.float64)
     means = np.zeros((count, 3))

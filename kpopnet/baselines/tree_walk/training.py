@@ -77,11 +77,8 @@ def train(
 
 
 def collect_images(batches: CropBatches, count: int, workers: int, what: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Collects the first `count` images of the batches, with a progress bar labelled `what`.
-
-    Returns:
-        (M, S, S) int16 `integer_image` of M people, (M, 15, 3) float32 true joints in the coordinates of the image's cube, and
-        (M, 4) float32 the cube's centre in the camera frame and its half size, metres.
+    """The first M = `count` images of the batches: (M, S, S) int16 `integer_image` of people, (M, 15, 3) float32 true joints in
+    the coordinates of the image's cube, and (M, 4) float32 the cube's centre in the camera frame and its half size, metres.
     """
     side = batches.model.crop_px
     images = np.empty((count, side, side), np.int16)

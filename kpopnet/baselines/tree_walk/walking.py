@@ -61,23 +61,14 @@ ORDER = np.array(ORDER, np.int32)
 
 
 class Trees(NamedTuple):
-    """The trees of all joints, concatenated into one set of arrays for numba.
+    """The trees of all joints, concatenated into one set of arrays for numba."""
 
-    Attributes:
-        root: (15,) int32 root node of each joint's tree.
-        child: (N,) int32 child for features below the threshold, the other child is the next node; or -1 - leaf.
-        threshold: (N,) int32 threshold of the feature.
-        probe: (N, 5) int16, see `feature`.
-        direction: (L, K, 3) float32 unit vectors in (u, v, d), the directions of each leaf.
-        share: (L, K) float32 cumulative probabilities of the directions, up to 1.
-    """
-
-    root: np.ndarray
-    child: np.ndarray
-    threshold: np.ndarray
-    probe: np.ndarray
-    direction: np.ndarray
-    share: np.ndarray
+    root: np.ndarray  # (15,) int32 root node of each joint's tree
+    child: np.ndarray  # (N,) int32 child for features below the threshold, the other child is the next node; or -1 - leaf
+    threshold: np.ndarray  # (N,) int32 threshold of the feature
+    probe: np.ndarray  # (N, 5) int16, see `feature`
+    direction: np.ndarray  # (L, K, 3) float32 unit vectors in (u, v, d), the directions of each leaf
+    share: np.ndarray  # (L, K) float32 cumulative probabilities of the directions, up to 1
 
 
 def integer_image(crop: np.ndarray) -> np.ndarray:

@@ -169,8 +169,7 @@ class KpopSet:
     def __init__(self, folder: Path | str, ranked: bool = True) -> None:
         """Lists the dances, or with ranked=False also those without labels.
 
-        Raises:
-            InputError: the folder does not exist or holds no dances, or its manifest is invalid.
+        Raises InputError if the folder does not exist or holds no dances, or its manifest is invalid.
         """
         self.folder = Path(folder)
         if not self.folder.is_dir():

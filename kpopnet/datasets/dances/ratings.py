@@ -63,8 +63,7 @@ def ratings_path(folder: Path, rater: str) -> Path:
 def read_ratings(path: Path, dances: dict[str, list[str]]) -> list[Answer]:
     """The answers of a rater in the order given; none where the file does not exist yet.
 
-    Raises:
-        InputError: the file is damaged, or rates what is not in the set.
+    Raises InputError if the file is damaged, or rates what is not in the set.
     """
     if not path.exists():
         return []

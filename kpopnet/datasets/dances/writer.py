@@ -39,12 +39,8 @@ class PackedDepth:
         self._boxes: list[tuple[int, int, int, int]] = []
 
     def add(self, depth_m: np.ndarray, x0: int = 0, y0: int = 0) -> None:
-        """Adds the next frame.
-
-        Args:
-            depth_m: (h, w) depth of the segmented person, metres in floating point or uint16 millimetres; 0 elsewhere.
-            x0: column of its first pixel in the whole image.
-            y0: row of its first pixel in the whole image.
+        """Adds the next frame: (h, w) depth of the segmented person, metres in floating point or uint16 millimetres, 0
+        elsewhere; and the column and the row of its first pixel in the whole image.
         """
         where = f"depth of frame {len(self)}"
         depth_m = depth_in_metres(depth_m, where=where)
@@ -94,10 +90,8 @@ def write_learner(
 ) -> None:
     """Writes DANCE/NAME.h5, and creates the folder DANCE if necessary; `about` holds notes to store as JSON.
 
-    Times of the frames (T,) are in seconds, (T, 15, 3) true joints in metres in the camera frame.
-
-    Raises:
-        InputError: neither joints nor depth are given, or the name, joints or times are invalid.
+    Times of the frames (T,) are in seconds, (T, 15, 3) true joints in metres in the camera frame. Raises InputError if neither
+    joints nor depth are given, or the name, joints or times are invalid.
     """
     expect(joints_m is not None or depth is not None, f"learner {name}", "joints or depth to write")
     _check_name(name)

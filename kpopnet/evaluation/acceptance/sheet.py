@@ -20,7 +20,7 @@ from kpopnet.evaluation.report import Block, as_markdown, write_text
 from kpopnet.evaluation.values import Table, Value
 from kpopnet.runtime.cpu import available_cores
 from kpopnet.runtime.provenance import git_revision
-from kpopnet.viz.drawing import ESTIMATED, TRUE, depth_rgb, draw_skeleton, enlarged, save_png, sheet, with_captions
+from kpopnet.viz.drawing import ESTIMATED, TRUE, save_png, scene_tile, sheet
 
 EMPTY_S = 600.0
 """For how long no person may be seen in the empty room."""
@@ -30,23 +30,14 @@ BOTH, USERS, MISSED, NOT_SHOWN = "met both", "met, ours missed", "missed", "not 
 
 
 class Line(NamedTuple):
-    """A line of the sheet.
+    """A line of the sheet."""
 
-    Attributes:
-        key: of its figure.
-        title: what a reader calls it.
-        unit: of the figure.
-        compare: with which the figure meets a gate; None without gates.
-        gate: of an independent user of depth joints in a dance game.
-        ours: as half of what the user tolerates.
-    """
-
-    key: str
-    title: str
-    unit: str
-    compare: Callable[[float, float], bool] | None = None
-    gate: float = 0
-    ours: float = 0
+    key: str  # of its figure
+    title: str  # what a reader calls it
+    unit: str  # of the figure
+    compare: Callable[[float, float], bool] | None = None  # with which the figure meets a gate; None without gates
+    gate: float = 0  # of an independent user of depth joints in a dance game
+    ours: float = 0  # as half of what the user tolerates
 
 
 LINES = (
@@ -184,9 +175,8 @@ def moments(run: Watched) -> list[tuple[int, str]]:
 def tile(run: Watched, number: int, caption: str) -> np.ndarray:
     """RGB image of one image of a run with the joints found, and the true ones where they are known."""
     depth_mm, camera = run.images[number]
-    image = enlarged(depth_rgb(depth_mm / np.float32(MM_PER_METRE)), TILE_WIDTH_PX)
-    for joints_m in run.people_m[number]:
-        draw_skeleton(image, joints_m, camera, ESTIMATED)
+    skeletons = [(joints_m, ESTIMATED) for joints_m in run.people_m[number]]
     if run.truth_m is not None and not run.empty[number]:
-        draw_skeleton(image, run.truth_m[number], camera, TRUE)
-    return with_captions(image, (f"{run.name}, {run.kind}, {run.times_s[number]:.2f} s", caption))
+        skeletons.append((run.truth_m[number], TRUE))
+    captions = f"{run.name}, {run.kind}, {run.times_s[number]:.2f} s", caption
+    return scene_tile(depth_mm / np.float32(MM_PER_METRE), camera, skeletons, TILE_WIDTH_PX, captions)

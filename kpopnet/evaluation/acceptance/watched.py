@@ -40,51 +40,31 @@ class Kept(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """What is known of the person in the T images of a simulated film.
+    """What is known of the person in the T images of a simulated film."""
 
-    Attributes:
-        kind: of the film.
-        joints_m: (T, 15, 3) true joints in the camera frame, metres.
-        in_view: (T,) bool, whether at least half of the person shows.
-        empty: (T,) bool, whether nothing of the person shows.
-    """
-
-    kind: str
-    joints_m: np.ndarray
-    in_view: np.ndarray
-    empty: np.ndarray
+    kind: str  # of the film
+    joints_m: np.ndarray  # (T, 15, 3) true joints in the camera frame, metres
+    in_view: np.ndarray  # (T,) bool, whether at least half of the person shows
+    empty: np.ndarray  # (T,) bool, whether nothing of the person shows
 
 
 @dataclass(frozen=True)
 class Watched:
-    """One run of the script, of the T images that the estimator was given.
+    """One run of the script, of the T images that the estimator was given."""
 
-    Attributes:
-        name: of the recording or camera.
-        kind: of the runs that are put together in a sheet.
-        times_s: (T,) when each image was taken, in seconds of the script; negative where the empty room was watched longer.
-        delays_s: (T,) from then until its joints were there; NaN where images were not fed in real time.
-        processor_s: (T,) processor time that the process took for each answer, on all of its threads.
-        received: number of images that the camera sent, those that were dropped among them.
-        joints_m: (T, 15, 3) joints of the main person in the camera frame, metres, NaN where missing.
-        people_m: by number of the image, the (15, 3) joints of everybody found.
-        in_view: (T,) bool, whether somebody is in view; `empty`: whether certainly nobody is.
-        images: those images by number that the sheet shows.
-        truth_m: (T, 15, 3) true joints, None where they are not known.
-    """
-
-    name: str
-    kind: str
+    name: str  # of the recording or camera
+    kind: str  # of the runs that are put together in a sheet
+    # (T,) when each image was taken, in seconds of the script; negative where the empty room was watched longer
     times_s: np.ndarray
-    delays_s: np.ndarray
-    processor_s: np.ndarray
-    received: int
-    joints_m: np.ndarray
-    people_m: list[list[np.ndarray]]
-    in_view: np.ndarray
-    empty: np.ndarray
-    images: dict[int, Kept]
-    truth_m: np.ndarray | None = None
+    delays_s: np.ndarray  # (T,) from then until its joints were there; NaN where images were not fed in real time
+    processor_s: np.ndarray  # (T,) processor time that the process took for each answer, on all of its threads
+    received: int  # number of images that the camera sent, those that were dropped among them
+    joints_m: np.ndarray  # (T, 15, 3) joints of the main person in the camera frame, metres, NaN where missing
+    people_m: list[list[np.ndarray]]  # by number of the image, the (15, 3) joints of everybody found
+    in_view: np.ndarray  # (T,) bool, whether somebody is in view
+    empty: np.ndarray  # (T,) bool, whether certainly nobody is
+    images: dict[int, Kept]  # those images by number that the sheet shows
+    truth_m: np.ndarray | None = None  # (T, 15, 3) true joints, None where they are not known
 
 
 def surfaces_m2(images: list[Kept], empty: np.ndarray) -> np.ndarray:

@@ -58,11 +58,9 @@ class PoseCache:
     def poses(self, dance: Dance, learner: Learner) -> tuple[Performance, float]:
         """The estimated joints of a learner and the time of their estimation in seconds; estimates them if not cached.
 
-        Times of frames are read from the learner's file, so that corrected ones need no new estimation.
-
-        Raises:
-            InputError: the cached file is damaged, its frames are not as many as the times, or the learner has no depth
-                recording or one that cannot be read.
+        Times of frames are read from the learner's file, so that corrected ones need no new estimation. Raises InputError if
+        the cached file is damaged, its frames are not as many as the times, or the learner has no depth recording or one that
+        cannot be read.
         """
         path = self.path(dance, learner)
         if not path.is_file():

@@ -151,9 +151,8 @@ def consistency(answers: list[Answer]) -> Estimate:
 def against(signs: dict[str, np.ndarray], votes: dict[str, Votes], seed: int) -> dict[str, Estimate]:
     """How an order of learners by someone else, (L, L) signs by dance, agrees with raters.
 
-    Returns:
-        `pairs`: the fraction of the raters' preferences that it shares; equal to it counts as half. `tau`: Kendall's tau-a with
-        the raters' pooled order, mean over dances; a pair that is equal in one of both counts 0.
+    `pairs`: the fraction of the raters' preferences that it shares; equal to it counts as half. `tau`: Kendall's tau-a with the
+    raters' pooled order, mean over dances; a pair that is equal in one of both counts 0.
     """
     shared, given, tau = [], [], []
     for dance, one in votes.items():

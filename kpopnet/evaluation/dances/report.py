@@ -40,11 +40,8 @@ def evaluate_dances(config: EvaluateConfig, folder: Path) -> Report:
     """Scores the learners of a set of dances; writes the plots and table_2.csv into the folder, created if it does not exist.
 
     Without a requested dance, or where it failed, the one in which a worse learner is farthest above, or least below, the next
-    better one is plotted.
-
-    Raises:
-        InputError: a setting applies to benchmarks of joints only, the dance to be plotted is not among the scored ones, or
-            see `run_dances`.
+    better one is plotted. Raises InputError if a setting applies to benchmarks of joints only, or the dance to be plotted is
+    not among the scored ones; see `run_dances`.
     """
     config.refuse("sweep", "sequences", instead="benchmark.dances=10 makes a quick test")
     dances, plotted, count = open_set(config.benchmark), config.benchmark.dance, config.benchmark.dances

@@ -131,9 +131,7 @@ def run_dances(
 
     Estimators are settings by name, the main one first; without scorers all of SCORERS are taken. A dance that cannot be read,
     estimated or scored is left out with all its learners. True joints are scored only if all learners of the others have them.
-
-    Raises:
-        InputError: no dance could be scored, or a true pose is missing and there is no estimator.
+    Raises InputError if no dance could be scored, or a true pose is missing and there is no estimator.
     """
     estimators, assumptions = _start_anywhere(estimators)
     caches = {name: PoseCache(poses, name, settings) for name, settings in estimators.items()}

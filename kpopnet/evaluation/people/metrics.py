@@ -161,15 +161,13 @@ def by_kind(parts: list[MatchedSequence], seed: int) -> dict[str, dict]:
 def figures(parts: list[MatchedSequence], seed: int) -> dict:
     """The figures of some sequences, pooled over frames and people; None where undefined. `seed` is the bootstrap's.
 
-    Returns:
-        `seen`, `hidden`: people in frames who are judged, and of whom less than half shows; `people_recall`: share of the
-        judged who were found; `people_precision`: share of the estimates that are of a judged person, without those of other
-        people; `map_10cm`, `mean_error_cm`: of the joints of the judged, where a person who was not found counts as fifteen
-        joints beyond 10 cm and is left out of the mean; the same with `hidden_`; `false`: estimates of no person; `switches`:
-        of identities; `mota`: 1 - (missed + false + switches) / judged (CLEAR MOT); `idf1` (Ristani et al. 2016, over the
-        same matches); `empty_images`: images without a person, `empty_images_with_people`: those of them in which one was
-        found, `empty_share`: their share; `interval`: 95 % intervals over sequences; `fps`: images a second of one core, all
-        stages.
+    `seen`, `hidden`: people in frames who are judged, and of whom less than half shows; `people_recall`: share of the judged
+    who were found; `people_precision`: share of the estimates that are of a judged person, without those of other people;
+    `map_10cm`, `mean_error_cm`: of the joints of the judged, where a person who was not found counts as fifteen joints beyond
+    10 cm and is left out of the mean; the same with `hidden_`; `false`: estimates of no person; `switches`: of identities;
+    `mota`: 1 - (missed + false + switches) / judged (CLEAR MOT); `idf1` (Ristani et al. 2016, over the same matches);
+    `empty_images`: images without a person, `empty_images_with_people`: those of them in which one was found, `empty_share`:
+    their share; `interval`: 95 % intervals over sequences; `fps`: images a second of one core, all stages.
     """
     sums = [_sums(part) for part in parts]
     above, below = (np.array([[pair[end] for pair in one.values()] for one in sums]) for end in (0, 1))

@@ -25,7 +25,7 @@ from kpopnet.pose.estimator import MAX_PEOPLE, PersonPose, PoseEstimator
 from kpopnet.pose.extraction import DEFAULT_EXTRACTION, extraction_name
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
-from kpopnet.viz.drawing import Style, depth_rgb, draw_skeleton, enlarged, save_png, sheet, with_captions
+from kpopnet.viz.drawing import Style, save_png, scene_tile, sheet
 from kpopnet.viz.view_page import Shown
 
 SHEET_COLUMNS, WORST_COLUMNS, WORST_IMAGES = 6, 5, 10
@@ -105,8 +105,8 @@ def matched_people(benchmark: PeopleSet, followers: dict[str, Timed], name: str)
 def evaluate_people(config: EvaluateConfig, folder: Path) -> Report:
     """Judges all people found in films of several people; writes pictures into the folder.
 
-    Raises:
-        InputError: no estimator, one that finds one person only, a setting for other benchmarks, or no sequence gave figures.
+    Raises InputError if there is no estimator, one finds one person only, a setting is for other benchmarks, or no sequence
+    gave figures.
     """
     name = config.benchmark.name
     config.refuse("scorer", "sweep")
@@ -209,15 +209,14 @@ def _worst_image(sequence: StoredSequence, part: MatchedSequence) -> np.ndarray:
 
 def frame_image(sequence: StoredSequence, matched: MatchedSequence, frame: int, remark: str | None = None) -> np.ndarray:
     """RGB image of one frame: a skeleton in a colour for each identity, the true ones thin, with a remark, or how far off."""
-    image = enlarged(depth_rgb(sequence.depth[frame] / np.float32(MM_PER_METRE)), TILE_WIDTH_PX)
-    for identity, joints_m in zip(matched.identities.tolist(), matched.estimates_m[:, frame], strict=True):
-        colour = COLOURS[identity % len(COLOURS)]
-        draw_skeleton(image, joints_m, sequence.camera, Style("", *[colour] * 3, width_px=2, filled=True))
+    colours = (COLOURS[identity % len(COLOURS)] for identity in matched.identities.tolist())
+    styles = (Style("", *[colour] * 3, width_px=2, filled=True) for colour in colours)
+    skeletons = [*zip(matched.estimates_m[:, frame], styles, strict=True), *((one, TRUTH) for one in sequence.joints_m[frame])]
     states = []
-    for person, person_m in enumerate(sequence.joints_m[frame]):
-        draw_skeleton(image, person_m, sequence.camera, TRUTH)
+    for person in range(len(sequence.people)):
         errors_m, hidden = matched.errors_m[frame, person], matched.hidden[frame, person]
         found = errors_m[np.isfinite(errors_m)]
         error = f"{100 * found.mean():.0f} cm" if len(found) else "not found"
         states.append(("hidden, " if hidden else "") + error if matched.seen[frame, person] or hidden else "not in view")
-    return with_captions(image, (f"{sequence.name} frame {frame}, {sequence.kind}", remark or "; ".join(states) or "no person"))
+    captions = f"{sequence.name} frame {frame}, {sequence.kind}", remark or "; ".join(states) or "no person"
+    return scene_tile(sequence.depth[frame] / np.float32(MM_PER_METRE), sequence.camera, skeletons, TILE_WIDTH_PX, captions)

@@ -59,12 +59,11 @@ def risk_curve_m(joints: Judged) -> np.ndarray:
 
 
 def evaluate_confidence(results: PoseResults) -> dict:
-    """All figures of the confidence of one estimator.
+    """All figures of the confidence of one estimator, under "confidence"; None where there are no joints.
 
-    Returns:
-        Under "confidence": number of joints; `mean` confidence, and share `within_10cm`, which should be equal; `ece`; the area
-        `risk_cm` below the risk-coverage curve, and `risk_best_cm` of the best order; `error_cm` of the most confident shares;
-        and the `bins` of the reliability diagram. None where there are no joints.
+    The number of joints; `mean` confidence, and share `within_10cm`, which should be equal; `ece`; the area `risk_cm` below the
+    risk-coverage curve, and `risk_best_cm` of the best order; `error_cm` of the most confident shares; and the `bins` of the
+    reliability diagram.
     """
     joints = judged(results)
     count = len(joints.error_m)

@@ -242,11 +242,8 @@ def difference(results: PoseResults, reference: PoseResults, seed: int = 0) -> d
 
     Each resample holds the same units for both, so what makes a unit hard for both cancels. Frames that either was given are
     left out for both. Distances are compared over the joints that both found: over all joints, an estimator that finds only
-    easy ones would seem to be nearer.
-
-    Returns:
-        By metric a dict of `value` and `interval`: `within_10cm_points` (percentage points) and `mean_error_cm`; None where
-        undefined.
+    easy ones would seem to be nearer. The result has a dict of `value` and `interval`, None where undefined, for each metric:
+    `within_10cm_points` (percentage points) and `mean_error_cm`.
     """
     first, second = results.errors_m(), reference.errors_m()
     scored = ~np.isnan(first) & ~np.isnan(second)

@@ -52,8 +52,7 @@ CLOCK = (
 def evaluate_poses(config: EvaluateConfig, folder: Path) -> Report:
     """Judges estimated joints by true ones; writes figures and views into the folder.
 
-    Raises:
-        InputError: scorers are named, which judge dances, or see `run_benchmark`.
+    Raises InputError if scorers are named, which judge dances; see `run_benchmark`.
     """
     config.refuse("scorer")
     sweep = sweep_of(config.sweep, config.estimator) if config.sweep else None

@@ -117,10 +117,8 @@ def run_benchmark(
     thread, so the frames per second of an estimator (all frames divided by its total time) are those of one core.
 
     The main estimator comes first. `sequences` are evenly spaced over the set, `seed` is the bootstrap's, and `extraction` are
-    the settings of what segments the person where the depth shows a whole scene.
-
-    Raises:
-        InputError: every sequence failed, no joint has a label, an estimator was given every label, or a process died.
+    the settings of what segments the person where the depth shows a whole scene. Raises InputError if every sequence failed, no
+    joint has a label, an estimator was given every label, or a process died.
     """
     names = benchmark.sequence_names()
     work = SequenceEstimation(benchmark, estimators, extraction)

@@ -47,8 +47,7 @@ class Sweep:
 def sweep_of(axes: dict[str, list[Any]], estimators: dict[str, Any]) -> Sweep:
     """Makes the combinations for the first configured estimator.
 
-    Raises:
-        InputError: no estimator is configured, it lacks one of the settings, or a value is invalid.
+    Raises InputError if no estimator is configured, it lacks one of the settings, or a value is invalid.
     """
     if not estimators:
         raise InputError("sweep: expected an estimator to vary, for instance 'estimator=[paper_tracker]'")

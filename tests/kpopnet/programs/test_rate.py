@@ -96,7 +96,7 @@ def test_what_was_answered_before_a_kill_is_kept(made, tmp_path):
     pytest.importorskip("aiohttp", reason="the extra app is not installed")
     for name in DANCES:
         (tmp_path / name).symlink_to(made / name)
-    command = [sys.executable, "-m", "kpopnet.programs.rate", str(tmp_path), "--no-browser", "--port", "0"]
+    command = [sys.executable, "-m", "kpopnet.cli", "rate", str(tmp_path), "--no-browser", "--port", "0"]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
         try:
             address = process.stdout.readline().removeprefix("rate at ").split()[0]
