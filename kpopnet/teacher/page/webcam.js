@@ -2,8 +2,8 @@
 import { el } from "./tools.js";
 
 export const WEBCAM = "webcam";
-const WITHOUT_DEPTH = "A webcam sees no depth: a depth camera adds places in metres, limbs in front of or behind the body, "
-  + "and works in any light. The picture stays in this browser.";
+const WITHOUT_DEPTH = "A webcam sees no depth: its scores are less sure. A depth camera adds places in metres, limbs in front of "
+  + "or behind the body, and works in any light. The picture stays in this browser.";
 
 const VENDOR = "/page/vendor/mediapipe/", WIDTH = 640, HEIGHT = 480;
 const REFUSALS = {
@@ -86,7 +86,7 @@ function nextPicture(video) {
 let loaded = null;
 
 // MediaPipe's pose with its small network; one for the page, as it frees no memory.
-function loadPose() {
+export function loadPose() {
   loaded ||= new Promise((take, fail) => {
     const script = Object.assign(document.createElement("script"), { src: `${VENDOR}pose.js` });
     script.addEventListener("error", () => fail(new Error("the teacher's program does not answer; is it still running?")));
