@@ -1,8 +1,9 @@
 // What is heard: a metronome, a loop, or the user's own song, which never leaves the browser.
 import { LOOPS, loopOf } from "./loops.js";
+import { clamp } from "./tools.js";
 
 const LOUDNESS = 0.5;
-const SETTLED_MS = 250, OFF_S = 0.02;
+const EVERY_MS = 100, OFF_S = 0.015, CATCH_UP_S = 0.5, MOST = 0.25;
 
 export class Sound {
   constructor() {
@@ -49,9 +50,11 @@ export class Sound {
     const due_s = () => from_s + rate * (performance.now() - start) / 1000;
     this.timer = setTimeout(async () => {
       await audio.play().catch(() => {}); // a page that was opened to begin at once may not make sound
-      this.timer = setTimeout(() => {
-        if (!audio.paused && Math.abs(due_s() - audio.currentTime) > OFF_S) audio.currentTime = due_s();
-      }, SETTLED_MS);
+      // Seeking would take as long again: a song that is behind plays a little faster until it is not.
+      this.timer = setInterval(() => {
+        const behind_s = due_s() - audio.currentTime;
+        audio.playbackRate = rate * (1 + (Math.abs(behind_s) > OFF_S ? clamp(behind_s / CATCH_UP_S, -MOST, MOST) : 0));
+      }, EVERY_MS);
     }, 1000 * wait_s);
   }
 
