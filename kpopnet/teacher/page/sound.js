@@ -50,6 +50,7 @@ export class Sound {
     const due_s = () => from_s + rate * (performance.now() - start) / 1000;
     this.timer = setTimeout(async () => {
       await audio.play().catch(() => {}); // a page that was opened to begin at once may not make sound
+      if (this.song !== audio) return;
       // Seeking would take as long again: a song that is behind plays a little faster until it is not.
       this.timer = setInterval(() => {
         const behind_s = due_s() - audio.currentTime;

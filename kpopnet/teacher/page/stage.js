@@ -164,7 +164,7 @@ export async function stage(main, identity, wanted) {
     if (what === "go") showStreak(0);
     live.send({ do: what, in_s });
     sound.play({
-      in_s, from_s, to_s: state.to_s, beat_s, speed: state.speed, counts: COUNTS,
+      in_s: (state.start - performance.now()) / 1000, from_s, to_s: state.to_s, beat_s, speed: state.speed, counts: COUNTS,
       music: parts.music.value === "song" ? songAt(from_s / ratio, state.speed / ratio) || "tick" : parts.music.value,
     });
   }
