@@ -1,7 +1,8 @@
 // Of the dance teacher's page: `npx eslint` (npm install eslint); `make lint` runs it where it is installed.
 const BROWSER = [
-  "addEventListener", "atob", "AudioContext", "Audio", "clearInterval", "clearTimeout", "devicePixelRatio", "document", "fetch",
-  "getComputedStyle", "IntersectionObserver", "localStorage", "location", "matchMedia", "performance", "requestAnimationFrame",
+  "AbortController", "addEventListener", "atob", "AudioContext", "clearInterval", "clearTimeout", "devicePixelRatio",
+  "document", "fetch", "getComputedStyle", "HTMLCanvasElement", "IntersectionObserver", "localStorage", "location",
+  "matchMedia", "navigator", "OfflineAudioContext", "performance", "ReadableStream", "requestAnimationFrame", "Response",
   "setInterval", "setTimeout", "TextDecoder", "TextEncoder", "URL", "URLSearchParams", "WebSocket",
 ];
 

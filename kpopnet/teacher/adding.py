@@ -15,6 +15,7 @@ from kpopnet.teacher.posing import MAX_S, at_rate, posed
 
 FPS = 30.0
 MIN_S = 5.0
+USUAL_BPM = 120.0
 
 JOINT_ARRAYS = ("joints_m.npy", "keypoints3d.npy", "points.npy")
 """Members of an .npz file that make it a recording of joints."""
@@ -23,7 +24,7 @@ NOT_DEPTH = (*JOINT_SUFFIXES, ".pkl", ".pickle")
 """Endings of files of joints, and of pickles, which the reader of joints refuses with advice."""
 
 
-def add_performance(library: Library, performance: Performance, where: str, title: str, bpm: float = 120.0) -> str:
+def add_performance(library: Library, performance: Performance, where: str, title: str, bpm: float = USUAL_BPM) -> str:
     """Adds a dance known by its joints in the frame of a level camera, and returns its identity.
 
     The first beat is at the recording's start. Raises InputError, which names the file `where`, if it lasts less than MIN_S or

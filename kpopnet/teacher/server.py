@@ -14,7 +14,7 @@ from kpopnet.dance.joint_files.reader import read_performance, read_strangers_pe
 from kpopnet.errors import InputError, check_between
 from kpopnet.runtime.input_files import check_fields, parse_json, settings_from
 from kpopnet.teacher import profiles
-from kpopnet.teacher.adding import add_performance
+from kpopnet.teacher.adding import USUAL_BPM, add_performance
 from kpopnet.teacher.film import Filming
 from kpopnet.teacher.hosting import now_ms, packed_frame, page_app
 from kpopnet.teacher.library import About, Library, moves_cm, preview_cm
@@ -126,11 +126,16 @@ async def preview(request: web.Request) -> web.Response:
 
 @routes.post("/api/dances")
 async def upload(request: web.Request) -> web.Response:
-    """Adds a dance: the file is the body, its name and the dance's title are in the query."""
+    """Adds a dance: the file is the body, its name, the dance's title and, where known, its beats a minute are in the query."""
     suffix = Path(request.query.get("file", "")).suffix.lower()
     if suffix not in UPLOADS:
         raise InputError(f"a dance is a file that ends with {', '.join(UPLOADS)}")
     title = request.query.get("title", "").strip()[:60] or "My dance"
+    try:
+        bpm = float(request.query.get("bpm", USUAL_BPM))
+    except ValueError as error:
+        raise InputError("bpm: expected a number") from error
+    check_between("bpm", bpm, 20, 400)
     try:
         content = await asyncio.wait_for(request.read(), UPLOAD_S)
     except TimeoutError as error:
@@ -143,7 +148,8 @@ async def upload(request: web.Request) -> web.Response:
             performance = await asyncio.to_thread(read_strangers_performance, path)
         except InputError as error:
             raise InputError(str(error).replace(str(path), "the file")) from error
-    return web.json_response({"identity": await asyncio.to_thread(add_performance, library, performance, "the file", title)})
+    added = await asyncio.to_thread(add_performance, library, performance, "the file", title, bpm)
+    return web.json_response({"identity": added})
 
 
 @routes.get("/api/body")
@@ -277,6 +283,8 @@ class PageLessons:
             in_s = check_fields(what, message, {"in_s": float})["in_s"]
             check_between("in_s", in_s, 0, 60)
             self._process.send(what, in_s)
+        elif what == "pause" and self._process is not None:
+            self._process.send("pause")
         elif what == "see" and self._process is not None:
             self._process.see(read_seen(message))
         elif what == "drawn":

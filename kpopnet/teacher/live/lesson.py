@@ -24,7 +24,7 @@ class Lesson:
         skill: how well a simulated learner dances.
         fault: the fault that a simulated learner has, "" for none.
         seed: of a simulated learner's body, room and errors.
-        speed: of the dance, 1 for its own tempo.
+        speed: of the dance, 1 for its own tempo; more where it follows the beats of a faster song.
         from_s: start of the excerpt, seconds of the dance at its own tempo.
         to_s: its end; 0 for the end of the dance.
         mirrored: whether the teacher is shown as in a mirror: the learner's left is the teacher's left.
@@ -49,7 +49,7 @@ class Lesson:
     def __post_init__(self) -> None:
         if not IDENTITY.fullmatch(self.dance):
             raise InputError("there is no such dance")
-        check_between("speed", self.speed, 0.25, 1)
+        check_between("speed", self.speed, 0.25, 1.5)
         check_between("latency_s", self.latency_s, -1, 1)
         check_between("from_s", self.from_s, 0, 7200)
         check_between("to_s", self.to_s, 0, 7200)

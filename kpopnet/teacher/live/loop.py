@@ -1,8 +1,8 @@
 """The process of a lesson: newest image, joints, score and messages, in real time and away from the server.
 
-The server sends ("prepare", number, lesson, dance), ("go", seconds), ("resume", seconds), ("see", what a webcam saw),
-("stop",) and ("quit",). It gets the number of the lesson, a kind, its content as JSON, and a picture, the learner's joints or
-None.
+The server sends ("prepare", number, lesson, dance), ("go", seconds), ("pause",), ("resume", seconds), ("see", what a webcam
+saw), ("stop",) and ("quit",). It gets the number of the lesson, a kind, its content as JSON, and a picture, the learner's
+joints or None.
 """
 
 import contextlib
@@ -185,6 +185,9 @@ class RunningLesson:
             if kind == "go":
                 self._try = self._new_try()
                 self._clock.start(*words)
+            elif kind == "pause" and self._clock.running:
+                self._clock.pause(max(self._try.seen_s, self._try.begin_s))
+                self._tell("paused", {"from_s": self._clock.paused_s})
             elif kind == "resume":
                 self._clock.resume(*words)
             elif kind == "see" and self._webcam:

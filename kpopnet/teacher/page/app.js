@@ -1,7 +1,8 @@
-// The views by the address after #: the menu, a dance, a try.
+// The views by the address after #: the menu, a dance, a try, and the rest.
 import { calibrate } from "./calibrate.js";
 import { menu } from "./menu.js";
 import { myself, profilePage } from "./mine.js";
+import { record } from "./record.js";
 import { result } from "./result.js";
 import { stage } from "./stage.js";
 import { el, remember, remembered } from "./tools.js";
@@ -21,6 +22,7 @@ async function show() {
     let end;
     if (kind === "dance" && name) end = await result(place, identity, name);
     else if (kind === "me") end = await profilePage(place);
+    else if (kind === "record") end = await record(place);
     else if (kind === "calibrate") end = await calibrate(place);
     else if (kind === "dance") end = await stage(place, identity, new URLSearchParams(query));
     else end = await menu(place);

@@ -65,7 +65,7 @@ export async function calibrate(main) {
     told.textContent = "an arm up at each tick";
     state.start = performance.now() + 1000 * START_S;
     live.send({ do: "go", in_s: START_S });
-    sound.play({ in_s: START_S, from_s: 0, to_s: BEATS * BEAT_S, beat_s: BEAT_S, speed: 1, counts: COUNTS, metronome: true, offset_s: 0 });
+    sound.play({ in_s: START_S, from_s: 0, to_s: BEATS * BEAT_S, beat_s: BEAT_S, speed: 1, counts: COUNTS, music: "tick" });
   }
 
   function frame(content, picture) {

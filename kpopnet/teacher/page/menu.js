@@ -2,6 +2,7 @@
 import { greeting, myself } from "./mine.js";
 import { sketch } from "./sketch.js";
 import { ask, clock, el, remember, remembered } from "./tools.js";
+import { WEBCAM } from "./webcam.js";
 
 const ORDERS = {
   name: (a, b) => a.name.localeCompare(b.name),
@@ -11,7 +12,7 @@ const ORDERS = {
 };
 
 export async function menu(main) {
-  const [dances, told_of] = await Promise.all([ask("/api/dances"), myself()]);
+  const [dances, told_of, offer] = await Promise.all([ask("/api/dances"), myself(), ask("/api/offer")]);
   const search = el("input", { type: "search", id: "search", placeholder: "search", oninput: show });
   const level = el("select", { id: "level", onchange: show }, el("option", { value: "" }, "any difficulty"));
   for (let one = 1; one <= 5; one++) level.append(el("option", { value: one }, stars(one)));
@@ -25,7 +26,8 @@ export async function menu(main) {
   main.append(
     ...greeting(told_of), el("h1", {}, "Choose a dance"),
     el("div", { class: "controls" }, el("label", {}, "Search", search), level, order,
-      el("label", {}, "Add your own (.bvh, .npz, .csv, .json)", file)),
+      el("label", {}, "Add your own (.bvh, .npz, .csv, .json)", file),
+      WEBCAM in offer.sources ? el("a", { class: "button", id: "dance-it", href: "#/record" }, "Dance it yourself") : null),
     told, cards,
   );
   show();

@@ -1,5 +1,5 @@
 // Who dances: names on this machine, a curve for each dance, what to practise this week, and one's data to take along or delete.
-import { practiseAddress, weekPlan } from "./practice.js";
+import { weekPlan } from "./practice.js";
 import { line, part, when } from "./result.js";
 import { ask, el, remember, remembered } from "./tools.js";
 

@@ -1,12 +1,14 @@
 // What stands on the page of a dance: its controls, the pictures, and the words.
+import { LOOPS } from "./loops.js";
 import { stars } from "./menu.js";
 import { GOALS } from "./practice.js";
 import { clock, el, latencyOf, milliseconds, partBars, remembered } from "./tools.js";
 import { withoutDepth } from "./webcam.js";
 
+export const MUSIC = [["tick", "a metronome"], ...Object.keys(LOOPS).map((one) => [one, `a loop, ${one}`]), ["song", "my song"], ["none", "nothing"]];
 const SPEEDS = [25, 40, 50, 60, 75, 90, 100];
 
-function choice(id, options, value) {
+export function choice(id, options, value) {
   const select = el("select", { id }, ...options.map(([key, text]) => el("option", { value: key }, text)));
   if (options.some(([key]) => String(key) === String(value))) select.value = value;
   return select;
@@ -23,9 +25,7 @@ export function controls(dance, offer, wanted) {
     full: el("button", { type: "button", id: "full" }, "Full screen"),
     loop: el("input", { type: "checkbox", id: "loop", checked: wanted.has("loop") }),
     mirrored: el("input", { type: "checkbox", id: "mirrored", checked: true }),
-    metronome: el("input", { type: "checkbox", id: "metronome", checked: true }),
-    music: el("input", { type: "file", accept: "audio/*", id: "music" }),
-    offset: el("input", { type: "number", id: "offset", step: "0.01", value: "0", size: 5 }),
+    music: choice("music", MUSIC, remembered("music", "tick")),
     source: choice("source", Object.entries(offer.sources), remembered("source", Object.keys(offer.sources)[0])),
     skill: choice("skill", offer.skills.map((one) => [one, one]), wanted.get("skill") || "good"),
     fault: choice("fault", offer.faults.map((one) => [one, one || "none"]), wanted.get("fault") || ""),
@@ -33,7 +33,7 @@ export function controls(dance, offer, wanted) {
   };
 }
 
-export function panels(main, dance, parts) {
+export function panels(main, dance, parts, song) {
   const shown = {
     teacher: el("canvas", { id: "teacher", "aria-label": "the teacher, in 3D; the left and right keys turn the view" }),
     learner: el("canvas", { id: "learner", "aria-label": "your picture with your skeleton" }),
@@ -66,17 +66,15 @@ export function panels(main, dance, parts) {
     el("h1", {}, dance.name, el("small", { class: "quiet" }, `${stars(dance.difficulty)} · ${Math.round(dance.bpm)} bpm · ${clock(dance.seconds)}`)),
     el("div", { class: "controls" }, parts.start, el("label", {}, "speed", parts.speed), el("label", {}, "dance", parts.phrase),
       el("label", {}, "practise", parts.practise), el("label", {}, parts.loop, "loop"), el("label", {}, parts.mirrored, "as in a mirror"),
-      el("label", {}, parts.metronome, "metronome"), el("label", {}, "who dances", parts.source), parts.full, shown.beginNow),
-    withoutDepth(parts.source), shown.preparing, shown.error,
+      el("label", {}, "music", parts.music), el("label", {}, "who dances", parts.source), parts.full, shown.beginNow),
+    song, withoutDepth(parts.source), shown.preparing, shown.error,
     shown.stage,
     shown.bars.list,
-    el("details", {}, el("summary", {}, "Music"), el("div", { class: "controls" },
-      el("label", {}, "your own audio file (it stays in this browser)", parts.music),
-      el("label", {}, "the dance begins at second", parts.offset))),
     simulated,
     el("p", { class: "quiet", id: "latency" }, latency_s === null ? "Latency not measured. " : `${milliseconds(latency_s)} latency are taken off. `,
       el("a", { href: "#/calibrate" }, latency_s === null ? "Measure it" : "Measure it again")),
-    el("p", { class: "quiet" }, "Keys: space starts and stops, left and right turn the teacher, m mirrors, f is full screen."),
+    el("p", { class: "quiet" }, "Hands together above your head, held for a second and a half, pause and go on. "
+      + "Keys: space starts and stops, p pauses, left and right turn the teacher, m mirrors, f is full screen."),
   );
   return shown;
 }

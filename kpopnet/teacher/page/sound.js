@@ -1,10 +1,14 @@
-// What is heard: the metronome, or the user's own music, which never leaves the browser.
+// What is heard: a metronome, a loop, or the user's own song, which never leaves the browser.
+import { LOOPS, loopOf } from "./loops.js";
+import { clamp } from "./tools.js";
+
+const LOUDNESS = 0.5;
+const EVERY_MS = 100, OFF_S = 0.015, CATCH_UP_S = 0.5, MOST = 0.25;
 
 export class Sound {
   constructor() {
-    this.context = null;
-    this.music = null;
-    this.clicks = [];
+    this.context = this.song = null;
+    this.sources = [];
   }
 
   // A browser lets a page make sound only after a click or a key: call it from there.
@@ -13,37 +17,46 @@ export class Sound {
     this.context.resume();
   }
 
-  choose(file) {
-    this.forget();
-    if (!file) return;
-    this.music = new Audio(URL.createObjectURL(file));
-    this.music.preservesPitch = true;
-  }
-
-  forget() {
-    if (this.music) {
-      this.music.pause();
-      URL.revokeObjectURL(this.music.src);
-    }
-    this.music = null;
-  }
-
-  // Plays from `in_s` seconds from now on; beats before that are the count-in, which is always heard.
-  play({ in_s, from_s, to_s, beat_s, speed, counts, metronome, offset_s }) {
+  // Plays from `in_s` seconds from now on; the beats before that are the count-in, which is always heard. `music` is "tick",
+  // "none", one of LOOPS, or a song: its audio element, and where in it the dance's excerpt begins and how fast it plays.
+  play({ in_s, from_s, to_s, beat_s, speed, counts, music }) {
     this.stop();
     const now = this.context.currentTime, beats = [];
     for (let beat = counts; beat > 0; beat--) beats.push([in_s - beat * beat_s / speed, beat === counts]);
     const first = Math.ceil(from_s / beat_s - 1e-6);
-    const clicking = metronome && !this.music;
-    for (let beat = first; clicking && beat * beat_s < to_s; beat++) {
+    for (let beat = first; music === "tick" && beat * beat_s < to_s; beat++) {
       beats.push([in_s + (beat * beat_s - from_s) / speed, beat % 8 === 0]);
     }
     for (const [at, strong] of beats) if (at >= 0) this.click(now + at, strong);
-    if (this.music) {
-      this.music.playbackRate = speed;
-      this.music.currentTime = Math.max(from_s + offset_s, 0);
-      this.timer = setTimeout(() => this.music && this.music.play(), 1000 * in_s);
-    }
+    if (music in LOOPS) this.loop(music, 60 / beat_s * speed, now + in_s, from_s / speed, (to_s - from_s) / speed);
+    if (music.audio) this.follow(music, in_s);
+  }
+
+  loop(name, bpm, at, from_s, lasts_s) {
+    const samples = loopOf(name, bpm, this.context.sampleRate), buffer = this.context.createBuffer(1, samples.length, this.context.sampleRate);
+    buffer.copyToChannel(samples, 0);
+    const source = Object.assign(this.context.createBufferSource(), { buffer, loop: true }), loudness = this.context.createGain();
+    loudness.gain.value = LOUDNESS;
+    source.connect(loudness).connect(this.context.destination);
+    source.start(at, from_s % buffer.duration);
+    source.stop(at + lasts_s);
+    this.sources.push(source);
+  }
+
+  // The song leads in where it has begun before the dance. How long a browser takes to begin is corrected once it plays.
+  follow({ audio, at_s, rate }, in_s) {
+    const wait_s = Math.max(in_s - at_s / rate, 0), from_s = at_s - (in_s - wait_s) * rate, start = performance.now() + 1000 * wait_s;
+    this.song = Object.assign(audio, { playbackRate: rate, preservesPitch: true, currentTime: from_s });
+    const due_s = () => from_s + rate * (performance.now() - start) / 1000;
+    this.timer = setTimeout(async () => {
+      await audio.play().catch(() => {}); // a page that was opened to begin at once may not make sound
+      if (this.song !== audio) return;
+      // Seeking would take as long again: a song that is behind plays a little faster until it is not.
+      this.timer = setInterval(() => {
+        const behind_s = due_s() - audio.currentTime;
+        audio.playbackRate = rate * (1 + (Math.abs(behind_s) > OFF_S ? clamp(behind_s / CATCH_UP_S, -MOST, MOST) : 0));
+      }, EVERY_MS);
+    }, 1000 * wait_s);
   }
 
   click(at, strong) {
@@ -54,13 +67,14 @@ export class Sound {
     tone.connect(loudness).connect(this.context.destination);
     tone.start(at);
     tone.stop(at + 0.07);
-    this.clicks.push(tone);
+    this.sources.push(tone);
   }
 
   stop() {
     clearTimeout(this.timer);
-    for (const tone of this.clicks) tone.stop();
-    this.clicks = [];
-    if (this.music) this.music.pause();
+    for (const source of this.sources) source.stop();
+    this.sources = [];
+    this.song?.pause();
+    this.song = null;
   }
 }

@@ -1,37 +1,41 @@
 // A dance: the teacher in 3D, the learner beside, and everything that is said while dancing.
+import { tempoRatio } from "./beats.js";
 import { View, loadBody, movementOf } from "./body.js";
 import { LearnerView } from "./learner.js";
 import { Lane } from "./lane.js";
 import { Live } from "./live.js";
 import { controls, panels } from "./panels.js";
 import { Practice } from "./practice.js";
+import { songAt, songPanel, songTempo } from "./song.js";
 import { Sound } from "./sound.js";
-import { ask, clock, el, latencyOf, remember, remembered } from "./tools.js";
-import { InPlace, praise, starsOf, streakAfter } from "./verdicts.js";
+import { ask, clamp, clock, el, latencyOf, remember, remembered } from "./tools.js";
+import { HandsHeld, InPlace, praise, starsOf, streakAfter } from "./verdicts.js";
 
 const COUNTS = 4;
 const AGAIN_S = 2;
+const SLOWEST = 0.25, FASTEST = 1.5; // of a lesson
 
 export async function stage(main, identity, wanted) {
   const [dance, body, offer] = await Promise.all([ask(`/api/dances/${identity}`), loadBody(), ask("/api/offer")]);
   const beat_s = 60 / dance.bpm, sound = new Sound();
   const state = { running: false, ready: false, start: 0, start_s: 0, speed: 1, from_s: 0, to_s: dance.seconds, closed: false,
-    place: null, practice: null, streak: 0 };
+    place: null, practice: null, streak: 0, paused_s: null };
+  const hands = new HandsHeld();
   const parts = controls(dance, offer, wanted);
-  const shown = panels(main, dance, parts);
+  const song = songPanel(showSong), follows = el("p", { id: "follows" }), shown = panels(main, dance, parts, song.panel);
   const view = new View(shown.teacher), learner = new LearnerView(shown.learner);
   const lane = new Lane(shown.lane, dance.moves, beat_s);
   const teacher = view.add(body, "teacher", 0);
   teacher.movement = movementOf(dance);
   view.mirror(parts.mirrored.checked);
-  const live = new Live({ preparing, ready, frame, drawn, verdict, away, back, done, error, lost });
+  const live = new Live({ preparing, ready, frame, drawn, verdict, away, paused, back, done, error, lost });
 
   parts.start.addEventListener("click", () => (state.running ? stop("") : startAnew()));
   shown.beginNow.addEventListener("click", () => begin());
   parts.full.addEventListener("click", fullScreen);
   parts.practise.addEventListener("change", choosePractice);
   parts.mirrored.addEventListener("change", () => view.mirror(parts.mirrored.checked));
-  parts.music.addEventListener("change", () => sound.choose(parts.music.files[0]));
+  parts.music.addEventListener("change", () => { remember("music", parts.music.value); showSong(); });
   parts.phrase.addEventListener("change", () => { if (!state.running) showExcerpt(); });
   const onKey = (event) => {
     if (event.target.closest("input, select, button, a, summary")) return;
@@ -40,10 +44,19 @@ export async function stage(main, identity, wanted) {
     else if (event.key === "ArrowRight") view.turn(0.2);
     else if (event.key === "m") parts.mirrored.click();
     else if (event.key === "f") fullScreen();
+    else if (event.key === "p") pause();
     else return;
     event.preventDefault();
   };
   document.addEventListener("keydown", onKey);
+  const onDrag = (event) => {
+    const [dropped] = event.dataTransfer.files;
+    if (event.type === "drop" && dropped) chooseSong(dropped);
+    event.preventDefault();
+  };
+  for (const kind of ["dragover", "drop"]) document.addEventListener(kind, onDrag);
+  song.panel.append(follows);
+  showSong();
   showExcerpt();
   requestAnimationFrame(animate);
   choosePractice();
@@ -51,8 +64,8 @@ export async function stage(main, identity, wanted) {
   return () => {
     state.closed = true;
     document.removeEventListener("keydown", onKey);
+    for (const kind of ["dragover", "drop"]) document.removeEventListener(kind, onDrag);
     sound.stop();
-    sound.forget();
     live.close();
     view.close();
   };
@@ -61,6 +74,23 @@ export async function stage(main, identity, wanted) {
     const phrase = parts.phrase.value;
     state.from_s = phrase === "" ? 0 : Number(phrase) * dance.phrase_s;
     state.to_s = phrase === "" ? dance.seconds : Math.min(state.from_s + dance.phrase_s, dance.seconds);
+  }
+
+  // How much faster than at its own tempo the dance is, before the learner's choice of speed: it follows the song's beats. A
+  // dance of the user's own was danced to its own song.
+  function followed() {
+    return parts.music.value === "song" && songTempo() && !dance.own ? tempoRatio(songTempo(), dance.bpm) : 1;
+  }
+
+  function chooseSong(file) {
+    parts.music.value = "song";
+    showSong();
+    song.take(file);
+  }
+
+  function showSong() {
+    song.panel.hidden = parts.music.value !== "song";
+    follows.textContent = followed() === 1 ? "" : `The dance follows it, at ${Math.round(100 * followed())} % of its own tempo.`;
   }
 
   function fullScreen() {
@@ -86,10 +116,10 @@ export async function stage(main, identity, wanted) {
     if (state.practice) parts.speed.value = state.practice.speed;
     sound.wake();
     showExcerpt();
-    state.speed = Number(parts.speed.value) / 100;
+    state.speed = clamp(Number(parts.speed.value) / 100 * followed(), SLOWEST, FASTEST);
     if (!state.practice) remember("speed", parts.speed.value);
     remember("source", parts.source.value);
-    Object.assign(state, { running: true, ready: false, start: 0 });
+    Object.assign(state, { running: true, ready: false, start: 0, paused_s: null });
     parts.start.textContent = "Stop";
     shown.error.textContent = "";
     shown.preparing.hidden = false;
@@ -127,15 +157,15 @@ export async function stage(main, identity, wanted) {
   }
 
   function begin(what = "go", from_s = state.from_s) {
-    const in_s = COUNTS * beat_s / state.speed + 0.3;
-    Object.assign(state, { ready: true, place: null, start: performance.now() + 1000 * in_s, start_s: from_s, reason: "" });
+    const in_s = COUNTS * beat_s / state.speed + 0.3, ratio = followed();
+    Object.assign(state, { ready: true, place: null, start: performance.now() + 1000 * in_s, start_s: from_s, reason: "", paused_s: null });
     shown.beginNow.hidden = true;
     shown.words.textContent = shown.verdict.textContent = "";
     if (what === "go") showStreak(0);
     live.send({ do: what, in_s });
     sound.play({
-      in_s, from_s, to_s: state.to_s, beat_s, speed: state.speed, counts: COUNTS, metronome: parts.metronome.checked,
-      offset_s: Number(parts.offset.value) || 0,
+      in_s: (state.start - performance.now()) / 1000, from_s, to_s: state.to_s, beat_s, speed: state.speed, counts: COUNTS,
+      music: parts.music.value === "song" ? songAt(from_s / ratio, state.speed / ratio) || "tick" : parts.music.value,
     });
   }
 
@@ -146,6 +176,7 @@ export async function stage(main, identity, wanted) {
       shown.words.textContent = content.joints ? "there you are" : "stand before the camera: the dance begins when you are seen";
       if (state.place.see(content, performance.now())) begin();
     }
+    if (hands.see(content.joints, performance.now(), state.speed)) pause();
     if (content.time_s === null) return;
     shown.stars.textContent = starsOf(content.so_far);
     shown.score.textContent = content.so_far === null ? "–" : Math.round(content.so_far);
@@ -209,9 +240,21 @@ export async function stage(main, identity, wanted) {
     shown.count.textContent = "";
   }
 
+  // Asks for a pause, or goes on after one.
+  function pause() {
+    if (state.paused_s !== null) begin("resume", state.paused_s);
+    else if (state.start) live.send({ do: "pause" });
+  }
+
+  function paused({ from_s }) {
+    away({ text: "" });
+    Object.assign(state, { paused_s: from_s, start_s: from_s });
+    shown.words.textContent = "paused: hands together above your head, or p, to go on";
+  }
+
   function back({ from_s }) {
     shown.guide.textContent = "";
-    if (state.running && from_s !== null) begin("resume", from_s);
+    if (state.running && state.paused_s === null && from_s !== null) begin("resume", from_s);
   }
 
   function error({ text }) {

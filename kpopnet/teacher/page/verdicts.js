@@ -1,8 +1,10 @@
-// What is made of the scores of the moves while dancing: words, stars and the streak; and whether somebody is in place to begin.
+// What is made of the scores of the moves while dancing: words, stars and the streak; whether somebody is in place to begin, or
+// asks for a pause.
 
 const PRAISE = [[90, "perfect"], [75, "great"], [55, "good"], [30, "keep going"], [-Infinity, "watch the teacher"]];
 const STARS_FROM = [30, 50, 65, 80, 90];
 const STREAK_FROM = 75;
+const HELD_MS = 1500, ASPECT = 4 / 3, HEAD = 0, NECK = 1, RIGHT_HAND = 6, LEFT_HAND = 7, TORSO = 8;
 const STEADY_MS = 1000, HINTED_MS = 8000;
 
 export function praise(total) {
@@ -27,5 +29,25 @@ export class InPlace {
     this.seen_ms = joints ? this.seen_ms ?? now_ms : null;
     this.good_ms = joints && !guidance ? this.good_ms ?? now_ms : null;
     return (this.good_ms !== null && now_ms - this.good_ms >= STEADY_MS) || (this.seen_ms !== null && now_ms - this.seen_ms >= HINTED_MS);
+  }
+}
+
+// Hands together above the head, held: once each time. In 50 dances of the collection that is at most 0.9 s; a slowed dance holds
+// it longer, and so must who asks for a pause.
+export class HandsHeld {
+  constructor() {
+    this.since_ms = null;
+  }
+
+  see(joints, now_ms, speed) {
+    const at = (joint) => [ASPECT * joints[joint][0], joints[joint][1]];
+    const far = (a, b) => Math.hypot(...at(a).map((value, axis) => value - at(b)[axis]));
+    const together = joints && [RIGHT_HAND, LEFT_HAND].every((hand) => joints[hand][1] !== null && joints[hand][1] < joints[HEAD][1])
+      && far(RIGHT_HAND, LEFT_HAND) < far(NECK, TORSO);
+    if (!together) this.since_ms = null;
+    else this.since_ms ??= now_ms;
+    if (!together || now_ms - this.since_ms < HELD_MS / Math.min(speed, 1)) return false;
+    this.since_ms = Infinity; // until they are let go
+    return true;
   }
 }

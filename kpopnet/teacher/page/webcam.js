@@ -2,8 +2,8 @@
 import { el } from "./tools.js";
 
 export const WEBCAM = "webcam";
-const WITHOUT_DEPTH = "A webcam sees no depth: a depth camera adds places in metres, limbs in front of or behind the body, "
-  + "and works in any light. The picture stays in this browser.";
+const WITHOUT_DEPTH = "A webcam sees no depth: its scores are less sure. A depth camera adds places in metres, limbs in front of "
+  + "or behind the body, and works in any light. The picture stays in this browser.";
 
 const VENDOR = "/page/vendor/mediapipe/", WIDTH = 640, HEIGHT = 480;
 const REFUSALS = {
@@ -11,7 +11,7 @@ const REFUSALS = {
   NotFoundError: "no webcam was found; plug one in, or choose another source",
   NotReadableError: "the webcam is used by another program; close that one, then press Start",
 };
-const DIGITS = 4;
+const DIGITS = 4, STEP_S = 0.01;
 
 // The line that says what depth would add, as long as a webcam is chosen in a select of sources.
 export function withoutDepth(source) {
@@ -32,6 +32,24 @@ export function pointsOf({ poseLandmarks, poseWorldLandmarks }, bars = [0, 0]) {
     const inside = [u, v].every((place, axis) => place >= bars[axis] / 2 && place <= 1 - bars[axis] / 2);
     return [x, y, z, u, v, inside ? visibility : 0].map((value) => Number(value.toFixed(DIGITS)));
   });
+}
+
+// MediaPipe's points whose mean is each of the fifteen joints, for a figure; the server makes its own of them.
+const JOINTS = [[7, 8], [11, 12], [12], [11], [14], [13], [16, 18, 20], [15, 17, 19], [11, 12, 23, 24], [24], [23], [26], [25], [28, 32], [27, 31]];
+
+// The fifteen joints of 33 points as of `pointsOf`.
+export const joined = (points) => JOINTS.map((from) => points[0].map((_, axis) => from.reduce((sum, k) => sum + points[k][axis], 0) / from.length));
+
+// A recording's [time_s, points] between two of its seconds as a file of MediaPipe's, on a clock that begins with them: who is
+// seen later stands as then until then, so that beats stay beats.
+export function cutOut(frames, from_s, to_s) {
+  const inside = frames.filter(([time_s]) => time_s >= from_s && time_s <= to_s);
+  const within = inside.filter(([time_s]) => time_s > from_s + STEP_S && time_s < to_s - STEP_S);
+  const held = inside.length ? [[from_s, inside[0][1]], ...within, [to_s, inside.at(-1)[1]]] : [];
+  return { frames: held.map(([time_s, points]) => ({
+    timestamp_ms: Math.round(1000 * (time_s - from_s)),
+    pose_world_landmarks: points.map(([x, y, z, , , visibility]) => ({ x, y, z, visibility })),
+  })) };
 }
 
 export class Webcam {
@@ -86,7 +104,7 @@ function nextPicture(video) {
 let loaded = null;
 
 // MediaPipe's pose with its small network; one for the page, as it frees no memory.
-function loadPose() {
+export function loadPose() {
   loaded ||= new Promise((take, fail) => {
     const script = Object.assign(document.createElement("script"), { src: `${VENDOR}pose.js` });
     script.addEventListener("error", () => fail(new Error("the teacher's program does not answer; is it still running?")));

@@ -2,6 +2,7 @@
 
 import re
 import time
+import wave
 from dataclasses import replace
 from functools import partial
 
@@ -216,6 +217,65 @@ def test_a_slow_page_draws_the_newest_image_and_says_how_old_it_is(teaching, bro
     assert np.median(abs(said_ms - age_ms)) < 50  # the stamp is read a moment later, on busy machines more than that
     # An image waits for one drawing at most, however many come in between; it also takes the time of its pose.
     assert np.median(age_ms[-20:]) < np.median(age_ms[:20]) + 2 * np.diff(now_ms).max()
+
+
+READY_AT_ONCE = """
+window.WebSocket = class extends EventTarget {
+  static OPEN = 1;
+  readyState = 1;
+  send(text) {
+    const { do: what, in_s, lesson } = JSON.parse(text);
+    const message = (content) => new MessageEvent("message", { data: JSON.stringify(content) });
+    const tell = (content) => setTimeout(() => this.dispatchEvent(message(content)));
+    if (what === "prepare") window.speed = lesson.speed;
+    if (what === "prepare") tell({ kind: "ready" });
+    if (what === "pause") tell({ kind: "paused", from_s: 1 });
+    if (what === "go" || what === "resume") window.begin = performance.now() + 1000 * in_s;
+  }
+  close() {}
+};
+"""
+"""In place of the server's lesson: it is ready at once, and pauses at the dance's second 1."""
+
+
+def write_song(path, bpm, one_s, seconds=40.0, rate=16000) -> None:
+    """A song of decaying notes on the beats, the ones higher in energy, after a silence."""
+    times_s = np.arange(round(seconds * rate)) / rate - one_s
+    beats = times_s * bpm / 60
+    since_s = np.mod(beats, 1) * 60 / bpm
+    loudness = np.where(np.mod(np.floor(beats + 1e-9), 4) == 0, 0.9, 0.4) * np.exp(-since_s / 0.06) * (times_s >= 0)
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(2)
+        file.setframerate(rate)
+        file.writeframes((32767 * loudness * np.sin(2 * np.pi * 60 * since_s)).astype("<i2").tobytes())
+
+
+def test_a_dance_follows_the_beats_of_a_song_from_its_one_on_and_pauses_with_it(library, address, browser, tmp_path):
+    bpm, one_s = library.about("dance_001").bpm / 1.1, 5.2
+    write_song(tmp_path / "song.wav", bpm, one_s)
+    browser.get(f"{address}#/dance/dance_001?skill=perfect")
+    find(browser, "#music option[value=song]").click()
+    find(browser, "#song-file").send_keys(str(tmp_path / "song.wav"))
+    told = until(
+        browser, lambda one: re.search(r"([\d.]+) beats a minute, the one at ([\d.]+) s", find(one, "#song-told").text)
+    )
+    assert float(told[1]) == pytest.approx(bpm, abs=0.2) and float(told[2]) == pytest.approx(one_s, abs=0.02)
+    assert find(browser, "#follows").text == "The dance follows it, at 91 % of its own tempo."
+    browser.execute_script(READY_AT_ONCE)
+    find(browser, "#start").send_keys(Keys.ENTER)
+    until(browser, lambda one: one.find_element(By.ID, "begin").is_displayed())
+    find(browser, "#begin").send_keys(Keys.ENTER)
+    assert browser.execute_script("return speed") == pytest.approx(1 / 1.1, abs=0.002)
+    off_s = "return song.paused ? 99 : song.currentTime - (performance.now() - begin) / 1000"  # song: the element's identity
+    until(browser, lambda one: one.execute_script(off_s) == pytest.approx(one_s, abs=0.05))
+    body = browser.find_element(By.TAG_NAME, "body")
+    body.send_keys("p")
+    until(browser, lambda one: find(one, "#words").text.startswith("paused") and one.execute_script("return song.paused"))
+    body.send_keys("p")  # the dance's second 1 is 1.1 s after the song's one
+    until(browser, lambda one: one.execute_script(off_s) == pytest.approx(one_s + 1.1, abs=0.05))
+    loaded = browser.execute_script("return performance.getEntriesByType('resource').map((one) => one.name)")
+    assert [name for name in loaded if not name.startswith((address, "blob:"))] == []
 
 
 def said_of(driver) -> float:

@@ -61,6 +61,21 @@ def open_dance(driver, address) -> None:
     until(driver, lambda one: one.find_elements(By.ID, "start"))
 
 
+def record_dance(browser, address) -> None:
+    """Dances for some seconds before the webcam, and makes a lesson of it."""
+    browser.get(f"{address}#/record")
+    until(browser, lambda one: one.find_elements(By.ID, "bpm"))
+    browser.execute_script("document.getElementById('bpm').value = 90")
+    browser.find_element(By.ID, "start").click()
+    until(browser, lambda one: "from the one on" in one.find_element(By.ID, "told").text)
+    time.sleep(15)
+    browser.find_element(By.ID, "start").click()
+    until(browser, lambda one: one.find_element(By.ID, "name").is_displayed())
+    browser.find_element(By.ID, "name").send_keys("Mine")
+    browser.find_element(By.ID, "save").click()
+    until(browser, lambda one: "#/dance/own_001" in one.current_url)
+
+
 def test_a_learner_before_a_webcam_is_scored_by_joints_near_the_true_ones(library, offering, tmp_path, monkeypatch):
     dance, heard = library.dance("dance_001"), []
     true_m = write_film(
@@ -88,6 +103,12 @@ def test_a_learner_before_a_webcam_is_scored_by_joints_near_the_true_ones(librar
         time.sleep(1)
         assert len(heard) <= asked_after + 1  # a lesson that ends lets go of the webcam
         assert browser.find_element(By.ID, "error").text == ""
+        record_dance(browser, offering)
+    recorded = library.dance("own_001")
+    library.path("own_001").unlink()
+    assert recorded.about.own and recorded.about.name == "Mine" and recorded.about.bpm == 90 and recorded.about.seconds >= 5
+    head_m, foot_m = recorded.joints_m[:, Joint.HEAD], recorded.joints_m[:, Joint.RIGHT_FOOT]
+    assert np.nanmedian(foot_m[:, 1] - head_m[:, 1]) > 1  # y is down: somebody stands there
     assert any(name.endswith(".wasm") for name in loaded) and all(name.startswith(offering) for name in loaded)
     errors_m = []
     for stamp, seen in zip(stamps, heard, strict=False):

@@ -143,7 +143,7 @@ def told(server, kind: str, frames: list | None = None) -> dict:
     raise AssertionError(f"no message {kind}")
 
 
-def test_the_dance_stands_still_while_the_camera_is_away_and_goes_on(held):
+def test_the_dance_stands_still_while_the_camera_is_away_or_a_pause_is_asked_for_and_goes_on(held):
     server, camera = held
     camera.plugged.clear()  # between two dances it interrupts nothing
     told(server, "away")
@@ -162,6 +162,9 @@ def test_the_dance_stands_still_while_the_camera_is_away_and_goes_on(held):
     camera.plugged.set()
     resumed_s = told(server, "back", before)["from_s"]
     assert 1.4 < resumed_s <= before[-1]["time_s"] + 1e-3
+    server.send(("resume", 0.3))
+    server.send(("pause",))
+    assert told(server, "paused")["from_s"] >= resumed_s - 1e-6
     server.send(("resume", 0.3))
     after: list[dict] = []
     result = told(server, "done", after)

@@ -3,7 +3,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { laneX } from "../../../../kpopnet/teacher/page/lane.js";
 import { Practice, weekPlan, worstPhrase } from "../../../../kpopnet/teacher/page/practice.js";
-import { InPlace, praise, starsOf, streakAfter } from "../../../../kpopnet/teacher/page/verdicts.js";
+import { HandsHeld, InPlace, praise, starsOf, streakAfter } from "../../../../kpopnet/teacher/page/verdicts.js";
 
 test("better scores earn more, and who is not seen ends a streak", () => {
   assert.deepEqual([null, 0, 30, 55, 75, 90].map(praise), ["not seen", "watch the teacher", "keep going", "good", "great", "perfect"]);
@@ -18,6 +18,15 @@ test("the dance waits for a second in place, longer where the camera sees the fe
   assert.ok(!place.see(good, 61000) && !place.see(good, 61900) && place.see(good, 62000));
   const hidden = new InPlace();
   assert.ok(!hidden.see(hinted, 0) && !hidden.see(hinted, 7900) && hidden.see(hinted, 8000));
+});
+
+test("hands held together above the head ask for a pause, once until they are let go, and longer in a slowed dance", () => {
+  const joints = Array.from({ length: 15 }, () => [0.5, 0.5, 2, 1]), held = new HandsHeld();
+  Object.assign(joints, { 0: [0.5, 0.2, 2, 1], 1: [0.5, 0.3, 2, 1], 6: [0.48, 0.1, 2, 1], 7: [0.52, 0.1, 2, 1] });
+  const apart = joints.with(7, [0.9, 0.1, 2, 1]), low = joints.with(7, [0.52, 0.4, 2, 1]), unseen = joints.with(7, [null, null, null, 0]);
+  assert.deepEqual([0, 1400, 1500, 3000, 9000].map((at) => held.see(joints, at, 1)), [false, false, true, false, false]);
+  for (const other of [apart, low, unseen, null]) assert.ok(!held.see(other, 10000, 1) && !held.see(joints, 10001, 1) && !held.see(other, 11600, 1));
+  assert.deepEqual([20000, 22900, 23000].map((at) => held.see(joints, at, 0.5)), [false, false, true]);
 });
 
 test("a card meets the line at its own time and moves a beat's width a beat", () => {

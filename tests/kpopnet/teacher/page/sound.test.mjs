@@ -25,7 +25,7 @@ const { Sound } = await import("../../../../kpopnet/teacher/page/sound.js");
 function ticks(how) {
   const sound = new Sound();
   sound.wake();
-  sound.play({ in_s: 2.3, from_s: 0, to_s: 2, beat_s: 0.5, speed: 1, counts: 4, metronome: true, offset_s: 0, ...how });
+  sound.play({ in_s: 2.3, from_s: 0, to_s: 2, beat_s: 0.5, speed: 1, counts: 4, music: "tick", ...how });
   return sound.context.ticks;
 }
 
@@ -44,6 +44,6 @@ test("an excerpt begins on the beats of the dance, and every eighth is strong", 
 });
 
 test("without the metronome only the counts are heard, and never in the past", () => {
-  assert.equal(ticks({ metronome: false }).length, 4);
-  assert.deepEqual(ticks({ metronome: false, in_s: 1.2 }).map(([at]) => at), [0.2, 0.7]);
+  assert.equal(ticks({ music: "none" }).length, 4);
+  assert.deepEqual(ticks({ music: "none", in_s: 1.2 }).map(([at]) => at), [0.2, 0.7]);
 });

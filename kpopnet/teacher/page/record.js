@@ -1,0 +1,137 @@
+// Record and dance: a dance before this browser's webcam, cut to its beats and named, is a lesson.
+import { LearnerView } from "./learner.js";
+import { MUSIC, choice } from "./panels.js";
+import { songAt, songPanel, songTempo } from "./song.js";
+import { Sound } from "./sound.js";
+import { sketch } from "./sketch.js";
+import { ask, clamp, clock, el, latencyOf, remembered } from "./tools.js";
+import { WEBCAM, Webcam, cutOut, joined } from "./webcam.js";
+
+const COUNTS = 4, USUAL_BPM = 120, LONGEST_S = 300, LEAST_S = 5;
+const PREVIEW_PX = [320, 240], FLOOR_CM = 20;
+
+export async function record(main) {
+  const sound = new Sound(), state = { webcam: null, start: 0, frames: [], seconds: 0, closed: false };
+  const music = choice("music", MUSIC, remembered("music", "tick")), tempo = el("input", { type: "number", id: "bpm", min: 40, max: 240, value: USUAL_BPM });
+  const song = songPanel(heard), start = el("button", { class: "main", id: "start", type: "button", onclick: () => (state.webcam ? stop("") : begin()) }, "Record");
+  const told = el("p", { id: "told", role: "status" }), failed = el("p", { class: "error", id: "error", role: "alert" });
+  const canvas = el("canvas", { id: "learner", "aria-label": "your picture with your skeleton" }), count = el("div", { class: "count", "aria-hidden": "true" });
+  const preview = el("canvas", { id: "preview", width: PREVIEW_PX[0], height: PREVIEW_PX[1], "aria-label": "your dance, as it is cut" });
+  const [from, to] = ["from", "to"].map((id) => el("input", { type: "range", id, min: 0, oninput: cut }));
+  const excerpt = el("p", { id: "excerpt", role: "status" }), name = el("input", { id: "name", maxLength: 60, required: true, autocomplete: "off" });
+  const editor = el("form", { id: "editor", hidden: true, onsubmit: save }, el("h2", {}, "Cut and name it"), preview,
+    el("div", { class: "controls" }, el("label", {}, "begins", from), el("label", {}, "ends", to)), excerpt,
+    el("div", { class: "controls" }, el("label", {}, "name", name), el("button", { class: "main", id: "save", type: "submit" }, "Make it a lesson")));
+  main.append(el("h1", {}, "Dance it yourself"),
+    el("p", { class: "quiet" }, `Stand so that the webcam sees you from head to feet. ${COUNTS} counts lead in; dance, and press Stop (or the space bar). `
+      + "The picture stays in this browser."),
+    el("div", { class: "controls" }, start, el("label", {}, "music", music), el("label", {}, "beats a minute", tempo)), song.panel, failed, told,
+    el("div", { class: "panel seen calibrating" }, canvas, count), editor, el("p", {}, el("a", { href: "#/" }, "To the dances")));
+  const learner = new LearnerView(canvas);
+  const onKey = (event) => {
+    if (event.key !== " " || event.target.closest("input, select, button, a")) return;
+    event.preventDefault();
+    start.click();
+  };
+  document.addEventListener("keydown", onKey);
+  music.addEventListener("change", heard);
+  heard();
+  requestAnimationFrame(animate);
+  return () => {
+    state.closed = true;
+    document.removeEventListener("keydown", onKey);
+    sound.stop();
+    state.webcam?.close();
+  };
+
+  function heard() {
+    song.panel.hidden = music.value !== "song";
+    tempo.disabled = music.value === "song" && songTempo() > 0;
+    if (tempo.disabled) tempo.value = songTempo().toFixed(1);
+  }
+
+  function beat_s() {
+    return 60 / clamp(Number(tempo.value) || USUAL_BPM, 40, 240);
+  }
+
+  function begin() {
+    sound.wake();
+    Object.assign(state, { frames: [], start: 0, webcam: new Webcam(seen, stop) });
+    editor.hidden = true;
+    failed.textContent = "";
+    told.textContent = "looking for you";
+    start.textContent = "Stop";
+  }
+
+  function seen(points, age_ms) {
+    const now = performance.now();
+    learner.show(state.webcam.picture, { joints: points.length ? joined(points).map(([, , z, u, v, sure]) => [u, v, z, sure]) : null, colour: "#fff" }, true);
+    if (!state.start && points.length) lead(now);
+    const at_ms = now - age_ms - state.start - 1000 * (latencyOf(WEBCAM) || 0);
+    if (state.start && at_ms >= 0 && points.length) state.frames.push([at_ms / 1000, points]);
+    if (state.start && at_ms > 1000 * LONGEST_S) stop("");
+  }
+
+  function lead(now) {
+    const in_s = COUNTS * beat_s() + 0.3;
+    state.start = now + 1000 * in_s;
+    told.textContent = "dance from the one on";
+    sound.play({ in_s, from_s: 0, to_s: LONGEST_S, beat_s: beat_s(), speed: 1, counts: COUNTS,
+      music: music.value === "song" ? songAt(0, 1) || "tick" : music.value });
+  }
+
+  function stop(message) {
+    state.webcam?.close();
+    Object.assign(state, { webcam: null, start: 0 });
+    sound.stop();
+    start.textContent = "Record";
+    told.textContent = count.textContent = "";
+    failed.textContent = message;
+    state.seconds = state.frames.length ? state.frames.at(-1)[0] : 0;
+    if (message || !state.frames.length) return;
+    if (state.seconds < LEAST_S) failed.textContent = `a lesson lasts at least ${LEAST_S} s; you were seen up to second ${state.seconds.toFixed(1)}`;
+    else {
+      const beats = Math.floor(state.seconds / beat_s());
+      for (const [range, value] of [[from, 0], [to, beats]]) Object.assign(range, { max: beats, value });
+      editor.hidden = false;
+      cut();
+      editor.scrollIntoView({ block: "nearest" });
+    }
+  }
+
+  // Seconds of the recording; a lesson begins on a beat.
+  function bounds() {
+    return [from, to].map((range) => Number(range.value) * beat_s());
+  }
+
+  function cut() {
+    const [from_s, to_s] = bounds(), long = to_s - from_s >= LEAST_S;
+    excerpt.textContent = `${clock(from_s)} to ${clock(to_s)}, ${Math.max(to_s - from_s, 0).toFixed(1)} s${long ? "" : `: at least ${LEAST_S} s, please`}`;
+    editor.querySelector("#save").disabled = !long;
+  }
+
+  async function save(event) {
+    event.preventDefault();
+    const query = new URLSearchParams({ file: "dance.json", title: name.value.trim(), bpm: 60 / beat_s() });
+    try {
+      const { identity } = await ask(`/api/dances?${query}`, { method: "POST", body: JSON.stringify(cutOut(state.frames, ...bounds())) });
+      location.hash = `#/dance/${identity}`;
+    } catch ({ message }) {
+      failed.textContent = message;
+    }
+  }
+
+  function animate(now) {
+    if (state.closed) return;
+    const beats = state.start ? (now - state.start) / 1000 / beat_s() : 0;
+    count.textContent = beats < 0 && beats >= -COUNTS ? String(Math.floor(beats) + 1 + COUNTS) : "";
+    if (!editor.hidden) {
+      const [from_s, to_s] = bounds(), at_s = from_s + now / 1000 % Math.max(to_s - from_s, 1);
+      const [, points] = state.frames.find(([time_s]) => time_s >= at_s) || state.frames.at(-1), [width, height] = PREVIEW_PX, pen = preview.getContext("2d");
+      pen.clearRect(0, 0, width, height);
+      sketch(pen, joined(points).flatMap(([x, y]) => [100 * x, -100 * y]),
+        { x: width / 2, y: height / 2, scale: height / (200 + FLOOR_CM), ink: getComputedStyle(document.body).color, mirrored: true });
+    }
+    requestAnimationFrame(animate);
+  }
+}

@@ -1,0 +1,69 @@
+// The user's own song: dropped on the page, its beats found or tapped here. It stays in the browser, and there for other dances.
+import { BAR_BEATS, beatsOf, tapped } from "./beats.js";
+import { el, remember, remembered } from "./tools.js";
+
+const ANALYSED_HZ = 22050, LOST_S = 2; // after this time without a tap another row of taps begins
+const audio = el("audio", { id: "song", controls: true, preload: "auto" });
+const song = { name: "", bpm: 0, one_s: 0 };
+
+// Where a dance's excerpt begins in the song and how fast the song plays; null without a song. `song_s` are seconds of the song
+// from the one, `speed` that of the song.
+export const songAt = (song_s, speed) => (song.bpm ? { audio, at_s: Math.max(song.one_s + song_s, 0), rate: speed } : null);
+export const songTempo = () => song.bpm;
+
+// What is chosen and heard of a song; `changed` is called when its beats are known or corrected.
+export function songPanel(changed) {
+  const told = el("p", { id: "song-told", role: "status" }), taps_s = [];
+  const file = el("input", { type: "file", accept: "audio/*", id: "song-file", onchange: () => take(file.files[0]) });
+  const correct = (id, text, how) => el("button", { type: "button", id, onclick: () => keep(how()) }, text);
+  const beats = (count) => () => ({ one_s: song.one_s + count * 60 / song.bpm });
+  const tools = el("details", {}, el("summary", {}, "Correct its beats"), el("div", { class: "controls" }, audio,
+    el("button", { type: "button", id: "tap", onclick: tap }, "Tap the beats, from the one on"),
+    correct("half", "half as fast", () => ({ bpm: song.bpm / 2 })), correct("double", "twice as fast", () => ({ bpm: 2 * song.bpm })),
+    correct("earlier", "the one a beat earlier", beats(-1)), correct("later", "a beat later", beats(1)),
+    correct("bar", "a bar later", beats(BAR_BEATS))));
+  const panel = el("div", { id: "song-panel", class: "box" },
+    el("label", {}, "your song, or drop it on this page (it stays in this browser) ", file), told, tools);
+  show();
+  return { panel, take };
+
+  function show() {
+    tools.hidden = !song.name;
+    if (!song.name) return;
+    tools.open ||= !song.bpm;
+    told.textContent = `${song.name}: ${song.bpm ? `${song.bpm.toFixed(1)} beats a minute, the one at ${song.one_s.toFixed(2)} s` : ""}`;
+  }
+
+  function keep(corrected) {
+    Object.assign(song, corrected);
+    remember(`song.${song.name}`, { bpm: song.bpm, one_s: song.one_s });
+    show();
+    changed();
+  }
+
+  async function take(chosen) {
+    if (!chosen) return;
+    told.textContent = `looking for the beats of ${chosen.name} …`;
+    URL.revokeObjectURL(audio.src);
+    audio.src = URL.createObjectURL(chosen);
+    Object.assign(song, { name: chosen.name, bpm: 0, one_s: 0 });
+    try {
+      const context = new OfflineAudioContext(1, 1, ANALYSED_HZ), decoded = await context.decodeAudioData(await chosen.arrayBuffer());
+      keep(remembered(`song.${chosen.name}`, null) || beatsOf(decoded.getChannelData(0), ANALYSED_HZ));
+    } catch (error) {
+      show();
+      told.textContent = error.name === "EncodingError" ? `${chosen.name}: this browser cannot read it; choose an audio file` : error.message;
+      song.name = error.name === "EncodingError" ? "" : song.name;
+    }
+  }
+
+  function tap() {
+    if (audio.paused || audio.currentTime - taps_s.at(-1) > LOST_S || audio.currentTime < taps_s.at(-1)) taps_s.length = 0;
+    if (audio.paused) return void audio.play();
+    taps_s.push(audio.currentTime);
+    const found = tapped(taps_s, song.bpm);
+    if (found) keep(found);
+    else told.textContent = `${taps_s.length} of ${BAR_BEATS} taps`;
+    return undefined;
+  }
+}

@@ -1,0 +1,219 @@
+"""Measures what a webcam's joints are worth to the score: MediaPipe's pose in the page, on colour films of SIMULATED learners.
+
+    PYTHONPATH=. python tools/measure_webcam.py fit --write      # the noise of the table `kpopnet.dance.parts.NOISE`
+    PYTHONPATH=. python tools/measure_webcam.py judge --dances 1 # other dances and people, by webcam and by depth
+
+The pictures are given to the page's own module one by one with their times, so that a busy machine loses none. Every learner's
+joints are kept in a file: what was interrupted goes on. The dances are none of the teacher's collection nor of the benchmarks.
+"""
+
+import argparse
+import base64
+import functools
+import http.server
+import json
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from measure_noise import Seen, enter, measured_std_rad, perfect_scores
+from tqdm import tqdm
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.append(str(ROOT / "tests" / "helpers"))
+
+from teacher_page import chromium  # noqa: E402
+from webcam_films import FilmedLearner  # noqa: E402
+
+from kpopnet.dance.parts import AngleNoise  # noqa: E402
+from kpopnet.dance.performance import Performance  # noqa: E402
+from kpopnet.dance.scoring import score_dance  # noqa: E402
+from kpopnet.pose import PoseEstimator  # noqa: E402
+from kpopnet.runtime.atomic_write import atomic_path  # noqa: E402
+from kpopnet.teacher.library import taught_dance  # noqa: E402
+from kpopnet.teacher.live.lesson import Lesson  # noqa: E402
+from kpopnet.teacher.live.loop import noise_of  # noqa: E402
+from kpopnet.teacher.live.score import scorer_config  # noqa: E402
+from kpopnet.teacher.live.webcam import CAMERA, WEBCAM, WebcamEstimator, read_seen  # noqa: E402
+from synth.dances.live import LATE_S  # noqa: E402
+from synth.dances.taught import DANCES, Teacher  # noqa: E402
+
+SECONDS, STRIDE = 8.0, 2
+"""Length of a learner's film, and of how many frames of the dance, 30 a second, one is filmed."""
+
+FIT_DANCES, JUDGED_DANCES = range(DANCES, DANCES + 6), range(DANCES + 20, DANCES + 24)
+FITTED = (("perfect", ""), ("good", ""))
+LEVELS = ("best", "bad", "worst")
+JUDGED = (("perfect", ""), ("perfect", "left arm"), *((level, "") for level in LEVELS))
+
+FIND = """
+const [picture, first, step_ms, done] = arguments;
+import("/page/webcam.js").then(async ({ loadPose, pointsOf }) => {
+  const pose = await loadPose(), image = new Image();
+  if (first) pose.reset();
+  window.clock_ms = (window.clock_ms || 0) + step_ms;
+  image.src = "data:image/jpeg;base64," + picture;
+  await image.decode();
+  const canvas = Object.assign(document.createElement("canvas"), { width: 640, height: 480 });
+  canvas.getContext("2d").drawImage(image, 0, 0, 640, 480);
+  let found = {};
+  pose.onResults((one) => { found = one; });
+  await pose.send({ image: canvas }, window.clock_ms);
+  done(pointsOf(found));
+}).catch((error) => done(String(error)));
+"""
+"""Finds the points of one picture as the page does of a webcam's."""
+
+
+class Filmed(NamedTuple):
+    """A learner of a dance: the teacher's dance, and the learner's true joints, those by webcam and those by depth."""
+
+    dance: int
+    teacher: Performance
+    true: Performance
+    webcam: Performance
+    depth: Performance
+
+
+class _Page(http.server.SimpleHTTPRequestHandler):
+    """The files of the package's page."""
+
+    def translate_path(self, path: str) -> str:
+        return super().translate_path(path.removeprefix("/page"))
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+@contextmanager
+def webcam_page() -> Iterator:
+    """A browser that shows a page from which `FIND` can be run."""
+    handler = functools.partial(_Page, directory=str(ROOT / "kpopnet" / "teacher" / "page"))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server, chromium() as browser:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        browser.set_script_timeout(300)
+        browser.get(f"http://127.0.0.1:{server.server_port}/page/vendor/")
+        yield browser
+        server.shutdown()
+
+
+def filmed(path: Path, dance: int, skill: str, fault: str, browser, depth: PoseEstimator) -> Filmed:
+    """The learner of a file, which is made if it does not exist."""
+    if not path.exists():
+        made = Teacher().dance(dance)
+        taught = taught_dance(made.name, made.fps, made.bpm, made.joints_m, made.quats, made.hips_m)
+        # Nobody is seen twice: other people dance what is judged.
+        learner = FilmedLearner(made.quats, made.hips_m, made.fps, skill, fault, seed=1000 * dance + len(skill + fault))
+        webcam, frames = WebcamEstimator(), range(0, min(round(SECONDS * made.fps), len(learner)), STRIDE)
+        depth.reset()
+        found: dict[str, list[np.ndarray]] = {"true": [], "webcam": [], "webcam_seen": [], "depth": [], "depth_seen": []}
+        for number in frames:
+            time_s = number / made.fps
+            bgr, true_m = learner.picture(number)
+            jpeg = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, 90])[1]
+            points = browser.execute_async_script(
+                FIND, base64.b64encode(jpeg.tobytes()).decode(), not number, 1000 * STRIDE / made.fps
+            )
+            people = webcam.update(read_seen({"points": points, "age_ms": 0.0}).person, CAMERA)
+            by_depth = depth.update(learner.frame(time_s), learner.camera, time_s)
+            found["true"].append(true_m)
+            for name, seen in (("webcam", people), ("depth", by_depth)):
+                found[name].append(seen[0].joints_camera_m if seen else np.full((15, 3), np.nan))
+                found[f"{name}_seen"].append(seen[0].confidence if seen else np.zeros(15))
+        arrays = {name: np.array(one, np.float32) for name, one in found.items()}
+        with atomic_path(path) as part, part.open("wb") as file:
+            np.savez(file, teacher=taught.joints_m[: frames.stop], times=np.array(frames) / made.fps, **arrays)
+    with np.load(path) as stored:
+        teacher = Performance(stored["teacher"], np.arange(len(stored["teacher"])) / 30)
+        by_eye = (
+            Performance(stored[name], stored["times"], stored.get(f"{name}_seen")) for name in ("true", "webcam", "depth")
+        )
+        return Filmed(dance, teacher, *by_eye)
+
+
+def all_filmed(folder: Path, dances: range, kinds: Sequence[tuple[str, str]], depth: PoseEstimator) -> dict[str, list[Filmed]]:
+    """The learners of each kind, one for each dance."""
+    folder.mkdir(parents=True, exist_ok=True)
+    found: dict[str, list[Filmed]] = {}
+    with webcam_page() as browser, tqdm(total=len(dances) * len(kinds), unit="learner") as bar:
+        for dance in dances:
+            for kind in kinds:
+                name = "_".join(kind).strip("_").replace(" ", "_")
+                found.setdefault(name, []).append(filmed(folder / f"{dance}_{name}.npz", dance, *kind, browser, depth))
+                bar.update()
+    return found
+
+
+def fit(learners: dict[str, list[Filmed]], write: bool) -> None:
+    """Prints the noise of the joints by webcam, and enters it in the table."""
+    seen = [Seen(one.dance, one.true, one.webcam) for group in learners.values() for one in group]
+    without, known = perfect_scores(seen)
+    noise = AngleNoise(measured_std_rad(seen), round(float(np.mean(known)), 1))
+    print(
+        f"own movement by webcam: noise unknown {np.mean(without):.1f}, that of the other dances known {np.mean(known):.1f} "
+        f"({min(known):.0f} to {max(known):.0f})"
+    )
+    print(json.dumps({WEBCAM: noise._asdict()}, indent=1))
+    if write:
+        enter(WEBCAM, noise)
+
+
+def judge(learners: dict[str, list[Filmed]], others: Sequence[Filmed], depth_noise: str) -> None:
+    """Prints joints and scores of other dances and people than were fitted; `others` dance another dance."""
+    everybody = [one for group in learners.values() for one in group]
+    for eye in ("webcam", "depth"):
+        errors_m = np.concatenate([_about_torso(getattr(one, eye)) - _about_torso(one.true) for one in everybody])
+        errors_m = np.linalg.norm(errors_m, axis=-1)
+        seen = np.isfinite(errors_m)
+        near = np.mean(errors_m[seen] < 0.1)
+        print(f"{eye}: {100 * errors_m[seen].mean():.1f} cm, {near:.0%} within 10 cm, {seen.mean():.0%} seen")
+    noises = {"true": "none", "webcam": WEBCAM, "depth": depth_noise}
+    scores = {
+        eye: {kind: [_score(one, getattr(one, eye), noise) for one in group] for kind, group in learners.items()}
+        for eye, noise in noises.items()
+    }
+    for eye, noise in noises.items():
+        perfect = learners["perfect"]
+        dancing = [getattr(one, eye) for one in perfect]
+        scores[eye]["another dance"] = [_score(one, getattr(other, eye), noise) for one in perfect for other in others]
+        late = [Performance(one.joints_m, one.times_s + LATE_S, one.confidence) for one in dancing]
+        scores[eye]["late"] = [_score(one, other, noise) for one, other in zip(perfect, late, strict=True)]
+        levels = np.array([scores[eye][level] for level in LEVELS])
+        pairs = [levels[i] > levels[j] for i in range(len(LEVELS)) for j in range(i + 1, len(LEVELS))]
+        print(f"{eye}: pairs of levels in order {np.sum(pairs)} of {np.size(pairs)}")
+    for kind in scores["true"]:
+        texts = (f"{eye} {np.mean(by[kind]):5.1f} ({min(by[kind]):.0f} to {max(by[kind]):.0f})" for eye, by in scores.items())
+        print(f"{kind:18s}", ", ".join(texts))
+
+
+def _about_torso(dance: Performance) -> np.ndarray:
+    return dance.joints_m - dance.joints_m[:, [8]]
+
+
+def _score(one: Filmed, danced: Performance, noise: str) -> float:
+    """The score that the teacher gives one who dances like `danced`."""
+    return score_dance(one.teacher, danced, scorer_config(Lesson("dance"), noise)).similarity
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("do", choices=("fit", "judge"))
+    parser.add_argument("--folder", type=Path, default=Path("outputs/webcam"), help="of the learners' joints: %(default)s")
+    parser.add_argument("--dances", type=int, default=3, help="how many: %(default)s")
+    parser.add_argument("--write", action="store_true", help="enter the noise in the table")
+    given = parser.parse_args()
+    depth = PoseEstimator.load()
+    if given.do == "fit":
+        fit(all_filmed(given.folder, FIT_DANCES[: given.dances], FITTED, depth), given.write)
+    else:
+        others = all_filmed(given.folder, FIT_DANCES[: given.dances], FITTED[:1], depth)["perfect"]
+        judge(all_filmed(given.folder, JUDGED_DANCES[: given.dances], JUDGED, depth), others, noise_of(depth))
+
+
+if __name__ == "__main__":
+    main()
