@@ -2,12 +2,12 @@
 
     python tools/graded_learners.py data/graded/train --dances 12
     python tools/graded_learners.py data/graded/train_clips --dances 12 --clips PACK
-    python tools/graded_learners.py data/graded/fresh --dances 6 --split validation --seed 7
+    python tools/graded_learners.py data/graded/fresh --dances 5 --rounds 1 --split validation --seed 7 --seconds 10
 
-Dances are those of `kpop_sim` of another seed and split, each learner is another person. A file holds the teacher's joints, the
-learner's true ones, and what the image network and the fit to the depth say of every frame (`kpopnet.networks.over_time.Measured`), so
-that another estimate from these needs no new images. Finished files stay when it is run again. tools/measure_noise.py reads them.
-Run from the root of a checkout with `PYTHONPATH=.`.
+Dances are those of `kpop_sim` of another seed, each learner is another person. A file holds the teacher's joints, the
+learner's true ones, and what the image network and the fit to the depth say of every frame
+(`kpopnet.networks.over_time.Measured`), so that another estimate from these needs no new images. Finished files stay when it is
+run again. tools/measure_noise.py reads them. Run from the root of a checkout with `PYTHONPATH=.`.
 """
 
 import argparse
@@ -27,7 +27,7 @@ from kpopnet.tracker.refine import refine_frame
 from synth.dances.changes import as_high_as, turns
 from synth.dances.faults import KEPT_AMPLITUDE, amplitude
 from synth.dances.simulate import FPS, KpopSim, KpopSimConfig, dance_name
-from synth.motion import MotionConfig
+from synth.motion import SPLITS, MotionConfig
 from synth.motion.skeleton import INDEX, PARENTS, Motion, forward_kinematics
 
 SEED = 27
@@ -123,7 +123,7 @@ def main() -> None:
     parser.add_argument("--dances", type=int, default=6, help="how many: %(default)s")
     parser.add_argument("--rounds", type=int, default=len(ROUNDS), help="of learners, see ROUNDS: %(default)s")
     parser.add_argument("--seconds", type=float, default=12.0, help="least length of a dance: %(default)s")
-    parser.add_argument("--split", choices=("train", "validation"), default="train", help="people and dances: %(default)s")
+    parser.add_argument("--split", choices=SPLITS, default="train", help="people and dances: %(default)s")
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--clips", help="a motion pack: recorded dances instead of composed ones")
     given = parser.parse_args()

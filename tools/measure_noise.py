@@ -6,9 +6,9 @@
     python tools/measure_noise.py data/kpop_train --estimator tracker                    # of images
     python tools/measure_noise.py data/graded/fresh --estimator realtime --known         # other people and dances
 
-Folders hold dances in the K-Pop format, or what tools/graded_learners.py makes. What perfect dancing keeps is learnt from every learner
-compared with their own true joints, so that only the sensor and the estimator differ. The table's uncertainty is that of
-scores whose dance was left out. Run from the root of a checkout with `PYTHONPATH=.`.
+Folders hold dances in the K-Pop format, or what tools/graded_learners.py makes. What perfect dancing keeps is learnt from every
+learner compared with their own true joints, so that only the sensor and the estimator differ. The table's uncertainty is that
+of scores whose dance was left out. Run from the root of a checkout with `PYTHONPATH=.`.
 """
 
 import argparse
@@ -32,9 +32,11 @@ from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator
 from kpopnet.evaluation.registry import ESTIMATORS
+from kpopnet.networks.over_time import Measured, OverTime, read
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.hydra_app import user_errors
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
+from kpopnet.weights import shipped_over_time
 
 MEASURED = ("tracker", "network", "fitted_network", "realtime", "best")
 CONFIG = replace(OURS, noise="none")
@@ -63,11 +65,13 @@ class Scored(NamedTuple):
 
 
 def of_films(folder: Path, estimator: str) -> list[Seen]:
-    """The learners of a folder that tools/graded_learners.py made."""
-    estimates: dict[str, Callable] = {
-        "network": lambda film: (film["detected_m"], film["detected"]),
-        "fitted_network": lambda film: (film["fitted_m"], film["fitted"]),
-        "realtime": lambda film: ((film["detected_m"] + film["fitted_m"]) / 2, film["fitted"]),
+    """The learners of a folder that tools/graded_learners.py made; `best` without the image in the mirror, which it lacks."""
+    causal, future = (OverTime.load(shipped_over_time(sees_future)) for sees_future in (False, True))
+    estimates: dict[str, Callable[[Measured, np.ndarray], tuple[np.ndarray, np.ndarray]]] = {
+        "network": lambda measured, _: (measured.detected_m, measured.detected),
+        "fitted_network": lambda measured, _: (measured.fitted_m, measured.fitted),
+        "realtime": lambda measured, times_s: causal(*read(measured, times_s, future=False)),
+        "best": lambda measured, times_s: future(*read(measured, times_s, future=True)),
     }
     if estimator not in estimates:
         raise InputError(f"{folder}: its films hold what {', '.join(estimates)} say; {estimator} needs images")
@@ -75,8 +79,9 @@ def of_films(folder: Path, estimator: str) -> list[Seen]:
     for path in sorted(folder.glob("*.npz")):
         film, (_, number, fault) = np.load(path), path.stem.split("_", 2)
         teacher, true = (Performance(film[name], np.arange(len(film[name])) / film["fps"]) for name in ("teacher_m", "true_m"))
-        estimated = Performance(*(lambda joints_m, sure: (joints_m, true.times_s, sure))(*estimates[estimator](film)))
-        found.append(Seen(f"{folder.name}/{number}", fault, teacher, true, estimated))
+        measurements = Measured(*(film[name] for name in Measured._fields))
+        joints_m, confidence = estimates[estimator](measurements, true.times_s)
+        found.append(Seen(f"{folder.name}/{number}", fault, teacher, true, Performance(joints_m, true.times_s, confidence)))
     return found
 
 
@@ -108,15 +113,16 @@ def own_distances(seen: Seen) -> PathDistances:
     return distances_on_path(path, estimated, grid.teacher, 0, part_of_angles(CONFIG.feature))
 
 
-def measured(learners: Sequence[Seen]) -> EstimatorNoise:
-    """The noise of the estimator of these learners, without its spread."""
-    own = [own_distances(one) for one in learners]
+def measured(own: Sequence[PathDistances]) -> EstimatorNoise:
+    """The noise of the estimator of learners with these `own_distances`, of spread 1."""
     signed, weights = (np.concatenate([getattr(one, name) for one in own]) for name in ("signed", "weights"))
     mean = (np.nan_to_num(signed) ** 2 * weights).sum(axis=0) / np.maximum(weights.sum(axis=0), 1e-9)
     names = FEATURES[CONFIG.feature].names
     std_rad = {name: round(float(np.sqrt(one)), 3) for name, one in zip(names, mean, strict=True)}
     squared = np.concatenate([one.squared[:, 1] for one in own])
-    confidence, seen, taught = (np.concatenate([getattr(one, name) for one in own]) for name in ("confidence", "seen", "taught"))
+    confidence, seen, taught = (
+        np.concatenate([getattr(one, name) for one in own]) for name in ("confidence", "seen", "taught")
+    )
     loss = {}
     for kind in KINDS:
         parts = [part for part, name in enumerate(PARTS) if name.endswith(kind)]
@@ -142,9 +148,9 @@ def scored(one: Seen, noise: EstimatorNoise) -> Scored:
 
 def scored_by_others(learners: Sequence[Seen]) -> list[Scored]:
     """The scores of all learners, each with the noise that the other dances give."""
-    found: dict[int, Scored] = {}
+    own, found = [own_distances(one) for one in learners], dict[int, Scored]()
     for dance in sorted({one.dance for one in learners}):
-        noise = measured([one for one in learners if one.dance != dance])
+        noise = measured([distances for one, distances in zip(learners, own, strict=True) if one.dance != dance])
         found |= {number: scored(one, noise) for number, one in enumerate(learners) if one.dance == dance}
     return [found[number] for number in range(len(learners))]
 
@@ -166,13 +172,16 @@ def summary(learners: Sequence[Seen], scores: Sequence[Scored]) -> str:
             line += f"; perfect dancing mean {values[perfect].mean():.1f}, least {values[perfect].min():.1f}"
         lines.append(line)
     within = abs(known - true) <= uncertainty
-    lines.append(f"uncertainty {np.median(uncertainty):.1f} ({uncertainty.min():.1f} to {uncertainty.max():.1f}), holds {within.mean():.0%}")
-    if perfect.any():
-        lines[-1] += f", for perfect dancing {within[perfect].mean():.0%}"
+    middle, least, greatest = np.quantile(uncertainty, (0.5, 0, 1))
+    lines.append(f"uncertainty {middle:.1f} ({least:.1f} to {greatest:.1f}), holds for {within.mean():.0%}")
+    if not perfect.any():
+        return "\n".join(lines)
+    lines[-1] += f", for perfect dancing {within[perfect].mean():.0%}"
     for fault in sorted({one.fault for one in learners} - {"perfect_0", "perfect_1"}):
         chosen = np.array([one.fault == fault for one in learners])
-        areas = ", ".join(f"{_area(values[perfect], values[chosen]):.2f}" for values in (true, unknown, known) if perfect.any())
-        lines.append(f"{fault}: {true[chosen].mean():.1f} true, {unknown[chosen].mean():.1f}, {known[chosen].mean():.1f}; AUC {areas}")
+        means = ", ".join(f"{values[chosen].mean():.1f}" for values in (true, unknown, known))
+        areas = ", ".join(f"{_area(values[perfect], values[chosen]):.2f}" for values in (true, unknown, known))
+        lines.append(f"{fault}: true, noise unknown, known: {means}; AUC {areas}")
     return "\n".join(lines)
 
 
@@ -217,7 +226,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if len({one.dance for one in learners}) < 2:
         raise InputError(f"{given.folders[0]}: one dance; the uncertainty is measured on other dances than the noise")
     scores = scored_by_others(learners)
-    noise = measured(learners)._replace(spread=round(spread(scores), 3))
+    noise = measured([own_distances(one) for one in learners])._replace(spread=round(spread(scores), 3))
     print(summary(learners, [one._replace(uncertainty=noise.spread * one.uncertainty) for one in scores]))
     print(json.dumps({given.estimator: noise._asdict()}))
     if given.write:

@@ -204,8 +204,8 @@ class PathDistances(NamedTuple):
             teacher's frame before the matched one, to the matched one, and to the one after. Missing angles are left out.
         present: (L, P) number of the part's angles that could be compared.
         taught: (L, P) 1 where the teacher's frame shows at least one of the part's angles, else 0.
-        confidence: (L, P) least `Features.confidence` of the learner's angles of the part that the teacher shows; 0 if there are
-            none.
+        confidence: (L, P) least `Features.confidence` of the learner's angles of the part that the teacher shows; 0 where there
+            are none.
         seen: (L, P) in 0..1: 1 from SEEN_CONFIDENCE on, below it in proportion.
         signed: (L, D) differences, learner minus teacher, -pi..pi, radians; NaN where missing.
         weights: (L, D) product of both frames' weights; 0 where missing.

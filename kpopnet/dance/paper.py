@@ -117,7 +117,9 @@ class PaperTeacher:
         timing, posture, half_length = algorithm_3(learner, ahead, self.scorer.alpha, self.scorer.beta, self.scorer.tau * FPS)
         delay_s = (len(learner.angles_rad) / 2 - half_length) / FPS
         unknown, angles = np.full(len(PARTS), np.nan), learner.angles_rad.shape[1]
-        return WindowScore(delay_s, 100 * timing, 100 * posture, unknown, unknown, np.full(angles, np.nan), np.zeros(angles), 1.0)
+        return WindowScore(
+            delay_s, 100 * timing, 100 * posture, unknown, unknown, np.full(angles, np.nan), np.zeros(angles), 1.0
+        )
 
 
 def algorithm_3(

@@ -13,9 +13,9 @@ score, as of forecasts (Murphy 1988). What all parts that the teacher does not m
 parts count as much as the teacher moves them. A window in which the teacher stands still, as before the music begins, can be
 copied by standing: it counts in the dance's score as much as the teacher moves (`PartTeacher.movement`).
 
-An estimator's errors make perfect dancing lose similarity too, the more the less confident the estimator is. What is left of it,
-as a function of confidence and part, was learnt on simulated dances (`noise.json`, `tools/measure_noise.py`). A window's
-similarities are divided by what perfect dancing would keep in it: the quotient of two means is nearly unbiased, unlike the mean
+An estimator's errors make perfect dancing lose similarity too, the more the less confident the estimator is. What it keeps,
+by part and confidence, was learnt on simulated dances (`noise.json`, `tools/measure_noise.py`). A window's similarities are
+divided by what perfect dancing would keep in it: the quotient of two means is nearly unbiased, unlike the mean
 of quotients of frames, and a frame of which little is known counts little. It grows with similarity, so the score falls
 with every fault as it does on true joints. A window may exceed 100; only what is shown is limited.
 """
