@@ -19,12 +19,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 from scipy.optimize import least_squares
 from tqdm import tqdm
 
 from kpopnet.dance.dtw import PathDistances, distances_on_path
 from kpopnet.dance.features import FEATURES
-from kpopnet.dance.parts import CERTAIN, NOISE, TABLE, EstimatorNoise, known_noise
+from kpopnet.dance.parts import CERTAIN, CONTEXT_FRAMES, NOISE, TABLE, EstimatorNoise, known_noise
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import OURS, TimeGrid, score_dance
 from kpopnet.dance.window import PARTS, part_of_angles
@@ -120,21 +121,24 @@ def measured(own: Sequence[PathDistances]) -> EstimatorNoise:
     names = FEATURES[CONFIG.feature].names
     std_rad = {name: round(float(np.sqrt(one)), 3) for name, one in zip(names, mean, strict=True)}
     squared = np.concatenate([one.squared[:, 1] for one in own])
-    confidence, seen, taught = (
-        np.concatenate([getattr(one, name) for one in own]) for name in ("confidence", "seen", "taught")
-    )
+    seen, taught = (np.concatenate([getattr(one, name) for one in own]) for name in ("seen", "taught"))
+    doubts = np.concatenate([np.exp(_over_context(np.log(1 - one.confidence + CERTAIN))) for one in own])
     loss = {}
     for kind in KINDS:
         parts = [part for part, name in enumerate(PARTS) if name.endswith(kind)]
         use = (taught[:, parts] > 0) & (seen[:, parts] == 1)
-        doubt, kept = 1 - confidence[:, parts][use] + CERTAIN, CONFIG.posture(squared[:, parts][use])
-        fitted = least_squares(_missing_kept, (0.0, 0.5), bounds=((-9, 0), (6, 3)), args=(doubt, kept)).x
+        unsure, kept = doubts[:, parts][use], CONFIG.posture(squared[:, parts][use])
+        fitted = least_squares(_missing_kept, (0.0, 0.5), bounds=((-9, 0), (6, 3)), args=(unsure, kept)).x
         loss[kind] = (round(float(np.exp(fitted[0])), 3), round(float(fitted[1]), 3))
     return EstimatorNoise(std_rad, loss, 1.0)
 
 
-def _missing_kept(logarithmic: np.ndarray, doubt: np.ndarray, kept: np.ndarray) -> np.ndarray:
-    return 1 / (1 + np.exp(logarithmic[0]) * doubt ** logarithmic[1]) - kept
+def _over_context(values: np.ndarray) -> np.ndarray:
+    return uniform_filter1d(values, CONTEXT_FRAMES, axis=0, mode="nearest")
+
+
+def _missing_kept(logarithmic: np.ndarray, unsure: np.ndarray, kept: np.ndarray) -> np.ndarray:
+    return 1 / (1 + np.exp(logarithmic[0]) * unsure ** logarithmic[1]) - kept
 
 
 def scored(one: Seen, noise: EstimatorNoise) -> Scored:

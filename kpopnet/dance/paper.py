@@ -87,7 +87,7 @@ class PaperTeacher:
         """(N,) weight of each window: all count the same."""
         return np.ones(len(range(0, len(self.features.angles_rad) - WINDOW_FRAMES + 1, WINDOW_FRAMES)))
 
-    def window(self, distances: np.ndarray, learner: Features, start: int) -> WindowScore:
+    def window(self, distances: np.ndarray, learner: Features, start: int, confidence: np.ndarray) -> WindowScore:
         """Scores a window of n frames, see `kpopnet.dance.parts.PartTeacher.window`."""
         parts, frames = part_of_angles(self.scorer.feature), len(learner.angles_rad)
         nothing = nothing_seen(self.features, parts, start)._replace(posture=math.nan)

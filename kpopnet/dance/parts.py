@@ -83,8 +83,8 @@ class EstimatorNoise(NamedTuple):
     Attributes:
         std_rad: by the name of an angle of dance22_turn, the standard deviation of the error around the true angle, radians,
             constant errors included; of an azimuth, weighted as the distance weights it. Angles that are not named have none.
-        loss: by a word of PARTS (arm, leg, torso, turning), a and b: perfect dancing whose least confident joint has the
-            confidence c keeps the similarity 1 / (1 + a (1 - c + CERTAIN)^b).
+        loss: by a word of PARTS (arm, leg, torso, turning), a and b: perfect dancing keeps the similarity 1 / (1 + a d^b) of a
+            part of `doubt` d.
         spread: standard deviation of the score's error, in units of (1 - kept) / kept, see `DanceScore.uncertainty`.
     """
 
@@ -109,10 +109,21 @@ def known_noise(name: str) -> EstimatorNoise:
     return NOISE["none" if name == "auto" else name]
 
 
-def kept_by_noise(loss: dict[str, tuple[float, float]], confidence: np.ndarray) -> np.ndarray:
-    """(..., P) similarity in 0..1 that perfect dancing keeps, of the (..., P) least confidence of each part's joints."""
+def kept_by_noise(loss: dict[str, tuple[float, float]], doubt: np.ndarray) -> np.ndarray:
+    """(..., P) similarity in 0..1 that perfect dancing keeps, of the (..., P) `doubt` of each part."""
     scale, power = np.array([loss.get(name.split()[-1], (0.0, 0.0)) for name in PARTS]).T
-    return 1 / (1 + scale * (1 - confidence + CERTAIN) ** power)
+    return 1 / (1 + scale * doubt**power)
+
+
+def doubt(confidence: np.ndarray) -> np.ndarray:
+    """(P,) geometric mean, over the frames that show the part, of the chance that its least confident joint is wrong.
+
+    Takes (n, P) confidence. An estimator that errs in one pose errs in those around it too, of which it is surer: seconds tell
+    more than a frame (docs/ledger.md).
+    """
+    shown = confidence > 0
+    logarithm = np.where(shown, np.log(1 - confidence + CERTAIN), 0.0).sum(axis=0)
+    return np.exp(logarithm / np.maximum(shown.sum(axis=0), 1))
 
 
 @dataclass(frozen=True)
@@ -210,11 +221,12 @@ class PartTeacher:
         finite = similarity[np.isfinite(similarity)]
         return float(finite.mean()) if len(finite) else math.nan
 
-    def window(self, distances: np.ndarray, learner: Features, start: int) -> WindowScore:
+    def window(self, distances: np.ndarray, learner: Features, start: int, confidence: np.ndarray) -> WindowScore:
         """Scores the window of (n, D) features whose first frame has the time of the teacher's frame `start`.
 
         `distances` are the (.., 2 BAND_FRAMES + 1) `banded_distances` up to the window's end: the constant delay is estimated
-        from the last CONTEXT_S, the window is matched in the last n rows.
+        from the last CONTEXT_S, the window is matched in the last n rows. `confidence` (.., D) is the learner's up to the
+        window's end: that of the last CONTEXT_S says how much the estimator's errors cost.
         """
         if not learner.confidence.any():
             return nothing_seen(self.features, self.parts, start)
@@ -223,24 +235,28 @@ class PartTeacher:
         path = best_match(distances[-frames:], True, WINDOW_DELAY_PENALTY / FPS, expected)
         if not len(path):
             return nothing_seen(self.features, self.parts, start)
-        matched = self._on_path(path, learner, start)
+        of_parts = [confidence[-CONTEXT_FRAMES:, self.parts == part].min(axis=1) for part in range(len(PARTS))]
+        kept = kept_by_noise(known_noise(self.scorer.noise).loss, doubt(np.stack(of_parts, axis=1)))
+        matched = self._on_path(path, learner, start, kept)
         if (path[:, 1] == expected).all():
             return matched
         # A wrong limb may lead the match astray. Then the other limbs are compared at the constant delay, as if it were unseen.
         straight = np.stack([np.arange(frames), np.full(frames, expected)], axis=1)
         straight = straight[np.isfinite(distances[-frames:, expected])]
-        steady = self._on_path(straight, learner, start) if len(straight) else matched
+        steady = self._on_path(straight, learner, start, kept) if len(straight) else matched
         return steady if steady.similarity > matched.similarity else matched
 
-    def _on_path(self, path: np.ndarray, learner: Features, start: int) -> WindowScore:
-        """Scores a window whose frames correspond to the teacher's by a (L, 2) path, see `kpopnet.dance.dtw.best_match`."""
+    def _on_path(self, path: np.ndarray, learner: Features, start: int, kept: np.ndarray) -> WindowScore:
+        """Scores a window whose frames correspond to the teacher's by a (L, 2) path, see `kpopnet.dance.dtw.best_match`.
+
+        `kept` (P,) is the similarity that perfect dancing keeps.
+        """
         offset = start - BAND_FRAMES
         on_path = distances_on_path(path, learner, self.features, offset, self.parts)
         shifts, turning = _subframe_shifts(on_path.squared), self.turning[offset + path.sum(axis=1)]
         parts = np.where(on_path.taught, on_path.seen * self.scorer.posture(_squared_at(on_path.squared, shifts)), np.nan)
         # What is unseen stays a loss: the estimator's errors excuse only what is seen.
-        lost = 1 - kept_by_noise(known_noise(self.scorer.noise).loss, on_path.confidence)
-        kept = np.where(on_path.taught, 1 - on_path.seen * lost, np.nan)
+        kept = np.where(on_path.taught, 1 - on_path.seen * (1 - kept), np.nan)
         expected = float(_known_mean(_of_body(kept, turning)))
         body = np.maximum(_of_body(parts, turning) / expected - self.standing, 0) / (1 - self.standing)
         parts = parts / _known_mean(kept)

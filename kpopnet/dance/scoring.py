@@ -280,7 +280,8 @@ class Comparison:
     def window(self, start: int, frames: int = WINDOW_FRAMES) -> WindowScore:
         """Scores the window that starts at a frame; all of its frames must have been added."""
         learner = Features(*(array[start : start + frames] for array in self._learner))
-        return self._teacher.window(self._distances[: start + frames], learner, start)
+        stop = start + frames
+        return self._teacher.window(self._distances[:stop], learner, start, self._learner.confidence[:stop])
 
     def keep_windows(self, frames: int) -> bool:
         """Scores and keeps the windows within the teacher's first `frames` that are not kept yet; whether there were any."""

@@ -10,7 +10,7 @@ from programs import tool
 
 from kpopnet.dance.features import FEATURES
 from kpopnet.dance.online import OnlineScorer
-from kpopnet.dance.parts import NOISE, kept_by_noise
+from kpopnet.dance.parts import NOISE, doubt, kept_by_noise
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import OURS, DanceScore, score_dance
 from kpopnet.skeleton import Joint
@@ -84,7 +84,7 @@ def test_noise_is_measured_as_it_is():
     found = noise.measured([noise.own_distances(seen(dance, 5)) for dance in range(2)])
     assert set(found.std_rad) == set(FEATURES["dance22_turn"].names)
     assert 0.03 < min(found.std_rad["left_elbow_inclination"], found.std_rad["right_foot_inclination"]) < 0.3
-    kept = kept_by_noise(found.loss, np.array([[0.8] * 6, [0.99] * 6]))
+    kept = kept_by_noise(found.loss, np.array([doubt(np.full((5, 6), sure)) for sure in (0.8, 0.99)]))
     assert (kept[0] < kept[1] - 0.01).all() and (kept[1, :4] > 0.95).all()
     scores = [noise.Scored(80, 70, 84, 2), noise.Scored(90, 80, 90, 2)]
     assert noise.spread(scores) == pytest.approx(1.9) and "rms 2.8" in noise.summary([seen(0, 1)] * 2, scores)
@@ -92,5 +92,5 @@ def test_noise_is_measured_as_it_is():
 
 @pytest.mark.parametrize("name", NOISE)
 def test_the_table_keeps_more_of_perfect_dancing_the_more_confident_the_estimator_is(name):
-    kept = kept_by_noise(NOISE[name].loss, np.linspace(0, 1, 21)[:, None] * np.ones(6))
+    kept = kept_by_noise(NOISE[name].loss, 1 - np.linspace(0, 1, 21)[:, None] * np.ones(6))
     assert ((kept > 0) & (kept <= 1)).all() and (np.diff(kept, axis=0) >= 0).all()
