@@ -1,102 +1,198 @@
-"""Measures the errors of an estimator's angles on training dances, for the table `kpopnet.dance.parts.NOISE`.
+"""Measures what an estimator's errors do to scores of training dances, for the table `kpopnet.dance.parts.NOISE`.
 
+    python tools/graded_learners.py data/graded/train --dances 12
+    python tools/measure_noise.py data/graded/train data/graded/train_clips --estimator realtime --write
     python -m synth benchmark=kpop_sim benchmark.split=train benchmark.dances=6 out=data/kpop_train
-    python tools/measure_noise.py data/kpop_train                                        # the tracker
-    python tools/measure_noise.py data/kpop_train --estimator network --checkpoint outputs/train/RUN/best
-    python tools/measure_noise.py data/kpop_train --estimator realtime --write           # enters it in the table
-    python tools/measure_noise.py data/kpop_sim --known tracker      # other people, with the noise of the table
+    python tools/measure_noise.py data/kpop_train --estimator tracker                    # of images
+    python tools/measure_noise.py data/graded/fresh --estimator realtime --known         # other people and dances
 
-Every learner is compared with their own true joints, so that only the sensor and the estimator differ. The ceiling is what this
-perfect dancing scores in each dance with the errors that the other dances give. Run from the root of a checkout with
-`PYTHONPATH=.`.
+Folders hold dances in the K-Pop format, or what tools/graded_learners.py makes. What perfect dancing keeps is learnt from every
+learner compared with their own true joints, so that only the sensor and the estimator differ. The table's uncertainty is that
+of scores whose dance was left out. Run from the root of a checkout with `PYTHONPATH=.`.
 """
 
 import argparse
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.optimize import least_squares
 from tqdm import tqdm
 
-from kpopnet.dance.dtw import distances_on_path
+from kpopnet.dance.dtw import PathDistances, distances_on_path
 from kpopnet.dance.features import FEATURES
-from kpopnet.dance.parts import NOISE, TABLE, AngleNoise
+from kpopnet.dance.parts import CERTAIN, CONTEXT_FRAMES, NOISE, TABLE, EstimatorNoise, known_noise
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import OURS, TimeGrid, score_dance
-from kpopnet.dance.window import part_of_angles
+from kpopnet.dance.window import PARTS, part_of_angles
 from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator
 from kpopnet.evaluation.registry import ESTIMATORS
+from kpopnet.networks.over_time import Measured, OverTime, read
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.hydra_app import user_errors
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
+from kpopnet.weights import shipped_over_time
 
 MEASURED = ("tracker", "network", "fitted_network", "realtime", "best")
 CONFIG = replace(OURS, noise="none")
+KINDS = ("arm", "leg", "torso", "turning")
+TESTED = "measured"
+"""Name in NOISE of what is being measured."""
 
 
 class Seen(NamedTuple):
-    """A learner as they danced, and as sensor and estimator saw them."""
+    """A learner of a dance as they danced, and as sensor and estimator saw them; `fault` is what is wrong, if it is known."""
 
-    dance: int
+    dance: str
+    fault: str
+    teacher: Performance
     true: Performance
     estimated: Performance
 
 
-def seen_learners(folder: str, estimator: Estimator) -> list[Seen]:
-    """The learners of a folder of dances.
+class Scored(NamedTuple):
+    """Scores of a learner: on true joints, through the estimator without and with its noise known, and the uncertainty."""
+
+    true: float
+    unknown: float
+    known: float
+    uncertainty: float
+
+
+def of_films(folder: Path, estimator: str) -> list[Seen]:
+    """The learners of a folder that tools/graded_learners.py made; `best` without the image in the mirror, which it lacks."""
+    causal, future = (OverTime.load(shipped_over_time(sees_future)) for sees_future in (False, True))
+    estimates: dict[str, Callable[[Measured, np.ndarray], tuple[np.ndarray, np.ndarray]]] = {
+        "network": lambda measured, _: (measured.detected_m, measured.detected),
+        "fitted_network": lambda measured, _: (measured.fitted_m, measured.fitted),
+        "realtime": lambda measured, times_s: causal(*read(measured, times_s, future=False)),
+        "best": lambda measured, times_s: future(*read(measured, times_s, future=True)),
+    }
+    if estimator not in estimates:
+        raise InputError(f"{folder}: its films hold what {', '.join(estimates)} say; {estimator} needs images")
+    found = []
+    for path in sorted(folder.glob("*.npz")):
+        film, (_, number, fault) = np.load(path), path.stem.split("_", 2)
+        teacher, true = (Performance(film[name], np.arange(len(film[name])) / film["fps"]) for name in ("teacher_m", "true_m"))
+        measurements = Measured(*(film[name] for name in Measured._fields))
+        joints_m, confidence = estimates[estimator](measurements, true.times_s)
+        found.append(Seen(f"{folder.name}/{number}", fault, teacher, true, Performance(joints_m, true.times_s, confidence)))
+    return found
+
+
+def of_images(folder: Path, estimator: Estimator) -> list[Seen]:
+    """The learners of a folder of dances in the K-Pop format.
 
     Raises:
         InputError: the folder does not exist, or a learner lacks depth or true joints.
     """
     found, dances = [], KpopSet(folder)
-    for number, name in enumerate(tqdm(dances.names, "dances", unit="dance")):
-        for learner in dances.dance(name).learners:
+    for name in tqdm(dances.names, "dances", unit="dance"):
+        dance = dances.dance(name)
+        for learner in dance.learners:
             true, clip = learner.joints(), learner.depth()
             if true is None:
                 raise InputError(f"{learner.path}: no true joints in it; noise is measured on simulated dances")
             joints_m, confidence = estimator.estimate(clip.depth_m, clip.camera)
-            found.append(Seen(number, true, Performance(joints_m, clip.times_s, confidence)))
+            estimated = Performance(joints_m, clip.times_s, confidence)
+            found.append(Seen(f"{folder.name}/{name}", "", dance.teacher(), true, estimated))
     return found
 
 
-def angle_errors(seen: Seen) -> tuple[np.ndarray, np.ndarray]:
-    """(T, D) squared error of every angle of a learner, radians^2, and (T, D) its weight in the distance of the score."""
+def own_distances(seen: Seen) -> PathDistances:
+    """A learner's estimated joints compared, frame by frame, with their own true ones."""
     grid = TimeGrid(seen.true, CONFIG.feature)
     estimated = grid.features(*grid.resampled(seen.estimated, grid.frames))
     frames = np.arange(len(estimated.angles_rad))
-    path, parts = np.stack([frames, np.zeros_like(frames)], axis=1), part_of_angles(CONFIG.feature)
-    on_path = distances_on_path(path, estimated, grid.teacher, 0, parts, np.zeros(len(parts)))
-    return np.nan_to_num(on_path.signed) ** 2, on_path.weights
+    path = np.stack([frames, np.zeros_like(frames)], axis=1)
+    return distances_on_path(path, estimated, grid.teacher, 0, part_of_angles(CONFIG.feature))
 
 
-def measured_std_rad(learners: Sequence[Seen]) -> dict[str, float]:
-    """The standard deviation of the error of each angle, radians, rounded to milliradians; see `AngleNoise`."""
-    errors = [angle_errors(one) for one in learners]
-    squared, weight = (np.concatenate(arrays) for arrays in zip(*errors, strict=True))
-    mean = (squared * weight).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-9)
+def measured(own: Sequence[PathDistances]) -> EstimatorNoise:
+    """The noise of the estimator of learners with these `own_distances`, of spread 1."""
+    signed, weights = (np.concatenate([getattr(one, name) for one in own]) for name in ("signed", "weights"))
+    mean = (np.nan_to_num(signed) ** 2 * weights).sum(axis=0) / np.maximum(weights.sum(axis=0), 1e-9)
     names = FEATURES[CONFIG.feature].names
-    return {name: round(float(np.sqrt(one)), 3) for name, one in zip(names, mean, strict=True)}
+    std_rad = {name: round(float(np.sqrt(one)), 3) for name, one in zip(names, mean, strict=True)}
+    squared = np.concatenate([one.squared[:, 1] for one in own])
+    seen, taught = (np.concatenate([getattr(one, name) for one in own]) for name in ("seen", "taught"))
+    doubts = np.concatenate([np.exp(_over_context(np.log(1 - one.confidence + CERTAIN))) for one in own])
+    loss = {}
+    for kind in KINDS:
+        parts = [part for part, name in enumerate(PARTS) if name.endswith(kind)]
+        use = (taught[:, parts] > 0) & (seen[:, parts] == 1)
+        unsure, kept = doubts[:, parts][use], CONFIG.posture(squared[:, parts][use])
+        fitted = least_squares(_missing_kept, (0.0, 0.5), bounds=((-9, 0), (6, 3)), args=(unsure, kept)).x
+        loss[kind] = (round(float(np.exp(fitted[0])), 3), round(float(fitted[1]), 3))
+    return EstimatorNoise(std_rad, loss, 1.0)
 
 
-def perfect_scores(learners: Sequence[Seen]) -> tuple[list[float], list[float]]:
-    """Scores of perfect dancing through sensor and estimator: without the noise known, and with that of the other dances."""
-    without, known = [], []
+def _over_context(values: np.ndarray) -> np.ndarray:
+    return uniform_filter1d(values, CONTEXT_FRAMES, axis=0, mode="nearest")
+
+
+def _missing_kept(logarithmic: np.ndarray, unsure: np.ndarray, kept: np.ndarray) -> np.ndarray:
+    return 1 / (1 + np.exp(logarithmic[0]) * unsure ** logarithmic[1]) - kept
+
+
+def scored(one: Seen, noise: EstimatorNoise) -> Scored:
+    """The scores of a learner with a noise."""
+    NOISE[TESTED] = noise
+    true, unknown = (score_dance(one.teacher, danced, CONFIG).similarity for danced in (one.true, one.estimated))
+    known = score_dance(one.teacher, one.estimated, replace(CONFIG, noise=TESTED))
+    del NOISE[TESTED]
+    return Scored(true, unknown, known.similarity, known.uncertainty)
+
+
+def scored_by_others(learners: Sequence[Seen]) -> list[Scored]:
+    """The scores of all learners, each with the noise that the other dances give."""
+    own, found = [own_distances(one) for one in learners], dict[int, Scored]()
     for dance in sorted({one.dance for one in learners}):
-        NOISE["measured"] = AngleNoise(measured_std_rad([one for one in learners if one.dance != dance]), 100.0)
-        own = [one for one in learners if one.dance == dance]
-        without += scores_with(own, "none")
-        known += scores_with(own, "measured")
-        del NOISE["measured"]
-    return without, known
+        noise = measured([distances for one, distances in zip(learners, own, strict=True) if one.dance != dance])
+        found |= {number: scored(one, noise) for number, one in enumerate(learners) if one.dance == dance}
+    return [found[number] for number in range(len(learners))]
 
 
-def scores_with(learners: Sequence[Seen], name: str) -> list[float]:
-    """Scores of perfect dancing through sensor and estimator with the noise of an entry of `NOISE`."""
-    return [score_dance(one.true, one.estimated, replace(CONFIG, noise=name)).similarity for one in learners]
+def spread(scores: Sequence[Scored]) -> float:
+    """The spread with which 95 % of true scores lie within the uncertainty; `scores` have that of spread 1."""
+    return float(np.quantile([abs(one.known - one.true) / max(one.uncertainty, 1e-9) for one in scores], 0.95))
+
+
+def summary(learners: Sequence[Seen], scores: Sequence[Scored]) -> str:
+    """Errors of the scores, perfect dancing, and each fault against it, with the noise unknown and known."""
+    true, unknown, known, uncertainty = np.array(scores).T
+    perfect = np.array([one.fault.startswith("perfect") for one in learners])
+    lines = [f"{len(learners)} learners; true scores {true.mean():.1f}"]
+    for name, values in (("unknown", unknown), ("known", known)):
+        error, slope = values - true, np.polyfit(true, values, 1)[0] if np.ptp(true) > 1 else np.nan
+        line = f"noise {name}: bias {error.mean():+.1f}, rms {np.sqrt((error**2).mean()):.1f}, slope {slope:.2f}"
+        if perfect.any():
+            line += f"; perfect dancing mean {values[perfect].mean():.1f}, least {values[perfect].min():.1f}"
+        lines.append(line)
+    within = abs(known - true) <= uncertainty
+    middle, least, greatest = np.quantile(uncertainty, (0.5, 0, 1))
+    lines.append(f"uncertainty {middle:.1f} ({least:.1f} to {greatest:.1f}), holds for {within.mean():.0%}")
+    if not perfect.any():
+        return "\n".join(lines)
+    lines[-1] += f", for perfect dancing {within[perfect].mean():.0%}"
+    for fault in sorted({one.fault for one in learners} - {"perfect_0", "perfect_1"}):
+        chosen = np.array([one.fault == fault for one in learners])
+        means = ", ".join(f"{values[chosen].mean():.1f}" for values in (true, unknown, known))
+        areas = ", ".join(f"{_area(values[perfect], values[chosen]):.2f}" for values in (true, unknown, known))
+        lines.append(f"{fault}: true, noise unknown, known: {means}; AUC {areas}")
+    return "\n".join(lines)
+
+
+def _area(better: np.ndarray, worse: np.ndarray) -> float:
+    """How often, of all pairs, the better learner has the higher score; an equal one counts as half."""
+    difference = better[:, None] - worse
+    return float(((difference > 0) + (difference == 0) / 2).mean())
 
 
 def _build(name: str, checkpoint: str | None) -> Estimator:
@@ -105,14 +201,7 @@ def _build(name: str, checkpoint: str | None) -> Estimator:
     return builder(TrackerEstimatorConfig() if name == "tracker" else kind(checkpoint=checkpoint))
 
 
-def _summary(scores: Sequence[float]) -> str:
-    return (
-        f"mean {np.mean(scores):.1f}, median {np.median(scores):.1f}, at least 90 for {np.mean(np.array(scores) >= 90):.0%} of "
-        f"{len(scores)} learners"
-    )
-
-
-def enter(name: str, noise: AngleNoise) -> None:
+def enter(name: str, noise: EstimatorNoise) -> None:
     """Enters an estimator's noise in the table, in place of what the table said of it."""
     table = json.loads(TABLE.read_text()) | {name: noise._asdict()}
     with atomic_path(TABLE) as part:
@@ -122,25 +211,30 @@ def enter(name: str, noise: AngleNoise) -> None:
 @user_errors
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", help="dances in the K-Pop format (docs/kpop_format.md), with true joints")
+    parser.add_argument("folders", type=Path, nargs="+", help="dances with true joints")
     parser.add_argument("--estimator", choices=MEASURED, default="tracker", help="what is measured: %(default)s")
     parser.add_argument("--checkpoint", help="folder of its network")
-    parser.add_argument("--known", choices=NOISE, help="only score perfect dancing, with this noise of the table")
+    parser.add_argument("--known", action="store_true", help="only score, with the estimator's noise of the table")
     parser.add_argument("--write", action="store_true", help=f"enter the noise in {TABLE.name} under the estimator's name")
-    options = parser.parse_args(arguments)
-    learners = seen_learners(options.folder, _build(options.estimator, options.checkpoint))
-    if options.known:
-        print(f"perfect dancing, noise of {options.known}: {_summary(scores_with(learners, options.known))}")
+    given = parser.parse_args(arguments)
+    learners, estimator = [], None
+    for folder in given.folders:
+        if any(folder.glob("*.npz")):
+            learners += of_films(folder, given.estimator)
+        else:
+            estimator = estimator or _build(given.estimator, given.checkpoint)
+            learners += of_images(folder, estimator)
+    if given.known:
+        print(summary(learners, [scored(one, known_noise(given.estimator)) for one in learners]))
         return
     if len({one.dance for one in learners}) < 2:
-        raise InputError(f"{options.folder}: one dance; the ceiling is measured on other dances than the noise")
-    without, known = perfect_scores(learners)
-    for name, scores in (("noise unknown", without), ("noise known", known)):
-        print(f"perfect dancing, {name}: {_summary(scores)}")
-    noise = AngleNoise(measured_std_rad(learners), round(float(np.mean(known)), 1))
-    print(json.dumps({options.estimator: noise._asdict()}, indent=1))
-    if options.write:
-        enter(options.estimator, noise)
+        raise InputError(f"{given.folders[0]}: one dance; the uncertainty is measured on other dances than the noise")
+    scores = scored_by_others(learners)
+    noise = measured([own_distances(one) for one in learners])._replace(spread=round(spread(scores), 3))
+    print(summary(learners, [one._replace(uncertainty=noise.spread * one.uncertainty) for one in scores]))
+    print(json.dumps({given.estimator: noise._asdict()}))
+    if given.write:
+        enter(given.estimator, noise)
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from measure_noise import Seen, enter, measured_std_rad, perfect_scores
+from measure_noise import Seen, enter, measured, own_distances, scored_by_others, spread, summary
 from tqdm import tqdm
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -30,7 +30,6 @@ sys.path.append(str(ROOT / "tests" / "helpers"))
 from teacher_page import chromium  # noqa: E402
 from webcam_films import FilmedLearner  # noqa: E402
 
-from kpopnet.dance.parts import AngleNoise  # noqa: E402
 from kpopnet.dance.performance import Performance  # noqa: E402
 from kpopnet.dance.scoring import score_dance  # noqa: E402
 from kpopnet.pose import PoseEstimator  # noqa: E402
@@ -151,13 +150,14 @@ def all_filmed(folder: Path, dances: range, kinds: Sequence[tuple[str, str]], de
 
 def fit(learners: dict[str, list[Filmed]], write: bool) -> None:
     """Prints the noise of the joints by webcam, and enters it in the table."""
-    seen = [Seen(one.dance, one.true, one.webcam) for group in learners.values() for one in group]
-    without, known = perfect_scores(seen)
-    noise = AngleNoise(measured_std_rad(seen), round(float(np.mean(known)), 1))
-    print(
-        f"own movement by webcam: noise unknown {np.mean(without):.1f}, that of the other dances known {np.mean(known):.1f} "
-        f"({min(known):.0f} to {max(known):.0f})"
-    )
+    seen = [
+        Seen(str(one.dance), "perfect_0" if kind == "perfect" else kind, one.teacher, one.true, one.webcam)
+        for kind, group in learners.items()
+        for one in group
+    ]
+    scores = scored_by_others(seen)
+    noise = measured([own_distances(one) for one in seen])._replace(spread=round(spread(scores), 3))
+    print(summary(seen, [one._replace(uncertainty=noise.spread * one.uncertainty) for one in scores]))
     print(json.dumps({WEBCAM: noise._asdict()}, indent=1))
     if write:
         enter(WEBCAM, noise)

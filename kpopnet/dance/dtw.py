@@ -22,6 +22,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from kpopnet.dance.features import SEEN_CONFIDENCE
+
 _REASSOCIATE = {"reassoc", "nsz"}
 """Fast-math flags that allow sums to be vectorised: `frame_distance` is five times as fast in functions compiled with them."""
 
@@ -200,25 +202,26 @@ class PathDistances(NamedTuple):
     Attributes:
         squared: (L, 3, P) sums of the weighted squared differences of a part's angles, radians^2: of the learner's frame to the
             teacher's frame before the matched one, to the matched one, and to the one after. Missing angles are left out.
-        noise: (L, P) the part of the middle sums that an estimator's errors alone would have contributed, radians^2.
         present: (L, P) number of the part's angles that could be compared.
         taught: (L, P) 1 where the teacher's frame shows at least one of the part's angles, else 0.
-        seen: (L, P) least `Features.seen` of the learner's angles of the part that the teacher shows; 0 if there are none.
+        confidence: (L, P) least `Features.confidence` of the learner's angles of the part that the teacher shows; 0 where there
+            are none.
+        seen: (L, P) in 0..1: 1 from SEEN_CONFIDENCE on, below it in proportion.
         signed: (L, D) differences, learner minus teacher, -pi..pi, radians; NaN where missing.
         weights: (L, D) product of both frames' weights; 0 where missing.
     """
 
     squared: np.ndarray
-    noise: np.ndarray
     present: np.ndarray
     taught: np.ndarray
+    confidence: np.ndarray
     seen: np.ndarray
     signed: np.ndarray
     weights: np.ndarray
 
 
 @njit(cache=True)
-def distances_on_path(path, learner, teacher, offset, parts, variance):
+def distances_on_path(path, learner, teacher, offset, parts):
     """The `PathDistances` of a path.
 
     Args:
@@ -227,12 +230,11 @@ def distances_on_path(path, learner, teacher, offset, parts, variance):
         teacher: (M, D) `Features` of the teacher's dance.
         offset: the teacher's frame of row i and column k is offset + i + k.
         parts: (D,) number of the part that each angle belongs to; parts are numbered from 0 without gaps.
-        variance: (D,) squared standard deviation of an estimator's error of each angle, radians^2.
     """
     pairs, angles, num_parts = len(path), len(parts), parts.max() + 1
     squared = np.zeros((pairs, 3, num_parts))
-    noise, present, taught = np.zeros((pairs, num_parts)), np.zeros((pairs, num_parts)), np.zeros((pairs, num_parts))
-    seen = np.full((pairs, num_parts), np.inf)
+    present, taught = np.zeros((pairs, num_parts)), np.zeros((pairs, num_parts))
+    confidence = np.full((pairs, num_parts), np.inf)
     signed, weights = np.full((pairs, angles), np.nan), np.zeros((pairs, angles))
     last = len(teacher.angles_rad) - 1
     for pair in range(pairs):
@@ -243,7 +245,7 @@ def distances_on_path(path, learner, teacher, offset, parts, variance):
             if math.isnan(teacher.angles_rad[middle, c]):
                 continue
             taught[pair, p] = 1
-            seen[pair, p] = min(seen[pair, p], learner.seen[i, c])
+            confidence[pair, p] = min(confidence[pair, p], learner.confidence[i, c])
             if math.isnan(learner.angles_rad[i, c]):
                 continue
             present[pair, p] += 1
@@ -258,8 +260,8 @@ def distances_on_path(path, learner, teacher, offset, parts, variance):
                 squared[pair, shift, p] += weight * difference * difference
                 if shift == 1:
                     signed[pair, c], weights[pair, c] = difference, weight
-                    noise[pair, p] += weight * variance[c]
         for p in range(num_parts):
-            if seen[pair, p] == np.inf:
-                seen[pair, p] = 0
-    return PathDistances(squared, noise, present, taught, seen, signed, weights)
+            if confidence[pair, p] == np.inf:
+                confidence[pair, p] = 0
+    seen = np.minimum(confidence / SEEN_CONFIDENCE, 1.0)
+    return PathDistances(squared, present, taught, confidence, seen, signed, weights)

@@ -47,7 +47,7 @@ MIN_BONE_M = 0.01
 """A shorter bone has no direction: the angles that need it are missing."""
 
 SEEN_CONFIDENCE = 0.3
-"""A joint of this confidence or more counts as seen. Below it, what the joint shows counts in proportion."""
+"""A joint of this confidence or more counts as seen; below it, what the joint shows counts in proportion."""
 
 TORSO_ANGLES = ("twist", "lean", "bend")
 
@@ -73,14 +73,14 @@ class Features(NamedTuple):
     Attributes:
         angles_rad: (T, D) float64, NaN where a joint that the angle needs is missing.
         weights: (T, D) float64 in 0..1, how well determined each angle is by the pose.
-        seen: (T, D) float64 in 0..1: 1 where every joint that defines the angle has at least SEEN_CONFIDENCE, less in
-            proportion to the lowest confidence below it; 0 where the angle is missing. Changes and turns need earlier frames
-            too: where only these are missing, the angle is NaN but counts as seen as the torso is.
+        confidence: (T, D) float64 in 0..1: the lowest confidence of the joints that define the angle; 0 where the angle is
+            missing. Changes and turns need earlier frames too: where only these are missing, the angle is NaN but as
+            confident as the torso.
     """
 
     angles_rad: np.ndarray
     weights: np.ndarray
-    seen: np.ndarray
+    confidence: np.ndarray
 
 
 class Angles(NamedTuple):
@@ -123,11 +123,11 @@ def dance_features(joints_m: np.ndarray, feature: str, fps: float, confidence: n
     angles = compute(joints_m, fps)
     if confidence is None:
         confidence = np.ones(joints_m.shape[:2])
-    return Features(*angles, _angles_seen(angles.angles_rad, confidence, names))
+    return Features(*angles, _angles_confidence(angles.angles_rad, confidence, names))
 
 
-def _angles_seen(angles_rad: np.ndarray, confidence: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
-    """(T, D) `Features.seen` of angles from the (T, 15) confidence of the joints.
+def _angles_confidence(angles_rad: np.ndarray, confidence: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
+    """(T, D) `Features.confidence` of angles from the (T, 15) confidence of the joints.
 
     For a limb's angles only the limb's own joints count: the torso frame is estimated from six joints together.
     """
@@ -141,7 +141,7 @@ def _angles_seen(angles_rad: np.ndarray, confidence: np.ndarray, names: tuple[st
     is_now = np.array([name not in OF_EARLIER_FRAMES for name in names])
     missing = np.isnan(angles_rad)
     missing[:, ~is_now] = np.isnan(angles_rad[:, :1])  # the first angle is of the torso now
-    return np.where(missing, 0.0, np.minimum(lowest / SEEN_CONFIDENCE, 1.0))
+    return np.where(missing, 0.0, lowest)
 
 
 def dance22_features(joints_m: np.ndarray, turn_frames: int | None = None) -> Angles:

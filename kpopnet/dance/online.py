@@ -158,6 +158,10 @@ class OnlineScorer:
 
     def _score(self, frame: int, shown: Comparison, window: WindowScore) -> OnlineScore:
         """The score of a window that ends with a frame."""
-        parts = {name: float(value) for name, value in zip(PARTS, window.parts, strict=True) if not math.isnan(value)}
-        whole = window.delay_s, window.timing, window.posture, window.similarity
+        parts = {
+            name: float(value)
+            for name, value in zip(PARTS, np.minimum(window.parts, 100), strict=True)
+            if not math.isnan(value)
+        }
+        whole = window.delay_s, window.timing, min(window.posture, 100.0), min(window.similarity, 100.0)
         return OnlineScore(float(self._grid.time_s(frame)), *whole, parts, shown.so_far, shown.mirrored)

@@ -87,18 +87,18 @@ class PaperTeacher:
         """(N,) weight of each window: all count the same."""
         return np.ones(len(range(0, len(self.features.angles_rad) - WINDOW_FRAMES + 1, WINDOW_FRAMES)))
 
-    def window(self, distances: np.ndarray, learner: Features, start: int) -> WindowScore:
+    def window(self, distances: np.ndarray, learner: Features, start: int, confidence: np.ndarray) -> WindowScore:
         """Scores a window of n frames, see `kpopnet.dance.parts.PartTeacher.window`."""
         parts, frames = part_of_angles(self.scorer.feature), len(learner.angles_rad)
         nothing = nothing_seen(self.features, parts, start)._replace(posture=math.nan)
-        if not learner.seen.any():
+        if not learner.confidence.any():
             return nothing
         if self.scorer.as_printed:
             return self._as_printed(learner, start)
         path = best_match(distances[-frames:], False, 0.0, BAND_FRAMES)
         if not len(path):
             return nothing
-        on_path = distances_on_path(path, learner, self.features, start - BAND_FRAMES, parts, np.zeros(len(parts)))
+        on_path = distances_on_path(path, learner, self.features, start - BAND_FRAMES, parts)
         squared, present, angles = on_path.squared[:, 1], on_path.present, len(parts)
         of_body = squared.sum(axis=1) * angles / or_nan(present.sum(axis=1))
         of_body[2 * present.sum(axis=1) < angles] = np.nan
@@ -117,7 +117,9 @@ class PaperTeacher:
         timing, posture, half_length = algorithm_3(learner, ahead, self.scorer.alpha, self.scorer.beta, self.scorer.tau * FPS)
         delay_s = (len(learner.angles_rad) / 2 - half_length) / FPS
         unknown, angles = np.full(len(PARTS), np.nan), learner.angles_rad.shape[1]
-        return WindowScore(delay_s, 100 * timing, 100 * posture, unknown, unknown, np.full(angles, np.nan), np.zeros(angles))
+        return WindowScore(
+            delay_s, 100 * timing, 100 * posture, unknown, unknown, np.full(angles, np.nan), np.zeros(angles), 1.0
+        )
 
 
 def algorithm_3(

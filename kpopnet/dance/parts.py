@@ -13,9 +13,11 @@ score, as of forecasts (Murphy 1988). What all parts that the teacher does not m
 parts count as much as the teacher moves them. A window in which the teacher stands still, as before the music begins, can be
 copied by standing: it counts in the dance's score as much as the teacher moves (`PartTeacher.movement`).
 
-An estimator's errors add to the squared distance what they would add to a perfect dancer's. The squared distances of a window
-are shrunk by the factor (1 - noise / distance)+ of James and Stein (1961), pooled over its frames and parts. Known errors stand
-in `noise.json`; `tools/measure_noise.py` measures them on simulated dances (docs/dance_scoring.md).
+An estimator's errors make perfect dancing lose similarity too, the more the less confident the estimator is. What it keeps,
+by part and confidence, was learnt on simulated dances (`noise.json`, `tools/measure_noise.py`). A window's similarities are
+divided by what perfect dancing would keep in it: the quotient of two means is nearly unbiased, unlike the mean
+of quotients of frames, and a frame of which little is known counts little. It grows with similarity, so the score falls
+with every fault as it does on true joints. A window may exceed 100; only what is shown is limited.
 """
 
 import json
@@ -26,7 +28,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from kpopnet.dance.dtw import PathDistances, best_match, constant_delay, distances_on_path
+from kpopnet.dance.dtw import best_match, constant_delay, distances_on_path
 from kpopnet.dance.features import FEATURES, OF_EARLIER_FRAMES, Features
 from kpopnet.dance.window import (
     BAND_FRAMES,
@@ -75,36 +77,53 @@ MIN_MOVEMENT = 0.1
 proportion."""
 
 
-class AngleNoise(NamedTuple):
-    """The errors of an estimator's angles on simulated dances of the split `train`.
+class EstimatorNoise(NamedTuple):
+    """The errors of an estimator on simulated dances of the split `train`.
 
     Attributes:
         std_rad: by the name of an angle of dance22_turn, the standard deviation of the error around the true angle, radians,
             constant errors included; of an azimuth, weighted as the distance weights it. Angles that are not named have none.
-        ceiling: mean score of perfect dancing seen through the sensor and this estimator by `dance22`, with its noise known.
+        loss: by a word of PARTS (arm, leg, torso, turning), a and b: perfect dancing keeps the similarity 1 / (1 + a d^b) of a
+            part of `doubt` d.
+        spread: standard deviation of the score's error, in units of (1 - kept) / kept, see `DanceScore.uncertainty`.
     """
 
     std_rad: dict[str, float]
-    ceiling: float
+    loss: dict[str, tuple[float, float]]
+    spread: float
 
+
+CERTAIN = 0.003
+"""Chance of an error that no confidence excludes."""
 
 TABLE = Path(__file__).with_name("noise.json")
 
-NOISE: dict[str, AngleNoise] = {"none": AngleNoise({}, 100.0)} | {
-    name: AngleNoise(**entry) for name, entry in json.loads(TABLE.read_text()).items()
+NOISE: dict[str, EstimatorNoise] = {"none": EstimatorNoise({}, {}, 0.0)} | {
+    name: EstimatorNoise(**entry) for name, entry in json.loads(TABLE.read_text()).items()
 }
-"""By the estimator's name; `none` for true joints. Those of the network are the shipped one's. A third of the tracker's
-learners score less than 90: there it had lost trunk or legs, which no noise explains."""
+"""By the estimator's name; `none` for true joints. Those of the network are the shipped one's."""
 
 
-def known_noise(name: str) -> AngleNoise:
+def known_noise(name: str) -> EstimatorNoise:
     """The noise of an estimator; none for `auto`, which only an evaluation replaces by each estimator's."""
     return NOISE["none" if name == "auto" else name]
 
 
-def angle_variance(name: str) -> np.ndarray:
-    """(D,) squared standard deviations of the errors of the angles of dance22_turn, radians^2, by an estimator's name."""
-    return np.array([known_noise(name).std_rad.get(angle, 0.0) ** 2 for angle in FEATURES[FEATURE].names])
+def kept_by_noise(loss: dict[str, tuple[float, float]], doubt: np.ndarray) -> np.ndarray:
+    """(..., P) similarity in 0..1 that perfect dancing keeps, of the (..., P) `doubt` of each part."""
+    scale, power = np.array([loss.get(name.split()[-1], (0.0, 0.0)) for name in PARTS]).T
+    return 1 / (1 + scale * doubt**power)
+
+
+def doubt(confidence: np.ndarray) -> np.ndarray:
+    """(P,) geometric mean, over the frames that show the part, of the chance that its least confident joint is wrong.
+
+    Takes (n, P) confidence. An estimator that errs in one pose errs in those around it too, of which it is surer: seconds tell
+    more than a frame (docs/ledger.md).
+    """
+    shown = confidence > 0
+    logarithm = np.where(shown, np.log(1 - confidence + CERTAIN), 0.0).sum(axis=0)
+    return np.exp(logarithm / np.maximum(shown.sum(axis=0), 1))
 
 
 @dataclass(frozen=True)
@@ -115,8 +134,8 @@ class PartScorer:
         mirrored: true for a learner who mirrors the teacher, as in front of a mirror; auto takes what fits better; false.
         latency_s: constant delay of the set-up (camera, display), taken off the learner's clock, seconds; measured by
             kpopnet.dance.timing.measured_latency_s.
-        noise: name of the estimator of the learner's joints whose known errors are subtracted from the distance (tracker,
-            network, fitted_network, realtime, best); none for true joints; auto for that of each estimator in an evaluation,
+        noise: name of the estimator of the learner's joints whose known errors are taken out of the score (tracker, network,
+            fitted_network, realtime, best); none for true joints; auto for that of each estimator in an evaluation,
             elsewhere none.
         alpha: slope of the timing similarity, Eq. (13).
         beta: posture difference of one part's angles at which its similarity has fallen to 1/e, radians.
@@ -151,7 +170,7 @@ class PartScorer:
         starts = range(0, len(features.angles_rad) - WINDOW_FRAMES + 1, HOP_FRAMES)
         turn_rad = np.nan_to_num(features.angles_rad[:, FEATURES[FEATURE].names.index("turn")])
         turning = 1 - self.posture(turn_rad**2)
-        teacher = PartTeacher(self, features, 0.0, np.ones(len(starts)), turning, angle_variance(self.noise))
+        teacher = PartTeacher(self, features, 0.0, np.ones(len(starts)), turning)
         held = [teacher.standing_similarity(slice(start, start + WINDOW_FRAMES)) for start in starts]
         movement = np.clip((1 - np.array(held)) / MIN_MOVEMENT, 0, 1)
         movement = np.where(np.isnan(movement), 1.0, movement)
@@ -178,7 +197,6 @@ class PartTeacher:
         movement: (N,) weight in 0..1 of each window in the dance's score: how much the teacher moves in it; 1 for all where
             the teacher never moves.
         turning: (M,) how much of a frame a learner who does not turn would miss, 0..1.
-        variance: (D,) squared errors of the estimator's angles, radians^2.
     """
 
     scorer: PartScorer
@@ -186,7 +204,6 @@ class PartTeacher:
     standing: float
     movement: np.ndarray
     turning: np.ndarray
-    variance: np.ndarray
 
     @property
     def parts(self) -> np.ndarray:
@@ -198,57 +215,69 @@ class PartTeacher:
         features = Features(*(array[rows] for array in self.features))
         taught = np.flatnonzero(np.isfinite(features.angles_rad).any(axis=1))
         path = np.stack([np.zeros_like(taught), taught], axis=1)
-        on_path = distances_on_path(path, _standing(features), features, 0, self.parts, self.variance)
-        similarity = self._similarities(on_path.squared[:, 1], on_path, self.turning[rows][taught])[0]
+        on_path = distances_on_path(path, _standing(features), features, 0, self.parts)
+        parts = np.where(on_path.taught, on_path.seen * self.scorer.posture(on_path.squared[:, 1]), np.nan)
+        similarity = _of_body(parts, self.turning[rows][taught])
         finite = similarity[np.isfinite(similarity)]
         return float(finite.mean()) if len(finite) else math.nan
 
-    def window(self, distances: np.ndarray, learner: Features, start: int) -> WindowScore:
+    def window(self, distances: np.ndarray, learner: Features, start: int, confidence: np.ndarray) -> WindowScore:
         """Scores the window of (n, D) features whose first frame has the time of the teacher's frame `start`.
 
         `distances` are the (.., 2 BAND_FRAMES + 1) `banded_distances` up to the window's end: the constant delay is estimated
-        from the last CONTEXT_S, the window is matched in the last n rows.
+        from the last CONTEXT_S, the window is matched in the last n rows. `confidence` (.., D) is the learner's up to the
+        window's end: that of the last CONTEXT_S says how much the estimator's errors cost.
         """
-        if not learner.seen.any():
+        if not learner.confidence.any():
             return nothing_seen(self.features, self.parts, start)
         frames, distances = len(learner.angles_rad), distances[-CONTEXT_FRAMES:]
         expected = constant_delay(distances, CONTEXT_DELAY_PENALTY / FPS)
         path = best_match(distances[-frames:], True, WINDOW_DELAY_PENALTY / FPS, expected)
         if not len(path):
             return nothing_seen(self.features, self.parts, start)
-        matched = self._on_path(path, learner, start)
+        of_parts = [confidence[-CONTEXT_FRAMES:, self.parts == part].min(axis=1) for part in range(len(PARTS))]
+        kept = kept_by_noise(known_noise(self.scorer.noise).loss, doubt(np.stack(of_parts, axis=1)))
+        matched = self._on_path(path, learner, start, kept)
         if (path[:, 1] == expected).all():
             return matched
         # A wrong limb may lead the match astray. Then the other limbs are compared at the constant delay, as if it were unseen.
         straight = np.stack([np.arange(frames), np.full(frames, expected)], axis=1)
         straight = straight[np.isfinite(distances[-frames:, expected])]
-        steady = self._on_path(straight, learner, start) if len(straight) else matched
+        steady = self._on_path(straight, learner, start, kept) if len(straight) else matched
         return steady if steady.similarity > matched.similarity else matched
 
-    def _on_path(self, path: np.ndarray, learner: Features, start: int) -> WindowScore:
-        """Scores a window whose frames correspond to the teacher's by a (L, 2) path, see `kpopnet.dance.dtw.best_match`."""
+    def _on_path(self, path: np.ndarray, learner: Features, start: int, kept: np.ndarray) -> WindowScore:
+        """Scores a window whose frames correspond to the teacher's by a (L, 2) path, see `kpopnet.dance.dtw.best_match`.
+
+        `kept` (P,) is the similarity that perfect dancing keeps.
+        """
         offset = start - BAND_FRAMES
-        on_path = distances_on_path(path, learner, self.features, offset, self.parts, self.variance)
-        shifts = _subframe_shifts(on_path.squared)
-        squared = _less_noise(_squared_at(on_path.squared, shifts), on_path.noise)
-        body, parts = self._similarities(squared, on_path, self.turning[offset + path.sum(axis=1)])
-        body = np.maximum(body - self.standing, 0) / (1 - self.standing)
+        on_path = distances_on_path(path, learner, self.features, offset, self.parts)
+        shifts, turning = _subframe_shifts(on_path.squared), self.turning[offset + path.sum(axis=1)]
+        parts = np.where(on_path.taught, on_path.seen * self.scorer.posture(_squared_at(on_path.squared, shifts)), np.nan)
+        # What is unseen stays a loss: the estimator's errors excuse only what is seen.
+        kept = np.where(on_path.taught, 1 - on_path.seen * (1 - kept), np.nan)
+        expected = float(_known_mean(_of_body(kept, turning)))
+        body = np.maximum(_of_body(parts, turning) / expected - self.standing, 0) / (1 - self.standing)
+        parts = parts / _known_mean(kept)
         shown = np.where(on_path.taught.any(axis=1), on_path.seen.any(axis=1), np.nan)
         # The mean delay of the pairs changes smoothly with the learner's, unlike that of the middles in Eq. (13).
         delay_s = float(BAND_FRAMES - (path[:, 1] + shifts).mean()) / FPS
         pairs, timing = np.column_stack([body, shown, parts]), 100 * self.scorer.timing(delay_s)
-        return window_score(pairs, on_path, path, self.parts, HOP_FRAMES, delay_s, timing)
+        return window_score(pairs, on_path, path, self.parts, HOP_FRAMES, delay_s, timing, expected)
 
-    def _similarities(self, squared: np.ndarray, on_path: PathDistances, turning: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(L,) similarity in 0..1 of the body and (L, P) of its parts in the pairs of a path; NaN where the teacher shows none.
 
-        `squared` (L, P) is in radians^2; `turning` (L,) is that of the pairs' frames.
-        """
-        parts = np.where(on_path.taught, on_path.seen * self.scorer.posture(squared), np.nan)
-        body = np.nansum(parts, axis=1) / or_nan(on_path.taught.sum(axis=1))
-        if turning.any():
-            body = body * (1 - turning * (1 - np.nan_to_num(parts[:, PARTS.index("turning")])) / 2)
-        return body, parts
+def _of_body(parts: np.ndarray, turning: np.ndarray) -> np.ndarray:
+    """(L,) similarity of the body of (L, P) similarities of parts; `turning` (L,) is that of the pairs' frames."""
+    body = np.nansum(parts, axis=1) / or_nan(np.isfinite(parts).sum(axis=1))
+    if turning.any():
+        body = body * (1 - turning * (1 - np.nan_to_num(parts[:, PARTS.index("turning")])) / 2)
+    return body
+
+
+def _known_mean(values: np.ndarray) -> np.ndarray:
+    """The mean over the first axis of what is known; NaN where nothing is."""
+    return np.nansum(values, axis=0) / or_nan(np.isfinite(values).sum(axis=0))
 
 
 def _standing(features: Features) -> Features:
@@ -273,9 +302,3 @@ def _squared_at(squared: np.ndarray, shifts: np.ndarray) -> np.ndarray:
     before, here, after = squared[:, 0], squared[:, 1], squared[:, 2]
     shift = shifts[:, None]
     return np.maximum(here + shift / 2 * (after - before) + shift**2 / 2 * (before + after - 2 * here), 0)
-
-
-def _less_noise(squared: np.ndarray, noise: np.ndarray) -> np.ndarray:
-    """(L, P) squared distances without what the estimator's errors contribute on average, never below 0."""
-    total, expected = squared.sum(), noise.sum()
-    return squared * max(1 - expected / total, 0.0) if expected > 0 and total > 0 else squared

@@ -30,7 +30,7 @@ MIN_COMPARED_FRACTION = 0.5
 
 
 class WindowScore(NamedTuple):
-    """Scores of one window, 0 to 100.
+    """Scores of one window: 0 to 100, and through an estimator more than 100 where its errors are less than usual.
 
     Attributes:
         delay_s: delay of the learner, seconds; negative when early. NaN where too few frames could be compared.
@@ -41,6 +41,7 @@ class WindowScore(NamedTuple):
         error_rad: (D,) mean signed difference of each angle, learner minus teacher, in the middle of the window, for the time
             from one window to the next.
         error_weight: (D,) mean weight of these differences, 0..1; 0 where there are none.
+        expected: posture in 0..1, before it was divided by it, of perfect dancing through the estimator; 1 for true joints.
     """
 
     delay_s: float
@@ -50,6 +51,7 @@ class WindowScore(NamedTuple):
     coverage: np.ndarray
     error_rad: np.ndarray
     error_weight: np.ndarray
+    expected: float
 
     @property
     def similarity(self) -> float:
@@ -90,7 +92,7 @@ def nothing_seen(teacher: Features, parts: np.ndarray, start: int) -> WindowScor
     shown = np.isfinite(teacher.angles_rad[start : start + WINDOW_FRAMES]).any(axis=0)
     nothing = np.where([(shown & (parts == part)).any() for part in range(len(PARTS))], 0.0, np.nan)
     posture = 0.0 if shown.any() else math.nan
-    return WindowScore(math.nan, math.nan, posture, nothing, nothing, np.full(len(parts), np.nan), np.zeros(len(parts)))
+    return WindowScore(math.nan, math.nan, posture, nothing, nothing, np.full(len(parts), np.nan), np.zeros(len(parts)), 1.0)
 
 
 def window_score(
@@ -101,6 +103,7 @@ def window_score(
     hop_frames: int,
     delay_s: float,
     timing: float,
+    expected: float = 1.0,
 ) -> WindowScore:
     """The score of a window from what the L pairs of its path have in common.
 
@@ -112,6 +115,7 @@ def window_score(
         hop_frames: frames from one window to the next, over which errors are averaged.
         delay_s: of the learner, seconds.
         timing: S_t, 0 to 100.
+        expected: see `WindowScore`.
     """
     coverage = np.where(on_path.taught, on_path.seen, np.nan)
     means = _mean_over_frames(np.column_stack([pairs, coverage]), path)
@@ -123,7 +127,8 @@ def window_score(
     weights = (on_path.weights * on_path.seen[:, parts])[middle]
     total = weights.sum(axis=0)
     error_rad = np.nansum(weights * on_path.signed[middle], axis=0) / or_nan(total)
-    return WindowScore(delay_s, timing, float(posture), 100 * of_parts, coverage, error_rad, total / max(middle.sum(), 1))
+    weight = total / max(middle.sum(), 1)
+    return WindowScore(delay_s, timing, float(posture), 100 * of_parts, coverage, error_rad, weight, expected)
 
 
 def _mean_over_frames(values: np.ndarray, path: np.ndarray) -> np.ndarray:

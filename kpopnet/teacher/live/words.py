@@ -119,6 +119,7 @@ def score_result(score: DanceScore, found: Feedback) -> dict:
     windows = score.windows
     return {
         "total": rounded(score.similarity),
+        "uncertainty": rounded(score.uncertainty),
         "timing": rounded(score.timing),
         "posture": rounded(score.posture),
         "parts": {name: rounded(value) for name, value in score.parts.items()},

@@ -48,7 +48,7 @@ export function showResult(main, { found, dance, body, movement }, practiseAt = 
   const course = courseOf(found, dance, end_s, (time_s) => watch(time_s - BEFORE_S, time_s + 2 * BEFORE_S));
   const bars = partBars();
   main.append(
-    el("h1", {}, `${found.name}: ${Math.round(found.total)} of 100`),
+    el("h1", {}, `${found.name}: ${Math.round(found.total)}${found.uncertainty ? ` ± ${Math.round(found.uncertainty)}` : ""} of 100`),
     el("div", { class: "numbers" }, number("total", found.total, "total"), number("timing", found.timing, "timing"),
       number("posture", found.posture, "posture"), found.speed ? number("speed", 100 * found.speed, "speed, %") : null),
     bars.list,

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from kpopnet.dance.dtw import banded_distances, best_match, constant_delay, distances_on_path, frame_distance
-from kpopnet.dance.features import Features
+from kpopnet.dance.features import SEEN_CONFIDENCE, Features
 from kpopnet.dance.paper import algorithm_3
 
 COSTS = arrays(
@@ -124,19 +124,17 @@ def test_a_path_is_compared_angle_by_angle_before_at_and_after_the_matched_frame
     teacher = Features(rng.uniform(-3, 3, (9, 4)), rng.uniform(size=(9, 4)), np.ones((9, 4)))
     learner = Features(rng.uniform(-3, 3, (5, 4)), rng.uniform(size=(5, 4)), rng.uniform(size=(5, 4)))
     teacher.angles_rad[3, 0] = learner.angles_rad[1, 2] = math.nan
-    learner.seen[1, 2] = 0
-    path, parts, variance = np.array([[0, 2], [1, 2], [1, 3], [3, 5]]), np.array([0, 1, 1, 0]), np.array([0.1, 0.2, 0.3, 0.4])
-    found = distances_on_path(path, learner, teacher, 0, parts, variance)
+    learner.confidence[1, 2] = 0
+    path, parts = np.array([[0, 2], [1, 2], [1, 3], [3, 5]]), np.array([0, 1, 1, 0])
+    found = distances_on_path(path, learner, teacher, 0, parts)
     for pair, (i, k) in enumerate(path):
         for p in (0, 1):
             angles = [c for c in (0, 1, 2, 3) if parts[c] == p and math.isfinite(teacher.angles_rad[i + k, c])]
             assert found.taught[pair, p] == bool(angles)
-            assert found.seen[pair, p] == min(learner.seen[i, c] for c in angles)
+            assert found.confidence[pair, p] == min(learner.confidence[i, c] for c in angles)
+            assert found.seen[pair, p] == pytest.approx(min(found.confidence[pair, p] / SEEN_CONFIDENCE, 1))
             known = [c for c in angles if math.isfinite(learner.angles_rad[i, c])]
             assert found.present[pair, p] == len(known)
-            assert found.noise[pair, p] == pytest.approx(
-                sum(learner.weights[i, c] * teacher.weights[i + k, c] * variance[c] for c in known)
-            )
             for shift in (-1, 0, 1):
                 total = 0.0
                 for c in known:

@@ -116,21 +116,21 @@ def test_a_missing_joint_removes_only_the_angles_that_need_it(joint):
             }
 
 
-def test_an_angle_is_seen_as_well_as_the_least_seen_of_its_joints():
+def test_an_angle_is_as_confident_as_the_least_confident_of_its_joints():
     confidence = np.full((len(JOINTS_M), 15), 0.9)
     confidence[5, Joint.LEFT_HAND], confidence[6, Joint.LEFT_ELBOW], confidence[7, Joint.LEFT_HIP] = 0.15, 0.06, 0.03
     for feature in ("dance22_turn", "raptis"):
-        names, result = FEATURES[feature].names, dance_features(JOINTS_M, feature, FPS, confidence).seen
-        less = {frame: {names[c] for c in np.flatnonzero(result[frame] < 1)} for frame in range(4, 8)}
+        names, result = FEATURES[feature].names, dance_features(JOINTS_M, feature, FPS, confidence).confidence
+        less = {frame: {names[c] for c in np.flatnonzero(result[frame] < 0.9)} for frame in range(4, 8)}
         angles = {limb: {f"{limb}_inclination", f"{limb}_azimuth"} for limb in ("left_hand", "left_elbow", "left_knee")}
         torso = {name for name in names if not name.startswith(("left", "right"))}
         hand, elbow, knee = angles.values()
         assert less == {4: set(), 5: hand, 6: hand | elbow, 7: knee | torso}
-        np.testing.assert_allclose(result[5:8].min(axis=1), [0.5, 0.2, 0.1])
-        assert (dance_features(JOINTS_M, feature, FPS).seen == 1).all()  # changes of the first frames too
+        np.testing.assert_allclose(result[5:8].min(axis=1), [0.15, 0.06, 0.03])
+        assert (dance_features(JOINTS_M, feature, FPS).confidence == 1).all()  # changes of the first frames too
         lost_m = JOINTS_M.copy()
         lost_m[6, Joint.LEFT_HAND] = np.nan
-        assert {names[c] for c in np.flatnonzero(dance_features(lost_m, feature, FPS).seen[6] == 0)} == hand
+        assert {names[c] for c in np.flatnonzero(dance_features(lost_m, feature, FPS).confidence[6] == 0)} == hand
 
 
 @pytest.mark.parametrize("feature", DIMENSIONS)

@@ -98,10 +98,13 @@ def test_a_faulty_recording_is_told_and_the_option_that_is_named_corrects_it(fil
     assert "warning" not in again and int(re.search(r"similarity (\d+)", again)[1]) >= 95
 
 
-def test_the_tempo_of_the_music_makes_phrases_and_an_estimators_noise_shows_the_ceiling(files, run, tmp_path, capsys):
+def test_the_tempo_of_the_music_makes_phrases_and_an_estimators_noise_shows_the_uncertainty(files, run, tmp_path, capsys):
     words = (*files[:2], "--out", tmp_path / "out")
-    assert "0:00 to 0:06," in run(*words, "--bpm", 80) and "perfect dancing" not in run(*words)
-    assert "seen through the estimator tracker scores" in run(*words, "--noise", "tracker")
+    assert "0:00 to 0:06," in run(*words, "--bpm", 80) and "±" not in run(*words)
+    told = run(*words, "--noise", "tracker")
+    uncertain = re.search(r"^similarity \d+ ± (\d+), ", told, re.MULTILINE)[1]
+    score = json.loads((tmp_path / "out" / "score.json").read_text())["score"]
+    assert round(score["uncertainty"]) == int(uncertain) > 0 and f"± {uncertain}: on true joints" in told
     with pytest.raises(SystemExit):
         run(*words, "--bpm", 0)
     assert "--bpm 0: expected 20 to 400" in capsys.readouterr().err

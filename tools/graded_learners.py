@@ -1,0 +1,146 @@
+"""Makes SIMULATED learners with one fault of known size each, and what a network and the fit say of their depth, no depth.
+
+    python tools/graded_learners.py data/graded/train --dances 12
+    python tools/graded_learners.py data/graded/train_clips --dances 12 --clips PACK
+    python tools/graded_learners.py data/graded/fresh --dances 5 --rounds 1 --split validation --seed 7 --seconds 10
+
+Dances are those of `kpop_sim` of another seed, each learner is another person. A file holds the teacher's joints, the
+learner's true ones, and what the image network and the fit to the depth say of every frame
+(`kpopnet.networks.over_time.Measured`), so that another estimate from these needs no new images. Finished files stay when it is
+run again. tools/measure_noise.py reads them. Run from the root of a checkout with `PYTHONPATH=.`.
+"""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from kpopnet.camera import subsampled
+from kpopnet.estimator import Estimate
+from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.rotations import conjugate, multiply, rotate
+from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.tracker.body_estimate import BodyEstimate
+from kpopnet.tracker.confidence import REFINED_WEIGHTS, probability
+from kpopnet.tracker.refine import refine_frame
+from synth.dances.changes import as_high_as, turns
+from synth.dances.faults import KEPT_AMPLITUDE, amplitude
+from synth.dances.simulate import FPS, KpopSim, KpopSimConfig, dance_name
+from synth.motion import SPLITS, MotionConfig
+from synth.motion.skeleton import INDEX, PARENTS, Motion, forward_kinematics
+
+SEED = 27
+DOWN = np.array([0.0, -1.0, 0.0])
+REST = {"Left": np.array([1.0, 0.0, 0.0]), "Right": np.array([-1.0, 0.0, 0.0])}
+
+
+def with_turn(motion: Motion, joint: str, rotation_rad: np.ndarray) -> Motion:
+    """The motion with a joint turned by (T, 3) rotation vectors in the world's axes, as high above the floor as before."""
+    quats, number = motion.quats.astype(np.float64), INDEX[joint]
+    parent = forward_kinematics(quats, motion.root_m)[1][:, PARENTS[number]]
+    quats[:, number] = multiply(multiply(conjugate(parent), multiply(turns(rotation_rad), parent)), quats[:, number])
+    root_m = as_high_as(motion, quats, motion.root_m)
+    return Motion(quats.astype(np.float32), root_m.astype(np.float32), motion.fps, motion.name, motion.leg_m)
+
+
+def arm_low(motion: Motion, degrees: float, side: str = "Left") -> Motion:
+    """An arm lowered at the shoulder, never beyond hanging."""
+    arm = rotate(forward_kinematics(motion.quats, motion.root_m)[1][:, INDEX[f"{side}Arm"]], REST[side])
+    axis = np.cross(arm, DOWN)
+    axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-9)
+    left = np.arccos(np.clip(arm @ DOWN, -1, 1))
+    return with_turn(motion, f"{side}Arm", axis * np.minimum(np.radians(degrees), left)[:, None])
+
+
+def arms_low(motion: Motion, degrees: float) -> Motion:
+    return arm_low(arm_low(motion, degrees, "Left"), degrees, "Right")
+
+
+def bent_forward(motion: Motion, degrees: float) -> Motion:
+    """The upper body bent forward above the middle of the torso."""
+    across = rotate(forward_kinematics(motion.quats, motion.root_m)[1][:, INDEX["Spine1"]], np.array([1.0, 0.0, 0.0]))
+    return with_turn(motion, "Spine1", np.radians(degrees) * across)
+
+
+def smaller(motion: Motion, percent: float) -> Motion:
+    """Movements that lack a part of their amplitude."""
+    severity = np.log(1 - percent / 100) / np.log(KEPT_AMPLITUDE)
+    return amplitude(motion, float(severity), np.random.default_rng(0))
+
+
+def perfect(motion: Motion, _: float) -> Motion:
+    return motion
+
+
+FAULTS: dict[str, Callable[[Motion, float], Motion]] = {
+    "perfect": perfect, "arm": arm_low, "arms": arms_low, "forward": bent_forward, "smaller": smaller,
+}  # fmt: skip
+
+ROUNDS = (
+    (("perfect", 0), ("arm", 15)),
+    (("arms", 10), ("forward", 15), ("smaller", 15), ("perfect", 1)),
+    (("skill", 0), ("skill", 1), ("skill", 2), ("skill", 3)),
+    (("arm", 30), ("arms", 20), ("forward", 30), ("smaller", 30)),
+)
+"""Learners of each dance: the fault and its size, degrees or percent; of `perfect` and of the model of skill only a number."""
+
+
+class Learners:
+    """Makes learner k of a dance from the seed, the split, the dance's number and k."""
+
+    def __init__(self, split: str, seed: int, clips: str | None, seconds: float) -> None:
+        motion = MotionConfig(source="choreography") if clips is None else MotionConfig(source="clips", path=clips)
+        self.set = KpopSim(KpopSimConfig(seed=seed, split=split), motion, seconds=(seconds, seconds + 1.0))
+        self.network = NetworkEstimator()
+
+    def learner(self, dance: int, number: int, fault: str, size: int) -> dict[str, np.ndarray]:
+        """Arrays of learner `number` of a dance, see the module."""
+        if fault == "skill":
+            motion = self.set.learner(dance, self.set.levels(dance).index(size)).motion
+        else:
+            motion = FAULTS[fault](self.set.teacher_motion(dance), size)
+        packed, true_m = self.set.record(dance, number, self.set.take(dance, number, motion))
+        body, rows = BodyEstimate(), []
+        sizes = np.prod(packed.boxes[:, 2:] - packed.boxes[:, :2], axis=1)
+        for (x0, y0, x1, y1), part in zip(packed.boxes, np.split(packed.depth_mm, np.cumsum(sizes)[:-1]), strict=True):
+            whole = np.zeros((1, packed.camera.height, packed.camera.width), np.float32)
+            whole[0, y0:y1, x0:x1] = part.reshape(y1 - y0, x1 - x0) / 1000
+            depth_m, camera = subsampled(whole, packed.camera)
+            seen = self.network.estimate(depth_m, camera)
+            detected = seen.joints_camera_m[0], seen.confidence[0]
+            fitted_m, evidence = refine_frame(body, Estimate(*detected), depth_m[0], camera)
+            chance = probability(evidence, REFINED_WEIGHTS) if np.isfinite(evidence).all() else detected[1]
+            rows.append((*detected, fitted_m, chance))
+        names = ("detected_m", "detected", "fitted_m", "fitted")
+        measured = {name: np.array(column, np.float32) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
+        return measured | {"true_m": true_m, "teacher_m": self.set.teacher_joints_m(dance), "fps": np.array(FPS)}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--dances", type=int, default=6, help="how many: %(default)s")
+    parser.add_argument("--rounds", type=int, default=len(ROUNDS), help="of learners, see ROUNDS: %(default)s")
+    parser.add_argument("--seconds", type=float, default=12.0, help="least length of a dance: %(default)s")
+    parser.add_argument("--split", choices=SPLITS, default="train", help="people and dances: %(default)s")
+    parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument("--clips", help="a motion pack: recorded dances instead of composed ones")
+    given = parser.parse_args()
+    given.out.mkdir(parents=True, exist_ok=True)
+    learners = Learners(given.split, given.seed, given.clips, given.seconds)
+    number = 0
+    for chosen in ROUNDS[: given.rounds]:
+        for dance in range(given.dances):
+            for offset, (fault, size) in enumerate(chosen):
+                path = given.out / f"{dance_name(dance)}_{fault}_{size}.npz"
+                if path.exists():
+                    continue
+                with atomic_path(path) as part, part.open("wb") as file:
+                    np.savez(file, **learners.learner(dance, number + offset, fault, size))
+                print(path.name, flush=True)
+        number += len(chosen)
+
+
+if __name__ == "__main__":
+    main()
