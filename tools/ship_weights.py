@@ -15,6 +15,7 @@ import argparse
 import hashlib
 import json
 import re
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -30,9 +31,11 @@ from kpopnet.datasets.synthetic import SyntheticBenchmark
 from kpopnet.errors import InputError
 from kpopnet.finder.network import export_finder
 from kpopnet.finder.network import load_network as load_finder
-from kpopnet.networks import META, portable
-from kpopnet.networks.checkpoint import WEIGHTS, load_network
+from kpopnet.networks import META, WEIGHTS, portable
+from kpopnet.networks.backend import GRAPH, filters
+from kpopnet.networks.checkpoint import load_network
 from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.networks.onnx_export import export_network
 from kpopnet.networks.over_time import OverTime
 from kpopnet.runtime.atomic_write import atomic_path
 
@@ -51,7 +54,28 @@ def ship(checkpoint: Path, folder: Path) -> None:
     if paths := [text for text in texts_in(meta) if "/" in text or "\\" in text]:
         raise InputError(f"{checkpoint}: its description holds {paths[0]!r}, which looks like a path")
     described = (json.dumps(meta, indent=1) + "\n").encode()
-    _write(folder, "SHA256", {WEIGHTS: _halved(network, checkpoint), META: described})
+    files = {WEIGHTS: _halved(network, checkpoint), META: described}
+    with tempfile.TemporaryDirectory() as place:
+        for name, content in files.items():
+            (Path(place) / name).write_bytes(content)
+        whole = Path(place) / GRAPH
+        export_network(*load_network(place), whole)  # with the biases of filters in float16
+        files[GRAPH] = without_filters(whole, set(filters(Path(place) / WEIGHTS)))
+    _write(folder, "SHA256", files)
+
+
+def without_filters(path: Path, names: set[str]) -> bytes:
+    """An ONNX file without the values of some of its tensors, which must be there."""
+    import onnx
+
+    model = onnx.load(path)
+    assert names <= {tensor.name for tensor in model.graph.initializer}, names
+    for tensor in model.graph.initializer:
+        if tensor.name in names:
+            tensor.ClearField("raw_data")
+            tensor.data_location = onnx.TensorProto.EXTERNAL
+            tensor.external_data.add(key="location", value=WEIGHTS)
+    return model.SerializeToString()
 
 
 def ship_finder(weights: Path, folder: Path) -> None:

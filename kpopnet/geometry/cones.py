@@ -86,7 +86,9 @@ def extend_limb(joints, limb, forward):
 def extend_joints(joints, trunk_offsets):
     """(25, 3) rows: (15, 3) joints, toes, fingers and the trunk points at (6, 3) offsets of a Body; right before left."""
     rows = np.empty((RIGHT_CHEST + len(trunk_offsets), 3))
-    rows[: len(joints)] = joints
+    for j in range(len(joints)):
+        for c in range(3):
+            rows[j, c] = joints[j, c]
     frame = torso_frame(joints)
     for limb in range(4):
         extend_limb(rows, limb, frame[2])

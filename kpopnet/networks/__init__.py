@@ -25,7 +25,7 @@ STRIDES = (4, 8, 16)
 MAX_CROP_PX, MAX_WIDTH = 256, 512
 """A checkpoint's description chooses these sizes: they bound the weights to 0.3 GB, and a batch's maps to a few."""
 
-META = "meta.json"
+META, WEIGHTS = "meta.json", "model.safetensors"
 FORMAT = "kpopnet-checkpoint"
 VERSION = 1
 

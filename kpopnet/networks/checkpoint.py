@@ -29,14 +29,14 @@ from safetensors.torch import load_file
 from torch import Tensor
 
 from kpopnet.errors import InputError
-from kpopnet.networks import FORMAT, META, VERSION, ModelConfig, read_meta
+from kpopnet.networks import FORMAT, META, VERSION, WEIGHTS, ModelConfig, read_meta
 from kpopnet.networks.network import PoseNetwork, build_network
 from kpopnet.runtime.atomic_write import sync
 from kpopnet.runtime.input_files import check_fields, read_with
 from kpopnet.runtime.provenance import git_revision
 from kpopnet.skeleton import JOINT_NAMES
 
-WEIGHTS, STATE = "model.safetensors", "state.pt"
+STATE = "state.pt"
 
 STATE_SCHEMA = {
     "step": int, "weights": dict, "optimiser": dict, "best_cm": float, "offset_sum_m": Tensor, "offset_count": int,

@@ -3,7 +3,6 @@
 from collections import deque
 
 import numpy as np
-from numba import njit
 
 from kpopnet.errors import InputError
 from kpopnet.geometry.body import PART_KIND, RADII_M, Body, body_from_model
@@ -85,22 +84,15 @@ def fit_thickness(body: Body, joints_m: np.ndarray, grid: DepthGrid) -> Body:
     Every part, together with its mirror image, grows or shrinks by the median signed distance of its points. This is iterated,
     since points change their nearest part. Parts with too few points keep their radii.
     """
-    return body._replace(radii_m=_fit_radii(joints_m, grid.points_m, body.radii_m, body.trunk_offsets_m))
-
-
-@njit(cache=True)
-def _fit_radii(joints, points, radii, trunk_offsets):
-    """(P, 2) radii of `fit_thickness`, metres."""
-    rows, fitted = extend_joints(joints, trunk_offsets), radii.copy()
+    # Kernels for points alone: numba would compile a median for two seconds of a user's first run.
+    rows, radii, fitted = extend_joints(joints_m, body.trunk_offsets_m), body.radii_m, body.radii_m.copy()
+    most, least = radii + MAX_CORRECTION_M, np.maximum(radii - MAX_CORRECTION_M, radii / 2)
     for _ in range(CORRECTION_ITERATIONS):
-        part, distance, _ = nearest_parts(part_segments(rows, fitted), points, 1)
+        part, distance, _ = nearest_parts(part_segments(rows, fitted), grid.points_m, 1)
         kinds, correction = PART_KIND[part], np.zeros(NUM_KINDS)
         for kind in range(NUM_KINDS):
             of_kind = distance[kinds == kind].astype(np.float64)
             if len(of_kind) >= MIN_PART_POINTS:
                 correction[kind] = np.median(of_kind)
-        for k in range(len(radii)):
-            for c in range(2):
-                most, least = radii[k, c] + MAX_CORRECTION_M, max(radii[k, c] - MAX_CORRECTION_M, radii[k, c] / 2)
-                fitted[k, c] = min(max(fitted[k, c] + correction[PART_KIND[k]], least), most)
-    return fitted
+        fitted = np.minimum(np.maximum(fitted + correction[PART_KIND][:, None], least), most)
+    return body._replace(radii_m=fitted)

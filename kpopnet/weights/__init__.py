@@ -19,6 +19,7 @@ FOLDER = Path(__file__).parent
 SHA256: dict[str, str] = {
     "model.safetensors": "ec9057252f8b867a9e7d6b2f3c61f642015564e2b6dbc879edfca928f3d87edc",
     "meta.json": "ad67a510a56c5129c4ea8b95ae5bc8c0eab404c6a39f26b61b2e7cc09f199ab3",
+    "graph.onnx": "ad133afc810bda86dd507c5c9e90f42d03c5c34e4c7d8f37f9a26e062c75a6d1",
 }
 """Of each file that is loaded, as tools/ship_weights.py wrote it."""
 

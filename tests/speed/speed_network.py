@@ -24,9 +24,10 @@ def measure() -> Figures:
         network = NetworkEstimator(checkpoint := untrained(Path(folder)))
         exported = Path(folder) / "pose.onnx"
         export_network(*load_network(checkpoint), exported)
-        backends = {"network.ms": network.backend, "network.onnx_ms": NetworkEstimator(exported).backend}
+        as_shipped = NetworkEstimator(exported)
+        backends = {"network.ms": network.backend, "network.onnx_ms": as_shipped.backend}
     with one_core():
-        return _crops(backends, network.model.crop_px) | _frames(network)
+        return _crops(backends, network.model.crop_px) | _frames(as_shipped)
 
 
 def _crops(backends: dict, crop_px: int) -> Figures:

@@ -88,7 +88,7 @@ def test_the_file_describes_itself_and_not_the_machine(run, kind):
 
 
 @pytest.mark.parametrize("kind", ["dense"], indirect=True)
-def test_prediction_with_a_file_loads_no_torch(run):
+def test_prediction_with_a_file_and_by_the_package_loads_no_torch(run):
     code = f"""
 import sys
 import numpy as np
@@ -100,6 +100,7 @@ depth_m[:, 20:100, 60:100] = 2.5
 camera = Camera.centred(140.0, 160, 120)
 assert np.isfinite(NetworkEstimator({str(run / "pose.onnx")!r}).estimate(depth_m, camera).joints_camera_m).all()
 PoseEstimator.load({str(run / "pose.onnx")!r}).estimate(depth_m, camera, segmented=True)
+PoseEstimator.load().estimate(depth_m, camera, segmented=True)
 heavy = ("torch", "mujoco", "hydra", "omegaconf", "tensorboard", "onnxscript", "matplotlib.pyplot", "trimesh")
 print([name for name in heavy if name in sys.modules])
 """

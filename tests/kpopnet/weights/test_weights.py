@@ -3,6 +3,7 @@
 import hashlib
 import json
 import runpy
+import shutil
 
 import numpy as np
 import pytest
@@ -40,9 +41,21 @@ def save(run, network=None, **more):
     return save_checkpoint(run, network or build_network(MODEL, 1), {}, meta, best=True)
 
 
+@pytest.fixture(scope="module")
+def once(tmp_path_factory):
+    """A run, and its network shipped, which takes seconds."""
+    place = tmp_path_factory.mktemp("once")
+    with pytest.MonkeyPatch.context() as patch:
+        ship(save(place / "run"), place / "weights", patch)
+    return place
+
+
 @pytest.fixture
-def shipped(tmp_path, monkeypatch):
-    return ship(save(tmp_path / "run"), tmp_path / "weights", monkeypatch)
+def shipped(tmp_path, monkeypatch, once):
+    shutil.copytree(once, tmp_path, dirs_exist_ok=True, symlinks=True)
+    monkeypatch.setattr(kpopnet.weights, "FOLDER", tmp_path / "weights")
+    monkeypatch.setattr(kpopnet.weights, "SHA256", runpy.run_path(str(tmp_path / "weights/__init__.py"))["SHA256"])
+    return tmp_path / "weights"
 
 
 def test_without_a_checkpoint_the_estimator_takes_it(tmp_path, shipped):
@@ -55,20 +68,23 @@ def test_without_a_checkpoint_the_estimator_takes_it(tmp_path, shipped):
     difference_m = np.abs(expected.joints_camera_m - estimate.joints_camera_m).max()
     assert 0 < difference_m < 0.003  # float16 has 11 bits
     np.testing.assert_allclose(estimate.confidence, expected.confidence, atol=0.003)
+    by_torch = NetworkEstimator(shipped).estimate(depth_m, CAMERA)  # the same filters, and statistics that are no filters yet
+    np.testing.assert_allclose(estimate.joints_camera_m, by_torch.joints_camera_m, atol=1e-5)
+    np.testing.assert_allclose(estimate.confidence, by_torch.confidence, atol=1e-5)
 
 
 def test_weights_are_half_the_size_and_computed_with_in_float32(tmp_path, shipped):
     stored = load_file(shipped / "model.safetensors")
     types = {(value.ndim > 1, value.dtype) for value in stored.values()}  # statistics may exceed float16
     assert types == {(True, torch.float16), (False, torch.float32), (False, torch.int64)}
-    network = NetworkEstimator().backend.network
+    network = NetworkEstimator(shipped).backend.network
     for name, value in network.state_dict().items():
         assert value.dtype == (torch.float32 if value.is_floating_point() else torch.int64)
         assert torch.equal(value, stored[name].to(value.dtype))
     assert (shipped / "model.safetensors").stat().st_size < 0.6 * (tmp_path / "run/best/model.safetensors").stat().st_size
 
 
-@pytest.mark.parametrize("name", ["model.safetensors", "meta.json"])
+@pytest.mark.parametrize("name", ["model.safetensors", "meta.json", "graph.onnx"])
 def test_files_of_another_version_are_refused(shipped, name):
     file = shipped / name
     content = bytearray(file.read_bytes())
