@@ -87,8 +87,8 @@ def test_no_fault_of_a_dancer_is_corrected():
     learners |= {f"{make.__name__} for 5 s": performed(make(TEACHER.joints_m, 6, 11)) for make in stretches}
     more = ((made.smaller, 0.5), (made.hunched, 30), (made.arms_lowered, 40), (made.elbows_bent, 45))
     learners |= {f"{make.__name__} {size}": performed(make(TEACHER.joints_m, size)) for make, size in more}
-    learners |= {f"late {late_s}": delayed(TEACHER, -late_s) for late_s in (-0.5, -0.3, 0.1, 0.2, 0.3, 0.5, 0.8)}
-    learners |= {f"tempo {tempo}": delayed(TEACHER, 0.0, tempo) for tempo in (0.9, 0.95, 24 / 25, 25 / 24, 1.05, 1.1)}
+    learners |= {f"late {late_s}": delayed(TEACHER, -late_s) for late_s in (-0.5, 0.3, 0.8)}
+    learners |= {f"tempo {tempo}": delayed(TEACHER, 0.0, tempo) for tempo in (0.9, 24 / 25, 1.1)}
     for begin in (0, 120, 240):
         phrase_m = TEACHER.joints_m.copy()
         phrase_m[begin : begin + 240] = mirrored(phrase_m)[begin : begin + 240]

@@ -9,7 +9,6 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from damaged_files import survives_damage
 from programs import ROOT
 
 from kpopnet.camera import Camera
@@ -150,7 +149,6 @@ def test_damaged_cached_poses_are_refused_in_one_line(folder, fake):
     path = cache.path(dance, learner)
     with np.load(path) as stored:
         arrays = dict(stored)
-    assert survives_damage(path, lambda: cache.poses(dance, learner)) > 100
     none = {name: arrays[name][:0] for name in ("joints_m", "confidence")}
     for changed in ({"seconds": np.float64(np.nan)}, none):
         np.savez(path, **(arrays | changed))
