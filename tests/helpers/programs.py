@@ -72,10 +72,10 @@ def ranks(processes: int) -> list[dict[str, str]]:
     return [environment() | own | {"RANK": str(rank), "LOCAL_RANK": str(rank)} for rank in range(processes)]
 
 
-def run_program(script: str | Path, place: Path, *words: object, processes: int = 1) -> subprocess.CompletedProcess:
-    """Runs a script, by default of the repository, or with "-m" a module, in the folder `place`."""
+def run_program(script: str | Path, place: Path, *words: object, processes: int = 0) -> subprocess.CompletedProcess:
+    """Runs a script, by default of the repository, or with "-m" a module, in the folder `place`; with `processes` as torchrun."""
     command = [script if script == "-m" else str(ROOT / script), *map(str, words)]
-    environments = [environment()] if processes == 1 else ranks(processes)
+    environments = ranks(processes) if processes else [environment()]
     with tempfile.NamedTemporaryFile("r") as output, tempfile.NamedTemporaryFile("r") as errors:
         process = starter()
         print(json.dumps([command, str(place), environments, output.name, errors.name]), file=process.stdin, flush=True)
