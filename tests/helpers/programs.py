@@ -73,7 +73,7 @@ def ranks(processes: int) -> list[dict[str, str]]:
 
 
 def run_program(script: str | Path, place: Path, *words: object, processes: int = 0) -> subprocess.CompletedProcess:
-    """Runs a script, by default of the repository, or with "-m" a module, in the folder `place`; with `processes` as torchrun."""
+    """Runs a script, by default of the repository, or with "-m" a module, in `place`; in so many processes, as torchrun."""
     command = [script if script == "-m" else str(ROOT / script), *map(str, words)]
     environments = ranks(processes) if processes else [environment()]
     with tempfile.NamedTemporaryFile("r") as output, tempfile.NamedTemporaryFile("r") as errors:
