@@ -259,12 +259,6 @@ def test_the_report_has_all_its_parts(folder, fake, tmp_path):
         assert picture in (tmp_path / "out" / "report.html").read_text()
 
 
-def test_another_dance_is_plotted_if_the_requested_one_failed(folder, tmp_path):
-    (folder / "mama" / "teacher.h5").write_bytes(b"truncated")
-    config = EvaluateConfig(KpopConfig(path=str(folder), dance="mama"), {}, processes=1)
-    assert ("heading", "papa over time") in evaluate_dances(config, tmp_path / "out").blocks
-
-
 @pytest.mark.parametrize(
     ("benchmark", "settings", "message"),
     [
