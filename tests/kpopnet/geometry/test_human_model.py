@@ -1,5 +1,6 @@
 """The human model: lengths of a constructed pose, files, and invalid lengths."""
 
+import itertools
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -85,9 +86,10 @@ LENGTHS = [name for name in asdict(HumanModel.from_joints(pose())) if name.endsw
 def test_regularised_lengths_are_symmetric_and_scale_with_the_person() -> None:
     model = HumanModel.from_joints(pose())
     regularised = model.regularised()
-    for name in LENGTHS:
+    for even, name in itertools.product((regularised, model.symmetric()), LENGTHS):
         other = name.replace("left", "LEFT").replace("right", "left").replace("LEFT", "right")
-        assert getattr(regularised, name) == pytest.approx(getattr(regularised, other))
+        assert getattr(even, name) == pytest.approx(getattr(even, other))
+    assert model.symmetric().left_upper_arm_m == pytest.approx(0.305)
     larger = replace(model, **{name: 1.1 * getattr(model, name) for name in LENGTHS}).regularised()
     for name in LENGTHS:
         assert getattr(larger, name) == pytest.approx(1.1 * getattr(regularised, name))
