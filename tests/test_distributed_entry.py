@@ -12,8 +12,8 @@ from factories import write_shard
 from programs import ROOT, run_program
 
 SETTINGS = (
-    "data.train=train", "data.validation=validation", "model.crop_px=32", "model.widths=[8,8,16,16]", "training.steps=30",
-    "training.batch_size=4", "training.validate_every=10", "training.validation_samples=4", "workers=0", "threads=1",
+    "data.train=train", "data.validation=validation", "model.crop_px=32", "model.widths=[8,8,16,16]", "training.steps=60",
+    "training.batch_size=4", "training.validate_every=20", "training.validation_samples=4", "workers=0", "threads=1",
     "device=cpu",
 )  # fmt: skip
 TORCHRUN = sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"
@@ -56,5 +56,5 @@ def test_a_killed_process_ends_the_others_and_the_run_resumes_to_the_same_weight
     complete(place, "training.resume=killed/last")
     weights = [(place / run / "last" / "model.safetensors").read_bytes() for run in ("whole", "killed")]
     assert weights[0] == weights[1]
-    assert (place / "whole" / "train.log").read_text().count("step 30 of 30") == 1  # the first process alone writes
+    assert (place / "whole" / "train.log").read_text().count("step 60 of 60") == 1  # the first process alone writes
     assert not (place / "outputs").exists()

@@ -65,16 +65,12 @@ def test_people_who_cross_keep_who_they_are() -> None:
 
 
 def test_people_who_hug_stay_two_and_are_told_apart_afterwards() -> None:
-    medians_m = []
-    for aside_m in (-0.06, 0.0, 0.06):
-        ways = ((side + aside_m, near + aside_m) for side, near in ((-0.8, -0.22), (0.8, 0.22)))
-        joints, depth = film(*(path((side, 2.8), (near, 2.8), (side, 2.8)) for side, near in ways))
-        people = people_in(depth)
-        assert present(people, -1) == 2
-        for true in joints:
-            assert of(true, people, 12) is of(true, people, -1)
-            medians_m.append(np.median(error_m(of(true, people, -1), true)[-5:]))
-    assert np.mean(np.array(medians_m) < 0.08) > 0.6
+    joints, depth = film(path((-0.8, 2.8), (-0.22, 2.8), (-0.8, 2.8)), path((0.8, 2.8), (0.22, 2.8), (0.8, 2.8)))
+    people = people_in(depth)
+    assert present(people, -1) == 2
+    for true in joints:
+        assert of(true, people, 12) is of(true, people, -1)
+        assert np.median(error_m(of(true, people, -1), true)[-5:]) < 0.08
 
 
 def test_one_who_leaves_is_missing_and_the_other_is_not_disturbed() -> None:
