@@ -15,7 +15,7 @@ from synth.motion import MotionConfig
 calibrate = tool("calibrate_scorers")
 
 
-@pytest.mark.parametrize("name", ["dance22", "paper", "raptis"])
+@pytest.mark.parametrize("name", ["dance22", "paper"])
 def test_scores_of_kept_windows_are_those_of_the_scorer(name, tmp_path, monkeypatch):
     scorer = replace(SCORERS[name], beta=0.7)
     monkeypatch.setattr(calibrate, "BETAS", (0.7,))

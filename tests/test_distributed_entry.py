@@ -9,13 +9,14 @@ from pathlib import Path
 
 import pytest
 from factories import write_shard
-from programs import ROOT, run_program, torchrun
+from programs import ROOT, run_program
 
 SETTINGS = (
     "data.train=train", "data.validation=validation", "model.crop_px=32", "model.widths=[8,8,16,16]", "training.steps=60",
     "training.batch_size=4", "training.validate_every=20", "training.validation_samples=4", "workers=0", "threads=1",
     "device=cpu",
 )  # fmt: skip
+TORCHRUN = sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +37,7 @@ def test_a_killed_process_ends_the_others_and_the_run_resumes_to_the_same_weight
     complete(place, *SETTINGS, "hydra.run.dir=whole")
 
     with subprocess.Popen(
-        [*torchrun(2), str(ROOT / "train.py"), *SETTINGS, "hydra.run.dir=killed"], cwd=place,
+        [*TORCHRUN, str(ROOT / "train.py"), *SETTINGS, "hydra.run.dir=killed"], cwd=place,
         env=os.environ | {"OMP_NUM_THREADS": "1"}, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     ) as launcher:  # fmt: skip
         deadline = time.monotonic() + 120

@@ -1,6 +1,7 @@
 """The import rules: every layer imports only layers below it, and no imports go round in a circle (docs/architecture.md)."""
 
 import ast
+import importlib
 import subprocess
 import sys
 from graphlib import CycleError, TopologicalSorter
@@ -70,25 +71,30 @@ def layer(name: str) -> int:
     return next(number for number, names in enumerate(LAYERS) if name in names)
 
 
-@pytest.mark.parametrize("module", [name for name in IMPORTS if room(name) != "synth"])
-def test_a_module_imports_only_its_own_package_and_the_layers_below(module: str) -> None:
-    here = room(module)
-    for imported in IMPORTS[module]:
+def test_a_module_imports_only_its_own_package_and_the_layers_below() -> None:
+    for module, here, imported in ((name, room(name), one) for name, found in IMPORTS.items() for one in found):
         there = room(imported)
-        if there == here:
-            continue
-        if layer(here) == layer("kpopnet.programs"):
+        if here in (there, "synth") or layer(here) == layer("kpopnet.programs"):
             continue
         assert there != "synth", f"{module} imports {imported}: only programs know both kpopnet and synth"
         both_root = layer(here) == layer(there) == 0
         assert layer(there) < layer(here) or both_root, f"{module} imports {imported}, which does not lie below it"
 
 
-@pytest.mark.parametrize("module", [name for name in IMPORTS if room(name) == "synth"])
-def test_synth_imports_little_of_kpopnet(module: str) -> None:
-    foreign = {one for one in IMPORTS[module] if room(one) != "synth"} - {"kpopnet"}
-    finder = {"kpopnet.finder", "kpopnet.weights"} if module == "synth.rooms.crops" else set()  # makes what the finder cuts out
-    assert all(room(one) in SYNTH_MAY_IMPORT | finder for one in foreign), (module, foreign)
+def test_synth_imports_little_of_kpopnet() -> None:
+    for module in (name for name in IMPORTS if room(name) == "synth"):
+        foreign = {one for one in IMPORTS[module] if room(one) != "synth"} - {"kpopnet"}
+        makes_what_the_finder_cuts_out = {"kpopnet.finder", "kpopnet.weights"} if module == "synth.rooms.crops" else set()
+        assert all(room(one) in SYNTH_MAY_IMPORT | makes_what_the_finder_cuts_out for one in foreign), (module, foreign)
+
+
+def test_what_tools_and_examples_import_of_both_packages_exists() -> None:
+    for path in (path for folder in ("tools", "examples") for path in (ROOT / folder).glob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and node.module.split(".")[0] in ("kpopnet", "synth"):
+                for name in (alias.name for alias in node.names):
+                    known = f"{node.module}.{name}" in IMPORTS or hasattr(importlib.import_module(node.module), name)
+                    assert known, f"{path.name} imports {name} of {node.module}"
 
 
 def test_no_imports_go_round_in_a_circle() -> None:

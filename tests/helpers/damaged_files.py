@@ -4,36 +4,12 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
-
 from kpopnet.errors import InputError
 
 HOSTILE_JSON = (
     "[" * 100_000, "9" * 5000, "1e999", "-1e999", "NaN", "Infinity", "null", "true", "-1", "1e30", '"\\ud800"', '"\u0661"',
     "[]", "{}", '"${oc.env:HOME}"', "100000", '[["x"]]', '""',
 )  # fmt: skip
-
-
-def damaged(data: bytes, seed: int) -> bytes:
-    """The content with up to eight bytes changed, mostly where headers are, or cut off."""
-    rng = np.random.default_rng(seed)
-    if seed % 3 == 0:
-        return data[: int(rng.integers(len(data)))]
-    changed = bytearray(data)
-    for place in rng.integers(min(len(data), 2000) if seed % 3 == 1 else len(data), size=rng.integers(1, 9)):
-        changed[place] = rng.integers(256)
-    return bytes(changed)
-
-
-def survives_damage(path: Path, read: Callable[[], object], count: int = 300) -> int:
-    """Reads `count` damaged copies of a file in its place; returns how many were refused with an InputError of one line."""
-    data = path.read_bytes()
-    refused = 0
-    for seed in range(count):
-        path.write_bytes(damaged(data, seed))
-        refused += is_refused(read)
-    path.write_bytes(data)
-    return refused
 
 
 def survives_hostile_json(path: Path, read: Callable[[], object]) -> None:

@@ -5,6 +5,7 @@ import importlib.util
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -20,12 +21,17 @@ import json, os, runpy, sys
 import kpopnet, cv2, h5py, hydra, matplotlib.pyplot, numba, scipy.ndimage, scipy.spatial.transform, torch.utils.tensorboard
 
 while line := sys.stdin.readline():
-    words, folder, environment, *files = json.loads(line)
-    if child := os.fork():
-        print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+    words, folder, environments, *files = json.loads(line)
+    children = []
+    for environment in environments:
+        if not (child := os.fork()):
+            break
+        children.append(child)
+    else:
+        print(max((os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) for child in children), key=abs), flush=True)
         continue
     for number, file in enumerate((os.devnull, *files)):
-        os.dup2(os.open(file, os.O_RDWR), number)
+        os.dup2(os.open(file, os.O_RDWR | os.O_APPEND), number)
     os.chdir(folder)
     os.environ.clear()
     os.environ.update(environment)
@@ -39,7 +45,8 @@ while line := sys.stdin.readline():
     break
 """
 """Runs programs, each in a process of its own in which other people's libraries are loaded already: they take most of the time
-of a short program. A line of JSON on the standard input for each; an exit code on the standard output."""
+of a short program. A line of JSON on the standard input for each, with the environments of its processes; an exit code on the
+standard output."""
 
 
 @cache
@@ -57,20 +64,21 @@ def environment() -> dict[str, str]:
     return os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": path}
 
 
-def torchrun(processes: int) -> list[str]:
-    """What starts a script in several processes."""
-    return [sys.executable, "-m", "torch.distributed.run", "--standalone", f"--nproc-per-node={processes}"]
+def ranks(processes: int) -> list[dict[str, str]]:
+    """The environments that torchrun would give to so many processes."""
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = str(free.getsockname()[1])
+    own = {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": port, "WORLD_SIZE": str(processes), "LOCAL_WORLD_SIZE": str(processes)}
+    return [environment() | own | {"RANK": str(rank), "LOCAL_RANK": str(rank)} for rank in range(processes)]
 
 
 def run_program(script: str | Path, place: Path, *words: object, processes: int = 0) -> subprocess.CompletedProcess:
-    """Runs a script, by default of the repository, or with "-m" a module, in the folder `place`."""
+    """Runs a script, by default of the repository, or with "-m" a module, in `place`; in so many processes, as torchrun."""
     command = [script if script == "-m" else str(ROOT / script), *map(str, words)]
-    if processes:
-        command = [*torchrun(processes), *command]
-        return subprocess.run(command, cwd=place, capture_output=True, text=True, env=environment())
+    environments = ranks(processes) if processes else [environment()]
     with tempfile.NamedTemporaryFile("r") as output, tempfile.NamedTemporaryFile("r") as errors:
         process = starter()
-        print(json.dumps([command, str(place), environment(), output.name, errors.name]), file=process.stdin, flush=True)
+        print(json.dumps([command, str(place), environments, output.name, errors.name]), file=process.stdin, flush=True)
         return subprocess.CompletedProcess(command, int(process.stdout.readline()), output.read(), errors.read())
 
 

@@ -37,7 +37,6 @@ def test_the_fault_is_named_and_its_correction_brings_the_score_back(fault):
     (found,) = probable_faults(TEACHER, delayed(corrected(learner, correction), -late_s, rate), CONFIG)
     assert named in found.text and "\n" not in found.text
     assert found.corrected == pytest.approx(whole, abs=4)
-    assert probable_faults(TEACHER, learner, CONFIG) == []
 
 
 RECORDED_WRONGLY = {
@@ -71,7 +70,10 @@ def test_what_no_dancer_does_is_corrected_and_both_scores_are_told(wrongly):
     assert found.faults == [] and score == pytest.approx(found.corrected) and found.as_recorded <= score - 30
     assert score == pytest.approx(whole, abs=4) or (wrongly.startswith("begun") and score > 60), score
     assert str(found).startswith(f"as it stands {found.as_recorded:.0f}, with ") and named in str(found)
-    as_is = diagnose(TEACHER, record(learner), CONFIG, as_is=True)
+
+
+def test_as_it_is_nothing_is_corrected():
+    as_is = diagnose(TEACHER, corrected(TEACHER, "mirrored"), CONFIG, as_is=True)
     assert as_is.correction is None and str(as_is) == "" and as_is.faults
 
 
@@ -87,8 +89,8 @@ def test_no_fault_of_a_dancer_is_corrected():
     learners |= {f"{make.__name__} for 5 s": performed(make(TEACHER.joints_m, 6, 11)) for make in stretches}
     more = ((made.smaller, 0.5), (made.hunched, 30), (made.arms_lowered, 40), (made.elbows_bent, 45))
     learners |= {f"{make.__name__} {size}": performed(make(TEACHER.joints_m, size)) for make, size in more}
-    learners |= {f"late {late_s}": delayed(TEACHER, -late_s) for late_s in (-0.5, -0.3, 0.1, 0.2, 0.3, 0.5, 0.8)}
-    learners |= {f"tempo {tempo}": delayed(TEACHER, 0.0, tempo) for tempo in (0.9, 0.95, 24 / 25, 25 / 24, 1.05, 1.1)}
+    learners |= {f"late {late_s}": delayed(TEACHER, -late_s) for late_s in (-0.5, 0.3, 0.8)}
+    learners |= {f"tempo {tempo}": delayed(TEACHER, 0.0, tempo) for tempo in (0.9, 24 / 25, 1.1)}
     for begin in (0, 120, 240):
         phrase_m = TEACHER.joints_m.copy()
         phrase_m[begin : begin + 240] = mirrored(phrase_m)[begin : begin + 240]
@@ -116,7 +118,7 @@ def test_a_teachers_fault_is_the_teachers_and_one_of_both_is_told(correction):
 def test_good_recordings_and_poor_dancers_get_no_warning():
     still = Performance(np.repeat(TEACHER.joints_m[:1], len(TEACHER), axis=0), TEACHER.times_s)
     others = [performed(dance_joints_m(index, 16.0)) for index in range(1, 5)]
-    for learner in (TEACHER, still, *others, performed(noisy(TEACHER.joints_m, 0.03))):
+    for learner in (TEACHER, still, *others, *(performed(noisy(TEACHER.joints_m, off_m, 5)) for off_m in (0.02, 0.03))):
         assert probable_faults(TEACHER, learner, CONFIG) == []
 
 

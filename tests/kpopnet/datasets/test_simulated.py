@@ -8,7 +8,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from damaged_files import survives_damage, survives_hostile_json
+from damaged_files import survives_hostile_json
 from simulated_files import write_simulated
 from slopes import joints_m, slope_m
 from two_people_files import CAMERA as PEOPLE_CAMERA
@@ -122,8 +122,6 @@ def test_an_unreadable_manifest_or_another_set_is_refused(folder, tmp_path_facto
 
 def test_hostile_files_are_refused_in_one_line(folder, monkeypatch):
     survives_hostile_json(folder / "manifest.json", lambda: benchmark(folder))
-    path = folder / "sim02_2.h5"
-    assert survives_damage(path, lambda: benchmark(folder).read("sim02_2"), 60) > 20
     monkeypatch.setenv("KPOPNET_FILE_BUDGET_GB", "0.00001")
     with pytest.raises(InputError, match="KPOPNET_FILE_BUDGET_GB"):
         benchmark(folder).read("sim02_2")

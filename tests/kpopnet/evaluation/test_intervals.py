@@ -25,7 +25,7 @@ def coverage(count: int, spread: float, by_frame: bool = False, trials: int = 40
     return hits / trials
 
 
-@pytest.mark.parametrize(("count", "spread"), [(6, 2.0), (30, 2.0), (30, 0.0)])
+@pytest.mark.parametrize(("count", "spread"), [(6, 2.0), (30, 2.0)])
 def test_the_interval_over_rooms_contains_the_truth_in_95_of_100_evaluations(count, spread):
     assert 0.92 <= coverage(count, spread) <= 0.98  # 400 evaluations: a standard error of 1.1 percent
 

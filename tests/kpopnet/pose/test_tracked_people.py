@@ -101,5 +101,6 @@ def test_online_and_recorded_tracking_agree_and_people_are_limited() -> None:
         for one in online.update(image, CAMERA):
             whole = next(person for person in recorded if person.identity == one.identity)
             np.testing.assert_array_equal(whole.joints_camera_m[frame], one.joints_camera_m)
+            np.testing.assert_allclose(whole.confidence[frame], one.confidence, atol=1e-6)
     alone = PoseEstimator.load(mode="tracker", people=1)
     assert all(len(alone.update(image, CAMERA)) <= 1 for image in depth)

@@ -6,7 +6,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from damaged_files import is_refused, survives_damage
+from damaged_files import is_refused
 from depth_files import FPS, depth_mm
 from phone_files import RECORD3D_COLOUR, STRAY_COLOUR, UNSURE_ROWS, write_record3d, write_stray
 from PIL import Image
@@ -104,7 +104,6 @@ def test_what_is_wrong_in_an_r3d_is_told_in_one_line(tmp_path, monkeypatch):
     with pytest.raises(InputError, match=r"expected metadata and rgbd/N\.depth"):
         open_depth(path)
     path.write_bytes(whole)
-    assert survives_damage(path, lambda: list(open_depth(path)), count=20) > 5
     monkeypatch.setitem(sys.modules, "lzfse", None)
     with pytest.raises(InputError, match=r"pip install .*\[record3d\]"):
         open_depth(path)

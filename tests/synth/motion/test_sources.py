@@ -3,7 +3,6 @@ import math
 import numpy as np
 import pytest
 from bvh_files import write_bvh
-from damaged_files import survives_damage
 
 from kpopnet.errors import InputError
 from kpopnet.rotations import rotate
@@ -83,15 +82,6 @@ def test_bvh_files_are_clips_split_by_file(tmp_path):
     np.testing.assert_allclose(poses.quats, np.broadcast_to([1, 0, 0, 0], poses.quats.shape), atol=1e-6)
 
 
-def test_clips_dropped_from_the_cache_are_read_again(pack, monkeypatch):
-    whole = clips(pack).poses(generators(40))
-    monkeypatch.setattr("synth.motion.recorded.CACHED_FRAMES", 1)
-    source = clips(pack)
-    again = source.poses(generators(40))
-    np.testing.assert_array_equal(whole.quats, again.quats)
-    assert len(source._loaded) == 1
-
-
 def test_a_path_without_motion_is_refused_with_the_remedy(tmp_path):
     with pytest.raises(InputError, match=r"does not exist.*choreography needs no data"):
         clips(tmp_path / "nowhere")
@@ -130,16 +120,6 @@ def test_clips_of_other_contents_are_refused(pack, changed, message):
     np.savez(path, **(arrays | changed))
     with pytest.raises(InputError, match=message):
         clips(pack).motion(0)
-
-
-def test_damaged_packs_are_refused_in_one_line(pack):
-    def read() -> None:
-        source = clips(pack)
-        source.motion(0)
-        source.poses(generators(3))
-
-    assert survives_damage(pack / "index.csv", read) > 50
-    assert survives_damage(pack / "clips" / "a.npz", read) > 100
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,6 @@ from programs import ROOT, run_program
 from kpopnet.data.shards import ShardedSet, shard_path
 from kpopnet.errors import InputError
 from kpopnet.ridge import RidgeConfig, ridge_probability
-from synth.__main__ import parse_range
 from synth.motion import MotionConfig
 from synth.samples.observe import ExtractionConfig, FreezeConfig
 from synth.samples.sampler import SampleConfig, Sampler
@@ -102,18 +101,6 @@ def test_another_set_is_not_overwritten(whole: Path) -> None:
     assert all_contents(whole) == before
 
 
-def test_a_shard_holds_every_room_of_its_samples(tmp_path: Path) -> None:
-    many = replace(CLEAN, sample=replace(SAMPLE, samples_per_room=2), count=20, shard_size=10)
-    generate(many, tmp_path, range(2), processes=1)
-    shards, sampler = ShardedSet(tmp_path), Sampler(many.sample, 3, "train")
-    assert shards.column("room").tolist() == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4] * 2
-    for index in (0, 9, 10, 13):
-        room_mm, floor = shards.room(index, shards[index].room)
-        room = sampler.room(index // 2)
-        assert np.array_equal(room_mm, room.depth_mm) and np.array_equal(floor, room.floor)
-    assert np.array_equal(shards.room_numbers(), np.arange(20) // 2)
-
-
 def test_a_frozen_set_holds_noisy_depth_and_its_ridge(whole: Path, tmp_path: Path) -> None:
     frozen = replace(CLEAN, freeze=FREEZE, count=8)
     generate(frozen, tmp_path / "one", range(1), processes=1)
@@ -132,10 +119,6 @@ def test_a_frozen_set_holds_noisy_depth_and_its_ridge(whole: Path, tmp_path: Pat
         off = np.abs(noisy.ridge / 255 - probability)[noisy.depth_mm > 0]
         assert (off < 0.01).mean() > 0.95
         assert noisy.ridge.max() > 100
-
-
-def test_ranges_of_shards() -> None:
-    assert [parse_range(text, 9) for text in ("all", "2:5", "7:100")] == [range(9), range(2, 5), range(7, 9)]
 
 
 @pytest.mark.parametrize(

@@ -50,14 +50,6 @@ def test_triangles_are_clipped_at_the_near_plane() -> None:
     assert depth_m[~np.tile(seen, (CAMERA.height, 1))].max() == 0
 
 
-def test_the_nearest_surface_is_drawn_in_any_order_of_the_faces() -> None:
-    near, far = (np.array([[-9, -9, z], [0, 9, z], [9, -9, z]], np.float32) for z in (1.0, 3.0))
-    faces = np.array([[0, 1, 2], [3, 4, 5]], np.int32)
-    for order in (faces, faces[::-1]):
-        depth_m = rasterise(np.concatenate([near, far]), order, CAMERA)
-        assert depth_m[120, 160] == pytest.approx(1.0)
-
-
 def test_a_box_in_a_room_has_its_analytic_depth() -> None:
     """A box of 1 m with its face at 2.5 m, in front of a wall at 4 m, on a floor 1 m below a level camera."""
     scene = Scene(CAMERA)

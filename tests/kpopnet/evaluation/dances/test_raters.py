@@ -55,7 +55,7 @@ def test_w_of_zars_example_with_ties():
     assert kendall_w(ranked) == pytest.approx(0.924, abs=5e-4)
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.7, 2.0, np.inf])
+@pytest.mark.parametrize("noise", [0.0, 0.7, np.inf])
 def test_intervals_cover_the_truth_at_about_their_level(noise):
     """30 dances, 3 raters; the truth is the figure of 3000 other dances, which is itself known to about 0.005."""
     large = [ranks(one.signs) for one in simulated_votes(np.random.default_rng(1), 3000, 3, noise).values()]
