@@ -85,12 +85,13 @@ class EstimatorNoise(NamedTuple):
             constant errors included; of an azimuth, weighted as the distance weights it. Angles that are not named have none.
         loss: by a word of PARTS (arm, leg, torso, turning), a and b: perfect dancing keeps the similarity 1 / (1 + a d^b) of a
             part of `doubt` d.
-        spread: standard deviation of the score's error, in units of (1 - kept) / kept, see `DanceScore.uncertainty`.
+        spread: standard deviation of the score's error, in units of (1 - kept) / kept, see `DanceScore.uncertainty`; None
+            where it was not measured.
     """
 
     std_rad: dict[str, float]
     loss: dict[str, tuple[float, float]]
-    spread: float
+    spread: float | None
 
 
 CERTAIN = 0.003
@@ -135,7 +136,7 @@ class PartScorer:
         latency_s: constant delay of the set-up (camera, display), taken off the learner's clock, seconds; measured by
             kpopnet.dance.timing.measured_latency_s.
         noise: name of the estimator of the learner's joints whose known errors are taken out of the score (tracker, network,
-            fitted_network, realtime, best); none for true joints; auto for that of each estimator in an evaluation,
+            fitted_network, realtime, best, webcam); none for true joints; auto for that of each estimator in an evaluation,
             elsewhere none.
         alpha: slope of the timing similarity, Eq. (13).
         beta: posture difference of one part's angles at which its similarity has fallen to 1/e, radians.

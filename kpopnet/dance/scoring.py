@@ -82,7 +82,7 @@ class DanceScore(NamedTuple):
         mirror_fits_better: whether the learner fits the teacher's mirror image clearly better than the teacher.
         tempo: the learner's tempo divided by the teacher's; NaN where unknown.
         uncertainty: points, above or below the similarity, within which the score on true joints lies in 95 % of simulated
-            dances, where the noise of an estimator was set; 0 for true joints.
+            dances, where the noise of an estimator was set; 0 for true joints, NaN where it was not measured.
         teacher_m, learner_m: (T, 15, 3) joints at the uniform frames that were compared, FPS a second, metres.
     """
 
@@ -301,6 +301,7 @@ class Comparison:
     def summary(self) -> DanceScore:
         """The score of the windows that were kept."""
         count, scorer = len(self.kept), self._teacher.scorer
+        spread = known_noise(scorer.noise).spread
         start_s = self._grid.time_s(range(0, count * self._hop_frames, self._hop_frames))
         weight = self._teacher.movement[:count]
         names = ("delay_s", "timing", "posture", "similarity", "expected", "parts", "coverage", "error_rad", "error_weight")
@@ -325,7 +326,7 @@ class Comparison:
             mirrored=self.mirrored,
             mirror_fits_better=False,
             tempo=tempo(start_s, np.where(weight > 0, delay_s, math.nan), posture),
-            uncertainty=200 * known_noise(scorer.noise).spread * _mean((1 - kept) / kept, weight),
+            uncertainty=200 * (math.nan if spread is None else spread) * _mean((1 - kept) / kept, weight),
             scorer=scorer,
             teacher_m=self._grid.teacher_m,
             learner_m=self._learner_m[: self._end],

@@ -22,7 +22,7 @@ def rhythm_to(score: DanceScore, beat_s: float | None) -> Rhythm | None:
 
 def score_text(score: DanceScore, told: Feedback, notes: list[str], beat_s: float | None = None) -> list[str]:
     """The score in lines for a terminal, with notes on it; with a beat in seconds also the rhythm."""
-    uncertain = f" ± {score.uncertainty:.0f}" if score.uncertainty else ""
+    uncertain = f" ± {score.uncertainty:.0f}" if score.uncertainty > 0 else ""
     seen = {name: "" if coverage > 0.99 else f" (seen {coverage:.0%})" for name, coverage in score.coverage.items()}
     return [
         f"similarity {score.similarity:.0f}{uncertain}, timing {score.timing:.0f}, posture {score.posture:.0f} of 100",
@@ -53,7 +53,7 @@ def _movement_text(score: DanceScore, beat_s: float | None) -> list[str]:
 def score_notes(score: DanceScore, diagnosis: Diagnosis) -> list[str]:
     """What was corrected in the recordings, what is probably wrong with them, and what the score's uncertainty is."""
     within = f"± {score.uncertainty:.0f}: on true joints 95 % of simulated dances seen by {score.scorer.noise} score within it"
-    notes = [str(diagnosis), *map(_fault_text, diagnosis.faults), within if score.uncertainty else ""]
+    notes = [str(diagnosis), *map(_fault_text, diagnosis.faults), within if score.uncertainty > 0 else ""]
     return [note for note in notes if note]
 
 
