@@ -137,4 +137,4 @@ def test_without_a_checkpoint_the_network_of_the_package_is_evaluated(place, mon
         config = OmegaConf.to_object(compose("evaluate", ["estimator=[network,fitted_network]"]))
     built = build_estimators(config.estimator)
     assert list(built) == ["network", "fitted_network", "mean_pose"]
-    assert built["network"].meta["step"] == 1 and built["network"].backend.network.config.crop_px == 32
+    assert built["network"].meta["step"] == 1 and built["network"].model.crop_px == 32
