@@ -7,15 +7,15 @@ never moves has the steadiest bones. It is therefore to be read beside the error
 import numpy as np
 
 from kpopnet.camera import Camera
+from kpopnet.evaluation.acceptance.figures import ENDS
 from kpopnet.geometry.cones import body_segments, nearest_parts
 from kpopnet.geometry.depth_grid import MIN_POINTS, build_depth_grid
-from kpopnet.skeleton import BONES, NUM_JOINTS, Joint
+from kpopnet.networks.over_time import CHILDREN, PARENTS
+from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.tracker.body_estimate import BodyEstimate
 from kpopnet.tracker.confidence import MAX_RESIDUAL_M
 
-ENDS = [Joint.RIGHT_HAND, Joint.LEFT_HAND, Joint.RIGHT_FOOT, Joint.LEFT_FOOT]
-CORE = [joint for joint in range(NUM_JOINTS) if joint not in ENDS]
-PARENTS, CHILDREN = np.array(BONES).T
+OTHERS = [joint for joint in range(NUM_JOINTS) if joint not in ENDS]
 
 REST_S, REST_M = 0.4, 0.02
 """A joint rests in a span of this time if the means of its two halves lie within this distance."""
@@ -51,7 +51,7 @@ def label_free(joints_m: np.ndarray, depth_m: np.ndarray, camera: Camera, fps: f
     spikes = np.linalg.norm(np.diff(joints_m, 2, axis=0), axis=-1) * fps**2
     parts = (
         spread_cm,
-        jitter_mm2[:, CORE],
+        jitter_mm2[:, OTHERS],
         jitter_mm2[:, ENDS],
         np.where(np.isfinite(spikes), spikes > SPIKE_M_S2, np.nan),
         _surface_cm(joints_m, depth_m, camera),
