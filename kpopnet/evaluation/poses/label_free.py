@@ -21,7 +21,7 @@ REST_S, REST_M = 0.4, 0.02
 """A joint rests in a span of this time if the means of its two halves lie within this distance."""
 
 SPIKE_M_S2 = 150.0
-"""15 g, three times what a dancer's hand reaches: an estimate that jumps away and back."""
+"""15 g: of the true joints of 186 simulated films (tools/over_time_films.py) 0.01 % exceed it; a jump away and back does."""
 
 FIGURES = {
     "bone_spread_cm": ("spread of a bone's length over time", "cm"),
