@@ -85,8 +85,8 @@ class EstimatorNoise(NamedTuple):
             constant errors included; of an azimuth, weighted as the distance weights it. Angles that are not named have none.
         loss: by a word of PARTS (arm, leg, torso, turning), a and b: perfect dancing keeps the similarity 1 / (1 + a d^b) of a
             part of `doubt` d.
-        spread: standard deviation of the score's error, in units of (1 - kept) / kept, see `DanceScore.uncertainty`; None
-            where it was not measured.
+        spread: half of what 95 % of scores' errors do not exceed, in units of (1 - kept) / kept, see `DanceScore.uncertainty`;
+            None where it was not measured.
     """
 
     std_rad: dict[str, float]

@@ -20,7 +20,7 @@ PARENTS, CHILDREN = (np.array([int(bone[end]) for bone in BONES]) for end in (0,
 
 TIME_CONSTANTS_S = np.array([0.04, 0.12, 0.4, 1.2])
 EXTRAPOLATED = 2
-"""The first so many averages are also given extrapolated to the frame (Brown's double exponential average)."""
+"""Number of averages, the shortest, that are also given extrapolated to the frame (Brown's double exponential average)."""
 
 SURE_S, LENGTH_S = 0.3, 3.0
 """Time constants of the averages that are weighted by confidence: of positions and of bone lengths."""

@@ -39,9 +39,9 @@ CONFIDENCE = (
 )
 LABEL_FREE = (
     "How well the joints agree with each other over time and with the depth, whatever the labels say: standard deviation of "
-    "bone lengths, jitter (root mean square) of joints that stay within 2 cm for 0.4 s, impossible accelerations, and the "
-    "distance of the person's points to the body that the joints pose. Less is better, beside small errors: a pose that never "
-    "moves is steady."
+    "bone lengths, jitter (root mean square about a straight movement) of joints that move by less than 2 cm in 0.2 s, "
+    "impossible accelerations, and the distance of the person's points to the body that the joints pose. Small curved "
+    "movements count as jitter: it compares estimators. Less is better, beside small errors: a pose that never moves is steady."
 )
 CLOCK = (
     "Definitions of the metrics: kpopnet/evaluation/poses/metrics.py. Frames per second are those of one core: the number of "
