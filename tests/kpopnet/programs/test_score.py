@@ -104,7 +104,7 @@ def test_a_faulty_recording_is_told_and_the_option_that_is_named_corrects_it(fil
 def test_the_tempo_of_the_music_makes_phrases_and_an_estimators_noise_shows_the_uncertainty(files, run, tmp_path, capsys):
     words = (*files[:2], "--out", tmp_path / "out")
     assert "0:00 to 0:06," in run(*words, "--bpm", 80) and "±" not in run(*words)
-    told = run(*words, "--noise", "tracker")
+    told = run(*words, "--noise", "realtime")
     uncertain = re.search(r"^similarity \d+ ± (\d+), ", told, re.MULTILINE)[1]
     score = json.loads((tmp_path / "out" / "score.json").read_text())["score"]
     assert round(score["uncertainty"]) == int(uncertain) > 0 and f"± {uncertain}: on true joints" in told
