@@ -168,9 +168,11 @@ def depth_in_metres(depth: np.ndarray, camera: Camera | None = None, *, where: s
             )
     elif depth.dtype.kind == "f":
         with np.errstate(over="ignore"):  # infinite as float32: not measured
-            depth_m = depth.astype(np.float32)
-        depth_m[~(np.isfinite(depth_m) & (depth_m > 0))] = 0
-        if depth_m.max(initial=0) > MAX_MEDIAN_DEPTH_M and (median := np.median(depth_m[depth_m > 0])) > MAX_MEDIAN_DEPTH_M:
+            depth_m = np.maximum(depth, 0, dtype=np.float32, casting="same_kind")
+        if not np.isfinite(farthest_m := depth_m.max(initial=0)):  # as NaN is, if there is one
+            depth_m[~np.isfinite(depth_m)] = 0
+            farthest_m = depth_m.max(initial=0)
+        if farthest_m > MAX_MEDIAN_DEPTH_M and (median := np.median(depth_m[depth_m > 0])) > MAX_MEDIAN_DEPTH_M:
             raise InputError(
                 f"{where}: half of the measured pixels are {median:g} m or farther away: these look like millimetres; "
                 "floating-point depth is metres, so divide it by 1000, or convert it with .astype(np.uint16)"
