@@ -5,7 +5,7 @@
     kpopnet teach --live oak                      an OAK camera (the extra oak)
     python feed.py | kpopnet teach --live -       any other camera, whose depth a program of yours sends
     kpopnet teach --depth recording --camera kinect_v1     a recording of depth instead of a camera
-    kpopnet teach add mama.bvh --title Mama --bpm 128      adds a dance of one's own: .bvh, .npz, .csv or .json of joints,
+    kpopnet teach add mama.bvh --title Mama --bpm 128      adds a dance of one's own: .bvh, .npz, .glb ... of joints,
     kpopnet teach add dance.bag --from 4 --to 64           a recording of depth: the network of the package finds the joints,
     kpopnet teach add my_set/                              or the teachers of a folder in the K-Pop format
 

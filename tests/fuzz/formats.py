@@ -11,6 +11,7 @@ from azure_kinect_files import write_azure_kinect
 from bvh_files import write_bvh
 from depth_files import CAMERA as DEPTH_CAMERA
 from depth_files import depth_mm, write_hdf5, write_npz, write_pngs, write_scannet, write_sent, write_tum, write_video
+from gltf_files import write_gltf
 from phone_files import write_record3d, write_stray
 from recorded_points import FRAMES, coco
 from ros_files import TOPIC, write_ros
@@ -59,13 +60,19 @@ def joints(frames: int) -> np.ndarray:
     return np.stack([y_joints(20 + 2 * frame) for frame in range(frames)]).astype(np.float32)
 
 
-def make_bvh(folder: Path) -> None:
-    quats = np.tile(np.float32([1, 0, 0, 0]), (40, NUM_JOINTS, 1))
-    write_bvh(folder / "a.bvh", Motion(quats, np.ones((40, 3), np.float32), 30.0, "still", LEG_M))
+def still(frames: int) -> Motion:
+    quats = np.tile(np.float32([1, 0, 0, 0]), (frames, NUM_JOINTS, 1))
+    return Motion(quats, np.ones((frames, 3), np.float32), 30.0, "still", LEG_M)
+
+
+def make_gltf(folder: Path) -> None:
+    write_gltf(folder / "a.glb", still(3))
+    write_gltf(folder / "b.gltf", still(3), uri="b.bin", interpolation="CUBICSPLINE")
+    write_gltf(folder / "c.vrma", still(3), humanoid="VRMC_vrm_animation")
 
 
 def read_dance(folder: Path) -> list[np.ndarray]:
-    return [part for path in sorted(folder.iterdir()) for part in parts(read_performance(path))]
+    return [part for path in sorted(folder.iterdir()) if path.suffix != ".bin" for part in parts(read_performance(path))]
 
 
 def parts(performance: Performance) -> list[np.ndarray]:
@@ -239,7 +246,8 @@ def read_deed(folder: Path) -> list[np.ndarray]:
 
 TRY = "20260101-120000-000"
 
-JOINTS = ("kpopnet.dance.joint_files.reader", "kpopnet.dance.joint_files.points")
+FILES = "kpopnet.dance.joint_files"
+JOINTS = (f"{FILES}.reader", f"{FILES}.points")
 DEPTH = ("kpopnet.sources.opening", "kpopnet.sources.source")
 CAMERA = ("kpopnet.sources.camera_files",)
 ARRAYS, HDF5 = ("kpopnet.runtime.input_files",), ("kpopnet.runtime.hdf5_files",)
@@ -247,7 +255,10 @@ ROS, FOLDERS = ("kpopnet.sources.ros",), ("kpopnet.sources.folders", "kpopnet.so
 IMAGES, STORED = ("kpopnet.sources.images",), ("kpopnet.sources.arrays",)
 
 FORMATS = {
-    "bvh": Format(make_bvh, ("*.bvh",), read_dance, ("kpopnet.dance.joint_files.bvh", "kpopnet.dance.joint_files.bvh_motion")),
+    "bvh": Format(
+        lambda folder: write_bvh(folder / "a.bvh", still(40)), ("*.bvh",), read_dance, (f"{FILES}.bvh", f"{FILES}.bvh_motion")
+    ),
+    "gltf": Format(make_gltf, ("*",), read_dance, (f"{FILES}.gltf", f"{FILES}.bones")),
     "joints_npz": Format(
         lambda folder: np.savez(folder / "a.npz", joints_m=joints(5), times_s=np.arange(5) / 30, confidence=np.ones((5, 15))),
         ("*.npz",),

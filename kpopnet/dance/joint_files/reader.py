@@ -8,6 +8,7 @@ import numpy as np
 
 from kpopnet.dance.joint_files.bvh_motion import bvh_points, read_bvh_motion
 from kpopnet.dance.joint_files.frames import TIMES, joint_points, numbers_in
+from kpopnet.dance.joint_files.gltf import read_gltf
 from kpopnet.dance.joint_files.points import (
     COCO_NAMES,
     MEDIAPIPE_NAMES,
@@ -31,7 +32,8 @@ from kpopnet.runtime.input_files import (
 from kpopnet.runtime.untrusted import read_in_child
 from kpopnet.skeleton import NUM_JOINTS
 
-SUFFIXES = (".npz", ".bvh", ".csv", ".json")
+GLTF = (".glb", ".gltf", ".vrm", ".vrma")
+SUFFIXES = (".npz", ".bvh", ".csv", ".json", *GLTF)
 
 NPZ_SCHEMA = {
     "joints_m": ArraySchema("fiu", ("frames", NUM_JOINTS, 3), False),
@@ -66,6 +68,11 @@ def read_performance(path: Path | str, fps: float | None = None) -> Performance:
             recorded = read_csv(path)
         case ".json":
             recorded = _read_json(path)
+        case suffix if suffix in GLTF:
+            expect(fps is None, str(path), "no frame rate beside it: the file states its times in seconds")
+            recorded = read_gltf(path)
+        case ".fbx":
+            raise InputError(f"{path}: FBX is a closed format; import it in Blender (free) and export BVH, or glTF as .glb")
         case ".pkl" | ".pickle":
             raise InputError(f"{path}: a pickle can run code when it is opened; save its arrays with numpy.savez first")
         case _:
