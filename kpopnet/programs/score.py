@@ -3,7 +3,7 @@
     kpopnet score teacher.bvh learner.bvh
     kpopnet score teacher.csv learner.csv --learner-fps 30 --out outputs/score/ann
 
-Files are .npz, .bvh, .glb and others; docs/dance_scoring.md describes what they hold. Time zero is the same instant of the music
+Files are .npz, .bvh, .glb or others; docs/dance_scoring.md says what they hold. Time zero is the same instant of the music
 in both. A mirrored dance, swapped sides, left-handed axes, a clock that is a second or more off and a wrong frame rate are
 corrected where that gains 30 points or more, and both scores are told; what may be the dancer's own fault, such as being 0.3 s
 late, never is. The program prints the score and what to mend, phrase by phrase, and writes score.json and score.html: one page

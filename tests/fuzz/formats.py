@@ -265,6 +265,12 @@ FORMATS = {
         read_dance,
         (*JOINTS, *ARRAYS),
     ),
+    "amass_npz": Format(
+        lambda folder: np.savez(folder / "a.npz", poses=np.zeros((5, 72)), trans=np.zeros((5, 3)), mocap_framerate=30.0),
+        ("*.npz",),
+        read_dance,
+        (f"{FILES}.amass",),
+    ),
     "points_npz": Format(make_points, ("*.npz",), read_dance, JOINTS),
     "named_json": Format(make_named_json, ("*.json",), read_dance, (*JOINTS, *ARRAYS)),
     "azure_json": Format(make_azure_json, ("*.json",), read_dance, JOINTS),

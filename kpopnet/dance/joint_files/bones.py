@@ -35,6 +35,19 @@ _JAPANESE = {
 }  # fmt: skip
 """MikuMikuDance's names of joints, in the order in which they are sought; 左 and 右, left and right, stand in front."""
 
+_MEAN_ADULT_MM = {
+    "Hips": (0, 0, 0), "LowerBack": (0, 81, -39), "Spine": (0, 232, -28), "Spine1": (0, 357, -39), "Neck": (0, 541, 2),
+    "Head": (0, 637, 35), "Shoulder": (23, 465, 16), "Arm": (177, 444, 12), "ForeArm": (437, 444, 12), "Hand": (672, 444, 12),
+    "UpLeg": (113, -16, -8), "Leg": (113, -397, -8), "Foot": (113, -834, -8), "ToeBase": (125, -885, 136),
+}  # fmt: skip
+MEAN_ADULT_M = {
+    name: np.array([sign * x, y, z]) / 1000
+    for part, (x, y, z) in _MEAN_ADULT_MM.items()
+    for name, sign in (((f"Left{part}", 1), (f"Right{part}", -1)) if x else ((part, 1),))
+}
+"""Positions from Hips in the T-pose (x left, y up, z front) of this project's mean body (synth/assets/body.npz, from Anny): the
+skeleton of motions that come without one. No file of SMPL's or of MikuMikuDance's models went into it."""
+
 _HIPS = ("hips", "hip", "pelvis", "center", "root")
 
 _POINTS = {

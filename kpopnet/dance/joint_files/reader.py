@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from kpopnet.dance.joint_files import amass
 from kpopnet.dance.joint_files.bvh_motion import bvh_points, read_bvh_motion
 from kpopnet.dance.joint_files.frames import TIMES, joint_points, numbers_in
 from kpopnet.dance.joint_files.gltf import read_gltf
@@ -44,9 +45,10 @@ NPZ_SCHEMA = {
     "times_s": ArraySchema("fiu", ("frames",), False),
     "confidence": ArraySchema("fiu", ("frames", None), False),
     "fps": ArraySchema("fiu", (), False),
+    **amass.SCHEMA,
 }
 """joints_m in metres in the camera frame, or keypoints3d in COCO's order, or points and their names; then times_s or fps, and
-the confidence of each joint or point."""
+the confidence of each joint or point. Or poses, as of AMASS."""
 
 _WORLD_LANDMARKS = ("pose_world_landmarks", "world_landmarks", "poseWorldLandmarks", "worldLandmarks")
 
@@ -100,9 +102,11 @@ def _read_npz(path: Path, fps: float | None) -> Performance:
             raise InputError(f"{source}: joints_m is in units of {unit:g} m; expected metres")
         times_s = frame_times_s(len(joints_m), times_s, stated_fps, fps, source)
         return checked_performance(joints_m, times_s, confidence, source)
+    if "poses" in found:
+        return named_performance(amass.smpl_points(found, source), source, fps)
     name = next((name for name in ("keypoints3d_optim", "keypoints3d", "points") if name in found), None)
     if name is None:
-        raise InputError(f"{source}: expected an array joints_m, keypoints3d, or points with names")
+        raise InputError(f"{source}: expected an array joints_m, keypoints3d, poses, or points with names")
     expect(name != "points" or "names" in found, source, "an array names, of its points")
     names, points = [str(one) for one in found["names"]] if name == "points" else COCO_NAMES, found[name]
     if confidence is not None:
