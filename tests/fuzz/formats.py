@@ -16,6 +16,7 @@ from phone_files import write_record3d, write_stray
 from recorded_points import FRAMES, coco
 from ros_files import TOPIC, write_ros
 from shard_sets import write_shard
+from vmd_files import write_vmd
 from y_people import y_joints
 
 from fuzz.deeds import DEED_BYTES, perform
@@ -69,6 +70,13 @@ def make_gltf(folder: Path) -> None:
     write_gltf(folder / "a.glb", still(3))
     write_gltf(folder / "b.gltf", still(3), uri="b.bin", interpolation="CUBICSPLINE")
     write_gltf(folder / "c.vrma", still(3), humanoid="VRMC_vrm_animation")
+
+
+def make_vmd(folder: Path) -> None:
+    bones = {
+        name: [(0, (0, 0, 0), (0, 0, 0, 1)), (5, (0, 0, 0), (0, 0, 0, 1))] for name in ("左腕", "右腕", "左足ＩＫ", "センター")
+    }
+    write_vmd(folder / "a.vmd", bones, switches=[(3, "左足ＩＫ", False)])
 
 
 def read_dance(folder: Path) -> list[np.ndarray]:
@@ -259,6 +267,7 @@ FORMATS = {
         lambda folder: write_bvh(folder / "a.bvh", still(40)), ("*.bvh",), read_dance, (f"{FILES}.bvh", f"{FILES}.bvh_motion")
     ),
     "gltf": Format(make_gltf, ("*",), read_dance, (f"{FILES}.gltf", f"{FILES}.bones")),
+    "vmd": Format(make_vmd, ("*.vmd",), read_dance, (f"{FILES}.vmd",)),
     "joints_npz": Format(
         lambda folder: np.savez(folder / "a.npz", joints_m=joints(5), times_s=np.arange(5) / 30, confidence=np.ones((5, 15))),
         ("*.npz",),

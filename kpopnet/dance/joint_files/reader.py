@@ -20,6 +20,7 @@ from kpopnet.dance.joint_files.points import (
     unit_m,
 )
 from kpopnet.dance.joint_files.tables import read_csv
+from kpopnet.dance.joint_files.vmd import read_vmd
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import (
@@ -34,7 +35,7 @@ from kpopnet.runtime.untrusted import read_in_child
 from kpopnet.skeleton import NUM_JOINTS
 
 GLTF = (".glb", ".gltf", ".vrm", ".vrma")
-SUFFIXES = (".npz", ".bvh", ".csv", ".json", *GLTF)
+SUFFIXES = (".npz", ".bvh", ".csv", ".json", ".vmd", *GLTF)
 
 NPZ_SCHEMA = {
     "joints_m": ArraySchema("fiu", ("frames", NUM_JOINTS, 3), False),
@@ -66,6 +67,8 @@ def read_performance(path: Path | str, fps: float | None = None) -> Performance:
             return _read_npz(path, fps)
         case ".bvh":
             recorded = bvh_points(read_bvh_motion(path, fps))
+        case ".vmd":
+            recorded = read_vmd(path)
         case ".csv":
             recorded = read_csv(path)
         case ".json":

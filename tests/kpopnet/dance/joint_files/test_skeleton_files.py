@@ -6,6 +6,7 @@ from bvh_files import write_bvh
 from gltf_files import write_gltf
 from programs import ROOT
 from scipy.spatial.transform import Rotation
+from vmd_files import write_vmd
 
 from kpopnet.dance.joint_files.bones import MEAN_ADULT_M
 from kpopnet.dance.joint_files.reader import read_performance
@@ -15,6 +16,8 @@ from synth.motion.choreography.composer import dance
 from synth.motion.skeleton import INDEX
 
 DANCE = dance(2, seconds=2.0)
+UNIT_M, REST = 1.693 / 20, ((0, 0, 0), (0, 0, 0, 1))
+LIMBS = ("Shoulder", "Arm", "ForeArm", "Hand", "UpLeg", "Leg", "Foot", "ToeBase")
 
 
 def assert_same_dance(path, expected, **tolerance):
@@ -89,9 +92,11 @@ def test_other_gltf_files_are_refused(tmp_path, change, message):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("name", ["a.glb", "a.fbx"])
+@pytest.mark.parametrize("name", ["a.glb", "a.fbx", "a.vmd"])
 def test_a_truncated_empty_or_foreign_file_is_refused_in_one_line(tmp_path, name):
     whole = write_gltf(tmp_path / "whole.glb", DANCE).read_bytes()
+    if name == "a.vmd":
+        whole = write_vmd(tmp_path / "whole.vmd", {"左腕": [(0, *REST)], "右腕": [(0, *REST)]}).read_bytes()
     for content in (whole[: len(whole) // 2], whole[:15], b"", b"Kaydara FBX Binary  \0", whole[:4] + bytes(100)):
         (tmp_path / name).write_bytes(content)
         with pytest.raises(InputError, match=name.replace(".", r"\.")) as error:
@@ -187,3 +192,94 @@ def test_the_mean_adult_is_that_of_the_body_model():
 def test_other_poses_are_refused(tmp_path, others, message):
     with pytest.raises(InputError, match=rf"a\.npz.*{message}"):
         read_performance(write_amass(tmp_path / "a.npz", DANCE, 156, **others))
+
+
+VMD_PARENTS = SMPL_PARENTS | dict.fromkeys(("Neck", "LeftShoulder", "RightShoulder"), "Spine")
+VMD_NAMES = {"Hips": "腰", "LowerBack": "上半身", "Spine": "上半身2", "Neck": "首", "Head": "頭"} | {
+    side + ours: sign + theirs
+    for side, sign in (("Left", "左"), ("Right", "右"))
+    for ours, theirs in zip(LIMBS, ("肩", "腕", "ひじ", "手首", "足", "ひざ", "足首", "つま先"), strict=True)
+}
+
+
+def vmd_place(place_m):
+    return np.array(place_m) * [1, 1, -1] / UNIT_M
+
+
+def vmd_bones(motion, names):
+    """Keys of each frame of some bones: rotations from a stance whose arms hang by 35 degrees."""
+    stance = {
+        side + part: Rotation.from_euler("Z", angle, degrees=True)
+        for side, angle in (("Left", -35), ("Right", 35))
+        for part in ("Arm", "ForeArm", "Hand")
+    }
+    bones = {}
+    for name in names:
+        local = Rotation.from_quat(motion.quats[:, INDEX[name]], scalar_first=True)
+        none = Rotation.identity()
+        local = stance.get(VMD_PARENTS[name], none) * local * stance.get(name, none).inv()
+        quats = local.as_quat() * [-1, -1, 1, 1]
+        bones[VMD_NAMES[name]] = [(frame, (0, 0, 0), quat) for frame, quat in enumerate(quats)]
+    places = vmd_place(motion.root_m - motion.root_m[0])
+    return bones | {"センター": [(frame, place, (0, 0, 0, 1)) for frame, place in enumerate(places)]}
+
+
+def test_a_vmd_motion_is_danced_by_the_mean_adult(tmp_path):
+    names = [name for name in VMD_NAMES if name in VMD_PARENTS and name != "Spine1"]
+    at = on_the_mean_adult(
+        DANCE,
+        [VMD_PARENTS[name] for name in SMPL_PARENTS if name != "Spine1"],
+        [name for name in SMPL_PARENTS if name != "Spine1"],
+    )
+    bones = vmd_bones(DANCE, names)
+    read = read_performance(write_vmd(tmp_path / "a.vmd", bones))
+    assert_joints_lie_at(read, at)
+    np.testing.assert_allclose(read.times_s, np.arange(len(DANCE)) / 30)
+    # The same feet, moved by IK; then switched off, where the keys of the legs hold.
+    moved = {name: keys for name, keys in bones.items() if name[1:] not in ("足", "ひざ", "足首")}
+    for side, sign in (("Left", "左"), ("Right", "右")):
+        rest_m = MEAN_ADULT_M[f"{side}Foot"] + DANCE.root_m[0]
+        ankle, toe = at[f"{side}Foot"], at[f"{side}ToeBase"]
+        turned = toe - ankle - (MEAN_ADULT_M[f"{side}ToeBase"] - MEAN_ADULT_M[f"{side}Foot"])
+        moved[f"{sign}足ＩＫ"] = [(frame, place, (0, 0, 0, 1)) for frame, place in enumerate(vmd_place(ankle - rest_m))]
+        moved[f"{sign}つま先ＩＫ"] = [(frame, place, (0, 0, 0, 1)) for frame, place in enumerate(vmd_place(turned))]
+    followed = read_performance(write_vmd(tmp_path / "b.vmd", moved))
+    feet = [Joint.LEFT_FOOT, Joint.RIGHT_FOOT, Joint.LEFT_HAND, Joint.LEFT_HIP]
+    for one in feet:
+        apart = [np.linalg.norm(found.joints_m[:, feet] - found.joints_m[:, [one]], axis=-1) for found in (followed, read)]
+        np.testing.assert_allclose(*apart, atol=1e-3)
+    off = [(0, f"{sign}足ＩＫ", False) for sign in "左右"]
+    still = {f"{sign}足ＩＫ": [(0, (9, 9, 9), (0, 0, 0, 1))] for sign in "左右"}
+    assert_joints_lie_at(read_performance(write_vmd(tmp_path / "c.vmd", bones | still, switches=off)), at)
+
+
+def test_knees_bend_forwards_where_the_hips_sink_above_planted_feet(tmp_path):
+    keys = {"左腕": [(0, *REST)], "右腕": [(0, *REST)], "センター": [(0, *REST), (60, (0, -4, 0), (0, 0, 0, 1))]}
+    curve = (0, 100, 30, 127)  # fast at first
+    read = read_performance(write_vmd(tmp_path / "a.vmd", keys, curve))
+    t = np.linspace(0, 1, 100_001)
+    x1, y1, x2, y2 = np.array(curve) / 127
+    x, y = (3 * t * (1 - t) ** 2 * one + 3 * t**2 * (1 - t) * two + t**3 for one, two in ((x1, x2), (y1, y2)))
+    thigh, shin, sunk = 0.381, 0.437, 4 * UNIT_M * np.interp(np.arange(61) / 60, x, y)
+    hip, knee = read.joints_m[:, Joint.LEFT_HIP], read.joints_m[:, Joint.LEFT_KNEE]
+    np.testing.assert_allclose(hip[:, 1] - hip[0, 1], sunk, atol=1e-3)
+    far = thigh + shin - sunk
+    cos = (thigh**2 + far**2 - shin**2) / (2 * thigh * far)
+    np.testing.assert_allclose(knee[:, 1] - hip[:, 1], thigh * cos, atol=1e-3)
+    np.testing.assert_allclose(hip[1:, 2] - knee[1:, 2], thigh * np.sqrt(1 - cos**2)[1:], atol=1e-3)  # the camera is in front
+    np.testing.assert_allclose(read.joints_m[:, Joint.LEFT_FOOT], read.joints_m[[0] * 61, Joint.LEFT_FOOT], atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("bones", "options", "message"),
+    [
+        ({}, {"cameras": 3}, "no keys of the bones 左腕, 右腕; it moves no bones"),
+        ({"頭": [(0, *REST)]}, {}, "it moves 頭"),
+        ({"左腕": [(0, *REST)], "右腕": [(2**32 - 1, *REST)]}, {}, "GB of memory"),
+        ({"左腕": [(0, *REST)], "右腕": [(0, (np.nan, 0, 0), (0, 0, 0, 1))]}, {}, "numbers below 100000"),
+        ({"左腕": [(0, *REST)], "右腕": [(0, (0, 0, 0), (0, 0, 0, 0))]}, {}, r"not a readable \.vmd file"),
+    ],
+)
+def test_other_motions_are_refused(tmp_path, bones, options, message):
+    with pytest.raises(InputError, match=rf"a\.vmd.*{message}"):
+        read_performance(write_vmd(tmp_path / "a.vmd", bones, **options))
