@@ -140,14 +140,14 @@ def own_dances(given: argparse.Namespace) -> dict[str, Performance]:
         return teachers
     if teachers:
         ((name, performance),) = teachers.items()
-    elif holds_depth(path):
+    elif given.joint_map is None and holds_depth(path):
         source, estimator = opener(path, given, in_child=True)(), PoseEstimator.load(mode="best")
         people, times_s = estimated(source, estimator, given.segmented)
         if not people:
             raise InputError(f"{path}: no person was found; the camera must see the dancer from head to feet")
         name, performance = path.stem, Performance(people[0].joints_camera_m, times_s, people[0].confidence)
     else:
-        name, performance = path.stem, read_strangers_performance(path, given.fps)
+        name, performance = path.stem, read_strangers_performance(path, given.fps, given.joint_map)
     return {given.title or name: performance}
 
 
@@ -199,6 +199,7 @@ def parsed() -> argparse.Namespace:
         parser.add_argument("--bpm", type=float, default=120.0, help="beats per minute, the first at the start: %(default)s")
         parser.add_argument("--from", type=float, default=0.0, dest="from_s", help="second at which it begins: %(default)s")
         parser.add_argument("--to", type=float, dest="to_s", help="second at which it ends; by default the end")
+        parser.add_argument("--joint-map", type=Path, metavar="FILE", help="JSON that names the points of each joint")
         parser.add_argument("--segmented", action="store_true", help="the depth shows one person, and 0 elsewhere")
         return parser.parse_args()
     parser.set_defaults(add=None)

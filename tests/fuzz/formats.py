@@ -12,6 +12,7 @@ from bvh_files import write_bvh
 from depth_files import CAMERA as DEPTH_CAMERA
 from depth_files import depth_mm, write_hdf5, write_npz, write_pngs, write_scannet, write_sent, write_tum, write_video
 from gltf_files import write_gltf
+from marker_files import write_c3d, write_trc
 from phone_files import write_record3d, write_stray
 from recorded_points import FRAMES, coco
 from ros_files import TOPIC, write_ros
@@ -28,6 +29,7 @@ from kpopnet.data.shards import ShardedSet
 from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.datasets.dances.writer import PackedDepth, write_labels, write_learner, write_teacher
 from kpopnet.runtime.untrusted import read_in_child
+from kpopnet.skeleton import Joint
 from kpopnet.sources import open_depth
 from kpopnet.sources.camera_files import read_optics
 from kpopnet.teacher.library import Library, taught_dance
@@ -77,6 +79,15 @@ def make_vmd(folder: Path) -> None:
         name: [(0, (0, 0, 0), (0, 0, 0, 1)), (5, (0, 0, 0), (0, 0, 0, 1))] for name in ("左腕", "右腕", "左足ＩＫ", "センター")
     }
     write_vmd(folder / "a.vmd", bones, switches=[(3, "左足ＩＫ", False)])
+
+
+def make_joint_map(folder: Path) -> None:
+    np.save(folder / "a.npy", y_joints(20)[None].repeat(5, axis=0))
+    write_json(folder, {joint.name.lower(): [int(joint)] for joint in Joint if joint != Joint.TORSO}, "map.json")
+
+
+def read_mapped(folder: Path) -> list[np.ndarray]:
+    return parts(read_performance(folder / "a.npy", 30.0, folder / "map.json"))
 
 
 def read_dance(folder: Path) -> list[np.ndarray]:
@@ -268,6 +279,13 @@ FORMATS = {
     ),
     "gltf": Format(make_gltf, ("*",), read_dance, (f"{FILES}.gltf", f"{FILES}.bones")),
     "vmd": Format(make_vmd, ("*.vmd",), read_dance, (f"{FILES}.vmd",)),
+    "c3d": Format(
+        lambda folder: write_c3d(folder / "a.c3d", 1000 * coco()[:5], COCO_NAMES), ("*",), read_dance, (f"{FILES}.markers",)
+    ),
+    "trc": Format(
+        lambda folder: write_trc(folder / "a.trc", 1000 * coco()[:5], COCO_NAMES), ("*",), read_dance, (f"{FILES}.markers",)
+    ),
+    "joint_map": Format(make_joint_map, ("*",), read_mapped, (f"{FILES}.markers", *JOINTS)),
     "joints_npz": Format(
         lambda folder: np.savez(folder / "a.npz", joints_m=joints(5), times_s=np.arange(5) / 30, confidence=np.ones((5, 15))),
         ("*.npz",),

@@ -10,6 +10,7 @@ from kpopnet.dance.joint_files import amass
 from kpopnet.dance.joint_files.bvh_motion import bvh_points, read_bvh_motion
 from kpopnet.dance.joint_files.frames import TIMES, joint_points, numbers_in
 from kpopnet.dance.joint_files.gltf import read_gltf
+from kpopnet.dance.joint_files.markers import read_c3d, read_npy, read_trc
 from kpopnet.dance.joint_files.points import (
     COCO_NAMES,
     MEDIAPIPE_NAMES,
@@ -18,6 +19,7 @@ from kpopnet.dance.joint_files.points import (
     frame_times_s,
     named_performance,
     unit_m,
+    with_joint_map,
 )
 from kpopnet.dance.joint_files.tables import read_csv
 from kpopnet.dance.joint_files.vmd import read_vmd
@@ -35,7 +37,8 @@ from kpopnet.runtime.untrusted import read_in_child
 from kpopnet.skeleton import NUM_JOINTS
 
 GLTF = (".glb", ".gltf", ".vrm", ".vrma")
-SUFFIXES = (".npz", ".bvh", ".csv", ".json", ".vmd", *GLTF)
+SUFFIXES = (".npz", ".bvh", ".csv", ".json", ".vmd", ".c3d", ".trc", *GLTF)
+MAPPED = (".csv", ".json", ".c3d", ".trc", ".npy")
 
 NPZ_SCHEMA = {
     "joints_m": ArraySchema("fiu", ("frames", NUM_JOINTS, 3), False),
@@ -54,12 +57,13 @@ the confidence of each joint or point. Or poses, as of AMASS."""
 _WORLD_LANDMARKS = ("pose_world_landmarks", "world_landmarks", "poseWorldLandmarks", "worldLandmarks")
 
 
-def read_performance(path: Path | str, fps: float | None = None) -> Performance:
+def read_performance(path: Path | str, fps: float | None = None, joint_map: Path | None = None) -> Performance:
     """Reads a recording of joints; the ending of the file's name gives the format (docs/dance_scoring.md).
 
     Joints of .npz files of our own stay in their camera frame, those of all other files are turned to face a level camera (see
-    `kpopnet.dance.joint_files.points`). `fps` is the true frame rate of a file that states none or a wrong one. A stranger's
-    file is read by `read_strangers_performance`.
+    `kpopnet.dance.joint_files.points`). `fps` is the true rate of a file with none or a wrong one; `joint_map` says
+    which points of a file of MAPPED are which joints (`with_joint_map`). A stranger's file is read by
+    `read_strangers_performance`.
     """
     path = Path(path)
     match path.suffix.lower():
@@ -67,6 +71,13 @@ def read_performance(path: Path | str, fps: float | None = None) -> Performance:
             return _read_npz(path, fps)
         case ".bvh":
             recorded = bvh_points(read_bvh_motion(path, fps))
+        case ".npy":
+            expect(joint_map is not None, str(path), "--joint-map FILE beside an array without names of joints")
+            recorded = read_npy(path)
+        case ".c3d":
+            recorded = read_c3d(path)
+        case ".trc":
+            recorded = read_trc(path)
         case ".vmd":
             recorded = read_vmd(path)
         case ".csv":
@@ -82,16 +93,18 @@ def read_performance(path: Path | str, fps: float | None = None) -> Performance:
             raise InputError(f"{path}: a pickle can run code when it is opened; save its arrays with numpy.savez first")
         case _:
             raise InputError(f"{path}: expected a file that ends with {', '.join(SUFFIXES)}")
+    if joint_map is not None and path.suffix.lower() in MAPPED:
+        recorded = with_joint_map(recorded, joint_map, str(path))
     return named_performance(recorded, str(path), fps)
 
 
-def read_strangers_performance(path: Path | str, fps: float | None = None) -> Performance:
+def read_strangers_performance(path: Path | str, fps: float | None = None, joint_map: Path | None = None) -> Performance:
     """`read_performance` in a process with limits of time and memory, which a hostile file may harm."""
-    return Performance(**read_in_child(_arrays, path, fps))
+    return Performance(**read_in_child(_arrays, path, fps, joint_map))
 
 
-def _arrays(path: Path, fps: float | None) -> dict[str, np.ndarray]:
-    found = read_performance(path, fps)
+def _arrays(path: Path, fps: float | None, joint_map: Path | None) -> dict[str, np.ndarray]:
+    found = read_performance(path, fps, joint_map)
     return {"joints_m": found.joints_m, "times_s": found.times_s, "confidence": found.confidence}
 
 

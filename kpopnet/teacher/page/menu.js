@@ -22,7 +22,7 @@ export async function menu(main) {
   const told = el("p", { class: "quiet", role: "status" });
   const cards = el("div", { class: "cards", id: "cards" });
   const thumbs = thumbnails();
-  const file = el("input", { type: "file", accept: ".bvh,.npz,.csv,.json,.vmd,.glb,.gltf,.vrm,.vrma", onchange: () => add(file.files[0]) });
+  const file = el("input", { type: "file", accept: ".bvh,.npz,.csv,.json,.vmd,.c3d,.trc,.glb,.gltf,.vrm,.vrma", onchange: () => add(file.files[0]) });
   main.append(
     ...greeting(told_of), el("h1", {}, "Choose a dance"),
     el("div", { class: "controls" }, el("label", {}, "Search", search), level, order,

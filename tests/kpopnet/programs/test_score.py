@@ -21,7 +21,7 @@ from kpopnet.skeleton import JOINT_NAMES, Joint
 @pytest.fixture
 def run(monkeypatch, capsys):
     """The program, which reads the files in this process: `joint_files/test_reader.py` is about the other one."""
-    monkeypatch.setattr("kpopnet.dance.joint_files.reader.read_in_child", lambda reader, path, fps: reader(path, fps))
+    monkeypatch.setattr("kpopnet.dance.joint_files.reader.read_in_child", lambda reader, *given: reader(*given))
 
     def program(*words: object) -> str:
         monkeypatch.setattr(sys, "argv", ["kpopnet score", *map(str, words)])
