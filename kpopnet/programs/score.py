@@ -91,7 +91,7 @@ def main() -> None:
     score = score_dance(teacher, learner, scorer)
     if math.isnan(score.similarity):
         raise InputError(f"{given.learner}: in no window of {WINDOW_S:g} s are enough joints known to compare the dances")
-    from synth.dances.taught import teacher_arrays
+    from synth.body.teacher import teacher_arrays
 
     advice, notes = feedback(score, beat_s, diagnosis.faults), score_notes(score, diagnosis)
     title = f"{given.learner.name} after {given.teacher.name}"

@@ -120,7 +120,8 @@ def open_source(
 
 def made_library(folder: Path) -> Library:
     """The library of a folder; composed dances that are missing are made, with a progress bar."""
-    from synth.dances.taught import DANCES, Teacher, teacher_arrays
+    from synth.body.teacher import teacher_arrays
+    from synth.dances.taught import DANCES, Teacher
 
     library = Library(folder, TeacherBody(**teacher_arrays()))
     made = set(library.identities())
