@@ -46,7 +46,14 @@ def main() -> None:
         raise SystemExit(2)
     sys.argv = [f"kpopnet {name}", *sys.argv[2:]]
     begin_imports()
-    program = importlib.import_module(PROGRAMS[name][0])
+    try:
+        program = importlib.import_module(PROGRAMS[name][0])
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] in ("", "kpopnet", "synth"):
+            raise
+        about = f"error: kpopnet {name} needs {error.name}, which is not installed; install kpopnet with its dependencies"
+        print(about, file=sys.stderr)
+        raise SystemExit(1) from None
     end_imports()
     program.main()
 

@@ -9,6 +9,7 @@ from functools import partial
 import pytest
 from programs import ROOT, run_program
 
+from kpopnet import cli
 from kpopnet.cli import PROGRAMS
 
 kpopnet = partial(run_program, "-m", ROOT, "kpopnet.cli")
@@ -40,6 +41,17 @@ def test_every_program_answers_help_and_describes_its_settings(name):
 def test_a_mistake_is_one_line(words, code, message):
     done = kpopnet(*words)
     assert done.returncode == code and message in done.stderr and done.stderr.count("\n") == 1, done.stderr
+
+
+def test_a_library_that_a_slim_installation_lacks_is_named(monkeypatch, capsys):
+    for name in ("begin_imports", "end_imports"):
+        monkeypatch.setattr(cli, name, lambda: None)
+    for module, kind in (("no_such_library.part", SystemExit), ("kpopnet.no_such_part", ModuleNotFoundError)):
+        monkeypatch.setattr(sys, "argv", ["kpopnet", "train"])
+        monkeypatch.setitem(PROGRAMS, "train", (module, ""))
+        with pytest.raises(kind):
+            cli.main()
+    assert capsys.readouterr().err.startswith("error: kpopnet train needs no_such_library, which is not installed")
 
 
 def test_the_version_is_the_packages():

@@ -35,7 +35,7 @@ SYNTH_MAY_IMPORT = {*LAYERS[0], "kpopnet.runtime", "kpopnet.viz", "kpopnet.data"
 WITHOUT_TORCH = (
     *("kpopnet.finder.finder", "kpopnet.paper_extraction", "kpopnet.dance.online", "kpopnet.tracker.estimator"),
     "kpopnet.tracker.refine",
-    *("kpopnet.networks.estimator", "kpopnet.pose", "kpopnet.programs.predict"),
+    *("kpopnet.networks.estimator", "kpopnet.pose", "kpopnet.programs.predict", "kpopnet.programs.score", "synth.body.teacher"),
 )
 
 

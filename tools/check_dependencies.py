@@ -16,7 +16,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PLACE = ROOT / "outputs" / "dependencies"
-EXTRAS = ("app", "video", "ros", "record3d", "export", "oak")
+EXTRAS = ("app", "video", "ros", "record3d", "c3d", "export", "oak")
 TEST_TOOLS = ("pytest", "hypothesis")
 TESTS = (
     "tests/kpopnet/test_camera.py", "tests/kpopnet/test_errors.py", "tests/kpopnet/test_ridge.py", "tests/kpopnet/runtime",

@@ -3,7 +3,7 @@
     kpopnet score teacher.bvh learner.bvh
     kpopnet score teacher.csv learner.csv --learner-fps 30 --out outputs/score/ann
 
-Files are .npz, .bvh, .csv or .json; docs/dance_scoring.md describes what they hold. Time zero is the same instant of the music
+Files are .npz, .bvh, .glb or others; docs/dance_scoring.md says what they hold. Time zero is the same instant of the music
 in both. A mirrored dance, swapped sides, left-handed axes, a clock that is a second or more off and a wrong frame rate are
 corrected where that gains 30 points or more, and both scores are told; what may be the dancer's own fault, such as being 0.3 s
 late, never is. The program prints the score and what to mend, phrase by phrase, and writes score.json and score.html: one page
@@ -44,9 +44,9 @@ def other_formats(teacher: Path, learner: Path) -> list[RecordingFault]:
     return [RecordingFault(text, None, "format")]
 
 
-def read_observed(path: Path, fps: float | None, correction: str, scorer: str) -> Performance:
+def read_observed(path: Path, fps: float | None, joint_map: Path | None, correction: str, scorer: str) -> Performance:
     """Reads one dance; raises InputError as `read_performance`, or if a joint that the scorer needs is missing throughout."""
-    performance = corrected(read_strangers_performance(path, fps), correction)
+    performance = corrected(read_strangers_performance(path, fps, joint_map), correction)
     if SCORERS[scorer].feature == "raptis" and Joint.NECK in performance.unseen_joints:
         raise InputError(f"{path}: neck missing in every frame; scorer {scorer} needs it, dance22 does not")
     return performance
@@ -64,6 +64,8 @@ def main() -> None:
         joints = f"what is done to the {name}'s joints"
         parser.add_argument(f"--{name}-fps", type=float, help=rate)
         parser.add_argument(f"--correct-{name}", choices=CORRECTIONS, default="as_recorded", help=f"{joints}: %(default)s")
+    mapped = "JSON that names the points of each joint, for files (also .npy) that use other names than ours"
+    parser.add_argument("--joint-map", type=Path, metavar="FILE", help=mapped)
     parser.add_argument("--late", type=float, default=0.0, help="seconds by which the learner's clock is late: %(default)s")
     parser.add_argument("--as-is", action="store_true", help="correct nothing by itself; probable faults are told")
     noise = "estimator of the learner's joints, whose known errors are not counted: %(default)s for true joints"
@@ -79,15 +81,17 @@ def main() -> None:
         scorer = replace(scorer, noise=given.noise)
     elif given.noise != "none":
         raise InputError(f"--noise {given.noise}: scorer {given.scorer} knows no noise; dance22 does")
-    teacher = read_observed(given.teacher, given.teacher_fps, given.correct_teacher, given.scorer)
-    learner = delayed(read_observed(given.learner, given.learner_fps, given.correct_learner, given.scorer), given.late)
+    teacher = read_observed(given.teacher, given.teacher_fps, given.joint_map, given.correct_teacher, given.scorer)
+    learner = delayed(
+        read_observed(given.learner, given.learner_fps, given.joint_map, given.correct_learner, given.scorer), given.late
+    )
     diagnosis = diagnose(teacher, learner, scorer, given.as_is)
     diagnosis.faults[:0] = other_formats(given.teacher, given.learner)
     teacher, learner = diagnosis.teacher, diagnosis.learner
     score = score_dance(teacher, learner, scorer)
     if math.isnan(score.similarity):
         raise InputError(f"{given.learner}: in no window of {WINDOW_S:g} s are enough joints known to compare the dances")
-    from synth.dances.taught import teacher_arrays
+    from synth.body.teacher import teacher_arrays
 
     advice, notes = feedback(score, beat_s, diagnosis.faults), score_notes(score, diagnosis)
     title = f"{given.learner.name} after {given.teacher.name}"

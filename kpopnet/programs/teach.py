@@ -5,7 +5,7 @@
     kpopnet teach --live oak                      an OAK camera (the extra oak)
     python feed.py | kpopnet teach --live -       any other camera, whose depth a program of yours sends
     kpopnet teach --depth recording --camera kinect_v1     a recording of depth instead of a camera
-    kpopnet teach add mama.bvh --title Mama --bpm 128      adds a dance of one's own: .bvh, .npz, .csv or .json of joints,
+    kpopnet teach add mama.bvh --title Mama --bpm 128      adds a dance of one's own: .bvh, .npz, .glb ... of joints,
     kpopnet teach add dance.bag --from 4 --to 64           a recording of depth: the network of the package finds the joints,
     kpopnet teach add my_set/                              or the teachers of a folder in the K-Pop format
 
@@ -120,7 +120,8 @@ def open_source(
 
 def made_library(folder: Path) -> Library:
     """The library of a folder; composed dances that are missing are made, with a progress bar."""
-    from synth.dances.taught import DANCES, Teacher, teacher_arrays
+    from synth.body.teacher import teacher_arrays
+    from synth.dances.taught import DANCES, Teacher
 
     library = Library(folder, TeacherBody(**teacher_arrays()))
     made = set(library.identities())
@@ -140,14 +141,14 @@ def own_dances(given: argparse.Namespace) -> dict[str, Performance]:
         return teachers
     if teachers:
         ((name, performance),) = teachers.items()
-    elif holds_depth(path):
+    elif given.joint_map is None and holds_depth(path):
         source, estimator = opener(path, given, in_child=True)(), PoseEstimator.load(mode="best")
         people, times_s = estimated(source, estimator, given.segmented)
         if not people:
             raise InputError(f"{path}: no person was found; the camera must see the dancer from head to feet")
         name, performance = path.stem, Performance(people[0].joints_camera_m, times_s, people[0].confidence)
     else:
-        name, performance = path.stem, read_strangers_performance(path, given.fps)
+        name, performance = path.stem, read_strangers_performance(path, given.fps, given.joint_map)
     return {given.title or name: performance}
 
 
@@ -199,6 +200,7 @@ def parsed() -> argparse.Namespace:
         parser.add_argument("--bpm", type=float, default=120.0, help="beats per minute, the first at the start: %(default)s")
         parser.add_argument("--from", type=float, default=0.0, dest="from_s", help="second at which it begins: %(default)s")
         parser.add_argument("--to", type=float, dest="to_s", help="second at which it ends; by default the end")
+        parser.add_argument("--joint-map", type=Path, metavar="FILE", help="JSON that names the points of each joint")
         parser.add_argument("--segmented", action="store_true", help="the depth shows one person, and 0 elsewhere")
         return parser.parse_args()
     parser.set_defaults(add=None)

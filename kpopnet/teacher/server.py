@@ -10,7 +10,7 @@ from typing import Any
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
-from kpopnet.dance.joint_files.reader import read_performance, read_strangers_performance
+from kpopnet.dance.joint_files.reader import SUFFIXES, read_performance, read_strangers_performance
 from kpopnet.errors import InputError, check_between
 from kpopnet.runtime.input_files import check_fields, parse_json, settings_from
 from kpopnet.teacher import profiles
@@ -35,8 +35,6 @@ UPLOAD_S = 60.0
 
 MOST_PAGES = 16
 """WebSockets at a time: other connections must be left for what the pages ask for."""
-
-UPLOADS = (".npz", ".bvh", ".csv", ".json")
 
 
 @dataclass(frozen=True)
@@ -128,8 +126,8 @@ async def preview(request: web.Request) -> web.Response:
 async def upload(request: web.Request) -> web.Response:
     """Adds a dance: the file is the body, its name, the dance's title and, where known, its beats a minute are in the query."""
     suffix = Path(request.query.get("file", "")).suffix.lower()
-    if suffix not in UPLOADS:
-        raise InputError(f"a dance is a file that ends with {', '.join(UPLOADS)}")
+    if suffix not in SUFFIXES:
+        raise InputError(f"a dance is a file that ends with {', '.join(SUFFIXES)}")
     title = request.query.get("title", "").strip()[:60] or "My dance"
     try:
         bpm = float(request.query.get("bpm", USUAL_BPM))

@@ -8,9 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kpopnet.camera import CAMERAS
-from synth.body.asset import load_body
-from synth.body.outfit import load_skin
-from synth.body.shape import BodyConfig, Person, draw_person
+from synth.body.teacher import teacher_person
 from synth.motion.choreography.composer import dance, tempo_bpm
 from synth.motion.skeleton import Motion
 from synth.simulated.film import Studio
@@ -23,7 +21,6 @@ SEED = 20181
 
 MAX_TRAVEL_M = 1.0
 SECONDS = (20.0, 36.0)
-BODY_SEED = 3
 CURLS_RAD = np.array([0.3, 0.3])
 
 _KINDS = ("Neon", "Midnight", "Sugar", "Silver", "Electric", "Velvet", "Summer", "Paper", "Golden", "Cosmic")
@@ -40,26 +37,6 @@ class PlayedDance:
     joints_m: np.ndarray  # (T, 15, 3) float32 metres, in the frame of a level camera that the teacher faces
     quats: np.ndarray  # (T, B, 4) rotations of the bones relative to their parents and the T-pose
     hips_m: np.ndarray  # (T, 3) position of the hips in the world, metres, the floor at z = 0
-
-
-def teacher_person() -> Person:
-    return draw_person(np.random.default_rng(BODY_SEED), BodyConfig(), "train")
-
-
-def teacher_arrays() -> dict[str, np.ndarray]:
-    """The teacher's body by the names of the fields of a skin on bones, at rest."""
-    asset, skin, person = load_body(), load_skin(), teacher_person()
-    return {
-        "bone_names": np.array(asset.bone_names),
-        "bone_parents": asset.bone_parents,
-        "heads_m": person.heads_m.astype(np.float32),
-        "t_pose": person.t_pose.astype(np.float32),
-        "joints_m": person.joints_m.astype(np.float32),
-        "vertices_m": person.vertices_m.astype(np.float32),
-        "faces": skin.faces.astype(np.uint16),
-        "weight_bones": skin.weight_bones.astype(np.uint8),
-        "weights": skin.weights.astype(np.float32),
-    }
 
 
 def dance_title(index: int) -> str:

@@ -11,10 +11,13 @@ from azure_kinect_files import write_azure_kinect
 from bvh_files import write_bvh
 from depth_files import CAMERA as DEPTH_CAMERA
 from depth_files import depth_mm, write_hdf5, write_npz, write_pngs, write_scannet, write_sent, write_tum, write_video
+from gltf_files import write_gltf
+from marker_files import write_c3d, write_trc
 from phone_files import write_record3d, write_stray
 from recorded_points import FRAMES, coco
 from ros_files import TOPIC, write_ros
 from shard_sets import write_shard
+from vmd_files import write_vmd
 from y_people import y_joints
 
 from fuzz.deeds import DEED_BYTES, perform
@@ -26,6 +29,7 @@ from kpopnet.data.shards import ShardedSet
 from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.datasets.dances.writer import PackedDepth, write_labels, write_learner, write_teacher
 from kpopnet.runtime.untrusted import read_in_child
+from kpopnet.skeleton import Joint
 from kpopnet.sources import open_depth
 from kpopnet.sources.camera_files import read_optics
 from kpopnet.teacher.library import Library, taught_dance
@@ -59,13 +63,35 @@ def joints(frames: int) -> np.ndarray:
     return np.stack([y_joints(20 + 2 * frame) for frame in range(frames)]).astype(np.float32)
 
 
-def make_bvh(folder: Path) -> None:
-    quats = np.tile(np.float32([1, 0, 0, 0]), (40, NUM_JOINTS, 1))
-    write_bvh(folder / "a.bvh", Motion(quats, np.ones((40, 3), np.float32), 30.0, "still", LEG_M))
+def still(frames: int) -> Motion:
+    quats = np.tile(np.float32([1, 0, 0, 0]), (frames, NUM_JOINTS, 1))
+    return Motion(quats, np.ones((frames, 3), np.float32), 30.0, "still", LEG_M)
+
+
+def make_gltf(folder: Path) -> None:
+    write_gltf(folder / "a.glb", still(3))
+    write_gltf(folder / "b.gltf", still(3), uri="b.bin", interpolation="CUBICSPLINE")
+    write_gltf(folder / "c.vrma", still(3), humanoid="VRMC_vrm_animation")
+
+
+def make_vmd(folder: Path) -> None:
+    bones = {
+        name: [(0, (0, 0, 0), (0, 0, 0, 1)), (5, (0, 0, 0), (0, 0, 0, 1))] for name in ("左腕", "右腕", "左足ＩＫ", "センター")
+    }
+    write_vmd(folder / "a.vmd", bones, switches=[(3, "左足ＩＫ", False)])
+
+
+def make_joint_map(folder: Path) -> None:
+    np.save(folder / "a.npy", y_joints(20)[None].repeat(5, axis=0))
+    write_json(folder, {joint.name.lower(): [int(joint)] for joint in Joint if joint != Joint.TORSO}, "map.json")
+
+
+def read_mapped(folder: Path) -> list[np.ndarray]:
+    return parts(read_performance(folder / "a.npy", 30.0, folder / "map.json"))
 
 
 def read_dance(folder: Path) -> list[np.ndarray]:
-    return [part for path in sorted(folder.iterdir()) for part in parts(read_performance(path))]
+    return [part for path in sorted(folder.iterdir()) if path.suffix != ".bin" for part in parts(read_performance(path))]
 
 
 def parts(performance: Performance) -> list[np.ndarray]:
@@ -239,7 +265,8 @@ def read_deed(folder: Path) -> list[np.ndarray]:
 
 TRY = "20260101-120000-000"
 
-JOINTS = ("kpopnet.dance.joint_files.reader", "kpopnet.dance.joint_files.points")
+FILES = "kpopnet.dance.joint_files"
+JOINTS = (f"{FILES}.reader", f"{FILES}.points")
 DEPTH = ("kpopnet.sources.opening", "kpopnet.sources.source")
 CAMERA = ("kpopnet.sources.camera_files",)
 ARRAYS, HDF5 = ("kpopnet.runtime.input_files",), ("kpopnet.runtime.hdf5_files",)
@@ -247,12 +274,29 @@ ROS, FOLDERS = ("kpopnet.sources.ros",), ("kpopnet.sources.folders", "kpopnet.so
 IMAGES, STORED = ("kpopnet.sources.images",), ("kpopnet.sources.arrays",)
 
 FORMATS = {
-    "bvh": Format(make_bvh, ("*.bvh",), read_dance, ("kpopnet.dance.joint_files.bvh", "kpopnet.dance.joint_files.bvh_motion")),
+    "bvh": Format(
+        lambda folder: write_bvh(folder / "a.bvh", still(40)), ("*.bvh",), read_dance, (f"{FILES}.bvh", f"{FILES}.bvh_motion")
+    ),
+    "gltf": Format(make_gltf, ("*",), read_dance, (f"{FILES}.gltf", f"{FILES}.bones")),
+    "vmd": Format(make_vmd, ("*.vmd",), read_dance, (f"{FILES}.vmd",)),
+    "c3d": Format(
+        lambda folder: write_c3d(folder / "a.c3d", 1000 * coco()[:5], COCO_NAMES), ("*",), read_dance, (f"{FILES}.markers",)
+    ),
+    "trc": Format(
+        lambda folder: write_trc(folder / "a.trc", 1000 * coco()[:5], COCO_NAMES), ("*",), read_dance, (f"{FILES}.markers",)
+    ),
+    "joint_map": Format(make_joint_map, ("*",), read_mapped, (f"{FILES}.markers", *JOINTS)),
     "joints_npz": Format(
         lambda folder: np.savez(folder / "a.npz", joints_m=joints(5), times_s=np.arange(5) / 30, confidence=np.ones((5, 15))),
         ("*.npz",),
         read_dance,
         (*JOINTS, *ARRAYS),
+    ),
+    "amass_npz": Format(
+        lambda folder: np.savez(folder / "a.npz", poses=np.zeros((5, 72)), trans=np.zeros((5, 3)), mocap_framerate=30.0),
+        ("*.npz",),
+        read_dance,
+        (f"{FILES}.amass",),
     ),
     "points_npz": Format(make_points, ("*.npz",), read_dance, JOINTS),
     "named_json": Format(make_named_json, ("*.json",), read_dance, (*JOINTS, *ARRAYS)),

@@ -160,7 +160,7 @@ def teacher(folder: Path) -> Program:
     whole."""
     from kpopnet.teacher.library import Library
     from kpopnet.teacher.tries import Tries
-    from synth.dances.taught import teacher_arrays
+    from synth.body.teacher import teacher_arrays
     from tests.kill.lessons import DANCE
 
     np.savez(folder / "body.npz", **teacher_arrays())

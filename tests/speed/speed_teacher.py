@@ -24,8 +24,9 @@ from kpopnet.sources import DepthSource, open_depth
 from kpopnet.teacher.library import Library, TeacherBody, taught_dance
 from kpopnet.teacher.server import Teaching
 from kpopnet.teacher.tries import Tries
+from synth.body.teacher import teacher_arrays
 from synth.dances.live import LiveLearner
-from synth.dances.taught import Teacher, teacher_arrays
+from synth.dances.taught import Teacher
 
 SECONDS, PATIENCE_S = 20.0, 300.0
 SIZES = ((320, 240), (640, 480))

@@ -7,13 +7,14 @@ axis so that the dancer faces the camera on average over the first twentieth of 
 
 import re
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
-from kpopnet.runtime.input_files import names_in
+from kpopnet.runtime.input_files import check_fields, expect, names_in, read_json
 from kpopnet.skeleton import NUM_JOINTS, Joint
 
 CAMERA_DISTANCE_M, CAMERA_HEIGHT_M = 2.5, 1.0
@@ -47,19 +48,20 @@ _POINTS = {
 } | {
     Joint[f"{side.upper()}_{part}"]: tuple(tuple(side + word for word in words) for words in alternatives)
     for part, alternatives in {
-        "SHOULDER": (("shoulder",),),
-        "ELBOW": (("elbow",),),
-        "HAND": (("hand",), ("wrist", "index", "pinky"), ("wrist",)),
-        "HIP": (("hip",),),
-        "KNEE": (("knee",),),
-        "FOOT": (("ankle", "foot"), ("ankle", "footindex"), ("ankle",), ("foot",)),
+        "SHOULDER": (("shoulder",), ("sjc",)),
+        "ELBOW": (("elbow",), ("ejc",)),
+        "HAND": (("hand",), ("wrist", "index", "pinky"), ("wrist",), ("wjc",)),
+        "HIP": (("hip",), ("hjc",)),
+        "KNEE": (("knee",), ("kjc",)),
+        "FOOT": (("ankle", "foot"), ("ankle", "footindex"), ("ankle",), ("foot",), ("ajc",)),
     }.items()
     for side in ("right", "left")
 }
 """Points whose mean is a joint, by their plain names, the best choice first: names of our own, COCO, ImperialDance, Kinect v1,
-v2 and Azure. Our hand is the middle of the palm, our foot lies half-way from the ankle to the toes."""
+v2 and Azure, and of joint centres as Vicon's and OpenSim's models write them (LHJC). Our hand is the middle of the palm, our
+foot lies half-way from the ankle to the toes."""
 
-_SIDED = "shoulder|elbow|wrist|hand|hip|knee|ankle|foot|ear"
+_SIDED = "shoulder|elbow|wrist|hand|hip|knee|ankle|foot|ear|[sewhka]jc"
 
 NECK_FRACTION_TO_EARS = 0.37
 """Position of the neck on the line from the middle of the shoulders (0) to the middle of the ears (1), on synth's mean adult;
@@ -143,14 +145,40 @@ def _joint_places(names: Sequence[str], source: str) -> dict[Joint, list[int]]:
     if missing:
         raise InputError(
             f"{source}: no point for {', '.join(missing)}; it names {names_in(names) or 'none'}. Expected the names of "
-            "COCO, of a Kinect, or of kpopnet.skeleton.Joint"
+            "COCO, of a Kinect, of joint centres or of kpopnet.skeleton.Joint, or --joint-map"
         )
     return found
 
 
+def with_joint_map(recorded: NamedPoints, joint_map: Path, source: str) -> NamedPoints:
+    """A recording by our names of joints: each the mean of the points that a JSON file gives for it, by name or number.
+
+    A recording that has none of these points keeps its own names. Raises InputError if it has only some, or the map is wrong.
+    """
+    given, where = read_json(joint_map), str(joint_map)
+    check_fields(where, given, {})
+    known = [joint.name.lower() for joint in _POINTS]
+    expect(
+        bool(given) and given.keys() <= set(known), where, f"an object of {', '.join(known)}, found {names_in(given) or 'none'}"
+    )
+    points = {joint: [str(one) for one in (words if isinstance(words, list) else [words])] for joint, words in given.items()}
+    wanted, own = {word for words in points.values() for word in words}, [name.strip() for name in recorded.names]
+    missing = [word for word in sorted(wanted) if word not in own]
+    if len(missing) == len(wanted):
+        return recorded
+    expect(not missing, source, f"the points {names_in(missing)} of {where}; it names {names_in(own)}")
+    columns = [[own.index(word) for word in words] for words in points.values()]
+    confidence = recorded.confidence
+    return recorded._replace(
+        names=list(points),
+        points=np.stack([recorded.points[:, one].mean(axis=1) for one in columns], axis=1),
+        confidence=None if confidence is None else np.stack([confidence[:, one].min(axis=1) for one in columns], axis=1),
+    )
+
+
 def plain_name(name: str) -> str:
-    """A name without case and separators, its side in front: WRIST_LEFT, LeftWrist and lWrist are leftwrist."""
-    words = re.sub(r"[^a-z0-9]", "", name[:100].lower())
+    """A name without case, separators and subject, its side in front: WRIST_LEFT, LeftWrist and ann:lWrist are leftwrist."""
+    words = re.sub(r"[^a-z0-9]", "", name[:100].rsplit(":", maxsplit=1)[-1].lower())
     if match := re.fullmatch(rf"(left|right|l|r)({_SIDED})|({_SIDED})(left|right|l|r)", words):
         side = match[1] or match[4]
         return {"l": "left", "r": "right"}.get(side, side) + (match[2] or match[3])

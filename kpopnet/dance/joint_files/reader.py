@@ -6,8 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from kpopnet.dance.joint_files import amass
 from kpopnet.dance.joint_files.bvh_motion import bvh_points, read_bvh_motion
 from kpopnet.dance.joint_files.frames import TIMES, joint_points, numbers_in
+from kpopnet.dance.joint_files.gltf import read_gltf
+from kpopnet.dance.joint_files.markers import read_c3d, read_npy, read_trc
 from kpopnet.dance.joint_files.points import (
     COCO_NAMES,
     MEDIAPIPE_NAMES,
@@ -16,8 +19,10 @@ from kpopnet.dance.joint_files.points import (
     frame_times_s,
     named_performance,
     unit_m,
+    with_joint_map,
 )
 from kpopnet.dance.joint_files.tables import read_csv
+from kpopnet.dance.joint_files.vmd import read_vmd
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import (
@@ -31,7 +36,9 @@ from kpopnet.runtime.input_files import (
 from kpopnet.runtime.untrusted import read_in_child
 from kpopnet.skeleton import NUM_JOINTS
 
-SUFFIXES = (".npz", ".bvh", ".csv", ".json")
+GLTF = (".glb", ".gltf", ".vrm", ".vrma")
+SUFFIXES = (".npz", ".bvh", ".csv", ".json", ".vmd", ".c3d", ".trc", *GLTF)
+MAPPED = (".csv", ".json", ".c3d", ".trc", ".npy")
 
 NPZ_SCHEMA = {
     "joints_m": ArraySchema("fiu", ("frames", NUM_JOINTS, 3), False),
@@ -42,19 +49,21 @@ NPZ_SCHEMA = {
     "times_s": ArraySchema("fiu", ("frames",), False),
     "confidence": ArraySchema("fiu", ("frames", None), False),
     "fps": ArraySchema("fiu", (), False),
+    **amass.SCHEMA,
 }
 """joints_m in metres in the camera frame, or keypoints3d in COCO's order, or points and their names; then times_s or fps, and
-the confidence of each joint or point."""
+the confidence of each joint or point. Or poses, as of AMASS."""
 
 _WORLD_LANDMARKS = ("pose_world_landmarks", "world_landmarks", "poseWorldLandmarks", "worldLandmarks")
 
 
-def read_performance(path: Path | str, fps: float | None = None) -> Performance:
+def read_performance(path: Path | str, fps: float | None = None, joint_map: Path | None = None) -> Performance:
     """Reads a recording of joints; the ending of the file's name gives the format (docs/dance_scoring.md).
 
     Joints of .npz files of our own stay in their camera frame, those of all other files are turned to face a level camera (see
-    `kpopnet.dance.joint_files.points`). `fps` is the true frame rate of a file that states none or a wrong one. A stranger's
-    file is read by `read_strangers_performance`.
+    `kpopnet.dance.joint_files.points`). `fps` is the true rate of a file with none or a wrong one; `joint_map` says
+    which points of a file of MAPPED are which joints (`with_joint_map`). A stranger's file is read by
+    `read_strangers_performance`.
     """
     path = Path(path)
     match path.suffix.lower():
@@ -62,24 +71,40 @@ def read_performance(path: Path | str, fps: float | None = None) -> Performance:
             return _read_npz(path, fps)
         case ".bvh":
             recorded = bvh_points(read_bvh_motion(path, fps))
+        case ".npy":
+            expect(joint_map is not None, str(path), "--joint-map FILE beside an array without names of joints")
+            recorded = read_npy(path)
+        case ".c3d":
+            recorded = read_c3d(path)
+        case ".trc":
+            recorded = read_trc(path)
+        case ".vmd":
+            recorded = read_vmd(path)
         case ".csv":
             recorded = read_csv(path)
         case ".json":
             recorded = _read_json(path)
+        case suffix if suffix in GLTF:
+            expect(fps is None, str(path), "no frame rate beside it: the file states its times in seconds")
+            recorded = read_gltf(path)
+        case ".fbx":
+            raise InputError(f"{path}: FBX is a closed format; import it in Blender (free) and export BVH, or glTF as .glb")
         case ".pkl" | ".pickle":
             raise InputError(f"{path}: a pickle can run code when it is opened; save its arrays with numpy.savez first")
         case _:
             raise InputError(f"{path}: expected a file that ends with {', '.join(SUFFIXES)}")
+    if joint_map is not None and path.suffix.lower() in MAPPED:
+        recorded = with_joint_map(recorded, joint_map, str(path))
     return named_performance(recorded, str(path), fps)
 
 
-def read_strangers_performance(path: Path | str, fps: float | None = None) -> Performance:
+def read_strangers_performance(path: Path | str, fps: float | None = None, joint_map: Path | None = None) -> Performance:
     """`read_performance` in a process with limits of time and memory, which a hostile file may harm."""
-    return Performance(**read_in_child(_arrays, path, fps))
+    return Performance(**read_in_child(_arrays, path, fps, joint_map))
 
 
-def _arrays(path: Path, fps: float | None) -> dict[str, np.ndarray]:
-    found = read_performance(path, fps)
+def _arrays(path: Path, fps: float | None, joint_map: Path | None) -> dict[str, np.ndarray]:
+    found = read_performance(path, fps, joint_map)
     return {"joints_m": found.joints_m, "times_s": found.times_s, "confidence": found.confidence}
 
 
@@ -93,9 +118,11 @@ def _read_npz(path: Path, fps: float | None) -> Performance:
             raise InputError(f"{source}: joints_m is in units of {unit:g} m; expected metres")
         times_s = frame_times_s(len(joints_m), times_s, stated_fps, fps, source)
         return checked_performance(joints_m, times_s, confidence, source)
+    if "poses" in found:
+        return named_performance(amass.smpl_points(found, source), source, fps)
     name = next((name for name in ("keypoints3d_optim", "keypoints3d", "points") if name in found), None)
     if name is None:
-        raise InputError(f"{source}: expected an array joints_m, keypoints3d, or points with names")
+        raise InputError(f"{source}: expected an array joints_m, keypoints3d, poses, or points with names")
     expect(name != "points" or "names" in found, source, "an array names, of its points")
     names, points = [str(one) for one in found["names"]] if name == "points" else COCO_NAMES, found[name]
     if confidence is not None:

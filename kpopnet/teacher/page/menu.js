@@ -22,11 +22,11 @@ export async function menu(main) {
   const told = el("p", { class: "quiet", role: "status" });
   const cards = el("div", { class: "cards", id: "cards" });
   const thumbs = thumbnails();
-  const file = el("input", { type: "file", accept: ".bvh,.npz,.csv,.json", onchange: () => add(file.files[0]) });
+  const file = el("input", { type: "file", accept: ".bvh,.npz,.csv,.json,.vmd,.c3d,.trc,.glb,.gltf,.vrm,.vrma", onchange: () => add(file.files[0]) });
   main.append(
     ...greeting(told_of), el("h1", {}, "Choose a dance"),
     el("div", { class: "controls" }, el("label", {}, "Search", search), level, order,
-      el("label", {}, "Add your own (.bvh, .npz, .csv, .json)", file),
+      el("label", {}, "Add your own (.bvh, .npz, .glb, .vmd ...)", file),
       WEBCAM in offer.sources ? el("a", { class: "button", id: "dance-it", href: "#/record" }, "Dance it yourself") : null),
     told, cards,
   );

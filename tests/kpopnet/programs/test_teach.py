@@ -46,6 +46,10 @@ def test_a_dance_of_ones_own_is_added(run, tmp_path, capsys):
     performance = library.dance("dance_000").performance
     np.savez(tmp_path / "mama.npz", joints_m=performance.joints_m.astype(np.float32), times_s=performance.times_s)
     run("add", tmp_path / "mama.npz", "--bpm", 128)
+    np.save(tmp_path / "array.npy", performance.joints_m)
+    (tmp_path / "map.json").write_text(json.dumps({joint.name.lower(): int(joint) for joint in Joint if joint != Joint.TORSO}))
+    run("add", tmp_path / "array.npy", "--fps", 30, "--joint-map", tmp_path / "map.json")
+    assert library.about("own_002").name == "array"
     assert "added mama as own_001" in capsys.readouterr().out
     assert library.about("own_001").name == "mama" and library.about("own_001").bpm == 128
     assert library.path("dance_000").stat().st_mtime_ns == made  # what is there is not made again

@@ -6,7 +6,8 @@ import pytest
 
 from kpopnet.programs.teach import open_source
 from kpopnet.teacher.library import Library, TeacherBody, taught_dance
-from synth.dances.taught import Teacher, teacher_arrays
+from synth.body.teacher import teacher_arrays
+from synth.dances.taught import Teacher
 
 
 @pytest.fixture(scope="session")

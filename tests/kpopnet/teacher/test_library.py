@@ -14,8 +14,8 @@ from kpopnet.skeleton import BONES, Joint
 from kpopnet.teacher.adding import add_performance, holds_depth, kpop_teachers, part_of
 from kpopnet.teacher.library import DANCES, Library, difficulty, preview_cm
 from kpopnet.teacher.posing import TO_WORLD, as_bvh, at_rate, posed
+from synth.body.teacher import teacher_person
 from synth.dances.live import CAMERA
-from synth.dances.taught import teacher_person
 from synth.simulated.film import Studio
 
 

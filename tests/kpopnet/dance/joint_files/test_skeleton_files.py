@@ -1,0 +1,285 @@
+"""One dance by its skeleton in the files of other programs is the same performance as in BVH; what is damaged is refused."""
+
+import numpy as np
+import pytest
+from bvh_files import write_bvh
+from gltf_files import write_gltf
+from programs import ROOT
+from scipy.spatial.transform import Rotation
+from vmd_files import write_vmd
+
+from kpopnet.dance.joint_files.bones import MEAN_ADULT_M
+from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.errors import InputError
+from kpopnet.skeleton import Joint
+from synth.motion.choreography.composer import dance
+from synth.motion.skeleton import INDEX
+
+DANCE = dance(2, seconds=2.0)
+UNIT_M, REST = 1.693 / 20, ((0, 0, 0), (0, 0, 0, 1))
+LIMBS = ("Shoulder", "Arm", "ForeArm", "Hand", "UpLeg", "Leg", "Foot", "ToeBase")
+
+
+def assert_same_dance(path, expected, **tolerance):
+    read = read_performance(path)
+    step = round((len(read.times_s) - 1) / (len(expected.times_s) - 1))
+    np.testing.assert_allclose(read.times_s[::step] - read.times_s[0], expected.times_s, atol=1e-4, err_msg=path.name)
+    np.testing.assert_allclose(read.joints_m[::step], expected.joints_m, err_msg=path.name, **(tolerance or {"atol": 1e-3}))
+
+
+@pytest.fixture(scope="module")
+def in_bvh(tmp_path_factory):
+    return read_performance(write_bvh(tmp_path_factory.mktemp("bvh") / "a.bvh", DANCE))
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("a.glb", {}),
+        ("a.gltf", {"uri": "data:", "interpolation": "CUBICSPLINE"}),
+        ("b.gltf", {"uri": "my%20buffer.bin", "interpolation": "STEP"}),
+        ("a.vrma", {"humanoid": "VRMC_vrm_animation"}),
+        ("a.vrm", {"humanoid": "VRMC_vrm"}),
+        ("b.vrm", {"humanoid": "VRM", "integers": True}),
+    ],
+)
+def test_a_gltf_file_holds_the_dance(tmp_path, in_bvh, name, options):
+    path = write_gltf(tmp_path / name, DANCE, **options)
+    if path.name == "b.gltf":
+        (tmp_path / "my%20buffer.bin").rename(tmp_path / "my buffer.bin")
+    assert_same_dance(path, in_bvh)
+
+
+def without(*keys):
+    def change(content):
+        for key in keys:
+            content.pop(key)
+
+    return change
+
+
+def circle(content):
+    content["nodes"][23]["children"] = [1]
+
+
+def sparse(content):
+    content["accessors"][0]["sparse"] = {}
+
+
+def too_long(content):
+    content["accessors"][0]["count"] = 10**9
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (without("animations"), r"an animation of a skeleton, found none \(a \.vrm file is a body"),
+        (without("nodes"), "not a readable glTF 2.0 file"),
+        (lambda content: content["nodes"][10].update(name="Bone"), "no joint for"),
+        (circle, "node 1: expected one parent"),
+        (sparse, "accessor 0: expected an animation that is neither sparse nor compressed"),
+        (too_long, "not a readable glTF 2.0 file"),
+        (lambda content: content["buffers"][0].update(uri="../secret.bin"), "buffers in the file's own folder"),
+        (lambda content: content["buffers"][0].update(uri="%2e%2e/secret.bin"), "buffers in the file's own folder"),
+        (lambda content: content["buffers"][0].update(uri="/etc/passwd"), "buffers in the file's own folder"),
+    ],
+)
+def test_other_gltf_files_are_refused(tmp_path, change, message):
+    (tmp_path / "secret.bin").write_bytes(bytes(10**6))
+    (tmp_path / "in").mkdir()
+    with pytest.raises(InputError, match=rf"a\.glb.*{message}") as error:
+        read_performance(write_gltf(tmp_path / "in" / "a.glb", DANCE, change=change))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["a.glb", "a.fbx", "a.vmd"])
+def test_a_truncated_empty_or_foreign_file_is_refused_in_one_line(tmp_path, name):
+    whole = write_gltf(tmp_path / "whole.glb", DANCE).read_bytes()
+    if name == "a.vmd":
+        whole = write_vmd(tmp_path / "whole.vmd", {"左腕": [(0, *REST)], "右腕": [(0, *REST)]}).read_bytes()
+    for content in (whole[: len(whole) // 2], whole[:15], b"", b"Kaydara FBX Binary  \0", whole[:4] + bytes(100)):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(InputError, match=name.replace(".", r"\.")) as error:
+            read_performance(tmp_path / name)
+        assert "\n" not in str(error.value)
+
+
+def on_the_mean_adult(motion, parents, names):
+    """(T, J, 3) joints of a motion on MEAN_ADULT_M, link by link."""
+    turned, at = {}, {}
+    for name, parent in zip(names, parents, strict=True):
+        local = Rotation.from_quat(motion.quats[:, INDEX[name]], scalar_first=True)
+        turned[name] = local if parent is None else turned[parent] * local
+        offset = MEAN_ADULT_M[name] - MEAN_ADULT_M[parent or name]
+        at[name] = motion.root_m if parent is None else at[parent] + turned[parent].apply(offset)
+    return at
+
+
+def write_amass(path, motion, width, **others):
+    """A motion whose rotations are those of `SMPL_PARENTS`, z up as AMASS's are."""
+    poses = np.zeros((len(motion), width))
+    for joint, name in enumerate(SMPL_PARENTS):
+        local = Rotation.from_quat(motion.quats[:, INDEX[name]], scalar_first=True)
+        local = Z_UP * local if name == "Hips" else local
+        poses[:, 3 * joint : 3 * joint + 3] = local.as_rotvec()
+    arrays = {
+        "poses": poses,
+        "trans": Z_UP.apply(motion.root_m),
+        "mocap_framerate": 30.0,
+        "betas": np.zeros(16),
+        "gender": "male",
+    }
+    np.savez(path, **arrays | others)
+    return path
+
+
+Z_UP = Rotation.from_matrix([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
+SMPL_PARENTS = {
+    "Hips": None, "LeftUpLeg": "Hips", "RightUpLeg": "Hips", "LowerBack": "Hips", "LeftLeg": "LeftUpLeg",
+    "RightLeg": "RightUpLeg", "Spine": "LowerBack", "LeftFoot": "LeftLeg", "RightFoot": "RightLeg", "Spine1": "Spine",
+    "LeftToeBase": "LeftFoot", "RightToeBase": "RightFoot", "Neck": "Spine1", "LeftShoulder": "Spine1",
+    "RightShoulder": "Spine1", "Head": "Neck", "LeftArm": "LeftShoulder", "RightArm": "RightShoulder",
+    "LeftForeArm": "LeftArm", "RightForeArm": "RightArm", "LeftHand": "LeftForeArm", "RightHand": "RightForeArm",
+}  # fmt: skip
+"""SMPL's tree in its order, by our names."""
+
+
+@pytest.mark.parametrize("width", [72, 156, 165])
+def test_an_smpl_motion_is_danced_by_the_mean_adult(tmp_path, width):
+    read = read_performance(write_amass(tmp_path / "a.npz", DANCE, width))
+    at = on_the_mean_adult(DANCE, SMPL_PARENTS.values(), SMPL_PARENTS)
+    assert_joints_lie_at(read, at)
+    np.testing.assert_allclose(read.times_s, np.arange(len(DANCE)) / 30)
+
+
+JOINT_AT = {"ELBOW": ("ForeArm",), "SHOULDER": ("Arm",), "HIP": ("UpLeg",), "KNEE": ("Leg",), "FOOT": ("Foot", "ToeBase")}
+
+
+def assert_joints_lie_at(read, at):
+    """Each joint is as far from each other one, and as high above it, as it should be: to a millimetre."""
+    places = {
+        (side, joint): np.mean([at[side + bone] for bone in bones], axis=0)
+        for side in ("Left", "Right")
+        for joint, bones in JOINT_AT.items()
+    }
+    places |= {(side, "HAND"): at[f"{side}Hand"] for side in ("Left", "Right")}
+    ours = [Joint[f"{side.upper()}_{joint}"] for side, joint in places]
+    expected, found = np.stack(list(places.values()), axis=1), read.joints_m[:, ours]
+    for values in (found, expected):
+        assert values.shape == (len(read.times_s), len(ours), 3)
+    apart = [np.linalg.norm(values[:, :, None] - values[:, None], axis=-1) for values in (found, expected)]
+    np.testing.assert_allclose(*apart, atol=1e-3)
+    assert np.ptp(found[..., 1] + expected[..., 1]) < 1e-3
+
+
+def test_the_mean_adult_is_that_of_the_body_model():
+    with np.load(ROOT / "synth/assets/body.npz") as body:
+        heads = dict(zip(body["bone_names"].tolist(), body["mean_heads_m"], strict=True))
+    for one, other in (("Arm", "ForeArm"), ("ForeArm", "Hand"), ("UpLeg", "Leg"), ("Leg", "Foot"), ("Foot", "ToeBase")):
+        measured = np.linalg.norm(heads[f"Left{one}"] - heads[f"Left{other}"])
+        assert np.linalg.norm(MEAN_ADULT_M[f"Left{one}"] - MEAN_ADULT_M[f"Left{other}"]) == pytest.approx(measured, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("others", "message"),
+    [
+        ({"poses": np.zeros((60, 100))}, "poses of 66, 72, 156, 165 numbers, found 100"),
+        ({"poses": np.full((60, 72), np.nan)}, "poses, in radians"),
+        ({"trans": np.zeros((3, 3))}, r"trans: shape \(3, 3\), expected \(frames = 60, 3\)"),
+        ({"poses": np.array([{}])}, "not a readable .npz file"),
+    ],
+)
+def test_other_poses_are_refused(tmp_path, others, message):
+    with pytest.raises(InputError, match=rf"a\.npz.*{message}"):
+        read_performance(write_amass(tmp_path / "a.npz", DANCE, 156, **others))
+
+
+VMD_PARENTS = SMPL_PARENTS | dict.fromkeys(("Neck", "LeftShoulder", "RightShoulder"), "Spine")
+VMD_NAMES = {"Hips": "腰", "LowerBack": "上半身", "Spine": "上半身2", "Neck": "首", "Head": "頭"} | {
+    side + ours: sign + theirs
+    for side, sign in (("Left", "左"), ("Right", "右"))
+    for ours, theirs in zip(LIMBS, ("肩", "腕", "ひじ", "手首", "足", "ひざ", "足首", "つま先"), strict=True)
+}
+
+
+def vmd_place(place_m):
+    return np.array(place_m) * [1, 1, -1] / UNIT_M
+
+
+def vmd_bones(motion, names):
+    """Keys of each frame of some bones: rotations from a stance whose arms hang by 35 degrees."""
+    stance = {
+        side + part: Rotation.from_euler("Z", angle, degrees=True)
+        for side, angle in (("Left", -35), ("Right", 35))
+        for part in ("Arm", "ForeArm", "Hand")
+    }
+    bones = {}
+    for name in names:
+        local = Rotation.from_quat(motion.quats[:, INDEX[name]], scalar_first=True)
+        none = Rotation.identity()
+        local = stance.get(VMD_PARENTS[name], none) * local * stance.get(name, none).inv()
+        quats = local.as_quat() * [-1, -1, 1, 1]
+        bones[VMD_NAMES[name]] = [(frame, (0, 0, 0), quat) for frame, quat in enumerate(quats)]
+    places = vmd_place(motion.root_m - motion.root_m[0])
+    return bones | {"センター": [(frame, place, (0, 0, 0, 1)) for frame, place in enumerate(places)]}
+
+
+def test_a_vmd_motion_is_danced_by_the_mean_adult(tmp_path):
+    names = [name for name in VMD_NAMES if name in VMD_PARENTS and name != "Spine1"]
+    at = on_the_mean_adult(
+        DANCE,
+        [VMD_PARENTS[name] for name in SMPL_PARENTS if name != "Spine1"],
+        [name for name in SMPL_PARENTS if name != "Spine1"],
+    )
+    bones = vmd_bones(DANCE, names)
+    read = read_performance(write_vmd(tmp_path / "a.vmd", bones))
+    assert_joints_lie_at(read, at)
+    np.testing.assert_allclose(read.times_s, np.arange(len(DANCE)) / 30)
+    # The same feet, moved by IK; then switched off, where the keys of the legs hold.
+    moved = {name: keys for name, keys in bones.items() if name[1:] not in ("足", "ひざ", "足首")}
+    for side, sign in (("Left", "左"), ("Right", "右")):
+        rest_m = MEAN_ADULT_M[f"{side}Foot"] + DANCE.root_m[0]
+        ankle, toe = at[f"{side}Foot"], at[f"{side}ToeBase"]
+        turned = toe - ankle - (MEAN_ADULT_M[f"{side}ToeBase"] - MEAN_ADULT_M[f"{side}Foot"])
+        moved[f"{sign}足ＩＫ"] = [(frame, place, (0, 0, 0, 1)) for frame, place in enumerate(vmd_place(ankle - rest_m))]
+        moved[f"{sign}つま先ＩＫ"] = [(frame, place, (0, 0, 0, 1)) for frame, place in enumerate(vmd_place(turned))]
+    followed = read_performance(write_vmd(tmp_path / "b.vmd", moved))
+    feet = [Joint.LEFT_FOOT, Joint.RIGHT_FOOT, Joint.LEFT_HAND, Joint.LEFT_HIP]
+    for one in feet:
+        apart = [np.linalg.norm(found.joints_m[:, feet] - found.joints_m[:, [one]], axis=-1) for found in (followed, read)]
+        np.testing.assert_allclose(*apart, atol=1e-3)
+    off = [(0, f"{sign}足ＩＫ", False) for sign in "左右"]
+    still = {f"{sign}足ＩＫ": [(0, (9, 9, 9), (0, 0, 0, 1))] for sign in "左右"}
+    assert_joints_lie_at(read_performance(write_vmd(tmp_path / "c.vmd", bones | still, switches=off)), at)
+
+
+def test_knees_bend_forwards_where_the_hips_sink_above_planted_feet(tmp_path):
+    keys = {"左腕": [(0, *REST)], "右腕": [(0, *REST)], "センター": [(0, *REST), (60, (0, -4, 0), (0, 0, 0, 1))]}
+    curve = (0, 100, 30, 127)  # fast at first
+    read = read_performance(write_vmd(tmp_path / "a.vmd", keys, curve))
+    t = np.linspace(0, 1, 100_001)
+    x1, y1, x2, y2 = np.array(curve) / 127
+    x, y = (3 * t * (1 - t) ** 2 * one + 3 * t**2 * (1 - t) * two + t**3 for one, two in ((x1, x2), (y1, y2)))
+    thigh, shin, sunk = 0.381, 0.437, 4 * UNIT_M * np.interp(np.arange(61) / 60, x, y)
+    hip, knee = read.joints_m[:, Joint.LEFT_HIP], read.joints_m[:, Joint.LEFT_KNEE]
+    np.testing.assert_allclose(hip[:, 1] - hip[0, 1], sunk, atol=1e-3)
+    far = thigh + shin - sunk
+    cos = (thigh**2 + far**2 - shin**2) / (2 * thigh * far)
+    np.testing.assert_allclose(knee[:, 1] - hip[:, 1], thigh * cos, atol=1e-3)
+    np.testing.assert_allclose(hip[1:, 2] - knee[1:, 2], thigh * np.sqrt(1 - cos**2)[1:], atol=1e-3)  # the camera is in front
+    np.testing.assert_allclose(read.joints_m[:, Joint.LEFT_FOOT], read.joints_m[[0] * 61, Joint.LEFT_FOOT], atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("bones", "options", "message"),
+    [
+        ({}, {"cameras": 3}, "no keys of the bones 左腕, 右腕; it moves no bones"),
+        ({"頭": [(0, *REST)]}, {}, "it moves 頭"),
+        ({"左腕": [(0, *REST)], "右腕": [(2**32 - 1, *REST)]}, {}, "GB of memory"),
+        ({"左腕": [(0, *REST)], "右腕": [(0, (np.nan, 0, 0), (0, 0, 0, 1))]}, {}, "numbers below 100000"),
+        ({"左腕": [(0, *REST)], "右腕": [(0, (0, 0, 0), (0, 0, 0, 0))]}, {}, r"not a readable \.vmd file"),
+    ],
+)
+def test_other_motions_are_refused(tmp_path, bones, options, message):
+    with pytest.raises(InputError, match=rf"a\.vmd.*{message}"):
+        read_performance(write_vmd(tmp_path / "a.vmd", bones, **options))
