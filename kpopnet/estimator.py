@@ -16,15 +16,10 @@ REPORTED_FRAMES = 40
 
 
 class Estimate(NamedTuple):
-    """Joints of one person over a sequence.
+    """Joints of one person over a sequence."""
 
-    Attributes:
-        joints_camera_m: (T, 15, 3) float32, NaN where a joint is missing.
-        confidence: (T, 15) float32 in 0..1, 0 where a joint is missing.
-    """
-
-    joints_camera_m: np.ndarray
-    confidence: np.ndarray
+    joints_camera_m: np.ndarray  # (T, 15, 3) float32, NaN where a joint is missing
+    confidence: np.ndarray  # (T, 15) float32 in 0..1, 0 where a joint is missing
 
     @classmethod
     def missing(cls, frames: int) -> "Estimate":

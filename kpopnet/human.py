@@ -12,20 +12,15 @@ MARGIN_PX = 2
 
 @dataclass(frozen=True)
 class Human:
-    """One human in one image.
+    """One human in one image."""
 
-    Attributes:
-        identity: the same number for the same human in all images.
-        box: x0, y0, x1, y1 in pixels, the last two exclusive; it includes MARGIN_PX empty pixels around the human, except at
-            the image border.
-        depth_m: (y1 - y0, x1 - x0) float32 metres, the depth of this human only, 0 elsewhere.
-        centre_m: (3,) float32 the human's middle, camera frame, metres: of the visible surface by Algorithm 1, the torso joint
-            as the finder estimates it.
-    """
-
-    identity: int
+    identity: int  # the same number for the same human in all images
+    # x0, y0, x1, y1 in pixels, the last two exclusive; it includes MARGIN_PX empty pixels around the human, except at the image
+    # border
     box: tuple[int, int, int, int]
-    depth_m: np.ndarray
+    depth_m: np.ndarray  # (y1 - y0, x1 - x0) float32 metres, the depth of this human only, 0 elsewhere
+    # (3,) float32 the human's middle, camera frame, metres: of the visible surface by Algorithm 1, the torso joint as the
+    # finder estimates it
     centre_m: np.ndarray
 
     @classmethod

@@ -66,22 +66,16 @@ class RidgeConfig:
 
 
 class RidgeStages(NamedTuple):
-    """The intermediate and final (H, W) images of section 2.2, as in the paper's Fig. 2.
+    """The intermediate and final (H, W) images of section 2.2, as in the paper's Fig. 2."""
 
-    Attributes:
-        edges: bool, depth edges.
-        distance_px: float32 D_T, distance in pixels to the nearest edge: 0 on edges, inf everywhere if there is no edge.
-        ratio: float32 R_T, the mean of D_T on the circle divided by D_T at its centre; 1 on edges and where the whole
-            circle lies outside the image.
-        ridge: bool, the ridge data.
-        probability: float32 in 0..1, see `ridge_probability`.
-    """
-
-    edges: np.ndarray
+    edges: np.ndarray  # bool, depth edges
+    # float32 D_T, distance in pixels to the nearest edge: 0 on edges, inf everywhere if there is no edge
     distance_px: np.ndarray
+    # float32 R_T, the mean of D_T on the circle divided by D_T at its centre; 1 on edges and where the whole circle lies
+    # outside the image
     ratio: np.ndarray
-    ridge: np.ndarray
-    probability: np.ndarray
+    ridge: np.ndarray  # bool, the ridge data
+    probability: np.ndarray  # float32 in 0..1, see `ridge_probability`
 
 
 def ridge_stages(depth_m: np.ndarray, config: RidgeConfig) -> RidgeStages:

@@ -197,27 +197,18 @@ def _backtrack(end, step, slope):
 
 
 class PathDistances(NamedTuple):
-    """What each of the L pairs of frames of a path has in common; P parts of the body.
+    """What each of the L pairs of frames of a path has in common; P parts of the body."""
 
-    Attributes:
-        squared: (L, 3, P) sums of the weighted squared differences of a part's angles, radians^2: of the learner's frame to the
-            teacher's frame before the matched one, to the matched one, and to the one after. Missing angles are left out.
-        present: (L, P) number of the part's angles that could be compared.
-        taught: (L, P) 1 where the teacher's frame shows at least one of the part's angles, else 0.
-        confidence: (L, P) least `Features.confidence` of the learner's angles of the part that the teacher shows; 0 where there
-            are none.
-        seen: (L, P) in 0..1: 1 from SEEN_CONFIDENCE on, below it in proportion.
-        signed: (L, D) differences, learner minus teacher, -pi..pi, radians; NaN where missing.
-        weights: (L, D) product of both frames' weights; 0 where missing.
-    """
-
+    # (L, 3, P) sums of the weighted squared differences of a part's angles, radians^2: of the learner's frame to the teacher's
+    # frame before the matched one, to the matched one, and to the one after. Missing angles are left out.
     squared: np.ndarray
-    present: np.ndarray
-    taught: np.ndarray
+    present: np.ndarray  # (L, P) number of the part's angles that could be compared
+    taught: np.ndarray  # (L, P) 1 where the teacher's frame shows at least one of the part's angles, else 0
+    # (L, P) least `Features.confidence` of the learner's angles of the part that the teacher shows; 0 where there are none
     confidence: np.ndarray
-    seen: np.ndarray
-    signed: np.ndarray
-    weights: np.ndarray
+    seen: np.ndarray  # (L, P) in 0..1: 1 from SEEN_CONFIDENCE on, below it in proportion
+    signed: np.ndarray  # (L, D) differences, learner minus teacher, -pi..pi, radians; NaN where missing
+    weights: np.ndarray  # (L, D) product of both frames' weights; 0 where missing
 
 
 @njit(cache=True)

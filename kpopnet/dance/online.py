@@ -19,23 +19,16 @@ from kpopnet.skeleton import NUM_JOINTS
 
 
 class OnlineScore(NamedTuple):
-    """Scores of the latest window, as in `kpopnet.dance.window.WindowScore`, and of the dance so far, 0 to 100.
+    """Scores of the latest window, as in `kpopnet.dance.window.WindowScore`, and of the dance so far, 0 to 100."""
 
-    Attributes:
-        time_s: end of the latest window, seconds.
-        parts: posture by the name of one of `PARTS` that the teacher shows.
-        so_far: score of the dance so far, S of Eq. (15).
-        mirrored: whether the learner is compared as the teacher's mirror image.
-    """
-
-    time_s: float
+    time_s: float  # end of the latest window, seconds
     delay_s: float
     timing: float
     posture: float
     similarity: float
-    parts: dict[str, float]
-    so_far: float
-    mirrored: bool
+    parts: dict[str, float]  # posture by the name of one of `PARTS` that the teacher shows
+    so_far: float  # score of the dance so far, S of Eq. (15)
+    mirrored: bool  # whether the learner is compared as the teacher's mirror image
 
 
 class OnlineScorer:

@@ -26,15 +26,10 @@ FINE_CHANNELS = 40
 
 
 class Seen(NamedTuple):
-    """What the network says of the cells of B images.
+    """What the network says of the cells of B images."""
 
-    Attributes:
-        person_logit: (B, h, w) its sigmoid is the probability that the cell's pixel shows a person.
-        vote_m: (B, 3, h, w) the person's torso joint relative to the cell's point, camera frame, metres.
-    """
-
-    person_logit: Tensor
-    vote_m: Tensor
+    person_logit: Tensor  # (B, h, w) its sigmoid is the probability that the cell's pixel shows a person
+    vote_m: Tensor  # (B, 3, h, w) the person's torso joint relative to the cell's point, camera frame, metres
 
 
 class FinderNetwork(nn.Module):
@@ -110,17 +105,11 @@ def loss(seen: Seen, target: "Target") -> dict[str, Tensor]:
 
 
 class Target(NamedTuple):
-    """What the network should say of the cells of B images.
+    """What the network should say of the cells of B images."""
 
-    Attributes:
-        person: (B, h, w) 1 where the cell's pixel shows a person, else 0.
-        vote_m: (B, 3, h, w) as in `Seen`.
-        weight: (B, h, w) weight of the cell, 0 where nothing was measured.
-    """
-
-    person: Tensor
-    vote_m: Tensor
-    weight: Tensor
+    person: Tensor  # (B, h, w) 1 where the cell's pixel shows a person, else 0
+    vote_m: Tensor  # (B, 3, h, w) as in `Seen`
+    weight: Tensor  # (B, h, w) weight of the cell, 0 where nothing was measured
 
 
 def load_network(path: Path | str) -> FinderNetwork:

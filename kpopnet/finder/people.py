@@ -27,19 +27,12 @@ SEEDS = 160
 
 
 class Cells(NamedTuple):
-    """What is known of the h x w cells of an image.
+    """What is known of the h x w cells of an image."""
 
-    Attributes:
-        depth_m: (h, w) float32 metres, 0 where nothing was measured.
-        area_m2: (h, w) float32 area that a cell sees, 0 where nothing was measured.
-        probability: (h, w) float32 that the cell shows a person.
-        torso_m: (h, w, 3) float32 where this person's torso joint is, camera frame, metres.
-    """
-
-    depth_m: np.ndarray
-    area_m2: np.ndarray
-    probability: np.ndarray
-    torso_m: np.ndarray
+    depth_m: np.ndarray  # (h, w) float32 metres, 0 where nothing was measured
+    area_m2: np.ndarray  # (h, w) float32 area that a cell sees, 0 where nothing was measured
+    probability: np.ndarray  # (h, w) float32 that the cell shows a person
+    torso_m: np.ndarray  # (h, w, 3) float32 where this person's torso joint is, camera frame, metres
 
 
 INPUTS, OUTPUT_NAMES = ("depth_m", "intrinsics"), ("probability", "torso_m")
@@ -50,19 +43,12 @@ PROBLEM = "missing, damaged, or not a finder of this version"
 
 
 class People(NamedTuple):
-    """The P people of one image.
+    """The P people of one image."""
 
-    Attributes:
-        centres_m: (P, 3) float32 torso joints as voted, camera frame, metres.
-        score: (P,) float32 mean probability of their cells.
-        area_m2: (P,) float32 visible surface, seen from the camera.
-        owner: (h, w) uint8 person of each cell, 1..P, or NO_PERSON.
-    """
-
-    centres_m: np.ndarray
-    score: np.ndarray
-    area_m2: np.ndarray
-    owner: np.ndarray
+    centres_m: np.ndarray  # (P, 3) float32 torso joints as voted, camera frame, metres
+    score: np.ndarray  # (P,) float32 mean probability of their cells
+    area_m2: np.ndarray  # (P,) float32 visible surface, seen from the camera
+    owner: np.ndarray  # (h, w) uint8 person of each cell, 1..P, or NO_PERSON
 
 
 def gather_people(cells: Cells, least_probability: float, least_m2: float, least_cells: int) -> People:

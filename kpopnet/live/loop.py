@@ -36,25 +36,15 @@ RATE_IMAGES = 30
 
 @dataclass(frozen=True)
 class Watching:
-    """What is watched and how; it travels to another process.
+    """What is watched and how; it travels to another process."""
 
-    Attributes:
-        name: of the source.
-        open_camera: opens it; a function of a module.
-        folder: of recordings and joints.
-        checkpoint: of `load_estimator`.
-        people: largest number of people.
-        stream: a kind of `open_stream`, None for none.
-        port: of the stream, None for the usual one.
-    """
-
-    name: str
-    open_camera: Callable[[], LiveCamera]
-    folder: Path
-    checkpoint: str | None = None
-    people: int = 16
-    stream: str | None = None
-    port: int | None = None
+    name: str  # of the source
+    open_camera: Callable[[], LiveCamera]  # opens it; a function of a module
+    folder: Path  # of recordings and joints
+    checkpoint: str | None = None  # of `load_estimator`
+    people: int = 16  # largest number of people
+    stream: str | None = None  # a kind of `open_stream`, None for none
+    port: int | None = None  # of the stream, None for the usual one
 
 
 Tell = Callable[..., None]

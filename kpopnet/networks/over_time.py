@@ -45,19 +45,12 @@ FEATURES = 2 * BASES + 1 + 6 + 2 + KINDS.shape[1]
 
 
 class Measured(NamedTuple):
-    """What single frames say of people: arrays with the same leading axes.
+    """What single frames say of people: arrays with the same leading axes."""
 
-    Attributes:
-        detected_m: (..., 15, 3) the image network's joints, camera frame, metres.
-        fitted_m: (..., 15, 3) those after the fit to the depth.
-        detected: (..., 15) the network's confidence.
-        fitted: (..., 15) the fit's.
-    """
-
-    detected_m: np.ndarray
-    fitted_m: np.ndarray
-    detected: np.ndarray
-    fitted: np.ndarray
+    detected_m: np.ndarray  # (..., 15, 3) the image network's joints, camera frame, metres
+    fitted_m: np.ndarray  # (..., 15, 3) those after the fit to the depth
+    detected: np.ndarray  # (..., 15) the network's confidence
+    fitted: np.ndarray  # (..., 15) the fit's
 
 
 class Averages:

@@ -26,16 +26,11 @@ MAX_REMEMBERED = 64
 
 
 class PersonPose(NamedTuple):
-    """One person in one image, or in the T images of a recording.
+    """One person in one image, or in the T images of a recording."""
 
-    Attributes:
-        identity: the same number for the same person in all images.
-        joints_camera_m: (15, 3) or (T, 15, 3) float32 joints, camera frame, metres; NaN where missing.
-        confidence: (15,) or (T, 15) float32 estimated probability that the joint is within 10 cm of the truth, 0 where missing.
-    """
-
-    identity: int
-    joints_camera_m: np.ndarray
+    identity: int  # the same number for the same person in all images
+    joints_camera_m: np.ndarray  # (15, 3) or (T, 15, 3) float32 joints, camera frame, metres; NaN where missing
+    # (15,) or (T, 15) float32 estimated probability that the joint is within 10 cm of the truth, 0 where missing
     confidence: np.ndarray
 
 

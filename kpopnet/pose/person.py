@@ -25,17 +25,11 @@ from kpopnet.weights import shipped_over_time
 
 
 class Mode(NamedTuple):
-    """What is done with each frame.
+    """What is done with each frame."""
 
-    Attributes:
-        network: a network estimates the joints; else the body tracker.
-        mirrored: the network also sees the frame in a mirror, and its two answers are averaged.
-        sees_future: joints of a whole recording are estimated with a look at the frames that follow.
-    """
-
-    network: bool
-    mirrored: bool
-    sees_future: bool
+    network: bool  # a network estimates the joints; else the body tracker
+    mirrored: bool  # the network also sees the frame in a mirror, and its two answers are averaged
+    sees_future: bool  # joints of a whole recording are estimated with a look at the frames that follow
 
 
 MODES = {
@@ -46,17 +40,11 @@ MODES = {
 
 
 class Pose(NamedTuple):
-    """One person in one image.
+    """One person in one image."""
 
-    Attributes:
-        joints_camera_m: (15, 3) float32 joints, metres, NaN where missing.
-        confidence: (15,) float32, 0 where missing.
-        measured: what the network over time was given; None where it was not asked.
-    """
-
-    joints_camera_m: np.ndarray
-    confidence: np.ndarray
-    measured: Measured | None = None
+    joints_camera_m: np.ndarray  # (15, 3) float32 joints, metres, NaN where missing
+    confidence: np.ndarray  # (15,) float32, 0 where missing
+    measured: Measured | None = None  # what the network over time was given; None where it was not asked
 
 
 @cache

@@ -78,43 +78,25 @@ LIMB_POSES, LIMB_POSE_RANGES = _limb_poses()
 
 
 class Tips(NamedTuple):
-    """Where each limb would end and bend if it had each tip of the silhouette.
+    """Where each limb would end and bend if it had each tip of the silhouette."""
 
-    Attributes:
-        ends_m: (4, T, 3) metres.
-        middles_m: (4, T, 3) metres.
-        used: (T,) whether a limb has this tip already.
-    """
-
-    ends_m: np.ndarray
-    middles_m: np.ndarray
-    used: np.ndarray
+    ends_m: np.ndarray  # (4, T, 3) metres
+    middles_m: np.ndarray  # (4, T, 3) metres
+    used: np.ndarray  # (T,) whether a limb has this tip already
 
 
 class Context(NamedTuple):
-    """What the cost of a limb is computed from. `rows`, `segments` and `part_distances` follow the limbs as they are refitted.
+    """What the cost of a limb is computed from; `rows`, `segments` and `part_distances` follow each refitted limb."""
 
-    Attributes:
-        grid: the depth image.
-        body: the person's body.
-        previous: (15, 3) the pose of the last frame.
-        frame: (3, 3) from `torso_frame`.
-        rows: (25, 3) from `extend_joints`.
-        segments: (P, 9) from `part_segments`.
-        points: (n, 3) the points that are used.
-        part_distances: (P, n) their signed distances to all parts.
-        tips: of the silhouette.
-    """
-
-    grid: DepthGrid
-    body: Body
-    previous: np.ndarray
-    frame: np.ndarray
-    rows: np.ndarray
-    segments: np.ndarray
-    points: np.ndarray
-    part_distances: np.ndarray
-    tips: Tips
+    grid: DepthGrid  # the depth image
+    body: Body  # the person's body
+    previous: np.ndarray  # (15, 3) the pose of the last frame
+    frame: np.ndarray  # (3, 3) from `torso_frame`
+    rows: np.ndarray  # (25, 3) from `extend_joints`
+    segments: np.ndarray  # (P, 9) from `part_segments`
+    points: np.ndarray  # (n, 3) the points that are used
+    part_distances: np.ndarray  # (P, n) their signed distances to all parts
+    tips: Tips  # of the silhouette
 
 
 @njit(cache=True)

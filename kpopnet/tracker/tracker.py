@@ -62,21 +62,13 @@ body, and 99.9 % at most 0.12 above."""
 
 
 class State(NamedTuple):
-    """What one frame leaves to the next.
+    """What one frame leaves to the next."""
 
-    Attributes:
-        joints_m: (15, 3) the pose in the camera frame.
-        step_m: (15, 3) how the joints moved from the frame before.
-        visible_px: visible area of the last frame that was not held.
-        baseline_cost_m2: what good poses of this person cost, square metres.
-        flip_evidence: that front and back are confused, a cumulative sum of log cost ratios.
-    """
-
-    joints_m: np.ndarray
-    step_m: np.ndarray
-    visible_px: float = 0.0
-    baseline_cost_m2: float = 0.0
-    flip_evidence: float = 0.0
+    joints_m: np.ndarray  # (15, 3) the pose in the camera frame
+    step_m: np.ndarray  # (15, 3) how the joints moved from the frame before
+    visible_px: float = 0.0  # visible area of the last frame that was not held
+    baseline_cost_m2: float = 0.0  # what good poses of this person cost, square metres
+    flip_evidence: float = 0.0  # that front and back are confused, a cumulative sum of log cost ratios
 
 
 class Tracker:

@@ -56,17 +56,12 @@ MIN_LOSS = 3.0
 
 
 class Cause(NamedTuple):
-    """Why a stretch of the dance is wrong, in seconds on the teacher's clock.
-
-    Attributes:
-        name: one of `CAUSES`.
-        text: it in words, without the time.
-    """
+    """Why a stretch of the dance is wrong, in seconds on the teacher's clock."""
 
     start_s: float
     end_s: float
-    name: str
-    text: str
+    name: str  # one of `CAUSES`
+    text: str  # the cause in words, without the time
 
     @property
     def explains_timing(self) -> bool:
