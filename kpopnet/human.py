@@ -27,15 +27,9 @@ class Human:
     def cut_out(
         cls, identity: int, depth_m: np.ndarray, labels: np.ndarray, label: int, box: np.ndarray, centre_m: np.ndarray
     ) -> "Human":
-        """The human whose pixels have a label.
+        """The human whose pixels, in an (H, W) image in metres with an integer label for each pixel, have a label.
 
-        Args:
-            identity: see the attributes.
-            depth_m: (H, W) float32 metres, the whole image.
-            labels: (H, W) integers, the label of every pixel.
-            label: that of the human.
-            box: (4,) x0, y0, x1, y1 of these pixels, without a margin.
-            centre_m: see the attributes.
+        The (4,) box is x0, y0, x1, y1 of these pixels, without a margin.
         """
         height, width = depth_m.shape
         x0, y0 = np.maximum(box[:2] - MARGIN_PX, 0).tolist()

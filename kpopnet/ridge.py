@@ -79,14 +79,9 @@ class RidgeStages(NamedTuple):
 
 
 def ridge_stages(depth_m: np.ndarray, config: RidgeConfig) -> RidgeStages:
-    """All steps of section 2.2, for drawing and debugging.
+    """All steps of section 2.2, for drawing and debugging, of (H, W) floating-point metres, 0 where nothing was measured.
 
-    Args:
-        depth_m: (H, W) floating-point metres, 0 where nothing was measured; usually one segmented person.
-        config: thresholds.
-
-    Raises:
-        InputError: the depth is not one image of floating-point numbers.
+    Usually it shows one segmented person. Raises InputError for anything but one image of floating-point numbers.
     """
     box, squared, ratio = _ratio_in_box(depth_m, config)
     edges, distance_px = np.ones(depth_m.shape, bool), np.zeros(depth_m.shape, np.float32)

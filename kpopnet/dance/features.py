@@ -100,13 +100,10 @@ class Feature(NamedTuple):
 
 
 def dance_features(joints_m: np.ndarray, feature: str, fps: float, confidence: np.ndarray | None = None) -> Features:
-    """The features of a sequence of poses, of which changes and turns of the first frames are missing.
+    """The features, one of FEATURES, of uniformly spaced poses; changes and turns of the first frames are missing.
 
-    Args:
-        joints_m: (T, 15, 3) in any right-handed frame, NaN where missing; for [17] in the camera frame (x right, y down).
-        feature: one of FEATURES.
-        fps: frames per second; frames are uniformly spaced.
-        confidence: (T, 15) in 0..1 of each joint; by default 1 for all.
+    The (T, 15, 3) joints are in any right-handed frame, metres, NaN where missing; for [17] in the camera frame (x right, y
+    down). The (T, 15) confidence in 0..1 is 1 for all by default.
     """
     joints_m = np.asarray(joints_m, np.float64)
     names, compute, _ = FEATURES[feature]

@@ -96,17 +96,11 @@ def window_score(
     timing: float,
     expected: float = 1.0,
 ) -> WindowScore:
-    """The score of a window from what the L pairs of its path have in common.
+    """The score of a window from what the L pairs of its (L, 2) path, see `kpopnet.dance.dtw.best_match`, have in common.
 
-    Args:
-        pairs: (L, 2 + P) of each pair: similarity of the body in 0..1, whether it could be compared, similarity of each part.
-        on_path: the pairs' distances.
-        path: (L, 2) see `kpopnet.dance.dtw.best_match`.
-        parts: (D,) number of each angle's part.
-        hop_frames: frames from one window to the next, over which errors are averaged.
-        delay_s: of the learner, seconds.
-        timing: S_t, 0 to 100.
-        expected: see `WindowScore`.
+    `pairs` are (L, 2 + P): similarity of the body in 0..1, whether it could be compared, similarity of each part. `parts` (D,)
+    numbers the part of each angle. Errors are averaged over `hop_frames`, the frames from one window to the next; `delay_s`,
+    `timing` (S_t, 0 to 100) and `expected` are those of `WindowScore`.
     """
     coverage = np.where(on_path.taught, on_path.seen, np.nan)
     means = _mean_over_frames(np.column_stack([pairs, coverage]), path)

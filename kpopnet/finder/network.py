@@ -60,14 +60,9 @@ class FinderNetwork(nn.Module):
 
 
 def observed(depth_m: Tensor, intrinsics: Tensor) -> Tensor:
-    """The network's input: of each pixel, whether it was measured, the logarithms of its depth and of its size, and its ray.
-
-    Args:
-        depth_m: (B, H, W) depth in metres, 0 where nothing was measured.
-        intrinsics: (B, 4) fx, fy, cx, cy in pixels.
-
-    Returns:
-        (B, 5, H, W); of pixels that were not measured only the ray, X / Z and Y / Z.
+    """The network's input, (B, 5, H, W): of each pixel, whether it was measured, the logarithms of its depth and of its size,
+    and its ray, X / Z and Y / Z; of pixels that were not measured only the ray. From (B, H, W) depth in metres, 0 where nothing
+    was measured, and (B, 4) fx, fy, cx, cy in pixels.
     """
     measured = depth_m > 0
     z = torch.where(measured, depth_m, 1.0)

@@ -54,11 +54,7 @@ class People(NamedTuple):
 def gather_people(cells: Cells, least_probability: float, least_m2: float, least_cells: int) -> People:
     """The people of an image, by decreasing surface that agrees on them.
 
-    Args:
-        cells: what is known of the image.
-        least_probability: of cells that vote.
-        least_m2: least visible surface of a person.
-        least_cells: least number of a person's cells.
+    Cells of `least_probability` vote; a person has a visible surface of `least_m2` and `least_cells` of them, or more.
     """
     # numpy gathers and sorts: what numba would compile for it takes a third of a user's wait for the first joints.
     seen = np.nonzero((cells.area_m2 > 0) & (cells.probability >= np.float64(least_probability)))
@@ -201,9 +197,8 @@ def _near_people(owner):
 def _around(owner, cell_depth_m):
     """What the 4 x 4 cells are around the pixels between each cell and the next, so that few pixels need to look at all.
 
-    Returns:
-        (h, w) uint8 their only person, NO_PERSON where there is none or several; and (h, w, 4) float32 least and largest
-        depth of people's cells, then of the others, infinite and -infinite where there are none.
+    (h, w) uint8 their only person, NO_PERSON where there is none or several; and (h, w, 4) float32 least and largest depth of
+    people's cells, then of the others, infinite and -infinite where there are none.
     """
     h, w = owner.shape
     only = np.zeros((h, w), np.uint8)
@@ -241,18 +236,10 @@ def pixel_owners(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Gives every pixel of a whole image to a person.
 
-    A pixel takes the opinion of the 4 x 4 cells around it, the nearest in the image and in depth first.
-
-    Args:
-        depth_m: (H, W) float32 metres.
-        cell_depth_m: (h, w) float32 depth of the cells' pixels.
-        probability: (h, w) float32 that a cell shows a person.
-        owner: (h, w) uint8 person of each cell.
-        reduction: pixels of the whole image to one of the canvas, of which every STRIDE-th is a cell.
-        people: number of people.
-
-    Returns:
-        (H, W) uint8 person of each pixel, and (people, 4) int32 x0, y0, x1, y1 of their pixels, the last two exclusive.
+    A pixel takes the opinion of the 4 x 4 cells around it, the nearest in the image and in depth first. From (H, W) float32
+    metres, and of the (h, w) cells the depth, the probability of a person and the uint8 owner. `reduction` is pixels of the
+    whole image to one of the canvas, of which every STRIDE-th is a cell. (H, W) uint8 person of each pixel, and (people, 4)
+    int32 x0, y0, x1, y1 of their pixels, the last two exclusive.
     """
     near = _near_people(owner)
     rectangle = _rectangle(near, STRIDE * reduction, *depth_m.shape)

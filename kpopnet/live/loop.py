@@ -55,13 +55,7 @@ class Watcher:
     """Estimates everybody's joints in the newest image until the source ends or somebody quits."""
 
     def __init__(self, watching: Watching, tell: Tell, orders: Orders) -> None:
-        """Opens the source.
-
-        Args:
-            watching: what is watched.
-            tell: takes what the page shows: a kind, its content, and a picture.
-            orders: gives what the page asks for, since it was last called.
-        """
+        """Opens the source; `tell` takes what the page shows (kind, content, picture), `orders` gives what it asks for."""
         self._estimator = load_estimator(watching.checkpoint, watching.people)
         self._stream_to, self._stream = (watching.stream, watching.port), None
         self._camera = watching.open_camera()

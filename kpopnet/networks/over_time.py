@@ -66,9 +66,8 @@ class Averages:
     def add(self, measured: Measured, step_s: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Adds a frame `step_s` seconds after the one before, (...).
 
-        Returns:
-            (..., 16, 3) points: the joints relative to the trunk's centre, and that centre; (..., BASES, 16, 3) differences to
-            them, metres; and (..., 16, FEATURES) float32 what the network reads.
+        (..., 16, 3) points: the joints relative to the trunk's centre, and that centre; (..., BASES, 16, 3) differences to
+        them, metres; and (..., 16, FEATURES) float32 what the network reads.
         """
         step_s = np.broadcast_to(np.asarray(step_s, float), self._fresh.shape)
         fresh = (self._fresh | (step_s > FORGET_S))[..., None, None]

@@ -67,10 +67,7 @@ class PoseEstimator:
         extraction: Any = DEFAULT_EXTRACTION,
     ) -> "PoseEstimator":
         """Loads a network, where the mode needs one: a checkpoint's folder or an exported network, by default the one that
-        comes with the package, on the device cpu or cuda.
-
-        Raises:
-            InputError: the network cannot be loaded, or a setting is wrong.
+        comes with the package, on the device cpu or cuda. Raises InputError: it cannot be loaded, or a setting is wrong.
         """
         check_mode(mode)
         network = NetworkEstimator(checkpoint, device=device) if MODES[mode].network else None

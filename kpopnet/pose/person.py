@@ -122,11 +122,7 @@ class PersonEstimator:
     """Implements kpopnet.estimator.Estimator by a mode of MODES."""
 
     def __init__(self, network: Estimator, mode: str, fps: float = 30.0) -> None:
-        """Wraps a network that estimates joints in single frames of recordings with `fps` frames per second.
-
-        Raises:
-            InputError: an unknown mode.
-        """
+        """Wraps a network that estimates joints in single frames of recordings with `fps` frames per second."""
         check_mode(mode)
         self.estimator, self.name, self.fps = network, mode, fps
         self.sees_future = MODES[mode].sees_future

@@ -70,8 +70,7 @@ class DepthSource:
     def timed(self) -> Iterator[TimedDepth]:
         """The images with their times.
 
-        Raises:
-            InputError: an image is damaged, is no depth or not of the camera's size, or its time is not after the one before.
+        Raises InputError: an image is damaged, no depth, or not of the camera's size, or its time is not after the one before.
         """
         before_s = -np.inf
         for number, image in enumerate(self.images()):
@@ -127,15 +126,11 @@ class LiveCamera(Protocol):
     camera: Camera
 
     def read(self) -> tuple[np.ndarray, float] | None:
-        """Waits for the next image; None after the last one of a recording.
+        """Waits for the next image: (H, W) float32 depth of the whole scene, metres, 0 where nothing was measured, and when it
+        was taken, in seconds of `time.monotonic`; None after the last one of a recording.
 
-        Returns:
-            (H, W) float32 depth of the whole scene, metres, 0 where nothing was measured, and when it was taken, in seconds of
-            `time.monotonic`.
-
-        Raises:
-            CameraAwayError: no image came for a while; the next call looks for the camera again.
-            InputError: there will be no more images.
+        Raises CameraAwayError: no image came for a while, and the next call looks for the camera again; InputError: there will
+        be no more images.
         """
 
     def close(self) -> None:

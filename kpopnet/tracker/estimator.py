@@ -45,8 +45,7 @@ class TrackerEstimator:
     def __init__(self, config: TrackerEstimatorConfig = TrackerEstimatorConfig(), detector: Estimator | None = None) -> None:
         """Loads the human model if the settings name one; if they name a network, `detector` is a NetworkEstimator of it.
 
-        Raises:
-            InputError: the model cannot be read, or a network is set without a detector.
+        Raises InputError: the model cannot be read, or a network is set without a detector.
         """
         if config.network is not None and detector is None:
             raise InputError(f"network={config.network}: give detector=NetworkEstimator({config.network!r}) with it")

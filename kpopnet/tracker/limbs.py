@@ -285,8 +285,7 @@ def _candidates(limb, context):
 def _best_candidate(limb, least_gain, context):
     """The candidate of a limb that lowers the cost most, by more than `least_gain` square metres; the limb is put back.
 
-    Returns:
-        The gain, `least_gain` if the limb is better left as it is; (2, 3) middle and end; the tip they are traced from, or -1.
+    The gain, `least_gain` if the limb is better left as it is; (2, 3) middle and end; the tip they are traced from, or -1.
     """
     points, distances = _unexplained(context, limb)
     candidates, tip_of = _candidates(limb, context)
@@ -304,17 +303,10 @@ def _best_candidate(limb, least_gain, context):
 @njit(cache=True)
 def refit_limbs(joints_m, previous_m, grid, body, stride=1):
     """Refits limbs along the silhouette to its tips, or in a sampled pose, where that lowers the cost: each limb at most once,
-    the largest decrease first.
+    the largest decrease first. (15, 3) the pose, and the number of refitted limbs.
 
-    Args:
-        joints_m: (15, 3) a pose with an approximately correct torso.
-        previous_m: (15, 3) the pose of the last frame, for the continuity cost.
-        grid: the depth image.
-        body: the person's body.
-        stride: only every `stride`th point is used.
-
-    Returns:
-        (15, 3) the pose, and the number of refitted limbs.
+    The torso of the (15, 3) joints is approximately correct; `previous_m` (15, 3) is the pose of the last frame, for the
+    continuity cost. Only every `stride`th point is used.
     """
     rows, frame, points = extend_joints(joints_m, body.trunk_offsets_m), torso_frame(joints_m), grid.points_m[::stride].copy()
     segments, part_distances = part_segments(rows, body.radii_m), np.empty((len(PARTS), len(points)))

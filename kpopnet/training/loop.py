@@ -293,14 +293,9 @@ def train(
 ) -> Path:
     """Trains a network and writes checkpoints, which store the configuration, to the folder `out`; only rank 0 writes there.
 
-    `data` identifies the data sets: a run is resumed only with those that it began with.
-
-    Returns:
-        The folder of the last checkpoint.
-
-    Raises:
-        InputError: a setting or a checkpoint does not fit; the folder holds another run, or another process writes there; a
-            loss that is not finite.
+    `data` identifies the data sets: a run is resumed only with those that it began with. Returns the folder of the last
+    checkpoint. Raises InputError: a setting or a checkpoint does not fit; the folder holds another run, or another process
+    writes there; a loss that is not finite.
     """
     training = config.training
     if training.resume is not None and (begun_with := read_meta(training.resume).get("data")) != data:
