@@ -90,21 +90,6 @@ def test_a_path_without_motion_is_refused_with_the_remedy(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("index", "message"),
-    [
-        ("clip_id,file\nx,clips/x.npz\n", "no column 'split'"),
-        ("clip_id,file,split,seconds\nx,../x.npz,train,1\n", r"row 2: expected a file inside the pack, not '\.\./x\.npz'"),
-        ("clip_id,file,split,seconds\nx,x.npz,train,nan\n", "a duration of 0 to 100000 seconds"),
-        ("clip_id,file,split,seconds\nx,x.npz,train,1\n", r"x\.npz is missing"),
-    ],
-)
-def test_another_index_is_refused(pack, index, message):
-    (pack / "index.csv").write_text(index)
-    with pytest.raises(InputError, match=message):
-        clips(pack).motion(0)
-
-
-@pytest.mark.parametrize(
     ("changed", "message"),
     [
         ({"fps": np.float32(np.nan)}, "1 to 1000 frames a second"),
