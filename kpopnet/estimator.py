@@ -38,12 +38,8 @@ class Estimator(Protocol):
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
         """Estimates the joints of the person in each frame; NaN with confidence 0 in frames with an empty silhouette.
 
-        Args:
-            depth_m: (T, H, W) segmented depth of the person, 0 elsewhere; floating-point metres or uint16 millimetres.
-            camera: the camera of these pixels.
-
-        Raises:
-            InputError: the depth has another type or shape.
+        `depth_m` is (T, H, W) segmented depth, 0 outside the person, in floating-point metres or uint16 millimetres; InputError
+        if it has another type or shape.
         """
         ...
 

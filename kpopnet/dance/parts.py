@@ -43,7 +43,7 @@ from kpopnet.dance.window import (
     timing_similarity,
     window_score,
 )
-from kpopnet.errors import InputError
+from kpopnet.errors import InputError, check_one_of
 
 FEATURE = "dance22_turn"
 MIRRORINGS = ("false", "true", "auto")
@@ -160,8 +160,7 @@ class PartScorer:
         if not abs(self.latency_s) <= 5:
             raise InputError(f"latency_s={self.latency_s}: expected -5 to 5 seconds")
         for name, known in (("mirrored", MIRRORINGS), ("noise", ("auto", *NOISE))):
-            if getattr(self, name) not in known:
-                raise InputError(f"{name}={getattr(self, name)} is not one of {', '.join(known)}")
+            check_one_of(name, getattr(self, name), known)
 
     def teacher(self, features: Features) -> "PartTeacher":
         """The teacher's (M, D) features with what windows are compared with."""

@@ -131,9 +131,8 @@ def score_dance(
     teacher's dance are not scored. Dances may be given as (T, 15, 3) joints in metres in the camera frame with their `fps`.
     With `unobserved_is_nan` a learner of whom no joint is known scores NaN, for evaluations that count such dances.
 
-    Raises:
-        InputError: the teacher's dance is shorter than a window, or the learner's recording covers no whole window of it; or
-            no joint is known in one of the dances; or joints are given without `fps`.
+    Raises InputError if the teacher's dance is shorter than a window, or the learner's recording covers no whole window of it;
+    or no joint is known in one of the dances; or joints are given without `fps`.
     """
     teacher, learner = as_performance(teacher, fps, "teacher"), as_performance(learner, fps, "learner")
     if not unobserved_is_nan:

@@ -214,7 +214,7 @@ class Watcher:
 
 
 def serve_watching(connection: Connection, watching: Watching) -> None:
-    """Watches until the other end of the connection says so, or closes; a source that has ended, or fails, is told."""
+    """Watches until the other end of the connection says so, or closes; it reports a source that ends or fails."""
     end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the server too, which asks to end: joints are saved then
 

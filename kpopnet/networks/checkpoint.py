@@ -116,7 +116,7 @@ def _free_name(run: Path, step: int) -> Path:
 
 
 def _remove(folder: Path) -> None:
-    """Removes a checkpoint that no link points to; if the process is killed, what is left of it is hidden."""
+    """Removes a checkpoint that no link points to; if the process is killed, its remaining files are hidden ones."""
     if not folder.name.startswith("."):
         hidden = folder.with_name(f".{folder.name}.removed")
         shutil.rmtree(hidden, ignore_errors=True)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.camera import Camera, sequence_in_metres, subsampled
-from kpopnet.errors import InputError
+from kpopnet.errors import check_one_of
 from kpopnet.estimator import Estimate, Estimator
 from kpopnet.human import Human
 from kpopnet.networks.over_time import Live, Measured, OverTime, read
@@ -50,12 +50,6 @@ class Pose(NamedTuple):
 @cache
 def _over_time(sees_future: bool) -> OverTime:
     return OverTime.load(shipped_over_time(sees_future))
-
-
-def check_mode(name: str) -> None:
-    """Raises InputError unless `name` is one of MODES."""
-    if name not in MODES:
-        raise InputError(f"mode={name}: expected one of {', '.join(MODES)}")
 
 
 class DetectedPerson:
@@ -123,7 +117,7 @@ class PersonEstimator:
 
     def __init__(self, network: Estimator, mode: str, fps: float = 30.0) -> None:
         """Wraps a network that estimates joints in single frames of recordings with `fps` frames per second."""
-        check_mode(mode)
+        check_one_of("mode", mode, MODES)
         self.estimator, self.name, self.fps = network, mode, fps
         self.sees_future = MODES[mode].sees_future
 

@@ -12,7 +12,7 @@ from kpopnet.camera import Camera
 from kpopnet.errors import InputError
 
 VISIBLE_PX = 0.5
-"""A lens that moves no pixel by more than this leaves each the nearest one of itself: nothing is to undo."""
+"""A lens that moves no pixel by more than this, pixels, needs no table: the nearest measured pixel is the same one."""
 
 FARTHEST = 2.5
 """Largest tangent of the angle to the optical axis that a pinhole image shows: 136 degrees across."""

@@ -61,19 +61,12 @@ def posed(joints_m: np.ndarray, body: TeacherBody) -> tuple[np.ndarray, np.ndarr
 
 
 class Movement(NamedTuple):
-    """What a body does.
+    """What a body does."""
 
-    Attributes:
-        quats: (T, B, 4) rotations of the bones relative to their parents, w first.
-        hips_m: (T, 3) positions of the root, metres.
-        fps: frames per second.
-        begin_s: time of the first frame in the dance, seconds.
-    """
-
-    quats: np.ndarray
-    hips_m: np.ndarray
-    fps: float
-    begin_s: float = 0.0
+    quats: np.ndarray  # (T, B, 4) rotations of the bones relative to their parents, w first
+    hips_m: np.ndarray  # (T, 3) positions of the root, metres
+    fps: float  # frames per second
+    begin_s: float = 0.0  # time of the first frame in the dance, seconds
 
     def frame(self, time_s: float) -> int:
         """The frame nearest to a time of the dance."""

@@ -52,7 +52,7 @@ BPM = 120.0
 """Two steps a second, a usual cadence of walking."""
 
 STEP_BACK_M = 0.35
-"""How far behind the place to stand the feet are of the person who sits."""
+"""How far the feet of the sitting person are behind the place where they stood."""
 
 SIT_KEYS = {"hips_z": -0.40, "drop": 0.43, "hips_pitch": -4.0}
 SAT_S = (36.2, 39.0)
@@ -142,7 +142,7 @@ def _rest(beats: float) -> Move:
 
 
 def _sitting(beats: float) -> Move:
-    """Steps back, sits down, holds for so many beats, stands up and steps forward."""
+    """Steps back, sits down, stays for `beats`, stands up and steps forward."""
     leaning = {"hips_z": -0.2, "drop": 0.16, "hips_pitch": 26.0}
     legs = lower(Key(1.5, leaning), Key(2, SIT_KEYS), Key(beats, SIT_KEYS), Key(1.5, leaning), Key(1.5, {}))
     hands = arms((24, 70, 0, 40), waist_bend=4)

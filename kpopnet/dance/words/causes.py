@@ -56,12 +56,17 @@ MIN_LOSS = 3.0
 
 
 class Cause(NamedTuple):
-    """Why a stretch of the dance is wrong, in seconds on the teacher's clock."""
+    """Why a stretch of the dance is wrong, in seconds on the teacher's clock.
+
+    Attributes:
+        name: one of `CAUSES`.
+        text: it in words, without the time.
+    """
 
     start_s: float
     end_s: float
-    name: str  # one of `CAUSES`
-    text: str  # the cause in words, without the time
+    name: str
+    text: str
 
     @property
     def explains_timing(self) -> bool:

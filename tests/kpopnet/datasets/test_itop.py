@@ -96,7 +96,7 @@ def test_view_and_split_are_selected_by_name(tmp_path):
     with pytest.raises(InputError, match=r"ITOP_side_test_labels\.h5: no such file"):
         benchmark(tmp_path)
     for wrong in ({"view": "front"}, {"split": "validation"}):
-        with pytest.raises(InputError, match="choose one of"):
+        with pytest.raises(InputError, match="expected one of"):
             ItopConfig(**wrong)
     with pytest.raises(InputError, match=r"needs benchmark\.path"):
         ItopBenchmark(ItopConfig())

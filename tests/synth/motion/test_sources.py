@@ -43,7 +43,7 @@ def test_a_pack_is_split_by_its_index(pack):
     assert len(clips(pack)) == 2
     assert [clips(pack, split="test").motion(0).name] == ["clip:c"]
     assert [clips(pack, split="validation").motion(0).name] == ["clip:d"]
-    with pytest.raises(InputError, match="split=val is not one of train, validation, test"):
+    with pytest.raises(InputError, match="split=val: expected one of train, validation, test"):
         clips(pack, split="val")
 
 
