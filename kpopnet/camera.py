@@ -204,11 +204,7 @@ def check_images(where: str, camera: Camera, *images: np.ndarray) -> None:
 
 
 def subsampled(depth_m: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera]:
-    """(..., H, W) depth as it is estimated from: of images that are larger than MOST_PIXELS, the middle pixel of every square.
-
-    Returns:
-        The same array and camera, or fewer pixels and their camera.
-    """
+    """(..., H, W) depth to estimate from, and its camera: of images above MOST_PIXELS the middle pixel of every square."""
     apart = math.ceil(max(math.sqrt(camera.width * camera.height / MOST_PIXELS), *(np.array(depth_m.shape[-2:]) / MOST_SIDE)))
     if apart == 1:
         return depth_m, camera

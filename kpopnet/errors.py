@@ -1,6 +1,7 @@
 """The exception for invalid input of a user, and the checks that settings share."""
 
 import numbers
+from collections.abc import Iterable
 
 MAX_SEED = 2**64 - 1
 
@@ -26,6 +27,12 @@ def check_between(name: str, value: float, low: float, high: float) -> None:
     """Raises InputError unless low <= value <= high; NaN, and what is no number, is refused."""
     if not isinstance(value, numbers.Real) or not low <= value <= high:
         raise InputError(f"{name}={value}: expected a number in {low:g}..{high:g}")
+
+
+def check_one_of(name: str, value: str, known: Iterable[str]) -> None:
+    """Raises InputError unless the value is one of those that are known, which the message lists."""
+    if value not in (known := tuple(known)):
+        raise InputError(f"{name}={value}: expected one of {', '.join(known)}")
 
 
 def check_range(name: str, given: tuple[float, float], low: float, high: float) -> None:

@@ -16,15 +16,10 @@ REPORTED_FRAMES = 40
 
 
 class Estimate(NamedTuple):
-    """Joints of one person over a sequence.
+    """Joints of one person over a sequence."""
 
-    Attributes:
-        joints_camera_m: (T, 15, 3) float32, NaN where a joint is missing.
-        confidence: (T, 15) float32 in 0..1, 0 where a joint is missing.
-    """
-
-    joints_camera_m: np.ndarray
-    confidence: np.ndarray
+    joints_camera_m: np.ndarray  # (T, 15, 3) float32, NaN where a joint is missing
+    confidence: np.ndarray  # (T, 15) float32 in 0..1, 0 where a joint is missing
 
     @classmethod
     def missing(cls, frames: int) -> "Estimate":
@@ -43,12 +38,8 @@ class Estimator(Protocol):
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
         """Estimates the joints of the person in each frame; NaN with confidence 0 in frames with an empty silhouette.
 
-        Args:
-            depth_m: (T, H, W) segmented depth of the person, 0 elsewhere; floating-point metres or uint16 millimetres.
-            camera: the camera of these pixels.
-
-        Raises:
-            InputError: the depth has another type or shape.
+        `depth_m` is (T, H, W) segmented depth, 0 outside the person, in floating-point metres or uint16 millimetres; InputError
+        if it has another type or shape.
         """
         ...
 

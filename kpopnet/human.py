@@ -12,35 +12,24 @@ MARGIN_PX = 2
 
 @dataclass(frozen=True)
 class Human:
-    """One human in one image.
+    """One human in one image."""
 
-    Attributes:
-        identity: the same number for the same human in all images.
-        box: x0, y0, x1, y1 in pixels, the last two exclusive; it includes MARGIN_PX empty pixels around the human, except at
-            the image border.
-        depth_m: (y1 - y0, x1 - x0) float32 metres, the depth of this human only, 0 elsewhere.
-        centre_m: (3,) float32 the human's middle, camera frame, metres: of the visible surface by Algorithm 1, the torso joint
-            as the finder estimates it.
-    """
-
-    identity: int
+    identity: int  # the same number for the same human in all images
+    # x0, y0, x1, y1 in pixels, the last two exclusive; it includes MARGIN_PX empty pixels around the human, except at the image
+    # border
     box: tuple[int, int, int, int]
-    depth_m: np.ndarray
+    depth_m: np.ndarray  # (y1 - y0, x1 - x0) float32 metres, the depth of this human only, 0 elsewhere
+    # (3,) float32 the human's middle, camera frame, metres: of the visible surface by Algorithm 1, the torso joint as the
+    # finder estimates it
     centre_m: np.ndarray
 
     @classmethod
     def cut_out(
         cls, identity: int, depth_m: np.ndarray, labels: np.ndarray, label: int, box: np.ndarray, centre_m: np.ndarray
     ) -> "Human":
-        """The human whose pixels have a label.
+        """The human whose pixels, in an (H, W) image in metres with an integer label for each pixel, have a label.
 
-        Args:
-            identity: see the attributes.
-            depth_m: (H, W) float32 metres, the whole image.
-            labels: (H, W) integers, the label of every pixel.
-            label: that of the human.
-            box: (4,) x0, y0, x1, y1 of these pixels, without a margin.
-            centre_m: see the attributes.
+        The (4,) box is x0, y0, x1, y1 of these pixels, without a margin.
         """
         height, width = depth_m.shape
         x0, y0 = np.maximum(box[:2] - MARGIN_PX, 0).tolist()

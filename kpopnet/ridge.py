@@ -66,33 +66,22 @@ class RidgeConfig:
 
 
 class RidgeStages(NamedTuple):
-    """The intermediate and final (H, W) images of section 2.2, as in the paper's Fig. 2.
+    """The intermediate and final (H, W) images of section 2.2, as in the paper's Fig. 2."""
 
-    Attributes:
-        edges: bool, depth edges.
-        distance_px: float32 D_T, distance in pixels to the nearest edge: 0 on edges, inf everywhere if there is no edge.
-        ratio: float32 R_T, the mean of D_T on the circle divided by D_T at its centre; 1 on edges and where the whole
-            circle lies outside the image.
-        ridge: bool, the ridge data.
-        probability: float32 in 0..1, see `ridge_probability`.
-    """
-
-    edges: np.ndarray
+    edges: np.ndarray  # bool, depth edges
+    # float32 D_T, distance in pixels to the nearest edge: 0 on edges, inf everywhere if there is no edge
     distance_px: np.ndarray
+    # float32 R_T, the mean of D_T on the circle divided by D_T at its centre; 1 on edges and where the whole circle lies
+    # outside the image
     ratio: np.ndarray
-    ridge: np.ndarray
-    probability: np.ndarray
+    ridge: np.ndarray  # bool, the ridge data
+    probability: np.ndarray  # float32 in 0..1, see `ridge_probability`
 
 
 def ridge_stages(depth_m: np.ndarray, config: RidgeConfig) -> RidgeStages:
-    """All steps of section 2.2, for drawing and debugging.
+    """All steps of section 2.2, for drawing and debugging, of (H, W) floating-point metres, 0 where nothing was measured.
 
-    Args:
-        depth_m: (H, W) floating-point metres, 0 where nothing was measured; usually one segmented person.
-        config: thresholds.
-
-    Raises:
-        InputError: the depth is not one image of floating-point numbers.
+    Usually it shows one segmented person. Raises InputError for anything but one image of floating-point numbers.
     """
     box, squared, ratio = _ratio_in_box(depth_m, config)
     edges, distance_px = np.ones(depth_m.shape, bool), np.zeros(depth_m.shape, np.float32)

@@ -34,3 +34,28 @@ def about(axis: int, angles: np.ndarray) -> np.ndarray:
     quats[..., 0] = np.cos(angles / 2)
     quats[..., 1 + axis] = np.sin(angles / 2)
     return quats
+
+
+def continuous(quats: np.ndarray) -> np.ndarray:
+    """(T, B, 4) float64 rotations whose signs do not change from frame to frame, so that they can be averaged."""
+    quats = quats.astype(np.float64)
+    signs = np.where((quats[1:] * quats[:-1]).sum(axis=-1, keepdims=True) < 0, -1, 1)
+    quats[1:] *= np.cumprod(signs, axis=0)
+    return quats
+
+
+def towards(quats: np.ndarray, others: np.ndarray, weight: np.ndarray | float) -> np.ndarray:
+    """Linear interpolation from (..., 4) rotations (weight 0) to others (weight 1), the shorter way; not normalised."""
+    others = np.where((quats * others).sum(axis=-1, keepdims=True) < 0, -others, others)
+    return quats + weight * (others - quats)
+
+
+def normalised(quats: np.ndarray) -> np.ndarray:
+    return quats / np.linalg.norm(quats, axis=-1, keepdims=True)
+
+
+def turns(rotation_rad: np.ndarray) -> np.ndarray:
+    """(..., 4) quaternions of (..., 3) rotation vectors, radians."""
+    angle = np.linalg.norm(rotation_rad, axis=-1, keepdims=True)
+    axis = rotation_rad / np.maximum(angle, 1e-12)
+    return np.concatenate([np.cos(angle / 2), np.sin(angle / 2) * axis], axis=-1)

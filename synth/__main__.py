@@ -38,7 +38,7 @@ from pathlib import Path
 from typing import Any
 
 from kpopnet.camera import Camera
-from kpopnet.errors import InputError
+from kpopnet.errors import InputError, check_between
 from kpopnet.ridge import RidgeConfig
 from kpopnet.runtime.cpu import available_cores, bounded_processes
 from kpopnet.runtime.folder_lock import LOCK_FILE, locked
@@ -148,8 +148,7 @@ def resolved_renderer(renderer: str, camera: Camera) -> str:
 
 def number_of_processes(given: int) -> int:
     """The number of worker processes, of which 0 stands for one on every core. Raises InputError for a negative number."""
-    if given < 0:
-        raise InputError(f"processes={given} must be 0 (every core) or more")
+    check_between("processes", given, 0, 1e6)
     return bounded_processes(given) or available_cores()
 
 

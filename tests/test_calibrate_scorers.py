@@ -53,22 +53,6 @@ def test_a_scorer_that_cannot_keep_the_bounds_gets_the_settings_that_exceed_them
     assert found["keep the bounds"].startswith("0 of") and 65 < found["chosen on"]["excess"] < 71
 
 
-def test_units_of_several_dances_are_resampled_whole_and_too_few_have_no_interval():
-    right, wrong = [4.0, 3.0, 2.0, 1.0], [4.0, 2.0, 3.0, 1.0]
-    scores = {"one": np.array([right] * 20), "other": np.array([right] * 14 + [wrong] * 6)}
-    alone = calibrate.agreement(scores, [str(number) for number in range(20)])
-    assert alone["pairs of scorers"]["one, other"] == {"only the first": 6, "only the second": 0, "p": 0.03125}
-    assert alone["scorers"]["other"]["in order, dance by dance"] == "1" * 14 + "0" * 6
-    recordings = calibrate.agreement(scores, [str(number // 2) for number in range(20)])
-    narrow, wide = (one["scorers"]["other"]["interval"] for one in (alone, recordings))
-    assert recordings["units"] == 10 and wide[1] - wide[0] > narrow[1] - narrow[0]
-    low, high = recordings["pairs of scorers"]["one, other"]["difference, points"]
-    assert low <= 30 <= high and high - low > 20
-    assert recordings["scorers"]["one"]["interval"] == pytest.approx([72.2, 100], abs=0.1)  # 10 of 10 recordings
-    few = calibrate.agreement(scores, [str(number // 5) for number in range(20)])
-    assert few["units"] == 4 and all(one["interval"] is None for one in few["scorers"].values())
-
-
 def test_drawn_dances_hold_the_teacher_and_the_learners_from_the_best_on():
     config = KpopSimConfig(split="train", faults="ends", seed=1)
     sim = KpopSim(motion=MotionConfig("choreography"), benchmark=config, seconds=(4.0, 5.0))

@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from pose_results import results_of_errors
 from programs import tool
-from scipy.stats import ttest_1samp
 
-from kpopnet.errors import InputError
 from kpopnet.evaluation.intervals import Bootstrap
 from kpopnet.evaluation.poses.metrics import PoseResults
 from kpopnet.skeleton import JOINT_GROUPS
@@ -56,14 +54,6 @@ def test_trainings_are_the_unit_and_people_are_crossed_with_them(networks) -> No
     assert high - low > 4, "sequences differ by far more than trainings"
 
 
-def test_four_trainings_or_four_people_give_no_interval_of_them(networks) -> None:
-    four = compare_networks.compare(networks, {"depth": WAYS["depth"][:4]}, [])["depth"]["all"]["mean_cm"]
-    assert four["other_trainings"] is None and four["other_trainings_and_units"] is None and len(four["by_training"]) == 4
-    few = {run: one.select_frames(np.isin(one.sequence, [f"s{k}" for k in range(4)])) for run, one in networks.items()}
-    one = compare_networks.compare(few, WAYS, [])["depth"]["all"]["mean_cm"]
-    assert one["other_trainings"] is not None and one["other_trainings_and_units"] is None
-
-
 def test_a_joint_that_one_network_misses_is_a_miss_and_in_no_mean(networks) -> None:
     head = int(JOINT_GROUPS["head"][0])
     networks["ridge0"] = results(np.zeros((SEQUENCES * FRAMES, 15)))
@@ -71,29 +61,6 @@ def test_a_joint_that_one_network_misses_is_a_miss_and_in_no_mean(networks) -> N
     found = compare_networks.compare(networks, {"depth": ["depth0"], "ridge": ["ridge0"]}, ["ridge-depth"])
     assert found["ridge"]["head"]["within_10cm"]["value"] == 0
     assert found["ridge-depth"]["head"]["mean_cm"]["value"] is None
-
-
-def test_pairs_are_of_known_ways_with_equally_many_trainings() -> None:
-    for pair, says in (("ridge-flat", "expected A-B"), ("ridge", "expected A-B"), ("ridge-depth", "found 5 and 4")):
-        with pytest.raises(InputError, match=says):
-            compare_networks.check_pairs([pair], WAYS | {"depth": WAYS["depth"][:4]})
-
-
-def test_an_interval_is_given_from_five_units_on():
-    """Four units or trainings print no interval, five do, in every kind of interval."""
-    rng = np.random.default_rng(8)
-    for count in (2, 3, 4, 5):
-        values = rng.normal(size=(count, 1))
-        few, many = Bootstrap(np.arange(count), 0), Bootstrap(np.arange(9), 1)
-        given = [few.interval(few.ratios(values, np.ones_like(values))), compare_networks.mean_interval(values[:, 0])]
-        given += [compare_networks.crossed_interval(many.sums(rng.normal(size=(9, count))), few, many)]
-        given += [compare_networks.crossed_interval(few.sums(rng.normal(size=(count, 9))), many, few)]
-        assert [one is not None for one in given] == [count >= 5] * 4
-
-
-def test_the_interval_of_a_mean_is_students():
-    values = np.random.default_rng(3).normal(2, 5, 7)
-    assert compare_networks.mean_interval(values) == pytest.approx(list(ttest_1samp(values, 0).confidence_interval(0.95)))
 
 
 @pytest.mark.parametrize(("of_training", "of_person"), [(1.0, 1.0), (1.0, 0.2), (0.1, 1.0)])

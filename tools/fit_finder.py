@@ -22,9 +22,8 @@ from tqdm import tqdm
 from kpopnet.camera import MM_PER_METRE
 from kpopnet.data.canvas import reduced
 from kpopnet.data.room_images import RoomImage, RoomImages
-from kpopnet.finder.backend import Network, cells_of, open_finder
-from kpopnet.finder.finder import LEAST_CELLS, LEAST_M2, LEAST_PROBABILITY
-from kpopnet.finder.people import People, certainty_features, gather_people
+from kpopnet.finder.finder import LEAST_CELLS, LEAST_M2, LEAST_PROBABILITY, cells_of, open_finder
+from kpopnet.finder.people import Network, People, certainty_features, gather_people
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.provenance import git_revision
 from kpopnet.skeleton import Joint

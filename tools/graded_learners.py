@@ -19,16 +19,16 @@ import numpy as np
 from kpopnet.camera import subsampled
 from kpopnet.estimator import Estimate
 from kpopnet.networks.estimator import NetworkEstimator
-from kpopnet.rotations import conjugate, multiply, rotate
+from kpopnet.rotations import conjugate, multiply, rotate, turns
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.tracker.body_estimate import BodyEstimate
 from kpopnet.tracker.confidence import REFINED_WEIGHTS, probability
 from kpopnet.tracker.refine import refine_frame
-from synth.dances.changes import as_high_as, turns
 from synth.dances.faults import KEPT_AMPLITUDE, amplitude
 from synth.dances.simulate import FPS, KpopSim, KpopSimConfig, dance_name
 from synth.motion import SPLITS, MotionConfig
 from synth.motion.skeleton import INDEX, PARENTS, Motion, forward_kinematics
+from synth.motion.splice import as_high_as
 
 SEED = 27
 DOWN = np.array([0.0, -1.0, 0.0])

@@ -40,17 +40,11 @@ BACKWARD_KNEES = -0.2
 
 
 class RecordingFault(NamedTuple):
-    """A probable fault of a recording.
+    """A probable fault of a recording."""
 
-    Attributes:
-        text: the fault, its probable causes, and which option of `kpopnet score` corrects it.
-        corrected: similarity of the dance with all probable faults corrected; None where the fault costs nothing.
-        about: "mirror", "sides", "tempo", "delay" or "format"; `kpopnet.dance.feedback` leaves out hints about the same.
-    """
-
-    text: str
-    corrected: float | None
-    about: str
+    text: str  # the fault, its probable causes, and which option of `kpopnet score` corrects it
+    corrected: float | None  # similarity of the dance with all probable faults corrected; None where the fault costs nothing
+    about: str  # "mirror", "sides", "tempo", "delay" or "format"; `kpopnet.dance.feedback` leaves out hints about the same
 
 
 class Correction(NamedTuple):
@@ -84,20 +78,14 @@ class Correction(NamedTuple):
 
 
 class Diagnosis(NamedTuple):
-    """Two recorded dances, corrected where their faults were sure.
-
-    Attributes:
-        correction: what was corrected; None for nothing.
-        as_recorded, corrected: the similarity before and after it, 0 to 100.
-        faults: those that are left.
-    """
+    """Two recorded dances, corrected where their faults were sure."""
 
     teacher: Performance
     learner: Performance
-    faults: list[RecordingFault]
-    correction: Correction | None = None
-    as_recorded: float = 0.0
-    corrected: float = 0.0
+    faults: list[RecordingFault]  # those that are left
+    correction: Correction | None = None  # what was corrected; None for nothing
+    as_recorded: float = 0.0  # the similarity before the correction, 0 to 100
+    corrected: float = 0.0  # and after it
 
     def __str__(self) -> str:
         """What was corrected, with both scores, "" if nothing was."""

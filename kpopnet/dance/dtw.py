@@ -38,12 +38,8 @@ def banded_distances(learner, teacher, first, band, outlier):
     of the row, so that a teacher's frame that lacks joints neither attracts a path nor repels it; where the learner's frame is
     the missing one, the whole row is the greatest possible distance.
 
-    Args:
-        learner: (T, D) `Features`.
-        teacher: (M, D) `Features`.
-        first: the teacher's frame of the learner's first one; may lie beyond both ends.
-        band: half width of the band, frames.
-        outlier: see `frame_distance`, radians.
+    Takes (T, D) and (M, D) `Features`, the teacher's frame of the learner's `first` one, which may lie beyond both ends, half
+    the width of the band in frames, and the `outlier` of `frame_distance` in radians.
     """
     frames, angles = learner.angles_rad.shape
     teacher_frames = len(teacher.angles_rad)
@@ -197,39 +193,26 @@ def _backtrack(end, step, slope):
 
 
 class PathDistances(NamedTuple):
-    """What each of the L pairs of frames of a path has in common; P parts of the body.
+    """What each of the L pairs of frames of a path has in common; P parts of the body."""
 
-    Attributes:
-        squared: (L, 3, P) sums of the weighted squared differences of a part's angles, radians^2: of the learner's frame to the
-            teacher's frame before the matched one, to the matched one, and to the one after. Missing angles are left out.
-        present: (L, P) number of the part's angles that could be compared.
-        taught: (L, P) 1 where the teacher's frame shows at least one of the part's angles, else 0.
-        confidence: (L, P) least `Features.confidence` of the learner's angles of the part that the teacher shows; 0 where there
-            are none.
-        seen: (L, P) in 0..1: 1 from SEEN_CONFIDENCE on, below it in proportion.
-        signed: (L, D) differences, learner minus teacher, -pi..pi, radians; NaN where missing.
-        weights: (L, D) product of both frames' weights; 0 where missing.
-    """
-
+    # (L, 3, P) sums of the weighted squared differences of a part's angles, radians^2: of the learner's frame to the teacher's
+    # frame before the matched one, to the matched one, and to the one after. Missing angles are left out.
     squared: np.ndarray
-    present: np.ndarray
-    taught: np.ndarray
+    present: np.ndarray  # (L, P) number of the part's angles that could be compared
+    taught: np.ndarray  # (L, P) 1 where the teacher's frame shows at least one of the part's angles, else 0
+    # (L, P) least `Features.confidence` of the learner's angles of the part that the teacher shows; 0 where there are none
     confidence: np.ndarray
-    seen: np.ndarray
-    signed: np.ndarray
-    weights: np.ndarray
+    seen: np.ndarray  # (L, P) in 0..1: 1 from SEEN_CONFIDENCE on, below it in proportion
+    signed: np.ndarray  # (L, D) differences, learner minus teacher, -pi..pi, radians; NaN where missing
+    weights: np.ndarray  # (L, D) product of both frames' weights; 0 where missing
 
 
 @njit(cache=True)
 def distances_on_path(path, learner, teacher, offset, parts):
-    """The `PathDistances` of a path.
+    """The `PathDistances` of a (L, 2) path of `best_match`, of the window's (n, D) `Features` and the teacher's (M, D).
 
-    Args:
-        path: (L, 2) output of `best_match`.
-        learner: (n, D) `Features` of the window.
-        teacher: (M, D) `Features` of the teacher's dance.
-        offset: the teacher's frame of row i and column k is offset + i + k.
-        parts: (D,) number of the part that each angle belongs to; parts are numbered from 0 without gaps.
+    The teacher's frame of row i and column k is offset + i + k. `parts` (D,) is the number of each angle's part, from 0 on
+    without gaps.
     """
     pairs, angles, num_parts = len(path), len(parts), parts.max() + 1
     squared = np.zeros((pairs, 3, num_parts))

@@ -68,18 +68,12 @@ _TRANSPORT_REFERENCE /= np.linalg.norm(_TRANSPORT_REFERENCE, axis=1, keepdims=Tr
 
 
 class Features(NamedTuple):
-    """Dance features of a sequence.
+    """Dance features of a sequence."""
 
-    Attributes:
-        angles_rad: (T, D) float64, NaN where a joint that the angle needs is missing.
-        weights: (T, D) float64 in 0..1, how well determined each angle is by the pose.
-        confidence: (T, D) float64 in 0..1: the lowest confidence of the joints that define the angle; 0 where the angle is
-            missing. Changes and turns need earlier frames too: where only these are missing, the angle is NaN but as
-            confident as the torso.
-    """
-
-    angles_rad: np.ndarray
-    weights: np.ndarray
+    angles_rad: np.ndarray  # (T, D) float64, NaN where a joint that the angle needs is missing
+    weights: np.ndarray  # (T, D) float64 in 0..1, how well determined each angle is by the pose
+    # (T, D) float64 in 0..1: the lowest confidence of the joints that define the angle; 0 where the angle is missing. Changes
+    # and turns need earlier frames too: where only these are missing, the angle is NaN but as confident as the torso.
     confidence: np.ndarray
 
 
@@ -91,18 +85,14 @@ class Angles(NamedTuple):
 
 
 class Feature(NamedTuple):
-    """A dance feature.
+    """A dance feature."""
 
-    Attributes:
-        names: of the D angles. A name gives the part of the body and the joints whose confidence counts: SIDE_elbow_ANGLE and
-            SIDE_hand_ANGLE are an arm's, SIDE_knee_ANGLE and SIDE_foot_ANGLE a leg's, turn the body's, others the torso's.
-        angles: of (T, 15, 3) joints at uniform frames, NaN where missing, and their frames per second.
-        history_s: how far back in time an angle looks, seconds; the frame before is always there.
-    """
-
+    # of the D angles. A name gives the part of the body and the joints whose confidence counts: SIDE_elbow_ANGLE and
+    # SIDE_hand_ANGLE are an arm's, SIDE_knee_ANGLE and SIDE_foot_ANGLE a leg's, turn the body's, others the torso's.
     names: tuple[str, ...]
+    # of (T, 15, 3) joints at uniform frames, NaN where missing, and their frames per second
     angles: Callable[[np.ndarray, float], Angles]
-    history_s: float = 0.0
+    history_s: float = 0.0  # how far back in time an angle looks, seconds; the frame before is always there
 
     def history_frames(self, fps: float) -> int:
         """Frames that an angle of the last of them is computed from."""
@@ -110,13 +100,10 @@ class Feature(NamedTuple):
 
 
 def dance_features(joints_m: np.ndarray, feature: str, fps: float, confidence: np.ndarray | None = None) -> Features:
-    """The features of a sequence of poses, of which changes and turns of the first frames are missing.
+    """The features, one of FEATURES, of uniformly spaced poses; changes and turns of the first frames are missing.
 
-    Args:
-        joints_m: (T, 15, 3) in any right-handed frame, NaN where missing; for [17] in the camera frame (x right, y down).
-        feature: one of FEATURES.
-        fps: frames per second; frames are uniformly spaced.
-        confidence: (T, 15) in 0..1 of each joint; by default 1 for all.
+    The (T, 15, 3) joints are in any right-handed frame, metres, NaN where missing; for [17] in the camera frame (x right, y
+    down). The (T, 15) confidence in 0..1 is 1 for all by default.
     """
     joints_m = np.asarray(joints_m, np.float64)
     names, compute, _ = FEATURES[feature]

@@ -49,19 +49,13 @@ RIGHT, RIGHT_WINDOWS = 90.0, 0.8
 
 @dataclass(frozen=True)
 class Phrase:
-    """A phrase of the dance.
-
-    Attributes:
-        similarity: of its windows, None where nothing could be compared.
-        unseen: who or what was not in the picture, in words.
-        moments: the worst ones, the worst first; what their `text` says of the time is about the phrase alone.
-    """
+    """A phrase of the dance."""
 
     start_s: float
     end_s: float
-    similarity: float | None
-    unseen: tuple[str, ...]
-    moments: tuple[Moment, ...]
+    similarity: float | None  # of its windows, None where nothing could be compared
+    unseen: tuple[str, ...]  # who or what was not in the picture, in words
+    moments: tuple[Moment, ...]  # the worst ones, the worst first; what their `text` says of the time is about the phrase alone
 
 
 @dataclass(frozen=True)

@@ -19,23 +19,16 @@ from kpopnet.skeleton import NUM_JOINTS
 
 
 class OnlineScore(NamedTuple):
-    """Scores of the latest window, as in `kpopnet.dance.window.WindowScore`, and of the dance so far, 0 to 100.
+    """Scores of the latest window, as in `kpopnet.dance.window.WindowScore`, and of the dance so far, 0 to 100."""
 
-    Attributes:
-        time_s: end of the latest window, seconds.
-        parts: posture by the name of one of `PARTS` that the teacher shows.
-        so_far: score of the dance so far, S of Eq. (15).
-        mirrored: whether the learner is compared as the teacher's mirror image.
-    """
-
-    time_s: float
+    time_s: float  # end of the latest window, seconds
     delay_s: float
     timing: float
     posture: float
     similarity: float
-    parts: dict[str, float]
-    so_far: float
-    mirrored: bool
+    parts: dict[str, float]  # posture by the name of one of `PARTS` that the teacher shows
+    so_far: float  # score of the dance so far, S of Eq. (15)
+    mirrored: bool  # whether the learner is compared as the teacher's mirror image
 
 
 class OnlineScorer:
@@ -56,10 +49,8 @@ class OnlineScorer:
     def update(self, joints_m: np.ndarray, time_s: float, confidence: np.ndarray | None = None) -> OnlineScore | None:
         """Adds a sample of the learner's joints; returns the latest scores, None before the first window is complete.
 
-        Args:
-            joints_m: (15, 3) in the camera frame, NaN where a joint is missing.
-            time_s: seconds on the teacher's clock; later than the previous sample.
-            confidence: (15,) in 0..1 of each joint; by default 1 for all.
+        The (15, 3) joints are in the camera frame, metres, NaN where missing, their (15,) confidence in 0..1 is 1 by default;
+        the time is in seconds on the teacher's clock, later than that of the previous sample.
         """
         joints_m, time_s = np.array(joints_m, np.float64), time_s - self.scorer.latency_s
         if joints_m.shape != (NUM_JOINTS, 3):

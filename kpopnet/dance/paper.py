@@ -37,7 +37,7 @@ from kpopnet.dance.window import (
     timing_similarity,
     window_score,
 )
-from kpopnet.errors import InputError
+from kpopnet.errors import check_one_of
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,7 @@ class PaperScorer:
 
     def __post_init__(self) -> None:
         check_settings(self.alpha, self.beta, self.tau)
-        if self.feature not in FEATURES:
-            raise InputError(f"feature={self.feature} is not one of {', '.join(FEATURES)}")
+        check_one_of("feature", self.feature, FEATURES)
 
     def teacher(self, features: Features) -> "PaperTeacher":
         return PaperTeacher(self, features)

@@ -43,7 +43,7 @@ from kpopnet.dance.window import (
     timing_similarity,
     window_score,
 )
-from kpopnet.errors import InputError
+from kpopnet.errors import InputError, check_one_of
 
 FEATURE = "dance22_turn"
 MIRRORINGS = ("false", "true", "auto")
@@ -78,19 +78,16 @@ proportion."""
 
 
 class EstimatorNoise(NamedTuple):
-    """The errors of an estimator on simulated dances of the split `train`.
+    """The errors of an estimator on simulated dances of the split `train`."""
 
-    Attributes:
-        std_rad: by the name of an angle of dance22_turn, the standard deviation of the error around the true angle, radians,
-            constant errors included; of an azimuth, weighted as the distance weights it. Angles that are not named have none.
-        loss: by a word of PARTS (arm, leg, torso, turning), a and b: perfect dancing keeps the similarity 1 / (1 + a d^b) of a
-            part of `doubt` d.
-        spread: half of what 95 % of scores' errors do not exceed, in units of (1 - kept) / kept, see `DanceScore.uncertainty`;
-            None where it was not measured.
-    """
-
+    # by the name of an angle of dance22_turn, the standard deviation of the error around the true angle, radians, constant
+    # errors included; of an azimuth, weighted as the distance weights it. Angles that are not named have none.
     std_rad: dict[str, float]
+    # by a word of PARTS (arm, leg, torso, turning), a and b: perfect dancing keeps the similarity 1 / (1 + a d^b) of a part of
+    # `doubt` d
     loss: dict[str, tuple[float, float]]
+    # half of what 95 % of scores' errors do not exceed, in units of (1 - kept) / kept, see `DanceScore.uncertainty`; None where
+    # it was not measured
     spread: float | None
 
 
@@ -163,8 +160,7 @@ class PartScorer:
         if not abs(self.latency_s) <= 5:
             raise InputError(f"latency_s={self.latency_s}: expected -5 to 5 seconds")
         for name, known in (("mirrored", MIRRORINGS), ("noise", ("auto", *NOISE))):
-            if getattr(self, name) not in known:
-                raise InputError(f"{name}={getattr(self, name)} is not one of {', '.join(known)}")
+            check_one_of(name, getattr(self, name), known)
 
     def teacher(self, features: Features) -> "PartTeacher":
         """The teacher's (M, D) features with what windows are compared with."""
@@ -189,22 +185,15 @@ class PartScorer:
 
 @dataclass(frozen=True)
 class PartTeacher:
-    """A teacher's dance that windows of a learner are compared with.
+    """A teacher's dance that windows of a learner are compared with."""
 
-    Attributes:
-        scorer: the scorer's settings.
-        features: (M, D) of the whole dance.
-        standing: s_0, the similarity in 0..1 of standing still.
-        movement: (N,) weight in 0..1 of each window in the dance's score: how much the teacher moves in it; 1 for all where
-            the teacher never moves.
-        turning: (M,) how much of a frame a learner who does not turn would miss, 0..1.
-    """
-
-    scorer: PartScorer
-    features: Features
-    standing: float
+    scorer: PartScorer  # the scorer's settings
+    features: Features  # (M, D) of the whole dance
+    standing: float  # s_0, the similarity in 0..1 of standing still
+    # (N,) weight in 0..1 of each window in the dance's score: how much the teacher moves in it; 1 for all where the teacher
+    # never moves
     movement: np.ndarray
-    turning: np.ndarray
+    turning: np.ndarray  # (M,) how much of a frame a learner who does not turn would miss, 0..1
 
     @property
     def parts(self) -> np.ndarray:

@@ -42,22 +42,17 @@ MIRROR_MARGIN = 10.0
 class Windows(NamedTuple):
     """Scores of a dance's windows, 0 to 100.
 
-    All arrays have N rows, one a window; those that are not listed are as in `kpopnet.dance.window.WindowScore`.
-
-    Attributes:
-        start_s: (N,) start of each window, seconds on the teacher's clock.
-        weight: (N,) weight in 0..1 in the scores of the dance, see `kpopnet.dance.parts.PartTeacher.movement`.
-        parts, coverage: by the name of one of `PARTS`, (N,) each.
+    All arrays have N rows, one a window; those without a remark are as in `kpopnet.dance.window.WindowScore`.
     """
 
-    start_s: np.ndarray
+    start_s: np.ndarray  # (N,) start of each window, seconds on the teacher's clock
     delay_s: np.ndarray
     timing: np.ndarray
     posture: np.ndarray
     similarity: np.ndarray
-    weight: np.ndarray
-    parts: dict[str, np.ndarray]
-    coverage: dict[str, np.ndarray]
+    weight: np.ndarray  # (N,) weight in 0..1 in the scores of the dance, see `kpopnet.dance.parts.PartTeacher.movement`
+    parts: dict[str, np.ndarray]  # by the name of one of `PARTS`, (N,) each
+    coverage: dict[str, np.ndarray]  # likewise
     error_rad: np.ndarray
     error_weight: np.ndarray
 
@@ -68,38 +63,26 @@ class Windows(NamedTuple):
 
 
 class DanceScore(NamedTuple):
-    """Scores of a learner's dance, 0 to 100; NaN if no window could be compared. Means over the windows are weighted.
+    """Scores of a learner's dance, 0 to 100; NaN if no window could be compared. Means over the windows are weighted."""
 
-    Attributes:
-        similarity: S of Eq. (15), the mean of the windows' S_t S_p.
-        timing: the mean of S_t over the windows in which the learner was seen.
-        posture: the mean of the windows' S_p.
-        parts: name of `PARTS` to the mean posture of that part alone, without regard to time and to the other parts; nothing is
-            taken off for standing still. Parts that the teacher does not show are left out.
-        scored: fraction of the windows that could be compared.
-        coverage: name of `PARTS` to the fraction in 0..1 of what the teacher dances with it that the learner shows.
-        mirrored: whether the learner was compared as the teacher's mirror image.
-        mirror_fits_better: whether the learner fits the teacher's mirror image clearly better than the teacher.
-        tempo: the learner's tempo divided by the teacher's; NaN where unknown.
-        uncertainty: points, above or below the similarity, within which the score on true joints lies in 95 % of simulated
-            dances, where the noise of an estimator was set; 0 for true joints, NaN where it was not measured.
-        teacher_m, learner_m: (T, 15, 3) joints at the uniform frames that were compared, FPS a second, metres.
-    """
-
-    similarity: float
-    timing: float
-    posture: float
+    similarity: float  # S of Eq. (15), the mean of the windows' S_t S_p
+    timing: float  # the mean of S_t over the windows in which the learner was seen
+    posture: float  # the mean of the windows' S_p
+    # name of `PARTS` to the mean posture of that part alone, without regard to time and to the other parts; nothing is taken
+    # off for standing still. Parts that the teacher does not show are left out.
     parts: dict[str, float]
-    scored: float
+    scored: float  # fraction of the windows that could be compared
     windows: Windows
-    coverage: dict[str, float]
-    mirrored: bool
-    mirror_fits_better: bool
-    tempo: float
+    coverage: dict[str, float]  # name of `PARTS` to the fraction in 0..1 of what the teacher dances that the learner shows
+    mirrored: bool  # whether the learner was compared as the teacher's mirror image
+    mirror_fits_better: bool  # whether the learner fits the teacher's mirror image clearly better than the teacher
+    tempo: float  # the learner's tempo divided by the teacher's; NaN where unknown
+    # points, above or below the similarity, within which the score on true joints lies in 95 % of simulated dances, where the
+    # noise of an estimator was set; 0 for true joints, NaN where it was not measured
     uncertainty: float
     scorer: Scorer
-    teacher_m: np.ndarray
-    learner_m: np.ndarray
+    teacher_m: np.ndarray  # (T, 15, 3) joints at the uniform frames that were compared, FPS a second, metres
+    learner_m: np.ndarray  # (T, 15, 3) likewise
 
     @property
     def _delays_s(self) -> np.ndarray:
@@ -148,9 +131,8 @@ def score_dance(
     teacher's dance are not scored. Dances may be given as (T, 15, 3) joints in metres in the camera frame with their `fps`.
     With `unobserved_is_nan` a learner of whom no joint is known scores NaN, for evaluations that count such dances.
 
-    Raises:
-        InputError: the teacher's dance is shorter than a window, or the learner's recording covers no whole window of it; or
-            no joint is known in one of the dances; or joints are given without `fps`.
+    Raises InputError if the teacher's dance is shorter than a window, or the learner's recording covers no whole window of it;
+    or no joint is known in one of the dances; or joints are given without `fps`.
     """
     teacher, learner = as_performance(teacher, fps, "teacher"), as_performance(learner, fps, "learner")
     if not unobserved_is_nan:

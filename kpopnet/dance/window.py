@@ -30,28 +30,19 @@ MIN_COMPARED_FRACTION = 0.5
 
 
 class WindowScore(NamedTuple):
-    """Scores of one window: 0 to 100, and through an estimator more than 100 where its errors are less than usual.
+    """Scores of one window: 0 to 100, and through an estimator more than 100 where its errors are less than usual."""
 
-    Attributes:
-        delay_s: delay of the learner, seconds; negative when early. NaN where too few frames could be compared.
-        timing: S_t of Eq. (13); NaN with the delay.
-        posture: S_p of Eq. (14); NaN where nothing could be compared and nothing can be said.
-        parts: (P,) posture of each of `PARTS`, without regard to the others; NaN where the teacher does not show the part.
-        coverage: (P,) fraction in 0..1 of the part in the teacher's frames that the learner shows; NaN likewise.
-        error_rad: (D,) mean signed difference of each angle, learner minus teacher, in the middle of the window, for the time
-            from one window to the next.
-        error_weight: (D,) mean weight of these differences, 0..1; 0 where there are none.
-        expected: posture in 0..1, before it was divided by it, of perfect dancing through the estimator; 1 for true joints.
-    """
-
-    delay_s: float
-    timing: float
-    posture: float
+    delay_s: float  # delay of the learner, seconds; negative when early. NaN where too few frames could be compared
+    timing: float  # S_t of Eq. (13); NaN with the delay
+    posture: float  # S_p of Eq. (14); NaN where nothing could be compared and nothing can be said
+    # (P,) posture of each of `PARTS`, without regard to the others; NaN where the teacher does not show the part
     parts: np.ndarray
-    coverage: np.ndarray
+    coverage: np.ndarray  # (P,) fraction in 0..1 of the part in the teacher's frames that the learner shows; NaN likewise
+    # (D,) mean signed difference of each angle, learner minus teacher, in the middle of the window, for the time from one
+    # window to the next
     error_rad: np.ndarray
-    error_weight: np.ndarray
-    expected: float
+    error_weight: np.ndarray  # (D,) mean weight of these differences, 0..1; 0 where there are none
+    expected: float  # posture in 0..1, before it was divided by it, of perfect dancing through the estimator; 1 for true joints
 
     @property
     def similarity(self) -> float:
@@ -105,17 +96,11 @@ def window_score(
     timing: float,
     expected: float = 1.0,
 ) -> WindowScore:
-    """The score of a window from what the L pairs of its path have in common.
+    """The score of a window from what the L pairs of its (L, 2) path, see `kpopnet.dance.dtw.best_match`, have in common.
 
-    Args:
-        pairs: (L, 2 + P) of each pair: similarity of the body in 0..1, whether it could be compared, similarity of each part.
-        on_path: the pairs' distances.
-        path: (L, 2) see `kpopnet.dance.dtw.best_match`.
-        parts: (D,) number of each angle's part.
-        hop_frames: frames from one window to the next, over which errors are averaged.
-        delay_s: of the learner, seconds.
-        timing: S_t, 0 to 100.
-        expected: see `WindowScore`.
+    `pairs` are (L, 2 + P): similarity of the body in 0..1, whether it could be compared, similarity of each part. `parts` (D,)
+    numbers the part of each angle. Errors are averaged over `hop_frames`, the frames from one window to the next; `delay_s`,
+    `timing` (S_t, 0 to 100) and `expected` are those of `WindowScore`.
     """
     coverage = np.where(on_path.taught, on_path.seen, np.nan)
     means = _mean_over_frames(np.column_stack([pairs, coverage]), path)

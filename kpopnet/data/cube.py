@@ -106,21 +106,12 @@ def person_cubes(depth_m: np.ndarray, camera: Camera, half_size_m: float) -> dic
 def crop(
     depth_m: np.ndarray, camera: Camera, cube: Cube, crop_px: int, ridge: np.ndarray | None = None, view: View = PLAIN_VIEW
 ) -> np.ndarray:
-    """Crops a cube from a depth image, as the input of a network.
+    """Crops a cube from (H, W) float32 segmented depth in metres, 0 outside the person, as the input of a network.
 
-    Args:
-        depth_m: (H, W) float32 segmented depth of the person in metres, 0 elsewhere.
-        camera: the camera of exactly these pixels.
-        cube: around the person.
-        crop_px: side of the crop in pixels.
-        ridge: (H, W) float32 ridge probability in 0..1, or None for a crop of depth only.
-        view: of the cube; `view.joints` transforms joints accordingly.
-
-    Returns:
-        (1 or 2, crop_px, crop_px) float32. Channel 0 is d of the nearest pixel, clipped to -1..1, and 1 where nothing was
-        measured. (Interpolation would create points between a limb and the surface behind it.) Channel 1 is the mean
-        ridge probability over the crop pixel's square, so that lines thinner than a crop pixel are preserved. Raises
-        InputError if depth or ridge are not of the camera's size.
+    Returns (1 or 2, crop_px, crop_px) float32. Channel 0 is d of the nearest pixel, clipped to -1..1, and 1 where nothing was
+    measured. (Interpolation would create points between a limb and the surface behind it.) Channel 1, of the (H, W) float32
+    `ridge` in 0..1 if given, is its mean over the crop pixel's square, so that lines thinner than a crop pixel are preserved.
+    `view.joints` transforms joints as `view` does the cube. Raises InputError if an image is not of the camera's size.
     """
     check_images("depth and ridge image", camera, depth_m, *(() if ridge is None else (ridge,)))
     cx, cy, cz = (float(value) for value in cube.centre_m)

@@ -24,7 +24,7 @@ import numpy as np
 
 from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.datasets.protocol import BenchmarkConfig, Origin, Sequence, heading_rad
-from kpopnet.errors import InputError
+from kpopnet.errors import InputError, check_one_of
 from kpopnet.runtime.hdf5_files import Hdf5Schema, open_hdf5, read_array, stored_array
 from kpopnet.runtime.input_files import ArraySchema, expect
 from kpopnet.skeleton import NUM_JOINTS
@@ -71,8 +71,7 @@ class ItopConfig(BenchmarkConfig):
 
     def __post_init__(self) -> None:
         for name, known in (("view", VIEWS), ("split", SPLITS)):
-            if getattr(self, name) not in known:
-                raise InputError(f"benchmark.{name}={getattr(self, name)}: choose one of {', '.join(known)}")
+            check_one_of(f"benchmark.{name}", getattr(self, name), known)
 
 
 def _ids(stored: np.ndarray, path: Path) -> list[str]:

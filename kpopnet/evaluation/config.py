@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Any
 
-from kpopnet.errors import InputError, check_seed
+from kpopnet.errors import InputError, check_between, check_seed
 from kpopnet.pose.extraction import DEFAULT_EXTRACTION
 from kpopnet.runtime.cpu import available_cores, bounded_processes
 
@@ -41,8 +41,7 @@ class EvaluateConfig:
 
     def __post_init__(self) -> None:
         self.extraction = self.extraction or DEFAULT_EXTRACTION
-        if self.processes < 0:
-            raise InputError(f"processes={self.processes}: expected 1 or more, or 0 for all cores")
+        check_between("processes", self.processes, 0, 1e6)
         check_seed("seed", self.seed)
 
     def refuse(self, *names: str, instead: str = "leave it out") -> None:

@@ -1,16 +1,27 @@
 """The finder: everybody in one depth image of any scene before any camera, and who is who in films."""
 
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 
 from kpopnet.camera import Camera, check_camera, depth_in_metres
-from kpopnet.data.canvas import reduced
+from kpopnet.data.canvas import STRIDE, Reduced, reduced
 from kpopnet.errors import InputError, check_between
-from kpopnet.finder.backend import cells_of, open_finder
 from kpopnet.finder.following import FRAME_S, UNKNOWN, Followed
-from kpopnet.finder.people import certainty, gather_people, pixel_owners
+from kpopnet.finder.people import (
+    INPUTS,
+    OUTPUT_NAMES,
+    PROBLEM,
+    Cells,
+    Network,
+    certainty,
+    gather_people,
+    pixel_owners,
+)
 from kpopnet.human import Human
+from kpopnet.runtime.input_files import read_with
 from kpopnet.weights import shipped_finder
 
 LEAST_PROBABILITY, LEAST_M2, LEAST_CELLS = 0.4, 0.03, 8
@@ -19,6 +30,9 @@ LEAST_PROBABILITY, LEAST_M2, LEAST_CELLS = 0.4, 0.03, 8
 FOLLOWED_CERTAINTY = 0.2
 """A person who is being followed is reported with at least this certainty, where they are expected: what is found with little
 certainty counts for tracks and not for new ones, as in ByteTrack (Zhang et al. 2022)."""
+
+ONNX_SUFFIX = ".onnx"
+"""Of a network that ONNX Runtime runs, twice as fast on a CPU as torch runs the weights of a training."""
 
 
 @dataclass(frozen=True)
@@ -47,15 +61,7 @@ class PersonFinder:
         self._network = open_finder(config.weights or str(shipped_finder()))
 
     def extract(self, depth_m: np.ndarray, time_s: float | None = None) -> list[Human]:
-        """The people in the next image, in the order in which they were first found.
-
-        Args:
-            depth_m: (H, W) float32 metres, 0 where nothing was measured.
-            time_s: when it was taken, in seconds of any clock; None: FRAME_S after the image before.
-
-        Raises:
-            InputError: not one depth image of the camera's size.
-        """
+        """The people in the next image, as `kpopnet.pose.extraction.Extractor`: (H, W) metres, 0 where nothing was measured."""
         depth_m = depth_in_metres(depth_m, self.camera)
         if depth_m.ndim != 2:
             raise InputError(f"depth image: expected shape (H, W), got {depth_m.shape}; pass one image per call")
@@ -76,3 +82,30 @@ class PersonFinder:
             if identity != UNKNOWN and box[2] > box[0]
         ]
         return sorted(humans, key=lambda human: human.identity)
+
+
+def cells_of(network: Network, canvas: Reduced) -> Cells:
+    """What a network says of the cells of an image."""
+    probability, torso_m = network(canvas.depth_m[None], canvas.intrinsics[None])
+    depth_m = np.ascontiguousarray(canvas.depth_m[::STRIDE, ::STRIDE])
+    area_m2 = depth_m**2 * np.float32(STRIDE**2 / (canvas.intrinsics[0] * canvas.intrinsics[1]))
+    return Cells(depth_m, area_m2, probability, torso_m)
+
+
+@cache
+def open_finder(path: str) -> Network:
+    """The network of a file, opened once, on one thread; raises InputError if it is missing or no finder."""
+    if not path.endswith(ONNX_SUFFIX):
+        from kpopnet.finder.network import torch_finder  # takes a second to import
+
+        return torch_finder(path)
+    import onnxruntime  # takes a tenth of a second to import
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+
+    def opened(path: Path):
+        return onnxruntime.InferenceSession(path.read_bytes(), options, providers=["CPUExecutionProvider"])
+
+    session = read_with(opened, Path(path), PROBLEM)
+    return lambda depth_m, intrinsics: session.run(list(OUTPUT_NAMES), dict(zip(INPUTS, (depth_m, intrinsics), strict=True)))

@@ -17,13 +17,14 @@ MOMENTUM = 0.6
 """Share of the speed of before in that of now, after FRAME_S; its power after other times."""
 
 COASTING_S = 1 / 6
-"""A person is expected to keep their speed for so many seconds: somebody hidden does not go on for ever."""
+"""A person is expected to keep their speed for this time, seconds: somebody hidden does not walk on for ever."""
 
 FORGOTTEN_S = 0.35
-"""After so many seconds without them, a person who is found anywhere may be the one who was missing longest."""
+"""A person who was missing for this time, seconds, may be found again anywhere; the one missing longest comes first."""
 
 DOUBTED_S = 2.0
-"""A person is followed by little certainty for so many seconds after they were certain last: a chair is not, for ever."""
+"""For this time after a person was last certain, in seconds, little certainty is enough to follow them: what is taken for a
+person, such as a chair, is not followed for ever."""
 
 MOST_MISSING = 64
 """People who are remembered while they are out of view."""

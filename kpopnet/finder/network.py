@@ -26,15 +26,10 @@ FINE_CHANNELS = 40
 
 
 class Seen(NamedTuple):
-    """What the network says of the cells of B images.
+    """What the network says of the cells of B images."""
 
-    Attributes:
-        person_logit: (B, h, w) its sigmoid is the probability that the cell's pixel shows a person.
-        vote_m: (B, 3, h, w) the person's torso joint relative to the cell's point, camera frame, metres.
-    """
-
-    person_logit: Tensor
-    vote_m: Tensor
+    person_logit: Tensor  # (B, h, w) its sigmoid is the probability that the cell's pixel shows a person
+    vote_m: Tensor  # (B, 3, h, w) the person's torso joint relative to the cell's point, camera frame, metres
 
 
 class FinderNetwork(nn.Module):
@@ -65,14 +60,9 @@ class FinderNetwork(nn.Module):
 
 
 def observed(depth_m: Tensor, intrinsics: Tensor) -> Tensor:
-    """The network's input: of each pixel, whether it was measured, the logarithms of its depth and of its size, and its ray.
-
-    Args:
-        depth_m: (B, H, W) depth in metres, 0 where nothing was measured.
-        intrinsics: (B, 4) fx, fy, cx, cy in pixels.
-
-    Returns:
-        (B, 5, H, W); of pixels that were not measured only the ray, X / Z and Y / Z.
+    """The network's input, (B, 5, H, W): of each pixel, whether it was measured, the logarithms of its depth and of its size,
+    and its ray, X / Z and Y / Z; of pixels that were not measured only the ray. From (B, H, W) depth in metres, 0 where nothing
+    was measured, and (B, 4) fx, fy, cx, cy in pixels.
     """
     measured = depth_m > 0
     z = torch.where(measured, depth_m, 1.0)
@@ -110,17 +100,11 @@ def loss(seen: Seen, target: "Target") -> dict[str, Tensor]:
 
 
 class Target(NamedTuple):
-    """What the network should say of the cells of B images.
+    """What the network should say of the cells of B images."""
 
-    Attributes:
-        person: (B, h, w) 1 where the cell's pixel shows a person, else 0.
-        vote_m: (B, 3, h, w) as in `Seen`.
-        weight: (B, h, w) weight of the cell, 0 where nothing was measured.
-    """
-
-    person: Tensor
-    vote_m: Tensor
-    weight: Tensor
+    person: Tensor  # (B, h, w) 1 where the cell's pixel shows a person, else 0
+    vote_m: Tensor  # (B, 3, h, w) as in `Seen`
+    weight: Tensor  # (B, h, w) weight of the cell, 0 where nothing was measured
 
 
 def load_network(path: Path | str) -> FinderNetwork:

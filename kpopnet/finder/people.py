@@ -27,19 +27,12 @@ SEEDS = 160
 
 
 class Cells(NamedTuple):
-    """What is known of the h x w cells of an image.
+    """What is known of the h x w cells of an image."""
 
-    Attributes:
-        depth_m: (h, w) float32 metres, 0 where nothing was measured.
-        area_m2: (h, w) float32 area that a cell sees, 0 where nothing was measured.
-        probability: (h, w) float32 that the cell shows a person.
-        torso_m: (h, w, 3) float32 where this person's torso joint is, camera frame, metres.
-    """
-
-    depth_m: np.ndarray
-    area_m2: np.ndarray
-    probability: np.ndarray
-    torso_m: np.ndarray
+    depth_m: np.ndarray  # (h, w) float32 metres, 0 where nothing was measured
+    area_m2: np.ndarray  # (h, w) float32 area that a cell sees, 0 where nothing was measured
+    probability: np.ndarray  # (h, w) float32 that the cell shows a person
+    torso_m: np.ndarray  # (h, w, 3) float32 where this person's torso joint is, camera frame, metres
 
 
 INPUTS, OUTPUT_NAMES = ("depth_m", "intrinsics"), ("probability", "torso_m")
@@ -50,29 +43,18 @@ PROBLEM = "missing, damaged, or not a finder of this version"
 
 
 class People(NamedTuple):
-    """The P people of one image.
+    """The P people of one image."""
 
-    Attributes:
-        centres_m: (P, 3) float32 torso joints as voted, camera frame, metres.
-        score: (P,) float32 mean probability of their cells.
-        area_m2: (P,) float32 visible surface, seen from the camera.
-        owner: (h, w) uint8 person of each cell, 1..P, or NO_PERSON.
-    """
-
-    centres_m: np.ndarray
-    score: np.ndarray
-    area_m2: np.ndarray
-    owner: np.ndarray
+    centres_m: np.ndarray  # (P, 3) float32 torso joints as voted, camera frame, metres
+    score: np.ndarray  # (P,) float32 mean probability of their cells
+    area_m2: np.ndarray  # (P,) float32 visible surface, seen from the camera
+    owner: np.ndarray  # (h, w) uint8 person of each cell, 1..P, or NO_PERSON
 
 
 def gather_people(cells: Cells, least_probability: float, least_m2: float, least_cells: int) -> People:
     """The people of an image, by decreasing surface that agrees on them.
 
-    Args:
-        cells: what is known of the image.
-        least_probability: of cells that vote.
-        least_m2: least visible surface of a person.
-        least_cells: least number of a person's cells.
+    Cells of `least_probability` vote; a person has a visible surface of `least_m2` and `least_cells` of them, or more.
     """
     # numpy gathers and sorts: what numba would compile for it takes a third of a user's wait for the first joints.
     seen = np.nonzero((cells.area_m2 > 0) & (cells.probability >= np.float64(least_probability)))
@@ -215,9 +197,8 @@ def _near_people(owner):
 def _around(owner, cell_depth_m):
     """What the 4 x 4 cells are around the pixels between each cell and the next, so that few pixels need to look at all.
 
-    Returns:
-        (h, w) uint8 their only person, NO_PERSON where there is none or several; and (h, w, 4) float32 least and largest
-        depth of people's cells, then of the others, infinite and -infinite where there are none.
+    (h, w) uint8 their only person, NO_PERSON where there is none or several; and (h, w, 4) float32 least and largest depth of
+    people's cells, then of the others, infinite and -infinite where there are none.
     """
     h, w = owner.shape
     only = np.zeros((h, w), np.uint8)
@@ -255,18 +236,10 @@ def pixel_owners(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Gives every pixel of a whole image to a person.
 
-    A pixel takes the opinion of the 4 x 4 cells around it, the nearest in the image and in depth first.
-
-    Args:
-        depth_m: (H, W) float32 metres.
-        cell_depth_m: (h, w) float32 depth of the cells' pixels.
-        probability: (h, w) float32 that a cell shows a person.
-        owner: (h, w) uint8 person of each cell.
-        reduction: pixels of the whole image to one of the canvas, of which every STRIDE-th is a cell.
-        people: number of people.
-
-    Returns:
-        (H, W) uint8 person of each pixel, and (people, 4) int32 x0, y0, x1, y1 of their pixels, the last two exclusive.
+    A pixel takes the opinion of the 4 x 4 cells around it, the nearest in the image and in depth first. From (H, W) float32
+    metres, and of the (h, w) cells the depth, the probability of a person and the uint8 owner. `reduction` is pixels of the
+    whole image to one of the canvas, of which every STRIDE-th is a cell. (H, W) uint8 person of each pixel, and (people, 4)
+    int32 x0, y0, x1, y1 of their pixels, the last two exclusive.
     """
     near = _near_people(owner)
     rectangle = _rectangle(near, STRIDE * reduction, *depth_m.shape)

@@ -32,37 +32,21 @@ class HumanModel:
 
     The paper's notation is in brackets. Assumption: the paper does not define the vertex of the two angles; here it is the
     torso's centre, the one point that head and shoulders share in the structure.
-
-    Attributes:
-        head_to_shoulder_line_m: from the head perpendicular to the line through the shoulders [l_H⊥S].
-        shoulder_to_shoulder_m: from the left to the right shoulder [l_LS,RS].
-        head_to_torso_m: from the head to the torso's centre [l_H,T].
-        left_shoulder_to_torso_m: from the left shoulder to the torso's centre [l_LS,T].
-        right_shoulder_to_torso_m: from the right shoulder to the torso's centre [l_RS,T].
-        torso_to_hip_line_m: from the torso's centre perpendicular to the line through the hips [l_T⊥P].
-        left_shoulder_to_left_hip_m: from the left shoulder to the left hip [l_LS,LP].
-        left_shoulder_to_right_hip_m: from the left shoulder to the right hip [l_LS,RP].
-        right_shoulder_to_left_hip_m: from the right shoulder to the left hip [l_RS,LP].
-        right_shoulder_to_right_hip_m: from the right shoulder to the right hip [l_RS,RP].
-        left_shoulder_angle_rad: between head and left shoulder at the torso's centre, radians [θ_LS].
-        right_shoulder_angle_rad: between head and right shoulder at the torso's centre, radians [θ_RS].
-        right_upper_arm_m ... left_lower_leg_m: from each limb joint to its parent, in the order of `LIMB_PARENTS` [l_RUA ...].
-        arms_raised: mean cosine between the upper arms and the up direction in the pose in which the lengths were measured.
-            Shoulders rise with the arms, by about 5 cm from hanging arms to the Y pose. Not in the paper.
     """
 
-    head_to_shoulder_line_m: float
-    shoulder_to_shoulder_m: float
-    head_to_torso_m: float
-    left_shoulder_to_torso_m: float
-    right_shoulder_to_torso_m: float
-    torso_to_hip_line_m: float
-    left_shoulder_to_left_hip_m: float
-    left_shoulder_to_right_hip_m: float
-    right_shoulder_to_left_hip_m: float
-    right_shoulder_to_right_hip_m: float
-    left_shoulder_angle_rad: float
-    right_shoulder_angle_rad: float
+    head_to_shoulder_line_m: float  # from the head perpendicular to the line through the shoulders [l_H⊥S]
+    shoulder_to_shoulder_m: float  # from the left to the right shoulder [l_LS,RS]
+    head_to_torso_m: float  # from the head to the torso's centre [l_H,T]
+    left_shoulder_to_torso_m: float  # from the left shoulder to the torso's centre [l_LS,T]
+    right_shoulder_to_torso_m: float  # from the right shoulder to the torso's centre [l_RS,T]
+    torso_to_hip_line_m: float  # from the torso's centre perpendicular to the line through the hips [l_T⊥P]
+    left_shoulder_to_left_hip_m: float  # from the left shoulder to the left hip [l_LS,LP]
+    left_shoulder_to_right_hip_m: float  # from the left shoulder to the right hip [l_LS,RP]
+    right_shoulder_to_left_hip_m: float  # from the right shoulder to the left hip [l_RS,LP]
+    right_shoulder_to_right_hip_m: float  # from the right shoulder to the right hip [l_RS,RP]
+    left_shoulder_angle_rad: float  # between head and left shoulder at the torso's centre, radians [θ_LS]
+    right_shoulder_angle_rad: float  # between head and right shoulder at the torso's centre, radians [θ_RS]
+    # from each limb joint to its parent, in the order of `LIMB_PARENTS` [l_RUA ...]
     right_upper_arm_m: float
     left_upper_arm_m: float
     right_lower_arm_m: float
@@ -71,6 +55,8 @@ class HumanModel:
     left_upper_leg_m: float
     right_lower_leg_m: float
     left_lower_leg_m: float
+    # mean cosine between the upper arms and the up direction in the pose in which the lengths were measured. Shoulders rise
+    # with the arms, by about 5 cm from hanging arms to the Y pose. Not in the paper.
     arms_raised: float = Y_POSE_ARMS_RAISED
 
     def __post_init__(self) -> None:

@@ -30,7 +30,7 @@ def free_path(folder: Path, kind: str, suffix: str) -> Path:
 
 
 class DepthRecorder:
-    """Writes every image of the camera while it is told to; its thread is the camera's, orders come from another."""
+    """Writes every image of the camera between start and stop; the camera's thread writes, another one gives the orders."""
 
     def __init__(self, folder: Path, camera: Camera) -> None:
         self._folder, self._camera = folder, camera

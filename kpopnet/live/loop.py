@@ -36,25 +36,15 @@ RATE_IMAGES = 30
 
 @dataclass(frozen=True)
 class Watching:
-    """What is watched and how; it travels to another process.
+    """What is watched and how; it travels to another process."""
 
-    Attributes:
-        name: of the source.
-        open_camera: opens it; a function of a module.
-        folder: of recordings and joints.
-        checkpoint: of `load_estimator`.
-        people: largest number of people.
-        stream: a kind of `open_stream`, None for none.
-        port: of the stream, None for the usual one.
-    """
-
-    name: str
-    open_camera: Callable[[], LiveCamera]
-    folder: Path
-    checkpoint: str | None = None
-    people: int = 16
-    stream: str | None = None
-    port: int | None = None
+    name: str  # of the source
+    open_camera: Callable[[], LiveCamera]  # opens it; a function of a module
+    folder: Path  # of recordings and joints
+    checkpoint: str | None = None  # of `load_estimator`
+    people: int = 16  # largest number of people
+    stream: str | None = None  # a kind of `open_stream`, None for none
+    port: int | None = None  # of the stream, None for the usual one
 
 
 Tell = Callable[..., None]
@@ -65,13 +55,7 @@ class Watcher:
     """Estimates everybody's joints in the newest image until the source ends or somebody quits."""
 
     def __init__(self, watching: Watching, tell: Tell, orders: Orders) -> None:
-        """Opens the source.
-
-        Args:
-            watching: what is watched.
-            tell: takes what the page shows: a kind, its content, and a picture.
-            orders: gives what the page asks for, since it was last called.
-        """
+        """Opens the source; `tell` takes what the page shows (kind, content, picture), `orders` gives what it asks for."""
         self._estimator = load_estimator(watching.checkpoint, watching.people)
         self._stream_to, self._stream = (watching.stream, watching.port), None
         self._camera = watching.open_camera()
@@ -230,7 +214,7 @@ class Watcher:
 
 
 def serve_watching(connection: Connection, watching: Watching) -> None:
-    """Watches until the other end of the connection says so, or closes; a source that has ended, or fails, is told."""
+    """Watches until the other end of the connection says so, or closes; it reports a source that ends or fails."""
     end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the server too, which asks to end: joints are saved then
 

@@ -25,19 +25,12 @@ from kpopnet.skeleton import JOINT_NAMES, Joint
 
 
 class Seen(NamedTuple):
-    """Everybody in one image.
+    """Everybody in one image."""
 
-    Attributes:
-        number: of the image, from 0.
-        time_s: seconds since the first one.
-        delay_ms: from the image to its joints.
-        people: those in view; identities from 1.
-    """
-
-    number: int
-    time_s: float
-    delay_ms: float
-    people: Sequence[PersonPose]
+    number: int  # of the image, from 0
+    time_s: float  # seconds since the first one
+    delay_ms: float  # from the image to its joints
+    people: Sequence[PersonPose]  # those in view; identities from 1
 
 
 Stream = Callable[[Seen], None]

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from kpopnet.data.cube import INPUTS
-from kpopnet.errors import InputError
+from kpopnet.errors import InputError, check_one_of
 from kpopnet.runtime.input_files import check_fields, read_json, settings_from
 from kpopnet.skeleton import NUM_JOINTS
 
@@ -57,8 +57,7 @@ class ModelConfig:
 
     def __post_init__(self) -> None:
         for name, known in (("kind", KINDS), ("input", INPUTS)):
-            if getattr(self, name) not in known:
-                raise InputError(f"model.{name}={getattr(self, name)}: expected one of {', '.join(known)}")
+            check_one_of(f"model.{name}", getattr(self, name), known)
         if not 32 <= self.crop_px <= MAX_CROP_PX or self.crop_px % STRIDES[-1]:
             raise InputError(f"model.crop_px={self.crop_px}: expected a multiple of {STRIDES[-1]}, 32 to {MAX_CROP_PX}")
         if not 0.5 <= self.half_size_m <= 5:

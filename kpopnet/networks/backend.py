@@ -46,8 +46,7 @@ class Backend(Protocol):
 def open_network(checkpoint: Path | str | None, device: str = "cpu") -> Backend:
     """Opens a checkpoint's folder, a file of `kpopnet export`, or None for the network that comes with the package.
 
-    Raises:
-        InputError: no network there, a damaged one, or no such device.
+    Raises InputError: no network there, a damaged one, or no such device.
     """
     if checkpoint is None and device == "cpu":
         folder = shipped_network()

@@ -48,12 +48,8 @@ STATE_SCHEMA = {
 def save_checkpoint(run: Path, network: PoseNetwork, state: dict, meta: dict, *, best: bool) -> Path:
     """Writes a checkpoint of the averaged weights below the folder of a run, and moves the link `last` to it, which it returns.
 
-    Args:
-        run: the run's folder.
-        network: with the averaged weights.
-        state: tensors, numbers and containers of them (torch.load with weights_only reads only these).
-        meta: step, config, metrics and mean_pose_m, JSON types only.
-        best: it is the best so far: the link `best` moves too.
+    `state` holds tensors, numbers and containers of them (torch.load with weights_only reads only these), `meta` step, config,
+    metrics and mean_pose_m, of JSON types. Where it is the best so far, the link `best` moves too.
     """
     folder = _free_name(run, meta["step"])
     partial = folder.with_name(f".{folder.name}.{os.getpid()}")
@@ -120,7 +116,7 @@ def _free_name(run: Path, step: int) -> Path:
 
 
 def _remove(folder: Path) -> None:
-    """Removes a checkpoint that no link points to; if the process is killed, what is left of it is hidden."""
+    """Removes a checkpoint that no link points to; if the process is killed, its remaining files are hidden ones."""
     if not folder.name.startswith("."):
         hidden = folder.with_name(f".{folder.name}.removed")
         shutil.rmtree(hidden, ignore_errors=True)

@@ -28,17 +28,11 @@ Maps = tuple[Tensor, Tensor, Tensor]
 
 
 class Prediction(NamedTuple):
-    """Output of a network for a batch of crops.
+    """Output of a network for a batch of crops."""
 
-    Attributes:
-        joints: (B, 15, 3) u, v, d in cube units.
-        confidence_logit: (B, 15); its sigmoid is the confidence.
-        maps: other quantities that the head's loss needs, by name.
-    """
-
-    joints: Tensor
-    confidence_logit: Tensor
-    maps: dict[str, Tensor]
+    joints: Tensor  # (B, 15, 3) u, v, d in cube units
+    confidence_logit: Tensor  # (B, 15); its sigmoid is the confidence
+    maps: dict[str, Tensor]  # other quantities that the head's loss needs, by name
 
     @property
     def confidence(self) -> Tensor:

@@ -46,11 +46,8 @@ class JointsAndConfidence(nn.Module):
 def export_network(network: PoseNetwork, meta: dict, path: Path) -> float:
     """Writes the `portable` description and a network in evaluation mode, on the CPU, to an ONNX file, and runs that.
 
-    Returns:
-        The largest difference between the outputs of torch and of ONNX Runtime, in cube units and probabilities.
-
-    Raises:
-        InputError: the name ends in another suffix than .onnx, or a library is missing.
+    Returns the largest difference between the outputs of torch and of ONNX Runtime, in cube units and probabilities. Raises
+    InputError: the name ends in another suffix than .onnx, or a library is missing.
     """
     if path.suffix != ONNX_SUFFIX:
         raise InputError(f"{path}: expected a name that ends in .onnx")

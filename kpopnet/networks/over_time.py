@@ -45,19 +45,12 @@ FEATURES = 2 * BASES + 1 + 6 + 2 + KINDS.shape[1]
 
 
 class Measured(NamedTuple):
-    """What single frames say of people: arrays with the same leading axes.
+    """What single frames say of people: arrays with the same leading axes."""
 
-    Attributes:
-        detected_m: (..., 15, 3) the image network's joints, camera frame, metres.
-        fitted_m: (..., 15, 3) those after the fit to the depth.
-        detected: (..., 15) the network's confidence.
-        fitted: (..., 15) the fit's.
-    """
-
-    detected_m: np.ndarray
-    fitted_m: np.ndarray
-    detected: np.ndarray
-    fitted: np.ndarray
+    detected_m: np.ndarray  # (..., 15, 3) the image network's joints, camera frame, metres
+    fitted_m: np.ndarray  # (..., 15, 3) those after the fit to the depth
+    detected: np.ndarray  # (..., 15) the network's confidence
+    fitted: np.ndarray  # (..., 15) the fit's
 
 
 class Averages:
@@ -73,9 +66,8 @@ class Averages:
     def add(self, measured: Measured, step_s: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Adds a frame `step_s` seconds after the one before, (...).
 
-        Returns:
-            (..., 16, 3) points: the joints relative to the trunk's centre, and that centre; (..., BASES, 16, 3) differences to
-            them, metres; and (..., 16, FEATURES) float32 what the network reads.
+        (..., 16, 3) points: the joints relative to the trunk's centre, and that centre; (..., BASES, 16, 3) differences to
+        them, metres; and (..., 16, FEATURES) float32 what the network reads.
         """
         step_s = np.broadcast_to(np.asarray(step_s, float), self._fresh.shape)
         fresh = (self._fresh | (step_s > FORGET_S))[..., None, None]

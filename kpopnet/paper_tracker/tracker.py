@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import expit
 
 from kpopnet.camera import Camera, sequence_in_metres, subsampled
-from kpopnet.errors import InputError
+from kpopnet.errors import InputError, check_one_of
 from kpopnet.estimator import Estimate, Start, start_pose, track_sequence
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.paper_tracker.algorithm2 import Frame, Plan, State, Structure, frame_of, structure_of, track_frame
@@ -75,12 +75,8 @@ class PaperTrackerConfig:
     model: str | None = None
 
     def __post_init__(self) -> None:
-        if self.candidates not in ("ridge", "depth"):
-            raise InputError(f"paper_tracker: candidates={self.candidates}: expected ridge or depth")
-        if self.lost not in LOST:
-            raise InputError(f"paper_tracker: lost={self.lost}: expected one of {', '.join(LOST)}")
-        if self.start not in ("y_pose", "label"):
-            raise InputError(f"paper_tracker: start={self.start}: expected one of y_pose, label")
+        for name, known in (("candidates", ("ridge", "depth")), ("lost", LOST), ("start", ("y_pose", "label"))):
+            check_one_of(f"paper_tracker: {name}", getattr(self, name), known)
         if not (0 < self.r_m <= 2 and 0 < self.epsilon_m <= 1 and 0 <= self.straightness < 1 and self.sufficient > 0):
             raise InputError(
                 "paper_tracker: expected r_m in 0..2 m, epsilon_m in 0..1 m, straightness in 0..1 and sufficient above 0, "

@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kpopnet.camera import Camera, check_camera, depth_in_metres, subsampled
-from kpopnet.errors import InputError, check_between
+from kpopnet.errors import InputError, check_between, check_one_of
 from kpopnet.estimator import Estimator
 from kpopnet.finder.following import FRAME_S
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.pose.extraction import DEFAULT_EXTRACTION, Extractor, build_extractor
-from kpopnet.pose.person import MODES, DetectedPerson, Pose, TrackedPerson, check_mode, joined
+from kpopnet.pose.person import MODES, DetectedPerson, Pose, TrackedPerson, joined
 from kpopnet.sources.source import TimedDepth
 
 log = logging.getLogger(__name__)
@@ -26,16 +26,11 @@ MAX_REMEMBERED = 64
 
 
 class PersonPose(NamedTuple):
-    """One person in one image, or in the T images of a recording.
+    """One person in one image, or in the T images of a recording."""
 
-    Attributes:
-        identity: the same number for the same person in all images.
-        joints_camera_m: (15, 3) or (T, 15, 3) float32 joints, camera frame, metres; NaN where missing.
-        confidence: (15,) or (T, 15) float32 estimated probability that the joint is within 10 cm of the truth, 0 where missing.
-    """
-
-    identity: int
-    joints_camera_m: np.ndarray
+    identity: int  # the same number for the same person in all images
+    joints_camera_m: np.ndarray  # (15, 3) or (T, 15, 3) float32 joints, camera frame, metres; NaN where missing
+    # (15,) or (T, 15) float32 estimated probability that the joint is within 10 cm of the truth, 0 where missing
     confidence: np.ndarray
 
 
@@ -57,7 +52,7 @@ class PoseEstimator:
         Raises:
             InputError: an unknown mode, or fewer than one person or more than MAX_PEOPLE.
         """
-        check_mode(mode)
+        check_one_of("mode", mode, MODES)
         check_between("people", people, 1, MAX_PEOPLE)
         self.network, self.mode, self.people, self.extraction = network, mode, people, extraction
         self.reset()
@@ -72,12 +67,9 @@ class PoseEstimator:
         extraction: Any = DEFAULT_EXTRACTION,
     ) -> "PoseEstimator":
         """Loads a network, where the mode needs one: a checkpoint's folder or an exported network, by default the one that
-        comes with the package, on the device cpu or cuda.
-
-        Raises:
-            InputError: the network cannot be loaded, or a setting is wrong.
+        comes with the package, on the device cpu or cuda. Raises InputError: it cannot be loaded, or a setting is wrong.
         """
-        check_mode(mode)
+        check_one_of("mode", mode, MODES)
         network = NetworkEstimator(checkpoint, device=device) if MODES[mode].network else None
         return cls(network, mode, people, extraction)
 

@@ -50,20 +50,10 @@ def build_extractor(camera: Camera, settings: Any) -> Extractor:
 
 
 def extract_person(depth_m: np.ndarray, camera: Camera, settings: Any = DEFAULT_EXTRACTION, fps: float = 30.0) -> np.ndarray:
-    """The depth of the one person of a recording.
+    """The depth of the one person of a recording, (T, H, W) float32 metres, 0 elsewhere; `settings` as for `build_extractor`.
 
-    Args:
-        depth_m: (T, H, W) float32 metres, 0 where nothing was measured.
-        camera: its camera.
-        settings: of a type in `EXTRACTIONS`, which chooses how the person is found.
-        fps: frames per second.
-
-    Returns:
-        (T, H, W) float32 metres: the depth of that person only, 0 elsewhere. If several people are found, it is the one
-        found in most images; of equals, the one found first.
-
-    Raises:
-        InputError: not a sequence of depth images of the camera's size.
+    If several people are found, it is the one found in most images; of equals, the one found first. The recording is (T, H, W)
+    float32 metres, 0 where nothing was measured. Raises InputError for anything but depth images of the camera's size.
     """
     extractor = build_extractor(camera, settings)
     images = enumerate(sequence_in_metres(depth_m, camera))

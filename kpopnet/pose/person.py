@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.camera import Camera, sequence_in_metres, subsampled
-from kpopnet.errors import InputError
+from kpopnet.errors import check_one_of
 from kpopnet.estimator import Estimate, Estimator
 from kpopnet.human import Human
 from kpopnet.networks.over_time import Live, Measured, OverTime, read
@@ -25,17 +25,11 @@ from kpopnet.weights import shipped_over_time
 
 
 class Mode(NamedTuple):
-    """What is done with each frame.
+    """What is done with each frame."""
 
-    Attributes:
-        network: a network estimates the joints; else the body tracker.
-        mirrored: the network also sees the frame in a mirror, and its two answers are averaged.
-        sees_future: joints of a whole recording are estimated with a look at the frames that follow.
-    """
-
-    network: bool
-    mirrored: bool
-    sees_future: bool
+    network: bool  # a network estimates the joints; else the body tracker
+    mirrored: bool  # the network also sees the frame in a mirror, and its two answers are averaged
+    sees_future: bool  # joints of a whole recording are estimated with a look at the frames that follow
 
 
 MODES = {
@@ -46,28 +40,16 @@ MODES = {
 
 
 class Pose(NamedTuple):
-    """One person in one image.
+    """One person in one image."""
 
-    Attributes:
-        joints_camera_m: (15, 3) float32 joints, metres, NaN where missing.
-        confidence: (15,) float32, 0 where missing.
-        measured: what the network over time was given; None where it was not asked.
-    """
-
-    joints_camera_m: np.ndarray
-    confidence: np.ndarray
-    measured: Measured | None = None
+    joints_camera_m: np.ndarray  # (15, 3) float32 joints, metres, NaN where missing
+    confidence: np.ndarray  # (15,) float32, 0 where missing
+    measured: Measured | None = None  # what the network over time was given; None where it was not asked
 
 
 @cache
 def _over_time(sees_future: bool) -> OverTime:
     return OverTime.load(shipped_over_time(sees_future))
-
-
-def check_mode(name: str) -> None:
-    """Raises InputError unless `name` is one of MODES."""
-    if name not in MODES:
-        raise InputError(f"mode={name}: expected one of {', '.join(MODES)}")
 
 
 class DetectedPerson:
@@ -134,12 +116,8 @@ class PersonEstimator:
     """Implements kpopnet.estimator.Estimator by a mode of MODES."""
 
     def __init__(self, network: Estimator, mode: str, fps: float = 30.0) -> None:
-        """Wraps a network that estimates joints in single frames of recordings with `fps` frames per second.
-
-        Raises:
-            InputError: an unknown mode.
-        """
-        check_mode(mode)
+        """Wraps a network that estimates joints in single frames of recordings with `fps` frames per second."""
+        check_one_of("mode", mode, MODES)
         self.estimator, self.name, self.fps = network, mode, fps
         self.sees_future = MODES[mode].sees_future
 

@@ -145,7 +145,7 @@ class Collected:
         self._answers.append(answer._replace(time_s=script_s, depth_m=None))
 
     def watched(self, name: str, dropped: int, truth: Truth | None = None, fps: float = 0.0) -> Watched:
-        """The run, once the script is over, with the truth of images at so many a second.
+        """The run, once the script is over, with the truth, if it is known, of its images at `fps` a second.
 
         Raises InputError where the images end before the script.
         """

@@ -55,7 +55,7 @@ def shown_joints(dance: Dance, learner: Learner) -> Performance:
 
 
 def serve(given: argparse.Namespace, dances: KpopSet) -> None:
-    """Serves the page until the program is interrupted; a damaged recording is told before."""
+    """Serves the page until the program is interrupted; a damaged recording is reported before that."""
     check_server("kpopnet rate", given.port)
     from kpopnet.teacher.hosting import host
     from kpopnet.teacher.rating import Rating, figure, make_rating_app

@@ -37,7 +37,7 @@ from kpopnet.baselines.tree_walk.training import train as train_tree_walk
 from kpopnet.data.observation import JoinedSources, ObservationSource
 from kpopnet.data.person_crops import PersonCrops
 from kpopnet.data.shards import ShardedSet
-from kpopnet.errors import InputError, check_seed
+from kpopnet.errors import check_between, check_seed
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import read_meta, run_folder
 from kpopnet.runtime.cpu import bounded_processes
@@ -94,10 +94,8 @@ class ObservationConfig:
 
     def __post_init__(self) -> None:
         check_seed("seed", self.seed)
-        if self.workers < 0:
-            raise InputError(f"workers={self.workers} must be 0 or more")
-        if self.crops_repeated < 1:
-            raise InputError(f"crops_repeated={self.crops_repeated} must be 1 or more")
+        check_between("workers", self.workers, 0, 1e6)
+        check_between("crops_repeated", self.crops_repeated, 1, 1e6)
 
     def observed(self) -> tuple[ObservationSource, ObservationSource, dict[str, dict]]:
         """What to learn from and to validate with, and what identifies the sets; raises InputError if a folder holds none."""
@@ -158,8 +156,7 @@ class FinderTrainingConfig:
 
     def __post_init__(self) -> None:
         check_seed("seed", self.seed)
-        if self.threads < 0:
-            raise InputError(f"threads={self.threads} must be 0 or more")
+        check_between("threads", self.threads, 0, 1e6)
 
 
 class TrainingFolder(OutputFolder):

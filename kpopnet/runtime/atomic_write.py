@@ -68,7 +68,7 @@ def sync(path: Path) -> None:
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Gives errors of the file system that name no file, as those of a full disk, this one's name."""
+    """Adds this file's name to errors of the file system that name no file, as those of a full disk."""
     try:
         yield
     except OSError as error:

@@ -22,6 +22,7 @@ import numpy as np
 
 from kpopnet.errors import InputError
 from kpopnet.runtime.cpu import ONE_THREAD
+from kpopnet.runtime.input_files import first_line
 
 R = TypeVar("R")
 
@@ -185,8 +186,7 @@ def serve() -> None:
     except MemoryError:
         answer("error", f"{path}: cannot be read (it takes more than {memory_bytes / 1e9:g} GB of memory)")
     except Exception as error:  # whatever a parser makes of damaged bytes
-        reason = next(iter(str(error).splitlines()), "")[:200]
-        answer("error", f"{path}: cannot be read ({type(error).__name__}: {reason})")
+        answer("error", f"{path}: cannot be read ({type(error).__name__}: {first_line(error)})")
 
 
 def _end_with_parent() -> None:

@@ -12,7 +12,7 @@ from kpopnet.camera import Camera
 from kpopnet.errors import InputError
 
 VISIBLE_PX = 0.5
-"""A lens that moves no pixel by more than this leaves each the nearest one of itself: nothing is to undo."""
+"""A lens that moves no pixel by more than this, pixels, needs no table: the nearest measured pixel is the same one."""
 
 FARTHEST = 2.5
 """Largest tangent of the angle to the optical axis that a pinhole image shows: 136 degrees across."""
@@ -21,16 +21,12 @@ STEPS = 5000
 
 
 class Lens(NamedTuple):
-    """How a lens bends rays.
+    """How a lens bends rays."""
 
-    Attributes:
-        coefficients: in OpenCV's order. Of Brown-Conrady's model, whose rational form Azure Kinect uses: k1, k2, p1, p2, k3 to
-            k6; of a fisheye lens (Kannala & Brandt 2006) k1 to k4. Those at the end may be missing: 0.
-        is_fisheye: which of the two.
-    """
-
+    # in OpenCV's order. Of Brown-Conrady's model, whose rational form Azure Kinect uses: k1, k2, p1, p2, k3 to k6; of a fisheye
+    # lens (Kannala & Brandt 2006) k1 to k4. Those at the end may be missing: 0.
     coefficients: tuple[float, ...]
-    is_fisheye: bool = False
+    is_fisheye: bool = False  # which of the two
 
     @property
     def all(self) -> list[float]:
@@ -48,14 +44,10 @@ class Lens(NamedTuple):
 
 
 class View(NamedTuple):
-    """A pinhole camera and how its image is taken from what the sensor stores.
+    """A pinhole camera and how its image is taken from what the sensor stores."""
 
-    Attributes:
-        camera: the pinhole camera.
-        table: (H, W) index of the stored pixel that each pixel takes, -1 for none; None takes all as they are.
-    """
-
-    camera: Camera
+    camera: Camera  # the pinhole camera
+    # (H, W) index of the stored pixel that each pixel takes, -1 for none; None takes all as they are
     table: np.ndarray | None = None
 
     def image(self, depth: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 
 from kpopnet.camera import MM_PER_METRE, Camera, depth_in_metres
 from kpopnet.errors import InputError
-from kpopnet.runtime.input_files import parsing
+from kpopnet.runtime.input_files import first_line, parsing
 from kpopnet.runtime.provenance import optional_library
 from kpopnet.sources.source import SEARCH_EVERY_S, SILENCE_S, CameraAwayError, Recording, StoredImage
 
@@ -144,7 +144,7 @@ class RealSenseCamera:
                     sensor.close()
                 raise
         except RuntimeError as error:
-            raise CameraAwayError(f"the camera does not start ({next(iter(str(error).splitlines()), '')[:200]})") from error
+            raise CameraAwayError(f"the camera does not start ({first_line(error)})") from error
         self._sensor, self._queue, self.camera = sensor, queue, camera
 
 

@@ -15,77 +15,48 @@ MAX_FRAMES = 1_000_000
 
 
 class StoredImage(NamedTuple):
-    """One image as a file holds it.
+    """One image as a file holds it."""
 
-    Attributes:
-        depth: (H, W) uint16 millimetres or float metres; numbers of another unit where the recording states it.
-        where: file and frame, for messages.
-        time_s: when it was taken, in seconds; None where the file does not state it.
-    """
-
-    depth: np.ndarray
-    where: str
-    time_s: float | None = None
+    depth: np.ndarray  # (H, W) uint16 millimetres or float metres; numbers of another unit where the recording states it
+    where: str  # file and frame, for messages
+    time_s: float | None = None  # when it was taken, in seconds; None where the file does not state it
 
 
 class Recording(NamedTuple):
-    """What the reader of one kind of file finds; None where the file does not state it.
+    """What the reader of one kind of file finds; None where the file does not state it."""
 
-    Attributes:
-        images: reads the images, `width` x `height` pixels, in order; each call begins with the first one.
-        frames: number of images.
-        fps: images per second.
-        lens: of the camera; None for a pinhole.
-        units_per_m: how many of the stored numbers make a metre; None for millimetres of integers and metres of floats.
-    """
-
+    # reads the images, `width` x `height` pixels, in order; each call begins with the first one
     images: Callable[[], Iterator[StoredImage]]
     width: int
     height: int
-    frames: int | None = None
-    fps: float | None = None
+    frames: int | None = None  # number of images
+    fps: float | None = None  # images per second
     camera: Camera | None = None
-    lens: Lens | None = None
+    lens: Lens | None = None  # of the camera; None for a pinhole
+    # how many of the stored numbers make a metre; None for millimetres of integers and metres of floats
     units_per_m: float | None = None
 
 
 class TimedDepth(NamedTuple):
-    """One depth image of a recording.
+    """One depth image of a recording."""
 
-    Attributes:
-        time_s: seconds, more than that of the image before.
-        depth_m: (H, W) float32 metres, 0 where nothing was measured.
-    """
-
-    time_s: float
-    depth_m: np.ndarray
+    time_s: float  # seconds, more than that of the image before
+    depth_m: np.ndarray  # (H, W) float32 metres, 0 where nothing was measured
 
 
 @dataclass(frozen=True)
 class DepthSource:
-    """Depth images of one camera; they may be iterated several times, and need not fit into memory.
+    """Depth images of one camera; they may be iterated several times, and need not fit into memory."""
 
-    Attributes:
-        name: of the file or folder, for messages.
-        stored: the camera of the images as the file holds them.
-        view: the pinhole camera of the images that are given, without the lens's distortion, and upright.
-        fps: images per second.
-        fps_is_known: whether the file or the user gave `fps`; else it is a default.
-        frames: number of images, None where it is known only after reading.
-        images: reads the images as the file holds them.
-        file_times: whether times are the file's; else they follow from `fps`.
-        units_per_m: see `Recording`.
-    """
-
-    name: str
-    stored: Camera
-    view: View
-    fps: float
-    fps_is_known: bool
-    frames: int | None
-    images: Callable[[], Iterator[StoredImage]]
-    file_times: bool = True
-    units_per_m: float | None = None
+    name: str  # of the file or folder, for messages
+    stored: Camera  # the camera of the images as the file holds them
+    view: View  # the pinhole camera of the images that are given, without the lens's distortion, and upright
+    fps: float  # images per second
+    fps_is_known: bool  # whether the file or the user gave `fps`; else it is a default
+    frames: int | None  # number of images, None where it is known only after reading
+    images: Callable[[], Iterator[StoredImage]]  # reads the images as the file holds them
+    file_times: bool = True  # whether times are the file's; else they follow from `fps`
+    units_per_m: float | None = None  # see `Recording`
 
     @property
     def camera(self) -> Camera:
@@ -99,8 +70,7 @@ class DepthSource:
     def timed(self) -> Iterator[TimedDepth]:
         """The images with their times.
 
-        Raises:
-            InputError: an image is damaged, is no depth or not of the camera's size, or its time is not after the one before.
+        Raises InputError: an image is damaged, no depth, or not of the camera's size, or its time is not after the one before.
         """
         before_s = -np.inf
         for number, image in enumerate(self.images()):
@@ -156,15 +126,11 @@ class LiveCamera(Protocol):
     camera: Camera
 
     def read(self) -> tuple[np.ndarray, float] | None:
-        """Waits for the next image; None after the last one of a recording.
+        """Waits for the next image: (H, W) float32 depth of the whole scene, metres, 0 where nothing was measured, and when it
+        was taken, in seconds of `time.monotonic`; None after the last one of a recording.
 
-        Returns:
-            (H, W) float32 depth of the whole scene, metres, 0 where nothing was measured, and when it was taken, in seconds of
-            `time.monotonic`.
-
-        Raises:
-            CameraAwayError: no image came for a while; the next call looks for the camera again.
-            InputError: there will be no more images.
+        Raises CameraAwayError: no image came for a while, and the next call looks for the camera again; InputError: there will
+        be no more images.
         """
 
     def close(self) -> None:

@@ -75,7 +75,7 @@ def _images(path: Path) -> Iterator[StoredImage]:
 
 @contextmanager
 def _heard(sign: str = "") -> Iterator[None]:
-    """Makes a ValueError of an error with this sign in FFmpeg's log, where alone it tells of cut files and made up pixels."""
+    """Makes a ValueError of an error with this sign in FFmpeg's log: nothing else tells of cut files and made up pixels."""
     import av
 
     level = av.logging.get_level()

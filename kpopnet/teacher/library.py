@@ -28,29 +28,17 @@ PREVIEW_FPS, PREVIEW_S = 10, 4.0
 
 @dataclass(frozen=True, eq=False)
 class TeacherBody:
-    """A body of B bones, N vertices and F faces at rest.
+    """A body of B bones, N vertices and F faces at rest."""
 
-    Attributes:
-        bone_names: (B,) names of the bones, parents first.
-        bone_parents: (B,) int parent of each bone, -1 for the root.
-        heads_m: (B, 3) proximal end of each bone, metres.
-        t_pose: (B, 3, 3) rotation of each bone from the rest pose to the T-pose.
-        joints_m: (15, 3) joints, metres.
-        vertices_m: (N, 3) vertices, metres.
-        faces: (F, 3) int triangles, counter-clockwise seen from outside.
-        weight_bones: (N, 4) int bones of the skinning weights.
-        weights: (N, 4) skinning weights; rows sum to 1.
-    """
-
-    bone_names: np.ndarray
-    bone_parents: np.ndarray
-    heads_m: np.ndarray
-    t_pose: np.ndarray
-    joints_m: np.ndarray
-    vertices_m: np.ndarray
-    faces: np.ndarray
-    weight_bones: np.ndarray
-    weights: np.ndarray
+    bone_names: np.ndarray  # (B,) names of the bones, parents first
+    bone_parents: np.ndarray  # (B,) int parent of each bone, -1 for the root
+    heads_m: np.ndarray  # (B, 3) proximal end of each bone, metres
+    t_pose: np.ndarray  # (B, 3, 3) rotation of each bone from the rest pose to the T-pose
+    joints_m: np.ndarray  # (15, 3) joints, metres
+    vertices_m: np.ndarray  # (N, 3) vertices, metres
+    faces: np.ndarray  # (F, 3) int triangles, counter-clockwise seen from outside
+    weight_bones: np.ndarray  # (N, 4) int bones of the skinning weights
+    weights: np.ndarray  # (N, 4) skinning weights; rows sum to 1
 
     def bone(self, name: str) -> int:
         return self.bone_names.tolist().index(name)
@@ -67,21 +55,13 @@ class TeacherBody:
 
 @dataclass(frozen=True)
 class About:
-    """What the menu shows of a dance.
+    """What the menu shows of a dance."""
 
-    Attributes:
-        name: its title.
-        seconds: length.
-        bpm: tempo, beats per minute; the first beat is at time 0.
-        difficulty: 1 to 5, by how fast the limbs move.
-        own: whether the user added it.
-    """
-
-    name: str
-    seconds: float
-    bpm: float
-    difficulty: int
-    own: bool = False
+    name: str  # its title
+    seconds: float  # length
+    bpm: float  # tempo, beats per minute; the first beat is at time 0
+    difficulty: int  # 1 to 5, by how fast the limbs move
+    own: bool = False  # whether the user added it
 
     def __post_init__(self) -> None:
         check_names("title", [self.name])
@@ -94,21 +74,14 @@ class About:
 
 @dataclass(frozen=True, eq=False)
 class TaughtDance:
-    """A dance of T frames by the teacher's body.
+    """A dance of T frames by the teacher's body."""
 
-    Attributes:
-        about: for the menu.
-        fps: frames per second.
-        joints_m: (T, 15, 3) float32 joints in the frame of a level camera that the teacher faces, metres; NaN where missing.
-        quats: (T, B, 4) float32 rotations of the bones relative to their parents, w first.
-        hips_m: (T, 3) float32 position of the root bone, metres; the floor at z = 0.
-    """
-
-    about: About
-    fps: float
+    about: About  # for the menu
+    fps: float  # frames per second
+    # (T, 15, 3) float32 joints in the frame of a level camera that the teacher faces, metres; NaN where missing
     joints_m: np.ndarray
-    quats: np.ndarray
-    hips_m: np.ndarray
+    quats: np.ndarray  # (T, B, 4) float32 rotations of the bones relative to their parents, w first
+    hips_m: np.ndarray  # (T, 3) float32 position of the root bone, metres; the floor at z = 0
 
     @property
     def performance(self) -> Performance:

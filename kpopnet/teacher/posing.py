@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from kpopnet.dance.joint_files.bvh import BvhFile, bvh_text
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
-from kpopnet.rotations import conjugate, multiply
+from kpopnet.rotations import conjugate, continuous, multiply
 from kpopnet.skeleton import Joint
 from kpopnet.teacher.library import TeacherBody
 
@@ -57,23 +57,16 @@ def posed(joints_m: np.ndarray, body: TeacherBody) -> tuple[np.ndarray, np.ndarr
     for bone, parent in enumerate(body.bone_parents):
         if parent >= 0:
             local[:, bone] = multiply(conjugate(quats[:, parent]), quats[:, bone])
-    return _continuous(local).astype(np.float32), _root_m(world_m, rotations, body).astype(np.float32)
+    return continuous(local).astype(np.float32), _root_m(world_m, rotations, body).astype(np.float32)
 
 
 class Movement(NamedTuple):
-    """What a body does.
+    """What a body does."""
 
-    Attributes:
-        quats: (T, B, 4) rotations of the bones relative to their parents, w first.
-        hips_m: (T, 3) positions of the root, metres.
-        fps: frames per second.
-        begin_s: time of the first frame in the dance, seconds.
-    """
-
-    quats: np.ndarray
-    hips_m: np.ndarray
-    fps: float
-    begin_s: float = 0.0
+    quats: np.ndarray  # (T, B, 4) rotations of the bones relative to their parents, w first
+    hips_m: np.ndarray  # (T, 3) positions of the root, metres
+    fps: float  # frames per second
+    begin_s: float = 0.0  # time of the first frame in the dance, seconds
 
     def frame(self, time_s: float) -> int:
         """The frame nearest to a time of the dance."""
@@ -166,13 +159,6 @@ def _swing(parent: np.ndarray, rest: np.ndarray, wanted: np.ndarray) -> np.ndarr
     turn = np.eye(3) + skew + skew @ skew / np.maximum(1 + cosine, 1e-3)[:, None, None]
     left, _, right = np.linalg.svd(turn @ parent)  # orthonormal again
     return left @ right
-
-
-def _continuous(quats: np.ndarray) -> np.ndarray:
-    """(T, B, 4) the same rotations with signs that do not jump."""
-    signs = np.ones(quats.shape[:2])
-    signs[1:] = np.sign((quats[1:] * quats[:-1]).sum(axis=-1))
-    return quats * np.cumprod(np.where(signs < 0, -1, 1), axis=0)[..., None]
 
 
 def forward(rotations: np.ndarray, body: TeacherBody) -> np.ndarray:

@@ -31,17 +31,11 @@ FLOOR_PERCENTILE = 2
 
 @dataclass(frozen=True)
 class Rating:
-    """What is rated.
+    """What is rated."""
 
-    Attributes:
-        dances: the set.
-        seed: of the raters' orders.
-        joints: those of a learner that are shown.
-    """
-
-    dances: KpopSet
-    seed: int
-    joints: Callable[[Dance, Learner], Performance]
+    dances: KpopSet  # the set
+    seed: int  # of the raters' orders
+    joints: Callable[[Dance, Learner], Performance]  # those of a learner that are shown
 
     @cached_property
     def learners(self) -> dict[str, list[str]]:

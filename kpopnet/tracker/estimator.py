@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kpopnet.camera import Camera, sequence_in_metres, subsampled
-from kpopnet.errors import InputError
+from kpopnet.errors import InputError, check_one_of
 from kpopnet.estimator import Estimate, Estimator, Start, track_sequence
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.tracker.start import AWAITED, WAYS
@@ -30,8 +30,7 @@ class TrackerEstimatorConfig:
     network: str | None = None
 
     def __post_init__(self) -> None:
-        if self.start not in WAYS:
-            raise InputError(f"estimator.tracker.start={self.start}: expected one of {', '.join(WAYS)}")
+        check_one_of("estimator.tracker.start", self.start, WAYS)
 
 
 class TrackerEstimator:
@@ -45,8 +44,7 @@ class TrackerEstimator:
     def __init__(self, config: TrackerEstimatorConfig = TrackerEstimatorConfig(), detector: Estimator | None = None) -> None:
         """Loads the human model if the settings name one; if they name a network, `detector` is a NetworkEstimator of it.
 
-        Raises:
-            InputError: the model cannot be read, or a network is set without a detector.
+        Raises InputError: the model cannot be read, or a network is set without a detector.
         """
         if config.network is not None and detector is None:
             raise InputError(f"network={config.network}: give detector=NetworkEstimator({config.network!r}) with it")

@@ -17,7 +17,6 @@ from kpopnet.geometry.body import COLLISION_PAIRS, LIMBS, PARTS, ROW_TO_JOINT, T
 from kpopnet.geometry.cones import body_segments, nearest_parts, signed_distance, torso_frame
 from kpopnet.geometry.depth_grid import DepthGrid
 from kpopnet.skeleton import NUM_JOINTS, Joint
-from kpopnet.tracker.solver import solve
 
 _ELIMINATION = [
     *(Joint.RIGHT_HAND, Joint.RIGHT_ELBOW, Joint.LEFT_HAND, Joint.LEFT_ELBOW),
@@ -391,18 +390,10 @@ def fit(
     stride: int = 1,
     prior_weight: float = START_PRIOR_WEIGHT,
 ) -> np.ndarray:
-    """Fits the body's joints to the depth image by at most so many Gauss-Newton iterations.
+    """Fits the body to the depth image, from (15, 3) joints in metres: at most this number of Gauss-Newton iterations.
 
-    Args:
-        joints_m: (15, 3) the start pose.
-        grid: the depth image.
-        body: the person's body.
-        iterations: their maximum number.
-        stride: only every `stride`th point is used.
-        prior_weight: weight of the mean squared distance to the start pose, relative to 1 for all points together.
-
-    Returns:
-        (15, 3) float64 joints in the camera frame in metres.
+    Only every `stride`th point is used; `prior_weight` is that of the mean squared distance to the start pose, relative to 1
+    for all points together. (15, 3) float64 joints in the camera frame in metres.
     """
     return _fit(np.ascontiguousarray(joints_m, np.float64), grid, body, iterations, stride, prior_weight)
 
@@ -434,3 +425,39 @@ def _fit(start, grid, body, iterations, stride, start_weight):
         if max_update < CONVERGED_UPDATE_M:
             break
     return joints
+
+
+# The linear system of a step.
+
+
+@njit(cache=True)
+def solve(matrix, rhs):
+    """Solves a symmetric positive definite system in place by Cholesky factorisation with skyline storage.
+
+    Zeros left of each row's first entry are skipped: eliminated from hands and feet inwards, the equations cost less than the
+    search for the nearest parts. Only the lower half of the matrix is read. The solution replaces `rhs`.
+    """
+    size = len(rhs)
+    first_nonzero = np.empty(size, np.int64)
+    for i in range(size):
+        start = 0
+        while matrix[i, start] == 0.0 and start < i:
+            start += 1
+        first_nonzero[i] = start
+        for j in range(start, i):
+            total = matrix[i, j]
+            for k in range(max(start, first_nonzero[j]), j):
+                total -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] = total / matrix[j, j]
+        total = matrix[i, i]
+        for k in range(start, i):
+            total -= matrix[i, k] * matrix[i, k]
+        matrix[i, i] = math.sqrt(max(total, 1e-12))
+    for i in range(size):
+        for k in range(first_nonzero[i], i):
+            rhs[i] -= matrix[i, k] * rhs[k]
+        rhs[i] /= matrix[i, i]
+    for i in range(size - 1, -1, -1):
+        rhs[i] /= matrix[i, i]
+        for k in range(first_nonzero[i], i):
+            rhs[k] -= matrix[i, k] * rhs[i]

@@ -78,43 +78,25 @@ LIMB_POSES, LIMB_POSE_RANGES = _limb_poses()
 
 
 class Tips(NamedTuple):
-    """Where each limb would end and bend if it had each tip of the silhouette.
+    """Where each limb would end and bend if it had each tip of the silhouette."""
 
-    Attributes:
-        ends_m: (4, T, 3) metres.
-        middles_m: (4, T, 3) metres.
-        used: (T,) whether a limb has this tip already.
-    """
-
-    ends_m: np.ndarray
-    middles_m: np.ndarray
-    used: np.ndarray
+    ends_m: np.ndarray  # (4, T, 3) metres
+    middles_m: np.ndarray  # (4, T, 3) metres
+    used: np.ndarray  # (T,) whether a limb has this tip already
 
 
 class Context(NamedTuple):
-    """What the cost of a limb is computed from. `rows`, `segments` and `part_distances` follow the limbs as they are refitted.
+    """What the cost of a limb is computed from; `rows`, `segments` and `part_distances` follow each refitted limb."""
 
-    Attributes:
-        grid: the depth image.
-        body: the person's body.
-        previous: (15, 3) the pose of the last frame.
-        frame: (3, 3) from `torso_frame`.
-        rows: (25, 3) from `extend_joints`.
-        segments: (P, 9) from `part_segments`.
-        points: (n, 3) the points that are used.
-        part_distances: (P, n) their signed distances to all parts.
-        tips: of the silhouette.
-    """
-
-    grid: DepthGrid
-    body: Body
-    previous: np.ndarray
-    frame: np.ndarray
-    rows: np.ndarray
-    segments: np.ndarray
-    points: np.ndarray
-    part_distances: np.ndarray
-    tips: Tips
+    grid: DepthGrid  # the depth image
+    body: Body  # the person's body
+    previous: np.ndarray  # (15, 3) the pose of the last frame
+    frame: np.ndarray  # (3, 3) from `torso_frame`
+    rows: np.ndarray  # (25, 3) from `extend_joints`
+    segments: np.ndarray  # (P, 9) from `part_segments`
+    points: np.ndarray  # (n, 3) the points that are used
+    part_distances: np.ndarray  # (P, n) their signed distances to all parts
+    tips: Tips  # of the silhouette
 
 
 @njit(cache=True)
@@ -303,8 +285,7 @@ def _candidates(limb, context):
 def _best_candidate(limb, least_gain, context):
     """The candidate of a limb that lowers the cost most, by more than `least_gain` square metres; the limb is put back.
 
-    Returns:
-        The gain, `least_gain` if the limb is better left as it is; (2, 3) middle and end; the tip they are traced from, or -1.
+    The gain, `least_gain` if the limb is better left as it is; (2, 3) middle and end; the tip they are traced from, or -1.
     """
     points, distances = _unexplained(context, limb)
     candidates, tip_of = _candidates(limb, context)
@@ -322,17 +303,10 @@ def _best_candidate(limb, least_gain, context):
 @njit(cache=True)
 def refit_limbs(joints_m, previous_m, grid, body, stride=1):
     """Refits limbs along the silhouette to its tips, or in a sampled pose, where that lowers the cost: each limb at most once,
-    the largest decrease first.
+    the largest decrease first. (15, 3) the pose, and the number of refitted limbs.
 
-    Args:
-        joints_m: (15, 3) a pose with an approximately correct torso.
-        previous_m: (15, 3) the pose of the last frame, for the continuity cost.
-        grid: the depth image.
-        body: the person's body.
-        stride: only every `stride`th point is used.
-
-    Returns:
-        (15, 3) the pose, and the number of refitted limbs.
+    The torso of the (15, 3) joints is approximately correct; `previous_m` (15, 3) is the pose of the last frame, for the
+    continuity cost. Only every `stride`th point is used.
     """
     rows, frame, points = extend_joints(joints_m, body.trunk_offsets_m), torso_frame(joints_m), grid.points_m[::stride].copy()
     segments, part_distances = part_segments(rows, body.radii_m), np.empty((len(PARTS), len(points)))

@@ -53,16 +53,10 @@ def refine(detected: Estimate, depth_m: np.ndarray, camera: Camera) -> tuple[np.
 def refine_frame(
     person: BodyEstimate, detected: Estimate, depth_m: np.ndarray, camera: Camera
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Refines the joints of a person's next frame.
+    """Refines the detected (15, 3) joints, with (15,) confidence, of a person's next frame, which is added to the person.
 
-    Args:
-        person: the body from the frames so far; this one is added.
-        detected: (15, 3) joints and (15,) confidence.
-        depth_m: (H, W) float32 metres of the person, 0 elsewhere.
-        camera: the camera of these pixels.
-
-    Returns:
-        (15, 3) refined joints in metres and (15, 4) their `refined_evidence`, or the detected joints and NaN.
+    The depth is (H, W) float32 metres of the person, 0 elsewhere. (15, 3) refined joints in metres and (15, 4) their
+    `refined_evidence`, or the detected joints and NaN.
     """
     detected_m, confidence = detected
     not_refined = detected_m, np.full((len(detected_m), len(REFINED_WEIGHTS)), np.nan)

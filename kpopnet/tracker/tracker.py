@@ -62,21 +62,13 @@ body, and 99.9 % at most 0.12 above."""
 
 
 class State(NamedTuple):
-    """What one frame leaves to the next.
+    """What one frame leaves to the next."""
 
-    Attributes:
-        joints_m: (15, 3) the pose in the camera frame.
-        step_m: (15, 3) how the joints moved from the frame before.
-        visible_px: visible area of the last frame that was not held.
-        baseline_cost_m2: what good poses of this person cost, square metres.
-        flip_evidence: that front and back are confused, a cumulative sum of log cost ratios.
-    """
-
-    joints_m: np.ndarray
-    step_m: np.ndarray
-    visible_px: float = 0.0
-    baseline_cost_m2: float = 0.0
-    flip_evidence: float = 0.0
+    joints_m: np.ndarray  # (15, 3) the pose in the camera frame
+    step_m: np.ndarray  # (15, 3) how the joints moved from the frame before
+    visible_px: float = 0.0  # visible area of the last frame that was not held
+    baseline_cost_m2: float = 0.0  # what good poses of this person cost, square metres
+    flip_evidence: float = 0.0  # that front and back are confused, a cumulative sum of log cost ratios
 
 
 class Tracker:
@@ -91,14 +83,10 @@ class Tracker:
     def __init__(
         self, camera: Camera, start: str = "auto", model: HumanModel | None = None, detector: Estimator | None = None
     ) -> None:
-        """Prepares a tracker.
+        """Prepares a tracker; `start` is a key of `kpopnet.tracker.start.WAYS`.
 
-        Args:
-            camera: of the depth images.
-            start: how it starts, a key of `kpopnet.tracker.start.WAYS`.
-            model: the model of a known person, used instead of the one measured at the start.
-            detector: an estimator that is queried for the pose of a single frame at the start (`start=auto`) and when the cost
-                is high, for instance a network.
+        The `model` of a known person is used instead of the one measured at the start. The `detector`, for instance a network,
+        is queried for the pose of a single frame at the start (`start=auto`) and when the cost is high.
         """
         self.camera, self.ways, self.detector = camera, start, detector
         self.model = self._known_model = model
@@ -118,11 +106,7 @@ class Tracker:
         return self._person.body
 
     def start(self, joints_camera_m: np.ndarray) -> None:
-        """Starts from a known pose, (15, 3) joints in the camera frame in metres.
-
-        Raises:
-            InputError: another shape, or joints are missing.
-        """
+        """Starts from (15, 3) joints in the camera frame, metres; raises InputError for another shape, or missing joints."""
         joints_m = start_pose(joints_camera_m, "tracker")
         self._start(joints_m, HumanModel.from_joints(joints_m))
 
@@ -135,9 +119,8 @@ class Tracker:
     def track(self, depth_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Tracks the person in the next (H, W) float32 depth image, metres, 0 where the person is not.
 
-        Returns:
-            (15, 3) float64 joints in the camera frame in metres and (15,) confidence, the estimated probability of an error
-            below 10 cm; NaN and 0 before the start and in frames without a visible person.
+        (15, 3) float64 joints in the camera frame in metres and (15,) confidence, the estimated probability of an error below
+        10 cm; NaN and 0 before the start and in frames without a visible person.
         """
         grid = build_depth_grid(depth_m, self.camera)
         if len(grid.points_m) < MIN_POINTS:

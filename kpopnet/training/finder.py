@@ -25,9 +25,9 @@ from kpopnet.data.room_images import MOST_PEOPLE, RoomImages
 from kpopnet.errors import InputError, check_between
 from kpopnet.finder.network import FinderNetwork, Target, cell_points_m, load_network, loss, observed
 from kpopnet.runtime.atomic_write import atomic_path
-from kpopnet.runtime.input_files import read_json, read_with
+from kpopnet.runtime.input_files import first_line, read_json, read_with
 from kpopnet.skeleton import Joint
-from kpopnet.training.loop import LINE_EVERY_S, lr_at, update_average
+from kpopnet.training.loop import descend, lr_at, progress_bar, update_average
 from kpopnet.training.optimisers import build_optimisers
 
 log = logging.getLogger(__name__)
@@ -141,15 +141,7 @@ class FinderRun:
         self.network.train()
         terms = loss(self.network(image), target)
         total = torch.stack(list(terms.values())).sum()
-        self.network.zero_grad()
-        total.backward()
-        norm = nn.utils.clip_grad_norm_(self.network.parameters(), CLIP_NORM)
-        if not math.isfinite(float(total.detach() + norm)):
-            raise InputError(f"step {self.step}: the loss is not finite; a training.lr below {self.config.lr:g} may help")
-        for optimiser in self.optimisers.values():
-            for group in optimiser.param_groups:
-                group["lr"] = lr
-            optimiser.step()
+        descend(self.network, self.optimisers, total, lr, CLIP_NORM, f"step {self.step}")
         update_average(self.average, self.network, self.step)
         self.step += 1
         return {name: float(term.detach()) for name, term in terms.items()}
@@ -188,7 +180,7 @@ class FinderRun:
                 optimiser.load_state_dict(state["optimiser"][name])
             self.step = int(state["step"])
         except (KeyError, RuntimeError, ValueError, TypeError) as error:
-            raise InputError(f"{path}: not of this version ({str(error).splitlines()[0]})") from error
+            raise InputError(f"{path}: not of this version ({first_line(error)})") from error
 
 
 @torch.inference_mode()
@@ -230,9 +222,7 @@ def train_finder(config: FinderTraining, seed: int, data: dict[str, str], out: P
     log.info(
         f"{len(images):,} training and {len(validation):,} validation images, {config.steps * size / len(images):.1f} epochs"
     )
-    bar = tqdm(total=config.steps, initial=run.step, desc="training", unit="step")
-    bar.mininterval = 0.2 if sys.stderr.isatty() else LINE_EVERY_S
-    with bar:
+    with progress_bar(config.steps, run.step) as bar:
         while run.step < config.steps:
             positions = np.arange(run.step * size, (run.step + 1) * size)
             rows = np.array([permutation(seed, int(p // len(images)), len(images))[p % len(images)] for p in positions])

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import torch
 from torch import Tensor, nn
+from torch.optim import Optimizer
 from torch.utils.data import DataLoader
 from torch.utils.tensorboard import SummaryWriter
 from tqdm import tqdm
@@ -31,7 +32,7 @@ from kpopnet.data.batches import (
     batch_loader,
 )
 from kpopnet.data.observation import ObservationSource
-from kpopnet.errors import InputError, check_between
+from kpopnet.errors import InputError, check_between, check_one_of
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import complete_links, load_state, load_weights, read_meta, resumable, save_checkpoint
 from kpopnet.networks.network import PoseNetwork, build_network
@@ -39,6 +40,7 @@ from kpopnet.ridge import RidgeConfig
 from kpopnet.runtime.atomic_write import naming
 from kpopnet.runtime.cpu import bounded_processes
 from kpopnet.runtime.folder_lock import locked
+from kpopnet.runtime.input_files import first_line
 from kpopnet.training.distributed import Processes, join_processes, set_up_torch
 from kpopnet.training.optimisers import OPTIMISERS, build_optimisers
 from kpopnet.training.validation import validate, validation_sheet
@@ -99,8 +101,7 @@ class TrainingConfig:
             check_between(f"training.{name}", getattr(self, name), 1, high)
         if not (0 < self.lr < math.inf and self.clip_norm > 0):
             raise InputError(f"expected training.lr > 0 and training.clip_norm > 0, found {self.lr} and {self.clip_norm}")
-        if self.optimiser not in OPTIMISERS:
-            raise InputError(f"training.optimiser={self.optimiser}: expected one of {', '.join(OPTIMISERS)}")
+        check_one_of("training.optimiser", self.optimiser, OPTIMISERS)
 
 
 @dataclass
@@ -126,8 +127,7 @@ class RunConfig:
     threads: int = 0
 
     def __post_init__(self) -> None:
-        if self.threads < 0:
-            raise InputError(f"threads={self.threads} must be 0 or more")
+        check_between("threads", self.threads, 0, 1e6)
         if self.training.small_crops.share and self.model.kind != "dense":
             raise InputError(f"training.small_crops: a {self.model.kind} network takes crops of one size; set its share to 0")
 
@@ -140,6 +140,34 @@ def lr_at(step: int, peak: float, steps: int) -> float:
         return low + (peak - low) * (1 - math.cos(math.pi * fraction)) / 2
     low, fraction = peak / 1e4, (step - rising) / max(1, steps - rising)
     return low + (peak - low) * (1 + math.cos(math.pi * fraction)) / 2
+
+
+def descend(
+    network: nn.Module, optimisers: dict[str, Optimizer], loss: Tensor, lr: float, clip_norm: float, where: str
+) -> Tensor:
+    """Changes the weights against the gradient of a loss; returns the gradient's norm before it was scaled to `clip_norm`.
+
+    Raises InputError, before it changes a weight, if the loss or its gradient is not finite.
+    """
+    network.zero_grad()
+    loss.backward()
+    norm = nn.utils.clip_grad_norm_(network.parameters(), clip_norm)
+    if not math.isfinite(float(loss.detach() + norm)):
+        raise InputError(
+            f"{where}: loss {float(loss.detach()):g} with a gradient of norm {float(norm):g} at a learning rate of {lr:g}; "
+            "stopped before the update; a smaller training.lr may help"
+        )
+    for optimiser in optimisers.values():
+        for group in optimiser.param_groups:
+            group["lr"] = lr
+        optimiser.step()
+    return norm
+
+
+def progress_bar(steps: int, done: int) -> tqdm:
+    """The bar of a run's steps; rarer lines where standard error is not a terminal."""
+    every_s = 0.2 if sys.stderr.isatty() else LINE_EVERY_S
+    return tqdm(total=steps, initial=done, desc="training", unit="step", mininterval=every_s)
 
 
 def decay_at(step: int) -> float:
@@ -194,25 +222,12 @@ class Run:
         crop, target = batch.crop.to(self.processes.device), batch.target.to(self.processes.device)
         lr = lr_at(self.step, self.config.lr, self.config.steps)
 
-        # Gradient
+        # Step
         self.network.train()
         prediction = self.data_parallel(crop)
         losses = self.network.head.loss(prediction, target)
         loss = sum(losses.values())
-        self.network.zero_grad()
-        loss.backward()
-        norm = nn.utils.clip_grad_norm_(self.network.parameters(), self.config.clip_norm)
-        if not math.isfinite(float(loss.detach() + norm)):
-            raise InputError(
-                f"step {self.step}: loss {float(loss.detach()):g} with a gradient of norm {float(norm):g}; stopped "
-                f"before the update; a training.lr below {self.config.lr:g} may help"
-            )
-
-        # Update
-        for optimiser in self.optimisers.values():
-            for group in optimiser.param_groups:
-                group["lr"] = lr
-            optimiser.step()
+        norm = descend(self.network, self.optimisers, loss, lr, self.config.clip_norm, f"step {self.step}")
         update_average(self.average, self.network, self.step)
 
         # Statistics
@@ -260,8 +275,8 @@ class Run:
             self.step, self.best_cm, self.skipped = state["step"], state["best_cm"], state["skipped"]
             self.offset_sum_m, self.offset_count = state["offset_sum_m"].reshape(15, 3), state["offset_count"]
         except (KeyError, RuntimeError, ValueError, TypeError, AttributeError, IndexError) as error:
-            first_line = next(iter(str(error).splitlines()), type(error).__name__)
-            raise InputError(f"{folder}: its training state does not fit this model or version ({first_line})") from error
+            reason = first_line(error)
+            raise InputError(f"{folder}: its training state does not fit this model or version ({reason})") from error
         if self.step >= self.config.steps:
             raise InputError(f"{folder}: finished already, {self.step} of {self.config.steps} steps are done")
 
@@ -293,14 +308,9 @@ def train(
 ) -> Path:
     """Trains a network and writes checkpoints, which store the configuration, to the folder `out`; only rank 0 writes there.
 
-    `data` identifies the data sets: a run is resumed only with those that it began with.
-
-    Returns:
-        The folder of the last checkpoint.
-
-    Raises:
-        InputError: a setting or a checkpoint does not fit; the folder holds another run, or another process writes there; a
-            loss that is not finite.
+    `data` identifies the data sets: a run is resumed only with those that it began with. Returns the folder of the last
+    checkpoint. Raises InputError: a setting or a checkpoint does not fit; the folder holds another run, or another process
+    writes there; a loss that is not finite.
     """
     training = config.training
     if training.resume is not None and (begun_with := read_meta(training.resume).get("data")) != data:
@@ -362,9 +372,7 @@ def _update_and_validate(
 ) -> None:
     """The loop of rank 0: steps, scalars, validation on crops of the size trained with, images, checkpoints."""
     config = run.config
-    bar = tqdm(total=config.steps, initial=run.step, desc="training", unit="step")
-    bar.mininterval = 0.2 if sys.stderr.isatty() else LINE_EVERY_S
-    with SummaryWriter(out, purge_step=run.step) as board, bar:
+    with SummaryWriter(out, purge_step=run.step) as board, progress_bar(config.steps, run.step) as bar:
         for batch in loader:
             scalars = run.update(batch)
             bar.update()

@@ -54,15 +54,10 @@ def network_of(config: OverTimeTraining) -> nn.Sequential:
 
 
 def varied(rng: np.random.Generator, film: dict[str, np.ndarray], frames: int) -> tuple[Measured, np.ndarray, np.ndarray]:
-    """A film at another rate, with drop-outs, mirrored or not, turned a little, of another size.
+    """A film at another rate, with drop-outs, mirrored or not, turned a little, of another size: `frames` frames of what was
+    measured, the true joints in metres and the times in seconds; a shorter film starts again.
 
-    Args:
-        rng: what is drawn from.
-        film: the arrays of `Measured`, `true_m` (T, 15, 3) in metres and `times_s` (T,).
-        frames: number of frames wanted; a shorter film starts again.
-
-    Returns:
-        What was measured, the true joints in metres and the times in seconds.
+    The film has the arrays of `Measured`, `true_m` (T, 15, 3) in metres and `times_s` (T,).
     """
     length, stride = len(film["true_m"]), int(rng.choice([1, 1, 1, 2]))
     keep = rng.random(length) >= rng.choice([0, 0, 0.03, 0.15])

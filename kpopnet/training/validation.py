@@ -15,9 +15,8 @@ MAX_SAMPLES = 12
 def validate(network: PoseNetwork, batches: list[Batch], device: torch.device) -> tuple[dict[str, float], np.ndarray]:
     """Measures the errors of a network, which is on this device, on validation crops.
 
-    Returns:
-        mean_error_cm over all joints of all samples, within_10cm (the share of joints with an error below 10 cm), and
-        mean_confidence (which should equal that share); and the (N, 15, 3) estimates in cube units.
+    mean_error_cm over all joints of all samples, within_10cm (the share of joints with an error below 10 cm), and
+    mean_confidence (which should equal that share); and the (N, 15, 3) estimates in cube units.
     """
     network.eval()
     estimates, errors_m, confidences = [], [], []

@@ -89,10 +89,8 @@ def person_view(
 ) -> tuple[np.ndarray, Camera]:
     """Crops a square around the silhouette in (H, W) metres and the (15, 3) joints in metres; else around the whole image.
 
-    `margin` is the width added on each side, as a fraction of the side.
-
-    Returns:
-        (S, S) float32 metres, 0 outside the image, and the camera of these pixels.
+    `margin` is the width added on each side, as a fraction of the side. (S, S) float32 metres, 0 outside the image, and the
+    camera of these pixels.
     """
     rows, columns = np.nonzero(depth_m)
     points = [np.stack([columns, rows], axis=1).astype(float)]

@@ -25,8 +25,7 @@ LEAST_GIF_FRAME_MS = 20
 def overlay_image(depth_m: np.ndarray, camera: Camera, people_camera_m: Sequence[np.ndarray], width_px: int) -> np.ndarray:
     """Draws the (15, 3) joints of people in metres, NaN where missing, over (H, W) depth in metres.
 
-    Returns:
-        RGB, enlarged by the whole number that comes closest to `width_px`; even in width and height, as video codecs want.
+    RGB, enlarged by the whole number that comes closest to `width_px`; even in width and height, as video codecs want.
     """
     width_px = camera.width * max(1, round(width_px / camera.width))
     image = scene_tile(depth_m, camera, ((joints_m, ESTIMATED) for joints_m in people_camera_m), width_px)

@@ -226,8 +226,7 @@ def find_limb(
 def hough_lines(points: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Hough transform: the strong lines over (N, 2) points, N > 0, approximately along a direction (2,).
 
-    Returns:
-        (K, 2) angle and offset of the lines, and (K,) the number of points on each, its votes.
+    (K, 2) angle and offset of the lines, and (K,) the number of points on each, its votes.
     """
     steps = round(HOUGH_RANGE_RAD / HOUGH_STEP_RAD)
     normal = np.arctan2(direction[1], direction[0]) + np.pi / 2

@@ -192,14 +192,12 @@ def surface_m(person_m: np.ndarray, uv: np.ndarray, radius_px: int) -> float:
 
 
 def joints_inside(uv: np.ndarray, person_m: np.ndarray, camera: Camera) -> np.ndarray:
-    """Moves points on the surface into the body by half its thickness there.
+    """Moves points on the surface into the body by half its thickness there: (15, 3) joints in the camera frame in metres, of
+    which torso and neck are computed from the others.
 
     Assumptions: body parts are as deep as they are wide, and half the width in pixels is the distance to the silhouette's edge.
     That is the ridge's D_T without the edges within the body: in the Y pose nothing occludes the body, and noisy depth has such
     edges everywhere.
-
-    Returns:
-        (15, 3) joints in the camera frame in metres; torso and neck are computed from the others.
     """
     distance_px = cv2.distanceTransform((person_m > 0).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     joints = np.full((NUM_JOINTS, 3), np.nan)

@@ -15,10 +15,9 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
 
-from kpopnet.rotations import multiply
-from synth.dances.changes import as_high_as, continuous, normalised, towards, turns
+from kpopnet.rotations import continuous, multiply, normalised, towards, turns
 from synth.motion.skeleton import INDEX, NUM_JOINTS, PARENTS, Motion
-from synth.motion.splice import at_times
+from synth.motion.splice import as_high_as, at_times
 
 Fault = Callable[[Motion, float, np.random.Generator], Motion]
 

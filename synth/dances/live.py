@@ -10,9 +10,9 @@ import numpy as np
 
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
+from kpopnet.rotations import normalised, towards
 from synth.body.asset import load_body
 from synth.body.shape import BodyConfig, draw_person
-from synth.dances.changes import normalised, towards
 from synth.dances.ends import end_motion, on_the_floor
 from synth.dances.skill import LEVELS, SkillConfig, draw_strengths, learn
 from synth.motion.posture import CHANNELS, STANDING, rotations
@@ -57,16 +57,10 @@ class LiveLearner:
         seed: int = 0,
         camera: Camera = CAMERA,
     ) -> None:
-        """Learns a dance and enters a room.
+        """Learns a dance, (T, B, 4) rotations of the bones of `synth`'s body and (T, 3) positions of the hips in metres.
 
-        Args:
-            quats: (T, B, 4) rotations of the bones of `synth`'s body in the teacher's dance.
-            hips_m: (T, 3) positions of the hips, metres.
-            fps: frames per second.
-            skill: one of SKILLS, or ON_THE_BEAT.
-            fault: one of FAULTS.
-            seed: of the person, the room and the errors.
-            camera: its noise is that of a Kinect v1.
+        `skill` is one of SKILLS, or ON_THE_BEAT, `fault` one of FAULTS; the seed is of the person, the room and the errors. The
+        camera's noise is that of a Kinect v1.
         """
         if skill not in (*SKILLS, ON_THE_BEAT) or fault not in FAULTS:
             raise InputError(

@@ -22,7 +22,7 @@ from kpopnet.camera import CAMERAS
 from kpopnet.dance.performance import Performance
 from kpopnet.datasets.dances.dance_set import LABELS, TEACHER, KpopSet
 from kpopnet.datasets.dances.writer import PackedDepth, write_labels, write_learner, write_teacher
-from kpopnet.errors import InputError, check_between
+from kpopnet.errors import InputError, check_between, check_one_of
 from kpopnet.viz.drawing import TRUE, person_tile, sheet
 from synth.body.shape import BodyConfig, Person, draw_person
 from synth.dances.ends import ENDS, end_motion
@@ -91,8 +91,7 @@ class KpopSimConfig:
         check_between("benchmark.seed", self.seed, 0, 2**32 - 1)
         check_between("benchmark.dances", self.dances, 1, DANCES)
         for name, known in (("split", SPLITS), ("faults", SPACING)):
-            if getattr(self, name) not in known:
-                raise InputError(f"benchmark.{name}={getattr(self, name)} is not one of {', '.join(known)}")
+            check_one_of(f"benchmark.{name}", getattr(self, name), known)
 
 
 LEARNERS = tuple("abcd")

@@ -15,11 +15,10 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from kpopnet.rotations import conjugate, multiply
-from synth.dances.changes import as_high_as, continuous, normalised, towards, turns
+from kpopnet.rotations import conjugate, continuous, multiply, normalised, towards, turns
 from synth.motion.posture import STANDING, rotations
 from synth.motion.skeleton import JOINT_NAMES, NUM_JOINTS, Motion, facing_front, mirrored
-from synth.motion.splice import at_times
+from synth.motion.splice import as_high_as, at_times
 
 LEVELS = ("best", "good", "bad", "worst")
 MISTAKES = ("forgotten", "swapped", "mirrored")

@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from kpopnet.errors import InputError, check_between, check_seed
+from kpopnet.errors import InputError, check_between, check_one_of, check_seed
 from synth.motion.choreography.composer import Choreography
 from synth.motion.poses.families import ProceduralPoses
 from synth.motion.recorded import open_clips
@@ -56,8 +56,7 @@ class MotionConfig:
     weights: dict[str, float] = field(default_factory=lambda: {"poses": 0.8, "choreography": 0.2})
 
     def __post_init__(self) -> None:
-        if self.source not in _SOURCES:
-            raise InputError(f"motion.source={self.source} is not one of {', '.join(_SOURCES)}")
+        check_one_of("motion.source", self.source, _SOURCES)
         if self.source == "clips" and self.path is None:
             raise InputError("motion.source=clips needs motion.path=PACK_OR_BVH_FILES; motion=choreography needs no data")
         if self.fps is not None:
@@ -122,6 +121,5 @@ def build_motion(config: MotionConfig, split: str) -> MotionSource:
     their index, so that no subject is in two splits; a folder of BVH files is split by file, if it holds enough files;
     dances are split by their seeds. Procedural poses have no split. Raises InputError if recordings cannot be read.
     """
-    if split not in SPLITS:
-        raise InputError(f"split={split} is not one of {', '.join(SPLITS)}")
+    check_one_of("split", split, SPLITS)
     return _SOURCES[config.source](config, split)

@@ -118,3 +118,10 @@ def planted(quats: np.ndarray, fps: float, name: str, leg_m: float) -> Motion:
     root_m[1:] = -np.cumsum(slide_m, axis=0)
     root_m[:, 1] = height_m
     return Motion(quats.astype(np.float32), root_m.astype(np.float32), fps, name, leg_m)
+
+
+def as_high_as(like: Motion, quats: np.ndarray, root_m: np.ndarray) -> np.ndarray:
+    """(T, 3) path, metres, on which the (T, 23, 4) pose is as high above the floor as another motion in each frame."""
+    path_m = root_m.astype(np.float64)
+    path_m[:, 1] = np.maximum(height_above_floor(like.quats, like.root_m), 0) - height_above_floor(quats, path_m * [1, 0, 1])
+    return path_m

@@ -103,7 +103,7 @@ def ball_or_cushion(rng: np.random.Generator) -> Mesh:
 
 
 def pile(rng: np.random.Generator) -> Mesh:
-    """Boxes and bags upon each other, up to the height of a person."""
+    """A stack of boxes and bags, up to the height of a person."""
     parts: list[Box] = []
     top = 0.0
     for _ in range(rng.integers(1, 6)):

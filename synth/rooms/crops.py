@@ -30,7 +30,7 @@ FINDER = FinderConfig(least_certainty=0.3)
 """Less sure than where it is used: those whom it hardly finds are the hard ones."""
 
 NEAR_M, LEAST_PX = 0.3, 100
-"""A crop is of the person whose torso is this near to the finder's, and shows at least so many pixels."""
+"""A crop is of the person whose torso is this near to the finder's, and shows at least LEAST_PX pixels."""
 
 
 @dataclass

@@ -38,7 +38,7 @@ def punching_bag(rng: np.random.Generator) -> Mesh:
 
 
 def inflatable_figure(rng: np.random.Generator) -> Mesh:
-    """Balls upon each other, such as a snowman."""
+    """A stack of balls, such as a snowman."""
     radii = np.sort(rng.uniform(0.14, 0.36, 3))[::-1]
     centres = np.cumsum([radii[0], 0.8 * (radii[0] + radii[1]), 0.8 * (radii[1] + radii[2])])
     return joined([stretched(ball(r), (1, 1, 1), (0, 0, z)) for r, z in zip(radii.tolist(), centres.tolist(), strict=True)])

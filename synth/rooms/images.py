@@ -16,7 +16,7 @@ import numpy as np
 from kpopnet.camera import MM_PER_METRE, Camera
 from kpopnet.data.canvas import CANVAS
 from kpopnet.data.room_images import FILES, FORMAT, MOST_PEOPLE, VERSION, RoomImages
-from kpopnet.errors import InputError, check_between, check_seed
+from kpopnet.errors import check_between, check_one_of, check_seed
 from kpopnet.runtime.atomic_write import atomic_hdf5
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.viz.drawing import depth_rgb, enlarged, sheet
@@ -57,8 +57,7 @@ class RoomImagesConfig:
     def __post_init__(self) -> None:
         check_seed("benchmark.seed", self.seed)
         check_between("benchmark.shards", self.shards, 1, 1e5)
-        if self.split not in SPLITS:
-            raise InputError(f"benchmark.split={self.split}: expected one of {', '.join(SPLITS)}")
+        check_one_of("benchmark.split", self.split, SPLITS)
 
 
 class MeasuredScene(NamedTuple):

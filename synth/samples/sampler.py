@@ -103,8 +103,8 @@ class SampleConfig:
     samples_per_room: int = 25
 
     def __post_init__(self) -> None:
-        if self.samples_per_body < 1 or self.samples_per_room < 1:
-            raise InputError("samples_per_body and samples_per_room must be at least 1")
+        for name in ("samples_per_body", "samples_per_room"):
+            check_between(name, getattr(self, name), 1, 1e9)
 
 
 class RenderedSample(NamedTuple):

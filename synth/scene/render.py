@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from kpopnet.camera import Camera
-from kpopnet.errors import InputError
+from kpopnet.errors import InputError, check_one_of
 from synth.scene.mesh import BOX_CORNERS, BOX_FACES, Mesh
 from synth.scene.scene import FAR_M, NEAR_M, ROOM_GROUP, Scene
 
@@ -35,8 +35,7 @@ def make_renderer(name: str, scene: Scene) -> "CpuRenderer":
     `auto` tries OpenGL only with MuJoCo's EGL backend (MUJOCO_GL=egl, which `synth` sets on a machine with an NVIDIA GPU
     and an EGL library).
     """
-    if name not in RENDERERS:
-        raise InputError(f"renderer={name}: choose one of {', '.join(RENDERERS)}")
+    check_one_of("renderer", name, RENDERERS)
     if name == "cpu":
         return CpuRenderer(scene)
     if name == "gl":

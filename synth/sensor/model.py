@@ -22,7 +22,7 @@ from functools import cache
 import numpy as np
 
 from kpopnet.camera import Camera
-from kpopnet.errors import InputError
+from kpopnet.errors import InputError, check_one_of
 from synth.sensor.film_noise import FilmFrame
 from synth.sensor.kernel import erase_ellipses, measure_pixels
 
@@ -136,8 +136,7 @@ class SensorConfig:
     limb_end_dropout: float | None = None
 
     def __post_init__(self) -> None:
-        if self.name not in _PUBLISHED:
-            raise InputError(f"sensor.name must be one of {', '.join(_PUBLISHED)}, not {self.name!r}")
+        check_one_of("sensor.name", self.name, _PUBLISHED)
         terms = _with_published(self)
         for name, value in terms.items():
             low, high = -math.inf if name == "baseline_m" else 0, 1 if name in _FRACTIONS else math.inf
@@ -187,21 +186,12 @@ def measure_labelled(
     limb_ends_camera_m: np.ndarray | None = None,
     film: FilmFrame | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Measures the labelled surfaces of a clean depth image.
+    """(h, w) float32 depth, metres, and (h, w) uint8 labels as the sensor measures them; both 0 where nothing is measured.
 
-    Lateral noise moves outlines, so a pixel may show the surface of a neighbouring clean pixel.
-
-    Args:
-        depth_m: (h, w) float32 depth of the whole scene, people and background, metres; 0 where there is no surface.
-        labels: (h, w) uint8 label of each clean pixel; surfaces with label 0 are not measured.
-        camera: the camera of these pixels; may be a cropped one.
-        config: the sensor.
-        rng: the only source of randomness.
-        limb_ends_camera_m: (K, 3) hands and feet in the camera frame, metres, of which one may be lost.
-        film: what the frame shares with others of its film; None: a single picture.
-
-    Returns:
-        (h, w) float32 metres and (h, w) uint8 labels of the measured surfaces, both 0 where no labelled surface is measured.
+    `depth_m` is the (h, w) clean depth of the whole scene, 0 where there is no surface. Surfaces with label 0 in `labels`,
+    (h, w) uint8, are not measured. Lateral noise moves outlines, so a pixel may show the surface of a neighbouring clean pixel.
+    Of `limb_ends_camera_m`, (K, 3) hands and feet in metres, one may be lost. `film` is what the frame shares with others of
+    its film; None: a single picture.
     """
     assert depth_m.shape == labels.shape == (camera.height, camera.width), (depth_m.shape, labels.shape, camera)
     config = resolved(config)

@@ -10,7 +10,7 @@ from kpopnet.baselines.tree_walk.walking import HALF_SIZE_M, UNITS, TreeWalkMode
 from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, ShuffledOrder, batch_loader
 from kpopnet.data.cube import Cube
 from kpopnet.data.observation import ObservationSource
-from kpopnet.errors import InputError
+from kpopnet.errors import check_between
 from kpopnet.networks import ModelConfig
 from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
 
@@ -47,8 +47,7 @@ class TreeWalkConfig:
 
     def __post_init__(self) -> None:
         for name in ("images", "places", "leaf_samples", "features", "validation_images"):
-            if not 1 <= getattr(self, name) <= 10**8:
-                raise InputError(f"tree_walk.{name}={getattr(self, name)}: expected 1 or more, at most 100,000,000")
+            check_between(f"tree_walk.{name}", getattr(self, name), 1, 1e8)
         ModelConfig(crop_px=self.crop_px)  # refuses invalid crops
 
 

@@ -51,34 +51,23 @@ STEADY_S = 0.05
 
 
 class Dynamics(NamedTuple):
-    """How large, fast and sharp a learner moves.
+    """How large, fast and sharp a learner moves."""
 
-    Attributes:
-        figures: "amplitude", "energy" and "sharpness", 0 to 100; empty where no limb could be compared.
-        ratios: by limb and by name of a figure, the learner's divided by the teacher's, the geometric mean over the dance.
-        start_s: (N,) begin of each stretch, seconds after the first frame.
-        amplitude, sharpness: (N, 4) ratio of each of `LIMBS`, NaN where the teacher hardly moves it or it is not seen.
-    """
-
-    figures: dict[str, float]
+    figures: dict[str, float]  # "amplitude", "energy" and "sharpness", 0 to 100; empty where no limb could be compared
+    # by limb and by name of a figure, the learner's divided by the teacher's, the geometric mean over the dance
     ratios: dict[str, dict[str, float]]
-    start_s: np.ndarray
-    amplitude: np.ndarray
-    sharpness: np.ndarray
+    start_s: np.ndarray  # (N,) begin of each stretch, seconds after the first frame
+    amplitude: np.ndarray  # (N, 4) ratio of each of `LIMBS`, NaN where the teacher hardly moves it or it is not seen
+    sharpness: np.ndarray  # (N, 4) likewise
 
 
 class Rhythm(NamedTuple):
-    """A learner's accents against the beats.
+    """A learner's accents against the beats."""
 
-    Attributes:
-        figure: 0 to 100: how near the accents are to the teacher's place in the beat, from accents anywhere to the teacher's.
-        ahead_s: mean distance by which accents come before the teacher's place in the beat, seconds; negative behind.
-        spread_s: standard deviation of that distance, of which the teacher's is subtracted, seconds.
-    """
-
+    # 0 to 100: how near the accents are to the teacher's place in the beat, from accents anywhere to the teacher's
     figure: float
-    ahead_s: float
-    spread_s: float
+    ahead_s: float  # mean distance by which accents come before the teacher's place in the beat, seconds; negative behind
+    spread_s: float  # standard deviation of that distance, of which the teacher's is subtracted, seconds
 
     def __str__(self) -> str:
         steadily = "steadily" if self.spread_s < STEADY_S else "unsteadily"

@@ -47,19 +47,12 @@ LEAST_S = 0.3
 
 
 class Dimension(NamedTuple):
-    """What is graded.
+    """What is graded."""
 
-    Attributes:
-        scale: error at which the similarity has fallen to 1/e: lengths of the body, of an adult 1.35 m, or radians.
-        mentioned: smaller errors are not mentioned.
-        words: of each component of the error, where it is negative and where it is positive.
-        is_direction: whether it is a unit direction instead of a place.
-    """
-
-    scale: float
-    mentioned: float
-    words: tuple[tuple[str, str], ...]
-    is_direction: bool = False
+    scale: float  # error at which the similarity has fallen to 1/e: lengths of the body, of an adult 1.35 m, or radians
+    mentioned: float  # smaller errors are not mentioned
+    words: tuple[tuple[str, str], ...]  # of each component of the error, where it is negative and where it is positive
+    is_direction: bool = False  # whether it is a unit direction instead of a place
 
     def error(self, danced: np.ndarray, goal: np.ndarray) -> np.ndarray:
         """(T, C) differences of (T, .) places or directions; those of directions are angles."""
@@ -98,19 +91,12 @@ DIMENSIONS = {
 
 
 class Stance(NamedTuple):
-    """How a dancer stands, frame by frame; NaN where joints are missing.
+    """How a dancer stands, frame by frame; NaN where joints are missing."""
 
-    Attributes:
-        hips_m: (T, 3) middle of the hips: right, down and away of a level camera.
-        trunk: (T, 3) unit direction from the hips to the neck: to the dancer's left, up, to the front.
-        heading: (T,) angle about the vertical, radians; it grows when the dancer turns left.
-        length_m: median of the body's length from neck to feet.
-    """
-
-    hips_m: np.ndarray
-    trunk: np.ndarray
-    heading: np.ndarray
-    length_m: float
+    hips_m: np.ndarray  # (T, 3) middle of the hips: right, down and away of a level camera
+    trunk: np.ndarray  # (T, 3) unit direction from the hips to the neck: to the dancer's left, up, to the front
+    heading: np.ndarray  # (T,) angle about the vertical, radians; it grows when the dancer turns left
+    length_m: float  # median of the body's length from neck to feet
 
     @property
     def known(self) -> np.ndarray:
@@ -130,18 +116,13 @@ class Stance(NamedTuple):
 
 
 class StageScore(NamedTuple):
-    """How a learner moves on the stage.
+    """How a learner moves on the stage."""
 
-    Attributes:
-        figures: by the name of one of `DIMENSIONS`, 0 to 100; without those of which too little is known.
-        errors: by dimension, (T, C) learner minus teacher at the learner's frames, in the units of `Dimension.scale`; NaN where
-            unknown. Empty where nothing is known.
-        length_m: of the learner's body, from neck to feet.
-    """
-
-    figures: dict[str, float]
+    figures: dict[str, float]  # by the name of one of `DIMENSIONS`, 0 to 100; without those of which too little is known
+    # by dimension, (T, C) learner minus teacher at the learner's frames, in the units of `Dimension.scale`; NaN where unknown.
+    # Empty where nothing is known.
     errors: dict[str, np.ndarray]
-    length_m: float
+    length_m: float  # of the learner's body, from neck to feet
 
     def remarks(self) -> Iterator[tuple[float, str]]:
         """The greatest error of each dimension, if worth words: seconds after the first frame, "0.8 m too far left"."""

@@ -53,29 +53,18 @@ _WORDS["right_elbow_azimuth"] = ("right shoulder", "too far across the front", "
 
 @dataclass(frozen=True)
 class Moment:
-    """A stretch of the dance in which something is wrong, in seconds on the teacher's clock.
-
-    Attributes:
-        part: one of `PARTS`, "timing", or "phrase" for a cause (`kpopnet.dance.words.causes`).
-        joint: the joint that is wrong, such as "left elbow"; "" for all else.
-        direction: such as "too low", "late", "mirrored".
-        degrees: mean signed difference, learner minus teacher, degrees; 0 for all but parts.
-        delay_s: mean delay, seconds, negative when early; 0 for all but timing.
-        points: of the similarity of a phrase of PHRASE_S that it costs.
-        fault: what is wrong in words, such as "left arm 25° too low".
-        text: with the time, such as "left arm 25° too low at 0:12".
-    """
+    """A stretch of the dance in which something is wrong, in seconds on the teacher's clock."""
 
     start_s: float
     end_s: float
-    part: str
-    joint: str
-    direction: str
-    degrees: float
-    delay_s: float
-    points: float
-    fault: str
-    text: str
+    part: str  # one of `PARTS`, "timing", or "phrase" for a cause (`kpopnet.dance.words.causes`)
+    joint: str  # the joint that is wrong, such as "left elbow"; "" for all else
+    direction: str  # such as "too low", "late", "mirrored"
+    degrees: float  # mean signed difference, learner minus teacher, degrees; 0 for all but parts
+    delay_s: float  # mean delay, seconds, negative when early; 0 for all but timing
+    points: float  # of the similarity of a phrase of PHRASE_S that it costs
+    fault: str  # what is wrong in words, such as "left arm 25° too low"
+    text: str  # with the time, such as "left arm 25° too low at 0:12"
 
 
 class Losses:

@@ -38,11 +38,8 @@ SQUARED = ("jitter_core_mm", "jitter_ends_mm")
 def label_free(joints_m: np.ndarray, depth_m: np.ndarray, camera: Camera, fps: float) -> np.ndarray:
     """(5, 2) sum and count of each of FIGURES in a film: of squares for SQUARED.
 
-    Args:
-        joints_m: (T, 15, 3) joints, camera frame, metres, NaN where missing.
-        depth_m: (T, H, W) float32 metres of the person, 0 elsewhere.
-        camera: the camera of these pixels.
-        fps: frames per second.
+    The (T, 15, 3) joints are in the camera frame, metres, NaN where missing; the (T, H, W) float32 depth is that of the person
+    in metres, 0 elsewhere.
     """
     joints_m = joints_m.astype(np.float64)
     lengths_cm = 100 * np.linalg.norm(joints_m[:, CHILDREN] - joints_m[:, PARENTS], axis=-1)

@@ -14,6 +14,7 @@ from omegaconf.errors import OmegaConfBaseException
 from kpopnet.errors import InputError
 from kpopnet.evaluation.values import Table, Value
 from kpopnet.runtime.hydra_app import overridable
+from kpopnet.runtime.input_files import first_line
 
 
 @dataclass(frozen=True)
@@ -76,5 +77,5 @@ def _with_settings(settings: Any, changes: dict[str, Any], where: str) -> Any:
         try:
             OmegaConf.update(copy, name, value)
         except OmegaConfBaseException as error:
-            raise InputError(f"{where}.{name}={value}: {str(error).splitlines()[0]}") from error
+            raise InputError(f"{where}.{name}={value}: {first_line(error)}") from error
     return OmegaConf.to_object(copy)

@@ -10,6 +10,7 @@ import numpy as np
 
 from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.errors import InputError
+from kpopnet.runtime.input_files import first_line
 from kpopnet.runtime.provenance import optional_library
 from kpopnet.sources.camera_files import optics
 from kpopnet.sources.lenses import View
@@ -89,8 +90,7 @@ class OakCamera:
             self._pipeline.start()
         except RuntimeError as error:
             self.close()
-            reason = next(iter(str(error).splitlines()), "")[:200]
-            raise CameraAwayError(f"no OAK camera starts ({reason}); plug it in") from error
+            raise CameraAwayError(f"no OAK camera starts ({first_line(error)}); plug it in") from error
         frame = self._next(START_S)
         seen = frame.getTransformation()
         (fx, _, cx), (_, fy, cy), _ = seen.getIntrinsicMatrix()

@@ -34,17 +34,11 @@ NO_DEPTH_M = np.zeros((CAMERA.height // 160, CAMERA.width // 160), np.float32)
 
 
 class Landmarks(NamedTuple):
-    """The 33 points of a person in one picture, in the order of `MEDIAPIPE_NAMES`.
+    """The 33 points of a person in one picture, in the order of `MEDIAPIPE_NAMES`."""
 
-    Attributes:
-        world_m: (33, 3) metres about the middle of the hips.
-        image_px: (33, 2) in the picture of `CAMERA`.
-        visibility: (33,) in 0..1, 0 outside the picture.
-    """
-
-    world_m: np.ndarray
-    image_px: np.ndarray
-    visibility: np.ndarray
+    world_m: np.ndarray  # (33, 3) metres about the middle of the hips
+    image_px: np.ndarray  # (33, 2) in the picture of `CAMERA`
+    visibility: np.ndarray  # (33,) in 0..1, 0 outside the picture
 
 
 class Seen(NamedTuple):
@@ -73,7 +67,7 @@ class WebcamCamera:
     """The webcam as the lesson sees it: a `LiveCamera` whose images are `Landmarks` or None.
 
     Attributes:
-        keep: is told what the page saw.
+        keep: takes what the page saw.
     """
 
     camera = CAMERA

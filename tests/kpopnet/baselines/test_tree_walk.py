@@ -1,6 +1,5 @@
 """Random tree walks: walks through known trees, training, and the validation of a model's files."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +8,7 @@ from capsule_people import CAMERA, CapsulePeople, draw_depth, draw_joints
 from safetensors.numpy import load_file, save_file
 
 from kpopnet.baselines.mean_pose import MeanPoseEstimator
-from kpopnet.baselines.tree_walk.growing import Samples, best_split, draw_probes, grow
+from kpopnet.baselines.tree_walk.growing import Samples, draw_probes, grow
 from kpopnet.baselines.tree_walk.training import TreeWalkConfig, pixel_positions, train
 from kpopnet.baselines.tree_walk.walking import (
     MAX_DIFFERENCE,
@@ -135,30 +134,6 @@ def directed_samples(count=1500, seed=0):
     ), near
 
 
-def test_the_best_split_is_the_best_of_all_candidates():
-    samples, _ = directed_samples(200)
-    members = np.random.default_rng(1).permutation(200)[:150]
-    probes = draw_probes(np.random.default_rng(2), 12, 10)
-    chosen, threshold = best_split(samples, members, probes, 8, 10)
-
-    def deviations(probe, limit):
-        values = np.array(
-            [reference_feature(samples.images[samples.image[i]], *samples.position[i].tolist(), probe) for i in members]
-        )
-        sides = [samples.direction[members[side]].astype(np.float64) for side in (values < limit, values >= limit)]
-        if min(len(side) for side in sides) < 10:
-            return np.inf, values
-        return sum(((side - side.mean(axis=0)) ** 2).sum() for side in sides), values
-
-    tried = []
-    for probe in probes:
-        _, values = deviations(probe, 0)
-        width = (values.max() - values.min()) // 8 + 1
-        tried += [deviations(probe, values.min() + k * width)[0] for k in range(1, 8)]
-    assert deviations(probes[chosen], threshold)[0] == pytest.approx(min(tried), rel=1e-6) and np.isfinite(min(tried))
-    assert best_split(samples, members, probes, 8, 100)[0] == -1
-
-
 def test_a_tree_learns_the_feature_on_which_directions_depend():
     samples, near = directed_samples()
     tree = grow(samples, 30, 40, 10 / 0.8, (0,))
@@ -243,21 +218,3 @@ def test_damaged_trees_are_refused(trained, tmp_path, change, message):
     with pytest.raises(InputError, match=message) as refused:
         TreeWalkModel.load(tmp_path)
     assert TREES in str(refused.value)
-
-
-def test_folders_of_other_formats_are_refused(trained, tmp_path):
-    with pytest.raises(InputError, match=r"no tree walk model there.*train.py --config-name tree_walk"):
-        TreeWalkModel.load(tmp_path)
-    meta = json.loads((trained[0] / META).read_text())
-    for changed, message in (
-        (meta | {"version": 2}, "of version 1"),
-        (meta | {"crop_px": 10**6}, "1000000 pixels"),
-        (meta, "missing, damaged or of another format"),
-    ):
-        (tmp_path / META).write_text(json.dumps(changed))
-        with pytest.raises(InputError, match=message):
-            TreeWalkModel.load(tmp_path)
-    with pytest.raises(InputError, match=r"estimator\.tree_walk\.path="):
-        TreeWalkEstimator(TreeWalkEstimatorConfig())
-    with pytest.raises(InputError, match="images=0"):
-        replace(SMALL, images=0)

@@ -113,12 +113,6 @@ def test_differences_are_wrapped_and_weighted_and_missing_ones_excluded():
     assert math.isnan(norm([0.5, math.nan, math.nan], zero))
 
 
-@given(st.floats(0, 3.1), st.floats(0, 3.1))
-def test_the_distance_grows_with_the_difference(one, other):
-    distance = [norm([x], [0.0], outlier=0.3) for x in sorted((one, other))]
-    assert distance[0] <= distance[1] <= max(one, other) + 1e-9
-
-
 def test_a_path_is_compared_angle_by_angle_before_at_and_after_the_matched_frames():
     rng = np.random.default_rng(4)
     teacher = Features(rng.uniform(-3, 3, (9, 4)), rng.uniform(size=(9, 4)), np.ones((9, 4)))

@@ -88,9 +88,3 @@ def test_noise_is_measured_as_it_is():
     assert (kept[0] < kept[1] - 0.01).all() and (kept[1, :4] > 0.95).all()
     scores = [noise.Scored(80, 70, 84, 2), noise.Scored(90, 80, 90, 2)]
     assert noise.spread(scores) == pytest.approx(1.9) and "rms 2.8" in noise.summary([seen(0, 1)] * 2, scores)
-
-
-@pytest.mark.parametrize("name", NOISE)
-def test_the_table_keeps_more_of_perfect_dancing_the_more_confident_the_estimator_is(name):
-    kept = kept_by_noise(NOISE[name].loss, 1 - np.linspace(0, 1, 21)[:, None] * np.ones(6))
-    assert ((kept > 0) & (kept <= 1)).all() and (np.diff(kept, axis=0) >= 0).all()

@@ -153,8 +153,8 @@ LOST = performed(np.full_like(JOINTS_M, np.nan))
         (lambda: Performance(JOINTS_M[:1], np.zeros(1), np.full((1, 15), np.nan)), "expected numbers from 0 to 1"),
         (lambda: OnlineScorer(performed(JOINTS_M)).update(JOINTS_M[0, :14], 0.1), r"joints of shape \(14, 3\)"),
         (lambda: OnlineScorer(performed(JOINTS_M)).finish(), "no whole window"),
-        (lambda: PartScorer(noise="odd"), r"^noise=odd is not one of auto, none, .*tracker"),
-        (lambda: PaperScorer(feature="odd"), "^feature=odd .*dance22, dance22_turn, raptis"),
+        (lambda: PartScorer(noise="odd"), r"^noise=odd: expected one of auto, none, .*tracker"),
+        (lambda: PaperScorer(feature="odd"), "^feature=odd: .*dance22, dance22_turn, raptis"),
     ],
 )
 def test_bad_input_is_refused_with_a_message(refused, message):

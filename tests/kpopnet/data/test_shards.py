@@ -39,22 +39,6 @@ def replace(path: Path, name: str, values: np.ndarray | None, **options) -> None
 
 
 @pytest.mark.parametrize(
-    ("name", "values", "message"),
-    [
-        ("room_mm", np.ones((1, 20, 30), np.uint16), r"room_mm: shape \(1, 20, 30\), expected \(R, H = 48, W = 64\)|depth_mm"),
-        ("depth_mm", np.ones((COUNT, 48, 64), np.float32), r"depth_mm: type float32, expected kind u"),
-        ("ridge", None, r"expected an array ridge in a frozen shard"),
-        ("room", np.array([0, 0, 1, 0], np.int16), "cannot be read"),
-        ("body", None, r"expected an array body, found box, "),
-    ],
-)
-def test_invalid_arrays_are_refused(shard, name, values, message):
-    replace(shard, name, values)
-    with pytest.raises(InputError, match=rf"shard_00000\.h5.*({message})"):
-        read_everything(shard)
-
-
-@pytest.mark.parametrize(
     ("name", "value", "message"),
     [
         ("version", 2, "attribute version: expected 1, found 2"),

@@ -7,15 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from omegaconf import OmegaConf
 from point_cloud_files import CAMERAS, FIRST, FRAMES, points_of, position_m, scene, smmc10_frame
 from programs import ROOT
 
-from kpopnet.camera import Camera
 from kpopnet.datasets.eval import FRAME, EvalBenchmark
-from kpopnet.datasets.point_clouds import PointCloudConfig, checked_map, fit_camera
+from kpopnet.datasets.point_clouds import PointCloudConfig, checked_map
 from kpopnet.datasets.smmc10 import PACKED, PADDED, Smmc10Benchmark
 from kpopnet.errors import InputError
 from kpopnet.evaluation.registry import build_benchmark
@@ -72,36 +69,6 @@ def test_padded_frames_of_smmc10_are_recognised(tmp_path, frames):
     sequence = read(path)
     np.testing.assert_array_equal(sequence.depth_m[-1], scene("smmc10", frames - 1))
     assert sequence.visible.sum() == 3 * frames
-
-
-@settings(max_examples=15, deadline=None)
-@given(
-    fx=st.floats(150, 600), fy=st.floats(150, 600), cx=st.floats(100, 220), cy=st.floats(60, 180),
-    seed=st.integers(0, 2**32 - 1),
-)  # fmt: skip
-def test_the_camera_is_fitted_to_the_points(fx, fy, cx, cy, seed):
-    rng = np.random.default_rng(seed)
-    camera = Camera(fx, fy, cx, cy, 320, 240)
-    depth_m = rng.uniform(0.5, 5, (240, 320)).astype(np.float32)
-    depth_m[rng.random(depth_m.shape) < 0.6] = 0
-    points_m = camera.points(depth_m) * np.float32([1, -1, -1])
-    points_m[3, 4] = np.nan
-    found = fit_camera(points_m, "here")
-    np.testing.assert_allclose([found.fx, found.fy, found.cx, found.cy], [fx, fy, cx, cy], rtol=1e-4, atol=0.02)
-
-
-def test_points_that_no_camera_fits_are_refused(path, name):
-    wrong = points_of(name, 0)[..., [1, 0, 2]]
-    single = np.zeros_like(wrong)
-    single[7, 9] = 0.1, 0.2, -1
-    for points, message in (
-        (wrong, "the best-fitting camera .* pixels; .* x right, y up, z negative"),
-        (np.zeros_like(wrong), "no point in front of the camera is measured in its 1 frames"),
-        (single, "too few measured points"),
-    ):
-        path.write_bytes(FRAMES[name](0, points=points))
-        with pytest.raises(InputError, match=rf"{path.name}: {message}"):
-            read(path)
 
 
 def test_a_sequence_may_start_with_an_empty_frame(path, name):

@@ -170,12 +170,6 @@ def test_noise_of_a_time_of_flight_camera_is_smoothed(deviation_m: float) -> Non
     assert smooth_m[smooth_m > 0].std() < 0.35 * deviation_m
 
 
-@pytest.mark.parametrize("deviation_m", [0.0, 0.005, 0.015, 0.02])
-def test_depth_of_structured_light_is_returned_as_it_is(deviation_m: float) -> None:
-    depth_m = noisy_wall(deviation_m)
-    assert denoised(depth_m) is depth_m
-
-
 def test_a_fit_to_noisy_depth_is_better_for_it() -> None:
     joints_m = cone_joints(20, yaw_deg=15)
     body, camera = cone_body(joints_m), CAMERAS["smmc10"]

@@ -1,12 +1,11 @@
 """Every network predicts, learns, and outputs cube coordinates."""
 
-import numpy as np
 import pytest
 import torch
 
 from kpopnet.errors import InputError
 from kpopnet.networks import ModelConfig
-from kpopnet.networks.network import CONFIDENT_WITHIN_M, Prediction, build_network, confidence_loss
+from kpopnet.networks.network import build_network
 
 KINDS = ["holistic", "dense"]
 SMALL = {"crop_px": 32, "widths": [8, 8, 16, 16]}
@@ -88,23 +87,6 @@ def test_the_dense_head_localises_a_peak():
     prediction = head(maps)
     torch.testing.assert_close(prediction.joints[0, 4], torch.tensor([13 / 8 - 1, 5 / 8 - 1, 0.7]))
     torch.testing.assert_close(prediction.joints[0, 3, :2], torch.zeros(2), atol=1e-6, rtol=0)
-
-
-def test_confidence_is_the_probability_of_a_hit():
-    """Its loss is minimal where the confidence equals the share of hits, and has no gradient on the joints."""
-    joints = torch.zeros(8, 15, 3, requires_grad=True)
-    target = torch.zeros(8, 15, 3)
-    target[2:, :, 0] = 0.2  # two of eight are hits at 1.15 m per unit
-    assert CONFIDENT_WITHIN_M < 0.2 * 1.15
-    logit = torch.zeros(15, requires_grad=True)
-    optimiser = torch.optim.Adam([logit], 0.1)
-    for _ in range(200):
-        loss = confidence_loss(Prediction(joints, logit.expand(8, 15), {}), target, 1.15)
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-    assert joints.grad is None
-    np.testing.assert_allclose(torch.sigmoid(logit).detach(), 0.25, atol=0.01)
 
 
 @pytest.mark.parametrize(

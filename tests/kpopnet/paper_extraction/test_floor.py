@@ -5,7 +5,7 @@ import pytest
 from extraction_scenes import CAMERA, noisy
 
 from kpopnet.camera import CAMERAS, Camera
-from kpopnet.paper_extraction.floor import find_floor, fit_floor, remove_floor
+from kpopnet.paper_extraction.floor import find_floor, remove_floor
 
 DELTA_F_M = 0.03
 
@@ -61,11 +61,6 @@ def test_a_few_wrong_measurements_below_the_floor_do_not_move_it():
     wrong = on_floor & (np.random.default_rng(0).random(depth_m.shape) < 0.02)
     measured_m[wrong] *= 2  # as of a mirror image
     assert error_m(find_floor(measured_m, CAMERA, DELTA_F_M, None), depth_m, true) < DELTA_F_M
-
-
-def test_points_on_a_line_have_no_plane():
-    line_m = CAMERA.back_project(np.stack([np.arange(60.0), np.full(60, 119.0), np.full(60, 2.0)], axis=-1))
-    assert fit_floor(line_m, plane(0, 0, line_m[0, 1]), DELTA_F_M) is None
 
 
 @pytest.mark.parametrize("depth_m", [np.full((120, 160), 3, np.float32), np.zeros((120, 160), np.float32)])

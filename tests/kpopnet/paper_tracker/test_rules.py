@@ -4,8 +4,6 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from y_people import y_joints
 
 from kpopnet.camera import CAMERAS
@@ -13,11 +11,9 @@ from kpopnet.geometry.human_model import LIMB_PARENTS, HumanModel
 from kpopnet.paper_tracker.algorithm2 import (
     HEAD,
     Plan,
-    farthest_geodesic_m,
     frame_of,
     geodesics_to,
     is_valid,
-    valid_limb,
 )
 from kpopnet.paper_tracker.tracker import PaperTracker, PaperTrackerConfig
 from kpopnet.skeleton import NUM_JOINTS, PAPER_JOINTS, Joint
@@ -111,20 +107,6 @@ def test_limb_rule_bounds_length_and_straightness(limb: Joint) -> None:
     assert not valid(limb, JOINTS[limb], geodesic_m=1e9)  # without a path
 
 
-@given(st.integers(0, 2**32 - 1), st.floats(0.01, 0.3), st.floats(0.0, 0.99))
-@settings(deadline=None)
-def test_the_maximum_distance_rejects_no_valid_candidate(seed: int, epsilon: float, straightness: float) -> None:
-    """Every candidate that passes Eq. (9) is within the maximum geodesic distance."""
-    rng = np.random.default_rng(seed)
-    joints, limb = rng.normal(0, 0.2, (NUM_JOINTS, 3)), int(Joint.RIGHT_HAND)
-    settings = plan(epsilon_m=epsilon, straightness=straightness)
-    farthest_m = farthest_geodesic_m(limb, settings)
-    for candidate in rng.normal(0, 0.3, (50, 3)):
-        geodesic_m = rng.uniform(0, 3)
-        if valid_limb(candidate, limb, geodesic_m, joints, settings):
-            assert geodesic_m <= farthest_m
-
-
 def test_shoulders_of_hanging_arms_are_nearer_to_the_hips_and_farther_from_the_head() -> None:
     hanging = y_joints(elevation_deg=-80, place_m=(0.0, 0.0, 0.0))
     low = plan(hanging, repaired=True).structure
@@ -170,19 +152,6 @@ def straightness(depth: np.ndarray, begin_px: tuple[int, int], end_m: np.ndarray
 
 def at(u: int, v: int, z_m: float = 2.5) -> np.ndarray:
     return CAMERA.back_project(np.array((u, v, z_m)))
-
-
-@pytest.mark.parametrize("end", [(250, 60), (60, 200), (200, 200), (130, 220)])
-def test_a_straight_tube_is_straight(end: tuple[int, int]) -> None:
-    # The path follows cells, which lengthens it by at most 8 %, in the directions of a knight's move.
-    assert 0.91 < straightness(tube([(60, 60), end]), (60, 60), at(*end)) < 1.02
-
-
-def test_a_bent_tube_is_not_straight() -> None:
-    polyline = [(60, 60), (60, 200), (100, 200), (100, 60)]
-    assert straightness(tube(polyline), polyline[0], at(*polyline[-1])) < 0.3
-    corner = [(60, 40), (60, 200), (160, 120)]
-    assert straightness(tube(corner), corner[0], at(*corner[-1])) < 0.7 < straightness(tube(corner), corner[0], at(*corner[1]))
 
 
 def test_a_depth_jump_between_crossing_limbs_lengthens_the_path() -> None:

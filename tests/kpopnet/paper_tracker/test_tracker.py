@@ -50,7 +50,7 @@ def test_only_label_is_given_the_true_pose() -> None:
 @pytest.mark.parametrize(
     ("settings", "complaint"),
     [
-        ({"candidates": "skin"}, "candidates=skin: expected ridge or depth"),
+        ({"candidates": "skin"}, "candidates=skin: expected one of ridge, depth"),
         ({"r_m": 110}, "r_m in 0..2 m"),
         ({"epsilon_r": 30.0}, r"epsilon_r=30\.0: expected a number above 0 and below 1"),
         ({"lost": "found"}, "lost=found: expected one of predicted, stays, carried"),

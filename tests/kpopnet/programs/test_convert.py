@@ -10,7 +10,6 @@ from recorded_points import FRAMES, coco, imperial
 from scipy.spatial.transform import Rotation
 
 from kpopnet.datasets.dances.dance_set import KpopSet
-from kpopnet.errors import InputError
 from kpopnet.programs.convert import main, read_imperial
 from kpopnet.skeleton import Joint
 from synth.motion.skeleton import INDEX, LEG_M, NUM_JOINTS, Motion
@@ -77,11 +76,3 @@ def test_imperial_dance_becomes_one_dance_per_choreography(tmp_path, monkeypatch
     with pytest.raises(SystemExit):
         convert(monkeypatch, "imperial", source, tmp_path / "other")
     assert "expected (takes, 3, frames, 21)" in capsys.readouterr().err
-
-
-def test_damaged_files_of_imperial_dance_are_refused_in_one_line(tmp_path):
-    path = tmp_path / "d.npy"
-    np.save(path, np.zeros((2, 3, 20, 21)))
-    path.write_bytes(path.read_bytes()[:1000])
-    with pytest.raises(InputError, match=r"d\.npy: not a plain numpy array"):
-        read_imperial(path)

@@ -10,8 +10,7 @@ from cone_people import PLACE_M, cone_body, cone_joints, draw_cones
 from y_people import draw_y, y_joints
 
 from kpopnet.camera import CAMERAS
-from kpopnet.errors import InputError
-from kpopnet.programs.stages import main, stages_of
+from kpopnet.programs.stages import main
 
 CAMERA = CAMERAS["kinect_v1"]
 
@@ -71,10 +70,3 @@ def test_errors_are_one_line(draw, recorded, frame: int, message: str) -> None:
     code, printed, path = draw(recorded, frame=frame)
     assert code == 1 and printed.startswith("error: ") and printed.count("\n") == 1 and message in printed
     assert not path.exists()
-
-
-def test_memory_is_bounded(tmp_path, monkeypatch) -> None:
-    np.save(tmp_path / "depth.npy", np.zeros((3, 240, 320), np.uint16))
-    monkeypatch.setenv("KPOPNET_FILE_BUDGET_GB", "0.001")
-    with pytest.raises(InputError, match="depth and person of 3 frames would take"):
-        stages_of(tmp_path / "depth.npy", 2, "kinect_v1", "y_pose")

@@ -95,12 +95,3 @@ def test_what_cannot_be_read_is_refused_in_one_line(name, tmp_path):
         open_depth(write_ros(tmp_path / f"d{suffix}", IMAGES, {TOPIC: "8UC1"}))
     with pytest.raises(InputError, match=r"no topics are called depth .* none among no topics"):
         open_depth(write_ros(tmp_path / f"e{suffix}", IMAGES[:0], camera=None))
-
-
-def test_a_folder_without_its_files_and_a_hostile_path_are_refused(tmp_path):
-    folder = write_ros(tmp_path / "bag", IMAGES)
-    (folder / "bag.db3").rename(tmp_path / "a%20b.db3")
-    with pytest.raises(InputError, match=r"bag: expected a file \.db3 or \.mcap .*zstd -d"):
-        open_depth(folder)
-    with pytest.raises(InputError, match="rename it"):
-        open_depth(tmp_path / "a%20b.db3")

@@ -12,8 +12,16 @@ from kpopnet.geometry.depth_grid import build_depth_grid
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.skeleton import NUM_JOINTS, Joint
 from kpopnet.tracker import fit as terms
-from kpopnet.tracker.fit import COLUMN, JOINT_PRIOR_WEIGHT, JOINT_PRIORS, fit, joint_prior, penetration_cost, pose_cost
-from kpopnet.tracker.solver import solve
+from kpopnet.tracker.fit import (
+    COLUMN,
+    JOINT_PRIOR_WEIGHT,
+    JOINT_PRIORS,
+    fit,
+    joint_prior,
+    penetration_cost,
+    pose_cost,
+    solve,
+)
 
 NOTHING = build_depth_grid(np.zeros((CAMERA.height, CAMERA.width), np.float32), CAMERA)
 

@@ -16,18 +16,6 @@ def data(tmp_path_factory):
     return {"train": folder, "validation": folder}
 
 
-def test_the_targets_are_the_persons_cells_and_torso(data):
-    images = LoadedImages(data["train"])
-    for mirrored in (False, True):
-        _, target = images.batch(np.array([3]), np.array([mirrored]))
-        person = target.person[0] > 0
-        assert person.sum() == 40 * 14 and (target.weight[0][60:] == 0).all()
-        votes_m = target.vote_m[0][:, person]
-        assert torch.allclose(votes_m.mean(1), torch.zeros(3), atol=0.02)
-        columns = torch.nonzero(person)[:, 1].float().mean() * 2
-        assert abs(float(columns) - (69.5 if not mirrored else 159 - 69.5)) < 1.5
-
-
 def test_a_resumed_run_equals_an_uninterrupted_one(data, tmp_path):
     def settings(steps, resume=False):
         return FinderTraining(steps=steps, batch_size=2, validate_every=2, resume=resume)

@@ -21,7 +21,7 @@ from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.networks.network import build_network
 from kpopnet.training import loop
 from kpopnet.training.distributed import Processes, join_processes
-from kpopnet.training.loop import AVERAGE, Run, RunConfig, TrainingConfig, decay_at, lr_at, train, validation_batches
+from kpopnet.training.loop import Run, RunConfig, TrainingConfig, train, validation_batches
 from kpopnet.training.validation import validate
 
 MODEL = ModelConfig(crop_px=32, widths=[8, 8, 16, 16])
@@ -185,29 +185,6 @@ def test_a_loss_that_is_not_finite_stops_before_the_update(field):
     with pytest.raises(InputError, match=r"step 1: loss nan.*before the update.*training\.lr"):
         run.update(batch._replace(**{field: bad}))
     assert trained() == before and run.step == 1
-
-
-def test_the_learning_rate_cycles_once():
-    config = TrainingConfig(steps=1000, lr=1e-3)
-    rates = [lr_at(step, config.lr, config.steps) for step in range(1001)]
-    assert rates[0] == pytest.approx(1e-3 / 25)
-    assert max(rates) == rates[70] == pytest.approx(1e-3)
-    assert rates[535] == pytest.approx((1e-3 + 1e-7) / 2)
-    assert rates[1000] == pytest.approx(1e-7)
-    assert rates[:71] == sorted(rates[:71])
-    assert rates[70:] == sorted(rates[70:], reverse=True)
-
-
-def test_the_average_starts_with_a_small_decay():
-    assert decay_at(0) == 0.1
-    assert decay_at(10**6) == AVERAGE
-    run = Run(SHORT, MODEL, 0, Processes(torch.device("cpu")))
-    fresh = {name: value.clone() for name, value in run.network.state_dict().items()}
-    run.update(first_batch())
-    for name, value in run.network.state_dict().items():
-        averaged = run.average.state_dict()[name]
-        expected = 0.1 * fresh[name] + 0.9 * value if value.is_floating_point() else value
-        torch.testing.assert_close(averaged, expected)
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,7 @@ from kpopnet.data.room_images import RoomImage
 from kpopnet.datasets.protocol import Benchmark, BenchmarkConfig
 from kpopnet.datasets.synthetic import SyntheticBenchmark
 from kpopnet.datasets.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
-from kpopnet.finder.backend import open_finder
-from kpopnet.finder.finder import FinderConfig, PersonFinder
+from kpopnet.finder.finder import FinderConfig, PersonFinder, open_finder
 from kpopnet.finder.people import certainty
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.weights import shipped_finder

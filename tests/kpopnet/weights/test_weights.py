@@ -15,7 +15,7 @@ from shipped_weights import ship, ship_weights
 
 import kpopnet.weights
 from kpopnet.errors import InputError
-from kpopnet.finder.backend import open_finder
+from kpopnet.finder.finder import open_finder
 from kpopnet.finder.network import FinderNetwork
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import save_checkpoint

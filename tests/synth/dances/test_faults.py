@@ -7,11 +7,8 @@ from motions import distance_m, points_m
 from synth.dances.faults import (
     FAULTS,
     LAG_S,
-    NOISE_DEG,
     habit,
-    joint_noise,
     lag,
-    replaced_moves,
     with_faults,
 )
 from synth.dances.simulate import SPACING, KpopSim, KpopSimConfig
@@ -48,24 +45,10 @@ def test_a_lag_is_a_delay(teacher):
     np.testing.assert_allclose(points_m(late)[frames:], points_m(teacher)[:-frames], atol=1e-3)
 
 
-def test_noise_has_its_size_and_is_shared_with_the_parent(teacher):
-    angles = [turned_deg(teacher, joint_noise(teacher, 1.0, np.random.default_rng(seed))) for seed in range(10)]
-    assert np.sqrt(np.mean(np.square(angles))) == pytest.approx(NOISE_DEG, rel=0.25)
-    assert np.abs(np.diff(angles, axis=1)).max() < 3.5 * NOISE_DEG / np.sqrt(0.5 * FPS) * 3
-
-
 def test_a_habit_turns_two_joints_by_the_same_angle_throughout(teacher):
     angles = turned_deg(teacher, habit(teacher, 1.0, np.random.default_rng(3)))
     wrong = angles.max(axis=0) > 1
     assert wrong.sum() == 2 and np.ptp(angles[:, wrong], axis=0).max() < 0.1
-
-
-def test_a_replaced_move_is_another_of_the_dance_and_lasts_for_a_move(teacher):
-    learner = replaced_moves(teacher, 2.0, np.random.default_rng(1))
-    wrong = turned_deg(teacher, learner).max(axis=1) > 1
-    assert 20 <= wrong.sum() <= 100
-    np.testing.assert_allclose(learner.root_m, teacher.root_m)
-    np.testing.assert_allclose(np.abs((learner.quats[:, 0] * teacher.quats[:, 0]).sum(axis=-1)), 1, atol=1e-5)
 
 
 @pytest.mark.parametrize("family", ["mixed", "skill"])

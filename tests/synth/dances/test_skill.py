@@ -1,7 +1,6 @@
 """The model of skill: the effect of each kind of error, which grows with its strength."""
 
 from dataclasses import asdict, replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -9,12 +8,9 @@ from motions import distance_m, points_m
 
 from synth.dances.skill import (
     LEVELS,
-    MISTAKES,
     SHARES,
-    TRANSITION_S,
     SkillConfig,
     Strengths,
-    draw_mistakes,
     draw_strengths,
     learn,
 )
@@ -91,18 +87,6 @@ def test_each_mistake_shows_the_motion_of_its_kind(teacher, seed):
         assert np.abs((learner.quats[middle, arms] * shown[arms]).sum(axis=-1)).min() > 0.99, mistake
     # Outside the mistakes the learner equals the teacher.
     np.testing.assert_allclose(points_m(learner)[~wrong], points_m(teacher)[~wrong], atol=1e-3)
-
-
-def test_mistakes_do_not_overlap_and_have_the_given_rate():
-    rng, counts = np.random.default_rng(0), []
-    for _ in range(300):
-        result = draw_mistakes(rng, 30.0, 5.0)
-        counts.append(len(result))
-        assert all(b.start_s > a.start_s + a.seconds for a, b in pairwise(result))
-        assert all(m.start_s >= 1 and m.start_s + m.seconds <= 30 and m.seconds > 2 * TRANSITION_S for m in result)
-    assert set(counts) <= {1, 2, 3} and 2.1 < np.mean(counts) < 2.5  # overlapping ones are dropped
-    assert not any(draw_mistakes(rng, 30.0, 0.0) for _ in range(20))
-    assert {mistake.kind for mistake in draw_mistakes(rng, 3000.0, 20.0)} == set(MISTAKES)
 
 
 def test_levels_differ_in_the_mean_and_overlap_in_each_error():

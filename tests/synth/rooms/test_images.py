@@ -1,11 +1,9 @@
 """`room_images`: files whole or not at all, the same whatever the number of processes, read back as they were made."""
 
-import h5py
 import numpy as np
 import pytest
 
 from kpopnet.data.room_images import RoomImages
-from kpopnet.errors import InputError
 from synth.rooms.images import RoomImagesConfig, RoomImagesSet
 
 
@@ -34,21 +32,3 @@ def test_images_are_read_back(folder):
         assert not image.depth_mm[image.camera.height :].any() and not image.depth_mm[:, image.camera.width :].any()
         people += known.sum()
     assert people > 10
-
-
-def test_a_file_is_made_again_alike(folder, tmp_path):
-    SET.make(tmp_path, 1)
-    with h5py.File(folder / "images_00001.h5") as one, h5py.File(tmp_path / "images_00001.h5") as other:
-        for name in one:
-            assert np.array_equal(one[name][()], other[name][()], equal_nan=name == "joints_m"), name
-
-
-def test_other_files_are_refused(folder, tmp_path):
-    with pytest.raises(InputError, match="no room images"):
-        RoomImages(tmp_path)
-    content = (folder / "images_00000.h5").read_bytes()
-    (tmp_path / "images_00000.h5").write_bytes(content[: len(content) // 2])
-    with pytest.raises(InputError, match=r"images_00000\.h5"):
-        RoomImages(tmp_path)
-    with pytest.raises(InputError, match=r"benchmark\.split=other"):
-        RoomImagesConfig(split="other")

@@ -206,7 +206,7 @@ def test_only_labelled_pixels_are_measured_with_the_same_noise_as_without_labels
 @pytest.mark.parametrize(
     ("terms", "message"),
     [
-        ({"name": "kinect"}, "sensor.name must be one of ideal, kinect_v1"),
+        ({"name": "kinect"}, "sensor.name=kinect: expected one of ideal, kinect_v1"),
         ({"gain": math.nan}, "sensor.gain"),
         ({"name": "ideal", "lateral_px": 1.0}, "sensor.lateral_px needs a sensor.native_focal_px"),
     ],

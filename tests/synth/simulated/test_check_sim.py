@@ -7,8 +7,7 @@ from kpopnet.camera import CAMERAS
 from kpopnet.datasets.check_script import END_S, SCRIPT, step_s
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
-from synth.motion.choreography.check_minute import SAT_S
-from synth.simulated.check_sim import FPS, CheckSim, CheckSimConfig
+from synth.simulated.check_sim import FPS, SAT_S, CheckSim, CheckSimConfig
 from synth.simulated.film import Studio
 from synth.simulated.room_films import RoomTake
 

@@ -17,14 +17,13 @@ from kpopnet.dance.scoring import SCORERS
 from kpopnet.datasets.dances.dance_set import KpopConfig, KpopSet
 from kpopnet.datasets.dances.writer import PackedDepth, write_labels, write_learner, write_teacher
 from kpopnet.errors import InputError
-from kpopnet.estimator import Estimate, Start
+from kpopnet.estimator import Estimate
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.dances import pose_cache
 from kpopnet.evaluation.dances.pose_cache import PoseCache
 from kpopnet.evaluation.dances.report import evaluate_dances, rank_table
 from kpopnet.evaluation.dances.run import run_dances
 from kpopnet.evaluation.report import write
-from kpopnet.paper_tracker.tracker import PaperTrackerConfig
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
 
 CAMERA = Camera.centred(20.0, 24, 20)
@@ -142,20 +141,6 @@ def test_an_estimator_that_finds_no_joint_is_reported_and_not_scored(folder, fak
     assert "mama, ann: fake found no joint in any frame; not scored" in caplog.text
 
 
-def test_damaged_cached_poses_are_refused_in_one_line(folder, fake):
-    run(folder, {"fake": FakeConfig()})
-    cache, dance = PoseCache(folder / "poses", "fake", FakeConfig()), KpopSet(folder).dance("mama")
-    learner = dance.learners[0]
-    path = cache.path(dance, learner)
-    with np.load(path) as stored:
-        arrays = dict(stored)
-    none = {name: arrays[name][:0] for name in ("joints_m", "confidence")}
-    for changed in ({"seconds": np.float64(np.nan)}, none):
-        np.savez(path, **(arrays | changed))
-        with pytest.raises(InputError, match=r"damaged .*; delete it to estimate these poses again"):
-            cache.poses(dance, learner)
-
-
 def test_corrected_times_need_no_new_estimation(folder, fake):
     late = run(folder, {"fake": FakeConfig()}).scores["fake", "dance22"]["mama"][0].score
     calls = fake.calls
@@ -215,23 +200,6 @@ def test_trackers_do_not_wait_for_the_y_pose(folder, monkeypatch):
     found = run(folder, {"tracker": TrackerEstimatorConfig(start="y_pose")}, count=1)
     assert all(config.start == "auto" for config in built)
     assert any("start=auto" in line for line in found.assumptions)
-
-
-def test_the_papers_tracker_starts_from_the_first_true_pose(folder, monkeypatch):
-    starts = []
-
-    class Started(Fake):
-        def estimate(self, depth_m: np.ndarray, camera: Camera, start: Start) -> Estimate:
-            starts.append(start)
-            return super().estimate(depth_m, camera)
-
-    monkeypatch.setattr(pose_cache, "build_estimators", lambda configs: {name: Started(FakeConfig()) for name in configs})
-    found = run(folder, {"paper_tracker": PaperTrackerConfig()}, count=1)
-    assert any("paper_tracker starts from the first true joints" in line for line in found.assumptions)
-    learners = KpopSet(folder).dance("mama").learners
-    for start, learner in zip(starts[-len(LEARNERS) :], learners, strict=True):  # the first call is timed twice
-        assert start.frame == 0
-        np.testing.assert_array_equal(start.joints_camera_m, learner.joints().joints_m[0])
 
 
 def test_the_report_has_all_its_parts(folder, fake, tmp_path):

@@ -14,7 +14,6 @@ from kpopnet.evaluation.poses.metrics import (
     mean_error_m,
     moving_joints,
     without_offsets,
-    yaw_octants,
 )
 from kpopnet.skeleton import Joint
 
@@ -103,16 +102,6 @@ def test_every_breakdown_sums_to_the_total():
     assert result["per_sequence"]["s0"]["pose_error_deviation_cm"] == pytest.approx(deviation)
 
 
-@pytest.mark.parametrize(
-    ("degrees", "octant"),
-    [(0, "0"), (22, "0"), (23, "45"), (-23, "-45"), (180, "180"), (-179, "180"), (-135, "-135"), (405, "45")],
-)
-def test_yaw_sectors_are_centred_on_their_names(degrees, octant):
-    octants = yaw_octants(np.radians([degrees, NAN]))
-    assert [name for name, rows in octants.items() if rows[0]] == [octant]
-    assert not any(rows[1] for rows in octants.values()) and len(octants) == 8
-
-
 def test_intervals_contain_their_metrics_and_need_five_units():
     rng = np.random.default_rng(5)
     truth, estimate = displaced(rng, rng.uniform(0, 0.2, (60, 15)))
@@ -142,18 +131,6 @@ def test_moving_joints_are_those_far_from_where_the_rest_pose_of_the_person_has_
     result = evaluate(pose_results(truth, truth + (0.0, 0.0, 0.11) * found[..., None], person=np.repeat(["a", "b"], 20)))
     assert (result["moving_10cm"], result["moving_joints"]) == (0, 8) and result["map_10cm"] == 1 - 8 / 600
     assert {name: one["moving_joints"] for name, one in result["per_person"].items()} == {"a": 4, "b": 4}
-
-
-def test_fourteen_joints_are_all_but_the_neck():
-    """The paper's model has a torso centre and no neck (section 2.3)."""
-    truth = np.zeros((2, 15, 3))
-    for joint in Joint:
-        estimate = truth.copy()
-        estimate[:, joint] = 0.5
-        result = evaluate(pose_results(truth, estimate))
-        counted = joint != Joint.NECK
-        assert result["map_14"] == pytest.approx(1 - counted / 14) and result["map_10cm"] == pytest.approx(14 / 15)
-        assert result["paper_joints"]["average_pose_error_cm"] == pytest.approx(counted * 100 * np.sqrt(0.75) / 14)
 
 
 def test_a_frame_whose_label_was_given_is_not_scored():

@@ -17,7 +17,6 @@ from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.poses.figures import joint_bars, sequence_bars
-from kpopnet.evaluation.poses.pictures import example_frames, worst_sequences
 from kpopnet.evaluation.poses.report import pose_metrics, pose_report, remarks
 from kpopnet.evaluation.poses.run import PoseRun, run_benchmark
 from kpopnet.evaluation.poses.sweep import Sweep, sweep_of
@@ -91,14 +90,6 @@ def test_metrics_json_describes_the_benchmark_and_holds_the_errors(stills, tmp_p
     assert page.count("<iframe sandbox=") == 3
 
 
-def test_examples_are_the_best_the_median_and_the_worst(stills):
-    examples = example_frames(stills, seed=0)
-    assert examples["worst"][0] == 4  # no person detected in this frame
-    assert set(examples["best"][:3]) == {0, 3, 5} and set(examples["worst"][1:3]) == {2, 7}
-    assert all(len(set(frames)) == len(frames) for frames in examples.values())
-    assert examples == example_frames(stills, seed=0)
-
-
 def test_partial_evaluations_and_failed_sequences_are_named(tmp_path):
     films = Films()
     films.damaged = {"three": InputError("damaged.mat: not <whole>")}
@@ -139,10 +130,6 @@ def test_published_results_are_shown_on_real_sets_only(name, origin, lines):
     assert len(table.rows) == len(lines) + 1
     assert table.cells()[-1][:2] == ["here: off", f"{100 * run.metrics['off']['map_14']:.1f} %"]
     assert {pose_metrics(run)["benchmark"][key] for key in ("seed", "version", "config_hash")} == {None}
-
-
-def test_the_worst_sequence_has_the_fewest_joints_within_ten_centimetres(films):
-    assert worst_sequences(films.without(["near"])) == ["two", "one", "three"]
 
 
 def test_a_sweep_has_a_table_and_metrics_and_is_in_no_other_table(tmp_path):
