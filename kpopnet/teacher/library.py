@@ -14,6 +14,7 @@ import numpy as np
 
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
+from kpopnet.languages import Said
 from kpopnet.runtime.atomic_write import atomic_path, claim
 from kpopnet.runtime.input_files import ArraySchema, check_names, expect, parse_json, read_npz, settings_from
 from kpopnet.skeleton import NUM_JOINTS, Joint
@@ -162,7 +163,7 @@ class Library:
         """The file of a dance; what is no plain name never becomes a path. Raises InputError if there is none."""
         path = self.folder / DANCES / f"{identity}.npz"
         if not IDENTITY.fullmatch(identity) or not path.is_file():
-            raise InputError(f"there is no dance {identity[:64]!r}")
+            raise InputError(Said("there is no dance {name}", name=repr(identity[:64])))
         return path
 
     def about(self, identity: str) -> About:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from kpopnet.errors import InputError, check_between
+from kpopnet.languages import Said
 from kpopnet.sources.source import LiveCamera
 from kpopnet.teacher.library import IDENTITY, TaughtDance
 
@@ -59,7 +60,8 @@ class Lesson:
         """Start and end in seconds of the excerpt of a dance of this length. Raises InputError if it is too short to score."""
         end_s = min(self.to_s or dance_s, dance_s)
         if end_s - self.from_s < MIN_EXCERPT_S:
-            raise InputError(f"from {self.from_s:g} to {end_s:g} s: choose at least {MIN_EXCERPT_S:g} s of the dance")
+            text = "from {start} to {end} s: choose at least {least} s of the dance"
+            raise InputError(Said(text, start=f"{self.from_s:g}", end=f"{end_s:g}", least=f"{MIN_EXCERPT_S:g}"))
         return self.from_s, end_s
 
 

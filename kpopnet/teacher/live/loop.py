@@ -15,6 +15,7 @@ from numba.core import event
 
 from kpopnet.dance.parts import NOISE
 from kpopnet.errors import InputError
+from kpopnet.languages import keyed
 from kpopnet.pose import PersonPose, PoseEstimator
 from kpopnet.runtime.parallel import end_with_parent
 from kpopnet.skeleton import Joint
@@ -111,7 +112,7 @@ def serve_lessons(connection: Connection, open_camera: CameraOpener, checkpoint:
             _, number, lesson, dance = message
 
             def tell(kind: str, content: dict, attached: object = None, number: int = number) -> None:
-                connection.send((number, kind, content, attached))
+                connection.send((number, kind, keyed(content), attached))
 
             try:
                 tell("preparing", {"fraction": 0.0, "text": "opening the camera"})
@@ -120,7 +121,7 @@ def serve_lessons(connection: Connection, open_camera: CameraOpener, checkpoint:
                     if running.warm(kernels, connection):
                         running.hold(connection)
             except InputError as error:
-                tell("error", {"text": str(error)})
+                tell("error", {"text": error.said})
 
 
 class RunningLesson:

@@ -6,6 +6,7 @@ import { record } from "./record.js";
 import { result } from "./result.js";
 import { stage } from "./stage.js";
 import { el, remember, remembered } from "./tools.js";
+import { LANGUAGES, language, say } from "./words.js";
 
 const main = document.getElementById("main");
 let leave = null, turn = 0;
@@ -30,11 +31,21 @@ async function show() {
     else end();
   } catch (error) {
     if (mine !== turn) return;
-    main.replaceChildren(el("p", { class: "error", role: "alert" }, error.message), el("a", { href: "#/" }, "To the dances"));
+    main.replaceChildren(el("p", { class: "error", role: "alert" }, error.message), el("a", { href: "#/" }, say("To the dances")));
   }
   if (mine === turn) main.dataset.ready = location.hash;
 }
 
+document.title = say("Dance teacher");
+for (const node of document.querySelectorAll("[data-say]")) node.textContent = say(node.textContent);
+const languages = document.getElementById("language");
+languages.append(...Object.entries(LANGUAGES).map(([key, text]) => el("option", { value: key, lang: key }, text)));
+languages.value = language;
+languages.addEventListener("change", () => {
+  remember("language", languages.value);
+  history.replaceState(null, "", `/${location.hash}`); // without ?lang=
+  location.reload();
+});
 for (const [id, otherwise] of [["theme", "auto"], ["palette", "brightness"]]) {
   const select = document.getElementById(id);
   select.value = remembered(id, otherwise);

@@ -10,6 +10,7 @@ import { songAt, songPanel, songTempo } from "./song.js";
 import { Sound } from "./sound.js";
 import { ask, clamp, clock, el, latencyOf, remember, remembered } from "./tools.js";
 import { HandsHeld, InPlace, praise, starsOf, streakAfter } from "./verdicts.js";
+import { say } from "./words.js";
 
 const COUNTS = 4;
 const AGAIN_S = 2;
@@ -90,7 +91,7 @@ export async function stage(main, identity, wanted) {
 
   function showSong() {
     song.panel.hidden = parts.music.value !== "song";
-    follows.textContent = followed() === 1 ? "" : `The dance follows it, at ${Math.round(100 * followed())} % of its own tempo.`;
+    follows.textContent = followed() === 1 ? "" : say("The dance follows it, at {percent} % of its own tempo.", { percent: Math.round(100 * followed()) });
   }
 
   function fullScreen() {
@@ -108,7 +109,8 @@ export async function stage(main, identity, wanted) {
     state.practice = parts.practise.value ? new Practice(Number(parts.practise.value)) : null;
     state.place = new InPlace();
     shown.stage.scrollIntoView({ block: "nearest" });
-    shown.practice.textContent = state.practice ? `slowed to ${state.practice.speed} %, faster when you reach ${state.practice.goal}` : "";
+    shown.practice.textContent = state.practice
+      ? say("slowed to {percent} %, faster when you reach {goal}", { percent: state.practice.speed, goal: state.practice.goal }) : "";
     start();
   }
 
@@ -120,7 +122,7 @@ export async function stage(main, identity, wanted) {
     if (!state.practice) remember("speed", parts.speed.value);
     remember("source", parts.source.value);
     Object.assign(state, { running: true, ready: false, start: 0, paused_s: null });
-    parts.start.textContent = "Stop";
+    parts.start.textContent = say("Stop");
     shown.error.textContent = "";
     shown.preparing.hidden = false;
     live.send({
@@ -138,7 +140,7 @@ export async function stage(main, identity, wanted) {
     shown.beginNow.hidden = true;
     sound.stop();
     live.send({ do: "stop" });
-    parts.start.textContent = "Start";
+    parts.start.textContent = say("Start");
     shown.preparing.hidden = true;
     shown.count.textContent = "";
     shown.error.textContent = message;
@@ -146,7 +148,7 @@ export async function stage(main, identity, wanted) {
 
   function preparing({ fraction, text }) {
     shown.bar.value = fraction;
-    shown.preparingText.textContent = text;
+    shown.preparingText.textContent = say(text);
   }
 
   function ready() {
@@ -171,28 +173,28 @@ export async function stage(main, identity, wanted) {
 
   function frame(content, picture) {
     learner.show(picture, content, parts.mirrored.checked);
-    shown.guide.textContent = content.guidance;
+    shown.guide.textContent = say(content.guidance);
     if (state.place && !shown.beginNow.hidden) {
-      shown.words.textContent = content.joints ? "there you are" : "stand before the camera: the dance begins when you are seen";
+      shown.words.textContent = say(content.joints ? "there you are" : "stand before the camera: the dance begins when you are seen");
       if (state.place.see(content, performance.now())) begin();
     }
     if (hands.see(content.joints, performance.now(), state.speed)) pause();
     if (content.time_s === null) return;
     shown.stars.textContent = starsOf(content.so_far);
     shown.score.textContent = content.so_far === null ? "–" : Math.round(content.so_far);
-    shown.words.textContent = content.words === state.reason ? "" : content.words; // the verdict says it already
+    shown.words.textContent = say(content.words) === state.reason ? "" : say(content.words); // the verdict says it already
     shown.bars.show(content.parts);
   }
 
   function drawn(age_ms) {
-    shown.age.textContent = `${Math.round(age_ms)} ms ago`;
+    shown.age.textContent = say("{ms} ms ago", { ms: Math.round(age_ms) });
   }
 
   function done(result) {
     sound.stop();
-    shown.words.textContent = result.total === null ? result.hints[0] : `${Math.round(result.total)} of 100`;
+    shown.words.textContent = result.total === null ? say(result.hints[0]) : say("{total} of 100", { total: Math.round(result.total) });
     shown.score.textContent = result.total === null ? "–" : Math.round(result.total);
-    if (result.not_saved) shown.error.textContent = result.not_saved;
+    if (result.not_saved) shown.error.textContent = say(result.not_saved);
     if (state.practice && result.total !== null) {
       shown.practice.textContent = state.practice.after(result.total);
       if (state.practice.done) return finishPractice();
@@ -202,11 +204,11 @@ export async function stage(main, identity, wanted) {
     }
     if (parts.loop.checked && result.total !== null) {
       state.start = 0;
-      shown.count.textContent = "again";
+      shown.count.textContent = say("again");
       setTimeout(() => { if (state.running && !state.closed) begin(); }, 1000 * AGAIN_S);
       return undefined;
     }
-    stop(result.total === null ? result.hints[0] : "");
+    stop(result.total === null ? say(result.hints[0]) : "");
     if (result.session) location.hash = `#/dance/${identity}/try/${result.session}`;
     return undefined;
   }
@@ -214,21 +216,21 @@ export async function stage(main, identity, wanted) {
   function finishPractice() {
     parts.practise.value = "";
     stop("");
-    shown.practice.append(" ", el("a", { href: `#/dance/${identity}`, onclick: () => { parts.phrase.value = ""; showExcerpt(); } }, "Dance the whole dance"));
+    shown.practice.append(" ", el("a", { href: `#/dance/${identity}`, onclick: () => { parts.phrase.value = ""; showExcerpt(); } }, say("Dance the whole dance")));
   }
 
   function showStreak(streak) {
     state.streak = streak;
-    shown.streak.textContent = streak > 1 ? `${streak} in a row` : "";
+    shown.streak.textContent = streak > 1 ? say("{count} in a row", { count: streak }) : "";
   }
 
   function verdict({ number, end_s, total, words }) {
-    const after_ms = performance.now() - state.start - 1000 * (end_s - state.start_s) / state.speed;
+    const reason = say(words), after_ms = performance.now() - state.start - 1000 * (end_s - state.start_s) / state.speed;
     shown.verdict.dataset.afterMs = Math.round(after_ms);
-    shown.verdict.replaceChildren(`move ${number}: `, el("b", {}, praise(total)), el("i", {}, words ? ", " : ""), el("span", {}, words));
+    shown.verdict.replaceChildren(say("move {number}: ", { number }), el("b", {}, praise(total)), el("i", {}, reason ? ", " : ""), el("span", {}, reason));
     showStreak(streakAfter(state.streak, total));
-    state.reason = words;
-    if (shown.words.textContent === words) shown.words.textContent = "";
+    state.reason = reason;
+    if (shown.words.textContent === reason) shown.words.textContent = "";
   }
 
   // The camera sends nothing: the dance stands still, and goes on when it is back.
@@ -236,7 +238,7 @@ export async function stage(main, identity, wanted) {
     if (state.start) state.start_s += Math.max(performance.now() - state.start, 0) / 1000 * state.speed;
     state.start = 0;
     sound.stop();
-    shown.guide.textContent = text;
+    shown.guide.textContent = say(text);
     shown.count.textContent = "";
   }
 
@@ -249,7 +251,7 @@ export async function stage(main, identity, wanted) {
   function paused({ from_s }) {
     away({ text: "" });
     Object.assign(state, { paused_s: from_s, start_s: from_s });
-    shown.words.textContent = "paused: hands together above your head, or p, to go on";
+    shown.words.textContent = say("paused: hands together above your head, or p, to go on");
   }
 
   function back({ from_s }) {
@@ -258,11 +260,11 @@ export async function stage(main, identity, wanted) {
   }
 
   function error({ text }) {
-    stop(text);
+    stop(say(text));
   }
 
   function lost() {
-    if (state.running) stop("the teacher's program does not answer; is it still running?");
+    if (state.running) stop(say("the teacher's program does not answer; is it still running?"));
   }
 
   function animate(now) {
@@ -273,7 +275,7 @@ export async function stage(main, identity, wanted) {
       time_s = state.start_s - left_s * state.speed;
       const beats = Math.ceil(left_s * state.speed / beat_s);
       shown.count.textContent = left_s > 0 && beats <= COUNTS ? String(COUNTS + 1 - beats) : "";
-      shown.time.textContent = `${clock(Math.min(Math.max(time_s, state.start_s), state.to_s))} of ${clock(dance.seconds)}`;
+      shown.time.textContent = say("{time} of {end}", { time: clock(Math.min(Math.max(time_s, state.start_s), state.to_s)), end: clock(dance.seconds) });
     }
     view.draw(Math.min(Math.max(time_s, state.from_s), state.to_s));
     lane.draw(time_s, state.from_s, state.to_s, parts.mirrored.checked);

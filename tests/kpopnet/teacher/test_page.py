@@ -125,6 +125,42 @@ def test_narrow_screens_and_two_tabs(address, browser):
     assert find(browser, "#start").text == "Stop"
 
 
+LATIN_WORDS = """
+const said = [], walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT | NodeFilter.SHOW_ELEMENT);
+for (let node = walk.currentNode; node; node = walk.nextNode()) {
+  const isText = node.nodeType === 3, element = isText ? node.parentElement : node;
+  if (element.closest("#language, noscript")) continue;
+  said.push(isText ? node.data : ["aria-label", "placeholder", "title"].map((name) => node.getAttribute(name)).join(" "));
+}
+return said.filter((one) => /[A-Za-z]{2,}/.test(one || ""));
+"""
+"""Texts and labels of the page that hold words of Latin letters."""
+
+NOT_TRANSLATED = r"\b(BPM|ms|JSON|CSV|BVH|OAK|RealSense|bvh|npz|csv|json|zip)\b"
+
+
+def test_in_korean_no_word_of_english_is_left(library, address, browser):
+    """Each view once: whatever is in Latin letters then is no text of ours, or one that is not translated."""
+    names = "|".join(library.about(one).name for one in library.identities())
+    views = {
+        "#/": ".card", "#/me": "#names", "#/record": "#bpm", "#/calibrate": "#kept", "#/dance/none": "[role=alert]",
+        "#/dance/dance_001?phrase=0&speed=25&skill=perfect&fault=left+arm&go": "#verdict span:not(:empty)",
+    }  # fmt: skip
+    browser.get(f"{address}?lang=ko")
+    for view, shown in views.items():
+        browser.get(f"{address}{view}")
+        find(browser, shown)
+        left = [re.sub(f"{names}|'none'|{NOT_TRANSLATED}", "", one) for one in browser.execute_script(LATIN_WORDS)]
+        assert [one for one in left if re.search("[A-Za-z]{2,}", one)] == [], view
+    assert find(browser, "#verdict").text.startswith("동작 1: ") and find(browser, "#start").text == "정지"
+    total_of(browser)
+    find(browser, "#history")
+    left = [re.sub(f"{names}|{NOT_TRANSLATED}", "", one) for one in browser.execute_script(LATIN_WORDS)]
+    assert [one for one in left if re.search("[A-Za-z]{2,}", one)] == []
+    find(browser, "#language option[value=de]").click()
+    until(browser, lambda one: find(one, "h2").text == "Schwächste Momente")
+
+
 NOTE_VERDICTS = """
 window.verdicts = [];
 new MutationObserver(() => {

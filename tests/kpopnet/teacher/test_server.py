@@ -8,6 +8,7 @@ import struct
 import time
 from collections import Counter
 from dataclasses import replace
+from urllib.parse import urljoin
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ import pytest
 aiohttp = pytest.importorskip("aiohttp", reason="the extra app is not installed")
 
 from random_requests import SERVER_ERRORS, random_request, status_of  # noqa: E402
-from teacher_page import with_client  # noqa: E402
+from teacher_page import english, with_client  # noqa: E402
 from yarl import URL  # noqa: E402
 
 from kpopnet.dance.joint_files.reader import read_performance  # noqa: E402
@@ -39,10 +40,10 @@ def test_the_page_and_all_that_it_names_come_from_this_server(teaching):
             text = await answer.text()
             assert answer.status == 200 and len(text) > 200, path
             for line in text.splitlines():
-                if path.endswith(".js") and "three" not in path and ' from "./' in line:
-                    named = "/page/" + line.partition(' from "./')[2].split('"')[0]
+                if path.endswith(".js") and "three" not in path and ' from ".' in line:
+                    named = "/" + urljoin(path, line.partition(' from "')[2].split('"')[0]).lstrip("/")
                     waiting += [named] if named not in seen else []
-        assert {"/page/stage.js", "/page/body.js", "/page/vendor/three.js", "/page/result.js"} <= seen
+        assert {"/languages/ko.mjs", "/page/stage.js", "/page/body.js", "/page/vendor/three.js", "/page/result.js"} <= seen
 
     with_client(teaching, work)
 
@@ -174,7 +175,7 @@ def test_broken_uploads_get_one_clear_sentence(teaching):
     async def work(client):
         for query, content, told in UPLOADS:
             answer = await client.post(f"/api/dances?{query}", data=content)
-            message = (await answer.json())["error"]
+            message = english((await answer.json())["error"])
             assert answer.status == 400 and told in message and "/tmp" not in message and "\n" not in message, query
         assert (await client.post("/api/dances?file=a.bvh", data=io.BytesIO(bytes(MAX_UPLOAD_BYTES + 1)))).status == 413
 
@@ -328,7 +329,7 @@ def test_lessons_are_held_watched_and_saved(teaching):
         faulty, frames, _ = await hold(socket, lesson | {"fault": "left arm"})
         assert faulty["parts"]["left arm"] < 40 < min(faulty["parts"]["left leg"], faulty["parts"]["right leg"])
         assert faulty["worst"][0]["part"] == "left arm", faulty["worst"]
-        assert any("left arm" in frame["words"] for frame in frames) and len(frames[-1]["joints"]) == 15
+        assert any("left arm" in english(frame["words"]) for frame in frames) and len(frames[-1]["joints"]) == 15
         still, frames, kinds = await hold(socket, lesson | {"skill": "still"}, draws=False)
         assert still["total"] < 20 and 1 <= len(frames) <= 2 and kinds.count("verdict") >= 1
         await socket.send_json({"do": "drawn", "page_ms": 7.0})
