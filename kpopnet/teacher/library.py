@@ -236,7 +236,9 @@ def moves_cm(dance: TaughtDance) -> list[dict]:
     relative_m = np.nan_to_num(dance.joints_m - np.nanmean(dance.joints_m, axis=1, keepdims=True))
     unlike_m = np.linalg.norm(relative_m - relative_m.mean(axis=0), axis=-1).sum(axis=1)
     bounds = np.arange(0, len(unlike_m), MOVE_COUNTS * 60 / dance.about.bpm * dance.fps).round().astype(int).tolist()
-    frames = [begin + int(unlike_m[begin:end].argmax()) for begin, end in itertools.pairwise([*bounds, len(unlike_m)])]
+    frames = [
+        begin + int(unlike_m[begin:end].argmax()) for begin, end in itertools.pairwise([*bounds, len(unlike_m)]) if begin < end
+    ]
     return [{"at_s": frame / dance.fps, "points_cm": _flat_cm(relative_m[[frame], :, :2])[0]} for frame in frames]
 
 
