@@ -380,5 +380,10 @@ export default {
   "the learner is {seconds} s {word} throughout: the clocks start at different instants of the music, or the set-up has a latency. To correct it: {option}": "durchgehend {seconds} s {word}: Die Uhren beginnen an verschiedenen Stellen der Musik, oder der Aufbau hat eine Verzögerung. Zum Berichtigen: {option}",
   "{teacher} and {learner} are of different formats, whose joints may lie elsewhere in the body (a hand at the wrist or in the palm); that costs points. Record both in the same way": "{teacher} und {learner} haben verschiedene Formate, deren Gelenke anders im Körper liegen können (eine Hand am Handgelenk oder in der Handfläche); das kostet Punkte. Nimm beide auf dieselbe Weise auf",
   "{learner} after {teacher}": "{learner} nach {teacher}",
-  "look at {path}": "Ergebnisseite: {path}"
+  "look at {path}": "Ergebnisseite: {path}",
+  "point and hold": "mit der Hand wählen",
+  "raise a hand to choose": "hebe eine Hand, um zu wählen",
+  "Go on": "Weiter",
+  "Next dance": "Nächster Tanz",
+  "More dances": "Mehr Tänze"
 };

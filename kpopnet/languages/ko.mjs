@@ -380,5 +380,10 @@ export default {
   "the learner is {seconds} s {word} throughout: the clocks start at different instants of the music, or the set-up has a latency. To correct it: {option}": "학습자가 내내 {seconds}초 {word}: 두 시계가 음악의 다른 순간에 시작했거나 장치에 지연이 있어요. 고치려면: {option}",
   "{teacher} and {learner} are of different formats, whose joints may lie elsewhere in the body (a hand at the wrist or in the palm); that costs points. Record both in the same way": "{teacher}, {learner}: 파일 형식이 달라 관절의 위치가 다를 수 있어요 (손목의 손, 손바닥의 손). 그래서 점수가 깎여요. 두 춤을 같은 방법으로 녹화하세요",
   "{learner} after {teacher}": "{learner} (원본: {teacher})",
-  "look at {path}": "결과 페이지: {path}"
+  "look at {path}": "결과 페이지: {path}",
+  "point and hold": "손으로 고르기",
+  "raise a hand to choose": "고르려면 한 손을 드세요",
+  "Go on": "이어 추기",
+  "Next dance": "다음 춤",
+  "More dances": "다른 춤 더 보기"
 };

@@ -1,6 +1,6 @@
 // A guided step that measures how late camera, sound and screen make what is scored: an arm on every beat.
 import { LearnerView } from "./learner.js";
-import { Live } from "./live.js";
+import { liveFor } from "./live.js";
 import { Sound } from "./sound.js";
 import { ask, el, keepLatency, latencyOf, milliseconds, remember, remembered } from "./tools.js";
 import { say } from "./words.js";
@@ -32,14 +32,14 @@ export async function calibrate(main) {
     el("p", {}, el("a", { href: "#/" }, say("To the dances"))),
   );
   const learner = new LearnerView(canvas);
-  const live = new Live({ preparing, ready, frame, drawn() {}, verdict() {}, away, back: () => stop(say("the camera was away; start again")), done,
+  const live = liveFor({ preparing, ready, frame, drawn() {}, verdict() {}, away, back: () => stop(say("the camera was away; start again")), done,
     error: ({ text }) => stop(say(text)), lost: () => state.running && stop(say("the teacher's program does not answer; is it still running?")) });
   showKept();
   requestAnimationFrame(animate);
   return () => {
     state.closed = true;
     sound.stop();
-    live.close();
+    live.leave();
   };
 
   function showKept() {

@@ -1,4 +1,5 @@
 // The menu: all dances with moving thumbnails, search, order, and one's own dances.
+import { chosenSource, letChoose, watch } from "./hands.js";
 import { greeting, myself } from "./mine.js";
 import { sketch } from "./sketch.js";
 import { ask, clock, el, remember, remembered } from "./tools.js";
@@ -12,6 +13,13 @@ const ORDERS = {
   tempo: (a, b) => a.bpm - b.bpm,
   length: (a, b) => a.seconds - b.seconds,
 };
+
+const AT_ONCE = 4; // dances that can be chosen by hand
+
+// Dances in the order of the menu, one's own first; damaged ones last.
+export function inOrder(dances, order = remembered("order", "name")) {
+  return dances.toSorted((a, b) => Boolean(a.broken) - Boolean(b.broken) || Number(b.own) - Number(a.own) || ORDERS[order](a, b));
+}
 
 export async function menu(main) {
   const [dances, told_of, offer] = await Promise.all([ask("/api/dances"), myself(), ask("/api/offer")]);
@@ -32,14 +40,20 @@ export async function menu(main) {
       WEBCAM in offer.sources ? el("a", { class: "button", id: "dance-it", href: "#/record" }, say("Dance it yourself")) : null),
     told, cards,
   );
+  let first = 0;
   show();
-  return () => thumbs.stop();
+  const unwatch = watch(dances.find((one) => !one.broken), chosenSource(offer.sources));
+  return () => {
+    unwatch();
+    thumbs.stop();
+  };
 
   function show() {
     const words = search.value.toLowerCase().split(/\s+/);
-    const found = dances.filter((one) => words.every((word) => one.name.toLowerCase().includes(word))
-      && (!level.value || one.difficulty === Number(level.value)));
-    found.sort((a, b) => Boolean(a.broken) - Boolean(b.broken) || Number(b.own) - Number(a.own) || ORDERS[order.value](a, b));
+    const found = inOrder(dances.filter((one) => words.every((word) => one.name.toLowerCase().includes(word))
+      && (!level.value || one.difficulty === Number(level.value))), order.value);
+    first = 0;
+    choose(found.filter((one) => !one.broken));
     told.textContent = say("{count} of {all} dances", { count: found.length, all: dances.length });
     cards.replaceChildren(...found.map((one) => {
       if (one.broken) {
@@ -52,6 +66,17 @@ export async function menu(main) {
         el("small", { "aria-label": say("difficulty {level} of 5", { level: one.difficulty }) }, stars(one.difficulty)),
         el("small", {}, `${clock(one.seconds)} · ${say("{count} bpm", { count: Math.round(one.bpm) })}${one.own ? ` · ${say("yours")}` : ""}`));
     }));
+  }
+
+  // A few dances at a time for a hand that points.
+  function choose(found) {
+    const targets = found.slice(first, first + AT_ONCE).map(({ identity, name }) => {
+      const picture = el("canvas", { width: 160, height: 120, "aria-hidden": "true" });
+      thumbs.watch(picture, identity);
+      return { id: identity, text: name, picture, act: () => { location.hash = `#/dance/${identity}`; } };
+    });
+    const more = { id: "more", text: say("More dances"), act: () => { first = first + AT_ONCE < found.length ? first + AT_ONCE : 0; choose(found); } };
+    letChoose(found.length > AT_ONCE ? [...targets, more] : targets);
   }
 
   async function add(chosen) {

@@ -3,7 +3,9 @@ import { tempoRatio } from "./beats.js";
 import { View, loadBody, movementOf } from "./body.js";
 import { LearnerView } from "./learner.js";
 import { Lane } from "./lane.js";
-import { Live } from "./live.js";
+import { after, follow, handsFree, letChoose, watching } from "./hands.js";
+import { liveFor } from "./live.js";
+import { inOrder } from "./menu.js";
 import { controls, panels } from "./panels.js";
 import { Practice } from "./practice.js";
 import { songAt, songPanel, songTempo } from "./song.js";
@@ -29,7 +31,7 @@ export async function stage(main, identity, wanted) {
   const teacher = view.add(body, "teacher", 0);
   teacher.movement = movementOf(dance);
   view.mirror(parts.mirrored.checked);
-  const live = new Live({ preparing, ready, frame, drawn, verdict, away, paused, back, done, error, lost });
+  const live = liveFor({ preparing, ready, frame, drawn, verdict, away, paused, back, done, error, lost });
 
   parts.start.addEventListener("click", () => (state.running ? stop("") : startAnew()));
   shown.beginNow.addEventListener("click", () => begin());
@@ -62,12 +64,13 @@ export async function stage(main, identity, wanted) {
   requestAnimationFrame(animate);
   choosePractice();
   if (wanted.has("go")) startAnew();
+  else if (handsFree()) live.send(watching(dance, parts.source.value));
   return () => {
     state.closed = true;
     document.removeEventListener("keydown", onKey);
     for (const kind of ["dragover", "drop"]) document.removeEventListener(kind, onDrag);
     sound.stop();
-    live.close();
+    live.leave();
     view.close();
   };
 
@@ -135,24 +138,37 @@ export async function stage(main, identity, wanted) {
     });
   }
 
-  function stop(message) {
-    Object.assign(state, { running: false, ready: false, start: 0, place: null });
+  // The camera goes on watching for a hand that points, unless this view is left, or it was the camera that failed.
+  function stop(message, watches = true) {
+    Object.assign(state, { running: false, ready: false, start: 0, place: null, paused_s: null });
     shown.beginNow.hidden = true;
     sound.stop();
-    live.send({ do: "stop" });
+    live.send(watches && handsFree() ? watching(dance, parts.source.value) : { do: "stop" });
     parts.start.textContent = say("Start");
     shown.preparing.hidden = true;
     shown.count.textContent = "";
     shown.error.textContent = message;
   }
 
+  // What can be chosen by hand just now: nothing while dancing.
+  function choices() {
+    const stopping = { id: "stop", text: say("Stop"), act: () => stop("") };
+    if (state.paused_s !== null) return [{ id: "resume", text: say("Go on"), act: pause }, { id: "again", text: say("Dance again"), act: startAnew }, stopping];
+    if (state.running) return state.start ? [] : [stopping];
+    return [{ id: "start", text: say("Start"), act: startAnew },
+      { id: "next", text: say("Next dance"), act: async () => { location.hash = `#/dance/${after(inOrder(await ask("/api/dances")), identity).identity}`; } },
+      { id: "menu", text: say("To the dances"), act: () => { location.hash = "#/"; } }];
+  }
+
   function preparing({ fraction, text }) {
+    if (!state.running) return;
     shown.bar.value = fraction;
     shown.preparingText.textContent = say(text);
   }
 
   function ready() {
     shown.preparing.hidden = true;
+    if (!state.running) return undefined;
     if (!state.place) return begin(); // somebody was
     shown.beginNow.hidden = false;
     return undefined;
@@ -179,6 +195,8 @@ export async function stage(main, identity, wanted) {
       if (state.place.see(content, performance.now())) begin();
     }
     if (hands.see(content.joints, performance.now(), state.speed)) pause();
+    letChoose(choices());
+    follow(content.joints, parts.mirrored.checked, performance.now());
     if (content.time_s === null) return;
     shown.stars.textContent = starsOf(content.so_far);
     shown.score.textContent = content.so_far === null ? "–" : Math.round(content.so_far);
@@ -208,7 +226,7 @@ export async function stage(main, identity, wanted) {
       setTimeout(() => { if (state.running && !state.closed) begin(); }, 1000 * AGAIN_S);
       return undefined;
     }
-    stop(result.total === null ? say(result.hints[0]) : "");
+    stop(result.total === null ? say(result.hints[0]) : "", !result.session);
     if (result.session) location.hash = `#/dance/${identity}/try/${result.session}`;
     return undefined;
   }
@@ -260,11 +278,11 @@ export async function stage(main, identity, wanted) {
   }
 
   function error({ text }) {
-    stop(say(text));
+    stop(say(text), false);
   }
 
   function lost() {
-    if (state.running) stop(say("the teacher's program does not answer; is it still running?"));
+    if (state.running) stop(say("the teacher's program does not answer; is it still running?"), false);
   }
 
   function animate(now) {

@@ -313,6 +313,81 @@ def test_a_dance_follows_the_beats_of_a_song_from_its_one_on_and_pauses_with_it(
     assert [name for name in loaded if not name.startswith((address, "blob:"))] == []
 
 
+SEEN_ALWAYS = """
+window.hand = null; // where the right hand is, in the picture; null: nobody is there
+window.asked = [];
+window.WebSocket = class extends EventTarget {
+  static OPEN = 1;
+  readyState = 1;
+  constructor() {
+    super();
+    setInterval(() => {
+      const joints = Array.from({ length: 15 }, () => [0.5, 0.45, 2, 1]);
+      Object.assign(joints, { 1: [0.5, 0.3, 2, 1], 6: [...(hand || [0.4, 0.62]), 2, 1], 7: [0.6, 0.62, 2, 1] });
+      for (const hip of [9, 10]) joints[hip] = [0.5, 0.6, 2, 1];
+      const at = { time_s: null, sent_ms: Date.now(), taken_ms: Date.now() };
+      const content = { kind: "frame", joints: hand ? joints : null, guidance: "", words: "", parts: {}, ...at };
+      const text = new TextEncoder().encode(JSON.stringify(content)), message = new Uint8Array(4 + text.length + 5);
+      new DataView(message.buffer).setUint32(0, text.length, true);
+      message.set(text, 4);
+      message.set([1, 0, 1, 0, 9], 4 + text.length);
+      this.dispatchEvent(new MessageEvent("message", { data: message.buffer }));
+    }, 40);
+  }
+  send(text) {
+    const { do: what, lesson } = JSON.parse(text);
+    if (what !== "drawn") asked.push(what === "prepare" && lesson.calibrate ? "watch" : what);
+    const message = (content) => new MessageEvent("message", { data: JSON.stringify(content) });
+    const tell = (content) => setTimeout(() => this.dispatchEvent(message(content)));
+    if (what === "prepare") tell({ kind: "ready" });
+    if (what === "pause") tell({ kind: "paused", from_s: 1 });
+  }
+};
+"""
+"""In place of the server's lessons: joints of somebody whose right hand is where `hand` says."""
+
+
+def point_at(driver, target: str) -> None:
+    """Moves the simulated hand until the cursor is in the middle of a field, and waits until it is chosen."""
+    driver.execute_script("hand = [0.45, 0.2]")  # raised: the fields appear
+    until(driver, lambda one: one.find_elements(By.CSS_SELECTOR, f"#hands:not([hidden]) [data-target='{target}']"))
+    x, y = driver.execute_script(
+        """const page = document.documentElement, field = document.querySelector(`[data-target="${arguments[0]}"]`);
+        const box = field.getBoundingClientRect();
+        return [(box.left + box.right) / 2 / page.clientWidth, (box.top + box.bottom) / 2 / page.clientHeight];""",
+        target,
+    )
+    driver.execute_script("hand = [arguments[0], arguments[1]]", 0.5 - 0.45 * (x - 0.5), 0.3 + 0.3 * (1.4 * y - 0.75))
+    until(driver, lambda one: not one.find_elements(By.CSS_SELECTOR, f"#hands:not([hidden]) [data-target='{target}']"))
+
+
+def test_a_hand_that_points_chooses_a_dance_starts_it_stops_it_and_goes_to_the_next(address, browser):
+    browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": SEEN_ALWAYS})
+    browser.get(address)
+    find(browser, "#hands-free").click()
+    until(browser, lambda one: "watch" in one.execute_script("return asked"))
+    time.sleep(1)
+    assert not find(browser, "#hands").is_displayed() and not find(browser, "#hands-hint").is_displayed()  # nobody is there
+    browser.execute_script("hand = [0.4, 0.62]")
+    until(browser, lambda one: find(one, "#hands-hint").is_displayed())  # hands hang
+    point_at(browser, "dance_002")
+    until(browser, lambda one: one.current_url.endswith("#/dance/dance_002"))
+    point_at(browser, "start")
+    until(browser, lambda one: find(one, "#start").text == "Stop")
+    browser.execute_script("hand = null")
+    find(browser, "#begin").click()  # nobody would have begun it
+    browser.execute_script("hand = [0.4, 0.3]")
+    time.sleep(2)
+    assert not find(browser, "#hands").is_displayed()  # while dancing nothing can be chosen
+    browser.find_element(By.TAG_NAME, "body").send_keys("p")
+    point_at(browser, "stop")
+    assert find(browser, "#start").text == "Start"
+    point_at(browser, "next")
+    until(browser, lambda one: one.current_url.endswith("#/dance/dance_001"))
+    wanted = ["prepare", "go", "pause", "watch", "stop", "watch"]
+    until(browser, lambda one: one.execute_script("return asked")[-len(wanted) :] == wanted)
+
+
 def said_of(driver) -> float:
     """The total that is said at the end of a dance that is looped."""
     return float(until(driver, lambda one: re.fullmatch(r"(\d+) of 100", find(one, "#words").text))[1])
