@@ -385,5 +385,15 @@ export default {
   "raise a hand to choose": "hebe eine Hand, um zu wählen",
   "Go on": "Weiter",
   "Next dance": "Nächster Tanz",
-  "More dances": "Mehr Tänze"
+  "More dances": "Mehr Tänze",
+  "learners": "Tanzende (Anzahl)",
+  "learner {number}: {total}": "Person {number}: {total}",
+  "{seconds} s after the first": "{seconds} s nach der ersten Person",
+  "{seconds} s before the first": "{seconds} s vor der ersten Person",
+  "Together": "Zusammen",
+  "as one {similarity} of 100: timing {timing}, posture {posture}": "Gleichklang {similarity} von 100: Timing {timing}, Haltung {posture}",
+  "not seen together for long enough": "nicht lange genug zusammen zu sehen",
+  "a webcam follows one learner; several need a depth camera": "eine Webcam verfolgt nur eine Person; mehrere brauchen eine Tiefenkamera",
+  "source|webcam": "Webcam",
+  "source|recording": "Tiefenaufnahme"
 };

@@ -385,5 +385,15 @@ export default {
   "raise a hand to choose": "고르려면 한 손을 드세요",
   "Go on": "이어 추기",
   "Next dance": "다음 춤",
-  "More dances": "다른 춤 더 보기"
+  "More dances": "다른 춤 더 보기",
+  "learners": "학습자 수",
+  "learner {number}: {total}": "학습자 {number}: {total}",
+  "{seconds} s after the first": "첫 번째보다 {seconds}초 늦음",
+  "{seconds} s before the first": "첫 번째보다 {seconds}초 빠름",
+  "Together": "함께",
+  "as one {similarity} of 100: timing {timing}, posture {posture}": "서로 맞은 정도 {similarity}점 (100점 만점): 타이밍 {timing}, 자세 {posture}",
+  "not seen together for long enough": "함께 보인 시간이 너무 짧아요",
+  "a webcam follows one learner; several need a depth camera": "웹캠은 한 사람만 볼 수 있어요. 여럿이면 깊이 카메라가 필요해요",
+  "source|webcam": "웹캠",
+  "source|recording": "깊이 녹화"
 };

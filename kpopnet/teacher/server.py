@@ -325,6 +325,7 @@ class PageLessons:
         self._process = self._forwarding = None
 
     async def _forward(self, process: LessonProcess) -> None:
+        members: list[dict] = []  # who danced beside the first learner
         while True:
             kind, content, attached = await process.next()
             message = {"kind": kind} | content
@@ -332,6 +333,16 @@ class PageLessons:
                 with contextlib.suppress(ConnectionError):
                     await self._socket.send_bytes(packed_frame(message, self._heard_ms, attached))
                 continue
+            if kind == "member":
+                session = None
+                if content["total"] is not None:
+                    with contextlib.suppress(OSError):  # the first learner's try, which follows, says so
+                        session = await asyncio.to_thread(self._teaching.tries.save, content, attached)
+                members.append({"session": session, "total": content["total"]})
+                continue
+            if kind == "done" and members:
+                content |= {"members": members}
+                members = []
             if kind == "done" and content.get("total") is not None:  # a person was seen
                 try:
                     if content["who"]:

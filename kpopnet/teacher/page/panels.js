@@ -3,7 +3,7 @@ import { LOOPS } from "./loops.js";
 import { stars } from "./menu.js";
 import { GOALS } from "./practice.js";
 import { clock, el, latencyOf, milliseconds, partBars, remembered } from "./tools.js";
-import { withoutDepth } from "./webcam.js";
+import { WEBCAM, withoutDepth } from "./webcam.js";
 import { say } from "./words.js";
 
 export const MUSIC = [["tick", say("a metronome")], ...Object.keys(LOOPS).map((one) => [one, say(`a loop, ${one}`)]), ["song", say("my song")], ["none", say("nothing")]];
@@ -30,6 +30,7 @@ export function controls(dance, offer, wanted) {
     source: choice("source", Object.entries(offer.sources).map(([key, text]) => [key, say(text)]), remembered("source", Object.keys(offer.sources)[0])),
     skill: choice("skill", offer.skills.map((one) => [one, say(`skill|${one}`)]), wanted.get("skill") || "good"),
     fault: choice("fault", offer.faults.map((one) => [one, say(`fault|${one || "none"}`)]), wanted.get("fault") || ""),
+    people: choice("people", [1, 2, 3].map((one) => [one, one]), remembered("people", 1)),
     seed: el("input", { type: "number", id: "seed", min: 0, max: 9999, value: wanted.get("seed") || "0" }),
   };
 }
@@ -50,7 +51,7 @@ export function panels(main, dance, parts, song) {
     time: el("span", {}), age: el("span", { id: "age" }),
     error: el("p", { class: "error", id: "error", role: "alert" }),
     bar: el("progress", { max: 1, value: 0 }), preparingText: el("span", {}),
-    bars: partBars(),
+    members: el("ol", { id: "members" }), bars: partBars(),
   };
   shown.preparing = el("div", { id: "preparing", hidden: true }, shown.preparingText, shown.bar);
   shown.stage = el("div", { class: "stage", id: "stage" },
@@ -58,7 +59,11 @@ export function panels(main, dance, parts, song) {
       el("div", { class: "panel" }, shown.teacher, el("span", { class: "tag" }, `${say("teacher")} `, shown.time), shown.count),
       el("div", { class: "panel seen" }, shown.learner, el("span", { class: "tag" }, `${say("you")} `, shown.age), shown.guide)),
     shown.lane,
-    el("div", { class: "told" }, el("div", {}, shown.score, shown.stars, shown.streak), el("div", {}, shown.verdict, shown.words, shown.practice)));
+    el("div", { class: "told" }, el("div", {}, shown.score, shown.stars, shown.streak), el("div", {}, shown.verdict, shown.words, shown.members, shown.practice)));
+  // Several learners need depth: a webcam follows one, and one is simulated.
+  const alone = () => { parts.people.disabled = [WEBCAM, "simulated"].includes(parts.source.value); };
+  parts.source.addEventListener("change", alone);
+  alone();
   const latency_s = latencyOf(parts.source.value);
   const simulated = el("details", { id: "simulated" }, el("summary", {}, say("Simulated learner")),
     el("div", { class: "controls" }, el("label", {}, say("skill"), parts.skill), el("label", {}, say("fault"), parts.fault),
@@ -67,7 +72,7 @@ export function panels(main, dance, parts, song) {
     el("h1", {}, dance.name, el("small", { class: "quiet" }, `${stars(dance.difficulty)} · ${say("{count} bpm", { count: Math.round(dance.bpm) })} · ${clock(dance.seconds)}`)),
     el("div", { class: "controls" }, parts.start, el("label", {}, say("speed"), parts.speed), el("label", {}, say("dance"), parts.phrase),
       el("label", {}, say("practise"), parts.practise), el("label", {}, parts.loop, say("loop")), el("label", {}, parts.mirrored, say("as in a mirror")),
-      el("label", {}, say("music"), parts.music), el("label", {}, say("who dances"), parts.source), parts.full, shown.beginNow),
+      el("label", {}, say("music"), parts.music), el("label", {}, say("who dances"), parts.source), el("label", {}, say("learners"), parts.people), parts.full, shown.beginNow),
     song, withoutDepth(parts.source), shown.preparing, shown.error,
     shown.stage,
     shown.bars.list,

@@ -1,11 +1,12 @@
 // After a dance: the score, its course, the worst moments with a replay side by side, what to practise, history and files.
 import { View, loadBody, movementOf } from "./body.js";
 import { GOAL, practiseAddress, worstPhrase } from "./practice.js";
-import { PARTS, ask, clamp, clock, el, followed, heat, keepLatency, latencyOf, milliseconds, partBars } from "./tools.js";
+import { OF_LEARNERS, PARTS, ask, clamp, clock, el, followed, heat, keepLatency, latencyOf, milliseconds, partBars, swatch } from "./tools.js";
 import { say } from "./words.js";
 
 const BEFORE_S = 1;
 const LATE_S = 0.3; // the least range of the delay's course
+const NOTICED_S = 0.05, ALIKE = 50; // of learners: a delay, and a posture from which on one means something
 const HIGH = 150; // of a course, in its own units
 
 export async function result(main, identity, name) {
@@ -18,6 +19,7 @@ export async function result(main, identity, name) {
   const leave = showResult(main, { found, dance, body, movement }, (phrase) =>
     practiseAddress(identity, phrase, `&skill=${found.skill}&fault=${encodeURIComponent(found.fault)}`));
   main.append(
+    ...beside(found, identity),
     ...latency(found),
     el("h2", {}, say("Your tries")), historyTable(history, identity, name),
     el("p", {}, say("Save as"), " ", ...["json", "csv", "bvh"].flatMap((kind) => [el("a", { href: `${base}.${kind}`, download: "" }, kind.toUpperCase()), " "]),
@@ -28,6 +30,19 @@ export async function result(main, identity, name) {
     filming.stop();
     leave();
   };
+}
+
+// Who danced beside, and what all had in common without regard to the teacher.
+function beside({ total, members = [], together: common }, identity) {
+  if (!members.length) return [];
+  const rows = [{ total }, ...members].map((one, k) => {
+    const late_s = common?.posture >= ALIKE && Math.abs(common.after_s[k]) >= NOTICED_S ? common.after_s[k] : 0, told = say("learner {number}: {total}", { number: k + 1, total: one.total === null ? "–" : Math.round(one.total) });
+    const late = late_s ? say(late_s > 0 ? "{seconds} s after the first" : "{seconds} s before the first", { seconds: Math.abs(late_s).toFixed(2) }) : "";
+    return el("li", {}, swatch(OF_LEARNERS[k]), one.session ? el("a", { href: `#/dance/${identity}/try/${one.session}` }, told) : told, late ? `, ${late}` : "");
+  });
+  return [el("h2", {}, say("Together")), el("p", { id: "together" }, common
+    ? say("as one {similarity} of 100: timing {timing}, posture {posture}", Object.fromEntries(["similarity", "timing", "posture"].map((name) => [name, Math.round(common[name])])))
+    : say("not seen together for long enough")), el("ul", { class: "list" }, ...rows)];
 }
 
 // Place, height, lean and facing, which the total does not contain; tries of before have none.
@@ -224,7 +239,7 @@ function historyTable(history, identity, name) {
   return el("div", { class: "scroll" }, el("table", { id: "history" }, el("tbody", {}, ...history.map((one) => el("tr", {},
     el("td", {}, one.session === name ? say("this one") : el("a", { href: `#/dance/${identity}/try/${one.session}` }, when(one.session))),
     el("td", {}, one.total === null ? "–" : String(Math.round(one.total))), el("td", {}, `${Math.round(100 * one.speed)} %`),
-    el("td", {}, one.source === "simulated" ? say("simulated, {skill}", { skill: say(`skill|${one.skill}`) }) : one.source))))));
+    el("td", {}, one.source === "simulated" ? say("simulated, {skill}", { skill: say(`skill|${one.skill}`) }) : say(`source|${one.source}`)))))));
 }
 
 export const when = (name) => `${name.slice(0, 4)}-${name.slice(4, 6)}-${name.slice(6, 8)} ${name.slice(9, 11)}:${name.slice(11, 13)}`;

@@ -10,7 +10,7 @@ import { controls, panels } from "./panels.js";
 import { Practice } from "./practice.js";
 import { songAt, songPanel, songTempo } from "./song.js";
 import { Sound } from "./sound.js";
-import { ask, clamp, clock, el, latencyOf, remember, remembered } from "./tools.js";
+import { OF_LEARNERS, ask, clamp, clock, el, latencyOf, remember, remembered, swatch } from "./tools.js";
 import { HandsHeld, InPlace, praise, starsOf, streakAfter } from "./verdicts.js";
 import { say } from "./words.js";
 
@@ -23,7 +23,8 @@ export async function stage(main, identity, wanted) {
   const beat_s = 60 / dance.bpm, sound = new Sound();
   const state = { running: false, ready: false, start: 0, start_s: 0, speed: 1, from_s: 0, to_s: dance.seconds, closed: false,
     place: null, practice: null, streak: 0, paused_s: null };
-  const hands = new HandsHeld();
+  const hands = new HandsHeld(), pointsOf = (total) => (total === null ? "–" : String(Math.round(total)));
+  let members = [];
   const parts = controls(dance, offer, wanted);
   const song = songPanel(showSong), follows = el("p", { id: "follows" }), shown = panels(main, dance, parts, song.panel);
   const view = new View(shown.teacher), learner = new LearnerView(shown.learner);
@@ -124,6 +125,8 @@ export async function stage(main, identity, wanted) {
     state.speed = clamp(Number(parts.speed.value) / 100 * followed(), SLOWEST, FASTEST);
     if (!state.practice) remember("speed", parts.speed.value);
     remember("source", parts.source.value);
+    remember("people", Number(parts.people.value));
+    showMembers();
     Object.assign(state, { running: true, ready: false, start: 0, paused_s: null });
     parts.start.textContent = say("Stop");
     shown.error.textContent = "";
@@ -133,7 +136,7 @@ export async function stage(main, identity, wanted) {
       lesson: {
         dance: identity, source: parts.source.value, skill: parts.skill.value, fault: parts.fault.value, seed: Number(parts.seed.value) || 0,
         speed: state.speed, from_s: state.from_s, to_s: state.to_s, mirrored: parts.mirrored.checked,
-        latency_s: latencyOf(parts.source.value) || 0, who: remembered("who", ""),
+        latency_s: latencyOf(parts.source.value) || 0, people: peopleOf(), who: remembered("who", ""),
       },
     });
   }
@@ -188,18 +191,23 @@ export async function stage(main, identity, wanted) {
   }
 
   function frame(content, picture) {
-    learner.show(picture, content, parts.mirrored.checked);
+    const everybody = [content, ...(content.others || [])], all = everybody.every(({ joints }) => joints);
+    const people = everybody.length > 1 ? everybody.map((one, k) => ({ ...one, outline: OF_LEARNERS[k] })) : everybody;
+    learner.show(picture, { people }, parts.mirrored.checked);
+    everybody.forEach(({ so_far, time_s }, k) => {
+      if (members[k] && time_s !== null) [members[k].score.textContent, members[k].stars.textContent] = [pointsOf(so_far), starsOf(so_far)];
+    });
     shown.guide.textContent = say(content.guidance);
     if (state.place && !shown.beginNow.hidden) {
-      shown.words.textContent = say(content.joints ? "there you are" : "stand before the camera: the dance begins when you are seen");
-      if (state.place.see(content, performance.now())) begin();
+      shown.words.textContent = say(all ? "there you are" : "stand before the camera: the dance begins when you are seen");
+      if (state.place.see({ ...content, joints: all ? content.joints : null }, performance.now())) begin();
     }
     if (hands.see(content.joints, performance.now(), state.speed)) pause();
     letChoose(choices());
     follow(content.joints, parts.mirrored.checked, performance.now());
     if (content.time_s === null) return;
     shown.stars.textContent = starsOf(content.so_far);
-    shown.score.textContent = content.so_far === null ? "–" : Math.round(content.so_far);
+    shown.score.textContent = pointsOf(content.so_far);
     shown.words.textContent = say(content.words) === state.reason ? "" : say(content.words); // the verdict says it already
     shown.bars.show(content.parts);
   }
@@ -242,13 +250,26 @@ export async function stage(main, identity, wanted) {
     shown.streak.textContent = streak > 1 ? say("{count} in a row", { count: streak }) : "";
   }
 
-  function verdict({ number, end_s, total, words }) {
+  function verdict({ number, end_s, total, words, member = 0 }) {
+    if (members[member]) members[member].verdict.textContent = [praise(total), say(words)].filter(Boolean).join(", ");
+    if (member) return;
     const reason = say(words), after_ms = performance.now() - state.start - 1000 * (end_s - state.start_s) / state.speed;
     shown.verdict.dataset.afterMs = Math.round(after_ms);
     shown.verdict.replaceChildren(say("move {number}: ", { number }), el("b", {}, praise(total)), el("i", {}, reason ? ", " : ""), el("span", {}, reason));
     showStreak(streakAfter(state.streak, total));
     state.reason = reason;
     if (shown.words.textContent === reason) shown.words.textContent = "";
+  }
+
+  // How many dance beside each other, and a line for each where there are several.
+  function peopleOf() {
+    return parts.people.disabled ? 1 : Number(parts.people.value);
+  }
+
+  function showMembers() {
+    members = peopleOf() > 1 ? OF_LEARNERS.slice(0, peopleOf()).map((colour) => ({ colour, score: el("b", {}, "–"), stars: el("i"), verdict: el("span") })) : [];
+    shown.members.replaceChildren(...members.map(({ colour, score, stars, verdict: said }) => el("li", {}, swatch(colour), score, stars, " ", said)));
+    shown.stage.classList.toggle("several", members.length > 0);
   }
 
   // The camera sends nothing: the dance stands still, and goes on when it is back.

@@ -71,6 +71,15 @@ export function heat(similarity) {
   return `rgb(${from.map((value, i) => Math.round(value + part * (to[i] - value))).join(" ")})`;
 }
 
+// Of learners beside each other, from Paul Tol's bright colours, which people who mix up colours tell apart.
+export const OF_LEARNERS = ["#66ccee", "#ee6677", "#ccbb44"];
+
+export function swatch(colour) {
+  const shown = el("i", { class: "swatch" });
+  shown.style.background = colour;
+  return shown;
+}
+
 // The colour of a similarity from 0 to 100: brightness as in the paper, or orange to blue, which nobody mixes up.
 export function shade(similarity) {
   if (similarity === undefined || similarity === null) return "#8a8694";

@@ -32,7 +32,8 @@ COMPOSED = {
     *(f"{side} {kind} out of the picture" for side in SIDES for kind in ("arm", "leg")),
     *DIMENSIONS, *(word for one in DIMENSIONS.values() for pair in one.words for word in pair), *FIGURES,
     *(word for _, *pair in DIRECTIONS.values() for word in pair), "a little late", "a little early",
-    "a RealSense camera", "an OAK camera", "the process that watches you has ended; start the dance again",
+    "source|webcam", "source|recording", "a RealSense camera", "an OAK camera",
+    "the process that watches you has ended; start the dance again",
 }  # fmt: skip
 """Texts that the code puts together, or gets from elsewhere, before it looks them up."""
 

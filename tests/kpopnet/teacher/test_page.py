@@ -316,6 +316,7 @@ def test_a_dance_follows_the_beats_of_a_song_from_its_one_on_and_pauses_with_it(
 SEEN_ALWAYS = """
 window.hand = null; // where the right hand is, in the picture; null: nobody is there
 window.asked = [];
+window.extra = {}; // what else the images tell
 window.WebSocket = class extends EventTarget {
   static OPEN = 1;
   readyState = 1;
@@ -326,7 +327,7 @@ window.WebSocket = class extends EventTarget {
       Object.assign(joints, { 1: [0.5, 0.3, 2, 1], 6: [...(hand || [0.4, 0.62]), 2, 1], 7: [0.6, 0.62, 2, 1] });
       for (const hip of [9, 10]) joints[hip] = [0.5, 0.6, 2, 1];
       const at = { time_s: null, sent_ms: Date.now(), taken_ms: Date.now() };
-      const content = { kind: "frame", joints: hand ? joints : null, guidance: "", words: "", parts: {}, ...at };
+      const content = { kind: "frame", joints: hand ? joints : null, guidance: "", words: "", parts: {}, ...at, ...extra };
       const text = new TextEncoder().encode(JSON.stringify(content)), message = new Uint8Array(4 + text.length + 5);
       new DataView(message.buffer).setUint32(0, text.length, true);
       message.set(text, 4);
@@ -386,6 +387,32 @@ def test_a_hand_that_points_chooses_a_dance_starts_it_stops_it_and_goes_to_the_n
     until(browser, lambda one: one.current_url.endswith("#/dance/dance_001"))
     wanted = ["prepare", "go", "pause", "watch", "stop", "watch"]
     until(browser, lambda one: one.execute_script("return asked")[-len(wanted) :] == wanted)
+
+
+def test_learners_beside_each_other_have_their_own_colour_and_score(teaching, browser):
+    teaching.sources["recording"] = "the recording of two"
+    browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": SEEN_ALWAYS})
+    with served(teaching) as address:
+        browser.get(address)
+        stored = "localStorage['teach.source'] = '\"recording\"'; localStorage['teach.people'] = '2'"
+        browser.execute_script(stored)
+        browser.get(f"{address}#/dance/dance_001")
+        browser.refresh()
+        browser.execute_script("hand = [0.4, 0.62]; extra = { others: [{ joints: null, parts: {}, so_far: null }] }")
+        find(browser, "#start").send_keys(Keys.ENTER)
+        until(browser, lambda one: find(one, "#words").text.startswith("stand before"))  # the second is not there yet
+        joints = [[0.7, 0.5, 2, 1]] * 15
+        browser.execute_script(
+            "extra = { time_s: 1, so_far: 82, others: [{ joints: arguments[0], parts: {}, so_far: 61.4, time_s: 1 }] }", joints
+        )
+        until(browser, lambda one: "go" in one.execute_script("return asked"))
+        first, second = until(browser, lambda one: one.find_elements(By.CSS_SELECTOR, "#members li"))
+        until(browser, lambda _: first.text.startswith("82") and second.text.startswith("61"))
+        colours = [
+            one.find_element(By.CLASS_NAME, "swatch").value_of_css_property("background-color") for one in (first, second)
+        ]
+        assert colours[0] != colours[1] and not find(browser, "#so-far").is_displayed()
+        find(browser, "#start").send_keys(Keys.ENTER)
 
 
 def said_of(driver) -> float:

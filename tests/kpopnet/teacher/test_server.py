@@ -23,7 +23,7 @@ from kpopnet.dance.joint_files.reader import read_performance  # noqa: E402
 from kpopnet.errors import InputError  # noqa: E402
 from kpopnet.teacher.library import Library  # noqa: E402
 from kpopnet.teacher.safety import Keys, is_loopback  # noqa: E402
-from kpopnet.teacher.server import MAX_MESSAGE_BYTES, MAX_UPLOAD_BYTES, MOST_PAGES  # noqa: E402
+from kpopnet.teacher.server import MAX_MESSAGE_BYTES, MAX_UPLOAD_BYTES, MOST_PAGES, PageLessons, make_app  # noqa: E402
 
 
 def test_the_page_and_all_that_it_names_come_from_this_server(teaching):
@@ -357,3 +357,39 @@ def test_no_random_request_is_an_error_of_the_server(teaching, tried):
         assert len(statuses) > 5 and (await client.get("/api/dances")).status == 200
 
     with_client(teaching, work)
+
+
+class Said:
+    """A page's socket that keeps what it is told."""
+
+    def __init__(self) -> None:
+        self.texts: list[dict] = []
+
+    async def send_str(self, text: str) -> None:
+        self.texts.append(json.loads(text))
+
+
+class Told:
+    """A lesson's process that has these messages."""
+
+    def __init__(self, *messages: tuple) -> None:
+        self.messages = list(messages)
+
+    async def next(self) -> tuple:
+        if not self.messages:
+            raise EOFError
+        return self.messages.pop(0)
+
+
+def test_each_learners_try_is_kept_and_the_firsts_names_the_others(teaching):
+    arrays = {"joints_m": np.zeros((3, 15, 3)), "times_s": np.arange(3.0)}
+    seen = ("member", {"dance": "dance_001", "who": "", "total": 50.0}, arrays)
+    first = ("done", {"dance": "dance_001", "who": "", "total": 80.0, "together": None}, arrays)
+    socket, app = Said(), make_app(teaching, ("127.0.0.1",))
+    lessons = PageLessons(socket, app)
+    with pytest.raises(EOFError):
+        asyncio.run(lessons._forward(Told(seen, ("member", {"total": None}, {}), first)))
+    (done,) = socket.texts
+    (of_second, of_third) = teaching.tries.result("dance_001", done["session"])["members"]
+    assert of_third == {"session": None, "total": None} and of_second["total"] == 50.0
+    assert teaching.tries.result("dance_001", of_second["session"])["total"] == 50.0
