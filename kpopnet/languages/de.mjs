@@ -261,7 +261,7 @@ export default {
   "from {start} to {end}": "von {start} bis {end}",
   "until {time}": "bis {time}",
   "from {time} on": "ab {time}",
-  "throughout": "durchgehend",
+  "throughout": "(durchgehend)",
   "right nearly throughout: {parts}": "fast durchgehend richtig: {parts}",
   "on time nearly throughout": "fast durchgehend im Takt",
   "began late": "zu spät eingesetzt",

@@ -24,7 +24,14 @@ from kpopnet.teacher.safety import LOOPBACK_NAMES, Keys
 from kpopnet.teacher.server import Teaching, make_app
 
 DRIVER, BROWSER = shutil.which("chromedriver"), shutil.which("chromium") or shutil.which("google-chrome")
-FLAGS = ("headless=new", "no-sandbox", "disable-dev-shm-usage", "use-angle=swiftshader", "enable-unsafe-swiftshader")
+FLAGS = (
+    "headless=new",
+    "lang=en-US",
+    "no-sandbox",
+    "disable-dev-shm-usage",
+    "use-angle=swiftshader",
+    "enable-unsafe-swiftshader",
+)
 FAKE_WEBCAM = ("use-fake-device-for-media-stream", "use-fake-ui-for-media-stream")
 WIDE, NARROW = (1280, 900), (400, 860)
 PATIENCE_S = 480

@@ -95,7 +95,7 @@ def test_feedback_is_said_in_each_language():
     fault = Said("{what} {when}", what=posture_text("left arm", "left elbow", -24.6, "too bent"), when=at([1, 5, 72]))
     assert [in_language(fault, one) for one in LANGUAGES] == [
         "left elbow 25° too bent at 0:01, 0:05 and 1:12",
-        "0:01, 0:05, 1:12 왼쪽 팔꿈치 25° 너무 굽힘",
+        "0:01, 0:05, 1:12에 왼쪽 팔꿈치 25° 너무 굽힘",
         "linker Ellbogen 25° zu stark gebeugt bei 0:01, 0:05 und 1:12",
     ]
     assert [in_language(lateness(-0.24, None), one) for one in LANGUAGES] == ["0.2 s early", "0.2초 빠름", "0,2 s zu früh"]

@@ -350,7 +350,7 @@ window.WebSocket = class extends EventTarget {
 
 def point_at(driver, target: str) -> None:
     """Moves the simulated hand until the cursor is in the middle of a field, and waits until it is chosen."""
-    driver.execute_script("hand = [0.45, 0.2]")  # raised: the fields appear
+    driver.execute_script("hand = [0.5, 0.48]")  # raised, below the fields, which appear
     until(driver, lambda one: one.find_elements(By.CSS_SELECTOR, f"#hands:not([hidden]) [data-target='{target}']"))
     x, y = driver.execute_script(
         """const page = document.documentElement, field = document.querySelector(`[data-target="${arguments[0]}"]`);
