@@ -1,7 +1,7 @@
 // Of the dance teacher's page: `npx eslint` (npm install eslint); `make lint` runs it where it is installed.
 const BROWSER = [
   "AbortController", "addEventListener", "atob", "AudioContext", "clearInterval", "clearTimeout", "devicePixelRatio",
-  "document", "fetch", "getComputedStyle", "HTMLCanvasElement", "IntersectionObserver", "localStorage", "location",
+  "document", "fetch", "getComputedStyle", "history", "HTMLCanvasElement", "IntersectionObserver", "localStorage", "location",
   "matchMedia", "navigator", "OfflineAudioContext", "performance", "ReadableStream", "requestAnimationFrame", "Response",
   "setInterval", "setTimeout", "TextDecoder", "TextEncoder", "URL", "URLSearchParams", "WebSocket",
 ];

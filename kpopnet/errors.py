@@ -14,7 +14,15 @@ class InputError(ValueError):
     """
 
     def __init__(self, message: str) -> None:
-        super().__init__("".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in message))
+        super().__init__(message)
+
+    @property
+    def said(self) -> str:
+        """The message as a page is told it: one that is `kpopnet.languages.Said` can be worded there."""
+        return self.args[0] if type(self.args[0]) is not str else str(self)
+
+    def __str__(self) -> str:
+        return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in str(self.args[0]))
 
 
 def check_seed(name: str, seed: int) -> None:

@@ -12,7 +12,7 @@ from programs import ROOT
 LAYERS = (
     ("kpopnet", *(f"kpopnet.{name}" for name in ("errors", "skeleton", "camera", "ridge", "estimator", "human", "rotations"))),
     ("kpopnet.runtime",),
-    ("kpopnet.viz", "kpopnet.weights"),
+    ("kpopnet.viz", "kpopnet.weights", "kpopnet.languages"),
     ("kpopnet.data",),
     ("kpopnet.geometry", "kpopnet.sources"),
     ("kpopnet.y_pose",),

@@ -14,6 +14,7 @@ from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import DanceScore, Scorer, TimeGrid, score_dance
 from kpopnet.dance.window import WINDOW_S
 from kpopnet.errors import InputError
+from kpopnet.languages import Said
 from kpopnet.skeleton import MIRROR, Joint
 
 CORRECTIONS = ("as_recorded", "mirrored", "swapped", "reflected")
@@ -66,15 +67,17 @@ class Correction(NamedTuple):
         """What of it may be the dancer's."""
         return Correction(rate=self.rate / self.sure.rate, late_s=self.late_s - self.sure.late_s)
 
-    def __str__(self) -> str:
-        done = [
-            f"the {name} {one}" for name, one in (("teacher", self.teacher), ("learner", self.learner)) if one != "as_recorded"
-        ]
-        done += [f"the learner's times multiplied by {self.rate:.3g}"] if self.rate != 1 else []
-        done += (
-            [f"the learner's clock {abs(self.late_s):.2f} s {'earlier' if self.late_s > 0 else 'later'}"] if self.late_s else []
-        )
-        return ", ".join(done)
+    @property
+    def done(self) -> list[Said]:
+        """Each correction in words."""
+        both = ("teacher", self.teacher), ("learner", self.learner)
+        done = [Said(f"the {name} {one}") for name, one in both if one != "as_recorded"]
+        if self.rate != 1:
+            done.append(Said("the learner's times multiplied by {factor}", factor=f"{self.rate:.3g}"))
+        if self.late_s:
+            clock = "the learner's clock {seconds} s earlier" if self.late_s > 0 else "the learner's clock {seconds} s later"
+            done.append(Said(clock, seconds=f"{abs(self.late_s):.2f}"))
+        return done
 
 
 class Diagnosis(NamedTuple):
@@ -91,8 +94,12 @@ class Diagnosis(NamedTuple):
         """What was corrected, with both scores, "" if nothing was."""
         if self.correction is None:
             return ""
-        scores = f"as it stands {self.as_recorded:.0f}, with {self.correction} {self.corrected:.0f}"
-        return f"{scores}: scored so; --as-is keeps it"
+        return Said(
+            "as it stands {before}, with {corrections} {after}: scored so; --as-is keeps it",
+            before=f"{self.as_recorded:.0f}",
+            corrections=self.correction.done,
+            after=f"{self.corrected:.0f}",
+        )
 
 
 def corrected(performance: Performance, correction: str) -> Performance:
@@ -120,7 +127,7 @@ def diagnose(teacher: Performance, learner: Performance, scorer: Scorer, as_is: 
             "the knees of both dancers bend backwards: left and right are swapped in both files, or their axes are left-"
             "handed; the score is that of two dances in a mirror"
         )
-        return Diagnosis(teacher, learner, [RecordingFault(text, None, "sides")])
+        return Diagnosis(teacher, learner, [RecordingFault(Said(text), None, "sides")])
     plain = _score(teacher, learner, Correction(), scorer)
     best = min(_guesses(wrong, teacher, learner), key=lambda one: _fit(teacher, learner, one, scorer)[1])
     best = best._replace(late_s=best.late_s + _fit(teacher, learner, best, scorer)[0])
@@ -129,8 +136,10 @@ def diagnose(teacher: Performance, learner: Performance, scorer: Scorer, as_is: 
         best = best._replace(late_s=0.0)
     fitted = _score(teacher, learner, best, scorer)
     if not _gains(plain, fitted, MIN_GAIN):
-        text = "the {0}'s knees bend backwards: left and right are swapped in the file, or its axes are left-handed"
-        faults = [RecordingFault(text.format(name), None, "sides") for name, backwards in wrong.items() if backwards]
+        text = "the {dancer}'s knees bend backwards: left and right are swapped in the file, or its axes are left-handed"
+        faults = [
+            RecordingFault(Said(text, dancer=Said(name)), None, "sides") for name, backwards in wrong.items() if backwards
+        ]
         return Diagnosis(teacher, learner, faults)
     without_sure = _score(teacher, learner, best.sure, scorer)
     corrects = not as_is and _gains(plain, without_sure, SURE_GAIN) and _losing(plain, without_sure) <= LOSING
@@ -244,17 +253,33 @@ def _descriptions(guess: Correction, teacher: Performance, learner: Performance)
     for name, correction in (("teacher", guess.teacher), ("learner", guess.learner)):
         if correction in causes:
             about, cause = causes[correction]
-            yield about, f"the {name} {cause}. To correct it: --correct-{name} {correction}"
+            option = f"--correct-{name} {correction}"
+            yield (
+                about,
+                Said("the {dancer} {fault}. To correct it: {option}", dancer=Said(name), fault=Said(cause), option=option),
+            )
     if guess.rate != 1:
         yield (
             "tempo",
-            f"the learner's clock runs wrong: the dance fits if its times are multiplied by {guess.rate:.3g}. Was the learner "
-            f"recorded at {_fps(learner) / guess.rate:.3g} frames a second, not {_fps(learner):.3g} (--learner-fps), or the "
-            f"teacher at {_fps(teacher) * guess.rate:.3g}, not {_fps(teacher):.3g} (--teacher-fps)?",
+            Said(
+                "the learner's clock runs wrong: the dance fits if its times are multiplied by {factor}. Was the learner "
+                "recorded at {learner_fps} frames a second, not {learner_stated} (--learner-fps), or the "
+                "teacher at {teacher_fps}, not {teacher_stated} (--teacher-fps)?",
+                factor=f"{guess.rate:.3g}",
+                learner_fps=f"{_fps(learner) / guess.rate:.3g}",
+                learner_stated=f"{_fps(learner):.3g}",
+                teacher_fps=f"{_fps(teacher) * guess.rate:.3g}",
+                teacher_stated=f"{_fps(teacher):.3g}",
+            ),
         )
     if guess.late_s:
         yield (
             "delay",
-            f"the learner is {abs(guess.late_s):.2f} s {'late' if guess.late_s > 0 else 'early'} throughout: the clocks start "
-            f"at different instants of the music, or the set-up has a latency. To correct it: --late {guess.late_s:.2f}",
+            Said(
+                "the learner is {seconds} s {word} throughout: the clocks start "
+                "at different instants of the music, or the set-up has a latency. To correct it: {option}",
+                seconds=f"{abs(guess.late_s):.2f}",
+                word=Said("late" if guess.late_s > 0 else "early"),
+                option=f"--late {guess.late_s:.2f}",
+            ),
         )

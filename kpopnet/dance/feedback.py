@@ -30,6 +30,7 @@ from kpopnet.dance.words.moments import (
     span,
     timing_moments,
 )
+from kpopnet.languages import Said
 
 MOMENTS_PER_PHRASE = 3
 
@@ -101,9 +102,12 @@ def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence
         shown_s = max(start_s, danced_s[0]), min(end_s, danced_s[1])
         common_s = [(min(one.end_s, end_s) - max(one.start_s, start_s), one) for one in moments]
         within = [one for common, one in common_s if common >= min(phrase_s, one.end_s - one.start_s) / 2]
-        worst = (replace(one, text=f"{one.fault} {_when((one.start_s, one.end_s), shown_s)}") for one in within)
+        worst = (
+            replace(one, text=Said("{what} {when}", what=one.fault, when=_when((one.start_s, one.end_s), shown_s)))
+            for one in within
+        )
         hidden = (
-            f"{who} {_when((begin_s, stop_s), shown_s)}"
+            Said("{what} {when}", what=who, when=_when((begin_s, stop_s), shown_s))
             for who, begin_s, stop_s in unseen
             if begin_s < end_s and stop_s > start_s
         )
@@ -122,21 +126,21 @@ def _moments(score: DanceScore, phrases_s: list[tuple[float, float]], beat_s: fl
         inside = (middle >= cause.start_s) & (middle < cause.end_s)
         points = float((losses.total if cause.explains_timing else losses.posture)[inside].sum())
         unposed, untimed = unposed | inside, untimed | (inside & cause.explains_timing)
-        text = f"{cause.text} {from_to(cause.start_s, cause.end_s)}"
+        text = Said("{what} {when}", what=cause.text, when=from_to(cause.start_s, cause.end_s))
         found.append(Moment(cause.start_s, cause.end_s, "phrase", "", cause.name, 0.0, 0.0, points, cause.text, text))
     found += [*posture_moments(score, losses, unposed), *timing_moments(score, losses, untimed, beat_s)]
     return sorted((one for one in found if one.points >= MIN_POINTS), key=lambda one: -one.points)
 
 
-def _when(span_s: tuple[float, float], phrase_s: tuple[float, float]) -> str:
+def _when(span_s: tuple[float, float], phrase_s: tuple[float, float]) -> Said:
     """Which part of a phrase a stretch of the dance takes; each has a start and an end, in seconds."""
     start_s, end_s = span_s
     before, after = start_s <= phrase_s[0] + EDGE_S, end_s >= phrase_s[1] - EDGE_S
     if before and after:
-        return "throughout"
+        return Said("throughout")
     if before:
-        return f"until {clock(end_s)}"
-    return f"from {clock(start_s)} on" if after else from_to(start_s, end_s)
+        return Said("until {time}", time=clock(end_s))
+    return Said("from {time} on", time=clock(start_s)) if after else from_to(start_s, end_s)
 
 
 def _gathered(moments: list[Moment], dance_s: float, beat_s: float | None) -> tuple[Fault, ...]:
@@ -150,10 +154,10 @@ def _gathered(moments: list[Moment], dance_s: float, beat_s: float | None) -> tu
         degrees = float(np.average([one.degrees for one in ones], weights=lengths))
         delay_s = float(np.average([one.delay_s for one in ones], weights=lengths))
         starts_s = [one.start_s for one in ones]
-        when = "throughout" if lengths.sum() >= THROUGHOUT * dance_s else at(starts_s)
+        when = Said("throughout") if lengths.sum() >= THROUGHOUT * dance_s else at(starts_s)
         what = lateness(delay_s, beat_s) if part == "timing" else posture_text(part, joint, degrees, direction)
         what = CAUSES[direction] if part == "phrase" else what
-        fault = Fault(part, joint, direction, degrees, delay_s, tuple(starts_s), f"{what} {when}")
+        fault = Fault(part, joint, direction, degrees, delay_s, tuple(starts_s), Said("{what} {when}", what=what, when=when))
         faults.append((sum(one.points for one in ones), fault))
     return tuple(fault for _, fault in sorted(faults, key=lambda pair: -pair[0]))
 
@@ -163,7 +167,7 @@ def _praise(score: DanceScore) -> Iterator[str]:
     windows, moved = score.windows, score.dynamics.ratios
     right = [name for name in LIMBS if name in moved and _mostly(windows.parts[name] >= RIGHT, windows.parts[name])]
     if right:
-        yield f"right nearly throughout: {', '.join(right)}"
+        yield Said("right nearly throughout: {parts}", parts=[Said(name) for name in right])
     if score.timing >= RIGHT and _mostly(abs(windows.delay_s) < MIN_DELAY_S, windows.delay_s):
         yield "on time nearly throughout"
 
@@ -179,11 +183,13 @@ def _hints(score: DanceScore) -> Iterator[tuple[str, str]]:
     if score.mirror_fits_better and not score.mirrored:
         yield "mirror", "the mirror image fits much better: did the learner mirror the teacher?"
     if abs(score.tempo - 1) >= MIN_TEMPO_DIFFERENCE:
-        yield "tempo", f"{abs(score.tempo - 1):.0%} too {'fast' if score.tempo > 1 else 'slow'} throughout"
-    yield from (("coverage", f"{who} {from_to(start_s, end_s)}") for who, start_s, end_s in _unseen(score))
+        text = "{percent}% too fast throughout" if score.tempo > 1 else "{percent}% too slow throughout"
+        yield "tempo", Said(text, percent=f"{100 * abs(score.tempo - 1):.0f}")
+    for who, start_s, end_s in _unseen(score):
+        yield "coverage", Said("{what} {when}", what=who, when=from_to(start_s, end_s))
 
 
-def _unseen(score: DanceScore) -> Iterator[tuple[str, float, float]]:
+def _unseen(score: DanceScore) -> Iterator[tuple[Said, float, float]]:
     """Who or what is not in the picture, and from when to when, in seconds."""
     coverage = {name: score.windows.coverage[name] for name in (*LIMBS, "torso")}
     missing = {name: values < UNSEEN_BELOW for name, values in coverage.items()}  # false for NaN
@@ -194,4 +200,4 @@ def _unseen(score: DanceScore) -> Iterator[tuple[str, float, float]]:
         left, right = (missing[f"{side} {kind}"] & ~absent for side in ("left", "right"))
         subjects |= {f"{kind}s out of": left & right}
         subjects |= {f"left {kind} out of": left & ~right, f"right {kind} out of": right & ~left}
-    return ((f"{who} the picture", *span(score, run)) for who, flags in subjects.items() for run in runs(flags))
+    return ((Said(f"{who} the picture"), *span(score, run)) for who, flags in subjects.items() for run in runs(flags))

@@ -22,6 +22,7 @@ from kpopnet.dance.performance import Performance, as_performance, resampled
 from kpopnet.dance.timing import MIN_POSTURE, tempo
 from kpopnet.dance.window import BAND_FRAMES, FPS, PARTS, WINDOW_FRAMES, WINDOW_S, WindowScore
 from kpopnet.errors import InputError
+from kpopnet.languages import Said
 from kpopnet.skeleton import MIRROR
 
 Scorer = PartScorer | PaperScorer
@@ -107,7 +108,7 @@ class DanceScore(NamedTuple):
         """The learner's accents against beats at (B,) seconds on the teacher's clock, likewise; None where there is none."""
         return rhythm(self.teacher_m[: len(self.learner_m)], self.learner_m, np.asarray(beats_s) - self.windows.start_s[0])
 
-    def stage_remarks(self) -> list[tuple[float, str]]:
+    def stage_remarks(self) -> list[tuple[float, Said]]:
         """What is most wrong on the stage, in words, with the time at which it begins, seconds on the teacher's clock."""
         return [(float(self.windows.start_s[0]) + at_s, text) for at_s, text in self.stage.remarks()]
 

@@ -25,6 +25,7 @@ from kpopnet.dance.window import WINDOW_S
 from kpopnet.errors import InputError
 from kpopnet.evaluation.dances.score_text import score_json, score_notes, score_text
 from kpopnet.evaluation.report import printable, write_text
+from kpopnet.languages import LANGUAGES, Said, in_language
 from kpopnet.programs.arguments import program_parser
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
@@ -38,10 +39,10 @@ def other_formats(teacher: Path, learner: Path) -> list[RecordingFault]:
     if teacher.suffix.lower() == learner.suffix.lower():
         return []
     text = (
-        f"{teacher.name} and {learner.name} are of different formats, whose joints may lie elsewhere in the body (a hand at "
+        "{teacher} and {learner} are of different formats, whose joints may lie elsewhere in the body (a hand at "
         "the wrist or in the palm); that costs points. Record both in the same way"
     )
-    return [RecordingFault(text, None, "format")]
+    return [RecordingFault(Said(text, teacher=teacher.name, learner=learner.name), None, "format")]
 
 
 def read_observed(path: Path, fps: float | None, joint_map: Path | None, correction: str, scorer: str) -> Performance:
@@ -70,6 +71,7 @@ def main() -> None:
     parser.add_argument("--as-is", action="store_true", help="correct nothing by itself; probable faults are told")
     noise = "estimator of the learner's joints, whose known errors are not counted: %(default)s for true joints"
     parser.add_argument("--noise", choices=NOISE, default="none", help=noise)
+    parser.add_argument("--lang", choices=LANGUAGES, default="en", help="language of page and text: %(default)s")
     parser.add_argument("--bpm", type=float, help="tempo of the music: phrases of eight beats instead of 4 s, delays in beats")
     given = parser.parse_args()
 
@@ -94,12 +96,13 @@ def main() -> None:
     from synth.body.teacher import teacher_arrays
 
     advice, notes = feedback(score, beat_s, diagnosis.faults), score_notes(score, diagnosis)
-    title = f"{given.learner.name} after {given.teacher.name}"
-    page = result_page(title, TeacherBody(**teacher_arrays()), (teacher, learner), score, advice, notes)
+    title = Said("{learner} after {teacher}", learner=given.learner.name, teacher=given.teacher.name)
+    page = result_page(title, TeacherBody(**teacher_arrays()), (teacher, learner), score, advice, notes, given.lang)
     files = {"teacher": str(given.teacher), "learner": str(given.learner)}
     content = score_json(score, advice, diagnosis, beat_s)
     content |= files | {"scorer": {"name": given.scorer, "feature": scorer.feature, **content["scorer"]}}
     with locked(given.out):
         for name, text in (("score.html", page), ("score.json", json.dumps(content, indent=1, allow_nan=False) + "\n")):
             write_text(given.out / name, text)
-    print(printable("\n".join([*score_text(score, advice, notes, beat_s), f"look at {given.out / 'score.html'}"])))
+    look = Said("look at {path}", path=str(given.out / "score.html"))
+    print(printable("\n".join(in_language(line, given.lang) for line in (*score_text(score, advice, notes, beat_s), look))))

@@ -26,6 +26,7 @@ from tqdm import tqdm
 from kpopnet.dance.joint_files.reader import read_strangers_performance
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
+from kpopnet.languages import Said
 from kpopnet.pose import PoseEstimator
 from kpopnet.programs.arguments import add_address, add_depth, check_server, opener, program_parser
 from kpopnet.programs.predict import estimated
@@ -174,7 +175,7 @@ def serve(given: argparse.Namespace, library: Library, opened: str | None) -> No
     if given.depth is not None:
         open_recording = opener(given.depth, given, in_child=False)  # it must begin at once
         open_recording()
-        sources = {RECORDING: f"the recording {given.depth.name}"} | sources
+        sources = {RECORDING: Said("the recording {name}", name=given.depth.name)} | sources
     if given.live is not None:
         sources = {given.live: check_live(given.live, "--live")} | sources
     if given.checkpoint is not None:

@@ -10,6 +10,7 @@ from kpopnet.dance.performance import Performance
 from kpopnet.datasets.dances.dance_set import TEACHER, KpopSet
 from kpopnet.datasets.dances.dance_set import read_performance as read_kpop
 from kpopnet.errors import InputError
+from kpopnet.languages import Said
 from kpopnet.teacher.library import Library, taught_dance
 from kpopnet.teacher.posing import MAX_S, at_rate, posed
 
@@ -32,7 +33,8 @@ def add_performance(library: Library, performance: Performance, where: str, titl
     """
     seconds = float(performance.times_s[-1] - performance.times_s[0])
     if not MIN_S <= seconds <= MAX_S:
-        raise InputError(f"{where}: lasts {seconds:.1f} s; a dance lasts {MIN_S:g} to {MAX_S:g} s")
+        text = "{file}: lasts {seconds} s; a dance lasts {least} to {most} s"
+        raise InputError(Said(text, file=where, seconds=f"{seconds:.1f}", least=f"{MIN_S:g}", most=f"{MAX_S:g}"))
     joints_m = at_rate(performance, FPS)
     return library.add(taught_dance(title, FPS, bpm, joints_m, *posed(joints_m, library.body), own=True))
 

@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
+from kpopnet.languages import Said
 from kpopnet.runtime.parallel import end_with_parent
 from kpopnet.teacher.library import Library, TaughtDance, TeacherBody
 from kpopnet.teacher.posing import Movement, forward, learners_movement
@@ -98,7 +99,7 @@ def _course(result: dict, dance_s: float) -> tuple[float, float, float, np.ndarr
     if not (known and 0 <= begin_s < end_s):
         raise InputError("this try holds no course of its score; it is damaged")
     if (end_s - begin_s) / speed > MOST_S:
-        raise InputError(f"films last up to {MOST_S:g} s; dance a part of it, or less slowly")
+        raise InputError(Said("films last up to {seconds} s; dance a part of it, or less slowly", seconds=f"{MOST_S:g}"))
     return begin_s, end_s, speed, scored_s, totals
 
 

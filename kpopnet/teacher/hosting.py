@@ -16,6 +16,7 @@ import time
 import webbrowser
 from collections.abc import Awaitable, Callable
 from functools import partial
+from importlib.resources import files
 from pathlib import Path
 from typing import TextIO
 
@@ -23,6 +24,7 @@ from aiohttp import web
 from aiohttp.http_exceptions import HttpProcessingError
 
 from kpopnet.errors import InputError
+from kpopnet.languages import LANGUAGES, keyed
 from kpopnet.runtime.endings import is_of_the_disk, of_the_disk
 from kpopnet.teacher.safety import HEADERS, LOOPBACK_NAMES, Keys, add_headers, forward_to, guard, is_loopback
 
@@ -62,9 +64,14 @@ def page_app(index: str, hosts: tuple[str, ...], keys: Keys | None, max_bytes: i
             return web.FileResponse(path, headers={"Content-Type": BINARY_TYPES[path.suffix]})
         return web.Response(body=path.read_bytes(), content_type=TYPES[path.suffix], charset="utf-8")
 
+    async def words(request: web.Request) -> web.StreamResponse:
+        text = (files("kpopnet.languages") / f"{request.match_info['language']}.mjs").read_bytes()
+        return web.Response(body=text, content_type="text/javascript", charset="utf-8")
+
     app = web.Application(middlewares=[guard(hosts, keys), _errors], client_max_size=max_bytes)
     app.on_response_prepare.append(add_headers)
     app.router.add_get("/", page)
+    app.router.add_get(f"/languages/{{language:{'|'.join(LANGUAGES[1:])}}}.mjs", words)
     app.router.add_get(
         r"/page/{name:(?:vendor/(?:mediapipe/)?)?[a-z_]+\.(?:js|css|svg|LICENSE|wasm|data|tflite|binarypb)}", page
     )
@@ -87,7 +94,7 @@ async def _errors(request: web.Request, handler) -> web.StreamResponse:
     try:
         return await handler(request)
     except InputError as error:
-        return web.json_response({"error": str(error)}, status=400)
+        return web.json_response({"error": keyed(error.said)}, status=400)
     except OSError as error:
         if not is_of_the_disk(error):
             raise

@@ -14,6 +14,7 @@ import numpy as np
 
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
+from kpopnet.languages import Said
 from kpopnet.runtime.atomic_write import atomic_path, claim
 from kpopnet.runtime.input_files import ArraySchema, check_names, expect, parse_json, read_npz, settings_from
 from kpopnet.skeleton import NUM_JOINTS, Joint
@@ -135,7 +136,7 @@ class Library:
         """The file of a dance; what is no plain name never becomes a path. Raises InputError if there is none."""
         path = self.folder / DANCES / f"{identity}.npz"
         if not IDENTITY.fullmatch(identity) or not path.is_file():
-            raise InputError(f"there is no dance {identity[:64]!r}")
+            raise InputError(Said("there is no dance {name}", name=repr(identity[:64])))
         return path
 
     def about(self, identity: str) -> About:
@@ -208,7 +209,9 @@ def moves_cm(dance: TaughtDance) -> list[dict]:
     relative_m = np.nan_to_num(dance.joints_m - np.nanmean(dance.joints_m, axis=1, keepdims=True))
     unlike_m = np.linalg.norm(relative_m - relative_m.mean(axis=0), axis=-1).sum(axis=1)
     bounds = np.arange(0, len(unlike_m), MOVE_COUNTS * 60 / dance.about.bpm * dance.fps).round().astype(int).tolist()
-    frames = [begin + int(unlike_m[begin:end].argmax()) for begin, end in itertools.pairwise([*bounds, len(unlike_m)])]
+    frames = [
+        begin + int(unlike_m[begin:end].argmax()) for begin, end in itertools.pairwise([*bounds, len(unlike_m)]) if begin < end
+    ]
     return [{"at_s": frame / dance.fps, "points_cm": _flat_cm(relative_m[[frame], :, :2])[0]} for frame in frames]
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from aiohttp import web
 
 from kpopnet.errors import InputError
+from kpopnet.languages import Said
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.input_files import check_names, expect, parse_json, read_json, settings_from
 from kpopnet.teacher.tries import Tries
@@ -55,13 +56,13 @@ class Profiles:
         """Raises InputError if there is none."""
         path = self.folder / f"{who}.json"
         if not WHO.fullmatch(who) or not path.is_file():
-            raise InputError("there is no such profile")
+            raise InputError(Said("there is no such profile"))
         return settings_from(Profile, read_json(path), str(path))
 
     def add(self, profile: Profile) -> str:
         """Writes a new profile and returns its WHO. Raises InputError if the name is taken."""
         if profile.name.casefold() in map(str.casefold, self.names().values()):
-            raise InputError(f"{profile.name} dances here already; choose another name")
+            raise InputError(Said("{name} dances here already; choose another name", name=profile.name))
         self.folder.mkdir(parents=True, exist_ok=True)
         who = f"p_{secrets.token_hex(4)}"  # random: the tries of a deleted profile never become another's
         with atomic_path(self.folder / f"{who}.json") as part:

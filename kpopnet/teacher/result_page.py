@@ -12,15 +12,18 @@ from kpopnet.dance.feedback import Feedback
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import DanceScore
 from kpopnet.dance.words.moments import PHRASE_S
+from kpopnet.languages import in_language, keyed
 from kpopnet.teacher.library import TeacherBody, stored_quats
 from kpopnet.teacher.live.words import score_result
 from kpopnet.teacher.posing import MAX_S, Movement, learners_movement
 
 FPS = 30.0
-MODULES = {"three": "vendor/three.js"} | {name: f"{name}.js" for name in ("tools", "body", "practice", "result", "score")}
+MODULES = {"three": "teacher/page/vendor/three.js", "ko": "languages/ko.mjs", "de": "languages/de.mjs"} | {
+    name: f"teacher/page/{name}.js" for name in ("memory", "words", "tools", "body", "practice", "result", "score")
+}
 """The modules of the page by their names in it."""
 
-_IMPORT = re.compile(r'from "\./(?:vendor/)?(\w+)\.js"')
+_IMPORT = re.compile(r'from "[./]*(?:vendor/|languages/)?(\w+)\.m?js"')
 
 
 def packed_body(body: TeacherBody) -> dict:
@@ -49,28 +52,37 @@ def _packed(array: np.ndarray, kind: type) -> str:
 
 
 def result_page(
-    title: str, body: TeacherBody, dances: tuple[Performance, Performance], score: DanceScore, told: Feedback, notes: list[str]
+    title: str,
+    body: TeacherBody,
+    dances: tuple[Performance, Performance],
+    score: DanceScore,
+    told: Feedback,
+    notes: list[str],
+    language: str = "en",
 ) -> str:
-    """The result of a score as the teacher's page shows it, with notes. `dances` are the teacher's and the learner's, whose
-    replay ends after MAX_S.
+    """The result of a score as the teacher's page shows it, with notes, in one of `kpopnet.languages.LANGUAGES`. `dances` are
+    the teacher's and the learner's, whose replay ends after MAX_S.
     """
+    title = in_language(title, language)
     from_s, to_s = float(dances[0].times_s[0]), float(dances[0].times_s[-1])
     teacher, learner = (_replayed(one, from_s, body) for one in dances)
     result = score_result(score, told)
     found = {"name": title, "from_s": from_s, "to_s": to_s, **result, "hints": notes + result["hints"]}
     phrase_s = told.phrases[0].end_s - told.phrases[0].start_s if told.phrases else PHRASE_S
     dance = {"seconds": to_s - from_s, "phrase_s": phrase_s, **teacher}
-    given = json.dumps({"found": found, "dance": dance, "movement": learner, "body": packed_body(body)}, allow_nan=False)
-    page = files("kpopnet.teacher") / "page"
-    sources = {name: _IMPORT.sub(r'from "\1"', (page / path).read_text(encoding="utf-8")) for name, path in MODULES.items()}
+    given = json.dumps({"found": keyed(found), "dance": dance, "movement": learner, "body": packed_body(body)}, allow_nan=False)
+    root = files("kpopnet")
+    sources = {name: _IMPORT.sub(r'from "\1"', (root / path).read_text(encoding="utf-8")) for name, path in MODULES.items()}
     packed = {name: base64.b64encode(text.encode()).decode() for name, text in sources.items()}
     parts = {
         "title": html.escape(title),
-        "style": (page / "style.css").read_text(encoding="utf-8"),
+        "language": language,
+        "noscript": in_language("This page needs JavaScript; score.json beside it holds the same numbers and words.", language),
+        "style": (root / "teacher/page/style.css").read_text(encoding="utf-8"),
         "modules": json.dumps({"imports": {name: f"data:text/javascript;base64,{text}" for name, text in packed.items()}}),
         "given": given.replace("<", "\\u003c"),
     }
-    shell = (page / "score.html").read_text(encoding="utf-8")
+    shell = (root / "teacher/page/score.html").read_text(encoding="utf-8")
     return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], shell)
 
 

@@ -12,6 +12,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from kpopnet.dance.joint_files.reader import SUFFIXES, read_performance, read_strangers_performance
 from kpopnet.errors import InputError, check_between
+from kpopnet.languages import Said, keyed
 from kpopnet.runtime.input_files import check_fields, parse_json, settings_from
 from kpopnet.teacher import profiles
 from kpopnet.teacher.adding import USUAL_BPM, add_performance
@@ -89,7 +90,7 @@ async def _end(app: web.Application) -> None:
 @routes.get("/api/offer")
 async def offer(request: web.Request) -> web.Response:
     teaching = request.app[TEACHING]
-    return web.json_response({"sources": teaching.sources, "skills": teaching.skills, "faults": teaching.faults})
+    return web.json_response({"sources": keyed(teaching.sources), "skills": teaching.skills, "faults": teaching.faults})
 
 
 @routes.get("/api/dances")
@@ -127,7 +128,7 @@ async def upload(request: web.Request) -> web.Response:
     """Adds a dance: the file is the body, its name, the dance's title and, where known, its beats a minute are in the query."""
     suffix = Path(request.query.get("file", "")).suffix.lower()
     if suffix not in SUFFIXES:
-        raise InputError(f"a dance is a file that ends with {', '.join(SUFFIXES)}")
+        raise InputError(Said("a dance is a file that ends with {endings}", endings=SUFFIXES))
     title = request.query.get("title", "").strip()[:60] or "My dance"
     try:
         bpm = float(request.query.get("bpm", USUAL_BPM))
@@ -146,7 +147,7 @@ async def upload(request: web.Request) -> web.Response:
             performance = await asyncio.to_thread(read_strangers_performance, path)
         except InputError as error:
             raise InputError(str(error).replace(str(path), "the file")) from error
-    added = await asyncio.to_thread(add_performance, library, performance, "the file", title, bpm)
+    added = await asyncio.to_thread(add_performance, library, performance, Said("the file"), title, bpm)
     return web.json_response({"identity": added})
 
 
@@ -209,7 +210,7 @@ async def make_film(request: web.Request) -> web.StreamResponse:
                     await tell({"fraction": round(fraction, 3)})
                 await tell({"fraction": 1})
             except InputError as error:
-                await tell({"error": str(error)})
+                await tell({"error": keyed(error.said)})
     return response
 
 
@@ -251,7 +252,7 @@ async def live(request: web.Request) -> web.WebSocketResponse:
             try:
                 lessons.follow(parse_json(message.data, "the page's message"))
             except InputError as error:
-                await lessons.tell({"kind": "error", "text": str(error)})
+                await lessons.tell({"kind": "error", "text": keyed(error.said)})
     finally:
         request.app[SOCKETS].discard(socket)
         lessons.leave()
@@ -322,6 +323,7 @@ class PageLessons:
         self._process = self._forwarding = None
 
     async def _forward(self, process: LessonProcess) -> None:
+        members: list[dict] = []  # who danced beside the first learner
         while True:
             kind, content, attached = await process.next()
             message = {"kind": kind} | content
@@ -329,13 +331,23 @@ class PageLessons:
                 with contextlib.suppress(ConnectionError):
                     await self._socket.send_bytes(packed_frame(message, self._heard_ms, attached))
                 continue
+            if kind == "member":
+                session = None
+                if content["total"] is not None:
+                    with contextlib.suppress(OSError):  # the first learner's try, which follows, says so
+                        session = await asyncio.to_thread(self._teaching.tries.save, content, attached)
+                members.append({"session": session, "total": content["total"]})
+                continue
+            if kind == "done" and members:
+                content |= {"members": members}
+                members = []
             if kind == "done" and content.get("total") is not None:  # a person was seen
                 try:
                     if content["who"]:
                         self._profiles.profile(content["who"])
                     message["session"] = await asyncio.to_thread(self._teaching.tries.save, content, attached)
                 except InputError as error:  # the profile was deleted meanwhile
-                    message["not_saved"] = f"this try was not saved: {error}"
+                    message["not_saved"] = keyed(Said("this try was not saved: {reason}", reason=error.said))
                 except OSError as error:
-                    message["not_saved"] = f"this try could not be saved: {error.strerror}"
+                    message["not_saved"] = keyed(Said("this try could not be saved: {reason}", reason=error.strerror))
             await self.tell(message)

@@ -12,6 +12,7 @@ import numpy as np
 from aiohttp import web
 from aiohttp.test_utils import TestClient, TestServer
 
+from kpopnet.languages import Said
 from kpopnet.live.loop import Watching
 from kpopnet.live.server import make_watch_app
 from kpopnet.programs.teach import open_source
@@ -23,7 +24,14 @@ from kpopnet.teacher.safety import LOOPBACK_NAMES, Keys
 from kpopnet.teacher.server import Teaching, make_app
 
 DRIVER, BROWSER = shutil.which("chromedriver"), shutil.which("chromium") or shutil.which("google-chrome")
-FLAGS = ("headless=new", "no-sandbox", "disable-dev-shm-usage", "use-angle=swiftshader", "enable-unsafe-swiftshader")
+FLAGS = (
+    "headless=new",
+    "lang=en-US",
+    "no-sandbox",
+    "disable-dev-shm-usage",
+    "use-angle=swiftshader",
+    "enable-unsafe-swiftshader",
+)
 FAKE_WEBCAM = ("use-fake-device-for-media-stream", "use-fake-ui-for-media-stream")
 WIDE, NARROW = (1280, 900), (400, 860)
 PATIENCE_S = 480
@@ -47,6 +55,14 @@ def with_client(shown: Shown, work, keys: Keys | None = None):
             return await asyncio.wait_for(work(client), PATIENCE_S)
 
     return asyncio.run(run())
+
+
+def english(told: dict | list | str | float):
+    """What a page is told, see `kpopnet.languages.keyed`, in English."""
+    if isinstance(told, dict):
+        template, values = told.get("say"), {name: english(value) for name, value in told.items() if name != "say"}
+        return Said(template, **values) if template else values
+    return [english(one) for one in told] if isinstance(told, list) else told
 
 
 @contextlib.contextmanager

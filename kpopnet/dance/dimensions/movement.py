@@ -23,6 +23,7 @@ from scipy.signal import find_peaks
 
 from kpopnet.dance.features import limb_directions
 from kpopnet.dance.window import FPS, WINDOW_FRAMES
+from kpopnet.languages import Said
 
 LIMBS = ("right arm", "left arm", "right leg", "left leg")
 """In the order of `kpopnet.dance.features.limb_directions`."""
@@ -70,10 +71,11 @@ class Rhythm(NamedTuple):
     spread_s: float  # standard deviation of that distance, of which the teacher's is subtracted, seconds
 
     def __str__(self) -> str:
-        steadily = "steadily" if self.spread_s < STEADY_S else "unsteadily"
+        steadily = Said("steadily" if self.spread_s < STEADY_S else "unsteadily")
         if abs(self.ahead_s) < 0.04:
-            return f"{steadily} on the beat"
-        return f"{steadily} {abs(self.ahead_s):.2f} s {'ahead of' if self.ahead_s > 0 else 'behind'} the beat"
+            return Said("{steadily} on the beat", steadily=steadily)
+        text = "{steadily} {seconds} s ahead of the beat" if self.ahead_s > 0 else "{steadily} {seconds} s behind the beat"
+        return Said(text, steadily=steadily, seconds=f"{abs(self.ahead_s):.2f}")
 
 
 def dynamics(teacher_m: np.ndarray, learner_m: np.ndarray, matched: np.ndarray) -> Dynamics:

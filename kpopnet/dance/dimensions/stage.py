@@ -25,6 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.dance.window import FPS
+from kpopnet.languages import Said
 from kpopnet.skeleton import Joint
 
 START_S = 2.0
@@ -124,7 +125,7 @@ class StageScore(NamedTuple):
     errors: dict[str, np.ndarray]
     length_m: float  # of the learner's body, from neck to feet
 
-    def remarks(self) -> Iterator[tuple[float, str]]:
+    def remarks(self) -> Iterator[tuple[float, Said]]:
         """The greatest error of each dimension, if worth words: seconds after the first frame, "0.8 m too far left"."""
         for name, errors in self.errors.items():
             dimension = DIMENSIONS[name]
@@ -137,8 +138,9 @@ class StageScore(NamedTuple):
                 component = int(abs(typical).argmax())
                 words = dimension.words[component][int(typical[component] > 0)]
                 amount = float(np.linalg.norm(typical))
-                shown = f"{math.degrees(amount):.0f}°" if dimension.is_direction else f"{amount * self.length_m:.1f} m"
-                yield run.start / FPS, f"{shown} {words}"
+                degrees, metres = f"{math.degrees(amount):.0f}", f"{amount * self.length_m:.1f}"
+                shown = Said("{degrees}°", degrees=degrees) if dimension.is_direction else Said("{metres} m", metres=metres)
+                yield run.start / FPS, Said("{amount} {word}", amount=shown, word=Said(words))
 
 
 def stage_score(teacher_m: np.ndarray, learner_m: np.ndarray, delay_s: np.ndarray) -> StageScore:

@@ -19,6 +19,7 @@ from kpopnet.dance.parts import OUTLIER_RAD
 from kpopnet.dance.scoring import DanceScore
 from kpopnet.dance.window import BAND_S, FPS, LIMBS
 from kpopnet.dance.words.moments import clock, runs
+from kpopnet.languages import Said
 from kpopnet.skeleton import MIRROR
 
 STILL, MOVING, SPREAD_S, MIN_STILL_S = 0.3, 0.4, 1.0, 1.5
@@ -41,13 +42,13 @@ SMALL, SOFT, REDUCED_LIMBS = 0.8, 0.9, 0.75
 is: who dances well keeps 0.97 of the sharpness, who smooths all movements over 0.3 s (standard deviation) 0.6 to 0.9."""
 
 CAUSES = {
-    "late entry": "began late",
-    "stood still": "stood still",
-    "mirrored": "mirrored",
-    "another phrase": "danced another phrase",
-    "something else": "danced something else",
-    "too small": "movements too small",
-    "too soft": "movements too soft",
+    "late entry": Said("began late"),
+    "stood still": Said("stood still"),
+    "mirrored": Said("mirrored"),
+    "another phrase": Said("danced another phrase"),
+    "something else": Said("danced something else"),
+    "too small": Said("movements too small"),
+    "too soft": Said("movements too soft"),
 }
 """By name, in words wherever it occurs."""
 
@@ -66,7 +67,7 @@ class Cause(NamedTuple):
     start_s: float
     end_s: float
     name: str
-    text: str
+    text: Said
 
     @property
     def explains_timing(self) -> bool:
@@ -109,11 +110,12 @@ def _rests(score: DanceScore, first_s: float) -> Iterator[Cause]:
         seconds = (run.stop - run.start) / FPS
         if seconds >= MIN_STILL_S:
             late = run.start <= begin + frames
-            text = f"began {seconds:.0f} s late" if late else f"stood still for {seconds:.0f} s"
+            text = "began {seconds} s late" if late else "stood still for {seconds} s"
+            text = Said(text, seconds=f"{seconds:.0f}")
             yield Cause(first_s + run.start / FPS, first_s + run.stop / FPS, "late entry" if late else "stood still", text)
 
 
-def _elsewhere(score: DanceScore, rows: slice, posture: float, inside: np.ndarray) -> tuple[str, str] | None:
+def _elsewhere(score: DanceScore, rows: slice, posture: float, inside: np.ndarray) -> tuple[str, Said] | None:
     """Which other part of the dance, or its mirror image, a phrase of frames with (N,) windows inside fits: name and text.
 
     None if it fits neither.
@@ -133,7 +135,7 @@ def _elsewhere(score: DanceScore, rows: slice, posture: float, inside: np.ndarra
     best = int(everywhere.argmin())
     if everywhere[best] < FITS_BETTER * near:
         at_s = float(score.windows.start_s[0]) + (first + best - middle) * STRIDE / FPS
-        return "another phrase", f"danced what belongs at {clock(at_s)}"
+        return "another phrase", Said("danced what belongs at {time}", time=clock(at_s))
     limbs = np.array([score.windows.parts[name][inside] for name in LIMBS])
     limbs = np.nanmean(limbs[np.isfinite(limbs).any(axis=1)], axis=1)
     several = np.mean(limbs <= MAX_POSTURE) >= ELSE_LIMBS if len(limbs) else False
@@ -155,7 +157,7 @@ def _mean_distances(learner: Features, teacher: Features, first: int, band: int)
     return np.where(2 * count >= len(distances), mean, np.inf)
 
 
-def _reduced(moved: Dynamics, start_s: float, end_s: float) -> tuple[str, str] | None:
+def _reduced(moved: Dynamics, start_s: float, end_s: float) -> tuple[str, Said] | None:
     """Whether most limbs move too little, or too softly, from one to another second after the first frame."""
     inside = (moved.start_s >= start_s) & (moved.start_s + 1 < end_s)
     for name, ratios, least in (("too small", moved.amplitude, SMALL), ("too soft", moved.sharpness, SOFT)):
@@ -164,5 +166,5 @@ def _reduced(moved: Dynamics, start_s: float, end_s: float) -> tuple[str, str] |
         of_limbs = np.exp(np.nanmean(logs[:, shown], axis=0))
         if len(of_limbs) > 1 and np.mean(of_limbs < least) >= REDUCED_LIMBS:
             share = float(np.exp(np.log(of_limbs).mean()))
-            return name, f"{CAUSES[name]}, {share:.0%} of the teacher's"
+            return name, Said("{what}, {percent}% of the teacher's", what=CAUSES[name], percent=f"{100 * share:.0f}")
     return None

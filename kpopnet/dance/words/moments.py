@@ -14,6 +14,7 @@ from kpopnet.dance.features import FEATURES
 from kpopnet.dance.parts import known_noise
 from kpopnet.dance.scoring import DanceScore
 from kpopnet.dance.window import PARTS, part_of_angles
+from kpopnet.languages import Said
 
 PHRASE_S = 4.0
 """Length of a phrase without a given beat: eight counts at 120 a minute."""
@@ -123,15 +124,15 @@ def posture_moments(score: DanceScore, losses: Losses, explained: np.ndarray) ->
                 joint, less, greater = _WORDS[names[angle]]
                 direction, (start_s, end_s) = greater if degrees > 0 else less, span(score, run)
                 fault = posture_text(PARTS[part], joint, degrees, direction)
-                text = f"{fault} {at([start_s])}"
+                text = Said("{what} {when}", what=fault, when=at([start_s]))
                 found.append(Moment(start_s, end_s, PARTS[part], joint, direction, degrees, 0.0, points, fault, text))
     return found
 
 
-def posture_text(part: str, joint: str, degrees: float, direction: str) -> str:
+def posture_text(part: str, joint: str, degrees: float, direction: str) -> Said:
     """A difference in words, such as "left arm 25° too low"."""
     subject = joint if joint.endswith(("elbow", "knee")) else "body" if part == "turning" else part
-    return f"{subject} {abs(degrees):.0f}° {direction}"
+    return Said("{part} {degrees}° {direction}", part=Said(subject), degrees=f"{abs(degrees):.0f}", direction=Said(direction))
 
 
 def timing_moments(score: DanceScore, losses: Losses, explained: np.ndarray, beat_s: float | None) -> list[Moment]:
@@ -142,18 +143,19 @@ def timing_moments(score: DanceScore, losses: Losses, explained: np.ndarray, bea
             start_s, end_s = span(score, run)
             mean_s, word = float(delay_s[run].mean()), "late" if sign > 0 else "early"
             points, fault = float(losses.timing[run].sum()), lateness(mean_s, beat_s)
-            text = f"{fault} {from_to(start_s, end_s)}"
+            text = Said("{what} {when}", what=fault, when=from_to(start_s, end_s))
             found.append(Moment(start_s, end_s, "timing", "", word, 0.0, mean_s, points, fault, text))
     return found
 
 
-def lateness(delay_s: float, beat_s: float | None) -> str:
-    word = "late" if delay_s > 0 else "early"
+def lateness(delay_s: float, beat_s: float | None) -> Said:
+    word = Said("late" if delay_s > 0 else "early")
     if not beat_s:
-        return f"{abs(delay_s):.1f} s {word}"
+        return Said("{amount} {word}", amount=Said("{seconds} s", seconds=f"{abs(delay_s):.1f}"), word=word)
     quarters = round(4 * abs(delay_s) / beat_s)
     fractions = {0: "slightly", 1: "a quarter of a beat", 2: "half a beat", 3: "three quarters of a beat", 4: "a beat"}
-    return f"{fractions.get(quarters, f'{quarters / 4:g} beats')} {word}"
+    amount = Said(fractions[quarters]) if quarters in fractions else Said("{beats} beats", beats=f"{quarters / 4:g}")
+    return Said("{amount} {word}", amount=amount, word=word)
 
 
 def clock(seconds: float) -> str:
@@ -162,11 +164,11 @@ def clock(seconds: float) -> str:
     return f"{whole // 60}:{whole % 60:02d}"
 
 
-def at(starts_s: list[float]) -> str:
+def at(starts_s: list[float]) -> Said:
     *others, last = dict.fromkeys(clock(start_s) for start_s in starts_s)
-    return f"at {', '.join(others)} and {last}" if others else f"at {last}"
+    return Said("at {times} and {last}", times=others, last=last) if others else Said("at {time}", time=last)
 
 
-def from_to(start_s: float, end_s: float) -> str:
+def from_to(start_s: float, end_s: float) -> Said:
     start, end = clock(start_s), clock(end_s)
-    return f"at {start}" if start == end else f"from {start} to {end}"
+    return Said("at {time}", time=start) if start == end else Said("from {start} to {end}", start=start, end=end)

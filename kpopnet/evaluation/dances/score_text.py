@@ -8,8 +8,9 @@ from kpopnet.dance.diagnosis import Diagnosis, RecordingFault
 from kpopnet.dance.dimensions.movement import Rhythm
 from kpopnet.dance.feedback import Feedback, Phrase
 from kpopnet.dance.scoring import DanceScore
-from kpopnet.dance.words.moments import clock
+from kpopnet.dance.words.moments import at, clock
 from kpopnet.evaluation.values import plain
+from kpopnet.languages import Said
 
 MAX_FAULTS = 3
 """Largest number of faults in the text, the costliest first; the JSON has all."""
@@ -23,10 +24,14 @@ def rhythm_to(score: DanceScore, beat_s: float | None) -> Rhythm | None:
 def score_text(score: DanceScore, told: Feedback, notes: list[str], beat_s: float | None = None) -> list[str]:
     """The score in lines for a terminal, with notes on it; with a beat in seconds also the rhythm."""
     uncertain = f" ± {score.uncertainty:.0f}" if score.uncertainty > 0 else ""
-    seen = {name: "" if coverage > 0.99 else f" (seen {coverage:.0%})" for name, coverage in score.coverage.items()}
     return [
-        f"similarity {score.similarity:.0f}{uncertain}, timing {score.timing:.0f}, posture {score.posture:.0f} of 100",
-        "parts: " + ", ".join(f"{name} {value:.0f}{seen[name]}" for name, value in score.parts.items()),
+        Said(
+            "similarity {similarity}, timing {timing}, posture {posture} of 100",
+            similarity=f"{score.similarity:.0f}{uncertain}",
+            timing=f"{score.timing:.0f}",
+            posture=f"{score.posture:.0f}",
+        ),
+        Said("parts: {parts}", parts=[_part(name, value, score.coverage[name]) for name, value in score.parts.items()]),
         *notes,
         *told.hints,
         *(fault.text for fault in told.faults[:MAX_FAULTS]),
@@ -39,35 +44,59 @@ def score_text(score: DanceScore, told: Feedback, notes: list[str], beat_s: floa
 
 def _stage_text(score: DanceScore) -> list[str]:
     """What similarity, timing and posture do not contain."""
-    figures = ", ".join(f"{name} {value:.0f}" for name, value in score.stage.figures.items())
-    remarks = [f"{text} at {clock(at_s)}" for at_s, text in score.stage_remarks()]
-    return [f"on the stage, not counted: {'; '.join([figures, *remarks])}"] if figures else []
+    figures = _figures(score.stage.figures)
+    remarks = [Said("{what} {when}", what=text, when=at([at_s])) for at_s, text in score.stage_remarks()]
+    return [Said("on the stage, not counted: {figures}", figures=_listed([figures, *remarks]))] if figures else []
 
 
 def _movement_text(score: DanceScore, beat_s: float | None) -> list[str]:
-    figures, rhythm = [f"{name} {value:.0f}" for name, value in score.dynamics.figures.items()], rhythm_to(score, beat_s)
-    figures += [f"rhythm {rhythm.figure:.0f}, {rhythm}"] if rhythm else []
-    return [f"movement, not counted: {', '.join(figures)}"] if figures else []
+    figures, rhythm = _figures(score.dynamics.figures), rhythm_to(score, beat_s)
+    figures += [Said("rhythm {figure}, {how}", figure=f"{rhythm.figure:.0f}", how=str(rhythm))] if rhythm else []
+    return [Said("movement, not counted: {figures}", figures=figures)] if figures else []
+
+
+def _part(name: str, value: float, coverage: float) -> Said:
+    seen = "" if coverage > 0.99 else Said(" (seen {percent}%)", percent=f"{100 * coverage:.0f}")
+    return Said("{part} {figure}{seen}", part=Said(name), figure=f"{value:.0f}", seen=seen)
+
+
+def _figures(figures: dict[str, float]) -> list[Said]:
+    return [Said("{what} {figure}", what=Said(name), figure=f"{value:.0f}") for name, value in figures.items()]
+
+
+def _listed(texts: list) -> Any:
+    """Texts, or lists of them, with semicolons in between."""
+    return texts[0] if len(texts) == 1 else Said("{first}; {rest}", first=texts[0], rest=_listed(texts[1:]))
 
 
 def score_notes(score: DanceScore, diagnosis: Diagnosis) -> list[str]:
     """What was corrected in the recordings, what is probably wrong with them, and what the score's uncertainty is."""
-    within = f"± {score.uncertainty:.0f}: on true joints 95 % of simulated dances seen by {score.scorer.noise} score within it"
+    within = Said(
+        "± {points}: on true joints 95 % of simulated dances seen by {estimator} score within it",
+        points=f"{score.uncertainty:.0f}",
+        estimator=score.scorer.noise,
+    )
     notes = [str(diagnosis), *map(_fault_text, diagnosis.faults), within if score.uncertainty > 0 else ""]
     return [note for note in notes if note]
 
 
 def _phrase_text(phrase: Phrase) -> str:
     """A phrase with what was not seen and its worst moments, the worst first."""
-    number = "not compared" if phrase.similarity is None else f"{phrase.similarity:.0f}"
-    moments = "; ".join([*phrase.unseen, *(moment.text for moment in phrase.moments)]) or "no fault stands out"
-    return f"{clock(phrase.start_s)} to {clock(phrase.end_s)}, {number}: {moments}"
+    return Said(
+        "{start} to {end}, {figure}: {what}",
+        start=clock(phrase.start_s),
+        end=clock(phrase.end_s),
+        figure=Said("not compared") if phrase.similarity is None else f"{phrase.similarity:.0f}",
+        what=_listed([*phrase.unseen, *(moment.text for moment in phrase.moments)] or [Said("no fault stands out")]),
+    )
 
 
 def _fault_text(fault: RecordingFault) -> str:
     """A probable fault as a warning."""
-    gain = "" if fault.corrected is None else f" (the similarity would be {fault.corrected:.0f})"
-    return f"warning: {fault.text}{gain}"
+    told = Said("warning: {fault}", fault=fault.text)
+    if fault.corrected is None:
+        return told
+    return Said("{warning} (the similarity would be {figure})", warning=told, figure=f"{fault.corrected:.0f}")
 
 
 def score_json(score: DanceScore, told: Feedback, diagnosis: Diagnosis, beat_s: float | None = None) -> dict[str, Any]:

@@ -6,10 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from kpopnet.errors import InputError, check_between
+from kpopnet.languages import Said
 from kpopnet.sources.source import LiveCamera
 from kpopnet.teacher.library import IDENTITY, TaughtDance
 
 CALIBRATION_BEAT_S = 1.0
+MOST_LEARNERS = 3
 MIN_EXCERPT_S = 2.5
 """A window of the score lasts 2 s."""
 
@@ -30,7 +32,8 @@ class Lesson:
         mirrored: whether the teacher is shown as in a mirror: the learner's left is the teacher's left.
         latency_s: delay of camera, sound and display, taken off the learner's times, seconds.
         calibrate: whether that delay is measured: the learner raises an arm every CALIBRATION_BEAT_S, and nothing is scored.
-        who: the profile whose try it is, "" for none.
+        who: the profile whose try it is, "" for none; of several learners the first's.
+        people: learners beside each other.
     """
 
     dance: str
@@ -45,6 +48,7 @@ class Lesson:
     latency_s: float = 0.0
     calibrate: bool = False
     who: str = ""
+    people: int = 1
 
     def __post_init__(self) -> None:
         if not IDENTITY.fullmatch(self.dance):
@@ -54,12 +58,14 @@ class Lesson:
         check_between("from_s", self.from_s, 0, 7200)
         check_between("to_s", self.to_s, 0, 7200)
         check_between("seed", self.seed, 0, 2**31)
+        check_between("people", self.people, 1, MOST_LEARNERS)
 
     def excerpt_s(self, dance_s: float) -> tuple[float, float]:
         """Start and end in seconds of the excerpt of a dance of this length. Raises InputError if it is too short to score."""
         end_s = min(self.to_s or dance_s, dance_s)
         if end_s - self.from_s < MIN_EXCERPT_S:
-            raise InputError(f"from {self.from_s:g} to {end_s:g} s: choose at least {MIN_EXCERPT_S:g} s of the dance")
+            text = "from {start} to {end} s: choose at least {least} s of the dance"
+            raise InputError(Said(text, start=f"{self.from_s:g}", end=f"{end_s:g}", least=f"{MIN_EXCERPT_S:g}"))
         return self.from_s, end_s
 
 

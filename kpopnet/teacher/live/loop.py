@@ -15,13 +15,14 @@ from numba.core import event
 
 from kpopnet.dance.parts import NOISE
 from kpopnet.errors import InputError
+from kpopnet.languages import Said, keyed
 from kpopnet.pose import PersonPose, PoseEstimator
 from kpopnet.runtime.parallel import end_with_parent
 from kpopnet.skeleton import Joint
 from kpopnet.sources.live import NewestImage
 from kpopnet.teacher.library import TaughtDance
 from kpopnet.teacher.live.lesson import CameraOpener, DanceClock, Lesson
-from kpopnet.teacher.live.score import Calibration, DanceTry
+from kpopnet.teacher.live.score import Calibration, DanceTry, together
 from kpopnet.teacher.live.webcam import NO_DEPTH_M, WEBCAM, WebcamCamera, WebcamEstimator
 
 PICTURE_WIDTH = 160
@@ -42,7 +43,7 @@ LOST_S = 3.0
 """How long the learner may be out of view before another person is taken for the learner."""
 
 PEOPLE = 2
-"""People whose joints are estimated: the learner, and one who walks by."""
+"""People whose joints are estimated at least: the learner, and one who walks by."""
 
 
 def load_estimator(checkpoint: str | None, people: int = PEOPLE) -> PoseEstimator:
@@ -69,21 +70,30 @@ class Learner:
     """Chooses the learner among the people in view and stays with them: who walks by does not take over."""
 
     def __init__(self) -> None:
-        self._identity: int | None = None
+        self.identity: int | None = None
         self._seen = 0.0
 
     def choose(self, people: list[PersonPose], now: float) -> PersonPose | None:
         """The learner's pose among those of all people in one image, at `now` seconds; None if the learner is not there."""
         for person in people:
-            if person.identity == self._identity:
+            if person.identity == self.identity:
                 self._seen = now
                 return person
-        if not people or (self._identity is not None and now - self._seen < LOST_S):
+        if not people or (self.identity is not None and now - self._seen < LOST_S):
             return None
         # Who dances stands in the middle.
         chosen = min(people, key=lambda person: abs(float(np.nan_to_num(person.joints_camera_m[Joint.TORSO, 0], nan=99.0))))
-        self._identity, self._seen = chosen.identity, now
+        self.identity, self._seen = chosen.identity, now
         return chosen
+
+
+def choose_each(learners: list[Learner], people: list[PersonPose], now: float) -> list[PersonPose | None]:
+    """The pose of each learner, as `Learner.choose`; nobody is two of them."""
+    poses = []
+    for learner in learners:
+        others = {one.identity for one in learners if one is not learner}
+        poses.append(learner.choose([person for person in people if person.identity not in others], now))
+    return poses
 
 
 class _CompiledKernels(event.Listener):
@@ -111,7 +121,7 @@ def serve_lessons(connection: Connection, open_camera: CameraOpener, checkpoint:
             _, number, lesson, dance = message
 
             def tell(kind: str, content: dict, attached: object = None, number: int = number) -> None:
-                connection.send((number, kind, content, attached))
+                connection.send((number, kind, keyed(content), attached))
 
             try:
                 tell("preparing", {"fraction": 0.0, "text": "opening the camera"})
@@ -120,7 +130,7 @@ def serve_lessons(connection: Connection, open_camera: CameraOpener, checkpoint:
                     if running.warm(kernels, connection):
                         running.hold(connection)
             except InputError as error:
-                tell("error", {"text": str(error)})
+                tell("error", {"text": error.said})
 
 
 class RunningLesson:
@@ -137,11 +147,23 @@ class RunningLesson:
         self._webcam = WebcamCamera() if lesson.source == WEBCAM else None
         self._lesson, self._dance, self._tell = lesson, dance, tell
         self._estimator = WebcamEstimator() if self._webcam else estimator
-        self._try = self._new_try()
-        self._clock, self._learner, self._away = DanceClock(lesson.from_s, lesson.speed), Learner(), ""
+        if self._webcam and lesson.people > 1:
+            raise InputError(Said("a webcam follows one learner; several need a depth camera"))
+        self._estimator.people = max(PEOPLE, lesson.people)
+        self._tries = self._new_tries()
+        self._clock, self._away = DanceClock(lesson.from_s, lesson.speed), ""
+        self._learners = [Learner() for _ in self._tries]
         camera = self._webcam or open_camera(lesson, dance, self._clock)
         self._camera, self.images = camera.camera, NewestImage(camera)
         self._estimator.reset()
+
+    @property
+    def _seen_s(self) -> float:
+        """Up to where the dance was scored."""
+        return max(one.seen_s for one in self._tries)
+
+    def _new_tries(self) -> list[DanceTry]:
+        return [self._new_try() for _ in range(self._lesson.people)]
 
     def _new_try(self) -> DanceTry:
         return (Calibration if self._lesson.calibrate else DanceTry)(self._lesson, self._dance, noise_of(self._estimator))
@@ -174,7 +196,7 @@ class RunningLesson:
     def hold(self, connection: Connection) -> None:
         """Follows the server's messages until the lesson ends, and handles each image."""
         size = {"width": self._camera.width, "height": self._camera.height}
-        self._tell("ready", size | {"from_s": self._try.begin_s, "to_s": self._try.end_s})
+        self._tell("ready", size | {"from_s": self._tries[0].begin_s, "to_s": self._tries[0].end_s})
         while self._follow(connection):
             self._step()
 
@@ -183,10 +205,10 @@ class RunningLesson:
         while connection.poll():
             kind, *words = connection.recv()
             if kind == "go":
-                self._try = self._new_try()
+                self._tries = self._new_tries()
                 self._clock.start(*words)
             elif kind == "pause" and self._clock.running:
-                self._clock.pause(max(self._try.seen_s, self._try.begin_s))
+                self._clock.pause(self._seen_s)
                 self._tell("paused", {"from_s": self._clock.paused_s})
             elif kind == "resume":
                 self._clock.resume(*words)
@@ -202,23 +224,30 @@ class RunningLesson:
         image = images.fetch(FRAME_PATIENCE_S)
         self._follow_away(images.away)
         if image is not None:
-            person = self._learner.choose(self._estimator.update(image.depth_m, self._camera, image.taken), image.taken)
-            joints_m, confidence = (None, None) if person is None else person[1:]
-            self._try.score(clock, image, joints_m, confidence)
-            shown = self._try.shown(clock, image, joints_m, confidence, self._camera)
-            self._tell("frame", shown | {"dropped": images.dropped}, picture(NO_DEPTH_M if self._webcam else image.depth_m))
-        if (verdict := self._try.next_verdict(clock)) is not None:
-            self._tell("verdict", verdict)
-        if clock.running and (self._try.is_over(clock) or images.ended):
+            people, shown = self._estimator.update(image.depth_m, self._camera, image.taken), []
+            for one, person in zip(self._tries, choose_each(self._learners, people, image.taken), strict=True):
+                joints_m, confidence = (None, None) if person is None else person[1:]
+                one.score(clock, image, joints_m, confidence)
+                shown.append(one.shown(clock, image, joints_m, confidence, self._camera))
+            content = shown[0] | {"dropped": images.dropped, "others": shown[1:]}
+            self._tell("frame", content, picture(NO_DEPTH_M if self._webcam else image.depth_m))
+        for member, one in enumerate(self._tries):
+            if (verdict := one.next_verdict(clock)) is not None:
+                self._tell("verdict", verdict | {"member": member})
+        if clock.running and (self._tries[0].is_over(clock) or images.ended):
             clock.stop()
-            self._tell("done", *self._try.finish(images.dropped))
+            (result, arrays), *others = [one.finish(images.dropped) for one in self._tries]
+            for other, of_other in others:
+                self._tell("member", other | {"who": ""}, of_other)
+            common = {"together": together([arrays, *(one for _, one in others)])} if others else {}
+            self._tell("done", result | common, arrays)
         elif images.ended:
             raise InputError(images.error or "the recording of depth has ended")
 
     def _follow_away(self, away: str) -> None:
         """While the camera is away the dance stands still where the learner was seen last; the page asks to resume it."""
         if away and self._clock.running:
-            self._clock.pause(self._try.seen_s)
+            self._clock.pause(self._seen_s)
         if away and not self._away:
             self._tell("away", {"text": away})
         elif self._away and not away:

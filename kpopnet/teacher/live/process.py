@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 from kpopnet.errors import InputError
+from kpopnet.languages import Said
 from kpopnet.teacher.library import TaughtDance
 from kpopnet.teacher.live.lesson import CameraOpener, Lesson
 from kpopnet.teacher.live.loop import serve_lessons
@@ -144,7 +145,7 @@ class LessonProcesses:
         """
         self._idle = [process for process in self._idle if process.alive]
         if len(self._busy) >= MOST:
-            raise InputError(f"{MOST} dances are going on in other windows; close one of them")
+            raise InputError(Said("{count} dances are going on in other windows; close one of them", count=MOST))
         process = self._idle.pop() if self._idle else LessonProcess(*self._given)
         self._busy.add(process)
         return process

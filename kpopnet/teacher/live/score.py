@@ -1,5 +1,6 @@
 """The score of one try of a dance, image by image, the verdict on each move of four counts, and the result."""
 
+import itertools
 import math
 import time
 from dataclasses import replace
@@ -10,7 +11,7 @@ from kpopnet.camera import Camera
 from kpopnet.dance.online import OnlineScore, OnlineScorer
 from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.performance import Performance
-from kpopnet.dance.scoring import OURS
+from kpopnet.dance.scoring import OURS, score_dance
 from kpopnet.dance.timing import beat_latency_s
 from kpopnet.dance.window import WINDOW_S
 from kpopnet.errors import InputError
@@ -215,6 +216,23 @@ class Calibration(DanceTry):
         latency_s = rounded(beat_latency_s(found["joints_m"], found["times_s"], CALIBRATION_BEAT_S), 3)
         hint = "no arm moved with the ticks; raise one high at each tick, lower it in between, and try again"
         return {"total": None, "latency_s": latency_s, "hints": [hint] if latency_s is None else []}, {}
+
+
+def together(members: list[dict[str, np.ndarray]]) -> dict | None:
+    """How alike learners danced, whoever the teacher was: 0 to 100, the mean over all pairs, each compared both ways.
+
+    Also by how many seconds each danced after the first. `members` are joints as of `DanceTry.finish`. None where two were not
+    seen for a window at the same time.
+    """
+    try:
+        dances = [Performance(one["joints_m"], one["times_s"], one["confidence"]) for one in members]
+        pairs = [score_dance(a, b) for a, b in itertools.permutations(dances, 2)]
+    except InputError:
+        return None
+    delays_s = (one.windows.delay_s[np.isfinite(one.windows.delay_s)] for one in pairs[: len(dances) - 1])
+    after_s = [rounded(np.median(delay_s), 2) if len(delay_s) else None for delay_s in delays_s]
+    figures = {name: rounded(np.mean([getattr(one, name) for one in pairs])) for name in ("similarity", "timing", "posture")}
+    return figures | {"after_s": [0.0, *after_s]}
 
 
 def scorer_config(lesson: Lesson, noise: str) -> PartScorer:

@@ -11,7 +11,8 @@ from kpopnet.dance.scoring import DanceScore
 from kpopnet.dance.timing import measured_latency_s
 from kpopnet.dance.window import WINDOW_S
 from kpopnet.dance.words.causes import CAUSES
-from kpopnet.dance.words.moments import MIN_DELAY_S, Moment, clock
+from kpopnet.dance.words.moments import MIN_DELAY_S, Moment, at
+from kpopnet.languages import Said
 from kpopnet.skeleton import Joint
 from kpopnet.teacher.library import About
 from kpopnet.teacher.live.lesson import Lesson
@@ -66,17 +67,17 @@ def in_words(moment: Moment) -> str:
         return _delay_words(moment.delay_s)
     if moment.part == "phrase":
         return CAUSES[moment.direction]
-    return f"{_body_part(moment.part)} {moment.direction}"
+    return Said("{part} {direction}", part=_body_part(moment.part), direction=Said(moment.direction))
 
 
-def _body_part(part: str) -> str:
-    return "body" if part in ("turning", "torso") else part
+def _body_part(part: str) -> Said:
+    return Said("body" if part in ("turning", "torso") else part)
 
 
 def _delay_words(delay_s: float) -> str:
     """A delay in seconds, negative when early, as "late" or "a little early"."""
     much = "" if abs(delay_s) >= 2 * MIN_DELAY_S else "a little "
-    return f"{much}{'late' if delay_s > 0 else 'early'}"
+    return Said(f"{much}{'late' if delay_s > 0 else 'early'}")
 
 
 def latest_words(score: DanceScore) -> str:
@@ -94,7 +95,7 @@ def move_reason(latest: OnlineScore, so_far: DanceScore | None, start_s: float) 
     if during:
         return in_words(during[0])
     worst = min(latest.parts, key=lambda part: latest.parts[part], default="")
-    return f"{_body_part(worst)} not as shown" if worst else "no person seen"
+    return Said("{part} not as shown", part=_body_part(worst)) if worst else Said("no person seen")
 
 
 def try_result(score: DanceScore | None, lesson: Lesson, about: About, notes: dict) -> dict:
@@ -109,9 +110,11 @@ def try_result(score: DanceScore | None, lesson: Lesson, about: About, notes: di
     }  # fmt: skip
     if score is None or math.isnan(score.similarity):
         return head | {"total": None, "hints": ["no person was seen dancing; stand in the picture from head to feet"]}
-    slow = f"only {notes['fps']:.0f} images a second were scored, which costs points: this machine is busy with other things"
+    slow = "only {fps} images a second were scored, which costs points: this machine is busy with other things"
     told = score_result(score, feedback(score, 60 / about.bpm))
-    return head | told | {"hints": [*([slow] if notes["fps"] < MIN_FPS else []), *told["hints"]]}
+    return (
+        head | told | {"hints": [*([Said(slow, fps=f"{notes['fps']:.0f}")] if notes["fps"] < MIN_FPS else []), *told["hints"]]}
+    )
 
 
 def score_result(score: DanceScore, found: Feedback) -> dict:
@@ -134,7 +137,7 @@ def score_result(score: DanceScore, found: Feedback) -> dict:
         "hints": list(found.hints),
         "praise": list(found.praise),
         "stage": {name: rounded(value) for name, value in score.stage.figures.items()},
-        "on_stage": [f"{text} at {clock(at_s)}" for at_s, text in score.stage_remarks()],
+        "on_stage": [Said("{what} {when}", what=text, when=at([at_s])) for at_s, text in score.stage_remarks()],
         "latency_s": rounded(measured_latency_s(windows.delay_s, windows.posture), 3),
         "course": {
             "time_s": _column(windows.start_s + WINDOW_S / 2), "total": _column(windows.similarity),

@@ -1,11 +1,13 @@
 // The views by the address after #: the menu, a dance, a try, and the rest.
 import { calibrate } from "./calibrate.js";
-import { menu } from "./menu.js";
+import { after, chosenSource, handsFree, handsSwitch, letChoose, watch } from "./hands.js";
+import { inOrder, menu } from "./menu.js";
 import { myself, profilePage } from "./mine.js";
 import { record } from "./record.js";
 import { result } from "./result.js";
 import { stage } from "./stage.js";
-import { el, remember, remembered } from "./tools.js";
+import { ask, el, remember, remembered } from "./tools.js";
+import { LANGUAGES, language, say } from "./words.js";
 
 const main = document.getElementById("main");
 let leave = null, turn = 0;
@@ -14,13 +16,14 @@ async function show() {
   const mine = ++turn;
   if (leave) leave();
   leave = null;
+  letChoose([]);
   const [path, query = ""] = location.hash.replace(/^#\/?/, "").split("?");
   const [kind, identity, , name] = path.split("/");
   const place = el("div"); // of its own: a view that arrives too late is not seen
   main.replaceChildren(place);
   try {
     let end;
-    if (kind === "dance" && name) end = await result(place, identity, name);
+    if (kind === "dance" && name) end = afterDance(await result(place, identity, name), await byHand(identity));
     else if (kind === "me") end = await profilePage(place);
     else if (kind === "record") end = await record(place);
     else if (kind === "calibrate") end = await calibrate(place);
@@ -30,11 +33,36 @@ async function show() {
     else end();
   } catch (error) {
     if (mine !== turn) return;
-    main.replaceChildren(el("p", { class: "error", role: "alert" }, error.message), el("a", { href: "#/" }, "To the dances"));
+    main.replaceChildren(el("p", { class: "error", role: "alert" }, error.message), el("a", { href: "#/" }, say("To the dances")));
   }
   if (mine === turn) main.dataset.ready = location.hash;
 }
 
+const afterDance = (...ends) => () => ends.forEach((end) => end());
+
+// What can be chosen by hand beside a result; returns what ends it.
+async function byHand(identity) {
+  if (!handsFree()) return () => {};
+  const [dances, { sources }] = await Promise.all([ask("/api/dances"), ask("/api/offer")]), go = (where) => () => { location.hash = where; };
+  letChoose([
+    { id: "again", text: say("Dance again"), act: go(`#/dance/${identity}?go`) },
+    { id: "next", text: say("Next dance"), act: go(`#/dance/${after(inOrder(dances), identity).identity}`) },
+    { id: "menu", text: say("To the dances"), act: go("#/") },
+  ]);
+  return watch(dances.find((one) => one.identity === identity), chosenSource(sources));
+}
+
+document.title = say("Dance teacher");
+for (const node of document.querySelectorAll("[data-say]")) node.textContent = say(node.textContent);
+const languages = document.getElementById("language");
+languages.append(...Object.entries(LANGUAGES).map(([key, text]) => el("option", { value: key, lang: key }, text)));
+languages.value = language;
+languages.addEventListener("change", () => {
+  remember("language", languages.value);
+  history.replaceState(null, "", `/${location.hash}`); // without ?lang=
+  location.reload();
+});
+languages.before(handsSwitch(show));
 for (const [id, otherwise] of [["theme", "auto"], ["palette", "brightness"]]) {
   const select = document.getElementById(id);
   select.value = remembered(id, otherwise);

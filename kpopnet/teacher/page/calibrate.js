@@ -1,68 +1,70 @@
 // A guided step that measures how late camera, sound and screen make what is scored: an arm on every beat.
 import { LearnerView } from "./learner.js";
-import { Live } from "./live.js";
+import { liveFor } from "./live.js";
 import { Sound } from "./sound.js";
 import { ask, el, keepLatency, latencyOf, milliseconds, remember, remembered } from "./tools.js";
+import { say } from "./words.js";
 
 const BEAT_S = 1, BEATS = 12, COUNTS = 4, START_S = COUNTS * BEAT_S + 0.3;
 
 export async function calibrate(main) {
   const [dances, offer] = await Promise.all([ask("/api/dances"), ask("/api/offer")]);
   const dance = dances.find((one) => one.seconds >= BEATS * BEAT_S); // its length is all that is used of it
-  if (!dance) throw new Error("there is no dance that is long enough to count with");
+  if (!dance) throw new Error(say("there is no dance that is long enough to count with"));
   const state = { start: 0, running: false, closed: false }, sound = new Sound();
   const source = el("select", { id: "source", onchange: showKept },
-    ...Object.entries(offer.sources).map(([key, text]) => el("option", { value: key }, text)));
+    ...Object.entries(offer.sources).map(([key, text]) => el("option", { value: key }, say(text))));
   source.value = remembered("source", Object.keys(offer.sources)[0]);
   if (!source.value) source.selectedIndex = 0;
-  const start = el("button", { class: "main", id: "start", type: "button", onclick: () => (state.running ? stop("") : begin()) }, "Start");
+  const start = el("button", { class: "main", id: "start", type: "button", onclick: () => (state.running ? stop("") : begin()) }, say("Start"));
   const told = el("p", { id: "told", role: "status" }), failed = el("p", { class: "error", id: "error", role: "alert" });
   const kept = el("p", { id: "kept" }), beat = el("div", { class: "count", "aria-hidden": "true" });
-  const canvas = el("canvas", { id: "learner", "aria-label": "your picture with your skeleton" });
+  const canvas = el("canvas", { id: "learner", "aria-label": say("your picture with your skeleton") });
   const guide = el("div", { class: "guide", role: "status" });
   main.append(
-    el("h1", {}, "Latency of camera, sound and screen"),
-    el("p", {}, `Stand so that you are seen from head to feet. After ${COUNTS} ticks raise an arm so that it is highest at each tick, `
-      + `and lower it in between, ${BEATS} times. Or clap at each tick. What is measured is taken off whenever you dance here.`),
-    el("div", { class: "controls" }, start, el("label", {}, "who dances", source)),
+    el("h1", {}, say("Latency of camera, sound and screen")),
+    el("p", {}, say("Stand so that you are seen from head to feet. After {counts} ticks raise an arm so that it is highest at each tick, "
+      + "and lower it in between, {beats} times. Or clap at each tick. What is measured is taken off whenever you dance here.",
+    { counts: COUNTS, beats: BEATS })),
+    el("div", { class: "controls" }, start, el("label", {}, say("who dances"), source)),
     told, failed,
     el("div", { class: "panel seen calibrating" }, canvas, beat, guide), kept,
-    el("p", {}, el("a", { href: "#/" }, "To the dances")),
+    el("p", {}, el("a", { href: "#/" }, say("To the dances"))),
   );
   const learner = new LearnerView(canvas);
-  const live = new Live({ preparing, ready, frame, drawn() {}, verdict() {}, away, back: () => stop("the camera was away; start again"), done,
-    error: ({ text }) => stop(text), lost: () => state.running && stop("the teacher's program does not answer; is it still running?") });
+  const live = liveFor({ preparing, ready, frame, drawn() {}, verdict() {}, away, back: () => stop(say("the camera was away; start again")), done,
+    error: ({ text }) => stop(say(text)), lost: () => state.running && stop(say("the teacher's program does not answer; is it still running?")) });
   showKept();
   requestAnimationFrame(animate);
   return () => {
     state.closed = true;
     sound.stop();
-    live.close();
+    live.leave();
   };
 
   function showKept() {
     const latency_s = latencyOf(source.value);
-    kept.textContent = latency_s === null ? "Nothing is taken off yet."
-      : `${milliseconds(latency_s)} are taken off for ${offer.sources[source.value]}. `;
+    kept.textContent = latency_s === null ? say("Nothing is taken off yet.")
+      : `${say("{time} are taken off for {source}.", { time: milliseconds(latency_s), source: say(offer.sources[source.value]) })} `;
     if (latency_s === null) return;
-    kept.append(el("button", { type: "button", id: "forget", onclick: () => { keepLatency(source.value, null); showKept(); } }, "Take nothing off"));
+    kept.append(el("button", { type: "button", id: "forget", onclick: () => { keepLatency(source.value, null); showKept(); } }, say("Take nothing off")));
   }
 
   function begin() {
     sound.wake();
     remember("source", source.value);
     Object.assign(state, { running: true, start: 0 });
-    start.textContent = "Stop";
+    start.textContent = say("Stop");
     failed.textContent = "";
     live.send({ do: "prepare", lesson: { dance: dance.identity, source: source.value, to_s: BEATS * BEAT_S, calibrate: true } });
   }
 
   function preparing({ text }) {
-    told.textContent = text;
+    told.textContent = say(text);
   }
 
   function ready() {
-    told.textContent = "an arm up at each tick";
+    told.textContent = say("an arm up at each tick");
     state.start = performance.now() + 1000 * START_S;
     live.send({ do: "go", in_s: START_S });
     sound.play({ in_s: START_S, from_s: 0, to_s: BEATS * BEAT_S, beat_s: BEAT_S, speed: 1, counts: COUNTS, music: "tick" });
@@ -70,19 +72,19 @@ export async function calibrate(main) {
 
   function frame(content, picture) {
     learner.show(picture, content, true);
-    guide.textContent = content.guidance;
+    guide.textContent = say(content.guidance);
   }
 
   function away({ text }) {
     sound.stop();
-    guide.textContent = text;
+    guide.textContent = say(text);
   }
 
   function done({ latency_s, hints }) {
-    stop(latency_s === null ? hints[0] : "");
+    stop(latency_s === null ? say(hints[0]) : "");
     if (latency_s === null) return;
     keepLatency(source.value, latency_s);
-    told.textContent = `You were measured ${milliseconds(latency_s)} after the tick.`;
+    told.textContent = say("You were measured {time} after the tick.", { time: milliseconds(latency_s) });
     showKept();
   }
 
@@ -90,7 +92,7 @@ export async function calibrate(main) {
     Object.assign(state, { running: false, start: 0 });
     sound.stop();
     live.send({ do: "stop" });
-    start.textContent = "Start";
+    start.textContent = say("Start");
     told.textContent = beat.textContent = "";
     failed.textContent = message;
   }

@@ -63,7 +63,7 @@ export class LearnerView {
       if ([a[0], a[1], b[0], b[1]].some((value) => value === null)) continue;
       const value = person.parts?.[part];
       draw.globalAlpha = Math.min(a[3], b[3]) < UNSURE ? 0.45 : 1;
-      for (const [colour, thickness] of [["#0009", 0.030], [person.colour || shade(value), 0.020]]) {
+      for (const [colour, thickness] of [[person.outline || "#0009", person.outline ? 0.036 : 0.030], [person.colour || shade(value), 0.020]]) {
         draw.strokeStyle = colour;
         // In the other palette what is wrong is thicker too: it does not rest on colour alone.
         draw.lineWidth = height * (thickness + (safe && value < 50 ? 0.012 : 0));
@@ -76,7 +76,7 @@ export class LearnerView {
     draw.globalAlpha = 1;
     const head = person.joints[HEAD];
     if (head[0] !== null) {
-      draw.fillStyle = person.colour || shade(person.parts.torso);
+      draw.fillStyle = person.colour || person.outline || shade(person.parts.torso);
       draw.beginPath();
       draw.arc(head[0] * width, head[1] * height, 0.03 * height, 0, 7);
       draw.fill();

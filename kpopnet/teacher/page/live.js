@@ -81,11 +81,22 @@ export class Live {
     if (this.socket) this.send({ do: "drawn", page_ms });
   }
 
-  close() {
-    this.watch(false);
-    if (this.socket) {
-      this.on = new Proxy({}, { get: () => () => {} });
-      this.socket.close();
-    }
+  // Ends the lesson; nothing of it is heard any more.
+  leave() {
+    this.on = hearing({});
+    this.newest = null;
+    if (this.socket) this.send({ do: "stop" });
+    else this.watch(false);
   }
+}
+
+// Listeners, of which some may be missing.
+const hearing = (on) => new Proxy(on, { get: (all, kind) => all[kind] || (() => {}) });
+let shared = null;
+
+// The page's one connection, which views hand on: one lesson has ended, and let go of the camera, before the next begins.
+export function liveFor(on) {
+  shared ||= new Live(on);
+  shared.on = hearing(on);
+  return shared;
 }

@@ -1,9 +1,12 @@
 // The menu: all dances with moving thumbnails, search, order, and one's own dances.
+import { chosenSource, letChoose, watch } from "./hands.js";
 import { greeting, myself } from "./mine.js";
 import { sketch } from "./sketch.js";
 import { ask, clock, el, remember, remembered } from "./tools.js";
 import { WEBCAM } from "./webcam.js";
+import { say } from "./words.js";
 
+const FILES = ".bvh,.npz,.glb,.vmd,.csv,.json,.c3d,.trc,.gltf,.vrm,.vrma";
 const ORDERS = {
   name: (a, b) => a.name.localeCompare(b.name),
   difficulty: (a, b) => a.difficulty - b.difficulty,
@@ -11,50 +14,74 @@ const ORDERS = {
   length: (a, b) => a.seconds - b.seconds,
 };
 
+const AT_ONCE = 4; // dances that can be chosen by hand
+
+// Dances in the order of the menu, one's own first; damaged ones last.
+export function inOrder(dances, order = remembered("order", "name")) {
+  return dances.toSorted((a, b) => Boolean(a.broken) - Boolean(b.broken) || Number(b.own) - Number(a.own) || ORDERS[order](a, b));
+}
+
 export async function menu(main) {
   const [dances, told_of, offer] = await Promise.all([ask("/api/dances"), myself(), ask("/api/offer")]);
-  const search = el("input", { type: "search", id: "search", placeholder: "search", oninput: show });
-  const level = el("select", { id: "level", onchange: show }, el("option", { value: "" }, "any difficulty"));
+  const search = el("input", { type: "search", id: "search", placeholder: say("search"), oninput: show });
+  const level = el("select", { id: "level", onchange: show }, el("option", { value: "" }, say("any difficulty")));
   for (let one = 1; one <= 5; one++) level.append(el("option", { value: one }, stars(one)));
   const order = el("select", { id: "order", onchange: () => { remember("order", order.value); show(); } });
-  for (const name of Object.keys(ORDERS)) order.append(el("option", { value: name }, `by ${name}`));
+  for (const name of Object.keys(ORDERS)) order.append(el("option", { value: name }, say(`by ${name}`)));
   order.value = remembered("order", "name");
   const told = el("p", { class: "quiet", role: "status" });
   const cards = el("div", { class: "cards", id: "cards" });
   const thumbs = thumbnails();
-  const file = el("input", { type: "file", accept: ".bvh,.npz,.csv,.json,.vmd,.c3d,.trc,.glb,.gltf,.vrm,.vrma", onchange: () => add(file.files[0]) });
+  const file = el("input", { type: "file", accept: FILES, onchange: () => add(file.files[0]) });
   main.append(
-    ...greeting(told_of), el("h1", {}, "Choose a dance"),
-    el("div", { class: "controls" }, el("label", {}, "Search", search), level, order,
-      el("label", {}, "Add your own (.bvh, .npz, .glb, .vmd ...)", file),
-      WEBCAM in offer.sources ? el("a", { class: "button", id: "dance-it", href: "#/record" }, "Dance it yourself") : null),
+    ...greeting(told_of), el("h1", {}, say("Choose a dance")),
+    el("div", { class: "controls" }, el("label", {}, say("Search"), search), level, order,
+      el("label", {}, say("Add your own ({endings} ...)", { endings: FILES.split(",").slice(0, 4) }), file),
+      WEBCAM in offer.sources ? el("a", { class: "button", id: "dance-it", href: "#/record" }, say("Dance it yourself")) : null),
     told, cards,
   );
+  let first = 0;
   show();
-  return () => thumbs.stop();
+  const unwatch = watch(dances.find((one) => !one.broken), chosenSource(offer.sources));
+  return () => {
+    unwatch();
+    thumbs.stop();
+  };
 
   function show() {
     const words = search.value.toLowerCase().split(/\s+/);
-    const found = dances.filter((one) => words.every((word) => one.name.toLowerCase().includes(word))
-      && (!level.value || one.difficulty === Number(level.value)));
-    found.sort((a, b) => Boolean(a.broken) - Boolean(b.broken) || Number(b.own) - Number(a.own) || ORDERS[order.value](a, b));
-    told.textContent = `${found.length} of ${dances.length} dances`;
+    const found = inOrder(dances.filter((one) => words.every((word) => one.name.toLowerCase().includes(word))
+      && (!level.value || one.difficulty === Number(level.value))), order.value);
+    first = 0;
+    choose(found.filter((one) => !one.broken));
+    told.textContent = say("{count} of {all} dances", { count: found.length, all: dances.length });
     cards.replaceChildren(...found.map((one) => {
       if (one.broken) {
-        return el("p", { class: "card", "data-dance": one.identity }, el("b", {}, one.name), el("small", {}, `damaged: ${one.broken}`));
+        return el("p", { class: "card", "data-dance": one.identity }, el("b", {}, one.name), el("small", {}, say("damaged: {reason}", { reason: one.broken })));
       }
       const canvas = el("canvas", { width: 160, height: 120, "aria-hidden": "true" });
       thumbs.watch(canvas, one.identity);
       return el("a", { class: "card", href: `#/dance/${one.identity}`, "data-dance": one.identity }, canvas,
         el("b", {}, one.name),
-        el("small", { "aria-label": `difficulty ${one.difficulty} of 5` }, stars(one.difficulty)),
-        el("small", {}, `${clock(one.seconds)} · ${Math.round(one.bpm)} bpm${one.own ? " · yours" : ""}`));
+        el("small", { "aria-label": say("difficulty {level} of 5", { level: one.difficulty }) }, stars(one.difficulty)),
+        el("small", {}, `${clock(one.seconds)} · ${say("{count} bpm", { count: Math.round(one.bpm) })}${one.own ? ` · ${say("yours")}` : ""}`));
     }));
+  }
+
+  // A few dances at a time for a hand that points.
+  function choose(found) {
+    const targets = found.slice(first, first + AT_ONCE).map(({ identity, name }) => {
+      const picture = el("canvas", { width: 160, height: 120, "aria-hidden": "true" });
+      thumbs.watch(picture, identity);
+      return { id: identity, text: name, picture, act: () => { location.hash = `#/dance/${identity}`; } };
+    });
+    const more = { id: "more", text: say("More dances"), act: () => { first = first + AT_ONCE < found.length ? first + AT_ONCE : 0; choose(found); } };
+    letChoose(found.length > AT_ONCE ? [...targets, more] : targets);
   }
 
   async function add(chosen) {
     if (!chosen) return;
-    told.textContent = `adding ${chosen.name} …`;
+    told.textContent = say("adding {name} …", { name: chosen.name });
     try {
       const title = chosen.name.replace(/\.[^.]*$/, "");
       const query = new URLSearchParams({ file: chosen.name, title });

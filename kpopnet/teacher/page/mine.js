@@ -2,6 +2,7 @@
 import { weekPlan } from "./practice.js";
 import { line, part, when } from "./result.js";
 import { ask, el, remember, remembered } from "./tools.js";
+import { say } from "./words.js";
 
 const WIDE = 1000, HIGH = 150;
 
@@ -14,33 +15,34 @@ export async function myself() {
     if (names[who]) found = { who, ...(await ask(`/api/profiles/${who}`)) };
     else remember("who", ""); // deleted in another window
   }
-  label.textContent = found ? found.name : "Who dances?";
+  label.textContent = found ? found.name : say("Who dances?");
   return found;
 }
 
 export function greeting(found) {
   if (!found) return [];
   const tries = found.dances.flatMap((dance) => dance.tries.map((one) => ({ ...one, name: dance.name })));
-  if (!tries.length) return [el("p", { id: "greeting" }, `Hello ${found.name}! What you dance now is kept under your name.`)];
+  if (!tries.length) return [el("p", { id: "greeting" }, say("Hello {name}! What you dance now is kept under your name.", found))];
   const last = tries.reduce((a, b) => (b.session > a.session ? b : a)), plan = weekPlan(found.dances, new Date());
-  return [el("p", { id: "greeting" }, el("b", {}, `Welcome back, ${found.name}! `), `Last: ${last.name}, ${Math.round(last.total)} of 100. `,
-    plan.length ? el("a", { href: plan[0].href }, `Practise ${plan[0].text}`) : "")];
+  return [el("p", { id: "greeting" }, el("b", {}, say("Welcome back, {name}!", found)), " ",
+    say("Last: {name}, {total} of 100.", { name: last.name, total: Math.round(last.total) }), " ",
+    plan.length ? el("a", { href: plan[0].href }, say("Practise {what}", { what: plan[0].text })) : "")];
 }
 
 export async function profilePage(main) {
   const [found, names] = [await myself(), await ask("/api/profiles")];
   const told = el("p", { class: "error", role: "alert", id: "error" });
   const name = el("input", { id: "name", maxLength: 40, required: true, autocomplete: "off" });
-  const form = el("form", { class: "controls", onsubmit: add }, el("label", {}, "new name", name), el("button", { id: "add", type: "submit" }, "Add"));
+  const form = el("form", { class: "controls", onsubmit: add }, el("label", {}, say("new name"), name), el("button", { id: "add", type: "submit" }, say("Add")));
   main.append(
-    el("h1", {}, found ? found.name : "Who dances?"),
-    el("div", { class: "controls", id: "names" }, ...Object.entries({ "": "a guest", ...names }).map(([who, text]) =>
+    el("h1", {}, found ? found.name : say("Who dances?")),
+    el("div", { class: "controls", id: "names" }, ...Object.entries({ "": say("a guest"), ...names }).map(([who, text]) =>
       el("button", { type: "button", "aria-pressed": String(who === (found?.who ?? "")), onclick: () => choose(who) }, text))),
     form, told,
-    el("p", { class: "quiet" }, "Names and dances stay on this machine. Whoever uses it sees them; there is no password."),
+    el("p", { class: "quiet" }, say("Names and dances stay on this machine. Whoever uses it sees them; there is no password.")),
   );
   if (found) main.append(...about(found, told));
-  main.append(el("p", {}, el("a", { href: "#/" }, "To the dances")));
+  main.append(el("p", {}, el("a", { href: "#/" }, say("To the dances"))));
   return () => {};
 
   function choose(who) {
@@ -61,12 +63,12 @@ export async function profilePage(main) {
 function about(found, told) {
   const plan = weekPlan(found.dances, new Date());
   return [
-    el("h2", {}, "To practise this week"),
+    el("h2", {}, say("To practise this week")),
     plan.length ? el("ol", { id: "plan" }, ...plan.map(({ text, href }) => el("li", {}, el("a", { href }, text))))
-      : el("p", {}, "Nothing yet: dance a dance to its end."),
+      : el("p", {}, say("Nothing yet: dance a dance to its end.")),
     ...found.dances.flatMap(curve),
-    el("h2", {}, "Your data"),
-    el("div", { class: "controls" }, el("a", { class: "button", id: "export", href: `/api/profiles/${found.who}.zip`, download: "" }, "Save it all (.zip)"), deletion(found, told)),
+    el("h2", {}, say("Your data")),
+    el("div", { class: "controls" }, el("a", { class: "button", id: "export", href: `/api/profiles/${found.who}.zip`, download: "" }, say("Save it all (.zip)")), deletion(found, told)),
   ];
 }
 
@@ -77,7 +79,9 @@ function curve(dance) {
   if (!shown.length) return [];
   const x = (k) => (shown.length > 1 ? 20 + (WIDE - 40) * k / (shown.length - 1) : WIDE / 2), y = (value) => HIGH - 8 - (HIGH - 16) * value / 100;
   const totals = shown.map(({ total }) => total), best = Math.round(Math.max(...totals)), last = shown.at(-1);
-  const text = `${shown.length} ${shown.length > 1 ? "tries" : "try"}${whole.length ? "" : " of phrases"}, best ${best}, last ${Math.round(last.total)} on ${when(last.session)}`;
+  const counted = say(whole.length ? shown.length > 1 ? "{count} tries" : "{count} try" : shown.length > 1 ? "{count} tries of phrases" : "{count} try of phrases",
+    { count: shown.length });
+  const text = say("{tries}, best {best}, last {last} on {day}", { tries: counted, best, last: Math.round(last.total), day: when(last.session) });
   return [el("h2", {}, el("a", { href: `#/dance/${dance.identity}` }, dance.name)), el("p", { class: "quiet" }, text),
     part("svg", { class: "course curve", viewBox: `0 0 ${WIDE} ${HIGH}`, preserveAspectRatio: "none", role: "img", "aria-label": `${dance.name}: ${text}` },
       ...[25, 50, 75].map((value) => part("line", { class: "phrase", x1: 0, x2: WIDE, y1: y(value), y2: y(value) })),
@@ -91,7 +95,7 @@ function deletion(found, told) {
   const button = el("button", { type: "button", id: "delete", onclick: async () => {
     if (!sure) {
       sure = true;
-      button.textContent = `Delete ${found.name} and all tries for good?`;
+      button.textContent = say("Delete {name} and all tries for good?", found);
       return;
     }
     try {
@@ -101,6 +105,6 @@ function deletion(found, told) {
     } catch (error) {
       told.textContent = error.message;
     }
-  } }, "Delete it all");
+  } }, say("Delete it all"));
   return button;
 }

@@ -3,9 +3,10 @@ import { LOOPS } from "./loops.js";
 import { stars } from "./menu.js";
 import { GOALS } from "./practice.js";
 import { clock, el, latencyOf, milliseconds, partBars, remembered } from "./tools.js";
-import { withoutDepth } from "./webcam.js";
+import { WEBCAM, withoutDepth } from "./webcam.js";
+import { say } from "./words.js";
 
-export const MUSIC = [["tick", "a metronome"], ...Object.keys(LOOPS).map((one) => [one, `a loop, ${one}`]), ["song", "my song"], ["none", "nothing"]];
+export const MUSIC = [["tick", say("a metronome")], ...Object.keys(LOOPS).map((one) => [one, say(`a loop, ${one}`)]), ["song", say("my song")], ["none", say("nothing")]];
 const SPEEDS = [25, 40, 50, 60, 75, 90, 100];
 
 export function choice(id, options, value) {
@@ -15,66 +16,71 @@ export function choice(id, options, value) {
 }
 
 export function controls(dance, offer, wanted) {
-  const phrases = [["", "whole dance"]];
-  for (let k = 0; (k + 1) * dance.phrase_s <= dance.seconds + 0.05; k++) phrases.push([k, `phrase ${k + 1}, ${clock(k * dance.phrase_s)}`]);
+  const phrases = [["", say("whole dance")]];
+  for (let k = 0; (k + 1) * dance.phrase_s <= dance.seconds + 0.05; k++) phrases.push([k, say("phrase {number}, {time}", { number: k + 1, time: clock(k * dance.phrase_s) })]);
   return {
-    start: el("button", { class: "main", id: "start", type: "button" }, "Start"),
+    start: el("button", { class: "main", id: "start", type: "button" }, say("Start")),
     speed: choice("speed", SPEEDS.map((one) => [one, `${one} %`]), wanted.get("speed") || remembered("speed", 100)),
     phrase: choice("phrase", phrases, wanted.get("phrase") ?? ""),
-    practise: choice("practise", [["", "off"], ...GOALS.map((one) => [one, `until ${one}`])], wanted.get("practise") ?? ""),
-    full: el("button", { type: "button", id: "full" }, "Full screen"),
+    practise: choice("practise", [["", say("off")], ...GOALS.map((one) => [one, say("until {goal}", { goal: one })])], wanted.get("practise") ?? ""),
+    full: el("button", { type: "button", id: "full" }, say("Full screen")),
     loop: el("input", { type: "checkbox", id: "loop", checked: wanted.has("loop") }),
     mirrored: el("input", { type: "checkbox", id: "mirrored", checked: true }),
     music: choice("music", MUSIC, remembered("music", "tick")),
-    source: choice("source", Object.entries(offer.sources), remembered("source", Object.keys(offer.sources)[0])),
-    skill: choice("skill", offer.skills.map((one) => [one, one]), wanted.get("skill") || "good"),
-    fault: choice("fault", offer.faults.map((one) => [one, one || "none"]), wanted.get("fault") || ""),
+    source: choice("source", Object.entries(offer.sources).map(([key, text]) => [key, say(text)]), remembered("source", Object.keys(offer.sources)[0])),
+    skill: choice("skill", offer.skills.map((one) => [one, say(`skill|${one}`)]), wanted.get("skill") || "good"),
+    fault: choice("fault", offer.faults.map((one) => [one, say(`fault|${one || "none"}`)]), wanted.get("fault") || ""),
+    people: choice("people", [1, 2, 3].map((one) => [one, one]), remembered("people", 1)),
     seed: el("input", { type: "number", id: "seed", min: 0, max: 9999, value: wanted.get("seed") || "0" }),
   };
 }
 
 export function panels(main, dance, parts, song) {
   const shown = {
-    teacher: el("canvas", { id: "teacher", "aria-label": "the teacher, in 3D; the left and right keys turn the view" }),
-    learner: el("canvas", { id: "learner", "aria-label": "your picture with your skeleton" }),
+    teacher: el("canvas", { id: "teacher", "aria-label": say("the teacher, in 3D; the left and right keys turn the view") }),
+    learner: el("canvas", { id: "learner", "aria-label": say("your picture with your skeleton") }),
     count: el("div", { class: "count", "aria-hidden": "true" }),
     guide: el("div", { class: "guide", id: "guide", role: "status" }),
-    score: el("div", { class: "score", id: "so-far", "aria-label": "score so far" }, "–"),
+    score: el("div", { class: "score", id: "so-far", "aria-label": say("score so far") }, "–"),
     words: el("div", { class: "words", id: "words" }),
     verdict: el("div", { class: "verdict", id: "verdict", role: "status" }),
-    lane: el("canvas", { id: "lane", role: "img", "aria-label": "the coming moves" }),
-    stars: el("div", { id: "stars", "aria-label": "stars so far" }), streak: el("div", { id: "streak" }),
-    beginNow: el("button", { type: "button", id: "begin", hidden: true }, "Begin now"),
+    lane: el("canvas", { id: "lane", role: "img", "aria-label": say("the coming moves") }),
+    stars: el("div", { id: "stars", "aria-label": say("stars so far") }), streak: el("div", { id: "streak" }),
+    beginNow: el("button", { type: "button", id: "begin", hidden: true }, say("Begin now")),
     practice: el("p", { id: "practice", role: "status" }),
     time: el("span", {}), age: el("span", { id: "age" }),
     error: el("p", { class: "error", id: "error", role: "alert" }),
     bar: el("progress", { max: 1, value: 0 }), preparingText: el("span", {}),
-    bars: partBars(),
+    members: el("ol", { id: "members" }), bars: partBars(),
   };
   shown.preparing = el("div", { id: "preparing", hidden: true }, shown.preparingText, shown.bar);
   shown.stage = el("div", { class: "stage", id: "stage" },
     el("div", { class: "floor" },
-      el("div", { class: "panel" }, shown.teacher, el("span", { class: "tag" }, "teacher ", shown.time), shown.count),
-      el("div", { class: "panel seen" }, shown.learner, el("span", { class: "tag" }, "you ", shown.age), shown.guide)),
+      el("div", { class: "panel" }, shown.teacher, el("span", { class: "tag" }, `${say("teacher")} `, shown.time), shown.count),
+      el("div", { class: "panel seen" }, shown.learner, el("span", { class: "tag" }, `${say("you")} `, shown.age), shown.guide)),
     shown.lane,
-    el("div", { class: "told" }, el("div", {}, shown.score, shown.stars, shown.streak), el("div", {}, shown.verdict, shown.words, shown.practice)));
+    el("div", { class: "told" }, el("div", {}, shown.score, shown.stars, shown.streak), el("div", {}, shown.verdict, shown.words, shown.members, shown.practice)));
+  // Several learners need depth: a webcam follows one, and one is simulated.
+  const alone = () => { parts.people.disabled = [WEBCAM, "simulated"].includes(parts.source.value); };
+  parts.source.addEventListener("change", alone);
+  alone();
   const latency_s = latencyOf(parts.source.value);
-  const simulated = el("details", { id: "simulated" }, el("summary", {}, "Simulated learner"),
-    el("div", { class: "controls" }, el("label", {}, "skill", parts.skill), el("label", {}, "fault", parts.fault),
-      el("label", {}, "person", parts.seed)));
+  const simulated = el("details", { id: "simulated" }, el("summary", {}, say("Simulated learner")),
+    el("div", { class: "controls" }, el("label", {}, say("skill"), parts.skill), el("label", {}, say("fault"), parts.fault),
+      el("label", {}, say("person"), parts.seed)));
   main.append(
-    el("h1", {}, dance.name, el("small", { class: "quiet" }, `${stars(dance.difficulty)} · ${Math.round(dance.bpm)} bpm · ${clock(dance.seconds)}`)),
-    el("div", { class: "controls" }, parts.start, el("label", {}, "speed", parts.speed), el("label", {}, "dance", parts.phrase),
-      el("label", {}, "practise", parts.practise), el("label", {}, parts.loop, "loop"), el("label", {}, parts.mirrored, "as in a mirror"),
-      el("label", {}, "music", parts.music), el("label", {}, "who dances", parts.source), parts.full, shown.beginNow),
+    el("h1", {}, dance.name, el("small", { class: "quiet" }, `${stars(dance.difficulty)} · ${say("{count} bpm", { count: Math.round(dance.bpm) })} · ${clock(dance.seconds)}`)),
+    el("div", { class: "controls" }, parts.start, el("label", {}, say("speed"), parts.speed), el("label", {}, say("dance"), parts.phrase),
+      el("label", {}, say("practise"), parts.practise), el("label", {}, parts.loop, say("loop")), el("label", {}, parts.mirrored, say("as in a mirror")),
+      el("label", {}, say("music"), parts.music), el("label", {}, say("who dances"), parts.source), el("label", {}, say("learners"), parts.people), parts.full, shown.beginNow),
     song, withoutDepth(parts.source), shown.preparing, shown.error,
     shown.stage,
     shown.bars.list,
     simulated,
-    el("p", { class: "quiet", id: "latency" }, latency_s === null ? "Latency not measured. " : `${milliseconds(latency_s)} latency are taken off. `,
-      el("a", { href: "#/calibrate" }, latency_s === null ? "Measure it" : "Measure it again")),
-    el("p", { class: "quiet" }, "Hands together above your head, held for a second and a half, pause and go on. "
-      + "Keys: space starts and stops, p pauses, left and right turn the teacher, m mirrors, f is full screen."),
+    el("p", { class: "quiet", id: "latency" }, `${latency_s === null ? say("Latency not measured.") : say("{time} latency are taken off.", { time: milliseconds(latency_s) })} `,
+      el("a", { href: "#/calibrate" }, say(latency_s === null ? "Measure it" : "Measure it again"))),
+    el("p", { class: "quiet" }, say("Hands together above your head, held for a second and a half, pause and go on."), " ",
+      say("Keys: space starts and stops, p pauses, left and right turn the teacher, m mirrors, f is full screen.")),
   );
   return shown;
 }

@@ -1,4 +1,6 @@
 // Practising one phrase: slowed down, faster each time that it reaches the goal, slower again where it fails by far.
+import { say } from "./words.js";
+
 export const STEPS = [75, 90, 100], GOALS = [60, 70, 80, 90], GOAL = 80;
 const FAR = 25;
 
@@ -14,18 +16,18 @@ export class Practice {
 
   // What follows from the score of a round, in words.
   after(total) {
-    const said = `${Math.round(total)} of 100 at ${this.speed} %`;
+    const round = { total: Math.round(total), percent: this.speed, goal: this.goal };
     if (Math.round(total) >= this.goal) {
       this.done = this.step === STEPS.length - 1;
-      if (this.done) return `${said}: you reached your goal of ${this.goal}`;
+      if (this.done) return say("{total} of 100 at {percent} %: you reached your goal of {goal}", round);
       this.step++;
-      return `${said}, goal reached: now ${this.speed} %`;
+      return say("{total} of 100 at {percent} %, goal reached: now {next} %", { ...round, next: this.speed });
     }
     if (total < this.goal - FAR && this.step > 0) {
       this.step--;
-      return `${said}: slower again, ${this.speed} %`;
+      return say("{total} of 100 at {percent} %: slower again, {next} %", { ...round, next: this.speed });
     }
-    return `${said}: once more, ${this.goal} is the goal`;
+    return say("{total} of 100 at {percent} %: once more, {goal} is the goal", round);
   }
 }
 
@@ -56,5 +58,5 @@ export function weekPlan(dances, now) {
   }
   const weak = [...latest.values()].filter(({ total }) => total < GOAL).sort((a, b) => a.total - b.total).slice(0, PLANNED);
   return weak.map(({ identity, name, phrase, total }) =>
-    ({ text: `${name}, phrase ${phrase + 1} (${Math.round(total)} of 100)`, href: practiseAddress(identity, phrase) }));
+    ({ text: say("{name}, phrase {number} ({total} of 100)", { name, number: phrase + 1, total: Math.round(total) }), href: practiseAddress(identity, phrase) }));
 }

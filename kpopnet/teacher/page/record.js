@@ -6,6 +6,7 @@ import { Sound } from "./sound.js";
 import { sketch } from "./sketch.js";
 import { ask, clamp, clock, el, latencyOf, remembered } from "./tools.js";
 import { WEBCAM, Webcam, cutOut, joined } from "./webcam.js";
+import { say } from "./words.js";
 
 const COUNTS = 4, USUAL_BPM = 120, LONGEST_S = 300, LEAST_S = 5;
 const PREVIEW_PX = [320, 240], FLOOR_CM = 20;
@@ -13,20 +14,20 @@ const PREVIEW_PX = [320, 240], FLOOR_CM = 20;
 export async function record(main) {
   const sound = new Sound(), state = { webcam: null, start: 0, frames: [], seconds: 0, closed: false };
   const music = choice("music", MUSIC, remembered("music", "tick")), tempo = el("input", { type: "number", id: "bpm", min: 40, max: 240, value: USUAL_BPM });
-  const song = songPanel(heard), start = el("button", { class: "main", id: "start", type: "button", onclick: () => (state.webcam ? stop("") : begin()) }, "Record");
+  const song = songPanel(heard), start = el("button", { class: "main", id: "start", type: "button", onclick: () => (state.webcam ? stop("") : begin()) }, say("Record"));
   const told = el("p", { id: "told", role: "status" }), failed = el("p", { class: "error", id: "error", role: "alert" });
-  const canvas = el("canvas", { id: "learner", "aria-label": "your picture with your skeleton" }), count = el("div", { class: "count", "aria-hidden": "true" });
-  const preview = el("canvas", { id: "preview", width: PREVIEW_PX[0], height: PREVIEW_PX[1], "aria-label": "your dance, as it is cut" });
+  const canvas = el("canvas", { id: "learner", "aria-label": say("your picture with your skeleton") }), count = el("div", { class: "count", "aria-hidden": "true" });
+  const preview = el("canvas", { id: "preview", width: PREVIEW_PX[0], height: PREVIEW_PX[1], "aria-label": say("your dance, as it is cut") });
   const [from, to] = ["from", "to"].map((id) => el("input", { type: "range", id, min: 0, oninput: cut }));
   const excerpt = el("p", { id: "excerpt", role: "status" }), name = el("input", { id: "name", maxLength: 60, required: true, autocomplete: "off" });
-  const editor = el("form", { id: "editor", hidden: true, onsubmit: save }, el("h2", {}, "Cut and name it"), preview,
-    el("div", { class: "controls" }, el("label", {}, "begins", from), el("label", {}, "ends", to)), excerpt,
-    el("div", { class: "controls" }, el("label", {}, "name", name), el("button", { class: "main", id: "save", type: "submit" }, "Make it a lesson")));
-  main.append(el("h1", {}, "Dance it yourself"),
-    el("p", { class: "quiet" }, `Stand so that the webcam sees you from head to feet. ${COUNTS} counts lead in; dance, and press Stop (or the space bar). `
-      + "The picture stays in this browser."),
-    el("div", { class: "controls" }, start, el("label", {}, "music", music), el("label", {}, "beats a minute", tempo)), song.panel, failed, told,
-    el("div", { class: "panel seen calibrating" }, canvas, count), editor, el("p", {}, el("a", { href: "#/" }, "To the dances")));
+  const editor = el("form", { id: "editor", hidden: true, onsubmit: save }, el("h2", {}, say("Cut and name it")), preview,
+    el("div", { class: "controls" }, el("label", {}, say("begins"), from), el("label", {}, say("ends"), to)), excerpt,
+    el("div", { class: "controls" }, el("label", {}, say("name"), name), el("button", { class: "main", id: "save", type: "submit" }, say("Make it a lesson"))));
+  main.append(el("h1", {}, say("Dance it yourself")),
+    el("p", { class: "quiet" }, say("Stand so that the webcam sees you from head to feet. {counts} counts lead in; dance, and press Stop (or the space bar). "
+      + "The picture stays in this browser.", { counts: COUNTS })),
+    el("div", { class: "controls" }, start, el("label", {}, say("music"), music), el("label", {}, say("beats a minute"), tempo)), song.panel, failed, told,
+    el("div", { class: "panel seen calibrating" }, canvas, count), editor, el("p", {}, el("a", { href: "#/" }, say("To the dances"))));
   const learner = new LearnerView(canvas);
   const onKey = (event) => {
     if (event.key !== " " || event.target.closest("input, select, button, a")) return;
@@ -59,8 +60,8 @@ export async function record(main) {
     Object.assign(state, { frames: [], start: 0, webcam: new Webcam(seen, stop) });
     editor.hidden = true;
     failed.textContent = "";
-    told.textContent = "looking for you";
-    start.textContent = "Stop";
+    told.textContent = say("looking for you");
+    start.textContent = say("Stop");
   }
 
   function seen(points, age_ms) {
@@ -75,7 +76,7 @@ export async function record(main) {
   function lead(now) {
     const in_s = COUNTS * beat_s() + 0.3;
     state.start = now + 1000 * in_s;
-    told.textContent = "dance from the one on";
+    told.textContent = say("dance from the one on");
     sound.play({ in_s, from_s: 0, to_s: LONGEST_S, beat_s: beat_s(), speed: 1, counts: COUNTS,
       music: music.value === "song" ? songAt(0, 1) || "tick" : music.value });
   }
@@ -84,12 +85,13 @@ export async function record(main) {
     state.webcam?.close();
     Object.assign(state, { webcam: null, start: 0 });
     sound.stop();
-    start.textContent = "Record";
+    start.textContent = say("Record");
     told.textContent = count.textContent = "";
     failed.textContent = message;
     state.seconds = state.frames.length ? state.frames.at(-1)[0] : 0;
     if (message || !state.frames.length) return;
-    if (state.seconds < LEAST_S) failed.textContent = `a lesson lasts at least ${LEAST_S} s; you were seen up to second ${state.seconds.toFixed(1)}`;
+    if (state.seconds < LEAST_S) failed.textContent = say("a lesson lasts at least {least} s; you were seen up to second {seconds}",
+      { least: LEAST_S, seconds: state.seconds.toFixed(1) });
     else {
       const beats = Math.floor(state.seconds / beat_s());
       for (const [range, value] of [[from, 0], [to, beats]]) Object.assign(range, { max: beats, value });
@@ -106,7 +108,8 @@ export async function record(main) {
 
   function cut() {
     const [from_s, to_s] = bounds(), long = to_s - from_s >= LEAST_S;
-    excerpt.textContent = `${clock(from_s)} to ${clock(to_s)}, ${Math.max(to_s - from_s, 0).toFixed(1)} s${long ? "" : `: at least ${LEAST_S} s, please`}`;
+    excerpt.textContent = say(long ? "{start} to {end}, {seconds} s" : "{start} to {end}, {seconds} s: at least {least} s, please",
+      { start: clock(from_s), end: clock(to_s), seconds: Math.max(to_s - from_s, 0).toFixed(1), least: LEAST_S });
     editor.querySelector("#save").disabled = !long;
   }
 

@@ -1,10 +1,12 @@
 // After a dance: the score, its course, the worst moments with a replay side by side, what to practise, history and files.
 import { View, loadBody, movementOf } from "./body.js";
 import { GOAL, practiseAddress, worstPhrase } from "./practice.js";
-import { PARTS, ask, clamp, clock, el, followed, heat, keepLatency, latencyOf, milliseconds, partBars } from "./tools.js";
+import { OF_LEARNERS, PARTS, ask, clamp, clock, el, followed, heat, keepLatency, latencyOf, milliseconds, partBars, swatch } from "./tools.js";
+import { say } from "./words.js";
 
 const BEFORE_S = 1;
 const LATE_S = 0.3; // the least range of the delay's course
+const NOTICED_S = 0.05, ALIKE = 50; // of learners: a delay, and a posture from which on one means something
 const HIGH = 150; // of a course, in its own units
 
 export async function result(main, identity, name) {
@@ -17,11 +19,12 @@ export async function result(main, identity, name) {
   const leave = showResult(main, { found, dance, body, movement }, (phrase) =>
     practiseAddress(identity, phrase, `&skill=${found.skill}&fault=${encodeURIComponent(found.fault)}`));
   main.append(
+    ...beside(found, identity),
     ...latency(found),
-    el("h2", {}, "Your tries"), historyTable(history, identity, name),
-    el("p", {}, "Save as ", ...["json", "csv", "bvh"].flatMap((kind) => [el("a", { href: `${base}.${kind}`, download: "" }, kind.toUpperCase()), " "]),
+    el("h2", {}, say("Your tries")), historyTable(history, identity, name),
+    el("p", {}, say("Save as"), " ", ...["json", "csv", "bvh"].flatMap((kind) => [el("a", { href: `${base}.${kind}`, download: "" }, kind.toUpperCase()), " "]),
       ...filming.nodes),
-    el("p", {}, el("a", { href: `#/dance/${identity}` }, "Dance again")),
+    el("p", {}, el("a", { href: `#/dance/${identity}` }, say("Dance again"))),
   );
   return () => {
     filming.stop();
@@ -29,38 +32,52 @@ export async function result(main, identity, name) {
   };
 }
 
+// Who danced beside, and what all had in common without regard to the teacher.
+function beside({ total, members = [], together: common }, identity) {
+  if (!members.length) return [];
+  const rows = [{ total }, ...members].map((one, k) => {
+    const late_s = common?.posture >= ALIKE && Math.abs(common.after_s[k]) >= NOTICED_S ? common.after_s[k] : 0, told = say("learner {number}: {total}", { number: k + 1, total: one.total === null ? "–" : Math.round(one.total) });
+    const late = late_s ? say(late_s > 0 ? "{seconds} s after the first" : "{seconds} s before the first", { seconds: Math.abs(late_s).toFixed(2) }) : "";
+    return el("li", {}, swatch(OF_LEARNERS[k]), one.session ? el("a", { href: `#/dance/${identity}/try/${one.session}` }, told) : told, late ? `, ${late}` : "");
+  });
+  return [el("h2", {}, say("Together")), el("p", { id: "together" }, common
+    ? say("as one {similarity} of 100: timing {timing}, posture {posture}", Object.fromEntries(["similarity", "timing", "posture"].map((name) => [name, Math.round(common[name])])))
+    : say("not seen together for long enough")), el("ul", { class: "list" }, ...rows)];
+}
+
 // Place, height, lean and facing, which the total does not contain; tries of before have none.
 function stageOf({ stage = {}, on_stage = [] }) {
-  const figures = Object.entries(stage).map(([name, value]) => `${name} ${Math.round(value)}`);
+  const figures = Object.entries(stage).map(([name, value]) => `${say(name)} ${Math.round(value)}`);
   if (!figures.length) return "";
-  return el("p", { class: "quiet", id: "on-stage" }, `On the stage, not counted: ${figures.join(", ")}${on_stage.map((text) => `; ${text}`).join("")}.`);
+  return el("p", { class: "quiet", id: "on-stage" }, say("On the stage, not counted: {figures}.", { figures: [figures.join(", "), ...on_stage.map((one) => say(one))].join("; ") }));
 }
 
 // A result with the movements of both, and, where it can be practised, the address for each phrase; returns what ends it.
 export function showResult(main, { found, dance, body, movement }, practiseAt = null) {
   const end_s = found.to_s || dance.seconds;
   const state = { time_s: found.from_s, until_s: end_s, playing: false, closed: false, last: 0 };
-  const canvas = el("canvas", { id: "replay", "aria-label": "the teacher on the left, you on the right" });
+  const canvas = el("canvas", { id: "replay", "aria-label": say("the teacher on the left, you on the right") });
   const slider = el("input", { type: "range", id: "scrub", min: found.from_s, max: end_s, step: 0.02, value: found.from_s,
-    "aria-label": "time", oninput: () => { state.playing = false; seek(Number(slider.value)); } });
-  const play = el("button", { type: "button", id: "play", onclick: () => toggle() }, "Play");
+    "aria-label": say("time"), oninput: () => { state.playing = false; seek(Number(slider.value)); } });
+  const play = el("button", { type: "button", id: "play", onclick: () => toggle() }, say("Play"));
   const time = el("span", { class: "quiet" });
   const course = courseOf(found, dance, end_s, (time_s) => watch(time_s - BEFORE_S, time_s + 2 * BEFORE_S));
   const bars = partBars();
   main.append(
-    el("h1", {}, `${found.name}: ${Math.round(found.total)}${found.uncertainty ? ` ± ${Math.round(found.uncertainty)}` : ""} of 100`),
-    el("div", { class: "numbers" }, number("total", found.total, "total"), number("timing", found.timing, "timing"),
-      number("posture", found.posture, "posture"), found.speed ? number("speed", 100 * found.speed, "speed, %") : null),
+    el("h1", {}, say("{name}: {total} of 100",
+      { name: found.name, total: `${Math.round(found.total)}${found.uncertainty ? ` ± ${Math.round(found.uncertainty)}` : ""}` })),
+    el("div", { class: "numbers" }, number("total", found.total, say("total")), number("timing", found.timing, say("timing")),
+      number("posture", found.posture, say("posture")), found.speed ? number("speed", 100 * found.speed, say("speed, %")) : null),
     bars.list,
     stageOf(found),
     practiseAt ? worstLink(found, dance, practiseAt) : "",
-    ...found.hints.map((hint) => el("p", { class: "error" }, hint)),
-    el("h2", {}, "Worst moments"), momentList(found, watch),
-    el("div", { class: "replay" }, el("div", { class: "panel" }, canvas, el("span", { class: "tag" }, "teacher left, you right")),
+    ...found.hints.map((hint) => el("p", { class: "error" }, say(hint))),
+    el("h2", {}, say("Worst moments")), momentList(found, watch),
+    el("div", { class: "replay" }, el("div", { class: "panel" }, canvas, el("span", { class: "tag" }, say("teacher left, you right"))),
       el("div", { class: "controls" }, play, slider, time)),
-    el("h2", {}, "Course of the dance"), course.picture, ...moreCourses(found, end_s),
-    ...(found.faults.length ? [el("h2", {}, "What to mend, the costliest first"), el("ol", {}, ...found.faults.map((text) => el("li", {}, text)))] : []),
-    el("h2", {}, "Phrase by phrase"), phraseTable(found, dance, watch, practiseAt),
+    el("h2", {}, say("Course of the dance")), course.picture, ...moreCourses(found, end_s),
+    ...(found.faults.length ? [el("h2", {}, say("What to mend, the costliest first")), el("ol", {}, ...found.faults.map((text) => el("li", {}, say(text))))] : []),
+    el("h2", {}, say("Phrase by phrase")), phraseTable(found, dance, watch, practiseAt),
   );
   bars.show(found.parts, found.coverage);
   const view = new View(canvas);
@@ -76,7 +93,7 @@ export function showResult(main, { found, dance, body, movement }, practiseAt = 
   function seek(time_s) {
     state.time_s = clamp(time_s, found.from_s, end_s);
     slider.value = state.time_s;
-    time.textContent = `${clock(state.time_s)} of ${clock(end_s)}`;
+    time.textContent = say("{time} of {end}", { time: clock(state.time_s), end: clock(end_s) });
     course.mark(state.time_s);
   }
 
@@ -98,7 +115,7 @@ export function showResult(main, { found, dance, body, movement }, practiseAt = 
       if (state.time_s >= state.until_s) state.playing = false;
     }
     state.last = now;
-    play.textContent = state.playing ? "Pause" : "Play";
+    play.textContent = say(state.playing ? "Pause" : "Play");
     view.draw(state.time_s);
     requestAnimationFrame(animate);
   }
@@ -112,13 +129,13 @@ function worstLink(found, dance, practiseAt) {
   const worst = worstPhrase(found.phrases, dance.phrase_s);
   if (!worst || worst.total >= GOAL) return "";
   return el("p", {}, el("a", { class: "button", id: "practise-worst", href: practiseAt(worst.phrase) },
-    `Practise phrase ${worst.phrase + 1}, which went worst (${Math.round(worst.total)}), until ${GOAL}`));
+    say("Practise phrase {number}, which went worst ({total}), until {goal}", { number: worst.phrase + 1, total: Math.round(worst.total), goal: GOAL })));
 }
 
 function momentList(found, watch) {
-  if (!found.worst.length) return el("p", {}, "Nothing was clearly wrong.");
+  if (!found.worst.length) return el("p", {}, say("Nothing was clearly wrong."));
   return el("ol", { class: "list", id: "worst" }, ...found.worst.map((one) => el("li", {},
-    el("button", { type: "button", "data-part": one.part, onclick: () => watch(one.start_s - BEFORE_S, one.end_s + BEFORE_S) }, one.text))));
+    el("button", { type: "button", "data-part": one.part, onclick: () => watch(one.start_s - BEFORE_S, one.end_s + BEFORE_S) }, say(one.text)))));
 }
 
 export function part(tag, attributes, ...children) {
@@ -140,7 +157,7 @@ const placed = (found, end_s) => (time_s) => 1000 * (time_s - found.from_s) / (e
 function courseOf(found, dance, end_s, choose) {
   const span_s = end_s - found.from_s, x = placed(found, end_s), y = (value) => 145 - 1.4 * value;
   const picture = part("svg", { class: "course", id: "course", viewBox: "0 0 1000 150", preserveAspectRatio: "none", role: "img",
-    "aria-label": "score over the dance, 0 at the bottom, 100 at the top" });
+    "aria-label": say("score over the dance, 0 at the bottom, 100 at the top") });
   for (const one of found.worst) picture.append(part("rect", { class: "bad", x: x(one.start_s), y: 0, width: Math.max(x(one.end_s) - x(one.start_s), 4), height: 150 }));
   for (const one of found.phrases) picture.append(part("line", { class: "phrase", x1: x(one.start_s), x2: x(one.start_s), y1: 0, y2: 150 }));
   picture.append(line(found.course.time_s, found.course.total, x, y));
@@ -159,27 +176,27 @@ function moreCourses(found, end_s) {
   const most_s = Math.max(LATE_S, ...delay_s.map((value) => Math.abs(value || 0))), middle = HIGH / 2;
   const frame = (text, ...nodes) => part("svg", { class: "course", viewBox: `0 0 1000 ${HIGH}`, preserveAspectRatio: "none", role: "img", "aria-label": text }, ...nodes);
   const wide = Math.max(x(times_s[1] || end_s) - x(times_s[0]), 2);
-  const rows = PARTS.filter((name) => parts[name]).map((name) => el("div", { class: "row" }, el("span", {}, name),
-    frame(`posture of ${name}`, ...times_s.map((time_s, i) => part("rect", { x: x(time_s) - wide / 2, y: 0, width: wide + 1, height: HIGH,
+  const rows = PARTS.filter((name) => parts[name]).map((name) => el("div", { class: "row" }, el("span", {}, say(name)),
+    frame(say("posture of {part}", { part: say(name) }), ...times_s.map((time_s, i) => part("rect", { x: x(time_s) - wide / 2, y: 0, width: wide + 1, height: HIGH,
       fill: parts[name][i] === null ? "#8a8694" : heat(parts[name][i]) })))));
   return [
-    el("p", { class: "quiet" }, `Late (above) and early (below), up to ${most_s.toFixed(1)} s`),
-    frame("delay over the dance", part("line", { class: "phrase", x1: 0, x2: 1000, y1: middle, y2: middle }),
+    el("p", { class: "quiet" }, say("Late (above) and early (below), up to {seconds} s", { seconds: most_s.toFixed(1) })),
+    frame(say("delay over the dance"), part("line", { class: "phrase", x1: 0, x2: 1000, y1: middle, y2: middle }),
       line(times_s, delay_s, x, (value) => middle - 0.95 * middle * value / most_s)),
-    el("p", { class: "quiet" }, "Parts of the body: orange is wrong, blue is right"), el("div", { class: "rows" }, ...rows),
+    el("p", { class: "quiet" }, say("Parts of the body: orange is wrong, blue is right")), el("div", { class: "rows" }, ...rows),
   ];
 }
 
 function phraseTable(found, dance, watch, practiseAt) {
   const rows = found.phrases.map((one) => {
     const phrase = Math.max(Math.round((one.start_s) / dance.phrase_s), 0);
-    const words = [...(one.unseen || []), ...one.moments.map(({ text }) => text)].join("; ");
-    return el("tr", {}, el("td", {}, el("button", { type: "button", onclick: () => watch(one.start_s, one.end_s) }, `phrase ${phrase + 1}, ${clock(one.start_s)}`)),
+    const words = [...(one.unseen || []), ...one.moments.map(({ text }) => text)].map((text) => say(text)).join("; ");
+    return el("tr", {}, el("td", {}, el("button", { type: "button", onclick: () => watch(one.start_s, one.end_s) }, say("phrase {number}, {time}", { number: phrase + 1, time: clock(one.start_s) }))),
       el("td", {}, one.total === null ? "–" : String(Math.round(one.total))),
-      el("td", {}, el("div", {}, words || (one.total === null ? "not compared" : "no fault stands out")),
-        practiseAt && one.total !== null ? el("a", { class: "practise", href: practiseAt(phrase) }, "practise, slowed first") : null));
+      el("td", {}, el("div", {}, words || say(one.total === null ? "not compared" : "no fault stands out")),
+        practiseAt && one.total !== null ? el("a", { class: "practise", href: practiseAt(phrase) }, say("practise, slowed first")) : null));
   });
-  return el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ...["phrase", "score", "what to mend"].map((text) => el("th", {}, text)))),
+  return el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ...["phrase", "score", "what to mend"].map((text) => el("th", {}, say(text))))),
     el("tbody", {}, ...rows)));
 }
 
@@ -191,27 +208,27 @@ function latency(found) {
   const button = el("button", { type: "button", id: "calibrate", onclick: () => {
     keepLatency(found.source, total_s);
     button.disabled = true;
-    told.textContent = ` ${milliseconds(total_s)} are taken off from now on.`;
-  } }, `I was on time: take off ${milliseconds(found.latency_s)}`);
-  return [el("p", {}, "Camera, sound and screen delay what is scored. ", button, told, " Or ", el("a", { href: "#/calibrate" }, "measure it"), ".")];
+    told.textContent = ` ${say("{time} are taken off from now on.", { time: milliseconds(total_s) })}`;
+  } }, say("I was on time: take off {time}", { time: milliseconds(found.latency_s) }));
+  return [el("p", {}, say("Camera, sound and screen delay what is scored."), " ", button, told, " ", el("a", { href: "#/calibrate" }, say("Measure it")))];
 }
 
 // The film is made while the page listens, which takes about as long as the dance; whoever leaves cancels it.
 function film(base, name) {
-  const told = el("span", { role: "status", id: "film-told" }), asked = "film, teacher and you side by side";
+  const told = el("span", { role: "status", id: "film-told" }), asked = say("film, teacher and you side by side");
   const button = el("button", { type: "button", id: "film", onclick: () => (making ? making.abort() : make()) }, asked);
   let making = null;
   return { nodes: [button, told], stop: () => making && making.abort() };
 
   async function make() {
     making = new AbortController();
-    button.textContent = "cancel the film";
+    button.textContent = say("cancel the film");
     try {
-      await followed(`${base}/film`, making.signal, (fraction) => { told.textContent = ` making the film: ${Math.round(100 * fraction)} %`; });
+      await followed(`${base}/film`, making.signal, (fraction) => { told.textContent = ` ${say("making the film: {percent} %", { percent: Math.round(100 * fraction) })}`; });
       el("a", { href: `${base}.mp4`, download: name }).click();
-      told.textContent = " the film is saved";
+      told.textContent = ` ${say("the film is saved")}`;
     } catch (error) {
-      told.textContent = making.signal.aborted ? " the film was cancelled" : ` ${error.message}`;
+      told.textContent = ` ${making.signal.aborted ? say("the film was cancelled") : error.message}`;
     }
     making = null;
     button.textContent = asked;
@@ -220,9 +237,9 @@ function film(base, name) {
 
 function historyTable(history, identity, name) {
   return el("div", { class: "scroll" }, el("table", { id: "history" }, el("tbody", {}, ...history.map((one) => el("tr", {},
-    el("td", {}, one.session === name ? "this one" : el("a", { href: `#/dance/${identity}/try/${one.session}` }, when(one.session))),
+    el("td", {}, one.session === name ? say("this one") : el("a", { href: `#/dance/${identity}/try/${one.session}` }, when(one.session))),
     el("td", {}, one.total === null ? "–" : String(Math.round(one.total))), el("td", {}, `${Math.round(100 * one.speed)} %`),
-    el("td", {}, one.source === "simulated" ? `simulated, ${one.skill}` : one.source))))));
+    el("td", {}, one.source === "simulated" ? say("simulated, {skill}", { skill: say(`skill|${one.skill}`) }) : say(`source|${one.source}`)))))));
 }
 
 export const when = (name) => `${name.slice(0, 4)}-${name.slice(4, 6)}-${name.slice(6, 8)} ${name.slice(9, 11)}:${name.slice(11, 13)}`;

@@ -1,6 +1,7 @@
 // The user's own song: dropped on the page, its beats found or tapped here. It stays in the browser, and there for other dances.
 import { BAR_BEATS, beatsOf, tapped } from "./beats.js";
 import { el, remember, remembered } from "./tools.js";
+import { say } from "./words.js";
 
 const ANALYSED_HZ = 22050, LOST_S = 2; // after this time without a tap another row of taps begins
 const audio = el("audio", { id: "song", controls: true, preload: "auto" });
@@ -15,15 +16,15 @@ export const songTempo = () => song.bpm;
 export function songPanel(changed) {
   const told = el("p", { id: "song-told", role: "status" }), taps_s = [];
   const file = el("input", { type: "file", accept: "audio/*", id: "song-file", onchange: () => take(file.files[0]) });
-  const correct = (id, text, how) => el("button", { type: "button", id, onclick: () => keep(how()) }, text);
+  const correct = (id, text, how) => el("button", { type: "button", id, onclick: () => keep(how()) }, say(text));
   const beats = (count) => () => ({ one_s: song.one_s + count * 60 / song.bpm });
-  const tools = el("details", {}, el("summary", {}, "Correct its beats"), el("div", { class: "controls" }, audio,
-    el("button", { type: "button", id: "tap", onclick: tap }, "Tap the beats, from the one on"),
+  const tools = el("details", {}, el("summary", {}, say("Correct its beats")), el("div", { class: "controls" }, audio,
+    el("button", { type: "button", id: "tap", onclick: tap }, say("Tap the beats, from the one on")),
     correct("half", "half as fast", () => ({ bpm: song.bpm / 2 })), correct("double", "twice as fast", () => ({ bpm: 2 * song.bpm })),
     correct("earlier", "the one a beat earlier", beats(-1)), correct("later", "a beat later", beats(1)),
     correct("bar", "a bar later", beats(BAR_BEATS))));
   const panel = el("div", { id: "song-panel", class: "box" },
-    el("label", {}, "your song, or drop it on this page (it stays in this browser) ", file), told, tools);
+    el("label", {}, say("your song, or drop it on this page (it stays in this browser)"), " ", file), told, tools);
   show();
   return { panel, take };
 
@@ -31,7 +32,8 @@ export function songPanel(changed) {
     tools.hidden = !song.name;
     if (!song.name) return;
     tools.open ||= !song.bpm;
-    told.textContent = `${song.name}: ${song.bpm ? `${song.bpm.toFixed(1)} beats a minute, the one at ${song.one_s.toFixed(2)} s` : ""}`;
+    told.textContent = `${song.name}: ${song.bpm
+      ? say("{bpm} beats a minute, the one at {seconds} s", { bpm: song.bpm.toFixed(1), seconds: song.one_s.toFixed(2) }) : ""}`;
   }
 
   function keep(corrected) {
@@ -43,7 +45,7 @@ export function songPanel(changed) {
 
   async function take(chosen) {
     if (!chosen) return;
-    told.textContent = `looking for the beats of ${chosen.name} …`;
+    told.textContent = say("looking for the beats of {name} …", { name: chosen.name });
     URL.revokeObjectURL(audio.src);
     audio.src = URL.createObjectURL(chosen);
     Object.assign(song, { name: chosen.name, bpm: 0, one_s: 0 });
@@ -52,7 +54,7 @@ export function songPanel(changed) {
       keep(remembered(`song.${chosen.name}`, null) || beatsOf(decoded.getChannelData(0), ANALYSED_HZ));
     } catch (error) {
       show();
-      told.textContent = error.name === "EncodingError" ? `${chosen.name}: this browser cannot read it; choose an audio file` : error.message;
+      told.textContent = error.name === "EncodingError" ? say("{name}: this browser cannot read it; choose an audio file", { name: chosen.name }) : error.message;
       song.name = error.name === "EncodingError" ? "" : song.name;
     }
   }
@@ -63,7 +65,7 @@ export function songPanel(changed) {
     taps_s.push(audio.currentTime);
     const found = tapped(taps_s, song.bpm);
     if (found) keep(found);
-    else told.textContent = `${taps_s.length} of ${BAR_BEATS} taps`;
+    else told.textContent = say("{count} of {all} taps", { count: taps_s.length, all: BAR_BEATS });
     return undefined;
   }
 }

@@ -3,13 +3,16 @@ import { tempoRatio } from "./beats.js";
 import { View, loadBody, movementOf } from "./body.js";
 import { LearnerView } from "./learner.js";
 import { Lane } from "./lane.js";
-import { Live } from "./live.js";
+import { after, follow, handsFree, letChoose, watching } from "./hands.js";
+import { liveFor } from "./live.js";
+import { inOrder } from "./menu.js";
 import { controls, panels } from "./panels.js";
 import { Practice } from "./practice.js";
 import { songAt, songPanel, songTempo } from "./song.js";
 import { Sound } from "./sound.js";
-import { ask, clamp, clock, el, latencyOf, remember, remembered } from "./tools.js";
+import { OF_LEARNERS, ask, clamp, clock, el, latencyOf, remember, remembered, swatch } from "./tools.js";
 import { HandsHeld, InPlace, praise, starsOf, streakAfter } from "./verdicts.js";
+import { say } from "./words.js";
 
 const COUNTS = 4;
 const AGAIN_S = 2;
@@ -20,7 +23,8 @@ export async function stage(main, identity, wanted) {
   const beat_s = 60 / dance.bpm, sound = new Sound();
   const state = { running: false, ready: false, start: 0, start_s: 0, speed: 1, from_s: 0, to_s: dance.seconds, closed: false,
     place: null, practice: null, streak: 0, paused_s: null };
-  const hands = new HandsHeld();
+  const hands = new HandsHeld(), pointsOf = (total) => (total === null ? "–" : String(Math.round(total)));
+  let members = [];
   const parts = controls(dance, offer, wanted);
   const song = songPanel(showSong), follows = el("p", { id: "follows" }), shown = panels(main, dance, parts, song.panel);
   const view = new View(shown.teacher), learner = new LearnerView(shown.learner);
@@ -28,7 +32,7 @@ export async function stage(main, identity, wanted) {
   const teacher = view.add(body, "teacher", 0);
   teacher.movement = movementOf(dance);
   view.mirror(parts.mirrored.checked);
-  const live = new Live({ preparing, ready, frame, drawn, verdict, away, paused, back, done, error, lost });
+  const live = liveFor({ preparing, ready, frame, drawn, verdict, away, paused, back, done, error, lost });
 
   parts.start.addEventListener("click", () => (state.running ? stop("") : startAnew()));
   shown.beginNow.addEventListener("click", () => begin());
@@ -61,12 +65,13 @@ export async function stage(main, identity, wanted) {
   requestAnimationFrame(animate);
   choosePractice();
   if (wanted.has("go")) startAnew();
+  else if (handsFree()) live.send(watching(dance, parts.source.value));
   return () => {
     state.closed = true;
     document.removeEventListener("keydown", onKey);
     for (const kind of ["dragover", "drop"]) document.removeEventListener(kind, onDrag);
     sound.stop();
-    live.close();
+    live.leave();
     view.close();
   };
 
@@ -90,7 +95,7 @@ export async function stage(main, identity, wanted) {
 
   function showSong() {
     song.panel.hidden = parts.music.value !== "song";
-    follows.textContent = followed() === 1 ? "" : `The dance follows it, at ${Math.round(100 * followed())} % of its own tempo.`;
+    follows.textContent = followed() === 1 ? "" : say("The dance follows it, at {percent} % of its own tempo.", { percent: Math.round(100 * followed()) });
   }
 
   function fullScreen() {
@@ -108,7 +113,8 @@ export async function stage(main, identity, wanted) {
     state.practice = parts.practise.value ? new Practice(Number(parts.practise.value)) : null;
     state.place = new InPlace();
     shown.stage.scrollIntoView({ block: "nearest" });
-    shown.practice.textContent = state.practice ? `slowed to ${state.practice.speed} %, faster when you reach ${state.practice.goal}` : "";
+    shown.practice.textContent = state.practice
+      ? say("slowed to {percent} %, faster when you reach {goal}", { percent: state.practice.speed, goal: state.practice.goal }) : "";
     start();
   }
 
@@ -119,8 +125,10 @@ export async function stage(main, identity, wanted) {
     state.speed = clamp(Number(parts.speed.value) / 100 * followed(), SLOWEST, FASTEST);
     if (!state.practice) remember("speed", parts.speed.value);
     remember("source", parts.source.value);
+    remember("people", Number(parts.people.value));
+    showMembers();
     Object.assign(state, { running: true, ready: false, start: 0, paused_s: null });
-    parts.start.textContent = "Stop";
+    parts.start.textContent = say("Stop");
     shown.error.textContent = "";
     shown.preparing.hidden = false;
     live.send({
@@ -128,29 +136,42 @@ export async function stage(main, identity, wanted) {
       lesson: {
         dance: identity, source: parts.source.value, skill: parts.skill.value, fault: parts.fault.value, seed: Number(parts.seed.value) || 0,
         speed: state.speed, from_s: state.from_s, to_s: state.to_s, mirrored: parts.mirrored.checked,
-        latency_s: latencyOf(parts.source.value) || 0, who: remembered("who", ""),
+        latency_s: latencyOf(parts.source.value) || 0, people: peopleOf(), who: remembered("who", ""),
       },
     });
   }
 
-  function stop(message) {
-    Object.assign(state, { running: false, ready: false, start: 0, place: null });
+  // The camera goes on watching for a hand that points, unless this view is left, or it was the camera that failed.
+  function stop(message, watches = true) {
+    Object.assign(state, { running: false, ready: false, start: 0, place: null, paused_s: null });
     shown.beginNow.hidden = true;
     sound.stop();
-    live.send({ do: "stop" });
-    parts.start.textContent = "Start";
+    live.send(watches && handsFree() ? watching(dance, parts.source.value) : { do: "stop" });
+    parts.start.textContent = say("Start");
     shown.preparing.hidden = true;
     shown.count.textContent = "";
     shown.error.textContent = message;
   }
 
+  // What can be chosen by hand just now: nothing while dancing.
+  function choices() {
+    const stopping = { id: "stop", text: say("Stop"), act: () => stop("") };
+    if (state.paused_s !== null) return [{ id: "resume", text: say("Go on"), act: pause }, { id: "again", text: say("Dance again"), act: startAnew }, stopping];
+    if (state.running) return state.start ? [] : [stopping];
+    return [{ id: "start", text: say("Start"), act: startAnew },
+      { id: "next", text: say("Next dance"), act: async () => { location.hash = `#/dance/${after(inOrder(await ask("/api/dances")), identity).identity}`; } },
+      { id: "menu", text: say("To the dances"), act: () => { location.hash = "#/"; } }];
+  }
+
   function preparing({ fraction, text }) {
+    if (!state.running) return;
     shown.bar.value = fraction;
-    shown.preparingText.textContent = text;
+    shown.preparingText.textContent = say(text);
   }
 
   function ready() {
     shown.preparing.hidden = true;
+    if (!state.running) return undefined;
     if (!state.place) return begin(); // somebody was
     shown.beginNow.hidden = false;
     return undefined;
@@ -170,29 +191,36 @@ export async function stage(main, identity, wanted) {
   }
 
   function frame(content, picture) {
-    learner.show(picture, content, parts.mirrored.checked);
-    shown.guide.textContent = content.guidance;
+    const everybody = [content, ...(content.others || [])], all = everybody.every(({ joints }) => joints);
+    const people = everybody.length > 1 ? everybody.map((one, k) => ({ ...one, outline: OF_LEARNERS[k] })) : everybody;
+    learner.show(picture, { people }, parts.mirrored.checked);
+    everybody.forEach(({ so_far, time_s }, k) => {
+      if (members[k] && time_s !== null) [members[k].score.textContent, members[k].stars.textContent] = [pointsOf(so_far), starsOf(so_far)];
+    });
+    shown.guide.textContent = say(content.guidance);
     if (state.place && !shown.beginNow.hidden) {
-      shown.words.textContent = content.joints ? "there you are" : "stand before the camera: the dance begins when you are seen";
-      if (state.place.see(content, performance.now())) begin();
+      shown.words.textContent = say(all ? "there you are" : "stand before the camera: the dance begins when you are seen");
+      if (state.place.see({ ...content, joints: all ? content.joints : null }, performance.now())) begin();
     }
     if (hands.see(content.joints, performance.now(), state.speed)) pause();
+    letChoose(choices());
+    follow(content.joints, parts.mirrored.checked, performance.now());
     if (content.time_s === null) return;
     shown.stars.textContent = starsOf(content.so_far);
-    shown.score.textContent = content.so_far === null ? "–" : Math.round(content.so_far);
-    shown.words.textContent = content.words === state.reason ? "" : content.words; // the verdict says it already
+    shown.score.textContent = pointsOf(content.so_far);
+    shown.words.textContent = say(content.words) === state.reason ? "" : say(content.words); // the verdict says it already
     shown.bars.show(content.parts);
   }
 
   function drawn(age_ms) {
-    shown.age.textContent = `${Math.round(age_ms)} ms ago`;
+    shown.age.textContent = say("{ms} ms ago", { ms: Math.round(age_ms) });
   }
 
   function done(result) {
     sound.stop();
-    shown.words.textContent = result.total === null ? result.hints[0] : `${Math.round(result.total)} of 100`;
+    shown.words.textContent = result.total === null ? say(result.hints[0]) : say("{total} of 100", { total: Math.round(result.total) });
     shown.score.textContent = result.total === null ? "–" : Math.round(result.total);
-    if (result.not_saved) shown.error.textContent = result.not_saved;
+    if (result.not_saved) shown.error.textContent = say(result.not_saved);
     if (state.practice && result.total !== null) {
       shown.practice.textContent = state.practice.after(result.total);
       if (state.practice.done) return finishPractice();
@@ -202,11 +230,11 @@ export async function stage(main, identity, wanted) {
     }
     if (parts.loop.checked && result.total !== null) {
       state.start = 0;
-      shown.count.textContent = "again";
+      shown.count.textContent = say("again");
       setTimeout(() => { if (state.running && !state.closed) begin(); }, 1000 * AGAIN_S);
       return undefined;
     }
-    stop(result.total === null ? result.hints[0] : "");
+    stop(result.total === null ? say(result.hints[0]) : "", !result.session);
     if (result.session) location.hash = `#/dance/${identity}/try/${result.session}`;
     return undefined;
   }
@@ -214,21 +242,34 @@ export async function stage(main, identity, wanted) {
   function finishPractice() {
     parts.practise.value = "";
     stop("");
-    shown.practice.append(" ", el("a", { href: `#/dance/${identity}`, onclick: () => { parts.phrase.value = ""; showExcerpt(); } }, "Dance the whole dance"));
+    shown.practice.append(" ", el("a", { href: `#/dance/${identity}`, onclick: () => { parts.phrase.value = ""; showExcerpt(); } }, say("Dance the whole dance")));
   }
 
   function showStreak(streak) {
     state.streak = streak;
-    shown.streak.textContent = streak > 1 ? `${streak} in a row` : "";
+    shown.streak.textContent = streak > 1 ? say("{count} in a row", { count: streak }) : "";
   }
 
-  function verdict({ number, end_s, total, words }) {
-    const after_ms = performance.now() - state.start - 1000 * (end_s - state.start_s) / state.speed;
+  function verdict({ number, end_s, total, words, member = 0 }) {
+    if (members[member]) members[member].verdict.textContent = [praise(total), say(words)].filter(Boolean).join(", ");
+    if (member) return;
+    const reason = say(words), after_ms = performance.now() - state.start - 1000 * (end_s - state.start_s) / state.speed;
     shown.verdict.dataset.afterMs = Math.round(after_ms);
-    shown.verdict.replaceChildren(`move ${number}: `, el("b", {}, praise(total)), el("i", {}, words ? ", " : ""), el("span", {}, words));
+    shown.verdict.replaceChildren(say("move {number}: ", { number }), el("b", {}, praise(total)), el("i", {}, reason ? ", " : ""), el("span", {}, reason));
     showStreak(streakAfter(state.streak, total));
-    state.reason = words;
-    if (shown.words.textContent === words) shown.words.textContent = "";
+    state.reason = reason;
+    if (shown.words.textContent === reason) shown.words.textContent = "";
+  }
+
+  // How many dance beside each other, and a line for each where there are several.
+  function peopleOf() {
+    return parts.people.disabled ? 1 : Number(parts.people.value);
+  }
+
+  function showMembers() {
+    members = peopleOf() > 1 ? OF_LEARNERS.slice(0, peopleOf()).map((colour) => ({ colour, score: el("b", {}, "–"), stars: el("i"), verdict: el("span") })) : [];
+    shown.members.replaceChildren(...members.map(({ colour, score, stars, verdict: said }) => el("li", {}, swatch(colour), score, stars, " ", said)));
+    shown.stage.classList.toggle("several", members.length > 0);
   }
 
   // The camera sends nothing: the dance stands still, and goes on when it is back.
@@ -236,7 +277,7 @@ export async function stage(main, identity, wanted) {
     if (state.start) state.start_s += Math.max(performance.now() - state.start, 0) / 1000 * state.speed;
     state.start = 0;
     sound.stop();
-    shown.guide.textContent = text;
+    shown.guide.textContent = say(text);
     shown.count.textContent = "";
   }
 
@@ -249,7 +290,7 @@ export async function stage(main, identity, wanted) {
   function paused({ from_s }) {
     away({ text: "" });
     Object.assign(state, { paused_s: from_s, start_s: from_s });
-    shown.words.textContent = "paused: hands together above your head, or p, to go on";
+    shown.words.textContent = say("paused: hands together above your head, or p, to go on");
   }
 
   function back({ from_s }) {
@@ -258,11 +299,11 @@ export async function stage(main, identity, wanted) {
   }
 
   function error({ text }) {
-    stop(text);
+    stop(say(text), false);
   }
 
   function lost() {
-    if (state.running) stop("the teacher's program does not answer; is it still running?");
+    if (state.running) stop(say("the teacher's program does not answer; is it still running?"), false);
   }
 
   function animate(now) {
@@ -273,7 +314,7 @@ export async function stage(main, identity, wanted) {
       time_s = state.start_s - left_s * state.speed;
       const beats = Math.ceil(left_s * state.speed / beat_s);
       shown.count.textContent = left_s > 0 && beats <= COUNTS ? String(COUNTS + 1 - beats) : "";
-      shown.time.textContent = `${clock(Math.min(Math.max(time_s, state.start_s), state.to_s))} of ${clock(dance.seconds)}`;
+      shown.time.textContent = say("{time} of {end}", { time: clock(Math.min(Math.max(time_s, state.start_s), state.to_s)), end: clock(dance.seconds) });
     }
     view.draw(Math.min(Math.max(time_s, state.from_s), state.to_s));
     lane.draw(time_s, state.from_s, state.to_s, parts.mirrored.checked);

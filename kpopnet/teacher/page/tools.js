@@ -1,4 +1,8 @@
 // Small things that every view needs: elements, requests, packed arrays, settings.
+import { remember, remembered } from "./memory.js";
+import { say } from "./words.js";
+
+export { remember, remembered };
 
 export function el(tag, properties = {}, ...children) {
   const node = document.createElement(tag);
@@ -16,14 +20,14 @@ export async function ask(path, options = {}) {
   const response = await fetch(path, options);
   const type = response.headers.get("content-type") || "";
   const content = type.includes("json") ? await response.json() : { error: await response.text() };
-  if (!response.ok) throw new Error(content.error || response.statusText);
+  if (!response.ok) throw new Error(say(content.error || response.statusText));
   return content;
 }
 
 // Follows work on the server, which tells line by line how much of it is done, from 0 to 1, or what went wrong.
 export async function followed(path, signal, show) {
   const response = await fetch(path, { method: "POST", signal });
-  if (!response.ok) throw new Error((await response.json()).error);
+  if (!response.ok) throw new Error(say((await response.json()).error));
   const reader = response.body.getReader(), letters = new TextDecoder();
   let text = "", done = 0;
   for (let part = await reader.read(); !part.done; part = await reader.read()) {
@@ -31,11 +35,11 @@ export async function followed(path, signal, show) {
     const lines = text.split("\n");
     text = lines.pop();
     for (const { fraction, error } of lines.map((line) => JSON.parse(line))) {
-      if (error) throw new Error(error);
+      if (error) throw new Error(say(error));
       show(done = fraction);
     }
   }
-  if (done < 1) throw new Error("the teacher's program does not answer; is it still running?");
+  if (done < 1) throw new Error(say("the teacher's program does not answer; is it still running?"));
 }
 
 export function unpacked(text, Kind) {
@@ -50,23 +54,6 @@ export function clock(seconds) {
 
 export function clamp(value, low, high) {
   return Math.min(Math.max(value, low), high);
-}
-
-export function remembered(name, otherwise) {
-  try {
-    const stored = localStorage.getItem(`teach.${name}`);
-    return stored === null ? otherwise : JSON.parse(stored);
-  } catch {
-    return otherwise;
-  }
-}
-
-export function remember(name, value) {
-  try {
-    localStorage.setItem(`teach.${name}`, JSON.stringify(value));
-  } catch {
-    // A browser that stores nothing forgets.
-  }
 }
 
 // The latency of a set-up, by its source of depth, in seconds; null where none was measured.
@@ -84,6 +71,15 @@ export function heat(similarity) {
   return `rgb(${from.map((value, i) => Math.round(value + part * (to[i] - value))).join(" ")})`;
 }
 
+// Of learners beside each other, from Paul Tol's bright colours, which people who mix up colours tell apart.
+export const OF_LEARNERS = ["#66ccee", "#ee6677", "#ccbb44"];
+
+export function swatch(colour) {
+  const shown = el("i", { class: "swatch" });
+  shown.style.background = colour;
+  return shown;
+}
+
 // The colour of a similarity from 0 to 100: brightness as in the paper, or orange to blue, which nobody mixes up.
 export function shade(similarity) {
   if (similarity === undefined || similarity === null) return "#8a8694";
@@ -95,11 +91,11 @@ export function shade(similarity) {
 
 export function partBars() {
   const rows = new Map();
-  const list = el("ul", { class: "parts", "aria-label": "parts of the body" });
+  const list = el("ul", { class: "parts", "aria-label": say("parts of the body") });
   for (const part of PARTS) {
     const bar = el("i"), number = el("span");
     rows.set(part, { bar, number });
-    list.append(el("li", { "data-part": part }, `${part} `, number, el("div", { class: "track" }, bar)));
+    list.append(el("li", { "data-part": part }, `${say(part)} `, number, el("div", { class: "track" }, bar)));
   }
   const show = (parts, coverage = {}) => {
     for (const [part, { bar, number }] of rows) {
@@ -107,7 +103,7 @@ export function partBars() {
       const known = value !== undefined && value !== null;
       bar.style.width = known ? `${value}%` : "0";
       bar.style.background = orangeToBlue() ? heat(value) : ""; // bright as in the picture, it would vanish on a light page
-      number.textContent = known ? `${Math.round(value)}${coverage[part] < 0.99 ? `, seen ${Math.round(100 * coverage[part])} %` : ""}` : "";
+      number.textContent = known ? `${Math.round(value)}${coverage[part] < 0.99 ? say(", seen {percent} %", { percent: Math.round(100 * coverage[part]) }) : ""}` : "";
       bar.closest("li").dataset.value = known ? value : "";
     }
   };

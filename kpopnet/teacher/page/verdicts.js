@@ -1,14 +1,15 @@
 // What is made of the scores of the moves while dancing: words, stars and the streak; whether somebody is in place to begin, or
 // asks for a pause.
+import { say } from "./words.js";
 
-const PRAISE = [[90, "perfect"], [75, "great"], [55, "good"], [30, "keep going"], [-Infinity, "watch the teacher"]];
+const PRAISE = [[90, "verdict|perfect"], [75, "verdict|great"], [55, "verdict|good"], [30, "keep going"], [-Infinity, "watch the teacher"]];
 const STARS_FROM = [30, 50, 65, 80, 90];
 const STREAK_FROM = 75;
 const HELD_MS = 1500, ASPECT = 4 / 3, HEAD = 0, NECK = 1, RIGHT_HAND = 6, LEFT_HAND = 7, TORSO = 8;
 const STEADY_MS = 1000, HINTED_MS = 8000;
 
 export function praise(total) {
-  return total === null ? "not seen" : PRAISE.find(([from]) => total >= from)[1];
+  return say(total === null ? "not seen" : PRAISE.find(([from]) => total >= from)[1]);
 }
 
 export function starsOf(total) {

@@ -3,7 +3,7 @@ import { View } from "./body.js";
 import { Figure } from "./figure.js";
 import { LearnerView } from "./learner.js";
 import { Live } from "./live.js";
-import { clock, el } from "./tools.js";
+import { clock, el, swatch } from "./tools.js";
 
 // Paul Tol's bright colours, which people who mix up colours tell apart.
 const COLOURS = ["#66ccee", "#ee6677", "#ccbb44", "#228833", "#aa3377", "#4477aa"];
@@ -79,10 +79,8 @@ function frame(content, image) {
   state.told = `${rate} images a second · ${Math.round(content.delay_ms)} ms from image to joints · ${content.dropped} images left out`;
   people.replaceChildren(...content.people.map((one) => {
     const sure = one.joints.reduce((sum, joint) => sum + joint[3], 0) / one.joints.length;
-    const swatch = el("i", { class: "swatch" });
-    swatch.style.background = one.colour;
     const away = one.metres === null ? "" : `, ${one.metres.toFixed(1)} m away`;
-    return el("li", {}, swatch, `person ${one.identity}: ${Math.round(100 * sure)} %${away}`);
+    return el("li", {}, swatch(one.colour), `person ${one.identity}: ${Math.round(100 * sure)} %${away}`);
   }));
 }
 

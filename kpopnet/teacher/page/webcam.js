@@ -1,5 +1,6 @@
 // The webcam of this browser as a learner's eye. MediaPipe's pose finds points of the body here; the points alone are sent.
 import { el } from "./tools.js";
+import { say } from "./words.js";
 
 export const WEBCAM = "webcam";
 const WITHOUT_DEPTH = "A webcam sees no depth: its scores are less sure. A depth camera adds places in metres, limbs in front of "
@@ -15,7 +16,7 @@ const DIGITS = 4, STEP_S = 0.01;
 
 // The line that says what depth would add, as long as a webcam is chosen in a select of sources.
 export function withoutDepth(source) {
-  const line = el("p", { class: "quiet", id: "without-depth" }, WITHOUT_DEPTH);
+  const line = el("p", { class: "quiet", id: "without-depth" }, say(WITHOUT_DEPTH));
   const show = () => { line.hidden = source.value !== WEBCAM; };
   source.addEventListener("change", show);
   show();
@@ -58,15 +59,16 @@ export class Webcam {
     Object.assign(this, { seen, failed, closed: false, found: {} });
     this.picture = Object.assign(document.createElement("canvas"), { width: WIDTH, height: HEIGHT });
     this.video = Object.assign(document.createElement("video"), { muted: true, playsInline: true });
-    this.watch().catch((error) => this.closed || failed(REFUSALS[error.name] || `the webcam failed: ${error.message}`));
+    this.watch().catch((error) => this.closed
+      || failed(REFUSALS[error.name] ? say(REFUSALS[error.name]) : say("the webcam failed: {reason}", { reason: error.message })));
   }
 
   async watch() {
-    if (!navigator.mediaDevices) throw new Error("browsers give it to pages of their own machine alone; open http://127.0.0.1 there");
+    if (!navigator.mediaDevices) throw new Error(say("browsers give it to pages of their own machine alone; open http://127.0.0.1 there"));
     const wanted = { width: { ideal: WIDTH }, height: { ideal: HEIGHT }, frameRate: { ideal: 30 } };
     this.stream = await navigator.mediaDevices.getUserMedia({ video: wanted, audio: false });
     if (this.closed) return this.close();
-    for (const track of this.stream.getTracks()) track.addEventListener("ended", () => this.closed || this.failed(REFUSALS.NotFoundError));
+    for (const track of this.stream.getTracks()) track.addEventListener("ended", () => this.closed || this.failed(say(REFUSALS.NotFoundError)));
     this.video.srcObject = this.stream;
     const [pose] = await Promise.all([loadPose(), this.video.play()]);
     pose.reset();
@@ -107,7 +109,7 @@ let loaded = null;
 export function loadPose() {
   loaded ||= new Promise((take, fail) => {
     const script = Object.assign(document.createElement("script"), { src: `${VENDOR}pose.js` });
-    script.addEventListener("error", () => fail(new Error("the teacher's program does not answer; is it still running?")));
+    script.addEventListener("error", () => fail(new Error(say("the teacher's program does not answer; is it still running?"))));
     script.addEventListener("load", async () => {
       const pose = new globalThis.Pose({ locateFile: (name) => VENDOR + name });
       // Its smoothing over time would delay the points; the scorer has its own.

@@ -9,12 +9,14 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 from dance_people import dance_joints_m
+from teacher_page import english
 
 import kpopnet.programs.score
 from kpopnet.dance.diagnosis import corrected
 from kpopnet.dance.feedback import feedback
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import score_dance
+from kpopnet.languages import keyed
 from kpopnet.skeleton import JOINT_NAMES, Joint
 
 
@@ -45,6 +47,12 @@ def files(tmp_path):
     return tmp_path / "teacher.npz", tmp_path / "learner.npz", joints_m, learner_m
 
 
+def page_hints(out) -> list[str]:
+    """The hints of the page of a score, in English."""
+    given = json.loads(re.search(r'id="given">(.*?)</script>', (out / "score.html").read_text())[1])
+    return english(given["found"]["hints"])
+
+
 def test_the_page_holds_both_movements_and_the_json_the_score(files, run, tmp_path):
     teacher, learner, joints_m, learner_m = files
     printed = run(teacher, learner, "--out", tmp_path / "new" / "out")
@@ -59,8 +67,10 @@ def test_the_page_holds_both_movements_and_the_json_the_score(files, run, tmp_pa
     given = json.loads(re.search(r'id="given">(.*?)</script>', page)[1])
     assert given["found"]["name"] == "learner.npz after teacher.npz"
     assert given["found"]["total"] == round(expected.similarity, 1) and given["found"]["hints"] == []
-    assert given["found"]["faults"][0] == told.faults[0].text
-    assert [one["text"] for one in given["found"]["phrases"][1]["moments"]] == [one.text for one in told.phrases[1].moments]
+    assert given["found"]["faults"][0] == keyed(told.faults[0].text)
+    assert [one["text"] for one in given["found"]["phrases"][1]["moments"]] == [
+        keyed(one.text) for one in told.phrases[1].moments
+    ]
     frames = len(joints_m) - 1  # resampled at half-open intervals
     assert all(len(base64.b64decode(given[one]["hips_m"])) // 12 >= frames for one in ("dance", "movement"))
 
@@ -80,7 +90,8 @@ def test_what_no_dancer_does_is_corrected_and_told(files, run, tmp_path):
     told = r"as it stands \d, with the learner mirrored, the learner's clock 5\.0\d s earlier 100: scored so; --as-is keeps it"
     printed = run(*words)
     assert re.search(told, printed) and re.search(r"similarity (99|100)", printed) and "warning" not in printed
-    assert re.search(told, (tmp_path / "out" / "score.html").read_text())
+    (note,) = page_hints(tmp_path / "out")
+    assert re.search(told, note)
     done = json.loads((tmp_path / "out" / "score.json").read_text())["corrections"]
     assert done["learner"] == "mirrored" and done["late_s"] == pytest.approx(5, abs=0.1) and done["corrected"] > 95
     printed = run(*words, "--as-is")
@@ -96,9 +107,18 @@ def test_a_faulty_recording_is_told_and_the_option_that_is_named_corrects_it(fil
     options = re.findall(r"--(?:correct|late)\S* \S+", printed)
     assert [option.split()[0] for option in options] == ["--correct-learner", "--late"] and printed.count("warning") == 2
     assert len(json.loads((tmp_path / "out" / "score.json").read_text())["warnings"]) == 2
-    assert "learner dances mirrored" in (tmp_path / "out" / "score.html").read_text()
+    assert "learner dances mirrored" in page_hints(tmp_path / "out")[0]
     again = run(*words, *(word for option in options for word in option.replace("(", " ").split()))
     assert "warning" not in again and int(re.search(r"similarity (\d+)", again)[1]) >= 95
+
+
+def test_score_and_page_are_in_the_language_that_is_asked_for(files, run, tmp_path):
+    printed = run(*files[:2], "--out", tmp_path / "out", "--lang", "de", "--bpm", 100)
+    assert printed.startswith("Übereinstimmung ") and "linker Arm" in printed and "learner.npz" not in printed
+    assert not re.search(r"\b(the|left|arm|late|at|from|no)\b", printed)
+    page = (tmp_path / "out" / "score.html").read_text()
+    assert '<html lang="de" data-language="de">' in page and "<title>learner.npz nach teacher.npz</title>" in page
+    assert json.loads((tmp_path / "out" / "score.json").read_text())["feedback"]["faults"][0]["text"].startswith("left elbow")
 
 
 def test_the_tempo_of_the_music_makes_phrases_and_an_estimators_noise_shows_the_uncertainty(files, run, tmp_path, capsys):

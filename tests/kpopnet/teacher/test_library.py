@@ -12,7 +12,7 @@ from kpopnet.dance.scoring import score_dance
 from kpopnet.errors import InputError
 from kpopnet.skeleton import BONES, Joint
 from kpopnet.teacher.adding import add_performance, holds_depth, kpop_teachers, part_of
-from kpopnet.teacher.library import DANCES, Library, difficulty, preview_cm
+from kpopnet.teacher.library import DANCES, Library, difficulty, moves_cm, preview_cm
 from kpopnet.teacher.posing import TO_WORLD, as_bvh, at_rate, posed
 from synth.body.teacher import teacher_person
 from synth.dances.live import CAMERA
@@ -115,3 +115,10 @@ def test_bvh_is_read_back_and_becomes_a_dance_of_ones_own(library, tmp_path):
     added = mine.dance("own_001")
     assert added.about.own and added.about.bpm == 90.0
     assert score_dance(dance.performance, added.performance).similarity > 85
+
+
+def test_a_dance_whose_last_move_ends_within_half_a_frame_of_it_has_no_empty_move(library):
+    whole = library.dance("dance_001")
+    step = 4 * 60 / 129 * whole.fps
+    short = replace(whole, joints_m=whole.joints_m[: round(2 * step)], about=replace(whole.about, bpm=129.0))
+    assert 2 * step < len(short.joints_m) and [one["at_s"] < step / whole.fps for one in moves_cm(short)] == [True, False]

@@ -125,6 +125,42 @@ def test_narrow_screens_and_two_tabs(address, browser):
     assert find(browser, "#start").text == "Stop"
 
 
+LATIN_WORDS = """
+const said = [], walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT | NodeFilter.SHOW_ELEMENT);
+for (let node = walk.currentNode; node; node = walk.nextNode()) {
+  const isText = node.nodeType === 3, element = isText ? node.parentElement : node;
+  if (element.closest("#language, noscript")) continue;
+  said.push(isText ? node.data : ["aria-label", "placeholder", "title"].map((name) => node.getAttribute(name)).join(" "));
+}
+return said.filter((one) => /[A-Za-z]{2,}/.test(one || ""));
+"""
+"""Texts and labels of the page that hold words of Latin letters."""
+
+NOT_TRANSLATED = r"\b(BPM|ms|JSON|CSV|BVH|OAK|RealSense|bvh|npz|csv|json|zip)\b"
+
+
+def test_in_korean_no_word_of_english_is_left(library, address, browser):
+    """Each view once: whatever is in Latin letters then is no text of ours, or one that is not translated."""
+    names = "|".join(library.about(one).name for one in library.identities())
+    views = {
+        "#/": ".card", "#/me": "#names", "#/record": "#bpm", "#/calibrate": "#kept", "#/dance/none": "[role=alert]",
+        "#/dance/dance_001?phrase=0&speed=25&skill=perfect&fault=left+arm&go": "#verdict span:not(:empty)",
+    }  # fmt: skip
+    browser.get(f"{address}?lang=ko")
+    for view, shown in views.items():
+        browser.get(f"{address}{view}")
+        find(browser, shown)
+        left = [re.sub(f"{names}|'none'|{NOT_TRANSLATED}", "", one) for one in browser.execute_script(LATIN_WORDS)]
+        assert [one for one in left if re.search("[A-Za-z]{2,}", one)] == [], view
+    assert find(browser, "#verdict").text.startswith("동작 1: ") and find(browser, "#start").text == "정지"
+    total_of(browser)
+    find(browser, "#history")
+    left = [re.sub(f"{names}|{NOT_TRANSLATED}", "", one) for one in browser.execute_script(LATIN_WORDS)]
+    assert [one for one in left if re.search("[A-Za-z]{2,}", one)] == []
+    find(browser, "#language option[value=de]").click()
+    until(browser, lambda one: find(one, "h2").text == "Schwächste Momente")
+
+
 NOTE_VERDICTS = """
 window.verdicts = [];
 new MutationObserver(() => {
@@ -275,6 +311,108 @@ def test_a_dance_follows_the_beats_of_a_song_from_its_one_on_and_pauses_with_it(
     until(browser, lambda one: one.execute_script(off_s) == pytest.approx(one_s + 1.1, abs=0.05))
     loaded = browser.execute_script("return performance.getEntriesByType('resource').map((one) => one.name)")
     assert [name for name in loaded if not name.startswith((address, "blob:"))] == []
+
+
+SEEN_ALWAYS = """
+window.hand = null; // where the right hand is, in the picture; null: nobody is there
+window.asked = [];
+window.extra = {}; // what else the images tell
+window.WebSocket = class extends EventTarget {
+  static OPEN = 1;
+  readyState = 1;
+  constructor() {
+    super();
+    setInterval(() => {
+      const joints = Array.from({ length: 15 }, () => [0.5, 0.45, 2, 1]);
+      Object.assign(joints, { 1: [0.5, 0.3, 2, 1], 6: [...(hand || [0.4, 0.62]), 2, 1], 7: [0.6, 0.62, 2, 1] });
+      for (const hip of [9, 10]) joints[hip] = [0.5, 0.6, 2, 1];
+      const at = { time_s: null, sent_ms: Date.now(), taken_ms: Date.now() };
+      const content = { kind: "frame", joints: hand ? joints : null, guidance: "", words: "", parts: {}, ...at, ...extra };
+      const text = new TextEncoder().encode(JSON.stringify(content)), message = new Uint8Array(4 + text.length + 5);
+      new DataView(message.buffer).setUint32(0, text.length, true);
+      message.set(text, 4);
+      message.set([1, 0, 1, 0, 9], 4 + text.length);
+      this.dispatchEvent(new MessageEvent("message", { data: message.buffer }));
+    }, 40);
+  }
+  send(text) {
+    const { do: what, lesson } = JSON.parse(text);
+    if (what !== "drawn") asked.push(what === "prepare" && lesson.calibrate ? "watch" : what);
+    const message = (content) => new MessageEvent("message", { data: JSON.stringify(content) });
+    const tell = (content) => setTimeout(() => this.dispatchEvent(message(content)));
+    if (what === "prepare") tell({ kind: "ready" });
+    if (what === "pause") tell({ kind: "paused", from_s: 1 });
+  }
+};
+"""
+"""In place of the server's lessons: joints of somebody whose right hand is where `hand` says."""
+
+
+def point_at(driver, target: str) -> None:
+    """Moves the simulated hand until the cursor is in the middle of a field, and waits until it is chosen."""
+    driver.execute_script("hand = [0.5, 0.48]")  # raised, below the fields, which appear
+    until(driver, lambda one: one.find_elements(By.CSS_SELECTOR, f"#hands:not([hidden]) [data-target='{target}']"))
+    x, y = driver.execute_script(
+        """const page = document.documentElement, field = document.querySelector(`[data-target="${arguments[0]}"]`);
+        const box = field.getBoundingClientRect();
+        return [(box.left + box.right) / 2 / page.clientWidth, (box.top + box.bottom) / 2 / page.clientHeight];""",
+        target,
+    )
+    driver.execute_script("hand = [arguments[0], arguments[1]]", 0.5 - 0.45 * (x - 0.5), 0.3 + 0.3 * (1.4 * y - 0.75))
+    until(driver, lambda one: not one.find_elements(By.CSS_SELECTOR, f"#hands:not([hidden]) [data-target='{target}']"))
+
+
+def test_a_hand_that_points_chooses_a_dance_starts_it_stops_it_and_goes_to_the_next(address, browser):
+    browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": SEEN_ALWAYS})
+    browser.get(address)
+    find(browser, "#hands-free").click()
+    until(browser, lambda one: "watch" in one.execute_script("return asked"))
+    time.sleep(1)
+    assert not find(browser, "#hands").is_displayed() and not find(browser, "#hands-hint").is_displayed()  # nobody is there
+    browser.execute_script("hand = [0.4, 0.62]")
+    until(browser, lambda one: find(one, "#hands-hint").is_displayed())  # hands hang
+    point_at(browser, "dance_002")
+    until(browser, lambda one: one.current_url.endswith("#/dance/dance_002"))
+    point_at(browser, "start")
+    until(browser, lambda one: find(one, "#start").text == "Stop")
+    browser.execute_script("hand = null")
+    find(browser, "#begin").click()  # nobody would have begun it
+    browser.execute_script("hand = [0.4, 0.3]")
+    time.sleep(2)
+    assert not find(browser, "#hands").is_displayed()  # while dancing nothing can be chosen
+    browser.find_element(By.TAG_NAME, "body").send_keys("p")
+    point_at(browser, "stop")
+    assert find(browser, "#start").text == "Start"
+    point_at(browser, "next")
+    until(browser, lambda one: one.current_url.endswith("#/dance/dance_001"))
+    wanted = ["prepare", "go", "pause", "watch", "stop", "watch"]
+    until(browser, lambda one: one.execute_script("return asked")[-len(wanted) :] == wanted)
+
+
+def test_learners_beside_each_other_have_their_own_colour_and_score(teaching, browser):
+    teaching.sources["recording"] = "the recording of two"
+    browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": SEEN_ALWAYS})
+    with served(teaching) as address:
+        browser.get(address)
+        stored = "localStorage['teach.source'] = '\"recording\"'; localStorage['teach.people'] = '2'"
+        browser.execute_script(stored)
+        browser.get(f"{address}#/dance/dance_001")
+        browser.refresh()
+        browser.execute_script("hand = [0.4, 0.62]; extra = { others: [{ joints: null, parts: {}, so_far: null }] }")
+        find(browser, "#start").send_keys(Keys.ENTER)
+        until(browser, lambda one: find(one, "#words").text.startswith("stand before"))  # the second is not there yet
+        joints = [[0.7, 0.5, 2, 1]] * 15
+        browser.execute_script(
+            "extra = { time_s: 1, so_far: 82, others: [{ joints: arguments[0], parts: {}, so_far: 61.4, time_s: 1 }] }", joints
+        )
+        until(browser, lambda one: "go" in one.execute_script("return asked"))
+        first, second = until(browser, lambda one: one.find_elements(By.CSS_SELECTOR, "#members li"))
+        until(browser, lambda _: first.text.startswith("82") and second.text.startswith("61"))
+        colours = [
+            one.find_element(By.CLASS_NAME, "swatch").value_of_css_property("background-color") for one in (first, second)
+        ]
+        assert colours[0] != colours[1] and not find(browser, "#so-far").is_displayed()
+        find(browser, "#start").send_keys(Keys.ENTER)
 
 
 def said_of(driver) -> float:

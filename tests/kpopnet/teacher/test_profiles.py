@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("aiohttp", reason="the extra app is not installed")
 
-from teacher_page import with_client
+from teacher_page import english, with_client
 
 from kpopnet.errors import InputError
 from kpopnet.teacher.profiles import Profile, Profiles
@@ -40,7 +40,7 @@ def test_a_profile_has_its_own_history_which_is_exported_and_deleted(teaching, t
         assert await (await client.get("/api/profiles")).json() == {theo: "Théo"}
         async with client.ws_connect("/live") as socket:
             await socket.send_json({"do": "prepare", "lesson": {"dance": "dance_001", "who": mina}})
-            assert "no such profile" in (await socket.receive_json())["text"]
+            assert "no such profile" in english((await socket.receive_json())["text"])
 
     with_client(teaching, work)
 

@@ -8,6 +8,7 @@ import struct
 import time
 from collections import Counter
 from dataclasses import replace
+from urllib.parse import urljoin
 
 import numpy as np
 import pytest
@@ -15,14 +16,14 @@ import pytest
 aiohttp = pytest.importorskip("aiohttp", reason="the extra app is not installed")
 
 from random_requests import SERVER_ERRORS, random_request, status_of  # noqa: E402
-from teacher_page import with_client  # noqa: E402
+from teacher_page import english, with_client  # noqa: E402
 from yarl import URL  # noqa: E402
 
 from kpopnet.dance.joint_files.reader import read_performance  # noqa: E402
 from kpopnet.errors import InputError  # noqa: E402
 from kpopnet.teacher.library import Library  # noqa: E402
 from kpopnet.teacher.safety import Keys, is_loopback  # noqa: E402
-from kpopnet.teacher.server import MAX_MESSAGE_BYTES, MAX_UPLOAD_BYTES, MOST_PAGES  # noqa: E402
+from kpopnet.teacher.server import MAX_MESSAGE_BYTES, MAX_UPLOAD_BYTES, MOST_PAGES, PageLessons, make_app  # noqa: E402
 
 
 def test_the_page_and_all_that_it_names_come_from_this_server(teaching):
@@ -39,10 +40,10 @@ def test_the_page_and_all_that_it_names_come_from_this_server(teaching):
             text = await answer.text()
             assert answer.status == 200 and len(text) > 200, path
             for line in text.splitlines():
-                if path.endswith(".js") and "three" not in path and ' from "./' in line:
-                    named = "/page/" + line.partition(' from "./')[2].split('"')[0]
+                if path.endswith(".js") and "three" not in path and ' from ".' in line:
+                    named = "/" + urljoin(path, line.partition(' from "')[2].split('"')[0]).lstrip("/")
                     waiting += [named] if named not in seen else []
-        assert {"/page/stage.js", "/page/body.js", "/page/vendor/three.js", "/page/result.js"} <= seen
+        assert {"/languages/ko.mjs", "/page/stage.js", "/page/body.js", "/page/vendor/three.js", "/page/result.js"} <= seen
 
     with_client(teaching, work)
 
@@ -174,7 +175,7 @@ def test_broken_uploads_get_one_clear_sentence(teaching):
     async def work(client):
         for query, content, told in UPLOADS:
             answer = await client.post(f"/api/dances?{query}", data=content)
-            message = (await answer.json())["error"]
+            message = english((await answer.json())["error"])
             assert answer.status == 400 and told in message and "/tmp" not in message and "\n" not in message, query
         assert (await client.post("/api/dances?file=a.bvh", data=io.BytesIO(bytes(MAX_UPLOAD_BYTES + 1)))).status == 413
 
@@ -328,7 +329,7 @@ def test_lessons_are_held_watched_and_saved(teaching):
         faulty, frames, _ = await hold(socket, lesson | {"fault": "left arm"})
         assert faulty["parts"]["left arm"] < 40 < min(faulty["parts"]["left leg"], faulty["parts"]["right leg"])
         assert faulty["worst"][0]["part"] == "left arm", faulty["worst"]
-        assert any("left arm" in frame["words"] for frame in frames) and len(frames[-1]["joints"]) == 15
+        assert any("left arm" in english(frame["words"]) for frame in frames) and len(frames[-1]["joints"]) == 15
         still, frames, kinds = await hold(socket, lesson | {"skill": "still"}, draws=False)
         assert still["total"] < 20 and 1 <= len(frames) <= 2 and kinds.count("verdict") >= 1
         await socket.send_json({"do": "drawn", "page_ms": 7.0})
@@ -356,3 +357,39 @@ def test_no_random_request_is_an_error_of_the_server(teaching, tried):
         assert len(statuses) > 5 and (await client.get("/api/dances")).status == 200
 
     with_client(teaching, work)
+
+
+class Said:
+    """A page's socket that keeps what it is told."""
+
+    def __init__(self) -> None:
+        self.texts: list[dict] = []
+
+    async def send_str(self, text: str) -> None:
+        self.texts.append(json.loads(text))
+
+
+class Told:
+    """A lesson's process that has these messages."""
+
+    def __init__(self, *messages: tuple) -> None:
+        self.messages = list(messages)
+
+    async def next(self) -> tuple:
+        if not self.messages:
+            raise EOFError
+        return self.messages.pop(0)
+
+
+def test_each_learners_try_is_kept_and_the_firsts_names_the_others(teaching):
+    arrays = {"joints_m": np.zeros((3, 15, 3)), "times_s": np.arange(3.0)}
+    seen = ("member", {"dance": "dance_001", "who": "", "total": 50.0}, arrays)
+    first = ("done", {"dance": "dance_001", "who": "", "total": 80.0, "together": None}, arrays)
+    socket, app = Said(), make_app(teaching, ("127.0.0.1",))
+    lessons = PageLessons(socket, app)
+    with pytest.raises(EOFError):
+        asyncio.run(lessons._forward(Told(seen, ("member", {"total": None}, {}), first)))
+    (done,) = socket.texts
+    (of_second, of_third) = teaching.tries.result("dance_001", done["session"])["members"]
+    assert of_third == {"session": None, "total": None} and of_second["total"] == 50.0
+    assert teaching.tries.result("dance_001", of_second["session"])["total"] == 50.0

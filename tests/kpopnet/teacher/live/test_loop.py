@@ -13,9 +13,9 @@ from kpopnet.sources.live import NewestImage
 from kpopnet.sources.source import CameraAwayError
 from kpopnet.teacher.live import loop
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
-from kpopnet.teacher.live.loop import Learner
+from kpopnet.teacher.live.loop import Learner, choose_each
 
-FPS = 60
+FPS, LATE_S = 60, 0.2
 
 
 class Counting:
@@ -64,6 +64,14 @@ def test_who_stands_in_the_middle_is_the_learner_and_passers_by_do_not_take_over
     assert learner.choose([person(4, 0.0)], 2.0) is None
     assert learner.choose([person(4, 0.0)], 4.5).identity == 4
     assert learner.choose([person(7, 0.0), person(4, 0.5)], 5.0).identity == 4
+    two = [Learner(), Learner()]
+    for now, people, identities in (
+        (0.0, [person(4, -0.9), person(7, 0.1)], [7, 4]),
+        (1.0, [person(7, 1.0), person(4, 0.0)], [7, 4]),  # they change places
+        (2.0, [person(4, 0.0), person(9, 0.2)], [None, 4]),
+        (4.5, [person(4, 0.0), person(9, 0.2)], [9, 4]),
+    ):
+        assert [one and one.identity for one in choose_each(two, people, now)] == identities
 
 
 def test_the_picture_tells_near_from_far_and_from_nothing():
@@ -94,24 +102,29 @@ class Unsteady:
 
 
 class Knowing:
-    """An estimator that knows the dance."""
+    """An estimator that knows the dance; a second learner is to the right, and late."""
 
     name = "none"
 
     def __init__(self, dance) -> None:
-        self.dance = dance
+        self.dance, self.people = dance, 1
 
     def reset(self) -> None:
         pass
 
     def update(self, depth_m, camera, time_s=None):
         frame = min(round(float(depth_m[0, 0]) * self.dance.fps), len(self.dance.joints_m) - 1)
-        return [PersonPose(1, self.dance.joints_m[frame], np.ones(15, np.float32))]
+        late_m = self.dance.joints_m[max(frame - round(LATE_S * self.dance.fps), 0)] + np.float32([1.2, 0, 0])
+        people = [
+            PersonPose(1, self.dance.joints_m[frame], np.ones(15, np.float32)),
+            PersonPose(2, late_m, np.ones(15, np.float32)),
+        ]
+        return people[: self.people]
 
 
 @pytest.fixture
-def held(library, monkeypatch):
-    """A lesson of 4 s that is ready: a connection for the server's messages and the loop's, and the camera."""
+def held(library, monkeypatch, request):
+    """A lesson of 4 s, for so many learners, that is ready: a connection for its messages, and the camera."""
     dance, cameras = library.dance("dance_001"), []
 
     def opener(lesson, dance, clock):
@@ -122,7 +135,7 @@ def held(library, monkeypatch):
     server, other = multiprocessing.Pipe()
     thread = threading.Thread(target=loop.serve_lessons, args=(other, opener, None))
     thread.start()
-    server.send(("prepare", 1, Lesson("dance_001", to_s=4.0), dance))
+    server.send(("prepare", 1, Lesson("dance_001", to_s=4.0, people=getattr(request, "param", 1)), dance))
     told(server, "ready")
     yield server, cameras[0]
     server.send(("stop",))
@@ -171,3 +184,24 @@ def test_the_dance_stands_still_while_the_camera_is_away_or_a_pause_is_asked_for
     times_s = [frame["time_s"] for frame in after if frame["time_s"] is not None]
     assert min(times_s) < resumed_s and max(times_s) > 3.8
     assert result["total"] > 95 and result["notes"]["frames"] > 100
+
+
+@pytest.mark.parametrize("held", [2], indirect=True)
+def test_two_learners_are_scored_each_by_the_teacher_and_both_by_each_other(held):
+    server, _ = held
+    server.send(("go", 0.1))
+    frames, verdicts, late = [], set(), {}
+    while True:
+        assert server.poll(60)
+        _, kind, content, arrays = server.recv()
+        assert kind != "error", content
+        frames += [content] if kind == "frame" else []
+        verdicts |= {content["member"]} if kind == "verdict" else set()
+        late = content if kind == "member" else late
+        if kind == "done":
+            break
+    assert verdicts == {0, 1} and all(len(one["others"]) == 1 for one in frames)
+    assert frames[-1]["joints"][0][0] < frames[-1]["others"][0]["joints"][0][0]  # each has their own joints
+    assert content["total"] > late["total"] + 5 and late["who"] == "" and len(arrays["joints_m"]) > 30
+    common = content["together"]
+    assert common["after_s"] == [0.0, pytest.approx(LATE_S, abs=0.06)] and common["posture"] > common["timing"]

@@ -31,7 +31,7 @@ class Socket {
 }
 globalThis.WebSocket = Socket;
 globalThis.location = { protocol: "http:", host: "127.0.0.1:1" };
-const { Live, ServerClock } = await import("../../../../kpopnet/teacher/page/live.js");
+const { Live, ServerClock, liveFor } = await import("../../../../kpopnet/teacher/page/live.js");
 
 let said;
 const listen = () => new Live(new Proxy({}, { get: (_, kind) => (...content) => said.push([kind, ...content]) }));
@@ -114,7 +114,18 @@ test("who leaves hears nothing more, whatever kind it is", () => {
   const live = listen();
   live.send({ do: "prepare" });
   Socket.made[0].happen("open");
-  live.close();
+  live.leave();
   for (const kind of ["preparing", "ready", "verdict", "away", "back", "done", "error"]) live.receive(JSON.stringify({ kind }));
   assert.deepEqual(said, []);
+  assert.equal(Socket.made[0].sent.at(-1).do, "stop");
+});
+
+test("views hand on one connection, and hear what they listen for alone", () => {
+  const first = liveFor({}), heard = [];
+  first.send({ do: "prepare" });
+  first.leave();
+  const second = liveFor({ done: (message) => heard.push(message.kind) });
+  second.send({ do: "prepare" });
+  for (const kind of ["ready", "done"]) second.receive(JSON.stringify({ kind }));
+  assert.deepEqual([Socket.made.length, heard], [1, ["done"]]);
 });

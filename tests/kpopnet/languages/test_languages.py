@@ -1,0 +1,115 @@
+"""Each language has every text with the same gaps, every text of the page and of the feedback is in it, and texts read well."""
+
+import ast
+import copy
+import json
+import pickle
+import re
+
+import pytest
+from programs import ROOT
+
+from kpopnet.dance.dimensions.movement import FIGURES
+from kpopnet.dance.dimensions.stage import DIMENSIONS
+from kpopnet.dance.window import PARTS
+from kpopnet.dance.words.moments import _WORDS as DIRECTIONS
+from kpopnet.dance.words.moments import at, lateness, posture_text
+from kpopnet.languages import LANGUAGES, Said, catalogue, in_language, keyed
+from synth.dances.live import FAULTS, SKILLS
+
+OTHERS = [one for one in LANGUAGES if one != "en"]
+GAP = re.compile(r"\{\w+\}")
+STRING = r'"(?:[^"\\]|\\.)*"'
+LITERAL = re.compile(rf"{STRING}(?:\s*\+\s*{STRING})*")
+SIDES, DANCERS = ("left", "right"), ("teacher", "learner")
+COMPOSED = {
+    *(f"skill|{one}" for one in SKILLS), *(f"fault|{one or 'none'}" for one in FAULTS),
+    *(f"by {one}" for one in ("name", "difficulty", "tempo", "length")),
+    *(f"a loop, {one}" for one in ("house", "bounce", "slow")),
+    *PARTS, *(f"{side} {joint}" for side in SIDES for joint in ("elbow", "knee")),
+    *(f"the {name} {how}" for name in DANCERS for how in ("mirrored", "swapped", "reflected")),
+    "no person in the picture", *(f"{kind}s out of the picture" for kind in ("arm", "leg")),
+    *(f"{side} {kind} out of the picture" for side in SIDES for kind in ("arm", "leg")),
+    *DIMENSIONS, *(word for one in DIMENSIONS.values() for pair in one.words for word in pair), *FIGURES,
+    *(word for _, *pair in DIRECTIONS.values() for word in pair), "a little late", "a little early",
+    "source|webcam", "source|recording", "a RealSense camera", "an OAK camera",
+    "the process that watches you has ended; start the dance again",
+}  # fmt: skip
+"""Texts that the code puts together, or gets from elsewhere, before it looks them up."""
+
+
+def page_texts() -> str:
+    """The sources of the dancer's pages: not those of the raters, and of a camera that is watched."""
+    folder = ROOT / "kpopnet" / "teacher" / "page"
+    return "\n".join(path.read_text() for path in sorted(folder.glob("*.js")) if path.stem not in ("rate", "watch"))
+
+
+def python_texts() -> set[str]:
+    """Every literal text of kpopnet, f-strings left out."""
+    trees = (ast.parse(path.read_text()) for path in (ROOT / "kpopnet").rglob("*.py"))
+    return {
+        one.value for tree in trees for one in ast.walk(tree) if isinstance(one, ast.Constant) and isinstance(one.value, str)
+    }
+
+
+def said_in_python() -> set[str]:
+    """The literal texts that kpopnet passes to `Said`."""
+    found: set[str] = set()
+    for path in (ROOT / "kpopnet").rglob("*.py"):
+        calls = (one for one in ast.walk(ast.parse(path.read_text())) if isinstance(one, ast.Call) and one.args)
+        for call in (one for one in calls if isinstance(one.func, ast.Name) and one.func.id == "Said"):
+            given = [call.args[0].body, call.args[0].orelse] if isinstance(call.args[0], ast.IfExp) else call.args[:1]
+            found |= {one.value for one in given if isinstance(one, ast.Constant) and one.value}
+    return found
+
+
+def in_script(source: str) -> set[str]:
+    """The texts in quotation marks of a script, sums of them as one."""
+    return {"".join(json.loads(part) for part in re.findall(STRING, one)) for one in LITERAL.findall(source)}
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_a_language_has_every_text_with_the_same_gaps_and_no_other(language):
+    texts, page, shell = catalogue(language), page_texts(), (ROOT / "kpopnet/teacher/page/index.html").read_text()
+    marked = set(re.findall(r"data-say>([^<]+)<", shell))
+    said = {
+        one
+        for call in re.findall(rf"\bsay\((?:[^(){{}}\"]*\? )?({LITERAL.pattern}(?: : {STRING})?)", page)
+        for one in in_script(call)
+    }
+    assert len(said) > 150 and len(marked) > 8
+    assert (said | said_in_python() | marked | COMPOSED) - texts.keys() == set()
+    assert texts.keys() - in_script(page) - python_texts() - marked - COMPOSED == set()
+    for english, text in texts.items():
+        assert text and sorted(GAP.findall(text)) == sorted(GAP.findall(english)), english
+        assert (english[0] == " ", english[-1] == " ") == (text[0] == " ", text[-1] == " "), english
+
+
+def test_no_korean_particle_depends_on_what_fills_a_gap():
+    """은/는, 이/가 and others are chosen by the last sound of the word before, which a gap does not have."""
+    particles = "은|는|이|가|을|를|과|와|로|으로|이나|나|랑|이랑|이에요|예요|라|이라"
+    assert [text for text in catalogue("ko").values() if re.search(rf"\}}(?:{particles})(?![가-힣])", text)] == []
+
+
+def test_feedback_is_said_in_each_language():
+    fault = Said("{what} {when}", what=posture_text("left arm", "left elbow", -24.6, "too bent"), when=at([1, 5, 72]))
+    assert [in_language(fault, one) for one in LANGUAGES] == [
+        "left elbow 25° too bent at 0:01, 0:05 and 1:12",
+        "0:01, 0:05, 1:12에 왼쪽 팔꿈치 25° 너무 굽힘",
+        "linker Ellbogen 25° zu stark gebeugt bei 0:01, 0:05 und 1:12",
+    ]
+    assert [in_language(lateness(-0.24, None), one) for one in LANGUAGES] == ["0.2 s early", "0.2초 빠름", "0,2 s zu früh"]
+    assert in_language(lateness(0.25, 0.5), "de") == "einen halben Schlag zu spät"
+    assert in_language("no person seen", "ko") == "사람이 안 보여요" and in_language("take.2.npz", "de") == "take.2.npz"
+
+
+def test_a_text_remains_what_it_is_elsewhere():
+    fault = Said("{part} {direction}", part=Said("left arm"), direction=Said("too low"))
+    for copied in (pickle.loads(pickle.dumps(fault)), copy.deepcopy(fault)):
+        assert copied == "left arm too low" and in_language(copied, "de") == "linker Arm zu tief"
+    assert json.dumps({"text": fault}) == '{"text": "left arm too low"}'
+    told = keyed({"texts": [fault, "left arm"], "total": 3.5})
+    assert told == {
+        "texts": [{"say": "{part} {direction}", "part": {"say": "left arm"}, "direction": {"say": "too low"}}, "left arm"],
+        "total": 3.5,
+    }

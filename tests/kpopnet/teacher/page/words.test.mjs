@@ -1,0 +1,27 @@
+// What the page says in the language that was asked for.
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+const stored = {};
+globalThis.localStorage = { getItem: (name) => stored[name] ?? null, setItem: (name, value) => { stored[name] = value; } };
+globalThis.location = { search: "?lang=de" };
+const { language, say } = await import("../../../../kpopnet/teacher/page/words.js");
+
+test("the address chooses the language, which is remembered", () => {
+  assert.equal(language, "de");
+  assert.equal(stored["teach.language"], '"de"');
+});
+
+test("a text is said by its English words, with what fills its gaps", () => {
+  assert.equal(say("Begin now"), "Jetzt beginnen");
+  assert.equal(say("{total} of 100", { total: 81 }), "81 von 100");
+  assert.equal(say("verdict|good"), "gut");
+  assert.equal(say("late in {name}.js"), "late in {name}.js"); // no text of ours
+});
+
+test("what the server sends is said whole, with decimal commas in numbers alone", () => {
+  const late = { say: "{amount} {word}", amount: { say: "{seconds} s", seconds: "0.2" }, word: { say: "late" } };
+  assert.equal(say({ say: "{what} {when}", what: late, when: { say: "at {times} and {last}", times: ["0:01", "0:05"], last: "0:12" } }),
+    "0,2 s zu spät bei 0:01, 0:05 und 0:12");
+  assert.equal(say({ say: "the recording {name}", name: "take.2.npz" }), "die Aufnahme take.2.npz");
+});
