@@ -114,7 +114,7 @@ _STIFFNESS = {
     (Joint.RIGHT_HIP, Joint.RIGHT_KNEE): 1.0,
     (Joint.RIGHT_KNEE, Joint.RIGHT_FOOT): 0.3,
 }
-"""Relative weight of a length error, 0..1: 1 for bones, low for distances that change when the spine bends."""
+"""Relative weight of a length error, 0..1: 1 for bones, low where the spine bends. Set by hand, not fitted."""
 
 TORSO_JOINTS = (
     Joint.HEAD, Joint.NECK, Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.TORSO, Joint.RIGHT_HIP, Joint.LEFT_HIP,

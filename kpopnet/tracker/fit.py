@@ -308,7 +308,7 @@ _PRIORS = (
     (Joint.HEAD, Joint.NECK, Joint.NECK, 0.04, 0.005),
 )
 """A joint, two reference joints, the minimum distance in metres by which the joint lies in front of the middle of the
-reference joints (along the torso's front axis), and the weight of the squared shortfall."""
+reference joints (along the torso's front axis), and the weight of the squared shortfall; set by hand."""
 
 JOINT_PRIORS = np.array([prior[:3] for prior in _PRIORS])
 JOINT_PRIOR_MIN_M, JOINT_PRIOR_WEIGHT = np.array([prior[3:] for prior in _PRIORS]).T.copy()
