@@ -66,6 +66,7 @@ _CLEARANCES_M = {
     "Shoulder": 0.08, "Arm": 0.06, "ForeArm": 0.04, "Hand": 0.03, "UpLeg": 0.09, "Leg": 0.06, "Foot": 0.07,
     "ToeBase": 0.035, "Head_end": 0.05, "Hand_end": 0.02, "Toe_end": 0.02,
 }  # fmt: skip
+"""Set by hand: about half the thickness of an adult's body at the point, the height of the ankle for the foot."""
 
 CLEARANCE_M = np.array([_CLEARANCES_M[name.removeprefix("Left").removeprefix("Right")] for name in POINT_NAMES])
 """(28,) height of each point above the floor when the body's surface around it touches the floor, metres."""
