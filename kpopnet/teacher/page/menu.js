@@ -6,7 +6,7 @@ import { ask, clock, el, remember, remembered } from "./tools.js";
 import { WEBCAM } from "./webcam.js";
 import { say } from "./words.js";
 
-const FILES = ".bvh,.npz,.csv,.json";
+const FILES = ".bvh,.npz,.csv,.json", NAMED = 4;
 const ORDERS = {
   name: (a, b) => a.name.localeCompare(b.name),
   difficulty: (a, b) => a.difficulty - b.difficulty,
@@ -31,12 +31,12 @@ export async function menu(main) {
   order.value = remembered("order", "name");
   const told = el("p", { class: "quiet", role: "status" });
   const cards = el("div", { class: "cards", id: "cards" });
-  const thumbs = thumbnails();
+  const thumbs = thumbnails(), named = FILES.split(",");
   const file = el("input", { type: "file", accept: FILES, onchange: () => add(file.files[0]) });
   main.append(
     ...greeting(told_of), el("h1", {}, say("Choose a dance")),
     el("div", { class: "controls" }, el("label", {}, say("Search"), search), level, order,
-      el("label", {}, say("Add your own ({endings})", { endings: FILES.split(",") }), file),
+      el("label", {}, say("Add your own ({endings})", { endings: named.length > NAMED ? [...named.slice(0, NAMED), "…"] : named }), file),
       WEBCAM in offer.sources ? el("a", { class: "button", id: "dance-it", href: "#/record" }, say("Dance it yourself")) : null),
     told, cards,
   );
