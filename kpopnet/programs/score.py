@@ -5,9 +5,9 @@
 
 Files are .npz, .bvh, .glb or others; docs/dance_scoring.md says what they hold. Time zero is the same instant of the music
 in both. A mirrored dance, swapped sides, left-handed axes, a clock that is a second or more off and a wrong frame rate are
-corrected where that gains 30 points or more, and both scores are printed; what may be the dancer's own fault, such as being 0.3 s
-late, never is. The program prints the score and what to mend, phrase by phrase, and writes score.json and score.html: one page
-with a replay of both dancers in 3D, which needs no other file. An earlier score in the same folder is replaced.
+corrected where that gains 30 points or more, and both scores are printed; what may be the dancer's own fault, such as 0.3 s
+of delay, never is. The program prints the score and what to mend, phrase by phrase, and writes score.json and score.html: one
+page with a replay of both dancers in 3D, which needs no other file. An earlier score in the same folder is replaced.
 """
 
 import json
@@ -68,7 +68,7 @@ def main() -> None:
     mapped = "JSON that names the points of each joint, for files (also .npy) that use other names than ours"
     parser.add_argument("--joint-map", type=Path, metavar="FILE", help=mapped)
     parser.add_argument("--late", type=float, default=0.0, help="seconds by which the learner's clock is late: %(default)s")
-    parser.add_argument("--as-is", action="store_true", help="correct nothing by itself, only name probable faults of the files")
+    parser.add_argument("--as-is", action="store_true", help="correct nothing, only name probable faults of the files")
     noise = "estimator of the learner's joints, whose known errors are not counted: %(default)s for true joints"
     parser.add_argument("--noise", choices=NOISE, default="none", help=noise)
     parser.add_argument("--lang", choices=LANGUAGES, default="en", help="language of page and text: %(default)s")
