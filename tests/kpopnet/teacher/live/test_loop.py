@@ -1,5 +1,6 @@
 """The process of a lesson: the newest image, who the learner is, and a camera that vanishes and comes back."""
 
+import gc
 import multiprocessing
 import threading
 import time
@@ -42,6 +43,7 @@ class Counting:
 def test_the_newest_image_wins_and_the_others_are_dropped_and_a_camera_that_fails_is_told():
     camera = Counting(5)
     images = NewestImage(camera)
+    assert gc.get_freeze_count() > 10_000  # what was imported stops no thread: no collection looks at it
     camera.allowed.release(4)
     while camera.taken < 4 or images.dropped < 3:
         time.sleep(0.01)
