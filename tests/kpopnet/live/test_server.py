@@ -12,7 +12,7 @@ pytest.importorskip("aiohttp", reason="the extra app is not installed")
 
 import aiohttp
 from aiohttp import web
-from live_people import FPS, open_unsteady_recording, watched, write_recording
+from live_people import open_unsteady_recording, watched, write_recording
 from teacher_page import app_of, with_client
 from two_people_files import CAMERA
 
