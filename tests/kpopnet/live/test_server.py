@@ -12,7 +12,7 @@ pytest.importorskip("aiohttp", reason="the extra app is not installed")
 
 import aiohttp
 from aiohttp import web
-from live_people import open_unsteady_recording, watched, write_recording
+from live_people import FPS, open_unsteady_recording, watched, write_recording
 from teacher_page import app_of, with_client
 from two_people_files import CAMERA
 
@@ -97,7 +97,8 @@ def test_people_are_shown_recorded_and_saved_and_a_pause_holds_them(tmp_path):
     assert len(numbers) >= 8 and (np.diff(numbers) % len(images) == 1).all()  # none is left out
     for number, image in zip(numbers, recorded, strict=True):
         np.testing.assert_array_equal(image, images[number].astype(np.float32) / 1000)
-    assert np.diff([image.time_s for image in recorded.timed()]).min() > 0
+    times_s = [image.time_s for image in recorded.timed()]
+    assert np.diff(times_s).min() > 0 and np.median(np.diff(times_s)) > 0.5 / FPS  # a busy machine moves single ones
 
     saved = sorted((tmp_path / "kept").glob("joints-person*.npz"))
     assert len(saved) == 2
