@@ -192,8 +192,8 @@ class Relay:
 
     def _serve(self, connection: socket.socket) -> None:
         with connection, contextlib.suppress(OSError):  # the camera was closed
+            sent = self._number  # before the line, after which a camera counts on every image
             connection.sendall(self._line)
-            sent = self._number
             while True:
                 with self._changed:
                     while self._number == sent and not self._ended:
