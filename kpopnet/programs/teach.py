@@ -8,6 +8,7 @@
     kpopnet teach add mama.bvh --title Mama --bpm 128      adds a dance of one's own: .bvh, .npz, .glb ... of joints,
     kpopnet teach add dance.bag --from 4 --to 64           a recording of depth: the network of the package finds the joints,
     kpopnet teach add my_set/                              or the teachers of a folder in the K-Pop format
+    kpopnet teach add ann.bvh bea.bvh --title Duet         a group that was recorded together, a file for each dancer
 
 The first start makes a hundred dances, in a quarter of a minute on two quiet cores. docs/teaching.md describes the page.
 """
@@ -23,7 +24,7 @@ from types import MappingProxyType
 import numpy as np
 from tqdm import tqdm
 
-from kpopnet.dance.joint_files.reader import read_strangers_performance
+from kpopnet.dance.joint_files.reader import read_strangers_group
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
@@ -32,9 +33,10 @@ from kpopnet.programs.arguments import add_address, add_depth, check_server, ope
 from kpopnet.programs.predict import estimated
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
+from kpopnet.runtime.input_files import expect
 from kpopnet.sources.live import LIVE_CAMERAS, check_live, open_live, shared_live
 from kpopnet.sources.source import DepthSource, LiveCamera, TimedDepth
-from kpopnet.teacher.adding import add_performance, holds_depth, kpop_teachers, part_of
+from kpopnet.teacher.adding import add_group, holds_depth, kpop_teachers, part_of
 from kpopnet.teacher.library import Library, TaughtDance, TeacherBody, taught_dance
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from kpopnet.teacher.live.loop import load_estimator
@@ -54,7 +56,8 @@ class SimulatedCamera:
         from synth.dances.live import ON_THE_BEAT, LiveLearner
 
         skill = ON_THE_BEAT if lesson.calibrate else lesson.skill
-        self._learner = LiveLearner(dance.quats, dance.hips_m, dance.fps, skill, lesson.fault, lesson.seed)
+        dancer = dance.dancers[lesson.dancer]
+        self._learner = LiveLearner(dancer.quats, dancer.hips_m, dance.fps, skill, lesson.fault, lesson.seed)
         self.camera, self._clock, self._next = self._learner.camera, clock, time.monotonic()
 
     def read(self) -> tuple[np.ndarray, float]:
@@ -135,31 +138,33 @@ def made_library(folder: Path) -> Library:
     return library
 
 
-def own_dances(given: argparse.Namespace) -> dict[str, Performance]:
-    """The dances in what `kpopnet teach add` is given: their joints by title; raises InputError for a file without any."""
-    path: Path = given.file
-    if len(teachers := kpop_teachers(path)) > 1:
-        return teachers
+def own_dances(given: argparse.Namespace) -> dict[str, list[Performance]]:
+    """The dances in what `kpopnet teach add` is given: their dancers' joints, by title. Raises InputError if there is none."""
+    path, *others = given.files
+    teachers = {} if others else kpop_teachers(path)
+    if len(teachers) > 1:
+        return {name: [performance] for name, performance in teachers.items()}
     if teachers:
         ((name, performance),) = teachers.items()
-    elif given.joint_map is None and holds_depth(path):
-        source, estimator = opener(path, given, in_child=True)(), PoseEstimator.load(mode="best")
+        return {given.title or name: [performance]}
+    if given.joint_map is None and holds_depth(path):
+        expect(not others, str(others[:1]), "one recording of depth, of all dancers")
+        source, estimator = opener(path, given, in_child=True)(), PoseEstimator.load(mode="best", people=given.people)
         people, times_s = estimated(source, estimator, given.segmented)
-        if not people:
-            raise InputError(f"{path}: no person was found; the camera must see the dancer from head to feet")
-        name, performance = path.stem, Performance(people[0].joints_camera_m, times_s, people[0].confidence)
-    else:
-        name, performance = path.stem, read_strangers_performance(path, given.fps, given.joint_map)
-    return {given.title or name: performance}
+        if len(people) < given.people:
+            text = f"{len(people)} of {given.people} people were found" if people else "no person was found"
+            raise InputError(f"{path}: {text}; the camera must see each dancer from head to feet")
+        return {given.title or path.stem: [Performance(one.joints_camera_m, times_s, one.confidence) for one in people]}
+    return {given.title or path.stem: read_strangers_group(given.files, given.fps, given.joint_map)}
 
 
 def add_own(given: argparse.Namespace, library: Library) -> None:
     """Adds them, each in the part that was asked for."""
     if not 20 <= given.bpm <= 400:
         raise InputError(f"--bpm {given.bpm:g}: expected 20 to 400 beats per minute")
-    for title, performance in own_dances(given).items():
-        part, title = part_of(performance, given.from_s, given.to_s, str(given.file)), title[:MOST_LETTERS]
-        identity = add_performance(library, part, str(given.file), title, given.bpm)
+    for title, dancers in own_dances(given).items():
+        parts = [part_of(one, given.from_s, given.to_s, str(given.files[0])) for one in dancers]
+        identity = add_group(library, parts, str(given.files[0]), title := title[:MOST_LETTERS], given.bpm)
         print(f"added {title} as {identity}; kpopnet teach shows it")
 
 
@@ -196,7 +201,9 @@ def parsed() -> argparse.Namespace:
     add_depth(parser)
     if sys.argv[1:2] == ["add"]:
         parser.add_argument("add", choices=["add"])
-        parser.add_argument("file", type=Path, help="joints, depth, or a folder in the K-Pop format (docs/teaching.md)")
+        files = "joints, depth, or a folder in the K-Pop format (docs/teaching.md); of a group, joints of each dancer"
+        parser.add_argument("files", type=Path, nargs="+", metavar="file", help=files)
+        parser.add_argument("--people", type=int, default=1, help="dancers in a recording of depth: %(default)s")
         parser.add_argument("--title", help="its name in the menu; by default the file's")
         parser.add_argument("--bpm", type=float, default=120.0, help="beats per minute, the first at the start: %(default)s")
         parser.add_argument("--from", type=float, default=0.0, dest="from_s", help="second at which it begins: %(default)s")

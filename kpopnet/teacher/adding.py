@@ -1,6 +1,8 @@
 """Dances of the user's own, from files of joints, recordings of depth and folders in the K-Pop format (docs/kpop_format.md)."""
 
 import zipfile
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,17 +28,24 @@ NOT_DEPTH = (*JOINT_SUFFIXES, ".pkl", ".pickle")
 
 
 def add_performance(library: Library, performance: Performance, where: str, title: str, bpm: float = USUAL_BPM) -> str:
-    """Adds a dance known by its joints in the frame of a level camera, and returns its identity.
+    """Adds a dance of one dancer, as `add_group`."""
+    return add_group(library, [performance], where, title, bpm)
 
-    The first beat is at the recording's start. Raises InputError, which names the file `where`, if it lasts less than MIN_S or
-    more than MAX_S.
+
+def add_group(library: Library, dancers: Sequence[Performance], where: str, title: str, bpm: float = USUAL_BPM) -> str:
+    """Adds a dance known by its dancers' joints in the frame of one level camera and on one clock; returns its identity.
+
+    It lasts while all are recorded; its first beat is at its start. Raises InputError, which names the file `where`, if it
+    lasts less than MIN_S or more than MAX_S.
     """
-    seconds = float(performance.times_s[-1] - performance.times_s[0])
-    if not MIN_S <= seconds <= MAX_S:
+    begin_s, end_s = (pick(float(one.times_s[at]) for one in dancers) for pick, at in ((max, 0), (min, -1)))
+    if not MIN_S <= end_s - begin_s <= MAX_S:
         text = "{file}: lasts {seconds} s; a dance lasts {least} to {most} s"
-        raise InputError(Said(text, file=where, seconds=f"{seconds:.1f}", least=f"{MIN_S:g}", most=f"{MAX_S:g}"))
-    joints_m = at_rate(performance, FPS)
-    return library.add(taught_dance(title, FPS, bpm, joints_m, *posed(joints_m, library.body), own=True))
+        raise InputError(Said(text, file=where, seconds=f"{end_s - begin_s:.1f}", least=f"{MIN_S:g}", most=f"{MAX_S:g}"))
+    danced = [at_rate(one, FPS, begin_s, end_s) for one in dancers]
+    taught = [taught_dance(title, FPS, bpm, joints_m, *posed(joints_m, library.body), own=True) for joints_m in danced]
+    first, *others = sorted(taught, key=lambda one: -one.start_m[0])
+    return library.add(replace(first, others=tuple(others)))
 
 
 def kpop_teachers(path: Path) -> dict[str, Performance]:

@@ -20,6 +20,7 @@ from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
+from kpopnet.runtime.input_files import expect
 from kpopnet.runtime.parallel import end_with_parent
 from kpopnet.teacher.library import Library, TaughtDance, TeacherBody
 from kpopnet.teacher.posing import Movement, forward, learners_movement
@@ -218,7 +219,9 @@ def make_film(connection: Connection, library: Library, tries: Tries, dance: str
     with contextlib.suppress(BrokenPipeError, ConnectionResetError, KeyboardInterrupt):
         try:
             learner, result = read_performance(tries.path(dance, name, "npz")), tries.result(dance, name)
-            write_film(tries.film_path(dance, name), library.body, library.dance(dance), learner, result, tell)
+            number, dancers = result.get("dancer", 0), library.dance(dance).dancers
+            expect(number in range(len(dancers)), f"{dance}/{name}: dancer", f"one of the {len(dancers)} of the dance")
+            write_film(tries.film_path(dance, name), library.body, dancers[number], learner, result, tell)
         except InputError as error:
             connection.send((0.0, str(error)))
         except (BrokenPipeError, ConnectionResetError):

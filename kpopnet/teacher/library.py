@@ -7,7 +7,7 @@ has z up; a body in its T-pose faces -y with its left hand at +x, and the rotati
 import itertools
 import json
 import re
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -83,6 +83,18 @@ class TaughtDance:
     joints_m: np.ndarray
     quats: np.ndarray  # (T, B, 4) float32 rotations of the bones relative to their parents, w first
     hips_m: np.ndarray  # (T, 3) float32 position of the root bone, metres; the floor at z = 0
+    others: tuple["TaughtDance", ...] = ()  # the rest of a group, from its own left to its right
+
+    @property
+    def dancers(self) -> tuple["TaughtDance", ...]:
+        """All of a group, from its own left to its right at the start, as it faces the camera."""
+        return (self, *self.others)
+
+    @property
+    def start_m(self) -> np.ndarray:
+        """(3,) where the middle of the hips is known first, metres, in the frame of the camera."""
+        hips_m = self.joints_m[:, [Joint.LEFT_HIP, Joint.RIGHT_HIP]].mean(axis=1)
+        return hips_m[np.isfinite(hips_m).all(axis=1).argmax()]
 
     @property
     def performance(self) -> Performance:
@@ -117,7 +129,11 @@ _DANCE_SCHEMAS = {
     "joints_m": ArraySchema("f", ("T", NUM_JOINTS, 3)),
     "quats": ArraySchema("i", ("T", "B", 4)),
     "hips_m": ArraySchema("f", ("T", 3)),
+    "others_joints_m": ArraySchema("f", ("D", "T", NUM_JOINTS, 3), False),
+    "others_quats": ArraySchema("i", ("D", "T", "B", 4), False),
+    "others_hips_m": ArraySchema("f", ("D", "T", 3), False),
 }
+_MOVED = ("joints_m", "quats", "hips_m")
 
 
 class Library:
@@ -153,12 +169,19 @@ class Library:
         path = self.path(identity)
         stored = read_npz(path, _DANCE_SCHEMAS)
         expect(bool(len(stored["hips_m"])), str(path), "at least one frame")
-        expect(bool((np.abs(stored["hips_m"]) < MAX_PLACE_M).all()), f"{path}: hips_m", "finite numbers of metres")
-        expect(not (np.abs(stored["joints_m"]) >= MAX_PLACE_M).any(), f"{path}: joints_m", "metres, or NaN")
         expect(1 <= float(stored["fps"]) <= 1000, f"{path}: fps", "1 to 1000 frames per second")
-        quats = stored["quats"].astype(np.float32) / QUAT_SCALE
-        about = _about(stored["about"], path)
-        return TaughtDance(about, float(stored["fps"]), stored["joints_m"], quats, stored["hips_m"])
+        others = zip(*(stored.get(f"others_{name}", ()) for name in _MOVED), strict=True)
+        about, fps = _about(stored["about"], path), float(stored["fps"])
+        first = self._dancer(about, fps, *(stored[name] for name in _MOVED), path)
+        return replace(first, others=tuple(self._dancer(about, fps, *one, path) for one in others))
+
+    @staticmethod
+    def _dancer(
+        about: About, fps: float, joints_m: np.ndarray, quats: np.ndarray, hips_m: np.ndarray, path: Path
+    ) -> TaughtDance:
+        expect(bool((np.abs(hips_m) < MAX_PLACE_M).all()), f"{path}: hips_m", "finite numbers of metres")
+        expect(not (np.abs(joints_m) >= MAX_PLACE_M).any(), f"{path}: joints_m", "metres, or NaN")
+        return TaughtDance(about, fps, joints_m, quats.astype(np.float32) / QUAT_SCALE, hips_m)
 
     def add(self, dance: TaughtDance) -> str:
         """Writes a dance of the user's own, and returns its identity."""
@@ -179,13 +202,12 @@ class Library:
     def write(self, identity: str, dance: TaughtDance) -> None:
         """Writes a dance; one of that name is replaced."""
         (self.folder / DANCES).mkdir(parents=True, exist_ok=True)
-        arrays = {
-            "about": np.array(json.dumps(asdict(dance.about), ensure_ascii=False)),
-            "fps": np.float64(dance.fps),
-            "joints_m": dance.joints_m.astype(np.float32),
-            "quats": stored_quats(dance.quats),
-            "hips_m": dance.hips_m.astype(np.float32),
-        }
+        arrays = {"about": np.array(json.dumps(asdict(dance.about), ensure_ascii=False)), "fps": np.float64(dance.fps)}
+        joints_m, quats, hips_m = (np.stack([getattr(one, name) for one in dance.dancers]) for name in _MOVED)
+        for name, moved in zip(
+            _MOVED, (joints_m.astype(np.float32), stored_quats(quats), hips_m.astype(np.float32)), strict=True
+        ):
+            arrays |= {name: moved[0], f"others_{name}": moved[1:]}
         with atomic_path(self.folder / DANCES / f"{identity}.npz") as part, part.open("wb") as file:
             np.savez_compressed(file, **arrays)
 

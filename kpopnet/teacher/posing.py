@@ -78,16 +78,19 @@ def learners_movement(learner: Performance, fps: float, body: TeacherBody) -> Mo
     return Movement(*posed(at_rate(learner, fps), body), fps, float(learner.times_s[0]))
 
 
-def at_rate(performance: Performance, fps: float) -> np.ndarray:
-    """(T, 15, 3) float32 joints of a performance at a constant rate from its first frame on: those of the nearest frames.
+def at_rate(performance: Performance, fps: float, begin_s: float | None = None, end_s: float | None = None) -> np.ndarray:
+    """(T, 15, 3) float32 joints of a performance at a constant rate: those of the nearest frames.
+
+    From its first frame on to its last, unless other times within it are given, in seconds.
 
     Raises:
         InputError: it lasts more than MAX_S.
     """
-    seconds = float(performance.times_s[-1] - performance.times_s[0])
-    if not seconds <= MAX_S:
-        raise InputError(f"a recording of {seconds:.3g} s; a dance lasts at most {MAX_S:g} s")
-    times_s = np.arange(performance.times_s[0], performance.times_s[-1], 1 / fps)
+    begin_s = performance.times_s[0] if begin_s is None else begin_s
+    end_s = performance.times_s[-1] if end_s is None else end_s
+    if not end_s - begin_s <= MAX_S:
+        raise InputError(f"a recording of {end_s - begin_s:.3g} s; a dance lasts at most {MAX_S:g} s")
+    times_s = np.arange(begin_s, end_s, 1 / fps)
     after = np.clip(np.searchsorted(performance.times_s, times_s), 1, len(performance) - 1)
     before_is_nearer = times_s - performance.times_s[after - 1] < performance.times_s[after] - times_s
     return performance.joints_m[after - before_is_nearer].astype(np.float32)

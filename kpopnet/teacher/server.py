@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from kpopnet.dance.joint_files.reader import SUFFIXES, read_performance, read_strangers_performance
@@ -109,8 +110,12 @@ async def dances(request: web.Request) -> web.Response:
 async def dance(request: web.Request) -> web.Response:
     library, identity = request.app[TEACHING].library, request.match_info["identity"]
     found = await asyncio.to_thread(library.dance, identity)
-    shown = _shown(identity, found.about) | {"moves": moves_cm(found)}
-    return web.json_response(shown | packed_movement(Movement(found.quats, found.hips_m, found.fps)))
+    starts_m = np.nan_to_num([one.start_m[[0, 2]] for one in found.dancers])
+    first, *others = [
+        packed_movement(Movement(one.quats, one.hips_m, one.fps)) | {"place_m": place_m, "moves": moves_cm(one)}
+        for one, place_m in zip(found.dancers, (starts_m - starts_m.mean(axis=0)).round(3).tolist(), strict=True)
+    ]
+    return web.json_response(_shown(identity, found.about) | first | {"others": others})
 
 
 def _shown(identity: str, about: About) -> dict:

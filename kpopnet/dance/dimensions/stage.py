@@ -165,9 +165,14 @@ def stage_score(teacher_m: np.ndarray, learner_m: np.ndarray, delay_s: np.ndarra
         compared = dimension.similarity(errors[name])
         staying = dimension.similarity(dimension.error(np.broadcast_to(dimension.mean(goal), goal.shape), goal))
         if len(compared) > LEAST_KNOWN * len(staying):
-            lost = min(float(staying.mean()), MAX_STAYING)
-            figures[name] = 100 * max((float(compared.mean()) - lost) / (1 - lost), 0.0)
+            figures[name] = figure(compared, staying)
     return StageScore(figures, errors, learner.length_m)
+
+
+def figure(compared: np.ndarray, staying: np.ndarray) -> float:
+    """The skill score, 0 to 100, of similarities in 0..1, above those of somebody who stays as the teacher is on average."""
+    lost = min(float(staying.mean()), MAX_STAYING)
+    return 100 * max((float(compared.mean()) - lost) / (1 - lost), 0.0)
 
 
 def stance(joints_m: np.ndarray) -> Stance:

@@ -104,9 +104,17 @@ def named_performance(recorded: NamedPoints, source: str, fps: float | None = No
 
     `source` names the recording in messages; `fps` is the true rate of one that states none or a wrong one.
     """
-    joints, confidence = named_joints(recorded, source)
-    times_s = frame_times_s(len(joints), recorded.times_s, recorded.fps, fps, source)
-    return checked_performance(_before_level_camera_m(joints, source), times_s, confidence, source)
+    return named_performances([(recorded, source)], fps)[0]
+
+
+def named_performances(group: Sequence[tuple[NamedPoints, str]], fps: float | None = None) -> list[Performance]:
+    """As `named_performance`, of dancers recorded in one frame: all before one camera, which the first faces at first."""
+    found, (first, _) = [], named_joints(*group[0])
+    for recorded, source in group:
+        joints, confidence = named_joints(recorded, source)
+        times_s = frame_times_s(len(joints), recorded.times_s, recorded.fps, fps, source)
+        found.append(checked_performance(_before_level_camera_m(joints, first, source), times_s, confidence, source))
+    return found
 
 
 def named_joints(recorded: NamedPoints, source: str) -> tuple[np.ndarray, np.ndarray]:
@@ -235,29 +243,30 @@ def _trunks(joints: np.ndarray) -> np.ndarray:
     return joints[:, _SHOULDERS].mean(axis=1) - joints[:, _HIPS].mean(axis=1)
 
 
-def _before_level_camera_m(joints: np.ndarray, source: str) -> np.ndarray:
+def _before_level_camera_m(joints: np.ndarray, first: np.ndarray, source: str) -> np.ndarray:
     """(T, 15, 3) float32 joints in metres before a level camera (x right, y down, z forward), with the paper's torso.
 
     The (T, 15, 3) given ones are in metres, centimetres or millimetres, in a right-handed frame whose y or z points up or down.
+    The camera stands before the dancer whose joints are the `first` ones, in the same unit and frame.
     """
     largest = np.max(np.abs(joints), initial=0, where=np.isfinite(joints))
     if not largest <= MAX_COORDINATE:
         raise InputError(f"{source}: a coordinate of {largest:g}; expected at most {MAX_COORDINATE:g} millimetres")
-    trunk = _trunks(joints)
+    trunk = _trunks(first)
     valid = np.isfinite(trunk.sum(axis=1))
     if not valid.any():
         raise InputError(f"{source}: no frame has both shoulders and both hips")
-    joints *= unit_m(joints, source)
     mean = trunk[valid].mean(axis=0)
     axis = 1 + int(abs(mean[2]) > abs(mean[1]))
     if abs(mean[axis]) < 0.5 * np.median(np.linalg.norm(trunk[valid], axis=1)):
         raise InputError(f"{source}: neither y nor z points up or down along the dancer's trunk")
-    joints_m = joints @ _TO_Y_UP[axis, bool(mean[axis] > 0)].T
+    unit, to_y_up = unit_m(first, source), _TO_Y_UP[axis, bool(mean[axis] > 0)].T
+    first_m, joints_m = first * unit @ to_y_up, joints * unit @ to_y_up
 
-    hips_m = joints_m[:, _HIPS].mean(axis=1)
-    first = np.flatnonzero(valid)[: max(len(valid) // 20, 1)]
-    side = (joints_m[:, Joint.LEFT_HIP] - joints_m[:, Joint.RIGHT_HIP])[first].mean(axis=0)
-    origin = np.array([*hips_m[first[0], [0]], np.nanmin(joints_m[..., 1]), *hips_m[first[0], [2]]])
+    hips_m = first_m[:, _HIPS].mean(axis=1)
+    begin = np.flatnonzero(valid)[: max(len(valid) // 20, 1)]
+    side = (first_m[:, Joint.LEFT_HIP] - first_m[:, Joint.RIGHT_HIP])[begin].mean(axis=0)
+    origin = np.array([*hips_m[begin[0], [0]], np.nanmin(first_m[..., 1]), *hips_m[begin[0], [2]]])
     # The left hip has to be on the camera's right: the camera's x axis is along `side`, y down, z away from the camera.
     angle = np.arctan2(side[2], side[0])
     cos, sin = np.cos(angle), np.sin(angle)

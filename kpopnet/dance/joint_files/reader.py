@@ -1,6 +1,7 @@
 """Reads a recording of joints from a file of any of the known formats: a reader for each kind of file."""
 
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from kpopnet.dance.joint_files.points import (
     NamedPoints,
     checked_performance,
     frame_times_s,
-    named_performance,
+    named_performances,
     unit_m,
     with_joint_map,
 )
@@ -65,10 +66,25 @@ def read_performance(path: Path | str, fps: float | None = None, joint_map: Path
     which points of a file of MAPPED are which joints (`with_joint_map`). A stranger's file is read by
     `read_strangers_performance`.
     """
-    path = Path(path)
+    return read_performances([Path(path)], fps, joint_map)[0]
+
+
+def read_performances(paths: Sequence[Path], fps: float | None = None, joint_map: Path | None = None) -> list[Performance]:
+    """As `read_performance`, of dancers who were recorded together, on one clock and in one frame: a file for each.
+
+    All stand before one camera, which the first faces at first, in the places that they had.
+    """
+    group = [(_recorded(path, fps, joint_map), str(path)) for path in paths]
+    own = [one for one, _ in group if isinstance(one, Performance)]
+    named = [(one, where) for one, where in group if not isinstance(one, Performance)]
+    expect(not own or not named, str(paths[-1]), "a file of the same kind as the others'")
+    return own or named_performances(named, fps)
+
+
+def _recorded(path: Path, fps: float | None, joint_map: Path | None) -> NamedPoints | Performance:
     match path.suffix.lower():
         case ".npz":
-            return _read_npz(path, fps)
+            recorded = _read_npz(path, fps)
         case ".bvh":
             recorded = bvh_points(read_bvh_motion(path, fps))
         case ".npy":
@@ -93,22 +109,29 @@ def read_performance(path: Path | str, fps: float | None = None, joint_map: Path
             raise InputError(f"{path}: a pickle can run code when it is opened; save its arrays with numpy.savez first")
         case _:
             raise InputError(f"{path}: expected a file that ends with {', '.join(SUFFIXES)}")
-    if joint_map is not None and path.suffix.lower() in MAPPED:
+    if joint_map is not None and path.suffix.lower() in MAPPED and isinstance(recorded, NamedPoints):
         recorded = with_joint_map(recorded, joint_map, str(path))
-    return named_performance(recorded, str(path), fps)
+    return recorded
 
 
 def read_strangers_performance(path: Path | str, fps: float | None = None, joint_map: Path | None = None) -> Performance:
     """`read_performance` in a process with limits of time and memory, which a hostile file may harm."""
-    return Performance(**read_in_child(_arrays, path, fps, joint_map))
+    return read_strangers_group([Path(path)], fps, joint_map)[0]
 
 
-def _arrays(path: Path, fps: float | None, joint_map: Path | None) -> dict[str, np.ndarray]:
-    found = read_performance(path, fps, joint_map)
-    return {"joints_m": found.joints_m, "times_s": found.times_s, "confidence": found.confidence}
+def read_strangers_group(paths: Sequence[Path], fps: float | None = None, joint_map: Path | None = None) -> list[Performance]:
+    """`read_performances` in such a process."""
+    return [Performance(**one) for one in read_in_child(_arrays, paths[0], [*paths[1:]], fps, joint_map)]
 
 
-def _read_npz(path: Path, fps: float | None) -> Performance:
+def _arrays(path: Path, others: list[Path], fps: float | None, joint_map: Path | None) -> list[dict[str, np.ndarray]]:
+    return [
+        {"joints_m": found.joints_m, "times_s": found.times_s, "confidence": found.confidence}
+        for found in read_performances([path, *others], fps, joint_map)
+    ]
+
+
+def _read_npz(path: Path, fps: float | None) -> NamedPoints | Performance:
     found, source = read_npz(path, NPZ_SCHEMA), str(path)
     times_s, confidence = found.get("times_s"), found.get("confidence")
     stated_fps = float(found["fps"]) if "fps" in found else None
@@ -119,7 +142,7 @@ def _read_npz(path: Path, fps: float | None) -> Performance:
         times_s = frame_times_s(len(joints_m), times_s, stated_fps, fps, source)
         return checked_performance(joints_m, times_s, confidence, source)
     if "poses" in found:
-        return named_performance(amass.smpl_points(found, source), source, fps)
+        return amass.smpl_points(found, source)
     name = next((name for name in ("keypoints3d_optim", "keypoints3d", "points") if name in found), None)
     if name is None:
         raise InputError(f"{source}: expected an array joints_m, keypoints3d, poses, or points with names")
@@ -127,7 +150,7 @@ def _read_npz(path: Path, fps: float | None) -> Performance:
     names, points = [str(one) for one in found["names"]] if name == "points" else COCO_NAMES, found[name]
     if confidence is not None:
         check_array(f"{source}: confidence", confidence.shape, confidence.dtype, ArraySchema("fiu", points.shape[:2]))
-    return named_performance(NamedPoints(names, points.astype(np.float64), times_s, confidence, stated_fps), source, fps)
+    return NamedPoints(names, points.astype(np.float64), times_s, confidence, stated_fps)
 
 
 def _read_json(path: Path) -> NamedPoints:

@@ -11,7 +11,7 @@ from kpopnet.sources.source import LiveCamera
 from kpopnet.teacher.library import IDENTITY, TaughtDance
 
 CALIBRATION_BEAT_S = 1.0
-MOST_LEARNERS = 3
+MOST_LEARNERS, MOST_DANCERS = 3, 32
 MIN_EXCERPT_S = 2.5
 """A window of the score lasts 2 s."""
 
@@ -34,6 +34,7 @@ class Lesson:
         calibrate: whether that delay is measured: the learner raises an arm every CALIBRATION_BEAT_S, and nothing is scored.
         who: the profile whose try it is, "" for none; of several learners the first's.
         people: learners beside each other.
+        dancer: whom of a group the learner dances, from 0 on the group's left; of several learners the one on their left.
     """
 
     dance: str
@@ -49,6 +50,7 @@ class Lesson:
     calibrate: bool = False
     who: str = ""
     people: int = 1
+    dancer: int = 0
 
     def __post_init__(self) -> None:
         if not IDENTITY.fullmatch(self.dance):
@@ -59,6 +61,7 @@ class Lesson:
         check_between("to_s", self.to_s, 0, 7200)
         check_between("seed", self.seed, 0, 2**31)
         check_between("people", self.people, 1, MOST_LEARNERS)
+        check_between("dancer", self.dancer, 0, MOST_DANCERS - 1)
 
     def excerpt_s(self, dance_s: float) -> tuple[float, float]:
         """Start and end in seconds of the excerpt of a dance of this length. Raises InputError if it is too short to score."""

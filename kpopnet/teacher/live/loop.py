@@ -8,6 +8,7 @@ joints or None.
 import contextlib
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from multiprocessing.connection import Connection
 
 import numpy as np
@@ -22,7 +23,7 @@ from kpopnet.skeleton import Joint
 from kpopnet.sources.live import NewestImage
 from kpopnet.teacher.library import TaughtDance
 from kpopnet.teacher.live.lesson import CameraOpener, DanceClock, Lesson
-from kpopnet.teacher.live.score import Calibration, DanceTry, together
+from kpopnet.teacher.live.score import Calibration, DanceTry, kept_formation, together
 from kpopnet.teacher.live.webcam import NO_DEPTH_M, WEBCAM, WebcamCamera, WebcamEstimator
 
 PICTURE_WIDTH = 160
@@ -96,6 +97,22 @@ def choose_each(learners: list[Learner], people: list[PersonPose], now: float) -
     return poses
 
 
+def from_the_left(learners: list[Learner], poses: list[PersonPose | None]) -> tuple[list[Learner], list[PersonPose | None]]:
+    """Learners and their poses from the left, as they face the camera, to the right; as they are while one is not seen."""
+    seen = [pose for pose in poses if pose is not None]
+    if len(seen) < len(poses):
+        return learners, poses
+    order = np.argsort([-one.joints_camera_m[Joint.TORSO, 0] for one in seen], kind="stable").tolist()
+    return [learners[place] for place in order], [poses[place] for place in order]
+
+
+def taught_to(lesson: Lesson, dance: TaughtDance) -> list[int]:
+    """Whom of the dancers each learner dances: neighbours from `lesson.dancer` on; the last one twice if there are too few."""
+    last = len(dance.dancers) - 1
+    begin = max(min(lesson.dancer, last + 1 - lesson.people), 0)
+    return [min(begin + learner, last) for learner in range(lesson.people)]
+
+
 class _CompiledKernels(event.Listener):
     """Counts the kernels that this process has compiled."""
 
@@ -150,6 +167,7 @@ class RunningLesson:
         if self._webcam and lesson.people > 1:
             raise InputError(Said("a webcam follows one learner; several need a depth camera"))
         self._estimator.people = max(PEOPLE, lesson.people)
+        self._taught = taught_to(lesson, dance)
         self._tries = self._new_tries()
         self._clock, self._away = DanceClock(lesson.from_s, lesson.speed), ""
         self._learners = [Learner() for _ in self._tries]
@@ -163,17 +181,18 @@ class RunningLesson:
         return max(one.seen_s for one in self._tries)
 
     def _new_tries(self) -> list[DanceTry]:
-        return [self._new_try() for _ in range(self._lesson.people)]
+        return [self._new_try(dancer) for dancer in self._taught]
 
-    def _new_try(self) -> DanceTry:
-        return (Calibration if self._lesson.calibrate else DanceTry)(self._lesson, self._dance, noise_of(self._estimator))
+    def _new_try(self, dancer: int) -> DanceTry:
+        lesson, dance = replace(self._lesson, dancer=dancer), self._dance.dancers[dancer]
+        return (Calibration if lesson.calibrate else DanceTry)(lesson, dance, noise_of(self._estimator))
 
     def warm(self, kernels: _CompiledKernels, connection: Connection) -> bool:
         """Compiles everything that the lesson needs, with progress, until poses come in real time.
 
         Returns whether the lesson goes on.
         """
-        self._new_try().compile()
+        self._new_try(self._taught[0]).compile()
         steady, began = 0, time.monotonic()
         while steady < STEADY_FRAMES and time.monotonic() - began < NOBODY_PATIENCE_S + kernels.count:
             if not self._follow(connection):
@@ -225,7 +244,10 @@ class RunningLesson:
         self._follow_away(images.away)
         if image is not None:
             people, shown = self._estimator.update(image.depth_m, self._camera, image.taken), []
-            for one, person in zip(self._tries, choose_each(self._learners, people, image.taken), strict=True):
+            poses = choose_each(self._learners, people, image.taken)
+            if self._dance.others and not clock.running and clock.paused_s is None:
+                self._learners, poses = from_the_left(self._learners, poses)
+            for one, person in zip(self._tries, poses, strict=True):
                 joints_m, confidence = (None, None) if person is None else person[1:]
                 one.score(clock, image, joints_m, confidence)
                 shown.append(one.shown(clock, image, joints_m, confidence, self._camera))
@@ -239,10 +261,16 @@ class RunningLesson:
             (result, arrays), *others = [one.finish(images.dropped) for one in self._tries]
             for other, of_other in others:
                 self._tell("member", other | {"who": ""}, of_other)
-            common = {"together": together([arrays, *(one for _, one in others)])} if others else {}
+            common = self._in_common([arrays, *(one for _, one in others)]) if others else {}
             self._tell("done", result | common, arrays)
         elif images.ended:
             raise InputError(images.error or "the recording of depth has ended")
+
+    def _in_common(self, members: list[dict[str, np.ndarray]]) -> dict:
+        """What several learners have in common: the formation of a group, else how alike they danced the one dance."""
+        if len(set(self._taught)) < len(members):
+            return {"together": together(members)}
+        return {"formation": kept_formation([self._dance.dancers[dancer] for dancer in self._taught], members)}
 
     def _follow_away(self, away: str) -> None:
         """While the camera is away the dance stands still where the learner was seen last; the page asks to resume it."""

@@ -8,13 +8,16 @@ from dataclasses import replace
 import numpy as np
 
 from kpopnet.camera import Camera
+from kpopnet.dance.dimensions.formation import formation
 from kpopnet.dance.online import OnlineScore, OnlineScorer
 from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import OURS, score_dance
 from kpopnet.dance.timing import beat_latency_s
 from kpopnet.dance.window import WINDOW_S
+from kpopnet.dance.words.moments import at
 from kpopnet.errors import InputError
+from kpopnet.languages import Said
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.sources.live import Image
 from kpopnet.teacher.library import MOVE_COUNTS, TaughtDance
@@ -233,6 +236,20 @@ def together(members: list[dict[str, np.ndarray]]) -> dict | None:
     after_s = [rounded(np.median(delay_s), 2) if len(delay_s) else None for delay_s in delays_s]
     figures = {name: rounded(np.mean([getattr(one, name) for one in pairs])) for name in ("similarity", "timing", "posture")}
     return figures | {"after_s": [0.0, *after_s]}
+
+
+def kept_formation(dancers: list[TaughtDance], members: list[dict[str, np.ndarray]]) -> dict | None:
+    """How learners kept a group's formation, see `formation`; None where that cannot be told. `members` as for `together`."""
+    try:
+        learners = [Performance(one["joints_m"], one["times_s"], one["confidence"]) for one in members]
+    except InputError:
+        return None
+    if (found := formation([one.performance for one in dancers], learners)) is None:
+        return None
+    remarks = [
+        {"member": member, "text": Said("{what} {when}", what=text, when=at([at_s]))} for member, at_s, text in found.remarks
+    ]
+    return {"similarity": rounded(found.similarity), "spread": rounded(found.spread, 2), "remarks": remarks}
 
 
 def scorer_config(lesson: Lesson, noise: str) -> PartScorer:

@@ -106,7 +106,7 @@ def try_result(score: DanceScore | None, lesson: Lesson, about: About, notes: di
     head = {
         "dance": lesson.dance, "name": about.name, "source": lesson.source, "skill": lesson.skill, "fault": lesson.fault,
         "speed": lesson.speed, "from_s": lesson.from_s, "to_s": lesson.to_s, "mirrored": lesson.mirrored, "who": lesson.who,
-        "notes": notes,
+        "dancer": lesson.dancer, "notes": notes,
     }  # fmt: skip
     if score is None or math.isnan(score.similarity):
         return head | {"total": None, "hints": ["no person was seen dancing; stand in the picture from head to feet"]}

@@ -31,6 +31,7 @@ export function controls(dance, offer, wanted) {
     skill: choice("skill", offer.skills.map((one) => [one, say(`skill|${one}`)]), wanted.get("skill") || "good"),
     fault: choice("fault", offer.faults.map((one) => [one, say(`fault|${one || "none"}`)]), wanted.get("fault") || ""),
     people: choice("people", [1, 2, 3].map((one) => [one, one]), remembered("people", 1)),
+    dancer: choice("dancer", [dance, ...dance.others].map((_, k) => [k, say("{number} from your left", { number: k + 1 })]), wanted.get("dancer") || 0),
     seed: el("input", { type: "number", id: "seed", min: 0, max: 9999, value: wanted.get("seed") || "0" }),
   };
 }
@@ -72,7 +73,8 @@ export function panels(main, dance, parts, song) {
     el("h1", {}, dance.name, el("small", { class: "quiet" }, `${stars(dance.difficulty)} · ${say("{count} bpm", { count: Math.round(dance.bpm) })} · ${clock(dance.seconds)}`)),
     el("div", { class: "controls" }, parts.start, el("label", {}, say("speed"), parts.speed), el("label", {}, say("dance"), parts.phrase),
       el("label", {}, say("practise"), parts.practise), el("label", {}, parts.loop, say("loop")), el("label", {}, parts.mirrored, say("as in a mirror")),
-      el("label", {}, say("music"), parts.music), el("label", {}, say("who dances"), parts.source), el("label", {}, say("learners"), parts.people), parts.full, shown.beginNow),
+      el("label", {}, say("music"), parts.music), el("label", {}, say("who dances"), parts.source), el("label", {}, say("learners"), parts.people),
+      el("label", { hidden: !dance.others.length }, say("dancer"), parts.dancer), parts.full, shown.beginNow),
     song, withoutDepth(parts.source), shown.preparing, shown.error,
     shown.stage,
     shown.bars.list,

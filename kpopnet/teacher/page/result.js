@@ -11,13 +11,14 @@ const HIGH = 150; // of a course, in its own units
 
 export async function result(main, identity, name) {
   const base = `/api/tries/${identity}/${name}`;
-  const [found, dance, body, movement] = await Promise.all([
+  const [found, group, body, movement] = await Promise.all([
     ask(`${base}.json`), ask(`/api/dances/${identity}`), loadBody(), ask(`${base}/movement`),
   ]);
+  const dance = { ...group, ...[group, ...group.others][found.dancer || 0] };
   const history = await ask(`/api/history/${identity}?who=${found.who || ""}`);
   const filming = film(base, `${identity}-${name}.mp4`);
   const leave = showResult(main, { found, dance, body, movement }, (phrase) =>
-    practiseAddress(identity, phrase, `&skill=${found.skill}&fault=${encodeURIComponent(found.fault)}`));
+    practiseAddress(identity, phrase, `&skill=${found.skill}&fault=${encodeURIComponent(found.fault)}&dancer=${found.dancer || 0}`));
   main.append(
     ...beside(found, identity),
     ...latency(found),
@@ -33,16 +34,25 @@ export async function result(main, identity, name) {
 }
 
 // Who danced beside, and what all had in common without regard to the teacher.
-function beside({ total, members = [], together: common }, identity) {
+function beside({ total, members = [], together: common, formation }, identity) {
   if (!members.length) return [];
   const rows = [{ total }, ...members].map((one, k) => {
     const late_s = common?.posture >= ALIKE && Math.abs(common.after_s[k]) >= NOTICED_S ? common.after_s[k] : 0, told = say("learner {number}: {total}", { number: k + 1, total: one.total === null ? "–" : Math.round(one.total) });
     const late = late_s ? say(late_s > 0 ? "{seconds} s after the first" : "{seconds} s before the first", { seconds: Math.abs(late_s).toFixed(2) }) : "";
     return el("li", {}, swatch(OF_LEARNERS[k]), one.session ? el("a", { href: `#/dance/${identity}/try/${one.session}` }, told) : told, late ? `, ${late}` : "");
   });
+  if (formation !== undefined) return [el("h2", {}, say("Formation")), ...formationOf(formation), el("ul", { class: "list" }, ...rows)];
   return [el("h2", {}, say("Together")), el("p", { id: "together" }, common
     ? say("as one {similarity} of 100: timing {timing}, posture {posture}", Object.fromEntries(["similarity", "timing", "posture"].map((name) => [name, Math.round(common[name])])))
     : say("not seen together for long enough")), el("ul", { class: "list" }, ...rows)];
+}
+
+// How a group kept its places relative to each other.
+function formationOf(kept) {
+  if (!kept) return [el("p", { id: "formation" }, say("not seen together for long enough"))];
+  const told = kept.remarks.map(({ member, text }) => el("li", {}, swatch(OF_LEARNERS[member]), say(text)));
+  return [el("p", { id: "formation" }, say("{similarity} of 100; you stood {percent} % as far apart as they do",
+    { similarity: Math.round(kept.similarity), percent: Math.round(100 * kept.spread) })), told.length ? el("ul", { class: "list" }, ...told) : ""];
 }
 
 // Place, height, lean and facing, which the total does not contain; tries of before have none.

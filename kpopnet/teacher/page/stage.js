@@ -16,6 +16,8 @@ import { say } from "./words.js";
 
 const COUNTS = 4;
 const AGAIN_S = 2;
+const GROUP_M = 3.8; // from the camera to a group without width
+const FAINT = 0.35;
 const SLOWEST = 0.25, FASTEST = 1.5; // of a lesson
 
 export async function stage(main, identity, wanted) {
@@ -29,8 +31,12 @@ export async function stage(main, identity, wanted) {
   const song = songPanel(showSong), follows = el("p", { id: "follows" }), shown = panels(main, dance, parts, song.panel);
   const view = new View(shown.teacher), learner = new LearnerView(shown.learner);
   const lane = new Lane(shown.lane, dance.moves, beat_s);
-  const teacher = view.add(body, "teacher", 0);
-  teacher.movement = movementOf(dance);
+  const group = [dance, ...dance.others].map((one) => {
+    const dancer = view.add(body, "teacher", one.place_m[0]);
+    dancer.group.position.z = -one.place_m[1];
+    return Object.assign(dancer, { movement: movementOf(one) });
+  });
+  if (group.length > 1) view.back(GROUP_M + 2 * Math.max(...group.map((one) => Math.abs(one.group.position.x))));
   view.mirror(parts.mirrored.checked);
   const live = liveFor({ preparing, ready, frame, drawn, verdict, away, paused, back, done, error, lost });
 
@@ -41,6 +47,7 @@ export async function stage(main, identity, wanted) {
   parts.mirrored.addEventListener("change", () => view.mirror(parts.mirrored.checked));
   parts.music.addEventListener("change", () => { remember("music", parts.music.value); showSong(); });
   parts.phrase.addEventListener("change", () => { if (!state.running) showExcerpt(); });
+  for (const one of [parts.dancer, parts.people, parts.source]) one.addEventListener("change", showDanced);
   const onKey = (event) => {
     if (event.target.closest("input, select, button, a, summary")) return;
     if (event.key === " ") parts.start.click();
@@ -61,6 +68,7 @@ export async function stage(main, identity, wanted) {
   for (const kind of ["dragover", "drop"]) document.addEventListener(kind, onDrag);
   song.panel.append(follows);
   showSong();
+  showDanced();
   showExcerpt();
   requestAnimationFrame(animate);
   choosePractice();
@@ -74,6 +82,17 @@ export async function stage(main, identity, wanted) {
     live.leave();
     view.close();
   };
+
+  // Whom of a group the learners do not dance is faint. Several dance neighbours, the chosen one and those to the right.
+  function showDanced() {
+    const first = Math.max(Math.min(Number(parts.dancer.value), group.length - peopleOf()), 0);
+    group.forEach(({ mesh }, k) => {
+      const danced = k >= first && k < first + peopleOf();
+      Object.assign(mesh.material, { transparent: !danced, opacity: danced ? 1 : FAINT, needsUpdate: true });
+    });
+    Object.assign(lane, { moves: [dance, ...dance.others][first].moves, shown: null });
+    view.changed = true;
+  }
 
   function showExcerpt() {
     const phrase = parts.phrase.value;
@@ -136,7 +155,7 @@ export async function stage(main, identity, wanted) {
       lesson: {
         dance: identity, source: parts.source.value, skill: parts.skill.value, fault: parts.fault.value, seed: Number(parts.seed.value) || 0,
         speed: state.speed, from_s: state.from_s, to_s: state.to_s, mirrored: parts.mirrored.checked,
-        latency_s: latencyOf(parts.source.value) || 0, people: peopleOf(), who: remembered("who", ""),
+        latency_s: latencyOf(parts.source.value) || 0, people: peopleOf(), dancer: Number(parts.dancer.value), who: remembered("who", ""),
       },
     });
   }

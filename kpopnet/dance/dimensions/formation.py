@@ -1,0 +1,57 @@
+"""The formation of a group: where its members are relative to each other, whatever each of them dances.
+
+At each moment the places of the hips on the floor count from the middle of the group. A room is smaller than a stage: the
+learners' distances are multiplied by one factor for the whole dance, the one that fits the teachers' best, at most MOST_SPREAD
+or its inverse. Nothing is turned: both groups face their camera, as they would an audience, and two who have changed places
+are wrong. Of two, both are wrong by half if one stands wrong. The figure is that of `kpopnet.dance.dimensions.stage`: errors at
+its scale of place, above a group that stands as the teachers' does on average.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from kpopnet.dance.dimensions.stage import DIMENSIONS, StageScore, figure, stance
+from kpopnet.dance.performance import Performance, resampled
+from kpopnet.dance.window import FPS, WINDOW_S
+from kpopnet.languages import Said
+
+MOST_SPREAD = 2.0
+
+
+class Formation(NamedTuple):
+    """How a group keeps its formation."""
+
+    similarity: float  # 0 to 100
+    spread: float  # distances between the learners, 1 for as far apart as the teachers
+    remarks: list[tuple[int, float, Said]]  # member, from 0; seconds of the dance; "0.8 m too far left", on the teachers' stage
+
+
+def formation(teachers: Sequence[Performance], learners: Sequence[Performance]) -> Formation | None:
+    """Grades learners' places relative to each other; the first of them dances as the first teacher, and so on.
+
+    Both in the frames of their cameras, on the clock of the dance. None where all learners are not seen together for a window.
+    """
+    both = (*teachers, *learners)
+    at_s = np.arange(max(one.times_s[0] for one in both), min(one.times_s[-1] for one in both), 1 / FPS)
+    if not len(at_s):
+        return None
+    stances = [stance(resampled(one.joints_m, one.confidence, one.times_s, at_s)[0]) for one in both]
+    places_m = np.array([np.stack([one.hips_m[:, 0], -one.hips_m[:, 2]], axis=1) for one in stances])  # to the left, forward
+    known = np.isfinite(places_m).all(axis=(0, 2))
+    if known.sum() < WINDOW_S * FPS:
+        return None
+    goal_m, danced_m = (one - one.mean(axis=0) for one in (places_m[: len(teachers)], places_m[len(teachers) :]))
+    factor = (danced_m * goal_m)[:, known].sum() / max((danced_m**2)[:, known].sum(), 1e-9)  # least squares
+    factor = float(np.clip(factor, 1 / MOST_SPREAD, MOST_SPREAD))
+    length_m = float(np.mean([one.length_m for one in stances[: len(teachers)]]))
+    place, errors = DIMENSIONS["place"], (factor * danced_m - goal_m) / length_m
+    staying = np.nanmean(goal_m, axis=1, keepdims=True) - goal_m
+    similarity = figure(place.similarity(errors.reshape(-1, 2)), place.similarity(staying.reshape(-1, 2) / length_m))
+    remarks = [
+        (member, float(at_s[0] + begin_s), text)
+        for member, one in enumerate(errors)
+        for begin_s, text in StageScore({}, {"place": one}, length_m).remarks()
+    ]
+    return Formation(similarity, 1 / factor, remarks)

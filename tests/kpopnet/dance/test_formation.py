@@ -1,0 +1,62 @@
+"""Places of a group relative to each other, on composed dances that travel."""
+
+import numpy as np
+import pytest
+from dance_people import FPS, dance_joints_m, performed
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from kpopnet.dance.dimensions.formation import MOST_SPREAD, formation
+from kpopnet.skeleton import Joint
+
+SECONDS, FAULT_S = 16.0, (6.0, 10.0)
+PLACES_M = np.array([[1.0, 0.0], [0.0, 0.8], [-1.0, 0.0]])  # right of the camera, away from it
+HIPS = [Joint.LEFT_HIP, Joint.RIGHT_HIP]
+
+
+def group(places_m=PLACES_M, spread=1.0, away_m=0.0):
+    """Three dancers: (T, 15, 3) joints, their paths over the floor multiplied by a factor and moved away from the camera."""
+    dancers = []
+    for index, place_m in enumerate(places_m):
+        joints_m = dance_joints_m(index, SECONDS)
+        path_m = joints_m[:, HIPS].mean(axis=1, keepdims=True) * [1, 0, 1] - [0, 0, 3]
+        there_m = (path_m + np.insert(place_m, 1, 0)) * spread + [0, 0, 3 + away_m]
+        dancers.append(joints_m - path_m - [0, 0, 3] + there_m)
+    return dancers
+
+
+def graded(learners):
+    return formation([performed(one) for one in group()], [performed(one) for one in learners])
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.floats(1 / MOST_SPREAD, MOST_SPREAD), st.floats(-0.5, 2.0))
+def test_a_smaller_room_and_another_distance_of_the_camera_are_right(spread, away_m):
+    found = graded(group(spread=spread, away_m=away_m))
+    assert found.similarity == pytest.approx(100, abs=0.1) and found.spread == pytest.approx(spread, rel=1e-3)
+    assert not found.remarks
+
+
+def test_the_farther_one_stands_from_their_place_the_less_and_who_where_and_when_is_told():
+    figures = []
+    for metres in (0.0, 0.4, 0.8, 1.2):
+        learners = group()
+        seconds = np.arange(len(learners[0])) / FPS
+        learners[2] = learners[2] + ((seconds >= FAULT_S[0]) & (seconds < FAULT_S[1]))[:, None, None] * [metres, 0, 0]
+        found = graded(learners)
+        figures.append(found.similarity)
+    assert figures[0] > 99 and np.all(np.diff(figures) < -5), figures
+    member, at_s, text = found.remarks[-1]
+    assert member == 2 and at_s == pytest.approx(FAULT_S[0], abs=0.1) and "too far left" in text
+
+
+def test_those_who_changed_places_are_wrong():
+    assert graded(group(PLACES_M[::-1])).similarity < 5
+
+
+def test_who_is_not_seen_together_for_a_window_is_not_graded():
+    learners = [performed(one) for one in group()]
+    learners[1].joints_m[:] = np.nan
+    assert formation([performed(one) for one in group()], learners) is None
+    late = [performed(one, delay_s=SECONDS) for one in group()]
+    assert formation([performed(one) for one in group()], late) is None

@@ -1,0 +1,86 @@
+"""A dance of a group: added from a file for each dancer, kept, shown, and danced by several learners."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kpopnet.dance.joint_files.reader import read_performances
+from kpopnet.errors import InputError
+from kpopnet.pose import PersonPose
+from kpopnet.skeleton import Joint
+from kpopnet.teacher.adding import add_group
+from kpopnet.teacher.library import Library
+from kpopnet.teacher.live.lesson import Lesson
+from kpopnet.teacher.live.loop import Learner, from_the_left, taught_to
+from kpopnet.teacher.live.score import kept_formation
+from kpopnet.teacher.posing import as_bvh
+
+PLACES_M = {"ann": (0.0, 0.0), "bea": (1.5, 0.6), "cho": (-1.2, 0.0)}  # to the dancers' left, away from the camera
+
+
+@pytest.fixture(scope="module")
+def group(library, tmp_path_factory):
+    """A library with a dance of three, who were recorded together in a BVH file each."""
+    folder = tmp_path_factory.mktemp("group")
+    one, paths = library.dance("dance_001"), []
+    for name, (left_m, away_m) in PLACES_M.items():
+        paths.append(folder / f"{name}.bvh")
+        paths[-1].write_text(as_bvh(library.body, one.quats, one.hips_m + np.array([left_m, away_m, 0]), one.fps))
+    own = Library(folder / "library", library.body)
+    identity = add_group(own, read_performances(paths), "the files", "Trio")
+    return own, identity
+
+
+def test_dancers_keep_their_places_and_are_counted_from_their_left(group, library):
+    own, identity = group
+    dance = own.dance(identity)
+    assert [len(one.joints_m) for one in dance.dancers] == [len(dance.joints_m)] * 3 and dance.about.name == "Trio"
+    starts_m = np.array([one.start_m for one in dance.dancers])[:, [0, 2]]
+    np.testing.assert_allclose(starts_m - starts_m[1], [PLACES_M["bea"], (0, 0), PLACES_M["cho"]], atol=0.02)
+    for one in dance.others:  # each dances as was recorded, over the own start
+        np.testing.assert_allclose(one.quats, dance.quats, atol=0.02)
+        np.testing.assert_allclose(one.hips_m, dance.hips_m, atol=0.02)
+    assert np.abs(own.dance(identity).others[1].joints_m - dance.others[1].joints_m).max() == 0
+
+
+def test_files_of_two_kinds_or_without_common_time_are_no_group(group, tmp_path, library):
+    joints_m = library.dance("dance_001").joints_m
+    np.savez(tmp_path / "own.npz", joints_m=joints_m, fps=30)
+    names = [joint.name for joint in Joint if joint is not Joint.TORSO]
+    points = np.delete(joints_m, Joint.TORSO, axis=1)
+    np.savez(tmp_path / "points.npz", points=points, names=names, times_s=np.arange(len(points)) / 30 + 1000)
+    with pytest.raises(InputError, match=r"points\.npz: expected a file of the same kind"):
+        read_performances([tmp_path / "own.npz", tmp_path / "points.npz"])
+    first, late = (read_performances([tmp_path / f"{name}.npz"])[0] for name in ("own", "points"))
+    with pytest.raises(InputError, match="a dance lasts 5 to"):
+        add_group(group[0], [first, late], "own.npz", "none")
+
+
+def test_learners_dance_neighbours_in_the_order_in_which_they_stand(group):
+    dance = group[0].dance(group[1])
+    told = {(1, 0): [0], (1, 2): [2], (1, 9): [2], (2, 1): [1, 2], (2, 2): [1, 2], (3, 1): [0, 1, 2]}
+    for (people, dancer), expected in told.items():
+        assert taught_to(Lesson("dance_001", people=people, dancer=dancer), dance) == expected
+    assert taught_to(Lesson("dance_001", people=3), replace(dance, others=())) == [0, 0, 0]
+    learners = [Learner(), Learner(), Learner()]
+    poses = [PersonPose(k, np.full((15, 3), x_m), np.ones(15)) for k, x_m in enumerate((-0.5, 1.0, 0.2))]
+    ordered, seen = from_the_left(learners, poses)
+    assert [one.identity for one in seen] == [1, 2, 0] and ordered == [learners[1], learners[2], learners[0]]
+    assert from_the_left(learners, [poses[0], None, poses[2]])[0] == learners
+
+
+def test_a_formation_is_kept_or_told(group):
+    dance = group[0].dance(group[1])
+    times_s = np.arange(len(dance.joints_m)) / dance.fps
+    members = [
+        {"joints_m": one.joints_m, "times_s": times_s, "confidence": np.ones((len(times_s), 15))} for one in dance.dancers
+    ]
+    right = kept_formation(dance.dancers, members)
+    assert right["similarity"] > 99 and right["spread"] == pytest.approx(1, abs=0.01) and right["remarks"] == []
+    wrong = kept_formation(dance.dancers, [members[0], members[2], members[1]])
+    assert wrong["similarity"] < 5 and {1, 2} <= {one["member"] for one in json.loads(json.dumps(wrong))["remarks"]}
+    assert (
+        kept_formation(dance.dancers, [members[0], members[1], {key: value[:0] for key, value in members[2].items()}]) is None
+    )
