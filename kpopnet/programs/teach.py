@@ -148,7 +148,7 @@ def own_dances(given: argparse.Namespace) -> dict[str, list[Performance]]:
         ((name, performance),) = teachers.items()
         return {given.title or name: [performance]}
     if given.joint_map is None and holds_depth(path):
-        expect(not others, str(others[:1]), "one recording of depth, of all dancers")
+        expect(not others, str(path), "one recording of depth of all dancers, and --people")
         source, estimator = opener(path, given, in_child=True)(), PoseEstimator.load(mode="best", people=given.people)
         people, times_s = estimated(source, estimator, given.segmented)
         if len(people) < given.people:

@@ -13,7 +13,8 @@ from kpopnet.datasets.dances.dance_set import TEACHER, KpopSet
 from kpopnet.datasets.dances.dance_set import read_performance as read_kpop
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
-from kpopnet.teacher.library import Library, taught_dance
+from kpopnet.runtime.input_files import expect
+from kpopnet.teacher.library import MOST_DANCERS, Library, taught_dance
 from kpopnet.teacher.posing import MAX_S, at_rate, posed
 
 FPS = 30.0
@@ -38,6 +39,7 @@ def add_group(library: Library, dancers: Sequence[Performance], where: str, titl
     It lasts while all are recorded; its first beat is at its start. Raises InputError, which names the file `where`, if it
     lasts less than MIN_S or more than MAX_S.
     """
+    expect(len(dancers) <= MOST_DANCERS, where, f"at most {MOST_DANCERS} dancers")
     begin_s, end_s = (pick(float(one.times_s[at]) for one in dancers) for pick, at in ((max, 0), (min, -1)))
     if not MIN_S <= end_s - begin_s <= MAX_S:
         text = "{file}: lasts {seconds} s; a dance lasts {least} to {most} s"

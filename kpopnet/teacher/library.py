@@ -24,6 +24,7 @@ IDENTITY = re.compile("[a-z0-9][a-z0-9_-]{0,63}")
 PHRASE_COUNTS, MOVE_COUNTS = 8, 4
 QUAT_SCALE = 32767
 MAX_PLACE_M = 1000.0
+MOST_DANCERS = 32
 PREVIEW_FPS, PREVIEW_S = 10, 4.0
 
 
@@ -170,10 +171,11 @@ class Library:
         stored = read_npz(path, _DANCE_SCHEMAS)
         expect(bool(len(stored["hips_m"])), str(path), "at least one frame")
         expect(1 <= float(stored["fps"]) <= 1000, f"{path}: fps", "1 to 1000 frames per second")
-        others = zip(*(stored.get(f"others_{name}", ()) for name in _MOVED), strict=True)
+        others = [stored.get(f"others_{name}", ()) for name in _MOVED]
+        expect(len({len(one) for one in others}) == 1, str(path), "joints_m, quats and hips_m of all others")
         about, fps = _about(stored["about"], path), float(stored["fps"])
         first = self._dancer(about, fps, *(stored[name] for name in _MOVED), path)
-        return replace(first, others=tuple(self._dancer(about, fps, *one, path) for one in others))
+        return replace(first, others=tuple(self._dancer(about, fps, *one, path) for one in zip(*others, strict=True)))
 
     @staticmethod
     def _dancer(

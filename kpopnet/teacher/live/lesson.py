@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from kpopnet.errors import InputError, check_between
 from kpopnet.languages import Said
 from kpopnet.sources.source import LiveCamera
-from kpopnet.teacher.library import IDENTITY, TaughtDance
+from kpopnet.teacher.library import IDENTITY, MOST_DANCERS, TaughtDance
 
 CALIBRATION_BEAT_S = 1.0
-MOST_LEARNERS, MOST_DANCERS = 3, 32
+MOST_LEARNERS = 3
 MIN_EXCERPT_S = 2.5
 """A window of the score lasts 2 s."""
 
