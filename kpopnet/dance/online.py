@@ -12,7 +12,7 @@ import numpy as np
 
 from kpopnet.dance.features import FEATURES
 from kpopnet.dance.performance import KERNEL_RADIUS_S, Performance, mask_missing_joints, resampled
-from kpopnet.dance.scoring import MIRROR_MARGIN, OURS, Comparison, DanceScore, Scorer, TimeGrid, preferred
+from kpopnet.dance.scoring import MIRROR_MARGIN, OURS, Comparison, DanceScore, Scorer, Stretches, TimeGrid, preferred
 from kpopnet.dance.window import FPS, PARTS, WINDOW_FRAMES, WindowScore
 from kpopnet.errors import InputError
 from kpopnet.skeleton import NUM_JOINTS
@@ -34,10 +34,10 @@ class OnlineScore(NamedTuple):
 class OnlineScorer:
     """Scores a learner against a teacher's dance during the dance; a frame can be scored after `lag_s` seconds."""
 
-    def __init__(self, teacher: Performance, scorer: Scorer = OURS) -> None:
-        """Raises InputError if the teacher's dance is shorter than a window."""
+    def __init__(self, teacher: Performance, scorer: Scorer = OURS, free_s: Stretches = ()) -> None:
+        """`free_s` as for `score_dance`. Raises InputError if the teacher's dance is shorter than a window."""
         self.scorer, self.lag_s = scorer, KERNEL_RADIUS_S
-        self._grid = TimeGrid(teacher, scorer.feature)
+        self._grid = TimeGrid(teacher, scorer.feature, free_s=free_s)
         prepared = scorer.teacher(self._grid.teacher)
         self._direct, self._mirrored = (Comparison(self._grid, prepared, mirrored) for mirrored in (False, True))
         # Joints and confidence at the last frames of the grid, and the samples that later frames need.

@@ -26,11 +26,11 @@ from kpopnet.dance.features import FEATURES, Features
 from kpopnet.dance.window import (
     BAND_FRAMES,
     FPS,
-    PARTS,
     WINDOW_FRAMES,
     WINDOW_S,
     WindowScore,
     check_settings,
+    not_compared,
     nothing_seen,
     or_nan,
     part_of_angles,
@@ -115,10 +115,8 @@ class PaperTeacher:
         ahead = Features(*(array[start : start + WINDOW_FRAMES + BAND_FRAMES] for array in self.features))
         timing, posture, half_length = algorithm_3(learner, ahead, self.scorer.alpha, self.scorer.beta, self.scorer.tau * FPS)
         delay_s = (len(learner.angles_rad) / 2 - half_length) / FPS
-        unknown, angles = np.full(len(PARTS), np.nan), learner.angles_rad.shape[1]
-        return WindowScore(
-            delay_s, 100 * timing, 100 * posture, unknown, unknown, np.full(angles, np.nan), np.zeros(angles), 1.0
-        )
+        unknown = not_compared(learner.angles_rad.shape[1])
+        return unknown._replace(delay_s=delay_s, timing=100 * timing, posture=100 * posture)
 
 
 def algorithm_3(

@@ -8,24 +8,31 @@ learner is not seen, scores 0. The paper's (`kpopnet.dance.paper`) knows no miss
 """
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from kpopnet.dance.dimensions.movement import FIGURES as DYNAMICS
 from kpopnet.dance.dimensions.movement import Dynamics, Rhythm, dynamics, rhythm
-from kpopnet.dance.dimensions.stage import StageScore, stage_score
+from kpopnet.dance.dimensions.stage import DIMENSIONS, StageScore, stage_score
 from kpopnet.dance.dtw import banded_distances
 from kpopnet.dance.features import FEATURES, Features, dance_features
 from kpopnet.dance.paper import PaperScorer, PaperTeacher
 from kpopnet.dance.parts import FEATURE, PartScorer, PartTeacher, known_noise
 from kpopnet.dance.performance import Performance, as_performance, resampled
 from kpopnet.dance.timing import MIN_POSTURE, tempo
-from kpopnet.dance.window import BAND_FRAMES, FPS, PARTS, WINDOW_FRAMES, WINDOW_S, WindowScore
-from kpopnet.errors import InputError
+from kpopnet.dance.window import BAND_FRAMES, FPS, PARTS, WINDOW_FRAMES, WINDOW_S, WindowScore, not_compared
+from kpopnet.errors import InputError, check_between, check_one_of
 from kpopnet.languages import Said
 from kpopnet.skeleton import MIRROR
 
 Scorer = PartScorer | PaperScorer
+Stretches = Sequence[tuple[float, float]]
+"""Begin and end of parts of a dance, seconds on the teacher's clock."""
+
+FIGURES = ("similarity", "timing", "posture", *DIMENSIONS, *DYNAMICS, "rhythm")
+"""What a total may consist of."""
 
 OURS = PartScorer()
 SCORERS: dict[str, Scorer] = {"dance22": OURS, "paper": PaperScorer()} | {
@@ -84,6 +91,7 @@ class DanceScore(NamedTuple):
     scorer: Scorer
     teacher_m: np.ndarray  # (T, 15, 3) joints at the uniform frames that were compared, FPS a second, metres
     learner_m: np.ndarray  # (T, 15, 3) likewise
+    is_free: np.ndarray  # (T,) whether the teacher leaves free what is danced
 
     @property
     def _delays_s(self) -> np.ndarray:
@@ -101,12 +109,48 @@ class DanceScore(NamedTuple):
     @property
     def dynamics(self) -> Dynamics:
         """Amplitude, energy and sharpness of the limbs' movements, likewise."""
-        matched = np.rint(np.arange(len(self.learner_m)) - self._delays_s * FPS).astype(int)
-        return dynamics(self.teacher_m[: len(self.learner_m)], self.learner_m, matched)
+        return self._dynamics(~self.is_free)
 
     def rhythm(self, beats_s: np.ndarray) -> Rhythm | None:
         """The learner's accents against beats at (B,) seconds on the teacher's clock, likewise; None where there is none."""
-        return rhythm(self.teacher_m[: len(self.learner_m)], self.learner_m, np.asarray(beats_s) - self.windows.start_s[0])
+        return self._rhythm(beats_s, np.ones_like(self.is_free))
+
+    def free(self, beats_s: np.ndarray | None = None) -> dict[str, float]:
+        """Figures, 0 to 100, of what the teacher leaves free, where known: energy, and with beats as for `rhythm` rhythm."""
+        found = {"energy": self._dynamics(self.is_free).figures.get("energy")}
+        if beats_s is not None and (danced := self._rhythm(beats_s, self.is_free)) is not None:
+            found["rhythm"] = danced.figure
+        return {name: figure for name, figure in found.items() if figure is not None}
+
+    def total(self, weights: Mapping[str, float], beats_s: np.ndarray | None = None) -> float:
+        """The mean of figures, 0 to 100, weighted as a teacher wants it; of those that are known, NaN if none is.
+
+        Figures are similarity, timing, posture, those of `stage` and `dynamics`, and with beats rhythm, by these names. Raises
+        InputError for another name, or weights that are negative or all 0.
+        """
+        for name, weight in weights.items():
+            check_one_of("weights", name, FIGURES)
+            check_between(name, weight, 0, math.inf)
+        figures = {"similarity": self.similarity, "timing": self.timing, "posture": self.posture}
+        figures |= self.stage.figures | self.dynamics.figures
+        if beats_s is not None and (danced := self.rhythm(beats_s)) is not None:
+            figures["rhythm"] = danced.figure
+        if not any(weights.values()):
+            raise InputError("weights: expected one above 0")
+        names = [name for name in weights if name in figures]
+        return _mean(np.array([figures[name] for name in names]), np.array([weights[name] for name in names], float))
+
+    def _dynamics(self, inside: np.ndarray) -> Dynamics:
+        matched = np.rint(np.arange(len(self.learner_m)) - self._delays_s * FPS).astype(int)
+        return dynamics(*self._within(inside), matched)
+
+    def _rhythm(self, beats_s: np.ndarray, inside: np.ndarray) -> Rhythm | None:
+        return rhythm(*self._within(inside), np.asarray(beats_s) - self.windows.start_s[0])
+
+    def _within(self, inside: np.ndarray) -> list[np.ndarray]:
+        """The (T, 15, 3) joints of teacher and learner at some of the frames, NaN at the others."""
+        both = self.teacher_m[: len(self.learner_m)], self.learner_m
+        return [np.where(inside[: len(self.learner_m), None, None], one, np.nan) for one in both]
 
     def stage_remarks(self) -> list[tuple[float, Said]]:
         """What is most wrong on the stage, in words, with the time at which it begins, seconds on the teacher's clock."""
@@ -125,12 +169,14 @@ def score_dance(
     *,
     fps: float | None = None,
     unobserved_is_nan: bool = False,
+    free_s: Stretches = (),
 ) -> DanceScore:
     """Scores a learner against a teacher whose clock is the same.
 
     Windows start at multiples of the scorer's `hop_s` from the teacher's first frame. Frames of the learner outside the
     teacher's dance are not scored. Dances may be given as (T, 15, 3) joints in metres in the camera frame with their `fps`.
-    With `unobserved_is_nan` a learner of whom no joint is known scores NaN, for evaluations that count such dances.
+    With `unobserved_is_nan` a learner of whom no joint is known scores NaN, for evaluations that count such dances. In the
+    stretches `free_s` everybody dances what they like: windows whose middle lies in one are not compared (`DanceScore.free`).
 
     Raises InputError if the teacher's dance is shorter than a window, or the learner's recording covers no whole window of it;
     or no joint is known in one of the dances; or joints are given without `fps`.
@@ -139,7 +185,7 @@ def score_dance(
     if not unobserved_is_nan:
         _check_observed(learner, "learner")
     learner = Performance(learner.joints_m, learner.times_s - scorer.latency_s, learner.confidence)
-    grid = TimeGrid(teacher, scorer.feature)
+    grid = TimeGrid(teacher, scorer.feature, free_s=free_s)
     grid.check_overlap(grid.frames_of(learner))
     joints, prepared, scores = grid.resampled(learner, grid.frames), scorer.teacher(grid.teacher), []
     for mirrored in (False, True):
@@ -164,9 +210,10 @@ class TimeGrid:
         frames: numbers of the frames within the teacher's dance.
         teacher: the teacher's features at these frames.
         teacher_m: (T, 15, 3) the teacher's joints at these frames, metres.
+        is_free: (T,) whether these frames lie in a free stretch.
     """
 
-    def __init__(self, teacher: Performance, feature: str, fps: float = FPS) -> None:
+    def __init__(self, teacher: Performance, feature: str, fps: float = FPS, free_s: Stretches = ()) -> None:
         _check_observed(teacher, "teacher")
         self._feature, self._fps, self._start_s = feature, fps, float(teacher.times_s[0])
         self.frames = self.frames_of(teacher)
@@ -177,6 +224,11 @@ class TimeGrid:
             )
         joints = self.resampled(teacher, self.frames)
         self.teacher_m, self.teacher = joints[0], self.features(*joints)
+        times_s, self.is_free = self.time_s(self.frames), np.zeros(len(self.frames), bool)
+        for begin_s, end_s in free_s:
+            if not begin_s < end_s:
+                raise InputError(f"free from {begin_s:g} to {end_s:g} s: expected an end after the begin")
+            self.is_free |= (times_s >= begin_s) & (times_s < end_s)
 
     def frames_of(self, performance: Performance) -> range:
         """The frames between a performance's first sample and its last."""
@@ -262,6 +314,8 @@ class Comparison:
 
     def window(self, start: int, frames: int = WINDOW_FRAMES) -> WindowScore:
         """Scores the window that starts at a frame; all of its frames must have been added."""
+        if self._grid.is_free[start + (frames - 1) // 2]:
+            return not_compared(self._learner.angles_rad.shape[1])
         learner = Features(*(array[start : start + frames] for array in self._learner))
         stop = start + frames
         return self._teacher.window(self._distances[:stop], learner, start, self._learner.confidence[:stop])
@@ -313,6 +367,7 @@ class Comparison:
             scorer=scorer,
             teacher_m=self._grid.teacher_m,
             learner_m=self._learner_m[: self._end],
+            is_free=self._grid.is_free,
         )
 
 

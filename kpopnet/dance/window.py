@@ -86,6 +86,12 @@ def nothing_seen(teacher: Features, parts: np.ndarray, start: int) -> WindowScor
     return WindowScore(math.nan, math.nan, posture, nothing, nothing, np.full(len(parts), np.nan), np.zeros(len(parts)), 1.0)
 
 
+def not_compared(angles: int) -> WindowScore:
+    """The score of a window in which nothing is compared, of a feature of so many angles."""
+    unknown = np.full(len(PARTS), np.nan)
+    return WindowScore(math.nan, math.nan, math.nan, unknown, unknown, np.full(angles, np.nan), np.zeros(angles), 1.0)
+
+
 def window_score(
     pairs: np.ndarray,
     on_path: PathDistances,

@@ -347,6 +347,8 @@ export default {
   "{what} {figure}": "{what} {figure}",
   "on the stage, not counted: {figures}": "auf der Bühne, nicht gezählt: {figures}",
   "movement, not counted: {figures}": "Bewegung, nicht gezählt: {figures}",
+  "free parts, not counted: {figures}": "freie Teile, nicht gezählt: {figures}",
+  "total {total} of 100: {weights}": "gesamt {total} von 100: {weights}",
   "amplitude": "Größe",
   "energy": "Energie",
   "sharpness": "Schärfe",

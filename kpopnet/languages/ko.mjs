@@ -347,6 +347,8 @@ export default {
   "{what} {figure}": "{what} {figure}",
   "on the stage, not counted: {figures}": "무대 위 (점수에 넣지 않음): {figures}",
   "movement, not counted: {figures}": "움직임 (점수에 넣지 않음): {figures}",
+  "free parts, not counted: {figures}": "자유로운 부분 (점수에 넣지 않음): {figures}",
+  "total {total} of 100: {weights}": "총점 100점 중 {total}점: {weights}",
   "amplitude": "크기",
   "energy": "에너지",
   "sharpness": "절도",

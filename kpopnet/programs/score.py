@@ -20,11 +20,12 @@ from kpopnet.dance.feedback import feedback
 from kpopnet.dance.joint_files.reader import read_strangers_performance
 from kpopnet.dance.parts import NOISE, PartScorer
 from kpopnet.dance.performance import Performance
-from kpopnet.dance.scoring import SCORERS, score_dance
+from kpopnet.dance.scoring import FIGURES, SCORERS, score_dance
 from kpopnet.dance.window import WINDOW_S
 from kpopnet.errors import InputError
-from kpopnet.evaluation.dances.score_text import score_json, score_notes, score_text
+from kpopnet.evaluation.dances.score_text import beats_of, score_json, score_notes, score_text
 from kpopnet.evaluation.report import printable, write_text
+from kpopnet.evaluation.values import plain
 from kpopnet.languages import LANGUAGES, Said, in_language
 from kpopnet.programs.arguments import program_parser
 from kpopnet.runtime.endings import user_errors
@@ -53,6 +54,12 @@ def read_observed(path: Path, fps: float | None, joint_map: Path | None, correct
     return performance
 
 
+def weight(word: str) -> tuple[str, float]:
+    """A name and a number, of name=number; raises ValueError for something else."""
+    name, _, number = word.partition("=")
+    return name, float(number)
+
+
 @user_errors
 def main() -> None:
     parser = program_parser("kpopnet score", __doc__)
@@ -72,6 +79,10 @@ def main() -> None:
     noise = "estimator of the learner's joints, whose known errors are not counted: %(default)s for true joints"
     parser.add_argument("--noise", choices=NOISE, default="none", help=noise)
     parser.add_argument("--lang", choices=LANGUAGES, default="en", help="language of page and text: %(default)s")
+    free = "part of the dance, from and to a second, in which everybody dances what they like: not compared; may be repeated"
+    parser.add_argument("--free", type=float, nargs=2, action="append", default=[], metavar=("FROM", "TO"), help=free)
+    weights = f"what the total consists of, as in similarity=3 place=1: any of {', '.join(FIGURES)} (with --bpm)"
+    parser.add_argument("--weights", nargs="+", type=weight, default=[], metavar="NAME=WEIGHT", help=weights)
     parser.add_argument("--bpm", type=float, help="tempo of the music: phrases of eight beats instead of 4 s, delays in beats")
     given = parser.parse_args()
 
@@ -90,16 +101,21 @@ def main() -> None:
     diagnosis = diagnose(teacher, learner, scorer, given.as_is)
     diagnosis.faults[:0] = other_formats(given.teacher, given.learner)
     teacher, learner = diagnosis.teacher, diagnosis.learner
-    score = score_dance(teacher, learner, scorer)
+    score = score_dance(teacher, learner, scorer, free_s=given.free)
     if math.isnan(score.similarity):
         raise InputError(f"{given.learner}: in no window of {WINDOW_S:g} s are enough joints known to compare the dances")
     from synth.body.teacher import teacher_arrays
 
     advice, notes = feedback(score, beat_s, diagnosis.faults), score_notes(score, diagnosis)
+    wanted, total = dict(given.weights), {}
+    if wanted:
+        total = {"total": score.total(wanted, beats_of(score, beat_s)), "weights": wanted}
+        shares = [f"{name} {share:g}" for name, share in wanted.items()]
+        notes.insert(0, Said("total {total} of 100: {weights}", total=f"{total['total']:.0f}", weights=shares))
     title = Said("{learner} after {teacher}", learner=given.learner.name, teacher=given.teacher.name)
     page = result_page(title, TeacherBody(**teacher_arrays()), (teacher, learner), score, advice, notes, given.lang)
     files = {"teacher": str(given.teacher), "learner": str(given.learner)}
-    content = score_json(score, advice, diagnosis, beat_s)
+    content = score_json(score, advice, diagnosis, beat_s) | plain(total)
     content |= files | {"scorer": {"name": given.scorer, "feature": scorer.feature, **content["scorer"]}}
     with locked(given.out):
         for name, text in (("score.html", page), ("score.json", json.dumps(content, indent=1, allow_nan=False) + "\n")):

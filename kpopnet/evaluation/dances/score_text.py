@@ -16,9 +16,15 @@ MAX_FAULTS = 3
 """Largest number of faults in the text, the costliest first; the JSON has all."""
 
 
+def beats_of(score: DanceScore, beat_s: float | None) -> np.ndarray | None:
+    """Times of beats in seconds on the teacher's clock, the first at 0; None without a beat."""
+    return np.arange(0, score.windows.middle_s[-1] + 4 * beat_s, beat_s) if beat_s else None
+
+
 def rhythm_to(score: DanceScore, beat_s: float | None) -> Rhythm | None:
     """The learner's rhythm to a beat in seconds; None without one, or where it cannot be told."""
-    return score.rhythm(np.arange(0, score.windows.middle_s[-1] + 4 * beat_s, beat_s)) if beat_s else None
+    beats_s = beats_of(score, beat_s)
+    return None if beats_s is None else score.rhythm(beats_s)
 
 
 def score_text(score: DanceScore, told: Feedback, notes: list[str], beat_s: float | None = None) -> list[str]:
@@ -52,7 +58,9 @@ def _stage_text(score: DanceScore) -> list[str]:
 def _movement_text(score: DanceScore, beat_s: float | None) -> list[str]:
     figures, rhythm = _figures(score.dynamics.figures), rhythm_to(score, beat_s)
     figures += [Said("rhythm {figure}, {how}", figure=f"{rhythm.figure:.0f}", how=str(rhythm))] if rhythm else []
-    return [Said("movement, not counted: {figures}", figures=figures)] if figures else []
+    free = _figures(score.free(beats_of(score, beat_s)))
+    texts = {"movement, not counted: {figures}": figures, "free parts, not counted: {figures}": free}
+    return [Said(text, figures=shown) for text, shown in texts.items() if shown]
 
 
 def _part(name: str, value: float, coverage: float) -> Said:
@@ -104,8 +112,8 @@ def score_json(score: DanceScore, told: Feedback, diagnosis: Diagnosis, beat_s: 
     content, found, rhythm = score._asdict(), diagnosis.correction, rhythm_to(score, beat_s)
     moved = score.dynamics
     content |= {"stage": score.stage.figures, "dynamics": {"figures": moved.figures, "ratios": moved.ratios}}
-    content |= {"rhythm": rhythm._asdict() if rhythm else None}
-    del content["teacher_m"], content["learner_m"]
+    content |= {"rhythm": rhythm._asdict() if rhythm else None, "free": score.free(beats_of(score, beat_s))}
+    del content["teacher_m"], content["learner_m"], content["is_free"]
     done = None if found is None else found._asdict() | {"as_recorded": diagnosis.as_recorded, "corrected": diagnosis.corrected}
     about = {"feedback": told, "corrections": done, "warnings": diagnosis.faults, "scorer": content.pop("scorer")}
     return plain({"score": content} | about)

@@ -1,0 +1,71 @@
+"""Parts of a dance that the teacher leaves free, and a total of the teacher's own."""
+
+import dance_learners as made
+import numpy as np
+import pytest
+from dance_people import FPS, dance_joints_m, performed
+
+from kpopnet.dance.feedback import feedback
+from kpopnet.dance.online import OnlineScorer
+from kpopnet.dance.scoring import SCORERS, score_dance
+from kpopnet.errors import InputError
+
+SECONDS, FREE_S = 24.0, (8.0, 16.0)
+BEATS_S = np.arange(0, SECONDS, 0.5)
+
+
+def otherwise(inside):
+    """The dance of a teacher, but for something else while the teacher leaves it free: (T, 15, 3) joints of both."""
+    teacher_m = dance_joints_m(4, SECONDS)
+    seconds = np.arange(len(teacher_m)) / FPS
+    free = ((seconds >= FREE_S[0]) & (seconds < FREE_S[1]))[:, None, None]
+    return teacher_m, np.where(free, inside(teacher_m), teacher_m)
+
+
+@pytest.mark.parametrize("scorer", ["dance22", "paper"])
+def test_what_is_danced_in_a_free_part_costs_nothing_and_is_not_spoken_of(scorer):
+    teacher_m, learner_m = otherwise(lambda joints_m: dance_joints_m(7, SECONDS))
+    free, whole = (
+        score_dance(performed(teacher_m), performed(learner_m), SCORERS[scorer], free_s=free_s) for free_s in ([FREE_S], ())
+    )
+    assert whole.similarity < 80 < free.similarity
+    inside = (free.windows.middle_s > FREE_S[0] + 0.1) & (free.windows.middle_s < FREE_S[1] - 0.1)
+    assert np.isnan(free.windows.similarity[inside]).all() and np.isfinite(free.windows.similarity[~inside]).any()
+    outside = [one for one in feedback(free).moments if one.start_s > FREE_S[0] + 1 and one.end_s < FREE_S[1] - 1]
+    assert not outside and any(FREE_S[0] < one.start_s < FREE_S[1] for one in feedback(whole).moments)
+
+
+def test_a_free_part_is_graded_by_its_energy():
+    figures = []
+    for inside in (np.array, lambda joints_m: dance_joints_m(7, SECONDS), made.mean_pose):
+        teacher_m, learner_m = otherwise(inside)
+        score = score_dance(performed(teacher_m), performed(learner_m), free_s=[FREE_S])
+        figures.append(score.free()["energy"])
+        assert score.dynamics.figures["energy"] > 90  # which tells the rest of the dance
+    assert figures[0] > 99 and figures[0] > figures[1] > figures[2] + 20, figures
+    assert "energy" not in score_dance(performed(teacher_m), performed(learner_m)).free()
+
+
+def test_a_free_part_is_free_during_the_dance_too():
+    teacher_m, learner_m = otherwise(lambda joints_m: dance_joints_m(7, SECONDS))
+    online, sure = OnlineScorer(performed(teacher_m), free_s=[FREE_S]), np.ones(15)
+    for number, joints_m in enumerate(learner_m):
+        online.update(joints_m, number / FPS, sure)
+    offline = score_dance(performed(teacher_m), performed(learner_m), free_s=[FREE_S])
+    assert online.finish().similarity == pytest.approx(offline.similarity) and online.finish().free() == offline.free()
+    with pytest.raises(InputError, match="free from 3 to 3 s"):
+        score_dance(performed(teacher_m), performed(learner_m), free_s=[(3, 3)])
+
+
+def test_a_total_is_of_what_its_teacher_wants():
+    teacher_m = dance_joints_m(4, SECONDS)
+    score = score_dance(performed(teacher_m), performed(made.smaller(teacher_m, 0.6), 0.1))
+    figures = {"similarity": score.similarity} | score.stage.figures | score.dynamics.figures
+    assert score.total({"similarity": 1}) == score.similarity
+    expected = (3 * figures["similarity"] + figures["place"]) / 4
+    assert score.total({"similarity": 3, "place": 1, "energy": 0}) == pytest.approx(expected)
+    assert score.total({"amplitude": 1, "rhythm": 1}) == pytest.approx(figures["amplitude"])  # without beats no rhythm
+    assert score.total({"rhythm": 1}, BEATS_S) == pytest.approx(score.rhythm(BEATS_S).figure)
+    for weights in ({"head": 1}, {"place": -1}, {"place": 0}):
+        with pytest.raises(InputError):
+            score.total(weights)
