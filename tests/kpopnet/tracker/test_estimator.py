@@ -33,20 +33,12 @@ def test_frames_before_the_start_have_no_joints(film) -> None:
     assert error_m(estimate.joints_camera_m[2:], joints[2:]).mean() < 0.03
 
 
-@pytest.mark.parametrize(
-    ("start", "message"),
-    [
-        ("auto", "no person took the Y pose.*or stood or sat upright"),
-        ("y_pose", "no person took the Y pose.*with start=auto"),
-        ("standing", "stood upright.*with start=auto"),
-    ],
-)
-def test_a_sequence_in_which_the_tracker_never_starts_is_reported(film, caplog, start: str, message: str) -> None:
+def test_a_sequence_in_which_the_tracker_never_starts_is_reported(film, caplog) -> None:
     depth = np.zeros((40, CAMERA.height, CAMERA.width), np.float32)
     depth[:, :, 40:280] = np.rot90(film[1][-1:], axes=(1, 2))[:, 40:280]  # lying
-    estimator = TrackerEstimator(TrackerEstimatorConfig(start=start))
+    estimator = TrackerEstimator(TrackerEstimatorConfig(start="y_pose"))
     assert np.isnan(estimator.estimate(depth, CAMERA).joints_camera_m).all()
-    assert re.search(f"no joints in 40 of 40 frames: in 40 of them.*{message}", caplog.text)
+    assert re.search("no joints in 40 of 40 frames: in 40 of them.*no person took the Y pose.*with start=auto", caplog.text)
     caplog.clear()
     estimator.estimate(depth[:39], CAMERA)
     assert not caplog.records

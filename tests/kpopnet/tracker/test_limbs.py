@@ -28,9 +28,7 @@ def swung(joints: np.ndarray, limb: int, angle_deg: float) -> np.ndarray:
     return joints
 
 
-@pytest.mark.parametrize("limb", [0, 1])
-@pytest.mark.parametrize("elbow_deg", [0, 60])
-@pytest.mark.parametrize("angle_deg", [-100, -60, 60])
+@pytest.mark.parametrize(("limb", "elbow_deg", "angle_deg"), [(0, 0, -100), (1, 60, -60), (1, 0, 60)])
 def test_a_lost_arm_is_recovered(limb: int, elbow_deg: float, angle_deg: float) -> None:
     joints = cone_joints(elevation_deg=15, elbow_deg=elbow_deg)
     body, grid = seen(joints)
@@ -51,7 +49,7 @@ def test_a_lost_leg_is_recovered(limb: int, angle_deg: float) -> None:
     assert changes >= 1 and knee < 0.2 and foot < 0.12
 
 
-@pytest.mark.parametrize("pose", [{}, {"elevation_deg": 10, "elbow_deg": 60}, {"elevation_deg": -40, "yaw_deg": 25}])
+@pytest.mark.parametrize("pose", [{"elevation_deg": 10, "elbow_deg": 60}, {"elevation_deg": -40, "yaw_deg": 25}])
 def test_a_correct_pose_is_kept(pose: dict) -> None:
     joints = cone_joints(**pose)
     body, grid = seen(joints)
@@ -70,8 +68,7 @@ def test_refitted_limbs_keep_lengths_and_roots() -> None:
     np.testing.assert_allclose(lengths_m, body.limbs_m, atol=1e-6)
 
 
-@pytest.mark.parametrize("lower", [Joint.RIGHT_HAND, Joint.RIGHT_FOOT])
-@pytest.mark.parametrize("whole", [False, True])
+@pytest.mark.parametrize(("lower", "whole"), [(Joint.RIGHT_HAND, False), (Joint.RIGHT_FOOT, True)])
 def test_crossed_limbs_exchange_ends_or_middles_and_ends(lower: Joint, whole: bool) -> None:
     joints = cone_joints()
     assert swap_crossed_limbs(joints) == []
@@ -86,7 +83,7 @@ def test_crossed_limbs_exchange_ends_or_middles_and_ends(lower: Joint, whole: bo
 # --- tips ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("elevation_deg", [-40, 20, 50])
+@pytest.mark.parametrize("elevation_deg", [-40, 20])
 def test_tips_are_the_points_farthest_from_torso_and_head(elevation_deg: float) -> None:
     joints = cone_joints(elevation_deg=elevation_deg, yaw_deg=15)
     body, grid = seen(joints)

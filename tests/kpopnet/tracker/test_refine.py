@@ -86,7 +86,7 @@ def slow_radii(body: Body, joints_m: np.ndarray, grid: DepthGrid) -> np.ndarray:
     return radii
 
 
-@pytest.mark.parametrize("wrong", [0.3, 0.85, 1.0, 1.15, 2.5])
+@pytest.mark.parametrize("wrong", [0.3, 0.85, 1.15])
 def test_wrong_radii_are_corrected_as_by_the_slow_twin(wrong: float) -> None:
     joints_m = cone_joints(20, yaw_deg=15)
     body, grid = seen(joints_m)

@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 from cone_people import PLACE_M, cone_body, cone_joints, draw_cones, error_m, filmed
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from kpopnet.camera import CAMERAS
 from kpopnet.geometry.depth_grid import build_depth_grid
@@ -41,8 +39,8 @@ def dancer():
 
 @pytest.fixture(scope="module")
 def simulated():
-    """50 frames of a simulated dance: depth of the person, true joints, camera. It starts in the Y pose."""
-    film = EvalSim(EvalSimConfig(seed=11), frames=(60, 60)).film(0, frames=50)
+    """30 frames of a simulated dance: depth of the person, true joints, camera. It starts in the Y pose."""
+    film = EvalSim(EvalSimConfig(seed=11), frames=(60, 60)).film(0, frames=30)
     return np.where(film.person, film.depth_m, np.float32(0)), film.joints_camera_m.astype(np.float64), film.camera
 
 
@@ -75,20 +73,6 @@ def test_thickness_is_measured_after_fitting_the_standing_pose() -> None:
     off = np.abs(tracker.body.radii_m - body.radii_m)
     assert off.mean() < 0.008 and off.max() < 0.025
     assert error_m(found, joints).mean() < 0.04
-
-
-def test_a_given_model_is_kept(dancer) -> None:
-    joints, depth = dancer
-    model = HumanModel.from_joints(joints[0])
-    tracker = Tracker(CAMERA, model=model)
-    # The start pose has wrong lengths; the tracked limbs have the model's lengths.
-    middle = joints[0].mean(0)
-    tracker.start(middle + 1.08 * (joints[0] - middle))
-    found = np.array([tracker.track(image)[0] for image in depth])
-    assert tracker.model == model
-    upper = np.linalg.norm(found[:, Joint.LEFT_ELBOW] - found[:, Joint.LEFT_SHOULDER], axis=1)
-    np.testing.assert_allclose(upper, model.left_upper_arm_m, atol=0.02)
-    assert error_m(found[-1], joints[-1]).mean() < 0.04
 
 
 class FixedDetector:
@@ -124,8 +108,7 @@ def test_a_detector_is_queried_at_high_cost_and_accepted_if_it_fits(dancer) -> N
     assert idle.queries == 0
 
 
-@given(st.integers(-4, 4), st.integers(-2, 2))
-@settings(max_examples=5, deadline=None)
+@pytest.mark.parametrize(("right", "down"), [(3, 0), (-4, 2)])
 def test_shifting_image_and_camera_keeps_the_joints(dancer, right: int, down: int) -> None:
     """Shifted by whole grid cells, with the person inside the image: the same points up to rounding."""
     joints, depth = dancer
@@ -172,10 +155,9 @@ def test_who_comes_after_a_second_without_a_person_is_found_anew() -> None:
     assert np.isfinite(given[-3:]).all(), "a start that was given is not found again: it is kept"
 
 
-@pytest.mark.parametrize("half", ["left", "right", "top", "bottom"])
-def test_tracking_recovers_from_a_half_image_dropout(dancer, half: str) -> None:
+@pytest.mark.parametrize("lost", [np.s_[:, :160], np.s_[120:]], ids=["left", "bottom"])
+def test_tracking_recovers_from_a_half_image_dropout(dancer, lost) -> None:
     joints, depth = dancer
-    lost = {"left": np.s_[:, :160], "right": np.s_[:, 160:], "top": np.s_[:120], "bottom": np.s_[120:]}[half]
     sequence = depth.copy()
     for image in sequence[3:6]:
         image[lost] = 0
