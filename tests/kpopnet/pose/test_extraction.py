@@ -18,10 +18,10 @@ def settings(request):
 
 
 def test_the_person_of_a_recording_is_extracted_from_all_images(settings):
-    people = [shifted(standing(arms_deg=-60.0 + 10 * (t % 4)), round(20 * np.sin(0.15 * t))) for t in range(40)]
+    people = [shifted(standing(arms_deg=-60.0 + 10 * (t % 4)), round(20 * np.sin(0.15 * t))) for t in range(24)]
     frames = np.array([noisy(compose(EMPTY_ROOM, person), t) for t, person in enumerate(people)])
     extracted = extract_person(frames, CAMERA, settings)
-    assert extracted.shape == (40, 120, 160) and extracted.dtype == np.float32
+    assert extracted.shape == (24, 120, 160) and extracted.dtype == np.float32
     assert min(iou(a > 0, person > 0) for a, person in zip(extracted[2:], people[2:], strict=True)) > 0.85
     assert np.array_equal(extracted[extracted > 0], frames[extracted > 0])
 

@@ -93,10 +93,10 @@ def test_large_images_are_reduced_before_anything_looks_at_them():
     assert np.allclose(theirs.points(seen[0])[seen[0] > 0].mean(axis=0), middle_m, atol=0.002)
 
 
-@pytest.mark.parametrize("wrong", [{"mode": "fast"}, {"people": 0}, {"people": 17}])
-def test_wrong_settings_are_refused_by_name(wrong):
-    with pytest.raises(InputError, match=next(iter(wrong))):
-        PoseEstimator(Blob(), **wrong)
+def test_wrong_settings_are_refused_by_name():
+    for wrong in ({"mode": "fast"}, {"people": 17}):
+        with pytest.raises(InputError, match=next(iter(wrong))):
+            PoseEstimator(Blob(), **wrong)
 
 
 def test_two_people_of_a_room_are_followed_in_their_identities():
@@ -158,14 +158,6 @@ def test_the_answers_to_an_image_and_its_mirror_image_are_averaged_side_by_side(
     np.testing.assert_allclose(pose.joints_camera_m, pose_m + 0.05, atol=1e-6)
 
 
-def test_an_estimator_by_mode_is_an_estimator():
-    depth = np.stack([person(20 + t) for t in range(5)])
-    realtime, best = (PersonEstimator(Blob(), mode).estimate(depth, CAMERA) for mode in ("realtime", "best"))
-    assert realtime.joints_camera_m.shape == best.joints_camera_m.shape == (5, 15, 3)
-    with pytest.raises(InputError, match="mode=slow"):
-        PersonEstimator(Blob(), "slow")
-
-
 class Jittery(Blob):
     """A detector with a new error of 2 cm in every image."""
 
@@ -193,13 +185,3 @@ def test_only_best_sees_the_future_and_both_take_the_times_of_the_images():
             PoseEstimator(Jittery(), mode).estimate(depth, CAMERA, fps, segmented=True)[0].joints_camera_m for fps in (10, 60)
         )
         assert not np.allclose(slow, quick)
-
-
-def test_people_out_of_view_are_forgotten_before_they_fill_the_memory():
-    frames = walking(6)
-    estimator = PoseEstimator(Blob())
-    for frame in frames:
-        people = estimator.update(frame, ROOM_CAMERA)
-    estimator._people |= {1000 + number: DetectedPerson(CAMERA, Blob(), MODES["realtime"]) for number in range(65)}
-    (still_there,) = estimator.update(frames[-1], ROOM_CAMERA)
-    assert set(estimator._people) == {still_there.identity} == {people[0].identity}
