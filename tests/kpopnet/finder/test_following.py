@@ -24,11 +24,6 @@ def line(start, end, images):
     return [tuple(place) for place in np.linspace(start, end, images)]
 
 
-def test_people_who_cross_at_a_distance_keep_their_identities():
-    found = walk(line((-1.5, 0, 3), (1.5, 0, 3), 60), line((1.5, 0, 3.4), (-1.5, 0, 3.4), 60))
-    assert all(one == found[0] for one in found) and len(set(found[0].values())) == 2
-
-
 def test_somebody_hidden_for_a_while_is_still_the_same():
     path = line((-1, 0, 3), (1, 0, 3), 60)
     found = walk(line((0, 0, 2), (0, 0, 2), 60), path[:25] + [None] * 8 + path[33:])
@@ -89,7 +84,7 @@ def test_a_chair_that_is_no_longer_trusted_does_not_take_the_identity_of_who_sta
     assert found[0] == [0, 1] and found[-1] == [0, UNKNOWN]
 
 
-@pytest.mark.parametrize("fps", [5, 15, 30, 90])
+@pytest.mark.parametrize("fps", [5, 90])
 def test_people_who_walk_keep_their_identities_at_any_rate_of_images(fps):
     followed, images = Followed(), 2 * fps
     paths_m = np.array([line((-1.5, 0, 3), (1.5, 0, 3), images), line((1.5, 0, 3.3), (-1.5, 0, 3.3), images)], np.float32)
