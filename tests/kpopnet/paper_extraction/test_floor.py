@@ -30,9 +30,9 @@ def error_m(found: np.ndarray, depth_m: np.ndarray, true: np.ndarray, camera: Ca
     return np.abs(points[on_floor] @ found[:3] + found[3]).max()
 
 
-@pytest.mark.parametrize("camera", [CAMERAS["kinect_v1"], CAMERAS["smmc10"], CAMERAS["kinect_2"]])
-@pytest.mark.parametrize("pitch_deg", [-5, 0, 7, 15, 23, 38])
-@pytest.mark.parametrize(("roll_deg", "height_m"), [(0, 1.0), (8, 0.7), (-8, 1.8)])
+@pytest.mark.parametrize("camera", [CAMERAS["kinect_v1"], CAMERAS["smmc10"]])
+@pytest.mark.parametrize("pitch_deg", [-5, 15, 38])
+@pytest.mark.parametrize(("roll_deg", "height_m"), [(8, 0.7), (-8, 1.8)])
 def test_the_floor_is_found_before_a_tilted_camera(camera, pitch_deg, roll_deg, height_m):
     true = plane(pitch_deg, roll_deg, height_m)
     depth_m = floor_and_wall(true, camera)
