@@ -36,7 +36,7 @@ def test_distances_to_a_cone() -> None:
     assert signed_distance(segments, 0, 0, 1.3, 2.4) == pytest.approx((0.5 - 0.2, 1.0, 0.5), abs=1e-8)
 
 
-@pytest.mark.parametrize("stride", [1, 2, 7, 10**6])
+@pytest.mark.parametrize("stride", [1, 7])
 def test_nearest_parts_agree_with_brute_force(person, stride: int) -> None:  # noqa: F811
     joints, body, grid = person
     rows = extend_joints(moved(joints, 3), body.trunk_offsets_m)

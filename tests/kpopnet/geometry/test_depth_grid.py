@@ -4,7 +4,6 @@ import heapq
 
 import numpy as np
 import pytest
-from cone_people import cone_body, cone_joints, draw_cones, moved
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -25,7 +24,6 @@ from kpopnet.geometry.depth_grid import (
     geodesic_distances,
     neighbour_graph,
 )
-from kpopnet.tracker.fit import fit
 
 CAMERA = CAMERAS["kinect_v1"]
 
@@ -43,8 +41,7 @@ def test_cells_hold_the_point_at_their_middle_pixel() -> None:
     assert sorted(grid.index[measured]) == list(range(len(grid.points_m)))
 
 
-@pytest.mark.parametrize("z_m", [1.0, 2.0, 3.5])
-@pytest.mark.parametrize("scale", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize(("z_m", "scale"), [(1.0, 1.0), (3.5, 0.5), (3.5, 2.0)])
 def test_cells_have_the_same_size_at_any_distance_and_resolution(z_m: float, scale: float) -> None:
     camera = Camera.centred(scale * CAMERA.fx, round(scale * CAMERA.width), round(scale * CAMERA.height))
     depth = np.zeros((camera.height, camera.width), np.float32)
@@ -63,7 +60,7 @@ def test_the_number_of_cells_is_limited_in_rooms_and_noise(z_m: float, cells: in
 
 
 @given(arrays(bool, st.tuples(st.integers(1, 24), st.integers(1, 24)), elements=st.sampled_from([False] * 9 + [True])))
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 def test_the_nearest_cell_is_within_one_cell_of_the_optimum(measured: np.ndarray) -> None:
     nearest = _nearest(np.where(measured, 0, -1).astype(np.int32))
     rows, columns = measured.nonzero()
@@ -118,7 +115,7 @@ def grid_of_pixels(depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     arrays(np.float32, (9, 12), elements=st.sampled_from([0.0, 0.0, 2.0, 2.03, 2.07, 2.3])),
     st.lists(st.integers(0, 107), min_size=1, max_size=3),
 )
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 def test_geodesic_distances_agree_with_dijkstra(depth: np.ndarray, sources: list[int]) -> None:
     points, index = grid_of_pixels(depth)
     source = np.zeros(len(points), bool)
@@ -136,9 +133,9 @@ def test_geodesic_distances_agree_with_dijkstra(depth: np.ndarray, sources: list
 # --- noisy depth --------------------------------------------------------------------------------------------------
 
 
-def noisy_wall(deviation_m: float, seed: int = 0) -> np.ndarray:
+def noisy_wall(deviation_m: float) -> np.ndarray:
     """(60, 50) float32 metres: a wall at 3 m with unmeasured pixels and a border around it."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     depth_m = rng.normal(3.0, deviation_m, (60, 50)).astype(np.float32)
     depth_m[rng.random(depth_m.shape) < 0.02] = 0
     depth_m[:5], depth_m[:, :5] = 0, 0
@@ -154,33 +151,16 @@ def reference(depth_m: np.ndarray) -> np.ndarray:
     return smooth
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 @given(arrays(np.float32, st.tuples(st.integers(1, 8), st.integers(1, 8)), elements=st.sampled_from([0, 1, 1.5, 2.25, 3])))
 def test_the_kernel_equals_the_reference(depth_m: np.ndarray) -> None:
     np.testing.assert_allclose(_medians(depth_m), reference(depth_m), rtol=1e-6)
 
 
-@pytest.mark.parametrize("deviation_m", [0.035, 0.06])
-def test_noise_of_a_time_of_flight_camera_is_smoothed(deviation_m: float) -> None:
-    depth_m = noisy_wall(deviation_m)
+def test_noise_of_a_time_of_flight_camera_is_smoothed() -> None:
+    depth_m = noisy_wall(0.06)
     before = depth_m.copy()
     smooth_m = denoised(depth_m)
     assert np.array_equal(depth_m, before)
     assert np.array_equal(smooth_m > 0, depth_m > 0) and smooth_m.dtype == np.float32
-    assert smooth_m[smooth_m > 0].std() < 0.35 * deviation_m
-
-
-def test_a_fit_to_noisy_depth_is_better_for_it() -> None:
-    joints_m = cone_joints(20, yaw_deg=15)
-    body, camera = cone_body(joints_m), CAMERAS["smmc10"]
-    clean_m = draw_cones(joints_m, body, camera)
-    noise_m = np.random.default_rng(0).normal(0, 0.05, clean_m.shape)
-    noisy_m = np.where(clean_m > 0, clean_m + noise_m, 0).astype(np.float32)
-    grid = build_depth_grid(noisy_m, camera)
-    raw = grid._replace(points_m=camera.points(noisy_m)[noisy_m > 0].astype(np.float64), depth_m=noisy_m)
-    starts_m = [moved(joints_m, seed) for seed in range(6)]
-
-    def error_m(used: object) -> float:
-        return float(np.mean([np.linalg.norm(fit(start, used, body, 10) - joints_m, axis=1).mean() for start in starts_m]))
-
-    assert error_m(grid) < 0.9 * error_m(raw)
+    assert smooth_m[smooth_m > 0].std() < 0.35 * 0.06
