@@ -12,9 +12,8 @@ from y_people import draw_y, family, simulated, y_angles, y_joints
 
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.geometry.human_model import HumanModel
-from kpopnet.skeleton import JOINT_GROUPS, MIRROR, Joint
+from kpopnet.skeleton import JOINT_GROUPS, Joint
 from kpopnet.y_pose.initial_pose import NotYPose, body_axes, find_initial_pose, initial_pose
-from synth.motion import MotionConfig, build_motion
 from synth.motion.poses.families import FAMILIES
 
 CAMERA = CAMERAS["kinect_v1"]
@@ -32,9 +31,7 @@ def error_m(pose, joints_m: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize(
     ("name", "place_m"),
     [
-        ("kinect_v1", PLACE_M),
         ("kinect_v1", (0.6, 0.1, 3.9)),
-        ("eval", (-0.4, 0.1, 3.3)),
         ("kinect_2", (0.0, 0.1, 2.4)),
         ("smmc10", (0.0, 0.1, 3.3)),
     ],
@@ -52,8 +49,7 @@ def test_known_joints_are_found_with_any_camera(name: str, place_m: tuple) -> No
     assert pose.model.left_lower_leg_m == pytest.approx(0.46, abs=0.12)
 
 
-@pytest.mark.parametrize("elevation_deg", [25, 45, 65])
-@pytest.mark.parametrize(("abduction_deg", "yaw_deg"), [(8, 0), (20, -18), (12, 18)])
+@pytest.mark.parametrize(("elevation_deg", "abduction_deg", "yaw_deg"), [(25, 8, 0), (45, 20, -18), (65, 12, 18)])
 def test_variants_of_the_y_pose_are_accepted(elevation_deg: float, abduction_deg: float, yaw_deg: float) -> None:
     joints = y_joints(elevation_deg, abduction_deg, yaw_deg=yaw_deg, place_m=PLACE_M)
     pose = find_initial_pose(draw_y(joints, CAMERA), CAMERA)
@@ -70,23 +66,6 @@ def test_bent_elbows_are_at_the_intersection_of_the_lines() -> None:
     assert error_m(pose, joints)[ARMS].max() < 0.05
 
 
-def test_a_mirrored_image_gives_mirrored_joints() -> None:
-    for joints in (y_joints(50, 10, yaw_deg=12, place_m=(0.3, 0.15, 3.4)), y_joints(35, 16, 30, -8, PLACE_M)):
-        depth = draw_y(joints, CAMERA)
-        pose = initial_pose(depth, CAMERA)
-        mirrored = initial_pose(np.ascontiguousarray(depth[:, ::-1]), CAMERA.mirrored())
-        back = (mirrored.joints_camera_m * (-1, 1, 1))[MIRROR]
-        assert np.linalg.norm(back - pose.joints_camera_m, axis=1).max() < 0.015
-
-
-def test_cropping_does_not_change_the_pose() -> None:
-    depth = draw_y(y_joints(place_m=PLACE_M), CAMERA)
-    rows, columns = depth.any(1).nonzero()[0], depth.any(0).nonzero()[0]
-    y0, y1, x0, x1 = rows[0] - 4, rows[-1] + 5, columns[0] - 4, columns[-1] + 5
-    cut = initial_pose(depth[y0:y1, x0:x1], CAMERA.cropped(x0, y0, x1 - x0, y1 - y0))
-    np.testing.assert_allclose(cut.joints_camera_m, initial_pose(depth, CAMERA).joints_camera_m, atol=1e-9)
-
-
 # --- refusals -----------------------------------------------------------------------------------------------------
 
 
@@ -95,11 +74,9 @@ def test_cropping_does_not_change_the_pose() -> None:
     [
         ({"elevation_deg": 0}, "arm above level"),
         ({"elevation_deg": -60}, "hand is not visible|arm above level|arm, in torsos|outside the skeleton"),
-        ({"elevation_deg": 89}, "arm above level|head"),
         ({"elevation_deg": 30, "elbow_deg": 90}, "bend of|arm"),
         ({"abduction_deg": 0.0}, "legs"),
         ({"yaw_deg": 38}, "heading"),
-        ({"yaw_deg": -38}, "heading"),
     ],
 )
 def test_other_poses_are_refused_with_the_reason(wrong: dict, reason: str) -> None:
@@ -130,7 +107,7 @@ ODD = st.one_of(st.sampled_from([0.0, 0.0, 1.5, 2.0, 2.0, 2.02, np.nan, np.inf, 
 
 
 @given(arrays(np.float32, st.tuples(st.integers(1, 40), st.integers(1, 40)), elements=ODD))
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=25)
 def test_garbage_is_refused(depth: np.ndarray) -> None:
     camera = Camera.centred(40.0, depth.shape[1], depth.shape[0])
     assert find_initial_pose(depth, camera) is None
@@ -141,10 +118,10 @@ def test_garbage_is_refused(depth: np.ndarray) -> None:
 
 def test_simulated_people_in_the_y_pose() -> None:
     people = [
-        (find_initial_pose(depth, camera), joints) for depth, camera, joints in simulated(family(y_angles), 100, "test", seed=3)
+        (find_initial_pose(depth, camera), joints) for depth, camera, joints in simulated(family(y_angles), 50, "test", seed=3)
     ]
     found = [(pose, error_m(pose, joints)) for pose, joints in people if pose is not None]
-    assert len(people) >= 20 and len(found) >= 0.6 * len(people)
+    assert len(people) >= 10 and len(found) >= 0.6 * len(people)
     assert np.mean([error for _, error in found]) < 0.055 and np.max([error for _, error in found]) < 0.25
     assert all(np.isfinite(astuple(pose.model)).all() for pose, _ in found)
 
@@ -164,16 +141,12 @@ def other_poses(generator: np.random.Generator) -> dict[str, float]:
     return other | ({channel: pose[channel] for channel in pose if channel.endswith(arms)} if kind < 7 else {})
 
 
-@pytest.mark.parametrize(
-    ("source", "count", "seed", "most"),
-    [(family(other_poses), 160, 4, 3), (build_motion(MotionConfig(source="choreography", dances=20), "test"), 200, 5, 200)],
-    ids=["other poses", "dances"],
-)
-def test_no_tracker_starts_with_a_wrong_pose(source, count: int, seed: int, most: int) -> None:
+def test_no_tracker_starts_with_a_wrong_pose() -> None:
     """A pose at the limit may be accepted, a wrong skeleton must not."""
-    people = [(find_initial_pose(depth, camera), joints) for depth, camera, joints in simulated(source, count, "test", seed)]
+    seen = simulated(family(other_poses), 80, "test", seed=4)
+    people = [(find_initial_pose(depth, camera), joints) for depth, camera, joints in seen]
     accepted = [error_m(pose, joints).max() for pose, joints in people if pose is not None]
-    assert len(people) > 40 and len(accepted) <= most and max(accepted, default=0) < 0.25
+    assert len(people) > 15 and len(accepted) <= 3 and max(accepted, default=0) < 0.25
 
 
 @pytest.mark.skipif(not UTD_MHAD.is_dir(), reason="the UTD-MHAD data set is not installed")
@@ -181,6 +154,6 @@ def test_real_people_in_other_poses_are_refused() -> None:
     from kpopnet.datasets.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
 
     benchmark = UtdMhadBenchmark(UtdMhadConfig(path=str(UTD_MHAD), lag=0))
-    for name in benchmark.sequence_names()[::12]:
+    for name in benchmark.sequence_names()[::24]:
         sequence = benchmark.read(name)
         assert all(find_initial_pose(depth, sequence.camera) is None for depth in sequence.depth_m[::8])
