@@ -5,7 +5,6 @@ import pytest
 from extraction_scenes import CAMERA, compose, iou, noisy, room, shifted, standing
 
 from kpopnet.errors import InputError
-from kpopnet.human import Human
 from kpopnet.pose.estimator import PoseEstimator
 from kpopnet.pose.extraction import EXTRACTIONS, extract_person
 
@@ -32,23 +31,6 @@ def test_of_two_people_the_one_present_longer_is_extracted(settings):
     frames = [compose(room(), a, shifted(standing(3.2), column)) for a, column in zip(stays, columns, strict=True)]
     extracted = extract_person(np.array(frames), CAMERA, settings)
     assert min(iou(a > 0, person > 0) for a, person in zip(extracted[2:], stays[2:], strict=True)) > 0.9
-
-
-def test_the_person_is_the_one_found_in_most_images_and_of_equals_the_first(monkeypatch):
-    identities = iter([(4, 9), (4, 7), (7, 9), (7, 9), ()])
-
-    class Made:
-        """A human of one pixel for each identity, at that many metres."""
-
-        camera = CAMERA
-
-        def extract(self, depth_m, time_s=None):
-            at = {identity: (identity, 0, identity + 1, 1) for identity in next(identities)}
-            return [Human(one, box, np.full((1, 1), one, np.float32), np.zeros(3)) for one, box in at.items()]
-
-    monkeypatch.setitem(EXTRACTIONS, "made", (str, lambda camera, settings: Made()))
-    extracted = extract_person(np.ones((5, 120, 160), np.float32), CAMERA, "settings")
-    assert extracted.max(axis=(1, 2)).tolist() == [0, 7, 7, 7, 0] and (extracted > 0).sum() == 3
 
 
 def test_without_a_person_all_is_zero(settings):
