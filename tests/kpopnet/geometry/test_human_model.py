@@ -10,8 +10,6 @@ from damaged_files import survives_hostile_json
 from kpopnet.errors import InputError
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.skeleton import NUM_JOINTS, Joint
-from kpopnet.y_pose.initial_pose import find_initial_pose
-from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 
 
 def pose() -> np.ndarray:
@@ -95,20 +93,3 @@ def test_regularised_lengths_are_symmetric_and_scale_with_the_person() -> None:
         assert getattr(larger, name) == pytest.approx(1.1 * getattr(regularised, name))
     for name in ("left_shoulder_angle_rad", "right_shoulder_angle_rad", "arms_raised"):
         assert getattr(regularised, name) == getattr(model, name)
-
-
-def test_regularisation_reduces_the_length_error_in_the_y_pose() -> None:
-    """Simulated people with another seed than those of the least squares, none of them in a benchmark."""
-    simulator = EvalSim(EvalSimConfig(seed=200))
-    measured_error, regularised_error = [], []
-    for index in range(6):
-        film = simulator.film(index, 1)
-        truth = HumanModel.from_joints(film.joints_camera_m[0].astype(float))
-        found = find_initial_pose(film.depth_m[0] * film.person[0], film.camera)
-        if found is None:  # as of wide garments, in which arms or legs cannot be told apart
-            continue
-        model = HumanModel.from_joints(found.joints_camera_m)
-        for found, off in ((model, measured_error), (model.regularised(), regularised_error)):
-            off.append([getattr(found, name) - getattr(truth, name) for name in LENGTHS])
-    assert len(measured_error) >= 3
-    assert np.square(regularised_error).mean() < 0.6 * np.square(measured_error).mean()
