@@ -99,14 +99,6 @@ class Outer(Base):
     other: Inner | None = None
 
 
-def test_settings_are_named_with_dots_through_nested_and_optional_dataclasses():
-    size = "of an image, in pixels; the second line belongs here too."
-    inner = {"width": size, "height": size, "name": 'which one: "a" or "b".', "silent": ""}
-    assert settings(Outer) == {"seed": "of everything.", "inner": "what is inside.", "other": "or nothing."} | {
-        f"{place}.{name}": text for place in ("inner", "other") for name, text in inner.items()
-    }
-
-
 def test_comments_stand_behind_the_settings_that_they_describe():
     yaml = "seed: 0\ninner:\n  width: 1\n  name: a\nother: null\nlist:\n- width: 3\n"
     found = with_comments(yaml, settings(Outer)).splitlines()
