@@ -17,7 +17,7 @@ class Films:
     """A benchmark of three sequences, in which a square in place of a person moves to the right.
 
     The sixth frame has no label. Sequences named in `single` have one frame; `unlabelled` joints have no label in those of
-    `without_labels`; `damaged` ones cannot be read.
+    `without_labels`; `damaged` ones cannot be read; `identities` are those of the people.
     """
 
     truth, about = "made-up joints", "Made up."
@@ -27,6 +27,7 @@ class Films:
         self.damaged: dict[str, Exception] = {}
         self.single: tuple[str, ...] = ()
         self.without_labels: dict[str, list[int]] = {}
+        self.identities: dict[str, str] = {}
 
     def sequence_names(self) -> list[str]:
         return list(OFF_M)
@@ -43,7 +44,8 @@ class Films:
         depth_m[0, 0, 0] = 1 + list(OFF_M).index(name)  # identifies the sequence for the estimator
         kept = slice(0, 1 if name in self.single else FRAMES)
         known = np.isfinite(joints).all(axis=-1)
-        return Sequence(name, "", self.fps, CAMERA, depth_m[kept], joints[kept], known[kept], None, self.is_segmented)
+        person = self.identities.get(name, "")
+        return Sequence(name, person, self.fps, CAMERA, depth_m[kept], joints[kept], known[kept], None, self.is_segmented)
 
 
 class Off:

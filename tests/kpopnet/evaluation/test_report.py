@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import pytest
 
 from kpopnet.evaluation.config import EvaluateConfig
-from kpopnet.evaluation.report import Report, as_html, interval_remarks, printable, write
+from kpopnet.evaluation.report import Report, as_html, printable, write
 from kpopnet.evaluation.values import Table, Value
 
 NAME = "a\udcffb"
@@ -57,6 +57,7 @@ def test_tables_become_files_named_by_the_heading_above(tmp_path):
 
 
 def test_an_old_report_is_kept_until_the_new_one_is_whole(tmp_path, monkeypatch):
+    (tmp_path / ".left.png.host.1-0.tmp").touch()  # of an evaluation that was killed
     write(report("old"), CONFIG, tmp_path)
     with pytest.raises(ValueError, match="JSON"):  # which has no number for it
         write(report("other", metrics={"error": math.inf}), CONFIG, tmp_path)
@@ -74,14 +75,6 @@ class Reads:
     model: str | None = None
 
 
-def test_hidden_files_of_a_killed_evaluation_do_not_stay(tmp_path):
-    (tmp_path / "tables").mkdir()
-    for place in (tmp_path, tmp_path / "tables"):
-        (place / ".left.png.host.1-0.tmp").touch()
-    write(report("new"), CONFIG, tmp_path)
-    assert not list(tmp_path.rglob(".*"))
-
-
 def test_a_report_lists_the_files_of_each_estimator(tmp_path):
     settings = {"ridge": Reads("runs/ridge/best"), "tracker": Reads(None, "runs/best", "me.json"), "plain": Reads()}
     write(report(), EvaluateConfig({}, settings, checkpoint="of/none"), tmp_path)
@@ -96,16 +89,3 @@ def test_reports_can_be_printed_in_every_terminal(monkeypatch, encoding):
     monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(io.BytesIO(), encoding=encoding))
     print(report().text(), printable("\u00e9\uc548"))
     sys.stdout.flush()
-
-
-@pytest.mark.parametrize(
-    ("count", "lines"),
-    [
-        (40, ["; 40 rooms were resampled, by hand."]),
-        (4, ["No intervals: they would resample rooms, and 4 are too few"]),
-    ],
-)
-def test_reports_say_what_was_resampled_and_when_it_is_too_little(count, lines):
-    found = interval_remarks("rooms", count, ", by hand")
-    assert "Rows of fewer than 5 rooms have no interval" in interval_remarks("rooms", 40, fewest=2)[1]
-    assert len(found) == len(lines) and all(part in line for part, line in zip(lines, found, strict=True))

@@ -74,11 +74,6 @@ def test_gaps_and_times_until_found(run: Watched) -> None:
     assert alone["found_again_ms"] is None and alone["found_first_ms"] == 0
 
 
-def test_a_moment_out_of_view_is_no_return(run: Watched) -> None:
-    away = ((run.times_s >= 20.0) & (run.times_s < 20.5)) | (run.times_s >= 50)
-    assert figures([replace(run, in_view=run.in_view & ~away)])["found_again_ms"] is None
-
-
 def test_dropped_images_weigh_as_long_as_the_answer_before_them_was_the_newest(run: Watched) -> None:
     """Joints are missing in one image, after which a second passes without another."""
     run = missing(run, (20.0, 20.0 + 1 / FPS))
@@ -149,13 +144,6 @@ def test_errors_and_joints_of_something_else(run: Watched) -> None:
     joints_m[at(20.0) : at(24.3)] += (0.6, 0, 0)  # a tenth of the time in view: a chair is taken for the person
     assert figures([replace(run, joints_m=joints_m)])["availability"] == pytest.approx(0.9)
     assert figures([replace(run, joints_m=joints_m, truth_m=None)])["availability"] == 1
-
-
-def test_several_runs_are_put_together(run: Watched) -> None:
-    worse = missing(run, (30.0, 34.3), (52.0, 53.0))
-    found = figures([run, worse])
-    assert found["availability"] == pytest.approx(1 - 5.3 / 86) and found["found_again_ms"] == pytest.approx(1000)
-    assert found["longest_gap_ms"] == pytest.approx(4300) and found["empty_s"] == pytest.approx(34)
 
 
 def test_the_surface_before_the_empty_room_is_that_of_who_came_in() -> None:

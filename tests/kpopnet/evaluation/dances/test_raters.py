@@ -55,23 +55,22 @@ def test_w_of_zars_example_with_ties():
     assert kendall_w(ranked) == pytest.approx(0.924, abs=5e-4)
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.7, np.inf])
-def test_intervals_cover_the_truth_at_about_their_level(noise):
-    """30 dances, 3 raters; the truth is the figure of 3000 other dances, which is itself known to about 0.005."""
-    large = [ranks(one.signs) for one in simulated_votes(np.random.default_rng(1), 3000, 3, noise).values()]
-    levels = np.unique(large)
-    truth = np.mean([*map(kendall_w, large)]), ordinal_alpha(sum(coincidences(one.T, levels) for one in large))
-    if noise == 0:
-        assert truth == (1, 1)
-    if noise == np.inf:
-        assert truth[0] == pytest.approx(1 / 3, abs=0.01) and abs(truth[1]) < 0.02
-    covered = np.zeros(2)
-    for seed in range(50):
-        votes = simulated_votes(np.random.default_rng([2, seed]), 30, 3, noise)
+def figures_of_many(noise: float) -> tuple[float, float]:
+    """W and alpha of 1000 dances by 3 raters of this noise, known to about 0.01."""
+    ranked = [ranks(one.signs) for one in simulated_votes(np.random.default_rng(1), 1000, 3, noise).values()]
+    levels = np.unique(ranked)
+    return np.mean([*map(kendall_w, ranked)]), ordinal_alpha(sum(coincidences(one.T, levels) for one in ranked))
+
+
+def test_intervals_cover_the_truth_at_about_their_level():
+    assert figures_of_many(0.0) == (1, 1)
+    assert figures_of_many(np.inf) == pytest.approx((1 / 3, 0), abs=0.04)
+    truth, covered = figures_of_many(0.7), np.zeros(2)
+    for seed in range(30):
+        votes = simulated_votes(np.random.default_rng([2, seed]), 30, 3, 0.7)
         for k, one in enumerate((mean_w(votes, seed), alpha(votes, seed))):
-            low, high = one.interval or (one.value, one.value)
-            covered[k] += low <= truth[k] <= high
-    assert (covered >= 43).all(), covered
+            covered[k] += one.interval[0] <= truth[k] <= one.interval[1]
+    assert (covered >= 25).all(), covered
 
 
 def test_intervals_need_five_dances_that_differ():

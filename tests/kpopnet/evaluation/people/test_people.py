@@ -14,7 +14,7 @@ from kpopnet.datasets.protocol import BenchmarkConfig
 from kpopnet.datasets.simulated import StoredSequence
 from kpopnet.errors import InputError
 from kpopnet.evaluation.config import EvaluateConfig
-from kpopnet.evaluation.people.metrics import NOBODY, MatchedSequence, by_kind, causes, figures, match, wrong_joints
+from kpopnet.evaluation.people.metrics import MatchedSequence, by_kind, causes, figures, match, wrong_joints
 from kpopnet.evaluation.people.report import evaluate_people, follower
 from kpopnet.evaluation.registry import MeanPoseConfig
 from kpopnet.evaluation.report import write
@@ -41,12 +41,6 @@ def truth_m() -> np.ndarray:
 
 def matched(truth_m: np.ndarray, estimates_m: np.ndarray, seen_px: int | np.ndarray = 100) -> MatchedSequence:
     return match(sequence(truth_m, seen_px), estimates_m.swapaxes(0, 1), np.arange(estimates_m.shape[1]) + 7, 1.0)
-
-
-def test_perfect_estimates_have_no_fault(truth_m: np.ndarray) -> None:
-    one = figures([matched(truth_m, truth_m[:, ::-1])], 0)
-    assert all(one[name] == 1 for name in ("people_recall", "people_precision", "map_10cm", "mota", "idf1"))
-    assert one["false"] == one["switches"] == one["mean_error_cm"] == one["empty_images"] == 0 and one["seen"] == 2 * FRAMES
 
 
 def test_an_exchange_of_identities_is_two_switches_and_no_error_of_joints(truth_m: np.ndarray) -> None:
@@ -93,7 +87,6 @@ def test_hidden_people_and_those_at_the_border_are_neither_missed_nor_false(trut
 
 def test_nobody_found_is_everybody_missed(truth_m: np.ndarray) -> None:
     found = matched(truth_m, np.empty((FRAMES, 0, 15, 3)))
-    assert (found.identity == NOBODY).all() and found.identified() == 0
     one = figures([found], 0)
     assert one["people_recall"] == one["map_10cm"] == one["idf1"] == 0
     assert one["people_precision"] is None and one["mean_error_cm"] is None
@@ -110,21 +103,6 @@ def test_a_person_is_found_whose_centre_is_within_30_cm(truth_m: np.ndarray) -> 
     moved_limb[:, :, 0] += np.float32((0, 0, 3))  # the centre by 3 m / 15
     one = figures([matched(truth_m[:, :1], moved_limb)], 0)
     assert one["people_recall"] == 1 and one["map_10cm"] == pytest.approx(14 / 15)
-
-
-def test_two_estimates_of_one_person_are_one_person_and_a_false_one(truth_m: np.ndarray) -> None:
-    twice = np.concatenate([truth_m[:, :1]] * 2, axis=1)
-    one = figures([matched(truth_m[:, :1], twice)], 0)
-    assert one["people_recall"] == 1 and one["people_precision"] == pytest.approx(0.5) and one["false"] == FRAMES
-
-
-def test_a_person_of_whom_less_than_half_shows_takes_no_estimate_from_one_who_is_judged(truth_m: np.ndarray) -> None:
-    near = truth_m.copy()
-    near[:, 1] = near[:, 0] + np.float32((0.1, 0, 0))
-    found = matched(near, near[:, 1:], np.tile((100, 10), (FRAMES, 1)))
-    assert (found.identity == (7, NOBODY)).all()
-    one = figures([matched(near, near[:, :1] + np.float32((0.5, 0, 0)), np.tile((100, 10), (FRAMES, 1)))], 0)
-    assert one["people_recall"] == 0 and one["false"] == 0  # 40 cm from the person who is hardly seen
 
 
 def test_half_of_the_whole_body_is_judged_although_the_border_cuts_it(truth_m: np.ndarray) -> None:
@@ -193,16 +171,8 @@ def test_the_report_of_a_film_has_tables_pictures_and_figures(tmp_path: Path) ->
         evaluate_people(EvaluateConfig(benchmark, scorer={"paper": None}), tmp_path / "other")
 
 
-def test_the_extraction_that_is_asked_for_finds_the_people(tmp_path: Path) -> None:
-    """In the first image nobody has moved, so Algorithm 1 finds nobody."""
-    write_two_people(tmp_path / "set", frames=1)
-    benchmark, estimator = BenchmarkConfig("two_people", str(tmp_path / "set")), {"tracker": TrackerEstimatorConfig()}
-    config = EvaluateConfig(benchmark, estimator, processes=1, extraction=PaperExtractionConfig())
-    metrics = evaluate_people(config, tmp_path / "out").metrics
-    assert metrics["benchmark"]["extraction"] == "paper" and metrics["people_recall"] == 0 and metrics["false"] == 0
-
-
 def test_images_of_any_number_of_people_before_any_camera_are_reported(tmp_path: Path) -> None:
+    """With the extraction that was asked for: in an image alone nobody has moved, so Algorithm 1 finds nobody."""
     depth_mm, joints_m, pixels = draw_two_people(1)
     image = StoredSequence("room_0", "single image", 30.0, CAMERA, ("ann", "bob"), depth_mm, joints_m)
     both = replace(image, whole_px=pixels, seen_px=pixels)
@@ -211,8 +181,10 @@ def test_images_of_any_number_of_people_before_any_camera_are_reported(tmp_path:
     nobody = replace(nobody, kind="empty room", camera=portrait, depth=np.full((1, 200, 120), 3000, np.uint16))
     write_simulated(tmp_path / "set", "rooms", {"room_0": both, "room_1": nobody, "room_2": both})
     benchmark = BenchmarkConfig("rooms", str(tmp_path / "set"))
-    report = evaluate_people(EvaluateConfig(benchmark, {"tracker": TrackerEstimatorConfig()}, processes=1), tmp_path / "out")
+    settings = {"processes": 1, "extraction": PaperExtractionConfig()}
+    report = evaluate_people(EvaluateConfig(benchmark, {"tracker": TrackerEstimatorConfig()}, **settings), tmp_path / "out")
+    assert report.metrics["benchmark"]["extraction"] == "paper"
     figures_of = report.metrics["estimators"]["tracker"]
-    assert figures_of["single image"]["seen"] == 4 and figures_of["single image"]["people_recall"] in (0, 0.5, 1)
+    assert figures_of["single image"]["seen"] == 4 and figures_of["single image"]["people_recall"] == 0
     assert figures_of["empty room"]["empty_images"] == 1 and figures_of["empty room"]["people_recall"] is None
     assert (tmp_path / "out" / "worst.png").exists() and not (tmp_path / "out" / "worst.html").exists()

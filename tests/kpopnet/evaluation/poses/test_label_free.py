@@ -51,12 +51,3 @@ def test_a_pose_away_from_the_points_is_far_from_their_surface(depth_m):
     away_m = TRUE_M.copy()
     away_m[:, [Joint.LEFT_ELBOW, Joint.LEFT_HAND], 1] += 0.4
     assert figures(away_m, depth_m)["surface_cm"] > figures(TRUE_M, depth_m)["surface_cm"] + 0.3
-
-
-def test_missing_joints_are_left_out_and_nothing_is_no_number(depth_m):
-    joints_m = TRUE_M.copy()
-    joints_m[5:9] = np.nan
-    assert figures(joints_m, depth_m)["bone_spread_cm"] < 1e-6
-    missing = figures(np.full_like(TRUE_M, np.nan), depth_m)
-    assert all(np.isnan(value) for value in missing.values())
-    assert np.isnan(figures(TRUE_M[:3], depth_m[:3])["jitter_core_mm"])

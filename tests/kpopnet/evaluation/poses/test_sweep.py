@@ -26,8 +26,6 @@ def test_only_the_two_settings_of_the_first_estimator_are_varied():
     ("setting", "values", "message"),
     [
         ("r_mm", [80], r"estimator\.mine\.r_mm"),
-        ("radius.small", [80], r"estimator\.mine\.radius\.small"),
-        ("r_m", ["wide"], r"estimator\.mine\.r_m=wide.*wide"),
         ("r_m", [-1.0], r"expected r_m in 0\.\.2 m"),
         ("r_m", [], "two settings with at least one value each"),
     ],
