@@ -81,27 +81,14 @@ def test_a_depth_key_distinguishes_recordings_and_need_not_be_stored(folder):
     assert KpopSet(folder).dance("mama").learners[0].depth_key != key
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("name,place\njin,1\n", "expected a first line learner,rank"),
-        ("learner,rank\n../jin,1\nann,2\n", "row 2: '../jin,1'"),
-    ],
-)
-def test_invalid_labels(folder, text, message):
-    (folder / "mama" / "labels.csv").write_text(text)
-    with pytest.raises(InputError, match=r"labels\.csv") as caught:
-        KpopSet(folder).dance("mama")
-    assert message in str(caught.value)
-
-
-def test_labels_may_have_any_order_of_lines(folder):
+def test_labels_have_any_order_of_lines_and_their_names_are_no_paths(folder):
     path = folder / "mama" / "labels.csv"
-    path.write_text("learner, rank\nann, 1\n\njin , 2\n")
+    path.write_text("learner, rank\njin, 2\n\nann , 1\n")
     assert read_labels(path) == ["ann", "jin"]
-    path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match="not UTF-8 text"):
-        read_labels(path)
+    for text, message in (("name,place\njin,1\n", "a first line learner,rank"), ("learner,rank\n../jin,1\nann,2\n", "row 2")):
+        path.write_text(text)
+        with pytest.raises(InputError, match=rf"labels\.csv.*{message}"):
+            KpopSet(folder).dance("mama")
 
 
 def test_missing_files_are_named(folder, tmp_path):
@@ -110,9 +97,6 @@ def test_missing_files_are_named(folder, tmp_path):
         KpopSet(folder).dance("mama")
     with pytest.raises(InputError, match="dance=papa: not among the 1"):
         KpopSet(folder).dance("papa")
-    (tmp_path / "empty").mkdir()
-    with pytest.raises(InputError, match="no dances in it"):
-        KpopSet(tmp_path / "empty")
     with pytest.raises(InputError, match=r"benchmark=kpop needs benchmark\.path"):
         open_set(KpopConfig())
 
@@ -122,16 +106,9 @@ def test_a_manifest_describes_the_set(folder):
     path.write_text(json.dumps({"simulated": True, "name": "x", "about": "made", "dances": 5, "hash": "ab"}))
     manifest = KpopSet(folder).manifest
     assert manifest.origin is Origin.SIMULATED and manifest.dances == 5 and manifest.about == "made"
-    for invalid in ("[]", '{"dances": "many"}'):
-        path.write_text(invalid)
-        with pytest.raises(InputError, match="not a manifest"):
-            KpopSet(folder)
-
-
-def replace_dataset(path: Path, name: str, data, **options) -> None:
-    with h5py.File(path, "a") as file:
-        del file[name]
-        file.create_dataset(name, data=data, **options)
+    path.write_text('{"dances": "many"}')
+    with pytest.raises(InputError, match="not a manifest"):
+        KpopSet(folder)
 
 
 @pytest.mark.parametrize(
@@ -144,7 +121,9 @@ def replace_dataset(path: Path, name: str, data, **options) -> None:
 )
 def test_invalid_arrays_are_named(folder, learner, name, data, message):
     found = KpopSet(folder).dance("mama").learners[learner]
-    replace_dataset(found.path, name, data)
+    with h5py.File(found.path, "a") as file:
+        del file[name]
+        file[name] = data
     with pytest.raises(InputError) as caught:
         found.joints() if learner else found.depth()
     assert message in str(caught.value) and found.path.name in str(caught.value)
@@ -154,10 +133,3 @@ def test_a_recording_without_a_person_is_rejected(folder):
     write_learner(folder / "mama", "jin", TIMES_S, None, packed(np.zeros_like(whole_frames())))
     with pytest.raises(InputError, match="a person in one of its 6 frames"):
         KpopSet(folder).dance("mama").learners[0].depth()
-
-
-def test_depth_in_millimetres_is_stored_unchanged():
-    depth_m = whole_frames()
-    found = packed(np.rint(1000 * depth_m).astype(np.uint16))
-    np.testing.assert_array_equal(found.depth_mm, packed(depth_m).depth_mm)
-    assert found.depth_mm.max() == 2005

@@ -77,9 +77,7 @@ def test_people_are_read_with_what_is_seen_of_them(tmp_path):
     ("name", "data", "message"),
     [
         ("depth", DEPTH_M[:2], r"shape|T ="),
-        ("depth", DEPTH_M[:, :4], "the camera's size"),
         ("people", ["ann", "bob"], "a name for each person"),
-        ("joints_m", JOINTS_M * 1000, "at most 100 m"),
         ("joints_m", None, "joints_m"),
         ("fps", 0.0, "fps"),
     ],
@@ -99,10 +97,9 @@ def test_what_does_not_fit_is_refused_in_one_line(folder, name, data, message):
 
 
 def test_an_unreadable_manifest_or_another_set_is_refused(folder, tmp_path_factory):
-    for text in ("[]", "{}"):
-        (folder / "manifest.json").write_text(text)
-        with pytest.raises(InputError, match=r"manifest\.json.*make the set again"):
-            benchmark(folder)
+    (folder / "manifest.json").write_text("{}")
+    with pytest.raises(InputError, match=r"manifest\.json.*make the set again"):
+        benchmark(folder)
     for change, message in (({"benchmark": "eval_sim"}, "holds eval_sim"), ({"simulated": False}, "called simulated")):
         write_simulated(folder, **{"benchmark": "smmc10_sim", "files": {}} | change)
         with pytest.raises(InputError, match=message):
