@@ -33,11 +33,10 @@ def test_every_epoch_holds_every_sample_once_in_its_own_order():
     assert keys != [key for step in range(5) for key in ShuffledOrder(10, 4, seed=2)(step)]
 
 
-@pytest.mark.parametrize("processes", [2, 4])
-def test_processes_share_a_batch(processes):
+def test_processes_share_a_batch():
     whole = ShuffledOrder(10, 8, seed=1)
     for step in range(4):
-        shares = [ShuffledOrder(10, 8, 1, rank, processes)(step) for rank in range(processes)]
+        shares = [ShuffledOrder(10, 8, 1, rank, 4)(step) for rank in range(4)]
         assert [key for share in shares for key in share] == whole(step)
 
 
@@ -88,7 +87,7 @@ def test_any_rotation_turns_its_share_of_people_by_any_angle():
     still = AugmentConfig(mirror=0, rotation_deg=10, scale=0, jitter_m=0, occluder=0)
 
     def trunks(augment):
-        targets = np.asarray(batches(count=200, augment=augment, batch_size=200)[0].target)
+        targets = np.asarray(batches(count=100, augment=augment, batch_size=100)[0].target)
         return (targets[:, Joint.NECK] - targets[:, Joint.TORSO])[:, :2] @ [1, 1j]
 
     for share in (0.0, 0.5):
@@ -97,24 +96,17 @@ def test_any_rotation_turns_its_share_of_people_by_any_angle():
 
 
 def test_occluders_are_ellipses_of_5_to_15_cm_on_the_person():
-    people = CapsulePeople(40)
-    areas_cm2 = []
-    for index in range(40):
-        depth_m, camera = people.observe(index, 0).depth_m, people.observe(index, 0).camera
-        kept = depth_m.copy()
-        cut = occlude(np.random.default_rng(index), depth_m, camera)
-        np.testing.assert_array_equal(depth_m, kept)
-        gone = (cut == 0) & (depth_m > 0)
-        np.testing.assert_array_equal(cut[~gone], depth_m[~gone])
-        points = camera.points(depth_m)[gone]
-        extent_m = np.ptp(points[:, :2], axis=0)
-        assert 0 < extent_m.max() < 0.34  # twice the largest half-axis, and pixels of 2 cm
-        # A wall at the person's distance shows the whole ellipse.
-        wall = np.full_like(depth_m, 2.8)
-        hole_m2 = (occlude(np.random.default_rng(index), wall, camera) == 0).sum() * (2.8 / camera.fx) ** 2
-        areas_cm2.append(1e4 * hole_m2)
-    assert np.pi * 5 * 5 * 0.6 < np.median(areas_cm2) < np.pi * 15 * 15
-    np.testing.assert_allclose(np.mean(areas_cm2), np.pi * 10 * 10, rtol=0.25)  # half-axes are independent, 10 cm on average
+    seen = CapsulePeople(1).observe(0, 0)
+    cut = occlude(np.random.default_rng(0), seen.depth_m, seen.camera)
+    gone = (cut == 0) & (seen.depth_m > 0)
+    assert gone.any() and np.array_equal(cut[~gone], seen.depth_m[~gone])
+    wall_m = np.full_like(seen.depth_m, 2.8)  # shows the whole ellipse
+    holes = [occlude(np.random.default_rng(index), wall_m, seen.camera) == 0 for index in range(40)]
+    for hole in holes:
+        points_m = seen.camera.points(wall_m)[hole]
+        assert 0.06 < np.ptp(points_m[:, :2], axis=0).max() < 0.34  # twice a half-axis, and pixels of 2 cm
+    area_cm2 = 1e4 * np.mean([hole.sum() for hole in holes]) * (2.8 / seen.camera.fx) ** 2
+    np.testing.assert_allclose(area_cm2, np.pi * 10 * 10, rtol=0.25)  # half-axes are independent, 10 cm on average
 
 
 def test_an_empty_silhouette_is_replaced_by_the_next_observation_and_counted():
@@ -124,15 +116,10 @@ def test_an_empty_silhouette_is_replaced_by_the_next_observation_and_counted():
     np.testing.assert_array_equal(batch.target[1], batch.target[3])
     np.testing.assert_array_equal(batch.target[2], batch.target[3])
     assert not np.array_equal(batch.target[0], batch.target[3])
-
-
-def test_only_empty_silhouettes_are_an_error():
-    people = CapsulePeople(3, empty=(0, 1, 2))
     with pytest.raises(InputError, match="empty silhouettes in a row"):
-        CropBatches(people, MODEL, EvenOrder(3, 3, 3), 0, None)[0]
+        CropBatches(CapsulePeople(3, empty=(0, 1, 2)), MODEL, EvenOrder(3, 3, 3), 0, None)[0]
 
 
-@pytest.mark.parametrize("wrong", [{"mirror": 1.5}, {"rotation_deg": -3.0}, {"scale": 1.0}, {"occluder": -0.1}])
-def test_invalid_augmentation_is_refused_with_its_setting(wrong):
-    with pytest.raises(InputError, match=r"training\.augment.*" + next(iter(wrong))):
-        AugmentConfig(**wrong)
+def test_invalid_augmentation_is_refused_with_its_setting():
+    with pytest.raises(InputError, match=r"training\.augment.*rotation_deg"):
+        AugmentConfig(rotation_deg=-3.0)

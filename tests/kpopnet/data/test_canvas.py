@@ -9,9 +9,7 @@ from kpopnet.camera import Camera
 from kpopnet.data.canvas import CANVAS, reduced
 
 
-@pytest.mark.parametrize(
-    ("width", "height"), [(160, 120), (320, 240), (640, 576), (848, 480), (1024, 1024), (120, 160), (80, 60)]
-)
+@pytest.mark.parametrize(("width", "height"), [(320, 240), (640, 576), (848, 480), (120, 160)])
 def test_every_pixel_of_the_canvas_lies_on_the_ray_of_a_pixel_beside_it(width, height):
     camera = Camera(300.0, 310.0, 0.4 * width, 0.55 * height, width, height)
     wall_m = np.full((height, width), 2.0, np.float32)
