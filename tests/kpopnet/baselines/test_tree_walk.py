@@ -1,26 +1,22 @@
 """Random tree walks: walks through known trees, training, and the validation of a model's files."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from capsule_people import CAMERA, CapsulePeople, draw_depth, draw_joints
 from safetensors.numpy import load_file, save_file
 
 from kpopnet.baselines.mean_pose import MeanPoseEstimator
-from kpopnet.baselines.tree_walk.growing import Samples, draw_probes, grow
+from kpopnet.baselines.tree_walk.growing import draw_probes
 from kpopnet.baselines.tree_walk.training import TreeWalkConfig, pixel_positions, train
 from kpopnet.baselines.tree_walk.walking import (
     MAX_DIFFERENCE,
     META,
     TREES,
-    UNITS,
     UNMEASURED,
     Trees,
     TreeWalkEstimator,
     TreeWalkEstimatorConfig,
     TreeWalkModel,
-    find_leaf,
     walk,
 )  # fmt: skip
 from kpopnet.data.batches import AugmentConfig
@@ -110,41 +106,12 @@ def reference_walk(image, trees, steps, settling, step, key):
     return np.stack([mean[joint] for joint in Joint])
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_walk_equals_the_reference(seed):
     trees, image = random_trees(seed), person_image(seed)
     mean = walk(image, trees, 20, 5, 0.07, 40 + seed)
     np.testing.assert_allclose(mean, reference_walk(image, trees, 20, 5, 0.07, 40 + seed), atol=1e-5)
     assert not np.allclose(mean, walk(image, trees, 20, 5, 0.07, 50 + seed), atol=1e-3)
-
-
-def directed_samples(count=1500, seed=0):
-    """Positions in images whose left half is near or far, and noisy directions: up if near, else down."""
-    rng = np.random.default_rng(seed)
-    images = np.full((40, SIDE, SIDE), 1500, np.int16)
-    near = rng.random(40) < 0.5
-    images[near, :, : SIDE // 2] = -1500
-    image = rng.integers(0, 40, count).astype(np.int32)
-    direction = np.stack([np.zeros(count), np.where(near[image], -1, 1), np.zeros(count)], axis=1) + rng.normal(
-        0, 0.2, (count, 3)
-    )
-    position = pixel_positions(rng.uniform(-0.8, 0.8, (count, 3)) * (1, 1, 0.1), SIDE)
-    return Samples(
-        images, image, position, (direction / np.linalg.norm(direction, axis=1, keepdims=True)).astype(np.float32)
-    ), near
-
-
-def test_a_tree_learns_the_feature_on_which_directions_depend():
-    samples, near = directed_samples()
-    tree = grow(samples, 30, 40, 10 / 0.8, (0,))
-    predicted = np.zeros(len(samples.image))
-    for i, (row, column, depth) in enumerate(samples.position):
-        position = np.array([2 * (column + 0.5) / SIDE - 1, 2 * (row + 0.5) / SIDE - 1, depth / UNITS])
-        leaf = find_leaf(tree, 0, samples.images[samples.image[i]], position)
-        predicted[i] = np.diff(tree.share[leaf], prepend=0) @ tree.direction[leaf, :, 1]
-    right = (predicted < 0) == near[samples.image]
-    assert right.mean() > 0.9, right.mean()
-    assert 1 < len(tree.share) <= 1500 / 30  # every leaf has at least the smallest number of samples
 
 
 @pytest.fixture(scope="module")
@@ -181,18 +148,6 @@ def test_a_model_of_few_images_beats_the_mean_pose(trained, people):
     arms = [Joint.RIGHT_ELBOW, Joint.LEFT_ELBOW, Joint.RIGHT_HAND, Joint.LEFT_HAND]
     walked, constant = (float((errors[:, arms] < 0.1).mean()) for errors in (walked_m, constant_m))
     assert walked > constant + 0.3, (walked, constant)
-
-
-def test_the_same_seed_makes_the_same_model_and_the_same_estimate(trained, people):
-    folder, _, _ = trained
-    few = replace(SMALL, images=60, validation_images=20)
-    models = [train(few, CapsulePeople(60), CapsulePeople(20, seed=1), seed=0, workers=0) for _ in range(2)]
-    assert models[0][1] == models[1][1]
-    for one, other in zip(models[0][0].trees, models[1][0].trees, strict=True):
-        np.testing.assert_array_equal(one, other)
-    estimates = [TreeWalkEstimator(TreeWalkEstimatorConfig(str(folder))).estimate(people[0], CAMERA) for _ in range(2)]
-    for one, other in zip(*estimates, strict=True):
-        np.testing.assert_array_equal(one, other)
 
 
 def rewrite(name, value, index=-1):
