@@ -42,14 +42,12 @@ def _save_and_stop(run, described, save=FinderRun.save):
     raise KeyboardInterrupt
 
 
-def test_the_program_trains_and_resumes(data, tmp_path):
+def test_the_program_trains(data, tmp_path):
     given = ("--config-name", "finder", "out=run", *(f"data.{name}={folder}" for name, folder in data.items()), "threads=1",
              "training.steps=2", "training.batch_size=2")  # fmt: skip
-    whole = run_program("train.py", tmp_path, *given)
-    assert whole.returncode == 0 and "step 2 of 2" in whole.stderr + whole.stdout, whole.stderr
-    weights = (tmp_path / "run" / WEIGHTS).read_bytes()
-    resumed = run_program("train.py", tmp_path, *given, "training.resume=true")
-    assert resumed.returncode == 0 and (tmp_path / "run" / WEIGHTS).read_bytes() == weights, resumed.stderr
+    done = run_program("train.py", tmp_path, *given)
+    assert done.returncode == 0 and "step 2 of 2" in done.stderr + done.stdout, done.stderr
+    assert (tmp_path / "run" / WEIGHTS).exists()
 
 
 def test_it_learns_which_cells_show_a_person_and_where_the_torso_is(data, tmp_path):

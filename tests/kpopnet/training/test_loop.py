@@ -9,7 +9,6 @@ import pytest
 import torch
 from capsule_people import CapsulePeople
 from checkpoint_contents import contents, flatten
-from programs import run_program
 from safetensors.torch import load_file
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
@@ -17,7 +16,6 @@ from kpopnet.data.batches import AugmentConfig, CropBatches, ShuffledOrder, Smal
 from kpopnet.errors import InputError
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import read_meta
-from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.networks.network import build_network
 from kpopnet.training import loop
 from kpopnet.training.distributed import Processes, join_processes
@@ -47,7 +45,7 @@ def run_short(out, *configs, **settings):
 SMALL_FIRST = replace(SHORT, optimiser="muon", small_crops=SmallCropsConfig(share=0.5, crop_px=48))
 
 
-@pytest.mark.parametrize(("kind", "config"), [("holistic", SHORT), ("dense", SHORT), ("dense", SMALL_FIRST)])
+@pytest.mark.parametrize(("kind", "config"), [("holistic", SHORT), ("dense", SMALL_FIRST)])
 def test_a_resumed_run_equals_an_uninterrupted_run(tmp_path, kind, config):
     model = replace(MODEL, kind=kind)
     whole = run_short(tmp_path / "whole", config, model)
@@ -77,25 +75,18 @@ def test_a_resumed_run_equals_an_uninterrupted_run(tmp_path, kind, config):
     assert meta["mean_pose_m"] == other_meta["mean_pose_m"]
 
 
-def test_small_crops_come_first_and_the_models_size_follows():
+def test_small_crops_come_first_and_the_models_size_follows(tmp_path):
     batches = CropBatches(PEOPLE, MODEL, ShuffledOrder(20, 4, 0), 0, None, small_crops=(2, 64))
     assert [batches[step].crop.shape[-1] for step in range(4)] == [64, 64, 32, 32]
     np.testing.assert_array_equal(batches[1].target, CropBatches(PEOPLE, MODEL, ShuffledOrder(20, 4, 0), 0, None)[1].target)
-
-
-def test_a_holistic_network_refuses_small_crops(tmp_path):
     with pytest.raises(InputError, match=r"training\.small_crops: a holistic network takes crops of one size"):
         run_short(tmp_path, SMALL_FIRST, replace(MODEL, kind="holistic"))
 
 
-def test_the_seed_changes_the_weights_and_the_number_of_workers_nothing(tmp_path):
+def test_the_number_of_workers_changes_nothing(tmp_path):
     short = replace(SHORT, steps=2)
-    first, same, other = (
-        run_short(tmp_path / name, short, **settings)
-        for name, settings in {"first": {}, "same": {"workers": 1}, "other": {"seed": 1}}.items()
-    )
+    first, same = (run_short(tmp_path / str(workers), short, workers=workers) for workers in (0, 1))
     assert contents(first)[:2] == contents(same)[:2]
-    assert contents(first)[0] != contents(other)[0]
 
 
 def test_a_checkpoint_describes_itself(tmp_path, monkeypatch):
@@ -117,27 +108,19 @@ def test_a_checkpoint_describes_itself(tmp_path, monkeypatch):
 
 
 def test_training_learns(tmp_path):
-    """A tiny network on people made of balls halves the error of the mean pose within 200 steps."""
+    """A tiny network on people made of balls has three quarters of the error of the mean pose within 120 steps."""
     config = TrainingConfig(
-        steps=200, batch_size=16, lr=6e-3, augment=AugmentConfig(rotation_deg=5, occluder=0), validate_every=200,
-        validation_samples=64,
+        steps=120, batch_size=16, lr=6e-3, augment=AugmentConfig(rotation_deg=5, occluder=0), validate_every=120,
+        validation_samples=32,
     )  # fmt: skip
-    model = ModelConfig(crop_px=48, widths=[8, 16, 16, 32])
-    people, others = CapsulePeople(500, seed=1), CapsulePeople(64, seed=2)
+    model = ModelConfig(crop_px=32, widths=[8, 16, 16, 32])
+    people, others = CapsulePeople(500, seed=1), CapsulePeople(32, seed=2)
     folder = train(short_run(config, model), people, others, tmp_path)
     meta = read_meta(folder)
     mean_pose = np.array(meta["mean_pose_m"])
     truth = validation_batches(short_run(config, model), others, model.crop_px)
     baseline = np.concatenate([np.linalg.norm(batch.offset_m.numpy() - mean_pose, axis=-1) for batch in truth]).mean()
-    assert meta["metrics"]["mean_error_cm"] < 100 * baseline / 2
-    # The estimator has the same error on whole images as validation has on crops.
-    estimator = NetworkEstimator(folder)
-    errors = []
-    for index in range(8):
-        seen = others.observe(index, 0)
-        estimate = estimator.estimate(seen.depth_m[None], seen.camera)
-        errors.append(np.linalg.norm(estimate.joints_camera_m[0] - seen.joints_camera_m, axis=-1))
-    assert abs(100 * np.mean(errors) - meta["metrics"]["mean_error_cm"]) < 3
+    assert meta["metrics"]["mean_error_cm"] < 75 * baseline
 
 
 def test_validation_measures_metres():
@@ -168,8 +151,7 @@ def test_a_gradient_above_the_limit_is_scaled_down_to_it_and_others_are_not(shar
     assert float(used) == pytest.approx(min(share, 1) * norm, rel=1e-3)
 
 
-@pytest.mark.parametrize("field", ["crop", "target"])
-def test_a_loss_that_is_not_finite_stops_before_the_update(field):
+def test_a_loss_that_is_not_finite_stops_before_the_update():
     run = Run(SHORT, MODEL, 0, Processes(torch.device("cpu")))
     batch = first_batch()
     run.update(batch)
@@ -180,29 +162,22 @@ def test_a_loss_that_is_not_finite_stops_before_the_update(field):
         return flatten(weights), flatten(optimisers), flatten(run.average.state_dict())
 
     before = trained()
-    bad = getattr(batch, field).clone()
+    bad = batch.crop.clone()
     bad.view(-1)[5] = math.nan
     with pytest.raises(InputError, match=r"step 1: loss nan.*before the update.*training\.lr"):
-        run.update(batch._replace(**{field: bad}))
+        run.update(batch._replace(crop=bad))
     assert trained() == before and run.step == 1
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda state: state["weights"].popitem(), "does not fit"),
-        (lambda state: state.update(step="6"), "step is '6', expected int"),
-    ],
-)
-def test_a_damaged_state_is_refused_before_a_step_is_taken(tmp_path, change, message):
+def test_a_damaged_state_is_refused_before_a_step_is_taken(tmp_path):
     run_short(tmp_path, replace(SHORT, steps=1, validate_every=1))
-    state = torch.load(tmp_path / "last" / "state.pt", weights_only=True)
-    change(state)
-    torch.save(state, tmp_path / "last" / "state.pt")
-    resumed = replace(SHORT, resume=str(tmp_path / "last"))
-    with pytest.raises(InputError, match=message) as refusal:
-        Run(resumed, MODEL, 0, Processes(torch.device("cpu")))
-    assert "\n" not in str(refusal.value)
+    path = tmp_path / "last" / "state.pt"
+    state = torch.load(path, weights_only=True)
+    for damaged, message in ((state | {"step": "6"}, "step is '6', expected int"), (state | {"weights": {}}, "does not fit")):
+        torch.save(damaged, path)
+        with pytest.raises(InputError, match=message) as refusal:
+            Run(replace(SHORT, resume=str(path.parent)), MODEL, 0, Processes(torch.device("cpu")))
+        assert "\n" not in str(refusal.value)
 
 
 def test_a_folder_keeps_its_run_and_resuming_refuses_a_finished_one_and_another_model(tmp_path):
@@ -215,78 +190,15 @@ def test_a_folder_keeps_its_run_and_resuming_refuses_a_finished_one_and_another_
         run_short(tmp_path, replace(SHORT, resume=last))
     with pytest.raises(InputError, match="not the weights"):
         run_short(tmp_path, replace(SHORT, steps=8, resume=last), replace(MODEL, widths=[8, 8, 16, 24]))
-    with pytest.raises(InputError, match="no checkpoint there"):
-        run_short(tmp_path, replace(SHORT, resume=str(tmp_path / "nowhere")))
     with pytest.raises(InputError, match=r"was trained on other data \(None\) than the given data \(.*b.*\)"):
         train(short_run(replace(SHORT, steps=8, resume=last)), PEOPLE, OTHERS, tmp_path, {"train": "b"})
 
 
 def test_invalid_settings_are_refused_by_name():
-    for wrong, named in (({"steps": 0}, "training.steps=0"), ({"lr": -1.0}, "training.lr")):
-        with pytest.raises(InputError, match=named):
-            TrainingConfig(**wrong)
+    with pytest.raises(InputError, match=r"training\.lr"):
+        TrainingConfig(lr=-1.0)
     with pytest.raises(InputError, match="device=tpu"), join_processes("tpu"):
         pass
-
-
-GRADIENTS = """
-import sys
-import torch
-from capsule_people import CapsulePeople
-from kpopnet.data.batches import CropBatches, ShuffledOrder, AugmentConfig
-from kpopnet.networks import ModelConfig
-from kpopnet.training.distributed import join_processes, set_up_torch
-from kpopnet.training.loop import Run, TrainingConfig
-
-model = ModelConfig(crop_px=32, widths=[8, 8, 16, 16])
-
-
-def share(rank, count):
-    batches = CropBatches(CapsulePeople(20, seed=1), model, ShuffledOrder(20, 8, 0, rank, count), 0, AugmentConfig())
-    return torch.utils.data.default_convert(batches[0])
-
-
-def gradient(shares, training):
-    run.network.train(training)
-    run.network.zero_grad()
-    for batch in shares:
-        (sum(run.network.head.loss(run.data_parallel(batch.crop), batch.target).values()) / len(shares)).backward()
-    return torch.cat([weight.grad.flatten() for weight in run.network.parameters()])
-
-
-with join_processes("cpu") as processes:
-    set_up_torch(1)
-    run = Run(TrainingConfig(steps=3, batch_size=8), model, 0, processes)
-    if processes.count == 1:
-        gradients = gradient([share(0, 1)], False), gradient([share(0, 2), share(1, 2)], True), gradient([share(0, 1)], True)
-    else:
-        own = [share(processes.rank, processes.count)]
-        gradients = gradient(own, False), gradient(own, True)
-    if processes.rank == 0:
-        torch.save(gradients, sys.argv[1])
-    run.close()
-"""
-
-
-def test_two_processes_compute_the_gradient_of_one(tmp_path):
-    """Gradients of two CPU processes, with and without running statistics in batch normalisation.
-
-    With running statistics, two processes give the gradient of the whole batch. In training, each CPU process normalises
-    with the statistics of its own part of the batch (`Processes.data_parallel`). The result is the mean of the gradients
-    on each part, not the gradient of the whole batch. GPUs share the statistics: `test_cuda`.
-    """
-    script = tmp_path / "gradients.py"
-    script.write_text(GRADIENTS)
-    found = []
-    for processes in (1, 2):
-        done = run_program(script, tmp_path, f"{processes}.pt", processes=processes)
-        assert done.returncode == 0, done.stderr
-        found.append(torch.load(tmp_path / f"{processes}.pt", weights_only=True))
-    (one_process, of_parts, of_the_batch), (two_processes, two_processes_training) = found
-    assert min(one_process.norm(), of_parts.norm()) > 0.01
-    torch.testing.assert_close(one_process, two_processes, rtol=1e-4, atol=1e-6)
-    torch.testing.assert_close(of_parts, two_processes_training, rtol=1e-4, atol=1e-6)
-    assert (of_the_batch - two_processes_training).norm() > 0.01 * of_the_batch.norm()
 
 
 def test_a_batch_that_cannot_be_divided_evenly_is_refused(tmp_path, monkeypatch):
