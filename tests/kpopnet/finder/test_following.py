@@ -36,6 +36,8 @@ def test_who_returns_after_a_while_has_the_old_identity_and_who_comes_has_a_new_
     assert found[-1] == found[0]
     found = walk([(-1.5, 0, 3)] * 10, [None] * 5 + [(1.5, 0, 3)] * 5)
     assert found[-1][0] == found[0][0] and found[-1][1] not in found[0].values()
+    found = walk([(-1.5, 0, 3)] * 5 + [None] * 5, [None] * 5 + [(1.5, 0, 3)] * 5)  # while the first is only hidden
+    assert found[-1][1] != found[0][0]
 
 
 def test_a_camera_that_turns_does_not_confuse_people():
