@@ -1,10 +1,10 @@
 """The reader of ITOP on valid and invalid files in the published layout, and on three real frames."""
 
+import h5py
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from itop_files import write_itop
 from real_data import ITOP_FRAMES
 
 from kpopnet.datasets.itop import CAMERA, MAX_SEQUENCE_FRAMES, ItopBenchmark, ItopConfig, split_into_sequences
@@ -32,10 +32,18 @@ def pose(frame: int) -> np.ndarray:
     return (np.round(joints * 64) / 64 + [frame / 64, 0, 0]).astype(np.float32)
 
 
-def write(folder, ids=IDS, **changes) -> None:
-    frames = range(len(ids))
-    given = {"depth_m": np.stack([scene(f) for f in frames]), "joints_m": np.stack([pose(f) for f in frames])}
-    write_itop(folder, ids, **given | changes)
+def write(folder, ids=IDS, part="side_test", depth_m=None, joints_m=None, valid=1, visible=1) -> None:
+    """Writes the files of one view and split; scenes and poses by default, whose labels were checked and joints are visible."""
+    depth_m = np.stack([scene(frame) for frame in range(len(ids))]) if depth_m is None else depth_m
+    joints_m = np.stack([pose(frame) for frame in range(len(ids))]) if joints_m is None else joints_m
+    names = np.array([name.encode() for name in ids], dtype="S8")
+    with h5py.File(folder / f"ITOP_{part}_depth_map.h5", "w") as file:
+        file["id"] = names
+        file.create_dataset("data", data=depth_m.astype(np.float16), chunks=(1, 240, 320), compression="gzip")
+    with h5py.File(folder / f"ITOP_{part}_labels.h5", "w") as file:
+        file["id"], file["is_valid"] = names, np.broadcast_to(valid, len(ids)).astype(np.uint8)
+        file["visible_joints"] = np.broadcast_to(visible, (len(ids), 15)).astype(np.int16)
+        file["real_world_coordinates"] = joints_m.astype(np.float16)
 
 
 def benchmark(folder, **settings) -> ItopBenchmark:
@@ -114,7 +122,7 @@ def test_damaged_and_compressed_files_are_named(tmp_path):
 def test_joints_of_real_frames_lie_on_the_depth_and_people_are_extracted(tmp_path):
     real = np.load(ITOP_FRAMES)
     people = [f"{number:02d}_{row:05d}" for number, row in enumerate(real["raw_row"])]
-    write_itop(tmp_path, people, real["depth_mm"] / 1000, real["joints_m"])
+    write(tmp_path, people, depth_m=real["depth_mm"] / 1000, joints_m=real["joints_m"])
     itop = benchmark(tmp_path)
     assert itop.sequence_names() == people
     for name in people:
