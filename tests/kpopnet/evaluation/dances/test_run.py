@@ -9,6 +9,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from dance_people import dance_joints_m, noisy
 
 from kpopnet.camera import Camera
 from kpopnet.dance.performance import Performance
@@ -33,21 +34,8 @@ SCORERS_TOLD = {name: SCORERS[name] for name in ("dance22", "raptis")}
 
 
 def dance_m(noise_m: float, seed: int) -> np.ndarray:
-    """(T, 15, 3) joints in metres of a body with swinging arms and legs, with slowly varying noise."""
-    rng = np.random.default_rng(0)
-    body = np.array(
-        [
-            *((0, -0.6, 2.5), (0, -0.45, 2.5), (-0.17, -0.35, 2.5), (0.17, -0.35, 2.5), (-0.3, -0.1, 2.5), (0.3, -0.1, 2.5)),
-            *((-0.4, 0.1, 2.4), (0.4, 0.1, 2.4), (0, -0.1, 2.5), (-0.1, 0.1, 2.5), (0.1, 0.1, 2.5), (-0.15, 0.5, 2.45)),
-            *((0.15, 0.5, 2.45), (-0.15, 0.9, 2.5), (0.15, 0.9, 2.5)),
-        ]
-    )
-    limbs = [4, 5, 6, 7, 11, 12, 13, 14]
-    joints = np.tile(body, (len(TIMES_S), 1, 1))
-    joints[:, limbs] += 0.15 * np.sin(2 * np.pi * (TIMES_S[:, None, None] * rng.uniform(0.3, 0.8, (8, 3)) + rng.random((8, 3))))
-    own = np.random.default_rng([seed, 1])
-    swing = np.sin(2 * np.pi * (TIMES_S[:, None, None] * own.uniform(0.2, 0.5, (15, 3)) + own.random((15, 3))))
-    return (joints + noise_m * swing).astype(np.float32)
+    """(T, 15, 3) joints in metres of one dance, with noise."""
+    return noisy(dance_joints_m(0, SECONDS, FPS), noise_m, seed).astype(np.float32)
 
 
 def write_dance(folder: Path, name: str, noises_m: tuple[float, ...]) -> None:
@@ -102,14 +90,8 @@ def fake(monkeypatch) -> type[Fake]:
 
 
 def run(folder: Path, estimators: dict, **changed):
-    arguments = {
-        "scorers": {"dance22": SCORERS["dance22"]},
-        "poses": folder / "poses",
-        "count": None,
-        "seed": 0,
-        "processes": 1,
-    } | changed
-    return run_dances(KpopSet(folder), estimators, **arguments)
+    fixed = {"poses": folder / "poses", "count": None, "seed": 0, "processes": 1}
+    return run_dances(KpopSet(folder), estimators, **fixed | {"scorers": {"dance22": SCORERS["dance22"]}} | changed)
 
 
 def test_scores_on_true_joints_follow_the_labels(folder):
