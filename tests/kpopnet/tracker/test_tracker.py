@@ -155,7 +155,7 @@ def test_who_comes_after_a_second_without_a_person_is_found_anew() -> None:
     assert np.isfinite(given[-3:]).all(), "a start that was given is not found again: it is kept"
 
 
-@pytest.mark.parametrize("lost", [np.s_[:, :160], np.s_[120:]], ids=["left", "bottom"])
+@pytest.mark.parametrize("lost", [np.s_[:, :160], np.s_[:120]], ids=["left", "top"])
 def test_tracking_recovers_from_a_half_image_dropout(dancer, lost) -> None:
     joints, depth = dancer
     sequence = depth.copy()
