@@ -38,7 +38,7 @@ MOTION_WEIGHT, MAX_MOTION_M = 0.01, 0.25
 DROPOUT_RATIO, DROPOUT_DECAY = 0.7, 0.9
 """Below this fraction of the visible area of the last frame the person is hidden in part, or the sensor fails: the pose is
 held, else the body contracts into what is seen. The area shrinks by `DROPOUT_DECAY` in every held frame: nothing is held for
-ever. Without it, 6 of 10 people of cones who cross others lose their pose (tests/kpopnet/pose/test_tracked_people.py)."""
+ever. Without it a person whose upper half drops out loses their pose (tests/kpopnet/tracker/test_tracker.py)."""
 
 LOST_FRAMES = 30
 """After this many frames without the person the tracker starts again when a person comes."""
