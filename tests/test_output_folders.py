@@ -5,10 +5,12 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
+from subprocess import PIPE
 
 import factories
 import pytest
-from programs import ROOT, run_program
+from programs import ROOT, ended, run_program
 
 from kpopnet.runtime import cpu
 from kpopnet.runtime.folder_lock import locked
@@ -28,36 +30,28 @@ def data(tmp_path_factory) -> tuple[str, str]:
     return f"data.train={folder / 'train'}", f"data.validation={folder / 'validation'}"
 
 
-def start(*words: str, most_kb: int | None = None, **environment: str) -> subprocess.Popen:
-    """Starts a program, if wanted with a limit on the size of every file, which stands for a full disk."""
-    command = [sys.executable, *words]
-    if most_kb is not None:
-        command = ["bash", "-c", f'ulimit -f {most_kb}; exec "$@"', "-", *command]
+def start(*words: str, **environment: str) -> subprocess.Popen:
     environment = os.environ | {"OMP_NUM_THREADS": "1"} | environment
-    return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+    return subprocess.Popen([sys.executable, *words], cwd=ROOT, stdout=PIPE, stderr=PIPE, text=True, env=environment)
 
 
-def run(*words: str, most_kb: int | None = None) -> tuple[int, str]:
+def run(*words: str, most_bytes: int = -1) -> tuple[int, str]:
     """Exit code and standard error."""
-    if most_kb is None:
-        done = run_program(words[0], ROOT, *words[1:])
-        return done.returncode, done.stderr
-    process = start(*words, most_kb=most_kb)
-    _, errors = process.communicate(timeout=300)
-    return process.returncode, errors
+    done = run_program(words[0], ROOT, *words[1:], most_bytes=most_bytes)
+    return done.returncode, done.stderr
 
 
-def refusal(*words: str, most_kb: int | None = None) -> str:
+def refusal(*words: str, most_bytes: int = -1) -> str:
     """The one line with which a program ends, checked to be one."""
-    code, errors = run(*words, most_kb=most_kb)
+    code, errors = run(*words, most_bytes=most_bytes)
     lines = [line for line in errors.replace("\r", "\n").splitlines() if line.strip() and "/40 [" not in line]  # no progress
     assert code == 1 and lines[-1].startswith("error: ") and "Traceback" not in errors, errors
     assert len(lines) == 1 or all("compiling" in line or "kernel" in line for line in lines[:-1]), errors
     return lines[-1]
 
 
-def test_two_generators_share_a_folder_by_ranges_and_not_otherwise(tmp_path):
-    settings = (*SYNTH, f"out={tmp_path}", "splits.train=40000", "shard_size=10", "processes=1")
+def test_two_generators_share_a_folder_by_ranges_alone_and_no_process_of_a_killed_one_stays(tmp_path):
+    settings = (*SYNTH, f"out={tmp_path}", "splits.train=40000", "shard_size=10", "processes=2")
     first = start(*settings, "shards=0:4000")
     try:
         folder, until = tmp_path / "train", time.monotonic() + 120
@@ -65,12 +59,14 @@ def test_two_generators_share_a_folder_by_ranges_and_not_otherwise(tmp_path):
             time.sleep(0.01)
         assert f"{folder}: another process writes there" in refusal(*settings, "shards=0:4000")
         # Samples beyond those of the first: another range of the same, grown set.
-        code, errors = run(*settings, "splits.train=40020", "shards=4000:4002")
+        code, errors = run(*settings, "splits.train=40010", "shards=4000:4001")
         assert code == 0, errors
-        assert (folder / "shard_04001.h5").exists() and first.poll() is None
+        assert (folder / "shard_04000.h5").exists() and first.poll() is None
+        workers = [int(one) for one in Path(f"/proc/{first.pid}/task/{first.pid}/children").read_text().split()]
     finally:
         first.kill()
         first.communicate()
+    assert len(workers) >= 2 and all(ended(worker) for worker in workers)
 
 
 @pytest.mark.parametrize(
@@ -98,8 +94,8 @@ def test_a_thousand_workers_are_bounded_and_a_line_says_so(monkeypatch, capsys):
 
 
 def test_a_full_disk_ends_the_generator_with_one_line_and_it_goes_on_later(tmp_path):
-    settings = (*SYNTH, f"out={tmp_path}", "splits.train=40", "shard_size=20", "processes=2")
-    line = refusal(*settings, most_kb=20)
+    settings = (*SYNTH, f"out={tmp_path}", "splits.train=40", "shard_size=20", "processes=1")
+    line = refusal(*settings, most_bytes=20_000)
     assert str(tmp_path / "train" / "shard_0000") in line and "larger than a file may be here" in line
     assert not [path for path in (tmp_path / "train").iterdir() if path.suffix == ".tmp"]
     assert run(*settings)[0] == 0
@@ -108,21 +104,18 @@ def test_a_full_disk_ends_the_generator_with_one_line_and_it_goes_on_later(tmp_p
 
 def test_a_full_disk_ends_a_training_with_one_line_and_it_goes_on_later(tmp_path, data):
     out = tmp_path / "run"
-    code, errors = run(*TRAIN, *data, f"hydra.run.dir={out}", most_kb=30)
+    code, errors = run(*TRAIN, *data, f"hydra.run.dir={out}", most_bytes=30_000)
     assert code == 1 and "Traceback" not in errors, errors
     assert errors.splitlines()[-1].startswith(f"error: {out}: the file is larger"), errors
     assert not (out / "last").exists()
     assert run(*TRAIN, *data, f"hydra.run.dir={out}")[0] == 0
 
 
-def test_a_folder_that_cannot_be_made_is_one_line(tmp_path, data):
+def test_a_folder_that_cannot_be_made_or_a_setting_that_is_none_is_one_line(tmp_path, data):
+    assert "+foo: there is no such setting" in refusal(*TRAIN, "+foo=1", f"hydra.run.dir={tmp_path / 'out'}")
     (tmp_path / "file").write_text("")
     assert "a part of this path is a file" in refusal(*TRAIN, *data, f"hydra.run.dir={tmp_path / 'file/run'}")
     assert "the name is too long" in refusal(*SYNTH, "splits.train=4", f"out={tmp_path / ('x' * 300)}")
-
-
-def test_a_setting_that_is_none_is_refused_before_the_work(tmp_path):
-    assert "+foo: there is no such setting" in refusal(*TRAIN, "+foo=1", f"hydra.run.dir={tmp_path / 'out'}")
 
 
 PAUSE_AT_IMPORT = """

@@ -17,11 +17,15 @@ from types import ModuleType
 ROOT = Path(__file__).parents[2]
 
 STARTER = """
-import json, os, runpy, sys
-import kpopnet, cv2, h5py, hydra, matplotlib.pyplot, numba, scipy.ndimage, scipy.spatial.transform, torch.utils.tensorboard
+import gc, json, os, resource, runpy, sys
+import kpopnet.programs.evaluate, kpopnet.programs.train, synth.__main__, torch.utils.tensorboard
+
+del sys.modules["synth.__main__"]  # which runpy runs
+gc.collect()
+gc.freeze()  # a child that looks for garbage would copy all of it
 
 while line := sys.stdin.readline():
-    words, folder, environments, *files = json.loads(line)
+    words, folder, most_bytes, environments, *files = json.loads(line)
     children = []
     for environment in environments:
         if not (child := os.fork()):
@@ -33,6 +37,7 @@ while line := sys.stdin.readline():
     for number, file in enumerate((os.devnull, *files)):
         os.dup2(os.open(file, os.O_RDWR | os.O_APPEND), number)
     os.chdir(folder)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most_bytes, most_bytes))
     os.environ.clear()
     os.environ.update(environment)
     sys.argv = words[words[0] == "-m" :]
@@ -44,9 +49,9 @@ while line := sys.stdin.readline():
         runpy.run_path(words[0], run_name="__main__")
     break
 """
-"""Runs programs, each in a process of its own in which other people's libraries are loaded already: they take most of the time
-of a short program. A line of JSON on the standard input for each, with the environments of its processes; an exit code on the
-standard output."""
+"""Runs programs, each in a process of its own in which what the largest import is loaded already: that takes most of the time
+of a short program. A line of JSON on the standard input for each, with the largest size of a file and the environments of its
+processes; an exit code on the standard output."""
 
 
 @cache
@@ -72,13 +77,17 @@ def ranks(processes: int) -> list[dict[str, str]]:
     return [environment() | own | {"RANK": str(rank), "LOCAL_RANK": str(rank)} for rank in range(processes)]
 
 
-def run_program(script: str | Path, place: Path, *words: object, processes: int = 0) -> subprocess.CompletedProcess:
-    """Runs a script, by default of the repository, or with "-m" a module, in `place`; in so many processes, as torchrun."""
+def run_program(
+    script: str | Path, place: Path, *words: object, processes: int = 0, most_bytes: int = -1
+) -> subprocess.CompletedProcess:
+    """Runs a script, by default of the repository, or with "-m" a module, in `place`; in so many processes, as torchrun; if
+    wanted with a limit on the size of every file, which stands for a full disk."""
     command = [script if script == "-m" else str(ROOT / script), *map(str, words)]
     environments = ranks(processes) if processes else [environment()]
     with tempfile.NamedTemporaryFile("r") as output, tempfile.NamedTemporaryFile("r") as errors:
         process = starter()
-        print(json.dumps([command, str(place), environments, output.name, errors.name]), file=process.stdin, flush=True)
+        wanted = command, str(place), most_bytes, environments, output.name, errors.name
+        print(json.dumps(wanted), file=process.stdin, flush=True)
         return subprocess.CompletedProcess(command, int(process.stdout.readline()), output.read(), errors.read())
 
 
