@@ -8,7 +8,7 @@ from fuzz.runner import fuzz
 from planted import planted
 from programs import ROOT
 
-CASES = 20
+CASES = 10
 """Of each format."""
 
 

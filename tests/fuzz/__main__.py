@@ -11,7 +11,6 @@ as it was and nothing else touched (`fuzz.child` judges); or where a planted fau
 
 import argparse
 import sys
-import tempfile
 from pathlib import Path
 
 TESTS = Path(__file__).resolve().parents[1]
@@ -31,7 +30,6 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", type=int, help="number of the one case to run")
     parser.add_argument("--stop", action="store_true", help="at the first fault")
-    parser.add_argument("--coverage", action="store_true", help="print which branches of the readers were taken")
     parser.add_argument(
         "--planted", nargs="*", metavar="NAME", help="look for faults planted in copies, all by default, instead"
     )
@@ -40,35 +38,16 @@ def main() -> None:
         sys.exit(not find_all(TESTS / "fuzz" / "planted", "tests.fuzz", given.planted))
     cases = range(given.cases) if given.only is None else range(given.only, given.only + 1)
     failed = False
-    with tempfile.TemporaryDirectory() as folder:
-        measured = Path(folder) / "coverage" if given.coverage else None
-        print(f"{'format':20} {'accepted':>9} {'refused':>9} {'faults':>7}")
-        for name in given.format:
-            outcomes, faults = fuzz([name], cases, given.seed, measured, given.stop)[name]
-            print(f"{name:20} {outcomes[ACCEPTED]:9} {outcomes[REFUSED]:9} {len(faults):7}", flush=True)
-            for case, fault in faults[:10]:
-                print(f"    case {case}: {fault}", flush=True)
-            failed |= bool(faults)
-            if failed and given.stop:
-                break
-        if measured:
-            report(measured, {module for name in given.format for module in FORMATS[name].modules})
+    print(f"{'format':20} {'accepted':>9} {'refused':>9} {'faults':>7}")
+    for name in given.format:
+        outcomes, faults = fuzz([name], cases, given.seed, given.stop)[name]
+        print(f"{name:20} {outcomes[ACCEPTED]:9} {outcomes[REFUSED]:9} {len(faults):7}", flush=True)
+        for case, fault in faults[:10]:
+            print(f"    case {case}: {fault}", flush=True)
+        failed |= bool(faults)
+        if failed and given.stop:
+            break
     sys.exit(failed)
-
-
-def report(measured: Path, modules: set[str]) -> None:
-    """Prints for each module the branches that were taken, and the lines from which one was not."""
-    from coverage import Coverage
-
-    found = Coverage(data_file=str(measured), branch=True)
-    found.combine([str(measured.parent)])
-    print(f"\n{'module':45} {'branches':>12}   lines from which a branch was not taken")
-    for module in sorted(modules):
-        path = TESTS.parent.joinpath(*module.split(".")).with_suffix(".py")
-        branches = found.branch_stats(str(path if path.is_file() else path.with_suffix("") / "__init__.py"))
-        number, taken = (sum(one[part] for one in branches.values()) for part in (0, 1))
-        missing = ", ".join(str(line) for line, (most, some) in sorted(branches.items()) if some < most)
-        print(f"{module:45} {taken:5} of {number:3}   {missing}")
 
 
 if __name__ == "__main__":

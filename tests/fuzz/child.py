@@ -1,10 +1,9 @@
 """The child process of the harness: reads mutated files, and judges all that each of them did.
 
-Started by `fuzz.runner` as `child.py SEED FOLDER COVERAGE`, with pairs of a format's name and a case's number on standard
+Started by `fuzz.runner` as `child.py SEED FOLDER`, with pairs of a format's name and a case's number on standard
 input. Prints a line of JSON for each: name, number, outcome, message.
 """
 
-import contextlib
 import hashlib
 import itertools
 import json
@@ -29,9 +28,6 @@ from fuzz.structures import mutate_file  # noqa: E402
 from fuzz.traps import CANARY, NEVER, SECRET, TELLS, WILD  # noqa: E402
 from kpopnet.errors import InputError  # noqa: E402
 
-with contextlib.suppress(ImportError):  # only its report needs it
-    from coverage import Coverage
-
 ACCEPTED, REFUSED = "accepted", "refused"
 
 BUDGET_GB = 0.05
@@ -46,7 +42,7 @@ ODD_FOLDER = "case \x1b[31m\n"
 
 
 def main() -> None:
-    seed, place, coverage = sys.argv[1:]
+    seed, place = sys.argv[1:]
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # what a library prints is no answer
     os.environ["KPOPNET_FILE_BUDGET_GB"] = str(BUDGET_GB)
@@ -54,14 +50,9 @@ def main() -> None:
     logging.disable()
     resource.setrlimit(resource.RLIMIT_AS, (ADDRESS_SPACE_BYTES, resource.RLIM_INFINITY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    readers = [f"{TESTS.parent}/kpopnet/*"]
-    measured = Coverage(data_file=coverage, data_suffix=True, branch=True, include=readers) if coverage else None
-    with measured.collect() if measured else contextlib.nullcontext():
-        for name, cases in itertools.groupby(json.load(sys.stdin), lambda one: one[0]):
-            for answer in judged(name, int(seed), Path(place), [case for _, case in cases]):
-                print(json.dumps((name, *answer)), file=answers, flush=True)
-    if measured:
-        measured.save()
+    for name, cases in itertools.groupby(json.load(sys.stdin), lambda one: one[0]):
+        for answer in judged(name, int(seed), Path(place), [case for _, case in cases]):
+            print(json.dumps((name, *answer)), file=answers, flush=True)
 
 
 def judged(name: str, seed: int, place: Path, cases: list[int]) -> Iterator[tuple[int, str, str]]:

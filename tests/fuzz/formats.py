@@ -44,7 +44,6 @@ class Format(NamedTuple):
         make: writes a valid example into an empty folder.
         files: patterns of the files to mutate, below the folder.
         read: reads the example as a program does, and gives what it holds; raises InputError where it is invalid.
-        modules: that read it, for the report of coverage.
         every: of how many cases one is run, where a case is expensive.
         is_own: whether only its owner has it on the disk, and it is read in the program's own process: bytes in the structures
             of HDF5 are not changed, because its library crashes on some.
@@ -53,7 +52,6 @@ class Format(NamedTuple):
     make: Callable[[Path], object]
     files: tuple[str, ...]
     read: Callable[[Path], list[np.ndarray]]
-    modules: tuple[str, ...]
     every: int = 1
     is_own: bool = False
 
@@ -145,6 +143,18 @@ def make_azure_json(folder: Path) -> None:
 
 def make_points(folder: Path) -> None:
     np.savez(folder / "a.npz", points=coco(), names=np.array(COCO_NAMES), fps=30.0, confidence=np.ones((FRAMES, 17)))
+
+
+def make_joints(folder: Path) -> None:
+    np.savez(folder / "a.npz", joints_m=joints(5), times_s=np.arange(5) / 30, confidence=np.ones((5, 15)))
+
+
+def make_amass(folder: Path) -> None:
+    np.savez(folder / "a.npz", poses=np.zeros((5, 72)), trans=np.zeros((5, 3)), mocap_framerate=30.0)
+
+
+def make_compressed_bag(folder: Path) -> None:
+    write_ros(folder / "a.bag", depth_mm(3), {f"{TOPIC}/compressedDepth": "32FC1; compressedDepth png"})
 
 
 def make_camera(folder: Path) -> None:
@@ -265,96 +275,44 @@ def read_deed(folder: Path) -> list[np.ndarray]:
 
 TRY = "20260101-120000-000"
 
-FILES = "kpopnet.dance.joint_files"
-JOINTS = (f"{FILES}.reader", f"{FILES}.points")
-DEPTH = ("kpopnet.sources.opening", "kpopnet.sources.source")
-CAMERA = ("kpopnet.sources.camera_files",)
-ARRAYS, HDF5 = ("kpopnet.runtime.input_files",), ("kpopnet.runtime.hdf5_files",)
-ROS, FOLDERS = ("kpopnet.sources.ros",), ("kpopnet.sources.folders", "kpopnet.sources.images")
-IMAGES, STORED = ("kpopnet.sources.images",), ("kpopnet.sources.arrays",)
-
 FORMATS = {
-    "bvh": Format(
-        lambda folder: write_bvh(folder / "a.bvh", still(40)), ("*.bvh",), read_dance, (f"{FILES}.bvh", f"{FILES}.bvh_motion")
-    ),
-    "gltf": Format(make_gltf, ("*",), read_dance, (f"{FILES}.gltf", f"{FILES}.bones")),
-    "vmd": Format(make_vmd, ("*.vmd",), read_dance, (f"{FILES}.vmd",)),
-    "c3d": Format(
-        lambda folder: write_c3d(folder / "a.c3d", 1000 * coco()[:5], COCO_NAMES), ("*",), read_dance, (f"{FILES}.markers",)
-    ),
-    "trc": Format(
-        lambda folder: write_trc(folder / "a.trc", 1000 * coco()[:5], COCO_NAMES), ("*",), read_dance, (f"{FILES}.markers",)
-    ),
-    "joint_map": Format(make_joint_map, ("*",), read_mapped, (f"{FILES}.markers", *JOINTS)),
-    "joints_npz": Format(
-        lambda folder: np.savez(folder / "a.npz", joints_m=joints(5), times_s=np.arange(5) / 30, confidence=np.ones((5, 15))),
-        ("*.npz",),
-        read_dance,
-        (*JOINTS, *ARRAYS),
-    ),
-    "amass_npz": Format(
-        lambda folder: np.savez(folder / "a.npz", poses=np.zeros((5, 72)), trans=np.zeros((5, 3)), mocap_framerate=30.0),
-        ("*.npz",),
-        read_dance,
-        (f"{FILES}.amass",),
-    ),
-    "points_npz": Format(make_points, ("*.npz",), read_dance, JOINTS),
-    "named_json": Format(make_named_json, ("*.json",), read_dance, (*JOINTS, *ARRAYS)),
-    "azure_json": Format(make_azure_json, ("*.json",), read_dance, JOINTS),
-    "joints_csv": Format(make_csv, ("*.csv",), read_dance, JOINTS),
-    "camera": Format(make_camera, ("*.json",), read_a_camera, CAMERA),
-    "realsense_camera": Format(make_realsense_camera, ("*.json",), read_a_camera, CAMERA),
-    "azure_camera": Format(make_azure_camera, ("*.json",), read_a_camera, CAMERA),
-    "depth_png": Format(lambda folder: write_pngs(folder, depth_mm(2)), ("*.png",), read_depth, IMAGES),
-    "depth_tif": Format(lambda folder: write_pngs(folder, depth_mm(2), ".tif"), ("*.tif",), read_depth, IMAGES),
-    "depth_npz": Format(
-        lambda folder: write_npz(folder / "a.npz", depth_mm(3), fps=25.0), ("*.npz",), read_depth, (*DEPTH, *STORED)
-    ),
-    "depth_npy": Format(lambda folder: np.save(folder / "a.npy", depth_mm(3)), ("*.npy",), read_depth, STORED),
-    "depth_hdf5": Format(lambda folder: write_hdf5(folder / "a.h5", depth_mm(6), chunk=2), ("*.h5",), read_depth, STORED),
-    "depth_video": Format(
-        lambda folder: write_video(folder / "a.mkv", depth_mm(3)), ("*.mkv",), read_depth, ("kpopnet.sources.video",)
-    ),
-    "depth_sent": Format(
-        lambda folder: write_sent(folder / "a.depth", depth_mm(3)), ("*.depth",), read_depth, ("kpopnet.sources.stream",)
-    ),
-    "azure_recording": Format(
-        make_azure_recording, ("*.mkv",), read_recording, ("kpopnet.sources.video", "kpopnet.sources.camera_files")
-    ),
-    "ros1_bag": Format(lambda folder: write_ros(folder / "a.bag", depth_mm(3)), ("*.bag",), read_recording, ROS),
-    "ros1_compressed": Format(
-        lambda folder: write_ros(folder / "a.bag", depth_mm(3), {f"{TOPIC}/compressedDepth": "32FC1; compressedDepth png"}),
-        ("*.bag",),
-        read_recording,
-        ROS,
-    ),
-    "ros2_db3": Format(lambda folder: write_ros(folder / "a.db3", depth_mm(3)), ("*.db3",), read_recording, ROS),
-    "ros2_mcap": Format(lambda folder: write_ros(folder / "a.mcap", depth_mm(3)), ("*.mcap",), read_recording, ROS),
-    "stray_scanner": Format(
-        lambda folder: write_stray(folder, depth_mm(2)),
-        ("*.csv", "*/*.png"),
-        read_recording,
-        ("kpopnet.sources.phones", *IMAGES),
-    ),
-    "record3d": Format(
-        lambda folder: write_record3d(folder / "a.r3d", depth_mm(2)), ("*.r3d",), read_recording, ("kpopnet.sources.phones",)
-    ),
-    "tum": Format(make_tum, ("*.txt", "depth/*.png"), read_recording, FOLDERS),
-    "scannet": Format(make_scannet, ("*.txt", "*.pgm"), read_recording, FOLDERS),
-    "shards": Format(make_set, ("*.h5",), read_set, (*HDF5, "kpopnet.data.shards"), is_own=True),
-    "kpop_set": Format(
-        make_dances, ("*/*.h5", "*/*.csv", "*.json"), read_dances, (*HDF5, "kpopnet.datasets.dances.dance_set"), is_own=True
-    ),
-    "library": Format(make_taught, ("*/*.npz",), read_taught, ("kpopnet.teacher.library",)),
-    "names": Format(make_names, ("names.json",), read_names, ("kpopnet.teacher.tries",), every=5),
-    "checkpoint": Format(make_checkpoint, ("*",), read_checkpoint, ("kpopnet.networks", "kpopnet.networks.checkpoint")),
-    "child": Format(
-        lambda folder: write_json(folder, {"do": "answer"}, "deed.json"),
-        ("deed.json",),
-        read_deed,
-        ("kpopnet.runtime.untrusted",),
-        every=50,
-    ),
+    "bvh": Format(lambda folder: write_bvh(folder / "a.bvh", still(40)), ("*.bvh",), read_dance),
+    "gltf": Format(make_gltf, ("*",), read_dance),
+    "vmd": Format(make_vmd, ("*.vmd",), read_dance),
+    "c3d": Format(lambda folder: write_c3d(folder / "a.c3d", 1000 * coco()[:5], COCO_NAMES), ("*",), read_dance),
+    "trc": Format(lambda folder: write_trc(folder / "a.trc", 1000 * coco()[:5], COCO_NAMES), ("*",), read_dance),
+    "joint_map": Format(make_joint_map, ("*",), read_mapped),
+    "joints_npz": Format(make_joints, ("*.npz",), read_dance),
+    "amass_npz": Format(make_amass, ("*.npz",), read_dance),
+    "points_npz": Format(make_points, ("*.npz",), read_dance),
+    "named_json": Format(make_named_json, ("*.json",), read_dance),
+    "azure_json": Format(make_azure_json, ("*.json",), read_dance),
+    "joints_csv": Format(make_csv, ("*.csv",), read_dance),
+    "camera": Format(make_camera, ("*.json",), read_a_camera),
+    "realsense_camera": Format(make_realsense_camera, ("*.json",), read_a_camera),
+    "azure_camera": Format(make_azure_camera, ("*.json",), read_a_camera),
+    "depth_png": Format(lambda folder: write_pngs(folder, depth_mm(2)), ("*.png",), read_depth),
+    "depth_tif": Format(lambda folder: write_pngs(folder, depth_mm(2), ".tif"), ("*.tif",), read_depth),
+    "depth_npz": Format(lambda folder: write_npz(folder / "a.npz", depth_mm(3), fps=25.0), ("*.npz",), read_depth),
+    "depth_npy": Format(lambda folder: np.save(folder / "a.npy", depth_mm(3)), ("*.npy",), read_depth),
+    "depth_hdf5": Format(lambda folder: write_hdf5(folder / "a.h5", depth_mm(6), chunk=2), ("*.h5",), read_depth),
+    "depth_video": Format(lambda folder: write_video(folder / "a.mkv", depth_mm(3)), ("*.mkv",), read_depth),
+    "depth_sent": Format(lambda folder: write_sent(folder / "a.depth", depth_mm(3)), ("*.depth",), read_depth),
+    "azure_recording": Format(make_azure_recording, ("*.mkv",), read_recording),
+    "ros1_bag": Format(lambda folder: write_ros(folder / "a.bag", depth_mm(3)), ("*.bag",), read_recording),
+    "ros1_compressed": Format(make_compressed_bag, ("*.bag",), read_recording),
+    "ros2_db3": Format(lambda folder: write_ros(folder / "a.db3", depth_mm(3)), ("*.db3",), read_recording),
+    "ros2_mcap": Format(lambda folder: write_ros(folder / "a.mcap", depth_mm(3)), ("*.mcap",), read_recording),
+    "stray_scanner": Format(lambda folder: write_stray(folder, depth_mm(2)), ("*.csv", "*/*.png"), read_recording),
+    "record3d": Format(lambda folder: write_record3d(folder / "a.r3d", depth_mm(2)), ("*.r3d",), read_recording),
+    "tum": Format(make_tum, ("*.txt", "depth/*.png"), read_recording),
+    "scannet": Format(make_scannet, ("*.txt", "*.pgm"), read_recording),
+    "shards": Format(make_set, ("*.h5",), read_set, is_own=True),
+    "kpop_set": Format(make_dances, ("*/*.h5", "*/*.csv", "*.json"), read_dances, is_own=True),
+    "library": Format(make_taught, ("*/*.npz",), read_taught),
+    "names": Format(make_names, ("names.json",), read_names, every=5),
+    "checkpoint": Format(make_checkpoint, ("*",), read_checkpoint),
+    "child": Format(lambda folder: write_json(folder, {"do": "answer"}, "deed.json"), ("deed.json",), read_deed, every=50),
 }
 """What strangers send, to `scannet`; then what lies on one's own disk, or comes as a request. `child` is no format: its
 files say what a parser does to the process that reads for us (`fuzz.deeds`)."""

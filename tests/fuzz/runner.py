@@ -20,18 +20,15 @@ Faults = list[tuple[int, str]]
 """Cases and what happened that should not happen."""
 
 
-def fuzz(
-    names: Iterable[str], cases: range, seed: int, coverage: Path | None = None, stop_at_first: bool = False
-) -> dict[str, tuple[Counter, Faults]]:
+def fuzz(names: Iterable[str], cases: range, seed: int, stop_at_first: bool = False) -> dict[str, tuple[Counter, Faults]]:
     """Reads mutated files of some formats: by format the number of cases by outcome, and the faults.
 
-    Case k of a format is a function of the format's name, the seed and k, so that a fault can be repeated alone. With
-    `coverage` the branches that were taken are stored in that file.
+    Case k of a format is a function of the format's name, the seed and k, so that a fault can be repeated alone.
     """
     found: dict[str, tuple[Counter, Faults]] = {name: (Counter(), []) for name in names}
     left = [(name, case) for name in found for case in cases if case % FORMATS[name].every == 0]
     while left:
-        for name, case, outcome, message in _answers(left, seed, coverage):
+        for name, case, outcome, message in _answers(left, seed):
             left.remove((name, case))
             found[name][0][outcome] += 1
             if outcome not in (ACCEPTED, REFUSED):
@@ -47,11 +44,11 @@ def fuzz(
     return found
 
 
-def _answers(cases: list[tuple[str, int]], seed: int, coverage: Path | None) -> Iterator[tuple[str, int, str, str]]:
+def _answers(cases: list[tuple[str, int]], seed: int) -> Iterator[tuple[str, int, str, str]]:
     """What a child answers to cases until it ends: format, number, outcome and message of each."""
     with tempfile.TemporaryDirectory(prefix="fuzz_") as place, tempfile.TemporaryFile("w+") as complaints:
         child = subprocess.Popen(
-            [sys.executable, str(CHILD), str(seed), place, str(coverage or "")],
+            [sys.executable, str(CHILD), str(seed), place],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=complaints, text=True,
             env=os.environ | {"OMP_NUM_THREADS": "1"}, start_new_session=True,
         )  # fmt: skip
