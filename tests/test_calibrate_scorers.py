@@ -19,7 +19,7 @@ calibrate = tool("calibrate_scorers")
 def test_scores_of_kept_windows_are_those_of_the_scorer(name, tmp_path, monkeypatch):
     scorer = replace(SCORERS[name], beta=0.7)
     monkeypatch.setattr(calibrate, "BETAS", (0.7,))
-    teacher_m = dance_joints_m(0)
+    teacher_m = dance_joints_m(0, 8.0)
     learners_m = [noisy(teacher_m, deviation_m) for deviation_m in (0.02, 0.05, 0.08, 0.2)]
     learners_m[1] = np.concatenate([teacher_m[:1].repeat(9, axis=0), learners_m[1][:-9]])  # late
     dance = calibrate.Dance(teacher_m, np.array(learners_m), "composed")

@@ -15,9 +15,10 @@ from kpopnet.cli import PROGRAMS
 kpopnet = partial(run_program, "-m", ROOT, "kpopnet.cli")
 
 
-def test_help_names_every_program():
+def test_help_names_every_program_and_the_version_is_the_packages():
     done = kpopnet("--help")
     assert done.returncode == 0 and all(f"kpopnet {name}" in done.stdout for name in PROGRAMS)
+    assert kpopnet("--version").stdout.strip().count(".") == 2
 
 
 SETTINGS = {"train": "training.lr ", "evaluate": "estimator.tracker.start "}
@@ -54,20 +55,12 @@ def test_a_library_that_a_slim_installation_lacks_is_named(monkeypatch, capsys):
     assert capsys.readouterr().err.startswith("error: kpopnet train needs no_such_library, which is not installed")
 
 
-def test_the_version_is_the_packages():
-    assert kpopnet("--version").stdout.strip().count(".") == 2
-
-
 def test_the_programs_work_from_an_installed_package(tmp_path):
     """As a wheel lays it out: configurations inside the package, no checkout around it."""
     for package in ("kpopnet", "synth"):
         shutil.copytree(ROOT / package, tmp_path / "site" / package, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copytree(ROOT / "configs", tmp_path / "site" / "kpopnet" / "configs")
     environment = os.environ | {"PYTHONPATH": str(tmp_path / "site")}
-    for words, expected in (
-        (("train", "--cfg", "job", "training.steps=7"), "  steps: 7  # "),
-        (("generate", "benchmark=kpop_sim", "--cfg", "job"), "dances: 100"),
-    ):
-        command = [sys.executable, "-P", "-m", "kpopnet.cli", *words]
-        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
-        assert done.returncode == 0 and expected in done.stdout, done.stderr
+    command = [sys.executable, "-P", "-m", "kpopnet.cli", "generate", "benchmark=kpop_sim", "--cfg", "job"]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0 and "dances: 100" in done.stdout, done.stderr

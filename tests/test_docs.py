@@ -62,7 +62,7 @@ def settings_of_commands() -> list[tuple[str, str, str, list[str]]]:
                 found.append((module, config, folder, settings))
     known = {"generate", "simulated_set", "train", "tree_walk", "finder", "evaluate"}
     assert {config for _, config, _, _ in found} == known and len(found) > 25
-    return found
+    return [one for number, one in enumerate(found) if one not in found[:number]]
 
 
 @pytest.mark.parametrize(("module", "config", "folder", "settings"), settings_of_commands(), ids=str)
@@ -117,8 +117,8 @@ def test_a_dance_is_scored_as_the_page_says() -> None:
 
 def test_people_are_tracked_as_the_page_says(capsys) -> None:
     program = next(program for page, program in fenced("python") if page == "trackers.md")
-    exec(program, {"depth": two_people_mm(frames=6)})
-    assert sorted(capsys.readouterr().out.splitlines()) == ["0 (6, 15, 3)", "1 (6, 15, 3)"]
+    exec(program, {"depth": two_people_mm(frames=3)})
+    assert sorted(capsys.readouterr().out.splitlines()) == ["0 (3, 15, 3)", "1 (3, 15, 3)"]
 
 
 def test_the_map_from_the_paper_leads_somewhere() -> None:
@@ -133,11 +133,6 @@ def test_the_map_from_the_paper_leads_somewhere() -> None:
         module, _, name = place.rpartition(".")
         if importlib.util.find_spec(module) is None or not hasattr(importlib.import_module(module), name):
             assert importlib.util.find_spec(place), place
-
-
-@pytest.mark.parametrize("page", PAGES)
-def test_every_row_of_a_table_stands_on_a_line_of_its_own(page: str) -> None:
-    assert not re.search(r"\| \|---|\|--- ?\| \|", PAGES[page])
 
 
 def test_every_file_that_a_page_names_exists() -> None:
@@ -170,8 +165,6 @@ def test_the_readme_and_the_architecture_are_short() -> None:
     assert len(PAGES["architecture.md"].split()) <= 900
 
 
-@pytest.mark.parametrize(
-    "path", ["LICENSE", "NOTICE", "CITATION.cff", "CHANGELOG.md", "constraints.txt", "synth/assets/README.md", ".ci/run"]
-)
-def test_what_a_user_must_find_is_there(path: str) -> None:
-    assert (ROOT / path).stat().st_size > 100
+def test_what_a_user_must_find_is_there() -> None:
+    for path in ("LICENSE", "NOTICE", "CITATION.cff", "CHANGELOG.md", "constraints.txt", "synth/assets/README.md", ".ci/run"):
+        assert (ROOT / path).stat().st_size > 100

@@ -14,7 +14,7 @@ import pytest
 from cone_people import cone_body, cone_joints, draw_cones
 from depth_files import CAMERA as DEPTH_CAMERA
 from depth_files import camera_numbers, depth_mm
-from programs import ROOT
+from programs import ROOT, run_program
 
 from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
@@ -25,8 +25,7 @@ from kpopnet.sources.source import CameraAwayError
 
 
 def run_example(name: str, *words: object) -> str:
-    command = [sys.executable, str(ROOT / "examples" / name), *map(str, words)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    done = run_program(f"examples/{name}", ROOT, *words)
     assert done.returncode == 0, done.stderr
     return done.stdout
 

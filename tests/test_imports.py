@@ -4,6 +4,7 @@ import ast
 import importlib
 import subprocess
 import sys
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 
 import pytest
@@ -39,6 +40,7 @@ WITHOUT_TORCH = (
 )
 
 
+@cache
 def modules() -> dict[str, set[str]]:
     """Every module of kpopnet and synth to the modules of both that it imports, inside functions too."""
     paths = {}
@@ -59,9 +61,6 @@ def modules() -> dict[str, set[str]]:
     return found
 
 
-IMPORTS = modules()
-
-
 def room(module: str) -> str:
     """The package below kpopnet, or the root module, that a module belongs to; "synth" for all of synth."""
     return "synth" if module.split(".", maxsplit=1)[0] == "synth" else ".".join(module.split(".")[:2])
@@ -72,7 +71,7 @@ def layer(name: str) -> int:
 
 
 def test_a_module_imports_only_its_own_package_and_the_layers_below() -> None:
-    for module, here, imported in ((name, room(name), one) for name, found in IMPORTS.items() for one in found):
+    for module, here, imported in ((name, room(name), one) for name, found in modules().items() for one in found):
         there = room(imported)
         if here in (there, "synth") or layer(here) == layer("kpopnet.programs"):
             continue
@@ -82,8 +81,8 @@ def test_a_module_imports_only_its_own_package_and_the_layers_below() -> None:
 
 
 def test_synth_imports_little_of_kpopnet() -> None:
-    for module in (name for name in IMPORTS if room(name) == "synth"):
-        foreign = {one for one in IMPORTS[module] if room(one) != "synth"} - {"kpopnet"}
+    for module in (name for name in modules() if room(name) == "synth"):
+        foreign = {one for one in modules()[module] if room(one) != "synth"} - {"kpopnet"}
         makes_what_the_finder_cuts_out = {"kpopnet.finder", "kpopnet.weights"} if module == "synth.rooms.crops" else set()
         assert all(room(one) in SYNTH_MAY_IMPORT | makes_what_the_finder_cuts_out for one in foreign), (module, foreign)
 
@@ -93,13 +92,13 @@ def test_what_tools_and_examples_import_of_both_packages_exists() -> None:
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.ImportFrom) and node.module.split(".")[0] in ("kpopnet", "synth"):
                 for name in (alias.name for alias in node.names):
-                    known = f"{node.module}.{name}" in IMPORTS or hasattr(importlib.import_module(node.module), name)
+                    known = f"{node.module}.{name}" in modules() or hasattr(importlib.import_module(node.module), name)
                     assert known, f"{path.name} imports {name} of {node.module}"
 
 
 def test_no_imports_go_round_in_a_circle() -> None:
     # A package's __init__ may gather names from its modules, which may import the package's other modules.
-    graph = {name: {one for one in imported if not name.startswith(f"{one}.")} for name, imported in IMPORTS.items()}
+    graph = {name: {one for one in imported if not name.startswith(f"{one}.")} for name, imported in modules().items()}
     try:
         tuple(TopologicalSorter(graph).static_order())
     except CycleError as error:
@@ -107,7 +106,7 @@ def test_no_imports_go_round_in_a_circle() -> None:
 
 
 def test_every_package_has_a_layer() -> None:
-    assert {room(name) for name in IMPORTS} - {"synth"} == {name for names in LAYERS for name in names}
+    assert {room(name) for name in modules()} - {"synth"} == {name for names in LAYERS for name in names}
 
 
 def test_what_estimates_loads_neither_torch_nor_hydra() -> None:
