@@ -2,8 +2,6 @@
 
 import numpy as np
 
-from synth.motion import MotionConfig
-from synth.samples.sampler import SampleConfig, Sampler
 from synth.simulated.film import Studio, Take
 
 Seed = tuple[int, ...]
@@ -26,11 +24,3 @@ def recorded_seeds(monkeypatch) -> list[Seed]:
 
     monkeypatch.setattr(np.random, "default_rng", record)
     return seeds
-
-
-def draw_presets(splits: tuple[str, ...]) -> None:
-    """Draws a few samples of every kind of training set."""
-    for split in splits:
-        for source in ("mix", "choreography"):
-            sampler = Sampler(SampleConfig(renderer="cpu", motion=MotionConfig(source=source)), 0, split)
-            list(sampler.samples(0, 3))

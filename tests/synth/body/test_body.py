@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import trimesh
-from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 from skinning import skinned
 
@@ -12,7 +11,7 @@ from kpopnet.skeleton import Joint
 from synth.body.asset import load_body
 from synth.body.capsules import CAPSULES, TRUNK
 from synth.body.outfit import ClothesConfig
-from synth.body.shape import SPLIT_RANGES, BodyConfig, _draw_adult, draw_person
+from synth.body.shape import BodyConfig, draw_person
 from synth.motion import MotionConfig
 from synth.samples.sampler import SampleConfig, Sampler
 from synth.scene.render import CpuRenderer
@@ -28,15 +27,10 @@ def scene() -> Scene:
     return Scene(CAMERAS["kinect_v1"])
 
 
-def random_rotations(rng: np.random.Generator, sigma_rad: float = 0.5) -> Rotation:
-    return Rotation.from_rotvec(sigma_rad * rng.normal(size=(NUM_BONES, 3)))
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_mujoco_skinning_equals_the_reference(scene: Scene, seed: int) -> None:
-    rng = np.random.default_rng(seed)
+def test_mujoco_skinning_equals_the_reference(scene: Scene) -> None:
+    rng = np.random.default_rng(0)
     person = draw_person(rng, BodyConfig(), "train")
-    rotations, root_m = random_rotations(rng), rng.normal(size=3)
+    rotations, root_m = Rotation.from_rotvec(0.5 * rng.normal(size=(NUM_BONES, 3))), rng.normal(size=3)
     scene.set_person(scene.fit(person))
     scene.pose(rotations.as_quat(scalar_first=True), root_m)
     vertices, joints = skinned(person, rotations.as_matrix(), root_m)
@@ -89,7 +83,7 @@ def outside_m(vertices: np.ndarray, points: np.ndarray) -> np.ndarray:
     return distances
 
 
-@pytest.mark.parametrize(("source", "count"), [("poses", 60), ("choreography", 30)])
+@pytest.mark.parametrize(("source", "count"), [("poses", 30), ("choreography", 15)])
 def test_joints_lie_inside_the_body_in_generated_poses(source: str, count: int) -> None:
     sampler = Sampler(SampleConfig(BARE, MotionConfig(source=source), renderer="cpu"), 3, "train")
     # Check of the measure: a point 15 mm in front of the nose is outside by 15 mm.
@@ -100,21 +94,3 @@ def test_joints_lie_inside_the_body_in_generated_poses(source: str, count: int) 
         joints = sampler.scene.joints_world_m()
         outside = dict(zip(Joint, outside_m(sampler.renderer.vertices_world_m(), joints), strict=True))
         assert max(outside.values()) == 0, (rendered.sample.motion, outside)
-
-
-def test_the_body_is_symmetric_about_its_median_plane() -> None:
-    """Bent by skinning, both sides do the same."""
-    asset = load_body()
-    points = asset.mean.reshape(-1, 3)[:NUM_VERTICES]
-    distance, partner = cKDTree(points).query(points * (-1, 1, 1))
-    assert distance.max() < 5e-4
-    faces = {frozenset(face) for face in asset.faces.tolist()}
-    assert faces == {frozenset(face) for face in partner[asset.faces].tolist()}
-
-
-def test_body_mass_indices_are_those_of_adults() -> None:
-    asset, rng = load_body(), np.random.default_rng(0)
-    for split in SPLIT_RANGES:
-        adults = [_draw_adult(rng, split) for _ in range(2000)]
-        low, middle, high = np.percentile(asset.facts[adults, 3], (10, 50, 90))
-        assert 18.9 < low < 20.5 and 23.6 < middle < 25.4 and 28.5 < high < 32, (split, low, middle, high)

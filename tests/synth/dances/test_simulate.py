@@ -1,30 +1,29 @@
 """The stand-in for the K-Pop set: its content, its separation from training sets, and its reproducibility."""
 
+import pickle
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from real_data import REAL
 
 import synth.dances.simulate
 from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.datasets.protocol import Origin
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
-from synth.dances.simulate import CAMERA, FPS, LEARNERS, KpopSim, KpopSimConfig, dance_name
+from synth.dances.simulate import CAMERA, FPS, LEARNERS, KpopSim, KpopSimConfig
 from synth.dances.skill import LEVELS
 from synth.motion import SPLITS, MotionConfig
 from synth.motion.recorded import open_clips
 
-SHORT = KpopSim(KpopSimConfig(seed=4, dances=2), seconds=(1.2, 1.6))
+SHORT = KpopSim(KpopSimConfig(seed=4, dances=2), seconds=(0.8, 1.0))
 
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory) -> Path:
-    """A set made by two processes; a single process has to make the same."""
     folder = tmp_path_factory.mktemp("kpop_sim")
-    SHORT.write(folder, processes=2)
+    SHORT.write(folder, processes=1)
     return folder
 
 
@@ -64,7 +63,7 @@ def test_the_teacher_faces_a_level_camera(written):
 def test_a_learners_depth_agrees_with_the_true_joints(written):
     for learner in KpopSet(written).dance("dance_001").learners:
         clip, truth = learner.depth(), learner.joints()
-        assert len(clip.depth_m) == len(truth.joints_m) and 1.2 * FPS - 1 <= len(clip.times_s) <= 1.6 * FPS + 1
+        assert len(clip.depth_m) == len(truth.joints_m) and 0.8 * FPS - 1 <= len(clip.times_s) <= 1.0 * FPS + 1
         np.testing.assert_allclose(np.diff(clip.times_s), 1 / FPS)
         assert (clip.camera.fx, clip.camera.fy) == (CAMERA.fx, CAMERA.fy)
         for frame in (0, len(clip.depth_m) // 2, -1):
@@ -81,20 +80,10 @@ def test_a_learners_depth_agrees_with_the_true_joints(written):
             assert np.mean(np.abs(measured_m - np.median(z)) > 1.3) < 0.002 and 1500 < len(measured_m) < 40_000
 
 
-def test_learners_of_lower_levels_differ_more_from_the_teacher():
-    maker = KpopSim(KpopSimConfig(seed=4, split="train"), seconds=(4.0, 5.0))
-    similarity = np.zeros(4)
-    for index in range(8):
-        teacher = maker.teacher_motion(index)
-        for learner in range(4):
-            danced = maker.learner(index, learner)
-            similarity[danced.level] += np.abs((danced.motion.quats * teacher.quats).sum(axis=-1)).clip(max=1).mean()
-    assert (np.diff(similarity) < 0).all(), similarity
-
-
 def test_missing_files_are_made_and_existing_files_are_kept(written, tmp_path, capsys):
     before = contents(written)
-    replace(SHORT, benchmark=KpopSimConfig(seed=4, dances=1)).write(tmp_path, processes=1)
+    sent = pickle.loads(pickle.dumps(replace(SHORT, benchmark=KpopSimConfig(seed=4, dances=1))))  # as to another process
+    sent.write(tmp_path, processes=1)
     assert set(contents(tmp_path)) == {name for name in before if name.startswith("dance_000")}
     # As after a run that was killed in the middle of the second dance.
     (tmp_path / "dance_001").mkdir()
@@ -125,13 +114,10 @@ def test_an_interrupted_run_leaves_no_labels_of_an_unfinished_dance(tmp_path, mo
         KpopSet(tmp_path)
 
 
-# Separation from training sets ------------------------------
-
-
 def test_splits_share_no_dance_and_no_person():
     makers = {split: replace(SHORT, benchmark=KpopSimConfig(seed=4, split=split)) for split in SPLITS}
     motions = [maker.teacher_motion(0) for maker in makers.values()]
-    assert len({motion.name for motion in motions}) == 3
+    assert len({motion.name for motion in motions}) == len({maker.hash for maker in makers.values()}) == 3
     people = [
         maker.take(0, learner, maker.learner(0, learner).motion).played.person
         for maker in makers.values()
@@ -140,17 +126,12 @@ def test_splits_share_no_dance_and_no_person():
     for number, person in enumerate(people):
         for another in people[:number]:
             assert np.abs(person.heads_m - another.heads_m).max() > 0.003
-    assert len({replace(SHORT, benchmark=KpopSimConfig(seed=4, split=split)).hash for split in SPLITS}) == 3
 
 
 def test_invalid_settings_are_rejected():
-    for wrong in ({"dances": 101}, {"seed": -1}, {"split": "exam"}, {"faults": "mix"}):
+    for wrong in ({"dances": 101}, {"split": "exam"}):
         with pytest.raises(InputError, match=f"benchmark.{next(iter(wrong))}="):
             KpopSimConfig(**wrong)
-    assert dance_name(7) == "dance_007"
-
-
-# Recorded dances ------------------------------
 
 
 def test_only_clips_of_category_dance_are_used(tmp_path):
@@ -163,15 +144,3 @@ def test_only_clips_of_category_dance_are_used(tmp_path):
     maker = replace(SHORT, motion=MotionConfig(source="clips", path=str(tmp_path)))
     with pytest.raises(InputError, match="no clip of category dance"):
         maker.teacher_motion(0)
-
-
-def test_a_dance_from_a_recording():
-    pack = REAL.parent / "motion"
-    if not (pack / "index.csv").is_file():
-        pytest.skip("no motion pack beside the checkout")
-    maker = replace(SHORT, motion=MotionConfig(source="clips", path=str(pack)))
-    motions = [maker.teacher_motion(index) for index in range(3)]
-    assert all(motion.name.startswith("clip:") and motion.fps == FPS for motion in motions)
-    assert all(1.2 * FPS - 1 <= len(motion) <= 1.6 * FPS + 1 for motion in motions)
-    joints_m = maker.teacher_joints_m(0)
-    assert joints_m[0, Joint.LEFT_HIP, 2] == pytest.approx(2.5, abs=0.4)

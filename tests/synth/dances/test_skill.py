@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 from motions import distance_m, points_m
 
-from synth.dances.skill import (
-    LEVELS,
-    SHARES,
-    SkillConfig,
-    Strengths,
-    draw_strengths,
-    learn,
-)
+from synth.dances.skill import SkillConfig, Strengths, draw_strengths, learn
 from synth.motion.choreography.composer import dance
 from synth.motion.skeleton import Motion, mirrored
 
@@ -58,21 +51,15 @@ def test_the_delay_varies_with_the_given_deviation_and_time_never_runs_backwards
 
 
 def test_the_distance_grows_with_the_strength_of_every_error(teacher):
-    for name, values in {
-        "lag_s": (0.05, 0.15, 0.4),
-        "unevenness_s": (0.03, 0.1, 0.3),
-        "damping": (0.1, 0.3, 0.5),
-        "distortion": (0.05, 0.2, 0.6),
-        "noise_deg": (3, 10, 25),
-        "mistakes_per_minute": (4, 14, 30),
-    }.items():
+    for name, most in asdict(Strengths(0.4, 0.3, 0.5, 0.6, noise_deg=25, mistakes_per_minute=30)).items():
         errors = [
-            np.mean([distance_m(teacher, learnt(teacher, seed, **{name: value})) for seed in range(5)]) for value in values
+            np.mean([distance_m(teacher, learnt(teacher, seed, **{name: share * most})) for seed in range(5)])
+            for share in (0.15, 0.4, 1.0)
         ]
         assert errors[0] > 0 and (np.diff(errors) > 0).all(), (name, errors)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_each_mistake_shows_the_motion_of_its_kind(teacher, seed):
     learner, mistakes = learn(teacher, replace(NONE, mistakes_per_minute=22), np.random.default_rng(seed))
     wrong, arms = np.zeros(len(teacher), bool), slice(7, 15)
@@ -96,4 +83,3 @@ def test_levels_differ_in_the_mean_and_overlap_in_each_error():
     np.testing.assert_allclose(np.diff(mean_log, axis=1), config.spacing, atol=1e-9)
     inverted = (np.diff(drawn, axis=1) < 0).mean(axis=(0, 1))
     assert ((inverted > 0.05) & (inverted < 0.25)).all(), inverted
-    assert len(LEVELS) == 4 and SHARES.shape == (23,)

@@ -1,22 +1,16 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from kpopnet.rotations import conjugate, multiply, rotate
 from synth.motion.choreography.composer import Choreography, compose, dance
-from synth.motion.choreography.moves import (
-    mirror,
-    repeat,
-    turning,
-)
+from synth.motion.choreography.moves import mirror
 from synth.motion.choreography.stage import Style, perform
 from synth.motion.choreography.vocabulary import LOWER, UPPER, WHOLE
 from synth.motion.skeleton import INDEX, MIRROR, forward_kinematics, height_above_floor
 
 VOCABULARY = LOWER | UPPER | WHOLE
 STEADY = Style(bounce_m=0.0, lag_s=0.0, unsteadiness_deg=0.0)
-DANCES = [dance(i, seconds=16.0) for i in range(8)]
+DANCES = [dance(i, seconds=16.0) for i in range(4)]
 
 
 def performed(move, bpm=110.0, fps=30.0):
@@ -48,46 +42,24 @@ def test_every_move_of_the_feet_ends_in_the_home_shape(name):
     assert points[0, INDEX["Head"], 1] > 1.2
 
 
-def test_a_sharper_dancer_reaches_the_shape_of_a_hit_earlier():
-    styles = [replace(STEADY, sharpness=sharpness) for sharpness in (1.0, 1.5)]
-    motions = [perform(UPPER["hands_up"], 60.0, 30, 30.0, "hit", style) for style in styles]
-    soft, sharp = (np.abs(motion.quats[15] - motion.quats[29]).max() for motion in motions)
-    assert sharp < 0.9 * soft
-
-
-def test_a_full_turn_rotates_the_heading_by_360_degrees():
-    motion = performed(turning(repeat(LOWER["march"], 4), 360))
-    _, turned = forward_kinematics(motion.quats, motion.root_m)
-    front = rotate(turned[:, 0], np.broadcast_to([0.0, 0, 1], (len(motion), 3)))
-    heading = np.unwrap(np.arctan2(front[:, 0], front[:, 2]))
-    assert heading[-1] - heading[0] == pytest.approx(2 * np.pi, abs=0.05)
-
-
 @pytest.mark.parametrize("motion", DANCES, ids=lambda m: m.name)
-def test_dances_are_continuous_and_stay_above_the_floor(motion):
+def test_dances_are_continuous_and_above_the_floor_on_which_feet_hardly_slide(motion):
     assert len(motion) == 480 and motion.fps == 30
     np.testing.assert_allclose(np.linalg.norm(motion.quats, axis=-1), 1, atol=1e-5)
     speed = angular_speed(motion)
-    assert np.percentile(speed, 99.9) < 15
-    assert speed.max() < 25
+    assert np.percentile(speed, 99.9) < 15 and speed.max() < 25
     assert np.linalg.norm(np.diff(motion.root_m, axis=0), axis=1).max() * motion.fps < 3.5
     assert height_above_floor(motion.quats, motion.root_m).min() > -0.002
-
-
-@pytest.mark.parametrize("motion", DANCES, ids=lambda m: m.name)
-def test_feet_on_the_floor_hardly_slide(motion):
     points, _ = forward_kinematics(motion.quats, motion.root_m)
     feet = points[:, [INDEX["LeftFoot"], INDEX["RightFoot"]]]
     down = (feet[1:, :, 1] < 0.075) & (feet[:-1, :, 1] < 0.075)
     sliding = np.linalg.norm(np.diff(feet[..., [0, 2]], axis=0), axis=-1)[down] * motion.fps
-    assert np.median(sliding) < 0.02
-    assert np.percentile(sliding, 95) < 0.2
+    assert np.median(sliding) < 0.02 and np.percentile(sliding, 95) < 0.2
 
 
 def test_dances_are_reproducible_and_differ_by_index_and_seed_but_not_by_frame_rate():
     again = dance(0, seconds=16.0)
     np.testing.assert_array_equal(again.quats, DANCES[0].quats)
-    np.testing.assert_array_equal(again.root_m, DANCES[0].root_m)
     assert not np.allclose(dance(0, seed=1, seconds=16.0).quats, again.quats)
     assert not np.allclose(DANCES[1].quats, again.quats)
     slow = dance(0, seconds=16.0, fps=10.0)

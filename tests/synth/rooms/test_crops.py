@@ -56,9 +56,6 @@ def test_other_files_are_refused(folder, tmp_path):
         file["cameras"][0, 4] += 1
     with pytest.raises(InputError, match="starts: expected the cameras' sizes added up"):
         PersonCrops(tmp_path)
-    (tmp_path / "crops_00000.h5").write_bytes(b"no HDF5")
-    with pytest.raises(InputError, match=r"crops_00000\.h5"):
-        PersonCrops(tmp_path)
 
 
 def test_a_training_sees_them_after_its_samples(folder, tmp_path):

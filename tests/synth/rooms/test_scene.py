@@ -9,7 +9,7 @@ from synth.rooms.images import measure_scene
 from synth.rooms.scene import RoomScenes
 from synth.samples.sampler import SampleConfig
 
-SCENES = 24
+SCENES = 16
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def scenes(drawn):
 
 
 def test_a_scene_depends_on_its_number_alone(drawn, scenes):
-    for index in (5, 17, 5):
+    for index in (5, 13, 5):
         again = drawn.draw_scene(index)
         assert (again.depth_m == scenes[index].depth_m).all() and (again.labels == scenes[index].labels).all()
         assert (again.joints_camera_m == scenes[index].joints_camera_m).all() and again.camera == scenes[index].camera
@@ -40,7 +40,7 @@ def test_pixels_of_a_person_lie_on_that_persons_body(scenes):
             nearest_m = np.linalg.norm(own_m[:, None] - joints_m, axis=-1).min(axis=1, initial=9.0)
             assert (nearest_m < 0.75).all() and (len(own_m) < 20 or np.median(nearest_m) < 0.25)
         assert (scene.depth_m[scene.labels > 0] > 0).all()
-    assert people > 12
+    assert people > 8
 
 
 def test_the_whole_of_a_person_has_at_least_the_pixels_that_show(scenes):
@@ -58,7 +58,7 @@ def test_people_do_not_stand_in_each_other(scenes):
 
 
 def test_cameras_are_of_all_kinds(drawn):
-    cameras = [scene.camera for scene in map(drawn.draw_scene, range(0, 8 * 40, 8))]
+    cameras = [scene.camera for scene in map(drawn.draw_scene, range(0, 8 * 24, 8))]
     angles_deg = [np.degrees(2 * np.arctan(max(one.width, one.height) / 2 / one.fx)) for one in cameras]
     assert min(angles_deg) < 55 and max(angles_deg) > 95 and min(angles_deg) >= 40 and max(angles_deg) <= 120.1
     assert len({(one.width, one.height) for one in cameras}) >= 5

@@ -42,8 +42,9 @@ def all_contents(folder: Path) -> dict[str, str]:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The set, made by two processes."""
     folder = tmp_path_factory.mktemp("whole")
-    generate(CLEAN, folder, range(CLEAN.num_shards), processes=1)
+    generate(CLEAN, folder, range(CLEAN.num_shards), processes=2)
     return folder
 
 
@@ -61,24 +62,14 @@ def test_a_set_is_read_back_as_it_was_sampled(whole: Path) -> None:
         room = sampler.room(expected.room)
         np.testing.assert_array_equal(room_mm, room.depth_mm)
         np.testing.assert_array_equal(floor, room.floor)
-    assert [len(range(*CLEAN.span(shard))) for shard in range(3)] == [8, 8, 6]
-    with pytest.raises(IndexError):
-        shards[22]
 
 
-def test_shards_do_not_depend_on_the_number_of_processes_or_on_each_other(whole: Path, tmp_path: Path) -> None:
-    generate(CLEAN, tmp_path / "two", range(CLEAN.num_shards), processes=2)
-    assert all_contents(tmp_path / "two") == all_contents(whole)
-    write_shard(CLEAN, tmp_path, 1)
-    assert all_contents(tmp_path) == {"shard_00001.h5": contents(shard_path(whole, 1))}
-
-
-def test_a_set_grows_and_is_summarised_when_all_shards_are_there(whole: Path, tmp_path: Path) -> None:
+def test_a_set_grows_to_the_same_whatever_the_processes_and_is_summarised_in_the_end(whole: Path, tmp_path: Path) -> None:
     small = replace(CLEAN, count=12)
-    generate(small, tmp_path, range(small.num_shards), processes=1)
+    write_shard(small, tmp_path, 1)  # a part of that shard, alone
+    write_shard(small, tmp_path, 0)
     first = shard_path(tmp_path, 0).stat().st_mtime_ns
-    assert not is_finished(CLEAN, tmp_path, 1)
-    assert finish(CLEAN, tmp_path, FREEZE) is None
+    assert not is_finished(CLEAN, tmp_path, 1) and finish(CLEAN, tmp_path, FREEZE) is None
     generate(CLEAN, tmp_path, range(CLEAN.num_shards), processes=1)
     assert all_contents(tmp_path) == all_contents(whole)
     assert shard_path(tmp_path, 0).stat().st_mtime_ns == first
@@ -103,10 +94,8 @@ def test_another_set_is_not_overwritten(whole: Path) -> None:
 
 def test_a_frozen_set_holds_noisy_depth_and_its_ridge(whole: Path, tmp_path: Path) -> None:
     frozen = replace(CLEAN, freeze=FREEZE, count=8)
-    generate(frozen, tmp_path / "one", range(1), processes=1)
-    write_shard(frozen, tmp_path / "two", 0)
-    assert all_contents(tmp_path / "one") == all_contents(tmp_path / "two")
-    shards, clean = ShardedSet(tmp_path / "one"), ShardedSet(whole)
+    write_shard(frozen, tmp_path, 0)
+    shards, clean = ShardedSet(tmp_path), ShardedSet(whole)
     assert shards.kind == "frozen"
     for index in range(len(shards)):
         noisy, expected = shards[index], clean[index]
@@ -117,26 +106,22 @@ def test_a_frozen_set_holds_noisy_depth_and_its_ridge(whole: Path, tmp_path: Pat
         probability = ridge_probability(noisy.depth_mm / np.float32(1000), FREEZE.ridge)
         # The ridge was computed from the unrounded depth: half a millimetre occasionally decides an edge.
         off = np.abs(noisy.ridge / 255 - probability)[noisy.depth_mm > 0]
-        assert (off < 0.01).mean() > 0.95
-        assert noisy.ridge.max() > 100
+        assert (off < 0.01).mean() > 0.95 and noisy.ridge.max() > 100
 
 
 @pytest.mark.parametrize(
     ("override", "message"),
-    [("splits.trian=5", "trian"), ("shards=five", "shards=five: give .*0:100"), ("motion=clips", r"motion\.path")],
+    [("splits.trian=5", "trian"), ("shards=five", "shards=five: give .*0:100")],
 )
 def test_an_invalid_override_gives_one_error_line(tmp_path: Path, override: str, message: str) -> None:
     done = run_program("-m", ROOT, "synth", f"out={tmp_path}", "renderer=cpu", override)
     assert done.returncode == 1 and re.fullmatch(f"error: .*{message}.*\n", done.stderr), done.stderr
 
 
-def test_cluster_jobs_write_one_set(tmp_path: Path) -> None:
+def test_a_cluster_job_writes_a_set(tmp_path: Path) -> None:
     pytest.importorskip("hydra_plugins.hydra_submitit_launcher", reason="needs the extra `cluster`")
     out = f"out={tmp_path / 'set'}"
-    settings = ["renderer=cpu", "motion=poses", "splits={train: 20, validation: 0, test: 0}", "shard_size=10", "processes=1"]
-    done = run_program("-m", ROOT, "synth", "-m", "hydra/launcher=submitit_local", out, *settings, "shards=0:1,1:2")
+    settings = ["renderer=cpu", "motion=poses", "splits={train: 10, validation: 0, test: 0}", "shards=0:1", "processes=1"]
+    done = run_program("-m", ROOT, "synth", "-m", "hydra/launcher=submitit_local", out, *settings)
     assert done.returncode == 0, done.stdout + done.stderr
-    folder = tmp_path / "set" / "train"
-    assert sorted(path.name for path in folder.glob("shard_*.h5")) == ["shard_00000.h5", "shard_00001.h5"]
-    assert len(ShardedSet(folder)) == 20
-    assert (folder / "set.json").exists()
+    assert len(ShardedSet(tmp_path / "set" / "train")) == 10 and (tmp_path / "set" / "train" / "set.json").exists()

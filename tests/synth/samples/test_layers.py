@@ -3,7 +3,7 @@
 import numpy as np
 
 from kpopnet.camera import Camera
-from synth.samples.layers import Around, compose, hidden_fraction, silhouette_box
+from synth.samples.layers import Around, compose
 
 CAMERA = Camera(100.0, 100.0, 3.5, 0.0, 8, 1)
 
@@ -38,12 +38,3 @@ def test_others_hide_the_person_and_their_nearest_parts_are_attached() -> None:
     attached = compose(PERSON, ROOM_MM, Around(None, (other,), (0.06,)), CAMERA)
     assert attached.depth_mm.tolist() == [[0, 2000, 2000, 2000, 1950, 0, 1950, 0]]
     assert attached.own_mm.tolist() == hidden.own_mm.tolist()
-
-
-def test_what_another_hides_is_counted_without_what_the_room_hides() -> None:
-    other = row(0, 0, 0, 1.9, 1.9, 1.9, 1.9, 1.9)
-    assert hidden_fraction(PERSON, other, ROOM_MM) == 2 / 4
-
-
-def test_an_empty_image_has_an_empty_box() -> None:
-    assert silhouette_box(np.zeros((4, 5), np.uint16)) == (0, 0, 0, 0)

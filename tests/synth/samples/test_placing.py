@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kpopnet.data.cube import Cube, person_centre
 from kpopnet.skeleton import Joint
 from synth.motion import MotionConfig
 from synth.samples.placing import NEAREST_M, StageConfig
@@ -18,9 +17,9 @@ BUSY = replace(CONFIG, props=PropsConfig(seat=1, held=0.5, second_person=0.5, at
 
 @pytest.fixture(scope="module")
 def drawn() -> list[tuple[RenderedSample, bool, float]]:
-    """200 samples, whether the body stands in a wall or in furniture, and its lowest point in metres."""
+    """100 samples, whether the body stands in a wall or in furniture, and its lowest point in metres."""
     sampler, found = Sampler(CONFIG, 5, "train"), []
-    for rendered in sampler.samples(0, 200):
+    for rendered in sampler.samples(0, 100):
         skin_m = sampler.renderer.vertices_world_m()
         room, overlaps = sampler.room(rendered.sample.room).site.room, False
         for centre, half, yaw in zip(room.centres_m[1:], room.halves_m[1:], room.yaws_rad[1:], strict=True):
@@ -39,7 +38,7 @@ def test_fewer_than_a_hundredth_of_the_people_stand_in_walls_or_furniture(drawn)
 
 def test_cut_people_keep_their_torso_in_the_image_and_true_joints() -> None:
     sampler = Sampler(replace(CONFIG, stage=StageConfig(cut=1.0), props=NO_PROPS), 1, "train")
-    camera, outside, largest = sampler.scene.camera, 0, []
+    camera, outside = sampler.scene.camera, 0
     for rendered in sampler.samples(0, 30):
         sample = rendered.sample
         expected = sampler.scene.view.to_camera(sampler.scene.joints_world_m())
@@ -51,11 +50,7 @@ def test_cut_people_keep_their_torso_in_the_image_and_true_joints() -> None:
             x0, y0, x1, y1 = sample.box
             outside += x0 == 0 or y0 == 0 or x1 == camera.width or y1 == camera.height
         assert np.count_nonzero(sample.depth_mm) >= sampler.config.stage.least_pixels
-        centre_m = person_centre(sample.depth_mm / np.float32(1000), camera)
-        largest.append(np.abs(Cube(centre_m, 1.15).to_uvd(sample.joints_camera_m)).max())
     assert outside > 20
-    # The cube's centre is the median of the visible part: joints may leave the crop, but only by little.
-    assert np.median(largest) < 1 and max(largest) < 2
 
 
 def test_props_change_the_image_but_not_the_person() -> None:

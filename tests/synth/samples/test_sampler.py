@@ -30,15 +30,16 @@ def test_a_sample_does_not_depend_on_the_other_samples_drawn(props: PropsConfig)
     config = replace(CONFIG, props=props, samples_per_room=3)
     batch = list(Sampler(config, 7, "train").samples(0, 30))
     assert any(one.props for one in batch) == (props != NO_PROPS)
-    for index in (17, 3, 29, 0):
+    for index in (17, 3, 29):
         (single,) = Sampler(config, 7, "train").samples(index, index + 1)
         assert same(single, batch[index]), index
 
 
 @pytest.mark.parametrize(("seed", "split"), [(8, "train"), (7, "test"), (7, "validation")])
-def test_seed_and_split_change_every_sample(sampler: Sampler, seed: int, split: str) -> None:
-    others = Sampler(CONFIG, seed, split).samples(0, 6)
-    assert not any(same(a, b) for a, b in zip(sampler.samples(0, 6), others, strict=True))
+def test_seed_and_split_change_every_sample_and_room(sampler: Sampler, seed: int, split: str) -> None:
+    other = Sampler(CONFIG, seed, split)
+    assert not any(same(a, b) for a, b in zip(sampler.samples(0, 6), other.samples(0, 6), strict=True))
+    assert not np.array_equal(sampler.room(0).depth_mm, other.room(0).depth_mm)
 
 
 def test_visible_joints_and_the_box_lie_on_the_person(sampler: Sampler) -> None:
@@ -67,10 +68,6 @@ def test_yaw_is_the_heading_relative_to_the_camera(sampler: Sampler) -> None:
         straight[0] = np.cos(turn / 2), 0, 0, np.sin(turn / 2)
         scene.pose(straight, np.array([0, 3.0, 1.0]))
         assert heading_rad(scene) == pytest.approx(turn, abs=1e-6)
-    # After a quarter turn to the person's left, the person's front points to the camera's right.
-    straight[0] = np.cos(np.pi / 4), 0, 0, np.sin(np.pi / 4)
-    scene.pose(straight, np.array([0, 3.0, 1.0]))
-    assert scene.view.rotation.T[0] @ scene.facing_world() > 0.99
 
 
 class PenetratingPose:
@@ -99,7 +96,6 @@ def test_self_penetration_is_rejected_and_the_number_of_tries_is_limited() -> No
     [
         (lambda: CameraConfig("gopro").build(), "camera.name=gopro"),
         (lambda: StageConfig(distance_m=(3, 2)), "stage.distance_m"),
-        (lambda: Sampler(CONFIG, 0, "dev"), "split=dev"),
     ],
 )
 def test_invalid_settings_are_rejected_by_name(wrong, message: str) -> None:

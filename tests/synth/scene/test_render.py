@@ -11,13 +11,13 @@ import pytest
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
 from synth.body.shape import BodyConfig, draw_person
-from synth.scene.render import CpuRenderer, GlRenderer, box_mesh, make_renderer
+from synth.scene.render import CpuRenderer, GlRenderer, make_renderer
 from synth.scene.room import LIVING_ROOM, Room, View, ViewConfig, draw_room, draw_view
 from synth.scene.scene import Scene
 
 CAMERA = CAMERAS["kinect_v1"]
 LEVEL = View(np.array([0.0, 0.0, 1.0]), np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]))
-COMPARED_SCENES = 6
+COMPARED_SCENES = 4
 
 
 def test_a_box_in_a_room_has_its_analytic_depth() -> None:
@@ -34,7 +34,6 @@ def test_a_box_in_a_room_has_its_analytic_depth() -> None:
     assert depth_m[130, 160] == pytest.approx(2.5, abs=1e-5)
     assert depth_m[40, 160] == pytest.approx(4.0, abs=1e-5)
     assert depth_m[235, 20] == pytest.approx(CAMERA.fy * 1.0 / (235 - CAMERA.cy), rel=1e-5)
-    assert len(box_mesh(scene)[1]) == 3 * 12
 
 
 def compared_scene(scene: Scene, k: int) -> None:
@@ -112,7 +111,7 @@ def test_renderers_are_selected_by_name() -> None:
         GlRenderer(Scene(Camera(285, 285, 150, 119.5, 320, 240)))
 
 
-@pytest.mark.parametrize(("backend", "on_gpu"), [(None, True), ("", True), ("osmesa", True), ("egl", True), ("egl", False)])
+@pytest.mark.parametrize(("backend", "on_gpu"), [(None, True), ("osmesa", True), ("egl", True), ("egl", False)])
 def test_auto_draws_with_gl_only_where_egl_does_it_on_a_gpu(backend, on_gpu, monkeypatch) -> None:
     closed = []
 

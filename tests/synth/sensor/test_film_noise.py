@@ -32,16 +32,6 @@ def correlation(a, b):
     return np.corrcoef(a.ravel(), b.ravel())[0, 1]
 
 
-def test_frames_have_the_statistics_of_single_pictures():
-    """The grain of films has few independent values, so several films stand against as many pictures."""
-    config = dataclasses.replace(without_holes("kinect_v1"), gain=0.0)
-    frames = [STEPS_M / shoot(wall(2.8), config, 7, noise=FilmNoise((i,))) for i in range(6)]
-    pictures = [STEPS_M / measure(wall(2.8), CAMERA, config, np.random.default_rng(i)) for i in range(6)]
-    assert np.std(frames) == pytest.approx(np.std(pictures), rel=0.03)
-    assert np.mean(np.diff(frames) == 0) == pytest.approx(np.mean(np.diff(pictures) == 0), abs=0.02)
-    assert np.std(np.diff(frames, n=2)) == pytest.approx(np.std(np.diff(pictures, n=2)), rel=0.03)
-
-
 def test_still_pixels_of_a_kinect_v1_change_as_in_real_recordings():
     """UTD-MHAD: a variance of 0.12 to 0.20 steps^2, 0.22 to 0.31 between neighbours, white in time, and no drift."""
     config = without_holes("kinect_v1")
@@ -63,9 +53,14 @@ def test_white_disparity_noise_keeps_its_variance_and_draws_only_its_share_anew(
     assert frames.std() == pytest.approx(0.02 / (575.5 * 0.075), rel=0.01)
     assert frames.var(axis=0).mean() / frames.var() == pytest.approx(0.25 * 11 / 12, rel=0.03)
     assert abs(correlation(frames[0][:, 1:], frames[0][:, :-1])) < 0.02
+
+
+@pytest.mark.parametrize(
+    "config", [GRAIN, only(baseline_m=0.075, disparity_noise_px=0.02, grain_disparity_px=0.25)], ids=["grain", "white"]
+)
+def test_a_crop_has_the_noise_of_the_whole_image(config):
     crop = CAMERA.cropped(37, 51, 100, 80)
-    frozen = dataclasses.replace(config, disparity_flicker=0.0)
-    whole, part = shoot(wall(2.8), frozen, 2), shoot(wall(2.8, crop), frozen, 2, crop)
+    whole, part = shoot(wall(2.8), config, 2), shoot(wall(2.8, crop), config, 2, crop)
     assert part == pytest.approx(whole[51:131, 37:137], abs=1e-5)
 
 
@@ -77,13 +72,7 @@ def test_frames_do_not_depend_on_order_or_process():
     assert abs(correlation(other, shoot(wall(2.8), GRAIN, 0))) < 0.1
 
 
-def test_a_crop_has_the_grain_of_the_whole_image():
-    whole = shoot(wall(2.8), GRAIN, 2)
-    crop = CAMERA.cropped(37, 51, 100, 80)
-    assert shoot(wall(2.8, crop), GRAIN, 2, crop) == pytest.approx(whole[51:131, 37:137], abs=1e-5)
-
-
-@pytest.mark.parametrize(("steps", "lowest", "highest"), [(0.2, 0.95, 1.0), (1.0, 0.4, 0.8), (4.5, -0.1, 0.1), (40, -0.1, 0.1)])
+@pytest.mark.parametrize(("steps", "lowest", "highest"), [(0.2, 0.95, 1.0), (1.0, 0.4, 0.8), (4.5, -0.1, 0.1)])
 def test_the_grain_changes_where_the_surface_moves_by_a_quarter_of_a_pixel_of_disparity(steps, lowest, highest):
     config, moved = dataclasses.replace(GRAIN, grain_flicker=0.0), wall(2.8)
     moved[:, 160:] = STEPS_M / (STEPS_M / 2.8 - steps)
@@ -93,9 +82,8 @@ def test_the_grain_changes_where_the_surface_moves_by_a_quarter_of_a_pixel_of_di
     assert after[:, 170:].std() == pytest.approx(0.01, rel=0.07)
 
 
-@pytest.mark.parametrize("name", ["kinect_2", "swissranger"])
-def test_noise_of_time_of_flight_is_white_in_time(name):
-    camera, config = CAMERAS["kinect_2"], dataclasses.replace(without_holes(name), gain=0.0)
+def test_noise_of_time_of_flight_is_white_in_time():
+    camera, config = CAMERAS["kinect_2"], dataclasses.replace(without_holes("kinect_2"), gain=0.0)
     first, second = (shoot(wall(2.8, camera), config, t, camera) for t in range(2))
     assert abs(correlation(first, second)) < 0.15  # the radial term makes the variance uneven, not the errors alike
 

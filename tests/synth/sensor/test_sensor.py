@@ -29,13 +29,11 @@ def test_equal_seeds_give_equal_images_and_other_seeds_other_images(name):
     first, again, other = (measure(depth, CAMERA, config, seeded(i)) for i in (1, 1, 2))
     assert np.array_equal(first, again)
     assert np.array_equal(first, other) == np.array_equal(first, depth) == (name == "ideal")
-    assert first.dtype == np.float32
-    assert np.isfinite(first).all()
+    assert first.dtype == np.float32 and np.isfinite(first).all()
     assert np.abs(np.median(first[first > 0]) - np.median(depth)) < 0.05
 
 
-@pytest.mark.parametrize("grain_px", [0.0, 9.0])
-@pytest.mark.parametrize("z", [1.0, 2.5, 4.0])
+@pytest.mark.parametrize(("z", "grain_px"), [(1.0, 0.0), (4.0, 0.0), (2.5, 9.0)])
 def test_axial_noise_of_a_wall_has_nguyens_sigma(z, grain_px):
     config = only(axial_floor_m=0.0012, axial_quadratic=0.0019, axial_offset_m=0.4, grain_px=grain_px)
     errors = np.stack([measure(wall(z), CAMERA, config, seeded(i)) - z for i in range(3)])
@@ -44,8 +42,7 @@ def test_axial_noise_of_a_wall_has_nguyens_sigma(z, grain_px):
     assert abs(errors.mean()) < 0.1 * sigma
     neighbours = np.corrcoef(errors[:, :, 1:].ravel(), errors[:, :, :-1].ravel())[0, 1]
     assert neighbours == pytest.approx(0, abs=0.02) if grain_px == 0 else neighbours > 0.7
-    across_images = np.corrcoef(errors[0].ravel(), errors[1].ravel())[0, 1]
-    assert abs(across_images) < 0.1
+    assert abs(np.corrcoef(errors[0].ravel(), errors[1].ravel())[0, 1]) < 0.1
 
 
 def test_steep_surfaces_are_noisier():
@@ -63,12 +60,9 @@ def test_steep_surfaces_are_noisier():
         if theta > math.radians(60):
             sigma += 0.0001 * theta**2 / (math.sqrt(z[column]) * (math.pi / 2 - theta) ** 2)
         assert error[:, column - 2 : column + 3].std() == pytest.approx(sigma, rel=0.12)
-    assert 75 - math.degrees(math.atan(ray[170])) > 60
-    flat = measure(wall(2.5), CAMERA, config, seeded()) - 2.5
-    assert flat.std() == pytest.approx(0.0012, rel=0.03)
 
 
-@pytest.mark.parametrize("camera", [CAMERA, Camera.centred(571.26, 320, 240), Camera.centred(100, 80, 60)])
+@pytest.mark.parametrize("camera", [CAMERA, Camera.centred(100, 80, 60)])
 def test_depth_is_quantised_in_steps_of_an_eighth_of_a_disparity_pixel(camera):
     ramp = np.linspace(1.5, 3.5, camera.width, dtype=np.float32)
     depth = np.repeat(ramp[None], camera.height, axis=0)
@@ -109,25 +103,20 @@ def test_lateral_noise_moves_only_outlines():
     measured, seen = measure_labelled(depth, labels, CAMERA, config, seeded())
     assert set(np.unique(measured)) == {0.0, 2.0}
     assert np.array_equal(seen > 0, measured > 0)
-    moved = (seen != labels).nonzero()
-    assert 30 < len(moved[0]) < 400
-    inside = np.s_[64:176, 124:196]
-    assert seen[inside].all()
-    outside = np.ones(depth.shape, bool)
-    outside[56:184, 116:204] = False
-    assert not seen[outside].any()
+    moved = np.count_nonzero(seen != labels)
+    assert 30 < moved < 400 and seen[64:176, 124:196].all()
+    seen[56:184, 116:204] = 0
+    assert not seen.any()
     # At twice the resolution the shift in pixels is twice as large.
     fine = Camera.centred(2 * CAMERA.fx, CAMERA.width, CAMERA.height)
-    moved_fine = (measure_labelled(depth, labels, fine, config, seeded())[1] != labels).sum()
-    assert moved_fine > 1.3 * len(moved[0])
+    assert np.count_nonzero(measure_labelled(depth, labels, fine, config, seeded())[1] != labels) > 1.3 * moved
 
 
 def test_flying_pixels_lie_between_near_and_far_on_outlines_only():
     depth = step_scene()
     measured = measure(depth, CAMERA, only(flying_pixels=0.4), seeded())
     flying = measured != depth
-    assert (measured[flying] >= 2.0).all()
-    assert (measured[flying] <= 3.0).all()
+    assert ((measured[flying] >= 2.0) & (measured[flying] <= 3.0)).all()
     outline = np.zeros(depth.shape, bool)
     outline[59:181, 119:201] = True
     outline[61:179, 121:199] = False
@@ -154,9 +143,8 @@ def test_wiggle_is_systematic():
 
 def test_pixel_dropout_draws_a_fraction_for_each_image():
     fractions = [(measure(wall(2.5), CAMERA, only(pixel_dropout=0.1), seeded(i)) == 0).mean() for i in range(30)]
-    assert max(fractions) <= 0.105
+    assert max(fractions) <= 0.105 and np.std(fractions) > 0.015
     assert np.mean(fractions) == pytest.approx(0.05, abs=0.015)
-    assert np.std(fractions) > 0.015
 
 
 def test_ellipses_have_the_configured_number_and_size():
@@ -185,29 +173,14 @@ def test_depth_out_of_range_and_empty_pixels_are_not_measured():
     depth = wall(2.5)
     depth[0], depth[1], depth[2] = 0.4, 3.1, 0
     measured = measure(depth, CAMERA, config, seeded())
-    assert not measured[:3].any()
-    assert measured[3:].all()
-    one = Camera.centred(300, 1, 1)
-    for sensor in SENSORS.values():
-        assert not measure(np.zeros((1, 1), np.float32), one, sensor, seeded()).any()
-
-
-def test_only_labelled_pixels_are_measured_with_the_same_noise_as_without_labels():
-    depth = step_scene()
-    labels = (depth < 2.5).astype(np.uint8) * 3
-    config = dataclasses.replace(SENSORS["kinect_v1"], ellipses_per_megapixel=0.0)
-    some, seen = measure_labelled(depth, labels, CAMERA, config, seeded(4))
-    everything = measure(depth, CAMERA, config, seeded(4))
-    assert set(np.unique(seen)) == {0, 3}
-    inner = np.s_[70:170, 130:190]
-    assert np.array_equal(some[inner], everything[inner])
+    assert not measured[:3].any() and measured[3:].all()
+    assert not measure(np.zeros((1, 1), np.float32), Camera.centred(300, 1, 1), SENSORS["kinect_v1"], seeded()).any()
 
 
 @pytest.mark.parametrize(
     ("terms", "message"),
     [
         ({"name": "kinect"}, "sensor.name=kinect: expected one of ideal, kinect_v1"),
-        ({"gain": math.nan}, "sensor.gain"),
         ({"name": "ideal", "lateral_px": 1.0}, "sensor.lateral_px needs a sensor.native_focal_px"),
     ],
 )
@@ -216,7 +189,7 @@ def test_invalid_terms_are_rejected_with_the_override(terms, message):
         SensorConfig(**terms)
 
 
-@pytest.mark.parametrize("name", SENSORS)
+@pytest.mark.parametrize("name", ["kinect_v1", "swissranger"])
 def test_a_name_selects_the_published_terms_and_takes_overrides(name):
     default = OmegaConf.structured(SensorConfig())
     OmegaConf.set_readonly(default, False)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from stand_ins import Seed, draw_presets, recorded_seeds
+from stand_ins import recorded_seeds
 
 from kpopnet.errors import InputError
 from synth.body.asset import load_body
@@ -15,7 +15,6 @@ from synth.rooms.held_back import BARRIERS, BENCHMARK_CLUTTER
 from synth.rooms.images import RoomImagesSet
 from synth.samples.sampler import SampleConfig, Sampler
 from synth.scene import room as rooms
-from synth.sensor.film_noise import HOLE_FRAMES
 from synth.simulated.check_sim import CheckSim
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 from synth.simulated.rooms import Rooms
@@ -60,38 +59,18 @@ def test_people_of_benchmarks_differ_as_much_as_adults_do() -> None:
     assert 165 < np.mean(stature_cm) < 175 and 9.5 < np.std(stature_cm) < 12.5
 
 
-def film_seeds(maker, seeds: list[Seed]) -> list[Seed]:
-    """The seeds of two frames of a set that begin with its name; the others are those of composed dances."""
-    name = tuple(maker.benchmark.name.encode())
+@pytest.mark.parametrize("maker", [EvalSim(frames=(24, 30)), TwoPeople(frames=(20, 20)), KpopSim(seconds=(0.5, 0.5))])
+def test_seeds_of_a_benchmark_begin_with_its_name_and_those_of_training_do_not(maker, monkeypatch) -> None:
+    name, seeds = tuple(maker.benchmark.name.encode()), recorded_seeds(monkeypatch)
     if isinstance(maker, KpopSim):
         maker.record(0, 1, maker.take(0, 1, maker.learner(0, 1).motion))
     else:
         list(maker.shots(0, maker.take(0), range(2)))
-    others = [seed for seed in seeds if seed[: len(name)] != name]
     # Dances are composed from 63-bit seeds, while training seeds count from 0.
-    assert all(len(seed) == 2 and seed[0] > 2**40 for seed in others) and bool(others) == isinstance(maker, KpopSim)
-    return [seed for seed in seeds if seed[: len(name)] == name]
-
-
-@pytest.mark.parametrize(
-    ("maker", "frames"),
-    [
-        (EvalSim(EvalSimConfig(seed=3), frames=(24, 30)), 2),
-        (Smmc10Sim(frames=(50, 56)), 2),
-        (TwoPeople(frames=(20, 20)), 2),
-        (KpopSim(KpopSimConfig(seed=4), seconds=(0.5, 0.5)), 15),
-    ],
-    ids=["eval_sim", "smmc10_sim", "two_people", "kpop_sim"],
-)
-def test_presets_use_no_generator_of_a_benchmark(maker, frames: int, monkeypatch) -> None:
-    seeds = recorded_seeds(monkeypatch)
-    own = film_seeds(maker, seeds)
-    # Frames that follow each other share holes.
-    assert len(own) >= 4 and len(own) - len(set(own)) == (HOLE_FRAMES - 1) * (frames - 1)
+    assert len(seeds) >= 4 and all(seed[: len(name)] == name or seed[0] > 2**40 for seed in seeds)
     seeds.clear()
-    draw_presets(("train", "validation", "test"))
-    # A shorter seed equals one padded with zeros; the third and fourth letters of the name are not zero.
-    assert len(seeds) > 20 and all(len(seed) <= 4 and max(seed) < 2**40 and seed[2:4] != own[0][2:4] for seed in seeds)
+    list(Sampler(SampleConfig(renderer="cpu"), 0, "train").samples(0, 3))
+    assert len(seeds) > 10 and all(len(seed) <= 4 and max(seed) < 2**40 and seed[:4] != name[:4] for seed in seeds)
 
 
 CLIPS = MotionConfig(source="clips", path="somewhere")
@@ -101,10 +80,7 @@ CLIPS = MotionConfig(source="clips", path="somewhere")
     ("make", "motion", "message"),
     [
         (TwoPeople, CLIPS, "second person"),
-        (Rooms, CLIPS, "second person"),
-        (CheckSim, CLIPS, "follows the script"),
         (RoomImagesSet, CLIPS, "poses of all kinds"),
-        (KpopSim, MotionConfig(source="poses"), r"either composed .* or recorded"),
         (EvalSim, MotionConfig(source="choreography", seed=3), r"either composed .* or recorded"),
     ],
 )

@@ -19,11 +19,8 @@ def maker() -> Smmc10Sim:
 @pytest.fixture(scope="module")
 def motions(maker: Smmc10Sim) -> dict[int, np.ndarray]:
     """True joints (T, 15, 3) in the world of a few easy and difficult sequences."""
-    takes = {index: maker.take(index) for index in (0, 1, 18, 21, 23, 25, 27)}
+    takes = {index: maker.take(index) for index in (0, 18, 21, 23)}
     return {index: joints_world_m(maker.studio, take) for index, take in takes.items()}
-
-
-# Content ------------------------------
 
 
 def test_difficulty_increases(motions):
@@ -33,11 +30,8 @@ def test_difficulty_increases(motions):
         return float(np.quantile(np.linalg.norm(step, axis=-1).max(axis=1), 0.98)) * Smmc10Sim.fps
 
     feet, hands = (Joint.LEFT_FOOT, Joint.RIGHT_FOOT), (Joint.LEFT_HAND, Joint.RIGHT_HAND)
-    for easy in (0, 1):
-        assert speed(easy, *feet) < 0.5 and 0.3 < speed(easy, *hands) < 5
-    for kicking in (21, 27):
-        assert speed(kicking, *feet) > 2.5
-    assert speed(18, *hands) > 3.0
+    assert speed(0, *feet) < 0.5 and 0.3 < speed(0, *hands) < 5
+    assert speed(21, *feet) > 2.5 and speed(18, *hands) > 3.0
 
     def headings(index: int) -> int:
         across = motions[index][:, Joint.LEFT_HIP, :2] - motions[index][:, Joint.RIGHT_HIP, :2]
@@ -56,15 +50,6 @@ def test_the_markers_of_every_joint_are_near_it():
         assert distance.max() < 0.15, joint
     hands = film.markers_camera_m[:, list(MARKERS).index("LWRI")] - film.joints_camera_m[:, Joint.LEFT_HAND]
     assert np.linalg.norm(hands, axis=1).min() > 0.01
-
-
-def test_markers_occluded_by_the_body_are_not_tracked(maker):
-    """Folded arms and lunges occlude some markers; the Y pose those of the shoulders at most, under thick sleeves."""
-    take = maker.take(18)
-    shots = list(maker.shots(18, take, range(0, len(take.played), 3)))
-    tracked = np.array([shot.markers_tracked for shot in shots])
-    assert 0.9 < tracked.mean() < 1
-    assert tracked[:5, [not name.endswith("SHO") for name in MARKERS]].all()
 
 
 def test_the_trunk_occludes_its_back_from_cameras_in_front(maker):

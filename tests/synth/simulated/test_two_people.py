@@ -16,7 +16,7 @@ def maker() -> TwoPeople:
     return TwoPeople(TwoPeopleConfig(seed=5))
 
 
-@pytest.mark.parametrize("distance_m", [1.6, 0.5, -0.6])
+@pytest.mark.parametrize("distance_m", [1.6, -0.6])
 def test_a_walk_goes_as_far_as_it_is_told(distance_m: float) -> None:
     motion = perform(walk(distance_m), 100.0, 200, 30.0, "walk")
     x, _, z = (motion.root_m[-1] - motion.root_m[0]).tolist()

@@ -4,7 +4,6 @@ import json
 import os
 import socket
 import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +17,6 @@ from kpopnet.datasets.simulated import PeopleSet, SimulatedBenchmark, read_seque
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 from synth.body.markers import MARKERS
-from synth.motion import MotionConfig
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 from synth.simulated.film import Studio
 from synth.simulated.rooms import Rooms, RoomsConfig
@@ -48,11 +46,8 @@ def test_the_reader_returns_the_film(folder):
     benchmark = SimulatedBenchmark(BenchmarkConfig("eval_sim", str(folder / "eval_sim")))
     assert benchmark.sequence_names() == ["seq_00", "seq_01"] and EVAL.hash in benchmark.about
     sequence, film = benchmark.read("seq_01"), EVAL.film(1)
-    assert (sequence.identity, sequence.fps, sequence.camera) == (
-        "person 1",
-        30.0,
-        EvalSim.camera,
-    ) and not sequence.is_segmented
+    assert (sequence.identity, sequence.fps, sequence.camera) == ("person 1", 30.0, EvalSim.camera)
+    assert not sequence.is_segmented
     np.testing.assert_array_equal(sequence.depth_m, film.depth_m)
     np.testing.assert_array_equal(sequence.joints_camera_m, film.joints_camera_m)
     assert sequence.visible.all() and 24 <= len(film.depth_m) <= 30
@@ -107,7 +102,7 @@ def test_missing_files_are_made_by_any_number_of_processes_and_existing_files_ar
     assert contents(tmp_path) == {"seq_00.h5": before["seq_00.h5"]}
     stamp = (tmp_path / "seq_00.h5").stat().st_mtime_ns
     (tmp_path / ".seq_01.h5.elsewhere.1.tmp").write_bytes(b"half a frame")
-    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended = subprocess.Popen(["true"])
     ended.wait()
     killed, writing = (tmp_path / f".manifest.json.{socket.gethostname()}.{one}-0.tmp" for one in (ended.pid, os.getpid()))
     killed.touch()
@@ -133,8 +128,9 @@ def test_an_interrupted_run_leaves_no_partial_file_and_no_file_without_a_manifes
 
 def test_a_folder_with_other_files_is_refused(folder, tmp_path):
     before = contents(folder / "eval_sim")
-    with pytest.raises(InputError, match=r"holds another set.*choose another out="):
-        replace(EVAL, benchmark=EvalSimConfig(seed=4, sequences=2)).write(folder / "eval_sim", 1)
+    for other in ({"benchmark": EvalSimConfig(seed=4, sequences=2)}, {"frames": (24, 31)}, {"renderer": "gl"}):
+        with pytest.raises(InputError, match=r"holds another set.*choose another out="):
+            replace(EVAL, **other).write(folder / "eval_sim", 1)
     assert contents(folder / "eval_sim") == before
     (tmp_path / "recording.h5").write_bytes(b"other data")
     with pytest.raises(InputError, match=r"recording\.h5: not made by this program"):
@@ -142,32 +138,13 @@ def test_a_folder_with_other_files_is_refused(folder, tmp_path):
     assert (tmp_path / "recording.h5").read_bytes() == b"other data"
 
 
-def test_the_hash_depends_on_everything_but_the_number_of_sequences():
-    assert replace(EVAL, benchmark=EvalSimConfig(seed=3, sequences=9)).hash == EVAL.hash
-    others = [
-        replace(EVAL, benchmark=EvalSimConfig(seed=4, sequences=2)),
-        replace(EVAL, frames=(24, 31)),
-        replace(EVAL, renderer="gl"),
-        replace(EVAL, motion=MotionConfig(source="clips", path="somewhere")),
-        Smmc10Sim(Smmc10SimConfig(seed=3, sequences=2), frames=(24, 30)),
-    ]
-    assert len({EVAL.hash, *(other.hash for other in others)}) == 6
-
-
-@pytest.mark.parametrize("wrong", [{"sequences": 0}, {"sequences": 25}, {"seed": -1}, {"name": "smmc10"}])
+@pytest.mark.parametrize("wrong", [{"sequences": 25}, {"seed": -1}])
 def test_invalid_settings_are_refused(wrong):
     with pytest.raises(InputError, match=f"benchmark.{next(iter(wrong))}="):
         EvalSimConfig(**wrong)
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ("benchmark.sequences=30", "error: benchmark.sequences=30: expected a number in 1..24"),
-        ("benchmark=utd_mhad", "error: benchmark=utd_mhad: the simulated benchmarks are eval_sim, smmc10_sim"),
-    ],
-)
-def test_user_errors_end_in_one_line(tmp_path, given, message):
-    done = run_program("-m", ROOT, "synth", "benchmark=eval_sim", f"out={tmp_path / 'set'}", given)
-    assert done.returncode == 1 and message in done.stderr and "Traceback" not in done.stderr
-    assert not list(tmp_path.glob("set/seq_*"))
+def test_a_benchmark_that_is_not_simulated_is_refused_in_one_line(tmp_path):
+    done = run_program("-m", ROOT, "synth", f"out={tmp_path / 'set'}", "benchmark=utd_mhad")
+    assert done.returncode == 1 and done.stderr.count("\n") == 1
+    assert "error: benchmark=utd_mhad: the simulated benchmarks are eval_sim, smmc10_sim" in done.stderr
