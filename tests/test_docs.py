@@ -1,5 +1,6 @@
 """README.md and docs/ are code: their commands compose, their programs run, and what they name exists."""
 
+import ast
 import importlib
 import re
 import shlex
@@ -30,11 +31,14 @@ def fenced(language: str) -> list[tuple[str, str]]:
 
 
 def commands() -> list[list[str]]:
-    """Every command line of the pages, without its comment."""
+    """Every command line of the pages, without its comment, and of the help of three programs."""
     lines = [line for _, block in fenced("sh") for line in block.splitlines() if line.strip()]
     lines += [
         line for page, text in PAGES.items() if page != LEDGER for line in re.findall(r"`((?:python|kpopnet) [^`]+)`", text)
     ]
+    for path in ("kpopnet/programs/evaluate.py", "kpopnet/programs/train.py", "synth/__main__.py"):
+        text = re.sub(r"\\\n\s*", "", ast.get_docstring(ast.parse((ROOT / path).read_text()), clean=False))
+        lines += [re.split(r" {3,}|  #", line.strip())[0] for line in text.splitlines() if line.startswith("    python")]
     return [words for line in lines if (words := shlex.split(line.replace("...", ""), comments=True))]
 
 
