@@ -9,8 +9,6 @@ from dance_people import dance_joints_m, noisy, performed
 from programs import ROOT, tool
 
 from kpopnet.dance.scoring import SCORERS, score_dance
-from synth.dances.simulate import KpopSim, KpopSimConfig
-from synth.motion import MotionConfig
 
 calibrate = tool("calibrate_scorers")
 
@@ -51,17 +49,6 @@ def test_a_scorer_that_cannot_keep_the_bounds_gets_the_settings_that_exceed_them
     learners = made_up([0.1, 0.2, 0.4, 0.8])
     found = calibrate.chosen({"skill": learners, "mixed": learners, "ends": made_up([0.0, 0.0, 2.0, 0.5])}, "paper")
     assert found["keep the bounds"].startswith("0 of") and 65 < found["chosen on"]["excess"] < 71
-
-
-def test_drawn_dances_hold_the_teacher_and_the_learners_from_the_best_on():
-    config = KpopSimConfig(split="train", faults="ends", seed=1)
-    sim = KpopSim(motion=MotionConfig("choreography"), benchmark=config, seconds=(4.0, 5.0))
-    one = calibrate.dance(sim, 0)
-    perfect, another, waving, standing = (
-        run.so_far for run in calibrate.compared(one, [SCORERS["dance22"]], one.learners_m)[0]
-    )
-    assert perfect > 95 > 50 > max(another, waving, standing)
-    np.testing.assert_array_equal(one.learners_m, calibrate.dance(sim, 0).learners_m)
 
 
 def test_the_committed_choice_is_what_ships():

@@ -70,7 +70,7 @@ def test_seeds_of_a_benchmark_begin_with_its_name_and_those_of_training_do_not(m
     assert len(seeds) >= 4 and all(seed[: len(name)] == name or seed[0] > 2**40 for seed in seeds)
     seeds.clear()
     list(Sampler(SampleConfig(renderer="cpu"), 0, "train").samples(0, 3))
-    assert len(seeds) > 10 and all(len(seed) <= 4 and max(seed) < 2**40 and seed[:4] != name[:4] for seed in seeds)
+    assert len(seeds) >= 8 and all(len(seed) <= 4 and max(seed) < 2**40 and seed[:4] != name[:4] for seed in seeds)
 
 
 CLIPS = MotionConfig(source="clips", path="somewhere")
