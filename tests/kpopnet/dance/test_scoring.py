@@ -4,8 +4,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dance_people import FPS, dance_joints_m, mirrored, noisy, performed, turned
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from kpopnet.dance.features import FEATURES, Angles, Feature
 from kpopnet.dance.feedback import feedback
@@ -19,7 +17,7 @@ from kpopnet.dance.window import PARTS, timing_similarity
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 
-DANCES = range(4)
+JOINTS_M = dance_joints_m(0)
 PUBLISHED = "dance22", "paper", "raptis"
 EVERY = pytest.mark.parametrize("scorer", [SCORERS[name] for name in PUBLISHED], ids=PUBLISHED)
 
@@ -29,31 +27,28 @@ def similarity(teacher_m, learner_m, scorer=OURS, delay_s=0.0) -> float:
 
 
 @EVERY
-@pytest.mark.parametrize("index", DANCES)
-def test_a_copy_scores_full_marks_for_any_position_size_and_heading_and_a_mirrored_one_does_not(scorer, index):
-    joints_m = dance_joints_m(index)
-    assert similarity(joints_m, joints_m, scorer) > (99.9 if scorer is OURS else 96)
-    assert similarity(joints_m, joints_m * 0.8 + [0.5, 0.1, 1], scorer) > 94
-    if scorer.feature != "raptis":  # [17] depends on the heading of the camera
-        assert similarity(joints_m, turned(joints_m, [0.1, 1, 0], 0.6), scorer) > 95
-    assert similarity(joints_m, mirrored(joints_m), scorer) < 75
+def test_a_copy_scores_full_marks_for_any_position_size_and_heading_and_a_mirrored_one_does_not(scorer):
+    for index in range(2):
+        joints_m = dance_joints_m(index)
+        assert similarity(joints_m, joints_m, scorer) > (99.9 if scorer is OURS else 96)
+        assert similarity(joints_m, joints_m * 0.8 + [0.5, 0.1, 1], scorer) > 94
+        if scorer.feature != "raptis":  # [17] depends on the heading of the camera
+            assert similarity(joints_m, turned(joints_m, [0.1, 1, 0], 0.6), scorer) > 95
+        assert similarity(joints_m, mirrored(joints_m), scorer) < 75
 
 
 @EVERY
-@settings(max_examples=6, deadline=None)
-@given(st.sampled_from(DANCES), st.lists(st.floats(0, 0.12), min_size=2, max_size=2), st.integers(0, 99))
-def test_more_noise_never_scores_more(scorer, index, deviations_m, seed):
-    joints_m = dance_joints_m(index)
-    less, more = (similarity(joints_m, noisy(joints_m, d, seed), scorer) for d in sorted(deviations_m))
-    assert more <= less + 0.5
+def test_more_noise_never_scores_more(scorer):
+    scores = [similarity(JOINTS_M, noisy(JOINTS_M, deviation_m, 3), scorer) for deviation_m in (0, 0.02, 0.06, 0.12)]
+    assert (np.diff(scores) < 0.5).all(), scores
 
 
-@settings(max_examples=8, deadline=None)
-@given(st.sampled_from(DANCES), st.lists(st.floats(-1.2, 1.2), min_size=2, max_size=2))
-def test_more_delay_never_scores_more(index, delays_s):
-    joints_m = dance_joints_m(index)
-    less, more = (similarity(joints_m, joints_m, delay_s=d) for d in sorted(delays_s, key=abs))
-    assert more <= less + 0.5
+def test_the_score_is_a_smooth_function_of_the_delay_and_falls_with_it():
+    near = [similarity(JOINTS_M, JOINTS_M, delay_s=delay_s) for delay_s in np.arange(0, 0.1, 0.02)]
+    assert near[0] > 99.9 and (np.diff(near) < 0).all() and np.diff(near).min() > -2.4
+    for sign in (1, -1):
+        far = [similarity(JOINTS_M, JOINTS_M, delay_s=sign * delay_s) for delay_s in (0.2, 0.5, 1.2)]
+        assert (np.diff([near[-1], *far]) < 0.5).all(), far
 
 
 def test_timing_similarity_is_eq_13():
@@ -137,7 +132,6 @@ def test_dropped_frames_and_other_frame_rates_hardly_change_the_score():
         assert score_dance(performed(joints_m), other).similarity > 85
 
 
-JOINTS_M = dance_joints_m(0)
 LOST = performed(np.full_like(JOINTS_M, np.nan))
 
 
@@ -162,22 +156,17 @@ def test_bad_input_is_refused_with_a_message(refused, message):
         refused()
 
 
-@settings(max_examples=8, deadline=None)
-@given(st.lists(st.floats(0, 1), min_size=2, max_size=2), st.booleans())
-def test_lower_confidence_never_scores_more(confidences, wrong):
-    joints_m = dance_joints_m(0)
-    learner_m, values = joints_m.copy(), np.ones(joints_m.shape[:2])
-    arm = [Joint.LEFT_ELBOW, Joint.LEFT_HAND]
+@pytest.mark.parametrize("wrong", [False, True])
+def test_lower_confidence_never_scores_more(wrong):
+    learner_m, arm, scores = JOINTS_M.copy(), [Joint.LEFT_ELBOW, Joint.LEFT_HAND], []
     if wrong:
         learner_m[:, arm] = dance_joints_m(1)[:, arm]
-    less, more = sorted(confidences)
-    scores = []
-    for confidence in (less, more):
+    for confidence in (0.02, 0.1, 0.3, 1):
+        values = np.ones(JOINTS_M.shape[:2])
         values[:, arm] = confidence
-        scores.append(
-            score_dance(performed(joints_m), Performance(learner_m, np.arange(len(joints_m)) / FPS, values)).similarity
-        )
-    assert scores[0] <= scores[1] + 0.5
+        learner = Performance(learner_m, np.arange(len(JOINTS_M)) / FPS, values)
+        scores.append(score_dance(performed(JOINTS_M), learner).similarity)
+    assert (np.diff(scores) > -0.5).all() and (wrong or scores[-1] > scores[0] + 10), scores
 
 
 def test_what_the_teacher_does_not_show_costs_nothing():
@@ -198,7 +187,7 @@ def test_a_learner_is_scored_only_within_the_teachers_dance():
     assert score.windows.start_s[0] == 2.0 and score.windows.start_s[-1] <= 6.0
 
 
-ONLINE = [*SCORERS.values(), PartScorer(mirrored="auto", latency_s=0.1), PartScorer(mirrored="true")]
+ONLINE = [SCORERS["paper"], SCORERS["raptis"], PartScorer(mirrored="auto", latency_s=0.1), PartScorer(mirrored="true")]
 
 
 @pytest.mark.parametrize("scorer", ONLINE)
@@ -233,14 +222,14 @@ def test_online_scores_equal_offline_scores(scorer):
 
 def test_copying_a_teacher_who_stands_still_earns_nothing_online_either():
     """The teacher stands for four seconds, then dances; the learner stands throughout."""
-    teacher_m = np.concatenate([np.repeat(dance_joints_m(1)[:1], 120, axis=0), dance_joints_m(1)[:240]])
+    teacher_m = np.concatenate([np.repeat(dance_joints_m(1)[:1], 120, axis=0), dance_joints_m(1)[:90]])
     online = OnlineScorer(performed(teacher_m), OURS)
     latest = [online.update(teacher_m[0], frame / FPS) for frame in range(len(teacher_m))][-1]
     assert latest.so_far == pytest.approx(online.score_so_far().similarity)
     assert latest.so_far < 5 and online.score_so_far().windows.similarity[0] > 99
 
 
-@EVERY
+@pytest.mark.parametrize("scorer", [OURS, SCORERS["paper"]])
 def test_a_learner_who_joins_late_and_leaves_early_scores_the_same_online(scorer):
     teacher_m, frames = dance_joints_m(1), np.arange(100, 260)
     online = OnlineScorer(performed(teacher_m), scorer)
@@ -252,17 +241,17 @@ def test_a_learner_who_joins_late_and_leaves_early_scores_the_same_online(scorer
 
 
 def test_a_preview_of_a_short_window_knows_the_delay_and_changes_nothing():
-    joints_m, late_s = dance_joints_m(0), 0.1
+    late_s = 0.1
     for scorer in (OURS, SCORERS["paper"]):
-        online, previewed = (OnlineScorer(performed(joints_m), scorer) for _ in range(2))
+        online, previewed = (OnlineScorer(performed(JOINTS_M), scorer) for _ in range(2))
         for frame in range(45):
             for one in (online, previewed):
-                one.update(joints_m[frame], frame / FPS + late_s)
+                one.update(JOINTS_M[frame], frame / FPS + late_s)
             shown = previewed.preview(frame / FPS, 1.0)
         assert shown.posture > 90 and shown.delay_s == pytest.approx(late_s, abs=0.06)
-        for frame in range(45, 150):
+        for frame in range(45, 90):
             at_s = frame / FPS + late_s
-            assert online.update(joints_m[frame], at_s) == previewed.update(joints_m[frame], at_s)
+            assert online.update(JOINTS_M[frame], at_s) == previewed.update(JOINTS_M[frame], at_s)
 
 
 def test_the_learners_mirror_image_is_preferred_or_hinted_at():
@@ -283,10 +272,3 @@ def test_a_known_latency_is_taken_out():
     latency_s = measured_latency_s(late.windows.delay_s, late.windows.posture)
     assert latency_s == pytest.approx(0.23, abs=0.01)
     assert similarity(joints_m, joints_m, replace(OURS, latency_s=latency_s), 0.23) > 96
-
-
-def test_the_score_is_a_smooth_function_of_the_delay():
-    joints_m = dance_joints_m(0)
-    scores = np.array([similarity(joints_m, joints_m, delay_s=delay_s) for delay_s in np.arange(0, 0.1, 0.01)])
-    steps = np.diff(scores)
-    assert (steps < 0).all() and steps.min() > -1.2 and scores[0] > 99.9

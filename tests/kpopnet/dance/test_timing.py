@@ -28,7 +28,7 @@ def moving(late_s: float, kind: str, seconds: float = 10.0, noise_m: float = 0.0
 
 
 @pytest.mark.parametrize("kind", ["wave", "clap"])
-@pytest.mark.parametrize("late_s", [-0.2, 0.0, 0.13, 0.4])
+@pytest.mark.parametrize("late_s", [-0.2, 0.4])
 def test_the_delay_of_a_hand_that_moves_on_the_beat_is_measured(kind, late_s):
     assert beat_latency_s(*moving(late_s, kind), BEAT_S) == pytest.approx(late_s, abs=0.02)
 

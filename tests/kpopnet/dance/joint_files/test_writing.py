@@ -39,18 +39,14 @@ def test_joints_times_and_confidence_come_back(suffix, tolerance_m, tmp_path):
     np.testing.assert_allclose(again.confidence[:, others], dance.confidence[:, others], atol=6e-4)
     if suffix == ".npz":
         np.testing.assert_allclose(again.joints_m, dance.joints_m, atol=1e-6)
+    if suffix == ".json":  # keeps the camera frame and says so
+        content = json.loads(path.read_text())
+        assert content["unit"] == "metre" and "y down" in content["frame"]
+        np.testing.assert_allclose(content["frames"][7]["joints"]["head"][:3], dance.joints_m[7, Joint.HEAD], atol=6e-5)
+        assert content["frames"][45]["joints"]["left_hand"] is None
 
 
-def test_text_keeps_the_camera_frame_and_says_so(tmp_path):
-    dance = recording()
-    write_performance(tmp_path / "a.json", dance)
-    content = json.loads((tmp_path / "a.json").read_text())
-    assert content["unit"] == "metre" and "y down" in content["frame"]
-    np.testing.assert_allclose(content["frames"][7]["joints"]["head"][:3], dance.joints_m[7, Joint.HEAD], atol=6e-5)
-    assert content["frames"][45]["joints"]["left_hand"] is None
-
-
-@pytest.mark.parametrize("turn", [0.0, 1.2, 3.1])
+@pytest.mark.parametrize("turn", [0.0, 3.1])
 def test_a_skeleton_of_constant_bones_comes_back_from_bvh(turn, tmp_path):
     """Wherever the dancer faces. The first writing makes bones constant: a trunk that bends is a line in fifteen joints."""
     joints_m = turned(dance_joints_m(5), [0, 1, 0], np.full(360, turn))
