@@ -10,8 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from depth_files import CAMERA, FPS, depth_mm, sent_image, sent_line, write_sent
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from kpopnet.errors import InputError
 from kpopnet.sources import open_depth
@@ -19,7 +17,6 @@ from kpopnet.sources.lenses import Lens, Optics
 from kpopnet.sources.live import pipe
 from kpopnet.sources.live.pipe import PipeCamera, Relay
 from kpopnet.sources.source import CameraAwayError
-from kpopnet.sources.stream import parsed_header
 
 IMAGES = depth_mm(6)
 
@@ -85,11 +82,10 @@ def sender(request, tmp_path):
     return Sender("tcp:" if request.param == "tcp" else f"unix:{tmp_path / 'depth'}")
 
 
-@pytest.mark.parametrize("in_child", [False, True])
-def test_a_file_gives_what_was_sent(tmp_path, in_child):
+def test_a_file_gives_what_was_sent(tmp_path):
     path = write_sent(tmp_path / "a.depth", IMAGES)
     path.write_bytes(path.read_bytes()[:-10])  # the sender was killed
-    source = open_depth(path, in_child=in_child)
+    source = open_depth(path, in_child=True)
     images = list(source.timed())
     np.testing.assert_array_equal([one.depth_m for one in images], IMAGES[:5].astype(np.float32) / 1000)
     assert [one.time_s for one in images] == [k / FPS for k in range(5)]
@@ -184,20 +180,14 @@ def test_standard_input_reaches_several_cameras_and_ends(monkeypatch):
     ("line", "told"),
     [
         (b"\n", "not valid JSON"),
-        (b"P5 640 480 65535\n", "not valid JSON"),
         (b"[]\n", "no camera in it"),
         (b" " * 5000, "first line of at most 4,096 bytes"),
         (sent_line()[:-1], "ends with a newline"),
-        (sent_line(width=0), "pixels"),
         (sent_line(width=10**6, height=10**6), "at most 16,000,000 pixels"),
-        (sent_line(width=1e308, height=1e308), "pixels"),
         (sent_line(fx=-1.0), "fx"),
         (sent_line(cx=float("nan")), "NaN"),
         (sent_line(dtype="uint8"), "uint16, float32"),
-        (sent_line(dtype=["uint16"]), "uint16, float32"),
         (sent_line(unit_m=0), "unit_m"),
-        (sent_line(unit_m="mm"), "unit_m"),
-        (sent_line(unit_m=1000), "unit_m"),
         (sent_line(coeffs="round"), "lens coefficients"),
     ],
 )
@@ -213,20 +203,7 @@ def test_a_wrong_first_line_is_one_line(tmp_path, line, told):
         next(iter(open_depth(tmp_path / "a.depth")))
 
 
-NAMES = st.sampled_from(["width", "height", "fx", "fy", "cx", "cy", "dtype", "unit_m", "coeffs", "model"])
-VALUES = st.none() | st.booleans() | st.integers() | st.floats() | st.text() | st.lists(st.floats())
-
-
-@settings(max_examples=150, deadline=None)
-@given(st.binary(max_size=200) | st.dictionaries(NAMES, VALUES).map(lambda others: sent_line(**others)))
-def test_any_first_line_is_a_header_or_refused(line):
-    with contextlib.suppress(InputError):
-        assert 0 < parsed_header(line, "sent").depth_bytes <= 4 * 16_000_000
-
-
-@pytest.mark.parametrize(
-    "address", ["tcp:192.168.1.2:5005", "tcp:0.0.0.0:5005", "tcp:127.0.0.1", "tcp:127.0.0.1:0", "unix:", "x"]
-)
+@pytest.mark.parametrize("address", ["tcp:192.168.1.2:5005", "tcp:127.0.0.1", "unix:", "x"])
 def test_only_places_of_this_machine_are_addresses(address):
     with pytest.raises(InputError, match="port of this machine, or unix:PATH"):
         PipeCamera(address)
