@@ -67,13 +67,16 @@ def test_one_dance_in_every_format_is_the_same_performance(tmp_path):
     azure(tmp_path / "azure.json", kinect())
     ours = read_performance(tmp_path / "kinect.csv")
     np.savez(tmp_path / "ours.npz", joints_m=ours.joints_m, times_s=TIMES_S)
-    head = [Joint.HEAD, Joint.NECK]  # COCO has none: derived from ears and shoulders
+    head, shoulders = [Joint.HEAD, Joint.NECK], [Joint.LEFT_SHOULDER, Joint.RIGHT_SHOULDER]
     for path in sorted(tmp_path.iterdir()):
         read = read_performance(path)
         np.testing.assert_allclose(read.times_s, TIMES_S, atol=1e-9, err_msg=path.name)
         limbs = np.delete(read.joints_m, head, axis=1) - np.delete(ours.joints_m, head, axis=1)
         np.testing.assert_allclose(limbs, 0, atol=1e-3, err_msg=path.name)
         assert np.isfinite(read.joints_m).all()
+        if path.name.startswith("coco"):  # which has no neck
+            middle = read.joints_m[:, shoulders].mean(axis=1)
+            np.testing.assert_allclose(read.joints_m[:, Joint.NECK], middle + 0.37 * (read.joints_m[:, Joint.HEAD] - middle))
     assert ours.joints_m[0, Joint.LEFT_HAND, 0] > ours.joints_m[0, Joint.RIGHT_HAND, 0] + 0.5
 
 
@@ -88,7 +91,9 @@ def test_a_foot_is_the_middle_of_ankle_and_foot_and_a_hand_is_preferred_to_a_wri
 
 
 def test_missing_points_are_missing_joints_and_confidence_is_the_least_of_the_points(tmp_path):
-    frames = [{"joints": {name: [*points[k], 0.9] for name, points in kinect().items()}} for k in range(FRAMES)]
+    positions = kinect() | {"FootLeft": kinect()["AnkleLeft"]}
+    frames = [{"joints": {name: [*points[k], 0.9] for name, points in positions.items()}} for k in range(FRAMES)]
+    frames[6]["joints"]["FootLeft"][3] = 0.4
     frames[3]["joints"]["HandLeft"] = None
     frames[4]["joints"]["HipLeft"][3] = 0.25
     del frames[5]["joints"]["HipLeft"]
@@ -96,7 +101,8 @@ def test_missing_points_are_missing_joints_and_confidence_is_the_least_of_the_po
     read = read_performance(tmp_path / "a.json")
     assert np.flatnonzero(np.isnan(read.joints_m[:, Joint.LEFT_HAND, 0])).tolist() == [3]
     assert read.confidence[4, Joint.TORSO] == read.confidence[4, Joint.LEFT_HIP] == 0.25
-    assert read.confidence[5, Joint.TORSO] == 0 and read.confidence[6].min() == 0.9
+    assert read.confidence[5, Joint.TORSO] == 0 and read.confidence[7].min() == 0.9
+    assert read.confidence[6, Joint.LEFT_FOOT] == 0.4  # its ankle is surer
     empty = kinect()["HandLeft"][:, 0].astype(object)
     empty[2] = ""
     scores = {"HandLeft_x": empty, "HandLeft_confidence": np.full(FRAMES, 0.5)}
