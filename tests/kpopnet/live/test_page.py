@@ -1,4 +1,6 @@
-"""The page of a live camera in a real browser: two people, by keys and buttons, unplugged, on a narrow screen, at the end."""
+"""The page of a live camera in a real browser: two people, by keys and buttons, unplugged, narrow, and after the program."""
+
+import contextlib
 
 import cv2
 import numpy as np
@@ -40,10 +42,11 @@ def shows(driver, colours: tuple[tuple[int, int, int], ...]) -> bool:
     return True
 
 
-def test_two_people_are_seen_recorded_paused_and_lost(tmp_path):
+def test_two_people_are_seen_recorded_paused_and_lost_and_the_end_of_the_program_is_told(tmp_path):
     write_recording(tmp_path)
     watching = watched(tmp_path, open_camera=partial(open_unsteady_recording, tmp_path))
-    with served(watching) as address, chromium() as driver:
+    with contextlib.ExitStack() as server, chromium() as driver:
+        address = server.enter_context(served(watching))
 
         def until(condition):
             return WebDriverWait(driver, PATIENCE_S, 0.1).until(condition)
@@ -84,16 +87,6 @@ def test_two_people_are_seen_recorded_paused_and_lost(tmp_path):
         resize(driver, NARROW)
         until(lambda _: driver.execute_script("return window.innerWidth") == NARROW[0])
         assert driver.execute_script("return document.documentElement.scrollWidth - document.documentElement.clientWidth") <= 0
-        severe = [line["message"] for line in driver.get_log("browser") if line["level"] == "SEVERE"]
-        assert severe == []
-
-
-def test_the_end_of_a_recording_and_of_the_program_are_told(tmp_path):
-    write_recording(tmp_path)
-    with chromium() as driver:
-        with served(watched(tmp_path, loop=False)) as address:
-            driver.get(address)
-            until = WebDriverWait(driver, PATIENCE_S, 0.1).until
-            until(lambda one: one.find_element(By.ID, "told").text == "two.npz has ended")
-            assert not driver.find_element(By.ID, "record").is_enabled()
-        until(lambda one: "does not answer" in one.find_element(By.ID, "told").text)
+        assert [line["message"] for line in driver.get_log("browser") if line["level"] == "SEVERE"] == []
+        server.close()
+        until(lambda _: "does not answer" in text("told"))

@@ -59,10 +59,27 @@ def two_people(seen: dict):
     return len(seen["frame"]["people"]) == 2 and seen["frame"]
 
 
-def test_people_are_shown_recorded_and_saved_and_a_pause_holds_them(tmp_path):
-    images = write_recording(tmp_path)
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """The recording, and its images."""
+    folder = tmp_path_factory.mktemp("made")
+    return folder / "two.npz", write_recording(folder)
+
+
+@pytest.fixture
+def images(made, tmp_path):
+    (tmp_path / "two.npz").symlink_to(made[0])
+    return made[1]
+
+
+def test_people_are_shown_to_friends_alone_recorded_and_saved_and_a_pause_holds_them(images, tmp_path):
+    keys = Keys()
 
     async def work(client):
+        for path in ("/", "/live", "/page/watch.js"):
+            assert (await client.get(path)).status == 403
+            assert (await client.get(path, headers={"Host": "evil.example"})).status == 403
+        assert (await client.get(f"/?token={keys.token}")).status == 200  # and its cookie opens the rest
         async with looking(client) as page, looking(client) as other:
             frame = await page.until(two_people)
             assert page.seen["opened"]["name"] == "two.npz" and page.seen["opened"]["camera"][4:] == [320, 240]
@@ -89,7 +106,7 @@ def test_people_are_shown_recorded_and_saved_and_a_pause_holds_them(tmp_path):
                 await page._socket.send_str(wrong)
                 assert await page.until(lambda seen: "said" in seen)
 
-    with_client(watched(tmp_path), work)
+    with_client(watched(tmp_path), work, keys)
     (recording,) = (tmp_path / "kept").glob("depth-*.h5")
     recorded = open_depth(recording, in_child=True)
     assert recorded.camera == CAMERA
@@ -107,9 +124,7 @@ def test_people_are_shown_recorded_and_saved_and_a_pause_holds_them(tmp_path):
         assert joints.times_s[0] == 0 and np.nanmedian(side * joints.joints_m[:, 0, 0]) > 0.2
 
 
-def test_a_camera_that_is_unplugged_is_told_and_goes_on(tmp_path):
-    write_recording(tmp_path)
-
+def test_a_camera_that_is_unplugged_is_told_and_goes_on_and_joints_are_saved_when_the_program_ends(images, tmp_path):
     async def work(client):
         async with looking(client) as page:
             await page.until(two_people)
@@ -120,13 +135,14 @@ def test_a_camera_that_is_unplugged_is_told_and_goes_on(tmp_path):
             last = page.seen["frame"]["time_s"]
             (tmp_path / "unplugged").unlink()
             await page.until(lambda seen: not seen["state"]["text"] and seen["frame"]["time_s"] > last)
+            await page.order("joints", True)
+            await page.until(lambda seen: two_people(seen) and (seen["frame"]["joints"] or {}).get("images"))
 
     with_client(watched(tmp_path, open_camera=partial(open_unsteady_recording, tmp_path)), work)
+    assert list((tmp_path / "kept").glob("joints-person*.npz"))
 
 
-def test_the_end_of_a_recording_is_told_and_what_is_kept_is_saved(tmp_path):
-    write_recording(tmp_path)
-
+def test_the_end_of_a_recording_is_told_and_what_is_kept_is_saved(images, tmp_path):
     async def work(client):
         async with looking(client) as page:
             await page.order("joints", True)
@@ -137,31 +153,6 @@ def test_the_end_of_a_recording_is_told_and_what_is_kept_is_saved(tmp_path):
     assert len(list((tmp_path / "kept").glob("joints-person*.npz"))) == 2
 
 
-def test_joints_that_are_kept_when_the_program_ends_are_saved(tmp_path):
-    write_recording(tmp_path)
-
-    async def work(client):
-        async with looking(client) as page:
-            await page.order("joints", True)
-            await page.until(lambda seen: two_people(seen) and (seen["frame"]["joints"] or {}).get("images"))
-
-    with_client(watched(tmp_path), work)
-    assert list((tmp_path / "kept").glob("joints-person*.npz"))
-
-
 def test_a_source_that_does_not_open_ends_the_program_before_it_serves(tmp_path):
     with pytest.raises(InputError, match=r"two\.npz: no such file"):
         asyncio.run(web.AppRunner(app_of(watched(tmp_path))).setup())
-
-
-def test_strangers_get_nothing(tmp_path):
-    write_recording(tmp_path)
-
-    async def work(client):
-        for path in ("/", "/live", "/page/watch.js"):
-            assert (await client.get(path)).status == 403
-            assert (await client.get(path, headers={"Host": "evil.example"})).status == 403
-        assert (await client.get(f"/?token={keys.token}")).status == 200
-
-    keys = Keys()
-    with_client(watched(tmp_path), work, keys)

@@ -39,6 +39,8 @@ def test_bvh_files_become_a_dance(tmp_path, monkeypatch):
 
 
 def convert(monkeypatch, *arguments: object) -> None:
+    """The program, which reads the files in this process."""
+    monkeypatch.setattr("kpopnet.dance.joint_files.reader.read_in_child", lambda reader, *given: reader(*given))
     monkeypatch.setattr(sys, "argv", ["convert", *map(str, arguments)])
     main()
 

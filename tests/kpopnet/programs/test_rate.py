@@ -80,18 +80,6 @@ def test_learners_without_true_joints_are_shown_with_joints_by_the_network(tmp_p
     assert kpopnet.programs.rate.shown_joints(dance, dance.learners[0]).joints_m.shape == joints_m.shape
 
 
-def test_a_hostile_file_ends_the_report_with_one_line(made, run, tmp_path, capsys):
-    (tmp_path / "dance_0").symlink_to(made / "dance_0")
-    (tmp_path / "ratings").mkdir()
-    (tmp_path / "ratings" / "mallory.json").write_text(
-        '{"format": "kpopnet ratings", "version": 1, "rater": "mallory", "answers": [0]}'
-    )
-    with pytest.raises(SystemExit):
-        run(tmp_path, "--report", "--out", tmp_path / "out")
-    told = capsys.readouterr().err
-    assert told.startswith("error: ") and "mallory.json, answer 0" in told and told.count("\n") == 1
-
-
 def test_what_was_answered_before_a_kill_is_kept(made, tmp_path):
     pytest.importorskip("aiohttp", reason="the extra app is not installed")
     for name in DANCES:
