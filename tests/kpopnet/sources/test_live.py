@@ -45,8 +45,10 @@ def test_a_recording_in_a_loop_stands_still_while_it_is_not_read(tmp_path):
     camera = PlayedRecording(recording(tmp_path), loop=True)
     camera.read()
     time.sleep(0.5)  # longer than the recording
+    began = time.monotonic()
     shown = [camera.read()[0] for _ in range(len(METRES))]
     np.testing.assert_array_equal(shown, METRES[[1, 2, 3, 4, 5, 0]])
+    assert time.monotonic() - began >= 4 / FPS - 0.01  # in its own time again
     camera.close()
     assert camera.read() is None
 

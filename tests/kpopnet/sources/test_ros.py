@@ -61,10 +61,10 @@ def test_the_topic_is_the_only_one_called_depth_or_the_key(tmp_path):
 )
 def test_the_lens_of_a_camera_info_is_undone_unless_the_driver_did(model, coefficients, tmp_path):
     expected = Optics(CAMERA, Lens(coefficients, model == "equidistant")).view()
-    source = open_depth(write_ros(tmp_path / "a.bag", IMAGES, camera=(model, coefficients)))
+    projection = (50.0, 0, 30, 0, 0, 51.0, 22, 0, 0, 0, 1, 0)
+    source = open_depth(write_ros(tmp_path / "a.bag", IMAGES, camera=(model, coefficients), projection=projection))
     assert source.camera == expected.camera and expected.camera != CAMERA
     np.testing.assert_allclose(next(iter(source)), expected.image(IMAGES[0]) / 1000, rtol=1e-6)
-    projection = (50.0, 0, 30, 0, 0, 51.0, 22, 0, 0, 0, 1, 0)
     write_ros(tmp_path / "b.bag", IMAGES, {"/depth/image_rect": "16UC1"}, (model, coefficients), projection)
     assert open_depth(tmp_path / "b.bag").camera == Camera(50.0, 51.0, 30.0, 22.0, CAMERA.width, CAMERA.height)
 

@@ -36,11 +36,11 @@ def errors_m(benchmark: Benchmark, names: list[str], every: int) -> np.ndarray:
 
 
 def test_on_single_images_of_other_people(tmp_path):
-    settings = "splits={train: 0, validation: 0, test: 300}", "seed=7", "processes=1", f"out={tmp_path}"
+    settings = "splits={train: 0, validation: 0, test: 100}", "seed=7", "processes=1", f"out={tmp_path}"
     assert run_program("-m", ROOT, "synth", *settings).returncode == 0
     benchmark = SyntheticBenchmark(BenchmarkConfig("synthetic", str(tmp_path / "test")))
     error_m = errors_m(benchmark, benchmark.sequence_names(), 1)
-    assert len(error_m) == 300 * 15
+    assert len(error_m) == 100 * 15
     assert (error_m < 0.1).mean() > 0.86 and error_m.mean() < 0.065
 
 
@@ -57,7 +57,7 @@ def test_people_are_found_among_clutter():
     drawn = RoomScenes(SampleConfig(renderer="cpu"), 11, "test", CANVAS)
     network = open_finder(str(shipped_finder()))
     found = wanted = false = 0
-    for index in range(120):
+    for index in range(60):
         clear = drawn.draw_scene(index)
         measured = measure_scene(drawn.sensor_rng(index), clear)
         image = RoomImage(measured.depth_mm, measured.labels, clear.camera, clear.joints_camera_m, clear.whole_px)
@@ -65,7 +65,7 @@ def test_people_are_found_among_clutter():
         right, counts, present = fit_finder.judged(image, people)
         sure = certainty(people) >= FinderConfig().least_certainty
         found, false, wanted = found + (sure & right).sum(), false + (sure & counts & ~right).sum(), wanted + present
-    assert wanted > 90 and found > 0.75 * wanted and false < 0.2 * found
+    assert wanted > 45 and found > 0.75 * wanted and false < 0.2 * found
 
 
 @pytest.mark.skipif(not UTD_MHAD.exists(), reason=f"no real depth in {UTD_MHAD}")
