@@ -15,10 +15,7 @@ from aiohttp.test_utils import TestClient, TestServer
 from kpopnet.languages import Said
 from kpopnet.live.loop import Watching
 from kpopnet.live.server import make_watch_app
-from kpopnet.programs.teach import open_source
 from kpopnet.sources.source import CameraAwayError, LiveCamera
-from kpopnet.teacher.library import TaughtDance
-from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from kpopnet.teacher.rating import Rating, make_rating_app
 from kpopnet.teacher.safety import LOOPBACK_NAMES, Keys
 from kpopnet.teacher.server import Teaching, make_app
@@ -140,36 +137,3 @@ class UnsteadyCamera:
 
     def close(self) -> None:
         self._source.close()
-
-
-STAMP_BITS, STAMP_PX = 16, 16
-
-
-class StampedCamera:
-    """The simulated learner's camera; squares along the top of an image are its wall clock's ms, the least bit on the left."""
-
-    def __init__(self, camera: LiveCamera) -> None:
-        self.camera, self._source = camera.camera, camera
-
-    def read(self) -> tuple[np.ndarray, float] | None:
-        """See `LiveCamera.read`."""
-        if (read := self._source.read()) is None:
-            return None
-        depth_m, taken = read[0].copy(), read[1]
-        wall_ms = round(1000 * (time.time() + taken - time.monotonic()))
-        for bit in range(STAMP_BITS):
-            depth_m[:STAMP_PX, bit * STAMP_PX : (bit + 1) * STAMP_PX] = 0.6 if wall_ms >> bit & 1 else 0.0
-        return depth_m, taken
-
-    def close(self) -> None:
-        self._source.close()
-
-
-def open_stamped(lesson: Lesson, dance: TaughtDance, clock: DanceClock) -> LiveCamera:
-    """A `CameraOpener` of such cameras."""
-    return StampedCamera(open_source(None, lesson, dance, clock))
-
-
-def open_unsteady(unplugged: Path, lesson: Lesson, dance: TaughtDance, clock: DanceClock) -> LiveCamera:
-    """A `CameraOpener` of such cameras."""
-    return UnsteadyCamera(unplugged, open_source(None, lesson, dance, clock))

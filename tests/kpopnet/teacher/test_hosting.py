@@ -62,8 +62,7 @@ def get(address: str, cookie: str = "") -> tuple[int, str, str]:
             return error.code, error.read().decode(), ""
 
 
-@pytest.mark.parametrize("port", [-1, 70000])
-@pytest.mark.parametrize("program", [rate, teach])
+@pytest.mark.parametrize(("program", "port"), [(rate, -1), (teach, 70000)])
 def test_a_port_that_cannot_be_is_one_line(monkeypatch, capsys, tmp_path, program, port):
     words = ["kpopnet", "--port", str(port), "--no-browser"] + ([str(tmp_path)] if program is rate else [])
     monkeypatch.setattr(sys, "argv", words)
@@ -73,10 +72,20 @@ def test_a_port_that_cannot_be_is_one_line(monkeypatch, capsys, tmp_path, progra
     assert capsys.readouterr().err == f"error: --port {port}: expected 1 to 65535, or 0 for one that is free\n"
 
 
-def test_a_free_port_is_chosen_printed_and_opened(tmp_path):
-    with hosting(tmp_path / "opened") as (_, address):
+HEADERS = {b"Expect: more\r\n": 417, b"Expect: \xff\r\n": 400, b"Connection: \xff\r\nUpgrade: websocket\r\n": 400}
+"""What would be repeated in an answer, and the status instead."""
+
+
+def test_a_free_port_is_chosen_printed_and_opened_and_odd_headers_are_refused(tmp_path):
+    with hosting(tmp_path / "opened") as (process, address):
         assert urlsplit(address).port and get(address)[0] == 200
         assert (tmp_path / "opened").read_text() == address
+        for header, status in HEADERS.items():
+            with contextlib.closing(socket.create_connection(("127.0.0.1", urlsplit(address).port))) as stranger:
+                stranger.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n" + header + b"\r\n")
+                assert stranger.recv(4096).startswith(b"HTTP/1.1 %d " % status)
+        process.send_signal(signal.SIGTERM)
+        assert process.stderr.read() == ""
 
 
 def test_a_secret_reaches_the_browser_in_a_file_that_only_its_user_reads(tmp_path):
@@ -113,19 +122,6 @@ def test_too_many_connections_are_told_so_and_fill_no_log(tmp_path):
         assert process.stderr.read() == ""
 
 
-@pytest.mark.parametrize(
-    ("status", "headers"),
-    [(417, b"Expect: more\r\n"), (400, b"Expect: \xff\r\n"), (400, b"Connection: \xff\r\nUpgrade: websocket\r\n")],
-)
-def test_a_header_that_would_be_repeated_is_refused(tmp_path, status, headers):
-    with hosting(tmp_path / "opened") as (process, address):
-        with contextlib.closing(socket.create_connection(("127.0.0.1", urlsplit(address).port))) as stranger:
-            stranger.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n" + headers + b"\r\n")
-            assert stranger.recv(4096).startswith(b"HTTP/1.1 %d " % status)
-        process.send_signal(signal.SIGTERM)
-        assert process.stderr.read() == ""
-
-
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
 def test_it_ends_whatever_its_threads_do(tmp_path, ending):
     with hosting(tmp_path / "opened") as (process, address):
@@ -137,31 +133,31 @@ def test_it_ends_whatever_its_threads_do(tmp_path, ending):
 
 
 LESSONS = """
-import asyncio, os, sys
+import asyncio, sys
 from kpopnet.teacher.live import process
 async def main():
-    one = process.LessonProcesses(None, "tracker")
-    one.keep_ready()
-    print(one._idle[0]._process.pid, flush=True)
+    both = [process.LessonProcesses(None, "tracker") for _ in range(2)]
+    for one in both:
+        one.keep_ready()
+    print(*(one._idle[0]._process.pid for one in both), flush=True)
     await asyncio.to_thread(sys.stdin.readline)
-    await asyncio.to_thread(one.end)
+    await asyncio.to_thread(both[0].end)
+    print("ended", flush=True)
+    await asyncio.to_thread(sys.stdin.readline)
 if __name__ == "__main__":
     asyncio.run(main())
 """
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
-@pytest.mark.parametrize("how", ["frozen", "killed"])
-def test_no_process_of_a_lesson_stays(tmp_path, how):
+def test_no_process_of_a_lesson_stays_frozen_or_after_a_kill_of_the_server(tmp_path):
     (tmp_path / "lessons.py").write_text(LESSONS)
     command = [sys.executable, str(tmp_path / "lessons.py")]
     with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
-        child = int(process.stdout.readline())
-        if how == "frozen":
-            os.kill(child, signal.SIGSTOP)
-            process.stdin.write("end\n")
-            process.stdin.flush()
-            process.wait(30)
-        else:
-            process.kill()
-    assert ended(child)
+        frozen, other = map(int, process.stdout.readline().split())
+        os.kill(frozen, signal.SIGSTOP)
+        process.stdin.write("end\n")
+        process.stdin.flush()
+        assert process.stdout.readline() == "ended\n" and ended(frozen)
+        process.kill()
+    assert ended(other)

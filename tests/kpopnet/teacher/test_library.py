@@ -33,10 +33,10 @@ def test_a_dance_survives_writing_and_reading(library, tmp_path):
         other.dance("cut")
 
 
-@pytest.mark.parametrize("identity", ["../body", "", "Dance", "x" * 65, "dance_001\0", "dance_999"])
-def test_what_is_no_name_of_a_dance_is_no_path(library, identity):
-    with pytest.raises(InputError, match="there is no dance"):
-        library.dance(identity)
+def test_what_is_no_name_of_a_dance_is_no_path(library):
+    for identity in ("../body", "", "Dance", "x" * 65, "dance_001\0", "dance_999"):
+        with pytest.raises(InputError, match="there is no dance"):
+            library.dance(identity)
 
 
 def test_the_preview_is_centred_and_upright_and_fast_dances_are_difficult(library):

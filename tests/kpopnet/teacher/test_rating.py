@@ -47,32 +47,6 @@ def stored(rating, rater):
     return read_ratings(ratings_path(rating.dances.folder, rater), rating.learners)
 
 
-def test_the_page_and_its_files_are_served_to_this_machine_only(rating):
-    async def work(client):
-        page = await client.get("/")
-        assert (
-            page.status == 200
-            and "rate.js" in await page.text()
-            and "script-src 'self'" in page.headers["Content-Security-Policy"]
-        )
-        for path in (
-            "/page/rate.js",
-            "/page/body.js",
-            "/page/learner.js",
-            "/page/tools.js",
-            "/page/vendor/three.js",
-            "/page/style.css",
-        ):
-            assert (await client.get(path)).status == 200, path
-        for path in ("/page/rate.html", "/page/../rating.py", "/page/..%2f..%2frating.py"):
-            assert (await client.get(path)).status == 404, path
-        for headers in ({"Host": "evil.example"}, {"Origin": "http://evil.example"}, {"Sec-Fetch-Site": "cross-site"}):
-            assert (await client.get("/api/pair?rater=eve", headers=headers)).status == 403
-            assert (await client.post("/api/answer", data=b"{}", headers=headers)).status == 403
-
-    with_client(rating, work)
-
-
 def test_a_pair_is_blind(rating):
     """What the page gets for all pairs: numbers and joints, no name of a learner or a dance, no rank, no score."""
 
@@ -154,21 +128,17 @@ def test_an_answer_counts_once_and_may_be_taken_back(rating):
     with_client(rating, work)
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (b"", "not valid JSON"),
-        (b"[]", "expected an object"),
-        (b'{"rater": "eve", "done": 0}', "lacks choice"),
-        (b'{"rater": "eve", "done": true, "choice": "left"}', "done is True"),
-        (b'{"rater": "eve", "done": 0, "choice": "best"}', "unknown"),
-        (b'{"rater": "../eve", "done": 0, "choice": "left"}', "a rater's name"),
-    ],
-)
-def test_wrong_messages_get_one_clear_sentence_and_write_nothing(rating, content, message):
+def test_wrong_messages_get_one_clear_sentence_and_write_nothing(rating):
     async def work(client):
-        answer = await client.post("/api/answer", data=content)
-        assert answer.status == 400 and message in (await answer.json())["error"]
+        for content, message in (
+            (b"", "not valid JSON"),
+            (b'{"rater": "eve", "done": 0}', "lacks choice"),
+            (b'{"rater": "eve", "done": true, "choice": "left"}', "done is True"),
+            (b'{"rater": "eve", "done": 0, "choice": "best"}', "unknown"),
+            (b'{"rater": "../eve", "done": 0, "choice": "left"}', "a rater's name"),
+        ):
+            answer = await client.post("/api/answer", data=content)
+            assert answer.status == 400 and message in (await answer.json())["error"]
 
     with_client(rating, work)
     assert not list(rating.dances.folder.rglob("*eve*"))

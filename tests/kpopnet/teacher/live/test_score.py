@@ -1,5 +1,7 @@
 """A try of a dance, image by image, without a camera: its score, its moves, its result, and the latency of a set-up."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -29,7 +31,7 @@ def dance(library):
     return library.dance("dance_001")
 
 
-def danced(dance, fps: float, lesson: Lesson, late_s: float = 0.0, seconds: float = 8.0) -> dict:
+def danced(dance, fps: float, lesson: Lesson, late_s: float = 0.0, seconds: float = 6.0) -> dict:
     """The result of a perfect learner of whom an image is taken `fps` times a second."""
     one, clock = DanceTry(lesson, dance, "none"), AtOnce(lesson.speed)
     for taken in np.arange(0.0, seconds / lesson.speed, 1 / fps):
@@ -40,23 +42,22 @@ def danced(dance, fps: float, lesson: Lesson, late_s: float = 0.0, seconds: floa
     return result
 
 
-def test_a_perfect_learner_scores_full_at_any_speed(dance):
-    for speed in (1.0, 0.5):
-        result = danced(dance, 30.0, Lesson("dance_001", to_s=8.0, speed=speed))
-        assert result["total"] > 98 and result["worst"] == [] and result["notes"]["fps"] == pytest.approx(30, abs=0.5)
+def test_a_perfect_learner_scores_full_at_half_the_speed(dance):
+    result = danced(dance, 30.0, Lesson("dance_001", to_s=6.0, speed=0.5))
+    assert result["total"] > 98 and result["worst"] == [] and result["notes"]["fps"] == pytest.approx(30, abs=0.5)
 
 
-@pytest.mark.parametrize(("fps", "least"), [(6.0, 95.0), (5.0, 91.0), (3.0, 75.0)])
+@pytest.mark.parametrize(("fps", "least"), [(6.0, 95.0), (3.0, 75.0)])
 def test_a_slow_machine_costs_little_and_is_told(dance, fps, least):
-    result = danced(dance, fps, Lesson("dance_001", to_s=8.0))
+    result = danced(dance, fps, Lesson("dance_001", to_s=6.0))
     assert result["total"] > least and f"only {fps:.0f} images a second" in result["hints"][0]
     assert not any("no person" in hint for hint in result["hints"])
 
 
 def test_a_constant_delay_is_measured_and_taken_off(dance):
-    late = danced(dance, 30.0, Lesson("dance_001", to_s=8.0), late_s=0.2)
+    late = danced(dance, 15.0, Lesson("dance_001", to_s=6.0), late_s=0.2)
     assert late["latency_s"] == pytest.approx(0.2, abs=0.04) and late["timing"] < 95
-    mended = danced(dance, 30.0, Lesson("dance_001", to_s=8.0, latency_s=late["latency_s"]), late_s=0.2, seconds=8.2)
+    mended = danced(dance, 15.0, Lesson("dance_001", to_s=6.0, latency_s=late["latency_s"]), late_s=0.2, seconds=6.2)
     assert mended["timing"] > 97 and mended["total"] > late["total"]
 
 
@@ -67,7 +68,7 @@ def test_no_person_has_no_score_and_a_long_gap_stays_one(dance):
     result, recorded = one.finish(0)
     assert result["total"] is None and "no person" in result["hints"][0] and recorded["joints_m"].shape == (0, 15, 3)
     clock = AtOnce()
-    for taken in (*np.arange(0, 3, 1 / 30), *np.arange(6, 8, 1 / 30)):
+    for taken in (*np.arange(0, 3, 1 / 15), *np.arange(6, 8, 1 / 15)):
         one.score(clock, Image(DEPTH_M, float(taken)), dance.joints_m[round(taken * 30)], np.ones(15))
     result, _ = one.finish(0)
     assert any("no person in the picture" in hint for hint in result["hints"]) and result["total"] < 85
@@ -86,7 +87,7 @@ def test_in_a_mirror_left_is_left_and_on_a_stage_both_are_right():
     assert config.mirrored == "auto" and config.latency_s == pytest.approx(0.1) and SCORERS["dance22"].latency_s == 0
 
 
-def verdicts(dance, learner: Performance, seconds: float = 10.0) -> list[tuple[float, dict]]:
+def verdicts(dance, learner: Performance, seconds: float = 6.5) -> list[tuple[float, dict]]:
     """The verdicts on what a learner danced, with the time of the newest image at each."""
     one, clock, found = DanceTry(Lesson("dance_001", to_s=seconds), dance, "none"), AtOnce(), []
     for joints_m, time_s in zip(learner.joints_m, learner.times_s.tolist(), strict=True):
@@ -97,47 +98,46 @@ def verdicts(dance, learner: Performance, seconds: float = 10.0) -> list[tuple[f
     return found
 
 
+def move_s(dance) -> float:
+    return MOVE_COUNTS * 60 / dance.about.bpm
+
+
 def test_each_move_is_scored_once_soon_after_its_end(dance):
-    found = verdicts(dance, excerpt(dance.performance, 0.0, 10.4))
-    move_s = MOVE_COUNTS * 60 / dance.about.bpm
-    assert [one["number"] for _, one in found] == list(range(1, int(10.01 / move_s) + 1))
+    found, each_s = verdicts(dance, excerpt(dance.performance, 0.0, 6.9)), move_s(dance)
+    assert [one["number"] for _, one in found] == list(range(1, int(6.51 / each_s) + 1))
     for time_s, one in found:
-        assert one["end_s"] == pytest.approx(one["number"] * move_s)
+        assert one["end_s"] == pytest.approx(one["number"] * each_s)
         assert WAIT_S <= time_s - one["end_s"] < WAIT_S + 1 / dance.fps
         assert one["total"] > 99 and one["words"] == ""
 
 
-def test_the_reason_is_the_limb_that_hangs_and_only_while_it_hangs(dance):
+def test_the_reason_is_the_limb_that_hangs_and_only_while_it_hangs_or_the_lateness(dance):
     whole = excerpt(dance.performance, 0.0, 10.4)
-    joints_m, move_s = whole.joints_m.copy(), MOVE_COUNTS * 60 / dance.about.bpm
-    hanging = whole.times_s > 2 * move_s
+    joints_m, hanging = whole.joints_m.copy(), whole.times_s > 2 * move_s(dance)
     for joint, down_m in ((Joint.LEFT_ELBOW, 0.28), (Joint.LEFT_HAND, 0.53)):
         joints_m[hanging, joint] = joints_m[hanging, Joint.LEFT_SHOULDER] + [0, down_m, 0.02]
-    found = [one for _, one in verdicts(dance, Performance(joints_m, whole.times_s))]
+    found = [one for _, one in verdicts(dance, Performance(joints_m, whole.times_s), 10.0)]
     assert [one["words"] for one in found[:2]] == ["", ""]
     assert all(one["words"].startswith("left arm") and one["total"] < 90 for one in found[3:])
-    late = Performance(whole.joints_m, whole.times_s + 0.3)
-    words = [one["words"] for _, one in verdicts(dance, late)][1:]
+    late = excerpt(dance.performance, 0.0, 6.9)
+    words = [one["words"] for _, one in verdicts(dance, Performance(late.joints_m, late.times_s + 0.3))][1:]
     assert words and words.count("late") > len(words) / 2
 
 
 def test_after_a_gap_the_next_move_is_scored_and_those_in_it_are_not(dance):
-    whole, move_s = excerpt(dance.performance, 0.0, 10.4), MOVE_COUNTS * 60 / dance.about.bpm
-    seen = (whole.times_s < 0.9 * move_s) | (whole.times_s > 2.2 * move_s)
-    found = [one for _, one in verdicts(dance, Performance(whole.joints_m[seen], whole.times_s[seen]))]
+    whole, each_s = excerpt(dance.performance, 0.0, 8.4), move_s(dance)
+    seen = (whole.times_s < 0.9 * each_s) | (whole.times_s > 2.2 * each_s)
+    found = [one for _, one in verdicts(dance, Performance(whole.joints_m[seen], whole.times_s[seen]), 8.0)]
     numbers = [one["number"] for one in found]
-    assert numbers == sorted(set(numbers)) and numbers[-1] == int(10.01 / move_s)
+    assert numbers == sorted(set(numbers)) and numbers[-1] == int(8.01 / each_s)
     assert found[-1]["total"] == pytest.approx(100, abs=1)
 
 
 def test_moves_too_short_to_be_scored_begin_with_the_first_that_can_be(dance):
-    from dataclasses import replace
-
-    bpm = 360.0
-    fast = replace(dance, about=replace(dance.about, bpm=bpm))
-    found, move_s = verdicts(fast, excerpt(dance.performance, 0.0, 4.4), 4.0), MOVE_COUNTS * 60 / bpm
-    assert found[0][1]["end_s"] == pytest.approx(move_s) and found[0][0] == pytest.approx(LEAST_S + WAIT_S, abs=0.04)
-    assert [one["number"] for _, one in found] == list(range(1, round(4.0 / move_s) + 1))
+    fast = replace(dance, about=replace(dance.about, bpm=360.0))
+    found, each_s = verdicts(fast, excerpt(dance.performance, 0.0, 4.4), 4.0), move_s(fast)
+    assert found[0][1]["end_s"] == pytest.approx(each_s) and found[0][0] == pytest.approx(LEAST_S + WAIT_S, abs=0.04)
+    assert [one["number"] for _, one in found] == list(range(1, round(4.0 / each_s) + 1))
 
 
 def measured(dance, joints_at) -> dict:

@@ -17,15 +17,8 @@ PLACE_M = np.array([0.3, 0.1, 2.6])
 def world_m() -> np.ndarray:
     """(33, 3) points of a person who faces the camera: their right is on the picture's left."""
     heights_m = {
-        "shoulder": -0.5,
-        "elbow": -0.25,
-        "wrist": 0.0,
-        "hip": 0.0,
-        "knee": 0.4,
-        "ankle": 0.8,
-        "heel": 0.82,
-        "index": 0.09,
-    }
+        "shoulder": -0.5, "elbow": -0.25, "wrist": 0.0, "hip": 0.0, "knee": 0.4, "ankle": 0.8, "heel": 0.82, "index": 0.09,
+    }  # fmt: skip
     points = []
     for name in MEDIAPIPE_NAMES:
         side = -1 if "right" in name else 1 if "left" in name else 0
@@ -85,13 +78,10 @@ def test_the_time_is_that_of_the_picture_and_silence_is_told(monkeypatch):
     [
         {"points": "none"},
         {"points": [[0.0] * 6]},
-        {"points": [[0.0] * 5] * 33},
         {"points": [[None] * 6] * 33},
         {"points": [[1e9] * 6] * 33},
-        {"points": [["a"] * 6] * 33},
         {"age_ms": -1.0},
         {"age_ms": math.inf},
-        {"age_ms": None},
     ],
 )
 def test_other_messages_are_refused(change):
