@@ -74,7 +74,8 @@ def test_imperial_dance_becomes_one_dance_per_choreography(tmp_path, monkeypatch
     dance = dances.dance("k_ch0")
     assert [learner.name for learner in dance.learners] == ["expert", "intermediate", "beginner"]
     np.testing.assert_allclose(dance.learners[0].joints().joints_m, dance.teacher().joints_m, atol=1e-4)
-    np.save(source / "dance_level_e_k_ch0.npy", takes[0])
-    with pytest.raises(SystemExit):
-        convert(monkeypatch, "imperial", source, tmp_path / "other")
-    assert "expected (takes, 3, frames, 21)" in capsys.readouterr().err
+    for wrong, told in ((takes[0], "expected (takes, 3, frames, 21)"), (takes[:1], "two experts are needed")):
+        np.save(source / "dance_level_e_k_ch0.npy", wrong)
+        with pytest.raises(SystemExit):
+            convert(monkeypatch, "imperial", source, tmp_path / "other")
+        assert told in capsys.readouterr().err
