@@ -10,6 +10,7 @@ of delay, never is. The program prints the score and what to mend, phrase by phr
 page with a replay of both dancers in 3D, which needs no other file. An earlier score in the same folder is replaced.
 """
 
+import argparse
 import json
 import math
 from dataclasses import replace
@@ -60,8 +61,7 @@ def weight(word: str) -> tuple[str, float]:
     return name, float(number)
 
 
-@user_errors
-def main() -> None:
+def parsed() -> argparse.Namespace:
     parser = program_parser("kpopnet score", __doc__)
     parser.add_argument("teacher", type=Path, help="file of the reference dance")
     parser.add_argument("learner", type=Path, help="file of the dance to score")
@@ -85,9 +85,14 @@ def main() -> None:
     parser.add_argument("--weights", nargs="+", type=weight, default=[], metavar="NAME=WEIGHT", help=weights)
     parser.add_argument("--bpm", type=float, help="tempo of the music: phrases of eight beats instead of 4 s, delays in beats")
     given = parser.parse_args()
-
     if given.bpm is not None and not 20 <= given.bpm <= 400:
         raise InputError(f"--bpm {given.bpm:g}: expected 20 to 400 beats a minute")
+    return given
+
+
+@user_errors
+def main() -> None:
+    given = parsed()
     beat_s = 60 / given.bpm if given.bpm else None
     scorer = SCORERS[given.scorer]
     if isinstance(scorer, PartScorer):
