@@ -307,6 +307,8 @@ class PageLessons:
             self._profiles.profile(lesson.who)
         dance = self._teaching.library.dance(lesson.dance)
         lesson.excerpt_s(dance.about.seconds)
+        if lesson.dancer >= len(dance.dancers):
+            raise InputError("there is no such dancer in this dance; reload the page")
         if self._process is None or not self._process.alive:
             self.leave()
             self._process = self._processes.borrow()

@@ -224,6 +224,7 @@ MESSAGES = (
     '{"do": "go", "in_s": 1}',
     '{"do": "prepare", "lesson": {"dance": "dance_001", "speed": NaN}}',
     '{"do": "prepare", "lesson": {"dance": "dance_001", "from_s": 60}}',
+    '{"do": "prepare", "lesson": {"dance": "dance_001", "dancer": 1}}',
 )
 
 
