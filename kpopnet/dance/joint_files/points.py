@@ -260,7 +260,10 @@ def _before_level_camera_m(joints: np.ndarray, first: np.ndarray, source: str) -
     axis = 1 + int(abs(mean[2]) > abs(mean[1]))
     if abs(mean[axis]) < 0.5 * np.median(np.linalg.norm(trunk[valid], axis=1)):
         raise InputError(f"{source}: neither y nor z points up or down along the dancer's trunk")
-    unit, to_y_up = unit_m(first, source), _TO_Y_UP[axis, bool(mean[axis] > 0)].T
+    unit = unit_m(first, source)
+    if unit_m(joints, source) != unit:
+        raise InputError(f"{source}: in another unit than the first dancer's file; dancers of a group share one frame")
+    to_y_up = _TO_Y_UP[axis, bool(mean[axis] > 0)].T
     first_m, joints_m = first * unit @ to_y_up, joints * unit @ to_y_up
 
     hips_m = first_m[:, _HIPS].mean(axis=1)

@@ -53,6 +53,9 @@ def test_files_of_two_kinds_or_without_common_time_are_no_group(group, tmp_path,
     np.savez(tmp_path / "points.npz", points=points, names=names, times_s=np.arange(len(points)) / 30 + 1000)
     with pytest.raises(InputError, match=r"points\.npz: expected a file of the same kind"):
         read_performances([tmp_path / "own.npz", tmp_path / "points.npz"])
+    np.savez(tmp_path / "centimetres.npz", points=100 * points, names=names, fps=30)
+    with pytest.raises(InputError, match=r"centimetres\.npz: in another unit"):
+        read_performances([tmp_path / "points.npz", tmp_path / "centimetres.npz"])
     first, late = (read_performances([tmp_path / f"{name}.npz"])[0] for name in ("own", "points"))
     with pytest.raises(InputError, match="a dance lasts 5 to"):
         add_group(group[0], [first, late], "own.npz", "none")
