@@ -54,6 +54,18 @@ def test_a_dance_of_ones_own_is_added(run, tmp_path, capsys):
     assert library.path("dance_000").stat().st_mtime_ns == made  # what is there is not made again
 
 
+def test_a_group_is_added_from_a_file_for_each_dancer(run, tmp_path, capsys):
+    library = teach.made_library(tmp_path / "teach")
+    performance = library.dance("dance_000").performance
+    for name, left_m in {"ann": 0.0, "bea": 1.5}.items():
+        joints_m = (performance.joints_m + np.array([left_m, 0, 0])).astype(np.float32)
+        np.savez(tmp_path / f"{name}.npz", joints_m=joints_m, times_s=performance.times_s)
+    run("add", tmp_path / "ann.npz", tmp_path / "bea.npz", "--title", "Duet", "--from", 2)
+    first, second = library.dance("own_001").dancers
+    np.testing.assert_allclose(first.start_m - second.start_m, [1.5, 0, 0], atol=1e-4)
+    assert "added Duet as own_001" in capsys.readouterr().out
+
+
 @pytest.fixture
 def danced(run, tmp_path):
     """A dance of the library."""
