@@ -176,7 +176,7 @@ def score_dance(
     Windows start at multiples of the scorer's `hop_s` from the teacher's first frame. Frames of the learner outside the
     teacher's dance are not scored. Dances may be given as (T, 15, 3) joints in metres in the camera frame with their `fps`.
     With `unobserved_is_nan` a learner of whom no joint is known scores NaN, for evaluations that count such dances. In the
-    stretches `free_s` everybody dances what they like: windows whose middle lies in one are not compared (`DanceScore.free`).
+    stretches `free_s` all may dance what they like: windows whose middle lies in one are not compared (`DanceScore.free`).
 
     Raises InputError if the teacher's dance is shorter than a window, or the learner's recording covers no whole window of it;
     or no joint is known in one of the dances; or joints are given without `fps`.

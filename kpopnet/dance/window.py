@@ -87,7 +87,7 @@ def nothing_seen(teacher: Features, parts: np.ndarray, start: int) -> WindowScor
 
 
 def not_compared(angles: int) -> WindowScore:
-    """The score of a window in which nothing is compared, of a feature of so many angles."""
+    """The score of a window in which nothing is compared; `angles` is D, the number of the feature's angles."""
     unknown = np.full(len(PARTS), np.nan)
     return WindowScore(math.nan, math.nan, math.nan, unknown, unknown, np.full(angles, np.nan), np.zeros(angles), 1.0)
 

@@ -79,7 +79,7 @@ def parsed() -> argparse.Namespace:
     noise = "estimator of the learner's joints, whose known errors are not counted: %(default)s for true joints"
     parser.add_argument("--noise", choices=NOISE, default="none", help=noise)
     parser.add_argument("--lang", choices=LANGUAGES, default="en", help="language of page and text: %(default)s")
-    free = "part of the dance, from and to a second, in which everybody dances what they like: not compared; may be repeated"
+    free = "part of the dance, from and to a second, in which all may dance what they like: not compared; may be repeated"
     parser.add_argument("--free", type=float, nargs=2, action="append", default=[], metavar=("FROM", "TO"), help=free)
     weights = f"what the total consists of, as in similarity=3 place=1: any of {', '.join(FIGURES)} (with --bpm)"
     parser.add_argument("--weights", nargs="+", type=weight, default=[], metavar="NAME=WEIGHT", help=weights)

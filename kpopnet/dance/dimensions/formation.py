@@ -18,6 +18,7 @@ from kpopnet.dance.window import FPS, WINDOW_S
 from kpopnet.languages import Said
 
 MOST_SPREAD = 2.0
+"""Greatest factor between the learners' distances and the teachers': a room of half a stage. Chosen, not measured."""
 
 
 class Formation(NamedTuple):

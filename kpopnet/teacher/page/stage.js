@@ -83,7 +83,7 @@ export async function stage(main, identity, wanted) {
     view.close();
   };
 
-  // Whom of a group the learners do not dance is faint. Several dance neighbours, the chosen one and those to the right.
+  // Dancers of a group whom no learner dances are faint. Several learners dance the chosen dancer and those to the right.
   function showDanced() {
     const first = Math.max(Math.min(Number(parts.dancer.value), group.length - peopleOf()), 0);
     group.forEach(({ mesh }, k) => {
