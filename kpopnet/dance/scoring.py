@@ -47,6 +47,22 @@ MIRROR_MARGIN = 10.0
 """Points by which the mirrored comparison has to be better before it is preferred, or hinted at."""
 
 
+def check_weights(weights: Mapping[str, float]) -> None:
+    """Raises InputError for a name that is none of `FIGURES`, or weights that are negative or all 0; none at all are right."""
+    for name, weight in weights.items():
+        check_one_of("weights", name, FIGURES)
+        check_between(name, weight, 0, math.inf)
+    if weights and not any(weights.values()):
+        raise InputError("weights: expected one above 0")
+
+
+def check_free(free_s: Stretches) -> None:
+    """Raises InputError for a stretch that does not end after its begin."""
+    for begin_s, end_s in free_s:
+        if not begin_s < end_s:
+            raise InputError(f"free from {begin_s:g} to {end_s:g} s: expected an end after the begin")
+
+
 class Windows(NamedTuple):
     """Scores of a dance's windows, 0 to 100.
 
@@ -102,6 +118,21 @@ class DanceScore(NamedTuple):
         return np.interp(frames, middle[known], self.windows.delay_s[known]) if known.any() else np.zeros(len(frames))
 
     @property
+    def compared_m(self) -> list[np.ndarray]:
+        """(T, 15, 3) joints of teacher and learner as `teacher_m` and `learner_m`, NaN in free parts."""
+        return [np.where(self.is_free[: len(one), None, None], np.nan, one) for one in (self.teacher_m, self.learner_m)]
+
+    @property
+    def all_free(self) -> bool:
+        """Whether nothing was compared since the teacher leaves it free: no window's middle lies elsewhere."""
+        middle = ((self.windows.middle_s - self.windows.start_s[0]) * FPS).astype(int)
+        return bool(self.is_free[middle].all())
+
+    def beats_s(self, beat_s: float) -> np.ndarray:
+        """(B,) times of the dance's beats on the teacher's clock, the first at 0, from the seconds of one."""
+        return np.arange(0, self.windows.middle_s[-1] + 4 * beat_s, beat_s)
+
+    @property
     def stage(self) -> StageScore:
         """Place, height, lean and facing, which similarity, timing and posture do not contain; computed anew at each call."""
         return stage_score(self.teacher_m[: len(self.learner_m)], self.learner_m, self._delays_s)
@@ -126,17 +157,13 @@ class DanceScore(NamedTuple):
         """The mean of figures, 0 to 100, weighted as a teacher wants it; of those that are known, NaN if none is.
 
         Figures are similarity, timing, posture, those of `stage` and `dynamics`, and with beats rhythm, by these names. Raises
-        InputError for another name, or weights that are negative or all 0.
+        as `check_weights`.
         """
-        for name, weight in weights.items():
-            check_one_of("weights", name, FIGURES)
-            check_between(name, weight, 0, math.inf)
+        check_weights(weights)
         figures = {"similarity": self.similarity, "timing": self.timing, "posture": self.posture}
         figures |= self.stage.figures | self.dynamics.figures
         if beats_s is not None and (danced := self.rhythm(beats_s)) is not None:
             figures["rhythm"] = danced.figure
-        if not any(weights.values()):
-            raise InputError("weights: expected one above 0")
         names = [name for name in weights if name in figures]
         return _mean(np.array([figures[name] for name in names]), np.array([weights[name] for name in names], float))
 
@@ -147,10 +174,10 @@ class DanceScore(NamedTuple):
     def _rhythm(self, beats_s: np.ndarray, inside: np.ndarray) -> Rhythm | None:
         return rhythm(*self._within(inside), np.asarray(beats_s) - self.windows.start_s[0])
 
-    def _within(self, inside: np.ndarray) -> list[np.ndarray]:
+    def _within(self, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The (T, 15, 3) joints of teacher and learner at some of the frames, NaN at the others."""
-        both = self.teacher_m[: len(self.learner_m)], self.learner_m
-        return [np.where(inside[: len(self.learner_m), None, None], one, np.nan) for one in both]
+        shown = inside[: len(self.learner_m), None, None]
+        return np.where(shown, self.teacher_m[: len(shown)], np.nan), np.where(shown, self.learner_m, np.nan)
 
     def stage_remarks(self) -> list[tuple[float, Said]]:
         """What is most wrong on the stage, in words, with the time at which it begins, seconds on the teacher's clock."""
@@ -224,10 +251,9 @@ class TimeGrid:
             )
         joints = self.resampled(teacher, self.frames)
         self.teacher_m, self.teacher = joints[0], self.features(*joints)
+        check_free(free_s)
         times_s, self.is_free = self.time_s(self.frames), np.zeros(len(self.frames), bool)
         for begin_s, end_s in free_s:
-            if not begin_s < end_s:
-                raise InputError(f"free from {begin_s:g} to {end_s:g} s: expected an end after the begin")
             self.is_free |= (times_s >= begin_s) & (times_s < end_s)
 
     def frames_of(self, performance: Performance) -> range:

@@ -44,6 +44,30 @@ def add_depth(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--key", help="the array or topic, in a file that has several; of a folder, a pattern: 'depth_*.png'")
 
 
+def add_grading(parser: argparse.ArgumentParser, tempo: str) -> None:
+    """What a teacher leaves free, and what the total consists of; `tempo` says when there is a rhythm."""
+    from kpopnet.dance.scoring import FIGURES  # takes a second to import
+
+    free = "part of the dance, from and to a second, in which all may dance what they like: not compared; may be repeated"
+    parser.add_argument("--free", type=float, nargs=2, action="append", default=[], metavar=("FROM", "TO"), help=free)
+    weights = f"what the total consists of, as in similarity=3 place=1: any of {', '.join(FIGURES)} ({tempo})"
+    parser.add_argument("--weights", nargs="+", type=weight, default=[], metavar="NAME=WEIGHT", help=weights)
+
+
+def check_grading(given: argparse.Namespace) -> None:
+    """Raises InputError for words of `add_grading` that cannot be."""
+    from kpopnet.dance.scoring import check_free, check_weights
+
+    check_free(given.free)
+    check_weights(dict(given.weights))
+
+
+def weight(word: str) -> tuple[str, float]:
+    """A name and a number, of name=number; raises ValueError for something else."""
+    name, _, number = word.partition("=")
+    return name, float(number)
+
+
 def opener(path: Path, given: argparse.Namespace, in_child: bool) -> Callable[[], DepthSource]:
     """Opens the recording at a path, with the words of `add_depth`; for other processes too. `in_child`: see `open_depth`."""
     camera = chosen_camera(given.camera, given.fov, given.focal)

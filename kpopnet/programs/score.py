@@ -21,18 +21,19 @@ from kpopnet.dance.feedback import feedback
 from kpopnet.dance.joint_files.reader import read_strangers_performance
 from kpopnet.dance.parts import NOISE, PartScorer
 from kpopnet.dance.performance import Performance
-from kpopnet.dance.scoring import FIGURES, SCORERS, score_dance
+from kpopnet.dance.scoring import SCORERS, score_dance
 from kpopnet.dance.window import WINDOW_S
 from kpopnet.errors import InputError
-from kpopnet.evaluation.dances.score_text import beats_of, score_json, score_notes, score_text
+from kpopnet.evaluation.dances.score_text import score_json, score_notes, score_text
 from kpopnet.evaluation.report import printable, write_text
 from kpopnet.evaluation.values import plain
 from kpopnet.languages import LANGUAGES, Said, in_language
-from kpopnet.programs.arguments import program_parser
+from kpopnet.programs.arguments import add_grading, check_grading, program_parser
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
 from kpopnet.skeleton import Joint
 from kpopnet.teacher.library import TeacherBody
+from kpopnet.teacher.live.words import score_result
 from kpopnet.teacher.result_page import result_page
 
 
@@ -55,12 +56,6 @@ def read_observed(path: Path, fps: float | None, joint_map: Path | None, correct
     return performance
 
 
-def weight(word: str) -> tuple[str, float]:
-    """A name and a number, of name=number; raises ValueError for something else."""
-    name, _, number = word.partition("=")
-    return name, float(number)
-
-
 def parsed() -> argparse.Namespace:
     parser = program_parser("kpopnet score", __doc__)
     parser.add_argument("teacher", type=Path, help="file of the reference dance")
@@ -79,14 +74,12 @@ def parsed() -> argparse.Namespace:
     noise = "estimator of the learner's joints, whose known errors are not counted: %(default)s for true joints"
     parser.add_argument("--noise", choices=NOISE, default="none", help=noise)
     parser.add_argument("--lang", choices=LANGUAGES, default="en", help="language of page and text: %(default)s")
-    free = "part of the dance, from and to a second, in which all may dance what they like: not compared; may be repeated"
-    parser.add_argument("--free", type=float, nargs=2, action="append", default=[], metavar=("FROM", "TO"), help=free)
-    weights = f"what the total consists of, as in similarity=3 place=1: any of {', '.join(FIGURES)} (with --bpm)"
-    parser.add_argument("--weights", nargs="+", type=weight, default=[], metavar="NAME=WEIGHT", help=weights)
+    add_grading(parser, "with --bpm")
     parser.add_argument("--bpm", type=float, help="tempo of the music: phrases of eight beats instead of 4 s, delays in beats")
     given = parser.parse_args()
     if given.bpm is not None and not 20 <= given.bpm <= 400:
         raise InputError(f"--bpm {given.bpm:g}: expected 20 to 400 beats a minute")
+    check_grading(given)
     return given
 
 
@@ -108,17 +101,20 @@ def main() -> None:
     teacher, learner = diagnosis.teacher, diagnosis.learner
     score = score_dance(teacher, learner, scorer, free_s=given.free)
     if math.isnan(score.similarity):
+        if score.all_free:
+            raise InputError("--free: the whole dance is free; leave a part of it to be compared")
         raise InputError(f"{given.learner}: in no window of {WINDOW_S:g} s are enough joints known to compare the dances")
     from synth.body.teacher import teacher_arrays
 
     advice, notes = feedback(score, beat_s, diagnosis.faults), score_notes(score, diagnosis)
-    wanted, total = dict(given.weights), {}
+    wanted, total, told = dict(given.weights), {}, []
     if wanted:
-        total = {"total": score.total(wanted, beats_of(score, beat_s)), "weights": wanted}
+        total = {"total": score.total(wanted, score.beats_s(beat_s) if beat_s else None), "weights": wanted}
         shares = [f"{name} {share:g}" for name, share in wanted.items()]
-        notes.insert(0, Said("total {total} of 100: {weights}", total=f"{total['total']:.0f}", weights=shares))
+        told = [Said("total {total} of 100: {weights}", total=f"{total['total']:.0f}", weights=shares)]
     title = Said("{learner} after {teacher}", learner=given.learner.name, teacher=given.teacher.name)
-    page = result_page(title, TeacherBody(**teacher_arrays()), (teacher, learner), score, advice, notes, given.lang)
+    result = score_result(score, advice, wanted, beat_s)
+    page = result_page(title, TeacherBody(**teacher_arrays()), (teacher, learner), result, notes, given.lang)
     files = {"teacher": str(given.teacher), "learner": str(given.learner)}
     content = score_json(score, advice, diagnosis, beat_s) | plain(total)
     content |= files | {"scorer": {"name": given.scorer, "feature": scorer.feature, **content["scorer"]}}
@@ -126,4 +122,5 @@ def main() -> None:
         for name, text in (("score.html", page), ("score.json", json.dumps(content, indent=1, allow_nan=False) + "\n")):
             write_text(given.out / name, text)
     look = Said("look at {path}", path=str(given.out / "score.html"))
-    print(printable("\n".join(in_language(line, given.lang) for line in (*score_text(score, advice, notes, beat_s), look))))
+    text = (*score_text(score, advice, [*told, *notes], beat_s), look)
+    print(printable("\n".join(in_language(line, given.lang) for line in text)))

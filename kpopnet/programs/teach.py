@@ -29,7 +29,7 @@ from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
 from kpopnet.pose import PoseEstimator
-from kpopnet.programs.arguments import add_address, add_depth, check_server, opener, program_parser
+from kpopnet.programs.arguments import add_address, add_depth, add_grading, check_grading, check_server, opener, program_parser
 from kpopnet.programs.predict import estimated
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
@@ -162,10 +162,12 @@ def add_own(given: argparse.Namespace, library: Library) -> None:
     """Adds them, each in the part that was asked for."""
     if not 20 <= given.bpm <= 400:
         raise InputError(f"--bpm {given.bpm:g}: expected 20 to 400 beats per minute")
+    check_grading(given)
     for title, dancers in own_dances(given).items():
         parts = [part_of(one, given.from_s, given.to_s, str(given.files[0])) for one in dancers]
-        identity = add_group(library, parts, str(given.files[0]), title := title[:MOST_LETTERS], given.bpm)
-        print(f"added {title} as {identity}; kpopnet teach shows it")
+        about = title[:MOST_LETTERS], given.bpm, given.free, dict(given.weights)
+        identity = add_group(library, parts, str(given.files[0]), *about)
+        print(f"added {about[0]} as {identity}; kpopnet teach shows it")
 
 
 def serve(given: argparse.Namespace, library: Library, opened: str | None) -> None:
@@ -208,6 +210,7 @@ def parsed() -> argparse.Namespace:
         parser.add_argument("--bpm", type=float, default=120.0, help="beats per minute, the first at the start: %(default)s")
         parser.add_argument("--from", type=float, default=0.0, dest="from_s", help="second at which it begins: %(default)s")
         parser.add_argument("--to", type=float, dest="to_s", help="second at which it ends; by default the end")
+        add_grading(parser, "where the teacher's own dance has one")
         parser.add_argument("--joint-map", type=Path, metavar="FILE", help="JSON that names the points of each joint")
         parser.add_argument("--segmented", action="store_true", help="the depth shows one person, and 0 elsewhere")
         return parser.parse_args()

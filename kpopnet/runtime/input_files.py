@@ -176,7 +176,8 @@ def parse_numbers(text: str, where: str, count: int) -> list[float]:
 def check_fields(where: str, value: Any, schema: Mapping[str, Any], optional: Iterable[str] = ()) -> dict[str, Any]:
     """Checks that a value of JSON is an object with the given names and types; it may have other names too.
 
-    Types are bool, int, float (which an integer fits), str, dict, list[TYPE] and TYPE | None; `optional` names may be missing.
+    Types are bool, int, float (which an integer fits), str, dict, dict[str, TYPE], list[TYPE] and TYPE | None; `optional` names
+    may be missing.
     """
     if not isinstance(value, dict):
         raise InputError(f"{where}: expected an object of {names_in(schema)}, found {_shown(value)}")
@@ -207,6 +208,9 @@ def _is_of(value: Any, hint: Any) -> bool:
         return any(_is_of(value, one) for one in typing.get_args(hint))
     if typing.get_origin(hint) is list:
         return isinstance(value, list) and all(_is_of(one, typing.get_args(hint)[0]) for one in value)
+    if typing.get_origin(hint) is dict:
+        _, of_values = typing.get_args(hint)  # names in JSON are words
+        return isinstance(value, dict) and all(_is_of(one, of_values) for one in value.values())
     if hint in (int, float):
         return isinstance(value, int if hint is int else int | float) and not isinstance(value, bool)
     return isinstance(value, hint)

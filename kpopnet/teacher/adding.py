@@ -1,14 +1,16 @@
 """Dances of the user's own, from files of joints, recordings of depth and folders in the K-Pop format (docs/kpop_format.md)."""
 
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
 from kpopnet.dance.joint_files.reader import SUFFIXES as JOINT_SUFFIXES
 from kpopnet.dance.performance import Performance
+from kpopnet.dance.scoring import Stretches
 from kpopnet.datasets.dances.dance_set import TEACHER, KpopSet
 from kpopnet.datasets.dances.dance_set import read_performance as read_kpop
 from kpopnet.errors import InputError
@@ -33,11 +35,20 @@ def add_performance(library: Library, performance: Performance, where: str, titl
     return add_group(library, [performance], where, title, bpm)
 
 
-def add_group(library: Library, dancers: Sequence[Performance], where: str, title: str, bpm: float = USUAL_BPM) -> str:
+def add_group(
+    library: Library,
+    dancers: Sequence[Performance],
+    where: str,
+    title: str,
+    bpm: float = USUAL_BPM,
+    free_s: Stretches = (),
+    weights: Mapping[str, float] = MappingProxyType({}),
+) -> str:
     """Adds a dance known by its dancers' joints in the frame of one level camera and on one clock; returns its identity.
 
-    It lasts while all are recorded; its first beat is at its start. Raises InputError, which names the file `where`, if it
-    lasts less than MIN_S or more than MAX_S.
+    It lasts while all are recorded; its first beat is at its start. `free_s` and `weights` are what the teacher leaves free and
+    what the total consists of, as in `About`. Raises InputError, which names the file `where`, if it lasts less than MIN_S or
+    more than MAX_S.
     """
     expect(len(dancers) <= MOST_DANCERS, where, f"at most {MOST_DANCERS} dancers")
     begin_s, end_s = (pick(float(one.times_s[at]) for one in dancers) for pick, at in ((max, 0), (min, -1)))
@@ -47,7 +58,8 @@ def add_group(library: Library, dancers: Sequence[Performance], where: str, titl
     danced = [at_rate(one, FPS, begin_s, end_s) for one in dancers]
     taught = [taught_dance(title, FPS, bpm, joints_m, *posed(joints_m, library.body), own=True) for joints_m in danced]
     first, *others = sorted(taught, key=lambda one: -one.start_m[0])
-    return library.add(replace(first, others=tuple(others)))
+    about = replace(first.about, free_s=[list(one) for one in free_s], weights=dict(weights))
+    return library.add(replace(first, about=about, others=tuple(others)))
 
 
 def kpop_teachers(path: Path) -> dict[str, Performance]:

@@ -7,12 +7,13 @@ has z up; a body in its T-pose faces -y with its left hand at +x, and the rotati
 import itertools
 import json
 import re
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from kpopnet.dance.performance import Performance
+from kpopnet.dance.scoring import check_free, check_weights
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
 from kpopnet.runtime.atomic_write import atomic_path, claim
@@ -64,14 +65,23 @@ class About:
     bpm: float  # tempo, beats per minute; the first beat is at time 0
     difficulty: int  # 1 to 5, by how fast the limbs move
     own: bool = False  # whether the user added it
+    free_s: list[list[float]] = field(default_factory=list)  # begins and ends of what is left free, as of `score_dance`
+    weights: dict[str, float] = field(default_factory=dict)  # of the total, as of `DanceScore.total`
 
     def __post_init__(self) -> None:
         check_names("title", [self.name])
         expect(self.name.isprintable(), f"title {self.name}", "letters that can be printed")
+        expect(all(len(one) == 2 for one in self.free_s), "free_s", "a begin and an end of each")
+        check_free(self.free_s)
+        check_weights(self.weights)
+
+    @property
+    def beat_s(self) -> float:
+        return 60 / self.bpm
 
     @property
     def phrase_s(self) -> float:
-        return PHRASE_COUNTS * 60 / self.bpm
+        return PHRASE_COUNTS * self.beat_s
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,13 +8,10 @@ from importlib.resources import files
 
 import numpy as np
 
-from kpopnet.dance.feedback import Feedback
 from kpopnet.dance.performance import Performance
-from kpopnet.dance.scoring import DanceScore
 from kpopnet.dance.words.moments import PHRASE_S
 from kpopnet.languages import in_language, keyed
 from kpopnet.teacher.library import TeacherBody, stored_quats
-from kpopnet.teacher.live.words import score_result
 from kpopnet.teacher.posing import MAX_S, Movement, learners_movement
 
 FPS = 30.0
@@ -55,20 +52,18 @@ def result_page(
     title: str,
     body: TeacherBody,
     dances: tuple[Performance, Performance],
-    score: DanceScore,
-    told: Feedback,
+    result: dict,
     notes: list[str],
     language: str = "en",
 ) -> str:
-    """The result of a score as the teacher's page shows it, with notes, in one of `kpopnet.languages.LANGUAGES`. `dances` are
-    the teacher's and the learner's, whose replay ends after MAX_S.
+    """A result, of `kpopnet.teacher.live.words.score_result`, as the teacher's page shows it, with notes, in one of
+    `kpopnet.languages.LANGUAGES`. `dances` are the teacher's and the learner's, whose replay ends after MAX_S.
     """
     title = in_language(title, language)
     from_s, to_s = float(dances[0].times_s[0]), float(dances[0].times_s[-1])
     teacher, learner = (_replayed(one, from_s, body) for one in dances)
-    result = score_result(score, told)
     found = {"name": title, "from_s": from_s, "to_s": to_s, **result, "hints": notes + result["hints"]}
-    phrase_s = told.phrases[0].end_s - told.phrases[0].start_s if told.phrases else PHRASE_S
+    phrase_s = result["phrases"][0]["end_s"] - result["phrases"][0]["start_s"] if result["phrases"] else PHRASE_S
     dance = {"seconds": to_s - from_s, "phrase_s": phrase_s, **teacher}
     given = json.dumps({"found": keyed(found), "dance": dance, "movement": learner, "body": packed_body(body)}, allow_nan=False)
     root = files("kpopnet")

@@ -96,7 +96,7 @@ def causes(score: DanceScore, phrases_s: list[tuple[float, float]]) -> Iterator[
 def _rests(score: DanceScore, first_s: float) -> Iterator[Cause]:
     """Where the learner rests and the teacher moves."""
     frames = round(SPREAD_S * FPS)
-    taught, danced = (spread_rad(joints_m, frames) for joints_m in (score.teacher_m, score.learner_m))
+    taught, danced = (spread_rad(joints_m, frames) for joints_m in score.compared_m)
     mean = np.nanmean(taught) if np.isfinite(taught).any() else 0.0
     moving = taught[: len(danced)] >= MOVING * mean
     begin = int(np.argmax(moving)) if moving.any() else 0
@@ -121,7 +121,7 @@ def _elsewhere(score: DanceScore, rows: slice, posture: float, inside: np.ndarra
     None if it fits neither.
     """
     feature, teacher_m = score.scorer.feature, score.teacher_m
-    learner = _features(score.learner_m, feature, rows)
+    learner = _features(score.compared_m[1], feature, rows)
     teacher, mirror = (_features(joints_m, feature) for joints_m in (teacher_m, teacher_m[:, MIRROR] * [-1.0, 1.0, 1.0]))
     first, band, middle = rows.start // STRIDE, round(BAND_S * FPS / STRIDE), len(teacher.angles_rad)
     if not len(learner.angles_rad):

@@ -2,8 +2,6 @@
 
 from typing import Any
 
-import numpy as np
-
 from kpopnet.dance.diagnosis import Diagnosis, RecordingFault
 from kpopnet.dance.dimensions.movement import Rhythm
 from kpopnet.dance.feedback import Feedback, Phrase
@@ -16,15 +14,9 @@ MAX_FAULTS = 3
 """Largest number of faults in the text, the costliest first; the JSON has all."""
 
 
-def beats_of(score: DanceScore, beat_s: float | None) -> np.ndarray | None:
-    """Times of beats in seconds on the teacher's clock, the first at 0; None without a beat."""
-    return np.arange(0, score.windows.middle_s[-1] + 4 * beat_s, beat_s) if beat_s else None
-
-
 def rhythm_to(score: DanceScore, beat_s: float | None) -> Rhythm | None:
     """The learner's rhythm to a beat in seconds; None without one, or where it cannot be told."""
-    beats_s = beats_of(score, beat_s)
-    return None if beats_s is None else score.rhythm(beats_s)
+    return score.rhythm(score.beats_s(beat_s)) if beat_s else None
 
 
 def score_text(score: DanceScore, told: Feedback, notes: list[str], beat_s: float | None = None) -> list[str]:
@@ -52,14 +44,14 @@ def _stage_text(score: DanceScore) -> list[str]:
     """What similarity, timing and posture do not contain."""
     figures = _figures(score.stage.figures)
     remarks = [Said("{what} {when}", what=text, when=at([at_s])) for at_s, text in score.stage_remarks()]
-    return [Said("on the stage, not counted: {figures}", figures=_listed([figures, *remarks]))] if figures else []
+    return [Said("on the stage, beside timing and posture: {figures}", figures=_listed([figures, *remarks]))] if figures else []
 
 
 def _movement_text(score: DanceScore, beat_s: float | None) -> list[str]:
     figures, rhythm = _figures(score.dynamics.figures), rhythm_to(score, beat_s)
     figures += [Said("rhythm {figure}, {how}", figure=f"{rhythm.figure:.0f}", how=str(rhythm))] if rhythm else []
-    free = _figures(score.free(beats_of(score, beat_s)))
-    texts = {"movement, not counted: {figures}": figures, "free parts, not counted: {figures}": free}
+    free = _figures(score.free(score.beats_s(beat_s) if beat_s else None))
+    texts = {"movement, beside timing and posture: {figures}": figures, "free parts: {figures}": free}
     return [Said(text, figures=shown) for text, shown in texts.items() if shown]
 
 
@@ -112,7 +104,7 @@ def score_json(score: DanceScore, told: Feedback, diagnosis: Diagnosis, beat_s: 
     content, found, rhythm = score._asdict(), diagnosis.correction, rhythm_to(score, beat_s)
     moved = score.dynamics
     content |= {"stage": score.stage.figures, "dynamics": {"figures": moved.figures, "ratios": moved.ratios}}
-    content |= {"rhythm": rhythm._asdict() if rhythm else None, "free": score.free(beats_of(score, beat_s))}
+    content |= {"rhythm": rhythm._asdict() if rhythm else None, "free": score.free(score.beats_s(beat_s) if beat_s else None)}
     del content["teacher_m"], content["learner_m"], content["is_free"]
     done = None if found is None else found._asdict() | {"as_recorded": diagnosis.as_recorded, "corrected": diagnosis.corrected}
     about = {"feedback": told, "corrections": done, "warnings": diagnosis.faults, "scorer": content.pop("scorer")}

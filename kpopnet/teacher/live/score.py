@@ -59,7 +59,7 @@ class DanceTry:
         self.begin_s, self.end_s = lesson.excerpt_s(len(dance.joints_m) / dance.fps)
         self._config = scorer_config(lesson, noise)
         self._teacher = excerpt(dance.performance, self.begin_s, self.end_s)
-        self._scorer = OnlineScorer(self._teacher, self._config)
+        self._scorer = OnlineScorer(self._teacher, self._config, self._about.free_s)
         self._times_s: list[float] = []
         self._joints_m: list[np.ndarray] = []
         self._confidence: list[np.ndarray] = []
@@ -71,11 +71,11 @@ class DanceTry:
         self._verdicts_ms: list[int] = []
 
     def compile(self) -> None:
-        """Compiles the scorer's kernels: in a try that is not used further, the teacher's own first seconds are scored."""
-        frames = min(round((WINDOW_S + 1) * 30), len(self._teacher))
+        """Compiles the scorer's kernels: the teacher's own first seconds are scored, as if nothing in them were free."""
+        scorer, frames = OnlineScorer(self._teacher, self._config), min(round((WINDOW_S + 1) * 30), len(self._teacher))
         for joints_m, time_s in zip(self._teacher.joints_m[:frames], self._teacher.times_s[:frames], strict=True):
-            self._scorer.update(joints_m, float(time_s))
-        if (score := self._scorer.score_so_far()) is not None:
+            scorer.update(joints_m, float(time_s))
+        if (score := scorer.score_so_far()) is not None:
             latest_words(score)
 
     @property
@@ -120,9 +120,9 @@ class DanceTry:
         return [(before_s + share * gap_s, before_m + share * (joints_m - before_m)) for share in shares]
 
     def _score_move(self) -> None:
-        """Scores the move that has just ended, once; between two ends there is no verdict."""
+        """Scores the move that has just ended, once; between two ends, and where nothing is compared, there is no verdict."""
         self._verdict = None
-        move_s = MOVE_COUNTS * 60 / self._about.bpm
+        move_s = MOVE_COUNTS * self._about.beat_s
         ended_s = self._times_s[-1] - WAIT_S * self._lesson.speed
         number = max(self._next_move, math.floor((ended_s - self.begin_s) / move_s))
         end_s = self.begin_s + number * move_s
@@ -130,7 +130,8 @@ class DanceTry:
         if ended_s < scored_s or end_s > self.end_s + ROUNDING_S:
             return
         self._next_move = number + 1
-        if (latest := self._scorer.preview(scored_s, LEAST_S)) is None:
+        latest = self._scorer.preview(scored_s, LEAST_S)
+        if latest is None or math.isnan(latest.similarity):
             return
         praised = latest.similarity >= PRAISED_FROM
         words = "" if praised else move_reason(latest, self._scorer.score_so_far(), end_s - move_s)

@@ -1,6 +1,7 @@
 """What the page shows in words: where to stand, what is going wrong just now, why a move is not better, and the result."""
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -108,21 +109,29 @@ def try_result(score: DanceScore | None, lesson: Lesson, about: About, notes: di
         "speed": lesson.speed, "from_s": lesson.from_s, "to_s": lesson.to_s, "mirrored": lesson.mirrored, "who": lesson.who,
         "dancer": lesson.dancer, "notes": notes,
     }  # fmt: skip
+    if score is not None and score.all_free:
+        return head | {"total": None, "hints": ["all of this is free: nothing was compared"]}
     if score is None or math.isnan(score.similarity):
         return head | {"total": None, "hints": ["no person was seen dancing; stand in the picture from head to feet"]}
     slow = "only {fps} images a second were scored, which costs points: this machine is busy with other things"
-    told = score_result(score, feedback(score, 60 / about.bpm))
+    told = score_result(score, feedback(score, about.beat_s), about.weights, about.beat_s)
     return (
         head | told | {"hints": [*([Said(slow, fps=f"{notes['fps']:.0f}")] if notes["fps"] < MIN_FPS else []), *told["hints"]]}
     )
 
 
-def score_result(score: DanceScore, found: Feedback) -> dict:
-    """What the page of a result shows of a score, as JSON of finite numbers and null."""
-    windows = score.windows
+def score_result(score: DanceScore, found: Feedback, weights: Mapping[str, float], beat_s: float | None) -> dict:
+    """What the page of a result shows of a score, as JSON of finite numbers and null.
+
+    The total is the similarity, or has the weights of `DanceScore.total`; `beat_s` is a beat of the music in seconds, if there
+    is one.
+    """
+    windows, beats_s = score.windows, score.beats_s(beat_s) if beat_s else None
     return {
-        "total": rounded(score.similarity),
-        "uncertainty": rounded(score.uncertainty),
+        "total": rounded(score.total(weights, beats_s) if weights else score.similarity),
+        "weights": dict(weights),
+        "uncertainty": None if weights else rounded(score.uncertainty),
+        "free": {name: rounded(value) for name, value in score.free(beats_s).items()},
         "timing": rounded(score.timing),
         "posture": rounded(score.posture),
         "parts": {name: rounded(value) for name, value in score.parts.items()},

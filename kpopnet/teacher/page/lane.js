@@ -1,5 +1,7 @@
 // The lane: cards of the coming moves and the beats, which move with the dance; a card meets the line when the teacher is in its pose.
 import { sketch } from "./sketch.js";
+import { clamp } from "./tools.js";
+import { say } from "./words.js";
 
 const LINE = 0.12; // where now is, from the left
 const BEAT_PX = 84, PHRASE_BEATS = 8;
@@ -10,9 +12,9 @@ const CARD = 0.84, PASSED_BEATS = 1.5;
 export const laneX = (at_s, time_s, beat_s, width) => LINE * width + BEAT_PX * (at_s - time_s) / beat_s;
 
 export class Lane {
-  // moves: at_s and points_cm of the pose of each move.
-  constructor(canvas, moves, beat_s) {
-    Object.assign(this, { canvas, moves, beat_s, shown: null, next: 0 });
+  // moves: at_s and points_cm of the pose of each move; free_s: from when to when all may dance what they like.
+  constructor(canvas, moves, beat_s, free_s) {
+    Object.assign(this, { canvas, moves, beat_s, free_s, shown: null, next: 0 });
   }
 
   draw(time_s, from_s, to_s, mirrored) {
@@ -28,6 +30,16 @@ export class Lane {
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, width, height);
     const at = (one_s) => laneX(one_s, time_s, this.beat_s, width), inside = (x) => x > -height && x < width + height;
+    for (const [begin_s, end_s] of this.free_s) {
+      const [left, right] = [begin_s, end_s].map((one_s) => clamp(at(clamp(one_s, from_s, to_s)), 0, width));
+      pen.fillStyle = colour("bar");
+      pen.fillRect(left, height * 0.1, right - left, height * 0.76);
+      pen.fillStyle = colour("ink");
+      pen.font = `${height * 0.3}px sans-serif`;
+      pen.textAlign = "center";
+      pen.textBaseline = "middle";
+      pen.fillText(say("free"), (left + right) / 2, height * 0.48, right - left);
+    }
     for (let beat = Math.ceil(from_s / this.beat_s - 1e-6); beat * this.beat_s < to_s + 1e-6; beat++) {
       const x = at(beat * this.beat_s), first = beat % PHRASE_BEATS === 0;
       if (!inside(x)) continue;
@@ -37,6 +49,7 @@ export class Lane {
     for (const { at_s, points_cm } of this.moves) {
       const x = at(at_s), passed = (time_s - at_s) / this.beat_s;
       if (!inside(x) || at_s < from_s || at_s > to_s || passed > PASSED_BEATS) continue;
+      if (this.free_s.some(([begin_s, end_s]) => at_s >= begin_s && at_s < end_s)) continue;
       const now = Math.abs(passed) < 0.5, size = height * CARD;
       pen.globalAlpha = passed > 0 ? 1 - passed / PASSED_BEATS : 1;
       pen.beginPath();

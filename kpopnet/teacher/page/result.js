@@ -55,11 +55,16 @@ function formationOf(kept) {
     { similarity: Math.round(kept.similarity), percent: Math.round(100 * kept.spread) })), told.length ? el("ul", { class: "list" }, ...told) : ""];
 }
 
-// Place, height, lean and facing, which the total does not contain; tries of before have none.
-function stageOf({ stage = {}, on_stage = [] }) {
-  const figures = Object.entries(stage).map(([name, value]) => `${say(name)} ${Math.round(value)}`);
-  if (!figures.length) return "";
-  return el("p", { class: "quiet", id: "on-stage" }, say("On the stage, not counted: {figures}.", { figures: [figures.join(", "), ...on_stage.map((one) => say(one))].join("; ") }));
+const listed = (figures) => Object.entries(figures).map(([name, value]) => `${say(name)} ${Math.round(value)}`).join(", ");
+
+// What the total consists of where the teacher chose it; place, height, lean and facing; what is left free. Tries of before lack some.
+function furtherOf({ weights = {}, stage = {}, on_stage = [], free = {} }) {
+  const quiet = (id, text) => el("p", { class: "quiet", id }, text);
+  return [
+    Object.keys(weights).length ? quiet("contains", say("The total, by weight: {weights}.", { weights: Object.entries(weights).map(([name, share]) => `${say(name)} ${share}`).join(", ") })) : "",
+    Object.keys(stage).length ? quiet("on-stage", say("On the stage, beside timing and posture: {figures}.", { figures: [listed(stage), ...on_stage.map((one) => say(one))].join("; ") })) : "",
+    Object.keys(free).length ? quiet("in-free-parts", say("In the free parts: {figures}.", { figures: listed(free) })) : "",
+  ];
 }
 
 // A result with the movements of both, and, where it can be practised, the address for each phrase; returns what ends it.
@@ -79,7 +84,7 @@ export function showResult(main, { found, dance, body, movement }, practiseAt = 
     el("div", { class: "numbers" }, number("total", found.total, say("total")), number("timing", found.timing, say("timing")),
       number("posture", found.posture, say("posture")), found.speed ? number("speed", 100 * found.speed, say("speed, %")) : null),
     bars.list,
-    stageOf(found),
+    ...furtherOf(found),
     practiseAt ? worstLink(found, dance, practiseAt) : "",
     ...found.hints.map((hint) => el("p", { class: "error" }, say(hint))),
     el("h2", {}, say("Worst moments")), momentList(found, watch),

@@ -30,7 +30,7 @@ export async function stage(main, identity, wanted) {
   const parts = controls(dance, offer, wanted);
   const song = songPanel(showSong), follows = el("p", { id: "follows" }), shown = panels(main, dance, parts, song.panel);
   const view = new View(shown.teacher), learner = new LearnerView(shown.learner);
-  const lane = new Lane(shown.lane, dance.moves, beat_s);
+  const lane = new Lane(shown.lane, dance.moves, beat_s, dance.free_s);
   const group = [dance, ...dance.others].map((one) => {
     const dancer = view.add(body, "teacher", one.place_m[0]);
     dancer.group.position.z = -one.place_m[1];

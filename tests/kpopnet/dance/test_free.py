@@ -35,6 +35,15 @@ def test_what_is_danced_in_a_free_part_costs_nothing_and_is_not_spoken_of(scorer
     assert not outside and any(FREE_S[0] < one.start_s < FREE_S[1] for one in feedback(whole).moments)
 
 
+def test_who_stands_still_while_all_is_free_is_told_of_nothing():
+    def told(free_s):
+        teacher_m, learner_m = otherwise(lambda joints_m: np.broadcast_to(joints_m[round(FREE_S[0] * FPS)], joints_m.shape))
+        score = score_dance(performed(teacher_m), performed(learner_m), free_s=free_s)
+        return [one.direction for one in feedback(score).moments]
+
+    assert "stood still" in told([]) and "stood still" not in told([FREE_S])
+
+
 def test_a_free_part_is_graded_by_its_energy():
     figures = []
     for inside in (np.array, lambda joints_m: dance_joints_m(7, SECONDS), made.mean_pose):

@@ -177,14 +177,16 @@ def test_windows_without_joints_are_null_in_the_json_and_a_dance_of_only_such_is
     assert "rare.npz: in no window of 2 s are enough joints known" in capsys.readouterr().err
 
 
-def test_a_teacher_leaves_a_part_free_and_weighs_the_total(run, files, tmp_path):
+def test_a_teacher_leaves_a_part_free_and_weighs_the_total(run, files, tmp_path, capsys):
     words = (*files[:2], "--out", tmp_path / "out")
     assert "free parts" not in run(*words)
     told = run(*words, "--free", 4, 9, "--weights", "posture=1", "place=1")
     content = json.loads((tmp_path / "out" / "score.json").read_text())
     score = content["score"]
-    assert score["similarity"] > 97 and score["free"]["energy"] < 99 and "free parts, not counted" in told
+    assert score["similarity"] > 97 and score["free"]["energy"] < 99 and "free parts: energy" in told
     expected = (score["posture"] + score["stage"]["place"]) / 2
     assert content["total"] == pytest.approx(expected) and f"total {expected:.0f} of 100: posture 1, place 1" in told
-    with pytest.raises(SystemExit):
-        run(*words, "--weights", "hands=1")
+    for mistake in (("--weights", "hands=1"), ("--free", 0, 1000)):
+        with pytest.raises(SystemExit):
+            run(*words, *mistake)
+    assert "the whole dance is free" in capsys.readouterr().err

@@ -44,13 +44,14 @@ def test_a_dance_of_ones_own_is_added(run, tmp_path, capsys):
     made = library.path("dance_000").stat().st_mtime_ns
     performance = library.dance("dance_000").performance
     np.savez(tmp_path / "mama.npz", joints_m=performance.joints_m.astype(np.float32), times_s=performance.times_s)
-    run("add", tmp_path / "mama.npz", "--bpm", 128)
+    run("add", tmp_path / "mama.npz", "--bpm", 128, "--free", 2, 4.5, "--weights", "similarity=3", "place=1")
     np.save(tmp_path / "array.npy", performance.joints_m)
     (tmp_path / "map.json").write_text(json.dumps({joint.name.lower(): int(joint) for joint in Joint if joint != Joint.TORSO}))
     run("add", tmp_path / "array.npy", "--fps", 30, "--joint-map", tmp_path / "map.json")
     assert library.about("own_002").name == "array"
     assert "added mama as own_001" in capsys.readouterr().out
     assert library.about("own_001").name == "mama" and library.about("own_001").bpm == 128
+    assert library.about("own_001").free_s == [[2, 4.5]] and library.about("own_001").weights == {"similarity": 3, "place": 1}
     assert library.path("dance_000").stat().st_mtime_ns == made  # what is there is not made again
 
 
@@ -106,6 +107,8 @@ MISTAKES = {
     ("add", "missing.bag"): "missing.bag: no such file or folder",
     ("add", "missing.pkl"): "pickle",
     ("add", "missing.bvh", "--bpm", "1e9"): "20 to 400",
+    ("add", "missing.bvh", "--free", "9", "4"): "free from 9 to 4 s",
+    ("add", "missing.bvh", "--weights", "hands=1"): "hands",
     ("--depth", "missing.npz", "--no-browser"): "missing.npz: no such file",
     ("--checkpoint", "missing", "--no-browser"): "missing",
     ("--live", "kinect", "--no-browser"): "--live: no live camera kinect; there are realsense, oak, -, tcp:127.0.0.1:PORT",

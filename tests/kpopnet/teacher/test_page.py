@@ -22,6 +22,7 @@ from kpopnet.dance.scoring import score_dance
 from kpopnet.sources.live import Image
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from kpopnet.teacher.live.score import DanceTry
+from kpopnet.teacher.live.words import score_result
 from kpopnet.teacher.result_page import result_page
 
 if not (DRIVER and BROWSER):
@@ -355,7 +356,8 @@ def test_the_page_of_a_score_replays_it_without_a_server(library, browser, tmp_p
     score = score_dance(teacher, learner)
     page = tmp_path / "score.html"
     page.write_text(
-        result_page("a <b>", library.body, (teacher, learner), score, feedback(score), ["a note"]), encoding="utf-8"
+        result_page("a <b>", library.body, (teacher, learner), score_result(score, feedback(score), {}, None), ["a note"]),
+        encoding="utf-8",
     )
     resize(browser, NARROW)
     browser.get(page.as_uri())

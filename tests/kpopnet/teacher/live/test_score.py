@@ -133,6 +133,24 @@ def test_after_a_gap_the_next_move_is_scored_and_those_in_it_are_not(dance):
     assert found[-1]["total"] == pytest.approx(100, abs=1)
 
 
+def test_in_a_part_that_is_left_free_there_are_no_verdicts_and_the_total_is_the_teachers(dance):
+    each_s = move_s(dance)
+    about = replace(dance.about, free_s=[[2 * each_s, 4 * each_s]], weights={"similarity": 1, "energy": 1})
+    free = replace(dance, about=about)
+    whole = excerpt(dance.performance, 0.0, 6 * each_s + 0.4)
+    joints_m, still = whole.joints_m.copy(), (whole.times_s >= 2 * each_s) & (whole.times_s < 4 * each_s)
+    joints_m[still] = joints_m[still][0]
+    found = [one for _, one in verdicts(free, Performance(joints_m, whole.times_s), 6 * each_s)]
+    assert [one["number"] for one in found] == [1, 2, 5, 6] and found[0]["total"] > 99
+
+    lesson = Lesson("dance_001", to_s=6 * each_s)
+    result = danced(free, 30.0, lesson, seconds=6 * each_s)
+    assert result["weights"] == about.weights and result["total"] > 95 and result["free"]["energy"] > 95
+    assert danced(dance, 30.0, lesson, seconds=6 * each_s)["free"] == {}
+    nothing = replace(dance, about=replace(about, free_s=[[0, 99]]))
+    assert danced(nothing, 30.0, lesson, seconds=6 * each_s)["hints"] == ["all of this is free: nothing was compared"]
+
+
 def test_moves_too_short_to_be_scored_begin_with_the_first_that_can_be(dance):
     fast = replace(dance, about=replace(dance.about, bpm=360.0))
     found, each_s = verdicts(fast, excerpt(dance.performance, 0.0, 4.4), 4.0), move_s(fast)
