@@ -150,7 +150,7 @@ class ItopBenchmark:
         return Sequence(
             name=name,
             identity=name.partition("_")[0],
-            fps=0.0,  # not published
+            fps=None,  # not published
             camera=CAMERA,
             depth_m=depth_in_metres(stored, CAMERA, where=str(self._depth)),
             joints_camera_m=joints_m.astype(np.float32),

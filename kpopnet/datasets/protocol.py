@@ -45,7 +45,7 @@ class Sequence:
 
     name: str  # unique in its benchmark
     identity: str  # identity of the person; "" if unknown. Equal identities are the same person
-    fps: float  # frames per second; 0 where the frames are independent stills or the frame rate is not published
+    fps: float | None  # frames per second, None where the set does not say; 0 where every frame is a still of another moment
     camera: Camera  # camera of the depth images
     depth_m: np.ndarray  # (T, H, W) float32 metres; 0 where nothing was measured
     joints_camera_m: np.ndarray  # (T, 15, 3) float32 true joints in metres in the camera frame; NaN where unknown

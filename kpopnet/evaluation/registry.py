@@ -53,13 +53,7 @@ class FittedNetworkConfig(NetworkEstimatorConfig):
 
 @dataclass
 class RealtimeConfig(NetworkEstimatorConfig):
-    """A trained network's joints and those fitted to the depth, weighed over the frames so far (kpopnet.pose): as they come.
-
-    Attributes:
-        fps: frames per second of the sequences.
-    """
-
-    fps: float = 30.0
+    """A trained network's joints and those fitted to the depth, weighed over the frames so far (kpopnet.pose): as they come."""
 
 
 @dataclass
@@ -113,8 +107,8 @@ ESTIMATORS: dict[str, tuple[type, Callable[[Any], Estimator]]] = {
     "paper_tracker": (PaperTrackerConfig, PaperTrackerEstimator),
     "network": (NetworkEstimatorConfig, _network),
     "fitted_network": (FittedNetworkConfig, lambda config: FittedEstimator(_network(config))),
-    "realtime": (RealtimeConfig, lambda config: PersonEstimator(_network(config), "realtime", config.fps)),
-    "best": (BestConfig, lambda config: PersonEstimator(_network(config), "best", config.fps)),
+    "realtime": (RealtimeConfig, lambda config: PersonEstimator(_network(config), "realtime")),
+    "best": (BestConfig, lambda config: PersonEstimator(_network(config), "best")),
     "tree_walk": (TreeWalkEstimatorConfig, TreeWalkEstimator),
     "mean_pose": (MeanPoseConfig, _mean_pose),
 }

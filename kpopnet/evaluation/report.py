@@ -7,6 +7,7 @@ import json
 import math
 import re
 import sys
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from itertools import count
@@ -65,6 +66,11 @@ class Report:
     def text(self) -> str:
         """For a terminal."""
         return printable("\n\n".join(["\n".join(self.remarks), *(table.text() for table in self.printed)]) + "\n")
+
+
+def future_remark(later: Sequence[str]) -> list[str]:
+    """The sentence on the estimators whose joints depend on later images, if there are any."""
+    return [f"{', '.join(later)}: uses images after the one it answers for; the other estimators do not."] if later else []
 
 
 def interval_remarks(units: str, number: int, note: str = "", fewest: int | None = None) -> list[str]:
@@ -193,12 +199,12 @@ def save_plots(folder: Path, plots: dict[str, Figure]) -> None:
 
 
 def save_view(
-    path: Path, title: str, camera: Camera, fps: float, depth: np.ndarray, people: list[Shown], pages: int = 1
+    path: Path, title: str, camera: Camera, fps: float | None, depth: np.ndarray, people: list[Shown], pages: int = 1
 ) -> None:
     """Writes a page that shows a sequence in 3D: people over the (T, H, W) depth, metres or uint16 millimetres, as points.
 
-    True people are references: drawn thin, with dense points around them. Stills, of 0 `fps`, are shown a second each. `pages`
-    share the points that one page may hold.
+    True people are references: drawn thin, with dense points around them. Stills, of 0 `fps`, and frames of an unknown rate
+    are shown a second each. `pages` share the points that one page may hold.
     """
     shown, true = cloud_frames(len(depth)), [one.joints_camera_m for one in people if one.reference]
     clouds = [

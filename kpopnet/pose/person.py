@@ -113,10 +113,14 @@ def is_entering(human: Human, camera: Camera) -> bool:
 
 
 class PersonEstimator:
-    """Implements kpopnet.estimator.Estimator by a mode of MODES."""
+    """Implements kpopnet.estimator.Estimator by a mode of MODES.
+
+    Attributes:
+        fps: frames per second of the next recording; 0: its frames are stills, each of which is looked at alone.
+    """
 
     def __init__(self, network: Estimator, mode: str, fps: float = 30.0) -> None:
-        """Wraps a network that estimates joints in single frames of recordings with `fps` frames per second."""
+        """Wraps a network that estimates joints in single frames."""
         check_one_of("mode", mode, MODES)
         self.estimator, self.name, self.fps = network, mode, fps
         self.sees_future = MODES[mode].sees_future
@@ -124,7 +128,13 @@ class PersonEstimator:
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
         """See `kpopnet.estimator.Estimator`."""
         depth_m, camera = subsampled(sequence_in_metres(depth_m, camera), camera)
-        person, times_s = DetectedPerson(camera, self.estimator, MODES[self.name]), np.arange(len(depth_m)) / self.fps
+        if not self.fps:
+            alone = [self._film(depth_m[[frame]], camera, np.zeros(1)) for frame in range(len(depth_m))]
+            return Estimate(*map(np.concatenate, zip(*alone, strict=True))) if alone else Estimate.missing(0)
+        return self._film(depth_m, camera, np.arange(len(depth_m)) / self.fps)
+
+    def _film(self, depth_m: np.ndarray, camera: Camera, times_s: np.ndarray) -> Estimate:
+        person = DetectedPerson(camera, self.estimator, MODES[self.name])
         return joined([person.update(*frame) for frame in zip(depth_m, repeat(camera), times_s)], times_s, self.sees_future)
 
 

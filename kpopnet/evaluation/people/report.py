@@ -19,7 +19,7 @@ from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.engine import Timed, stage
 from kpopnet.evaluation.people.metrics import ALL, MatchedSequence, by_kind, causes, figures, match, wrong_joints
 from kpopnet.evaluation.registry import BestConfig, RealtimeConfig
-from kpopnet.evaluation.report import SIMULATED, Block, Report, interval_remarks, save_view
+from kpopnet.evaluation.report import SIMULATED, Block, Report, future_remark, interval_remarks, save_view
 from kpopnet.evaluation.values import Table, Value
 from kpopnet.pose.estimator import MAX_PEOPLE, PersonPose, PoseEstimator
 from kpopnet.pose.extraction import DEFAULT_EXTRACTION, extraction_name
@@ -84,8 +84,8 @@ def follower(label: str, settings: Any, extraction: Any = DEFAULT_EXTRACTION) ->
         if settings != TrackerEstimatorConfig():
             raise InputError(f"estimator {label}: start, model and network are for one person; leave them out")
         return PoseEstimator(None, "tracker", MAX_PEOPLE, extraction).estimate
-    if isinstance(settings, RealtimeConfig | BestConfig):
-        mode = "realtime" if isinstance(settings, RealtimeConfig) else "best"
+    if isinstance(settings, RealtimeConfig):
+        mode = "best" if isinstance(settings, BestConfig) else "realtime"
         return PoseEstimator.load(settings.checkpoint, mode, MAX_PEOPLE, settings.device, extraction).estimate
     raise InputError(f"estimator {label}: estimates one person; for several take 'estimator=[tracker]', realtime or best")
 
@@ -126,6 +126,7 @@ def evaluate_people(config: EvaluateConfig, folder: Path) -> Report:
         SIMULATED,
         f"The depth shows whole scenes: extraction={extraction} finds the people.",
         *(f"Left out because of an error: {name}: {reason}" for name, reason in failed.items()),
+        *future_remark([label for label, one in config.estimator.items() if isinstance(one, BestConfig)]),
         *interval_remarks("sequences", count, ", in a row its own", min(one["sequences"] for one in found[main].values())),
     ]
     tables = [_table(found, PEOPLE), _table(found, JOINTS)]

@@ -11,7 +11,7 @@ from kpopnet.evaluation.poses.pictures import examples_sheet, save_views, worst_
 from kpopnet.evaluation.poses.run import PoseRun, run_benchmark
 from kpopnet.evaluation.poses.sweep import Sweep, sweep_of
 from kpopnet.evaluation.registry import build_benchmark, build_estimators
-from kpopnet.evaluation.report import SIMULATED, Block, Report, interval_remarks, save_plots
+from kpopnet.evaluation.report import SIMULATED, Block, Report, future_remark, interval_remarks, save_plots
 from kpopnet.viz.drawing import save_png
 
 MAX_LISTED_SEQUENCES = 40
@@ -112,8 +112,7 @@ def remarks(run: PoseRun) -> list[str]:
     if run.images_without_person:
         lines.append(f"{run.images_without_person} images show no person; their joints count as missing.")
     lines += [f"Left out because of an error: {name}: {reason}" for name, reason in run.failed.items()]
-    if later := [name for name, one in run.metrics.items() if one["sees_future"]]:
-        lines.append(f"{', '.join(later)}: uses images after the one it answers for; the other estimators do not.")
+    lines += future_remark([name for name, one in run.metrics.items() if one["sees_future"]])
     units, count, people = run.resampled
     note = "; all stills in one room, from one camera, are one unit" if units == "rooms" else ""
     if people is not None:

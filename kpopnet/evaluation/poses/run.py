@@ -18,6 +18,7 @@ from kpopnet.evaluation.poses.label_free import label_free, pooled
 from kpopnet.evaluation.poses.metrics import PoseResults, concatenated, difference, evaluate
 from kpopnet.evaluation.values import plain
 from kpopnet.pose.extraction import DEFAULT_EXTRACTION, extract_person, extraction_name
+from kpopnet.pose.person import PersonEstimator
 
 
 class EstimatedSequence(NamedTuple):
@@ -56,6 +57,8 @@ class SequenceEstimation:
         results, seconds, without_labels = {}, {}, {}
         for label, estimator in self.estimators.items():
             with stage(label):
+                if isinstance(estimator, PersonEstimator) and sequence.fps is not None:
+                    estimator.fps = sequence.fps
                 start = {"start": first_label(truth_m)} if starts_from_label(estimator) else {}
                 (joints_m, confidence), seconds[label] = self._timed[label](depth_m, camera, **start)
             given = np.arange(frames) == (start["start"].frame if start else -1)

@@ -176,6 +176,14 @@ def test_the_frames_before_steady_a_person_at_rest_and_those_after_more_so():
     assert spread_m["best"] < spread_m["realtime"] < 0.7 * spread_m["network"]
 
 
+def test_stills_are_looked_at_one_by_one():
+    stills = np.stack([person(column) for column in (20, 45, 5)])
+    for mode in ("realtime", "best"):
+        found = PersonEstimator(Blob(), mode, fps=0).estimate(stills, CAMERA)
+        alone = [PersonEstimator(Blob(), mode).estimate(one[None], CAMERA).joints_camera_m[0] for one in stills]
+        np.testing.assert_array_equal(found.joints_camera_m, alone)
+
+
 def test_only_best_sees_the_future_and_both_take_the_times_of_the_images():
     depth = np.stack([person(20 + t) for t in range(12)])
     for mode in ("realtime", "best"):

@@ -16,7 +16,7 @@ from kpopnet.errors import InputError
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.people.metrics import MatchedSequence, by_kind, causes, figures, match, wrong_joints
 from kpopnet.evaluation.people.report import evaluate_people, follower
-from kpopnet.evaluation.registry import MeanPoseConfig
+from kpopnet.evaluation.registry import BestConfig, MeanPoseConfig, RealtimeConfig
 from kpopnet.evaluation.report import write
 from kpopnet.paper_extraction import PaperExtractionConfig
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
@@ -145,7 +145,9 @@ def test_faults_are_named_by_their_cause(truth_m: np.ndarray) -> None:
     assert named(mostly_first) == {"two as one": 1, "wrong joints": 3}
 
 
-def test_estimators_of_one_person_are_refused() -> None:
+def test_a_mode_of_its_own_follows_and_estimators_of_one_person_are_refused() -> None:
+    followed = {config: follower("one", config()).__self__.mode for config in (RealtimeConfig, BestConfig)}
+    assert followed == {RealtimeConfig: "realtime", BestConfig: "best"}
     with pytest.raises(InputError, match="estimator mean: estimates one person"):
         follower("mean", MeanPoseConfig())
     with pytest.raises(InputError, match="start, model"):

@@ -13,6 +13,7 @@ from kpopnet.evaluation.poses import run as run_module
 from kpopnet.evaluation.poses.report import pose_metrics, remarks
 from kpopnet.evaluation.poses.run import run_benchmark
 from kpopnet.paper_extraction import PaperExtractionConfig
+from kpopnet.pose.person import PersonEstimator
 from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
 
 MEAN_POSE = MeanPoseEstimator(POSE_M - POSE_M.mean(axis=0))
@@ -46,6 +47,13 @@ def test_estimates_do_not_depend_on_the_number_of_processes(tmp_path):
         timed = [run.metrics[name].pop("fps") for run in (serial, parallel)]
         assert min(timed) > 0 and serial.metrics[name] == parallel.metrics[name]
     assert serial.images_without_person == parallel.images_without_person == 1
+
+
+def test_a_mode_of_films_is_told_the_rate_of_each_recording():
+    estimator = PersonEstimator(Off(), "realtime")
+    for fps, told in ((25.0, 25.0), (0.0, 0.0), (None, 0.0)):
+        run_benchmark(Films(fps=fps), {"realtime": estimator}, sequences=1)
+        assert estimator.fps == told
 
 
 def test_an_estimator_that_starts_from_a_label_gets_the_first_and_is_not_scored_there():
