@@ -18,10 +18,10 @@ import h5py
 import numpy as np
 
 from kpopnet.camera import MM_PER_METRE, Camera
+from kpopnet.data.made_sets import made_files
 from kpopnet.data.observation import Observation
-from kpopnet.errors import InputError
 from kpopnet.runtime.hdf5_files import Hdf5Schema, opened_hdf5, read_array, readable, stored_array
-from kpopnet.runtime.input_files import ArraySchema, expect, read_json
+from kpopnet.runtime.input_files import ArraySchema, expect
 from kpopnet.skeleton import NUM_JOINTS
 
 FORMAT, VERSION = "kpopnet person crops", 1
@@ -62,15 +62,7 @@ class PersonCrops:
 
     def __init__(self, folder: Path | str) -> None:
         """Reads the sizes of all files; raises InputError if there are none or one is damaged."""
-        self.paths = sorted(Path(folder).glob(FILES))
-        if not self.paths:
-            raise InputError(
-                f"{folder}: no person crops ({FILES}) in this folder; make some: "
-                f"python -m synth benchmark=person_crops out={folder}"
-            )
-        manifest = read_json(Path(folder) / "manifest.json")
-        expect(isinstance(manifest, dict) and "hash" in manifest, f"{folder}/manifest.json", "a hash")
-        self.hash = str(manifest["hash"])
+        self.paths, self.hash = made_files(folder, FILES, "person_crops")
         self._ends = np.cumsum([len(_File(path).cameras) for path in self.paths]).tolist()
         self._open: dict[int, _File] = {}
 

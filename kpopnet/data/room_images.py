@@ -18,7 +18,7 @@ import numpy as np
 
 from kpopnet.camera import Camera
 from kpopnet.data.canvas import CANVAS
-from kpopnet.errors import InputError
+from kpopnet.data.made_sets import made_files
 from kpopnet.runtime.hdf5_files import Hdf5Schema, open_hdf5, read_array
 from kpopnet.runtime.input_files import ArraySchema
 from kpopnet.skeleton import NUM_JOINTS
@@ -57,13 +57,7 @@ class RoomImages:
 
     def __init__(self, folder: Path | str) -> None:
         """Reads the sizes of all files; raises InputError if there are none or one is damaged."""
-        self.folder = Path(folder)
-        self.paths = sorted(self.folder.glob(FILES))
-        if not self.paths:
-            raise InputError(
-                f"{self.folder}: no room images ({FILES}) in this folder; make some: "
-                f"python -m synth benchmark=room_images out={self.folder}"
-            )
+        self.paths, self.hash = made_files(folder, FILES, "room_images")
         sizes = []
         for path in self.paths:
             with open_hdf5(path, SCHEMA) as file:

@@ -33,7 +33,7 @@ META_SCHEMA = {"step": int, "model": dict, "config": dict, "metrics": dict, "mea
 CONFIG_PARTS = ("sensor", "extraction", "ridge", "training", "data")
 """Names and types in a description, and groups of settings in its config, where they are there."""
 
-OF_THE_MACHINE = ("data", "device", "threads", "workers")
+OF_THE_MACHINE = ("crops", "data", "device", "threads", "workers")
 """Settings that say where a training ran, and not what it computed."""
 
 

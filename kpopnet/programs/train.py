@@ -26,7 +26,7 @@ Writes the finder's weights to outputs/finder/<date-time>, or out=PATH. Installe
 """
 
 import logging
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from hydra.core.hydra_config import HydraConfig
@@ -34,6 +34,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from kpopnet.baselines.tree_walk.training import TreeWalkConfig
 from kpopnet.baselines.tree_walk.training import train as train_tree_walk
+from kpopnet.data.made_sets import check_others
 from kpopnet.data.observation import JoinedSources, ObservationSource
 from kpopnet.data.person_crops import PersonCrops
 from kpopnet.data.shards import ShardedSet
@@ -111,6 +112,7 @@ class ObservationConfig:
                 repeated = self.crops_repeated if name == "train" else 1
                 sources[name] = JoinedSources((source, *[crops] * repeated))
                 known[f"crops/{name}"] = {"hash": crops.hash, "samples": len(crops), "repeated": repeated}
+            check_others(known["crops/train"]["hash"], known["crops/validation"]["hash"], Path(self.crops) / "validation")
         return sources["train"], sources["validation"], known
 
 
@@ -178,9 +180,9 @@ def model_to_start_from(config: NetworkTrainingConfig) -> ModelConfig:
 def run_network_training(config: NetworkTrainingConfig) -> None:
     if config.training.resume is not None:
         saved = read_meta(config.training.resume)["config"]
-        config = resumed_config(config, saved, may_change=("training.resume", "data.", "device", "workers", "threads"))
+        config = resumed_config(config, saved, may_change=("training.resume", "data.", "crops", "device", "workers", "threads"))
     elif config.training.start is not None:
-        config.model = model_to_start_from(config)
+        config = replace(config, model=model_to_start_from(config))
     source, validation, data = config.observed()
     train(config, source, validation, Path(HydraConfig.get().runtime.output_dir), data)
 

@@ -200,7 +200,8 @@ def resumed_config(config: Config, saved: dict, *, may_change: tuple[str, ...]) 
     environment, is refused. The command line `may_change` names, and groups of names with a final dot.
     """
     given = command_line_settings()
-    if foreign := [name for name in given if not name.startswith(may_change)]:
+    groups = tuple(name for name in may_change if name.endswith("."))
+    if foreign := [name for name in given if name not in may_change and not name.startswith(groups)]:
         raise InputError(
             f"training.resume goes on with the run as it was configured and cannot change {', '.join(foreign)}; "
             f"beside it you may give {', '.join(may_change)}"

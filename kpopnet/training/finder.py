@@ -21,6 +21,7 @@ from tqdm import tqdm
 from kpopnet.camera import MM_PER_METRE
 from kpopnet.data.batches import permutation
 from kpopnet.data.canvas import CANVAS, STRIDE
+from kpopnet.data.made_sets import check_others
 from kpopnet.data.room_images import MOST_PEOPLE, RoomImages
 from kpopnet.errors import InputError, check_between
 from kpopnet.finder.network import FinderNetwork, Target, cell_points_m, load_network, loss, observed
@@ -73,7 +74,7 @@ class LoadedImages:
 
     def __init__(self, folder: str) -> None:
         images = RoomImages(folder)
-        count = len(images)
+        count, self.hash = len(images), images.hash
         self.depth_mm = np.empty((count, CANVAS[1], CANVAS[0]), np.uint16)
         self.labels = np.empty((count, CANVAS[1], CANVAS[0]), np.uint8)
         self.intrinsics = np.empty((count, 4), np.float32)
@@ -214,9 +215,11 @@ def train_finder(config: FinderTraining, seed: int, data: dict[str, str], out: P
     out.mkdir(parents=True, exist_ok=True)
     run = FinderRun(config, seed, out)
     images, validation = LoadedImages(data["train"]), LoadedImages(data["validation"])
+    check_others(images.hash, validation.hash, data["validation"])
     size, settings = config.batch_size, asdict(config)
     del settings["resume"]
-    described = {"config": settings, "seed": seed, "images": len(images)}
+    described = {"config": settings, "seed": seed}
+    described |= {"images": {"hash": images.hash, "count": len(images)}, "validation": validation.hash}
     if config.resume:
         run.check_same(described)
     log.info(

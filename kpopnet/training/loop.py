@@ -372,7 +372,7 @@ def _update_and_validate(
 ) -> None:
     """The loop of rank 0: steps, scalars, validation on crops of the size trained with, images, checkpoints."""
     config = run.config
-    with SummaryWriter(out, purge_step=run.step) as board, progress_bar(config.steps, run.step) as bar:
+    with SummaryWriter(out, purge_step=run.step + 1) as board, progress_bar(config.steps, run.step) as bar:
         for batch in loader:
             scalars = run.update(batch)
             bar.update()

@@ -1,5 +1,6 @@
 """Room images of a box-like person at different places before a wall."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ CAMERA = Camera.centred(120.0, 160, 120)
 
 
 def write_room_images(folder: Path, count: int = 8) -> Path:
-    """Writes one file of images, and returns its folder."""
+    """Writes one file of images and a manifest, whose hash is the folder's name, and returns the folder."""
     arrays = {
         "depth_mm": np.zeros((count, CANVAS[1], CANVAS[0]), np.uint16),
         "labels": np.zeros((count, CANVAS[1], CANVAS[0]), np.uint8),
@@ -29,6 +30,7 @@ def write_room_images(folder: Path, count: int = 8) -> Path:
         arrays["joints_m"][k, 0] = CAMERA.back_project(np.array([left + 13.5, 59.5, 2.0]))
         arrays["whole_px"][k, 0] = 80 * 28
     folder.mkdir(parents=True, exist_ok=True)
+    (folder / "manifest.json").write_text(json.dumps({"hash": folder.name}))
     with atomic_hdf5(folder / "images_00000.h5") as file:
         file.attrs["format"], file.attrs["version"] = SCHEMA.fixed["format"], SCHEMA.fixed["version"]
         for name, array in arrays.items():

@@ -136,8 +136,8 @@ def finder(folder: Path) -> Program:
 
     from kpopnet.training.finder import META, STATE, WEIGHTS
 
-    images = write_room_images(folder / "images")
-    settings = [f"data.train={images}", f"data.validation={images}", "threads=1", "training.batch_size=2"]
+    settings = [f"data.{name}={write_room_images(folder / name)}" for name in ("train", "validation")]
+    settings += ["threads=1", "training.batch_size=2"]
     settings += ["training.steps=6", "training.validate_every=2"]
 
     def command(run: Path) -> list[str]:

@@ -25,7 +25,7 @@ from kpopnet.skeleton import JOINT_NAMES
 def save(folder):
     """Saves the checkpoint of a small network with random weights; the network and its description."""
     model = ModelConfig("dense", "depth_ridge", crop_px=32, widths=[8, 8, 16, 16])
-    config = {"ridge": {"epsilon_r": 0.5}, "data": {"train": "/home/me/data/train"}}
+    config = {"ridge": {"epsilon_r": 0.5}, "data": {"train": "/home/me/data/train"}, "crops": "/home/me/crops"}
     meta = {"step": 5, "config": config, "metrics": {}, "mean_pose_m": np.zeros((15, 3)).tolist()}
     return load_network(save_checkpoint(folder, build_network(model, 1), {}, meta, best=True))
 

@@ -12,8 +12,8 @@ from kpopnet.training.finder import META, STATE, WEIGHTS, FinderRun, FinderTrain
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):
-    folder = str(write_room_images(tmp_path_factory.mktemp("images")))
-    return {"train": folder, "validation": folder}
+    folder = tmp_path_factory.mktemp("images")
+    return {name: str(write_room_images(folder / name)) for name in ("train", "validation")}
 
 
 def test_a_resumed_run_equals_an_uninterrupted_one(data, tmp_path):
@@ -33,6 +33,11 @@ def test_a_resumed_run_equals_an_uninterrupted_one(data, tmp_path):
         train_finder(stopped, 0, data, run, threads=1)
     with pytest.raises(InputError, match=r"was begun with config=.*give it the same again"):
         train_finder(settings(8, resume=True), 0, data, run, threads=1)
+    others = str(write_room_images(tmp_path / "others"))
+    with pytest.raises(InputError, match=r"was begun with images=.*give it the same again"):
+        train_finder(settings(4, resume=True), 0, data | {"train": others}, run, threads=1)
+    with pytest.raises(InputError, match=r"same people and scenes as are trained on.*benchmark.split=validation"):
+        train_finder(settings(4), 0, data | {"validation": data["train"]}, tmp_path / "same", threads=1)
     train_finder(settings(4, resume=True), 0, data, run, threads=1)
     assert (run / WEIGHTS).read_bytes() == whole and (run / META).exists() and (run / STATE).exists()
 

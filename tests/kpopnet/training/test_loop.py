@@ -73,6 +73,8 @@ def test_a_resumed_run_equals_an_uninterrupted_run(tmp_path, kind, config):
     assert state["step"] == 6
     assert meta["metrics"] == other_meta["metrics"]
     assert meta["mean_pose_m"] == other_meta["mean_pose_m"]
+    scalars = EventAccumulator(str(tmp_path / "parts")).Reload()
+    assert [event.step for event in scalars.Scalars("validation/mean_error_cm")] == [2, 4, 6]
 
 
 def test_small_crops_come_first_and_the_models_size_follows(tmp_path):
