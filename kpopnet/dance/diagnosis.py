@@ -11,7 +11,7 @@ import numpy as np
 
 from kpopnet.dance.dtw import banded_distances
 from kpopnet.dance.performance import Performance
-from kpopnet.dance.scoring import DanceScore, Scorer, TimeGrid, score_dance
+from kpopnet.dance.scoring import DanceScore, Scorer, Stretches, TimeGrid, score_dance
 from kpopnet.dance.window import WINDOW_S
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
@@ -119,8 +119,13 @@ def delayed(performance: Performance, late_s: float, rate: float = 1.0) -> Perfo
     return Performance(performance.joints_m, times_s, performance.confidence)
 
 
-def diagnose(teacher: Performance, learner: Performance, scorer: Scorer, as_is: bool = False) -> Diagnosis:
-    """What is probably wrong with the recordings of two dances, and the dances without what is surely wrong, unless `as_is`."""
+def diagnose(
+    teacher: Performance, learner: Performance, scorer: Scorer, as_is: bool = False, free_s: Stretches = ()
+) -> Diagnosis:
+    """What is probably wrong with the recordings of two dances, and the dances without what is surely wrong, unless `as_is`.
+
+    The stretches `free_s` are not compared, as in `score_dance`.
+    """
     wrong = {name: knees_bend_backwards(one) for name, one in (("teacher", teacher), ("learner", learner))}
     if all(wrong.values()):
         text = (
@@ -128,20 +133,20 @@ def diagnose(teacher: Performance, learner: Performance, scorer: Scorer, as_is: 
             "handed; the score is that of two dances in a mirror"
         )
         return Diagnosis(teacher, learner, [RecordingFault(Said(text), None, "sides")])
-    plain = _score(teacher, learner, Correction(), scorer)
-    best = min(_guesses(wrong, teacher, learner), key=lambda one: _fit(teacher, learner, one, scorer)[1])
-    best = best._replace(late_s=best.late_s + _fit(teacher, learner, best, scorer)[0])
-    best = best._replace(late_s=best.late_s + _delay_s(_score(teacher, learner, best, scorer)))
+    plain = _score(teacher, learner, Correction(), scorer, free_s)
+    best = min(_guesses(wrong, teacher, learner), key=lambda one: _fit(teacher, learner, one, scorer, free_s)[1])
+    best = best._replace(late_s=best.late_s + _fit(teacher, learner, best, scorer, free_s)[0])
+    best = best._replace(late_s=best.late_s + _delay_s(_score(teacher, learner, best, scorer, free_s)))
     if abs(best.late_s) < MIN_DELAY_S:
         best = best._replace(late_s=0.0)
-    fitted = _score(teacher, learner, best, scorer)
+    fitted = _score(teacher, learner, best, scorer, free_s)
     if not _gains(plain, fitted, MIN_GAIN):
         text = "the {dancer}'s knees bend backwards: left and right are swapped in the file, or its axes are left-handed"
         faults = [
             RecordingFault(Said(text, dancer=Said(name)), None, "sides") for name, backwards in wrong.items() if backwards
         ]
         return Diagnosis(teacher, learner, faults)
-    without_sure = _score(teacher, learner, best.sure, scorer)
+    without_sure = _score(teacher, learner, best.sure, scorer, free_s)
     corrects = not as_is and _gains(plain, without_sure, SURE_GAIN) and _losing(plain, without_sure) <= LOSING
     rest, now = (best.rest, without_sure) if corrects else (best, plain)
     told = _descriptions(rest, teacher, learner) if _gains(now, fitted, MIN_GAIN) else ()
@@ -215,10 +220,12 @@ def _after(teacher: Performance, learner: Performance, guess: Correction) -> tup
     return corrected(teacher, guess.teacher), delayed(corrected(learner, guess.learner), guess.late_s, guess.rate)
 
 
-def _fit(teacher: Performance, learner: Performance, guess: Correction, scorer: Scorer) -> tuple[float, float]:
+def _fit(
+    teacher: Performance, learner: Performance, guess: Correction, scorer: Scorer, free_s: Stretches
+) -> tuple[float, float]:
     """The delay in seconds at which the learner's frames are nearest to the teacher's, and their mean distance there."""
     teacher, learner = _after(teacher, learner, guess)
-    grid, band = TimeGrid(teacher, scorer.feature, SEARCH_FPS), round(SEARCH_S * SEARCH_FPS)
+    grid, band = TimeGrid(teacher, scorer.feature, SEARCH_FPS, free_s), round(SEARCH_S * SEARCH_FPS)
     frames = grid.frames_of(learner)
     features = grid.features(*grid.resampled(learner, frames))
     distances = banded_distances(features, grid.teacher, frames.start, band, scorer.outlier_rad)
@@ -232,10 +239,12 @@ def _fit(teacher: Performance, learner: Performance, guess: Correction, scorer: 
     return (band - column) / SEARCH_FPS, float(mean[column])
 
 
-def _score(teacher: Performance, learner: Performance, guess: Correction, scorer: Scorer) -> DanceScore | None:
+def _score(
+    teacher: Performance, learner: Performance, guess: Correction, scorer: Scorer, free_s: Stretches
+) -> DanceScore | None:
     """The score without the supposed faults; None if no window is covered."""
     try:
-        return score_dance(*_after(teacher, learner, guess), scorer)
+        return score_dance(*_after(teacher, learner, guess), scorer, free_s=free_s)
     except InputError:
         return None
 

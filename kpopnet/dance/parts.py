@@ -170,9 +170,10 @@ class PartScorer:
         teacher = PartTeacher(self, features, 0.0, np.ones(len(starts)), turning)
         held = [teacher.standing_similarity(slice(start, start + WINDOW_FRAMES)) for start in starts]
         movement = np.clip((1 - np.array(held)) / MIN_MOVEMENT, 0, 1)
+        moves = np.nan_to_num(movement).any()
         movement = np.where(np.isnan(movement), 1.0, movement)
         standing = min(np.nan_to_num(teacher.standing_similarity(slice(None))), MAX_STANDING)
-        return replace(teacher, standing=standing, movement=movement if movement.any() else teacher.movement)
+        return replace(teacher, standing=standing, movement=movement if moves else teacher.movement)
 
     def timing(self, delay_s: float) -> float:
         """S_t of Eq. (13) in 0..1, divided by its value without delay, so that a dancer on time loses nothing."""

@@ -17,7 +17,7 @@ from kpopnet.dance.dimensions.movement import FIGURES as DYNAMICS
 from kpopnet.dance.dimensions.movement import Dynamics, Rhythm, dynamics, rhythm
 from kpopnet.dance.dimensions.stage import DIMENSIONS, StageScore, stage_score
 from kpopnet.dance.dtw import banded_distances
-from kpopnet.dance.features import FEATURES, Features, dance_features
+from kpopnet.dance.features import FEATURES, OF_EARLIER_FRAMES, Features, dance_features
 from kpopnet.dance.paper import PaperScorer, PaperTeacher
 from kpopnet.dance.parts import FEATURE, PartScorer, PartTeacher, known_noise
 from kpopnet.dance.performance import Performance, as_performance, resampled
@@ -43,6 +43,9 @@ SCORERS["raptis"] = PaperScorer("raptis", alpha=0.2, beta=0.6, tau=0.4)
 
 Settings of these three were chosen by one rule on the same dances (tools/calibrate_scorers.py)."""
 
+MOST_WEIGHT = 1e6
+"""Of a figure in a total: more than anybody needs, and sums of such are finite."""
+
 MIRROR_MARGIN = 10.0
 """Points by which the mirrored comparison has to be better before it is preferred, or hinted at."""
 
@@ -51,7 +54,7 @@ def check_weights(weights: Mapping[str, float]) -> None:
     """Raises InputError for a name that is none of `FIGURES`, or weights that are negative or all 0; none at all are right."""
     for name, weight in weights.items():
         check_one_of("weights", name, FIGURES)
-        check_between(name, weight, 0, math.inf)
+        check_between(name, weight, 0, MOST_WEIGHT)
     if weights and not any(weights.values()):
         raise InputError("weights: expected one above 0")
 
@@ -135,7 +138,7 @@ class DanceScore(NamedTuple):
     @property
     def stage(self) -> StageScore:
         """Place, height, lean and facing, which similarity, timing and posture do not contain; computed anew at each call."""
-        return stage_score(self.teacher_m[: len(self.learner_m)], self.learner_m, self._delays_s)
+        return stage_score(*self._within(~self.is_free), self._delays_s)
 
     @property
     def dynamics(self) -> Dynamics:
@@ -144,7 +147,7 @@ class DanceScore(NamedTuple):
 
     def rhythm(self, beats_s: np.ndarray) -> Rhythm | None:
         """The learner's accents against beats at (B,) seconds on the teacher's clock, likewise; None where there is none."""
-        return self._rhythm(beats_s, np.ones_like(self.is_free))
+        return self._rhythm(beats_s, ~self.is_free)
 
     def free(self, beats_s: np.ndarray | None = None) -> dict[str, float]:
         """Figures, 0 to 100, of what the teacher leaves free, where known: energy, and with beats as for `rhythm` rhythm."""
@@ -153,17 +156,21 @@ class DanceScore(NamedTuple):
             found["rhythm"] = danced.figure
         return {name: figure for name, figure in found.items() if figure is not None}
 
-    def total(self, weights: Mapping[str, float], beats_s: np.ndarray | None = None) -> float:
-        """The mean of figures, 0 to 100, weighted as a teacher wants it; of those that are known, NaN if none is.
-
-        Figures are similarity, timing, posture, those of `stage` and `dynamics`, and with beats rhythm, by these names. Raises
-        as `check_weights`.
-        """
-        check_weights(weights)
+    def figures(self, beats_s: np.ndarray | None = None) -> dict[str, float]:
+        """Those of FIGURES that are known, 0 to 100, by name: the rhythm only with beats, as for `rhythm`."""
         figures = {"similarity": self.similarity, "timing": self.timing, "posture": self.posture}
         figures |= self.stage.figures | self.dynamics.figures
         if beats_s is not None and (danced := self.rhythm(beats_s)) is not None:
             figures["rhythm"] = danced.figure
+        return {name: figure for name, figure in figures.items() if math.isfinite(figure)}
+
+    def total(self, weights: Mapping[str, float], beats_s: np.ndarray | None = None) -> float:
+        """The mean of `figures`, weighted as a teacher wants it; of those that are known, NaN if none is.
+
+        Raises as `check_weights`.
+        """
+        check_weights(weights)
+        figures = self.figures(beats_s)
         names = [name for name in weights if name in figures]
         return _mean(np.array([figures[name] for name in names]), np.array([weights[name] for name in names], float))
 
@@ -255,6 +262,11 @@ class TimeGrid:
         times_s, self.is_free = self.time_s(self.frames), np.zeros(len(self.frames), bool)
         for begin_s, end_s in free_s:
             self.is_free |= (times_s >= begin_s) & (times_s < end_s)
+        # What is not taught neither costs nor attracts a match; nor do changes and turns that began in it.
+        earlier = np.array([name in OF_EARLIER_FRAMES for name in FEATURES[feature].names])
+        recent = np.convolve(self.is_free, np.ones(FEATURES[feature].history_frames(fps)))[: len(self.is_free)] > 0
+        self.teacher.angles_rad[self.is_free] = np.nan
+        self.teacher.angles_rad[np.ix_(recent, earlier)] = np.nan
 
     def frames_of(self, performance: Performance) -> range:
         """The frames between a performance's first sample and its last."""
@@ -372,6 +384,7 @@ class Comparison:
             np.array([getattr(one, name) for one in self.kept]) for name in names
         )
         parts, coverage = ({name: array[:, i] for i, name in enumerate(PARTS)} for array in arrays[:2])
+        kept = np.where(np.isfinite(posture), kept, np.nan)
         # Means are of what may exceed 100, or errors of the estimator would lower them.
         shown_parts = {name: np.minimum(one, 100) for name, one in parts.items()}
         whole = delay_s, timing, np.minimum(posture, 100), np.minimum(similarity, 100)

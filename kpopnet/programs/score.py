@@ -96,7 +96,7 @@ def main() -> None:
     learner = delayed(
         read_observed(given.learner, given.learner_fps, given.joint_map, given.correct_learner, given.scorer), given.late
     )
-    diagnosis = diagnose(teacher, learner, scorer, given.as_is)
+    diagnosis = diagnose(teacher, learner, scorer, given.as_is, given.free)
     diagnosis.faults[:0] = other_formats(given.teacher, given.learner)
     teacher, learner = diagnosis.teacher, diagnosis.learner
     score = score_dance(teacher, learner, scorer, free_s=given.free)
@@ -109,7 +109,11 @@ def main() -> None:
     advice, notes = feedback(score, beat_s, diagnosis.faults), score_notes(score, diagnosis)
     wanted, total, told = dict(given.weights), {}, []
     if wanted:
-        total = {"total": score.total(wanted, score.beats_s(beat_s) if beat_s else None), "weights": wanted}
+        beats_s = score.beats_s(beat_s) if beat_s else None
+        wanted = {name: share for name, share in wanted.items() if share and name in score.figures(beats_s)}
+        if not wanted:
+            raise InputError("--weights: nothing of it is known of this dance (rhythm needs --bpm, and a dance on the beat)")
+        total = {"total": score.total(wanted, beats_s), "weights": wanted}
         shares = [f"{name} {share:g}" for name, share in wanted.items()]
         told = [Said("total {total} of 100: {weights}", total=f"{total['total']:.0f}", weights=shares)]
     title = Said("{learner} after {teacher}", learner=given.learner.name, teacher=given.teacher.name)

@@ -1,10 +1,10 @@
 """The formation of a group: where its members are relative to each other, whatever each of them dances.
 
 At each moment the places of the hips on the floor count from the middle of the group. A room is smaller than a stage: the
-learners' distances are multiplied by one factor for the whole dance, the one that fits the teachers' best, at most MOST_SPREAD
-or its inverse. Nothing is turned: both groups face their camera, as they would an audience, and two who have changed places
-are wrong. Of two, both are wrong by half if one stands wrong. The figure is that of `kpopnet.dance.dimensions.stage`: errors at
-its scale of place, above a group that stands as the teachers' does on average.
+learners' distances are multiplied by one factor for the whole dance, which makes them as large as the teachers' in the mean,
+at most MOST_SPREAD or its inverse. Nothing is turned: both groups face their camera, as they would an audience, and two who
+have changed places are wrong. Of two, both are wrong by half if one stands wrong. The figure is that of
+`kpopnet.dance.dimensions.stage`: errors at its scale of place, above a group that stands as the teachers' does on average.
 """
 
 from collections.abc import Sequence
@@ -14,6 +14,7 @@ import numpy as np
 
 from kpopnet.dance.dimensions.stage import DIMENSIONS, StageScore, figure, stance
 from kpopnet.dance.performance import Performance, resampled
+from kpopnet.dance.scoring import Stretches
 from kpopnet.dance.window import FPS, WINDOW_S
 from kpopnet.languages import Said
 
@@ -29,10 +30,11 @@ class Formation(NamedTuple):
     remarks: list[tuple[int, float, Said]]  # member, from 0; seconds of the dance; "0.8 m too far left", on the teachers' stage
 
 
-def formation(teachers: Sequence[Performance], learners: Sequence[Performance]) -> Formation | None:
+def formation(teachers: Sequence[Performance], learners: Sequence[Performance], free_s: Stretches = ()) -> Formation | None:
     """Grades learners' places relative to each other; the first of them dances as the first teacher, and so on.
 
-    Both in the frames of their cameras, on the clock of the dance. None where all learners are not seen together for a window.
+    Both in the frames of their cameras, on the clock of the dance, of which the stretches `free_s` are left out. None where all
+    learners are not seen together for a window.
     """
     both = (*teachers, *learners)
     at_s = np.arange(max(one.times_s[0] for one in both), min(one.times_s[-1] for one in both), 1 / FPS)
@@ -40,11 +42,13 @@ def formation(teachers: Sequence[Performance], learners: Sequence[Performance]) 
         return None
     stances = [stance(resampled(one.joints_m, one.confidence, one.times_s, at_s)[0]) for one in both]
     places_m = np.array([np.stack([one.hips_m[:, 0], -one.hips_m[:, 2]], axis=1) for one in stances])  # to the left, forward
+    for begin_s, end_s in free_s:
+        places_m[:, (at_s >= begin_s) & (at_s < end_s)] = np.nan
     known = np.isfinite(places_m).all(axis=(0, 2))
     if known.sum() < WINDOW_S * FPS:
         return None
     goal_m, danced_m = (one - one.mean(axis=0) for one in (places_m[: len(teachers)], places_m[len(teachers) :]))
-    factor = (danced_m * goal_m)[:, known].sum() / max((danced_m**2)[:, known].sum(), 1e-9)  # least squares
+    factor = np.sqrt((goal_m**2)[:, known].sum() / max((danced_m**2)[:, known].sum(), 1e-9))
     factor = float(np.clip(factor, 1 / MOST_SPREAD, MOST_SPREAD))
     length_m = float(np.mean([one.length_m for one in stances[: len(teachers)]]))
     place, errors = DIMENSIONS["place"], (factor * danced_m - goal_m) / length_m

@@ -194,6 +194,7 @@ def _refuse_2d(content: Any, where: str) -> None:
 
 def _mediapipe_frame(frame: dict, key: str, where: str) -> dict:
     """A frame of MediaPipe's with "joints" by name; one without a person has none."""
+    check_fields(where, frame, {key: list | None}, [key])
     landmarks = frame.get(key) or []
     if landmarks and isinstance(landmarks[0], list):  # a list for each person
         landmarks = landmarks[0]

@@ -10,7 +10,7 @@ import numpy as np
 from kpopnet.dance.joint_files.frames import TIMES, joint_points
 from kpopnet.dance.joint_files.points import MEDIAPIPE_NAMES, NamedPoints
 from kpopnet.errors import InputError
-from kpopnet.runtime.input_files import expect, names_in, parsing, read_text
+from kpopnet.runtime.input_files import check_budget, expect, names_in, parsing, read_text
 
 _COLUMN = re.compile(r"(.+?)[ _.:-]?(x|y|z|confidence|visibility)", re.IGNORECASE)
 
@@ -47,7 +47,8 @@ def read_csv(path: Path) -> NamedPoints:
 
 
 _LONG = {"name": ("name", "landmark", "landmark_name", "joint", "keypoint"), "frame": ("frame", "frame_index", *TIMES)} | {
-    axis: (axis, f"world_{axis}") for axis in "xyz"
+    axis: (f"world_{axis}", axis)
+    for axis in "xyz"  # beside which plain ones are of the picture
 }
 """Columns of a CSV file with a line for each point, by the names that they have."""
 
@@ -75,7 +76,17 @@ def _long_points(rows: list[tuple[int, list[str]]], places: dict[str, int], widt
         name = MEDIAPIPE_NAMES[int(name)] if name.isdecimal() and int(name) < len(MEDIAPIPE_NAMES) else name
         frame["joints"][name] = [_number(row[places[part]], where) for part in parts]
     expect(bool(frames), str(path), "a line of numbers below the header")
+    if not any(time in places for time in TIMES) and all(number.isdecimal() for number in frames):
+        frames = _with_those_between(frames, path)
     return joint_points(list(frames.values()), None, str(path))
+
+
+def _with_those_between(frames: dict[str, dict], path: Path) -> dict[str, dict]:
+    """Frames by their numbers, with those between that have no line, since nobody was found in them."""
+    by_number = {int(number): frame for number, frame in frames.items()}
+    first, last = min(by_number), max(by_number)
+    check_budget(path, (last - first + 1) * 33 * 32, f"frames {first} to {last} of 33 points")
+    return {str(number): by_number.get(number, {"joints": {}}) for number in range(first, last + 1)}
 
 
 def _number(cell: str, where: str) -> float:

@@ -22,9 +22,10 @@ from kpopnet.dance.words.moments import clock, runs
 from kpopnet.languages import Said
 from kpopnet.skeleton import MIRROR
 
-STILL, MOVING, SPREAD_S, MIN_STILL_S = 0.3, 0.4, 1.0, 1.5
+STILL, MOVING, SPREAD_S, MIN_STILL_S, RESTS = 0.3, 0.4, 1.0, 1.5, 0.4
 """The learner rests where the limbs spread, within the third, less than the first, and the teacher's more than the second, of
-the teacher's mean spread over the dance, most of the time; a shorter rest is not mentioned."""
+the teacher's mean spread over the dance, most of the time; a shorter rest is not mentioned. Half of what the teacher's spread
+at the time is small and no rest: a rest is below the last share of it."""
 
 MAX_POSTURE, MAX_ELSE, ELSE_LIMBS = 85.0, 40.0, 0.5
 """A phrase of a greater posture is the teacher's; of a smaller one than the second it may be none of the dance, if at least
@@ -101,8 +102,9 @@ def _rests(score: DanceScore, first_s: float) -> Iterator[Cause]:
     moving = taught[: len(danced)] >= MOVING * mean
     begin = int(np.argmax(moving)) if moving.any() else 0
     still, half = danced < STILL * mean, frames // 2
+    rests = still & (danced < RESTS * taught[: len(danced)])
     for run in runs(maximum_filter1d(still.astype(np.int8), frames) > 0):
-        moves = run.start + np.flatnonzero((moving & still)[run])
+        moves = run.start + np.flatnonzero((moving & rests)[run])
         if not len(moves) or 2 * len(moves) < moves[-1] - moves[0]:
             continue
         # Around the middle of a still second all of it is still.
@@ -149,12 +151,14 @@ def _features(joints_m: np.ndarray, feature: str, rows: slice = slice(None)) -> 
 
 
 def _mean_distances(learner: Features, teacher: Features, first: int, band: int) -> np.ndarray:
-    """(2 band + 1,) mean distance at each delay; infinite where the teacher's dance has not half of the frames."""
-    distances = banded_distances(learner, teacher, first, band, OUTLIER_RAD)
+    """(2 band + 1,) mean distance at each delay of the learner's frames that are known; infinite where the teacher's dance has
+    not half of them.
+    """
+    distances = banded_distances(learner, teacher, first, band, OUTLIER_RAD)[np.isfinite(learner.angles_rad).any(axis=1)]
     finite = np.isfinite(distances)
     count = finite.sum(axis=0)
     mean = np.where(finite, distances, 0).sum(axis=0) / np.maximum(count, 1)
-    return np.where(2 * count >= len(distances), mean, np.inf)
+    return np.where((2 * count >= len(distances)) & (count > 0), mean, np.inf)
 
 
 def _reduced(moved: Dynamics, start_s: float, end_s: float) -> tuple[str, Said] | None:

@@ -269,7 +269,7 @@ class RunningLesson:
     def _in_common(self, members: list[dict[str, np.ndarray]]) -> dict:
         """What several learners have in common: the formation of a group, else how alike they danced the one dance."""
         if len(set(self._taught)) < len(members):
-            return {"together": together(members)}
+            return {"together": together(members, self._dance.about.free_s)}
         return {"formation": kept_formation([self._dance.dancers[dancer] for dancer in self._taught], members)}
 
     def _follow_away(self, away: str) -> None:

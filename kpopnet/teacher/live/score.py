@@ -12,7 +12,7 @@ from kpopnet.dance.dimensions.formation import formation
 from kpopnet.dance.online import OnlineScore, OnlineScorer
 from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.performance import Performance
-from kpopnet.dance.scoring import OURS, score_dance
+from kpopnet.dance.scoring import OURS, Stretches, score_dance
 from kpopnet.dance.timing import beat_latency_s
 from kpopnet.dance.window import WINDOW_S
 from kpopnet.dance.words.moments import at
@@ -222,15 +222,15 @@ class Calibration(DanceTry):
         return {"total": None, "latency_s": latency_s, "hints": [hint] if latency_s is None else []}, {}
 
 
-def together(members: list[dict[str, np.ndarray]]) -> dict | None:
+def together(members: list[dict[str, np.ndarray]], free_s: Stretches) -> dict | None:
     """How alike learners danced, whoever the teacher was: 0 to 100, the mean over all pairs, each compared both ways.
 
-    Also by how many seconds each danced after the first. `members` are joints as of `DanceTry.finish`. None where two were not
-    seen for a window at the same time.
+    Also by how many seconds each danced after the first. `members` are joints as of `DanceTry.finish`; the stretches `free_s`
+    are not compared. None where two were not seen for a window at the same time.
     """
     try:
         dances = [Performance(one["joints_m"], one["times_s"], one["confidence"]) for one in members]
-        pairs = [score_dance(a, b) for a, b in itertools.permutations(dances, 2)]
+        pairs = [score_dance(a, b, free_s=free_s) for a, b in itertools.permutations(dances, 2)]
     except InputError:
         return None
     delays_s = (one.windows.delay_s[np.isfinite(one.windows.delay_s)] for one in pairs[: len(dances) - 1])
@@ -240,12 +240,15 @@ def together(members: list[dict[str, np.ndarray]]) -> dict | None:
 
 
 def kept_formation(dancers: list[TaughtDance], members: list[dict[str, np.ndarray]]) -> dict | None:
-    """How learners kept a group's formation, see `formation`; None where that cannot be told. `members` as for `together`."""
+    """How learners kept a group's formation, see `formation`; None where that cannot be told. `members` as for `together`.
+
+    The group's first dancer says what is free.
+    """
     try:
         learners = [Performance(one["joints_m"], one["times_s"], one["confidence"]) for one in members]
     except InputError:
         return None
-    if (found := formation([one.performance for one in dancers], learners)) is None:
+    if (found := formation([one.performance for one in dancers], learners, dancers[0].about.free_s)) is None:
         return None
     remarks = [
         {"member": member, "text": Said("{what} {when}", what=text, when=at([at_s]))} for member, at_s, text in found.remarks

@@ -52,6 +52,15 @@ def test_what_no_dancer_does_is_corrected_and_both_scores_are_told(wrongly, whol
     assert str(found).startswith(f"as it stands {found.as_recorded:.0f}, with ") and named in str(found)
 
 
+def test_what_is_danced_in_free_parts_neither_hides_nor_makes_a_fault():
+    free = (TEACHER.times_s >= 2) & (TEACHER.times_s < 7)
+    learner_m = np.where(free[:, None, None], dance_joints_m(7, 12.0), mirrored(LEARNER.joints_m))
+    found = diagnose(TEACHER, performed(learner_m), CONFIG, free_s=[(2, 7)])
+    assert "the learner mirrored" in str(found)
+    right = score_dance(TEACHER, LEARNER, CONFIG, free_s=[(2, 7)]).similarity
+    assert found.corrected == pytest.approx(right, abs=2) and found.as_recorded < right - 30
+
+
 def test_no_fault_of_a_dancer_is_corrected():
     learners = {
         name: performed(joints_of(fault(dance(0, 41, 12.0, 30.0), 3.0, np.random.default_rng(7))))

@@ -88,6 +88,23 @@ def test_the_cause_of_a_phrase_stands_before_its_joints(name):
         assert not [one for one in found.phrases[2].moments if one.part not in ("phrase", "timing")]
 
 
+def test_who_moves_half_as_far_from_the_first_moment_on_rests_nowhere():
+    for index in range(4):
+        teacher_m = dance_joints_m(index, 16.0)
+        causes = [
+            one.direction for one in told(made.smaller(teacher_m, 0.5), teacher_m=teacher_m).moments if one.part == "phrase"
+        ]
+        assert "too small" in causes and not {"late entry", "stood still"} & set(causes)
+
+
+def test_a_phrase_that_is_seen_in_part_keeps_its_cause():
+    teacher_m = dance_joints_m(1, 16.0)
+    learner_m = mirrored(teacher_m)
+    learner_m[255:300] = np.nan  # of the third phrase, 240 to 360
+    third = told(learner_m, teacher_m=teacher_m).phrases[2].moments
+    assert [one.direction for one in third][:1] == ["mirrored"]
+
+
 def test_a_good_dancer_is_told_at_most_one_thing_a_phrase():
     teachers_m = [dance_joints_m(index, 16.0) for index in range(3)]
     remarks = [phrase.moments for one in teachers_m for phrase in told(made.good(one, 0), teacher_m=one).phrases]

@@ -50,8 +50,18 @@ def test_the_farther_one_stands_from_their_place_the_less_and_who_where_and_when
     assert member == 2 and at_s == pytest.approx(FAULT_S[0], abs=0.1) and "too far left" in text
 
 
-def test_those_who_changed_places_are_wrong():
-    assert graded(group(PLACES_M[::-1])).similarity < 5
+def test_those_who_changed_places_are_wrong_but_stand_as_far_apart():
+    found = graded(group(PLACES_M[::-1]))
+    assert found.similarity < 5 and found.spread == pytest.approx(1, abs=0.05)
+
+
+def test_where_members_stand_while_all_is_free_is_not_graded():
+    learners, seconds = group(), np.arange(round(SECONDS * FPS)) / FPS
+    inside = (seconds >= FAULT_S[0]) & (seconds < FAULT_S[1])
+    learners[2] = learners[2] + inside[: len(learners[2]), None, None] * [1.2, 0, 0]
+    teachers, danced = ([performed(one) for one in dancers] for dancers in (group(), learners))
+    found = formation(teachers, danced, [FAULT_S])
+    assert found.similarity > 99 and not found.remarks
 
 
 def test_who_is_not_seen_together_for_a_window_is_not_graded():

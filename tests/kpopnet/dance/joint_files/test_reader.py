@@ -141,6 +141,14 @@ def test_mediapipes_landmarks_as_json_and_as_a_line_for_each_point(tmp_path):
         assert np.flatnonzero(~seen).tolist() == ([3] if name == "a.json" else [])
         np.testing.assert_allclose(read.joints_m[seen], expected[seen], atol=1e-5)
         assert read.times_s[2] == pytest.approx(0.08) and read.confidence[2, Joint.LEFT_KNEE] == 0.8
+    by_number = ["frame,landmark,x,y,z,world_x,world_y,world_z"]
+    for number, points in enumerate(mediapipe().tolist()):
+        lines = [f"{100 + number},{index},0.5,0.5,0,{x},{y},{z}" for index, (x, y, z) in enumerate(points)]
+        by_number += lines if number != 2 else []  # nobody was found in it
+    (tmp_path / "c.csv").write_text("\n".join(by_number))
+    read = read_performance(tmp_path / "c.csv", 25)
+    np.testing.assert_allclose(read.joints_m[3], expected[3], atol=1e-5)
+    assert np.isnan(read.joints_m[2]).all() and read.times_s[3] == pytest.approx(0.12)
 
 
 def test_a_given_frame_rate_overrides_the_files(tmp_path):
@@ -175,6 +183,7 @@ def test_what_is_missing_is_named(tmp_path):
         ("a.json", '{"frames": [{"joints": {}, "time_s": 1}, {"joints": {}}]}', "time_s in all frames or in none"),
         ("a.json", '[{"image_id": 1, "keypoints": [1, 2, 2], "score": 0.9}]', "2D keypoints, as of OpenPose or COCO"),
         ("a.json", '{"frames": [{"world_landmarks": [{"x": 1, "y": 1, "z": 1}]}]}', "world_landmarks: expected 33 landmarks"),
+        ("a.json", '{"frames": [{"world_landmarks": {"landmark": []}}]}', "world_landmarks is .*expected list"),
     ],
 )
 def test_other_contents_are_refused(tmp_path, name, text, message):
