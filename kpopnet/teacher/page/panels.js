@@ -1,7 +1,7 @@
 // What stands on the page of a dance: its controls, the pictures, and the words.
 import { LOOPS } from "./loops.js";
 import { stars } from "./menu.js";
-import { GOALS } from "./practice.js";
+import { GOALS, practisable } from "./practice.js";
 import { clock, el, latencyOf, milliseconds, partBars, remembered } from "./tools.js";
 import { WEBCAM, withoutDepth } from "./webcam.js";
 import { say } from "./words.js";
@@ -17,7 +17,7 @@ export function choice(id, options, value) {
 
 export function controls(dance, offer, wanted) {
   const phrases = [["", say("whole dance")]];
-  for (let k = 0; (k + 1) * dance.phrase_s <= dance.seconds + 0.05; k++) phrases.push([k, say("phrase {number}, {time}", { number: k + 1, time: clock(k * dance.phrase_s) })]);
+  for (let k = 0; practisable(k, dance); k++) phrases.push([k, say("phrase {number}, {time}", { number: k + 1, time: clock(k * dance.phrase_s) })]);
   return {
     start: el("button", { class: "main", id: "start", type: "button" }, say("Start")),
     speed: choice("speed", SPEEDS.map((one) => [one, `${one} %`]), wanted.get("speed") || remembered("speed", 100)),
