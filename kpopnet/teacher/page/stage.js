@@ -83,7 +83,8 @@ export async function stage(main, identity, wanted) {
     view.close();
   };
 
-  // Dancers of a group whom no learner dances are faint. Several learners dance the chosen dancer and those to the right.
+  // Dancers of a group whom no learner dances are faint. Several learners dance the chosen dancer and the next ones on the group's
+  // own right.
   function showDanced() {
     const first = Math.max(Math.min(Number(parts.dancer.value), group.length - peopleOf()), 0);
     group.forEach(({ mesh }, k) => {
