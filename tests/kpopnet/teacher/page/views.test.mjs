@@ -5,6 +5,8 @@ import "./dom.mjs";
 
 const PAGE = "../../../../kpopnet/teacher/page/";
 const { controls } = await import(`${PAGE}panels.js`);
+const { LOOPS, loopOf } = await import(`${PAGE}loops.js`);
+const { songPanel, songTempo } = await import(`${PAGE}song.js`);
 
 const OFFER = { sources: { simulated: "a simulated learner" }, skills: ["good"], faults: [""] };
 const wanting = (dance, query) => controls({ others: [], ...dance }, OFFER, new URLSearchParams(query));
@@ -23,4 +25,22 @@ test("dancers are counted from the left of who faces the screen, with the mirror
   mirrored.checked = false;
   mirrored.listeners.change();
   assert.equal(told(), "321");
+});
+
+test("a song that was read more slowly than the one chosen after it leaves that one's beats alone, and what is kept of it", async () => {
+  const waiting = {}; // files that are being read, by their tempo: what ends it
+  Object.assign(URL, { createObjectURL: () => "", revokeObjectURL() {} });
+  globalThis.OfflineAudioContext = class {
+    decodeAudioData = (bpm) => new Promise((read, fail) => {
+      const loop = loopOf(Object.keys(LOOPS)[0], bpm, 22050), samples = Float32Array.from({ length: 20 * 22050 }, (_, k) => loop[k % loop.length]);
+      waiting[bpm] = [() => read({ getChannelData: () => samples }), () => fail(Object.assign(new Error("no sound"), { name: "EncodingError" }))];
+    });
+  };
+  const panel = songPanel(() => {}), file = (name, bpm) => ({ name, arrayBuffer: async () => bpm });
+  const [slow, broken, chosen] = [panel.take(file("slow", 98)), panel.take(file("broken", 101)), panel.take(file("chosen", 124))];
+  await new Promise(setImmediate); // all are being read
+  for (const [bpm, how] of [[124, 0], [98, 0], [101, 1]]) waiting[bpm][how]();
+  await Promise.all([slow, broken, chosen]);
+  assert.ok(Math.abs(songTempo() - 124) < 0.5, songTempo());
+  assert.deepEqual(["slow", "broken", "chosen"].map((name) => localStorage.getItem(`teach.song.${name}`) !== null), [false, false, true]);
 });
