@@ -22,6 +22,7 @@ const SLOWEST = 0.25, FASTEST = 1.5; // of a lesson
 
 export async function stage(main, identity, wanted) {
   const [dance, body, offer] = await Promise.all([ask(`/api/dances/${identity}`), loadBody(), ask("/api/offer")]);
+  if (!main.isConnected) return () => {}; // the page shows another view by now, which has the connection
   const beat_s = 60 / dance.bpm, sound = new Sound();
   const state = { running: false, ready: false, start: 0, start_s: 0, speed: 1, from_s: 0, to_s: dance.seconds, closed: false,
     place: null, practice: null, streak: 0, paused_s: null };

@@ -28,5 +28,5 @@ class Node {
 }
 
 const stored = new Map();
-globalThis.document = { createElement: (tag) => new Node(tag), body: new Node("body"), documentElement: new Node("html") };
+globalThis.document = { createElement: (tag) => new Node(tag), getElementById: () => new Node("p"), body: new Node("body"), documentElement: new Node("html") };
 globalThis.localStorage = { getItem: (name) => stored.get(name) ?? null, setItem: (name, value) => stored.set(name, value) };
