@@ -164,7 +164,8 @@ def add_own(given: argparse.Namespace, library: Library) -> None:
         raise InputError(f"--bpm {given.bpm:g}: expected 20 to 400 beats per minute")
     check_grading(given)
     for title, dancers in own_dances(given).items():
-        parts = [part_of(one, given.from_s, given.to_s, str(given.files[0])) for one in dancers]
+        origin_s = max(float(one.times_s[0]) for one in dancers)  # of a group's common clock: from here on all are recorded
+        parts = [part_of(one, given.from_s, given.to_s, origin_s, str(given.files[0])) for one in dancers]
         about = title[:MOST_LETTERS], given.bpm, given.free, dict(given.weights)
         identity = add_group(library, parts, str(given.files[0]), *about)
         print(f"added {about[0]} as {identity}; kpopnet teach shows it")

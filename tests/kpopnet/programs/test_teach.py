@@ -58,12 +58,13 @@ def test_a_dance_of_ones_own_is_added(run, tmp_path, capsys):
 def test_a_group_is_added_from_a_file_for_each_dancer(run, tmp_path, capsys):
     library = teach.made_library(tmp_path / "teach")
     performance = library.dance("dance_000").performance
-    for name, left_m in {"ann": 0.0, "bea": 1.5}.items():
+    for name, left_m, late in (("ann", 0.0, 0), ("bea", 1.5, 60)):  # bea is seen two seconds later
         joints_m = (performance.joints_m + np.array([left_m, 0, 0])).astype(np.float32)
-        np.savez(tmp_path / f"{name}.npz", joints_m=joints_m, times_s=performance.times_s)
+        np.savez(tmp_path / f"{name}.npz", joints_m=joints_m[late:], times_s=performance.times_s[late:])
     run("add", tmp_path / "ann.npz", tmp_path / "bea.npz", "--title", "Duet", "--from", 2)
     first, second = library.dance("own_001").dancers
-    np.testing.assert_allclose(first.start_m - second.start_m, [1.5, 0, 0], atol=1e-4)
+    np.testing.assert_allclose(first.joints_m - second.joints_m, np.full_like(first.joints_m, [1.5, 0, 0]), atol=1e-4)
+    np.testing.assert_allclose(second.joints_m[0], performance.joints_m[120], atol=1e-4)
     assert "added Duet as own_001" in capsys.readouterr().out
 
 
