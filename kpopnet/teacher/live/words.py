@@ -115,6 +115,8 @@ def try_result(score: DanceScore | None, lesson: Lesson, about: About, notes: di
         return head | {"total": None, "hints": ["no person was seen dancing; stand in the picture from head to feet"]}
     slow = "only {fps} images a second were scored, which costs points: this machine is busy with other things"
     told = score_result(score, feedback(score, about.beat_s), about.weights, about.beat_s)
+    if told["latency_s"] is not None:  # of the set-up, in real seconds like `Lesson.latency_s`
+        told["latency_s"] = rounded(told["latency_s"] / lesson.speed, 3)
     return (
         head | told | {"hints": [*([Said(slow, fps=f"{notes['fps']:.0f}")] if notes["fps"] < MIN_FPS else []), *told["hints"]]}
     )
