@@ -62,6 +62,8 @@ class Lesson:
         check_between("seed", self.seed, 0, 2**31)
         check_between("people", self.people, 1, MOST_LEARNERS)
         check_between("dancer", self.dancer, 0, MOST_DANCERS - 1)
+        if self.calibrate and self.people > 1:
+            raise InputError(f"people {self.people}: the latency is measured with one learner")
 
     def excerpt_s(self, dance_s: float) -> tuple[float, float]:
         """Start and end in seconds of the excerpt of a dance of this length. Raises InputError if it is too short to score."""

@@ -72,7 +72,9 @@ def test_the_result_names_the_part_that_was_wrong_and_of_a_perfect_dance_none(li
     assert result["worst"][0]["part"] == "left arm" and min(result["parts"], key=result["parts"].get) == "left arm"
 
 
-@pytest.mark.parametrize("wrong", [{"speed": 0.1}, {"speed": float("nan")}, {"dance": "../x"}, {"from_s": -1.0}])
+@pytest.mark.parametrize(
+    "wrong", [{"speed": 0.1}, {"speed": float("nan")}, {"dance": "../x"}, {"from_s": -1.0}, {"calibrate": True, "people": 2}]
+)
 def test_a_lesson_is_checked(wrong):
     with pytest.raises(InputError):
         replace(Lesson("dance_001"), **wrong)
