@@ -89,6 +89,11 @@ class DanceClock:
     def running(self) -> bool:
         return self._start < math.inf
 
+    @property
+    def stopped(self) -> bool:
+        """Whether it stands at the excerpt's start: it neither runs nor was interrupted."""
+        return self._start == math.inf
+
     def start(self, in_s: float) -> None:
         """The dance begins `in_s` seconds from now."""
         self.stop()
@@ -102,7 +107,7 @@ class DanceClock:
     def pause(self, at_s: float) -> None:
         """It stands still at a time of the dance."""
         self._from_s = self.paused_s = at_s
-        self._start = math.inf
+        self._start = math.nan
 
     def resume(self, in_s: float) -> None:
         """After a pause the dance goes on `in_s` seconds from now."""
