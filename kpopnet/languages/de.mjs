@@ -351,6 +351,7 @@ export default {
   "The total, by weight: {weights}.": "Die Gesamtwertung nach Gewicht: {weights}.",
   "In the free parts: {figures}.": "In den freien Teilen: {figures}.",
   "free": "frei",
+  "what the total is made of could not be measured here": "Woraus die Gesamtpunktzahl besteht, ließ sich hier nicht messen",
   "all of this is free: nothing was compared": "All das ist frei: Nichts wurde verglichen",
   "rhythm": "Rhythmus",
   "similarity": "Ähnlichkeit",

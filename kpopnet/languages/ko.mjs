@@ -351,6 +351,7 @@ export default {
   "The total, by weight: {weights}.": "총점의 비중: {weights}.",
   "In the free parts: {figures}.": "자유로운 부분: {figures}.",
   "free": "자유",
+  "what the total is made of could not be measured here": "총점을 이루는 항목을 여기서는 측정할 수 없었어요",
   "all of this is free: nothing was compared": "전부 자유로운 부분이라 비교하지 않았습니다",
   "rhythm": "리듬",
   "similarity": "유사도",

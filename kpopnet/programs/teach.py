@@ -14,9 +14,10 @@ The first start makes a hundred dances, in a quarter of a minute on two quiet co
 """
 
 import argparse
+import math
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -73,28 +74,41 @@ class SimulatedCamera:
 class RecordedCamera:
     """A recording that is played while the dance goes on; a `LiveCamera`.
 
-    Before the dance it shows its first image, after its own end the last one.
+    Before the dance it runs up to the image with which the excerpt begins; in a pause, and after its own end, it shows the last
+    one. Images that are read too late for the dance are left out.
     """
 
     def __init__(self, source: DepthSource, clock: DanceClock) -> None:
         self.camera, self._source, self._clock, self._next = source.camera, source, clock, time.monotonic()
-        self._first = self._shown = next(source.timed())
-        self._images: Iterator[TimedDepth] | None = None
+        self._rewind()
+
+    def _rewind(self) -> None:
+        self._images, self._danced = self._source.timed(), False
+        self._coming: TimedDepth | None = next(self._images)
+        self._shown, self._first_s = self._coming, self._coming.time_s
+
+    def _early_s(self) -> float:
+        """Seconds of the dance until the coming image is due; infinite after the last one."""
+        if self._coming is None:
+            return math.inf
+        return self._coming.time_s - self._first_s - self._clock.dance_s(time.monotonic())
 
     def read(self) -> tuple[np.ndarray, float]:
         """See `LiveCamera.read`."""
-        if not self._clock.running:
-            self._images, self._shown = None, self._first
-        elif self._images is None:
-            self._images = self._source.timed()
-        image = None if self._images is None else next(self._images, None)
-        if image is None:
-            self._next = wait_until(self._next)
-            return self._shown.depth_m, time.monotonic()
-        while self._clock.running and self._clock.dance_s(time.monotonic()) < image.time_s - self._first.time_s:
+        clock, late_s = self._clock, -1 / CAMERA_FPS
+        if self._danced and clock.stopped:
+            self._rewind()
+        self._danced |= clock.running
+        while clock.running and self._early_s() < late_s:
+            self._coming = next(self._images, None)
+        while clock.running and 0 < self._early_s() < math.inf:
             time.sleep(0.002)
-        self._shown = image
-        return image.depth_m, time.monotonic()
+        if self._coming is not None and self._early_s() <= (0 if clock.running else late_s):
+            taken, self._shown, self._coming = time.monotonic(), self._coming, next(self._images, None)
+        else:
+            self._next = wait_until(self._next)
+            taken = time.monotonic()
+        return self._shown.depth_m, taken
 
     def close(self) -> None:
         pass
@@ -164,7 +178,8 @@ def add_own(given: argparse.Namespace, library: Library) -> None:
         raise InputError(f"--bpm {given.bpm:g}: expected 20 to 400 beats per minute")
     check_grading(given)
     for title, dancers in own_dances(given).items():
-        parts = [part_of(one, given.from_s, given.to_s, str(given.files[0])) for one in dancers]
+        origin_s = max(float(one.times_s[0]) for one in dancers)  # of a group's common clock: from here on all are recorded
+        parts = [part_of(one, given.from_s, given.to_s, origin_s, str(given.files[0])) for one in dancers]
         about = title[:MOST_LETTERS], given.bpm, given.free, dict(given.weights)
         identity = add_group(library, parts, str(given.files[0]), *about)
         print(f"added {about[0]} as {identity}; kpopnet teach shows it")

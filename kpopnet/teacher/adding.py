@@ -92,11 +92,13 @@ def holds_depth(path: Path) -> bool:
         return False
 
 
-def part_of(performance: Performance, from_s: float, to_s: float | None, where: str) -> Performance:
-    """The part of a recording between two times from its first image on, on a clock that begins there."""
-    since_s = performance.times_s - performance.times_s[0]
+def part_of(performance: Performance, from_s: float, to_s: float | None, origin_s: float, where: str) -> Performance:
+    """The part of a recording between two times after `origin_s`, in seconds of its clock, on a clock that begins there.
+
+    Raises InputError, which names the file `where`, if nothing is left.
+    """
+    since_s = performance.times_s - origin_s
     inside = (since_s >= from_s) & (since_s <= (np.inf if to_s is None else to_s))
     if not inside.any():
-        raise InputError(f"{where}: lasts {since_s[-1]:.1f} s; nothing is left from {from_s:g} s on")
-    joints_m, times_s = performance.joints_m[inside], performance.times_s[inside]
-    return Performance(joints_m, times_s - times_s[0], performance.confidence[inside])
+        raise InputError(f"{where}: lasts {max(since_s[-1], 0):.1f} s; nothing is left from {from_s:g} s on")
+    return Performance(performance.joints_m[inside], since_s[inside], performance.confidence[inside])

@@ -338,6 +338,8 @@ class PageLessons:
                 with contextlib.suppress(ConnectionError):
                     await self._socket.send_bytes(packed_frame(message, self._heard_ms, attached))
                 continue
+            if kind == "preparing":
+                members = []  # of a try that was left just before its end
             if kind == "member":
                 session = None
                 if content["total"] is not None:

@@ -62,6 +62,8 @@ class Lesson:
         check_between("seed", self.seed, 0, 2**31)
         check_between("people", self.people, 1, MOST_LEARNERS)
         check_between("dancer", self.dancer, 0, MOST_DANCERS - 1)
+        if self.calibrate and self.people > 1:
+            raise InputError(f"people {self.people}: the latency is measured with one learner")
 
     def excerpt_s(self, dance_s: float) -> tuple[float, float]:
         """Start and end in seconds of the excerpt of a dance of this length. Raises InputError if it is too short to score."""
@@ -87,6 +89,11 @@ class DanceClock:
     def running(self) -> bool:
         return self._start < math.inf
 
+    @property
+    def stopped(self) -> bool:
+        """Whether it stands at the excerpt's start: it neither runs nor was interrupted."""
+        return self._start == math.inf
+
     def start(self, in_s: float) -> None:
         """The dance begins `in_s` seconds from now."""
         self.stop()
@@ -100,7 +107,7 @@ class DanceClock:
     def pause(self, at_s: float) -> None:
         """It stands still at a time of the dance."""
         self._from_s = self.paused_s = at_s
-        self._start = math.inf
+        self._start = math.nan
 
     def resume(self, in_s: float) -> None:
         """After a pause the dance goes on `in_s` seconds from now."""

@@ -60,6 +60,7 @@ class DanceTry:
         self._config = scorer_config(lesson, noise)
         self._teacher = excerpt(dance.performance, self.begin_s, self.end_s)
         self._scorer = OnlineScorer(self._teacher, self._config, self._about.free_s)
+        self._images = 0  # while the dance went on, whether the learner was seen or not
         self._times_s: list[float] = []
         self._joints_m: list[np.ndarray] = []
         self._confidence: list[np.ndarray] = []
@@ -89,9 +90,10 @@ class DanceTry:
     def score(self, clock: DanceClock, image: Image, joints_m: np.ndarray | None, confidence: np.ndarray | None) -> None:
         """Adds an image's joints, (15, 3) metres, to the score, if the dance is going on and the learner is there."""
         time_s = clock.dance_s(image.taken)
-        if not clock.running or joints_m is None or confidence is None or time_s < self.begin_s:
+        if not clock.running or time_s < self.begin_s or (self._times_s and time_s <= self.seen_s):
             return
-        if self._times_s and time_s <= self.seen_s:
+        self._images += 1
+        if joints_m is None or confidence is None:
             return
         confidence = np.clip(confidence, 0, 1)
         for between_s, between_m in self._bridge(time_s, joints_m):
@@ -185,7 +187,7 @@ class DanceTry:
         frames, ages, verdicts = len(self._times_s), self._ages_ms or [0], self._verdicts_ms or [0]
         notes = {
             "frames": frames,
-            "fps": rounded(frames / (self.end_s - self.begin_s) * self._lesson.speed, 3),
+            "fps": rounded(self._images / (self.end_s - self.begin_s) * self._lesson.speed, 3),
             "dropped": dropped,
             "age_ms_median": float(np.median(ages)),
             "age_ms_p95": float(np.percentile(ages, 95)),

@@ -115,6 +115,8 @@ def try_result(score: DanceScore | None, lesson: Lesson, about: About, notes: di
         return head | {"total": None, "hints": ["no person was seen dancing; stand in the picture from head to feet"]}
     slow = "only {fps} images a second were scored, which costs points: this machine is busy with other things"
     told = score_result(score, feedback(score, about.beat_s), about.weights, about.beat_s)
+    if told["latency_s"] is not None:  # of the set-up, in real seconds like `Lesson.latency_s`
+        told["latency_s"] = rounded(told["latency_s"] / lesson.speed, 3)
     return (
         head | told | {"hints": [*([Said(slow, fps=f"{notes['fps']:.0f}")] if notes["fps"] < MIN_FPS else []), *told["hints"]]}
     )
@@ -123,12 +125,15 @@ def try_result(score: DanceScore | None, lesson: Lesson, about: About, notes: di
 def score_result(score: DanceScore, found: Feedback, weights: Mapping[str, float], beat_s: float | None) -> dict:
     """What the page of a result shows of a score, as JSON of finite numbers and null.
 
-    The total is the similarity, or has the weights of `DanceScore.total`; `beat_s` is a beat of the music in seconds, if there
-    is one.
+    The total is the similarity, or has the weights of `DanceScore.total`, where a figure of theirs is known; `beat_s` is a beat
+    of the music in seconds, if there is one.
     """
     windows, beats_s = score.windows, score.beats_s(beat_s) if beat_s else None
+    total, hints = score.similarity, list(found.hints)
+    if weights and math.isnan(total := score.total(weights, beats_s)):
+        total, weights, hints = score.similarity, {}, [Said("what the total is made of could not be measured here"), *hints]
     return {
-        "total": rounded(score.total(weights, beats_s) if weights else score.similarity),
+        "total": rounded(total),
         "weights": dict(weights),
         "uncertainty": None if weights else rounded(score.uncertainty),
         "free": {name: rounded(value) for name, value in score.free(beats_s).items()},
@@ -143,7 +148,7 @@ def score_result(score: DanceScore, found: Feedback, weights: Mapping[str, float
         ],
         "worst": [_moment(moment) for moment in found.moments[:WORST]],
         "faults": [one.text for one in found.faults[:WORST]],
-        "hints": list(found.hints),
+        "hints": hints,
         "praise": list(found.praise),
         "stage": {name: rounded(value) for name, value in score.stage.figures.items()},
         "on_stage": [Said("{what} {when}", what=text, when=at([at_s])) for at_s, text in score.stage_remarks()],

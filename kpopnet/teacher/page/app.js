@@ -23,7 +23,7 @@ async function show() {
   main.replaceChildren(place);
   try {
     let end;
-    if (kind === "dance" && name) end = afterDance(await result(place, identity, name), await byHand(identity));
+    if (kind === "dance" && name) end = afterDance(await result(place, identity, name), await byHand(place, identity));
     else if (kind === "me") end = await profilePage(place);
     else if (kind === "record") end = await record(place);
     else if (kind === "calibrate") end = await calibrate(place);
@@ -41,9 +41,10 @@ async function show() {
 const afterDance = (...ends) => () => ends.forEach((end) => end());
 
 // What can be chosen by hand beside a result; returns what ends it.
-async function byHand(identity) {
+async function byHand(place, identity) {
   if (!handsFree()) return () => {};
   const [dances, { sources }] = await Promise.all([ask("/api/dances"), ask("/api/offer")]), go = (where) => () => { location.hash = where; };
+  if (!place.isConnected) return () => {};
   letChoose([
     { id: "again", text: say("Dance again"), act: go(`#/dance/${identity}?go`) },
     { id: "next", text: say("Next dance"), act: go(`#/dance/${after(inOrder(dances), identity).identity}`) },

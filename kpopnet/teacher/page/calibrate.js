@@ -9,6 +9,7 @@ const BEAT_S = 1, BEATS = 12, COUNTS = 4, START_S = COUNTS * BEAT_S + 0.3;
 
 export async function calibrate(main) {
   const [dances, offer] = await Promise.all([ask("/api/dances"), ask("/api/offer")]);
+  if (!main.isConnected) return () => {}; // the page shows another view by now, which has the connection
   const dance = dances.find((one) => one.seconds >= BEATS * BEAT_S); // its length is all that is used of it
   if (!dance) throw new Error(say("there is no dance that is long enough to count with"));
   const state = { start: 0, running: false, closed: false }, sound = new Sound();

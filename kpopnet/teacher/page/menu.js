@@ -23,6 +23,7 @@ export function inOrder(dances, order = remembered("order", "name")) {
 
 export async function menu(main) {
   const [dances, told_of, offer] = await Promise.all([ask("/api/dances"), myself(), ask("/api/offer")]);
+  if (!main.isConnected) return () => {}; // the page shows another view by now, which has the connection
   const search = el("input", { type: "search", id: "search", placeholder: say("search"), oninput: show });
   const level = el("select", { id: "level", onchange: show }, el("option", { value: "" }, say("any difficulty")));
   for (let one = 1; one <= 5; one++) level.append(el("option", { value: one }, stars(one)));

@@ -1,7 +1,7 @@
 // What stands on the page of a dance: its controls, the pictures, and the words.
 import { LOOPS } from "./loops.js";
 import { stars } from "./menu.js";
-import { GOALS } from "./practice.js";
+import { GOALS, practisable } from "./practice.js";
 import { clock, el, latencyOf, milliseconds, partBars, remembered } from "./tools.js";
 import { WEBCAM, withoutDepth } from "./webcam.js";
 import { say } from "./words.js";
@@ -17,8 +17,8 @@ export function choice(id, options, value) {
 
 export function controls(dance, offer, wanted) {
   const phrases = [["", say("whole dance")]];
-  for (let k = 0; (k + 1) * dance.phrase_s <= dance.seconds + 0.05; k++) phrases.push([k, say("phrase {number}, {time}", { number: k + 1, time: clock(k * dance.phrase_s) })]);
-  return {
+  for (let k = 0; practisable(k, dance); k++) phrases.push([k, say("phrase {number}, {time}", { number: k + 1, time: clock(k * dance.phrase_s) })]);
+  const parts = {
     start: el("button", { class: "main", id: "start", type: "button" }, say("Start")),
     speed: choice("speed", SPEEDS.map((one) => [one, `${one} %`]), wanted.get("speed") || remembered("speed", 100)),
     phrase: choice("phrase", phrases, wanted.get("phrase") ?? ""),
@@ -31,9 +31,16 @@ export function controls(dance, offer, wanted) {
     skill: choice("skill", offer.skills.map((one) => [one, say(`skill|${one}`)]), wanted.get("skill") || "good"),
     fault: choice("fault", offer.faults.map((one) => [one, say(`fault|${one || "none"}`)]), wanted.get("fault") || ""),
     people: choice("people", [1, 2, 3].map((one) => [one, one]), remembered("people", 1)),
-    dancer: choice("dancer", [dance, ...dance.others].map((_, k) => [k, say("{number} from your left", { number: k + 1 })]), wanted.get("dancer") || 0),
+    dancer: choice("dancer", [dance, ...dance.others].map((_, k) => [k, ""]), wanted.get("dancer") || 0),
     seed: el("input", { type: "number", id: "seed", min: 0, max: 9999, value: wanted.get("seed") || "0" }),
   };
+  // The dancers come from the group's own left to its right, which is the learner's only in a mirror.
+  const count = () => [...parts.dancer.options].forEach((option, k, { length }) => {
+    option.textContent = say("{number} from your left", { number: parts.mirrored.checked ? k + 1 : length - k });
+  });
+  parts.mirrored.addEventListener("change", count);
+  count();
+  return parts;
 }
 
 export function panels(main, dance, parts, song) {

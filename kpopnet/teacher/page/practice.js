@@ -2,7 +2,7 @@
 import { say } from "./words.js";
 
 export const STEPS = [75, 90, 100], GOALS = [60, 70, 80, 90], GOAL = 80;
-const FAR = 25;
+const FAR = 25, LEAST_S = 2.5; // what the server scores at least
 
 export class Practice {
   constructor(goal) {
@@ -33,12 +33,16 @@ export class Practice {
 
 export const practiseAddress = (dance, phrase, more = "") => `#/dance/${dance}?phrase=${phrase}&practise=${GOAL}&go${more}`;
 
-// The phrase that went worst, or null: its number from 0, and its score.
-export function worstPhrase(phrases, phrase_s) {
-  const known = phrases.filter(({ total }) => total !== null);
+// Whether a dance has a phrase of this number, from 0, that is long enough to be danced alone; the last one may be cut short.
+export const practisable = (phrase, { phrase_s, seconds }) => phrase === 0 || seconds - phrase * phrase_s >= LEAST_S;
+export const phraseAt = (start_s, { phrase_s }) => Math.max(Math.round(start_s / phrase_s), 0);
+
+// Of the phrases that can be practised the one that went worst, or null: its number from 0, and its score.
+export function worstPhrase(phrases, dance) {
+  const known = phrases.filter(({ start_s, total }) => total !== null && practisable(phraseAt(start_s, dance), dance));
   if (!known.length) return null;
   const worst = known.reduce((a, b) => (b.total < a.total ? b : a));
-  return { phrase: Math.max(Math.round(worst.start_s / phrase_s), 0), total: worst.total };
+  return { phrase: phraseAt(worst.start_s, dance), total: worst.total };
 }
 
 const RECENT_DAYS = 28, PLANNED = 3, DAY_MS = 86400000;
@@ -47,12 +51,13 @@ const day = (session) => Date.UTC(session.slice(0, 4), session.slice(4, 6) - 1, 
 // What to practise this week: of the dances of the last four weeks the phrases whose latest score is least and below the goal.
 export function weekPlan(dances, now) {
   const latest = new Map(), today = Date.UTC(now.getFullYear(), now.getMonth(), now.getDate());
-  for (const { identity, name, phrase_s, tries } of dances) {
-    for (const { session, phrases } of tries) { // the newest first
+  for (const dance of dances) {
+    const { identity, name } = dance;
+    for (const { session, phrases } of dance.tries) { // the newest first
       if (today - day(session) > RECENT_DAYS * DAY_MS) continue;
       for (const { start_s, total } of phrases) {
-        const phrase = Math.max(Math.round(start_s / phrase_s), 0), key = `${identity}/${phrase}`;
-        if (total !== null && !latest.has(key)) latest.set(key, { identity, name, phrase, total });
+        const phrase = phraseAt(start_s, dance), key = `${identity}/${phrase}`;
+        if (total !== null && practisable(phrase, dance) && !latest.has(key)) latest.set(key, { identity, name, phrase, total });
       }
     }
   }

@@ -1,6 +1,6 @@
 // After a dance: the score, its course, the worst moments with a replay side by side, what to practise, history and files.
 import { View, loadBody, movementOf } from "./body.js";
-import { GOAL, practiseAddress, worstPhrase } from "./practice.js";
+import { GOAL, phraseAt, practisable, practiseAddress, worstPhrase } from "./practice.js";
 import { OF_LEARNERS, PARTS, ask, clamp, clock, el, followed, heat, keepLatency, latencyOf, milliseconds, partBars, swatch } from "./tools.js";
 import { say } from "./words.js";
 
@@ -141,7 +141,7 @@ function number(id, value, text) {
 }
 
 function worstLink(found, dance, practiseAt) {
-  const worst = worstPhrase(found.phrases, dance.phrase_s);
+  const worst = worstPhrase(found.phrases, dance);
   if (!worst || worst.total >= GOAL) return "";
   return el("p", {}, el("a", { class: "button", id: "practise-worst", href: practiseAt(worst.phrase) },
     say("Practise phrase {number}, which went worst ({total}), until {goal}", { number: worst.phrase + 1, total: Math.round(worst.total), goal: GOAL })));
@@ -204,12 +204,12 @@ function moreCourses(found, end_s) {
 
 function phraseTable(found, dance, watch, practiseAt) {
   const rows = found.phrases.map((one) => {
-    const phrase = Math.max(Math.round((one.start_s) / dance.phrase_s), 0);
+    const phrase = phraseAt(one.start_s, dance);
     const words = [...(one.unseen || []), ...one.moments.map(({ text }) => text)].map((text) => say(text)).join("; ");
     return el("tr", {}, el("td", {}, el("button", { type: "button", onclick: () => watch(one.start_s, one.end_s) }, say("phrase {number}, {time}", { number: phrase + 1, time: clock(one.start_s) }))),
       el("td", {}, one.total === null ? "–" : String(Math.round(one.total))),
       el("td", {}, el("div", {}, words || say(one.total === null ? "not compared" : "no fault stands out")),
-        practiseAt && one.total !== null ? el("a", { class: "practise", href: practiseAt(phrase) }, say("practise, slowed first")) : null));
+        practiseAt && one.total !== null && practisable(phrase, dance) ? el("a", { class: "practise", href: practiseAt(phrase) }, say("practise, slowed first")) : null));
   });
   return el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ...["phrase", "score", "what to mend"].map((text) => el("th", {}, say(text))))),
     el("tbody", {}, ...rows)));

@@ -6,6 +6,7 @@ import { say } from "./words.js";
 const ANALYSED_HZ = 22050, LOST_S = 2; // after this time without a tap another row of taps begins
 const audio = el("audio", { id: "song", controls: true, preload: "auto" });
 const song = { name: "", bpm: 0, one_s: 0 };
+let turn = 0; // of the songs that were chosen: what becomes known of an earlier one is dropped
 
 // Where a dance's excerpt begins in the song and how fast the song plays; null without a song. `song_s` are seconds of the song
 // from the one, `speed` that of the song.
@@ -45,14 +46,16 @@ export function songPanel(changed) {
 
   async function take(chosen) {
     if (!chosen) return;
+    const mine = ++turn;
     told.textContent = say("looking for the beats of {name} …", { name: chosen.name });
     URL.revokeObjectURL(audio.src);
     audio.src = URL.createObjectURL(chosen);
     Object.assign(song, { name: chosen.name, bpm: 0, one_s: 0 });
     try {
       const context = new OfflineAudioContext(1, 1, ANALYSED_HZ), decoded = await context.decodeAudioData(await chosen.arrayBuffer());
-      keep(remembered(`song.${chosen.name}`, null) || beatsOf(decoded.getChannelData(0), ANALYSED_HZ));
+      if (mine === turn) keep(remembered(`song.${chosen.name}`, null) || beatsOf(decoded.getChannelData(0), ANALYSED_HZ));
     } catch (error) {
+      if (mine !== turn) return;
       show();
       told.textContent = error.name === "EncodingError" ? say("{name}: this browser cannot read it; choose an audio file", { name: chosen.name }) : error.message;
       song.name = error.name === "EncodingError" ? "" : song.name;

@@ -22,6 +22,7 @@ const SLOWEST = 0.25, FASTEST = 1.5; // of a lesson
 
 export async function stage(main, identity, wanted) {
   const [dance, body, offer] = await Promise.all([ask(`/api/dances/${identity}`), loadBody(), ask("/api/offer")]);
+  if (!main.isConnected) return () => {}; // the page shows another view by now, which has the connection
   const beat_s = 60 / dance.bpm, sound = new Sound();
   const state = { running: false, ready: false, start: 0, start_s: 0, speed: 1, from_s: 0, to_s: dance.seconds, closed: false,
     place: null, practice: null, streak: 0, paused_s: null };
@@ -83,7 +84,8 @@ export async function stage(main, identity, wanted) {
     view.close();
   };
 
-  // Dancers of a group whom no learner dances are faint. Several learners dance the chosen dancer and those to the right.
+  // Dancers of a group whom no learner dances are faint. Several learners dance the chosen dancer and the next ones on the group's
+  // own right.
   function showDanced() {
     const first = Math.max(Math.min(Number(parts.dancer.value), group.length - peopleOf()), 0);
     group.forEach(({ mesh }, k) => {

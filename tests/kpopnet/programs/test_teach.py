@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from dataclasses import asdict
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,6 +22,8 @@ from kpopnet.programs import teach
 from kpopnet.programs.convert import write_dance
 from kpopnet.skeleton import Joint
 from kpopnet.sources import live, open_depth
+from kpopnet.sources.source import TimedDepth
+from kpopnet.teacher.live import lesson
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from synth.dances import taught
 from synth.dances.live import LiveLearner
@@ -58,12 +61,13 @@ def test_a_dance_of_ones_own_is_added(run, tmp_path, capsys):
 def test_a_group_is_added_from_a_file_for_each_dancer(run, tmp_path, capsys):
     library = teach.made_library(tmp_path / "teach")
     performance = library.dance("dance_000").performance
-    for name, left_m in {"ann": 0.0, "bea": 1.5}.items():
+    for name, left_m, late in (("ann", 0.0, 0), ("bea", 1.5, 60)):  # bea is seen two seconds later
         joints_m = (performance.joints_m + np.array([left_m, 0, 0])).astype(np.float32)
-        np.savez(tmp_path / f"{name}.npz", joints_m=joints_m, times_s=performance.times_s)
+        np.savez(tmp_path / f"{name}.npz", joints_m=joints_m[late:], times_s=performance.times_s[late:])
     run("add", tmp_path / "ann.npz", tmp_path / "bea.npz", "--title", "Duet", "--from", 2)
     first, second = library.dance("own_001").dancers
-    np.testing.assert_allclose(first.start_m - second.start_m, [1.5, 0, 0], atol=1e-4)
+    np.testing.assert_allclose(first.joints_m - second.joints_m, np.full_like(first.joints_m, [1.5, 0, 0]), atol=1e-4)
+    np.testing.assert_allclose(second.joints_m[0], performance.joints_m[120], atol=1e-4)
     assert "added Duet as own_001" in capsys.readouterr().out
 
 
@@ -160,7 +164,28 @@ def test_a_live_camera_on_its_side_is_turned(monkeypatch):
     camera.close()
 
 
-def test_a_recording_waits_for_the_dance_and_runs_with_it(recording):
+class Moments:
+    """A clock that tests move on, in place of the module `time`."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+    def sleep(self, seconds: float) -> None:
+        self.now_s += max(seconds, 1e-6)
+
+
+@pytest.fixture
+def moments(monkeypatch):
+    moments = Moments()
+    for module in (teach, lesson):
+        monkeypatch.setattr(module, "time", moments)
+    return moments
+
+
+def test_a_recording_waits_for_the_dance_and_runs_with_it(recording, moments):
     clock = DanceClock(0.0, 1.0)
     camera = teach.open_source(recording, Lesson("d", source="recording"), None, clock)
     assert camera.camera.width == 320
@@ -168,13 +193,45 @@ def test_a_recording_waits_for_the_dance_and_runs_with_it(recording):
     assert waiting == [0.5, 0.5, 0.5]
     for _ in range(2):  # and once more, from its beginning, for another try
         clock.start(0.05)
-        began = time.monotonic()
+        began = moments.monotonic()
         shown = [camera.read()[0][0, 0] for _ in range(6)]
         assert shown == pytest.approx([0.5, 1.0, 1.5, 2.0, 2.5, 3.0])
-        assert time.monotonic() - began > 0.05 + 4 / 30
+        assert moments.monotonic() - began > 0.05 + 4 / 30
         assert camera.read()[0][0, 0] == 3.0  # somebody who stands there
         clock.stop()
         assert camera.read()[0][0, 0] == 0.5
+
+
+def test_of_a_recording_is_seen_what_belongs_to_the_moment_of_the_dance(moments):
+    """A phrase from second 60 on, with a pause, and images that are read slowly; each image is its own time."""
+
+    def timed():
+        for number in range(3000):
+            moments.sleep(0.3 if 2000 <= number < 2005 else 0.006)
+            yield TimedDepth(5 + number / 30, np.full((1, 1), number / 30))
+
+    def check_up_to(until_s: float, least: int) -> None:
+        errors_s = []
+        while clock.dance_s(moments.monotonic()) < until_s:
+            depth_m, taken = camera.read()
+            errors_s.append(abs(clock.dance_s(taken) - depth_m[0, 0]))
+        assert len(errors_s) >= least and max(errors_s) < 0.04
+
+    clock = DanceClock(60.0, 1.0)
+    camera = teach.RecordedCamera(SimpleNamespace(camera=None, timed=timed), clock)
+    clock.start(2.2)  # before the recording has run up to it
+    check_up_to(75.0, least=60)
+    clock.stop()
+    while camera.read()[0][0, 0] < 59.9:
+        pass
+    clock.start(2.2)
+    check_up_to(63.0, least=90)
+    clock.pause(62.95)
+    moments.sleep(9)
+    assert all(abs(camera.read()[0][0, 0] - 63) < 0.1 for _ in range(3))
+    clock.resume(2.2)
+    check_up_to(66.0, least=89)
+    check_up_to(69.0, least=30)
 
 
 def test_a_person_before_another_programs_camera_is_seen_until_it_ends(tmp_path):

@@ -62,15 +62,15 @@ def test_depth_and_joints_are_told_apart(tmp_path):
     assert kpop_teachers(tmp_path) == {} and kpop_teachers(tmp_path / "file.bvh") == {}
 
 
-def test_a_part_is_cut_by_seconds_from_the_first_image_on():
+def test_a_part_is_cut_by_seconds_from_the_begin_on():
     times_s = 7 + np.arange(50) / 10
     whole = Performance(np.random.default_rng(0).normal(size=(50, 15, 3)), times_s, np.ones((50, 15)))
-    part = part_of(whole, 1.0, 2.05, "dance")
-    np.testing.assert_allclose(part.times_s, np.arange(11) / 10, atol=1e-9)
+    part = part_of(whole, 1.0, 2.05, 7.0, "dance")
+    np.testing.assert_allclose(part.times_s, 1 + np.arange(11) / 10, atol=1e-9)
     np.testing.assert_array_equal(part.joints_m, whole.joints_m[10:21])
     for from_s, to_s in ((9.0, None), (2.0, 1.0), (float("nan"), None)):
         with pytest.raises(InputError, match=r"dance: lasts 4.9 s; nothing is left from"):
-            part_of(whole, from_s, to_s, "dance")
+            part_of(whole, from_s, to_s, 7.0, "dance")
 
 
 def test_nearest_frames_are_taken_at_a_constant_rate_of_at_most_15_minutes(library):

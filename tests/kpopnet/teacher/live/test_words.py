@@ -65,6 +65,10 @@ def test_the_result_names_the_part_that_was_wrong_and_of_a_perfect_dance_none(li
     perfect = score_dance(teacher, teacher)
     result = try_result(perfect, lesson, dance.about, notes)
     assert result["total"] > 99 and result["worst"] == [] and result["hints"] == [] and latest_words(perfect) == ""
+    unknown = replace(dance.about, weights={"rhythm": 1.0})  # a still dance has none
+    still = Performance(np.broadcast_to(teacher.joints_m[:1], teacher.joints_m.shape), teacher.times_s)
+    result = try_result(score_dance(still, still), lesson, unknown, notes)
+    assert result["total"] > 99 and result["weights"] == {} and "could not be measured" in result["hints"][0]
     learner_m = arm_lowered(teacher.joints_m, "left", 60)
     score = score_dance(teacher, Performance(learner_m, teacher.times_s))
     assert "left arm" in latest_words(score)
@@ -72,7 +76,9 @@ def test_the_result_names_the_part_that_was_wrong_and_of_a_perfect_dance_none(li
     assert result["worst"][0]["part"] == "left arm" and min(result["parts"], key=result["parts"].get) == "left arm"
 
 
-@pytest.mark.parametrize("wrong", [{"speed": 0.1}, {"speed": float("nan")}, {"dance": "../x"}, {"from_s": -1.0}])
+@pytest.mark.parametrize(
+    "wrong", [{"speed": 0.1}, {"speed": float("nan")}, {"dance": "../x"}, {"from_s": -1.0}, {"calibrate": True, "people": 2}]
+)
 def test_a_lesson_is_checked(wrong):
     with pytest.raises(InputError):
         replace(Lesson("dance_001"), **wrong)

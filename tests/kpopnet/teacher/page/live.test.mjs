@@ -1,6 +1,7 @@
 // The connection to the process that watches the learner.
 import assert from "node:assert/strict";
 import { beforeEach, test } from "node:test";
+import "./dom.mjs";
 
 class Socket {
   static CONNECTING = 0;
@@ -31,7 +32,8 @@ class Socket {
 }
 globalThis.WebSocket = Socket;
 globalThis.location = { protocol: "http:", host: "127.0.0.1:1" };
-const { Live, ServerClock, liveFor } = await import("../../../../kpopnet/teacher/page/live.js");
+const PAGE = "../../../../kpopnet/teacher/page/";
+const { Live, ServerClock, liveFor } = await import(`${PAGE}live.js`);
 
 let said;
 const listen = () => new Live(new Proxy({}, { get: (_, kind) => (...content) => said.push([kind, ...content]) }));
@@ -128,4 +130,18 @@ test("views hand on one connection, and hear what they listen for alone", () => 
   second.send({ do: "prepare" });
   for (const kind of ["ready", "done"]) second.receive(JSON.stringify({ kind }));
   assert.deepEqual([Socket.made.length, heard], [1, ["done"]]);
+});
+
+test("a view that arrives when the page shows another one leaves that one's connection and lesson alone", async () => {
+  const answers = { "/api/dances": [{ seconds: 60, name: "a" }], "/api/body": { vertices_m: "", faces: "", weight_bones: "", weights: "" } };
+  globalThis.fetch = async (path) => Response.json(answers[path] || { sources: {}, others: [] });
+  const heard = [], shown = liveFor({ error: ({ text }) => heard.push(text) });
+  shown.send({ do: "prepare" });
+  const sent = shown.socket.sent.length;
+  for (const name of ["stage", "calibrate", "menu"]) {
+    const { [name]: late } = await import(`${PAGE}${name}.js`);
+    (await late({ isConnected: false }, "a", new URLSearchParams("go")))();
+  }
+  shown.receive(JSON.stringify({ kind: "error", text: "camera" }));
+  assert.deepEqual([heard, shown.socket.sent.length], [["camera"], sent]);
 });

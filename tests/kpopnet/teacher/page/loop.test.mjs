@@ -40,16 +40,17 @@ test("practising speeds up at the goal, slows down far below it, and ends at ful
   assert.ok(practice.done && practice.after(92).endsWith("your goal of 80"));
 });
 
-test("the worst phrase is the one of the least score; phrases that were not seen do not count", () => {
-  const phrases = [[0, 50], [4, null], [8.01, 30]].map(([start_s, total]) => ({ start_s, total }));
-  assert.deepEqual([worstPhrase(phrases, 4), worstPhrase(phrases.slice(1, 2), 4)], [{ phrase: 2, total: 30 }, null]);
+test("the worst phrase is the one of the least score; phrases that were not seen, or are too short to be danced alone, do not count", () => {
+  const phrases = [[0, 50], [4, null], [8.01, 30], [12, 10]].map(([start_s, total]) => ({ start_s, total }));
+  const worst = (seconds, some = phrases) => worstPhrase(some, { phrase_s: 4, seconds });
+  assert.deepEqual([worst(14.4), worst(14.5), worst(16, phrases.slice(1, 2))], [{ phrase: 2, total: 30 }, { phrase: 3, total: 10 }, null]);
 });
 
 test("the week's plan holds the three worst phrases of late, by their latest try, and none that reached the goal", () => {
   const one = (session, ...totals) => ({ session, phrases: totals.map((total, k) => ({ start_s: 4 * k, total })) });
-  const dance = (identity, ...tries) => ({ identity, name: identity, phrase_s: 4, tries });
+  const dance = (identity, ...tries) => ({ identity, name: identity, phrase_s: 4, seconds: 13, tries });
   const dances = [dance("a", one("20260301-120000-000", 90, 40, null), one("20260228-120000-000", 10, 10, 50)),
-    dance("b", one("20260302-120000-000", 30, 79.9, 81)), dance("c", one("20260101-120000-000", 1))];
+    dance("b", one("20260302-120000-000", 30, 79.9, 81, 5)), dance("c", one("20260101-120000-000", 1))];
   const plan = weekPlan(dances, new Date(2026, 2, 3));
   assert.deepEqual(plan.map(({ text }) => text), ["b, phrase 1 (30 of 100)", "a, phrase 2 (40 of 100)", "a, phrase 3 (50 of 100)"]);
   assert.ok(plan[1].href.startsWith("#/dance/a?phrase=1&practise="));

@@ -1,0 +1,32 @@
+// As much of a browser's document as building a view needs; imported before the modules of the page.
+class Node {
+  constructor(tag) {
+    Object.assign(this, { tag, style: {}, dataset: {}, children: [], listeners: {}, textContent: "", value: "", paused: true });
+  }
+
+  get options() {
+    return this.children;
+  }
+
+  append(...children) {
+    this.children.push(...children);
+    this.textContent += children.filter((child) => typeof child === "string").join("");
+  }
+
+  replaceChildren(...children) {
+    this.children = [];
+    this.append(...children);
+  }
+
+  setAttribute(name, value) {
+    this[name] = value;
+  }
+
+  addEventListener(kind, listener) {
+    this.listeners[kind] = listener;
+  }
+}
+
+const stored = new Map();
+globalThis.document = { createElement: (tag) => new Node(tag), getElementById: () => new Node("p"), body: new Node("body"), documentElement: new Node("html") };
+globalThis.localStorage = { getItem: (name) => stored.get(name) ?? null, setItem: (name, value) => stored.set(name, value) };

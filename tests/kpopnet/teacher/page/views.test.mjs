@@ -1,0 +1,46 @@
+// What the views build, without a browser.
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import "./dom.mjs";
+
+const PAGE = "../../../../kpopnet/teacher/page/";
+const { controls } = await import(`${PAGE}panels.js`);
+const { LOOPS, loopOf } = await import(`${PAGE}loops.js`);
+const { songPanel, songTempo } = await import(`${PAGE}song.js`);
+
+const OFFER = { sources: { simulated: "a simulated learner" }, skills: ["good"], faults: [""] };
+const wanting = (dance, query) => controls({ others: [], ...dance }, OFFER, new URLSearchParams(query));
+
+test("a last phrase that is cut short can be chosen, and is what a link asks for", () => {
+  const asked = (seconds) => wanting({ phrase_s: 4, seconds }, "phrase=2&practise=80&go").phrase;
+  assert.deepEqual(asked(10.6).options.map(({ value }) => value), ["", 0, 1, 2]);
+  assert.equal(asked(10.6).value, "2");
+  assert.deepEqual(asked(10.4).options.map(({ value }) => value), ["", 0, 1]); // 2.4 s are too short
+  assert.deepEqual(wanting({ phrase_s: 24, seconds: 5 }, "").phrase.options.map(({ value }) => value), ["", 0]);
+});
+
+test("dancers are counted from the left of who faces the screen, with the mirror and without it", () => {
+  const { dancer, mirrored } = wanting({ phrase_s: 4, seconds: 8, others: [{}, {}] }, ""), told = () => dancer.options.map(({ textContent }) => textContent[0]).join("");
+  assert.equal(told(), "123");
+  mirrored.checked = false;
+  mirrored.listeners.change();
+  assert.equal(told(), "321");
+});
+
+test("a song that was read more slowly than the one chosen after it leaves that one's beats alone, and what is kept of it", async () => {
+  const waiting = {}; // files that are being read, by their tempo: what ends it
+  Object.assign(URL, { createObjectURL: () => "", revokeObjectURL() {} });
+  globalThis.OfflineAudioContext = class {
+    decodeAudioData = (bpm) => new Promise((read, fail) => {
+      const loop = loopOf(Object.keys(LOOPS)[0], bpm, 22050), samples = Float32Array.from({ length: 20 * 22050 }, (_, k) => loop[k % loop.length]);
+      waiting[bpm] = [() => read({ getChannelData: () => samples }), () => fail(Object.assign(new Error("no sound"), { name: "EncodingError" }))];
+    });
+  };
+  const panel = songPanel(() => {}), file = (name, bpm) => ({ name, arrayBuffer: async () => bpm });
+  const [slow, broken, chosen] = [panel.take(file("slow", 98)), panel.take(file("broken", 101)), panel.take(file("chosen", 124))];
+  await new Promise(setImmediate); // all are being read
+  for (const [bpm, how] of [[124, 0], [98, 0], [101, 1]]) waiting[bpm][how]();
+  await Promise.all([slow, broken, chosen]);
+  assert.ok(Math.abs(songTempo() - 124) < 0.5, songTempo());
+  assert.deepEqual(["slow", "broken", "chosen"].map((name) => localStorage.getItem(`teach.song.${name}`) !== null), [false, false, true]);
+});
