@@ -164,15 +164,16 @@ class DanceScore(NamedTuple):
             figures["rhythm"] = danced.figure
         return {name: figure for name, figure in figures.items() if math.isfinite(figure)}
 
-    def total(self, weights: Mapping[str, float], beats_s: np.ndarray | None = None) -> float:
-        """The mean of `figures`, weighted as a teacher wants it; of those that are known, NaN if none is.
-
-        Raises as `check_weights`.
-        """
+    def counted(self, weights: Mapping[str, float], beats_s: np.ndarray | None = None) -> dict[str, float]:
+        """The weights above 0 whose `figures` are known; raises as `check_weights`."""
         check_weights(weights)
         figures = self.figures(beats_s)
-        names = [name for name in weights if name in figures]
-        return _mean(np.array([figures[name] for name in names]), np.array([weights[name] for name in names], float))
+        return {name: weight for name, weight in weights.items() if weight and name in figures}
+
+    def total(self, weights: Mapping[str, float], beats_s: np.ndarray | None = None) -> float:
+        """The mean of `figures`, weighted as a teacher wants it; of those that are known, NaN if none is; raises likewise."""
+        counted, figures = self.counted(weights, beats_s), self.figures(beats_s)
+        return _mean(np.array([figures[name] for name in counted]), np.array(list(counted.values()), float))
 
     def _dynamics(self, inside: np.ndarray) -> Dynamics:
         matched = np.rint(np.arange(len(self.learner_m)) - self._delays_s * FPS).astype(int)

@@ -110,8 +110,7 @@ def main() -> None:
     wanted, total, told = dict(given.weights), {}, []
     if wanted:
         beats_s = score.beats_s(beat_s) if beat_s else None
-        wanted = {name: share for name, share in wanted.items() if share and name in score.figures(beats_s)}
-        if not wanted:
+        if not (wanted := score.counted(wanted, beats_s)):
             raise InputError("--weights: nothing of it is known of this dance (rhythm needs --bpm, and a dance on the beat)")
         total = {"total": score.total(wanted, beats_s), "weights": wanted}
         shares = [f"{name} {share:g}" for name, share in wanted.items()]

@@ -129,13 +129,12 @@ def score_result(score: DanceScore, found: Feedback, weights: Mapping[str, float
     of the music in seconds, if there is one.
     """
     windows, beats_s = score.windows, score.beats_s(beat_s) if beat_s else None
-    total, hints = score.similarity, list(found.hints)
-    if weights and math.isnan(total := score.total(weights, beats_s)):
-        total, weights, hints = score.similarity, {}, [Said("what the total is made of could not be measured here"), *hints]
+    counted = score.counted(weights, beats_s)
+    unknown = [Said("what the total is made of could not be measured here")] if weights and not counted else []
     return {
-        "total": rounded(total),
-        "weights": dict(weights),
-        "uncertainty": None if weights else rounded(score.uncertainty),
+        "total": rounded(score.total(counted, beats_s) if counted else score.similarity),
+        "weights": counted,
+        "uncertainty": None if counted else rounded(score.uncertainty),
         "free": {name: rounded(value) for name, value in score.free(beats_s).items()},
         "timing": rounded(score.timing),
         "posture": rounded(score.posture),
@@ -148,7 +147,7 @@ def score_result(score: DanceScore, found: Feedback, weights: Mapping[str, float
         ],
         "worst": [_moment(moment) for moment in found.moments[:WORST]],
         "faults": [one.text for one in found.faults[:WORST]],
-        "hints": hints,
+        "hints": [*unknown, *found.hints],
         "praise": list(found.praise),
         "stage": {name: rounded(value) for name, value in score.stage.figures.items()},
         "on_stage": [Said("{what} {when}", what=text, when=at([at_s])) for at_s, text in score.stage_remarks()],
