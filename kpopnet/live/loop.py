@@ -193,8 +193,9 @@ class Watcher:
                 case "quit", _:
                     self._quit = True
                     self._hold(False)  # a recording that stands still would be waited for
-        except OSError as error:
-            self._tell("said", {"text": f"not saved: {of_the_disk(error)}"})
+        except (OSError, InputError) as error:
+            why = of_the_disk(error) if isinstance(error, OSError) else error
+            self._tell("said", {"text": f"not saved: {why}"})
 
     def _hold(self, paused: bool) -> None:
         self._paused = paused
