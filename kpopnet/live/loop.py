@@ -59,6 +59,7 @@ class Watcher:
         self._estimator = load_estimator(watching.checkpoint, watching.people)
         self._stream_to, self._stream = (watching.stream, watching.port), None
         self._camera = watching.open_camera()
+        self._opened: LiveCamera | NewestImage = self._camera  # what is closed in the end
         self._name, self._tell, self._orders = watching.name, tell, orders
         self._depth, self._joints = DepthRecorder(watching.folder, self._camera.camera), JointKeeper(watching.folder)
         self._away, self._paused, self._watched, self._quit, self._is_warm = "", False, False, False, False
@@ -77,7 +78,7 @@ class Watcher:
             self._order(("record", False))
             self._order(("joints", False))
             self._follow_news()
-            self._camera.close()
+            self._opened.close()  # last: it may wait for the camera
 
     def _warm(self) -> bool:
         """Handles each image in turn until joints come in real time; False at the end of a recording, which waits for this."""
@@ -106,17 +107,16 @@ class Watcher:
         return True
 
     def _go_on(self) -> None:
-        images = NewestImage(self._camera, self._keep)
+        images = self._opened = NewestImage(self._camera, self._keep)
         self._is_warm = True
         self._hold(self._paused)
-        with contextlib.closing(images):
-            while not self._quit and not images.ended:
-                self._follow()
-                image = images.fetch(ASK_EVERY_S)
-                self._follow_away(images.away)
-                self._dropped = images.dropped
-                if image is not None and not self._paused:
-                    self._see(image)
+        while not self._quit and not images.ended:
+            self._follow()
+            image = images.fetch(ASK_EVERY_S)
+            self._follow_away(images.away)
+            self._dropped = images.dropped
+            if image is not None and not self._paused:
+                self._see(image)
         if images.error:
             raise InputError(images.error)
 

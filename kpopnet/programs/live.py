@@ -99,7 +99,8 @@ def main() -> None:
         if given.no_page:
             watch_alone(asked)
             return
-        from kpopnet.live.server import make_watch_app
-        from kpopnet.teacher.hosting import host
+        from kpopnet.live.server import SAVE_S, make_watch_app
+        from kpopnet.teacher.hosting import END_S, host
 
-        host(partial(make_watch_app, asked), given, "live at", out=sys.stderr if given.stream in TO_STDOUT else sys.stdout)
+        out = sys.stderr if given.stream in TO_STDOUT else sys.stdout
+        host(partial(make_watch_app, asked), given, "live at", out=out, end_s=SAVE_S + END_S)

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -96,3 +97,25 @@ def test_joints_outlive_equal_times_a_full_disk_and_an_hour(watch, in_turn, monk
     whole = [read_performance(path).times_s for path in paths]
     np.testing.assert_allclose(whole[0], np.delete(times_s, [6, 9])[: len(whole[0])], atol=1e-6)
     assert [len(one) for one in whole] == [14, 14, 9, 9]  # until the second try after the "hour", and from then on
+
+
+def test_joints_are_saved_before_a_camera_is_waited_for(watch, tmp_path):
+    closed_with = []
+
+    class Slow(Images):
+        """One that is about to send an image until the joints are there."""
+
+        def close(self) -> None:
+            closed_with.extend(saved())
+
+    def saved() -> list[Path]:
+        return list((tmp_path / "kept").glob("joints-*"))
+
+    def wait() -> None:
+        by = time.monotonic() + 20
+        while next(read) > 12 and not saved() and time.monotonic() < by:
+            time.sleep(0.01)
+
+    read = iter(range(10**9))
+    watch(Slow(np.arange(100) / 10, wait), {1: ("joints", True), 20: ("quit",)})
+    assert len(closed_with) == 2

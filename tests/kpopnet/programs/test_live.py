@@ -68,3 +68,11 @@ def test_a_page_needs_its_server_library_and_a_stream_alone_does_not(run, capsys
     with pytest.raises(SystemExit):
         run(tmp_path / "nothing.npz", "--no-page", "--stream", "osc")
     assert "no such recording" in capsys.readouterr().err
+
+
+def test_the_server_ends_later_than_what_it_saves(run, monkeypatch):
+    hosting, server = (pytest.importorskip(f"kpopnet.{name}") for name in ("teacher.hosting", "live.server"))
+    named = {}
+    monkeypatch.setattr(hosting, "host", lambda *given, **others: named.update(others))
+    run("tcp:127.0.0.1:9000")
+    assert named["end_s"] > server.SAVE_S
