@@ -81,10 +81,15 @@ class Watcher:
             self._opened.close()  # last: it may wait for the camera
 
     def _warm(self) -> bool:
-        """Handles each image in turn until joints come in real time; False at the end of a recording, which waits for this."""
+        """Handles each image in turn until joints come in real time or it is paused; False at the end of a recording.
+
+        A recording waits for this.
+        """
         steady, began, compiled = 0, time.monotonic(), False
         while steady < STEADY_FRAMES and time.monotonic() - began < NOBODY_S:
             self._follow()
+            if compiled and self._paused:
+                return True
             try:
                 read = self._camera.read()
             except CameraAwayError as error:
@@ -98,7 +103,7 @@ class Watcher:
                 self._estimator.update(image.depth_m, self._camera.camera)
                 self._estimator.reset()
                 compiled, began = True, time.monotonic()
-                if not isinstance(self._camera, PlayedRecording):
+                if self._paused or not isinstance(self._camera, PlayedRecording):
                     continue  # its image is old by now
                 image, before = image._replace(taken=began), began
             self._depth.add(image)

@@ -1,5 +1,6 @@
 """What is kept of what is seen, with a camera and an estimator that cost nothing; the process and its page: test_server.py."""
 
+import contextlib
 import errno
 import os
 import time
@@ -119,3 +120,10 @@ def test_joints_are_saved_before_a_camera_is_waited_for(watch, tmp_path):
     read = iter(range(10**9))
     watch(Slow(np.arange(100) / 10, wait), {1: ("joints", True), 20: ("quit",)})
     assert len(closed_with) == 2
+
+
+def test_a_pause_from_the_start_holds_everything(watch, monkeypatch, tmp_path):
+    streamed = []
+    monkeypatch.setattr(loop, "open_stream", lambda *given: contextlib.nullcontext(streamed.append))
+    watch(Images(np.arange(20) / 10), {0: ("pause", True), 1: ("record", True)})
+    assert not streamed and not list((tmp_path / "kept").iterdir())
