@@ -78,12 +78,13 @@ def _write_json(seen: Seen) -> None:
 
 
 def _csv_writer() -> Stream:
-    """A header, then a line for everybody in each image; an image without anybody has none."""
+    """A header with the first image, then a line for everybody in each image; an image without anybody has none."""
     rows = csv.writer(sys.stdout, lineterminator="\n")
-    rows.writerow(("image", "identity", "delay_ms", *CSV_COLUMNS))
-    sys.stdout.flush()
+    header = [("image", "identity", "delay_ms", *CSV_COLUMNS)]
 
     def write(seen: Seen) -> None:
+        while header:
+            rows.writerow(header.pop())
         for one in seen.people:
             rows.writerow([seen.number, one.identity, round(seen.delay_ms, 1), *next(csv_rows(_one(seen, one)))])
         sys.stdout.flush()

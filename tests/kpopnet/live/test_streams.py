@@ -5,6 +5,7 @@ import json
 import socket
 import struct
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from cone_people import cone_joints
 from scipy.spatial.transform import Rotation
 
 from kpopnet.dance.joint_files.reader import read_performance
-from kpopnet.live.streams import Seen, open_stream
+from kpopnet.live.streams import TO_STDOUT, Seen, open_stream
 from kpopnet.pose import PersonPose
 from kpopnet.skeleton import JOINT_NAMES, Joint
 
@@ -108,6 +109,16 @@ def test_csv_of_one_person_is_what_the_scorer_reads(monkeypatch, tmp_path):
     np.testing.assert_allclose(read.times_s, np.arange(4) / 30, atol=1e-6)
     read_m, true_m = (joints_m - joints_m[Joint.TORSO] for joints_m in (read.joints_m[3], person(2).joints_camera_m))
     np.testing.assert_allclose(read_m, true_m, atol=2e-4)
+
+
+@pytest.mark.parametrize("kind", TO_STDOUT)
+def test_a_reader_that_has_gone_is_told_with_the_first_image(monkeypatch, kind):
+    def gone(*_: object) -> None:
+        raise BrokenPipeError
+
+    monkeypatch.setattr(sys, "stdout", SimpleNamespace(write=gone, flush=gone))
+    with open_stream(kind) as stream, pytest.raises(BrokenPipeError):
+        stream(SEEN)
 
 
 def test_osc_names_people_and_joints(listen):
