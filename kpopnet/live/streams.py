@@ -60,7 +60,8 @@ def open_stream(kind: str | None, port: int | None = None) -> Iterator[Stream | 
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
 
         def send(packet: bytes, number: int = 0) -> None:
-            with contextlib.suppress(ConnectionRefusedError):  # nobody listens yet
+            # Nobody listens yet, or all ports up to the last one are taken, some by people who have just left.
+            with contextlib.suppress(ConnectionRefusedError, OverflowError):
                 udp.sendto(packet, (LOOPBACK, (port or PORTS[kind]) + number))
 
         yield _osc_sender(send) if kind == "osc" else VmcPerformers(send).send

@@ -191,3 +191,5 @@ def test_vmc_holds_a_limb_that_is_hidden_and_keeps_ports(listen):
         stream(Seen(3, 9.0, 10.0, [person(5)]))  # who came second stays second for as long as the first may come back
         stream(Seen(4, 20.0, 10.0, [person(6)]))  # and now nobody is known
         assert heard_bones(heard[0].recv(65536))
+    with open_stream("vmc", 65535) as stream:
+        stream(Seen(0, 0.0, 10.0, [person(1), person(2)]))  # the second has no port

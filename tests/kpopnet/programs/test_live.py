@@ -50,6 +50,7 @@ def test_a_reader_that_ends_ends_the_stream_in_silence(tmp_path):
         (("nothing.npz",), "nothing.npz: no such recording, and no camera; there are realsense"),
         (("nothing.npz", "--no-page"), "add --stream json, csv, osc or vmc"),
         (("nothing.npz", "--stream", "json", "--port-out", "9000"), "--port-out 9000: expected 1 to 65535, with --stream osc"),
+        (("nothing.npz", "--stream", "vmc", "--port-out", "65534", "--people", "3"), "--port-out 65534: expected 1 to 65533"),
         (("nothing.npz", "--port", "-1"), "--port -1"),
     ],
 )
