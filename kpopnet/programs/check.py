@@ -151,7 +151,8 @@ class Collected:
         """
         count, times_s = len(self._answers), np.array([one.time_s for one in self._answers])
         if count < 2 or times_s[-1] < END_S - TOLERANCE_S:
-            raise too_short(name, f"{count} images of {times_s.max(initial=0):.1f} s")
+            found = f"{count} images of {times_s.max(initial=0):.1f} s"
+            raise InputError(f"{name}: {found}; the script takes {END_S:g} s (kpopnet check --help)")
         if truth is None:
             numbers = np.flatnonzero(times_s >= 0).tolist()
             surface_m2 = np.zeros(count)
@@ -178,10 +179,6 @@ class Collected:
         return replace(run, images={number: self._images[number] for number, _ in moments(run) if number in self._images})
 
 
-def too_short(name: object, found: str) -> InputError:
-    return InputError(f"{name}: {found}; the script takes {END_S:g} s (kpopnet check --help)")
-
-
 def warm_up(source: DepthSource, estimator: PoseEstimator) -> None:
     """Compiles what the estimator needs, with images of somebody who stands still, and has it forget them."""
     steady, begin_s = 0, step_s("stand still")[0]
@@ -199,8 +196,6 @@ def check_recording(path: Path, given: argparse.Namespace, estimator: PoseEstima
     """Feeds a recording of the script to the estimator. Raises InputError where it is damaged or too short."""
     truth = read_in_child(stored_truth, path)
     source = opener(path, given, in_child=True)()
-    if source.frames is not None and source.frames / source.fps < END_S - TOLERANCE_S:
-        raise too_short(path, f"{source.frames} images of {source.frames / source.fps:.1f} s")
     warm_up(source, estimator)
     collected, dropped = Collected(source.camera), 0
     if given.as_fast:
@@ -214,7 +209,7 @@ def check_recording(path: Path, given: argparse.Namespace, estimator: PoseEstima
                     break
                 collected.add(answer, script_s)
             dropped = images.dropped
-    return collected.watched(path.stem, dropped, None if truth is None else Truth(*truth), source.fps)
+    return collected.watched(path.name, dropped, None if truth is None else Truth(*truth), source.fps)
 
 
 def check_live(given: argparse.Namespace, estimator: PoseEstimator) -> Watched:
