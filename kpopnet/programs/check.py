@@ -147,16 +147,19 @@ class Collected:
     def watched(self, name: str, dropped: int, truth: Truth | None = None, fps: float = 0.0) -> Watched:
         """The run, once the script is over, with the truth, if it is known, of its images at `fps` a second.
 
-        Raises InputError where the images end before the script.
+        Raises InputError where the images end before the script, or none shows the empty room.
         """
         count, times_s = len(self._answers), np.array([one.time_s for one in self._answers])
         if count < 2 or times_s[-1] < END_S - TOLERANCE_S:
             found = f"{count} images of {times_s.max(initial=0):.1f} s"
             raise InputError(f"{name}: {found}; the script takes {END_S:g} s (kpopnet check --help)")
         if truth is None:
-            numbers = np.flatnonzero(times_s >= 0).tolist()
+            numbers, empty_s = np.flatnonzero(times_s >= 0).tolist(), step_s("come in")[0]
+            shows_room = times_s[numbers] < empty_s
+            if not shows_room.any():
+                raise InputError(f"{name}: no image came in the first {empty_s:g} s, which show the empty room; check again")
             surface_m2 = np.zeros(count)
-            surface_m2[numbers] = surfaces_m2([self._images[one] for one in numbers], times_s[numbers] < step_s("come in")[0])
+            surface_m2[numbers] = surfaces_m2([self._images[one] for one in numbers], shows_room)
             in_view, empty, truth_m = surface_m2 >= IN_VIEW_M2, surface_m2 < EMPTY_M2, None
         else:
             rows = np.rint(times_s * fps).astype(int).clip(max=len(truth.in_view) - 1)

@@ -16,7 +16,9 @@ from kpopnet.camera import CAMERAS, Camera
 from kpopnet.datasets import check_script
 from kpopnet.datasets.check_script import Step
 from kpopnet.datasets.simulated import StoredSequence
+from kpopnet.errors import InputError
 from kpopnet.pose import PersonPose
+from kpopnet.programs.check import Answer, Collected
 from kpopnet.sources.arrays import DepthWriter
 from synth.simulated.check_sim import CheckSim, CheckSimConfig
 
@@ -185,3 +187,11 @@ def test_a_camera_that_fails_is_one_line(check, capsys, shorter, monkeypatch):
 
     monkeypatch.setattr("kpopnet.programs.check.open_live", Failing)
     assert "the camera stopped: the cable is broken" in fails(check, capsys, "realsense")
+
+
+def test_a_camera_that_was_away_while_the_room_was_empty_is_one_line():
+    collected = Collected(CAMERAS["kinect_v1"])
+    for script_s in (-1.0, 8.1, 59.9):
+        collected.add(Answer(script_s, 0.02, 0.01, seen(0), [], None), script_s)
+    with pytest.raises(InputError, match="realsense: no image came in the first 8 s"):
+        collected.watched("realsense", 0)
