@@ -46,6 +46,7 @@ from kpopnet.teacher.live.loop import (
     NOBODY_PATIENCE_S,
     STEADY_FRAMES,
     STEADY_S,
+    CompiledKernels,
     Learner,
     load_estimator,
 )
@@ -222,10 +223,10 @@ def check_live(given: argparse.Namespace, estimator: PoseEstimator) -> Watched:
     with closing(NewestImage(camera)) as images:
         stream = answers(images, camera.camera, estimator)
         print("put a chair about 3 m before the camera, and stand before it until you are found", flush=True)
-        steady, began = 0, time.monotonic()
+        steady, began, kernels = 0, time.monotonic(), CompiledKernels()
         for answer in stream:
             steady = steady + 1 if answer.people and answer.delay_s < STEADY_S else 0
-            if steady == STEADY_FRAMES or time.monotonic() - began > NOBODY_PATIENCE_S:
+            if steady == STEADY_FRAMES or time.monotonic() - began > NOBODY_PATIENCE_S + kernels.count:
                 break
         print(f"{'you are found' if steady else 'nobody was found'}; leave the camera's view within {READY_S:g} s", flush=True)
         longer_s = max(60 * given.empty - step_s("come in")[0], 0.0)
