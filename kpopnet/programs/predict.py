@@ -20,6 +20,7 @@ What the files hold, and the other kinds of recordings: docs/predicting.md. `kpo
 import argparse
 import sys
 from collections.abc import Iterator, Sequence
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -88,14 +89,14 @@ def estimated(source: DepthSource, estimator: PoseEstimator, segmented: bool) ->
 
 
 def draw(source: DepthSource, people: Sequence[PersonPose], times_s: np.ndarray, out: Path, gif: bool) -> list[Path]:
-    """Writes overlays and page in a second pass over the recording, and returns their paths."""
+    """Writes overlays and page in a second pass over the recording, which may have grown since, and returns their paths."""
     frames = len(times_s)
     tiled = set(np.linspace(0, frames - 1, min(SHEET_TILES, frames)).round().astype(int).tolist())
     in_page, in_gif = cloud_frames(frames), range(0, frames, -(-frames // MOST_GIF_FRAMES))
     tiles, pictures, clouds = [], [], []
 
     def overlays() -> Iterator[np.ndarray]:
-        for number, depth_m in enumerate(tqdm(source, "pictures", frames, unit=" images", disable=None)):
+        for number, depth_m in enumerate(tqdm(islice(source, frames), "pictures", frames, unit=" images", disable=None)):
             joints_m = [person.joints_camera_m[number] for person in people]
             image = overlay_image(depth_m, source.camera, joints_m, VIDEO_WIDTH_PX)
             if number in tiled:

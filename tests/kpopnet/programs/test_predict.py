@@ -14,7 +14,9 @@ from kpopnet.camera import CAMERAS
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import save_checkpoint
 from kpopnet.networks.network import build_network
+from kpopnet.programs.predict import draw
 from kpopnet.skeleton import Joint
+from kpopnet.sources import open_depth
 
 FRAMES, CAMERA_WORDS = 8, ("--focal", CAMERA.fx)
 
@@ -104,6 +106,12 @@ def test_segmented_depth_needs_nobody_to_be_found_and_the_files_camera_is_used(p
     images[:, 60:200, 140:180] = 2500
     np.savez(tmp_path / "a.npz", depth=images, camera=list(vars(CAMERAS["kinect_v1"]).values()))
     assert "person 1: in 2 of 2 images" in predict(tmp_path / "a.npz", "--segmented")
+
+
+def test_a_recording_that_goes_on_is_shown_as_far_as_it_was_read(tmp_path):
+    np.savez(tmp_path / "a.npz", depth=recording(), camera=list(vars(CAMERA).values()))
+    draw(open_depth(tmp_path / "a.npz"), [], np.arange(5) / 30, tmp_path, gif=False)
+    assert cv2.VideoCapture(str(tmp_path / "overlay.mp4")).get(cv2.CAP_PROP_FRAME_COUNT) == 5
 
 
 def test_mistakes_are_one_line(predict, tmp_path):
