@@ -22,7 +22,7 @@ from kpopnet.errors import InputError
 from kpopnet.pose import PersonPose
 from kpopnet.programs.check import Answer, Collected
 from kpopnet.sources.arrays import DepthWriter
-from kpopnet.teacher.live.loop import KERNELS
+from kpopnet.teacher.live.loop import KERNELS, STEADY_S
 from synth.simulated.check_sim import CheckSim, CheckSimConfig
 
 FPS, EVERY = 2.0, 15
@@ -162,7 +162,7 @@ class Live:
         time.sleep(max(self._due - time.monotonic(), 0))
         now = time.monotonic()
         # In view until found, then away for the time to leave and the first step of the script.
-        script_s = now - self._began - Live.READY_S - 0.3
+        script_s = now - self._began - Live.READY_S - 0.7
         return seen(1.0 if script_s < -Live.READY_S else script_s), now
 
     def close(self) -> None:
@@ -180,6 +180,7 @@ class Compiling(Estimator):
         for _ in range(0 if self.is_compiled else KERNELS):
             with event.trigger_event("numba:compile", {"dispatcher": SimpleNamespace(py_func=self.update)}):
                 self.is_compiled = True
+                time.sleep(2 * STEADY_S / KERNELS)
         return super().update(*given)
 
 
@@ -190,7 +191,7 @@ def test_a_person_before_a_live_camera_is_told_what_to_do(check, shorter, monkey
     monkeypatch.setattr("kpopnet.programs.check.READY_S", Live.READY_S)
     printed = check("realsense")
     told = [printed.index(step.told) for step in check_script.SCRIPT]
-    assert told == sorted(told) and printed.index("you are found") < told[0]
+    assert told == sorted(told) and printed.index("you are found; leave") < told[0]
     found = rows(printed)
     assert float(found["time for which the room was empty"].split()[0]) > 0.3
     assert float(found["time in view with joints"].split()[0]) == 100
