@@ -8,16 +8,17 @@ import numpy as np
 
 from kpopnet.camera import Camera
 from kpopnet.dance.joint_files.writing import write_performance
-from kpopnet.dance.performance import Performance
+from kpopnet.dance.performance import MAX_DURATION_S, Performance
 from kpopnet.live.streams import Seen
+from kpopnet.pose import PersonPose
 from kpopnet.runtime.atomic_write import claim
 from kpopnet.runtime.endings import of_the_disk
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.sources.arrays import DepthWriter
 from kpopnet.sources.live import Image
 
-MOST_JOINTS_S = 3600.0
-"""Joints are kept in memory until they are written: after this time they are."""
+MOST_JOINTS_S, RETRY_S = 3600.0, 600.0
+"""Joints are kept in memory until they are written: after the first time they are, or, where that failed, after the second."""
 
 
 def free_path(folder: Path, kind: str, suffix: str) -> Path:
@@ -99,6 +100,7 @@ class JointKeeper:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._kept: list[Seen] | None = None
+        self._due_s = 0.0
 
     @property
     def state(self) -> dict | None:
@@ -114,32 +116,47 @@ class JointKeeper:
         self._kept = self._kept if self._kept is not None else []
 
     def add(self, seen: Seen) -> bool:
-        """Keeps the joints of an image; whether it is time to write them."""
+        """Keeps the joints of an image; whether it is time to write them.
+
+        Left out is one that is not later than the image before, and one with which the recording is longer than a dance may be.
+        """
         if self._kept is None:
             return False
-        self._kept.append(seen)
-        return self._seconds >= MOST_JOINTS_S
+        if not self._kept:
+            self._due_s = seen.time_s + MOST_JOINTS_S
+        kept = self._kept
+        if not kept or (seen.time_s > kept[-1].time_s and seen.time_s - kept[0].time_s <= MAX_DURATION_S):
+            kept.append(seen)
+        if is_due := seen.time_s >= self._due_s:
+            self._due_s = seen.time_s + RETRY_S
+        return is_due
 
     def write(self) -> str:
         """Writes a file for each person, which `kpopnet score` reads, and forgets the joints; what was written, "" for nothing.
 
-        Times begin with 0 at the first image. Raises OSError.
+        Times begin with 0 at the first image. Raises OSError and InputError: nothing is written then, and the joints are kept.
         """
-        kept, self._kept = self._kept, None
-        if kept is None:
+        if (kept := self._kept) is None:
             return ""
-        identities = sorted({person.identity for seen in kept for person in seen.people})
-        if not identities:
-            return "nobody was in view: no joints were saved"
-        times_s = np.array([seen.time_s - kept[0].time_s for seen in kept])
-        joints_m = {one: np.full((len(kept), NUM_JOINTS, 3), np.nan, np.float32) for one in identities}
-        confidence = {one: np.zeros((len(kept), NUM_JOINTS), np.float32) for one in identities}
+        poses: dict[int, list[tuple[int, PersonPose]]] = {}
         for frame, seen in enumerate(kept):
             for person in seen.people:
-                joints_m[person.identity][frame] = person.joints_camera_m
-                confidence[person.identity][frame] = person.confidence
-        paths = []
-        for one in identities:
-            paths.append(free_path(self._folder, f"joints-person{one}", ".npz"))
-            write_performance(paths[-1], Performance(joints_m[one], times_s, confidence[one]))
+                poses.setdefault(person.identity, []).append((frame, person))
+        paths, times_s = [], np.array([seen.time_s - kept[0].time_s for seen in kept])
+        try:
+            for one, seen_as in sorted(poses.items()):
+                joints_m = np.full((len(kept), NUM_JOINTS, 3), np.nan, np.float32)
+                confidence = np.zeros((len(kept), NUM_JOINTS), np.float32)
+                for frame, person in seen_as:
+                    joints_m[frame], confidence[frame] = person.joints_camera_m, person.confidence
+                performance = Performance(joints_m, times_s, confidence)
+                paths.append(free_path(self._folder, f"joints-person{one}", ".npz"))
+                write_performance(paths[-1], performance)
+        except BaseException:
+            for path in paths:
+                path.unlink(missing_ok=True)
+            raise
+        self._kept = None
+        if not paths:
+            return "nobody was in view: no joints were saved"
         return f"the joints of {len(kept)} images are in {', '.join(map(str, paths))}"

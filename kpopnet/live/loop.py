@@ -59,6 +59,7 @@ class Watcher:
         self._estimator = load_estimator(watching.checkpoint, watching.people)
         self._stream_to, self._stream = (watching.stream, watching.port), None
         self._camera = watching.open_camera()
+        self._opened: LiveCamera | NewestImage = self._camera  # what is closed in the end
         self._name, self._tell, self._orders = watching.name, tell, orders
         self._depth, self._joints = DepthRecorder(watching.folder, self._camera.camera), JointKeeper(watching.folder)
         self._away, self._paused, self._watched, self._quit, self._is_warm = "", False, False, False, False
@@ -77,13 +78,18 @@ class Watcher:
             self._order(("record", False))
             self._order(("joints", False))
             self._follow_news()
-            self._camera.close()
+            self._opened.close()  # last: it may wait for the camera
 
     def _warm(self) -> bool:
-        """Handles each image in turn until joints come in real time; False at the end of a recording, which waits for this."""
+        """Handles each image in turn until joints come in real time or it is paused; False at the end of a recording.
+
+        A recording waits for this.
+        """
         steady, began, compiled = 0, time.monotonic(), False
         while steady < STEADY_FRAMES and time.monotonic() - began < NOBODY_S:
             self._follow()
+            if compiled and self._paused:
+                return True
             try:
                 read = self._camera.read()
             except CameraAwayError as error:
@@ -97,7 +103,7 @@ class Watcher:
                 self._estimator.update(image.depth_m, self._camera.camera)
                 self._estimator.reset()
                 compiled, began = True, time.monotonic()
-                if not isinstance(self._camera, PlayedRecording):
+                if self._paused or not isinstance(self._camera, PlayedRecording):
                     continue  # its image is old by now
                 image, before = image._replace(taken=began), began
             self._depth.add(image)
@@ -106,17 +112,16 @@ class Watcher:
         return True
 
     def _go_on(self) -> None:
-        images = NewestImage(self._camera, self._keep)
+        images = self._opened = NewestImage(self._camera, self._keep)
         self._is_warm = True
         self._hold(self._paused)
-        with contextlib.closing(images):
-            while not self._quit and not images.ended:
-                self._follow()
-                image = images.fetch(ASK_EVERY_S)
-                self._follow_away(images.away)
-                self._dropped = images.dropped
-                if image is not None and not self._paused:
-                    self._see(image)
+        while not self._quit and not images.ended:
+            self._follow()
+            image = images.fetch(ASK_EVERY_S)
+            self._follow_away(images.away)
+            self._dropped = images.dropped
+            if image is not None and not self._paused:
+                self._see(image)
         if images.error:
             raise InputError(images.error)
 
@@ -141,6 +146,7 @@ class Watcher:
                 raise ReaderGoneError("nobody reads the stream any more") from error
         if self._joints.add(seen):
             self._order(("joints", False))
+            self._joints.start()  # nobody has asked for an end
         if self._watched:
             self._tell("frame", self._shown(seen), picture(image.depth_m, PICTURE_WIDTH))
         return len(people)
@@ -193,8 +199,9 @@ class Watcher:
                 case "quit", _:
                     self._quit = True
                     self._hold(False)  # a recording that stands still would be waited for
-        except OSError as error:
-            self._tell("said", {"text": f"not saved: {of_the_disk(error)}"})
+        except (OSError, InputError) as error:
+            why = of_the_disk(error) if isinstance(error, OSError) else error
+            self._tell("said", {"text": f"not saved: {why}"})
 
     def _hold(self, paused: bool) -> None:
         self._paused = paused

@@ -20,8 +20,8 @@ MOST_PAGES = 16
 PATIENCE_S = 30.0
 """Interval of the pings that show whether a page is still there, seconds."""
 
-END_S = 2.0
-"""How long the process has to save what is being kept, seconds."""
+END_S, SAVE_S = 2.0, 20.0
+"""How long the process has to end, seconds, and where it has something to save: an hour of two people takes some seconds."""
 
 ORDERS = ("record", "joints", "pause")
 
@@ -88,7 +88,9 @@ class Watch:
         finally:
             with contextlib.suppress(InputError):
                 self._process.send("quit")
-            await asyncio.to_thread(self._process.end, time.monotonic() + END_S)
+            state = self._latest.get("state", {})
+            patience_s = SAVE_S if state.get("keeping") or state.get("recording") else END_S
+            await asyncio.to_thread(self._process.end, time.monotonic() + patience_s)
 
     async def end(self, _app: web.Application) -> None:
         """Closes the pages."""

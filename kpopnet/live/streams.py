@@ -60,7 +60,8 @@ def open_stream(kind: str | None, port: int | None = None) -> Iterator[Stream | 
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
 
         def send(packet: bytes, number: int = 0) -> None:
-            with contextlib.suppress(ConnectionRefusedError):  # nobody listens yet
+            # Nobody listens yet, or all ports up to the last one are taken, some by people who have just left.
+            with contextlib.suppress(ConnectionRefusedError, OverflowError):
                 udp.sendto(packet, (LOOPBACK, (port or PORTS[kind]) + number))
 
         yield _osc_sender(send) if kind == "osc" else VmcPerformers(send).send
@@ -78,12 +79,13 @@ def _write_json(seen: Seen) -> None:
 
 
 def _csv_writer() -> Stream:
-    """A header, then a line for everybody in each image; an image without anybody has none."""
+    """A header with the first image, then a line for everybody in each image; an image without anybody has none."""
     rows = csv.writer(sys.stdout, lineterminator="\n")
-    rows.writerow(("image", "identity", "delay_ms", *CSV_COLUMNS))
-    sys.stdout.flush()
+    header = [("image", "identity", "delay_ms", *CSV_COLUMNS)]
 
     def write(seen: Seen) -> None:
+        while header:
+            rows.writerow(header.pop())
         for one in seen.people:
             rows.writerow([seen.number, one.identity, round(seen.delay_ms, 1), *next(csv_rows(_one(seen, one)))])
         sys.stdout.flush()

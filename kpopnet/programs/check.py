@@ -46,6 +46,7 @@ from kpopnet.teacher.live.loop import (
     NOBODY_PATIENCE_S,
     STEADY_FRAMES,
     STEADY_S,
+    CompiledKernels,
     Learner,
     load_estimator,
 )
@@ -147,15 +148,19 @@ class Collected:
     def watched(self, name: str, dropped: int, truth: Truth | None = None, fps: float = 0.0) -> Watched:
         """The run, once the script is over, with the truth, if it is known, of its images at `fps` a second.
 
-        Raises InputError where the images end before the script.
+        Raises InputError where the images end before the script, or none shows the empty room.
         """
         count, times_s = len(self._answers), np.array([one.time_s for one in self._answers])
         if count < 2 or times_s[-1] < END_S - TOLERANCE_S:
-            raise too_short(name, f"{count} images of {times_s.max(initial=0):.1f} s")
+            found = f"{count} images of {times_s.max(initial=0):.1f} s"
+            raise InputError(f"{name}: {found}; the script takes {END_S:g} s (kpopnet check --help)")
         if truth is None:
-            numbers = np.flatnonzero(times_s >= 0).tolist()
+            numbers, empty_s = np.flatnonzero(times_s >= 0).tolist(), step_s("come in")[0]
+            shows_room = times_s[numbers] < empty_s
+            if not shows_room.any():
+                raise InputError(f"{name}: no image came in the first {empty_s:g} s, which show the empty room; check again")
             surface_m2 = np.zeros(count)
-            surface_m2[numbers] = surfaces_m2([self._images[one] for one in numbers], times_s[numbers] < step_s("come in")[0])
+            surface_m2[numbers] = surfaces_m2([self._images[one] for one in numbers], shows_room)
             in_view, empty, truth_m = surface_m2 >= IN_VIEW_M2, surface_m2 < EMPTY_M2, None
         else:
             rows = np.rint(times_s * fps).astype(int).clip(max=len(truth.in_view) - 1)
@@ -178,10 +183,6 @@ class Collected:
         return replace(run, images={number: self._images[number] for number, _ in moments(run) if number in self._images})
 
 
-def too_short(name: object, found: str) -> InputError:
-    return InputError(f"{name}: {found}; the script takes {END_S:g} s (kpopnet check --help)")
-
-
 def warm_up(source: DepthSource, estimator: PoseEstimator) -> None:
     """Compiles what the estimator needs, with images of somebody who stands still, and has it forget them."""
     steady, begin_s = 0, step_s("stand still")[0]
@@ -199,8 +200,6 @@ def check_recording(path: Path, given: argparse.Namespace, estimator: PoseEstima
     """Feeds a recording of the script to the estimator. Raises InputError where it is damaged or too short."""
     truth = read_in_child(stored_truth, path)
     source = opener(path, given, in_child=True)()
-    if source.frames is not None and source.frames / source.fps < END_S - TOLERANCE_S:
-        raise too_short(path, f"{source.frames} images of {source.frames / source.fps:.1f} s")
     warm_up(source, estimator)
     collected, dropped = Collected(source.camera), 0
     if given.as_fast:
@@ -214,7 +213,7 @@ def check_recording(path: Path, given: argparse.Namespace, estimator: PoseEstima
                     break
                 collected.add(answer, script_s)
             dropped = images.dropped
-    return collected.watched(path.stem, dropped, None if truth is None else Truth(*truth), source.fps)
+    return collected.watched(path.name, dropped, None if truth is None else Truth(*truth), source.fps)
 
 
 def check_live(given: argparse.Namespace, estimator: PoseEstimator) -> Watched:
@@ -224,10 +223,10 @@ def check_live(given: argparse.Namespace, estimator: PoseEstimator) -> Watched:
     with closing(NewestImage(camera)) as images:
         stream = answers(images, camera.camera, estimator)
         print("put a chair about 3 m before the camera, and stand before it until you are found", flush=True)
-        steady, began = 0, time.monotonic()
+        steady, began, kernels = 0, time.monotonic(), CompiledKernels()
         for answer in stream:
             steady = steady + 1 if answer.people and answer.delay_s < STEADY_S else 0
-            if steady == STEADY_FRAMES or time.monotonic() - began > NOBODY_PATIENCE_S:
+            if steady == STEADY_FRAMES or time.monotonic() - began > NOBODY_PATIENCE_S + kernels.count:
                 break
         print(f"{'you are found' if steady else 'nobody was found'}; leave the camera's view within {READY_S:g} s", flush=True)
         longer_s = max(60 * given.empty - step_s("come in")[0], 0.0)

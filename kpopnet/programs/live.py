@@ -60,8 +60,9 @@ def watching(given: argparse.Namespace) -> Watching:
         raise InputError(f"no source; give a recording of depth, or a camera: {', '.join(LIVE_CAMERAS)}")
     if given.no_page and given.stream is None:
         raise InputError("--no-page: nothing would be seen; add --stream json, csv, osc or vmc")
-    if given.port_out is not None and (given.stream not in PORTS or not 1 <= given.port_out <= 65535):
-        raise InputError(f"--port-out {given.port_out}: expected 1 to 65535, with --stream {' or '.join(PORTS)}")
+    last = 65536 - given.people if given.stream == "vmc" else 65535  # each person has a port
+    if given.port_out is not None and (given.stream not in PORTS or not 1 <= given.port_out <= last):
+        raise InputError(f"--port-out {given.port_out}: expected 1 to {last}, with --stream {' or '.join(PORTS)}")
     if is_live(given.source):
         name = check_live(given.source, "kpopnet live")
         open_camera = partial(open_live, given.source, given.rotate)
@@ -99,7 +100,8 @@ def main() -> None:
         if given.no_page:
             watch_alone(asked)
             return
-        from kpopnet.live.server import make_watch_app
-        from kpopnet.teacher.hosting import host
+        from kpopnet.live.server import SAVE_S, make_watch_app
+        from kpopnet.teacher.hosting import END_S, host
 
-        host(partial(make_watch_app, asked), given, "live at", out=sys.stderr if given.stream in TO_STDOUT else sys.stdout)
+        out = sys.stderr if given.stream in TO_STDOUT else sys.stdout
+        host(partial(make_watch_app, asked), given, "live at", out=out, end_s=SAVE_S + END_S)

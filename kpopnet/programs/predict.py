@@ -18,6 +18,7 @@ What the files hold, and the other kinds of recordings: docs/predicting.md. `kpo
 """
 
 import argparse
+import itertools
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -29,6 +30,7 @@ from kpopnet.dance.joint_files.writing import SUFFIXES, write_performance
 from kpopnet.dance.performance import MAX_DURATION_S, Performance
 from kpopnet.errors import InputError
 from kpopnet.pose import PersonPose, PoseEstimator
+from kpopnet.pose.estimator import MAX_PEOPLE
 from kpopnet.programs.arguments import add_depth, opener, program_parser
 from kpopnet.runtime.atomic_write import atomic_path, remove_unfinished
 from kpopnet.runtime.compilation import announce_compilation
@@ -88,14 +90,15 @@ def estimated(source: DepthSource, estimator: PoseEstimator, segmented: bool) ->
 
 
 def draw(source: DepthSource, people: Sequence[PersonPose], times_s: np.ndarray, out: Path, gif: bool) -> list[Path]:
-    """Writes overlays and page in a second pass over the recording, and returns their paths."""
+    """Writes overlays and page in a second pass over the recording, which may have grown since, and returns their paths."""
     frames = len(times_s)
     tiled = set(np.linspace(0, frames - 1, min(SHEET_TILES, frames)).round().astype(int).tolist())
     in_page, in_gif = cloud_frames(frames), range(0, frames, -(-frames // MOST_GIF_FRAMES))
     tiles, pictures, clouds = [], [], []
 
     def overlays() -> Iterator[np.ndarray]:
-        for number, depth_m in enumerate(tqdm(source, "pictures", frames, unit=" images", disable=None)):
+        images = itertools.islice(source, frames)
+        for number, depth_m in enumerate(tqdm(images, "pictures", frames, unit=" images", disable=None)):
             joints_m = [person.joints_camera_m[number] for person in people]
             image = overlay_image(depth_m, source.camera, joints_m, VIDEO_WIDTH_PX)
             if number in tiled:
@@ -119,13 +122,18 @@ def draw(source: DepthSource, people: Sequence[PersonPose], times_s: np.ndarray,
     return written
 
 
+def joints_path(out: Path, number: int, name: str) -> Path:
+    """Where the joints of a person, from 1, are written in a format."""
+    return out / f"joints{'' if number == 1 else f'_{number}'}.{name}"
+
+
 def write_joints(people: Sequence[PersonPose], times_s: np.ndarray, out: Path, formats: Sequence[str]) -> list[Path]:
     """Writes the joints of each person in each format, and returns the paths."""
     written = []
     for number, person in enumerate(people, 1):
         performance = Performance(person.joints_camera_m, times_s, person.confidence)
         for name in formats:
-            path = out / f"joints{'' if number == 1 else f'_{number}'}.{name}"
+            path = joints_path(out, number, name)
             try:
                 write_performance(path, performance)
             except InputError as error:
@@ -145,6 +153,9 @@ def main() -> None:
         for name in ("joints", "overlay", "view"):  # of a run that was killed
             remove_unfinished(given.out, f".{name}*.tmp")
         people, times_s = estimated(source, estimator, given.segmented)
+        for number, name in itertools.product(range(1, MAX_PEOPLE + 1), FORMATS):  # of another recording
+            joints_path(given.out, number, name).unlink(missing_ok=True)
+        (given.out / "overlay.gif").unlink(missing_ok=True)
         pictures = draw(source, people, times_s, given.out, given.gif)
         if not people:
             hint = "" if given.segmented else ", or try --segmented if the depth shows one person only"

@@ -43,7 +43,7 @@ IDLE_S, REFUSAL_S = 15.0, 1.0
 """How long a connection may say nothing, and how long one that was refused has to read why."""
 
 END_S = 2.5
-"""Longest time from Ctrl-C to the program's end."""
+"""Longest time from Ctrl-C to the program's end, of a program that has nothing to save."""
 
 
 def page_app(index: str, hosts: tuple[str, ...], keys: Keys | None, max_bytes: int) -> web.Application:
@@ -108,8 +108,9 @@ def host(
     greeting: str,
     *at_start: Callable[[web.Application], Awaitable[None]],
     out: TextIO | None = None,
+    end_s: float = END_S,
 ) -> None:
-    """Serves an application until the program is interrupted, and then ends within END_S.
+    """Serves an application until the program is interrupted, and then ends within `end_s` seconds.
 
     Args:
         make: from names of this server and keys, as in `safety.guard`.
@@ -117,6 +118,7 @@ def host(
         greeting: printed before the address.
         at_start: awaited before.
         out: where the address is printed; None is the standard output.
+        end_s: longest time from Ctrl-C to the program's end.
 
     Raises:
         InputError: the port is taken.
@@ -124,7 +126,7 @@ def host(
     keys = None if is_loopback(given.host) else Keys()
     app = make((*LOOPBACK_NAMES, given.host.lower()), keys)
     app.on_startup.extend(at_start)
-    late = threading.Timer(END_S, os._exit, (0,))  # a thread that reads what somebody sent would be waited for
+    late = threading.Timer(end_s, os._exit, (0,))  # a thread that reads what somebody sent would be waited for
     late.daemon = True
     try:
         asyncio.run(_serve(app, given, partial(print, greeting, file=out, flush=True), keys, late.start))

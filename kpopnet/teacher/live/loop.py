@@ -113,7 +113,7 @@ def taught_to(lesson: Lesson, dance: TaughtDance) -> list[int]:
     return [min(begin + learner, last) for learner in range(lesson.people)]
 
 
-class _CompiledKernels(event.Listener):
+class CompiledKernels(event.Listener):
     """Counts the kernels that this process has compiled."""
 
     def __init__(self) -> None:
@@ -131,7 +131,7 @@ def serve_lessons(connection: Connection, open_camera: CameraOpener, checkpoint:
     """Holds one lesson after another until the other end says so, or closes; the estimator stays warm."""
     end_with_parent()
     with contextlib.suppress(EOFError, BrokenPipeError, KeyboardInterrupt):
-        kernels, estimator = _CompiledKernels(), load_estimator(checkpoint)
+        kernels, estimator = CompiledKernels(), load_estimator(checkpoint)
         while (message := connection.recv())[0] != "quit":
             if message[0] != "prepare":
                 continue  # of a lesson that has ended
@@ -187,7 +187,7 @@ class RunningLesson:
         lesson, dance = replace(self._lesson, dancer=dancer), self._dance.dancers[dancer]
         return (Calibration if lesson.calibrate else DanceTry)(lesson, dance, noise_of(self._estimator))
 
-    def warm(self, kernels: _CompiledKernels, connection: Connection) -> bool:
+    def warm(self, kernels: CompiledKernels, connection: Connection) -> bool:
         """Compiles everything that the lesson needs, with progress, until poses come in real time.
 
         Returns whether the lesson goes on.

@@ -18,6 +18,7 @@ from two_people_files import CAMERA
 
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.errors import InputError
+from kpopnet.live import server
 from kpopnet.sources import open_depth
 from kpopnet.teacher.safety import Keys
 
@@ -124,7 +125,9 @@ def test_people_are_shown_to_friends_alone_recorded_and_saved_and_a_pause_holds_
         assert joints.times_s[0] == 0 and np.nanmedian(side * joints.joints_m[:, 0, 0]) > 0.2
 
 
-def test_a_camera_that_is_unplugged_is_told_and_goes_on_and_joints_are_saved_when_the_program_ends(images, tmp_path):
+def test_a_camera_that_is_unplugged_is_told_and_goes_on_and_the_end_of_the_program_saves_joints(images, tmp_path, monkeypatch):
+    monkeypatch.setattr(server, "END_S", 0)  # for a process that has nothing to save
+
     async def work(client):
         async with looking(client) as page:
             await page.until(two_people)

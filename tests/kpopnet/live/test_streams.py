@@ -5,6 +5,7 @@ import json
 import socket
 import struct
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from cone_people import cone_joints
 from scipy.spatial.transform import Rotation
 
 from kpopnet.dance.joint_files.reader import read_performance
-from kpopnet.live.streams import Seen, open_stream
+from kpopnet.live.streams import TO_STDOUT, Seen, open_stream
 from kpopnet.pose import PersonPose
 from kpopnet.skeleton import JOINT_NAMES, Joint
 
@@ -110,6 +111,16 @@ def test_csv_of_one_person_is_what_the_scorer_reads(monkeypatch, tmp_path):
     np.testing.assert_allclose(read_m, true_m, atol=2e-4)
 
 
+@pytest.mark.parametrize("kind", TO_STDOUT)
+def test_a_reader_that_has_gone_is_told_with_the_first_image(monkeypatch, kind):
+    def gone(*_: object) -> None:
+        raise BrokenPipeError
+
+    monkeypatch.setattr(sys, "stdout", SimpleNamespace(write=gone, flush=gone))
+    with open_stream(kind) as stream, pytest.raises(BrokenPipeError):
+        stream(SEEN)
+
+
 def test_osc_names_people_and_joints(listen):
     port, (heard,) = listen(1)
     with open_stream("osc", port) as stream:
@@ -180,3 +191,5 @@ def test_vmc_holds_a_limb_that_is_hidden_and_keeps_ports(listen):
         stream(Seen(3, 9.0, 10.0, [person(5)]))  # who came second stays second for as long as the first may come back
         stream(Seen(4, 20.0, 10.0, [person(6)]))  # and now nobody is known
         assert heard_bones(heard[0].recv(65536))
+    with open_stream("vmc", 65535) as stream:
+        stream(Seen(0, 0.0, 10.0, [person(1), person(2)]))  # the second has no port

@@ -50,6 +50,7 @@ def test_a_reader_that_ends_ends_the_stream_in_silence(tmp_path):
         (("nothing.npz",), "nothing.npz: no such recording, and no camera; there are realsense"),
         (("nothing.npz", "--no-page"), "add --stream json, csv, osc or vmc"),
         (("nothing.npz", "--stream", "json", "--port-out", "9000"), "--port-out 9000: expected 1 to 65535, with --stream osc"),
+        (("nothing.npz", "--stream", "vmc", "--port-out", "65534", "--people", "3"), "--port-out 65534: expected 1 to 65533"),
         (("nothing.npz", "--port", "-1"), "--port -1"),
     ],
 )
@@ -68,3 +69,11 @@ def test_a_page_needs_its_server_library_and_a_stream_alone_does_not(run, capsys
     with pytest.raises(SystemExit):
         run(tmp_path / "nothing.npz", "--no-page", "--stream", "osc")
     assert "no such recording" in capsys.readouterr().err
+
+
+def test_the_server_ends_later_than_what_it_saves(run, monkeypatch):
+    hosting, server = (pytest.importorskip(f"kpopnet.{name}") for name in ("teacher.hosting", "live.server"))
+    named = {}
+    monkeypatch.setattr(hosting, "host", lambda *given, **others: named.update(others))
+    run("tcp:127.0.0.1:9000")
+    assert named["end_s"] > server.SAVE_S

@@ -14,7 +14,9 @@ from kpopnet.camera import CAMERAS
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import save_checkpoint
 from kpopnet.networks.network import build_network
+from kpopnet.programs.predict import draw
 from kpopnet.skeleton import Joint
+from kpopnet.sources import open_depth
 
 FRAMES, CAMERA_WORDS = 8, ("--focal", CAMERA.fx)
 
@@ -92,11 +94,15 @@ def test_two_people_get_files_of_their_own(predict, tmp_path):
     assert "2 people" in (tmp_path / "out" / "view.html").read_text()
 
 
-def test_an_empty_room_is_told_and_shown(predict, tmp_path):
+def test_an_empty_room_is_told_and_shown_and_no_file_of_another_recording_stays(predict, tmp_path):
     np.save(tmp_path / "a.npy", np.rint(1000 * np.stack([room()] * 4)).astype(np.uint16))
+    (tmp_path / "out").mkdir()
+    for name in ("joints.npz", "joints_2.csv", "joints_16.bvh", "overlay.gif", "joints_mine.npz", "depth.npz"):
+        (tmp_path / "out" / name).touch()
     error = predict(tmp_path / "a.npy", *CAMERA_WORDS, fails=True)
     assert "a.npy: no person was found" in error and "--segmented" in error
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"overlay.png", "overlay.mp4", "view.html"}
+    written = {"overlay.png", "overlay.mp4", "view.html"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == written | {"joints_mine.npz", "depth.npz"}
 
 
 def test_segmented_depth_needs_nobody_to_be_found_and_the_files_camera_is_used(predict, tmp_path):
@@ -104,6 +110,12 @@ def test_segmented_depth_needs_nobody_to_be_found_and_the_files_camera_is_used(p
     images[:, 60:200, 140:180] = 2500
     np.savez(tmp_path / "a.npz", depth=images, camera=list(vars(CAMERAS["kinect_v1"]).values()))
     assert "person 1: in 2 of 2 images" in predict(tmp_path / "a.npz", "--segmented")
+
+
+def test_a_recording_that_goes_on_is_shown_as_far_as_it_was_read(tmp_path):
+    np.savez(tmp_path / "a.npz", depth=recording(), camera=list(vars(CAMERA).values()))
+    draw(open_depth(tmp_path / "a.npz"), [], np.arange(5) / 30, tmp_path, gif=False)
+    assert cv2.VideoCapture(str(tmp_path / "overlay.mp4")).get(cv2.CAP_PROP_FRAME_COUNT) == 5
 
 
 def test_mistakes_are_one_line(predict, tmp_path):

@@ -1,0 +1,129 @@
+"""What is kept of what is seen, with a camera and an estimator that cost nothing; the process and its page: test_server.py."""
+
+import contextlib
+import errno
+import os
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cone_people import CAMERA, cone_joints
+
+from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.live import keeping, loop
+from kpopnet.live.loop import Watcher, Watching
+from kpopnet.pose import PersonPose
+
+
+class Estimator:
+    """Finds the same two people in every image."""
+
+    def reset(self) -> None:
+        pass
+
+    def update(self, *image: object) -> list[PersonPose]:
+        joints_m = cone_joints().astype(np.float32)
+        return [PersonPose(identity, joints_m, np.ones(15, np.float32)) for identity in range(2)]
+
+
+class Images:
+    """A camera whose images are taken at these times; a `LiveCamera`."""
+
+    camera = CAMERA
+
+    def __init__(self, times_s: Sequence[float], wait: Callable[[], object] = lambda: None) -> None:
+        self._times_s, self._wait = iter(times_s), wait
+
+    def read(self) -> tuple[np.ndarray, float] | None:
+        """See `LiveCamera.read`."""
+        self._wait()
+        time_s = next(self._times_s, None)
+        return None if time_s is None else (np.full((240, 320), 4, np.float32), time_s)
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.fixture
+def watch(monkeypatch, tmp_path):
+    monkeypatch.setattr(loop, "load_estimator", lambda *given: Estimator())
+
+    def run(camera: Images, orders: dict[int, tuple]) -> list[tuple[str, dict]]:
+        """Watches with these orders by number of the question for them; what the page is told."""
+        told, asked = [], iter(range(10**9))
+
+        def next_orders():
+            if order := orders.get(next(asked)):
+                yield order
+
+        watching = Watching("test", lambda: camera, tmp_path / "kept")
+        Watcher(watching, lambda kind, content, picture=None: told.append((kind, content)), next_orders).run()
+        return told
+
+    return run
+
+
+@pytest.fixture
+def in_turn(monkeypatch):
+    """No image is left out."""
+    monkeypatch.setattr(loop, "STEADY_FRAMES", 10**9)
+    monkeypatch.setattr(loop, "NOBODY_S", 1e9)
+
+
+def said(told: list[tuple[str, dict]]) -> list[str]:
+    return [content["text"] for kind, content in told if kind == "said"]
+
+
+def test_joints_outlive_equal_times_a_full_disk_and_an_hour(watch, in_turn, monkeypatch, tmp_path):
+    free_writes, write = [True, False, False, True], keeping.write_performance
+
+    def write_while_free(path: Path, *given: object) -> None:
+        if free_writes and not free_writes.pop(0):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+        write(path, *given)
+
+    monkeypatch.setattr(keeping, "write_performance", write_while_free)
+    monkeypatch.setattr(keeping, "MOST_JOINTS_S", 0.95)
+    monkeypatch.setattr(keeping, "RETRY_S", 0.45)
+    times_s = np.arange(25) / 10
+    times_s[6], times_s[9] = times_s[5], times_s[7]
+    # The first image compiles; the second person's file does not fit at 0.5 s, the first one's not after the "hour".
+    told = watch(Images([0.0, *times_s]), {1: ("joints", True), 6: ("joints", False)})
+    failed, again, *saved = said(told)
+    assert failed.startswith("not saved: ") and again.startswith("not saved: ") and "disk is full" in failed
+    paths = sorted((tmp_path / "kept").iterdir(), key=lambda path: path.stat().st_mtime_ns)
+    assert len(saved) == 2 and len(paths) == 4
+    whole = [read_performance(path).times_s for path in paths]
+    np.testing.assert_allclose(whole[0], np.delete(times_s, [6, 9])[: len(whole[0])], atol=1e-6)
+    assert [len(one) for one in whole] == [14, 14, 9, 9]  # until the second try after the "hour", and from then on
+
+
+def test_joints_are_saved_before_a_camera_is_waited_for(watch, tmp_path):
+    closed_with = []
+
+    class Slow(Images):
+        """One that is about to send an image until the joints are there."""
+
+        def close(self) -> None:
+            closed_with.append(len(saved()))
+
+    def saved() -> list[Path]:
+        return list((tmp_path / "kept").glob("joints-*"))
+
+    def wait() -> None:
+        by = time.monotonic() + 20
+        while next(read) > 12 and not saved() and time.monotonic() < by:
+            time.sleep(0.01)
+
+    read = iter(range(10**9))
+    watch(Slow(np.arange(100) / 10, wait), {1: ("joints", True), 20: ("quit",)})
+    assert closed_with == [2]
+
+
+def test_a_pause_from_the_start_holds_everything(watch, monkeypatch, tmp_path):
+    streamed = []
+    monkeypatch.setattr(loop, "open_stream", lambda *given: contextlib.nullcontext(streamed.append))
+    watch(Images(np.arange(20) / 10), {0: ("pause", True), 1: ("record", True)})
+    assert not streamed and not list((tmp_path / "kept").iterdir())
