@@ -108,10 +108,12 @@ def ridge_probability(depth_m: np.ndarray, config: RidgeConfig) -> np.ndarray:
     D_T and outside the person. The paper only says "a probability map of ridge data". Arguments and errors as in
     `ridge_stages`.
     """
-    box, _, ratio = _ratio_in_box(depth_m, config)
+    box, squared, ratio = _ratio_in_box(depth_m, config)
     probability = np.zeros(depth_m.shape, np.float32)
     offset, slope = np.float32(0.5 + config.sharpness * config.epsilon_r), np.float32(config.sharpness)
     np.clip(offset - slope * ratio, 0, 1, out=probability[box])
+    if offset > slope:
+        probability[box][squared == 0] = 0  # where the formula gives more
     return probability
 
 

@@ -20,6 +20,7 @@ Dances and their scores are kept in the folder: a program that was stopped goes 
 
 import argparse
 import datetime
+import hashlib
 import json
 import re
 from collections.abc import Sequence
@@ -32,6 +33,7 @@ import numpy as np
 from scipy.stats import binomtest
 from tqdm import tqdm
 
+import kpopnet
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import SCORERS, Comparison, Scorer, TimeGrid, Windows
 from kpopnet.errors import InputError
@@ -148,7 +150,9 @@ def windows(path: Path, one: Dance, name: str) -> np.ndarray:
 
     Ours lets S_t decide between two matches of a window: here that of its settings before the choice.
     """
-    kept = path.with_name(f"{path.stem}.{name}.windows.npz")
+    sources = sorted((Path(kpopnet.__file__).parent / "dance").glob("*.py"))
+    settings = hashlib.sha256(repr((BETAS, SCORERS[name])).encode() + b"".join(one.read_bytes() for one in sources))
+    kept = path.with_name(f"{path.stem}.{name}.{settings.hexdigest()[:10]}.windows.npz")
     if not kept.exists():
         found = compared(one, [replace(SCORERS[name], beta=beta) for beta in BETAS], [*one.learners_m, one.teacher_m])
         found = [[_windows(run.summary().windows) for run in runs] for runs in found]

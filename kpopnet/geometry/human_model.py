@@ -160,7 +160,8 @@ def _arms_raised(joints: np.ndarray) -> float:
     up = shoulders.mean(axis=0) - joints[[Joint.RIGHT_HIP, Joint.LEFT_HIP]].mean(axis=0)
     arms = joints[[Joint.RIGHT_ELBOW, Joint.LEFT_ELBOW]] - shoulders
     lengths = np.linalg.norm(arms, axis=1) * np.linalg.norm(up)
-    return float(np.mean(np.divide(arms @ up, lengths, out=np.zeros(2), where=lengths > 0)))
+    cosines = np.divide(arms @ up, lengths, out=np.zeros(2), where=lengths > 0)
+    return float(np.clip(cosines, -1, 1).mean())  # rounding may exceed them
 
 
 def distance_to_line(point: np.ndarray, line_a: np.ndarray, line_b: np.ndarray) -> float:

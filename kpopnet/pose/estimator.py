@@ -148,16 +148,14 @@ class PoseEstimator:
             self.reset()
             self._extractor = build_extractor(camera, self.extraction)
         self._time_s = self._time_s + FRAME_S if time_s is None else time_s
-        humans = {human.identity: human for human in self._extractor.extract(depth_m, self._time_s)}
+        found = self._extractor.extract(depth_m, self._time_s)
+        humans = {human.identity: human for human in islice(found, most)}
         for identity, person in self._people.items():
             if identity not in humans:
                 person.miss()
         if len(self._people) > MAX_REMEMBERED:
             self._people = {identity: person for identity, person in self._people.items() if identity in humans}
-        poses = {
-            identity: self._person(identity, camera).see(human, self._time_s)
-            for identity, human in islice(humans.items(), most)
-        }
+        poses = {identity: self._person(identity, camera).see(human, self._time_s) for identity, human in humans.items()}
         return {identity: pose for identity, pose in poses.items() if pose is not None}
 
     def _segmented(self, image: np.ndarray, camera: Camera, time_s: float) -> dict[int, Pose]:

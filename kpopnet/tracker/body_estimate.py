@@ -68,7 +68,7 @@ class BodyEstimate:
             return
         medians = {
             name: np.median([getattr(body, name) for body in self._bodies], axis=0)
-            for name in ("lengths_m", "limbs_m", "radii_m")
+            for name in ("lengths_m", "limbs_m", "radii_m", "elevation_gain_m", "trunk_offsets_m")
         }
         average = self._bodies[0]._replace(**medians)
         if self.frames % THICKNESS_STRIDE == 0:

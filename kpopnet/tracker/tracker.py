@@ -115,6 +115,7 @@ class Tracker:
         self.model = self._known_model or model
         self._person = BodyEstimate(self.model)
         self.state = State(joints_m, np.zeros_like(joints_m), baseline_cost_m2=BASELINE_COST_M2)
+        self._empty_frames = 0
 
     def track(self, depth_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Tracks the person in the next (H, W) float32 depth image, metres, 0 where the person is not.

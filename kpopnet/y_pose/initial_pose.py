@@ -45,6 +45,10 @@ UPPER_ARM_FRACTION, UPPER_LEG_FRACTION = 0.465, 0.45
 simulated people (split train) that the same program prints; standard deviation 0.027."""
 
 
+SQUARE = 0.02
+"""Pixels whose height differs by no more than this share from their width are taken for square, as all lengths below are."""
+
+
 class NotYPose(Exception):  # noqa: N818 - not an error: most frames show another pose
     """The frame does not show the Y pose; the message tells the person what to correct."""
 
@@ -69,6 +73,8 @@ def initial_pose(depth_m: np.ndarray, camera: Camera) -> InitialPose:
     """Estimates the initial pose of a person in the Y pose from (H, W) float32 metres of them alone, 0 elsewhere, which may be
     cropped around them, and the camera of exactly these pixels. Raises NotYPose, with the reason, for any other pose.
     """
+    if abs(camera.fy / camera.fx - 1) > SQUARE:
+        return _with_square_pixels(depth_m, camera)
     person_m, person = person_silhouette(depth_m, camera.fx)
     torso = torso_rectangle(person)
     torso_m = person_m[torso.pixels][person[torso.pixels]]
@@ -97,6 +103,20 @@ def initial_pose(depth_m: np.ndarray, camera: Camera) -> InitialPose:
     if front_score(person_m, uv, (limbs[Joint.RIGHT_FOOT].tip, limbs[Joint.LEFT_FOOT].tip), camera) < MIN_FRONT_SCORE:
         raise NotYPose("the person shows the back, or front and back cannot be distinguished")
     return InitialPose(joints_camera_m, HumanModel.from_joints(joints_camera_m), limbs)
+
+
+def _with_square_pixels(depth_m: np.ndarray, camera: Camera) -> InitialPose:
+    """The `initial_pose` in the image with its rows taken again, as many as make pixels as high as wide."""
+    height = round(camera.height * camera.fx / camera.fy)
+    scale = camera.height / height
+    rows = ((np.arange(height) + 0.5) * scale).astype(int)
+    found = initial_pose(np.ascontiguousarray(depth_m[rows]), camera.resized(camera.width, height))
+
+    def back(uv: np.ndarray) -> np.ndarray:
+        return np.stack([uv[..., 0], (uv[..., 1] + 0.5) * scale - 0.5], axis=-1)
+
+    limbs = {joint: Limb(one.crossed, *map(back, one[1:])) for joint, one in found.limbs.items()}
+    return found._replace(limbs=limbs)
 
 
 def _limb_boxes(torso: Box, uv: np.ndarray, shape: tuple[int, int]) -> Iterator[tuple[Box, list[Joint], float, float]]:

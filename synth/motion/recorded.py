@@ -128,7 +128,8 @@ def open_clips(path: str | Path, split: str, fps: float | None = None) -> Record
     folder = Path(path)
     if (folder / "index.csv").is_file():
         return _open_pack(folder, split)
-    files = [folder] if folder.suffix.lower() == ".bvh" and folder.is_file() else sorted(folder.glob("*.bvh"))
+    files = [folder] if folder.is_file() else sorted(folder.glob("*"))
+    files = [file for file in files if file.suffix.lower() == ".bvh" and file.is_file()]
     if files:
         return _open_bvh(folder, files, split, fps)
     found = "does not exist" if not folder.exists() else "holds neither an index.csv nor *.bvh files"

@@ -67,6 +67,7 @@ class CheckSimConfig(Selection):
     """Identity and size of the set.
 
     Attributes:
+        sequences: number of films, at most five before each camera, of another person each.
         cameras: presets, before which the films are made in turn.
     """
 
@@ -78,6 +79,7 @@ class CheckSimConfig(Selection):
         super().__post_init__()
         if not self.cameras or not set(self.cameras) <= set(SENSOR_OF_CAMERA):
             raise InputError(f"benchmark.cameras={self.cameras}: expected some of {', '.join(SENSOR_OF_CAMERA)}")
+        self.sequences = min(self.sequences, PEOPLE * len(self.cameras))  # further ones would be the same films again
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,8 @@
 
 465 sequences in five rounds: a film of every kind of scene (`synth.simulated.casts`), of 60 to 120 frames at 30 fps, and 80
 single images (`synth.rooms.scene`) in each. Rooms have the furniture and clutter of benchmarks; surfaces may return nothing;
-cameras differ in size, field of view, height, pitch and roll, and some move. Every sequence shows people of its own, in clothes
-of every kind. The set imitates no published one.
+cameras differ in size, field of view, height, pitch and roll, and some move. Every sequence shows people of its own, in tops
+and trousers that no training shows. The set imitates no published one.
 
 `whole_px` are the pixels that a whole person would have without a border and with nothing before them, `seen_px` those that
 show the person after the sensor.

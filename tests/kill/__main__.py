@@ -5,7 +5,7 @@
     python -m tests.kill                                        # all programs
 
 There are two kinds of kills, which alternate. A death: SIGKILL after a time drawn from 0 to the length of an undisturbed run;
-only the first process is killed, as a user or a scheduler does, and every other process must end within 5 s. A failure of the
+only the first process is killed, as a user or a scheduler does, and every other process must end within 30 s. A failure of the
 power: all processes are killed at once before a drawn operation on files, and what was written and not synced is lost
 (`tests.kill.disk`). A run that gets done loses power once more, and is compared with an undisturbed one: files byte for byte,
 trained weights bit for bit; then the next one begins, until there were as many kills as wanted. Prints a line for each program,

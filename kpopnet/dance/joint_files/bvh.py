@@ -29,6 +29,7 @@ class BvhFile:
         quats: (T, J, 4) local rotations, w, x, y, z.
         root: (T, 3) position of the root, in the file's unit.
         fps: frames per second.
+        moved: (T, J, 3) by how much a joint is off its offset from the parent, in the parent's frame; None: by nothing.
     """
 
     names: list[str]
@@ -37,6 +38,7 @@ class BvhFile:
     quats: np.ndarray
     root: np.ndarray
     fps: float
+    moved: np.ndarray | None = None
 
 
 def read_bvh(path: Path) -> BvhFile:
@@ -60,7 +62,7 @@ def read_bvh(path: Path) -> BvhFile:
 
     quats = np.zeros((frames, len(names), 4))
     quats[..., 0] = 1.0
-    root = np.tile(offsets[0], (frames, 1))
+    root, moved = np.tile(offsets[0], (frames, 1)), np.zeros((frames, len(names), 3))
     column = 0
     for joint, joint_channels in enumerate(channels):
         for axis, kind in joint_channels:
@@ -68,8 +70,10 @@ def read_bvh(path: Path) -> BvhFile:
                 quats[:, joint] = multiply(quats[:, joint], about(axis, np.deg2rad(values[:, column])))
             elif joint == 0:
                 root[:, axis] = values[:, column]
+            else:
+                moved[:, joint, axis] = values[:, column] - offsets[joint][axis]
             column += 1
-    return BvhFile(names, parents, np.array(offsets), quats, root, 1.0 / frame_s)
+    return BvhFile(names, parents, np.array(offsets), quats, root, 1.0 / frame_s, moved if moved.any() else None)
 
 
 class _Lines:

@@ -66,14 +66,14 @@ def read_bvh_motion(path: Path, fps: float | None = None) -> BvhMotion:
     found = find_joints(bvh.names, bvh.parents, path)
     # World rotations relative to the file's rest pose; then both in canonical axes.
     rest, rotated = np.zeros((len(bvh.names), 3)), world_rotations(bvh.quats, bvh.parents)
+    root = _hips_path(bvh, rotated, found["Hips"])
     for joint, parent in enumerate(bvh.parents[1:], 1):
         rest[joint] = rest[parent] + bvh.offsets[joint]
     to_canonical = _canonical_frame(rest, found, path)
     rotated = multiply(multiply(to_canonical, rotated), conjugate(to_canonical))
     rest = rotate(to_canonical, rest)
 
-    t_pose = rotated[0] if _opens_with_t_pose(bvh, rotated[0], rest, found) else None
-    root = bvh.root
+    t_pose = rotated[0] if _opens_with_t_pose(bvh, root, rotated[0], rest, found) else None
     if t_pose is not None:
         log.info("%s: the first frame is the T-pose, not recorded; dropped", path.name)
         rotated, root = rotated[1:], root[1:]
@@ -129,9 +129,18 @@ def _canonical_frame(rest: np.ndarray, found: dict[str, int], path: Path) -> np.
     return Rotation.from_matrix(axes).as_quat(scalar_first=True)
 
 
-def _opens_with_t_pose(bvh: BvhFile, rotated: np.ndarray, rest: np.ndarray, found: dict[str, int]) -> bool:
+def _hips_path(bvh: BvhFile, rotated: np.ndarray, hips: int) -> np.ndarray:
+    """(T, 3) position of the root where what moves the hips below it is the root's: rigs keep the path in any of these."""
+    root, joint = bvh.root, hips
+    while bvh.moved is not None and joint > 0:
+        root = root + rotate(rotated[:, bvh.parents[joint]], bvh.moved[:, joint])
+        joint = bvh.parents[joint]
+    return root
+
+
+def _opens_with_t_pose(bvh: BvhFile, root: np.ndarray, rotated: np.ndarray, rest: np.ndarray, found: dict[str, int]) -> bool:
     """Whether frame 0 is a T-pose before the recording: unrotated hips, straight limbs, the position of frame 1."""
-    if len(bvh.root) < 2 or (bvh.root[0] != bvh.root[1]).any() or abs(rotated[found["Hips"], 0]) < 1 - 1e-9:
+    if len(root) < 2 or (root[0] != root[1]).any() or abs(rotated[found["Hips"], 0]) < 1 - 1e-9:
         return False
     for side, left in (("Left", 1.0), ("Right", -1.0)):
         for joint, end, axis in (("Arm", "ForeArm", (left, 0.0, 0.0)), ("UpLeg", "Leg", _DOWN), ("Leg", "Foot", _DOWN)):

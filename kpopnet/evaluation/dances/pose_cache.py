@@ -1,8 +1,8 @@
 """Cache on disk of the estimated joints of learners, so that scoring again takes seconds.
 
 Each estimator has a folder, named after it and a digest of all that its joints depend on: its settings, the contents of the
-files that these name (weights and description of a model), and the source code. Each file in it is named after dance, learner
-and a digest of the depth.
+files that these name (weights and description of a model), and the source code. Each file in it is named after dance, learner,
+a digest of the depth, and where the joints depend on them the frames per second, and a digest of the true joints.
 """
 
 import hashlib
@@ -22,6 +22,7 @@ from kpopnet.estimator import first_label
 from kpopnet.evaluation.engine import Timed
 from kpopnet.evaluation.registry import build_estimators
 from kpopnet.networks import META
+from kpopnet.pose.person import PersonEstimator
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.input_files import ArraySchema, expect, read_npz
 from kpopnet.skeleton import NUM_JOINTS
@@ -48,12 +49,21 @@ class PoseCache:
     def __init__(self, folder: Path, name: str, settings: Any) -> None:
         """Builds the estimator; `folder` is that of the cached poses of all. Raises InputError if a file of it is missing."""
         self.settings, self.folder = settings, folder / f"{name}-{estimator_key(settings)}"
-        estimator = build_estimators({name: settings})[name]
-        self._estimate = Timed(estimator.estimate, estimator)
+        self._estimator = build_estimators({name: settings})[name]
+        self._estimate = Timed(self._estimator.estimate, self._estimator)
 
     def path(self, dance: Dance, learner: Learner) -> Path:
         """Path of the cached poses of a learner."""
-        return self.folder / f"{dance.name}.{learner.name}.{learner.depth_key}.npz"
+        parts = [dance.name, learner.name, learner.depth_key]
+        if isinstance(self._estimator, PersonEstimator):
+            parts.append(f"{_fps(learner):g}fps")
+        if self._starts_from_label and (truth := learner.joints()) is not None:
+            parts.append(hashlib.sha256(truth.joints_m.tobytes()).hexdigest()[:10])
+        return self.folder / f"{'.'.join(parts)}.npz"
+
+    @property
+    def _starts_from_label(self) -> bool:
+        return getattr(self.settings, "start", None) == "label"
 
     def poses(self, dance: Dance, learner: Learner) -> tuple[Performance, float]:
         """The estimated joints of a learner and the time of their estimation in seconds; estimates them if not cached.
@@ -78,7 +88,9 @@ class PoseCache:
 
     def _write(self, path: Path, learner: Learner) -> None:
         clip, start = learner.depth(), {}
-        if getattr(self.settings, "start", None) == "label":
+        if isinstance(self._estimator, PersonEstimator):
+            self._estimator.fps = _fps(learner)
+        if self._starts_from_label:
             truth = learner.joints()
             expect(truth is not None, str(learner.path), "true joints, from which start=label starts")
             start = {"start": first_label(truth.joints_m)}
@@ -86,6 +98,12 @@ class PoseCache:
         path.parent.mkdir(parents=True, exist_ok=True)
         with atomic_path(path) as part, part.open("wb") as file:
             np.savez(file, joints_m=joints_m, confidence=confidence, seconds=seconds)
+
+
+def _fps(learner: Learner) -> float:
+    """Frames per second of a learner's recording, to a tenth; 30 for a single frame."""
+    steps_s = np.diff(learner.times_s())
+    return round(float(1 / np.median(steps_s)), 1) if len(steps_s) else 30.0
 
 
 def estimator_key(settings: Any) -> str:

@@ -35,7 +35,7 @@ INTERVALS = (
 def rating_report(dances: KpopSet, ratings: dict[str, list[Answer]], seed: int, processes: int) -> tuple[list[Block], dict]:
     """Blocks of a page and figures for JSON on a set's ratings by rater; scores all learners."""
     votes = votes_of({name: [one.name for one in dances.dance(name).learners] for name in dances.names}, ratings)
-    source, signs = scorers_signs(dances, seed, processes)
+    source, signs, failed = scorers_signs(dances, seed, processes)
     raters = {
         rater: {"same": consistency(answers)} | one_against_others(rater, votes, seed) for rater, answers in ratings.items()
     }
@@ -48,6 +48,7 @@ def rating_report(dances: KpopSet, ratings: dict[str, list[Answer]], seed: int, 
         f"{len(ratings)} raters.",
         *(["No person danced: these figures say nothing about people."] if origin is Origin.SIMULATED else []),
         f"Scorers had {'the true joints' if source == TRUTH else 'joints by the network of the package'}.",
+        *(f"Left out by the scorers because of an error: {dance}: {reason}" for dance, reason in failed.items()),
         DEFINITIONS,
         INTERVALS,
     ]
@@ -64,7 +65,7 @@ def rating_report(dances: KpopSet, ratings: dict[str, list[Answer]], seed: int, 
         blocks.append(("table", table))
     made = {"git": git_revision(), "made": datetime.now(UTC).isoformat(timespec="seconds"), "seed": seed}
     figures = {"agreement": agreement, "raters": raters, "scorers": scorers}
-    return blocks, plain({"set": name, "origin": origin.value, "joints": source, **figures, **made})
+    return blocks, plain({"set": name, "origin": origin.value, "joints": source, "failed_dances": failed, **figures, **made})
 
 
 COMPARED = ("pairs in agreement", "Kendall's tau", "dances")
@@ -78,8 +79,9 @@ def _value(one: Estimate, unit: str) -> Value:
     return Value(one.value, unit, one.interval, digits=None if unit else 2)
 
 
-def scorers_signs(dances: KpopSet, seed: int, processes: int) -> tuple[str, dict[str, dict[str, np.ndarray]]]:
-    """The source of the joints, and by scorer and dance which learner scores higher: (L, L) signs, learners by name.
+def scorers_signs(dances: KpopSet, seed: int, processes: int) -> tuple[str, dict[str, dict[str, np.ndarray]], dict[str, str]]:
+    """The source of the joints; by scorer and dance which learner scores higher: (L, L) signs, learners by name; and the
+    dances that could not be scored, with the reason.
 
     True joints are scored where all learners have them, otherwise those of the network of the package. Where all learners are
     labelled, the labels stand beside the scorers.
@@ -97,7 +99,8 @@ def scorers_signs(dances: KpopSet, seed: int, processes: int) -> tuple[str, dict
         orders = {name: read_labels(dances.folder / name / LABELS) for name in dances.names}
         if all(sorted(order) == [one.name for one in learners[name]] for name, order in orders.items()):
             scores[LABELS] = {name: -np.argsort(order).astype(float) for name, order in orders.items()}
-    return run.main.source, {
+    signs = {
         scorer: {name: np.sign(np.nan_to_num(np.subtract.outer(one, one))) for name, one in by_dance.items()}
         for scorer, by_dance in scores.items()
     }
+    return run.main.source, signs, run.failed

@@ -30,8 +30,8 @@ DEFINITIONS = (
     "Concordance: percentage of dances whose scores decrease strictly from the best learner to the worst; a tie is a "
     "failure. Kendall's tau: (pairs of learners in the right order - pairs in the wrong order) / all pairs of a dance, "
     "mean over dances. Ranges in parentheses: 95 % intervals, of the concordance by Wilson, of tau by a bootstrap over "
-    "dances. p of a pair of scorers: exact test of McNemar on the same dances. Scores by rank: mean (lowest to highest) of "
-    "the main scorer."
+    "dances. Joint error: of the joints that were found. p of a pair of scorers: exact test of McNemar on the same dances. "
+    "Scores by rank: mean (lowest to highest) of the main scorer."
 )
 CLOCK = "Frames per second are those of one core for the estimation of the joints, after an untimed warm-up."
 
@@ -83,6 +83,13 @@ def remarks(run: DanceRun) -> list[str]:
         *([SIMULATED] if simulated else []),
         *run.assumptions,
     ]
+    for source in run.sources:
+        by_dance = run.scores[Method(source, run.main.scorer)].values()
+        unseen = sum(math.isnan(one.score.similarity) for learners in by_dance for one in learners)
+        if unseen:
+            lines.append(
+                f"{source}: no joint of {unseen} of {sum(map(len, by_dance))} learners was found; no joint error of them."
+            )
     if run.chosen < in_set:
         lines.append(f"Partial evaluation: {run.chosen} dances; not a result on the whole set.")
     lines += [f"Left out because of an error: {name}: {reason}" for name, reason in run.failed.items()]

@@ -19,8 +19,11 @@ ALONG_RAY = 0.8
 """Share of an error that lies along the viewing ray for the joint to count as found at the wrong depth."""
 
 
-def missed_by_cause(results: PoseResults) -> dict[str, float]:
-    """Fraction of all labelled joints that are missed, by cause; frames that the estimator was given do not count."""
+def missed_by_cause(results: PoseResults) -> dict[str, float | None]:
+    """Fraction of all labelled joints that are missed, by cause; frames that the estimator was given do not count.
+
+    Hidden is None where the set does not say which joints are: those missed there have another cause.
+    """
     errors_m = results.errors_m()
     labelled = ~np.isnan(errors_m)
     missed = labelled & ~(errors_m < WITHIN_M)
@@ -28,19 +31,20 @@ def missed_by_cause(results: PoseResults) -> dict[str, float]:
     ray = truth_m / np.linalg.norm(truth_m, axis=-1, keepdims=True)
     along_m = np.abs(((estimate_m - truth_m) * ray).sum(axis=-1))
     other_side_m = np.linalg.norm(estimate_m - truth_m[:, MIRROR], axis=-1)
+    says_what_is_hidden = bool((~results.visible & np.isfinite(results.truth_m).all(axis=-1)).any())
     causes = {
         "absent": np.isinf(errors_m),
-        "hidden": ~results.visible,
+        "hidden": ~results.visible & says_what_is_hidden,
         "other side": (np.arange(len(MIRROR)) != MIRROR) & (other_side_m < WITHIN_M),
         "momentary": _found_around(errors_m < WITHIN_M, results),
         "wrong depth": along_m > ALONG_RAY * errors_m,
         "elsewhere": np.ones_like(missed),
     }
-    fractions, left = {}, missed
+    fractions, left = dict[str, float | None](), missed
     for name, fits in causes.items():
         fractions[name] = float((left & fits).sum() / max(labelled.sum(), 1))
         left = left & ~fits
-    return fractions
+    return fractions if says_what_is_hidden else fractions | {"hidden": None}
 
 
 def _found_around(found: np.ndarray, results: PoseResults) -> np.ndarray:

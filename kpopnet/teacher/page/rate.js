@@ -52,8 +52,9 @@ function rating(main, rater) {
   const undo = el("button", { type: "button", id: "undo", onclick: () => say("") }, "Take the last answer back");
   const play = el("button", { type: "button", id: "play", onclick: () => toggle() }, "Play");
   const again = el("button", { type: "button", id: "again", onclick: () => begin() }, "From the start");
-  const speed = el("select", { id: "speed" }, ...SPEEDS.map((one) => el("option", { value: one, selected: one === 100 }, `${one} %`)));
-  const slider = el("input", { type: "range", id: "scrub", step: 0.02, "aria-label": "time", oninput: () => { state.playing = false; state.time_s = Number(slider.value); } });
+  const speed = el("select", { id: "speed", onchange: () => speed.blur() }, ...SPEEDS.map((one) => el("option", { value: one, selected: one === 100 }, `${one} %`)));
+  const slider = el("input", { type: "range", id: "scrub", step: 0.02, "aria-label": "time", onchange: () => slider.blur(),
+    oninput: () => { state.playing = false; state.time_s = Number(slider.value); } });
   const told = el("p", { id: "told", role: "status" }), error = el("p", { class: "error", id: "error", role: "alert" });
   const bar = el("progress", { max: 1, value: 0, "aria-label": "pairs done" }), time = el("span", { class: "quiet" });
   const stage = el("div", {},
@@ -98,6 +99,7 @@ function rating(main, rater) {
   async function say(choice) {
     if (state.busy || (choice === "" && state.done === 0) || (choice !== "" && stage.hidden)) return;
     state.busy = true;
+    document.activeElement?.blur(); // or the space bar would press the button again, for the next pair
     error.textContent = "";
     try {
       await ask("/api/answer", { method: "POST", body: JSON.stringify({ rater, done: state.done, choice }) });

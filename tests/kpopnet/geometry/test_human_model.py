@@ -6,6 +6,7 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 from damaged_files import survives_hostile_json
+from scipy.spatial.transform import Rotation
 
 from kpopnet.errors import InputError
 from kpopnet.geometry.human_model import HumanModel
@@ -54,6 +55,15 @@ def test_lengths_of_a_constructed_pose() -> None:
     }
     assert asdict(model) == pytest.approx(expected)
     assert model.limb_m[Joint.LEFT_HAND] == pytest.approx(0.26) and model.limb_m[Joint.RIGHT_FOOT] == pytest.approx(0.42)
+
+
+def test_arms_beside_the_trunk_are_no_impossible_cosine() -> None:
+    hanging = pose()
+    for side in ("LEFT", "RIGHT"):
+        hanging[Joint[f"{side}_ELBOW"]] = hanging[Joint[f"{side}_SHOULDER"]] + [0, 0.3, 0]
+    turns = Rotation.random(100, rng=np.random.default_rng(0))
+    raised = [HumanModel.from_joints(turn.apply(hanging)).arms_raised for turn in turns]
+    np.testing.assert_allclose(raised, -1, atol=1e-9)
 
 
 def test_joints_of_another_shape_or_with_gaps_are_refused() -> None:

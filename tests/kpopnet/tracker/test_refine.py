@@ -68,7 +68,9 @@ def test_lengths_are_medians_over_frames_with_valid_lengths(film) -> None:
     bodies = [person.update(pose, grid) for pose, grid in zip(detected, grids, strict=True)]
     off_one, *_, off = (np.abs(body.limbs_m - truth.limbs_m).mean() for body in bodies)
     assert off < 0.02 < off_one
-    np.testing.assert_allclose(bodies[-1].limbs_m, np.median([cone_body(pose).limbs_m for pose in detected], axis=0))
+    for name in ("limbs_m", "trunk_offsets_m", "elevation_gain_m"):
+        expected = np.median([getattr(cone_body(pose), name) for pose in detected], axis=0)
+        np.testing.assert_allclose(getattr(bodies[-1], name), expected)
     assert person.update(np.full((15, 3), np.nan), grids[0]) is bodies[-1]
 
 

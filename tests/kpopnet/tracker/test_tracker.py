@@ -153,6 +153,12 @@ def test_who_comes_after_a_second_without_a_person_is_found_anew() -> None:
     tracker.start(first)
     given = np.array([tracker.track(image)[0] for image in np.concatenate([shown[0], empty, shown[0]])])
     assert np.isfinite(given[-3:]).all(), "a start that was given is not found again: it is kept"
+    tracker = Tracker(CAMERA, "standing")
+    for _ in range(LOST_FRAMES):
+        tracker.track(EMPTY)
+    tracker.start(first)
+    tracker.track(EMPTY)
+    assert tracker.started, "the images before the start do not count"
 
 
 @pytest.mark.parametrize("lost", [np.s_[:, :160], np.s_[:120]], ids=["left", "top"])

@@ -28,17 +28,23 @@ def error_m(pose, joints_m: np.ndarray) -> np.ndarray:
 # --- a person of spheres ------------------------------------------------------------------------------------------
 
 
+OF_OTHER_PIXELS = {"high": Camera(285.6, 571.2, 159.5, 239.5, 320, 480), "wide": Camera(285.6, 142.8, 159.5, 59.5, 320, 120)}
+"""Cameras whose pixels are half as high as wide, and twice."""
+
+
 @pytest.mark.parametrize(
     ("name", "place_m"),
     [
         ("kinect_v1", (0.6, 0.1, 3.9)),
         ("kinect_2", (0.0, 0.1, 2.4)),
         ("smmc10", (0.0, 0.1, 3.3)),
+        ("high", (0.0, 0.1, 3.3)),
+        ("wide", (0.0, 0.1, 3.3)),
     ],
 )
 def test_known_joints_are_found_with_any_camera(name: str, place_m: tuple) -> None:
-    joints = y_joints(place_m=place_m)
-    pose = initial_pose(draw_y(joints, CAMERAS[name]), CAMERAS[name])
+    joints, camera = y_joints(place_m=place_m), (CAMERAS | OF_OTHER_PIXELS)[name]
+    pose = initial_pose(draw_y(joints, camera), camera)
     error = error_m(pose, joints)
     # Arms and knees lie on the axes of round limbs. Feet and head differ: the feet are ankles and the head excludes the neck.
     assert error[ARMS].max() < 0.05

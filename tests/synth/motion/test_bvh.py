@@ -10,7 +10,7 @@ from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 from synth.motion.choreography.composer import dance
-from synth.motion.recorded import bvh_motion
+from synth.motion.recorded import bvh_motion, open_clips
 from synth.motion.skeleton import INDEX, JOINT_NAMES, LEG_M, NUM_JOINTS, REST_OFFSETS_M, Motion, forward_kinematics
 
 DANCE = dance(2, seconds=2.0)
@@ -48,6 +48,22 @@ def test_the_joints_of_a_recorded_skeleton_with_z_up_are_those_of_its_kinematics
         known_m = np.linalg.norm(expected[:, INDEX[name]] - expected[:, INDEX["RightArm"]], axis=1)
         np.testing.assert_allclose(apart_m, known_m, atol=1e-3)
     assert read.joints_m[:5, Joint.LEFT_HIP, 0].mean() > read.joints_m[:5, Joint.RIGHT_HIP, 0].mean() + 0.1
+
+
+def test_the_path_is_found_wherever_a_rig_keeps_it(tmp_path):
+    plain = write_bvh(tmp_path / "plain.bvh", DANCE)
+    lines = plain.read_text().splitlines()
+    begin = lines.index("MOTION")
+    channels = "CHANNELS 6 Xposition Yposition Zposition Zrotation Yrotation Xrotation"
+    rig = ["HIERARCHY", "ROOT rig", "{", "OFFSET 0 0 0", channels, lines[1].replace("ROOT", "JOINT"), *lines[2:begin], "}"]
+    moved = [f"0 0 0 0 0 0 {line}" for line in lines[begin + 3 :]]
+    (tmp_path / "rig.bvh").write_text("\n".join([*rig, *lines[begin : begin + 3], *moved]) + "\n")
+    expected, read = (read_performance(tmp_path / name).joints_m for name in ("plain.bvh", "rig.bvh"))
+    np.testing.assert_allclose(read, expected, atol=1e-5)
+    assert_same_motion(bvh_motion(tmp_path / "rig.bvh"), bvh_motion(plain))
+    (tmp_path / "capitals").mkdir()
+    plain.rename(tmp_path / "capitals" / "A.BVH")
+    assert len(open_clips(tmp_path / "capitals", "train")) == 1
 
 
 def test_a_rest_pose_with_the_arms_down_and_the_legs_apart_is_rotated_to_the_t_pose(tmp_path):

@@ -21,9 +21,10 @@ from kpopnet.estimator import Estimate
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.dances import pose_cache
 from kpopnet.evaluation.dances.pose_cache import PoseCache
-from kpopnet.evaluation.dances.report import evaluate_dances, rank_table
+from kpopnet.evaluation.dances.report import evaluate_dances, rank_table, remarks
 from kpopnet.evaluation.dances.run import run_dances
 from kpopnet.evaluation.report import write
+from kpopnet.pose.person import PersonEstimator
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
 
 CAMERA = Camera.centred(20.0, 24, 20)
@@ -127,6 +128,7 @@ def test_an_estimator_that_finds_no_joint_is_reported_and_not_scored(folder, fak
     found = run(folder, {"fake": FakeConfig()})
     assert all(np.isnan(one.score.similarity) for one in found.scores["fake", "dance22"]["mama"])
     assert "mama, ann: fake found no joint in any frame; not scored" in caplog.text
+    assert any("no joint of 8 of 8 learners was found" in line for line in remarks(found))
 
 
 def test_corrected_times_need_no_new_estimation(folder, fake):
@@ -137,6 +139,16 @@ def test_corrected_times_need_no_new_estimation(folder, fake):
         file["times_s"][:] = TIMES_S + 0.3
     moved = run(folder, {"fake": FakeConfig()}).scores["fake", "dance22"]["mama"][0].score
     assert fake.calls == calls and moved.timing < late.timing - 10
+
+
+def test_a_mode_of_films_is_told_the_rate_which_names_its_poses(folder, monkeypatch):
+    estimator = PersonEstimator(Fake(FakeConfig()), "realtime")
+    monkeypatch.setattr(estimator, "estimate", Fake(FakeConfig()).estimate)
+    monkeypatch.setattr(pose_cache, "build_estimators", lambda configs: dict.fromkeys(configs, estimator))
+    cache, dance = PoseCache(folder / "poses", "realtime", FakeConfig()), KpopSet(folder).dance("mama")
+    cache.poses(dance, dance.learners[0])
+    rate = round(1 / np.median(np.diff(TIMES_S)), 1)
+    assert estimator.fps == pytest.approx(rate) and f".{rate:g}fps.npz" in cache.path(dance, dance.learners[0]).name
 
 
 def test_the_cache_folder_depends_on_settings_and_on_all_files_of_a_model(tmp_path, fake):

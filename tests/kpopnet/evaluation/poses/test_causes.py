@@ -40,6 +40,7 @@ ALL = slice(None)
 
 def test_each_cause_is_told(film):
     assert causes(film) == {} and set(missed_by_cause(film)) >= {"hidden", "elsewhere"}
+    assert missed_by_cause(film)["hidden"] is None, "where nothing is told to be hidden"
     assert causes(moved(film, ALL, (0.3, 0, 0))) == {"elsewhere": FRAMES}
     assert causes(moved(film, slice(10, 15), (0.3, 0, 0))) == {"momentary": 5}
     assert causes(moved(film, slice(10, 30), (0.3, 0, 0))) == {"elsewhere": 20}
