@@ -237,7 +237,8 @@ class KpopSim(SetGenerator):
             f"SIMULATED teachers, learners and labels; not the paper's K-Pop set, and no real person: seed {benchmark.seed}, "
             f"split {benchmark.split}, faults {benchmark.faults}, configuration {self.hash}."
         )
-        return {"name": benchmark.name, "about": about, "split": benchmark.split, "fps": FPS, "levels": self.level_names}
+        entries = {"name": benchmark.name, "about": about, "split": benchmark.split, "fps": FPS, "levels": self.level_names}
+        return entries | {"ordered": benchmark.faults != "ends", "independent": self.motion.source != "clips"}
 
     def frames_per_part(self) -> float:
         return sum(self.seconds) / 2 * FPS * len(LEARNERS)

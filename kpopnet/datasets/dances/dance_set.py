@@ -243,6 +243,11 @@ class Manifest:
     about: str
     dances: int | None = None  # number of dances of the complete set; None if unknown
     hash: str = ""  # of the settings of a simulated set; "" otherwise
+    ordered: bool = True  # whether the order of the learners means that one dances better than the next
+    independent: bool = True  # whether each dance is another one; excerpts of few recordings are not
+
+
+FLAGS = ("ordered", "independent")
 
 
 def read_manifest(folder: Path) -> Manifest:
@@ -251,13 +256,15 @@ def read_manifest(folder: Path) -> Manifest:
     if not path.is_file():
         return Manifest(folder.name, Origin.REAL, "A set without a manifest.json: its origin is not documented.")
     known = {"simulated": bool, "name": str, "about": str, "dances": int | None, "hash": str}
+    known |= dict.fromkeys(FLAGS, bool)
     try:
         manifest = check_fields(str(path), read_json(path), known, optional=known)
     except InputError as error:
         raise InputError(f"{error}: not a manifest; delete it, or make the set again") from error
     origin = Origin.SIMULATED if manifest.get("simulated") else Origin.REAL
     name, about = manifest.get("name", folder.name), manifest.get("about", "")
-    return Manifest(name, origin, about, manifest.get("dances"), manifest.get("hash", ""))
+    flags = {flag: manifest.get(flag, True) for flag in FLAGS}
+    return Manifest(name, origin, about, manifest.get("dances"), manifest.get("hash", ""), **flags)
 
 
 def read_performance(path: Path) -> Performance | None:

@@ -26,6 +26,13 @@ SIMULATED = (
     "chosen such that the feature of [17] on true joints puts about 86 of 100 other dances in the right order, as in "
     "the paper. Earlier looks at dances of other seeds: docs/ledger.md."
 )
+NOT_ORDERED = (
+    "The learners of this set are ends of the score, which have no order: concordance, Kendall's tau, p and marks of a wrong "
+    "order mean nothing. Look at the scores by rank."
+)
+NOT_INDEPENDENT = (
+    "Its dances are excerpts of few recordings: how figures vary over dances is not known, and no interval is given."
+)
 DEFINITIONS = (
     "Concordance: percentage of dances whose scores decrease strictly from the best learner to the worst; a tie is a "
     "failure. Kendall's tau: (pairs of learners in the right order - pairs in the wrong order) / all pairs of a dance, "
@@ -80,7 +87,9 @@ def remarks(run: DanceRun) -> list[str]:
         f"{manifest.name}: {manifest.origin.value.upper()} learners of {scored}{'' if scored == in_set else f' of {in_set}'} "
         f"dances, compared with {ranking}.",
         manifest.about,
-        *([SIMULATED] if simulated else []),
+        *([SIMULATED] if simulated and manifest.ordered else []),
+        *([] if manifest.ordered else [NOT_ORDERED]),
+        *([] if manifest.independent else [NOT_INDEPENDENT]),
         *run.assumptions,
     ]
     for source in run.sources:
@@ -124,7 +133,7 @@ def paired_table(run: DanceRun) -> Table:
     table = Table(["joints", "scorers", "dances in order by one of them only", "p"], [])
     for source, (first, second) in product(run.sources, combinations(run.scorers, 2)):
         alone = in_order_by_one(*(run.agreements[Method(source, scorer)].wrong for scorer in (first, second)))
-        p = Value(mcnemar_p_value(*alone), digits=3)
+        p = Value(mcnemar_p_value(*alone) if run.dances.manifest.independent else None, digits=3)
         table.rows.append([source, f"{first}, {second}", "{} and {}".format(*alone), p])
     return table
 

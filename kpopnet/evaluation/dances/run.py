@@ -150,6 +150,8 @@ def run_dances(
         method: agreement({name: similarities(learners) for name, learners in by_dance.items()}, seed)
         for method, by_dance in scores.items()
     }
+    if not dances.manifest.independent:
+        agreements = {method: one._replace(interval=dict.fromkeys(one.interval)) for method, one in agreements.items()}
     frames = sum(one.frames for one in scored.values())
     fps = {name: frames / max(sum(one.seconds[name] for one in scored.values()), 1e-9) for name in caches}
     return DanceRun(dances, scores, agreements, fps, failed, assumptions, len(names))

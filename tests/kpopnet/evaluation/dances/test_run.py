@@ -21,7 +21,7 @@ from kpopnet.estimator import Estimate
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.dances import pose_cache
 from kpopnet.evaluation.dances.pose_cache import PoseCache
-from kpopnet.evaluation.dances.report import evaluate_dances, rank_table, remarks
+from kpopnet.evaluation.dances.report import evaluate_dances, paired_table, rank_table, remarks
 from kpopnet.evaluation.dances.run import run_dances
 from kpopnet.evaluation.report import write
 from kpopnet.pose.person import PersonEstimator
@@ -149,6 +149,17 @@ def test_a_mode_of_films_is_told_the_rate_which_names_its_poses(folder, monkeypa
     cache.poses(dance, dance.learners[0])
     rate = round(1 / np.median(np.diff(TIMES_S)), 1)
     assert estimator.fps == pytest.approx(rate) and f".{rate:g}fps.npz" in cache.path(dance, dance.learners[0]).name
+
+
+def test_what_means_nothing_in_a_set_is_not_claimed_of_it(folder):
+    assert run(folder, {}).agreements["truth", "dance22"].interval["concordance"]
+    manifest = {"simulated": True, "ordered": False, "independent": False}
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    found = run(folder, {}, scorers=SCORERS_TOLD)
+    told = " ".join(remarks(found))
+    assert "mean nothing" in told and "no interval is given" in told and "86 of 100" not in told
+    assert set(found.agreements["truth", "dance22"].interval.values()) == {None}
+    assert paired_table(found).rows[0][-1].value is None
 
 
 def test_the_cache_folder_depends_on_settings_and_on_all_files_of_a_model(tmp_path, fake):
