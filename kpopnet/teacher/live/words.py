@@ -107,7 +107,7 @@ def try_result(score: DanceScore | None, lesson: Lesson, about: About, notes: di
     head = {
         "dance": lesson.dance, "name": about.name, "source": lesson.source, "skill": lesson.skill, "fault": lesson.fault,
         "speed": lesson.speed, "from_s": lesson.from_s, "to_s": lesson.to_s, "mirrored": lesson.mirrored, "who": lesson.who,
-        "dancer": lesson.dancer, "notes": notes,
+        "dancer": lesson.dancer, "taken_off_s": lesson.latency_s, "notes": notes,
     }  # fmt: skip
     if score is not None and score.all_free:
         return head | {"total": None, "hints": ["all of this is free: nothing was compared"]}

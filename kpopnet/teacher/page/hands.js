@@ -17,6 +17,8 @@ export const handsFree = () => remembered("hands", false);
 export function handsSwitch(changed) {
   const box = el("input", { type: "checkbox", id: "hands-free", checked: handsFree(), onchange: () => { remember("hands", box.checked); changed(); } });
   document.body.append(panel, hint);
+  // Of what is in full screen nothing outside is drawn.
+  document.addEventListener("fullscreenchange", () => (document.fullscreenElement || document.body).append(panel, hint));
   return el("label", {}, box, say("point and hold"));
 }
 
@@ -81,5 +83,8 @@ export function watch(dance, source) {
 }
 
 // The dance after one of a list, as it is shown.
-export const after = (dances, identity) => dances[(dances.findIndex((one) => one.identity === identity) + 1) % dances.length];
+export const after = (dances, identity) => {
+  const whole = dances.filter(({ broken }) => !broken);
+  return whole[(whole.findIndex((one) => one.identity === identity) + 1) % whole.length];
+};
 export const chosenSource = (sources) => (remembered("source", "") in sources ? remembered("source", "") : Object.keys(sources)[0]);

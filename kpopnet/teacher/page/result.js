@@ -218,7 +218,7 @@ function phraseTable(found, dance, watch, practiseAt) {
 // Who danced on time and was late all the same: camera, sound and screen are.
 function latency(found) {
   if (found.latency_s === null || Math.abs(found.latency_s) < 0.03) return [];
-  const total_s = clamp((latencyOf(found.source) || 0) + found.latency_s, -1, 1);
+  const total_s = clamp((found.taken_off_s ?? latencyOf(found.source) ?? 0) + found.latency_s, -1, 1); // of tries of before: today's
   const told = el("span", { role: "status" });
   const button = el("button", { type: "button", id: "calibrate", onclick: () => {
     keepLatency(found.source, total_s);

@@ -38,7 +38,9 @@ export function songPanel(changed) {
   }
 
   function keep(corrected) {
+    if (!song.bpm && !corrected.bpm) return; // nothing to correct yet
     Object.assign(song, corrected);
+    while (song.one_s < 0) song.one_s += BAR_BEATS * 60 / song.bpm; // a dance begins on a one that the song has
     remember(`song.${song.name}`, { bpm: song.bpm, one_s: song.one_s });
     show();
     changed();

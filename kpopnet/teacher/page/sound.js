@@ -45,6 +45,7 @@ export class Sound {
 
   // The song leads in where it has begun before the dance. How long a browser takes to begin is corrected once it plays.
   follow({ audio, at_s, rate }, in_s) {
+    audio.pause(); // it may play since its beats were tapped
     const wait_s = Math.max(in_s - at_s / rate, 0), from_s = at_s - (in_s - wait_s) * rate, start = performance.now() + 1000 * wait_s;
     this.song = Object.assign(audio, { playbackRate: rate, preservesPitch: true, currentTime: from_s });
     const due_s = () => from_s + rate * (performance.now() - start) / 1000;

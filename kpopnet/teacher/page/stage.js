@@ -50,7 +50,10 @@ export async function stage(main, identity, wanted) {
   parts.phrase.addEventListener("change", () => { if (!state.running) showExcerpt(); });
   for (const one of [parts.dancer, parts.people, parts.source]) one.addEventListener("change", showDanced);
   const onKey = (event) => {
-    if (event.target.closest("input, select, button, a, summary")) return;
+    if (event.ctrlKey || event.metaKey || event.altKey || (event.repeat && !event.key.startsWith("Arrow"))) return; // the browser's
+    // A button keeps the focus after a click: only the space bar is its own then.
+    const taken = event.key === " " ? "input, select, button, a, summary, audio" : "input:not([type=checkbox]), select, audio";
+    if (event.target.closest(taken)) return;
     if (event.key === " ") parts.start.click();
     else if (event.key === "ArrowLeft") view.turn(-0.2);
     else if (event.key === "ArrowRight") view.turn(0.2);
@@ -166,6 +169,7 @@ export async function stage(main, identity, wanted) {
   function stop(message, watches = true) {
     Object.assign(state, { running: false, ready: false, start: 0, place: null, paused_s: null });
     shown.beginNow.hidden = true;
+    clearTimeout(state.again);
     sound.stop();
     live.send(watches && handsFree() ? watching(dance, parts.source.value) : { do: "stop" });
     parts.start.textContent = say("Start");
@@ -233,6 +237,14 @@ export async function stage(main, identity, wanted) {
     shown.bars.show(content.parts);
   }
 
+  const notSaved = (result) => (result.not_saved ? say(result.not_saved) : "");
+
+  // Another round, unless it is stopped before.
+  function later(again) {
+    clearTimeout(state.again);
+    state.again = setTimeout(() => { if (state.running && !state.closed) again(); }, 1000 * AGAIN_S);
+  }
+
   function drawn(age_ms) {
     shown.age.textContent = say("{ms} ms ago", { ms: Math.round(age_ms) });
   }
@@ -241,28 +253,28 @@ export async function stage(main, identity, wanted) {
     sound.stop();
     shown.words.textContent = result.total === null ? say(result.hints[0]) : say("{total} of 100", { total: Math.round(result.total) });
     shown.score.textContent = result.total === null ? "–" : Math.round(result.total);
-    if (result.not_saved) shown.error.textContent = say(result.not_saved);
+    shown.error.textContent = notSaved(result);
     if (state.practice && result.total !== null) {
       shown.practice.textContent = state.practice.after(result.total);
-      if (state.practice.done) return finishPractice();
+      if (state.practice.done) return finishPractice(notSaved(result));
       state.start = 0;
-      setTimeout(() => { if (state.running && !state.closed) start(); }, 1000 * AGAIN_S);
+      later(start);
       return undefined;
     }
     if (parts.loop.checked && result.total !== null) {
       state.start = 0;
       shown.count.textContent = say("again");
-      setTimeout(() => { if (state.running && !state.closed) begin(); }, 1000 * AGAIN_S);
+      later(begin);
       return undefined;
     }
-    stop(result.total === null ? say(result.hints[0]) : "", !result.session);
+    stop(result.total === null ? say(result.hints[0]) : notSaved(result), !result.session);
     if (result.session) location.hash = `#/dance/${identity}/try/${result.session}`;
     return undefined;
   }
 
-  function finishPractice() {
+  function finishPractice(message) {
     parts.practise.value = "";
-    stop("");
+    stop(message);
     shown.practice.append(" ", el("a", { href: `#/dance/${identity}`, onclick: () => { parts.phrase.value = ""; showExcerpt(); } }, say("Dance the whole dance")));
   }
 
