@@ -30,11 +30,12 @@ import numpy as np
 from kpopnet.dance.joint_files.points import IMPERIAL_NAMES, NamedPoints, named_performance
 from kpopnet.dance.joint_files.reader import read_strangers_performance
 from kpopnet.dance.performance import Performance
+from kpopnet.datasets.dances.dance_set import TEACHER, is_learner_name
 from kpopnet.datasets.dances.writer import write_labels, write_learner, write_teacher
 from kpopnet.errors import InputError
 from kpopnet.programs.arguments import program_parser
 from kpopnet.runtime.endings import user_errors
-from kpopnet.runtime.input_files import ArraySchema, check_budget, open_npy
+from kpopnet.runtime.input_files import ArraySchema, check_budget, expect, open_npy
 
 IMPERIAL_FPS = 100.0
 
@@ -52,7 +53,16 @@ def read_imperial(path: Path) -> np.ndarray:
 
 
 def write_dance(out: Path, name: str, teacher: Performance, learners: dict[str, Performance]) -> None:
-    """Writes a dance given as joints into the folder of a set; the learners from the best to the worst."""
+    """Writes a dance given as joints into the folder of a set; the learners from the best to the worst.
+
+    Raises InputError for no name of a dance, and for a folder that holds other learners.
+    """
+    expect(is_learner_name(name), f"--dance {name}", "a name of letters, digits, - and _")
+    others = sorted({path.stem for path in (out / name).glob("*.h5")} - {Path(TEACHER).stem, *learners})
+    if others:
+        raise InputError(
+            f"{out / name}: holds {', '.join(others)} of an earlier conversion; delete them, or give another --dance"
+        )
     write_teacher(out / name, teacher)
     for learner, performance in learners.items():
         write_learner(out / name, learner, performance.times_s, performance.joints_m)

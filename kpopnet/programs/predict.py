@@ -27,7 +27,7 @@ import numpy as np
 from tqdm import tqdm
 
 from kpopnet.dance.joint_files.writing import SUFFIXES, write_performance
-from kpopnet.dance.performance import MAX_DURATION_S, Performance
+from kpopnet.dance.performance import MAX_DURATION_S, MAX_TIME_S, Performance
 from kpopnet.errors import InputError
 from kpopnet.pose import PersonPose, PoseEstimator
 from kpopnet.pose.estimator import MAX_PEOPLE
@@ -81,6 +81,11 @@ def estimated(source: DepthSource, estimator: PoseEstimator, segmented: bool) ->
     def images() -> Iterator[TimedDepth]:
         for image in tqdm(source.timed(), "joints", source.frames, unit=" images", disable=None):
             times_s.append(image.time_s)
+            if abs(image.time_s) > MAX_TIME_S or image.time_s - times_s[0] > MAX_DURATION_S:
+                text = (
+                    f"an image at {image.time_s:g} s; expected times in seconds from 0, of at most {MAX_DURATION_S:g} s in all"
+                )
+                raise InputError(f"{source.name}: {text}; --fps overrides them")
             yield image
 
     people = estimator.estimate(images(), source.camera, source.fps, segmented=segmented)

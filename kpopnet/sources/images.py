@@ -86,7 +86,11 @@ def _unpacked(where: str, image: Image.Image, modes: Sequence[str]) -> np.ndarra
             f"{where}: an image of Pillow's mode {image.mode}; expected depth of one channel: 16-bit millimetres, or "
             "floating-point metres (TIFF). Colour and 8-bit images do not hold depth"
         )
+    # Pillow stretches a PGM image from its own greatest value to that of 16 bits.
+    greatest = image.tile[0].args[-1] if image.tile and image.tile[0].codec_name.startswith("ppm") else None
     stored = np.array(image)
+    if isinstance(greatest, int):
+        return np.rint(stored * (greatest / np.iinfo(np.uint16).max)).astype(np.uint16)
     if stored.dtype.kind == "i" and stored.min() >= 0 and stored.max() <= np.iinfo(np.uint16).max:
         return stored.astype(np.uint16)  # Pillow before 11 opens 16-bit PNG as 32 bits
     return stored

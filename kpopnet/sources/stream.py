@@ -91,7 +91,10 @@ def read_recording(path: Path) -> Recording:
 
 def _images(path: Path) -> Iterator[StoredImage]:
     with path.open("rb") as file:
-        header, number = parsed_header(file.readline(LINE_BYTES), str(path)), 0
+        header, number, first_s = parsed_header(file.readline(LINE_BYTES), str(path)), 0, None
         while (image := header.read(file, f"{path}: image {number}")) is not None:
+            if image.time_s is not None:  # of any clock
+                first_s = image.time_s if first_s is None else first_s
+                image = image._replace(time_s=image.time_s - first_s)
             yield image
             number += 1

@@ -103,7 +103,9 @@ def _opened(path: Path) -> Iterator[tuple["InputContainer", "VideoStream"]]:
     with optional_library(str(path), "PyAV", "video"):
         import av
     with parsing(str(path), "not a readable video"), _heard("prematurely"):  # others may be about tracks that are not read
-        container = av.open(str(path), format=CONTAINERS[path.suffix.lower()], options={"protocol_whitelist": "file"})
+        container = av.open(
+            str(path.absolute()), format=CONTAINERS[path.suffix.lower()], options={"protocol_whitelist": "file"}
+        )
     with container:
         stream = _depth_stream(path, container)
         stream.codec_context.thread_count = 1  # a thread's complaints would not be heard

@@ -59,7 +59,7 @@ def write_video(path: Path, images: Iterable[np.ndarray], fps: float) -> None:
     height_px, width_px = first.shape[:2]
     with atomic_path(path) as part:
         if av is not None and "libx264" in av.codecs_available:
-            with av.open(str(part), "w", format="mp4", options={"movflags": "+faststart"}) as container:
+            with av.open(str(part.absolute()), "w", format="mp4", options={"movflags": "+faststart"}) as container:
                 rate = Fraction(fps).limit_denominator(1001)
                 stream = container.add_stream("libx264", rate=rate, options={"crf": "23", "preset": "veryfast"})
                 stream.width, stream.height, stream.pix_fmt = width_px, height_px, "yuv420p"

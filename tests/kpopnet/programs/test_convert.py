@@ -58,6 +58,11 @@ def test_keypoints_become_a_dance(tmp_path, monkeypatch, capsys):
     with pytest.raises(SystemExit):
         convert(monkeypatch, "recordings", tmp_path / "out", "--dance", "x", *files[:-1])
     assert "at least two files" in capsys.readouterr().err
+    np.savez(tmp_path / "other.npz", keypoints3d=coco(unit_m=0.01), fps=60)
+    for name, told in (("gBR", "gBR: holds worst of an earlier conversion"), ("a/b", "--dance a/b: expected a name")):
+        with pytest.raises(SystemExit):
+            convert(monkeypatch, "recordings", tmp_path / "out", "--dance", name, *files[:-1], tmp_path / "other.npz")
+        assert told in capsys.readouterr().err
 
 
 def test_imperial_dance_becomes_one_dance_per_choreography(tmp_path, monkeypatch, capsys):

@@ -6,6 +6,7 @@ import sys
 import tracemalloc
 import zipfile
 import zlib
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -61,9 +62,19 @@ def test_tiff_npy_and_single_images_take_the_camera_given(tmp_path):
         np.testing.assert_array_equal(read(tmp_path / name, CAMERA)[1], expected)
 
 
-def test_a_lossless_video_keeps_every_millimetre_and_its_rate_and_a_damaged_one_is_refused(tmp_path):
+def test_a_pgm_of_any_greatest_value_keeps_its_millimetres(tmp_path):
+    height, width = MILLIMETRES.shape[1:]
+    for greatest in (10_000, 65_535):
+        head = f"P5\n{width} {height}\n{greatest}\n".encode()
+        (tmp_path / "a.pgm").write_bytes(head + MILLIMETRES[0].astype(">u2").tobytes())
+        _, images = read(tmp_path / "a.pgm", CAMERA)
+        np.testing.assert_array_equal(np.rint(1000 * images[0]), MILLIMETRES[0])
+
+
+def test_a_lossless_video_keeps_every_millimetre_and_its_rate_and_a_damaged_one_is_refused(tmp_path, monkeypatch):
     pytest.importorskip("av", reason="the extra video is not installed")
-    source, images = read(write_video(tmp_path / "a.mkv", MILLIMETRES), CAMERA)
+    monkeypatch.chdir(write_video(tmp_path / "12:30.mkv", MILLIMETRES).parent)
+    source, images = read(Path("12:30.mkv"), CAMERA)  # which is no address
     np.testing.assert_array_equal(images, METRES)
     assert source.fps == FPS and source.fps_is_known
     np.testing.assert_allclose([image.time_s for image in source.timed()], np.arange(len(METRES)) / FPS, atol=1e-3)
