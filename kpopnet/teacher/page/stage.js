@@ -237,7 +237,9 @@ export async function stage(main, identity, wanted) {
     shown.bars.show(content.parts);
   }
 
-  const notSaved = (result) => (result.not_saved ? say(result.not_saved) : "");
+  function notSaved(result) {
+    return result.not_saved ? say(result.not_saved) : "";
+  }
 
   // Another round, unless it is stopped before.
   function later(again) {
