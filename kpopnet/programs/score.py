@@ -23,6 +23,7 @@ from kpopnet.dance.parts import NOISE, PartScorer
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import SCORERS, score_dance
 from kpopnet.dance.window import WINDOW_S
+from kpopnet.dance.words.moments import PHRASE_S
 from kpopnet.errors import InputError
 from kpopnet.evaluation.dances.score_text import score_json, score_notes, score_text
 from kpopnet.evaluation.report import printable, write_text
@@ -32,7 +33,7 @@ from kpopnet.programs.arguments import add_grading, check_grading, program_parse
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
 from kpopnet.skeleton import Joint
-from kpopnet.teacher.library import TeacherBody
+from kpopnet.teacher.library import PHRASE_COUNTS, TeacherBody
 from kpopnet.teacher.live.words import score_result
 from kpopnet.teacher.result_page import result_page
 
@@ -117,7 +118,8 @@ def main() -> None:
         told = [Said("total {total} of 100: {weights}", total=f"{total['total']:.0f}", weights=shares)]
     title = Said("{learner} after {teacher}", learner=given.learner.name, teacher=given.teacher.name)
     result = score_result(score, advice, wanted, beat_s)
-    page = result_page(title, TeacherBody(**teacher_arrays()), (teacher, learner), result, notes, given.lang)
+    phrase_s = PHRASE_COUNTS * beat_s if beat_s else PHRASE_S
+    page = result_page(title, TeacherBody(**teacher_arrays()), (teacher, learner), result, notes, phrase_s, given.lang)
     files = {"teacher": str(given.teacher), "learner": str(given.learner)}
     content = score_json(score, advice, diagnosis, beat_s) | plain(total)
     content |= files | {"scorer": {"name": given.scorer, "feature": scorer.feature, **content["scorer"]}}

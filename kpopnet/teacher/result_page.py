@@ -54,16 +54,17 @@ def result_page(
     dances: tuple[Performance, Performance],
     result: dict,
     notes: list[str],
+    phrase_s: float = PHRASE_S,
     language: str = "en",
 ) -> str:
     """A result, of `kpopnet.teacher.live.words.score_result`, as the teacher's page shows it, with notes, in one of
-    `kpopnet.languages.LANGUAGES`. `dances` are the teacher's and the learner's, whose replay ends after MAX_S.
+    `kpopnet.languages.LANGUAGES`. `dances` are the teacher's and the learner's, whose replay ends after MAX_S; `phrase_s` is
+    the length of the result's phrases.
     """
     title = in_language(title, language)
     from_s, to_s = float(dances[0].times_s[0]), float(dances[0].times_s[-1])
     teacher, learner = (_replayed(one, from_s, body) for one in dances)
     found = {"name": title, "from_s": from_s, "to_s": to_s, **result, "hints": notes + result["hints"]}
-    phrase_s = result["phrases"][0]["end_s"] - result["phrases"][0]["start_s"] if result["phrases"] else PHRASE_S
     dance = {"seconds": to_s - from_s, "phrase_s": phrase_s, "first_s": from_s, **teacher}
     given = json.dumps({"found": keyed(found), "dance": dance, "movement": learner, "body": packed_body(body)}, allow_nan=False)
     root = files("kpopnet")

@@ -49,7 +49,7 @@ def test_where_a_free_part_is_danced_and_to_which_beat_is_not_graded():
     assert abs(free.ahead_s) < 0.03 < abs(rhythm.ahead_s)
 
 
-def test_the_less_is_compared_the_less_sure_is_the_score():
+def test_a_score_is_not_surer_for_comparing_less():
     teacher_m = dance_joints_m(4, SECONDS)
     learner = performed(teacher_m)
     learner = Performance(learner.joints_m, learner.times_s, np.full(learner.confidence.shape, 0.95))

@@ -1,5 +1,7 @@
 """The pose estimator finds people, follows them, and weighs the network and the fit over time."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from extraction_scenes import CAMERA as ROOM_CAMERA
@@ -9,6 +11,7 @@ from kpopnet.camera import MOST_PIXELS, Camera
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate
 from kpopnet.finder.finder import PersonFinder
+from kpopnet.human import Human
 from kpopnet.paper_extraction import PaperExtractor
 from kpopnet.paper_tracker.tracker import PaperTrackerEstimator
 from kpopnet.pose import PoseEstimator
@@ -174,6 +177,18 @@ def test_the_frames_before_steady_a_person_at_rest_and_those_after_more_so():
         estimator = network if mode == "network" else PersonEstimator(network, mode)
         spread_m[mode] = estimator.estimate(depth, CAMERA).joints_camera_m[10:].std(axis=0).mean()
     assert spread_m["best"] < spread_m["realtime"] < 0.7 * spread_m["network"]
+
+
+def test_whoever_is_beyond_the_number_of_people_is_missed_meanwhile(monkeypatch):
+    missed = []
+    monkeypatch.setattr(DetectedPerson, "miss", lambda self: missed.append(self.camera))
+    first, second = (Human(number, (0, 0, 80, 60), person(column), np.zeros(3)) for number, column in enumerate((20, 50)))
+    shown = iter([[second], [first, second], [second]])
+    finder = SimpleNamespace(camera=CAMERA, extract=lambda depth_m, time_s: next(shown))
+    monkeypatch.setattr("kpopnet.pose.estimator.build_extractor", lambda camera, settings: finder)
+    estimator = PoseEstimator(Blob(), people=1)
+    seen = [[one.identity for one in estimator.update(person(20), CAMERA)] for _ in range(3)]
+    assert seen == [[1], [0], [1]] and len(missed) == 2  # the second, then the first
 
 
 def test_stills_are_looked_at_one_by_one():

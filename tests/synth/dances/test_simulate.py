@@ -36,6 +36,9 @@ def test_a_set_has_the_format_and_a_manifest_that_calls_it_simulated(written):
     assert dances.names == ["dance_000", "dance_001"] and dances.manifest.origin is Origin.SIMULATED
     assert dances.manifest.dances == 2 and dances.manifest.hash == SHORT.hash
     assert "SIMULATED" in dances.manifest.about and "no real person" in dances.manifest.about
+    assert dances.manifest.ordered and dances.manifest.independent
+    ends = KpopSim(benchmark=KpopSimConfig(faults="ends"), motion=MotionConfig("clips", path="pack")).manifest_entries()
+    assert (ends["ordered"], ends["independent"]) == (False, False)
     assert (written / "contact_sheet.png").stat().st_size > 10_000
     for name in dances.names:
         dance = dances.dance(name)

@@ -33,6 +33,15 @@ test("four counts lead in, and the first beat is at the start", () => {
   assert.deepEqual(ticks({}).map(([at]) => at), [0.3, 0.8, 1.3, 1.8, 2.3, 2.8, 3.3, 3.8]);
 });
 
+test("a song that plays already is heard from where the dance begins on", () => {
+  const sound = new Sound(), heard = [];
+  const audio = { paused: false, currentTime: 30, pause() { heard.push("paused"); }, play: async () => heard.push("played") };
+  sound.wake();
+  sound.play({ in_s: 2.3, from_s: 0, to_s: 2, beat_s: 0.5, speed: 1, counts: 4, music: { audio, at_s: 0.5, rate: 1 } });
+  assert.deepEqual([heard, audio.currentTime], [["paused"], 0]); // it begins 1.8 s later
+  sound.stop();
+});
+
 test("at half the speed beats are twice as far apart", () => {
   assert.deepEqual(ticks({ in_s: 4.3, speed: 0.5 }).map(([at]) => at), [0.3, 1.3, 2.3, 3.3, 4.3, 5.3, 6.3, 7.3]);
 });

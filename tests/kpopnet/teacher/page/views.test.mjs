@@ -5,8 +5,10 @@ import "./dom.mjs";
 
 const PAGE = "../../../../kpopnet/teacher/page/";
 const { controls } = await import(`${PAGE}panels.js`);
+const { after } = await import(`${PAGE}hands.js`);
+const { phraseAt } = await import(`${PAGE}practice.js`);
 const { LOOPS, loopOf } = await import(`${PAGE}loops.js`);
-const { songPanel, songTempo } = await import(`${PAGE}song.js`);
+const { songAt, songPanel, songTempo } = await import(`${PAGE}song.js`);
 
 const OFFER = { sources: { simulated: "a simulated learner" }, skills: ["good"], faults: [""] };
 const wanting = (dance, query) => controls({ others: [], ...dance }, OFFER, new URLSearchParams(query));
@@ -17,6 +19,15 @@ test("a last phrase that is cut short can be chosen, and is what a link asks for
   assert.equal(asked(10.6).value, "2");
   assert.deepEqual(asked(10.4).options.map(({ value }) => value), ["", 0, 1]); // 2.4 s are too short
   assert.deepEqual(wanting({ phrase_s: 24, seconds: 5 }, "").phrase.options.map(({ value }) => value), ["", 0]);
+});
+
+test("the next dance is a whole one", () => {
+  const dances = [{ identity: "a" }, { identity: "b" }, { identity: "x", broken: "damaged" }];
+  assert.deepEqual(["a", "b"].map((one) => after(dances, one).identity), ["b", "a"]);
+});
+
+test("phrases are counted from where a recording's clock begins", () => {
+  assert.deepEqual([12.3, 16.3, 20.3].map((start_s) => phraseAt(start_s, { phrase_s: 4, first_s: 12.3 })), [0, 1, 2]);
 });
 
 test("dancers are counted from the left of who faces the screen, with the mirror and without it", () => {
@@ -42,5 +53,9 @@ test("a song that was read more slowly than the one chosen after it leaves that 
   for (const [bpm, how] of [[124, 0], [98, 0], [101, 1]]) waiting[bpm][how]();
   await Promise.all([slow, broken, chosen]);
   assert.ok(Math.abs(songTempo() - 124) < 0.5, songTempo());
+  const earlier = panel.panel.children.at(-1).children.at(-1).children.find(({ id }) => id === "earlier");
+  for (let k = 0; k < 9; k++) earlier.listeners.click();
+  const { at_s, rate } = songAt(0, 1), one_s = JSON.parse(localStorage.getItem("teach.song.chosen")).one_s;
+  assert.ok(one_s >= 0 && at_s === one_s && rate === 1, "the dance begins on a one that the song has");
   assert.deepEqual(["slow", "broken", "chosen"].map((name) => localStorage.getItem(`teach.song.${name}`) !== null), [false, false, true]);
 });
