@@ -44,6 +44,17 @@ def add_depth(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--key", help="the array or topic, in a file that has several; of a folder, a pattern: 'depth_*.png'")
 
 
+OF_RECORDINGS = ("camera", "fov", "focal", "fps", "depth_scale", "key")
+OF_DEPTH = (*OF_RECORDINGS, "rotate", "segmented")
+
+
+def check_not_given(given: argparse.Namespace, names: tuple[str, ...], why: str) -> None:
+    """Raises InputError where one of these words was given, which would change nothing: `why` says why."""
+    for name in names:
+        if getattr(given, name, None):
+            raise InputError(f"--{name.replace('_', '-')}: {why}")
+
+
 def add_grading(parser: argparse.ArgumentParser, tempo: str) -> None:
     """What a teacher leaves free, and what the total consists of; `tempo` says when there is a rhythm."""
     from kpopnet.dance.scoring import FIGURES  # takes a second to import

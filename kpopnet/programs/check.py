@@ -33,7 +33,7 @@ from kpopnet.evaluation.acceptance.sheet import blocks, machine, moments, write
 from kpopnet.evaluation.acceptance.watched import EMPTY_M2, IN_VIEW_M2, Kept, Truth, Watched, stored_truth, surfaces_m2
 from kpopnet.evaluation.report import printable
 from kpopnet.pose import PersonPose, PoseEstimator
-from kpopnet.programs.arguments import add_depth, opener, program_parser
+from kpopnet.programs.arguments import OF_RECORDINGS, add_depth, check_not_given, opener, program_parser
 from kpopnet.runtime.compilation import announce_compilation
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
@@ -277,6 +277,8 @@ def main() -> None:
     given = parsed()
     check_between("--empty", given.empty, 0, MOST_EMPTY_MIN)
     live = is_live(given.source)
+    if live:
+        check_not_given(given, OF_RECORDINGS, "a live camera states its own; it is for recordings")
     if (given.as_fast and live) or (given.empty and not live):
         raise InputError("--as-fast is for recordings, --empty for live cameras")
     estimator, machine_before = load_estimator(None), machine()

@@ -21,7 +21,15 @@ from kpopnet.errors import InputError
 from kpopnet.live.loop import Watcher, Watching
 from kpopnet.live.streams import PORTS, STREAMS, TO_STDOUT, ReaderGoneError
 from kpopnet.pose.estimator import MAX_PEOPLE
-from kpopnet.programs.arguments import add_address, add_depth, check_server, opener, program_parser
+from kpopnet.programs.arguments import (
+    OF_RECORDINGS,
+    add_address,
+    add_depth,
+    check_not_given,
+    check_server,
+    opener,
+    program_parser,
+)
 from kpopnet.runtime.compilation import announce_compilation
 from kpopnet.runtime.endings import user_errors
 from kpopnet.sources import DepthSource
@@ -65,6 +73,7 @@ def watching(given: argparse.Namespace) -> Watching:
         raise InputError(f"--port-out {given.port_out}: expected 1 to {last}, with --stream {' or '.join(PORTS)}")
     if is_live(given.source):
         name = check_live(given.source, "kpopnet live")
+        check_not_given(given, (*OF_RECORDINGS, "loop"), "a live camera states its own; it is for recordings")
         open_camera = partial(open_live, given.source, given.rotate)
     else:
         path = Path(given.source)

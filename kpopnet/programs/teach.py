@@ -30,7 +30,18 @@ from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
 from kpopnet.pose import PoseEstimator
-from kpopnet.programs.arguments import add_address, add_depth, add_grading, check_grading, check_server, opener, program_parser
+from kpopnet.programs.arguments import (
+    OF_DEPTH,
+    OF_RECORDINGS,
+    add_address,
+    add_depth,
+    add_grading,
+    check_grading,
+    check_not_given,
+    check_server,
+    opener,
+    program_parser,
+)
 from kpopnet.programs.predict import estimated
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
@@ -169,6 +180,8 @@ def own_dances(given: argparse.Namespace) -> dict[str, list[Performance]]:
             text = f"{len(people)} of {given.people} people were found" if people else "no person was found"
             raise InputError(f"{path}: {text}; the camera must see each dancer from head to feet")
         return {given.title or path.stem: [Performance(one.joints_camera_m, times_s, one.confidence) for one in people]}
+    check_not_given(given, tuple(name for name in OF_DEPTH if name != "fps"), f"for recordings of depth; {path} holds joints")
+    expect(given.people == 1, "--people", "a recording of depth; of joints, a file for each dancer")
     return {given.title or path.stem: read_strangers_group(given.files, given.fps, given.joint_map)}
 
 
@@ -192,6 +205,8 @@ def serve(given: argparse.Namespace, library: Library, opened: str | None) -> No
     from kpopnet.teacher.tries import Tries
     from synth.dances.live import FAULTS, SKILLS
 
+    if given.depth is None:
+        check_not_given(given, OF_RECORDINGS, "for the recording of --depth")
     sources, open_recording = {SIMULATED: "a simulated learner", WEBCAM: DESCRIPTION}, None
     # Mistakes are reported here, not in the page.
     if given.depth is not None:

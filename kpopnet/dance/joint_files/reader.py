@@ -39,7 +39,6 @@ from kpopnet.skeleton import NUM_JOINTS
 
 GLTF = (".glb", ".gltf", ".vrm", ".vrma")
 SUFFIXES = (".npz", ".bvh", ".csv", ".json", ".vmd", ".c3d", ".trc", *GLTF)
-MAPPED = (".csv", ".json", ".c3d", ".trc", ".npy")
 
 NPZ_SCHEMA = {
     "joints_m": ArraySchema("fiu", ("frames", NUM_JOINTS, 3), False),
@@ -63,7 +62,7 @@ def read_performance(path: Path | str, fps: float | None = None, joint_map: Path
 
     Joints of .npz files of our own stay in their camera frame, those of all other files are turned to face a level camera (see
     `kpopnet.dance.joint_files.points`). `fps` is the true rate of a file with none or a wrong one; `joint_map` says
-    which points of a file of MAPPED are which joints (`with_joint_map`). A stranger's file is read by
+    which of the points that a file names are which joints (`with_joint_map`). A stranger's file is read by
     `read_strangers_performance`.
     """
     return read_performances([Path(path)], fps, joint_map)[0]
@@ -109,7 +108,7 @@ def _recorded(path: Path, fps: float | None, joint_map: Path | None) -> NamedPoi
             raise InputError(f"{path}: a pickle can run code when it is opened; save its arrays with numpy.savez first")
         case _:
             raise InputError(f"{path}: expected a file that ends with {', '.join(SUFFIXES)}")
-    if joint_map is not None and path.suffix.lower() in MAPPED and isinstance(recorded, NamedPoints):
+    if joint_map is not None and isinstance(recorded, NamedPoints):
         recorded = with_joint_map(recorded, joint_map, str(path))
     return recorded
 

@@ -113,6 +113,7 @@ def test_recordings_that_cannot_be_checked_are_one_line(check, cheap, capsys, fi
     assert "holds rooms, not check_sim" in fails(check, capsys, tmp_path / "other")
     assert "--empty for live cameras" in fails(check, capsys, short, "--empty", 10)
     assert "--as-fast is for recordings" in fails(check, capsys, "realsense", "--as-fast")
+    assert "--depth-scale: a live camera states its own" in fails(check, capsys, "realsense", "--depth-scale", 5000)
 
 
 @pytest.fixture

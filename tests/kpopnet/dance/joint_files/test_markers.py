@@ -58,9 +58,10 @@ def test_a_joint_map_says_which_points_are_which_joints(tmp_path, expected):
     rows = [",".join(map(str, frame.ravel())) for frame in points_mm]
     (tmp_path / "a.csv").write_text("\n".join([",".join(header), *rows]))
     np.save(tmp_path / "a.npy", points_mm)
+    np.savez(tmp_path / "a.npz", points=points_mm, names=labels, fps=100.0)
     write_c3d(tmp_path / "a.c3d", points_mm, labels)
     write_trc(tmp_path / "a.trc", points_mm, labels)
-    for name in ("a.csv", "a.npy", "a.c3d", "a.trc"):
+    for name in ("a.csv", "a.npy", "a.npz", "a.c3d", "a.trc"):
         joint_map = tmp_path / ("numbers.json" if name == "a.npy" else "labels.json")
         read = (read_strangers_performance if name == "a.npy" else read_performance)(tmp_path / name, 100.0, joint_map)
         np.testing.assert_allclose(read.joints_m, expected.joints_m, atol=1e-3, err_msg=name)
