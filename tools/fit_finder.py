@@ -25,6 +25,7 @@ from kpopnet.data.room_images import RoomImage, RoomImages
 from kpopnet.finder.finder import LEAST_CELLS, LEAST_M2, LEAST_PROBABILITY, cells_of, open_finder
 from kpopnet.finder.people import Network, People, certainty_features, gather_people
 from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.provenance import git_revision
 from kpopnet.skeleton import Joint
 from kpopnet.weights import shipped_finder
@@ -65,6 +66,7 @@ def logistic(features: np.ndarray, right: np.ndarray) -> np.ndarray:
     return weights
 
 
+@user_errors
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("images", type=Path, help="folder of validation room images")

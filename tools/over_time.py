@@ -18,6 +18,7 @@ import safetensors.numpy
 
 from kpopnet.errors import InputError
 from kpopnet.networks.over_time import CHILDREN, PARENTS, Measured, OverTime, read
+from kpopnet.runtime.endings import user_errors
 from kpopnet.skeleton import NUM_JOINTS, Joint
 from kpopnet.training.over_time import OverTimeTraining, train_over_time
 
@@ -113,6 +114,7 @@ def measure(network: OverTime, films: list[dict[str, np.ndarray]]) -> None:
     report(found, "over time", "mean of both")
 
 
+@user_errors
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("films", type=Path, help="folder of films to learn from")

@@ -17,6 +17,7 @@ from kpopnet.estimator import Estimate
 from kpopnet.human import Human
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.endings import user_errors
 from kpopnet.skeleton import MIRROR
 from kpopnet.tracker.body_estimate import BodyEstimate
 from kpopnet.tracker.confidence import REFINED_WEIGHTS, probability
@@ -140,6 +141,7 @@ def _hidden(person_m: np.ndarray, camera, joints_m: np.ndarray) -> np.ndarray:
     return hidden
 
 
+@user_errors
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path)

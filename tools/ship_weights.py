@@ -38,6 +38,7 @@ from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.networks.onnx_export import export_network
 from kpopnet.networks.over_time import OverTime
 from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.endings import user_errors
 
 FINDER = "finder.onnx"
 OVER_TIME = "over_time_causal.safetensors", "over_time_future.safetensors"
@@ -137,6 +138,7 @@ def changes_mm(one: NetworkEstimator, other: NetworkEstimator, path: Path, image
     return np.concatenate(changes)
 
 
+@user_errors
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("checkpoint", type=Path, help="folder of a trained network, or a .safetensors file")

@@ -93,6 +93,8 @@ def open_depth(
         raise InputError(f"{path}: {stated:g} images a second; expected 1 to 1000")
     if depth_scale is not None and not 0 < depth_scale < math.inf:
         raise InputError(f"{path}: {depth_scale:g} units a metre; expected a positive number, such as 1000 for millimetres")
+    if depth_scale is not None and path.suffix.lower() == ".depth":
+        raise InputError(f"{path}: its first line states the unit of its depth; leave --depth-scale out")
     chosen = camera or (recording.camera and Optics(recording.camera, recording.lens))
     if chosen is None:
         raise InputError(

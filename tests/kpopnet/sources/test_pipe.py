@@ -93,6 +93,8 @@ def test_a_file_gives_what_was_sent(tmp_path):
     write_sent(tmp_path / "b.depth", IMAGES.astype(np.float32) / 4, dtype="float32", unit_m=0.004)
     for one, expected in zip(open_depth(tmp_path / "b.depth"), IMAGES, strict=True):
         np.testing.assert_allclose(one, expected / 1000, rtol=1e-6)
+    with pytest.raises(InputError, match="states the unit of its depth; leave --depth-scale out"):
+        open_depth(tmp_path / "b.depth", depth_scale=250)
     at_s = [1.7e9 + k / FPS for k in range(len(IMAGES))]  # of the day's clock
     (tmp_path / "c.depth").write_bytes(sent_line() + b"".join(map(sent_image, IMAGES, at_s)))
     times_s = [one.time_s for one in open_depth(tmp_path / "c.depth").timed()]
