@@ -62,7 +62,7 @@ export function weekPlan(dances, now) {
       }
     }
   }
-  const weak = [...latest.values()].filter(({ total }) => total < GOAL).sort((a, b) => a.total - b.total).slice(0, PLANNED);
+  const weak = [...latest.values()].filter(({ total }) => Math.round(total) < GOAL).sort((a, b) => a.total - b.total).slice(0, PLANNED);
   return weak.map(({ identity, name, phrase, total }) =>
     ({ text: say("{name}, phrase {number} ({total} of 100)", { name, number: phrase + 1, total: Math.round(total) }), href: practiseAddress(identity, phrase) }));
 }

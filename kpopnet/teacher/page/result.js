@@ -142,7 +142,7 @@ function number(id, value, text) {
 
 function worstLink(found, dance, practiseAt) {
   const worst = worstPhrase(found.phrases, dance);
-  if (!worst || worst.total >= GOAL) return "";
+  if (!worst || Math.round(worst.total) >= GOAL) return "";
   return el("p", {}, el("a", { class: "button", id: "practise-worst", href: practiseAt(worst.phrase) },
     say("Practise phrase {number}, which went worst ({total}), until {goal}", { number: worst.phrase + 1, total: Math.round(worst.total), goal: GOAL })));
 }

@@ -54,4 +54,6 @@ test("the week's plan holds the three worst phrases of late, by their latest try
   const plan = weekPlan(dances, new Date(2026, 2, 3));
   assert.deepEqual(plan.map(({ text }) => text), ["b, phrase 1 (30 of 100)", "a, phrase 2 (40 of 100)", "a, phrase 3 (50 of 100)"]);
   assert.ok(plan[1].href.startsWith("#/dance/a?phrase=1&practise="));
+  assert.deepEqual(weekPlan([dance("d", one("20260302-120000-000", 79.6, 79.4))], new Date(2026, 2, 3)).map(({ text }) => text),
+    ["d, phrase 2 (79 of 100)"]); // 79.6 is shown as 80, the goal
 });
