@@ -69,10 +69,15 @@ export function panels(main, dance, parts, song) {
     shown.lane,
     el("div", { class: "told" }, el("div", {}, shown.score, shown.stars, shown.streak), el("div", {}, shown.verdict, shown.words, shown.members, shown.practice)));
   // Several learners need depth: a webcam follows one, and one is simulated.
-  const alone = () => { parts.people.disabled = [WEBCAM, "simulated"].includes(parts.source.value); };
-  parts.source.addEventListener("change", alone);
-  alone();
-  const latency_s = latencyOf(parts.source.value);
+  const latency = el("p", { class: "quiet", id: "latency" });
+  const chosen = () => {
+    parts.people.disabled = [WEBCAM, "simulated"].includes(parts.source.value);
+    const latency_s = latencyOf(parts.source.value);
+    latency.replaceChildren(`${latency_s === null ? say("Latency not measured.") : say("{time} latency are taken off.", { time: milliseconds(latency_s) })} `,
+      el("a", { href: "#/calibrate" }, say(latency_s === null ? "Measure it" : "Measure it again")));
+  };
+  parts.source.addEventListener("change", chosen);
+  chosen();
   const simulated = el("details", { id: "simulated" }, el("summary", {}, say("Simulated learner")),
     el("div", { class: "controls" }, el("label", {}, say("skill"), parts.skill), el("label", {}, say("fault"), parts.fault),
       el("label", {}, say("person"), parts.seed)));
@@ -86,8 +91,7 @@ export function panels(main, dance, parts, song) {
     shown.stage,
     shown.bars.list,
     simulated,
-    el("p", { class: "quiet", id: "latency" }, `${latency_s === null ? say("Latency not measured.") : say("{time} latency are taken off.", { time: milliseconds(latency_s) })} `,
-      el("a", { href: "#/calibrate" }, say(latency_s === null ? "Measure it" : "Measure it again"))),
+    latency,
     el("p", { class: "quiet" }, say("Hands together above your head, held for a second and a half, pause and go on."), " ",
       say("Keys: space starts and stops, p pauses, left and right turn the teacher, m mirrors, f is full screen.")),
   );

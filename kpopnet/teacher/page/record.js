@@ -74,10 +74,11 @@ export async function record(main) {
   }
 
   function lead(now) {
-    const in_s = COUNTS * beat_s() + 0.3;
+    state.beat_s = beat_s(); // whatever the field says later
+    const in_s = COUNTS * state.beat_s + 0.3;
     state.start = now + 1000 * in_s;
     told.textContent = say("dance from the one on");
-    sound.play({ in_s, from_s: 0, to_s: LONGEST_S, beat_s: beat_s(), speed: 1, counts: COUNTS,
+    sound.play({ in_s, from_s: 0, to_s: LONGEST_S, beat_s: state.beat_s, speed: 1, counts: COUNTS,
       music: music.value === "song" ? songAt(0, 1) || "tick" : music.value });
   }
 
@@ -93,7 +94,7 @@ export async function record(main) {
     if (state.seconds < LEAST_S) failed.textContent = say("a lesson lasts at least {least} s; you were seen up to second {seconds}",
       { least: LEAST_S, seconds: state.seconds.toFixed(1) });
     else {
-      const beats = Math.floor(state.seconds / beat_s());
+      const beats = Math.floor(state.seconds / state.beat_s);
       for (const [range, value] of [[from, 0], [to, beats]]) Object.assign(range, { max: beats, value });
       editor.hidden = false;
       cut();
@@ -103,7 +104,7 @@ export async function record(main) {
 
   // Seconds of the recording; a lesson begins on a beat.
   function bounds() {
-    return [from, to].map((range) => Number(range.value) * beat_s());
+    return [from, to].map((range) => Number(range.value) * state.beat_s);
   }
 
   function cut() {
@@ -115,7 +116,7 @@ export async function record(main) {
 
   async function save(event) {
     event.preventDefault();
-    const query = new URLSearchParams({ file: "dance.json", title: name.value.trim(), bpm: 60 / beat_s() });
+    const query = new URLSearchParams({ file: "dance.json", title: name.value.trim(), bpm: 60 / state.beat_s });
     try {
       const { identity } = await ask(`/api/dances?${query}`, { method: "POST", body: JSON.stringify(cutOut(state.frames, ...bounds())) });
       location.hash = `#/dance/${identity}`;
@@ -126,7 +127,7 @@ export async function record(main) {
 
   function animate(now) {
     if (state.closed) return;
-    const beats = state.start ? (now - state.start) / 1000 / beat_s() : 0;
+    const beats = state.start ? (now - state.start) / 1000 / state.beat_s : 0;
     count.textContent = beats < 0 && beats >= -COUNTS ? String(Math.floor(beats) + 1 + COUNTS) : "";
     if (!editor.hidden) {
       const [from_s, to_s] = bounds(), at_s = from_s + now / 1000 % Math.max(to_s - from_s, 1);
