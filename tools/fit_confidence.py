@@ -1,4 +1,6 @@
-"""Fits the weights from which the trackers and the refinement compute the confidence of joints, on simulated training people.
+"""Fits the weights from which the trackers and the refinement compute the confidence of joints.
+
+The people are simulated, of seeds that no benchmark has, and dressed as those of the benchmarks are.
 
     python -m synth benchmark=eval_sim benchmark.seed=101 benchmark.sequences=8 out=data/confidence/101
     python -m synth benchmark=eval_sim benchmark.seed=102 benchmark.sequences=8 out=data/confidence/102

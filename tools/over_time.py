@@ -18,6 +18,7 @@ import safetensors.numpy
 
 from kpopnet.errors import InputError
 from kpopnet.networks.over_time import CHILDREN, PARENTS, Measured, OverTime, read
+from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.endings import user_errors
 from kpopnet.skeleton import NUM_JOINTS, Joint
 from kpopnet.training.over_time import OverTimeTraining, train_over_time
@@ -124,12 +125,15 @@ def main() -> None:
     parser.add_argument("--epochs", type=int, default=OverTimeTraining.epochs, help="%(default)s")
     given = parser.parse_args()
     logging.basicConfig(level=logging.INFO, format="%(message)s")
+    fresh = {mirrored: films_in(given.fresh, mirrored) for mirrored in (False, True)}
+    given.out.parent.mkdir(parents=True, exist_ok=True)
     if not given.out.exists():
         config = OverTimeTraining(epochs=given.epochs, future=given.future)
         arrays = train_over_time(config, films_in(given.films, given.future))
-        safetensors.numpy.save_file(arrays, given.out)
-    network = OverTime(safetensors.numpy.load_file(given.out))
-    measure(network, films_in(given.fresh, network.future))
+        with atomic_path(given.out) as part:
+            part.write_bytes(safetensors.numpy.save(arrays))
+    network = OverTime.load(given.out)
+    measure(network, fresh[network.future])
 
 
 if __name__ == "__main__":

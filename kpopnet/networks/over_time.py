@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import safetensors.numpy
 
+from kpopnet.runtime.input_files import read_with
 from kpopnet.skeleton import BONES, MIRROR, NUM_JOINTS, Joint
 
 TRUNK = (Joint.NECK, Joint.TORSO, Joint.RIGHT_HIP, Joint.LEFT_HIP)
@@ -162,8 +163,8 @@ class OverTime:
 
     @classmethod
     def load(cls, path: Path) -> "OverTime":
-        """The network of a safetensors file."""
-        return cls(safetensors.numpy.load_file(path))
+        """The network of a safetensors file; raises InputError if it is missing, damaged or of other weights."""
+        return read_with(lambda path: cls(safetensors.numpy.load_file(path)), path, "missing, damaged, or no network over time")
 
     def __call__(self, points_m: np.ndarray, differences_m: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(..., 15, 3) joints in metres and (..., 15) confidence from the results of `Averages.add` or `read`."""

@@ -167,6 +167,9 @@ def own_dances(given: argparse.Namespace) -> dict[str, list[Performance]]:
     """The dances in what `kpopnet teach add` is given: their dancers' joints, by title. Raises InputError if there is none."""
     path, *others = given.files
     teachers = {} if others else kpop_teachers(path)
+    if teachers:
+        check_not_given(given, (*OF_DEPTH, "joint_map"), f"for recordings; {path} is a folder of dances")
+        expect(given.people == 1, "--people", f"a recording of depth; {path} is a folder of dances")
     if len(teachers) > 1:
         return {name: [performance] for name, performance in teachers.items()}
     if teachers:
@@ -206,7 +209,8 @@ def serve(given: argparse.Namespace, library: Library, opened: str | None) -> No
     from synth.dances.live import FAULTS, SKILLS
 
     if given.depth is None:
-        check_not_given(given, OF_RECORDINGS, "for the recording of --depth")
+        names = OF_RECORDINGS if given.live is not None else (*OF_RECORDINGS, "rotate")
+        check_not_given(given, names, "for the recording of --depth")
     sources, open_recording = {SIMULATED: "a simulated learner", WEBCAM: DESCRIPTION}, None
     # Mistakes are reported here, not in the page.
     if given.depth is not None:

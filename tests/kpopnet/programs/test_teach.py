@@ -86,6 +86,9 @@ def test_a_folder_of_dances_is_added(run, tmp_path, danced, capsys):
     library = teach.made_library(tmp_path / "teach")
     assert "added alpha as own_001" in told and "added beta as own_002" in told
     assert library.about("own_002").seconds == pytest.approx(7.5, abs=0.05)
+    with pytest.raises(SystemExit):
+        run("add", tmp_path / "set", "--fps", 25)
+    assert "--fps: for recordings" in capsys.readouterr().err
     run("add", tmp_path / "set" / "beta", "--title", "Beta")
     assert library.about("own_003").name == "Beta" and "own_003" in capsys.readouterr().out
     np.testing.assert_allclose(library.dance("own_003").joints_m, danced.joints_m[:-1], atol=1e-4)
@@ -115,6 +118,7 @@ MISTAKES = {
     ("add", "missing.bvh", "--weights", "hands=1"): "hands",
     ("add", "missing.bvh", "--camera", "kinect_v1"): "--camera: for recordings of depth; missing.bvh holds joints",
     ("add", "missing.bvh", "--people", "2"): "--people: expected a recording of depth; of joints, a file for each dancer",
+    ("--rotate", "90", "--no-browser"): "--rotate: for the recording of --depth",
     ("--fps", "25", "--no-browser"): "--fps: for the recording of --depth",
     ("--depth", "missing.npz", "--no-browser"): "missing.npz: no such file",
     ("--checkpoint", "missing", "--no-browser"): "missing",
