@@ -3,7 +3,7 @@
 An estimate is taken for a person whose centre, the mean of the joints found, is within CENTRE_M of its own, one for one. A
 person keeps the identity of the frame before as long as it is that near; the others are matched such that the sum of distances
 is least. A person is judged where at least half of the body shows (`sight`). Estimates within NEAR_M of other people, of whom
-less shows, count as neither right nor wrong.
+less shows or who are behind others, count as neither right nor wrong. In an image that shows nobody every estimate is false.
 
 MOTA is that of CLEAR MOT: Bernardin & Stiefelhagen, "Evaluating Multiple Object Tracking Performance", EURASIP Journal on Image
 and Video Processing 2008.
@@ -91,15 +91,15 @@ def match(sequence: StoredSequence, estimates_m: np.ndarray, identities: np.ndar
     seen, hidden = sight(sequence)
     identity, errors_m = np.full(seen.shape, NOBODY), np.full((*seen.shape, NUM_JOINTS), np.inf)
     false = np.zeros(len(seen), int)
+    empty = (np.asarray(sequence.seen_px) == 0).all(axis=1)
     matched: dict[int, int] = {}
     for frame in range(len(seen)):
         found = np.isfinite(estimates_m[:, frame]).any(axis=(1, 2))
-        matched = _match_frame(truth_m[frame], seen[frame], estimates_m[:, frame], found, matched)
+        matched = {} if empty[frame] else _match_frame(truth_m[frame], seen[frame], estimates_m[:, frame], found, matched)
         for person, one in matched.items():
             identity[frame, person] = identities[one]
             errors_m[frame, person] = joint_errors_m(truth_m[frame, person], estimates_m[one, frame])
         false[frame] = found.sum() - len(matched)
-    empty = (np.asarray(sequence.seen_px) == 0).all(axis=1)
     name, kind = sequence.name, sequence.kind
     return MatchedSequence(name, kind, seen, hidden, empty, identity, errors_m, false, estimates_m, identities, seconds)
 

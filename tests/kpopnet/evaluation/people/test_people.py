@@ -85,6 +85,15 @@ def test_hidden_people_and_those_at_the_border_are_neither_missed_nor_false(trut
     assert (one["seen"], one["hidden"], one["false"]) == (14, 0, 0)
 
 
+def test_everybody_found_in_an_image_that_shows_nobody_is_false(truth_m: np.ndarray) -> None:
+    """Both left the room for three images; the tracker keeps them where they are. Later one is behind the other."""
+    seen_px = np.full((FRAMES, 2), 100)
+    seen_px[2:5], seen_px[7, 1] = 0, 0
+    one = figures([matched(truth_m, truth_m, seen_px)], 0)
+    assert (one["empty_images"], one["empty_images_with_people"], one["empty_share"]) == (3, 3, 1)
+    assert (one["seen"], one["false"], one["people_precision"]) == (13, 6, 13 / 19)
+
+
 def test_nobody_found_is_everybody_missed(truth_m: np.ndarray) -> None:
     found = matched(truth_m, np.empty((FRAMES, 0, 15, 3)))
     one = figures([found], 0)
