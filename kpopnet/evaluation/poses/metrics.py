@@ -122,16 +122,16 @@ def without_offsets(results: PoseResults) -> np.ndarray:
 def moving_joints(truth_m: np.ndarray, person: np.ndarray) -> np.ndarray:
     """(N, 15) bool, joints farther than MOVING_M from where the rest pose of the person (N,) has them; false where unknown.
 
-    The rest pose is the median of the person's true joints over all frames, in the axes of the torso and from its centre: an
-    estimator that always answers a mean pose has most other joints right.
+    The rest pose is the median of the person's true joints over the frames that have them, in the axes of the torso and from
+    its centre: an estimator that always answers a mean pose has most other joints right. Unknown people, "", have none.
     """
     own_m = np.einsum("nab,njb->nja", torso_axes(truth_m.astype(np.float64)), truth_m - truth_m[:, [Joint.TORSO]])
     moving = np.zeros(own_m.shape[:2], bool)
-    for one in np.unique(person):
+    for one in filter(None, np.unique(person).tolist()):
         rows = person == one
-        known = own_m[rows][np.isfinite(own_m[rows]).all(axis=(1, 2))]
-        if len(known):
-            moving[rows] = np.linalg.norm(own_m[rows] - np.median(known, axis=0), axis=-1) > MOVING_M
+        own = own_m[rows]
+        known = np.isfinite(own).all(axis=-1).any(axis=0)  # joints of which some frame has the position
+        moving[np.ix_(rows, known)] = np.linalg.norm(own[:, known] - np.nanmedian(own[:, known], axis=0), axis=-1) > MOVING_M
     return moving
 
 

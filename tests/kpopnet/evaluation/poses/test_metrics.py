@@ -105,7 +105,8 @@ def test_every_breakdown_sums_to_the_total():
 def test_intervals_contain_their_metrics_and_need_five_units():
     rng = np.random.default_rng(5)
     truth, estimate = displaced(rng, rng.uniform(0, 0.2, (60, 15)))
-    result = evaluate(pose_results(truth, estimate, unit=np.repeat(np.arange(12), 5)), seed=7)
+    people = np.repeat(np.arange(12).astype(str), 5)
+    result = evaluate(pose_results(truth, estimate, unit=people, person=people), seed=7)
     assert set(result["interval"]) == {"map_10cm", "moving_10cm", "map_14", "mean_error_cm", "average_pose_error_cm"}
     assert all(low < result[name] < high for name, (low, high) in result["interval"].items())
     assert set(evaluate(pose_results(truth, estimate, unit=np.repeat(np.arange(4), 15)))["interval"].values()) == {None}
@@ -131,6 +132,10 @@ def test_moving_joints_are_those_far_from_where_the_rest_pose_of_the_person_has_
     result = evaluate(pose_results(truth, truth + (0.0, 0.0, 0.11) * found[..., None], person=np.repeat(["a", "b"], 20)))
     assert (result["moving_10cm"], result["moving_joints"]) == (0, 8) and result["map_10cm"] == 1 - 8 / 600
     assert {name: one["moving_joints"] for name, one in result["per_person"].items()} == {"a": 4, "b": 4}
+    truth[np.arange(40) % 5 < 4, Joint.RIGHT_FOOT] = np.nan  # most labels have a gap, the rest of the pose moves as before
+    truth[:, Joint.LEFT_FOOT] = np.nan
+    np.testing.assert_array_equal(moving_joints(truth, np.repeat(["a", "b"], 20)), expected)
+    assert not moving_joints(truth, np.repeat("", 40)).any()  # nobody knows whose rest pose it would be
 
 
 def test_a_frame_whose_label_was_given_is_not_scored():
