@@ -81,13 +81,17 @@ class Watcher:
             self._opened.close()  # last: it may wait for the camera
 
     def _warm(self) -> bool:
-        """Handles each image in turn until joints come in real time or it is paused; False at the end of a recording.
+        """Handles each image in turn until joints come in real time or it is paused.
+
+        False at the end of a recording, or where somebody quits.
 
         A recording waits for this.
         """
         steady, began, compiled = 0, time.monotonic(), False
         while steady < STEADY_FRAMES and time.monotonic() - began < NOBODY_S:
             self._follow()
+            if self._quit:
+                return False
             if compiled and self._paused:
                 return True
             try:
@@ -96,7 +100,7 @@ class Watcher:
                 self._follow_away(str(error))
                 began = time.monotonic()
                 continue
-            if read is None or self._quit:
+            if read is None:
                 return False
             image, before = Image(*read), time.monotonic()
             if not compiled:  # the first time on a machine this takes up to a minute

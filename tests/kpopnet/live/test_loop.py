@@ -15,6 +15,7 @@ from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.live import keeping, loop
 from kpopnet.live.loop import Watcher, Watching
 from kpopnet.pose import PersonPose
+from kpopnet.sources.source import CameraAwayError
 
 
 class Estimator:
@@ -120,6 +121,19 @@ def test_joints_are_saved_before_a_camera_is_waited_for(watch, tmp_path):
     read = iter(range(10**9))
     watch(Slow(np.arange(100) / 10, wait), {1: ("joints", True), 20: ("quit",)})
     assert closed_with == [2]
+
+
+def test_somebody_quits_while_the_camera_is_away_before_joints_come_in_real_time(watch, in_turn, tmp_path):
+    class Away(Images):
+        """One whose cable is pulled after a second."""
+
+        def read(self) -> tuple[np.ndarray, float] | None:
+            if read := super().read():
+                return read
+            raise CameraAwayError("camera: gone")
+
+    watch(Away(np.arange(10) / 10), {1: ("joints", True), 20: ("quit",)})
+    assert len(list((tmp_path / "kept").glob("joints-*"))) == 2
 
 
 def test_a_pause_from_the_start_holds_everything(watch, monkeypatch, tmp_path):
