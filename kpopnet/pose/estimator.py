@@ -24,6 +24,9 @@ MAX_PEOPLE = 16
 MAX_REMEMBERED = 64
 """People whose lengths are remembered; beyond it, people out of view are forgotten and measured again when they return."""
 
+LATEST_S = 1e12
+"""Times beyond this, 30,000 years, are those of no clock in seconds."""
+
 
 class PersonPose(NamedTuple):
     """One person in one image, or in the T images of a recording."""
@@ -92,7 +95,7 @@ class PoseEstimator:
             The visible people, at most `people`, in the order in which they were first found.
 
         Raises:
-            InputError: depth of another type or size; floats that look like millimetres.
+            InputError: depth of another type or size; floats that look like millimetres; a time that is no finite number.
         """
         found = self._found(depth, camera, self.people, time_s)
         return [PersonPose(identity, pose.joints_camera_m, pose.confidence) for identity, pose in found.items()]
@@ -122,16 +125,18 @@ class PoseEstimator:
             depth = depth[None]
         if not isinstance(depth, Iterable) or (isinstance(depth, np.ndarray) and not depth.ndim):
             raise InputError(f"depth: expected an array or images one after another, got {type(depth).__name__}")
-        self.reset()
         frames: list[dict[int, Pose]] = []
         times_s: list[float] = []
-        for one in depth:
-            time_s, image = one if isinstance(one, TimedDepth) else (len(frames) / fps, one)
-            times_s.append(time_s)
-            frames.append(
-                self._segmented(image, camera, time_s) if segmented else self._found(image, camera, MAX_PEOPLE, time_s)
-            )
         self.reset()
+        try:
+            for one in depth:
+                time_s, image = one if isinstance(one, TimedDepth) else (len(frames) / fps, one)
+                times_s.append(time_s)
+                frames.append(
+                    self._segmented(image, camera, time_s) if segmented else self._found(image, camera, MAX_PEOPLE, time_s)
+                )
+        finally:
+            self.reset()  # also where an image is refused: the next one is of another recording
         seen = Counter(identity for people in frames for identity in people)
         if not seen:
             log.warning("no person was found in %d image(s): %s", len(frames), WHY_NOBODY)
@@ -143,6 +148,8 @@ class PoseEstimator:
         ]
 
     def _found(self, depth: np.ndarray, camera: Camera, most: int, time_s: float | None) -> dict[int, Pose]:
+        if time_s is not None:
+            check_between("time_s", time_s, -LATEST_S, LATEST_S)
         depth_m, camera = _needed_image(depth, camera)
         if self._extractor is None or camera != self._extractor.camera:
             self.reset()

@@ -85,6 +85,20 @@ def test_wrong_types_are_one_line_at_every_door(door):
             assert "\n" not in str(refused.value)
 
 
+def test_a_refused_image_or_time_leaves_nothing_behind():
+    frames = walking(6)
+    poses, fresh = PoseEstimator(Blob()), PoseEstimator(Blob())
+    with pytest.raises(InputError):
+        poses.estimate([*frames[3:], np.zeros((2, 2, 2), np.float32)], ROOM_CAMERA)
+    for frame in frames[:3]:
+        for time_s in (np.nan, np.inf, "1"):
+            with pytest.raises(InputError, match="time_s"):
+                poses.update(frame, ROOM_CAMERA, time_s)
+        assert [one.identity for one in poses.update(frame, ROOM_CAMERA)] == [
+            one.identity for one in fresh.update(frame, ROOM_CAMERA)
+        ]
+
+
 def test_large_images_are_reduced_before_anything_looks_at_them():
     network, camera = Blob(), Camera.centred(3500.0, 4096, 4096)
     depth = np.zeros((4096, 4096), np.float32)
