@@ -38,7 +38,7 @@ from kpopnet.data.made_sets import check_others
 from kpopnet.data.observation import JoinedSources, ObservationSource
 from kpopnet.data.person_crops import PersonCrops
 from kpopnet.data.shards import ShardedSet
-from kpopnet.errors import InputError, check_between, check_seed
+from kpopnet.errors import check_between, check_seed
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import read_meta, run_folder
 from kpopnet.runtime.cpu import bounded_processes
@@ -99,12 +99,7 @@ class ObservationConfig:
         check_between("crops_repeated", self.crops_repeated, 1, 1e6)
 
     def observed(self) -> tuple[ObservationSource, ObservationSource, dict[str, dict]]:
-        """What to learn from and to validate with, and what identifies the sets.
-
-        Raises InputError if a folder holds none, or both are the same.
-        """
-        if Path(self.data.train).resolve() == Path(self.data.validation).resolve():
-            raise InputError(f"data.validation={self.data.validation}: trained on too; choose a checkpoint on other people")
+        """What to learn from and to validate with, and what identifies the sets; raises InputError if a folder holds none."""
         log.info(f"reading {self.data.train} and {self.data.validation}")
         sets = {name: ShardedSet(folder) for name, folder in asdict(self.data).items()}
         sources: dict[str, ObservationSource] = {

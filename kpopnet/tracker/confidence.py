@@ -19,7 +19,7 @@ from kpopnet.geometry.body import PARTS, ROW_TO_JOINT, Body
 from kpopnet.geometry.cones import body_segments, nearest_parts
 from kpopnet.geometry.depth_grid import DepthGrid
 
-TRACKED_WEIGHTS, REFINED_WEIGHTS = (-4.085, 3.914, 4.726), (1.479, 1.087, 1.908, -0.183)
+TRACKED_WEIGHTS, REFINED_WEIGHTS = (-4.976, 3.095, 5.509), (1.564, 0.726, 1.984, -0.319)
 """Weights of `tracked_evidence` and of `refined_evidence`."""
 
 FULL_SUPPORT_POINTS = 4

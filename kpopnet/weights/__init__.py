@@ -17,9 +17,9 @@ from kpopnet.errors import InputError
 FOLDER = Path(__file__).parent
 
 SHA256: dict[str, str] = {
-    "model.safetensors": "ec9057252f8b867a9e7d6b2f3c61f642015564e2b6dbc879edfca928f3d87edc",
-    "meta.json": "ad67a510a56c5129c4ea8b95ae5bc8c0eab404c6a39f26b61b2e7cc09f199ab3",
-    "graph.onnx": "ad133afc810bda86dd507c5c9e90f42d03c5c34e4c7d8f37f9a26e062c75a6d1",
+    "model.safetensors": "b0364a5c2d3986d784806796581779ee5a32d83d669b6f1d74a08887b358e1a7",
+    "meta.json": "973f98f474f3d59f993a87aff0fa671dcb650462e4932746630d27b8ca31d72b",
+    "graph.onnx": "5d6d6141e3b798b3175f9c5f58f16cd1778d41c6841f7d4087a37f8f9b2915e6",
 }
 """Of each file that is loaded, as tools/ship_weights.py wrote it."""
 
@@ -29,8 +29,8 @@ FINDER_SHA256: dict[str, str] = {
 """Of the finder of people (kpopnet.finder), as tools/ship_weights.py wrote it."""
 
 OVER_TIME_SHA256: dict[str, str] = {
-    "over_time_causal.safetensors": "382af8c42269a5529425b6808d746ea48c14c187f463d9bb5de95ee4af7f6c37",
-    "over_time_future.safetensors": "1c1d0d08d4c26bb19bd59bf199a89dc27247dad012099a3b5b7025e1e704e268",
+    "over_time_causal.safetensors": "d574441d1a9e01dcc69b824c90c7d2911c3d14adc39f5a0d4be2cff62aad25f5",
+    "over_time_future.safetensors": "ec1eaecb7341b35524034d4ea02bf0cee35dbef29b3e6bc310d02b51493ab554",
 }
 """Of the networks over time (kpopnet.networks.over_time), as tools/ship_weights.py wrote them: the causal one first."""
 
