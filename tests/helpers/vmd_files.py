@@ -16,7 +16,8 @@ def write_vmd(path, bones, curve=LINEAR, switches=(), cameras=0):
     keys = b""
     for bone, own in bones.items():
         for frame, place, quat in own:
-            name = bone.encode("cp932").ljust(14, b"\0")[:14] + b"\xfd"  # what follows the end of the text is any bytes
+            after = bytes([0xFD - frame % 2])  # what follows the end of the text is any bytes
+            name = bone.encode("cp932").ljust(14, b"\0")[:14] + after
             keys += struct.pack("<15sI3f4f", name, frame, *place, *quat) + rows
     count = sum(map(len, bones.values()))
     name = "初音ミク".encode("cp932").ljust(20, b"\0")

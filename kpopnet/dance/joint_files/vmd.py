@@ -117,11 +117,12 @@ def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, list[tuple[int, 
     stored = np.frombuffer(data, _KEY, count, start)
     fits = (np.abs(stored["place"]) < 1e5).all() and (np.abs(stored["quat"]) < 1e5).all()
     expect(bool(fits), str(path), "keys of numbers below 100000")
-    names, number = np.unique(stored["bone"], return_inverse=True)
+    raw, number = np.unique(stored["bone"], return_inverse=True)
+    names = np.array([_text(one) for one in raw], object)[number]  # what follows the end of a name is of no meaning
     keys: dict[str, np.ndarray] = {}
-    for one, name in enumerate(names):
-        own = stored[number == one]
-        keys[_text(name)] = own[len(own) - 1 - np.unique(own["frame"][::-1], return_index=True)[1]]  # the last of a frame
+    for name in dict.fromkeys(names):
+        own = stored[names == name]
+        keys[name] = own[len(own) - 1 - np.unique(own["frame"][::-1], return_index=True)[1]]  # the last of a frame
     for size in _OTHER_BYTES:
         if place == len(data):
             return keys, {}

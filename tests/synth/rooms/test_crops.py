@@ -70,6 +70,8 @@ def test_a_training_sees_them_after_its_samples(folder, tmp_path):
     assert len(often) == 6 + 3 * len(own) and len(once) == len(validation)
     with pytest.raises(InputError, match="no person crops"):
         NetworkTrainingConfig(data=data, crops=str(tmp_path)).observed()
+    with pytest.raises(InputError, match="trained on too"):
+        NetworkTrainingConfig(data=DataConfig(data.train, f"{data.train}/../train")).observed()
     with pytest.raises(InputError, match="crops_repeated=0"):
         NetworkTrainingConfig(crops_repeated=0)
 
