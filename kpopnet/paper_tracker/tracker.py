@@ -159,7 +159,9 @@ class PaperTracker:
         return repaired(printed, self.state, self.model) if config.repaired else printed
 
     def _find_start(self, depth_m: np.ndarray) -> bool:
-        """Starts if the frame shows the Y pose; returns whether the tracker has started."""
+        """Starts if the frame shows the Y pose, unless it waits for a label; returns whether the tracker has started."""
+        if self.config.start == "label":
+            return False
         initial = find_initial_pose(depth_m, self.camera)
         if initial is not None:
             self.start(initial.joints_camera_m)

@@ -1,5 +1,7 @@
 """The paper's tracker over a simulated dance, printed and repaired; its settings; and as an estimator."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from cone_people import error_m
@@ -32,9 +34,15 @@ def test_a_simulated_dance_is_tracked_better_with_the_repairs_and_wrong_joints_a
     assert within[REPAIRED] > 0.7 and within[REPAIRED] > within[PRINTED] + 0.2
 
 
-def test_only_label_is_given_the_true_pose() -> None:
+def test_only_label_is_given_the_true_pose_and_waits_for_it(simulated) -> None:
     assert PaperTrackerEstimator(PaperTrackerConfig(start="label")).starts_from_label
     assert not PaperTrackerEstimator().starts_from_label
+    depth, _, camera = simulated
+    for config, starts in ((REPAIRED, True), (replace(REPAIRED, start="label"), False)):
+        tracker = PaperTracker(camera, config)
+        for image in depth:  # from the Y pose on
+            tracker.track(image)
+        assert tracker.started == starts
     with pytest.raises(InputError, match="start=standing: expected one of y_pose, label"):
         PaperTrackerConfig(start="standing")
 
