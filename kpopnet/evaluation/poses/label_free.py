@@ -43,7 +43,7 @@ def label_free(joints_m: np.ndarray, depth_m: np.ndarray, camera: Camera, fps: f
     """
     joints_m = joints_m.astype(np.float64)
     lengths_cm = 100 * np.linalg.norm(joints_m[:, CHILDREN] - joints_m[:, PARENTS], axis=-1)
-    spread_cm = np.array([one[np.isfinite(one)].std() for one in lengths_cm.T if np.isfinite(one).any()])
+    spread_cm = np.array([one[np.isfinite(one)].std() for one in lengths_cm.T if np.isfinite(one).sum() > 1])
     jitter_mm2 = _jitter_mm2(joints_m, round(REST_S * fps))
     spikes = np.linalg.norm(np.diff(joints_m, 2, axis=0), axis=-1) * fps**2
     parts = (

@@ -26,6 +26,8 @@ def test_true_joints_of_a_person_at_rest(depth_m):
     for name in ("bone_spread_cm", "jitter_core_mm", "jitter_ends_mm", "spikes"):
         assert found[name] == pytest.approx(0, abs=1e-9)
     assert found["surface_cm"] < 1.5
+    once_m = np.where(np.arange(len(TRUE_M))[:, None, None] == 5, TRUE_M, np.nan)
+    assert np.isnan(figures(once_m, depth_m)["bone_spread_cm"])  # one image says nothing of steadiness
 
 
 def test_noise_is_measured_by_its_size_whether_or_not_the_person_sways(depth_m):
